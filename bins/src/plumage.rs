@@ -1,0 +1,2 @@
+//! plumage
+fn main() {}

@@ -1,0 +1,1 @@
+//! mav-bridge

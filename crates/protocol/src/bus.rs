@@ -1,0 +1,106 @@
+//! The in-memory bus: agents in one process under a conductor in virtual time.
+//!
+//! Tick by tick, every agent first handles what others said in the tick before, in the order of
+//! time, sender and sequence, then acts. What is said in tick *n* is heard in tick *n* + 1, the
+//! same rule that separate processes follow in lockstep.
+
+use crate::agent::{Agent, Event, Outbox};
+use crate::envelope::Envelope;
+use crate::key::{Interest, Topic};
+use crate::time::SimTime;
+
+/// One message that went over the bus.
+pub type Said = (Topic, Envelope);
+
+struct Member<A> {
+    agent: A,
+    interests: Vec<Interest>,
+    sequence: u64,
+}
+
+/// Agents under a conductor.
+pub struct Conductor<A> {
+    members: Vec<Member<A>>,
+    tick_ns: i64,
+    tick: u64,
+    /// Said in the last tick, in order.
+    said: Vec<Said>,
+    outbox: Outbox,
+}
+
+impl<A: Agent> Conductor<A> {
+    /// A conductor of `agents` with ticks of `tick_ns`. Agents are ordered by their id.
+    pub fn new(mut agents: Vec<A>, tick_ns: i64) -> Self {
+        agents.sort_by(|a, b| a.id().cmp(b.id()));
+        let members = agents
+            .into_iter()
+            .map(|agent| Member {
+                interests: agent.interests(),
+                agent,
+                sequence: 0,
+            })
+            .collect();
+        Self {
+            members,
+            tick_ns,
+            tick: 0,
+            said: Vec::new(),
+            outbox: Outbox::default(),
+        }
+    }
+
+    /// Number of the tick to come.
+    pub fn next_tick(&self) -> u64 {
+        self.tick
+    }
+
+    /// Simulated time of the tick to come.
+    pub fn now(&self) -> SimTime {
+        SimTime::of_tick(self.tick, self.tick_ns)
+    }
+
+    /// The agents, ordered by id.
+    pub fn agents(&self) -> impl Iterator<Item = &A> {
+        self.members.iter().map(|m| &m.agent)
+    }
+
+    /// Runs one tick and returns what was said in it, in the order of time, sender, sequence.
+    pub fn step(&mut self) -> &[Said] {
+        self.run(Event::Tick)
+    }
+
+    /// Lets the agents handle what was said last and say their last words.
+    pub fn stop(&mut self) -> &[Said] {
+        self.run(Event::Stop)
+    }
+
+    fn run(&mut self, event: Event<'_>) -> &[Said] {
+        let now = self.now();
+        let heard = std::mem::take(&mut self.said);
+        let mut said = Vec::with_capacity(heard.len());
+        for member in &mut self.members {
+            let own = member.agent.id().clone();
+            for (topic, envelope) in &heard {
+                if envelope.sender != own && member.interests.iter().any(|i| i.covers(topic)) {
+                    member
+                        .agent
+                        .handle(Event::Message(topic, envelope), now, &mut self.outbox);
+                }
+            }
+            member.agent.handle(event, now, &mut self.outbox);
+            for (topic, message) in self.outbox.drain() {
+                member.sequence += 1;
+                let envelope = Envelope {
+                    sender: own.clone(),
+                    sequence: member.sequence,
+                    time: now,
+                    message,
+                };
+                said.push((topic, envelope));
+            }
+        }
+        self.tick += 1;
+        self.said = said;
+        &self.said
+    }
+}

@@ -1,0 +1,511 @@
+//! The messages, one type a topic.
+
+use crate::key::{AgentId, Topic};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// What a vehicle is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum VehicleKind {
+    /// Flown by Plumage's own flight dynamics.
+    Simulated,
+    /// A real aircraft, or one that stands in for it, behind MAVLink.
+    Real,
+}
+
+/// Where a vehicle is and how it moves (`va/<id>/state`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct State {
+    /// Simulated or real.
+    pub kind: VehicleKind,
+    /// Latitude, degrees (WGS84).
+    pub lat_deg: f64,
+    /// Longitude, degrees (WGS84).
+    pub lon_deg: f64,
+    /// Altitude above mean sea level, m.
+    pub alt_amsl_m: f64,
+    /// Velocity over ground, north, east, down, m/s.
+    pub vel_ned_m_s: [f64; 3],
+    /// Bank angle, degrees, right wing down positive.
+    pub roll_deg: f64,
+    /// Pitch angle, degrees, nose up positive.
+    pub pitch_deg: f64,
+    /// Direction of the nose, degrees from true north, 0 to 360.
+    pub heading_deg: f64,
+    /// True airspeed, m/s.
+    pub airspeed_m_s: f64,
+    /// Throttle, 0 to 1.
+    pub throttle: f64,
+    /// In the air.
+    pub airborne: bool,
+}
+
+/// What a vehicle's sensors read (`va/<id>/reading`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Reading {
+    /// Simulated or real: only real readings correct the world.
+    pub kind: VehicleKind,
+    /// Latitude where it was read, degrees (WGS84).
+    pub lat_deg: f64,
+    /// Longitude where it was read, degrees (WGS84).
+    pub lon_deg: f64,
+    /// Altitude where it was read, m above mean sea level.
+    pub alt_amsl_m: f64,
+    /// CO2 mole fraction as read, ppm.
+    pub co2_ppm: f64,
+    /// Wind speed estimated on board, m/s.
+    pub wind_speed_m_s: Option<f64>,
+    /// Direction from which that wind blows, degrees.
+    pub wind_from_deg: Option<f64>,
+    /// Air temperature, °C.
+    pub temperature_c: Option<f64>,
+    /// Static pressure, hPa.
+    pub pressure_hpa: Option<f64>,
+}
+
+/// Who flies a vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ControlLevel {
+    /// Flown automatically to the squadron controller's setpoints.
+    Automatic,
+    /// A human pilot flies; setpoints are ignored and shown as ignored.
+    Pilot,
+    /// The Guardian brings it home.
+    Guardian,
+}
+
+/// Who flies a vehicle and what became of the last setpoint (`va/<id>/mode`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Mode {
+    /// Who flies.
+    pub level: ControlLevel,
+    /// Why, in words.
+    pub reason: String,
+    /// Whether setpoints are followed now.
+    pub setpoints_obeyed: bool,
+}
+
+/// How much an event matters.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum Severity {
+    /// Worth knowing.
+    Info,
+    /// Somebody should look.
+    Warning,
+    /// Something failed.
+    Error,
+}
+
+/// Something that happened (`<agent>/event`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct EventMessage {
+    /// How much it matters.
+    pub severity: Severity,
+    /// Short stable code, kebab-case.
+    pub code: String,
+    /// What happened, in words.
+    pub text: String,
+}
+
+/// The path a vehicle is asked to fly.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum PathKind {
+    /// Fly to the point and orbit it on arrival.
+    GoTo,
+    /// Circle the point.
+    Orbit,
+    /// Take off from home and climb to the point's altitude.
+    TakeOff,
+    /// Come home and land at the point.
+    Land,
+}
+
+/// Where a vehicle shall fly (`va/<id>/setpoint`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Setpoint {
+    /// The path.
+    pub path: PathKind,
+    /// Latitude of the point, degrees (WGS84).
+    pub lat_deg: f64,
+    /// Longitude of the point, degrees (WGS84).
+    pub lon_deg: f64,
+    /// Altitude of the point, m above mean sea level.
+    pub alt_amsl_m: f64,
+    /// Airspeed to fly, m/s (true).
+    pub airspeed_m_s: f64,
+    /// Radius of an orbit around the point, m.
+    pub orbit_radius_m: f64,
+}
+
+/// A raw MAVLink frame (`va/<id>/mavlink/{rx,tx}`).
+#[derive(Debug, Clone, PartialEq)]
+pub struct MavlinkFrame {
+    /// The frame as on the wire, start byte to checksum or signature.
+    pub bytes: Vec<u8>,
+}
+
+/// Raw frames are bytes in bincode and a hexadecimal string in JSON.
+mod frame_serde {
+    use super::MavlinkFrame;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    #[derive(Serialize, Deserialize)]
+    struct Text {
+        hex: String,
+    }
+
+    impl Serialize for MavlinkFrame {
+        fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+            if serializer.is_human_readable() {
+                let hex = self.bytes.iter().map(|b| format!("{b:02x}")).collect();
+                Text { hex }.serialize(serializer)
+            } else {
+                self.bytes.serialize(serializer)
+            }
+        }
+    }
+
+    impl<'de> Deserialize<'de> for MavlinkFrame {
+        fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+            if !deserializer.is_human_readable() {
+                return Ok(Self {
+                    bytes: Vec::deserialize(deserializer)?,
+                });
+            }
+            let text = Text::deserialize(deserializer)?.hex;
+            let digits: Option<Vec<u32>> = text.chars().map(|c| c.to_digit(16)).collect();
+            let digits = digits.filter(|d| d.len() % 2 == 0);
+            let digits = digits
+                .ok_or_else(|| serde::de::Error::custom("expected pairs of hexadecimal digits"))?;
+            Ok(Self {
+                bytes: digits
+                    .chunks_exact(2)
+                    .map(|p| (p[0] * 16 + p[1]) as u8)
+                    .collect(),
+            })
+        }
+    }
+
+    impl schemars::JsonSchema for MavlinkFrame {
+        fn schema_name() -> std::borrow::Cow<'static, str> {
+            "MavlinkFrame".into()
+        }
+        fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+            schemars::json_schema!({
+                "type": "object",
+                "properties": {"hex": {"type": "string", "description": "the frame, hexadecimal"}},
+                "required": ["hex"]
+            })
+        }
+    }
+}
+
+/// The air around a simulated vehicle (`ws/main/ambient/<va>`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Ambient {
+    /// Mean wind as a vector towards, north, east, down, m/s.
+    pub wind_ned_m_s: [f64; 3],
+    /// Gust on top of it, north, east, down, m/s.
+    pub gust_ned_m_s: [f64; 3],
+    /// Temperature, K.
+    pub temperature_k: f64,
+    /// Static pressure, Pa.
+    pub pressure_pa: f64,
+    /// CO2 mole fraction in the air, ppm.
+    pub co2_ppm: f64,
+    /// Height of the ground below, m above mean sea level.
+    pub ground_amsl_m: f64,
+}
+
+/// A value with its standard deviation.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Estimate {
+    /// Best value.
+    pub value: f64,
+    /// One standard deviation, same unit.
+    pub sd: f64,
+}
+
+/// A mechanism with its parameters.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct MechanismSetting {
+    /// Id of the catalogue.
+    pub id: String,
+    /// Platform to which it applies; all if none.
+    pub platform: Option<String>,
+    /// Parameters by name.
+    pub parameters: BTreeMap<String, f64>,
+}
+
+/// The world simulator's model of the plume (`ws/main/model`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Model {
+    /// Background CO2, ppm.
+    pub background_ppm: Estimate,
+    /// Height of the plume's axis above ground at the first source, m.
+    pub effective_height_agl_m: Estimate,
+    /// Direction towards which the plume's axis runs, degrees.
+    pub axis_deg: Estimate,
+    /// Concentration above background on the axis at `c_max_distance_m`, ppm.
+    pub c_max_ppm: Estimate,
+    /// Distance from the source at which `c_max_ppm` holds, m.
+    pub c_max_distance_m: Estimate,
+    /// Scale of the lateral spread.
+    pub sigma_y_scale: Estimate,
+    /// Scale of the vertical spread.
+    pub sigma_z_scale: Estimate,
+    /// Wind speed at the plume's axis, m/s.
+    pub wind_speed_m_s: f64,
+    /// Readings of real vehicles that the model has taken in.
+    pub observations: u64,
+    /// Extensions in force.
+    pub mechanisms: Vec<MechanismSetting>,
+}
+
+/// A place worth flying to.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PromisingPoint {
+    /// Latitude, degrees (WGS84).
+    pub lat_deg: f64,
+    /// Longitude, degrees (WGS84).
+    pub lon_deg: f64,
+    /// Altitude, m above mean sea level.
+    pub alt_amsl_m: f64,
+    /// Fitness: concentration expected there from the samples so far, ppm.
+    pub fitness_ppm: f64,
+}
+
+/// The search's population (`sc/main/population`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Population {
+    /// Number of the search step.
+    pub generation: u64,
+    /// The points.
+    pub points: Vec<PromisingPoint>,
+}
+
+/// A real reading handed to the world simulator (`sc/main/observation`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Observation {
+    /// Vehicle that read it.
+    pub vehicle: String,
+    /// When it was read, ns since the mission's start.
+    pub time_ns: i64,
+    /// What was read.
+    pub reading: Reading,
+}
+
+/// Phase of a mission.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum Phase {
+    /// Taking off and climbing.
+    TakeOff,
+    /// Real vehicles look for axis, height and strength of the plume.
+    Preliminary,
+    /// The team looks for the peak.
+    Search,
+    /// Passes through the peak that was found.
+    Characterise,
+    /// Coming home.
+    Home,
+}
+
+/// Where one vehicle is sent and why.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Assignment {
+    /// The vehicle.
+    pub vehicle: String,
+    /// Latitude, degrees (WGS84).
+    pub lat_deg: f64,
+    /// Longitude, degrees (WGS84).
+    pub lon_deg: f64,
+    /// Altitude, m above mean sea level.
+    pub alt_amsl_m: f64,
+    /// Why, in a word or two.
+    pub purpose: String,
+}
+
+/// The place of the highest concentration, as far as is known.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Peak {
+    /// Latitude, degrees (WGS84).
+    pub lat_deg: f64,
+    /// Longitude, degrees (WGS84).
+    pub lon_deg: f64,
+    /// Altitude, m above mean sea level.
+    pub alt_amsl_m: f64,
+    /// CO2 mole fraction there, background included, ppm.
+    pub co2_ppm: f64,
+    /// One standard deviation of `co2_ppm`.
+    pub sd_ppm: f64,
+}
+
+/// The squadron controller's plan (`sc/main/plan`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Plan {
+    /// Phase of the mission.
+    pub phase: Phase,
+    /// Where the vehicles are sent.
+    pub assignments: Vec<Assignment>,
+    /// Running estimate of the peak.
+    pub peak: Option<Peak>,
+}
+
+/// What the reality gap says of the model, and whether it shall be adopted (`sc/main/extension`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Extension {
+    /// Verdict: none, named, ambiguous or unexplained.
+    pub verdict: String,
+    /// Mechanisms to add.
+    pub mechanisms: Vec<MechanismSetting>,
+    /// Whether the world simulator shall fly with them from now on.
+    pub adopt: bool,
+}
+
+/// Last sequence number written on each key path in a tick.
+pub type LastSequences = BTreeMap<String, u64>;
+
+/// The conductor starts a tick (`clock/main/tick`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Tick {
+    /// Number of the tick.
+    pub tick: u64,
+    /// What every agent must hold before it starts: last sequence per key of the tick before.
+    pub expect: LastSequences,
+    /// The run ends with this tick.
+    pub last: bool,
+}
+
+/// An agent has finished a tick (`clock/main/done/<agent>`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Done {
+    /// Number of the tick.
+    pub tick: u64,
+    /// Last sequence number it wrote on each key path.
+    pub wrote: LastSequences,
+}
+
+/// Any message, by its topic.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Message {
+    /// On [`Topic::State`].
+    State(State),
+    /// On [`Topic::Reading`].
+    Reading(Reading),
+    /// On [`Topic::Mode`].
+    Mode(Mode),
+    /// On [`Topic::Event`].
+    Event(EventMessage),
+    /// On [`Topic::Setpoint`].
+    Setpoint(Setpoint),
+    /// On [`Topic::MavlinkRx`] and [`Topic::MavlinkTx`].
+    Mavlink(MavlinkFrame),
+    /// On [`Topic::Ambient`].
+    Ambient(Ambient),
+    /// On [`Topic::Model`].
+    Model(Box<Model>),
+    /// On [`Topic::Population`].
+    Population(Population),
+    /// On [`Topic::Observation`].
+    Observation(Observation),
+    /// On [`Topic::Plan`].
+    Plan(Plan),
+    /// On [`Topic::Extension`].
+    Extension(Extension),
+    /// On [`Topic::Tick`].
+    Tick(Tick),
+    /// On [`Topic::Done`].
+    Done(Done),
+}
+
+/// Writes the matches that go through all kinds of messages once.
+macro_rules! for_each_kind {
+    ($($variant:ident, $type:ty, $name:literal, $topics:pat,)*) => {
+        impl Message {
+            /// Name of the kind of message.
+            pub fn name(&self) -> &'static str {
+                match self { $(Self::$variant(_) => $name,)* }
+            }
+
+            /// Name of the kind of message that belongs on `topic`.
+            pub fn name_on(topic: &Topic) -> &'static str {
+                match topic { $($topics => $name,)* }
+            }
+
+            /// The message alone as JSON.
+            pub(crate) fn to_json(&self) -> serde_json::Result<Box<serde_json::value::RawValue>> {
+                match self { $(Self::$variant(m) => serde_json::value::to_raw_value(m),)* }
+            }
+
+            /// Reads the JSON of the kind of message that belongs on `topic`.
+            pub(crate) fn from_json(topic: &Topic, text: &str) -> serde_json::Result<Self> {
+                match topic { $($topics => serde_json::from_str(text).map(Self::$variant),)* }
+            }
+
+            /// JSON Schema of the kind of message that belongs on `topic`.
+            pub fn json_schema_on(topic: &Topic) -> schemars::Schema {
+                match topic { $($topics => schemars::schema_for!($type),)* }
+            }
+        }
+    };
+}
+
+for_each_kind! {
+    State, State, "State", Topic::State(_),
+    Reading, Reading, "Reading", Topic::Reading(_),
+    Mode, Mode, "Mode", Topic::Mode(_),
+    Event, EventMessage, "Event", Topic::Event(_),
+    Setpoint, Setpoint, "Setpoint", Topic::Setpoint(_),
+    Mavlink, MavlinkFrame, "MavlinkFrame", Topic::MavlinkRx(_) | Topic::MavlinkTx(_),
+    Ambient, Ambient, "Ambient", Topic::Ambient(_),
+    Model, Model, "Model", Topic::Model,
+    Population, Population, "Population", Topic::Population,
+    Observation, Observation, "Observation", Topic::Observation,
+    Plan, Plan, "Plan", Topic::Plan,
+    Extension, Extension, "Extension", Topic::Extension,
+    Tick, Tick, "Tick", Topic::Tick,
+    Done, Done, "Done", Topic::Done(_),
+}
+
+impl Message {
+    /// An event.
+    pub fn event(severity: Severity, code: &str, text: impl Into<String>) -> Self {
+        Self::Event(EventMessage {
+            severity,
+            code: code.to_owned(),
+            text: text.into(),
+        })
+    }
+
+    /// Whether this kind of message belongs on `topic` and `sender` may write there.
+    ///
+    /// # Errors
+    /// [`crate::ProtocolError::WrongMessage`] or [`crate::ProtocolError::ForeignSender`].
+    pub fn check(&self, topic: &Topic, sender: &AgentId) -> Result<(), crate::ProtocolError> {
+        let expected = Self::name_on(topic);
+        if self.name() != expected {
+            return Err(crate::ProtocolError::WrongMessage {
+                key: topic.path(),
+                found: self.name(),
+                expected,
+            });
+        }
+        if topic.writer() != *sender {
+            return Err(crate::ProtocolError::ForeignSender {
+                sender: sender.to_string(),
+                key: topic.path(),
+            });
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,590 @@
+//! Observations: what was read, where and when, as CSV text.
+//!
+//! Header names are fixed, their order is free. Required columns are `time_s`, `platform`,
+//! `lat_deg`, `lon_deg`, `alt_amsl_m` and `co2_ppm`; optional ones are `wind_speed_m_s`,
+//! `wind_from_deg`, `temperature_c`, `relative_humidity_pct`, `pressure_hpa` and `sd_ppm`.
+//! An empty cell, or one that says `nan`, is missing. Any other column is kept aside as text
+//! ([`Observations::aside`]) and a notice says so.
+//!
+//! Several files are joined: they share `time_s`, and a platform of the same name in two
+//! files is the same platform. Within one file the rows of one platform must be in order of
+//! time. Whether a reading is *plausible* (place far from the site, parts per billion) is
+//! judged by whoever uses the observations; here only what cannot be a reading is refused.
+
+use std::collections::BTreeMap;
+
+use csv::{ReaderBuilder, StringRecord, Trim, WriterBuilder};
+
+mod error;
+
+pub use error::ObservationError;
+
+/// The columns that every file has.
+const REQUIRED: [&str; 6] = [
+    "time_s",
+    "platform",
+    "lat_deg",
+    "lon_deg",
+    "alt_amsl_m",
+    "co2_ppm",
+];
+
+/// The columns that a file may have.
+const OPTIONAL: [&str; 6] = [
+    "wind_speed_m_s",
+    "wind_from_deg",
+    "temperature_c",
+    "relative_humidity_pct",
+    "pressure_hpa",
+    "sd_ppm",
+];
+
+/// One row: a reading, or the place where one is missing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Observation {
+    /// Time shared by all files of one call, s; finite, any zero.
+    pub time_s: f64,
+    /// Index into [`Observations::platforms`].
+    pub platform: usize,
+    /// WGS84 latitude, degrees, -90..=90.
+    pub lat_deg: f64,
+    /// WGS84 longitude, degrees, -180..=180.
+    pub lon_deg: f64,
+    /// Altitude above mean sea level, m.
+    pub alt_amsl_m: f64,
+    /// Mole fraction of CO2 as read, ppm.
+    pub co2_ppm: Option<f64>,
+    /// Wind speed at the platform's place and height, m/s, not negative.
+    pub wind_speed_m_s: Option<f64>,
+    /// Direction *from* which that wind blows, degrees clockwise from true north.
+    pub wind_from_deg: Option<f64>,
+    /// Air temperature, °C.
+    pub temperature_c: Option<f64>,
+    /// Relative humidity, %.
+    pub relative_humidity_pct: Option<f64>,
+    /// Air pressure, hPa, positive.
+    pub pressure_hpa: Option<f64>,
+    /// White 1-sigma noise of `co2_ppm`, ppm, positive.
+    pub sd_ppm: Option<f64>,
+}
+
+/// A column that the contract does not name, as text.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AsideColumn {
+    /// Header of the column.
+    pub name: String,
+    /// One cell a row of [`Observations::rows`]; empty where a file lacks the column.
+    pub cells: Vec<String>,
+}
+
+/// All rows of one or several files, in order of time, then of platform.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Observations {
+    /// The rows.
+    pub rows: Vec<Observation>,
+    /// Names of the platforms, in order of their first appearance.
+    pub platforms: Vec<String>,
+    /// What the reader should be told although it is no error.
+    pub notices: Vec<String>,
+    /// Columns kept aside, in order of their first appearance.
+    pub aside: Vec<AsideColumn>,
+}
+
+/// Parses and joins the CSV texts of `files`, each a (name, text) pair; the name serves the
+/// messages only.
+///
+/// Rows without place are left out and exact repetitions of a row dropped, both with a notice.
+///
+/// # Errors
+/// [`ObservationError`] says file, line, column and what would be right.
+pub fn parse(files: &[(&str, &str)]) -> Result<Observations, ObservationError> {
+    if files.is_empty() {
+        return Err(ObservationError::NoFile);
+    }
+    let mut join = Join::default();
+    for (index, (name, text)) in files.iter().enumerate() {
+        join.file(index, name, text)?;
+    }
+    join.finish(files)
+}
+
+/// A row on its way into [`Observations`], with where it stood.
+struct Placed {
+    row: Observation,
+    file: usize,
+    line: u64,
+    aside: Vec<(usize, String)>,
+}
+
+#[derive(Default)]
+struct Join {
+    rows: Vec<Placed>,
+    platforms: Vec<String>,
+    platform_index: BTreeMap<String, usize>,
+    notices: Vec<String>,
+    aside_names: Vec<String>,
+}
+
+/// Where the columns of one file are.
+struct Columns {
+    required: [usize; 6],
+    optional: [Option<usize>; 6],
+    /// (cell of the record, index into the aside columns)
+    aside: Vec<(usize, usize)>,
+}
+
+impl Join {
+    fn file(&mut self, index: usize, name: &str, text: &str) -> Result<(), ObservationError> {
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+        if text.trim().is_empty() {
+            return Err(ObservationError::Empty { file: name.into() });
+        }
+        let mut reader = ReaderBuilder::new()
+            .trim(Trim::All)
+            .from_reader(text.as_bytes());
+        let header = reader.headers().map_err(|e| line_error(name, &e))?.clone();
+        let header_line = header.position().map_or(1, csv::Position::line);
+        let columns = self.columns(name, header_line, &header)?;
+        let before = self.rows.len();
+        let mut tally = Tally::default();
+        let mut last: BTreeMap<usize, f64> = BTreeMap::new();
+        for record in reader.records() {
+            let record = record.map_err(|e| line_error(name, &e))?;
+            let line = record.position().map_or(0, csv::Position::line);
+            let cells = Cells {
+                file: name,
+                line,
+                record: &record,
+            };
+            if let Some(row) = self.row(&cells, &columns, &mut tally, &mut last)? {
+                let aside = columns
+                    .aside
+                    .iter()
+                    .map(|&(cell, aside)| (aside, record.get(cell).unwrap_or("").to_owned()))
+                    .filter(|(_, cell)| !cell.is_empty())
+                    .collect();
+                self.rows.push(Placed {
+                    row,
+                    file: index,
+                    line,
+                    aside,
+                });
+            }
+        }
+        self.notices.extend(tally.notices(name));
+        if self.rows.len() == before && tally.without_place == 0 {
+            return Err(ObservationError::NoRows { file: name.into() });
+        }
+        Ok(())
+    }
+
+    fn columns(
+        &mut self,
+        file: &str,
+        line: u64,
+        header: &StringRecord,
+    ) -> Result<Columns, ObservationError> {
+        let mut at: BTreeMap<&str, usize> = BTreeMap::new();
+        for (cell, name) in header.iter().enumerate() {
+            if at.insert(name, cell).is_some() {
+                return Err(ObservationError::Header {
+                    file: file.into(),
+                    line,
+                    column: name.into(),
+                    what: "named twice in the header".into(),
+                    expected: "expected every column once".into(),
+                });
+            }
+        }
+        let mut required = [0; 6];
+        for (slot, name) in required.iter_mut().zip(REQUIRED) {
+            *slot = *at
+                .get(name)
+                .ok_or_else(|| missing_column(file, line, name, header))?;
+        }
+        let optional = OPTIONAL.map(|name| at.get(name).copied());
+        let mut aside = Vec::new();
+        for (cell, name) in header.iter().enumerate() {
+            if REQUIRED.contains(&name) || OPTIONAL.contains(&name) {
+                continue;
+            }
+            let known = self.aside_names.iter().position(|n| n == name);
+            let index = known.unwrap_or_else(|| {
+                self.aside_names.push(name.into());
+                self.aside_names.len() - 1
+            });
+            aside.push((cell, index));
+            self.notices.push(format!(
+                "{file}: column \"{name}\" is not one of the contract's and is kept aside unused"
+            ));
+        }
+        Ok(Columns {
+            required,
+            optional,
+            aside,
+        })
+    }
+
+    fn row(
+        &mut self,
+        cells: &Cells<'_>,
+        columns: &Columns,
+        tally: &mut Tally,
+        last: &mut BTreeMap<usize, f64>,
+    ) -> Result<Option<Observation>, ObservationError> {
+        let [time, platform, lat, lon, alt, co2] = columns.required;
+        let time_s = cells
+            .number(time, "time_s", A_TIME, tally)?
+            .ok_or_else(|| cells.error(time, "time_s", A_TIME.expected))?;
+        let platform_name = cells.record.get(platform).unwrap_or("");
+        if platform_name.is_empty() {
+            return Err(cells.error(platform, "platform", "the platform's name"));
+        }
+        let platform = self.platform(platform_name);
+        if let Some(before) = last.insert(platform, time_s).filter(|b| *b > time_s) {
+            return Err(ObservationError::TimeOrder {
+                file: cells.file.into(),
+                line: cells.line,
+                platform: platform_name.into(),
+                time_s: time_s.to_string(),
+                before_s: before.to_string(),
+            });
+        }
+        let lat_deg = cells.number(lat, "lat_deg", A_LATITUDE, tally)?;
+        let lon_deg = cells.number(lon, "lon_deg", A_LONGITUDE, tally)?;
+        let alt_amsl_m = cells.number(alt, "alt_amsl_m", AN_ALTITUDE, tally)?;
+        let co2_ppm = cells.number(co2, "co2_ppm", A_NUMBER, tally)?;
+        let kinds = [
+            A_SPEED,
+            A_NUMBER,
+            A_TEMPERATURE,
+            A_NUMBER,
+            A_PRESSURE,
+            A_SPREAD,
+        ];
+        let mut more = [None; 6];
+        for (slot, ((cell, name), kind)) in more
+            .iter_mut()
+            .zip(columns.optional.iter().zip(OPTIONAL).zip(kinds))
+        {
+            if let Some(cell) = *cell {
+                *slot = cells.number(cell, name, kind, tally)?;
+            }
+        }
+        let (Some(lat_deg), Some(lon_deg), Some(alt_amsl_m)) = (lat_deg, lon_deg, alt_amsl_m)
+        else {
+            tally.without_place += 1;
+            tally.first_without_place.get_or_insert(cells.line);
+            return Ok(None);
+        };
+        let [
+            wind_speed_m_s,
+            wind_from_deg,
+            temperature_c,
+            relative_humidity_pct,
+            pressure_hpa,
+            sd_ppm,
+        ] = more;
+        Ok(Some(Observation {
+            time_s,
+            platform,
+            lat_deg,
+            lon_deg,
+            alt_amsl_m,
+            co2_ppm,
+            wind_speed_m_s,
+            wind_from_deg,
+            temperature_c,
+            relative_humidity_pct,
+            pressure_hpa,
+            sd_ppm,
+        }))
+    }
+
+    fn platform(&mut self, name: &str) -> usize {
+        if let Some(&index) = self.platform_index.get(name) {
+            return index;
+        }
+        self.platforms.push(name.into());
+        let index = self.platforms.len() - 1;
+        self.platform_index.insert(name.into(), index);
+        index
+    }
+
+    fn finish(mut self, files: &[(&str, &str)]) -> Result<Observations, ObservationError> {
+        let names = || files.iter().map(|f| f.0).collect::<Vec<_>>().join(", ");
+        let order = |p: &Placed| (p.row.time_s, p.row.platform);
+        self.rows.sort_by(|a, b| {
+            order(a)
+                .partial_cmp(&order(b))
+                .unwrap_or(std::cmp::Ordering::Equal)
+        });
+        self.drop_repeated(files)?;
+        if self.rows.iter().all(|p| p.row.co2_ppm.is_none()) {
+            return Err(ObservationError::NoReading {
+                files: names(),
+                rows: self.rows.len(),
+            });
+        }
+        let mut aside: Vec<AsideColumn> = self
+            .aside_names
+            .into_iter()
+            .map(|name| AsideColumn {
+                name,
+                cells: vec![String::new(); self.rows.len()],
+            })
+            .collect();
+        for (index, placed) in self.rows.iter_mut().enumerate() {
+            for (column, cell) in placed.aside.drain(..) {
+                aside[column].cells[index] = cell;
+            }
+        }
+        Ok(Observations {
+            rows: self.rows.into_iter().map(|p| p.row).collect(),
+            platforms: self.platforms,
+            notices: self.notices,
+            aside,
+        })
+    }
+
+    /// After sorting: drops rows that say the same twice, refuses those that disagree.
+    fn drop_repeated(&mut self, files: &[(&str, &str)]) -> Result<(), ObservationError> {
+        let mut kept: Vec<Placed> = Vec::with_capacity(self.rows.len());
+        let mut dropped = 0_usize;
+        for placed in std::mem::take(&mut self.rows) {
+            let Some(before) = kept.last().filter(|k| {
+                k.row.time_s == placed.row.time_s && k.row.platform == placed.row.platform
+            }) else {
+                kept.push(placed);
+                continue;
+            };
+            if before.row == placed.row {
+                dropped += 1;
+                continue;
+            }
+            return Err(ObservationError::TimeRepeated {
+                file: files[placed.file].0.into(),
+                line: placed.line,
+                platform: self.platforms[placed.row.platform].clone(),
+                time_s: placed.row.time_s.to_string(),
+                first: format!("{}, line {}", files[before.file].0, before.line),
+            });
+        }
+        if dropped > 0 {
+            self.notices.push(format!(
+                "{dropped} rows repeat the row before them exactly (same platform, time and \
+                 values) and were dropped"
+            ));
+        }
+        self.rows = kept;
+        Ok(())
+    }
+}
+
+/// What was odd in one file without being an error.
+#[derive(Default)]
+struct Tally {
+    without_place: usize,
+    first_without_place: Option<u64>,
+    nan: BTreeMap<&'static str, usize>,
+}
+
+impl Tally {
+    fn notices(&self, file: &str) -> Vec<String> {
+        let mut notices = Vec::new();
+        for (column, count) in &self.nan {
+            notices.push(format!(
+                "{file}: column {column}: {count} cells say \"nan\" and are taken as missing"
+            ));
+        }
+        if let Some(line) = self.first_without_place {
+            let count = self.without_place;
+            notices.push(format!(
+                "{file}: {count} rows without lat_deg, lon_deg or alt_amsl_m were left out \
+                 (first: line {line})"
+            ));
+        }
+        notices
+    }
+}
+
+/// What a cell of a column may hold.
+#[derive(Clone, Copy)]
+struct Range {
+    low: f64,
+    high: f64,
+    expected: &'static str,
+}
+
+const A_NUMBER: Range = Range {
+    low: f64::MIN,
+    high: f64::MAX,
+    expected: "a finite number with a decimal point, or nothing",
+};
+const A_TIME: Range = Range {
+    low: f64::MIN,
+    high: f64::MAX,
+    expected: "a time in seconds as a finite number with a decimal point",
+};
+const A_LATITUDE: Range = Range {
+    low: -90.0,
+    high: 90.0,
+    expected: "a latitude from -90 to 90 degrees, or nothing",
+};
+const A_LONGITUDE: Range = Range {
+    low: -180.0,
+    high: 180.0,
+    expected: "a longitude from -180 to 180 degrees, or nothing",
+};
+const AN_ALTITUDE: Range = Range {
+    low: -500.0,
+    high: 30_000.0,
+    expected: "an altitude above mean sea level from -500 to 30000 m, or nothing",
+};
+const A_SPEED: Range = Range {
+    low: 0.0,
+    high: 120.0,
+    expected: "a wind speed from 0 to 120 m/s, or nothing",
+};
+const A_TEMPERATURE: Range = Range {
+    low: -120.0,
+    high: 100.0,
+    expected: "a temperature from -120 to 100 degrees Celsius, or nothing",
+};
+const A_PRESSURE: Range = Range {
+    low: 1.0,
+    high: 1200.0,
+    expected: "a pressure from 1 to 1200 hPa, or nothing",
+};
+const A_SPREAD: Range = Range {
+    low: f64::MIN_POSITIVE,
+    high: f64::MAX,
+    expected: "a standard deviation above 0 ppm, or nothing",
+};
+
+/// One record with where it stands.
+struct Cells<'a> {
+    file: &'a str,
+    line: u64,
+    record: &'a StringRecord,
+}
+
+impl Cells<'_> {
+    fn number(
+        &self,
+        cell: usize,
+        column: &'static str,
+        range: Range,
+        tally: &mut Tally,
+    ) -> Result<Option<f64>, ObservationError> {
+        let text = self.record.get(cell).unwrap_or("");
+        if text.is_empty() {
+            return Ok(None);
+        }
+        if text.eq_ignore_ascii_case("nan") {
+            *tally.nan.entry(column).or_default() += 1;
+            return Ok(None);
+        }
+        let fits = |v: &f64| v.is_finite() && *v >= range.low && *v <= range.high;
+        match text.parse::<f64>().ok().filter(fits) {
+            Some(value) => Ok(Some(value)),
+            None => Err(self.error(cell, column, range.expected)),
+        }
+    }
+
+    fn error(&self, cell: usize, column: &'static str, expected: &'static str) -> ObservationError {
+        ObservationError::Cell {
+            file: self.file.into(),
+            line: self.line,
+            column,
+            found: self.record.get(cell).unwrap_or("").into(),
+            expected,
+        }
+    }
+}
+
+fn missing_column(file: &str, line: u64, name: &str, header: &StringRecord) -> ObservationError {
+    let mut expected = format!("expected the header to name {}", REQUIRED.join(", "));
+    let semicolons = header.iter().any(|h| h.contains(';') || h.contains('\t'));
+    if semicolons {
+        expected.push_str(", separated by commas");
+    }
+    let found = header.iter().collect::<Vec<_>>().join(", ");
+    ObservationError::Header {
+        file: file.into(),
+        line,
+        column: name.into(),
+        what: format!("missing; the header has {found}"),
+        expected,
+    }
+}
+
+fn line_error(file: &str, error: &csv::Error) -> ObservationError {
+    let line = error.position().map_or(1, csv::Position::line);
+    let (what, expected) = match error.kind() {
+        csv::ErrorKind::UnequalLengths {
+            expected_len, len, ..
+        } => (
+            format!("{len} cells"),
+            format!("{expected_len} cells, as in the header"),
+        ),
+        csv::ErrorKind::Utf8 { .. } => ("not UTF-8".into(), "text in UTF-8".into()),
+        _ => (error.to_string(), "comma-separated values".into()),
+    };
+    ObservationError::Line {
+        file: file.into(),
+        line,
+        what,
+        expected,
+    }
+}
+
+impl Observations {
+    /// These observations as CSV text that [`parse`] reads back to the same rows. Optional
+    /// columns appear only where some row has them; columns kept aside come last.
+    pub fn to_csv(&self) -> String {
+        let optional: [fn(&Observation) -> Option<f64>; 6] = [
+            |r| r.wind_speed_m_s,
+            |r| r.wind_from_deg,
+            |r| r.temperature_c,
+            |r| r.relative_humidity_pct,
+            |r| r.pressure_hpa,
+            |r| r.sd_ppm,
+        ];
+        let present: Vec<usize> = (0..OPTIONAL.len())
+            .filter(|&i| self.rows.iter().any(|r| optional[i](r).is_some()))
+            .collect();
+        let mut header: Vec<&str> = REQUIRED.to_vec();
+        header.extend(present.iter().map(|&i| OPTIONAL[i]));
+        header.extend(self.aside.iter().map(|a| a.name.as_str()));
+        // Memory takes every write and every line has the header's length, so nothing is lost
+        // by not asking.
+        let mut out = WriterBuilder::new().from_writer(Vec::new());
+        let _ = out.write_record(&header);
+        for (index, row) in self.rows.iter().enumerate() {
+            let name = self.platforms.get(row.platform).map_or("", String::as_str);
+            let mut cells = vec![
+                row.time_s.to_string(),
+                name.to_owned(),
+                row.lat_deg.to_string(),
+                row.lon_deg.to_string(),
+                row.alt_amsl_m.to_string(),
+                cell_text(row.co2_ppm),
+            ];
+            cells.extend(present.iter().map(|&i| cell_text(optional[i](row))));
+            let aside = |a: &AsideColumn| a.cells.get(index).cloned().unwrap_or_default();
+            cells.extend(self.aside.iter().map(aside));
+            let _ = out.write_record(&cells);
+        }
+        String::from_utf8(out.into_inner().unwrap_or_default()).unwrap_or_default()
+    }
+
+    /// Number of rows that carry a reading of CO2.
+    pub fn readings(&self) -> usize {
+        self.rows.iter().filter(|r| r.co2_ppm.is_some()).count()
+    }
+}
+
+fn cell_text(value: Option<f64>) -> String {
+    value.map_or_else(String::new, |v| v.to_string())
+}

@@ -1,0 +1,236 @@
+//! Observations as CSV: what is read, joined, told and refused.
+
+use proptest::prelude::*;
+use scenario::observations::{Observation, ObservationError, Observations, parse};
+
+const HEADER: &str = "time_s,platform,lat_deg,lon_deg,alt_amsl_m,co2_ppm";
+
+fn one(text: &str) -> Result<Observations, ObservationError> {
+    parse(&[("a.csv", text)])
+}
+
+fn with_rows(rows: &str) -> Result<Observations, ObservationError> {
+    one(&format!("{HEADER}\n{rows}"))
+}
+
+fn message(text: &str) -> String {
+    match one(text) {
+        Ok(got) => panic!("must be refused: {got:?}"),
+        Err(error) => error.to_string(),
+    }
+}
+
+#[test]
+fn columns_are_found_by_name_in_any_order() {
+    let text = "co2_ppm, alt_amsl_m ,lon_deg,lat_deg,platform,time_s,wind_from_deg\n\
+                451.5,820,-7.86,43.44,\"red, one\",3,270\n,821,-7.87,43.45,\"red, one\",4,\n";
+    let got = one(text).unwrap();
+    assert_eq!(got.platforms, ["red, one"]);
+    assert_eq!(got.rows.len(), 2);
+    assert_eq!(got.readings(), 1);
+    let first = got.rows[0];
+    assert_eq!(
+        (first.time_s, first.lat_deg, first.lon_deg),
+        (3.0, 43.44, -7.86)
+    );
+    assert_eq!(
+        (first.co2_ppm, first.wind_from_deg),
+        (Some(451.5), Some(270.0))
+    );
+    assert_eq!(first.wind_speed_m_s, None);
+    assert_eq!(
+        (got.rows[1].co2_ppm, got.rows[1].wind_from_deg),
+        (None, None)
+    );
+    assert!(got.notices.is_empty());
+}
+
+#[test]
+fn unknown_columns_are_kept_aside_and_said_so() {
+    let got = one(&format!(
+        "{HEADER},battery_v\n1,a,43,-7,500,450,11.1\n2,a,43,-7,500,451,\n"
+    ))
+    .unwrap();
+    assert_eq!(got.aside.len(), 1);
+    assert_eq!(got.aside[0].name, "battery_v");
+    assert_eq!(got.aside[0].cells, ["11.1", ""]);
+    assert_eq!(got.notices.len(), 1);
+    assert!(got.notices[0].contains("a.csv") && got.notices[0].contains("battery_v"));
+}
+
+#[test]
+fn files_are_joined_in_order_of_time() {
+    let a = format!("{HEADER}\n0,a,43,-7,500,450\n4,a,43,-7,500,452\n");
+    let b = format!("{HEADER}\n2,b,43,-7,500,451\n4,b,43,-7,500,453\n");
+    // The same platform goes on in a third file, before and after.
+    let c = format!("{HEADER}\n3,a,43,-7,500,454\n9,a,43,-7,500,455\n");
+    let got = parse(&[("a", &a), ("b", &b), ("c", &c)]).unwrap();
+    assert_eq!(got.platforms, ["a", "b"]);
+    let order: Vec<_> = got.rows.iter().map(|r| (r.time_s, r.platform)).collect();
+    assert_eq!(
+        order,
+        [(0.0, 0), (2.0, 1), (3.0, 0), (4.0, 0), (4.0, 1), (9.0, 0)]
+    );
+}
+
+#[test]
+fn a_byte_order_mark_and_windows_line_ends_do_no_harm() {
+    let text = format!("\u{feff}{HEADER}\r\n1,a,43,-7,500,450\r\n");
+    assert_eq!(one(&text).unwrap().rows.len(), 1);
+}
+
+#[test]
+fn rows_without_place_are_left_out_and_nan_is_missing_both_aloud() {
+    let got = with_rows("1,a,,-7,500,450\n2,a,43,-7,500,NaN\n3,a,43,-7,500,451\n").unwrap();
+    assert_eq!(got.rows.len(), 2);
+    assert_eq!(got.rows[0].co2_ppm, None);
+    assert_eq!(got.notices.len(), 2);
+    assert!(got.notices[0].contains("co2_ppm: 1 cells say \"nan\""));
+    assert!(got.notices[1].contains("1 rows without lat_deg") && got.notices[1].contains("line 2"));
+}
+
+#[test]
+fn an_exact_repetition_is_dropped_aloud() {
+    let got = with_rows("1,a,43,-7,500,450\n1,a,43,-7,500,450\n2,a,43,-7,500,451\n").unwrap();
+    assert_eq!(got.rows.len(), 2);
+    assert!(got.notices[0].contains("1 rows repeat"));
+}
+
+#[test]
+fn empty_files_are_refused() {
+    assert_eq!(parse(&[]), Err(ObservationError::NoFile));
+    assert!(message(" \n").contains("a.csv: line 1: the file is empty"));
+    assert!(message(HEADER).contains("a.csv: line 2: no rows below the header"));
+}
+
+#[test]
+fn readings_that_are_all_missing_are_refused() {
+    let text = format!("{HEADER}\n1,a,43,-7,500,\n2,a,43,-7,500,nan\n");
+    assert!(message(&text).contains("co2_ppm: missing in all 2 rows"));
+    let text = format!("{HEADER}\n1,a,,,,450\n");
+    assert!(message(&text).contains("missing in all 0 rows"));
+}
+
+#[test]
+fn a_header_without_a_column_or_with_one_twice_is_refused() {
+    let text = message("time_s,platform,lat_deg,lon_deg,alt_m,co2_ppm\n1,a,43,-7,500,450\n");
+    assert!(text.contains("line 1, column alt_amsl_m: missing") && text.contains("alt_m"));
+    let text = message(&format!("{HEADER},co2_ppm\n1,a,43,-7,500,450,451\n"));
+    assert!(text.contains("column co2_ppm: named twice"));
+    let text = message("time_s;platform;lat_deg;lon_deg;alt_amsl_m;co2_ppm\n1;a;43;-7;500;450\n");
+    assert!(text.contains("separated by commas"));
+}
+
+#[test]
+fn cells_that_are_no_number_name_file_line_and_column() {
+    for (rows, column) in [
+        (
+            "1,a,43,-7,500,450\n2,a,43,-7,500,high",
+            "line 3, column co2_ppm: found \"high\"",
+        ),
+        ("x,a,43,-7,500,450", "line 2, column time_s: found \"x\""),
+        (",a,43,-7,500,450", "line 2, column time_s: found \"\""),
+        ("1,,43,-7,500,450", "line 2, column platform: found \"\""),
+        ("1,a,93,-7,500,450", "line 2, column lat_deg: found \"93\""),
+        (
+            "1,a,43,-187,500,450",
+            "line 2, column lon_deg: found \"-187\"",
+        ),
+        (
+            "1,a,43,-7,500000,450",
+            "line 2, column alt_amsl_m: found \"500000\"",
+        ),
+        ("1,a,43,-7,500,inf", "line 2, column co2_ppm: found \"inf\""),
+        (
+            "nan,a,43,-7,500,450",
+            "line 2, column time_s: found \"nan\"",
+        ),
+    ] {
+        let text = message(&format!("{HEADER}\n{rows}\n"));
+        assert!(
+            text.contains(column) && text.contains("expected"),
+            "{rows}: {text}"
+        );
+    }
+    for (column, cell) in [
+        ("wind_speed_m_s", "-1"),
+        ("pressure_hpa", "0"),
+        ("temperature_c", "288.15"),
+        ("sd_ppm", "0"),
+    ] {
+        let text = message(&format!("{HEADER},{column}\n1,a,43,-7,500,450,{cell}\n"));
+        assert!(
+            text.contains(&format!("column {column}: found \"{cell}\"")),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn lines_of_another_length_are_refused() {
+    let text = message(&format!("{HEADER}\n1,a,43,-7,500,450\n2,a,43,-7,500\n"));
+    assert!(
+        text.contains("a.csv: line 3: 5 cells; expected 6 cells"),
+        "{text}"
+    );
+}
+
+#[test]
+fn times_out_of_order_or_repeated_are_refused() {
+    let text = message(&format!(
+        "{HEADER}\n2,a,43,-7,500,450\n1,b,43,-7,500,450\n1,a,43,-7,500,450\n"
+    ));
+    assert!(
+        text.contains("a.csv: line 4, column time_s: platform a is at 1 s after it was at 2 s")
+    );
+    let text = message(&format!("{HEADER}\n2,a,43,-7,500,450\n2,a,43,-7,500,451\n"));
+    assert!(
+        text.contains("line 3") && text.contains("first in a.csv, line 2"),
+        "{text}"
+    );
+}
+
+fn observation() -> impl Strategy<Value = Observation> {
+    let some = |low: f64, high: f64| proptest::option::of(low..high);
+    let place = (0..3_usize, -90.0..90.0, -180.0..180.0, -400.0..9000.0);
+    let more = (some(0.0, 90.0), some(0.0, 360.0), some(-40.0, 40.0));
+    let last = (some(0.0, 100.0), some(300.0, 1100.0), some(0.1, 9.0));
+    (place, 1.0..2000.0_f64, more, last).prop_map(|(place, co2_ppm, more, last)| Observation {
+        time_s: 0.0,
+        platform: place.0,
+        lat_deg: place.1,
+        lon_deg: place.2,
+        alt_amsl_m: place.3,
+        co2_ppm: Some(co2_ppm),
+        wind_speed_m_s: more.0,
+        wind_from_deg: more.1,
+        temperature_c: more.2,
+        relative_humidity_pct: last.0,
+        pressure_hpa: last.1,
+        sd_ppm: last.2,
+    })
+}
+
+proptest! {
+    #[test]
+    fn what_is_written_is_read_back(rows in proptest::collection::vec(observation(), 1..40)) {
+        let mut rows = rows;
+        for (i, row) in rows.iter_mut().enumerate() {
+            row.time_s = i as f64 * 0.1;
+        }
+        let platforms = vec!["a".to_owned(), "b \"q\"".to_owned(), "c,d".to_owned()];
+        let written = Observations { rows, platforms, ..Observations::default() };
+        let read = parse(&[("x", &written.to_csv())]).unwrap();
+        prop_assert_eq!(read.rows.len(), written.rows.len());
+        for (r, w) in read.rows.iter().zip(&written.rows) {
+            prop_assert_eq!(&read.platforms[r.platform], &written.platforms[w.platform]);
+            prop_assert_eq!(Observation { platform: w.platform, ..*r }, *w);
+        }
+    }
+
+    #[test]
+    fn no_text_makes_it_panic(text in ".{0,200}", rows in "[0-9,.a\n-]{0,200}") {
+        let _ = parse(&[("x", &text)]);
+        let _ = parse(&[("x", &format!("{HEADER}\n{rows}"))]);
+    }
+}

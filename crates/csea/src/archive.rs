@@ -178,6 +178,19 @@ impl Archive {
             .reduce(|best, s| if s.value > best.value { s } else { best })
     }
 
+    /// Places of the at most `count` samples of greatest value, greatest first.
+    pub fn highest(&self, count: usize) -> Vec<Position> {
+        let mut top: Vec<&Sample> = Vec::with_capacity(count + 1);
+        for sample in &self.samples {
+            if top.len() < count || top.last().is_some_and(|last| sample.value > last.value) {
+                let at = top.partition_point(|t| t.value >= sample.value);
+                top.insert(at, sample);
+                top.truncate(count);
+            }
+        }
+        top.iter().map(|s| s.position).collect()
+    }
+
     /// Mean of all values that came in; 0 when empty.
     pub fn mean(&self) -> f64 {
         self.moments.mean

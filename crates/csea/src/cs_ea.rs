@@ -11,10 +11,20 @@
 //!   bonus the population settles on the best sample of the first minutes; with it a place that
 //!   has been visited often must be good to stay promising.
 //! - *Old members are judged anew* at each step, since samples have been added.
-//! - *A share of immigrants* replaces the least promising members at each step: differences in a
-//!   population that has settled are small, and it could not leave again.
+//! - *Samples enter the population*: at each step the least promising members make room for
+//!   places around the best samples and for a few places drawn at random. DE alone moves one
+//!   coordinate at a time and carries what was found too slowly to the population.
+//! - *Three generations a step*: a fitness that comes from the archive costs no flight.
+//!
+//! What these are worth, on forty class D plumes in 25 km² with six samplers at 18 m/s for ten
+//! minutes, as the mean share of the peak that was flown through (`cargo test -p csea --test
+//! search table -- --ignored --nocapture` repeats the table): as chosen 0.80; without samples
+//! entering 0.53; one generation a step 0.71; random points 0.50. After twenty minutes 0.96
+//! against 0.61.
 
+use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
+use rand_distr::StandardNormal;
 
 use crate::archive::{Archive, Kernel, Neighbour};
 use crate::differential::Differential;
@@ -36,6 +46,10 @@ pub struct CsEaOptions {
     pub curiosity: f64,
     /// Share of the population replaced by random places at each step, 0…0.5.
     pub immigrants: f64,
+    /// Share of the population replaced by places around the best samples at each step, 0…0.5.
+    pub recalled: f64,
+    /// Generations of DE at each step, 1…100.
+    pub generations: usize,
 }
 
 impl Default for CsEaOptions {
@@ -50,6 +64,8 @@ impl Default for CsEaOptions {
             },
             curiosity: 1.0,
             immigrants: 0.05,
+            recalled: 0.2,
+            generations: 3,
         }
     }
 }
@@ -106,16 +122,51 @@ impl CsEa {
         estimate.value + self.options.curiosity * archive.spread() * unseen
     }
 
-    /// The `immigrants` least promising members become places drawn at random.
-    fn immigrate(&mut self, archive: &Archive, rng: &mut ChaCha8Rng) {
-        let count = (self.options.immigrants * self.points.len() as f64).round() as usize;
-        let mut order: Vec<usize> = (0..self.points.len()).collect();
-        order.sort_by(|&a, &b| self.points[a].fitness.total_cmp(&self.points[b].fitness));
-        for &index in order.iter().take(count) {
-            let position = self.domain.draw(rng);
+    /// One generation of DE/rand/1/bin: a trial that is no less promising replaces its target.
+    fn generation(&mut self, archive: &Archive, rng: &mut ChaCha8Rng) {
+        self.members.clear();
+        self.members.extend(self.points.iter().map(|p| p.position));
+        for target in 0..self.members.len() {
+            let position = self
+                .differential
+                .trial(&self.members, target, &self.domain, rng);
+            let fitness = self.fitness(archive, position);
+            if fitness >= self.points[target].fitness {
+                self.points[target] = PromisingPoint { position, fitness };
+            }
+        }
+    }
+
+    /// The least promising members make room for places around the best samples and for places
+    /// drawn at random.
+    fn refresh(&mut self, archive: &Archive, rng: &mut ChaCha8Rng) {
+        let share = |part: f64| (part * self.points.len() as f64).round() as usize;
+        let (recalled, immigrants) = (share(self.options.recalled), share(self.options.immigrants));
+        self.points.sort_by(|a, b| b.fitness.total_cmp(&a.fitness));
+        let best = archive.highest(recalled);
+        let kept = self.points.len() - best.len() - immigrants;
+        for index in kept..self.points.len() {
+            let position = match best.get(index - kept) {
+                Some(&near) => self.around(near, rng),
+                None => self.domain.draw(rng),
+            };
             let fitness = self.fitness(archive, position);
             self.points[index] = PromisingPoint { position, fitness };
         }
+    }
+
+    /// A feasible place about a kernel length from `near`.
+    fn around(&self, near: Position, rng: &mut ChaCha8Rng) -> Position {
+        let from = if self.domain.contains(near) {
+            near
+        } else {
+            self.domain.draw(rng)
+        };
+        let c = near.coordinates().map(|c| {
+            let off: f64 = rng.sample(StandardNormal);
+            c + self.options.kernel.length_m * off
+        });
+        self.domain.close(Position::from_coordinates(c), from, rng)
     }
 }
 
@@ -125,35 +176,18 @@ impl SearchStrategy for CsEa {
     }
 
     fn step(&mut self, archive: &Archive, rng: &mut ChaCha8Rng) -> &[PromisingPoint] {
-        if self.points.is_empty() {
-            for _ in 0..self.options.population {
-                let position = self.domain.draw(rng);
-                let fitness = self.fitness(archive, position);
-                self.points.push(PromisingPoint { position, fitness });
-            }
-            return &self.points;
+        while self.points.len() < self.options.population {
+            let position = self.domain.draw(rng);
+            let fitness = 0.0;
+            self.points.push(PromisingPoint { position, fitness });
         }
-        self.members.clear();
-        self.members.extend(self.points.iter().map(|p| p.position));
-        for target in 0..self.members.len() {
-            let position = self
-                .differential
-                .trial(&self.members, target, &self.domain, rng);
-            let trial = self.fitness(archive, position);
-            let own = self.fitness(archive, self.members[target]);
-            self.points[target] = if trial >= own {
-                PromisingPoint {
-                    position,
-                    fitness: trial,
-                }
-            } else {
-                PromisingPoint {
-                    position: self.members[target],
-                    fitness: own,
-                }
-            };
+        for index in 0..self.points.len() {
+            self.points[index].fitness = self.fitness(archive, self.points[index].position);
         }
-        self.immigrate(archive, rng);
+        self.refresh(archive, rng);
+        for _ in 0..self.options.generations {
+            self.generation(archive, rng);
+        }
         &self.points
     }
 

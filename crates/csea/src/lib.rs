@@ -127,7 +127,8 @@ pub(crate) fn setting(
 pub const STRATEGIES: [&str; 4] = ["cs-ea", "random", "sweep", "ascent"];
 
 /// The strategy of that name over `domain`. `options` holds the settings of CS-EA; the rivals
-/// take its population and kernel length, so that all are compared at equal size.
+/// take its population and kernel length (lines of the sweep lie a kernel's reach apart, three
+/// lengths), so that all are compared at equal size.
 ///
 /// # Errors
 /// An unknown name, or options outside their ranges.
@@ -139,7 +140,7 @@ pub fn strategy_by_name(
     match name {
         "cs-ea" => Ok(Box::new(CsEa::new(domain, options)?)),
         "random" => Ok(Box::new(RandomPoints::new(domain, options.population)?)),
-        "sweep" => Ok(Box::new(Sweep::new(domain, options.kernel.length_m)?)),
+        "sweep" => Ok(Box::new(Sweep::new(domain, 3.0 * options.kernel.length_m)?)),
         "ascent" => Ok(Box::new(Ascent::new(
             domain,
             options.population,

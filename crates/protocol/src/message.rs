@@ -389,8 +389,8 @@ pub struct Tick {
 /// An agent has finished a tick (`clock/main/done/<agent>`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Done {
-    /// Number of the tick.
-    pub tick: u64,
+    /// Number of the tick; -1 stands ready before the first.
+    pub tick: i64,
     /// Last sequence number it wrote on each key path.
     pub wrote: LastSequences,
 }

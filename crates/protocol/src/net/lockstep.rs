@@ -1,0 +1,267 @@
+//! Lockstep: a conductor sends tick *n*; messages stamped in tick *n* are handled in *n* + 1 in
+//! the order of time, sender and sequence. An agent's `done` names the last sequence it wrote on
+//! each key, the next tick carries the union, and an agent starts a tick only when it holds all
+//! of these, since Zenoh keeps no order across publishers.
+
+use super::Net;
+use crate::ProtocolError;
+use crate::agent::{Agent, Event, Outbox};
+use crate::envelope::Envelope;
+use crate::key::{AgentId, Interest, Topic};
+use crate::message::{Done, LastSequences, Message, Severity, Tick};
+use crate::time::SimTime;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// `done` of an agent that stands ready before the first tick.
+pub const READY: i64 = -1;
+
+/// Messages that came in and wait for the tick in which they are handled.
+#[derive(Default)]
+struct Inbox {
+    waiting: Vec<(Topic, Envelope)>,
+    held: BTreeMap<String, u64>,
+}
+
+impl Inbox {
+    fn take_in(&mut self, topic: Topic, envelope: Envelope) {
+        let held = self.held.entry(topic.path()).or_default();
+        *held = (*held).max(envelope.sequence);
+        self.waiting.push((topic, envelope));
+    }
+
+    fn holds(&self, expect: &LastSequences, interests: &[Interest]) -> bool {
+        expect.iter().all(|(path, sequence)| {
+            self.held.get(path).is_some_and(|held| held >= sequence)
+                || !Topic::parse_path(path).is_ok_and(|t| interests.iter().any(|i| i.covers(&t)))
+        })
+    }
+
+    /// What was said before `now`, in order.
+    fn before(&mut self, now: SimTime) -> Vec<(Topic, Envelope)> {
+        let waiting = std::mem::take(&mut self.waiting);
+        let (mut due, later) = waiting
+            .into_iter()
+            .partition::<Vec<_>, _>(|(_, e)| e.time < now);
+        self.waiting = later;
+        due.sort_by(|(_, a), (_, b)| a.order().cmp(&b.order()));
+        due
+    }
+}
+
+/// Runs `agent` in lockstep until the conductor's last tick. `team` are all agents of the
+/// mission, this one included; it starts when all of them and the conductor are present.
+///
+/// # Errors
+/// [`ProtocolError::Network`].
+pub async fn run<A: Agent>(
+    net: &mut Net,
+    agent: &mut A,
+    team: &[AgentId],
+    tick_ns: i64,
+) -> Result<(), ProtocolError> {
+    let own = agent.id().clone();
+    let interests = agent.interests();
+    net.subscribe(&interests).await?;
+    net.subscribe(&[Interest::One(Topic::Tick)]).await?;
+    let _presence = net.announce(&own).await?;
+    let others: Vec<AgentId> = team
+        .iter()
+        .chain([&AgentId::clock()])
+        .filter(|a| **a != own)
+        .cloned()
+        .collect();
+    net.wait_for(&others).await;
+    say_done(net, &own, SimTime::ZERO, READY, LastSequences::new()).await?;
+
+    let mut inbox = Inbox::default();
+    let mut outbox = Outbox::default();
+    loop {
+        let tick = next_tick(net, &mut inbox, &own, &interests, &mut outbox).await?;
+        let now = SimTime::of_tick(tick.tick, tick_ns);
+        for (topic, envelope) in inbox.before(now) {
+            if envelope.sender != own {
+                agent.handle(Event::Message(&topic, &envelope), now, &mut outbox);
+            }
+        }
+        let event = if tick.last { Event::Stop } else { Event::Tick };
+        agent.handle(event, now, &mut outbox);
+        let wrote = net.publish_all(&own, now, &mut outbox).await?;
+        say_done(net, &own, now, tick.tick as i64, wrote).await?;
+        if tick.last {
+            return Ok(());
+        }
+    }
+}
+
+/// Waits for the next tick and for all that it expects.
+async fn next_tick(
+    net: &mut Net,
+    inbox: &mut Inbox,
+    own: &AgentId,
+    interests: &[Interest],
+    outbox: &mut Outbox,
+) -> Result<Tick, ProtocolError> {
+    let mut tick: Option<Tick> = None;
+    loop {
+        if let Some(tick) = tick.take_if(|t| inbox.holds(&t.expect, interests)) {
+            return Ok(tick);
+        }
+        match net.receive().await {
+            None => return Err(ProtocolError::Network("the session has closed".to_owned())),
+            Some(Ok((
+                Topic::Tick,
+                Envelope {
+                    message: Message::Tick(t),
+                    ..
+                },
+            ))) => tick = Some(t),
+            Some(Ok((topic, envelope))) => inbox.take_in(topic, envelope),
+            // Garbage is told of and otherwise does not exist.
+            Some(Err(e)) => outbox.event(own, Severity::Warning, "bad-message", e.to_string()),
+        }
+    }
+}
+
+async fn say_done(
+    net: &mut Net,
+    own: &AgentId,
+    now: SimTime,
+    tick: i64,
+    wrote: LastSequences,
+) -> Result<(), ProtocolError> {
+    let topic = Topic::Done(own.clone());
+    let message = Message::Done(Done { tick, wrote });
+    // The clock's own traffic has numbers of its own: agents' sequences must not depend on it.
+    let envelope = Envelope {
+        sender: own.clone(),
+        sequence: (tick + 2) as u64,
+        time: now,
+        message,
+    };
+    net.publish(&topic, &envelope).await
+}
+
+/// Conducts a lockstep run over the bus.
+pub struct Conductor {
+    team: Vec<AgentId>,
+    tick: u64,
+    tick_ns: i64,
+    expect: LastSequences,
+    inbox: Inbox,
+    refused: Vec<ProtocolError>,
+    _presence: zenoh::liveliness::LivelinessToken,
+}
+
+impl Conductor {
+    /// Waits until all of `team` stand ready. The conductor hears everything, so that its owner
+    /// can record the run.
+    ///
+    /// # Errors
+    /// [`ProtocolError::Network`].
+    pub async fn gather(
+        net: &mut Net,
+        team: &[AgentId],
+        tick_ns: i64,
+    ) -> Result<Self, ProtocolError> {
+        net.subscribe(&[Interest::Everything]).await?;
+        let presence = net.announce(&AgentId::clock()).await?;
+        let mut conductor = Self {
+            team: team.to_vec(),
+            tick: 0,
+            tick_ns,
+            expect: LastSequences::new(),
+            inbox: Inbox::default(),
+            refused: Vec::new(),
+            _presence: presence,
+        };
+        conductor.all_done(net, READY).await?;
+        Ok(conductor)
+    }
+
+    /// Number of the tick to come.
+    pub fn next_tick(&self) -> u64 {
+        self.tick
+    }
+
+    /// Simulated time of the tick to come.
+    pub fn now(&self) -> SimTime {
+        SimTime::of_tick(self.tick, self.tick_ns)
+    }
+
+    /// Runs one tick, the last one if `last`, and returns what was said in it, in order.
+    ///
+    /// # Errors
+    /// [`ProtocolError::Network`], also when an agent of the team has gone.
+    pub async fn step(
+        &mut self,
+        net: &mut Net,
+        last: bool,
+    ) -> Result<Vec<(Topic, Envelope)>, ProtocolError> {
+        let now = self.now();
+        let tick = Tick {
+            tick: self.tick,
+            expect: std::mem::take(&mut self.expect),
+            last,
+        };
+        let envelope = Envelope {
+            sender: AgentId::clock(),
+            sequence: self.tick + 1,
+            time: now,
+            message: Message::Tick(tick),
+        };
+        net.publish(&Topic::Tick, &envelope).await?;
+        self.all_done(net, self.tick as i64).await?;
+        self.tick += 1;
+        Ok(self.inbox.before(self.now()))
+    }
+
+    /// What was refused since the last call: garbage and foreign senders.
+    pub fn refused(&mut self) -> Vec<ProtocolError> {
+        std::mem::take(&mut self.refused)
+    }
+
+    async fn all_done(&mut self, net: &mut Net, tick: i64) -> Result<(), ProtocolError> {
+        let mut missing: BTreeSet<AgentId> = self.team.iter().cloned().collect();
+        loop {
+            if missing.is_empty() && self.inbox.holds(&self.expect, &[Interest::Everything]) {
+                return Ok(());
+            }
+            let patience = std::time::Duration::from_secs(1);
+            match tokio::time::timeout(patience, net.receive()).await {
+                Err(_) if tick != READY => self.check_presence(net, &missing)?,
+                Err(_) => {}
+                Ok(None) => {
+                    return Err(ProtocolError::Network("the session has closed".to_owned()));
+                }
+                Ok(Some(Ok((
+                    Topic::Done(agent),
+                    Envelope {
+                        message: Message::Done(done),
+                        ..
+                    },
+                )))) => {
+                    if done.tick == tick && missing.remove(&agent) {
+                        self.expect.extend(done.wrote);
+                    }
+                }
+                Ok(Some(Ok((Topic::Tick, _)))) => {}
+                Ok(Some(Ok((topic, envelope)))) => self.inbox.take_in(topic, envelope),
+                Ok(Some(Err(e))) => self.refused.push(e),
+            }
+        }
+    }
+
+    fn check_presence(&self, net: &Net, missing: &BTreeSet<AgentId>) -> Result<(), ProtocolError> {
+        let peers = net.peers();
+        match missing
+            .iter()
+            .find(|agent| !peers.contains(&agent.to_string()))
+        {
+            Some(gone) => Err(ProtocolError::Network(format!(
+                "{gone} has gone before it finished tick {}",
+                self.tick
+            ))),
+            None => Ok(()),
+        }
+    }
+}

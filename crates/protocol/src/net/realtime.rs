@@ -1,0 +1,151 @@
+//! Real time: every agent ticks by its own wall clock. The process that keeps the mission's time
+//! (the squadron controller's) answers what time it is; the others ask at their start and take
+//! the answer with the shortest way (Cristian 1989), so hosts need no synchronised clocks.
+
+use super::{Net, network};
+use crate::ProtocolError;
+use crate::agent::{Agent, Event, Outbox};
+use crate::key::Name;
+use crate::message::Severity;
+use crate::time::SimTime;
+use std::time::{Duration, Instant};
+
+/// The mission's time on this process's clock.
+#[derive(Debug, Clone, Copy)]
+pub struct MissionClock {
+    start: Instant,
+}
+
+/// How often the time is asked for at the start.
+const QUESTIONS: usize = 8;
+
+fn time_key(mission: &Name) -> String {
+    format!("plumage/{mission}/clock/main/now")
+}
+
+impl MissionClock {
+    /// Starts the mission's time now and answers the others for as long as `net` is open.
+    ///
+    /// # Errors
+    /// [`ProtocolError::Network`].
+    pub async fn keep(net: &Net) -> Result<Self, ProtocolError> {
+        let clock = Self {
+            start: Instant::now(),
+        };
+        let key = time_key(&net.mission);
+        let answer_key = key.clone();
+        net.session
+            .declare_queryable(key)
+            .callback(move |query| {
+                let now_ns = clock.now().ns().to_string();
+                // Who asked has gone if the answer does not arrive; it will ask again.
+                let _ = zenoh::Wait::wait(query.reply(answer_key.clone(), now_ns));
+            })
+            .background()
+            .await
+            .map_err(network)?;
+        Ok(clock)
+    }
+
+    /// Asks the keeper of the mission's time, until it answers.
+    ///
+    /// # Errors
+    /// [`ProtocolError::Network`].
+    pub async fn ask(net: &Net) -> Result<Self, ProtocolError> {
+        let mut best: Option<(Duration, Instant)> = None;
+        let mut answers = 0;
+        while answers < QUESTIONS {
+            let asked = Instant::now();
+            let replies = net
+                .session
+                .get(time_key(&net.mission))
+                .await
+                .map_err(network)?;
+            let reply = replies.recv_async().await.ok();
+            let way = asked.elapsed();
+            let now_ns = reply
+                .as_ref()
+                .and_then(|r| r.result().ok())
+                .and_then(|sample| sample.payload().try_to_string().ok()?.parse::<u64>().ok());
+            let Some(now_ns) = now_ns else {
+                tokio::time::sleep(Duration::from_millis(100)).await;
+                continue;
+            };
+            answers += 1;
+            let start = asked + way / 2;
+            let start = start
+                .checked_sub(Duration::from_nanos(now_ns))
+                .unwrap_or(start);
+            if best.is_none_or(|(shortest, _)| way < shortest) {
+                best = Some((way, start));
+            }
+        }
+        best.map(|(_, start)| Self { start })
+            .ok_or_else(|| ProtocolError::Network("nobody told the time".to_owned()))
+    }
+
+    /// The mission's time now.
+    pub fn now(&self) -> SimTime {
+        SimTime::from_ns(self.start.elapsed().as_nanos() as i64)
+    }
+
+    /// The instant of a mission time.
+    fn instant(&self, time: SimTime) -> Instant {
+        self.start + Duration::from_nanos(time.ns().max(0) as u64)
+    }
+}
+
+/// Runs `agent` by the wall clock until `until`, ticking every `tick_ns`. `between` is called
+/// before every tick, for what is not a bus (a MAVLink link, a page).
+///
+/// # Errors
+/// [`ProtocolError::Network`].
+pub async fn run<A: Agent>(
+    net: &mut Net,
+    agent: &mut A,
+    clock: MissionClock,
+    tick_ns: i64,
+    until: SimTime,
+    mut between: impl FnMut(&mut A, SimTime, &mut Outbox),
+) -> Result<(), ProtocolError> {
+    let own = agent.id().clone();
+    net.subscribe(&agent.interests()).await?;
+    let _presence = net.announce(&own).await?;
+    let mut outbox = Outbox::default();
+    let mut tick = clock.now().ns() / tick_ns + 1;
+    loop {
+        let due = SimTime::from_ns(tick * tick_ns);
+        tokio::time::sleep_until(clock.instant(due).into()).await;
+        let last = due >= until;
+        take_in(net, agent, due, &mut outbox);
+        between(agent, due, &mut outbox);
+        agent.handle(
+            if last { Event::Stop } else { Event::Tick },
+            due,
+            &mut outbox,
+        );
+        net.publish_all(&own, due, &mut outbox).await?;
+        if last {
+            return Ok(());
+        }
+        // A host that fell behind skips the ticks it missed instead of rushing through them.
+        tick = (tick + 1).max(clock.now().ns() / tick_ns);
+    }
+}
+
+fn take_in<A: Agent>(net: &mut Net, agent: &mut A, now: SimTime, outbox: &mut Outbox) {
+    let own = agent.id().clone();
+    let mut heard = Vec::new();
+    while let Some(received) = net.try_receive() {
+        match received {
+            Ok(said) => heard.push(said),
+            Err(e) => outbox.event(&own, Severity::Warning, "bad-message", e.to_string()),
+        }
+    }
+    heard.sort_by(|(_, a), (_, b)| a.order().cmp(&b.order()));
+    for (topic, envelope) in &heard {
+        if envelope.sender != own {
+            agent.handle(Event::Message(topic, envelope), now, outbox);
+        }
+    }
+}

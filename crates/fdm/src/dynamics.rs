@@ -1,0 +1,365 @@
+//! The equations of motion: aerodynamic and propulsive force, moment, and the rigid body, written
+//! once over [`Real`] for one vehicle and for many.
+
+use air::STANDARD_GRAVITY_M_S2;
+
+use crate::aircraft::Aircraft;
+use crate::real::Real;
+
+/// Airspeed below which the dimensionless rates stop growing, m/s.
+const AIRSPEED_FLOOR_M_S: f64 = 1.0;
+/// Width of the passage from the linear model to a flat plate beyond stall, rad.
+const STALL_BLEND_RAD: f64 = 0.17;
+
+/// An aircraft's constants in the form in which the equations use them (SI, radians).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dynamics {
+    pub(crate) aircraft: Aircraft,
+    inverse_mass: f64,
+    /// Inverse of the inertia matrix: xx, yy, zz, xz.
+    inverse_inertia: [f64; 4],
+    induced: f64,
+    alpha_min: f64,
+    alpha_max: f64,
+    beta_max: f64,
+}
+
+/// Position, velocity, attitude and rotation of a rigid body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Body<R> {
+    /// Metres north, east and *down* from the frame's origin.
+    pub pos_ned: [R; 3],
+    /// Velocity over ground in NED, m/s.
+    pub vel_ned: [R; 3],
+    /// Attitude quaternion (w, x, y, z), body to NED.
+    pub attitude: [R; 4],
+    /// Angular rate in body axes, rad/s.
+    pub rate: [R; 3],
+}
+
+/// What moves the aircraft at one instant: surface angles as they are (rad) and motor state 0…1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Controls<R> {
+    /// Elevator, trailing edge down positive.
+    pub elevator: R,
+    /// Aileron, (left − right)/2.
+    pub aileron: R,
+    /// Rudder, trailing edge left positive.
+    pub rudder: R,
+    /// Motor state, 0 to 1.
+    pub throttle: R,
+}
+
+/// The air at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AirState<R> {
+    /// Wind vector in NED, m/s.
+    pub wind_ned: [R; 3],
+    /// Density, kg/m³.
+    pub density: R,
+}
+
+/// Time derivative of a [`Body`], and the specific force on the way.
+#[derive(Debug, Clone, Copy)]
+pub struct Slope<R> {
+    /// Of position: the velocity, NED, m/s.
+    pub vel_ned: [R; 3],
+    /// Of velocity, NED, m/s².
+    pub acc_ned: [R; 3],
+    /// Of the attitude quaternion, 1/s.
+    pub attitude: [R; 4],
+    /// Of the angular rate, body axes, rad/s².
+    pub rate: [R; 3],
+    /// What an accelerometer at the centre of gravity feels, body axes, m/s².
+    pub specific_force: [R; 3],
+}
+
+/// Airspeed and flow angles.
+#[derive(Debug, Clone, Copy)]
+pub struct Flow<R> {
+    /// True airspeed, m/s.
+    pub airspeed: R,
+    /// Angle of attack, rad.
+    pub alpha: R,
+    /// Sideslip, rad.
+    pub beta: R,
+    /// Air velocity in body axes, m/s.
+    pub body: [R; 3],
+    /// Its magnitude in the plane of symmetry, m/s.
+    plane: R,
+}
+
+/// Drag per square of lift over that of least drag, 1/(π e AR); 0 where no Oswald factor is given.
+pub(crate) fn induced_drag_factor(aircraft: &Aircraft) -> f64 {
+    let aspect_ratio = aircraft.wing.span_m * aircraft.wing.span_m / aircraft.wing.area_m2;
+    aircraft
+        .drag
+        .oswald
+        .map_or(0.0, |e| 1.0 / (std::f64::consts::PI * e * aspect_ratio))
+}
+
+/// Rotation matrix body to NED, row by row.
+#[inline(always)]
+pub fn rotation<R: Real>(q: &[R; 4]) -> [[R; 3]; 3] {
+    let [w, x, y, z] = *q;
+    let (xx, yy, zz) = (x * x, y * y, z * z);
+    let (xy, xz, yz) = (x * y, x * z, y * z);
+    let (wx, wy, wz) = (w * x, w * y, w * z);
+    [
+        [(yy + zz) * -2.0 + 1.0, (xy - wz) * 2.0, (xz + wy) * 2.0],
+        [(xy + wz) * 2.0, (xx + zz) * -2.0 + 1.0, (yz - wx) * 2.0],
+        [(xz - wy) * 2.0, (yz + wx) * 2.0, (xx + yy) * -2.0 + 1.0],
+    ]
+}
+
+/// The flow that a body with rotation `m` meets.
+#[inline(always)]
+pub fn flow<R: Real>(m: &[[R; 3]; 3], vel_ned: &[R; 3], wind_ned: &[R; 3]) -> Flow<R> {
+    let a = [
+        vel_ned[0] - wind_ned[0],
+        vel_ned[1] - wind_ned[1],
+        vel_ned[2] - wind_ned[2],
+    ];
+    let into = |k: usize| m[0][k] * a[0] + m[1][k] * a[1] + m[2][k] * a[2];
+    let body = [into(0), into(1), into(2)];
+    let plane_squared = body[0] * body[0] + body[2] * body[2];
+    let plane = plane_squared.sqrt();
+    Flow {
+        airspeed: (plane_squared + body[1] * body[1]).sqrt(),
+        alpha: body[2].angle_to(body[0]),
+        beta: body[1].angle_to(plane),
+        body,
+        plane,
+    }
+}
+
+impl Dynamics {
+    /// Prepares the constants of a checked aircraft.
+    pub fn new(aircraft: &Aircraft) -> Self {
+        let b = &aircraft.body;
+        let det = b.ixx_kg_m2 * b.izz_kg_m2 - b.ixz_kg_m2 * b.ixz_kg_m2;
+        Self {
+            aircraft: aircraft.clone(),
+            inverse_mass: 1.0 / b.mass_kg,
+            inverse_inertia: [
+                b.izz_kg_m2 / det,
+                1.0 / b.iyy_kg_m2,
+                b.ixx_kg_m2 / det,
+                b.ixz_kg_m2 / det,
+            ],
+            induced: induced_drag_factor(aircraft),
+            alpha_min: aircraft.limits.alpha_min_deg.to_radians(),
+            alpha_max: aircraft.limits.alpha_stall_deg.to_radians(),
+            beta_max: aircraft.limits.beta_max_deg.to_radians(),
+        }
+    }
+
+    /// Whether the flow is inside the linear model: (not stalled, not side-slipping too far).
+    pub fn flow_is_valid(&self, alpha: f64, beta: f64) -> (bool, bool) {
+        (
+            alpha <= self.alpha_max && alpha >= self.alpha_min,
+            beta.abs() <= self.beta_max,
+        )
+    }
+
+    /// Lift and drag coefficients; beyond stall they pass over to a flat plate's.
+    #[inline(always)]
+    fn lift_and_drag<R: Real>(&self, flow: &Flow<R>, q_hat: R, elevator: R) -> (R, R, R) {
+        let (lift, drag) = (&self.aircraft.lift, &self.aircraft.drag);
+        let alpha = flow.alpha.clamp_to(
+            self.alpha_min - STALL_BLEND_RAD,
+            self.alpha_max + STALL_BLEND_RAD,
+        );
+        let beta = flow
+            .beta
+            .clamp_to(-2.0 * self.beta_max, 2.0 * self.beta_max);
+        let cl = alpha * lift.alpha + q_hat * lift.q + elevator * lift.elevator + lift.zero;
+        let over_min = cl - drag.min_drag_lift;
+        let cd = alpha * (alpha * drag.alpha_squared + drag.alpha)
+            + beta * (beta * drag.beta_squared + drag.beta)
+            + elevator * elevator * drag.elevator_squared
+            + over_min * over_min * self.induced
+            + drag.zero;
+        let excess = (flow.alpha - self.alpha_max)
+            .max(-(flow.alpha - self.alpha_min))
+            .clamp_to(0.0, STALL_BLEND_RAD)
+            * (1.0 / STALL_BLEND_RAD);
+        let stalled = excess * excess * (excess * -2.0 + 3.0);
+        let inverse_plane = R::splat(1.0) / flow.plane.max(R::splat(1e-6));
+        let (sin, cos) = (flow.body[2] * inverse_plane, flow.body[0] * inverse_plane);
+        let normal = sin * sin.abs() * 2.0;
+        (
+            cl + stalled * (normal * cos - cl),
+            cd + stalled * (normal * sin + drag.zero - cd),
+            alpha,
+        )
+    }
+
+    /// Aerodynamic and propulsive force (N) and moment (N m) about the centre of gravity, body
+    /// axes.
+    #[inline(always)]
+    pub fn load<R: Real>(
+        &self,
+        flow: &Flow<R>,
+        rate: &[R; 3],
+        controls: &Controls<R>,
+        density: R,
+    ) -> ([R; 3], [R; 3]) {
+        let a = &self.aircraft;
+        let speed = flow.airspeed;
+        let half_rho = density * 0.5;
+        let qbar_s = half_rho * speed * speed * a.wing.area_m2;
+        let per_2v = R::splat(0.5) / speed.max(R::splat(AIRSPEED_FLOOR_M_S));
+        let p_hat = rate[0] * per_2v * a.wing.span_m;
+        let q_hat = rate[1] * per_2v * a.wing.chord_m;
+        let r_hat = rate[2] * per_2v * a.wing.span_m;
+        let (cl, cd, alpha) = self.lift_and_drag(flow, q_hat, controls.elevator);
+        let beta = flow
+            .beta
+            .clamp_to(-2.0 * self.beta_max, 2.0 * self.beta_max);
+        let lateral = |d: &crate::aircraft::LateralDerivatives| {
+            beta * d.beta
+                + p_hat * d.p
+                + r_hat * d.r
+                + controls.aileron * d.aileron
+                + controls.rudder * d.rudder
+        };
+        let cm = alpha * a.pitch.alpha
+            + q_hat * a.pitch.q
+            + controls.elevator * a.pitch.elevator
+            + a.pitch.zero;
+
+        let (drag, side, lift) = (qbar_s * cd, qbar_s * lateral(&a.side), qbar_s * cl);
+        // Wind to body axes; at rest the pressure is nil and the direction does not matter.
+        let floor = R::splat(1e-6);
+        let inverse_plane = R::splat(1.0) / flow.plane.max(floor);
+        let inverse_speed = R::splat(1.0) / speed.max(floor);
+        let (sin_a, cos_a) = (flow.body[2] * inverse_plane, flow.body[0] * inverse_plane);
+        let (sin_b, cos_b) = (flow.body[1] * inverse_speed, flow.plane * inverse_speed);
+        let along = drag * cos_b + side * sin_b;
+        let slipstream =
+            speed + controls.throttle * (R::splat(a.propulsion.exit_speed_m_s) - speed);
+        let thrust = half_rho * slipstream * (slipstream - speed) * a.propulsion.swept_area_m2;
+        let force = [
+            lift * sin_a - along * cos_a + thrust,
+            side * cos_b - drag * sin_b,
+            -(lift * cos_a) - along * sin_a,
+        ];
+        let cg = a.body.cg_ahead_m;
+        let moment = [
+            qbar_s * lateral(&a.roll) * a.wing.span_m,
+            qbar_s * cm * a.wing.chord_m + force[2] * cg,
+            qbar_s * lateral(&a.yaw) * a.wing.span_m - force[1] * cg,
+        ];
+        (force, moment)
+    }
+
+    /// The derivative of the state.
+    #[inline(always)]
+    pub fn slope<R: Real>(
+        &self,
+        body: &Body<R>,
+        controls: &Controls<R>,
+        air: &AirState<R>,
+    ) -> Slope<R> {
+        let m = rotation(&body.attitude);
+        let flow = flow(&m, &body.vel_ned, &air.wind_ned);
+        let (force, moment) = self.load(&flow, &body.rate, controls, air.density);
+        let specific_force = force.map(|f| f * self.inverse_mass);
+        let out = |row: &[R; 3]| {
+            row[0] * specific_force[0] + row[1] * specific_force[1] + row[2] * specific_force[2]
+        };
+        let [w, x, y, z] = body.attitude;
+        let [p, q, r] = body.rate;
+        Slope {
+            vel_ned: body.vel_ned,
+            acc_ned: [out(&m[0]), out(&m[1]), out(&m[2]) + STANDARD_GRAVITY_M_S2],
+            attitude: [
+                -(x * p + y * q + z * r) * 0.5,
+                (w * p + y * r - z * q) * 0.5,
+                (w * q + z * p - x * r) * 0.5,
+                (w * r + x * q - y * p) * 0.5,
+            ],
+            rate: self.angular_acceleration(&body.rate, &moment),
+            specific_force,
+        }
+    }
+
+    /// Euler's equation, I ω̇ = M − ω × I ω.
+    #[inline(always)]
+    fn angular_acceleration<R: Real>(&self, rate: &[R; 3], moment: &[R; 3]) -> [R; 3] {
+        let b = &self.aircraft.body;
+        let [p, q, r] = *rate;
+        let momentum = [
+            p * b.ixx_kg_m2 - r * b.ixz_kg_m2,
+            q * b.iyy_kg_m2,
+            r * b.izz_kg_m2 - p * b.ixz_kg_m2,
+        ];
+        let net = [
+            moment[0] - (q * momentum[2] - r * momentum[1]),
+            moment[1] - (r * momentum[0] - p * momentum[2]),
+            moment[2] - (p * momentum[1] - q * momentum[0]),
+        ];
+        let [xx, yy, zz, xz] = self.inverse_inertia;
+        [
+            net[0] * xx + net[2] * xz,
+            net[1] * yy,
+            net[2] * zz + net[0] * xz,
+        ]
+    }
+
+    /// One step of the classical fourth-order Runge-Kutta method with the controls known at its
+    /// beginning, middle and end, and the air held. Returns the new state and the specific force
+    /// at its end.
+    #[inline(always)]
+    pub fn rk4<R: Real>(
+        &self,
+        body: &Body<R>,
+        controls: &[Controls<R>; 3],
+        air: &AirState<R>,
+        dt: f64,
+    ) -> (Body<R>, [R; 3]) {
+        let k1 = self.slope(body, &controls[0], air);
+        let k2 = self.slope(&advance(body, &k1, 0.5 * dt), &controls[1], air);
+        let k3 = self.slope(&advance(body, &k2, 0.5 * dt), &controls[1], air);
+        let k4 = self.slope(&advance(body, &k3, dt), &controls[2], air);
+        let sixth = dt / 6.0;
+        let mix = |a: R, b: R, c: R, d: R| (a + (b + c) * 2.0 + d) * sixth;
+        let mut new = *body;
+        for k in 0..3 {
+            new.pos_ned[k] =
+                new.pos_ned[k] + mix(k1.vel_ned[k], k2.vel_ned[k], k3.vel_ned[k], k4.vel_ned[k]);
+            new.vel_ned[k] =
+                new.vel_ned[k] + mix(k1.acc_ned[k], k2.acc_ned[k], k3.acc_ned[k], k4.acc_ned[k]);
+            new.rate[k] = new.rate[k] + mix(k1.rate[k], k2.rate[k], k3.rate[k], k4.rate[k]);
+        }
+        for k in 0..4 {
+            new.attitude[k] = new.attitude[k]
+                + mix(
+                    k1.attitude[k],
+                    k2.attitude[k],
+                    k3.attitude[k],
+                    k4.attitude[k],
+                );
+        }
+        let [w, x, y, z] = new.attitude;
+        let scale = R::splat(1.0) / (w * w + x * x + y * y + z * z).sqrt();
+        new.attitude = new.attitude.map(|part| part * scale);
+        (new, k4.specific_force)
+    }
+}
+
+/// The state moved along a slope for `dt`.
+#[inline(always)]
+fn advance<R: Real>(body: &Body<R>, slope: &Slope<R>, dt: f64) -> Body<R> {
+    let mut new = *body;
+    for k in 0..3 {
+        // Position does not enter the forces; only its final value is needed.
+        new.vel_ned[k] = new.vel_ned[k] + slope.acc_ned[k] * dt;
+        new.rate[k] = new.rate[k] + slope.rate[k] * dt;
+    }
+    for k in 0..4 {
+        new.attitude[k] = new.attitude[k] + slope.attitude[k] * dt;
+    }
+    new
+}

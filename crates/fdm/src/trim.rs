@@ -1,0 +1,278 @@
+//! Steady flight and what happens around it: trim, linearisation, and the modes of motion.
+
+use nalgebra::{Complex, DMatrix, Matrix3, Vector3};
+
+use crate::FdmError;
+use crate::dynamics::{AirState, Body, Controls, Dynamics};
+use crate::flight::{SurfaceCommand, quaternion};
+
+/// Steady wings-level flight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Trim {
+    /// True airspeed, m/s.
+    pub airspeed_m_s: f64,
+    /// Air density, kg/m³.
+    pub density_kg_m3: f64,
+    /// Angle of attack, rad.
+    pub alpha_rad: f64,
+    /// Pitch angle, rad.
+    pub pitch_rad: f64,
+    /// Elevator, rad.
+    pub elevator_rad: f64,
+    /// Throttle, 0 to 1.
+    pub throttle: f64,
+}
+
+impl Trim {
+    /// The command that holds this trim.
+    pub fn command(&self) -> SurfaceCommand {
+        SurfaceCommand {
+            elevator_rad: self.elevator_rad,
+            throttle: self.throttle,
+            ..SurfaceCommand::default()
+        }
+    }
+}
+
+/// Level flight at an airspeed: the angle of attack, elevator and throttle at which nothing
+/// accelerates.
+///
+/// # Errors
+/// [`FdmError::NoTrim`] when the solution lies outside the linear model, the surfaces' travel or
+/// the motor's power.
+pub fn level(dynamics: &Dynamics, airspeed_m_s: f64, density_kg_m3: f64) -> Result<Trim, FdmError> {
+    climb(dynamics, airspeed_m_s, density_kg_m3, 0.0)
+}
+
+/// Steady climb along a path elevated by `path_rad` (negative: descent); see [`level`].
+///
+/// # Errors
+/// As [`level`].
+pub fn climb(
+    dynamics: &Dynamics,
+    airspeed_m_s: f64,
+    density_kg_m3: f64,
+    path_rad: f64,
+) -> Result<Trim, FdmError> {
+    let refusal = |why: &str| FdmError::NoTrim {
+        airspeed_m_s,
+        density_kg_m3,
+        why: why.to_owned(),
+    };
+    if !(airspeed_m_s.is_finite() && airspeed_m_s > 0.0 && density_kg_m3 > 0.0) {
+        return Err(refusal("airspeed and density must be above 0"));
+    }
+    let residual = |x: &Vector3<f64>| {
+        let body = flying(airspeed_m_s, path_rad, x[0]);
+        let controls = Controls {
+            elevator: x[1],
+            aileron: 0.0,
+            rudder: 0.0,
+            throttle: x[2],
+        };
+        let slope = dynamics.slope(&body, &controls, &calm(density_kg_m3));
+        Vector3::new(slope.acc_ned[0], slope.acc_ned[2], slope.rate[1])
+    };
+    let mut x = Vector3::new(0.05, 0.0, 0.3);
+    for _ in 0..50 {
+        let r = residual(&x);
+        let mut jacobian = Matrix3::zeros();
+        for k in 0..3 {
+            let mut up = x;
+            let mut down = x;
+            up[k] += 1e-6;
+            down[k] -= 1e-6;
+            jacobian.set_column(k, &((residual(&up) - residual(&down)) / 2e-6));
+        }
+        let step = jacobian
+            .lu()
+            .solve(&r)
+            .ok_or_else(|| refusal("the controls have no effect"))?;
+        x -= step.map(|s| s.clamp(-0.2, 0.2));
+        if step.norm() < 1e-13 {
+            break;
+        }
+    }
+    let left = residual(&x).norm();
+    if left.is_nan() || left > 1e-9 {
+        return Err(refusal("no equilibrium found"));
+    }
+    let surfaces = &dynamics.aircraft.surfaces;
+    if !dynamics.flow_is_valid(x[0], 0.0).0 {
+        return Err(refusal("the angle of attack is beyond stall"));
+    }
+    if x[1] < surfaces.min_deg.to_radians() || x[1] > surfaces.max_deg.to_radians() {
+        return Err(refusal("the elevator is at its stop"));
+    }
+    if !(-1e-9..=1.0).contains(&x[2]) && path_rad >= 0.0 {
+        return Err(refusal("the motor is too weak"));
+    }
+    Ok(Trim {
+        airspeed_m_s,
+        density_kg_m3,
+        alpha_rad: x[0],
+        pitch_rad: x[0] + path_rad,
+        elevator_rad: x[1],
+        throttle: x[2],
+    })
+}
+
+fn calm(density: f64) -> AirState<f64> {
+    AirState {
+        wind_ned: [0.0; 3],
+        density,
+    }
+}
+
+fn flying(airspeed: f64, path: f64, alpha: f64) -> Body<f64> {
+    Body {
+        pos_ned: [0.0; 3],
+        vel_ned: [airspeed * path.cos(), 0.0, -airspeed * path.sin()],
+        attitude: quaternion(0.0, alpha + path, 0.0),
+        rate: [0.0; 3],
+    }
+}
+
+/// Small motions about a trim: ẋ = A x + B u.
+///
+/// Longitudinal x = (forward speed u, down speed w, pitch rate q, pitch θ), u = (elevator,
+/// throttle); lateral x = (right speed v, roll rate p, yaw rate r, roll φ), u = (aileron, rudder);
+/// SI units and radians, body axes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Linear {
+    /// Longitudinal state matrix, 4 × 4.
+    pub a_longitudinal: DMatrix<f64>,
+    /// Longitudinal input matrix, 4 × 2.
+    pub b_longitudinal: DMatrix<f64>,
+    /// Lateral state matrix, 4 × 4.
+    pub a_lateral: DMatrix<f64>,
+    /// Lateral input matrix, 4 × 2.
+    pub b_lateral: DMatrix<f64>,
+}
+
+/// The natural modes of an aircraft about a trim.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Modes {
+    /// Short period: natural frequency (rad/s) and damping ratio.
+    pub short_period: (f64, f64),
+    /// Phugoid: natural frequency (rad/s) and damping ratio.
+    pub phugoid: (f64, f64),
+    /// Dutch roll: natural frequency (rad/s) and damping ratio.
+    pub dutch_roll: (f64, f64),
+    /// Roll subsidence: time constant, s.
+    pub roll_s: f64,
+    /// Spiral: time constant, s; negative when it diverges.
+    pub spiral_s: f64,
+}
+
+/// Derivative of (u, v, w, p, q, r, φ, θ) in body axes for the controls (elevator, aileron,
+/// rudder, throttle).
+fn body_axes_slope(dynamics: &Dynamics, density: f64, x: &[f64; 8], c: &[f64; 4]) -> [f64; 8] {
+    let [u, v, w, p, q, r, roll, pitch] = *x;
+    let body = Body {
+        pos_ned: [0.0; 3],
+        vel_ned: [u, v, w],
+        attitude: [1.0, 0.0, 0.0, 0.0],
+        rate: [p, q, r],
+    };
+    let controls = Controls {
+        elevator: c[0],
+        aileron: c[1],
+        rudder: c[2],
+        throttle: c[3],
+    };
+    // With identity attitude the specific force is that of body-axis velocities (u, v, w).
+    let slope = dynamics.slope(&body, &controls, &calm(density));
+    let [fx, fy, fz] = slope.specific_force;
+    let g = air::STANDARD_GRAVITY_M_S2;
+    let (sr, cr) = roll.sin_cos();
+    let (sp, cp) = pitch.sin_cos();
+    [
+        fx - g * sp + r * v - q * w,
+        fy + g * cp * sr + p * w - r * u,
+        fz + g * cp * cr + q * u - p * v,
+        slope.rate[0],
+        slope.rate[1],
+        slope.rate[2],
+        p + (q * sr + r * cr) * sp / cp,
+        q * cr - r * sr,
+    ]
+}
+
+/// Linearises about a trim by central differences.
+pub fn linearise(dynamics: &Dynamics, trim: &Trim) -> Linear {
+    let (v, a) = (trim.airspeed_m_s, trim.alpha_rad);
+    let x0 = [
+        v * a.cos(),
+        0.0,
+        v * a.sin(),
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        trim.pitch_rad,
+    ];
+    let c0 = [trim.elevator_rad, 0.0, 0.0, trim.throttle];
+    let slope = |x: &[f64; 8], c: &[f64; 4]| body_axes_slope(dynamics, trim.density_kg_m3, x, c);
+    let h = 1e-5;
+    let by_state = |k: usize| {
+        let (mut up, mut down) = (x0, x0);
+        up[k] += h;
+        down[k] -= h;
+        let (f, g) = (slope(&up, &c0), slope(&down, &c0));
+        std::array::from_fn::<f64, 8, _>(|i| (f[i] - g[i]) / (2.0 * h))
+    };
+    let by_control = |k: usize| {
+        let (mut up, mut down) = (c0, c0);
+        up[k] += h;
+        down[k] -= h;
+        let (f, g) = (slope(&x0, &up), slope(&x0, &down));
+        std::array::from_fn::<f64, 8, _>(|i| (f[i] - g[i]) / (2.0 * h))
+    };
+    let states: [[f64; 8]; 8] = std::array::from_fn(by_state);
+    let inputs: [[f64; 8]; 4] = std::array::from_fn(by_control);
+    let (lon, lat) = ([0, 2, 4, 7], [1, 3, 5, 6]);
+    Linear {
+        a_longitudinal: DMatrix::from_fn(4, 4, |i, j| states[lon[j]][lon[i]]),
+        b_longitudinal: DMatrix::from_fn(4, 2, |i, j| inputs[[0, 3][j]][lon[i]]),
+        a_lateral: DMatrix::from_fn(4, 4, |i, j| states[lat[j]][lat[i]]),
+        b_lateral: DMatrix::from_fn(4, 2, |i, j| inputs[[1, 2][j]][lat[i]]),
+    }
+}
+
+impl Linear {
+    /// The natural modes, by the eigenvalues of the state matrices.
+    pub fn modes(&self) -> Modes {
+        let mut lon = pairs(&self.a_longitudinal);
+        lon.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let lateral = self.a_lateral.complex_eigenvalues();
+        let mut real: Vec<f64> = lateral
+            .iter()
+            .filter(|e| e.im.abs() <= 1e-9)
+            .map(|e| e.re)
+            .collect();
+        real.sort_by(f64::total_cmp);
+        let dutch = lateral.iter().find(|e| e.im > 1e-9);
+        Modes {
+            short_period: lon.first().copied().unwrap_or((0.0, 1.0)),
+            phugoid: lon.last().copied().unwrap_or((0.0, 1.0)),
+            dutch_roll: dutch.map_or((0.0, 1.0), |e| frequency_and_damping(*e)),
+            roll_s: -1.0 / real.first().copied().unwrap_or(f64::NEG_INFINITY),
+            spiral_s: -1.0 / real.last().copied().unwrap_or(f64::NEG_INFINITY),
+        }
+    }
+}
+
+fn frequency_and_damping(eigenvalue: Complex<f64>) -> (f64, f64) {
+    let frequency = eigenvalue.norm();
+    (frequency, -eigenvalue.re / frequency)
+}
+
+/// (Frequency, damping) of every eigenvalue with non-negative imaginary part.
+fn pairs(a: &DMatrix<f64>) -> Vec<(f64, f64)> {
+    a.complex_eigenvalues()
+        .iter()
+        .filter(|e| e.im >= 0.0)
+        .map(|e| frequency_and_damping(*e))
+        .collect()
+}

@@ -1,1 +1,106 @@
-//! record
+//! What stays of a mission: its recording, tracks and summary, written to files and read back.
+//!
+//! Files are this crate's business; it knows no socket and no async runtime.
+//!
+//! - [`recorder`]: every message on the bus into an MCAP file that a killed program leaves
+//!   readable;
+//! - [`recording`]: such a file read back, also one cut short, with the run's digest;
+//! - [`observations`]: what real vehicles read, as rows for calibration and gap analysis;
+//! - [`tracks`]: tracks coloured by reading for KML, the report and the page;
+//! - [`summary`]: `summary.json`, and the same in words;
+//! - [`files`]: output folders, and files renamed into place.
+
+pub mod colour;
+pub mod files;
+pub mod kml;
+pub mod observations;
+pub mod recorder;
+pub mod recording;
+pub mod summary;
+pub mod tracks;
+pub mod words;
+
+pub use recorder::{Finished, Recorder, RunInfo, ThreadedRecorder};
+pub use recording::{Recording, read_mcap};
+
+use std::path::PathBuf;
+
+/// Why something could not be recorded or read back.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordError {
+    /// A file or folder could not be made, read or written.
+    #[error("{path}: cannot {what}: {source}")]
+    File {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was tried.
+        what: &'static str,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// An output exists that would be overwritten.
+    #[error("{path}: {what}; expected an empty or new folder, or --force to overwrite")]
+    Exists {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is there.
+        what: &'static str,
+    },
+    /// The file is no recording of a mission.
+    #[error("{path}: {why}; expected an MCAP recording written by Plumage")]
+    NotARecording {
+        /// The file.
+        path: PathBuf,
+        /// What was met.
+        why: String,
+    },
+    /// A message in a recording cannot be read.
+    #[error("{path}: message {index} on {key}: {why}")]
+    Message {
+        /// The file.
+        path: PathBuf,
+        /// Number of the message in the file, from 1.
+        index: u64,
+        /// Its channel.
+        key: String,
+        /// What was met.
+        why: String,
+    },
+    /// A message comes later in the file than the reordering window spans.
+    #[error("{path}: {sender} number {sequence} comes {late_s} s after its turn in the file")]
+    OutOfOrder {
+        /// The file.
+        path: PathBuf,
+        /// Who sent it.
+        sender: String,
+        /// Its sequence number.
+        sequence: u64,
+        /// How late it comes, simulated s.
+        late_s: f64,
+    },
+    /// The MCAP writer failed.
+    #[error("{path}: cannot record: {source}")]
+    Mcap {
+        /// The file.
+        path: PathBuf,
+        /// What it said.
+        source: mcap::McapError,
+    },
+    /// The recorder's thread is gone.
+    #[error("{path}: the recorder stopped before its time")]
+    Stopped {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The recording holds nothing that a real vehicle has read.
+    #[error(
+        "{path}: no reading of a real vehicle; expected at least one va/<id>/reading of kind real"
+    )]
+    NothingReal {
+        /// The file.
+        path: PathBuf,
+    },
+    /// KML could not be written.
+    #[error("KML: {0}")]
+    Kml(String),
+}

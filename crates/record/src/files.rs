@@ -1,0 +1,127 @@
+//! Output folders, and files that appear whole or not at all.
+
+use crate::RecordError;
+use std::fs;
+use std::io::{ErrorKind, Write as _};
+use std::path::{Path, PathBuf};
+
+/// Names of all outputs that a command may write into its folder.
+const OUTPUTS: [&str; 8] = [
+    "mission.mcap",
+    "tracks.kml",
+    "summary.json",
+    "report.html",
+    "scenario.toml",
+    "gap.json",
+    "extended.toml",
+    "campaign.csv",
+];
+
+fn failed(path: &Path, what: &'static str) -> impl FnOnce(std::io::Error) -> RecordError {
+    let path = path.to_owned();
+    move |source| RecordError::File { path, what, source }
+}
+
+/// Makes `dir` ready for outputs: creates it, checks that it can be written, and refuses one
+/// that holds anything unless `force`; then earlier outputs of ours in it are removed and all
+/// else is left alone.
+///
+/// # Errors
+/// [`RecordError::Exists`] or [`RecordError::File`].
+pub fn prepare_folder(dir: &Path, force: bool) -> Result<(), RecordError> {
+    fs::create_dir_all(dir).map_err(failed(dir, "create the folder"))?;
+    let mut entries = fs::read_dir(dir).map_err(failed(dir, "read the folder"))?;
+    if entries.next().is_some() && !force {
+        return Err(RecordError::Exists {
+            path: dir.to_owned(),
+            what: "the folder is not empty",
+        });
+    }
+    for name in OUTPUTS {
+        let path = dir.join(name);
+        match fs::remove_file(&path) {
+            Err(e) if e.kind() != ErrorKind::NotFound => {
+                return Err(failed(&path, "remove the earlier output")(e));
+            }
+            _ => {}
+        }
+    }
+    let probe = dir.join(".plumage-probe");
+    fs::write(&probe, b"").map_err(failed(dir, "write into the folder"))?;
+    fs::remove_file(&probe).map_err(failed(&probe, "remove"))
+}
+
+/// Writes `bytes` to `path` so that it holds either what it held before or all of `bytes`:
+/// into a temporary file beside it, then renamed.
+///
+/// # Errors
+/// [`RecordError::File`].
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
+    let temporary = beside(path);
+    let written = fs::File::create(&temporary)
+        .and_then(|mut file| {
+            file.write_all(bytes)?;
+            file.sync_all()
+        })
+        .and_then(|()| fs::rename(&temporary, path));
+    written.map_err(|e| {
+        // What is left of the temporary file is of no use; its removal may fail as well.
+        let _ = fs::remove_file(&temporary);
+        failed(path, "write")(e)
+    })
+}
+
+fn beside(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(format!(".{}.tmp", std::process::id()));
+    path.with_file_name(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn empty_folder(name: &str) -> PathBuf {
+        let dir = std::env::temp_dir().join(format!("plumage-files-{name}-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&dir);
+        dir
+    }
+
+    #[test]
+    fn a_folder_with_something_in_it_needs_force() {
+        let dir = empty_folder("force");
+        prepare_folder(&dir, false).unwrap();
+        fs::write(dir.join("mission.mcap"), b"old").unwrap();
+        fs::write(dir.join("notes.txt"), b"mine").unwrap();
+        let refused = prepare_folder(&dir, false).unwrap_err().to_string();
+        assert!(refused.contains("--force"), "{refused}");
+        prepare_folder(&dir, true).unwrap();
+        assert!(!dir.join("mission.mcap").exists());
+        assert_eq!(fs::read(dir.join("notes.txt")).unwrap(), b"mine");
+        fs::remove_dir_all(dir).unwrap();
+    }
+
+    #[test]
+    fn a_folder_below_a_file_is_refused_with_its_path() {
+        let dir = empty_folder("below");
+        fs::create_dir_all(&dir).unwrap();
+        fs::write(dir.join("file"), b"").unwrap();
+        let refused = prepare_folder(&dir.join("file/out"), false).unwrap_err();
+        assert!(refused.to_string().contains("file/out"), "{refused}");
+        fs::remove_dir_all(dir).unwrap();
+    }
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file() {
+        let dir = empty_folder("whole");
+        fs::create_dir_all(dir.join("a")).unwrap();
+        write_whole(&dir.join("x"), b"one").unwrap();
+        write_whole(&dir.join("x"), b"two").unwrap();
+        assert_eq!(fs::read(dir.join("x")).unwrap(), b"two");
+        // A folder in the way: the rename fails and nothing is left beside it.
+        fs::write(dir.join("a/b"), b"").unwrap();
+        assert!(write_whole(&dir.join("a"), b"three").is_err());
+        assert_eq!(fs::read_dir(&dir).unwrap().count(), 2);
+        fs::remove_dir_all(dir).unwrap();
+    }
+}

@@ -1,0 +1,357 @@
+//! Every message on the bus into one MCAP file.
+//!
+//! One channel a key, JSON with its JSON Schema, so that any MCAP tool reads it. Chunks are
+//! closed after [`CHUNK_SIM_NS`] of simulated or [`CHUNK_WALL`] of wall time and handed to the
+//! system whole, so that a killed program loses less than a second. The scenario stands at the
+//! front as an attachment, seed and versions as metadata: a file cut short still has them.
+
+use crate::RecordError;
+use mcap::records::{MessageHeader, Metadata};
+use mcap::{Attachment, Compression, WriteOptions};
+use protocol::key::Name;
+use protocol::{Envelope, SimTime, Topic, WIRE_VERSION};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, ErrorKind};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Simulated time after which a chunk is closed, ns.
+pub const CHUNK_SIM_NS: i64 = 400_000_000;
+/// Wall time after which a chunk is closed.
+pub const CHUNK_WALL: Duration = Duration::from_millis(400);
+/// Uncompressed size at which a chunk is closed, bytes.
+const CHUNK_BYTES: u64 = 1 << 20;
+/// Name of the metadata record at the front of a recording.
+pub(crate) const RUN_METADATA: &str = "plumage.run";
+/// Name of the metadata record at the end of a finished recording.
+pub(crate) const END_METADATA: &str = "plumage.end";
+/// Name of the attachment that holds the resolved scenario.
+pub(crate) const SCENARIO_ATTACHMENT: &str = "scenario.toml";
+
+/// What a recording says about its run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunInfo {
+    /// Name of the mission, as in its keys.
+    pub mission: Name,
+    /// The resolved scenario, TOML.
+    pub scenario_toml: String,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Versions of what ran, by name: `plumage`, `git`, …
+    pub versions: BTreeMap<String, String>,
+}
+
+/// What became of a recording.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Finished {
+    /// Messages written.
+    pub messages: u64,
+    /// Messages left out because they hold a number that is not finite, by key.
+    pub not_finite: BTreeMap<String, u64>,
+}
+
+/// Writes a recording. Dropped without [`Recorder::finish`] it still closes the file.
+pub struct Recorder {
+    path: PathBuf,
+    mission: Name,
+    writer: mcap::Writer<BufWriter<File>>,
+    channels: BTreeMap<Topic, Channel>,
+    chunk: Option<(SimTime, Instant)>,
+    finished: Finished,
+}
+
+struct Channel {
+    id: u16,
+    sequence: u32,
+}
+
+impl Recorder {
+    /// Starts a recording at `path`, which must not exist: nothing recorded is ever overwritten.
+    ///
+    /// # Errors
+    /// The file exists or cannot be written.
+    pub fn create(path: &Path, info: &RunInfo) -> Result<Self, RecordError> {
+        let file = File::create_new(path).map_err(|source| match source.kind() {
+            ErrorKind::AlreadyExists => RecordError::Exists {
+                path: path.to_owned(),
+                what: "a recording of this name exists",
+            },
+            _ => RecordError::File {
+                path: path.to_owned(),
+                what: "create the recording",
+                source,
+            },
+        })?;
+        let fail = |source| RecordError::Mcap {
+            path: path.to_owned(),
+            source,
+        };
+        let mut writer = WriteOptions::new()
+            .compression(Some(Compression::Zstd))
+            .compression_level(1)
+            .compression_threads(0)
+            .chunk_size(Some(CHUNK_BYTES))
+            // A chunk is built in memory and appended whole: no half-written header after a kill.
+            .disable_seeking(true)
+            .library(format!("plumage {}", env!("CARGO_PKG_VERSION")))
+            .create(BufWriter::new(file))
+            .map_err(fail)?;
+        write_front(&mut writer, info).map_err(fail)?;
+        Ok(Self {
+            path: path.to_owned(),
+            mission: info.mission.clone(),
+            writer,
+            channels: BTreeMap::new(),
+            chunk: None,
+            finished: Finished::default(),
+        })
+    }
+
+    /// Records one message. One with a number that is not finite is left out and counted.
+    ///
+    /// # Errors
+    /// The file cannot be written (disk full, …); what was recorded before stays.
+    pub fn record(&mut self, topic: &Topic, envelope: &Envelope) -> Result<(), RecordError> {
+        let json = envelope.to_json();
+        if !is_faithful(&json, topic, envelope) {
+            let key = topic.key(&self.mission);
+            *self.finished.not_finite.entry(key).or_default() += 1;
+            return Ok(());
+        }
+        self.close_chunk_if_due(envelope.time)?;
+        let (id, sequence) = self.channel(topic)?;
+        let time_ns = u64::try_from(envelope.time.ns()).unwrap_or(0);
+        let header = MessageHeader {
+            channel_id: id,
+            sequence,
+            log_time: time_ns,
+            publish_time: time_ns,
+        };
+        self.writer
+            .write_to_known_channel(&header, json.as_bytes())
+            .map_err(|source| self.failed(source))?;
+        self.finished.messages += 1;
+        Ok(())
+    }
+
+    /// Hands everything recorded so far to the system.
+    ///
+    /// # Errors
+    /// As [`Recorder::record`].
+    pub fn flush(&mut self) -> Result<(), RecordError> {
+        self.chunk = None;
+        self.writer.flush().map_err(|source| self.failed(source))
+    }
+
+    /// Ends the recording with the run's digest, index and statistics.
+    ///
+    /// # Errors
+    /// As [`Recorder::record`].
+    pub fn finish(mut self, digest: Option<&str>) -> Result<Finished, RecordError> {
+        let mut words =
+            BTreeMap::from([("messages".to_owned(), self.finished.messages.to_string())]);
+        if let Some(digest) = digest {
+            words.insert("digest".to_owned(), digest.to_owned());
+        }
+        for (key, count) in &self.finished.not_finite {
+            words.insert(format!("not_finite {key}"), count.to_string());
+        }
+        let end = Metadata {
+            name: END_METADATA.to_owned(),
+            metadata: words,
+        };
+        self.writer
+            .write_metadata(&end)
+            .and_then(|()| self.writer.finish())
+            .map_err(|source| self.failed(source))?;
+        let Self {
+            writer,
+            path,
+            finished,
+            ..
+        } = self;
+        let sync = |mut buffer: BufWriter<File>| {
+            std::io::Write::flush(&mut buffer)?;
+            buffer.get_ref().sync_all()
+        };
+        sync(writer.into_inner()).map_err(|source| RecordError::File {
+            path,
+            what: "write",
+            source,
+        })?;
+        Ok(finished)
+    }
+
+    fn close_chunk_if_due(&mut self, now: SimTime) -> Result<(), RecordError> {
+        match self.chunk {
+            None => self.chunk = Some((now, Instant::now())),
+            Some((since, wall)) => {
+                if now.ns() - since.ns() >= CHUNK_SIM_NS || wall.elapsed() >= CHUNK_WALL {
+                    self.flush()?;
+                    self.chunk = Some((now, Instant::now()));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn channel(&mut self, topic: &Topic) -> Result<(u16, u32), RecordError> {
+        if let Some(channel) = self.channels.get_mut(topic) {
+            channel.sequence = channel.sequence.wrapping_add(1);
+            return Ok((channel.id, channel.sequence));
+        }
+        let schema = Envelope::json_schema(topic);
+        let name = schema["title"].as_str().unwrap_or("plumage").to_owned();
+        let key = topic.key(&self.mission);
+        let id = self
+            .writer
+            .add_schema(&name, "jsonschema", schema.to_string().as_bytes())
+            .and_then(|schema| {
+                self.writer
+                    .add_channel(schema, &key, "json", &BTreeMap::new())
+            })
+            .map_err(|source| self.failed(source))?;
+        self.channels
+            .insert(topic.clone(), Channel { id, sequence: 1 });
+        Ok((id, 1))
+    }
+
+    fn failed(&self, source: mcap::McapError) -> RecordError {
+        RecordError::Mcap {
+            path: self.path.clone(),
+            source,
+        }
+    }
+}
+
+fn write_front(writer: &mut mcap::Writer<BufWriter<File>>, info: &RunInfo) -> mcap::McapResult<()> {
+    let mut words = info.versions.clone();
+    words.insert("mission".to_owned(), info.mission.to_string());
+    words.insert("seed".to_owned(), info.seed.to_string());
+    words.insert("wire_version".to_owned(), WIRE_VERSION.to_string());
+    writer.write_metadata(&Metadata {
+        name: RUN_METADATA.to_owned(),
+        metadata: words,
+    })?;
+    writer.attach(&Attachment {
+        log_time: 0,
+        create_time: 0,
+        name: SCENARIO_ATTACHMENT.to_owned(),
+        media_type: "application/toml".to_owned(),
+        data: Cow::Borrowed(info.scenario_toml.as_bytes()),
+    })?;
+    writer.flush()
+}
+
+/// Whether the JSON form says the same as the envelope. JSON has no word for what is not finite
+/// and `null` stands in its place, which elsewhere means a value left out.
+fn is_faithful(json: &str, topic: &Topic, envelope: &Envelope) -> bool {
+    !json.contains("null") || Envelope::from_json(topic, json).is_ok_and(|read| read == *envelope)
+}
+
+type Batch = Vec<(Topic, Envelope)>;
+
+/// Simulated time after which a batch goes to the recorder's thread, ns.
+const BATCH_SIM_NS: i64 = 100_000_000;
+/// Messages at which a batch goes to the recorder's thread.
+const BATCH_MESSAGES: usize = 4096;
+/// Batches that may wait: with the chunk and the batches being filled and written, less than a
+/// second of simulated time is ever in memory alone.
+const BATCHES_WAITING: usize = 2;
+
+/// A [`Recorder`] on its own thread, for missions that run faster than one core can simulate
+/// and write. When the file does not keep up the caller waits; nothing is dropped.
+pub struct ThreadedRecorder {
+    path: PathBuf,
+    batch: Batch,
+    since: SimTime,
+    sender: SyncSender<Batch>,
+    thread: JoinHandle<Result<Recorder, RecordError>>,
+}
+
+impl ThreadedRecorder {
+    /// Starts a recording as [`Recorder::create`] does, and the thread.
+    ///
+    /// # Errors
+    /// As [`Recorder::create`].
+    pub fn create(path: &Path, info: &RunInfo) -> Result<Self, RecordError> {
+        let recorder = Recorder::create(path, info)?;
+        let (sender, receiver) = sync_channel(BATCHES_WAITING);
+        let thread = std::thread::Builder::new()
+            .name("recorder".to_owned())
+            .spawn(move || write_all(recorder, &receiver))
+            .map_err(|source| RecordError::File {
+                path: path.to_owned(),
+                what: "start the thread that records",
+                source,
+            })?;
+        Ok(Self {
+            path: path.to_owned(),
+            batch: Vec::new(),
+            since: SimTime::ZERO,
+            sender,
+            thread,
+        })
+    }
+
+    /// Takes one message to be recorded. Waits while the file does not keep up.
+    ///
+    /// # Errors
+    /// [`RecordError::Stopped`] once the thread has failed; [`ThreadedRecorder::finish`] says why.
+    pub fn record(&mut self, topic: &Topic, envelope: &Envelope) -> Result<(), RecordError> {
+        let due = envelope.time.ns() - self.since.ns() >= BATCH_SIM_NS;
+        if !self.batch.is_empty() && (due || self.batch.len() >= BATCH_MESSAGES) {
+            self.flush()?;
+        }
+        if self.batch.is_empty() {
+            self.since = envelope.time;
+        }
+        self.batch.push((topic.clone(), envelope.clone()));
+        Ok(())
+    }
+
+    /// Hands what was taken so far to the thread: before a pause, for example.
+    ///
+    /// # Errors
+    /// As [`ThreadedRecorder::record`].
+    pub fn flush(&mut self) -> Result<(), RecordError> {
+        let next = Vec::with_capacity(self.batch.len());
+        let batch = std::mem::replace(&mut self.batch, next);
+        self.sender.send(batch).map_err(|_| RecordError::Stopped {
+            path: self.path.clone(),
+        })
+    }
+
+    /// Waits for the thread to write all, and ends the recording as [`Recorder::finish`] does.
+    ///
+    /// # Errors
+    /// What the thread met, if anything; what was written before stays.
+    pub fn finish(mut self, digest: Option<&str>) -> Result<Finished, RecordError> {
+        // A failed hand-over has its reason in the thread's own answer.
+        let _ = self.flush();
+        drop(self.sender);
+        match self.thread.join() {
+            Ok(recorder) => recorder?.finish(digest),
+            Err(_) => Err(RecordError::Stopped { path: self.path }),
+        }
+    }
+}
+
+fn write_all(mut recorder: Recorder, batches: &Receiver<Batch>) -> Result<Recorder, RecordError> {
+    loop {
+        match batches.recv_timeout(CHUNK_WALL) {
+            Ok(batch) => {
+                for (topic, envelope) in &batch {
+                    recorder.record(topic, envelope)?;
+                }
+            }
+            // Nobody speaks (a pause): what waits in the open chunk goes to the system.
+            Err(RecvTimeoutError::Timeout) => recorder.flush()?,
+            Err(RecvTimeoutError::Disconnected) => return Ok(recorder),
+        }
+    }
+}

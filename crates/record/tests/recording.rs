@@ -1,0 +1,300 @@
+//! Recordings: written, cut short, damaged, foreign, out of order, and read back.
+
+#![allow(clippy::unwrap_used)]
+
+mod synthetic;
+
+use protocol::digest::Digest;
+use protocol::key::Name;
+use protocol::{Message, SimTime};
+use record::recording::Ending;
+use record::{RecordError, Recorder, RunInfo, ThreadedRecorder, read_mcap};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
+
+fn info() -> RunInfo {
+    RunInfo {
+        mission: Name::new("as-pontes").unwrap(),
+        scenario_toml: "[mission]\nname = \"as-pontes\"\n".to_owned(),
+        seed: 7,
+        versions: BTreeMap::from([("plumage".to_owned(), "0.1.0".to_owned())]),
+    }
+}
+
+fn fresh(name: &str) -> PathBuf {
+    let path = std::env::temp_dir().join(format!("plumage-{name}-{}.mcap", std::process::id()));
+    let _ = fs::remove_file(&path);
+    path
+}
+
+fn digest_of_mission(ticks: u64) -> String {
+    let mut digest = Digest::new();
+    for (topic, envelope) in synthetic::mission(ticks) {
+        digest.add(&topic, &envelope);
+    }
+    digest.hex()
+}
+
+fn record(path: &std::path::Path, ticks: u64) {
+    let mut recorder = Recorder::create(path, &info()).unwrap();
+    for (topic, envelope) in synthetic::mission(ticks) {
+        recorder.record(&topic, &envelope).unwrap();
+    }
+    let digest = digest_of_mission(ticks);
+    recorder.finish(Some(&digest)).unwrap();
+}
+
+#[test]
+fn what_was_recorded_is_read_back_bit_for_bit() {
+    let path = fresh("whole");
+    record(&path, 200);
+    let recording = read_mcap(&path).unwrap();
+    assert_eq!(recording.info, info());
+    let read: Result<Vec<_>, _> = recording.envelopes().unwrap().collect();
+    let said: Vec<_> = synthetic::mission(200).collect();
+    assert_eq!(read.unwrap(), said);
+    let digest = digest_of_mission(200);
+    let ending = Ending::Whole {
+        digest: Some(digest.clone()),
+    };
+    assert_eq!(recording.digest().unwrap(), (digest, ending));
+    fs::remove_file(path).unwrap();
+}
+
+#[test]
+fn a_recording_from_a_thread_is_the_same_and_waits_rather_than_drops() {
+    let path = fresh("thread");
+    let mut recorder = ThreadedRecorder::create(&path, &info()).unwrap();
+    for (topic, envelope) in synthetic::mission(1000) {
+        recorder.record(&topic, &envelope).unwrap();
+    }
+    let finished = recorder.finish(None).unwrap();
+    assert_eq!(finished.messages, synthetic::mission(1000).count() as u64);
+    let (digest, _) = read_mcap(&path).unwrap().digest().unwrap();
+    assert_eq!(digest, digest_of_mission(1000));
+    fs::remove_file(path).unwrap();
+}
+
+/// What a killed program leaves: all that the system was given, without the file's end.
+#[test]
+fn a_killed_recorder_loses_less_than_a_second() {
+    let path = fresh("killed");
+    let mut recorder = ThreadedRecorder::create(&path, &info()).unwrap();
+    for n in 0..400 {
+        for (topic, envelope) in synthetic::tick(n) {
+            recorder.record(&topic, &envelope).unwrap();
+        }
+        // Not a multiple of the chunk, so that something is always on its way.
+        if n % 37 == 36 {
+            let left = fresh("killed-copy");
+            // The thread may be in the midst of writing; what is in the file now is what counts.
+            fs::copy(&path, &left).unwrap();
+            let recording = read_mcap(&left).unwrap();
+            let mut messages = recording.envelopes().unwrap();
+            let last = messages.by_ref().map(|m| m.unwrap().1.time).max();
+            let lost_s =
+                SimTime::of_tick(n, synthetic::TICK_NS).since_s(last.unwrap_or(SimTime::ZERO));
+            assert!(lost_s < 1.0, "{lost_s} s lost at tick {n}");
+            let loss = messages.ending().loss().unwrap();
+            assert!(loss.contains("cut short"), "{loss}");
+            fs::remove_file(left).unwrap();
+        }
+    }
+    recorder.finish(None).unwrap();
+    fs::remove_file(path).unwrap();
+}
+
+#[test]
+fn a_file_cut_anywhere_reads_up_to_the_cut() {
+    let path = fresh("cut");
+    record(&path, 100);
+    let whole = fs::read(&path).unwrap();
+    let said: Vec<_> = synthetic::mission(100).collect();
+    let cut = fresh("cut-short");
+    let mut most = 0;
+    for length in (0..whole.len()).step_by(whole.len() / 60) {
+        fs::write(&cut, &whole[..length]).unwrap();
+        let Ok(recording) = read_mcap(&cut) else {
+            assert!(
+                length < 1500,
+                "the front is small and readable: cut at {length}"
+            );
+            continue;
+        };
+        let read: Vec<_> = recording.envelopes().unwrap().map(Result::unwrap).collect();
+        assert!(read.len() >= most, "a longer file holds no less");
+        most = read.len();
+        assert_eq!(read, said[..read.len()]);
+    }
+    assert!(most > said.len() * 9 / 10, "{most} of {}", said.len());
+    fs::remove_file(path).unwrap();
+    fs::remove_file(cut).unwrap();
+}
+
+#[test]
+fn damage_and_foreign_files_are_refused_in_words() {
+    let path = fresh("foreign");
+    fs::write(&path, b"time_s,platform,lat_deg\n0,1,43.4\n").unwrap();
+    let refused = read_mcap(&path).unwrap_err().to_string();
+    assert!(refused.contains("does not begin as an MCAP"), "{refused}");
+
+    let mut writer = mcap::Writer::new(fs::File::create(&path).unwrap()).unwrap();
+    writer.finish().unwrap();
+    let refused = read_mcap(&path).unwrap_err().to_string();
+    assert!(refused.contains("no run and no scenario"), "{refused}");
+
+    assert!(matches!(
+        read_mcap(&fresh("none")),
+        Err(RecordError::File { .. })
+    ));
+    fs::remove_file(path).unwrap();
+}
+
+#[test]
+fn no_damage_passes_unsaid() {
+    let path = fresh("damage");
+    record(&path, 50);
+    let whole = fs::read(&path).unwrap();
+    let said: Vec<_> = synthetic::mission(50).collect();
+    // The index behind the messages serves other tools only and is not read here. It begins where
+    // the footer says: before the offset of offsets, the checksum and the closing magic.
+    let footer = whole.len() - 8 - 4 - 8 - 8;
+    let index = u64::from_le_bytes(whole[footer..footer + 8].try_into().unwrap()) as usize;
+    for at in (8..index).step_by(211) {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 0xff;
+        fs::write(&path, &bytes).unwrap();
+        let Ok(recording) = read_mcap(&path) else {
+            continue;
+        };
+        let mut messages = recording.envelopes().unwrap();
+        let read: Vec<_> = messages.by_ref().collect();
+        let refused = read.iter().any(Result::is_err) || messages.ending().loss().is_some();
+        assert!(
+            refused,
+            "byte {at} of {} turned over, and nothing said",
+            whole.len()
+        );
+        for message in read.into_iter().flatten() {
+            assert!(said.contains(&message), "byte {at} made up a message");
+        }
+    }
+    fs::remove_file(path).unwrap();
+}
+
+#[test]
+fn another_wire_version_is_named() {
+    let path = fresh("version");
+    let mut info = info();
+    // Metadata of ours wins over a version of that name, so the field is written last here.
+    info.versions
+        .insert("wire_version".to_owned(), "200".to_owned());
+    Recorder::create(&path, &info)
+        .unwrap()
+        .finish(None)
+        .unwrap();
+    assert!(
+        read_mcap(&path).is_ok(),
+        "what a caller says of versions cannot spoil the recording"
+    );
+    let bytes = fs::read(&path).unwrap();
+    let needle = b"\x0c\x00\x00\x00wire_version\x01\x00\x00\x001";
+    let at = bytes
+        .windows(needle.len())
+        .position(|w| w == needle)
+        .unwrap();
+    let mut other = bytes;
+    other[at + needle.len() - 1] = b'9';
+    fs::write(&path, other).unwrap();
+    let refused = read_mcap(&path).unwrap_err().to_string();
+    assert!(refused.contains("wire version 9"), "{refused}");
+    fs::remove_file(path).unwrap();
+}
+
+#[test]
+fn nothing_recorded_is_overwritten() {
+    let path = fresh("exists");
+    record(&path, 5);
+    let before = fs::read(&path).unwrap();
+    assert!(matches!(
+        Recorder::create(&path, &info()),
+        Err(RecordError::Exists { .. })
+    ));
+    assert_eq!(fs::read(&path).unwrap(), before);
+    fs::remove_file(path).unwrap();
+}
+
+#[test]
+fn a_number_that_is_none_is_left_out_and_counted() {
+    let path = fresh("nan");
+    let mut recorder = Recorder::create(&path, &info()).unwrap();
+    let mut bad = 0;
+    for (topic, mut envelope) in synthetic::mission(20) {
+        if let Message::Reading(reading) = &mut envelope.message
+            && envelope.sequence.is_multiple_of(7)
+        {
+            reading.co2_ppm = f64::NAN;
+            bad += 1;
+        }
+        recorder.record(&topic, &envelope).unwrap();
+    }
+    let finished = recorder.finish(None).unwrap();
+    assert_eq!(finished.not_finite.values().sum::<u64>(), bad);
+    let read = read_mcap(&path)
+        .unwrap()
+        .envelopes()
+        .unwrap()
+        .map(Result::unwrap);
+    assert_eq!(
+        read.count() as u64,
+        synthetic::mission(20).count() as u64 - bad
+    );
+    fs::remove_file(path).unwrap();
+}
+
+#[test]
+fn a_recording_from_a_network_is_brought_into_order() {
+    let path = fresh("network");
+    let mut recorder = Recorder::create(&path, &info()).unwrap();
+    // One vehicle is heard half a second late, and within a tick the senders come backwards.
+    let mut heard: Vec<_> = synthetic::mission(300)
+        .map(|(topic, envelope)| {
+            let late = if envelope.sender.to_string() == "va/3" {
+                500_000_000
+            } else {
+                0
+            };
+            (envelope.time.ns() + late, topic, envelope)
+        })
+        .collect();
+    heard.sort_by(|a, b| (a.0, &b.2.sender, a.2.sequence).cmp(&(b.0, &a.2.sender, b.2.sequence)));
+    for (_, topic, envelope) in &heard {
+        recorder.record(topic, envelope).unwrap();
+    }
+    recorder.finish(None).unwrap();
+    let (digest, _) = read_mcap(&path).unwrap().digest().unwrap();
+    assert_eq!(digest, digest_of_mission(300));
+    fs::remove_file(path).unwrap();
+}
+
+#[test]
+fn a_message_that_comes_far_too_late_is_said() {
+    let path = fresh("late");
+    let mut recorder = Recorder::create(&path, &info()).unwrap();
+    for n in 1..100 {
+        for (topic, envelope) in synthetic::tick(n) {
+            recorder.record(&topic, &envelope).unwrap();
+        }
+    }
+    for (topic, envelope) in synthetic::tick(0) {
+        recorder.record(&topic, &envelope).unwrap();
+    }
+    recorder.finish(None).unwrap();
+    let refused = read_mcap(&path).unwrap().digest().unwrap_err();
+    assert!(
+        matches!(refused, RecordError::OutOfOrder { .. }),
+        "{refused}"
+    );
+    fs::remove_file(path).unwrap();
+}

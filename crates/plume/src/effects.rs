@@ -1,0 +1,339 @@
+//! What a list of mechanisms does to the equations: sums of offsets, products of factors.
+
+use crate::mechanism::{Mechanism, MechanismId};
+
+/// Seconds in an hour.
+pub(crate) const HOUR_S: f64 = 3600.0;
+
+/// A copy of the first source.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SecondSource {
+    /// Displacement from the first, m east.
+    pub east_m: f64,
+    /// Displacement from the first, m north.
+    pub north_m: f64,
+    /// Emission as a ratio to the first's.
+    pub ratio: f64,
+    /// Effective height above the first's, m.
+    pub height_offset_m: f64,
+}
+
+/// The joint effect of the wind, spread, source and background mechanisms.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WorldEffects {
+    /// Added to the from-direction, degrees.
+    pub direction_offset_deg: f64,
+    /// Added to the from-direction per hour, degrees.
+    pub direction_drift_deg_h: f64,
+    /// Added to the from-direction per 100 m above the axis, degrees.
+    pub veer_deg_100m: f64,
+    /// Factor of the transport speed.
+    pub speed_factor: f64,
+    /// Variance of the axis direction, rad².
+    pub meander_var_rad2: f64,
+    /// Stability classes added.
+    pub class_shift: f64,
+    /// Factor of σy.
+    pub sigma_y_factor: f64,
+    /// Factor of σz.
+    pub sigma_z_factor: f64,
+    /// Exponent of distance in σz.
+    pub sigma_z_exponent: f64,
+    /// Added to σy² and σz², m².
+    pub wake_var_m2: f64,
+    /// Added to the effective height, m.
+    pub height_offset_m: f64,
+    /// Part that the ground sends back, added to the scenario's.
+    pub ground_coefficient: f64,
+    /// Height of the lid, m above ground; the lowest of several.
+    pub lid_m: f64,
+    /// Factor of the emission.
+    pub emission_factor: f64,
+    /// Growth rate of the emission, 1/h.
+    pub emission_trend_h: f64,
+    /// Added to the place of every source, m east.
+    pub source_east_m: f64,
+    /// Added to the place of every source, m north.
+    pub source_north_m: f64,
+    /// Decay rate, 1/s.
+    pub decay_s: f64,
+    /// Deposition velocity, m/s.
+    pub deposition_m_s: f64,
+    /// Added to the background, ppm.
+    pub background_ppm: f64,
+    /// Added to the background per hour, ppm.
+    pub background_ppm_h: f64,
+    /// Added to the background per metre east, ppm.
+    pub background_east_ppm_m: f64,
+    /// Added to the background per metre north, ppm.
+    pub background_north_ppm_m: f64,
+    /// Further sources.
+    pub second_sources: Vec<SecondSource>,
+}
+
+impl WorldEffects {
+    /// The joint effect of all world mechanisms in `list`; those of sensors are passed over.
+    pub fn of(list: &[Mechanism]) -> Self {
+        let mut sum = Self {
+            direction_offset_deg: 0.0,
+            direction_drift_deg_h: 0.0,
+            veer_deg_100m: 0.0,
+            speed_factor: 1.0,
+            meander_var_rad2: 0.0,
+            class_shift: 0.0,
+            sigma_y_factor: 1.0,
+            sigma_z_factor: 1.0,
+            sigma_z_exponent: 0.0,
+            wake_var_m2: 0.0,
+            height_offset_m: 0.0,
+            ground_coefficient: 0.0,
+            lid_m: f64::INFINITY,
+            emission_factor: 1.0,
+            emission_trend_h: 0.0,
+            source_east_m: 0.0,
+            source_north_m: 0.0,
+            decay_s: 0.0,
+            deposition_m_s: 0.0,
+            background_ppm: 0.0,
+            background_ppm_h: 0.0,
+            background_east_ppm_m: 0.0,
+            background_north_ppm_m: 0.0,
+            second_sources: Vec::new(),
+        };
+        for mechanism in list {
+            sum.add(mechanism);
+        }
+        sum
+    }
+
+    fn add(&mut self, mechanism: &Mechanism) {
+        use MechanismId as M;
+        let v = mechanism.values();
+        match mechanism.id() {
+            M::WindDirectionOffset => self.direction_offset_deg += v[0],
+            M::WindDirectionDrift => self.direction_drift_deg_h += v[0],
+            M::WindSpeedScale => self.speed_factor *= v[0],
+            M::WindVeerWithHeight => self.veer_deg_100m += v[0],
+            M::Meander => self.meander_var_rad2 += v[0].to_radians().powi(2),
+            M::StabilityClass => self.class_shift += v[0],
+            M::SigmaYScale => self.sigma_y_factor *= v[0],
+            M::SigmaZScale => self.sigma_z_factor *= v[0],
+            M::SigmaZGrowth => self.sigma_z_exponent += v[0],
+            M::EffectiveHeightOffset => self.height_offset_m += v[0],
+            M::GroundReflection => self.ground_coefficient += v[0],
+            M::MixingLid => self.lid_m = self.lid_m.min(v[0]),
+            M::EmissionScale => self.emission_factor *= v[0],
+            M::EmissionTrend => self.emission_trend_h += v[0],
+            M::SecondSource => self.second_sources.push(SecondSource {
+                east_m: v[0],
+                north_m: v[1],
+                ratio: v[2],
+                height_offset_m: v[3],
+            }),
+            M::SourcePositionOffset => {
+                self.source_east_m += v[0];
+                self.source_north_m += v[1];
+            }
+            M::FirstOrderDecay => self.decay_s += v[0],
+            M::DryDeposition => self.deposition_m_s += v[0],
+            // Gifford (1975): c A / pi with c = 1/2.
+            M::BuildingDownwash => self.wake_var_m2 += v[0] / (2.0 * std::f64::consts::PI),
+            M::BackgroundOffset => self.background_ppm += v[0],
+            M::BackgroundDrift => self.background_ppm_h += v[0],
+            M::BackgroundGradient => {
+                self.background_east_ppm_m += v[0] / 1000.0;
+                self.background_north_ppm_m += v[1] / 1000.0;
+            }
+            _ => {}
+        }
+    }
+}
+
+/// The joint effect of the sensor mechanisms on one platform.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SensorEffects {
+    /// Time constants of the lags in series, s.
+    pub lags_s: Vec<f64>,
+    /// Slope of the reading.
+    pub gain: f64,
+    /// Reading at zero concentration, ppm.
+    pub offset_ppm: f64,
+    /// Drift of the reading, ppm/s.
+    pub drift_ppm_s: f64,
+    /// No reading above this, ppm.
+    pub limit_ppm: f64,
+    /// Reading per % of relative humidity above the second number.
+    pub humidity: [f64; 2],
+    /// Reading per K of temperature above the second number (°C).
+    pub temperature: [f64; 2],
+    /// Reading per hPa of pressure above the second number.
+    pub pressure: [f64; 2],
+    /// Logged minus true time, s.
+    pub clock_s: f64,
+    /// Logged minus true position, m east, north, up.
+    pub position_m: [f64; 3],
+}
+
+impl SensorEffects {
+    /// No effect at all.
+    pub fn none() -> Self {
+        Self {
+            lags_s: Vec::new(),
+            gain: 1.0,
+            offset_ppm: 0.0,
+            drift_ppm_s: 0.0,
+            limit_ppm: f64::INFINITY,
+            humidity: [0.0; 2],
+            temperature: [0.0; 2],
+            pressure: [0.0; 2],
+            clock_s: 0.0,
+            position_m: [0.0; 3],
+        }
+    }
+
+    /// Adds the mechanisms of `list` that apply to `platform`; those of the world are passed
+    /// over. Affine ones act one after the other, in the order of the list.
+    pub fn with(mut self, list: &[Mechanism], platform: &str) -> Self {
+        for mechanism in list.iter().filter(|m| m.applies_to(platform)) {
+            self.add(mechanism);
+        }
+        self
+    }
+
+    fn add(&mut self, mechanism: &Mechanism) {
+        use MechanismId as M;
+        let v = mechanism.values();
+        match mechanism.id() {
+            M::SensorLag if v[0] > 0.0 => self.lags_s.push(v[0]),
+            M::SensorGain => {
+                self.gain *= v[0];
+                self.offset_ppm = v[1] + v[0] * (self.offset_ppm - v[1]);
+            }
+            M::SensorOffset => self.offset_ppm += v[0],
+            M::SensorDrift => self.drift_ppm_s += v[0] / HOUR_S,
+            M::SensorSaturation => self.limit_ppm = self.limit_ppm.min(v[0]),
+            M::CrossSensitivityHumidity => join(&mut self.humidity, v),
+            M::CrossSensitivityTemperature => join(&mut self.temperature, v),
+            M::CrossSensitivityPressure => join(&mut self.pressure, v),
+            M::ClockOffset => self.clock_s += v[0],
+            M::PositionOffset => {
+                self.position_m[0] += v[0];
+                self.position_m[1] += v[1];
+            }
+            M::AltitudeOffset => self.position_m[2] += v[0],
+            _ => {}
+        }
+    }
+
+    /// What the air itself adds to the reading, ppm; a column that is not known adds nothing.
+    pub fn cross_ppm(&self, air: &Ambient) -> f64 {
+        let term = |k: &[f64; 2], x: f64| {
+            if k[0] == 0.0 || !x.is_finite() {
+                0.0
+            } else {
+                k[0] * (x - k[1])
+            }
+        };
+        term(&self.humidity, air.relative_humidity_pct)
+            + term(&self.temperature, air.temperature_c)
+            + term(&self.pressure, air.pressure_hpa)
+    }
+}
+
+/// Two linear terms k1 (x - r1) + k2 (x - r2) as one.
+fn join(sum: &mut [f64; 2], v: &[f64]) {
+    let slope = sum[0] + v[0];
+    if slope != 0.0 {
+        sum[1] = (sum[0] * sum[1] + v[0] * v[1]) / slope;
+    }
+    sum[0] = slope;
+}
+
+/// The air around a sensor as other sensors log it; not a number where not known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ambient {
+    /// Air temperature, °C.
+    pub temperature_c: f64,
+    /// Relative humidity, %.
+    pub relative_humidity_pct: f64,
+    /// Static pressure, hPa.
+    pub pressure_hpa: f64,
+}
+
+impl Ambient {
+    /// Nothing known.
+    pub const UNKNOWN: Self = Self {
+        temperature_c: f64::NAN,
+        relative_humidity_pct: f64::NAN,
+        pressure_hpa: f64::NAN,
+    };
+}
+
+/// One exact step of a first-order lag over `dt_s` while the input goes straight from
+/// `before` to `now`: dy/dt = (u - y)/τ.
+#[inline]
+pub fn lag_step(output: f64, before: f64, now: f64, dt_s: f64, time_constant_s: f64) -> f64 {
+    if time_constant_s <= 0.0 {
+        return now;
+    }
+    let k = dt_s / time_constant_s;
+    if k <= 0.0 {
+        return output;
+    }
+    let decay = (-k).exp();
+    // Mean weight of the ramp: 1 - (1 - e^-k)/k, by series where k is small.
+    let ramp = if k < 1e-4 {
+        k * (0.5 - k / 6.0)
+    } else {
+        1.0 + (-k).exp_m1() / k
+    };
+    decay * output + (1.0 - decay) * before + ramp * (now - before)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // Exact answer to a ramp u = t from rest: y = t - tau (1 - exp(-t/tau)).
+    #[test]
+    fn lag_is_exact_on_a_ramp_whatever_the_step() {
+        let tau = 2.5;
+        for steps in [1usize, 7, 1000] {
+            let dt = 10.0 / steps as f64;
+            let mut y = 0.0;
+            for i in 0..steps {
+                y = lag_step(y, i as f64 * dt, (i + 1) as f64 * dt, dt, tau);
+            }
+            let exact = 10.0 - tau * (1.0 - (-10.0f64 / tau).exp());
+            assert!((y - exact).abs() < 1e-9, "{steps} {y} {exact}");
+        }
+        assert_eq!(lag_step(1.0, 0.0, 5.0, 1.0, 0.0), 5.0);
+        assert_eq!(lag_step(1.0, 0.0, 5.0, 0.0, 2.0), 1.0);
+    }
+
+    #[test]
+    fn gain_turns_about_its_pivot() {
+        let gain = Mechanism::new("sensor-gain", &[("factor", 1.1), ("pivot_ppm", 450.0)]).unwrap();
+        let e = SensorEffects::none().with(&[gain], "1");
+        assert!((e.gain * 450.0 + e.offset_ppm - 450.0).abs() < 1e-9);
+        assert!((e.gain * 550.0 + e.offset_ppm - 560.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn cross_sensitivities_join() {
+        let of = |k, r| {
+            Mechanism::new(
+                "cross-sensitivity-humidity",
+                &[("ppm_per_percent", k), ("reference_percent", r)],
+            )
+            .unwrap()
+        };
+        let e = SensorEffects::none().with(&[of(0.2, 50.0), of(0.3, 40.0)], "1");
+        let air = Ambient {
+            relative_humidity_pct: 70.0,
+            ..Ambient::UNKNOWN
+        };
+        assert!((e.cross_ppm(&air) - (0.2 * 20.0 + 0.3 * 30.0)).abs() < 1e-12);
+        assert_eq!(e.cross_ppm(&Ambient::UNKNOWN), 0.0);
+    }
+}

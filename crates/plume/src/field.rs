@@ -1,0 +1,553 @@
+//! The mean concentration field: Gaussian plumes of several sources on a background.
+//!
+//! c = Q/(2π u σy σz) exp(−y²/2σy²) V(z), with V(z) = exp(−(z−H)²/2σz²) and, where switched on,
+//! its images in the ground and the lid; or, Q unknown, c = c_MAX(x) exp(−y²/2σy²) V(z) with
+//! c_MAX(x) carried from where it was measured by the ratio of σy σz.
+//!
+//! **Calm.** The formula has no answer without wind. Below [`LEAST_TRANSPORT_M_S`] the plume is
+//! carried at that speed along the given direction, and [`World::notices`] says so.
+
+use air::geo::Enu;
+use air::isa::Atmosphere;
+use air::wind::{WindProfile, towards_deg};
+
+use crate::effects::{HOUR_S, WorldEffects};
+use crate::mechanism::Mechanism;
+use crate::sensor::SensorSpec;
+use crate::sigma::{Setting, Spread};
+use crate::stability::Stability;
+use crate::units::Gas;
+use crate::{PlumeError, in_range};
+
+/// Least speed at which a plume is carried, m/s: half a metre per second, the usual calm limit
+/// of regulatory models (US EPA, AERMOD: 0.5 m/s and below is calm or meander).
+pub const LEAST_TRANSPORT_M_S: f64 = 0.5;
+/// Nearest distance downwind at which the plume is evaluated, m.
+const LEAST_DISTANCE_M: f64 = 1.0;
+/// Beyond this many half-squares of sigma the plume is taken as nothing (2e-22).
+const FARTHEST_EXPONENT: f64 = 50.0;
+/// A gas cannot be more than all of the air, ppm.
+const PURE_PPM: f64 = 1e6;
+
+/// A place relative to the site's origin.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Place {
+    /// Metres east.
+    pub east_m: f64,
+    /// Metres north.
+    pub north_m: f64,
+    /// Metres above the site's ground.
+    pub height_agl_m: f64,
+}
+
+/// How strong a source is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Strength {
+    /// Mass of its gas per time, kg/s.
+    EmissionKgS(f64),
+    /// The axis concentration above background measured at a distance downwind.
+    CMax {
+        /// Above background on the axis, ppm.
+        excess_ppm: f64,
+        /// Where, m downwind.
+        distance_m: f64,
+    },
+}
+
+/// A stack.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SourceSpec {
+    /// Its name in messages.
+    pub name: String,
+    /// What it emits.
+    pub gas: Gas,
+    /// Where it stands.
+    pub place: Enu,
+    /// Height of its mouth above ground, m.
+    pub stack_height_m: f64,
+    /// Height at which its plume levels off above ground, m.
+    pub effective_height_agl_m: f64,
+    /// How strong it is.
+    pub strength: Strength,
+}
+
+/// All that a mean field, and the sensor that reads it, depend on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WorldSpec {
+    /// Height of the site's ground above mean sea level, m.
+    pub ground_amsl_m: f64,
+    /// Temperature and pressure with height.
+    pub atmosphere: Atmosphere,
+    /// Mean wind with height.
+    pub wind: WindProfile,
+    /// Pasquill class.
+    pub stability: Stability,
+    /// Rural or urban.
+    pub setting: Setting,
+    /// Whether the ground sends the plume back.
+    pub ground_reflection: bool,
+    /// Height of the mixing lid above ground, m; `None`: no lid.
+    pub mixing_height_m: Option<f64>,
+    /// Background mole fraction, ppm.
+    pub background_ppm: f64,
+    /// The sources; the sensor reads those of the first one's gas.
+    pub sources: Vec<SourceSpec>,
+    /// Factor of Briggs' σy.
+    pub sigma_y_scale: f64,
+    /// Factor of Briggs' σz.
+    pub sigma_z_scale: f64,
+    /// Extensions.
+    pub mechanisms: Vec<Mechanism>,
+    /// The sensor of every platform.
+    pub sensor: SensorSpec,
+}
+
+/// Which way and how fast the air moves at the first source's effective height.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Transport {
+    /// East part of the unit vector towards which it moves.
+    pub east: f64,
+    /// North part of the same.
+    pub north: f64,
+    /// Speed at the first source's effective height, m/s.
+    pub speed_m_s: f64,
+}
+
+impl Transport {
+    /// From a direction *from* which the wind blows and a speed.
+    pub fn new(from_deg: f64, speed_m_s: f64) -> Self {
+        let (east, north) = towards_deg(from_deg).to_radians().sin_cos();
+        Self {
+            east,
+            north,
+            speed_m_s,
+        }
+    }
+}
+
+/// A source with all mechanisms applied.
+#[derive(Debug, Clone)]
+struct Plume {
+    east_m: f64,
+    north_m: f64,
+    height_m: f64,
+    /// Transport speed at this source's height over that at the first one's.
+    speed_ratio: f64,
+    emitted: Emitted,
+    depletion: Option<Depletion>,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Emitted {
+    /// Q/(2π M), mol/s.
+    Molar(f64),
+    /// c_MAX σy σz where it was measured, ppm m².
+    Axis(f64),
+}
+
+/// A validated world: the mean field at any place and time.
+#[derive(Debug, Clone)]
+pub struct World {
+    spec: WorldSpec,
+    effects: WorldEffects,
+    plumes: Vec<Plume>,
+    spread: Spread,
+    reflection: Reflection,
+    rotation: (f64, f64),
+    scenario_wind: Transport,
+    notices: Vec<String>,
+}
+
+/// What of a plume comes back from below and above.
+#[derive(Debug, Clone, Copy)]
+struct Reflection {
+    ground: f64,
+    lid_m: f64,
+}
+
+impl World {
+    /// Validates a specification and prepares it for evaluation.
+    ///
+    /// # Errors
+    /// A value out of range, or no source.
+    pub fn new(spec: WorldSpec) -> Result<Self, PlumeError> {
+        validate(&spec)?;
+        let effects = WorldEffects::of(&spec.mechanisms);
+        let reflection = Reflection {
+            ground: (f64::from(u8::from(spec.ground_reflection)) + effects.ground_coefficient)
+                .clamp(0.0, 1.0),
+            lid_m: effects
+                .lid_m
+                .min(spec.mixing_height_m.unwrap_or(f64::INFINITY)),
+        };
+        let first_height = spec.sources[0].effective_height_agl_m;
+        let mut world = Self {
+            spread: Spread::new(spec.stability, effects.class_shift, spec.setting),
+            rotation: turn(effects.direction_offset_deg),
+            scenario_wind: transport(&spec.wind, first_height),
+            plumes: Vec::with_capacity(spec.sources.len() + effects.second_sources.len()),
+            notices: notices(&spec),
+            spec,
+            effects,
+            reflection,
+        };
+        let first_gas = world.spec.sources[0].gas;
+        for i in 0..world.spec.sources.len() {
+            if world.spec.sources[i].gas == first_gas {
+                let plume = world.plume(&world.spec.sources[i], 0.0, 0.0, 0.0, 1.0);
+                world.plumes.push(plume);
+            }
+        }
+        for s in &world.effects.second_sources {
+            let first = &world.spec.sources[0];
+            let plume = world.plume(first, s.east_m, s.north_m, s.height_offset_m, s.ratio);
+            world.plumes.push(plume);
+        }
+        if world.effects.deposition_m_s > 0.0 {
+            for i in 0..world.plumes.len() {
+                world.plumes[i].depletion = Some(Depletion::new(&world, &world.plumes[i]));
+            }
+        }
+        Ok(world)
+    }
+
+    fn plume(&self, source: &SourceSpec, east: f64, north: f64, up: f64, ratio: f64) -> Plume {
+        let base_height = source.effective_height_agl_m + up;
+        let first_height = self.spec.sources[0].effective_height_agl_m;
+        let reference = self.spec.wind.speed_at_m_s(first_height);
+        let factor = ratio * self.effects.emission_factor;
+        let emitted = match source.strength {
+            Strength::EmissionKgS(q) => Emitted::Molar(
+                q * factor / (std::f64::consts::TAU * source.gas.molar_mass_kg_mol()),
+            ),
+            Strength::CMax {
+                excess_ppm,
+                distance_m,
+            } => {
+                let (y, z) = self.sigmas_m(distance_m);
+                Emitted::Axis(excess_ppm * factor * y * z)
+            }
+        };
+        Plume {
+            east_m: source.place.east_m + east + self.effects.source_east_m,
+            north_m: source.place.north_m + north + self.effects.source_north_m,
+            height_m: (base_height + self.effects.height_offset_m).max(0.0),
+            speed_ratio: if reference > 0.0 && base_height != first_height {
+                self.spec.wind.speed_at_m_s(base_height) / reference
+            } else {
+                1.0
+            },
+            emitted,
+            depletion: None,
+        }
+    }
+
+    /// The specification this world was made from.
+    pub fn spec(&self) -> &WorldSpec {
+        &self.spec
+    }
+
+    /// What a user should know: calm wind, sources that the sensor does not read.
+    pub fn notices(&self) -> &[String] {
+        &self.notices
+    }
+
+    /// Mean mole fraction at a place and time in the scenario's wind, ppm.
+    pub fn mean_ppm(&self, place: &Place, time_s: f64) -> f64 {
+        self.ppm(place, time_s, self.scenario_wind)
+    }
+
+    /// The same in another wind of the moment.
+    pub fn mean_ppm_in(&self, place: &Place, time_s: f64, wind: &WindProfile) -> f64 {
+        let height = self.spec.sources[0].effective_height_agl_m;
+        self.ppm(place, time_s, transport(wind, height))
+    }
+
+    fn ppm(&self, place: &Place, time_s: f64, wind: Transport) -> f64 {
+        let (molar, direct) = self.excess(place, time_s, wind);
+        let mut excess = direct;
+        if molar > 0.0 {
+            excess += molar * self.ppm_per_mol_m3(place.height_agl_m);
+        }
+        self.background_ppm(place, time_s) + excess.min(PURE_PPM)
+    }
+
+    /// ppm of one mol/m³ of gas at a height above ground.
+    pub(crate) fn ppm_per_mol_m3(&self, height_agl_m: f64) -> f64 {
+        let amsl = self.spec.ground_amsl_m + height_agl_m;
+        1e6 / self.spec.atmosphere.at(amsl).molar_density_mol_m3()
+    }
+
+    /// Background with its mechanisms, ppm.
+    #[inline]
+    pub fn background_ppm(&self, place: &Place, time_s: f64) -> f64 {
+        self.spec.background_ppm
+            + self.effects.background_ppm
+            + self.effects.background_ppm_h * time_s / HOUR_S
+            + self.effects.background_east_ppm_m * place.east_m
+            + self.effects.background_north_ppm_m * place.north_m
+    }
+
+    /// Spread (σy, σz) in m at `x_m` downwind, with all mechanisms.
+    #[inline]
+    pub fn sigmas_m(&self, x_m: f64) -> (f64, f64) {
+        let e = &self.effects;
+        let (y, z) = self.spread.at(x_m);
+        let mut y = y * self.spec.sigma_y_scale * e.sigma_y_factor;
+        let mut z = z * self.spec.sigma_z_scale * e.sigma_z_factor;
+        if e.sigma_z_exponent != 0.0 {
+            z *= (x_m / 1000.0).powf(e.sigma_z_exponent);
+        }
+        if e.meander_var_rad2 > 0.0 {
+            y = (y * y + x_m * x_m * e.meander_var_rad2).sqrt();
+        }
+        if e.wake_var_m2 > 0.0 {
+            y = (y * y + e.wake_var_m2).sqrt();
+            z = (z * z + e.wake_var_m2).sqrt();
+        }
+        (y, z)
+    }
+
+    /// Excess of all plumes as (mol/m³ of those given by emission, ppm of those given by c_MAX).
+    #[inline]
+    pub(crate) fn excess(&self, place: &Place, time_s: f64, wind: Transport) -> (f64, f64) {
+        let e = &self.effects;
+        let mut turned = rotate(wind, self.rotation);
+        if e.direction_drift_deg_h != 0.0 {
+            turned = rotate(turned, turn(e.direction_drift_deg_h * time_s / HOUR_S));
+        }
+        turned.speed_m_s *= e.speed_factor;
+        let mut sum = (0.0, 0.0);
+        for plume in &self.plumes {
+            let shape = self.shape(plume, place, turned);
+            match plume.emitted {
+                Emitted::Molar(strength) => sum.0 += strength * shape.0 / shape.1,
+                Emitted::Axis(strength) => sum.1 += strength * shape.0,
+            }
+        }
+        if e.emission_trend_h != 0.0 {
+            let grown = (e.emission_trend_h * time_s / HOUR_S).exp();
+            sum = (sum.0 * grown, sum.1 * grown);
+        }
+        sum
+    }
+
+    /// exp() V(z) losses / (σy σz), and the transport speed.
+    #[inline]
+    fn shape(&self, plume: &Plume, place: &Place, wind: Transport) -> (f64, f64) {
+        let e = &self.effects;
+        let up = place.height_agl_m - plume.height_m;
+        let mut wind = wind;
+        if e.veer_deg_100m != 0.0 {
+            wind = rotate(wind, turn(e.veer_deg_100m * up / 100.0));
+        }
+        let speed = (wind.speed_m_s * plume.speed_ratio).max(LEAST_TRANSPORT_M_S);
+        let (de, dn) = (place.east_m - plume.east_m, place.north_m - plume.north_m);
+        let x = de * wind.east + dn * wind.north;
+        if x < LEAST_DISTANCE_M {
+            return (0.0, speed);
+        }
+        let y = de * wind.north - dn * wind.east;
+        let (sigma_y, sigma_z) = self.sigmas_m(x);
+        let across = 0.5 * (y / sigma_y) * (y / sigma_y);
+        if across > FARTHEST_EXPONENT {
+            return (0.0, speed);
+        }
+        let mut value =
+            self.reflection
+                .profile(place.height_agl_m, plume.height_m, sigma_z, across)
+                / (sigma_y * sigma_z);
+        if e.decay_s > 0.0 {
+            value *= (-e.decay_s * x / speed).exp();
+        }
+        if let Some(depletion) = &plume.depletion {
+            value *= depletion.remaining(x, e.deposition_m_s / speed);
+        }
+        (value, speed)
+    }
+}
+
+impl Reflection {
+    /// exp(−across) times the vertical shape with its images.
+    #[inline]
+    fn profile(&self, z_m: f64, height_m: f64, sigma_z_m: f64, across: f64) -> f64 {
+        let gauss = |d: f64| {
+            let exponent = across + 0.5 * (d / sigma_z_m) * (d / sigma_z_m);
+            if exponent > FARTHEST_EXPONENT {
+                0.0
+            } else {
+                (-exponent).exp()
+            }
+        };
+        let direct = gauss(z_m - height_m);
+        // A plume above the lid does not feel it, nor does what is above the lid see the plume
+        // below.
+        let lid_m = if height_m < self.lid_m {
+            self.lid_m
+        } else {
+            f64::INFINITY
+        };
+        if z_m > lid_m {
+            return 0.0;
+        }
+        if !lid_m.is_finite() {
+            return if self.ground > 0.0 {
+                direct + self.ground * gauss(z_m + height_m)
+            } else {
+                direct
+            };
+        }
+        if self.ground == 0.0 {
+            return direct + gauss(2.0 * lid_m - height_m - z_m);
+        }
+        if self.ground == 1.0 && sigma_z_m > 1.6 * lid_m {
+            // Well mixed: the images have merged (ISC3, equation 1-51).
+            return (std::f64::consts::TAU).sqrt() * sigma_z_m / lid_m * (-across).exp();
+        }
+        let reach = (1.0 + 5.0 * sigma_z_m / lid_m).ceil().min(12.0) as i32;
+        let mut sum = 0.0;
+        for n in -reach..=reach {
+            // An image that met the ground k times has that factor k times.
+            let shift = 2.0 * f64::from(n) * lid_m;
+            sum += self.ground.powi(n.abs()) * gauss(z_m - height_m - shift);
+            let met = if n >= 1 { n - 1 } else { 1 - n };
+            sum += self.ground.powi(met) * gauss(z_m + height_m - shift);
+        }
+        sum
+    }
+}
+
+/// Loss of a plume to the ground with distance: Chamberlain's source depletion.
+///
+/// ln(Q(x)/Q0) = −(v/u) √(2/π) (1+r)/2 ∫ exp(−H²/2σz²)/σz dx, where 1+r stands for the
+/// direct and the reflected plume at the ground (Chamberlain 1953; Horst 1977, equation 2).
+#[derive(Debug, Clone)]
+struct Depletion {
+    /// Integral at distances LEAST · RATIO^i.
+    integral: Vec<f64>,
+}
+
+const DEPLETION_NODES: usize = 96;
+const DEPLETION_FIRST_M: f64 = 10.0;
+/// Nodes per factor e of distance: ten metres to over a hundred kilometres.
+const DEPLETION_PER_E: f64 = 10.0;
+
+impl Depletion {
+    fn new(world: &World, plume: &Plume) -> Self {
+        let weight = (2.0 / std::f64::consts::PI).sqrt() * 0.5 * (1.0 + world.reflection.ground);
+        let at = |x: f64| {
+            let z = world.sigmas_m(x).1;
+            weight * (-0.5 * (plume.height_m / z).powi(2)).exp() / z
+        };
+        let node = |i: usize| DEPLETION_FIRST_M * (i as f64 / DEPLETION_PER_E).exp();
+        let mut integral = Vec::with_capacity(DEPLETION_NODES);
+        let mut sum = at(DEPLETION_FIRST_M) * DEPLETION_FIRST_M;
+        integral.push(sum);
+        for i in 1..DEPLETION_NODES {
+            let (a, b) = (node(i - 1), node(i));
+            // Simpson's rule in each interval.
+            sum += (b - a) / 6.0 * (at(a) + 4.0 * at(0.5 * (a + b)) + at(b));
+            integral.push(sum);
+        }
+        Self { integral }
+    }
+
+    /// Part of the plume left at `x_m` for a ratio v/u.
+    fn remaining(&self, x_m: f64, velocity_ratio: f64) -> f64 {
+        let place = ((x_m / DEPLETION_FIRST_M).ln() * DEPLETION_PER_E)
+            .clamp(0.0, (DEPLETION_NODES - 1) as f64);
+        let i = (place as usize).min(DEPLETION_NODES - 2);
+        let part = place - i as f64;
+        let integral = self.integral[i] * (1.0 - part) + self.integral[i + 1] * part;
+        (-velocity_ratio * integral).exp()
+    }
+}
+
+/// (cos, sin) of a turn of the from-direction, clockwise positive.
+#[inline]
+fn turn(deg: f64) -> (f64, f64) {
+    if deg == 0.0 {
+        return (1.0, 0.0);
+    }
+    let (sin, cos) = deg.to_radians().sin_cos();
+    (cos, sin)
+}
+
+#[inline]
+fn rotate(wind: Transport, (cos, sin): (f64, f64)) -> Transport {
+    Transport {
+        east: wind.east * cos + wind.north * sin,
+        north: wind.north * cos - wind.east * sin,
+        speed_m_s: wind.speed_m_s,
+    }
+}
+
+fn transport(wind: &WindProfile, height_m: f64) -> Transport {
+    Transport::new(wind.from_deg(), wind.speed_at_m_s(height_m))
+}
+
+fn notices(spec: &WorldSpec) -> Vec<String> {
+    let mut out = Vec::new();
+    let height = spec.sources[0].effective_height_agl_m;
+    let speed = spec.wind.speed_at_m_s(height);
+    if speed < LEAST_TRANSPORT_M_S {
+        out.push(format!(
+            "calm: {speed:.2} m/s at {height:.0} m; the plume is carried at {LEAST_TRANSPORT_M_S} m/s \
+             from {:.0} degrees, and its concentrations are an order of magnitude at best",
+            spec.wind.from_deg()
+        ));
+    }
+    for source in &spec.sources[1..] {
+        if source.gas != spec.sources[0].gas {
+            out.push(format!(
+                "source \"{}\" emits {}, which the sensor for {} does not read",
+                source.name,
+                source.gas.as_str(),
+                spec.sources[0].gas.as_str()
+            ));
+        }
+    }
+    out
+}
+
+fn validate(spec: &WorldSpec) -> Result<(), PlumeError> {
+    if spec.sources.is_empty() {
+        return Err(PlumeError::NoSource);
+    }
+    in_range("ground_amsl_m", spec.ground_amsl_m, -500.0, 9000.0)?;
+    in_range("background, ppm", spec.background_ppm, 0.0, PURE_PPM)?;
+    in_range("sigma_y_scale", spec.sigma_y_scale, 0.01, 100.0)?;
+    in_range("sigma_z_scale", spec.sigma_z_scale, 0.01, 100.0)?;
+    if let Some(lid) = spec.mixing_height_m {
+        in_range("mixing_height_m", lid, 10.0, 20_000.0)?;
+    }
+    for s in &spec.sources {
+        let of = |what: &str| format!("{what} of source \"{}\"", s.name);
+        in_range(&of("east_m"), s.place.east_m, -1e6, 1e6)?;
+        in_range(&of("north_m"), s.place.north_m, -1e6, 1e6)?;
+        in_range(&of("stack_height_m"), s.stack_height_m, 0.0, 1000.0)?;
+        in_range(
+            &of("effective_height_m"),
+            s.effective_height_agl_m,
+            0.0,
+            5000.0,
+        )?;
+        match s.strength {
+            Strength::EmissionKgS(q) => {
+                in_range(&of("emission_kg_s"), q, 0.0, 1e6)?;
+            }
+            Strength::CMax {
+                excess_ppm,
+                distance_m,
+            } => {
+                in_range(&of("c_max_ppm"), excess_ppm, 0.0, PURE_PPM)?;
+                in_range(&of("c_max_distance_m"), distance_m, LEAST_DISTANCE_M, 1e5)?;
+            }
+        }
+    }
+    spec.sensor.validate()
+}
+
+#[cfg(test)]
+#[path = "field_tests.rs"]
+pub(crate) mod tests;

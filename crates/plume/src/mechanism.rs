@@ -1,0 +1,399 @@
+//! Mechanisms: the named extensions of a world and of a sensor, with their parameters, units,
+//! neutral values, physical priors and sign conventions.
+//!
+//! A model is a base plus a list of mechanisms. Two of the same kind add up (offsets add,
+//! factors multiply). What each does to the equations is in [`crate::effects`].
+
+mod catalogue;
+
+pub use catalogue::catalogue;
+
+use crate::{PlumeError, in_range};
+
+macro_rules! mechanism_ids {
+    ($($(#[$doc:meta])* $name:ident = $id:literal,)*) => {
+        /// A mechanism of the plume, source, background or sensor families.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum MechanismId { $($(#[$doc])* $name,)* }
+
+        impl MechanismId {
+            /// All ids in the catalogue's order.
+            pub const ALL: &'static [MechanismId] = &[$(MechanismId::$name,)*];
+
+            /// The id in files, such as "sensor-lag".
+            pub fn as_str(self) -> &'static str {
+                match self { $(MechanismId::$name => $id,)* }
+            }
+        }
+    };
+}
+
+mechanism_ids! {
+    /// Transport direction differs from the logged one by a constant.
+    WindDirectionOffset = "wind-direction-offset",
+    /// Transport direction departs from the logged one steadily in time.
+    WindDirectionDrift = "wind-direction-drift",
+    /// Wind speed differs by a factor.
+    WindSpeedScale = "wind-speed-scale",
+    /// Transport direction turns with height.
+    WindVeerWithHeight = "wind-veer-with-height",
+    /// Slow swinging of the plume widens its mean.
+    Meander = "meander",
+    /// Another stability class.
+    StabilityClass = "stability-class",
+    /// σy by a factor.
+    SigmaYScale = "sigma-y-scale",
+    /// σz by a factor.
+    SigmaZScale = "sigma-z-scale",
+    /// σz by a power of distance.
+    SigmaZGrowth = "sigma-z-growth",
+    /// Another effective height.
+    EffectiveHeightOffset = "effective-height-offset",
+    /// The ground sends the plume back.
+    GroundReflection = "ground-reflection",
+    /// A lid above the plume sends it back.
+    MixingLid = "mixing-lid",
+    /// Emission by a factor.
+    EmissionScale = "emission-scale",
+    /// Emission changes steadily in time.
+    EmissionTrend = "emission-trend",
+    /// A source that the scenario does not have.
+    SecondSource = "second-source",
+    /// The source stands elsewhere.
+    SourcePositionOffset = "source-position-offset",
+    /// The gas decays at a constant rate.
+    FirstOrderDecay = "first-order-decay",
+    /// The gas is lost at the ground.
+    DryDeposition = "dry-deposition",
+    /// A building's wake spreads the plume at its start.
+    BuildingDownwash = "building-downwash",
+    /// Another background.
+    BackgroundOffset = "background-offset",
+    /// The background changes steadily in time.
+    BackgroundDrift = "background-drift",
+    /// The background changes steadily over the map.
+    BackgroundGradient = "background-gradient",
+    /// The sensor answers with a first-order lag.
+    SensorLag = "sensor-lag",
+    /// The sensor's slope is wrong.
+    SensorGain = "sensor-gain",
+    /// The sensor reads a constant too much.
+    SensorOffset = "sensor-offset",
+    /// The sensor's zero wanders steadily in time.
+    SensorDrift = "sensor-drift",
+    /// The sensor reads no more than a limit.
+    SensorSaturation = "sensor-saturation",
+    /// The reading depends on relative humidity.
+    CrossSensitivityHumidity = "cross-sensitivity-humidity",
+    /// The reading depends on temperature.
+    CrossSensitivityTemperature = "cross-sensitivity-temperature",
+    /// The reading depends on pressure.
+    CrossSensitivityPressure = "cross-sensitivity-pressure",
+    /// The gas log's clock is off.
+    ClockOffset = "clock-offset",
+    /// The logged position is off.
+    PositionOffset = "position-offset",
+    /// The logged height is off.
+    AltitudeOffset = "altitude-offset",
+}
+
+impl MechanismId {
+    /// The id of a name such as "sensor-lag".
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL
+            .iter()
+            .copied()
+            .find(|id| id.as_str() == name.trim())
+    }
+
+    /// Its entry in the catalogue.
+    pub fn spec(self) -> &'static MechanismSpec {
+        // The catalogue stands in the order of the ids: a test keeps it so.
+        &catalogue()[self as usize]
+    }
+}
+
+/// The family a mechanism belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Family {
+    /// Wind and transport.
+    Wind,
+    /// Spread of the plume.
+    Spread,
+    /// Source and sink.
+    Source,
+    /// Background.
+    Background,
+    /// Sensor, its clock and its logged place: may differ between platforms.
+    Sensor,
+}
+
+impl Family {
+    /// Its name in tables.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Family::Wind => "wind and transport",
+            Family::Spread => "spread",
+            Family::Source => "source and sink",
+            Family::Background => "background",
+            Family::Sensor => "sensor",
+        }
+    }
+}
+
+/// The coordinate in which a parameter's prior is normal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Coordinate {
+    /// The parameter itself.
+    Linear,
+    /// Its natural logarithm: for factors, whose neutral value is 1.
+    Log,
+}
+
+/// One parameter of a mechanism.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ParameterSpec {
+    /// Name in files, with its unit at the end where it has one.
+    pub name: &'static str,
+    /// Unit for people; "1" for a pure number.
+    pub unit: &'static str,
+    /// Value at which it does nothing (infinite for limits).
+    pub neutral: f64,
+    /// Where the physical prior is centred: the neutral value, but for limits.
+    pub prior_centre: f64,
+    /// One standard deviation of the physical prior, in the parameter's [`Coordinate`].
+    pub prior_sd: f64,
+    /// Lowest value allowed.
+    pub low: f64,
+    /// Highest value allowed.
+    pub high: f64,
+    /// Coordinate of the prior.
+    pub coordinate: Coordinate,
+    /// Value when a file leaves it out; `None` when it must be given.
+    pub default: Option<f64>,
+}
+
+/// One line of the catalogue.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MechanismSpec {
+    /// The id.
+    pub id: MechanismId,
+    /// The family.
+    pub family: Family,
+    /// Its parameters; those with a default are settings that are not fitted.
+    pub parameters: &'static [ParameterSpec],
+    /// What a positive value means.
+    pub sign: &'static str,
+}
+
+/// Most parameters of one mechanism.
+pub const MOST_PARAMETERS: usize = 4;
+
+/// A mechanism with its parameters, and the platforms it applies to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mechanism {
+    id: MechanismId,
+    values: [f64; MOST_PARAMETERS],
+    platforms: Vec<String>,
+}
+
+impl Mechanism {
+    /// A mechanism of every platform, from an id and parameters by name.
+    ///
+    /// # Errors
+    /// An unknown id, an unknown, missing or out-of-range parameter.
+    pub fn new(id: &str, parameters: &[(&str, f64)]) -> Result<Self, PlumeError> {
+        let id = MechanismId::from_name(id).ok_or_else(|| PlumeError::UnknownMechanism {
+            id: id.to_string(),
+            known: join(MechanismId::ALL.iter().map(|known| known.as_str())),
+        })?;
+        let spec = id.spec();
+        let mut values = [f64::NAN; MOST_PARAMETERS];
+        for &(name, value) in parameters {
+            let position = spec.parameters.iter().position(|p| p.name == name);
+            let Some(position) = position else {
+                return Err(PlumeError::UnknownParameter {
+                    id: id.as_str(),
+                    name: name.to_string(),
+                    known: join(spec.parameters.iter().map(|p| p.name)),
+                });
+            };
+            let p = &spec.parameters[position];
+            let what = format!("{}.{}, {}", id.as_str(), name, p.unit);
+            values[position] = in_range(&what, value, p.low, p.high)?;
+        }
+        for (value, p) in values.iter_mut().zip(spec.parameters) {
+            if value.is_nan() {
+                *value = p.default.ok_or(PlumeError::MissingParameter {
+                    id: id.as_str(),
+                    name: p.name,
+                    unit: p.unit,
+                })?;
+            }
+        }
+        Ok(Self {
+            id,
+            values,
+            platforms: Vec::new(),
+        })
+    }
+
+    /// A mechanism from its parameters in the catalogue's order, each brought into its range;
+    /// values left out at the end take their default or neutral value. For fits.
+    pub fn from_values(id: MechanismId, values: &[f64]) -> Self {
+        let mut kept = [f64::NAN; MOST_PARAMETERS];
+        for (i, p) in id.spec().parameters.iter().enumerate() {
+            let value = values.get(i).copied().filter(|v| !v.is_nan());
+            let value = value.or(p.default).unwrap_or(p.neutral);
+            kept[i] = value.clamp(p.low, p.high);
+        }
+        Self {
+            id,
+            values: kept,
+            platforms: Vec::new(),
+        }
+    }
+
+    /// The same for these platforms only (by id); only sensors differ between platforms.
+    #[must_use]
+    pub fn for_platforms(mut self, platforms: &[String]) -> Self {
+        if self.id.spec().family == Family::Sensor {
+            self.platforms = platforms.to_vec();
+        }
+        self
+    }
+
+    /// Its id.
+    pub fn id(&self) -> MechanismId {
+        self.id
+    }
+
+    /// Parameters in the catalogue's order.
+    pub fn values(&self) -> &[f64] {
+        &self.values[..self.id.spec().parameters.len()]
+    }
+
+    /// A parameter by name.
+    pub fn parameter(&self, name: &str) -> Option<f64> {
+        let position = self
+            .id
+            .spec()
+            .parameters
+            .iter()
+            .position(|p| p.name == name)?;
+        Some(self.values[position])
+    }
+
+    /// Name and value of every parameter.
+    pub fn parameters(&self) -> impl Iterator<Item = (&'static str, f64)> + '_ {
+        self.id
+            .spec()
+            .parameters
+            .iter()
+            .map(|p| p.name)
+            .zip(self.values.iter().copied())
+    }
+
+    /// The platforms it applies to; empty means all.
+    pub fn platforms(&self) -> &[String] {
+        &self.platforms
+    }
+
+    /// Whether it acts on the sensor of `platform`.
+    pub fn applies_to(&self, platform: &str) -> bool {
+        self.platforms.is_empty() || self.platforms.iter().any(|p| p == platform)
+    }
+}
+
+fn join<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    names.collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn catalogue_stands_in_the_order_of_the_ids() {
+        assert_eq!(catalogue().len(), MechanismId::ALL.len());
+        for (spec, id) in catalogue().iter().zip(MechanismId::ALL) {
+            assert_eq!(spec.id, *id);
+            assert!(spec.parameters.len() <= MOST_PARAMETERS);
+            for p in spec.parameters {
+                assert!(
+                    p.low < p.high && p.prior_sd > 0.0,
+                    "{} {}",
+                    id.as_str(),
+                    p.name
+                );
+                assert!(p.prior_centre >= p.low && p.prior_centre <= p.high);
+            }
+        }
+    }
+
+    #[test]
+    fn the_manual_has_the_same_table() {
+        let manual = include_str!("../../../docs/mechanisms.md");
+        for spec in catalogue() {
+            let start = format!("| `{}` |", spec.id.as_str());
+            let rows: Vec<&str> = manual.lines().filter(|l| l.starts_with(&start)).collect();
+            assert_eq!(rows.len(), 1, "{start}");
+            assert_eq!(
+                rows[0],
+                manual_row(spec),
+                "the row in docs/mechanisms.md should be this"
+            );
+        }
+    }
+
+    fn manual_row(spec: &MechanismSpec) -> String {
+        let list = |f: &dyn Fn(&ParameterSpec) -> String| {
+            spec.parameters.iter().map(f).collect::<Vec<_>>().join(", ")
+        };
+        format!(
+            "| `{}` | {} | {} | {} | {} | {} |",
+            spec.id.as_str(),
+            spec.family.as_str(),
+            list(&|p| format!("`{}`", p.name)),
+            list(&|p| p.unit.to_string()),
+            list(&|p| match p.default {
+                Some(default) => format!("default {default}"),
+                None if p.neutral.is_infinite() => "none".to_string(),
+                None => format!("{}", p.neutral),
+            }),
+            spec.sign,
+        )
+    }
+
+    #[test]
+    fn errors_name_what_would_be_right() {
+        let error = |id, p: &[(&str, f64)]| Mechanism::new(id, p).unwrap_err().to_string();
+        assert!(error("sensor-log", &[]).contains("sensor-lag"));
+        assert!(error("sensor-lag", &[("tau", 2.0)]).contains("time_constant_s"));
+        assert!(error("sensor-lag", &[]).contains("time_constant_s"));
+        assert!(error("sensor-lag", &[("time_constant_s", -1.0)]).contains("0 to"));
+        assert!(error("sensor-lag", &[("time_constant_s", f64::NAN)]).contains("NaN"));
+    }
+
+    #[test]
+    fn defaults_and_scope() {
+        let gain = Mechanism::new("sensor-gain", &[("factor", 1.1)]).unwrap();
+        assert_eq!(gain.parameter("pivot_ppm"), Some(0.0));
+        assert!(gain.applies_to("3"));
+        let gain = gain.for_platforms(&["1".into()]);
+        assert!(!gain.applies_to("3") && gain.applies_to("1"));
+        let world = Mechanism::new("emission-scale", &[("factor", 2.0)]).unwrap();
+        assert!(world.for_platforms(&["1".into()]).applies_to("3"));
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn any_numbers_make_a_valid_mechanism(which in 0usize..33, v in proptest::array::uniform4(
+            proptest::num::f64::ANY)) {
+            let m = Mechanism::from_values(MechanismId::ALL[which], &v);
+            for (value, p) in m.values().iter().zip(m.id().spec().parameters) {
+                proptest::prop_assert!(*value >= p.low && *value <= p.high);
+            }
+        }
+    }
+}

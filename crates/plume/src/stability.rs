@@ -1,0 +1,193 @@
+//! Atmospheric stability: Pasquill's classes, from what an observer sees or from the
+//! Obukhov length.
+
+use crate::{PlumeError, in_range};
+
+/// Pasquill stability class, from very unstable (A) to moderately stable (F).
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
+pub enum Stability {
+    /// Very unstable.
+    A,
+    /// Unstable.
+    B,
+    /// Slightly unstable.
+    C,
+    /// Neutral.
+    D,
+    /// Slightly stable.
+    E,
+    /// Stable.
+    F,
+}
+
+impl Stability {
+    /// All classes in order.
+    pub const ALL: [Stability; 6] = [
+        Stability::A,
+        Stability::B,
+        Stability::C,
+        Stability::D,
+        Stability::E,
+        Stability::F,
+    ];
+
+    /// Position in [`Stability::ALL`], 0 for A to 5 for F.
+    pub fn index(self) -> usize {
+        self as usize
+    }
+
+    /// The class of a letter "A" to "F", either case.
+    pub fn from_letter(letter: &str) -> Option<Self> {
+        let position = "ABCDEF".find(letter.trim().to_ascii_uppercase().as_str())?;
+        (letter.trim().len() == 1).then(|| Self::ALL[position])
+    }
+
+    /// Its letter.
+    pub fn letter(self) -> char {
+        ['A', 'B', 'C', 'D', 'E', 'F'][self.index()]
+    }
+
+    /// The class of an Obukhov length and a roughness length after Golder (1972), figure 5,
+    /// in the straight-line form 1/L = a + b log10(z0) of Seinfeld & Pandis (2006, table 16.4),
+    /// with the borders half-way between neighbouring lines. Holds for `roughness_m` of
+    /// 0.001 to 0.5 m (values outside are brought to the nearer end); a length of infinite or
+    /// zero size is neutral. The plot has much scatter: one class either way is usual.
+    pub fn from_obukhov(obukhov_length_m: f64, roughness_m: f64) -> Self {
+        const LINES: [(f64, f64); 6] = [
+            (-0.096, 0.029),
+            (-0.037, 0.029),
+            (-0.002, 0.018),
+            (0.0, 0.0),
+            (0.004, -0.018),
+            (0.035, -0.036),
+        ];
+        if !obukhov_length_m.is_finite() || obukhov_length_m == 0.0 {
+            return Stability::D;
+        }
+        let log_z0 = roughness_m.clamp(0.001, 0.5).log10();
+        let inverse = 1.0 / obukhov_length_m;
+        let line = |i: usize| LINES[i].0 + LINES[i].1 * log_z0;
+        let class = (0..5).find(|&i| inverse < 0.5 * (line(i) + line(i + 1)));
+        Self::ALL[class.unwrap_or(5)]
+    }
+}
+
+/// What Pasquill's (1961) table takes besides the wind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sky {
+    /// Day, strong sun (above about 60° in a clear sky).
+    StrongSun,
+    /// Day, moderate sun.
+    ModerateSun,
+    /// Day, slight sun.
+    SlightSun,
+    /// Overcast, day or night.
+    Overcast,
+    /// Night with thin overcast or at least half of low cloud.
+    CloudyNight,
+    /// Night with less than half covered.
+    ClearNight,
+}
+
+/// The one or two classes that Pasquill (1961) gives for a wind at 10 m and the sky; two where
+/// the table says "A-B" and the like. Night below 2 m/s is E or F here (the table leaves it
+/// open).
+///
+/// # Errors
+/// A wind outside 0 to 80 m/s.
+pub fn pasquill(wind_10m_m_s: f64, sky: Sky) -> Result<(Stability, Stability), PlumeError> {
+    use Stability::{A, B, C, D, E, F};
+    in_range("wind at 10 m, m/s", wind_10m_m_s, 0.0, 80.0)?;
+    if sky == Sky::Overcast {
+        return Ok((D, D));
+    }
+    let row = [2.0, 3.0, 5.0, 6.0].partition_point(|&limit| limit <= wind_10m_m_s);
+    let column = match sky {
+        Sky::StrongSun => 0,
+        Sky::ModerateSun => 1,
+        Sky::SlightSun => 2,
+        Sky::CloudyNight | Sky::Overcast => 3,
+        Sky::ClearNight => 4,
+    };
+    const TABLE: [[(Stability, Stability); 5]; 5] = [
+        [(A, A), (A, B), (B, B), (E, E), (F, F)],
+        [(A, B), (B, B), (C, C), (E, E), (F, F)],
+        [(B, B), (B, C), (C, C), (D, D), (E, E)],
+        [(C, C), (C, D), (D, D), (D, D), (D, D)],
+        [(C, C), (D, D), (D, D), (D, D), (D, D)],
+    ];
+    Ok(TABLE[row][column])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pasquill_table() {
+        use Stability::{A, B, C, D, E, F};
+        for (u, sky, expected) in [
+            (1.0, Sky::StrongSun, (A, A)),
+            (2.5, Sky::StrongSun, (A, B)),
+            (4.0, Sky::ModerateSun, (B, C)),
+            (5.5, Sky::SlightSun, (D, D)),
+            (7.0, Sky::StrongSun, (C, C)),
+            (2.5, Sky::ClearNight, (F, F)),
+            (4.0, Sky::CloudyNight, (D, D)),
+            (4.0, Sky::ClearNight, (E, E)),
+            (1.0, Sky::Overcast, (D, D)),
+        ] {
+            assert_eq!(pasquill(u, sky), Ok(expected), "{u} {sky:?}");
+        }
+        assert!(pasquill(-1.0, Sky::Overcast).is_err());
+        assert!(pasquill(f64::NAN, Sky::Overcast).is_err());
+    }
+
+    // Golder (1972), figure 5, read at z0 = 0.1 m: A for L of about -8 m, D beyond 100 m, F for
+    // about +14 m.
+    #[test]
+    fn golder_at_a_tenth_of_a_metre() {
+        for (length, class) in [
+            (-8.0, 'A'),
+            (-15.0, 'B'),
+            (-50.0, 'C'),
+            (-1000.0, 'D'),
+            (f64::INFINITY, 'D'),
+            (1000.0, 'D'),
+            (45.0, 'E'),
+            (14.0, 'F'),
+        ] {
+            assert_eq!(
+                Stability::from_obukhov(length, 0.1).letter(),
+                class,
+                "{length}"
+            );
+        }
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn more_stable_with_growing_inverse_length(a in -0.3f64..0.3, b in -0.3f64..0.3,
+                                                   z0 in 0.001f64..0.5) {
+            let (low, high) = if a < b { (a, b) } else { (b, a) };
+            proptest::prop_assert!(
+                Stability::from_obukhov(1.0 / low, z0) <= Stability::from_obukhov(1.0 / high, z0));
+        }
+    }
+
+    #[test]
+    fn letters() {
+        for class in Stability::ALL {
+            assert_eq!(
+                Stability::from_letter(&class.letter().to_string()),
+                Some(class)
+            );
+        }
+        assert_eq!(Stability::from_letter("d"), Some(Stability::D));
+        for bad in ["", "G", "AB", "4"] {
+            assert_eq!(Stability::from_letter(bad), None);
+        }
+    }
+}

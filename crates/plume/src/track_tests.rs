@@ -1,0 +1,161 @@
+use super::*;
+use crate::field::Strength;
+use crate::field::tests::spec;
+use crate::mechanism::Mechanism;
+use crate::sensor::{Sensor, SensorSpec};
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+
+fn world(mechanisms: &[Mechanism]) -> World {
+    let mut s = spec(Strength::EmissionKgS(352.0));
+    s.mechanisms = mechanisms.to_vec();
+    World::new(s).unwrap()
+}
+
+/// Two platforms weaving across the plume.
+fn rows() -> Vec<Row> {
+    let row = |platform: usize, i: usize| Row {
+        platform,
+        time_s: i as f64,
+        place: Place {
+            east_m: 1800.0 + 600.0 * platform as f64,
+            north_m: 400.0 * (i as f64 / 30.0 + platform as f64).sin(),
+            height_agl_m: 470.0 + 10.0 * platform as f64,
+        },
+        wind: None,
+        air: Ambient {
+            temperature_c: 12.0,
+            relative_humidity_pct: 60.0,
+            pressure_hpa: 920.0,
+        },
+    };
+    (0..2)
+        .flat_map(|p| (0..300).map(move |i| row(p, i)))
+        .collect()
+}
+
+fn names() -> Vec<String> {
+    vec!["1".into(), "2".into()]
+}
+
+fn predict(mechanisms: &[Mechanism]) -> Vec<f64> {
+    let world = world(mechanisms);
+    let track = Track::new(&world, &names(), &rows()).unwrap();
+    let mut out = vec![0.0; track.len()];
+    track.predict(&world, &mut out);
+    out
+}
+
+#[test]
+fn a_plain_track_reads_the_field() {
+    let world = world(&[]);
+    for (row, reading) in rows().iter().zip(predict(&[])) {
+        assert!((world.mean_ppm(&row.place, row.time_s) - reading).abs() < 1e-9);
+    }
+}
+
+// The sensor that the simulation steps and the track that the analysis predicts are one.
+#[test]
+fn the_track_reads_as_the_stepped_sensor() {
+    let list = [
+        Mechanism::new("sensor-lag", &[("time_constant_s", 3.0)]).unwrap(),
+        Mechanism::new("sensor-gain", &[("factor", 1.05)]).unwrap(),
+        Mechanism::new("sensor-drift", &[("rate_ppm_per_h", 60.0)]).unwrap(),
+        Mechanism::new("sensor-saturation", &[("limit_ppm", 700.0)]).unwrap(),
+        Mechanism::new("cross-sensitivity-pressure", &[("ppm_per_hpa", 0.01)]).unwrap(),
+    ];
+    let world = world(&list);
+    let readings = predict(&list);
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    for (platform, name) in names().iter().enumerate() {
+        let mut sensor = Sensor::new(&SensorSpec::default(), &list, name);
+        for (i, row) in rows()
+            .iter()
+            .enumerate()
+            .filter(|(_, r)| r.platform == platform)
+        {
+            let dt = if row.time_s > 0.0 { 1.0 } else { 0.0 };
+            let truth = world.mean_ppm(&row.place, row.time_s);
+            let stepped = sensor.read_in(truth, &row.air, dt, &mut rng);
+            assert!(
+                (stepped - readings[i]).abs() < 1e-8,
+                "row {i}: {stepped} {}",
+                readings[i]
+            );
+        }
+    }
+}
+
+#[test]
+fn scoped_mechanisms_touch_their_platform_only() {
+    let one = Mechanism::new("sensor-offset", &[("offset_ppm", 3.0)]).unwrap();
+    let shifted = predict(&[one.for_platforms(&["2".into()])]);
+    for (i, (a, b)) in shifted.iter().zip(predict(&[])).enumerate() {
+        let expected = if i < 300 { 0.0 } else { 3.0 };
+        assert!((a - b - expected).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn clock_and_position_signs() {
+    // Logged = true + 5 s: what stands at row i was read five rows before.
+    let late = predict(&[Mechanism::new("clock-offset", &[("offset_s", 5.0)]).unwrap()]);
+    let plain = predict(&[]);
+    for i in (10..290).chain(310..590) {
+        assert!((late[i] - plain[i - 5]).abs() < 1e-6, "row {i}");
+    }
+    // Logged north = true + 25 m: the true place is 25 m further south.
+    let world = world(&[]);
+    let p = [("east_m", 0.0), ("north_m", 25.0)];
+    let moved = predict(&[Mechanism::new("position-offset", &p).unwrap()]);
+    for (row, reading) in rows().iter().zip(moved) {
+        let place = Place {
+            north_m: row.place.north_m - 25.0,
+            ..row.place
+        };
+        assert!((world.mean_ppm(&place, 0.0) - reading).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn the_plume_part_and_the_rest_make_the_reading() {
+    let list = [Mechanism::new("sensor-lag", &[("time_constant_s", 3.0)]).unwrap()];
+    let world = world(&list);
+    let track = Track::new(&world, &names(), &rows()).unwrap();
+    let (mut readings, mut part) = (vec![0.0; track.len()], vec![0.0; track.len()]);
+    track.predict_parts(&world, &mut readings, Some(&mut part));
+    for (r, p) in readings.iter().zip(&part) {
+        assert!((r - p - 449.0).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn logged_wind_steers_the_plume() {
+    let mut turned = rows();
+    for row in &mut turned {
+        row.wind = Some((7.0, 280.0));
+    }
+    let base = world(&[]);
+    let track = Track::new(&base, &names(), &turned).unwrap();
+    let mut out = vec![0.0; track.len()];
+    track.predict(&base, &mut out);
+    let offset = Mechanism::new("wind-direction-offset", &[("offset_deg", 10.0)]).unwrap();
+    for (a, b) in out.iter().zip(predict(&[offset])) {
+        assert!((a - b).abs() < 1e-8);
+    }
+}
+
+#[test]
+fn disorder_is_refused() {
+    let world = world(&[]);
+    let refused = |change: &dyn Fn(&mut Vec<Row>)| {
+        let mut r = rows();
+        change(&mut r);
+        Track::new(&world, &names(), &r).unwrap_err().to_string()
+    };
+    assert!(refused(&|r| r.swap(3, 4)).contains("order"));
+    assert!(refused(&|r| r[5].time_s = r[4].time_s).contains("order"));
+    assert!(refused(&|r| r[5].platform = 9).contains("platform 9"));
+    assert!(refused(&|r| r[5].place.east_m = f64::NAN).contains("finite"));
+    assert!(Track::new(&world, &names(), &[]).unwrap().is_empty());
+}

@@ -21,7 +21,7 @@ pub mod wind;
 pub const STANDARD_GRAVITY_M_S2: f64 = 9.806_65;
 
 /// What this crate refuses, with what would be right.
-#[derive(Debug, thiserror::Error, PartialEq)]
+#[derive(Debug, Clone, thiserror::Error, PartialEq)]
 pub enum AirError {
     /// A quantity is outside the range in which the model holds.
     #[error("{what} is {value}; expected {expected}")]

@@ -238,8 +238,8 @@ pub struct Estimate {
 pub struct MechanismSetting {
     /// Id of the catalogue.
     pub id: String,
-    /// Platform to which it applies; all if none.
-    pub platform: Option<String>,
+    /// Platforms to which it applies; all if empty.
+    pub platforms: Vec<String>,
     /// Parameters by name.
     pub parameters: BTreeMap<String, f64>,
 }

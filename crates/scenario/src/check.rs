@@ -1,0 +1,497 @@
+//! What a scenario must hold, checked once, with the line of what is wrong.
+
+use crate::tables::{Fence, Mission, Scenario, Source, Vehicle, VehicleKind, Weather};
+use crate::{ScenarioError, line_and_column, uncertain};
+use std::collections::BTreeSet;
+use toml::de::{DeTable, DeValue};
+
+/// A refusal before its place in the text is known: dotted key, value, what would be right.
+pub(crate) struct Refusal {
+    key: String,
+    found: String,
+    expected: String,
+}
+
+impl Refusal {
+    pub(crate) fn new(
+        key: impl Into<String>,
+        found: impl ToString,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self {
+            key: key.into(),
+            found: found.to_string(),
+            expected: expected.into(),
+        }
+    }
+}
+
+type Checked = Result<(), Refusal>;
+
+impl Scenario {
+    /// Reads and checks the scenario in `text`, which came from `file`.
+    ///
+    /// # Errors
+    /// Anything that is not a scenario, with line, column and what was expected.
+    pub fn parse(file: &str, text: &str) -> Result<Self, ScenarioError> {
+        let scenario: Self = toml::from_str(text).map_err(|e| syntax(file, text, &e))?;
+        let world = scenario.check().and_then(|()| {
+            // The reality is checked as the whole scenario that it makes.
+            scenario.reality_scenario()?.check()
+        });
+        world.map_err(|refusal| place(file, text, refusal))?;
+        Ok(scenario)
+    }
+
+    /// The scenario with every default written out, as TOML.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).unwrap_or_default()
+    }
+
+    pub(crate) fn check(&self) -> Checked {
+        mission(&self.mission)?;
+        within(
+            "site.lat_deg",
+            self.site.lat_deg,
+            -89.0,
+            89.0,
+            "degrees, -89 to 89",
+        )?;
+        within(
+            "site.lon_deg",
+            self.site.lon_deg,
+            -180.0,
+            180.0,
+            "degrees, -180 to 180",
+        )?;
+        within(
+            "site.ground_amsl_m",
+            self.site.ground_amsl_m,
+            -500.0,
+            9000.0,
+            "m, -500 to 9000",
+        )?;
+        weather(&self.weather)?;
+        if self.sources.is_empty() {
+            return Err(Refusal::new("source", "none", "at least one [[source]]"));
+        }
+        for (k, source) in self.sources.iter().enumerate() {
+            check_source(k, source)?;
+        }
+        positive("plume.sigma_y_scale", self.plume.sigma_y_scale)?;
+        positive("plume.sigma_z_scale", self.plume.sigma_z_scale)?;
+        within(
+            "background.co2_ppm",
+            self.background.co2_ppm,
+            0.0,
+            1e5,
+            "ppm, 0 to 100000",
+        )?;
+        self.check_sensor()?;
+        uncertain::check(&self.uncertain)?;
+        vehicles(&self.vehicles)?;
+        fence(&self.fence)?;
+        self.check_search()?;
+        self.check_world()
+    }
+
+    fn check_sensor(&self) -> Checked {
+        let sensor = &self.sensor;
+        not_negative("sensor.time_constant_s", sensor.time_constant_s)?;
+        not_negative("sensor.noise_sd_ppm", sensor.noise_sd_ppm)?;
+        not_negative("sensor.resolution_ppm", sensor.resolution_ppm)?;
+        positive("sensor.gain", sensor.gain)?;
+        within(
+            "sensor.offset_ppm",
+            sensor.offset_ppm,
+            -1e4,
+            1e4,
+            "ppm, -10000 to 10000",
+        )?;
+        within(
+            "sensor.drift_ppm_per_h",
+            sensor.drift_ppm_per_h,
+            -1e4,
+            1e4,
+            "ppm/h, -10000 to 10000",
+        )
+    }
+
+    fn check_search(&self) -> Checked {
+        let search = &self.search;
+        if !(4..=10_000).contains(&search.population) {
+            return Err(Refusal::new(
+                "search.population",
+                search.population,
+                "4 to 10000",
+            ));
+        }
+        within(
+            "search.differential_weight",
+            search.differential_weight,
+            0.0,
+            2.0,
+            "0 to 2",
+        )?;
+        within("search.crossover", search.crossover, 0.0, 1.0, "0 to 1")?;
+        within(
+            "search.cone_deg",
+            search.cone_deg,
+            1.0,
+            180.0,
+            "degrees, 1 to 180",
+        )?;
+        within(
+            "search.step_s",
+            search.step_s,
+            0.1,
+            3600.0,
+            "s, 0.1 to 3600",
+        )?;
+        within(
+            "search.airspeed_m_s",
+            search.airspeed_m_s,
+            5.0,
+            60.0,
+            "m/s, 5 to 60",
+        )
+    }
+}
+
+fn mission(mission: &Mission) -> Checked {
+    let name = &mission.name;
+    let fits = (1..=32).contains(&name.len())
+        && name
+            .bytes()
+            .all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_');
+    if !fits {
+        return Err(Refusal::new(
+            "mission.name",
+            name,
+            "1 to 32 of letters, digits, '-' and '_'",
+        ));
+    }
+    within(
+        "mission.duration_s",
+        mission.duration_s,
+        1.0,
+        1e6,
+        "s, 1 to 1000000",
+    )?;
+    within(
+        "mission.tick_s",
+        mission.tick_s,
+        0.001,
+        0.1,
+        "s, 0.001 to 0.1",
+    )
+}
+
+fn weather(weather: &Weather) -> Checked {
+    within(
+        "weather.wind_speed_m_s",
+        weather.wind_speed_m_s,
+        0.0,
+        60.0,
+        "m/s, 0 to 60",
+    )?;
+    within(
+        "weather.wind_height_agl_m",
+        weather.wind_height_agl_m,
+        0.1,
+        5000.0,
+        "m, 0.1 to 5000",
+    )?;
+    within(
+        "weather.wind_from_deg",
+        weather.wind_from_deg,
+        -360.0,
+        720.0,
+        "degrees, 0 to 360",
+    )?;
+    within(
+        "weather.wind_exponent",
+        weather.wind_exponent,
+        0.0,
+        1.0,
+        "0 to 1",
+    )?;
+    within(
+        "weather.temperature_c",
+        weather.temperature_c,
+        -60.0,
+        60.0,
+        "degrees Celsius, -60 to 60",
+    )?;
+    if let Some(p) = weather.pressure_hpa {
+        within("weather.pressure_hpa", p, 300.0, 1100.0, "hPa, 300 to 1100")?;
+    }
+    if let Some(h) = weather.mixing_height_m {
+        within(
+            "weather.mixing_height_m",
+            h,
+            10.0,
+            10_000.0,
+            "m above ground, 10 to 10000",
+        )?;
+    }
+    within(
+        "weather.turbulence_intensity",
+        weather.turbulence_intensity,
+        0.0,
+        1.0,
+        "0 to 1",
+    )
+}
+
+fn check_source(k: usize, source: &Source) -> Checked {
+    let key = |name: &str| format!("source.{k}.{name}");
+    within(
+        key("lat_deg"),
+        source.lat_deg,
+        -89.0,
+        89.0,
+        "degrees, -89 to 89",
+    )?;
+    within(
+        key("lon_deg"),
+        source.lon_deg,
+        -180.0,
+        180.0,
+        "degrees, -180 to 180",
+    )?;
+    within(
+        key("stack_height_m"),
+        source.stack_height_m,
+        0.0,
+        1000.0,
+        "m above ground, 0 to 1000",
+    )?;
+    within(
+        key("effective_height_m"),
+        source.axis_height_agl_m(),
+        0.0,
+        5000.0,
+        "m above ground, 0 to 5000",
+    )?;
+    match (
+        source.emission_kg_s,
+        source.c_max_ppm,
+        source.c_max_distance_m,
+    ) {
+        (Some(q), None, None) => within(key("emission_kg_s"), q, 0.0, 1e6, "kg/s, 0 to 1000000"),
+        (None, Some(c), Some(d)) => {
+            within(
+                key("c_max_ppm"),
+                c,
+                0.0,
+                1e6,
+                "ppm above background, 0 to 1000000",
+            )?;
+            within(key("c_max_distance_m"), d, 1.0, 1e5, "m, 1 to 100000")
+        }
+        (q, c, d) => {
+            let named = [
+                (q, "emission_kg_s"),
+                (c, "c_max_ppm"),
+                (d, "c_max_distance_m"),
+            ];
+            let found: Vec<&str> = named
+                .iter()
+                .filter(|n| n.0.is_some())
+                .map(|n| n.1)
+                .collect();
+            let found = if found.is_empty() {
+                "no strength".to_owned()
+            } else {
+                found.join(" with ")
+            };
+            Err(Refusal::new(
+                format!("source.{k}"),
+                found,
+                "either emission_kg_s, or c_max_ppm with c_max_distance_m",
+            ))
+        }
+    }
+}
+
+fn vehicles(vehicles: &[Vehicle]) -> Checked {
+    let mut seen = BTreeSet::new();
+    if vehicles.is_empty() {
+        return Err(Refusal::new("vehicle", "none", "at least one [[vehicle]]"));
+    }
+    for (k, vehicle) in vehicles.iter().enumerate() {
+        let id = &vehicle.id;
+        let fits = (1..=32).contains(&id.len())
+            && id
+                .bytes()
+                .all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_');
+        if !fits {
+            return Err(Refusal::new(
+                format!("vehicle.{k}.id"),
+                id,
+                "1 to 32 of letters, digits, '-' and '_'",
+            ));
+        }
+        if !seen.insert(id) {
+            return Err(Refusal::new(
+                format!("vehicle.{k}.id"),
+                id,
+                "an id that no other vehicle has",
+            ));
+        }
+        if vehicle.kind == VehicleKind::Mavlink && vehicle.link.is_none() {
+            return Err(Refusal::new(
+                format!("vehicle.{k}"),
+                "a mavlink vehicle without link",
+                "link = \"udpin:0.0.0.0:14550\" or the like",
+            ));
+        }
+        if let Some(home) = vehicle.home {
+            within(
+                format!("vehicle.{k}.home.lat_deg"),
+                home.lat_deg,
+                -89.0,
+                89.0,
+                "degrees, -89 to 89",
+            )?;
+            within(
+                format!("vehicle.{k}.home.lon_deg"),
+                home.lon_deg,
+                -180.0,
+                180.0,
+                "degrees, -180 to 180",
+            )?;
+        }
+    }
+    Ok(())
+}
+
+fn fence(fence: &Fence) -> Checked {
+    if matches!(fence.polygon.len(), 1 | 2) {
+        return Err(Refusal::new(
+            "fence.polygon",
+            fence.polygon.len(),
+            "three corners or more, or none",
+        ));
+    }
+    for (k, [lat, lon]) in fence.polygon.iter().enumerate() {
+        within(
+            format!("fence.polygon.{k}"),
+            *lat,
+            -89.0,
+            89.0,
+            "[lat_deg, lon_deg]",
+        )?;
+        within(
+            format!("fence.polygon.{k}"),
+            *lon,
+            -180.0,
+            180.0,
+            "[lat_deg, lon_deg]",
+        )?;
+    }
+    within(
+        "fence.floor_agl_m",
+        fence.floor_agl_m,
+        0.0,
+        5000.0,
+        "m above ground, 0 to 5000",
+    )?;
+    within(
+        "fence.ceiling_agl_m",
+        fence.ceiling_agl_m,
+        fence.floor_agl_m + 50.0,
+        10_000.0,
+        "m above ground, at least 50 m above the floor, to 10000",
+    )?;
+    not_negative("fence.keep_out_radius_m", fence.keep_out_radius_m)?;
+    not_negative("fence.separation_m", fence.separation_m)?;
+    not_negative("fence.separation_height_m", fence.separation_height_m)
+}
+
+pub(crate) fn within(
+    key: impl Into<String>,
+    value: f64,
+    low: f64,
+    high: f64,
+    expected: &str,
+) -> Checked {
+    if value.is_finite() && value >= low && value <= high {
+        Ok(())
+    } else {
+        Err(Refusal::new(key, value, expected))
+    }
+}
+
+fn positive(key: &str, value: f64) -> Checked {
+    within(key, value, f64::MIN_POSITIVE, 1e6, "a positive number")
+}
+
+fn not_negative(key: &str, value: f64) -> Checked {
+    within(key, value, 0.0, 1e9, "zero or more")
+}
+
+pub(crate) fn syntax(file: &str, text: &str, error: &toml::de::Error) -> ScenarioError {
+    let (line, column) = line_and_column(text, error.span().map_or(0, |s| s.start));
+    ScenarioError::Syntax {
+        file: file.to_owned(),
+        line,
+        column,
+        why: error.message().trim().replace('\n', "; "),
+    }
+}
+
+fn place(file: &str, text: &str, refusal: Refusal) -> ScenarioError {
+    let offset = offset_of(text, &refusal.key);
+    let (line, column) = offset.map_or((0, 0), |at| line_and_column(text, at));
+    ScenarioError::Value {
+        file: file.to_owned(),
+        line,
+        column,
+        key: refusal.key,
+        found: refusal.found,
+        expected: refusal.expected,
+    }
+}
+
+/// Byte offset of the value at a dotted key (numbers are places in arrays), or of the nearest
+/// table above it; a key is looked for under `[reality]` too when it is there.
+fn offset_of(text: &str, key: &str) -> Option<usize> {
+    let document = DeTable::parse(text).ok()?;
+    let steps: Vec<&str> = if key.starts_with("uncertain.") {
+        key.splitn(2, '.').collect()
+    } else {
+        key.split('.').collect()
+    };
+    let deepest = |table: &DeTable<'_>| walk(table, &steps);
+    let own = deepest(document.get_ref());
+    let below_reality = document
+        .get_ref()
+        .get("reality")
+        .and_then(|r| r.get_ref().as_table())
+        .and_then(deepest);
+    match (own, below_reality) {
+        (Some((_, depth)), Some((at, reality_depth))) if reality_depth >= depth => Some(at),
+        (Some((at, _)), _) | (None, Some((at, _))) => Some(at),
+        (None, None) => None,
+    }
+}
+
+fn walk(table: &DeTable<'_>, steps: &[&str]) -> Option<(usize, usize)> {
+    let (first, rest) = steps.split_first()?;
+    let entry = table.get(*first)?;
+    let mut here = (entry.span().start, 1);
+    let mut value = entry.get_ref();
+    for step in rest {
+        let next = match value {
+            DeValue::Table(t) => t.get(*step),
+            DeValue::Array(a) => step.parse::<usize>().ok().and_then(|k| a.get(k)),
+            _ => None,
+        };
+        let Some(next) = next else { break };
+        here = (next.span().start, here.1 + 1);
+        value = next.get_ref();
+    }
+    Some(here)
+}

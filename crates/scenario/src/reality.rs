@@ -1,0 +1,86 @@
+//! The stand-ins' own world: `[reality]` holds the scenario's own tables with only the keys that
+//! differ. The n-th `[[reality.source]]` changes the n-th `[[source]]`.
+
+use crate::check::Refusal;
+use crate::tables::Scenario;
+use toml::{Table, Value};
+
+/// Tables that a reality may change.
+const OF_THE_WORLD: [&str; 6] = [
+    "weather",
+    "source",
+    "plume",
+    "background",
+    "sensor",
+    "mechanism",
+];
+
+impl Scenario {
+    /// The scenario as the stand-ins' reality has it; the scenario itself where it names none.
+    pub(crate) fn reality_scenario(&self) -> Result<Scenario, Refusal> {
+        let Some(differences) = &self.reality else {
+            return Ok(self.clone());
+        };
+        for name in differences.keys() {
+            if !OF_THE_WORLD.contains(&name.as_str()) {
+                return Err(Refusal::new(
+                    format!("reality.{name}"),
+                    "a table that a reality does not have",
+                    OF_THE_WORLD.join(", "),
+                ));
+            }
+        }
+        let base = Scenario {
+            reality: None,
+            ..self.clone()
+        };
+        let refuse = |e: String| Refusal::new("reality", e, "the scenario's own tables and keys");
+        let mut merged = Table::try_from(&base).map_err(|e| refuse(e.to_string()))?;
+        merge_table(&mut merged, differences);
+        merged
+            .try_into()
+            .map_err(|e: toml::de::Error| refuse(e.message().to_owned()))
+    }
+
+    /// The world that stand-ins fly in, as a scenario of its own: this one where `[reality]` says
+    /// nothing else.
+    pub fn in_reality(&self) -> Scenario {
+        // Parsing has tried this merge already.
+        self.reality_scenario().unwrap_or_else(|_| self.clone())
+    }
+}
+
+fn merge_table(base: &mut Table, differences: &Table) {
+    for (key, new) in differences {
+        match (base.get_mut(key), new) {
+            (Some(Value::Table(old)), Value::Table(new)) => {
+                forget_other_strength(old, new);
+                merge_table(old, new);
+            }
+            (Some(Value::Array(old)), Value::Array(new)) if key == "source" => {
+                for (k, item) in new.iter().enumerate() {
+                    match (old.get_mut(k), item) {
+                        (Some(Value::Table(old)), Value::Table(new)) => {
+                            forget_other_strength(old, new);
+                            merge_table(old, new);
+                        }
+                        _ => old.push(item.clone()),
+                    }
+                }
+            }
+            _ => {
+                base.insert(key.clone(), new.clone());
+            }
+        }
+    }
+}
+
+/// A source given by its emission in one world may be given by its maximum in the other.
+fn forget_other_strength(old: &mut Table, new: &Table) {
+    if new.contains_key("emission_kg_s") {
+        old.remove("c_max_ppm");
+        old.remove("c_max_distance_m");
+    } else if new.contains_key("c_max_ppm") {
+        old.remove("emission_kg_s");
+    }
+}

@@ -1,0 +1,418 @@
+//! The tables of a scenario.
+
+use plume::Gas;
+use plume::sigma::Setting;
+use plume::stability::Stability;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A whole scenario. Every key but those of `[site]` and the first `[[source]]` may be left out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// Name, seed, length.
+    #[serde(default)]
+    pub mission: Mission,
+    /// Where it is.
+    pub site: Site,
+    /// The air.
+    #[serde(default)]
+    pub weather: Weather,
+    /// What emits; at least one.
+    #[serde(rename = "source")]
+    pub sources: Vec<Source>,
+    /// How the plume spreads beyond its stability class.
+    #[serde(default)]
+    pub plume: Plume,
+    /// The air without the sources.
+    #[serde(default)]
+    pub background: Background,
+    /// The gas sensor of the vehicles.
+    #[serde(default)]
+    pub sensor: Sensor,
+    /// Extensions of world, sensor or aircraft.
+    #[serde(default, rename = "mechanism", skip_serializing_if = "Vec::is_empty")]
+    pub mechanisms: Vec<Mechanism>,
+    /// One-sigma priors by dotted key.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub uncertain: BTreeMap<String, f64>,
+    /// The team; five simulated and one stand-in where left out.
+    #[serde(default = "default_team", rename = "vehicle")]
+    pub vehicles: Vec<Vehicle>,
+    /// Where vehicles may fly.
+    #[serde(default)]
+    pub fence: Fence,
+    /// How the team searches.
+    #[serde(default)]
+    pub search: Search,
+    /// The stand-ins' own world: the same tables, only the keys that differ.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reality: Option<toml::Table>,
+}
+
+/// `[mission]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Mission {
+    /// Name, part of every key on the bus: letters, digits, `-` and `_`.
+    pub name: String,
+    /// Seed of every random number of the run.
+    pub seed: u64,
+    /// Length of the mission, s of simulated time.
+    pub duration_s: f64,
+    /// Length of a tick, s.
+    pub tick_s: f64,
+}
+
+impl Default for Mission {
+    fn default() -> Self {
+        Self {
+            name: "mission".to_owned(),
+            seed: 1,
+            duration_s: 1800.0,
+            tick_s: 0.02,
+        }
+    }
+}
+
+/// `[site]`: origin of the local east-north-up plane.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Site {
+    /// Latitude of the origin, degrees (WGS84).
+    pub lat_deg: f64,
+    /// Longitude of the origin, degrees (WGS84).
+    pub lon_deg: f64,
+    /// Height of the ground at the origin, m above mean sea level.
+    pub ground_amsl_m: f64,
+    /// SRTM tile (`N43W008.hgt`) for the ground elsewhere; flat where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub terrain: Option<String>,
+}
+
+/// Where the world's wind comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum WindFollows {
+    /// The scenario's own wind, constant or its series.
+    Scenario,
+    /// What real vehicles report.
+    Reported,
+}
+
+/// `[weather]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Weather {
+    /// Wind speed at `wind_height_agl_m`, m/s.
+    pub wind_speed_m_s: f64,
+    /// Height of the wind speed above ground, m.
+    pub wind_height_agl_m: f64,
+    /// Direction from which the wind blows, degrees.
+    pub wind_from_deg: f64,
+    /// Exponent of the power law of wind with height.
+    pub wind_exponent: f64,
+    /// Pasquill stability class.
+    pub stability: Stability,
+    /// Rural or urban spread.
+    pub setting: Setting,
+    /// Air temperature at the ground, °C.
+    pub temperature_c: f64,
+    /// Static pressure at the ground, hPa; the standard atmosphere's where left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pressure_hpa: Option<f64>,
+    /// Height of the mixing lid above ground, m; no lid where left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mixing_height_m: Option<f64>,
+    /// Strength of the gusts: standard deviation of the vertical gust over the wind at 20 ft,
+    /// 0.1 is that of MIL-F-8785C.
+    pub turbulence_intensity: f64,
+    /// CSV with `time_s, wind_speed_m_s, wind_from_deg` at `wind_height_agl_m`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub series: Option<String>,
+    /// Whether the world's wind is the scenario's or what real vehicles report.
+    pub follow: WindFollows,
+}
+
+impl Default for Weather {
+    fn default() -> Self {
+        Self {
+            wind_speed_m_s: 5.0,
+            wind_height_agl_m: 10.0,
+            wind_from_deg: 270.0,
+            wind_exponent: 0.15,
+            stability: Stability::D,
+            setting: Setting::Rural,
+            temperature_c: 15.0,
+            pressure_hpa: None,
+            mixing_height_m: None,
+            turbulence_intensity: 0.1,
+            series: None,
+            follow: WindFollows::Scenario,
+        }
+    }
+}
+
+/// `[[source]]`: either `emission_kg_s`, or `c_max_ppm` with `c_max_distance_m`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Source {
+    /// Name.
+    #[serde(default = "default_source_name")]
+    pub name: String,
+    /// Gas.
+    #[serde(default = "default_gas")]
+    pub gas: Gas,
+    /// Latitude of the stack, degrees (WGS84).
+    pub lat_deg: f64,
+    /// Longitude of the stack, degrees (WGS84).
+    pub lon_deg: f64,
+    /// Height of the stack above ground, m.
+    #[serde(default)]
+    pub stack_height_m: f64,
+    /// Height of the plume's axis above ground, m; the stack's where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub effective_height_m: Option<f64>,
+    /// Emission of the gas, kg/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emission_kg_s: Option<f64>,
+    /// Concentration above background on the axis at `c_max_distance_m`, ppm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub c_max_ppm: Option<f64>,
+    /// Distance downwind at which `c_max_ppm` holds, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub c_max_distance_m: Option<f64>,
+}
+
+impl Source {
+    /// Height of the plume's axis above ground, m.
+    pub fn axis_height_agl_m(&self) -> f64 {
+        self.effective_height_m.unwrap_or(self.stack_height_m)
+    }
+}
+
+fn default_source_name() -> String {
+    "stack".to_owned()
+}
+
+fn default_gas() -> Gas {
+    Gas::Co2
+}
+
+/// `[plume]`: how the plume spreads beyond its stability class.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Plume {
+    /// Factor on the class's lateral spread.
+    pub sigma_y_scale: f64,
+    /// Factor on the class's vertical spread.
+    pub sigma_z_scale: f64,
+    /// Whether the ground reflects the plume.
+    pub ground_reflection: bool,
+}
+
+impl Default for Plume {
+    fn default() -> Self {
+        Self {
+            sigma_y_scale: 1.0,
+            sigma_z_scale: 1.0,
+            ground_reflection: false,
+        }
+    }
+}
+
+/// `[background]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Background {
+    /// CO2 of the air without the sources, ppm.
+    pub co2_ppm: f64,
+}
+
+impl Default for Background {
+    fn default() -> Self {
+        Self { co2_ppm: 420.0 }
+    }
+}
+
+/// `[sensor]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Sensor {
+    /// Time constant of the first-order lag, s.
+    pub time_constant_s: f64,
+    /// Standard deviation of white noise on a reading, ppm.
+    pub noise_sd_ppm: f64,
+    /// Added to every reading, ppm.
+    pub offset_ppm: f64,
+    /// Factor on the true value.
+    pub gain: f64,
+    /// Change of the offset with time, ppm/h.
+    pub drift_ppm_per_h: f64,
+    /// Step of the reading, ppm; 0 for none.
+    pub resolution_ppm: f64,
+}
+
+impl Default for Sensor {
+    fn default() -> Self {
+        Self {
+            time_constant_s: 0.0,
+            noise_sd_ppm: 3.0,
+            offset_ppm: 0.0,
+            gain: 1.0,
+            drift_ppm_per_h: 0.0,
+            resolution_ppm: 0.0,
+        }
+    }
+}
+
+/// `[[mechanism]]`: an extension by its id and parameters.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Mechanism {
+    /// Id of the catalogue.
+    pub id: String,
+    /// Platforms or vehicles to which it applies; all where left out.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub platforms: Vec<String>,
+    /// Parameters by name.
+    #[serde(flatten)]
+    pub parameters: BTreeMap<String, toml::Value>,
+}
+
+/// What a vehicle is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum VehicleKind {
+    /// Flown by Plumage's flight dynamics in the world simulator's world.
+    Simulated,
+    /// Stands in for a real one: own flight model, own reality, nothing but MAVLink.
+    StandIn,
+    /// A real aircraft or another simulator behind a MAVLink link.
+    Mavlink,
+}
+
+/// `[[vehicle]]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Vehicle {
+    /// Name, part of its keys on the bus.
+    pub id: String,
+    /// File of the aircraft, relative to the scenario's.
+    #[serde(default = "default_aircraft")]
+    pub aircraft: String,
+    /// What it is.
+    #[serde(default = "default_kind")]
+    pub kind: VehicleKind,
+    /// Take-off and landing point; beside the others upwind of the site where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub home: Option<Home>,
+    /// MAVLink address of a `mavlink` vehicle, such as `udpin:0.0.0.0:14550`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub link: Option<String>,
+    /// `HOST:PORT` of a FlightGear that shall show this vehicle.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flightgear: Option<String>,
+}
+
+fn default_aircraft() -> String {
+    BUILT_IN_AIRCRAFT.to_owned()
+}
+
+/// The aircraft of a vehicle that names none.
+pub const BUILT_IN_AIRCRAFT: &str = "aircraft/x8.toml";
+
+fn default_kind() -> VehicleKind {
+    VehicleKind::Simulated
+}
+
+fn default_team() -> Vec<Vehicle> {
+    (1..=6)
+        .map(|k| Vehicle {
+            id: k.to_string(),
+            aircraft: default_aircraft(),
+            kind: if k == 6 {
+                VehicleKind::StandIn
+            } else {
+                VehicleKind::Simulated
+            },
+            home: None,
+            link: None,
+            flightgear: None,
+        })
+        .collect()
+}
+
+/// A take-off and landing point.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Home {
+    /// Latitude, degrees (WGS84).
+    pub lat_deg: f64,
+    /// Longitude, degrees (WGS84).
+    pub lon_deg: f64,
+}
+
+/// `[fence]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Fence {
+    /// Corners as `[lat_deg, lon_deg]`; a square of ±5 km around the site where empty.
+    pub polygon: Vec<[f64; 2]>,
+    /// Lowest height of a setpoint above the site's ground, m.
+    pub floor_agl_m: f64,
+    /// Highest height of a setpoint above the site's ground, m.
+    pub ceiling_agl_m: f64,
+    /// Radius around every stack that no leg may enter, m.
+    pub keep_out_radius_m: f64,
+    /// Vehicles keep this distance from each other, m, or else …
+    pub separation_m: f64,
+    /// … this difference in height, m.
+    pub separation_height_m: f64,
+}
+
+impl Default for Fence {
+    fn default() -> Self {
+        Self {
+            polygon: Vec::new(),
+            floor_agl_m: 120.0,
+            ceiling_agl_m: 900.0,
+            keep_out_radius_m: 500.0,
+            separation_m: 150.0,
+            separation_height_m: 30.0,
+        }
+    }
+}
+
+/// `[search]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Search {
+    /// Name of the strategy.
+    pub strategy: String,
+    /// Promising points in a population.
+    pub population: usize,
+    /// Differential weight F.
+    pub differential_weight: f64,
+    /// Crossover rate CR.
+    pub crossover: f64,
+    /// A vehicle takes a promising point within this angle of its heading, degrees.
+    pub cone_deg: f64,
+    /// Time between two populations, s.
+    pub step_s: f64,
+    /// Airspeed of the team, m/s.
+    pub airspeed_m_s: f64,
+}
+
+impl Default for Search {
+    fn default() -> Self {
+        Self {
+            strategy: "cs-ea".to_owned(),
+            population: 100,
+            differential_weight: 0.9,
+            crossover: 0.1,
+            cone_deg: 45.0,
+            step_s: 10.0,
+            airspeed_m_s: 18.0,
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! The world that a scenario describes: its frame, air, wind and plume model.
+
+use crate::check::Refusal;
+use crate::tables::{Home, Mechanism, Scenario, Source};
+use air::geo::{Enu, Geodetic, LocalFrame};
+use air::isa::Atmosphere;
+use air::wind::WindProfile;
+use plume::{PlumeError, SensorSpec, SourceSpec, Strength, World, WorldSpec};
+
+/// Homes that a scenario does not give lie in a row this far upwind of the site, m …
+const HOME_UPWIND_M: f64 = 600.0;
+/// … beyond the keep-out, and this far from each other, m.
+const HOME_SPACING_M: f64 = 60.0;
+/// Half side of the square fence of a scenario that gives none, m.
+const DEFAULT_FENCE_M: f64 = 5000.0;
+
+/// Why a checked scenario still describes no world.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum WorldError {
+    /// The air.
+    #[error(transparent)]
+    Air(#[from] air::AirError),
+    /// The plume, its sensor or a mechanism.
+    #[error("{0}")]
+    Plume(String),
+}
+
+impl From<PlumeError> for WorldError {
+    fn from(error: PlumeError) -> Self {
+        Self::Plume(error.to_string())
+    }
+}
+
+impl Scenario {
+    /// The local frame around the site's origin.
+    ///
+    /// # Errors
+    /// A site outside the frame's validity.
+    pub fn frame(&self) -> Result<LocalFrame, WorldError> {
+        Ok(LocalFrame::new(
+            self.site.lat_deg,
+            self.site.lon_deg,
+            self.site.ground_amsl_m,
+        )?)
+    }
+
+    /// Temperature and pressure with height, through those at the site's ground.
+    ///
+    /// # Errors
+    /// Values outside the model's validity.
+    pub fn atmosphere(&self) -> Result<Atmosphere, WorldError> {
+        let ground = self.site.ground_amsl_m;
+        let standard_hpa = Atmosphere::standard().at(ground).pressure_pa / 100.0;
+        let pressure_hpa = self.weather.pressure_hpa.unwrap_or(standard_hpa);
+        Ok(Atmosphere::through(
+            ground,
+            self.weather.temperature_c,
+            pressure_hpa,
+        )?)
+    }
+
+    /// Mean wind with height.
+    ///
+    /// # Errors
+    /// Values outside the model's validity.
+    pub fn wind_profile(&self) -> Result<WindProfile, WorldError> {
+        let w = &self.weather;
+        Ok(WindProfile::new(
+            w.wind_speed_m_s,
+            w.wind_height_agl_m,
+            w.wind_from_deg,
+            w.wind_exponent,
+        )?)
+    }
+
+    /// Everything the plume model needs.
+    ///
+    /// # Errors
+    /// Values outside the models' validity, or a mechanism that is not in the catalogue.
+    pub fn world_spec(&self) -> Result<WorldSpec, WorldError> {
+        let frame = self.frame()?;
+        Ok(WorldSpec {
+            ground_amsl_m: self.site.ground_amsl_m,
+            atmosphere: self.atmosphere()?,
+            wind: self.wind_profile()?,
+            stability: self.weather.stability,
+            setting: self.weather.setting,
+            ground_reflection: self.plume.ground_reflection,
+            mixing_height_m: self.weather.mixing_height_m,
+            background_ppm: self.background.co2_ppm,
+            sources: self
+                .sources
+                .iter()
+                .map(|s| source_spec(&frame, s))
+                .collect(),
+            sigma_y_scale: self.plume.sigma_y_scale,
+            sigma_z_scale: self.plume.sigma_z_scale,
+            mechanisms: self.plume_mechanisms()?,
+            sensor: self.sensor_spec(),
+        })
+    }
+
+    /// The plume model ready for evaluation.
+    ///
+    /// # Errors
+    /// As [`Scenario::world_spec`].
+    pub fn world(&self) -> Result<World, WorldError> {
+        Ok(World::new(self.world_spec()?)?)
+    }
+
+    fn sensor_spec(&self) -> SensorSpec {
+        let s = &self.sensor;
+        SensorSpec {
+            time_constant_s: s.time_constant_s,
+            noise_sd_ppm: s.noise_sd_ppm,
+            offset_ppm: s.offset_ppm,
+            gain: s.gain,
+            drift_ppm_per_h: s.drift_ppm_per_h,
+            resolution_ppm: s.resolution_ppm,
+            saturation_ppm: None,
+        }
+    }
+
+    /// The scenario's extensions of world and sensor.
+    ///
+    /// # Errors
+    /// A parameter that a mechanism does not have.
+    pub fn plume_mechanisms(&self) -> Result<Vec<plume::Mechanism>, WorldError> {
+        self.mechanisms
+            .iter()
+            .filter(|m| plume::MechanismId::from_name(&m.id).is_some())
+            .map(|m| {
+                let parameters = m.numbers()?;
+                let named: Vec<(&str, f64)> =
+                    parameters.iter().map(|(n, v)| (n.as_str(), *v)).collect();
+                Ok(plume::Mechanism::new(&m.id, &named)?.for_platforms(&m.platforms))
+            })
+            .collect()
+    }
+
+    /// Take-off and landing point of the vehicle at `index` of the team.
+    ///
+    /// # Errors
+    /// As [`Scenario::frame`].
+    pub fn home(&self, index: usize) -> Result<Home, WorldError> {
+        if let Some(home) = self.vehicles.get(index).and_then(|v| v.home) {
+            return Ok(home);
+        }
+        let frame = self.frame()?;
+        let upwind_deg = self.weather.wind_from_deg;
+        let abeam_m = (index as f64 - (self.vehicles.len() as f64 - 1.0) / 2.0) * HOME_SPACING_M;
+        let at = Enu::default()
+            .displaced(upwind_deg, self.fence.keep_out_radius_m + HOME_UPWIND_M)
+            .displaced(upwind_deg + 90.0, abeam_m);
+        let Geodetic { lat_deg, lon_deg } = frame.to_geodetic(at);
+        Ok(Home { lat_deg, lon_deg })
+    }
+
+    /// Corners of the fence in the local frame.
+    ///
+    /// # Errors
+    /// As [`Scenario::frame`].
+    pub fn fence_polygon(&self) -> Result<Vec<Enu>, WorldError> {
+        let frame = self.frame()?;
+        if self.fence.polygon.is_empty() {
+            let d = DEFAULT_FENCE_M;
+            let corner = |(east_m, north_m)| Enu { east_m, north_m };
+            return Ok([(-d, -d), (d, -d), (d, d), (-d, d)].map(corner).to_vec());
+        }
+        let corner = |&[lat_deg, lon_deg]: &[f64; 2]| frame.to_enu(Geodetic { lat_deg, lon_deg });
+        Ok(self.fence.polygon.iter().map(corner).collect())
+    }
+
+    /// What only the models themselves can check; part of parsing.
+    pub(crate) fn check_world(&self) -> Result<(), Refusal> {
+        for (k, mechanism) in self.mechanisms.iter().enumerate() {
+            let refuse = |e: String| Refusal::new(format!("mechanism.{k}"), &mechanism.id, e);
+            mechanism.numbers().map_err(|e| refuse(e.to_string()))?;
+        }
+        let refuse = |e: WorldError| Refusal::new("mechanism", "the world", e.to_string());
+        let spec = self.world_spec().map_err(refuse)?;
+        World::new(spec).map_err(|e| refuse(e.into()))?;
+        Ok(())
+    }
+}
+
+impl Mechanism {
+    /// Its parameters as numbers.
+    ///
+    /// # Errors
+    /// A parameter that is not a number.
+    pub fn numbers(&self) -> Result<Vec<(String, f64)>, WorldError> {
+        self.parameters
+            .iter()
+            .map(|(name, value)| {
+                let number = value
+                    .as_float()
+                    .or_else(|| value.as_integer().map(|i| i as f64));
+                number.map(|n| (name.clone(), n)).ok_or_else(|| {
+                    WorldError::Plume(format!(
+                        "mechanism {}: {name} = {value}; expected a number",
+                        self.id
+                    ))
+                })
+            })
+            .collect()
+    }
+}
+
+fn source_spec(frame: &LocalFrame, source: &Source) -> SourceSpec {
+    let strength = match (
+        source.emission_kg_s,
+        source.c_max_ppm,
+        source.c_max_distance_m,
+    ) {
+        (None, Some(excess_ppm), Some(distance_m)) => Strength::CMax {
+            excess_ppm,
+            distance_m,
+        },
+        (emission, _, _) => Strength::EmissionKgS(emission.unwrap_or_default()),
+    };
+    SourceSpec {
+        name: source.name.clone(),
+        gas: source.gas,
+        place: frame.to_enu(Geodetic {
+            lat_deg: source.lat_deg,
+            lon_deg: source.lon_deg,
+        }),
+        stack_height_m: source.stack_height_m,
+        effective_height_agl_m: source.axis_height_agl_m(),
+        strength,
+    }
+}

@@ -1,0 +1,216 @@
+//! Scenarios that users write: what is read, what is refused and where it points.
+
+use scenario::Scenario;
+use scenario::tables::VehicleKind;
+use scenario::uncertain::Uncertain;
+
+const AS_PONTES: &str = include_str!("../../../scenarios/as-pontes.toml");
+
+/// Nothing but what may not be left out.
+const LEAST: &str = "\
+[site]
+lat_deg = 43.4417
+lon_deg = -7.8631
+ground_amsl_m = 340.0
+
+[[source]]
+lat_deg = 43.4417
+lon_deg = -7.8631
+emission_kg_s = 352.0
+";
+
+fn refused(text: &str) -> String {
+    Scenario::parse("s.toml", text)
+        .expect_err("must be refused")
+        .to_string()
+}
+
+#[test]
+fn the_least_scenario_has_a_team_and_a_world() {
+    let s = Scenario::parse("s.toml", LEAST).unwrap();
+    assert_eq!(s.vehicles.len(), 6);
+    assert_eq!(
+        s.vehicles
+            .iter()
+            .filter(|v| v.kind == VehicleKind::StandIn)
+            .count(),
+        1
+    );
+    assert!(s.world().is_ok());
+    assert_eq!(s.in_reality().background, s.background);
+}
+
+#[test]
+fn as_pontes_has_the_numbers_of_the_power_plant() {
+    let s = Scenario::parse("as-pontes.toml", AS_PONTES).unwrap();
+    // The paper's flight: 859 ppm at 2.4 km with a background of 449 ppm, axis at 486 m.
+    let world = s.world().unwrap();
+    let (east, north) = 60f64.to_radians().sin_cos();
+    let at = plume::Place {
+        east_m: 2400.0 * east,
+        north_m: 2400.0 * north,
+        height_agl_m: 486.0,
+    };
+    assert!((world.mean_ppm(&at, 0.0) - 859.0).abs() < 0.5);
+    let air = s.atmosphere().unwrap().at(340.0 + 486.0);
+    assert!((air.pressure_pa / 100.0 - 920.0).abs() < 0.5, "{air:?}");
+    assert!((air.temperature_k - 288.15).abs() < 0.1);
+    assert_eq!(s.prior_sd(Uncertain::EffectiveHeight), Some(50.0));
+}
+
+#[test]
+fn reality_changes_only_what_it_names() {
+    let s = Scenario::parse("as-pontes.toml", AS_PONTES).unwrap();
+    let reality = s.in_reality();
+    assert_eq!(reality.weather.wind_from_deg, 252.0);
+    assert_eq!(reality.weather.stability, s.weather.stability);
+    assert_eq!(reality.sources[0].effective_height_m, Some(540.0));
+    assert_eq!(reality.sources[0].c_max_distance_m, Some(2400.0));
+    assert_eq!(reality.fence, s.fence);
+}
+
+#[test]
+fn reality_may_give_the_source_by_its_emission() {
+    let text = format!("{LEAST}\n[[reality.source]]\nc_max_ppm = 300\nc_max_distance_m = 2000\n");
+    let reality = Scenario::parse("s.toml", &text).unwrap().in_reality();
+    assert_eq!(reality.sources[0].emission_kg_s, None);
+    assert_eq!(reality.sources[0].c_max_ppm, Some(300.0));
+}
+
+#[test]
+fn the_resolved_scenario_reads_back_as_itself() {
+    for text in [LEAST, AS_PONTES] {
+        let s = Scenario::parse("s.toml", text).unwrap();
+        assert_eq!(Scenario::parse("again.toml", &s.to_toml()).unwrap(), s);
+    }
+}
+
+#[test]
+fn wrong_keys_and_types_point_at_their_line() {
+    let wrong = LEAST.replace("emission_kg_s", "emission_kgs");
+    let message = refused(&wrong);
+    assert!(message.starts_with("s.toml:9:1"), "{message}");
+    assert!(message.contains("emission_kgs"), "{message}");
+    assert!(refused("[site]\nlat_deg = \"north\"").starts_with("s.toml:2:11"));
+    assert!(refused("[site\n").starts_with("s.toml:1"));
+    assert!(refused("").contains("site"));
+}
+
+#[test]
+fn values_that_cannot_be_point_at_their_line_and_say_what_can() {
+    let cases = [
+        (
+            "[weather]\nwind_speed_m_s = -3",
+            "s.toml:12:18: weather.wind_speed_m_s = -3",
+            "0 to 60",
+        ),
+        (
+            "[weather]\nwind_speed_m_s = nan",
+            "weather.wind_speed_m_s = NaN",
+            "0 to 60",
+        ),
+        (
+            "[weather]\npressure_hpa = 92000",
+            "weather.pressure_hpa = 92000",
+            "hPa",
+        ),
+        (
+            "[plume]\nsigma_y_scale = -1.0",
+            "s.toml:12:17: plume.sigma_y_scale = -1",
+            "positive",
+        ),
+        (
+            "[sensor]\nnoise_sd_ppm = -2",
+            "sensor.noise_sd_ppm = -2",
+            "zero or more",
+        ),
+        (
+            "[mission]\ntick_s = 0",
+            "mission.tick_s = 0",
+            "0.001 to 0.1",
+        ),
+        ("[mission]\nname = \"a/b\"", "mission.name = a/b", "letters"),
+        (
+            "[uncertain]\n\"weather.wind\" = 3",
+            "uncertain.weather.wind",
+            "weather.wind_from_deg",
+        ),
+        (
+            "[uncertain]\n\"background.co2_ppm\" = 0",
+            "background.co2_ppm = 0",
+            "positive",
+        ),
+        (
+            "[fence]\npolygon = [[43.0, -7.0]]",
+            "fence.polygon = 1",
+            "three corners",
+        ),
+        (
+            "[[vehicle]]\nid = \"1\"\n[[vehicle]]\nid = \"1\"",
+            "vehicle.1.id = 1",
+            "no other",
+        ),
+        (
+            "[[vehicle]]\nid = \"1\"\nkind = \"mavlink\"",
+            "without link",
+            "udpin",
+        ),
+        (
+            "[[mechanism]]\nid = \"sensor-lag\"\nlag = 3",
+            "mechanism",
+            "time_constant_s",
+        ),
+        (
+            "[reality.weather]\nwind_speed_m_s = -1",
+            "s.toml:12:18: weather.wind_speed_m_s = -1",
+            "0 to 60",
+        ),
+        (
+            "[reality.fence]\nfloor_agl_m = 1",
+            "reality.fence",
+            "weather",
+        ),
+    ];
+    for (addition, place, right) in cases {
+        let message = refused(&format!("{LEAST}\n{addition}\n"));
+        assert!(message.contains(place), "{addition:?}: {message}");
+        assert!(message.contains(right), "{addition:?}: {message}");
+    }
+}
+
+#[test]
+fn a_source_needs_one_strength() {
+    let none = LEAST.replace("emission_kg_s = 352.0", "");
+    assert!(refused(&none).contains("either emission_kg_s, or c_max_ppm"));
+    let half = LEAST.replace("emission_kg_s = 352.0", "c_max_ppm = 400.0");
+    assert!(refused(&half).contains("c_max_distance_m"));
+}
+
+#[test]
+fn calm_wind_is_a_world() {
+    let s = Scenario::parse(
+        "s.toml",
+        &format!("{LEAST}\n[weather]\nwind_speed_m_s = 0\n"),
+    )
+    .unwrap();
+    let world = s.world().unwrap();
+    let at = plume::Place {
+        east_m: 1000.0,
+        north_m: 0.0,
+        height_agl_m: 0.0,
+    };
+    assert!(world.mean_ppm(&at, 0.0).is_finite());
+}
+
+proptest::proptest! {
+    #[test]
+    fn garbage_never_panics(text in ".{0,400}") {
+        let _ = Scenario::parse("s.toml", &text);
+    }
+
+    #[test]
+    fn a_cut_scenario_never_panics(keep in 0usize..4000) {
+        let keep = (0..=keep.min(AS_PONTES.len())).rev().find(|&k| AS_PONTES.is_char_boundary(k));
+        let _ = Scenario::parse("s.toml", &AS_PONTES[..keep.unwrap_or(0)]);
+    }
+}

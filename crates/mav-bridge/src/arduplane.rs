@@ -1,0 +1,55 @@
+//! What ArduPlane says with its numbers: flight modes and the parameters this bridge asks for.
+
+use crate::dialect::PlaneMode;
+
+/// Flight mode MANUAL.
+pub const MANUAL: u32 = PlaneMode::PLANE_MODE_MANUAL as u32;
+/// Flight mode CIRCLE, that of a short failsafe.
+pub const CIRCLE: u32 = PlaneMode::PLANE_MODE_CIRCLE as u32;
+/// Flight mode fly-by-wire A.
+pub const FBWA: u32 = PlaneMode::PLANE_MODE_FLY_BY_WIRE_A as u32;
+/// Flight mode AUTO: flies its mission, or its landing sequence.
+pub const AUTO: u32 = PlaneMode::PLANE_MODE_AUTO as u32;
+/// Flight mode RTL: returns home and circles.
+pub const RTL: u32 = PlaneMode::PLANE_MODE_RTL as u32;
+/// Flight mode LOITER.
+pub const LOITER: u32 = PlaneMode::PLANE_MODE_LOITER as u32;
+/// Flight mode TAKEOFF.
+pub const TAKEOFF: u32 = PlaneMode::PLANE_MODE_TAKEOFF as u32;
+/// Flight mode GUIDED: flies where the ground tells it.
+pub const GUIDED: u32 = PlaneMode::PLANE_MODE_GUIDED as u32;
+/// Flight mode INITIALISING: still starting up.
+pub const INITIALISING: u32 = PlaneMode::PLANE_MODE_INITIALIZING as u32;
+
+/// Parameter: failsafe on loss of the ground station's heartbeat (0 off).
+pub const FS_GCS_ENABL: &str = "FS_GCS_ENABL";
+/// Parameter: what the long failsafe does (0 goes on, 1 RTL).
+pub const FS_LONG_ACTN: &str = "FS_LONG_ACTN";
+/// Parameter: altitude above home to which mode TAKEOFF climbs, m.
+pub const TKOFF_ALT: &str = "TKOFF_ALT";
+
+/// A flight mode with its number, for people.
+pub fn mode_name(custom_mode: u32) -> String {
+    let name = match custom_mode {
+        MANUAL => "MANUAL",
+        CIRCLE => "CIRCLE",
+        2 => "STABILIZE",
+        3 => "TRAINING",
+        4 => "ACRO",
+        FBWA => "FBWA",
+        6 => "FBWB",
+        7 => "CRUISE",
+        8 => "AUTOTUNE",
+        AUTO => "AUTO",
+        RTL => "RTL",
+        LOITER => "LOITER",
+        TAKEOFF => "TAKEOFF",
+        14 => "AVOID_ADSB",
+        GUIDED => "GUIDED",
+        INITIALISING => "INITIALISING",
+        24 => "THERMAL",
+        26 => "AUTOLAND",
+        _ => return format!("mode {custom_mode}"),
+    };
+    format!("{name} ({custom_mode})")
+}

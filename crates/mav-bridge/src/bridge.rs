@@ -1,0 +1,403 @@
+//! The bridge itself: what comes in, what goes out, when.
+
+mod flying;
+mod hearing;
+
+use crate::arduplane::GUIDED;
+use crate::authority::{Authority, Phase};
+use crate::commands::{Command, CommandQueue};
+use crate::dialect::{HEARTBEAT_DATA, MavAutopilot, MavState, MavType};
+use crate::signing::{Signing, SigningConfig};
+use crate::telemetry::Telemetry;
+use crate::wire::{FrameDecoder, FrameEncoder, LinkStatistics};
+use crate::{BridgeError, event};
+use air::isa::Atmosphere;
+use mavlink::MessageData;
+use protocol::SimTime;
+use protocol::message::{
+    ControlLevel, EventMessage, Mode, PathKind, Reading, Setpoint, Severity, State,
+};
+
+/// Period of the ground station's heartbeat, ns: what a vehicle's failsafe listens for.
+const HEARTBEAT_NS: i64 = 1_000_000_000;
+
+/// How a bridge behaves. [`BridgeConfig::default`] suits a real ArduPlane.
+#[derive(Debug, Clone)]
+pub struct BridgeConfig {
+    /// Own system id, that of a ground station; the vehicle's failsafe listens for this one.
+    pub system_id: u8,
+    /// Own component id.
+    pub component_id: u8,
+    /// System id of the vehicle; none takes the first autopilot that is heard.
+    pub vehicle_system_id: Option<u8>,
+    /// The site's atmosphere, for true airspeed.
+    pub atmosphere: Atmosphere,
+    /// Whether the bridge may arm the motor at take-off. Off by default: a person does that.
+    pub may_arm: bool,
+    /// Rate of position, attitude and airspeed asked for, 1/s (1 to 50).
+    pub telemetry_hz: f64,
+    /// Silence after which the link counts as lost, s.
+    pub link_timeout_s: f64,
+    /// Time to wait for the answer to a command, s.
+    pub ack_timeout_s: f64,
+    /// How often a command is sent before it is given up.
+    pub attempts: u32,
+    /// Height above home at which GUIDED follows TAKEOFF if the vehicle does not tell its
+    /// TKOFF_ALT, m.
+    pub guided_above_home_m: f64,
+    /// Key shared with the vehicle: frames out are signed, unsigned ones in are refused.
+    pub signing: Option<SigningConfig>,
+}
+
+impl Default for BridgeConfig {
+    fn default() -> Self {
+        Self {
+            system_id: 255,
+            component_id: 190, // MAV_COMP_ID_MISSIONPLANNER: a ground station
+            vehicle_system_id: None,
+            atmosphere: Atmosphere::standard(),
+            may_arm: false,
+            telemetry_hz: 10.0,
+            link_timeout_s: 5.0,
+            ack_timeout_s: 1.0,
+            attempts: 5,
+            guided_above_home_m: 40.0,
+            signing: None,
+        }
+    }
+}
+
+impl BridgeConfig {
+    /// Checks the numbers.
+    ///
+    /// # Errors
+    /// [`BridgeError::OutOfRange`].
+    pub fn validated(self) -> Result<Self, BridgeError> {
+        let checks = [
+            ("telemetry_hz", self.telemetry_hz, 1.0, 50.0, "1 to 50"),
+            (
+                "link_timeout_s",
+                self.link_timeout_s,
+                1.5,
+                60.0,
+                "1.5 to 60 s",
+            ),
+            (
+                "ack_timeout_s",
+                self.ack_timeout_s,
+                0.05,
+                10.0,
+                "0.05 to 10 s",
+            ),
+            ("attempts", f64::from(self.attempts), 1.0, 100.0, "1 to 100"),
+            (
+                "guided_above_home_m",
+                self.guided_above_home_m,
+                10.0,
+                500.0,
+                "10 to 500 m",
+            ),
+        ];
+        for (what, value, low, high, expected) in checks {
+            if !(low..=high).contains(&value) {
+                return Err(BridgeError::OutOfRange {
+                    what,
+                    value,
+                    expected,
+                });
+            }
+        }
+        Ok(self)
+    }
+}
+
+/// What came of a call; empty it, or make a new one, for each call.
+#[derive(Debug, Clone, Default)]
+pub struct BridgeOutput {
+    /// Frames to send to the vehicle, in order.
+    pub frames_to_vehicle: Vec<Vec<u8>>,
+    /// Frames that came from the link and had a valid checksum, in order.
+    pub frames_from_vehicle: Vec<Vec<u8>>,
+    /// The vehicle's state, if a new position came; the last of several.
+    pub state: Option<State>,
+    /// What its sensor reads, if a new reading came; the last of several.
+    pub reading: Option<Reading>,
+    /// Who flies, if that or its reason changed.
+    pub mode: Option<Mode>,
+    /// What happened.
+    pub events: Vec<EventMessage>,
+}
+
+impl BridgeOutput {
+    /// Takes everything out, so that it can be used again.
+    pub fn clear(&mut self) {
+        self.frames_to_vehicle.clear();
+        self.frames_from_vehicle.clear();
+        self.events.clear();
+        (self.state, self.reading, self.mode) = (None, None, None);
+    }
+}
+
+/// Things said once.
+#[derive(Debug, Clone, Default)]
+struct Said {
+    deaf: bool,
+    silent_telemetry: bool,
+    battery: bool,
+    signature: bool,
+    waits_for_arming: bool,
+}
+
+/// A vehicle on the other side of a MAVLink link.
+#[derive(Debug, Clone)]
+pub struct Bridge {
+    config: BridgeConfig,
+    decoder: FrameDecoder,
+    encoder: FrameEncoder,
+    signing: Option<Signing>,
+    telemetry: Telemetry,
+    authority: Authority,
+    commands: CommandQueue,
+    vehicle: Option<u8>,
+    last_sequence: Option<u8>,
+    lost: LinkStatistics,
+    next_heartbeat: SimTime,
+    heard_at: Option<SimTime>,
+    connected_at: SimTime,
+    /// The setpoint followed, or to be followed after take-off.
+    target: Option<Setpoint>,
+    withheld: Option<Setpoint>,
+    speed_sent: Option<f32>,
+    /// When something refused or unanswered may be asked for again.
+    again_at: Option<SimTime>,
+    takeoff_altitude_m: Option<f64>,
+    mode_said: Option<Mode>,
+    said: Said,
+}
+
+impl Bridge {
+    /// A bridge by `config`, which hears and has said nothing yet.
+    ///
+    /// # Errors
+    /// [`BridgeError::OutOfRange`].
+    pub fn new(config: BridgeConfig) -> Result<Self, BridgeError> {
+        let config = config.validated()?;
+        Ok(Self {
+            decoder: FrameDecoder::new(),
+            encoder: FrameEncoder::new(config.system_id, config.component_id),
+            signing: config.signing.clone().map(Signing::new),
+            telemetry: Telemetry::new(config.atmosphere),
+            authority: Authority::new(),
+            commands: CommandQueue::default(),
+            vehicle: config.vehicle_system_id,
+            last_sequence: None,
+            lost: LinkStatistics::default(),
+            next_heartbeat: SimTime::from_ns(i64::MIN),
+            heard_at: None,
+            connected_at: SimTime::ZERO,
+            target: None,
+            withheld: None,
+            speed_sent: None,
+            again_at: None,
+            takeoff_altitude_m: None,
+            mode_said: None,
+            said: Said::default(),
+            config,
+        })
+    }
+
+    /// What has gone over the link so far.
+    pub fn statistics(&self) -> LinkStatistics {
+        let LinkStatistics {
+            lost_frames,
+            unreadable_frames,
+            refused_frames,
+            ..
+        } = self.lost;
+        LinkStatistics {
+            lost_frames,
+            unreadable_frames,
+            refused_frames,
+            ..self.decoder.statistics()
+        }
+    }
+
+    /// Who flies.
+    pub fn level(&self) -> ControlLevel {
+        self.authority.level()
+    }
+
+    /// Takes in `bytes` from the link: a datagram, or a piece of a stream cut anywhere.
+    pub fn receive(&mut self, bytes: &[u8], now: SimTime, out: &mut BridgeOutput) {
+        self.decoder.push(bytes);
+        self.take_frames(now, out);
+    }
+
+    /// Lets time pass: heartbeat, commands to repeat, silence. To be called every tick.
+    pub fn tick(&mut self, now: SimTime, out: &mut BridgeOutput) {
+        self.take_frames(now, out);
+        self.check_silence(now, out);
+        self.fly_on(now, out);
+        if now >= self.next_heartbeat {
+            self.next_heartbeat = SimTime::from_ns(now.ns().saturating_add(HEARTBEAT_NS));
+            let heartbeat = ground_station_heartbeat();
+            self.send(&heartbeat, now, out);
+        }
+        self.send_commands(now, out);
+        self.say_mode(out);
+    }
+
+    /// Passes a setpoint on, or withholds it and says so. A setpoint like the last one is not
+    /// sent again; it may be given every tick.
+    pub fn setpoint(&mut self, setpoint: &Setpoint, now: SimTime, out: &mut BridgeOutput) {
+        if let Some(why) = unusable(setpoint) {
+            return self.withhold(setpoint, "bad-setpoint", why, out);
+        }
+        if !self.authority.link_up() {
+            return self.withhold(setpoint, "setpoint-ignored", "no link to the vehicle", out);
+        }
+        match (self.authority.phase(), setpoint.path) {
+            (Phase::Ground, PathKind::TakeOff) => self.take_off(setpoint, out),
+            (Phase::Ground, _) => {
+                self.withhold(
+                    setpoint,
+                    "setpoint-ignored",
+                    "the vehicle is on the ground",
+                    out,
+                );
+            }
+            (Phase::TakeOff, PathKind::Land) | (Phase::Guided, PathKind::Land) => {
+                self.land(setpoint);
+            }
+            (Phase::TakeOff, _) => self.target = Some(setpoint.clone()),
+            (Phase::Guided, _) => self.guide(setpoint, now),
+            (Phase::Landing, PathKind::Land) => {}
+            (Phase::Landing, _) => {
+                self.withhold(
+                    setpoint,
+                    "setpoint-ignored",
+                    "the vehicle comes home to land",
+                    out,
+                );
+            }
+            (Phase::Pilot | Phase::HandingBack, _) => {
+                self.withhold(setpoint, "setpoint-ignored", "a pilot flies", out);
+            }
+            (Phase::Guardian, _) => {
+                self.withhold(setpoint, "setpoint-ignored", "its own failsafe flies", out);
+            }
+            (Phase::Foreign, _) => {
+                self.withhold(
+                    setpoint,
+                    "setpoint-ignored",
+                    "the vehicle is no ArduPlane",
+                    out,
+                );
+            }
+        }
+    }
+
+    /// The pilot, or whoever answers for the vehicle, gives it back to automatic flight: GUIDED
+    /// is asked for once, and setpoints go through when the vehicle shows it.
+    pub fn hand_back(&mut self, out: &mut BridgeOutput) {
+        let Some(seen) = self.authority.seen().filter(|_| self.authority.link_up()) else {
+            let text = "hand-back without effect: no link to the vehicle";
+            return out.events.push(event(Severity::Warning, "hand-back", text));
+        };
+        match self.authority.phase() {
+            Phase::Foreign | Phase::Ground | Phase::Guided | Phase::Landing => {
+                let text = "hand-back without effect: no pilot has taken over";
+                out.events.push(event(Severity::Info, "hand-back", text));
+            }
+            _ if !seen.airborne && !seen.armed => {
+                self.authority.ask(Phase::Ground, seen.custom_mode);
+                let text = "handed back on the ground: waits for take-off";
+                out.events.push(event(Severity::Info, "hand-back", text));
+            }
+            _ => {
+                self.forget_target();
+                let phase = if seen.custom_mode == GUIDED {
+                    Phase::Guided
+                } else {
+                    Phase::HandingBack
+                };
+                self.authority.ask(phase, GUIDED);
+                if phase == Phase::HandingBack {
+                    // Once only: a repetition could cross the pilot's next change of mind.
+                    self.commands.push(Command::Mode {
+                        mode: GUIDED,
+                        attempts: 1,
+                    });
+                }
+                let text = "handed back to automatic flight";
+                out.events.push(event(Severity::Info, "hand-back", text));
+            }
+        }
+        self.say_mode(out);
+    }
+
+    fn withhold(&mut self, setpoint: &Setpoint, code: &str, why: &str, out: &mut BridgeOutput) {
+        if self.withheld.as_ref() == Some(setpoint) {
+            return;
+        }
+        self.withheld = Some(setpoint.clone());
+        let text = format!("setpoint ignored: {why}");
+        out.events.push(event(Severity::Warning, code, text));
+    }
+
+    fn forget_target(&mut self) {
+        (self.target, self.withheld, self.speed_sent) = (None, None, None);
+        self.again_at = None;
+    }
+
+    fn send<D: MessageData>(&mut self, message: &D, now: SimTime, out: &mut BridgeOutput) {
+        let frame = self.encoder.encode(message, self.signing.as_mut(), now);
+        out.frames_to_vehicle.push(frame);
+    }
+
+    fn say_mode(&mut self, out: &mut BridgeOutput) {
+        let level = self.authority.level();
+        let mode = Mode {
+            level,
+            reason: self.authority.reason(),
+            setpoints_obeyed: level == ControlLevel::Automatic && self.authority.link_up(),
+        };
+        if self.mode_said.as_ref() != Some(&mode) {
+            self.mode_said = Some(mode.clone());
+            out.mode = Some(mode);
+        }
+    }
+}
+
+/// Why no aircraft can follow `setpoint`, if so.
+fn unusable(setpoint: &Setpoint) -> Option<&'static str> {
+    let Setpoint {
+        lat_deg,
+        lon_deg,
+        alt_amsl_m,
+        airspeed_m_s,
+        orbit_radius_m,
+        ..
+    } = *setpoint;
+    if !(-90.0..=90.0).contains(&lat_deg) || !(-180.0..=180.0).contains(&lon_deg) {
+        Some("its latitude or longitude is not on Earth")
+    } else if !(-500.0..=10_000.0).contains(&alt_amsl_m) {
+        Some("its altitude is outside -500 to 10000 m")
+    } else if !(1.0..=100.0).contains(&airspeed_m_s) {
+        Some("its airspeed is outside 1 to 100 m/s")
+    } else if !(0.0..=10_000.0).contains(&orbit_radius_m) {
+        Some("its orbit radius is outside 0 to 10000 m")
+    } else {
+        None
+    }
+}
+
+fn ground_station_heartbeat() -> HEARTBEAT_DATA {
+    HEARTBEAT_DATA {
+        mavtype: MavType::MAV_TYPE_GCS,
+        autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
+        system_status: MavState::MAV_STATE_ACTIVE,
+        mavlink_version: 3,
+        ..HEARTBEAT_DATA::default()
+    }
+}

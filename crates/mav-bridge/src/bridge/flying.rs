@@ -1,0 +1,224 @@
+//! What the vehicle is asked to do.
+
+use super::{Bridge, BridgeOutput};
+use crate::arduplane::{AUTO, FS_GCS_ENABL, GUIDED, RTL, TAKEOFF};
+use crate::authority::Phase;
+use crate::commands::{Command, Outcome, Wire};
+use crate::event;
+use protocol::SimTime;
+use protocol::message::{PathKind, Setpoint, Severity};
+
+/// Share of TKOFF_ALT above which the climb of mode TAKEOFF is done.
+const CLIMBED: f64 = 0.8;
+/// Airspeeds that differ by less are the same, m/s.
+const SAME_SPEED_M_S: f32 = 0.05;
+/// Pause after a refusal or no answer, ns.
+const PAUSE_NS: i64 = 5_000_000_000;
+
+impl Bridge {
+    /// Asks for mode TAKEOFF; arming follows when the vehicle shows the mode.
+    pub(super) fn take_off(&mut self, setpoint: &Setpoint, out: &mut BridgeOutput) {
+        if self.target.as_ref() == Some(setpoint) {
+            return; // refused before: tried again after a pause
+        }
+        self.forget_target();
+        self.target = Some(setpoint.clone());
+        self.ask_mode(Phase::TakeOff, TAKEOFF);
+        let text = "take-off asked for";
+        out.events.push(event(Severity::Info, "take-off", text));
+    }
+
+    /// Asks for the landing sequence on board.
+    pub(super) fn land(&mut self, setpoint: &Setpoint) {
+        self.commands.drop_steering();
+        self.target = Some(setpoint.clone());
+        self.authority.ask(Phase::Landing, AUTO);
+        self.commands.push(Command::LandStart);
+    }
+
+    /// Sends where to fly and how fast.
+    pub(super) fn guide(&mut self, setpoint: &Setpoint, now: SimTime) {
+        if self.target.as_ref() == Some(setpoint) {
+            return;
+        }
+        self.withheld = None;
+        self.target = Some(setpoint.clone());
+        self.send_target(now);
+    }
+
+    fn send_target(&mut self, now: SimTime) {
+        self.again_at = None;
+        let Some(target) = self.target.clone() else {
+            return;
+        };
+        if target.path == PathKind::Land {
+            return self.land(&target);
+        }
+        self.commands.push(Command::Reposition {
+            lat_1e7: (target.lat_deg * 1e7).round() as i32,
+            lon_1e7: (target.lon_deg * 1e7).round() as i32,
+            alt_amsl_m: target.alt_amsl_m as f32,
+            radius_m: target.orbit_radius_m as f32,
+        });
+        let ratio = self.telemetry.eas_over_tas(target.alt_amsl_m, now);
+        let speed = (target.airspeed_m_s * ratio) as f32;
+        if self
+            .speed_sent
+            .is_none_or(|sent| (sent - speed).abs() > SAME_SPEED_M_S)
+        {
+            self.speed_sent = Some(speed);
+            self.commands.push(Command::Speed {
+                equivalent_airspeed_m_s: speed,
+            });
+        }
+    }
+
+    fn ask_mode(&mut self, phase: Phase, mode: u32) {
+        self.authority.ask(phase, mode);
+        if self.authority.unconfirmed().is_some() {
+            let attempts = self.config.attempts;
+            self.commands.push(Command::Mode { mode, attempts });
+        }
+    }
+
+    /// What follows by itself: arming, GUIDED after the climb, a target to be sent again.
+    pub(super) fn fly_on(&mut self, now: SimTime, out: &mut BridgeOutput) {
+        let Some(seen) = self.authority.seen().filter(|_| self.authority.link_up()) else {
+            return;
+        };
+        let pausing = self.again_at.is_some_and(|at| now < at);
+        match self.authority.phase() {
+            Phase::Ground if self.again_at.is_some() && !pausing => {
+                self.again_at = None;
+                if let Some(target) = self.target.take() {
+                    self.take_off(&target, out);
+                }
+            }
+            Phase::TakeOff if seen.custom_mode == TAKEOFF && !seen.armed && !pausing => {
+                self.arm(now, out);
+            }
+            Phase::TakeOff
+                if seen.custom_mode == TAKEOFF
+                    && seen.airborne
+                    && !pausing
+                    && self.authority.unconfirmed().is_none()
+                    && self.has_climbed() =>
+            {
+                self.again_at = None;
+                self.ask_mode(Phase::TakeOff, GUIDED);
+            }
+            Phase::Guided if self.again_at.is_some() && !pausing => self.send_target(now),
+            _ => {}
+        }
+    }
+
+    fn arm(&mut self, now: SimTime, out: &mut BridgeOutput) {
+        if self.config.may_arm {
+            self.again_at = pause(now);
+            self.commands.push(Command::Arm);
+        } else if !std::mem::replace(&mut self.said.waits_for_arming, true) {
+            let text = "in TAKEOFF: waits for a person to arm the motor";
+            out.events
+                .push(event(Severity::Info, "waits-for-arming", text));
+        }
+    }
+
+    fn has_climbed(&self) -> bool {
+        let enough_m = self
+            .takeoff_altitude_m
+            .map_or(self.config.guided_above_home_m, |alt| CLIMBED * alt);
+        self.telemetry.above_home_m().is_some_and(|h| h >= enough_m)
+    }
+
+    /// Takes in what became of a command.
+    pub(super) fn on_outcome(&mut self, outcome: Outcome, now: SimTime, out: &mut BridgeOutput) {
+        let (command, why) = match outcome {
+            Outcome::Accepted(_) => return,
+            Outcome::Refused(command, result) => {
+                (command, format!("the vehicle refuses: {result:?}"))
+            }
+            Outcome::Unanswered(command) => (command, "the vehicle does not answer".to_owned()),
+        };
+        let (severity, code, then) = self.on_failure(&command, now);
+        let text = format!("{}: {why}{then}", command.name());
+        out.events.push(event(severity, code, text));
+    }
+
+    fn on_failure(
+        &mut self,
+        command: &Command,
+        now: SimTime,
+    ) -> (Severity, &'static str, &'static str) {
+        if command.steers() {
+            self.again_at = pause(now);
+        }
+        match command {
+            Command::Mode { .. } => match self.authority.phase() {
+                Phase::TakeOff if self.authority.unconfirmed() == Some(GUIDED) => {
+                    self.authority.refused(Phase::TakeOff);
+                    (Severity::Error, "guided-failed", "; tried again")
+                }
+                Phase::TakeOff => {
+                    self.authority.refused(Phase::Ground);
+                    (Severity::Error, "take-off-failed", "; tried again")
+                }
+                Phase::HandingBack => {
+                    self.authority.refused(Phase::Pilot);
+                    (Severity::Error, "hand-back-failed", "; the pilot keeps it")
+                }
+                Phase::Landing => {
+                    self.authority.refused(Phase::Guided);
+                    (Severity::Error, "land-failed", "; tried again")
+                }
+                _ => (Severity::Warning, "command-failed", ""),
+            },
+            Command::LandStart => {
+                self.ask_mode(Phase::Landing, RTL);
+                let then = "; it returns home and circles until a pilot lands it";
+                (Severity::Warning, "no-landing-sequence", then)
+            }
+            Command::Arm => (Severity::Error, "arming-failed", "; tried again"),
+            Command::Reposition { .. } => (Severity::Warning, "setpoint-failed", "; tried again"),
+            Command::Speed { .. } => {
+                // The next setpoint asks again; within this one it would be refused again.
+                (self.again_at, self.speed_sent) = (None, None);
+                (Severity::Warning, "speed-failed", "")
+            }
+            Command::Interval { .. } => (Severity::Info, "rate-failed", ""),
+            Command::Parameter(name) => {
+                let then = match *name {
+                    FS_GCS_ENABL => "; whether a lost link brings it home is not known",
+                    _ => "",
+                };
+                (Severity::Warning, "parameter-failed", then)
+            }
+        }
+    }
+
+    /// Sends what is due.
+    pub(super) fn send_commands(&mut self, now: SimTime, out: &mut BridgeOutput) {
+        let Some(system) = self.vehicle.filter(|_| self.authority.link_up()) else {
+            return;
+        };
+        let (send, lost) = self.commands.due(
+            now,
+            self.config.ack_timeout_s,
+            self.config.attempts,
+            self.heard_at,
+        );
+        for (command, sent) in send {
+            match command.wire(system, sent) {
+                Wire::Long(message) => self.send(&message, now, out),
+                Wire::Int(message) => self.send(&message, now, out),
+                Wire::Read(message) => self.send(&message, now, out),
+            }
+        }
+        for outcome in lost {
+            self.on_outcome(outcome, now, out);
+        }
+    }
+}
+
+fn pause(now: SimTime) -> Option<SimTime> {
+    Some(SimTime::from_ns(now.ns().saturating_add(PAUSE_NS)))
+}

@@ -1,0 +1,1 @@
+//! Bytes over UDP and TCP.

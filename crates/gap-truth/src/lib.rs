@@ -1,1 +1,30 @@
-//! gap-truth
+//! Hidden cases: data whose cause is known, made by nothing that looks for it.
+//!
+//! A [`Case`] is what a finder gets (a scenario as TOML, observations as CSV) and what it must
+//! not see ([`Truth`]). Scene, weather, tracks, noise and strength come from the case's seed.
+//! The gas comes from a plain Gaussian plume or from puffs carried by a gusty, meandering
+//! wind ([`physics`]); spread, geometry and air are this crate's own ([`law`], [`scene`]), and
+//! a test keeps its dependency tree free of the crates that are put to the test.
+//!
+//! Every case has a twin ([`Case::twin`]): the same scene, noise and weather without the
+//! hidden effects. What the effects cost a model is the score of the twin minus that of the
+//! case.
+//!
+//! Pure: no clock, file, socket, environment or global random number.
+
+pub mod case;
+pub mod chance;
+pub mod effect;
+pub mod instrument;
+pub mod law;
+pub mod mutation;
+pub mod physics;
+pub mod scene;
+mod strength;
+pub mod tracks;
+pub mod wind;
+
+pub use case::{Case, CaseSpec, Hidden, TrueEffect, Truth};
+pub use effect::{CATALOGUE, Effect, OUTSIDE};
+pub use instrument::{Damage, NoiseForm};
+pub use physics::Forward;

@@ -1,0 +1,217 @@
+//! What can be hidden in a case: the mechanisms of the contract's catalogue, and kinds that it
+//! does not contain.
+
+use crate::scene::Need;
+
+/// An effect with its name in files or, outside the catalogue, in tables.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[expect(missing_docs, reason = "the names are the contract's mechanism ids")]
+pub enum Effect {
+    WindDirectionOffset,
+    WindDirectionDrift,
+    WindSpeedScale,
+    WindVeerWithHeight,
+    Meander,
+    StabilityClass,
+    SigmaYScale,
+    SigmaZScale,
+    SigmaZGrowth,
+    EffectiveHeightOffset,
+    GroundReflection,
+    MixingLid,
+    EmissionScale,
+    EmissionTrend,
+    SecondSource,
+    SourcePositionOffset,
+    FirstOrderDecay,
+    DryDeposition,
+    BuildingDownwash,
+    BackgroundOffset,
+    BackgroundDrift,
+    BackgroundGradient,
+    SensorLag,
+    SensorGain,
+    SensorOffset,
+    SensorDrift,
+    SensorSaturation,
+    CrossSensitivityHumidity,
+    CrossSensitivityTemperature,
+    CrossSensitivityPressure,
+    ClockOffset,
+    PositionOffset,
+    AltitudeOffset,
+    /// Outside: excess made and lost again on the way (a chemistry with a hump in travel time).
+    UnlistedChemistry,
+    /// Outside: a tall obstacle thins the plume in its lee.
+    ObstacleWake,
+    /// Outside: one platform switches between two sensors, the second with a dead time.
+    SecondSensorDeadTime,
+    /// Outside: a slow swing of the transport that no log shows.
+    SlowSwing,
+    /// Outside: a wavy background in time.
+    BackgroundWaves,
+    /// Outside: a layer of other air in a band of heights.
+    BackgroundLayer,
+    /// Outside: the source pulses.
+    PulsingSource,
+    /// Outside: one sensor's zero waves.
+    SensorWaves,
+}
+
+use Effect as E;
+
+/// The effects of the catalogue.
+pub const CATALOGUE: [Effect; 33] = [
+    E::WindDirectionOffset,
+    E::WindDirectionDrift,
+    E::WindSpeedScale,
+    E::WindVeerWithHeight,
+    E::Meander,
+    E::StabilityClass,
+    E::SigmaYScale,
+    E::SigmaZScale,
+    E::SigmaZGrowth,
+    E::EffectiveHeightOffset,
+    E::GroundReflection,
+    E::MixingLid,
+    E::EmissionScale,
+    E::EmissionTrend,
+    E::SecondSource,
+    E::SourcePositionOffset,
+    E::FirstOrderDecay,
+    E::DryDeposition,
+    E::BuildingDownwash,
+    E::BackgroundOffset,
+    E::BackgroundDrift,
+    E::BackgroundGradient,
+    E::SensorLag,
+    E::SensorGain,
+    E::SensorOffset,
+    E::SensorDrift,
+    E::SensorSaturation,
+    E::CrossSensitivityHumidity,
+    E::CrossSensitivityTemperature,
+    E::CrossSensitivityPressure,
+    E::ClockOffset,
+    E::PositionOffset,
+    E::AltitudeOffset,
+];
+
+/// The effects outside the catalogue.
+pub const OUTSIDE: [Effect; 8] = [
+    E::UnlistedChemistry,
+    E::ObstacleWake,
+    E::SecondSensorDeadTime,
+    E::SlowSwing,
+    E::BackgroundWaves,
+    E::BackgroundLayer,
+    E::PulsingSource,
+    E::SensorWaves,
+];
+
+impl Effect {
+    /// The contract's id, or a name for tables.
+    pub fn id(self) -> &'static str {
+        match self {
+            E::WindDirectionOffset => "wind-direction-offset",
+            E::WindDirectionDrift => "wind-direction-drift",
+            E::WindSpeedScale => "wind-speed-scale",
+            E::WindVeerWithHeight => "wind-veer-with-height",
+            E::Meander => "meander",
+            E::StabilityClass => "stability-class",
+            E::SigmaYScale => "sigma-y-scale",
+            E::SigmaZScale => "sigma-z-scale",
+            E::SigmaZGrowth => "sigma-z-growth",
+            E::EffectiveHeightOffset => "effective-height-offset",
+            E::GroundReflection => "ground-reflection",
+            E::MixingLid => "mixing-lid",
+            E::EmissionScale => "emission-scale",
+            E::EmissionTrend => "emission-trend",
+            E::SecondSource => "second-source",
+            E::SourcePositionOffset => "source-position-offset",
+            E::FirstOrderDecay => "first-order-decay",
+            E::DryDeposition => "dry-deposition",
+            E::BuildingDownwash => "building-downwash",
+            E::BackgroundOffset => "background-offset",
+            E::BackgroundDrift => "background-drift",
+            E::BackgroundGradient => "background-gradient",
+            E::SensorLag => "sensor-lag",
+            E::SensorGain => "sensor-gain",
+            E::SensorOffset => "sensor-offset",
+            E::SensorDrift => "sensor-drift",
+            E::SensorSaturation => "sensor-saturation",
+            E::CrossSensitivityHumidity => "cross-sensitivity-humidity",
+            E::CrossSensitivityTemperature => "cross-sensitivity-temperature",
+            E::CrossSensitivityPressure => "cross-sensitivity-pressure",
+            E::ClockOffset => "clock-offset",
+            E::PositionOffset => "position-offset",
+            E::AltitudeOffset => "altitude-offset",
+            E::UnlistedChemistry => "unlisted-chemistry",
+            E::ObstacleWake => "obstacle-wake",
+            E::SecondSensorDeadTime => "second-sensor-dead-time",
+            E::SlowSwing => "slow-swing",
+            E::BackgroundWaves => "background-waves",
+            E::BackgroundLayer => "background-layer",
+            E::PulsingSource => "pulsing-source",
+            E::SensorWaves => "sensor-waves",
+        }
+    }
+
+    /// Whether the contract's catalogue has it.
+    pub fn in_catalogue(self) -> bool {
+        self <= E::AltitudeOffset
+    }
+
+    /// What a scene must offer for it to show.
+    pub fn need(self) -> Need {
+        match self {
+            E::GroundReflection | E::DryDeposition | E::MixingLid => Need::LowPlume,
+            E::SigmaZGrowth | E::FirstOrderDecay | E::BuildingDownwash | E::Meander => {
+                Need::Distances
+            }
+            E::UnlistedChemistry | E::StabilityClass => Need::Distances,
+            E::WindVeerWithHeight => Need::Heights,
+            _ => Need::Any,
+        }
+    }
+
+    /// Whether one platform alone may have it.
+    pub fn of_a_platform(self) -> bool {
+        (E::SensorLag..=E::AltitudeOffset).contains(&self)
+            || matches!(self, E::SecondSensorDeadTime | E::SensorWaves)
+    }
+
+    /// Effects that no data of this kind tell from it: a set with them is as good as one name.
+    pub fn inseparable_from(self) -> &'static [Effect] {
+        match self {
+            E::EmissionScale => &[E::WindSpeedScale],
+            E::WindSpeedScale => &[E::EmissionScale],
+            E::BackgroundOffset => &[E::SensorOffset, E::SensorGain],
+            E::SensorOffset => &[E::BackgroundOffset, E::SensorGain],
+            E::BackgroundDrift => &[E::SensorDrift],
+            E::SensorDrift => &[E::BackgroundDrift],
+            _ => &[],
+        }
+    }
+
+    /// Coordinates in which an effect outside the catalogue may rightly be said to live.
+    pub fn coordinates(self) -> &'static [&'static str] {
+        match self {
+            E::UnlistedChemistry => &["along_wind"],
+            E::ObstacleWake => &["map", "along_wind", "across_wind"],
+            E::SecondSensorDeadTime => &["platform"],
+            E::SlowSwing => &["time", "across_wind"],
+            E::BackgroundWaves => &["time"],
+            E::BackgroundLayer => &["height"],
+            E::PulsingSource => &["time", "along_wind"],
+            E::SensorWaves => &["platform"],
+            _ => &[],
+        }
+    }
+}
+
+impl std::fmt::Display for Effect {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.id())
+    }
+}

@@ -1,0 +1,142 @@
+//! The cases themselves: repeatable, independent of what they test, and with effects that
+//! show.
+
+use std::process::Command;
+
+use gap_truth::case::DamageKind;
+use gap_truth::{CATALOGUE, Case, CaseSpec, Effect, Forward, OUTSIDE};
+
+/// Readings of a case's files in order.
+fn readings(files: &[(String, String)]) -> Vec<Option<f64>> {
+    let cells = |text: &String| -> Vec<Option<f64>> {
+        text.lines()
+            .skip(1)
+            .map(|l| l.split(',').nth(5).and_then(|c| c.parse().ok()))
+            .collect()
+    };
+    files.iter().flat_map(|(_, text)| cells(text)).collect()
+}
+
+#[test]
+fn the_finder_is_not_among_the_dependencies() {
+    let tree = Command::new(env!("CARGO"))
+        .args([
+            "tree",
+            "--package",
+            "gap-truth",
+            "--edges",
+            "normal",
+            "--prefix",
+            "none",
+        ])
+        .args([
+            "--offline",
+            "--manifest-path",
+            concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml"),
+        ])
+        .output()
+        .unwrap();
+    let tree = String::from_utf8(tree.stdout).unwrap();
+    assert!(
+        tree.contains("rand_chacha") || tree.contains("chacha20"),
+        "{tree}"
+    );
+    for line in tree.lines() {
+        let name = line.split(' ').next().unwrap_or("");
+        assert!(
+            !["plume", "gap", "air", "scenario", "fdm"].contains(&name),
+            "{line}"
+        );
+    }
+}
+
+#[test]
+fn a_seed_makes_the_same_files_and_another_seed_others() {
+    let spec = CaseSpec::one(7, Effect::SensorLag, 3.0);
+    let case = Case::make(&spec);
+    assert_eq!(case, Case::make(&spec));
+    assert_ne!(
+        case.scenario_toml,
+        Case::make(&CaseSpec { seed: 8, ..spec }).scenario_toml
+    );
+}
+
+#[test]
+fn without_strength_the_case_is_its_twin() {
+    for seed in 0..6 {
+        let case = Case::make(&CaseSpec::one(seed, Effect::SigmaYScale, 0.0));
+        assert_eq!(case.observations, case.twin);
+        assert!(case.truth.effects.is_empty());
+    }
+}
+
+#[test]
+fn every_effect_shows_in_the_readings_or_places() {
+    for &effect in CATALOGUE.iter().chain(&OUTSIDE) {
+        let mut seen = false;
+        for seed in 0..2 {
+            let case = Case::make(&CaseSpec::one(seed, effect, 6.0));
+            seen |= case.observations != case.twin;
+            let truth = &case.truth.effects[0];
+            assert_eq!(
+                truth.parameters.is_empty(),
+                !effect.in_catalogue(),
+                "{effect}"
+            );
+            assert!(truth.parameters.iter().all(|p| p.value.is_finite()));
+            for r in readings(&case.observations).into_iter().flatten() {
+                assert!(
+                    r.is_finite() && r > 100.0 && r < 20_000.0,
+                    "{effect} {seed}: {r}"
+                );
+            }
+        }
+        assert!(seen, "{effect}");
+    }
+}
+
+#[test]
+fn a_stronger_effect_is_farther_from_the_twin() {
+    for effect in [
+        Effect::SigmaYScale,
+        Effect::SensorLag,
+        Effect::BackgroundDrift,
+        Effect::SlowSwing,
+    ] {
+        let miss = |strength: f64| {
+            let case = Case::make(&CaseSpec::one(4, effect, strength));
+            let pairs = readings(&case.observations)
+                .into_iter()
+                .zip(readings(&case.twin));
+            pairs
+                .map(|(a, b)| (a.unwrap_or(0.0) - b.unwrap_or(0.0)).powi(2))
+                .sum::<f64>()
+        };
+        assert!(miss(1.0) < miss(3.0) && miss(3.0) < miss(8.0), "{effect}");
+    }
+}
+
+#[test]
+fn puffs_are_at_least_half_of_the_truths() {
+    let puffs = (0..100)
+        .filter(|&seed| Case::forward(&CaseSpec::none(seed)) == Forward::Puffs)
+        .count();
+    assert!((50..=75).contains(&puffs), "{puffs}");
+}
+
+#[test]
+fn damage_is_in_the_rows() {
+    let made = |kind| {
+        Case::make(&CaseSpec {
+            damage: Some(kind),
+            ..CaseSpec::none(3)
+        })
+    };
+    let frozen = readings(&made(DamageKind::Frozen).observations);
+    let plain = readings(&Case::make(&CaseSpec::none(3)).observations);
+    assert_ne!(frozen, plain);
+    let gap = readings(&made(DamageKind::Gap).observations);
+    assert!(gap.iter().filter(|r| r.is_none()).count() >= 59);
+    let highest = |r: &[Option<f64>]| r.iter().flatten().fold(0.0_f64, |a, &b| a.max(b));
+    assert!(highest(&readings(&made(DamageKind::Clipped).observations)) <= highest(&plain));
+}

@@ -1,1 +1,345 @@
-//! summary
+//! `summary.json`: what a mission found, built from its messages in bounded memory.
+
+use air::geo::{Geodetic, LocalFrame, wrap_signed_deg};
+use protocol::message::{Estimate, Message, Model, Peak, Reading, State, VehicleKind};
+use protocol::{Envelope, SimTime, Topic};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// The schema that `summary.json` names.
+pub const SCHEMA: &str = "plumage.summary/1";
+
+/// A vehicle must have moved this far before the way counts: the jitter of positions is no way, m.
+const LEAST_WAY_M: f64 = 10.0;
+
+/// The numbers of a plume model, each with its standard deviation.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ModelNumbers {
+    /// Background CO2, ppm.
+    pub background_ppm: Estimate,
+    /// Height of the axis above ground at the first source, m.
+    pub effective_height_agl_m: Estimate,
+    /// Direction towards which the axis runs, degrees.
+    pub axis_deg: Estimate,
+    /// Concentration above background on the axis at `c_max_distance_m`, ppm.
+    pub c_max_ppm: Estimate,
+    /// Distance from the source at which `c_max_ppm` holds, m.
+    pub c_max_distance_m: Estimate,
+    /// Scale of the lateral spread.
+    pub sigma_y_scale: Estimate,
+    /// Scale of the vertical spread.
+    pub sigma_z_scale: Estimate,
+}
+
+impl From<&Model> for ModelNumbers {
+    fn from(model: &Model) -> Self {
+        Self {
+            background_ppm: model.background_ppm,
+            effective_height_agl_m: model.effective_height_agl_m,
+            axis_deg: model.axis_deg,
+            c_max_ppm: model.c_max_ppm,
+            c_max_distance_m: model.c_max_distance_m,
+            sigma_y_scale: model.sigma_y_scale,
+            sigma_z_scale: model.sigma_z_scale,
+        }
+    }
+}
+
+/// A number of a plume model: its name for people, its unit, its place, and whether it turns.
+pub struct ModelNumber {
+    /// Name for people.
+    pub name: &'static str,
+    /// Unit; empty for a ratio.
+    pub unit: &'static str,
+    /// Digits after the point that are worth showing.
+    pub digits: usize,
+    /// Where it stands.
+    pub of: fn(&ModelNumbers) -> Estimate,
+    turns: bool,
+}
+
+impl ModelNumber {
+    /// How far `value` is from `truth`, signed; angles the short way round.
+    pub fn error(&self, value: f64, truth: f64) -> f64 {
+        if self.turns {
+            wrap_signed_deg(value - truth)
+        } else {
+            value - truth
+        }
+    }
+}
+
+/// The numbers that calibration corrects, in the order in which they are shown.
+pub const CORRECTED: [ModelNumber; 6] = [
+    ModelNumber {
+        name: "axis (towards)",
+        unit: "°",
+        digits: 1,
+        of: |m| m.axis_deg,
+        turns: true,
+    },
+    ModelNumber {
+        name: "effective height",
+        unit: "m",
+        digits: 0,
+        of: |m| m.effective_height_agl_m,
+        turns: false,
+    },
+    ModelNumber {
+        name: "c_MAX",
+        unit: "ppm",
+        digits: 0,
+        of: |m| m.c_max_ppm,
+        turns: false,
+    },
+    ModelNumber {
+        name: "sigma-y scale",
+        unit: "",
+        digits: 2,
+        of: |m| m.sigma_y_scale,
+        turns: false,
+    },
+    ModelNumber {
+        name: "sigma-z scale",
+        unit: "",
+        digits: 2,
+        of: |m| m.sigma_z_scale,
+        turns: false,
+    },
+    ModelNumber {
+        name: "background",
+        unit: "ppm",
+        digits: 1,
+        of: |m| m.background_ppm,
+        turns: false,
+    },
+];
+
+/// What one vehicle did.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct VehicleSummary {
+    /// Its id.
+    pub id: String,
+    /// Simulated or real.
+    pub kind: VehicleKind,
+    /// Way flown, m.
+    pub distance_m: f64,
+    /// Highest reading, ppm; none without a reading.
+    pub peak_ppm: Option<f64>,
+    /// When it was read, s.
+    pub peak_time_s: Option<f64>,
+    /// Latitude where it was read, degrees.
+    pub peak_lat_deg: Option<f64>,
+    /// Longitude where it was read, degrees.
+    pub peak_lon_deg: Option<f64>,
+    /// Altitude where it was read, m above mean sea level.
+    pub peak_alt_amsl_m: Option<f64>,
+}
+
+/// The peak: found, true, and how far apart.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct PeakSummary {
+    /// The squadron controller's last estimate.
+    pub estimate: Option<Peak>,
+    /// The maximum of the reality's mean field that the team may reach, where it is known.
+    pub truth: Option<Peak>,
+    /// Distance between them, m.
+    pub error_m: Option<f64>,
+}
+
+/// The model before and after the mission, and the stand-in's reality where it is known.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ModelSummary {
+    /// As the scenario had it before the preliminary flight.
+    pub before: ModelNumbers,
+    /// As the mission left it.
+    pub after: ModelNumbers,
+    /// The stand-in's reality; none when only real aircraft measured or nothing did.
+    pub reality: Option<ModelNumbers>,
+}
+
+/// `summary.json`. What is not finite is null.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Digest of the run.
+    pub digest: String,
+    /// Simulated time, s.
+    pub sim_s: f64,
+    /// Wall time, s.
+    pub wall_s: f64,
+    /// `sim_s / wall_s`.
+    pub real_time_factor: f64,
+    /// The vehicles, in the order of their ids.
+    pub vehicles: Vec<VehicleSummary>,
+    /// The peak.
+    pub peak: PeakSummary,
+    /// The model.
+    pub model: ModelSummary,
+}
+
+impl Summary {
+    /// The text of `summary.json`.
+    pub fn to_json(&self) -> String {
+        // Plain structs, numbers and text: serde_json has nothing to refuse here.
+        serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
+    }
+}
+
+/// What a summary needs and no message says.
+#[derive(Debug, Clone)]
+pub struct Known {
+    /// Seed of the run.
+    pub seed: u64,
+    /// The site's frame.
+    pub frame: LocalFrame,
+    /// The model as the scenario has it before the preliminary flight.
+    pub before: ModelNumbers,
+    /// The stand-in's reality, if there is one.
+    pub reality: Option<ModelNumbers>,
+    /// The maximum of the reality's mean field that the team may reach, if it is known.
+    pub peak: Option<Peak>,
+}
+
+/// Builds a [`Summary`] from the messages of a run as they come.
+#[derive(Debug, Clone)]
+pub struct Summariser {
+    known: Known,
+    last: SimTime,
+    vehicles: BTreeMap<String, Vehicle>,
+    peak: Option<Peak>,
+    after: ModelNumbers,
+}
+
+#[derive(Debug, Clone)]
+struct Vehicle {
+    kind: VehicleKind,
+    way_m: f64,
+    mark: Option<(Geodetic, f64)>,
+    peak: Option<(SimTime, Reading)>,
+}
+
+impl Summariser {
+    /// A summariser that has heard nothing yet.
+    pub fn new(known: Known) -> Self {
+        Self {
+            last: SimTime::ZERO,
+            vehicles: BTreeMap::new(),
+            peak: None,
+            after: known.before,
+            known,
+        }
+    }
+
+    /// Takes in a message.
+    pub fn take(&mut self, topic: &Topic, envelope: &Envelope) {
+        self.last = self.last.max(envelope.time);
+        match (topic, &envelope.message) {
+            (Topic::State(id), Message::State(state)) => {
+                let frame = self.known.frame;
+                self.vehicle(id.as_str(), state.kind).moved(&frame, state);
+            }
+            (Topic::Reading(id), Message::Reading(reading)) => {
+                self.vehicle(id.as_str(), reading.kind)
+                    .read(envelope.time, reading);
+            }
+            (Topic::Plan, Message::Plan(plan)) => self.peak = plan.peak.or(self.peak),
+            (Topic::Model, Message::Model(model)) => self.after = model.as_ref().into(),
+            _ => {}
+        }
+    }
+
+    fn vehicle(&mut self, id: &str, kind: VehicleKind) -> &mut Vehicle {
+        let vehicle = self.vehicles.entry(id.to_owned()).or_insert(Vehicle {
+            kind,
+            way_m: 0.0,
+            mark: None,
+            peak: None,
+        });
+        vehicle.kind = kind;
+        vehicle
+    }
+
+    /// The summary of what was taken in so far.
+    pub fn summary(&self, digest: &str, wall_s: f64) -> Summary {
+        let sim_s = self.last.s();
+        let error_m = match (self.peak, self.known.peak) {
+            (Some(found), Some(truth)) => Some(peak_distance_m(&self.known.frame, &found, &truth)),
+            _ => None,
+        };
+        Summary {
+            schema: SCHEMA,
+            seed: self.known.seed,
+            digest: digest.to_owned(),
+            sim_s,
+            wall_s,
+            real_time_factor: sim_s / wall_s,
+            vehicles: self.vehicles.iter().map(|(id, v)| v.summary(id)).collect(),
+            peak: PeakSummary {
+                estimate: self.peak,
+                truth: self.known.peak,
+                error_m,
+            },
+            model: ModelSummary {
+                before: self.known.before,
+                after: self.after,
+                reality: self.known.reality,
+            },
+        }
+    }
+}
+
+impl Vehicle {
+    fn moved(&mut self, frame: &LocalFrame, state: &State) {
+        let here = Geodetic {
+            lat_deg: state.lat_deg,
+            lon_deg: state.lon_deg,
+        };
+        match self.mark {
+            None => self.mark = Some((here, state.alt_amsl_m)),
+            Some((there, alt)) => {
+                let flat = frame.to_enu(here).distance_m(frame.to_enu(there));
+                let way = flat.hypot(state.alt_amsl_m - alt);
+                if way >= LEAST_WAY_M {
+                    self.way_m += way;
+                    self.mark = Some((here, state.alt_amsl_m));
+                }
+            }
+        }
+    }
+
+    fn read(&mut self, time: SimTime, reading: &Reading) {
+        let highest = self.peak.as_ref().map(|(_, peak)| peak.co2_ppm);
+        if highest.is_none_or(|highest| reading.co2_ppm > highest) {
+            self.peak = Some((time, reading.clone()));
+        }
+    }
+
+    fn summary(&self, id: &str) -> VehicleSummary {
+        let peak = self.peak.as_ref();
+        VehicleSummary {
+            id: id.to_owned(),
+            kind: self.kind,
+            distance_m: self.way_m,
+            peak_ppm: peak.map(|(_, r)| r.co2_ppm),
+            peak_time_s: peak.map(|(t, _)| t.s()),
+            peak_lat_deg: peak.map(|(_, r)| r.lat_deg),
+            peak_lon_deg: peak.map(|(_, r)| r.lon_deg),
+            peak_alt_amsl_m: peak.map(|(_, r)| r.alt_amsl_m),
+        }
+    }
+}
+
+/// Distance between two peaks, height included, m.
+pub fn peak_distance_m(frame: &LocalFrame, a: &Peak, b: &Peak) -> f64 {
+    let enu = |p: &Peak| {
+        frame.to_enu(Geodetic {
+            lat_deg: p.lat_deg,
+            lon_deg: p.lon_deg,
+        })
+    };
+    enu(a).distance_m(enu(b)).hypot(a.alt_amsl_m - b.alt_amsl_m)
+}

@@ -1,0 +1,196 @@
+//! Summary and KML of a mission, from its messages.
+#![allow(clippy::unwrap_used)]
+
+mod synthetic;
+
+use kml::{Kml, KmlReader};
+use protocol::key::Name;
+use protocol::message::{Message, Peak, VehicleKind};
+use protocol::{Envelope, SimTime, Topic};
+use record::kml::{Stack, Surroundings, document};
+use record::summary::{CORRECTED, Known, ModelNumbers, Summariser};
+use record::tracks::Tracks;
+use record::words;
+
+fn numbers(axis_deg: f64, height_m: f64) -> ModelNumbers {
+    ModelNumbers::from(&synthetic::model(axis_deg, height_m, 410.0, 0))
+}
+
+fn known() -> Known {
+    Known {
+        seed: 7,
+        frame: synthetic::frame(),
+        before: numbers(130.0, 450.0),
+        reality: Some(numbers(118.0, 486.0)),
+        peak: Some(Peak {
+            lat_deg: 43.4365,
+            lon_deg: -7.8498,
+            alt_amsl_m: 826.0,
+            co2_ppm: 1025.0,
+            sd_ppm: 0.0,
+        }),
+    }
+}
+
+#[test]
+fn the_summary_has_the_fields_of_its_schema() {
+    let mut summariser = Summariser::new(known());
+    for (topic, envelope) in synthetic::mission(6000) {
+        summariser.take(&topic, &envelope);
+    }
+    let summary = summariser.summary("ab12", 2.0);
+    let json: serde_json::Value = serde_json::from_str(&summary.to_json()).unwrap();
+    let keys = |v: &serde_json::Value| -> Vec<String> {
+        let mut keys: Vec<String> = v.as_object().unwrap().keys().cloned().collect();
+        keys.sort();
+        keys
+    };
+    let expect = |text: &str| -> Vec<String> { text.split(' ').map(str::to_owned).collect() };
+    assert_eq!(
+        keys(&json),
+        expect("digest model peak real_time_factor schema seed sim_s vehicles wall_s")
+    );
+    assert_eq!(
+        keys(&json["vehicles"][0]),
+        expect("distance_m id kind peak_alt_amsl_m peak_lat_deg peak_lon_deg peak_ppm peak_time_s")
+    );
+    assert_eq!(keys(&json["peak"]), expect("error_m estimate truth"));
+    assert_eq!(keys(&json["model"]), expect("after before reality"));
+    assert_eq!(
+        keys(&json["model"]["after"]),
+        expect(
+            "axis_deg background_ppm c_max_distance_m c_max_ppm effective_height_agl_m \
+             sigma_y_scale sigma_z_scale"
+        )
+    );
+    assert_eq!(
+        keys(&json["model"]["after"]["axis_deg"]),
+        expect("sd value")
+    );
+    assert_eq!(json["schema"], "plumage.summary/1");
+    assert_eq!(json["vehicles"].as_array().unwrap().len(), 6);
+    assert_eq!(json["vehicles"][5]["kind"], "real");
+    // The model as last said, and the highest reading of each vehicle as an independent pass
+    // over the messages finds it.
+    for vehicle in &summary.vehicles {
+        let highest = synthetic::mission(6000)
+            .filter_map(|(_, e)| match e.message {
+                Message::Reading(r) if e.sender.name().as_str() == vehicle.id => Some(r.co2_ppm),
+                _ => None,
+            })
+            .fold(f64::MIN, f64::max);
+        assert_eq!(vehicle.peak_ppm, Some(highest));
+    }
+    assert!((summary.real_time_factor - 599.9 / 2.0).abs() < 1e-9);
+    let text = words::summary(&summary);
+    assert!(text.contains("5 simulated and 1 real"), "{text}");
+    assert!(
+        text.contains("axis (towards)      130.0 ->   118.0"),
+        "{text}"
+    );
+}
+
+#[test]
+fn the_way_is_the_way_flown() {
+    // 18 m/s due north for 100 s, with a jitter of 2 m across at 10 Hz: 1800 m, not the 4000 m
+    // of a sum over every step.
+    let mut summariser = Summariser::new(known());
+    let (topic, mut envelope) = synthetic::tick(0)
+        .into_iter()
+        .find(|(topic, _)| matches!(topic, Topic::State(_)))
+        .unwrap();
+    for n in 0..=1000 {
+        let at = air::geo::Enu {
+            east_m: if n % 2 == 0 { 2.0 } else { -2.0 },
+            north_m: 1.8 * f64::from(n),
+        };
+        let place = synthetic::frame().to_geodetic(at);
+        envelope.time = SimTime::from_s(0.1 * f64::from(n));
+        if let Message::State(state) = &mut envelope.message {
+            state.lat_deg = place.lat_deg;
+            state.lon_deg = place.lon_deg;
+            state.alt_amsl_m = 800.0;
+        }
+        summariser.take(&topic, &envelope);
+    }
+    let way = summariser.summary("", 1.0).vehicles[0].distance_m;
+    assert!((way - 1800.0).abs() < 0.1 * 1800.0, "{way}");
+}
+
+#[test]
+fn an_angle_is_compared_the_short_way_round() {
+    let axis = &CORRECTED[0];
+    assert!((axis.error(359.0, 2.0) + 3.0).abs() < 1e-9);
+    assert!((CORRECTED[1].error(359.0, 2.0) - 357.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_mission_without_real_vehicle_or_peak_has_words_and_nulls() {
+    let summary = Summariser::new(Known {
+        reality: None,
+        peak: None,
+        ..known()
+    })
+    .summary("", 0.0);
+    let json: serde_json::Value = serde_json::from_str(&summary.to_json()).unwrap();
+    assert!(json["model"]["reality"].is_null() && json["real_time_factor"].is_null());
+    let text = words::summary(&summary);
+    assert!(
+        text.contains("no peak") && text.contains("no real vehicle"),
+        "{text}"
+    );
+}
+
+#[test]
+fn kml_reads_back_with_a_folder_a_vehicle() {
+    let mut tracks = Tracks::new(500, 0.5);
+    for (topic, envelope) in synthetic::mission(3000) {
+        tracks.take(&topic, &envelope);
+    }
+    // A name that XML would trip over.
+    let around = Surroundings {
+        mission: "a < b & \"c\"".to_owned(),
+        stacks: vec![Stack {
+            name: "As Pontes".to_owned(),
+            lat_deg: 43.4417,
+            lon_deg: -7.8631,
+            height_m: 356.0,
+        }],
+        fence: vec![(43.40, -7.90), (43.40, -7.80), (43.47, -7.80)],
+        fence_top_amsl_m: 1200.0,
+        peak: known().peak,
+    };
+    let text = document(&tracks, &around).unwrap();
+    assert!(!text.contains("NaN"));
+    let Kml::KmlDocument(read) = KmlReader::<_, f64>::from_string(&text).read().unwrap() else {
+        panic!("no KML document");
+    };
+    let Kml::Document { elements, .. } = &read.elements[0] else {
+        panic!("no document");
+    };
+    let folders: Vec<_> = elements
+        .iter()
+        .filter_map(|e| match e {
+            Kml::Folder(f) => f.name.clone(),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(folders.len(), 6);
+    assert_eq!(folders[5], "Vehicle 6 (real)");
+    let styles = text.matches("<Style id=\"co2-").count();
+    assert_eq!(styles, 24);
+    assert!(text.matches("<TimeSpan>").count() > 100);
+    assert!(text.contains("#co2-0") && text.contains("#co2-23"));
+    assert_eq!(tracks.by_vehicle()["6"].kind, VehicleKind::Real);
+}
+
+#[test]
+fn a_message_on_another_topic_changes_no_track() {
+    let mut tracks = Tracks::new(10, 0.0);
+    for (_, envelope) in synthetic::mission(5) {
+        let elsewhere = Topic::State(Name::new("1").unwrap());
+        let envelope: Envelope = envelope;
+        tracks.take(&elsewhere, &envelope);
+    }
+    assert!(tracks.by_vehicle().is_empty());
+}

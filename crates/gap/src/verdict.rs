@@ -1,0 +1,316 @@
+//! The verdict as `gap.json` has it (schema "plumage.gap/1"): one set of types for plume,
+//! tracer and flight. What is not finite is written as null.
+
+use serde::Serialize;
+
+/// Value of `schema`.
+pub const SCHEMA: &str = "plumage.gap/1";
+
+/// The answer in one word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// The base and its noise explain the data.
+    None,
+    /// Every cause is one mechanism.
+    Named,
+    /// At least one cause is a set that the data cannot tell apart.
+    Ambiguous,
+    /// Something is there that no mechanism of the catalogue explains.
+    Unexplained,
+}
+
+/// How strongly the data speak for a cause.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Evidence {
+    /// Gain of the maximal log score, nats.
+    pub delta_log_score: f64,
+    /// Gain of the log evidence, nats, after paying for parameters.
+    pub delta_log_evidence: f64,
+    /// Probability of so large a best score where nothing is hidden.
+    pub p_value: f64,
+}
+
+/// A fitted parameter.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Parameter {
+    /// Mechanism it belongs to.
+    pub mechanism: String,
+    /// Name, as in `docs/mechanisms.md`.
+    pub name: String,
+    /// Estimate.
+    pub value: f64,
+    /// One standard deviation.
+    pub sd: f64,
+    /// Unit.
+    pub unit: String,
+}
+
+/// One cause: a mechanism, or a set that the data cannot tell apart.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Cause {
+    /// Mechanism ids, the most probable first.
+    pub mechanisms: Vec<String>,
+    /// Probability that the true cause is in the set.
+    pub probability: f64,
+    /// How strongly the data speak for it.
+    pub evidence: Evidence,
+    /// Parameters of the first mechanism.
+    pub parameters: Vec<Parameter>,
+    /// Platforms it applies to; empty for all.
+    pub platforms: Vec<String>,
+    /// Nats to the nearest rival outside the set.
+    pub nats_to_next: f64,
+}
+
+/// A model that was tried.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Ranked {
+    /// Mechanisms added to the base.
+    pub mechanisms: Vec<String>,
+    /// Platform it was tried for; null for all.
+    pub platform: Option<String>,
+    /// Gain of the log score over the model before, nats.
+    pub delta_log_score: f64,
+    /// Gain of the log evidence over the model before, nats.
+    pub log_evidence: f64,
+    /// Probability among all tried in this round.
+    pub probability: f64,
+}
+
+/// Mean misfit in a part of the data.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ResidualBin {
+    /// Along what: "time", "across_wind", "along_wind", "height", "platform", "map".
+    pub coordinate: String,
+    /// Platform; null for all.
+    pub platform: Option<String>,
+    /// From, in the coordinate's unit.
+    pub from: f64,
+    /// To, in the coordinate's unit.
+    pub to: f64,
+    /// Unit of `from` and `to`.
+    pub unit: String,
+    /// Readings in it.
+    pub count: usize,
+    /// Mean of measured minus predicted, ppm.
+    pub mean_ppm: f64,
+    /// The same in standard deviations of the noise model.
+    pub standardised: f64,
+}
+
+/// Scores on data that the fit did not see, before and after the extension.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct HeldOut {
+    /// Log score, nats, of the base.
+    pub log_score_before: f64,
+    /// Log score, nats, of the extended model.
+    pub log_score_after: f64,
+    /// 95 % interval of the gain in log score, nats.
+    pub log_score_gain_low: f64,
+    /// 95 % interval of the gain in log score, nats.
+    pub log_score_gain_high: f64,
+    /// Root mean square error of the base.
+    pub rmse_before: f64,
+    /// Root mean square error of the extended model.
+    pub rmse_after: f64,
+    /// 95 % interval of the change of the RMSE (after minus before).
+    pub rmse_change_low: f64,
+    /// 95 % interval of the change of the RMSE (after minus before).
+    pub rmse_change_high: f64,
+    /// Part within a factor of two.
+    pub fac2_before: f64,
+    /// Part within a factor of two.
+    pub fac2_after: f64,
+    /// Fractional bias.
+    pub fb_before: f64,
+    /// Fractional bias.
+    pub fb_after: f64,
+    /// Normalised mean square error.
+    pub nmse_before: f64,
+    /// Normalised mean square error.
+    pub nmse_after: f64,
+    /// Geometric mean bias.
+    pub mg_before: f64,
+    /// Geometric mean bias.
+    pub mg_after: f64,
+    /// Geometric variance.
+    pub vg_before: f64,
+    /// Geometric variance.
+    pub vg_after: f64,
+    /// 95 % intervals of fac2, fb, nmse, mg, vg before: low then high of each.
+    pub intervals_before: [[f64; 2]; 5],
+    /// 95 % intervals of fac2, fb, nmse, mg, vg after: low then high of each.
+    pub intervals_after: [[f64; 2]; 5],
+}
+
+/// What the extension gains.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Gain {
+    /// Number of blocks left out in turn.
+    pub blocks: usize,
+    /// Scores on them.
+    pub held_out: HeldOut,
+}
+
+/// The smallest effect that these data could have shown.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Detectable {
+    /// Mechanism id.
+    pub mechanism: String,
+    /// Its parameter.
+    pub parameter: String,
+    /// Size of the effect, as a departure from the neutral value.
+    pub value: f64,
+    /// Unit.
+    pub unit: String,
+}
+
+/// A point of a proposed flight.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Waypoint {
+    /// Time, s.
+    pub time_s: f64,
+    /// Latitude, degrees.
+    pub lat_deg: f64,
+    /// Longitude, degrees.
+    pub lon_deg: f64,
+    /// Altitude above mean sea level, m.
+    pub alt_amsl_m: f64,
+}
+
+/// The flight that would tell rivals apart.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NextFlight {
+    /// The rivals.
+    pub separates: Vec<String>,
+    /// What it is, in words.
+    pub description: String,
+    /// Where to fly.
+    pub waypoints: Vec<Waypoint>,
+    /// Expected separation of the two best rivals, nats.
+    pub expected_nats: f64,
+}
+
+/// A parameter of the base.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BaseParameter {
+    /// Dotted key of the scenario.
+    pub name: String,
+    /// Estimate.
+    pub value: f64,
+    /// One standard deviation.
+    pub sd: f64,
+    /// One standard deviation of the prior.
+    pub prior: f64,
+}
+
+/// Where a misfit without a name lives.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Unexplained {
+    /// "time", "platform", "across_wind", "along_wind", "height" or "map".
+    pub coordinate: String,
+    /// The flexible term that describes it, in words.
+    pub term: String,
+    /// Start of the stretch where it is strongest, s.
+    pub from_s: f64,
+    /// End of that stretch, s.
+    pub to_s: f64,
+    /// Platforms that show it.
+    pub platforms: Vec<String>,
+    /// Gain of the log evidence by that term, nats.
+    pub delta_log_evidence: f64,
+}
+
+/// What is wrong with raw data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Flaw {
+    /// The reading stands still.
+    Frozen,
+    /// The reading hits a ceiling or floor.
+    Clipped,
+    /// Readings are missing.
+    Gap,
+    /// Single readings far off.
+    Outlier,
+    /// A unit, or the order of coordinates, looks wrong.
+    Unit,
+}
+
+/// A stretch of raw data with a flaw; it is masked and does not alone make a verdict.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DataQuality {
+    /// Platform.
+    pub platform: String,
+    /// The flaw.
+    pub kind: Flaw,
+    /// From, s.
+    pub from_s: f64,
+    /// To, s.
+    pub to_s: f64,
+    /// What was seen, in words.
+    pub message: String,
+}
+
+/// All of `gap.json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GapJson {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// The answer.
+    pub verdict: Verdict,
+    /// The answer in words.
+    pub summary: String,
+    /// Named causes, the strongest first.
+    pub causes: Vec<Cause>,
+    /// Every model tried, the best first.
+    pub ranking: Vec<Ranked>,
+    /// Where and when the misfit of the base lives.
+    pub residual: Vec<ResidualBin>,
+    /// What the extension gains; null when nothing was added.
+    pub gain: Option<Gain>,
+    /// Smallest effects that these data could have shown.
+    pub detectable: Vec<Detectable>,
+    /// When ambiguous.
+    pub next_flight: Option<NextFlight>,
+    /// Fitted base.
+    pub base: Vec<BaseParameter>,
+    /// When unexplained.
+    pub unexplained: Option<Unexplained>,
+    /// Flaws of the raw data.
+    pub data_quality: Vec<DataQuality>,
+    /// What a user should know besides.
+    pub notices: Vec<String>,
+}
+
+impl GapJson {
+    /// The text of `gap.json`, indented.
+    ///
+    /// # Errors
+    /// Only if serialisation itself fails.
+    pub fn to_json(&self) -> Result<String, serde_json::Error> {
+        serde_json::to_string_pretty(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn contract_names_and_null() {
+        let evidence = Evidence {
+            delta_log_score: 20.0,
+            delta_log_evidence: 17.0,
+            p_value: f64::NAN,
+        };
+        let text = serde_json::to_value(evidence).unwrap();
+        assert!(text["p_value"].is_null());
+        assert_eq!(
+            serde_json::to_value(Verdict::Unexplained).unwrap(),
+            "unexplained"
+        );
+        assert_eq!(serde_json::to_value(Flaw::Frozen).unwrap(), "frozen");
+    }
+}

@@ -548,6 +548,9 @@ fn validate(spec: &WorldSpec) -> Result<(), PlumeError> {
     spec.sensor.validate()
 }
 
+#[path = "batch.rs"]
+pub mod batch;
+
 #[cfg(test)]
 #[path = "field_tests.rs"]
 pub(crate) mod tests;

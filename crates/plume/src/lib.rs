@@ -4,7 +4,7 @@
 //! *mechanism* ([`mechanism`]) with an id, parameters and a sign convention, so that a finding
 //! about measured data is at once an extension of the simulator. The same [`field::World`]
 //! serves the simulation (one point at a time) and the analysis of data (a whole
-//! [`track::Track`] at a time).
+//! [`track::Track`] at a time); [`batch`] evaluates it at many places for maps.
 //!
 //! Pure: no clock, file, socket, environment or global random number. Time and random
 //! generators are arguments; results are repeatable bit for bit.
@@ -22,6 +22,7 @@ pub mod stability;
 pub mod track;
 pub mod units;
 
+pub use field::batch::{self, Columns};
 pub use field::{Place, SourceSpec, Strength, World, WorldSpec};
 pub use mechanism::{Mechanism, MechanismId};
 pub use sensor::{Sensor, SensorSpec};

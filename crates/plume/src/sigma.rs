@@ -14,14 +14,14 @@ pub enum Setting {
 
 /// One of Briggs' curves: a x (1 + b x)^p with p one of -1, -1/2, 0, +1/2.
 #[derive(Debug, Clone, Copy)]
-struct Curve {
-    a: f64,
-    b: f64,
-    power: Power,
+pub(crate) struct Curve {
+    pub(crate) a: f64,
+    pub(crate) b: f64,
+    pub(crate) power: Power,
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Power {
+pub(crate) enum Power {
     MinusOne,
     MinusHalf,
     Half,
@@ -125,6 +125,11 @@ impl Spread {
             z: [z[first], z[second]],
             part,
         }
+    }
+
+    /// The curves of σy and σz where the spread is that of one class, not between two.
+    pub(crate) fn of_one_class(&self) -> Option<(Curve, Curve)> {
+        (self.part == 0.0).then_some((self.y[0], self.z[0]))
     }
 
     /// (σy, σz) in m at `x_m` downwind.

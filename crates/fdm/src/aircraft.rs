@@ -11,6 +11,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::autopilot::ControlGains;
+use crate::mechanism::{Extended, Mechanism};
 use crate::{FdmError, refuse};
 
 /// An aircraft, complete and checked.
@@ -47,6 +48,9 @@ pub struct Aircraft {
     /// Gains of the autopilot.
     #[serde(default)]
     pub control: ControlGains,
+    /// What differs between this description and the aircraft that flies.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub mechanism: Vec<Mechanism>,
 }
 
 /// Mass and inertia about the centre of gravity in body axes.
@@ -170,13 +174,36 @@ pub struct Surfaces {
     /// Pure delay between a command and the servo's first motion, s.
     #[serde(default)]
     pub delay_s: f64,
+    /// Where the elevator stands when told 0, degrees.
+    #[serde(default)]
+    pub elevator_offset_deg: f64,
+    /// Where the aileron stands when told 0, degrees.
+    #[serde(default)]
+    pub aileron_offset_deg: f64,
+    /// Where the rudder stands when told 0, degrees.
+    #[serde(default)]
+    pub rudder_offset_deg: f64,
 }
 
-/// Motor and propeller by momentum: thrust = ½ρ A Vd (Vd − V), Vd = V + δt (V_exit − V)
-/// (Beard & McLain 2012, Coates et al. 2019).
+/// How the slipstream follows throttle δt at airspeed V.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PropellerLaw {
+    /// Thrust ½ρ A Vd (Vd − V) with Vd = V + δt (V_exit − V) (Coates et al. 2019): nil at δt = 0.
+    #[default]
+    Blended,
+    /// Thrust ½ρ A ((δt V_exit)² − V²) (Beard & McLain 2012), not below 0: the propeller gives
+    /// nothing until its slipstream is faster than the flight.
+    Proportional,
+}
+
+/// Motor and propeller by momentum.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Propulsion {
+    /// How the slipstream follows the throttle.
+    #[serde(default)]
+    pub law: PropellerLaw,
     /// Effective swept area A (area times efficiency), m².
     pub swept_area_m2: f64,
     /// Speed of the slipstream at full throttle, m/s.
@@ -245,6 +272,7 @@ impl Aircraft {
             toml::from_str(text).map_err(|error| FdmError::syntax(file_name, text, &error))?;
         aircraft
             .check()
+            .and_then(|()| Extended::of(&aircraft))
             .map_err(|error| error.located_in(file_name, text))?;
         Ok(aircraft)
     }
@@ -376,7 +404,14 @@ impl Aircraft {
             1000.0,
         )?;
         within("surfaces.damping_ratio", s.damping_ratio, 0.1, 10.0)?;
-        within("surfaces.delay_s", s.delay_s, 0.0, 0.5)?;
+        within("surfaces.delay_s", s.delay_s, 0.0, 1.0)?;
+        for (key, value) in [
+            ("surfaces.elevator_offset_deg", s.elevator_offset_deg),
+            ("surfaces.aileron_offset_deg", s.aileron_offset_deg),
+            ("surfaces.rudder_offset_deg", s.rudder_offset_deg),
+        ] {
+            within(key, value, s.min_deg, s.max_deg)?;
+        }
         positive("propulsion.swept_area_m2", self.propulsion.swept_area_m2)?;
         positive("propulsion.exit_speed_m_s", self.propulsion.exit_speed_m_s)?;
         within("propulsion.lag_s", self.propulsion.lag_s, 0.0, 10.0)?;

@@ -3,7 +3,7 @@
 
 use air::STANDARD_GRAVITY_M_S2;
 
-use crate::aircraft::Aircraft;
+use crate::aircraft::{Aircraft, PropellerLaw};
 use crate::real::Real;
 
 /// Airspeed below which the dimensionless rates stop growing, m/s.
@@ -237,9 +237,7 @@ impl Dynamics {
         let (sin_a, cos_a) = (flow.body[2] * inverse_plane, flow.body[0] * inverse_plane);
         let (sin_b, cos_b) = (flow.body[1] * inverse_speed, flow.plane * inverse_speed);
         let along = drag * cos_b + side * sin_b;
-        let slipstream =
-            speed + controls.throttle * (R::splat(a.propulsion.exit_speed_m_s) - speed);
-        let thrust = half_rho * slipstream * (slipstream - speed) * a.propulsion.swept_area_m2;
+        let thrust = self.thrust(speed, controls.throttle, density);
         let force = [
             lift * sin_a - along * cos_a + thrust,
             side * cos_b - drag * sin_b,
@@ -252,6 +250,23 @@ impl Dynamics {
             qbar_s * lateral(&a.yaw) * a.wing.span_m - force[1] * cg,
         ];
         (force, moment)
+    }
+
+    /// Thrust, N.
+    #[inline(always)]
+    pub fn thrust<R: Real>(&self, airspeed: R, throttle: R, density: R) -> R {
+        let p = &self.aircraft.propulsion;
+        let square = match p.law {
+            PropellerLaw::Blended => {
+                let slipstream = airspeed + throttle * (R::splat(p.exit_speed_m_s) - airspeed);
+                slipstream * (slipstream - airspeed)
+            }
+            PropellerLaw::Proportional => {
+                let slipstream = throttle * p.exit_speed_m_s;
+                (slipstream * slipstream - airspeed * airspeed).max(R::splat(0.0))
+            }
+        };
+        density * 0.5 * square * p.swept_area_m2
     }
 
     /// The derivative of the state.

@@ -3,6 +3,7 @@
 use crate::FdmError;
 use crate::aircraft::{Aircraft, Layout};
 use crate::dynamics::{AirState, Body, Controls, Dynamics, flow, rotation};
+use crate::mechanism::{Extended, SensorErrors};
 use crate::real::Real;
 use crate::servo::{LagStep, Servo};
 use crate::trim::{self, Trim};
@@ -138,6 +139,10 @@ pub struct FlightSim {
     last: SurfaceCommand,
     delay: DelayLine,
     half_step: Option<(f64, LagStep)>,
+    /// Where elevator, aileron and rudder stand when told 0, rad.
+    offset: [f64; 3],
+    sensors: SensorErrors,
+    wind_bias: [f64; 3],
     ground_amsl_m: f64,
     launch_heading_rad: f64,
     phase: Phase,
@@ -157,7 +162,8 @@ impl FlightSim {
     /// A vehicle in trimmed level flight in still standard air.
     ///
     /// # Errors
-    /// [`FdmError::NoTrim`] when the aircraft cannot fly level at that airspeed.
+    /// [`FdmError::NoTrim`] when the aircraft cannot fly level at that airspeed; a mechanism of
+    /// its list that is unknown or out of range.
     pub fn airborne(
         aircraft: &Aircraft,
         north_m: f64,
@@ -166,31 +172,28 @@ impl FlightSim {
         heading_deg: f64,
         airspeed_m_s: f64,
     ) -> Result<Self, FdmError> {
-        let dynamics = Dynamics::new(aircraft);
-        let trim = trim::level(
-            &dynamics,
-            airspeed_m_s,
-            AirAround::STANDARD_CALM.density_kg_m3,
-        )?;
-        let mut sim = Self::still(dynamics, [north_m, east_m, -alt_amsl_m], heading_deg);
+        let extended = Extended::of(aircraft)?;
+        let mut sim = Self::still(&extended, [north_m, east_m, -alt_amsl_m], heading_deg);
+        let density = AirAround::STANDARD_CALM.density_kg_m3;
+        let trim = trim::level(&sim.dynamics, airspeed_m_s, density)?;
         sim.set_trimmed(&trim, heading_deg, [0.0; 3]);
         Ok(sim)
     }
 
     /// A vehicle on its launcher.
+    ///
+    /// # Errors
+    /// A mechanism of the aircraft's list that is unknown or out of range.
     pub fn on_ground(
         aircraft: &Aircraft,
         north_m: f64,
         east_m: f64,
         ground_amsl_m: f64,
         heading_deg: f64,
-    ) -> Self {
+    ) -> Result<Self, FdmError> {
+        let extended = Extended::of(aircraft)?;
         let down = -(ground_amsl_m + aircraft.ground.rest_height_m);
-        let mut sim = Self::still(
-            Dynamics::new(aircraft),
-            [north_m, east_m, down],
-            heading_deg,
-        );
+        let mut sim = Self::still(&extended, [north_m, east_m, down], heading_deg);
         sim.ground_amsl_m = ground_amsl_m;
         sim.body.attitude = quaternion(
             0.0,
@@ -198,13 +201,21 @@ impl FlightSim {
             sim.launch_heading_rad,
         );
         sim.flags.on_ground = true;
-        sim
+        Ok(sim)
     }
 
-    fn still(dynamics: Dynamics, pos_ned: [f64; 3], heading_deg: f64) -> Self {
+    fn still(extended: &Extended, pos_ned: [f64; 3], heading_deg: f64) -> Self {
         let heading = heading_deg.to_radians();
+        let surfaces = &extended.aircraft.surfaces;
         Self {
-            dynamics,
+            dynamics: Dynamics::new(&extended.aircraft),
+            offset: [
+                surfaces.elevator_offset_deg.to_radians(),
+                surfaces.aileron_offset_deg.to_radians(),
+                surfaces.rudder_offset_deg.to_radians(),
+            ],
+            sensors: extended.sensors,
+            wind_bias: extended.wind_bias_ned_m_s,
             body: Body {
                 pos_ned,
                 vel_ned: [0.0; 3],
@@ -245,6 +256,10 @@ impl FlightSim {
         self.body.rate = [0.0; 3];
         self.wind_ned = wind_ned_m_s;
         self.last = trim.command();
+        // The trim says where the surfaces stand.
+        self.last.elevator_rad -= self.offset[0];
+        self.last.aileron_rad -= self.offset[1];
+        self.last.rudder_rad -= self.offset[2];
         self.delay.ring = [self.last; LONGEST_DELAY];
         self.servos = self
             .split(&self.last)
@@ -284,7 +299,12 @@ impl FlightSim {
         }
     }
 
-    /// The aircraft that flies.
+    /// The state as the vehicle's own sensors tell it, with the errors of its mechanisms.
+    pub fn sensed(&self) -> FlightState {
+        self.sensors.of(&self.state())
+    }
+
+    /// The aircraft that flies, with the mechanisms of its list applied.
     pub fn aircraft(&self) -> &Aircraft {
         &self.dynamics.aircraft
     }
@@ -363,6 +383,9 @@ impl FlightSim {
     fn usable(&mut self, air: &AirAround) -> AirState<f64> {
         if air.wind_ned_m_s.iter().all(|w| w.is_finite()) {
             self.wind_ned = air.wind_ned_m_s;
+            for (wind, bias) in self.wind_ned.iter_mut().zip(self.wind_bias) {
+                *wind += bias;
+            }
         }
         let density = if air.density_kg_m3.is_finite() && air.density_kg_m3 > 0.0 {
             air.density_kg_m3
@@ -407,17 +430,14 @@ impl FlightSim {
 
     /// Surface angles for a command, in the servos' order.
     fn split(&self, command: &SurfaceCommand) -> [f64; 3] {
+        let [elevator, aileron, rudder] = [
+            command.elevator_rad + self.offset[0],
+            command.aileron_rad + self.offset[1],
+            command.rudder_rad + self.offset[2],
+        ];
         match self.dynamics.aircraft.surfaces.layout {
-            Layout::Elevons => [
-                command.elevator_rad + command.aileron_rad,
-                command.elevator_rad - command.aileron_rad,
-                0.0,
-            ],
-            Layout::Conventional => [
-                command.elevator_rad,
-                command.aileron_rad,
-                command.rudder_rad,
-            ],
+            Layout::Elevons => [elevator + aileron, elevator - aileron, 0.0],
+            Layout::Conventional => [elevator, aileron, rudder],
         }
     }
 

@@ -13,6 +13,7 @@ pub mod aircraft;
 pub mod autopilot;
 pub mod dynamics;
 pub mod flight;
+pub mod mechanism;
 pub mod real;
 mod servo;
 pub mod trim;
@@ -56,6 +57,14 @@ pub enum FdmError {
         density_kg_m3: f64,
         /// What fails.
         why: String,
+    },
+    /// A mechanism or parameter that the catalogue does not have.
+    #[error("unknown mechanism {id}; known are {known}")]
+    UnknownMechanism {
+        /// The id, with the parameter where that is unknown.
+        id: String,
+        /// Every id of the catalogue.
+        known: String,
     },
     /// An aircraft that cannot be written as TOML.
     #[error("aircraft cannot be written as TOML: {0}")]

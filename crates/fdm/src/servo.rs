@@ -89,6 +89,9 @@ mod tests {
             natural_frequency_rad_s: 100.0,
             damping_ratio: 1.71,
             delay_s: 0.0,
+            elevator_offset_deg: 0.0,
+            aileron_offset_deg: 0.0,
+            rudder_offset_deg: 0.0,
         }
     }
 

@@ -73,7 +73,7 @@ pub fn climb(
         let slope = dynamics.slope(&body, &controls, &calm(density_kg_m3));
         Vector3::new(slope.acc_ned[0], slope.acc_ned[2], slope.rate[1])
     };
-    let mut x = Vector3::new(0.05, 0.0, 0.3);
+    let mut x = Vector3::new(0.05, 0.0, 0.8);
     for _ in 0..50 {
         let r = residual(&x);
         let mut jacobian = Matrix3::zeros();

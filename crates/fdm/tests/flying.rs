@@ -172,7 +172,7 @@ fn takes_off_and_lands_at_home_in_gusts() {
     for seed in 1..=5 {
         let aircraft = x8();
         let mut flown = Flown {
-            sim: FlightSim::on_ground(&aircraft, 0.0, 0.0, 340.0, 270.0),
+            sim: FlightSim::on_ground(&aircraft, 0.0, 0.0, 340.0, 270.0).unwrap(),
             pilot: Autopilot::new(&aircraft),
             day: Day::windy(0.0, 5.0, seed),
             time_s: 0.0,

@@ -4,7 +4,7 @@
 use air::STANDARD_GRAVITY_M_S2;
 
 use super::Sensed;
-use crate::aircraft::Aircraft;
+use crate::aircraft::{Aircraft, PropellerLaw};
 use crate::dynamics::induced_drag_factor;
 
 /// Airspeed below which the loops' gains stop growing, as a share of the lowest flying speed.
@@ -140,15 +140,24 @@ impl Plant {
         let p = &self.aircraft.propulsion;
         let v = at.speed;
         let demand = 2.0 * thrust_share * self.weight_n / (at.density * p.swept_area_m2);
-        let slipstream = 0.5 * v + (0.25 * v * v + demand).max(0.0).sqrt();
-        let room = (p.exit_speed_m_s - v).max(1.0);
-        ((slipstream - v) / room).clamp(0.0, 1.0)
+        let throttle = match p.law {
+            PropellerLaw::Blended => {
+                let slipstream = 0.5 * v + (0.25 * v * v + demand).max(0.0).sqrt();
+                (slipstream - v) / (p.exit_speed_m_s - v).max(1.0)
+            }
+            PropellerLaw::Proportional => (v * v + demand).max(0.0).sqrt() / p.exit_speed_m_s,
+        };
+        throttle.clamp(0.0, 1.0)
     }
 
     /// Thrust over weight at full throttle.
     pub fn thrust_share_max(&self, at: &PlantAt) -> f64 {
         let p = &self.aircraft.propulsion;
         let exit = p.exit_speed_m_s;
-        0.5 * at.density * p.swept_area_m2 * exit * (exit - at.speed) / self.weight_n
+        let square = match p.law {
+            PropellerLaw::Blended => exit * (exit - at.speed),
+            PropellerLaw::Proportional => exit * exit - at.speed * at.speed,
+        };
+        0.5 * at.density * p.swept_area_m2 * square / self.weight_n
     }
 }

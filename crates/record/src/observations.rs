@@ -1,1 +1,111 @@
-//! observations
+//! What real vehicles read in a recorded mission, as rows for calibration and gap analysis.
+
+use crate::RecordError;
+use crate::recording::Recording;
+use protocol::message::{Message, Reading, VehicleKind};
+use protocol::{SimTime, Topic};
+use scenario::observations::{Observation, Observations};
+use std::collections::BTreeMap;
+
+/// The readings of real vehicles in `recording`, in order of time and platform, at most one a
+/// platform in `min_interval_s` (0 for all).
+///
+/// The vehicles' own `va/<id>/reading` count; a recording that holds none gives what the
+/// squadron controller passed on (`sc/main/observation`). Humidity and white noise are not on
+/// the bus and stay missing.
+///
+/// # Errors
+/// A damaged recording, or one in which no real vehicle has read anything.
+pub fn of_recording(
+    recording: &Recording,
+    min_interval_s: f64,
+) -> Result<Observations, RecordError> {
+    let mut own = Rows::new(min_interval_s);
+    let mut passed_on = Rows::new(min_interval_s);
+    let mut messages = recording.envelopes()?;
+    for message in messages.by_ref() {
+        let (topic, envelope) = message?;
+        match (&topic, &envelope.message) {
+            (Topic::Reading(id), Message::Reading(reading)) => {
+                own.push(id.as_str(), envelope.time, reading);
+            }
+            (Topic::Observation, Message::Observation(o)) => {
+                passed_on.push(&o.vehicle, SimTime::from_ns(o.time_ns), &o.reading);
+            }
+            _ => {}
+        }
+    }
+    let mut observations = if own.rows.is_empty() { passed_on } else { own }.finish();
+    if observations.rows.is_empty() {
+        return Err(RecordError::NothingReal {
+            path: recording.path().to_owned(),
+        });
+    }
+    let name = recording.path().display();
+    let loss = messages.ending().loss();
+    observations
+        .notices
+        .extend(loss.map(|l| format!("{name}: {l}")));
+    Ok(observations)
+}
+
+struct Rows {
+    min_interval_ns: i64,
+    platforms: Vec<String>,
+    last: BTreeMap<String, (usize, SimTime)>,
+    rows: Vec<(SimTime, Observation)>,
+}
+
+impl Rows {
+    fn new(min_interval_s: f64) -> Self {
+        Self {
+            min_interval_ns: SimTime::from_s(min_interval_s).ns(),
+            platforms: Vec::new(),
+            last: BTreeMap::new(),
+            rows: Vec::new(),
+        }
+    }
+
+    fn push(&mut self, id: &str, time: SimTime, reading: &Reading) {
+        if reading.kind != VehicleKind::Real {
+            return;
+        }
+        let platform = match self.last.get(id) {
+            Some(&(_, last)) if time <= last => return,
+            Some(&(_, last)) if time.ns() - last.ns() < self.min_interval_ns => return,
+            Some(&(platform, _)) => platform,
+            None => {
+                self.platforms.push(id.to_owned());
+                self.platforms.len() - 1
+            }
+        };
+        self.last.insert(id.to_owned(), (platform, time));
+        self.rows.push((time, row(platform, time, reading)));
+    }
+
+    fn finish(mut self) -> Observations {
+        self.rows.sort_by_key(|(time, row)| (*time, row.platform));
+        Observations {
+            rows: self.rows.into_iter().map(|(_, row)| row).collect(),
+            platforms: self.platforms,
+            ..Observations::default()
+        }
+    }
+}
+
+fn row(platform: usize, time: SimTime, reading: &Reading) -> Observation {
+    Observation {
+        time_s: time.s(),
+        platform,
+        lat_deg: reading.lat_deg,
+        lon_deg: reading.lon_deg,
+        alt_amsl_m: reading.alt_amsl_m,
+        co2_ppm: Some(reading.co2_ppm),
+        wind_speed_m_s: reading.wind_speed_m_s,
+        wind_from_deg: reading.wind_from_deg,
+        temperature_c: reading.temperature_c,
+        relative_humidity_pct: None,
+        pressure_hpa: reading.pressure_hpa,
+        sd_ppm: None,
+    }
+}

@@ -298,3 +298,56 @@ fn a_message_that_comes_far_too_late_is_said() {
     );
     fs::remove_file(path).unwrap();
 }
+
+#[test]
+fn real_readings_become_observations() {
+    let path = fresh("observations");
+    record(&path, 300);
+    let recording = read_mcap(&path).unwrap();
+    let all = record::observations::of_recording(&recording, 0.0).unwrap();
+    assert_eq!(all.platforms, [synthetic::REAL]);
+    assert_eq!(all.rows.len(), 300);
+    let said: Vec<f64> = synthetic::mission(300)
+        .filter_map(|(topic, e)| match e.message {
+            Message::Reading(r) if topic.path() == "va/6/reading" => Some(r.co2_ppm),
+            _ => None,
+        })
+        .collect();
+    let read: Vec<f64> = all.rows.iter().filter_map(|r| r.co2_ppm).collect();
+    assert_eq!(read, said);
+    // As a file of the same rows would say it.
+    let text = all.to_csv();
+    let parsed = scenario::observations::parse(&[("mission.csv", &text)]).unwrap();
+    assert_eq!(parsed.rows, all.rows);
+
+    let each_second = record::observations::of_recording(&recording, 1.0).unwrap();
+    assert_eq!(each_second.rows.len(), 30);
+    fs::remove_file(path).unwrap();
+}
+
+#[test]
+fn what_the_controller_passed_on_serves_where_readings_are_missing() {
+    let path = fresh("passed-on");
+    let mut recorder = Recorder::create(&path, &info()).unwrap();
+    for (topic, envelope) in synthetic::mission(100) {
+        if topic.path().starts_with("sc/") {
+            recorder.record(&topic, &envelope).unwrap();
+        }
+    }
+    recorder.finish(None).unwrap();
+    let recording = read_mcap(&path).unwrap();
+    let rows = record::observations::of_recording(&recording, 0.0)
+        .unwrap()
+        .rows;
+    assert_eq!(rows.len(), 100);
+    fs::remove_file(&path).unwrap();
+
+    Recorder::create(&path, &info())
+        .unwrap()
+        .finish(None)
+        .unwrap();
+    let recording = read_mcap(&path).unwrap();
+    let refused = record::observations::of_recording(&recording, 0.0).unwrap_err();
+    assert!(refused.to_string().contains("no reading of a real vehicle"));
+    fs::remove_file(path).unwrap();
+}

@@ -27,7 +27,7 @@ pub use message::Message;
 pub use time::SimTime;
 
 /// Why something on the bus was refused.
-#[derive(Debug, thiserror::Error, PartialEq)]
+#[derive(Debug, Clone, thiserror::Error, PartialEq)]
 pub enum ProtocolError {
     /// A peer speaks another version of the wire format.
     #[error(

@@ -9,10 +9,12 @@
 //! - [`reality`]: the stand-ins' own world, as differences from the scenario's;
 //! - [`world`]: the plume model that a scenario describes;
 //! - [`uncertain`]: the priors of the parameters that the scenario marks as uncertain;
-//! - [`observations`]: measured rows.
+//! - [`observations`]: measured rows;
+//! - [`random`]: the streams of random numbers of a run.
 
 pub mod check;
 pub mod observations;
+pub mod random;
 pub mod reality;
 pub mod tables;
 pub mod uncertain;

@@ -1,0 +1,335 @@
+//! The world simulator as an agent on the bus.
+
+use crate::WsError;
+use crate::calibration::Calibrator;
+use crate::wind::WorldWind;
+use air::dryden::{Dryden, Turbulence};
+use air::geo::{Geodetic, LocalFrame};
+use air::isa::Atmosphere;
+use air::terrain::Terrain;
+use air::wind::{WindProfile, WindSeries, WindVector};
+use plume::{Place, World};
+use protocol::key::Name;
+use protocol::message::{
+    Ambient, Estimate, Extension, MechanismSetting, Model, Observation, Severity, State,
+};
+use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
+use rand::rngs::ChaCha8Rng;
+use scenario::Scenario;
+use scenario::random::stream;
+use scenario::tables::{VehicleKind, WindFollows};
+use std::collections::BTreeMap;
+
+/// Time between two ambients of a vehicle, s.
+const AMBIENT_S: f64 = 0.1;
+/// Time between two corrections of the model, s.
+const CORRECTION_S: f64 = 10.0;
+/// Height of the wind to which MIL-F-8785C refers turbulence: 20 ft.
+const TURBULENCE_WIND_HEIGHT_M: f64 = 6.096;
+/// Ratio of vertical gust to wind in MIL-F-8785C.
+const STANDARD_INTENSITY: f64 = 0.1;
+
+/// What a world simulator needs to start.
+#[derive(Debug)]
+pub struct WorldSimulatorConfig {
+    /// The scenario, checked.
+    pub scenario: Scenario,
+    /// Measured wind, where the scenario names a series.
+    pub wind_series: Option<WindSeries>,
+    /// The ground.
+    pub terrain: Terrain,
+}
+
+/// A vehicle that flies in this world.
+struct Flyer {
+    name: Name,
+    state: Option<State>,
+    gust: Dryden,
+    rng: ChaCha8Rng,
+    next_s: f64,
+}
+
+/// The world simulator.
+pub struct WorldSimulator {
+    id: AgentId,
+    frame: LocalFrame,
+    atmosphere: Atmosphere,
+    terrain: Terrain,
+    wind: WorldWind,
+    intensity: f64,
+    calibrator: Calibrator,
+    /// Index of each real vehicle in the calibrator.
+    real: BTreeMap<String, usize>,
+    flyers: Vec<Flyer>,
+    world: World,
+    extensions: Vec<MechanismSetting>,
+    next_correction_s: f64,
+    corrected_by: u64,
+}
+
+impl WorldSimulator {
+    /// A world simulator for a scenario.
+    ///
+    /// # Errors
+    /// A scenario that describes no world.
+    pub fn new(config: WorldSimulatorConfig) -> Result<Self, WsError> {
+        let scenario = &config.scenario;
+        let real: Vec<String> = scenario
+            .vehicles
+            .iter()
+            .filter(|v| v.kind != VehicleKind::Simulated)
+            .map(|v| v.id.clone())
+            .collect();
+        let calibrator = Calibrator::new(scenario, &real, None)?;
+        let flyers = scenario
+            .vehicles
+            .iter()
+            .filter(|v| v.kind == VehicleKind::Simulated)
+            .map(|v| {
+                Ok(Flyer {
+                    name: Name::new(&v.id)?,
+                    state: None,
+                    gust: Dryden::new(),
+                    rng: stream(scenario.mission.seed, &format!("ws/gust/{}", v.id)),
+                    next_s: 0.0,
+                })
+            })
+            .collect::<Result<_, WsError>>()?;
+        let follow = scenario.weather.follow == WindFollows::Reported;
+        Ok(Self {
+            id: AgentId::ws(),
+            frame: scenario.frame()?,
+            atmosphere: scenario.atmosphere()?,
+            terrain: config.terrain,
+            wind: WorldWind::new(scenario.wind_profile()?, config.wind_series, follow),
+            intensity: scenario.weather.turbulence_intensity / STANDARD_INTENSITY,
+            world: World::new(calibrator.corrected_spec())?,
+            calibrator,
+            real: real
+                .into_iter()
+                .enumerate()
+                .map(|(k, name)| (name, k))
+                .collect(),
+            flyers,
+            extensions: Vec::new(),
+            next_correction_s: 0.0,
+            corrected_by: 0,
+        })
+    }
+
+    fn observe(&mut self, observation: &Observation) {
+        let Some(&platform) = self.real.get(&observation.vehicle) else {
+            return;
+        };
+        let reading = &observation.reading;
+        let at = self.frame.to_enu(Geodetic {
+            lat_deg: reading.lat_deg,
+            lon_deg: reading.lon_deg,
+        });
+        let time_s = SimTime::from_ns(observation.time_ns).s();
+        let place = Place {
+            east_m: at.east_m,
+            north_m: at.north_m,
+            height_agl_m: reading.alt_amsl_m - self.frame.ground_amsl_m,
+        };
+        if let (Some(speed), Some(from)) = (reading.wind_speed_m_s, reading.wind_from_deg) {
+            let wind = WindVector::from_speed_and_direction(speed, from);
+            self.wind.report(time_s, place.height_agl_m, wind);
+        }
+        // A wind that changes in time carries the plume with it; the turn found is on top of it.
+        let wind = (!self.wind.is_constant()).then(|| {
+            let there = self.wind.at(time_s, 0.0);
+            (there.speed_at_m_s(place.height_agl_m), there.from_deg())
+        });
+        self.calibrator
+            .observe(platform, time_s, place, wind, reading.co2_ppm);
+    }
+
+    fn correct(&mut self, out: &mut Outbox) {
+        if self.calibrator.taken() > self.corrected_by {
+            self.corrected_by = self.calibrator.taken();
+            let corrected = self
+                .calibrator
+                .update()
+                .and_then(|()| Ok(World::new(self.calibrator.corrected_spec())?));
+            match corrected {
+                Ok(world) => self.world = world,
+                Err(e) => out.event(
+                    &self.id,
+                    Severity::Error,
+                    "correction-failed",
+                    e.to_string(),
+                ),
+            }
+        }
+        out.say(Topic::Model, Message::Model(Box::new(self.model())));
+    }
+
+    fn model(&self) -> Model {
+        let found = self.calibrator.calibrated();
+        let spec = self.world.spec();
+        Model {
+            background_ppm: found.background_ppm,
+            effective_height_agl_m: found.effective_height_agl_m,
+            axis_deg: found.axis_deg,
+            c_max_ppm: found.c_max_ppm,
+            c_max_distance_m: Estimate {
+                value: found.c_max_distance_m,
+                sd: 0.0,
+            },
+            sigma_y_scale: found.sigma_y_scale,
+            sigma_z_scale: found.sigma_z_scale,
+            wind_speed_m_s: spec
+                .wind
+                .speed_at_m_s(spec.sources[0].effective_height_agl_m),
+            observations: self.calibrator.taken(),
+            mechanisms: self.extensions.clone(),
+        }
+    }
+
+    fn extend(&mut self, extension: &Extension, out: &mut Outbox) {
+        if !extension.adopt {
+            return;
+        }
+        let made: Result<Vec<plume::Mechanism>, plume::PlumeError> = extension
+            .mechanisms
+            .iter()
+            .map(|m| {
+                let parameters: Vec<(&str, f64)> = m
+                    .parameters
+                    .iter()
+                    .map(|(name, value)| (name.as_str(), *value))
+                    .collect();
+                Ok(plume::Mechanism::new(&m.id, &parameters)?.for_platforms(&m.platforms))
+            })
+            .collect();
+        let done = made
+            .map_err(WsError::from)
+            .and_then(|m| self.calibrator.extend(m));
+        match done {
+            Ok(()) => {
+                self.extensions = extension.mechanisms.clone();
+                self.corrected_by = 0;
+                let ids: Vec<&str> = extension.mechanisms.iter().map(|m| m.id.as_str()).collect();
+                out.event(
+                    &self.id,
+                    Severity::Info,
+                    "extension-adopted",
+                    ids.join(", "),
+                );
+            }
+            Err(e) => out.event(
+                &self.id,
+                Severity::Warning,
+                "extension-refused",
+                e.to_string(),
+            ),
+        }
+    }
+
+    fn say_ambients(&mut self, now_s: f64, out: &mut Outbox) {
+        let wind = self.wind.at(now_s, self.calibrator.turn_deg());
+        for flyer in &mut self.flyers {
+            if now_s + 1e-9 < flyer.next_s {
+                continue;
+            }
+            let Some(state) = flyer.state.clone() else {
+                continue;
+            };
+            flyer.next_s = now_s + AMBIENT_S;
+            let at = Geodetic {
+                lat_deg: state.lat_deg,
+                lon_deg: state.lon_deg,
+            };
+            let enu = self.frame.to_enu(at);
+            let place = Place {
+                east_m: enu.east_m,
+                north_m: enu.north_m,
+                height_agl_m: state.alt_amsl_m - self.frame.ground_amsl_m,
+            };
+            let ground_amsl_m = self.terrain.ground_amsl_m(at);
+            let above_ground_m = (state.alt_amsl_m - ground_amsl_m).max(0.0);
+            let air = self.atmosphere.at(state.alt_amsl_m);
+            let mean = wind.at(above_ground_m);
+            let gust_ned_m_s = gust(
+                flyer,
+                state.airspeed_m_s,
+                &wind,
+                above_ground_m,
+                self.intensity,
+            );
+            let ambient = Ambient {
+                wind_ned_m_s: [mean.north_m_s, mean.east_m_s, 0.0],
+                gust_ned_m_s,
+                temperature_k: air.temperature_k,
+                pressure_pa: air.pressure_pa,
+                co2_ppm: self.world.mean_ppm_in(&place, now_s, &wind),
+                ground_amsl_m,
+            };
+            out.say(
+                Topic::Ambient(flyer.name.clone()),
+                Message::Ambient(ambient),
+            );
+        }
+    }
+}
+
+/// The next gust on a vehicle, north, east, down.
+fn gust(
+    flyer: &mut Flyer,
+    airspeed_m_s: f64,
+    wind: &WindProfile,
+    above_ground_m: f64,
+    intensity: f64,
+) -> [f64; 3] {
+    let low = wind.speed_at_m_s(TURBULENCE_WIND_HEIGHT_M);
+    let turbulence = Turbulence::mil_f_8785c(above_ground_m, low, intensity);
+    let [along, across, down] =
+        flyer
+            .gust
+            .step(AMBIENT_S, airspeed_m_s, &turbulence, &mut flyer.rng);
+    let toward = WindVector::from_speed_and_direction(1.0, wind.from_deg());
+    [
+        along * toward.north_m_s - across * toward.east_m_s,
+        along * toward.east_m_s + across * toward.north_m_s,
+        down,
+    ]
+}
+
+impl Agent for WorldSimulator {
+    fn id(&self) -> &AgentId {
+        &self.id
+    }
+
+    fn interests(&self) -> Vec<Interest> {
+        vec![
+            Interest::AllStates,
+            Interest::One(Topic::Observation),
+            Interest::One(Topic::Extension),
+        ]
+    }
+
+    fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
+        match event {
+            Event::Message(Topic::State(name), envelope) => {
+                let flyer = self.flyers.iter_mut().find(|f| f.name == *name);
+                if let (Some(flyer), Message::State(state)) = (flyer, &envelope.message) {
+                    flyer.state = Some(state.clone());
+                }
+            }
+            Event::Message(_, envelope) => match &envelope.message {
+                Message::Observation(observation) => self.observe(observation),
+                Message::Extension(extension) => self.extend(extension, out),
+                _ => {}
+            },
+            Event::Tick => {
+                if now.s() + 1e-9 >= self.next_correction_s {
+                    self.next_correction_s = now.s() + CORRECTION_S;
+                    self.correct(out);
+                }
+                self.say_ambients(now.s(), out);
+            }
+            Event::Stop => self.correct(out),
+        }
+    }
+}

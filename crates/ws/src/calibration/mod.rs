@@ -1,0 +1,260 @@
+//! Correction of the plume model by readings.
+//!
+//! Unknowns are the background, the effective height, the plume's axis (as a turn of the wind),
+//! the strength (c_MAX or emission), the scales of σy and σz, the sensor's time constant, and,
+//! where several platforms are compared with a reference, each other sensor's offset and gain.
+//! Each has a normal prior from the scenario's `[uncertain]` table. The estimate is the maximum
+//! a posteriori, found by Levenberg-Marquardt from the best point of a coarse search over axis
+//! and height while the plume has not been located; standard deviations come from the
+//! information matrix there.
+//!
+//! Readings are averaged over [`ROW_S`]. Their misfit has a part that grows with the plume
+//! (gusts move it and its edges are ragged) and is correlated from row to row, which is allowed
+//! for by counting [`CORRELATED_ROWS`] neighbours as one.
+
+mod fit;
+mod parameters;
+
+pub use parameters::{Calibrated, Parameter};
+
+use crate::WsError;
+use fit::Problem;
+use nalgebra::{DMatrix, DVector};
+use parameters::Unknowns;
+use plume::effects::Ambient;
+use plume::track::{Row, Track};
+use plume::{Place, World, WorldSpec};
+use scenario::Scenario;
+
+/// Readings are averaged over this time, s.
+pub const ROW_S: f64 = 1.0;
+/// So many neighbouring rows carry the information of one.
+pub const CORRELATED_ROWS: f64 = 4.0;
+/// Rows that a fit looks at; more are thinned, those in clean air first.
+const MOST_ROWS: usize = 1500;
+/// A row is in the plume if the plume's part of it is above this share of the strongest.
+const IN_PLUME_SHARE: f64 = 0.02;
+
+/// One averaged reading.
+#[derive(Debug, Clone, Copy)]
+struct Reading {
+    row: Row,
+    ppm: f64,
+}
+
+/// A reading being averaged.
+#[derive(Debug, Clone, Default)]
+struct Bin {
+    count: f64,
+    time_s: f64,
+    place: Place,
+    ppm: f64,
+    wind: Option<(f64, f64)>,
+}
+
+/// Takes in readings and corrects the model.
+#[derive(Debug, Clone)]
+pub struct Calibrator {
+    base: WorldSpec,
+    unknowns: Unknowns,
+    platforms: Vec<String>,
+    bins: Vec<Bin>,
+    /// Averaged readings, platform by platform, in order of time.
+    readings: Vec<Vec<Reading>>,
+    taken: u64,
+    estimate: DVector<f64>,
+    covariance: DMatrix<f64>,
+}
+
+impl Calibrator {
+    /// A calibrator that starts from `scenario` for readings of `platforms`. With a `reference`
+    /// among them, offset and gain of the others' sensors are unknowns too.
+    ///
+    /// # Errors
+    /// A scenario that describes no world.
+    pub fn new(
+        scenario: &Scenario,
+        platforms: &[String],
+        reference: Option<&str>,
+    ) -> Result<Self, WsError> {
+        let base = scenario.world_spec()?;
+        let unknowns = Unknowns::new(scenario, &base, platforms, reference);
+        Ok(Self {
+            estimate: unknowns.prior_mean(),
+            covariance: DMatrix::from_diagonal(&unknowns.prior_sd().map(|sd| sd * sd)),
+            base,
+            unknowns,
+            platforms: platforms.to_vec(),
+            bins: vec![Bin::default(); platforms.len()],
+            readings: vec![Vec::new(); platforms.len()],
+            taken: 0,
+        })
+    }
+
+    /// Takes in one reading of the platform at index `platform`; `wind` is speed and
+    /// from-direction at the place, where it is known better than by the scenario.
+    pub fn observe(
+        &mut self,
+        platform: usize,
+        time_s: f64,
+        place: Place,
+        wind: Option<(f64, f64)>,
+        ppm: f64,
+    ) {
+        let finite = [time_s, place.east_m, place.north_m, place.height_agl_m, ppm];
+        if platform >= self.bins.len() || !finite.iter().all(|v| v.is_finite()) {
+            return;
+        }
+        self.taken += 1;
+        let bin = &mut self.bins[platform];
+        if bin.count > 0.0 && (time_s / ROW_S).floor() != (bin.time_s / bin.count / ROW_S).floor() {
+            let done = std::mem::take(bin).finish(platform);
+            let in_order = self.readings[platform]
+                .last()
+                .is_none_or(|l| l.row.time_s < done.row.time_s);
+            if in_order {
+                self.readings[platform].push(done);
+            }
+        }
+        let bin = &mut self.bins[platform];
+        bin.count += 1.0;
+        bin.time_s += time_s;
+        bin.place.east_m += place.east_m;
+        bin.place.north_m += place.north_m;
+        bin.place.height_agl_m += place.height_agl_m;
+        bin.ppm += ppm;
+        bin.wind = wind;
+    }
+
+    /// Readings taken in so far.
+    pub fn taken(&self) -> u64 {
+        self.taken
+    }
+
+    /// Replaces the extensions of the base model.
+    ///
+    /// # Errors
+    /// Mechanisms that the plume model refuses.
+    pub fn extend(&mut self, mechanisms: Vec<plume::Mechanism>) -> Result<(), WsError> {
+        let extended = WorldSpec {
+            mechanisms,
+            ..self.base.clone()
+        };
+        World::new(extended.clone())?;
+        self.base = extended;
+        Ok(())
+    }
+
+    /// Corrects the model by all readings so far.
+    ///
+    /// # Errors
+    /// The plume model refuses the corrected values.
+    pub fn update(&mut self) -> Result<(), WsError> {
+        let readings = self.thinned()?;
+        if readings.is_empty() {
+            return Ok(());
+        }
+        let rows: Vec<Row> = readings.iter().map(|r| r.row).collect();
+        let track = Track::new(&World::new(self.base.clone())?, &self.platforms, &rows)?;
+        let measured: Vec<f64> = readings.iter().map(|r| r.ppm).collect();
+        let problem = Problem::new(&self.base, &self.unknowns, &track, &measured);
+        let start = if self.located() {
+            self.estimate.clone()
+        } else {
+            problem.search(&self.estimate)?
+        };
+        let (estimate, covariance) = problem.fit(start)?;
+        self.estimate = estimate;
+        self.covariance = covariance;
+        Ok(())
+    }
+
+    /// Whether the axis is known well enough that a local search finds the best fit.
+    fn located(&self) -> bool {
+        let (estimate, prior) = (&self.covariance, self.unknowns.prior_sd());
+        self.unknowns
+            .index(Parameter::Direction)
+            .is_none_or(|k| estimate[(k, k)].sqrt() < 0.2 * prior[k])
+    }
+
+    /// Rows for a fit: all of them, or those in the plume and a part of the others.
+    fn thinned(&self) -> Result<Vec<Reading>, WsError> {
+        let all: Vec<Reading> = self.readings.iter().flatten().copied().collect();
+        if all.len() <= MOST_ROWS {
+            return Ok(all);
+        }
+        let world = World::new(self.corrected_spec())?;
+        let excess: Vec<f64> = all
+            .iter()
+            .map(|r| {
+                let there = world.mean_ppm(&r.row.place, r.row.time_s);
+                let base = world.background_ppm(&r.row.place, r.row.time_s);
+                (there - base).max(r.ppm - base)
+            })
+            .collect();
+        let strongest = excess.iter().copied().fold(0.0, f64::max);
+        let inside = |k: usize| excess[k] > IN_PLUME_SHARE * strongest;
+        let in_plume = (0..all.len()).filter(|&k| inside(k)).count();
+        let plume_stride = in_plume.div_ceil(MOST_ROWS * 3 / 4).max(1);
+        let room = MOST_ROWS - in_plume.div_ceil(plume_stride).min(MOST_ROWS - 1);
+        let clean_stride = (all.len() - in_plume).div_ceil(room).max(1);
+        let (mut in_count, mut out_count) = (0, 0);
+        let mut kept = Vec::with_capacity(MOST_ROWS);
+        for (k, reading) in all.into_iter().enumerate() {
+            let (count, stride) = if inside(k) {
+                (&mut in_count, plume_stride)
+            } else {
+                (&mut out_count, clean_stride)
+            };
+            if *count % stride == 0 {
+                kept.push(reading);
+            }
+            *count += 1;
+        }
+        Ok(kept)
+    }
+
+    /// The corrected model for one platform or all.
+    pub fn corrected_spec(&self) -> WorldSpec {
+        self.unknowns.turned(&self.base, &self.estimate)
+    }
+
+    /// How far the wind is turned clockwise from the scenario's, degrees.
+    pub fn turn_deg(&self) -> f64 {
+        self.unknowns
+            .value(Parameter::Direction, &self.estimate)
+            .unwrap_or(0.0)
+    }
+
+    /// The corrected parameters with their standard deviations.
+    pub fn calibrated(&self) -> Calibrated {
+        self.unknowns
+            .calibrated(&self.base, &self.estimate, &self.covariance)
+    }
+
+    /// Value and standard deviation of one unknown.
+    pub fn parameter(&self, parameter: Parameter) -> Option<(f64, f64)> {
+        let k = self.unknowns.index(parameter)?;
+        Some((self.estimate[k], self.covariance[(k, k)].sqrt()))
+    }
+}
+
+impl Bin {
+    fn finish(self, platform: usize) -> Reading {
+        let n = self.count;
+        Reading {
+            row: Row {
+                platform,
+                time_s: self.time_s / n,
+                place: Place {
+                    east_m: self.place.east_m / n,
+                    north_m: self.place.north_m / n,
+                    height_agl_m: self.place.height_agl_m / n,
+                },
+                wind: self.wind,
+                air: Ambient::UNKNOWN,
+            },
+            ppm: self.ppm / n,
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! The wind that the world follows: constant, a measured series, or what real vehicles report.
+
+use air::wind::{WindProfile, WindSeries, WindVector};
+
+/// Time constant with which reported winds are averaged, s.
+const AVERAGING_S: f64 = 60.0;
+
+/// The world's mean wind over time.
+#[derive(Debug, Clone)]
+pub struct WorldWind {
+    scenario: WindProfile,
+    series: Option<WindSeries>,
+    reported: Option<Reported>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Reported {
+    wind: Option<WindVector>,
+    height_agl_m: f64,
+    time_s: f64,
+}
+
+impl WorldWind {
+    /// The scenario's wind, its series if it has one, and whether reports override both.
+    pub fn new(scenario: WindProfile, series: Option<WindSeries>, follow_reports: bool) -> Self {
+        let reported = follow_reports.then_some(Reported {
+            wind: None,
+            height_agl_m: scenario.reference_height_agl_m(),
+            time_s: 0.0,
+        });
+        Self {
+            scenario,
+            series,
+            reported,
+        }
+    }
+
+    /// Takes in a wind that a real vehicle reports at `height_agl_m`.
+    pub fn report(&mut self, time_s: f64, height_agl_m: f64, wind: WindVector) {
+        let Some(reported) = &mut self.reported else {
+            return;
+        };
+        // Averaged at the reference height, so that vehicles at different heights agree.
+        let there = self.scenario.speed_at_m_s(height_agl_m);
+        let carried = if there > 0.0 {
+            self.scenario.reference_speed_m_s() / there
+        } else {
+            1.0
+        };
+        let wind = WindVector {
+            east_m_s: wind.east_m_s * carried,
+            north_m_s: wind.north_m_s * carried,
+        };
+        let share = match reported.wind {
+            None => 1.0,
+            Some(_) => 1.0 - (-(time_s - reported.time_s).max(0.0) / AVERAGING_S).exp(),
+        };
+        let old = reported.wind.unwrap_or(wind);
+        reported.wind = Some(WindVector {
+            east_m_s: old.east_m_s + share * (wind.east_m_s - old.east_m_s),
+            north_m_s: old.north_m_s + share * (wind.north_m_s - old.north_m_s),
+        });
+        reported.time_s = time_s;
+    }
+
+    /// Whether the direction comes from measurements of the wind itself, so that a correction
+    /// of the plume's axis is a correction on top of them.
+    pub fn is_constant(&self) -> bool {
+        self.series.is_none() && self.reported.is_none()
+    }
+
+    /// The wind profile at `time_s`, turned clockwise by `turn_deg`.
+    pub fn at(&self, time_s: f64, turn_deg: f64) -> WindProfile {
+        let measured = match (&self.reported, &self.series) {
+            (
+                Some(Reported {
+                    wind: Some(wind),
+                    height_agl_m,
+                    ..
+                }),
+                _,
+            ) => Some((*wind, *height_agl_m)),
+            (_, Some(series)) => Some((series.at(time_s), self.scenario.reference_height_agl_m())),
+            _ => None,
+        };
+        let base = measured
+            .and_then(|(wind, height)| self.scenario.through(wind, height).ok())
+            .unwrap_or(self.scenario);
+        if turn_deg == 0.0 {
+            return base;
+        }
+        let turned = WindProfile::new(
+            base.reference_speed_m_s(),
+            base.reference_height_agl_m(),
+            air::geo::wrap_deg(base.from_deg() + turn_deg),
+            base.exponent(),
+        );
+        turned.unwrap_or(base)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn profile() -> WindProfile {
+        WindProfile::new(5.0, 10.0, 270.0, 0.2).unwrap()
+    }
+
+    #[test]
+    fn constant_and_turned() {
+        let wind = WorldWind::new(profile(), None, false);
+        assert_eq!(wind.at(100.0, 0.0), profile());
+        assert!((wind.at(0.0, 100.0).from_deg() - 10.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn follows_the_series() {
+        let series = WindSeries::new(&[(0.0, 4.0, 200.0), (60.0, 8.0, 200.0)]).unwrap();
+        let wind = WorldWind::new(profile(), Some(series), false);
+        assert!((wind.at(30.0, 0.0).speed_at_m_s(10.0) - 6.0).abs() < 1e-9);
+        assert!((wind.at(30.0, 0.0).from_deg() - 200.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn follows_reports_carried_to_the_reference_height() {
+        let mut wind = WorldWind::new(profile(), None, true);
+        let aloft = profile().speed_at_m_s(400.0) * 2.0;
+        for t in 0..600 {
+            wind.report(
+                f64::from(t),
+                400.0,
+                WindVector::from_speed_and_direction(aloft, 300.0),
+            );
+        }
+        let now = wind.at(600.0, 0.0);
+        assert!((now.speed_at_m_s(10.0) - 10.0).abs() < 1e-6, "{now:?}");
+        assert!((now.from_deg() - 300.0).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,183 @@
+//! The model is corrected by readings that another code made: a Gaussian plume written out here
+//! from Briggs' (1973) class D, with a lagging, noisy sensor, flown on crosswind passes.
+
+use plume::Place;
+use rand::rngs::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use scenario::Scenario;
+use scenario::random::stream;
+use ws::Calibrator;
+
+const SCENARIO: &str = "\
+[site]
+lat_deg = 43.4417
+lon_deg = -7.8631
+ground_amsl_m = 340.0
+[weather]
+wind_speed_m_s = 7.0
+wind_height_agl_m = 486.0
+wind_from_deg = 240.0
+[background]
+co2_ppm = 449.0
+[sensor]
+time_constant_s = 1.5
+noise_sd_ppm = 3.0
+[[source]]
+lat_deg = 43.4417
+lon_deg = -7.8631
+effective_height_m = 486.0
+c_max_ppm = 410.0
+c_max_distance_m = 2400.0
+[uncertain]
+\"weather.wind_from_deg\" = 12.0
+\"source.effective_height_m\" = 50.0
+\"source.c_max_ppm\" = 120.0
+\"background.co2_ppm\" = 4.0
+\"plume.sigma_y_scale\" = 0.3
+\"plume.sigma_z_scale\" = 0.3
+";
+
+struct Truth {
+    background: f64,
+    height: f64,
+    towards_deg: f64,
+    c_max: f64,
+    y_scale: f64,
+    z_scale: f64,
+}
+
+const TRUTH: Truth = Truth {
+    background: 446.0,
+    height: 540.0,
+    towards_deg: 72.0,
+    c_max: 500.0,
+    y_scale: 1.25,
+    z_scale: 0.85,
+};
+
+impl Truth {
+    fn ppm(&self, p: &Place) -> f64 {
+        let (s, c) = self.towards_deg.to_radians().sin_cos();
+        let x = p.east_m * s + p.north_m * c;
+        let y = p.east_m * c - p.north_m * s;
+        if x <= 1.0 {
+            return self.background;
+        }
+        let spread_y = |x: f64| 0.08 * x / (1.0 + 1e-4 * x).sqrt() * self.y_scale;
+        let spread_z = |x: f64| 0.06 * x / (1.0 + 1.5e-3 * x).sqrt() * self.z_scale;
+        let (sy, sz) = (spread_y(x), spread_z(x));
+        let axis = self.c_max * spread_y(2400.0) * spread_z(2400.0) / (sy * sz);
+        let z = p.height_agl_m - self.height;
+        self.background + axis * (-0.5 * (y / sy).powi(2) - 0.5 * (z / sz).powi(2)).exp()
+    }
+}
+
+/// Crosswind passes at `heights` and `distances` from the believed axis, at 18 m/s and 10 Hz.
+fn fly(calibrator: &mut Calibrator, distances: &[f64], heights: &[f64], rng: &mut ChaCha8Rng) {
+    let (s, c) = 60f64.to_radians().sin_cos();
+    let mut time_s = 0.0;
+    let mut lagged: f64 = TRUTH.background;
+    for (pass, (&x, &h)) in distances
+        .iter()
+        .flat_map(|x| heights.iter().map(move |h| (x, h)))
+        .enumerate()
+    {
+        let side = if pass % 2 == 0 { 1.0 } else { -1.0 };
+        for k in 0..1000 {
+            let y = side * (-900.0 + 1.8 * f64::from(k));
+            let place = Place {
+                east_m: x * s + y * c,
+                north_m: x * c - y * s,
+                height_agl_m: h,
+            };
+            lagged += (TRUTH.ppm(&place) - lagged) * (1.0 - (-0.1f64 / 2.0).exp());
+            let noise: f64 = StandardNormal.sample(rng);
+            calibrator.observe(0, time_s, place, None, lagged + 3.0 * noise);
+            time_s += 0.1;
+        }
+    }
+}
+
+fn calibrator() -> Calibrator {
+    let scenario = Scenario::parse("s.toml", SCENARIO).unwrap();
+    Calibrator::new(&scenario, &["6".to_owned()], None).unwrap()
+}
+
+#[test]
+fn crosswind_passes_find_the_plume() {
+    for seed in 1..=5 {
+        let mut c = calibrator();
+        fly(
+            &mut c,
+            &[1200.0, 2000.0],
+            &[440.0, 520.0, 600.0],
+            &mut stream(seed, "test"),
+        );
+        c.update().unwrap();
+        let found = c.calibrated();
+        let close = |name: &str, e: protocol::message::Estimate, truth: f64, before: f64| {
+            let error = (e.value - truth).abs();
+            assert!(
+                error < (before - truth).abs() / 5.0,
+                "{name} of seed {seed}: {e:?}, truth {truth}"
+            );
+            assert!(
+                error < 4.0 * e.sd,
+                "{name} of seed {seed}: {e:?}, truth {truth}"
+            );
+        };
+        close("height", found.effective_height_agl_m, TRUTH.height, 486.0);
+        close("axis", found.axis_deg, TRUTH.towards_deg, 60.0);
+        close("c_max", found.c_max_ppm, TRUTH.c_max, 410.0);
+        close("background", found.background_ppm, TRUTH.background, 449.0);
+        close("sigma_y", found.sigma_y_scale, TRUTH.y_scale, 1.0);
+        close("sigma_z", found.sigma_z_scale, TRUTH.z_scale, 1.0);
+    }
+}
+
+#[test]
+fn no_readings_leave_the_prior() {
+    let mut c = calibrator();
+    let before = c.calibrated();
+    c.update().unwrap();
+    assert_eq!(c.calibrated(), before);
+    assert_eq!(before.effective_height_agl_m.sd, 50.0);
+    assert!((before.c_max_ppm.value - 410.0).abs() < 1e-9);
+    assert!((before.c_max_ppm.sd - 120.0).abs() < 1.0);
+}
+
+#[test]
+fn bad_readings_are_left_out() {
+    let mut c = calibrator();
+    for ppm in [f64::NAN, f64::INFINITY] {
+        c.observe(0, 0.0, Place::default(), None, ppm);
+    }
+    c.observe(7, 0.0, Place::default(), None, 400.0);
+    assert_eq!(c.taken(), 0);
+}
+
+#[test]
+fn clean_air_alone_tells_the_background_and_little_else() {
+    let mut c = calibrator();
+    for k in 0..3000 {
+        let place = Place {
+            east_m: -2000.0,
+            north_m: -1000.0,
+            height_agl_m: 300.0,
+        };
+        c.observe(
+            0,
+            f64::from(k) * 0.1,
+            place,
+            None,
+            445.0 + f64::from(k % 3) - 1.0,
+        );
+    }
+    c.update().unwrap();
+    let found = c.calibrated();
+    assert!(
+        (found.background_ppm.value - 445.0).abs() < 1.0,
+        "{found:?}"
+    );
+    assert!(found.effective_height_agl_m.sd > 40.0);
+}

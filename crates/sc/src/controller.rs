@@ -1,0 +1,487 @@
+//! The squadron controller as an agent: what it hears, what it says, and the phases of a mission.
+
+use air::geo::{Geodetic, wrap_signed_deg};
+use csea::{
+    Archive, ArchiveOptions, CsEaOptions, Domain, Position, Sample, SearchStrategy,
+    strategy_by_name,
+};
+use plume::{World, WorldSpec};
+use protocol::key::Name;
+use protocol::message::{
+    Mode, Model, Observation, Peak, Phase, Plan, Population, Reading, Severity, VehicleKind as Kind,
+};
+use protocol::{Agent, AgentId, Envelope, Event, Interest, Message, Outbox, SimTime, Topic};
+use rand::rngs::ChaCha8Rng;
+use scenario::Scenario;
+use scenario::random::stream;
+use scenario::tables::{Search, VehicleKind};
+
+use crate::ScError;
+use crate::airspace::Airspace;
+use crate::fleet::{Fleet, MARGIN_M, Vehicle};
+use crate::passes::{Belief, Range};
+use crate::peak::{self, Highest};
+use crate::separation::Separation;
+use crate::tasks::Tasks;
+
+/// Time between two looks at the team, s.
+const DECISION_S: f64 = 1.0;
+/// How far the search goes beyond the range of the passes, m.
+const SEARCH_BEYOND_M: f64 = 600.0;
+/// The search goes this far to both sides of the axis, degrees.
+const SEARCH_SECTOR_DEG: f64 = 60.0;
+/// Half height of the search around the axis, in σz at the far end of the passes.
+const SEARCH_SIGMAS: f64 = 2.5;
+/// Readings within this distance of the peak speak for or against it, m.
+const WITNESS_M: f64 = 200.0;
+
+/// The squadron controller.
+pub struct SquadronController {
+    id: AgentId,
+    pub(crate) fleet: Fleet,
+    pub(crate) tasks: Tasks,
+    pub(crate) base: WorldSpec,
+    pub(crate) model: Option<Model>,
+    pub(crate) range: Range,
+    pub(crate) search: Search,
+    pub(crate) duration_s: f64,
+    pub(crate) phase: Phase,
+    pub(crate) rng: ChaCha8Rng,
+    pub(crate) strategy: Option<Box<dyn SearchStrategy>>,
+    archive: Archive,
+    /// Readings of real vehicles alone: the witnesses of the peak.
+    real_archive: Archive,
+    world: Option<World>,
+    peak: Option<Highest>,
+    generation: u64,
+    next_decision: SimTime,
+    next_population: SimTime,
+    last_plan: Option<Plan>,
+}
+
+impl std::fmt::Debug for SquadronController {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("SquadronController")
+            .field("phase", &self.phase)
+            .field("fleet", &self.fleet)
+            .finish_non_exhaustive()
+    }
+}
+
+impl SquadronController {
+    /// The controller of a scenario's team.
+    ///
+    /// # Errors
+    /// A scenario that describes no world, an unknown search strategy, or a fence that leaves
+    /// nowhere to fly.
+    pub fn new(scenario: &Scenario) -> Result<Self, ScError> {
+        let airspace = Airspace::of(scenario)?;
+        let base = scenario.world_spec()?;
+        let separation = Separation {
+            distance_m: scenario.fence.separation_m,
+            height_m: scenario.fence.separation_height_m,
+        };
+        let source = &scenario.sources[0];
+        let stated_m = source.c_max_distance_m.unwrap_or(0.0);
+        let range = Range::of(&airspace, MARGIN_M, stated_m);
+        let keep_out_m = airspace.keep_out_m();
+        let no_airspace = ScError::NoAirspace {
+            margin_m: MARGIN_M,
+            keep_out_m,
+        };
+        let centre = airspace.polygon()[0];
+        airspace
+            .nearest_allowed(centre, MARGIN_M)
+            .ok_or(no_airspace)?;
+        let vehicles = team(scenario, &airspace)?;
+        let mut controller = Self {
+            id: AgentId::sc(),
+            tasks: Tasks::new(&vehicles),
+            fleet: Fleet {
+                airspace,
+                separation,
+                airspeed_m_s: scenario.search.airspeed_m_s,
+                vehicles,
+            },
+            world: World::new(base.clone()).ok(),
+            base,
+            model: None,
+            range,
+            search: scenario.search.clone(),
+            duration_s: scenario.mission.duration_s,
+            phase: Phase::TakeOff,
+            rng: stream(scenario.mission.seed, "sc"),
+            strategy: None,
+            archive: Archive::new(ArchiveOptions::default())?,
+            real_archive: Archive::new(ArchiveOptions::default())?,
+            peak: None,
+            generation: 0,
+            next_decision: SimTime::ZERO,
+            next_population: SimTime::ZERO,
+            last_plan: None,
+        };
+        // A strategy that cannot be is found out now, not in flight.
+        controller.strategy = Some(controller.new_strategy()?);
+        Ok(controller)
+    }
+
+    /// The phase of the mission.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// The running estimate of the peak.
+    pub fn peak(&self) -> Option<Highest> {
+        self.peak
+    }
+
+    /// Where the plume is believed to be; the scenario's own words before the first model.
+    pub(crate) fn belief(&self) -> Option<Belief> {
+        self.model.as_ref().map(|m| Belief::of(m, &self.base))
+    }
+
+    /// A strategy over the sector downwind in which the plume may be.
+    fn new_strategy(&mut self) -> Result<Box<dyn SearchStrategy>, ScError> {
+        let options = CsEaOptions {
+            population: self.search.population,
+            differential_weight: self.search.differential_weight,
+            crossover: self.search.crossover,
+            ..CsEaOptions::default()
+        };
+        let domain = self.search_domain()?;
+        Ok(strategy_by_name(&self.search.strategy, domain, options)?)
+    }
+
+    fn search_domain(&mut self) -> Result<Domain, ScError> {
+        let belief = self.belief().unwrap_or_else(|| Belief::of_base(&self.base));
+        let airspace = self.fleet.airspace.clone();
+        let reach_m = self.range.far_m + SEARCH_BEYOND_M;
+        let half_m = SEARCH_SIGMAS * belief.sigmas_m(&self.base, self.range.far_m).1;
+        let low_m = airspace.clamp_height_m(belief.height_amsl_m - half_m);
+        let high_m = airspace.clamp_height_m(belief.height_amsl_m + half_m);
+        let centre = belief.source;
+        let corner = |side: f64, height_m: f64| {
+            Position::new(
+                centre.east_m + side * reach_m,
+                centre.north_m + side * reach_m,
+                height_m,
+            )
+        };
+        let (low, high) = (corner(-1.0, low_m), corner(1.0, high_m));
+        let everywhere = airspace.clone();
+        let allowed = move |p: Position| {
+            let off_deg = wrap_signed_deg(centre.bearing_deg(p.at) - belief.axis_deg).abs();
+            off_deg <= SEARCH_SECTOR_DEG
+                && centre.distance_m(p.at) <= reach_m
+                && airspace.contains(p, MARGIN_M)
+        };
+        let sector = Domain::new(low, high, allowed, &mut self.rng);
+        // Where the sector is all outside the fence, the whole airspace is searched.
+        let whole = move |p: Position| everywhere.contains(p, MARGIN_M);
+        Ok(match sector {
+            Ok(domain) => domain,
+            Err(_) => {
+                let (low, high) = self.fleet.airspace.bounds();
+                Domain::new(low, high, whole, &mut self.rng)?
+            }
+        })
+    }
+
+    fn hear(&mut self, topic: &Topic, envelope: &Envelope, out: &mut Outbox) {
+        match (topic, &envelope.message) {
+            (Topic::State(name), Message::State(state)) => {
+                if let Some(index) = self.fleet.index_of(name) {
+                    self.fleet.observe(index, state, envelope.time);
+                }
+            }
+            (Topic::Reading(name), Message::Reading(reading)) => {
+                self.hear_reading(name, reading, envelope.time, out);
+            }
+            (Topic::Mode(name), Message::Mode(mode)) => self.hear_mode(name, mode, out),
+            (Topic::Model, Message::Model(model)) => self.hear_model(model),
+            _ => {}
+        }
+    }
+
+    fn hear_reading(&mut self, name: &Name, reading: &Reading, time: SimTime, out: &mut Outbox) {
+        if self.fleet.index_of(name).is_none() {
+            return;
+        }
+        let at = self.fleet.airspace.frame().to_enu(Geodetic {
+            lat_deg: reading.lat_deg,
+            lon_deg: reading.lon_deg,
+        });
+        let sample = Sample {
+            position: Position {
+                at,
+                height_m: reading.alt_amsl_m,
+            },
+            value: reading.co2_ppm,
+        };
+        // A reading that is not finite tells nothing and is left out.
+        if self.archive.push(sample).is_err() || reading.kind != Kind::Real {
+            return;
+        }
+        let _finite = self.real_archive.push(sample);
+        let observation = Observation {
+            vehicle: name.to_string(),
+            time_ns: time.ns(),
+            reading: reading.clone(),
+        };
+        out.say(Topic::Observation, Message::Observation(observation));
+    }
+
+    fn hear_mode(&mut self, name: &Name, mode: &Mode, out: &mut Outbox) {
+        let Some(index) = self.fleet.index_of(name) else {
+            return;
+        };
+        let obeyed =
+            std::mem::replace(&mut self.fleet.vehicles[index].obeys, mode.setpoints_obeyed);
+        if !obeyed && mode.setpoints_obeyed {
+            self.fleet.repeat(index, out);
+        }
+    }
+
+    fn hear_model(&mut self, model: &Model) {
+        if self.model.as_ref() == Some(model) {
+            return;
+        }
+        if let Some(world) = peak::corrected(&self.base, model) {
+            self.world = Some(world);
+            self.model = Some(model.clone());
+            self.find_peak(SimTime::ZERO);
+        }
+    }
+
+    fn find_peak(&mut self, now: SimTime) {
+        if let Some(world) = &self.world {
+            self.peak = peak::highest(world, &self.fleet.airspace, now.s());
+        }
+    }
+
+    fn decide(&mut self, now: SimTime, out: &mut Outbox) {
+        for (index, silent) in self.fleet.silences(now) {
+            let name = &self.fleet.vehicles[index].name;
+            let (severity, code, words) = if silent {
+                (
+                    Severity::Warning,
+                    "vehicle-silent",
+                    "is silent and is left out",
+                )
+            } else {
+                (Severity::Info, "vehicle-heard", "is heard again")
+            };
+            out.event(&self.id, severity, code, format!("vehicle {name} {words}"));
+        }
+        if let Some(next) = self.next_phase(now) {
+            self.enter(next, out);
+        }
+        for index in 0..self.fleet.vehicles.len() {
+            self.fleet.advance(index, out);
+        }
+        self.direct(now, out);
+        let searches = matches!(self.phase, Phase::Search | Phase::Characterise);
+        if searches && now >= self.next_population {
+            self.next_population = SimTime::from_s(now.s() + self.search.step_s);
+            self.search_step(out);
+        }
+        self.publish_plan(out);
+    }
+
+    fn enter(&mut self, phase: Phase, out: &mut Outbox) {
+        self.phase = phase;
+        let words = match phase {
+            Phase::TakeOff => "take-off",
+            Phase::Preliminary => "preliminary flight: real vehicles pass through the plume",
+            Phase::Search => "search: the team looks for the peak",
+            Phase::Characterise => "characterise: real vehicles pass through the peak",
+            Phase::Home => "home",
+        };
+        out.event(&self.id, Severity::Info, "phase", words);
+        if phase == Phase::Search {
+            // Now that the plume is better known, the sector is drawn anew.
+            if let Ok(strategy) = self.new_strategy() {
+                self.strategy = Some(strategy);
+            }
+        }
+        if phase == Phase::Home {
+            self.say_findings(out);
+        }
+        self.tasks.start_phase(phase, &self.fleet);
+    }
+
+    fn search_step(&mut self, out: &mut Outbox) {
+        let Some(mut strategy) = self.strategy.take() else {
+            return;
+        };
+        self.generation += 1;
+        let points = strategy.step(&self.archive, &mut self.rng);
+        let frame = self.fleet.airspace.frame();
+        let said = points.iter().map(|p| {
+            let Geodetic { lat_deg, lon_deg } = frame.to_geodetic(p.position.at);
+            protocol::message::PromisingPoint {
+                lat_deg,
+                lon_deg,
+                alt_amsl_m: p.position.height_m,
+                fitness_ppm: p.fitness,
+            }
+        });
+        let population = Population {
+            generation: self.generation,
+            points: said.collect(),
+        };
+        out.say(Topic::Population, Message::Population(population));
+        let points = points.to_vec();
+        self.strategy = Some(strategy);
+        self.follow(&points, out);
+    }
+
+    /// The peak as it is said on the bus.
+    fn peak_message(&self) -> Option<Peak> {
+        let Highest { position, co2_ppm } = self.peak?;
+        let Geodetic { lat_deg, lon_deg } = self.fleet.airspace.frame().to_geodetic(position.at);
+        let sd_ppm = self.model.as_ref().map_or(f64::NAN, |m| {
+            let excess_ppm = co2_ppm - m.background_ppm.value;
+            (excess_ppm * m.c_max_ppm.sd / m.c_max_ppm.value.max(1.0)).hypot(m.background_ppm.sd)
+        });
+        Some(Peak {
+            lat_deg,
+            lon_deg,
+            alt_amsl_m: position.height_m,
+            co2_ppm,
+            sd_ppm: if sd_ppm.is_finite() { sd_ppm } else { co2_ppm },
+        })
+    }
+
+    fn publish_plan(&mut self, out: &mut Outbox) {
+        let plan = Plan {
+            phase: self.phase,
+            assignments: self.fleet.assignments(),
+            peak: self.peak_message(),
+        };
+        if self.last_plan.as_ref() != Some(&plan) {
+            self.last_plan = Some(plan.clone());
+            out.say(Topic::Plan, Message::Plan(plan));
+        }
+    }
+
+    /// Says what was found, and whether the samples bear it out.
+    fn say_findings(&self, out: &mut Outbox) {
+        let (Some(found), Some(peak)) = (self.peak, self.peak_message()) else {
+            return;
+        };
+        let mut text = format!(
+            "peak {:.0} ± {:.0} ppm at {:.5}, {:.5}, {:.0} m AMSL",
+            peak.co2_ppm, peak.sd_ppm, peak.lat_deg, peak.lon_deg, peak.alt_amsl_m
+        );
+        if let Some(m) = &self.model {
+            text += &format!(
+                "; H {:.0} ± {:.0} m AGL, axis towards {:.1} ± {:.1} degrees, c_max {:.0} ± {:.0} ppm \
+                 above background at {:.0} m",
+                m.effective_height_agl_m.value,
+                m.effective_height_agl_m.sd,
+                m.axis_deg.value,
+                m.axis_deg.sd,
+                m.c_max_ppm.value,
+                m.c_max_ppm.sd,
+                m.c_max_distance_m.value
+            );
+        }
+        out.event(&self.id, Severity::Info, "peak", text);
+        let (severity, code, words) = self.witness(found);
+        out.event(&self.id, severity, code, words);
+    }
+
+    /// What the readings of real vehicles near the peak say of the model there.
+    fn witness(&self, found: Highest) -> (Severity, &'static str, String) {
+        let mut near = Vec::new();
+        self.real_archive
+            .nearest(found.position, 200, WITNESS_M, &mut near);
+        let Some(world) = self.world.as_ref().filter(|_| !near.is_empty()) else {
+            let words = format!("no real reading within {WITNESS_M:.0} m of the peak");
+            return (Severity::Warning, "peak-unvisited", words);
+        };
+        let (mut read, mut expected) = (0.0, 0.0);
+        for n in &near {
+            let sample = self.real_archive.samples()[n.index];
+            let there = peak::mean_ppm(world, &self.fleet.airspace, sample.position, 0.0);
+            read += sample.value / near.len() as f64;
+            expected += there / near.len() as f64;
+        }
+        let words = format!(
+            "near the peak real vehicles read {read:.0} ppm in the mean, the model has {expected:.0}"
+        );
+        let background_ppm = self.base.background_ppm.min(expected);
+        let ratio = (read - background_ppm) / (expected - background_ppm).max(1.0);
+        if (0.6..=1.6).contains(&ratio) {
+            (Severity::Info, "peak-supported", words)
+        } else {
+            (Severity::Warning, "peak-doubtful", words)
+        }
+    }
+}
+
+/// The vehicles with their homes and, above them, layers in the order of take-off: the first to
+/// rise has the highest.
+fn team(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<Vehicle>, ScError> {
+    let (floor_m, ceiling_m) = airspace.height_band_amsl_m();
+    let step_m = scenario.fence.separation_height_m.max(1.0);
+    let lowest_m = (floor_m + 10.0).min(ceiling_m);
+    let levels = ((ceiling_m - lowest_m) / step_m).floor() as usize + 1;
+    let count = scenario.vehicles.len();
+    let real = |k: usize| scenario.vehicles[k].kind != VehicleKind::Simulated;
+    let rank = |k: usize| {
+        let before = |other: &usize| (!real(*other), *other) < (!real(k), k);
+        (0..count).filter(before).count()
+    };
+    let vehicle = |(k, v): (usize, &scenario::tables::Vehicle)| {
+        let home = scenario.home(k)?;
+        let at = airspace.frame().to_enu(Geodetic {
+            lat_deg: home.lat_deg,
+            lon_deg: home.lon_deg,
+        });
+        let level = (count - 1 - rank(k)) % levels;
+        Ok(Vehicle::new(
+            Name::new(&v.id)?,
+            real(k),
+            Position {
+                at,
+                height_m: scenario.site.ground_amsl_m,
+            },
+            lowest_m + level as f64 * step_m,
+        ))
+    };
+    scenario.vehicles.iter().enumerate().map(vehicle).collect()
+}
+
+impl Agent for SquadronController {
+    fn id(&self) -> &AgentId {
+        &self.id
+    }
+
+    fn interests(&self) -> Vec<Interest> {
+        vec![
+            Interest::AllStates,
+            Interest::AllReadings,
+            Interest::AllModes,
+            Interest::One(Topic::Model),
+        ]
+    }
+
+    fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
+        match event {
+            Event::Message(topic, envelope) => self.hear(topic, envelope, out),
+            Event::Tick if now >= self.next_decision => {
+                self.next_decision = SimTime::from_s(now.s() + DECISION_S);
+                self.decide(now, out);
+            }
+            Event::Tick => {}
+            Event::Stop => {
+                if self.phase != Phase::Home {
+                    self.say_findings(out);
+                }
+                self.publish_plan(out);
+            }
+        }
+    }
+}

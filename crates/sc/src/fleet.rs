@@ -1,0 +1,333 @@
+//! The vehicles: where they are, where they are sent, and that every order is safe.
+
+use std::collections::VecDeque;
+
+use air::geo::{Enu, Geodetic};
+use csea::Position;
+use protocol::key::Name;
+use protocol::message::{Assignment, PathKind, Setpoint, State};
+use protocol::{Message, Outbox, SimTime, Topic};
+
+use crate::airspace::Airspace;
+use crate::separation::{Corridor, Separation};
+
+/// Radius of the orbit at a setpoint, m: 18 m/s in 10 m/s of wind at 45° of bank takes 80 m.
+pub const ORBIT_M: f64 = 80.0;
+/// Clearance of setpoints and legs from fence and keep-out, m: room for the orbit and for the
+/// turn towards the next setpoint.
+pub const MARGIN_M: f64 = 120.0;
+/// A setpoint counts as reached at this distance, m: before the orbit around it begins.
+const REACHED_M: f64 = ORBIT_M + 40.0;
+/// A vehicle of which nothing has been heard for this long is not counted on, s.
+const SILENT_S: f64 = 10.0;
+
+/// What was last heard of a vehicle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Seen {
+    /// Where it is; height above mean sea level.
+    pub position: Position,
+    /// Direction in which it moves over ground, degrees; that of its nose when it hardly moves.
+    pub course_deg: f64,
+    /// In the air.
+    pub airborne: bool,
+    /// When that was.
+    pub time: SimTime,
+}
+
+/// What a vehicle was last told.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Order {
+    /// The path.
+    pub path: PathKind,
+    /// The point.
+    pub to: Position,
+    /// Why, in a word or two.
+    pub purpose: &'static str,
+}
+
+/// One vehicle of the team.
+#[derive(Debug, Clone)]
+pub struct Vehicle {
+    /// Its name on the bus.
+    pub name: Name,
+    /// Behind MAVLink, a stand-in or a real aircraft.
+    pub real: bool,
+    /// Where it takes off and lands, at the ground.
+    pub home: Position,
+    /// Height of its own above home, that no other vehicle shares, m above mean sea level.
+    pub layer_amsl_m: f64,
+    /// What was last heard of it.
+    pub seen: Option<Seen>,
+    /// Whether it follows setpoints: not while a pilot or the Guardian flies it.
+    pub obeys: bool,
+    /// What it was last told.
+    pub order: Option<Order>,
+    /// What it will be told then: the rest of the way around what stands in the way.
+    route: VecDeque<Position>,
+    silent: bool,
+}
+
+impl Vehicle {
+    /// A vehicle of which nothing has been heard.
+    pub fn new(name: Name, real: bool, home: Position, layer_amsl_m: f64) -> Self {
+        Self {
+            name,
+            real,
+            home,
+            layer_amsl_m,
+            seen: None,
+            obeys: true,
+            order: None,
+            route: VecDeque::new(),
+            silent: false,
+        }
+    }
+
+    /// Heard of, in the air and following setpoints.
+    pub fn can_be_sent(&self) -> bool {
+        self.obeys && !self.silent && self.seen.is_some_and(|s| s.airborne)
+    }
+
+    /// Whether it is at the end of the way it was sent.
+    pub fn has_arrived(&self) -> bool {
+        match (self.seen, self.order) {
+            (Some(seen), Some(order)) => {
+                self.route.is_empty() && seen.position.at.distance_m(order.to.at) <= REACHED_M
+            }
+            _ => false,
+        }
+    }
+
+    fn corridor(&self) -> Option<Corridor> {
+        let seen = self.seen.filter(|s| s.airborne)?;
+        let order = self.order.filter(|_| self.obeys);
+        let (from, to) = match order {
+            // The climb after take-off goes in turns, each vehicle to a layer of its own; coming
+            // down again likewise.
+            Some(order) if order.path == PathKind::TakeOff => (order.to, order.to),
+            Some(order) if order.path == PathKind::Land => return None,
+            Some(order) => (seen.position, order.to),
+            None => (seen.position, seen.position),
+        };
+        Some(Corridor {
+            from,
+            to,
+            orbit_m: ORBIT_M,
+        })
+    }
+}
+
+/// All vehicles with the rules they fly by.
+#[derive(Debug, Clone)]
+pub struct Fleet {
+    /// Fence, height band and keep-outs.
+    pub airspace: Airspace,
+    /// What vehicles keep between them.
+    pub separation: Separation,
+    /// Airspeed of the team, m/s.
+    pub airspeed_m_s: f64,
+    /// The vehicles in the scenario's order.
+    pub vehicles: Vec<Vehicle>,
+}
+
+impl Fleet {
+    /// The vehicle of that name.
+    pub fn index_of(&self, name: &Name) -> Option<usize> {
+        self.vehicles.iter().position(|v| v.name == *name)
+    }
+
+    /// Takes in what a vehicle says of itself; what is not finite is passed over.
+    pub fn observe(&mut self, index: usize, state: &State, time: SimTime) {
+        let [north, east, _] = state.vel_ned_m_s;
+        let at = self.airspace.frame().to_enu(Geodetic {
+            lat_deg: state.lat_deg,
+            lon_deg: state.lon_deg,
+        });
+        let position = Position {
+            at,
+            height_m: state.alt_amsl_m,
+        };
+        let numbers = [
+            at.east_m,
+            at.north_m,
+            state.alt_amsl_m,
+            north,
+            east,
+            state.heading_deg,
+        ];
+        if numbers.iter().any(|n| !n.is_finite()) {
+            return;
+        }
+        let course_deg = if north.hypot(east) > 3.0 {
+            Enu::default().bearing_deg(Enu {
+                east_m: east,
+                north_m: north,
+            })
+        } else {
+            state.heading_deg
+        };
+        self.vehicles[index].seen = Some(Seen {
+            position,
+            course_deg,
+            airborne: state.airborne,
+            time,
+        });
+    }
+
+    /// Vehicles that have just fallen silent (`true`) or are heard again (`false`).
+    pub fn silences(&mut self, now: SimTime) -> Vec<(usize, bool)> {
+        let mut changed = Vec::new();
+        for (index, v) in self.vehicles.iter_mut().enumerate() {
+            let Some(seen) = v.seen else { continue };
+            let silent = now.since_s(seen.time) > SILENT_S;
+            if silent != v.silent {
+                v.silent = silent;
+                changed.push((index, silent));
+            }
+        }
+        changed
+    }
+
+    /// Sends a vehicle to `target`, around whatever stands in the way, if the target and the way
+    /// are inside the airspace and its first leg is apart from all other vehicles. Says whether
+    /// it was sent; otherwise its last order stands.
+    pub fn go(
+        &mut self,
+        index: usize,
+        target: Position,
+        purpose: &'static str,
+        out: &mut Outbox,
+    ) -> bool {
+        let Some(seen) = self.vehicles[index].seen else {
+            return false;
+        };
+        if !self.airspace.contains(target, MARGIN_M) {
+            return false;
+        }
+        let Some(way) = self.airspace.route(seen.position.at, target.at, MARGIN_M) else {
+            return false;
+        };
+        let height_m = target.height_m;
+        let mut way: VecDeque<Position> = way
+            .into_iter()
+            .map(|at| Position { at, height_m })
+            .collect();
+        let Some(first) = way.pop_front() else {
+            return false;
+        };
+        if !self.is_apart(index, first) {
+            return false;
+        }
+        self.vehicles[index].route = way;
+        let order = Order {
+            path: PathKind::GoTo,
+            to: first,
+            purpose,
+        };
+        self.order(index, order, out);
+        true
+    }
+
+    /// Whether the leg from where a vehicle is to `to` is apart from all others.
+    pub fn is_apart(&self, index: usize, to: Position) -> bool {
+        let Some(seen) = self.vehicles[index].seen else {
+            return false;
+        };
+        let own = Corridor {
+            from: seen.position,
+            to,
+            orbit_m: ORBIT_M,
+        };
+        self.vehicles
+            .iter()
+            .enumerate()
+            .filter(|(other, _)| *other != index)
+            .filter_map(|(_, v)| v.corridor())
+            .all(|other| self.separation.apart(&own, &other))
+    }
+
+    /// Gives the next leg of its way to a vehicle that has flown one.
+    pub fn advance(&mut self, index: usize, out: &mut Outbox) {
+        let v = &self.vehicles[index];
+        let (Some(seen), Some(order), Some(&next)) = (v.seen, v.order, v.route.front()) else {
+            return;
+        };
+        let reached = seen.position.at.distance_m(order.to.at) <= REACHED_M;
+        if !v.can_be_sent() || !reached || !self.is_apart(index, next) {
+            return;
+        }
+        self.vehicles[index].route.pop_front();
+        self.order(index, Order { to: next, ..order }, out);
+    }
+
+    /// Sends a vehicle up to its layer above home, or as near to home as the airspace allows.
+    pub fn take_off(&mut self, index: usize, out: &mut Outbox) {
+        let v = &self.vehicles[index];
+        let Some(at) = self.airspace.nearest_allowed(v.home.at, MARGIN_M) else {
+            return;
+        };
+        let to = Position {
+            at,
+            height_m: v.layer_amsl_m,
+        };
+        let order = Order {
+            path: PathKind::TakeOff,
+            to,
+            purpose: "take off",
+        };
+        self.order(index, order, out);
+    }
+
+    /// Sends a vehicle down to its home.
+    pub fn land(&mut self, index: usize, out: &mut Outbox) {
+        self.vehicles[index].route.clear();
+        let order = Order {
+            path: PathKind::Land,
+            to: self.vehicles[index].home,
+            purpose: "land",
+        };
+        self.order(index, order, out);
+    }
+
+    /// Says the last order of a vehicle again, as after a pilot has handed it back.
+    pub fn repeat(&self, index: usize, out: &mut Outbox) {
+        if let Some(order) = self.vehicles[index].order {
+            self.say(index, order, out);
+        }
+    }
+
+    fn order(&mut self, index: usize, order: Order, out: &mut Outbox) {
+        self.vehicles[index].order = Some(order);
+        self.say(index, order, out);
+    }
+
+    fn say(&self, index: usize, order: Order, out: &mut Outbox) {
+        let Geodetic { lat_deg, lon_deg } = self.airspace.frame().to_geodetic(order.to.at);
+        let setpoint = Setpoint {
+            path: order.path,
+            lat_deg,
+            lon_deg,
+            alt_amsl_m: order.to.height_m,
+            airspeed_m_s: self.airspeed_m_s,
+            orbit_radius_m: ORBIT_M,
+        };
+        let name = self.vehicles[index].name.clone();
+        out.say(Topic::Setpoint(name), Message::Setpoint(setpoint));
+    }
+
+    /// Where all vehicles are sent.
+    pub fn assignments(&self) -> Vec<Assignment> {
+        let sent = self.vehicles.iter().filter_map(|v| Some((v, v.order?)));
+        sent.map(|(v, order)| {
+            let Geodetic { lat_deg, lon_deg } = self.airspace.frame().to_geodetic(order.to.at);
+            Assignment {
+                vehicle: v.name.to_string(),
+                lat_deg,
+                lon_deg,
+                alt_amsl_m: order.to.height_m,
+                purpose: order.purpose.to_owned(),
+            }
+        })
+        .collect()
+    }
+}

@@ -1,0 +1,431 @@
+//! What each vehicle does in each phase, decided once a second.
+
+use air::geo::Enu;
+use csea::{Position, PromisingPoint, choose_within_cone};
+use protocol::message::Phase;
+use protocol::{Outbox, SimTime};
+
+use crate::controller::SquadronController;
+use crate::fleet::{Fleet, MARGIN_M, Vehicle};
+use crate::passes::{self, Belief, CHARACTERISE, PRELIMINARY, Pass, PassKind};
+
+/// A vehicle is at its height when it is this near to it, m.
+const AT_HEIGHT_M: f64 = 12.0;
+/// Longest wait for the height at the beginning of a pass, s.
+const WAIT_FOR_HEIGHT_S: f64 = 75.0;
+/// Least time between two take-offs, s: the next climbs below the one before.
+const BETWEEN_TAKE_OFFS_S: f64 = 8.0;
+/// A vehicle that has not left the ground this long after its order does not hold up the next, s.
+const STUCK_S: f64 = 60.0;
+/// Take-off is over for those who are still on the ground after this, s.
+const LONGEST_TAKE_OFF_S: f64 = 240.0;
+/// The preliminary flight ends at this part of the mission at the latest.
+const PRELIMINARY_UNTIL: f64 = 0.45;
+/// Passes of a preliminary flight, at least and at most.
+const PRELIMINARY_PASSES: (usize, usize) = (7, 18);
+/// Part of the mission kept for characterisation.
+const CHARACTERISE_PART: f64 = 0.15;
+/// A mission goes home no earlier than this part of it.
+const HOME_FROM: f64 = 0.6;
+/// Time for landing one after the other, s: approach, and each vehicle's turn.
+const LANDING_S: (f64, f64) = (90.0, 12.0);
+/// Vertical speed that a vehicle is counted on to have, m/s.
+const CLIMB_M_S: f64 = 2.0;
+/// Draws of a promising point before a vehicle keeps its last one.
+const DRAWS: usize = 12;
+/// Heights tried above and below a promising point, in steps of the vertical separation.
+const HEIGHT_STEPS: [f64; 7] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0];
+
+/// Purpose of a leg towards home that ends elsewhere.
+const BY_STAGES: &str = "home by stages";
+
+/// What a vehicle is doing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Task {
+    /// On the ground, not yet told to rise.
+    Parked,
+    /// Rising since.
+    Rising(SimTime),
+    /// In the air without anything to do.
+    Free,
+    /// On the way to the beginning of a pass; there since, waiting for its height.
+    Approaching(Pass, Option<SimTime>),
+    /// Flying a pass.
+    Passing(Pass),
+    /// Waiting out of the way.
+    Holding,
+    /// Following the search.
+    Searching,
+    /// On the way to above home.
+    Returning,
+    /// Told to land.
+    Landing(SimTime),
+}
+
+/// The tasks of all vehicles and the progress of the passes.
+#[derive(Debug)]
+pub(crate) struct Tasks {
+    each: Vec<Task>,
+    next_pass: usize,
+    passes_flown: usize,
+}
+
+impl Tasks {
+    pub(crate) fn new(vehicles: &[Vehicle]) -> Self {
+        Self {
+            each: vec![Task::Parked; vehicles.len()],
+            next_pass: 0,
+            passes_flown: 0,
+        }
+    }
+
+    /// Frees those whose work the new phase ends.
+    pub(crate) fn start_phase(&mut self, phase: Phase, fleet: &Fleet) {
+        self.next_pass = 0;
+        self.passes_flown = 0;
+        for (task, vehicle) in self.each.iter_mut().zip(&fleet.vehicles) {
+            let in_work = !matches!(task, Task::Parked | Task::Rising(_) | Task::Landing(_));
+            let changes = phase != Phase::Characterise || vehicle.real;
+            if in_work && changes {
+                *task = Task::Free;
+            }
+        }
+    }
+}
+
+impl SquadronController {
+    /// The phase that is due, if it is another.
+    pub(crate) fn next_phase(&self, now: SimTime) -> Option<Phase> {
+        let flying = |v: &Vehicle| v.can_be_sent();
+        let real = self
+            .fleet
+            .vehicles
+            .iter()
+            .filter(|v| v.real && flying(v))
+            .count();
+        let up = self
+            .tasks
+            .each
+            .iter()
+            .any(|t| !matches!(t, Task::Parked | Task::Rising(_)));
+        let home_s = self.home_time_s();
+        if self.phase < Phase::Home && up && now.s() >= home_s {
+            return Some(Phase::Home);
+        }
+        match self.phase {
+            Phase::TakeOff => self.after_take_off(now, real),
+            Phase::Preliminary => {
+                let (least, most) = PRELIMINARY_PASSES;
+                let flown = self.tasks.passes_flown;
+                let sharp = flown >= least && self.belief().is_some_and(|b| b.is_sharp());
+                let late = now.s() >= PRELIMINARY_UNTIL * self.duration_s;
+                (sharp || late || flown >= most || real == 0).then_some(Phase::Search)
+            }
+            Phase::Search => {
+                let due = now.s() >= home_s - CHARACTERISE_PART * self.duration_s;
+                (due && real > 0 && self.model.is_some()).then_some(Phase::Characterise)
+            }
+            Phase::Characterise | Phase::Home => None,
+        }
+    }
+
+    fn after_take_off(&self, now: SimTime, real: usize) -> Option<Phase> {
+        let risen =
+            |index: usize| !matches!(self.tasks.each[index], Task::Parked | Task::Rising(_));
+        let all = |want_real: bool| {
+            let of_kind = |(_, v): &(usize, &Vehicle)| v.real || !want_real;
+            let mut those = self.fleet.vehicles.iter().enumerate().filter(of_kind);
+            those.all(|(index, _)| risen(index))
+        };
+        let late = now.s() > LONGEST_TAKE_OFF_S;
+        let any = (0..self.fleet.vehicles.len()).any(risen);
+        if real > 0 && any && (all(true) || late) {
+            Some(Phase::Preliminary)
+        } else if any && (all(false) || late) {
+            Some(Phase::Search)
+        } else {
+            None
+        }
+    }
+
+    /// When the team must turn home to be down at the mission's end, s.
+    fn home_time_s(&self) -> f64 {
+        let flying = self.fleet.vehicles.iter().filter(|v| v.can_be_sent());
+        let slowest_s = flying.map(|v| self.way_home_s(v)).fold(0.0, f64::max);
+        let (approach_s, each_s) = LANDING_S;
+        let landing_s = approach_s + each_s * self.fleet.vehicles.len() as f64;
+        (self.duration_s - slowest_s - landing_s).max(HOME_FROM * self.duration_s)
+    }
+
+    /// Time that a vehicle needs to above its home, s.
+    fn way_home_s(&self, vehicle: &Vehicle) -> f64 {
+        let Some(seen) = vehicle.seen else { return 0.0 };
+        let here = seen.position;
+        let distance_m = here.at.distance_m(vehicle.home.at);
+        let wind = self.base.wind.at(here.height_m - self.base.ground_amsl_m);
+        let (sin, cos) = here.at.bearing_deg(vehicle.home.at).to_radians().sin_cos();
+        let along = wind.east_m_s * sin + wind.north_m_s * cos;
+        let across = wind.east_m_s * cos - wind.north_m_s * sin;
+        let airspeed = self.fleet.airspeed_m_s;
+        let over_ground = (airspeed.powi(2) - across.powi(2)).max(1.0).sqrt() + along;
+        let level_s = 1.15 * distance_m / over_ground.max(3.0);
+        level_s.max((here.height_m - vehicle.layer_amsl_m).abs() / CLIMB_M_S)
+    }
+
+    /// Gives every vehicle that has nothing to do, or has done it, its next order.
+    pub(crate) fn direct(&mut self, now: SimTime, out: &mut Outbox) {
+        self.launch(now, out);
+        for index in 0..self.fleet.vehicles.len() {
+            self.track_rise(index);
+            if !self.fleet.vehicles[index].can_be_sent() {
+                continue;
+            }
+            match self.phase {
+                Phase::TakeOff => {}
+                Phase::Preliminary | Phase::Characterise if self.fleet.vehicles[index].real => {
+                    self.fly_passes(index, now, out);
+                }
+                Phase::Preliminary => self.hold(index, out),
+                Phase::Search | Phase::Characterise => {
+                    if self.tasks.each[index] == Task::Free {
+                        self.tasks.each[index] = Task::Searching;
+                    }
+                }
+                Phase::Home => self.bring_home(index, out),
+            }
+        }
+        if self.phase == Phase::Home {
+            self.land_in_turn(now, out);
+        }
+    }
+
+    /// Lets the vehicles rise one after the other, real ones and higher layers first.
+    fn launch(&mut self, now: SimTime, out: &mut Outbox) {
+        if self.phase == Phase::Home {
+            return;
+        }
+        let vehicles = &self.fleet.vehicles;
+        let step_m = self.fleet.separation.height_m;
+        let busy = (0..vehicles.len()).any(|index| {
+            let Task::Rising(since) = self.tasks.each[index] else {
+                return false;
+            };
+            let climbed_m = vehicles[index].seen.map_or(0.0, |s| {
+                if s.airborne {
+                    s.position.height_m - vehicles[index].home.height_m
+                } else {
+                    0.0
+                }
+            });
+            let waited_s = now.since_s(since);
+            waited_s < BETWEEN_TAKE_OFFS_S || (climbed_m < step_m + 15.0 && waited_s < STUCK_S)
+        });
+        let ready = |index: &usize| {
+            let v = &vehicles[*index];
+            self.tasks.each[*index] == Task::Parked && v.obeys && v.seen.is_some()
+        };
+        let key = |index: &usize| (!vehicles[*index].real, *index);
+        let Some(next) = (0..vehicles.len()).filter(ready).min_by_key(key) else {
+            return;
+        };
+        if vehicles[next].seen.is_some_and(|s| s.airborne) {
+            self.tasks.each[next] = Task::Free;
+        } else if !busy {
+            self.tasks.each[next] = Task::Rising(now);
+            self.fleet.take_off(next, out);
+        }
+    }
+
+    fn track_rise(&mut self, index: usize) {
+        let v = &self.fleet.vehicles[index];
+        let high = v
+            .seen
+            .is_some_and(|s| s.airborne && s.position.height_m > v.layer_amsl_m - AT_HEIGHT_M);
+        if matches!(self.tasks.each[index], Task::Rising(_)) && high {
+            self.tasks.each[index] = Task::Free;
+        }
+    }
+
+    /// Sends a vehicle out of the way, abeam of the axis, each at its own layer.
+    fn hold(&mut self, index: usize, out: &mut Outbox) {
+        if self.tasks.each[index] != Task::Free {
+            return;
+        }
+        let Some(belief) = self.belief() else { return };
+        let side = if index % 2 == 0 { 1.0 } else { -1.0 };
+        let beyond_m = 150.0 + 200.0 * (index / 2) as f64;
+        let wanted = belief
+            .source
+            .displaced(belief.axis_deg + side * 75.0, self.range.near_m + beyond_m);
+        let at = self.fleet.airspace.nearest_allowed(wanted, MARGIN_M);
+        let height_m = self.fleet.vehicles[index].layer_amsl_m;
+        if let Some(at) = at
+            && self.fleet.go(index, Position { at, height_m }, "hold", out)
+        {
+            self.tasks.each[index] = Task::Holding;
+        }
+    }
+
+    fn fly_passes(&mut self, index: usize, now: SimTime, out: &mut Outbox) {
+        match self.tasks.each[index] {
+            Task::Approaching(pass, waiting) if self.fleet.vehicles[index].has_arrived() => {
+                let since = waiting.unwrap_or(now);
+                self.tasks.each[index] = Task::Approaching(pass, Some(since));
+                let height_m = self.fleet.vehicles[index].seen.map(|s| s.position.height_m);
+                let off_m = height_m.map_or(0.0, |h| (h - pass.from.height_m).abs());
+                let at_height = off_m <= AT_HEIGHT_M || now.since_s(since) > WAIT_FOR_HEIGHT_S;
+                if at_height && self.fleet.go(index, pass.to, "pass", out) {
+                    self.tasks.each[index] = Task::Passing(pass);
+                }
+            }
+            Task::Passing(_) if self.fleet.vehicles[index].has_arrived() => {
+                self.tasks.passes_flown += 1;
+                self.tasks.each[index] = Task::Free;
+                self.next_pass(index, out);
+            }
+            Task::Free | Task::Holding | Task::Searching => self.next_pass(index, out),
+            _ => {}
+        }
+    }
+
+    /// Plans the next pass on what is believed now, and sends the vehicle to its beginning.
+    fn next_pass(&mut self, index: usize, out: &mut Outbox) {
+        let (Some(belief), Some(seen)) = (self.belief(), self.fleet.vehicles[index].seen) else {
+            return;
+        };
+        let kinds: &[PassKind] = if self.phase == Phase::Preliminary {
+            &PRELIMINARY
+        } else {
+            &CHARACTERISE
+        };
+        let kind = kinds[self.tasks.next_pass % kinds.len()];
+        self.tasks.next_pass += 1;
+        let airspace = &self.fleet.airspace;
+        let here = seen.position.at;
+        let pass = passes::plan(
+            kind, &belief, &self.base, airspace, self.range, MARGIN_M, here,
+        );
+        if let Some(pass) = pass
+            && self.fleet.go(index, pass.from, "to the next pass", out)
+        {
+            self.tasks.each[index] = Task::Approaching(pass, None);
+        }
+    }
+
+    /// Each searching vehicle takes a promising point ahead of it to which it may be sent.
+    pub(crate) fn follow(&mut self, points: &[PromisingPoint], out: &mut Outbox) {
+        let step_m = self.fleet.separation.height_m;
+        for index in 0..self.fleet.vehicles.len() {
+            let v = &self.fleet.vehicles[index];
+            let (Some(seen), Task::Searching) = (v.seen, self.tasks.each[index]) else {
+                continue;
+            };
+            if !v.can_be_sent() {
+                continue;
+            }
+            'draws: for _ in 0..DRAWS {
+                let cone_deg = self.search.cone_deg;
+                let here = seen.position;
+                let drawn =
+                    choose_within_cone(points, here, seen.course_deg, cone_deg, &mut self.rng);
+                let Some(drawn) = drawn else { break };
+                for step in HEIGHT_STEPS {
+                    let wanted_m = drawn.position.height_m + step * step_m;
+                    let height_m = self.fleet.airspace.clamp_height_m(wanted_m);
+                    let target = Position {
+                        height_m,
+                        ..drawn.position
+                    };
+                    if self.fleet.go(index, target, "promising point", out) {
+                        break 'draws;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Brings a vehicle above its home: straight, or level first, or by its own layer first.
+    fn bring_home(&mut self, index: usize, out: &mut Outbox) {
+        let v = &self.fleet.vehicles[index];
+        let (Some(seen), Task::Free) = (v.seen, self.tasks.each[index]) else {
+            return;
+        };
+        let layer_m = v.layer_amsl_m;
+        let on_the_way = v.order.is_some_and(|o| o.purpose == BY_STAGES) && !v.has_arrived();
+        let Some(at) = self.fleet.airspace.nearest_allowed(v.home.at, MARGIN_M) else {
+            return;
+        };
+        let above = Position {
+            at,
+            height_m: layer_m,
+        };
+        if self.fleet.go(index, above, "home", out) {
+            self.tasks.each[index] = Task::Returning;
+            return;
+        }
+        if on_the_way {
+            return;
+        }
+        let here = seen.position;
+        let level = Position {
+            at,
+            height_m: self.fleet.airspace.clamp_height_m(here.height_m),
+        };
+        let beside = self.fleet.airspace.nearest_allowed(here.at, MARGIN_M);
+        let own_layer = Position {
+            at: beside.unwrap_or(at),
+            height_m: layer_m,
+        };
+        if here.at.distance_m(at) > 500.0 && self.fleet.go(index, level, BY_STAGES, out) {
+            return;
+        }
+        self.fleet.go(index, own_layer, BY_STAGES, out);
+    }
+
+    /// Those above home land one after the other, the lowest layer first.
+    fn land_in_turn(&mut self, now: SimTime, out: &mut Outbox) {
+        let step_m = self.fleet.separation.height_m;
+        let (_, each_s) = LANDING_S;
+        let busy = (0..self.fleet.vehicles.len()).any(|index| {
+            let Task::Landing(since) = self.tasks.each[index] else {
+                return false;
+            };
+            let v = &self.fleet.vehicles[index];
+            let high = v
+                .seen
+                .is_some_and(|s| s.airborne && s.position.height_m > v.layer_amsl_m - step_m);
+            now.since_s(since) < each_s || (high && now.since_s(since) < STUCK_S)
+        });
+        let there = |index: &usize| {
+            let v = &self.fleet.vehicles[*index];
+            let low = v
+                .seen
+                .is_some_and(|s| (s.position.height_m - v.layer_amsl_m).abs() < step_m);
+            self.tasks.each[*index] == Task::Returning && v.can_be_sent() && v.has_arrived() && low
+        };
+        let layer = |index: &usize| self.fleet.vehicles[*index].layer_amsl_m;
+        let lowest = (0..self.fleet.vehicles.len())
+            .filter(there)
+            .min_by(|a, b| layer(a).total_cmp(&layer(b)));
+        if let Some(index) = lowest.filter(|_| !busy) {
+            self.tasks.each[index] = Task::Landing(now);
+            self.fleet.land(index, out);
+        }
+    }
+}
+
+impl Belief {
+    /// What the scenario says before anything was measured.
+    pub(crate) fn of_base(base: &plume::WorldSpec) -> Self {
+        let first = base.sources.first();
+        Self {
+            source: first.map_or(Enu::default(), |s| s.place),
+            axis_deg: air::wind::towards_deg(base.wind.from_deg()),
+            axis_sd_deg: 10.0,
+            height_amsl_m: base.ground_amsl_m + first.map_or(0.0, |s| s.effective_height_agl_m),
+            height_sd_m: 50.0,
+            strength_sd: 1.0,
+            sigma_factors: (base.sigma_y_scale, base.sigma_z_scale),
+        }
+    }
+}

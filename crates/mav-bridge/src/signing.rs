@@ -59,7 +59,7 @@ impl Signing {
     }
 
     /// Whether `frame` is signed with the key and newer than all before it of its stream.
-    pub(crate) fn accepts(&mut self, frame: &RawFrame, now: SimTime) -> bool {
+    pub fn accepts(&mut self, frame: &RawFrame, now: SimTime) -> bool {
         if !frame.is_signed() {
             return false;
         }

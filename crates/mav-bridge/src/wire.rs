@@ -7,9 +7,8 @@
 
 use crate::dialect::MavMessage;
 use crate::signing::Signing;
-use mavlink::{
-    MAV_STX_V2, MAVLinkV2MessageRaw, MavHeader, MavlinkVersion, Message as _, MessageData,
-};
+pub use mavlink::MessageData;
+use mavlink::{MAV_STX_V2, MAVLinkV2MessageRaw, MavHeader, MavlinkVersion, Message as _};
 use protocol::SimTime;
 
 const HEADER_LEN: usize = 10;

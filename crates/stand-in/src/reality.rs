@@ -1,0 +1,155 @@
+//! The stand-in's own world: its wind with gusts, its air, its plume and its gas sensor.
+
+use air::dryden::{Dryden, Turbulence};
+use air::geo::LocalFrame;
+use air::isa::Air;
+use air::wind::{WindProfile, WindSeries, WindVector};
+use fdm::{AirAround, FlightState};
+use plume::effects::Ambient;
+use plume::sensor::Sensor;
+use plume::{Place, World};
+use rand::rngs::ChaCha8Rng;
+
+/// Height at which MIL-F-8785C takes the wind that makes turbulence, m (20 ft).
+const REFERENCE_HEIGHT_M: f64 = 6.096;
+/// Vertical gust over wind at 20 ft in MIL-F-8785C.
+const STANDARD_INTENSITY: f64 = 0.1;
+/// Relative humidity of the stand-in's air, %.
+pub(crate) const HUMIDITY_PCT: f64 = 70.0;
+
+/// The world around one stand-in.
+#[derive(Debug, Clone)]
+pub(crate) struct Reality {
+    pub world: World,
+    pub frame: LocalFrame,
+    series: Option<WindSeries>,
+    /// Scale of the standard's turbulence.
+    turbulence_scale: f64,
+    gust: Dryden,
+    turbulence: Turbulence,
+    profile: WindProfile,
+    mean: WindVector,
+    air: Air,
+    around: AirAround,
+    sensor: Sensor,
+}
+
+impl Reality {
+    pub(crate) fn new(
+        world: World,
+        frame: LocalFrame,
+        series: Option<WindSeries>,
+        turbulence_intensity: f64,
+        platform: &str,
+    ) -> Self {
+        let spec = world.spec();
+        let air = spec.atmosphere.at(spec.ground_amsl_m);
+        Self {
+            profile: spec.wind,
+            mean: spec.wind.at(0.0),
+            turbulence: Turbulence::mil_f_8785c(0.0, 0.0, 0.0),
+            sensor: Sensor::new(&spec.sensor, &spec.mechanisms, platform),
+            around: AirAround {
+                wind_ned_m_s: [0.0; 3],
+                density_kg_m3: air.density_kg_m3(),
+            },
+            air,
+            world,
+            frame,
+            series,
+            turbulence_scale: turbulence_intensity / STANDARD_INTENSITY,
+            gust: Dryden::new(),
+        }
+    }
+
+    fn height_agl_m(&self, state: &FlightState) -> f64 {
+        state.alt_amsl_m - self.world.spec().ground_amsl_m
+    }
+
+    /// What changes slowly: mean wind, turbulence and air at the vehicle's height.
+    pub(crate) fn look_around(&mut self, state: &FlightState, time_s: f64) {
+        let height = self.height_agl_m(state);
+        let spec = self.world.spec();
+        if let Some(series) = &self.series {
+            let wind = series.at(time_s);
+            let reference_m = spec.wind.reference_height_agl_m();
+            // A series was checked when it was read: its speeds make profiles.
+            if let Ok(profile) = spec.wind.through(wind, reference_m) {
+                self.profile = profile;
+            }
+        }
+        self.mean = self.profile.at(height);
+        let wind_20ft = self.profile.speed_at_m_s(REFERENCE_HEIGHT_M);
+        self.turbulence = Turbulence::mil_f_8785c(height, wind_20ft, self.turbulence_scale);
+        self.air = spec.atmosphere.at(state.alt_amsl_m);
+    }
+
+    /// The air around the vehicle over the next `dt_s`.
+    pub(crate) fn breathe(
+        &mut self,
+        dt_s: f64,
+        airspeed_m_s: f64,
+        rng: &mut ChaCha8Rng,
+    ) -> AirAround {
+        let [along, right, down] = self.gust.step(dt_s, airspeed_m_s, &self.turbulence, rng);
+        let speed = self.mean.speed_m_s();
+        let (north, east) = if speed > 0.0 {
+            (self.mean.north_m_s / speed, self.mean.east_m_s / speed)
+        } else {
+            (1.0, 0.0)
+        };
+        self.around = AirAround {
+            wind_ned_m_s: [
+                self.mean.north_m_s + along * north - right * east,
+                self.mean.east_m_s + along * east + right * north,
+                down,
+            ],
+            density_kg_m3: self.air.density_kg_m3(),
+        };
+        self.around
+    }
+
+    /// The air around the vehicle now.
+    pub(crate) fn around(&self) -> AirAround {
+        self.around
+    }
+
+    /// Temperature and pressure at the vehicle.
+    pub(crate) fn air(&self) -> Air {
+        self.air
+    }
+
+    /// What the gas sensor says `dt_s` after it was last asked, ppm.
+    pub(crate) fn smell(
+        &mut self,
+        state: &FlightState,
+        time_s: f64,
+        dt_s: f64,
+        rng: &mut ChaCha8Rng,
+    ) -> f64 {
+        let place = Place {
+            east_m: state.east_m,
+            north_m: state.north_m,
+            height_agl_m: self.height_agl_m(state),
+        };
+        let true_ppm = if self.series.is_some() {
+            self.world.mean_ppm_in(&place, time_s, &self.profile)
+        } else {
+            self.world.mean_ppm(&place, time_s)
+        };
+        let ambient = Ambient {
+            temperature_c: self.air.temperature_k - air::isa::ZERO_CELSIUS_K,
+            relative_humidity_pct: HUMIDITY_PCT,
+            pressure_hpa: self.air.pressure_pa / 100.0,
+        };
+        self.sensor.read_in(true_ppm, &ambient, dt_s, rng)
+    }
+
+    /// Where and when the log of the sensor's platform says that it is, by its mechanisms.
+    pub(crate) fn logged(&self, at: &Place, time_s: f64) -> (Place, f64) {
+        (
+            self.sensor.logged_place(at),
+            self.sensor.logged_time_s(time_s),
+        )
+    }
+}

@@ -252,7 +252,7 @@ impl SquadronController {
             return;
         }
         let Some(belief) = self.belief() else { return };
-        let side = if index % 2 == 0 { 1.0 } else { -1.0 };
+        let side = if index.is_multiple_of(2) { 1.0 } else { -1.0 };
         let beyond_m = 150.0 + 200.0 * (index / 2) as f64;
         let wanted = belief
             .source

@@ -1,12 +1,13 @@
 //! The reality gap: given measured data, what the simulation gets wrong, what causes it, how to
 //! extend the model, and what that gains; or that the data do not tell.
 //!
-//! - `plume`: concentrations along tracks against the plume model;
+//! - [`plume`]: concentrations along tracks against the plume model;
 //! - [`verdict`]: the answer, as `gap.json` has it.
 //!
 //! Pure: no clock, file, socket, environment or global random number; seeds are arguments, and
 //! results do not depend on the number of threads.
 
+pub mod plume;
 pub mod verdict;
 
 /// What this crate refuses: what, where, and what would be right.

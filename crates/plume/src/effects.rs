@@ -3,7 +3,7 @@
 use crate::mechanism::{Mechanism, MechanismId};
 
 /// Seconds in an hour.
-pub(crate) const HOUR_S: f64 = 3600.0;
+pub const HOUR_S: f64 = 3600.0;
 
 /// A copy of the first source.
 #[derive(Debug, Clone, Copy, PartialEq)]

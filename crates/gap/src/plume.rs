@@ -1,0 +1,252 @@
+//! The gap of plume and sensors: concentrations along tracks against the plume model.
+//!
+//! The order of work: gate the raw data, smooth the logged wind, fit the base and its noise,
+//! screen every mechanism, fit the best fully, hold nameless rivals against them, accept one at
+//! a time until the data ask for no more, and measure the gain on data left out. The method,
+//! with its equations, sources and limits, is in `docs/gap.md`.
+
+mod candidate;
+mod data;
+mod explore;
+mod fit;
+mod gate;
+mod held_out;
+mod linear;
+mod model;
+mod naming;
+mod next_flight;
+mod noise;
+mod parallel;
+mod report;
+mod residual;
+mod rival;
+mod screen;
+mod start;
+mod transport;
+
+pub use data::{Prior, Setup};
+pub use noise::NoiseModel;
+pub use report::{GapReport, Series};
+
+use scenario::observations::Observations;
+
+use crate::GapError;
+use crate::verdict::{GapJson, SCHEMA, Verdict};
+use data::Data;
+use fit::{Context, Fitted};
+
+/// How the analysis is run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Seed of the bootstrap; the same seed gives the same answer.
+    pub seed: u64,
+    /// Threads; the answer does not depend on them.
+    pub threads: usize,
+    /// Most causes that are named one after the other.
+    pub most_causes: usize,
+    /// Whether to measure the gain on data left out, what was detectable, and the next flight.
+    pub complete: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            threads: 2,
+            most_causes: 4,
+            complete: true,
+        }
+    }
+}
+
+impl Options {
+    /// A lighter run for use during a mission: at most two causes, no scores on data left out.
+    pub fn live() -> Self {
+        Self {
+            most_causes: 2,
+            complete: false,
+            ..Self::default()
+        }
+    }
+}
+
+/// How far an analysis has come.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Progress {
+    /// Part done, 0 to 1.
+    pub part: f64,
+    /// What is being done.
+    pub doing: &'static str,
+}
+
+/// The answer, the model that follows from it, and all that a report shows.
+#[derive(Debug, Clone)]
+pub struct Analysis {
+    /// `gap.json`.
+    pub json: GapJson,
+    /// Extensions to add to the scenario, with their fitted parameters.
+    pub extension: Vec<::plume::Mechanism>,
+    /// Fitted values of the scenario's uncertain keys: dotted key, value, standard deviation.
+    pub base: Vec<(String, f64, f64)>,
+    /// Noise fitted under the final model.
+    pub noise: NoiseModel,
+    /// Series, tables and maps for a report.
+    pub report: GapReport,
+}
+
+/// Fewest readings from which anything can be told.
+const FEWEST_READINGS: usize = 30;
+
+/// Shows what is wrong, names it, extends the model and measures the gain.
+///
+/// `progress` is called a few times with what is being done.
+///
+/// # Errors
+/// No rows or no readings at all, or a base that the plume model refuses. Data that merely say
+/// nothing give the verdict "none" with a notice.
+pub fn analyse(
+    setup: &Setup,
+    observations: &Observations,
+    options: &Options,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Analysis, GapError> {
+    let mut tell = |part: f64, doing: &'static str| progress(Progress { part, doing });
+    tell(0.0, "looking at the raw data");
+    let mut data = Data::new(setup, observations)?;
+    let mut quality = gate::gate(&mut data, &setup.base);
+    if data.used_count() < FEWEST_READINGS {
+        return Ok(nothing_to_tell(setup, data, quality));
+    }
+    tell(0.05, "fitting the base");
+    let threads = options.threads.max(1);
+    let started = start::start(setup, &mut data, threads);
+    let ctx = Context {
+        setup,
+        data: &data,
+        threads,
+    };
+    quality.extend(gate::spikes(&data, &started.fitted.whitener.outliers));
+    let named = naming::name(&ctx, started.fitted.clone(), options, &mut tell);
+    tell(0.8, "measuring the gain on data left out");
+    let extended = named.last.model != started.fitted.model;
+    let gain = (options.complete && extended)
+        .then(|| held_out::gain(&ctx, &started.fitted, &named.last, options.seed));
+    let next_flight = if options.complete {
+        next_flight::propose(&ctx, &named)
+    } else {
+        None
+    };
+    tell(0.95, "writing it down");
+    let mut notices = data.notices.clone();
+    notices.push(format!("the plume is carried by {}", started.wind));
+    notices.extend(named.notices.iter().cloned());
+    let verdict = named.verdict();
+    let base = report::base_parameters(setup, &named.last);
+    let json = GapJson {
+        schema: SCHEMA,
+        verdict,
+        summary: report::summary(verdict, &named, gain.as_ref()),
+        causes: named.causes.clone(),
+        ranking: named.ranking.clone(),
+        residual: residual::bins(&ctx, &started.fitted),
+        gain: gain.as_ref().map(|g| g.gain),
+        detectable: report::detectable(&named),
+        next_flight,
+        base: base.clone(),
+        unexplained: named.unexplained.clone(),
+        data_quality: quality,
+        notices,
+    };
+    let report = report::report(&ctx, &started.fitted, &named, gain.as_ref());
+    tell(1.0, "done");
+    Ok(Analysis {
+        extension: named.extension(&ctx),
+        base: base.into_iter().map(|b| (b.name, b.value, b.sd)).collect(),
+        noise: named.last.noise,
+        json,
+        report,
+    })
+}
+
+/// The log score of the base alone, for measuring how visible an effect is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BaseScore {
+    /// Log likelihood at the base's most probable parameters, nats.
+    pub log_score: f64,
+    /// The noise used.
+    pub noise: NoiseModel,
+}
+
+/// Fits the base's free parameters and gives the log score of the data, under `noise` if given,
+/// else under the noise fitted here.
+///
+/// # Errors
+/// As [`analyse`]; also fewer readings than anything can be told from.
+pub fn base_score(
+    setup: &Setup,
+    observations: &Observations,
+    noise: Option<&NoiseModel>,
+) -> Result<BaseScore, GapError> {
+    let mut data = Data::new(setup, observations)?;
+    gate::gate(&mut data, &setup.base);
+    if data.used_count() < FEWEST_READINGS {
+        return Err(GapError::Data {
+            what: "observations".to_string(),
+            problem: format!("{} usable readings", data.used_count()),
+            expected: format!("at least {FEWEST_READINGS}"),
+        });
+    }
+    let score = |f: &Fitted| f.whitener.log_likelihood + f.model.ln_prior();
+    match noise {
+        None => {
+            let started = start::start(setup, &mut data, 1);
+            Ok(BaseScore {
+                log_score: score(&started.fitted),
+                noise: started.fitted.noise,
+            })
+        }
+        Some(noise) => {
+            let fitted = start::under(setup, &mut data, *noise);
+            Ok(BaseScore {
+                log_score: score(&fitted),
+                noise: *noise,
+            })
+        }
+    }
+}
+
+fn nothing_to_tell(
+    setup: &Setup,
+    data: Data,
+    quality: Vec<crate::verdict::DataQuality>,
+) -> Analysis {
+    let mut notices = data.notices.clone();
+    let message = format!(
+        "{} usable readings of {} rows: fewer than {FEWEST_READINGS}, from which nothing can be told",
+        data.used_count(),
+        data.len()
+    );
+    notices.push(message.clone());
+    let json = GapJson {
+        schema: SCHEMA,
+        verdict: Verdict::None,
+        summary: message,
+        causes: Vec::new(),
+        ranking: Vec::new(),
+        residual: Vec::new(),
+        gain: None,
+        detectable: Vec::new(),
+        next_flight: None,
+        base: report::prior_parameters(setup),
+        unexplained: None,
+        data_quality: quality,
+        notices,
+    };
+    Analysis {
+        json,
+        extension: Vec::new(),
+        base: Vec::new(),
+        noise: NoiseModel::prior(setup.base.sensor.noise_sd_ppm),
+        report: GapReport::default(),
+    }
+}

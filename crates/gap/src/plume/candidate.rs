@@ -1,0 +1,319 @@
+//! What is tried: every mechanism of the catalogue, for all platforms or one, from a small
+//! dictionary of starting points for those that are not linear.
+
+use ::plume::field::Strength;
+use ::plume::mechanism::{Coordinate, Family, MechanismId};
+
+use super::fit::{Context, Fitted};
+use super::model::{Part, defaults, to_coordinate};
+
+/// A direction in which a mechanism may depart from doing nothing: one or two columns.
+#[derive(Debug, Clone)]
+pub(crate) struct Start {
+    pub id: MechanismId,
+    /// Parameter values at the end of each column's step.
+    pub ends: Vec<Vec<f64>>,
+    /// Prior standard deviation of each column's amplitude, in steps.
+    pub sd: Vec<f64>,
+    /// Standard deviation of what nothing real departs by, in steps.
+    pub tolerance: Vec<f64>,
+    /// Only positive amplitudes.
+    pub one_sided: bool,
+    /// Log of its share of the mechanism's prior.
+    pub ln_weight: f64,
+}
+
+/// All starts on top of `fitted`.
+pub(crate) fn starts(ctx: &Context<'_>, fitted: &Fitted) -> Vec<Start> {
+    let mut out = Vec::new();
+    for &id in MechanismId::ALL {
+        if !possible(ctx, fitted, id) {
+            continue;
+        }
+        let mut own = of_mechanism(ctx, fitted, id);
+        let share = -(own.len().max(1) as f64).ln();
+        // Steps of one line are one hypothesis; places of a grid share the prior.
+        if matches!(id, MechanismId::SecondSource) {
+            own.iter_mut().for_each(|s| s.ln_weight = share);
+        }
+        out.extend(own);
+    }
+    out
+}
+
+/// Whether the data could say anything about it, and the model does not have it already.
+fn possible(ctx: &Context<'_>, fitted: &Fitted, id: MechanismId) -> bool {
+    use MechanismId as M;
+    let air = ctx.data.track.air();
+    let varies = |f: &dyn Fn(usize) -> f64| {
+        let known: Vec<f64> = (0..air.len()).map(f).filter(|v| v.is_finite()).collect();
+        let low = known.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = known.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        known.len() * 2 > air.len() && high > low
+    };
+    if fitted
+        .model
+        .parts
+        .iter()
+        .any(|p| p.id == id && p.platform.is_none())
+    {
+        return false;
+    }
+    match id {
+        M::CrossSensitivityHumidity => varies(&|i| air[i].relative_humidity_pct),
+        M::CrossSensitivityTemperature => varies(&|i| air[i].temperature_c),
+        M::CrossSensitivityPressure => varies(&|i| air[i].pressure_hpa),
+        M::WindSpeedScale => {
+            // Without an emission rate the speed does not enter.
+            matches!(ctx.setup.base.sources[0].strength, Strength::EmissionKgS(_))
+        }
+        _ => true,
+    }
+}
+
+fn line(id: MechanismId, values: &[f64]) -> Vec<Start> {
+    values.iter().map(|v| single(id, *v)).collect()
+}
+
+/// A step of the first parameter alone.
+fn single(id: MechanismId, value: f64) -> Start {
+    let spec = &id.spec().parameters[0];
+    let mut end = defaults(id);
+    end[0] = value;
+    let step = if spec.neutral.is_finite() {
+        to_coordinate(spec, value) - to_coordinate(spec, spec.neutral)
+    } else {
+        1.0
+    };
+    Start {
+        id,
+        ends: vec![end],
+        sd: vec![spec.prior_sd / step.abs()],
+        tolerance: vec![super::model::tolerance(id, 0) / step.abs()],
+        one_sided: spec.low == spec.neutral || spec.high == spec.neutral,
+        ln_weight: 0.0,
+    }
+}
+
+/// Steps of two parameters, each a column.
+fn plane(id: MechanismId, step: f64) -> Vec<Start> {
+    let spec = &id.spec().parameters[0];
+    let end = |k: usize| {
+        let mut end = defaults(id);
+        end[k] = step;
+        end
+    };
+    vec![Start {
+        id,
+        ends: vec![end(0), end(1)],
+        sd: vec![spec.prior_sd / step; 2],
+        tolerance: vec![super::model::tolerance(id, 0) / step; 2],
+        one_sided: false,
+        ln_weight: 0.0,
+    }]
+}
+
+fn of_mechanism(ctx: &Context<'_>, fitted: &Fitted, id: MechanismId) -> Vec<Start> {
+    use MechanismId as M;
+    match id {
+        M::WindDirectionOffset => line(id, &[0.5, -3.0, 3.0]),
+        M::WindDirectionDrift => line(id, &[4.0, -25.0, 25.0]),
+        M::WindSpeedScale | M::EmissionScale => line(id, &[1.1, 0.5]),
+        M::WindVeerWithHeight => line(id, &[1.0, -6.0, 6.0]),
+        M::Meander => line(id, &[1.5, 4.0]),
+        M::StabilityClass => line(id, &[0.5, -0.5, 1.5, -1.5]),
+        M::SigmaYScale | M::SigmaZScale => line(id, &[1.1, 0.6, 1.6]),
+        M::SigmaZGrowth => line(id, &[0.15, -0.5, 0.5]),
+        M::EffectiveHeightOffset => line(id, &[3.0, -25.0, 25.0]),
+        M::GroundReflection => line(id, &[0.5]),
+        M::MixingLid => lids(ctx, fitted),
+        M::EmissionTrend => line(id, &[0.5, -3.0, 3.0]),
+        M::SecondSource => second_sources(ctx, fitted),
+        M::SourcePositionOffset => plane(id, 15.0),
+        M::FirstOrderDecay => line(id, &[2e-4, 1.5e-3]),
+        M::DryDeposition => line(id, &[0.02, 0.3]),
+        M::BuildingDownwash => line(id, &[2000.0, 15_000.0]),
+        M::BackgroundOffset | M::SensorOffset => line(id, &[1.0]),
+        M::BackgroundDrift | M::SensorDrift => line(id, &[10.0]),
+        M::BackgroundGradient => plane(id, 1.0),
+        M::SensorLag => line(id, &[0.6, 3.0, 10.0]),
+        M::SensorGain => gains(ctx),
+        M::SensorSaturation => saturations(fitted),
+        M::CrossSensitivityHumidity => line(id, &[0.2]),
+        M::CrossSensitivityTemperature => line(id, &[0.5]),
+        M::CrossSensitivityPressure => pressures(ctx),
+        M::ClockOffset => line(id, &[0.3, -3.0, 3.0]),
+        M::PositionOffset => plane(id, 5.0),
+        M::AltitudeOffset => line(id, &[2.0, -20.0, 20.0]),
+    }
+}
+
+/// Gain about zero and about the background: sensors are zeroed in either.
+fn gains(ctx: &Context<'_>) -> Vec<Start> {
+    [0.0, ctx.setup.base.background_ppm]
+        .into_iter()
+        .map(|pivot| {
+            let mut start = single(MechanismId::SensorGain, 1.05);
+            start.ends[0][1] = pivot;
+            start.ln_weight = -std::f64::consts::LN_2;
+            start
+        })
+        .collect()
+}
+
+/// Pressure about the standard one and about that of the flight.
+fn pressures(ctx: &Context<'_>) -> Vec<Start> {
+    let air = ctx.data.track.air();
+    let known: Vec<f64> = air
+        .iter()
+        .map(|a| a.pressure_hpa)
+        .filter(|p| p.is_finite())
+        .collect();
+    let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
+    [1013.25, mean]
+        .into_iter()
+        .filter(|p| (100.0..=1100.0).contains(p))
+        .map(|reference| {
+            let mut start = single(MechanismId::CrossSensitivityPressure, 0.2);
+            start.ends[0][1] = reference;
+            start.ln_weight = -std::f64::consts::LN_2;
+            start
+        })
+        .collect()
+}
+
+/// Lids at several heights above the axis.
+fn lids(ctx: &Context<'_>, fitted: &Fitted) -> Vec<Start> {
+    let Some(world) = fitted
+        .model
+        .world(&ctx.setup.base, ctx.data.track.platforms())
+    else {
+        return Vec::new();
+    };
+    let height = ctx.setup.base.sources[0].effective_height_agl_m;
+    let far = (0..ctx.data.len())
+        .map(|i| {
+            let p = ctx.data.track.place(i);
+            p.east_m.hypot(p.north_m)
+        })
+        .fold(100.0f64, f64::max);
+    let sigma = world.sigmas_m(far).1;
+    [0.4, 0.8, 1.3, 1.9, 2.6]
+        .iter()
+        .map(|k| {
+            single(
+                MechanismId::MixingLid,
+                (height + k * sigma).clamp(10.0, 10_000.0),
+            )
+        })
+        .collect()
+}
+
+/// Limits below the highest predicted reading.
+fn saturations(fitted: &Fitted) -> Vec<Start> {
+    let reading = &fitted.prediction.reading;
+    let high = reading.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let base = reading
+        .iter()
+        .zip(&fitted.prediction.plume)
+        .map(|(r, p)| r - p);
+    let low = base.fold(f64::INFINITY, f64::min);
+    [0.85, 0.65, 0.45, 0.25]
+        .iter()
+        .map(|part| (low + part * (high - low)).max(1.0))
+        .map(|limit| single(MechanismId::SensorSaturation, limit))
+        .collect()
+}
+
+/// Second sources on a grid around the first, finer across the wind than along it.
+fn second_sources(ctx: &Context<'_>, fitted: &Fitted) -> Vec<Start> {
+    let track = &ctx.data.track;
+    let n = track.len() as f64;
+    let wind = track
+        .transport()
+        .iter()
+        .fold([0.0; 2], |s, t| [s[0] + t.east / n, s[1] + t.north / n]);
+    let length = wind[0].hypot(wind[1]).max(1e-9);
+    let (e, no) = (wind[0] / length, wind[1] / length);
+    let first = &ctx.setup.base.sources[0].place;
+    let reach = (0..track.len())
+        .map(|i| {
+            let p = track.place(i);
+            (p.east_m - first.east_m).hypot(p.north_m - first.north_m)
+        })
+        .fold(300.0f64, f64::max);
+    let Some(world) = fitted.model.world(&ctx.setup.base, track.platforms()) else {
+        return Vec::new();
+    };
+    let spacing = 1.2 * world.sigmas_m(0.5 * reach).0;
+    let mut out = Vec::new();
+    for along in [-0.35, 0.0, 0.35] {
+        for k in -6i32..=6 {
+            if k == 0 && along == 0.0 {
+                continue;
+            }
+            let (x, y) = (along * reach, f64::from(k) * spacing);
+            let mut start = single(MechanismId::SecondSource, 0.0);
+            start.ends = vec![vec![x * e + y * no, x * no - y * e, 0.3, 0.0]];
+            start.sd = vec![0.5 / 0.3];
+            start.tolerance = vec![0.002 / 0.3];
+            start.one_sided = true;
+            out.push(start);
+        }
+    }
+    out
+}
+
+impl Start {
+    /// The part at amplitudes `a` of the columns' steps.
+    pub fn part(&self, platform: Option<usize>, a: &[f64]) -> Part {
+        let spec = self.id.spec();
+        let mut values = defaults(self.id);
+        for (k, p) in spec.parameters.iter().enumerate() {
+            if p.default.is_some() {
+                values[k] = self.ends[0][k];
+            }
+        }
+        for (end, a) in self.ends.iter().zip(a) {
+            for (k, p) in spec.parameters.iter().enumerate() {
+                if p.default.is_some() {
+                    continue;
+                }
+                values[k] = if self.id == MechanismId::SecondSource && k < 2 {
+                    end[k]
+                } else if !p.neutral.is_finite() {
+                    end[k]
+                } else if end[k] == p.neutral {
+                    values[k]
+                } else {
+                    let (from, to) = (to_coordinate(p, p.neutral), to_coordinate(p, end[k]));
+                    let c = from + a * (to - from);
+                    match p.coordinate {
+                        Coordinate::Log => c.exp(),
+                        Coordinate::Linear => c,
+                    }
+                };
+                values[k] = values[k].clamp(p.low, p.high);
+            }
+        }
+        Part {
+            id: self.id,
+            platform,
+            values,
+        }
+    }
+
+    /// The part at the end of column `k`'s step.
+    pub fn end_part(&self, k: usize) -> Part {
+        Part {
+            id: self.id,
+            platform: None,
+            values: self.ends[k].clone(),
+        }
+    }
+
+    /// Whether it may differ between platforms.
+    pub fn of_a_platform(&self) -> bool {
+        self.id.spec().family == Family::Sensor
+    }
+}

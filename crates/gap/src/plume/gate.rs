@@ -1,0 +1,253 @@
+//! The gate: what raw data show before any model is fitted. Stretches with a flaw are masked.
+
+use std::ops::Range;
+
+use ::plume::field::WorldSpec;
+
+use super::data::Data;
+use crate::verdict::{DataQuality, Flaw};
+
+/// Rows farther than this from the first source cannot belong to the scenario, m.
+const FARTHEST_M: f64 = 40_000.0;
+/// A reading this many times too large or too small is in another unit.
+const UNIT_FACTOR: f64 = 20.0;
+/// A run of equal readings is frozen when chance makes one this rarely.
+const FROZEN_CHANCE: f64 = 1e-5;
+/// Shortest run of equal readings that counts.
+const FROZEN_ROWS: usize = 8;
+
+/// Looks at every platform, masks what is flawed, and says what it saw.
+pub(crate) fn gate(data: &mut Data, base: &WorldSpec) -> Vec<DataQuality> {
+    let mut found = Vec::new();
+    for platform in 0..data.ranges().len() {
+        let range = data.ranges()[platform].clone();
+        if range.is_empty() {
+            continue;
+        }
+        let mut eye = Eye {
+            data,
+            name: String::new(),
+            range,
+            found: &mut found,
+        };
+        eye.name = eye.data.track.platforms()[platform].clone();
+        eye.places(base);
+        eye.units(base);
+        eye.frozen();
+        eye.clipped();
+        eye.gaps();
+    }
+    found
+}
+
+struct Eye<'a> {
+    data: &'a mut Data,
+    name: String,
+    range: Range<usize>,
+    found: &'a mut Vec<DataQuality>,
+}
+
+impl Eye<'_> {
+    fn used(&self) -> Vec<usize> {
+        self.range.clone().filter(|i| self.data.used[*i]).collect()
+    }
+
+    fn say(&mut self, kind: Flaw, first: usize, last: usize, message: String) {
+        let times = self.data.track.time_s();
+        self.found.push(DataQuality {
+            platform: self.name.clone(),
+            kind,
+            from_s: times[first],
+            to_s: times[last],
+            message,
+        });
+    }
+
+    fn places(&mut self, base: &WorldSpec) {
+        let source = base.sources[0].place;
+        let far: Vec<usize> = self
+            .range
+            .clone()
+            .filter(|i| {
+                let p = self.data.track.place(*i);
+                let away = (p.east_m - source.east_m).hypot(p.north_m - source.north_m);
+                away > FARTHEST_M || !(-500.0..=20_000.0).contains(&p.height_agl_m)
+            })
+            .collect();
+        let (Some(&first), Some(&last)) = (far.first(), far.last()) else {
+            return;
+        };
+        for i in &far {
+            self.data.used[*i] = false;
+        }
+        let message = format!(
+            "{} rows lie over {:.0} km from the source (or far from its height): are lat_deg and \
+             lon_deg swapped, or is this another site?",
+            far.len(),
+            FARTHEST_M / 1000.0
+        );
+        self.say(Flaw::Unit, first, last, message);
+    }
+
+    fn units(&mut self, base: &WorldSpec) {
+        let used = self.used();
+        let mut values: Vec<f64> = used.iter().map(|i| self.data.reading_ppm[*i]).collect();
+        values.sort_by(f64::total_cmp);
+        // The lower quartile is clean air or nearly so.
+        let Some(low) = values.get(values.len() / 4) else {
+            return;
+        };
+        let (Some(&first), Some(&last)) = (used.first(), used.last()) else {
+            return;
+        };
+        let ratio = low / base.background_ppm;
+        if base.background_ppm > 0.0 && !(1.0 / UNIT_FACTOR..=UNIT_FACTOR).contains(&ratio) {
+            for i in used {
+                self.data.used[i] = false;
+            }
+            let message = format!(
+                "readings of about {low:.4} against a background of {:.0} ppm, {ratio:.3} times as \
+                 much: is co2_ppm in another unit (ppb, %, fraction)?",
+                base.background_ppm
+            );
+            self.say(Flaw::Unit, first, last, message);
+        }
+    }
+
+    /// Runs of equal readings too long for the readings' resolution.
+    fn frozen(&mut self) {
+        let used = self.used();
+        let y = &self.data.reading_ppm;
+        let mut runs: Vec<(usize, usize)> = Vec::new();
+        let mut start = 0;
+        for k in 1..=used.len() {
+            if k == used.len() || y[used[k]] != y[used[start]] {
+                runs.push((start, k - start));
+                start = k;
+            }
+        }
+        // Chance of a repeat, from runs that are not themselves suspect.
+        let mut lengths: Vec<usize> = runs.iter().map(|r| r.1).collect();
+        lengths.sort_unstable();
+        let typical = lengths
+            .get(lengths.len() * 9 / 10)
+            .copied()
+            .unwrap_or(1)
+            .max(2);
+        let short = runs.iter().filter(|r| r.1 <= 4 * typical);
+        let (repeats, pairs) = short.fold((1.0, 3.0), |s: (f64, f64), r| {
+            (s.0 + (r.1 - 1) as f64, s.1 + r.1 as f64)
+        });
+        let repeat = (repeats / pairs).min(0.98);
+        let limit = (FROZEN_CHANCE / used.len().max(1) as f64).ln() / repeat.ln();
+        let limit = (limit.ceil() as usize).max(FROZEN_ROWS);
+        for (start, length) in runs {
+            if length < limit {
+                continue;
+            }
+            let (first, last) = (used[start], used[start + length - 1]);
+            // The first of them was still measured.
+            for i in &used[start + 1..start + length] {
+                self.data.used[*i] = false;
+            }
+            let value = self.data.reading_ppm[first];
+            self.say(
+                Flaw::Frozen,
+                first,
+                last,
+                format!("{length} readings in a row of {value} ppm"),
+            );
+        }
+    }
+
+    /// Many readings at the very top of the range.
+    fn clipped(&mut self) {
+        let used = self.used();
+        let y = &self.data.reading_ppm;
+        let mut sorted: Vec<f64> = used.iter().map(|i| y[*i]).collect();
+        sorted.sort_by(f64::total_cmp);
+        let (Some(&top), Some(&middle)) = (sorted.last(), sorted.get(sorted.len() / 2)) else {
+            return;
+        };
+        let at_top = sorted.iter().rev().take_while(|v| **v == top).count();
+        let below = &sorted[..sorted.len() - at_top];
+        let near = top - 0.05 * (top - middle);
+        let next = below.last().copied().unwrap_or(top);
+        let step = top - next;
+        // Readings on a coarse grid share values: the top must hold far more than what lies
+        // just below it.
+        let neighbours = below
+            .iter()
+            .rev()
+            .take_while(|v| **v >= near.min(top - 3.0 * step))
+            .count();
+        let wide = top - middle > 4.0 * spread(&sorted[..sorted.len() / 2]);
+        if at_top < 6 || at_top < 2 * neighbours || !wide {
+            return;
+        }
+        let hits: Vec<usize> = used.into_iter().filter(|i| y[*i] == top).collect();
+        for i in &hits {
+            self.data.used[*i] = false;
+        }
+        let message = format!("{at_top} readings at exactly {top} ppm, the highest of all");
+        self.data.ceiling_ppm.push((self.range.clone(), top));
+        self.say(Flaw::Clipped, hits[0], hits[hits.len() - 1], message);
+    }
+
+    fn gaps(&mut self) {
+        let times = self.data.track.time_s();
+        let present: Vec<usize> = self
+            .range
+            .clone()
+            .filter(|i| self.data.reading_ppm[*i].is_finite())
+            .collect();
+        let mut steps: Vec<f64> = present
+            .windows(2)
+            .map(|w| times[w[1]] - times[w[0]])
+            .collect();
+        steps.sort_by(f64::total_cmp);
+        let Some(&usual) = steps.get(steps.len() / 2) else {
+            return;
+        };
+        let long: Vec<(usize, usize, f64)> = present
+            .windows(2)
+            .map(|w| (w[0], w[1], times[w[1]] - times[w[0]]))
+            .filter(|g| g.2 > (8.0 * usual).max(5.0))
+            .collect();
+        for (a, b, length) in long {
+            self.say(Flaw::Gap, a, b, format!("no reading for {length:.0} s"));
+        }
+    }
+}
+
+/// Single readings far from both neighbours among `rows`, which the fit found to be outliers.
+pub(crate) fn spikes(data: &Data, rows: &[usize]) -> Vec<DataQuality> {
+    let y = &data.reading_ppm;
+    let mut found = Vec::new();
+    for &i in rows {
+        let range = data.ranges()[data.platform_of(i)].clone();
+        if i <= range.start || i + 1 >= range.end {
+            continue;
+        }
+        let (a, b, c) = (y[i - 1], y[i], y[i + 1]);
+        let lone = (b - a).abs().min((b - c).abs());
+        if lone > 4.0 * (a - c).abs() && (b - a).signum() == (b - c).signum() {
+            let time_s = data.track.time_s()[i];
+            found.push(DataQuality {
+                platform: data.track.platforms()[data.platform_of(i)].clone(),
+                kind: Flaw::Outlier,
+                from_s: time_s,
+                to_s: time_s,
+                message: format!("a single reading of {b} ppm"),
+            });
+        }
+    }
+    found
+}
+
+fn spread(sorted: &[f64]) -> f64 {
+    match (sorted.first(), sorted.last()) {
+        (Some(a), Some(b)) => (b - a) / 4.0,
+        _ => 0.0,
+    }
+}

@@ -1,0 +1,226 @@
+//! A model as a vector of parameters: the base and its extensions, all as mechanisms.
+
+use ::plume::effects::HOUR_S;
+use ::plume::field::{World, WorldSpec};
+use ::plume::mechanism::{Coordinate, Mechanism, MechanismId, ParameterSpec};
+use ::plume::track::Track;
+
+use super::data::Setup;
+
+/// A parameter that is fitted, in the coordinate of its prior.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Free {
+    /// Which part it belongs to.
+    pub part: usize,
+    /// Which parameter of that part.
+    pub parameter: usize,
+    /// Centre of its prior.
+    pub centre: f64,
+    /// One standard deviation of its prior.
+    pub sd: f64,
+    /// The prior is cut in half at the centre: twice the density on the side allowed.
+    pub one_sided: bool,
+}
+
+/// A mechanism in the model.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Part {
+    pub id: MechanismId,
+    /// Platform it acts on; none for all.
+    pub platform: Option<usize>,
+    pub values: Vec<f64>,
+}
+
+/// Parts and which of their parameters are free.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Model {
+    pub parts: Vec<Part>,
+    pub free: Vec<Free>,
+}
+
+impl Model {
+    /// The base: one part for each parameter that the scenario marks uncertain.
+    pub fn base(setup: &Setup) -> Self {
+        let mut model = Self::default();
+        for prior in &setup.priors {
+            let spec = &prior.id.spec().parameters[0];
+            let whole = prior.id == MechanismId::SensorLag;
+            let start = if whole { prior.value } else { spec.neutral };
+            let sd = match spec.coordinate {
+                Coordinate::Log => prior.sd / prior.value.abs().max(1e-12),
+                Coordinate::Linear => prior.sd,
+            };
+            model.parts.push(Part {
+                id: prior.id,
+                platform: None,
+                values: defaults(prior.id),
+            });
+            let part = model.parts.len() - 1;
+            model.parts[part].values[0] = start;
+            let centre = to_coordinate(spec, start);
+            model.free.push(Free {
+                part,
+                parameter: 0,
+                centre,
+                sd,
+                one_sided: false,
+            });
+        }
+        model
+    }
+
+    /// The same with one more part whose parameters that have no default are free.
+    pub fn extended(&self, part: Part) -> Self {
+        let mut model = self.clone();
+        let index = model.parts.len();
+        for (k, spec) in part.id.spec().parameters.iter().enumerate() {
+            if spec.default.is_none() {
+                model.free.push(Free {
+                    part: index,
+                    parameter: k,
+                    centre: to_coordinate(spec, spec.prior_centre),
+                    sd: spec.prior_sd,
+                    one_sided: spec.low == spec.neutral || spec.high == spec.neutral,
+                });
+            }
+        }
+        model.parts.push(part);
+        model
+    }
+
+    pub fn dimension(&self) -> usize {
+        self.free.len()
+    }
+
+    pub fn spec_of(&self, k: usize) -> &'static ParameterSpec {
+        let free = &self.free[k];
+        &self.parts[free.part].id.spec().parameters[free.parameter]
+    }
+
+    /// Value of the free parameter `k` in its coordinate.
+    pub fn coordinate(&self, k: usize) -> f64 {
+        let free = &self.free[k];
+        to_coordinate(
+            self.spec_of(k),
+            self.parts[free.part].values[free.parameter],
+        )
+    }
+
+    /// Sets it, brought into its bounds.
+    pub fn set_coordinate(&mut self, k: usize, coordinate: f64) {
+        let spec = self.spec_of(k);
+        let value = match spec.coordinate {
+            Coordinate::Log => coordinate.exp(),
+            Coordinate::Linear => coordinate,
+        };
+        let free = self.free[k].clone();
+        self.parts[free.part].values[free.parameter] = value.clamp(spec.low, spec.high);
+    }
+
+    /// Step for a difference of the free parameter `k`, away from a bound it stands on.
+    pub fn difference_step(&self, k: usize) -> f64 {
+        let spec = self.spec_of(k);
+        let free = &self.free[k];
+        let step = 2e-3 * free.sd.min(spec.prior_sd);
+        let value = self.parts[free.part].values[free.parameter];
+        let up = match spec.coordinate {
+            Coordinate::Log => value * step.exp(),
+            Coordinate::Linear => value + step,
+        };
+        if up > spec.high { -step } else { step }
+    }
+
+    /// Log prior density of all free parameters, nats.
+    pub fn ln_prior(&self) -> f64 {
+        (0..self.dimension())
+            .map(|k| {
+                let free = &self.free[k];
+                let z = (self.coordinate(k) - free.centre) / free.sd;
+                let half = if free.one_sided {
+                    std::f64::consts::LN_2
+                } else {
+                    0.0
+                };
+                half - 0.5 * z * z - free.sd.ln() - 0.5 * std::f64::consts::TAU.ln()
+            })
+            .sum()
+    }
+
+    /// The world of this model.
+    pub fn world(&self, base: &WorldSpec, platforms: &[String]) -> Option<World> {
+        let mut spec = base.clone();
+        spec.mechanisms
+            .extend(self.parts.iter().map(|p| mechanism(p, platforms)));
+        World::new(spec).ok()
+    }
+
+    /// Predicted readings on `track`, and the plume's part of them.
+    pub fn predict(&self, base: &WorldSpec, track: &Track) -> Prediction {
+        let mut out = Prediction {
+            reading: vec![0.0; track.len()],
+            plume: vec![0.0; track.len()],
+        };
+        if let Some(world) = self.world(base, track.platforms()) {
+            track.predict_parts(&world, &mut out.reading, Some(&mut out.plume));
+        }
+        out
+    }
+
+    /// Predicted readings alone.
+    pub fn readings(&self, base: &WorldSpec, track: &Track) -> Vec<f64> {
+        let mut out = vec![0.0; track.len()];
+        if let Some(world) = self.world(base, track.platforms()) {
+            track.predict(&world, &mut out);
+        }
+        out
+    }
+}
+
+/// Predicted readings and the plume's part of them, ppm.
+#[derive(Debug, Clone)]
+pub(crate) struct Prediction {
+    pub reading: Vec<f64>,
+    pub plume: Vec<f64>,
+}
+
+/// A part as the mechanism that the world runs.
+pub(crate) fn mechanism(part: &Part, platforms: &[String]) -> Mechanism {
+    let mechanism = Mechanism::from_values(part.id, &part.values);
+    match part.platform.and_then(|p| platforms.get(p)) {
+        Some(name) => mechanism.for_platforms(std::slice::from_ref(name)),
+        None => mechanism,
+    }
+}
+
+/// Parameters of `id` that do nothing.
+pub(crate) fn defaults(id: MechanismId) -> Vec<f64> {
+    id.spec()
+        .parameters
+        .iter()
+        .map(|p| p.default.unwrap_or(p.neutral))
+        .collect()
+}
+
+/// A value in the coordinate of its prior.
+pub(crate) fn to_coordinate(spec: &ParameterSpec, value: f64) -> f64 {
+    match spec.coordinate {
+        Coordinate::Log => value.max(1e-300).ln(),
+        Coordinate::Linear => value,
+    }
+}
+
+/// What nothing real departs from exactly zero by: one standard deviation around the neutral
+/// value, in the prior's coordinate. A thousandth to a hundredth of what is worth naming.
+pub(crate) fn tolerance(id: MechanismId, parameter: usize) -> f64 {
+    use MechanismId as M;
+    match id {
+        M::SensorOffset | M::BackgroundOffset => 0.15,
+        M::SensorGain => 3e-3,
+        M::ClockOffset => 0.02,
+        M::PositionOffset | M::AltitudeOffset => 0.2,
+        M::BackgroundDrift | M::SensorDrift => 0.15 * HOUR_S / 600.0,
+        M::WindDirectionOffset => 0.03,
+        M::EffectiveHeightOffset => 0.15,
+        _ => 4e-3 * id.spec().parameters[parameter].prior_sd,
+    }
+}

@@ -1,0 +1,410 @@
+//! Naming: round after round until the data ask for no more; then every accepted cause is put
+//! to the test again with the others in place, which gives its set and its probability.
+
+use ::plume::mechanism::{Coordinate, Mechanism, MechanismId};
+
+use super::Options;
+use super::explore::{self, Round, Tried};
+use super::fit::{Context, Fitted};
+use super::model::{Model, mechanism};
+use super::rival::Rival;
+use crate::verdict::{Cause, Evidence, Parameter, Ranked, Unexplained, Verdict};
+
+/// Probability at which a name stands alone.
+const NAME_AT: f64 = 0.95;
+/// By how much a nameless rival must beat the best name, nats.
+const RIVAL_MARGIN: f64 = 3.0;
+/// Least gain of the log evidence for a name, nats.
+const LEAST_EVIDENCE: f64 = 2.0;
+/// A rest after naming counts when its evidence is this part of what naming gained …
+const REST_PART: f64 = 0.12;
+/// … or more than a false alarm would have by this, nats.
+const REST_MARGIN: f64 = 4.0;
+
+/// A mechanism that was accepted.
+#[derive(Debug, Clone)]
+pub(crate) struct Accepted {
+    pub id: MechanismId,
+    pub platform: Option<usize>,
+    pub part: usize,
+    /// Ids that the data cannot tell from it, itself first, with their probabilities.
+    pub set: Vec<(MechanismId, f64)>,
+    pub evidence: Evidence,
+    pub nats_to_next: f64,
+    /// Fits of the other members of the set.
+    pub others: Vec<(MechanismId, Option<usize>, Model)>,
+}
+
+/// The outcome of naming.
+pub(crate) struct Named {
+    pub first: Round,
+    pub base: Fitted,
+    pub last: Fitted,
+    pub accepted: Vec<Accepted>,
+    pub causes: Vec<Cause>,
+    pub ranking: Vec<Ranked>,
+    pub unexplained: Option<Unexplained>,
+    /// The nameless term, whitened, where there is one.
+    pub rest: Option<Vec<f64>>,
+    pub notices: Vec<String>,
+}
+
+/// Names what the data ask for on top of `base`.
+pub(crate) fn name(
+    ctx: &Context<'_>,
+    base: Fitted,
+    options: &Options,
+    tell: &mut dyn FnMut(f64, &'static str),
+) -> Named {
+    tell(0.2, "trying every mechanism");
+    let first = explore::round(ctx, &base, options.seed, true);
+    let mut named = Named {
+        ranking: ranking(ctx, &first),
+        first,
+        last: base.clone(),
+        base,
+        accepted: Vec::new(),
+        causes: Vec::new(),
+        unexplained: None,
+        rest: None,
+        notices: Vec::new(),
+    };
+    named.grow(ctx, options, tell);
+    if named.accepted.len() > 1 {
+        tell(0.65, "testing every name against its rivals");
+        named.swap(ctx, options);
+    }
+    named.causes = named.describe(ctx);
+    named
+}
+
+/// Whether a round calls for a name, and which.
+fn called_for(round: &Round) -> Option<&Tried> {
+    let best = round.tried.first()?;
+    let calls = round.best_gain > round.threshold
+        && best.log_score > 0.8 * round.threshold
+        && best.log_evidence > LEAST_EVIDENCE
+        && best.fitted.is_some();
+    calls.then_some(best)
+}
+
+impl Named {
+    fn grow(
+        &mut self,
+        ctx: &Context<'_>,
+        options: &Options,
+        tell: &mut dyn FnMut(f64, &'static str),
+    ) {
+        let mut later: Option<Round> = None;
+        let mut gained = 0.0;
+        for k in 0..=options.most_causes {
+            let round = later.as_ref().unwrap_or(&self.first);
+            let best = called_for(round);
+            let rival = round.rivals.as_ref().and_then(|r| {
+                let top = r.ranked.first()?;
+                let least = if k == 0 {
+                    r.threshold
+                } else {
+                    (r.threshold + REST_MARGIN).max(REST_PART * gained)
+                };
+                (top.log_evidence > least).then_some(top)
+            });
+            let beaten = match (best, rival) {
+                (Some(b), Some(r)) => r.log_evidence > b.log_evidence + RIVAL_MARGIN,
+                (None, Some(_)) => true,
+                _ => false,
+            };
+            if let (true, Some(rival)) = (beaten, rival) {
+                let (rest, unexplained) = (rival.fitted.clone(), unexplained(ctx, rival));
+                self.rest = Some(rest);
+                self.unexplained = Some(unexplained);
+                return;
+            }
+            let Some(best) = best.filter(|_| k < options.most_causes) else {
+                return;
+            };
+            let accepted = accept(round, best);
+            let Some(fitted) = best.fitted.clone() else {
+                return;
+            };
+            gained += best.log_evidence;
+            self.accepted.push(accepted);
+            self.last = ctx.refine(*fitted, 1, 4);
+            tell(0.3 + 0.1 * k as f64, "looking for more");
+            let seed = options.seed.wrapping_add(1 + k as u64);
+            later = Some(explore::round(ctx, &self.last, seed, true));
+        }
+    }
+
+    /// Puts every accepted part to the test with the others in place.
+    fn swap(&mut self, ctx: &Context<'_>, options: &Options) {
+        for k in 0..self.accepted.len() {
+            let part = self.accepted[k].part;
+            let Some(without) = without(&self.last.model, &self.base.model, part) else {
+                continue;
+            };
+            let start = Fitted {
+                model: without,
+                ..self.last.clone()
+            };
+            let start = Fitted {
+                prediction: ctx.predict(&start.model),
+                ..start
+            };
+            let null = ctx.refine(start, 2, 4);
+            let seed = options.seed.wrapping_add(100 + k as u64);
+            let round = explore::round(ctx, &null, seed, false);
+            let Some(best) = called_for(&round) else {
+                continue;
+            };
+            let Some(fitted) = best.fitted.clone() else {
+                continue;
+            };
+            let moved = null.model.parts.len() < self.last.model.parts.len();
+            // Parts after the one taken out have moved down by one; the new one stands last.
+            for other in &mut self.accepted {
+                if moved && other.part > part {
+                    other.part -= 1;
+                }
+            }
+            self.accepted[k] = accept(&round, best);
+            self.last = *fitted;
+        }
+    }
+
+    /// The verdict.
+    pub fn verdict(&self) -> Verdict {
+        if self.unexplained.is_some() {
+            Verdict::Unexplained
+        } else if self.accepted.is_empty() {
+            Verdict::None
+        } else if self.causes.iter().any(|c| c.mechanisms.len() > 1) {
+            Verdict::Ambiguous
+        } else {
+            Verdict::Named
+        }
+    }
+
+    /// Accepted parts as mechanisms with their fitted parameters.
+    pub fn extension(&self, ctx: &Context<'_>) -> Vec<Mechanism> {
+        let base = self.base.model.parts.len();
+        let platforms = ctx.data.track.platforms();
+        self.last.model.parts[base.min(self.last.model.parts.len())..]
+            .iter()
+            .map(|p| mechanism(p, platforms))
+            .collect()
+    }
+
+    fn describe(&self, ctx: &Context<'_>) -> Vec<Cause> {
+        let mut causes: Vec<Cause> = Vec::new();
+        for a in &self.accepted {
+            let parameters = parameters(&self.last, a.part);
+            let platforms: Vec<String> = a
+                .platform
+                .map(|p| ctx.data.track.platforms()[p].clone())
+                .into_iter()
+                .collect();
+            let mechanisms: Vec<String> = a
+                .set
+                .iter()
+                .map(|(id, _)| id.as_str().to_string())
+                .collect();
+            // The same fault of several platforms is one cause.
+            let same = causes.iter_mut().find(|c| {
+                c.mechanisms == mechanisms && !c.platforms.is_empty() && !platforms.is_empty()
+            });
+            if let Some(same) = same {
+                same.platforms.extend(platforms);
+                same.parameters.extend(parameters);
+                same.probability = same.probability.min(sum(&a.set));
+                continue;
+            }
+            causes.push(Cause {
+                mechanisms,
+                probability: sum(&a.set),
+                evidence: a.evidence,
+                parameters,
+                platforms,
+                nats_to_next: a.nats_to_next,
+            });
+        }
+        causes.sort_by(|a, b| {
+            b.evidence
+                .delta_log_score
+                .total_cmp(&a.evidence.delta_log_score)
+        });
+        causes
+    }
+}
+
+fn sum(set: &[(MechanismId, f64)]) -> f64 {
+    set.iter().map(|s| s.1).sum::<f64>().min(1.0)
+}
+
+/// The model without an extension, or with the base's own prior put back.
+fn without(model: &Model, base: &Model, part: usize) -> Option<Model> {
+    let mut out = model.clone();
+    if part < base.parts.len() {
+        for free in out.free.iter_mut().filter(|f| f.part == part) {
+            let own = base
+                .free
+                .iter()
+                .find(|f| f.part == part && f.parameter == free.parameter)?;
+            free.sd = own.sd;
+        }
+        return Some(out);
+    }
+    out.parts.remove(part);
+    out.free.retain(|f| f.part != part);
+    for free in out.free.iter_mut().filter(|f| f.part > part) {
+        free.part -= 1;
+    }
+    Some(out)
+}
+
+fn accept(round: &Round, best: &Tried) -> Accepted {
+    let ids = round.by_id();
+    // Nameless rivals and the base take part in the probabilities, but not in the set.
+    let named: f64 = ids.iter().map(|i| i.1).sum();
+    let mut set: Vec<(MechanismId, f64)> = Vec::new();
+    let own = ids.iter().find(|i| i.0 == best.id).copied();
+    set.extend(own);
+    for &(id, p) in &ids {
+        if sum(&set) >= NAME_AT * named {
+            break;
+        }
+        if id != best.id {
+            set.push((id, p));
+        }
+    }
+    let next = round
+        .tried
+        .iter()
+        .filter(|t| !set.iter().any(|s| s.0 == t.id))
+        .map(|t| t.log_evidence)
+        .fold(0.0f64, f64::max);
+    let others = set[1..]
+        .iter()
+        .filter_map(|(id, _)| {
+            let t = round.tried.iter().find(|t| t.id == *id)?;
+            Some((*id, t.platform, t.fitted.as_ref()?.model.clone()))
+        })
+        .collect();
+    Accepted {
+        id: best.id,
+        platform: best.platform,
+        part: best.part,
+        set,
+        evidence: Evidence {
+            delta_log_score: best.log_score,
+            delta_log_evidence: best.log_evidence,
+            p_value: round.p_value,
+        },
+        nats_to_next: best.log_evidence - next,
+        others,
+    }
+}
+
+/// Parameters of a part with their standard deviations.
+pub(crate) fn parameters(fitted: &Fitted, part: usize) -> Vec<Parameter> {
+    let mut out = Vec::new();
+    for (k, free) in fitted.model.free.iter().enumerate() {
+        if free.part != part {
+            continue;
+        }
+        let spec = fitted.model.spec_of(k);
+        let value = fitted.model.parts[part].values[free.parameter];
+        let sd = fitted.posterior.covariance[(k, k)].max(0.0).sqrt();
+        out.push(Parameter {
+            mechanism: fitted.model.parts[part].id.as_str().to_string(),
+            name: spec.name.to_string(),
+            value,
+            sd: if spec.coordinate == Coordinate::Log {
+                sd * value
+            } else {
+                sd
+            },
+            unit: spec.unit.to_string(),
+        });
+    }
+    out
+}
+
+/// Every mechanism tried in the first round, with its best score.
+fn ranking(ctx: &Context<'_>, round: &Round) -> Vec<Ranked> {
+    let name = |p: Option<usize>| p.map(|p| ctx.data.track.platforms()[p].clone());
+    let mut out: Vec<Ranked> = round
+        .tried
+        .iter()
+        .map(|t| Ranked {
+            mechanisms: vec![t.id.as_str().to_string()],
+            platform: name(t.platform),
+            delta_log_score: t.log_score,
+            log_evidence: t.log_evidence,
+            probability: t.probability,
+        })
+        .collect();
+    let mut rest: Vec<Ranked> = Vec::new();
+    for (id, s) in &round.screened {
+        let known = |r: &Ranked| r.mechanisms[0] == id.as_str() && r.platform == name(s.platform);
+        if out.iter().any(known) {
+            continue;
+        }
+        let entry = Ranked {
+            mechanisms: vec![id.as_str().to_string()],
+            platform: name(s.platform),
+            delta_log_score: s.gain,
+            log_evidence: s.log_evidence,
+            probability: 0.0,
+        };
+        match rest.iter_mut().find(|r| known(r)) {
+            Some(r) if r.log_evidence < entry.log_evidence => *r = entry,
+            Some(_) => {}
+            None => rest.push(entry),
+        }
+    }
+    out.append(&mut rest);
+    out.sort_by(|a, b| {
+        b.probability
+            .total_cmp(&a.probability)
+            .then(b.log_evidence.total_cmp(&a.log_evidence))
+    });
+    out
+}
+
+fn unexplained(ctx: &Context<'_>, rival: &Rival) -> Unexplained {
+    // The stretch that holds the middle four fifths of what the term explains.
+    let times = ctx.data.track.time_s();
+    let mut order: Vec<usize> = (0..times.len()).collect();
+    order.sort_by(|a, b| times[*a].total_cmp(&times[*b]));
+    let total: f64 = rival.fitted.iter().map(|v| v * v).sum();
+    let (mut sum, mut from_s, mut to_s) = (0.0, f64::NAN, f64::NAN);
+    let mut by_platform = vec![0.0; ctx.data.ranges().len()];
+    for i in order {
+        let v = rival.fitted[i] * rival.fitted[i];
+        by_platform[ctx.data.platform_of(i)] += v;
+        sum += v;
+        if from_s.is_nan() && sum > 0.1 * total {
+            from_s = times[i];
+        }
+        if to_s.is_nan() && sum >= 0.9 * total {
+            to_s = times[i];
+        }
+    }
+    let names = ctx.data.track.platforms();
+    let platforms = match rival.platform {
+        Some(p) => vec![names[p].clone()],
+        None => (0..names.len())
+            .filter(|p| by_platform[*p] > 0.1 * total)
+            .map(|p| names[p].clone())
+            .collect(),
+    };
+    Unexplained {
+        coordinate: rival.coordinate.to_string(),
+        term: rival.words.clone(),
+        from_s,
+        to_s,
+        platforms,
+        delta_log_evidence: rival.log_evidence,
+    }
+}

@@ -1,0 +1,277 @@
+//! The next flight: where to fly so that the rivals of an ambiguous answer come apart.
+//!
+//! Candidate tracks are predicted under both rivals, each with its parameters as fitted. The
+//! separation of a track is the whitened distance of the two predictions, less what the second
+//! rival can take back by moving its parameters within what the data so far allow:
+//! ½ dᵀ(K + J C Jᵀ)⁻¹ d, with K the noise, J the rival's derivatives and C their posterior.
+
+use ::plume::effects::Ambient;
+use ::plume::field::{Place, World};
+use ::plume::track::{Row, Track};
+use air::geo::Enu;
+use nalgebra::{DMatrix, DVector};
+
+use super::data::Data;
+use super::fit::{Context, Fitted};
+use super::linear::{dot, posterior};
+use super::model::Model;
+use super::naming::Named;
+use super::noise::Whitener;
+use crate::verdict::{NextFlight, Waypoint};
+
+/// Airspeed of the proposed flight over ground, m/s.
+const SPEED_M_S: f64 = 18.0;
+/// Length of the proposed flight, s.
+const LENGTH_S: f64 = 600.0;
+/// Lowest height of a proposed leg, m above ground.
+const LOWEST_M: f64 = 30.0;
+
+/// A track in plume axes: (along, across in m, height m) corners, and what it is.
+struct Plan {
+    words: String,
+    corners: Vec<[f64; 3]>,
+}
+
+/// The flight that separates the two most probable members of the first ambiguous cause.
+pub(crate) fn propose(ctx: &Context<'_>, named: &Named) -> Option<NextFlight> {
+    let cause = named.accepted.iter().find(|a| a.set.len() > 1)?;
+    let (other_id, _, other) = cause.others.first()?;
+    let world = named
+        .last
+        .model
+        .world(&ctx.setup.base, ctx.data.track.platforms())?;
+    let rival = fitted_rival(ctx, &named.last, other);
+    let start_s = ctx.data.span_s().1 + 60.0;
+    let (mut best, mut best_nats) = (None, 0.0);
+    for plan in plans(ctx, &world) {
+        let nats = separation(ctx, &named.last, &rival, &plan, &world, start_s).unwrap_or(0.0);
+        if nats > best_nats {
+            (best, best_nats) = (Some(plan), nats);
+        }
+    }
+    let plan = best?;
+    let waypoints = waypoints(ctx, &plan, start_s);
+    Some(NextFlight {
+        separates: vec![cause.id.as_str().to_string(), other_id.as_str().to_string()],
+        description: plan.words,
+        waypoints,
+        expected_nats: best_nats,
+    })
+}
+
+fn fitted_rival(ctx: &Context<'_>, last: &Fitted, model: &Model) -> Fitted {
+    let prediction = ctx.predict(model);
+    ctx.conclude(
+        model.clone(),
+        prediction,
+        last.noise,
+        last.loading.clone(),
+        None,
+        Some(&last.whitener),
+    )
+}
+
+/// Crossings at several distances and heights, climbs through the plume, and legs along it.
+fn plans(ctx: &Context<'_>, world: &World) -> Vec<Plan> {
+    let axis = ctx.setup.base.sources[0].effective_height_agl_m;
+    let mut out = Vec::new();
+    let crossings = |stations: &[(f64, f64)]| {
+        // Each station (distance, height) is crossed both ways, then the next.
+        let mut corners = Vec::new();
+        for _ in 0..8 {
+            for &(x, z) in stations {
+                let half = 2.5 * world.sigmas_m(x).0;
+                corners.push([x, -half, z]);
+                corners.push([x, half, z]);
+            }
+        }
+        corners
+    };
+    for x in [350.0, 700.0, 1400.0, 2800.0, 5000.0] {
+        let sigma = world.sigmas_m(x).1;
+        let high = axis + 1.2 * sigma;
+        let low = (axis - 1.2 * sigma).max(LOWEST_M);
+        out.push(Plan {
+            words: format!("crosswind legs at {x:.0} m downwind, at the axis height"),
+            corners: crossings(&[(x, axis.max(LOWEST_M))]),
+        });
+        out.push(Plan {
+            words: format!("crosswind legs at {x:.0} m downwind, below, at and above the axis"),
+            corners: crossings(&[(x, low), (x, axis.max(LOWEST_M)), (x, high)]),
+        });
+        for far in [1400.0, 2800.0, 5000.0] {
+            if far > 1.5 * x {
+                out.push(Plan {
+                    words: format!("crosswind legs at {x:.0} m and {far:.0} m downwind in turn"),
+                    corners: crossings(&[(x, axis.max(LOWEST_M)), (far, axis.max(LOWEST_M))]),
+                });
+            }
+        }
+        let climb = [[x, 0.0, low], [x, 0.0, high]];
+        out.push(Plan {
+            words: format!("climbs and descents on the axis at {x:.0} m downwind"),
+            corners: (0..30).flat_map(|_| climb).collect(),
+        });
+    }
+    let along = [
+        [300.0, 0.0, axis.max(LOWEST_M)],
+        [4000.0, 0.0, axis.max(LOWEST_M)],
+    ];
+    out.push(Plan {
+        words: "legs along the plume's axis from 300 m to 4 km".to_string(),
+        corners: (0..6).flat_map(|_| along).collect(),
+    });
+    let away = [
+        [-800.0, -1500.0, axis],
+        [-800.0, 1500.0, axis],
+        [2500.0, 1500.0, axis],
+        [2500.0, -1500.0, axis],
+    ];
+    out.push(Plan {
+        words: "a wide round outside and through the plume".to_string(),
+        corners: (0..4).flat_map(|_| away).collect(),
+    });
+    out
+}
+
+/// Place in the local frame of a point in plume axes.
+fn place(ctx: &Context<'_>, point: [f64; 3]) -> Place {
+    let source = ctx.setup.base.sources[0].place;
+    let towards = ctx.setup.base.wind.from_deg() + 180.0;
+    let at = Enu {
+        east_m: source.east_m,
+        north_m: source.north_m,
+    }
+    .displaced(towards, point[0])
+    .displaced(towards + 90.0, point[1]);
+    Place {
+        east_m: at.east_m,
+        north_m: at.north_m,
+        height_agl_m: point[2].max(LOWEST_M),
+    }
+}
+
+/// Times at which the corners are passed, until the flight's length.
+fn timed(plan: &Plan, start_s: f64) -> Vec<(f64, [f64; 3])> {
+    let mut out: Vec<(f64, [f64; 3])> = Vec::new();
+    for corner in &plan.corners {
+        let time = match out.last() {
+            None => start_s,
+            Some((t, last)) => {
+                let away: f64 = (0..3).map(|k| (corner[k] - last[k]).powi(2)).sum();
+                t + away.sqrt().max(1.0) / SPEED_M_S
+            }
+        };
+        out.push((time, *corner));
+        if time > start_s + LENGTH_S {
+            break;
+        }
+    }
+    out
+}
+
+fn waypoints(ctx: &Context<'_>, plan: &Plan, start_s: f64) -> Vec<Waypoint> {
+    timed(plan, start_s)
+        .into_iter()
+        .map(|(time_s, point)| {
+            let p = place(ctx, point);
+            let at = ctx.setup.frame.to_geodetic(Enu {
+                east_m: p.east_m,
+                north_m: p.north_m,
+            });
+            Waypoint {
+                time_s,
+                lat_deg: at.lat_deg,
+                lon_deg: at.lon_deg,
+                alt_amsl_m: ctx.setup.base.ground_amsl_m + p.height_agl_m,
+            }
+        })
+        .collect()
+}
+
+/// The plan as rows of one platform, one a second.
+fn rows(ctx: &Context<'_>, plan: &Plan, start_s: f64) -> Vec<Row> {
+    let corners = timed(plan, start_s);
+    let mut leg = 0;
+    let mut out = Vec::new();
+    let air = middle_air(ctx);
+    let mut t = start_s;
+    while t <= start_s + LENGTH_S && leg + 1 < corners.len() {
+        let ((t0, a), (t1, b)) = (corners[leg], corners[leg + 1]);
+        if t > t1 {
+            leg += 1;
+            continue;
+        }
+        let part = ((t - t0) / (t1 - t0)).clamp(0.0, 1.0);
+        let point = [0, 1, 2].map(|k| a[k] + part * (b[k] - a[k]));
+        out.push(Row {
+            platform: 0,
+            time_s: t,
+            place: place(ctx, point),
+            wind: None,
+            air,
+        });
+        t += 1.0;
+    }
+    out
+}
+
+fn middle_air(ctx: &Context<'_>) -> Ambient {
+    ctx.data
+        .track
+        .air()
+        .get(ctx.data.len() / 2)
+        .copied()
+        .unwrap_or(Ambient::UNKNOWN)
+}
+
+/// Nats by which a flight separates the second rival from the first.
+fn separation(
+    ctx: &Context<'_>,
+    first: &Fitted,
+    second: &Fitted,
+    plan: &Plan,
+    world: &World,
+    start_s: f64,
+) -> Option<f64> {
+    let rows = rows(ctx, plan, start_s);
+    let name = ctx.data.track.platforms().first()?.clone();
+    let track = Track::new(world, &[name], &rows).ok()?;
+    let n = track.len();
+    let data = Data {
+        track,
+        reading_ppm: vec![0.0; n],
+        used: vec![true; n],
+        sd_ppm: vec![f64::NAN; n],
+        wind: vec![None; n],
+        notices: Vec::new(),
+        ceiling_ppm: Vec::new(),
+    };
+    let there = Context {
+        setup: ctx.setup,
+        data: &data,
+        threads: 1,
+    };
+    let a = there.predict(&first.model);
+    let b = there.predict(&second.model);
+    let loading = there.loading(&first.model, &a);
+    let whitener = Whitener::new(&there.rows(&loading), &first.noise, &vec![0.0; n]);
+    let mut apart: Vec<f64> = a
+        .reading
+        .iter()
+        .zip(&b.reading)
+        .map(|(x, y)| x - y)
+        .collect();
+    let mut columns = there.derivatives(&second.model, &b.reading);
+    let mut all: Vec<&mut [f64]> = columns.iter_mut().map(Vec::as_mut_slice).collect();
+    all.push(&mut apart);
+    whitener.whiten(&mut all);
+    let d = columns.len();
+    // What the second rival knows of its parameters already enters as a prior.
+    let known = second.posterior.covariance.clone().try_inverse()?;
+    let gram = DMatrix::from_fn(d, d, |i, j| dot(&columns[i], &columns[j])) + known;
+    let score = DVector::from_fn(d, |k, _| dot(&columns[k], &apart));
+    let taken = posterior(&gram, &score, &DVector::zeros(d), &DVector::zeros(d))?;
+    let regained = 0.5 * score.dot(&taken.mean);
+    Some(0.5 * dot(&apart, &apart) - regained)
+}

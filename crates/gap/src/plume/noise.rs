@@ -1,0 +1,427 @@
+//! The noise of readings along a track.
+//!
+//! What a reading differs by from a right mean model is white noise of the sensor, plus three
+//! Ornstein–Uhlenbeck processes: an additive one (slow wander of sensor and background), one
+//! in proportion to the plume's part of the reading (intermittency), and one along the
+//! derivative of the reading by wind direction (the plume is not exactly where the wind says).
+//! The latter two also have white parts. Platforms are independent. All is linear and Gaussian
+//! in state space, so that a Kalman filter gives the likelihood in linear time; an innovation
+//! beyond three standard deviations is taken as an outlier and its variance raised until it is
+//! at three, so that one spike counts a few nats and no more.
+
+use std::ops::Range;
+
+/// Number of noise parameters.
+pub(crate) const NOISE_PARAMETERS: usize = 9;
+/// Number of states.
+const STATES: usize = 3;
+/// Standardised innovation beyond which a reading is an outlier.
+const OUTLIER: f64 = 3.0;
+/// Logarithm of sqrt(2 pi).
+const LN_ROOT_TAU: f64 = 0.918_938_533_204_672_7;
+
+/// Noise sizes and time scales, as logarithms with normal priors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NoiseModel {
+    pub(crate) ln: [f64; NOISE_PARAMETERS],
+    pub(crate) prior: [(f64, f64); NOISE_PARAMETERS],
+}
+
+/// Positions of the parameters.
+const WHITE: usize = 0;
+const SLOW: usize = 1;
+const SLOW_S: usize = 2;
+const GUST: usize = 3;
+const GUST_S: usize = 4;
+const SWING: usize = 5;
+const SWING_S: usize = 6;
+const FAST_GUST: usize = 7;
+const FAST_SWING: usize = 8;
+
+impl NoiseModel {
+    /// A prior noise: the sensor's white noise as stated (or as seen between neighbouring
+    /// readings in clean air), and what turbulence usually does.
+    pub fn prior(white_ppm: f64) -> Self {
+        let white = white_ppm.max(1e-3);
+        let prior = [
+            (white.ln(), 0.5),
+            ((0.4 * white).ln(), 0.8),
+            (40f64.ln(), 0.6),
+            (0.12f64.ln(), 0.8),
+            (6f64.ln(), 0.7),
+            (0.8f64.ln(), 0.9),
+            (25f64.ln(), 0.8),
+            (0.03f64.ln(), 0.8),
+            (0.2f64.ln(), 0.8),
+        ];
+        Self {
+            ln: prior.map(|p| p.0),
+            prior,
+        }
+    }
+
+    /// White noise of a reading in clean air, ppm.
+    pub fn white_ppm(&self) -> f64 {
+        self.ln[WHITE].exp()
+    }
+
+    /// Slow additive noise: standard deviation, ppm, and time constant, s.
+    pub fn slow(&self) -> (f64, f64) {
+        (self.ln[SLOW].exp(), self.ln[SLOW_S].exp())
+    }
+
+    /// Intermittency: relative standard deviation and time constant, s.
+    pub fn gust(&self) -> (f64, f64) {
+        (self.ln[GUST].exp(), self.ln[GUST_S].exp())
+    }
+
+    /// Swings of the plume: standard deviation, degrees, and time constant, s.
+    pub fn swing(&self) -> (f64, f64) {
+        (self.ln[SWING].exp(), self.ln[SWING_S].exp())
+    }
+
+    /// The longest time over which it remembers, s.
+    pub fn memory_s(&self) -> f64 {
+        self.ln[SLOW_S]
+            .max(self.ln[GUST_S])
+            .max(self.ln[SWING_S])
+            .exp()
+    }
+
+    /// Log prior density of its parameters, up to a constant.
+    pub(crate) fn ln_prior(&self) -> f64 {
+        let z = |(x, (mean, sd)): (&f64, &(f64, f64))| -0.5 * ((x - mean) / sd).powi(2);
+        self.ln.iter().zip(&self.prior).map(z).sum()
+    }
+}
+
+/// What the noise of one row depends on besides its parameters.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Loading {
+    /// The plume's part of the reading, ppm.
+    pub gust: f64,
+    /// Derivative of the reading by wind direction, ppm per degree.
+    pub swing: f64,
+}
+
+/// The rows that the filter runs over.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Rows<'a> {
+    /// Rows of each platform.
+    pub ranges: &'a [Range<usize>],
+    /// Times, s.
+    pub time_s: &'a [f64],
+    /// Whether the reading is used.
+    pub used: &'a [bool],
+    /// Stated white noise, ppm; not a number where not stated.
+    pub sd_ppm: &'a [f64],
+    /// Loadings of the noise.
+    pub loading: &'a [Loading],
+}
+
+/// What the filter does to any column at a row.
+#[derive(Debug, Clone, Copy)]
+struct Step {
+    keep: [f64; STATES],
+    load: [f64; STATES],
+    gain: [f64; STATES],
+    inv_sd: f64,
+}
+
+/// The filter's gains for given noise and outliers: whitens any column.
+#[derive(Debug, Clone)]
+pub(crate) struct Whitener {
+    steps: Vec<Step>,
+    ranges: Vec<Range<usize>>,
+    /// Log likelihood of the residual it was made with.
+    pub log_likelihood: f64,
+    /// Rows whose innovation was an outlier.
+    pub outliers: Vec<usize>,
+}
+
+/// Columns whitened side by side.
+const LANES: usize = 8;
+
+/// Runs the filter over `residual`; gives the log likelihood and, if asked, the gains.
+fn filter(
+    rows: &Rows<'_>,
+    noise: &NoiseModel,
+    residual: &[f64],
+    mut keep_steps: Option<(&mut Vec<Step>, &mut Vec<usize>)>,
+) -> f64 {
+    let p = noise.ln.map(f64::exp);
+    let size_sq = [p[SLOW] * p[SLOW], p[GUST] * p[GUST], p[SWING] * p[SWING]];
+    let scale_s = [p[SLOW_S], p[GUST_S], p[SWING_S]];
+    let (fast_gust, fast_swing) = (p[FAST_GUST] * p[FAST_GUST], p[FAST_SWING] * p[FAST_SWING]);
+    let white_sq = p[WHITE] * p[WHITE];
+    let mut total = 0.0;
+    for range in rows.ranges {
+        let mut state = State::stationary(size_sq);
+        let (mut last_dt, mut keep) = (0.0, [1.0; STATES]);
+        let mut before = None;
+        for i in range.clone() {
+            let dt = before.map_or(0.0, |t| rows.time_s[i] - t);
+            before = Some(rows.time_s[i]);
+            if dt != last_dt {
+                keep = [0, 1, 2].map(|k| (-dt / scale_s[k]).exp());
+                last_dt = dt;
+            }
+            state.forget(&keep, &size_sq);
+            let l = rows.loading[i];
+            let load = [1.0, l.gust, l.swing];
+            let mut step = Step {
+                keep,
+                load,
+                gain: [0.0; STATES],
+                inv_sd: 0.0,
+            };
+            if rows.used[i] {
+                let sd = rows.sd_ppm[i];
+                let white = if sd.is_nan() { white_sq } else { sd * sd };
+                let own = white + fast_gust * l.gust * l.gust + fast_swing * l.swing * l.swing;
+                let (score, outlier) = state.learn(&mut step, own, residual[i]);
+                total += score;
+                if let (true, Some((_, outliers))) = (outlier, keep_steps.as_mut()) {
+                    outliers.push(i);
+                }
+            }
+            if let Some((steps, _)) = keep_steps.as_mut() {
+                steps.push(step);
+            }
+        }
+    }
+    total
+}
+
+/// Mean and covariance (upper triangle 00 01 02 11 12 22) of the three processes.
+struct State {
+    mean: [f64; STATES],
+    cov: [f64; 6],
+}
+
+impl State {
+    fn stationary(size_sq: [f64; STATES]) -> Self {
+        let [a, b, c] = size_sq;
+        Self {
+            mean: [0.0; STATES],
+            cov: [a, 0.0, 0.0, b, 0.0, c],
+        }
+    }
+
+    #[inline]
+    fn forget(&mut self, keep: &[f64; STATES], size_sq: &[f64; STATES]) {
+        let [a, b, c] = *keep;
+        self.mean = [a * self.mean[0], b * self.mean[1], c * self.mean[2]];
+        let p = &mut self.cov;
+        p[0] = a * a * p[0] + (1.0 - a * a) * size_sq[0];
+        p[1] *= a * b;
+        p[2] *= a * c;
+        p[3] = b * b * p[3] + (1.0 - b * b) * size_sq[1];
+        p[4] *= b * c;
+        p[5] = c * c * p[5] + (1.0 - c * c) * size_sq[2];
+    }
+
+    /// Takes in a residual with white variance `own`; gives its log score and whether it is an
+    /// outlier.
+    #[inline]
+    fn learn(&mut self, step: &mut Step, own: f64, residual: f64) -> (f64, bool) {
+        let h = &step.load;
+        let p = &self.cov;
+        let ph = [
+            p[0] + p[1] * h[1] + p[2] * h[2],
+            p[1] + p[3] * h[1] + p[4] * h[2],
+            p[2] + p[4] * h[1] + p[5] * h[2],
+        ];
+        let mut variance = ph[0] + h[1] * ph[1] + h[2] * ph[2] + own;
+        let innovation = residual - (self.mean[0] + h[1] * self.mean[1] + h[2] * self.mean[2]);
+        let least = (innovation / OUTLIER) * (innovation / OUTLIER);
+        let outlier = least > variance;
+        if outlier {
+            variance = least;
+        }
+        let inverse = 1.0 / variance;
+        step.gain = [ph[0] * inverse, ph[1] * inverse, ph[2] * inverse];
+        step.inv_sd = inverse.sqrt();
+        for (mean, gain) in self.mean.iter_mut().zip(step.gain) {
+            *mean += gain * innovation;
+        }
+        let g = &step.gain;
+        let p = &mut self.cov;
+        p[0] -= g[0] * ph[0];
+        p[1] -= g[0] * ph[1];
+        p[2] -= g[0] * ph[2];
+        p[3] -= g[1] * ph[1];
+        p[4] -= g[1] * ph[2];
+        p[5] -= g[2] * ph[2];
+        let score = -LN_ROOT_TAU + 0.5 * (inverse.ln() - innovation * innovation * inverse);
+        (score, outlier)
+    }
+}
+
+/// Log likelihood of `residual` under `noise`, nats.
+pub(crate) fn log_likelihood(rows: &Rows<'_>, noise: &NoiseModel, residual: &[f64]) -> f64 {
+    filter(rows, noise, residual, None)
+}
+
+impl Whitener {
+    /// The gains for `noise` and the outliers of `residual`.
+    pub fn new(rows: &Rows<'_>, noise: &NoiseModel, residual: &[f64]) -> Self {
+        let mut steps = Vec::with_capacity(residual.len());
+        let mut outliers = Vec::new();
+        let log_likelihood = filter(rows, noise, residual, Some((&mut steps, &mut outliers)));
+        Self {
+            steps,
+            ranges: rows.ranges.to_vec(),
+            log_likelihood,
+            outliers,
+        }
+    }
+
+    /// Whitens every column in place: independent with unit variance where it was noise, zero
+    /// at rows not used.
+    pub fn whiten(&self, columns: &mut [&mut [f64]]) {
+        for group in columns.chunks_mut(LANES) {
+            for range in &self.ranges {
+                self.whiten_group(group, range.clone());
+            }
+        }
+    }
+
+    /// Inverse standard deviation of every row's innovation; zero where not used.
+    pub fn scales(&self) -> Vec<f64> {
+        self.steps.iter().map(|s| s.inv_sd).collect()
+    }
+
+    /// Whitens one column.
+    pub fn whiten_one(&self, column: &mut [f64]) {
+        self.whiten(&mut [column]);
+    }
+
+    fn whiten_group(&self, group: &mut [&mut [f64]], range: Range<usize>) {
+        let mut mean = [[0.0; LANES]; STATES];
+        let mut row = [0.0; LANES];
+        for i in range {
+            let s = &self.steps[i];
+            for (lane, column) in group.iter().enumerate() {
+                row[lane] = column[i];
+            }
+            for lane in 0..LANES {
+                for k in 0..STATES {
+                    mean[k][lane] *= s.keep[k];
+                }
+                let expected = s.load[0] * mean[0][lane]
+                    + s.load[1] * mean[1][lane]
+                    + s.load[2] * mean[2][lane];
+                let innovation = row[lane] - expected;
+                for k in 0..STATES {
+                    mean[k][lane] += s.gain[k] * innovation;
+                }
+                row[lane] = innovation * s.inv_sd;
+            }
+            for (lane, column) in group.iter_mut().enumerate() {
+                column[i] = row[lane];
+            }
+        }
+    }
+}
+
+/// Fits the noise to `residual` from where `noise` stands: a quasi-Newton search of the
+/// posterior with differences for derivatives, at most `iterations` steps.
+pub(crate) fn fit(
+    rows: &Rows<'_>,
+    noise: &NoiseModel,
+    residual: &[f64],
+    iterations: usize,
+    threads: usize,
+) -> NoiseModel {
+    const STEP: f64 = 0.02;
+    let value = |ln: &[f64; NOISE_PARAMETERS]| {
+        let model = NoiseModel {
+            ln: *ln,
+            prior: noise.prior,
+        };
+        log_likelihood(rows, &model, residual) + model.ln_prior()
+    };
+    let gradient = |ln: &[f64; NOISE_PARAMETERS], here: f64| -> [f64; NOISE_PARAMETERS] {
+        let which: Vec<usize> = (0..NOISE_PARAMETERS).collect();
+        let g = super::parallel::map(&which, threads, |&k| {
+            let mut moved = *ln;
+            moved[k] += STEP;
+            (value(&moved) - here) / STEP
+        });
+        std::array::from_fn(|k| g[k])
+    };
+    let mut at = noise.ln;
+    let mut here = value(&at);
+    let mut slope = gradient(&at, here);
+    // Inverse curvature: at first that of the prior and of a few hundred effective readings.
+    let mut inverse = [[0.0; NOISE_PARAMETERS]; NOISE_PARAMETERS];
+    let used = rows.used.iter().filter(|u| **u).count() as f64;
+    for (k, row) in inverse.iter_mut().enumerate() {
+        let informed = if k == WHITE { used } else { 0.03 * used };
+        row[k] = 1.0 / (noise.prior[k].1.powi(-2) + informed);
+    }
+    for _ in 0..iterations {
+        let mut step: [f64; NOISE_PARAMETERS] = std::array::from_fn(|k| {
+            (0..NOISE_PARAMETERS)
+                .map(|j| inverse[k][j] * slope[j])
+                .sum()
+        });
+        let longest = step.iter().fold(0.0f64, |m, s| m.max(s.abs()));
+        if longest > 1.0 {
+            step = step.map(|s| s / longest);
+        }
+        let expected: f64 = step.iter().zip(&slope).map(|(s, g)| s * g).sum();
+        let mut scale = 1.0;
+        let mut moved = at;
+        let mut there = f64::NEG_INFINITY;
+        for _ in 0..4 {
+            moved = std::array::from_fn(|k| at[k] + scale * step[k]);
+            there = value(&moved);
+            if there > here {
+                break;
+            }
+            scale *= 0.3;
+        }
+        if there.is_nan() || there <= here {
+            break;
+        }
+        let gained = there - here;
+        let new_slope = gradient(&moved, there);
+        let s: [f64; NOISE_PARAMETERS] = std::array::from_fn(|k| moved[k] - at[k]);
+        let y: [f64; NOISE_PARAMETERS] = std::array::from_fn(|k| slope[k] - new_slope[k]);
+        update_inverse(&mut inverse, &s, &y);
+        (at, here, slope) = (moved, there, new_slope);
+        if gained < 0.05 && expected < 0.2 {
+            break;
+        }
+    }
+    NoiseModel {
+        ln: at,
+        prior: noise.prior,
+    }
+}
+
+/// The BFGS update of the inverse curvature.
+fn update_inverse(
+    h: &mut [[f64; NOISE_PARAMETERS]; NOISE_PARAMETERS],
+    s: &[f64; NOISE_PARAMETERS],
+    y: &[f64; NOISE_PARAMETERS],
+) {
+    let sy: f64 = s.iter().zip(y).map(|(a, b)| a * b).sum();
+    if sy <= 1e-10 {
+        return;
+    }
+    let hy: [f64; NOISE_PARAMETERS] =
+        std::array::from_fn(|k| (0..NOISE_PARAMETERS).map(|j| h[k][j] * y[j]).sum());
+    let yhy: f64 = y.iter().zip(&hy).map(|(a, b)| a * b).sum();
+    for k in 0..NOISE_PARAMETERS {
+        for j in 0..NOISE_PARAMETERS {
+            h[k][j] += (1.0 + yhy / sy) * s[k] * s[j] / sy - (hy[k] * s[j] + s[k] * hy[j]) / sy;
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "noise_tests.rs"]
+mod tests;

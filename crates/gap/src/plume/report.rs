@@ -1,0 +1,279 @@
+//! What a report shows, as plain data, and the answer in words.
+
+use ::plume::mechanism::{Coordinate, MechanismId};
+use serde::Serialize;
+
+use super::data::Setup;
+use super::fit::{Context, Fitted};
+use super::held_out::Gained;
+use super::model::defaults;
+use super::naming::Named;
+use super::residual::wind_axes;
+use crate::verdict::{BaseParameter, Detectable, Verdict};
+
+/// Log score at which an effect counts as detectable, nats.
+const DETECTABLE_NATS: f64 = 20.0;
+
+/// Measured and predicted readings of one platform.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Series {
+    /// Platform.
+    pub platform: String,
+    /// Times, s.
+    pub time_s: Vec<f64>,
+    /// Places, m east, north of the site's origin and above its ground.
+    pub east_m: Vec<f64>,
+    /// North, m.
+    pub north_m: Vec<f64>,
+    /// Height above ground, m.
+    pub height_agl_m: Vec<f64>,
+    /// Distance along the wind from the first source, m.
+    pub along_wind_m: Vec<f64>,
+    /// Distance across the wind in σy.
+    pub across_wind_sigma: Vec<f64>,
+    /// Readings, ppm; null where missing.
+    pub measured_ppm: Vec<f64>,
+    /// Whether the fit used them.
+    pub used: Vec<bool>,
+    /// Predicted by the base, ppm.
+    pub before_ppm: Vec<f64>,
+    /// Predicted by the extended model, ppm.
+    pub after_ppm: Vec<f64>,
+    /// Residual of the base in standard deviations of its noise.
+    pub before_standardised: Vec<f64>,
+    /// Residual of the extended model in standard deviations of its noise.
+    pub after_standardised: Vec<f64>,
+}
+
+/// All that a report shows besides `gap.json`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct GapReport {
+    /// Track, readings and predictions of every platform.
+    pub series: Vec<Series>,
+    /// Autocorrelation of raw residuals of the base at lags of 0, 1, 2 … rows.
+    pub autocorrelation_raw: Vec<f64>,
+    /// The same of the standardised residuals of the base.
+    pub autocorrelation_before: Vec<f64>,
+    /// The same of the extended model.
+    pub autocorrelation_after: Vec<f64>,
+    /// Noise of the base: name, value, unit.
+    pub noise: Vec<(String, f64, String)>,
+    /// Blocks left out: from, to, s, and gain of log score, nats.
+    pub blocks: Vec<(f64, f64, f64)>,
+    /// Source, m east and north.
+    pub source_m: (f64, f64),
+}
+
+/// What the report shows.
+pub(crate) fn report(
+    ctx: &Context<'_>,
+    before: &Fitted,
+    named: &Named,
+    gain: Option<&Gained>,
+) -> GapReport {
+    let (along, across) = wind_axes(ctx, before);
+    let track = &ctx.data.track;
+    let after = &named.last;
+    let series = track
+        .platforms()
+        .iter()
+        .zip(ctx.data.ranges())
+        .map(|(platform, r)| {
+            let take = |v: &[f64]| v[r.clone()].to_vec();
+            let place = |f: &dyn Fn(usize) -> f64| r.clone().map(f).collect::<Vec<f64>>();
+            Series {
+                platform: platform.clone(),
+                time_s: take(track.time_s()),
+                east_m: place(&|i| track.place(i).east_m),
+                north_m: place(&|i| track.place(i).north_m),
+                height_agl_m: place(&|i| track.place(i).height_agl_m),
+                along_wind_m: take(&along),
+                across_wind_sigma: take(&across),
+                measured_ppm: take(&ctx.data.reading_ppm),
+                used: ctx.data.used[r.clone()].to_vec(),
+                before_ppm: take(&before.prediction.reading),
+                after_ppm: take(&after.prediction.reading),
+                before_standardised: take(&before.residual),
+                after_standardised: take(&after.residual),
+            }
+        })
+        .collect();
+    let raw = ctx.data.residual(&before.prediction.reading);
+    let source = ctx.setup.base.sources[0].place;
+    GapReport {
+        series,
+        autocorrelation_raw: autocorrelation(ctx, &raw),
+        autocorrelation_before: autocorrelation(ctx, &before.residual),
+        autocorrelation_after: autocorrelation(ctx, &after.residual),
+        noise: noise_words(before),
+        blocks: gain.map_or_else(Vec::new, |g| g.blocks.clone()),
+        source_m: (source.east_m, source.north_m),
+    }
+}
+
+fn autocorrelation(ctx: &Context<'_>, values: &[f64]) -> Vec<f64> {
+    const LAGS: usize = 60;
+    let at = |lag: usize| {
+        let (mut sum, mut own) = (0.0, 0.0);
+        for r in ctx.data.ranges() {
+            for i in r.clone() {
+                own += values[i] * values[i];
+                if i + lag < r.end {
+                    sum += values[i] * values[i + lag];
+                }
+            }
+        }
+        sum / own.max(1e-300)
+    };
+    (0..=LAGS).map(at).collect()
+}
+
+fn noise_words(fitted: &Fitted) -> Vec<(String, f64, String)> {
+    let n = &fitted.noise;
+    let word = |name: &str, value: f64, unit: &str| (name.to_string(), value, unit.to_string());
+    vec![
+        word("white noise of a reading", n.white_ppm(), "ppm"),
+        word("slow wander", n.slow().0, "ppm"),
+        word("slow wander, time constant", n.slow().1, "s"),
+        word("intermittency", 100.0 * n.gust().0, "% of the excess"),
+        word("intermittency, time constant", n.gust().1, "s"),
+        word("swing of the plume", n.swing().0, "deg"),
+        word("swing of the plume, time constant", n.swing().1, "s"),
+    ]
+}
+
+/// The scenario's uncertain keys, fitted.
+pub(crate) fn base_parameters(setup: &Setup, fitted: &Fitted) -> Vec<BaseParameter> {
+    setup
+        .priors
+        .iter()
+        .enumerate()
+        .map(|(part, prior)| {
+            let found = fitted.model.free.iter().position(|f| f.part == part);
+            let value = fitted.model.parts[part].values[0];
+            let sd = found.map_or(f64::NAN, |k| fitted.posterior.covariance[(k, k)].sqrt());
+            let log = prior.id.spec().parameters[0].coordinate == Coordinate::Log;
+            let (value, sd) = match (log, prior.id) {
+                (true, _) => (prior.value * value, prior.value * value * sd),
+                (false, MechanismId::SensorLag) => (value, sd),
+                (false, _) => (prior.value + value, sd),
+            };
+            BaseParameter {
+                name: prior.key.clone(),
+                value,
+                sd,
+                prior: prior.sd,
+            }
+        })
+        .collect()
+}
+
+/// The scenario's uncertain keys as they stand before any data.
+pub(crate) fn prior_parameters(setup: &Setup) -> Vec<BaseParameter> {
+    setup
+        .priors
+        .iter()
+        .map(|p| BaseParameter {
+            name: p.key.clone(),
+            value: p.value,
+            sd: p.sd,
+            prior: p.sd,
+        })
+        .collect()
+}
+
+/// The smallest effect of every mechanism that these data could have shown.
+pub(crate) fn detectable(named: &Named) -> Vec<Detectable> {
+    let mut out: Vec<Detectable> = Vec::new();
+    for (id, s) in named
+        .first
+        .screened
+        .iter()
+        .filter(|(_, s)| s.platform.is_none())
+    {
+        let start = &named.first.starts[s.start];
+        let amplitude = (2.0 * DETECTABLE_NATS / s.information).sqrt();
+        if !amplitude.is_finite() || amplitude <= 0.0 {
+            continue;
+        }
+        // Along the first column; a fitted parameter whose neutral value is finite.
+        let spec = id.spec();
+        let which = if *id == MechanismId::SecondSource {
+            2
+        } else {
+            0
+        };
+        let p = &spec.parameters[which];
+        if !p.neutral.is_finite() {
+            continue;
+        }
+        let reached = start.part(None, &vec![amplitude; start.ends.len()]).values[which];
+        let value = (reached - defaults(*id)[which]).abs();
+        let entry = Detectable {
+            mechanism: id.as_str().to_string(),
+            parameter: p.name.to_string(),
+            value,
+            unit: p.unit.to_string(),
+        };
+        match out.iter_mut().find(|d| d.mechanism == entry.mechanism) {
+            Some(d) if entry.value < d.value => *d = entry,
+            Some(_) => {}
+            None => out.push(entry),
+        }
+    }
+    out
+}
+
+/// The answer in one or two sentences.
+pub(crate) fn summary(verdict: Verdict, named: &Named, gain: Option<&Gained>) -> String {
+    let causes: Vec<String> = named
+        .causes
+        .iter()
+        .map(|c| {
+            let values: Vec<String> = c
+                .parameters
+                .iter()
+                .map(|p| format!("{} = {:.4} +/- {:.4} {}", p.name, p.value, p.sd, p.unit))
+                .collect();
+            let on = if c.platforms.is_empty() {
+                String::new()
+            } else {
+                format!(" on {}", c.platforms.join(", "))
+            };
+            format!(
+                "{}{on} ({}; probability {:.2})",
+                c.mechanisms.join(" or "),
+                values.join(", "),
+                c.probability
+            )
+        })
+        .collect();
+    let gained = gain.map_or_else(String::new, |g| {
+        let h = &g.gain.held_out;
+        format!(
+            " On data left out the log score gains {:.1} nats and the RMSE goes from {:.2} to {:.2} ppm.",
+            h.log_score_after - h.log_score_before, h.rmse_before, h.rmse_after
+        )
+    });
+    match (verdict, &named.unexplained) {
+        (Verdict::None, _) => "The base and its noise explain the data.".to_string(),
+        (Verdict::Unexplained, Some(u)) => {
+            let besides = if causes.is_empty() {
+                String::new()
+            } else {
+                format!("Besides {}, ", causes.join("; "))
+            };
+            format!(
+                "{besides}something is there that no mechanism of the catalogue explains: {} (in {}).{gained}",
+                u.term, u.coordinate
+            )
+        }
+        (Verdict::Ambiguous, _) => {
+            format!(
+                "The data ask for {}, and cannot tell some of these apart.{gained}",
+                causes.join("; ")
+            )
+        }
+        _ => format!("The data ask for {}.{gained}", causes.join("; ")),
+    }
+}

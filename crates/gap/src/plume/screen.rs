@@ -1,0 +1,460 @@
+//! The screen: how much every mechanism would gain to first order, and how large the best of
+//! them gets where nothing is hidden.
+//!
+//! Whitened columns of all starts are taken once; their inner products, platform by platform,
+//! give the score of every start for all platforms or one, with the base's parameters
+//! projected out, and the joint law of all scores under the null, from which the law of the
+//! largest is drawn by a parametric bootstrap.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::candidate::Start;
+use super::fit::{Context, Fitted, prior_of};
+use super::linear::dot;
+use super::parallel;
+
+/// One start, for all platforms or one, and what it would gain.
+#[derive(Debug, Clone)]
+pub(crate) struct Scored {
+    pub start: usize,
+    pub platform: Option<usize>,
+    /// Amplitudes of its columns at their best.
+    pub amplitude: Vec<f64>,
+    /// Gain of the log likelihood, nats, less what tolerance and clustering of the residual
+    /// take from it.
+    pub gain: f64,
+    /// Gain of the log evidence to first order, nats.
+    pub log_evidence: f64,
+    /// Information on the first column's amplitude with the base projected out.
+    pub information: f64,
+}
+
+/// The screen's answer.
+pub(crate) struct Screen {
+    pub scored: Vec<Scored>,
+    /// Probability of so large a best gain under the null.
+    pub p_value: f64,
+    /// Gain that the best one exceeds with the probability asked for, nats.
+    pub threshold: f64,
+}
+
+/// Inner products of base and start columns on one platform.
+struct Products {
+    gram: DMatrix<f64>,
+    score: DVector<f64>,
+}
+
+/// Whitened columns of all starts, side by side.
+pub(crate) fn columns(ctx: &Context<'_>, fitted: &Fitted, starts: &[Start]) -> Vec<Vec<f64>> {
+    let ends: Vec<(usize, usize)> = starts
+        .iter()
+        .enumerate()
+        .flat_map(|(s, start)| (0..start.ends.len()).map(move |k| (s, k)))
+        .collect();
+    let chunks: Vec<&[(usize, usize)]> = ends.chunks(8).collect();
+    let done = parallel::map(&chunks, ctx.threads, |chunk| {
+        let mut group: Vec<Vec<f64>> = chunk
+            .iter()
+            .map(|&(s, k)| {
+                let mut model = fitted.model.clone();
+                model.parts.push(starts[s].end_part(k));
+                let mut column = ctx.readings(&model);
+                for (c, r) in column.iter_mut().zip(&fitted.prediction.reading) {
+                    *c -= r;
+                }
+                column
+            })
+            .collect();
+        let mut views: Vec<&mut [f64]> = group.iter_mut().map(Vec::as_mut_slice).collect();
+        fitted.whitener.whiten(&mut views);
+        group
+    });
+    done.into_iter().flatten().collect()
+}
+
+/// Scores all starts on top of `fitted`.
+pub(crate) fn screen(
+    ctx: &Context<'_>,
+    fitted: &Fitted,
+    starts: &[Start],
+    columns: &[Vec<f64>],
+    false_alarm: f64,
+    seed: u64,
+) -> Screen {
+    let per_platform = products(ctx, fitted, columns);
+    let base = fitted.columns.len();
+    let n = base + columns.len();
+    let mut gram = DMatrix::zeros(n, n);
+    let mut score = DVector::zeros(n);
+    for p in &per_platform {
+        gram += &p.gram;
+        score += &p.score;
+    }
+    let frame = Frame::new(fitted, &gram, base);
+    let first: Vec<usize> = starts
+        .iter()
+        .scan(base, |at, s| {
+            let here = *at;
+            *at += s.ends.len();
+            Some(here)
+        })
+        .collect();
+    let many = per_platform.iter().filter(|p| p.gram.trace() > 0.0).count() > 1;
+    let mut hypotheses = Vec::new();
+    for (s, start) in starts.iter().enumerate() {
+        let columns: Vec<usize> = (first[s]..first[s] + start.ends.len()).collect();
+        hypotheses.push(frame.hypothesis(s, None, &columns, &gram, start));
+        if many && start.of_a_platform() {
+            for (p, own) in per_platform.iter().enumerate() {
+                hypotheses.push(frame.hypothesis(s, Some(p), &columns, &own.gram, start));
+            }
+        }
+    }
+    let mut hypotheses: Vec<Hypothesis> = hypotheses.into_iter().flatten().collect();
+    let platforms = per_platform.len() as f64;
+    for h in &mut hypotheses {
+        // A fault of all sensors and of one are equally likely before the data.
+        h.ln_weight += match (many && starts[h.start].of_a_platform(), h.platform) {
+            (true, None) => -std::f64::consts::LN_2,
+            (true, Some(_)) => -std::f64::consts::LN_2 - platforms.ln(),
+            _ => 0.0,
+        };
+    }
+    let scored = score_all(
+        ctx,
+        fitted,
+        starts,
+        columns,
+        &per_platform,
+        &score,
+        &hypotheses,
+        &first,
+    );
+    let best = scored.iter().map(|s| s.gain).fold(0.0f64, f64::max);
+    let (location, scale) = null_law(&per_platform, &hypotheses, &frame, seed);
+    let tail = |g: f64| 1.0 - (-(-(g - location) / scale).exp()).exp();
+    Screen {
+        scored,
+        p_value: tail(best),
+        threshold: location - scale * (-(1.0 - false_alarm).ln()).ln(),
+    }
+}
+
+fn products(ctx: &Context<'_>, fitted: &Fitted, columns: &[Vec<f64>]) -> Vec<Products> {
+    let all: Vec<&[f64]> = fitted
+        .columns
+        .iter()
+        .chain(columns)
+        .map(Vec::as_slice)
+        .collect();
+    let n = all.len();
+    ctx.data
+        .ranges()
+        .iter()
+        .map(|range| {
+            let which: Vec<usize> = (0..n).collect();
+            let rows = parallel::map(
+                &which,
+                if range.len() > 500 { ctx.threads } else { 1 },
+                |&i| {
+                    let a = &all[i][range.clone()];
+                    let row: Vec<f64> = (0..=i).map(|j| dot(a, &all[j][range.clone()])).collect();
+                    (row, dot(a, &fitted.residual[range.clone()]))
+                },
+            );
+            let mut gram = DMatrix::zeros(n, n);
+            for (i, (row, _)) in rows.iter().enumerate() {
+                for (j, v) in row.iter().enumerate() {
+                    gram[(i, j)] = *v;
+                    gram[(j, i)] = *v;
+                }
+            }
+            Products {
+                gram,
+                score: DVector::from_fn(n, |i, _| rows[i].1),
+            }
+        })
+        .collect()
+}
+
+/// The base's part of the normal equations.
+struct Frame {
+    base: usize,
+    /// Inverse of base information with its prior.
+    inverse: DMatrix<f64>,
+}
+
+/// One start, all platforms or one, with the base projected out.
+struct Hypothesis {
+    start: usize,
+    platform: Option<usize>,
+    columns: Vec<usize>,
+    /// Rows: how its columns lean on the base's.
+    lean: DMatrix<f64>,
+    information: DMatrix<f64>,
+    inverse: DMatrix<f64>,
+    one_sided: bool,
+    tolerance: Vec<f64>,
+    sd: Vec<f64>,
+    ln_weight: f64,
+}
+
+impl Frame {
+    fn new(fitted: &Fitted, gram: &DMatrix<f64>, base: usize) -> Self {
+        let (_, precision) = prior_of(&fitted.model);
+        let a = DMatrix::from_fn(base, base, |i, j| {
+            gram[(i, j)]
+                + if i == j {
+                    precision[i] * (1.0 + 1e-9)
+                } else {
+                    0.0
+                }
+        });
+        let inverse = Cholesky::new(a).map_or_else(|| DMatrix::zeros(base, base), |c| c.inverse());
+        Self { base, inverse }
+    }
+
+    fn hypothesis(
+        &self,
+        start: usize,
+        platform: Option<usize>,
+        columns: &[usize],
+        gram: &DMatrix<f64>,
+        of: &Start,
+    ) -> Option<Hypothesis> {
+        let d = columns.len();
+        let cross = DMatrix::from_fn(d, self.base, |i, j| gram[(columns[i], j)]);
+        let lean = &cross * &self.inverse;
+        let own = DMatrix::from_fn(d, d, |i, j| gram[(columns[i], columns[j])]);
+        let information = &own - &lean * cross.transpose();
+        // A column that the base can imitate to one part in a million says nothing of its own.
+        for k in 0..d {
+            if information[(k, k)].is_nan() || information[(k, k)] <= 1e-6 * own[(k, k)] + 1e-12 {
+                return None;
+            }
+        }
+        let inverse = Cholesky::new(information.clone())?.inverse();
+        Some(Hypothesis {
+            start,
+            platform,
+            columns: columns.to_vec(),
+            lean,
+            information,
+            inverse,
+            one_sided: of.one_sided,
+            tolerance: of.tolerance.clone(),
+            sd: of.sd.clone(),
+            ln_weight: of.ln_weight,
+        })
+    }
+}
+
+impl Hypothesis {
+    /// Score of its own columns with the base projected out.
+    fn own_score(&self, score: &DVector<f64>, base_score: &DVector<f64>) -> DVector<f64> {
+        let own = DVector::from_fn(self.columns.len(), |k, _| score[self.columns[k]]);
+        own - &self.lean * base_score
+    }
+
+    /// Amplitudes and gain in log likelihood; nothing on the forbidden side.
+    fn gain(&self, own: &DVector<f64>) -> (DVector<f64>, f64) {
+        let amplitude = &self.inverse * own;
+        if self.one_sided && amplitude[0] <= 0.0 {
+            return (DVector::zeros(own.len()), 0.0);
+        }
+        let mut gain = 0.5 * own.dot(&amplitude);
+        let t = self.information[(0, 0)] * self.tolerance[0] * self.tolerance[0];
+        gain /= 1.0 + t;
+        (amplitude, gain)
+    }
+
+    /// Gain of the log evidence for a gain in likelihood, to first order.
+    fn log_evidence(&self, own: &DVector<f64>) -> f64 {
+        let d = own.len();
+        let prior = DMatrix::from_fn(d, d, |i, j| if i == j { self.sd[i].powi(-2) } else { 0.0 });
+        let Some(chol) = Cholesky::new(&self.information + &prior) else {
+            return 0.0;
+        };
+        let x = chol.solve(own);
+        let log_det: f64 = (0..d)
+            .map(|k| chol.l()[(k, k)].ln() + self.sd[k].ln())
+            .sum();
+        0.5 * own.dot(&x) - log_det
+            + if self.one_sided {
+                std::f64::consts::LN_2
+            } else {
+                0.0
+            }
+            + self.ln_weight
+    }
+}
+
+#[expect(
+    clippy::too_many_arguments,
+    reason = "one step of the screen, private to it"
+)]
+fn score_all(
+    ctx: &Context<'_>,
+    fitted: &Fitted,
+    starts: &[Start],
+    columns: &[Vec<f64>],
+    per_platform: &[Products],
+    score: &DVector<f64>,
+    hypotheses: &[Hypothesis],
+    first: &[usize],
+) -> Vec<Scored> {
+    let base = fitted.columns.len();
+    let (centre, precision) = prior_of(&fitted.model);
+    // At the posterior's peak the base's own gradient balances its prior.
+    let base_score = DVector::from_fn(base, |k, _| score[k] + precision[k] * centre[k]);
+    let mut scored: Vec<Scored> = hypotheses
+        .iter()
+        .map(|h| {
+            let own = match h.platform {
+                None => h.own_score(score, &base_score),
+                Some(p) => h.own_score(&per_platform[p].score, &base_score),
+            };
+            let (amplitude, gain) = h.gain(&own);
+            let log_evidence = if gain > 0.0 {
+                h.log_evidence(&own)
+            } else {
+                f64::NEG_INFINITY
+            };
+            Scored {
+                start: h.start,
+                platform: h.platform,
+                amplitude: amplitude.iter().copied().collect(),
+                gain,
+                log_evidence,
+                information: h.information[(0, 0)],
+            }
+        })
+        .collect();
+    // Where residuals cluster more than the noise model says, the gain is worth less: checked
+    // for the best, whose order alone matters.
+    let mut order: Vec<usize> = (0..scored.len()).collect();
+    order.sort_by(|a, b| scored[*b].gain.total_cmp(&scored[*a].gain).then(a.cmp(b)));
+    for &i in order.iter().take(24) {
+        let h = &hypotheses[i];
+        if scored[i].gain < 3.0 || h.columns.len() > 1 {
+            continue;
+        }
+        let column = &columns[first[h.start] - base];
+        let inflation = clustering(ctx, fitted, column, h, scored[i].amplitude[0]);
+        let lost = scored[i].gain * (1.0 - 1.0 / inflation);
+        scored[i].gain -= lost;
+        scored[i].log_evidence -= lost;
+    }
+    debug_assert_eq!(starts.len(), first.len());
+    scored
+}
+
+/// Ratio of the variance of a score as its blocks in time show it to that of the noise model;
+/// at least 1.
+fn clustering(
+    ctx: &Context<'_>,
+    fitted: &Fitted,
+    column: &[f64],
+    h: &Hypothesis,
+    amplitude: f64,
+) -> f64 {
+    let block_s = (2.0 * fitted.noise.memory_s()).clamp(15.0, 120.0);
+    let times = ctx.data.track.time_s();
+    let (mut sum, mut expected, mut fourth) = (0.0, 0.0, 0.0);
+    for (p, range) in ctx.data.ranges().iter().enumerate() {
+        if h.platform.is_some_and(|own| own != p) {
+            continue;
+        }
+        let mut i = range.start;
+        while i < range.end {
+            let end = times[i] + block_s;
+            let (mut block, mut information) = (0.0, 0.0);
+            while i < range.end && times[i] < end {
+                let mut own = column[i];
+                for (k, base) in fitted.columns.iter().enumerate() {
+                    own -= h.lean[(0, k)] * base[i];
+                }
+                block += own * (fitted.residual[i] - amplitude * own);
+                information += own * own;
+                i += 1;
+            }
+            sum += block * block;
+            expected += information;
+            fourth += information * information;
+        }
+    }
+    if expected <= 0.0 || fourth <= 0.0 {
+        return 1.0;
+    }
+    // Few effective blocks tell little: the estimate is drawn towards 1 by as many as ten.
+    let blocks = expected * expected / fourth;
+    let ratio = sum / expected;
+    ((blocks * ratio + 10.0) / (blocks + 10.0)).max(1.0)
+}
+
+/// Draws of the largest gain under the null, as the location and scale of a Gumbel law.
+fn null_law(
+    per_platform: &[Products],
+    hypotheses: &[Hypothesis],
+    frame: &Frame,
+    seed: u64,
+) -> (f64, f64) {
+    const DRAWS: usize = 200;
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let factors: Vec<DMatrix<f64>> = per_platform.iter().map(|p| square_root(&p.gram)).collect();
+    let mut largest = Vec::with_capacity(DRAWS);
+    for _ in 0..DRAWS {
+        let own: Vec<DVector<f64>> = factors
+            .iter()
+            .map(|f| {
+                let z = DVector::from_fn(f.ncols(), |_, _| StandardNormal.sample(&mut rng));
+                f * z
+            })
+            .collect();
+        let total: DVector<f64> = own.iter().fold(
+            DVector::zeros(own.first().map_or(0, |o| o.len())),
+            |s, o| s + o,
+        );
+        let base_score = DVector::from_fn(frame.base, |k, _| total[k]);
+        let best = hypotheses
+            .iter()
+            .map(|h| {
+                let score = h.platform.map_or(&total, |p| &own[p]);
+                h.gain(&h.own_score(score, &base_score)).1
+            })
+            .fold(0.0f64, f64::max);
+        largest.push(best);
+    }
+    let mean = largest.iter().sum::<f64>() / DRAWS as f64;
+    let var = largest.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (DRAWS - 1) as f64;
+    // Gumbel: sd = pi/sqrt(6) scale, mean = location + 0.5772 scale. Half a chi square has the
+    // scale 1 in its far tail, which the fit may not undercut.
+    let scale = (var.sqrt() * 6f64.sqrt() / std::f64::consts::PI).max(1.0);
+    (mean - 0.577_215_66 * scale, scale)
+}
+
+/// A factor F with F Fᵀ = `gram`, also where some columns are dependent.
+fn square_root(gram: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = gram.nrows();
+    let scale: Vec<f64> = (0..n).map(|k| gram[(k, k)].sqrt()).collect();
+    let unit = DMatrix::from_fn(n, n, |i, j| {
+        let s = scale[i] * scale[j];
+        let own = if i == j { 1e-8 } else { 0.0 };
+        if s > 0.0 { gram[(i, j)] / s + own } else { own }
+    });
+    match Cholesky::new(unit) {
+        Some(c) => {
+            let mut l = c.unpack();
+            for i in 0..n {
+                for j in 0..n {
+                    l[(i, j)] *= scale[i];
+                }
+            }
+            l
+        }
+        None => DMatrix::from_fn(n, n, |i, j| if i == j { scale[i] } else { 0.0 }),
+    }
+}

@@ -1,0 +1,260 @@
+//! Which wind carries the plume: the logged one, smoothed.
+//!
+//! Logged wind is noisy and local, and a plume at a distance remembers the wind of the minutes
+//! before. Several treatments are made; the data choose among them ([`super::fit`]).
+
+use ::plume::field::Transport;
+
+use super::data::Data;
+
+/// How the logged wind becomes that of the transport.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Treatment {
+    /// The mean of all logged winds.
+    Mean,
+    /// Each platform's own log, smoothed over this time, s.
+    Own(f64),
+    /// All logs together, smoothed over this time, s.
+    Pooled(f64),
+    /// All logs together, smoothed, and averaged over the time that the plume took to come.
+    Advected(f64),
+}
+
+impl Treatment {
+    /// The treatments that are tried.
+    pub const ALL: [Treatment; 8] = [
+        Treatment::Pooled(8.0),
+        Treatment::Pooled(25.0),
+        Treatment::Pooled(80.0),
+        Treatment::Own(5.0),
+        Treatment::Own(20.0),
+        Treatment::Advected(8.0),
+        Treatment::Advected(40.0),
+        Treatment::Mean,
+    ];
+
+    /// In words.
+    pub fn describe(self) -> String {
+        match self {
+            Treatment::Mean => "the mean of the logged wind".to_string(),
+            Treatment::Own(s) => format!("each platform's logged wind, smoothed over {s:.0} s"),
+            Treatment::Pooled(s) => {
+                format!("the logged wind of all platforms together, smoothed over {s:.0} s")
+            }
+            Treatment::Advected(s) => format!(
+                "the logged wind of all platforms, smoothed over {s:.0} s, averaged over the \
+                 plume's time on its way"
+            ),
+        }
+    }
+}
+
+/// A vector series on an even grid of times.
+struct Grid {
+    start_s: f64,
+    step_s: f64,
+    values: Vec<[f64; 2]>,
+}
+
+/// Most points of the grid.
+const MOST_POINTS: f64 = 40_000.0;
+
+impl Grid {
+    /// Weighted mean of `(time, vector)` in every cell, empty cells filled from both sides.
+    fn new(samples: impl Iterator<Item = (f64, [f64; 2])>, span_s: (f64, f64)) -> Option<Self> {
+        let length = (span_s.1 - span_s.0).max(1.0);
+        let step_s = (length / MOST_POINTS).max(1.0);
+        let n = (length / step_s).ceil() as usize + 1;
+        let mut sums = vec![[0.0; 3]; n];
+        for (t, v) in samples {
+            let k = (((t - span_s.0) / step_s).round().max(0.0) as usize).min(n - 1);
+            sums[k] = [sums[k][0] + v[0], sums[k][1] + v[1], sums[k][2] + 1.0];
+        }
+        let mut values: Vec<Option<[f64; 2]>> = sums
+            .iter()
+            .map(|s| (s[2] > 0.0).then(|| [s[0] / s[2], s[1] / s[2]]))
+            .collect();
+        fill(&mut values)?;
+        Some(Self {
+            start_s: span_s.0,
+            step_s,
+            values: values.into_iter().flatten().collect(),
+        })
+    }
+
+    /// Smooths with four passes of an exponential, two each way: nearly a bell of that width.
+    fn smooth(&mut self, width_s: f64) {
+        let keep = (-self.step_s * std::f64::consts::SQRT_2 / width_s.max(1e-9)).exp();
+        for _ in 0..2 {
+            sweep(&mut self.values, keep);
+            self.values.reverse();
+            sweep(&mut self.values, keep);
+            self.values.reverse();
+        }
+    }
+
+    fn at(&self, time_s: f64) -> [f64; 2] {
+        let last = self.values.len() - 1;
+        let place = ((time_s - self.start_s) / self.step_s).clamp(0.0, last as f64);
+        let i = (place as usize).min(last.saturating_sub(1));
+        let part = place - i as f64;
+        let (a, b) = (self.values[i], self.values[(i + 1).min(last)]);
+        [a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1])]
+    }
+
+    /// Its integral over time.
+    fn integral(&self) -> Self {
+        let mut sum = [0.0; 2];
+        let values = self
+            .values
+            .iter()
+            .map(|v| {
+                sum = [sum[0] + v[0] * self.step_s, sum[1] + v[1] * self.step_s];
+                sum
+            })
+            .collect();
+        Self {
+            start_s: self.start_s,
+            step_s: self.step_s,
+            values,
+        }
+    }
+}
+
+fn sweep(values: &mut [[f64; 2]], keep: f64) {
+    // Starting from the mean of the first stretch keeps the ends from leaning on one value.
+    let stretch = ((1.0 / (1.0 - keep)) as usize).clamp(1, values.len());
+    let mut state = [0.0; 2];
+    for v in &values[..stretch] {
+        state = [
+            state[0] + v[0] / stretch as f64,
+            state[1] + v[1] / stretch as f64,
+        ];
+    }
+    for v in values {
+        state = [
+            keep * state[0] + (1.0 - keep) * v[0],
+            keep * state[1] + (1.0 - keep) * v[1],
+        ];
+        *v = state;
+    }
+}
+
+fn fill(values: &mut [Option<[f64; 2]>]) -> Option<()> {
+    let known: Vec<usize> = (0..values.len()).filter(|i| values[*i].is_some()).collect();
+    let (first, last) = (*known.first()?, *known.last()?);
+    let (head, tail) = (values[first], values[last]);
+    values[..first].fill(head);
+    values[last + 1..].fill(tail);
+    for pair in known.windows(2) {
+        let (Some(a), Some(b)) = (values[pair[0]], values[pair[1]]) else {
+            continue;
+        };
+        for k in pair[0] + 1..pair[1] {
+            let part = (k - pair[0]) as f64 / (pair[1] - pair[0]) as f64;
+            values[k] = Some([a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1])]);
+        }
+    }
+    Some(())
+}
+
+/// The transport of every row under `treatment`; `None` without logged wind. `distance_m` is
+/// each row's distance from the first source.
+pub(crate) fn transports(
+    data: &Data,
+    logged: &[Option<Transport>],
+    distance_m: &[f64],
+    treatment: Treatment,
+) -> Option<Vec<Transport>> {
+    let times = data.track.time_s();
+    let vector =
+        |i: usize| logged[i].map(|t| (times[i], [t.east * t.speed_m_s, t.north * t.speed_m_s]));
+    let span = data.span_s();
+    let all = || Grid::new((0..data.len()).filter_map(vector), span);
+    let make = |v: [f64; 2]| {
+        let speed = v[0].hypot(v[1]);
+        if speed > 0.0 {
+            Transport {
+                east: v[0] / speed,
+                north: v[1] / speed,
+                speed_m_s: speed,
+            }
+        } else {
+            Transport {
+                east: 1.0,
+                north: 0.0,
+                speed_m_s: 0.0,
+            }
+        }
+    };
+    match treatment {
+        Treatment::Mean => {
+            let grid = all()?;
+            let n = grid.values.len() as f64;
+            let sum = grid
+                .values
+                .iter()
+                .fold([0.0; 2], |s, v| [s[0] + v[0], s[1] + v[1]]);
+            Some(vec![make([sum[0] / n, sum[1] / n]); data.len()])
+        }
+        Treatment::Pooled(width) => {
+            let mut grid = all()?;
+            grid.smooth(width);
+            Some(times.iter().map(|t| make(grid.at(*t))).collect())
+        }
+        Treatment::Own(width) => {
+            let mut out = Vec::with_capacity(data.len());
+            for range in data.ranges() {
+                let own = Grid::new(range.clone().filter_map(vector), span);
+                let mut grid = own.or_else(all)?;
+                grid.smooth(width);
+                out.extend(range.clone().map(|i| make(grid.at(times[i]))));
+            }
+            Some(out)
+        }
+        Treatment::Advected(width) => {
+            let mut grid = all()?;
+            grid.smooth(width);
+            let moved = grid.integral();
+            let mean = |i: usize| {
+                let now = grid.at(times[i]);
+                let speed = now[0].hypot(now[1]).max(0.5);
+                let ago = distance_m[i] / speed;
+                let (to, from) = (moved.at(times[i]), moved.at(times[i] - ago));
+                let known = (times[i] - span.0).min(ago).max(grid.step_s);
+                // Before the record starts the first winds stand for what came before.
+                let early = grid.values[0];
+                let rest = (ago - known).max(0.0);
+                make([
+                    (to[0] - from[0] + early[0] * rest) / (known + rest),
+                    (to[1] - from[1] + early[1] * rest) / (known + rest),
+                ])
+            };
+            Some((0..data.len()).map(mean).collect())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn smoothing_keeps_a_constant_and_halves_noise() {
+        let samples = (0..600).map(|i| (f64::from(i), [5.0, if i % 2 == 0 { 1.0 } else { -1.0 }]));
+        let mut grid = Grid::new(samples, (0.0, 599.0)).unwrap();
+        grid.smooth(10.0);
+        for v in &grid.values {
+            assert!((v[0] - 5.0).abs() < 1e-9 && v[1].abs() < 0.1);
+        }
+    }
+
+    #[test]
+    fn gaps_are_bridged_straight() {
+        let mut v = vec![None, Some([1.0, 0.0]), None, Some([3.0, 0.0]), None];
+        fill(&mut v).unwrap();
+        let east: Vec<f64> = v.iter().flatten().map(|v| v[0]).collect();
+        assert_eq!(east, [1.0, 1.0, 2.0, 3.0, 3.0]);
+        assert!(fill(&mut [None, None]).is_none());
+    }
+}

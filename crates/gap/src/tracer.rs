@@ -1,0 +1,292 @@
+//! Tracer trials: fixed samplers on arcs around a release, over many trials, against the
+//! Gaussian plume with Briggs' open-country spread.
+//!
+//! Each arc is split into its crosswind-integrated concentration, which knows of vertical
+//! spread, transport and loss, and its width, which knows of lateral spread; towers show
+//! vertical spread itself. Trials in unstable (1/L below 0) and in stable air are two questions
+//! of their own, vertical and lateral each. Models are fitted with the errors that trials share
+//! ([`evidence`]), ranked by evidence and by their scores on trials left out; predictions of a
+//! trial left out are the mean over models by their probability given the others.
+//!
+//! Pure: texts in, report out.
+
+pub mod arcs;
+mod detail;
+pub mod evidence;
+mod extension;
+mod findings;
+pub mod ladder;
+pub mod model;
+mod scores;
+pub mod surface_layer;
+pub mod table;
+mod trial_scores;
+
+use serde::Serialize;
+
+use crate::GapError;
+use crate::verdict::{
+    Cause, DataQuality, Detectable, Flaw, GapJson, NextFlight, Ranked, ResidualBin, SCHEMA, Verdict,
+};
+use arcs::TrialArcs;
+pub use detail::{ArcDetail, ClassLimit, GroupDetail};
+pub use findings::TriedModel;
+use findings::{Finding, judge};
+use ladder::{Group, LateralModel, VerticalModel};
+use table::Tables;
+use trial_scores::{Scored, score};
+
+/// What `gap tracer` found: `gap.json` with a further field `tracer`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TracerReport {
+    /// The fields that all of `gap.json` has.
+    #[serde(flatten)]
+    pub gap: GapJson,
+    /// Arcs, models and limits behind them.
+    pub tracer: TracerDetail,
+    /// A scenario with the extension of the kind of air in which the cause is clearest.
+    #[serde(skip)]
+    pub extended_toml: String,
+}
+
+impl TracerReport {
+    /// The text of `gap.json`, indented.
+    ///
+    /// # Errors
+    /// Only if serialisation itself fails.
+    pub fn to_json(&self) -> Result<String, serde_json::Error> {
+        serde_json::to_string_pretty(self)
+    }
+}
+
+/// What stands behind a tracer verdict.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TracerDetail {
+    /// Limits of 1/L between classes at the trials' roughness.
+    pub class_limits: Vec<ClassLimit>,
+    /// Roughness length of those limits, m.
+    pub roughness_m: f64,
+    /// Kinds of air with the models tried.
+    pub groups: Vec<GroupDetail>,
+    /// Every arc, measured and predicted.
+    pub arcs: Vec<ArcDetail>,
+}
+
+/// Fewest trials of a kind of air for a fit.
+pub const LEAST_TRIALS: usize = 4;
+
+/// Kinds of air by the sign of the Obukhov length.
+const GROUPS: [(&str, f64); 2] = [("unstable", -1.0), ("stable", 1.0)];
+
+/// A kind of air with everything that was tried on it.
+struct Answer<'a> {
+    name: &'static str,
+    group: Group<'a>,
+    vertical: Vec<(usize, Scored)>,
+    lateral: Vec<(usize, Scored)>,
+    findings: [Finding; 2],
+}
+
+/// Analyses tracer trials. `seed` is for the bootstrap of the scores; `progress` gets the part
+/// done, 0 to 1.
+///
+/// # Errors
+/// [`GapError::Data`] when fewer than [`LEAST_TRIALS`] trials of either kind of air have wind,
+/// Obukhov length and arcs.
+pub fn analyse(
+    tables: &Tables,
+    seed: u64,
+    progress: &mut dyn FnMut(f64),
+) -> Result<TracerReport, GapError> {
+    let (trials, mut notices) = arcs::trials(tables);
+    notices.splice(0..0, tables.notices.iter().cloned());
+    let vertical_models = VerticalModel::all();
+    let lateral_models = LateralModel::all();
+    let mut answers = Vec::new();
+    for (k, (name, sign)) in GROUPS.into_iter().enumerate() {
+        let chosen: Vec<&TrialArcs> =
+            trials.iter().filter(|t| t.weather.obukhov_length_m * sign > 0.0).collect();
+        if chosen.len() < LEAST_TRIALS {
+            notices.push(format!(
+                "{} trials in {name} air are too few for a fit (at least {LEAST_TRIALS})",
+                chosen.len()
+            ));
+            continue;
+        }
+        let group = Group::new(chosen);
+        let vertical = score(&group, &vertical_models);
+        progress(0.1 + 0.4 * k as f64);
+        let lateral = score(&group, &lateral_models);
+        progress(0.45 + 0.45 * k as f64);
+        let findings = match (judge(&vertical, name), judge(&lateral, name)) {
+            (Some(a), Some(b)) => [a, b],
+            _ => {
+                notices.push(format!("{name} air: Briggs' spread cannot be fitted to these arcs"));
+                continue;
+            }
+        };
+        answers.push(Answer { name, group, vertical, lateral, findings });
+    }
+    if answers.is_empty() {
+        return Err(GapError::Data {
+            what: "tracer trials".into(),
+            problem: format!("{} trials have wind, Obukhov length and arcs", trials.len()),
+            expected: format!("at least {LEAST_TRIALS} in unstable or in stable air"),
+        });
+    }
+    let arcs = detail::arcs(&answers, &vertical_models, &lateral_models);
+    let gain = scores::gain(&answers, &arcs, seed)?;
+    progress(1.0);
+    let roughness_m = trials[0].weather.roughness_m;
+    let report = TracerReport {
+        extended_toml: extension::scenario(&answers),
+        gap: gap_json(&answers, &arcs, gain, notices),
+        tracer: TracerDetail {
+            class_limits: detail::class_limits(roughness_m),
+            roughness_m,
+            groups: answers.iter().map(detail::group).collect(),
+            arcs,
+        },
+    };
+    Ok(report)
+}
+
+fn gap_json(
+    answers: &[Answer<'_>],
+    arcs: &[ArcDetail],
+    gain: crate::verdict::Gain,
+    notices: Vec<String>,
+) -> GapJson {
+    let mut causes: Vec<Cause> =
+        answers.iter().flat_map(|a| a.findings.iter()).filter_map(|f| f.cause.clone()).collect();
+    causes.sort_by(|a, b| {
+        b.evidence.delta_log_evidence.total_cmp(&a.evidence.delta_log_evidence)
+    });
+    let verdict = if causes.is_empty() {
+        Verdict::None
+    } else if causes.iter().all(|c| c.mechanisms.len() == 1) {
+        Verdict::Named
+    } else {
+        Verdict::Ambiguous
+    };
+    let mut ranking: Vec<Ranked> = answers.iter().flat_map(ranked).collect();
+    ranking.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    let data_quality = notices.iter().filter_map(|n| odd_data(n)).collect();
+    GapJson {
+        schema: SCHEMA,
+        verdict,
+        summary: detail::summary(answers, &gain),
+        ranking,
+        residual: residual(arcs),
+        gain: Some(gain),
+        detectable: answers.iter().flat_map(detectable).collect(),
+        next_flight: if verdict == Verdict::Ambiguous { next(&causes) } else { None },
+        base: Vec::new(),
+        unexplained: None,
+        data_quality,
+        notices,
+        causes,
+    }
+}
+
+/// A notice on implausible corrections is also one on the quality of the data.
+fn odd_data(notice: &str) -> Option<DataQuality> {
+    let trial = notice.strip_prefix("trial ")?.split(':').next()?;
+    notice.contains("implausible").then(|| DataQuality {
+        platform: trial.to_owned(),
+        kind: Flaw::Outlier,
+        from_s: f64::NAN,
+        to_s: f64::NAN,
+        message: notice.to_owned(),
+    })
+}
+
+fn ranked(answer: &Answer<'_>) -> Vec<Ranked> {
+    let questions = answer.findings.iter();
+    questions
+        .flat_map(|f| &f.tried)
+        .map(|t| Ranked {
+            mechanisms: t.mechanisms.clone(),
+            platform: Some(answer.name.to_owned()),
+            delta_log_score: t.delta_log_score,
+            log_evidence: t.delta_log_evidence,
+            probability: t.probability,
+        })
+        .collect()
+}
+
+/// Mean of ln(measured/predicted) of arc maxima by kind of air and distance, as standardised
+/// means; concentrations in ppm are not known without the gas.
+fn residual(arcs: &[ArcDetail]) -> Vec<ResidualBin> {
+    let mut bins: Vec<(String, f64, f64, Vec<f64>)> = Vec::new();
+    for arc in arcs {
+        let log = (arc.max_mg_m3 / arc.base_max_mg_m3).ln();
+        let near = |b: &&mut (String, f64, f64, Vec<f64>)| {
+            b.0 == arc.group && (arc.distance_m / b.1 - 1.0).abs() < 0.1
+        };
+        match bins.iter_mut().find(near) {
+            Some(bin) => {
+                bin.2 = bin.2.max(arc.distance_m);
+                bin.3.push(log);
+            }
+            None => bins.push((arc.group.clone(), arc.distance_m, arc.distance_m, vec![log])),
+        }
+    }
+    bins.into_iter()
+        .map(|(group, from, to, logs)| {
+            let n = logs.len() as f64;
+            let mean = logs.iter().sum::<f64>() / n;
+            let sd = (logs.iter().map(|l| (l - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
+            ResidualBin {
+                coordinate: "along_wind".into(),
+                platform: Some(group),
+                from,
+                to,
+                unit: "m".into(),
+                count: logs.len(),
+                mean_ppm: f64::NAN,
+                standardised: mean / (sd / n.sqrt()),
+            }
+        })
+        .collect()
+}
+
+/// Log score at which an effect counts as visible, nats.
+const VISIBLE_NATS: f64 = 20.0;
+
+/// The smallest single vertical changes that would have shown.
+fn detectable(answer: &Answer<'_>) -> Vec<Detectable> {
+    let single = answer.vertical.iter().filter(|s| s.1.ids.len() == 1);
+    single
+        .flat_map(|s| {
+            findings::parameters(&s.1.ids, &s.1.fit).into_iter().filter(|p| {
+                // Gain = (effect / sd)² / 2.
+                p.mechanism == s.1.ids[0] && p.sd > 0.0
+            })
+        })
+        .map(|p| Detectable {
+            value: (2.0 * VISIBLE_NATS).sqrt() * p.sd,
+            mechanism: p.mechanism,
+            parameter: p.name,
+            unit: p.unit,
+        })
+        .collect()
+}
+
+/// What would tell the rivals of a set apart: towers where the arcs are.
+fn next(causes: &[Cause]) -> Option<NextFlight> {
+    let cause = causes.iter().find(|c| c.mechanisms.len() > 1)?;
+    let vertical = cause.mechanisms.iter().any(|m| m.starts_with("sigma-z") || m == "dry-deposition");
+    let description = if vertical {
+        "samplers on towers at the farthest arcs: spread changes the profile there, a loss at the \
+         ground only its lowest part and its sum; or a tracer that the ground does not take up"
+    } else {
+        "wind vanes at two heights, and more samplers inside the plume at the farthest arcs"
+    };
+    Some(NextFlight {
+        separates: cause.mechanisms.clone(),
+        description: description.into(),
+        waypoints: Vec::new(),
+        expected_nats: f64::NAN,
+    })
+}

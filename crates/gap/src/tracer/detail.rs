@@ -1,0 +1,245 @@
+//! The tables behind a tracer verdict, and the verdict in words.
+
+use serde::Serialize;
+
+use plume::stability::Stability;
+
+use super::Answer;
+use super::findings::TriedModel;
+use super::ladder::{LateralModel, VerticalModel};
+use super::model;
+use super::trial_scores::Scored;
+use crate::verdict::Gain;
+
+/// Where one stability class ends and the next begins.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ClassLimit {
+    /// The class, "A" to "F".
+    pub class: char,
+    /// It begins at this 1/L, 1/m; null for A.
+    pub from_per_m: f64,
+    /// It ends at this 1/L, 1/m; null for F.
+    pub to_per_m: f64,
+}
+
+/// One kind of air.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GroupDetail {
+    /// "unstable" or "stable".
+    pub group: String,
+    /// Its trials.
+    pub trials: Vec<String>,
+    /// Models of the crosswind-integrated concentration, the most probable first.
+    pub vertical: Vec<TriedModel>,
+    /// Models of the width, the most probable first.
+    pub lateral: Vec<TriedModel>,
+}
+
+/// One arc, measured and predicted.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ArcDetail {
+    /// Trial.
+    pub trial: String,
+    /// "unstable" or "stable".
+    pub group: String,
+    /// Class.
+    pub class: char,
+    /// Distance, m.
+    pub distance_m: f64,
+    /// Samplers with a value.
+    pub samplers: usize,
+    /// Whether integral and width hold (the plume ends inside the arc).
+    pub whole: bool,
+    /// Highest concentration, mg/m³.
+    pub max_mg_m3: f64,
+    /// Crosswind-integrated concentration, mg/m².
+    pub integrated_mg_m2: f64,
+    /// Width, m.
+    pub width_m: f64,
+    /// The base's maximum, mg/m³.
+    pub base_max_mg_m3: f64,
+    /// The base's integral, mg/m².
+    pub base_integrated_mg_m2: f64,
+    /// The base's width, m.
+    pub base_width_m: f64,
+    /// Maximum predicted from the other trials, mg/m³.
+    pub held_out_max_mg_m3: f64,
+    /// Integral predicted from the other trials, mg/m².
+    pub held_out_integrated_mg_m2: f64,
+    /// Width predicted from the other trials, m.
+    pub held_out_width_m: f64,
+}
+
+/// Limits of 1/L by bisection on the classification itself.
+pub(super) fn class_limits(roughness_m: f64) -> Vec<ClassLimit> {
+    let class = |inverse: f64| Stability::from_obukhov(1.0 / inverse, roughness_m);
+    let mut limits = Vec::new();
+    for next in &Stability::ALL[1..] {
+        let (mut low, mut high) = (-1.0, 1.0);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if class(middle) < *next { low = middle } else { high = middle }
+        }
+        limits.push(0.5 * (low + high));
+    }
+    let at = |i: usize| limits.get(i).copied().unwrap_or(f64::NAN);
+    Stability::ALL
+        .iter()
+        .map(|c| {
+            let i = c.index();
+            let from_per_m = if i == 0 { f64::NAN } else { at(i - 1) };
+            ClassLimit { class: c.letter(), from_per_m, to_per_m: at(i) }
+        })
+        .collect()
+}
+
+pub(super) fn group(answer: &Answer<'_>) -> GroupDetail {
+    GroupDetail {
+        group: answer.name.to_owned(),
+        trials: answer.group.trials.iter().map(|t| t.weather.trial.clone()).collect(),
+        vertical: answer.findings[0].tried.clone(),
+        lateral: answer.findings[1].tried.clone(),
+    }
+}
+
+/// ln of a peak from the integral and the width of a normal distribution across.
+fn peak(log_integrated: f64, log_width: f64) -> f64 {
+    (log_integrated - log_width).exp() / (2.0 * std::f64::consts::PI).sqrt()
+}
+
+/// Mean over models by their probability without trial `i`; models that cannot predict here
+/// pass their share on.
+fn averaged(
+    scored: &[(usize, Scored)],
+    i: usize,
+    predict: impl Fn(usize, &[f64]) -> Option<f64>,
+) -> f64 {
+    let mut sum = 0.0;
+    let mut weight = 0.0;
+    for (index, s) in scored {
+        if let Some(value) = predict(*index, &s.theta_without[i]) {
+            sum += s.weight_without[i] * value;
+            weight += s.weight_without[i];
+        }
+    }
+    sum / weight
+}
+
+/// Every arc with the base's prediction and that from the other trials.
+pub(super) fn arcs(
+    answers: &[Answer<'_>],
+    vertical: &[VerticalModel],
+    lateral: &[LateralModel],
+) -> Vec<ArcDetail> {
+    let mut out = Vec::new();
+    for answer in answers {
+        for (i, trial) in answer.group.trials.iter().enumerate() {
+            let w = &trial.weather;
+            for arc in &trial.arcs {
+                let x = arc.distance_m;
+                let base_integrated = model::log_integrated(w, arc, &[], &[]);
+                let base_width = model::log_width(w, x, &[], &[]).unwrap_or(f64::NAN);
+                let integrated = averaged(&answer.vertical, i, |m, theta| {
+                    Some(model::log_integrated(w, arc, &vertical[m].changes, theta))
+                });
+                let width = averaged(&answer.lateral, i, |m, theta| {
+                    model::log_width(w, x, &lateral[m].changes, theta)
+                });
+                out.push(ArcDetail {
+                    trial: w.trial.clone(),
+                    group: answer.name.to_owned(),
+                    class: w.class.letter(),
+                    distance_m: x,
+                    samplers: arc.samplers,
+                    whole: arc.whole,
+                    max_mg_m3: arc.max_mg_m3,
+                    integrated_mg_m2: arc.integrated_mg_m2,
+                    width_m: arc.width_m,
+                    base_max_mg_m3: peak(base_integrated, base_width),
+                    base_integrated_mg_m2: base_integrated.exp(),
+                    base_width_m: base_width.exp(),
+                    held_out_max_mg_m3: peak(integrated, width),
+                    held_out_integrated_mg_m2: integrated.exp(),
+                    held_out_width_m: width.exp(),
+                });
+            }
+        }
+    }
+    out
+}
+
+/// The verdict in a few sentences.
+pub(super) fn summary(answers: &[Answer<'_>], gain: &Gain) -> String {
+    let mut text = String::new();
+    for answer in answers {
+        let trials = answer.group.trials.len();
+        text.push_str(&format!("In {} air ({trials} trials): ", answer.name));
+        text.push_str(&vertical_words(answer));
+        text.push_str("; ");
+        text.push_str(&lateral_words(answer));
+        text.push_str(". ");
+    }
+    let h = &gain.held_out;
+    text.push_str(&format!(
+        "Arc maxima of trials left out: FAC2 {:.2} to {:.2}, NMSE {:.2} to {:.2}.",
+        h.fac2_before, h.fac2_after, h.nmse_before, h.nmse_after
+    ));
+    text
+}
+
+fn vertical_words(answer: &Answer<'_>) -> String {
+    let Some(cause) = &answer.findings[0].cause else {
+        return "Briggs' vertical spread and the measured wind do".into();
+    };
+    let best = &answer.findings[0].tried[0];
+    let mut words = String::new();
+    if let Some(p) = cause.parameters.iter().find(|p| p.name == "exponent") {
+        let sense = if p.value > 0.0 { "faster" } else { "more slowly" };
+        words.push_str(&format!(
+            "vertical spread grows {sense} with distance than Briggs says (exponent {:+.2} ± {:.2})",
+            p.value, p.sd
+        ));
+    } else {
+        words.push_str(&format!("the vertical misfit is put down to {}", cause.mechanisms[0]));
+    }
+    if cause.mechanisms.len() > 1 {
+        let set = cause.mechanisms.join(", ");
+        words.push_str(&format!(", in a set that these data cannot tell apart: {set}"));
+    }
+    words.push_str(&format!(
+        ", {:.1} nats of evidence, {:.1} ± {:.1} nats on trials left out",
+        cause.evidence.delta_log_evidence, best.held_out_gain, best.held_out_gain_se
+    ));
+    words
+}
+
+fn lateral_words(answer: &Answer<'_>) -> String {
+    let best = &answer.findings[1].tried[0];
+    let azimuth = best.mechanisms.iter().any(|m| m == "sigma-y-from-azimuth");
+    let what = if azimuth {
+        "the measured deviation of azimuth improves the width"
+    } else if best.mechanisms.is_empty() {
+        "Briggs' width does"
+    } else {
+        "the width needs a correction of Briggs', and the deviation of azimuth does not help"
+    };
+    format!("{what} ({:.1} ± {:.1} nats on trials left out)", best.held_out_gain, best.held_out_gain_se)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_follow_each_other_and_agree_with_the_classes() {
+        let limits = class_limits(0.006);
+        assert_eq!(limits.len(), 6);
+        for pair in limits.windows(2) {
+            assert!((pair[0].to_per_m - pair[1].from_per_m).abs() < 1e-12);
+            assert!(pair[1].to_per_m.is_nan() || pair[1].to_per_m > pair[1].from_per_m);
+        }
+        let d = &limits[3];
+        assert_eq!(Stability::from_obukhov(1.0 / (d.to_per_m - 1e-6), 0.006), Stability::D);
+        assert_eq!(Stability::from_obukhov(1.0 / (d.to_per_m + 1e-6), 0.006), Stability::E);
+    }
+}

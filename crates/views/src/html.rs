@@ -1,0 +1,185 @@
+//! Pieces of HTML that the reports share.
+
+use serde_json::Value;
+use std::fmt::Write as _;
+
+/// `text` with the characters that HTML gives a meaning replaced.
+pub(crate) fn escape(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\'' => escaped.push_str("&#39;"),
+            other => escaped.push(other),
+        }
+    }
+    escaped
+}
+
+/// JSON that may stand inside a script element: no text in it can close the element.
+pub(crate) fn script_json(value: &Value) -> String {
+    value
+        .to_string()
+        .replace('<', "\\u003c")
+        .replace('\u{2028}', "\\u2028")
+        .replace('\u{2029}', "\\u2029")
+}
+
+/// A report under way: sections with figures and tables, numbered as they come.
+pub(crate) struct Document {
+    title: String,
+    body: String,
+    plots: Vec<Value>,
+    sections: usize,
+    tables: usize,
+}
+
+impl Document {
+    /// An empty document. `kicker` stands small above the title.
+    pub(crate) fn new(kicker: &str, title: &str) -> Self {
+        let (kicker, heading) = (escape(kicker), escape(title));
+        Self {
+            title: title.to_owned(),
+            body: format!("<header><p class=\"kicker\">{kicker}</p><h1>{heading}</h1></header>\n"),
+            plots: Vec::new(),
+            sections: 0,
+            tables: 0,
+        }
+    }
+
+    /// The abstract: one paragraph for each text.
+    pub(crate) fn lead(&mut self, paragraphs: &[String]) {
+        self.body.push_str("<section class=\"lead\">");
+        for text in paragraphs {
+            self.paragraph(text);
+        }
+        self.body.push_str("</section>\n");
+    }
+
+    /// Large figures in a row: value, unit, label.
+    pub(crate) fn figures(&mut self, figures: &[(String, &str, String)]) {
+        self.body.push_str("<div class=\"cards\">");
+        for (value, unit, label) in figures {
+            let (value, unit, label) = (escape(value), escape(unit), escape(label));
+            self.push(format_args!(
+                "<div class=\"card\"><b>{value}<small> {unit}</small></b><span>{label}</span></div>"
+            ));
+        }
+        self.body.push_str("</div>\n");
+    }
+
+    /// A numbered section heading.
+    pub(crate) fn section(&mut self, heading: &str) {
+        self.sections += 1;
+        let (number, heading) = (self.sections, escape(heading));
+        self.push(format_args!("<h2><span>{number}</span> {heading}</h2>\n"));
+    }
+
+    /// A paragraph of plain text.
+    pub(crate) fn paragraph(&mut self, text: &str) {
+        let text = escape(text);
+        self.push(format_args!("<p>{text}</p>\n"));
+    }
+
+    /// A list of plain texts.
+    pub(crate) fn list(&mut self, items: &[String]) {
+        self.body.push_str("<ul>");
+        for item in items {
+            let item = escape(item);
+            self.push(format_args!("<li>{item}</li>"));
+        }
+        self.body.push_str("</ul>\n");
+    }
+
+    /// A figure: traces and layout for the plotting library, with a caption.
+    pub(crate) fn plot(&mut self, height_px: u32, plot: Value, caption: &str) {
+        self.plots.push(plot);
+        let (number, caption) = (self.plots.len(), escape(caption));
+        self.push(format_args!(
+            "<figure><div class=\"plot\" id=\"plot-{number}\" style=\"height:{height_px}px\"></div>\
+             <figcaption><b>Figure {number}.</b> {caption}</figcaption></figure>\n"
+        ));
+    }
+
+    /// A table with a caption. Cells after the first of a row stand to the right.
+    pub(crate) fn table(&mut self, caption: &str, head: &[&str], rows: &[Vec<String>]) {
+        self.tables += 1;
+        let (number, caption) = (self.tables, escape(caption));
+        self.push(format_args!(
+            "<figure class=\"table\"><figcaption><b>Table {number}.</b> {caption}</figcaption>\
+             <div class=\"scroll\"><table><thead><tr>"
+        ));
+        for cell in head {
+            let cell = escape(cell);
+            self.push(format_args!("<th>{cell}</th>"));
+        }
+        self.body.push_str("</tr></thead><tbody>");
+        for row in rows {
+            self.body.push_str("<tr>");
+            for cell in row {
+                let cell = escape(cell);
+                self.push(format_args!("<td>{cell}</td>"));
+            }
+            self.body.push_str("</tr>");
+        }
+        self.body.push_str("</tbody></table></div></figure>\n");
+    }
+
+    /// The whole page, with style, script and plotting library inside.
+    pub(crate) fn finish(self) -> String {
+        let plots = script_json(&Value::Array(self.plots));
+        format!(
+            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
+             <title>{title}</title><style>{style}</style></head><body><main>\n{body}</main>\n\
+             <script>{plotly}</script>\n<script>const PLOTS = {plots};\n{script}</script>\n\
+             </body></html>\n",
+            title = escape(&self.title),
+            style = include_str!("../assets/report.css"),
+            body = self.body,
+            plotly = crate::plotly_js::text(),
+            script = include_str!("../assets/report.js"),
+        )
+    }
+
+    fn push(&mut self, words: std::fmt::Arguments<'_>) {
+        // Writing into a String cannot fail.
+        let _ = self.body.write_fmt(words);
+    }
+}
+
+/// `value` with `digits` after the point, or a dash where there is none.
+pub(crate) fn number(value: f64, digits: usize) -> String {
+    if value.is_finite() {
+        format!("{value:.digits$}")
+    } else {
+        "–".to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_breaks_out_of_its_place() {
+        let nasty = "</script><script>alert(1)</script> & \"x\"";
+        let mut document = Document::new(nasty, nasty);
+        document.section(nasty);
+        document.paragraph(nasty);
+        document.table(nasty, &[nasty], &[vec![nasty.to_owned()]]);
+        document.plot(100, serde_json::json!({"layout": {"title": nasty}}), nasty);
+        let page = document.finish();
+        assert!(!page.contains("alert(1)</script>"));
+        assert_eq!(page.matches("</script>").count(), 2);
+    }
+
+    #[test]
+    fn what_is_no_number_is_a_dash() {
+        assert_eq!(number(f64::NAN, 1), "–");
+        assert_eq!(number(-0.25, 1), "-0.2");
+    }
+}

@@ -1,0 +1,456 @@
+//! `report.html` of a mission: what was flown, learned and found, and what remains, in the form
+//! of a short paper. It is filled from messages as they come, in bounded memory.
+
+mod figures;
+
+use crate::html::{Document, number};
+use crate::site::{Site, Spot};
+use protocol::message::{Message, Model, Phase, Severity, VehicleKind};
+use protocol::{Envelope, SimTime, Topic};
+use record::summary::{CORRECTED, ModelNumbers, Summary};
+use record::tracks::{Thinned, Track, Tracks};
+use record::words;
+use std::sync::Arc;
+
+/// Points of one track in the report.
+const TRACK_POINTS: usize = 1200;
+/// Points of the history of a model's numbers.
+const HISTORY_POINTS: usize = 400;
+/// Events that are listed.
+const EVENTS: usize = 30;
+
+/// Collects what the report shows.
+#[derive(Clone)]
+pub struct Report {
+    site: Arc<Site>,
+    tracks: Tracks,
+    history: Thinned<(f64, Box<Model>)>,
+    before: Option<Box<Model>>,
+    after: Option<Box<Model>>,
+    phases: Vec<(SimTime, Phase)>,
+    events: Vec<String>,
+    more_events: u64,
+    pilot_times: u64,
+}
+
+/// What one real vehicle read, and what the model expected there before and after the mission.
+pub(crate) struct Expected<'a> {
+    pub(crate) id: &'a str,
+    pub(crate) time_s: Vec<f64>,
+    pub(crate) read_ppm: Vec<f64>,
+    pub(crate) before_ppm: Vec<f64>,
+    pub(crate) after_ppm: Vec<f64>,
+}
+
+impl Report {
+    /// A report that has heard nothing yet.
+    pub fn new(site: Arc<Site>) -> Self {
+        Self {
+            site,
+            tracks: Tracks::new(TRACK_POINTS, 0.5),
+            history: Thinned::new(HISTORY_POINTS, 1.0),
+            before: None,
+            after: None,
+            phases: Vec::new(),
+            events: Vec::new(),
+            more_events: 0,
+            pilot_times: 0,
+        }
+    }
+
+    /// Takes in a message.
+    pub fn take(&mut self, topic: &Topic, envelope: &Envelope) {
+        self.tracks.take(topic, envelope);
+        match (topic, &envelope.message) {
+            (Topic::Model, Message::Model(model)) => {
+                if self.before.is_none() {
+                    self.before = Some(model.clone());
+                }
+                if self.history.wants(envelope.time) {
+                    self.history
+                        .push(envelope.time, (envelope.time.s(), model.clone()));
+                }
+                self.after = Some(model.clone());
+            }
+            (Topic::Plan, Message::Plan(plan)) => {
+                let changed = self
+                    .phases
+                    .last()
+                    .is_none_or(|(_, phase)| *phase != plan.phase);
+                // A mission has few phases; one that flickers between two must not fill memory.
+                if changed && self.phases.len() < 100 {
+                    self.phases.push((envelope.time, plan.phase));
+                }
+            }
+            (Topic::Mode(_), Message::Mode(mode)) if !mode.setpoints_obeyed => {
+                self.pilot_times += 1;
+            }
+            (Topic::Event(agent), Message::Event(event)) if event.severity > Severity::Info => {
+                if self.events.len() < EVENTS {
+                    let at = words::duration(envelope.time.s());
+                    self.events.push(format!("{at}, {agent}: {}", event.text));
+                } else {
+                    self.more_events += 1;
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// The report as one self-contained HTML page.
+    pub fn html(&self, summary: &Summary) -> String {
+        let mut page = Document::new("Plumage mission report", &self.site.mission);
+        let expected = self.expected();
+        page.lead(&[lead(summary), words::peak(&summary.peak)]);
+        page.figures(&cards(summary));
+        self.mission(&mut page, summary);
+        self.map(&mut page, summary);
+        self.learned(&mut page, summary);
+        self.readings(&mut page, &expected);
+        self.peak(&mut page, summary);
+        self.remains(&mut page, summary, &expected);
+        repeat(&mut page, summary);
+        page.finish()
+    }
+
+    fn mission(&self, page: &mut Document, summary: &Summary) {
+        page.section("The mission");
+        let starts: Vec<String> = self
+            .phases
+            .iter()
+            .map(|(time, phase)| {
+                format!("{} from {}", phase_name(*phase), words::duration(time.s()))
+            })
+            .collect();
+        if !starts.is_empty() {
+            page.paragraph(&format!(
+                "The team went through these phases: {}.",
+                starts.join("; ")
+            ));
+        }
+        let rows: Vec<Vec<String>> = summary
+            .vehicles
+            .iter()
+            .map(|v| {
+                vec![
+                    v.id.clone(),
+                    kind_name(v.kind).to_owned(),
+                    number(v.distance_m / 1000.0, 1),
+                    number(v.peak_ppm.unwrap_or(f64::NAN), 0),
+                    v.peak_time_s
+                        .map_or_else(|| "–".to_owned(), words::duration),
+                    number(
+                        v.peak_alt_amsl_m.unwrap_or(f64::NAN) - self.site.frame.ground_amsl_m,
+                        0,
+                    ),
+                ]
+            })
+            .collect();
+        let head = [
+            "vehicle",
+            "kind",
+            "way, km",
+            "highest reading, ppm",
+            "read at",
+            "height AGL, m",
+        ];
+        let caption = "The vehicles and their highest single readings, sensor noise included.";
+        page.table(caption, &head, &rows);
+    }
+
+    fn map(&self, page: &mut Document, summary: &Summary) {
+        page.section("Where they flew");
+        let plot = figures::map(&self.site, &self.tracks, self.after.as_deref(), summary);
+        let reality = if self.site.reality.is_some() {
+            " Dashed lines: the stand-in's reality at the same height, which the team could not see."
+        } else {
+            ""
+        };
+        page.plot(
+            620,
+            plot,
+            &format!(
+                "Tracks coloured by the CO2 read on them, in km from the first stack's site. Blue: \
+                 the plume of the model as the mission left it, at the height of its axis, ppm \
+                 above background.{reality}"
+            ),
+        );
+    }
+
+    fn learned(&self, page: &mut Document, summary: &Summary) {
+        page.section("What the model learned");
+        let taken = self.after.as_ref().map_or(0, |m| m.observations);
+        page.paragraph(&format!(
+            "The world simulator took in {taken} readings of real vehicles and corrected its model \
+             of the plume as they came. The simulated vehicles flew in the corrected plume from \
+             then on."
+        ));
+        let model = &summary.model;
+        let rows: Vec<Vec<String>> = CORRECTED
+            .iter()
+            .map(|n| {
+                let (before, after) = ((n.of)(&model.before), (n.of)(&model.after));
+                let figure =
+                    |v: f64, sd: f64| format!("{} ± {}", number(v, n.digits), number(sd, n.digits));
+                let name = if n.unit.is_empty() {
+                    n.name.to_owned()
+                } else {
+                    format!("{}, {}", n.name, n.unit)
+                };
+                let mut row = vec![
+                    name,
+                    figure(before.value, before.sd),
+                    figure(after.value, after.sd),
+                ];
+                if let Some(reality) = &model.reality {
+                    let truth = (n.of)(reality).value;
+                    row.push(number(truth, n.digits));
+                    row.push(number(n.error(before.value, truth), n.digits));
+                    row.push(number(n.error(after.value, truth), n.digits));
+                }
+                row
+            })
+            .collect();
+        let mut head = vec!["", "before", "after"];
+        if model.reality.is_some() {
+            head.extend(["reality", "error before", "error after"]);
+        }
+        let caption = "The model's numbers with one standard deviation. Before: as the scenario \
+                       has them, ahead of the preliminary flight.";
+        page.table(caption, &head, &rows);
+        if self.history.items().len() > 1 {
+            let plot = figures::history(self.history.items(), model.reality.as_ref());
+            let caption = "The model's numbers along the mission with a band of two standard \
+                           deviations. Dashed: the stand-in's reality, where it is known.";
+            page.plot(430, plot, caption);
+        }
+    }
+
+    fn readings(&self, page: &mut Document, expected: &[Expected<'_>]) {
+        if expected.is_empty() {
+            return;
+        }
+        page.section("What was read and what was expected");
+        page.plot(
+            430,
+            figures::readings(expected),
+            "Above: CO2 as the real vehicles read it, and as the model expects it along their \
+             tracks before and after the mission. Below: reading minus expectation. The \
+             expectation is a mean field; gusts move the real plume about it, and the sensor's \
+             lag is not taken out here.",
+        );
+        let rows: Vec<Vec<String>> = expected
+            .iter()
+            .map(|e| {
+                let (before, after) = (e.rms(&e.before_ppm), e.rms(&e.after_ppm));
+                vec![
+                    e.id.to_owned(),
+                    e.read_ppm.len().to_string(),
+                    number(before, 1),
+                    number(after, 1),
+                ]
+            })
+            .collect();
+        let head = [
+            "vehicle",
+            "readings shown",
+            "rms before, ppm",
+            "rms after, ppm",
+        ];
+        let caption = "Root mean square of reading minus expectation along the tracks of real \
+                       vehicles. The model after the mission has seen these readings; this is a \
+                       measure of fit, not of skill elsewhere.";
+        page.table(caption, &head, &rows);
+    }
+
+    fn peak(&self, page: &mut Document, summary: &Summary) {
+        page.section("The peak");
+        page.paragraph(&words::peak(&summary.peak));
+        if let Some(found) = summary.peak.estimate {
+            let from = self.site.stacks.first();
+            let distance = from.map(|s| {
+                let stack = self.site.enu(s.lat_deg, s.lon_deg);
+                stack.distance_m(self.site.enu(found.lat_deg, found.lon_deg))
+            });
+            if let Some(distance) = distance {
+                page.paragraph(&format!(
+                    "It lies {distance:.0} m from the stack, where the keep-out cylinder ends at \
+                     {:.0} m: nearer the stack the axis is more concentrated still, and no vehicle \
+                     may fly there.",
+                    self.site.keep_out_radius_m
+                ));
+            }
+        }
+    }
+
+    fn remains(&self, page: &mut Document, summary: &Summary, expected: &[Expected<'_>]) {
+        page.section("What remains");
+        let mut items = Vec::new();
+        if let Some(reality) = &summary.model.reality {
+            items.extend(outside(&summary.model.after, reality));
+        }
+        for e in expected {
+            let rms = e.rms(&e.after_ppm);
+            items.push(format!(
+                "Vehicle {}: {rms:.1} ppm (rms) of its readings are not explained by the model's \
+                 mean field: turbulence, the sensor's noise and lag, and what the model lacks. \
+                 `plumage gap plume` on this mission's recording tells these apart.",
+                e.id
+            ));
+        }
+        if expected.is_empty() {
+            let text = "No real vehicle flew: nothing here has been compared with a measurement.";
+            items.push(text.to_owned());
+        }
+        if self.pilot_times > 0 {
+            items.push(
+                "Setpoints were not obeyed for a part of the mission: a pilot or the Guardian flew."
+                    .to_owned(),
+            );
+        }
+        if !self.events.is_empty() {
+            let more = match self.more_events {
+                0 => String::new(),
+                n => format!(" and {n} more, all in the recording"),
+            };
+            items.push(format!("Warnings: {}{more}.", self.events.join("; ")));
+        }
+        page.list(&items);
+    }
+
+    /// Readings of real vehicles beside what the model expects at their places.
+    fn expected(&self) -> Vec<Expected<'_>> {
+        let (Some(before), Some(after)) = (&self.before, &self.after) else {
+            return Vec::new();
+        };
+        let real = |(_, track): &(&String, &Track)| track.kind == VehicleKind::Real;
+        let tracks = self.tracks.by_vehicle().iter().filter(real);
+        tracks
+            .map(|(id, track)| {
+                let points = track.points.items();
+                let spots: Vec<Spot> = points
+                    .iter()
+                    .map(|p| Spot {
+                        at: self.site.enu(p.lat_deg, p.lon_deg),
+                        alt_amsl_m: p.alt_amsl_m,
+                    })
+                    .collect();
+                Expected {
+                    id,
+                    time_s: points.iter().map(|p| p.time_s).collect(),
+                    read_ppm: points.iter().map(|p| p.co2_ppm).collect(),
+                    before_ppm: (self.site.field)(before, &spots),
+                    after_ppm: (self.site.field)(after, &spots),
+                }
+            })
+            .collect()
+    }
+}
+
+impl Expected<'_> {
+    /// Root mean square of reading minus `expected_ppm`, ppm.
+    fn rms(&self, expected_ppm: &[f64]) -> f64 {
+        let squares = self
+            .read_ppm
+            .iter()
+            .zip(expected_ppm)
+            .map(|(r, e)| (r - e).powi(2));
+        (squares.sum::<f64>() / self.read_ppm.len() as f64).sqrt()
+    }
+}
+
+fn phase_name(phase: Phase) -> &'static str {
+    match phase {
+        Phase::TakeOff => "take-off",
+        Phase::Preliminary => "preliminary flight",
+        Phase::Search => "search",
+        Phase::Characterise => "characterisation",
+        Phase::Home => "way home",
+    }
+}
+
+fn kind_name(kind: VehicleKind) -> &'static str {
+    match kind {
+        VehicleKind::Simulated => "simulated",
+        VehicleKind::Real => "real",
+    }
+}
+
+fn lead(summary: &Summary) -> String {
+    let real = summary
+        .vehicles
+        .iter()
+        .filter(|v| v.kind == VehicleKind::Real)
+        .count();
+    let simulated = summary.vehicles.len() - real;
+    let mut text = format!(
+        "{simulated} simulated and {real} real vehicles searched for the highest concentration of \
+         a plume for {}.",
+        words::duration(summary.sim_s)
+    );
+    if let Some(reality) = &summary.model.reality {
+        let errors = CORRECTED.iter().take(3).map(|n| {
+            let truth = (n.of)(reality).value;
+            let error = |m: &ModelNumbers| n.error((n.of)(m).value, truth).abs();
+            format!(
+                "{} from {} to {} {}",
+                n.name,
+                number(error(&summary.model.before), n.digits),
+                number(error(&summary.model.after), n.digits),
+                n.unit
+            )
+        });
+        text += &format!(
+            " What the real ones measured brought the model's error against their reality down: {}.",
+            errors.collect::<Vec<_>>().join(", ")
+        );
+    }
+    text
+}
+
+fn cards(summary: &Summary) -> Vec<(String, &'static str, String)> {
+    let mut cards = Vec::new();
+    if let Some(peak) = summary.peak.estimate {
+        cards.push((number(peak.co2_ppm, 0), "ppm", "peak found".to_owned()));
+    }
+    if let Some(error_m) = summary.peak.error_m {
+        cards.push((number(error_m, 0), "m", "from the true peak".to_owned()));
+    }
+    for n in CORRECTED.iter().take(3) {
+        let after = (n.of)(&summary.model.after);
+        let label = format!("{} ± {}", n.name, number(after.sd, n.digits));
+        cards.push((number(after.value, n.digits), n.unit, label));
+    }
+    cards
+}
+
+/// Numbers of `after` that are further from `reality` than two standard deviations.
+fn outside(after: &ModelNumbers, reality: &ModelNumbers) -> Vec<String> {
+    CORRECTED
+        .iter()
+        .filter_map(|n| {
+            let (found, truth) = ((n.of)(after), (n.of)(reality));
+            let error = n.error(found.value, truth.value);
+            (error.abs() > 2.0 * found.sd).then(|| {
+                format!(
+                    "The {} is off by {} {}, more than twice the model's own standard deviation of \
+                     {}: the model is too sure of it.",
+                    n.name,
+                    number(error, n.digits),
+                    n.unit,
+                    number(found.sd, n.digits)
+                )
+            })
+        })
+        .collect()
+}
+
+fn repeat(page: &mut Document, summary: &Summary) {
+    page.section("To repeat this");
+    page.paragraph(&format!(
+        "Run the scenario.toml beside this report with seed {}: plumage run scenario.toml --seed {} \
+         --out again. The same program gives the same messages, with the digest {}. \
+         plumage replay mission.mcap --verify does so and compares.",
+        summary.seed, summary.seed, summary.digest
+    ));
+}

@@ -1,0 +1,284 @@
+//! The figures of a mission report, as data and layout for the plotting library.
+
+use super::Expected;
+use crate::site::{Area, Grid, Site};
+use air::geo::{Enu, wrap_signed_deg};
+use protocol::message::{Model, Peak, VehicleKind};
+use record::colour;
+use record::summary::{CORRECTED, ModelNumbers, Summary};
+use record::tracks::Tracks;
+use serde_json::{Value, json};
+
+/// Columns of the grid of a contour.
+const COLUMNS: usize = 110;
+/// Contour lines, ppm above background.
+const LEVELS_PPM: [f64; 6] = [10.0, 20.0, 50.0, 100.0, 200.0, 400.0];
+
+/// Rounds for a smaller file; what is not finite is null.
+pub(crate) fn rounded(value: f64, per_unit: f64) -> Value {
+    let value = (value * per_unit).round() / per_unit;
+    if value.is_finite() {
+        json!(value)
+    } else {
+        Value::Null
+    }
+}
+
+fn km(value_m: f64) -> Value {
+    rounded(value_m / 1000.0, 1e4)
+}
+
+/// The map of tracks with the plume of the model and of reality.
+pub(super) fn map(site: &Site, tracks: &Tracks, after: Option<&Model>, summary: &Summary) -> Value {
+    let mut area = site.area();
+    for track in tracks.by_vehicle().values() {
+        for p in track.points.items() {
+            area.include(site.enu(p.lat_deg, p.lon_deg));
+        }
+    }
+    let area = area.widened(150.0);
+    let mut data = Vec::new();
+    if let Some(model) = after {
+        data.extend(plumes(site, model, area));
+    }
+    data.extend(track_traces(site, tracks));
+    data.extend(surroundings(site));
+    let peak = |peak: &Peak, name: &str, symbol: &str, colour: &str| {
+        let at = site.enu(peak.lat_deg, peak.lon_deg);
+        json!({"type": "scatter", "mode": "markers", "name": name, "x": [km(at.east_m)],
+               "y": [km(at.north_m)], "marker": {"symbol": symbol, "size": 15, "color": colour,
+               "line": {"width": 2, "color": colour}},
+               "hovertemplate": format!("{name}: {:.0} ppm<extra></extra>", peak.co2_ppm)})
+    };
+    let found = summary.peak.estimate.as_ref();
+    data.extend(found.map(|p| peak(p, "peak found", "circle-open", "#d3131f")));
+    let truth = summary.peak.truth.as_ref();
+    data.extend(truth.map(|p| peak(p, "true peak", "cross-thin-open", "#16181d")));
+    json!({"data": data, "layout": {
+        "xaxis": {"title": {"text": "east, km"}, "range": [km(area.low.east_m), km(area.high.east_m)],
+                  "constrain": "domain"},
+        "yaxis": {"title": {"text": "north, km"}, "range": [km(area.low.north_m), km(area.high.north_m)],
+                  "scaleanchor": "x", "constrain": "domain"},
+    }})
+}
+
+fn plumes(site: &Site, model: &Model, area: Area) -> Vec<Value> {
+    let alt = site.axis_amsl_m(model);
+    let background = model.background_ppm.value;
+    let fields = [
+        Some(Grid::fill(area, COLUMNS, alt, |s| (site.field)(model, s))),
+        site.reality
+            .as_ref()
+            .map(|reality| Grid::fill(area, COLUMNS, alt, |s| reality(s))),
+    ];
+    let styles = [
+        ("model", "rgba(47,111,159,.9)", "solid"),
+        ("reality", "#3a3f48", "dash"),
+    ];
+    let mut traces = Vec::new();
+    for (grid, (name, colour, dash)) in fields.iter().zip(styles) {
+        let Some(grid) = grid else { continue };
+        let excess = |shown: fn(f64) -> f64| -> Vec<Vec<Value>> {
+            let cell = |p: &f64| rounded(shown((p - background).max(0.0)), 1e2);
+            grid.rows()
+                .map(|row| row.iter().map(cell).collect())
+                .collect()
+        };
+        let axis = |m: &[f64]| m.iter().map(|&v| km(v)).collect::<Vec<_>>();
+        let (x, y) = (axis(&grid.east_m), axis(&grid.north_m));
+        if name == "model" {
+            traces.push(
+                json!({"type": "heatmap", "x": x, "y": y, "z": excess(f64::sqrt),
+                "zsmooth": "best", "showscale": false, "hoverinfo": "skip", "zmin": 0,
+                "colorscale": [[0, "rgba(47,111,159,0)"], [1, "rgba(47,111,159,.55)"]]}),
+            );
+        }
+        // One trace a level: contour levels grow by a factor, which one trace cannot do.
+        for (i, level) in LEVELS_PPM.iter().enumerate() {
+            traces.push(
+                json!({"type": "contour", "x": x, "y": y, "z": excess(|p| p),
+                "name": name, "legendgroup": name, "showlegend": i == 0, "showscale": false,
+                "hoverinfo": "skip", "autocontour": false,
+                "contours": {"start": level, "end": level, "size": 1, "coloring": "none",
+                             "showlabels": true, "labelfont": {"size": 10, "color": colour}},
+                "line": {"color": colour, "width": 1.1, "dash": dash}}),
+            );
+        }
+    }
+    traces
+}
+
+fn track_traces(site: &Site, tracks: &Tracks) -> Vec<Value> {
+    let scale: Vec<Value> = colour::stops()
+        .into_iter()
+        .map(|(at, c)| json!([at, c]))
+        .collect();
+    tracks
+        .by_vehicle()
+        .iter()
+        .enumerate()
+        .map(|(i, (id, track))| {
+            let points = track.points.items();
+            let places: Vec<Enu> = points.iter().map(|p| site.enu(p.lat_deg, p.lon_deg)).collect();
+            let real = track.kind == VehicleKind::Real;
+            json!({"type": "scatter", "mode": "markers",
+                "name": if real { format!("vehicle {id}, real") } else { format!("vehicle {id}") },
+                "x": places.iter().map(|p| km(p.east_m)).collect::<Vec<_>>(),
+                "y": places.iter().map(|p| km(p.north_m)).collect::<Vec<_>>(),
+                "text": points.iter().map(|p| format!("{:.0} s, {:.0} m AMSL", p.time_s, p.alt_amsl_m))
+                    .collect::<Vec<_>>(),
+                "hovertemplate": format!("vehicle {id}, %{{text}}<br>%{{marker.color:.0f}} ppm<extra></extra>"),
+                "marker": {"size": if real { 5.5 } else { 3.5 }, "symbol": if real { "diamond" } else { "circle" },
+                    "color": points.iter().map(|p| rounded(p.co2_ppm, 10.0)).collect::<Vec<_>>(),
+                    "colorscale": scale, "cmin": colour::GREY_PPM, "cmax": colour::RED_PPM,
+                    "showscale": i == 0,
+                    "colorbar": {"title": {"text": "ppm"}, "thickness": 12, "len": 0.6}}})
+        })
+        .collect()
+}
+
+fn surroundings(site: &Site) -> Vec<Value> {
+    let mut traces = Vec::new();
+    for stack in &site.stacks {
+        let at = site.enu(stack.lat_deg, stack.lon_deg);
+        let circle: Vec<Enu> = (0..=72)
+            .map(|i| at.displaced(5.0 * f64::from(i), site.keep_out_radius_m))
+            .collect();
+        traces.push(outline(&circle, "keep-out cylinder", "dot"));
+        traces.push(
+            json!({"type": "scatter", "mode": "markers+text", "x": [km(at.east_m)],
+            "y": [km(at.north_m)], "text": [stack.name], "textposition": "middle right",
+            "showlegend": false, "hoverinfo": "skip",
+            "marker": {"symbol": "square", "size": 8, "color": "#16181d"}}),
+        );
+    }
+    if site.fence.len() > 2 {
+        let corners = site.fence.iter().chain(site.fence.first());
+        let fence: Vec<Enu> = corners.map(|&(lat, lon)| site.enu(lat, lon)).collect();
+        traces.push(outline(&fence, "fence", "dash"));
+    }
+    traces
+}
+
+fn outline(points: &[Enu], name: &str, dash: &str) -> Value {
+    json!({"type": "scatter", "mode": "lines", "name": name, "hoverinfo": "skip",
+        "x": points.iter().map(|p| km(p.east_m)).collect::<Vec<_>>(),
+        "y": points.iter().map(|p| km(p.north_m)).collect::<Vec<_>>(),
+        "line": {"color": "#8c94a1", "width": 1.3, "dash": dash}})
+}
+
+/// The model's numbers along the mission: two rows of three panels.
+pub(super) fn history(history: &[(f64, Box<Model>)], reality: Option<&ModelNumbers>) -> Value {
+    let minutes: Vec<Value> = history
+        .iter()
+        .map(|(t, _)| rounded(t / 60.0, 1e3))
+        .collect();
+    let numbers: Vec<ModelNumbers> = history.iter().map(|(_, m)| m.as_ref().into()).collect();
+    let mut data = Vec::new();
+    let mut layout = json!({"showlegend": false, "annotations": [], "margin": {"t": 30}});
+    let mut titles = Vec::new();
+    for (i, n) in CORRECTED.iter().enumerate() {
+        let (column, row) = (i % 3, i / 3);
+        let suffix = if i == 0 {
+            String::new()
+        } else {
+            (i + 1).to_string()
+        };
+        let (xaxis, yaxis) = (format!("x{suffix}"), format!("y{suffix}"));
+        let left = column as f64 * 0.36;
+        let foot = if row == 0 { 0.58 } else { 0.0 };
+        let title = if row == 1 { "min" } else { "" };
+        layout[format!("xaxis{suffix}")] =
+            json!({"domain": [left, left + 0.28], "anchor": yaxis, "title": {"text": title}});
+        layout[format!("yaxis{suffix}")] = json!({"domain": [foot, foot + 0.42], "anchor": xaxis});
+        titles.push(panel_title(n.name, n.unit, left, foot + 0.42));
+        // An angle is drawn around the last one, so that north is no cliff.
+        let last = numbers.last().map_or(0.0, |m| (n.of)(m).value);
+        let turned = |v: f64| {
+            if n.unit == "°" {
+                last + wrap_signed_deg(v - last)
+            } else {
+                v
+            }
+        };
+        let values: Vec<f64> = numbers.iter().map(|m| turned((n.of)(m).value)).collect();
+        let spread: Vec<f64> = numbers.iter().map(|m| 2.0 * (n.of)(m).sd).collect();
+        let line = |sign: f64| -> Vec<Value> {
+            let pairs = values.iter().zip(&spread);
+            pairs.map(|(v, s)| rounded(v + sign * s, 1e3)).collect()
+        };
+        let trace = |y: Vec<Value>, style: Value| {
+            let mut trace = json!({"type": "scatter", "mode": "lines", "x": minutes, "y": y,
+                                   "xaxis": xaxis, "yaxis": yaxis});
+            if let (Some(into), Value::Object(from)) = (trace.as_object_mut(), style) {
+                into.extend(from);
+            }
+            trace
+        };
+        data.push(trace(
+            line(-1.0),
+            json!({"line": {"width": 0}, "hoverinfo": "skip"}),
+        ));
+        let band = json!({"line": {"width": 0}, "hoverinfo": "skip", "fill": "tonexty",
+                          "fillcolor": "rgba(47,111,159,.18)"});
+        data.push(trace(line(1.0), band));
+        data.push(trace(
+            line(0.0),
+            json!({"line": {"width": 2, "color": "#2f6f9f"}}),
+        ));
+        if let Some(reality) = reality {
+            let truth = vec![rounded(turned((n.of)(reality).value), 1e3); minutes.len()];
+            let dashed = json!({"line": {"width": 1.5, "color": "#3a3f48", "dash": "dash"}});
+            data.push(trace(truth, dashed));
+        }
+    }
+    layout["annotations"] = json!(titles);
+    json!({"data": data, "layout": layout})
+}
+
+/// The title of a panel, above its left corner, in the figure's own coordinates.
+pub(crate) fn panel_title(name: &str, unit: &str, x: f64, y: f64) -> Value {
+    let text = if unit.is_empty() {
+        format!("<b>{name}</b>")
+    } else {
+        format!("<b>{name}</b>, {unit}")
+    };
+    json!({"text": text, "x": x, "y": y, "xref": "paper", "yref": "paper", "showarrow": false,
+           "xanchor": "left", "yanchor": "bottom", "yshift": 3})
+}
+
+/// Readings of real vehicles with what was expected, and the difference.
+pub(super) fn readings(expected: &[Expected<'_>]) -> Value {
+    let mut data = Vec::new();
+    for (i, e) in expected.iter().enumerate() {
+        let minutes: Vec<Value> = e.time_s.iter().map(|t| rounded(t / 60.0, 1e3)).collect();
+        let ppm = |v: &[f64]| v.iter().map(|&p| rounded(p, 10.0)).collect::<Vec<_>>();
+        let rest = |of: &[f64]| -> Vec<Value> {
+            e.read_ppm
+                .iter()
+                .zip(of)
+                .map(|(r, x)| rounded(r - x, 10.0))
+                .collect()
+        };
+        let mut line = |name: &str, y: Vec<Value>, axis: &str, colour: &str, width: f64| {
+            data.push(
+                json!({"type": "scatter", "mode": "lines", "x": minutes, "y": y,
+                "name": format!("{name}, vehicle {}", e.id), "yaxis": axis,
+                "legendgroup": name, "showlegend": axis == "y",
+                // Several real vehicles would hide one another: the others wait in the legend.
+                "visible": if i == 0 { json!(true) } else { json!("legendonly") },
+                "line": {"color": colour, "width": width}}),
+            );
+        };
+        line("read", ppm(&e.read_ppm), "y", "#d3131f", 1.4);
+        line("expected before", ppm(&e.before_ppm), "y", "#a7b0bd", 1.4);
+        line("expected after", ppm(&e.after_ppm), "y", "#2f6f9f", 1.6);
+        line("expected before", rest(&e.before_ppm), "y2", "#a7b0bd", 1.2);
+        line("expected after", rest(&e.after_ppm), "y2", "#2f6f9f", 1.4);
+    }
+    json!({"data": data, "layout": {
+        "xaxis": {"title": {"text": "min"}, "anchor": "y2"},
+        "yaxis": {"title": {"text": "CO2, ppm"}, "domain": [0.42, 1.0]},
+        "yaxis2": {"title": {"text": "rest, ppm"}, "domain": [0.0, 0.34]},
+    }})
+}

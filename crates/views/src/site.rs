@@ -1,0 +1,217 @@
+//! The site on the map, and the plume on a grid of it.
+
+use air::geo::{Enu, Geodetic, LocalFrame};
+use protocol::message::{Model, Peak};
+use record::kml::Stack;
+use serde_json::{Value, json};
+use std::sync::Arc;
+
+/// A place at which a plume is asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spot {
+    /// Metres east and north of the site's origin.
+    pub at: Enu,
+    /// Altitude, m above mean sea level.
+    pub alt_amsl_m: f64,
+}
+
+/// Mean CO2 in ppm, background included, that a model has at some spots; one value a spot.
+pub type ModelField = Arc<dyn Fn(&Model, &[Spot]) -> Vec<f64> + Send + Sync>;
+/// Mean CO2 in ppm, background included, of the stand-in's reality at some spots.
+pub type RealityField = Arc<dyn Fn(&[Spot]) -> Vec<f64> + Send + Sync>;
+
+/// What stands on the map whatever the mission does.
+#[derive(Clone)]
+pub struct Site {
+    /// Name of the mission.
+    pub mission: String,
+    /// Planned length of the mission, s.
+    pub duration_s: f64,
+    /// The site's frame.
+    pub frame: LocalFrame,
+    /// The stacks.
+    pub stacks: Vec<Stack>,
+    /// Corners of the fence, latitude and longitude in degrees; none for no fence.
+    pub fence: Vec<(f64, f64)>,
+    /// Radius around each stack into which no vehicle flies, m.
+    pub keep_out_radius_m: f64,
+    /// The plume of a model, for contours and predictions.
+    pub field: ModelField,
+    /// The stand-in's reality, where it is known: for the report, never for the page.
+    pub reality: Option<RealityField>,
+    /// The stand-in's true peak, where it is known.
+    pub true_peak: Option<Peak>,
+}
+
+/// A rectangle of the map, metres east and north.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Area {
+    pub(crate) low: Enu,
+    pub(crate) high: Enu,
+}
+
+impl Area {
+    fn empty() -> Self {
+        let at = |m: f64| Enu {
+            east_m: m,
+            north_m: m,
+        };
+        Self {
+            low: at(f64::INFINITY),
+            high: at(f64::NEG_INFINITY),
+        }
+    }
+
+    pub(crate) fn include(&mut self, at: Enu) {
+        self.low.east_m = self.low.east_m.min(at.east_m);
+        self.low.north_m = self.low.north_m.min(at.north_m);
+        self.high.east_m = self.high.east_m.max(at.east_m);
+        self.high.north_m = self.high.north_m.max(at.north_m);
+    }
+
+    pub(crate) fn widened(mut self, by_m: f64) -> Self {
+        self.low = Enu {
+            east_m: self.low.east_m - by_m,
+            north_m: self.low.north_m - by_m,
+        };
+        self.high = Enu {
+            east_m: self.high.east_m + by_m,
+            north_m: self.high.north_m + by_m,
+        };
+        self
+    }
+}
+
+/// A level grid of concentrations.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Grid {
+    pub(crate) east_m: Vec<f64>,
+    pub(crate) north_m: Vec<f64>,
+    pub(crate) alt_amsl_m: f64,
+    /// Row by row from south, west to east in a row, ppm.
+    pub(crate) ppm: Vec<f64>,
+}
+
+impl Grid {
+    /// A grid of `columns` by about as many rows at `alt_amsl_m` over `area`, filled by `field`.
+    pub(crate) fn fill(
+        area: Area,
+        columns: usize,
+        alt_amsl_m: f64,
+        field: impl FnOnce(&[Spot]) -> Vec<f64>,
+    ) -> Self {
+        let axis = |low: f64, high: f64, step: f64| -> Vec<f64> {
+            let n = ((high - low) / step).round().clamp(1.0, 400.0) as usize;
+            (0..=n).map(|i| low + step * i as f64).collect()
+        };
+        let width = (area.high.east_m - area.low.east_m).max(100.0);
+        let step = width / columns.max(2) as f64;
+        let east_m = axis(area.low.east_m, area.high.east_m, step);
+        let north_m = axis(area.low.north_m, area.high.north_m, step);
+        let spots: Vec<Spot> = north_m
+            .iter()
+            .flat_map(|&north_m| {
+                east_m.iter().map(move |&east_m| Spot {
+                    at: Enu { east_m, north_m },
+                    alt_amsl_m,
+                })
+            })
+            .collect();
+        let ppm = field(&spots);
+        Self {
+            east_m,
+            north_m,
+            alt_amsl_m,
+            ppm,
+        }
+    }
+
+    /// Rows of the grid, from south.
+    pub(crate) fn rows(&self) -> impl Iterator<Item = &[f64]> {
+        self.ppm.chunks(self.east_m.len().max(1))
+    }
+}
+
+impl Site {
+    /// Metres east and north of a place.
+    pub(crate) fn enu(&self, lat_deg: f64, lon_deg: f64) -> Enu {
+        self.frame.to_enu(Geodetic { lat_deg, lon_deg })
+    }
+
+    /// The area of the stacks, the fence and the keep-out cylinders.
+    pub(crate) fn area(&self) -> Area {
+        let mut area = Area::empty();
+        let radius = self.keep_out_radius_m.max(200.0);
+        for stack in &self.stacks {
+            let at = self.enu(stack.lat_deg, stack.lon_deg);
+            for bearing in [0.0, 90.0, 180.0, 270.0] {
+                area.include(at.displaced(bearing, radius));
+            }
+        }
+        for &(lat, lon) in &self.fence {
+            area.include(self.enu(lat, lon));
+        }
+        if self.stacks.is_empty() && self.fence.is_empty() {
+            area.include(Enu::default());
+            area = area.widened(2000.0);
+        }
+        area
+    }
+
+    /// Altitude of the model's axis at the first source, m above mean sea level.
+    pub(crate) fn axis_amsl_m(&self, model: &Model) -> f64 {
+        self.frame.ground_amsl_m + model.effective_height_agl_m.value
+    }
+
+    /// What the page's script needs once.
+    pub(crate) fn json(&self) -> Value {
+        let area = self.area();
+        json!({
+            "mission": self.mission,
+            "duration_s": self.duration_s,
+            "ground_amsl_m": self.frame.ground_amsl_m,
+            "keep_out_radius_m": self.keep_out_radius_m,
+            "stacks": self.stacks.iter().map(|s| {
+                let at = self.enu(s.lat_deg, s.lon_deg);
+                json!({"name": s.name, "e": at.east_m, "n": at.north_m})
+            }).collect::<Vec<_>>(),
+            "fence": self.fence.iter().map(|&(lat, lon)| {
+                let at = self.enu(lat, lon);
+                [at.east_m, at.north_m]
+            }).collect::<Vec<_>>(),
+            "area": [area.low.east_m, area.low.north_m, area.high.east_m, area.high.north_m],
+            "colours": record::colour::stops(),
+            "grey_ppm": record::colour::GREY_PPM,
+            "red_ppm": record::colour::RED_PPM,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_grid_covers_its_area_row_by_row_from_south() {
+        let area = Area {
+            low: Enu {
+                east_m: -100.0,
+                north_m: 0.0,
+            },
+            high: Enu {
+                east_m: 300.0,
+                north_m: 200.0,
+            },
+        };
+        let grid = Grid::fill(area, 4, 800.0, |spots| {
+            spots
+                .iter()
+                .map(|s| s.at.east_m + 1000.0 * s.at.north_m)
+                .collect()
+        });
+        assert_eq!(grid.east_m, [-100.0, 0.0, 100.0, 200.0, 300.0]);
+        assert_eq!(grid.north_m, [0.0, 100.0, 200.0]);
+        let rows: Vec<&[f64]> = grid.rows().collect();
+        assert_eq!(rows[1][2], 100.0 + 1000.0 * 100.0);
+    }
+}

@@ -2,12 +2,14 @@
 //! extend the model, and what that gains; or that the data do not tell.
 //!
 //! - [`plume`]: concentrations along tracks against the plume model;
+//! - [`tracer`]: fixed samplers over many trials of a tracer experiment;
 //! - [`verdict`]: the answer, as `gap.json` has it.
 //!
 //! Pure: no clock, file, socket, environment or global random number; seeds are arguments, and
 //! results do not depend on the number of threads.
 
 pub mod plume;
+pub mod tracer;
 pub mod verdict;
 
 /// What this crate refuses: what, where, and what would be right.

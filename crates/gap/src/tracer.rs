@@ -104,8 +104,10 @@ pub fn analyse(
     let lateral_models = LateralModel::all();
     let mut answers = Vec::new();
     for (k, (name, sign)) in GROUPS.into_iter().enumerate() {
-        let chosen: Vec<&TrialArcs> =
-            trials.iter().filter(|t| t.weather.obukhov_length_m * sign > 0.0).collect();
+        let chosen: Vec<&TrialArcs> = trials
+            .iter()
+            .filter(|t| t.weather.obukhov_length_m * sign > 0.0)
+            .collect();
         if chosen.len() < LEAST_TRIALS {
             notices.push(format!(
                 "{} trials in {name} air are too few for a fit (at least {LEAST_TRIALS})",
@@ -121,11 +123,19 @@ pub fn analyse(
         let findings = match (judge(&vertical, name), judge(&lateral, name)) {
             (Some(a), Some(b)) => [a, b],
             _ => {
-                notices.push(format!("{name} air: Briggs' spread cannot be fitted to these arcs"));
+                notices.push(format!(
+                    "{name} air: Briggs' spread cannot be fitted to these arcs"
+                ));
                 continue;
             }
         };
-        answers.push(Answer { name, group, vertical, lateral, findings });
+        answers.push(Answer {
+            name,
+            group,
+            vertical,
+            lateral,
+            findings,
+        });
     }
     if answers.is_empty() {
         return Err(GapError::Data {
@@ -157,10 +167,15 @@ fn gap_json(
     gain: crate::verdict::Gain,
     notices: Vec<String>,
 ) -> GapJson {
-    let mut causes: Vec<Cause> =
-        answers.iter().flat_map(|a| a.findings.iter()).filter_map(|f| f.cause.clone()).collect();
+    let mut causes: Vec<Cause> = answers
+        .iter()
+        .flat_map(|a| a.findings.iter())
+        .flat_map(|f| f.causes.clone())
+        .collect();
     causes.sort_by(|a, b| {
-        b.evidence.delta_log_evidence.total_cmp(&a.evidence.delta_log_evidence)
+        b.evidence
+            .delta_log_evidence
+            .total_cmp(&a.evidence.delta_log_evidence)
     });
     let verdict = if causes.is_empty() {
         Verdict::None
@@ -180,7 +195,11 @@ fn gap_json(
         residual: residual(arcs),
         gain: Some(gain),
         detectable: answers.iter().flat_map(detectable).collect(),
-        next_flight: if verdict == Verdict::Ambiguous { next(&causes) } else { None },
+        next_flight: if verdict == Verdict::Ambiguous {
+            next(&causes)
+        } else {
+            None
+        },
         base: Vec::new(),
         unexplained: None,
         data_quality,
@@ -259,10 +278,12 @@ fn detectable(answer: &Answer<'_>) -> Vec<Detectable> {
     let single = answer.vertical.iter().filter(|s| s.1.ids.len() == 1);
     single
         .flat_map(|s| {
-            findings::parameters(&s.1.ids, &s.1.fit).into_iter().filter(|p| {
-                // Gain = (effect / sd)² / 2.
-                p.mechanism == s.1.ids[0] && p.sd > 0.0
-            })
+            findings::parameters(&s.1.ids, &s.1.fit)
+                .into_iter()
+                .filter(|p| {
+                    // Gain = (effect / sd)² / 2.
+                    p.mechanism == s.1.ids[0] && p.sd > 0.0
+                })
         })
         .map(|p| Detectable {
             value: (2.0 * VISIBLE_NATS).sqrt() * p.sd,
@@ -276,7 +297,10 @@ fn detectable(answer: &Answer<'_>) -> Vec<Detectable> {
 /// What would tell the rivals of a set apart: towers where the arcs are.
 fn next(causes: &[Cause]) -> Option<NextFlight> {
     let cause = causes.iter().find(|c| c.mechanisms.len() > 1)?;
-    let vertical = cause.mechanisms.iter().any(|m| m.starts_with("sigma-z") || m == "dry-deposition");
+    let vertical = cause
+        .mechanisms
+        .iter()
+        .any(|m| m.starts_with("sigma-z") || m == "dry-deposition");
     let description = if vertical {
         "samplers on towers at the farthest arcs: spread changes the profile there, a loss at the \
          ground only its lowest part and its sum; or a tracer that the ground does not take up"

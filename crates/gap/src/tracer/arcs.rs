@@ -30,6 +30,9 @@ pub struct Weather {
     pub sigma_azimuth_rad: Option<f64>,
     /// Class from Obukhov length and roughness.
     pub class: Stability,
+    /// Place between the classes by 1/L: 0 for the middle of A to 5 for that of F, half-way at
+    /// their limits.
+    pub class_position: f64,
 }
 
 /// One arc of one trial.
@@ -97,9 +100,15 @@ pub fn trials(tables: &Tables) -> (Vec<TrialArcs>, Vec<String>) {
         };
         let arcs = arcs(&trial.trial, rows, &mut notices);
         let factor = middle_factor(rows);
-        let tower_spread_m = towers.get(&trial.trial).and_then(|t| tower_spread(t, factor));
+        let tower_spread_m = towers
+            .get(&trial.trial)
+            .and_then(|t| tower_spread(t, factor));
         if !arcs.is_empty() {
-            out.push(TrialArcs { weather, arcs, tower_spread_m });
+            out.push(TrialArcs {
+                weather,
+                arcs,
+                tower_spread_m,
+            });
         }
     }
     if !without.is_empty() {
@@ -126,7 +135,38 @@ fn weather(trial: &Trial) -> Option<Weather> {
         mixing_height_m: trial.mixing_height_m,
         sigma_azimuth_rad: trial.sigma_azimuth_deg.map(f64::to_radians),
         class: Stability::from_obukhov(obukhov_length_m, roughness_m),
+        class_position: class_position(obukhov_length_m, roughness_m),
     })
+}
+
+/// The limits of 1/L, 1/m, between A and B, B and C and so on to E and F, by bisection on the
+/// classification itself.
+pub fn class_limits_per_m(roughness_m: f64) -> [f64; 5] {
+    let mut limits = [0.0; 5];
+    for (limit, next) in limits.iter_mut().zip(&Stability::ALL[1..]) {
+        let (mut low, mut high) = (-1.0, 1.0);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if Stability::from_obukhov(1.0 / middle, roughness_m) < *next {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        *limit = 0.5 * (low + high);
+    }
+    limits
+}
+
+fn class_position(obukhov_length_m: f64, roughness_m: f64) -> f64 {
+    let limits = class_limits_per_m(roughness_m);
+    let inverse = 1.0 / obukhov_length_m;
+    // The pair of limits about 1/L, or the nearest pair beyond the ends.
+    let upper = limits
+        .partition_point(|l| *l < inverse)
+        .clamp(1, limits.len() - 1);
+    let (a, b) = (limits[upper - 1], limits[upper]);
+    (upper as f64 - 0.5 + (inverse - a) / (b - a)).clamp(0.0, 5.0)
 }
 
 /// Median of the plausible sampling corrections of a trial; 1 where none is known.
@@ -146,7 +186,9 @@ fn arcs(trial: &str, rows: &[Receptor], notices: &mut Vec<String>) -> Vec<Arc> {
     // (distance, azimuth, height, corrected concentration)
     let mut points: Vec<[f64; 4]> = Vec::new();
     for row in rows {
-        let Some(concentration) = row.concentration_mg_m3 else { continue };
+        let Some(concentration) = row.concentration_mg_m3 else {
+            continue;
+        };
         let factor = match row.evaporation_factor {
             Some(f) if f >= LEAST_CORRECTION => f,
             Some(_) => {
@@ -188,14 +230,19 @@ fn arc(points: &[[f64; 4]]) -> Option<Arc> {
     let distance_m = points.iter().map(|p| p[0]).sum::<f64>() / count;
     let height_m = points.iter().map(|p| p[2]).sum::<f64>() / count;
     // Azimuths about the plume's own direction, so that an arc may cross north.
-    let (sin, cos) = points
-        .iter()
-        .fold((0.0, 0.0), |s, p| (s.0 + p[3] * p[1].sin(), s.1 + p[3] * p[1].cos()));
+    let (sin, cos) = points.iter().fold((0.0, 0.0), |s, p| {
+        (s.0 + p[3] * p[1].sin(), s.1 + p[3] * p[1].cos())
+    });
     let middle = sin.atan2(cos);
     let wrap = |a: f64| (a + 3.0 * std::f64::consts::PI).rem_euclid(std::f64::consts::TAU);
     let mut across: Vec<(f64, f64)> = points
         .iter()
-        .map(|p| (distance_m * (wrap(p[1] - middle) - std::f64::consts::PI), p[3]))
+        .map(|p| {
+            (
+                distance_m * (wrap(p[1] - middle) - std::f64::consts::PI),
+                p[3],
+            )
+        })
         .collect();
     across.sort_by(|a, b| a.0.total_cmp(&b.0));
     let max_mg_m3 = across.iter().map(|p| p.1).fold(0.0, f64::max);
@@ -205,7 +252,10 @@ fn arc(points: &[[f64; 4]]) -> Option<Arc> {
     // Trapezoids for the moments of the distribution across.
     let moment = |power: i32, about: f64| -> f64 {
         let f = |p: &(f64, f64)| p.1 * (p.0 - about).powi(power);
-        across.windows(2).map(|w| 0.5 * (f(&w[0]) + f(&w[1])) * (w[1].0 - w[0].0)).sum()
+        across
+            .windows(2)
+            .map(|w| 0.5 * (f(&w[0]) + f(&w[1])) * (w[1].0 - w[0].0))
+            .sum()
     };
     let integrated_mg_m2 = moment(0, 0.0);
     let mean = moment(1, 0.0) / integrated_mg_m2;
@@ -217,7 +267,15 @@ fn arc(points: &[[f64; 4]]) -> Option<Arc> {
         && ends < CUT_OFF * max_mg_m3
         && inside >= LEAST_INSIDE;
     let samplers = across.len();
-    Some(Arc { distance_m, height_m, samplers, max_mg_m3, integrated_mg_m2, width_m, whole })
+    Some(Arc {
+        distance_m,
+        height_m,
+        samplers,
+        max_mg_m3,
+        integrated_mg_m2,
+        width_m,
+        whole,
+    })
 }
 
 /// σ_z of a plume from the ground at towers, from the second moment of the profile summed over
@@ -227,10 +285,15 @@ fn tower_spread(rows: &[Receptor], factor: f64) -> Option<(f64, f64)> {
     let mut levels: Vec<(f64, f64, usize)> = Vec::new();
     let mut distance = 0.0;
     for row in rows {
-        let Some(concentration) = row.concentration_mg_m3 else { continue };
+        let Some(concentration) = row.concentration_mg_m3 else {
+            continue;
+        };
         distance += row.east_m.hypot(row.north_m) / rows.len() as f64;
         let c = concentration * factor;
-        match levels.iter_mut().find(|l| (l.0 - row.height_agl_m).abs() < 0.01) {
+        match levels
+            .iter_mut()
+            .find(|l| (l.0 - row.height_agl_m).abs() < 0.01)
+        {
             Some(level) => {
                 level.1 += c;
                 level.2 += 1;
@@ -253,4 +316,52 @@ fn tower_spread(rows: &[Receptor], factor: f64) -> Option<(f64, f64)> {
         sums.1 += 0.5 * (w[0].1 * w[0].0.powi(2) + w[1].1 * w[1].0.powi(2)) * step;
     }
     Some((distance, (sums.1 / sums.0).sqrt()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_between_classes_agree_with_the_classes() {
+        for inverse in [-0.2, -0.1, -0.05, -0.01, 0.001, 0.01, 0.03, 0.06, 0.1, 0.3] {
+            let position = class_position(1.0 / inverse, 0.006);
+            let class = Stability::from_obukhov(1.0 / inverse, 0.006);
+            assert_eq!(
+                position.round() as usize,
+                class.index(),
+                "{inverse}: {position}"
+            );
+        }
+        assert!((class_position(1e6, 0.006) - 3.0).abs() < 0.03);
+    }
+
+    fn fan(c: impl Fn(f64) -> f64) -> Vec<[f64; 4]> {
+        // Samplers every 2 degrees from 290 to 70 degrees, crossing north, at 100 m.
+        (-35..=35)
+            .map(|k| {
+                let azimuth = (2.0 * f64::from(k)).to_radians();
+                [100.0, azimuth, 1.5, c(100.0 * azimuth)]
+            })
+            .collect()
+    }
+
+    // A normal distribution across with σ 15 m and peak 3: integral 3·15·√2π = 112.80.
+    #[test]
+    fn moments_of_a_normal_distribution() {
+        let arc = arc(&fan(|y| 3.0 * (-0.5 * ((y - 10.0) / 15.0).powi(2)).exp())).unwrap();
+        assert!(
+            (arc.integrated_mg_m2 / 112.80 - 1.0).abs() < 1e-3,
+            "{arc:?}"
+        );
+        assert!((arc.width_m / 15.0 - 1.0).abs() < 1e-3 && arc.whole);
+        assert!((arc.max_mg_m3 - 3.0).abs() < 0.05);
+    }
+
+    #[test]
+    fn a_plume_at_the_end_of_the_arc_is_cut_off() {
+        let arc = arc(&fan(|y| (-0.5 * ((y - 120.0) / 15.0).powi(2)).exp())).unwrap();
+        assert!(!arc.whole);
+        assert_eq!(super::arc(&fan(|_| 0.0)), None);
+    }
 }

@@ -5,6 +5,7 @@ use serde::Serialize;
 use plume::stability::Stability;
 
 use super::Answer;
+use super::arcs::class_limits_per_m;
 use super::findings::TriedModel;
 use super::ladder::{LateralModel, VerticalModel};
 use super::model;
@@ -70,25 +71,19 @@ pub struct ArcDetail {
     pub held_out_width_m: f64,
 }
 
-/// Limits of 1/L by bisection on the classification itself.
 pub(super) fn class_limits(roughness_m: f64) -> Vec<ClassLimit> {
-    let class = |inverse: f64| Stability::from_obukhov(1.0 / inverse, roughness_m);
-    let mut limits = Vec::new();
-    for next in &Stability::ALL[1..] {
-        let (mut low, mut high) = (-1.0, 1.0);
-        for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if class(middle) < *next { low = middle } else { high = middle }
-        }
-        limits.push(0.5 * (low + high));
-    }
+    let limits = class_limits_per_m(roughness_m);
     let at = |i: usize| limits.get(i).copied().unwrap_or(f64::NAN);
     Stability::ALL
         .iter()
         .map(|c| {
             let i = c.index();
             let from_per_m = if i == 0 { f64::NAN } else { at(i - 1) };
-            ClassLimit { class: c.letter(), from_per_m, to_per_m: at(i) }
+            ClassLimit {
+                class: c.letter(),
+                from_per_m,
+                to_per_m: at(i),
+            }
         })
         .collect()
 }
@@ -96,7 +91,12 @@ pub(super) fn class_limits(roughness_m: f64) -> Vec<ClassLimit> {
 pub(super) fn group(answer: &Answer<'_>) -> GroupDetail {
     GroupDetail {
         group: answer.name.to_owned(),
-        trials: answer.group.trials.iter().map(|t| t.weather.trial.clone()).collect(),
+        trials: answer
+            .group
+            .trials
+            .iter()
+            .map(|t| t.weather.trial.clone())
+            .collect(),
         vertical: answer.findings[0].tried.clone(),
         lateral: answer.findings[1].tried.clone(),
     }
@@ -188,23 +188,42 @@ pub(super) fn summary(answers: &[Answer<'_>], gain: &Gain) -> String {
 }
 
 fn vertical_words(answer: &Answer<'_>) -> String {
-    let Some(cause) = &answer.findings[0].cause else {
+    let Some(cause) = answer.findings[0].causes.first() else {
         return "Briggs' vertical spread and the measured wind do".into();
     };
     let best = &answer.findings[0].tried[0];
     let mut words = String::new();
     if let Some(p) = cause.parameters.iter().find(|p| p.name == "exponent") {
-        let sense = if p.value > 0.0 { "faster" } else { "more slowly" };
+        let sense = if p.value > 0.0 {
+            "faster"
+        } else {
+            "more slowly"
+        };
         words.push_str(&format!(
             "vertical spread grows {sense} with distance than Briggs says (exponent {:+.2} ± {:.2})",
             p.value, p.sd
         ));
     } else {
-        words.push_str(&format!("the vertical misfit is put down to {}", cause.mechanisms[0]));
+        words.push_str(&format!(
+            "the vertical misfit is put down to {}",
+            cause.mechanisms[0]
+        ));
     }
     if cause.mechanisms.len() > 1 {
         let set = cause.mechanisms.join(", ");
-        words.push_str(&format!(", in a set that these data cannot tell apart: {set}"));
+        words.push_str(&format!(
+            ", in a set that these data cannot tell apart: {set}"
+        ));
+    }
+    if best
+        .mechanisms
+        .iter()
+        .any(|m| m == "spread-by-obukhov-length")
+    {
+        words.push_str(", once the spread lies between the classes' curves by 1/L");
+    }
+    if best.mechanisms.iter().any(|m| m == "wind-at-plume-height") {
+        words.push_str(", with the wind at the plume's height");
     }
     words.push_str(&format!(
         ", {:.1} nats of evidence, {:.1} ± {:.1} nats on trials left out",
@@ -223,7 +242,10 @@ fn lateral_words(answer: &Answer<'_>) -> String {
     } else {
         "the width needs a correction of Briggs', and the deviation of azimuth does not help"
     };
-    format!("{what} ({:.1} ± {:.1} nats on trials left out)", best.held_out_gain, best.held_out_gain_se)
+    format!(
+        "{what} ({:.1} ± {:.1} nats on trials left out)",
+        best.held_out_gain, best.held_out_gain_se
+    )
 }
 
 #[cfg(test)]
@@ -239,7 +261,13 @@ mod tests {
             assert!(pair[1].to_per_m.is_nan() || pair[1].to_per_m > pair[1].from_per_m);
         }
         let d = &limits[3];
-        assert_eq!(Stability::from_obukhov(1.0 / (d.to_per_m - 1e-6), 0.006), Stability::D);
-        assert_eq!(Stability::from_obukhov(1.0 / (d.to_per_m + 1e-6), 0.006), Stability::E);
+        assert_eq!(
+            Stability::from_obukhov(1.0 / (d.to_per_m - 1e-6), 0.006),
+            Stability::D
+        );
+        assert_eq!(
+            Stability::from_obukhov(1.0 / (d.to_per_m + 1e-6), 0.006),
+            Stability::E
+        );
     }
 }

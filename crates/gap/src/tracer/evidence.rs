@@ -37,7 +37,11 @@ pub struct Noise {
 }
 
 /// Where the search for the noise starts, and the centre of its weak priors (log sd 0.7).
-const USUAL: Noise = Noise { arc: 0.12, level: 0.2, growth: 0.15 };
+const USUAL: Noise = Noise {
+    arc: 0.12,
+    level: 0.2,
+    growth: 0.15,
+};
 const NOISE_LOG_SD: f64 = 0.7;
 /// Probability of an odd trial, and the factor on its standard deviations.
 const ODD: (f64, f64) = (0.05, 3.0);
@@ -77,8 +81,7 @@ fn covariance(trial: &Trial, noise: &Noise) -> DMatrix<f64> {
         let (p, q) = (&trial[a], &trial[b]);
         let mut v = 0.0;
         if p.own_sd.is_none() && q.own_sd.is_none() {
-            v += noise.level.powi(2)
-                + noise.growth.powi(2) * p.log_distance * q.log_distance;
+            v += noise.level.powi(2) + noise.growth.powi(2) * p.log_distance * q.log_distance;
         }
         if a == b {
             v += p.own_sd.unwrap_or(noise.arc).powi(2);
@@ -98,7 +101,6 @@ fn log_density(square: f64, log_det: f64, count: usize) -> (f64, f64) {
     let share_odd = (odd - top).exp() / sum;
     (top + sum.ln(), 1.0 - share_odd + share_odd / ODD.1.powi(2))
 }
-
 
 /// Score of a trial that a fit did not see, nats.
 pub fn held_out(model: &dyn Model, trials: &[Trial], i: usize, fit: &Fit) -> f64 {
@@ -206,7 +208,12 @@ fn solve(
             -0.5 * ((at(k) / sd).powi(2) + (2.0 * std::f64::consts::PI).ln()) - sd.ln()
         })
         .sum();
-    Some(Step { step, precision, log_score, log_prior })
+    Some(Step {
+        step,
+        precision,
+        log_score,
+        log_prior,
+    })
 }
 
 fn noise_prior(noise: &Noise) -> f64 {
@@ -214,34 +221,40 @@ fn noise_prior(noise: &Noise) -> f64 {
     term(noise.arc, USUAL.arc) + term(noise.level, USUAL.level) + term(noise.growth, USUAL.growth)
 }
 
-/// Fits `model` to the trials `used`; `noise` fixes the errors instead of fitting them. `None`
-/// where no fit is possible (a model that is not finite).
+/// Fits `model` to the trials `used`; a fit to more trials (`of_all`) fixes the errors and says
+/// where to start. `None` where no fit is possible (a model that is not finite).
 pub fn fit(
     model: &dyn Model,
     trials: &[Trial],
     used: &[usize],
-    noise: Option<Noise>,
+    of_all: Option<&Fit>,
 ) -> Option<Fit> {
     let priors = model.priors();
-    let mut theta = vec![0.0; priors.len()];
-    let mut errors = noise.unwrap_or(USUAL);
+    let mut theta = of_all.map_or_else(|| vec![0.0; priors.len()], |f| f.theta.clone());
+    let mut errors = of_all.map_or(USUAL, |f| f.noise);
     let mut last = None;
     for _ in 0..6 {
         let parts = linear(model, trials, used, &theta);
         let post = |errors: &Noise| {
-            solve(trials, used, &parts, &theta, priors, errors)
-                .map_or(f64::NEG_INFINITY, |s| s.log_score + s.log_prior + noise_prior(errors))
+            solve(trials, used, &parts, &theta, priors, errors).map_or(f64::NEG_INFINITY, |s| {
+                s.log_score + s.log_prior + noise_prior(errors)
+            })
         };
-        if noise.is_none() {
+        if of_all.is_none() {
             errors = search(errors, post);
         }
         let step = solve(trials, used, &parts, &theta, priors, &errors)?;
-        let moved = step.step.norm();
+        let moved = step
+            .step
+            .iter()
+            .zip(priors)
+            .map(|(s, p)| (s / p.sd).abs())
+            .fold(0.0, f64::max);
         for (t, s) in theta.iter_mut().zip(step.step.iter()) {
             *t += s;
         }
         last = Some(step);
-        if moved < 1e-6 {
+        if moved < 1e-4 {
             break;
         }
     }
@@ -265,7 +278,13 @@ fn finish(priors: &[Prior], theta: Vec<f64>, noise: Noise, step: Step) -> Option
     }
     let finite = log_evidence.is_finite() && theta.iter().all(|t| t.is_finite());
     let log_score = step.log_score;
-    finite.then_some(Fit { theta, covariance, noise, log_score, log_evidence })
+    finite.then_some(Fit {
+        theta,
+        covariance,
+        noise,
+        log_score,
+        log_evidence,
+    })
 }
 
 /// Pattern search over the logarithms of the errors.

@@ -7,14 +7,25 @@ use super::Answer;
 use crate::verdict::Parameter;
 
 /// Mechanisms that a scenario can run.
-const RUNNABLE: [&str; 4] = ["sigma-z-scale", "sigma-z-growth", "sigma-y-scale", "dry-deposition"];
+const RUNNABLE: [&str; 4] = [
+    "sigma-z-scale",
+    "sigma-z-growth",
+    "sigma-y-scale",
+    "dry-deposition",
+];
 
 /// The scenario as TOML. Tracer tables say nothing of the place on Earth: the site is at 0, 0.
 pub(super) fn scenario(answers: &[Answer<'_>]) -> String {
     let strength = |a: &Answer<'_>| {
-        a.findings[0].cause.as_ref().map_or(0.0, |c| c.evidence.delta_log_evidence)
+        a.findings[0]
+            .causes
+            .first()
+            .map_or(0.0, |c| c.evidence.delta_log_evidence)
     };
-    let Some(answer) = answers.iter().max_by(|a, b| strength(a).total_cmp(&strength(b))) else {
+    let Some(answer) = answers
+        .iter()
+        .max_by(|a, b| strength(a).total_cmp(&strength(b)))
+    else {
         return String::new();
     };
     let median = |f: &dyn Fn(&super::arcs::Weather) -> f64| {
@@ -40,10 +51,13 @@ pub(super) fn scenario(answers: &[Answer<'_>]) -> String {
     let parameters: Vec<&Parameter> = answer
         .findings
         .iter()
-        .filter_map(|f| f.cause.as_ref())
+        .filter_map(|f| f.causes.first())
         .flat_map(|c| &c.parameters)
         .collect();
-    for p in parameters.iter().filter(|p| RUNNABLE.contains(&p.mechanism.as_str())) {
+    for p in parameters
+        .iter()
+        .filter(|p| RUNNABLE.contains(&p.mechanism.as_str()))
+    {
         // Writing into a String cannot fail.
         let _ = write!(
             toml,

@@ -1,7 +1,7 @@
 //! The models that are tried on the trials of unstable and of stable air, vertical and lateral.
 
 use super::arcs::TrialArcs;
-use super::evidence::{self, Datum, Fit, Model, Noise};
+use super::evidence::{self, Datum, Fit, Model};
 use super::model::{self, Lateral, PIVOT_M, Prior, Vertical};
 
 /// Standard deviation of ln σ_z from towers: some tens of samplers, and a profile that is not
@@ -56,7 +56,11 @@ impl<'a> Group<'a> {
                     .collect()
             })
             .collect();
-        Self { trials, vertical, lateral }
+        Self {
+            trials,
+            vertical,
+            lateral,
+        }
     }
 }
 
@@ -64,8 +68,8 @@ impl<'a> Group<'a> {
 pub trait Tried {
     /// Ids of its changes.
     fn ids(&self) -> Vec<&'static str>;
-    /// Fits it to the trials `used` of `group`.
-    fn fit(&self, group: &Group<'_>, used: &[usize], noise: Option<Noise>) -> Option<Fit>;
+    /// Fits it to the trials `used` of `group`; see [`evidence::fit`] for `of_all`.
+    fn fit(&self, group: &Group<'_>, used: &[usize], of_all: Option<&Fit>) -> Option<Fit>;
     /// Score of a trial left out.
     fn held_out(&self, group: &Group<'_>, i: usize, fit: &Fit) -> f64;
 }
@@ -90,13 +94,16 @@ impl VerticalModel {
     /// Briggs with `changes`.
     pub fn new(changes: &[Vertical]) -> Self {
         let priors = changes.iter().flat_map(|c| c.priors()).copied().collect();
-        Self { changes: changes.to_vec(), priors }
+        Self {
+            changes: changes.to_vec(),
+            priors,
+        }
     }
 
     /// All that are tried: each change alone and deposition with a change of spread, with the
-    /// wind at either height.
+    /// wind at either height, and with spread by class or between classes.
     pub fn all() -> Vec<Self> {
-        use Vertical::{Decay, Deposition, Growth, PlumeWind, Scale};
+        use Vertical::{Continuum, Decay, Deposition, Growth, PlumeWind, Scale};
         let sets: [&[Vertical]; 7] = [
             &[],
             &[Scale],
@@ -107,9 +114,11 @@ impl VerticalModel {
             &[Growth, Deposition],
         ];
         let mut all = Vec::new();
+        let inputs: [&[Vertical]; 4] = [&[], &[PlumeWind], &[Continuum], &[PlumeWind, Continuum]];
         for set in sets {
-            all.push(Self::new(set));
-            all.push(Self::new(&[&[PlumeWind], set].concat()));
+            for input in inputs {
+                all.push(Self::new(&[input, set].concat()));
+            }
         }
         all
     }
@@ -119,14 +128,23 @@ impl LateralModel {
     /// Briggs with `changes`.
     pub fn new(changes: &[Lateral]) -> Self {
         let priors = changes.iter().flat_map(|c| c.priors()).copied().collect();
-        Self { changes: changes.to_vec(), priors }
+        Self {
+            changes: changes.to_vec(),
+            priors,
+        }
     }
 
     /// All that are tried: Briggs' or the azimuth's width, as it is, scaled, or growing otherwise.
     pub fn all() -> Vec<Self> {
         use Lateral::{Azimuth, Growth, Scale};
-        let sets: [&[Lateral]; 6] =
-            [&[], &[Scale], &[Growth], &[Azimuth], &[Azimuth, Scale], &[Azimuth, Growth]];
+        let sets: [&[Lateral]; 6] = [
+            &[],
+            &[Scale],
+            &[Growth],
+            &[Azimuth],
+            &[Azimuth, Scale],
+            &[Azimuth, Growth],
+        ];
         sets.iter().map(|set| Self::new(set)).collect()
     }
 }
@@ -143,8 +161,9 @@ impl Model for VerticalOn<'_> {
         let (changes, trial) = (&self.0.changes, self.1.trials[i]);
         let weather = &trial.weather;
         let whole = trial.arcs.iter().filter(|a| a.whole);
-        let mut out: Vec<f64> =
-            whole.map(|a| model::log_integrated(weather, a, changes, theta)).collect();
+        let mut out: Vec<f64> = whole
+            .map(|a| model::log_integrated(weather, a, changes, theta))
+            .collect();
         let tower = trial.tower_spread_m;
         out.extend(tower.map(|(x, _)| model::log_sigma_z(weather, x, changes, theta)));
         out
@@ -162,9 +181,7 @@ impl Model for LateralOn<'_> {
             .arcs
             .iter()
             .filter(|a| a.whole)
-            .filter_map(|a| {
-                model::log_width(&trial.weather, a.distance_m, &self.0.changes, theta)
-            })
+            .filter_map(|a| model::log_width(&trial.weather, a.distance_m, &self.0.changes, theta))
             .take(self.1.lateral[i].len())
             .collect()
     }
@@ -175,8 +192,8 @@ impl Tried for VerticalModel {
         self.changes.iter().map(|c| c.id()).collect()
     }
 
-    fn fit(&self, group: &Group<'_>, used: &[usize], noise: Option<Noise>) -> Option<Fit> {
-        evidence::fit(&VerticalOn(self, group), &group.vertical, used, noise)
+    fn fit(&self, group: &Group<'_>, used: &[usize], of_all: Option<&Fit>) -> Option<Fit> {
+        evidence::fit(&VerticalOn(self, group), &group.vertical, used, of_all)
     }
 
     fn held_out(&self, group: &Group<'_>, i: usize, fit: &Fit) -> f64 {
@@ -189,8 +206,8 @@ impl Tried for LateralModel {
         self.changes.iter().map(|c| c.id()).collect()
     }
 
-    fn fit(&self, group: &Group<'_>, used: &[usize], noise: Option<Noise>) -> Option<Fit> {
-        evidence::fit(&LateralOn(self, group), &group.lateral, used, noise)
+    fn fit(&self, group: &Group<'_>, used: &[usize], of_all: Option<&Fit>) -> Option<Fit> {
+        evidence::fit(&LateralOn(self, group), &group.lateral, used, of_all)
     }
 
     fn held_out(&self, group: &Group<'_>, i: usize, fit: &Fit) -> f64 {

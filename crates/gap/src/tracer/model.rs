@@ -2,6 +2,7 @@
 //! from Briggs' open-country spread with named changes.
 
 use plume::sigma::{self, Setting};
+use plume::stability::Stability;
 
 use super::arcs::{Arc, Weather};
 use super::surface_layer;
@@ -15,6 +16,8 @@ pub const PIVOT_M: f64 = 200.0;
 pub enum Vertical {
     /// The wind at 0.6 of the plume's mean height instead of that at the anemometer.
     PlumeWind,
+    /// σ_z between the classes' curves by 1/L, instead of the class's own.
+    Continuum,
     /// σ_z by a factor.
     Scale,
     /// σ_z by a factor and a power of distance.
@@ -48,7 +51,11 @@ pub struct Prior {
 }
 
 const fn prior(name: &'static str, sd: f64) -> Prior {
-    Prior { name, sd, positive: false }
+    Prior {
+        name,
+        sd,
+        positive: false,
+    }
 }
 
 impl Vertical {
@@ -56,6 +63,7 @@ impl Vertical {
     pub fn id(self) -> &'static str {
         match self {
             Vertical::PlumeWind => "wind-at-plume-height",
+            Vertical::Continuum => "spread-by-obukhov-length",
             Vertical::Scale => "sigma-z-scale",
             Vertical::Growth => "sigma-z-growth",
             Vertical::Deposition => "dry-deposition",
@@ -70,14 +78,26 @@ impl Vertical {
     /// chemically absurd.
     pub fn priors(self) -> &'static [Prior] {
         match self {
-            Vertical::PlumeWind => &[],
+            Vertical::PlumeWind | Vertical::Continuum => &[],
             Vertical::Scale => const { &[prior("ln_factor", 0.35)] },
             Vertical::Growth => const { &[prior("ln_factor", 0.35), prior("exponent", 0.3)] },
             Vertical::Deposition => {
-                const { &[Prior { name: "velocity_m_s", sd: 0.02, positive: true }] }
+                const {
+                    &[Prior {
+                        name: "velocity_m_s",
+                        sd: 0.02,
+                        positive: true,
+                    }]
+                }
             }
             Vertical::Decay => {
-                const { &[Prior { name: "rate_per_s", sd: 3e-5, positive: true }] }
+                const {
+                    &[Prior {
+                        name: "rate_per_s",
+                        sd: 3e-5,
+                        positive: true,
+                    }]
+                }
             }
         }
     }
@@ -107,6 +127,7 @@ impl Lateral {
 #[derive(Debug, Clone, Copy, Default)]
 struct VerticalNumbers {
     plume_wind: bool,
+    continuum: bool,
     log_factor: f64,
     exponent: f64,
     deposition_m_s: f64,
@@ -121,6 +142,7 @@ impl VerticalNumbers {
         for change in changes {
             match change {
                 Vertical::PlumeWind => numbers.plume_wind = true,
+                Vertical::Continuum => numbers.continuum = true,
                 Vertical::Scale => numbers.log_factor += next(),
                 Vertical::Growth => {
                     numbers.log_factor += next();
@@ -134,7 +156,11 @@ impl VerticalNumbers {
     }
 
     fn sigma_z_m(&self, weather: &Weather, x_m: f64) -> f64 {
-        let briggs = sigma::sigma_z_m(x_m, weather.class, Setting::Rural);
+        let briggs = if self.continuum {
+            between_classes_m(x_m, weather.class_position)
+        } else {
+            sigma::sigma_z_m(x_m, weather.class, Setting::Rural)
+        };
         let changed = briggs * (self.log_factor + self.exponent * (x_m / PIVOT_M).ln()).exp();
         // A plume mixed through the layer grows no more.
         changed.min(weather.mixing_height_m.map_or(f64::INFINITY, |zi| 0.8 * zi))
@@ -156,7 +182,7 @@ impl VerticalNumbers {
     fn log_airborne(&self, weather: &Weather, x_m: f64) -> f64 {
         let mut log = -self.decay_per_s * x_m / weather.wind_speed_m_s;
         if self.deposition_m_s != 0.0 {
-            const STEPS: usize = 24;
+            const STEPS: usize = 16;
             let ratio = (x_m).powf(1.0 / STEPS as f64);
             let mut integral = 0.0;
             for k in 0..STEPS {
@@ -173,9 +199,19 @@ impl VerticalNumbers {
     }
 }
 
+/// Briggs' σ_z in m between the curves of two classes, even in the logarithm.
+fn between_classes_m(x_m: f64, position: f64) -> f64 {
+    let below = (position.floor() as usize).min(Stability::ALL.len() - 2);
+    let share = position - below as f64;
+    let log = |class: usize| sigma::sigma_z_m(x_m, Stability::ALL[class], Setting::Rural).ln();
+    ((1.0 - share) * log(below) + share * log(below + 1)).exp()
+}
+
 /// ln of σ_z in m at `x_m`.
 pub fn log_sigma_z(weather: &Weather, x_m: f64, changes: &[Vertical], theta: &[f64]) -> f64 {
-    VerticalNumbers::of(changes, theta).sigma_z_m(weather, x_m).ln()
+    VerticalNumbers::of(changes, theta)
+        .sigma_z_m(weather, x_m)
+        .ln()
 }
 
 /// ln of the crosswind-integrated concentration in mg/m² on an arc, with the ground reflecting.
@@ -220,7 +256,6 @@ pub fn log_width(weather: &Weather, x_m: f64, changes: &[Lateral], theta: &[f64]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use plume::stability::Stability;
 
     fn weather() -> Weather {
         Weather {
@@ -234,6 +269,7 @@ mod tests {
             mixing_height_m: None,
             sigma_azimuth_rad: Some(0.2),
             class: Stability::C,
+            class_position: 2.0,
         }
     }
 
@@ -265,16 +301,30 @@ mod tests {
         assert!(with(800.0, Vertical::Growth, &[0.0, 0.3]) < -0.3);
         assert!(with(50.0, Vertical::Growth, &[0.0, 0.3]) > 0.2);
         assert!(with(800.0, Vertical::Scale, &[0.2]) < -0.19);
-        assert!(with(800.0, Vertical::Deposition, &[0.01]) < with(100.0, Vertical::Deposition, &[0.01]));
+        assert!(
+            with(800.0, Vertical::Deposition, &[0.01]) < with(100.0, Vertical::Deposition, &[0.01])
+        );
         assert!((with(800.0, Vertical::Decay, &[1e-3]) + 0.16).abs() < 1e-9);
         assert!(with(800.0, Vertical::PlumeWind, &[]) < 0.0);
+    }
+
+    #[test]
+    fn between_classes_lies_between() {
+        let at = |p: f64| between_classes_m(300.0, p);
+        let briggs = |c| sigma::sigma_z_m(300.0, c, Setting::Rural);
+        assert!((at(3.0) - briggs(Stability::D)).abs() < 1e-9);
+        assert!((at(5.0) - briggs(Stability::F)).abs() < 1e-9);
+        assert!(at(3.4) < at(3.0) && at(3.4) > at(4.0));
     }
 
     #[test]
     fn width_from_azimuth() {
         let got = log_width(&weather(), 200.0, &[Lateral::Azimuth], &[]).map(f64::exp);
         assert!((got.unwrap() - 0.2 * 200.0 * pasquill_f(200.0)).abs() < 1e-9);
-        let none = Weather { sigma_azimuth_rad: None, ..weather() };
+        let none = Weather {
+            sigma_azimuth_rad: None,
+            ..weather()
+        };
         assert_eq!(log_width(&none, 200.0, &[Lateral::Azimuth], &[]), None);
         // Pasquill's own table: .8 at 100 m, .7 at 200 m, .65 at 400 m, .6 at 1 km.
         for (x, f) in [(100.0, 0.8), (200.0, 0.7), (400.0, 0.65), (1000.0, 0.6)] {

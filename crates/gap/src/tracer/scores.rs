@@ -90,9 +90,14 @@ fn intervals(scored: &WithInterval) -> [[f64; 2]; 5] {
 
 /// Adds each trial's log score by the base and by the mixture of models.
 fn log_scores(question: &[(usize, Scored)], logs: &mut (Vec<f64>, Vec<f64>)) {
-    let Some((_, base)) = question.iter().find(|s| s.1.ids.is_empty()) else { return };
+    let Some((_, base)) = question.iter().find(|s| s.1.ids.is_empty()) else {
+        return;
+    };
     for (i, before) in base.held_out.iter().enumerate() {
-        let top = question.iter().map(|s| s.1.held_out[i]).fold(f64::NEG_INFINITY, f64::max);
+        let top = question
+            .iter()
+            .map(|s| s.1.held_out[i])
+            .fold(f64::NEG_INFINITY, f64::max);
         let sum: f64 = question
             .iter()
             .map(|s| s.1.weight_without[i] * (s.1.held_out[i] - top).exp())
@@ -106,7 +111,9 @@ fn log_scores(question: &[(usize, Scored)], logs: &mut (Vec<f64>, Vec<f64>)) {
 fn interval(before: &[f64], after: &[f64], rng: &mut ChaCha8Rng) -> (f64, f64) {
     let gains: Vec<f64> = after.iter().zip(before).map(|(a, b)| a - b).collect();
     quantiles((0..RESAMPLES).map(|_| {
-        (0..gains.len()).map(|_| gains[rng.random_range(0..gains.len())]).sum()
+        (0..gains.len())
+            .map(|_| gains[rng.random_range(0..gains.len())])
+            .sum()
     }))
 }
 

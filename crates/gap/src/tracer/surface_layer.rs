@@ -44,6 +44,7 @@ mod tests {
             mixing_height_m: None,
             sigma_azimuth_rad: None,
             class: Stability::D,
+            class_position: 3.0,
         }
     }
 

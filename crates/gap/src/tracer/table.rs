@@ -82,8 +82,13 @@ impl Tables {
     }
 }
 
-const SAMPLER_COLUMNS: [&str; 5] =
-    ["trial", "east_m", "north_m", "height_agl_m", "concentration_mg_m3"];
+const SAMPLER_COLUMNS: [&str; 5] = [
+    "trial",
+    "east_m",
+    "north_m",
+    "height_agl_m",
+    "concentration_mg_m3",
+];
 
 fn samplers(file: (&str, &str), notices: &mut Vec<String>) -> Result<Vec<Receptor>, GapError> {
     let known = ["averaging_time_s", "evaporation_factor"];
@@ -104,7 +109,12 @@ fn samplers(file: (&str, &str), notices: &mut Vec<String>) -> Result<Vec<Recepto
 }
 
 fn trial_rows(file: (&str, &str), notices: &mut Vec<String>) -> Result<Vec<Trial>, GapError> {
-    let required = ["trial", "source_rate_g_s", "source_height_agl_m", "wind_speed_m_s"];
+    let required = [
+        "trial",
+        "source_rate_g_s",
+        "source_height_agl_m",
+        "wind_speed_m_s",
+    ];
     let known = [
         "wind_height_m",
         "wind_from_deg",
@@ -164,9 +174,14 @@ impl<'a> Table<'a> {
         notices: &mut Vec<String>,
     ) -> Result<Self, GapError> {
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-        let mut reader = ReaderBuilder::new().trim(Trim::All).from_reader(text.as_bytes());
+        let mut reader = ReaderBuilder::new()
+            .trim(Trim::All)
+            .from_reader(text.as_bytes());
         let broken = |e: csv::Error| GapError::Data {
-            what: format!("{file}: line {}", e.position().map_or(1, csv::Position::line)),
+            what: format!(
+                "{file}: line {}",
+                e.position().map_or(1, csv::Position::line)
+            ),
             problem: e.to_string(),
             expected: "comma-separated values with as many cells as the header".into(),
         };
@@ -180,10 +195,16 @@ impl<'a> Table<'a> {
                 });
             }
         }
-        for name in header.iter().filter(|h| !required.contains(h) && !known.contains(h)) {
+        for name in header
+            .iter()
+            .filter(|h| !required.contains(h) && !known.contains(h))
+        {
             notices.push(format!("{file}: column \"{name}\" is not used"));
         }
-        let records = reader.records().collect::<Result<Vec<_>, _>>().map_err(broken)?;
+        let records = reader
+            .records()
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(broken)?;
         if records.is_empty() {
             return Err(GapError::Data {
                 what: format!("{file}: line 2"),
@@ -191,11 +212,18 @@ impl<'a> Table<'a> {
                 expected: "at least one".into(),
             });
         }
-        Ok(Self { file, header, records })
+        Ok(Self {
+            file,
+            header,
+            records,
+        })
     }
 
     fn rows(&self) -> impl Iterator<Item = Row<'_>> {
-        self.records.iter().map(|record| Row { table: self, record })
+        self.records.iter().map(|record| Row {
+            table: self,
+            record,
+        })
     }
 }
 
@@ -239,6 +267,7 @@ impl Row<'_> {
     }
 
     fn number(&self, column: &str, range: Range) -> Result<f64, GapError> {
-        self.maybe(column, range)?.ok_or_else(|| self.wrong(column, "", range.2))
+        self.maybe(column, range)?
+            .ok_or_else(|| self.wrong(column, "", range.2))
     }
 }

@@ -1,6 +1,6 @@
 //! Every model on every trial of a group, whole and with one trial left out at a time.
 
-use super::evidence::{Fit, Noise};
+use super::evidence::Fit;
 use super::ladder::{Group, Tried};
 
 /// A model's fit to all trials and its scores on trials left out.
@@ -29,11 +29,19 @@ pub fn score<T: Tried>(group: &Group<'_>, models: &[T]) -> Vec<(usize, Scored)> 
     let mut out: Vec<(usize, Scored)> = Vec::new();
     let mut evidence_without: Vec<Vec<f64>> = Vec::new();
     for (index, model) in models.iter().enumerate() {
-        let Some(fit) = model.fit(group, &all, None) else { continue };
-        let folds: Option<Vec<Fit>> =
-            all.iter().map(|&i| without(group, model, &all, i, fit.noise)).collect();
+        let Some(fit) = model.fit(group, &all, None) else {
+            continue;
+        };
+        let folds: Option<Vec<Fit>> = all
+            .iter()
+            .map(|&i| without(group, model, &all, i, &fit))
+            .collect();
         let Some(folds) = folds else { continue };
-        let held_out = folds.iter().zip(&all).map(|(f, &i)| model.held_out(group, i, f)).collect();
+        let held_out = folds
+            .iter()
+            .zip(&all)
+            .map(|(f, &i)| model.held_out(group, i, f))
+            .collect();
         evidence_without.push(folds.iter().map(|f| f.log_evidence).collect());
         out.push((
             index,
@@ -65,10 +73,10 @@ fn without<T: Tried>(
     model: &T,
     all: &[usize],
     i: usize,
-    noise: Noise,
+    of_all: &Fit,
 ) -> Option<Fit> {
     let rest: Vec<usize> = all.iter().copied().filter(|&k| k != i).collect();
-    model.fit(group, &rest, Some(noise))
+    model.fit(group, &rest, Some(of_all))
 }
 
 /// Probabilities in proportion to the exponentials.

@@ -135,43 +135,6 @@ impl Airspace {
         inside_fence && off_stacks
     }
 
-    /// The margin that a leg from `from` can hold: `margin_m`, or what is left of it there; 0 at
-    /// the edge.
-    fn margin_from(&self, from: Enu, margin_m: f64) -> f64 {
-        margin_m.min(self.clearance_m(from) - 1e-6).max(0.0)
-    }
-
-    /// A short way from `from` to `to`: the via-points and `to` itself, every leg clear by
-    /// `margin_m` (or, on the first leg, by what is left of it at `from`). From a place that is
-    /// not allowed, the first via-point is the way out. `None` when `to` does not keep the
-    /// margin or nothing leads there.
-    pub fn route(&self, from: Enu, to: Enu, margin_m: f64) -> Option<Vec<Enu>> {
-        if self.clearance_m(to) < margin_m {
-            return None;
-        }
-        if self.clearance_m(from) < 0.0 {
-            let out = self.nearest_allowed(from, margin_m)?;
-            let mut route = vec![out];
-            route.extend(self.route(out, to, margin_m)?);
-            return Some(route);
-        }
-        let start_margin_m = self.margin_from(from, margin_m);
-        if self.leg_is_clear(from, to, start_margin_m) {
-            return Some(vec![to]);
-        }
-        let mut nodes = vec![from, to];
-        nodes.extend(self.via_points(margin_m));
-        let clear = |a: usize, b: usize| {
-            let margin = if a == 0 || b == 0 {
-                start_margin_m
-            } else {
-                margin_m
-            };
-            self.leg_is_clear(nodes[a], nodes[b], margin)
-        };
-        shortest_path(&nodes, clear)
-    }
-
     /// Corners around every keep-out, and inside every corner of the fence, that keep `margin_m`.
     fn via_points(&self, margin_m: f64) -> Vec<Enu> {
         let radius_m =
@@ -205,6 +168,103 @@ impl Airspace {
             radius_m *= 1.1;
         }
         None
+    }
+}
+
+/// Ways through an airspace: via-points and which of the legs between them are clear, worked
+/// out once.
+#[derive(Debug, Clone)]
+pub struct Ways {
+    margin_m: f64,
+    nodes: Vec<Enu>,
+    /// Row by row, whether the leg between two nodes is clear.
+    clear: Vec<bool>,
+}
+
+impl Ways {
+    /// Ways that keep `margin_m` of clearance.
+    pub fn of(airspace: &Airspace, margin_m: f64) -> Self {
+        let nodes = airspace.via_points(margin_m);
+        let legs = nodes
+            .iter()
+            .flat_map(|a| nodes.iter().map(move |b| (*a, *b)));
+        let clear = legs
+            .map(|(a, b)| airspace.leg_is_clear(a, b, margin_m))
+            .collect();
+        Self {
+            margin_m,
+            nodes,
+            clear,
+        }
+    }
+
+    /// A short way from `from` to `to`: the via-points and `to` itself, every leg clear by the
+    /// margin (or, on the first leg, by what is left of it at `from`). From a place that is not
+    /// allowed, the first via-point is the way out. `None` when `to` does not keep the margin or
+    /// nothing leads there.
+    pub fn route(&self, airspace: &Airspace, from: Enu, to: Enu) -> Option<Vec<Enu>> {
+        if airspace.clearance_m(to) < self.margin_m {
+            return None;
+        }
+        let left_m = airspace.clearance_m(from);
+        if left_m < 0.0 {
+            let out = airspace.nearest_allowed(from, self.margin_m)?;
+            let mut route = vec![out];
+            route.extend(self.route(airspace, out, to)?);
+            return Some(route);
+        }
+        let first_m = self.margin_m.min(left_m - 1e-6).max(0.0);
+        if airspace.leg_is_clear(from, to, first_m) {
+            return Some(vec![to]);
+        }
+        let reach = |end: Enu, margin_m: f64| -> Vec<bool> {
+            let leg = |node: &Enu| airspace.leg_is_clear(end, *node, margin_m);
+            self.nodes.iter().map(leg).collect()
+        };
+        self.shortest(from, to, &reach(from, first_m), &reach(to, self.margin_m))
+    }
+
+    /// Dijkstra (1959) over the via-points, from those in sight of the start to one in sight of
+    /// the goal.
+    fn shortest(&self, from: Enu, to: Enu, starts: &[bool], ends: &[bool]) -> Option<Vec<Enu>> {
+        let count = self.nodes.len();
+        let mut before = vec![None; count];
+        let mut done = vec![false; count];
+        let mut length: Vec<f64> = (0..count)
+            .map(|i| {
+                if starts[i] {
+                    from.distance_m(self.nodes[i])
+                } else {
+                    f64::INFINITY
+                }
+            })
+            .collect();
+        let mut best: Option<(f64, usize)> = None;
+        while let Some(next) = (0..count)
+            .filter(|&i| !done[i] && length[i].is_finite())
+            .min_by(|&a, &b| length[a].total_cmp(&length[b]))
+        {
+            done[next] = true;
+            let whole = length[next] + self.nodes[next].distance_m(to);
+            if ends[next] && best.is_none_or(|(shortest, _)| whole < shortest) {
+                best = Some((whole, next));
+            }
+            for other in 0..count {
+                let through = length[next] + self.nodes[next].distance_m(self.nodes[other]);
+                if self.clear[next * count + other] && !done[other] && through < length[other] {
+                    length[other] = through;
+                    before[other] = Some(next);
+                }
+            }
+        }
+        let mut path = vec![to];
+        let mut at = Some(best?.1);
+        while let Some(node) = at {
+            path.push(self.nodes[node]);
+            at = before[node];
+        }
+        path.reverse();
+        Some(path)
     }
 }
 
@@ -259,37 +319,4 @@ pub(crate) fn distance_between_segments_m(a: Enu, b: Enu, c: Enu, d: Enu) -> f64
     ]
     .into_iter()
     .fold(f64::INFINITY, f64::min)
-}
-
-/// Dijkstra (1959) from node 0 to node 1 over the legs that are clear; the nodes after 0.
-fn shortest_path(nodes: &[Enu], clear: impl Fn(usize, usize) -> bool) -> Option<Vec<Enu>> {
-    let count = nodes.len();
-    let mut length = vec![f64::INFINITY; count];
-    let mut before = vec![0; count];
-    let mut done = vec![false; count];
-    length[0] = 0.0;
-    loop {
-        let next = (0..count)
-            .filter(|&i| !done[i] && length[i].is_finite())
-            .min_by(|&a, &b| length[a].total_cmp(&length[b]))?;
-        if next == 1 {
-            break;
-        }
-        done[next] = true;
-        for other in 0..count {
-            let through = length[next] + nodes[next].distance_m(nodes[other]);
-            if !done[other] && through < length[other] && clear(next, other) {
-                length[other] = through;
-                before[other] = next;
-            }
-        }
-    }
-    let mut path = vec![nodes[1]];
-    let mut at = before[1];
-    while at != 0 {
-        path.push(nodes[at]);
-        at = before[at];
-    }
-    path.reverse();
-    Some(path)
 }

@@ -17,7 +17,7 @@ use scenario::random::stream;
 use scenario::tables::{Search, VehicleKind};
 
 use crate::ScError;
-use crate::airspace::Airspace;
+use crate::airspace::{Airspace, Ways};
 use crate::fleet::{Fleet, MARGIN_M, Vehicle};
 use crate::passes::{Belief, Range};
 use crate::peak::{self, Highest};
@@ -98,6 +98,7 @@ impl SquadronController {
             id: AgentId::sc(),
             tasks: Tasks::new(&vehicles),
             fleet: Fleet {
+                ways: Ways::of(&airspace, MARGIN_M),
                 airspace,
                 separation,
                 airspeed_m_s: scenario.search.airspeed_m_s,

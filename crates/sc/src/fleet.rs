@@ -8,7 +8,7 @@ use protocol::key::Name;
 use protocol::message::{Assignment, PathKind, Setpoint, State};
 use protocol::{Message, Outbox, SimTime, Topic};
 
-use crate::airspace::Airspace;
+use crate::airspace::{Airspace, Ways};
 use crate::separation::{Corridor, Separation};
 
 /// Radius of the orbit at a setpoint, m: 18 m/s in 10 m/s of wind at 45° of bank takes 80 m.
@@ -122,6 +122,8 @@ impl Vehicle {
 pub struct Fleet {
     /// Fence, height band and keep-outs.
     pub airspace: Airspace,
+    /// Ways around what stands in the way.
+    pub ways: Ways,
     /// What vehicles keep between them.
     pub separation: Separation,
     /// Airspeed of the team, m/s.
@@ -198,33 +200,45 @@ impl Fleet {
         purpose: &'static str,
         out: &mut Outbox,
     ) -> bool {
+        self.go_at_one_of(index, target.at, &[target.height_m], purpose, out)
+    }
+
+    /// As [`Fleet::go`], at the first of `heights_amsl_m` that is free.
+    pub fn go_at_one_of(
+        &mut self,
+        index: usize,
+        at: Enu,
+        heights_amsl_m: &[f64],
+        purpose: &'static str,
+        out: &mut Outbox,
+    ) -> bool {
         let Some(seen) = self.vehicles[index].seen else {
             return false;
         };
-        if !self.airspace.contains(target, MARGIN_M) {
-            return false;
-        }
-        let Some(way) = self.airspace.route(seen.position.at, target.at, MARGIN_M) else {
+        let Some(way) = self.ways.route(&self.airspace, seen.position.at, at) else {
             return false;
         };
-        let height_m = target.height_m;
+        let free = heights_amsl_m.iter().copied().find(|&height_m| {
+            let first = Position {
+                at: way[0],
+                height_m,
+            };
+            let end = Position { at, height_m };
+            self.airspace.contains(end, MARGIN_M) && self.is_apart(index, first)
+        });
+        let Some(height_m) = free else {
+            return false;
+        };
         let mut way: VecDeque<Position> = way
             .into_iter()
             .map(|at| Position { at, height_m })
             .collect();
-        let Some(first) = way.pop_front() else {
+        let Some(to) = way.pop_front() else {
             return false;
         };
-        if !self.is_apart(index, first) {
-            return false;
-        }
         self.vehicles[index].route = way;
-        let order = Order {
-            path: PathKind::GoTo,
-            to: first,
-            purpose,
-        };
-        self.order(index, order, out);
+        let path = PathKind::GoTo;
+        self.order(index, Order { path, to, purpose }, out);
         true
     }
 

@@ -11,6 +11,8 @@ use crate::passes::{self, Belief, CHARACTERISE, PRELIMINARY, Pass, PassKind};
 
 /// A vehicle is at its height when it is this near to it, m.
 const AT_HEIGHT_M: f64 = 12.0;
+/// A vehicle is at its layer when it is this near to it, m: layers are close to each other.
+const AT_LAYER_M: f64 = 3.0;
 /// Longest wait for the height at the beginning of a pass, s.
 const WAIT_FOR_HEIGHT_S: f64 = 75.0;
 /// Least time between two take-offs, s: the next climbs below the one before.
@@ -28,7 +30,7 @@ const CHARACTERISE_PART: f64 = 0.15;
 /// A mission goes home no earlier than this part of it.
 const HOME_FROM: f64 = 0.6;
 /// Time for landing one after the other, s: approach, and each vehicle's turn.
-const LANDING_S: (f64, f64) = (90.0, 12.0);
+const LANDING_S: (f64, f64) = (120.0, 12.0);
 /// Vertical speed that a vehicle is counted on to have, m/s.
 const CLIMB_M_S: f64 = 2.0;
 /// Draws of a promising point before a vehicle keeps its last one.
@@ -38,6 +40,11 @@ const HEIGHT_STEPS: [f64; 7] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0];
 
 /// Purpose of a leg towards home that ends elsewhere.
 const BY_STAGES: &str = "home by stages";
+/// Places at which a vehicle may go down to its layer on its way home: this far from where it
+/// is, m …
+const STAGES_M: [f64; 4] = [0.0, 300.0, 600.0, 1000.0];
+/// … and this much off the direction of home, degrees.
+const STAGE_BEARINGS_DEG: [f64; 8] = [0.0, 40.0, -40.0, 80.0, -80.0, 120.0, -120.0, 180.0];
 
 /// What a vehicle is doing.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -323,63 +330,60 @@ impl SquadronController {
             if !v.can_be_sent() {
                 continue;
             }
-            'draws: for _ in 0..DRAWS {
+            for _ in 0..DRAWS {
                 let cone_deg = self.search.cone_deg;
                 let here = seen.position;
                 let drawn =
                     choose_within_cone(points, here, seen.course_deg, cone_deg, &mut self.rng);
                 let Some(drawn) = drawn else { break };
-                for step in HEIGHT_STEPS {
+                let heights = HEIGHT_STEPS.map(|step| {
                     let wanted_m = drawn.position.height_m + step * step_m;
-                    let height_m = self.fleet.airspace.clamp_height_m(wanted_m);
-                    let target = Position {
-                        height_m,
-                        ..drawn.position
-                    };
-                    if self.fleet.go(index, target, "promising point", out) {
-                        break 'draws;
-                    }
+                    self.fleet.airspace.clamp_height_m(wanted_m)
+                });
+                let at = drawn.position.at;
+                let purpose = "promising point";
+                if self.fleet.go_at_one_of(index, at, &heights, purpose, out) {
+                    break;
                 }
             }
         }
     }
 
-    /// Brings a vehicle above its home: straight, or level first, or by its own layer first.
+    /// Brings a vehicle above its home at its own layer: straight, or, where others are in the
+    /// way, down to its layer at a free place first. Once all are at layers of their own, all
+    /// ways home are free.
     fn bring_home(&mut self, index: usize, out: &mut Outbox) {
         let v = &self.fleet.vehicles[index];
         let (Some(seen), Task::Free) = (v.seen, self.tasks.each[index]) else {
             return;
         };
-        let layer_m = v.layer_amsl_m;
-        let on_the_way = v.order.is_some_and(|o| o.purpose == BY_STAGES) && !v.has_arrived();
-        let Some(at) = self.fleet.airspace.nearest_allowed(v.home.at, MARGIN_M) else {
+        let (layer_m, home) = (v.layer_amsl_m, v.home.at);
+        let off_layer = (seen.position.height_m - layer_m).abs() > AT_LAYER_M;
+        let by_stages = v.order.is_some_and(|o| o.purpose == BY_STAGES);
+        let Some(at) = self.fleet.airspace.nearest_allowed(home, MARGIN_M) else {
             return;
         };
-        let above = Position {
-            at,
-            height_m: layer_m,
-        };
-        if self.fleet.go(index, above, "home", out) {
+        if self.fleet.go_at_one_of(index, at, &[layer_m], "home", out) {
             self.tasks.each[index] = Task::Returning;
             return;
         }
-        if on_the_way {
+        if by_stages && off_layer {
             return;
         }
-        let here = seen.position;
-        let level = Position {
-            at,
-            height_m: self.fleet.airspace.clamp_height_m(here.height_m),
+        let here = seen.position.at;
+        let homeward_deg = here.bearing_deg(home);
+        let aside = |distance_m: f64| {
+            STAGE_BEARINGS_DEG.map(|off_deg| here.displaced(homeward_deg + off_deg, distance_m))
         };
-        let beside = self.fleet.airspace.nearest_allowed(here.at, MARGIN_M);
-        let own_layer = Position {
-            at: beside.unwrap_or(at),
-            height_m: layer_m,
-        };
-        if here.at.distance_m(at) > 500.0 && self.fleet.go(index, level, BY_STAGES, out) {
-            return;
+        let places = STAGES_M.into_iter().flat_map(aside).collect::<Vec<_>>();
+        for place in places {
+            if self
+                .fleet
+                .go_at_one_of(index, place, &[layer_m], BY_STAGES, out)
+            {
+                return;
+            }
         }
-        self.fleet.go(index, own_layer, BY_STAGES, out);
     }
 
     /// Those above home land one after the other, the lowest layer first.

@@ -1,0 +1,187 @@
+//! Whole missions of the squadron controller around vehicles that are points.
+#![allow(clippy::unwrap_used)] // helpers of tests are not test functions themselves
+
+mod common;
+
+use common::{Miniature, as_pontes, assert_apart, assert_safe};
+use protocol::message::{PathKind, Phase};
+
+fn phases(mini: &Miniature) -> Vec<Phase> {
+    mini.phases.iter().map(|p| p.1).collect()
+}
+
+#[test]
+fn a_mission_with_one_real_vehicle_goes_through_all_phases_and_finds_the_peak() {
+    let mut mini = Miniature::new(as_pontes(1));
+    mini.run();
+    use Phase::{Characterise, Home, Preliminary, Search, TakeOff};
+    assert_eq!(
+        phases(&mini),
+        [TakeOff, Preliminary, Search, Characterise, Home]
+    );
+    assert_safe(&mini);
+    assert_apart(&mini);
+    assert!(mini.observations > 1000);
+    // The model has come to the reality by then (see `Miniature::model`), so the peak is the
+    // reality's: on the axis at the edge of the keep-out, 1000 m towards 72°, 540 m above ground.
+    let peak = mini.controller.peak().unwrap().position;
+    let expected = common::enu(0.0, 0.0).displaced(72.0, 1000.0);
+    assert!(peak.at.distance_m(expected) < 15.0, "{peak:?}");
+    assert!((peak.height_m - 880.0).abs() < 5.0, "{peak:?}");
+    assert!(
+        mini.events.iter().any(|e| e.starts_with("peak-supported")),
+        "{:?}",
+        mini.events
+    );
+    let down = mini.team.iter().filter(|p| !p.airborne).count();
+    assert_eq!(down, 6, "phases {:?}", mini.phases);
+}
+
+#[test]
+fn preliminary_passes_cross_the_plume_on_both_sides_and_at_three_heights() {
+    let mut mini = Miniature::new(as_pontes(1));
+    mini.run();
+    let until = mini.phases.iter().find(|p| p.1 == Phase::Search).unwrap().0;
+    let real: Vec<_> = mini
+        .told
+        .iter()
+        .filter(|t| t.vehicle == 5 && t.time_s < until && t.path == PathKind::GoTo)
+        .collect();
+    let axis_deg = 72.0f64;
+    let across = |t: &&&common::Told| {
+        let (sin, cos) = axis_deg.to_radians().sin_cos();
+        t.to.at.east_m * cos - t.to.at.north_m * sin
+    };
+    let right = real.iter().filter(|t| across(t) > 200.0).count();
+    let left = real.iter().filter(|t| across(t) < -200.0).count();
+    assert!(right >= 4 && left >= 4, "{right} and {left} ends of passes");
+    let mut heights: Vec<f64> = real.iter().map(|t| t.to.height_m).collect();
+    heights.sort_by(f64::total_cmp);
+    let span_m = heights.last().unwrap() - heights[0];
+    assert!(span_m > 50.0, "passes span {span_m} m of height");
+}
+
+#[test]
+fn teams_with_none_three_and_all_real_vehicles_fly_safely() {
+    for real in [0, 3, 6] {
+        let mut mini = Miniature::new(as_pontes(real));
+        mini.run();
+        assert_safe(&mini);
+        assert_apart(&mini);
+        assert_eq!(phases(&mini).contains(&Phase::Preliminary), real > 0);
+        assert_eq!(phases(&mini).last(), Some(&Phase::Home));
+        assert!(mini.controller.peak().is_some());
+    }
+}
+
+#[test]
+fn one_vehicle_and_a_short_mission_are_defined() {
+    for duration_s in [1.0, 30.0, 200.0] {
+        let mut scenario = as_pontes(0);
+        scenario.vehicles.truncate(1);
+        scenario.mission.duration_s = duration_s;
+        let mut mini = Miniature::new(scenario);
+        mini.run();
+        assert_safe(&mini);
+    }
+}
+
+#[test]
+fn a_vehicle_that_a_pilot_flies_is_left_alone_and_told_again_when_handed_back() {
+    let mut mini = Miniature::new(as_pontes(1));
+    while mini.time_s < 700.0 {
+        mini.second();
+    }
+    mini.pilot(2, true);
+    let before = mini.told.iter().filter(|t| t.vehicle == 2).count();
+    while mini.time_s < 900.0 {
+        mini.second();
+    }
+    let during = mini.told.iter().filter(|t| t.vehicle == 2).count();
+    assert_eq!(before, during, "a pilot's vehicle was sent somewhere");
+    mini.pilot(2, false);
+    assert_eq!(
+        mini.told.iter().filter(|t| t.vehicle == 2).count(),
+        during + 1
+    );
+}
+
+#[test]
+fn the_same_seed_gives_the_same_setpoints() {
+    let told = |seed: u64| {
+        let mut scenario = as_pontes(1);
+        scenario.mission.seed = seed;
+        scenario.mission.duration_s = 1500.0;
+        let mut mini = Miniature::new(scenario);
+        mini.run();
+        let all = mini.told.iter();
+        all.map(|t| (t.vehicle, t.to.at.east_m.to_bits(), t.to.height_m.to_bits()))
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(told(3), told(3));
+    assert_ne!(told(3), told(4));
+}
+
+#[test]
+fn readings_that_are_not_finite_and_strangers_are_passed_over() {
+    use protocol::{AgentId, Message, Topic};
+    let mut mini = Miniature::new(as_pontes(1));
+    mini.second();
+    let before = mini.observations;
+    let stranger = protocol::key::Name::new("stranger").unwrap();
+    let reading = protocol::message::Reading {
+        kind: protocol::message::VehicleKind::Real,
+        lat_deg: 43.44,
+        lon_deg: -7.86,
+        alt_amsl_m: 800.0,
+        co2_ppm: 500.0,
+        wind_speed_m_s: None,
+        wind_from_deg: None,
+        temperature_c: None,
+        pressure_hpa: None,
+    };
+    let va = AgentId::va("stranger").unwrap();
+    mini.hand(
+        Topic::Reading(stranger),
+        va,
+        Message::Reading(reading.clone()),
+    );
+    let own = mini.team[5].name.clone();
+    let va = AgentId::va(own.as_str()).unwrap();
+    for bad in [f64::NAN, f64::INFINITY] {
+        let garbled = protocol::message::Reading {
+            co2_ppm: bad,
+            ..reading.clone()
+        };
+        mini.hand(
+            Topic::Reading(own.clone()),
+            va.clone(),
+            Message::Reading(garbled),
+        );
+    }
+    assert_eq!(mini.observations, before);
+    mini.hand(Topic::Reading(own), va, Message::Reading(reading));
+    assert_eq!(mini.observations, before + 1);
+}
+
+#[test]
+fn a_scenario_that_cannot_be_flown_says_why() {
+    let mut scenario = as_pontes(1);
+    scenario.fence.keep_out_radius_m = 9000.0;
+    let error = sc::SquadronController::new(&scenario)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("expected a larger fence or a smaller keep-out"),
+        "{error}"
+    );
+    let mut scenario = as_pontes(1);
+    scenario.search.strategy = "genetic".to_owned();
+    let error = sc::SquadronController::new(&scenario)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("expected one of cs-ea, random, sweep, ascent"),
+        "{error}"
+    );
+}

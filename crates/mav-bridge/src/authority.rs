@@ -154,6 +154,9 @@ impl Authority {
             self.confirmed = true;
         }
         self.phase = self.next(seen);
+        if self.phase == Phase::Guided {
+            (self.to, self.confirmed) = (GUIDED, true);
+        }
         if self.phase == before {
             return None;
         }

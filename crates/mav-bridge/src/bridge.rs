@@ -6,7 +6,7 @@ mod hearing;
 use crate::arduplane::GUIDED;
 use crate::authority::{Authority, Phase};
 use crate::commands::{Command, CommandQueue};
-use crate::dialect::{HEARTBEAT_DATA, MavAutopilot, MavState, MavType};
+use crate::dialect::{HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType};
 use crate::signing::{Signing, SigningConfig};
 use crate::telemetry::Telemetry;
 use crate::wire::{FrameDecoder, FrameEncoder, LinkStatistics};
@@ -227,6 +227,12 @@ impl Bridge {
         self.authority.level()
     }
 
+    /// Whether GUIDED has been asked for upon a hand-back and the vehicle has not shown it yet;
+    /// until then the level is still the pilot's.
+    pub fn hand_back_pending(&self) -> bool {
+        self.authority.phase() == Phase::HandingBack
+    }
+
     /// Takes in `bytes` from the link: a datagram, or a piece of a stream cut anywhere.
     pub fn receive(&mut self, bytes: &[u8], now: SimTime, out: &mut BridgeOutput) {
         self.decoder.push(bytes);
@@ -396,8 +402,10 @@ fn ground_station_heartbeat() -> HEARTBEAT_DATA {
     HEARTBEAT_DATA {
         mavtype: MavType::MAV_TYPE_GCS,
         autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
+        // Not the default, which is "armed".
+        base_mode: MavModeFlag::empty(),
+        custom_mode: 0,
         system_status: MavState::MAV_STATE_ACTIVE,
         mavlink_version: 3,
-        ..HEARTBEAT_DATA::default()
     }
 }

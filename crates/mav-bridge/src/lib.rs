@@ -37,7 +37,7 @@ use protocol::message::{EventMessage, Severity};
 pub enum BridgeError {
     /// A link as nobody writes it.
     #[error(
-        "link '{0}': expected udpin:HOST:PORT (listen), udpout:HOST:PORT or tcp:HOST:PORT (connect)"
+        "link '{0}': expected udpin:HOST:PORT (listen), udpout:HOST:PORT or tcp:HOST:PORT (connect), tcpin:HOST:PORT (wait for a client)"
     )]
     BadLink(String),
     /// A number in the configuration that cannot work.

@@ -1,1 +1,391 @@
-//! Bytes over UDP and TCP.
+//! Bytes over UDP and TCP: the thin tokio side of a bridge.
+//!
+//! A [`Link`] lives on through silence, refused connections and lost ones; what it cannot send
+//! now it drops, for a command is repeated until it is answered and telemetry is soon stale.
+
+use crate::BridgeError;
+use std::fmt;
+use std::net::SocketAddr;
+use std::str::FromStr;
+use std::time::Duration;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream, UdpSocket, lookup_host};
+use tokio::sync::mpsc::{self, error::TrySendError};
+use tokio::task::JoinHandle;
+use tokio::time::{Instant, sleep, timeout};
+
+/// Datagrams or pieces of a stream that may wait on either side.
+const QUEUE: usize = 1024;
+/// Pause before the next attempt to connect.
+const RECONNECT: Duration = Duration::from_secs(1);
+/// Time to wait for a connection or for a peer that does not take what is sent to it.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Largest piece read at once; a UDP datagram is at most this long.
+const PIECE: usize = 65_536;
+
+/// Where a link goes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum LinkAddress {
+    /// `udpin:HOST:PORT`: listens, and answers to whoever sends first. Another sender is heard
+    /// only after the first one has been silent for 5 s.
+    UdpListen(String),
+    /// `udpout:HOST:PORT`: sends to that address and listens to its answers.
+    UdpConnect(String),
+    /// `tcp:HOST:PORT`: connects, and again whenever the connection is lost.
+    TcpConnect(String),
+    /// `tcpin:HOST:PORT`: waits for a client, one at a time.
+    TcpListen(String),
+}
+
+impl FromStr for LinkAddress {
+    type Err = BridgeError;
+
+    fn from_str(text: &str) -> Result<Self, BridgeError> {
+        let bad = || BridgeError::BadLink(text.to_owned());
+        let (kind, address) = text.split_once(':').ok_or_else(bad)?;
+        let (host, port) = address.rsplit_once(':').ok_or_else(bad)?;
+        if host.is_empty() || port.parse::<u16>().is_err() {
+            return Err(bad());
+        }
+        let address = address.to_owned();
+        match kind {
+            "udpin" => Ok(Self::UdpListen(address)),
+            "udpout" => Ok(Self::UdpConnect(address)),
+            "tcp" => Ok(Self::TcpConnect(address)),
+            "tcpin" => Ok(Self::TcpListen(address)),
+            _ => Err(bad()),
+        }
+    }
+}
+
+impl fmt::Display for LinkAddress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::UdpListen(a) => write!(f, "udpin:{a}"),
+            Self::UdpConnect(a) => write!(f, "udpout:{a}"),
+            Self::TcpConnect(a) => write!(f, "tcp:{a}"),
+            Self::TcpListen(a) => write!(f, "tcpin:{a}"),
+        }
+    }
+}
+
+/// An open link. Closed when dropped.
+#[derive(Debug)]
+pub struct Link {
+    incoming: mpsc::Receiver<Vec<u8>>,
+    outgoing: mpsc::Sender<Vec<u8>>,
+    local: Option<SocketAddr>,
+    task: JoinHandle<()>,
+}
+
+/// The task's ends of the two queues.
+struct Ends {
+    incoming: mpsc::Sender<Vec<u8>>,
+    outgoing: mpsc::Receiver<Vec<u8>>,
+}
+
+impl Link {
+    /// Opens a link; must be called inside a tokio runtime. A TCP connection is made in the
+    /// background.
+    ///
+    /// # Errors
+    /// [`BridgeError::Socket`] if the address cannot be resolved or bound.
+    pub async fn open(address: &LinkAddress) -> Result<Self, BridgeError> {
+        let (to_owner, incoming) = mpsc::channel(QUEUE);
+        let (outgoing, from_owner) = mpsc::channel(QUEUE);
+        let ends = Ends {
+            incoming: to_owner,
+            outgoing: from_owner,
+        };
+        let refuse = |source| BridgeError::Socket {
+            link: address.to_string(),
+            source,
+        };
+        let (local, task) = match address {
+            LinkAddress::UdpListen(at) => {
+                let socket = UdpSocket::bind(at).await.map_err(refuse)?;
+                let local = socket.local_addr().ok();
+                (local, tokio::spawn(udp(socket, None, ends)))
+            }
+            LinkAddress::UdpConnect(to) => {
+                let (socket, peer) = udp_towards(to).await.map_err(refuse)?;
+                let local = socket.local_addr().ok();
+                (local, tokio::spawn(udp(socket, Some(peer), ends)))
+            }
+            LinkAddress::TcpConnect(to) => (None, tokio::spawn(tcp_client(to.clone(), ends))),
+            LinkAddress::TcpListen(at) => {
+                let listener = TcpListener::bind(at).await.map_err(refuse)?;
+                let local = listener.local_addr().ok();
+                (local, tokio::spawn(tcp_server(listener, ends)))
+            }
+        };
+        Ok(Self {
+            incoming,
+            outgoing,
+            local,
+            task,
+        })
+    }
+
+    /// The address it listens at, if it is bound to one.
+    pub fn local_address(&self) -> Option<SocketAddr> {
+        self.local
+    }
+
+    /// The next bytes, when they come; none when the link has ended for good.
+    pub async fn receive(&mut self) -> Option<Vec<u8>> {
+        self.incoming.recv().await
+    }
+
+    /// The next bytes, if some have come.
+    pub fn try_receive(&mut self) -> Option<Vec<u8>> {
+        self.incoming.try_recv().ok()
+    }
+
+    /// Sends a frame; false if it was dropped because the link does not keep up.
+    pub fn send(&self, frame: Vec<u8>) -> bool {
+        self.outgoing.try_send(frame).is_ok()
+    }
+}
+
+impl Drop for Link {
+    fn drop(&mut self) {
+        self.task.abort();
+    }
+}
+
+impl Ends {
+    /// Hands bytes to the owner; false once the owner has gone.
+    fn deliver(&self, bytes: &[u8]) -> bool {
+        match self.incoming.try_send(bytes.to_vec()) {
+            Ok(()) => true,
+            Err(TrySendError::Full(_)) => {
+                tracing::warn!("{} bytes dropped: nobody takes them", bytes.len());
+                true
+            }
+            Err(TrySendError::Closed(_)) => false,
+        }
+    }
+}
+
+async fn udp_towards(to: &str) -> std::io::Result<(UdpSocket, SocketAddr)> {
+    let not_found = || std::io::Error::new(std::io::ErrorKind::NotFound, "no such host");
+    let peer = lookup_host(to).await?.next().ok_or_else(not_found)?;
+    let any = if peer.is_ipv4() {
+        "0.0.0.0:0"
+    } else {
+        "[::]:0"
+    };
+    Ok((UdpSocket::bind(any).await?, peer))
+}
+
+/// Serves a UDP socket: to and from `fixed`, or whoever speaks first.
+async fn udp(socket: UdpSocket, fixed: Option<SocketAddr>, mut ends: Ends) {
+    let mut peer = fixed.map(|p| (p, Instant::now()));
+    let mut buffer = vec![0; PIECE];
+    loop {
+        tokio::select! {
+            received = socket.recv_from(&mut buffer) => {
+                // A refused datagram shows as an error on the next call; it is no end.
+                let Ok((length, from)) = received else {
+                    sleep(Duration::from_millis(10)).await;
+                    continue;
+                };
+                match peer {
+                    Some((known, _)) if known == from => {}
+                    Some(_) if fixed.is_some() => continue,
+                    Some((_, heard)) if heard.elapsed() < PATIENCE => continue,
+                    _ => tracing::info!("vehicle link: heard {from}"),
+                }
+                peer = Some((from, Instant::now()));
+                if !ends.deliver(&buffer[..length]) {
+                    return;
+                }
+            }
+            frame = ends.outgoing.recv() => {
+                let Some(frame) = frame else { return };
+                if let Some((to, _)) = peer
+                    && let Err(error) = socket.send_to(&frame, to).await
+                {
+                    tracing::debug!("vehicle link: {to}: {error}");
+                }
+            }
+        }
+    }
+}
+
+async fn tcp_client(to: String, mut ends: Ends) {
+    let mut refused = false;
+    loop {
+        match timeout(PATIENCE, TcpStream::connect(&to)).await {
+            Ok(Ok(stream)) => {
+                tracing::info!("vehicle link: connected to {to}");
+                refused = false;
+                if !tcp(stream, &mut ends).await {
+                    return;
+                }
+                tracing::warn!("vehicle link: lost {to}, connecting again");
+            }
+            failed => {
+                if !std::mem::replace(&mut refused, true) {
+                    let why = match failed {
+                        Ok(Err(error)) => error.to_string(),
+                        _ => "no answer".to_owned(),
+                    };
+                    tracing::warn!("vehicle link: {to}: {why}; trying again");
+                }
+            }
+        }
+        if ends.incoming.is_closed() {
+            return;
+        }
+        forget_stale(&mut ends);
+        sleep(RECONNECT).await;
+        forget_stale(&mut ends);
+    }
+}
+
+async fn tcp_server(listener: TcpListener, mut ends: Ends) {
+    while !ends.incoming.is_closed() {
+        if let Ok((stream, from)) = listener.accept().await {
+            tracing::info!("vehicle link: {from} connected");
+            forget_stale(&mut ends);
+            if !tcp(stream, &mut ends).await {
+                return;
+            }
+            tracing::info!("vehicle link: {from} has gone");
+        } else {
+            sleep(RECONNECT).await;
+        }
+    }
+}
+
+/// Drops what waited while there was nobody to send it to.
+fn forget_stale(ends: &mut Ends) {
+    while ends.outgoing.try_recv().is_ok() {}
+}
+
+/// Serves one TCP connection to its end; false once the owner has gone.
+async fn tcp(stream: TcpStream, ends: &mut Ends) -> bool {
+    // Frames are small and wanted now.
+    let _ = stream.set_nodelay(true);
+    let (mut reader, mut writer) = stream.into_split();
+    let mut buffer = vec![0; PIECE];
+    loop {
+        tokio::select! {
+            read = reader.read(&mut buffer) => match read {
+                Ok(0) | Err(_) => return true,
+                Ok(length) => {
+                    if !ends.deliver(&buffer[..length]) {
+                        return false;
+                    }
+                }
+            },
+            frame = ends.outgoing.recv() => {
+                let Some(frame) = frame else { return false };
+                match timeout(PATIENCE, writer.write_all(&frame)).await {
+                    Ok(Ok(())) => {}
+                    _ => return true,
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_as_people_write_them() {
+        for text in [
+            "udpin:0.0.0.0:14550",
+            "udpout:192.168.1.7:14550",
+            "tcp:localhost:5760",
+            "tcpin:[::1]:5760",
+        ] {
+            let address: LinkAddress = text.parse().unwrap();
+            assert_eq!(address.to_string(), text);
+        }
+        for text in [
+            "",
+            "udp:1.2.3.4:1",
+            "tcp:5760",
+            "tcp::5760",
+            "udpin:host:99999",
+        ] {
+            let error = text.parse::<LinkAddress>().unwrap_err().to_string();
+            assert!(error.contains("expected udpin:"), "{error}");
+        }
+    }
+
+    async fn soon(link: &mut Link) -> Vec<u8> {
+        timeout(Duration::from_secs(5), link.receive())
+            .await
+            .unwrap()
+            .unwrap()
+    }
+
+    #[tokio::test]
+    async fn udp_both_ways_and_no_stranger() {
+        let mut here = Link::open(&"udpin:127.0.0.1:0".parse().unwrap())
+            .await
+            .unwrap();
+        let port = here.local_address().unwrap().port();
+        let to: LinkAddress = format!("udpout:127.0.0.1:{port}").parse().unwrap();
+        let mut vehicle = Link::open(&to).await.unwrap();
+        assert!(vehicle.send(vec![1, 2, 3]));
+        assert_eq!(soon(&mut here).await, [1, 2, 3]);
+        here.send(vec![4]);
+        assert_eq!(soon(&mut vehicle).await, [4]);
+        let stranger = Link::open(&to).await.unwrap();
+        stranger.send(vec![66]);
+        sleep(Duration::from_millis(50)).await;
+        vehicle.send(vec![5]);
+        assert_eq!(soon(&mut here).await, [5]);
+    }
+
+    #[tokio::test]
+    async fn tcp_connects_again() {
+        let port = {
+            let probe = TcpListener::bind("127.0.0.1:0").await.unwrap();
+            probe.local_addr().unwrap().port()
+        };
+        // Nobody listens yet: the client keeps trying.
+        let mut client = Link::open(&format!("tcp:127.0.0.1:{port}").parse().unwrap())
+            .await
+            .unwrap();
+        sleep(Duration::from_millis(100)).await;
+        for round in 0..2 {
+            let at = format!("tcpin:127.0.0.1:{port}").parse().unwrap();
+            let mut server = Link::open(&at).await.unwrap();
+            // Sent until it arrives: what is sent while nobody is there is dropped.
+            let mut heard = None;
+            for _ in 0..100 {
+                client.send(vec![round]);
+                heard = timeout(Duration::from_millis(50), server.receive())
+                    .await
+                    .ok();
+                if heard.is_some() {
+                    break;
+                }
+            }
+            assert_eq!(heard.unwrap().unwrap()[0], round);
+            server.send(vec![9]);
+            assert_eq!(soon(&mut client).await, [9]);
+            drop(server);
+            sleep(Duration::from_millis(50)).await;
+        }
+    }
+
+    #[tokio::test]
+    async fn a_taken_port_is_refused_with_its_name() {
+        let first = Link::open(&"tcpin:127.0.0.1:0".parse().unwrap())
+            .await
+            .unwrap();
+        let port = first.local_address().unwrap().port();
+        let again = format!("tcpin:127.0.0.1:{port}").parse().unwrap();
+        let error = Link::open(&again).await.unwrap_err().to_string();
+        assert!(error.contains(&port.to_string()), "{error}");
+    }
+}

@@ -184,9 +184,10 @@ fn velocity_m_s(position: &GLOBAL_POSITION_INT_DATA) -> [f64; 3] {
     [position.vx, position.vy, position.vz].map(|v| f64::from(v) / 100.0)
 }
 
-/// A place on Earth, and not the null island of a receiver without a fix.
+/// A place in the troposphere over Earth, and not the null island of a receiver without a fix.
 fn plausible(position: &GLOBAL_POSITION_INT_DATA) -> bool {
     let on_earth = (-900_000_000..=900_000_000).contains(&position.lat)
-        && (-1_800_000_000..=1_800_000_000).contains(&position.lon);
+        && (-1_800_000_000..=1_800_000_000).contains(&position.lon)
+        && (-500_000..=11_000_000).contains(&position.alt);
     on_earth && (position.lat, position.lon) != (0, 0)
 }

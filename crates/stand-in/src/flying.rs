@@ -212,7 +212,9 @@ impl Flight {
             self.slow_s = 0.0;
         }
         let around = reality.breathe(dt_s, state.airspeed_m_s, rng);
-        self.sensed = self.estimator.sensed(&state, around.density_kg_m3);
+        self.sensed = self
+            .estimator
+            .sensed(&self.sim.sensed(), around.density_kg_m3);
         let command = self.command(dt_s, parameters);
         self.sim.step(dt_s, &around, &command);
         if self.mode == AUTO && self.armed && self.sim.state().phase == Phase::OnGround {

@@ -86,14 +86,15 @@ pub struct StandInConfig {
 
 impl StandInConfig {
     /// The stand-in for the vehicle at `index` of the scenario's team, in the scenario's
-    /// `[reality]`. A wind series must be read and set by the caller.
+    /// `[reality]`, whose mechanisms of flight change the aircraft. A wind series must be read
+    /// and set by the caller.
     ///
     /// # Errors
     /// No such vehicle, or a reality outside the models' validity.
     pub fn from_scenario(
         scenario: &Scenario,
         index: usize,
-        aircraft: Aircraft,
+        mut aircraft: Aircraft,
     ) -> Result<Self, StandInError> {
         let vehicle = scenario
             .vehicles
@@ -103,6 +104,15 @@ impl StandInConfig {
         // The aircraft stands where the team believes its home to be.
         let home = scenario.home(index).map_err(refuse)?;
         let reality = scenario.in_reality();
+        for mechanism in &reality.mechanisms {
+            let mine = mechanism.platforms.is_empty() || mechanism.platforms.contains(&vehicle.id);
+            if mine && fdm::mechanism::spec(&mechanism.id).is_some() {
+                aircraft.mechanism.push(fdm::mechanism::Mechanism {
+                    id: mechanism.id.clone(),
+                    parameters: mechanism.numbers().map_err(refuse)?.into_iter().collect(),
+                });
+            }
+        }
         let world = reality.world().map_err(refuse)?;
         let home_amsl_m = reality.site.ground_amsl_m;
         let home_air = world.spec().atmosphere.at(home_amsl_m);

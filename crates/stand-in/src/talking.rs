@@ -11,8 +11,8 @@ use mav_bridge::arduplane::{AUTO, GUIDED};
 use mav_bridge::dialect::{
     ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA,
     HYGROMETER_SENSOR_DATA, MavAutopilot, MavLandedState, MavModeFlag, MavParamType, MavSeverity,
-    MavState, MavType, NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA, SCALED_PRESSURE_DATA,
-    STATUSTEXT_DATA, SYS_STATUS_DATA, VFR_HUD_DATA, WIND_DATA,
+    MavState, MavSysStatusSensor, MavType, NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA,
+    SCALED_PRESSURE_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, VFR_HUD_DATA, WIND_DATA,
 };
 use mav_bridge::wire::MessageData;
 use protocol::SimTime;
@@ -253,7 +253,15 @@ impl StandIn {
 
     fn status(&self) -> SYS_STATUS_DATA {
         let left = (1.0 - self.armed_s / BATTERY_S).clamp(0.0, 1.0);
+        let sensors = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_GYRO
+            | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_ACCEL
+            | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
+            | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
+            | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_GPS;
         SYS_STATUS_DATA {
+            onboard_control_sensors_present: sensors,
+            onboard_control_sensors_enabled: sensors,
+            onboard_control_sensors_health: sensors,
             load: 300,
             // Four lithium cells between 3.5 and 4.2 V.
             voltage_battery: (14_000.0 + 2_800.0 * left) as u16,

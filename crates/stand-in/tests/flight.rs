@@ -422,13 +422,13 @@ fn noisy(tick: u64, frames: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
     let mut out = Vec::new();
     for (k, mut frame) in frames.into_iter().enumerate() {
         let n = tick.wrapping_mul(2654435761).wrapping_add(k as u64 * 40503) >> 4;
-        if n % 5 == 0 {
+        if n.is_multiple_of(5) {
             continue;
         }
-        if n % 7 == 0 {
+        if n.is_multiple_of(7) {
             frame.truncate(frame.len() / 2);
         }
-        if n % 11 == 0 {
+        if n.is_multiple_of(11) {
             let at = (n as usize / 11) % frame.len();
             frame[at] ^= 1 << (n % 8);
         }

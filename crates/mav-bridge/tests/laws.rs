@@ -1,0 +1,387 @@
+//! Laws that hold for any bytes on the link and any order of events.
+#![allow(clippy::unwrap_used)]
+
+use mav_bridge::arduplane::{AUTO, FBWA, GUIDED, LOITER, MANUAL, RTL, TAKEOFF};
+use mav_bridge::dialect::{
+    ATTITUDE_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState,
+    MavType, NAMED_VALUE_FLOAT_DATA, VFR_HUD_DATA,
+};
+use mav_bridge::wire::{FrameDecoder, FrameEncoder};
+use mav_bridge::{Bridge, BridgeConfig, BridgeOutput};
+use proptest::prelude::*;
+use protocol::SimTime;
+use protocol::message::{ControlLevel, PathKind, Setpoint};
+
+fn s(seconds: f64) -> SimTime {
+    SimTime::from_s(seconds)
+}
+
+/// `count` different frames of telemetry.
+fn telemetry(count: usize) -> Vec<Vec<u8>> {
+    let mut encoder = FrameEncoder::new(1, 1);
+    (0..count)
+        .map(|k| match k % 3 {
+            0 => encoder.encode(
+                &GLOBAL_POSITION_INT_DATA {
+                    time_boot_ms: k as u32,
+                    lat: 434_000_000 + k as i32,
+                    // Start bytes inside a payload.
+                    lon: i32::from_le_bytes([0xFD, 0xFD, 0x09, 0xF0]),
+                    ..GLOBAL_POSITION_INT_DATA::default()
+                },
+                None,
+                s(0.0),
+            ),
+            1 => encoder.encode(
+                &ATTITUDE_DATA {
+                    roll: k as f32,
+                    ..ATTITUDE_DATA::default()
+                },
+                None,
+                s(0.0),
+            ),
+            _ => encoder.encode(
+                &NAMED_VALUE_FLOAT_DATA {
+                    value: 449.0,
+                    name: "CO2".into(),
+                    ..NAMED_VALUE_FLOAT_DATA::default()
+                },
+                None,
+                s(0.0),
+            ),
+        })
+        .collect()
+}
+
+/// All frames that a decoder finds in pieces of a stream, and after the stream has gone silent.
+fn decode<'a>(pieces: impl Iterator<Item = &'a [u8]>) -> Vec<Vec<u8>> {
+    let mut decoder = FrameDecoder::new();
+    let mut found = Vec::new();
+    for piece in pieces {
+        decoder.push(piece);
+        found.extend(std::iter::from_fn(|| decoder.next_frame(s(0.0))));
+    }
+    for later in 1..300 {
+        found.extend(std::iter::from_fn(|| {
+            decoder.next_frame(s(f64::from(later)))
+        }));
+    }
+    found.into_iter().map(|f| f.into_bytes()).collect()
+}
+
+/// Whether all of `wanted` are in `found`, in order.
+fn contains_in_order(found: &[Vec<u8>], wanted: &[Vec<u8>]) -> bool {
+    let mut rest = found.iter();
+    wanted.iter().all(|w| rest.any(|f| f == w))
+}
+
+/// Garbage rich in start bytes.
+fn garbage() -> impl Strategy<Value = Vec<u8>> {
+    let byte = prop_oneof![any::<u8>(), Just(0xFD), Just(0), Just(0xFE)];
+    prop::collection::vec(byte, 0..60)
+}
+
+proptest! {
+    #[test]
+    fn no_frame_is_lost_among_garbage(
+        gaps in prop::collection::vec(garbage(), 12),
+        piece in 1usize..400,
+    ) {
+        let frames = telemetry(12);
+        let stream: Vec<u8> = gaps
+            .iter()
+            .zip(&frames)
+            .flat_map(|(gap, frame)| gap.iter().chain(frame).copied())
+            .collect();
+        let found = decode(stream.chunks(piece));
+        prop_assert!(contains_in_order(&found, &frames));
+    }
+
+    #[test]
+    fn a_flipped_bit_costs_one_frame(hit in 0usize..12, bit in 0usize..8 * 21, piece in 1usize..400) {
+        let mut frames = telemetry(12);
+        let spoilt = frames[hit].clone();
+        let at = (bit / 8) % spoilt.len();
+        frames[hit][at] ^= 1 << (bit % 8);
+        let stream = frames.concat();
+        let found = decode(stream.chunks(piece));
+        frames.remove(hit);
+        prop_assert_eq!(found, frames);
+    }
+
+    #[test]
+    fn a_truncated_frame_costs_itself_only(hit in 0usize..12, keep in 0usize..21, piece in 1usize..400) {
+        let mut frames = telemetry(12);
+        let keep = keep % frames[hit].len();
+        frames[hit].truncate(keep);
+        let stream = frames.concat();
+        frames.remove(hit);
+        prop_assert_eq!(decode(stream.chunks(piece)), frames);
+    }
+
+    #[test]
+    fn any_bytes_do_no_harm(pieces in prop::collection::vec(garbage(), 1..20)) {
+        let mut bridge = Bridge::new(BridgeConfig::default()).unwrap();
+        let mut out = BridgeOutput::default();
+        for (k, piece) in pieces.iter().enumerate() {
+            bridge.receive(piece, s(k as f64 * 0.1), &mut out);
+            bridge.tick(s(k as f64 * 0.1), &mut out);
+        }
+        let statistics = bridge.statistics();
+        prop_assert!(statistics.skipped_bytes <= statistics.bytes);
+        prop_assert!(out.state.is_none() && out.reading.is_none());
+    }
+
+    #[test]
+    fn any_numbers_make_a_sound_state_or_none(
+        lat in any::<i32>(), lon in any::<i32>(), alt in any::<i32>(),
+        floats in prop::array::uniform4(any::<u32>().prop_map(f32::from_bits)),
+    ) {
+        let mut encoder = FrameEncoder::new(1, 1);
+        let mut bridge = Bridge::new(BridgeConfig::default()).unwrap();
+        let mut out = BridgeOutput::default();
+        let [roll, yaw, airspeed, value] = floats;
+        let frames = [
+            heartbeat(&mut encoder, GUIDED, MavState::MAV_STATE_ACTIVE, true),
+            encoder.encode(&ATTITUDE_DATA { roll, yaw, ..ATTITUDE_DATA::default() }, None, s(0.0)),
+            encoder.encode(&VFR_HUD_DATA { airspeed, ..VFR_HUD_DATA::default() }, None, s(0.0)),
+            encoder.encode(
+                &GLOBAL_POSITION_INT_DATA { lat, lon, alt, ..GLOBAL_POSITION_INT_DATA::default() },
+                None,
+                s(0.0),
+            ),
+            encoder.encode(
+                &NAMED_VALUE_FLOAT_DATA { value, name: "CO2".into(), ..NAMED_VALUE_FLOAT_DATA::default() },
+                None,
+                s(0.0),
+            ),
+        ];
+        bridge.receive(&frames.concat(), s(0.0), &mut out);
+        if let Some(state) = out.state {
+            let numbers = [
+                state.lat_deg, state.lon_deg, state.alt_amsl_m, state.roll_deg,
+                state.heading_deg, state.airspeed_m_s,
+            ];
+            prop_assert!(numbers.iter().all(|n| n.is_finite()), "{state:?}");
+            prop_assert!(state.lat_deg.abs() <= 90.0 && state.lon_deg.abs() <= 180.0);
+        }
+        if let Some(reading) = out.reading {
+            prop_assert!((0.0..=1e6).contains(&reading.co2_ppm));
+        }
+    }
+
+    #[test]
+    fn nothing_overrides_the_pilot(events in prop::collection::vec(happening(), 1..80)) {
+        let mut encoder = FrameEncoder::new(1, 1);
+        let mut bridge = Bridge::new(BridgeConfig { may_arm: true, ..BridgeConfig::default() }).unwrap();
+        let mut time_s = 0.0;
+        let mut pilot = false;
+        for happening in events {
+            let mut out = BridgeOutput::default();
+            match happening {
+                Happening::Heartbeat(mode, status, armed) => {
+                    let frame = heartbeat(&mut encoder, mode, status, armed);
+                    bridge.receive(&frame, s(time_s), &mut out);
+                }
+                Happening::Setpoint(path, north) => {
+                    bridge.setpoint(&setpoint(path, north), s(time_s), &mut out);
+                }
+                Happening::HandBack => {
+                    bridge.hand_back(&mut out);
+                    pilot = false;
+                }
+                Happening::Wait(seconds) => time_s += seconds,
+            }
+            time_s += 0.02;
+            bridge.tick(s(time_s), &mut out);
+            if pilot {
+                prop_assert_eq!(bridge.level(), ControlLevel::Pilot, "taken from the pilot");
+                for frame in &out.frames_to_vehicle {
+                    prop_assert!(!steers(frame), "sent to a pilot's aircraft: {:02x?}", frame);
+                }
+            }
+            for frame in &out.frames_to_vehicle {
+                prop_assert!(!changes_mode_by_reposition(frame));
+            }
+            pilot = bridge.level() == ControlLevel::Pilot && !bridge.hand_back_pending();
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Happening {
+    Heartbeat(u32, MavState, bool),
+    Setpoint(PathKind, f64),
+    HandBack,
+    Wait(f64),
+}
+
+fn happening() -> impl Strategy<Value = Happening> {
+    let mode = prop::sample::select(vec![
+        MANUAL, FBWA, AUTO, RTL, LOITER, TAKEOFF, GUIDED, TAKEOFF, GUIDED,
+    ]);
+    let status = prop::sample::select(vec![
+        MavState::MAV_STATE_STANDBY,
+        MavState::MAV_STATE_ACTIVE,
+        MavState::MAV_STATE_ACTIVE,
+        MavState::MAV_STATE_CRITICAL,
+    ]);
+    let path = prop::sample::select(vec![
+        PathKind::GoTo,
+        PathKind::Orbit,
+        PathKind::TakeOff,
+        PathKind::Land,
+    ]);
+    prop_oneof![
+        4 => (mode, status, any::<bool>()).prop_map(|(m, st, a)| Happening::Heartbeat(m, st, a)),
+        3 => (path, 0.0..1000.0).prop_map(|(p, n)| Happening::Setpoint(p, n)),
+        1 => Just(Happening::HandBack),
+        2 => (0.1..8.0).prop_map(Happening::Wait),
+    ]
+}
+
+fn heartbeat(encoder: &mut FrameEncoder, mode: u32, status: MavState, armed: bool) -> Vec<u8> {
+    let mut base_mode = MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED;
+    if armed {
+        base_mode |= MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED;
+    }
+    let heartbeat = HEARTBEAT_DATA {
+        custom_mode: mode,
+        mavtype: MavType::MAV_TYPE_FIXED_WING,
+        autopilot: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+        base_mode,
+        system_status: status,
+        mavlink_version: 3,
+    };
+    encoder.encode(&heartbeat, None, s(0.0))
+}
+
+fn setpoint(path: PathKind, north_m: f64) -> Setpoint {
+    Setpoint {
+        path,
+        lat_deg: 43.44 + north_m / 111_000.0,
+        lon_deg: -7.86,
+        alt_amsl_m: 700.0,
+        airspeed_m_s: 18.0,
+        orbit_radius_m: 100.0,
+    }
+}
+
+/// Message id and command of a COMMAND_INT or COMMAND_LONG.
+fn command(frame: &[u8]) -> Option<u16> {
+    let id = u32::from_le_bytes([frame[7], frame[8], frame[9], 0]);
+    matches!(id, 75 | 76).then(|| u16::from_le_bytes([frame[38], frame[39]]))
+}
+
+fn steers(frame: &[u8]) -> bool {
+    matches!(command(frame), Some(176 | 178 | 189 | 192 | 400))
+}
+
+fn changes_mode_by_reposition(frame: &[u8]) -> bool {
+    command(frame) == Some(192) && frame[14..18] != [0; 4]
+}
+
+#[test]
+fn px4_is_told_apart_and_never_commanded() {
+    let mut encoder = FrameEncoder::new(1, 1);
+    let mut bridge = Bridge::new(BridgeConfig::default()).unwrap();
+    let mut out = BridgeOutput::default();
+    let px4 = HEARTBEAT_DATA {
+        custom_mode: 15,
+        mavtype: MavType::MAV_TYPE_FIXED_WING,
+        autopilot: MavAutopilot::MAV_AUTOPILOT_PX4,
+        system_status: MavState::MAV_STATE_ACTIVE,
+        mavlink_version: 3,
+        ..HEARTBEAT_DATA::default()
+    };
+    bridge.receive(&encoder.encode(&px4, None, s(0.0)), s(0.0), &mut out);
+    let event = out.events.iter().find(|e| e.code == "not-an-arduplane");
+    assert!(event.unwrap().text.contains("PX4"));
+    bridge.setpoint(&setpoint(PathKind::GoTo, 0.0), s(0.1), &mut out);
+    bridge.hand_back(&mut out);
+    bridge.tick(s(0.2), &mut out);
+    assert!(!out.frames_to_vehicle.iter().any(|f| steers(f)));
+    assert!(out.events.iter().any(|e| e.code == "setpoint-ignored"));
+}
+
+#[test]
+fn noise_without_frames_is_told() {
+    let mut bridge = Bridge::new(BridgeConfig::default()).unwrap();
+    let mut out = BridgeOutput::default();
+    bridge.receive(&[0x55; 3000], s(0.0), &mut out);
+    bridge.tick(s(0.0), &mut out);
+    bridge.tick(s(1.0), &mut out);
+    let told = out
+        .events
+        .iter()
+        .filter(|e| e.code == "no-mavlink2")
+        .count();
+    assert_eq!(told, 1);
+}
+
+#[test]
+fn a_setpoint_without_numbers_is_refused() {
+    let mut encoder = FrameEncoder::new(1, 1);
+    let mut bridge = Bridge::new(BridgeConfig::default()).unwrap();
+    let mut out = BridgeOutput::default();
+    let frame = heartbeat(&mut encoder, GUIDED, MavState::MAV_STATE_ACTIVE, true);
+    bridge.receive(&frame, s(0.0), &mut out);
+    let mut bad = setpoint(PathKind::GoTo, 0.0);
+    bad.alt_amsl_m = f64::NAN;
+    bridge.setpoint(&bad, s(0.0), &mut out);
+    bridge.tick(s(0.0), &mut out);
+    assert!(out.events.iter().any(|e| e.code == "bad-setpoint"));
+    assert!(!out.frames_to_vehicle.iter().any(|f| steers(f)));
+}
+
+#[test]
+fn an_unanswered_command_is_repeated_and_given_up() {
+    let mut encoder = FrameEncoder::new(1, 1);
+    let mut bridge = Bridge::new(BridgeConfig::default()).unwrap();
+    let mut out = BridgeOutput::default();
+    let mut reposition = 0;
+    for tick in 0..500 {
+        let now = SimTime::of_tick(tick, 20_000_000);
+        if tick % 50 == 0 {
+            let frame = heartbeat(&mut encoder, GUIDED, MavState::MAV_STATE_ACTIVE, true);
+            bridge.receive(&frame, now, &mut out);
+        }
+        bridge.setpoint(&setpoint(PathKind::GoTo, 0.0), now, &mut out);
+        out.frames_to_vehicle.clear();
+        bridge.tick(now, &mut out);
+        reposition += out
+            .frames_to_vehicle
+            .iter()
+            .filter(|f| command(f) == Some(192))
+            .count();
+    }
+    // Five times at 1 s each; then a pause of 5 s.
+    assert_eq!(reposition, 5);
+    let failed = out
+        .events
+        .iter()
+        .filter(|e| e.code == "setpoint-failed")
+        .count();
+    assert_eq!(failed, 1);
+}
+
+#[test]
+fn nonsense_in_the_configuration_is_refused() {
+    for config in [
+        BridgeConfig {
+            telemetry_hz: f64::NAN,
+            ..BridgeConfig::default()
+        },
+        BridgeConfig {
+            link_timeout_s: 0.0,
+            ..BridgeConfig::default()
+        },
+        BridgeConfig {
+            attempts: 0,
+            ..BridgeConfig::default()
+        },
+    ] {
+        let error = Bridge::new(config).unwrap_err().to_string();
+        assert!(error.contains("expected"), "{error}");
+    }
+}

@@ -1,2 +1,32 @@
-//! plumage
-fn main() {}
+//! The one command a newcomer needs.
+
+use clap::{Parser, Subcommand};
+use shell::commands::{campaign, replay, run};
+use shell::failure;
+use std::process::ExitCode;
+
+/// Mixed-reality simulation of UAV teams that find and map the plume of an air-pollution source.
+#[derive(Debug, Parser)]
+#[command(name = "plumage", version, about)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Fly a mission in one process
+    Run(run::RunArguments),
+    /// Read a recording and, with --verify, fly it again and compare
+    Replay(replay::ReplayArguments),
+    /// Fly one scenario with many seeds and tabulate what was found
+    Campaign(campaign::CampaignArguments),
+}
+
+fn main() -> ExitCode {
+    failure::exit(match &Arguments::parse().command {
+        Command::Run(arguments) => run::run(arguments),
+        Command::Replay(arguments) => replay::replay(arguments),
+        Command::Campaign(arguments) => campaign::campaign(arguments),
+    })
+}

@@ -1,0 +1,5 @@
+//! The commands of `plumage`, one module each.
+
+pub mod campaign;
+pub mod replay;
+pub mod run;

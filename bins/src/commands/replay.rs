@@ -1,0 +1,58 @@
+//! `plumage replay`: a recording flown again, and whether it comes out the same.
+
+use crate::{Failure, mission_files};
+use mission::Run;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `plumage replay`.
+#[derive(Debug, clap::Args)]
+pub struct ReplayArguments {
+    /// Recording of a mission (MCAP)
+    pub recording: PathBuf,
+    /// Simulate the mission again and compare digests
+    #[arg(long)]
+    pub verify: bool,
+}
+
+/// Reads a recording and, if asked, flies it again.
+///
+/// # Errors
+/// A file that is no recording, or a replay that differs.
+pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
+    let path = &arguments.recording;
+    let recording = record::read_mcap(path).map_err(Failure::input)?;
+    let (recorded, ending) = recording.digest().map_err(Failure::input)?;
+    if let Some(loss) = ending.loss() {
+        eprintln!("warning: {}: {loss}", path.display());
+    }
+    println!(
+        "mission {}, seed {}",
+        recording.info.mission, recording.info.seed
+    );
+    println!("digest of the recording     {recorded}");
+    if !arguments.verify {
+        return Ok(());
+    }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let name = format!("scenario in {}", path.display());
+    let setup = mission_files::load_text(&name, &recording.info.scenario_toml, folder)?;
+    let mut run = Run::new(&setup).map_err(Failure::input)?;
+    let mut last = None;
+    for envelope in recording.in_order().map_err(Failure::input)? {
+        last = Some(envelope.map_err(Failure::input)?.1.time);
+    }
+    // A recording cut short is compared as far as it goes.
+    while last.is_some_and(|last| run.now() <= last) && !run.ended() {
+        run.step();
+    }
+    let simulated = run.digest();
+    println!("digest of the re-simulation {simulated}");
+    if simulated != recorded {
+        return Err(Failure::Run(anyhow::anyhow!(
+            "the re-simulation differs from {}",
+            path.display()
+        )));
+    }
+    println!("the same, bit for bit");
+    Ok(())
+}

@@ -1,0 +1,267 @@
+//! `plumage run`: a mission in one process.
+
+use crate::outputs::{Outputs, fresh_folder};
+use crate::pace::{Pace, Speed};
+use crate::page::{LivePage, Serve};
+use crate::{Failure, mission_files, site};
+use anyhow::Context as _;
+use indicatif::{ProgressBar, ProgressStyle};
+use mission::{Run, Setup};
+use protocol::message::{Message, Phase};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+use views::page::PageCommand;
+
+/// Arguments of `plumage run`.
+#[derive(Debug, clap::Args)]
+pub struct RunArguments {
+    /// Scenario to fly (TOML)
+    pub scenario: PathBuf,
+    /// Seed of every random number, instead of the scenario's
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// real, a factor of real time, or max
+    #[arg(long, default_value = "max")]
+    pub speed: Speed,
+    /// Length of the mission in simulated seconds, instead of the scenario's
+    #[arg(long, value_name = "S")]
+    pub duration: Option<f64>,
+    /// Folder for the outputs; a new one under out/ if not given
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Write into a folder that holds something, replacing earlier outputs
+    #[arg(long)]
+    pub force: bool,
+    /// Address of the live page (default 127.0.0.1:8787, if free)
+    #[arg(long, value_name = "ADDR", conflicts_with = "no_serve")]
+    pub serve: Option<String>,
+    /// No live page
+    #[arg(long)]
+    pub no_serve: bool,
+    /// Keep the page up after the mission until interrupted
+    #[arg(long)]
+    pub hold: bool,
+    /// Make the last N vehicles of the team stand-ins for real ones, the others simulated
+    #[arg(long, value_name = "N")]
+    pub real_stand_ins: Option<usize>,
+}
+
+impl RunArguments {
+    /// The mission that the arguments ask for.
+    ///
+    /// # Errors
+    /// Wrong input, with what was expected.
+    pub fn setup(&self) -> Result<Setup, Failure> {
+        let mut setup = mission_files::load(&self.scenario)?;
+        if let Some(seed) = self.seed {
+            setup.scenario.mission.seed = seed;
+        }
+        if let Some(duration_s) = self.duration {
+            if !(duration_s.is_finite() && (1.0..=1e6).contains(&duration_s)) {
+                return Err(Failure::usage(format!(
+                    "--duration {duration_s}: expected 1 to 1000000 simulated seconds"
+                )));
+            }
+            setup.scenario.mission.duration_s = duration_s;
+        }
+        match self.real_stand_ins {
+            Some(count) => setup.with_stand_ins(count).map_err(Failure::input),
+            None => Ok(setup),
+        }
+    }
+
+    fn serve_at(&self) -> Serve {
+        match (&self.serve, self.no_serve) {
+            (_, true) => Serve::No,
+            (Some(address), _) => Serve::At(address.clone()),
+            (None, _) => Serve::Default,
+        }
+    }
+}
+
+/// Flies the mission.
+///
+/// # Errors
+/// Wrong input, or a run that failed; what was recorded until then stays.
+pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
+    let setup = arguments.setup()?;
+    let folder = arguments
+        .out
+        .clone()
+        .unwrap_or_else(|| fresh_folder(&setup.scenario.mission.name));
+    let run = Run::new(&setup).map_err(Failure::input)?;
+    let site = Arc::new(site::of(&setup)?);
+    let page = LivePage::open(&arguments.serve_at(), Arc::clone(&site))?;
+    let outputs = Outputs::open(&folder, arguments.force, &setup, site)?;
+    if let Some(page) = &page {
+        eprintln!("live page: http://{}/", page.address);
+    }
+    let mut flight = Flight {
+        bar: progress_bar(&setup),
+        pace: Pace::new(arguments.speed, 0.0),
+        paused: false,
+        started: Instant::now(),
+        phase: None,
+        stop: interrupt_flag()?,
+        run,
+        outputs,
+        page,
+    };
+    let failed = flight.fly().err();
+    let digest = flight.run.digest();
+    let wall_s = flight.started.elapsed().as_secs_f64();
+    flight.show(true);
+    flight.bar.finish_and_clear();
+    let summary = flight.outputs.finish(&digest, wall_s)?;
+    print!("{}", record::words::summary(&summary));
+    println!(
+        "Outputs in {}: report.html, tracks.kml, mission.mcap, summary.json, scenario.toml",
+        folder.display()
+    );
+    if let Some(page) = flight.page {
+        if arguments.hold {
+            eprintln!(
+                "live page stays at http://{}/ until interrupted",
+                page.address
+            );
+        }
+        page.close(arguments.hold, &flight.stop);
+    }
+    match failed {
+        Some(failure) => Err(failure),
+        None => Ok(()),
+    }
+}
+
+/// A mission in flight, with everything that follows it.
+struct Flight {
+    run: Run,
+    outputs: Outputs,
+    page: Option<LivePage>,
+    bar: ProgressBar,
+    pace: Pace,
+    paused: bool,
+    started: Instant,
+    phase: Option<Phase>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Flight {
+    fn fly(&mut self) -> Result<(), Failure> {
+        while !self.run.ended() && !self.stop.load(Ordering::Relaxed) {
+            self.obey();
+            if self.paused {
+                self.outputs.flush()?;
+                self.show(false);
+                std::thread::sleep(Duration::from_millis(20));
+                continue;
+            }
+            self.keep_pace()?;
+            let said = self.run.step();
+            self.outputs.take(said)?;
+            if let Some(page) = &mut self.page {
+                page.take(said);
+            }
+            for (_, envelope) in said {
+                if let Message::Plan(plan) = &envelope.message {
+                    self.phase = Some(plan.phase);
+                }
+            }
+            // Showing costs a look at the wall clock: once in ten ticks is often enough.
+            if self.run.now().ns() % 200_000_000 == 0 || self.pace.speed().0 < 10.0 {
+                self.show(false);
+            }
+        }
+        if self.stop.load(Ordering::Relaxed) {
+            eprintln!(
+                "interrupted at {:.0} s of simulated time",
+                self.run.now().s()
+            );
+        }
+        Ok(())
+    }
+
+    fn keep_pace(&mut self) -> Result<(), Failure> {
+        let wait = self.pace.wait(self.run.now().s());
+        if wait > Duration::from_millis(500) {
+            self.outputs.flush()?;
+        }
+        if !wait.is_zero() {
+            std::thread::sleep(wait);
+        }
+        Ok(())
+    }
+
+    fn obey(&mut self) {
+        let Some(page) = &mut self.page else { return };
+        for command in page.commands() {
+            let speed = match command {
+                PageCommand::Pause => {
+                    self.paused = true;
+                    continue;
+                }
+                PageCommand::Resume => self.pace.speed(),
+                PageCommand::Speed(factor) => Speed(factor),
+            };
+            if command == PageCommand::Resume {
+                self.paused = false;
+            }
+            self.pace = Pace::new(speed, self.run.now().s());
+        }
+    }
+
+    fn show(&mut self, now: bool) {
+        let sim_s = self.run.now().s();
+        self.bar.set_position(sim_s as u64);
+        if let Some(phase) = self.phase {
+            self.bar.set_message(format!("{phase:?}"));
+        }
+        let run = views::live::Run {
+            paused: self.paused,
+            speed: self.pace.speed().0,
+            real_time_factor: sim_s / self.started.elapsed().as_secs_f64().max(1e-9),
+            ended: self.run.ended(),
+        };
+        if let Some(page) = &mut self.page {
+            page.show(run, now);
+        }
+    }
+}
+
+fn progress_bar(setup: &Setup) -> ProgressBar {
+    let bar = ProgressBar::new(setup.scenario.mission.duration_s as u64);
+    let template = "{msg:>14} {wide_bar} {pos}/{len} s simulated, {eta} left";
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar.set_message("TakeOff");
+    bar.tick();
+    bar
+}
+
+/// A flag that an interrupt (Ctrl-C) raises: the run then ends as if its time were over.
+///
+/// # Errors
+/// The system takes no handler.
+pub fn interrupt_flag() -> Result<Arc<AtomicBool>, Failure> {
+    let flag = Arc::new(AtomicBool::new(false));
+    let raised = Arc::clone(&flag);
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    std::thread::Builder::new()
+        .name("interrupt".to_owned())
+        .spawn(move || {
+            if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
+                raised.store(true, Ordering::Relaxed);
+            }
+            // A second interrupt ends the program at once.
+            if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
+                std::process::exit(130);
+            }
+        })
+        .context("cannot watch for interrupts")?;
+    Ok(flag)
+}

@@ -1,0 +1,12 @@
+//! The shell around Plumage's pure crates: files, clocks, sockets, terminals. Binaries only call
+//! into here.
+
+pub mod commands;
+pub mod failure;
+pub mod mission_files;
+pub mod outputs;
+pub mod pace;
+pub mod page;
+pub mod site;
+
+pub use failure::Failure;

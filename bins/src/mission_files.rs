@@ -1,0 +1,44 @@
+//! Scenarios and the files they name, from disk.
+
+use crate::Failure;
+use anyhow::Context as _;
+use mission::Setup;
+use std::path::{Path, PathBuf};
+
+/// Reads the scenario at `path` with all the files it names. Those are looked for beside the
+/// scenario, in the folder above it and in the working folder.
+///
+/// # Errors
+/// What is wrong in which file, and what was expected.
+pub fn load(path: &Path) -> Result<Setup, Failure> {
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("{}: cannot read the scenario", path.display()))
+        .map_err(Failure::Input)?;
+    load_text(
+        &path.display().to_string(),
+        &text,
+        path.parent().unwrap_or(Path::new("")),
+    )
+}
+
+/// The same for a scenario's text that came from `name`; its files are looked for from `folder`.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_text(name: &str, text: &str, folder: &Path) -> Result<Setup, Failure> {
+    let above = folder.parent().unwrap_or(Path::new("")).to_owned();
+    let folders = [folder.to_owned(), above, PathBuf::new()];
+    let read = |file: &str| -> Result<Vec<u8>, String> {
+        let tried = folders.iter().map(|f| f.join(file));
+        match tried.clone().find(|p| p.is_file()) {
+            Some(found) => {
+                std::fs::read(&found).map_err(|e| format!("cannot read {}: {e}", found.display()))
+            }
+            None => {
+                let tried: Vec<String> = tried.map(|p| p.display().to_string()).collect();
+                Err(format!("no such file; looked for {}", tried.join(", ")))
+            }
+        }
+    };
+    Setup::load(name, text, &read).map_err(Failure::input)
+}

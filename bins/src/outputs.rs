@@ -1,0 +1,133 @@
+//! What a run leaves behind: recording, tracks, summary, report and resolved scenario.
+
+use crate::{Failure, site};
+use anyhow::{Context as _, Result};
+use mission::{Setup, campaign};
+use protocol::bus::Said;
+use protocol::key::Name;
+use record::summary::{Summariser, Summary};
+use record::tracks::Tracks;
+use record::{RunInfo, ThreadedRecorder, files, kml};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use views::report::Report;
+use views::site::Site;
+
+/// Points of one track in KML.
+const TRACK_POINTS: usize = 4000;
+
+/// Collects a run's outputs as its messages come.
+pub struct Outputs {
+    folder: PathBuf,
+    recorder: ThreadedRecorder,
+    summariser: Summariser,
+    report: Report,
+    tracks: Tracks,
+    setup: Setup,
+}
+
+/// What a recording says of its run.
+///
+/// # Errors
+/// A mission's name that cannot be part of a key.
+pub fn run_info(setup: &Setup) -> Result<RunInfo> {
+    Ok(RunInfo {
+        mission: Name::new(&setup.scenario.mission.name)?,
+        scenario_toml: setup.scenario.to_toml(),
+        seed: setup.scenario.mission.seed,
+        versions: BTreeMap::from([("plumage".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]),
+    })
+}
+
+/// A folder for a run that was given none: `out/<mission>-<n>` with the first free n.
+pub fn fresh_folder(mission: &str) -> PathBuf {
+    (1..)
+        .map(|n| Path::new("out").join(format!("{mission}-{n}")))
+        .find(|p| !p.exists())
+        .unwrap_or_else(|| PathBuf::from("out"))
+}
+
+impl Outputs {
+    /// Opens the outputs of a run in `folder`.
+    ///
+    /// # Errors
+    /// A folder that holds something (without `force`) or cannot be written.
+    pub fn open(
+        folder: &Path,
+        force: bool,
+        setup: &Setup,
+        site: Arc<Site>,
+    ) -> Result<Self, Failure> {
+        files::prepare_folder(folder, force).map_err(Failure::input)?;
+        // The scenario first: whatever happens later, it is known what was flown.
+        files::write_whole(
+            &folder.join("scenario.toml"),
+            setup.scenario.to_toml().as_bytes(),
+        )
+        .map_err(Failure::input)?;
+        let recorder = ThreadedRecorder::create(&folder.join("mission.mcap"), &run_info(setup)?)
+            .map_err(Failure::input)?;
+        Ok(Self {
+            folder: folder.to_owned(),
+            recorder,
+            summariser: Summariser::new(campaign::known(setup)?),
+            report: Report::new(site),
+            tracks: Tracks::new(TRACK_POINTS, 0.5),
+            setup: setup.clone(),
+        })
+    }
+
+    /// Takes in what was said in a tick.
+    ///
+    /// # Errors
+    /// The recording cannot be written.
+    pub fn take(&mut self, said: &[Said]) -> Result<()> {
+        for (topic, envelope) in said {
+            self.recorder.record(topic, envelope)?;
+            self.summariser.take(topic, envelope);
+            self.report.take(topic, envelope);
+            self.tracks.take(topic, envelope);
+        }
+        Ok(())
+    }
+
+    /// Hands to the file what waits, so that a paused run loses nothing.
+    ///
+    /// # Errors
+    /// The recording cannot be written.
+    pub fn flush(&mut self) -> Result<()> {
+        Ok(self.recorder.flush()?)
+    }
+
+    /// The summary so far.
+    pub fn summary(&self, digest: &str, wall_s: f64) -> Summary {
+        self.summariser.summary(digest, wall_s)
+    }
+
+    /// Ends the recording and writes the other files.
+    ///
+    /// # Errors
+    /// A file cannot be written; those written before stay.
+    pub fn finish(self, digest: &str, wall_s: f64) -> Result<Summary> {
+        let summary = self.summariser.summary(digest, wall_s);
+        let finished = self.recorder.finish(Some(digest))?;
+        for (key, count) in finished.not_finite {
+            eprintln!(
+                "warning: {count} messages on {key} held no finite number and were not recorded"
+            );
+        }
+        let write = |name: &str, text: &str| {
+            files::write_whole(&self.folder.join(name), text.as_bytes())
+                .context("cannot write the outputs")
+        };
+        write("summary.json", &summary.to_json())?;
+        let around = kml::Surroundings {
+            peak: summary.peak.estimate,
+            ..site::surroundings(&self.setup)?
+        };
+        write("tracks.kml", &kml::document(&self.tracks, &around)?)?;
+        write("report.html", &self.report.html(&summary))?;
+        Ok(summary)
+    }
+}

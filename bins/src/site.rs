@@ -1,0 +1,100 @@
+//! What stands on the map of a mission, for the page, the report and KML.
+
+use anyhow::Result;
+use mission::{Setup, truth};
+use plume::{Place, World};
+use protocol::message::Model;
+use record::kml::{Stack, Surroundings};
+use std::sync::Arc;
+use views::site::{Site, Spot};
+
+fn place(site_ground_amsl_m: f64, spot: &Spot) -> Place {
+    Place {
+        east_m: spot.at.east_m,
+        north_m: spot.at.north_m,
+        height_agl_m: spot.alt_amsl_m - site_ground_amsl_m,
+    }
+}
+
+fn fence(setup: &Setup) -> Result<Vec<(f64, f64)>> {
+    let frame = setup.frame()?;
+    let corners = setup.scenario.fence_polygon()?.into_iter().map(|c| {
+        let at = frame.to_geodetic(c);
+        (at.lat_deg, at.lon_deg)
+    });
+    Ok(corners.collect())
+}
+
+fn stacks(setup: &Setup) -> Vec<Stack> {
+    setup
+        .scenario
+        .sources
+        .iter()
+        .map(|s| Stack {
+            name: s.name.clone(),
+            lat_deg: s.lat_deg,
+            lon_deg: s.lon_deg,
+            height_m: s.stack_height_m,
+        })
+        .collect()
+}
+
+/// The site of a mission.
+///
+/// # Errors
+/// A scenario that describes no world.
+pub fn of(setup: &Setup) -> Result<Site> {
+    let scenario = &setup.scenario;
+    let base = scenario.world_spec()?;
+    let ground = scenario.site.ground_amsl_m;
+    let field = move |model: &Model, spots: &[Spot]| -> Vec<f64> {
+        let world: Option<World> = sc::peak::corrected(&base, model);
+        let ppm = |spot| {
+            world
+                .as_ref()
+                .map_or(f64::NAN, |w| w.mean_ppm(&place(ground, spot), 0.0))
+        };
+        spots.iter().map(ppm).collect()
+    };
+    let has_reality = truth::has_stand_in(scenario);
+    let reality = if has_reality {
+        let world = scenario.in_reality().world()?;
+        let of = move |spots: &[Spot]| -> Vec<f64> {
+            spots
+                .iter()
+                .map(|s| world.mean_ppm(&place(ground, s), 0.0))
+                .collect()
+        };
+        Some(Arc::new(of) as views::site::RealityField)
+    } else {
+        None
+    };
+    Ok(Site {
+        mission: scenario.mission.name.clone(),
+        duration_s: scenario.mission.duration_s,
+        frame: setup.frame()?,
+        stacks: stacks(setup),
+        fence: fence(setup)?,
+        keep_out_radius_m: scenario.fence.keep_out_radius_m,
+        field: Arc::new(field),
+        reality,
+        true_peak: has_reality
+            .then(|| truth::reachable_peak(scenario))
+            .transpose()?,
+    })
+}
+
+/// What stands on the map of Google Earth beside the tracks.
+///
+/// # Errors
+/// A scenario that describes no world.
+pub fn surroundings(setup: &Setup) -> Result<Surroundings> {
+    let scenario = &setup.scenario;
+    Ok(Surroundings {
+        mission: scenario.mission.name.clone(),
+        stacks: stacks(setup),
+        fence: fence(setup)?,
+        fence_top_amsl_m: scenario.site.ground_amsl_m + scenario.fence.ceiling_agl_m,
+        peak: None,
+    })
+}

@@ -1,0 +1,191 @@
+//! A real vehicle's agent: the virtual aircraft, the bridge to its MAVLink, and, where no
+//! hardware is, the stand-in behind that link, all in one process and in step with the mission.
+//! The team sees of it what any real aircraft would show.
+
+use crate::{MissionError, Setup};
+use mav_bridge::{Bridge, BridgeConfig, BridgeOutput};
+use protocol::key::Name;
+use protocol::message::MavlinkFrame;
+use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
+use scenario::random::stream;
+use stand_in::{StandIn, StandInConfig};
+use va::{Body, BridgedBody, FromBridge, VirtualAircraft};
+
+/// What is at the far end of the MAVLink link.
+enum FarEnd {
+    /// A stand-in in this process.
+    StandIn(Box<StandIn>),
+    /// A link of the owner's: bytes are handed in and taken out by [`RealVehicle::link`].
+    Link(LinkBuffers),
+}
+
+/// Bytes on their way between a bridge and a link.
+#[derive(Debug, Default)]
+pub struct LinkBuffers {
+    /// Bytes that came from the vehicle.
+    pub from_vehicle: Vec<Vec<u8>>,
+    /// Frames to send to the vehicle.
+    pub to_vehicle: Vec<Vec<u8>>,
+}
+
+/// A real vehicle of the team.
+pub struct RealVehicle {
+    va: VirtualAircraft,
+    name: Name,
+    bridge: Bridge,
+    far_end: FarEnd,
+    output: BridgeOutput,
+    handed_back: bool,
+}
+
+impl RealVehicle {
+    /// The vehicle at `index` of the team with a stand-in behind its bridge.
+    ///
+    /// # Errors
+    /// A scenario or aircraft that the stand-in refuses.
+    pub fn with_stand_in(setup: &Setup, index: usize) -> Result<Self, MissionError> {
+        let scenario = &setup.scenario;
+        let mut config =
+            StandInConfig::from_scenario(scenario, index, setup.aircraft_of(index)?.clone())?;
+        // A measured wind is everybody's, unless the reality has one of its own.
+        config.wind_series = setup.wind_series.clone();
+        let name = scenario.vehicles.get(index).map_or("", |v| v.id.as_str());
+        let rng = stream(scenario.mission.seed, &format!("stand-in/{name}"));
+        let stand_in = StandIn::new(config, rng)?;
+        // Nobody stands beside a stand-in to arm it.
+        let bridge = BridgeConfig {
+            may_arm: true,
+            ..bridge_config(setup)?
+        };
+        Self::new(name, bridge, FarEnd::StandIn(Box::new(stand_in)))
+    }
+
+    /// The vehicle at `index` of the team behind a link that the owner serves.
+    ///
+    /// # Errors
+    /// A scenario that describes no air.
+    pub fn with_link(setup: &Setup, index: usize) -> Result<Self, MissionError> {
+        let name = setup
+            .scenario
+            .vehicles
+            .get(index)
+            .map_or("", |v| v.id.as_str());
+        Self::new(
+            name,
+            bridge_config(setup)?,
+            FarEnd::Link(LinkBuffers::default()),
+        )
+    }
+
+    fn new(name: &str, bridge: BridgeConfig, far_end: FarEnd) -> Result<Self, MissionError> {
+        Ok(Self {
+            va: VirtualAircraft::new(name, Body::Bridged(Box::new(BridgedBody::new())))?,
+            name: Name::new(name)?,
+            bridge: Bridge::new(bridge)?,
+            far_end,
+            output: BridgeOutput::default(),
+            handed_back: false,
+        })
+    }
+
+    /// The owner's end of the link; none where a stand-in is at the far end.
+    pub fn link(&mut self) -> Option<&mut LinkBuffers> {
+        match &mut self.far_end {
+            FarEnd::StandIn(_) => None,
+            FarEnd::Link(buffers) => Some(buffers),
+        }
+    }
+
+    /// The pilot, or whoever answers for the vehicle, gives it back to automatic flight.
+    pub fn hand_back(&mut self) {
+        self.handed_back = true;
+    }
+
+    /// The stand-in, for those who test what a pilot does to it.
+    pub fn stand_in_mut(&mut self) -> Option<&mut StandIn> {
+        match &mut self.far_end {
+            FarEnd::StandIn(stand_in) => Some(stand_in),
+            FarEnd::Link(_) => None,
+        }
+    }
+
+    /// One exchange over the link: what the vehicle said, then what it is told.
+    fn exchange(&mut self, now: SimTime, out: &mut Outbox) {
+        self.output.clear();
+        if std::mem::take(&mut self.handed_back) {
+            self.bridge.hand_back(&mut self.output);
+        }
+        if let Body::Bridged(body) = self.va.body_mut() {
+            for setpoint in body.take_setpoints() {
+                self.bridge.setpoint(&setpoint, now, &mut self.output);
+            }
+        }
+        self.bridge.tick(now, &mut self.output);
+        let to_vehicle = std::mem::take(&mut self.output.frames_to_vehicle);
+        let from_vehicle = match &mut self.far_end {
+            FarEnd::StandIn(stand_in) => stand_in.step(now, &to_vehicle),
+            FarEnd::Link(buffers) => {
+                buffers.to_vehicle.extend(to_vehicle.iter().cloned());
+                std::mem::take(&mut buffers.from_vehicle)
+            }
+        };
+        for bytes in &from_vehicle {
+            self.bridge.receive(bytes, now, &mut self.output);
+        }
+        // Answers to what was just heard go out at the next exchange.
+        let answers = std::mem::take(&mut self.output.frames_to_vehicle);
+        if let FarEnd::StandIn(stand_in) = &mut self.far_end {
+            let more = stand_in.step(now, &answers);
+            for bytes in &more {
+                self.bridge.receive(bytes, now, &mut self.output);
+            }
+        } else if let FarEnd::Link(buffers) = &mut self.far_end {
+            buffers.to_vehicle.extend(answers.iter().cloned());
+        }
+        self.publish_frames(to_vehicle.into_iter().chain(answers), out);
+    }
+
+    fn publish_frames(&mut self, to_vehicle: impl Iterator<Item = Vec<u8>>, out: &mut Outbox) {
+        for bytes in self.output.frames_from_vehicle.drain(..) {
+            let frame = Message::Mavlink(MavlinkFrame { bytes });
+            out.say(Topic::MavlinkRx(self.name.clone()), frame);
+        }
+        for bytes in to_vehicle {
+            let frame = Message::Mavlink(MavlinkFrame { bytes });
+            out.say(Topic::MavlinkTx(self.name.clone()), frame);
+        }
+    }
+}
+
+fn bridge_config(setup: &Setup) -> Result<BridgeConfig, MissionError> {
+    Ok(BridgeConfig {
+        atmosphere: setup.scenario.atmosphere()?,
+        ..BridgeConfig::default()
+    })
+}
+
+impl Agent for RealVehicle {
+    fn id(&self) -> &AgentId {
+        self.va.id()
+    }
+
+    fn interests(&self) -> Vec<Interest> {
+        self.va.interests()
+    }
+
+    fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
+        if matches!(event, Event::Tick) {
+            self.exchange(now, out);
+            let news = FromBridge {
+                state: self.output.state.take(),
+                reading: self.output.reading.take(),
+                mode: self.output.mode.take(),
+                events: std::mem::take(&mut self.output.events),
+            };
+            if let Body::Bridged(body) = self.va.body_mut() {
+                body.news(news);
+            }
+        }
+        self.va.handle(event, now, out);
+    }
+}

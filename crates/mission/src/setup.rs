@@ -1,0 +1,268 @@
+//! A scenario with all the files it names, read and checked.
+
+use crate::MissionError;
+use air::geo::LocalFrame;
+use air::terrain::Terrain;
+use air::wind::WindSeries;
+use fdm::Aircraft;
+use scenario::Scenario;
+use scenario::tables::{BUILT_IN_AIRCRAFT, VehicleKind};
+use std::collections::BTreeMap;
+
+/// The aircraft that every installation has.
+const BUILT_IN: &str = include_str!("../../../aircraft/x8.toml");
+
+/// Reads a file named by the scenario: its bytes, or what went wrong in words.
+pub type ReadFile<'a> = &'a dyn Fn(&str) -> Result<Vec<u8>, String>;
+
+/// Everything that a mission needs to start.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    /// The scenario, checked.
+    pub scenario: Scenario,
+    /// Aircraft by the name under which vehicles ask for them.
+    pub aircraft: BTreeMap<String, Aircraft>,
+    /// Measured wind, where the scenario names a series.
+    pub wind_series: Option<WindSeries>,
+    /// The ground.
+    pub terrain: Terrain,
+}
+
+impl Setup {
+    /// Reads and checks the scenario `text` of `file` and all files it names.
+    ///
+    /// # Errors
+    /// What is wrong in which file, and what was expected.
+    pub fn load(file: &str, text: &str, read: ReadFile<'_>) -> Result<Self, MissionError> {
+        let scenario = Scenario::parse(file, text)?;
+        let mut aircraft = BTreeMap::new();
+        for vehicle in &scenario.vehicles {
+            let name = &vehicle.aircraft;
+            if !aircraft.contains_key(name) {
+                let named_by = format!("vehicle {} of {file}", vehicle.id);
+                aircraft.insert(name.clone(), load_aircraft(name, &named_by, read)?);
+            }
+        }
+        let refuse = |name: &str, key: &str, why: String| MissionError::File {
+            file: name.to_owned(),
+            why,
+            named_by: format!("{key} of {file}"),
+        };
+        let wind_series = match &scenario.weather.series {
+            None => None,
+            Some(name) => Some(
+                read(name)
+                    .and_then(|bytes| parse_wind_series(&bytes))
+                    .map_err(|why| refuse(name, "weather.series", why))?,
+            ),
+        };
+        let ground = scenario.site.ground_amsl_m;
+        let terrain = match &scenario.site.terrain {
+            None => Terrain::Flat(ground),
+            Some(name) => read(name)
+                .and_then(|bytes| {
+                    Terrain::from_hgt(name, &bytes, ground).map_err(|e| e.to_string())
+                })
+                .map_err(|why| refuse(name, "site.terrain", why))?,
+        };
+        Ok(Self {
+            scenario,
+            aircraft,
+            wind_series,
+            terrain,
+        })
+    }
+
+    /// Makes exactly `count` of the team's vehicles stand-ins, the last ones, and the others
+    /// simulated.
+    ///
+    /// # Errors
+    /// More stand-ins than vehicles.
+    pub fn with_stand_ins(mut self, count: usize) -> Result<Self, MissionError> {
+        let team = self.scenario.vehicles.len();
+        if count > team {
+            return Err(MissionError::Request(format!(
+                "{count} stand-ins of a team of {team}: expected 0 to {team}"
+            )));
+        }
+        for (k, vehicle) in self.scenario.vehicles.iter_mut().enumerate() {
+            vehicle.kind = if k + count >= team {
+                VehicleKind::StandIn
+            } else {
+                VehicleKind::Simulated
+            };
+            vehicle.link = None;
+        }
+        Ok(self)
+    }
+
+    /// The aircraft of the vehicle at `index` of the team.
+    ///
+    /// # Errors
+    /// No such vehicle.
+    pub fn aircraft_of(&self, index: usize) -> Result<&Aircraft, MissionError> {
+        self.scenario
+            .vehicles
+            .get(index)
+            .and_then(|v| self.aircraft.get(&v.aircraft))
+            .ok_or_else(|| MissionError::Request(format!("no vehicle number {index}")))
+    }
+
+    /// Index in the team of the vehicle called `id`.
+    ///
+    /// # Errors
+    /// No such vehicle.
+    pub fn index_of(&self, id: &str) -> Result<usize, MissionError> {
+        let ids: Vec<&str> = self
+            .scenario
+            .vehicles
+            .iter()
+            .map(|v| v.id.as_str())
+            .collect();
+        ids.iter().position(|known| *known == id).ok_or_else(|| {
+            MissionError::Request(format!(
+                "no vehicle '{id}': expected one of {}",
+                ids.join(", ")
+            ))
+        })
+    }
+
+    /// The site's frame.
+    ///
+    /// # Errors
+    /// A site outside the frame's validity.
+    pub fn frame(&self) -> Result<LocalFrame, MissionError> {
+        Ok(self.scenario.frame()?)
+    }
+
+    /// Length of a tick, ns.
+    pub fn tick_ns(&self) -> i64 {
+        protocol::SimTime::from_s(self.scenario.mission.tick_s).ns()
+    }
+
+    /// Number of ticks of the whole mission.
+    pub fn ticks(&self) -> u64 {
+        (self.scenario.mission.duration_s / self.scenario.mission.tick_s).round() as u64
+    }
+}
+
+fn load_aircraft(name: &str, named_by: &str, read: ReadFile<'_>) -> Result<Aircraft, MissionError> {
+    let refuse = |why: String| MissionError::File {
+        file: name.to_owned(),
+        why,
+        named_by: named_by.to_owned(),
+    };
+    let text = match read(name) {
+        Ok(bytes) => String::from_utf8(bytes).map_err(|e| refuse(e.to_string()))?,
+        // The default aircraft needs no file beside the scenario.
+        Err(_) if name == BUILT_IN_AIRCRAFT => BUILT_IN.to_owned(),
+        Err(why) => return Err(refuse(why)),
+    };
+    Aircraft::from_toml(name, &text).map_err(|e| refuse(e.to_string()))
+}
+
+/// Reads `time_s, wind_speed_m_s, wind_from_deg` rows; the header is fixed, its order free.
+fn parse_wind_series(bytes: &[u8]) -> Result<WindSeries, String> {
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .from_reader(bytes);
+    let header = reader.headers().map_err(|e| e.to_string())?.clone();
+    let column = |name: &str| {
+        header.iter().position(|h| h == name).ok_or_else(|| {
+            format!("no column {name}; expected time_s, wind_speed_m_s, wind_from_deg")
+        })
+    };
+    let columns = [
+        column("time_s")?,
+        column("wind_speed_m_s")?,
+        column("wind_from_deg")?,
+    ];
+    let mut rows = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|e| e.to_string())?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let number = |k: usize| {
+            let cell = record.get(columns[k]).unwrap_or_default();
+            cell.parse::<f64>().map_err(|_| {
+                format!(
+                    "line {line}, column {}: '{cell}' is not a number",
+                    &header[columns[k]]
+                )
+            })
+        };
+        rows.push((number(0)?, number(1)?, number(2)?));
+    }
+    WindSeries::new(&rows).map_err(|e| e.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LEAST: &str = "[site]\nlat_deg=43.4\nlon_deg=-7.8\nground_amsl_m=340\n\
+        [[source]]\nlat_deg=43.4\nlon_deg=-7.8\nemission_kg_s=300\n";
+
+    fn nothing(_: &str) -> Result<Vec<u8>, String> {
+        Err("no such file".to_owned())
+    }
+
+    #[test]
+    fn the_default_aircraft_needs_no_file() {
+        let setup = Setup::load("s.toml", LEAST, &nothing).unwrap();
+        assert_eq!(setup.aircraft.len(), 1);
+    }
+
+    #[test]
+    fn a_missing_aircraft_is_named_with_its_vehicle() {
+        let text = format!("{LEAST}[[vehicle]]\nid=\"7\"\naircraft=\"glider.toml\"\n");
+        let message = Setup::load("s.toml", &text, &nothing)
+            .unwrap_err()
+            .to_string();
+        assert_eq!(
+            message,
+            "glider.toml: no such file (named by vehicle 7 of s.toml)"
+        );
+    }
+
+    #[test]
+    fn a_wind_series_is_read_or_refused_by_line() {
+        let text = format!("{LEAST}[weather]\nseries=\"w.csv\"\n");
+        let good =
+            |_: &str| Ok(b"wind_from_deg,time_s,wind_speed_m_s\n270,0,5\n280,60,6\n".to_vec());
+        assert!(
+            Setup::load("s.toml", &text, &good)
+                .unwrap()
+                .wind_series
+                .is_some()
+        );
+        let bad =
+            |_: &str| Ok(b"time_s,wind_speed_m_s,wind_from_deg\n0,5,270\n1,fast,270\n".to_vec());
+        let message = Setup::load("s.toml", &text, &bad).unwrap_err().to_string();
+        assert!(
+            message.contains("line 3, column wind_speed_m_s: 'fast'"),
+            "{message}"
+        );
+        let short = |_: &str| Ok(b"time_s,wind_speed_m_s\n0,5\n".to_vec());
+        assert!(
+            Setup::load("s.toml", &text, &short)
+                .unwrap_err()
+                .to_string()
+                .contains("wind_from_deg")
+        );
+    }
+
+    #[test]
+    fn stand_ins_are_the_last_of_the_team() {
+        let setup = Setup::load("s.toml", LEAST, &nothing).unwrap();
+        for count in [0, 1, 3, 6] {
+            let setup = setup.clone().with_stand_ins(count).unwrap();
+            let real = setup
+                .scenario
+                .vehicles
+                .iter()
+                .filter(|v| v.kind == VehicleKind::StandIn);
+            assert_eq!(real.count(), count);
+        }
+        assert!(setup.with_stand_ins(7).is_err());
+    }
+}

@@ -1,0 +1,120 @@
+//! The agents that a scenario asks for.
+
+use crate::real_vehicle::RealVehicle;
+use crate::{MissionError, Setup};
+use protocol::{Agent, AgentId, Event, Interest, Outbox, SimTime};
+use sc::SquadronController;
+use scenario::tables::VehicleKind;
+use va::{Body, SimulatedBody, SimulatedConfig, VirtualAircraft};
+use ws::{WorldSimulator, WorldSimulatorConfig};
+
+/// One agent of a mission.
+pub enum Member {
+    /// The world simulator.
+    World(Box<WorldSimulator>),
+    /// The squadron controller.
+    Controller(Box<SquadronController>),
+    /// A simulated vehicle.
+    Simulated(Box<VirtualAircraft>),
+    /// A real vehicle, or a stand-in for one.
+    Real(Box<RealVehicle>),
+}
+
+impl Member {
+    /// The world simulator of a mission.
+    ///
+    /// # Errors
+    /// A scenario that describes no world.
+    pub fn world(setup: &Setup) -> Result<Self, MissionError> {
+        let config = WorldSimulatorConfig {
+            scenario: setup.scenario.clone(),
+            wind_series: setup.wind_series.clone(),
+            terrain: setup.terrain.clone(),
+        };
+        Ok(Self::World(Box::new(WorldSimulator::new(config)?)))
+    }
+
+    /// The squadron controller of a mission.
+    ///
+    /// # Errors
+    /// A scenario that it refuses.
+    pub fn controller(setup: &Setup) -> Result<Self, MissionError> {
+        Ok(Self::Controller(Box::new(SquadronController::new(
+            &setup.scenario,
+        )?)))
+    }
+
+    /// The vehicle at `index` of the team; a `mavlink` vehicle's link is the caller's to serve.
+    ///
+    /// # Errors
+    /// A vehicle that cannot fly.
+    pub fn vehicle(setup: &Setup, index: usize) -> Result<Self, MissionError> {
+        let aircraft = setup.aircraft_of(index)?;
+        let vehicle = &setup.scenario.vehicles[index];
+        Ok(match vehicle.kind {
+            VehicleKind::Simulated => {
+                let config = SimulatedConfig {
+                    scenario: &setup.scenario,
+                    index,
+                    aircraft,
+                };
+                let body = Body::Simulated(Box::new(SimulatedBody::new(config)?));
+                Self::Simulated(Box::new(VirtualAircraft::new(&vehicle.id, body)?))
+            }
+            VehicleKind::StandIn => Self::Real(Box::new(RealVehicle::with_stand_in(setup, index)?)),
+            VehicleKind::Mavlink => Self::Real(Box::new(RealVehicle::with_link(setup, index)?)),
+        })
+    }
+
+    /// All agents of a mission.
+    ///
+    /// # Errors
+    /// The first that cannot be made.
+    pub fn all(setup: &Setup) -> Result<Vec<Self>, MissionError> {
+        let mut team = vec![Self::world(setup)?, Self::controller(setup)?];
+        for index in 0..setup.scenario.vehicles.len() {
+            team.push(Self::vehicle(setup, index)?);
+        }
+        Ok(team)
+    }
+
+    fn agent(&self) -> &dyn Agent {
+        match self {
+            Self::World(agent) => agent.as_ref(),
+            Self::Controller(agent) => agent.as_ref(),
+            Self::Simulated(agent) => agent.as_ref(),
+            Self::Real(agent) => agent.as_ref(),
+        }
+    }
+}
+
+/// Ids of all agents of a mission.
+///
+/// # Errors
+/// A vehicle's id that cannot be part of a key.
+pub fn agent_ids(setup: &Setup) -> Result<Vec<AgentId>, MissionError> {
+    let mut ids = vec![AgentId::ws(), AgentId::sc()];
+    for vehicle in &setup.scenario.vehicles {
+        ids.push(AgentId::va(&vehicle.id)?);
+    }
+    Ok(ids)
+}
+
+impl Agent for Member {
+    fn id(&self) -> &AgentId {
+        self.agent().id()
+    }
+
+    fn interests(&self) -> Vec<Interest> {
+        self.agent().interests()
+    }
+
+    fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
+        match self {
+            Self::World(agent) => agent.handle(event, now, out),
+            Self::Controller(agent) => agent.handle(event, now, out),
+            Self::Simulated(agent) => agent.handle(event, now, out),
+            Self::Real(agent) => agent.handle(event, now, out),
+        }
+    }
+}

@@ -331,7 +331,7 @@ function fillHeader() {
     const factor = b.dataset.factor ? Number(b.dataset.factor) : null;
     b.setAttribute("aria-pressed", factor === live.speed);
   }
-  if (live.plume) $("plume-label").textContent = `model's plume at ${live.plume.agl.toFixed(0)} m AGL, ppm above background`;
+  if (live.plume) $("plume-label").textContent = `model's plume, ${live.plume.agl.toFixed(0)} m AGL, +ppm`;
   if (live.ended) say("The mission is over: see report.html in its output folder.");
 }
 

@@ -16,5 +16,5 @@ PLOTS.forEach((plot, index) => {
   }
   if (plot.layout.margin) layout.margin = { ...BASE.margin, ...plot.layout.margin };
   Plotly.newPlot("plot-" + (index + 1), plot.data, layout,
-    { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] });
+    { responsive: true, displayModeBar: false });
 });

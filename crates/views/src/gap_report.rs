@@ -1,1 +1,443 @@
-//! gap
+//! `report.html` of a gap analysis: it shows what is wrong, names it, extends the model, gives
+//! the gain, and says what remains.
+
+mod figures;
+
+use crate::html::{Document, number};
+use gap::plume::GapReport;
+use gap::tracer::{TracerReport, TriedModel};
+use gap::verdict::{Cause, GapJson, HeldOut, NextFlight, Verdict};
+
+/// Rows of the ranking that are listed.
+const RANKED: usize = 15;
+/// Mechanisms whose smallest visible effect is listed.
+const DETECTABLE: usize = 30;
+
+/// The report of an analysis of concentrations along tracks. `title` names the data.
+pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
+    let mut page = opening("Plumage gap report: plume and sensors", title, json);
+    page.section("Where the simulation departs from the data");
+    if let Some(series) = report.series.iter().max_by_key(|s| s.time_s.len()) {
+        page.plot(
+            430,
+            figures::series(series),
+            &format!(
+                "Above: platform {} as it read, and as the base and the extended model predict it. \
+                 Below: the misfit in standard deviations of the fitted noise; what is explained \
+                 stays within about two.",
+                series.platform
+            ),
+        );
+    }
+    if !report.series.is_empty() {
+        page.plot(
+            470,
+            figures::maps(report),
+            "Standardised misfit on the map, base on the left and extended model on the right: \
+             red where more was read than predicted, blue where less. Square: the first source.",
+        );
+        page.plot(
+            300,
+            figures::autocorrelation(report),
+            "Memory of the misfit: correlation of a residual with the one so many readings later. \
+             A model with nothing missing leaves none.",
+        );
+    }
+    bins(&mut page, json);
+    if !report.noise.is_empty() {
+        let rows: Vec<Vec<String>> = report
+            .noise
+            .iter()
+            .map(|(name, value, unit)| vec![name.clone(), number(*value, 3), unit.clone()])
+            .collect();
+        page.table(
+            "The noise fitted with the base.",
+            &["term", "size", "unit"],
+            &rows,
+        );
+    }
+    name_extend_gain(&mut page, json);
+    if !report.blocks.is_empty() {
+        page.plot(
+            260,
+            figures::blocks(&report.blocks),
+            "Gain of the log score on each block left out. A gain that stands in one block alone \
+             is no finding.",
+        );
+    }
+    remains(&mut page, json);
+    page.finish()
+}
+
+/// The report of an analysis of tracer trials. `title` names the data.
+pub fn tracer(title: &str, report: &TracerReport) -> String {
+    let json = &report.gap;
+    let mut page = opening("Plumage gap report: tracer trials", title, json);
+    page.section("Where the simulation departs from the data");
+    page.plot(
+        430,
+        figures::arcs(&report.tracer.arcs),
+        "Predicted over measured on every whole arc, by distance: crosswind-integrated \
+         concentration (vertical spread, transport, loss) and width (lateral spread). Grey: the \
+         base. Blue: the extended model, each trial predicted from the others. One is right.",
+    );
+    bins(&mut page, json);
+    for group in &report.tracer.groups {
+        for (what, tried) in [("vertical", &group.vertical), ("lateral", &group.lateral)] {
+            tried_models(&mut page, &group.group, what, group.trials.len(), tried);
+        }
+    }
+    name_extend_gain(&mut page, json);
+    remains(&mut page, json);
+    page.finish()
+}
+
+/// The report of an analysis of which only the verdict is known. `kind` and `title` name it.
+pub fn verdict(kind: &str, title: &str, json: &GapJson) -> String {
+    let mut page = opening(kind, title, json);
+    if !json.residual.is_empty() {
+        page.section("Where the simulation departs from the data");
+        bins(&mut page, json);
+    }
+    name_extend_gain(&mut page, json);
+    remains(&mut page, json);
+    page.finish()
+}
+
+fn word(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::None => "none",
+        Verdict::Named => "named",
+        Verdict::Ambiguous => "ambiguous",
+        Verdict::Unexplained => "unexplained",
+    }
+}
+
+fn opening(kicker: &str, title: &str, json: &GapJson) -> Document {
+    let mut page = Document::new(kicker, title);
+    page.lead(std::slice::from_ref(&json.summary));
+    let mut cards = vec![(word(json.verdict).to_owned(), "", "verdict".to_owned())];
+    for cause in json.causes.iter().take(2) {
+        let probability = number(cause.probability, 3);
+        cards.push((probability, "", format!("probability of {}", set(cause))));
+    }
+    if let Some(gain) = &json.gain {
+        let held_out = &gain.held_out;
+        let nats = held_out.log_score_after - held_out.log_score_before;
+        cards.push((number(nats, 1), "nats", "gain on data left out".to_owned()));
+        if held_out.rmse_before > 0.0 {
+            let part = 100.0 * (held_out.rmse_after / held_out.rmse_before - 1.0);
+            cards.push((
+                number(part, 0),
+                "%",
+                "change of the error (RMSE) there".to_owned(),
+            ));
+        }
+    }
+    page.figures(&cards);
+    page
+}
+
+fn set(cause: &Cause) -> String {
+    let mut text = cause.mechanisms.join(" or ");
+    if !cause.platforms.is_empty() {
+        text += &format!(" ({})", cause.platforms.join(", "));
+    }
+    text
+}
+
+fn bins(page: &mut Document, json: &GapJson) {
+    if json.residual.is_empty() {
+        return;
+    }
+    page.plot(
+        380,
+        figures::bins(&json.residual),
+        "Mean misfit of the base in standard deviations of the noise, along each coordinate and \
+         for each platform: where and when the misfit lives.",
+    );
+}
+
+fn name_extend_gain(page: &mut Document, json: &GapJson) {
+    page.section("What causes it");
+    if json.causes.is_empty() {
+        page.paragraph("No mechanism of the catalogue is called for by these data.");
+    } else {
+        page.table(
+            "Causes, the strongest first. Several mechanisms in one row cannot be told apart by \
+             these data; a name alone needs a probability of .95.",
+            &[
+                "cause",
+                "probability",
+                "gain, nats",
+                "evidence, nats",
+                "p",
+                "nats to next rival",
+            ],
+            &json.causes.iter().map(cause_row).collect::<Vec<_>>(),
+        );
+    }
+    if !json.ranking.is_empty() {
+        let caption = "Every model tried, by the evidence it gains after paying for its \
+                       parameters. Negative: the data are better off without it.";
+        page.plot(
+            figures::ranking_height(&json.ranking, RANKED),
+            figures::ranking(&json.ranking, RANKED),
+            caption,
+        );
+    }
+    page.section("The extended model");
+    let parameters: Vec<Vec<String>> = json
+        .causes
+        .iter()
+        .flat_map(|c| &c.parameters)
+        .map(|p| {
+            vec![
+                format!("{}.{}", p.mechanism, p.name),
+                figure(p.value),
+                figure(p.sd),
+                p.unit.clone(),
+            ]
+        })
+        .collect();
+    if parameters.is_empty() {
+        page.paragraph(
+            "Nothing was added: the extended scenario is the base with its fitted parameters.",
+        );
+    } else {
+        let caption =
+            "What was added, as it stands in extended.toml, which plumage run flies with.";
+        page.table(
+            caption,
+            &["parameter", "value", "± 1 sd", "unit"],
+            &parameters,
+        );
+    }
+    if !json.base.is_empty() {
+        let rows: Vec<Vec<String>> = json
+            .base
+            .iter()
+            .map(|b| {
+                vec![
+                    b.name.clone(),
+                    figure(b.value),
+                    figure(b.sd),
+                    figure(b.prior),
+                ]
+            })
+            .collect();
+        page.table(
+            "The base, fitted with it.",
+            &["key", "value", "± 1 sd", "prior sd"],
+            &rows,
+        );
+    }
+    page.section("What it gains");
+    match &json.gain {
+        None => page.paragraph("Nothing was added, so there is nothing to gain."),
+        Some(gain) => {
+            page.paragraph(&format!(
+                "Scores on data that the fit had not seen: {} blocks left out in turn, each longer \
+                 than the memory of the noise.",
+                gain.blocks
+            ));
+            let head = [
+                "score",
+                "before",
+                "after",
+                "95 % before",
+                "95 % after",
+                "perfect",
+            ];
+            page.table(
+                "Base and extended model on data left out (Chang and Hanna 2004).",
+                &head,
+                &scores(&gain.held_out),
+            );
+        }
+    }
+}
+
+/// Four significant digits.
+fn figure(value: f64) -> String {
+    if !value.is_finite() {
+        return number(value, 0);
+    }
+    let size = value.abs();
+    match size {
+        s if s == 0.0 => "0".to_owned(),
+        s if !(1e-4..1e6).contains(&s) => format!("{value:.3e}"),
+        s => {
+            let digits = (3 - s.log10().floor() as i64).clamp(0, 7) as usize;
+            format!("{value:.digits$}")
+        }
+    }
+}
+
+fn cause_row(cause: &Cause) -> Vec<String> {
+    let evidence = &cause.evidence;
+    vec![
+        set(cause),
+        number(cause.probability, 3),
+        number(evidence.delta_log_score, 1),
+        number(evidence.delta_log_evidence, 1),
+        figure(evidence.p_value),
+        number(cause.nats_to_next, 1),
+    ]
+}
+
+fn scores(h: &HeldOut) -> Vec<Vec<String>> {
+    let row = |name: &str, before: f64, after: f64, perfect: &str| {
+        let blank = String::new();
+        vec![
+            name.to_owned(),
+            figure(before),
+            figure(after),
+            blank.clone(),
+            blank,
+            perfect.to_owned(),
+        ]
+    };
+    let mut rows = vec![
+        row(
+            "log score, nats",
+            h.log_score_before,
+            h.log_score_after,
+            "greater is better",
+        ),
+        row("RMSE", h.rmse_before, h.rmse_after, "0"),
+        row("FAC2", h.fac2_before, h.fac2_after, "1"),
+        row("FB", h.fb_before, h.fb_after, "0"),
+        row("NMSE", h.nmse_before, h.nmse_after, "0"),
+        row("MG", h.mg_before, h.mg_after, "1"),
+        row("VG", h.vg_before, h.vg_after, "1"),
+    ];
+    let range = |[low, high]: [f64; 2]| format!("{} to {}", figure(low), figure(high));
+    for (i, row) in rows.iter_mut().skip(2).enumerate() {
+        row[3] = range(h.intervals_before[i]);
+        row[4] = range(h.intervals_after[i]);
+    }
+    rows[0][4] = format!(
+        "gain {}",
+        range([h.log_score_gain_low, h.log_score_gain_high])
+    );
+    rows[1][4] = format!("change {}", range([h.rmse_change_low, h.rmse_change_high]));
+    rows
+}
+
+fn tried_models(page: &mut Document, air: &str, what: &str, trials: usize, tried: &[TriedModel]) {
+    let rows: Vec<Vec<String>> = tried
+        .iter()
+        .take(RANKED)
+        .map(|t| {
+            let name = if t.mechanisms.is_empty() {
+                "Briggs as it is".to_owned()
+            } else {
+                t.mechanisms.join(" + ")
+            };
+            vec![
+                name,
+                number(t.delta_log_score, 1),
+                number(t.delta_log_evidence, 1),
+                number(t.probability, 3),
+                format!(
+                    "{} ± {}",
+                    number(t.held_out_gain, 1),
+                    number(t.held_out_gain_se, 1)
+                ),
+            ]
+        })
+        .collect();
+    page.table(
+        &format!("Models of the {what} spread in {air} air, {trials} trials."),
+        &[
+            "changes",
+            "gain, nats",
+            "evidence, nats",
+            "probability",
+            "gain on trials left out, nats",
+        ],
+        &rows,
+    );
+}
+
+fn remains(page: &mut Document, json: &GapJson) {
+    page.section("What remains");
+    let mut items = Vec::new();
+    if let Some(u) = &json.unexplained {
+        items.push(format!(
+            "A misfit that no mechanism explains lives along {}: {}, strongest from {} to {} s{} \
+             ({} nats).",
+            u.coordinate.replace('_', " "),
+            u.term,
+            number(u.from_s, 0),
+            number(u.to_s, 0),
+            if u.platforms.is_empty() {
+                String::new()
+            } else {
+                format!(", on {}", u.platforms.join(", "))
+            },
+            number(u.delta_log_evidence, 1)
+        ));
+    }
+    for flaw in &json.data_quality {
+        items.push(format!(
+            "Raw data of {} from {} to {} s were masked: {}.",
+            flaw.platform,
+            number(flaw.from_s, 0),
+            number(flaw.to_s, 0),
+            flaw.message
+        ));
+    }
+    items.extend(json.notices.iter().cloned());
+    if !items.is_empty() {
+        page.list(&items);
+    }
+    if let Some(flight) = &json.next_flight {
+        next_flight(page, flight);
+    }
+    if !json.detectable.is_empty() {
+        let rows: Vec<Vec<String>> = json
+            .detectable
+            .iter()
+            .take(DETECTABLE)
+            .map(|d| {
+                vec![
+                    format!("{}.{}", d.mechanism, d.parameter),
+                    figure(d.value),
+                    d.unit.clone(),
+                ]
+            })
+            .collect();
+        let caption = "The smallest effect of each mechanism that these data could have shown. A \
+                       verdict of none says nothing about smaller ones.";
+        page.table(caption, &["effect", "size", "unit"], &rows);
+    }
+}
+
+fn next_flight(page: &mut Document, flight: &NextFlight) {
+    page.section("The flight that would tell");
+    page.paragraph(&format!(
+        "To tell {} apart: {} Expected separation: {} nats.",
+        flight.separates.join(" and "),
+        flight.description,
+        number(flight.expected_nats, 1)
+    ));
+    let rows: Vec<Vec<String>> = flight
+        .waypoints
+        .iter()
+        .map(|w| {
+            vec![
+                number(w.time_s, 0),
+                number(w.lat_deg, 5),
+                number(w.lon_deg, 5),
+                number(w.alt_amsl_m, 0),
+            ]
+        })
+        .collect();
+    page.table(
+        "Its points.",
+        &["time, s", "latitude, °", "longitude, °", "m AMSL"],
+        &rows,
+    );
+}

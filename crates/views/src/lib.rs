@@ -13,6 +13,7 @@ pub mod gap_report;
 mod html;
 pub mod live;
 pub mod page;
+mod plot;
 mod plotly_js;
 pub mod report;
 pub mod site;

@@ -6,19 +6,19 @@ use protocol::message::{
     Severity, State, VehicleKind,
 };
 use protocol::{Envelope, SimTime, Topic};
-use record::tracks::{Thinned, Tracks};
+use record::tracks::Tracks;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 /// Points of one track on the page.
 const TRACK_POINTS: usize = 700;
-/// Points of the history of a model's numbers.
-const HISTORY_POINTS: usize = 300;
 /// Events on the page.
 const EVENTS: usize = 40;
 /// Columns of the grid on which the plume is drawn.
-const PLUME_COLUMNS: usize = 90;
+const PLUME_COLUMNS: usize = 120;
+/// How far the plume is drawn beyond the site, in parts of its width: wide screens show more.
+const PLUME_BEYOND: f64 = 0.45;
 
 /// How the run goes: what no message says and the shell knows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,7 +65,6 @@ pub struct LiveState {
     promising: Vec<PromisingPoint>,
     before: Option<Box<Model>>,
     model: Option<Box<Model>>,
-    history: Thinned<(f64, Box<Model>)>,
     peak: Option<Peak>,
     extension: Option<Extension>,
     events: VecDeque<(SimTime, String, Severity, String)>,
@@ -84,7 +83,6 @@ impl LiveState {
             promising: Vec::new(),
             before: None,
             model: None,
-            history: Thinned::new(HISTORY_POINTS, 2.0),
             peak: None,
             extension: None,
             events: VecDeque::new(),
@@ -118,7 +116,7 @@ impl LiveState {
                 }
             }
             (Topic::Population, Message::Population(p)) => self.promising.clone_from(&p.points),
-            (Topic::Model, Message::Model(model)) => self.take_model(envelope.time, model),
+            (Topic::Model, Message::Model(model)) => self.take_model(model),
             (Topic::Extension, Message::Extension(e)) => self.extension = Some(e.clone()),
             (Topic::Event(agent), Message::Event(e)) => {
                 if self.events.len() == EVENTS {
@@ -131,13 +129,10 @@ impl LiveState {
         }
     }
 
-    fn take_model(&mut self, time: SimTime, model: &Model) {
+    fn take_model(&mut self, model: &Model) {
         let model = Box::new(model.clone());
         if self.before.is_none() {
             self.before = Some(model.clone());
-        }
-        if self.history.wants(time) {
-            self.history.push(time, (time.s(), model.clone()));
         }
         self.model = Some(model);
     }
@@ -163,11 +158,10 @@ impl LiveState {
             "tracks": self.tracks_json(),
             "stars": self.promising.iter().map(|p| {
                 let at = self.site.enu(p.lat_deg, p.lon_deg);
-                json!([metres(at.east_m), metres(at.north_m), tenths(p.fitness_ppm)])
+                json!([whole(at.east_m), whole(at.north_m), tenths(p.fitness_ppm)])
             }).collect::<Vec<_>>(),
             "before": self.before.as_deref().map(model_json),
             "model": self.model.as_deref().map(model_json),
-            "history": self.history_json(),
             "plume": self.model.as_deref().map(|m| self.plume_json(m)),
             "peak": self.peak.map(|p| {
                 let at = self.site.enu(p.lat_deg, p.lon_deg);
@@ -216,30 +210,17 @@ impl LiveState {
             .map(|(id, track)| {
                 let flat = track.points.items().iter().flat_map(|p| {
                     let at = self.site.enu(p.lat_deg, p.lon_deg);
-                    [p.time_s, at.east_m, at.north_m, p.co2_ppm].map(metres)
+                    [p.time_s, at.east_m, at.north_m, p.co2_ppm].map(whole)
                 });
                 (id.as_str(), flat.collect())
             })
             .collect()
     }
 
-    fn history_json(&self) -> Value {
-        let series = |of: fn(&Model) -> Estimate| -> Vec<[Value; 2]> {
-            let estimates = self.history.items().iter().map(|(_, m)| of(m));
-            estimates.map(|e| [tenths(e.value), tenths(e.sd)]).collect()
-        };
-        let times = self.history.items().iter().map(|(t, _)| metres(*t));
-        json!({
-            "t": times.collect::<Vec<_>>(),
-            "axis_deg": series(|m| m.axis_deg),
-            "effective_height_agl_m": series(|m| m.effective_height_agl_m),
-            "c_max_ppm": series(|m| m.c_max_ppm),
-        })
-    }
-
     fn plume_json(&self, model: &Model) -> Value {
         let alt = self.site.axis_amsl_m(model);
-        let area = self.site.area().widened(200.0);
+        let area = self.site.area();
+        let area = area.widened(PLUME_BEYOND * (area.high.east_m - area.low.east_m));
         let grid = Grid::fill(area, PLUME_COLUMNS, alt, |spots| {
             (self.site.field)(model, spots)
         });
@@ -251,7 +232,7 @@ impl LiveState {
             "columns": grid.east_m.len(),
             "rows": grid.north_m.len(),
             "agl": grid.alt_amsl_m - self.site.frame.ground_amsl_m,
-            "ppm": grid.ppm.iter().map(|&p| tenths(p)).collect::<Vec<_>>(),
+            "ppm": grid.ppm.iter().map(|&p| whole(p)).collect::<Vec<_>>(),
         })
     }
 }
@@ -279,7 +260,8 @@ fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
-fn metres(value: f64) -> Value {
+/// Rounded to whole metres, seconds or ppm.
+fn whole(value: f64) -> Value {
     json!(value.round() as i64)
 }
 

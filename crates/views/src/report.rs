@@ -170,9 +170,10 @@ impl Report {
             620,
             plot,
             &format!(
-                "Tracks coloured by the CO2 read on them, in km from the first stack's site. Blue: \
-                 the plume of the model as the mission left it, at the height of its axis, ppm \
-                 above background.{reality}"
+                "Tracks coloured by the CO2 read on them, in km from the site's origin. Blue: the \
+                 plume of the model as the mission left it, at the height of its axis, with lines \
+                 at {} ppm above background.{reality}",
+                figures::LEVELS_PPM.map(|l| number(l, 0)).join(", ")
             ),
         );
     }
@@ -294,7 +295,7 @@ impl Report {
             items.push(format!(
                 "Vehicle {}: {rms:.1} ppm (rms) of its readings are not explained by the model's \
                  mean field: turbulence, the sensor's noise and lag, and what the model lacks. \
-                 `plumage gap plume` on this mission's recording tells these apart.",
+                 The command plumage gap plume on this mission's recording tells these apart.",
                 e.id
             ));
         }
@@ -433,11 +434,10 @@ fn outside(after: &ModelNumbers, reality: &ModelNumbers) -> Vec<String> {
             let error = n.error(found.value, truth.value);
             (error.abs() > 2.0 * found.sd).then(|| {
                 format!(
-                    "The {} is off by {} {}, more than twice the model's own standard deviation of \
-                     {}: the model is too sure of it.",
+                    "The {} is off by {}, more than twice the model's own standard deviation of {}: the \
+                     model is too sure of it.",
                     n.name,
-                    number(error, n.digits),
-                    n.unit,
+                    format!("{} {}", number(error, n.digits), n.unit).trim_end(),
                     number(found.sd, n.digits)
                 )
             })

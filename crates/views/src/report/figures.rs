@@ -1,28 +1,21 @@
 //! The figures of a mission report, as data and layout for the plotting library.
 
 use super::Expected;
+use crate::plot::{panel_title, rounded};
 use crate::site::{Area, Grid, Site};
 use air::geo::{Enu, wrap_signed_deg};
 use protocol::message::{Model, Peak, VehicleKind};
 use record::colour;
 use record::summary::{CORRECTED, ModelNumbers, Summary};
-use record::tracks::Tracks;
+use record::tracks::{Track, Tracks};
 use serde_json::{Value, json};
 
 /// Columns of the grid of a contour.
 const COLUMNS: usize = 110;
 /// Contour lines, ppm above background.
-const LEVELS_PPM: [f64; 6] = [10.0, 20.0, 50.0, 100.0, 200.0, 400.0];
-
-/// Rounds for a smaller file; what is not finite is null.
-pub(crate) fn rounded(value: f64, per_unit: f64) -> Value {
-    let value = (value * per_unit).round() / per_unit;
-    if value.is_finite() {
-        json!(value)
-    } else {
-        Value::Null
-    }
-}
+pub(super) const LEVELS_PPM: [f64; 3] = [20.0, 100.0, 400.0];
+/// Excess at which the shade of the plume is darkest, ppm.
+const DARKEST_PPM: f64 = 700.0;
 
 fn km(value_m: f64) -> Value {
     rounded(value_m / 1000.0, 1e4)
@@ -89,7 +82,7 @@ fn plumes(site: &Site, model: &Model, area: Area) -> Vec<Value> {
         if name == "model" {
             traces.push(
                 json!({"type": "heatmap", "x": x, "y": y, "z": excess(f64::sqrt),
-                "zsmooth": "best", "showscale": false, "hoverinfo": "skip", "zmin": 0,
+                "zsmooth": "best", "showscale": false, "hoverinfo": "skip", "zmin": 0, "zmax": DARKEST_PPM.sqrt(),
                 "colorscale": [[0, "rgba(47,111,159,0)"], [1, "rgba(47,111,159,.55)"]]}),
             );
         }
@@ -99,8 +92,7 @@ fn plumes(site: &Site, model: &Model, area: Area) -> Vec<Value> {
                 json!({"type": "contour", "x": x, "y": y, "z": excess(|p| p),
                 "name": name, "legendgroup": name, "showlegend": i == 0, "showscale": false,
                 "hoverinfo": "skip", "autocontour": false,
-                "contours": {"start": level, "end": level, "size": 1, "coloring": "none",
-                             "showlabels": true, "labelfont": {"size": 10, "color": colour}},
+                "contours": {"start": level, "end": level, "size": 1, "coloring": "none"},
                 "line": {"color": colour, "width": 1.1, "dash": dash}}),
             );
         }
@@ -113,6 +105,9 @@ fn track_traces(site: &Site, tracks: &Tracks) -> Vec<Value> {
         .into_iter()
         .map(|(at, c)| json!([at, c]))
         .collect();
+    let simulated = |t: &Track| t.kind == VehicleKind::Simulated;
+    let mut by_vehicle = tracks.by_vehicle().iter();
+    let first_simulated = by_vehicle.find(|(_, t)| simulated(t)).map(|(id, _)| id);
     tracks
         .by_vehicle()
         .iter()
@@ -122,13 +117,15 @@ fn track_traces(site: &Site, tracks: &Tracks) -> Vec<Value> {
             let places: Vec<Enu> = points.iter().map(|p| site.enu(p.lat_deg, p.lon_deg)).collect();
             let real = track.kind == VehicleKind::Real;
             json!({"type": "scatter", "mode": "markers",
-                "name": if real { format!("vehicle {id}, real") } else { format!("vehicle {id}") },
+                "name": if real { format!("vehicle {id}, real") } else { "simulated vehicles".to_owned() },
+                "legendgroup": if real { id.as_str() } else { "simulated" },
+                "showlegend": real || first_simulated == Some(id),
                 "x": places.iter().map(|p| km(p.east_m)).collect::<Vec<_>>(),
                 "y": places.iter().map(|p| km(p.north_m)).collect::<Vec<_>>(),
                 "text": points.iter().map(|p| format!("{:.0} s, {:.0} m AMSL", p.time_s, p.alt_amsl_m))
                     .collect::<Vec<_>>(),
                 "hovertemplate": format!("vehicle {id}, %{{text}}<br>%{{marker.color:.0f}} ppm<extra></extra>"),
-                "marker": {"size": if real { 5.5 } else { 3.5 }, "symbol": if real { "diamond" } else { "circle" },
+                "marker": {"size": if real { 5.0 } else { 3.0 }, "symbol": if real { "diamond" } else { "circle" },
                     "color": points.iter().map(|p| rounded(p.co2_ppm, 10.0)).collect::<Vec<_>>(),
                     "colorscale": scale, "cmin": colour::GREY_PPM, "cmax": colour::RED_PPM,
                     "showscale": i == 0,
@@ -234,17 +231,6 @@ pub(super) fn history(history: &[(f64, Box<Model>)], reality: Option<&ModelNumbe
     }
     layout["annotations"] = json!(titles);
     json!({"data": data, "layout": layout})
-}
-
-/// The title of a panel, above its left corner, in the figure's own coordinates.
-pub(crate) fn panel_title(name: &str, unit: &str, x: f64, y: f64) -> Value {
-    let text = if unit.is_empty() {
-        format!("<b>{name}</b>")
-    } else {
-        format!("<b>{name}</b>, {unit}")
-    };
-    json!({"text": text, "x": x, "y": y, "xref": "paper", "yref": "paper", "showarrow": false,
-           "xanchor": "left", "yanchor": "bottom", "yshift": 3})
 }
 
 /// Readings of real vehicles with what was expected, and the difference.

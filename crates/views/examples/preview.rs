@@ -1,0 +1,55 @@
+//! The page and the report of a made-up mission, to look at while changing them:
+//! `cargo run -p views --example preview`, then open <http://127.0.0.1:8787>. The report is
+//! written to the folder given as argument, or the temporary folder.
+#![allow(clippy::unwrap_used)]
+
+#[path = "../tests/made_up/mod.rs"]
+mod made_up;
+
+use made_up::synthetic;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::{mpsc, watch};
+use views::live::LiveState;
+use views::page::{self, PageCommand};
+
+#[tokio::main]
+async fn main() {
+    let folder = std::env::args()
+        .nth(1)
+        .map_or_else(std::env::temp_dir, PathBuf::from);
+    let report = folder.join("report.html");
+    record::files::write_whole(&report, made_up::report(6000).0.as_bytes()).unwrap();
+    println!("report: {}", report.display());
+
+    let mut live = LiveState::new(made_up::site());
+    let (pictures, watched) = watch::channel(Arc::new(live.clone()));
+    let (commands, mut asked) = mpsc::channel(16);
+    let listener = page::listen(page::DEFAULT_ADDRESS).await.unwrap();
+    println!("page: http://{}", page::DEFAULT_ADDRESS);
+    let server = tokio::spawn(page::serve(listener, watched, commands));
+    live.run.real_time_factor = 20.0;
+    live.run.speed = 10.0;
+    for n in 0..6000 {
+        for (topic, envelope) in synthetic::tick(n) {
+            live.take(&topic, &envelope);
+        }
+        if n % 700 == 0 {
+            let (topic, envelope) = synthetic::event(n, "a made-up event to look at");
+            live.take(&topic, &envelope);
+        }
+        while let Ok(command) = asked.try_recv() {
+            live.run.paused = command == PageCommand::Pause;
+            println!("{command:?}");
+        }
+        if n % 20 == 0 {
+            pictures.send_replace(Arc::new(live.clone()));
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    }
+    live.run.ended = true;
+    pictures.send_replace(Arc::new(live));
+    // The last picture stays until the program is stopped.
+    server.await.unwrap().unwrap();
+}

@@ -1,0 +1,80 @@
+//! The made-up mission of crate `record`'s tests as a site and a filled report.
+#![allow(dead_code, missing_docs, clippy::unwrap_used)]
+
+#[path = "../../../record/tests/synthetic/mod.rs"]
+pub mod synthetic;
+
+use protocol::message::Peak;
+use record::kml::Stack;
+use record::summary::{Known, ModelNumbers, Summariser, Summary};
+use std::sync::Arc;
+use views::site::Site;
+
+pub fn site() -> Arc<Site> {
+    let frame = synthetic::frame();
+    let origin = frame.origin();
+    let corners = [
+        (-1200.0, -3200.0),
+        (3600.0, -3200.0),
+        (3600.0, 1300.0),
+        (-1200.0, 1300.0),
+    ];
+    Arc::new(Site {
+        mission: "as-pontes".to_owned(),
+        duration_s: 600.0,
+        frame,
+        stacks: vec![Stack {
+            name: "As Pontes".to_owned(),
+            lat_deg: origin.lat_deg,
+            lon_deg: origin.lon_deg,
+            height_m: 356.0,
+        }],
+        fence: corners
+            .map(|(east_m, north_m)| {
+                let g = frame.to_geodetic(air::geo::Enu { east_m, north_m });
+                (g.lat_deg, g.lon_deg)
+            })
+            .to_vec(),
+        keep_out_radius_m: 1200.0,
+        field: Arc::new(|model, spots| {
+            let ppm = |s: &views::site::Spot| synthetic::field(model, s.at, s.alt_amsl_m);
+            spots.iter().map(ppm).collect()
+        }),
+        reality: Some(Arc::new(|spots| {
+            let reality = synthetic::model(118.0, 486.0, 410.0, 0);
+            let ppm = |s: &views::site::Spot| synthetic::field(&reality, s.at, s.alt_amsl_m);
+            spots.iter().map(ppm).collect()
+        })),
+        true_peak: None,
+    })
+}
+
+pub fn known() -> Known {
+    let numbers =
+        |axis, height, c_max| ModelNumbers::from(&synthetic::model(axis, height, c_max, 0));
+    Known {
+        seed: 7,
+        frame: synthetic::frame(),
+        before: numbers(130.0, 450.0, 330.0),
+        reality: Some(numbers(118.0, 486.0, 410.0)),
+        peak: Some(Peak {
+            lat_deg: 43.4362,
+            lon_deg: -7.8503,
+            alt_amsl_m: 826.0,
+            co2_ppm: 1025.0,
+            sd_ppm: 0.0,
+        }),
+    }
+}
+
+/// Report and summary of the first `ticks` ticks.
+pub fn report(ticks: u64) -> (String, Summary) {
+    let mut report = views::report::Report::new(site());
+    let mut summariser = Summariser::new(known());
+    for (topic, envelope) in synthetic::mission(ticks) {
+        report.take(&topic, &envelope);
+        summariser.take(&topic, &envelope);
+    }
+    let summary = summariser.summary("5f3c0000000000000000000000000000", 1.2);
+    (report.html(&summary), summary)
+}

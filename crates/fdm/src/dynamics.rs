@@ -1,10 +1,10 @@
-//! The equations of motion: aerodynamic and propulsive force, moment, and the rigid body, written
-//! once over [`Real`] for one vehicle and for many.
+//! The equations of motion: aerodynamic and propulsive force, moment, and the rigid body, the same
+//! for one vehicle and for many.
 
 use air::STANDARD_GRAVITY_M_S2;
 
 use crate::aircraft::{Aircraft, PropellerLaw};
-use crate::real::Real;
+use crate::scalar::{angle, bounded, larger};
 
 /// Airspeed below which the dimensionless rates stop growing, m/s.
 const AIRSPEED_FLOOR_M_S: f64 = 1.0;
@@ -26,67 +26,67 @@ pub struct Dynamics {
 
 /// Position, velocity, attitude and rotation of a rigid body.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Body<R> {
+pub struct Body {
     /// Metres north, east and *down* from the frame's origin.
-    pub pos_ned: [R; 3],
+    pub pos_ned: [f64; 3],
     /// Velocity over ground in NED, m/s.
-    pub vel_ned: [R; 3],
+    pub vel_ned: [f64; 3],
     /// Attitude quaternion (w, x, y, z), body to NED.
-    pub attitude: [R; 4],
+    pub attitude: [f64; 4],
     /// Angular rate in body axes, rad/s.
-    pub rate: [R; 3],
+    pub rate: [f64; 3],
 }
 
 /// What moves the aircraft at one instant: surface angles as they are (rad) and motor state 0…1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Controls<R> {
+pub struct Controls {
     /// Elevator, trailing edge down positive.
-    pub elevator: R,
+    pub elevator: f64,
     /// Aileron, (left − right)/2.
-    pub aileron: R,
+    pub aileron: f64,
     /// Rudder, trailing edge left positive.
-    pub rudder: R,
+    pub rudder: f64,
     /// Motor state, 0 to 1.
-    pub throttle: R,
+    pub throttle: f64,
 }
 
 /// The air at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AirState<R> {
+pub struct AirState {
     /// Wind vector in NED, m/s.
-    pub wind_ned: [R; 3],
+    pub wind_ned: [f64; 3],
     /// Density, kg/m³.
-    pub density: R,
+    pub density: f64,
 }
 
 /// Time derivative of a [`Body`], and the specific force on the way.
 #[derive(Debug, Clone, Copy)]
-pub struct Slope<R> {
+pub struct Slope {
     /// Of position: the velocity, NED, m/s.
-    pub vel_ned: [R; 3],
+    pub vel_ned: [f64; 3],
     /// Of velocity, NED, m/s².
-    pub acc_ned: [R; 3],
+    pub acc_ned: [f64; 3],
     /// Of the attitude quaternion, 1/s.
-    pub attitude: [R; 4],
+    pub attitude: [f64; 4],
     /// Of the angular rate, body axes, rad/s².
-    pub rate: [R; 3],
+    pub rate: [f64; 3],
     /// What an accelerometer at the centre of gravity feels, body axes, m/s².
-    pub specific_force: [R; 3],
+    pub specific_force: [f64; 3],
 }
 
 /// Airspeed and flow angles.
 #[derive(Debug, Clone, Copy)]
-pub struct Flow<R> {
+pub struct Flow {
     /// True airspeed, m/s.
-    pub airspeed: R,
+    pub airspeed: f64,
     /// Angle of attack, rad.
-    pub alpha: R,
+    pub alpha: f64,
     /// Sideslip, rad.
-    pub beta: R,
+    pub beta: f64,
     /// Air velocity in body axes, m/s.
-    pub body: [R; 3],
+    pub body: [f64; 3],
     /// Its magnitude in the plane of symmetry, m/s.
-    plane: R,
+    plane: f64,
 }
 
 /// Drag per square of lift over that of least drag, 1/(π e AR); 0 where no Oswald factor is given.
@@ -100,7 +100,7 @@ pub(crate) fn induced_drag_factor(aircraft: &Aircraft) -> f64 {
 
 /// Rotation matrix body to NED, row by row.
 #[inline(always)]
-pub fn rotation<R: Real>(q: &[R; 4]) -> [[R; 3]; 3] {
+pub fn rotation(q: &[f64; 4]) -> [[f64; 3]; 3] {
     let [w, x, y, z] = *q;
     let (xx, yy, zz) = (x * x, y * y, z * z);
     let (xy, xz, yz) = (x * y, x * z, y * z);
@@ -114,7 +114,7 @@ pub fn rotation<R: Real>(q: &[R; 4]) -> [[R; 3]; 3] {
 
 /// The flow that a body with rotation `m` meets.
 #[inline(always)]
-pub fn flow<R: Real>(m: &[[R; 3]; 3], vel_ned: &[R; 3], wind_ned: &[R; 3]) -> Flow<R> {
+pub fn flow(m: &[[f64; 3]; 3], vel_ned: &[f64; 3], wind_ned: &[f64; 3]) -> Flow {
     let a = [
         vel_ned[0] - wind_ned[0],
         vel_ned[1] - wind_ned[1],
@@ -126,8 +126,8 @@ pub fn flow<R: Real>(m: &[[R; 3]; 3], vel_ned: &[R; 3], wind_ned: &[R; 3]) -> Fl
     let plane = plane_squared.sqrt();
     Flow {
         airspeed: (plane_squared + body[1] * body[1]).sqrt(),
-        alpha: body[2].angle_to(body[0]),
-        beta: body[1].angle_to(plane),
+        alpha: angle(body[2], body[0]),
+        beta: angle(body[1], plane),
         body,
         plane,
     }
@@ -164,15 +164,14 @@ impl Dynamics {
 
     /// Lift and drag coefficients; beyond stall they pass over to a flat plate's.
     #[inline(always)]
-    fn lift_and_drag<R: Real>(&self, flow: &Flow<R>, q_hat: R, elevator: R) -> (R, R, R) {
+    fn lift_and_drag(&self, flow: &Flow, q_hat: f64, elevator: f64) -> (f64, f64, f64) {
         let (lift, drag) = (&self.aircraft.lift, &self.aircraft.drag);
-        let alpha = flow.alpha.clamp_to(
+        let alpha = bounded(
+            flow.alpha,
             self.alpha_min - STALL_BLEND_RAD,
             self.alpha_max + STALL_BLEND_RAD,
         );
-        let beta = flow
-            .beta
-            .clamp_to(-2.0 * self.beta_max, 2.0 * self.beta_max);
+        let beta = bounded(flow.beta, -2.0 * self.beta_max, 2.0 * self.beta_max);
         let cl = alpha * lift.alpha + q_hat * lift.q + elevator * lift.elevator + lift.zero;
         let over_min = cl - drag.min_drag_lift;
         let cd = alpha * (alpha * drag.alpha_squared + drag.alpha)
@@ -180,12 +179,10 @@ impl Dynamics {
             + elevator * elevator * drag.elevator_squared
             + over_min * over_min * self.induced
             + drag.zero;
-        let excess = (flow.alpha - self.alpha_max)
-            .max(-(flow.alpha - self.alpha_min))
-            .clamp_to(0.0, STALL_BLEND_RAD)
-            * (1.0 / STALL_BLEND_RAD);
+        let beyond = larger(flow.alpha - self.alpha_max, self.alpha_min - flow.alpha);
+        let excess = bounded(beyond, 0.0, STALL_BLEND_RAD) * (1.0 / STALL_BLEND_RAD);
         let stalled = excess * excess * (excess * -2.0 + 3.0);
-        let inverse_plane = R::splat(1.0) / flow.plane.max(R::splat(1e-6));
+        let inverse_plane = 1.0 / larger(flow.plane, 1e-6);
         let (sin, cos) = (flow.body[2] * inverse_plane, flow.body[0] * inverse_plane);
         let normal = sin * sin.abs() * 2.0;
         (
@@ -198,25 +195,23 @@ impl Dynamics {
     /// Aerodynamic and propulsive force (N) and moment (N m) about the centre of gravity, body
     /// axes.
     #[inline(always)]
-    pub fn load<R: Real>(
+    pub fn load(
         &self,
-        flow: &Flow<R>,
-        rate: &[R; 3],
-        controls: &Controls<R>,
-        density: R,
-    ) -> ([R; 3], [R; 3]) {
+        flow: &Flow,
+        rate: &[f64; 3],
+        controls: &Controls,
+        density: f64,
+    ) -> ([f64; 3], [f64; 3]) {
         let a = &self.aircraft;
         let speed = flow.airspeed;
         let half_rho = density * 0.5;
         let qbar_s = half_rho * speed * speed * a.wing.area_m2;
-        let per_2v = R::splat(0.5) / speed.max(R::splat(AIRSPEED_FLOOR_M_S));
+        let per_2v = 0.5 / larger(speed, AIRSPEED_FLOOR_M_S);
         let p_hat = rate[0] * per_2v * a.wing.span_m;
         let q_hat = rate[1] * per_2v * a.wing.chord_m;
         let r_hat = rate[2] * per_2v * a.wing.span_m;
         let (cl, cd, alpha) = self.lift_and_drag(flow, q_hat, controls.elevator);
-        let beta = flow
-            .beta
-            .clamp_to(-2.0 * self.beta_max, 2.0 * self.beta_max);
+        let beta = bounded(flow.beta, -2.0 * self.beta_max, 2.0 * self.beta_max);
         let lateral = |d: &crate::aircraft::LateralDerivatives| {
             beta * d.beta
                 + p_hat * d.p
@@ -231,9 +226,9 @@ impl Dynamics {
 
         let (drag, side, lift) = (qbar_s * cd, qbar_s * lateral(&a.side), qbar_s * cl);
         // Wind to body axes; at rest the pressure is nil and the direction does not matter.
-        let floor = R::splat(1e-6);
-        let inverse_plane = R::splat(1.0) / flow.plane.max(floor);
-        let inverse_speed = R::splat(1.0) / speed.max(floor);
+        let floor = 1e-6;
+        let inverse_plane = 1.0 / larger(flow.plane, floor);
+        let inverse_speed = 1.0 / larger(speed, floor);
         let (sin_a, cos_a) = (flow.body[2] * inverse_plane, flow.body[0] * inverse_plane);
         let (sin_b, cos_b) = (flow.body[1] * inverse_speed, flow.plane * inverse_speed);
         let along = drag * cos_b + side * sin_b;
@@ -254,16 +249,16 @@ impl Dynamics {
 
     /// Thrust, N.
     #[inline(always)]
-    pub fn thrust<R: Real>(&self, airspeed: R, throttle: R, density: R) -> R {
+    pub fn thrust(&self, airspeed: f64, throttle: f64, density: f64) -> f64 {
         let p = &self.aircraft.propulsion;
         let square = match p.law {
             PropellerLaw::Blended => {
-                let slipstream = airspeed + throttle * (R::splat(p.exit_speed_m_s) - airspeed);
+                let slipstream = airspeed + throttle * (p.exit_speed_m_s - airspeed);
                 slipstream * (slipstream - airspeed)
             }
             PropellerLaw::Proportional => {
                 let slipstream = throttle * p.exit_speed_m_s;
-                (slipstream * slipstream - airspeed * airspeed).max(R::splat(0.0))
+                larger(slipstream * slipstream - airspeed * airspeed, 0.0)
             }
         };
         density * 0.5 * square * p.swept_area_m2
@@ -271,17 +266,12 @@ impl Dynamics {
 
     /// The derivative of the state.
     #[inline(always)]
-    pub fn slope<R: Real>(
-        &self,
-        body: &Body<R>,
-        controls: &Controls<R>,
-        air: &AirState<R>,
-    ) -> Slope<R> {
+    pub fn slope(&self, body: &Body, controls: &Controls, air: &AirState) -> Slope {
         let m = rotation(&body.attitude);
         let flow = flow(&m, &body.vel_ned, &air.wind_ned);
         let (force, moment) = self.load(&flow, &body.rate, controls, air.density);
         let specific_force = force.map(|f| f * self.inverse_mass);
-        let out = |row: &[R; 3]| {
+        let out = |row: &[f64; 3]| {
             row[0] * specific_force[0] + row[1] * specific_force[1] + row[2] * specific_force[2]
         };
         let [w, x, y, z] = body.attitude;
@@ -302,7 +292,7 @@ impl Dynamics {
 
     /// Euler's equation, I ω̇ = M − ω × I ω.
     #[inline(always)]
-    fn angular_acceleration<R: Real>(&self, rate: &[R; 3], moment: &[R; 3]) -> [R; 3] {
+    fn angular_acceleration(&self, rate: &[f64; 3], moment: &[f64; 3]) -> [f64; 3] {
         let b = &self.aircraft.body;
         let [p, q, r] = *rate;
         let momentum = [
@@ -327,19 +317,19 @@ impl Dynamics {
     /// beginning, middle and end, and the air held. Returns the new state and the specific force
     /// at its end.
     #[inline(always)]
-    pub fn rk4<R: Real>(
+    pub fn rk4(
         &self,
-        body: &Body<R>,
-        controls: &[Controls<R>; 3],
-        air: &AirState<R>,
+        body: &Body,
+        controls: &[Controls; 3],
+        air: &AirState,
         dt: f64,
-    ) -> (Body<R>, [R; 3]) {
+    ) -> (Body, [f64; 3]) {
         let k1 = self.slope(body, &controls[0], air);
         let k2 = self.slope(&advance(body, &k1, 0.5 * dt), &controls[1], air);
         let k3 = self.slope(&advance(body, &k2, 0.5 * dt), &controls[1], air);
         let k4 = self.slope(&advance(body, &k3, dt), &controls[2], air);
         let sixth = dt / 6.0;
-        let mix = |a: R, b: R, c: R, d: R| (a + (b + c) * 2.0 + d) * sixth;
+        let mix = |a: f64, b: f64, c: f64, d: f64| (a + (b + c) * 2.0 + d) * sixth;
         let mut new = *body;
         for k in 0..3 {
             new.pos_ned[k] =
@@ -358,7 +348,7 @@ impl Dynamics {
                 );
         }
         let [w, x, y, z] = new.attitude;
-        let scale = R::splat(1.0) / (w * w + x * x + y * y + z * z).sqrt();
+        let scale = 1.0 / (w * w + x * x + y * y + z * z).sqrt();
         new.attitude = new.attitude.map(|part| part * scale);
         (new, k4.specific_force)
     }
@@ -366,7 +356,7 @@ impl Dynamics {
 
 /// The state moved along a slope for `dt`.
 #[inline(always)]
-fn advance<R: Real>(body: &Body<R>, slope: &Slope<R>, dt: f64) -> Body<R> {
+fn advance(body: &Body, slope: &Slope, dt: f64) -> Body {
     let mut new = *body;
     for k in 0..3 {
         // Position does not enter the forces; only its final value is needed.

@@ -1,10 +1,13 @@
 //! One vehicle in the air or on the ground: servos, motor, rigid body, launcher and landing slide.
 
+mod batch;
+mod ground;
+
 use crate::FdmError;
-use crate::aircraft::{Aircraft, Layout};
+use crate::aircraft::Aircraft;
 use crate::dynamics::{AirState, Body, Controls, Dynamics, flow, rotation};
 use crate::mechanism::{Extended, SensorErrors};
-use crate::real::Real;
+use crate::scalar::angle;
 use crate::servo::{LagStep, Servo};
 use crate::trim::{self, Trim};
 
@@ -16,11 +19,7 @@ pub const LONGEST_STEP_S: f64 = 0.01;
 /// Longest delay line, in calls of [`FlightSim::step`].
 const LONGEST_DELAY: usize = 64;
 /// Angular rate beyond which the model has no meaning, rad/s: it is held there.
-const HIGHEST_RATE_RAD_S: f64 = 30.0;
-/// How far below the ground a climbing aircraft counts as having hit it, m.
-const CLIMBING_CONTACT_M: f64 = 0.5;
-/// Time in which a sliding aircraft comes level, s.
-const LEVELLING_TIME_S: f64 = 0.2;
+pub(crate) const HIGHEST_RATE_RAD_S: f64 = 30.0;
 
 /// The air around a vehicle during one step; gusts are the caller's to add.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -132,15 +131,13 @@ pub struct FlightState {
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlightSim {
     dynamics: Dynamics,
-    body: Body<f64>,
+    body: Body,
     /// Left elevon, right elevon, none; or elevator, aileron, rudder.
-    servos: [Servo<f64>; 3],
+    servos: [Servo; 3],
     motor: f64,
     last: SurfaceCommand,
     delay: DelayLine,
     half_step: Option<(f64, LagStep)>,
-    /// Where elevator, aileron and rudder stand when told 0, rad.
-    offset: [f64; 3],
     sensors: SensorErrors,
     wind_bias: [f64; 3],
     ground_amsl_m: f64,
@@ -206,14 +203,8 @@ impl FlightSim {
 
     fn still(extended: &Extended, pos_ned: [f64; 3], heading_deg: f64) -> Self {
         let heading = heading_deg.to_radians();
-        let surfaces = &extended.aircraft.surfaces;
         Self {
             dynamics: Dynamics::new(&extended.aircraft),
-            offset: [
-                surfaces.elevator_offset_deg.to_radians(),
-                surfaces.aileron_offset_deg.to_radians(),
-                surfaces.rudder_offset_deg.to_radians(),
-            ],
             sensors: extended.sensors,
             wind_bias: extended.wind_bias_ned_m_s,
             body: Body {
@@ -257,12 +248,14 @@ impl FlightSim {
         self.wind_ned = wind_ned_m_s;
         self.last = trim.command();
         // The trim says where the surfaces stand.
-        self.last.elevator_rad -= self.offset[0];
-        self.last.aileron_rad -= self.offset[1];
-        self.last.rudder_rad -= self.offset[2];
+        let surfaces = &self.dynamics.aircraft.surfaces;
+        self.last.elevator_rad -= surfaces.elevator_offset_deg.to_radians();
+        self.last.aileron_rad -= surfaces.aileron_offset_deg.to_radians();
+        self.last.rudder_rad -= surfaces.rudder_offset_deg.to_radians();
         self.delay.ring = [self.last; LONGEST_DELAY];
         self.servos = self
-            .split(&self.last)
+            .dynamics
+            .servo_angles(&self.last)
             .map(|angle| Servo { angle, rate: 0.0 });
         self.motor = trim.throttle;
         self.phase = Phase::Flying;
@@ -287,7 +280,8 @@ impl FlightSim {
         self.last = sanitised(command, &self.last);
         self.delay.ring = [self.last; LONGEST_DELAY];
         self.servos = self
-            .split(&self.last)
+            .dynamics
+            .servo_angles(&self.last)
             .map(|angle| Servo { angle, rate: 0.0 });
         self.motor = self.last.throttle;
     }
@@ -360,9 +354,9 @@ impl FlightSim {
             east_m: self.body.pos_ned[1],
             alt_amsl_m: -self.body.pos_ned[2],
             vel_ned_m_s: self.body.vel_ned,
-            roll_rad: m[2][1].angle_to(m[2][2]),
-            pitch_rad: (-m[2][0]).angle_to(level),
-            yaw_rad: m[1][0].angle_to(m[0][0]),
+            roll_rad: angle(m[2][1], m[2][2]),
+            pitch_rad: angle(-m[2][0], level),
+            yaw_rad: angle(m[1][0], m[0][0]),
             attitude: self.body.attitude,
             rate_rad_s: self.body.rate,
             airspeed_m_s: flow.airspeed,
@@ -380,7 +374,7 @@ impl FlightSim {
 
     /// Air that the equations can use: what is not finite is replaced by the last wind and the
     /// standard density.
-    fn usable(&mut self, air: &AirAround) -> AirState<f64> {
+    fn usable(&mut self, air: &AirAround) -> AirState {
         if air.wind_ned_m_s.iter().all(|w| w.is_finite()) {
             self.wind_ned = air.wind_ned_m_s;
             for (wind, bias) in self.wind_ned.iter_mut().zip(self.wind_bias) {
@@ -428,45 +422,19 @@ impl FlightSim {
         }
     }
 
-    /// Surface angles for a command, in the servos' order.
-    fn split(&self, command: &SurfaceCommand) -> [f64; 3] {
-        let [elevator, aileron, rudder] = [
-            command.elevator_rad + self.offset[0],
-            command.aileron_rad + self.offset[1],
-            command.rudder_rad + self.offset[2],
-        ];
-        match self.dynamics.aircraft.surfaces.layout {
-            Layout::Elevons => [elevator + aileron, elevator - aileron, 0.0],
-            Layout::Conventional => [elevator, aileron, rudder],
-        }
-    }
-
     /// What the surfaces do now.
-    fn controls(&self) -> Controls<f64> {
-        let [a, b, c] = self.servos.map(|servo| servo.angle);
-        let (elevator, aileron, rudder) = match self.dynamics.aircraft.surfaces.layout {
-            Layout::Elevons => (0.5 * (a + b), 0.5 * (a - b), 0.0),
-            Layout::Conventional => (a, b, c),
-        };
-        Controls {
-            elevator,
-            aileron,
-            rudder,
-            throttle: self.motor,
-        }
+    fn controls(&self) -> Controls {
+        self.dynamics.controls(&self.servos, self.motor)
     }
 
     /// Servos and motor over half a step.
-    fn drive(&mut self, lag: &LagStep, command: &SurfaceCommand) -> Controls<f64> {
-        let wanted = self.split(command);
-        for (servo, angle) in self.servos.iter_mut().zip(wanted) {
-            *servo = lag.servo(*servo, angle);
-        }
-        self.motor = lag.motor(self.motor, command.throttle);
+    fn drive(&mut self, lag: &LagStep, command: &SurfaceCommand) -> Controls {
+        let angles = self.dynamics.servo_angles(command);
+        lag.drive(&mut self.servos, &mut self.motor, &angles, command.throttle);
         self.controls()
     }
 
-    fn fly(&mut self, dt: f64, air: &AirState<f64>, command: &SurfaceCommand, lag: &LagStep) {
+    fn fly(&mut self, dt: f64, air: &AirState, command: &SurfaceCommand, lag: &LagStep) {
         let start = self.controls();
         let middle = self.drive(lag, command);
         let end = self.drive(lag, command);
@@ -475,7 +443,7 @@ impl FlightSim {
     }
 
     /// One step of the rigid body; a step that leaves the finite numbers is not taken.
-    fn advance(&mut self, dt: f64, air: &AirState<f64>, controls: &[Controls<f64>; 3]) {
+    fn advance(&mut self, dt: f64, air: &AirState, controls: &[Controls; 3]) {
         let (mut body, force) = self.dynamics.rk4(&self.body, controls, air, dt);
         let finite = body
             .pos_ned
@@ -499,89 +467,6 @@ impl FlightSim {
         }
         self.body = body;
         self.specific_force = force;
-    }
-
-    fn rest_down(&self) -> f64 {
-        -(self.ground_amsl_m + self.dynamics.aircraft.ground.rest_height_m)
-    }
-
-    fn touch_down(&mut self) {
-        let depth = self.body.pos_ned[2] - self.rest_down();
-        // Climbing out from the launcher, or into a slope?
-        if depth < 0.0 || (self.body.vel_ned[2] < 0.0 && depth < CLIMBING_CONTACT_M) {
-            return;
-        }
-        let ground = &self.dynamics.aircraft.ground;
-        if self.body.vel_ned[2] > ground.hard_sink_m_s {
-            self.flags.hard_landing = true;
-        }
-        self.phase = Phase::Sliding;
-        self.body.pos_ned[2] = self.rest_down();
-        self.body.vel_ned[2] = 0.0;
-        self.body.rate = [0.0; 3];
-    }
-
-    /// On the belly: friction stops it, and it comes level.
-    fn slide(&mut self, dt: f64, lag: &LagStep, command: &SurfaceCommand) {
-        self.drive(lag, command);
-        self.drive(lag, command);
-        let deceleration = self.dynamics.aircraft.ground.friction * air::STANDARD_GRAVITY_M_S2;
-        let [north, east, _] = self.body.vel_ned;
-        let speed = north.hypot(east);
-        let left = (speed - deceleration * dt).max(0.0);
-        let keep = if speed > 0.0 { left / speed } else { 0.0 };
-        for k in 0..2 {
-            self.body.pos_ned[k] += 0.5 * (1.0 + keep) * dt * self.body.vel_ned[k];
-            self.body.vel_ned[k] *= keep;
-        }
-        self.body.pos_ned[2] = self.rest_down();
-        let m = rotation(&self.body.attitude);
-        let fade = (-dt / LEVELLING_TIME_S).exp();
-        let level = (m[2][1] * m[2][1] + m[2][2] * m[2][2]).sqrt();
-        let roll = m[2][1].angle_to(m[2][2]) * fade;
-        let pitch = (-m[2][0]).angle_to(level) * fade;
-        let yaw = m[1][0].angle_to(m[0][0]);
-        self.body.attitude = quaternion(roll, pitch, yaw);
-        self.specific_force = [-deceleration, 0.0, -air::STANDARD_GRAVITY_M_S2];
-        if left == 0.0 {
-            self.phase = Phase::OnGround;
-            self.launch_heading_rad = yaw;
-            self.specific_force = [0.0, 0.0, -air::STANDARD_GRAVITY_M_S2];
-        }
-    }
-
-    fn stand(&mut self, lag: &LagStep, command: &SurfaceCommand) {
-        self.drive(lag, command);
-        self.drive(lag, command);
-        self.body.pos_ned[2] = self.rest_down();
-        self.body.vel_ned = [0.0; 3];
-        self.body.rate = [0.0; 3];
-        if command.launch {
-            let pitch = self.dynamics.aircraft.ground.launch_pitch_deg.to_radians();
-            self.body.attitude = quaternion(0.0, pitch, self.launch_heading_rad);
-            self.flags.hard_landing = false;
-            self.phase = Phase::Launching;
-        }
-    }
-
-    /// Along the rail at constant acceleration until the airspeed suffices.
-    fn launch(&mut self, dt: f64, air: &AirState<f64>, command: &SurfaceCommand, lag: &LagStep) {
-        self.drive(lag, command);
-        self.drive(lag, command);
-        let ground = &self.dynamics.aircraft.ground;
-        let acceleration = ground.launch_acceleration_m_s2;
-        let m = rotation(&self.body.attitude);
-        for (k, row) in m.iter().enumerate() {
-            let along = row[0];
-            let before = self.body.vel_ned[k];
-            self.body.vel_ned[k] += acceleration * along * dt;
-            self.body.pos_ned[k] += 0.5 * (before + self.body.vel_ned[k]) * dt;
-        }
-        let gravity = air::STANDARD_GRAVITY_M_S2;
-        self.specific_force = [acceleration - gravity * m[2][0], 0.0, -gravity * m[2][2]];
-        if flow(&m, &self.body.vel_ned, &air.wind_ned).body[0] >= ground.launch_airspeed_m_s {
-            self.phase = Phase::Flying;
-        }
     }
 }
 

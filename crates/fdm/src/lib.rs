@@ -12,9 +12,10 @@
 pub mod aircraft;
 pub mod autopilot;
 pub mod dynamics;
+pub mod fleet;
 pub mod flight;
 pub mod mechanism;
-pub mod real;
+mod scalar;
 mod servo;
 pub mod trim;
 

@@ -4,13 +4,13 @@
 use nalgebra::Matrix2;
 
 use crate::aircraft::Surfaces;
-use crate::real::Real;
+use crate::scalar::bounded;
 
 /// A surface's angle (rad) and its rate (rad/s).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Servo<R> {
-    pub angle: R,
-    pub rate: R,
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Servo {
+    pub angle: f64,
+    pub rate: f64,
 }
 
 /// The exact transition over a fixed time of x'' = ω² (u − x) − 2 ζ ω x' with held u, and of the
@@ -49,29 +49,36 @@ impl LagStep {
     /// The servo after the time of this transition. While the rate limit holds, the angle moves
     /// at that rate; inside the limits the result is exact.
     #[inline(always)]
-    pub fn servo<R: Real>(&self, servo: Servo<R>, command: R) -> Servo<R> {
-        let command = command.clamp_to(self.low, self.high);
+    pub fn servo(&self, servo: Servo, command: f64) -> Servo {
+        let command = bounded(command, self.low, self.high);
         let off = servo.angle - command;
         let moved = off * self.phi[0][0] + servo.rate * self.phi[0][1] + command - servo.angle;
         let rate = off * self.phi[1][0] + servo.rate * self.phi[1][1];
         let most = self.rate * self.dt;
-        let free = servo.angle + moved.clamp_to(-most, most);
-        let angle = free.clamp_to(self.low, self.high);
-        let rate = rate.clamp_to(-self.rate, self.rate);
-        let zero = R::splat(0.0);
-        // At a stop the surface rests.
-        let blocked = (free - angle).abs();
+        let free = servo.angle + bounded(moved, -most, most);
+        let angle = bounded(free, self.low, self.high);
+        let rate = bounded(rate, -self.rate, self.rate);
         Servo {
             angle,
-            rate: blocked.where_gt(zero, zero, rate),
+            // At a stop the surface rests.
+            rate: if free == angle { rate } else { 0.0 },
         }
     }
 
-    /// The motor after the time of this transition.
+    /// Servos and motor after the time of this transition.
     #[inline(always)]
-    pub fn motor<R: Real>(&self, throttle: R, command: R) -> R {
-        let command = command.clamp_to(0.0, 1.0);
-        command + (throttle - command) * self.motor_keep
+    pub fn drive(
+        &self,
+        servos: &mut [Servo; 3],
+        motor: &mut f64,
+        angles: &[f64; 3],
+        throttle: f64,
+    ) {
+        for k in 0..3 {
+            servos[k] = self.servo(servos[k], angles[k]);
+        }
+        let throttle = bounded(throttle, 0.0, 1.0);
+        *motor = throttle + (*motor - throttle) * self.motor_keep;
     }
 }
 

@@ -117,14 +117,14 @@ pub fn climb(
     })
 }
 
-fn calm(density: f64) -> AirState<f64> {
+fn calm(density: f64) -> AirState {
     AirState {
         wind_ned: [0.0; 3],
         density,
     }
 }
 
-fn flying(airspeed: f64, path: f64, alpha: f64) -> Body<f64> {
+fn flying(airspeed: f64, path: f64, alpha: f64) -> Body {
     Body {
         pos_ned: [0.0; 3],
         vel_ned: [airspeed * path.cos(), 0.0, -airspeed * path.sin()],

@@ -8,7 +8,7 @@
 use air::STANDARD_GRAVITY_M_S2;
 
 use super::{ControlGains, Path, Sensed};
-use crate::real::Real;
+use crate::scalar::angle;
 
 /// A point counts as reached within this many loiter radii.
 pub(super) const CIRCLE_FROM: f64 = 1.1;
@@ -115,7 +115,7 @@ impl Steering<'_> {
     /// Bank towards a point.
     pub fn go_to(&self, north_m: f64, east_m: f64) -> f64 {
         let [n, e] = self.from(north_m, east_m);
-        self.course((-e).angle_to(-n))
+        self.course(angle(-e, -n))
     }
 
     /// Bank along the line through a point with a course.
@@ -124,7 +124,7 @@ impl Steering<'_> {
         let (sin, cos) = course_rad.sin_cos();
         let right = e * cos - n * sin;
         let ahead = LINE_LOOK_AHEAD_S * self.sensed.airspeed_m_s.max(1.0);
-        self.course(course_rad - right.angle_to(ahead))
+        self.course(course_rad - angle(right, ahead))
     }
 
     /// Bank around a point.
@@ -133,8 +133,8 @@ impl Steering<'_> {
         let distance = (n * n + e * e).sqrt();
         let sense = if clockwise { 1.0 } else { -1.0 };
         let off = (distance - radius_m) / radius_m;
-        let inwards = (self.gains.orbit_gain * off).angle_to(1.0);
-        let course = e.angle_to(n) + sense * (std::f64::consts::FRAC_PI_2 + inwards);
+        let inwards = angle(self.gains.orbit_gain * off, 1.0);
+        let course = angle(e, n) + sense * (std::f64::consts::FRAC_PI_2 + inwards);
         let heading = self.heading_for(course);
         let [vn, ve, _] = self.sensed.vel_ned_m_s;
         // Steady circle: ground speed gives the curvature, lift acts across the heading.
@@ -150,15 +150,15 @@ impl Steering<'_> {
         let (sin, cos) = course_rad.sin_cos();
         let across = self.wind[1] * cos - self.wind[0] * sin;
         let crab = (across / self.sensed.airspeed_m_s.max(1.0)).clamp(-0.9, 0.9);
-        course_rad - crab.angle_to((1.0 - crab * crab).sqrt())
+        course_rad - angle(crab, (1.0 - crab * crab).sqrt())
     }
 
     /// Bank that turns the nose to a heading, on top of a steady turn of tan(bank) `steady`.
     fn bank(&self, heading_rad: f64, steady: f64) -> f64 {
         let (sin, cos) = (heading_rad - self.sensed.yaw_rad).sin_cos();
-        let error = sin.angle_to(cos);
+        let error = angle(sin, cos);
         let turn = self.gains.heading_bandwidth_rad_s * error;
         let tangent = self.sensed.airspeed_m_s * turn / STANDARD_GRAVITY_M_S2 + steady;
-        tangent.angle_to(1.0)
+        angle(tangent, 1.0)
     }
 }

@@ -3,7 +3,7 @@
 use super::energy::EnergyDemand;
 use super::guidance::Steering;
 use super::plant::Plant;
-use crate::real::Real;
+use crate::scalar::angle;
 
 /// Height at which the flare begins, m.
 const FLARE_HEIGHT_M: f64 = 3.0;
@@ -51,7 +51,7 @@ pub(super) enum Step {
 impl Landing {
     /// Begins a landing; the approach is into the wind unless ordered otherwise.
     pub fn begin(order: &LandingOrder, wind: [f64; 2]) -> Self {
-        let into_wind = (-wind[1]).angle_to(-wind[0]);
+        let into_wind = angle(-wind[1], -wind[0]);
         Self {
             stage: Stage::Descend,
             course_rad: order.course_deg.map_or(into_wind, f64::to_radians),

@@ -25,7 +25,7 @@ use plant::Plant;
 
 /// Height above the launch point up to which take-off climbs straight ahead, m.
 const TAKE_OFF_STRAIGHT_M: f64 = 20.0;
-/// Height above the launch point at which take-off counts as done, m.
+/// Pitch of the climb straight ahead, rad.
 const TAKE_OFF_PITCH_RAD: f64 = 0.22;
 
 /// What the autopilot knows, as its sensors tell.

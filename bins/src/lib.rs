@@ -1,6 +1,7 @@
 //! The shell around Plumage's pure crates: files, clocks, sockets, terminals. Binaries only call
 //! into here.
 
+pub mod agent;
 pub mod commands;
 pub mod failure;
 pub mod mission_files;

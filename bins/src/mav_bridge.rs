@@ -183,8 +183,8 @@ fn typed_words() -> mpsc::Receiver<String> {
 async fn fly_stand_in(arguments: &StandInArguments) -> Result<(), Failure> {
     let (setup, index) = vehicle_of(&arguments.scenario, &arguments.vehicle)?;
     let aircraft = setup.aircraft_of(index).map_err(Failure::input)?.clone();
-    let mut config = StandInConfig::from_scenario(&setup.scenario, index, aircraft)
-        .map_err(Failure::input)?;
+    let mut config =
+        StandInConfig::from_scenario(&setup.scenario, index, aircraft).map_err(Failure::input)?;
     config.wind_series = setup.wind_series.clone();
     let seed = arguments.seed.unwrap_or(setup.scenario.mission.seed);
     let name = format!("stand-in/{}", arguments.vehicle);

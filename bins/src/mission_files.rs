@@ -21,6 +21,28 @@ pub fn load(path: &Path) -> Result<Setup, Failure> {
     )
 }
 
+/// The same, with another seed and another length where given.
+///
+/// # Errors
+/// As [`load`]; also a length that no mission has.
+pub fn load_changed(
+    path: &Path,
+    seed: Option<u64>,
+    duration_s: Option<f64>,
+) -> Result<Setup, Failure> {
+    let mut setup = load(path)?;
+    let mission = &mut setup.scenario.mission;
+    mission.seed = seed.unwrap_or(mission.seed);
+    mission.duration_s = duration_s.unwrap_or(mission.duration_s);
+    if !(1.0..=1e6).contains(&mission.duration_s) {
+        let given = mission.duration_s;
+        return Err(Failure::usage(format!(
+            "--duration {given}: expected 1 to 1000000 simulated seconds"
+        )));
+    }
+    Ok(setup)
+}
+
 /// The same for a scenario's text that came from `name`; its files are looked for from `folder`.
 ///
 /// # Errors

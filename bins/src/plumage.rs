@@ -1,7 +1,7 @@
 //! The one command a newcomer needs.
 
 use clap::{Parser, Subcommand};
-use shell::commands::{campaign, replay, run};
+use shell::commands::{campaign, conduct, replay, run};
 use shell::failure;
 use std::process::ExitCode;
 
@@ -17,6 +17,8 @@ struct Arguments {
 enum Command {
     /// Fly a mission in one process
     Run(run::RunArguments),
+    /// Conduct a lockstep run whose agents are processes of their own
+    Conduct(conduct::ConductArguments),
     /// Read a recording and, with --verify, fly it again and compare
     Replay(replay::ReplayArguments),
     /// Fly one scenario with many seeds and tabulate what was found
@@ -26,6 +28,7 @@ enum Command {
 fn main() -> ExitCode {
     failure::exit(match &Arguments::parse().command {
         Command::Run(arguments) => run::run(arguments),
+        Command::Conduct(arguments) => conduct::conduct(arguments),
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Campaign(arguments) => campaign::campaign(arguments),
     })

@@ -54,18 +54,7 @@ impl RunArguments {
     /// # Errors
     /// Wrong input, with what was expected.
     pub fn setup(&self) -> Result<Setup, Failure> {
-        let mut setup = mission_files::load(&self.scenario)?;
-        if let Some(seed) = self.seed {
-            setup.scenario.mission.seed = seed;
-        }
-        if let Some(duration_s) = self.duration {
-            if !(duration_s.is_finite() && (1.0..=1e6).contains(&duration_s)) {
-                return Err(Failure::usage(format!(
-                    "--duration {duration_s}: expected 1 to 1000000 simulated seconds"
-                )));
-            }
-            setup.scenario.mission.duration_s = duration_s;
-        }
+        let setup = mission_files::load_changed(&self.scenario, self.seed, self.duration)?;
         match self.real_stand_ins {
             Some(count) => setup.with_stand_ins(count).map_err(Failure::input),
             None => Ok(setup),

@@ -103,6 +103,14 @@ impl AgentId {
         Self::main(AgentKind::Clock)
     }
 
+    /// The recorder of a lockstep run.
+    pub fn recorder() -> Self {
+        Self {
+            kind: AgentKind::Clock,
+            name: Name("recorder".into()),
+        }
+    }
+
     fn main(kind: AgentKind) -> Self {
         Self {
             kind,

@@ -265,7 +265,8 @@ impl Iterator for Envelopes {
 /// simulated seconds of them at a time.
 pub struct InOrder {
     envelopes: Envelopes,
-    waiting: BTreeMap<(SimTime, AgentId, u64), (Topic, Envelope)>,
+    /// The clock's messages are numbered apart from the others of their sender.
+    waiting: BTreeMap<(SimTime, AgentId, u64, bool), (Topic, Envelope)>,
     ready: VecDeque<(Topic, Envelope)>,
     given: SimTime,
 }
@@ -285,7 +286,13 @@ impl InOrder {
                 late_s: self.envelopes.last.since_s(envelope.time),
             });
         }
-        let key = (envelope.time, envelope.sender.clone(), envelope.sequence);
+        let of_clock = matches!(topic, Topic::Tick | Topic::Done(_));
+        let key = (
+            envelope.time,
+            envelope.sender.clone(),
+            envelope.sequence,
+            of_clock,
+        );
         self.waiting.insert(key, (topic, envelope));
         Ok(())
     }

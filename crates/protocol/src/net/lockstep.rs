@@ -141,6 +141,47 @@ async fn say_done(
     net.publish(&topic, &envelope).await
 }
 
+/// The recorder of a lockstep run, which takes part without saying anything.
+pub fn recorder_id() -> AgentId {
+    AgentId::recorder()
+}
+
+/// Follows a lockstep run of `team` as its recorder until its end: `take` is handed what was said
+/// in each tick, in order.
+///
+/// # Errors
+/// [`ProtocolError::Network`], or what `take` refuses.
+pub async fn observe(
+    net: &mut Net,
+    team: &[AgentId],
+    tick_ns: i64,
+    mut take: impl FnMut(&[(Topic, Envelope)]) -> Result<(), ProtocolError>,
+) -> Result<(), ProtocolError> {
+    let own = recorder_id();
+    let interests = [Interest::Everything];
+    net.subscribe(&interests).await?;
+    let _presence = net.announce(&own).await?;
+    // Who is seen has heard of the subscription above, so that nothing is missed.
+    let others: Vec<AgentId> = team.iter().chain([&AgentId::clock()]).cloned().collect();
+    net.wait_for(&others).await;
+    say_done(net, &own, SimTime::ZERO, READY, LastSequences::new()).await?;
+    let mut inbox = Inbox::default();
+    let mut outbox = Outbox::default();
+    let mut ending = false;
+    loop {
+        let tick = next_tick(net, &mut inbox, &own, &interests, &mut outbox).await?;
+        // A recorder has nobody to tell of garbage; the agents it came to do.
+        outbox.drain();
+        let now = SimTime::of_tick(tick.tick, tick_ns);
+        take(&inbox.before(now))?;
+        if ending {
+            return Ok(());
+        }
+        ending = tick.last;
+        say_done(net, &own, now, tick.tick as i64, LastSequences::new()).await?;
+    }
+}
+
 /// Conducts a lockstep run over the bus.
 pub struct Conductor {
     team: Vec<AgentId>,
@@ -213,6 +254,27 @@ impl Conductor {
         self.all_done(net, self.tick as i64).await?;
         self.tick += 1;
         Ok(self.inbox.before(self.now()))
+    }
+
+    /// Tells a recorder what the last tick held, after all agents have gone.
+    ///
+    /// # Errors
+    /// [`ProtocolError::Network`].
+    pub async fn close(self, net: &mut Net) -> Result<(), ProtocolError> {
+        let now = self.now();
+        let tick = Tick {
+            tick: self.tick,
+            expect: self.expect,
+            last: true,
+        };
+        let message = Message::Tick(tick);
+        let envelope = Envelope {
+            sender: AgentId::clock(),
+            sequence: self.tick + 1,
+            time: now,
+            message,
+        };
+        net.publish(&Topic::Tick, &envelope).await
     }
 
     /// What was refused since the last call: garbage and foreign senders.

@@ -133,6 +133,36 @@ pub async fn run<A: Agent>(
     }
 }
 
+/// How often an observer hands on what it heard.
+const OBSERVED_EVERY: Duration = Duration::from_millis(100);
+/// How long after the end an observer still listens for last words.
+const LAST_WORDS: Duration = Duration::from_secs(1);
+
+/// Follows a real-time run until `until`: `take` is handed what came in, ordered by time, sender
+/// and sequence within a tenth of a second.
+///
+/// # Errors
+/// [`ProtocolError::Network`], or what `take` refuses.
+pub async fn observe(
+    net: &mut Net,
+    clock: MissionClock,
+    until: SimTime,
+    mut take: impl FnMut(&[(crate::Topic, crate::Envelope)]) -> Result<(), ProtocolError>,
+) -> Result<(), ProtocolError> {
+    net.subscribe(&[crate::Interest::Everything]).await?;
+    let _presence = net.announce(&crate::AgentId::recorder()).await?;
+    let end = clock.instant(until) + LAST_WORDS;
+    loop {
+        tokio::time::sleep(OBSERVED_EVERY).await;
+        let mut heard: Vec<_> = std::iter::from_fn(|| net.try_receive()).flatten().collect();
+        heard.sort_by(|(_, a), (_, b)| a.order().cmp(&b.order()));
+        take(&heard)?;
+        if Instant::now() >= end {
+            return Ok(());
+        }
+    }
+}
+
 fn take_in<A: Agent>(net: &mut Net, agent: &mut A, now: SimTime, outbox: &mut Outbox) {
     let own = agent.id().clone();
     let mut heard = Vec::new();

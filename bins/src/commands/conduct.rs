@@ -1,0 +1,79 @@
+//! `plumage conduct`: the conductor of a lockstep run whose agents are processes of their own.
+
+use crate::outputs::Outputs;
+use crate::{Failure, agent, site};
+use indicatif::ProgressBar;
+use mission::team;
+use protocol::digest::Digest;
+use protocol::net::lockstep::Conductor;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Arguments of `plumage conduct`.
+#[derive(Debug, clap::Args)]
+pub struct ConductArguments {
+    #[command(flatten)]
+    bus: agent::BusArguments,
+    /// Folder for the outputs; none are written if not given
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write into a folder that holds something, replacing earlier outputs
+    #[arg(long)]
+    force: bool,
+    /// Wait for a recorder process too
+    #[arg(long)]
+    with_recorder: bool,
+}
+
+/// Conducts the run and prints its digest.
+///
+/// # Errors
+/// Wrong input, or an agent that goes before the end.
+pub fn conduct(arguments: &ConductArguments) -> Result<(), Failure> {
+    let setup = arguments.bus.setup()?;
+    let mut team = team::agent_ids(&setup).map_err(Failure::input)?;
+    if arguments.with_recorder {
+        team.push(protocol::net::lockstep::recorder_id());
+    }
+    let mut outputs = match &arguments.out {
+        None => None,
+        Some(folder) => {
+            let site = Arc::new(site::of(&setup)?);
+            Some(Outputs::open(folder, arguments.force, &setup, site)?)
+        }
+    };
+    let bar = ProgressBar::new(setup.ticks());
+    let mut digest = Digest::new();
+    let mut started = Instant::now();
+    let conducted = agent::block_on(async {
+        let mut net = arguments.bus.open(&setup, false).await?;
+        bar.set_message("waiting for the team");
+        let mut conductor = Conductor::gather(&mut net, &team, setup.tick_ns()).await?;
+        started = Instant::now();
+        for tick in 0..=setup.ticks() {
+            let said = conductor.step(&mut net, tick == setup.ticks()).await?;
+            for (topic, envelope) in &said {
+                digest.add(topic, envelope);
+            }
+            if let Some(outputs) = &mut outputs {
+                outputs.take(&said)?;
+            }
+            for refused in conductor.refused() {
+                bar.println(format!("warning: {refused}"));
+            }
+            bar.set_position(tick);
+        }
+        conductor.close(&mut net).await?;
+        net.close().await?;
+        Ok(())
+    });
+    bar.finish_and_clear();
+    let wall_s = started.elapsed().as_secs_f64();
+    if let Some(outputs) = outputs {
+        let summary = outputs.finish(&digest.hex(), wall_s)?;
+        print!("{}", record::words::summary(&summary));
+    }
+    println!("digest {}", digest.hex());
+    conducted
+}

@@ -1,0 +1,67 @@
+//! The recorder in a process of its own.
+
+use clap::Parser;
+use protocol::SimTime;
+use protocol::bus::Said;
+use protocol::net::lockstep;
+use protocol::net::realtime::{self, MissionClock};
+use shell::outputs::Outputs;
+use shell::{Failure, agent, failure, site};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Records all traffic of a mission: MCAP, tracks, summary and report.
+#[derive(Debug, Parser)]
+#[command(name = "recorder", version, about)]
+struct Arguments {
+    #[command(flatten)]
+    bus: agent::BusArguments,
+    /// Folder for the outputs
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Write into a folder that holds something, replacing earlier outputs
+    #[arg(long)]
+    force: bool,
+}
+
+fn main() -> ExitCode {
+    failure::exit(record(&Arguments::parse()))
+}
+
+fn record(arguments: &Arguments) -> Result<(), Failure> {
+    let setup = arguments.bus.setup()?;
+    let site = Arc::new(site::of(&setup)?);
+    let mut outputs = Outputs::open(&arguments.out, arguments.force, &setup, site)?;
+    let mut digest = protocol::digest::Digest::new();
+    let started = Instant::now();
+    let mut take = |said: &[Said]| -> anyhow::Result<()> {
+        for (topic, envelope) in said {
+            digest.add(topic, envelope);
+        }
+        outputs.take(said)
+    };
+    agent::block_on(async {
+        let mut net = arguments.bus.open(&setup, false).await?;
+        if arguments.bus.lockstep {
+            let team = mission::team::agent_ids(&setup).map_err(Failure::input)?;
+            lockstep::observe(&mut net, &team, setup.tick_ns(), |said| {
+                take(said).map_err(|e| protocol::ProtocolError::Network(e.to_string()))
+            })
+            .await?;
+        } else {
+            let clock = MissionClock::ask(&net).await?;
+            let until = SimTime::from_s(setup.scenario.mission.duration_s);
+            realtime::observe(&mut net, clock, until, |said| {
+                take(said).map_err(|e| protocol::ProtocolError::Network(e.to_string()))
+            })
+            .await?;
+        }
+        net.close().await?;
+        Ok(())
+    })?;
+    let summary = outputs.finish(&digest.hex(), started.elapsed().as_secs_f64())?;
+    print!("{}", record::words::summary(&summary));
+    Ok(())
+}

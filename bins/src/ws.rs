@@ -1,0 +1,21 @@
+//! The world simulator in a process of its own.
+
+use clap::Parser;
+use mission::Member;
+use shell::{Failure, agent, failure};
+use std::process::ExitCode;
+
+/// Wind, air and plume around the simulated vehicles, corrected by what real ones measure.
+#[derive(Debug, Parser)]
+#[command(name = "ws", version, about)]
+struct Arguments {
+    #[command(flatten)]
+    bus: agent::BusArguments,
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    failure::exit(agent::run(&arguments.bus, false, |setup| {
+        Member::world(setup).map_err(Failure::input)
+    }))
+}

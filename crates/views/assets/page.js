@@ -41,10 +41,11 @@ function size() {
 
 function fit() {
   const box = canvas.getBoundingClientRect();
-  let [w, s, e, n] = site.area;
+  if (!live) return;
+  const [w, s, e, n] = live.area;
   view.e = (w + e) / 2;
   view.n = (s + n) / 2;
-  view.scale = 0.94 * Math.min(box.width / (e - w), box.height / (n - s));
+  view.scale = 0.86 * Math.min(box.width / (e - w), box.height / (n - s));
   view.held = false;
 }
 
@@ -212,12 +213,11 @@ function drawArrows(box) {
 
 function drawMap() {
   const box = size();
-  if (!site) return;
+  if (!site || !live) return;
   if (!view.held) fit();
   drawGround(box);
-  if (live && live.model) drawPlume(box);
+  if (live.model) drawPlume(box);
   drawFence(box);
-  if (!live) return;
   drawTracks(box); drawStars(box); drawPeak(box); drawArrows(box);
 }
 
@@ -279,7 +279,7 @@ function fillModel() {
     cell(row, name);
     cell(row, number(live.before[key][0], digits));
     cell(row, number(live.model[key][0], digits));
-    cell(row, number(live.model[key][1], digits));
+    cell(row, number(live.model[key][1], digits + 1));
   }
   $("taken").textContent = `${live.model.observations} real readings taken in`;
   $("mechanisms").textContent = live.model.mechanisms.length ? "Extended by " + live.model.mechanisms.join(", ") : "";

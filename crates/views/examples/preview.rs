@@ -1,5 +1,5 @@
 //! The page and the report of a made-up mission, to look at while changing them:
-//! `cargo run -p views --example preview`, then open <http://127.0.0.1:8787>. The report is
+//! `cargo run -p views --example preview`, then open <http://127.0.0.1:8787>. The reports are
 //! written to the folder given as argument, or the temporary folder.
 #![allow(clippy::unwrap_used)]
 
@@ -21,7 +21,10 @@ async fn main() {
         .map_or_else(std::env::temp_dir, PathBuf::from);
     let report = folder.join("report.html");
     record::files::write_whole(&report, made_up::report(6000).0.as_bytes()).unwrap();
-    println!("report: {}", report.display());
+    let gap = folder.join("gap.html");
+    let page = views::gap_report::plume("made up", &made_up::gap::json(), &made_up::gap::report());
+    record::files::write_whole(&gap, page.as_bytes()).unwrap();
+    println!("reports: {} and {}", report.display(), gap.display());
 
     let mut live = LiveState::new(made_up::site());
     let (pictures, watched) = watch::channel(Arc::new(live.clone()));

@@ -154,7 +154,12 @@ impl Document {
 /// `value` with `digits` after the point, or a dash where there is none.
 pub(crate) fn number(value: f64, digits: usize) -> String {
     if value.is_finite() {
-        format!("{value:.digits$}")
+        let text = format!("{value:.digits$}");
+        let is_zero = text.bytes().all(|b| matches!(b, b'-' | b'0' | b'.'));
+        // What rounds to nothing has no sign.
+        text.strip_prefix('-')
+            .filter(|_| is_zero)
+            .map_or(text.clone(), str::to_owned)
     } else {
         "–".to_owned()
     }
@@ -181,5 +186,7 @@ mod tests {
     fn what_is_no_number_is_a_dash() {
         assert_eq!(number(f64::NAN, 1), "–");
         assert_eq!(number(-0.25, 1), "-0.2");
+        assert_eq!(number(-0.04, 1), "0.0");
+        assert_eq!(number(-10.0, 0), "-10");
     }
 }

@@ -16,9 +16,10 @@ const TRACK_POINTS: usize = 700;
 /// Events on the page.
 const EVENTS: usize = 40;
 /// Columns of the grid on which the plume is drawn.
-const PLUME_COLUMNS: usize = 120;
-/// How far the plume is drawn beyond the site, in parts of its width: wide screens show more.
-const PLUME_BEYOND: f64 = 0.45;
+const PLUME_COLUMNS: usize = 140;
+/// How far the plume is drawn beyond the area flown in, in parts of its width: wide screens
+/// show more.
+const PLUME_BEYOND: f64 = 0.7;
 
 /// How the run goes: what no message says and the shell knows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -149,6 +150,7 @@ impl LiveState {
     pub fn to_json(&self) -> String {
         json!({
             "time_s": self.time.s(),
+            "area": self.site.area(&self.tracks).ends().map(whole),
             "phase": self.phase,
             "paused": self.run.paused,
             "ended": self.run.ended,
@@ -219,7 +221,7 @@ impl LiveState {
 
     fn plume_json(&self, model: &Model) -> Value {
         let alt = self.site.axis_amsl_m(model);
-        let area = self.site.area();
+        let area = self.site.area(&self.tracks);
         let area = area.widened(PLUME_BEYOND * (area.high.east_m - area.low.east_m));
         let grid = Grid::fill(area, PLUME_COLUMNS, alt, |spots| {
             (self.site.field)(model, spots)

@@ -5,7 +5,7 @@ mod figures;
 
 use crate::html::{Document, number};
 use crate::site::{Site, Spot};
-use protocol::message::{Message, Model, Phase, Severity, VehicleKind};
+use protocol::message::{ControlLevel, Message, Model, Phase, Severity, VehicleKind};
 use protocol::{Envelope, SimTime, Topic};
 use record::summary::{CORRECTED, ModelNumbers, Summary};
 use record::tracks::{Thinned, Track, Tracks};
@@ -82,7 +82,7 @@ impl Report {
                     self.phases.push((envelope.time, plan.phase));
                 }
             }
-            (Topic::Mode(_), Message::Mode(mode)) if !mode.setpoints_obeyed => {
+            (Topic::Mode(_), Message::Mode(mode)) if mode.level != ControlLevel::Automatic => {
                 self.pilot_times += 1;
             }
             (Topic::Event(agent), Message::Event(event)) if event.severity > Severity::Info => {
@@ -191,8 +191,9 @@ impl Report {
             .iter()
             .map(|n| {
                 let (before, after) = ((n.of)(&model.before), (n.of)(&model.after));
-                let figure =
-                    |v: f64, sd: f64| format!("{} ± {}", number(v, n.digits), number(sd, n.digits));
+                let figure = |v: f64, sd: f64| {
+                    format!("{} ± {}", number(v, n.digits), number(sd, n.digits + 1))
+                };
                 let name = if n.unit.is_empty() {
                     n.name.to_owned()
                 } else {
@@ -305,7 +306,7 @@ impl Report {
         }
         if self.pilot_times > 0 {
             items.push(
-                "Setpoints were not obeyed for a part of the mission: a pilot or the Guardian flew."
+                "A pilot or the Guardian flew for a part of the mission; setpoints did not count then."
                     .to_owned(),
             );
         }
@@ -419,7 +420,7 @@ fn cards(summary: &Summary) -> Vec<(String, &'static str, String)> {
     }
     for n in CORRECTED.iter().take(3) {
         let after = (n.of)(&summary.model.after);
-        let label = format!("{} ± {}", n.name, number(after.sd, n.digits));
+        let label = format!("{} ± {}", n.name, number(after.sd, n.digits + 1));
         cards.push((number(after.value, n.digits), n.unit, label));
     }
     cards
@@ -438,7 +439,7 @@ fn outside(after: &ModelNumbers, reality: &ModelNumbers) -> Vec<String> {
                      model is too sure of it.",
                     n.name,
                     format!("{} {}", number(error, n.digits), n.unit).trim_end(),
-                    number(found.sd, n.digits)
+                    number(found.sd, n.digits + 1)
                 )
             })
         })

@@ -3,6 +3,7 @@
 use air::geo::{Enu, Geodetic, LocalFrame};
 use protocol::message::{Model, Peak};
 use record::kml::Stack;
+use record::tracks::Tracks;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -82,6 +83,14 @@ impl Area {
     }
 }
 
+impl Area {
+    /// West, south, east and north ends, m.
+    pub(crate) fn ends(self) -> [f64; 4] {
+        let Self { low, high } = self;
+        [low.east_m, low.north_m, high.east_m, high.north_m]
+    }
+}
+
 /// A level grid of concentrations.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Grid {
@@ -138,8 +147,8 @@ impl Site {
         self.frame.to_enu(Geodetic { lat_deg, lon_deg })
     }
 
-    /// The area of the stacks, the fence and the keep-out cylinders.
-    pub(crate) fn area(&self) -> Area {
+    /// The area of the keep-out cylinders and the tracks; of the fence while nothing has flown.
+    pub(crate) fn area(&self, tracks: &Tracks) -> Area {
         let mut area = Area::empty();
         let radius = self.keep_out_radius_m.max(200.0);
         for stack in &self.stacks {
@@ -148,10 +157,17 @@ impl Site {
                 area.include(at.displaced(bearing, radius));
             }
         }
-        for &(lat, lon) in &self.fence {
-            area.include(self.enu(lat, lon));
+        for track in tracks.by_vehicle().values() {
+            for p in track.points.items() {
+                area.include(self.enu(p.lat_deg, p.lon_deg));
+            }
         }
-        if self.stacks.is_empty() && self.fence.is_empty() {
+        if tracks.by_vehicle().is_empty() {
+            for &(lat, lon) in &self.fence {
+                area.include(self.enu(lat, lon));
+            }
+        }
+        if area.low.east_m > area.high.east_m {
             area.include(Enu::default());
             area = area.widened(2000.0);
         }
@@ -165,7 +181,6 @@ impl Site {
 
     /// What the page's script needs once.
     pub(crate) fn json(&self) -> Value {
-        let area = self.area();
         json!({
             "mission": self.mission,
             "duration_s": self.duration_s,
@@ -179,7 +194,6 @@ impl Site {
                 let at = self.enu(lat, lon);
                 [at.east_m, at.north_m]
             }).collect::<Vec<_>>(),
-            "area": [area.low.east_m, area.low.north_m, area.high.east_m, area.high.north_m],
             "colours": record::colour::stops(),
             "grey_ppm": record::colour::GREY_PPM,
             "red_ppm": record::colour::RED_PPM,

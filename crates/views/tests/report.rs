@@ -34,3 +34,36 @@ fn a_mission_that_did_nothing_still_has_a_report() {
     let (page, _) = made_up::report(0);
     assert!(page.contains("no peak") && page.contains("No real vehicle flew"));
 }
+
+#[test]
+fn a_gap_report_shows_names_extends_gains_and_says_what_remains() {
+    let page = views::gap_report::plume("made up", &made_up::gap::json(), &made_up::gap::report());
+    let own = page.split("plotly.js v3").next().unwrap();
+    for words in [
+        "Where the simulation departs from the data",
+        "What causes it",
+        "The extended model",
+        "What it gains",
+        "What remains",
+        "The flight that would tell",
+        "sensor-lag.time_constant_s",
+        "stands still at &lt;449&gt; ppm",
+        "gain 31.00 to 66.00",
+    ] {
+        assert!(own.contains(words), "{words}");
+    }
+    let data = page.split("const PLOTS = ").nth(1).unwrap();
+    let plots: serde_json::Value = serde_json::from_str(data.split(";\n").next().unwrap()).unwrap();
+    assert_eq!(
+        plots.as_array().unwrap().len(),
+        own.matches("class=\"plot\"").count()
+    );
+    // A reading that is missing is a hole in the line, not a zero.
+    assert!(plots[0]["data"][0]["y"][100].is_null());
+}
+
+#[test]
+fn a_verdict_alone_has_a_report_too() {
+    let page = views::gap_report::verdict("flight", "made up", &made_up::gap::json());
+    assert!(page.contains("What causes it") && page.contains("made up"));
+}

@@ -23,13 +23,7 @@ fn km(value_m: f64) -> Value {
 
 /// The map of tracks with the plume of the model and of reality.
 pub(super) fn map(site: &Site, tracks: &Tracks, after: Option<&Model>, summary: &Summary) -> Value {
-    let mut area = site.area();
-    for track in tracks.by_vehicle().values() {
-        for p in track.points.items() {
-            area.include(site.enu(p.lat_deg, p.lon_deg));
-        }
-    }
-    let area = area.widened(150.0);
+    let area = site.area(tracks).widened(400.0);
     let mut data = Vec::new();
     if let Some(model) = after {
         data.extend(plumes(site, model, area));
@@ -125,13 +119,21 @@ fn track_traces(site: &Site, tracks: &Tracks) -> Vec<Value> {
                 "text": points.iter().map(|p| format!("{:.0} s, {:.0} m AMSL", p.time_s, p.alt_amsl_m))
                     .collect::<Vec<_>>(),
                 "hovertemplate": format!("vehicle {id}, %{{text}}<br>%{{marker.color:.0f}} ppm<extra></extra>"),
-                "marker": {"size": if real { 5.0 } else { 3.0 }, "symbol": if real { "diamond" } else { "circle" },
+                "marker": {"size": points.iter().map(|p| size(real, p.co2_ppm)).collect::<Vec<_>>(),
+                    "line": {"width": 0}, "symbol": if real { "diamond" } else { "circle" },
                     "color": points.iter().map(|p| rounded(p.co2_ppm, 10.0)).collect::<Vec<_>>(),
                     "colorscale": scale, "cmin": colour::GREY_PPM, "cmax": colour::RED_PPM,
                     "showscale": i == 0,
                     "colorbar": {"title": {"text": "ppm"}, "thickness": 12, "len": 0.6}}})
         })
         .collect()
+}
+
+/// Size of a point, px: clean air must not hide the plume.
+fn size(real: bool, co2_ppm: f64) -> Value {
+    let along = (co2_ppm - colour::GREY_PPM) / (colour::RED_PPM - colour::GREY_PPM);
+    let least = if real { 2.6 } else { 1.8 };
+    rounded(least + 3.2 * along.clamp(0.0, 1.0), 10.0)
 }
 
 fn surroundings(site: &Site) -> Vec<Value> {

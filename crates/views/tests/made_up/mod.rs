@@ -1,6 +1,7 @@
 //! The made-up mission of crate `record`'s tests as a site and a filled report.
 #![allow(dead_code, missing_docs, clippy::unwrap_used)]
 
+pub mod gap;
 #[path = "../../../record/tests/synthetic/mod.rs"]
 pub mod synthetic;
 

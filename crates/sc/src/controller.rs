@@ -26,6 +26,11 @@ use crate::tasks::Tasks;
 
 /// Time between two looks at the team, s.
 const DECISION_S: f64 = 1.0;
+/// Vehicles are planned farther apart than they must stay, by how far they may be off their
+/// track, m …
+const OFF_TRACK_M: f64 = 25.0;
+/// … and off their height, m.
+const OFF_HEIGHT_M: f64 = 6.0;
 /// How far the search goes beyond the range of the passes, m.
 const SEARCH_BEYOND_M: f64 = 600.0;
 /// The search goes this far to both sides of the axis, degrees.
@@ -56,7 +61,6 @@ pub struct SquadronController {
     generation: u64,
     next_decision: SimTime,
     next_population: SimTime,
-    last_plan: Option<Plan>,
 }
 
 impl std::fmt::Debug for SquadronController {
@@ -78,8 +82,8 @@ impl SquadronController {
         let airspace = Airspace::of(scenario)?;
         let base = scenario.world_spec()?;
         let separation = Separation {
-            distance_m: scenario.fence.separation_m,
-            height_m: scenario.fence.separation_height_m,
+            distance_m: scenario.fence.separation_m + OFF_TRACK_M,
+            height_m: scenario.fence.separation_height_m + OFF_HEIGHT_M,
         };
         let source = &scenario.sources[0];
         let stated_m = source.c_max_distance_m.unwrap_or(0.0);
@@ -119,7 +123,6 @@ impl SquadronController {
             generation: 0,
             next_decision: SimTime::ZERO,
             next_population: SimTime::ZERO,
-            last_plan: None,
         };
         // A strategy that cannot be is found out now, not in flight.
         controller.strategy = Some(controller.new_strategy()?);
@@ -354,16 +357,15 @@ impl SquadronController {
         })
     }
 
-    fn publish_plan(&mut self, out: &mut Outbox) {
+    /// Says the plan at every decision, changed or not: vehicles take it as the sign that
+    /// somebody is in command, and go home without it.
+    fn publish_plan(&self, out: &mut Outbox) {
         let plan = Plan {
             phase: self.phase,
             assignments: self.fleet.assignments(),
             peak: self.peak_message(),
         };
-        if self.last_plan.as_ref() != Some(&plan) {
-            self.last_plan = Some(plan.clone());
-            out.say(Topic::Plan, Message::Plan(plan));
-        }
+        out.say(Topic::Plan, Message::Plan(plan));
     }
 
     /// Says what was found, and whether the samples bear it out.
@@ -426,7 +428,7 @@ impl SquadronController {
 /// rise has the highest.
 fn team(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<Vehicle>, ScError> {
     let (floor_m, ceiling_m) = airspace.height_band_amsl_m();
-    let step_m = scenario.fence.separation_height_m.max(1.0);
+    let step_m = scenario.fence.separation_height_m + 2.0 * OFF_HEIGHT_M;
     let lowest_m = (floor_m + 10.0).min(ceiling_m);
     let levels = ((ceiling_m - lowest_m) / step_m).floor() as usize + 1;
     let count = scenario.vehicles.len();

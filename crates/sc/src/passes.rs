@@ -19,6 +19,11 @@ const LEAST_HALF_WIDTH_M: f64 = 220.0;
 const AXIS_SDS: f64 = 2.0;
 /// Half width of the plume in σy, out to 1 % of the axis.
 const PLUME_SIGMAS: f64 = 3.0;
+/// Factors on σ outside these are not believed in planning: an estimate that has gone astray
+/// must not lead the passes out of the plume.
+const LEAST_FACTOR: f64 = 0.3;
+/// See [`LEAST_FACTOR`].
+const GREATEST_FACTOR: f64 = 2.5;
 /// Steps by which a pass is shortened to fit the airspace, m.
 const SHORTEN_M: f64 = 25.0;
 /// Height of passes off the axis in σz: where a Gaussian's slope is steepest is 1.
@@ -46,7 +51,8 @@ pub struct Belief {
 impl Belief {
     /// What a model says.
     pub fn of(model: &Model, base: &WorldSpec) -> Self {
-        let [y, z] = [&model.sigma_y_scale, &model.sigma_z_scale].map(|s| s.value + s.sd.min(1.0));
+        let [y, z] = [&model.sigma_y_scale, &model.sigma_z_scale]
+            .map(|s| (s.value + s.sd).clamp(LEAST_FACTOR, GREATEST_FACTOR));
         Self {
             source: base.sources.first().map_or(Enu::default(), |s| s.place),
             axis_deg: model.axis_deg.value,

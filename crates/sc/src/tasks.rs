@@ -24,13 +24,15 @@ const LONGEST_TAKE_OFF_S: f64 = 240.0;
 /// The preliminary flight ends at this part of the mission at the latest.
 const PRELIMINARY_UNTIL: f64 = 0.45;
 /// Passes of a preliminary flight, at least and at most.
-const PRELIMINARY_PASSES: (usize, usize) = (7, 18);
+const PRELIMINARY_PASSES: (usize, usize) = (5, 18);
+/// Seconds that a pass may be refused because others are in the way before the next kind is tried.
+const REFUSALS: usize = 60;
 /// Part of the mission kept for characterisation.
 const CHARACTERISE_PART: f64 = 0.15;
 /// A mission goes home no earlier than this part of it.
 const HOME_FROM: f64 = 0.6;
 /// Time for landing one after the other, s: approach, and each vehicle's turn.
-const LANDING_S: (f64, f64) = (120.0, 12.0);
+const LANDING_S: (f64, f64) = (150.0, 25.0);
 /// Vertical speed that a vehicle is counted on to have, m/s.
 const CLIMB_M_S: f64 = 2.0;
 /// Draws of a promising point before a vehicle keeps its last one.
@@ -75,6 +77,8 @@ pub(crate) struct Tasks {
     each: Vec<Task>,
     next_pass: usize,
     passes_flown: usize,
+    /// Times in a row that nobody could be sent to the next pass.
+    refused: usize,
 }
 
 impl Tasks {
@@ -83,6 +87,7 @@ impl Tasks {
             each: vec![Task::Parked; vehicles.len()],
             next_pass: 0,
             passes_flown: 0,
+            refused: 0,
         }
     }
 
@@ -90,6 +95,7 @@ impl Tasks {
     pub(crate) fn start_phase(&mut self, phase: Phase, fleet: &Fleet) {
         self.next_pass = 0;
         self.passes_flown = 0;
+        self.refused = 0;
         for (task, vehicle) in self.each.iter_mut().zip(&fleet.vehicles) {
             let in_work = !matches!(task, Task::Parked | Task::Rising(_) | Task::Landing(_));
             let changes = phase != Phase::Characterise || vehicle.real;
@@ -176,7 +182,8 @@ impl SquadronController {
         let airspeed = self.fleet.airspeed_m_s;
         let over_ground = (airspeed.powi(2) - across.powi(2)).max(1.0).sqrt() + along;
         let level_s = 1.15 * distance_m / over_ground.max(3.0);
-        level_s.max((here.height_m - vehicle.layer_amsl_m).abs() / CLIMB_M_S)
+        // Some go down to their layer first and home then, where others are in the way.
+        level_s + 0.6 * (here.height_m - vehicle.layer_amsl_m).abs() / CLIMB_M_S
     }
 
     /// Gives every vehicle that has nothing to do, or has done it, its next order.
@@ -306,16 +313,22 @@ impl SquadronController {
             &CHARACTERISE
         };
         let kind = kinds[self.tasks.next_pass % kinds.len()];
-        self.tasks.next_pass += 1;
         let airspace = &self.fleet.airspace;
         let here = seen.position.at;
         let pass = passes::plan(
             kind, &belief, &self.base, airspace, self.range, MARGIN_M, here,
         );
-        if let Some(pass) = pass
-            && self.fleet.go(index, pass.from, "to the next pass", out)
-        {
-            self.tasks.each[index] = Task::Approaching(pass, None);
+        match pass {
+            // Each kind shows something of its own: with others in the way, it waits its turn.
+            Some(pass) if self.fleet.go(index, pass.from, "to the next pass", out) => {
+                self.tasks.next_pass += 1;
+                self.tasks.each[index] = Task::Approaching(pass, None);
+            }
+            Some(_) if self.tasks.refused < REFUSALS => self.tasks.refused += 1,
+            _ => {
+                self.tasks.next_pass += 1;
+                self.tasks.refused = 0;
+            }
         }
     }
 

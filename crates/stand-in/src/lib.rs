@@ -239,6 +239,16 @@ impl StandIn {
         self.flight.set_armed(armed);
     }
 
+    /// Whether its motor may run.
+    pub fn is_armed(&self) -> bool {
+        self.flight.armed()
+    }
+
+    /// The flight mode it is in, as its heartbeat says.
+    pub fn custom_mode(&self) -> u32 {
+        self.flight.mode()
+    }
+
     /// What it really does. For those who judge a mission afterwards, not for the team.
     pub fn truth(&self) -> FlightState {
         self.flight.state()

@@ -4,6 +4,7 @@
 pub mod agent;
 pub mod commands;
 pub mod failure;
+pub mod measured;
 pub mod mission_files;
 pub mod outputs;
 pub mod pace;

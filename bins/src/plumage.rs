@@ -1,7 +1,7 @@
 //! The one command a newcomer needs.
 
 use clap::{Parser, Subcommand};
-use shell::commands::{campaign, conduct, replay, run};
+use shell::commands::{calibrate, campaign, conduct, gap, replay, run};
 use shell::failure;
 use std::process::ExitCode;
 
@@ -17,6 +17,11 @@ struct Arguments {
 enum Command {
     /// Fly a mission in one process
     Run(run::RunArguments),
+    /// Correct a scenario by measured observations
+    Calibrate(calibrate::CalibrateArguments),
+    /// Show what a model gets wrong, name the cause, extend it and measure the gain
+    #[command(subcommand)]
+    Gap(gap::GapCommand),
     /// Conduct a lockstep run whose agents are processes of their own
     Conduct(conduct::ConductArguments),
     /// Read a recording and, with --verify, fly it again and compare
@@ -28,6 +33,8 @@ enum Command {
 fn main() -> ExitCode {
     failure::exit(match &Arguments::parse().command {
         Command::Run(arguments) => run::run(arguments),
+        Command::Calibrate(arguments) => calibrate::calibrate(arguments),
+        Command::Gap(command) => gap::gap(command),
         Command::Conduct(arguments) => conduct::conduct(arguments),
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Campaign(arguments) => campaign::campaign(arguments),

@@ -1,6 +1,8 @@
 //! The commands of `plumage`, one module each.
 
+pub mod calibrate;
 pub mod campaign;
 pub mod conduct;
+pub mod gap;
 pub mod replay;
 pub mod run;

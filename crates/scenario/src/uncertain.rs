@@ -91,3 +91,73 @@ pub(crate) fn check(uncertain: &BTreeMap<String, f64>) -> Result<(), Refusal> {
     }
     Ok(())
 }
+
+impl crate::Scenario {
+    /// Sets the parameter to `value`, as the scenario's own key has it (degrees into 0 to 360,
+    /// amounts not below zero); `source.` keys mean the first source. A strength of the other
+    /// form than the source's is left alone.
+    pub fn set(&mut self, parameter: Uncertain, value: f64) {
+        let amount = value.max(0.0);
+        let factor = value.max(f64::MIN_POSITIVE);
+        let source = &mut self.sources[0];
+        match parameter {
+            Uncertain::WindSpeed => self.weather.wind_speed_m_s = amount,
+            Uncertain::WindFrom => self.weather.wind_from_deg = air::geo::wrap_deg(value),
+            Uncertain::EffectiveHeight => source.effective_height_m = Some(amount),
+            Uncertain::Emission if source.emission_kg_s.is_some() => {
+                source.emission_kg_s = Some(amount)
+            }
+            Uncertain::CMax if source.c_max_ppm.is_some() => source.c_max_ppm = Some(amount),
+            Uncertain::Emission | Uncertain::CMax => {}
+            Uncertain::Background => self.background.co2_ppm = amount,
+            Uncertain::SigmaYScale => self.plume.sigma_y_scale = factor,
+            Uncertain::SigmaZScale => self.plume.sigma_z_scale = factor,
+            Uncertain::SensorTimeConstant => self.sensor.time_constant_s = amount,
+            Uncertain::SensorOffset => self.sensor.offset_ppm = value,
+            Uncertain::SensorGain => self.sensor.gain = factor,
+        }
+    }
+
+    /// Sets the parameter with its standard deviation as the new prior.
+    pub fn set_with_sd(&mut self, parameter: Uncertain, value: f64, sd: f64) {
+        self.set(parameter, value);
+        if sd.is_finite() && sd > 0.0 {
+            self.uncertain.insert(parameter.key().to_owned(), sd);
+        }
+    }
+
+    /// Adds extensions of the plume model to the scenario.
+    pub fn extend(&mut self, extension: &[plume::Mechanism]) {
+        for mechanism in extension {
+            self.mechanisms.push(crate::tables::Mechanism {
+                id: mechanism.id().as_str().to_owned(),
+                platforms: mechanism.platforms().to_vec(),
+                parameters: mechanism
+                    .parameters()
+                    .map(|(name, value)| (name.to_owned(), toml::Value::Float(value)))
+                    .collect(),
+            });
+        }
+    }
+}
+
+impl crate::Scenario {
+    /// The scenario's value of the parameter; none for a strength of the other form than the
+    /// first source's.
+    pub fn value(&self, parameter: Uncertain) -> Option<f64> {
+        let source = &self.sources[0];
+        match parameter {
+            Uncertain::WindSpeed => Some(self.weather.wind_speed_m_s),
+            Uncertain::WindFrom => Some(self.weather.wind_from_deg),
+            Uncertain::EffectiveHeight => Some(source.axis_height_agl_m()),
+            Uncertain::Emission => source.emission_kg_s,
+            Uncertain::CMax => source.c_max_ppm,
+            Uncertain::Background => Some(self.background.co2_ppm),
+            Uncertain::SigmaYScale => Some(self.plume.sigma_y_scale),
+            Uncertain::SigmaZScale => Some(self.plume.sigma_z_scale),
+            Uncertain::SensorTimeConstant => Some(self.sensor.time_constant_s),
+            Uncertain::SensorOffset => Some(self.sensor.offset_ppm),
+            Uncertain::SensorGain => Some(self.sensor.gain),
+        }
+    }
+}

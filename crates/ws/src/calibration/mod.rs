@@ -13,6 +13,7 @@
 //! for by counting [`CORRELATED_ROWS`] neighbours as one.
 
 mod fit;
+pub mod offline;
 mod parameters;
 
 pub use parameters::{Calibrated, Parameter};
@@ -124,6 +125,16 @@ impl Calibrator {
         bin.place.height_agl_m += place.height_agl_m;
         bin.ppm += ppm;
         bin.wind = wind;
+    }
+
+    /// Takes the readings being averaged as they are: no more will come.
+    pub fn finish(&mut self) {
+        for platform in 0..self.bins.len() {
+            let bin = std::mem::take(&mut self.bins[platform]);
+            if bin.count > 0.0 {
+                self.readings[platform].push(bin.finish(platform));
+            }
+        }
     }
 
     /// Readings taken in so far.

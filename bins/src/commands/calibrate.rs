@@ -1,0 +1,105 @@
+//! `plumage calibrate`: the scenario corrected by measured observations, off-line.
+
+use crate::{Failure, measured, mission_files};
+use record::files;
+use scenario::uncertain::Uncertain;
+use serde_json::json;
+use std::path::PathBuf;
+use ws::calibration::{Parameter, offline};
+
+/// Arguments of `plumage calibrate`.
+#[derive(Debug, clap::Args)]
+pub struct CalibrateArguments {
+    /// Observations (CSV, or MCAP recordings)
+    #[arg(required = true)]
+    pub observations: Vec<PathBuf>,
+    /// Scenario to correct (TOML)
+    #[arg(long, value_name = "FILE")]
+    pub scenario: PathBuf,
+    /// Platform whose sensor the others are held against
+    #[arg(long, value_name = "PLATFORM")]
+    pub reference: Option<String>,
+    /// Folder for scenario.toml and calibration.json
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Write into a folder that holds something, replacing earlier outputs
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// Corrects the scenario and writes it with its new uncertainties.
+///
+/// # Errors
+/// Wrong input, or outputs that cannot be written.
+pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
+    let setup = mission_files::load(&arguments.scenario)?;
+    let observations = measured::load(&arguments.observations)?;
+    measured::tell(&observations.notices);
+    let reference = arguments.reference.as_deref();
+    if let Some(reference) = reference {
+        if !observations.platforms.iter().any(|p| p == reference) {
+            let known = observations.platforms.join(", ");
+            return Err(Failure::usage(format!(
+                "--reference {reference}: expected one of {known}"
+            )));
+        }
+    }
+    let offline =
+        offline::calibrate(&setup.scenario, &observations, reference).map_err(Failure::input)?;
+    files::prepare_folder(&arguments.out, arguments.force).map_err(Failure::input)?;
+    let write =
+        |name: &str, text: &str| files::write_whole(&arguments.out.join(name), text.as_bytes());
+    write("scenario.toml", &offline.scenario.to_toml())?;
+    let found = &offline.calibrated;
+    let sensors: Vec<serde_json::Value> = observations
+        .platforms
+        .iter()
+        .enumerate()
+        .filter_map(|(k, platform)| {
+            let (offset, offset_sd) = offline.calibrator.parameter(Parameter::Offset(k))?;
+            let (ln_gain, ln_gain_sd) = offline.calibrator.parameter(Parameter::LnGain(k))?;
+            let gain = ln_gain.exp();
+            Some(json!({
+                "platform": platform,
+                "offset_ppm": {"value": offset, "sd": offset_sd},
+                "gain": {"value": gain, "sd": gain * ln_gain_sd},
+            }))
+        })
+        .collect();
+    let document = json!({
+        "schema": "plumage.calibration/1",
+        "readings": offline.calibrator.taken(),
+        "background_ppm": found.background_ppm,
+        "effective_height_agl_m": found.effective_height_agl_m,
+        "axis_deg": found.axis_deg,
+        "c_max_ppm": found.c_max_ppm,
+        "c_max_distance_m": found.c_max_distance_m,
+        "sigma_y_scale": found.sigma_y_scale,
+        "sigma_z_scale": found.sigma_z_scale,
+        "sensor_time_constant_s": found.time_constant_s,
+        "strength_factor": found.strength_factor,
+        "reference": reference,
+        "sensors": sensors,
+    });
+    write("calibration.json", &format!("{:#}\n", document))?;
+    println!(
+        "{} readings of {} platforms",
+        offline.calibrator.taken(),
+        observations.platforms.len()
+    );
+    for key in Uncertain::ALL {
+        let (before, after) = (setup.scenario.value(key), offline.scenario.value(key));
+        if let (Some(before), Some(after)) = (before, after) {
+            let sd = offline
+                .scenario
+                .prior_sd(key)
+                .map_or(String::new(), |sd| format!(" ± {sd:.3}"));
+            println!("{:32} {before:10.3} -> {after:10.3}{sd}", key.key());
+        }
+    }
+    println!(
+        "Outputs in {}: scenario.toml, calibration.json",
+        arguments.out.display()
+    );
+    Ok(())
+}

@@ -1,0 +1,225 @@
+//! `plumage gap`: what the simulation gets wrong, why, and what mending it gains.
+
+use crate::{Failure, measured, mission_files};
+use anyhow::Context as _;
+use gap::tracer::table::Tables;
+use gap::{plume, tracer};
+use indicatif::{ProgressBar, ProgressStyle};
+use record::files;
+use scenario::uncertain::Uncertain;
+use std::path::{Path, PathBuf};
+
+/// The kinds of gap.
+#[derive(Debug, clap::Subcommand)]
+pub enum GapCommand {
+    /// Concentrations along tracks against the plume model
+    Plume(PlumeArguments),
+    /// A tracer experiment: fixed samplers over many trials
+    Tracer(TracerArguments),
+    /// Effects hidden in synthetic data: how often they are found, named and mended
+    Benchmark(BenchmarkArguments),
+}
+
+/// Arguments of `plumage gap plume`.
+#[derive(Debug, clap::Args)]
+pub struct PlumeArguments {
+    /// Observations (CSV, or MCAP recordings)
+    #[arg(required = true)]
+    pub observations: Vec<PathBuf>,
+    /// Scenario that describes the site and the base model (TOML)
+    #[arg(long, value_name = "FILE")]
+    pub scenario: PathBuf,
+    #[command(flatten)]
+    pub output: OutputArguments,
+}
+
+/// Arguments of `plumage gap tracer`.
+#[derive(Debug, clap::Args)]
+pub struct TracerArguments {
+    /// Samplers: receptors.csv
+    #[arg(long, value_name = "FILE")]
+    pub receptors: PathBuf,
+    /// Trials: trials.csv
+    #[arg(long, value_name = "FILE")]
+    pub trials: PathBuf,
+    /// Samplers on towers: towers.csv
+    #[arg(long, value_name = "FILE")]
+    pub towers: Option<PathBuf>,
+    #[command(flatten)]
+    pub output: OutputArguments,
+}
+
+/// Where the answers go.
+#[derive(Debug, clap::Args)]
+pub struct OutputArguments {
+    /// Folder for gap.json, report.html and extended.toml
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Write into a folder that holds something, replacing earlier outputs
+    #[arg(long)]
+    pub force: bool,
+    /// Seed of the bootstrap
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+}
+
+/// Arguments of `plumage gap benchmark`.
+#[derive(Debug, clap::Args)]
+pub struct BenchmarkArguments {
+    /// Seeds a case
+    #[arg(long, default_value_t = 20)]
+    pub seeds: u64,
+    /// Only cases whose name contains this
+    #[arg(long, default_value = "")]
+    pub only: String,
+    /// File for the tables (Markdown)
+    #[arg(long, value_name = "FILE", default_value = "docs/gap-benchmark.md")]
+    pub out: PathBuf,
+}
+
+/// Analyses a gap.
+///
+/// # Errors
+/// Wrong input, or outputs that cannot be written.
+pub fn gap(command: &GapCommand) -> Result<(), Failure> {
+    match command {
+        GapCommand::Plume(arguments) => of_plume(arguments),
+        GapCommand::Tracer(arguments) => of_tracer(arguments),
+        GapCommand::Benchmark(arguments) => benchmark(arguments),
+    }
+}
+
+fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
+    let setup = mission_files::load(&arguments.scenario)?;
+    let observations = measured::load(&arguments.observations)?;
+    measured::tell(&observations.notices);
+    let base = plume::Setup::new(&setup.scenario).map_err(Failure::input)?;
+    files::prepare_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
+    let bar = progress_bar();
+    let options = plume::Options {
+        seed: arguments.output.seed,
+        ..plume::Options::default()
+    };
+    let analysis = plume::analyse(&base, &observations, &options, &mut |progress| {
+        bar.set_position((progress.part * 100.0) as u64);
+        bar.set_message(progress.doing);
+    })
+    .map_err(Failure::input)?;
+    bar.finish_and_clear();
+    let mut extended = setup.scenario.clone();
+    for (key, value, sd) in &analysis.base {
+        if let Some(parameter) = Uncertain::ALL.into_iter().find(|u| u.key() == key) {
+            extended.set_with_sd(parameter, *value, *sd);
+        }
+    }
+    extended.extend(&analysis.extension);
+    let title = names(&arguments.observations);
+    let report = views::gap_report::plume(&title, &analysis.json, &analysis.report);
+    write(
+        &arguments.output.out,
+        &analysis.json.to_json()?,
+        &report,
+        &extended.to_toml(),
+    )?;
+    tell(&analysis.json, &arguments.output.out);
+    Ok(())
+}
+
+fn of_tracer(arguments: &TracerArguments) -> Result<(), Failure> {
+    let read = |path: &Path| -> Result<(String, String), Failure> {
+        let text = std::fs::read_to_string(path)
+            .with_context(|| format!("{}: cannot read the table", path.display()))
+            .map_err(Failure::Input)?;
+        Ok((path.display().to_string(), text))
+    };
+    let receptors = read(&arguments.receptors)?;
+    let trials = read(&arguments.trials)?;
+    let towers = arguments.towers.as_deref().map(read).transpose()?;
+    let pair = |table: &(String, String)| -> (String, String) { table.clone() };
+    let (receptors, trials) = (pair(&receptors), pair(&trials));
+    let tables = Tables::parse(
+        (&receptors.0, &receptors.1),
+        (&trials.0, &trials.1),
+        towers.as_ref().map(|t| (t.0.as_str(), t.1.as_str())),
+    )
+    .map_err(Failure::input)?;
+    files::prepare_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
+    let bar = progress_bar();
+    let report = tracer::analyse(&tables, arguments.output.seed, &mut |part| {
+        bar.set_position((part * 100.0) as u64);
+    })
+    .map_err(Failure::input)?;
+    bar.finish_and_clear();
+    let title = names(&[arguments.receptors.clone(), arguments.trials.clone()]);
+    let page = views::gap_report::tracer(&title, &report);
+    write(
+        &arguments.output.out,
+        &report.to_json()?,
+        &page,
+        &report.extended_toml,
+    )?;
+    tell(&report.gap, &arguments.output.out);
+    Ok(())
+}
+
+fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
+    let bar = progress_bar();
+    let mut options = gap_bench::Options::new(arguments.seeds);
+    options.only.clone_from(&arguments.only);
+    options.threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let summary = gap_bench::run_with(&options, &|done, of| {
+        bar.set_length(of as u64);
+        bar.set_position(done as u64);
+    });
+    bar.finish_and_clear();
+    let page = summary.to_markdown();
+    files::write_whole(&arguments.out, page.as_bytes()).map_err(Failure::input)?;
+    print!("{page}");
+    Ok(())
+}
+
+fn progress_bar() -> ProgressBar {
+    let bar = ProgressBar::new(100);
+    if let Ok(style) = ProgressStyle::with_template("{wide_bar} {pos}/{len} {msg}") {
+        bar.set_style(style);
+    }
+    bar.tick();
+    bar
+}
+
+fn names(files: &[PathBuf]) -> String {
+    let names: Vec<String> = files
+        .iter()
+        .filter_map(|f| Some(f.file_name()?.to_string_lossy().into_owned()))
+        .collect();
+    names.join(", ")
+}
+
+fn write(folder: &Path, json: &str, report: &str, extended: &str) -> Result<(), Failure> {
+    files::write_whole(&folder.join("extended.toml"), extended.as_bytes())?;
+    files::write_whole(&folder.join("report.html"), report.as_bytes())?;
+    files::write_whole(&folder.join("gap.json"), json.as_bytes())?;
+    Ok(())
+}
+
+fn tell(json: &gap::verdict::GapJson, folder: &Path) {
+    let verdict = serde_json::to_value(json.verdict).ok();
+    println!(
+        "verdict: {}",
+        verdict.as_ref().and_then(|v| v.as_str()).unwrap_or("?")
+    );
+    for cause in &json.causes {
+        println!(
+            "  {} (probability {:.2})",
+            cause.mechanisms.join(" or "),
+            cause.probability
+        );
+        for p in &cause.parameters {
+            println!("    {} = {:.4} ± {:.4} {}", p.name, p.value, p.sd, p.unit);
+        }
+    }
+    println!(
+        "Outputs in {}: gap.json, report.html, extended.toml",
+        folder.display()
+    );
+}

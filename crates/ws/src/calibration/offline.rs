@@ -1,0 +1,208 @@
+//! Calibration from files: measured observations of one or several platforms correct a scenario.
+
+use super::{Calibrated, Calibrator, Parameter};
+use crate::WsError;
+use air::geo::{Geodetic, wrap_deg};
+use air::wind::WindVector;
+use plume::{Mechanism, MechanismId, Place};
+use scenario::Scenario;
+use scenario::observations::{Observation, Observations};
+use scenario::uncertain::Uncertain;
+
+/// Logged winds are averaged over this time on both sides, s: they are noisy, and the plume
+/// follows the wind between source and vehicle, not that of the moment.
+const WIND_AVERAGED_S: f64 = 30.0;
+
+/// A calibration from files.
+#[derive(Debug, Clone)]
+pub struct Offline {
+    /// The scenario with corrected values; their standard deviations are its new priors.
+    pub scenario: Scenario,
+    /// What was found.
+    pub calibrated: Calibrated,
+    /// The calibrator, to ask for further parameters.
+    pub calibrator: Calibrator,
+}
+
+/// Corrects `scenario` by `observations`. With a `reference` platform, the other platforms'
+/// sensors get an offset and a gain against it.
+///
+/// # Errors
+/// A scenario that describes no world.
+pub fn calibrate(
+    scenario: &Scenario,
+    observations: &Observations,
+    reference: Option<&str>,
+) -> Result<Offline, WsError> {
+    let frame = scenario.frame()?;
+    let mut calibrator = Calibrator::new(scenario, &observations.platforms, reference)?;
+    let winds = averaged_winds(observations);
+    for (row, wind) in observations.rows.iter().zip(&winds) {
+        let Some(ppm) = row.co2_ppm else { continue };
+        let at = frame.to_enu(Geodetic {
+            lat_deg: row.lat_deg,
+            lon_deg: row.lon_deg,
+        });
+        let place = Place {
+            east_m: at.east_m,
+            north_m: at.north_m,
+            height_agl_m: row.alt_amsl_m - frame.ground_amsl_m,
+        };
+        let wind = wind.map(|w| (w.speed_m_s(), w.from_deg()));
+        calibrator.observe(row.platform, row.time_s, place, wind, ppm);
+    }
+    calibrator.finish();
+    calibrator.update()?;
+    let calibrated = calibrator.calibrated();
+    let logged = mean(winds.iter().flatten().copied());
+    let corrected = corrected(
+        scenario,
+        &calibrator,
+        &calibrated,
+        logged,
+        &observations.platforms,
+    );
+    Ok(Offline {
+        scenario: corrected,
+        calibrated,
+        calibrator,
+    })
+}
+
+fn corrected(
+    scenario: &Scenario,
+    calibrator: &Calibrator,
+    found: &Calibrated,
+    logged: Option<WindVector>,
+    platforms: &[String],
+) -> Scenario {
+    let mut corrected = scenario.clone();
+    // The turn is against the wind that was logged; without a log, against the scenario's.
+    let from_deg = logged.map_or(scenario.weather.wind_from_deg, WindVector::from_deg);
+    let turned = wrap_deg(from_deg + calibrator.turn_deg());
+    let factor = found.strength_factor;
+    let strength = |value: Option<f64>| value.unwrap_or_default() * factor.value;
+    let strength_sd = |value: Option<f64>| value.unwrap_or_default() * factor.sd;
+    let source = &scenario.sources[0];
+    for (key, value, sd) in [
+        (Uncertain::WindFrom, turned, found.axis_deg.sd),
+        (
+            Uncertain::EffectiveHeight,
+            found.effective_height_agl_m.value,
+            found.effective_height_agl_m.sd,
+        ),
+        (
+            Uncertain::Emission,
+            strength(source.emission_kg_s),
+            strength_sd(source.emission_kg_s),
+        ),
+        (
+            Uncertain::CMax,
+            strength(source.c_max_ppm),
+            strength_sd(source.c_max_ppm),
+        ),
+        (
+            Uncertain::Background,
+            found.background_ppm.value,
+            found.background_ppm.sd,
+        ),
+        (
+            Uncertain::SigmaYScale,
+            found.sigma_y_scale.value,
+            found.sigma_y_scale.sd,
+        ),
+        (
+            Uncertain::SigmaZScale,
+            found.sigma_z_scale.value,
+            found.sigma_z_scale.sd,
+        ),
+        (
+            Uncertain::SensorTimeConstant,
+            found.time_constant_s.value,
+            found.time_constant_s.sd,
+        ),
+    ] {
+        if scenario.value(key).is_some() {
+            corrected.set_with_sd(key, value, sd);
+        }
+    }
+    for (k, platform) in platforms.iter().enumerate() {
+        let only = std::slice::from_ref(platform);
+        let sensor = [
+            (
+                MechanismId::SensorOffset,
+                calibrator.parameter(Parameter::Offset(k)).map(|p| p.0),
+            ),
+            (
+                MechanismId::SensorGain,
+                calibrator
+                    .parameter(Parameter::LnGain(k))
+                    .map(|p| p.0.exp()),
+            ),
+        ];
+        for (id, value) in sensor {
+            if let Some(value) = value {
+                corrected.extend(&[Mechanism::from_values(id, &[value]).for_platforms(only)]);
+            }
+        }
+    }
+    corrected
+}
+
+/// Centred average of each row's logged wind over its platform's neighbours in time; none where
+/// nothing was logged.
+fn averaged_winds(observations: &Observations) -> Vec<Option<WindVector>> {
+    let logged = |row: &Observation| {
+        Some(WindVector::from_speed_and_direction(
+            row.wind_speed_m_s?,
+            row.wind_from_deg?,
+        ))
+    };
+    let mut winds = vec![None; observations.rows.len()];
+    for platform in 0..observations.platforms.len() {
+        let rows: Vec<(usize, f64, Option<WindVector>)> = observations
+            .rows
+            .iter()
+            .enumerate()
+            .filter(|(_, row)| row.platform == platform)
+            .map(|(k, row)| (k, row.time_s, logged(row)))
+            .collect();
+        // A window that slides with the rows: each enters and leaves the sums once.
+        let (mut first, mut next) = (0, 0);
+        let (mut east, mut north, mut count) = (0.0, 0.0, 0.0);
+        for &(k, time_s, _) in &rows {
+            while next < rows.len() && rows[next].1 <= time_s + WIND_AVERAGED_S {
+                if let Some(wind) = rows[next].2 {
+                    (east, north, count) =
+                        (east + wind.east_m_s, north + wind.north_m_s, count + 1.0);
+                }
+                next += 1;
+            }
+            while rows[first].1 < time_s - WIND_AVERAGED_S {
+                if let Some(wind) = rows[first].2 {
+                    (east, north, count) =
+                        (east - wind.east_m_s, north - wind.north_m_s, count - 1.0);
+                }
+                first += 1;
+            }
+            if count > 0.5 {
+                winds[k] = Some(WindVector {
+                    east_m_s: east / count,
+                    north_m_s: north / count,
+                });
+            }
+        }
+    }
+    winds
+}
+
+fn mean(winds: impl Iterator<Item = WindVector>) -> Option<WindVector> {
+    let (mut east, mut north, mut count) = (0.0, 0.0, 0.0);
+    for wind in winds {
+        (east, north, count) = (east + wind.east_m_s, north + wind.north_m_s, count + 1.0);
+    }
+    (count > 0.0).then(|| WindVector {
+        east_m_s: east / count,
+        north_m_s: north / count,
+    })
+}

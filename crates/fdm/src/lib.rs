@@ -11,6 +11,7 @@
 
 pub mod aircraft;
 pub mod autopilot;
+pub mod control_level;
 pub mod dynamics;
 pub mod fleet;
 pub mod flight;

@@ -3,12 +3,14 @@
 //! Peer in the same run: the `mcap` writer as it comes, given the JSON ready-made, so that it
 //! shows what serialising and small chunks cost.
 
+#![allow(clippy::unwrap_used, missing_docs)]
+
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use protocol::key::Name;
 use protocol::{Envelope, Topic};
 use record::{Recorder, RunInfo};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[path = "../crates/record/tests/synthetic/mod.rs"]
 mod synthetic;
@@ -21,7 +23,7 @@ fn fresh() -> PathBuf {
     path
 }
 
-fn ours(path: &PathBuf, said: &[(Topic, Envelope)]) -> u64 {
+fn ours(path: &Path, said: &[(Topic, Envelope)]) -> u64 {
     let info = RunInfo {
         mission: Name::new("bench").unwrap(),
         scenario_toml: String::new(),
@@ -35,7 +37,7 @@ fn ours(path: &PathBuf, said: &[(Topic, Envelope)]) -> u64 {
     recorder.finish(None).unwrap().messages
 }
 
-fn peer(path: &PathBuf, ready: &[(String, u64, String)]) {
+fn peer(path: &Path, ready: &[(String, u64, String)]) {
     let file = std::io::BufWriter::new(std::fs::File::create(path).unwrap());
     let mut writer = mcap::Writer::new(file).unwrap();
     let mut channels = BTreeMap::new();

@@ -258,7 +258,7 @@ fn name_extend_gain(page: &mut Document, json: &GapJson) {
     }
 }
 
-/// Four significant digits.
+/// Three significant digits.
 fn figure(value: f64) -> String {
     if !value.is_finite() {
         return number(value, 0);
@@ -266,9 +266,9 @@ fn figure(value: f64) -> String {
     let size = value.abs();
     match size {
         s if s == 0.0 => "0".to_owned(),
-        s if !(1e-4..1e6).contains(&s) => format!("{value:.3e}"),
+        s if !(1e-4..1e6).contains(&s) => format!("{value:.2e}"),
         s => {
-            let digits = (3 - s.log10().floor() as i64).clamp(0, 7) as usize;
+            let digits = (2 - s.log10().floor() as i64).clamp(0, 7) as usize;
             format!("{value:.digits$}")
         }
     }

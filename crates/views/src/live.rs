@@ -16,7 +16,7 @@ const TRACK_POINTS: usize = 700;
 /// Events on the page.
 const EVENTS: usize = 40;
 /// Columns of the grid on which the plume is drawn.
-const PLUME_COLUMNS: usize = 140;
+const PLUME_COLUMNS: usize = 110;
 /// How far the plume is drawn beyond the area flown in, in parts of its width: wide screens
 /// show more.
 const PLUME_BEYOND: f64 = 0.7;
@@ -234,7 +234,7 @@ impl LiveState {
             "columns": grid.east_m.len(),
             "rows": grid.north_m.len(),
             "agl": grid.alt_amsl_m - self.site.frame.ground_amsl_m,
-            "ppm": grid.ppm.iter().map(|&p| whole(p)).collect::<Vec<_>>(),
+            "ppm": grid.ppm.iter().map(|&p| tenths(p)).collect::<Vec<_>>(),
         })
     }
 }

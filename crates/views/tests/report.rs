@@ -48,7 +48,7 @@ fn a_gap_report_shows_names_extends_gains_and_says_what_remains() {
         "The flight that would tell",
         "sensor-lag.time_constant_s",
         "stands still at &lt;449&gt; ppm",
-        "gain 31.00 to 66.00",
+        "gain 31.0 to 66.0",
     ] {
         assert!(own.contains(words), "{words}");
     }

@@ -75,7 +75,7 @@ pub(super) fn maps(report: &GapReport) -> Value {
         "xaxis": {"title": {"text": "east, m"}, "domain": [0.0, 0.47], "constrain": "domain"},
         "yaxis": {"title": {"text": "north, m"}, "scaleanchor": "x"},
         "xaxis2": {"title": {"text": "east, m"}, "domain": [0.53, 1.0], "anchor": "y2", "matches": "x"},
-        "yaxis2": {"anchor": "x2", "matches": "y", "scaleanchor": "x2"},
+        "yaxis2": {"anchor": "x2", "matches": "y"},
     }})
 }
 

@@ -16,6 +16,7 @@ mod model;
 mod naming;
 mod next_flight;
 mod noise;
+mod nuisance;
 mod parallel;
 mod report;
 mod residual;
@@ -125,7 +126,10 @@ pub fn analyse(
         data: &data,
         threads,
     };
-    quality.extend(gate::spikes(&data, &started.fitted.whitener.outliers));
+    quality.extend(gate::spikes(
+        &data,
+        &started.fitted.metric.whitener.outliers,
+    ));
     let named = naming::name(&ctx, started.fitted.clone(), options, &mut tell);
     tell(0.8, "measuring the gain on data left out");
     let extended = named.last.model != started.fitted.model;
@@ -196,7 +200,7 @@ pub fn base_score(
             expected: format!("at least {FEWEST_READINGS}"),
         });
     }
-    let score = |f: &Fitted| f.whitener.log_likelihood + f.model.ln_prior();
+    let score = |f: &Fitted| f.log_score - f.noise.ln_prior() + f.model.ln_prior();
     match noise {
         None => {
             let started = start::start(setup, &mut data, 1);

@@ -116,6 +116,8 @@ pub(crate) struct Data {
     pub notices: Vec<String>,
     /// Rows whose readings were clipped, and at what, ppm.
     pub ceiling_ppm: Vec<(Range<usize>, f64)>,
+    /// Whether most rows have a logged wind.
+    pub on_board_wind: bool,
 }
 
 impl Data {
@@ -154,7 +156,9 @@ impl Data {
             .iter()
             .map(|o| o.co2_ppm.unwrap_or(f64::NAN))
             .collect();
+        let on_board_wind = 2 * wind.iter().flatten().count() > wind.len();
         Ok(Self {
+            on_board_wind,
             used: reading_ppm.iter().map(|c| c.is_finite()).collect(),
             sd_ppm: order.iter().map(|o| o.sd_ppm.unwrap_or(f64::NAN)).collect(),
             reading_ppm,

@@ -11,7 +11,7 @@ use super::rival::{self, Rivals};
 use super::screen::{self, Scored};
 
 /// Probability of a false alarm that a round allows.
-pub(crate) const FALSE_ALARM: f64 = 0.003;
+pub(crate) const FALSE_ALARM: f64 = 0.001;
 /// Most mechanisms that are fitted under fixed noise.
 const MOST_FITTED: usize = 14;
 /// Most mechanisms whose noise is fitted too.
@@ -178,17 +178,8 @@ fn from_screen(
 
 fn fit_trials(ctx: &Context<'_>, null: &Fitted, trials: Vec<Trial>) -> Vec<Tried> {
     let single = Context { threads: 1, ..*ctx };
-    let still = ctx.conclude(
-        null.model.clone(),
-        null.prediction.clone(),
-        null.noise,
-        null.loading.clone(),
-        None,
-        Some(&null.whitener),
-    );
-    let fits = parallel::map(&trials, ctx.threads, |t| {
-        single.settle(&t.model, &null.noise, &null.loading, &null.whitener, 5)
-    });
+    let still = single.settle(&null.model, null, 0);
+    let fits = parallel::map(&trials, ctx.threads, |t| single.settle(&t.model, null, 5));
     let mut tried: Vec<(Tried, Fitted)> = trials
         .iter()
         .zip(fits)

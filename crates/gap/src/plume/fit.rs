@@ -8,6 +8,7 @@ use super::data::{Data, Setup};
 use super::linear::{Posterior, dot, posterior};
 use super::model::{Model, Part, Prediction};
 use super::noise::{self, Loading, NoiseModel, Rows, Whitener};
+use super::nuisance::{Metric, Nuisance};
 
 /// What every fit needs.
 #[derive(Clone, Copy)]
@@ -29,12 +30,16 @@ pub(crate) struct Fitted {
     pub prediction: Prediction,
     pub noise: NoiseModel,
     pub loading: Vec<Loading>,
-    pub whitener: Whitener,
+    pub metric: Metric,
     /// Whitened residual.
     pub residual: Vec<f64>,
-    /// Whitened derivatives by the free parameters.
+    /// Whitened derivatives by the free parameters, then the nuisance columns.
     pub columns: Vec<Vec<f64>>,
-    /// Posterior of the free parameters about where they stand.
+    /// Centres of the columns' priors, as steps from where the model stands.
+    pub centre: DVector<f64>,
+    /// Precisions of the columns' priors.
+    pub precision: DVector<f64>,
+    /// Posterior of the columns' coefficients about where the model stands.
     pub posterior: Posterior,
     /// Log likelihood, nats.
     pub log_score: f64,
@@ -94,28 +99,30 @@ impl<'a> Context<'a> {
             .collect()
     }
 
-    /// Gauss–Newton under a fixed whitener; gives the model and its predicted readings.
-    pub fn descend(&self, start: &Model, whitener: &Whitener, iterations: usize) -> Model {
+    /// Gauss–Newton in a fixed metric.
+    pub fn descend(&self, start: &Model, metric: &Metric, iterations: usize) -> Model {
         let mut model = start.clone();
         let mut reading = self.readings(&model);
-        let mut here = self.objective(&model, &reading, whitener);
+        let mut here = self.objective(&model, &reading, metric);
         for _ in 0..iterations {
-            if model.dimension() == 0 {
+            let n = model.dimension();
+            if n == 0 {
                 break;
             }
-            let (residual, columns) = self.whitened(&model, &reading, whitener);
-            let Some(post) = step_of(&model, &residual, &columns) else {
+            let (residual, columns) = self.whitened(&model, &reading, metric);
+            let (centre, precision) = prior_of(&model, metric);
+            let Some(post) = step_of(&residual, &columns, &centre, &precision, metric) else {
                 break;
             };
             let mut scale = limit(&model, &post.mean);
             let mut gained = 0.0;
             for _ in 0..4 {
                 let mut moved = model.clone();
-                for k in 0..model.dimension() {
+                for k in 0..n {
                     moved.set_coordinate(k, model.coordinate(k) + scale * post.mean[k]);
                 }
                 let there_reading = self.readings(&moved);
-                let there = self.objective(&moved, &there_reading, whitener);
+                let there = self.objective(&moved, &there_reading, metric);
                 if there > here {
                     gained = there - here;
                     (model, reading, here) = (moved, there_reading, there);
@@ -130,45 +137,39 @@ impl<'a> Context<'a> {
         model
     }
 
-    fn objective(&self, model: &Model, reading: &[f64], whitener: &Whitener) -> f64 {
+    fn objective(&self, model: &Model, reading: &[f64], metric: &Metric) -> f64 {
         let mut residual = self.data.residual(reading);
-        whitener.whiten_one(&mut residual);
-        model.ln_prior() - 0.5 * dot(&residual, &residual)
+        metric.whitener.whiten_one(&mut residual);
+        model.ln_prior() - 0.5 * metric.square(&residual)
     }
 
-    /// Whitened residual and derivatives.
-    pub fn whitened(
+    /// Whitened residual, and whitened derivatives with the nuisance columns after them.
+    fn whitened(
         &self,
         model: &Model,
         reading: &[f64],
-        whitener: &Whitener,
+        metric: &Metric,
     ) -> (Vec<f64>, Vec<Vec<f64>>) {
         let mut residual = self.data.residual(reading);
         let mut columns = self.derivatives(model, reading);
         let mut all: Vec<&mut [f64]> = columns.iter_mut().map(Vec::as_mut_slice).collect();
         all.push(&mut residual);
-        whitener.whiten(&mut all);
+        metric.whitener.whiten(&mut all);
+        columns.extend(metric.columns.iter().cloned());
         (residual, columns)
     }
 
     /// A model at its best under the noise that stands; no noise is fitted.
-    pub fn settle(
-        &self,
-        start: &Model,
-        noise: &NoiseModel,
-        loading: &[Loading],
-        whitener: &Whitener,
-        iterations: usize,
-    ) -> Fitted {
-        let model = self.descend(start, whitener, iterations);
+    pub fn settle(&self, start: &Model, from: &Fitted, iterations: usize) -> Fitted {
+        let model = self.descend(start, &from.metric, iterations);
         let prediction = self.predict(&model);
         self.conclude(
             model,
             prediction,
-            *noise,
-            loading.to_vec(),
+            from.noise,
+            from.loading.clone(),
+            from.metric.clone(),
             None,
-            Some(whitener),
         )
     }
 
@@ -177,65 +178,122 @@ impl<'a> Context<'a> {
         let mut now = from;
         for _ in 0..rounds {
             let loading = self.loading(&now.model, &now.prediction);
-            let residual = self.data.residual(&now.prediction.reading);
+            let raw = self.data.residual(&now.prediction.reading);
+            let cleaned = now.metric.cleaned(&raw, &self.data.used);
             let rows = self.rows(&loading);
-            let noise = noise::fit(&rows, &now.noise, &residual, noise_steps, self.threads);
-            let whitener = Whitener::new(&rows, &noise, &residual);
-            let model = self.descend(&now.model, &whitener, 3);
+            let mut noise = now.noise;
+            if noise_steps > 0 {
+                noise = noise::fit(&rows, &now.noise, &cleaned, noise_steps, self.threads);
+            }
+            let metric = self.metric(
+                &now.model,
+                &now.prediction,
+                &loading,
+                &mut noise,
+                &cleaned,
+                noise_steps > 0,
+            );
+            let model = self.descend(&now.model, &metric, 3);
             let prediction = self.predict(&model);
-            now = self.conclude(model, prediction, noise, loading, None, None);
+            let (metric, cleaned) = self.relaxed(metric, &prediction, &loading, &noise);
+            now = self.conclude(model, prediction, noise, loading, metric, Some(&cleaned));
         }
         now
     }
 
+    /// The metric of a noise and the nuisance at a model; sizes the shared swing if asked.
+    fn metric(
+        &self,
+        model: &Model,
+        prediction: &Prediction,
+        loading: &[Loading],
+        noise: &mut NoiseModel,
+        cleaned: &[f64],
+        size_swing: bool,
+    ) -> Metric {
+        let whitener = Whitener::new(&self.rows(loading), noise, cleaned);
+        let nuisance = Nuisance::new(self, model, prediction, loading, noise);
+        let metric = Metric::new(whitener, nuisance);
+        if !size_swing {
+            return metric;
+        }
+        let mut whitened = self.data.residual(&prediction.reading);
+        metric.whitener.whiten_one(&mut whitened);
+        let size = metric.shared_swing_deg(&whitened, self.data.on_board_wind);
+        if size == noise.shared_swing_deg {
+            return metric;
+        }
+        noise.shared_swing_deg = size;
+        let mut nuisance = metric.nuisance;
+        nuisance.resize_swing(size);
+        Metric::new(metric.whitener, nuisance)
+    }
+
+    /// The same metric with outliers taken from the residual of a new prediction, and that
+    /// residual less the nuisance.
+    fn relaxed(
+        &self,
+        metric: Metric,
+        prediction: &Prediction,
+        loading: &[Loading],
+        noise: &NoiseModel,
+    ) -> (Metric, Vec<f64>) {
+        let raw = self.data.residual(&prediction.reading);
+        let cleaned = metric.cleaned(&raw, &self.data.used);
+        let whitener = Whitener::new(&self.rows(loading), noise, &cleaned);
+        (Metric::new(whitener, metric.nuisance), cleaned)
+    }
+
     /// The first fit: prior noise, then both in turn.
     pub fn start(&self, model: &Model, noise: NoiseModel, noise_steps: usize) -> Fitted {
+        let mut noise = noise;
         let prediction = self.predict(model);
         let loading = self.loading(model, &prediction);
         let residual = self.data.residual(&prediction.reading);
-        let whitener = Whitener::new(&self.rows(&loading), &noise, &residual);
-        let model = self.descend(model, &whitener, 4);
+        let metric = self.metric(model, &prediction, &loading, &mut noise, &residual, false);
+        let model = self.descend(model, &metric, 4);
         let prediction = self.predict(&model);
-        let fitted = self.conclude(model, prediction, noise, loading, None, None);
+        let (metric, cleaned) = self.relaxed(metric, &prediction, &loading, &noise);
+        let fitted = self.conclude(model, prediction, noise, loading, metric, Some(&cleaned));
         self.refine(fitted, 1, noise_steps)
     }
 
-    /// Puts together what is known at a model.
+    /// Puts together what is known at a model; `cleaned` is the residual that the metric was
+    /// made with, none where the metric is another fit's and only squares are to be compared.
     pub fn conclude(
         &self,
         model: Model,
         prediction: Prediction,
         noise: NoiseModel,
         loading: Vec<Loading>,
-        fresh: Option<Whitener>,
-        fixed: Option<&Whitener>,
+        metric: Metric,
+        cleaned: Option<&[f64]>,
     ) -> Fitted {
-        let residual_raw = self.data.residual(&prediction.reading);
-        let whitener = match (fresh, fixed) {
-            (Some(w), _) => w,
-            (None, Some(w)) => w.clone(),
-            (None, None) => Whitener::new(&self.rows(&loading), &noise, &residual_raw),
+        let (residual, columns) = self.whitened(&model, &prediction.reading, &metric);
+        let log_score = match cleaned {
+            None => -0.5 * metric.square(&residual),
+            Some(cleaned) => metric.log_likelihood(&residual, cleaned) + noise.ln_prior(),
         };
-        let (residual, columns) = self.whitened(&model, &prediction.reading, &whitener);
-        // Under a fixed whitener only the squares change.
-        let log_score = if fixed.is_some() {
-            -0.5 * dot(&residual, &residual)
-        } else {
-            whitener.log_likelihood + noise.ln_prior()
-        };
-        let posterior = step_of(&model, &residual, &columns).unwrap_or_else(|| empty(&model));
-        let n = model.dimension() as f64;
-        let log_det = log_det(&posterior.covariance);
-        let log_evidence =
-            log_score + model.ln_prior() + 0.5 * n * std::f64::consts::TAU.ln() + 0.5 * log_det;
+        let (centre, precision) = prior_of(&model, &metric);
+        let n = model.dimension();
+        let posterior = step_of(&residual, &columns, &centre, &precision, &metric)
+            .unwrap_or_else(|| empty(&precision));
+        // The nuisance is integrated over in the score already.
+        let own = posterior.covariance.view((0, 0), (n, n)).into_owned();
+        let log_evidence = log_score
+            + model.ln_prior()
+            + 0.5 * n as f64 * std::f64::consts::TAU.ln()
+            + 0.5 * log_det(&own);
         Fitted {
             model,
             prediction,
             noise,
             loading,
-            whitener,
+            metric,
             residual,
             columns,
+            centre,
+            precision,
             posterior,
             log_score,
             log_evidence,
@@ -256,50 +314,65 @@ fn log_det(covariance: &DMatrix<f64>) -> f64 {
     det + 2.0 * scale.iter().map(|s| s.ln()).sum::<f64>()
 }
 
-fn empty(model: &Model) -> Posterior {
-    let n = model.dimension();
-    let covariance = DMatrix::from_fn(n, n, |i, j| {
-        if i == j {
-            model.free[i].sd.powi(2)
-        } else {
-            0.0
-        }
-    });
+fn empty(precision: &DVector<f64>) -> Posterior {
+    let n = precision.len();
+    let covariance = DMatrix::from_fn(n, n, |i, j| if i == j { 1.0 / precision[i] } else { 0.0 });
     Posterior {
         mean: DVector::zeros(n),
         covariance,
-        gain: 0.0,
-        log_evidence: 0.0,
     }
 }
 
-/// Prior centres as steps from where the model stands, and precisions.
-pub(crate) fn prior_of(model: &Model) -> (DVector<f64>, DVector<f64>) {
+/// Prior centres as steps from where the model stands, and precisions, of free parameters and
+/// then of the nuisance.
+fn prior_of(model: &Model, metric: &Metric) -> (DVector<f64>, DVector<f64>) {
     let n = model.dimension();
+    let sd = &metric.nuisance.sd;
+    let all = n + sd.len();
     (
-        DVector::from_fn(n, |k, _| model.free[k].centre - model.coordinate(k)),
-        DVector::from_fn(n, |k, _| model.free[k].sd.powi(-2)),
+        DVector::from_fn(all, |k, _| {
+            if k < n {
+                model.free[k].centre - model.coordinate(k)
+            } else {
+                0.0
+            }
+        }),
+        DVector::from_fn(all, |k, _| {
+            if k < n {
+                model.free[k].sd.powi(-2)
+            } else {
+                sd[k - n].powi(-2)
+            }
+        }),
     )
 }
 
-/// Posterior of a step from where the model stands.
-pub(crate) fn step_of(model: &Model, residual: &[f64], columns: &[Vec<f64>]) -> Option<Posterior> {
+/// Posterior of a step from where the model stands; the last columns are the metric's own.
+fn step_of(
+    residual: &[f64],
+    columns: &[Vec<f64>],
+    centre: &DVector<f64>,
+    precision: &DVector<f64>,
+    metric: &Metric,
+) -> Option<Posterior> {
     let n = columns.len();
+    let own = n - metric.columns.len();
     let mut gram = DMatrix::zeros(n, n);
-    for i in 0..n {
-        for j in 0..=i {
+    gram.view_mut((own, own), (n - own, n - own))
+        .copy_from(&metric.gram);
+    for i in 0..own {
+        for j in 0..n {
             gram[(i, j)] = dot(&columns[i], &columns[j]);
             gram[(j, i)] = gram[(i, j)];
         }
     }
     let score = DVector::from_fn(n, |k, _| dot(&columns[k], residual));
-    let (centre, precision) = prior_of(model);
-    posterior(&gram, &score, &centre, &precision)
+    posterior(&gram, &score, centre, precision)
 }
 
 /// Part of a step that keeps every parameter within reach of its prior.
 fn limit(model: &Model, step: &DVector<f64>) -> f64 {
-    let longest = (0..step.len())
+    let longest = (0..model.dimension())
         .map(|k| (step[k] / model.free[k].sd.min(model.spec_of(k).prior_sd)).abs())
         .fold(0.0f64, f64::max);
     if longest > LONGEST_STEP {

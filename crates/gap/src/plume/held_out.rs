@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
-use super::fit::{Context, Fitted, prior_of};
+use super::fit::{Context, Fitted};
 use super::linear::{dot, posterior};
 use crate::verdict::{Gain, HeldOut};
 
@@ -50,6 +50,18 @@ struct Predicted {
     square: f64,
     /// Excess measured and predicted.
     pairs: Vec<Pair>,
+}
+
+/// Gain of the log score alone on blocks left out, nats.
+pub(crate) fn log_gain(ctx: &Context<'_>, before: &Fitted, after: &Fitted) -> f64 {
+    let (rows, _) = blocks(ctx, before.noise.memory_s());
+    let total = |f: &Fitted| {
+        predict(ctx, f, &rows)
+            .iter()
+            .map(|b| b.log_score)
+            .sum::<f64>()
+    };
+    total(after) - total(before)
 }
 
 /// The gain of `after` over `before`.
@@ -139,14 +151,14 @@ fn predict(ctx: &Context<'_>, fitted: &Fitted, rows: &[Vec<usize>]) -> Vec<Predi
         .collect();
     let gram = parts.iter().fold(DMatrix::zeros(n, n), |s, p| s + &p.0);
     let score = parts.iter().fold(DVector::zeros(n), |s, p| s + &p.1);
-    let (centre, precision) = prior_of(&fitted.model);
-    let raw = ctx.derivatives(&fitted.model, &fitted.prediction.reading);
+    let mut raw = ctx.derivatives(&fitted.model, &fitted.prediction.reading);
+    raw.extend(fitted.metric.nuisance.raw.iter().cloned());
     let log_sd = log_scales(ctx, fitted);
     rows.iter()
         .zip(&parts)
         .map(|(rows, part)| {
             let others = (&gram - &part.0, &score - &part.1);
-            let step = posterior(&others.0, &others.1, &centre, &precision)
+            let step = posterior(&others.0, &others.1, &fitted.centre, &fitted.precision)
                 .map_or_else(|| DVector::zeros(n), |p| p.mean);
             let mut out = Predicted {
                 log_score: 0.0,
@@ -172,7 +184,7 @@ fn predict(ctx: &Context<'_>, fitted: &Fitted, rows: &[Vec<usize>]) -> Vec<Predi
 
 /// Logarithm of the innovation's standard deviation and of sqrt(2 pi) at every row.
 fn log_scales(ctx: &Context<'_>, fitted: &Fitted) -> Vec<f64> {
-    let scales = fitted.whitener.scales();
+    let scales = fitted.metric.whitener.scales();
     (0..ctx.data.len())
         .map(|i| {
             if scales[i] > 0.0 {

@@ -6,6 +6,7 @@ use ::plume::mechanism::{Coordinate, Mechanism, MechanismId};
 use super::Options;
 use super::explore::{self, Round, Tried};
 use super::fit::{Context, Fitted};
+use super::held_out;
 use super::model::{Model, mechanism};
 use super::rival::Rival;
 use crate::verdict::{Cause, Evidence, Parameter, Ranked, Unexplained, Verdict};
@@ -14,6 +15,13 @@ use crate::verdict::{Cause, Evidence, Parameter, Ranked, Unexplained, Verdict};
 const NAME_AT: f64 = 0.95;
 /// By how much a nameless rival must beat the best name, nats.
 const RIVAL_MARGIN: f64 = 3.0;
+/// What a nameless rival needs beyond its own false-alarm threshold: it is there for strong
+/// effects, and weak ones of many forms are everywhere, nats.
+const RIVAL_MORE: f64 = 6.0;
+/// Part of its gain in log score that a name must keep on blocks left out.
+const KEEP_PART: f64 = 0.25;
+/// Probability that all names together must have against the base and nameless rivals.
+const NAMES_AT: f64 = 0.5;
 /// Least gain of the log evidence for a name, nats.
 const LEAST_EVIDENCE: f64 = 2.0;
 /// A rest after naming counts when its evidence is this part of what naming gained …
@@ -84,7 +92,8 @@ fn called_for(round: &Round) -> Option<&Tried> {
     let calls = round.best_gain > round.threshold
         && best.log_score > 0.8 * round.threshold
         && best.log_evidence > LEAST_EVIDENCE
-        && best.fitted.is_some();
+        && best.fitted.is_some()
+        && round.by_id().iter().map(|i| i.1).sum::<f64>() > NAMES_AT;
     calls.then_some(best)
 }
 
@@ -103,9 +112,9 @@ impl Named {
             let rival = round.rivals.as_ref().and_then(|r| {
                 let top = r.ranked.first()?;
                 let least = if k == 0 {
-                    r.threshold
+                    r.threshold + RIVAL_MORE
                 } else {
-                    (r.threshold + REST_MARGIN).max(REST_PART * gained)
+                    (r.threshold + RIVAL_MORE + REST_MARGIN).max(REST_PART * gained)
                 };
                 (top.log_evidence > least).then_some(top)
             });
@@ -127,6 +136,10 @@ impl Named {
             let Some(fitted) = best.fitted.clone() else {
                 return;
             };
+            // What does not carry over to blocks left out is a chance of the data.
+            if held_out::log_gain(ctx, &self.last, &fitted) < KEEP_PART * best.log_score {
+                return;
+            }
             gained += best.log_evidence;
             self.accepted.push(accepted);
             self.last = ctx.refine(*fitted, 1, 4);

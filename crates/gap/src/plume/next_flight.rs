@@ -61,14 +61,8 @@ pub(crate) fn propose(ctx: &Context<'_>, named: &Named) -> Option<NextFlight> {
 
 fn fitted_rival(ctx: &Context<'_>, last: &Fitted, model: &Model) -> Fitted {
     let prediction = ctx.predict(model);
-    ctx.conclude(
-        model.clone(),
-        prediction,
-        last.noise,
-        last.loading.clone(),
-        None,
-        Some(&last.whitener),
-    )
+    let (loading, metric) = (last.loading.clone(), last.metric.clone());
+    ctx.conclude(model.clone(), prediction, last.noise, loading, metric, None)
 }
 
 /// Crossings at several distances and heights, climbs through the plume, and legs along it.
@@ -246,6 +240,7 @@ fn separation(
         wind: vec![None; n],
         notices: Vec::new(),
         ceiling_ppm: Vec::new(),
+        on_board_wind: false,
     };
     let there = Context {
         setup: ctx.setup,
@@ -268,7 +263,12 @@ fn separation(
     whitener.whiten(&mut all);
     let d = columns.len();
     // What the second rival knows of its parameters already enters as a prior.
-    let known = second.posterior.covariance.clone().try_inverse()?;
+    let known = second
+        .posterior
+        .covariance
+        .view((0, 0), (d, d))
+        .into_owned()
+        .try_inverse()?;
     let gram = DMatrix::from_fn(d, d, |i, j| dot(&columns[i], &columns[j])) + known;
     let score = DVector::from_fn(d, |k, _| dot(&columns[k], &apart));
     let taken = posterior(&gram, &score, &DVector::zeros(d), &DVector::zeros(d))?;

@@ -25,6 +25,8 @@ const LN_ROOT_TAU: f64 = 0.918_938_533_204_672_7;
 pub struct NoiseModel {
     pub(crate) ln: [f64; NOISE_PARAMETERS],
     pub(crate) prior: [(f64, f64); NOISE_PARAMETERS],
+    /// Swing of the plume that all platforms share: standard deviation, degrees.
+    pub(crate) shared_swing_deg: f64,
 }
 
 /// Positions of the parameters.
@@ -57,6 +59,7 @@ impl NoiseModel {
         Self {
             ln: prior.map(|p| p.0),
             prior,
+            shared_swing_deg: 0.25,
         }
     }
 
@@ -78,6 +81,11 @@ impl NoiseModel {
     /// Swings of the plume: standard deviation, degrees, and time constant, s.
     pub fn swing(&self) -> (f64, f64) {
         (self.ln[SWING].exp(), self.ln[SWING_S].exp())
+    }
+
+    /// Swing of the plume that all platforms share, degrees.
+    pub fn shared_swing_deg(&self) -> f64 {
+        self.shared_swing_deg
     }
 
     /// The longest time over which it remembers, s.
@@ -336,10 +344,7 @@ pub(crate) fn fit(
 ) -> NoiseModel {
     const STEP: f64 = 0.02;
     let value = |ln: &[f64; NOISE_PARAMETERS]| {
-        let model = NoiseModel {
-            ln: *ln,
-            prior: noise.prior,
-        };
+        let model = NoiseModel { ln: *ln, ..*noise };
         log_likelihood(rows, &model, residual) + model.ln_prior()
     };
     let gradient = |ln: &[f64; NOISE_PARAMETERS], here: f64| -> [f64; NOISE_PARAMETERS] {
@@ -396,10 +401,7 @@ pub(crate) fn fit(
             break;
         }
     }
-    NoiseModel {
-        ln: at,
-        prior: noise.prior,
-    }
+    NoiseModel { ln: at, ..*noise }
 }
 
 /// The BFGS update of the inverse curvature.

@@ -139,6 +139,11 @@ fn noise_words(fitted: &Fitted) -> Vec<(String, f64, String)> {
         word("intermittency, time constant", n.gust().1, "s"),
         word("swing of the plume", n.swing().0, "deg"),
         word("swing of the plume, time constant", n.swing().1, "s"),
+        word(
+            "swing of the plume that all platforms share",
+            n.shared_swing_deg(),
+            "deg",
+        ),
     ]
 }
 

@@ -94,7 +94,7 @@ fn bin(
         .collect();
     let sum: f64 = rows.iter().map(|i| residual[*i]).sum();
     let mut column: Vec<f64> = inside.iter().map(|b| f64::from(u8::from(*b))).collect();
-    fitted.whitener.whiten_one(&mut column);
+    fitted.metric.whitener.whiten_one(&mut column);
     let information = dot(&column, &column);
     ResidualBin {
         coordinate: coordinate.to_string(),

@@ -10,7 +10,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::fit::{Context, Fitted, prior_of};
+use super::fit::{Context, Fitted};
 use super::linear::dot;
 use super::parallel;
 
@@ -57,8 +57,6 @@ pub(crate) struct Rivals {
     pub ranked: Vec<Rival>,
     /// Evidence that the best exceeds under the null with the probability asked for.
     pub threshold: f64,
-    /// Probability of so large a best evidence under the null.
-    pub p_value: f64,
 }
 
 /// Rival evidence sizes tried: prior variance times the largest information of the term.
@@ -174,7 +172,7 @@ pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed:
     let whitened: Vec<Vec<f64>> = parallel::map(&chunks, ctx.threads, |chunk| {
         let mut own = chunk.clone();
         let mut views: Vec<&mut [f64]> = own.iter_mut().map(Vec::as_mut_slice).collect();
-        fitted.whitener.whiten(&mut views);
+        fitted.metric.whitener.whiten(&mut views);
         own
     })
     .into_iter()
@@ -193,7 +191,6 @@ pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed:
         })
         .collect();
     order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let best = order.first().map_or(f64::NEG_INFINITY, |o| o.0);
     let ranked = order
         .iter()
         .take(6)
@@ -211,7 +208,6 @@ pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed:
     Rivals {
         ranked,
         threshold: location - scale * (-(1.0 - false_alarm).ln()).ln(),
-        p_value: 1.0 - (-(-(best - location) / scale).exp()).exp(),
     }
 }
 
@@ -395,7 +391,7 @@ struct Spectrum {
 impl<'a> Base<'a> {
     fn new(ctx: &'a Context<'a>, fitted: &'a Fitted) -> Self {
         let n = fitted.columns.len();
-        let (centre, precision) = prior_of(&fitted.model);
+        let (centre, precision) = (&fitted.centre, &fitted.precision);
         let a = DMatrix::from_fn(n, n, |i, j| {
             let own = if i == j {
                 precision[i] * (1.0 + 1e-9)

@@ -12,7 +12,7 @@ use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::candidate::Start;
-use super::fit::{Context, Fitted, prior_of};
+use super::fit::{Context, Fitted};
 use super::linear::dot;
 use super::parallel;
 
@@ -69,7 +69,7 @@ pub(crate) fn columns(ctx: &Context<'_>, fitted: &Fitted, starts: &[Start]) -> V
             })
             .collect();
         let mut views: Vec<&mut [f64]> = group.iter_mut().map(Vec::as_mut_slice).collect();
-        fitted.whitener.whiten(&mut views);
+        fitted.metric.whitener.whiten(&mut views);
         group
     });
     done.into_iter().flatten().collect()
@@ -185,6 +185,8 @@ struct Frame {
     base: usize,
     /// Inverse of base information with its prior.
     inverse: DMatrix<f64>,
+    /// Standard deviations of the base's priors.
+    sd: Vec<f64>,
 }
 
 /// One start, all platforms or one, with the base projected out.
@@ -204,7 +206,7 @@ struct Hypothesis {
 
 impl Frame {
     fn new(fitted: &Fitted, gram: &DMatrix<f64>, base: usize) -> Self {
-        let (_, precision) = prior_of(&fitted.model);
+        let precision = &fitted.precision;
         let a = DMatrix::from_fn(base, base, |i, j| {
             gram[(i, j)]
                 + if i == j {
@@ -214,7 +216,8 @@ impl Frame {
                 }
         });
         let inverse = Cholesky::new(a).map_or_else(|| DMatrix::zeros(base, base), |c| c.inverse());
-        Self { base, inverse }
+        let sd = precision.iter().map(|p| p.powf(-0.5)).collect();
+        Self { base, inverse, sd }
     }
 
     fn hypothesis(
@@ -307,7 +310,7 @@ fn score_all(
     first: &[usize],
 ) -> Vec<Scored> {
     let base = fitted.columns.len();
-    let (centre, precision) = prior_of(&fitted.model);
+    let (centre, precision) = (&fitted.centre, &fitted.precision);
     // At the posterior's peak the base's own gradient balances its prior.
     let base_score = DVector::from_fn(base, |k, _| score[k] + precision[k] * centre[k]);
     let mut scored: Vec<Scored> = hypotheses
@@ -407,11 +410,25 @@ fn null_law(
     let factors: Vec<DMatrix<f64>> = per_platform.iter().map(|p| square_root(&p.gram)).collect();
     let mut largest = Vec::with_capacity(DRAWS);
     for _ in 0..DRAWS {
+        // What the base's priors allow is part of the null.
+        let allowed: Vec<f64> = frame
+            .sd
+            .iter()
+            .map(|sd| {
+                let z: f64 = StandardNormal.sample(&mut rng);
+                sd * z
+            })
+            .collect();
         let own: Vec<DVector<f64>> = factors
             .iter()
-            .map(|f| {
+            .zip(per_platform)
+            .map(|(f, p)| {
                 let z = DVector::from_fn(f.ncols(), |_, _| StandardNormal.sample(&mut rng));
-                f * z
+                let mut score = f * z;
+                for (k, a) in allowed.iter().enumerate() {
+                    score.axpy(*a, &p.gram.column(k), 1.0);
+                }
+                score
             })
             .collect();
         let total: DVector<f64> = own.iter().fold(

@@ -78,8 +78,8 @@ impl<'a> Problem<'a> {
         Ok(best.1)
     }
 
-    /// Estimate and covariance, from `start`.
-    pub fn fit(&self, start: DVector<f64>) -> Result<(DVector<f64>, DMatrix<f64>), WsError> {
+    /// Estimate, covariance and cost there, from `start`.
+    pub fn fit(&self, start: DVector<f64>) -> Result<(DVector<f64>, DMatrix<f64>, f64), WsError> {
         let mut at = start;
         let mut cost = self.cost(&at)?;
         let mut damping = 1e-3;
@@ -113,7 +113,7 @@ impl<'a> Problem<'a> {
         }
         let prior_covariance = DMatrix::from_diagonal(&self.prior_sd.map(|sd| sd * sd));
         let covariance = Cholesky::new(information).map_or(prior_covariance, |c| c.inverse());
-        Ok((at, covariance))
+        Ok((at, covariance, cost))
     }
 
     fn predict(&self, at: &DVector<f64>) -> Result<Prediction, WsError> {

@@ -65,6 +65,7 @@ pub struct Calibrator {
     taken: u64,
     estimate: DVector<f64>,
     covariance: DMatrix<f64>,
+    cost: f64,
 }
 
 impl Calibrator {
@@ -89,6 +90,7 @@ impl Calibrator {
             bins: vec![Bin::default(); platforms.len()],
             readings: vec![Vec::new(); platforms.len()],
             taken: 0,
+            cost: 0.0,
         })
     }
 
@@ -174,9 +176,10 @@ impl Calibrator {
         } else {
             problem.search(&self.estimate)?
         };
-        let (estimate, covariance) = problem.fit(start)?;
+        let (estimate, covariance, cost) = problem.fit(start)?;
         self.estimate = estimate;
         self.covariance = covariance;
+        self.cost = cost;
         Ok(())
     }
 
@@ -223,6 +226,12 @@ impl Calibrator {
             *count += 1;
         }
         Ok(kept)
+    }
+
+    /// Minus the logarithm of the posterior density at the estimate of the last update, up to a
+    /// constant: of two accounts of the same readings the one with the lower cost is likelier.
+    pub fn cost(&self) -> f64 {
+        self.cost
     }
 
     /// The corrected model for one platform or all.

@@ -9,9 +9,9 @@ use scenario::Scenario;
 use scenario::observations::{Observation, Observations};
 use scenario::uncertain::Uncertain;
 
-/// Logged winds are averaged over this time on both sides, s: they are noisy, and the plume
-/// follows the wind between source and vehicle, not that of the moment.
-const WIND_AVERAGED_S: f64 = 30.0;
+/// Logged winds are averaged over one of these times on both sides, s, whichever the readings
+/// bear out best: a log is noisy, but the wind it shows may also really change.
+const WIND_AVERAGED_S: [f64; 4] = [30.0, 120.0, 600.0, f64::INFINITY];
 
 /// A calibration from files.
 #[derive(Debug, Clone)]
@@ -34,10 +34,54 @@ pub fn calibrate(
     observations: &Observations,
     reference: Option<&str>,
 ) -> Result<Offline, WsError> {
+    let mut best: Option<(Calibrator, Vec<Option<WindVector>>)> = None;
+    for averaged_s in WIND_AVERAGED_S {
+        let winds = averaged_winds(observations, averaged_s);
+        let nothing_logged = winds.iter().all(Option::is_none);
+        let calibrator = with_winds(scenario, observations, reference, &winds)?;
+        if best
+            .as_ref()
+            .is_none_or(|(b, _)| calibrator.cost() < b.cost())
+        {
+            best = Some((calibrator, winds));
+        }
+        if nothing_logged {
+            break;
+        }
+    }
+    let (calibrator, winds) = match best {
+        Some(best) => best,
+        None => (
+            Calibrator::new(scenario, &observations.platforms, reference)?,
+            Vec::new(),
+        ),
+    };
+    let calibrated = calibrator.calibrated();
+    let logged = mean(winds.iter().flatten().copied());
+    let corrected = corrected(
+        scenario,
+        &calibrator,
+        &calibrated,
+        logged,
+        &observations.platforms,
+    );
+    Ok(Offline {
+        scenario: corrected,
+        calibrated,
+        calibrator,
+    })
+}
+
+/// A calibration in which each row's plume is carried by its wind of `winds`.
+fn with_winds(
+    scenario: &Scenario,
+    observations: &Observations,
+    reference: Option<&str>,
+    winds: &[Option<WindVector>],
+) -> Result<Calibrator, WsError> {
     let frame = scenario.frame()?;
     let mut calibrator = Calibrator::new(scenario, &observations.platforms, reference)?;
-    let winds = averaged_winds(observations);
-    for (row, wind) in observations.rows.iter().zip(&winds) {
+    for (row, wind) in observations.rows.iter().zip(winds) {
         let Some(ppm) = row.co2_ppm else { continue };
         let at = frame.to_enu(Geodetic {
             lat_deg: row.lat_deg,
@@ -53,20 +97,7 @@ pub fn calibrate(
     }
     calibrator.finish();
     calibrator.update()?;
-    let calibrated = calibrator.calibrated();
-    let logged = mean(winds.iter().flatten().copied());
-    let corrected = corrected(
-        scenario,
-        &calibrator,
-        &calibrated,
-        logged,
-        &observations.platforms,
-    );
-    Ok(Offline {
-        scenario: corrected,
-        calibrated,
-        calibrator,
-    })
+    Ok(calibrator)
 }
 
 fn corrected(
@@ -149,9 +180,9 @@ fn corrected(
     corrected
 }
 
-/// Centred average of each row's logged wind over its platform's neighbours in time; none where
-/// nothing was logged.
-fn averaged_winds(observations: &Observations) -> Vec<Option<WindVector>> {
+/// Average of each row's logged wind over its platform's rows within `averaged_s` before and
+/// after; none where nothing was logged.
+fn averaged_winds(observations: &Observations, averaged_s: f64) -> Vec<Option<WindVector>> {
     let logged = |row: &Observation| {
         Some(WindVector::from_speed_and_direction(
             row.wind_speed_m_s?,
@@ -171,14 +202,14 @@ fn averaged_winds(observations: &Observations) -> Vec<Option<WindVector>> {
         let (mut first, mut next) = (0, 0);
         let (mut east, mut north, mut count) = (0.0, 0.0, 0.0);
         for &(k, time_s, _) in &rows {
-            while next < rows.len() && rows[next].1 <= time_s + WIND_AVERAGED_S {
+            while next < rows.len() && rows[next].1 <= time_s + averaged_s {
                 if let Some(wind) = rows[next].2 {
                     (east, north, count) =
                         (east + wind.east_m_s, north + wind.north_m_s, count + 1.0);
                 }
                 next += 1;
             }
-            while rows[first].1 < time_s - WIND_AVERAGED_S {
+            while rows[first].1 < time_s - averaged_s {
                 if let Some(wind) = rows[first].2 {
                     (east, north, count) =
                         (east - wind.east_m_s, north - wind.north_m_s, count - 1.0);

@@ -265,7 +265,7 @@ fn figure(value: f64) -> String {
     }
     let size = value.abs();
     match size {
-        s if s == 0.0 => "0".to_owned(),
+        0.0 => "0".to_owned(),
         s if !(1e-4..1e6).contains(&s) => format!("{value:.2e}"),
         s => {
             let digits = (2 - s.log10().floor() as i64).clamp(0, 7) as usize;

@@ -3,7 +3,7 @@
 use super::{Calibrated, Calibrator, Parameter};
 use crate::WsError;
 use air::geo::{Geodetic, wrap_deg};
-use air::wind::WindVector;
+use air::wind::{WindVector, towards_deg};
 use plume::{Mechanism, MechanismId, Place};
 use scenario::Scenario;
 use scenario::observations::{Observation, Observations};
@@ -56,7 +56,7 @@ pub fn calibrate(
             Vec::new(),
         ),
     };
-    let calibrated = calibrator.calibrated();
+    let mut calibrated = calibrator.calibrated();
     let logged = mean(winds.iter().flatten().copied());
     let corrected = corrected(
         scenario,
@@ -65,6 +65,7 @@ pub fn calibrate(
         logged,
         &observations.platforms,
     );
+    calibrated.axis_deg.value = towards_deg(corrected.weather.wind_from_deg);
     Ok(Offline {
         scenario: corrected,
         calibrated,

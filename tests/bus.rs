@@ -1,0 +1,110 @@
+//! Garbage, foreign senders and other wire versions on the bus are told of and do no harm.
+
+use protocol::key::Name;
+use protocol::message::{EventMessage, Severity};
+use protocol::net::{Net, NetOptions};
+use protocol::{AgentId, Envelope, Interest, Message, ProtocolError, SimTime};
+use std::net::TcpListener;
+use std::time::Duration;
+
+fn free_endpoint() -> String {
+    let port = TcpListener::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap()
+        .port();
+    format!("tcp/127.0.0.1:{port}")
+}
+
+/// A peer that is none of ours, connected to `endpoint`.
+async fn stranger(endpoint: &str) -> zenoh::Session {
+    let mut config = zenoh::Config::default();
+    for (key, value) in [
+        ("scouting/multicast/enabled", "false".to_owned()),
+        ("connect/endpoints", format!("[\"{endpoint}\"]")),
+        ("listen/endpoints", "[\"tcp/127.0.0.1:0\"]".to_owned()),
+    ] {
+        config.insert_json5(key, &value).unwrap();
+    }
+    zenoh::open(config).await.unwrap()
+}
+
+async fn next(net: &mut Net) -> protocol::net::Received {
+    tokio::time::timeout(Duration::from_secs(20), net.receive())
+        .await
+        .unwrap()
+        .unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn garbage_on_a_key_is_an_error_and_what_follows_is_heard() {
+    let endpoint = free_endpoint();
+    let options = NetOptions {
+        listen: vec![endpoint.clone()],
+        ..NetOptions::default()
+    };
+    let mut net = Net::open(Name::new("m").unwrap(), &options).await.unwrap();
+    net.subscribe(&[Interest::Everything]).await.unwrap();
+    let stranger = stranger(&endpoint).await;
+    let event = |text: &str| Envelope {
+        sender: AgentId::sc(),
+        sequence: 1,
+        time: SimTime::ZERO,
+        message: Message::Event(EventMessage {
+            severity: Severity::Info,
+            code: "test".to_owned(),
+            text: text.to_owned(),
+        }),
+    };
+    let mut newer = event("from the future").to_bytes();
+    newer[0] += 1;
+    let key = "plumage/m/sc/main/event";
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    stranger.put(key, b"\x01garbage".to_vec()).await.unwrap();
+    assert!(matches!(
+        next(&mut net).await,
+        Err(ProtocolError::Garbage { .. })
+    ));
+    stranger.put(key, newer).await.unwrap();
+    assert!(matches!(
+        next(&mut net).await,
+        Err(ProtocolError::WireVersion { theirs: 2, ours: 1 })
+    ));
+    stranger
+        .put("plumage/m/ws/main/event", event("forged").to_bytes())
+        .await
+        .unwrap();
+    assert!(matches!(
+        next(&mut net).await,
+        Err(ProtocolError::ForeignSender { .. })
+    ));
+    stranger
+        .put("plumage/m/no/such/key", b"x".to_vec())
+        .await
+        .unwrap();
+    assert!(matches!(
+        next(&mut net).await,
+        Err(ProtocolError::UnknownKey(_))
+    ));
+    stranger.put(key, event("binary").to_bytes()).await.unwrap();
+    assert_eq!(next(&mut net).await.unwrap().1, event("binary"));
+    stranger
+        .put(key, event("json").to_json())
+        .encoding(zenoh::bytes::Encoding::APPLICATION_JSON)
+        .await
+        .unwrap();
+    assert_eq!(next(&mut net).await.unwrap().1, event("json"));
+    stranger.close().await.unwrap();
+    net.close().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_port_that_is_taken_is_refused() {
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let endpoint = format!("tcp/{}", taken.local_addr().unwrap());
+    let options = NetOptions {
+        listen: vec![endpoint],
+        ..NetOptions::default()
+    };
+    assert!(Net::open(Name::new("m").unwrap(), &options).await.is_err());
+}

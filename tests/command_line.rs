@@ -1,0 +1,249 @@
+//! `plumage` as its users meet it: outputs, exit codes, and what it says to bad input.
+
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const SCENARIO: &str = "../scenarios/as-pontes.toml";
+
+fn plumage(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_plumage"))
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+/// An empty folder of this test's own.
+fn folder(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Flies the reference mission for `seconds` into `out`.
+fn fly(out: &Path, seconds: &str, more: &[&str]) -> Output {
+    let mut arguments = vec!["run", SCENARIO, "--duration", seconds, "--out", text(out)];
+    arguments.extend(more);
+    if !more.contains(&"--serve") {
+        arguments.push("--no-serve");
+    }
+    plumage(&arguments)
+}
+
+/// Checks for an exit code and words on standard error.
+fn refused(output: &Output, code: i32, words: &[&str]) {
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{told}");
+    for word in words {
+        assert!(told.contains(word), "'{word}' is not in: {told}");
+    }
+}
+
+#[test]
+fn a_run_leaves_its_outputs_and_verifies() {
+    let out = folder("outputs");
+    let output = fly(&out, "30", &[]);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    for file in [
+        "mission.mcap",
+        "tracks.kml",
+        "summary.json",
+        "report.html",
+        "scenario.toml",
+    ] {
+        assert!(out.join(file).metadata().unwrap().len() > 0, "{file}");
+    }
+    let summary: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(out.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(summary["sim_s"], 30.0);
+    assert_eq!(summary["vehicles"].as_array().unwrap().len(), 6);
+    assert!(summary["model"]["reality"]["axis_deg"]["value"].is_number());
+    let recording = out.join("mission.mcap");
+    let replay = plumage(&["replay", text(&recording), "--verify"]);
+    let told = String::from_utf8_lossy(&replay.stdout).into_owned();
+    assert!(
+        replay.status.success() && told.contains(summary["digest"].as_str().unwrap()),
+        "{told}"
+    );
+}
+
+#[test]
+fn the_resolved_scenario_flies_the_same_mission() {
+    let (first, second) = (folder("resolved-1"), folder("resolved-2"));
+    assert!(fly(&first, "10", &[]).status.success());
+    let resolved = first.join("scenario.toml");
+    let again = plumage(&["run", text(&resolved), "--no-serve", "--out", text(&second)]);
+    assert!(
+        again.status.success(),
+        "{}",
+        String::from_utf8_lossy(&again.stderr)
+    );
+    let digest = |dir: &Path| {
+        let json = std::fs::read_to_string(dir.join("summary.json")).unwrap();
+        serde_json::from_str::<serde_json::Value>(&json).unwrap()["digest"].clone()
+    };
+    assert_eq!(digest(&first), digest(&second));
+}
+
+#[test]
+fn a_recording_cut_short_still_reads_and_one_that_differs_is_told() {
+    let out = folder("cut");
+    assert!(fly(&out, "30", &[]).status.success());
+    let bytes = std::fs::read(out.join("mission.mcap")).unwrap();
+    let cut = out.join("cut.mcap");
+    std::fs::write(&cut, &bytes[..bytes.len() * 2 / 3]).unwrap();
+    let replay = plumage(&["replay", text(&cut)]);
+    assert!(replay.status.success());
+    assert!(String::from_utf8_lossy(&replay.stderr).contains("cut short"));
+
+    let garbage = out.join("garbage.mcap");
+    std::fs::write(&garbage, b"not a recording").unwrap();
+    refused(
+        &plumage(&["replay", text(&garbage)]),
+        2,
+        &["garbage.mcap", "expected an MCAP recording"],
+    );
+}
+
+#[test]
+fn wrong_scenarios_exit_with_2_and_say_where() {
+    let dir = folder("wrong");
+    let good = std::fs::read_to_string(SCENARIO).unwrap();
+    let cases = [
+        (
+            "key",
+            good.replace("wind_speed_m_s = 7.0", "wind_speed = 7.0"),
+            "key.toml:19:1",
+        ),
+        (
+            "unit",
+            good.replace("pressure_hpa = 974.7", "pressure_hpa = 97470.0"),
+            "300 to 1100",
+        ),
+        (
+            "sigma",
+            good.replace("sigma_y_scale = 1.25", "sigma_y_scale = -1.25"),
+            "positive",
+        ),
+        (
+            "aircraft",
+            good.replace("aircraft/x8.toml", "aircraft/none.toml"),
+            "aircraft/none.toml",
+        ),
+    ];
+    for (name, text_of_it, words) in cases {
+        let file = dir.join(format!("{name}.toml"));
+        std::fs::write(&file, text_of_it).unwrap();
+        refused(&plumage(&["run", text(&file), "--no-serve"]), 2, &[words]);
+    }
+    refused(&plumage(&["run", "nowhere.toml"]), 2, &["nowhere.toml"]);
+    refused(
+        &plumage(&["run", SCENARIO, "--speed", "fast"]),
+        2,
+        &["real, max or a positive factor"],
+    );
+    refused(
+        &plumage(&["run", SCENARIO, "--duration", "-3", "--no-serve"]),
+        2,
+        &["duration"],
+    );
+    refused(
+        &plumage(&["run", SCENARIO, "--real-stand-ins", "9", "--no-serve"]),
+        2,
+        &["0 to 6"],
+    );
+}
+
+#[test]
+fn outputs_are_never_overwritten_unasked() {
+    let out = folder("exists");
+    std::fs::write(out.join("thesis.txt"), "three years of work").unwrap();
+    refused(&fly(&out, "5", &[]), 2, &["--force"]);
+    assert!(fly(&out, "5", &["--force"]).status.success());
+    assert_eq!(
+        std::fs::read_to_string(out.join("thesis.txt")).unwrap(),
+        "three years of work"
+    );
+    refused(
+        &plumage(&["run", SCENARIO, "--no-serve", "--out", "/proc/plumage"]),
+        2,
+        &["/proc/plumage"],
+    );
+}
+
+#[test]
+fn a_busy_port_that_was_asked_for_is_refused() {
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    let out = folder("busy");
+    refused(&fly(&out, "5", &["--serve", &address]), 2, &[&address]);
+}
+
+#[test]
+fn calibration_writes_a_scenario_that_flies() {
+    let dir = folder("calibrate");
+    let flown = dir.join("flown");
+    assert!(fly(&flown, "900", &[]).status.success());
+    let recording = flown.join("mission.mcap");
+    let out = dir.join("calibrated");
+    let output = plumage(&[
+        "calibrate",
+        text(&recording),
+        "--scenario",
+        SCENARIO,
+        "--out",
+        text(&out),
+    ]);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let json = std::fs::read_to_string(out.join("calibration.json")).unwrap();
+    let found: serde_json::Value = serde_json::from_str(&json).unwrap();
+    // The stand-in's reality in the scenario: axis towards 72°, 540 m.
+    assert!(
+        (found["axis_deg"]["value"].as_f64().unwrap() - 72.0).abs() < 2.0,
+        "{json}"
+    );
+    assert!(
+        (found["effective_height_agl_m"]["value"].as_f64().unwrap() - 540.0).abs() < 18.0,
+        "{json}"
+    );
+    let corrected = out.join("scenario.toml");
+    let again = dir.join("again");
+    let run = plumage(&[
+        "run",
+        text(&corrected),
+        "--duration",
+        "5",
+        "--no-serve",
+        "--out",
+        text(&again),
+    ]);
+    assert!(
+        run.status.success(),
+        "{}",
+        String::from_utf8_lossy(&run.stderr)
+    );
+    let reference = plumage(&[
+        "calibrate",
+        text(&recording),
+        "--scenario",
+        SCENARIO,
+        "--out",
+        text(&dir.join("r")),
+        "--reference",
+        "9",
+    ]);
+    refused(&reference, 2, &["expected one of 6"]);
+}

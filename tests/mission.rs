@@ -1,0 +1,91 @@
+//! The reference mission finds the plume: a fixed share of what `plumage campaign` measures.
+
+use mission::Setup;
+use mission::campaign::{self, Campaign, FOUND_WITHIN_M};
+use record::summary::CORRECTED;
+
+const AS_PONTES: &str = include_str!("../scenarios/as-pontes.toml");
+
+fn no_files(_: &str) -> Result<Vec<u8>, String> {
+    Err("no such file".to_owned())
+}
+
+fn as_pontes(seed: u64, stand_ins: usize) -> Setup {
+    let mut setup = Setup::load("as-pontes.toml", AS_PONTES, &no_files)
+        .unwrap()
+        .with_stand_ins(stand_ins)
+        .unwrap();
+    setup.scenario.mission.seed = seed;
+    setup
+}
+
+#[test]
+fn the_calibration_works_and_the_peak_is_found() {
+    let missions = (1..=3)
+        .map(|seed| campaign::fly(&as_pontes(seed, 1)).unwrap())
+        .collect();
+    let campaign = Campaign { missions };
+    let (found, of) = campaign.found();
+    assert_eq!(
+        (found, of),
+        (3, 3),
+        "peak within {FOUND_WITHIN_M} m:\n{}",
+        campaign.to_markdown()
+    );
+    for name in ["axis (towards)", "effective height", "c_MAX"] {
+        let number = CORRECTED.iter().position(|n| n.name == name).unwrap();
+        let left = campaign::median(campaign.remaining(number)).unwrap();
+        assert!(
+            left <= 1.0 / 3.0,
+            "{name}: {left} of the error before is left"
+        );
+    }
+}
+
+#[test]
+fn three_real_vehicles_do_as_well() {
+    let summary = campaign::fly(&as_pontes(1, 3)).unwrap();
+    assert!(
+        summary.peak.error_m.unwrap() <= FOUND_WITHIN_M,
+        "{:?}",
+        summary.peak
+    );
+    assert_eq!(summary.vehicles.len(), 6);
+}
+
+#[test]
+fn with_no_real_vehicle_the_model_stays_as_it_was() {
+    let summary = campaign::fly(&as_pontes(1, 0)).unwrap();
+    assert_eq!(summary.model.before, summary.model.after);
+    assert_eq!(summary.model.reality, None);
+    assert!(summary.peak.estimate.is_some());
+}
+
+#[test]
+fn one_vehicle_alone_flies_a_mission() {
+    let mut setup = as_pontes(1, 1);
+    setup.scenario.vehicles.drain(..5);
+    setup.scenario.mission.duration_s = 900.0;
+    let summary = campaign::fly(&setup).unwrap();
+    assert_eq!(summary.vehicles.len(), 1);
+    assert!(
+        summary.vehicles[0].distance_m > 5_000.0,
+        "{:?}",
+        summary.vehicles
+    );
+}
+
+#[test]
+fn calm_wind_is_flown_in() {
+    let text = AS_PONTES
+        .replace("wind_speed_m_s = 7.0", "wind_speed_m_s = 0.0")
+        .replace("wind_speed_m_s = 8.0", "wind_speed_m_s = 0.0");
+    let mut setup = Setup::load("calm.toml", &text, &no_files).unwrap();
+    setup.scenario.mission.duration_s = 600.0;
+    let summary = campaign::fly(&setup).unwrap();
+    assert!(
+        summary.vehicles.iter().all(|v| v.distance_m > 1_000.0),
+        "{:?}",
+        summary.vehicles
+    );
+}

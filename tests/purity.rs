@@ -1,0 +1,97 @@
+//! The pure crates stay pure: their dependency trees hold no async runtime and no bus.
+
+use std::process::Command;
+
+fn tree(package: &str) -> String {
+    // One package at a time: features of the binaries must not be unified into it.
+    let output = Command::new(env!("CARGO"))
+        .args([
+            "tree",
+            "--offline",
+            "--prefix",
+            "none",
+            "-e",
+            "normal",
+            "-p",
+            package,
+        ])
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn holds(tree: &str, name: &str) -> bool {
+    tree.lines()
+        .filter_map(|line| line.split(' ').next())
+        .any(|crate_name| crate_name == name || crate_name.starts_with(&format!("{name}-")))
+}
+
+#[test]
+fn pure_crates_pull_in_no_runtime() {
+    for package in [
+        "air", "plume", "fdm", "csea", "gap", "scenario", "protocol", "ws", "va", "sc", "stand-in",
+    ] {
+        let tree = tree(package);
+        for name in ["tokio", "zenoh", "async-std", "mio", "axum"] {
+            assert!(!holds(&tree, name), "{package} pulls in {name}:\n{tree}");
+        }
+    }
+}
+
+#[test]
+fn the_check_sees_what_it_looks_for() {
+    assert!(holds(&tree("bins"), "zenoh") && holds(&tree("bins"), "tokio"));
+}
+
+#[test]
+fn pure_crates_use_no_clock_file_socket_or_thread_random() {
+    let forbidden = [
+        "std::time::Instant",
+        "std::time::SystemTime",
+        "Instant::now",
+        "SystemTime::now",
+        "std::fs",
+        "std::net",
+        "std::env::",
+        "rand::rng()",
+        "thread_rng",
+        "HashMap",
+        "HashSet",
+    ];
+    for package in [
+        "air", "plume", "fdm", "csea", "gap", "scenario", "protocol", "ws", "va", "sc", "stand-in",
+    ] {
+        for file in sources(&format!("../crates/{package}/src")) {
+            // The bus over Zenoh is the impure side of the protocol.
+            if file.contains("/net/") {
+                continue;
+            }
+            let text = std::fs::read_to_string(&file).unwrap();
+            let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+            for word in forbidden {
+                let used = code
+                    .lines()
+                    .any(|l| !l.trim_start().starts_with("//") && l.contains(word));
+                assert!(!used, "{file} uses {word}");
+            }
+        }
+    }
+}
+
+fn sources(folder: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(sources(&path.display().to_string()));
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            found.push(path.display().to_string());
+        }
+    }
+    found
+}

@@ -1,8 +1,8 @@
 //! Where the team may fly: geofence, height band and a keep-out cylinder around every stack.
 //!
 //! A setpoint is safe when it lies inside all of them by a margin that leaves room for the turn
-//! and the orbit around it, and when the straight leg to it is safe too; [`Airspace::route`]
-//! goes around what stands in the way.
+//! and the orbit around it, and when the straight leg to it is safe too; [`Ways::route`] goes
+//! around what stands in the way.
 
 use air::geo::{Enu, Geodetic, LocalFrame};
 use csea::Position;

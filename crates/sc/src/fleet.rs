@@ -247,8 +247,23 @@ impl Fleet {
         let Some(seen) = self.vehicles[index].seen else {
             return false;
         };
+        self.is_free_for(index, seen.position, to)
+    }
+
+    /// Whether nobody is in the way of a vehicle at its layer above home.
+    pub fn is_layer_free(&self, index: usize) -> bool {
+        let v = &self.vehicles[index];
+        let at = self.airspace.nearest_allowed(v.home.at, MARGIN_M);
+        at.is_some_and(|at| {
+            let height_m = v.layer_amsl_m;
+            let above = Position { at, height_m };
+            self.is_free_for(index, above, above)
+        })
+    }
+
+    fn is_free_for(&self, index: usize, from: Position, to: Position) -> bool {
         let own = Corridor {
-            from: seen.position,
+            from,
             to,
             orbit_m: ORBIT_M,
         };

@@ -32,7 +32,9 @@ const CHARACTERISE_PART: f64 = 0.15;
 /// A mission goes home no earlier than this part of it.
 const HOME_FROM: f64 = 0.6;
 /// Time for landing one after the other, s: approach, and each vehicle's turn.
-const LANDING_S: (f64, f64) = (150.0, 25.0);
+const LANDING_S: (f64, f64) = (190.0, 25.0);
+/// A vehicle that lands may come this far from its home on its approach, m.
+const APPROACH_M: f64 = 1200.0;
 /// Vertical speed that a vehicle is counted on to have, m/s.
 const CLIMB_M_S: f64 = 2.0;
 /// Draws of a promising point before a vehicle keeps its last one.
@@ -236,7 +238,10 @@ impl SquadronController {
         });
         let ready = |index: &usize| {
             let v = &vehicles[*index];
-            self.tasks.each[*index] == Task::Parked && v.obeys && v.seen.is_some()
+            let parked = self.tasks.each[*index] == Task::Parked && v.obeys;
+            // In a low band several share a layer: the next rises when the last has left it.
+            let up = v.seen.is_some_and(|s| s.airborne);
+            parked && v.seen.is_some() && (up || self.fleet.is_layer_free(*index))
         };
         let key = |index: &usize| (!vehicles[*index].real, *index);
         let Some(next) = (0..vehicles.len()).filter(ready).min_by_key(key) else {
@@ -399,6 +404,19 @@ impl SquadronController {
         }
     }
 
+    /// Whether nobody flies at a lower layer near the home of a vehicle, but those who land.
+    fn way_down_is_free(&self, index: usize) -> bool {
+        let own = &self.fleet.vehicles[index];
+        let in_the_way = |(other, v): (usize, &Vehicle)| {
+            let near = v
+                .seen
+                .is_some_and(|s| s.airborne && s.position.at.distance_m(own.home.at) < APPROACH_M);
+            let landing = matches!(self.tasks.each[other], Task::Landing(_));
+            near && !landing && v.layer_amsl_m < own.layer_amsl_m
+        };
+        !self.fleet.vehicles.iter().enumerate().any(in_the_way)
+    }
+
     /// Those above home land one after the other, the lowest layer first.
     fn land_in_turn(&mut self, now: SimTime, out: &mut Outbox) {
         let step_m = self.fleet.separation.height_m;
@@ -418,7 +436,8 @@ impl SquadronController {
             let low = v
                 .seen
                 .is_some_and(|s| (s.position.height_m - v.layer_amsl_m).abs() < step_m);
-            self.tasks.each[*index] == Task::Returning && v.can_be_sent() && v.has_arrived() && low
+            let returned = self.tasks.each[*index] == Task::Returning && v.has_arrived();
+            returned && low && v.can_be_sent() && self.way_down_is_free(*index)
         };
         let layer = |index: &usize| self.fleet.vehicles[*index].layer_amsl_m;
         let lowest = (0..self.fleet.vehicles.len())

@@ -129,10 +129,10 @@ impl Miniature {
                     });
                     self.team[vehicle].order = Some(setpoint);
                 }
-                (Topic::Plan, Message::Plan(plan)) => {
-                    if self.phases.last().unwrap().1 != plan.phase {
-                        self.phases.push((self.time_s, plan.phase));
-                    }
+                (Topic::Plan, Message::Plan(plan))
+                    if self.phases.last().unwrap().1 != plan.phase =>
+                {
+                    self.phases.push((self.time_s, plan.phase));
                 }
                 (Topic::Event(_), Message::Event(e)) => {
                     self.events.push(format!("{}: {}", e.code, e.text));

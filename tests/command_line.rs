@@ -152,7 +152,7 @@ fn wrong_scenarios_exit_with_2_and_say_where() {
         &["real, max or a positive factor"],
     );
     refused(
-        &plumage(&["run", SCENARIO, "--duration", "-3", "--no-serve"]),
+        &plumage(&["run", SCENARIO, "--duration=-3", "--no-serve"]),
         2,
         &["duration"],
     );

@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use std::fmt::Write as _;
 
 use rand::RngExt;
+use rand::rngs::ChaCha8Rng;
 
 use crate::chance::{between, between_log, normal, pick, stream};
 use crate::law::{self, Troposphere};
@@ -100,61 +101,18 @@ impl Scene {
     /// are not marked uncertain and are exactly as the scenario says.
     pub fn draw(seed: u64, needs: &[Need], certain: &[&str], least_platforms: usize) -> Self {
         let mut rng = stream(seed, "scene");
-        let low = needs.contains(&Need::LowPlume)
-            || (!needs.contains(&Need::Heights) && rng.random_bool(0.2));
-        let class = if low {
-            pick(&mut rng, &[1, 2, 3])
-        } else {
-            pick(&mut rng, &[1, 2, 3, 3, 4])
-        };
-        let axis_m = if low {
-            between(&mut rng, 35.0, 90.0)
-        } else {
-            between(&mut rng, 140.0, 480.0)
-        };
-        let distance_m = if needs.contains(&Need::Distances) || low {
-            (
-                between(&mut rng, 250.0, 400.0),
-                between(&mut rng, 2800.0, 3800.0),
-            )
-        } else {
-            (
-                between(&mut rng, 500.0, 800.0),
-                between(&mut rng, 1600.0, 3200.0),
-            )
-        };
-        let floor = if low { 15.0 } else { 40.0 };
         let tall = needs.contains(&Need::Heights);
-        let reach = Reach {
-            class: class as f64,
-            axis_m,
-            distance_m,
-            height_m: (floor, axis_m + 400.0),
-            sigmas_up: if tall {
-                1.6
-            } else {
-                between(&mut rng, 0.8, 1.5)
-            },
-        };
-        let platforms = rng.random_range(1..=6_usize).max(least_platforms);
+        let reach = draw_reach(needs, &mut rng);
         let duration_s = pick(&mut rng, &[600.0, 600.0, 600.0, 900.0]);
-        let speed = pick(&mut rng, &[16.0, 18.0, 20.0]);
-        let count = ((duration_s + 2.0 * MARGIN_S) / SUB_STEP_S) as usize + 2;
-        let tracks = tracks::team(platforms, &mut rng)
-            .into_iter()
-            .map(|kind| {
-                let length = speed * (duration_s + 2.0 * MARGIN_S) * 1.05;
-                let corners = tracks::corners(kind, &reach, length, &mut rng);
-                tracks::fly(&corners, speed, SUB_STEP_S, count)
-            })
-            .collect();
-        let logged_wind = if tall {
-            pick(&mut rng, &[LoggedWind::Site, LoggedWind::Absent])
-        } else {
-            let kinds = [LoggedWind::OnBoard; 6];
-            let others = [LoggedWind::Site, LoggedWind::Absent];
-            pick(&mut rng, &[&kinds[..], &others].concat())
+        let platforms = rng.random_range(1..=6_usize).max(least_platforms);
+        let tracks = draw_tracks(&reach, platforms, duration_s, &mut rng);
+        let logged_wind = match rng.random_range(0..8) {
+            _ if tall => pick(&mut rng, &[LoggedWind::Site, LoggedWind::Absent]),
+            0 => LoggedWind::Site,
+            1 => LoggedWind::Absent,
+            _ => LoggedWind::OnBoard,
         };
+        let (class, axis_m, distance_m) = (reach.class as usize, reach.axis_m, reach.distance_m);
         let wind = draw_wind(seed, logged_wind);
         let air = Troposphere {
             temperature_c: between(&mut rng, 5.0, 25.0),
@@ -334,6 +292,53 @@ impl Scene {
         }
         t
     }
+}
+
+/// What the tracks are to see: a low plume and far tracks where they are needed.
+fn draw_reach(needs: &[Need], rng: &mut ChaCha8Rng) -> Reach {
+    let tall = needs.contains(&Need::Heights);
+    let low = needs.contains(&Need::LowPlume) || (!tall && rng.random_bool(0.2));
+    let class = if low {
+        pick(rng, &[1, 2, 3])
+    } else {
+        pick(rng, &[1, 2, 3, 3, 4])
+    };
+    let axis_m = if low {
+        between(rng, 35.0, 90.0)
+    } else {
+        between(rng, 140.0, 480.0)
+    };
+    let distance_m = if needs.contains(&Need::Distances) || low {
+        (between(rng, 250.0, 400.0), between(rng, 2800.0, 3800.0))
+    } else {
+        (between(rng, 500.0, 800.0), between(rng, 1600.0, 3200.0))
+    };
+    let floor = if low { 15.0 } else { 40.0 };
+    Reach {
+        class: f64::from(class),
+        axis_m,
+        distance_m,
+        height_m: (floor, axis_m + 400.0),
+        sigmas_up: if tall { 1.6 } else { between(rng, 0.8, 1.5) },
+    }
+}
+
+fn draw_tracks(
+    reach: &Reach,
+    platforms: usize,
+    duration_s: f64,
+    rng: &mut ChaCha8Rng,
+) -> Vec<Vec<PlumePoint>> {
+    let speed = pick(rng, &[16.0, 18.0, 20.0]);
+    let whole_s = duration_s + 2.0 * MARGIN_S;
+    let count = (whole_s / SUB_STEP_S) as usize + 2;
+    tracks::team(platforms, rng)
+        .into_iter()
+        .map(|kind| {
+            let corners = tracks::corners(kind, reach, speed * whole_s * 1.05, rng);
+            tracks::fly(&corners, speed, SUB_STEP_S, count)
+        })
+        .collect()
 }
 
 fn draw_wind(seed: u64, logged: LoggedWind) -> WindLaw {

@@ -233,7 +233,6 @@ fn sensor(
     other_laws: bool,
     f: &mut Faults,
 ) -> Vec<Parameter> {
-    let (sin, cos) = dice.angle.sin_cos();
     match effect {
         E::SensorLag => {
             f.lag_s = 0.5 * s;
@@ -262,6 +261,14 @@ fn sensor(
             f.limit_ppm = Some(limit);
             named([("limit_ppm", limit)])
         }
+        _ => environment(effect, s, dice, f),
+    }
+}
+
+/// Cross-sensitivities, clock and place, and what the catalogue lacks.
+fn environment(effect: E, s: f64, dice: &Dice, f: &mut Faults) -> Vec<Parameter> {
+    let (sin, cos) = dice.angle.sin_cos();
+    match effect {
         E::CrossSensitivityHumidity => {
             f.per_percent = 0.12 * s * dice.sign;
             named([

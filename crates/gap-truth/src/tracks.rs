@@ -71,21 +71,61 @@ pub fn corners(
     length_m: f64,
     rng: &mut ChaCha8Rng,
 ) -> Vec<PlumePoint> {
-    let levels = [-1.0, -0.5, 0.0, 0.5, 1.0].map(|l| l * reach.sigmas_up);
-    let mut points = Vec::new();
+    let flight = Flight {
+        kind,
+        reach: *reach,
+        side: sign(rng),
+        near: reach.distance(rng),
+        far: reach.distance(rng),
+        off: between(rng, -0.4, 0.4),
+        first_level: rng.random_range(0..LEVELS.len()),
+    };
+    let mut points: Vec<PlumePoint> = Vec::new();
     let mut length = 0.0;
-    let mut side = sign(rng);
-    let near = reach.distance(rng);
-    let far = reach.distance(rng);
-    let off = between(rng, -0.4, 0.4);
-    let first_level = rng.random_range(0..levels.len());
-    let mut turn = 0_usize;
+    let mut turn = 0;
     while length < length_m {
-        let level = levels[(first_level + turn) % levels.len()];
-        let more: Vec<PlumePoint> = match kind {
+        for point in flight.leg(turn) {
+            if let Some(last) = points.last() {
+                length += distance_m(last, &point);
+            }
+            points.push(point);
+        }
+        turn += 1;
+    }
+    points
+}
+
+/// Heights of successive legs, in parts of [`Reach::sigmas_up`].
+const LEVELS: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
+
+/// What is drawn once a track.
+struct Flight {
+    kind: TrackKind,
+    reach: Reach,
+    /// Side on which the first leg begins.
+    side: f64,
+    near: f64,
+    far: f64,
+    /// Distance from the axis, in parts of the track's own width.
+    off: f64,
+    first_level: usize,
+}
+
+impl Flight {
+    /// The corners of leg `turn`.
+    fn leg(&self, turn: usize) -> Vec<PlumePoint> {
+        let reach = &self.reach;
+        let (near, off) = (self.near, self.off);
+        let side = if turn.is_multiple_of(2) {
+            self.side
+        } else {
+            -self.side
+        };
+        let level = LEVELS[(self.first_level + turn) % LEVELS.len()] * reach.sigmas_up;
+        match self.kind {
             TrackKind::Transects | TrackKind::TwoDistances => {
-                let other = kind == TrackKind::TwoDistances && (turn / 3) % 2 == 1;
-                let x = if other { far } else { near };
+                let other = self.kind == TrackKind::TwoDistances && (turn / 3) % 2 == 1;
+                let x = if other { self.far } else { near };
                 let (w, z) = (reach.half_width_m(x), reach.height_m(x, level));
                 vec![[x, side * w, z], [x, -side * w, z]]
             }
@@ -113,24 +153,14 @@ pub fn corners(
                     let across = y * 2.0 * law::sigma_y_m(reach.class, x);
                     [x, across, reach.height_m(x, level * 0.5)]
                 };
-                let middle = (a * b).sqrt();
-                let mut run = vec![at(a), at(middle), at(b)];
+                let mut run = vec![at(a), at((a * b).sqrt()), at(b)];
                 if turn % 2 == 1 {
                     run.reverse();
                 }
                 run
             }
-        };
-        side = -side;
-        turn += 1;
-        for point in more {
-            if let Some(last) = points.last() {
-                length += distance_m(last, &point);
-            }
-            points.push(point);
         }
     }
-    points
 }
 
 /// 0 to 1 and back within a period of 2.

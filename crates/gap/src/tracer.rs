@@ -104,38 +104,13 @@ pub fn analyse(
     let lateral_models = LateralModel::all();
     let mut answers = Vec::new();
     for (k, (name, sign)) in GROUPS.into_iter().enumerate() {
-        let chosen: Vec<&TrialArcs> = trials
-            .iter()
-            .filter(|t| t.weather.obukhov_length_m * sign > 0.0)
-            .collect();
-        if chosen.len() < LEAST_TRIALS {
-            notices.push(format!(
-                "{} trials in {name} air are too few for a fit (at least {LEAST_TRIALS})",
-                chosen.len()
-            ));
-            continue;
+        let of_kind = |t: &&TrialArcs| t.weather.obukhov_length_m * sign > 0.0;
+        let chosen: Vec<&TrialArcs> = trials.iter().filter(of_kind).collect();
+        match answer(name, chosen, &vertical_models, &lateral_models) {
+            Ok(answer) => answers.push(answer),
+            Err(notice) => notices.push(notice),
         }
-        let group = Group::new(chosen);
-        let vertical = score(&group, &vertical_models);
-        progress(0.1 + 0.4 * k as f64);
-        let lateral = score(&group, &lateral_models);
         progress(0.45 + 0.45 * k as f64);
-        let findings = match (judge(&vertical, name), judge(&lateral, name)) {
-            (Some(a), Some(b)) => [a, b],
-            _ => {
-                notices.push(format!(
-                    "{name} air: Briggs' spread cannot be fitted to these arcs"
-                ));
-                continue;
-            }
-        };
-        answers.push(Answer {
-            name,
-            group,
-            vertical,
-            lateral,
-            findings,
-        });
     }
     if answers.is_empty() {
         return Err(GapError::Data {
@@ -159,6 +134,36 @@ pub fn analyse(
         },
     };
     Ok(report)
+}
+
+/// Tries everything on the trials of one kind of air; a notice where they do not allow it.
+fn answer<'a>(
+    name: &'static str,
+    chosen: Vec<&'a TrialArcs>,
+    vertical_models: &[VerticalModel],
+    lateral_models: &[LateralModel],
+) -> Result<Answer<'a>, String> {
+    if chosen.len() < LEAST_TRIALS {
+        return Err(format!(
+            "{} trials in {name} air are too few for a fit (at least {LEAST_TRIALS})",
+            chosen.len()
+        ));
+    }
+    let group = Group::new(chosen);
+    let vertical = score(&group, vertical_models);
+    let lateral = score(&group, lateral_models);
+    match (judge(&vertical, name), judge(&lateral, name)) {
+        (Some(a), Some(b)) => Ok(Answer {
+            name,
+            group,
+            vertical,
+            lateral,
+            findings: [a, b],
+        }),
+        _ => Err(format!(
+            "{name} air: Briggs' spread cannot be fitted to these arcs"
+        )),
+    }
 }
 
 fn gap_json(

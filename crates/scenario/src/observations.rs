@@ -254,23 +254,7 @@ impl Join {
         let lon_deg = cells.number(lon, "lon_deg", A_LONGITUDE, tally)?;
         let alt_amsl_m = cells.number(alt, "alt_amsl_m", AN_ALTITUDE, tally)?;
         let co2_ppm = cells.number(co2, "co2_ppm", A_NUMBER, tally)?;
-        let kinds = [
-            A_SPEED,
-            A_NUMBER,
-            A_TEMPERATURE,
-            A_NUMBER,
-            A_PRESSURE,
-            A_SPREAD,
-        ];
-        let mut more = [None; 6];
-        for (slot, ((cell, name), kind)) in more
-            .iter_mut()
-            .zip(columns.optional.iter().zip(OPTIONAL).zip(kinds))
-        {
-            if let Some(cell) = *cell {
-                *slot = cells.number(cell, name, kind, tally)?;
-            }
-        }
+        let more = cells.optional(columns, tally)?;
         let (Some(lat_deg), Some(lon_deg), Some(alt_amsl_m)) = (lat_deg, lon_deg, alt_amsl_m)
         else {
             tally.without_place += 1;
@@ -470,6 +454,22 @@ struct Cells<'a> {
 }
 
 impl Cells<'_> {
+    /// The optional columns in the order of [`OPTIONAL`].
+    fn optional(
+        &self,
+        columns: &Columns,
+        tally: &mut Tally,
+    ) -> Result<[Option<f64>; 6], ObservationError> {
+        let ranges = [A_SPEED, A_NUMBER, A_TEMPERATURE, A_NUMBER, A_PRESSURE, A_SPREAD];
+        let mut values = [None; 6];
+        for (k, cell) in columns.optional.iter().enumerate() {
+            if let Some(cell) = *cell {
+                values[k] = self.number(cell, OPTIONAL[k], ranges[k], tally)?;
+            }
+        }
+        Ok(values)
+    }
+
     fn number(
         &self,
         cell: usize,

@@ -22,20 +22,7 @@ pub(super) fn gain(
     arcs: &[ArcDetail],
     seed: u64,
 ) -> Result<Gain, GapError> {
-    let mut before: Vec<Vec<Pair>> = Vec::new();
-    let mut after: Vec<Vec<Pair>> = Vec::new();
-    let mut last = "";
-    for arc in arcs {
-        if arc.trial != last {
-            before.push(Vec::new());
-            after.push(Vec::new());
-            last = &arc.trial;
-        }
-        if let (Some(b), Some(a)) = (before.last_mut(), after.last_mut()) {
-            b.push((arc.max_mg_m3, arc.base_max_mg_m3));
-            a.push((arc.max_mg_m3, arc.held_out_max_mg_m3));
-        }
-    }
+    let (before, after) = by_trial(arcs);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut scored = |groups: &[Vec<Pair>]| {
         let slices: Vec<&[Pair]> = groups.iter().map(Vec::as_slice).collect();
@@ -80,6 +67,25 @@ pub(super) fn gain(
             intervals_after: intervals(&a),
         },
     })
+}
+
+/// (measured, predicted) arc maxima of each trial, by the base and from the other trials.
+fn by_trial(arcs: &[ArcDetail]) -> (Vec<Vec<Pair>>, Vec<Vec<Pair>>) {
+    let mut before: Vec<Vec<Pair>> = Vec::new();
+    let mut after: Vec<Vec<Pair>> = Vec::new();
+    let mut last = "";
+    for arc in arcs {
+        if arc.trial != last {
+            before.push(Vec::new());
+            after.push(Vec::new());
+            last = &arc.trial;
+        }
+        if let (Some(b), Some(a)) = (before.last_mut(), after.last_mut()) {
+            b.push((arc.max_mg_m3, arc.base_max_mg_m3));
+            a.push((arc.max_mg_m3, arc.held_out_max_mg_m3));
+        }
+    }
+    (before, after)
 }
 
 fn intervals(scored: &WithInterval) -> [[f64; 2]; 5] {

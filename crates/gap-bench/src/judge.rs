@@ -1,0 +1,199 @@
+//! One case: what the finder says of it, held against the truth.
+
+use gap::plume::{Analysis, Options, analyse};
+use gap::verdict::{Cause, Verdict};
+use gap_truth::mutation::mutate;
+use gap_truth::{Effect, Forward, Truth};
+
+use crate::plan::{Kind, Task};
+use crate::tune;
+
+/// What became of one case.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// The task.
+    pub task: Task,
+    /// No scene tried shows the effect as strongly as asked; nothing else is set.
+    pub unreachable: bool,
+    /// What the finder or the reader refused.
+    pub error: Option<String>,
+    /// Forward model of the truth; none where no case was made.
+    pub forward: Option<Forward>,
+    /// Visibility reached, nats.
+    pub nats: f64,
+    /// The verdict.
+    pub verdict: Option<Verdict>,
+    /// Mechanisms of each cause.
+    pub sets: Vec<Vec<String>>,
+    /// How many of the hidden effects are in some set.
+    pub in_sets: usize,
+    /// How many of the hidden effects are named alone, on the right platforms where one has it.
+    pub named: usize,
+    /// Mean size of the sets that hold a hidden effect, what cannot be told from it not counted.
+    pub set_size: Option<f64>,
+    /// A single name that is not a hidden effect, nor one that cannot be told from it, in a
+    /// verdict that claims to be sure.
+    pub confidently_wrong: bool,
+    /// The stated probability of the first cause, and whether it holds a hidden effect.
+    pub stated: Option<(f64, bool)>,
+    /// For each fitted parameter of a named hidden effect: whether 1.96 sd cover the truth.
+    pub covered: Vec<bool>,
+    /// Gain in log score on data left out, nats.
+    pub held_out_gain: Option<f64>,
+    /// Coordinate of what is unexplained.
+    pub coordinate: Option<String>,
+    /// Kinds of flaws of the raw data that were said, with their platforms.
+    pub flaws: Vec<(String, String)>,
+}
+
+impl Outcome {
+    fn new(task: &Task) -> Self {
+        Self {
+            task: task.clone(),
+            unreachable: false,
+            error: None,
+            forward: None,
+            nats: 0.0,
+            verdict: None,
+            sets: Vec::new(),
+            in_sets: 0,
+            named: 0,
+            set_size: None,
+            confidently_wrong: false,
+            stated: None,
+            covered: Vec::new(),
+            held_out_gain: None,
+            coordinate: None,
+            flaws: Vec::new(),
+        }
+    }
+
+    /// Whether anything was found.
+    pub fn detected(&self) -> bool {
+        self.verdict.is_some_and(|v| v != Verdict::None)
+    }
+}
+
+/// Makes the case of `task`, gives its files to the finder, and judges the answer.
+pub fn judge(task: &Task) -> Outcome {
+    let mut outcome = Outcome::new(task);
+    match answer(task) {
+        Ok(Some((nats, truth, analysis))) => {
+            outcome.nats = nats;
+            outcome.forward = Some(truth.forward);
+            compare(&mut outcome, &truth, &analysis);
+        }
+        Ok(None) => outcome.unreachable = true,
+        Err(error) => outcome.error = Some(error),
+    }
+    outcome
+}
+
+fn answer(task: &Task) -> Result<Option<(f64, Truth, Analysis)>, String> {
+    let Some(tuned) = tune::tune(task)? else {
+        return Ok(None);
+    };
+    let mut files = tuned.case.observations;
+    if let Kind::Mutated(mutation) = task.kind {
+        for (_, text) in &mut files {
+            *text = mutate(text, mutation, task.seed);
+        }
+    }
+    let read = tune::read(&tuned.case.scenario_toml, &files)?;
+    let options = Options {
+        seed: task.seed,
+        threads: 1,
+        ..Options::default()
+    };
+    let analysis = analyse(&read.setup, &read.observations, &options, &mut |_| {})
+        .map_err(|e| e.to_string())?;
+    Ok(Some((tuned.nats, tuned.case.truth, analysis)))
+}
+
+/// Whether `id` names `effect` or what no such data tell from it.
+fn names(effect: Effect, id: &str) -> bool {
+    effect.id() == id || effect.inseparable_from().iter().any(|e| e.id() == id)
+}
+
+fn compare(outcome: &mut Outcome, truth: &Truth, analysis: &Analysis) {
+    let json = &analysis.json;
+    outcome.verdict = Some(json.verdict);
+    outcome.sets = json.causes.iter().map(|c| c.mechanisms.clone()).collect();
+    outcome.coordinate = json.unexplained.as_ref().map(|u| u.coordinate.clone());
+    outcome.flaws = json
+        .data_quality
+        .iter()
+        .map(|q| (format!("{:?}", q.kind).to_lowercase(), q.platform.clone()))
+        .collect();
+    outcome.held_out_gain = json
+        .gain
+        .as_ref()
+        .map(|g| g.held_out.log_score_after - g.held_out.log_score_before);
+    let hidden: Vec<Effect> = truth
+        .effects
+        .iter()
+        .map(|e| e.effect)
+        .filter(|e| e.in_catalogue())
+        .collect();
+    let holds = |c: &Cause, e: Effect| c.mechanisms.iter().any(|id| names(e, id));
+    outcome.in_sets = hidden
+        .iter()
+        .filter(|e| json.causes.iter().any(|c| holds(c, **e)))
+        .count();
+    // A cause is alone if what it holds besides cannot be told from it.
+    let alone = |c: &Cause, e: Effect| c.mechanisms.iter().all(|id| names(e, id));
+    outcome.named = truth
+        .effects
+        .iter()
+        .filter(|t| {
+            let right = |c: &&Cause| {
+                alone(c, t.effect) && (t.platforms.is_empty() || c.platforms == t.platforms)
+            };
+            json.causes.iter().any(|c| right(&c))
+        })
+        .count();
+    outcome.confidently_wrong = matches!(json.verdict, Verdict::Named)
+        && json
+            .causes
+            .iter()
+            .any(|c| c.mechanisms.len() == 1 && !hidden.iter().any(|e| holds(c, *e)));
+    let sizes: Vec<f64> = json
+        .causes
+        .iter()
+        .filter_map(|c| {
+            let effect = hidden.iter().find(|e| holds(c, **e))?;
+            let others = c.mechanisms.iter().filter(|id| !names(*effect, id)).count();
+            Some(1.0 + others as f64)
+        })
+        .collect();
+    outcome.set_size = (!sizes.is_empty()).then(|| sizes.iter().sum::<f64>() / sizes.len() as f64);
+    outcome.stated = json
+        .causes
+        .first()
+        .map(|c| (c.probability, hidden.iter().any(|e| holds(c, *e))));
+    outcome.covered = coverage(truth, &json.causes);
+}
+
+/// Coverage of the parameters of hidden effects that are named alone.
+fn coverage(truth: &Truth, causes: &[Cause]) -> Vec<bool> {
+    let mut covered = Vec::new();
+    if truth.other_laws {
+        return covered;
+    }
+    for effect in &truth.effects {
+        let id = effect.effect.id();
+        for cause in causes.iter().filter(|c| c.mechanisms == [id]) {
+            for parameter in &effect.parameters {
+                let fitted = cause
+                    .parameters
+                    .iter()
+                    .find(|p| p.mechanism == id && p.name == parameter.name);
+                // Settings such as a pivot come without a deviation.
+                if let Some(p) = fitted.filter(|p| p.sd > 0.0) {
+                    covered.push((p.value - parameter.value).abs() < 1.96 * p.sd);
+                }
+            }
+        }
+    }
+    covered
+}

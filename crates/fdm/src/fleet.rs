@@ -10,7 +10,7 @@ use multiversion::multiversion;
 use crate::FdmError;
 use crate::aircraft::Aircraft;
 use crate::dynamics::{AirState, Body, Dynamics};
-use crate::flight::{AirAround, FlightSim, HIGHEST_RATE_RAD_S, LONGEST_STEP_S, SurfaceCommand};
+use crate::flight::{AirAround, FlightSim, HIGHEST_RATE_RAD_S, SurfaceCommand};
 use crate::mechanism::Extended;
 use crate::scalar::bounded;
 use crate::servo::{LagStep, Servo};
@@ -171,12 +171,12 @@ impl Fleet {
         }
     }
 
-    /// Advances every vehicle by `dt_s`, cut into steps of at most [`LONGEST_STEP_S`].
+    /// Advances every vehicle by `dt_s`, cut as in [`FlightSim::step`].
     pub fn step(&mut self, dt_s: f64) {
         if !(dt_s.is_finite() && dt_s > 0.0) {
             return;
         }
-        let count = (dt_s / LONGEST_STEP_S - 1e-9).ceil().max(1.0);
+        let count = self.dynamics.steps_in(dt_s);
         let dt = dt_s / count;
         let lag = match self.half_step {
             Some((kept, lag)) if kept == dt => lag,
@@ -279,27 +279,29 @@ fn accept(old: &Body, new: &Body, force: &[f64; 3], old_force: &[f64; 3]) -> (Bo
     // A sum of products with 0 is 0 exactly where everything is finite.
     let mut sum = 0.0;
     for k in 0..3 {
-        sum += new.pos_ned[k] * 0.0 + new.vel_ned[k] * 0.0 + new.rate[k] * 0.0 + force[k] * 0.0;
+        sum += new.pos_ned[k] * 0.0 + new.vel_ned[k] * 0.0 + new.rate[k] * 0.0;
     }
+    sum += force[0] * 0.0 + force[1] * 0.0 + force[2] * 0.0;
     for k in 0..4 {
         sum += new.attitude[k] * 0.0;
     }
     let finite = sum == 0.0;
     let keep = |new: f64, old: f64| if finite { new } else { old };
     let mut out = *old;
-    let mut out_force = *old_force;
     for k in 0..3 {
+        let rate = bounded(new.rate[k], -HIGHEST_RATE_RAD_S, HIGHEST_RATE_RAD_S);
         out.pos_ned[k] = keep(new.pos_ned[k], old.pos_ned[k]);
         out.vel_ned[k] = keep(new.vel_ned[k], old.vel_ned[k]);
-        out.rate[k] = keep(
-            bounded(new.rate[k], -HIGHEST_RATE_RAD_S, HIGHEST_RATE_RAD_S),
-            0.0,
-        );
-        out_force[k] = keep(force[k], old_force[k]);
+        out.rate[k] = keep(rate, 0.0);
     }
     for k in 0..4 {
         out.attitude[k] = keep(new.attitude[k], old.attitude[k]);
     }
+    let out_force = [
+        keep(force[0], old_force[0]),
+        keep(force[1], old_force[1]),
+        keep(force[2], old_force[2]),
+    ];
     (out, out_force)
 }
 

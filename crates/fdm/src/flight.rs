@@ -11,11 +11,6 @@ use crate::scalar::angle;
 use crate::servo::{LagStep, Servo};
 use crate::trim::{self, Trim};
 
-/// Longest step of the rigid body, s: longer calls are cut into equal steps below it.
-///
-/// The fastest mode of the aircraft here (roll, 20/s) then has λh = 0.2, where RK4 errs by 3e-6
-/// of the transient per step.
-pub const LONGEST_STEP_S: f64 = 0.01;
 /// Longest delay line, in calls of [`FlightSim::step`].
 const LONGEST_DELAY: usize = 64;
 /// Angular rate beyond which the model has no meaning, rad/s: it is held there.
@@ -303,7 +298,7 @@ impl FlightSim {
         &self.dynamics.aircraft
     }
 
-    /// Advances by `dt_s` (cut into steps of at most [`LONGEST_STEP_S`]) with the command and the
+    /// Advances by `dt_s` (cut into equal steps, see [`Dynamics::longest_step_s`]) with the command and the
     /// air held. A `dt_s` that is not positive and finite does nothing.
     pub fn step(&mut self, dt_s: f64, air: &AirAround, command: &SurfaceCommand) {
         if !(dt_s.is_finite() && dt_s > 0.0) {
@@ -312,7 +307,7 @@ impl FlightSim {
         let air = self.usable(air);
         self.last = sanitised(command, &self.last);
         let command = self.delayed(dt_s);
-        let count = (dt_s / LONGEST_STEP_S - 1e-9).ceil().max(1.0);
+        let count = self.dynamics.steps_in(dt_s);
         let dt = dt_s / count;
         let lag = self.lag_step(dt);
         for _ in 0..count as usize {

@@ -15,10 +15,12 @@ pub mod control_level;
 pub mod dynamics;
 pub mod fleet;
 pub mod flight;
+pub mod flightgear;
 pub mod mechanism;
 mod scalar;
 mod servo;
 pub mod trim;
+pub mod tune;
 
 pub use aircraft::Aircraft;
 pub use flight::{AirAround, FlightFlags, FlightSim, FlightState, Phase, SurfaceCommand};

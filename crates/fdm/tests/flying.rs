@@ -10,6 +10,7 @@ use rand::rngs::ChaCha8Rng;
 
 const TICK_S: f64 = 0.02;
 const X8: &str = include_str!("../../../aircraft/x8.toml");
+const ULTRA_STICK: &str = include_str!("../../../aircraft/ultrastick-25e.toml");
 
 fn x8() -> Aircraft {
     Aircraft::from_toml("x8.toml", X8).unwrap()
@@ -169,8 +170,10 @@ fn reaches_a_point_across_the_wind_on_a_straight_track_and_circles_it() {
 
 #[test]
 fn takes_off_and_lands_at_home_in_gusts() {
-    for seed in 1..=5 {
-        let aircraft = x8();
+    for seed in 1..=8 {
+        // Even seeds fly the aircraft with a tail.
+        let text = if seed % 2 == 0 { ULTRA_STICK } else { X8 };
+        let aircraft = Aircraft::from_toml("aircraft", text).unwrap();
         let mut flown = Flown {
             sim: FlightSim::on_ground(&aircraft, 0.0, 0.0, 340.0, 270.0).unwrap(),
             pilot: Autopilot::new(&aircraft),
@@ -256,4 +259,67 @@ fn no_command_or_air_makes_a_number_that_is_not_one() {
         assert!((s.attitude.iter().map(|q| q * q).sum::<f64>() - 1.0).abs() < 1e-12);
     }
     assert!(sim.state().flags.stalled || sim.state().flags.outside_model);
+}
+
+/// Commanded far outside what it can do, the autopilot keeps airspeed, bank and pitch inside the
+/// limits.
+#[test]
+fn protects_from_stall_and_overspeed() {
+    for (alt_amsl_m, airspeed_m_s) in [(900.0, 5.0), (900.0, 60.0), (100.0, 60.0), (100.0, 5.0)] {
+        let mut flown = airborne(Day::windy(5.0, 0.0, 9));
+        let demand = Demand {
+            path: Path::Orbit {
+                north_m: 0.0,
+                east_m: 0.0,
+                radius_m: 10.0,
+                clockwise: false,
+            },
+            alt_amsl_m,
+            airspeed_m_s,
+        };
+        for _ in 0..3000 {
+            let state = flown.tick(&demand);
+            assert!(!state.flags.stalled, "{demand:?} at {} s", flown.time_s);
+            assert!(state.roll_rad.to_degrees().abs() < 50.0);
+            assert!(
+                (10.5..31.0).contains(&state.airspeed_m_s),
+                "{}",
+                state.airspeed_m_s
+            );
+        }
+    }
+}
+
+/// An aircraft built crooked flies straight: the integrals find the trim and do not wind up while
+/// the demand cannot be met.
+#[test]
+fn integrals_trim_a_crooked_aircraft_and_do_not_wind_up() {
+    let crooked = format!(
+        "{X8}\n[[mechanism]]\nid = \"surface-trim-offset\"\nelevator_deg = 3.0\naileron_deg = 2.0\n\
+         [[mechanism]]\nid = \"thrust-loss\"\nlost_share = 0.2\n"
+    );
+    let aircraft = Aircraft::from_toml("crooked", &crooked).unwrap();
+    let mut flown = airborne(Day::calm());
+    flown.sim = FlightSim::airborne(&aircraft, 0.0, 0.0, 400.0, 0.0, 18.0).unwrap();
+    let mut demand = Demand {
+        path: Path::Heading { deg: 0.0 },
+        alt_amsl_m: 2000.0,
+        airspeed_m_s: 27.0,
+    };
+    for _ in 0..3000 {
+        flown.tick(&demand);
+    }
+    let height = flown.sim.state().alt_amsl_m;
+    demand.alt_amsl_m = height;
+    demand.airspeed_m_s = 18.0;
+    let mut overshoot: f64 = 0.0;
+    for _ in 0..3000 {
+        overshoot = overshoot.max(flown.tick(&demand).alt_amsl_m - height);
+    }
+    let state = flown.sim.state();
+    println!("overshoot {overshoot:.1} m");
+    assert!(overshoot < 15.0);
+    assert!((state.alt_amsl_m - height).abs() < 0.5, "{state:?}");
+    assert!((state.airspeed_m_s - 18.0).abs() < 0.2);
+    assert!(state.yaw_rad.to_degrees().abs() < 1.0 && state.roll_rad.to_degrees().abs() < 0.5);
 }

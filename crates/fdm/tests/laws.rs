@@ -154,13 +154,13 @@ fn convergence_is_of_fourth_order_under_smooth_inputs() {
         let order = (pair[0] / pair[1]).log2();
         assert!((3.7..4.6).contains(&order), "order {order} of {errors:?}");
     }
-    // 10 ms, the longest step used, is within 0.1 mm, mm/s and mrad/s of the solution after 2 s.
-    assert!(errors[1] < 1e-4);
+    // 20 ms, the longest step used, is within 0.01 mm, mm/s and mrad/s of the solution after 2 s.
+    assert!(errors[0] < 1e-5);
 }
 
-/// Servos, fourth-order steps and held commands together: 10 ms against 0.5 ms.
+/// Servos, fourth-order steps and held commands together: 20 ms against 0.5 ms.
 #[test]
-fn ten_milliseconds_are_enough_with_the_servos() {
+fn the_longest_step_is_enough_with_the_servos() {
     let craft = x8();
     let mut coarse = FlightSim::airborne(&craft, 0.0, 0.0, 400.0, 0.0, 18.0).unwrap();
     let mut fine = coarse.clone();

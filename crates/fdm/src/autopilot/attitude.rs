@@ -51,9 +51,8 @@ impl RollLoop {
         let wanted = at.aileron_per_roll_rate * rate + damping / at.roll_power + self.trim;
         let aileron = wanted.clamp(-plant.aileron_high, plant.aileron_high);
         if aileron == wanted || (wanted - aileron) * error < 0.0 {
-            let gain = gains.roll_integral_rad_s * gains.roll_bandwidth_rad_s;
             let most = ROLL_TRIM_SHARE * plant.aileron_high;
-            let change = gain * at.aileron_per_roll_rate * error * dt;
+            let change = roll_integral_gain(at, gains) * error * dt;
             self.trim = (self.trim + change).clamp(-most, most);
         }
         aileron
@@ -94,14 +93,23 @@ impl PitchLoop {
         let elevator = wanted.clamp(plant.elevator_low, plant.elevator_high);
         // Pulling (negative elevator) raises the nose.
         if elevator == wanted || (wanted - elevator) * error > 0.0 {
-            let gain = gains.pitch_integral_rad_s
-                * gains.pitch_bandwidth_rad_s
-                * (gains.pitch_damping_rad_s + STIFFNESS_RAD_S);
             let most = PITCH_TRIM_SHARE * plant.elevator_high * -at.pitch_power;
-            self.trim = (self.trim + gain * error * dt).clamp(-most, most);
+            self.trim = (self.trim + pitch_integral_gain(gains) * error * dt).clamp(-most, most);
         }
         elevator
     }
+}
+
+/// Aileron per integral of the roll error, 1/s.
+pub(super) fn roll_integral_gain(at: &PlantAt, gains: &ControlGains) -> f64 {
+    gains.roll_integral_rad_s * gains.roll_bandwidth_rad_s * at.aileron_per_roll_rate
+}
+
+/// Pitch acceleration per integral of the pitch error, 1/s³.
+pub(super) fn pitch_integral_gain(gains: &ControlGains) -> f64 {
+    gains.pitch_integral_rad_s
+        * gains.pitch_bandwidth_rad_s
+        * (gains.pitch_damping_rad_s + STIFFNESS_RAD_S)
 }
 
 /// Adds to the damping in the integral's scale, 1/s: the airframe's own damping in pitch.

@@ -1,19 +1,21 @@
 //! The autopilot: what an aircraft is told (a path, an altitude, an airspeed) becomes surface
 //! angles and throttle.
 //!
-//! Outer loops: guidance gives a bank angle from the path ([`guidance`]), total-energy control
-//! gives throttle and pitch from altitude and airspeed ([`energy`]). Inner loops: roll and pitch
-//! with rate damping ([`attitude`]). Gains are bandwidths and times; the aircraft's own
+//! Outer loops: guidance gives a bank angle from the path, total-energy control
+//! gives throttle and pitch from altitude and airspeed. Inner loops: roll and pitch
+//! with rate damping. Gains are bandwidths and times; the aircraft's own
 //! coefficients turn them into surface angles, so that one set fits aircraft of different size.
 
 mod attitude;
 mod energy;
 mod gains;
 mod guidance;
+mod inner_gains;
 mod landing;
 mod plant;
 
 pub use gains::ControlGains;
+pub(crate) use inner_gains::{InnerGains, inner_gains};
 
 use crate::aircraft::Aircraft;
 use crate::flight::{FlightState, Phase, SurfaceCommand};

@@ -254,3 +254,7 @@ fn nothing_to_tell(
         report: GapReport::default(),
     }
 }
+
+#[cfg(test)]
+#[path = "plume/plume_tests.rs"]
+mod tests;

@@ -183,7 +183,8 @@ impl<'a> Context<'a> {
             let rows = self.rows(&loading);
             let mut noise = now.noise;
             if noise_steps > 0 {
-                noise = noise::fit(&rows, &now.noise, &cleaned, noise_steps, self.threads);
+                let plain = self.without_structure(&cleaned, &loading, &now.metric.whitener);
+                noise = noise::fit(&rows, &now.noise, &plain, noise_steps, self.threads);
             }
             let metric = self.metric(
                 &now.model,
@@ -199,6 +200,50 @@ impl<'a> Context<'a> {
             now = self.conclude(model, prediction, noise, loading, metric, Some(&cleaned));
         }
         now
+    }
+
+    /// A residual without each platform's constant, trend, and parts in proportion to the plume
+    /// and to its swing. Faults of these forms have names; a noise fitted to them would grow
+    /// until it hid them.
+    fn without_structure(
+        &self,
+        residual: &[f64],
+        loading: &[Loading],
+        whitener: &Whitener,
+    ) -> Vec<f64> {
+        let times = self.data.track.time_s();
+        let (from, to) = self.data.span_s();
+        let raw: [Vec<f64>; 4] = [
+            vec![1.0; times.len()],
+            times
+                .iter()
+                .map(|t| (t - from) / (to - from).max(1e-9) - 0.5)
+                .collect(),
+            loading.iter().map(|l| l.gust).collect(),
+            loading.iter().map(|l| l.swing).collect(),
+        ];
+        let mut white = raw.clone();
+        let mut own = residual.to_vec();
+        let mut all: Vec<&mut [f64]> = white.iter_mut().map(Vec::as_mut_slice).collect();
+        all.push(&mut own);
+        whitener.whiten(&mut all);
+        let mut out = residual.to_vec();
+        for range in self.data.ranges() {
+            let gram = DMatrix::from_fn(4, 4, |i, j| {
+                dot(&white[i][range.clone()], &white[j][range.clone()])
+            });
+            let score =
+                DVector::from_fn(4, |k, _| dot(&white[k][range.clone()], &own[range.clone()]));
+            // Next to flat: a thousandth of what the data say.
+            let precision = DVector::from_fn(4, |k, _| 1e-3 * gram[(k, k)] + 1e-12);
+            let Some(post) = posterior(&gram, &score, &DVector::zeros(4), &precision) else {
+                continue;
+            };
+            for i in range.clone().filter(|i| self.data.used[*i]) {
+                out[i] -= (0..4).map(|k| post.mean[k] * raw[k][i]).sum::<f64>();
+            }
+        }
+        out
     }
 
     /// The metric of a noise and the nuisance at a model; sizes the shared swing if asked.

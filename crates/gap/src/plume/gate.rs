@@ -13,6 +13,8 @@ const FARTHEST_M: f64 = 40_000.0;
 const UNIT_FACTOR: f64 = 20.0;
 /// A run of equal readings is frozen when chance makes one this rarely.
 const FROZEN_CHANCE: f64 = 1e-5;
+/// Longest run of equal readings that a coarse resolution makes usual.
+const LONGEST_USUAL_RUN: usize = 20;
 /// Shortest run of equal readings that counts.
 const FROZEN_ROWS: usize = 8;
 
@@ -33,7 +35,7 @@ pub(crate) fn gate(data: &mut Data, base: &WorldSpec) -> Vec<DataQuality> {
         eye.name = eye.data.track.platforms()[platform].clone();
         eye.places(base);
         eye.units(base);
-        eye.frozen();
+        eye.frozen(base.sensor.noise_sd_ppm > 0.0);
         eye.clipped();
         eye.gaps();
     }
@@ -115,7 +117,7 @@ impl Eye<'_> {
     }
 
     /// Runs of equal readings too long for the readings' resolution.
-    fn frozen(&mut self) {
+    fn frozen(&mut self, noisy: bool) {
         let used = self.used();
         let y = &self.data.reading_ppm;
         let mut runs: Vec<(usize, usize)> = Vec::new();
@@ -134,6 +136,12 @@ impl Eye<'_> {
             .copied()
             .unwrap_or(1)
             .max(2);
+        // A sensor that is stated to be noisy does not repeat itself for long.
+        let typical = if noisy {
+            typical.min(LONGEST_USUAL_RUN)
+        } else {
+            typical
+        };
         let short = runs.iter().filter(|r| r.1 <= 4 * typical);
         let (repeats, pairs) = short.fold((1.0, 3.0), |s: (f64, f64), r| {
             (s.0 + (r.1 - 1) as f64, s.1 + r.1 as f64)

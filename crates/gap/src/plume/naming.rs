@@ -25,7 +25,7 @@ const NAMES_AT: f64 = 0.5;
 /// Least gain of the log evidence for a name, nats.
 const LEAST_EVIDENCE: f64 = 2.0;
 /// A rest after naming counts when its evidence is this part of what naming gained …
-const REST_PART: f64 = 0.12;
+const REST_PART: f64 = 0.04;
 /// … or more than a false alarm would have by this, nats.
 const REST_MARGIN: f64 = 4.0;
 
@@ -55,6 +55,53 @@ pub(crate) struct Named {
     /// The nameless term, whitened, where there is one.
     pub rest: Option<Vec<f64>>,
     pub notices: Vec<String>,
+    /// Readings held at a ceiling below what the model predicts.
+    pub ceilings: Vec<Ceiling>,
+}
+
+/// A platform whose readings stop at a limit.
+#[derive(Debug, Clone)]
+pub(crate) struct Ceiling {
+    pub platform: String,
+    pub limit_ppm: f64,
+    /// Log score by which the limit beats its absence on the readings held, nats.
+    pub nats: f64,
+}
+
+/// Least log score at which a ceiling is a finding, nats.
+const CEILING_NATS: f64 = 10.0;
+
+/// Ceilings that the gate saw, where the model predicts well above them. Readings held close
+/// together share their intermittency: they count as many as fit between its correlation times.
+fn ceilings(ctx: &Context<'_>, last: &Fitted) -> Vec<Ceiling> {
+    let (size, scale_s) = last.noise.gust();
+    let white = last.noise.white_ppm();
+    let times = ctx.data.track.time_s();
+    let mut out = Vec::new();
+    for (range, limit_ppm) in &ctx.data.ceiling_ppm {
+        let held: Vec<usize> = range
+            .clone()
+            .filter(|i| ctx.data.reading_ppm[*i] == *limit_ppm)
+            .collect();
+        let mut nats = 0.0;
+        let mut last_time = f64::NEG_INFINITY;
+        for i in held {
+            let above = last.prediction.reading[i] - limit_ppm;
+            let sd = white.hypot(size * last.prediction.plume[i]);
+            let new = ((times[i] - last_time) / scale_s).min(1.0);
+            last_time = times[i];
+            nats += 0.5 * new * (above.max(0.0) / sd).powi(2);
+        }
+        if nats > CEILING_NATS {
+            let platform = ctx.data.track.platforms()[ctx.data.platform_of(range.start)].clone();
+            out.push(Ceiling {
+                platform,
+                limit_ppm: *limit_ppm,
+                nats,
+            });
+        }
+    }
+    out
 }
 
 /// Names what the data ask for on top of `base`.
@@ -76,12 +123,14 @@ pub(crate) fn name(
         unexplained: None,
         rest: None,
         notices: Vec::new(),
+        ceilings: Vec::new(),
     };
     named.grow(ctx, options, tell);
     if named.accepted.len() > 1 {
         tell(0.65, "testing every name against its rivals");
         named.swap(ctx, options);
     }
+    named.ceilings = ceilings(ctx, &named.last);
     named.causes = named.describe(ctx);
     named
 }
@@ -189,7 +238,7 @@ impl Named {
     pub fn verdict(&self) -> Verdict {
         if self.unexplained.is_some() {
             Verdict::Unexplained
-        } else if self.accepted.is_empty() {
+        } else if self.causes.is_empty() {
             Verdict::None
         } else if self.causes.iter().any(|c| c.mechanisms.len() > 1) {
             Verdict::Ambiguous
@@ -205,6 +254,10 @@ impl Named {
         self.last.model.parts[base.min(self.last.model.parts.len())..]
             .iter()
             .map(|p| mechanism(p, platforms))
+            .chain(self.ceilings.iter().map(|c| {
+                Mechanism::from_values(MechanismId::SensorSaturation, &[c.limit_ppm])
+                    .for_platforms(std::slice::from_ref(&c.platform))
+            }))
             .collect()
     }
 
@@ -241,12 +294,37 @@ impl Named {
                 nats_to_next: a.nats_to_next,
             });
         }
+        causes.extend(self.ceilings.iter().map(|c| c.cause()));
         causes.sort_by(|a, b| {
             b.evidence
                 .delta_log_score
                 .total_cmp(&a.evidence.delta_log_score)
         });
         causes
+    }
+}
+
+impl Ceiling {
+    fn cause(&self) -> Cause {
+        Cause {
+            mechanisms: vec![MechanismId::SensorSaturation.as_str().to_string()],
+            // Readings at one and the same top value leave little else.
+            probability: 1.0 - (-self.nats).exp(),
+            evidence: Evidence {
+                delta_log_score: self.nats,
+                delta_log_evidence: self.nats,
+                p_value: (-self.nats).exp(),
+            },
+            parameters: vec![Parameter {
+                mechanism: MechanismId::SensorSaturation.as_str().to_string(),
+                name: "limit_ppm".to_string(),
+                value: self.limit_ppm,
+                sd: 0.0,
+                unit: "ppm".to_string(),
+            }],
+            platforms: vec![self.platform.clone()],
+            nats_to_next: self.nats,
+        }
     }
 }
 

@@ -22,6 +22,13 @@ impl Case {
             sd_ppm: vec![f64::NAN; n],
             loading: (0..n)
                 .map(|i| {
+                    // Half of the way in clean air, as on a track.
+                    if i / 10 % 2 == 0 {
+                        return Loading {
+                            gust: 0.0,
+                            swing: 0.0,
+                        };
+                    }
                     let s = (i as f64 * 0.4).sin();
                     Loading {
                         gust: 30.0 * s * s,

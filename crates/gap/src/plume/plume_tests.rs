@@ -1,0 +1,317 @@
+//! The whole analysis on small made cases. These share the forward model with the finder and
+//! check the machine; whether it finds what another model hid is measured by `gap-bench`.
+
+use super::*;
+use crate::verdict::Flaw;
+use ::plume::field::{Place, World};
+use ::plume::{Mechanism, Sensor};
+use air::geo::Enu;
+use air::wind::WindProfile;
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use scenario::Scenario;
+use scenario::observations::Observation;
+
+const SCENARIO: &str = r#"
+[site]
+lat_deg = 43.4417
+lon_deg = -7.8631
+ground_amsl_m = 340.0
+[weather]
+wind_speed_m_s = 7.0
+wind_height_agl_m = 300.0
+wind_from_deg = 250.0
+wind_exponent = 0.0
+stability = "D"
+[[source]]
+lat_deg = 43.4417
+lon_deg = -7.8631
+stack_height_m = 200.0
+effective_height_m = 300.0
+emission_kg_s = 120.0
+[background]
+co2_ppm = 449.0
+[sensor]
+noise_sd_ppm = 1.0
+[uncertain]
+"source.emission_kg_s" = 20.0
+"source.effective_height_m" = 10.0
+"background.co2_ppm" = 2.0
+"#;
+
+fn setup() -> Setup {
+    Setup::new(&Scenario::parse("test.toml", SCENARIO).unwrap()).unwrap()
+}
+
+fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    StandardNormal.sample(rng)
+}
+
+/// Three platforms weaving across the plume for ten minutes in a wandering wind, logged by all.
+fn observe(mechanisms: &[(&str, &[(&str, f64)], &[&str])], seed: u64) -> Observations {
+    let setup = setup();
+    let mut spec = setup.base.clone();
+    for (id, p, platforms) in mechanisms {
+        let names: Vec<String> = platforms.iter().map(|s| s.to_string()).collect();
+        spec.mechanisms
+            .push(Mechanism::new(id, p).unwrap().for_platforms(&names));
+    }
+    let world = World::new(spec.clone()).unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut wind = vec![0.0f64; 600];
+    for t in 1..600 {
+        wind[t] = 0.97 * wind[t - 1] + 0.6 * normal(&mut rng);
+    }
+    let names = ["a", "b", "c"];
+    let mut rows = Vec::new();
+    for (p, name) in names.iter().enumerate() {
+        let mut sensor = Sensor::new(&spec.sensor, &spec.mechanisms, name);
+        let (mut slow, mut gust) = (normal(&mut rng), normal(&mut rng));
+        for (t, swing) in wind.iter().enumerate() {
+            let time_s = t as f64;
+            let phase = time_s * 18.0 / 1300.0 + p as f64 * 0.3;
+            let triangle = 4.0 * (phase - (phase + 0.5).floor()).abs() - 1.0;
+            let x = 900.0 + 600.0 * p as f64;
+            let at = Enu::default()
+                .displaced(70.0, x)
+                .displaced(160.0, 320.0 * triangle);
+            let height_agl_m = 300.0 + 40.0 * (time_s / 47.0 + p as f64).sin();
+            let place = Place {
+                east_m: at.east_m,
+                north_m: at.north_m,
+                height_agl_m,
+            };
+            let now = WindProfile::new(7.0, 300.0, 250.0 + swing, 0.0).unwrap();
+            slow = 0.97 * slow + 0.24 * normal(&mut rng);
+            gust = 0.85 * gust + 0.53 * normal(&mut rng);
+            let mean = world.mean_ppm_in(&place, time_s, &now);
+            let turbulent = mean + 0.12 * gust * (mean - 449.0);
+            let dt = if t == 0 { 0.0 } else { 1.0 };
+            let read = sensor.read(turbulent, dt, &mut rng) + 0.4 * slow;
+            let back = setup.frame.to_geodetic(at);
+            rows.push(Observation {
+                time_s,
+                platform: p,
+                lat_deg: back.lat_deg,
+                lon_deg: back.lon_deg,
+                alt_amsl_m: 340.0 + height_agl_m,
+                co2_ppm: Some(read),
+                wind_speed_m_s: Some(7.0 + 0.3 * normal(&mut rng)),
+                wind_from_deg: Some(250.0 + swing + 1.5 * normal(&mut rng)),
+                temperature_c: None,
+                relative_humidity_pct: None,
+                pressure_hpa: None,
+                sd_ppm: None,
+            });
+        }
+    }
+    Observations {
+        rows,
+        platforms: names.iter().map(|n| n.to_string()).collect(),
+        ..Observations::default()
+    }
+}
+
+fn run(observations: &Observations) -> Analysis {
+    analyse(&setup(), observations, &Options::default(), &mut |_| ()).unwrap()
+}
+
+#[test]
+fn nothing_hidden_is_none() {
+    for seed in 1..=4 {
+        let a = run(&observe(&[], seed));
+        assert_eq!(
+            a.json.verdict,
+            Verdict::None,
+            "seed {seed}: {}",
+            a.json.summary
+        );
+        assert!(a.extension.is_empty() && a.json.gain.is_none());
+        assert!(!a.json.detectable.is_empty() && !a.json.residual.is_empty());
+    }
+}
+
+#[test]
+fn a_lag_is_named_measured_and_pays() {
+    let a = run(&observe(
+        &[("sensor-lag", &[("time_constant_s", 2.5)], &[])],
+        11,
+    ));
+    assert_eq!(a.json.verdict, Verdict::Named, "{}", a.json.summary);
+    assert_eq!(a.json.causes[0].mechanisms, ["sensor-lag"]);
+    let lag = &a.json.causes[0].parameters[0];
+    assert!((lag.value - 2.5).abs() < 4.0 * lag.sd, "{lag:?}");
+    let h = a.json.gain.unwrap().held_out;
+    assert!(h.log_score_after > h.log_score_before + 10.0 && h.rmse_after < h.rmse_before);
+    assert_eq!(a.extension[0].id().as_str(), "sensor-lag");
+    // The extension is a mechanism that the world runs.
+    let mut spec = setup().base;
+    spec.mechanisms.extend(a.extension.clone());
+    assert!(World::new(spec).is_ok());
+}
+
+#[test]
+fn a_fault_of_one_platform_names_the_platform() {
+    let a = run(&observe(
+        &[("sensor-offset", &[("offset_ppm", 6.0)], &["b"])],
+        12,
+    ));
+    assert_eq!(a.json.causes[0].platforms, ["b"], "{}", a.json.summary);
+    assert!(
+        a.json.causes[0]
+            .mechanisms
+            .contains(&"sensor-offset".to_string())
+    );
+}
+
+#[test]
+fn the_answer_repeats_and_does_not_depend_on_threads() {
+    let o = observe(
+        &[("background-drift", &[("rate_ppm_per_h", 60.0)], &[])],
+        13,
+    );
+    let with = |threads| {
+        let options = Options {
+            threads,
+            ..Options::default()
+        };
+        analyse(&setup(), &o, &options, &mut |_| ())
+            .unwrap()
+            .json
+            .to_json()
+            .unwrap()
+    };
+    assert_eq!(with(1), with(3));
+}
+
+#[test]
+fn progress_grows_to_one() {
+    let mut parts = Vec::new();
+    let o = observe(&[], 14);
+    analyse(&setup(), &o, &Options::live(), &mut |p| parts.push(p.part)).unwrap();
+    assert!(parts.windows(2).all(|w| w[0] <= w[1]) && parts.last() == Some(&1.0));
+}
+
+#[test]
+fn no_rows_and_no_readings_are_refused() {
+    let refused = |o: &Observations| {
+        analyse(&setup(), o, &Options::default(), &mut |_| ())
+            .unwrap_err()
+            .to_string()
+    };
+    assert!(refused(&Observations::default()).contains("no rows"));
+    let mut o = observe(&[], 15);
+    o.rows.iter_mut().for_each(|r| r.co2_ppm = None);
+    assert!(refused(&o).contains("missing"));
+}
+
+#[test]
+fn one_reading_tells_nothing_and_says_so() {
+    let mut o = observe(&[], 16);
+    o.rows.truncate(1);
+    let a = run(&o);
+    assert_eq!(a.json.verdict, Verdict::None);
+    assert!(a.json.summary.contains("nothing can be told"));
+}
+
+/// The verdict and the flaws seen after a change to the rows.
+fn damaged(change: impl Fn(&mut Observation)) -> (Verdict, Vec<Flaw>) {
+    let mut o = observe(&[], 17);
+    o.rows.iter_mut().for_each(change);
+    let a = run(&o);
+    (
+        a.json.verdict,
+        a.json.data_quality.iter().map(|q| q.kind).collect(),
+    )
+}
+
+#[test]
+fn constant_readings_are_frozen() {
+    let (verdict, flaws) = damaged(|r| r.co2_ppm = Some(450.0));
+    assert_eq!(verdict, Verdict::None);
+    assert!(flaws.contains(&Flaw::Frozen));
+}
+
+#[test]
+fn a_frozen_stretch_is_masked_and_makes_no_verdict() {
+    let (verdict, flaws) = damaged(|r| {
+        if r.platform == 1 && (200.0..300.0).contains(&r.time_s) {
+            r.co2_ppm = Some(470.0);
+        }
+    });
+    assert!(flaws.contains(&Flaw::Frozen));
+    assert_eq!(verdict, Verdict::None);
+}
+
+#[test]
+fn a_gap_is_reported_and_makes_no_verdict() {
+    let (verdict, flaws) = damaged(|r| {
+        if (200.0..300.0).contains(&r.time_s) {
+            r.co2_ppm = None;
+        }
+    });
+    assert!(flaws.contains(&Flaw::Gap));
+    assert_eq!(verdict, Verdict::None);
+}
+
+#[test]
+fn wrong_units_and_swapped_places_are_suspected_aloud() {
+    for factor in [1e3, 1e-3, 1e-6] {
+        let (verdict, flaws) = damaged(|r| r.co2_ppm = r.co2_ppm.map(|c| c * factor));
+        assert_eq!(verdict, Verdict::None);
+        assert!(flaws.contains(&Flaw::Unit), "factor {factor}");
+    }
+    let (verdict, flaws) = damaged(|r| (r.lat_deg, r.lon_deg) = (r.lon_deg, r.lat_deg));
+    assert_eq!(verdict, Verdict::None);
+    assert!(flaws.contains(&Flaw::Unit));
+}
+
+#[test]
+fn repeated_times_are_left_out_and_said() {
+    let mut o = observe(&[], 18);
+    let again = o.rows[100];
+    o.rows.push(again);
+    let a = run(&o);
+    assert!(
+        a.json.notices.iter().any(|n| n.contains("repeat")),
+        "{:?}",
+        a.json.notices
+    );
+}
+
+#[test]
+fn without_wind_columns_the_scenario_stands_and_says_so() {
+    let mut o = observe(&[], 19);
+    for r in &mut o.rows {
+        (r.wind_speed_m_s, r.wind_from_deg) = (None, None);
+    }
+    let a = run(&o);
+    assert!(a.json.notices.iter().any(|n| n.contains("no wind columns")));
+    assert!(a.json.causes.iter().all(|c| c.probability.is_finite()));
+}
+
+#[test]
+fn ambiguous_answers_propose_a_flight() {
+    let o = observe(&[("background-offset", &[("offset_ppm", 25.0)], &[])], 20);
+    let a = run(&o);
+    if a.json.verdict == Verdict::Ambiguous {
+        let next = a
+            .json
+            .next_flight
+            .expect("an ambiguous answer has a next flight");
+        assert!(next.waypoints.len() > 2 && next.expected_nats >= 0.0);
+    }
+    assert_ne!(a.json.verdict, Verdict::None, "{}", a.json.summary);
+}
+
+#[test]
+fn base_score_tells_how_visible_an_effect_is() {
+    let clean = observe(&[], 21);
+    let hidden = observe(&[("sensor-lag", &[("time_constant_s", 3.0)], &[])], 21);
+    let twin = base_score(&setup(), &clean, None).unwrap();
+    let same = base_score(&setup(), &clean, Some(&twin.noise)).unwrap();
+    let worse = base_score(&setup(), &hidden, Some(&twin.noise)).unwrap();
+    assert!((twin.log_score - same.log_score).abs() < 3.0);
+    assert!(same.log_score - worse.log_score > 20.0);
+}

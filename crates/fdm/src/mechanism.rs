@@ -271,6 +271,20 @@ mod tests {
     }
 
     #[test]
+    fn the_document_tells_every_mechanism_with_its_parameters() {
+        let document = include_str!("../../../docs/mechanisms.md");
+        for spec in CATALOGUE {
+            let row = document
+                .lines()
+                .find(|line| line.starts_with(&format!("| `{}` ", spec.id)))
+                .unwrap_or_else(|| panic!("docs/mechanisms.md lacks {}", spec.id));
+            for parameter in spec.parameters {
+                assert!(row.contains(&format!("`{}`", parameter.name)), "{row}");
+            }
+        }
+    }
+
+    #[test]
     fn files_carry_mechanisms_and_bad_ones_are_refused() {
         let text = include_str!("../../../aircraft/x8.toml");
         let with = |table: &str| Aircraft::from_toml("x8.toml", &format!("{text}\n{table}"));

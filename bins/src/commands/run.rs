@@ -43,6 +43,9 @@ pub struct RunArguments {
     /// Keep the page up after the mission until interrupted
     #[arg(long)]
     pub hold: bool,
+    /// Let the simulated world take up what the reality gap finds in flight
+    #[arg(long)]
+    pub adopt: bool,
     /// Make the last N vehicles of the team stand-ins for real ones, the others simulated
     #[arg(long, value_name = "N")]
     pub real_stand_ins: Option<usize>,
@@ -54,7 +57,8 @@ impl RunArguments {
     /// # Errors
     /// Wrong input, with what was expected.
     pub fn setup(&self) -> Result<Setup, Failure> {
-        let setup = mission_files::load_changed(&self.scenario, self.seed, self.duration)?;
+        let mut setup = mission_files::load_changed(&self.scenario, self.seed, self.duration)?;
+        setup.scenario.gap.adopt |= self.adopt;
         match self.real_stand_ins {
             Some(count) => setup.with_stand_ins(count).map_err(Failure::input),
             None => Ok(setup),

@@ -19,6 +19,7 @@ use scenario::tables::{Search, VehicleKind};
 use crate::ScError;
 use crate::airspace::{Airspace, Ways};
 use crate::fleet::{Fleet, MARGIN_M, Vehicle};
+use crate::live_gap::LiveGap;
 use crate::passes::{Belief, Range};
 use crate::peak::{self, Highest};
 use crate::separation::Separation;
@@ -56,6 +57,7 @@ pub struct SquadronController {
     archive: Archive,
     /// Readings of real vehicles alone: the witnesses of the peak.
     real_archive: Archive,
+    gap: Option<LiveGap>,
     world: Option<World>,
     peak: Option<Highest>,
     generation: u64,
@@ -99,6 +101,7 @@ impl SquadronController {
             .ok_or(no_airspace)?;
         let vehicles = team(scenario, &airspace)?;
         let mut controller = Self {
+            gap: LiveGap::new(scenario).map_err(|e| ScError::Gap(e.to_string()))?,
             id: AgentId::sc(),
             tasks: Tasks::new(&vehicles),
             fleet: Fleet {
@@ -233,6 +236,9 @@ impl SquadronController {
             reading: reading.clone(),
         };
         out.say(Topic::Observation, Message::Observation(observation));
+        if let Some(gap) = &mut self.gap {
+            gap.take(name.as_str(), time, reading);
+        }
     }
 
     fn hear_mode(&mut self, name: &Name, mode: &Mode, out: &mut Outbox) {
@@ -310,6 +316,9 @@ impl SquadronController {
         }
         if phase == Phase::Home {
             self.say_findings(out);
+        }
+        if phase >= Phase::Search {
+            self.say_gap(out);
         }
         self.tasks.start_phase(phase, &self.fleet);
     }
@@ -393,6 +402,14 @@ impl SquadronController {
         out.event(&self.id, Severity::Info, "peak", text);
         let (severity, code, words) = self.witness(found);
         out.event(&self.id, severity, code, words);
+    }
+
+    /// Says what the readings so far tell of the model, and hands over what is to be adopted.
+    fn say_gap(&self, out: &mut Outbox) {
+        if let Some((extension, words)) = self.gap.as_ref().and_then(LiveGap::judge) {
+            out.event(&self.id, Severity::Info, "reality-gap", words);
+            out.say(Topic::Extension, Message::Extension(extension));
+        }
     }
 
     /// What the readings of real vehicles near the peak say of the model there.

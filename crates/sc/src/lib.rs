@@ -9,6 +9,7 @@
 //! - [`airspace`]: fence, height band and keep-outs, and ways around them;
 //! - [`separation`]: vehicles keep apart in height or distance;
 //! - [`fleet`]: the vehicles, where they are and where they are sent;
+//! - [`live_gap`]: what real readings say of the model, in flight;
 //! - [`passes`]: straight passes through the plume;
 //! - [`peak`]: the highest place of a model that may be flown to;
 //! - [`controller`]: the agent and its phases.
@@ -18,6 +19,7 @@
 pub mod airspace;
 pub mod controller;
 pub mod fleet;
+pub mod live_gap;
 pub mod passes;
 pub mod peak;
 pub mod separation;
@@ -36,6 +38,9 @@ pub enum ScError {
     /// A name cannot stand in a key.
     #[error(transparent)]
     Name(#[from] protocol::ProtocolError),
+    /// The model cannot be held against readings.
+    #[error("reality gap: {0}")]
+    Gap(String),
     /// The search cannot be set up.
     #[error(transparent)]
     Search(#[from] csea::CseaError),

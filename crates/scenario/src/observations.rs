@@ -460,7 +460,14 @@ impl Cells<'_> {
         columns: &Columns,
         tally: &mut Tally,
     ) -> Result<[Option<f64>; 6], ObservationError> {
-        let ranges = [A_SPEED, A_NUMBER, A_TEMPERATURE, A_NUMBER, A_PRESSURE, A_SPREAD];
+        let ranges = [
+            A_SPEED,
+            A_NUMBER,
+            A_TEMPERATURE,
+            A_NUMBER,
+            A_PRESSURE,
+            A_SPREAD,
+        ];
         let mut values = [None; 6];
         for (k, cell) in columns.optional.iter().enumerate() {
             if let Some(cell) = *cell {

@@ -45,6 +45,9 @@ pub struct Scenario {
     /// How the team searches.
     #[serde(default)]
     pub search: Search,
+    /// The reality gap in flight.
+    #[serde(default)]
+    pub gap: Gap,
     /// The stand-ins' own world: the same tables, only the keys that differ.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reality: Option<toml::Table>,
@@ -413,6 +416,25 @@ impl Default for Search {
             cone_deg: 45.0,
             step_s: 10.0,
             airspeed_m_s: 18.0,
+        }
+    }
+}
+
+/// `[gap]`: the reality gap in flight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Gap {
+    /// Whether the squadron controller holds the model against real readings during the mission.
+    pub live: bool,
+    /// Whether the world simulator takes up what is found.
+    pub adopt: bool,
+}
+
+impl Default for Gap {
+    fn default() -> Self {
+        Self {
+            live: true,
+            adopt: false,
         }
     }
 }

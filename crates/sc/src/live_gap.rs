@@ -1,0 +1,171 @@
+//! The reality gap in flight: what the readings of real vehicles so far say of the model.
+//!
+//! At the start of the search, of the characterisation and of the way home the readings are
+//! analysed as `plumage gap plume` would analyse them from a file, only lighter. The verdict is
+//! told, and, where the mission is to adopt what is found, handed to the world simulator.
+
+use gap::plume::{Analysis, Options, Setup, analyse};
+use gap::verdict::Verdict;
+use protocol::SimTime;
+use protocol::message::{Extension, MechanismSetting, Reading};
+use scenario::Scenario;
+use scenario::observations::{Observation, Observations};
+
+/// Rows that are kept; when there are more, every second one goes and from then on only half as
+/// many are taken.
+const MOST_ROWS: usize = 1200;
+/// Time between two rows of a platform at first, s.
+const ROW_S: f64 = 1.0;
+
+/// Collects readings of real vehicles and says what they mean.
+pub struct LiveGap {
+    setup: Setup,
+    adopt: bool,
+    observations: Observations,
+    interval_s: f64,
+    last_s: Vec<f64>,
+}
+
+impl LiveGap {
+    /// The live gap of a mission; none where the scenario wants none or nothing real flies.
+    ///
+    /// # Errors
+    /// A scenario that describes no world.
+    pub fn new(scenario: &Scenario) -> Result<Option<Self>, gap::GapError> {
+        if !scenario.gap.live {
+            return Ok(None);
+        }
+        Ok(Some(Self {
+            setup: Setup::new(scenario)?,
+            adopt: scenario.gap.adopt,
+            observations: Observations::default(),
+            interval_s: ROW_S,
+            last_s: Vec::new(),
+        }))
+    }
+
+    /// Takes in a reading of the real vehicle `platform`.
+    pub fn take(&mut self, platform: &str, time: SimTime, reading: &Reading) {
+        let known = self
+            .observations
+            .platforms
+            .iter()
+            .position(|p| p == platform);
+        let platform = known.unwrap_or_else(|| {
+            self.observations.platforms.push(platform.to_owned());
+            self.last_s.push(f64::NEG_INFINITY);
+            self.last_s.len() - 1
+        });
+        if time.s() - self.last_s[platform] < self.interval_s - 1e-6 {
+            return;
+        }
+        self.last_s[platform] = time.s();
+        self.observations.rows.push(Observation {
+            time_s: time.s(),
+            platform,
+            lat_deg: reading.lat_deg,
+            lon_deg: reading.lon_deg,
+            alt_amsl_m: reading.alt_amsl_m,
+            co2_ppm: Some(reading.co2_ppm),
+            wind_speed_m_s: reading.wind_speed_m_s,
+            wind_from_deg: reading.wind_from_deg,
+            temperature_c: reading.temperature_c,
+            relative_humidity_pct: None,
+            pressure_hpa: reading.pressure_hpa,
+            sd_ppm: None,
+        });
+        if self.observations.rows.len() > MOST_ROWS {
+            self.interval_s *= 2.0;
+            let mut seen = vec![0usize; self.observations.platforms.len()];
+            self.observations.rows.retain(|row| {
+                seen[row.platform] += 1;
+                seen[row.platform] % 2 == 1
+            });
+        }
+    }
+
+    /// What the readings so far say: the extension as it goes over the bus, and words for people;
+    /// none before there are readings.
+    pub fn judge(&self) -> Option<(Extension, String)> {
+        if self.observations.rows.is_empty() {
+            return None;
+        }
+        let options = Options {
+            threads: 1,
+            ..Options::live()
+        };
+        let analysis = match analyse(&self.setup, &self.observations, &options, &mut |_| {}) {
+            Ok(analysis) => analysis,
+            Err(e) => {
+                let nothing = Extension {
+                    verdict: "none".to_owned(),
+                    mechanisms: Vec::new(),
+                    adopt: false,
+                };
+                return Some((nothing, format!("the readings so far tell nothing: {e}")));
+            }
+        };
+        let mechanisms: Vec<MechanismSetting> = analysis
+            .extension
+            .iter()
+            .map(|m| MechanismSetting {
+                id: m.id().as_str().to_owned(),
+                platforms: m.platforms().to_vec(),
+                parameters: m
+                    .parameters()
+                    .map(|(name, value)| (name.to_owned(), value))
+                    .collect(),
+            })
+            .collect();
+        let words = words(&analysis, self.observations.rows.len());
+        let adopt = self.adopt && !mechanisms.is_empty();
+        let verdict = name(analysis.json.verdict).to_owned();
+        Some((
+            Extension {
+                verdict,
+                mechanisms,
+                adopt,
+            },
+            words,
+        ))
+    }
+}
+
+/// The verdict as `gap.json` writes it.
+fn name(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::None => "none",
+        Verdict::Named => "named",
+        Verdict::Ambiguous => "ambiguous",
+        Verdict::Unexplained => "unexplained",
+    }
+}
+
+fn words(analysis: &Analysis, rows: usize) -> String {
+    let causes: Vec<String> = analysis
+        .json
+        .causes
+        .iter()
+        .map(|c| {
+            format!(
+                "{} (probability {:.2})",
+                c.mechanisms.join(" or "),
+                c.probability
+            )
+        })
+        .collect();
+    let verdict = match analysis.json.verdict {
+        Verdict::None => "nothing beyond the model's own uncertainty".to_owned(),
+        Verdict::Named => format!("named: {}", causes.join(", ")),
+        Verdict::Ambiguous => format!("ambiguous: {}", causes.join(", ")),
+        Verdict::Unexplained => {
+            let besides = if causes.is_empty() {
+                String::new()
+            } else {
+                format!(" besides {}", causes.join(", "))
+            };
+            format!("something unexplained{besides}")
+        }
+    };
+    format!("reality gap after {rows} real readings: {verdict}")
+}

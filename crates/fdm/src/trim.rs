@@ -97,16 +97,7 @@ pub fn climb(
     if left.is_nan() || left > 1e-9 {
         return Err(refusal("no equilibrium found"));
     }
-    let surfaces = &dynamics.aircraft.surfaces;
-    if !dynamics.flow_is_valid(x[0], 0.0).0 {
-        return Err(refusal("the angle of attack is beyond stall"));
-    }
-    if x[1] < surfaces.min_deg.to_radians() || x[1] > surfaces.max_deg.to_radians() {
-        return Err(refusal("the elevator is at its stop"));
-    }
-    if !(-1e-9..=1.0).contains(&x[2]) && path_rad >= 0.0 {
-        return Err(refusal("the motor is too weak"));
-    }
+    possible(dynamics, &x, path_rad).map_err(refusal)?;
     Ok(Trim {
         airspeed_m_s,
         density_kg_m3,
@@ -115,6 +106,21 @@ pub fn climb(
         elevator_rad: x[1],
         throttle: x[2],
     })
+}
+
+/// Whether the solution (angle of attack, elevator, throttle) can be flown, else why not.
+fn possible(dynamics: &Dynamics, x: &Vector3<f64>, path_rad: f64) -> Result<(), &'static str> {
+    let surfaces = &dynamics.aircraft.surfaces;
+    if !dynamics.flow_is_valid(x[0], 0.0).0 {
+        return Err("the angle of attack is beyond stall");
+    }
+    if x[1] < surfaces.min_deg.to_radians() || x[1] > surfaces.max_deg.to_radians() {
+        return Err("the elevator is at its stop");
+    }
+    if !(-1e-9..=1.0).contains(&x[2]) && path_rad >= 0.0 {
+        return Err("the motor is too weak");
+    }
+    Ok(())
 }
 
 fn calm(density: f64) -> AirState {

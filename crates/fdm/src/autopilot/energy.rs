@@ -102,17 +102,13 @@ impl EnergyLoop {
 
         let potential = climb_angle - climb_now / at.speed;
         let kinetic = (accelerate - acceleration) / g;
-        // Below the slowest speed and above the fastest, pitch serves airspeed alone.
-        let slow =
-            (plant.slowest_m_s + PROTECTION_BAND_M_S - sensed.airspeed_m_s) / PROTECTION_BAND_M_S;
-        let fast = (sensed.airspeed_m_s - plant.fastest_m_s) / PROTECTION_BAND_M_S;
-        let guard = slow.max(fast).clamp(0.0, 1.0);
+        let (guard, slow) = protection(sensed.airspeed_m_s, plant);
         let sum = potential + kinetic;
         let balance = (1.0 - guard) * potential - (1.0 + guard) * kinetic;
 
         let integrate = dt / gains.energy_integral_s;
         let thrust = drag + climb_angle + accelerate / g + gains.energy_damping * sum;
-        let throttle = if slow > 0.0 {
+        let throttle = if slow {
             1.0
         } else {
             plant.throttle_for(&at, thrust)
@@ -158,4 +154,12 @@ impl EnergyLoop {
         self.climb = Some(climb);
         climb
     }
+}
+
+/// How far airspeed protection acts (0 to 1: below the slowest speed and above the fastest, pitch
+/// serves airspeed alone), and whether because it is too slow.
+fn protection(airspeed_m_s: f64, plant: &Plant) -> (f64, bool) {
+    let slow = (plant.slowest_m_s + PROTECTION_BAND_M_S - airspeed_m_s) / PROTECTION_BAND_M_S;
+    let fast = (airspeed_m_s - plant.fastest_m_s) / PROTECTION_BAND_M_S;
+    (slow.max(fast).clamp(0.0, 1.0), slow > 0.0)
 }

@@ -16,6 +16,11 @@ const DECISION: (f64, f64) = (15.0, 15.0);
 /// Descent in the flare per height, 1/s, and at touch-down, m/s.
 const FLARE: (f64, f64) = (0.4, 0.4);
 
+/// Largest bank in the flare, rad.
+const FLARE_BANK_RAD: f64 = 0.1;
+/// Lowest and highest pitch in the flare, rad.
+const FLARE_PITCH_RAD: (f64, f64) = (-0.05, 0.18);
+
 /// Where to land.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct LandingOrder {
@@ -108,19 +113,29 @@ impl Landing {
                     },
                 }
             }
-            Stage::Flare => {
-                let sink = FLARE.0 * height.max(0.0) + FLARE.1;
-                let path = sensed.vel_ned_m_s[2] - sink;
-                let level = plant.at(sensed).alpha_level;
-                Step::Flare {
-                    bank: steering
-                        .line(order.north_m, order.east_m, self.course_rad)
-                        .clamp(-0.1, 0.1),
-                    pitch: (level - sink / sensed.airspeed_m_s.max(5.0)
-                        + path / sensed.airspeed_m_s.max(5.0))
-                    .clamp(-0.05, 0.18),
-                }
-            }
+            Stage::Flare => self.flare(steering, order, plant, height),
+        }
+    }
+
+    /// Wings nearly level, descent fading with height.
+    fn flare(
+        &self,
+        steering: &Steering<'_>,
+        order: &LandingOrder,
+        plant: &Plant,
+        height: f64,
+    ) -> Step {
+        let sensed = steering.sensed;
+        let speed = sensed.airspeed_m_s.max(5.0);
+        let sink = FLARE.0 * height.max(0.0) + FLARE.1;
+        let too_fast = sensed.vel_ned_m_s[2] - sink;
+        let level = plant.at(sensed).alpha_level;
+        Step::Flare {
+            bank: steering
+                .line(order.north_m, order.east_m, self.course_rad)
+                .clamp(-FLARE_BANK_RAD, FLARE_BANK_RAD),
+            pitch: (level - sink / speed + too_fast / speed)
+                .clamp(FLARE_PITCH_RAD.0, FLARE_PITCH_RAD.1),
         }
     }
 

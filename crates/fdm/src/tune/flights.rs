@@ -141,12 +141,23 @@ fn fly(
             ],
         );
     }
-    let total = f64::from(ticks);
+    flown &= stalled <= 0.1;
+    Ok(evaluated(weather, &sums, counted, f64::from(ticks), flown))
+}
+
+/// Root mean squares and cost from the sums of squares: the first three counted `counted` times,
+/// the others `total` times.
+fn evaluated(
+    weather: &Weather,
+    sums: &[f64; 5],
+    counted: f64,
+    total: f64,
+    flown: bool,
+) -> Evaluation {
     let counted: f64 = f64::max(counted, 1.0);
     let rms = |k: usize| (sums[k] / if k < 3 { counted } else { total }).sqrt();
-    flown &= stalled <= 0.1;
     let squares: f64 = (0..5).map(|k| (rms(k) / SCALE[k]).powi(2)).sum();
-    Ok(Evaluation {
+    Evaluation {
         weather: weather.name.clone(),
         height_rms_m: rms(0),
         airspeed_rms_m_s: rms(1),
@@ -155,7 +166,7 @@ fn fly(
         surface_rate_rms_rad_s: rms(4),
         flown,
         cost: squares + if flown { 0.0 } else { NOT_FLOWN },
-    })
+    }
 }
 
 /// Bank and surface motion count always; height, speed and heading once a change had its time.

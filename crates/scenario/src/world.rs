@@ -23,6 +23,9 @@ pub enum WorldError {
     /// The plume, its sensor or a mechanism.
     #[error("{0}")]
     Plume(String),
+    /// A mechanism of flight.
+    #[error("{0}")]
+    Flight(String),
 }
 
 impl From<PlumeError> for WorldError {
@@ -129,12 +132,7 @@ impl Scenario {
         self.mechanisms
             .iter()
             .filter(|m| plume::MechanismId::from_name(&m.id).is_some())
-            .map(|m| {
-                let parameters = m.numbers()?;
-                let named: Vec<(&str, f64)> =
-                    parameters.iter().map(|(n, v)| (n.as_str(), *v)).collect();
-                Ok(plume::Mechanism::new(&m.id, &named)?.for_platforms(&m.platforms))
-            })
+            .map(Mechanism::of_plume)
             .collect()
     }
 
@@ -171,13 +169,44 @@ impl Scenario {
         Ok(self.fence.polygon.iter().map(corner).collect())
     }
 
+    /// The aircraft that the vehicle `id` really is: `aircraft` with the scenario's mechanisms of
+    /// flight.
+    ///
+    /// # Errors
+    /// A mechanism that the flight model refuses.
+    pub fn extend_aircraft(
+        &self,
+        id: &str,
+        aircraft: &fdm::Aircraft,
+    ) -> Result<fdm::Aircraft, WorldError> {
+        let mut extended = aircraft.clone();
+        for mechanism in &self.mechanisms {
+            let mine =
+                mechanism.platforms.is_empty() || mechanism.platforms.iter().any(|p| p == id);
+            if mine && fdm::mechanism::spec(&mechanism.id).is_some() {
+                extended.mechanism.push(mechanism.of_flight()?);
+            }
+        }
+        Ok(extended)
+    }
+
     /// What only the models themselves can check; part of parsing.
     pub(crate) fn check_world(&self) -> Result<(), Refusal> {
         for (k, mechanism) in self.mechanisms.iter().enumerate() {
-            let refuse = |e: String| Refusal::new(format!("mechanism.{k}"), &mechanism.id, e);
-            mechanism.numbers().map_err(|e| refuse(e.to_string()))?;
+            let checked = if fdm::mechanism::spec(&mechanism.id).is_some() {
+                mechanism.of_flight().map(|_| ())
+            } else {
+                mechanism.of_plume().map(|_| ())
+            };
+            checked.map_err(|e| {
+                Refusal::new(
+                    format!("mechanism.{k}"),
+                    &mechanism.id,
+                    format!("another: {e}"),
+                )
+            })?;
         }
-        let refuse = |e: WorldError| Refusal::new("mechanism", "the world", e.to_string());
+        let refuse = |e: WorldError| Refusal::new("site", "this world", format!("another: {e}"));
         let spec = self.world_spec().map_err(refuse)?;
         World::new(spec).map_err(|e| refuse(e.into()))?;
         Ok(())
@@ -185,6 +214,23 @@ impl Scenario {
 }
 
 impl Mechanism {
+    fn of_plume(&self) -> Result<plume::Mechanism, WorldError> {
+        let parameters = self.numbers()?;
+        let named: Vec<(&str, f64)> = parameters.iter().map(|(n, v)| (n.as_str(), *v)).collect();
+        Ok(plume::Mechanism::new(&self.id, &named)?.for_platforms(&self.platforms))
+    }
+
+    fn of_flight(&self) -> Result<fdm::mechanism::Mechanism, WorldError> {
+        let mechanism = fdm::mechanism::Mechanism {
+            id: self.id.clone(),
+            parameters: self.numbers()?.into_iter().collect(),
+        };
+        mechanism
+            .values()
+            .map_err(|e| WorldError::Flight(e.to_string()))?;
+        Ok(mechanism)
+    }
+
     /// Its parameters as numbers.
     ///
     /// # Errors

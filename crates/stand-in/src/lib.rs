@@ -94,7 +94,7 @@ impl StandInConfig {
     pub fn from_scenario(
         scenario: &Scenario,
         index: usize,
-        mut aircraft: Aircraft,
+        aircraft: Aircraft,
     ) -> Result<Self, StandInError> {
         let vehicle = scenario
             .vehicles
@@ -104,15 +104,9 @@ impl StandInConfig {
         // The aircraft stands where the team believes its home to be.
         let home = scenario.home(index).map_err(refuse)?;
         let reality = scenario.in_reality();
-        for mechanism in &reality.mechanisms {
-            let mine = mechanism.platforms.is_empty() || mechanism.platforms.contains(&vehicle.id);
-            if mine && fdm::mechanism::spec(&mechanism.id).is_some() {
-                aircraft.mechanism.push(fdm::mechanism::Mechanism {
-                    id: mechanism.id.clone(),
-                    parameters: mechanism.numbers().map_err(refuse)?.into_iter().collect(),
-                });
-            }
-        }
+        let aircraft = reality
+            .extend_aircraft(&vehicle.id, &aircraft)
+            .map_err(refuse)?;
         let world = reality.world().map_err(refuse)?;
         let home_amsl_m = reality.site.ground_amsl_m;
         let home_air = world.spec().atmosphere.at(home_amsl_m);

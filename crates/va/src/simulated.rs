@@ -74,6 +74,7 @@ impl SimulatedBody {
             .vehicles
             .get(index)
             .ok_or_else(|| VaError::NoSuchVehicle(index.to_string()))?;
+        let aircraft = &scenario.extend_aircraft(&vehicle.id, aircraft)?;
         let frame = scenario.frame()?;
         let home = scenario.home(index)?;
         let home = frame.to_enu(Geodetic {

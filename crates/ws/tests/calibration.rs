@@ -181,3 +181,23 @@ fn clean_air_alone_tells_the_background_and_little_else() {
     );
     assert!(found.effective_height_agl_m.sd > 40.0);
 }
+
+/// One pass that grazes the plume far below its axis tells little of its height and spread, and
+/// must not be read as telling much.
+#[test]
+fn a_grazing_pass_alone_stays_near_the_prior() {
+    for seed in 1..=8 {
+        let mut c = calibrator();
+        fly(&mut c, &[1500.0], &[470.0], &mut stream(seed, "graze"));
+        c.update().unwrap();
+        let found = c.calibrated();
+        assert!(
+            (300.0..700.0).contains(&found.effective_height_agl_m.value),
+            "seed {seed}: {found:?}"
+        );
+        assert!(
+            (0.3..3.0).contains(&found.sigma_z_scale.value),
+            "seed {seed}: {found:?}"
+        );
+    }
+}

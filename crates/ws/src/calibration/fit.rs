@@ -13,6 +13,8 @@ const PLUME_SHARE: f64 = 0.08;
 const FLOOR_PPM: f64 = 1.5;
 /// Standardised misfits beyond this count linearly, not by their square (Huber 1964).
 const HUBER: f64 = 2.5;
+/// Prior standard deviations that make a surprise.
+const FAR: f64 = 3.5;
 const MOST_ITERATIONS: usize = 12;
 /// Coarse search: reach in prior standard deviations and number of points on each side.
 const SEARCH_REACH: f64 = 3.0;
@@ -76,6 +78,11 @@ impl<'a> Problem<'a> {
             }
         }
         Ok(best.1)
+    }
+
+    /// Whether an unknown lies farther from its prior than a surprise of one in 2000.
+    pub fn is_far_from_prior(&self, at: &DVector<f64>) -> bool {
+        (0..at.len()).any(|k| (at[k] - self.prior_mean[k]).abs() > FAR * self.prior_sd[k])
     }
 
     /// Estimate, covariance and cost there, from `start`.

@@ -176,7 +176,15 @@ impl Calibrator {
         } else {
             problem.search(&self.estimate)?
         };
-        let (estimate, covariance, cost) = problem.fit(start)?;
+        let mut best = problem.fit(start)?;
+        if problem.is_far_from_prior(&best.0) {
+            // Rather a wrong valley than a surprise: the way from the prior is tried too.
+            let other = problem.fit(problem.search(&self.unknowns.prior_mean())?)?;
+            if other.2 < best.2 {
+                best = other;
+            }
+        }
+        let (estimate, covariance, cost) = best;
         self.estimate = estimate;
         self.covariance = covariance;
         self.cost = cost;

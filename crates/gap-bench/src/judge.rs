@@ -2,6 +2,7 @@
 
 use gap::plume::{Analysis, Options, analyse};
 use gap::verdict::{Cause, Verdict};
+use gap_truth::case::DamageKind;
 use gap_truth::mutation::mutate;
 use gap_truth::{Effect, Forward, Truth};
 
@@ -152,11 +153,17 @@ fn compare(outcome: &mut Outcome, truth: &Truth, analysis: &Analysis) {
             json.causes.iter().any(|c| right(&c))
         })
         .count();
+    // A ceiling is what saturation is, wherever it comes from.
+    let clipped = outcome.task.kind == Kind::Damaged(DamageKind::Clipped);
+    let is_right = |c: &Cause| {
+        hidden.iter().any(|e| holds(c, *e))
+            || (clipped && names(Effect::SensorSaturation, &c.mechanisms[0]))
+    };
     outcome.confidently_wrong = matches!(json.verdict, Verdict::Named)
         && json
             .causes
             .iter()
-            .any(|c| c.mechanisms.len() == 1 && !hidden.iter().any(|e| holds(c, *e)));
+            .any(|c| c.mechanisms.len() == 1 && !is_right(c));
     let sizes: Vec<f64> = json
         .causes
         .iter()

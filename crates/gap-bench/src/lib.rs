@@ -57,10 +57,19 @@ pub fn run(seeds: u64, progress: &(dyn Fn(usize, usize) + Sync)) -> Summary {
 pub fn run_with(options: &Options, progress: &(dyn Fn(usize, usize) + Sync)) -> Summary {
     let mut tasks = plan(options.seeds, options.first_seed);
     tasks.retain(|t| t.row().contains(&options.only));
+    Summary::new(options.seeds, run_tasks(&tasks, options.threads, progress))
+}
+
+/// Judges `tasks` on `threads` threads; the outcomes are in the order of the tasks.
+pub fn run_tasks(
+    tasks: &[Task],
+    threads: usize,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Vec<Outcome> {
     let outcomes: Vec<Mutex<Option<Outcome>>> = tasks.iter().map(|_| Mutex::new(None)).collect();
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     std::thread::scope(|scope| {
-        for _ in 0..options.threads.max(1) {
+        for _ in 0..threads.max(1) {
             scope.spawn(|| {
                 loop {
                     let i = next.fetch_add(1, Ordering::Relaxed);
@@ -74,9 +83,8 @@ pub fn run_with(options: &Options, progress: &(dyn Fn(usize, usize) + Sync)) -> 
             });
         }
     });
-    let outcomes = outcomes
+    outcomes
         .into_iter()
         .filter_map(|o| o.into_inner().ok().flatten())
-        .collect();
-    Summary::new(options.seeds, outcomes)
+        .collect()
 }

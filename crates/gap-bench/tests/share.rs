@@ -1,0 +1,92 @@
+//! A small fixed share of the benchmark, with the same bars.
+
+use gap_bench::{Outcome, Summary, Task, plan, run_tasks};
+use gap_truth::NoiseForm;
+
+/// The first `count` tasks of every row that `wanted` picks.
+fn share(wanted: impl Fn(&str) -> bool, count: usize) -> Summary {
+    let mut seen: Vec<(String, usize)> = Vec::new();
+    let tasks: Vec<Task> = plan(1, 0)
+        .into_iter()
+        .filter(|t| {
+            let row = t.row();
+            let at = seen.iter().position(|s| s.0 == row).unwrap_or_else(|| {
+                seen.push((row.clone(), 0));
+                seen.len() - 1
+            });
+            seen[at].1 += 1;
+            wanted(&row) && seen[at].1 <= count
+        })
+        .collect();
+    let outcomes = run_tasks(&tasks, 2, &|_, _| {});
+    assert!(outcomes.iter().all(|o| o.error.is_none()), "{outcomes:?}");
+    Summary::new(1, outcomes)
+}
+
+// At most 1 % and 3 % false alarms: of 12 each, more than one has a chance below 1 % and 5 %.
+#[test]
+fn nothing_is_found_where_nothing_is_hidden() {
+    let summary = share(|row| row.starts_with("none"), 12);
+    for noise in [NoiseForm::Usual, NoiseForm::Unusual] {
+        let alarms = summary.false_alarms(noise);
+        assert!(
+            alarms.of == 12 && alarms.hits <= 1,
+            "{}",
+            summary.to_markdown()
+        );
+    }
+}
+
+// Detected 99 %, in the set 98 %, wrong with confidence 1 %: of ten, more than one miss of a kind
+// has a chance below 2 %.
+#[test]
+fn what_is_hidden_is_found() {
+    let rows = [
+        "wind-direction-drift, D = 60",
+        "wind-veer-with-height, D = 60",
+        "sigma-z-scale, D = 60",
+        "effective-height-offset, D = 60",
+        "emission-trend, D = 60",
+        "second-source, D = 60",
+        "background-drift, D = 60",
+        "sensor-lag, D = 60",
+        "sensor-offset, D = 60",
+        "position-offset, D = 60",
+    ];
+    let summary = share(|row| rows.contains(&row), 1);
+    let cases: Vec<&Outcome> = summary.one(60.0);
+    assert!(cases.len() >= 8, "{}", summary.to_markdown());
+    let missed = cases.len() - Summary::detected(&cases).hits;
+    let in_set = Summary::in_set(&cases);
+    let wrong = Summary::confidently_wrong(&cases).hits;
+    let good = missed <= 1 && in_set.of - in_set.hits <= 1 && wrong <= 1;
+    assert!(good, "{}", summary.to_markdown());
+}
+
+// Frozen, clipped and silent sensors are said.
+#[test]
+fn damage_is_said() {
+    let summary = share(|row| row.starts_with("damaged"), 1);
+    for outcome in &summary.outcomes {
+        let kind = outcome.task.row().replace("damaged: ", "");
+        assert!(
+            outcome.flaws.iter().any(|f| f.0 == kind),
+            "{kind}: {:?}",
+            outcome.flaws
+        );
+    }
+}
+
+// A changed unit or order of coordinates is said, shuffled readings do not pass for none.
+#[test]
+fn changed_files_are_noticed() {
+    let summary = share(|row| row.starts_with("mutated"), 1);
+    for outcome in &summary.outcomes {
+        let unit = outcome.flaws.iter().any(|f| f.0 == "unit");
+        assert!(
+            unit || outcome.detected(),
+            "{}: {outcome:?}",
+            outcome.task.row()
+        );
+    }
+}

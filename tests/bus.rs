@@ -1,5 +1,11 @@
 //! Garbage, foreign senders and other wire versions on the bus are told of and do no harm.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test may fail by a panic"
+)]
+
 use protocol::key::Name;
 use protocol::message::{EventMessage, Severity};
 use protocol::net::{Net, NetOptions};

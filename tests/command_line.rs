@@ -1,5 +1,11 @@
 //! `plumage` as its users meet it: outputs, exit codes, and what it says to bad input.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test may fail by a panic"
+)]
+
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -1,5 +1,11 @@
 //! The same scenario and seed give the same digest in one process, in eight, and from a file.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test may fail by a panic"
+)]
+
 use mission::{Run, Setup};
 use std::net::TcpListener;
 use std::process::{Child, Command, Stdio};

@@ -1,5 +1,11 @@
 //! The reference mission finds the plume: a fixed share of what `plumage campaign` measures.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test may fail by a panic"
+)]
+
 use mission::Setup;
 use mission::campaign::{self, Campaign, FOUND_WITHIN_M};
 use record::summary::CORRECTED;

@@ -1,5 +1,11 @@
 //! The pure crates stay pure: their dependency trees hold no async runtime and no bus.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test may fail by a panic"
+)]
+
 use std::process::Command;
 
 fn tree(package: &str) -> String {

@@ -182,10 +182,10 @@ async fn fly_in_real_time(
         setup.tick_ns(),
         until,
         |member, _, _| {
-            if let (Some(link), Member::Real(vehicle)) = (&mut link, member) {
-                if let Some(buffers) = vehicle.link() {
-                    serve_link(link, buffers);
-                }
+            if let (Some(link), Member::Real(vehicle)) = (&mut link, member)
+                && let Some(buffers) = vehicle.link()
+            {
+                serve_link(link, buffers);
             }
         },
     )

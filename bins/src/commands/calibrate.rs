@@ -36,13 +36,13 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     let observations = measured::load(&arguments.observations)?;
     measured::tell(&observations.notices);
     let reference = arguments.reference.as_deref();
-    if let Some(reference) = reference {
-        if !observations.platforms.iter().any(|p| p == reference) {
-            let known = observations.platforms.join(", ");
-            return Err(Failure::usage(format!(
-                "--reference {reference}: expected one of {known}"
-            )));
-        }
+    if let Some(reference) = reference
+        && !observations.platforms.iter().any(|p| p == reference)
+    {
+        let known = observations.platforms.join(", ");
+        return Err(Failure::usage(format!(
+            "--reference {reference}: expected one of {known}"
+        )));
     }
     let offline =
         offline::calibrate(&setup.scenario, &observations, reference).map_err(Failure::input)?;

@@ -29,6 +29,7 @@ pub struct PlumeArguments {
     /// Scenario that describes the site and the base model (TOML)
     #[arg(long, value_name = "FILE")]
     pub scenario: PathBuf,
+    /// Where the answers go
     #[command(flatten)]
     pub output: OutputArguments,
 }
@@ -45,6 +46,7 @@ pub struct TracerArguments {
     /// Samplers on towers: towers.csv
     #[arg(long, value_name = "FILE")]
     pub towers: Option<PathBuf>,
+    /// Where the answers go
     #[command(flatten)]
     pub output: OutputArguments,
 }

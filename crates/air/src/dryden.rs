@@ -130,16 +130,16 @@ mod tests {
             let mut sum_sq = [0.0; 3];
             for _ in 0..n {
                 let g = gust.step(dt, 20.0, &turbulence, &mut rng);
-                for k in 0..3 {
-                    sum_sq[k] += g[k] * g[k];
+                for (sum, g) in sum_sq.iter_mut().zip(g) {
+                    *sum += g * g;
                 }
             }
-            for k in 0..3 {
-                let sd = (sum_sq[k] / n as f64).sqrt();
+            for (sum, sigma) in sum_sq.iter().zip(turbulence.sigma_m_s) {
+                let sd = (sum / n as f64).sqrt();
                 // 40,000 s hold at least 2,000 independent gusts: 5 % is over three standard errors.
                 assert!(
-                    (sd / turbulence.sigma_m_s[k] - 1.0).abs() < 0.05,
-                    "dt {dt} {k}: {sd}"
+                    (sd / sigma - 1.0).abs() < 0.05,
+                    "step {dt} s: {sd} for {sigma}"
                 );
             }
         }

@@ -1,6 +1,12 @@
 //! The model is corrected by readings that another code made: a Gaussian plume written out here
 //! from Briggs' (1973) class D, with a lagging, noisy sensor, flown on crosswind passes.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test may fail by a panic"
+)]
+
 use plume::Place;
 use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};

@@ -129,6 +129,9 @@ fn a_hidden_growth_is_named_with_its_size() {
     );
     assert!((p.value - 0.35).abs() < 3.0 * p.sd && p.sd < 0.08, "{p:?}");
     assert!(report.gap.summary.contains("faster"));
+    let extended = scenario::Scenario::parse("extended.toml", &report.extended_toml).unwrap();
+    assert!(extended.mechanisms.iter().any(|m| m.id == "sigma-z-growth"));
+    assert!(extended.world().is_ok());
 }
 
 #[test]
@@ -208,6 +211,47 @@ fn bad_tables_are_refused_with_line_and_column() {
         .unwrap_err()
         .to_string();
     assert!(error.contains("at least 4"), "{error}");
+}
+
+#[test]
+fn trials_without_deviation_of_azimuth_keep_briggs_width() {
+    let mut tables = made(
+        Hidden {
+            growth: 0.35,
+            ..Hidden::default()
+        },
+        false,
+        9,
+    );
+    for trial in &mut tables.trials {
+        trial.sigma_azimuth_deg = None;
+    }
+    let report = report(&tables);
+    assert_eq!(
+        vertical(&report),
+        ["sigma-z-growth"],
+        "{}",
+        report.gap.summary
+    );
+    assert!(report.gap.gain.unwrap().held_out.nmse_after.is_finite());
+    // One trial alone without it, where the others' widths follow it.
+    let mut tables = made(
+        Hidden {
+            azimuth: true,
+            ..Hidden::default()
+        },
+        false,
+        8,
+    );
+    tables.trials[3].sigma_azimuth_deg = None;
+    let report = analyse(&tables, 1, &mut |_| {}).unwrap();
+    assert!(
+        report
+            .tracer
+            .arcs
+            .iter()
+            .all(|a| a.held_out_max_mg_m3.is_finite())
+    );
 }
 
 fn prairie_grass(with_towers: bool) -> Option<Tables> {

@@ -108,21 +108,22 @@ fn peak(log_integrated: f64, log_width: f64) -> f64 {
 }
 
 /// Mean over models by their probability without trial `i`; models that cannot predict here
-/// pass their share on.
+/// pass their share on, evenly if they had all of it.
 fn averaged(
     scored: &[(usize, Scored)],
     i: usize,
     predict: impl Fn(usize, &[f64]) -> Option<f64>,
 ) -> f64 {
-    let mut sum = 0.0;
-    let mut weight = 0.0;
-    for (index, s) in scored {
-        if let Some(value) = predict(*index, &s.theta_without[i]) {
-            sum += s.weight_without[i] * value;
-            weight += s.weight_without[i];
-        }
+    let values: Vec<(f64, f64)> = scored
+        .iter()
+        .filter_map(|(m, s)| Some((s.weight_without[i], predict(*m, &s.theta_without[i])?)))
+        .collect();
+    let weight: f64 = values.iter().map(|v| v.0).sum();
+    if weight > 0.0 {
+        values.iter().map(|v| v.0 * v.1).sum::<f64>() / weight
+    } else {
+        values.iter().map(|v| v.1).sum::<f64>() / values.len() as f64
     }
-    sum / weight
 }
 
 /// Every arc with the base's prediction and that from the other trials.

@@ -4,7 +4,7 @@ use gap::plume::{Analysis, Options, analyse};
 use gap::verdict::{Cause, Verdict};
 use gap_truth::case::DamageKind;
 use gap_truth::mutation::mutate;
-use gap_truth::{Effect, Forward, Truth};
+use gap_truth::{Effect, Forward, TrueEffect, Truth};
 
 use crate::plan::{Kind, Task};
 use crate::tune;
@@ -32,8 +32,8 @@ pub struct Outcome {
     pub named: usize,
     /// Mean size of the sets that hold a hidden effect, what cannot be told from it not counted.
     pub set_size: Option<f64>,
-    /// A single name that is not a hidden effect, nor one that cannot be told from it, in a
-    /// verdict that claims to be sure.
+    /// A cause of a single name that is not a hidden effect, nor one that cannot be told from it,
+    /// in a verdict that does not say that something is unexplained.
     pub confidently_wrong: bool,
     /// The stated probability of the first cause, and whether it holds a hidden effect.
     pub stated: Option<(f64, bool)>,
@@ -111,9 +111,22 @@ fn answer(task: &Task) -> Result<Option<(f64, Truth, Analysis)>, String> {
     Ok(Some((tuned.nats, tuned.case.truth, analysis)))
 }
 
-/// Whether `id` names `effect` or what no such data tell from it.
-fn names(effect: Effect, id: &str) -> bool {
-    effect.id() == id || effect.inseparable_from().iter().any(|e| e.id() == id)
+/// Whether `id` names the effect or what no such data tell from it.
+fn names(truth: &TrueEffect, id: &str) -> bool {
+    let like = truth.effect.inseparable_from(truth.platforms.is_empty());
+    truth.effect.id() == id || like.iter().any(|e| e.id() == id)
+}
+
+/// Whether a cause holds the effect.
+fn holds(cause: &Cause, truth: &TrueEffect) -> bool {
+    cause.mechanisms.iter().any(|id| names(truth, id))
+}
+
+/// Whether a cause holds nothing but the effect and what cannot be told from it, on its
+/// platforms.
+fn alone(cause: &Cause, truth: &TrueEffect) -> bool {
+    cause.mechanisms.iter().all(|id| names(truth, id))
+        && (truth.platforms.is_empty() || cause.platforms == truth.platforms)
 }
 
 fn compare(outcome: &mut Outcome, truth: &Truth, analysis: &Analysis) {
@@ -130,54 +143,42 @@ fn compare(outcome: &mut Outcome, truth: &Truth, analysis: &Analysis) {
         .gain
         .as_ref()
         .map(|g| g.held_out.log_score_after - g.held_out.log_score_before);
-    let hidden: Vec<Effect> = truth
+    let causes = &json.causes;
+    let hidden: Vec<&TrueEffect> = truth
         .effects
         .iter()
-        .map(|e| e.effect)
-        .filter(|e| e.in_catalogue())
+        .filter(|e| e.effect.in_catalogue())
         .collect();
-    let holds = |c: &Cause, e: Effect| c.mechanisms.iter().any(|id| names(e, id));
-    outcome.in_sets = hidden
-        .iter()
-        .filter(|e| json.causes.iter().any(|c| holds(c, **e)))
-        .count();
-    // A cause is alone if what it holds besides cannot be told from it.
-    let alone = |c: &Cause, e: Effect| c.mechanisms.iter().all(|id| names(e, id));
-    outcome.named = truth
-        .effects
-        .iter()
-        .filter(|t| {
-            let right = |c: &&Cause| {
-                alone(c, t.effect) && (t.platforms.is_empty() || c.platforms == t.platforms)
-            };
-            json.causes.iter().any(|c| right(&c))
-        })
-        .count();
+    let counted = |right: fn(&Cause, &TrueEffect) -> bool| {
+        hidden
+            .iter()
+            .filter(|e| causes.iter().any(|c| right(c, e)))
+            .count()
+    };
+    outcome.in_sets = counted(holds);
+    outcome.named = counted(alone);
     // A ceiling is what saturation is, wherever it comes from.
     let clipped = outcome.task.kind == Kind::Damaged(DamageKind::Clipped);
     let is_right = |c: &Cause| {
-        hidden.iter().any(|e| holds(c, *e))
-            || (clipped && names(Effect::SensorSaturation, &c.mechanisms[0]))
+        hidden.iter().any(|e| holds(c, e))
+            || (clipped && c.mechanisms[0] == Effect::SensorSaturation.id())
     };
-    outcome.confidently_wrong = matches!(json.verdict, Verdict::Named)
-        && json
-            .causes
+    outcome.confidently_wrong = json.verdict != Verdict::Unexplained
+        && causes
             .iter()
             .any(|c| c.mechanisms.len() == 1 && !is_right(c));
-    let sizes: Vec<f64> = json
-        .causes
+    let sizes: Vec<f64> = causes
         .iter()
         .filter_map(|c| {
-            let effect = hidden.iter().find(|e| holds(c, **e))?;
-            let others = c.mechanisms.iter().filter(|id| !names(*effect, id)).count();
+            let effect = hidden.iter().find(|e| holds(c, e))?;
+            let others = c.mechanisms.iter().filter(|id| !names(effect, id)).count();
             Some(1.0 + others as f64)
         })
         .collect();
     outcome.set_size = (!sizes.is_empty()).then(|| sizes.iter().sum::<f64>() / sizes.len() as f64);
-    outcome.stated = json
-        .causes
+    outcome.stated = causes
         .first()
-        .map(|c| (c.probability, hidden.iter().any(|e| holds(c, *e))));
+        .map(|c| (c.probability, hidden.iter().any(|e| holds(c, e))));
     outcome.covered = coverage(truth, &json.causes);
 }
 

@@ -181,15 +181,23 @@ impl Effect {
             || matches!(self, E::SecondSensorDeadTime | E::SensorWaves)
     }
 
-    /// Effects that no data of this kind tell from it: a set with them is as good as one name.
-    pub fn inseparable_from(self) -> &'static [Effect] {
+    /// Effects that no data of this kind tell from it, when it acts on all platforms or on one
+    /// alone: a set with them is as good as one name. Emission and wind speed enter as a ratio; a
+    /// level of the sensors of a whole team is a level of the air; a shift of all logged places is
+    /// one of the source.
+    pub fn inseparable_from(self, of_all: bool) -> &'static [Effect] {
         match self {
             E::EmissionScale => &[E::WindSpeedScale],
             E::WindSpeedScale => &[E::EmissionScale],
             E::BackgroundOffset => &[E::SensorOffset, E::SensorGain],
-            E::SensorOffset => &[E::BackgroundOffset, E::SensorGain],
             E::BackgroundDrift => &[E::SensorDrift],
-            E::SensorDrift => &[E::BackgroundDrift],
+            E::SourcePositionOffset => &[E::PositionOffset],
+            E::EffectiveHeightOffset => &[E::AltitudeOffset],
+            E::SensorOffset if of_all => &[E::BackgroundOffset, E::SensorGain],
+            E::SensorOffset => &[E::SensorGain],
+            E::SensorDrift if of_all => &[E::BackgroundDrift],
+            E::PositionOffset if of_all => &[E::SourcePositionOffset],
+            E::AltitudeOffset if of_all => &[E::EffectiveHeightOffset],
             _ => &[],
         }
     }

@@ -279,9 +279,8 @@ impl Start {
                 if p.default.is_some() {
                     continue;
                 }
-                values[k] = if self.id == MechanismId::SecondSource && k < 2 {
-                    end[k]
-                } else if !p.neutral.is_finite() {
+                let place = self.id == MechanismId::SecondSource && k < 2;
+                values[k] = if place || !p.neutral.is_finite() {
                     end[k]
                 } else if end[k] == p.neutral {
                     values[k]

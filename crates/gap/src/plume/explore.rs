@@ -15,11 +15,11 @@ pub(crate) const FALSE_ALARM: f64 = 0.001;
 /// Most mechanisms that are fitted under fixed noise.
 const MOST_FITTED: usize = 14;
 /// Most mechanisms whose noise is fitted too.
-const MOST_REFINED: usize = 5;
+const MOST_REFINED: usize = 8;
 /// How far below the best one is still fitted, nats.
 const WITHIN_NATS: f64 = 14.0;
 /// How far below the best one is still refined, nats.
-const REFINE_WITHIN_NATS: f64 = 8.0;
+const REFINE_WITHIN_NATS: f64 = 12.0;
 /// Evidence is taken as this power: the noise model and Laplace's approximation are not exact,
 /// and stated probabilities must be right.
 pub(crate) const TEMPER: f64 = 0.8;
@@ -203,9 +203,18 @@ fn fit_trials(ctx: &Context<'_>, null: &Fitted, trials: Vec<Trial>) -> Vec<Tried
         .filter(|k| tried[*k].0.log_evidence > best - REFINE_WITHIN_NATS)
         .take(MOST_REFINED)
         .collect();
-    let refined = parallel::map(&refine, ctx.threads, |k| {
-        single.refine(tried[*k].1.clone(), 1, 4)
+    // The best is refined first; the others start from its noise too, since under the base the
+    // noise has grown by what they explain.
+    let lead = refine
+        .first()
+        .map(|k| ctx.refine(tried[*k].1.clone(), 2, 6));
+    let rest = refine.get(1..).unwrap_or_default();
+    let followers = parallel::map(rest, ctx.threads, |k| {
+        let from = tried[*k].1.clone();
+        let noise = lead.as_ref().map_or(from.noise, |l| l.noise);
+        single.refine(Fitted { noise, ..from }, 1, 4)
     });
+    let refined: Vec<Fitted> = lead.into_iter().chain(followers).collect();
     for (k, f) in refine.iter().zip(refined) {
         let t = &mut tried[*k].0;
         let weight = trials

@@ -1,7 +1,7 @@
 //! Naming: round after round until the data ask for no more; then every accepted cause is put
 //! to the test again with the others in place, which gives its set and its probability.
 
-use ::plume::mechanism::{Coordinate, Mechanism, MechanismId};
+use ::plume::mechanism::{Coordinate, Family, Mechanism, MechanismId};
 
 use super::Options;
 use super::explore::{self, Round, Tried};
@@ -19,7 +19,9 @@ const RIVAL_MARGIN: f64 = 3.0;
 /// effects, and weak ones of many forms are everywhere, nats.
 const RIVAL_MORE: f64 = 6.0;
 /// Part of its gain in log score that a name must keep on blocks left out.
-const KEEP_PART: f64 = 0.25;
+const KEEP_PART: f64 = 0.15;
+/// What a full fit must gain beyond the screen's threshold to count by itself, nats.
+const REFIT_MARGIN: f64 = 4.0;
 /// Probability that all names together must have against the base and nameless rivals.
 const NAMES_AT: f64 = 0.5;
 /// Least gain of the log evidence for a name, nats.
@@ -138,7 +140,15 @@ pub(crate) fn name(
 /// Whether a round calls for a name, and which.
 fn called_for(round: &Round) -> Option<&Tried> {
     let best = round.tried.first()?;
-    let calls = round.best_gain > round.threshold
+    // Under a base whose noise has grown the screen sees less than the full fit gains. Not so
+    // for the wind, whose own error is part of the noise: there the screen must see it.
+    let refit = if best.id.spec().family == Family::Wind {
+        0.0
+    } else {
+        best.log_evidence - REFIT_MARGIN
+    };
+    let seen = round.best_gain.max(refit);
+    let calls = seen > round.threshold
         && best.log_score > 0.8 * round.threshold
         && best.log_evidence > LEAST_EVIDENCE
         && best.fitted.is_some()

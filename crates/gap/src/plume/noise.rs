@@ -313,17 +313,16 @@ impl Whitener {
             for (lane, column) in group.iter().enumerate() {
                 row[lane] = column[i];
             }
+            let [a, b, c] = &mut mean;
             for lane in 0..LANES {
-                for k in 0..STATES {
-                    mean[k][lane] *= s.keep[k];
-                }
-                let expected = s.load[0] * mean[0][lane]
-                    + s.load[1] * mean[1][lane]
-                    + s.load[2] * mean[2][lane];
+                a[lane] *= s.keep[0];
+                b[lane] *= s.keep[1];
+                c[lane] *= s.keep[2];
+                let expected = s.load[0] * a[lane] + s.load[1] * b[lane] + s.load[2] * c[lane];
                 let innovation = row[lane] - expected;
-                for k in 0..STATES {
-                    mean[k][lane] += s.gain[k] * innovation;
-                }
+                a[lane] += s.gain[0] * innovation;
+                b[lane] += s.gain[1] * innovation;
+                c[lane] += s.gain[2] * innovation;
                 row[lane] = innovation * s.inv_sd;
             }
             for (lane, column) in group.iter_mut().enumerate() {

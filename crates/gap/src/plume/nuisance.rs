@@ -24,6 +24,9 @@ const SHARED_PRIOR: (f64, f64) = (0.25, 0.7);
 /// Largest shared swing where the wind is logged, degrees: more is a finding.
 const SHARED_MOST_DEG: f64 = 1.0;
 
+/// Swing at the very start, whose wind came before the record, degrees.
+const EARLY_DEG: f64 = 1.0;
+
 /// Mechanisms of which a little is always there: a step, and one standard deviation in steps.
 const TOLERATED: [(MechanismId, usize, f64, f64); 7] = [
     // Unresolved swings: variance is linear in the square of the angle.
@@ -41,8 +44,9 @@ const TOLERATED: [(MechanismId, usize, f64, f64); 7] = [
 pub(crate) struct Nuisance {
     pub raw: Vec<Vec<f64>>,
     pub sd: Vec<f64>,
-    /// How many of them are hats of the shared swing; they stand first.
-    hats: usize,
+    /// Swing allowed at the hats of the shared swing, which stand first, because the wind before
+    /// the record is not known, degrees.
+    early_deg: Vec<f64>,
 }
 
 impl Nuisance {
@@ -56,7 +60,11 @@ impl Nuisance {
     ) -> Self {
         let mut raw = hats(ctx, loading);
         let hats = raw.len();
-        let mut sd = vec![noise.shared_swing_deg; hats];
+        let early_deg = early(ctx, hats);
+        let mut sd: Vec<f64> = early_deg
+            .iter()
+            .map(|e| e.hypot(noise.shared_swing_deg))
+            .collect();
         for (id, which, step, size) in TOLERATED {
             let mut moved = model.clone();
             let mut values = super::model::defaults(id);
@@ -74,15 +82,39 @@ impl Nuisance {
             raw.push(column);
             sd.push(size);
         }
-        Self { raw, sd, hats }
+        Self { raw, sd, early_deg }
     }
 }
 
 impl Nuisance {
     /// Gives the shared swing another size, degrees.
     pub fn resize_swing(&mut self, size_deg: f64) {
-        self.sd[..self.hats].fill(size_deg);
+        for (sd, early) in self.sd.iter_mut().zip(&self.early_deg) {
+            *sd = early.hypot(size_deg);
+        }
     }
+}
+
+/// What a plume that left its source before the record began may be off by at each hat: it fades
+/// as the record comes to cover the plume's time on its way.
+fn early(ctx: &Context<'_>, hats: usize) -> Vec<f64> {
+    let (from, to) = ctx.data.span_s();
+    let track = &ctx.data.track;
+    let source = ctx.setup.base.sources[0].place;
+    let n = track.len().max(1) as f64;
+    let (mut distance, mut speed) = (0.0, 0.0);
+    for i in 0..track.len() {
+        let p = track.place(i);
+        distance += (p.east_m - source.east_m).hypot(p.north_m - source.north_m) / n;
+        speed += track.transport()[i].speed_m_s / n;
+    }
+    let way_s = distance / speed.max(0.5);
+    (0..hats)
+        .map(|k| {
+            let since = (to - from) * k as f64 / (hats - 1).max(1) as f64;
+            EARLY_DEG * (1.0 - since / way_s).max(0.0)
+        })
+        .collect()
 }
 
 fn hats(ctx: &Context<'_>, loading: &[Loading]) -> Vec<Vec<f64>> {
@@ -197,18 +229,12 @@ impl Metric {
 
     /// The size of the shared swing that the residual asks for, degrees.
     pub fn shared_swing_deg(&self, whitened: &[f64], logged: bool) -> f64 {
-        let n = self.nuisance.hats;
+        let n = self.nuisance.early_deg.len();
         let mut gram = self.gram.view((0, 0), (n, n)).into_owned();
         let mut score = DVector::from_fn(n, |k, _| dot(&self.columns[k], whitened));
-        // A constant and a trend are mechanisms with names: where the wind is logged they must
-        // not pass for swing. Where it is not, a wandering wind is no finding.
-        let smooth = DMatrix::from_fn(n, 2, |i, j| {
-            if j == 0 {
-                1.0
-            } else {
-                i as f64 / n as f64 - 0.5
-            }
-        });
+        // A constant offset is a mechanism with a name: where the wind is logged it must not
+        // pass for swing. Where it is not, a wandering wind is no finding.
+        let smooth = DMatrix::from_element(n, 1, 1.0);
         let lean = &gram * &smooth;
         let inverse = (smooth.transpose() * &lean).try_inverse();
         if let Some(inverse) = inverse.filter(|_| logged) {

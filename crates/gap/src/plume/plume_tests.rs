@@ -48,8 +48,11 @@ fn normal(rng: &mut ChaCha8Rng) -> f64 {
     StandardNormal.sample(rng)
 }
 
+/// A hidden mechanism: id, parameters, platforms (none for all).
+type Hidden<'a> = (&'a str, &'a [(&'a str, f64)], &'a [&'a str]);
+
 /// Three platforms weaving across the plume for ten minutes in a wandering wind, logged by all.
-fn observe(mechanisms: &[(&str, &[(&str, f64)], &[&str])], seed: u64) -> Observations {
+fn observe(mechanisms: &[Hidden<'_>], seed: u64) -> Observations {
     let setup = setup();
     let mut spec = setup.base.clone();
     for (id, p, platforms) in mechanisms {

@@ -349,7 +349,6 @@ fn score_all(
         let inflation = clustering(ctx, fitted, column, h, scored[i].amplitude[0]);
         let lost = scored[i].gain * (1.0 - 1.0 / inflation);
         scored[i].gain -= lost;
-        scored[i].log_evidence -= lost;
     }
     debug_assert_eq!(starts.len(), first.len());
     scored

@@ -102,7 +102,7 @@ fn choose_wind(
         return "the scenario's wind".to_string();
     }
     let shared: &Data = data;
-    let scores = parallel::map(&options, threads, |(_, transport)| {
+    let score = |transport: &[Transport], rounds: usize| {
         let mut own = shared.clone();
         own.track.transport_mut().copy_from_slice(transport);
         let ctx = Context {
@@ -111,12 +111,19 @@ fn choose_wind(
             threads: 1,
         };
         let fitted = ctx.start(model, noise, 3);
+        let fitted = ctx.refine(fitted, rounds, 4);
         fitted.log_score + fitted.model.ln_prior()
-    });
-    let mut best = 0;
-    for k in 1..scores.len() {
-        if scores[k] > scores[best] {
-            best = k;
+    };
+    let quick = parallel::map(&options, threads, |o| score(&o.1, 0));
+    let mut order: Vec<usize> = (0..options.len()).collect();
+    order.sort_by(|a, b| quick[*b].total_cmp(&quick[*a]).then(a.cmp(b)));
+    order.truncate(3);
+    let full = parallel::map(&order, threads, |k| score(&options[*k].1, 1));
+    let mut best = order[0];
+    let mut most = f64::NEG_INFINITY;
+    for (k, value) in order.iter().zip(full) {
+        if value > most {
+            (best, most) = (*k, value);
         }
     }
     let (treatment, transport) = &options[best];

@@ -150,9 +150,10 @@ fn fill(values: &mut [Option<[f64; 2]>]) -> Option<()> {
         let (Some(a), Some(b)) = (values[pair[0]], values[pair[1]]) else {
             continue;
         };
-        for k in pair[0] + 1..pair[1] {
-            let part = (k - pair[0]) as f64 / (pair[1] - pair[0]) as f64;
-            values[k] = Some([a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1])]);
+        let steps = (pair[1] - pair[0]) as f64;
+        for (k, value) in values[pair[0] + 1..pair[1]].iter_mut().enumerate() {
+            let part = (k + 1) as f64 / steps;
+            *value = Some([a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1])]);
         }
     }
     Some(())

@@ -227,28 +227,22 @@ mod tests {
     #[test]
     fn a_wind_series_is_read_or_refused_by_line() {
         let text = format!("{LEAST}[weather]\nseries=\"w.csv\"\n");
-        let good =
-            |_: &str| Ok(b"wind_from_deg,time_s,wind_speed_m_s\n270,0,5\n280,60,6\n".to_vec());
-        assert!(
-            Setup::load("s.toml", &text, &good)
-                .unwrap()
-                .wind_series
-                .is_some()
-        );
-        let bad =
-            |_: &str| Ok(b"time_s,wind_speed_m_s,wind_from_deg\n0,5,270\n1,fast,270\n".to_vec());
-        let message = Setup::load("s.toml", &text, &bad).unwrap_err().to_string();
+        let load = |csv: &'static [u8]| {
+            Setup::load("s.toml", &text, &|file| match file {
+                "w.csv" => Ok(csv.to_vec()),
+                other => nothing(other),
+            })
+        };
+        let good = load(b"wind_from_deg,time_s,wind_speed_m_s\n270,0,5\n280,60,6\n");
+        assert!(good.unwrap().wind_series.is_some());
+        let bad = load(b"time_s,wind_speed_m_s,wind_from_deg\n0,5,270\n1,fast,270\n");
+        let message = bad.unwrap_err().to_string();
         assert!(
             message.contains("line 3, column wind_speed_m_s: 'fast'"),
             "{message}"
         );
-        let short = |_: &str| Ok(b"time_s,wind_speed_m_s\n0,5\n".to_vec());
-        assert!(
-            Setup::load("s.toml", &text, &short)
-                .unwrap_err()
-                .to_string()
-                .contains("wind_from_deg")
-        );
+        let short = load(b"time_s,wind_speed_m_s\n0,5\n");
+        assert!(short.unwrap_err().to_string().contains("wind_from_deg"));
     }
 
     #[test]

@@ -312,9 +312,6 @@ pub struct Vehicle {
     /// MAVLink address of a `mavlink` vehicle, such as `udpin:0.0.0.0:14550`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub link: Option<String>,
-    /// `HOST:PORT` of a FlightGear that shall show this vehicle.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub flightgear: Option<String>,
 }
 
 fn default_aircraft() -> String {
@@ -340,7 +337,6 @@ fn default_team() -> Vec<Vehicle> {
             },
             home: None,
             link: None,
-            flightgear: None,
         })
         .collect()
 }

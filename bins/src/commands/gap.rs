@@ -137,8 +137,6 @@ fn of_tracer(arguments: &TracerArguments) -> Result<(), Failure> {
     let receptors = read(&arguments.receptors)?;
     let trials = read(&arguments.trials)?;
     let towers = arguments.towers.as_deref().map(read).transpose()?;
-    let pair = |table: &(String, String)| -> (String, String) { table.clone() };
-    let (receptors, trials) = (pair(&receptors), pair(&trials));
     let tables = Tables::parse(
         (&receptors.0, &receptors.1),
         (&trials.0, &trials.1),

@@ -2,7 +2,7 @@
 //! team may reach in it. The team never sees this; the summary holds its result against it.
 
 use crate::MissionError;
-use air::geo::{Enu, LocalFrame};
+use air::geo::Enu;
 use air::wind::towards_deg;
 use plume::{Place, Strength, World};
 use protocol::message::{Estimate, Peak};
@@ -88,7 +88,7 @@ pub fn reality_numbers(scenario: &Scenario) -> Result<ModelNumbers, MissionError
 pub fn reachable_peak(scenario: &Scenario) -> Result<Peak, MissionError> {
     let world = scenario.in_reality().world()?;
     let frame = scenario.frame()?;
-    let region = Region::new(scenario, &frame, &world)?;
+    let region = Region::new(scenario, &world)?;
     let mut best: Option<(f64, Place)> = None;
     let mut spacing_m = COARSE_M;
     let mut boxed = region.bounds();
@@ -131,7 +131,7 @@ struct Region {
 }
 
 impl Region {
-    fn new(scenario: &Scenario, _frame: &LocalFrame, world: &World) -> Result<Self, MissionError> {
+    fn new(scenario: &Scenario, world: &World) -> Result<Self, MissionError> {
         Ok(Self {
             polygon: scenario.fence_polygon()?,
             floor_m: scenario.fence.floor_agl_m,

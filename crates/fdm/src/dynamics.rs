@@ -124,6 +124,17 @@ pub fn rotation(q: &[f64; 4]) -> [[f64; 3]; 3] {
     ]
 }
 
+/// Roll, pitch and yaw (rad; yaw in `(−π, π]`) of a rotation matrix body to NED.
+#[inline(always)]
+pub fn euler(m: &[[f64; 3]; 3]) -> [f64; 3] {
+    let level = (m[2][1] * m[2][1] + m[2][2] * m[2][2]).sqrt();
+    [
+        angle(m[2][1], m[2][2]),
+        angle(-m[2][0], level),
+        angle(m[1][0], m[0][0]),
+    ]
+}
+
 /// The flow that a body with rotation `m` meets.
 #[inline(always)]
 pub fn flow(m: &[[f64; 3]; 3], vel_ned: &[f64; 3], wind_ned: &[f64; 3]) -> Flow {

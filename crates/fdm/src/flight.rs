@@ -5,9 +5,8 @@ mod ground;
 
 use crate::FdmError;
 use crate::aircraft::Aircraft;
-use crate::dynamics::{AirState, Body, Controls, Dynamics, flow, rotation};
+use crate::dynamics::{AirState, Body, Controls, Dynamics, euler, flow, rotation};
 use crate::mechanism::{Extended, SensorErrors};
-use crate::scalar::angle;
 use crate::servo::{LagStep, Servo};
 use crate::trim::{self, Trim};
 
@@ -343,15 +342,15 @@ impl FlightSim {
             flags.overspeed = flow.airspeed > self.aircraft().limits.airspeed_max_m_s;
         }
         flags.on_ground = self.phase != Phase::Flying;
-        let level = (m[2][1] * m[2][1] + m[2][2] * m[2][2]).sqrt();
+        let [roll_rad, pitch_rad, yaw_rad] = euler(&m);
         FlightState {
             north_m: self.body.pos_ned[0],
             east_m: self.body.pos_ned[1],
             alt_amsl_m: -self.body.pos_ned[2],
             vel_ned_m_s: self.body.vel_ned,
-            roll_rad: angle(m[2][1], m[2][2]),
-            pitch_rad: angle(-m[2][0], level),
-            yaw_rad: angle(m[1][0], m[0][0]),
+            roll_rad,
+            pitch_rad,
+            yaw_rad,
             attitude: self.body.attitude,
             rate_rad_s: self.body.rate,
             airspeed_m_s: flow.airspeed,

@@ -18,7 +18,7 @@ pub mod flight;
 pub mod flightgear;
 pub mod mechanism;
 mod scalar;
-mod servo;
+pub mod servo;
 pub mod trim;
 pub mod tune;
 

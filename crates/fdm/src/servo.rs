@@ -6,17 +6,19 @@ use nalgebra::Matrix2;
 use crate::aircraft::Surfaces;
 use crate::scalar::bounded;
 
-/// A surface's angle (rad) and its rate (rad/s).
+/// How a surface stands and moves.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Servo {
+pub struct Servo {
+    /// Angle, rad.
     pub angle: f64,
+    /// Its rate, rad/s.
     pub rate: f64,
 }
 
 /// The exact transition over a fixed time of x'' = ω² (u − x) − 2 ζ ω x' with held u, and of the
 /// motor's first-order lag; travel and rate limits are applied at its end.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct LagStep {
+pub struct LagStep {
     /// Transition of (x − u, x').
     phi: [[f64; 2]; 2],
     dt: f64,

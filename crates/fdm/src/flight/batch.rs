@@ -8,7 +8,7 @@ use crate::servo::Servo;
 
 impl Dynamics {
     /// Angles of the three servos for a command, rad.
-    pub(crate) fn servo_angles(&self, command: &SurfaceCommand) -> [f64; 3] {
+    pub fn servo_angles(&self, command: &SurfaceCommand) -> [f64; 3] {
         let s = &self.aircraft.surfaces;
         let elevator = command.elevator_rad + s.elevator_offset_deg.to_radians();
         let aileron = command.aileron_rad + s.aileron_offset_deg.to_radians();
@@ -21,7 +21,7 @@ impl Dynamics {
 
     /// What the servos and the motor do to the aircraft.
     #[inline(always)]
-    pub(crate) fn controls(&self, servos: &[Servo; 3], motor: f64) -> Controls {
+    pub fn controls(&self, servos: &[Servo; 3], motor: f64) -> Controls {
         let [a, b, c] = [servos[0].angle, servos[1].angle, servos[2].angle];
         let (elevator, aileron, rudder) = match self.aircraft.surfaces.layout {
             Layout::Elevons => (0.5 * (a + b), 0.5 * (a - b), 0.0),

@@ -2,15 +2,17 @@
 //! the same equations as [`FlightSim`], vector registers where the processor has them.
 //!
 //! A vehicle flies bit for bit as it would alone ([`FlightSim`] is the reference). Only flight is
-//! batched: vehicles on the ground, on the launcher or with an actuator delay are stepped one by
-//! one, and enter with [`Fleet::load`] once they fly.
+//! batched: vehicles on the ground or on the launcher are stepped one by one, and enter with
+//! [`Fleet::load`] once they fly.
 
 use multiversion::multiversion;
 
 use crate::FdmError;
 use crate::aircraft::Aircraft;
 use crate::dynamics::{AirState, Body, Dynamics};
-use crate::flight::{AirAround, FlightSim, HIGHEST_RATE_RAD_S, SurfaceCommand};
+use crate::flight::{
+    AirAround, DelayLine, FlightSim, HIGHEST_RATE_RAD_S, SurfaceCommand, sanitised,
+};
 use crate::mechanism::Extended;
 use crate::scalar::bounded;
 use crate::servo::{LagStep, Servo};
@@ -24,6 +26,10 @@ pub struct Fleet {
     dynamics: Dynamics,
     count: usize,
     blocks: Vec<Block>,
+    /// What each vehicle was told last.
+    told: Vec<SurfaceCommand>,
+    /// Commands on their way, one line a vehicle; none where the servos answer without delay.
+    delay: Vec<DelayLine>,
     half_step: Option<(f64, LagStep)>,
 }
 
@@ -88,10 +94,14 @@ impl Fleet {
             density: [AirAround::STANDARD_CALM.density_kg_m3; LANES],
             specific_force: [[0.0; LANES]; 3],
         };
+        let (told, line) = like.orders();
+        let delayed = dynamics.aircraft.surfaces.delay_s > 0.0;
         let mut fleet = Self {
             dynamics,
             count,
             blocks: vec![empty; count.div_ceil(LANES)],
+            told: vec![told; count],
+            delay: vec![line.clone(); if delayed { count } else { 0 }],
             half_step: None,
         };
         for index in 0..fleet.blocks.len() * LANES {
@@ -110,10 +120,17 @@ impl Fleet {
         self.count == 0
     }
 
-    /// Takes over a vehicle's motion. An index beyond the fleet does nothing.
+    /// Takes over a vehicle's motion and the commands on their way to its servos. An index beyond
+    /// the fleet does nothing.
     pub fn load(&mut self, index: usize, sim: &FlightSim) {
-        if index < self.count {
-            self.put(index, &sim.motion());
+        if index >= self.count {
+            return;
+        }
+        self.put(index, &sim.motion());
+        let (told, line) = sim.orders();
+        self.told[index] = told;
+        if let Some(own) = self.delay.get_mut(index) {
+            own.clone_from(line);
         }
     }
 
@@ -137,22 +154,23 @@ impl Fleet {
 
     /// Sets what one vehicle is told; values that are not finite keep the last.
     pub fn set_command(&mut self, index: usize, command: &SurfaceCommand) {
-        if index >= self.count {
-            return;
-        }
-        let (block, lane) = (&mut self.blocks[index / LANES], index % LANES);
-        for (slot, value) in block
-            .servo_command
-            .iter_mut()
-            .zip(self.dynamics.servo_angles(command))
-        {
-            if value.is_finite() {
-                slot[lane] = value;
+        if let Some(told) = self.told.get_mut(index) {
+            *told = sanitised(command, told);
+            // With a delay the line decides, at the next step, what the servos hear.
+            if self.delay.is_empty() {
+                let heard = *told;
+                self.tell_servos(index, &heard);
             }
         }
-        if command.throttle.is_finite() {
-            block.throttle[lane] = command.throttle;
+    }
+
+    fn tell_servos(&mut self, index: usize, command: &SurfaceCommand) {
+        let (block, lane) = (&mut self.blocks[index / LANES], index % LANES);
+        let angles = self.dynamics.servo_angles(command);
+        for (slot, angle) in block.servo_command.iter_mut().zip(angles) {
+            slot[lane] = angle;
         }
+        block.throttle[lane] = command.throttle;
     }
 
     /// Sets the air around one vehicle; values that are not finite keep the last.
@@ -175,6 +193,11 @@ impl Fleet {
     pub fn step(&mut self, dt_s: f64) {
         if !(dt_s.is_finite() && dt_s > 0.0) {
             return;
+        }
+        let calls = DelayLine::calls(self.dynamics.aircraft.surfaces.delay_s, dt_s);
+        for index in 0..self.delay.len() {
+            let heard = self.delay[index].pass(&self.told[index], calls);
+            self.tell_servos(index, &heard);
         }
         let count = self.dynamics.steps_in(dt_s);
         let dt = dt_s / count;
@@ -311,11 +334,14 @@ mod tests {
 
     #[test]
     fn a_vehicle_flies_the_same_alone_and_in_a_fleet() {
-        for text in [
-            include_str!("../../../aircraft/x8.toml"),
-            include_str!("../../../aircraft/ultrastick-25e.toml"),
+        let late = "\n[[mechanism]]\nid = \"actuator-delay\"\ndelay_s = 0.07\n";
+        for (text, delay) in [
+            (include_str!("../../../aircraft/x8.toml"), ""),
+            (include_str!("../../../aircraft/ultrastick-25e.toml"), ""),
+            (include_str!("../../../aircraft/x8.toml"), late),
+            (include_str!("../../../aircraft/ultrastick-25e.toml"), late),
         ] {
-            let aircraft = Aircraft::from_toml("aircraft", text).unwrap();
+            let aircraft = Aircraft::from_toml("aircraft", &format!("{text}{delay}")).unwrap();
             let mut alone: Vec<FlightSim> = (0..11)
                 .map(|k| {
                     let speed = 16.0 + 0.3 * f64::from(k);
@@ -324,14 +350,28 @@ mod tests {
                 })
                 .collect();
             let mut fleet = Fleet::new(&aircraft, alone.len(), &alone[0]).unwrap();
-            for (k, sim) in alone.iter().enumerate() {
+            for (k, sim) in alone.iter_mut().enumerate() {
+                // Commands are on their way when the fleet takes over.
+                for way in 0..k {
+                    let command = SurfaceCommand {
+                        elevator_rad: 0.05 * way as f64,
+                        throttle: 0.4,
+                        ..SurfaceCommand::default()
+                    };
+                    sim.step(0.02, &AirAround::STANDARD_CALM, &command);
+                }
                 fleet.load(k, sim);
             }
             for tick in 0..400 {
                 for (k, sim) in alone.iter_mut().enumerate() {
                     let phase = 0.03 * f64::from(tick) + k as f64;
+                    let lost = tick % 37 == 5;
                     let command = SurfaceCommand {
-                        elevator_rad: -0.05 + 0.2 * phase.sin(),
+                        elevator_rad: if lost {
+                            f64::NAN
+                        } else {
+                            -0.05 + 0.2 * phase.sin()
+                        },
                         aileron_rad: 0.3 * (1.7 * phase).sin(),
                         rudder_rad: 0.2 * (2.1 * phase).cos(),
                         throttle: 0.5 + 0.6 * phase.cos(),

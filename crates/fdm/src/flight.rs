@@ -1,6 +1,7 @@
 //! One vehicle in the air or on the ground: servos, motor, rigid body, launcher and landing slide.
 
 mod batch;
+mod delay;
 mod ground;
 
 use crate::FdmError;
@@ -9,9 +10,8 @@ use crate::dynamics::{AirState, Body, Controls, Dynamics, euler, flow, rotation}
 use crate::mechanism::{Extended, SensorErrors};
 use crate::servo::{LagStep, Servo};
 use crate::trim::{self, Trim};
+pub(crate) use delay::DelayLine;
 
-/// Longest delay line, in calls of [`FlightSim::step`].
-const LONGEST_DELAY: usize = 64;
 /// Angular rate beyond which the model has no meaning, rad/s: it is held there.
 pub(crate) const HIGHEST_RATE_RAD_S: f64 = 30.0;
 
@@ -142,13 +142,6 @@ pub struct FlightSim {
     wind_ned: [f64; 3],
 }
 
-/// Commands on their way to the servos.
-#[derive(Debug, Clone, PartialEq)]
-struct DelayLine {
-    ring: [SurfaceCommand; LONGEST_DELAY],
-    next: usize,
-}
-
 impl FlightSim {
     /// A vehicle in trimmed level flight in still standard air.
     ///
@@ -213,10 +206,7 @@ impl FlightSim {
             }; 3],
             motor: 0.0,
             last: SurfaceCommand::default(),
-            delay: DelayLine {
-                ring: [SurfaceCommand::default(); LONGEST_DELAY],
-                next: 0,
-            },
+            delay: DelayLine::filled(&SurfaceCommand::default()),
             half_step: None,
             ground_amsl_m: f64::NEG_INFINITY,
             launch_heading_rad: heading,
@@ -246,7 +236,7 @@ impl FlightSim {
         self.last.elevator_rad -= surfaces.elevator_offset_deg.to_radians();
         self.last.aileron_rad -= surfaces.aileron_offset_deg.to_radians();
         self.last.rudder_rad -= surfaces.rudder_offset_deg.to_radians();
-        self.delay.ring = [self.last; LONGEST_DELAY];
+        self.delay = DelayLine::filled(&self.last);
         self.servos = self
             .dynamics
             .servo_angles(&self.last)
@@ -272,7 +262,7 @@ impl FlightSim {
     /// Sets surfaces and motor at once, as if they had been there for long.
     pub fn set_surfaces(&mut self, command: &SurfaceCommand) {
         self.last = sanitised(command, &self.last);
-        self.delay.ring = [self.last; LONGEST_DELAY];
+        self.delay = DelayLine::filled(&self.last);
         self.servos = self
             .dynamics
             .servo_angles(&self.last)
@@ -305,7 +295,8 @@ impl FlightSim {
         }
         let air = self.usable(air);
         self.last = sanitised(command, &self.last);
-        let command = self.delayed(dt_s);
+        let calls = DelayLine::calls(self.aircraft().surfaces.delay_s, dt_s);
+        let command = self.delay.pass(&self.last, calls);
         let count = self.dynamics.steps_in(dt_s);
         let dt = dt_s / count;
         let lag = self.lag_step(dt);
@@ -386,23 +377,6 @@ impl FlightSim {
         }
     }
 
-    /// The command that left `delay_s` ago, to the nearest call.
-    fn delayed(&mut self, dt_s: f64) -> SurfaceCommand {
-        let calls = (self.aircraft().surfaces.delay_s / dt_s).round() as usize;
-        if calls == 0 {
-            return self.last;
-        }
-        let line = &mut self.delay;
-        line.ring[line.next] = self.last;
-        let back = calls.min(LONGEST_DELAY - 1);
-        let out = line.ring[(line.next + LONGEST_DELAY - back) % LONGEST_DELAY];
-        line.next = (line.next + 1) % LONGEST_DELAY;
-        SurfaceCommand {
-            launch: self.last.launch,
-            ..out
-        }
-    }
-
     /// The servos' transition over half a step, kept while the step stays the same.
     fn lag_step(&mut self, dt: f64) -> LagStep {
         match self.half_step {
@@ -465,7 +439,7 @@ impl FlightSim {
 }
 
 /// The command with what is not finite replaced by the last one.
-fn sanitised(command: &SurfaceCommand, last: &SurfaceCommand) -> SurfaceCommand {
+pub(crate) fn sanitised(command: &SurfaceCommand, last: &SurfaceCommand) -> SurfaceCommand {
     let keep = |new: f64, old: f64| if new.is_finite() { new } else { old };
     SurfaceCommand {
         elevator_rad: keep(command.elevator_rad, last.elevator_rad),

@@ -1,6 +1,6 @@
 //! What a vehicle shares with a batch of its kind.
 
-use super::{FlightSim, SurfaceCommand};
+use super::{DelayLine, FlightSim, SurfaceCommand};
 use crate::aircraft::Layout;
 use crate::dynamics::{Controls, Dynamics};
 use crate::fleet::Motion;
@@ -49,6 +49,11 @@ impl FlightSim {
             motor: self.motor,
             specific_force_m_s2: self.specific_force,
         }
+    }
+
+    /// What it was told last, and what is on its way to the servos.
+    pub(crate) fn orders(&self) -> (SurfaceCommand, &DelayLine) {
+        (self.last, &self.delay)
     }
 
     /// Takes over a motion, as from a batch.

@@ -11,6 +11,7 @@
 //!
 //! Wind is *from* a direction for people ([`wind::from_deg`]) and a vector *towards* inside.
 
+pub mod area;
 pub mod dryden;
 pub mod geo;
 pub mod isa;

@@ -11,7 +11,9 @@
 use serde::{Deserialize, Serialize};
 
 use crate::autopilot::ControlGains;
+use crate::battery::Battery;
 use crate::mechanism::{Extended, Mechanism};
+use crate::scalar::larger;
 use crate::{FdmError, refuse};
 
 /// An aircraft, complete and checked.
@@ -40,6 +42,9 @@ pub struct Aircraft {
     pub surfaces: Surfaces,
     /// Motor and propeller.
     pub propulsion: Propulsion,
+    /// What drives the motor; none: the flight has no end by its battery.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub battery: Option<Battery>,
     /// Where the model and the airframe hold.
     pub limits: Limits,
     /// How it leaves the ground and comes back to it.
@@ -210,6 +215,24 @@ pub struct Propulsion {
     pub exit_speed_m_s: f64,
     /// Time constant of the motor, s.
     pub lag_s: f64,
+}
+
+impl Propulsion {
+    /// Thrust at a true airspeed, throttle (0 to 1) and air density, N.
+    #[inline(always)]
+    pub fn thrust_n(&self, airspeed_m_s: f64, throttle: f64, density_kg_m3: f64) -> f64 {
+        let square = match self.law {
+            PropellerLaw::Blended => {
+                let slipstream = airspeed_m_s + throttle * (self.exit_speed_m_s - airspeed_m_s);
+                slipstream * (slipstream - airspeed_m_s)
+            }
+            PropellerLaw::Proportional => {
+                let slipstream = throttle * self.exit_speed_m_s;
+                larger(slipstream * slipstream - airspeed_m_s * airspeed_m_s, 0.0)
+            }
+        };
+        density_kg_m3 * 0.5 * square * self.swept_area_m2
+    }
 }
 
 /// Where the aerodynamic model and the airframe hold.
@@ -415,6 +438,9 @@ impl Aircraft {
         positive("propulsion.swept_area_m2", self.propulsion.swept_area_m2)?;
         positive("propulsion.exit_speed_m_s", self.propulsion.exit_speed_m_s)?;
         within("propulsion.lag_s", self.propulsion.lag_s, 0.0, 10.0)?;
+        if let Some(battery) = &self.battery {
+            battery.check()?;
+        }
         let g = &self.ground;
         positive("ground.launch_airspeed_m_s", g.launch_airspeed_m_s)?;
         positive(

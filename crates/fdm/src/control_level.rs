@@ -48,6 +48,18 @@ impl Danger {
         Self::Fence,
     ];
 
+    /// What it is, in words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Link => "no link to the vehicle",
+            Self::SquadronController => "no word from the squadron controller",
+            Self::World => "no word from the world simulator",
+            Self::Bridge => "the vehicle does not hear its bridge",
+            Self::Battery => "battery low",
+            Self::Fence => "outside the fence",
+        }
+    }
+
     fn bit(self) -> u8 {
         1 << self as u8
     }

@@ -3,7 +3,7 @@
 
 use air::STANDARD_GRAVITY_M_S2;
 
-use crate::aircraft::{Aircraft, PropellerLaw};
+use crate::aircraft::Aircraft;
 use crate::scalar::{angle, bounded, larger};
 
 /// Airspeed below which the dimensionless rates stop growing, m/s.
@@ -178,6 +178,16 @@ impl Dynamics {
         }
     }
 
+    /// The aircraft whose equations these are.
+    pub fn aircraft(&self) -> &Aircraft {
+        &self.aircraft
+    }
+
+    /// Its mass, kg.
+    pub fn mass_kg(&self) -> f64 {
+        self.aircraft.body.mass_kg
+    }
+
     /// Longest step of the rigid body, s: 20 ms, or half the time constant of the roll mode (the
     /// fastest) at cruise where that is shorter. RK4 then errs by less than 3e-4 of a transient
     /// per step; servos and motor are exact at any step.
@@ -286,18 +296,9 @@ impl Dynamics {
     /// Thrust, N.
     #[inline(always)]
     pub fn thrust(&self, airspeed: f64, throttle: f64, density: f64) -> f64 {
-        let p = &self.aircraft.propulsion;
-        let square = match p.law {
-            PropellerLaw::Blended => {
-                let slipstream = airspeed + throttle * (p.exit_speed_m_s - airspeed);
-                slipstream * (slipstream - airspeed)
-            }
-            PropellerLaw::Proportional => {
-                let slipstream = throttle * p.exit_speed_m_s;
-                larger(slipstream * slipstream - airspeed * airspeed, 0.0)
-            }
-        };
-        density * 0.5 * square * p.swept_area_m2
+        self.aircraft
+            .propulsion
+            .thrust_n(airspeed, throttle, density)
     }
 
     /// The derivative of the state.

@@ -11,6 +11,7 @@
 
 pub mod aircraft;
 pub mod autopilot;
+pub mod battery;
 pub mod control_level;
 pub mod dynamics;
 pub mod fleet;

@@ -156,15 +156,7 @@ impl Region {
     }
 
     fn allows(&self, at: Enu) -> bool {
-        // Even-odd rule: a ray towards east crosses the boundary an odd number of times.
-        let n = self.polygon.len();
-        let inside = (0..n).fold(false, |inside, k| {
-            let (a, b) = (self.polygon[k], self.polygon[(k + 1) % n]);
-            let spans = (a.north_m > at.north_m) != (b.north_m > at.north_m);
-            let part = (at.north_m - a.north_m) / (b.north_m - a.north_m);
-            inside ^ (spans && at.east_m < a.east_m + part * (b.east_m - a.east_m))
-        });
-        inside
+        air::area::is_inside(&self.polygon, at)
             && self
                 .stacks
                 .iter()

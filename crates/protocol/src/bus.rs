@@ -4,9 +4,11 @@
 //! time, sender and sequence, then acts. What is said in tick *n* is heard in tick *n* + 1, the
 //! same rule that separate processes follow in lockstep.
 
+use crate::ProtocolError;
 use crate::agent::{Agent, Event, Outbox};
 use crate::envelope::Envelope;
-use crate::key::{Interest, Topic};
+use crate::key::{AgentId, Interest, Topic};
+use crate::message::Message;
 use crate::time::SimTime;
 
 /// One message that went over the bus.
@@ -26,6 +28,9 @@ pub struct Conductor<A> {
     /// Said in the last tick, in order.
     said: Vec<Said>,
     outbox: Outbox,
+    /// Said by the operator for the tick to come.
+    operator: Vec<(Topic, Message)>,
+    operator_sequence: u64,
 }
 
 impl<A: Agent> Conductor<A> {
@@ -46,6 +51,8 @@ impl<A: Agent> Conductor<A> {
             tick: 0,
             said: Vec::new(),
             outbox: Outbox::default(),
+            operator: Vec::new(),
+            operator_sequence: 0,
         }
     }
 
@@ -64,6 +71,21 @@ impl<A: Agent> Conductor<A> {
         self.members.iter().map(|m| &m.agent)
     }
 
+    /// The agents, ordered by id, for what is not a bus (a MAVLink link, a display).
+    pub fn agents_mut(&mut self) -> impl Iterator<Item = &mut A> {
+        self.members.iter_mut().map(|m| &mut m.agent)
+    }
+
+    /// The operator says `message` on `topic` in the tick to come.
+    ///
+    /// # Errors
+    /// A message that is not the operator's to say there.
+    pub fn operate(&mut self, topic: Topic, message: Message) -> Result<(), ProtocolError> {
+        message.check(&topic, &AgentId::operator())?;
+        self.operator.push((topic, message));
+        Ok(())
+    }
+
     /// Runs one tick and returns what was said in it, in the order of time, sender, sequence.
     pub fn step(&mut self) -> &[Said] {
         self.run(Event::Tick)
@@ -78,6 +100,17 @@ impl<A: Agent> Conductor<A> {
         let now = self.now();
         let heard = std::mem::take(&mut self.said);
         let mut said = Vec::with_capacity(heard.len());
+        // The operator's id comes before those of all agents.
+        for (topic, message) in self.operator.drain(..) {
+            self.operator_sequence += 1;
+            let envelope = Envelope {
+                sender: AgentId::operator(),
+                sequence: self.operator_sequence,
+                time: now,
+                message,
+            };
+            said.push((topic, envelope));
+        }
         for member in &mut self.members {
             let own = member.agent.id().clone();
             for (topic, envelope) in &heard {

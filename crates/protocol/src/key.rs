@@ -16,6 +16,8 @@ pub enum AgentKind {
     Sc,
     /// The conductor of a lockstep run.
     Clock,
+    /// Whoever answers for the vehicles, at the page or by a command.
+    Operator,
 }
 
 impl AgentKind {
@@ -26,11 +28,12 @@ impl AgentKind {
             Self::Ws => "ws",
             Self::Sc => "sc",
             Self::Clock => "clock",
+            Self::Operator => "op",
         }
     }
 
     fn parse(text: &str) -> Option<Self> {
-        [Self::Va, Self::Ws, Self::Sc, Self::Clock]
+        [Self::Va, Self::Ws, Self::Sc, Self::Clock, Self::Operator]
             .into_iter()
             .find(|kind| kind.as_str() == text)
     }
@@ -69,7 +72,7 @@ impl fmt::Display for Name {
     }
 }
 
-/// An agent: `va/<id>`, `ws/main`, `sc/main` or `clock/main`. Ordered by that text in UTF-8.
+/// An agent: `va/<id>`, `ws/main`, `sc/main`, `clock/main` or `op/main`. Ordered by that text in UTF-8.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct AgentId {
     kind: AgentKind,
@@ -101,6 +104,11 @@ impl AgentId {
     /// The conductor.
     pub fn clock() -> Self {
         Self::main(AgentKind::Clock)
+    }
+
+    /// Whoever answers for the vehicles.
+    pub fn operator() -> Self {
+        Self::main(AgentKind::Operator)
     }
 
     /// The recorder of a lockstep run.
@@ -197,6 +205,8 @@ pub enum Topic {
     Event(AgentId),
     /// `va/<id>/setpoint`, written by the squadron controller
     Setpoint(Name),
+    /// `va/<id>/control`, written by the operator
+    Control(Name),
     /// `va/<id>/mavlink/rx`: raw frames from the vehicle
     MavlinkRx(Name),
     /// `va/<id>/mavlink/tx`: raw frames to the vehicle
@@ -228,6 +238,7 @@ impl Topic {
             Self::Mode(va) => format!("va/{va}/mode"),
             Self::Event(agent) => format!("{agent}/event"),
             Self::Setpoint(va) => format!("va/{va}/setpoint"),
+            Self::Control(va) => format!("va/{va}/control"),
             Self::MavlinkRx(va) => format!("va/{va}/mavlink/rx"),
             Self::MavlinkTx(va) => format!("va/{va}/mavlink/tx"),
             Self::Ambient(va) => format!("ws/main/ambient/{va}"),
@@ -257,6 +268,7 @@ impl Topic {
             ["va", id, "reading"] => Self::Reading(Name::new(id)?),
             ["va", id, "mode"] => Self::Mode(Name::new(id)?),
             ["va", id, "setpoint"] => Self::Setpoint(Name::new(id)?),
+            ["va", id, "control"] => Self::Control(Name::new(id)?),
             ["va", id, "mavlink", "rx"] => Self::MavlinkRx(Name::new(id)?),
             ["va", id, "mavlink", "tx"] => Self::MavlinkTx(Name::new(id)?),
             ["ws", "main", "ambient", id] => Self::Ambient(Name::new(id)?),
@@ -305,6 +317,7 @@ impl Topic {
             | Self::Plan
             | Self::Extension => AgentId::sc(),
             Self::Tick => AgentId::clock(),
+            Self::Control(_) => AgentId::operator(),
         }
     }
 
@@ -370,6 +383,7 @@ mod tests {
             Topic::Event(agent.clone()),
             Topic::Event(AgentId::sc()),
             Topic::Setpoint(va.clone()),
+            Topic::Control(va.clone()),
             Topic::MavlinkRx(va.clone()),
             Topic::MavlinkTx(va.clone()),
             Topic::Ambient(va),

@@ -88,6 +88,39 @@ pub struct Mode {
     pub setpoints_obeyed: bool,
 }
 
+/// What an operator does to a vehicle's control level.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ControlWish {
+    /// The operator flies a simulated vehicle by these sticks; a real one's pilot has a remote
+    /// control of his own.
+    TakeOver,
+    /// The vehicle is given back to automatic flight.
+    HandBack,
+}
+
+/// Positions of a remote control's sticks, fly by wire.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Sticks {
+    /// Bank asked for, -1 (left) to 1, of the largest bank.
+    pub roll: f64,
+    /// Pitch asked for, -1 (down) to 1, of the largest pitch.
+    pub pitch: f64,
+    /// Throttle, 0 to 1.
+    pub throttle: f64,
+}
+
+/// Who shall fly a vehicle (`va/<id>/control`).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Control {
+    /// Takeover or hand-back.
+    pub wish: ControlWish,
+    /// The sticks of a takeover. None: held level at a little more than half power for as long
+    /// as nobody sends any; once sent they have to be repeated, for their silence is a lost
+    /// remote control.
+    pub sticks: Option<Sticks>,
+}
+
 /// How much an event matters.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
@@ -426,6 +459,8 @@ pub enum Message {
     Tick(Tick),
     /// On [`Topic::Done`].
     Done(Done),
+    /// On [`Topic::Control`].
+    Control(Control),
 }
 
 /// Writes the matches that go through all kinds of messages once.
@@ -475,6 +510,7 @@ for_each_kind! {
     Extension, Extension, "Extension", Topic::Extension,
     Tick, Tick, "Tick", Topic::Tick,
     Done, Done, "Done", Topic::Done(_),
+    Control, Control, "Control", Topic::Control(_),
 }
 
 impl Message {

@@ -4,6 +4,7 @@
 //! and the orbit around it, and when the straight leg to it is safe too; [`Ways::route`] goes
 //! around what stands in the way.
 
+use air::area::{distance_to_segment_m, edges, is_inside};
 use air::geo::{Enu, Geodetic, LocalFrame};
 use csea::Position;
 use scenario::Scenario;
@@ -101,14 +102,7 @@ impl Airspace {
     /// Horizontal distance to the nearest edge of the fence or of a keep-out, m; negative by how
     /// far `at` is outside the fence or inside a keep-out.
     pub fn clearance_m(&self, at: Enu) -> f64 {
-        let to_fence = edges(&self.polygon)
-            .map(|(a, b)| distance_to_segment_m(at, a, b))
-            .fold(f64::INFINITY, f64::min);
-        let fence = if inside(&self.polygon, at) {
-            to_fence
-        } else {
-            -to_fence
-        };
+        let fence = air::area::clearance_m(&self.polygon, at);
         let stacks = self.stacks.iter();
         stacks
             .map(|stack| stack.distance_m(at) - self.keep_out_m)
@@ -124,8 +118,8 @@ impl Airspace {
 
     /// Whether the straight leg keeps `margin_m` of clearance all the way.
     pub fn leg_is_clear(&self, from: Enu, to: Enu, margin_m: f64) -> bool {
-        let inside_fence = inside(&self.polygon, from)
-            && inside(&self.polygon, to)
+        let inside_fence = is_inside(&self.polygon, from)
+            && is_inside(&self.polygon, to)
             && edges(&self.polygon)
                 .all(|(a, b)| distance_between_segments_m(from, to, a, b) >= margin_m);
         let off_stacks = self
@@ -266,39 +260,6 @@ impl Ways {
         path.reverse();
         Some(path)
     }
-}
-
-fn edges(polygon: &[Enu]) -> impl Iterator<Item = (Enu, Enu)> + '_ {
-    (0..polygon.len()).map(|i| (polygon[i], polygon[(i + 1) % polygon.len()]))
-}
-
-/// Whether `at` is inside the polygon (even-odd rule).
-fn inside(polygon: &[Enu], at: Enu) -> bool {
-    let mut inside = false;
-    for (a, b) in edges(polygon) {
-        if (a.north_m > at.north_m) != (b.north_m > at.north_m) {
-            let part = (at.north_m - a.north_m) / (b.north_m - a.north_m);
-            if at.east_m < a.east_m + part * (b.east_m - a.east_m) {
-                inside = !inside;
-            }
-        }
-    }
-    inside
-}
-
-/// Distance of `at` from the segment `a`…`b`, m.
-pub(crate) fn distance_to_segment_m(at: Enu, a: Enu, b: Enu) -> f64 {
-    let (de, dn) = (b.east_m - a.east_m, b.north_m - a.north_m);
-    let length_sq = de * de + dn * dn;
-    if length_sq == 0.0 {
-        return at.distance_m(a);
-    }
-    let along = (at.east_m - a.east_m) * de + (at.north_m - a.north_m) * dn;
-    let part = (along / length_sq).clamp(0.0, 1.0);
-    at.distance_m(Enu {
-        east_m: a.east_m + part * de,
-        north_m: a.north_m + part * dn,
-    })
 }
 
 /// Distance between the segments `a`…`b` and `c`…`d`, m; 0 where they cross.

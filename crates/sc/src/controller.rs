@@ -15,6 +15,7 @@ use rand::rngs::ChaCha8Rng;
 use scenario::Scenario;
 use scenario::random::stream;
 use scenario::tables::{Search, VehicleKind};
+use scenario::world::OFF_HEIGHT_M;
 
 use crate::ScError;
 use crate::airspace::{Airspace, Ways};
@@ -28,10 +29,8 @@ use crate::tasks::Tasks;
 /// Time between two looks at the team, s.
 const DECISION_S: f64 = 1.0;
 /// Vehicles are planned farther apart than they must stay, by how far they may be off their
-/// track, m …
+/// track, m.
 const OFF_TRACK_M: f64 = 25.0;
-/// … and off their height, m.
-const OFF_HEIGHT_M: f64 = 6.0;
 /// How far the search goes beyond the range of the passes, m.
 const SEARCH_BEYOND_M: f64 = 600.0;
 /// The search goes this far to both sides of the axis, degrees.
@@ -444,31 +443,21 @@ impl SquadronController {
 /// The vehicles with their homes and, above them, layers in the order of take-off: the first to
 /// rise has the highest.
 fn team(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<Vehicle>, ScError> {
-    let (floor_m, ceiling_m) = airspace.height_band_amsl_m();
-    let step_m = scenario.fence.separation_height_m + 2.0 * OFF_HEIGHT_M;
-    let lowest_m = (floor_m + 10.0).min(ceiling_m);
-    let levels = ((ceiling_m - lowest_m) / step_m).floor() as usize + 1;
-    let count = scenario.vehicles.len();
-    let real = |k: usize| scenario.vehicles[k].kind != VehicleKind::Simulated;
-    let rank = |k: usize| {
-        let before = |other: &usize| (!real(*other), *other) < (!real(k), k);
-        (0..count).filter(before).count()
-    };
+    let layers = scenario.layers_amsl_m();
     let vehicle = |(k, v): (usize, &scenario::tables::Vehicle)| {
         let home = scenario.home(k)?;
         let at = airspace.frame().to_enu(Geodetic {
             lat_deg: home.lat_deg,
             lon_deg: home.lon_deg,
         });
-        let level = (count - 1 - rank(k)) % levels;
         Ok(Vehicle::new(
             Name::new(&v.id)?,
-            real(k),
+            v.kind != VehicleKind::Simulated,
             Position {
                 at,
                 height_m: scenario.site.ground_amsl_m,
             },
-            lowest_m + level as f64 * step_m,
+            layers[k],
         ))
     };
     scenario.vehicles.iter().enumerate().map(vehicle).collect()

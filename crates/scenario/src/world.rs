@@ -1,7 +1,7 @@
 //! The world that a scenario describes: its frame, air, wind and plume model.
 
 use crate::check::Refusal;
-use crate::tables::{Home, Mechanism, Scenario, Source};
+use crate::tables::{Home, Mechanism, Scenario, Source, VehicleKind};
 use air::geo::{Enu, Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::wind::WindProfile;
@@ -13,6 +13,11 @@ const HOME_UPWIND_M: f64 = 600.0;
 const HOME_SPACING_M: f64 = 60.0;
 /// Half side of the square fence of a scenario that gives none, m.
 const DEFAULT_FENCE_M: f64 = 5000.0;
+/// Vehicles are planned farther apart in height than they must stay, by how far they may be off
+/// it, m.
+pub const OFF_HEIGHT_M: f64 = 6.0;
+/// The lowest layer lies this far above the fence's floor, m.
+const LOWEST_LAYER_M: f64 = 10.0;
 
 /// Why a checked scenario still describes no world.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -152,6 +157,26 @@ impl Scenario {
             .displaced(upwind_deg + 90.0, abeam_m);
         let Geodetic { lat_deg, lon_deg } = frame.to_geodetic(at);
         Ok(Home { lat_deg, lon_deg })
+    }
+
+    /// Heights above mean sea level that belong to one vehicle of the team each, m, in the
+    /// team's order: where it climbs after take-off and where its Guardian circles. Real vehicles
+    /// have the highest. They are apart by the separation and by what vehicles may be off their
+    /// height; a band too low for the team uses its layers again.
+    pub fn layers_amsl_m(&self) -> Vec<f64> {
+        let fence = &self.fence;
+        let lowest_m = (fence.floor_agl_m + LOWEST_LAYER_M).min(fence.ceiling_agl_m);
+        let step_m = fence.separation_height_m + 2.0 * OFF_HEIGHT_M;
+        let levels = ((fence.ceiling_agl_m - lowest_m) / step_m).floor() as usize + 1;
+        let count = self.vehicles.len();
+        let simulated = |k: usize| self.vehicles[k].kind == VehicleKind::Simulated;
+        let before = |a: usize, b: usize| (simulated(a), a) < (simulated(b), b);
+        let layer = |k: usize| {
+            let rank = (0..count).filter(|&other| before(other, k)).count();
+            let level = (count - 1 - rank) % levels;
+            self.site.ground_amsl_m + lowest_m + level as f64 * step_m
+        };
+        (0..count).map(layer).collect()
     }
 
     /// Corners of the fence in the local frame.

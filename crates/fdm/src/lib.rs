@@ -71,6 +71,20 @@ pub enum FdmError {
         /// Every id of the catalogue.
         known: String,
     },
+    /// No gains with the margins asked for.
+    #[error(
+        "none of {candidates} sets of gains keeps {gain_db} dB and {phase_deg}° in every loop; with those of the file: {before}"
+    )]
+    NoMargins {
+        /// Gain margin asked for, dB.
+        gain_db: f64,
+        /// Phase margin asked for, degrees.
+        phase_deg: f64,
+        /// Sets tried.
+        candidates: usize,
+        /// The loops of the file's gains that lack margin.
+        before: String,
+    },
     /// An aircraft that cannot be written as TOML.
     #[error("aircraft cannot be written as TOML: {0}")]
     Unwritable(String),

@@ -1,9 +1,11 @@
 //! Stability margins of the inner loops, broken at the servo's command, on the linearised
-//! aircraft with servo, delay, and the hold of the controller.
+//! aircraft with servo, delay, and the hold of the controller. The controller computes during one
+//! tick and holds during the next: a delay of one and a half.
 
 use nalgebra::{Complex, DMatrix};
 use serde::Serialize;
 
+use super::TICK_S;
 use crate::FdmError;
 use crate::aircraft::Aircraft;
 use crate::autopilot::{ControlGains, InnerGains, inner_gains};
@@ -11,22 +13,21 @@ use crate::dynamics::Dynamics;
 use crate::mechanism::Extended;
 use crate::trim;
 
-/// Period of the controller, s: it computes during one and holds during the next, a delay of one
-/// and a half.
-const TICK_S: f64 = 0.02;
 const FREQUENCIES: usize = 600;
+/// Points of a frequency response that are kept.
+const MOST_POINTS: usize = 60;
 /// Range of frequencies scanned, rad/s.
 const RANGE_RAD_S: (f64, f64) = (0.5, 150.0);
 
 /// How far a loop is from instability.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LoopMargin {
-    /// `"roll"` or `"pitch"`.
+    /// `roll`, `pitch`, `heading`, `height` or `airspeed`.
     pub name: String,
-    /// Airspeed of the linearisation, m/s.
+    /// Airspeed at which the loop was looked at, m/s.
     pub airspeed_m_s: f64,
-    /// Factor by which the gain may grow; infinite when no gain destabilises.
-    pub gain_margin: f64,
+    /// Gain that may be added, dB; infinite when no gain destabilises.
+    pub gain_margin_db: f64,
     /// Phase that may be lost at the crossover, degrees; 180 when the loop's gain never reaches 1.
     pub phase_margin_deg: f64,
     /// Delay that may be added, s.
@@ -37,6 +38,30 @@ pub struct LoopMargin {
     pub stable: bool,
     /// The loop's frequency response (rad/s, dB, degrees).
     pub bode: Vec<(f64, f64, f64)>,
+}
+
+/// Least margins a set of gains must keep.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Required {
+    /// Gain margin, dB.
+    pub gain_db: f64,
+    /// Phase margin, degrees.
+    pub phase_deg: f64,
+}
+
+impl Required {
+    /// 6 dB and 45°, the usual ones of MIL-F-9490D.
+    pub const USUAL: Self = Self {
+        gain_db: 6.0,
+        phase_deg: 45.0,
+    };
+
+    /// Whether a loop keeps them.
+    pub fn met_by(&self, margin: &LoopMargin) -> bool {
+        margin.stable
+            && margin.gain_margin_db >= self.gain_db
+            && margin.phase_margin_deg >= self.phase_deg
+    }
 }
 
 /// Margins of the roll and pitch loop at an airspeed.
@@ -97,48 +122,91 @@ fn margin(
     plant: &(DMatrix<f64>, DMatrix<f64>, usize, usize),
     feedback: &InnerGains,
 ) -> LoopMargin {
-    let ratio: f64 = RANGE_RAD_S.1 / RANGE_RAD_S.0;
-    let points: Vec<(f64, Complex<f64>)> = (0..FREQUENCIES)
-        .map(|k| RANGE_RAD_S.0 * ratio.powf(k as f64 / (FREQUENCIES - 1) as f64))
+    let points: Vec<(f64, Complex<f64>)> = frequencies(RANGE_RAD_S, FREQUENCIES)
         .map(|frequency| (frequency, open_loop(aircraft, plant, feedback, frequency)))
         .collect();
-    let (mut gain_margin, mut phase_margin) = (f64::INFINITY, 180.0_f64);
+    of_response(name, airspeed_m_s, &points)
+}
+
+/// `count` frequencies from `low` to `high`, each the same factor above the last.
+pub(super) fn frequencies((low, high): (f64, f64), count: usize) -> impl Iterator<Item = f64> {
+    let ratio: f64 = high / low;
+    (0..count).map(move |k| low * ratio.powf(k as f64 / (count - 1) as f64))
+}
+
+/// Margins of a loop whose frequency response is known at rising frequencies (rad/s).
+pub(super) fn of_response(
+    name: &str,
+    airspeed_m_s: f64,
+    points: &[(f64, Complex<f64>)],
+) -> LoopMargin {
+    let (mut highest_gain, mut phase_margin) = (0.0_f64, 180.0_f64);
     let (mut delay_margin, mut crossover) = (f64::INFINITY, 0.0);
-    let mut stable = true;
     for pair in points.windows(2) {
-        let ((_, l0), (w1, l1)) = (pair[0], pair[1]);
+        let ((w0, l0), (w1, l1)) = (pair[0], pair[1]);
         // Crossing of the negative real axis.
-        if l0.re < 0.0 && l1.re < 0.0 && l0.im.signum() != l1.im.signum() {
-            let gain = -(l0.re + l1.re) / 2.0;
-            stable &= gain < 1.0;
-            gain_margin = gain_margin.min(1.0 / gain);
+        if l0.im.signum() != l1.im.signum() {
+            let share = l0.im / (l0.im - l1.im);
+            highest_gain = highest_gain.max(-(l0.re + share * (l1.re - l0.re)));
         }
         // Crossing of the unit circle.
-        if (l0.norm() - 1.0).signum() != (l1.norm() - 1.0).signum() {
+        let (g0, g1) = (l0.norm().ln(), l1.norm().ln());
+        if g0.signum() != g1.signum() {
+            let share = g0 / (g0 - g1);
+            crossover = w0 + share * (w1 - w0);
             // Angle from −1, positive while the phase is above −180°.
-            let angle = (-l1).arg();
-            crossover = w1;
+            let angle = (-l0).arg() + share * (l1 / l0).arg();
             phase_margin = phase_margin.min(angle.abs().to_degrees());
-            let lag = if angle >= 0.0 {
-                angle
-            } else {
-                angle + std::f64::consts::TAU
-            };
-            delay_margin = delay_margin.min(lag / w1);
+            let lag = angle.rem_euclid(std::f64::consts::TAU);
+            delay_margin = delay_margin.min(lag / crossover);
         }
     }
+    let step = points.len().div_ceil(MOST_POINTS);
     LoopMargin {
         name: name.to_owned(),
         airspeed_m_s,
-        gain_margin,
+        gain_margin_db: if highest_gain > 0.0 {
+            -20.0 * highest_gain.log10()
+        } else {
+            f64::INFINITY
+        },
         phase_margin_deg: phase_margin,
         delay_margin_s: delay_margin,
         crossover_rad_s: crossover,
-        stable,
+        stable: highest_gain < 1.0,
         bode: points
             .iter()
-            .step_by(10)
-            .map(|(w, l)| (*w, 20.0 * l.norm().log10(), l.arg().to_degrees()))
+            .step_by(step)
+            .map(|(w, l)| (*w, 20.0 * l.norm().log10(), phase_deg(l)))
             .collect(),
+    }
+}
+
+/// Phase in (−315°, 45°], so that lag beyond half a turn shows as such.
+fn phase_deg(l: &Complex<f64>) -> f64 {
+    let phase = l.arg().to_degrees();
+    if phase > 45.0 { phase - 360.0 } else { phase }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// L = 8/(s (s + 2)(s + 3)). scipy 1.15: `brentq(lambda w: abs(L(1j*w)) - 1, .1, 5)` gives
+    /// 1.0976867, there 180 + phase = 41.1427625°, 0.6541727 s; at √6 rad/s 1/|L| = 3.75.
+    #[test]
+    fn margins_of_a_known_loop() {
+        let points: Vec<_> = frequencies(RANGE_RAD_S, FREQUENCIES)
+            .map(|w| {
+                let s = Complex::new(0.0, w);
+                (w, Complex::from(8.0) / (s * (s + 2.0) * (s + 3.0)))
+            })
+            .collect();
+        let margin = of_response("known", 18.0, &points);
+        assert!((margin.gain_margin_db - 20.0 * 3.75_f64.log10()).abs() < 0.01);
+        assert!((margin.crossover_rad_s - 1.097_686_7).abs() < 1e-4);
+        assert!((margin.phase_margin_deg - 41.142_76).abs() < 0.01);
+        assert!((margin.delay_margin_s - 0.654_173).abs() < 1e-3);
+        assert!(margin.stable);
     }
 }

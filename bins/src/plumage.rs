@@ -1,7 +1,7 @@
 //! The one command a newcomer needs.
 
 use clap::{Parser, Subcommand};
-use shell::commands::{calibrate, campaign, conduct, gap, replay, run};
+use shell::commands::{calibrate, campaign, conduct, gap, replay, run, tune};
 use shell::failure;
 use std::process::ExitCode;
 
@@ -28,6 +28,8 @@ enum Command {
     Replay(replay::ReplayArguments),
     /// Fly one scenario with many seeds and tabulate what was found
     Campaign(campaign::CampaignArguments),
+    /// Find an aircraft's gains in simulation and judge them
+    Tune(tune::TuneArguments),
 }
 
 fn main() -> ExitCode {
@@ -38,5 +40,6 @@ fn main() -> ExitCode {
         Command::Conduct(arguments) => conduct::conduct(arguments),
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Campaign(arguments) => campaign::campaign(arguments),
+        Command::Tune(arguments) => tune::tune(arguments),
     })
 }

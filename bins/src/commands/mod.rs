@@ -6,3 +6,4 @@ pub mod conduct;
 pub mod gap;
 pub mod replay;
 pub mod run;
+pub mod tune;

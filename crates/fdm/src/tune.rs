@@ -79,10 +79,12 @@ pub struct Judged {
     pub flights: Vec<Evaluation>,
     /// Flights in weather that the search did not see.
     pub held_out: Vec<Evaluation>,
-    /// Mean cost of the flights in the weather of the search.
+    /// Mean cost of the flights in the weather of the search, plus that of the steps.
     pub cost: f64,
-    /// Mean cost of the flights that the search did not see.
+    /// Mean cost of the flights that the search did not see, plus that of the steps.
     pub held_out_cost: f64,
+    /// Mean cost of the steps.
+    pub step_cost: f64,
     /// Step responses.
     pub steps: Vec<StepResponse>,
     /// Stability margins: roll and pitch at three airspeeds, heading, height and airspeed at
@@ -139,19 +141,31 @@ fn varied(gains: &mut ControlGains) -> [&mut f64; 12] {
     ]
 }
 
+/// A gain as a person would write it: three significant digits.
+fn three_digits(gain: f64) -> f64 {
+    if gain > 0.0 {
+        let unit = 10f64.powi(2 - gain.log10().floor() as i32);
+        (gain * unit).round() / unit
+    } else {
+        gain
+    }
+}
+
 /// The same loops, all slower by a factor.
 fn slowed(gains: &ControlGains, factor: f64) -> ControlGains {
+    let times = |gain: f64| three_digits(gain * factor);
+    let over = |time_s: f64| three_digits(time_s / factor);
     ControlGains {
-        roll_bandwidth_rad_s: gains.roll_bandwidth_rad_s * factor,
-        roll_damping_rad_s: gains.roll_damping_rad_s * factor,
-        roll_integral_rad_s: gains.roll_integral_rad_s * factor,
-        pitch_bandwidth_rad_s: gains.pitch_bandwidth_rad_s * factor,
-        pitch_damping_rad_s: gains.pitch_damping_rad_s * factor,
-        pitch_integral_rad_s: gains.pitch_integral_rad_s * factor,
-        heading_bandwidth_rad_s: gains.heading_bandwidth_rad_s * factor,
-        height_time_s: gains.height_time_s / factor,
-        airspeed_time_s: gains.airspeed_time_s / factor,
-        energy_integral_s: gains.energy_integral_s / factor,
+        roll_bandwidth_rad_s: times(gains.roll_bandwidth_rad_s),
+        roll_damping_rad_s: times(gains.roll_damping_rad_s),
+        roll_integral_rad_s: times(gains.roll_integral_rad_s),
+        pitch_bandwidth_rad_s: times(gains.pitch_bandwidth_rad_s),
+        pitch_damping_rad_s: times(gains.pitch_damping_rad_s),
+        pitch_integral_rad_s: times(gains.pitch_integral_rad_s),
+        heading_bandwidth_rad_s: times(gains.heading_bandwidth_rad_s),
+        height_time_s: over(gains.height_time_s),
+        airspeed_time_s: over(gains.airspeed_time_s),
+        energy_integral_s: over(gains.energy_integral_s),
         ..*gains
     }
 }
@@ -244,7 +258,7 @@ impl Search<'_> {
             for gain in varied(&mut gains) {
                 let step: f64 = StandardNormal.sample(&mut rng);
                 if rng.random::<f64>() < VARIED_SHARE {
-                    *gain *= (spread * step).exp();
+                    *gain = three_digits(*gain * (spread * step).exp());
                 }
             }
             if let Some(cost) = self.better(&gains, best.1)? {
@@ -288,7 +302,8 @@ impl Search<'_> {
         if gains.check().is_err() || !kept(&inner_margins(aircraft, gains)?) {
             return Ok(None);
         }
-        let cost = flights::cost(&flights::fly_all(aircraft, gains, &order.weather)?);
+        let cost = flights::cost(&flights::fly_all(aircraft, gains, &order.weather)?)
+            + steps::cost(&steps::responses(aircraft, gains)?);
         let taken = cost < than
             && kept(&outer::loops(aircraft, gains)?)
             && robustness::as_robust_as(
@@ -321,13 +336,16 @@ fn judge(aircraft: &Aircraft, order: &TuneOrder, gains: &ControlGains) -> Result
     let held_out = flights::fly_all(aircraft, gains, &order.held_out)?;
     let mut margins = inner_margins(aircraft, gains)?;
     margins.extend(outer::loops(aircraft, gains)?);
+    let steps = steps::responses(aircraft, gains)?;
+    let step_cost = steps::cost(&steps);
     Ok(Judged {
         gains: *gains,
-        cost: flights::cost(&flown),
-        held_out_cost: flights::cost(&held_out),
+        cost: flights::cost(&flown) + step_cost,
+        held_out_cost: flights::cost(&held_out) + step_cost,
+        step_cost,
         flights: flown,
         held_out,
-        steps: steps::responses(aircraft, gains)?,
+        steps,
         has_margins: margins.iter().all(|m| order.required.met_by(m)),
         margins,
         robustness: robustness::judged(aircraft, gains, &order.weather)?,

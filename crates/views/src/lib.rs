@@ -7,6 +7,7 @@
 //! - [`page`]: the web server of the page;
 //! - [`report`]: `report.html` of a mission;
 //! - [`gap_report`]: `report.html` of a gap analysis;
+//! - [`tune_report`]: `report.html` of a tuning;
 //! - [`site`]: the map they share.
 
 pub mod gap_report;
@@ -17,6 +18,7 @@ mod plot;
 mod plotly_js;
 pub mod report;
 pub mod site;
+pub mod tune_report;
 
 /// Why a view could not be shown.
 #[derive(Debug, thiserror::Error)]

@@ -27,7 +27,7 @@ const ORBIT_FROM_M: f64 = 30.0;
 pub(super) const START_AMSL_M: f64 = 400.0;
 /// Errors that cost as much as one another: height m, airspeed m/s, course rad, orbit m, bank
 /// rad, surface rate rad/s.
-const SCALE: [f64; 6] = [2.0, 1.0, 0.1, 5.0, 0.05, 0.6];
+const SCALE: [f64; 6] = [2.0, 1.0, 0.1, 5.0, 0.1, 0.6];
 /// Cost of a flight that left the envelope.
 const NOT_FLOWN: f64 = 100.0;
 /// Longest time beyond the stall angle or the speed limit: gusts alone may lead there for an

@@ -162,6 +162,7 @@ pub(super) fn of_response(
         }
     }
     let step = points.len().div_ceil(MOST_POINTS);
+    let phases = unwrapped_deg(points);
     LoopMargin {
         name: name.to_owned(),
         airspeed_m_s,
@@ -176,16 +177,24 @@ pub(super) fn of_response(
         stable: highest_gain < 1.0,
         bode: points
             .iter()
+            .zip(phases)
             .step_by(step)
-            .map(|(w, l)| (*w, 20.0 * l.norm().log10(), phase_deg(l)))
+            .map(|((w, l), phase)| (*w, 20.0 * l.norm().log10(), phase))
             .collect(),
     }
 }
 
-/// Phase in (−315°, 45°], so that lag beyond half a turn shows as such.
-fn phase_deg(l: &Complex<f64>) -> f64 {
-    let phase = l.arg().to_degrees();
-    if phase > 45.0 { phase - 360.0 } else { phase }
+/// Phases without jumps, degrees; the first in (−270°, 90°].
+fn unwrapped_deg(points: &[(f64, Complex<f64>)]) -> Vec<f64> {
+    let mut last = -90.0;
+    points
+        .iter()
+        .map(|(_, l)| {
+            let phase = l.arg().to_degrees();
+            last = phase - 360.0 * ((phase - last) / 360.0).round();
+            last
+        })
+        .collect()
 }
 
 #[cfg(test)]

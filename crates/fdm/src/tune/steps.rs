@@ -15,6 +15,28 @@ const BEFORE_S: f64 = 30.0;
 const BANK_DEG: f64 = 20.0;
 /// Change of an orbit's radius, m.
 const RADIUS_M: f64 = 30.0;
+/// Settling that is tolerable, s, for each step.
+const SETTLING_S: [(&str, f64); 5] = [
+    ("roll", 2.0),
+    ("course", 5.0),
+    ("height", 10.0),
+    ("airspeed", 10.0),
+    ("orbit", 8.0),
+];
+/// Overshoot that is tolerable, as a share of the step.
+const OVERSHOOT: f64 = 0.1;
+
+/// Mean cost of step responses: the squares of settling time and overshoot, each over what is
+/// tolerable. What does not settle counts as if it did at the end of its series.
+pub(super) fn cost(steps: &[StepResponse]) -> f64 {
+    let one = |step: &StepResponse| {
+        let end_s = step.series.last().map_or(0.0, |p| p.0);
+        let tolerable = SETTLING_S.iter().find(|(what, _)| *what == step.what);
+        let tolerable_s = tolerable.map_or(end_s, |(_, s)| *s);
+        (step.settling_s.min(end_s) / tolerable_s).powi(2) + (step.overshoot / OVERSHOOT).powi(2)
+    };
+    steps.iter().map(one).sum::<f64>() / steps.len().max(1) as f64
+}
 
 /// A demand stepped, and what the aircraft did.
 #[derive(Debug, Clone, PartialEq, Serialize)]

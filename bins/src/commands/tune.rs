@@ -1,0 +1,156 @@
+//! `plumage tune`: gains for an aircraft, found in simulation.
+
+use crate::Failure;
+use anyhow::Context as _;
+use fdm::Aircraft;
+use fdm::tune::{TuneOrder, TuneReport, tune as search, with_gains};
+use indicatif::ProgressBar;
+use record::files;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `plumage tune`.
+#[derive(Debug, clap::Args)]
+pub struct TuneArguments {
+    /// Aircraft to tune (TOML)
+    #[arg(long, value_name = "FILE")]
+    pub aircraft: PathBuf,
+    /// Re-tune for what a measured flight showed: the extended.toml that `plumage gap flight` wrote
+    #[arg(long, value_name = "FILE")]
+    pub from: Option<PathBuf>,
+    /// Seed of the search and its gusts
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Sets of gains to try
+    #[arg(long, value_name = "N", default_value_t = 300)]
+    pub candidates: usize,
+    /// Folder for report.html, tune.json and the aircraft file
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Write into a folder that holds something, replacing earlier outputs
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// Finds gains and writes them with their report.
+///
+/// # Errors
+/// Wrong input, an aircraft for which no gains with margins are found, or outputs that cannot be
+/// written.
+pub fn tune(arguments: &TuneArguments) -> Result<(), Failure> {
+    let source = Source::read(arguments)?;
+    files::prepare_folder(&arguments.out, arguments.force).map_err(Failure::input)?;
+    let bar = ProgressBar::new(arguments.candidates as u64);
+    bar.tick();
+    let order = TuneOrder {
+        candidates: arguments.candidates,
+        ..TuneOrder::new(arguments.seed)
+    };
+    let report = search(&source.aircraft, &order, &mut |done, of| {
+        bar.set_length(of as u64);
+        bar.set_position(done as u64);
+    })
+    .map_err(Failure::input)?;
+    bar.finish_and_clear();
+    let name = arguments.aircraft.file_name().map_or_else(
+        || "aircraft.toml".to_owned(),
+        |n| n.to_string_lossy().into_owned(),
+    );
+    let toml = with_gains(&source.name, &source.text, &report.after.gains)?;
+    let json = format!("{:#}\n", serde_json::to_value(&report)?);
+    let page = views::tune_report::page(&report, &name);
+    let write =
+        |name: &str, text: &str| files::write_whole(&arguments.out.join(name), text.as_bytes());
+    write(&name, &toml)?;
+    write("report.html", &page)?;
+    write("tune.json", &json)?;
+    tell(&report, &arguments.out, &name);
+    Ok(())
+}
+
+/// The aircraft that flies, and the text that its new file is made from.
+struct Source {
+    name: String,
+    text: String,
+    aircraft: Aircraft,
+}
+
+impl Source {
+    /// The aircraft of `--aircraft`; with `--from`, the one of that file with the gains of
+    /// `--aircraft`.
+    fn read(arguments: &TuneArguments) -> Result<Self, Failure> {
+        let base = Self::of_file(&arguments.aircraft)?;
+        let Some(from) = &arguments.from else {
+            return Ok(base);
+        };
+        if from.extension().is_none_or(|e| e != "toml") {
+            return Err(Failure::usage(format!(
+                "--from {}: expected the aircraft as the flight showed it. First run: plumage gap \
+                 flight {} --aircraft {} --out DIR, then give --from DIR/extended.toml",
+                from.display(),
+                from.display(),
+                arguments.aircraft.display()
+            )));
+        }
+        let mut extended = Self::of_file(from)?;
+        if extended.aircraft.name != base.aircraft.name {
+            return Err(Failure::usage(format!(
+                "--from {}: it is of \"{}\", and --aircraft of \"{}\"; expected the same aircraft",
+                from.display(),
+                extended.aircraft.name,
+                base.aircraft.name
+            )));
+        }
+        if extended.aircraft.mechanism.is_empty() {
+            eprintln!(
+                "note: {} has no [[mechanism]]: the flight showed nothing that the aircraft file \
+                 lacks",
+                from.display()
+            );
+        }
+        extended.aircraft.control = base.aircraft.control;
+        Ok(extended)
+    }
+
+    fn of_file(path: &Path) -> Result<Self, Failure> {
+        let name = path.display().to_string();
+        let text = std::fs::read_to_string(path)
+            .with_context(|| format!("{name}: cannot read the aircraft"))
+            .map_err(Failure::Input)?;
+        let aircraft = Aircraft::from_toml(&name, &text).map_err(Failure::input)?;
+        Ok(Self {
+            name,
+            text,
+            aircraft,
+        })
+    }
+}
+
+fn tell(report: &TuneReport, folder: &Path, file: &str) {
+    let (before, after) = (&report.before, &report.after);
+    println!(
+        "{}: cost in weather not seen {:.2} -> {:.2}{}",
+        report.aircraft,
+        before.held_out_cost,
+        after.held_out_cost,
+        if report.changed {
+            ""
+        } else {
+            "; nothing better was found, the gains of the file stay"
+        }
+    );
+    for (b, a) in before.margins.iter().zip(&after.margins) {
+        println!(
+            "  {:8} at {:4.1} m/s: {:5.1} -> {:5.1} dB, {:4.0} -> {:4.0}°",
+            a.name,
+            a.airspeed_m_s,
+            b.gain_margin_db,
+            a.gain_margin_db,
+            b.phase_margin_deg,
+            a.phase_margin_deg
+        );
+    }
+    println!(
+        "Outputs in {}: {file}, report.html, tune.json",
+        folder.display()
+    );
+}

@@ -8,6 +8,7 @@
 //! Pure: no clock, file, socket, environment or global random number; seeds are arguments, and
 //! results do not depend on the number of threads.
 
+pub mod flight;
 pub mod plume;
 pub mod tracer;
 pub mod verdict;

@@ -1,0 +1,204 @@
+//! The gap of flight: a measured flight against the aircraft of its file.
+//!
+//! [`log`] reads the file, [`gate`] masks what cannot be used, [`equation_error`] says at once
+//! what accelerations tell (delays, moments, lift), and [`study`] follows the flight with an
+//! extended Kalman filter that has the measured commands as input, wind and disturbances as
+//! states, and every mechanism of the catalogue as an extension. Evidence is in closed form from
+//! one pass that carries the derivatives of all innovations ([`filter`], [`evidence`]).
+//!
+//! Pure: texts in, report out.
+
+pub mod answer;
+pub mod channel;
+pub mod equation_error;
+pub mod evidence;
+pub mod filter;
+pub mod gate;
+pub mod histories;
+pub mod log;
+pub mod motion;
+mod next_flight;
+pub mod noise;
+pub mod normal;
+pub mod parameters;
+mod residual;
+pub mod rival;
+pub mod study;
+mod units;
+
+use fdm::Aircraft;
+use serde::Serialize;
+
+use crate::GapError;
+use crate::verdict::{GapJson, SCHEMA, Verdict};
+use answer::Answer;
+use equation_error::EquationError;
+use histories::{History, SimulatedError};
+use log::FlightLog;
+use noise::Noise;
+use study::{Linear, Study};
+
+/// What `gap flight` found: `gap.json` with a further field `flight`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FlightReport {
+    /// The fields that all of `gap.json` has.
+    #[serde(flatten)]
+    pub gap: GapJson,
+    /// What stands behind them.
+    pub flight: FlightDetail,
+    /// Measured and simulated histories.
+    #[serde(skip)]
+    pub histories: Vec<History>,
+    /// The aircraft with what was found.
+    #[serde(skip)]
+    pub extended: Aircraft,
+}
+
+impl FlightReport {
+    /// The text of `gap.json`, indented.
+    ///
+    /// # Errors
+    /// Only if serialisation itself fails.
+    pub fn to_json(&self) -> Result<String, serde_json::Error> {
+        serde_json::to_string_pretty(self)
+    }
+}
+
+/// What stands behind a verdict on flight.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FlightDetail {
+    /// What accelerations say without a filter.
+    pub equation_error: EquationError,
+    /// Fitted noise of the extended aircraft.
+    pub noise: Noise,
+    /// Factor by which the data's word was weakened, since their score varies that much more
+    /// than independent innovations would.
+    pub dispersion: f64,
+    /// Errors of stretches simulated with the measured commands.
+    pub simulated: Vec<SimulatedError>,
+}
+
+/// Analyses the flights `logs` of `aircraft`; `progress` gets the part done, 0 to 1.
+///
+/// # Errors
+/// [`GapError::Data`] when nothing flies in the logs, or the model cannot follow them at all.
+pub fn analyse(
+    logs: &[FlightLog],
+    aircraft: &Aircraft,
+    progress: &mut dyn FnMut(f64),
+) -> Result<FlightReport, GapError> {
+    let gated = gate::pass(logs, aircraft)?;
+    let study = Study::new(aircraft, &gated, logs.len());
+    let zero = study.start();
+    let worlds: Vec<_> = gated
+        .segments
+        .iter()
+        .map(|s| study.world(s, &zero))
+        .collect();
+    let equation_error = equation_error::analyse(&gated.segments, &worlds, aircraft);
+    progress(0.03);
+    let (first, last) = study.look(&equation_error, &mut |part| progress(0.03 + 0.9 * part))?;
+    let answer = answer::judge(&study, &last);
+    let base_theta = study.theta_of(&last, &[]);
+    let theta = study.theta_of(&last, &answer.set);
+    let histories = told(&study, &last, &base_theta, &theta);
+    let mut extended = aircraft.clone();
+    extended.mechanism.extend(answer::extension(&answer.causes));
+    let mut notices = gated.notices.clone();
+    if fdm::mechanism::Extended::of(&extended).is_err() {
+        notices.push(
+            "the extended aircraft lies outside what an aircraft file may say; extended.toml is \
+             the base"
+                .into(),
+        );
+        extended = aircraft.clone();
+    }
+    notices.extend(equation_error.moments.iter().map(|m| m.words.clone()));
+    notices.extend(equation_error.lift.iter().map(|l| l.words.clone()));
+    let gain = (!answer.set.is_empty()).then(|| answer::gain(&study, &last, &answer.set));
+    let gap = GapJson {
+        schema: SCHEMA,
+        verdict: answer.verdict,
+        summary: summary(&answer, &equation_error),
+        residual: residual::bins(&study, &first),
+        gain,
+        detectable: answer::detectable(&study, &last),
+        next_flight: next_flight::propose(&answer),
+        base: answer::base(&study, &last, &answer.set),
+        unexplained: answer.unexplained,
+        data_quality: gated.data_quality.clone(),
+        notices,
+        ranking: answer.ranking,
+        causes: answer.causes,
+    };
+    progress(1.0);
+    Ok(FlightReport {
+        gap,
+        flight: FlightDetail {
+            equation_error,
+            noise: last.noise.clone(),
+            dispersion: last.word.dispersion,
+            simulated: histories::errors(&histories),
+        },
+        histories,
+        extended,
+    })
+}
+
+/// Histories of all segments under base and extension.
+fn told(study: &Study<'_>, last: &Linear, base: &[f64], extended: &[f64]) -> Vec<History> {
+    let of = [base, extended].map(|theta| study.passes(theta, &last.noise));
+    let mut all = Vec::new();
+    for (k, segment) in study.gated.segments.iter().enumerate() {
+        let worlds = [base, extended].map(|theta| study.world(segment, theta));
+        let simulated: [Vec<_>; 2] =
+            std::array::from_fn(|v| histories::simulate(segment, &worlds[v], &of[v][k].means));
+        all.extend(histories::histories(
+            segment,
+            [&simulated[0], &simulated[1]],
+            [&of[0][k].standardised, &of[1][k].standardised],
+        ));
+    }
+    all
+}
+
+fn summary(answer: &Answer, equation_error: &EquationError) -> String {
+    let sets: Vec<String> = answer
+        .causes
+        .iter()
+        .map(|c| c.mechanisms.join(" or "))
+        .collect();
+    let mut text = match answer.verdict {
+        Verdict::None => {
+            "Nothing in these flights asks for another aircraft than that of the file.".to_owned()
+        }
+        Verdict::Named => format!("The data ask for {}.", sets.join(" and ")),
+        Verdict::Ambiguous => format!(
+            "The data ask for {}; what stands together by \"or\" they cannot tell apart.",
+            sets.join(", and ")
+        ),
+        Verdict::Unexplained => {
+            let rest = answer
+                .unexplained
+                .as_ref()
+                .map_or_else(String::new, |u| u.term.clone());
+            if sets.is_empty() {
+                format!("Something is there that no mechanism explains: {rest}.")
+            } else {
+                format!(
+                    "The data ask for {}, and for something that no mechanism explains: {rest}.",
+                    sets.join(", and ")
+                )
+            }
+        }
+    };
+    for delay in &equation_error.delays {
+        text += &format!(
+            " {} lags by {:.0} ms (pure delay in the moment {:.0} ms).",
+            delay.of,
+            1000.0 * delay.rate_lag_s,
+            1000.0 * delay.moment_delay_s
+        );
+    }
+    text
+}

@@ -1,0 +1,346 @@
+//! From the last view of the data to causes: sets that the data cannot tell apart, what has no
+//! name, what the extension gains on blocks left out.
+
+use fdm::mechanism::{CATALOGUE, Mechanism, spec};
+use nalgebra::DVector;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::evidence::{Candidate, sum};
+use super::parameters::Effect;
+use super::study::{Linear, Study};
+use crate::verdict::{
+    BaseParameter, Cause, Detectable, Evidence, Gain, HeldOut, Parameter, Ranked, Unexplained,
+    Verdict,
+};
+
+/// Probability that a set must hold, and that a name alone needs.
+const SET_PROBABILITY: f64 = 0.95;
+/// Probability of so large a score by chance, over all candidates, that a cause may have.
+const LARGEST_P: f64 = 0.01;
+/// Nats at which an effect is seen almost surely.
+const VISIBLE_NATS: f64 = 20.0;
+/// Nats for each of which the evidence is taken to be a hundredth less sure: no law of the
+/// catalogue is exactly that of the aircraft.
+const NATS_PER_DOUBT: f64 = 60.0;
+
+/// What the data came to.
+pub struct Answer {
+    /// The word.
+    pub verdict: Verdict,
+    /// Causes, the strongest first.
+    pub causes: Vec<Cause>,
+    /// Candidates alone, the best first.
+    pub ranking: Vec<Ranked>,
+    /// What has no name.
+    pub unexplained: Option<Unexplained>,
+    /// Places of the candidates that were added.
+    pub set: Vec<usize>,
+}
+
+/// Probability of a gain of `nats` by `columns` free parameters, the best of `tried`, by chance.
+fn p_value(nats: f64, columns: usize, tried: usize) -> f64 {
+    let tail = ChiSquared::new(columns as f64).map_or(1.0, |c| c.sf(2.0 * nats.max(0.0)));
+    (tail * tried as f64).min(1.0)
+}
+
+fn name(study: &Study<'_>, candidate: usize) -> String {
+    if study.is_named(candidate) {
+        study.ids[candidate].to_owned()
+    } else {
+        study.groups[candidate - study.ids.len()].words()
+    }
+}
+
+/// Judges the last view.
+pub fn judge(study: &Study<'_>, last: &Linear) -> Answer {
+    let best = &last.models[0];
+    let tried = study.candidates.len();
+    let fit = |set: &[usize]| {
+        let chosen: Vec<&Candidate> = set.iter().map(|&k| &study.candidates[k]).collect();
+        last.word.fit(&chosen)
+    };
+    let mut causes = Vec::new();
+    let mut unexplained: Option<Unexplained> = None;
+    let mut set = Vec::new();
+    for &item in &best.set {
+        let rest: Vec<usize> = best.set.iter().copied().filter(|&k| k != item).collect();
+        let without = fit(&rest);
+        let gain = best.fit.log_score - without.log_score;
+        let p = p_value(gain, study.candidates[item].columns.len(), tried);
+        if p > LARGEST_P {
+            continue;
+        }
+        set.push(item);
+        let evidence = Evidence {
+            delta_log_score: gain,
+            delta_log_evidence: best.fit.log_evidence - without.log_evidence,
+            p_value: p,
+        };
+        // Every candidate in the place of this one.
+        let doubt = (1.0 + evidence.delta_log_evidence.max(0.0) / NATS_PER_DOUBT).sqrt();
+        let mut rivals: Vec<(usize, f64)> = (0..tried)
+            .filter(|k| !rest.contains(k))
+            .map(|k| {
+                let mut other = rest.clone();
+                other.push(k);
+                (k, fit(&other).log_evidence + study.candidates[k].log_prior)
+            })
+            .collect();
+        rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let top = rivals[0].1;
+        let weight = |v: f64| ((v - top) / doubt).exp();
+        let total: f64 = rivals.iter().map(|r| weight(r.1)).sum();
+        if !study.is_named(rivals[0].0) {
+            let found = nameless(study, last, rivals[0].0, evidence.delta_log_evidence);
+            let stronger = |u: &Unexplained| u.delta_log_evidence < found.delta_log_evidence;
+            if unexplained.as_ref().is_none_or(stronger) {
+                unexplained = Some(found);
+            }
+            continue;
+        }
+        let mut probability = 0.0;
+        let mut mechanisms = Vec::new();
+        for &(k, value) in rivals.iter().filter(|r| study.is_named(r.0)) {
+            if probability >= SET_PROBABILITY || weight(value) / total < 0.01 {
+                break;
+            }
+            probability += weight(value) / total;
+            mechanisms.push(study.ids[k].to_owned());
+        }
+        let next = rivals
+            .iter()
+            .find(|r| !study.is_named(r.0) || !mechanisms.contains(&study.ids[r.0].to_owned()));
+        causes.push(Cause {
+            parameters: parameters(study, last, &best.set, rivals[0].0),
+            mechanisms,
+            probability,
+            evidence,
+            platforms: Vec::new(),
+            nats_to_next: next.map_or(f64::NAN, |n| top - n.1),
+        });
+    }
+    causes.sort_by(|a, b| {
+        b.evidence
+            .delta_log_evidence
+            .total_cmp(&a.evidence.delta_log_evidence)
+    });
+    causes.dedup_by(|b, a| a.mechanisms == b.mechanisms);
+    let verdict = if unexplained.is_some() {
+        Verdict::Unexplained
+    } else if causes.is_empty() {
+        Verdict::None
+    } else if causes.iter().all(|c| c.mechanisms.len() == 1) {
+        Verdict::Named
+    } else {
+        Verdict::Ambiguous
+    };
+    Answer {
+        verdict,
+        causes,
+        ranking: ranking(study, last),
+        unexplained,
+        set,
+    }
+}
+
+/// Every candidate alone, as seen from the last view.
+fn ranking(study: &Study<'_>, last: &Linear) -> Vec<Ranked> {
+    let mut fits: Vec<(usize, f64, f64)> = (0..study.candidates.len())
+        .map(|k| {
+            let fit = last.word.fit(&[&study.candidates[k]]);
+            (k, fit.log_score, fit.log_evidence)
+        })
+        .collect();
+    fits.sort_by(|a, b| b.2.total_cmp(&a.2));
+    let top = fits[0].2;
+    let total: f64 = fits.iter().map(|f| (f.2 - top).exp()).sum();
+    fits.into_iter()
+        .map(|(k, score, evidence)| Ranked {
+            mechanisms: vec![name(study, k)],
+            platform: None,
+            delta_log_score: score,
+            log_evidence: evidence,
+            probability: (evidence - top).exp() / total,
+        })
+        .collect()
+}
+
+/// Where a nameless term lives: the block in which it gains most, with its neighbours that gain.
+fn nameless(study: &Study<'_>, last: &Linear, candidate: usize, evidence: f64) -> Unexplained {
+    let group = &study.groups[candidate - study.ids.len()];
+    let columns = &study.candidates[candidate].columns;
+    let fit = last.word.fit(&[&study.candidates[candidate]]);
+    let gains: Vec<f64> = last
+        .blocks
+        .iter()
+        .map(|block| {
+            let mut gain = 0.0;
+            for (i, &j) in columns.iter().enumerate() {
+                gain += fit.values[i] * block.b[j];
+                for (k, &l) in columns.iter().enumerate() {
+                    gain -= 0.5 * fit.values[i] * fit.values[k] * block.a[(j, l)];
+                }
+            }
+            gain
+        })
+        .collect();
+    let strongest = (0..gains.len())
+        .max_by(|&a, &b| gains[a].total_cmp(&gains[b]))
+        .unwrap_or(0);
+    let (mut from, mut to) = (strongest, strongest);
+    while from > 0 && gains[from - 1] > 0.2 * gains[strongest] {
+        from -= 1;
+    }
+    while to + 1 < gains.len() && gains[to + 1] > 0.2 * gains[strongest] {
+        to += 1;
+    }
+    Unexplained {
+        coordinate: group.coordinate.as_str().to_owned(),
+        term: group.words(),
+        from_s: last.blocks[from].from_s,
+        to_s: last.blocks[to].to_s,
+        platforms: Vec::new(),
+        delta_log_evidence: evidence,
+    }
+}
+
+/// Fitted parameters of one mechanism when `set` is at work.
+fn parameters(study: &Study<'_>, last: &Linear, set: &[usize], of: usize) -> Vec<Parameter> {
+    let mut set = set.to_vec();
+    if !set.contains(&of) {
+        set.push(of);
+    }
+    let (a, b) = sum(&last.blocks, None);
+    let (values, covariance) = study.posterior(
+        &(a / last.word.dispersion),
+        &(b / last.word.dispersion),
+        &set,
+    );
+    study.candidates[of]
+        .columns
+        .iter()
+        .filter_map(|&j| {
+            let Effect::Mechanism(m, k) = study.parameters[j].effect else {
+                return None;
+            };
+            let p = &CATALOGUE[m].parameters[k];
+            Some(Parameter {
+                mechanism: CATALOGUE[m].id.to_owned(),
+                name: p.name.to_owned(),
+                value: (p.neutral + values[j]).clamp(p.low, p.high),
+                sd: covariance[(j, j)].sqrt(),
+                unit: p.unit.to_owned(),
+            })
+        })
+        .collect()
+}
+
+/// The fitted base: tolerances that moved, and the winds.
+pub fn base(study: &Study<'_>, last: &Linear, set: &[usize]) -> Vec<BaseParameter> {
+    let (a, b) = sum(&last.blocks, None);
+    let (values, covariance) = study.posterior(&a, &b, set);
+    study
+        .parameters
+        .iter()
+        .enumerate()
+        .filter(|(_, p)| p.prior_sd.is_none())
+        .map(|(j, p)| BaseParameter {
+            name: p.name.clone(),
+            value: values[j],
+            sd: covariance[(j, j)].sqrt(),
+            prior: p.tolerance,
+        })
+        .collect()
+}
+
+/// The smallest effect of each parameter that these data could have shown.
+pub fn detectable(study: &Study<'_>, last: &Linear) -> Vec<Detectable> {
+    study
+        .parameters
+        .iter()
+        .enumerate()
+        .filter_map(|(j, p)| {
+            let Effect::Mechanism(m, k) = p.effect else {
+                return None;
+            };
+            let information = last.word.s[(j, j)];
+            (information > 0.0).then(|| Detectable {
+                mechanism: CATALOGUE[m].id.to_owned(),
+                parameter: CATALOGUE[m].parameters[k].name.to_owned(),
+                value: (2.0 * VISIBLE_NATS / information).sqrt(),
+                unit: p.unit.to_owned(),
+            })
+        })
+        .collect()
+}
+
+/// The mechanisms of the first name of each cause, for an aircraft file.
+pub fn extension(causes: &[Cause]) -> Vec<Mechanism> {
+    causes
+        .iter()
+        .filter_map(|cause| {
+            let id = cause.mechanisms.first()?;
+            let spec = spec(id)?;
+            let values: Vec<f64> = spec
+                .parameters
+                .iter()
+                .map(|p| {
+                    let fitted = cause.parameters.iter().find(|f| f.name == p.name);
+                    fitted.map_or(p.neutral, |f| f.value)
+                })
+                .collect();
+            Mechanism::with_values(id, &values).ok()
+        })
+        .collect()
+}
+
+/// Scores of base and extension on each block by a fit to the others.
+pub fn gain(study: &Study<'_>, last: &Linear, set: &[usize]) -> Gain {
+    let (a, b) = sum(&last.blocks, None);
+    let mut gains = Vec::new();
+    let (mut before, mut after, mut count) = (0.0, 0.0, 0.0);
+    for block in &last.blocks {
+        let (rest_a, rest_b) = (&a - &block.a, &b - &block.b);
+        let squares = |values: &DVector<f64>| {
+            block.squares - 2.0 * values.dot(&block.b) + values.dot(&(&block.a * values))
+        };
+        let plain = squares(&study.solve(&rest_a, &rest_b, &[]));
+        let with = squares(&study.solve(&rest_a, &rest_b, set));
+        gains.push(0.5 * (plain - with));
+        before += plain;
+        after += with;
+        count += block.count as f64;
+    }
+    let n = gains.len() as f64;
+    let total: f64 = gains.iter().sum();
+    let variance: f64 = gains.iter().map(|g| (g - total / n).powi(2)).sum::<f64>();
+    let error = 1.96 * (variance * n / (n - 1.0)).sqrt();
+    let rmse = |squares: f64| (squares / count).sqrt();
+    let nan = f64::NAN;
+    Gain {
+        blocks: last.blocks.len(),
+        held_out: HeldOut {
+            log_score_before: last.log_score - total,
+            log_score_after: last.log_score,
+            log_score_gain_low: total - error,
+            log_score_gain_high: total + error,
+            rmse_before: rmse(before),
+            rmse_after: rmse(after),
+            // The gain's interval, as squares.
+            rmse_change_low: rmse((before - 2.0 * (total + error)).max(0.0)) - rmse(before),
+            rmse_change_high: rmse((before - 2.0 * (total - error)).max(0.0)) - rmse(before),
+            fac2_before: nan,
+            fac2_after: nan,
+            fb_before: nan,
+            fb_after: nan,
+            nmse_before: nan,
+            nmse_after: nan,
+            mg_before: nan,
+            mg_after: nan,
+            vg_before: nan,
+            vg_after: nan,
+            intervals_before: [[nan; 2]; 5],
+            intervals_after: [[nan; 2]; 5],
+        },
+    }
+}

@@ -1,0 +1,226 @@
+//! Evidence of sets of causes from the normal equations, in closed form (Laplace): Gaussian
+//! priors, tolerances of the base integrated out.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+use super::normal::Block;
+
+/// The data's word on all columns at parameter value zero: information and score, with the
+/// tolerances of the base and the correction for overdispersion inside.
+#[derive(Debug, Clone)]
+pub struct Word {
+    /// Information on the tested columns, tolerances integrated out.
+    pub s: DMatrix<f64>,
+    /// Score of the tested columns, likewise.
+    pub t: DVector<f64>,
+    /// Factor by which the innovations' score varies more than their information says.
+    pub dispersion: f64,
+}
+
+/// A cause that may be added: columns (places among the tested) with prior sizes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Candidate {
+    /// Places among the tested columns.
+    pub columns: Vec<usize>,
+    /// Prior standard deviation of each.
+    pub prior_sd: Vec<f64>,
+    /// Whether the first may only grow from its neutral value.
+    pub one_sided: bool,
+    /// Log prior of its presence.
+    pub log_prior: f64,
+}
+
+/// How a set of candidates fares.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fit {
+    /// Gain of the log score at the fitted values, nats.
+    pub log_score: f64,
+    /// Gain of the log evidence, nats.
+    pub log_evidence: f64,
+    /// Fitted values, candidate by candidate.
+    pub values: Vec<f64>,
+}
+
+/// Sum of the blocks, all but `without`.
+pub fn sum(blocks: &[Block], without: Option<usize>) -> (DMatrix<f64>, DVector<f64>) {
+    let n = blocks[0].b.len();
+    let (mut a, mut b) = (DMatrix::zeros(n, n), DVector::zeros(n));
+    for (k, block) in blocks.iter().enumerate() {
+        if Some(k) != without {
+            a += &block.a;
+            b += &block.b;
+        }
+    }
+    (a, b)
+}
+
+impl Word {
+    /// The word of `a` and `b` (at zero): the first `base` columns have tolerances `tolerance`
+    /// and are integrated out; the tested are all columns again, those of mechanisms as
+    /// departures beyond the tolerance.
+    pub fn new(a: &DMatrix<f64>, b: &DVector<f64>, tolerance: &[f64], dispersion: f64) -> Self {
+        let base = tolerance.len();
+        let n = b.len();
+        let a = a / dispersion;
+        let b = b / dispersion;
+        let mut c = a.view((0, 0), (base, base)).into_owned();
+        for (k, sd) in tolerance.iter().enumerate() {
+            c[(k, k)] += 1.0 / (sd * sd);
+        }
+        let across = a.view((0, 0), (base, n)).into_owned();
+        let Some(c) = Cholesky::new(c) else {
+            // Only of data that are not finite: nothing is known then.
+            return Self {
+                s: DMatrix::zeros(n, n),
+                t: DVector::zeros(n),
+                dispersion,
+            };
+        };
+        let head = b.rows(0, base).into_owned();
+        let s = &a - across.transpose() * c.solve(&across);
+        let t = &b - across.transpose() * c.solve(&head);
+        Self { s, t, dispersion }
+    }
+
+    /// The fit of `set` together.
+    pub fn fit(&self, set: &[&Candidate]) -> Fit {
+        let columns: Vec<usize> = set.iter().flat_map(|c| c.columns.iter().copied()).collect();
+        let sds: Vec<f64> = set
+            .iter()
+            .flat_map(|c| c.prior_sd.iter().copied())
+            .collect();
+        let n = columns.len();
+        if n == 0 {
+            return Fit {
+                log_score: 0.0,
+                log_evidence: 0.0,
+                values: Vec::new(),
+            };
+        }
+        let s = DMatrix::from_fn(n, n, |i, j| self.s[(columns[i], columns[j])]);
+        let t = DVector::from_fn(n, |i, _| self.t[columns[i]]);
+        let mut m = s.clone();
+        for (k, sd) in sds.iter().enumerate() {
+            m[(k, k)] += 1.0 / (sd * sd);
+        }
+        let Some(m) = Cholesky::new(m) else {
+            return Fit {
+                log_score: 0.0,
+                log_evidence: f64::NEG_INFINITY,
+                values: vec![0.0; n],
+            };
+        };
+        let values = m.solve(&t);
+        let prior: f64 = sds.iter().map(|sd| sd.ln()).sum();
+        let mut log_evidence = 0.5 * t.dot(&values) - half_log_det(&m) - prior;
+        let mut at = 0;
+        for candidate in set {
+            // What can only grow and is fitted as less than nothing is not there.
+            if candidate.one_sided && values[at] < 0.0 {
+                log_evidence -= 0.5 * t.dot(&values) + 1.0;
+            }
+            at += candidate.columns.len();
+        }
+        Fit {
+            log_score: t.dot(&values) - 0.5 * values.dot(&(&s * &values)),
+            log_evidence,
+            values: values.iter().copied().collect(),
+        }
+    }
+}
+
+fn half_log_det(c: &Cholesky<f64, Dyn>) -> f64 {
+    c.l_dirty().diagonal().iter().map(|d| d.ln()).sum()
+}
+
+/// How much more the score varies from block to block than the information says, by columns
+/// that the model's own parameters span: the median over columns of the ratio, at least 1.
+pub fn dispersion(blocks: &[Block], fitted: &DVector<f64>, columns: usize) -> f64 {
+    let mut ratios = Vec::new();
+    for k in 0..columns {
+        let mut scores = Vec::new();
+        let mut information = 0.0;
+        for block in blocks {
+            let score = block.b[k]
+                - block
+                    .a
+                    .row(k)
+                    .columns(0, fitted.len())
+                    .transpose()
+                    .dot(fitted);
+            scores.push(score);
+            information += block.a[(k, k)];
+        }
+        let n = scores.len() as f64;
+        let mean = scores.iter().sum::<f64>() / n;
+        let variance = scores.iter().map(|s| (s - mean).powi(2)).sum::<f64>() * n / (n - 1.0);
+        if information > 0.0 {
+            ratios.push(variance / information);
+        }
+    }
+    ratios.sort_by(f64::total_cmp);
+    ratios
+        .get(ratios.len() / 2)
+        .copied()
+        .unwrap_or(1.0)
+        .max(1.0)
+}
+
+/// One model found by [`search`]: places of its candidates, ascending, and its fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// Places of the candidates.
+    pub set: Vec<usize>,
+    /// The fit.
+    pub fit: Fit,
+    /// Log evidence and log prior together.
+    pub log_posterior: f64,
+}
+
+/// Sets kept from one size to the next.
+const BEAM: usize = 25;
+/// Largest set.
+pub const LARGEST_SET: usize = 7;
+
+/// The best sets of candidates up to [`LARGEST_SET`], the best first.
+pub fn search(word: &Word, candidates: &[Candidate]) -> Vec<Model> {
+    let judge = |set: Vec<usize>| {
+        let chosen: Vec<&Candidate> = set.iter().map(|&k| &candidates[k]).collect();
+        let fit = word.fit(&chosen);
+        let prior: f64 = chosen.iter().map(|c| c.log_prior).sum();
+        Model {
+            log_posterior: fit.log_evidence + prior,
+            set,
+            fit,
+        }
+    };
+    let mut all = vec![judge(Vec::new())];
+    let mut front = all.clone();
+    for _ in 0..LARGEST_SET {
+        let mut sets: Vec<Vec<usize>> = Vec::new();
+        for model in &front {
+            for k in 0..candidates.len() {
+                if !model.set.contains(&k) {
+                    let mut set = model.set.clone();
+                    set.push(k);
+                    set.sort_unstable();
+                    sets.push(set);
+                }
+            }
+        }
+        sets.sort();
+        sets.dedup();
+        let mut grown: Vec<Model> = sets.into_iter().map(judge).collect();
+        grown.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+        let best = all.iter().map(|m| m.log_posterior).fold(f64::MIN, f64::max);
+        let still = grown[0].log_posterior > best - 6.0;
+        all.extend(grown.iter().cloned());
+        grown.truncate(BEAM);
+        front = grown;
+        if !still {
+            break;
+        }
+    }
+    all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+    all
+}

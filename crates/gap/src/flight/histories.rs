@@ -1,0 +1,130 @@
+//! Measured against simulated time histories, channel by channel.
+
+use serde::Serialize;
+
+use super::channel::{ALL, CHANNELS, at};
+use super::gate::Segment;
+use super::motion::{Mean, World};
+
+/// Length of a stretch that is simulated from the filter's state, s: short enough that gusts,
+/// which no simulation knows, do not carry it off.
+pub const STRETCH_S: f64 = 4.0;
+
+/// One channel of one flight, in the column's unit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct History {
+    /// What it is.
+    pub label: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Times, s.
+    pub time_s: Vec<f64>,
+    /// As read.
+    pub measured: Vec<f64>,
+    /// As the base simulates it.
+    pub base: Vec<f64>,
+    /// As the extended aircraft simulates it.
+    pub extended: Vec<f64>,
+    /// Innovations of the base in standard deviations.
+    pub base_standardised: Vec<f64>,
+    /// Innovations of the extended aircraft in standard deviations.
+    pub extended_standardised: Vec<f64>,
+}
+
+/// Root mean square error of the simulated stretches, a channel.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SimulatedError {
+    /// Channel.
+    pub label: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Of the base.
+    pub base_rmse: f64,
+    /// Of the extended aircraft.
+    pub extended_rmse: f64,
+}
+
+/// Readings simulated with the measured commands, each stretch from the filter's state at its
+/// beginning.
+pub fn simulate(segment: &Segment, world: &World, means: &[Mean]) -> Vec<[f64; CHANNELS]> {
+    let mut out = Vec::with_capacity(segment.len());
+    let mut state = means[0];
+    let mut since = segment.time_s[0];
+    for i in 0..segment.len() {
+        if segment.time_s[i] - since >= STRETCH_S {
+            state = means[i];
+            since = segment.time_s[i];
+        }
+        out.push(world.sense(segment, i, &state));
+        if i + 1 < segment.len() {
+            state = world.step(segment, i, &state);
+        }
+    }
+    out
+}
+
+/// Histories of every channel of `segment` from what base and extension simulate and innovate.
+pub fn histories(
+    segment: &Segment,
+    simulated: [&[[f64; CHANNELS]]; 2],
+    standardised: [&[[f64; CHANNELS]]; 2],
+) -> Vec<History> {
+    (0..CHANNELS)
+        .filter(|&c| segment.measured.iter().any(|m| m[c].is_finite()))
+        .map(|c| {
+            let unit = |v: f64| v / ALL[c].si;
+            let column = |of: &[[f64; CHANNELS]]| of.iter().map(|r| r[c]).collect::<Vec<f64>>();
+            let measured: Vec<f64> = segment.measured.iter().map(|m| unit(m[c])).collect();
+            // A compass that was unwrapped stays comparable.
+            let near = |of: &[[f64; CHANNELS]]| {
+                of.iter()
+                    .zip(&measured)
+                    .map(|(r, m)| {
+                        let value = unit(r[c]);
+                        if c == at::ROLL + 2 && m.is_finite() {
+                            m + (value - m + 180.0).rem_euclid(360.0) - 180.0
+                        } else {
+                            value
+                        }
+                    })
+                    .collect()
+            };
+            History {
+                label: ALL[c].label,
+                unit: ALL[c].unit,
+                time_s: segment.time_s.clone(),
+                base: near(simulated[0]),
+                extended: near(simulated[1]),
+                measured,
+                base_standardised: column(standardised[0]),
+                extended_standardised: column(standardised[1]),
+            }
+        })
+        .collect()
+}
+
+/// Errors of the simulated stretches over all histories of each channel.
+pub fn errors(histories: &[History]) -> Vec<SimulatedError> {
+    let mut out: Vec<SimulatedError> = Vec::new();
+    for channel in &ALL {
+        let (mut base, mut extended, mut count) = (0.0, 0.0, 0.0);
+        for h in histories.iter().filter(|h| h.label == channel.label) {
+            for ((m, b), e) in h.measured.iter().zip(&h.base).zip(&h.extended) {
+                if m.is_finite() && b.is_finite() && e.is_finite() {
+                    base += (m - b).powi(2);
+                    extended += (m - e).powi(2);
+                    count += 1.0;
+                }
+            }
+        }
+        if count > 0.0 {
+            out.push(SimulatedError {
+                label: channel.label,
+                unit: channel.unit,
+                base_rmse: (base / count).sqrt(),
+                extended_rmse: (extended / count).sqrt(),
+            });
+        }
+    }
+    out
+}

@@ -1,0 +1,227 @@
+//! What may differ between the aircraft of the file and the one that flew: the mechanisms of the
+//! catalogue, and tolerances of everything else, since nothing real is exactly as published.
+
+use fdm::Aircraft;
+use fdm::mechanism::{CATALOGUE, Extended};
+
+use super::gate::Gated;
+
+/// Prior of the mean wind where none was logged, m/s.
+const WIND_SD_M_S: f64 = 12.0;
+/// Tolerance of a logged wind, m/s.
+const LOGGED_WIND_SD_M_S: f64 = 0.3;
+/// Tolerance of a catalogue parameter, as a part of the catalogue's prior: sizes below this are
+/// workmanship, not a cause.
+const TOLERANCE_PART: f64 = 0.04;
+
+/// What a parameter changes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Effect {
+    /// Parameter of a mechanism: places in the catalogue.
+    Mechanism(usize, usize),
+    /// Place in [`COEFFICIENTS`].
+    Coefficient(usize),
+    /// Mean wind of one log towards north (0) or east (1).
+    Wind(usize, usize),
+}
+
+/// One parameter, as a departure from its neutral value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// Dotted name.
+    pub name: String,
+    /// Unit.
+    pub unit: &'static str,
+    /// What it changes.
+    pub effect: Effect,
+    /// Prior standard deviation while no mechanism is at work: tolerance.
+    pub tolerance: f64,
+    /// Prior standard deviation of the mechanism; none for what only has a tolerance.
+    pub prior_sd: Option<f64>,
+    /// Step of numerical derivatives.
+    pub step: f64,
+    /// Whether it changes how the aircraft moves (else only what sensors tell).
+    pub moves: bool,
+    /// Whether it changes the surfaces' motion.
+    pub servo: bool,
+}
+
+/// A coefficient of the base with its tolerance: name, relative and absolute part, where it is.
+struct Coefficient {
+    name: &'static str,
+    relative: f64,
+    absolute: f64,
+    place: fn(&mut Aircraft) -> &mut f64,
+}
+
+/// Coefficients that no mechanism changes: known to a few per cent at best.
+const COEFFICIENTS: [Coefficient; 23] = [
+    coefficient("lift.zero", 0.0, 0.004, |a| &mut a.lift.zero),
+    coefficient("lift.q", 0.05, 0.1, |a| &mut a.lift.q),
+    coefficient("lift.elevator", 0.03, 0.005, |a| &mut a.lift.elevator),
+    coefficient("drag.alpha", 0.02, 0.002, |a| &mut a.drag.alpha),
+    coefficient("drag.alpha_squared", 0.03, 0.02, |a| {
+        &mut a.drag.alpha_squared
+    }),
+    coefficient("side.zero by sideslip", 0.03, 0.005, |a| &mut a.side.beta),
+    coefficient("side.p", 0.05, 0.01, |a| &mut a.side.p),
+    coefficient("side.r", 0.05, 0.01, |a| &mut a.side.r),
+    coefficient("side.aileron", 0.05, 0.005, |a| &mut a.side.aileron),
+    coefficient("side.rudder", 0.03, 0.002, |a| &mut a.side.rudder),
+    coefficient("roll.beta", 0.03, 0.002, |a| &mut a.roll.beta),
+    coefficient("roll.r", 0.05, 0.003, |a| &mut a.roll.r),
+    coefficient("pitch.zero", 0.0, 0.0008, |a| &mut a.pitch.zero),
+    coefficient("pitch.alpha", 0.01, 0.0, |a| &mut a.pitch.alpha),
+    coefficient("yaw.beta", 0.03, 0.001, |a| &mut a.yaw.beta),
+    coefficient("yaw.p", 0.05, 0.002, |a| &mut a.yaw.p),
+    coefficient("yaw.r", 0.03, 0.002, |a| &mut a.yaw.r),
+    coefficient("yaw.aileron", 0.05, 0.001, |a| &mut a.yaw.aileron),
+    coefficient("body.ixx_kg_m2", 0.01, 0.0, |a| &mut a.body.ixx_kg_m2),
+    coefficient("body.iyy_kg_m2", 0.01, 0.0, |a| &mut a.body.iyy_kg_m2),
+    coefficient("body.izz_kg_m2", 0.01, 0.0, |a| &mut a.body.izz_kg_m2),
+    coefficient("body.ixz_kg_m2", 0.03, 0.0, |a| &mut a.body.ixz_kg_m2),
+    coefficient("drag.zero", 0.01, 0.0, |a| &mut a.drag.zero),
+];
+
+const fn coefficient(
+    name: &'static str,
+    relative: f64,
+    absolute: f64,
+    place: fn(&mut Aircraft) -> &mut f64,
+) -> Coefficient {
+    Coefficient {
+        name,
+        relative,
+        absolute,
+        place,
+    }
+}
+
+/// All parameters for these data: mechanisms first, then tolerances, then winds.
+pub fn all(aircraft: &Aircraft, gated: &Gated, logs: usize) -> Vec<Parameter> {
+    let mut parameters = mechanisms(gated);
+    for (k, coefficient) in COEFFICIENTS.iter().enumerate() {
+        let value = *(coefficient.place)(&mut aircraft.clone());
+        let tolerance = coefficient.relative * value.abs() + coefficient.absolute;
+        let no_rudder = coefficient.name.ends_with("rudder") && !gated.has_rudder;
+        if tolerance <= 0.0 || no_rudder {
+            continue;
+        }
+        parameters.push(Parameter {
+            name: coefficient.name.to_owned(),
+            unit: "1",
+            effect: Effect::Coefficient(k),
+            tolerance,
+            prior_sd: None,
+            step: 0.2 * tolerance,
+            moves: true,
+            servo: false,
+        });
+    }
+    let tolerance = if gated.has_wind {
+        LOGGED_WIND_SD_M_S
+    } else {
+        WIND_SD_M_S
+    };
+    for log in 0..logs {
+        for axis in 0..2 {
+            parameters.push(Parameter {
+                name: format!("wind.{}[{log}]", ["north_m_s", "east_m_s"][axis]),
+                unit: "m/s",
+                effect: Effect::Wind(log, axis),
+                tolerance,
+                prior_sd: None,
+                step: 0.02,
+                moves: true,
+                servo: false,
+            });
+        }
+    }
+    parameters
+}
+
+/// Parameters of the mechanisms that these data can judge.
+fn mechanisms(gated: &Gated) -> Vec<Parameter> {
+    let mut parameters = Vec::new();
+    for (m, spec) in CATALOGUE.iter().enumerate() {
+        for (k, p) in spec.parameters.iter().enumerate() {
+            let judged = match spec.id {
+                "wind-bias" => gated.has_wind,
+                "thrust-loss" | "drag-increase" => gated.has_throttle,
+                "alpha-vane-scale" => gated.present[super::channel::at::ALPHA],
+                "gyro-bias" => gated.present[super::channel::at::ROLL_RATE + k],
+                "accelerometer-bias" => gated.present[super::channel::at::FORCE + k],
+                _ => !p.name.starts_with("rudder") || gated.has_rudder,
+            };
+            if !judged {
+                continue;
+            }
+            let servo = matches!(
+                spec.id,
+                "actuator-delay" | "actuator-lag" | "surface-trim-offset"
+            );
+            let sensor = spec.acts_on == fdm::mechanism::ActsOn::Sensors;
+            parameters.push(Parameter {
+                name: format!("{}.{}", spec.id, p.name),
+                unit: p.unit,
+                effect: Effect::Mechanism(m, k),
+                tolerance: TOLERANCE_PART * p.prior_sd,
+                prior_sd: Some(p.prior_sd),
+                // A delay needs a secant over part of a sample; the rest is smooth.
+                step: if spec.id == "actuator-delay" {
+                    0.01
+                } else {
+                    0.02 * p.prior_sd
+                },
+                moves: !sensor,
+                servo,
+            });
+        }
+    }
+    parameters
+}
+
+/// The aircraft with all departures `theta`, and the mean wind added to each log.
+pub fn applied(
+    aircraft: &Aircraft,
+    parameters: &[Parameter],
+    theta: &[f64],
+    logs: usize,
+) -> (Extended, Vec<[f64; 2]>) {
+    let mut base = aircraft.clone();
+    base.mechanism.clear();
+    let mut winds = vec![[0.0; 2]; logs];
+    for (parameter, value) in parameters.iter().zip(theta) {
+        match parameter.effect {
+            Effect::Coefficient(k) => *(COEFFICIENTS[k].place)(&mut base) += value,
+            Effect::Wind(log, axis) => winds[log][axis] += value,
+            Effect::Mechanism(..) => {}
+        }
+    }
+    let mut extended = Extended {
+        aircraft: base,
+        sensors: fdm::mechanism::SensorErrors::default(),
+        wind_bias_ned_m_s: [0.0; 3],
+    };
+    for (m, spec) in CATALOGUE.iter().enumerate() {
+        let mut values = [0.0; 3];
+        for (value, p) in values.iter_mut().zip(spec.parameters) {
+            *value = p.neutral;
+        }
+        let mut touched = false;
+        for (parameter, value) in parameters.iter().zip(theta) {
+            if let Effect::Mechanism(_, k) = parameter.effect
+                && parameter.effect == Effect::Mechanism(m, k)
+                && *value != 0.0
+            {
+                let spec = &spec.parameters[k];
+                values[k] = (spec.neutral + value).clamp(spec.low, spec.high);
+                touched = true;
+            }
+        }
+        if touched {
+            extended.apply(spec.id, values);
+        }
+    }
+    (extended, winds)
+}

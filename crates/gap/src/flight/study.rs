@@ -1,0 +1,469 @@
+//! One question put to the data: linearise, search, go there, linearise again.
+
+use fdm::Aircraft;
+use fdm::mechanism::CATALOGUE;
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use super::channel::at;
+use super::equation_error::EquationError;
+use super::evidence::{Candidate, Model, Word, dispersion, search, sum};
+use super::filter::{Columns, Pass, run, run_with_columns};
+use super::gate::{Gated, Segment};
+use super::motion::World;
+use super::noise::{self, Noise};
+use super::normal::{Block, Normal};
+use super::parameters::{Effect, Parameter, all};
+use super::rival::{Group, Ranges, groups};
+use crate::GapError;
+
+/// Log prior of a mechanism's being at work: what keeps false alarms below a hundredth with the
+/// length of the catalogue.
+const MECHANISM_LOG_PRIOR: f64 = -5.5;
+/// Log prior of a nameless term: a name is to be preferred where both do.
+const RIVAL_LOG_PRIOR: f64 = -9.0;
+/// Blocks that a flight is cut into at least; they are not shorter than [`BLOCK_S`].
+const BLOCKS: f64 = 40.0;
+/// Shortest block, s.
+const BLOCK_S: f64 = 5.0;
+/// Times the variance of an acceleration that the published moment may leave and still be near.
+const FAR_OFF: f64 = 1.5;
+/// Most linearisations.
+const ROUNDS: usize = 4;
+
+/// The data and all that may be asked of them.
+pub struct Study<'a> {
+    /// The aircraft of the file.
+    pub aircraft: &'a Aircraft,
+    /// What passed the gate.
+    pub gated: &'a Gated,
+    /// Parameters of mechanisms, tolerances and winds.
+    pub parameters: Vec<Parameter>,
+    /// Nameless terms.
+    pub groups: Vec<Group>,
+    /// What their coordinates are scaled by.
+    pub ranges: Ranges,
+    /// Mechanisms, then nameless terms.
+    pub candidates: Vec<Candidate>,
+    /// Id of each mechanism among the candidates.
+    pub ids: Vec<&'static str>,
+}
+
+/// The data seen from one point.
+pub struct Linear {
+    /// Where: departures of the parameters.
+    pub theta: Vec<f64>,
+    /// The noise there.
+    pub noise: Noise,
+    /// Normal equations by blocks, the score as at zero.
+    pub blocks: Vec<Block>,
+    /// Log score there, nats.
+    pub log_score: f64,
+    /// What they say.
+    pub word: Word,
+    /// Best models.
+    pub models: Vec<Model>,
+}
+
+impl<'a> Study<'a> {
+    /// Prepares the question.
+    pub fn new(aircraft: &'a Aircraft, gated: &'a Gated, logs: usize) -> Self {
+        let parameters = all(aircraft, gated, logs);
+        let groups = groups(aircraft, gated);
+        let ranges = Ranges::of(&gated.segments);
+        let mut ids = Vec::new();
+        let mut candidates = Vec::new();
+        for (m, spec) in CATALOGUE.iter().enumerate() {
+            let of = |p: &Parameter| matches!(p.effect, Effect::Mechanism(k, _) if k == m);
+            let columns: Vec<usize> = (0..parameters.len())
+                .filter(|&j| of(&parameters[j]))
+                .collect();
+            if columns.is_empty() {
+                continue;
+            }
+            ids.push(spec.id);
+            candidates.push(Candidate {
+                prior_sd: columns
+                    .iter()
+                    .filter_map(|&j| parameters[j].prior_sd)
+                    .collect(),
+                columns,
+                one_sided: spec.parameters[0].low >= spec.parameters[0].neutral,
+                log_prior: MECHANISM_LOG_PRIOR,
+            });
+        }
+        let mut at_column = parameters.len();
+        for group in &groups {
+            candidates.push(Candidate {
+                columns: (at_column..at_column + group.columns).collect(),
+                prior_sd: vec![1.0; group.columns],
+                one_sided: false,
+                log_prior: RIVAL_LOG_PRIOR,
+            });
+            at_column += group.columns;
+        }
+        Self {
+            aircraft,
+            gated,
+            parameters,
+            groups,
+            ranges,
+            candidates,
+            ids,
+        }
+    }
+
+    /// Whether a candidate has a name.
+    pub fn is_named(&self, candidate: usize) -> bool {
+        candidate < self.ids.len()
+    }
+
+    /// The world of `segment` at `theta`.
+    pub fn world(&self, segment: &Segment, theta: &[f64]) -> World {
+        World::new(self.aircraft, &self.parameters, theta, segment, None)
+    }
+
+    /// The base at zero, but for the winds, which the data tell.
+    pub fn start(&self) -> Vec<f64> {
+        let mut theta = vec![0.0; self.parameters.len()];
+        if self.gated.has_wind {
+            return theta;
+        }
+        for (value, parameter) in theta.iter_mut().zip(&self.parameters) {
+            if let Effect::Wind(log, axis) = parameter.effect {
+                *value = mean_wind(&self.gated.segments, log)[axis];
+            }
+        }
+        theta
+    }
+
+    /// Fits the noise at `theta`.
+    pub fn noise(&self, theta: &[f64], from: Noise, rounds: usize) -> Noise {
+        let flights: Vec<(Segment, World)> = noise::stretches(&self.gated.segments)
+            .into_iter()
+            .map(|s| {
+                let world = self.world(&s, theta);
+                (s, world)
+            })
+            .collect();
+        noise::fit(&flights, from, rounds)
+    }
+
+    /// Passes over all segments at `theta`, with what was predicted.
+    pub fn passes(&self, theta: &[f64], noise: &Noise) -> Vec<Pass> {
+        let segments = self.gated.segments.iter();
+        segments
+            .map(|s| run(s, &self.world(s, theta), noise, true))
+            .collect()
+    }
+
+    /// Log score of all data at `theta`.
+    pub fn log_score(&self, theta: &[f64], noise: &Noise) -> f64 {
+        let segments = self.gated.segments.iter();
+        segments
+            .map(|s| run(s, &self.world(s, theta), noise, false).log_score)
+            .sum()
+    }
+
+    fn columns<'b>(&'b self, segment: &Segment, theta: &[f64], base: &World) -> Columns<'b> {
+        let mut worlds = Vec::with_capacity(self.parameters.len());
+        for (j, parameter) in self.parameters.iter().enumerate() {
+            let mut aside = theta.to_vec();
+            aside[j] += parameter.step;
+            let like = (!parameter.servo).then_some(base);
+            let world = World::new(self.aircraft, &self.parameters, &aside, segment, like);
+            worlds.push((world, parameter.step, parameter.moves));
+        }
+        Columns {
+            worlds,
+            groups: &self.groups,
+            ranges: self.ranges,
+            aircraft: self.aircraft,
+        }
+    }
+
+    /// The data seen from `theta` with `noise`.
+    pub fn linearise(&self, theta: Vec<f64>, noise: Noise) -> Linear {
+        let flown: f64 = self
+            .gated
+            .segments
+            .iter()
+            .map(|s| s.time_s[s.len() - 1] - s.time_s[0])
+            .sum();
+        let width = self.parameters.len() + self.groups.iter().map(|g| g.columns).sum::<usize>();
+        let mut normal = Normal::new(width, (flown / BLOCKS).max(BLOCK_S));
+        let mut log_score = 0.0;
+        for segment in &self.gated.segments {
+            let world = self.world(segment, &theta);
+            let columns = self.columns(segment, &theta, &world);
+            log_score += run_with_columns(segment, &world, &noise, &columns, &mut normal).log_score;
+        }
+        let mut blocks = normal.finish();
+        let here = DVector::from_fn(width, |j, _| theta.get(j).copied().unwrap_or(0.0));
+        for block in &mut blocks {
+            // As if linearised at zero: the score there is that here plus information times way.
+            let moved = &block.a * &here;
+            block.squares += here.dot(&moved) + 2.0 * here.dot(&block.b);
+            block.b += moved;
+        }
+        let (a, b) = sum(&blocks, None);
+        let fitted = self.solve(&a, &b, &[]);
+        let spread = dispersion(&blocks, &fitted, self.parameters.len());
+        let tolerance = self.tolerances();
+        let word = Word::new(&a, &b, &tolerance, spread);
+        let models = search(&word, &self.candidates);
+        Linear {
+            theta,
+            noise,
+            blocks,
+            log_score,
+            word,
+            models,
+        }
+    }
+
+    /// Tolerances of the parameters.
+    pub fn tolerances(&self) -> Vec<f64> {
+        self.parameters.iter().map(|p| p.tolerance).collect()
+    }
+
+    /// Prior variances of all columns when `set` is at work; nil for nameless terms that are not.
+    pub fn prior_variances(&self, set: &[usize]) -> Vec<f64> {
+        let mut variances: Vec<f64> = self
+            .parameters
+            .iter()
+            .map(|p| p.tolerance.powi(2))
+            .collect();
+        let more: usize = self.groups.iter().map(|g| g.columns).sum();
+        variances.resize(variances.len() + more, 0.0);
+        for &k in set {
+            let candidate = &self.candidates[k];
+            for (&j, sd) in candidate.columns.iter().zip(&candidate.prior_sd) {
+                variances[j] += sd * sd;
+            }
+        }
+        variances
+    }
+
+    /// The most probable values of all columns when `set` is at work (nil for nameless terms that
+    /// are not).
+    pub fn solve(&self, a: &DMatrix<f64>, b: &DVector<f64>, set: &[usize]) -> DVector<f64> {
+        self.posterior(a, b, set).0
+    }
+
+    /// The same with the covariance of the columns at work (others nil).
+    pub fn posterior(
+        &self,
+        a: &DMatrix<f64>,
+        b: &DVector<f64>,
+        set: &[usize],
+    ) -> (DVector<f64>, DMatrix<f64>) {
+        let variances = self.prior_variances(set);
+        let free: Vec<usize> = (0..variances.len())
+            .filter(|&j| variances[j] > 0.0)
+            .collect();
+        let n = free.len();
+        let mut m = DMatrix::from_fn(n, n, |i, j| a[(free[i], free[j])]);
+        for (k, &j) in free.iter().enumerate() {
+            m[(k, k)] += 1.0 / variances[j];
+        }
+        let t = DVector::from_fn(n, |i, _| b[free[i]]);
+        let mut values = DVector::zeros(variances.len());
+        let mut covariance = DMatrix::zeros(variances.len(), variances.len());
+        if let Some(m) = Cholesky::new(m) {
+            let x = m.solve(&t);
+            let inverse = m.inverse();
+            for (i, &j) in free.iter().enumerate() {
+                values[j] = x[i];
+                for (k, &l) in free.iter().enumerate() {
+                    covariance[(j, l)] = inverse[(i, k)];
+                }
+            }
+        }
+        (values, covariance)
+    }
+
+    /// Parameters at the best point of `set` as seen from `linear`, inside the catalogue's ranges.
+    pub fn theta_of(&self, linear: &Linear, set: &[usize]) -> Vec<f64> {
+        let (a, b) = sum(&linear.blocks, None);
+        let values = self.solve(&a, &b, set);
+        self.parameters
+            .iter()
+            .enumerate()
+            .map(|(j, p)| match p.effect {
+                Effect::Mechanism(m, k) => {
+                    let spec = &CATALOGUE[m].parameters[k];
+                    values[j].clamp(spec.low - spec.neutral, spec.high - spec.neutral)
+                }
+                _ => values[j],
+            })
+            .collect()
+    }
+
+    /// Looks at the base first, then goes where the best model leads and looks again, until it
+    /// stays. Returns the first and the last view.
+    ///
+    /// # Errors
+    /// [`GapError::Data`] when the filter leaves the finite numbers at the base.
+    pub fn look(
+        &self,
+        equation_error: &EquationError,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<(Linear, Linear), GapError> {
+        let mut theta = self.start();
+        let mut noise = self.noise(&theta, Noise::usual(), 4);
+        progress(0.2);
+        if let Some(far) = self.far_start(&theta, equation_error) {
+            let other = self.noise(&far, noise.clone(), 3);
+            if self.log_score(&far, &other) > self.log_score(&theta, &noise) {
+                (theta, noise) = (far, other);
+            }
+        }
+        progress(0.3);
+        let first = self.linearise(theta, noise);
+        if !first.log_score.is_finite() {
+            return Err(GapError::Data {
+                what: "flight".into(),
+                problem: "the flight model cannot follow the measured motion".into(),
+                expected: "the aircraft of the file in its usual flight".into(),
+            });
+        }
+        progress(0.4);
+        let mut last: Option<Linear> = None;
+        for round in 0..ROUNDS {
+            let now = last.as_ref().unwrap_or(&first);
+            let best = now.models[0].set.clone();
+            if best.is_empty() && round == 0 {
+                break;
+            }
+            let theta = self.step_towards(now, &best);
+            let noise = self.noise(&theta, now.noise.clone(), 2);
+            let next = self.linearise(theta, noise);
+            let stays = next.models[0].set == best && round > 0;
+            if !next.log_score.is_finite() {
+                break;
+            }
+            last = Some(next);
+            progress(0.4 + 0.12 * (round + 1) as f64);
+            if stays {
+                break;
+            }
+        }
+        let last = match last {
+            Some(last) => last,
+            None => self.linearise(first.theta.clone(), first.noise.clone()),
+        };
+        Ok((first, last))
+    }
+
+    /// Where the published moments are far off, the point to which equation error leads: steps
+    /// from the published model alone would end in a valley where disturbances explain all.
+    fn far_start(&self, near: &[f64], told: &EquationError) -> Option<Vec<f64>> {
+        let off = told
+            .moments
+            .iter()
+            .any(|m| m.published_leaves * (1.0 - m.published_constant_part) > FAR_OFF * m.variance);
+        if !off {
+            return None;
+        }
+        let mut theta = near.to_vec();
+        let ratio = |axis: &str, name: &str| {
+            let m = told.moments.iter().find(|m| m.axis == axis)?;
+            let k = m.derivatives.iter().position(|d| *d == name)?;
+            Some(m.refitted[k] / m.published[k] - 1.0)
+        };
+        let delay = told
+            .delays
+            .iter()
+            .map(|d| d.moment_delay_s)
+            .take(2)
+            .sum::<f64>()
+            / 2.0;
+        for (value, parameter) in theta.iter_mut().zip(&self.parameters) {
+            let start = match parameter.name.as_str() {
+                // The servo's own lag is part of the delay of the moment.
+                "actuator-delay.delay_s" => Some((delay - 0.03).max(0.0)),
+                "control-effectiveness.aileron_factor" => ratio("roll", "aileron"),
+                "control-effectiveness.elevator_factor" => ratio("pitch", "elevator"),
+                "control-effectiveness.rudder_factor" => ratio("yaw", "rudder"),
+                "roll-damping.factor" => ratio("roll", "p"),
+                "pitch-damping.factor" => ratio("pitch", "q"),
+                _ => None,
+            };
+            if let Some(start) = start {
+                *value = start.clamp(-0.9, 1.0);
+            }
+        }
+        Some(theta)
+    }
+
+    /// As far towards the best point of `set` as the log score grows.
+    fn step_towards(&self, now: &Linear, set: &[usize]) -> Vec<f64> {
+        let target = self.theta_of(now, set);
+        let mut part = 1.0;
+        for _ in 0..3 {
+            let theta: Vec<f64> = now
+                .theta
+                .iter()
+                .zip(&target)
+                .map(|(from, to)| from + part * (to - from))
+                .collect();
+            let score = self.log_score(&theta, &now.noise);
+            if score.is_finite() && score > now.log_score - 1.0 {
+                return theta;
+            }
+            part *= 0.5;
+        }
+        now.theta.clone()
+    }
+}
+
+/// Mean wind of a log: velocity over ground minus that through the air, towards north and east.
+fn mean_wind(segments: &[Segment], log: usize) -> [f64; 2] {
+    let (mut sum, mut count) = ([0.0; 2], 0.0);
+    for segment in segments.iter().filter(|s| s.log == log) {
+        let mut last = [f64::NAN; 15];
+        for m in &segment.measured {
+            // Sampled and held channels keep their last value for this.
+            for (last, now) in last.iter_mut().zip(m) {
+                if now.is_finite() {
+                    *last = *now;
+                }
+            }
+            if !(m[at::VELOCITY].is_finite() && m[at::VELOCITY + 1].is_finite()) {
+                continue;
+            }
+            let angle = |k: usize| last[at::ROLL + k];
+            let attitude = fdm::flight::quaternion(angle(0), angle(1), angle(2));
+            let r = fdm::dynamics::rotation(&attitude);
+            let alpha = if last[at::ALPHA].is_nan() {
+                0.05
+            } else {
+                last[at::ALPHA]
+            };
+            let beta = if last[at::BETA].is_nan() {
+                0.0
+            } else {
+                last[at::BETA]
+            };
+            let speed = last[at::AIRSPEED];
+            let air = [
+                speed * alpha.cos() * beta.cos(),
+                speed * beta.sin(),
+                speed * alpha.sin() * beta.cos(),
+            ];
+            let wind: [f64; 2] = std::array::from_fn(|k| {
+                m[at::VELOCITY + k] - (r[k][0] * air[0] + r[k][1] * air[1] + r[k][2] * air[2])
+            });
+            if wind.iter().all(|w| w.is_finite()) {
+                sum[0] += wind[0];
+                sum[1] += wind[1];
+                count += 1.0;
+            }
+        }
+    }
+    if count > 0.0 {
+        sum.map(|s| s / count)
+    } else {
+        [0.0; 2]
+    }
+}

@@ -1,13 +1,18 @@
 //! `plumage gap`: what the simulation gets wrong, why, and what mending it gains.
 
+mod flight;
+
 use crate::{Failure, measured, mission_files};
 use anyhow::Context as _;
 use gap::tracer::table::Tables;
 use gap::{plume, tracer};
 use indicatif::{ProgressBar, ProgressStyle};
 use record::files;
+use scenario::Scenario;
+use scenario::observations::Observations;
 use scenario::uncertain::Uncertain;
 use std::path::{Path, PathBuf};
+use ws::calibration::offline::logged_from_deg;
 
 /// The kinds of gap.
 #[derive(Debug, clap::Subcommand)]
@@ -16,6 +21,8 @@ pub enum GapCommand {
     Plume(PlumeArguments),
     /// A tracer experiment: fixed samplers over many trials
     Tracer(TracerArguments),
+    /// Measured flights against the aircraft of a file
+    Flight(flight::FlightArguments),
     /// Effects hidden in synthetic data: how often they are found, named and mended
     Benchmark(BenchmarkArguments),
 }
@@ -87,6 +94,7 @@ pub fn gap(command: &GapCommand) -> Result<(), Failure> {
     match command {
         GapCommand::Plume(arguments) => of_plume(arguments),
         GapCommand::Tracer(arguments) => of_tracer(arguments),
+        GapCommand::Flight(arguments) => flight::of_flight(arguments),
         GapCommand::Benchmark(arguments) => benchmark(arguments),
     }
 }
@@ -108,13 +116,7 @@ fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
     })
     .map_err(Failure::input)?;
     bar.finish_and_clear();
-    let mut extended = setup.scenario.clone();
-    for (key, value, sd) in &analysis.base {
-        if let Some(parameter) = Uncertain::ALL.into_iter().find(|u| u.key() == key) {
-            extended.set_with_sd(parameter, *value, *sd);
-        }
-    }
-    extended.extend(&analysis.extension);
+    let extended = extended(&setup.scenario, &observations, &analysis);
     let title = names(&arguments.observations);
     let report = views::gap_report::plume(&title, &analysis.json, &analysis.report);
     write(
@@ -125,6 +127,30 @@ fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
     )?;
     tell(&analysis.json, &arguments.output.out);
     Ok(())
+}
+
+/// The scenario with what was found. Turns of the wind were found against the logged wind where
+/// there is one, so that wind's direction takes the place of the scenario's own.
+fn extended(
+    scenario: &Scenario,
+    observations: &Observations,
+    analysis: &plume::Analysis,
+) -> Scenario {
+    let mut extended = scenario.clone();
+    let own_deg = scenario.weather.wind_from_deg;
+    let from_deg = logged_from_deg(observations).unwrap_or(own_deg);
+    extended.set(Uncertain::WindFrom, from_deg);
+    for (key, value, sd) in &analysis.base {
+        if let Some(parameter) = Uncertain::ALL.into_iter().find(|u| u.key() == key) {
+            let value = match parameter {
+                Uncertain::WindFrom => from_deg + value - own_deg,
+                _ => *value,
+            };
+            extended.set_with_sd(parameter, value, *sd);
+        }
+    }
+    extended.extend(&analysis.extension);
+    extended
 }
 
 fn of_tracer(arguments: &TracerArguments) -> Result<(), Failure> {

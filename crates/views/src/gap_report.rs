@@ -2,6 +2,9 @@
 //! the gain, and says what remains.
 
 mod figures;
+mod flight;
+
+pub use flight::flight;
 
 use crate::html::{Document, number};
 use gap::plume::GapReport;

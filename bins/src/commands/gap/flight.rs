@@ -1,0 +1,62 @@
+//! `plumage gap flight`: measured flights against the aircraft of a file.
+
+use super::{OutputArguments, names, progress_bar, tell, write};
+use crate::Failure;
+use anyhow::Context as _;
+use fdm::Aircraft;
+use gap::flight::log::FlightLog;
+use record::files;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `plumage gap flight`.
+#[derive(Debug, clap::Args)]
+pub struct FlightArguments {
+    /// Flight files (CSV), one a flight
+    #[arg(required = true)]
+    pub flights: Vec<PathBuf>,
+    /// The aircraft that flew, as the simulator has it (TOML)
+    #[arg(long, value_name = "FILE")]
+    pub aircraft: PathBuf,
+    /// Where the answers go
+    #[command(flatten)]
+    pub output: OutputArguments,
+}
+
+fn text(path: &Path) -> Result<String, Failure> {
+    std::fs::read_to_string(path)
+        .with_context(|| format!("{}: cannot read the file", path.display()))
+        .map_err(Failure::Input)
+}
+
+/// Analyses flights.
+pub(super) fn of_flight(arguments: &FlightArguments) -> Result<(), Failure> {
+    let name = arguments.aircraft.display().to_string();
+    let aircraft =
+        Aircraft::from_toml(&name, &text(&arguments.aircraft)?).map_err(Failure::input)?;
+    let mut logs = Vec::with_capacity(arguments.flights.len());
+    for path in &arguments.flights {
+        if path.extension().is_some_and(|e| e == "mcap") {
+            return Err(Failure::input(gap::GapError::Data {
+                what: path.display().to_string(),
+                problem: "a recorded mission holds no commands to the surfaces".into(),
+                expected: "the flight log of the autopilot as CSV".into(),
+            }));
+        }
+        let log = FlightLog::parse(&path.display().to_string(), &text(path)?);
+        logs.push(log.map_err(Failure::input)?);
+    }
+    files::prepare_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
+    let bar = progress_bar();
+    let report = gap::flight::analyse(&logs, &aircraft, &mut |part| {
+        bar.set_position((part * 100.0) as u64);
+    })
+    .map_err(Failure::input)?;
+    bar.finish_and_clear();
+    let title = format!("{} of {}", names(&arguments.flights), aircraft.name);
+    let page = views::gap_report::flight(&title, &report);
+    let extended = report.extended.to_toml().map_err(Failure::input)?;
+    write(&arguments.output.out, &report.to_json()?, &page, &extended)?;
+    println!("{}", report.gap.summary);
+    tell(&report.gap, &arguments.output.out);
+    Ok(())
+}

@@ -1,0 +1,278 @@
+//! The report of an analysis of measured flights.
+
+use super::{bins, figure, name_extend_gain, opening, remains};
+use crate::html::{Document, number};
+use crate::plot::{panel_title, rounded, stride};
+use gap::flight::FlightReport;
+use gap::flight::equation_error::{EquationError, Moment};
+use gap::flight::histories::{History, STRETCH_S};
+use serde_json::{Value, json};
+
+/// Points of a line in a figure.
+const POINTS: usize = 1800;
+/// Channels in the figure of histories.
+const SHOWN: [&str; 8] = [
+    "airspeed",
+    "angle of attack",
+    "roll angle",
+    "pitch angle",
+    "roll rate",
+    "pitch rate",
+    "specific force forward",
+    "specific force down",
+];
+/// Seconds of a flight that the closer figure shows.
+const CLOSE_S: f64 = 30.0;
+
+/// The report of measured flights against an aircraft. `title` names the data.
+pub fn flight(title: &str, report: &FlightReport) -> String {
+    let json = &report.gap;
+    let mut page = opening("Plumage gap report: flight", title, json);
+    page.section("Measured against simulated");
+    if !report.histories.is_empty() {
+        let caption = format!(
+            "Red: as read. Grey: the aircraft of the file, simulated with the measured commands in \
+             stretches of {STRETCH_S} s, each from the filter's state at its beginning. Blue: the \
+             extended aircraft, likewise. Thirty seconds from the middle of the longest flight; \
+             gusts are not simulated, so some departure is theirs."
+        );
+        page.plot(860, histories(&report.histories), &caption);
+        page.plot(
+            620,
+            residuals(&report.histories),
+            "Innovations of the filter over the whole flight, in standard deviations of its noise \
+             (means of short stretches): what is explained stays within about one.",
+        );
+        let rows: Vec<Vec<String>> = report
+            .flight
+            .simulated
+            .iter()
+            .map(|s| {
+                vec![
+                    s.label.to_owned(),
+                    figure(s.base_rmse),
+                    figure(s.extended_rmse),
+                    s.unit.to_owned(),
+                ]
+            })
+            .collect();
+        let caption = "Root mean square error of the simulated stretches.";
+        page.table(caption, &["channel", "file", "extended", "unit"], &rows);
+    }
+    bins(&mut page, json);
+    equations(&mut page, &report.flight.equation_error);
+    name_extend_gain(&mut page, json);
+    remains(&mut page, json);
+    page.finish()
+}
+
+fn equations(page: &mut Document, told: &EquationError) {
+    if told.delays.is_empty() && told.moments.is_empty() {
+        return;
+    }
+    page.section("What the accelerations say at once");
+    page.paragraph(&format!("Angular accelerations: {}.", told.filter));
+    let delays: Vec<Vec<String>> = told
+        .delays
+        .iter()
+        .map(|d| {
+            vec![
+                d.of.clone(),
+                number(1000.0 * d.rate_lag_s, 0),
+                number(d.correlation, 2),
+                number(1000.0 * d.moment_delay_s, 0),
+            ]
+        })
+        .collect();
+    page.table(
+        "Delays. The lag of the rate holds the airframe's own; the delay in the moment equation \
+         is that of the command alone.",
+        &[
+            "response",
+            "lag of the rate, ms",
+            "correlation",
+            "delay in the moment, ms",
+        ],
+        &delays,
+    );
+    let rows: Vec<Vec<String>> = told.moments.iter().map(moment_row).collect();
+    page.table(
+        "Angular acceleration, (rad/s²)²: its variance, the mean square that the published model \
+         leaves, and that which refitted derivatives leave on blocks of 10 s that they have not \
+         seen.",
+        &[
+            "axis",
+            "variance",
+            "published leaves",
+            "of it constant",
+            "refit leaves, held out",
+            "explained of what was left",
+            "of the variance",
+        ],
+        &rows,
+    );
+    for moment in &told.moments {
+        let rows: Vec<Vec<String>> = (0..moment.derivatives.len())
+            .map(|k| {
+                let inflation = k.checked_sub(1).and_then(|i| moment.inflation.get(i));
+                vec![
+                    moment.derivatives[k].to_owned(),
+                    figure(moment.published[k]),
+                    figure(moment.refitted[k]),
+                    inflation.map_or(String::new(), |v| number(*v, 1)),
+                ]
+            })
+            .collect();
+        page.table(
+            &format!(
+                "Derivatives of the {} moment, per radian. {}",
+                moment.axis, moment.words
+            ),
+            &["derivative", "published", "refitted", "variance inflation"],
+            &rows,
+        );
+    }
+    if let Some(lift) = &told.lift {
+        page.paragraph(&lift.words);
+    }
+}
+
+fn moment_row(m: &Moment) -> Vec<String> {
+    let percent = |share: f64| format!("{} %", number(100.0 * share, 0));
+    vec![
+        m.axis.to_owned(),
+        figure(m.variance),
+        figure(m.published_leaves),
+        percent(m.published_constant_part),
+        figure(m.held_out_leaves),
+        percent(m.held_out_share),
+        percent(m.held_out_r2),
+    ]
+}
+
+/// The longest history of each shown channel.
+fn shown(histories: &[History]) -> Vec<&History> {
+    SHOWN
+        .iter()
+        .filter_map(|label| {
+            histories
+                .iter()
+                .filter(|h| h.label == *label)
+                .max_by_key(|h| h.time_s.len())
+        })
+        .collect()
+}
+
+/// Two columns of panels, one a channel, with these lines each.
+fn panels(chosen: &[&History], lines: &dyn Fn(&History, &str) -> Vec<Value>, unit: bool) -> Value {
+    let rows = chosen.len().div_ceil(2).max(1) as f64;
+    let mut data = Vec::new();
+    let mut layout = json!({"margin": {"t": 40}, "legend": {"orientation": "h", "y": 1.06}});
+    let mut titles = Vec::new();
+    for (i, history) in chosen.iter().enumerate() {
+        let suffix = if i == 0 {
+            String::new()
+        } else {
+            (i + 1).to_string()
+        };
+        let left = 0.54 * (i % 2) as f64;
+        let top = 1.0 - (i / 2) as f64 / rows;
+        let bottom = top - 0.72 / rows;
+        layout[format!("xaxis{suffix}")] = json!({"domain": [left, left + 0.46],
+            "anchor": format!("y{suffix}"), "matches": "x"});
+        layout[format!("yaxis{suffix}")] = json!({"domain": [bottom, top],
+            "anchor": format!("x{suffix}")});
+        let of = if unit { history.unit } else { "sd" };
+        titles.push(panel_title(history.label, of, left, top));
+        for mut line in lines(history, &suffix) {
+            line["showlegend"] = json!(i == 0);
+            data.push(line);
+        }
+    }
+    layout["annotations"] = json!(titles);
+    json!({"data": data, "layout": layout})
+}
+
+fn line(name: &str, x: Vec<Value>, y: Vec<Value>, suffix: &str, colour: &str) -> Value {
+    json!({"type": "scatter", "mode": "lines", "name": name, "legendgroup": name, "x": x, "y": y,
+           "xaxis": format!("x{suffix}"), "yaxis": format!("y{suffix}"), "connectgaps": true,
+           "line": {"color": colour, "width": 1.4}})
+}
+
+fn histories(all: &[History]) -> Value {
+    panels(
+        &shown(all),
+        &|h, suffix| {
+            let middle = h.time_s[h.time_s.len() / 2];
+            let inside: Vec<usize> = (0..h.time_s.len())
+                .filter(|&i| (h.time_s[i] - middle).abs() < 0.5 * CLOSE_S)
+                .collect();
+            let step = stride(inside.len(), POINTS);
+            let pick = |values: &[f64]| -> Vec<Value> {
+                let chosen = inside.iter().step_by(step);
+                chosen.map(|&i| rounded(values[i], 1000.0)).collect()
+            };
+            vec![
+                line(
+                    "as read",
+                    pick(&h.time_s),
+                    pick(&h.measured),
+                    suffix,
+                    "#d3131f",
+                ),
+                line("file", pick(&h.time_s), pick(&h.base), suffix, "#98a2b0"),
+                line(
+                    "extended",
+                    pick(&h.time_s),
+                    pick(&h.extended),
+                    suffix,
+                    "#2f6f9f",
+                ),
+            ]
+        },
+        true,
+    )
+}
+
+/// Means of stretches of the innovations.
+fn residuals(all: &[History]) -> Value {
+    panels(
+        &shown(all),
+        &|h, suffix| {
+            let width = stride(h.time_s.len(), 200);
+            let mean = |values: &[f64]| -> Vec<Value> {
+                values
+                    .chunks(width)
+                    .map(|chunk| {
+                        let known: Vec<f64> =
+                            chunk.iter().copied().filter(|v| v.is_finite()).collect();
+                        let n = known.len() as f64;
+                        rounded(known.iter().sum::<f64>() / n.sqrt(), 100.0)
+                    })
+                    .collect()
+            };
+            let time: Vec<Value> = h
+                .time_s
+                .chunks(width)
+                .map(|c| rounded(c[c.len() / 2], 10.0))
+                .collect();
+            vec![
+                line(
+                    "file",
+                    time.clone(),
+                    mean(&h.base_standardised),
+                    suffix,
+                    "#98a2b0",
+                ),
+                line(
+                    "extended",
+                    time,
+                    mean(&h.extended_standardised),
+                    suffix,
+                    "#2f6f9f",
+                ),
+            ]
+        },
+        false,
+    )
+}

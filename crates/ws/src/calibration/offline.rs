@@ -34,37 +34,24 @@ pub fn calibrate(
     observations: &Observations,
     reference: Option<&str>,
 ) -> Result<Offline, WsError> {
-    let mut best: Option<(Calibrator, Vec<Option<WindVector>>)> = None;
+    let mut best: Option<Calibrator> = None;
     for averaged_s in WIND_AVERAGED_S {
         let winds = averaged_winds(observations, averaged_s);
         let nothing_logged = winds.iter().all(Option::is_none);
         let calibrator = with_winds(scenario, observations, reference, &winds)?;
-        if best
-            .as_ref()
-            .is_none_or(|(b, _)| calibrator.cost() < b.cost())
-        {
-            best = Some((calibrator, winds));
+        if best.as_ref().is_none_or(|b| calibrator.cost() < b.cost()) {
+            best = Some(calibrator);
         }
         if nothing_logged {
             break;
         }
     }
-    let (calibrator, winds) = match best {
+    let calibrator = match best {
         Some(best) => best,
-        None => (
-            Calibrator::new(scenario, &observations.platforms, reference)?,
-            Vec::new(),
-        ),
+        None => Calibrator::new(scenario, &observations.platforms, reference)?,
     };
     let mut calibrated = calibrator.calibrated();
-    let logged = mean(winds.iter().flatten().copied());
-    let corrected = corrected(
-        scenario,
-        &calibrator,
-        &calibrated,
-        logged,
-        &observations.platforms,
-    );
+    let corrected = corrected(scenario, &calibrator, &calibrated, observations);
     calibrated.axis_deg.value = towards_deg(corrected.weather.wind_from_deg);
     Ok(Offline {
         scenario: corrected,
@@ -105,12 +92,11 @@ fn corrected(
     scenario: &Scenario,
     calibrator: &Calibrator,
     found: &Calibrated,
-    logged: Option<WindVector>,
-    platforms: &[String],
+    observations: &Observations,
 ) -> Scenario {
     let mut corrected = scenario.clone();
     // The turn is against the wind that was logged; without a log, against the scenario's.
-    let from_deg = logged.map_or(scenario.weather.wind_from_deg, WindVector::from_deg);
+    let from_deg = logged_from_deg(observations).unwrap_or(scenario.weather.wind_from_deg);
     let turned = wrap_deg(from_deg + calibrator.turn_deg());
     let factor = found.strength_factor;
     let strength = |value: Option<f64>| value.unwrap_or_default() * factor.value;
@@ -158,7 +144,7 @@ fn corrected(
             corrected.set_with_sd(key, value, sd);
         }
     }
-    for (k, platform) in platforms.iter().enumerate() {
+    for (k, platform) in observations.platforms.iter().enumerate() {
         let only = std::slice::from_ref(platform);
         let sensor = [
             (
@@ -181,15 +167,31 @@ fn corrected(
     corrected
 }
 
+/// The wind logged in a row, if it was.
+fn logged(row: &Observation) -> Option<WindVector> {
+    Some(WindVector::from_speed_and_direction(
+        row.wind_speed_m_s?,
+        row.wind_from_deg?,
+    ))
+}
+
+/// Direction from which the mean of the logged winds blows, degrees: what a turn that was found
+/// against the log turns. None where no row has a wind.
+pub fn logged_from_deg(observations: &Observations) -> Option<f64> {
+    let winds = observations.rows.iter().filter_map(logged);
+    let sum = winds.fold(None, |sum: Option<WindVector>, wind| {
+        let (east, north) = sum.map_or((0.0, 0.0), |s| (s.east_m_s, s.north_m_s));
+        Some(WindVector {
+            east_m_s: east + wind.east_m_s,
+            north_m_s: north + wind.north_m_s,
+        })
+    });
+    sum.map(WindVector::from_deg)
+}
+
 /// Average of each row's logged wind over its platform's rows within `averaged_s` before and
 /// after; none where nothing was logged.
 fn averaged_winds(observations: &Observations, averaged_s: f64) -> Vec<Option<WindVector>> {
-    let logged = |row: &Observation| {
-        Some(WindVector::from_speed_and_direction(
-            row.wind_speed_m_s?,
-            row.wind_from_deg?,
-        ))
-    };
     let mut winds = vec![None; observations.rows.len()];
     for platform in 0..observations.platforms.len() {
         let rows: Vec<(usize, f64, Option<WindVector>)> = observations
@@ -228,13 +230,24 @@ fn averaged_winds(observations: &Observations, averaged_s: f64) -> Vec<Option<Wi
     winds
 }
 
-fn mean(winds: impl Iterator<Item = WindVector>) -> Option<WindVector> {
-    let (mut east, mut north, mut count) = (0.0, 0.0, 0.0);
-    for wind in winds {
-        (east, north, count) = (east + wind.east_m_s, north + wind.north_m_s, count + 1.0);
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_logged_direction_is_that_of_the_mean_vector() {
+        let header =
+            "time_s,platform,lat_deg,lon_deg,alt_amsl_m,co2_ppm,wind_speed_m_s,wind_from_deg";
+        let read = |winds: [&str; 2]| {
+            let [a, b] = winds;
+            let text = format!("{header}\n1,a,43.4,-7.8,700,450,{a}\n2,a,43.4,-7.8,700,451,{b}\n");
+            logged_from_deg(&scenario::observations::parse(&[("a.csv", &text)]).unwrap())
+        };
+        // 6 m/s from 350° and 6 m/s from 20°: the mean blows from 5°, not from 185°.
+        assert!((read(["6,350", "6,20"]).unwrap() - 5.0).abs() < 1e-9);
+        // The stronger counts for more: atan2(10, 5) = 63.43°.
+        assert!((read(["5,0", "10,90"]).unwrap() - 63.434_948_8).abs() < 1e-6);
+        assert!((read([",", "4,120"]).unwrap() - 120.0).abs() < 1e-9);
+        assert_eq!(read([",", ","]), None);
     }
-    (count > 0.0).then(|| WindVector {
-        east_m_s: east / count,
-        north_m_s: north / count,
-    })
 }

@@ -4,10 +4,10 @@ use gap::plume::{Analysis, Options, analyse};
 use gap::verdict::{Cause, Verdict};
 use gap_truth::case::DamageKind;
 use gap_truth::mutation::mutate;
-use gap_truth::{Effect, Forward, TrueEffect, Truth};
+use gap_truth::{Case, Effect, Forward, TrueEffect, Truth};
 
 use crate::plan::{Kind, Task};
-use crate::tune;
+use crate::tune::{self, Tuned};
 
 /// What became of one case.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,38 +77,45 @@ impl Outcome {
 
 /// Makes the case of `task`, gives its files to the finder, and judges the answer.
 pub fn judge(task: &Task) -> Outcome {
+    match tune::tune(task) {
+        Ok(Some(tuned)) => judge_tuned(task, tuned),
+        Ok(None) => Outcome {
+            unreachable: true,
+            ..Outcome::new(task)
+        },
+        Err(error) => Outcome {
+            error: Some(error),
+            ..Outcome::new(task)
+        },
+    }
+}
+
+/// Gives the files of a case made for `task` to the finder, and judges the answer.
+pub fn judge_tuned(task: &Task, tuned: Tuned) -> Outcome {
     let mut outcome = Outcome::new(task);
-    match answer(task) {
-        Ok(Some((nats, truth, analysis))) => {
-            outcome.nats = nats;
-            outcome.forward = Some(truth.forward);
-            compare(&mut outcome, &truth, &analysis);
-        }
-        Ok(None) => outcome.unreachable = true,
+    outcome.nats = tuned.nats;
+    outcome.forward = Some(tuned.case.truth.forward);
+    match answer(task, &tuned.case) {
+        Ok(analysis) => compare(&mut outcome, &tuned.case.truth, &analysis),
         Err(error) => outcome.error = Some(error),
     }
     outcome
 }
 
-fn answer(task: &Task) -> Result<Option<(f64, Truth, Analysis)>, String> {
-    let Some(tuned) = tune::tune(task)? else {
-        return Ok(None);
-    };
-    let mut files = tuned.case.observations;
+fn answer(task: &Task, case: &Case) -> Result<Analysis, String> {
+    let mut files = case.observations.clone();
     if let Kind::Mutated(mutation) = task.kind {
         for (_, text) in &mut files {
             *text = mutate(text, mutation, task.seed);
         }
     }
-    let read = tune::read(&tuned.case.scenario_toml, &files)?;
+    let read = tune::read(&case.scenario_toml, &files)?;
     let options = Options {
         seed: task.seed,
         threads: 1,
         ..Options::default()
     };
-    let analysis = analyse(&read.setup, &read.observations, &options, &mut |_| {})
-        .map_err(|e| e.to_string())?;
-    Ok(Some((tuned.nats, tuned.case.truth, analysis)))
+    analyse(&read.setup, &read.observations, &options, &mut |_| {}).map_err(|e| e.to_string())
 }
 
 /// Whether `id` names the effect or what no such data tell from it.

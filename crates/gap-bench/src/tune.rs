@@ -1,13 +1,14 @@
 //! How visible an effect is, and the strength that makes it as visible as wanted.
 //!
-//! Visibility is the log score that knowing the effect would gain: the finder's base on the
-//! case's twin, which lacks the effect, minus the same base on the case, each under the noise
-//! that the finder fits. So it is measured for effects outside the catalogue too. What the
-//! noise of the case can swallow does not count as visible.
+//! Visibility is the log score by which the true extension at its true parameters beats the
+//! finder's base, under the noise that the finder fits to the case. For effects that the
+//! catalogue does not have it is what the difference to the case's twin, the same readings
+//! without the effect, would gain on average.
 
-use gap::plume::{Setup, base_score};
-use gap_truth::Case;
+use gap::plume::{Known, Setup, visibility};
 use gap_truth::mutation::Mutation;
+use gap_truth::{Case, TrueEffect, Truth};
+use plume::Mechanism;
 use scenario::Scenario;
 use scenario::observations::{self, Observations};
 
@@ -39,11 +40,32 @@ pub fn read(scenario_toml: &str, files: &[(String, String)]) -> Result<Read, Str
     })
 }
 
-/// Score of the base on files of a case, with the noise fitted there, nats.
-fn score(scenario_toml: &str, files: &[(String, String)]) -> Result<f64, String> {
-    let read = read(scenario_toml, files)?;
-    let score = base_score(&read.setup, &read.observations, None).map_err(|e| e.to_string())?;
-    Ok(score.log_score)
+/// How visible the effect of a case is, nats.
+fn visible(case: &Case) -> Result<f64, String> {
+    let own = read(&case.scenario_toml, &case.observations)?;
+    let mechanisms = mechanisms(&case.truth)?;
+    let twin;
+    let known = if mechanisms.is_empty() {
+        twin = read(&case.scenario_toml, &case.twin)?;
+        Known::Twin(&twin.observations)
+    } else {
+        Known::Mechanisms(&mechanisms)
+    };
+    visibility(&own.setup, &own.observations, known).map_err(|e| e.to_string())
+}
+
+/// The hidden effects as the catalogue has them; none where one of them is not in it, or
+/// follows another law.
+fn mechanisms(truth: &Truth) -> Result<Vec<Mechanism>, String> {
+    if truth.other_laws || truth.effects.iter().any(|e| !e.effect.in_catalogue()) {
+        return Ok(Vec::new());
+    }
+    let of = |e: &TrueEffect| {
+        let values: Vec<(&str, f64)> = e.parameters.iter().map(|p| (p.name, p.value)).collect();
+        let mechanism = Mechanism::new(e.effect.id(), &values).map_err(|e| e.to_string())?;
+        Ok(mechanism.for_platforms(&e.platforms))
+    };
+    truth.effects.iter().map(of).collect()
 }
 
 /// A case whose effects are as visible as the task asks.
@@ -52,6 +74,10 @@ pub struct Tuned {
     pub case: Case,
     /// Its visibility, nats (of the first effect alone where there are two).
     pub nats: f64,
+    /// Seed of the scene that shows it.
+    pub seed: u64,
+    /// Strength of each effect.
+    pub strengths: Vec<f64>,
 }
 
 /// Strength beyond which an effect is given up as not to be seen in a scene.
@@ -66,7 +92,7 @@ const SCENES: u64 = 4;
 pub fn tune(task: &Task) -> Result<Option<Tuned>, String> {
     let effects = task.effects();
     if effects.is_empty() {
-        return Ok(plain(task).map(|case| Tuned { case, nats: 0.0 }));
+        return Ok(plain(task));
     }
     for scene in 0..SCENES {
         let seed = task.seed + scene * 1_000;
@@ -92,6 +118,8 @@ pub fn tune(task: &Task) -> Result<Option<Tuned>, String> {
             return Ok(Some(Tuned {
                 case,
                 nats: reached[0],
+                seed,
+                strengths,
             }));
         }
     }
@@ -99,11 +127,17 @@ pub fn tune(task: &Task) -> Result<Option<Tuned>, String> {
 }
 
 /// A case without effects; labels can only be swapped where there are two.
-fn plain(task: &Task) -> Option<Case> {
+fn plain(task: &Task) -> Option<Tuned> {
     let two = task.kind == Kind::Mutated(Mutation::LabelsSwapped);
     (0..SCENES * SCENES)
-        .map(|scene| Case::make(&task.spec(task.seed + scene * 1_000, &[])))
-        .find(|case| !two || case.observations.iter().any(|f| f.1.contains(",uav2,")))
+        .map(|scene| task.seed + scene * 1_000)
+        .map(|seed| Tuned {
+            case: Case::make(&task.spec(seed, &[])),
+            nats: 0.0,
+            seed,
+            strengths: Vec::new(),
+        })
+        .find(|t| !two || t.case.observations.iter().any(|f| f.1.contains(",uav2,")))
 }
 
 /// The strength whose visibility is within a tenth of `target`, with that visibility: growing
@@ -111,12 +145,7 @@ fn plain(task: &Task) -> Option<Case> {
 /// the square of strength).
 fn strength_for(target: f64, make: impl Fn(f64) -> Case) -> Result<Option<(f64, f64)>, String> {
     let mut strength: f64 = 2.0;
-    let first = make(strength);
-    let twin = score(&first.scenario_toml, &first.twin)?;
-    let visible = |case: &Case| -> Result<f64, String> {
-        Ok(twin - score(&case.scenario_toml, &case.observations)?)
-    };
-    let mut nats = visible(&first)?;
+    let mut nats = visible(&make(strength))?;
     let mut low: Option<(f64, f64)> = None;
     let mut high: Option<(f64, f64)> = None;
     for _ in 0..12 {

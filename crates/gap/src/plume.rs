@@ -9,6 +9,7 @@ mod candidate;
 mod data;
 mod explore;
 mod fit;
+mod freedom;
 mod gate;
 mod held_out;
 mod linear;
@@ -34,7 +35,7 @@ use scenario::observations::Observations;
 use crate::GapError;
 use crate::verdict::{GapJson, SCHEMA, Verdict};
 use data::Data;
-use fit::{Context, Fitted};
+use fit::Context;
 
 /// How the analysis is run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -115,6 +116,7 @@ pub fn analyse(
     tell(0.0, "looking at the raw data");
     let mut data = Data::new(setup, observations)?;
     let mut quality = gate::gate(&mut data, &setup.base);
+    gate::forget_unknown_air(&mut data, setup.time_constant_s());
     if data.used_count() < FEWEST_READINGS {
         return Ok(nothing_to_tell(setup, data, quality));
     }
@@ -142,7 +144,11 @@ pub fn analyse(
     };
     tell(0.95, "writing it down");
     let mut notices = data.notices.clone();
-    notices.push(format!("the plume is carried by {}", started.wind));
+    let wind = started.treatment.map_or_else(
+        || "the scenario's wind".to_string(),
+        transport::Treatment::describe,
+    );
+    notices.push(format!("the plume is carried by {wind}"));
     notices.extend(named.notices.iter().cloned());
     let verdict = named.verdict();
     let base = report::base_parameters(setup, &named.last);
@@ -172,27 +178,29 @@ pub fn analyse(
     })
 }
 
-/// The log score of the base alone, for measuring how visible an effect is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BaseScore {
-    /// Log likelihood at the base's most probable parameters, nats.
-    pub log_score: f64,
-    /// The noise used.
-    pub noise: NoiseModel,
+/// What an effect is known by, for measuring how visible it is.
+#[derive(Debug, Clone, Copy)]
+pub enum Known<'a> {
+    /// The mechanisms of the catalogue that it is, at their true parameters.
+    Mechanisms(&'a [::plume::Mechanism]),
+    /// The same readings without the effect.
+    Twin(&'a Observations),
 }
 
-/// Fits the base's free parameters and gives the log score of the data, under `noise` if given,
-/// else under the noise fitted here.
+/// How visible an effect is, nats: the log score by which the true extension beats the base
+/// under the noise that is fitted to the observations. Where only a twin of the readings is
+/// known, the log score that its difference would gain on average.
 ///
 /// # Errors
-/// As [`analyse`]; also fewer readings than anything can be told from.
-pub fn base_score(
+/// As [`analyse`]; also too few readings, or a twin whose rows do not correspond.
+pub fn visibility(
     setup: &Setup,
     observations: &Observations,
-    noise: Option<&NoiseModel>,
-) -> Result<BaseScore, GapError> {
+    known: Known<'_>,
+) -> Result<f64, GapError> {
     let mut data = Data::new(setup, observations)?;
     gate::gate(&mut data, &setup.base);
+    gate::forget_unknown_air(&mut data, setup.time_constant_s());
     if data.used_count() < FEWEST_READINGS {
         return Err(GapError::Data {
             what: "observations".to_string(),
@@ -200,21 +208,46 @@ pub fn base_score(
             expected: format!("at least {FEWEST_READINGS}"),
         });
     }
-    let score = |f: &Fitted| f.log_score - f.noise.ln_prior() + f.model.ln_prior();
-    match noise {
-        None => {
-            let started = start::start(setup, &mut data, 1);
-            Ok(BaseScore {
-                log_score: score(&started.fitted),
-                noise: started.fitted.noise,
-            })
+    let fitted = start::start(setup, &mut data, 1).fitted;
+    let ctx = Context {
+        setup,
+        data: &data,
+        threads: 1,
+    };
+    match known {
+        Known::Mechanisms(mechanisms) => {
+            let mut model = fitted.model.clone();
+            for m in mechanisms {
+                model
+                    .parts
+                    .extend(model::parts_of(m, data.track.platforms()));
+            }
+            let score = |model: &model::Model| {
+                let settled = ctx.settle(model, &fitted.metric, &fitted, 8);
+                settled.log_score + settled.model.ln_prior()
+            };
+            Ok(score(&model) - score(&fitted.model))
         }
-        Some(noise) => {
-            let fitted = start::under(setup, &mut data, *noise);
-            Ok(BaseScore {
-                log_score: score(&fitted),
-                noise: *noise,
-            })
+        Known::Twin(twin) => {
+            let other = Data::new(setup, twin)?;
+            if data.len() != other.len() {
+                return Err(GapError::Data {
+                    what: "twin".to_string(),
+                    problem: format!("{} rows", other.len()),
+                    expected: format!("{}, as in the observations", data.len()),
+                });
+            }
+            let difference: Vec<f64> = (0..data.len())
+                .map(|i| {
+                    let d = data.reading_ppm[i] - other.reading_ppm[i];
+                    if data.used[i] && d.is_finite() {
+                        d
+                    } else {
+                        0.0
+                    }
+                })
+                .collect();
+            Ok(ctx.left_of(&difference, &fitted))
         }
     }
 }

@@ -551,6 +551,9 @@ fn validate(spec: &WorldSpec) -> Result<(), PlumeError> {
 #[path = "batch.rs"]
 pub mod batch;
 
+#[path = "puffs.rs"]
+pub mod puffs;
+
 #[cfg(test)]
 #[path = "field_tests.rs"]
 pub(crate) mod tests;

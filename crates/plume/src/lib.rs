@@ -23,6 +23,7 @@ pub mod track;
 pub mod units;
 
 pub use field::batch::{self, Columns};
+pub use field::puffs::{self, WindHistory};
 pub use field::{Place, SourceSpec, Strength, World, WorldSpec};
 pub use mechanism::{Mechanism, MechanismId};
 pub use sensor::{Sensor, SensorSpec};

@@ -36,6 +36,8 @@ pub struct Track {
     north_m: Vec<f64>,
     height_m: Vec<f64>,
     transport: Vec<Transport>,
+    /// Factor on the plume's part of each row.
+    plume_factor: Vec<f64>,
     ppm_per_mol_m3: Vec<f64>,
     air: Vec<Ambient>,
 }
@@ -57,6 +59,7 @@ impl Track {
             north_m: rows.iter().map(|r| r.place.north_m).collect(),
             height_m: rows.iter().map(|r| r.place.height_agl_m).collect(),
             transport: rows.iter().map(|r| row_transport(spec, r)).collect(),
+            plume_factor: vec![1.0; rows.len()],
             ppm_per_mol_m3: rows
                 .iter()
                 .map(|r| world.ppm_per_mol_m3(r.place.height_agl_m))
@@ -114,6 +117,12 @@ impl Track {
         &mut self.transport
     }
 
+    /// Factor on the plume of every row: what the straight plume's formula leaves out
+    /// ([`crate::puffs`]). One at first.
+    pub fn plume_factor_mut(&mut self) -> &mut [f64] {
+        &mut self.plume_factor
+    }
+
     /// Predicted readings of all rows, ppm, without noise and quantisation. `readings` must have
     /// [`Track::len`] elements; extra ones are left alone.
     pub fn predict(&self, world: &World, readings: &mut [f64]) {
@@ -162,7 +171,7 @@ impl Track {
             place.north_m -= north;
             place.height_agl_m -= up;
             let (molar, direct) = world.excess(&place, time, wind);
-            *value = molar * self.ppm_per_mol_m3[i] + direct;
+            *value = (molar * self.ppm_per_mol_m3[i] + direct) * self.plume_factor[i];
         }
     }
 

@@ -4,8 +4,8 @@
 use ::plume::field::Strength;
 use ::plume::mechanism::{Coordinate, Family, MechanismId};
 
-use super::fit::{Context, Fitted};
-use super::model::{Part, defaults, to_coordinate};
+use super::fit::Context;
+use super::model::{Model, Part, Prediction, defaults, to_coordinate};
 
 /// A direction in which a mechanism may depart from doing nothing: one or two columns.
 #[derive(Debug, Clone)]
@@ -23,14 +23,14 @@ pub(crate) struct Start {
     pub ln_weight: f64,
 }
 
-/// All starts on top of `fitted`.
-pub(crate) fn starts(ctx: &Context<'_>, fitted: &Fitted) -> Vec<Start> {
+/// All starts on top of a model with its prediction.
+pub(crate) fn starts(ctx: &Context<'_>, model: &Model, prediction: &Prediction) -> Vec<Start> {
     let mut out = Vec::new();
     for &id in MechanismId::ALL {
-        if !possible(ctx, fitted, id) {
+        if !possible(ctx, model, id) {
             continue;
         }
-        let mut own = of_mechanism(ctx, fitted, id);
+        let mut own = of_mechanism(ctx, model, prediction, id);
         let share = -(own.len().max(1) as f64).ln();
         // Steps of one line are one hypothesis; places of a grid share the prior.
         if matches!(id, MechanismId::SecondSource) {
@@ -42,7 +42,7 @@ pub(crate) fn starts(ctx: &Context<'_>, fitted: &Fitted) -> Vec<Start> {
 }
 
 /// Whether the data could say anything about it, and the model does not have it already.
-fn possible(ctx: &Context<'_>, fitted: &Fitted, id: MechanismId) -> bool {
+fn possible(ctx: &Context<'_>, model: &Model, id: MechanismId) -> bool {
     use MechanismId as M;
     let air = ctx.data.track.air();
     let varies = |f: &dyn Fn(usize) -> f64| {
@@ -51,8 +51,7 @@ fn possible(ctx: &Context<'_>, fitted: &Fitted, id: MechanismId) -> bool {
         let high = known.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         known.len() * 2 > air.len() && high > low
     };
-    if fitted
-        .model
+    if model
         .parts
         .iter()
         .any(|p| p.id == id && p.platform.is_none())
@@ -113,7 +112,12 @@ fn plane(id: MechanismId, step: f64) -> Vec<Start> {
     }]
 }
 
-fn of_mechanism(ctx: &Context<'_>, fitted: &Fitted, id: MechanismId) -> Vec<Start> {
+fn of_mechanism(
+    ctx: &Context<'_>,
+    model: &Model,
+    prediction: &Prediction,
+    id: MechanismId,
+) -> Vec<Start> {
     use MechanismId as M;
     match id {
         M::WindDirectionOffset => line(id, &[0.5, -3.0, 3.0]),
@@ -126,9 +130,9 @@ fn of_mechanism(ctx: &Context<'_>, fitted: &Fitted, id: MechanismId) -> Vec<Star
         M::SigmaZGrowth => line(id, &[0.15, -0.5, 0.5]),
         M::EffectiveHeightOffset => line(id, &[3.0, -25.0, 25.0]),
         M::GroundReflection => line(id, &[0.5]),
-        M::MixingLid => lids(ctx, fitted),
+        M::MixingLid => lids(ctx, model),
         M::EmissionTrend => line(id, &[0.5, -3.0, 3.0]),
-        M::SecondSource => second_sources(ctx, fitted),
+        M::SecondSource => second_sources(ctx, model),
         M::SourcePositionOffset => plane(id, 15.0),
         M::FirstOrderDecay => line(id, &[2e-4, 1.5e-3]),
         M::DryDeposition => line(id, &[0.02, 0.3]),
@@ -138,7 +142,7 @@ fn of_mechanism(ctx: &Context<'_>, fitted: &Fitted, id: MechanismId) -> Vec<Star
         M::BackgroundGradient => plane(id, 1.0),
         M::SensorLag => line(id, &[0.6, 3.0, 10.0]),
         M::SensorGain => gains(ctx),
-        M::SensorSaturation => saturations(fitted),
+        M::SensorSaturation => saturations(prediction),
         M::CrossSensitivityHumidity => line(id, &[0.2]),
         M::CrossSensitivityTemperature => line(id, &[0.5]),
         M::CrossSensitivityPressure => pressures(ctx),
@@ -183,11 +187,8 @@ fn pressures(ctx: &Context<'_>) -> Vec<Start> {
 }
 
 /// Lids at several heights above the axis.
-fn lids(ctx: &Context<'_>, fitted: &Fitted) -> Vec<Start> {
-    let Some(world) = fitted
-        .model
-        .world(&ctx.setup.base, ctx.data.track.platforms())
-    else {
+fn lids(ctx: &Context<'_>, model: &Model) -> Vec<Start> {
+    let Some(world) = model.world(&ctx.setup.base, ctx.data.track.platforms()) else {
         return Vec::new();
     };
     let height = ctx.setup.base.sources[0].effective_height_agl_m;
@@ -210,13 +211,10 @@ fn lids(ctx: &Context<'_>, fitted: &Fitted) -> Vec<Start> {
 }
 
 /// Limits below the highest predicted reading.
-fn saturations(fitted: &Fitted) -> Vec<Start> {
-    let reading = &fitted.prediction.reading;
+fn saturations(prediction: &Prediction) -> Vec<Start> {
+    let reading = &prediction.reading;
     let high = reading.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let base = reading
-        .iter()
-        .zip(&fitted.prediction.plume)
-        .map(|(r, p)| r - p);
+    let base = reading.iter().zip(&prediction.plume).map(|(r, p)| r - p);
     let low = base.fold(f64::INFINITY, f64::min);
     [0.85, 0.65, 0.45, 0.25]
         .iter()
@@ -226,7 +224,7 @@ fn saturations(fitted: &Fitted) -> Vec<Start> {
 }
 
 /// Second sources on a grid around the first, finer across the wind than along it.
-fn second_sources(ctx: &Context<'_>, fitted: &Fitted) -> Vec<Start> {
+fn second_sources(ctx: &Context<'_>, model: &Model) -> Vec<Start> {
     let track = &ctx.data.track;
     let n = track.len() as f64;
     let wind = track
@@ -242,7 +240,7 @@ fn second_sources(ctx: &Context<'_>, fitted: &Fitted) -> Vec<Start> {
             (p.east_m - first.east_m).hypot(p.north_m - first.north_m)
         })
         .fold(300.0f64, f64::max);
-    let Some(world) = fitted.model.world(&ctx.setup.base, track.platforms()) else {
+    let Some(world) = model.world(&ctx.setup.base, track.platforms()) else {
         return Vec::new();
     };
     let spacing = 1.2 * world.sigmas_m(0.5 * reach).0;
@@ -309,6 +307,23 @@ impl Start {
             platform: None,
             values: self.ends[k].clone(),
         }
+    }
+
+    /// What column `k`'s step changes in the readings.
+    pub fn column(
+        &self,
+        ctx: &Context<'_>,
+        model: &Model,
+        prediction: &Prediction,
+        k: usize,
+    ) -> Vec<f64> {
+        let mut moved = model.clone();
+        moved.parts.push(self.end_part(k));
+        let mut column = ctx.readings(&moved);
+        for (c, r) in column.iter_mut().zip(&prediction.reading) {
+            *c -= r;
+        }
+        column
     }
 
     /// Whether it may differ between platforms.

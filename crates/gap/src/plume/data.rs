@@ -66,6 +66,12 @@ impl Setup {
             priors,
         })
     }
+
+    /// Time constant of the sensors as the scenario has it, s.
+    pub(crate) fn time_constant_s(&self) -> f64 {
+        let prior = self.priors.iter().find(|p| p.id == MechanismId::SensorLag);
+        prior.map_or(self.base.sensor.time_constant_s, |p| p.value)
+    }
 }
 
 fn prior(base: &WorldSpec, which: Uncertain, sd: f64) -> Option<Prior> {

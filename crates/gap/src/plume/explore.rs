@@ -11,18 +11,16 @@ use super::rival::{self, Rivals};
 use super::screen::{self, Scored};
 
 /// Probability of a false alarm that a round allows.
-pub(crate) const FALSE_ALARM: f64 = 0.001;
+pub(crate) const FALSE_ALARM: f64 = 1e-4;
 /// Most mechanisms that are fitted under fixed noise.
-const MOST_FITTED: usize = 14;
-/// Most mechanisms whose noise is fitted too.
-const MOST_REFINED: usize = 8;
+const MOST_FITTED: usize = 18;
 /// How far below the best one is still fitted, nats.
 const WITHIN_NATS: f64 = 14.0;
-/// How far below the best one is still refined, nats.
-const REFINE_WITHIN_NATS: f64 = 12.0;
+/// How many of the best trials lend the null their parameters.
+const STARTS_OF_NULL: usize = 3;
 /// Evidence is taken as this power: the noise model and Laplace's approximation are not exact,
 /// and stated probabilities must be right.
-pub(crate) const TEMPER: f64 = 0.8;
+pub(crate) const TEMPER: f64 = 1.0;
 
 /// A mechanism fitted on top of the model before.
 #[derive(Debug, Clone)]
@@ -67,14 +65,14 @@ struct Trial {
 
 /// One round on top of `null`.
 pub(crate) fn round(ctx: &Context<'_>, null: &Fitted, seed: u64, with_rivals: bool) -> Round {
-    let starts = candidate::starts(ctx, null);
+    let starts = candidate::starts(ctx, &null.model, &null.prediction);
     let columns = screen::columns(ctx, null, &starts);
     let screen = screen::screen(ctx, null, &starts, &columns, FALSE_ALARM, seed);
     let rivals = with_rivals.then(|| rival::rivals(ctx, null, FALSE_ALARM, seed ^ 0x5eed));
     let mut best_gain = screen.scored.iter().map(|s| s.gain).fold(0.0f64, f64::max);
     let mut trials = widened(null, &mut best_gain);
     trials.extend(from_screen(ctx, null, &starts, &screen.scored));
-    let tried = fit_trials(ctx, null, trials);
+    let (tried, _) = fit_trials(ctx, null, trials);
     let screened = screen
         .scored
         .into_iter()
@@ -146,10 +144,13 @@ fn from_screen(
     let platforms = ctx.data.ranges().len() as f64;
     for s in order {
         let start = &starts[s.start];
-        let most = if start.id == MechanismId::SecondSource {
-            3
-        } else {
-            1
+        // What is far from linear is tried from several places.
+        let most = match start.id {
+            MechanismId::SecondSource => 3,
+            MechanismId::DryDeposition | MechanismId::MixingLid | MechanismId::SensorSaturation => {
+                2
+            }
+            _ => 1,
         };
         let have = out
             .iter()
@@ -176,68 +177,64 @@ fn from_screen(
     out
 }
 
-fn fit_trials(ctx: &Context<'_>, null: &Fitted, trials: Vec<Trial>) -> Vec<Tried> {
+/// Fits the trials under the null's noise and gives what each gains, with the null at its best.
+fn fit_trials(ctx: &Context<'_>, null: &Fitted, trials: Vec<Trial>) -> (Vec<Tried>, Fitted) {
     let single = Context { threads: 1, ..*ctx };
-    let still = single.settle(&null.model, null, 0);
-    let fits = parallel::map(&trials, ctx.threads, |t| single.settle(&t.model, null, 5));
-    let mut tried: Vec<(Tried, Fitted)> = trials
+    let fits = parallel::map(&trials, ctx.threads, |t| {
+        single.settle(&t.model, &null.metric.not_tolerating(t.id), null, 10)
+    });
+    let still = best_null(&single, null, &trials, &fits);
+    let count = null.model.dimension();
+    let was = still.log_score + still.model.ln_prior();
+    let mut tried: Vec<Tried> = trials
         .iter()
         .zip(fits)
         .map(|(t, f)| {
-            let tried = Tried {
+            // A prior that is widened no longer speaks against what it is widened for.
+            let own = f.model.ln_prior_of_first(count, t.part);
+            let same = still.model.ln_prior_of_first(count, t.part);
+            let peak = still.model.ln_prior() - same - still.model.ln_prior_at_centre(t.part);
+            Tried {
                 id: t.id,
                 platform: t.platform,
                 part: t.part,
-                log_score: f.log_score - still.log_score,
+                log_score: f.log_score + own - (was - still.model.ln_prior() + same + peak),
                 log_evidence: f.log_evidence - still.log_evidence + t.ln_weight,
                 probability: 0.0,
-                fitted: None,
-            };
-            (tried, f)
+                fitted: Some(Box::new(f)),
+            }
         })
         .collect();
-    tried.sort_by(|a, b| b.0.log_evidence.total_cmp(&a.0.log_evidence));
-    tried.dedup_by(|b, a| a.0.id == b.0.id && a.0.platform == b.0.platform);
-    let best = tried.first().map_or(0.0, |t| t.0.log_evidence);
-    let refine: Vec<usize> = (0..tried.len())
-        .filter(|k| tried[*k].0.log_evidence > best - REFINE_WITHIN_NATS)
-        .take(MOST_REFINED)
-        .collect();
-    // The best is refined first; the others start from its noise too, since under the base the
-    // noise has grown by what they explain.
-    let lead = refine
-        .first()
-        .map(|k| ctx.refine(tried[*k].1.clone(), 2, 6));
-    let rest = refine.get(1..).unwrap_or_default();
-    let followers = parallel::map(rest, ctx.threads, |k| {
-        let from = tried[*k].1.clone();
-        let noise = lead.as_ref().map_or(from.noise, |l| l.noise);
-        single.refine(Fitted { noise, ..from }, 1, 4)
+    tried.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    let mut seen = Vec::new();
+    tried.retain(|t| {
+        let new = !seen.contains(&(t.id, t.platform));
+        seen.push((t.id, t.platform));
+        new
     });
-    let refined: Vec<Fitted> = lead.into_iter().chain(followers).collect();
-    for (k, f) in refine.iter().zip(refined) {
-        let t = &mut tried[*k].0;
-        let weight = trials
-            .iter()
-            .find(|w| w.id == t.id && w.platform == t.platform)
-            .map_or(0.0, |w| w.ln_weight);
-        let score = f.log_score - null.log_score;
-        let evidence = f.log_evidence - null.log_evidence + weight;
-        // The noise's own fit is a search: it may not make a fit worse than it was.
-        if evidence > t.log_evidence {
-            t.log_score = score;
-            t.log_evidence = evidence;
+    (tried, still)
+}
+
+/// The null at its best from where it stands and from where the best trials have its
+/// parameters: a fit that found a better place for these has found no cause.
+fn best_null(ctx: &Context<'_>, null: &Fitted, trials: &[Trial], fits: &[Fitted]) -> Fitted {
+    let score = |f: &Fitted| f.log_score + f.model.ln_prior();
+    let mut best = ctx.settle(&null.model, &null.metric, null, 5);
+    let mut order: Vec<usize> = (0..fits.len()).collect();
+    order.sort_by(|a, b| fits[*b].log_evidence.total_cmp(&fits[*a].log_evidence));
+    for &k in order.iter().take(STARTS_OF_NULL) {
+        let mut start = null.model.clone();
+        for j in 0..start.dimension() {
+            if start.free[j].part != trials[k].part {
+                start.set_coordinate(j, fits[k].model.coordinate(j));
+            }
         }
-        t.fitted = Some(Box::new(f));
+        let other = ctx.settle(&start, &null.metric, null, 10);
+        if score(&other) > score(&best) + 0.02 {
+            best = other;
+        }
     }
-    let mut tried: Vec<Tried> = tried.into_iter().map(|t| t.0).collect();
-    tried.sort_by(|a, b| {
-        b.fitted
-            .is_some()
-            .cmp(&a.fitted.is_some())
-            .then(b.log_evidence.total_cmp(&a.log_evidence))
-    });
-    tried
+    best
 }
 
 impl Round {

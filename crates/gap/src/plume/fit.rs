@@ -5,6 +5,7 @@ use ::plume::mechanism::MechanismId;
 use nalgebra::{DMatrix, DVector};
 
 use super::data::{Data, Setup};
+use super::freedom::Freedom;
 use super::linear::{Posterior, dot, posterior};
 use super::model::{Model, Part, Prediction};
 use super::noise::{self, Loading, NoiseModel, Rows, Whitener};
@@ -45,6 +46,44 @@ pub(crate) struct Fitted {
     pub log_score: f64,
     /// Log likelihood and prior and their curvature, nats.
     pub log_evidence: f64,
+}
+
+/// How far the noise is fitted.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Effort {
+    /// Rounds of cleaning the residual and fitting the noise to the rest.
+    pub rounds: usize,
+    /// Steps after that with all that is free integrated out, which is exact and slow.
+    pub marginal_steps: usize,
+}
+
+impl Effort {
+    /// The noise stands.
+    pub const NONE: Self = Self {
+        rounds: 0,
+        marginal_steps: 0,
+    };
+    /// Good enough to rank by.
+    pub const QUICK: Self = Self {
+        rounds: 2,
+        marginal_steps: 0,
+    };
+    /// From a noise that is near already.
+    pub const FULL: Self = Self {
+        rounds: 1,
+        marginal_steps: 15,
+    };
+}
+
+/// A noise fitted with everything free, and what came with it.
+pub(crate) struct Wide {
+    pub noise: NoiseModel,
+    pub prediction: Prediction,
+    pub loading: Vec<Loading>,
+    /// Residual less all that is free.
+    pub cleaned: Vec<f64>,
+    /// Log likelihood with all that is free integrated out, nats.
+    pub log_score: f64,
 }
 
 impl<'a> Context<'a> {
@@ -160,147 +199,131 @@ impl<'a> Context<'a> {
     }
 
     /// A model at its best under the noise that stands; no noise is fitted.
-    pub fn settle(&self, start: &Model, from: &Fitted, iterations: usize) -> Fitted {
-        let model = self.descend(start, &from.metric, iterations);
+    pub fn settle(
+        &self,
+        start: &Model,
+        metric: &Metric,
+        from: &Fitted,
+        iterations: usize,
+    ) -> Fitted {
+        let model = self.descend(start, metric, iterations);
         let prediction = self.predict(&model);
         self.conclude(
             model,
             prediction,
             from.noise,
             from.loading.clone(),
-            from.metric.clone(),
+            metric.clone(),
             None,
         )
     }
 
-    /// A model and its noise at their best, `rounds` times in turn.
-    pub fn refine(&self, from: Fitted, rounds: usize, noise_steps: usize) -> Fitted {
-        let mut now = from;
-        for _ in 0..rounds {
-            let loading = self.loading(&now.model, &now.prediction);
-            let raw = self.data.residual(&now.prediction.reading);
-            let cleaned = now.metric.cleaned(&raw, &self.data.used);
-            let rows = self.rows(&loading);
-            let mut noise = now.noise;
-            if noise_steps > 0 {
-                let plain = self.without_structure(&cleaned, &loading, &now.metric.whitener);
-                noise = noise::fit(&rows, &now.noise, &plain, noise_steps, self.threads);
-            }
-            let metric = self.metric(
-                &now.model,
-                &now.prediction,
-                &loading,
-                &mut noise,
-                &cleaned,
-                noise_steps > 0,
-            );
-            let model = self.descend(&now.model, &metric, 3);
-            let prediction = self.predict(&model);
-            let (metric, cleaned) = self.relaxed(metric, &prediction, &loading, &noise);
-            now = self.conclude(model, prediction, noise, loading, metric, Some(&cleaned));
-        }
-        now
-    }
-
-    /// A residual without each platform's constant, trend, and parts in proportion to the plume
-    /// and to its swing. Faults of these forms have names; a noise fitted to them would grow
-    /// until it hid them.
-    fn without_structure(
+    /// A model and its noise at their best, `rounds` times in turn; the noise is fitted beside
+    /// everything that the catalogue could add ([`Freedom`]).
+    pub fn refine(
         &self,
-        residual: &[f64],
-        loading: &[Loading],
-        whitener: &Whitener,
-    ) -> Vec<f64> {
-        let times = self.data.track.time_s();
-        let (from, to) = self.data.span_s();
-        let raw: [Vec<f64>; 4] = [
-            vec![1.0; times.len()],
-            times
-                .iter()
-                .map(|t| (t - from) / (to - from).max(1e-9) - 0.5)
-                .collect(),
-            loading.iter().map(|l| l.gust).collect(),
-            loading.iter().map(|l| l.swing).collect(),
-        ];
-        let mut white = raw.clone();
-        let mut own = residual.to_vec();
-        let mut all: Vec<&mut [f64]> = white.iter_mut().map(Vec::as_mut_slice).collect();
-        all.push(&mut own);
-        whitener.whiten(&mut all);
-        let mut out = residual.to_vec();
-        for range in self.data.ranges() {
-            let gram = DMatrix::from_fn(4, 4, |i, j| {
-                dot(&white[i][range.clone()], &white[j][range.clone()])
-            });
-            let score =
-                DVector::from_fn(4, |k, _| dot(&white[k][range.clone()], &own[range.clone()]));
-            // Next to flat: a thousandth of what the data say.
-            let precision = DVector::from_fn(4, |k, _| 1e-3 * gram[(k, k)] + 1e-12);
-            let Some(post) = posterior(&gram, &score, &DVector::zeros(4), &precision) else {
-                continue;
-            };
-            for i in range.clone().filter(|i| self.data.used[*i]) {
-                out[i] -= (0..4).map(|k| post.mean[k] * raw[k][i]).sum::<f64>();
-            }
+        start: &Model,
+        noise: NoiseModel,
+        rounds: usize,
+        effort: Effort,
+    ) -> Fitted {
+        let (mut model, mut noise) = (start.clone(), noise);
+        let mut last = None;
+        for _ in 0..rounds.max(1) {
+            let wide = self.wide(&model, noise, effort);
+            noise = wide.noise;
+            let rows = self.rows(&wide.loading);
+            let whitener = Whitener::new(&rows, &noise, &wide.cleaned);
+            let nuisance = Nuisance::new(self, &model, &wide.prediction, &wide.loading, &noise);
+            let metric = Metric::new(whitener, nuisance);
+            model = self.descend(&model, &metric, 4);
+            last = Some((metric, wide));
         }
-        out
+        let prediction = self.predict(&model);
+        match last {
+            Some((metric, wide)) => self.conclude(
+                model,
+                prediction,
+                noise,
+                wide.loading,
+                metric,
+                Some(&wide.cleaned),
+            ),
+            None => unreachable!("at least one round"),
+        }
     }
 
-    /// The metric of a noise and the nuisance at a model; sizes the shared swing if asked.
-    fn metric(
-        &self,
-        model: &Model,
-        prediction: &Prediction,
-        loading: &[Loading],
-        noise: &mut NoiseModel,
-        cleaned: &[f64],
-        size_swing: bool,
-    ) -> Metric {
-        let whitener = Whitener::new(&self.rows(loading), noise, cleaned);
-        let nuisance = Nuisance::new(self, model, prediction, loading, noise);
-        let metric = Metric::new(whitener, nuisance);
-        if !size_swing {
-            return metric;
-        }
-        let mut whitened = self.data.residual(&prediction.reading);
-        metric.whitener.whiten_one(&mut whitened);
-        let size = metric.shared_swing_deg(&whitened, self.data.on_board_wind);
-        if size == noise.shared_swing_deg {
-            return metric;
-        }
-        noise.shared_swing_deg = size;
-        let mut nuisance = metric.nuisance;
-        nuisance.resize_swing(size);
-        Metric::new(metric.whitener, nuisance)
-    }
-
-    /// The same metric with outliers taken from the residual of a new prediction, and that
-    /// residual less the nuisance.
-    fn relaxed(
-        &self,
-        metric: Metric,
-        prediction: &Prediction,
-        loading: &[Loading],
-        noise: &NoiseModel,
-    ) -> (Metric, Vec<f64>) {
-        let raw = self.data.residual(&prediction.reading);
-        let cleaned = metric.cleaned(&raw, &self.data.used);
-        let whitener = Whitener::new(&self.rows(loading), noise, &cleaned);
-        (Metric::new(whitener, metric.nuisance), cleaned)
-    }
-
-    /// The first fit: prior noise, then both in turn.
-    pub fn start(&self, model: &Model, noise: NoiseModel, noise_steps: usize) -> Fitted {
+    /// The noise fitted with everything free at `model`, and the score of that.
+    pub fn wide(&self, model: &Model, noise: NoiseModel, effort: Effort) -> Wide {
         let mut noise = noise;
         let prediction = self.predict(model);
         let loading = self.loading(model, &prediction);
-        let residual = self.data.residual(&prediction.reading);
-        let metric = self.metric(model, &prediction, &loading, &mut noise, &residual, false);
-        let model = self.descend(model, &metric, 4);
-        let prediction = self.predict(&model);
-        let (metric, cleaned) = self.relaxed(metric, &prediction, &loading, &noise);
-        let fitted = self.conclude(model, prediction, noise, loading, metric, Some(&cleaned));
-        self.refine(fitted, 1, noise_steps)
+        let freedom = Freedom::new(self, model, &prediction);
+        let raw = self.data.residual(&prediction.reading);
+        let rows = self.rows(&loading);
+        // Outliers show only once the structure is out, and the structure once they are.
+        let mut cleaned = raw.clone();
+        let clean = |noise: &mut NoiseModel, cleaned: &[f64], sized: bool| {
+            let whitener = Whitener::new(&rows, noise, cleaned);
+            let nuisance = Nuisance::wide(self, &loading, noise, &freedom);
+            let mut wide = Metric::new(whitener, nuisance);
+            let mut white = raw.clone();
+            wide.whitener.whiten_one(&mut white);
+            if sized {
+                noise.shared_swing_deg = wide.shared_swing_deg(&white, self.data.on_board_wind);
+                wide.resize_swing(noise.shared_swing_deg);
+            }
+            let coefficients = wide.coefficients(&white);
+            let out = wide.less(&raw, &coefficients, &self.data.used);
+            (
+                out,
+                coefficients[coefficients.len() - freedom.sd.len()..].to_vec(),
+            )
+        };
+        for round in 0..effort.rounds {
+            cleaned = clean(&mut noise, &cleaned, round > 0).0;
+            let plain = |n: &NoiseModel| noise::log_likelihood(&rows, n, &cleaned) + n.ln_prior();
+            noise = noise::fit(&rows, &noise, 10, self.threads, &plain);
+        }
+        for round in 0..=effort.rounds.min(1) {
+            let (left, at) = clean(&mut noise, &cleaned, effort.rounds > 0);
+            cleaned = left;
+            if round == 0 && effort.marginal_steps > 0 {
+                let value =
+                    |n: &NoiseModel| freedom.marginal(&rows, n, &cleaned, &at) + n.ln_prior();
+                noise = noise::fit(&rows, &noise, effort.marginal_steps, self.threads, &value);
+            }
+        }
+        let whitener = Whitener::new(&rows, &noise, &cleaned);
+        let wide = Metric::new(whitener, Nuisance::wide(self, &loading, &noise, &freedom));
+        let mut white = raw.clone();
+        wide.whitener.whiten_one(&mut white);
+        let log_score = wide.log_likelihood(&white, &cleaned) + noise.ln_prior();
+        Wide {
+            noise,
+            prediction,
+            loading,
+            cleaned,
+            log_score,
+        }
+    }
+
+    /// A model at its best under a given noise.
+    pub fn under(&self, start: &Model, noise: NoiseModel) -> Fitted {
+        self.refine(start, noise, 2, Effort::NONE)
+    }
+
+    /// Half the square of a difference in the readings that neither the free parameters of
+    /// `fitted` nor its nuisance can take up, nats.
+    pub fn left_of(&self, difference: &[f64], fitted: &Fitted) -> f64 {
+        let mut white = difference.to_vec();
+        fitted.metric.whitener.whiten_one(&mut white);
+        let n = fitted.columns.len();
+        let gram = DMatrix::from_fn(n, n, |i, j| dot(&fitted.columns[i], &fitted.columns[j]));
+        let score = DVector::from_fn(n, |k, _| dot(&fitted.columns[k], &white));
+        let taken = posterior(&gram, &score, &DVector::zeros(n), &fitted.precision)
+            .map_or(0.0, |p| p.mean.dot(&score));
+        0.5 * (dot(&white, &white) - taken)
     }
 
     /// Puts together what is known at a model; `cleaned` is the residual that the metric was
@@ -325,7 +348,11 @@ impl<'a> Context<'a> {
             .unwrap_or_else(|| empty(&precision));
         // The nuisance is integrated over in the score already.
         let own = posterior.covariance.view((0, 0), (n, n)).into_owned();
-        let log_evidence = log_score
+        let volume = match cleaned {
+            None => metric.half_log_det,
+            Some(_) => 0.0,
+        };
+        let log_evidence = log_score - volume
             + model.ln_prior()
             + 0.5 * n as f64 * std::f64::consts::TAU.ln()
             + 0.5 * log_det(&own);

@@ -15,6 +15,10 @@ const UNIT_FACTOR: f64 = 20.0;
 const FROZEN_CHANCE: f64 = 1e-5;
 /// Longest run of equal readings that a coarse resolution makes usual.
 const LONGEST_USUAL_RUN: usize = 20;
+/// How many time constants a sensor remembers the air before a track: e⁻⁵ of it is left.
+const REMEMBERED: f64 = 5.0;
+/// Longest step between rows over which the air is known well enough, s.
+const LONGEST_STEP_S: f64 = 4.0;
 /// Shortest run of equal readings that counts.
 const FROZEN_ROWS: usize = 8;
 
@@ -40,6 +44,29 @@ pub(crate) fn gate(data: &mut Data, base: &WorldSpec) -> Vec<DataQuality> {
         eye.gaps();
     }
     found
+}
+
+/// Leaves out the readings in which a slow sensor still remembers air of which nothing is known:
+/// at the start of a track and after a gap.
+pub(crate) fn forget_unknown_air(data: &mut Data, time_constant_s: f64) {
+    let wait_s = REMEMBERED * time_constant_s;
+    if wait_s <= 0.0 {
+        return;
+    }
+    let times = data.track.time_s().to_vec();
+    for range in data.ranges().to_vec() {
+        let mut since = f64::NEG_INFINITY;
+        let mut before = f64::NEG_INFINITY;
+        for i in range {
+            if times[i] - before > LONGEST_STEP_S {
+                since = times[i];
+            }
+            before = times[i];
+            if times[i] - since < wait_s {
+                data.used[i] = false;
+            }
+        }
+    }
 }
 
 struct Eye<'a> {

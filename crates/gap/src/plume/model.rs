@@ -31,6 +31,10 @@ pub(crate) struct Part {
     pub values: Vec<f64>,
 }
 
+/// The one tolerance that is far from linear and so a parameter of the base: no wind keeps its
+/// direction to better than this, degrees an hour.
+const DRIFT: (MechanismId, f64) = (MechanismId::WindDirectionDrift, 2.0);
+
 /// Parts and which of their parameters are free.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Model {
@@ -63,6 +67,20 @@ impl Model {
                 parameter: 0,
                 centre,
                 sd,
+                one_sided: false,
+            });
+        }
+        if !setup.priors.iter().any(|p| p.id == DRIFT.0) {
+            model.parts.push(Part {
+                id: DRIFT.0,
+                platform: None,
+                values: defaults(DRIFT.0),
+            });
+            model.free.push(Free {
+                part: model.parts.len() - 1,
+                parameter: 0,
+                centre: 0.0,
+                sd: DRIFT.1,
                 one_sided: false,
             });
         }
@@ -132,18 +150,33 @@ impl Model {
 
     /// Log prior density of all free parameters, nats.
     pub fn ln_prior(&self) -> f64 {
-        (0..self.dimension())
-            .map(|k| {
-                let free = &self.free[k];
-                let z = (self.coordinate(k) - free.centre) / free.sd;
-                let half = if free.one_sided {
-                    std::f64::consts::LN_2
-                } else {
-                    0.0
-                };
-                half - 0.5 * z * z - free.sd.ln() - 0.5 * std::f64::consts::TAU.ln()
-            })
+        (0..self.dimension()).map(|k| self.ln_prior_of(k)).sum()
+    }
+
+    /// The same of the first `count` parameters but those of the part `but`.
+    pub fn ln_prior_of_first(&self, count: usize, but: usize) -> f64 {
+        (0..count)
+            .filter(|k| self.free[*k].part != but)
+            .map(|k| self.ln_prior_of(k))
             .sum()
+    }
+
+    /// Log prior density at its centre of the parameters of a part.
+    pub fn ln_prior_at_centre(&self, part: usize) -> f64 {
+        let own = self.free.iter().filter(|f| f.part == part);
+        own.map(|f| -f.sd.ln() - 0.5 * std::f64::consts::TAU.ln())
+            .sum()
+    }
+
+    fn ln_prior_of(&self, k: usize) -> f64 {
+        let free = &self.free[k];
+        let z = (self.coordinate(k) - free.centre) / free.sd;
+        let half = if free.one_sided {
+            std::f64::consts::LN_2
+        } else {
+            0.0
+        };
+        half - 0.5 * z * z - free.sd.ln() - 0.5 * std::f64::consts::TAU.ln()
     }
 
     /// The world of this model.
@@ -190,6 +223,30 @@ pub(crate) fn mechanism(part: &Part, platforms: &[String]) -> Mechanism {
         Some(name) => mechanism.for_platforms(std::slice::from_ref(name)),
         None => mechanism,
     }
+}
+
+/// A mechanism as parts of a model: one for each platform that it names, or one for all.
+pub(crate) fn parts_of(mechanism: &Mechanism, platforms: &[String]) -> Vec<Part> {
+    let id = mechanism.id();
+    let values: Vec<f64> = mechanism.values().to_vec();
+    let on: Vec<Option<usize>> = if mechanism.platforms().is_empty() {
+        vec![None]
+    } else {
+        let position = |name: &String| platforms.iter().position(|p| p == name);
+        mechanism
+            .platforms()
+            .iter()
+            .map(position)
+            .filter(Option::is_some)
+            .collect()
+    };
+    on.into_iter()
+        .map(|platform| Part {
+            id,
+            platform,
+            values: values.clone(),
+        })
+        .collect()
 }
 
 /// Parameters of `id` that do nothing.

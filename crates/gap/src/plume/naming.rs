@@ -1,11 +1,11 @@
 //! Naming: round after round until the data ask for no more; then every accepted cause is put
 //! to the test again with the others in place, which gives its set and its probability.
 
-use ::plume::mechanism::{Coordinate, Family, Mechanism, MechanismId};
+use ::plume::mechanism::{Coordinate, Mechanism, MechanismId};
 
 use super::Options;
 use super::explore::{self, Round, Tried};
-use super::fit::{Context, Fitted};
+use super::fit::{Context, Effort, Fitted};
 use super::held_out;
 use super::model::{Model, mechanism};
 use super::rival::Rival;
@@ -18,10 +18,10 @@ const RIVAL_MARGIN: f64 = 3.0;
 /// What a nameless rival needs beyond its own false-alarm threshold: it is there for strong
 /// effects, and weak ones of many forms are everywhere, nats.
 const RIVAL_MORE: f64 = 6.0;
-/// Part of its gain in log score that a name must keep on blocks left out.
-const KEEP_PART: f64 = 0.15;
+/// Part of its gain in log score that a name may lose on blocks left out.
+const KEEP_PART: f64 = 1.0;
 /// What a full fit must gain beyond the screen's threshold to count by itself, nats.
-const REFIT_MARGIN: f64 = 4.0;
+const REFIT_MARGIN: f64 = 3.0;
 /// Probability that all names together must have against the base and nameless rivals.
 const NAMES_AT: f64 = 0.5;
 /// Least gain of the log evidence for a name, nats.
@@ -140,16 +140,11 @@ pub(crate) fn name(
 /// Whether a round calls for a name, and which.
 fn called_for(round: &Round) -> Option<&Tried> {
     let best = round.tried.first()?;
-    // Under a base whose noise has grown the screen sees less than the full fit gains. Not so
-    // for the wind, whose own error is part of the noise: there the screen must see it.
-    let refit = if best.id.spec().family == Family::Wind {
-        0.0
-    } else {
-        best.log_evidence - REFIT_MARGIN
-    };
+    // Of effects that are far from linear the screen sees less than the full fit.
+    let refit = best.log_score - REFIT_MARGIN;
     let seen = round.best_gain.max(refit);
     let calls = seen > round.threshold
-        && best.log_score > 0.8 * round.threshold
+        && best.log_score.max(best.log_evidence) > 0.8 * round.threshold
         && best.log_evidence > LEAST_EVIDENCE
         && best.fitted.is_some()
         && round.by_id().iter().map(|i| i.1).sum::<f64>() > NAMES_AT;
@@ -196,12 +191,14 @@ impl Named {
                 return;
             };
             // What does not carry over to blocks left out is a chance of the data.
-            if held_out::log_gain(ctx, &self.last, &fitted) < KEEP_PART * best.log_score {
+            if held_out::log_gain(ctx, &self.last, &fitted)
+                < -KEEP_PART * best.log_score.max(best.log_evidence)
+            {
                 return;
             }
             gained += best.log_evidence;
             self.accepted.push(accepted);
-            self.last = ctx.refine(*fitted, 1, 4);
+            self.last = ctx.refine(&fitted.model, fitted.noise, 1, Effort::FULL);
             tell(0.3 + 0.1 * k as f64, "looking for more");
             let seed = options.seed.wrapping_add(1 + k as u64);
             later = Some(explore::round(ctx, &self.last, seed, true));
@@ -215,15 +212,7 @@ impl Named {
             let Some(without) = without(&self.last.model, &self.base.model, part) else {
                 continue;
             };
-            let start = Fitted {
-                model: without,
-                ..self.last.clone()
-            };
-            let start = Fitted {
-                prediction: ctx.predict(&start.model),
-                ..start
-            };
-            let null = ctx.refine(start, 2, 4);
+            let null = ctx.settle(&without, &self.last.metric, &self.last, 5);
             let seed = options.seed.wrapping_add(100 + k as u64);
             let round = explore::round(ctx, &null, seed, false);
             let Some(best) = called_for(&round) else {
@@ -259,11 +248,18 @@ impl Named {
 
     /// Accepted parts as mechanisms with their fitted parameters.
     pub fn extension(&self, ctx: &Context<'_>) -> Vec<Mechanism> {
+        let stated = ctx.setup.priors.len();
         let base = self.base.model.parts.len();
         let platforms = ctx.data.track.platforms();
-        self.last.model.parts[base.min(self.last.model.parts.len())..]
+        // A tolerance of the base that was found to be too narrow is an extension too.
+        let found = |part: usize| part >= base || self.accepted.iter().any(|a| a.part == part);
+        self.last
+            .model
+            .parts
             .iter()
-            .map(|p| mechanism(p, platforms))
+            .enumerate()
+            .filter(|(k, _)| *k >= stated && found(*k))
+            .map(|(_, p)| mechanism(p, platforms))
             .chain(self.ceilings.iter().map(|c| {
                 Mechanism::from_values(MechanismId::SensorSaturation, &[c.limit_ppm])
                     .for_platforms(std::slice::from_ref(&c.platform))

@@ -332,20 +332,17 @@ impl Whitener {
     }
 }
 
-/// Fits the noise to `residual` from where `noise` stands: a quasi-Newton search of the
-/// posterior with differences for derivatives, at most `iterations` steps.
+/// The noise of the largest `value` from where `noise` stands: a quasi-Newton search with
+/// differences for derivatives, at most `iterations` steps.
 pub(crate) fn fit(
     rows: &Rows<'_>,
     noise: &NoiseModel,
-    residual: &[f64],
     iterations: usize,
     threads: usize,
+    value: &(dyn Fn(&NoiseModel) -> f64 + Sync),
 ) -> NoiseModel {
     const STEP: f64 = 0.02;
-    let value = |ln: &[f64; NOISE_PARAMETERS]| {
-        let model = NoiseModel { ln: *ln, ..*noise };
-        log_likelihood(rows, &model, residual) + model.ln_prior()
-    };
+    let value = |ln: &[f64; NOISE_PARAMETERS]| value(&NoiseModel { ln: *ln, ..*noise });
     let gradient = |ln: &[f64; NOISE_PARAMETERS], here: f64| -> [f64; NOISE_PARAMETERS] {
         let which: Vec<usize> = (0..NOISE_PARAMETERS).collect();
         let g = super::parallel::map(&which, threads, |&k| {

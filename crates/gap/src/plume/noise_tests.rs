@@ -127,7 +127,9 @@ fn fit_finds_the_noise_that_made_the_data() {
     truth.ln[WHITE] = 2.0f64.ln();
     truth.ln[GUST] = 0.25f64.ln();
     let residual = case.draw(&truth, 3);
-    let fitted = fit(&case.rows(), &NoiseModel::prior(1.2), &residual, 25, 2);
+    let rows = case.rows();
+    let value = |n: &NoiseModel| log_likelihood(&rows, n, &residual) + n.ln_prior();
+    let fitted = fit(&rows, &NoiseModel::prior(1.2), 25, 2, &value);
     assert!(
         (fitted.white_ppm() / 2.0 - 1.0).abs() < 0.15,
         "{}",
@@ -138,6 +140,6 @@ fn fit_finds_the_noise_that_made_the_data() {
         "{}",
         fitted.gust().0
     );
-    let one = fit(&case.rows(), &NoiseModel::prior(1.2), &residual, 25, 1);
+    let one = fit(&rows, &NoiseModel::prior(1.2), 25, 1, &value);
     assert_eq!(one, fitted);
 }

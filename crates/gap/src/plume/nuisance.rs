@@ -10,6 +10,7 @@ use ::plume::mechanism::MechanismId;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::fit::Context;
+use super::freedom::Freedom;
 use super::linear::dot;
 use super::model::{Model, Part, Prediction};
 use super::noise::{Loading, NoiseModel, Whitener};
@@ -24,8 +25,11 @@ const SHARED_PRIOR: (f64, f64) = (0.25, 0.7);
 /// Largest shared swing where the wind is logged, degrees: more is a finding.
 const SHARED_MOST_DEG: f64 = 1.0;
 
-/// Swing at the very start, whose wind came before the record, degrees.
-const EARLY_DEG: f64 = 1.0;
+/// What the wind before the record may have been off by from what the record's beginning
+/// suggests, as a mean over the stretch before it, degrees.
+const EARLY_DEG: f64 = 1.5;
+/// Slow wander of a wind that nobody logged: time between knots, s, and size, degrees.
+const WANDER: (f64, f64) = (200.0, 1.0);
 
 /// Mechanisms of which a little is always there: a step, and one standard deviation in steps.
 const TOLERATED: [(MechanismId, usize, f64, f64); 7] = [
@@ -44,10 +48,14 @@ const TOLERATED: [(MechanismId, usize, f64, f64); 7] = [
 pub(crate) struct Nuisance {
     pub raw: Vec<Vec<f64>>,
     pub sd: Vec<f64>,
-    /// Swing allowed at the hats of the shared swing, which stand first, because the wind before
-    /// the record is not known, degrees.
-    early_deg: Vec<f64>,
+    /// How many columns, which stand first, are hats of the shared swing.
+    hats: usize,
+    /// The mechanism that each column stands for, if any.
+    tolerates: Vec<Option<MechanismId>>,
 }
+
+/// What is left of a tolerance that is taken away.
+const NOT_TOLERATED: f64 = 1e-3;
 
 impl Nuisance {
     /// The columns at a model.
@@ -58,13 +66,7 @@ impl Nuisance {
         loading: &[Loading],
         noise: &NoiseModel,
     ) -> Self {
-        let mut raw = hats(ctx, loading);
-        let hats = raw.len();
-        let early_deg = early(ctx, hats);
-        let mut sd: Vec<f64> = early_deg
-            .iter()
-            .map(|e| e.hypot(noise.shared_swing_deg))
-            .collect();
+        let mut own = Self::swings(ctx, loading, noise);
         for (id, which, step, size) in TOLERATED {
             let mut moved = model.clone();
             let mut values = super::model::defaults(id);
@@ -79,47 +81,80 @@ impl Nuisance {
                 .iter_mut()
                 .zip(&prediction.reading)
                 .for_each(|(c, r)| *c -= r);
-            raw.push(column);
-            sd.push(size);
+            let known = model
+                .parts
+                .iter()
+                .any(|p| p.id == id && p.platform.is_none());
+            own.raw.push(column);
+            own.sd.push(if known { NOT_TOLERATED * size } else { size });
+            own.tolerates.push(Some(id));
         }
-        Self { raw, sd, early_deg }
+        own
+    }
+
+    /// The shared swing and everything that the catalogue could add.
+    pub fn wide(
+        ctx: &Context<'_>,
+        loading: &[Loading],
+        noise: &NoiseModel,
+        freedom: &Freedom,
+    ) -> Self {
+        let mut own = Self::swings(ctx, loading, noise);
+        own.raw.extend(freedom.raw.iter().cloned());
+        own.sd.extend(&freedom.sd);
+        own.tolerates.resize(own.raw.len(), None);
+        own
+    }
+
+    /// Swings that all platforms share: as fast as the knots resolve; of the wind before the
+    /// record; and, where nobody logged the wind, its slow wander.
+    fn swings(ctx: &Context<'_>, loading: &[Loading], noise: &NoiseModel) -> Self {
+        let mut raw = hats(ctx, loading, KNOT_S);
+        let hats_count = raw.len();
+        let mut sd = vec![noise.shared_swing_deg; hats_count];
+        if ctx.data.on_board_wind {
+            let before = part_before(ctx);
+            for power in [1, 2] {
+                raw.push(
+                    (0..loading.len())
+                        .map(|i| before[i].powi(power) * loading[i].swing)
+                        .collect(),
+                );
+                sd.push(EARLY_DEG);
+            }
+        } else {
+            let slow = hats(ctx, loading, WANDER.0);
+            sd.extend(vec![WANDER.1; slow.len()]);
+            raw.extend(slow);
+        }
+        Self {
+            tolerates: vec![None; raw.len()],
+            raw,
+            sd,
+            hats: hats_count,
+        }
     }
 }
 
-impl Nuisance {
-    /// Gives the shared swing another size, degrees.
-    pub fn resize_swing(&mut self, size_deg: f64) {
-        for (sd, early) in self.sd.iter_mut().zip(&self.early_deg) {
-            *sd = early.hypot(size_deg);
-        }
-    }
-}
-
-/// What a plume that left its source before the record began may be off by at each hat: it fades
-/// as the record comes to cover the plume's time on its way.
-fn early(ctx: &Context<'_>, hats: usize) -> Vec<f64> {
-    let (from, to) = ctx.data.span_s();
+/// The part of the plume's way at each row that lies before the record.
+fn part_before(ctx: &Context<'_>) -> Vec<f64> {
+    let (from, _) = ctx.data.span_s();
     let track = &ctx.data.track;
     let source = ctx.setup.base.sources[0].place;
-    let n = track.len().max(1) as f64;
-    let (mut distance, mut speed) = (0.0, 0.0);
-    for i in 0..track.len() {
-        let p = track.place(i);
-        distance += (p.east_m - source.east_m).hypot(p.north_m - source.north_m) / n;
-        speed += track.transport()[i].speed_m_s / n;
-    }
-    let way_s = distance / speed.max(0.5);
-    (0..hats)
-        .map(|k| {
-            let since = (to - from) * k as f64 / (hats - 1).max(1) as f64;
-            EARLY_DEG * (1.0 - since / way_s).max(0.0)
+    (0..track.len())
+        .map(|i| {
+            let p = track.place(i);
+            let distance = (p.east_m - source.east_m).hypot(p.north_m - source.north_m);
+            let way_s = distance / track.transport()[i].speed_m_s.max(0.5);
+            (1.0 - (track.time_s()[i] - from) / way_s.max(1.0)).max(0.0)
         })
         .collect()
 }
 
-fn hats(ctx: &Context<'_>, loading: &[Loading]) -> Vec<Vec<f64>> {
+/// Hat functions in time, `spacing_s` apart, along the derivative by wind direction.
+fn hats(ctx: &Context<'_>, loading: &[Loading], spacing_s: f64) -> Vec<Vec<f64>> {
     let (from, to) = ctx.data.span_s();
-    let intervals = ((to - from) / KNOT_S).clamp(3.0, MOST_KNOTS).floor();
+    let intervals = ((to - from) / spacing_s).clamp(2.0, MOST_KNOTS).floor();
     let width = ((to - from) / intervals).max(1e-9);
     let mut out = vec![vec![0.0; loading.len()]; intervals as usize + 1];
     for (i, t) in ctx.data.track.time_s().iter().enumerate() {
@@ -143,7 +178,7 @@ pub(crate) struct Metric {
     pub gram: DMatrix<f64>,
     factor: Option<Cholesky<f64, Dyn>>,
     /// ½ ln |I + S Zᵀ Z|.
-    half_log_det: f64,
+    pub half_log_det: f64,
 }
 
 impl Metric {
@@ -159,22 +194,41 @@ impl Metric {
                 gram[(j, i)] = gram[(i, j)];
             }
         }
-        let sd = &nuisance.sd;
-        let a = DMatrix::from_fn(n, n, |i, j| {
-            sd[i] * sd[j] * gram[(i, j)] + if i == j { 1.0 } else { 0.0 }
-        });
-        let factor = Cholesky::new(a);
-        let half_log_det = factor
-            .as_ref()
-            .map_or(0.0, |f| (0..n).map(|k| f.l_dirty()[(k, k)].ln()).sum());
-        Self {
+        let mut metric = Self {
             whitener,
             nuisance,
             columns,
             gram,
-            factor,
-            half_log_det,
+            factor: None,
+            half_log_det: 0.0,
+        };
+        metric.factorise();
+        metric
+    }
+
+    fn factorise(&mut self) {
+        let (n, sd, gram) = (self.columns.len(), &self.nuisance.sd, &self.gram);
+        let a = DMatrix::from_fn(n, n, |i, j| {
+            sd[i] * sd[j] * gram[(i, j)] + if i == j { 1.0 } else { 0.0 }
+        });
+        self.factor = Cholesky::new(a);
+        self.half_log_det = self
+            .factor
+            .as_ref()
+            .map_or(0.0, |f| (0..n).map(|k| f.l_dirty()[(k, k)].ln()).sum());
+    }
+
+    /// The same without the tolerance of a mechanism that the model has: two of a kind, one of
+    /// them linear, would make shapes that neither has.
+    pub fn not_tolerating(&self, id: MechanismId) -> Self {
+        let mut out = self.clone();
+        for (k, own) in self.nuisance.tolerates.iter().enumerate() {
+            if *own == Some(id) {
+                out.nuisance.sd[k] = NOT_TOLERATED * self.nuisance.sd[k];
+            }
         }
+        out.factorise();
+        out
     }
 
     fn score(&self, whitened: &[f64]) -> DVector<f64> {
@@ -202,20 +256,27 @@ impl Metric {
         }
     }
 
-    /// `residual` less the most probable nuisance.
-    pub fn cleaned(&self, residual: &[f64], used: &[bool]) -> Vec<f64> {
-        let mut whitened = residual.to_vec();
-        self.whitener.whiten_one(&mut whitened);
-        let coefficients = self.coefficients(&whitened);
+    /// `residual` less the nuisance with these coefficients.
+    pub fn less(&self, residual: &[f64], coefficients: &[f64], used: &[bool]) -> Vec<f64> {
         let mut out = residual.to_vec();
         for (c, column) in coefficients.iter().zip(&self.nuisance.raw) {
-            for i in 0..out.len() {
-                if used[i] {
-                    out[i] -= c * column[i];
-                }
+            for i in (0..out.len()).filter(|i| used[*i]) {
+                out[i] -= c * column[i];
             }
         }
         out
+    }
+
+    /// Gives the shared swing another size, degrees.
+    pub fn resize_swing(&mut self, size_deg: f64) {
+        let hats = self.hats();
+        self.nuisance.sd[..hats].fill(size_deg);
+        self.factorise();
+    }
+
+    /// How many of the first columns are hats of the shared swing.
+    pub fn hats(&self) -> usize {
+        self.nuisance.hats
     }
 
     /// Log likelihood of a whitened residual, nats; `cleaned` is what the whitener was made with.
@@ -229,17 +290,20 @@ impl Metric {
 
     /// The size of the shared swing that the residual asks for, degrees.
     pub fn shared_swing_deg(&self, whitened: &[f64], logged: bool) -> f64 {
-        let n = self.nuisance.early_deg.len();
+        let n = self.hats();
+        let m = self.columns.len() - n;
         let mut gram = self.gram.view((0, 0), (n, n)).into_owned();
         let mut score = DVector::from_fn(n, |k, _| dot(&self.columns[k], whitened));
-        // A constant offset is a mechanism with a name: where the wind is logged it must not
-        // pass for swing. Where it is not, a wandering wind is no finding.
-        let smooth = DMatrix::from_element(n, 1, 1.0);
-        let lean = &gram * &smooth;
-        let inverse = (smooth.transpose() * &lean).try_inverse();
-        if let Some(inverse) = inverse.filter(|_| logged) {
-            score -= &lean * (&inverse * (smooth.transpose() * &score));
-            gram -= &lean * inverse * lean.transpose();
+        // What a mechanism with a name explains must not pass for swing.
+        let cross = self.gram.view((0, n), (n, m)).into_owned();
+        let sd = &self.nuisance.sd;
+        let own = DMatrix::from_fn(m, m, |i, j| {
+            self.gram[(n + i, n + j)] + if i == j { sd[n + i].powi(-2) } else { 0.0 }
+        });
+        let others = DVector::from_fn(m, |k, _| dot(&self.columns[n + k], whitened));
+        if let Some(chol) = Cholesky::new(own) {
+            score -= &cross * chol.solve(&others);
+            gram -= &cross * chol.solve(&cross.transpose());
         }
         let eigen = gram.symmetric_eigen();
         let along = eigen.eigenvectors.transpose() * score;

@@ -309,12 +309,16 @@ fn ambiguous_answers_propose_a_flight() {
 }
 
 #[test]
-fn base_score_tells_how_visible_an_effect_is() {
+fn visibility_is_nil_for_nothing_and_large_for_a_slow_sensor() {
     let clean = observe(&[], 21);
-    let hidden = observe(&[("sensor-lag", &[("time_constant_s", 3.0)], &[])], 21);
-    let twin = base_score(&setup(), &clean, None).unwrap();
-    let same = base_score(&setup(), &clean, Some(&twin.noise)).unwrap();
-    let worse = base_score(&setup(), &hidden, Some(&twin.noise)).unwrap();
-    assert!((twin.log_score - same.log_score).abs() < 3.0);
-    assert!(same.log_score - worse.log_score > 20.0);
+    let lag = [("time_constant_s", 3.0)];
+    let hidden = observe(&[("sensor-lag", &lag, &[])], 21);
+    let seen = |o, known| visibility(&setup(), o, known).unwrap();
+    assert!(seen(&clean, Known::Twin(&clean)).abs() < 1e-9);
+    let truth = [::plume::Mechanism::new("sensor-lag", &lag).unwrap()];
+    let (by_truth, by_twin) = (
+        seen(&hidden, Known::Mechanisms(&truth)),
+        seen(&hidden, Known::Twin(&clean)),
+    );
+    assert!(by_truth > 20.0 && by_twin > 20.0, "{by_truth} {by_twin}");
 }

@@ -58,15 +58,7 @@ pub(crate) fn columns(ctx: &Context<'_>, fitted: &Fitted, starts: &[Start]) -> V
     let done = parallel::map(&chunks, ctx.threads, |chunk| {
         let mut group: Vec<Vec<f64>> = chunk
             .iter()
-            .map(|&(s, k)| {
-                let mut model = fitted.model.clone();
-                model.parts.push(starts[s].end_part(k));
-                let mut column = ctx.readings(&model);
-                for (c, r) in column.iter_mut().zip(&fitted.prediction.reading) {
-                    *c -= r;
-                }
-                column
-            })
+            .map(|&(s, k)| starts[s].column(ctx, &fitted.model, &fitted.prediction, k))
             .collect();
         let mut views: Vec<&mut [f64]> = group.iter_mut().map(Vec::as_mut_slice).collect();
         fitted.metric.whitener.whiten(&mut views);

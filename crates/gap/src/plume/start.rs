@@ -1,50 +1,34 @@
 //! The start: which wind carries the plume, and the base with its noise at their best.
 
-use ::plume::field::Transport;
+use ::plume::field::{Strength, Transport, World};
 
 use super::data::{Data, Setup};
-use super::fit::{Context, Fitted};
+use super::fit::{Context, Effort, Fitted};
 use super::model::Model;
 use super::noise::NoiseModel;
 use super::parallel;
-use super::transport::{Treatment, transports};
+use super::transport::{Carried, Treatment, carried};
 
 /// The base at its best.
 pub(crate) struct Started {
     pub fitted: Fitted,
-    /// The wind's treatment, in words.
-    pub wind: String,
+    /// The wind's treatment; none where no wind is logged.
+    pub treatment: Option<Treatment>,
 }
 
 /// Chooses the wind's treatment, fits base and noise.
 pub(crate) fn start(setup: &Setup, data: &mut Data, threads: usize) -> Started {
-    let model = Model::base(setup);
     let noise = NoiseModel::prior(white_noise(setup, data));
-    let wind = choose_wind(setup, data, &model, noise, threads);
+    let (treatment, model, noise) = choose_wind(setup, data, noise, threads);
     let ctx = Context {
         setup,
         data,
         threads,
     };
-    let first = ctx.start(&model, noise, 8);
     Started {
-        fitted: ctx.refine(first, 2, 6),
-        wind,
+        fitted: ctx.refine(&model, noise, 1, Effort::FULL),
+        treatment,
     }
-}
-
-/// The base at its best under a given noise.
-pub(crate) fn under(setup: &Setup, data: &mut Data, noise: NoiseModel) -> Fitted {
-    let model = Model::base(setup);
-    choose_wind(setup, data, &model, noise, 1);
-    let ctx = Context {
-        setup,
-        data,
-        threads: 1,
-    };
-    let mut fitted = ctx.start(&model, noise, 0);
-    fitted.noise = noise;
-    fitted
 }
 
 /// White noise as stated, or as neighbouring readings differ, whichever they agree on within a
@@ -73,14 +57,67 @@ fn white_noise(setup: &Setup, data: &Data) -> f64 {
     }
 }
 
-/// Puts the transport under which the base fits best into `data`; says which it is.
+/// Puts the transport under which the data are most probable, whatever else may be wrong, into
+/// `data`; says which it is, with the base and the noise there.
 fn choose_wind(
     setup: &Setup,
     data: &mut Data,
-    model: &Model,
     noise: NoiseModel,
     threads: usize,
-) -> String {
+) -> (Option<Treatment>, Model, NoiseModel) {
+    let base = Model::base(setup);
+    let stated_c_max = matches!(setup.base.sources[0].strength, Strength::CMax { .. });
+    let options: Vec<(Treatment, Carried)> = Treatment::ALL
+        .iter()
+        .filter(|t| stated_c_max || !matches!(t, Treatment::Diluted(_)))
+        .filter_map(|t| Some((*t, carried_by(setup, data, *t)?)))
+        .collect();
+    let shared: &Data = data;
+    let fit = |carried: Option<&Carried>, model: &Model, noise: NoiseModel, effort: Effort| {
+        let mut own = shared.clone();
+        put(setup, &mut own, carried, model);
+        let settled = single(setup, &own).under(model, noise).model;
+        put(setup, &mut own, carried, &settled);
+        let wide = single(setup, &own).wide(&settled, noise, effort);
+        let prior = carried.map_or(0.0, |c| c.treatment.ln_prior());
+        (wide.log_score + prior, settled, wide.noise)
+    };
+    if options.is_empty() {
+        let (_, model, noise) = fit(None, &base, noise, Effort::QUICK);
+        return (None, model, noise);
+    }
+    let quick = parallel::map(&options, threads, |o| {
+        fit(Some(&o.1), &base, noise, Effort::QUICK)
+    });
+    let mut order: Vec<usize> = (0..options.len()).collect();
+    order.sort_by(|a, b| quick[*b].0.total_cmp(&quick[*a].0).then(a.cmp(b)));
+    order.truncate(3);
+    let full = parallel::map(&order, threads, |k| {
+        fit(
+            Some(&options[*k].1),
+            &quick[*k].1,
+            quick[*k].2,
+            Effort::FULL,
+        )
+    });
+    let best = (0..order.len())
+        .max_by(|a, b| full[*a].0.total_cmp(&full[*b].0).then(b.cmp(a)))
+        .unwrap_or(0);
+    let (treatment, carried) = &options[order[best]];
+    put(setup, data, Some(carried), &full[best].1);
+    (Some(*treatment), full[best].1.clone(), full[best].2)
+}
+
+fn single<'a>(setup: &'a Setup, data: &'a Data) -> Context<'a> {
+    Context {
+        setup,
+        data,
+        threads: 1,
+    }
+}
+
+/// What the logged wind of `data` becomes under a treatment; `None` without logged wind.
+fn carried_by(setup: &Setup, data: &Data, treatment: Treatment) -> Option<Carried> {
     let logged: Vec<Option<Transport>> = data
         .wind
         .iter()
@@ -94,39 +131,18 @@ fn choose_wind(
             (p.east_m - source.east_m).hypot(p.north_m - source.north_m)
         })
         .collect();
-    let options: Vec<(Treatment, Vec<Transport>)> = Treatment::ALL
-        .iter()
-        .filter_map(|t| Some((*t, transports(data, &logged, &distance, *t)?)))
-        .collect();
-    if options.is_empty() {
-        return "the scenario's wind".to_string();
+    carried(data, &logged, &distance, treatment)
+}
+
+/// Puts a wind into `data`, with what it does to the plume of `model`.
+fn put(setup: &Setup, data: &mut Data, carried: Option<&Carried>, model: &Model) {
+    let Some(carried) = carried else { return };
+    let world: Option<World> = model.world(&setup.base, data.track.platforms());
+    let factors = world.map(|w| carried.plume_factors(data, &w));
+    data.track
+        .transport_mut()
+        .copy_from_slice(&carried.transport);
+    if let Some(factors) = factors {
+        data.track.plume_factor_mut().copy_from_slice(&factors);
     }
-    let shared: &Data = data;
-    let score = |transport: &[Transport], rounds: usize| {
-        let mut own = shared.clone();
-        own.track.transport_mut().copy_from_slice(transport);
-        let ctx = Context {
-            setup,
-            data: &own,
-            threads: 1,
-        };
-        let fitted = ctx.start(model, noise, 3);
-        let fitted = ctx.refine(fitted, rounds, 4);
-        fitted.log_score + fitted.model.ln_prior()
-    };
-    let quick = parallel::map(&options, threads, |o| score(&o.1, 0));
-    let mut order: Vec<usize> = (0..options.len()).collect();
-    order.sort_by(|a, b| quick[*b].total_cmp(&quick[*a]).then(a.cmp(b)));
-    order.truncate(3);
-    let full = parallel::map(&order, threads, |k| score(&options[*k].1, 1));
-    let mut best = order[0];
-    let mut most = f64::NEG_INFINITY;
-    for (k, value) in order.iter().zip(full) {
-        if value > most {
-            (best, most) = (*k, value);
-        }
-    }
-    let (treatment, transport) = &options[best];
-    data.track.transport_mut().copy_from_slice(transport);
-    treatment.describe()
 }

@@ -1,9 +1,10 @@
-//! Which wind carries the plume: the logged one, smoothed.
+//! Which wind carries the plume: the logged one, smoothed; at once or by its history.
 //!
 //! Logged wind is noisy and local, and a plume at a distance remembers the wind of the minutes
-//! before. Several treatments are made; the data choose among them ([`super::fit`]).
+//! before. Several treatments are made; the data choose among them ([`super::start`]).
 
-use ::plume::field::Transport;
+use ::plume::WindHistory;
+use ::plume::field::{Transport, World};
 
 use super::data::Data;
 
@@ -16,22 +17,38 @@ pub(crate) enum Treatment {
     Own(f64),
     /// All logs together, smoothed over this time, s.
     Pooled(f64),
-    /// All logs together, smoothed, and averaged over the time that the plume took to come.
-    Advected(f64),
+    /// The same, and the plume as dilute as the wind of the moment makes it, also where its
+    /// strength is stated as a concentration.
+    Diluted(f64),
+    /// All logs together, smoothed over this time, s; puffs that their history carries.
+    Puffs(f64),
 }
 
 impl Treatment {
     /// The treatments that are tried.
-    pub const ALL: [Treatment; 8] = [
+    pub const ALL: [Treatment; 11] = [
         Treatment::Pooled(8.0),
         Treatment::Pooled(25.0),
         Treatment::Pooled(80.0),
+        Treatment::Diluted(8.0),
+        Treatment::Diluted(25.0),
         Treatment::Own(5.0),
         Treatment::Own(20.0),
-        Treatment::Advected(8.0),
-        Treatment::Advected(40.0),
+        Treatment::Puffs(8.0),
+        Treatment::Puffs(40.0),
+        Treatment::Puffs(120.0),
         Treatment::Mean,
     ];
+
+    /// Log of its prior against the others, nats: air far away does not turn at once, and no
+    /// wind is steady; where the log is noisy these may still fit by chance.
+    pub fn ln_prior(self) -> f64 {
+        match self {
+            Treatment::Mean => -6.0,
+            Treatment::Pooled(s) if s > 50.0 => -4.0,
+            _ => 0.0,
+        }
+    }
 
     /// In words.
     pub fn describe(self) -> String {
@@ -41,11 +58,41 @@ impl Treatment {
             Treatment::Pooled(s) => {
                 format!("the logged wind of all platforms together, smoothed over {s:.0} s")
             }
-            Treatment::Advected(s) => format!(
-                "the logged wind of all platforms, smoothed over {s:.0} s, averaged over the \
-                 plume's time on its way"
+            Treatment::Diluted(s) => format!(
+                "the logged wind of all platforms together, smoothed over {s:.0} s, and diluted \
+                 by its speed of the moment"
+            ),
+            Treatment::Puffs(s) => format!(
+                "the history of the logged wind of all platforms, smoothed over {s:.0} s, which \
+                 took the plume's puffs to where they are"
             ),
         }
+    }
+}
+
+/// The transport of every row, and what it does to the plume's strength.
+pub(crate) struct Carried {
+    pub transport: Vec<Transport>,
+    pub treatment: Treatment,
+    history: Option<WindHistory>,
+}
+
+impl Carried {
+    /// Factor on the plume of every row in `world`.
+    pub fn plume_factors(&self, data: &Data, world: &World) -> Vec<f64> {
+        let times = data.track.time_s();
+        (0..data.len())
+            .map(|i| match (&self.history, self.treatment) {
+                (Some(history), _) => world.puffs_over_plume(
+                    history,
+                    &data.track.place(i),
+                    times[i],
+                    self.transport[i],
+                ),
+                (None, Treatment::Diluted(_)) => world.dilution_of_moment(self.transport[i]),
+                _ => 1.0,
+            })
+            .collect()
     }
 }
 
@@ -55,6 +102,11 @@ struct Grid {
     step_s: f64,
     values: Vec<[f64; 2]>,
 }
+
+/// How far back a plume's way may begin before the record, and how long the weather remembers
+/// its swings, s.
+const LEAD_S: f64 = 1200.0;
+const WEATHER_S: f64 = 400.0;
 
 /// Most points of the grid.
 const MOST_POINTS: f64 = 40_000.0;
@@ -93,6 +145,29 @@ impl Grid {
         }
     }
 
+    /// Puts winds of `length_s` before the first: from the mean of the first minute back to that
+    /// of all, as far as the weather remembers.
+    fn lead_in(&mut self, length_s: f64) {
+        let mean = |values: &[[f64; 2]]| {
+            let n = values.len().max(1) as f64;
+            let sum = values
+                .iter()
+                .fold([0.0; 2], |s, v| [s[0] + v[0], s[1] + v[1]]);
+            [sum[0] / n, sum[1] / n]
+        };
+        let all = mean(&self.values);
+        let minute = ((60.0 / self.step_s).ceil() as usize).clamp(1, self.values.len());
+        let first = mean(&self.values[..minute]);
+        let count = (length_s / self.step_s).ceil() as usize;
+        let lead = (0..count).map(|k| {
+            let before_s = (count - k) as f64 * self.step_s;
+            let keep = (-before_s / WEATHER_S).exp();
+            [0, 1].map(|c| all[c] + keep * (first[c] - all[c]))
+        });
+        self.values = lead.chain(self.values.iter().copied()).collect();
+        self.start_s -= count as f64 * self.step_s;
+    }
+
     fn at(&self, time_s: f64) -> [f64; 2] {
         let last = self.values.len() - 1;
         let place = ((time_s - self.start_s) / self.step_s).clamp(0.0, last as f64);
@@ -100,24 +175,6 @@ impl Grid {
         let part = place - i as f64;
         let (a, b) = (self.values[i], self.values[(i + 1).min(last)]);
         [a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1])]
-    }
-
-    /// Its integral over time.
-    fn integral(&self) -> Self {
-        let mut sum = [0.0; 2];
-        let values = self
-            .values
-            .iter()
-            .map(|v| {
-                sum = [sum[0] + v[0] * self.step_s, sum[1] + v[1] * self.step_s];
-                sum
-            })
-            .collect();
-        Self {
-            start_s: self.start_s,
-            step_s: self.step_s,
-            values,
-        }
     }
 }
 
@@ -161,34 +218,19 @@ fn fill(values: &mut [Option<[f64; 2]>]) -> Option<()> {
 
 /// The transport of every row under `treatment`; `None` without logged wind. `distance_m` is
 /// each row's distance from the first source.
-pub(crate) fn transports(
+pub(crate) fn carried(
     data: &Data,
     logged: &[Option<Transport>],
     distance_m: &[f64],
     treatment: Treatment,
-) -> Option<Vec<Transport>> {
+) -> Option<Carried> {
     let times = data.track.time_s();
     let vector =
         |i: usize| logged[i].map(|t| (times[i], [t.east * t.speed_m_s, t.north * t.speed_m_s]));
     let span = data.span_s();
     let all = || Grid::new((0..data.len()).filter_map(vector), span);
-    let make = |v: [f64; 2]| {
-        let speed = v[0].hypot(v[1]);
-        if speed > 0.0 {
-            Transport {
-                east: v[0] / speed,
-                north: v[1] / speed,
-                speed_m_s: speed,
-            }
-        } else {
-            Transport {
-                east: 1.0,
-                north: 0.0,
-                speed_m_s: 0.0,
-            }
-        }
-    };
-    match treatment {
+    let mut history = None;
+    let transport = match treatment {
         Treatment::Mean => {
             let grid = all()?;
             let n = grid.values.len() as f64;
@@ -196,12 +238,12 @@ pub(crate) fn transports(
                 .values
                 .iter()
                 .fold([0.0; 2], |s, v| [s[0] + v[0], s[1] + v[1]]);
-            Some(vec![make([sum[0] / n, sum[1] / n]); data.len()])
+            vec![towards([sum[0] / n, sum[1] / n]); data.len()]
         }
-        Treatment::Pooled(width) => {
+        Treatment::Pooled(width) | Treatment::Diluted(width) => {
             let mut grid = all()?;
             grid.smooth(width);
-            Some(times.iter().map(|t| make(grid.at(*t))).collect())
+            times.iter().map(|t| towards(grid.at(*t))).collect()
         }
         Treatment::Own(width) => {
             let mut out = Vec::with_capacity(data.len());
@@ -209,30 +251,39 @@ pub(crate) fn transports(
                 let own = Grid::new(range.clone().filter_map(vector), span);
                 let mut grid = own.or_else(all)?;
                 grid.smooth(width);
-                out.extend(range.clone().map(|i| make(grid.at(times[i]))));
+                out.extend(range.clone().map(|i| towards(grid.at(times[i]))));
             }
-            Some(out)
+            out
         }
-        Treatment::Advected(width) => {
+        Treatment::Puffs(width) => {
             let mut grid = all()?;
             grid.smooth(width);
-            let moved = grid.integral();
-            let mean = |i: usize| {
-                let now = grid.at(times[i]);
-                let speed = now[0].hypot(now[1]).max(0.5);
-                let ago = distance_m[i] / speed;
-                let (to, from) = (moved.at(times[i]), moved.at(times[i] - ago));
-                let known = (times[i] - span.0).min(ago).max(grid.step_s);
-                // Before the record starts the first winds stand for what came before.
-                let early = grid.values[0];
-                let rest = (ago - known).max(0.0);
-                make([
-                    (to[0] - from[0] + early[0] * rest) / (known + rest),
-                    (to[1] - from[1] + early[1] * rest) / (known + rest),
-                ])
-            };
-            Some((0..data.len()).map(mean).collect())
+            grid.lead_in(LEAD_S);
+            let own = WindHistory::new(grid.start_s, grid.step_s, &grid.values);
+            let mean = |i: usize| own.mean_transport(times[i], distance_m[i]);
+            let out = (0..data.len()).map(mean).collect();
+            history = Some(own);
+            out
         }
+    };
+    Some(Carried {
+        transport,
+        treatment,
+        history,
+    })
+}
+
+fn towards(v: [f64; 2]) -> Transport {
+    let speed_m_s = v[0].hypot(v[1]);
+    let (east, north) = if speed_m_s > 0.0 {
+        (v[0] / speed_m_s, v[1] / speed_m_s)
+    } else {
+        (1.0, 0.0)
+    };
+    Transport {
+        east,
+        north,
+        speed_m_s,
     }
 }
 

@@ -203,7 +203,7 @@ static CATALOGUE: &[MechanismSpec] = &[
     entry(
         M::DryDeposition,
         Source,
-        &[offset("velocity_m_s", "m/s", 0.03, 0.0, 5.0)],
+        &[offset("velocity_m_s", "m/s", 0.15, 0.0, 5.0)],
         "deposition velocity at the ground, positive for a loss (source depletion)",
     ),
     entry(

@@ -348,9 +348,10 @@ impl SquadronController {
         self.follow(&points, out);
     }
 
-    /// The peak as it is said on the bus.
+    /// The peak as it is said on the bus; none before the search, while it is only what the
+    /// scenario supposes.
     fn peak_message(&self) -> Option<Peak> {
-        let Highest { position, co2_ppm } = self.peak?;
+        let Highest { position, co2_ppm } = self.peak.filter(|_| self.phase >= Phase::Search)?;
         let Geodetic { lat_deg, lon_deg } = self.fleet.airspace.frame().to_geodetic(position.at);
         let sd_ppm = self.model.as_ref().map_or(f64::NAN, |m| {
             let excess_ppm = co2_ppm - m.background_ppm.value;

@@ -30,9 +30,20 @@ const REFUSALS: usize = 60;
 /// Part of the mission kept for characterisation.
 const CHARACTERISE_PART: f64 = 0.15;
 /// A mission goes home no earlier than this part of it.
-const HOME_FROM: f64 = 0.6;
-/// Time for landing one after the other, s: approach, and each vehicle's turn.
-const LANDING_S: (f64, f64) = (190.0, 25.0);
+const HOME_FROM: f64 = 0.55;
+/// Time between the orders of two landings at least, s.
+const BETWEEN_LANDINGS_S: f64 = 25.0;
+/// Time of a landing without its descent from the vehicle's layer, s: to the circle beside the
+/// approach and the last turn in it, and the final.
+const LANDING_S: (f64, f64) = (30.0, 55.0);
+/// Height of that circle above home, and below which a vehicle has left it, m.
+const CIRCLE_M: (f64, f64) = (40.0, 33.0);
+/// Fastest descent of a vehicle that lands, m/s.
+const SINK_M_S: f64 = 3.0;
+/// How long a vehicle that goes round again keeps the next from landing, s.
+const ROUND_AGAIN_S: f64 = 90.0;
+/// Time kept in reserve for that, and for those who come home by stages, s.
+const RESERVE_S: f64 = 60.0;
 /// A vehicle that lands may come this far from its home on its approach, m.
 const APPROACH_M: f64 = 1200.0;
 /// Vertical speed that a vehicle is counted on to have, m/s.
@@ -167,9 +178,51 @@ impl SquadronController {
     fn home_time_s(&self) -> f64 {
         let flying = self.fleet.vehicles.iter().filter(|v| v.can_be_sent());
         let slowest_s = flying.map(|v| self.way_home_s(v)).fold(0.0, f64::max);
-        let (approach_s, each_s) = LANDING_S;
-        let landing_s = approach_s + each_s * self.fleet.vehicles.len() as f64;
-        (self.duration_s - slowest_s - landing_s).max(HOME_FROM * self.duration_s)
+        (self.duration_s - slowest_s - self.landing_s()).max(HOME_FROM * self.duration_s)
+    }
+
+    /// Time that the team needs from above home to the ground, s: in turn from the lowest layer.
+    fn landing_s(&self) -> f64 {
+        let mut team: Vec<&Vehicle> = self.fleet.vehicles.iter().collect();
+        team.sort_by(|a, b| a.layer_amsl_m.total_cmp(&b.layer_amsl_m));
+        let (mut order_s, mut down_s) = (0.0, 0.0_f64);
+        for (k, vehicle) in team.iter().enumerate() {
+            if k > 0 {
+                let free_s = self.circle_left_s(team[k - 1]) - self.circle_reached_s(vehicle);
+                order_s += free_s.max(BETWEEN_LANDINGS_S);
+            }
+            down_s = down_s.max(order_s + self.circle_left_s(vehicle) + LANDING_S.1);
+        }
+        down_s + RESERVE_S
+    }
+
+    /// Time after its order to land at which a vehicle has left the circle beside the approach at
+    /// the latest, s.
+    fn circle_left_s(&self, vehicle: &Vehicle) -> f64 {
+        LANDING_S.0 + (vehicle.layer_amsl_m - vehicle.home.height_m).max(0.0) / CLIMB_M_S
+    }
+
+    /// Time after its order to land before which a vehicle is well above that circle, s.
+    fn circle_reached_s(&self, vehicle: &Vehicle) -> f64 {
+        let above_m = vehicle.layer_amsl_m - vehicle.home.height_m - CIRCLE_M.0;
+        (above_m - self.fleet.separation.height_m).max(0.0) / SINK_M_S
+    }
+
+    /// Whether a vehicle that was told to land at `since` may still be in the circle when `next`,
+    /// told now, could reach it.
+    fn holds_the_circle(&self, index: usize, since: SimTime, next: &Vehicle, now: SimTime) -> bool {
+        let vehicle = &self.fleet.vehicles[index];
+        let high = vehicle.seen.is_some_and(|s| {
+            s.airborne && s.position.height_m > vehicle.home.height_m + CIRCLE_M.1
+        });
+        let (waited_s, left_s) = (now.since_s(since), self.circle_left_s(vehicle));
+        let meets = if waited_s <= left_s {
+            waited_s + self.circle_reached_s(next) < left_s
+        } else {
+            // It should have left: it goes round again.
+            waited_s < left_s + ROUND_AGAIN_S
+        };
+        waited_s < BETWEEN_LANDINGS_S || (high && meets)
     }
 
     /// Time that a vehicle needs to above its home, s.
@@ -420,17 +473,6 @@ impl SquadronController {
     /// Those above home land one after the other, the lowest layer first.
     fn land_in_turn(&mut self, now: SimTime, out: &mut Outbox) {
         let step_m = self.fleet.separation.height_m;
-        let (_, each_s) = LANDING_S;
-        let busy = (0..self.fleet.vehicles.len()).any(|index| {
-            let Task::Landing(since) = self.tasks.each[index] else {
-                return false;
-            };
-            let v = &self.fleet.vehicles[index];
-            let high = v
-                .seen
-                .is_some_and(|s| s.airborne && s.position.height_m > v.layer_amsl_m - step_m);
-            now.since_s(since) < each_s || (high && now.since_s(since) < STUCK_S)
-        });
         let there = |index: &usize| {
             let v = &self.fleet.vehicles[*index];
             let low = v
@@ -443,9 +485,14 @@ impl SquadronController {
         let lowest = (0..self.fleet.vehicles.len())
             .filter(there)
             .min_by(|a, b| layer(a).total_cmp(&layer(b)));
-        if let Some(index) = lowest.filter(|_| !busy) {
-            self.tasks.each[index] = Task::Landing(now);
-            self.fleet.land(index, out);
+        let Some(next) = lowest else { return };
+        let busy = self.tasks.each.iter().enumerate().any(|(index, task)| {
+            let vehicle = &self.fleet.vehicles[next];
+            matches!(*task, Task::Landing(since) if self.holds_the_circle(index, since, vehicle, now))
+        });
+        if !busy {
+            self.tasks.each[next] = Task::Landing(now);
+            self.fleet.land(next, out);
         }
     }
 }

@@ -34,12 +34,46 @@ pub fn exit(result: Result<(), Failure>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Input(error)) => {
-            eprintln!("error: {error:#}");
+            eprintln!("error: {}", told_once(&error));
             ExitCode::from(2)
         }
         Err(Failure::Run(error)) => {
-            eprintln!("error: {error:#}");
+            eprintln!("error: {}", told_once(&error));
             ExitCode::FAILURE
         }
+    }
+}
+
+/// An error with its causes; what an error already says of its cause is not said again.
+fn told_once(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !text.contains(&cause) {
+            text += ": ";
+            text += &cause;
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyhow::Context as _;
+
+    #[test]
+    fn each_cause_is_told_once() {
+        let io = std::io::Error::other("disk on fire");
+        let view = views::ViewError::Address {
+            address: "here".to_owned(),
+            source: io,
+        };
+        let error = anyhow::Error::from(view);
+        assert_eq!(
+            told_once(&error),
+            "cannot serve the page at here: disk on fire"
+        );
+        let outer = Err::<(), _>(std::io::Error::other("no such file")).context("a.csv");
+        assert_eq!(told_once(&outer.unwrap_err()), "a.csv: no such file");
     }
 }

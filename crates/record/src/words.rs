@@ -9,7 +9,12 @@ pub fn summary(summary: &Summary) -> String {
     let mut text = String::new();
     let real = count(summary, VehicleKind::Real);
     let simulated = count(summary, VehicleKind::Simulated);
-    let way_km: f64 = summary.vehicles.iter().map(|v| v.distance_m).sum::<f64>() / 1000.0;
+    // An empty sum of floats is -0.
+    let way_m = summary
+        .vehicles
+        .iter()
+        .fold(0.0, |sum, v| sum + v.distance_m);
+    let way_km = way_m / 1000.0;
     line(
         &mut text,
         format_args!(

@@ -4,6 +4,7 @@ use crate::Failure;
 use anyhow::Context as _;
 use fdm::Aircraft;
 use fdm::tune::{TuneOrder, TuneReport, tune as search, with_gains};
+use gap::flight::log::FlightLog;
 use indicatif::ProgressBar;
 use record::files;
 use std::path::{Path, PathBuf};
@@ -14,7 +15,8 @@ pub struct TuneArguments {
     /// Aircraft to tune (TOML)
     #[arg(long, value_name = "FILE")]
     pub aircraft: PathBuf,
-    /// Re-tune for what a measured flight showed: the extended.toml that `plumage gap flight` wrote
+    /// Re-tune for what a measured flight shows: its log (CSV, as for `plumage gap flight`), or the
+    /// extended.toml that `plumage gap flight` wrote
     #[arg(long, value_name = "FILE")]
     pub from: Option<PathBuf>,
     /// Seed of the search and its gusts
@@ -75,21 +77,16 @@ struct Source {
 }
 
 impl Source {
-    /// The aircraft of `--aircraft`; with `--from`, the one of that file with the gains of
-    /// `--aircraft`.
+    /// The aircraft of `--aircraft`; with `--from`, the one that the flight or that file shows,
+    /// with the gains of `--aircraft`.
     fn read(arguments: &TuneArguments) -> Result<Self, Failure> {
         let base = Self::of_file(&arguments.aircraft)?;
         let Some(from) = &arguments.from else {
             return Ok(base);
         };
-        if from.extension().is_none_or(|e| e != "toml") {
-            return Err(Failure::usage(format!(
-                "--from {}: expected the aircraft as the flight showed it. First run: plumage gap \
-                 flight {} --aircraft {} --out DIR, then give --from DIR/extended.toml",
-                from.display(),
-                from.display(),
-                arguments.aircraft.display()
-            )));
+        let is_file_of_gap = from.extension().is_some_and(|e| e == "toml");
+        if !is_file_of_gap {
+            return base.as_flown(from);
         }
         let mut extended = Self::of_file(from)?;
         if extended.aircraft.name != base.aircraft.name {
@@ -109,6 +106,33 @@ impl Source {
         }
         extended.aircraft.control = base.aircraft.control;
         Ok(extended)
+    }
+
+    /// This aircraft as a measured flight shows it.
+    fn as_flown(self, flight: &Path) -> Result<Self, Failure> {
+        let name = flight.display().to_string();
+        let text = std::fs::read_to_string(flight)
+            .with_context(|| format!("{name}: cannot read the flight"))
+            .map_err(Failure::Input)?;
+        let log = FlightLog::parse(&name, &text).map_err(Failure::input)?;
+        let bar = ProgressBar::new(100);
+        bar.tick();
+        let found = gap::flight::analyse(&[log], &self.aircraft, &mut |part| {
+            bar.set_position((part * 100.0) as u64);
+        })
+        .map_err(Failure::input)?;
+        bar.finish_and_clear();
+        println!("{}", found.gap.summary);
+        let control = self.aircraft.control;
+        let text = found.extended.to_toml().map_err(Failure::input)?;
+        Ok(Self {
+            name: self.name,
+            text,
+            aircraft: Aircraft {
+                control,
+                ..found.extended
+            },
+        })
     }
 
     fn of_file(path: &Path) -> Result<Self, Failure> {

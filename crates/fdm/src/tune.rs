@@ -42,6 +42,9 @@ const SLOWER: f64 = 0.85;
 /// Most such steps: to a fifth of the speed.
 const SLOWER_STEPS: i32 = 11;
 
+/// What lacking inner margins add to every lack of outer ones.
+const INNER_FIRST: f64 = 100.0;
+
 /// What to search and with how much effort.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TuneOrder {
@@ -249,6 +252,7 @@ impl Search<'_> {
     ) -> Result<(Option<ControlGains>, Vec<f64>), FdmError> {
         let order = self.order;
         let mut best = self.start()?;
+        let mut least = f64::INFINITY;
         let mut rng = ChaCha8Rng::seed_from_u64(order.seed);
         let mut history = Vec::with_capacity(order.candidates);
         for trial in 0..order.candidates {
@@ -263,6 +267,12 @@ impl Search<'_> {
             }
             if let Some(cost) = self.better(&gains, best.1)? {
                 best = (gains, cost);
+            } else if best.1.is_infinite() {
+                // Until some gains may be taken, those that lack least lead on.
+                let lacking = self.lacking(&gains)?;
+                if lacking < least {
+                    (best.0, least) = (gains, lacking);
+                }
             }
             history.push(best.1);
             told(trial + 1, order.candidates);
@@ -293,6 +303,28 @@ impl Search<'_> {
             }
         }
         Ok(best)
+    }
+
+    /// How much margin gains lack, as shares of what is required; the outer loops count once the
+    /// inner ones lack nothing.
+    fn lacking(&self, gains: &ControlGains) -> Result<f64, FdmError> {
+        let required = &self.order.required;
+        let lack = |margins: &[LoopMargin]| -> f64 {
+            let one = |m: &LoopMargin| {
+                let gain = 1.0 - m.gain_margin_db / required.gain_db;
+                let phase = 1.0 - m.phase_margin_deg / required.phase_deg;
+                gain.max(0.0) + phase.max(0.0)
+            };
+            margins.iter().map(one).sum()
+        };
+        if gains.check().is_err() {
+            return Ok(f64::INFINITY);
+        }
+        let inner = lack(&inner_margins(self.aircraft, gains)?);
+        if inner > 0.0 {
+            return Ok(INNER_FIRST + inner);
+        }
+        Ok(lack(&outer::loops(self.aircraft, gains)?))
     }
 
     /// The cost of gains that may be taken and cost less than `than`.

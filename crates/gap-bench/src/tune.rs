@@ -9,6 +9,7 @@ use gap::plume::{Known, Setup, visibility};
 use gap_truth::mutation::Mutation;
 use gap_truth::{Case, TrueEffect, Truth};
 use plume::Mechanism;
+use plume::mechanism::Coordinate;
 use scenario::Scenario;
 use scenario::observations::{self, Observations};
 
@@ -54,6 +55,27 @@ fn visible(case: &Case) -> Result<f64, String> {
     visibility(&own.setup, &own.observations, known).map_err(|e| e.to_string())
 }
 
+/// Whether a parameter is farther from what is usual than the catalogue's prior can mean.
+fn absurd(truth: &Truth) -> bool {
+    truth.effects.iter().any(|e| {
+        let spec = plume::mechanism::catalogue()
+            .iter()
+            .find(|s| s.id.as_str() == e.effect.id());
+        spec.is_some_and(|spec| {
+            e.parameters.iter().any(|p| {
+                let known = spec.parameters.iter().find(|s| s.name == p.name);
+                known.is_some_and(|s| {
+                    let away = match s.coordinate {
+                        Coordinate::Log => (p.value / s.prior_centre).ln(),
+                        Coordinate::Linear => p.value - s.prior_centre,
+                    };
+                    s.default.is_none() && away.abs() > ABSURD_SD * s.prior_sd
+                })
+            })
+        })
+    })
+}
+
 /// The hidden effects as the catalogue has them; none where one of them is not in it, or
 /// follows another law.
 fn mechanisms(truth: &Truth) -> Result<Vec<Mechanism>, String> {
@@ -82,6 +104,8 @@ pub struct Tuned {
 
 /// Strength beyond which an effect is given up as not to be seen in a scene.
 const STRONGEST: f64 = 300.0;
+/// Standard deviations of a mechanism's prior beyond which its size is absurd.
+const ABSURD_SD: f64 = 3.0;
 /// Scenes tried for one task.
 const SCENES: u64 = 4;
 
@@ -166,10 +190,11 @@ fn strength_for(target: f64, make: impl Fn(f64) -> Case) -> Result<Option<(f64, 
             }
             _ => by_square.clamp(strength / 5.0, strength * 4.0),
         };
-        if strength > STRONGEST {
+        let case = make(strength);
+        if strength > STRONGEST || absurd(&case.truth) {
             return Ok(None);
         }
-        nats = visible(&make(strength))?;
+        nats = visible(&case)?;
     }
     // Some effects jump (a lid, a limit): what is reached counts if it is near enough.
     Ok(((nats / target - 1.0).abs() < 0.3).then_some((strength, nats)))

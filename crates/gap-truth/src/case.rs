@@ -115,7 +115,7 @@ pub struct Case {
     pub scenario_toml: String,
     /// Name and text of each observation file.
     pub observations: Vec<(String, String)>,
-    /// The same without the hidden effects: same scene, wind, noise and faults of the usual kind.
+    /// The same less what the hidden effects change in the mean of each reading.
     pub twin: Vec<(String, String)>,
     /// What is true.
     pub truth: Truth,
@@ -179,7 +179,7 @@ impl Case {
         Self {
             scenario_toml: draft.scene.to_toml(),
             observations: draft.files(&rows),
-            twin: draft.files(&twin),
+            twin: draft.files(&less_effects(&rows, &twin)),
             truth: Truth {
                 effects,
                 forward: draft.forward,
@@ -189,6 +189,19 @@ impl Case {
             },
         }
     }
+}
+
+/// `rows` less the differences of their mean readings to those of `twin`: rounded anew and with
+/// gusts, the difference of two files would be mostly noise.
+fn less_effects(rows: &[Vec<Row>], twin: &[Vec<Row>]) -> Vec<Vec<Row>> {
+    let less = |(row, twin): (&Row, &Row)| Row {
+        co2_ppm: row.co2_ppm.map(|c| c - (row.mean_ppm - twin.mean_ppm)),
+        ..*twin
+    };
+    rows.iter()
+        .zip(twin)
+        .map(|(rows, twin)| rows.iter().zip(twin).map(less).collect())
+        .collect()
 }
 
 fn name(index: usize) -> String {

@@ -171,6 +171,8 @@ impl Effect {
             }
             E::UnlistedChemistry | E::StabilityClass => Need::Distances,
             E::WindVeerWithHeight => Need::Heights,
+            // A swing of a wind that nobody logged is no finding.
+            E::SlowSwing => Need::WindLog,
             _ => Need::Any,
         }
     }

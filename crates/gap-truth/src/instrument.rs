@@ -74,6 +74,8 @@ pub struct Row {
     pub alt_amsl_m: f64,
     /// Reading, ppm.
     pub co2_ppm: Option<f64>,
+    /// What it would be on average: without intermittency, noise and rounding.
+    pub mean_ppm: f64,
     /// Direction from, degrees, and speed, m/s.
     pub wind: Option<(f64, f64)>,
     /// Temperature, °C; relative humidity, %; pressure, hPa.
@@ -180,8 +182,8 @@ impl Platform<'_> {
         ((self.scene.duration_s + 2.0 * MARGIN_S) / SUB_STEP_S) as usize
     }
 
-    /// (excess, background) with intermittency at every sub-step, ppm.
-    fn air(&self) -> Vec<(f64, f64)> {
+    /// (excess, background) at every sub-step, with intermittency or without, ppm.
+    fn air(&self, intermittent: bool) -> Vec<(f64, f64)> {
         let mut rng = self.rng("gusts");
         let mut gust = OrnsteinUhlenbeck::new(self.noise.gusts.1, &mut rng);
         let track = &self.scene.tracks[self.index];
@@ -189,7 +191,11 @@ impl Platform<'_> {
             .map(|k| {
                 let time_s = k as f64 * SUB_STEP_S - MARGIN_S;
                 let place = self.scene.east_north_m(&track[k]);
-                let factor = self.noise.gust(gust.step(SUB_STEP_S, &mut rng)).max(0.0);
+                let factor = if intermittent {
+                    self.noise.gust(gust.step(SUB_STEP_S, &mut rng)).max(0.0)
+                } else {
+                    1.0
+                };
                 let excess = self.world.excess_ppm(place, track[k][2], time_s);
                 let background = self.world.background_ppm(place, track[k][2], time_s);
                 (excess * factor, background)
@@ -198,8 +204,8 @@ impl Platform<'_> {
     }
 
     /// The sensor's answer at every sub-step: (excess, background) after its lags.
-    fn answered(&self) -> Vec<(f64, f64)> {
-        let mut air = self.air();
+    fn answered(&self, intermittent: bool) -> Vec<(f64, f64)> {
+        let mut air = self.air(intermittent);
         let mut constants = vec![self.scene.lag_s];
         if self.faults.two_stages {
             constants.extend([self.faults.lag_s / 2.0; 2]);
@@ -229,8 +235,9 @@ impl Platform<'_> {
 
     /// The rows, one a second.
     pub fn log(&self) -> Vec<Row> {
-        let answered = self.answered();
-        let at = |time_s: f64| {
+        let gusty = self.answered(true);
+        let mean = self.answered(false);
+        let at = |answered: &[(f64, f64)], time_s: f64| {
             let place = ((time_s + MARGIN_S) / SUB_STEP_S).clamp(0.0, answered.len() as f64 - 2.0);
             let (i, share) = (place as usize, place.fract());
             let (a, b) = (answered[i], answered[i + 1]);
@@ -247,8 +254,8 @@ impl Platform<'_> {
                     0.0
                 }
             });
-            let air = at(time_s - self.faults.clock_s - log.own_clock_s - late);
-            rows.push(log.row(time_s, air));
+            let true_s = time_s - self.faults.clock_s - log.own_clock_s - late;
+            rows.push(log.row(time_s, at(&gusty, true_s), at(&mean, true_s)));
         }
         self.harm(&mut rows);
         rows
@@ -328,7 +335,7 @@ impl<'a> Log<'a> {
         }
     }
 
-    fn row(&mut self, time_s: f64, (excess, background): (f64, f64)) -> Row {
+    fn row(&mut self, time_s: f64, air_now: (f64, f64), air_mean: (f64, f64)) -> Row {
         let (scene, faults) = (self.of.scene, self.of.faults);
         let index = ((time_s + MARGIN_S) / SUB_STEP_S).round() as usize;
         let point = &scene.tracks[self.of.index][index];
@@ -350,7 +357,11 @@ impl<'a> Log<'a> {
         let humidity = (self.humidity_percent + wetter - 0.01 * point[2]).clamp(2.0, 99.0);
         let pressure = air.pressure_at_hpa(point[2]);
         let weather = [temperature, humidity, pressure];
-        let co2 = self.reading(time_s, excess, background, weather);
+        let noise_ppm = self.noise();
+        let limited = |c: f64| c.min(faults.limit_ppm.unwrap_or(f64::INFINITY));
+        let reading = limited(self.converted(time_s, air_now, weather) + noise_ppm);
+        let mean_ppm = limited(self.converted(time_s, air_mean, weather));
+        let step_ppm = self.of.noise.step_ppm;
         let factor = scene.height_factor(point[2]);
         let wind = (scene.logged_wind != LoggedWind::Absent).then(|| {
             let from = self.of.wind.logged_from_deg(time_s) - scene.off("weather.wind_from_deg");
@@ -361,14 +372,16 @@ impl<'a> Log<'a> {
             time_s,
             lat_lon_deg: scene.lat_lon_deg(place),
             alt_amsl_m: scene.ground_amsl_m + height_m,
-            co2_ppm: Some(co2),
+            co2_ppm: Some((reading / step_ppm).round() * step_ppm),
+            mean_ppm,
             wind,
             weather,
         }
     }
 
-    fn reading(&mut self, time_s: f64, excess: f64, background: f64, weather: [f64; 3]) -> f64 {
-        let (scene, faults, noise) = (self.of.scene, self.of.faults, self.of.noise);
+    /// What the sensor makes of air, without noise, ppm.
+    fn converted(&self, time_s: f64, (excess, background): (f64, f64), weather: [f64; 3]) -> f64 {
+        let (scene, faults) = (self.of.scene, self.of.faults);
         let hours = time_s / 3600.0;
         let pivot = faults.pivot_ppm.unwrap_or(scene.background_ppm);
         let mut c = background + excess * self.own_gain;
@@ -380,9 +393,12 @@ impl<'a> Log<'a> {
         if let Some((amplitude, period)) = faults.waves {
             c += amplitude * (std::f64::consts::TAU * time_s / period).sin();
         }
-        c += noise.slow_ppm.0 * self.slow.step(1.0, &mut self.rng);
-        c += noise.white(&mut self.rng);
-        c = c.min(faults.limit_ppm.unwrap_or(f64::INFINITY));
-        (c / noise.step_ppm).round() * noise.step_ppm
+        c
+    }
+
+    /// Slow and white noise, ppm.
+    fn noise(&mut self) -> f64 {
+        let noise = self.of.noise;
+        noise.slow_ppm.0 * self.slow.step(1.0, &mut self.rng) + noise.white(&mut self.rng)
     }
 }

@@ -23,6 +23,8 @@ pub enum Need {
     Distances,
     /// Tracks at very different heights, and a wind log of the site rather than of each platform.
     Heights,
+    /// A logged wind.
+    WindLog,
 }
 
 /// Whose wind is logged.
@@ -109,7 +111,7 @@ impl Scene {
         let logged_wind = match rng.random_range(0..8) {
             _ if tall => pick(&mut rng, &[LoggedWind::Site, LoggedWind::Absent]),
             0 => LoggedWind::Site,
-            1 => LoggedWind::Absent,
+            1 if !needs.contains(&Need::WindLog) => LoggedWind::Absent,
             _ => LoggedWind::OnBoard,
         };
         let (class, axis_m, distance_m) = (reach.class as usize, reach.axis_m, reach.distance_m);

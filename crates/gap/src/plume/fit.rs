@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::data::{Data, Setup};
 use super::freedom::Freedom;
-use super::linear::{Posterior, dot, posterior};
+use super::linear::{Posterior, dot, posterior, products};
 use super::model::{Model, Part, Prediction};
 use super::noise::{self, Loading, NoiseModel, Rows, Whitener};
 use super::nuisance::{Metric, Nuisance};
@@ -58,11 +58,6 @@ pub(crate) struct Effort {
 }
 
 impl Effort {
-    /// The noise stands.
-    pub const NONE: Self = Self {
-        rounds: 0,
-        marginal_steps: 0,
-    };
     /// Good enough to rank by.
     pub const QUICK: Self = Self {
         rounds: 2,
@@ -308,9 +303,18 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// A model at its best under a given noise.
-    pub fn under(&self, start: &Model, noise: NoiseModel) -> Fitted {
-        self.refine(start, noise, 2, Effort::NONE)
+    /// A model at about its best under a given noise, with nothing else free.
+    pub fn under(&self, start: &Model, noise: &NoiseModel) -> Model {
+        let mut model = start.clone();
+        for _ in 0..2 {
+            let prediction = self.predict(&model);
+            let loading = self.loading(&model, &prediction);
+            let raw = self.data.residual(&prediction.reading);
+            let whitener = Whitener::new(&self.rows(&loading), noise, &raw);
+            let nuisance = Nuisance::new(self, &model, &prediction, &loading, noise);
+            model = self.descend(&model, &Metric::new(whitener, nuisance), 4);
+        }
+        model
     }
 
     /// Half the square of a difference in the readings that neither the free parameters of
@@ -319,7 +323,7 @@ impl<'a> Context<'a> {
         let mut white = difference.to_vec();
         fitted.metric.whitener.whiten_one(&mut white);
         let n = fitted.columns.len();
-        let gram = DMatrix::from_fn(n, n, |i, j| dot(&fitted.columns[i], &fitted.columns[j]));
+        let gram = products(&fitted.columns, &fitted.columns);
         let score = DVector::from_fn(n, |k, _| dot(&fitted.columns[k], &white));
         let taken = posterior(&gram, &score, &DVector::zeros(n), &fitted.precision)
             .map_or(0.0, |p| p.mean.dot(&score));
@@ -432,10 +436,11 @@ fn step_of(
     let mut gram = DMatrix::zeros(n, n);
     gram.view_mut((own, own), (n - own, n - own))
         .copy_from(&metric.gram);
+    let cross = products(&columns[..own], columns);
     for i in 0..own {
         for j in 0..n {
-            gram[(i, j)] = dot(&columns[i], &columns[j]);
-            gram[(j, i)] = gram[(i, j)];
+            gram[(i, j)] = cross[(i, j)];
+            gram[(j, i)] = cross[(i, j)];
         }
     }
     let score = DVector::from_fn(n, |k, _| dot(&columns[k], residual));

@@ -10,7 +10,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::candidate::{self, Start};
 use super::fit::Context;
-use super::linear::dot;
+use super::linear::{dot, products};
 use super::model::{Model, Prediction};
 use super::noise::{NoiseModel, Rows, Whitener};
 
@@ -88,14 +88,10 @@ impl Freedom {
         whitener.whiten(&mut views);
         let n = columns.len();
         let centre = DVector::from_fn(n, |k, _| -at[k] / self.sd[k]);
-        let mut a = DMatrix::zeros(n, n);
-        for i in 0..n {
-            for j in 0..=i {
-                a[(i, j)] = self.sd[i] * self.sd[j] * dot(&columns[i], &columns[j]);
-                a[(j, i)] = a[(i, j)];
-            }
-            a[(i, i)] += 1.0;
-        }
+        let gram = products(&columns, &columns);
+        let a = DMatrix::from_fn(n, n, |i, j| {
+            self.sd[i] * self.sd[j] * gram[(i, j)] + if i == j { 1.0 } else { 0.0 }
+        });
         let score = DVector::from_fn(n, |k, _| self.sd[k] * dot(&columns[k], &white)) + &centre;
         let Some(chol) = Cholesky::new(a) else {
             return f64::NEG_INFINITY;

@@ -67,6 +67,37 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
+/// Rows that are multiplied at a time, so that they stay in the cache.
+const BLOCK_ROWS: usize = 256;
+
+/// Inner products of all columns of `a` with all of `b`, rows by columns.
+pub(crate) fn products<A: AsRef<[f64]>, B: AsRef<[f64]>>(a: &[A], b: &[B]) -> DMatrix<f64> {
+    let rows = a.first().map_or(0, |c| c.as_ref().len());
+    let mut out = DMatrix::zeros(a.len(), b.len());
+    let mut from = 0;
+    while from < rows {
+        let to = (from + BLOCK_ROWS).min(rows);
+        let left = stacked(a.iter().map(|c| &c.as_ref()[from..to]), to - from);
+        let right = stacked(b.iter().map(|c| &c.as_ref()[from..to]), to - from);
+        out.gemm(1.0, &left.transpose(), &right, 1.0);
+        from = to;
+    }
+    out
+}
+
+fn stacked<'a>(columns: impl Iterator<Item = &'a [f64]>, rows: usize) -> DMatrix<f64> {
+    let mut values = Vec::new();
+    for column in columns {
+        values.extend_from_slice(column);
+    }
+    DMatrix::from_vec(rows, values.len() / rows.max(1), values)
+}
+
+/// Inner products of all columns with one.
+pub(crate) fn scores<A: AsRef<[f64]>>(columns: &[A], one: &[f64]) -> DVector<f64> {
+    DVector::from_fn(columns.len(), |k, _| dot(columns[k].as_ref(), one))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -86,6 +117,23 @@ mod tests {
         assert!((p.mean[0] - (3.0 * 4.0 + 1.0) / det).abs() < 1e-8);
         assert!((p.mean[1] - (-6.0 - 3.0) / det).abs() < 1e-8);
         assert!((p.covariance[(0, 0)] - 4.0 / det).abs() < 1e-8);
+    }
+
+    #[test]
+    fn products_are_the_dots() {
+        let columns: Vec<Vec<f64>> = (0..9)
+            .map(|k| {
+                (0..700)
+                    .map(|i| f64::from((i * (k + 3)) % 17) - 8.0)
+                    .collect()
+            })
+            .collect();
+        let all = products(&columns, &columns[..5]);
+        for i in 0..9 {
+            for j in 0..5 {
+                assert!((all[(i, j)] - dot(&columns[i], &columns[j])).abs() < 1e-9);
+            }
+        }
     }
 
     #[test]

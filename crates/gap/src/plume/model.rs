@@ -31,9 +31,12 @@ pub(crate) struct Part {
     pub values: Vec<f64>,
 }
 
-/// The one tolerance that is far from linear and so a parameter of the base: no wind keeps its
-/// direction to better than this, degrees an hour.
-const DRIFT: (MechanismId, f64) = (MechanismId::WindDirectionDrift, 2.0);
+/// The tolerances that are far from linear and so parameters of the base: no vane is set better
+/// than this, degrees, and no wind keeps its direction to better, degrees an hour.
+const TOLERATED: [(MechanismId, f64); 2] = [
+    (MechanismId::WindDirectionOffset, 0.15),
+    (MechanismId::WindDirectionDrift, 2.0),
+];
 
 /// Parts and which of their parameters are free.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -70,17 +73,20 @@ impl Model {
                 one_sided: false,
             });
         }
-        if !setup.priors.iter().any(|p| p.id == DRIFT.0) {
+        for (id, sd) in TOLERATED {
+            if setup.priors.iter().any(|p| p.id == id) {
+                continue;
+            }
             model.parts.push(Part {
-                id: DRIFT.0,
+                id,
                 platform: None,
-                values: defaults(DRIFT.0),
+                values: defaults(id),
             });
             model.free.push(Free {
                 part: model.parts.len() - 1,
                 parameter: 0,
                 centre: 0.0,
-                sd: DRIFT.1,
+                sd,
                 one_sided: false,
             });
         }

@@ -11,7 +11,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::fit::Context;
 use super::freedom::Freedom;
-use super::linear::dot;
+use super::linear::{dot, products};
 use super::model::{Model, Part, Prediction};
 use super::noise::{Loading, NoiseModel, Whitener};
 
@@ -186,14 +186,7 @@ impl Metric {
         let mut columns = nuisance.raw.clone();
         let mut views: Vec<&mut [f64]> = columns.iter_mut().map(Vec::as_mut_slice).collect();
         whitener.whiten(&mut views);
-        let n = columns.len();
-        let mut gram = DMatrix::<f64>::zeros(n, n);
-        for i in 0..n {
-            for j in 0..=i {
-                gram[(i, j)] = dot(&columns[i], &columns[j]);
-                gram[(j, i)] = gram[(i, j)];
-            }
-        }
+        let gram = products(&columns, &columns);
         let mut metric = Self {
             whitener,
             nuisance,

@@ -144,7 +144,11 @@ fn a_lag_is_named_measured_and_pays() {
     assert_eq!(a.json.verdict, Verdict::Named, "{}", a.json.summary);
     assert_eq!(a.json.causes[0].mechanisms, ["sensor-lag"]);
     let lag = &a.json.causes[0].parameters[0];
-    assert!((lag.value - 2.5).abs() < 4.0 * lag.sd, "{lag:?}");
+    assert!(
+        (lag.value - 2.5).abs() < 4.0 * lag.sd,
+        "{lag:?} {:?}",
+        a.json.notices
+    );
     let h = a.json.gain.unwrap().held_out;
     assert!(h.log_score_after > h.log_score_before + 10.0 && h.rmse_after < h.rmse_before);
     assert_eq!(a.extension[0].id().as_str(), "sensor-lag");

@@ -11,7 +11,7 @@ use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::fit::{Context, Fitted};
-use super::linear::dot;
+use super::linear::{dot, products};
 use super::parallel;
 
 /// What a term multiplies.
@@ -81,6 +81,20 @@ impl<'a> Builder<'a> {
             Load::Swing => self.fitted.loading[i].swing,
             Load::Delay => self.delay[i],
         }
+    }
+
+    /// Time at each row less this part of the plume's time on its way there, s: at 1 the time of
+    /// emission, at 0.5 that of the wind which turned it most.
+    fn time_on_the_way(&self, part: f64) -> Vec<f64> {
+        let track = &self.ctx.data.track;
+        let source = self.ctx.setup.base.sources[0].place;
+        (0..track.len())
+            .map(|i| {
+                let p = track.place(i);
+                let far = (p.east_m - source.east_m).hypot(p.north_m - source.north_m);
+                track.time_s()[i] - part * far / track.transport()[i].speed_m_s.max(0.5)
+            })
+            .collect()
     }
 
     /// Hat functions over `at` (one value a row) times the load.
@@ -231,15 +245,30 @@ fn in_time(b: &mut Builder<'_>) {
     let time = b.ctx.data.track.time_s().to_vec();
     let (from, to) = b.ctx.data.span_s();
     let knots = ((to - from) / 45.0).clamp(5.0, 24.0) as usize;
-    for (load, words) in [
-        (Load::Additive, "an additive wander of all readings in time"),
-        (Load::Proportional, "the plume's strength wandering in time"),
+    for (load, part, words) in [
+        (
+            Load::Additive,
+            0.0,
+            "an additive wander of all readings in time",
+        ),
+        (
+            Load::Proportional,
+            0.0,
+            "the plume's strength wandering in time",
+        ),
+        (
+            Load::Proportional,
+            1.0,
+            "the source's strength wandering in time",
+        ),
         (
             Load::Swing,
+            0.5,
             "the plume swinging in time otherwise than the wind",
         ),
     ] {
-        let columns = b.hats(&time, knots, load);
+        let then = b.time_on_the_way(part);
+        let columns = b.hats(&then, knots, load);
         b.add("time", words, columns);
     }
     let platforms = b.ctx.data.ranges().len();
@@ -294,23 +323,40 @@ fn in_place(b: &mut Builder<'_>) {
         let columns = b.hats(at, 7, Load::Additive);
         b.add(coordinate, &format!("readings changing {words}"), columns);
     }
-    map(b);
+    for (coordinate, at, words) in [
+        ("along_wind", &along, "along"),
+        ("across_wind", &across, "across"),
+    ] {
+        let columns = b.hats(at, 13, Load::Proportional);
+        let words = format!("the plume's strength changing {words} the wind in narrow strips");
+        b.add(coordinate, &words, columns);
+    }
+    map(b, &along, &across);
 }
 
-/// Products of hats east and north.
-fn map(b: &mut Builder<'_>) {
+/// Products of hats east and north, and along and across the wind.
+fn map(b: &mut Builder<'_>, along: &[f64], across: &[f64]) {
     let track = &b.ctx.data.track;
     let east: Vec<f64> = (0..track.len()).map(|i| track.place(i).east_m).collect();
     let north: Vec<f64> = (0..track.len()).map(|i| track.place(i).north_m).collect();
-    for (load, words) in [
+    for (load, one, other, sizes, words) in [
         (
             Load::Proportional,
+            along,
+            across,
+            (4, 7),
             "the plume's strength changing over the map",
         ),
-        (Load::Additive, "readings changing over the map"),
+        (
+            Load::Additive,
+            &east,
+            &north,
+            (5, 5),
+            "readings changing over the map",
+        ),
     ] {
-        let e = b.hats(&east, 5, Load::Additive);
-        let n = b.hats(&north, 5, Load::Additive);
+        let e = b.hats(one, sizes.0, Load::Additive);
+        let n = b.hats(other, sizes.1, Load::Additive);
         let mut products = Vec::with_capacity(e.len() * n.len());
         for i in e.clone() {
             for j in n.clone() {
@@ -339,12 +385,17 @@ fn periodic(b: &mut Builder<'_>) {
         return;
     }
     let platforms = b.ctx.data.ranges().len();
+    let (emitted, turned) = (b.time_on_the_way(1.0), b.time_on_the_way(0.5));
     for k in 0..COUNT {
         let period = shortest * (longest / shortest).powf(k as f64 / (COUNT - 1) as f64);
-        for (load, words) in [
-            (Load::Additive, "a periodic wave of all readings"),
-            (Load::Proportional, "the plume's strength pulsing"),
-            (Load::Swing, "the plume swinging to and fro"),
+        for (load, time, words) in [
+            (Load::Additive, &time, "a periodic wave of all readings"),
+            (
+                Load::Proportional,
+                &emitted,
+                "the source's strength pulsing",
+            ),
+            (Load::Swing, &turned, "the plume swinging to and fro"),
         ] {
             let start = b.columns.len();
             for phase in [0.0, std::f64::consts::FRAC_PI_2] {
@@ -392,14 +443,10 @@ impl<'a> Base<'a> {
     fn new(ctx: &'a Context<'a>, fitted: &'a Fitted) -> Self {
         let n = fitted.columns.len();
         let (centre, precision) = (&fitted.centre, &fitted.precision);
-        let a = DMatrix::from_fn(n, n, |i, j| {
-            let own = if i == j {
-                precision[i] * (1.0 + 1e-9)
-            } else {
-                0.0
-            };
-            dot(&fitted.columns[i], &fitted.columns[j]) + own
-        });
+        let mut a = products(&fitted.columns, &fitted.columns);
+        for k in 0..n {
+            a[(k, k)] += precision[k] * (1.0 + 1e-9);
+        }
         Self {
             ctx,
             fitted,
@@ -424,16 +471,18 @@ impl<'a> Base<'a> {
             .iter()
             .map(|n| if *n > 1e-9 { 1.0 / n.sqrt() } else { 0.0 })
             .collect();
-        let n = self.fitted.columns.len();
-        let cross = DMatrix::from_fn(d, n, |i, j| {
-            scale[i] * dot(own[i], &self.fitted.columns[j][rows.clone()])
-        });
-        let mut gram = DMatrix::zeros(d, d);
+        let base: Vec<&[f64]> = self
+            .fitted
+            .columns
+            .iter()
+            .map(|c| &c[rows.clone()])
+            .collect();
+        let mut cross = products(&own, &base);
+        let mut gram = products(&own, &own);
         for i in 0..d {
-            for j in 0..=i {
-                let v = scale[i] * scale[j] * dot(own[i], own[j]);
-                gram[(i, j)] = v;
-                gram[(j, i)] = v;
+            cross.row_mut(i).scale_mut(scale[i]);
+            for j in 0..d {
+                gram[(i, j)] *= scale[i] * scale[j];
             }
         }
         let lean = &cross * &self.inverse;

@@ -13,7 +13,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::candidate::Start;
 use super::fit::{Context, Fitted};
-use super::linear::dot;
+use super::linear;
 use super::parallel;
 
 /// One start, for all platforms or one, and what it would gain.
@@ -142,34 +142,13 @@ fn products(ctx: &Context<'_>, fitted: &Fitted, columns: &[Vec<f64>]) -> Vec<Pro
         .chain(columns)
         .map(Vec::as_slice)
         .collect();
-    let n = all.len();
-    ctx.data
-        .ranges()
-        .iter()
-        .map(|range| {
-            let which: Vec<usize> = (0..n).collect();
-            let rows = parallel::map(
-                &which,
-                if range.len() > 500 { ctx.threads } else { 1 },
-                |&i| {
-                    let a = &all[i][range.clone()];
-                    let row: Vec<f64> = (0..=i).map(|j| dot(a, &all[j][range.clone()])).collect();
-                    (row, dot(a, &fitted.residual[range.clone()]))
-                },
-            );
-            let mut gram = DMatrix::zeros(n, n);
-            for (i, (row, _)) in rows.iter().enumerate() {
-                for (j, v) in row.iter().enumerate() {
-                    gram[(i, j)] = *v;
-                    gram[(j, i)] = *v;
-                }
-            }
-            Products {
-                gram,
-                score: DVector::from_fn(n, |i, _| rows[i].1),
-            }
-        })
-        .collect()
+    parallel::map(ctx.data.ranges(), ctx.threads, |range| {
+        let own: Vec<&[f64]> = all.iter().map(|c| &c[range.clone()]).collect();
+        Products {
+            gram: linear::products(&own, &own),
+            score: linear::scores(&own, &fitted.residual[range.clone()]),
+        }
+    })
 }
 
 /// The base's part of the normal equations.

@@ -76,7 +76,7 @@ fn choose_wind(
     let fit = |carried: Option<&Carried>, model: &Model, noise: NoiseModel, effort: Effort| {
         let mut own = shared.clone();
         put(setup, &mut own, carried, model);
-        let settled = single(setup, &own).under(model, noise).model;
+        let settled = single(setup, &own).under(model, &noise);
         put(setup, &mut own, carried, &settled);
         let wide = single(setup, &own).wide(&settled, noise, effort);
         let prior = carried.map_or(0.0, |c| c.treatment.ln_prior());

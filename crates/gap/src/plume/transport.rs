@@ -11,8 +11,6 @@ use super::data::Data;
 /// How the logged wind becomes that of the transport.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Treatment {
-    /// The mean of all logged winds.
-    Mean,
     /// Each platform's own log, smoothed over this time, s.
     Own(f64),
     /// All logs together, smoothed over this time, s.
@@ -26,25 +24,23 @@ pub(crate) enum Treatment {
 
 impl Treatment {
     /// The treatments that are tried.
-    pub const ALL: [Treatment; 11] = [
+    pub const ALL: [Treatment; 10] = [
+        Treatment::Pooled(3.0),
         Treatment::Pooled(8.0),
         Treatment::Pooled(25.0),
         Treatment::Pooled(80.0),
         Treatment::Diluted(8.0),
         Treatment::Diluted(25.0),
-        Treatment::Own(5.0),
         Treatment::Own(20.0),
         Treatment::Puffs(8.0),
         Treatment::Puffs(40.0),
         Treatment::Puffs(120.0),
-        Treatment::Mean,
     ];
 
-    /// Log of its prior against the others, nats: air far away does not turn at once, and no
-    /// wind is steady; where the log is noisy these may still fit by chance.
+    /// Log of its prior against the others, nats: air far away does not turn at once; where the
+    /// log is noisy a wind that hardly turns may still fit by chance.
     pub fn ln_prior(self) -> f64 {
         match self {
-            Treatment::Mean => -6.0,
             Treatment::Pooled(s) if s > 50.0 => -4.0,
             _ => 0.0,
         }
@@ -53,7 +49,6 @@ impl Treatment {
     /// In words.
     pub fn describe(self) -> String {
         match self {
-            Treatment::Mean => "the mean of the logged wind".to_string(),
             Treatment::Own(s) => format!("each platform's logged wind, smoothed over {s:.0} s"),
             Treatment::Pooled(s) => {
                 format!("the logged wind of all platforms together, smoothed over {s:.0} s")
@@ -231,15 +226,6 @@ pub(crate) fn carried(
     let all = || Grid::new((0..data.len()).filter_map(vector), span);
     let mut history = None;
     let transport = match treatment {
-        Treatment::Mean => {
-            let grid = all()?;
-            let n = grid.values.len() as f64;
-            let sum = grid
-                .values
-                .iter()
-                .fold([0.0; 2], |s, v| [s[0] + v[0], s[1] + v[1]]);
-            vec![towards([sum[0] / n, sum[1] / n]); data.len()]
-        }
         Treatment::Pooled(width) | Treatment::Diluted(width) => {
             let mut grid = all()?;
             grid.smooth(width);

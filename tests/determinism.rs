@@ -43,7 +43,8 @@ impl Drop for Team {
     }
 }
 
-fn in_eight_processes(seed: u64) -> String {
+/// One process for each list of vehicles, and one each for the others.
+fn in_processes(seed: u64, vehicles: &[&str]) -> String {
     let port = TcpListener::bind("127.0.0.1:0")
         .unwrap()
         .local_addr()
@@ -71,10 +72,10 @@ fn in_eight_processes(seed: u64) -> String {
         start(env!("CARGO_BIN_EXE_sc"), &["--listen", &endpoint]),
         start(env!("CARGO_BIN_EXE_ws"), &["--connect", &endpoint]),
     ]);
-    for id in ["1", "2", "3", "4", "5", "6"] {
+    for ids in vehicles {
         team.0.push(start(
             env!("CARGO_BIN_EXE_va"),
-            &["--connect", &endpoint, "--id", id],
+            &["--connect", &endpoint, "--vehicles", ids],
         ));
     }
     let conductor = Command::new(env!("CARGO_BIN_EXE_plumage"))
@@ -97,8 +98,16 @@ fn in_eight_processes(seed: u64) -> String {
 fn one_process_and_eight_say_the_same_twice() {
     let alone = in_one_process(7);
     assert_eq!(in_one_process(7), alone);
-    assert_eq!(in_eight_processes(7), alone);
-    assert_eq!(in_eight_processes(7), alone);
+    let eight = ["1", "2", "3", "4", "5", "6"];
+    assert_eq!(in_processes(7, &eight), alone);
+    assert_eq!(in_processes(7, &eight), alone);
+}
+
+#[test]
+fn one_process_may_host_many_vehicles() {
+    let alone = in_one_process(7);
+    assert_eq!(in_processes(7, &["1,2,3,4,5,6"]), alone);
+    assert_eq!(in_processes(7, &["6,2", "1,3,4,5"]), alone);
 }
 
 #[test]

@@ -1,14 +1,21 @@
 //! One agent in a process of its own, on the bus over Zenoh.
 
-use crate::{Failure, mission_files};
+use crate::flightgear::{self, Viewer};
+use crate::{Failure, mission_files, presence};
 use anyhow::Context as _;
 use mav_bridge::link::{Link, LinkAddress};
+use mav_bridge::signing::SigningConfig;
+use mission::real_vehicle::RealVehicle;
+use mission::setup::SigningKey;
 use mission::{Member, Setup, team};
 use protocol::key::Name;
 use protocol::net::realtime::MissionClock;
 use protocol::net::{DEFAULT_ENDPOINT, Net, NetOptions, TlsFiles, lockstep, realtime};
-use protocol::{Agent as _, AgentId, SimTime};
+use protocol::{Agent as _, SimTime};
+use scenario::tables::VehicleKind;
 use std::path::PathBuf;
+use std::sync::mpsc;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// How a process joins the bus of a mission.
 #[derive(Debug, Clone, clap::Args)]
@@ -98,12 +105,24 @@ impl BusArguments {
         })
     }
 
+    /// Where it tries to connect to, for messages.
+    pub fn connected_to(&self, listens: bool) -> String {
+        match (self.connect.as_slice(), listens) {
+            ([], true) => String::new(),
+            ([], false) if self.listen.is_empty() => DEFAULT_ENDPOINT.to_owned(),
+            (endpoints, _) => endpoints.join(", "),
+        }
+    }
+
     /// Joins the bus.
     ///
     /// # Errors
     /// Options that Zenoh does not take, or a port that is taken.
     pub async fn open(&self, setup: &Setup, listens: bool) -> Result<Net, Failure> {
         let mission = Name::new(&setup.scenario.mission.name).map_err(Failure::input)?;
+        if let Some(warning) = presence::unreachable(&self.listen, &self.connect) {
+            eprintln!("warning: {warning}");
+        }
         Net::open(mission, &self.net_options(listens)?)
             .await
             .map_err(Failure::input)
@@ -131,32 +150,112 @@ pub fn block_on(work: impl Future<Output = Result<(), Failure>>) -> Result<(), F
         })
 }
 
-/// Runs the agent that `make` makes until the mission's end. `keeps_time`: it listens, and keeps
-/// the mission's time for the others.
+/// A member of the team in this process, with what is not a bus around it.
+pub struct Aboard {
+    member: Member,
+    /// The link of a real vehicle.
+    link: Option<LinkAddress>,
+    /// The key shared with it.
+    signing_key: Option<SigningKey>,
+    /// Where FlightGear shows it.
+    flightgear: Option<String>,
+}
+
+impl From<Member> for Aboard {
+    fn from(member: Member) -> Self {
+        Self {
+            member,
+            link: None,
+            signing_key: None,
+            flightgear: None,
+        }
+    }
+}
+
+/// What a process does otherwise than the scenario says with its vehicles.
+#[derive(Debug, Clone, Default)]
+pub struct VehicleOptions {
+    /// `--flightgear` arguments.
+    pub flightgear: Vec<String>,
+    /// Link of the one vehicle, whatever its kind.
+    pub link: Option<LinkAddress>,
+    /// Whether the bridge may arm its motor.
+    pub may_arm: bool,
+    /// The key shared with it.
+    pub signing_key: Option<SigningKey>,
+}
+
+/// The vehicles `ids` of the team.
+///
+/// # Errors
+/// Vehicles that the scenario does not have or that cannot be.
+pub fn vehicles(
+    setup: &Setup,
+    ids: &[&str],
+    options: &VehicleOptions,
+) -> Result<Vec<Aboard>, Failure> {
+    let addresses = flightgear::addresses(&options.flightgear, ids, &setup.scenario)?;
+    let mut aboard = Vec::new();
+    for (id, flightgear) in ids.iter().zip(addresses) {
+        let index = setup.index_of(id).map_err(Failure::input)?;
+        let vehicle = &setup.scenario.vehicles[index];
+        let link = match (&options.link, &vehicle.link) {
+            (Some(link), _) => Some(link.clone()),
+            (None, Some(text)) if vehicle.kind == VehicleKind::Mavlink => {
+                Some(text.parse().map_err(Failure::input)?)
+            }
+            _ => None,
+        };
+        let member = if link.is_some() {
+            Member::linked(setup, index, options.may_arm || vehicle.may_arm)
+        } else {
+            Member::vehicle(setup, index)
+        };
+        let of_scenario = || setup.signing_keys.get(*id).cloned();
+        aboard.push(Aboard {
+            member: member.map_err(Failure::input)?,
+            link,
+            signing_key: options.signing_key.clone().or_else(of_scenario),
+            flightgear,
+        });
+    }
+    Ok(aboard)
+}
+
+/// Runs the members that `make` makes until the mission's end. `keeps_time`: the process listens,
+/// and keeps the mission's time for the others.
 ///
 /// # Errors
 /// Wrong input, or a bus that fails.
 pub fn run(
     arguments: &BusArguments,
     keeps_time: bool,
-    make: impl FnOnce(&Setup) -> Result<Member, Failure>,
+    make: impl FnOnce(&Setup) -> Result<Vec<Aboard>, Failure>,
 ) -> Result<(), Failure> {
     let setup = arguments.setup()?;
-    let mut member = make(&setup)?;
+    let aboard = make(&setup)?;
+    let linked = aboard.iter().find(|a| a.link.is_some());
+    if let Some(linked) = linked.filter(|_| arguments.lockstep) {
+        return Err(Failure::usage(format!(
+            "{}: a real vehicle cannot fly in lockstep; expected no --lockstep",
+            linked.member.id()
+        )));
+    }
+    let ids: Vec<String> = aboard.iter().map(|a| a.member.id().to_string()).collect();
+    let who = ids.join(", ");
     block_on(async {
         let mut net = arguments.open(&setup, keeps_time).await?;
-        eprintln!(
-            "{} joins mission {}",
-            member.id(),
-            setup.scenario.mission.name
-        );
+        eprintln!("{who} joins mission {}", setup.scenario.mission.name);
+        let watch = presence::watch(&net, &setup, &ids, arguments.connected_to(keeps_time))?;
         if arguments.lockstep {
             let team = team::agent_ids(&setup).map_err(Failure::input)?;
-            lockstep::run(&mut net, &mut member, &team, setup.tick_ns()).await?;
+            let mut members: Vec<Member> = aboard.into_iter().map(|a| a.member).collect();
+            lockstep::run(&mut net, &mut members, &team, setup.tick_ns()).await?;
         } else {
-            fly_in_real_time(&mut net, &mut member, &setup, keeps_time).await?;
+            fly_in_real_time(&mut net, aboard, &setup, keeps_time).await?;
         }
-        eprintln!("{} has finished", member.id());
+        watch.abort();
+        eprintln!("{who} has finished");
         net.close().await?;
         Ok(())
     })
@@ -164,28 +263,50 @@ pub fn run(
 
 async fn fly_in_real_time(
     net: &mut Net,
-    member: &mut Member,
+    aboard: Vec<Aboard>,
     setup: &Setup,
     keeps_time: bool,
 ) -> Result<(), Failure> {
-    let mut link = open_link(setup, member.id()).await?;
+    let mut members = Vec::new();
+    let mut links = Vec::new();
+    let mut viewers = Vec::new();
+    let mut keys = Vec::new();
+    for a in aboard {
+        members.push(a.member);
+        keys.push(a.signing_key);
+        links.push(match &a.link {
+            Some(address) => Some(Link::open(address).await.map_err(Failure::input)?),
+            None => None,
+        });
+        viewers.push(a.flightgear.as_deref().map(Viewer::open).transpose()?);
+    }
+    let typed = links.iter().any(Option::is_some).then(typed_words);
     let clock = if keeps_time {
         MissionClock::keep(net).await?
     } else {
         MissionClock::ask(net).await?
     };
+    for (member, key) in members.iter_mut().zip(keys) {
+        if let (Member::Real(vehicle), Some(key)) = (member, key) {
+            vehicle.sign(signing_from(&key, clock.now()));
+        }
+    }
     let until = SimTime::from_s(setup.scenario.mission.duration_s);
     realtime::run(
         net,
-        member,
+        &mut members,
         clock,
         setup.tick_ns(),
         until,
-        |member, _, _| {
-            if let (Some(link), Member::Real(vehicle)) = (&mut link, member)
-                && let Some(buffers) = vehicle.link()
-            {
-                serve_link(link, buffers);
+        |k, member| {
+            if let (Some(link), Member::Real(vehicle)) = (&mut links[k], &mut *member) {
+                while let Some(word) = typed.as_ref().and_then(|t| t.try_recv().ok()) {
+                    obey(&word, vehicle);
+                }
+                serve_link(link, vehicle);
+            }
+            if let Some(viewer) = &mut viewers[k] {
+                viewer.show(member);
             }
         },
     )
@@ -193,22 +314,48 @@ async fn fly_in_real_time(
     Ok(())
 }
 
-/// The MAVLink link of the vehicle that `id` is, if the scenario gives it one.
-async fn open_link(setup: &Setup, id: &AgentId) -> Result<Option<Link>, Failure> {
-    let vehicle = setup
-        .scenario
-        .vehicles
-        .iter()
-        .find(|v| AgentId::va(&v.id).as_ref() == Ok(id));
-    let Some(address) = vehicle.and_then(|v| v.link.as_ref()) else {
-        return Ok(None);
-    };
-    let address: LinkAddress = address.parse().map_err(Failure::input)?;
-    Ok(Some(Link::open(&address).await.map_err(Failure::input)?))
+fn obey(word: &str, vehicle: &mut RealVehicle) {
+    match word.trim() {
+        "hand-back" => vehicle.hand_back(),
+        "" => {}
+        other => eprintln!("'{other}': expected 'hand-back'"),
+    }
 }
 
-/// Moves bytes between a link and a bridge.
-pub fn serve_link(link: &mut Link, buffers: &mut mission::real_vehicle::LinkBuffers) {
+/// Lines typed on standard input, read on a thread of their own that ends with the process.
+fn typed_words() -> mpsc::Receiver<String> {
+    let (sender, receiver) = mpsc::channel();
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lines().map_while(Result::ok) {
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    receiver
+}
+
+/// Signing with `key` of a mission whose time is `now`.
+pub fn signing_from(key: &SigningKey, now: SimTime) -> SigningConfig {
+    // Signatures count 10 µs since 2015-01-01 00:00 UTC.
+    const SINCE_1970_S: u64 = 1_420_070_400;
+    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH);
+    let wall = since_1970.map_or(0, |d| d.as_micros() / 10);
+    let wall_10us = u64::try_from(wall)
+        .unwrap_or(u64::MAX)
+        .saturating_sub(SINCE_1970_S * 100_000);
+    SigningConfig {
+        key: key.0,
+        link_id: 0,
+        epoch_10us: wall_10us.saturating_add_signed(-now.ns() / 10_000),
+    }
+}
+
+/// Moves bytes between a link and the bridge of `vehicle`.
+pub fn serve_link(link: &mut Link, vehicle: &mut RealVehicle) {
+    let Some(buffers) = vehicle.link() else {
+        return;
+    };
     while let Some(bytes) = link.try_receive() {
         buffers.from_vehicle.push(bytes);
     }

@@ -4,11 +4,14 @@
 pub mod agent;
 pub mod commands;
 pub mod failure;
+pub mod flightgear;
 pub mod measured;
 pub mod mission_files;
 pub mod outputs;
+pub mod outside;
 pub mod pace;
 pub mod page;
+pub mod presence;
 pub mod site;
 
 pub use failure::Failure;

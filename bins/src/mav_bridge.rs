@@ -6,17 +6,14 @@ use clap::{Args, Parser, Subcommand};
 use mav_bridge::arduplane::TAKEOFF;
 use mav_bridge::link::{Link, LinkAddress};
 use mission::Setup;
-use mission::real_vehicle::RealVehicle;
+use mission::setup::SigningKey;
 use protocol::SimTime;
-use protocol::key::Name;
-use protocol::net::realtime::{self, MissionClock};
-use protocol::net::{DEFAULT_ENDPOINT, Net, NetOptions};
 use scenario::random::stream;
+use shell::agent::{self, VehicleOptions, signing_from};
 use shell::{Failure, failure, mission_files};
 use stand_in::{StandIn, StandInConfig};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 /// Joins the bus as a real vehicle whose autopilot (ArduPlane) is on a MAVLink link.
@@ -43,9 +40,8 @@ enum Command {
 
 #[derive(Debug, Args)]
 struct BridgeArguments {
-    /// Scenario file
-    #[arg(long)]
-    scenario: PathBuf,
+    #[command(flatten)]
+    bus: agent::BusArguments,
     /// Id of the vehicle in the scenario
     #[arg(long)]
     vehicle: String,
@@ -53,12 +49,16 @@ struct BridgeArguments {
     /// [default: the vehicle's link in the scenario]
     #[arg(long)]
     link: Option<LinkAddress>,
-    /// Bus endpoint to connect to; may be given several times
-    #[arg(long, default_value = DEFAULT_ENDPOINT)]
-    connect: Vec<String>,
-    /// Publish JSON instead of the binary encoding
+    /// Let the bridge arm the motor at take-off; else a person does
     #[arg(long)]
-    json: bool,
+    may_arm: bool,
+    /// File with the 64 hexadecimal digits of the key shared with the vehicle: frames are signed,
+    /// unsigned ones refused [default: the vehicle's signing_key in the scenario]
+    #[arg(long, value_name = "FILE")]
+    signing_key: Option<PathBuf>,
+    /// FlightGear that shows the vehicle, 50 packets a second
+    #[arg(long, value_name = "HOST:PORT")]
+    flightgear: Option<String>,
 }
 
 #[derive(Debug, Args)]
@@ -75,6 +75,12 @@ struct StandInArguments {
     /// Seed of its gusts and sensor noise [default: the scenario's]
     #[arg(long)]
     seed: Option<u64>,
+    /// End after this many seconds; else it flies until interrupted
+    #[arg(long, value_name = "S")]
+    duration: Option<f64>,
+    /// File with the 64 hexadecimal digits of the key shared with its ground station
+    #[arg(long, value_name = "FILE")]
+    signing_key: Option<PathBuf>,
     /// Leave arming to the ground station; else its pilot arms it when it is in TAKEOFF
     #[arg(long)]
     hands_off: bool,
@@ -89,103 +95,64 @@ fn main() -> ExitCode {
         .init();
     let arguments = Arguments::parse();
     failure::exit(match (arguments.command, arguments.bridge) {
-        (Some(Command::StandIn(stand_in)), _) => block_on(fly_stand_in(&stand_in)),
-        (None, Some(bridge)) => block_on(serve(&bridge)),
+        (Some(Command::StandIn(stand_in)), _) => agent::block_on(fly_stand_in(&stand_in)),
+        (None, Some(bridge)) => serve(&bridge),
         (None, None) => Err(Failure::usage("expected --scenario, --vehicle and --link")),
     })
 }
 
-fn block_on(work: impl Future<Output = Result<(), Failure>>) -> Result<(), Failure> {
-    tokio::runtime::Builder::new_multi_thread()
-        .enable_all()
-        .build()
-        .context("cannot start the runtime")?
-        .block_on(work)
-}
-
 /// The scenario's vehicle that is asked for: setup and index.
-fn vehicle_of(scenario: &std::path::Path, id: &str) -> Result<(Setup, usize), Failure> {
+fn vehicle_of(scenario: &Path, id: &str) -> Result<(Setup, usize), Failure> {
     let setup = mission_files::load(scenario)?;
     let index = setup.index_of(id).map_err(Failure::input)?;
     Ok((setup, index))
 }
 
-async fn serve(arguments: &BridgeArguments) -> Result<(), Failure> {
-    let (setup, index) = vehicle_of(&arguments.scenario, &arguments.vehicle)?;
-    let address = match (&arguments.link, &setup.scenario.vehicles[index].link) {
-        (Some(address), _) => address.clone(),
-        (None, Some(text)) => text.parse().map_err(Failure::input)?,
-        (None, None) => {
+fn serve(arguments: &BridgeArguments) -> Result<(), Failure> {
+    let signing_key = arguments
+        .signing_key
+        .as_deref()
+        .map(signing_key)
+        .transpose()?;
+    let options = VehicleOptions {
+        flightgear: arguments.flightgear.iter().cloned().collect(),
+        link: arguments.link.clone(),
+        may_arm: arguments.may_arm,
+        signing_key,
+    };
+    agent::run(&arguments.bus, false, |setup| {
+        let id = arguments.vehicle.as_str();
+        let index = setup.index_of(id).map_err(Failure::input)?;
+        if options.link.is_none() && setup.scenario.vehicles[index].link.is_none() {
             return Err(Failure::usage(format!(
-                "vehicle {} has no link in the scenario: expected --link",
-                arguments.vehicle
+                "vehicle {id} has no link in the scenario: expected --link"
             )));
         }
-    };
-    let mut vehicle = RealVehicle::with_link(&setup, index).map_err(Failure::input)?;
-    let mut link = Link::open(&address).await.map_err(Failure::input)?;
-    let options = NetOptions {
-        connect: arguments.connect.clone(),
-        json: arguments.json,
-        ..NetOptions::default()
-    };
-    let name = Name::new(&setup.scenario.mission.name).map_err(Failure::input)?;
-    let mut net = Net::open(name, &options).await?;
-    eprintln!(
-        "vehicle {} on {address}; 'hand-back' and Enter gives it back to automatic flight",
-        arguments.vehicle
-    );
-    let clock = MissionClock::ask(&net).await?;
-    let words = typed_words();
-    let until = SimTime::from_s(setup.scenario.mission.duration_s);
-    realtime::run(
-        &mut net,
-        &mut vehicle,
-        clock,
-        setup.tick_ns(),
-        until,
-        |vehicle, _, _| {
-            while let Ok(word) = words.try_recv() {
-                match word.trim() {
-                    "hand-back" => vehicle.hand_back(),
-                    "" => {}
-                    other => eprintln!("'{other}': expected 'hand-back'"),
-                }
-            }
-            if let Some(buffers) = vehicle.link() {
-                while let Some(bytes) = link.try_receive() {
-                    buffers.from_vehicle.push(bytes);
-                }
-                for frame in buffers.to_vehicle.drain(..) {
-                    link.send(frame);
-                }
-            }
-        },
-    )
-    .await?;
-    net.close().await?;
-    Ok(())
+        eprintln!("'hand-back' and Enter gives vehicle {id} back to automatic flight");
+        agent::vehicles(setup, &[id], &options)
+    })
 }
 
-/// Lines typed on standard input, read on a thread of their own that ends with the process.
-fn typed_words() -> mpsc::Receiver<String> {
-    let (sender, receiver) = mpsc::channel();
-    std::thread::spawn(move || {
-        for line in std::io::stdin().lines().map_while(Result::ok) {
-            if sender.send(line).is_err() {
-                return;
-            }
-        }
-    });
-    receiver
+fn signing_key(file: &Path) -> Result<SigningKey, Failure> {
+    let text = std::fs::read_to_string(file)
+        .with_context(|| format!("{}: cannot read the signing key", file.display()))
+        .map_err(Failure::Input)?;
+    SigningKey::from_text(&text).map_err(|why| Failure::usage(format!("{}: {why}", file.display())))
 }
 
 async fn fly_stand_in(arguments: &StandInArguments) -> Result<(), Failure> {
     let (setup, index) = vehicle_of(&arguments.scenario, &arguments.vehicle)?;
     let aircraft = setup.aircraft_of(index).map_err(Failure::input)?.clone();
-    let mut config =
-        StandInConfig::from_scenario(&setup.scenario, index, aircraft).map_err(Failure::input)?;
+    let mut config = StandInConfig::from_scenario(&setup.scenario, index, aircraft)
+        .map_err(Failure::input)?
+        .over(setup.terrain.clone());
     config.wind_series = setup.wind_series.clone();
+    let key = arguments
+        .signing_key
+        .as_deref()
+        .map(signing_key)
+        .transpose()?;
+    config.signing = key.map(|key| signing_from(&key, SimTime::ZERO));
     let seed = arguments.seed.unwrap_or(setup.scenario.mission.seed);
     let name = format!("stand-in/{}", arguments.vehicle);
     let mut vehicle = StandIn::new(config, stream(seed, &name)).map_err(Failure::input)?;
@@ -194,11 +161,13 @@ async fn fly_stand_in(arguments: &StandInArguments) -> Result<(), Failure> {
     let start = Instant::now();
     let mut ticks = tokio::time::interval(Duration::from_nanos(setup.tick_ns().unsigned_abs()));
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
-    let mut interrupted = std::pin::pin!(tokio::signal::ctrl_c());
     loop {
-        tokio::select! {
-            _ = &mut interrupted => return Ok(()),
-            _ = ticks.tick() => {}
+        ticks.tick().await;
+        if arguments
+            .duration
+            .is_some_and(|s| start.elapsed().as_secs_f64() >= s)
+        {
+            return Ok(());
         }
         let frames_in: Vec<Vec<u8>> = std::iter::from_fn(|| link.try_receive()).collect();
         let now = SimTime::from_ns(i64::try_from(start.elapsed().as_nanos()).unwrap_or(i64::MAX));

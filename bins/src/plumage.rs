@@ -1,7 +1,7 @@
 //! The one command a newcomer needs.
 
 use clap::{Parser, Subcommand};
-use shell::commands::{calibrate, campaign, conduct, gap, replay, run, tune};
+use shell::commands::{calibrate, campaign, conduct, control, gap, replay, run, tune};
 use shell::failure;
 use std::process::ExitCode;
 
@@ -24,6 +24,8 @@ enum Command {
     Gap(gap::GapCommand),
     /// Conduct a lockstep run whose agents are processes of their own
     Conduct(conduct::ConductArguments),
+    /// Hand vehicles back or take them over in a mission that runs in processes
+    Control(control::ControlArguments),
     /// Read a recording and, with --verify, fly it again and compare
     Replay(replay::ReplayArguments),
     /// Fly one scenario with many seeds and tabulate what was found
@@ -38,6 +40,7 @@ fn main() -> ExitCode {
         Command::Calibrate(arguments) => calibrate::calibrate(arguments),
         Command::Gap(command) => gap::gap(command),
         Command::Conduct(arguments) => conduct::conduct(arguments),
+        Command::Control(arguments) => control::control(arguments),
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Campaign(arguments) => campaign::campaign(arguments),
         Command::Tune(arguments) => tune::tune(arguments),

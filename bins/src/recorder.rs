@@ -6,7 +6,7 @@ use protocol::bus::Said;
 use protocol::net::lockstep;
 use protocol::net::realtime::{self, MissionClock};
 use shell::outputs::Outputs;
-use shell::{Failure, agent, failure, site};
+use shell::{Failure, agent, failure, presence, site};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -44,6 +44,8 @@ fn record(arguments: &Arguments) -> Result<(), Failure> {
     };
     agent::block_on(async {
         let mut net = arguments.bus.open(&setup, false).await?;
+        let connects_to = arguments.bus.connected_to(false);
+        let watch = presence::watch(&net, &setup, &[], connects_to)?;
         if arguments.bus.lockstep {
             let team = mission::team::agent_ids(&setup).map_err(Failure::input)?;
             lockstep::observe(&mut net, &team, setup.tick_ns(), |said| {
@@ -58,10 +60,16 @@ fn record(arguments: &Arguments) -> Result<(), Failure> {
             })
             .await?;
         }
+        watch.abort();
         net.close().await?;
         Ok(())
     })?;
     let summary = outputs.finish(&digest.hex(), started.elapsed().as_secs_f64())?;
     print!("{}", record::words::summary(&summary));
+    if summary.vehicles.is_empty() {
+        return Err(Failure::Run(anyhow::anyhow!(
+            "no vehicle was heard: are the va processes running, and can they reach this one?"
+        )));
+    }
     Ok(())
 }

@@ -17,6 +17,7 @@ struct Arguments {
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     failure::exit(agent::run(&arguments.bus, true, |setup| {
-        Member::controller(setup).map_err(Failure::input)
+        let member = Member::controller(setup).map_err(Failure::input)?;
+        Ok(vec![member.into()])
     }))
 }

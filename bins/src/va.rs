@@ -1,26 +1,35 @@
-//! A virtual aircraft in a process of its own.
+//! Virtual aircraft, one or several, in a process of their own.
 
 use clap::Parser;
-use mission::Member;
-use shell::{Failure, agent, failure};
+use shell::agent::{self, VehicleOptions};
+use shell::failure;
 use std::process::ExitCode;
 
-/// One vehicle of the team: simulated, a stand-in, or the bridge to a real one, as the scenario
-/// says.
+/// Vehicles of the team: simulated, stand-ins, or the bridges to real ones, as the scenario says.
 #[derive(Debug, Parser)]
 #[command(name = "va", version, about)]
 struct Arguments {
     #[command(flatten)]
     bus: agent::BusArguments,
-    /// Id of the vehicle in the scenario's team
-    #[arg(long)]
-    id: String,
+    /// Ids of the vehicles in the scenario's team, apart by commas; may be repeated
+    #[arg(long, visible_aliases = ["id", "vehicle"], value_name = "ID", value_delimiter = ',', required = true)]
+    vehicles: Vec<String>,
+    /// FlightGear that shows a vehicle, 50 packets a second (ID= if there are several vehicles);
+    /// may be repeated
+    #[arg(long, value_name = "[ID=]HOST:PORT")]
+    flightgear: Vec<String>,
 }
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    let mut ids: Vec<&str> = arguments.vehicles.iter().map(String::as_str).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    let options = VehicleOptions {
+        flightgear: arguments.flightgear.clone(),
+        ..VehicleOptions::default()
+    };
     failure::exit(agent::run(&arguments.bus, false, |setup| {
-        let index = setup.index_of(&arguments.id).map_err(Failure::input)?;
-        Member::vehicle(setup, index).map_err(Failure::input)
+        agent::vehicles(setup, &ids, &options)
     }))
 }

@@ -16,6 +16,7 @@ struct Arguments {
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     failure::exit(agent::run(&arguments.bus, false, |setup| {
-        Member::world(setup).map_err(Failure::input)
+        let member = Member::world(setup).map_err(Failure::input)?;
+        Ok(vec![member.into()])
     }))
 }

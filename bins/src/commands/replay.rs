@@ -2,6 +2,8 @@
 
 use crate::{Failure, mission_files};
 use mission::Run;
+use protocol::{Message, Topic};
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `plumage replay`.
@@ -38,11 +40,21 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     let setup = mission_files::load_text(&name, &recording.info.scenario_toml, folder)?;
     let mut run = Run::new(&setup).map_err(Failure::input)?;
     let mut last = None;
+    let mut operated = VecDeque::new();
     for envelope in recording.in_order().map_err(Failure::input)? {
-        last = Some(envelope.map_err(Failure::input)?.1.time);
+        let (topic, envelope) = envelope.map_err(Failure::input)?;
+        last = Some(envelope.time);
+        if let (Topic::Control(vehicle), Message::Control(control)) = (topic, &envelope.message) {
+            operated.push_back((envelope.time, vehicle, *control));
+        }
     }
     // A recording cut short is compared as far as it goes.
     while last.is_some_and(|last| run.now() <= last) && !run.ended() {
+        // What an operator did then is done again.
+        while let Some((_, vehicle, control)) = operated.pop_front_if(|o| o.0 <= run.now()) {
+            run.operate(vehicle.as_str(), control)
+                .map_err(Failure::input)?;
+        }
         run.step();
     }
     let simulated = run.digest();

@@ -1,6 +1,7 @@
 //! `plumage run`: a mission in one process.
 
 use crate::outputs::{Outputs, fresh_folder};
+use crate::outside::Outside;
 use crate::pace::{Pace, Speed};
 use crate::page::{LivePage, Serve};
 use crate::{Failure, mission_files, site};
@@ -46,6 +47,9 @@ pub struct RunArguments {
     /// Let the simulated world take up what the reality gap finds in flight
     #[arg(long)]
     pub adopt: bool,
+    /// FlightGear that shows a vehicle, 50 packets a second; may be repeated
+    #[arg(long, value_name = "ID=HOST:PORT")]
+    pub flightgear: Vec<String>,
     /// Make the last N vehicles of the team stand-ins for real ones, the others simulated
     #[arg(long, value_name = "N")]
     pub real_stand_ins: Option<usize>,
@@ -84,7 +88,13 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         .out
         .clone()
         .unwrap_or_else(|| fresh_folder(&setup.scenario.mission.name));
-    let run = Run::new(&setup).map_err(Failure::input)?;
+    let outside = Outside::open(&setup, arguments)?;
+    let run = if outside.links.is_empty() {
+        Run::new(&setup)
+    } else {
+        Run::with_links(&setup)
+    };
+    let run = run.map_err(Failure::input)?;
     let site = Arc::new(site::of(&setup)?);
     let page = LivePage::open(&arguments.serve_at(), Arc::clone(&site))?;
     let outputs = Outputs::open(&folder, arguments.force, &setup, site)?;
@@ -98,6 +108,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         started: Instant::now(),
         phase: None,
         stop: interrupt_flag()?,
+        outside,
         run,
         outputs,
         page,
@@ -139,6 +150,7 @@ struct Flight {
     started: Instant,
     phase: Option<Phase>,
     stop: Arc<AtomicBool>,
+    outside: Outside,
 }
 
 impl Flight {
@@ -152,6 +164,7 @@ impl Flight {
                 continue;
             }
             self.keep_pace()?;
+            self.outside.serve(&mut self.run);
             let said = self.run.step();
             self.outputs.take(said)?;
             if let Some(page) = &mut self.page {
@@ -192,15 +205,22 @@ impl Flight {
         for command in page.commands() {
             let speed = match command {
                 PageCommand::Pause => {
-                    self.paused = true;
+                    self.paused = self.outside.links.is_empty();
                     continue;
                 }
-                PageCommand::Resume => self.pace.speed(),
+                PageCommand::Resume => {
+                    self.paused = false;
+                    self.pace.speed()
+                }
+                // A real vehicle knows no other time than the wall's.
+                PageCommand::Speed(_) if !self.outside.links.is_empty() => continue,
                 PageCommand::Speed(factor) => Speed(factor),
+                PageCommand::Control(vehicle, control) => {
+                    // A vehicle that is not in the team has no agent that would listen.
+                    let _ = self.run.operate(&vehicle, control);
+                    continue;
+                }
             };
-            if command == PageCommand::Resume {
-                self.paused = false;
-            }
             self.pace = Pace::new(speed, self.run.now().s());
         }
     }

@@ -12,11 +12,10 @@ use crate::telemetry::Telemetry;
 use crate::wire::{FrameDecoder, FrameEncoder, LinkStatistics};
 use crate::{BridgeError, event};
 use air::isa::Atmosphere;
+use fdm::control_level::{ControlLevel, Event, Level, Outcome};
 use mavlink::MessageData;
 use protocol::SimTime;
-use protocol::message::{
-    ControlLevel, EventMessage, Mode, PathKind, Reading, Setpoint, Severity, State,
-};
+use protocol::message::{EventMessage, PathKind, Reading, Setpoint, Severity, State};
 
 /// Period of the ground station's heartbeat, ns: what a vehicle's failsafe listens for.
 const HEARTBEAT_NS: i64 = 1_000_000_000;
@@ -122,8 +121,6 @@ pub struct BridgeOutput {
     pub state: Option<State>,
     /// What its sensor reads, if a new reading came; the last of several.
     pub reading: Option<Reading>,
-    /// Who flies, if that or its reason changed.
-    pub mode: Option<Mode>,
     /// What happened.
     pub events: Vec<EventMessage>,
 }
@@ -134,7 +131,7 @@ impl BridgeOutput {
         self.frames_to_vehicle.clear();
         self.frames_from_vehicle.clear();
         self.events.clear();
-        (self.state, self.reading, self.mode) = (None, None, None);
+        (self.state, self.reading) = (None, None);
     }
 }
 
@@ -171,7 +168,6 @@ pub struct Bridge {
     /// When something refused or unanswered may be asked for again.
     again_at: Option<SimTime>,
     takeoff_altitude_m: Option<f64>,
-    mode_said: Option<Mode>,
     said: Said,
 }
 
@@ -200,10 +196,14 @@ impl Bridge {
             speed_sent: None,
             again_at: None,
             takeoff_altitude_m: None,
-            mode_said: None,
             said: Said::default(),
             config,
         })
+    }
+
+    /// From now on frames out are signed, and frames in that are not are refused.
+    pub fn sign(&mut self, config: SigningConfig) {
+        self.signing = Some(Signing::new(config));
     }
 
     /// What has gone over the link so far.
@@ -222,9 +222,24 @@ impl Bridge {
         }
     }
 
+    /// The control level, with the dangers that last.
+    pub fn control(&self) -> &ControlLevel {
+        self.authority.control()
+    }
+
     /// Who flies.
-    pub fn level(&self) -> ControlLevel {
-        self.authority.level()
+    pub fn level(&self) -> Level {
+        self.control().level()
+    }
+
+    /// What the vehicle does, in words.
+    pub fn doing(&self) -> String {
+        self.authority.doing()
+    }
+
+    /// Whether setpoints go through now.
+    pub fn follows_setpoints(&self) -> bool {
+        self.level() == Level::Automatic && self.authority.link_up()
     }
 
     /// Whether GUIDED has been asked for upon a hand-back and the vehicle has not shown it yet;
@@ -250,7 +265,26 @@ impl Bridge {
             self.send(&heartbeat, now, out);
         }
         self.send_commands(now, out);
-        self.say_mode(out);
+    }
+
+    /// Something happens to the control level that the vehicle's own messages do not tell: a
+    /// danger that the rest of the team sees, or a hand-back.
+    pub fn handle(&mut self, happening: Event, out: &mut BridgeOutput) {
+        if happening == Event::HandBack {
+            return self.hand_back(out);
+        }
+        let before = self.authority.phase();
+        self.authority.handle(happening);
+        let phase = self.authority.phase();
+        if phase == before {
+            return;
+        }
+        self.on_phase(phase);
+        if phase == Phase::Guardian {
+            let dangers: Vec<&str> = self.control().dangers().map(|d| d.words()).collect();
+            let text = format!("brought home: {}", dangers.join(", "));
+            out.events.push(event(Severity::Warning, "guardian", text));
+        }
     }
 
     /// Passes a setpoint on, or withholds it and says so. A setpoint like the last one is not
@@ -286,19 +320,14 @@ impl Bridge {
                     out,
                 );
             }
-            (Phase::Pilot | Phase::HandingBack, _) => {
-                self.withhold(setpoint, "setpoint-ignored", "a pilot flies", out);
-            }
-            (Phase::Guardian, _) => {
-                self.withhold(setpoint, "setpoint-ignored", "its own failsafe flies", out);
-            }
-            (Phase::Foreign, _) => {
-                self.withhold(
-                    setpoint,
-                    "setpoint-ignored",
-                    "the vehicle is no ArduPlane",
-                    out,
-                );
+            (phase, _) => {
+                let why = match phase {
+                    Phase::HandingBack => "the vehicle is not in GUIDED yet",
+                    Phase::Guardian => "the Guardian flies",
+                    Phase::Foreign => "the vehicle is no ArduPlane",
+                    _ => "a pilot flies",
+                };
+                self.withhold(setpoint, "setpoint-ignored", why, out);
             }
         }
     }
@@ -316,18 +345,18 @@ impl Bridge {
                 out.events.push(event(Severity::Info, "hand-back", text));
             }
             _ if !seen.airborne && !seen.armed => {
-                self.authority.ask(Phase::Ground, seen.custom_mode);
-                let text = "handed back on the ground: waits for take-off";
-                out.events.push(event(Severity::Info, "hand-back", text));
+                let outcome = self.authority.hand_back_on_ground();
+                self.say_hand_back(
+                    outcome,
+                    "handed back on the ground: waits for take-off",
+                    out,
+                );
             }
             _ => {
                 self.forget_target();
-                let phase = if seen.custom_mode == GUIDED {
-                    Phase::Guided
-                } else {
-                    Phase::HandingBack
-                };
-                self.authority.ask(phase, GUIDED);
+                let outcome = self.authority.hand_back();
+                let phase = self.authority.phase();
+                self.on_phase(phase);
                 if phase == Phase::HandingBack {
                     // Once only: a repetition could cross the pilot's next change of mind.
                     self.commands.push(Command::Mode {
@@ -335,11 +364,24 @@ impl Bridge {
                         attempts: 1,
                     });
                 }
-                let text = "handed back to automatic flight";
-                out.events.push(event(Severity::Info, "hand-back", text));
+                let text = match phase {
+                    Phase::Guardian => "handed back to the Guardian: a danger lasts",
+                    _ => "handed back to automatic flight",
+                };
+                self.say_hand_back(outcome, text, out);
             }
         }
-        self.say_mode(out);
+    }
+
+    fn say_hand_back(&self, outcome: Outcome, done: &str, out: &mut BridgeOutput) {
+        out.events.push(match outcome {
+            Outcome::Refused(danger) => event(
+                Severity::Warning,
+                "hand-back-refused",
+                format!("hand-back refused: {}", danger.words()),
+            ),
+            _ => event(Severity::Info, "hand-back", done),
+        });
     }
 
     fn withhold(&mut self, setpoint: &Setpoint, code: &str, why: &str, out: &mut BridgeOutput) {
@@ -347,6 +389,9 @@ impl Bridge {
             return;
         }
         self.withheld = Some(setpoint.clone());
+        if self.level() != Level::Automatic {
+            self.authority.handle(Event::Setpoint);
+        }
         let text = format!("setpoint ignored: {why}");
         out.events.push(event(Severity::Warning, code, text));
     }
@@ -359,19 +404,6 @@ impl Bridge {
     fn send<D: MessageData>(&mut self, message: &D, now: SimTime, out: &mut BridgeOutput) {
         let frame = self.encoder.encode(message, self.signing.as_mut(), now);
         out.frames_to_vehicle.push(frame);
-    }
-
-    fn say_mode(&mut self, out: &mut BridgeOutput) {
-        let level = self.authority.level();
-        let mode = Mode {
-            level,
-            reason: self.authority.reason(),
-            setpoints_obeyed: level == ControlLevel::Automatic && self.authority.link_up(),
-        };
-        if self.mode_said.as_ref() != Some(&mode) {
-            self.mode_said = Some(mode.clone());
-            out.mode = Some(mode);
-        }
     }
 }
 

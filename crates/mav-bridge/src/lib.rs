@@ -13,8 +13,10 @@
 //! altitude, ρ₀ = 1.225 kg/m³. Setpoints go the same way back. The temperature of a reading is
 //! that of a HYGROMETER_SENSOR; the barometer's own sits in a warm case and is not used.
 //!
-//! The bridge never changes the mode of a vehicle that a pilot flies: GUIDED is asked for once
-//! after TAKEOFF, and again only upon [`Bridge::hand_back`].
+//! Who flies is decided by [`fdm::control_level`], from what the vehicle shows and what
+//! [`Bridge::handle`] is told. The bridge never changes the mode of a vehicle that a pilot flies:
+//! GUIDED is asked for once after TAKEOFF, and again only upon [`Bridge::hand_back`]; a vehicle in
+//! danger that still flies in a mode of the bridge's asking is sent home (RTL).
 
 pub mod arduplane;
 mod authority;

@@ -1,6 +1,7 @@
 //! Laws that hold for any bytes on the link and any order of events.
 #![allow(clippy::unwrap_used)]
 
+use fdm::control_level::{Danger, Event, Level};
 use mav_bridge::arduplane::{AUTO, FBWA, GUIDED, LOITER, MANUAL, RTL, TAKEOFF};
 use mav_bridge::dialect::{
     ATTITUDE_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState,
@@ -10,7 +11,7 @@ use mav_bridge::wire::{FrameDecoder, FrameEncoder};
 use mav_bridge::{Bridge, BridgeConfig, BridgeOutput};
 use proptest::prelude::*;
 use protocol::SimTime;
-use protocol::message::{ControlLevel, PathKind, Setpoint};
+use protocol::message::{PathKind, Setpoint};
 
 fn s(seconds: f64) -> SimTime {
     SimTime::from_s(seconds)
@@ -176,16 +177,19 @@ proptest! {
         let mut bridge = Bridge::new(BridgeConfig { may_arm: true, ..BridgeConfig::default() }).unwrap();
         let mut time_s = 0.0;
         let mut pilot = false;
+        let mut failsafe = false;
         for happening in events {
             let mut out = BridgeOutput::default();
             match happening {
                 Happening::Heartbeat(mode, status, armed) => {
+                    failsafe = status == MavState::MAV_STATE_CRITICAL && matches!(mode, AUTO | RTL);
                     let frame = heartbeat(&mut encoder, mode, status, armed);
                     bridge.receive(&frame, s(time_s), &mut out);
                 }
                 Happening::Setpoint(path, north) => {
                     bridge.setpoint(&setpoint(path, north), s(time_s), &mut out);
                 }
+                Happening::Danger(event) => bridge.handle(event, &mut out),
                 Happening::HandBack => {
                     bridge.hand_back(&mut out);
                     pilot = false;
@@ -195,7 +199,9 @@ proptest! {
             time_s += 0.02;
             bridge.tick(s(time_s), &mut out);
             if pilot {
-                prop_assert_eq!(bridge.level(), ControlLevel::Pilot, "taken from the pilot");
+                // Only the vehicle's own failsafe takes it from a pilot whose remote is silent.
+                let lost = failsafe && bridge.level() == Level::Guardian;
+                prop_assert!(lost || bridge.level() == Level::Pilot, "taken from the pilot");
                 for frame in &out.frames_to_vehicle {
                     prop_assert!(!steers(frame), "sent to a pilot's aircraft: {:02x?}", frame);
                 }
@@ -203,7 +209,7 @@ proptest! {
             for frame in &out.frames_to_vehicle {
                 prop_assert!(!changes_mode_by_reposition(frame));
             }
-            pilot = bridge.level() == ControlLevel::Pilot && !bridge.hand_back_pending();
+            pilot = bridge.level() == Level::Pilot && !bridge.hand_back_pending();
         }
     }
 }
@@ -212,6 +218,7 @@ proptest! {
 enum Happening {
     Heartbeat(u32, MavState, bool),
     Setpoint(PathKind, f64),
+    Danger(Event),
     HandBack,
     Wait(f64),
 }
@@ -236,6 +243,10 @@ fn happening() -> impl Strategy<Value = Happening> {
         4 => (mode, status, any::<bool>()).prop_map(|(m, st, a)| Happening::Heartbeat(m, st, a)),
         3 => (path, 0.0..1000.0).prop_map(|(p, n)| Happening::Setpoint(p, n)),
         1 => Just(Happening::HandBack),
+        2 => (0..Danger::ALL.len(), any::<bool>()).prop_map(|(k, begins)| {
+            let danger = Danger::ALL[k];
+            Happening::Danger(if begins { Event::Begins(danger) } else { Event::Ends(danger) })
+        }),
         2 => (0.1..8.0).prop_map(Happening::Wait),
     ]
 }

@@ -3,13 +3,14 @@
 //! The team sees of it what any real aircraft would show.
 
 use crate::{MissionError, Setup};
+use mav_bridge::signing::SigningConfig;
 use mav_bridge::{Bridge, BridgeConfig, BridgeOutput};
 use protocol::key::Name;
-use protocol::message::MavlinkFrame;
+use protocol::message::{MavlinkFrame, Mode};
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
 use scenario::random::stream;
 use stand_in::{StandIn, StandInConfig};
-use va::{Body, BridgedBody, FromBridge, VirtualAircraft};
+use va::{Body, BridgedBody, FromBridge, VirtualAircraft, Watch};
 
 /// What is at the far end of the MAVLink link.
 enum FarEnd {
@@ -45,11 +46,12 @@ impl RealVehicle {
     /// A scenario or aircraft that the stand-in refuses.
     pub fn with_stand_in(setup: &Setup, index: usize) -> Result<Self, MissionError> {
         let scenario = &setup.scenario;
+        let aircraft = setup.aircraft_of(index)?.clone();
         let mut config =
-            StandInConfig::from_scenario(scenario, index, setup.aircraft_of(index)?.clone())?;
+            StandInConfig::from_scenario(scenario, index, aircraft)?.over(setup.terrain.clone());
         // A measured wind is everybody's, unless the reality has one of its own.
         config.wind_series = setup.wind_series.clone();
-        let name = scenario.vehicles.get(index).map_or("", |v| v.id.as_str());
+        let name = setup.name_of(index)?;
         let rng = stream(scenario.mission.seed, &format!("stand-in/{name}"));
         let stand_in = StandIn::new(config, rng)?;
         // Nobody stands beside a stand-in to arm it.
@@ -57,35 +59,54 @@ impl RealVehicle {
             may_arm: true,
             ..bridge_config(setup)?
         };
-        Self::new(name, bridge, FarEnd::StandIn(Box::new(stand_in)))
+        Self::new(setup, index, bridge, FarEnd::StandIn(Box::new(stand_in)))
     }
 
-    /// The vehicle at `index` of the team behind a link that the owner serves.
+    /// The vehicle at `index` of the team behind a link that the owner serves; the bridge arms
+    /// its motor if it `may_arm`.
     ///
     /// # Errors
     /// A scenario that describes no air.
-    pub fn with_link(setup: &Setup, index: usize) -> Result<Self, MissionError> {
-        let name = setup
-            .scenario
-            .vehicles
-            .get(index)
-            .map_or("", |v| v.id.as_str());
+    pub fn with_link(setup: &Setup, index: usize, may_arm: bool) -> Result<Self, MissionError> {
         Self::new(
-            name,
-            bridge_config(setup)?,
+            setup,
+            index,
+            BridgeConfig {
+                may_arm,
+                ..bridge_config(setup)?
+            },
             FarEnd::Link(LinkBuffers::default()),
         )
     }
 
-    fn new(name: &str, bridge: BridgeConfig, far_end: FarEnd) -> Result<Self, MissionError> {
+    fn new(
+        setup: &Setup,
+        index: usize,
+        bridge: BridgeConfig,
+        far_end: FarEnd,
+    ) -> Result<Self, MissionError> {
+        let watch = Watch::new(&setup.scenario, index)?;
+        let name = setup.name_of(index)?;
+        let surfaces = setup.aircraft_of(index)?.surfaces;
+        let body = Body::Bridged(Box::new(BridgedBody::new(surfaces)));
         Ok(Self {
-            va: VirtualAircraft::new(name, Body::Bridged(Box::new(BridgedBody::new())))?,
+            va: VirtualAircraft::new(name, body, watch)?,
             name: Name::new(name)?,
             bridge: Bridge::new(bridge)?,
             far_end,
             output: BridgeOutput::default(),
             handed_back: false,
         })
+    }
+
+    /// From now on frames to the vehicle are signed, and unsigned ones from it refused.
+    pub fn sign(&mut self, config: SigningConfig) {
+        self.bridge.sign(config);
+    }
+
+    /// The vehicle as the team sees it.
+    pub fn aircraft(&self) -> &VirtualAircraft {
+        &self.va
     }
 
     /// The owner's end of the link; none where a stand-in is at the far end.
@@ -109,6 +130,15 @@ impl RealVehicle {
         }
     }
 
+    /// Who flies, as it is said on the bus.
+    fn mode(&self) -> Mode {
+        let mode = va::control::mode(self.bridge.control(), &self.bridge.doing());
+        Mode {
+            setpoints_obeyed: self.bridge.follows_setpoints(),
+            ..mode
+        }
+    }
+
     /// One exchange over the link: what the vehicle said, then what it is told.
     fn exchange(&mut self, now: SimTime, out: &mut Outbox) {
         self.output.clear();
@@ -116,6 +146,9 @@ impl RealVehicle {
             self.bridge.hand_back(&mut self.output);
         }
         if let Body::Bridged(body) = self.va.body_mut() {
+            for event in body.take_control() {
+                self.bridge.handle(event, &mut self.output);
+            }
             for setpoint in body.take_setpoints() {
                 self.bridge.setpoint(&setpoint, now, &mut self.output);
             }
@@ -179,7 +212,7 @@ impl Agent for RealVehicle {
             let news = FromBridge {
                 state: self.output.state.take(),
                 reading: self.output.reading.take(),
-                mode: self.output.mode.take(),
+                mode: Some(self.mode()),
                 events: std::mem::take(&mut self.output.events),
             };
             if let Body::Bridged(body) = self.va.body_mut() {

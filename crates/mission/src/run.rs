@@ -2,9 +2,12 @@
 
 use crate::team::Member;
 use crate::{MissionError, Setup};
-use protocol::SimTime;
 use protocol::bus::{Conductor, Said};
 use protocol::digest::Digest;
+use protocol::key::Name;
+use protocol::message::Control;
+use protocol::{Message, SimTime, Topic};
+use scenario::tables::VehicleKind;
 
 /// A mission under way.
 pub struct Run {
@@ -14,11 +17,28 @@ pub struct Run {
 }
 
 impl Run {
-    /// A mission at its start.
+    /// A mission at its start, all of it in this process.
+    ///
+    /// # Errors
+    /// A member that cannot be made, or a vehicle behind a link that nobody serves.
+    pub fn new(setup: &Setup) -> Result<Self, MissionError> {
+        let mut vehicles = setup.scenario.vehicles.iter();
+        if let Some(linked) = vehicles.find(|v| v.kind == VehicleKind::Mavlink) {
+            return Err(MissionError::Request(format!(
+                "vehicle {} is a real one behind a MAVLink link, which only real time can serve: \
+                 fly it by plumage run --speed real, or in a process of its own by va or mav-bridge",
+                linked.id
+            )));
+        }
+        Self::with_links(setup)
+    }
+
+    /// A mission at its start whose links to real vehicles the owner serves, between the ticks,
+    /// at the members' [`RealVehicle::link`](crate::real_vehicle::RealVehicle::link).
     ///
     /// # Errors
     /// A member that cannot be made.
-    pub fn new(setup: &Setup) -> Result<Self, MissionError> {
+    pub fn with_links(setup: &Setup) -> Result<Self, MissionError> {
         Ok(Self {
             conductor: Conductor::new(Member::all(setup)?, setup.tick_ns()),
             digest: Digest::new(),
@@ -48,6 +68,25 @@ impl Run {
             self.digest.add(topic, envelope);
         }
         said
+    }
+
+    /// The members, ordered by their ids.
+    pub fn members(&self) -> impl Iterator<Item = &Member> {
+        self.conductor.agents()
+    }
+
+    /// The members, for what is not a bus.
+    pub fn members_mut(&mut self) -> impl Iterator<Item = &mut Member> {
+        self.conductor.agents_mut()
+    }
+
+    /// The operator does something to the control level of `vehicle` in the tick to come.
+    ///
+    /// # Errors
+    /// A name that cannot be part of a key.
+    pub fn operate(&mut self, vehicle: &str, control: Control) -> Result<(), MissionError> {
+        let topic = Topic::Control(Name::new(vehicle)?);
+        Ok(self.conductor.operate(topic, Message::Control(control))?)
     }
 
     /// Digest of all that was said so far.

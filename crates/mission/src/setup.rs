@@ -1,7 +1,7 @@
 //! A scenario with all the files it names, read and checked.
 
 use crate::MissionError;
-use air::geo::LocalFrame;
+use air::geo::{Geodetic, LocalFrame};
 use air::terrain::Terrain;
 use air::wind::WindSeries;
 use fdm::Aircraft;
@@ -26,6 +26,36 @@ pub struct Setup {
     pub wind_series: Option<WindSeries>,
     /// The ground.
     pub terrain: Terrain,
+    /// Keys shared with real vehicles, by the vehicle's id.
+    pub signing_keys: BTreeMap<String, SigningKey>,
+}
+
+/// A key shared with a vehicle; it does not show itself.
+#[derive(Clone, PartialEq, Eq)]
+pub struct SigningKey(pub [u8; 32]);
+
+impl std::fmt::Debug for SigningKey {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("SigningKey(..)")
+    }
+}
+
+impl SigningKey {
+    /// Reads 64 hexadecimal digits; white space around them does not matter.
+    ///
+    /// # Errors
+    /// What else it is, in words that do not give it away.
+    pub fn from_text(text: &str) -> Result<Self, String> {
+        let digits: Option<Vec<u32>> = text.trim().chars().map(|c| c.to_digit(16)).collect();
+        let bytes: Option<Vec<u8>> = digits.filter(|d| d.len() == 64).map(|digits| {
+            let byte = |pair: &[u32]| (pair[0] * 16 + pair[1]) as u8;
+            digits.chunks_exact(2).map(byte).collect()
+        });
+        bytes
+            .and_then(|b| b.try_into().ok())
+            .map(Self)
+            .ok_or_else(|| "expected 64 hexadecimal digits, the 32 bytes of a key".to_owned())
+    }
 }
 
 impl Setup {
@@ -65,7 +95,18 @@ impl Setup {
                 })
                 .map_err(|why| refuse(name, "site.terrain", why))?,
         };
+        let mut signing_keys = BTreeMap::new();
+        for vehicle in &scenario.vehicles {
+            let Some(name) = &vehicle.signing_key else {
+                continue;
+            };
+            let key = read(name)
+                .and_then(|bytes| SigningKey::from_text(&String::from_utf8_lossy(&bytes)))
+                .map_err(|why| refuse(name, &format!("vehicle {}", vehicle.id), why))?;
+            signing_keys.insert(vehicle.id.clone(), key);
+        }
         Ok(Self {
+            signing_keys,
             scenario,
             aircraft,
             wind_series,
@@ -92,6 +133,8 @@ impl Setup {
                 VehicleKind::Simulated
             };
             vehicle.link = None;
+            vehicle.may_arm = false;
+            vehicle.signing_key = None;
         }
         Ok(self)
     }
@@ -105,6 +148,17 @@ impl Setup {
             .vehicles
             .get(index)
             .and_then(|v| self.aircraft.get(&v.aircraft))
+            .ok_or_else(|| MissionError::Request(format!("no vehicle number {index}")))
+    }
+
+    /// Id of the vehicle at `index` of the team.
+    ///
+    /// # Errors
+    /// No such vehicle.
+    pub fn name_of(&self, index: usize) -> Result<&str, MissionError> {
+        let vehicle = self.scenario.vehicles.get(index);
+        vehicle
+            .map(|v| v.id.as_str())
             .ok_or_else(|| MissionError::Request(format!("no vehicle number {index}")))
     }
 
@@ -133,6 +187,18 @@ impl Setup {
     /// A site outside the frame's validity.
     pub fn frame(&self) -> Result<LocalFrame, MissionError> {
         Ok(self.scenario.frame()?)
+    }
+
+    /// Height of the ground at the home of the vehicle at `index`, m above mean sea level.
+    ///
+    /// # Errors
+    /// A site outside the frame's validity.
+    pub fn ground_at_home_m(&self, index: usize) -> Result<f64, MissionError> {
+        let home = self.scenario.home(index)?;
+        Ok(self.terrain.ground_amsl_m(Geodetic {
+            lat_deg: home.lat_deg,
+            lon_deg: home.lon_deg,
+        }))
     }
 
     /// Length of a tick, ns.
@@ -222,6 +288,27 @@ mod tests {
             message,
             "glider.toml: no such file (named by vehicle 7 of s.toml)"
         );
+    }
+
+    #[test]
+    fn a_signing_key_is_read_or_refused_without_telling_it() {
+        let text = format!(
+            "{LEAST}[[vehicle]]\nid=\"7\"\nkind=\"mavlink\"\nlink=\"udpin:0.0.0.0:14550\"\n\
+             signing_key=\"key\"\n"
+        );
+        let load = |key: &'static str| {
+            Setup::load("s.toml", &text, &move |file| match file {
+                "key" => Ok(key.into()),
+                other => nothing(other),
+            })
+        };
+        let good = load("00ff00000000000000000000000000000000000000000000000000000000000A\n");
+        let key = good.unwrap().signing_keys["7"].clone();
+        assert_eq!((key.0[1], key.0[31]), (255, 10));
+        assert_eq!(format!("{key:?}"), "SigningKey(..)");
+        let message = load("secret").unwrap_err().to_string();
+        assert!(message.starts_with("key: expected 64"), "{message}");
+        assert!(!message.contains("secret"));
     }
 
     #[test]

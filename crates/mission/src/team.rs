@@ -5,7 +5,7 @@ use crate::{MissionError, Setup};
 use protocol::{Agent, AgentId, Event, Interest, Outbox, SimTime};
 use sc::SquadronController;
 use scenario::tables::VehicleKind;
-use va::{Body, SimulatedBody, SimulatedConfig, VirtualAircraft};
+use va::{Body, SimulatedBody, SimulatedConfig, VirtualAircraft, Watch};
 use ws::{WorldSimulator, WorldSimulatorConfig};
 
 /// One agent of a mission.
@@ -57,13 +57,41 @@ impl Member {
                     scenario: &setup.scenario,
                     index,
                     aircraft,
+                    ground_amsl_m: setup.ground_at_home_m(index)?,
                 };
                 let body = Body::Simulated(Box::new(SimulatedBody::new(config)?));
-                Self::Simulated(Box::new(VirtualAircraft::new(&vehicle.id, body)?))
+                let watch = Watch::new(&setup.scenario, index)?;
+                Self::Simulated(Box::new(VirtualAircraft::new(&vehicle.id, body, watch)?))
             }
             VehicleKind::StandIn => Self::Real(Box::new(RealVehicle::with_stand_in(setup, index)?)),
-            VehicleKind::Mavlink => Self::Real(Box::new(RealVehicle::with_link(setup, index)?)),
+            VehicleKind::Mavlink => Self::linked(setup, index, vehicle.may_arm)?,
         })
+    }
+
+    /// The vehicle at `index` of the team behind a link that the caller serves, whatever the
+    /// scenario says of its kind but simulated.
+    ///
+    /// # Errors
+    /// A vehicle whose air and readings the team takes for simulated.
+    pub fn linked(setup: &Setup, index: usize, may_arm: bool) -> Result<Self, MissionError> {
+        let name = setup.name_of(index)?;
+        if setup.scenario.vehicles[index].kind == VehicleKind::Simulated {
+            return Err(MissionError::Request(format!(
+                "vehicle {name} is simulated in the scenario: expected kind = \"mavlink\" or \
+                 \"stand-in\" for one behind a link"
+            )));
+        }
+        let vehicle = RealVehicle::with_link(setup, index, may_arm)?;
+        Ok(Self::Real(Box::new(vehicle)))
+    }
+
+    /// The vehicle that this member is, as the team sees it.
+    pub fn aircraft(&self) -> Option<&VirtualAircraft> {
+        match self {
+            Self::World(_) | Self::Controller(_) => None,
+            Self::Simulated(vehicle) => Some(vehicle),
+            Self::Real(vehicle) => Some(vehicle.aircraft()),
+        }
     }
 
     /// All agents of a mission.

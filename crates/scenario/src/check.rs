@@ -340,31 +340,63 @@ fn vehicles(vehicles: &[Vehicle]) -> Checked {
                 "an id that no other vehicle has",
             ));
         }
-        if vehicle.kind == VehicleKind::Mavlink && vehicle.link.is_none() {
-            return Err(Refusal::new(
-                format!("vehicle.{k}"),
-                "a mavlink vehicle without link",
-                "link = \"udpin:0.0.0.0:14550\" or the like",
-            ));
-        }
-        if let Some(home) = vehicle.home {
-            within(
-                format!("vehicle.{k}.home.lat_deg"),
-                home.lat_deg,
-                -89.0,
-                89.0,
-                "degrees, -89 to 89",
-            )?;
-            within(
-                format!("vehicle.{k}.home.lon_deg"),
-                home.lon_deg,
-                -180.0,
-                180.0,
-                "degrees, -180 to 180",
-            )?;
-        }
+        equipment(k, vehicle)?;
     }
     Ok(())
+}
+
+/// What a vehicle has beside its id.
+fn equipment(k: usize, vehicle: &Vehicle) -> Checked {
+    if vehicle.kind == VehicleKind::Mavlink && vehicle.link.is_none() {
+        return Err(Refusal::new(
+            format!("vehicle.{k}"),
+            "a mavlink vehicle without link",
+            "link = \"udpin:0.0.0.0:14550\" or the like",
+        ));
+    }
+    let bridged = vehicle.may_arm || vehicle.signing_key.is_some();
+    if vehicle.kind != VehicleKind::Mavlink && bridged {
+        return Err(Refusal::new(
+            format!("vehicle.{k}"),
+            "may_arm or signing_key",
+            "kind = \"mavlink\" with these keys",
+        ));
+    }
+    if let Some(address) = &vehicle.flightgear {
+        host_and_port(&format!("vehicle.{k}.flightgear"), address)?;
+    }
+    if let Some(home) = vehicle.home {
+        within(
+            format!("vehicle.{k}.home.lat_deg"),
+            home.lat_deg,
+            -89.0,
+            89.0,
+            "degrees, -89 to 89",
+        )?;
+        within(
+            format!("vehicle.{k}.home.lon_deg"),
+            home.lon_deg,
+            -180.0,
+            180.0,
+            "degrees, -180 to 180",
+        )?;
+    }
+    Ok(())
+}
+
+fn host_and_port(key: &str, address: &str) -> Checked {
+    let fits = address.rsplit_once(':').is_some_and(|(host, port)| {
+        !host.is_empty() && port.parse::<u16>().is_ok_and(|port| port > 0)
+    });
+    if fits {
+        Ok(())
+    } else {
+        Err(Refusal::new(
+            key,
+            address,
+            "HOST:PORT such as \"127.0.0.1:5500\"",
+        ))
+    }
 }
 
 fn fence(fence: &Fence) -> Checked {

@@ -312,6 +312,16 @@ pub struct Vehicle {
     /// MAVLink address of a `mavlink` vehicle, such as `udpin:0.0.0.0:14550`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub link: Option<String>,
+    /// Whether the bridge may arm the motor of a `mavlink` vehicle; else a person does.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub may_arm: bool,
+    /// File with the key shared with a `mavlink` vehicle, 64 hexadecimal digits; frames are then
+    /// signed, and unsigned ones refused.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub signing_key: Option<String>,
+    /// `HOST:PORT` of a FlightGear that shows this vehicle.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flightgear: Option<String>,
 }
 
 fn default_aircraft() -> String {
@@ -337,6 +347,9 @@ fn default_team() -> Vec<Vehicle> {
             },
             home: None,
             link: None,
+            may_arm: false,
+            signing_key: None,
+            flightgear: None,
         })
         .collect()
 }

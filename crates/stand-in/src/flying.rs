@@ -206,6 +206,7 @@ impl Flight {
         self.slow_s += dt_s;
         if self.slow_s >= SLOW_S - 1e-9 {
             reality.look_around(&state, time_s);
+            self.sim.set_ground_amsl_m(reality.ground_amsl_m(&state));
             let wind = reality.around().wind_ned_m_s;
             let flying = state.phase == Phase::Flying;
             self.estimator.step(self.slow_s, wind, flying, rng);

@@ -24,6 +24,7 @@ pub use parameters::Parameters;
 
 use air::geo::{Geodetic, LocalFrame};
 use air::isa::Atmosphere;
+use air::terrain::Terrain;
 use air::wind::WindSeries;
 use fdm::{Aircraft, FlightState};
 use flying::{Flight, Place};
@@ -74,6 +75,8 @@ pub struct StandInConfig {
     pub launch_heading_deg: f64,
     /// Vertical gust over wind at 20 ft, 1 sigma; 0.1 is that of MIL-F-8785C.
     pub turbulence_intensity: f64,
+    /// The ground of its reality.
+    pub terrain: Terrain,
     /// Wind over time at the profile's height; none: the world's own, constant.
     pub wind_series: Option<WindSeries>,
     /// Settings as ArduPlane's.
@@ -124,6 +127,7 @@ impl StandInConfig {
             home_amsl_m,
             launch_heading_deg: reality.weather.wind_from_deg,
             turbulence_intensity: reality.weather.turbulence_intensity,
+            terrain: Terrain::Flat(home_amsl_m),
             wind_series: None,
             parameters: Parameters::new(
                 limits.airspeed_min_m_s * eas_over_tas,
@@ -135,6 +139,16 @@ impl StandInConfig {
             aircraft,
             world,
         })
+    }
+
+    /// The same stand-in over `terrain`, on which it then stands at home.
+    #[must_use]
+    pub fn over(self, terrain: Terrain) -> Self {
+        Self {
+            home_amsl_m: terrain.ground_amsl_m(self.home),
+            terrain,
+            ..self
+        }
     }
 }
 
@@ -175,6 +189,7 @@ impl StandIn {
             reality: Reality::new(
                 config.world,
                 config.frame,
+                config.terrain,
                 config.wind_series,
                 config.turbulence_intensity,
                 &config.platform,

@@ -1,8 +1,9 @@
 //! The stand-in's own world: its wind with gusts, its air, its plume and its gas sensor.
 
 use air::dryden::{Dryden, Turbulence};
-use air::geo::LocalFrame;
+use air::geo::{Enu, LocalFrame};
 use air::isa::Air;
+use air::terrain::Terrain;
 use air::wind::{WindProfile, WindSeries, WindVector};
 use fdm::{AirAround, FlightState};
 use plume::effects::Ambient;
@@ -22,6 +23,7 @@ pub(crate) const HUMIDITY_PCT: f64 = 70.0;
 pub(crate) struct Reality {
     pub world: World,
     pub frame: LocalFrame,
+    terrain: Terrain,
     series: Option<WindSeries>,
     /// Scale of the standard's turbulence.
     turbulence_scale: f64,
@@ -38,6 +40,7 @@ impl Reality {
     pub(crate) fn new(
         world: World,
         frame: LocalFrame,
+        terrain: Terrain,
         series: Option<WindSeries>,
         turbulence_intensity: f64,
         platform: &str,
@@ -56,6 +59,7 @@ impl Reality {
             air,
             world,
             frame,
+            terrain,
             series,
             turbulence_scale: turbulence_intensity / STANDARD_INTENSITY,
             gust: Dryden::new(),
@@ -66,9 +70,20 @@ impl Reality {
         state.alt_amsl_m - self.world.spec().ground_amsl_m
     }
 
+    /// Height of the ground below, m above mean sea level.
+    pub(crate) fn ground_amsl_m(&self, state: &FlightState) -> f64 {
+        match &self.terrain {
+            Terrain::Flat(ground_amsl_m) => *ground_amsl_m,
+            terrain => terrain.ground_amsl_m(self.frame.to_geodetic(Enu {
+                east_m: state.east_m,
+                north_m: state.north_m,
+            })),
+        }
+    }
+
     /// What changes slowly: mean wind, turbulence and air at the vehicle's height.
     pub(crate) fn look_around(&mut self, state: &FlightState, time_s: f64) {
-        let height = self.height_agl_m(state);
+        let height = (state.alt_amsl_m - self.ground_amsl_m(state)).max(0.0);
         let spec = self.world.spec();
         if let Some(series) = &self.series {
             let wind = series.at(time_s);

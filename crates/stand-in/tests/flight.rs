@@ -2,10 +2,11 @@
 #![allow(clippy::unwrap_used)]
 
 use air::geo::Enu;
-use mav_bridge::arduplane::{FBWA, RTL};
+use fdm::control_level::{Danger, Event, Level};
+use mav_bridge::arduplane::{FBWA, GUIDED, RTL};
 use mav_bridge::{Bridge, BridgeConfig, BridgeOutput};
 use protocol::SimTime;
-use protocol::message::{ControlLevel, EventMessage, PathKind, Reading, Setpoint, State};
+use protocol::message::{EventMessage, PathKind, Reading, Setpoint, State};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use scenario::Scenario;
@@ -167,7 +168,7 @@ fn takes_off_and_obeys_setpoints() {
     pair.take_off();
     pair.setpoint = Some(setpoint(PathKind::GoTo, -800.0, 1800.0, 700.0));
     pair.run(180.0);
-    assert_eq!(pair.bridge.level(), ControlLevel::Automatic);
+    assert_eq!(pair.bridge.level(), Level::Automatic);
     let off = (pair.distance_m() - 100.0).abs();
     assert!(off < 40.0, "orbits {off} m off its circle");
     let truth = pair.vehicle.truth();
@@ -242,7 +243,7 @@ fn pilot_takes_over_and_hands_back() {
     pair.run(10.0);
     assert!(pair.vehicle.pilot(FBWA, TURN));
     pair.run(2.0);
-    assert_eq!(pair.bridge.level(), ControlLevel::Pilot);
+    assert_eq!(pair.bridge.level(), Level::Pilot);
     assert_eq!(pair.said("pilot-takeover"), 1);
     // New setpoints are withheld and reported; nothing that steers goes out.
     pair.sent.clear();
@@ -263,7 +264,7 @@ fn pilot_takes_over_and_hands_back() {
     pair.setpoint = Some(setpoint(PathKind::GoTo, north_m, 1500.0, 650.0));
     pair.hand_back();
     pair.run(120.0);
-    assert_eq!(pair.bridge.level(), ControlLevel::Automatic);
+    assert_eq!(pair.bridge.level(), Level::Automatic);
     assert_eq!(guided_commands(&pair.sent), 1);
     assert!((pair.distance_m() - 100.0).abs() < 40.0);
 }
@@ -278,7 +279,7 @@ fn lost_link_brings_it_home() {
     pair.up = |_, _| Vec::new();
     pair.down = |_, _| Vec::new();
     pair.run(200.0);
-    assert_eq!(pair.bridge.level(), ControlLevel::Guardian);
+    assert_eq!(pair.bridge.level(), Level::Guardian);
     assert_eq!(pair.said("link-lost"), 1);
     let truth = pair.vehicle.truth();
     let home = scenario().home(5).unwrap();
@@ -297,25 +298,116 @@ fn lost_link_brings_it_home() {
     pair.down = |_, frames| frames;
     pair.sent.clear();
     pair.run(20.0);
-    assert_eq!(pair.bridge.level(), ControlLevel::Guardian);
+    assert_eq!(pair.bridge.level(), Level::Guardian);
     assert_eq!(pair.said("link-restored"), 1);
     assert_eq!(steering_commands(&pair.sent), 0);
     pair.hand_back();
     pair.run(150.0);
-    assert_eq!(pair.bridge.level(), ControlLevel::Automatic);
+    assert_eq!(pair.bridge.level(), Level::Automatic);
     assert!((pair.distance_m() - 100.0).abs() < 40.0);
 }
 
 #[test]
-fn a_short_silence_changes_nothing() {
+fn after_a_short_silence_it_comes_home_until_handed_back() {
     let mut pair = Pair::new(6);
     pair.take_off();
+    pair.run(20.0);
     pair.down = |_, _| Vec::new();
     pair.run(7.0);
-    assert_eq!(pair.bridge.level(), ControlLevel::Guardian);
+    assert_eq!(pair.bridge.level(), Level::Guardian);
+    // Too short for the vehicle's own failsafe: the bridge sends it home when it hears it again.
     pair.down = |_, frames| frames;
+    pair.sent.clear();
+    pair.run(10.0);
+    assert_eq!(pair.bridge.level(), Level::Guardian);
+    assert_eq!(pair.bridge.control().dangers().count(), 0);
+    assert_eq!(pair.vehicle.custom_mode(), RTL);
+    assert_eq!(steering_commands(&pair.sent), 1);
+    pair.hand_back();
+    pair.run(5.0);
+    assert_eq!(pair.bridge.level(), Level::Automatic);
+    assert_eq!(pair.vehicle.custom_mode(), GUIDED);
+}
+
+/// Tells the bridge what the rest of the team saw happen.
+fn tell(pair: &mut Pair, event: Event) {
+    let mut out = BridgeOutput::default();
+    pair.bridge.handle(event, &mut out);
+    pair.events.extend(out.events);
+}
+
+#[test]
+fn a_danger_that_the_team_sees_sends_it_home() {
+    let mut pair = Pair::new(16);
+    pair.take_off();
+    pair.run(20.0);
+    tell(&mut pair, Event::Begins(Danger::SquadronController));
     pair.run(3.0);
-    assert_eq!(pair.bridge.level(), ControlLevel::Automatic);
+    assert_eq!(pair.vehicle.custom_mode(), RTL);
+    assert_eq!(pair.said("guardian"), 1);
+    // While it lasts nobody can have the vehicle back but its pilot.
+    pair.hand_back();
+    assert_eq!(pair.said("hand-back-refused"), 1);
+    pair.vehicle.pilot(FBWA, TURN);
+    pair.run(2.0);
+    assert_eq!(pair.bridge.level(), Level::Pilot);
+    // He hands it to the Guardian.
+    pair.hand_back();
+    pair.run(3.0);
+    assert_eq!(pair.bridge.level(), Level::Guardian);
+    assert_eq!(pair.vehicle.custom_mode(), RTL);
+    tell(&mut pair, Event::Ends(Danger::SquadronController));
+    pair.run(3.0);
+    assert_eq!(pair.bridge.level(), Level::Guardian);
+    pair.hand_back();
+    pair.run(3.0);
+    assert_eq!(pair.bridge.level(), Level::Automatic);
+    assert_eq!(pair.vehicle.custom_mode(), GUIDED);
+}
+
+#[test]
+fn a_danger_during_take_off_lets_it_climb_first() {
+    let mut pair = Pair::new(17);
+    pair.setpoint = Some(setpoint(PathKind::TakeOff, -1000.0, 500.0, 650.0));
+    while !pair.state.as_ref().is_some_and(|s| s.airborne) {
+        pair.run(0.2);
+    }
+    tell(&mut pair, Event::Begins(Danger::World));
+    let mut lowest_m = f64::INFINITY;
+    for _ in 0..60 {
+        pair.run(1.0);
+        if pair.vehicle.custom_mode() == RTL {
+            lowest_m = lowest_m.min(pair.vehicle.truth().alt_amsl_m - 340.0);
+        }
+    }
+    assert_eq!(pair.vehicle.custom_mode(), RTL);
+    assert!(lowest_m > 30.0, "sent home at {lowest_m} m");
+}
+
+#[test]
+fn a_bridge_that_dies_leaves_it_to_its_failsafe_and_a_new_one_asks_first() {
+    let mut pair = Pair::new(18);
+    pair.take_off();
+    pair.run(30.0);
+    let config = BridgeConfig {
+        atmosphere: scenario().atmosphere().unwrap(),
+        may_arm: true,
+        ..BridgeConfig::default()
+    };
+    // The old one's process is gone: nothing goes up any more.
+    pair.bridge = Bridge::new(config).unwrap();
+    pair.up = |_, _| Vec::new();
+    pair.run(100.0);
+    assert_eq!(pair.vehicle.custom_mode(), RTL);
+    // A new one finds it in the air in a mode that it did not ask for.
+    pair.up = |_, frames| frames;
+    pair.run(5.0);
+    assert_ne!(pair.bridge.level(), Level::Automatic);
+    assert_eq!(pair.vehicle.custom_mode(), RTL);
+    pair.hand_back();
+    pair.run(5.0);
+    assert_eq!(pair.bridge.level(), Level::Automatic);
+    assert_eq!(pair.vehicle.custom_mode(), GUIDED);
 }
 
 #[test]
@@ -349,12 +441,12 @@ fn without_a_landing_sequence_it_returns_and_circles() {
     pair.setpoint = Some(land);
     pair.run(60.0);
     assert_eq!(pair.said("no-landing-sequence"), 1);
-    assert_eq!(pair.bridge.level(), ControlLevel::Automatic);
+    assert_eq!(pair.bridge.level(), Level::Automatic);
     assert!(pair.state.as_ref().unwrap().airborne);
     // A pilot who then switches to another mode takes it over all the same.
     pair.vehicle.pilot(FBWA, TURN);
     pair.run(2.0);
-    assert_eq!(pair.bridge.level(), ControlLevel::Pilot);
+    assert_eq!(pair.bridge.level(), Level::Pilot);
 }
 
 #[test]
@@ -379,9 +471,31 @@ fn its_own_failsafe_is_the_guardian() {
     // The vehicle no longer hears the bridge, but the bridge hears the vehicle.
     pair.up = |_, _| Vec::new();
     pair.run(10.0);
-    assert_eq!(pair.bridge.level(), ControlLevel::Guardian);
+    assert_eq!(pair.bridge.level(), Level::Guardian);
     assert_eq!(pair.said("guardian"), 1);
     assert_eq!(pair.said("link-lost"), 0);
+    assert!(pair.bridge.control().has(Danger::Bridge));
+}
+
+#[test]
+fn it_stands_and_lands_on_its_terrain() {
+    // A plateau of 520 m all over the tile, where the site itself is at 340 m.
+    let bytes: Vec<u8> = (0..1201 * 1201)
+        .flat_map(|_| 520i16.to_be_bytes())
+        .collect();
+    let terrain = air::terrain::Terrain::from_hgt("N43W008.hgt", &bytes, 340.0).unwrap();
+    let mut pair = Pair::with(stand_in_config().over(terrain), 19);
+    pair.run(1.0);
+    assert!((pair.vehicle.truth().alt_amsl_m - 520.0).abs() < 1.0);
+    pair.take_off();
+    pair.run(30.0);
+    let home = scenario().home(5).unwrap();
+    let mut land = setpoint(PathKind::Land, 0.0, 0.0, 520.0);
+    (land.lat_deg, land.lon_deg) = (home.lat_deg, home.lon_deg);
+    pair.setpoint = Some(land);
+    pair.run(400.0);
+    assert!(!pair.state.as_ref().unwrap().airborne, "{:?}", pair.state);
+    assert!((pair.vehicle.truth().alt_amsl_m - 520.0).abs() < 1.0);
 }
 
 #[test]
@@ -446,7 +560,7 @@ fn flies_over_a_noisy_link() {
     pair.take_off();
     pair.setpoint = Some(setpoint(PathKind::GoTo, -800.0, 1500.0, 650.0));
     pair.run(150.0);
-    assert_eq!(pair.bridge.level(), ControlLevel::Automatic);
+    assert_eq!(pair.bridge.level(), Level::Automatic);
     assert!((pair.distance_m() - 100.0).abs() < 40.0);
     let statistics = pair.bridge.statistics();
     assert!(
@@ -461,7 +575,7 @@ fn home_mode_by_the_pilot_is_the_pilots() {
     pair.take_off();
     assert!(pair.vehicle.pilot(RTL, TURN));
     pair.run(2.0);
-    assert_eq!(pair.bridge.level(), ControlLevel::Pilot);
+    assert_eq!(pair.bridge.level(), Level::Pilot);
 }
 
 /// Message id, and for commands the command and its first two parameters.

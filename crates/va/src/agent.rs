@@ -3,8 +3,12 @@
 use crate::VaError;
 use crate::bridged::BridgedBody;
 use crate::simulated::SimulatedBody;
+use crate::watch::Watch;
+use fdm::control_level::Event as Level;
 use protocol::key::Name;
-use protocol::message::{Ambient, Mode, Reading, Setpoint, State};
+use protocol::message::{
+    Control, ControlWish, EventMessage, Mode, Reading, Setpoint, Severity, State,
+};
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
 
 /// Time between two states and two readings, s.
@@ -24,7 +28,7 @@ pub(crate) struct Report {
     pub state: Option<State>,
     pub reading: Option<Reading>,
     pub mode: Option<Mode>,
-    pub events: Vec<protocol::message::EventMessage>,
+    pub events: Vec<EventMessage>,
 }
 
 /// One vehicle of the team.
@@ -32,20 +36,22 @@ pub struct VirtualAircraft {
     id: AgentId,
     name: Name,
     body: Body,
+    watch: Watch,
     next_report_s: f64,
     last_mode: Option<Mode>,
 }
 
 impl VirtualAircraft {
-    /// The vehicle called `name` with `body`.
+    /// The vehicle called `name` with `body` that watches by `watch`.
     ///
     /// # Errors
     /// A name that cannot be part of a key.
-    pub fn new(name: &str, body: Body) -> Result<Self, VaError> {
+    pub fn new(name: &str, body: Body, watch: Watch) -> Result<Self, VaError> {
         Ok(Self {
             id: AgentId::va(name)?,
             name: Name::new(name)?,
             body,
+            watch,
             next_report_s: 0.0,
             last_mode: None,
         })
@@ -61,16 +67,42 @@ impl VirtualAircraft {
         &mut self.body
     }
 
-    fn setpoint(&mut self, setpoint: &Setpoint, now: SimTime) {
+    pub(crate) fn watch(&self) -> &Watch {
+        &self.watch
+    }
+
+    fn setpoint(&mut self, setpoint: &Setpoint) {
         match &mut self.body {
-            Body::Simulated(body) => body.setpoint(setpoint, now),
+            Body::Simulated(body) => body.setpoint(setpoint),
             Body::Bridged(body) => body.setpoint(setpoint),
         }
     }
 
-    fn ambient(&mut self, ambient: &Ambient, now: SimTime) {
-        if let Body::Simulated(body) = &mut self.body {
-            body.ambient(ambient, now);
+    /// What the operator wishes.
+    fn control(&mut self, control: &Control, now: SimTime) {
+        match (&mut self.body, control.wish) {
+            (Body::Simulated(body), ControlWish::HandBack) => body.control(Level::HandBack),
+            (Body::Simulated(body), ControlWish::TakeOver) => body.take_over(control.sticks, now),
+            (Body::Bridged(body), ControlWish::HandBack) => body.control(Level::HandBack),
+            (Body::Bridged(body), ControlWish::TakeOver) => body.say(EventMessage {
+                severity: Severity::Warning,
+                code: "takeover-refused".to_owned(),
+                text: "a real vehicle is taken over by its pilot's own remote control".to_owned(),
+            }),
+        }
+    }
+
+    /// Dangers that begin or end.
+    fn look_around(&mut self, now: SimTime) {
+        let seen = match &self.body {
+            Body::Simulated(body) => Some(body.seen()),
+            Body::Bridged(body) => body.last().map(|state| self.watch.place(state)),
+        };
+        for event in self.watch.tick(now, seen) {
+            match &mut self.body {
+                Body::Simulated(body) => body.control(event),
+                Body::Bridged(body) => body.control(event),
+            }
         }
     }
 
@@ -79,6 +111,7 @@ impl VirtualAircraft {
         if due {
             self.next_report_s = now.s() + REPORT_S;
         }
+        self.look_around(now);
         let report = match &mut self.body {
             Body::Simulated(body) => body.tick(now, due),
             Body::Bridged(body) => body.tick(),
@@ -105,25 +138,35 @@ impl Agent for VirtualAircraft {
     }
 
     fn interests(&self) -> Vec<Interest> {
+        // How each kind hears that the world simulator lives.
+        let world = if self.watch.is_real() {
+            Topic::Model
+        } else {
+            Topic::Ambient(self.name.clone())
+        };
         vec![
             Interest::One(Topic::Setpoint(self.name.clone())),
-            Interest::One(Topic::Ambient(self.name.clone())),
+            Interest::One(Topic::Control(self.name.clone())),
+            Interest::One(world),
             Interest::One(Topic::Plan),
         ]
     }
 
     fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
         match event {
-            Event::Message(_, envelope) => match &envelope.message {
-                Message::Setpoint(setpoint) => self.setpoint(setpoint, now),
-                Message::Ambient(ambient) => self.ambient(ambient, now),
-                Message::Plan(_) => {
-                    if let Body::Simulated(body) = &mut self.body {
-                        body.controller_heard(now);
+            Event::Message(_, envelope) => {
+                self.watch.heard(&envelope.message, now);
+                match &envelope.message {
+                    Message::Setpoint(setpoint) => self.setpoint(setpoint),
+                    Message::Control(control) => self.control(control, now),
+                    Message::Ambient(ambient) => {
+                        if let Body::Simulated(body) = &mut self.body {
+                            body.ambient(ambient);
+                        }
                     }
+                    _ => {}
                 }
-                _ => {}
-            },
+            }
             Event::Tick => self.tick(now, out),
             Event::Stop => {}
         }

@@ -2,30 +2,42 @@
 
 use crate::VaError;
 use crate::agent::Report;
+use crate::control;
+use crate::guardian::Guardian;
+use crate::watch::Seen;
 use air::geo::{Enu, Geodetic, LocalFrame, wrap_deg};
 use air::isa::Air;
-use fdm::autopilot::{Autopilot, Demand, Path, Sensed};
+use fdm::autopilot::{Autopilot, Demand, Path, Sensed, Sticks};
+use fdm::battery::{Battery, Charge};
+use fdm::control_level::{ControlLevel, Danger, Event, Level, Outcome};
+use fdm::flightgear::{NetFdm, PACKET_BYTES};
 use fdm::{AirAround, Aircraft, FlightSim, FlightState, Phase};
 use plume::Sensor;
 use plume::effects::Ambient as SensorAir;
 use protocol::SimTime;
 use protocol::message::{
-    Ambient, ControlLevel, EventMessage, Mode, PathKind, Reading, Setpoint, Severity, State,
-    VehicleKind,
+    Ambient, EventMessage, Mode, PathKind, Reading, Setpoint, Severity, State, VehicleKind,
 };
 use rand::rngs::ChaCha8Rng;
 use scenario::Scenario;
 use scenario::random::stream;
 
-/// Without word from the squadron controller or air from the world for this long, s, the
-/// Guardian takes over.
-const PATIENCE_S: f64 = 5.0;
 /// Time between two ambients, s.
 const AMBIENT_S: f64 = 0.1;
-/// Height above home at which the Guardian circles, m.
-const GUARDIAN_HEIGHT_M: f64 = 120.0;
-/// Radius of the Guardian's circle, m.
-const GUARDIAN_RADIUS_M: f64 = 120.0;
+/// Share of the battery at which the Guardian brings the vehicle home …
+const BATTERY_LOW: f64 = 0.2;
+/// … and at which it lands there.
+const BATTERY_CRITICAL: f64 = 0.08;
+/// Radius of the circle of a vehicle in the air that has no setpoint, m.
+const WAITING_RADIUS_M: f64 = 100.0;
+/// Sticks that were sent and then fall silent for this long are a lost remote control, s.
+const STICKS_S: f64 = 2.0;
+/// Sticks let go: level flight at a little more than half power.
+const CENTRED: Sticks = Sticks {
+    roll: 0.0,
+    pitch: 0.0,
+    throttle: 0.55,
+};
 
 /// What a simulated vehicle needs to start.
 pub struct SimulatedConfig<'a> {
@@ -35,6 +47,8 @@ pub struct SimulatedConfig<'a> {
     pub index: usize,
     /// Its aircraft.
     pub aircraft: &'a Aircraft,
+    /// Height of the ground at its home, m above mean sea level.
+    pub ground_amsl_m: f64,
 }
 
 /// A simulated vehicle.
@@ -44,16 +58,23 @@ pub struct SimulatedBody {
     autopilot: Autopilot,
     sensor: Sensor,
     rng: ChaCha8Rng,
-    home: Enu,
+    guardian: Guardian,
     launch_heading_deg: f64,
     tick_s: f64,
     speed_m_s: f64,
-    ambient: Option<(SimTime, Ambient)>,
+    ambient: Option<Ambient>,
     /// Wind with gust at the last ambient and the slope towards the newest.
     wind_ned_m_s: [f64; 3],
     setpoint: Option<Setpoint>,
-    controller_heard: Option<SimTime>,
-    level: ControlLevel,
+    control: ControlLevel,
+    /// The control level as last said.
+    said: Option<ControlLevel>,
+    /// The pilot's sticks.
+    sticks: Sticks,
+    /// When sticks came last, if they have to be repeated.
+    sticks_at: Option<SimTime>,
+    battery: Option<(Battery, Charge)>,
+    events: Vec<EventMessage>,
     last_reading_s: f64,
     /// The take-off of this flight is behind it.
     climbed_out: bool,
@@ -69,6 +90,7 @@ impl SimulatedBody {
             scenario,
             index,
             aircraft,
+            ground_amsl_m,
         } = config;
         let vehicle = scenario
             .vehicles
@@ -88,22 +110,26 @@ impl SimulatedBody {
                 aircraft,
                 home.north_m,
                 home.east_m,
-                frame.ground_amsl_m,
+                ground_amsl_m,
                 launch_heading_deg,
             )?,
             autopilot: Autopilot::new(aircraft),
             sensor: Sensor::new(&spec.sensor, &spec.mechanisms, &vehicle.id),
             rng: stream(scenario.mission.seed, &format!("va/{}/sensor", vehicle.id)),
             frame,
-            home,
+            guardian: Guardian::new(scenario, index)?,
+            battery: aircraft.battery.map(|b| (b, Charge::full(&b))),
             launch_heading_deg,
             tick_s: scenario.mission.tick_s,
             speed_m_s: scenario.search.airspeed_m_s,
             ambient: None,
             wind_ned_m_s: [0.0; 3],
             setpoint: None,
-            controller_heard: None,
-            level: ControlLevel::Automatic,
+            control: ControlLevel::new(),
+            said: None,
+            sticks: CENTRED,
+            sticks_at: None,
+            events: Vec::new(),
             last_reading_s: 0.0,
             climbed_out: false,
         })
@@ -114,11 +140,39 @@ impl SimulatedBody {
         self.sim.state()
     }
 
-    pub(crate) fn controller_heard(&mut self, now: SimTime) {
-        self.controller_heard = Some(now);
+    pub(crate) fn net_fdm(&self, unix_time_s: u32) -> [u8; PACKET_BYTES] {
+        let flight = self.sim.state();
+        let at = self.frame.to_geodetic(place(&flight));
+        let density_kg_m3 = self
+            .ambient
+            .as_ref()
+            .map_or(AirAround::STANDARD_CALM.density_kg_m3, |a| density_kg_m3(a));
+        let packet = NetFdm {
+            lat_deg: at.lat_deg,
+            lon_deg: at.lon_deg,
+            ground_amsl_m: self.ground_amsl_m(),
+            density_kg_m3,
+            unix_time_s,
+        };
+        packet.encode(&flight, &self.sim.aircraft().surfaces)
     }
 
-    pub(crate) fn setpoint(&mut self, setpoint: &Setpoint, now: SimTime) {
+    /// Share of the battery that is left, 0 to 1; none where the aircraft has no battery.
+    pub fn battery_left(&self) -> Option<f64> {
+        self.battery.map(|(_, charge)| charge.left())
+    }
+
+    /// Where it is, for those who watch its fence.
+    pub(crate) fn seen(&self) -> Seen {
+        let flight = self.sim.state();
+        Seen {
+            at: place(&flight),
+            alt_amsl_m: flight.alt_amsl_m,
+            airborne: flight.phase == Phase::Flying,
+        }
+    }
+
+    pub(crate) fn setpoint(&mut self, setpoint: &Setpoint) {
         let numbers = [
             setpoint.lat_deg,
             setpoint.lon_deg,
@@ -126,71 +180,108 @@ impl SimulatedBody {
             setpoint.airspeed_m_s,
             setpoint.orbit_radius_m,
         ];
-        if numbers.iter().all(|v| v.is_finite()) {
+        if numbers.iter().any(|v| !v.is_finite()) {
+            return;
+        }
+        let outcome = self.control.handle(Event::Setpoint);
+        if outcome == Outcome::Followed {
             self.setpoint = Some(setpoint.clone());
         }
-        self.controller_heard = Some(now);
+        self.events.extend(control::told(outcome));
     }
 
-    pub(crate) fn ambient(&mut self, ambient: &Ambient, now: SimTime) {
+    /// The operator flies it by `sticks`.
+    pub(crate) fn take_over(&mut self, sticks: Option<protocol::message::Sticks>, now: SimTime) {
+        self.sticks = sticks.map_or(CENTRED, |s| {
+            let within = |v: f64, low: f64| {
+                if v.is_finite() {
+                    v.clamp(low, 1.0)
+                } else {
+                    0.0
+                }
+            };
+            Sticks {
+                roll: within(s.roll, -1.0),
+                pitch: within(s.pitch, -1.0),
+                throttle: within(s.throttle, 0.0),
+            }
+        });
+        self.sticks_at = sticks.map(|_| now);
+        self.control(Event::Takeover);
+    }
+
+    /// Something happens to the control level.
+    pub(crate) fn control(&mut self, event: Event) {
+        let before = self.control.level();
+        let outcome = self.control.handle(event);
+        self.events.extend(control::told(outcome));
+        let level = self.control.level();
+        if level == before {
+            return;
+        }
+        if level == Level::Automatic {
+            // What was asked for before may be out of date by now.
+            self.setpoint = None;
+        }
+        if level != Level::Pilot {
+            self.sticks_at = None;
+        }
+        self.events.push(EventMessage {
+            severity: if level == Level::Automatic {
+                Severity::Info
+            } else {
+                Severity::Warning
+            },
+            code: "control-level".to_owned(),
+            text: format!("{level:?}: {}", self.mode().reason),
+        });
+    }
+
+    pub(crate) fn ambient(&mut self, ambient: &Ambient) {
         if self.ambient.is_none() {
             self.wind_ned_m_s = total_wind(ambient);
-            self.sim.set_ground_amsl_m(ambient.ground_amsl_m);
         }
-        self.ambient = Some((now, ambient.clone()));
+        self.sim.set_ground_amsl_m(ambient.ground_amsl_m);
+        self.ambient = Some(ambient.clone());
     }
 
     pub(crate) fn tick(&mut self, now: SimTime, due: bool) -> Report {
-        let mut report = Report::default();
-        self.choose_level(now, &mut report);
+        if self.sticks_at.is_some_and(|at| now.since_s(at) > STICKS_S) {
+            self.sticks_at = None;
+            self.control(Event::RemoteLost);
+        }
+        let flew = self.sim.state().phase != Phase::OnGround;
         self.fly();
+        if flew && self.sim.state().phase == Phase::OnGround {
+            self.control(Event::Landed);
+        }
+        let mut report = Report {
+            mode: (self.said != Some(self.control)).then(|| self.mode()),
+            events: std::mem::take(&mut self.events),
+            ..Report::default()
+        };
+        self.said = Some(self.control);
         if due {
             self.report(now, &mut report);
         }
         report
     }
 
-    /// The Guardian flies while the controller or the world is silent.
-    fn choose_level(&mut self, now: SimTime, report: &mut Report) {
-        let silent = |since: Option<SimTime>| since.is_some_and(|t| now.since_s(t) > PATIENCE_S);
-        let no_controller = silent(self.controller_heard);
-        let no_world = silent(self.ambient.as_ref().map(|a| a.0));
-        let (level, reason) = match (no_controller, no_world) {
-            (true, _) => (
-                ControlLevel::Guardian,
-                "no word from the squadron controller",
-            ),
-            (_, true) => (ControlLevel::Guardian, "no air from the world simulator"),
-            _ => (ControlLevel::Automatic, "follows setpoints"),
+    fn mode(&self) -> Mode {
+        let doing = match self.control.level() {
+            Level::Automatic => "follows setpoints",
+            Level::Pilot => "the pilot has it until an explicit hand-back",
+            Level::Guardian => "flies home and circles there",
         };
-        if level != self.level {
-            self.level = level;
-            report.events.push(EventMessage {
-                severity: if level == ControlLevel::Guardian {
-                    Severity::Warning
-                } else {
-                    Severity::Info
-                },
-                code: "control-level".to_owned(),
-                text: reason.to_owned(),
-            });
-        }
-        report.mode = Some(Mode {
-            level,
-            reason: reason.to_owned(),
-            setpoints_obeyed: level == ControlLevel::Automatic,
-        });
+        control::mode(&self.control, doing)
     }
 
     /// One tick of flight.
     fn fly(&mut self) {
-        let air = self.ambient.as_ref().map(|(_, a)| {
-            let air = Air {
-                temperature_k: a.temperature_k,
-                pressure_pa: a.pressure_pa,
-            };
-            (total_wind(a), air.density_kg_m3())
-        });
+        let air = self
+            .ambient
+            .as_ref()
+            .map(|a| (total_wind(a), density_kg_m3(a)));
         let (target, density_kg_m3) =
             air.unwrap_or((self.wind_ned_m_s, AirAround::STANDARD_CALM.density_kg_m3));
         // Gusts come ten times a second: the wind follows each within that time, without a step.
@@ -203,35 +294,58 @@ impl SimulatedBody {
             density_kg_m3,
         };
         let state = self.sim.state();
-        let Some(demand) = self.demand(&state) else {
+        let sensed = Sensed::perfect(&state, density_kg_m3);
+        let command = if self.control.level() == Level::Pilot {
+            if state.phase == Phase::OnGround {
+                return;
+            }
+            self.autopilot
+                .fly_by_wire(self.tick_s, &sensed, &self.sticks)
+        } else {
+            let Some(demand) = self.demand(&state) else {
+                return;
+            };
+            let command = self.autopilot.command(self.tick_s, &sensed, &demand);
+            let taking_off = matches!(demand.path, Path::TakeOff { .. });
+            self.climbed_out |= taking_off && self.autopilot.status().path_done;
+            command
+        };
+        self.sim.step(self.tick_s, &around, &command);
+        self.discharge(&state, density_kg_m3);
+    }
+
+    fn discharge(&mut self, state: &FlightState, density_kg_m3: f64) {
+        let Some((battery, charge)) = &mut self.battery else {
             return;
         };
-        let sensed = Sensed::perfect(&state, density_kg_m3);
-        let command = self.autopilot.command(self.tick_s, &sensed, &demand);
-        self.sim.step(self.tick_s, &around, &command);
-        let taking_off = matches!(demand.path, Path::TakeOff { .. });
-        self.climbed_out |= taking_off && self.autopilot.status().path_done;
+        let propulsion = &self.sim.aircraft().propulsion;
+        let power_w = battery.power_w(
+            propulsion,
+            state.airspeed_m_s,
+            state.throttle,
+            density_kg_m3,
+        );
+        charge.draw(power_w, self.tick_s);
+        let low = charge.left() < BATTERY_LOW && state.phase == Phase::Flying;
+        if low && !self.control.has(Danger::Battery) {
+            self.control(Event::Begins(Danger::Battery));
+        }
     }
 
     /// What the autopilot shall do; nothing while the vehicle waits on its launcher.
-    fn demand(&self, state: &FlightState) -> Option<Demand> {
+    fn demand(&mut self, state: &FlightState) -> Option<Demand> {
         let waits = state.phase == Phase::OnGround;
-        if self.level == ControlLevel::Guardian {
-            return (!waits).then_some(Demand {
-                path: Path::Orbit {
-                    north_m: self.home.north_m,
-                    east_m: self.home.east_m,
-                    radius_m: GUARDIAN_RADIUS_M,
-                    clockwise: true,
-                },
-                alt_amsl_m: self.frame.ground_amsl_m + GUARDIAN_HEIGHT_M,
-                airspeed_m_s: self.speed_m_s,
-            });
+        if self.control.level() == Level::Guardian {
+            return (!waits).then(|| self.guardian_demand(state));
         }
-        let setpoint = self.setpoint.as_ref()?;
-        if waits && setpoint.path != PathKind::TakeOff {
+        if waits && self.setpoint.as_ref()?.path != PathKind::TakeOff {
             return None;
         }
+        if self.setpoint.is_none() {
+            // Handed back in the air: it circles where it is until it is told more.
+            self.setpoint = Some(wait_at(&self.frame, state, self.speed_m_s));
+        }
+        let setpoint = self.setpoint.as_ref()?;
         let at = Geodetic {
             lat_deg: setpoint.lat_deg,
             lon_deg: setpoint.lon_deg,
@@ -248,21 +362,50 @@ impl SimulatedBody {
                 radius_m: setpoint.orbit_radius_m,
                 clockwise: true,
             },
-            PathKind::Land => Path::Land {
-                north_m,
-                east_m,
-                ground_amsl_m: self
-                    .ambient
-                    .as_ref()
-                    .map_or(self.frame.ground_amsl_m, |a| a.1.ground_amsl_m),
-                course_deg: None,
-            },
+            PathKind::Land => self.land_at(Enu { east_m, north_m }),
         };
         Some(Demand {
             path,
             alt_amsl_m: setpoint.alt_amsl_m,
             airspeed_m_s: setpoint.airspeed_m_s,
         })
+    }
+
+    /// Climbs out first; with next to nothing in the battery, or already down, it lands.
+    fn guardian_demand(&self, state: &FlightState) -> Demand {
+        let empty = self
+            .battery_left()
+            .is_some_and(|left| left < BATTERY_CRITICAL);
+        let path = if !self.climbed_out {
+            Path::TakeOff {
+                heading_deg: self.launch_heading_deg,
+            }
+        } else if empty || state.phase == Phase::Sliding {
+            self.land_at(self.guardian.home())
+        } else {
+            self.guardian.path(place(state))
+        };
+        Demand {
+            path,
+            alt_amsl_m: self.guardian.alt_amsl_m(self.ground_amsl_m()),
+            airspeed_m_s: self.speed_m_s,
+        }
+    }
+
+    fn land_at(&self, at: Enu) -> Path {
+        Path::Land {
+            north_m: at.north_m,
+            east_m: at.east_m,
+            ground_amsl_m: self.ground_amsl_m(),
+            course_deg: None,
+        }
+    }
+
+    /// The ground below, as far as it is known.
+    fn ground_amsl_m(&self) -> f64 {
+        self.ambient
+            .as_ref()
+            .map_or(self.frame.ground_amsl_m, |a| a.ground_amsl_m)
     }
 
     fn report(&mut self, now: SimTime, report: &mut Report) {
@@ -284,7 +427,7 @@ impl SimulatedBody {
             throttle: flight.throttle,
             airborne: flight.phase == Phase::Flying,
         });
-        if let Some((_, ambient)) = &self.ambient {
+        if let Some(ambient) = &self.ambient {
             let air = SensorAir {
                 temperature_c: ambient.temperature_k - air::isa::ZERO_CELSIUS_K,
                 pressure_hpa: ambient.pressure_pa / 100.0,
@@ -307,6 +450,34 @@ impl SimulatedBody {
                 pressure_hpa: Some(air.pressure_hpa),
             });
         }
+    }
+}
+
+fn density_kg_m3(ambient: &Ambient) -> f64 {
+    let air = Air {
+        temperature_k: ambient.temperature_k,
+        pressure_pa: ambient.pressure_pa,
+    };
+    air.density_kg_m3()
+}
+
+fn place(state: &FlightState) -> Enu {
+    Enu {
+        east_m: state.east_m,
+        north_m: state.north_m,
+    }
+}
+
+/// A circle around where a vehicle is.
+fn wait_at(frame: &LocalFrame, state: &FlightState, airspeed_m_s: f64) -> Setpoint {
+    let Geodetic { lat_deg, lon_deg } = frame.to_geodetic(place(state));
+    Setpoint {
+        path: PathKind::Orbit,
+        lat_deg,
+        lon_deg,
+        alt_amsl_m: state.alt_amsl_m,
+        airspeed_m_s,
+        orbit_radius_m: WAITING_RADIUS_M,
     }
 }
 

@@ -253,21 +253,41 @@ function cell(row, text, title) {
   return td;
 }
 
+// Rows are kept, so that a click on a button is not lost to the next picture.
+function teamRow(body, v) {
+  const row = body.insertRow(), chip = document.createElement("i"), button = document.createElement("button");
+  row.dataset.id = v.id;
+  for (let k = 0; k < 6; k++) row.insertCell();
+  chip.className = "chip"; chip.style.background = v.real ? "#d3131f" : "#16181d";
+  row.cells[0].append(chip, v.id);
+  row.cells[0].title = v.real ? "real" : "simulated";
+  row.cells[4].style.fontWeight = 600;
+  button.type = "button";
+  button.addEventListener("click", () => send({ command: button.dataset.wish, vehicle: v.id }));
+  row.cells[5].append(button);
+}
+
 function fillTeam() {
-  const body = $("team").tBodies[0];
-  body.replaceChildren();
-  for (const v of live.vehicles) {
-    const row = body.insertRow();
-    row.className = (v.real ? "real " : "") + (v.level === "automatic" ? "" : "pilot");
-    const first = cell(row, "", v.real ? "real" : "simulated"), chip = document.createElement("i");
-    chip.className = "chip"; chip.style.background = v.real ? "#d3131f" : "#16181d";
-    first.append(chip, v.id);
-    const doing = v.level === "automatic" ? v.purpose || "automatic" : LEVELS[v.level];
-    cell(row, v.airborne ? doing : "on the ground", v.reason || "");
-    cell(row, number(v.agl, 0));
-    cell(row, number(v.airspeed, 1));
-    cell(row, number(v.ppm, 0)).style.fontWeight = 600;
+  const body = $("team").tBodies[0], ids = live.vehicles.map(v => v.id).join();
+  if ([...body.rows].map(r => r.dataset.id).join() !== ids) {
+    body.replaceChildren();
+    for (const v of live.vehicles) teamRow(body, v);
   }
+  live.vehicles.forEach((v, k) => {
+    const row = body.rows[k], automatic = v.level === "automatic", button = row.cells[5].firstChild;
+    row.className = (v.real ? "real " : "") + (automatic ? "" : "pilot");
+    const doing = automatic ? v.purpose || "automatic" : LEVELS[v.level];
+    row.cells[1].textContent = v.airborne || !automatic ? doing : "on the ground";
+    row.cells[1].title = v.reason || "";
+    row.cells[2].textContent = number(v.agl, 0);
+    row.cells[3].textContent = number(v.airspeed, 1);
+    row.cells[4].textContent = number(v.ppm, 0);
+    button.dataset.wish = automatic ? "take-over" : "hand-back";
+    button.textContent = automatic ? "take over" : "hand back";
+    button.title = automatic ? "hold it level until it is handed back" : v.reason || "";
+    // A real vehicle's pilot takes over by a remote control of his own.
+    button.hidden = live.ended || (automatic && (v.real || !v.airborne));
+  });
 }
 
 function fillModel() {

@@ -13,6 +13,8 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use protocol::key::Name;
+use protocol::message::{Control, ControlWish};
 use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Duration;
@@ -27,7 +29,7 @@ const FRAME: Duration = Duration::from_millis(200);
 const LONGEST_COMMAND: usize = 256;
 
 /// What somebody at the page asks for.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum PageCommand {
     /// Hold the mission.
     Pause,
@@ -35,11 +37,14 @@ pub enum PageCommand {
     Resume,
     /// Simulated over wall time: 1 is real time, infinite is as fast as the processor allows.
     Speed(f64),
+    /// The vehicle of this id is taken over or handed back.
+    Control(String, Control),
 }
 
 impl PageCommand {
     /// Reads a command of the page: `{"command":"pause"}`, `{"command":"resume"}` or
-    /// `{"command":"speed","factor":10}`, factor null for as fast as possible.
+    /// `{"command":"speed","factor":10}`, factor null for as fast as possible;
+    /// `{"command":"hand-back","vehicle":"3"}`, `{"command":"take-over","vehicle":"3"}`.
     fn parse(text: &str) -> Option<Self> {
         let value: serde_json::Value = serde_json::from_str(text).ok()?;
         match value.get("command")?.as_str()? {
@@ -54,6 +59,16 @@ impl PageCommand {
                         .then_some(Self::Speed(factor))
                 }
             },
+            wish @ ("hand-back" | "take-over") => {
+                let vehicle = value.get("vehicle")?.as_str()?;
+                Name::new(vehicle).ok()?;
+                let wish = match wish {
+                    "hand-back" => ControlWish::HandBack,
+                    _ => ControlWish::TakeOver,
+                };
+                let control = Control { wish, sticks: None };
+                Some(Self::Control(vehicle.to_owned(), control))
+            }
             _ => None,
         }
     }
@@ -286,7 +301,23 @@ mod tests {
         );
         let fastest = parse(r#"{"command":"speed","factor":null}"#);
         assert_eq!(fastest, Some(Speed(f64::INFINITY)));
+        let control = |wish| {
+            Some(Control(
+                "3".to_owned(),
+                super::Control { wish, sticks: None },
+            ))
+        };
+        assert_eq!(
+            parse(r#"{"command":"hand-back","vehicle":"3"}"#),
+            control(ControlWish::HandBack)
+        );
+        assert_eq!(
+            parse(r#"{"command":"take-over","vehicle":"3"}"#),
+            control(ControlWish::TakeOver)
+        );
         for garbage in [
+            r#"{"command":"hand-back"}"#,
+            r#"{"command":"hand-back","vehicle":"a/b"}"#,
             "",
             "pause",
             r#"{"command":"speed","factor":-1}"#,

@@ -2,7 +2,7 @@
 
 use super::{Bridge, BridgeOutput};
 use crate::arduplane::{AUTO, FS_GCS_ENABL, GUIDED, RTL, TAKEOFF};
-use crate::authority::Phase;
+use crate::authority::{Phase, homeward};
 use crate::commands::{Command, Outcome, Wire};
 use crate::event;
 use protocol::SimTime;
@@ -23,7 +23,8 @@ impl Bridge {
         }
         self.forget_target();
         self.target = Some(setpoint.clone());
-        self.ask_mode(Phase::TakeOff, TAKEOFF);
+        self.authority.take_off(TAKEOFF);
+        self.send_mode();
         let text = "take-off asked for";
         out.events.push(event(Severity::Info, "take-off", text));
     }
@@ -32,7 +33,7 @@ impl Bridge {
     pub(super) fn land(&mut self, setpoint: &Setpoint) {
         self.commands.drop_steering();
         self.target = Some(setpoint.clone());
-        self.authority.ask(Phase::Landing, AUTO);
+        self.authority.land(AUTO);
         self.commands.push(Command::LandStart);
     }
 
@@ -73,9 +74,9 @@ impl Bridge {
         }
     }
 
-    fn ask_mode(&mut self, phase: Phase, mode: u32) {
-        self.authority.ask(phase, mode);
-        if self.authority.unconfirmed().is_some() {
+    /// Sends the mode that was asked for, if the vehicle is not in it already.
+    fn send_mode(&mut self) {
+        if let Some(mode) = self.authority.unconfirmed() {
             let attempts = self.config.attempts;
             self.commands.push(Command::Mode { mode, attempts });
         }
@@ -105,9 +106,22 @@ impl Bridge {
                     && self.has_climbed() =>
             {
                 self.again_at = None;
-                self.ask_mode(Phase::TakeOff, GUIDED);
+                self.authority.take_off(GUIDED);
+                self.send_mode();
             }
             Phase::Guided if self.again_at.is_some() && !pausing => self.send_target(now),
+            // On its way home already, or still climbing away from the ground, it is left alone.
+            Phase::Guardian
+                if seen.airborne
+                    && !homeward(seen.custom_mode)
+                    && (seen.custom_mode != TAKEOFF || self.has_climbed())
+                    && !pausing
+                    && self.authority.unconfirmed() != Some(RTL) =>
+            {
+                self.again_at = None;
+                self.authority.go_home();
+                self.send_mode();
+            }
             _ => {}
         }
     }
@@ -153,27 +167,27 @@ impl Bridge {
             self.again_at = pause(now);
         }
         match command {
-            Command::Mode { .. } => match self.authority.phase() {
-                Phase::TakeOff if self.authority.unconfirmed() == Some(GUIDED) => {
-                    self.authority.refused(Phase::TakeOff);
-                    (Severity::Error, "guided-failed", "; tried again")
+            Command::Mode { .. } => {
+                let asked = self.authority.unconfirmed();
+                let phase = self.authority.phase();
+                self.authority.refused();
+                match phase {
+                    Phase::TakeOff if asked == Some(GUIDED) => {
+                        (Severity::Error, "guided-failed", "; tried again")
+                    }
+                    Phase::TakeOff => (Severity::Error, "take-off-failed", "; tried again"),
+                    Phase::HandingBack => {
+                        let then = "; whoever had it keeps it";
+                        (Severity::Error, "hand-back-failed", then)
+                    }
+                    Phase::Landing => (Severity::Error, "land-failed", "; tried again"),
+                    Phase::Guardian => (Severity::Error, "home-failed", "; tried again"),
+                    _ => (Severity::Warning, "command-failed", ""),
                 }
-                Phase::TakeOff => {
-                    self.authority.refused(Phase::Ground);
-                    (Severity::Error, "take-off-failed", "; tried again")
-                }
-                Phase::HandingBack => {
-                    self.authority.refused(Phase::Pilot);
-                    (Severity::Error, "hand-back-failed", "; the pilot keeps it")
-                }
-                Phase::Landing => {
-                    self.authority.refused(Phase::Guided);
-                    (Severity::Error, "land-failed", "; tried again")
-                }
-                _ => (Severity::Warning, "command-failed", ""),
-            },
+            }
             Command::LandStart => {
-                self.ask_mode(Phase::Landing, RTL);
+                self.authority.land(RTL);
+                self.send_mode();
                 let then = "; it returns home and circles until a pilot lands it";
                 (Severity::Warning, "no-landing-sequence", then)
             }

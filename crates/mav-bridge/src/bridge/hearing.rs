@@ -11,6 +11,7 @@ use crate::dialect::{
 };
 use crate::event;
 use crate::wire::RawFrame;
+use fdm::control_level::{Danger, Event as Happening};
 use mavlink::MessageData;
 use protocol::SimTime;
 use protocol::message::Severity;
@@ -127,7 +128,7 @@ impl Bridge {
         }
     }
 
-    fn on_phase(&mut self, phase: Phase) {
+    pub(super) fn on_phase(&mut self, phase: Phase) {
         match phase {
             Phase::Pilot | Phase::Guardian | Phase::Ground => {
                 self.commands.drop_steering();
@@ -213,15 +214,25 @@ impl Bridge {
                 let said = text(&m.text[..]);
                 out.events.push(event(severity, "vehicle-says", said));
             }
-            MavMessage::SYS_STATUS(m) => {
-                let low = (0..=BATTERY_LOW_PCT).contains(&m.battery_remaining);
-                if low && !std::mem::replace(&mut self.said.battery, true) {
-                    let text = format!("battery at {} %", m.battery_remaining);
-                    out.events
-                        .push(event(Severity::Warning, "battery-low", text));
-                }
-            }
+            MavMessage::SYS_STATUS(m) => self.on_battery(m.battery_remaining, out),
+            MavMessage::BATTERY_STATUS(m) => self.on_battery(m.battery_remaining, out),
             _ => {}
+        }
+    }
+
+    /// Takes in what is left in a battery, per cent; −1 if the vehicle does not know.
+    fn on_battery(&mut self, left_pct: i8, out: &mut BridgeOutput) {
+        if !(0..=BATTERY_LOW_PCT).contains(&left_pct) {
+            return;
+        }
+        if !std::mem::replace(&mut self.said.battery, true) {
+            let text = format!("battery at {left_pct} %");
+            out.events
+                .push(event(Severity::Warning, "battery-low", text));
+        }
+        let airborne = self.authority.seen().is_some_and(|s| s.airborne);
+        if airborne && !self.control().has(Danger::Battery) {
+            self.handle(Happening::Begins(Danger::Battery), out);
         }
     }
 
@@ -265,6 +276,7 @@ impl Bridge {
         if silent_s > self.config.link_timeout_s {
             self.commands.clear();
             self.authority.link_lost();
+            self.on_phase(self.authority.phase());
             let text = format!(
                 "no heartbeat for {silent_s:.1} s: setpoints are withheld, the vehicle relies on \
                  its own failsafe"

@@ -3,7 +3,7 @@
 //! each key, the next tick carries the union, and an agent starts a tick only when it holds all
 //! of these, since Zenoh keeps no order across publishers.
 
-use super::Net;
+use super::{Hosted, Net};
 use crate::ProtocolError;
 use crate::agent::{Agent, Event, Outbox};
 use crate::envelope::Envelope;
@@ -48,45 +48,56 @@ impl Inbox {
     }
 }
 
-/// Runs `agent` in lockstep until the conductor's last tick. `team` are all agents of the
-/// mission, this one included; it starts when all of them and the conductor are present.
+/// Runs the agents of this process in lockstep until the conductor's last tick. `team` are all
+/// agents of the mission, these included; they start when all of them and the conductor are
+/// present.
 ///
 /// # Errors
 /// [`ProtocolError::Network`].
 pub async fn run<A: Agent>(
     net: &mut Net,
-    agent: &mut A,
+    agents: &mut [A],
     team: &[AgentId],
     tick_ns: i64,
 ) -> Result<(), ProtocolError> {
-    let own = agent.id().clone();
-    let interests = agent.interests();
-    net.subscribe(&interests).await?;
+    let hosted = Hosted::of(agents);
+    net.subscribe(&hosted.all).await?;
     net.subscribe(&[Interest::One(Topic::Tick)]).await?;
-    let _presence = net.announce(&own).await?;
+    let mut presence = Vec::new();
+    for id in &hosted.ids {
+        presence.push(net.announce(id).await?);
+    }
     let others: Vec<AgentId> = team
         .iter()
         .chain([&AgentId::clock()])
-        .filter(|a| **a != own)
+        .filter(|a| !hosted.ids.contains(a))
         .cloned()
         .collect();
     net.wait_for(&others).await;
-    say_done(net, &own, SimTime::ZERO, READY, LastSequences::new()).await?;
-
+    for id in &hosted.ids {
+        say_done(net, id, SimTime::ZERO, READY, LastSequences::new()).await?;
+    }
     let mut inbox = Inbox::default();
     let mut outbox = Outbox::default();
     loop {
-        let tick = next_tick(net, &mut inbox, &own, &interests, &mut outbox).await?;
+        let mut refused = Vec::new();
+        let tick = next_tick(net, &mut inbox, &hosted.all, &mut refused).await?;
         let now = SimTime::of_tick(tick.tick, tick_ns);
-        for (topic, envelope) in inbox.before(now) {
-            if envelope.sender != own {
-                agent.handle(Event::Message(&topic, &envelope), now, &mut outbox);
-            }
-        }
+        let said = inbox.before(now);
         let event = if tick.last { Event::Stop } else { Event::Tick };
-        agent.handle(event, now, &mut outbox);
-        let wrote = net.publish_all(&own, now, &mut outbox).await?;
-        say_done(net, &own, now, tick.tick as i64, wrote).await?;
+        for (k, agent) in agents.iter_mut().enumerate() {
+            let own = &hosted.ids[k];
+            if k == 0 {
+                // Garbage is told of, once a process, and otherwise does not exist.
+                for error in refused.drain(..) {
+                    outbox.event(own, Severity::Warning, "bad-message", error.to_string());
+                }
+            }
+            hosted.hand_out(k, agent, &said, now, &mut outbox);
+            agent.handle(event, now, &mut outbox);
+            let wrote = net.publish_all(own, now, &mut outbox).await?;
+            say_done(net, own, now, tick.tick as i64, wrote).await?;
+        }
         if tick.last {
             return Ok(());
         }
@@ -97,9 +108,8 @@ pub async fn run<A: Agent>(
 async fn next_tick(
     net: &mut Net,
     inbox: &mut Inbox,
-    own: &AgentId,
     interests: &[Interest],
-    outbox: &mut Outbox,
+    refused: &mut Vec<ProtocolError>,
 ) -> Result<Tick, ProtocolError> {
     let mut tick: Option<Tick> = None;
     loop {
@@ -116,8 +126,7 @@ async fn next_tick(
                 },
             ))) => tick = Some(t),
             Some(Ok((topic, envelope))) => inbox.take_in(topic, envelope),
-            // Garbage is told of and otherwise does not exist.
-            Some(Err(e)) => outbox.event(own, Severity::Warning, "bad-message", e.to_string()),
+            Some(Err(e)) => refused.push(e),
         }
     }
 }
@@ -166,12 +175,10 @@ pub async fn observe(
     net.wait_for(&others).await;
     say_done(net, &own, SimTime::ZERO, READY, LastSequences::new()).await?;
     let mut inbox = Inbox::default();
-    let mut outbox = Outbox::default();
     let mut ending = false;
     loop {
-        let tick = next_tick(net, &mut inbox, &own, &interests, &mut outbox).await?;
         // A recorder has nobody to tell of garbage; the agents it came to do.
-        outbox.drain();
+        let tick = next_tick(net, &mut inbox, &interests, &mut Vec::new()).await?;
         let now = SimTime::of_tick(tick.tick, tick_ns);
         take(&inbox.before(now))?;
         if ending {

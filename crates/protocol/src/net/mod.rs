@@ -10,6 +10,7 @@
 pub mod lockstep;
 pub mod realtime;
 
+use crate::agent::{Agent, Event};
 use crate::envelope::Envelope;
 use crate::key::{AgentId, Interest, Name, Topic};
 use crate::{Outbox, ProtocolError, SimTime};
@@ -63,7 +64,64 @@ pub struct Net {
     peers: Arc<Mutex<BTreeSet<String>>>,
     sender: mpsc::UnboundedSender<Received>,
     receiver: mpsc::UnboundedReceiver<Received>,
-    sequence: u64,
+    /// Last sequence number of each agent that speaks through this session.
+    sequences: BTreeMap<AgentId, u64>,
+}
+
+/// The agents that one process hosts on one session.
+struct Hosted {
+    ids: Vec<AgentId>,
+    interests: Vec<Vec<Interest>>,
+    /// What any of them wants to hear, each once.
+    all: Vec<Interest>,
+}
+
+impl Hosted {
+    fn of<A: Agent>(agents: &[A]) -> Self {
+        let interests: Vec<Vec<Interest>> = agents.iter().map(Agent::interests).collect();
+        let mut all: Vec<Interest> = Vec::new();
+        for interest in interests.iter().flatten() {
+            if !all.contains(interest) {
+                all.push(interest.clone());
+            }
+        }
+        Self {
+            ids: agents.iter().map(|a| a.id().clone()).collect(),
+            interests,
+            all,
+        }
+    }
+
+    /// Hands the `k`-th agent what it wants to hear of what others said.
+    fn hand_out<A: Agent>(
+        &self,
+        k: usize,
+        agent: &mut A,
+        said: &[(Topic, Envelope)],
+        now: SimTime,
+        outbox: &mut Outbox,
+    ) {
+        for (topic, envelope) in said {
+            let wanted = self.interests[k].iter().any(|i| i.covers(topic));
+            if wanted && envelope.sender != self.ids[k] {
+                agent.handle(Event::Message(topic, envelope), now, outbox);
+            }
+        }
+    }
+}
+
+/// Who is present on the bus.
+#[derive(Debug, Clone)]
+pub struct Presence(Arc<Mutex<BTreeSet<String>>>);
+
+impl Presence {
+    /// Those who are present now, as `kind/name`.
+    pub fn now(&self) -> BTreeSet<String> {
+        self.0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
 }
 
 fn network(error: impl std::fmt::Display) -> ProtocolError {
@@ -136,7 +194,7 @@ impl Net {
             peers: Arc::default(),
             sender,
             receiver,
-            sequence: 0,
+            sequences: BTreeMap::new(),
         };
         net.watch_presence().await?;
         Ok(net)
@@ -204,10 +262,12 @@ impl Net {
 
     /// Those whose presence is seen now, as `kind/name`.
     pub fn peers(&self) -> BTreeSet<String> {
-        self.peers
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
+        self.presence().now()
+    }
+
+    /// A look at who is present that can be taken elsewhere.
+    pub fn presence(&self) -> Presence {
+        Presence(Arc::clone(&self.peers))
     }
 
     /// Waits until all of `agents` are present.
@@ -276,17 +336,19 @@ impl Net {
         outbox: &mut Outbox,
     ) -> Result<crate::message::LastSequences, ProtocolError> {
         let mut wrote = BTreeMap::new();
+        let mut sequence = self.sequences.get(agent).copied().unwrap_or_default();
         for (topic, message) in outbox.drain() {
-            self.sequence += 1;
+            sequence += 1;
             let envelope = Envelope {
                 sender: agent.clone(),
-                sequence: self.sequence,
+                sequence,
                 time: now,
                 message,
             };
             self.publish(&topic, &envelope).await?;
-            wrote.insert(topic.path(), self.sequence);
+            wrote.insert(topic.path(), sequence);
         }
+        self.sequences.insert(agent.clone(), sequence);
         Ok(wrote)
     }
 

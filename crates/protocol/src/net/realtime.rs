@@ -2,10 +2,11 @@
 //! (the squadron controller's) answers what time it is; the others ask at their start and take
 //! the answer with the shortest way (Cristian 1989), so hosts need no synchronised clocks.
 
-use super::{Net, network};
+use super::{Hosted, Net, network};
 use crate::ProtocolError;
 use crate::agent::{Agent, Event, Outbox};
-use crate::key::Name;
+use crate::envelope::Envelope;
+use crate::key::{Name, Topic};
 use crate::message::Severity;
 use crate::time::SimTime;
 use std::time::{Duration, Instant};
@@ -95,36 +96,47 @@ impl MissionClock {
     }
 }
 
-/// Runs `agent` by the wall clock until `until`, ticking every `tick_ns`. `between` is called
-/// before every tick, for what is not a bus (a MAVLink link, a page).
+/// Runs the agents of this process by the wall clock until `until`, ticking every `tick_ns`.
+/// `between` is called for each before every tick, for what is not a bus (a MAVLink link, a
+/// display).
 ///
 /// # Errors
 /// [`ProtocolError::Network`].
 pub async fn run<A: Agent>(
     net: &mut Net,
-    agent: &mut A,
+    agents: &mut [A],
     clock: MissionClock,
     tick_ns: i64,
     until: SimTime,
-    mut between: impl FnMut(&mut A, SimTime, &mut Outbox),
+    mut between: impl FnMut(usize, &mut A),
 ) -> Result<(), ProtocolError> {
-    let own = agent.id().clone();
-    net.subscribe(&agent.interests()).await?;
-    let _presence = net.announce(&own).await?;
+    let hosted = Hosted::of(agents);
+    net.subscribe(&hosted.all).await?;
+    let mut presence = Vec::new();
+    for id in &hosted.ids {
+        presence.push(net.announce(id).await?);
+    }
     let mut outbox = Outbox::default();
     let mut tick = clock.now().ns() / tick_ns + 1;
     loop {
         let due = SimTime::from_ns(tick * tick_ns);
         tokio::time::sleep_until(clock.instant(due).into()).await;
         let last = due >= until;
-        take_in(net, agent, due, &mut outbox);
-        between(agent, due, &mut outbox);
-        agent.handle(
-            if last { Event::Stop } else { Event::Tick },
-            due,
-            &mut outbox,
-        );
-        net.publish_all(&own, due, &mut outbox).await?;
+        let event = if last { Event::Stop } else { Event::Tick };
+        let mut refused = Vec::new();
+        let said = take_in(net, &mut refused);
+        for (k, agent) in agents.iter_mut().enumerate() {
+            let own = &hosted.ids[k];
+            if k == 0 {
+                for error in refused.drain(..) {
+                    outbox.event(own, Severity::Warning, "bad-message", error.to_string());
+                }
+            }
+            hosted.hand_out(k, agent, &said, due, &mut outbox);
+            between(k, agent);
+            agent.handle(event, due, &mut outbox);
+            net.publish_all(own, due, &mut outbox).await?;
+        }
         if last {
             return Ok(());
         }
@@ -147,7 +159,7 @@ pub async fn observe(
     net: &mut Net,
     clock: MissionClock,
     until: SimTime,
-    mut take: impl FnMut(&[(crate::Topic, crate::Envelope)]) -> Result<(), ProtocolError>,
+    mut take: impl FnMut(&[(Topic, Envelope)]) -> Result<(), ProtocolError>,
 ) -> Result<(), ProtocolError> {
     net.subscribe(&[crate::Interest::Everything]).await?;
     let _presence = net.announce(&crate::AgentId::recorder()).await?;
@@ -163,19 +175,15 @@ pub async fn observe(
     }
 }
 
-fn take_in<A: Agent>(net: &mut Net, agent: &mut A, now: SimTime, outbox: &mut Outbox) {
-    let own = agent.id().clone();
+/// What came in by now, in order, and what was refused.
+fn take_in(net: &mut Net, refused: &mut Vec<ProtocolError>) -> Vec<(Topic, Envelope)> {
     let mut heard = Vec::new();
     while let Some(received) = net.try_receive() {
         match received {
             Ok(said) => heard.push(said),
-            Err(e) => outbox.event(&own, Severity::Warning, "bad-message", e.to_string()),
+            Err(e) => refused.push(e),
         }
     }
     heard.sort_by(|(_, a), (_, b)| a.order().cmp(&b.order()));
-    for (topic, envelope) in &heard {
-        if envelope.sender != own {
-            agent.handle(Event::Message(topic, envelope), now, outbox);
-        }
-    }
+    heard
 }

@@ -1,0 +1,90 @@
+//! `plumage control`: who shall fly a vehicle of a mission that runs in processes.
+
+use crate::{Failure, agent};
+use mission::team;
+use protocol::key::Name;
+use protocol::message::{Control, ControlWish};
+use protocol::net::realtime::MissionClock;
+use protocol::{AgentId, Envelope, Message, Topic};
+use std::time::Duration;
+
+/// How long the vehicles may take to appear, s.
+const PATIENCE_S: u64 = 10;
+/// Time for the message to leave before the connection is closed, ms.
+const LEAVE_MS: u64 = 300;
+
+/// What to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Wish {
+    /// Give vehicles back to automatic flight
+    HandBack,
+    /// Take simulated vehicles over: they are held level until handed back
+    TakeOver,
+}
+
+/// Arguments of `plumage control`.
+#[derive(Debug, clap::Args)]
+pub struct ControlArguments {
+    /// What to do
+    pub wish: Wish,
+    /// Ids of the vehicles, apart by commas; all of the team if not given
+    #[arg(long, value_name = "ID", value_delimiter = ',')]
+    pub vehicles: Vec<String>,
+    #[command(flatten)]
+    bus: agent::BusArguments,
+}
+
+/// Says it on the bus.
+///
+/// # Errors
+/// Vehicles that the scenario does not have, or that are not present.
+pub fn control(arguments: &ControlArguments) -> Result<(), Failure> {
+    let setup = arguments.bus.setup()?;
+    let ids: Vec<String> = if arguments.vehicles.is_empty() {
+        let all = setup.scenario.vehicles.iter();
+        all.map(|v| v.id.clone()).collect()
+    } else {
+        for id in &arguments.vehicles {
+            setup.index_of(id).map_err(Failure::input)?;
+        }
+        arguments.vehicles.clone()
+    };
+    let names: Vec<AgentId> = team::agent_ids(&setup)
+        .map_err(Failure::input)?
+        .into_iter()
+        .filter(|a| ids.iter().any(|id| AgentId::va(id).as_ref() == Ok(a)))
+        .collect();
+    let control = Control {
+        wish: match arguments.wish {
+            Wish::HandBack => ControlWish::HandBack,
+            Wish::TakeOver => ControlWish::TakeOver,
+        },
+        sticks: None,
+    };
+    agent::block_on(async {
+        let mut net = arguments.bus.open(&setup, false).await?;
+        let patience = Duration::from_secs(PATIENCE_S);
+        let found = tokio::time::timeout(patience, net.wait_for(&names)).await;
+        if found.is_err() {
+            return Err(Failure::Run(anyhow::anyhow!(
+                "not all of vehicles {} are on the bus within {PATIENCE_S} s",
+                ids.join(", ")
+            )));
+        }
+        let asked = tokio::time::timeout(patience, MissionClock::ask(&net)).await;
+        let clock = asked.map_err(|_| anyhow::anyhow!("sc does not tell the mission's time"))??;
+        for (k, id) in ids.iter().enumerate() {
+            let envelope = Envelope {
+                sender: AgentId::operator(),
+                sequence: k as u64 + 1,
+                time: clock.now(),
+                message: Message::Control(control),
+            };
+            let topic = Topic::Control(Name::new(id).map_err(Failure::input)?);
+            net.publish(&topic, &envelope).await?;
+        }
+        tokio::time::sleep(Duration::from_millis(LEAVE_MS)).await;
+        net.close().await?;
+        Ok(())
+    })
+}

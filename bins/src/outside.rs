@@ -1,0 +1,108 @@
+//! What a run in one process has to do with beside its page: the links to real vehicles, and the
+//! FlightGears that show some.
+
+use crate::Failure;
+use crate::agent::{serve_link, signing_from};
+use crate::commands::run::RunArguments;
+use crate::flightgear::{self, Viewer};
+use crate::pace::Speed;
+use mav_bridge::link::{Link, LinkAddress};
+use mission::setup::SigningKey;
+use mission::{Member, Run, Setup};
+use protocol::{Agent as _, AgentId, SimTime};
+use scenario::tables::VehicleKind;
+use std::collections::BTreeMap;
+
+/// A real vehicle's link.
+pub struct Served {
+    link: Link,
+    key: Option<SigningKey>,
+}
+
+/// Links and viewers of a run.
+pub struct Outside {
+    /// The links by the vehicles' ids.
+    pub links: BTreeMap<AgentId, Served>,
+    viewers: BTreeMap<AgentId, Viewer>,
+    /// The links live on it.
+    _runtime: Option<tokio::runtime::Runtime>,
+}
+
+impl Outside {
+    /// Opens what scenario and arguments ask for.
+    ///
+    /// # Errors
+    /// An address that is none, a port that is taken, or a real vehicle at another speed than
+    /// its own.
+    pub fn open(setup: &Setup, arguments: &RunArguments) -> Result<Self, Failure> {
+        let scenario = &setup.scenario;
+        let ids: Vec<&str> = scenario.vehicles.iter().map(|v| v.id.as_str()).collect();
+        let addresses = flightgear::addresses(&arguments.flightgear, &ids, scenario)?;
+        let mut outside = Self {
+            links: BTreeMap::new(),
+            viewers: BTreeMap::new(),
+            _runtime: None,
+        };
+        for (id, address) in ids.iter().zip(addresses) {
+            if let Some(address) = address {
+                let id = AgentId::va(id).map_err(Failure::input)?;
+                outside.viewers.insert(id, Viewer::open(&address)?);
+            }
+        }
+        let linked: Vec<_> = scenario
+            .vehicles
+            .iter()
+            .filter(|v| v.kind == VehicleKind::Mavlink)
+            .collect();
+        let Some(first) = linked.first() else {
+            return Ok(outside);
+        };
+        if arguments.speed != Speed(1.0) {
+            return Err(Failure::usage(format!(
+                "vehicle {} is a real one behind a MAVLink link: expected --speed real",
+                first.id
+            )));
+        }
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(1)
+            .thread_name("links")
+            .enable_all()
+            .build()?;
+        for vehicle in linked {
+            let address = vehicle.link.as_deref().unwrap_or_default();
+            let address: LinkAddress = address.parse().map_err(Failure::input)?;
+            let link = runtime
+                .block_on(Link::open(&address))
+                .map_err(Failure::input)?;
+            let key = setup.signing_keys.get(&vehicle.id).cloned();
+            let id = AgentId::va(&vehicle.id).map_err(Failure::input)?;
+            outside.links.insert(id, Served { link, key });
+        }
+        outside._runtime = Some(runtime);
+        Ok(outside)
+    }
+
+    /// Carries bytes and shows vehicles before the next tick of `run`.
+    pub fn serve(&mut self, run: &mut Run) {
+        if self.links.is_empty() && self.viewers.is_empty() {
+            return;
+        }
+        let now = run.now();
+        for member in run.members_mut() {
+            if let Some(viewer) = self.viewers.get_mut(member.id()) {
+                viewer.show(member);
+            }
+            let Some(served) = self.links.get_mut(member.id()) else {
+                continue;
+            };
+            if let Member::Real(vehicle) = member {
+                if now == SimTime::ZERO
+                    && let Some(key) = &served.key
+                {
+                    vehicle.sign(signing_from(key, now));
+                }
+                serve_link(&mut served.link, vehicle);
+            }
+        }
+    }
+}

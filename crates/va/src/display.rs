@@ -1,0 +1,63 @@
+//! What a display such as FlightGear shows of a vehicle.
+
+use crate::agent::{Body, VirtualAircraft};
+use crate::watch::Watch;
+use air::isa::Atmosphere;
+use fdm::flight::quaternion;
+use fdm::flightgear::{NetFdm, PACKET_BYTES};
+use fdm::{FlightFlags, FlightState, Phase};
+use protocol::message::State;
+
+impl VirtualAircraft {
+    /// FlightGear's packet of the vehicle as it is now; none before a real vehicle's first
+    /// position. A real vehicle's surfaces and angle of attack are not known and stand at zero.
+    pub fn net_fdm(&self, unix_time_s: u32) -> Option<[u8; PACKET_BYTES]> {
+        match self.body() {
+            Body::Simulated(body) => Some(body.net_fdm(unix_time_s)),
+            Body::Bridged(body) => {
+                let state = body.last()?;
+                let packet = NetFdm {
+                    lat_deg: state.lat_deg,
+                    lon_deg: state.lon_deg,
+                    ground_amsl_m: self.watch().ground_amsl_m(),
+                    // A standard day is near enough for a needle.
+                    density_kg_m3: Atmosphere::standard().at(state.alt_amsl_m).density_kg_m3(),
+                    unix_time_s,
+                };
+                Some(packet.encode(&flight(self.watch(), state), body.surfaces()))
+            }
+        }
+    }
+}
+
+/// What the state on the bus tells of a flight.
+fn flight(watch: &Watch, state: &State) -> FlightState {
+    let place = watch.place(state).at;
+    let angles = [state.roll_deg, state.pitch_deg, state.heading_deg].map(f64::to_radians);
+    let [roll_rad, pitch_rad, yaw_rad] = angles;
+    FlightState {
+        north_m: place.north_m,
+        east_m: place.east_m,
+        alt_amsl_m: state.alt_amsl_m,
+        vel_ned_m_s: state.vel_ned_m_s,
+        roll_rad,
+        pitch_rad,
+        yaw_rad,
+        attitude: quaternion(roll_rad, pitch_rad, yaw_rad),
+        rate_rad_s: [0.0; 3],
+        airspeed_m_s: state.airspeed_m_s,
+        alpha_rad: 0.0,
+        beta_rad: 0.0,
+        elevator_rad: 0.0,
+        aileron_rad: 0.0,
+        rudder_rad: 0.0,
+        throttle: state.throttle,
+        specific_force_m_s2: [0.0; 3],
+        phase: if state.airborne {
+            Phase::Flying
+        } else {
+            Phase::OnGround
+        },
+        flags: FlightFlags::default(),
+    }
+}

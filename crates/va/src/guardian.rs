@@ -1,0 +1,139 @@
+//! The Guardian's way home: to the take-off point around the stacks' keep-outs, and there in a
+//! circle at a height that no other vehicle of the team has.
+
+use crate::VaError;
+use air::geo::{Enu, Geodetic, wrap_signed_deg};
+use fdm::autopilot::Path;
+use scenario::Scenario;
+
+/// Radius of the circle at home, m.
+const CIRCLE_M: f64 = 120.0;
+/// Clearance from a keep-out on the way, m: room for a turn.
+const MARGIN_M: f64 = 120.0;
+/// Height above the ground below that it keeps, m, where the ground rises above its layer.
+const ABOVE_GROUND_M: f64 = 100.0;
+
+/// Where the Guardian of one vehicle brings it.
+#[derive(Debug, Clone)]
+pub(crate) struct Guardian {
+    home: Enu,
+    layer_amsl_m: f64,
+    stacks: Vec<Enu>,
+    avoid_m: f64,
+}
+
+impl Guardian {
+    /// The Guardian of the vehicle at `index` of the team.
+    pub(crate) fn new(scenario: &Scenario, index: usize) -> Result<Self, VaError> {
+        let frame = scenario.frame()?;
+        let place = |lat_deg, lon_deg| frame.to_enu(Geodetic { lat_deg, lon_deg });
+        let home = scenario.home(index)?;
+        let home = place(home.lat_deg, home.lon_deg);
+        let avoid_m = scenario.fence.keep_out_radius_m + MARGIN_M;
+        Ok(Self {
+            home,
+            layer_amsl_m: scenario
+                .layers_amsl_m()
+                .get(index)
+                .copied()
+                .ok_or_else(|| VaError::NoSuchVehicle(index.to_string()))?,
+            // What home itself is too near to cannot be kept away from.
+            stacks: scenario
+                .sources
+                .iter()
+                .map(|s| place(s.lat_deg, s.lon_deg))
+                .filter(|s| s.distance_m(home) > avoid_m + CIRCLE_M)
+                .collect(),
+            avoid_m,
+        })
+    }
+
+    /// The take-off point.
+    pub(crate) fn home(&self) -> Enu {
+        self.home
+    }
+
+    /// The height to fly at over ground of `ground_amsl_m`, m above mean sea level.
+    pub(crate) fn alt_amsl_m(&self, ground_amsl_m: f64) -> f64 {
+        self.layer_amsl_m.max(ground_amsl_m + ABOVE_GROUND_M)
+    }
+
+    /// The path home from `at`: straight, or along the edge of a keep-out that is in the way.
+    pub(crate) fn path(&self, at: Enu) -> Path {
+        let in_the_way =
+            |stack: &&Enu| air::area::distance_to_segment_m(**stack, at, self.home) < self.avoid_m;
+        let nearest = self
+            .stacks
+            .iter()
+            .filter(in_the_way)
+            .min_by(|a, b| a.distance_m(at).total_cmp(&b.distance_m(at)));
+        let Some(&stack) = nearest else {
+            return Path::Orbit {
+                north_m: self.home.north_m,
+                east_m: self.home.east_m,
+                radius_m: CIRCLE_M,
+                clockwise: true,
+            };
+        };
+        let towards_deg = at.bearing_deg(stack);
+        let home_deg = wrap_signed_deg(at.bearing_deg(self.home) - towards_deg);
+        let side = if home_deg < 0.0 { -1.0 } else { 1.0 };
+        let distance_m = at.distance_m(stack);
+        let off_deg = if distance_m > self.avoid_m {
+            (self.avoid_m / distance_m).asin().to_degrees()
+        } else {
+            // Inside: the more outwards the deeper.
+            90.0 + 90.0 * (1.0 - distance_m / self.avoid_m)
+        };
+        Path::Course {
+            deg: air::geo::wrap_deg(towards_deg + side * off_deg),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const AS_PONTES: &str = include_str!("../../../scenarios/as-pontes.toml");
+
+    fn guardian(index: usize) -> Guardian {
+        Guardian::new(&Scenario::parse("s", AS_PONTES).unwrap(), index).unwrap()
+    }
+
+    #[test]
+    fn every_vehicle_has_a_height_of_its_own() {
+        let mut layers: Vec<f64> = (0..6).map(|k| guardian(k).layer_amsl_m).collect();
+        layers.sort_by(f64::total_cmp);
+        assert!(layers.windows(2).all(|w| w[1] - w[0] >= 30.0), "{layers:?}");
+        assert_eq!(guardian(0).alt_amsl_m(800.0), 900.0);
+    }
+
+    proptest! {
+        /// A point that follows the path in steps of 20 m comes home, and from outside never
+        /// enters the keep-out of 1000 m.
+        #[test]
+        fn the_way_home_goes_around_the_stack(bearing in 0.0..360.0f64, distance in 50.0..5000.0f64) {
+            let guardian = guardian(0);
+            let stack = guardian.stacks[0];
+            let mut at = stack.displaced(bearing, distance);
+            let mut nearest_m = f64::INFINITY;
+            for _ in 0..1000 {
+                let course = match guardian.path(at) {
+                    Path::Course { deg } => deg,
+                    _ => at.bearing_deg(guardian.home),
+                };
+                at = at.displaced(course, 20.0);
+                nearest_m = nearest_m.min(at.distance_m(stack));
+                if at.distance_m(guardian.home) < CIRCLE_M {
+                    break;
+                }
+            }
+            prop_assert!(at.distance_m(guardian.home) < CIRCLE_M, "{at:?}");
+            if distance > guardian.avoid_m {
+                prop_assert!(nearest_m > 1000.0, "{nearest_m}");
+            }
+        }
+    }
+}

@@ -15,6 +15,7 @@
 pub mod case;
 pub mod chance;
 pub mod effect;
+pub mod flight;
 pub mod instrument;
 pub mod law;
 pub mod mutation;

@@ -178,7 +178,7 @@ pub struct Model {
 }
 
 /// Sets kept from one size to the next.
-const BEAM: usize = 25;
+const BEAM: usize = 12;
 /// Largest set.
 pub const LARGEST_SET: usize = 7;
 

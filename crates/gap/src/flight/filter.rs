@@ -8,7 +8,7 @@
 
 use super::channel::{CHANNELS, at};
 use super::gate::Segment;
-use super::motion::{DISTURBANCE_S, GUST_S, Mean, STATES, World, difference, moved, start};
+use super::motion::{DISTURBANCE_S, GUST_S, LEAN_S, Mean, STATES, World, difference, moved, start};
 use super::noise::Noise;
 use super::normal::Normal;
 use super::rival::{Group, Ranges, Target, surface_power};
@@ -195,6 +195,9 @@ impl Filter<'_> {
         for k in 0..3 {
             h[at::FORCE + k][15 + k] = 1.0;
         }
+        for k in 0..2 {
+            h[at::ROLL + k][18 + k] = 1.0;
+        }
         h
     }
 
@@ -331,6 +334,9 @@ impl Filter<'_> {
             }
             f[15 + k][15 + k] = keep;
         }
+        for column in [18, 19] {
+            f[column][column] = (-dt / LEAN_S).exp();
+        }
         f
     }
 }
@@ -441,9 +447,9 @@ fn times(m: &Matrix, v: &Error) -> Error {
 
 /// Correlation time of a state, s.
 pub fn correlation_s(state: usize) -> f64 {
-    if state < 12 {
-        GUST_S[state - 9]
-    } else {
-        DISTURBANCE_S
+    match state {
+        ..12 => GUST_S[state - 9],
+        12..18 => DISTURBANCE_S,
+        _ => LEAN_S,
     }
 }

@@ -11,10 +11,13 @@ use super::gate::Segment;
 use super::parameters::{Parameter, applied};
 
 /// Number of error states: velocity, attitude, rate, gust, disturbing angular acceleration and
-/// specific force, three of each.
-pub const STATES: usize = 18;
+/// specific force, three of each; and two slow errors of the logged roll and pitch angle.
+pub const STATES: usize = 20;
 /// Correlation times of gusts (horizontal, vertical), s, and of the disturbances.
 pub const GUST_S: [f64; 3] = [12.0, 12.0, 5.0];
+/// Correlation time of the errors of logged angles, s: those of an attitude reference that
+/// takes turns for gravity.
+pub const LEAN_S: f64 = 15.0;
 /// Correlation time of the disturbances, s.
 pub const DISTURBANCE_S: f64 = 0.4;
 
@@ -29,6 +32,8 @@ pub struct Mean {
     pub spin: [f64; 3],
     /// Specific force that the model does not have, body axes, m/s².
     pub push: [f64; 3],
+    /// Slow error of the logged roll and pitch angle, rad.
+    pub lean: [f64; 2],
 }
 
 /// Surfaces and motor at the beginning, middle and end of each substep of one sample interval.
@@ -107,6 +112,7 @@ impl World {
             next.spin[k] *= keep;
             next.push[k] *= keep;
         }
+        next.lean = mean.lean.map(|l| l * (-dt / LEAN_S).exp());
         next
     }
 
@@ -127,6 +133,9 @@ impl World {
         read[at::ALPHA] = flow.alpha * s.alpha_factor + s.alpha_offset_rad;
         read[at::BETA] = flow.beta;
         read[at::ROLL..at::ROLL_RATE].copy_from_slice(&euler(&m));
+        for k in 0..2 {
+            read[at::ROLL + k] += mean.lean[k];
+        }
         for k in 0..3 {
             read[at::ROLL_RATE + k] = body.rate[k] + s.gyro_bias_rad_s[k];
             read[at::FORCE + k] = force[k] / mass + mean.push[k] + s.accelerometer_bias_m_s2[k];
@@ -284,6 +293,9 @@ pub fn difference(a: &Mean, b: &Mean) -> [f64; STATES] {
         d[12 + k] = b.spin[k] - a.spin[k];
         d[15 + k] = b.push[k] - a.push[k];
     }
+    for k in 0..2 {
+        d[18 + k] = b.lean[k] - a.lean[k];
+    }
     d
 }
 
@@ -306,6 +318,9 @@ pub fn moved(mean: &Mean, d: &[f64; STATES]) -> Mean {
         m.gust[k] += d[9 + k];
         m.spin[k] += d[12 + k];
         m.push[k] += d[15 + k];
+    }
+    for k in 0..2 {
+        m.lean[k] += d[18 + k];
     }
     m
 }
@@ -336,6 +351,7 @@ pub fn start(segment: &Segment, world: &World, i: usize) -> (Mean, [f64; STATES]
         gust: [0.0; 3],
         spin: [0.0; 3],
         push: [0.0; 3],
+        lean: [0.0; 2],
     };
     let yaw = if first(at::ROLL + 2).is_some() {
         0.1

@@ -18,16 +18,18 @@ pub struct Noise {
     pub spin_rad_s2: [f64; 3],
     /// Disturbing specific force, m/s².
     pub push_m_s2: [f64; 3],
+    /// Slow error of the logged roll and pitch angle, rad.
+    pub lean_rad: f64,
 }
 
 /// Number of sizes that are searched for (the sensors' are found by a fixed point).
-const SEARCHED: usize = 8;
+const SEARCHED: usize = 9;
 /// Prior of the logarithm of every size: wide.
 const LOG_SD: f64 = 1.2;
 /// Samples on which the noise is fitted at most.
-const FIT_SAMPLES: usize = 1500;
+const FIT_SAMPLES: usize = 800;
 /// Length of a stretch of them.
-const STRETCH: usize = 375;
+const STRETCH: usize = 200;
 
 impl Noise {
     /// Before anything is known: the middle of the priors.
@@ -41,6 +43,7 @@ impl Noise {
             gust_m_s: [1.0, 0.6],
             spin_rad_s2: [0.8, 0.5, 0.3],
             push_m_s2: [0.15, 0.15, 0.3],
+            lean_rad: 0.004,
         }
     }
 
@@ -48,7 +51,7 @@ impl Noise {
         let [h, v] = self.gust_m_s;
         let [l, m, n] = self.spin_rad_s2;
         let [x, y, z] = self.push_m_s2;
-        [h, v, l, m, n, x, y, z]
+        [h, v, l, m, n, x, y, z, self.lean_rad]
     }
 
     fn with_searched(&self, s: [f64; SEARCHED]) -> Self {
@@ -57,6 +60,7 @@ impl Noise {
             gust_m_s: [s[0], s[1]],
             spin_rad_s2: [s[2], s[3], s[4]],
             push_m_s2: [s[5], s[6], s[7]],
+            lean_rad: s[8],
         }
     }
 
@@ -75,6 +79,7 @@ impl Noise {
             11 => self.gust_m_s[1],
             12..15 => self.spin_rad_s2[state - 12],
             15..18 => self.push_m_s2[state - 15],
+            18.. => self.lean_rad,
             _ => 0.0,
         }
     }

@@ -165,7 +165,11 @@ fn mechanisms(gated: &Gated) -> Vec<Parameter> {
                 name: format!("{}.{}", spec.id, p.name),
                 unit: p.unit,
                 effect: Effect::Mechanism(m, k),
-                tolerance: TOLERANCE_PART * p.prior_sd,
+                // Gusts reach wing and tail one after the other, which looks like damping.
+                tolerance: match spec.id {
+                    "roll-damping" | "pitch-damping" => 3.0 * TOLERANCE_PART * p.prior_sd,
+                    _ => TOLERANCE_PART * p.prior_sd,
+                },
                 prior_sd: Some(p.prior_sd),
                 // A delay needs a secant over part of a sample; the rest is smooth.
                 step: if spec.id == "actuator-delay" {

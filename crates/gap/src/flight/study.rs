@@ -20,7 +20,7 @@ use crate::GapError;
 /// length of the catalogue.
 const MECHANISM_LOG_PRIOR: f64 = -5.5;
 /// Log prior of a nameless term: a name is to be preferred where both do.
-const RIVAL_LOG_PRIOR: f64 = -9.0;
+const RIVAL_LOG_PRIOR: f64 = -8.0;
 /// Blocks that a flight is cut into at least; they are not shorter than [`BLOCK_S`].
 const BLOCKS: f64 = 40.0;
 /// Shortest block, s.
@@ -28,7 +28,7 @@ const BLOCK_S: f64 = 5.0;
 /// Times the variance of an acceleration that the published moment may leave and still be near.
 const FAR_OFF: f64 = 1.5;
 /// Most linearisations.
-const ROUNDS: usize = 4;
+const ROUNDS: usize = 3;
 
 /// The data and all that may be asked of them.
 pub struct Study<'a> {
@@ -49,6 +49,7 @@ pub struct Study<'a> {
 }
 
 /// The data seen from one point.
+#[derive(Debug, Clone)]
 pub struct Linear {
     /// Where: departures of the parameters.
     pub theta: Vec<f64>,
@@ -310,7 +311,7 @@ impl<'a> Study<'a> {
         progress: &mut dyn FnMut(f64),
     ) -> Result<(Linear, Linear), GapError> {
         let mut theta = self.start();
-        let mut noise = self.noise(&theta, Noise::usual(), 4);
+        let mut noise = self.noise(&theta, Noise::usual(), 3);
         progress(0.2);
         if let Some(far) = self.far_start(&theta, equation_error) {
             let other = self.noise(&far, noise.clone(), 3);
@@ -336,9 +337,9 @@ impl<'a> Study<'a> {
                 break;
             }
             let theta = self.step_towards(now, &best);
-            let noise = self.noise(&theta, now.noise.clone(), 2);
+            let noise = self.noise(&theta, now.noise.clone(), 1);
             let next = self.linearise(theta, noise);
-            let stays = next.models[0].set == best && round > 0;
+            let stays = next.models[0].set == best;
             if !next.log_score.is_finite() {
                 break;
             }
@@ -348,10 +349,7 @@ impl<'a> Study<'a> {
                 break;
             }
         }
-        let last = match last {
-            Some(last) => last,
-            None => self.linearise(first.theta.clone(), first.noise.clone()),
-        };
+        let last = last.unwrap_or_else(|| first.clone());
         Ok((first, last))
     }
 

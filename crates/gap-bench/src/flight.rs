@@ -1,0 +1,377 @@
+//! The finder of flight on hidden cases: what it detects, names and gets wrong.
+//!
+//! Strengths are set by what an effect is expected to show: D is half the squared size of the
+//! effect times the information of the twin without it, tolerances of the base integrated out,
+//! under the finder's noise fitted to the twin. Effects outside the catalogue have fixed sizes.
+
+mod table;
+
+use fdm::Aircraft;
+use gap::flight::evidence::Word;
+use gap::flight::log::FlightLog;
+use gap::flight::noise::Noise;
+use gap::flight::study::Study;
+use gap::flight::{FlightReport, analyse, gate};
+use gap::verdict::Verdict;
+use gap_truth::flight::{
+    FLIGHT_CATALOGUE, FLIGHT_OUTSIDE, FlightCase, FlightEffect, FlightLaw, FlightNoise, FlightSpec,
+    make,
+};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+pub use table::FlightSummary;
+
+/// What a case is about.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FlightKind {
+    /// Nothing hidden.
+    Nothing(FlightNoise),
+    /// One effect by the catalogue's law at so many nats.
+    One(FlightEffect, f64),
+    /// One effect by a cousin of its law.
+    Cousin(FlightEffect, f64),
+    /// One effect outside the catalogue, so many typical sizes strong.
+    Outside(FlightEffect, f64),
+    /// Two effects, so many nats each.
+    Two(FlightEffect, FlightEffect, f64),
+}
+
+/// What became of a case.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FlightOutcome {
+    /// What it was about.
+    pub kind: FlightKind,
+    /// Seed.
+    pub seed: u64,
+    /// What was refused.
+    pub error: Option<String>,
+    /// The verdict.
+    pub verdict: Option<Verdict>,
+    /// Mechanisms of each cause.
+    pub sets: Vec<Vec<String>>,
+    /// Stated probability of the first cause, and whether it holds a hidden effect.
+    pub stated: Option<(f64, bool)>,
+    /// For each parameter of a hidden effect that is named alone: whether 1.96 sd cover it.
+    pub covered: Vec<bool>,
+    /// Coordinate of what is unexplained.
+    pub coordinate: Option<String>,
+    /// Gain on blocks left out over that expected of the truth.
+    pub gain: Option<f64>,
+}
+
+impl FlightOutcome {
+    /// Hidden effects of the catalogue.
+    pub fn hidden(&self) -> Vec<&'static str> {
+        match &self.kind {
+            FlightKind::One(e, _) | FlightKind::Cousin(e, _) => vec![e.id()],
+            FlightKind::Two(a, b, _) => vec![a.id(), b.id()],
+            _ => Vec::new(),
+        }
+    }
+
+    /// Whether anything was found.
+    pub fn detected(&self) -> bool {
+        self.verdict.is_some_and(|v| v != Verdict::None)
+    }
+
+    /// Whether every hidden effect is in some set.
+    pub fn in_sets(&self) -> bool {
+        let holds = |id: &&str| self.sets.iter().any(|s| s.iter().any(|m| m == id));
+        self.hidden().iter().all(holds)
+    }
+
+    /// Whether a single name was said that is not hidden, and nothing called unexplained.
+    pub fn confidently_wrong(&self) -> bool {
+        let hidden = self.hidden();
+        self.verdict != Some(Verdict::Unexplained)
+            && self
+                .sets
+                .iter()
+                .any(|s| s.len() == 1 && !hidden.contains(&s[0].as_str()))
+    }
+
+    /// Whether exactly the hidden effects are named, each alone.
+    pub fn exactly(&self) -> bool {
+        let mut hidden = self.hidden();
+        let mut said: Vec<&str> = self.sets.iter().flatten().map(String::as_str).collect();
+        hidden.sort_unstable();
+        said.sort_unstable();
+        hidden == said && self.verdict == Some(Verdict::Named)
+    }
+}
+
+/// Pairs of effects that manoeuvres tell apart.
+const PAIRS: [(FlightEffect, FlightEffect); 6] = [
+    (FlightEffect::MassChange, FlightEffect::GyroBias),
+    (FlightEffect::ActuatorDelay, FlightEffect::AlphaVaneScale),
+    (FlightEffect::RollDamping, FlightEffect::CgShift),
+    (FlightEffect::AirspeedScale, FlightEffect::DragIncrease),
+    (FlightEffect::LiftSlope, FlightEffect::AccelerometerBias),
+    (FlightEffect::PitchDamping, FlightEffect::ThrustLoss),
+];
+
+/// Which parts of the benchmark are run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FlightShare {
+    /// Cases without an effect.
+    pub nothing: bool,
+    /// Cases of single effects; of each seed every so many-th effect, 0 for none.
+    pub one_in: usize,
+    /// Cousins, outsiders and pairs.
+    pub others: bool,
+}
+
+impl FlightShare {
+    /// All of it.
+    pub const ALL: Self = Self {
+        nothing: true,
+        one_in: 1,
+        others: true,
+    };
+}
+
+/// The cases of one seed.
+fn kinds(seed: u64, share: FlightShare) -> Vec<FlightKind> {
+    let mut all = Vec::new();
+    if share.nothing {
+        all.push(FlightKind::Nothing(FlightNoise::Usual));
+        all.push(FlightKind::Nothing(FlightNoise::Unusual));
+    }
+    let chosen = |k: usize, of: usize| of > 0 && (k + seed as usize).is_multiple_of(of);
+    for (k, effect) in FLIGHT_CATALOGUE.into_iter().enumerate() {
+        if chosen(k, share.one_in) {
+            all.push(FlightKind::One(effect, 20.0));
+            all.push(FlightKind::One(effect, 60.0));
+        }
+        if share.others && chosen(k, 5) {
+            all.push(FlightKind::Cousin(effect, 60.0));
+        }
+    }
+    if share.others {
+        for (k, effect) in FLIGHT_OUTSIDE.into_iter().enumerate() {
+            if chosen(k, 3) {
+                all.push(FlightKind::Outside(effect, 2.0));
+            }
+        }
+        for (k, (a, b)) in PAIRS.into_iter().enumerate() {
+            if chosen(k, 3) {
+                all.push(FlightKind::Two(a, b, 40.0));
+            }
+        }
+    }
+    all
+}
+
+/// An aircraft as its file has it, for the finder and for the truth.
+pub struct Bird<'a> {
+    /// Text of the file.
+    pub toml: &'a str,
+    /// The same, read by the simulator.
+    pub aircraft: Aircraft,
+}
+
+impl<'a> Bird<'a> {
+    /// Reads an aircraft file.
+    ///
+    /// # Errors
+    /// What the simulator refuses.
+    pub fn new(toml: &'a str) -> Result<Self, fdm::FdmError> {
+        Ok(Self {
+            toml,
+            aircraft: Aircraft::from_toml("aircraft", toml)?,
+        })
+    }
+}
+
+/// What the flight without an effect tells about strengths.
+struct Twin {
+    word: Word,
+    names: Vec<String>,
+}
+
+fn twin(bird: &Bird<'_>, seed: u64) -> Result<Twin, String> {
+    let case = make(&FlightSpec::none(seed), bird.toml).ok_or("aircraft not read")?;
+    let log = FlightLog::parse("twin", &case.csv).map_err(|e| e.to_string())?;
+    let gated = gate::pass(&[log], &bird.aircraft).map_err(|e| e.to_string())?;
+    let study = Study::new(&bird.aircraft, &gated, 1);
+    let theta = study.start();
+    let noise = study.noise(&theta, Noise::usual(), 3);
+    Ok(Twin {
+        names: study.parameters.iter().map(|p| p.name.clone()).collect(),
+        word: study.linearise(theta, noise).word,
+    })
+}
+
+/// Expected nats of a case's truth.
+fn expected(twin: &Twin, case: &FlightCase) -> f64 {
+    let mut shift = vec![0.0; twin.names.len()];
+    for value in &case.truth {
+        let name = format!("{}.{}", value.mechanism, value.name);
+        let neutral = if value.name.ends_with("factor") {
+            1.0
+        } else {
+            0.0
+        };
+        if let Some(j) = twin.names.iter().position(|n| *n == name) {
+            shift[j] = value.value - neutral;
+        }
+    }
+    let mut sum = 0.0;
+    for (i, a) in shift.iter().enumerate() {
+        for (j, b) in shift.iter().enumerate() {
+            sum += 0.5 * a * b * twin.word.s[(i, j)];
+        }
+    }
+    sum * twin.word.dispersion
+}
+
+fn effects(kind: &FlightKind) -> Vec<(FlightEffect, f64)> {
+    match *kind {
+        FlightKind::Nothing(_) => Vec::new(),
+        FlightKind::One(e, d) | FlightKind::Cousin(e, d) | FlightKind::Outside(e, d) => {
+            vec![(e, d)]
+        }
+        FlightKind::Two(a, b, d) => vec![(a, d), (b, d)],
+    }
+}
+
+/// The case of a kind at the strengths asked for.
+fn case(bird: &Bird<'_>, twin: &Twin, kind: &FlightKind, seed: u64) -> Result<FlightCase, String> {
+    let mut spec = FlightSpec::none(seed);
+    if let FlightKind::Nothing(noise) = kind {
+        spec.noise = *noise;
+    }
+    if let FlightKind::Cousin(..) = kind {
+        spec.law = FlightLaw::Cousin;
+    }
+    for (effect, nats) in effects(kind) {
+        let mut probe = FlightSpec::none(seed);
+        if !effect.in_catalogue() {
+            spec.hidden.push((effect, nats));
+            continue;
+        }
+        probe.hidden = vec![(effect, 1.0)];
+        let tried = make(&probe, bird.toml).ok_or("aircraft not read")?;
+        let seen = expected(twin, &tried).max(0.05);
+        let strength = (nats / seen).sqrt().clamp(0.1, 10.0);
+        spec.hidden.push((effect, strength));
+    }
+    make(&spec, bird.toml).ok_or_else(|| "aircraft not read".into())
+}
+
+fn judge(bird: &Bird<'_>, twin: &Twin, kind: FlightKind, seed: u64) -> FlightOutcome {
+    let mut outcome = FlightOutcome {
+        kind,
+        seed,
+        error: None,
+        verdict: None,
+        sets: Vec::new(),
+        stated: None,
+        covered: Vec::new(),
+        coordinate: None,
+        gain: None,
+    };
+    let told = case(bird, twin, &outcome.kind, seed).and_then(|case| {
+        if !case.flown {
+            return Err("the aircraft was lost".to_owned());
+        }
+        let log = FlightLog::parse("case", &case.csv).map_err(|e| e.to_string())?;
+        let report = analyse(&[log], &bird.aircraft, &mut |_| {}).map_err(|e| e.to_string())?;
+        Ok((case, report))
+    });
+    match told {
+        Ok((case, report)) => compare(&mut outcome, twin, &case, &report),
+        Err(error) => outcome.error = Some(error),
+    }
+    outcome
+}
+
+fn compare(outcome: &mut FlightOutcome, twin: &Twin, case: &FlightCase, report: &FlightReport) {
+    let json = &report.gap;
+    outcome.verdict = Some(json.verdict);
+    outcome.sets = json.causes.iter().map(|c| c.mechanisms.clone()).collect();
+    outcome.coordinate = json.unexplained.as_ref().map(|u| u.coordinate.clone());
+    let hidden = outcome.hidden();
+    outcome.stated = json.causes.first().map(|c| {
+        let right = c.mechanisms.iter().any(|m| hidden.contains(&m.as_str()));
+        (c.probability, right)
+    });
+    if !matches!(outcome.kind, FlightKind::Cousin(..)) {
+        for cause in json.causes.iter().filter(|c| c.mechanisms.len() == 1) {
+            for p in &cause.parameters {
+                let same = |t: &&gap_truth::flight::TrueValue| {
+                    t.mechanism == p.mechanism && t.name == p.name
+                };
+                if let Some(t) = case.truth.iter().find(same) {
+                    outcome
+                        .covered
+                        .push((p.value - t.value).abs() < 1.96 * p.sd);
+                }
+            }
+        }
+    }
+    outcome.gain =
+        json.gain.as_ref().filter(|_| !hidden.is_empty()).map(|g| {
+            (g.held_out.log_score_after - g.held_out.log_score_before) / expected(twin, case)
+        });
+}
+
+/// Runs `seeds` seeds from `first` on, on `threads` threads; `progress` gets the seeds done.
+pub fn run(
+    birds: &[Bird<'_>],
+    first: u64,
+    seeds: u64,
+    share: FlightShare,
+    threads: usize,
+    progress: &(dyn Fn(u64, &[FlightOutcome]) + Sync),
+) -> FlightSummary {
+    let next = AtomicU64::new(0);
+    let all: Mutex<Vec<FlightOutcome>> = Mutex::new(Vec::new());
+    std::thread::scope(|scope| {
+        for _ in 0..threads.max(1) {
+            scope.spawn(|| {
+                loop {
+                    let k = next.fetch_add(1, Ordering::Relaxed);
+                    if k >= seeds {
+                        break;
+                    }
+                    let seed = first + k;
+                    let bird = &birds[seed as usize % birds.len()];
+                    let outcomes = of_seed(bird, seed, share);
+                    progress(k + 1, &outcomes);
+                    if let Ok(mut all) = all.lock() {
+                        all.extend(outcomes);
+                    }
+                }
+            });
+        }
+    });
+    let mut outcomes = all.into_inner().unwrap_or_default();
+    outcomes.sort_by_key(|o| o.seed);
+    FlightSummary::new(seeds, outcomes)
+}
+
+fn of_seed(bird: &Bird<'_>, seed: u64, share: FlightShare) -> Vec<FlightOutcome> {
+    let kinds = kinds(seed, share);
+    match twin(bird, seed) {
+        Ok(twin) => kinds
+            .into_iter()
+            .map(|kind| judge(bird, &twin, kind, seed))
+            .collect(),
+        Err(error) => kinds
+            .into_iter()
+            .map(|kind| FlightOutcome {
+                kind,
+                seed,
+                error: Some(error.clone()),
+                verdict: None,
+                sets: Vec::new(),
+                stated: None,
+                covered: Vec::new(),
+                coordinate: None,
+                gain: None,
+            })
+            .collect(),
+    }
+}

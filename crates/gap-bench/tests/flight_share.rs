@@ -1,0 +1,61 @@
+//! A small fixed share of the benchmark of flight.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test may fail by a panic"
+)]
+
+use gap_bench::flight::{Bird, FlightShare, FlightSummary, run};
+use gap_truth::flight::FlightNoise;
+
+fn share(first: u64, seeds: u64, share: FlightShare) -> FlightSummary {
+    let birds = [
+        Bird::new(include_str!("../../../aircraft/x8.toml")).unwrap(),
+        Bird::new(include_str!("../../../aircraft/ultrastick-25e.toml")).unwrap(),
+    ];
+    let summary = run(&birds, first, seeds, share, 2, &|_, _| {});
+    let lost: Vec<_> = summary
+        .outcomes
+        .iter()
+        .filter(|o| o.error.is_some())
+        .collect();
+    assert!(lost.is_empty(), "{lost:?}");
+    summary
+}
+
+#[test]
+fn nothing_is_found_where_nothing_is_hidden() {
+    let nothing = FlightShare {
+        nothing: true,
+        one_in: 0,
+        others: false,
+    };
+    let summary = share(100, 4, nothing);
+    let alarms = summary.false_alarms(FlightNoise::Usual);
+    assert_eq!(
+        (alarms.hits, alarms.of),
+        (0, 4),
+        "{}",
+        summary.to_markdown()
+    );
+}
+
+#[test]
+fn what_is_hidden_is_found_and_in_the_set() {
+    let one = FlightShare {
+        nothing: false,
+        one_in: 4,
+        others: false,
+    };
+    let summary = share(0, 1, one);
+    for nats in [20.0, 60.0] {
+        let (found, held) = (summary.detected(nats), summary.in_sets(nats));
+        assert!(
+            found.of >= 3 && found.hits == found.of,
+            "{}",
+            summary.to_markdown()
+        );
+        assert_eq!(held.hits, held.of, "{}", summary.to_markdown());
+    }
+}

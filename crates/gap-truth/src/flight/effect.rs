@@ -1,0 +1,371 @@
+//! What is hidden in a flight: effects of the catalogue by laws of their own, their cousins whose
+//! law differs a little, and effects outside it.
+
+use super::airframe::Airframe;
+use super::{FlightSpec, TrueValue};
+use crate::chance::{normal, sign, stream};
+
+/// An effect. Names follow the catalogue's ids; those after `AlphaVaneScale` are outside it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[allow(missing_docs, reason = "named as the ids in docs/mechanisms.md")]
+pub enum FlightEffect {
+    AirspeedScale,
+    ActuatorDelay,
+    ActuatorLag,
+    SurfaceTrimOffset,
+    ControlEffectiveness,
+    MassChange,
+    CgShift,
+    DragIncrease,
+    LiftSlope,
+    ThrustLoss,
+    RollDamping,
+    PitchDamping,
+    GyroBias,
+    AccelerometerBias,
+    AlphaVaneScale,
+    /// The ailerons fade after some time.
+    FadingAileron,
+    /// Ice grows: drag and lost lift with time.
+    Icing,
+    /// The gyro for pitch wanders with time.
+    GyroWander,
+    /// The tail bends: the elevator loses effect with dynamic pressure.
+    ElasticTail,
+    /// The nose pitches up at high angle of attack.
+    PitchUp,
+    /// The lift curve bends.
+    LiftBreak,
+}
+
+use FlightEffect as E;
+
+/// Effects of the catalogue that a flight without a logged wind can show.
+pub const FLIGHT_CATALOGUE: [FlightEffect; 15] = [
+    E::AirspeedScale,
+    E::ActuatorDelay,
+    E::ActuatorLag,
+    E::SurfaceTrimOffset,
+    E::ControlEffectiveness,
+    E::MassChange,
+    E::CgShift,
+    E::DragIncrease,
+    E::LiftSlope,
+    E::ThrustLoss,
+    E::RollDamping,
+    E::PitchDamping,
+    E::GyroBias,
+    E::AccelerometerBias,
+    E::AlphaVaneScale,
+];
+
+/// Effects outside the catalogue.
+pub const FLIGHT_OUTSIDE: [FlightEffect; 6] = [
+    E::FadingAileron,
+    E::Icing,
+    E::GyroWander,
+    E::ElasticTail,
+    E::PitchUp,
+    E::LiftBreak,
+];
+
+/// Which law an effect follows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FlightLaw {
+    /// The catalogue's.
+    Catalogue,
+    /// One that differs a little.
+    Cousin,
+}
+
+impl FlightEffect {
+    /// The id in the catalogue, or a name.
+    pub fn id(self) -> &'static str {
+        match self {
+            E::AirspeedScale => "airspeed-scale",
+            E::ActuatorDelay => "actuator-delay",
+            E::ActuatorLag => "actuator-lag",
+            E::SurfaceTrimOffset => "surface-trim-offset",
+            E::ControlEffectiveness => "control-effectiveness",
+            E::MassChange => "mass-change",
+            E::CgShift => "cg-shift",
+            E::DragIncrease => "drag-increase",
+            E::LiftSlope => "lift-slope",
+            E::ThrustLoss => "thrust-loss",
+            E::RollDamping => "roll-damping",
+            E::PitchDamping => "pitch-damping",
+            E::GyroBias => "gyro-bias",
+            E::AccelerometerBias => "accelerometer-bias",
+            E::AlphaVaneScale => "alpha-vane-scale",
+            E::FadingAileron => "fading-aileron",
+            E::Icing => "icing",
+            E::GyroWander => "gyro-wander",
+            E::ElasticTail => "elastic-tail",
+            E::PitchUp => "pitch-up",
+            E::LiftBreak => "lift-break",
+        }
+    }
+
+    /// Whether the catalogue has it.
+    pub fn in_catalogue(self) -> bool {
+        FLIGHT_CATALOGUE.contains(&self)
+    }
+
+    /// Where an effect outside the catalogue lives.
+    pub fn coordinates(self) -> &'static [&'static str] {
+        match self {
+            E::FadingAileron | E::Icing | E::GyroWander => &["time"],
+            E::ElasticTail => &["airspeed"],
+            // Angle of attack and airspeed go together in level flight.
+            E::PitchUp | E::LiftBreak => &["angle_of_attack", "airspeed"],
+            _ => &[],
+        }
+    }
+
+    /// A strength at which it is plain, in its own unit.
+    pub fn typical(self) -> f64 {
+        match self {
+            E::AirspeedScale => 0.05,
+            E::ActuatorDelay | E::ActuatorLag => 0.03,
+            E::SurfaceTrimOffset => 1.0,
+            E::ControlEffectiveness => 0.12,
+            E::MassChange => 0.1,
+            E::CgShift => 0.01,
+            E::DragIncrease => 0.006,
+            E::LiftSlope | E::ThrustLoss => 0.08,
+            E::RollDamping | E::PitchDamping => 0.15,
+            E::GyroBias => 0.5,
+            E::AccelerometerBias => 0.15,
+            E::AlphaVaneScale => 0.1,
+            E::FadingAileron => 0.3,
+            E::Icing => 0.01,
+            E::GyroWander => 0.01,
+            E::ElasticTail => 0.5,
+            E::PitchUp => 2.0,
+            E::LiftBreak => 10.0,
+        }
+    }
+}
+
+/// What the hidden effects do outside the airframe's numbers.
+pub struct Hidden {
+    /// The truth in the catalogue's words.
+    pub truth: Vec<TrueValue>,
+    list: Vec<(FlightEffect, f64)>,
+    cousin: bool,
+    duration_s: f64,
+    draws: [f64; 3],
+    mass_kg: f64,
+    /// Delay of the commands, s.
+    pub delay_s: f64,
+    /// Lag of the surfaces beyond the servo, s.
+    pub lag_s: f64,
+    /// Surfaces stand off what they are told, rad.
+    pub trim: [f64; 3],
+    /// Factor of the logged airspeed, and its part that goes with the angle of attack.
+    pub airspeed: f64,
+    /// Added to gyros, rad/s.
+    pub gyro: [f64; 3],
+    /// Added to accelerometers, m/s².
+    pub accelerometer: [f64; 3],
+    /// Factor and offset (rad) of the vane.
+    pub vane: (f64, f64),
+}
+
+impl Hidden {
+    /// What `spec` hides. Small errors of workmanship are always there.
+    pub fn new(spec: &FlightSpec, published: &Airframe) -> Self {
+        let mut small = stream(spec.seed, "flight/workmanship");
+        let mut about = |sd: f64| sd * normal(&mut small);
+        let mut draw = stream(spec.seed, "flight/draws");
+        let draws =
+            std::array::from_fn(|_| sign(&mut draw) * (0.5 + 0.5 * normal(&mut draw).abs()));
+        Self {
+            truth: Vec::new(),
+            list: spec.hidden.clone(),
+            cousin: spec.law == FlightLaw::Cousin,
+            duration_s: spec.duration_s,
+            draws,
+            mass_kg: published.n("body.mass_kg"),
+            delay_s: 0.0,
+            lag_s: 0.0,
+            trim: [about(5e-4), about(5e-4), about(5e-4)],
+            airspeed: 1.0 + about(0.002),
+            gyro: [about(4e-4), about(4e-4), about(4e-4)],
+            accelerometer: [about(0.006), about(0.006), about(0.006)],
+            vane: (1.0 + about(0.004), about(7e-4)),
+        }
+    }
+
+    fn tell(&mut self, effect: FlightEffect, name: &'static str, value: f64) {
+        self.truth.push(TrueValue {
+            mechanism: effect.id(),
+            name,
+            value,
+        });
+    }
+
+    /// Works the effects into the airframe.
+    pub fn apply(&mut self, frame: &mut Airframe) {
+        for (effect, strength) in self.list.clone() {
+            let size = strength * effect.typical();
+            // Direction by the seed; what can only be positive stays so.
+            let s = size * self.draws[0].signum();
+            match effect {
+                E::AirspeedScale
+                | E::ActuatorDelay
+                | E::ActuatorLag
+                | E::GyroBias
+                | E::AccelerometerBias
+                | E::AlphaVaneScale
+                | E::SurfaceTrimOffset => {
+                    self.sense_or_servo(effect, size, s);
+                }
+                E::ControlEffectiveness => self.effectiveness(frame, s),
+                E::MassChange => {
+                    let added = s * self.mass_kg;
+                    frame.set("body.mass_kg", |m| m + added);
+                    if self.cousin {
+                        frame.twist.inertia_part = 0.15 * s;
+                    }
+                    self.tell(effect, "added_kg", added);
+                }
+                E::CgShift => {
+                    frame.set("body.cg_ahead_m", |cg| cg + s);
+                    if self.cousin {
+                        frame.twist.inertia_part = 0.5 * size;
+                    }
+                    self.tell(effect, "ahead_m", s);
+                }
+                E::DragIncrease => {
+                    frame.set("drag.zero", |d| d + size);
+                    if self.cousin {
+                        frame.twist.drag_by_alpha = 1.5 * size;
+                    }
+                    self.tell(effect, "cd_zero", size);
+                }
+                E::LiftSlope => {
+                    frame.set("lift.alpha", |c| c * (1.0 + s));
+                    if self.cousin {
+                        frame.twist.lift_break = -6.0 * s;
+                    }
+                    self.tell(effect, "factor", 1.0 + s);
+                }
+                E::ThrustLoss => {
+                    if self.cousin {
+                        frame.twist.thrust_by_throttle = s;
+                    }
+                    let plain = if self.cousin { 0.5 * s } else { s };
+                    frame.set("propulsion.swept_area_m2", |a| a * (1.0 - plain));
+                    self.tell(effect, "lost_share", s);
+                }
+                E::RollDamping => {
+                    frame.set("roll.p", |c| c * (1.0 + s));
+                    if self.cousin {
+                        frame.twist.damping_growth = 3.0 * s;
+                    }
+                    self.tell(effect, "factor", 1.0 + s);
+                }
+                E::PitchDamping => {
+                    frame.set("pitch.q", |c| c * (1.0 + s));
+                    if self.cousin {
+                        frame.set("lift.q", |c| c * (1.0 + s));
+                    }
+                    self.tell(effect, "factor", 1.0 + s);
+                }
+                E::ElasticTail => frame.twist.elastic = size,
+                E::PitchUp => frame.twist.pitch_up = size,
+                E::LiftBreak => frame.twist.lift_break = size,
+                E::FadingAileron | E::Icing | E::GyroWander => {}
+            }
+        }
+    }
+
+    fn effectiveness(&mut self, frame: &mut Airframe, s: f64) {
+        let effect = E::ControlEffectiveness;
+        let [first, second, third] = self.draws.map(|d| 1.0 + s.abs() * d.clamp(-1.5, 1.5));
+        frame.set("pitch.elevator", |c| c * first);
+        if self.cousin {
+            frame.set("lift.elevator", |c| c * first);
+        }
+        frame.set("roll.aileron", |c| c * second);
+        frame.set("yaw.aileron", |c| c * second);
+        self.tell(effect, "elevator_factor", first);
+        self.tell(effect, "aileron_factor", second);
+        if !frame.elevons {
+            frame.set("yaw.rudder", |c| c * third);
+            frame.set("roll.rudder", |c| c * third);
+            self.tell(effect, "rudder_factor", third);
+        }
+    }
+
+    fn sense_or_servo(&mut self, effect: FlightEffect, size: f64, s: f64) {
+        let draws = self.draws;
+        match effect {
+            E::AirspeedScale => {
+                self.airspeed *= 1.0 + s;
+                self.tell(effect, "factor", 1.0 + s);
+            }
+            E::ActuatorDelay => {
+                self.delay_s = size;
+                self.tell(effect, "delay_s", size);
+            }
+            E::ActuatorLag => {
+                self.lag_s = size;
+                self.tell(effect, "time_constant_s", size);
+            }
+            E::SurfaceTrimOffset => {
+                let names = ["elevator_deg", "aileron_deg", "rudder_deg"];
+                for k in 0..3 {
+                    let degrees = size * draws[k] * [0.6, 0.6, 1.0][k];
+                    self.trim[k] += degrees.to_radians();
+                    self.tell(effect, names[k], degrees);
+                }
+            }
+            E::GyroBias => {
+                let names = ["roll_deg_s", "pitch_deg_s", "yaw_deg_s"];
+                for k in 0..3 {
+                    self.gyro[k] += (size * draws[k]).to_radians();
+                    self.tell(effect, names[k], size * draws[k]);
+                }
+            }
+            E::AccelerometerBias => {
+                let names = ["x_m_s2", "y_m_s2", "z_m_s2"];
+                for k in 0..3 {
+                    self.accelerometer[k] += size * draws[k];
+                    self.tell(effect, names[k], size * draws[k]);
+                }
+            }
+            _ => {
+                let offset = 8.0 * size * draws[1];
+                self.vane.0 *= 1.0 + s;
+                self.vane.1 += offset.to_radians();
+                self.tell(effect, "factor", 1.0 + s);
+                self.tell(effect, "offset_deg", offset);
+            }
+        }
+    }
+
+    fn size(&self, effect: FlightEffect) -> f64 {
+        let found = self.list.iter().find(|h| h.0 == effect);
+        found.map_or(0.0, |h| h.1 * effect.typical())
+    }
+
+    /// What changes with time, at `time`.
+    pub fn now(&self, frame: &mut Airframe, time: f64) {
+        let part = time / self.duration_s;
+        let late = (2.0 * part - 0.7).clamp(0.0, 1.0);
+        frame.twist.aileron_fade = 1.0 - self.size(E::FadingAileron) * late;
+        frame.twist.ice_drag = self.size(E::Icing) * part;
+    }
+
+    /// Wander of the pitch gyro at `time`, rad/s.
+    pub fn wander(&self, time: f64) -> f64 {
+        self.size(E::GyroWander) * (5.0 * time / self.duration_s).sin()
+    }
+
+    /// Whether laws are cousins'.
+    pub fn is_cousin(&self) -> bool {
+        self.cousin
+    }
+}

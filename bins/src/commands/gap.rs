@@ -75,6 +75,9 @@ pub struct OutputArguments {
 /// Arguments of `plumage gap benchmark`.
 #[derive(Debug, clap::Args)]
 pub struct BenchmarkArguments {
+    /// Effects in flights instead of plumes
+    #[arg(long)]
+    pub flight: bool,
     /// Seeds a case
     #[arg(long, default_value_t = 20)]
     pub seeds: u64,
@@ -95,6 +98,7 @@ pub fn gap(command: &GapCommand) -> Result<(), Failure> {
         GapCommand::Plume(arguments) => of_plume(arguments),
         GapCommand::Tracer(arguments) => of_tracer(arguments),
         GapCommand::Flight(arguments) => flight::of_flight(arguments),
+        GapCommand::Benchmark(arguments) if arguments.flight => flight::benchmark(arguments),
         GapCommand::Benchmark(arguments) => benchmark(arguments),
     }
 }

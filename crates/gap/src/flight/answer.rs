@@ -5,6 +5,7 @@ use fdm::mechanism::{CATALOGUE, Mechanism, spec};
 use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
+use super::equation_error::Lift;
 use super::evidence::{Candidate, sum};
 use super::parameters::Effect;
 use super::study::{Linear, Study};
@@ -17,6 +18,9 @@ use crate::verdict::{
 const SET_PROBABILITY: f64 = 0.95;
 /// Probability of so large a score by chance, over all candidates, that a cause may have.
 const LARGEST_P: f64 = 0.01;
+/// Part of the strongest cause's gain that a further one must have: no law is exact, and what a
+/// strong cause leaves by that is not a cause of its own.
+const LEAST_PART: f64 = 0.2;
 /// Nats at which an effect is seen almost surely.
 const VISIBLE_NATS: f64 = 20.0;
 /// Nats for each of which the evidence is taken to be a hundredth less sure: no law of the
@@ -35,6 +39,28 @@ pub struct Answer {
     pub unexplained: Option<Unexplained>,
     /// Places of the candidates that were added.
     pub set: Vec<usize>,
+}
+
+impl Answer {
+    /// Keeps vane and lift slope together as a set where lift against the vane cannot tell them
+    /// apart.
+    pub fn respect(&mut self, lift: &Lift) {
+        const PAIR: [&str; 2] = ["alpha-vane-scale", "lift-slope"];
+        if lift.at_fault != "cannot be told" {
+            return;
+        }
+        for cause in &mut self.causes {
+            for (one, other) in [(PAIR[0], PAIR[1]), (PAIR[1], PAIR[0])] {
+                let has = |id: &str| cause.mechanisms.iter().any(|m| m == id);
+                if has(one) && !has(other) {
+                    cause.mechanisms.push(other.to_owned());
+                }
+            }
+        }
+        if self.verdict == Verdict::Named && self.causes.iter().any(|c| c.mechanisms.len() > 1) {
+            self.verdict = Verdict::Ambiguous;
+        }
+    }
 }
 
 /// Probability of a gain of `nats` by `columns` free parameters, the best of `tried`, by chance.
@@ -62,12 +88,20 @@ pub fn judge(study: &Study<'_>, last: &Linear) -> Answer {
     let mut causes = Vec::new();
     let mut unexplained: Option<Unexplained> = None;
     let mut set = Vec::new();
+    let strongest = best
+        .set
+        .iter()
+        .map(|item| {
+            let rest: Vec<usize> = best.set.iter().copied().filter(|k| k != item).collect();
+            best.fit.log_score - fit(&rest).log_score
+        })
+        .fold(0.0, f64::max);
     for &item in &best.set {
         let rest: Vec<usize> = best.set.iter().copied().filter(|&k| k != item).collect();
         let without = fit(&rest);
         let gain = best.fit.log_score - without.log_score;
         let p = p_value(gain, study.candidates[item].columns.len(), tried);
-        if p > LARGEST_P {
+        if p > LARGEST_P || gain < LEAST_PART * strongest {
             continue;
         }
         set.push(item);

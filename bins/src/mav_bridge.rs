@@ -2,7 +2,7 @@
 //! one on a link of its own, for those who have no aircraft at hand.
 
 use anyhow::Context as _;
-use clap::{Args, Parser, Subcommand};
+use clap::Parser;
 use mav_bridge::arduplane::TAKEOFF;
 use mav_bridge::link::{Link, LinkAddress};
 use mission::Setup;
@@ -17,28 +17,10 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 /// Joins the bus as a real vehicle whose autopilot (ArduPlane) is on a MAVLink link.
+///
+/// `mav-bridge stand-in` flies a stand-in for one on a link of its own; see its --help.
 #[derive(Debug, Parser)]
-#[command(
-    name = "mav-bridge",
-    version,
-    about,
-    args_conflicts_with_subcommands = true,
-    subcommand_negates_reqs = true
-)]
-struct Arguments {
-    #[command(subcommand)]
-    command: Option<Command>,
-    #[command(flatten)]
-    bridge: Option<BridgeArguments>,
-}
-
-#[derive(Debug, Subcommand)]
-enum Command {
-    /// Fly a stand-in in the scenario's reality on a link, in real time
-    StandIn(StandInArguments),
-}
-
-#[derive(Debug, Args)]
+#[command(name = "mav-bridge", version, about)]
 struct BridgeArguments {
     #[command(flatten)]
     bus: agent::BusArguments,
@@ -61,7 +43,9 @@ struct BridgeArguments {
     flightgear: Option<String>,
 }
 
-#[derive(Debug, Args)]
+/// Flies a stand-in in the scenario's reality on a link, in real time.
+#[derive(Debug, Parser)]
+#[command(name = "mav-bridge stand-in", version, about)]
 struct StandInArguments {
     /// Scenario file
     #[arg(long)]
@@ -93,11 +77,16 @@ fn main() -> ExitCode {
         .with_env_filter(filter)
         .with_writer(std::io::stderr)
         .init();
-    let arguments = Arguments::parse();
-    failure::exit(match (arguments.command, arguments.bridge) {
-        (Some(Command::StandIn(stand_in)), _) => agent::block_on(fly_stand_in(&stand_in)),
-        (None, Some(bridge)) => serve(&bridge),
-        (None, None) => Err(Failure::usage("expected --scenario, --vehicle and --link")),
+    // The first word tells which of the two it is; clap's subcommands do not go with options that
+    // only the other one requires.
+    let mut words = std::env::args_os();
+    let is_stand_in = words.nth(1).is_some_and(|word| word == "stand-in");
+    failure::exit(if is_stand_in {
+        let name = std::iter::once("mav-bridge stand-in".into());
+        let arguments = StandInArguments::parse_from(name.chain(words));
+        agent::block_on(fly_stand_in(&arguments))
+    } else {
+        serve(&BridgeArguments::parse())
     })
 }
 

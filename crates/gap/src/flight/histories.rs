@@ -8,7 +8,7 @@ use super::motion::{Mean, World};
 
 /// Length of a stretch that is simulated from the filter's state, s: short enough that gusts,
 /// which no simulation knows, do not carry it off.
-pub const STRETCH_S: f64 = 4.0;
+pub const STRETCH_S: f64 = 2.0;
 
 /// One channel of one flight, in the column's unit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -48,11 +48,11 @@ pub struct SimulatedError {
 /// beginning.
 pub fn simulate(segment: &Segment, world: &World, means: &[Mean]) -> Vec<[f64; CHANNELS]> {
     let mut out = Vec::with_capacity(segment.len());
-    let mut state = means[0];
+    let mut state = undisturbed(&means[0]);
     let mut since = segment.time_s[0];
     for i in 0..segment.len() {
         if segment.time_s[i] - since >= STRETCH_S {
-            state = means[i];
+            state = undisturbed(&means[i]);
             since = segment.time_s[i];
         }
         out.push(world.sense(segment, i, &state));
@@ -61,6 +61,15 @@ pub fn simulate(segment: &Segment, world: &World, means: &[Mean]) -> Vec<[f64; C
         }
     }
     out
+}
+
+/// A state without the disturbances that the filter adds to the model: a simulation has none.
+fn undisturbed(mean: &Mean) -> Mean {
+    Mean {
+        spin: [0.0; 3],
+        push: [0.0; 3],
+        ..*mean
+    }
 }
 
 /// Histories of every channel of `segment` from what base and extension simulate and innovate.

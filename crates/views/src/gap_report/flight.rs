@@ -38,7 +38,7 @@ pub fn flight(title: &str, report: &FlightReport) -> String {
         );
         page.plot(860, histories(&report.histories), &caption);
         page.plot(
-            620,
+            860,
             residuals(&report.histories),
             "Innovations of the filter over the whole flight, in standard deviations of its noise \
              (means of short stretches): what is explained stays within about one.",
@@ -167,7 +167,7 @@ fn shown(histories: &[History]) -> Vec<&History> {
 fn panels(chosen: &[&History], lines: &dyn Fn(&History, &str) -> Vec<Value>, unit: bool) -> Value {
     let rows = chosen.len().div_ceil(2).max(1) as f64;
     let mut data = Vec::new();
-    let mut layout = json!({"margin": {"t": 40}, "legend": {"orientation": "h", "y": 1.06}});
+    let mut layout = json!({"margin": {"t": 40}, "legend": {"orientation": "h", "y": 1.09}});
     let mut titles = Vec::new();
     for (i, history) in chosen.iter().enumerate() {
         let suffix = if i == 0 {

@@ -150,7 +150,11 @@ pub fn tune(task: &Task) -> Result<Option<Tuned>, String> {
     Ok(None)
 }
 
-/// A case without effects; labels can only be swapped where there are two.
+fn has_two((_, text): &(String, String)) -> bool {
+    text.contains(",uav1,") && text.contains(",uav2,")
+}
+
+/// A case without effects; labels can only be swapped where a file has two.
 fn plain(task: &Task) -> Option<Tuned> {
     let two = task.kind == Kind::Mutated(Mutation::LabelsSwapped);
     (0..SCENES * SCENES)
@@ -161,7 +165,7 @@ fn plain(task: &Task) -> Option<Tuned> {
             seed,
             strengths: Vec::new(),
         })
-        .find(|t| !two || t.case.observations.iter().any(|f| f.1.contains(",uav2,")))
+        .find(|t| !two || t.case.observations.iter().any(has_two))
 }
 
 /// The strength whose visibility is within a tenth of `target`, with that visibility: growing

@@ -189,8 +189,17 @@ impl Effect {
     /// one of the source.
     pub fn inseparable_from(self, of_all: bool) -> &'static [Effect] {
         match self {
-            E::EmissionScale => &[E::WindSpeedScale],
-            E::WindSpeedScale => &[E::EmissionScale],
+            // Strength, dilution and the gain of all sensors about the background are one factor;
+            // a gain about zero is an offset of the background it acts on.
+            E::EmissionScale => &[E::WindSpeedScale, E::SensorGain],
+            E::WindSpeedScale => &[E::EmissionScale, E::SensorGain],
+            E::SensorGain if of_all => &[
+                E::EmissionScale,
+                E::WindSpeedScale,
+                E::SensorOffset,
+                E::BackgroundOffset,
+            ],
+            E::SensorGain => &[E::SensorOffset],
             E::BackgroundOffset => &[E::SensorOffset, E::SensorGain],
             E::BackgroundDrift => &[E::SensorDrift],
             E::SourcePositionOffset => &[E::PositionOffset],

@@ -22,6 +22,7 @@ mod parallel;
 mod report;
 mod residual;
 mod rival;
+mod rival_terms;
 mod screen;
 mod start;
 mod transport;

@@ -16,6 +16,8 @@ pub(crate) const FALSE_ALARM: f64 = 1e-4;
 const MOST_FITTED: usize = 18;
 /// How far below the best one is still fitted, nats.
 const WITHIN_NATS: f64 = 14.0;
+/// By how much a null must gain for its other place to count as one, nats.
+const ANOTHER_PLACE_NATS: f64 = 1.0;
 /// How many of the best trials lend the null their parameters.
 const STARTS_OF_NULL: usize = 3;
 /// Evidence is taken as this power: the noise model and Laplace's approximation are not exact,
@@ -52,6 +54,8 @@ pub(crate) struct Round {
     pub threshold: f64,
     /// Largest gain found by the screen or by a wider prior of the base, nats.
     pub best_gain: f64,
+    /// Where the null fits better than where it stood, if somewhere.
+    pub better_null: Option<Model>,
 }
 
 /// Where a trial starts from.
@@ -72,7 +76,7 @@ pub(crate) fn round(ctx: &Context<'_>, null: &Fitted, seed: u64, with_rivals: bo
     let mut best_gain = screen.scored.iter().map(|s| s.gain).fold(0.0f64, f64::max);
     let mut trials = widened(null, &mut best_gain);
     trials.extend(from_screen(ctx, null, &starts, &screen.scored));
-    let (tried, _) = fit_trials(ctx, null, trials);
+    let (tried, better_null) = fit_trials(ctx, null, trials);
     let screened = screen
         .scored
         .into_iter()
@@ -86,6 +90,7 @@ pub(crate) fn round(ctx: &Context<'_>, null: &Fitted, seed: u64, with_rivals: bo
         p_value: screen.p_value,
         threshold: screen.threshold,
         best_gain,
+        better_null,
     };
     round.share_probability();
     round
@@ -178,12 +183,12 @@ fn from_screen(
 }
 
 /// Fits the trials under the null's noise and gives what each gains, with the null at its best.
-fn fit_trials(ctx: &Context<'_>, null: &Fitted, trials: Vec<Trial>) -> (Vec<Tried>, Fitted) {
+fn fit_trials(ctx: &Context<'_>, null: &Fitted, trials: Vec<Trial>) -> (Vec<Tried>, Option<Model>) {
     let single = Context { threads: 1, ..*ctx };
     let fits = parallel::map(&trials, ctx.threads, |t| {
         single.settle(&t.model, &null.metric.not_tolerating(t.id), null, 10)
     });
-    let still = best_null(&single, null, &trials, &fits);
+    let (still, moved) = best_null(&single, null, &trials, &fits);
     let count = null.model.dimension();
     let was = still.log_score + still.model.ln_prior();
     let mut tried: Vec<Tried> = trials
@@ -212,14 +217,22 @@ fn fit_trials(ctx: &Context<'_>, null: &Fitted, trials: Vec<Trial>) -> (Vec<Trie
         seen.push((t.id, t.platform));
         new
     });
-    (tried, still)
+    (tried, moved.then_some(still.model))
 }
 
 /// The null at its best from where it stands and from where the best trials have its
 /// parameters: a fit that found a better place for these has found no cause.
-fn best_null(ctx: &Context<'_>, null: &Fitted, trials: &[Trial], fits: &[Fitted]) -> Fitted {
+///
+/// Also whether that is another place than where it stood.
+fn best_null(
+    ctx: &Context<'_>,
+    null: &Fitted,
+    trials: &[Trial],
+    fits: &[Fitted],
+) -> (Fitted, bool) {
     let score = |f: &Fitted| f.log_score + f.model.ln_prior();
     let mut best = ctx.settle(&null.model, &null.metric, null, 5);
+    let first = score(&best);
     let mut order: Vec<usize> = (0..fits.len()).collect();
     order.sort_by(|a, b| fits[*b].log_evidence.total_cmp(&fits[*a].log_evidence));
     for &k in order.iter().take(STARTS_OF_NULL) {
@@ -234,7 +247,8 @@ fn best_null(ctx: &Context<'_>, null: &Fitted, trials: &[Trial], fits: &[Fitted]
             best = other;
         }
     }
-    best
+    let moved = score(&best) > first + ANOTHER_PLACE_NATS;
+    (best, moved)
 }
 
 impl Round {

@@ -14,10 +14,10 @@ use crate::verdict::{Cause, Evidence, Parameter, Ranked, Unexplained, Verdict};
 /// Probability at which a name stands alone.
 const NAME_AT: f64 = 0.95;
 /// By how much a nameless rival must beat the best name, nats.
-const RIVAL_MARGIN: f64 = 3.0;
+const RIVAL_MARGIN: f64 = 6.0;
 /// What a nameless rival needs beyond its own false-alarm threshold: it is there for strong
 /// effects, and weak ones of many forms are everywhere, nats.
-const RIVAL_MORE: f64 = 6.0;
+const RIVAL_MORE: f64 = 12.0;
 /// Part of its gain in log score that a name may lose on blocks left out.
 const KEEP_PART: f64 = 1.0;
 /// What a full fit must gain beyond the screen's threshold to count by itself, nats.
@@ -26,8 +26,13 @@ const REFIT_MARGIN: f64 = 3.0;
 const NAMES_AT: f64 = 0.5;
 /// Least gain of the log evidence for a name, nats.
 const LEAST_EVIDENCE: f64 = 2.0;
+/// How often a null may move to a better place.
+const MOST_MOVES: usize = 2;
+/// Rows in a plume from which a correlation can be told, and the least that readings of one have.
+const LEAST_PLUME_ROWS: usize = 60;
+const LEAST_CORRELATION: f64 = 0.3;
 /// A rest after naming counts when its evidence is this part of what naming gained …
-const REST_PART: f64 = 0.04;
+const REST_PART: f64 = 0.06;
 /// … or more than a false alarm would have by this, nats.
 const REST_MARGIN: f64 = 4.0;
 
@@ -114,7 +119,7 @@ pub(crate) fn name(
     tell: &mut dyn FnMut(f64, &'static str),
 ) -> Named {
     tell(0.2, "trying every mechanism");
-    let first = explore::round(ctx, &base, options.seed, true);
+    let (base, first) = settled_round(ctx, base, options.seed);
     let mut named = Named {
         ranking: ranking(ctx, &first),
         first,
@@ -133,17 +138,66 @@ pub(crate) fn name(
         named.swap(ctx, options);
     }
     named.ceilings = ceilings(ctx, &named.last);
+    if named.accepted.is_empty() && named.unexplained.is_none() {
+        named.unexplained = unrelated(ctx, &named.last);
+    }
     named.causes = named.describe(ctx);
     named
 }
 
+/// A round on top of `null`, which is moved first to where its trials show it to fit better.
+fn settled_round(ctx: &Context<'_>, null: Fitted, seed: u64) -> (Fitted, Round) {
+    let mut null = null;
+    for _ in 0..MOST_MOVES {
+        let round = explore::round(ctx, &null, seed, true);
+        let Some(model) = &round.better_null else {
+            return (null, round);
+        };
+        null = ctx.refine(model, null.noise, 1, Effort::FULL);
+    }
+    let round = explore::round(ctx, &null, seed, true);
+    (null, round)
+}
+
+/// Readings that do not follow the predicted plume at all, though the noise could hold them:
+/// of another track, another clock, or another plume.
+fn unrelated(ctx: &Context<'_>, last: &Fitted) -> Option<Unexplained> {
+    let p = &last.prediction;
+    let rows: Vec<usize> = (0..ctx.data.len()).filter(|i| ctx.data.used[*i]).collect();
+    let floor = 5.0 * last.noise.white_ppm();
+    if rows.iter().filter(|i| p.plume[**i] > floor).count() < LEAST_PLUME_ROWS {
+        return None;
+    }
+    let excess = |i: usize| ctx.data.reading_ppm[i] - (p.reading[i] - p.plume[i]);
+    let mean = |f: &dyn Fn(usize) -> f64| rows.iter().map(|i| f(*i)).sum::<f64>();
+    let n = rows.len() as f64;
+    let (me, mp) = (mean(&excess) / n, mean(&|i| p.plume[i]) / n);
+    let both = mean(&|i| (excess(i) - me) * (p.plume[i] - mp));
+    let own = mean(&|i| (excess(i) - me).powi(2)) * mean(&|i| (p.plume[i] - mp).powi(2));
+    let correlation = both / own.sqrt().max(1e-300);
+    let times = ctx.data.track.time_s();
+    (correlation < LEAST_CORRELATION).then(|| Unexplained {
+        coordinate: "map".to_string(),
+        term: format!(
+            "readings that do not follow the predicted plume (correlation {correlation:.2})"
+        ),
+        from_s: times[rows[0]],
+        to_s: rows
+            .iter()
+            .map(|i| times[*i])
+            .fold(f64::NEG_INFINITY, f64::max),
+        platforms: ctx.data.track.platforms().to_vec(),
+        delta_log_evidence: 0.0,
+    })
+}
+
 /// Whether a round calls for a name, and which.
-fn called_for(round: &Round) -> Option<&Tried> {
+fn called_for(round: &Round, more_nats: f64) -> Option<&Tried> {
     let best = round.tried.first()?;
     // Of effects that are far from linear the screen sees less than the full fit.
     let refit = best.log_score - REFIT_MARGIN;
     let seen = round.best_gain.max(refit);
-    let calls = seen > round.threshold
+    let calls = seen > round.threshold + more_nats
         && best.log_score.max(best.log_evidence) > 0.8 * round.threshold
         && best.log_evidence > LEAST_EVIDENCE
         && best.fitted.is_some()
@@ -162,7 +216,12 @@ impl Named {
         let mut gained = 0.0;
         for k in 0..=options.most_causes {
             let round = later.as_ref().unwrap_or(&self.first);
-            let best = called_for(round);
+            let more = if k == 0 {
+                0.0
+            } else {
+                REST_MARGIN + REST_PART * gained
+            };
+            let best = called_for(round, more);
             let rival = round.rivals.as_ref().and_then(|r| {
                 let top = r.ranked.first()?;
                 let least = if k == 0 {
@@ -201,7 +260,9 @@ impl Named {
             self.last = ctx.refine(&fitted.model, fitted.noise, 1, Effort::FULL);
             tell(0.3 + 0.1 * k as f64, "looking for more");
             let seed = options.seed.wrapping_add(1 + k as u64);
-            later = Some(explore::round(ctx, &self.last, seed, true));
+            let (last, round) = settled_round(ctx, self.last.clone(), seed);
+            self.last = last;
+            later = Some(round);
         }
     }
 
@@ -215,7 +276,7 @@ impl Named {
             let null = ctx.settle(&without, &self.last.metric, &self.last, 5);
             let seed = options.seed.wrapping_add(100 + k as u64);
             let round = explore::round(ctx, &null, seed, false);
-            let Some(best) = called_for(&round) else {
+            let Some(best) = called_for(&round, 0.0) else {
                 continue;
             };
             let Some(fitted) = best.fitted.clone() else {

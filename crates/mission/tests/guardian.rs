@@ -117,7 +117,7 @@ impl Flight {
         (self.setup.frame().unwrap().to_enu(at), s.alt_amsl_m)
     }
 
-    fn from_home_m(&self, vehicle: &str) -> f64 {
+    fn distance_home_m(&self, vehicle: &str) -> f64 {
         let home = self
             .setup
             .scenario
@@ -136,9 +136,9 @@ impl Flight {
         for (k, id) in ids.iter().enumerate() {
             assert!(self.states[*id].airborne, "{id} is down");
             assert!(
-                self.from_home_m(id) < 250.0,
+                self.distance_home_m(id) < 250.0,
                 "{id}: {} m",
-                self.from_home_m(id)
+                self.distance_home_m(id)
             );
             for other in &ids[k + 1..] {
                 let ((a, up), (b, other_up)) = (self.at(id), self.at(other));
@@ -158,7 +158,7 @@ fn without_its_controller_the_team_comes_home_until_handed_back() {
     let mut flight = Flight::new(as_it_is, Some((AgentId::sc(), FLYING_S + 450.0)));
     flight.run_until(FLYING_S);
     assert_eq!(flight.levels(), [ControlLevel::Automatic; 6]);
-    assert!(flight.from_home_m("1") > 500.0);
+    assert!(flight.distance_home_m("1") > 500.0);
     flight.run_until(FLYING_S + 8.0);
     assert_eq!(flight.levels(), [ControlLevel::Guardian; 6]);
     for mode in flight.modes.values() {
@@ -183,7 +183,10 @@ fn without_its_controller_the_team_comes_home_until_handed_back() {
     flight.run_until(FLYING_S + 550.0);
     for id in ["1", "6"] {
         assert_eq!(flight.level(id), ControlLevel::Automatic, "{id}");
-        assert!(flight.from_home_m(id) > 250.0, "{id} still waits at home");
+        assert!(
+            flight.distance_home_m(id) > 250.0,
+            "{id} still waits at home"
+        );
     }
     assert_eq!(flight.level("2"), ControlLevel::Guardian);
 }
@@ -226,9 +229,9 @@ fn a_vehicle_that_leaves_the_fence_is_brought_back() {
     assert_eq!(flight.level("1"), ControlLevel::Guardian);
     flight.run_until(time_s + 400.0);
     assert!(
-        flight.from_home_m("1") < 250.0,
+        flight.distance_home_m("1") < 250.0,
         "{}",
-        flight.from_home_m("1")
+        flight.distance_home_m("1")
     );
     assert!(flight.modes["1"].reason.contains("waits for a hand-back"));
     flight.say("1", ControlWish::HandBack, None);
@@ -285,9 +288,9 @@ fn a_low_battery_ends_on_the_ground() {
     }
     flight.run_until(time_s + 30.0);
     assert!(
-        flight.from_home_m("1") < 100.0,
+        flight.distance_home_m("1") < 100.0,
         "{}",
-        flight.from_home_m("1")
+        flight.distance_home_m("1")
     );
     flight.say("1", ControlWish::HandBack, None);
     flight.run_until(time_s + 31.0);

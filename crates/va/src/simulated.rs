@@ -146,7 +146,7 @@ impl SimulatedBody {
         let density_kg_m3 = self
             .ambient
             .as_ref()
-            .map_or(AirAround::STANDARD_CALM.density_kg_m3, |a| density_kg_m3(a));
+            .map_or(AirAround::STANDARD_CALM.density_kg_m3, density_kg_m3);
         let packet = NetFdm {
             lat_deg: at.lat_deg,
             lon_deg: at.lon_deg,

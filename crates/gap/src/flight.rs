@@ -8,6 +8,11 @@
 //!
 //! Pure: texts in, report out.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "places in vectors and matrices of fixed size are read with their formulas"
+)]
+
 pub mod answer;
 pub mod channel;
 pub mod equation_error;

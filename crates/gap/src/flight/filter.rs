@@ -54,7 +54,7 @@ pub struct Columns<'a> {
 
 impl Columns<'_> {
     /// Number of columns.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.worlds.len() + self.groups.iter().map(|g| g.columns).sum::<usize>()
     }
 }
@@ -121,8 +121,8 @@ fn pass(
         Some((columns, normal)) => (
             Some(Sensitivity {
                 columns,
-                state: vec![[0.0; STATES]; columns.len()],
-                terms: vec![0.0; columns.len() - columns.worlds.len()],
+                state: vec![[0.0; STATES]; columns.count()],
+                terms: vec![0.0; columns.count() - columns.worlds.len()],
             }),
             Some(normal),
         ),

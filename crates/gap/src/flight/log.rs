@@ -161,12 +161,12 @@ impl FlightLog {
     }
 }
 
+/// Where a known column stands in a row.
+type Place = (usize, &'static Column);
+
 /// Where the known columns stand, time first, and notices about the others.
-fn places(
-    name: &str,
-    header: &csv::StringRecord,
-) -> Result<(Vec<(usize, &'static Column)>, Vec<String>), GapError> {
-    let mut found: Vec<(usize, &'static Column)> = Vec::new();
+fn places(name: &str, header: &csv::StringRecord) -> Result<(Vec<Place>, Vec<String>), GapError> {
+    let mut found: Vec<Place> = Vec::new();
     let mut strange = Vec::new();
     for (at, cell) in header.iter().enumerate() {
         let cell = cell.trim_start_matches('\u{feff}');

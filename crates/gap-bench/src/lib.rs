@@ -8,6 +8,7 @@
 //!
 //! Pure: seeds in, table out. Cases run on several threads; the answer does not depend on them.
 
+pub mod flight;
 mod judge;
 mod plan;
 mod rates;

@@ -25,7 +25,6 @@ fn share(wanted: impl Fn(&str) -> bool, count: usize) -> Summary {
 
 // At most 1 % and 3 % false alarms: of 12 each, more than one has a chance below 1 % and 5 %.
 #[test]
-#[ignore = "the bar is not met yet: 10 false alarms of 100 with usual noise; run with --ignored"]
 fn nothing_is_found_where_nothing_is_hidden() {
     let summary = share(|row| row.starts_with("none"), 12);
     for noise in [NoiseForm::Usual, NoiseForm::Unusual] {
@@ -41,7 +40,6 @@ fn nothing_is_found_where_nothing_is_hidden() {
 // Detected 99 %, in the set 98 %, wrong with confidence 1 %: of ten, more than one miss of a kind
 // has a chance below 2 %.
 #[test]
-#[ignore = "the bar is not met yet: 8 of 10 detected at D = 60; run with --ignored"]
 fn what_is_hidden_is_found() {
     let rows = [
         "wind-direction-drift, D = 60",
@@ -81,7 +79,6 @@ fn damage_is_said() {
 
 // A changed unit or order of coordinates is said, shuffled readings do not pass for none.
 #[test]
-#[ignore = "the bar is not met yet: labels swapped between platforms pass for none; run with --ignored"]
 fn changed_files_are_noticed() {
     let summary = share(|row| row.starts_with("mutated"), 1);
     for outcome in &summary.outcomes {

@@ -84,9 +84,21 @@ pub struct BenchmarkArguments {
     /// Only cases whose name contains this
     #[arg(long, default_value = "")]
     pub only: String,
-    /// File for the tables (Markdown)
-    #[arg(long, value_name = "FILE", default_value = "docs/gap-benchmark.md")]
-    pub out: PathBuf,
+    /// File for the tables (Markdown); docs/gap-benchmark.md or docs/gap-flight-benchmark.md where
+    /// none is given
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+}
+
+impl BenchmarkArguments {
+    fn page(&self) -> PathBuf {
+        let usual = if self.flight {
+            "docs/gap-flight-benchmark.md"
+        } else {
+            "docs/gap-benchmark.md"
+        };
+        self.out.clone().unwrap_or_else(|| PathBuf::from(usual))
+    }
 }
 
 /// Analyses a gap.
@@ -203,7 +215,7 @@ fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
     });
     bar.finish_and_clear();
     let page = summary.to_markdown();
-    files::write_whole(&arguments.out, page.as_bytes()).map_err(Failure::input)?;
+    files::write_whole(&arguments.page(), page.as_bytes()).map_err(Failure::input)?;
     print!("{page}");
     Ok(())
 }

@@ -86,7 +86,7 @@ impl Source {
         };
         let is_file_of_gap = from.extension().is_some_and(|e| e == "toml");
         if !is_file_of_gap {
-            return base.as_flown(from);
+            return base.of_flight(from);
         }
         let mut extended = Self::of_file(from)?;
         if extended.aircraft.name != base.aircraft.name {
@@ -109,7 +109,7 @@ impl Source {
     }
 
     /// This aircraft as a measured flight shows it.
-    fn as_flown(self, flight: &Path) -> Result<Self, Failure> {
+    fn of_flight(self, flight: &Path) -> Result<Self, Failure> {
         let name = flight.display().to_string();
         let text = std::fs::read_to_string(flight)
             .with_context(|| format!("{name}: cannot read the flight"))

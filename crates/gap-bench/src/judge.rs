@@ -91,7 +91,7 @@ pub fn judge(task: &Task) -> Outcome {
 }
 
 /// Gives the files of a case made for `task` to the finder, and judges the answer.
-pub fn judge_tuned(task: &Task, tuned: Tuned) -> Outcome {
+fn judge_tuned(task: &Task, tuned: Tuned) -> Outcome {
     let mut outcome = Outcome::new(task);
     outcome.nats = tuned.nats;
     outcome.forward = Some(tuned.case.truth.forward);

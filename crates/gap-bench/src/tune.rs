@@ -96,10 +96,6 @@ pub struct Tuned {
     pub case: Case,
     /// Its visibility, nats (of the first effect alone where there are two).
     pub nats: f64,
-    /// Seed of the scene that shows it.
-    pub seed: u64,
-    /// Strength of each effect.
-    pub strengths: Vec<f64>,
 }
 
 /// Strength beyond which an effect is given up as not to be seen in a scene.
@@ -142,8 +138,6 @@ pub fn tune(task: &Task) -> Result<Option<Tuned>, String> {
             return Ok(Some(Tuned {
                 case,
                 nats: reached[0],
-                seed,
-                strengths,
             }));
         }
     }
@@ -158,12 +152,9 @@ fn has_two((_, text): &(String, String)) -> bool {
 fn plain(task: &Task) -> Option<Tuned> {
     let two = task.kind == Kind::Mutated(Mutation::LabelsSwapped);
     (0..SCENES * SCENES)
-        .map(|scene| task.seed + scene * 1_000)
-        .map(|seed| Tuned {
-            case: Case::make(&task.spec(seed, &[])),
+        .map(|scene| Tuned {
+            case: Case::make(&task.spec(task.seed + scene * 1_000, &[])),
             nats: 0.0,
-            seed,
-            strengths: Vec::new(),
         })
         .find(|t| !two || t.case.observations.iter().any(has_two))
 }

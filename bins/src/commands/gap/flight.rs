@@ -85,7 +85,7 @@ pub(super) fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
     );
     bar.finish_and_clear();
     let page = summary.to_markdown();
-    files::write_whole(&arguments.out, page.as_bytes()).map_err(Failure::input)?;
+    files::write_whole(&arguments.page(), page.as_bytes()).map_err(Failure::input)?;
     print!("{page}");
     Ok(())
 }

@@ -161,7 +161,7 @@ impl Airframe {
         }
     }
 
-    fn from_servos(&self, [a, b, c]: [f64; 3]) -> [f64; 3] {
+    fn of_servos(&self, [a, b, c]: [f64; 3]) -> [f64; 3] {
         if self.elevons {
             [0.5 * (a + b), 0.5 * (a - b), 0.0]
         } else {
@@ -192,7 +192,7 @@ impl Airframe {
             q * c / (2.0 * flow.speed),
             r * b / (2.0 * flow.speed),
         );
-        let [e, a, d] = self.from_servos([x[10], x[11], x[12]]);
+        let [e, a, d] = self.of_servos([x[10], x[11], x[12]]);
         let t = &self.twist;
         let past = (flow.alpha - 0.035).max(0.0);
         let lift = n("lift.zero")

@@ -52,20 +52,20 @@ impl Gusts {
     /// The gust `dt` later.
     pub fn step(&mut self, dt: f64, speed: f64) -> Gust {
         let mut velocity = [0.0; 3];
-        for k in 0..3 {
+        for (k, velocity) in velocity.iter_mut().enumerate() {
             let keep = (-dt / self.time[k]).exp();
             let drive = (1.0 - keep * keep).sqrt() * normal(&mut self.rng);
             let [first, second] = self.state[k];
             let next = keep * first + drive;
             if k == 0 {
                 self.state[k][0] = next;
-                velocity[k] = self.sigma[k] * next;
+                *velocity = self.sigma[k] * next;
             } else {
                 // (1 + √3 T s)/(1 + T s)²: a second lag, and √3 of its input's change.
                 let second = second + (1.0 - keep) * (next - second);
                 self.state[k] = [next, second];
                 let shaped = 3f64.sqrt() * next + (1.0 - 3f64.sqrt()) * second;
-                velocity[k] = self.sigma[k] * shaped / 1.414;
+                *velocity = self.sigma[k] * shaped / 1.414;
             }
         }
         let keep = (-dt / self.roll_time).exp();

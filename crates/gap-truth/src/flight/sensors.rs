@@ -116,8 +116,8 @@ impl Sensors {
             let rate = x[3 + k] + hidden.gyro[k] + wander;
             cells.push(self.noisy(rate * degrees, NOISE[3] * degrees, 0.02));
         }
-        for k in 0..3 {
-            cells.push(self.noisy(force[k] + hidden.accelerometer[k], NOISE[4], 0.01));
+        for (force, off) in force.iter().zip(hidden.accelerometer) {
+            cells.push(self.noisy(force + off, NOISE[4], 0.01));
         }
         if time >= self.next_fix_s - 1e-9 {
             let r = to_ned(x[6], x[7], x[8]);

@@ -257,7 +257,13 @@ fn tell(json: &gap::verdict::GapJson, folder: &Path) {
             cause.probability
         );
         for p in &cause.parameters {
-            println!("    {} = {:.4} ± {:.4} {}", p.name, p.value, p.sd, p.unit);
+            println!(
+                "    {} = {:.4} ± {:.4}{}",
+                p.name,
+                p.value,
+                p.sd,
+                p.unit_after()
+            );
         }
     }
     println!(

@@ -46,6 +46,16 @@ pub struct Parameter {
     pub unit: String,
 }
 
+impl Parameter {
+    /// Its unit as it follows a number in a sentence; nothing for a bare number.
+    pub fn unit_after(&self) -> String {
+        match self.unit.as_str() {
+            "1" | "" => String::new(),
+            unit => format!(" {unit}"),
+        }
+    }
+}
+
 /// One cause: a mechanism, or a set that the data cannot tell apart.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Cause {

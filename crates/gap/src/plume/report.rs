@@ -238,7 +238,15 @@ pub(crate) fn summary(verdict: Verdict, named: &Named, gain: Option<&Gained>) ->
             let values: Vec<String> = c
                 .parameters
                 .iter()
-                .map(|p| format!("{} = {:.4} +/- {:.4} {}", p.name, p.value, p.sd, p.unit))
+                .map(|p| {
+                    format!(
+                        "{} = {:.4} +/- {:.4}{}",
+                        p.name,
+                        p.value,
+                        p.sd,
+                        p.unit_after()
+                    )
+                })
                 .collect();
             let on = if c.platforms.is_empty() {
                 String::new()

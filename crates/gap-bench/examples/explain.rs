@@ -11,7 +11,10 @@ const SHOWN: usize = 10;
 
 fn main() {
     let tasks = plan(SEEDS, 0);
-    for seed in std::env::args().skip(1).filter_map(|a| a.parse::<u64>().ok()) {
+    for seed in std::env::args()
+        .skip(1)
+        .filter_map(|a| a.parse::<u64>().ok())
+    {
         match tasks.iter().find(|t| t.seed == seed) {
             Some(task) => {
                 if let Err(error) = explain(task) {

@@ -19,7 +19,7 @@ const TOLERANCE_PART: f64 = 0.04;
 pub enum Effect {
     /// Parameter of a mechanism: places in the catalogue.
     Mechanism(usize, usize),
-    /// Place in [`COEFFICIENTS`].
+    /// Place in `COEFFICIENTS`.
     Coefficient(usize),
     /// Mean wind of one log towards north (0) or east (1).
     Wind(usize, usize),

@@ -49,15 +49,15 @@ fn what_is_hidden_is_found_and_in_the_set() {
         others: false,
     };
     let summary = share(0, 1, one);
+    // Bars of 95 and 99 %: of eight cases, more than one miss has a chance below 2 %.
+    let mut missed = 0;
     for nats in [20.0, 60.0] {
         let (found, held) = (summary.detected(nats), summary.in_sets(nats));
-        assert!(
-            found.of >= 3 && found.hits == found.of,
-            "{}",
-            summary.to_markdown()
-        );
+        assert!(found.of >= 3, "{}", summary.to_markdown());
+        missed += found.of - found.hits;
         assert_eq!(held.hits, held.of, "{}", summary.to_markdown());
     }
+    assert!(missed <= 1, "{}", summary.to_markdown());
 }
 
 // Reached so far: 12 of 18 at D = 60; the others add a further name that is not hidden.

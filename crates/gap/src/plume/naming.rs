@@ -28,6 +28,10 @@ const NAMES_AT: f64 = 0.5;
 const LEAST_EVIDENCE: f64 = 2.0;
 /// How often a null may move to a better place.
 const MOST_MOVES: usize = 2;
+/// What the stated standard deviations are wider by than the curvature at the best fit says. The
+/// noise's own uncertainty and the tail of nonlinear parameters are not in it: without the factor
+/// 95 % intervals cover 85 % of the benchmark's truths.
+pub(crate) const SD_FACTOR: f64 = 1.35;
 /// Rows in a plume from which a correlation can be told, and the least that readings of one have.
 const LEAST_PLUME_ROWS: usize = 60;
 const LEAST_CORRELATION: f64 = 0.3;
@@ -472,7 +476,7 @@ pub(crate) fn parameters(fitted: &Fitted, part: usize) -> Vec<Parameter> {
         }
         let spec = fitted.model.spec_of(k);
         let value = fitted.model.parts[part].values[free.parameter];
-        let sd = fitted.posterior.covariance[(k, k)].max(0.0).sqrt();
+        let sd = SD_FACTOR * fitted.posterior.covariance[(k, k)].max(0.0).sqrt();
         out.push(Parameter {
             mechanism: fitted.model.parts[part].id.as_str().to_string(),
             name: spec.name.to_string(),

@@ -7,7 +7,7 @@ use super::data::Setup;
 use super::fit::{Context, Fitted};
 use super::held_out::Gained;
 use super::model::defaults;
-use super::naming::Named;
+use super::naming::{Named, SD_FACTOR};
 use super::residual::wind_axes;
 use crate::verdict::{BaseParameter, Detectable, Verdict};
 
@@ -156,7 +156,9 @@ pub(crate) fn base_parameters(setup: &Setup, fitted: &Fitted) -> Vec<BaseParamet
         .map(|(part, prior)| {
             let found = fitted.model.free.iter().position(|f| f.part == part);
             let value = fitted.model.parts[part].values[0];
-            let sd = found.map_or(f64::NAN, |k| fitted.posterior.covariance[(k, k)].sqrt());
+            let sd = found.map_or(f64::NAN, |k| {
+                SD_FACTOR * fitted.posterior.covariance[(k, k)].sqrt()
+            });
             let log = prior.id.spec().parameters[0].coordinate == Coordinate::Log;
             let (value, sd) = match (log, prior.id) {
                 (true, _) => (prior.value * value, prior.value * value * sd),

@@ -48,7 +48,7 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    fn new(task: &Task) -> Self {
+    pub fn new(task: &Task) -> Self {
         Self {
             task: task.clone(),
             unreachable: false,
@@ -91,7 +91,7 @@ pub fn judge(task: &Task) -> Outcome {
 }
 
 /// Gives the files of a case made for `task` to the finder, and judges the answer.
-fn judge_tuned(task: &Task, tuned: Tuned) -> Outcome {
+pub fn judge_tuned(task: &Task, tuned: Tuned) -> Outcome {
     let mut outcome = Outcome::new(task);
     outcome.nats = tuned.nats;
     outcome.forward = Some(tuned.case.truth.forward);

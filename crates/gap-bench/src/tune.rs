@@ -96,6 +96,10 @@ pub struct Tuned {
     pub case: Case,
     /// Its visibility, nats (of the first effect alone where there are two).
     pub nats: f64,
+    /// Seed of its scene.
+    pub scene_seed: u64,
+    /// Strength of each effect.
+    pub strengths: Vec<f64>,
 }
 
 /// Strength beyond which an effect is given up as not to be seen in a scene.
@@ -138,6 +142,8 @@ pub fn tune(task: &Task) -> Result<Option<Tuned>, String> {
             return Ok(Some(Tuned {
                 case,
                 nats: reached[0],
+                scene_seed: seed,
+                strengths,
             }));
         }
     }
@@ -152,9 +158,12 @@ fn has_two((_, text): &(String, String)) -> bool {
 fn plain(task: &Task) -> Option<Tuned> {
     let two = task.kind == Kind::Mutated(Mutation::LabelsSwapped);
     (0..SCENES * SCENES)
-        .map(|scene| Tuned {
-            case: Case::make(&task.spec(task.seed + scene * 1_000, &[])),
+        .map(|scene| task.seed + scene * 1_000)
+        .map(|scene_seed| Tuned {
+            case: Case::make(&task.spec(scene_seed, &[])),
             nats: 0.0,
+            scene_seed,
+            strengths: Vec::new(),
         })
         .find(|t| !two || t.case.observations.iter().any(has_two))
 }

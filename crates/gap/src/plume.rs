@@ -116,8 +116,7 @@ pub fn analyse(
     let mut tell = |part: f64, doing: &'static str| progress(Progress { part, doing });
     tell(0.0, "looking at the raw data");
     let mut data = Data::new(setup, observations)?;
-    let mut quality = gate::gate(&mut data, &setup.base);
-    gate::forget_unknown_air(&mut data, setup.time_constant_s());
+    let mut quality = gate::gate(&mut data, setup);
     if data.used_count() < FEWEST_READINGS {
         return Ok(nothing_to_tell(setup, data, quality));
     }
@@ -200,8 +199,7 @@ pub fn visibility(
     known: Known<'_>,
 ) -> Result<f64, GapError> {
     let mut data = Data::new(setup, observations)?;
-    gate::gate(&mut data, &setup.base);
-    gate::forget_unknown_air(&mut data, setup.time_constant_s());
+    gate::gate(&mut data, setup);
     if data.used_count() < FEWEST_READINGS {
         return Err(GapError::Data {
             what: "observations".to_string(),

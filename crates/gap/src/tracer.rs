@@ -182,13 +182,7 @@ fn gap_json(
             .delta_log_evidence
             .total_cmp(&a.evidence.delta_log_evidence)
     });
-    let verdict = if causes.is_empty() {
-        Verdict::None
-    } else if causes.iter().all(|c| c.mechanisms.len() == 1) {
-        Verdict::Named
-    } else {
-        Verdict::Ambiguous
-    };
+    let verdict = Verdict::of(&causes, false);
     let mut ranking: Vec<Ranked> = answers.iter().flat_map(ranked).collect();
     ranking.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
     let data_quality = notices.iter().filter_map(|n| odd_data(n)).collect();

@@ -20,6 +20,21 @@ pub enum Verdict {
     Unexplained,
 }
 
+impl Verdict {
+    /// What causes, and whether something is left that none of them explains, come to.
+    pub fn of(causes: &[Cause], unexplained: bool) -> Self {
+        if unexplained {
+            Self::Unexplained
+        } else if causes.is_empty() {
+            Self::None
+        } else if causes.iter().all(|c| c.mechanisms.len() == 1) {
+            Self::Named
+        } else {
+            Self::Ambiguous
+        }
+    }
+}
+
 /// How strongly the data speak for a cause.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Evidence {

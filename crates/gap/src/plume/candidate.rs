@@ -233,13 +233,8 @@ fn second_sources(ctx: &Context<'_>, model: &Model) -> Vec<Start> {
         .fold([0.0; 2], |s, t| [s[0] + t.east / n, s[1] + t.north / n]);
     let length = wind[0].hypot(wind[1]).max(1e-9);
     let (e, no) = (wind[0] / length, wind[1] / length);
-    let first = &ctx.setup.base.sources[0].place;
-    let reach = (0..track.len())
-        .map(|i| {
-            let p = track.place(i);
-            (p.east_m - first.east_m).hypot(p.north_m - first.north_m)
-        })
-        .fold(300.0f64, f64::max);
+    let first = ctx.setup.base.sources[0].place;
+    let reach = ctx.data.distance_m(first).fold(300.0f64, f64::max);
     let Some(world) = model.world(&ctx.setup.base, track.platforms()) else {
         return Vec::new();
     };
@@ -317,17 +312,21 @@ impl Start {
         prediction: &Prediction,
         k: usize,
     ) -> Vec<f64> {
-        let mut moved = model.clone();
-        moved.parts.push(self.end_part(k));
-        let mut column = ctx.readings(&moved);
-        for (c, r) in column.iter_mut().zip(&prediction.reading) {
-            *c -= r;
-        }
-        column
+        ctx.change(model, prediction, self.end_part(k))
     }
 
     /// Whether it may differ between platforms.
     pub fn of_a_platform(&self) -> bool {
         self.id.spec().family == Family::Sensor
+    }
+
+    /// Log of the share of its prior that lies on `platform` (or on all alike): a fault of all
+    /// sensors and of one are equally likely before the data.
+    pub fn ln_weight_on(&self, platform: Option<usize>, platforms: usize) -> f64 {
+        match platform {
+            _ if platforms < 2 || !self.of_a_platform() => 0.0,
+            None => -std::f64::consts::LN_2,
+            Some(_) => -std::f64::consts::LN_2 - (platforms as f64).ln(),
+        }
     }
 }

@@ -6,7 +6,7 @@ use ::plume::effects::Ambient;
 use ::plume::field::{Place, World, WorldSpec};
 use ::plume::mechanism::MechanismId;
 use ::plume::track::{Row, Track};
-use air::geo::{Geodetic, LocalFrame};
+use air::geo::{Enu, Geodetic, LocalFrame};
 use scenario::Scenario;
 use scenario::observations::{Observation, Observations};
 use scenario::uncertain::Uncertain;
@@ -192,6 +192,14 @@ impl Data {
             .iter()
             .position(|r| r.contains(&row))
             .unwrap_or(0)
+    }
+
+    /// Horizontal distance of every row from a place, m.
+    pub fn distance_m(&self, from: Enu) -> impl Iterator<Item = f64> {
+        (0..self.len()).map(move |i| {
+            let p = self.track.place(i);
+            (p.east_m - from.east_m).hypot(p.north_m - from.north_m)
+        })
     }
 
     /// First and last time of all rows, s.

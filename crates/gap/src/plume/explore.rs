@@ -20,9 +20,6 @@ const WITHIN_NATS: f64 = 14.0;
 const ANOTHER_PLACE_NATS: f64 = 1.0;
 /// How many of the best trials lend the null their parameters.
 const STARTS_OF_NULL: usize = 3;
-/// Evidence is taken as this power: the noise model and Laplace's approximation are not exact,
-/// and stated probabilities must be right.
-pub(crate) const TEMPER: f64 = 1.0;
 
 /// A mechanism fitted on top of the model before.
 #[derive(Debug, Clone)]
@@ -37,8 +34,8 @@ pub(crate) struct Tried {
     pub log_evidence: f64,
     /// Probability among all tried and the rivals.
     pub probability: f64,
-    /// The fit; only of those that were fitted with their noise.
-    pub fitted: Option<Box<Fitted>>,
+    /// The fit under the null's noise.
+    pub fitted: Fitted,
 }
 
 /// What came of a round.
@@ -146,7 +143,7 @@ fn from_screen(
     });
     let best = order.first().map_or(0.0, |s| s.log_evidence);
     let mut out: Vec<Trial> = Vec::new();
-    let platforms = ctx.data.ranges().len() as f64;
+    let platforms = ctx.data.ranges().len();
     for s in order {
         let start = &starts[s.start];
         // What is far from linear is tried from several places.
@@ -166,17 +163,12 @@ fn from_screen(
         }
         let amplitude: Vec<f64> = s.amplitude.iter().map(|a| a.clamp(-2.0, 2.0)).collect();
         let model = null.model.extended(start.part(s.platform, &amplitude));
-        let ln_weight = match (start.of_a_platform() && platforms > 1.0, s.platform) {
-            (true, None) => -std::f64::consts::LN_2,
-            (true, Some(_)) => -std::f64::consts::LN_2 - platforms.ln(),
-            _ => 0.0,
-        };
         out.push(Trial {
             id: start.id,
             platform: s.platform,
             part: model.parts.len() - 1,
             model,
-            ln_weight,
+            ln_weight: start.ln_weight_on(s.platform, platforms),
         });
     }
     out
@@ -190,23 +182,21 @@ fn fit_trials(ctx: &Context<'_>, null: &Fitted, trials: Vec<Trial>) -> (Vec<Trie
     });
     let (still, moved) = best_null(&single, null, &trials, &fits);
     let count = null.model.dimension();
-    let was = still.log_score + still.model.ln_prior();
+    let was = still.log_score + still.model.ln_departure(|_| true);
     let mut tried: Vec<Tried> = trials
         .iter()
         .zip(fits)
         .map(|(t, f)| {
-            // A prior that is widened no longer speaks against what it is widened for.
-            let own = f.model.ln_prior_of_first(count, t.part);
-            let same = still.model.ln_prior_of_first(count, t.part);
-            let peak = still.model.ln_prior() - same - still.model.ln_prior_at_centre(t.part);
+            // What the trial frees does not speak against itself.
+            let others = |k: usize| k < count && f.model.free[k].part != t.part;
             Tried {
                 id: t.id,
                 platform: t.platform,
                 part: t.part,
-                log_score: f.log_score + own - (was - still.model.ln_prior() + same + peak),
+                log_score: f.log_score + f.model.ln_departure(others) - was,
                 log_evidence: f.log_evidence - still.log_evidence + t.ln_weight,
                 probability: 0.0,
-                fitted: Some(Box::new(f)),
+                fitted: f,
             }
         })
         .collect();
@@ -265,7 +255,7 @@ impl Round {
             .map(|t| t.log_evidence)
             .chain(rivals.iter().copied());
         let peak = peak.fold(0.0f64, f64::max);
-        let weight = |e: f64| (TEMPER * (e - peak)).exp();
+        let weight = |e: f64| (e - peak).exp();
         let total: f64 = self
             .tried
             .iter()

@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::data::{Data, Setup};
 use super::freedom::Freedom;
-use super::linear::{Posterior, dot, posterior, products};
+use super::linear::{Posterior, dot, posterior, products, scores};
 use super::model::{Model, Part, Prediction};
 use super::noise::{self, Loading, NoiseModel, Rows, Whitener};
 use super::nuisance::{Metric, Nuisance};
@@ -100,19 +100,40 @@ impl<'a> Context<'a> {
         model.readings(&self.setup.base, &self.data.track)
     }
 
+    /// Time that the plume takes from the first source to the place of each row, s.
+    pub fn way_s(&self) -> impl Iterator<Item = f64> {
+        let source = self.setup.base.sources[0].place;
+        let transport = self.data.track.transport().iter();
+        self.data
+            .distance_m(source)
+            .zip(transport)
+            .map(|(far, wind)| far / wind.speed_m_s.max(0.5))
+    }
+
+    /// What one more part changes in the readings that `model` predicts.
+    pub fn change(&self, model: &Model, prediction: &Prediction, part: Part) -> Vec<f64> {
+        let mut with = model.clone();
+        with.parts.push(part);
+        let mut column = self.readings(&with);
+        for (c, r) in column.iter_mut().zip(&prediction.reading) {
+            *c -= r;
+        }
+        column
+    }
+
     /// What the noise depends on at every row.
     pub fn loading(&self, model: &Model, prediction: &Prediction) -> Vec<Loading> {
-        let mut turned = model.clone();
-        turned.parts.push(Part {
+        let turn = Part {
             id: MechanismId::WindDirectionOffset,
             platform: None,
             values: vec![SWING_STEP_DEG],
-        });
-        let turned = self.readings(&turned);
-        (0..self.data.len())
-            .map(|i| Loading {
-                gust: prediction.plume[i],
-                swing: (turned[i] - prediction.reading[i]) / SWING_STEP_DEG,
+        };
+        self.change(model, prediction, turn)
+            .iter()
+            .zip(&prediction.plume)
+            .map(|(turned, plume)| Loading {
+                gust: *plume,
+                swing: turned / SWING_STEP_DEG,
             })
             .collect()
     }
@@ -213,39 +234,24 @@ impl<'a> Context<'a> {
         )
     }
 
-    /// A model and its noise at their best, `rounds` times in turn; the noise is fitted beside
-    /// everything that the catalogue could add ([`Freedom`]).
-    pub fn refine(
-        &self,
-        start: &Model,
-        noise: NoiseModel,
-        rounds: usize,
-        effort: Effort,
-    ) -> Fitted {
-        let (mut model, mut noise) = (start.clone(), noise);
-        let mut last = None;
-        for _ in 0..rounds.max(1) {
-            let wide = self.wide(&model, noise, effort);
-            noise = wide.noise;
-            let rows = self.rows(&wide.loading);
-            let whitener = Whitener::new(&rows, &noise, &wide.cleaned);
-            let nuisance = Nuisance::new(self, &model, &wide.prediction, &wide.loading, &noise);
-            let metric = Metric::new(whitener, nuisance);
-            model = self.descend(&model, &metric, 4);
-            last = Some((metric, wide));
-        }
+    /// A model and its noise at their best; the noise is fitted beside everything that the
+    /// catalogue could add ([`Freedom`]).
+    pub fn refine(&self, start: &Model, noise: NoiseModel) -> Fitted {
+        let wide = self.wide(start, noise, Effort::FULL);
+        let rows = self.rows(&wide.loading);
+        let whitener = Whitener::new(&rows, &wide.noise, &wide.cleaned);
+        let nuisance = Nuisance::new(self, start, &wide.prediction, &wide.loading, &wide.noise);
+        let metric = Metric::new(whitener, nuisance);
+        let model = self.descend(start, &metric, 4);
         let prediction = self.predict(&model);
-        match last {
-            Some((metric, wide)) => self.conclude(
-                model,
-                prediction,
-                noise,
-                wide.loading,
-                metric,
-                Some(&wide.cleaned),
-            ),
-            None => unreachable!("at least one round"),
-        }
+        self.conclude(
+            model,
+            prediction,
+            wide.noise,
+            wide.loading,
+            metric,
+            Some(&wide.cleaned),
+        )
     }
 
     /// The noise fitted with everything free at `model`, and the score of that.
@@ -280,15 +286,12 @@ impl<'a> Context<'a> {
             let plain = |n: &NoiseModel| noise::log_likelihood(&rows, n, &cleaned) + n.ln_prior();
             noise = noise::fit(&rows, &noise, 10, self.threads, &plain);
         }
-        for round in 0..=effort.rounds.min(1) {
-            let (left, at) = clean(&mut noise, &cleaned, effort.rounds > 0);
-            cleaned = left;
-            if round == 0 && effort.marginal_steps > 0 {
-                let value =
-                    |n: &NoiseModel| freedom.marginal(&rows, n, &cleaned, &at) + n.ln_prior();
-                noise = noise::fit(&rows, &noise, effort.marginal_steps, self.threads, &value);
-            }
+        let (left, at) = clean(&mut noise, &cleaned, true);
+        if effort.marginal_steps > 0 {
+            let value = |n: &NoiseModel| freedom.marginal(&rows, n, &left, &at) + n.ln_prior();
+            noise = noise::fit(&rows, &noise, effort.marginal_steps, self.threads, &value);
         }
+        cleaned = clean(&mut noise, &left, true).0;
         let whitener = Whitener::new(&rows, &noise, &cleaned);
         let wide = Metric::new(whitener, Nuisance::wide(self, &loading, &noise, &freedom));
         let mut white = raw.clone();
@@ -324,7 +327,7 @@ impl<'a> Context<'a> {
         fitted.metric.whitener.whiten_one(&mut white);
         let n = fitted.columns.len();
         let gram = products(&fitted.columns, &fitted.columns);
-        let score = DVector::from_fn(n, |k, _| dot(&fitted.columns[k], &white));
+        let score = scores(&fitted.columns, &white);
         let taken = posterior(&gram, &score, &DVector::zeros(n), &fitted.precision)
             .map_or(0.0, |p| p.mean.dot(&score));
         0.5 * (dot(&white, &white) - taken)
@@ -443,8 +446,7 @@ fn step_of(
             gram[(j, i)] = cross[(i, j)];
         }
     }
-    let score = DVector::from_fn(n, |k, _| dot(&columns[k], residual));
-    posterior(&gram, &score, centre, precision)
+    posterior(&gram, &scores(columns, residual), centre, precision)
 }
 
 /// Part of a step that keeps every parameter within reach of its prior.

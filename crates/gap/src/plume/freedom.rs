@@ -10,7 +10,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::candidate::{self, Start};
 use super::fit::Context;
-use super::linear::{dot, products};
+use super::linear::{products, scores};
 use super::model::{Model, Prediction};
 use super::noise::{NoiseModel, Rows, Whitener};
 
@@ -92,7 +92,8 @@ impl Freedom {
         let a = DMatrix::from_fn(n, n, |i, j| {
             self.sd[i] * self.sd[j] * gram[(i, j)] + if i == j { 1.0 } else { 0.0 }
         });
-        let score = DVector::from_fn(n, |k, _| self.sd[k] * dot(&columns[k], &white)) + &centre;
+        let plain = scores(&columns, &white);
+        let score = DVector::from_fn(n, |k, _| self.sd[k] * plain[k]) + &centre;
         let Some(chol) = Cholesky::new(a) else {
             return f64::NEG_INFINITY;
         };

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use ::plume::field::WorldSpec;
 
-use super::data::Data;
+use super::data::{Data, Setup};
 use crate::verdict::{DataQuality, Flaw};
 
 /// Rows farther than this from the first source cannot belong to the scenario, m.
@@ -23,7 +23,8 @@ const LONGEST_STEP_S: f64 = 4.0;
 const FROZEN_ROWS: usize = 8;
 
 /// Looks at every platform, masks what is flawed, and says what it saw.
-pub(crate) fn gate(data: &mut Data, base: &WorldSpec) -> Vec<DataQuality> {
+pub(crate) fn gate(data: &mut Data, setup: &Setup) -> Vec<DataQuality> {
+    let base = &setup.base;
     let mut found = Vec::new();
     for platform in 0..data.ranges().len() {
         let range = data.ranges()[platform].clone();
@@ -43,12 +44,13 @@ pub(crate) fn gate(data: &mut Data, base: &WorldSpec) -> Vec<DataQuality> {
         eye.clipped();
         eye.gaps();
     }
+    forget_unknown_air(data, setup.time_constant_s());
     found
 }
 
 /// Leaves out the readings in which a slow sensor still remembers air of which nothing is known:
 /// at the start of a track and after a gap.
-pub(crate) fn forget_unknown_air(data: &mut Data, time_constant_s: f64) {
+fn forget_unknown_air(data: &mut Data, time_constant_s: f64) {
     let wait_s = REMEMBERED * time_constant_s;
     if wait_s <= 0.0 {
         return;

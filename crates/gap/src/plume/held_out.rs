@@ -11,7 +11,7 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
 use super::fit::{Context, Fitted};
-use super::linear::{dot, posterior};
+use super::linear::{posterior, products, scores};
 use crate::verdict::{Gain, HeldOut};
 
 /// Number of bootstrap resamples.
@@ -90,8 +90,8 @@ pub(crate) fn gain(ctx: &Context<'_>, before: &Fitted, after: &Fitted, seed: u64
     let (gain_low, gain_high) = middle(&mut gains);
     let (change_low, change_high) = middle(&mut changes);
     let floor = 3.0 * before.noise.white_ppm();
-    let was = scores(&old, floor, &mut rng);
-    let is = scores(&new, floor, &mut rng);
+    let was = scores_of_excess(&old, floor, &mut rng);
+    let is = scores_of_excess(&new, floor, &mut rng);
     let held_out = HeldOut {
         log_score_before: total(&old),
         log_score_after: total(&new),
@@ -143,10 +143,7 @@ fn predict(ctx: &Context<'_>, fitted: &Fitted, rows: &[Vec<usize>]) -> Vec<Predi
         .map(|rows| {
             let own: Vec<Vec<f64>> = fitted.columns.iter().map(|c| pick(c, rows)).collect();
             let residual = pick(&fitted.residual, rows);
-            (
-                DMatrix::from_fn(n, n, |i, j| dot(&own[i], &own[j])),
-                DVector::from_fn(n, |k, _| dot(&own[k], &residual)),
-            )
+            (products(&own, &own), scores(&own, &residual))
         })
         .collect();
     let gram = parts.iter().fold(DMatrix::zeros(n, n), |s, p| s + &p.0);
@@ -197,7 +194,11 @@ fn log_scales(ctx: &Context<'_>, fitted: &Fitted) -> Vec<f64> {
 }
 
 /// Scores of the excess where either side has a plume, and their intervals over blocks.
-fn scores(predicted: &[Predicted], floor: f64, rng: &mut ChaCha8Rng) -> ([f64; 5], [[f64; 2]; 5]) {
+fn scores_of_excess(
+    predicted: &[Predicted],
+    floor: f64,
+    rng: &mut ChaCha8Rng,
+) -> ([f64; 5], [[f64; 2]; 5]) {
     let kept: Vec<Vec<Pair>> = predicted
         .iter()
         .map(|p| {

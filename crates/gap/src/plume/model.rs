@@ -159,30 +159,28 @@ impl Model {
         (0..self.dimension()).map(|k| self.ln_prior_of(k)).sum()
     }
 
-    /// The same of the first `count` parameters but those of the part `but`.
-    pub fn ln_prior_of_first(&self, count: usize, but: usize) -> f64 {
-        (0..count)
-            .filter(|k| self.free[*k].part != but)
-            .map(|k| self.ln_prior_of(k))
+    /// Log prior density of those parameters that `counts`, relative to that at their centres,
+    /// nats.
+    pub fn ln_departure(&self, counts: impl Fn(usize) -> bool) -> f64 {
+        (0..self.dimension())
+            .filter(|k| counts(*k))
+            .map(|k| -0.5 * self.departure_sd(k).powi(2))
             .sum()
     }
 
-    /// Log prior density at its centre of the parameters of a part.
-    pub fn ln_prior_at_centre(&self, part: usize) -> f64 {
-        let own = self.free.iter().filter(|f| f.part == part);
-        own.map(|f| -f.sd.ln() - 0.5 * std::f64::consts::TAU.ln())
-            .sum()
+    /// How far the free parameter `k` stands from its prior's centre, standard deviations.
+    fn departure_sd(&self, k: usize) -> f64 {
+        (self.coordinate(k) - self.free[k].centre) / self.free[k].sd
     }
 
     fn ln_prior_of(&self, k: usize) -> f64 {
         let free = &self.free[k];
-        let z = (self.coordinate(k) - free.centre) / free.sd;
         let half = if free.one_sided {
             std::f64::consts::LN_2
         } else {
             0.0
         };
-        half - 0.5 * z * z - free.sd.ln() - 0.5 * std::f64::consts::TAU.ln()
+        half - 0.5 * self.departure_sd(k).powi(2) - free.sd.ln() - 0.5 * std::f64::consts::TAU.ln()
     }
 
     /// The world of this model.

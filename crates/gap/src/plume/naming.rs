@@ -5,7 +5,7 @@ use ::plume::mechanism::{Coordinate, Mechanism, MechanismId};
 
 use super::Options;
 use super::explore::{self, Round, Tried};
-use super::fit::{Context, Effort, Fitted};
+use super::fit::{Context, Fitted};
 use super::held_out;
 use super::model::{Model, mechanism};
 use super::rival::Rival;
@@ -157,7 +157,7 @@ fn settled_round(ctx: &Context<'_>, null: Fitted, seed: u64) -> (Fitted, Round) 
         let Some(model) = &round.better_null else {
             return (null, round);
         };
-        null = ctx.refine(model, null.noise, 1, Effort::FULL);
+        null = ctx.refine(model, null.noise);
     }
     let round = explore::round(ctx, &null, seed, true);
     (null, round)
@@ -204,7 +204,6 @@ fn called_for(round: &Round, more_nats: f64) -> Option<&Tried> {
     let calls = seen > round.threshold + more_nats
         && best.log_score.max(best.log_evidence) > 0.8 * round.threshold
         && best.log_evidence > LEAST_EVIDENCE
-        && best.fitted.is_some()
         && round.by_id().iter().map(|i| i.1).sum::<f64>() > NAMES_AT;
     calls.then_some(best)
 }
@@ -250,9 +249,7 @@ impl Named {
                 return;
             };
             let accepted = accept(round, best);
-            let Some(fitted) = best.fitted.clone() else {
-                return;
-            };
+            let fitted = best.fitted.clone();
             // What does not carry over to blocks left out is a chance of the data.
             if held_out::log_gain(ctx, &self.last, &fitted)
                 < -KEEP_PART * best.log_score.max(best.log_evidence)
@@ -261,7 +258,7 @@ impl Named {
             }
             gained += best.log_evidence;
             self.accepted.push(accepted);
-            self.last = ctx.refine(&fitted.model, fitted.noise, 1, Effort::FULL);
+            self.last = ctx.refine(&fitted.model, fitted.noise);
             tell(0.3 + 0.1 * k as f64, "looking for more");
             let seed = options.seed.wrapping_add(1 + k as u64);
             let (last, round) = settled_round(ctx, self.last.clone(), seed);
@@ -283,9 +280,7 @@ impl Named {
             let Some(best) = called_for(&round, 0.0) else {
                 continue;
             };
-            let Some(fitted) = best.fitted.clone() else {
-                continue;
-            };
+            let fitted = best.fitted.clone();
             let moved = null.model.parts.len() < self.last.model.parts.len();
             // Parts after the one taken out have moved down by one; the new one stands last.
             for other in &mut self.accepted {
@@ -294,21 +289,13 @@ impl Named {
                 }
             }
             self.accepted[k] = accept(&round, best);
-            self.last = *fitted;
+            self.last = fitted;
         }
     }
 
     /// The verdict.
     pub fn verdict(&self) -> Verdict {
-        if self.unexplained.is_some() {
-            Verdict::Unexplained
-        } else if self.causes.is_empty() {
-            Verdict::None
-        } else if self.causes.iter().any(|c| c.mechanisms.len() > 1) {
-            Verdict::Ambiguous
-        } else {
-            Verdict::Named
-        }
+        Verdict::of(&self.causes, self.unexplained.is_some())
     }
 
     /// Accepted parts as mechanisms with their fitted parameters.
@@ -449,7 +436,7 @@ fn accept(round: &Round, best: &Tried) -> Accepted {
         .iter()
         .filter_map(|(id, _)| {
             let t = round.tried.iter().find(|t| t.id == *id)?;
-            Some((*id, t.platform, t.fitted.as_ref()?.model.clone()))
+            Some((*id, t.platform, t.fitted.model.clone()))
         })
         .collect();
     Accepted {

@@ -9,11 +9,11 @@ use ::plume::effects::Ambient;
 use ::plume::field::{Place, World};
 use ::plume::track::{Row, Track};
 use air::geo::Enu;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use super::data::Data;
 use super::fit::{Context, Fitted};
-use super::linear::{dot, posterior};
+use super::linear::{dot, posterior, products, scores};
 use super::model::Model;
 use super::naming::Named;
 use super::noise::Whitener;
@@ -269,8 +269,8 @@ fn separation(
         .view((0, 0), (d, d))
         .into_owned()
         .try_inverse()?;
-    let gram = DMatrix::from_fn(d, d, |i, j| dot(&columns[i], &columns[j])) + known;
-    let score = DVector::from_fn(d, |k, _| dot(&columns[k], &apart));
+    let gram = products(&columns, &columns) + known;
+    let score = scores(&columns, &apart);
     let taken = posterior(&gram, &score, &DVector::zeros(d), &DVector::zeros(d))?;
     let regained = 0.5 * score.dot(&taken.mean);
     Some(0.5 * dot(&apart, &apart) - regained)

@@ -11,7 +11,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::fit::Context;
 use super::freedom::Freedom;
-use super::linear::{dot, products};
+use super::linear::{dot, products, scores};
 use super::model::{Model, Part, Prediction};
 use super::noise::{Loading, NoiseModel, Whitener};
 
@@ -68,19 +68,14 @@ impl Nuisance {
     ) -> Self {
         let mut own = Self::swings(ctx, loading, noise);
         for (id, which, step, size) in TOLERATED {
-            let mut moved = model.clone();
             let mut values = super::model::defaults(id);
             values[which] = step;
-            moved.parts.push(Part {
+            let part = Part {
                 id,
                 platform: None,
                 values,
-            });
-            let mut column = ctx.readings(&moved);
-            column
-                .iter_mut()
-                .zip(&prediction.reading)
-                .for_each(|(c, r)| *c -= r);
+            };
+            let column = ctx.change(model, prediction, part);
             let known = model
                 .parts
                 .iter()
@@ -139,15 +134,10 @@ impl Nuisance {
 /// The part of the plume's way at each row that lies before the record.
 fn part_before(ctx: &Context<'_>) -> Vec<f64> {
     let (from, _) = ctx.data.span_s();
-    let track = &ctx.data.track;
-    let source = ctx.setup.base.sources[0].place;
-    (0..track.len())
-        .map(|i| {
-            let p = track.place(i);
-            let distance = (p.east_m - source.east_m).hypot(p.north_m - source.north_m);
-            let way_s = distance / track.transport()[i].speed_m_s.max(0.5);
-            (1.0 - (track.time_s()[i] - from) / way_s.max(1.0)).max(0.0)
-        })
+    let times = ctx.data.track.time_s();
+    ctx.way_s()
+        .zip(times)
+        .map(|(way_s, t)| (1.0 - (t - from) / way_s.max(1.0)).max(0.0))
         .collect()
 }
 
@@ -225,9 +215,9 @@ impl Metric {
     }
 
     fn score(&self, whitened: &[f64]) -> DVector<f64> {
-        DVector::from_fn(self.columns.len(), |k, _| {
-            self.nuisance.sd[k] * dot(&self.columns[k], whitened)
-        })
+        let sd = &self.nuisance.sd;
+        let plain = scores(&self.columns, whitened);
+        DVector::from_fn(sd.len(), |k, _| sd[k] * plain[k])
     }
 
     /// Square of a whitened residual with the nuisance integrated out.
@@ -286,14 +276,14 @@ impl Metric {
         let n = self.hats();
         let m = self.columns.len() - n;
         let mut gram = self.gram.view((0, 0), (n, n)).into_owned();
-        let mut score = DVector::from_fn(n, |k, _| dot(&self.columns[k], whitened));
+        let mut score = scores(&self.columns[..n], whitened);
         // What a mechanism with a name explains must not pass for swing.
         let cross = self.gram.view((0, n), (n, m)).into_owned();
         let sd = &self.nuisance.sd;
         let own = DMatrix::from_fn(m, m, |i, j| {
             self.gram[(n + i, n + j)] + if i == j { sd[n + i].powi(-2) } else { 0.0 }
         });
-        let others = DVector::from_fn(m, |k, _| dot(&self.columns[n + k], whitened));
+        let others = scores(&self.columns[n..], whitened);
         if let Some(chol) = Cholesky::new(own) {
             score -= &cross * chol.solve(&others);
             gram -= &cross * chol.solve(&cross.transpose());

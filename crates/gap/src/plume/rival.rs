@@ -11,7 +11,7 @@ use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::fit::{Context, Fitted};
-use super::linear::{dot, products};
+use super::linear::{dot, products, scores};
 use super::parallel;
 use super::rival_terms::{self as terms, Term};
 
@@ -124,9 +124,7 @@ impl<'a> Base<'a> {
             ctx,
             fitted,
             inverse: Cholesky::new(a).map_or_else(|| DMatrix::zeros(n, n), |c| c.inverse()),
-            score: DVector::from_fn(n, |k, _| {
-                dot(&fitted.columns[k], &fitted.residual) + precision[k] * centre[k]
-            }),
+            score: scores(&fitted.columns, &fitted.residual) + precision.component_mul(centre),
         }
     }
 
@@ -160,9 +158,8 @@ impl<'a> Base<'a> {
         }
         let lean = &cross * &self.inverse;
         gram -= &lean * cross.transpose();
-        let residual = &self.fitted.residual[rows];
-        let score =
-            DVector::from_fn(d, |i, _| scale[i] * dot(own[i], residual)) - &lean * &self.score;
+        let plain = scores(&own, &self.fitted.residual[rows]);
+        let score = DVector::from_fn(d, |i, _| scale[i] * plain[i]) - &lean * &self.score;
         let eigen = SymmetricEigen::new(gram);
         let along = eigen.eigenvectors.transpose() * score;
         let mut information = Vec::with_capacity(d);

@@ -49,14 +49,11 @@ impl<'a> Builder<'a> {
     /// Time at each row less this part of the plume's time on its way there, s: at 1 the time of
     /// emission, at 0.5 that of the wind which turned it most.
     fn time_on_the_way(&self, part: f64) -> Vec<f64> {
-        let track = &self.ctx.data.track;
-        let source = self.ctx.setup.base.sources[0].place;
-        (0..track.len())
-            .map(|i| {
-                let p = track.place(i);
-                let far = (p.east_m - source.east_m).hypot(p.north_m - source.north_m);
-                track.time_s()[i] - part * far / track.transport()[i].speed_m_s.max(0.5)
-            })
+        let times = self.ctx.data.track.time_s();
+        self.ctx
+            .way_s()
+            .zip(times)
+            .map(|(way_s, t)| t - part * way_s)
             .collect()
     }
 

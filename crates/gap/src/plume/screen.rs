@@ -106,14 +106,8 @@ pub(crate) fn screen(
         }
     }
     let mut hypotheses: Vec<Hypothesis> = hypotheses.into_iter().flatten().collect();
-    let platforms = per_platform.len() as f64;
     for h in &mut hypotheses {
-        // A fault of all sensors and of one are equally likely before the data.
-        h.ln_weight += match (many && starts[h.start].of_a_platform(), h.platform) {
-            (true, None) => -std::f64::consts::LN_2,
-            (true, Some(_)) => -std::f64::consts::LN_2 - platforms.ln(),
-            _ => 0.0,
-        };
+        h.ln_weight += starts[h.start].ln_weight_on(h.platform, per_platform.len());
     }
     let scored = score_all(
         ctx,

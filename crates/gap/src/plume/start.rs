@@ -26,7 +26,7 @@ pub(crate) fn start(setup: &Setup, data: &mut Data, threads: usize) -> Started {
         threads,
     };
     Started {
-        fitted: ctx.refine(&model, noise, 1, Effort::FULL),
+        fitted: ctx.refine(&model, noise),
         treatment,
     }
 }
@@ -124,13 +124,7 @@ fn carried_by(setup: &Setup, data: &Data, treatment: Treatment) -> Option<Carrie
         .zip(data.track.transport())
         .map(|(w, t)| w.map(|_| *t))
         .collect();
-    let source = setup.base.sources[0].place;
-    let distance: Vec<f64> = (0..data.len())
-        .map(|i| {
-            let p = data.track.place(i);
-            (p.east_m - source.east_m).hypot(p.north_m - source.north_m)
-        })
-        .collect();
+    let distance: Vec<f64> = data.distance_m(setup.base.sources[0].place).collect();
     carried(data, &logged, &distance, treatment)
 }
 

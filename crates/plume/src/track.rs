@@ -214,17 +214,25 @@ impl Track {
         let times = &self.time_s[range];
         for &tau in &effects.lags_s {
             let Some(&first) = values.first() else { return };
-            let (mut state, mut before) = (first, first);
+            let input = values.to_vec();
+            let mut state = first;
             // Rows mostly keep one step: its coefficients are worked out once.
             let mut step = LagStep::new(0.0, tau);
+            if input.len() < 2 {
+                return;
+            }
+            let mut slope_before = slope(times, &input, 0);
             for k in 1..values.len() {
                 let dt = times[k] - times[k - 1];
                 if dt != step.dt_s {
                     step = LagStep::new(dt, tau);
                 }
-                let now = values[k];
-                state = step.decay * state + step.before * before + step.now * now;
-                before = now;
+                let slope_now = slope(times, &input, k);
+                state = step.decay * state + step.before * input[k - 1] + step.now * input[k];
+                if dt <= LONGEST_CURVED_S {
+                    state += step.slope_before * slope_before + step.slope_now * slope_now;
+                }
+                slope_before = slope_now;
                 values[k] = state;
             }
         }
@@ -245,23 +253,82 @@ impl Track {
     }
 }
 
-/// [`lag_step`] as three weights for one step.
+/// Longest step over which the input is taken as curved, s: beyond it nobody knows.
+const LONGEST_CURVED_S: f64 = 3.0;
+
+/// Slope at row `k` of a parabola through it and its neighbours, per second.
+fn slope(times: &[f64], values: &[f64], k: usize) -> f64 {
+    let chord = |k: usize| (values[k] - values[k - 1]) / (times[k] - times[k - 1]);
+    let last = values.len() - 1;
+    // Over a stretch the two end slopes of a parabola have the chord's as their mean.
+    match k {
+        _ if last < 2 => return chord(1),
+        0 => return 2.0 * chord(1) - slope(times, values, 1),
+        _ if k == last => return 2.0 * chord(last) - slope(times, values, last - 1),
+        _ => {}
+    }
+    let (before, after) = (times[k] - times[k - 1], times[k + 1] - times[k]);
+    if before > LONGEST_CURVED_S || after > LONGEST_CURVED_S {
+        return chord(k);
+    }
+    let (rise, next) = (values[k] - values[k - 1], values[k + 1] - values[k]);
+    (rise * after / before + next * before / after) / (before + after)
+}
+
+/// One step of a first-order lag while the input follows the cubic of Hermite through two rows
+/// with given slopes, as weights of what it starts from: a straight line between rows a second
+/// apart would cut the peaks off a narrow plume.
 struct LagStep {
     dt_s: f64,
     decay: f64,
     before: f64,
     now: f64,
+    slope_before: f64,
+    slope_now: f64,
 }
 
 impl LagStep {
     fn new(dt_s: f64, time_constant_s: f64) -> Self {
+        // The cubic is the straight line, which lag_step has exactly, and the rest of the
+        // Hermite polynomials: t(1-t)((1-2t)(u0-u1) + dt((1-t) m0 - t m1)) on 0 to 1.
+        let weight = |f: &dyn Fn(f64) -> f64| answer_to(dt_s / time_constant_s, f);
+        let bend = weight(&|t| t * (1.0 - t) * (1.0 - 2.0 * t));
         Self {
             dt_s,
             decay: lag_step(1.0, 0.0, 0.0, dt_s, time_constant_s),
-            before: lag_step(0.0, 1.0, 0.0, dt_s, time_constant_s),
-            now: lag_step(0.0, 0.0, 1.0, dt_s, time_constant_s),
+            before: lag_step(0.0, 1.0, 0.0, dt_s, time_constant_s) + bend,
+            now: lag_step(0.0, 0.0, 1.0, dt_s, time_constant_s) - bend,
+            slope_before: dt_s * weight(&|t| t * (1.0 - t) * (1.0 - t)),
+            slope_now: -dt_s * weight(&|t| t * t * (1.0 - t)),
         }
     }
+}
+
+/// Answer at the end of a unit step to an input `f` of the part of the step gone, by a lag from
+/// rest whose time constant is 1/`rate` steps: k∫exp(-k(1-t)) f(t) dt, by Gauss–Legendre
+/// quadrature over the stretch that the lag remembers.
+fn answer_to(rate: f64, f: &dyn Fn(f64) -> f64) -> f64 {
+    const NODES: [(f64, f64); 5] = [
+        (0.046_910_077_030_668, 0.118_463_442_528_095),
+        (0.230_765_344_947_158, 0.239_314_335_249_683),
+        (0.5, 0.284_444_444_444_444),
+        (0.769_234_655_052_842, 0.239_314_335_249_683),
+        (0.953_089_922_969_332, 0.118_463_442_528_095),
+    ];
+    const PIECES: usize = 8;
+    if rate.is_nan() || rate <= 0.0 {
+        return 0.0;
+    }
+    let reach = (40.0 / rate).min(1.0);
+    let piece = reach / PIECES as f64;
+    let mut sum = 0.0;
+    for k in 0..PIECES {
+        for (node, weight) in NODES {
+            let back = (k as f64 + node) * piece;
+            sum += weight * piece * rate * (-rate * back).exp() * f(1.0 - back);
+        }
+    }
+    sum
 }
 
 fn row_transport(spec: &WorldSpec, row: &Row) -> Transport {

@@ -12,14 +12,14 @@ fn world(mechanisms: &[Mechanism]) -> World {
     World::new(s).unwrap()
 }
 
-/// Two platforms weaving across the plume.
-fn rows() -> Vec<Row> {
-    let row = |platform: usize, i: usize| Row {
+/// A platform weaving across the plume.
+fn row(platform: usize, time_s: f64) -> Row {
+    Row {
         platform,
-        time_s: i as f64,
+        time_s,
         place: Place {
             east_m: 1800.0 + 600.0 * platform as f64,
-            north_m: 400.0 * (i as f64 / 30.0 + platform as f64).sin(),
+            north_m: 400.0 * (time_s / 30.0 + platform as f64).sin(),
             height_agl_m: 470.0 + 10.0 * platform as f64,
         },
         wind: None,
@@ -28,9 +28,13 @@ fn rows() -> Vec<Row> {
             relative_humidity_pct: 60.0,
             pressure_hpa: 920.0,
         },
-    };
+    }
+}
+
+/// Two platforms, a row a second.
+fn rows() -> Vec<Row> {
     (0..2)
-        .flat_map(|p| (0..300).map(move |i| row(p, i)))
+        .flat_map(|p| (0..300).map(move |i| row(p, f64::from(i))))
         .collect()
 }
 
@@ -69,19 +73,25 @@ fn the_track_reads_as_the_stepped_sensor() {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     for (platform, name) in names().iter().enumerate() {
         let mut sensor = Sensor::new(&SensorSpec::default(), &list, name);
-        for (i, row) in rows()
-            .iter()
-            .enumerate()
-            .filter(|(_, r)| r.platform == platform)
-        {
-            let dt = if row.time_s > 0.0 { 1.0 } else { 0.0 };
-            let truth = world.mean_ppm(&row.place, row.time_s);
-            let stepped = sensor.read_in(truth, &row.air, dt, &mut rng);
-            assert!(
-                (stepped - readings[i]).abs() < 1e-8,
-                "row {i}: {stepped} {}",
-                readings[i]
-            );
+        // The sensor steps much faster than the rows come.
+        const STEPS: i32 = 20;
+        for step in 0..=299 * STEPS {
+            let time_s = f64::from(step) / f64::from(STEPS);
+            let at = row(platform, time_s);
+            let dt = if step > 0 {
+                1.0 / f64::from(STEPS)
+            } else {
+                0.0
+            };
+            let truth = world.mean_ppm(&at.place, time_s);
+            let stepped = sensor.read_in(truth, &at.air, dt, &mut rng);
+            let reading = readings[300 * platform + (step / STEPS) as usize];
+            if step % STEPS == 0 {
+                assert!(
+                    (stepped - reading).abs() < 0.01,
+                    "{time_s} s: {stepped} {reading}"
+                );
+            }
         }
     }
 }
@@ -158,4 +168,32 @@ fn disorder_is_refused() {
     assert!(refused(&|r| r[5].platform = 9).contains("platform 9"));
     assert!(refused(&|r| r[5].place.east_m = f64::NAN).contains("finite"));
     assert!(Track::new(&world, &names(), &[]).unwrap().is_empty());
+}
+
+// A crossing in which the plume lasts a few rows: against steps of a millisecond.
+#[test]
+fn a_lag_keeps_the_peaks_between_rows() {
+    let crossing = |t: f64| (-0.5 * ((t - 30.0) / 1.7).powi(2)).exp();
+    let base = world(&[]);
+    let rows: Vec<Row> = rows().into_iter().filter(|r| r.platform == 0).collect();
+    let track = Track::new(&base, &names(), &rows).unwrap();
+    let times = track.time_s().to_vec();
+    for tau in [0.05, 1.5, 6.0] {
+        let lag = Mechanism::new("sensor-lag", &[("time_constant_s", tau)]).unwrap();
+        let effects = base.spec().sensor.effects(&[lag], "uav1");
+        let mut ours: Vec<f64> = times.iter().map(|t| crossing(*t)).collect();
+        track.lag(&effects, 0..times.len(), &mut ours);
+        let (mut state, mut t) = (crossing(times[0]), times[0]);
+        for (time, ours) in times.iter().zip(&ours) {
+            while t < *time - 5e-4 {
+                state = lag_step(state, crossing(t), crossing(t + 1e-3), 1e-3, tau);
+                t += 1e-3;
+            }
+            // A straight line between rows is off by 0.025.
+            assert!(
+                (state - ours).abs() < 0.006,
+                "{tau} s at {time} s: {ours}, {state}"
+            );
+        }
+    }
 }

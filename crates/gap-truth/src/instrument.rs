@@ -216,17 +216,20 @@ impl Platform<'_> {
             if tau_s <= 0.0 {
                 continue;
             }
+            // Exact for an input that is straight between two sub-steps.
             let keep = (-SUB_STEP_S / tau_s).exp();
+            let mean = (1.0 - keep) * tau_s / SUB_STEP_S;
+            let follow = |state: f64, before: f64, now: f64| {
+                keep * state + (mean - keep) * before + (1.0 - mean) * now
+            };
             let mut state = air[0];
             let mut before = air[0];
             for now in &mut air {
-                // The input is straight between two sub-steps; its mean stands for it.
-                let middle = (0.5 * (before.0 + now.0), 0.5 * (before.1 + now.1));
-                before = *now;
                 state = (
-                    keep * state.0 + (1.0 - keep) * middle.0,
-                    keep * state.1 + (1.0 - keep) * middle.1,
+                    follow(state.0, before.0, now.0),
+                    follow(state.1, before.1, now.1),
                 );
+                before = *now;
                 *now = state;
             }
         }

@@ -177,7 +177,14 @@ impl<'a> World<'a> {
             scene.source_m[0] + p.shift_m[0],
             scene.source_m[1] + p.shift_m[1],
         ];
-        let emission = scene.emission_kg_s * scene.emission_ratio() * p.log_emission.exp();
+        let mut emission = scene.emission_kg_s * scene.emission_ratio() * p.log_emission.exp();
+        if let Some(x_m) = scene.c_max_at_m {
+            // A concentration stated for the axis was measured there, whatever the spread.
+            let class = scene.class as f64;
+            let stated = law::sigma_y_m(class, x_m) * law::sigma_z_m(class, x_m);
+            let (y, z) = self.spread_m(x_m);
+            emission *= y * z / stated;
+        }
         let mut stacks = vec![(place, axis_m, emission)];
         if let Some((away, ratio, up)) = p.second {
             let there = [place[0] + away[0], place[1] + away[1]];

@@ -6,6 +6,7 @@ use rand::RngExt;
 
 use crate::chance::{between, stream};
 use crate::effect::Effect;
+use crate::further::FurtherFlight;
 use crate::instrument::{Damage, Faults, Noise, NoiseForm, Platform, Row};
 use crate::physics::{Forward, Physics, World};
 use crate::scene::{MARGIN_S, Need, Scene};
@@ -134,6 +135,56 @@ impl Case {
     pub fn make(spec: &CaseSpec) -> Self {
         let draft = Draft::new(spec);
         let twin = draft.rows(&Physics::default(), &draft.no_faults());
+        let (physics, faults, effects) = draft.hide(&twin);
+        let rows = if effects.is_empty() {
+            twin.clone()
+        } else {
+            draft.rows(&physics, &faults)
+        };
+        let damage = draft.damage(&twin);
+        Self {
+            scenario_toml: draft.scene.to_toml(),
+            observations: draft.files(&rows),
+            twin: draft.files(&less_effects(&rows, &twin)),
+            truth: Truth {
+                effects,
+                forward: draft.forward,
+                noise: spec.noise,
+                other_laws: spec.other_laws,
+                damage: damage.map(|(kind, index, _, from, to)| (kind, name(index), from, to)),
+            },
+        }
+    }
+
+    /// Observation files of the case of `spec` and of one more flight after it.
+    pub fn flown_on(spec: &CaseSpec, flight: &FurtherFlight) -> Vec<(String, String)> {
+        let mut draft = Draft::new(spec);
+        let twin = draft.rows(&Physics::default(), &draft.no_faults());
+        let (physics, faults, _) = draft.hide(&twin);
+        let own_s = draft.scene.duration_s;
+        let index = (0..draft.scene.tracks.len())
+            .find(|i| name(*i) == flight.platform)
+            .unwrap_or(0);
+        flight.prolong(&mut draft.scene, index);
+        let mut rows = draft.rows(&physics, &faults);
+        for (k, rows) in rows.iter_mut().enumerate() {
+            let again_s = if k == index {
+                flight.start_s()
+            } else {
+                f64::INFINITY
+            };
+            rows.retain(|r| r.time_s < own_s || r.time_s >= again_s);
+        }
+        draft.files(&rows)
+    }
+}
+
+type Laws = (Physics, Vec<Faults>, Vec<TrueEffect>);
+
+impl Draft<'_> {
+    /// The laws and faults with the effects in them; `twin` is without.
+    fn hide(&self, twin: &[Vec<Row>]) -> Laws {
+        let (draft, spec) = (self, self.spec);
         let mut physics = Physics {
             other_laws: spec.other_laws,
             ..Physics::default()
@@ -142,7 +193,7 @@ impl Case {
         let mut effects = Vec::new();
         for hidden in spec.hidden.iter().filter(|h| h.strength > 0.0) {
             let on = draft.platforms_of(hidden.effect);
-            let peak_ppm = draft.peak_ppm(&twin, &on);
+            let peak_ppm = draft.peak_ppm(twin, &on);
             let mut chosen: Vec<&mut Faults> = faults
                 .iter_mut()
                 .enumerate()
@@ -170,24 +221,7 @@ impl Case {
                 parameters,
             });
         }
-        let rows = if effects.is_empty() {
-            twin.clone()
-        } else {
-            draft.rows(&physics, &faults)
-        };
-        let damage = draft.damage(&twin);
-        Self {
-            scenario_toml: draft.scene.to_toml(),
-            observations: draft.files(&rows),
-            twin: draft.files(&less_effects(&rows, &twin)),
-            truth: Truth {
-                effects,
-                forward: draft.forward,
-                noise: spec.noise,
-                other_laws: spec.other_laws,
-                damage: damage.map(|(kind, index, _, from, to)| (kind, name(index), from, to)),
-            },
-        }
+        (physics, faults, effects)
     }
 }
 

@@ -16,6 +16,7 @@ pub mod case;
 pub mod chance;
 pub mod effect;
 pub mod flight;
+pub mod further;
 pub mod instrument;
 pub mod law;
 pub mod mutation;
@@ -27,5 +28,6 @@ pub mod wind;
 
 pub use case::{Case, CaseSpec, Hidden, TrueEffect, Truth};
 pub use effect::{CATALOGUE, Effect, OUTSIDE};
+pub use further::FurtherFlight;
 pub use instrument::{Damage, NoiseForm};
 pub use physics::Forward;

@@ -26,10 +26,12 @@ mod rival_terms;
 mod screen;
 mod start;
 mod transport;
+mod visibility;
 
 pub use data::{Prior, Setup};
 pub use noise::NoiseModel;
 pub use report::{GapReport, Series};
+pub use visibility::{Known, Likeness, Visibility};
 
 use scenario::observations::Observations;
 
@@ -176,79 +178,6 @@ pub fn analyse(
         json,
         report,
     })
-}
-
-/// What an effect is known by, for measuring how visible it is.
-#[derive(Debug, Clone, Copy)]
-pub enum Known<'a> {
-    /// The mechanisms of the catalogue that it is, at their true parameters.
-    Mechanisms(&'a [::plume::Mechanism]),
-    /// The same readings without the effect.
-    Twin(&'a Observations),
-}
-
-/// How visible an effect is, nats: the log score by which the true extension beats the base
-/// under the noise that is fitted to the observations. Where only a twin of the readings is
-/// known, the log score that its difference would gain on average.
-///
-/// # Errors
-/// As [`analyse`]; also too few readings, or a twin whose rows do not correspond.
-pub fn visibility(
-    setup: &Setup,
-    observations: &Observations,
-    known: Known<'_>,
-) -> Result<f64, GapError> {
-    let mut data = Data::new(setup, observations)?;
-    gate::gate(&mut data, setup);
-    if data.used_count() < FEWEST_READINGS {
-        return Err(GapError::Data {
-            what: "observations".to_string(),
-            problem: format!("{} usable readings", data.used_count()),
-            expected: format!("at least {FEWEST_READINGS}"),
-        });
-    }
-    let fitted = start::start(setup, &mut data, 1).fitted;
-    let ctx = Context {
-        setup,
-        data: &data,
-        threads: 1,
-    };
-    match known {
-        Known::Mechanisms(mechanisms) => {
-            let mut model = fitted.model.clone();
-            for m in mechanisms {
-                model
-                    .parts
-                    .extend(model::parts_of(m, data.track.platforms()));
-            }
-            let score = |model: &model::Model| {
-                let settled = ctx.settle(model, &fitted.metric, &fitted, 8);
-                settled.log_score + settled.model.ln_prior()
-            };
-            Ok(score(&model) - score(&fitted.model))
-        }
-        Known::Twin(twin) => {
-            let other = Data::new(setup, twin)?;
-            if data.len() != other.len() {
-                return Err(GapError::Data {
-                    what: "twin".to_string(),
-                    problem: format!("{} rows", other.len()),
-                    expected: format!("{}, as in the observations", data.len()),
-                });
-            }
-            let difference: Vec<f64> = (0..data.len())
-                .map(|i| {
-                    let d = data.reading_ppm[i] - other.reading_ppm[i];
-                    if data.used[i] && d.is_finite() {
-                        d
-                    } else {
-                        0.0
-                    }
-                })
-                .collect();
-            Ok(ctx.left_of(&difference, &fitted))
-        }
-    }
 }
 
 fn nothing_to_tell(

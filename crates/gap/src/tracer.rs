@@ -308,6 +308,7 @@ fn next(causes: &[Cause]) -> Option<NextFlight> {
     };
     Some(NextFlight {
         separates: cause.mechanisms.clone(),
+        platform: None,
         description: description.into(),
         waypoints: Vec::new(),
         expected_nats: f64::NAN,

@@ -209,6 +209,8 @@ pub struct Waypoint {
 pub struct NextFlight {
     /// The rivals.
     pub separates: Vec<String>,
+    /// Who must fly it; none where any platform will do.
+    pub platform: Option<String>,
     /// What it is, in words.
     pub description: String,
     /// Where to fly.

@@ -420,9 +420,11 @@ fn remains(page: &mut Document, json: &GapJson) {
 
 fn next_flight(page: &mut Document, flight: &NextFlight) {
     page.section("The flight that would tell");
+    let who = flight.platform.as_ref();
     page.paragraph(&format!(
-        "To tell {} apart: {} Expected separation: {} nats.",
+        "To tell {} apart{}: {} Expected separation: {} nats.",
         flight.separates.join(" and "),
+        who.map_or_else(String::new, |p| format!(", flown by {p}")),
         flight.description,
         number(flight.expected_nats, 1)
     ));

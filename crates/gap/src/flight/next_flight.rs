@@ -51,6 +51,7 @@ pub fn propose(answer: &Answer) -> Option<NextFlight> {
     let best = MANOEUVRES.iter().max_by_key(|(ids, _)| hits(ids))?;
     Some(NextFlight {
         separates: cause.mechanisms.clone(),
+        platform: None,
         description: format!("{}.", best.1),
         waypoints: Vec::new(),
         expected_nats: f64::NAN,

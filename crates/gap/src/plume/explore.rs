@@ -89,7 +89,10 @@ pub(crate) fn round(ctx: &Context<'_>, null: &Fitted, seed: u64, with_rivals: bo
         best_gain,
         better_null,
     };
-    round.share_probability();
+    let ln_total = round.ln_total(1.0);
+    for t in &mut round.tried {
+        t.probability = (t.log_evidence - ln_total).exp();
+    }
     round
 }
 
@@ -242,39 +245,29 @@ fn best_null(
 }
 
 impl Round {
-    /// Shares probability among the base as it is, all mechanisms tried, and the rivals.
-    fn share_probability(&mut self) {
-        let rivals: Vec<f64> = self
-            .rivals
-            .iter()
-            .flat_map(|r| r.ranked.iter().map(|r| r.log_evidence))
+    /// Log of the sum over the base as it is, all mechanisms tried, and the rivals, of the
+    /// evidence to the power `power`.
+    fn ln_total(&self, power: f64) -> f64 {
+        let rivals = self.rivals.iter().flat_map(|r| &r.ranked);
+        let all: Vec<f64> = std::iter::once(0.0)
+            .chain(self.tried.iter().map(|t| t.log_evidence))
+            .chain(rivals.map(|r| r.log_evidence))
+            .map(|e| power * e)
             .collect();
-        let peak = self
-            .tried
-            .iter()
-            .map(|t| t.log_evidence)
-            .chain(rivals.iter().copied());
-        let peak = peak.fold(0.0f64, f64::max);
-        let weight = |e: f64| (e - peak).exp();
-        let total: f64 = self
-            .tried
-            .iter()
-            .map(|t| weight(t.log_evidence))
-            .sum::<f64>()
-            + rivals.iter().map(|r| weight(*r)).sum::<f64>()
-            + weight(0.0);
-        for t in &mut self.tried {
-            t.probability = weight(t.log_evidence) / total;
-        }
+        let peak = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        peak + all.iter().map(|e| (e - peak).exp()).sum::<f64>().ln()
     }
 
-    /// Probability of every id, all its platforms together, the largest first.
-    pub fn by_id(&self) -> Vec<(MechanismId, f64)> {
+    /// Probability of every id, all its platforms together, the largest first, with evidence
+    /// taken to the power `power`.
+    pub fn by_id(&self, power: f64) -> Vec<(MechanismId, f64)> {
+        let ln_total = self.ln_total(power);
         let mut out: Vec<(MechanismId, f64)> = Vec::new();
         for t in &self.tried {
+            let probability = (power * t.log_evidence - ln_total).exp();
             match out.iter_mut().find(|o| o.0 == t.id) {
-                Some(o) => o.1 += t.probability,
-                None => out.push((t.id, t.probability)),
+                Some(o) => o.1 += probability,
+                None => out.push((t.id, probability)),
             }
         }
         out.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));

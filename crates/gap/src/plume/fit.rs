@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::data::{Data, Setup};
 use super::freedom::Freedom;
-use super::linear::{Posterior, dot, posterior, products, scores};
+use super::linear::{Posterior, posterior, products, scores};
 use super::model::{Model, Part, Prediction};
 use super::noise::{self, Loading, NoiseModel, Rows, Whitener};
 use super::nuisance::{Metric, Nuisance};
@@ -318,19 +318,6 @@ impl<'a> Context<'a> {
             model = self.descend(&model, &Metric::new(whitener, nuisance), 4);
         }
         model
-    }
-
-    /// Half the square of a difference in the readings that neither the free parameters of
-    /// `fitted` nor its nuisance can take up, nats.
-    pub fn left_of(&self, difference: &[f64], fitted: &Fitted) -> f64 {
-        let mut white = difference.to_vec();
-        fitted.metric.whitener.whiten_one(&mut white);
-        let n = fitted.columns.len();
-        let gram = products(&fitted.columns, &fitted.columns);
-        let score = scores(&fitted.columns, &white);
-        let taken = posterior(&gram, &score, &DVector::zeros(n), &fitted.precision)
-            .map_or(0.0, |p| p.mean.dot(&score));
-        0.5 * (dot(&white, &white) - taken)
     }
 
     /// Puts together what is known at a model; `cleaned` is the residual that the metric was

@@ -22,8 +22,9 @@ const RIVAL_MORE: f64 = 12.0;
 const KEEP_PART: f64 = 1.0;
 /// What a full fit must gain beyond the screen's threshold to count by itself, nats.
 const REFIT_MARGIN: f64 = 3.0;
-/// Probability that all names together must have against the base and nameless rivals.
-const NAMES_AT: f64 = 0.5;
+/// No law of the catalogue is nature's own: of what a cause gains, a part goes to whichever law
+/// has the form that happens to be nearer. At this gain differences count for half, nats.
+const LAW_NATS: f64 = 60.0;
 /// Least gain of the log evidence for a name, nats.
 const LEAST_EVIDENCE: f64 = 2.0;
 /// How often a null may move to a better place.
@@ -203,8 +204,7 @@ fn called_for(round: &Round, more_nats: f64) -> Option<&Tried> {
     let seen = round.best_gain.max(refit);
     let calls = seen > round.threshold + more_nats
         && best.log_score.max(best.log_evidence) > 0.8 * round.threshold
-        && best.log_evidence > LEAST_EVIDENCE
-        && round.by_id().iter().map(|i| i.1).sum::<f64>() > NAMES_AT;
+        && best.log_evidence > LEAST_EVIDENCE;
     calls.then_some(best)
 }
 
@@ -269,18 +269,17 @@ impl Named {
 
     /// Puts every accepted part to the test with the others in place.
     fn swap(&mut self, ctx: &Context<'_>, options: &Options) {
-        for k in 0..self.accepted.len() {
+        let mut k = 0;
+        while k < self.accepted.len() {
             let part = self.accepted[k].part;
             let Some(without) = without(&self.last.model, &self.base.model, part) else {
+                k += 1;
                 continue;
             };
             let null = ctx.settle(&without, &self.last.metric, &self.last, 5);
             let seed = options.seed.wrapping_add(100 + k as u64);
             let round = explore::round(ctx, &null, seed, false);
-            let Some(best) = called_for(&round, 0.0) else {
-                continue;
-            };
-            let fitted = best.fitted.clone();
+            let best = called_for(&round, 0.0);
             let moved = null.model.parts.len() < self.last.model.parts.len();
             // Parts after the one taken out have moved down by one; the new one stands last.
             for other in &mut self.accepted {
@@ -288,8 +287,18 @@ impl Named {
                     other.part -= 1;
                 }
             }
-            self.accepted[k] = accept(&round, best);
-            self.last = fitted;
+            match best {
+                Some(best) => {
+                    self.accepted[k] = accept(&round, best);
+                    self.last = best.fitted.clone();
+                    k += 1;
+                }
+                // With the others in place the data no longer ask for it.
+                None => {
+                    self.accepted.remove(k);
+                    self.last = null;
+                }
+            }
         }
     }
 
@@ -412,7 +421,7 @@ fn without(model: &Model, base: &Model, part: usize) -> Option<Model> {
 }
 
 fn accept(round: &Round, best: &Tried) -> Accepted {
-    let ids = round.by_id();
+    let ids = round.by_id(1.0 / (1.0 + best.log_score.max(0.0) / LAW_NATS));
     // Nameless rivals and the base take part in the probabilities, but not in the set.
     let named: f64 = ids.iter().map(|i| i.1).sum();
     let mut set: Vec<(MechanismId, f64)> = Vec::new();

@@ -9,6 +9,7 @@ use ::plume::effects::Ambient;
 use ::plume::field::{Place, World};
 use ::plume::track::{Row, Track};
 use air::geo::Enu;
+use air::isa::{Atmosphere, ZERO_CELSIUS_K};
 use nalgebra::DVector;
 
 use super::data::Data;
@@ -25,6 +26,10 @@ const SPEED_M_S: f64 = 18.0;
 const LENGTH_S: f64 = 600.0;
 /// Lowest height of a proposed leg, m above ground.
 const LOWEST_M: f64 = 30.0;
+/// Separation at which two rivals come apart, nats: at even odds before, 95 % after.
+const APART_NATS: f64 = 2.95;
+/// Separation beyond which more is worth nothing, nats.
+const ENOUGH_NATS: f64 = 12.0;
 
 /// A track in plume axes: (along, across in m, height m) corners, and what it is.
 struct Plan {
@@ -32,31 +37,57 @@ struct Plan {
     corners: Vec<[f64; 3]>,
 }
 
-/// The flight that separates the two most probable members of the first ambiguous cause.
+/// The flight that separates the most probable member of the first ambiguous cause from as many
+/// of the others as one flight can. Where none of the flights tried does, it is the one that
+/// comes nearest to separating it from the second, and its nats say so.
 pub(crate) fn propose(ctx: &Context<'_>, named: &Named) -> Option<NextFlight> {
     let cause = named.accepted.iter().find(|a| a.set.len() > 1)?;
-    let (other_id, _, other) = cause.others.first()?;
     let world = named
         .last
         .model
         .world(&ctx.setup.base, ctx.data.track.platforms())?;
-    let rival = fitted_rival(ctx, &named.last, other);
-    let start_s = ctx.data.span_s().1 + 60.0;
-    let (mut best, mut best_nats) = (None, 0.0);
+    let rivals: Vec<Fitted> = cause
+        .others
+        .iter()
+        .map(|(_, _, model)| fitted_rival(ctx, &named.last, model))
+        .collect();
+    let flier = Flier {
+        platform: cause.platform.unwrap_or(0),
+        start_s: ctx.data.span_s().1 + 60.0,
+    };
+    let worth = |nats: &[f64]| nats.iter().map(|n| n.min(ENOUGH_NATS)).sum::<f64>();
+    let mut best: Option<(Plan, Vec<f64>)> = None;
     for plan in plans(ctx, &world) {
-        let nats = separation(ctx, &named.last, &rival, &plan, &world, start_s).unwrap_or(0.0);
-        if nats > best_nats {
-            (best, best_nats) = (Some(plan), nats);
+        let nats: Vec<f64> = rivals
+            .iter()
+            .map(|r| separation(ctx, &named.last, r, &plan, &world, flier).unwrap_or(0.0))
+            .collect();
+        if best.as_ref().is_none_or(|b| worth(&nats) > worth(&b.1)) {
+            best = Some((plan, nats));
         }
     }
-    let plan = best?;
-    let waypoints = waypoints(ctx, &plan, start_s);
+    let (plan, nats) = best?;
+    let apart: Vec<usize> = (0..nats.len()).filter(|k| nats[*k] > APART_NATS).collect();
+    let shown = if apart.is_empty() { vec![0] } else { apart };
+    let names = shown.iter().filter_map(|k| cause.others.get(*k));
+    let mut separates = vec![cause.id.as_str().to_string()];
+    separates.extend(names.map(|(id, _, _)| id.as_str().to_string()));
     Some(NextFlight {
-        separates: vec![cause.id.as_str().to_string(), other_id.as_str().to_string()],
-        description: plan.words,
-        waypoints,
-        expected_nats: best_nats,
+        separates,
+        platform: cause
+            .platform
+            .map(|p| ctx.data.track.platforms()[p].clone()),
+        description: plan.words.clone(),
+        waypoints: waypoints(ctx, &plan, flier.start_s),
+        expected_nats: shown.iter().map(|k| nats[*k]).fold(f64::INFINITY, f64::min),
     })
+}
+
+/// Who flies the proposed flight, and from when.
+#[derive(Debug, Clone, Copy)]
+struct Flier {
+    platform: usize,
+    start_s: f64,
 }
 
 fn fitted_rival(ctx: &Context<'_>, last: &Fitted, model: &Model) -> Fitted {
@@ -121,6 +152,13 @@ fn plans(ctx: &Context<'_>, world: &World) -> Vec<Plan> {
         [2500.0, 1500.0, axis],
         [2500.0, -1500.0, axis],
     ];
+    let beside = |z: f64| [600.0, 4.0 * world.sigmas_m(600.0).0 + 100.0, z];
+    out.push(Plan {
+        words: "climbs and descents beside the plume, from 30 m to 500 m above ground".to_string(),
+        corners: (0..8)
+            .flat_map(|_| [beside(LOWEST_M), beside(500.0)])
+            .collect(),
+    });
     out.push(Plan {
         words: "a wide round outside and through the plume".to_string(),
         corners: (0..4).flat_map(|_| away).collect(),
@@ -184,13 +222,13 @@ fn waypoints(ctx: &Context<'_>, plan: &Plan, start_s: f64) -> Vec<Waypoint> {
 }
 
 /// The plan as rows of one platform, one a second.
-fn rows(ctx: &Context<'_>, plan: &Plan, start_s: f64) -> Vec<Row> {
-    let corners = timed(plan, start_s);
+fn rows(ctx: &Context<'_>, plan: &Plan, flier: Flier) -> Vec<Row> {
+    let corners = timed(plan, flier.start_s);
     let mut leg = 0;
     let mut out = Vec::new();
-    let air = middle_air(ctx);
-    let mut t = start_s;
-    while t <= start_s + LENGTH_S && leg + 1 < corners.len() {
+    let column = AirColumn::new(ctx);
+    let mut t = flier.start_s;
+    while t <= flier.start_s + LENGTH_S && leg + 1 < corners.len() {
         let ((t0, a), (t1, b)) = (corners[leg], corners[leg + 1]);
         if t > t1 {
             leg += 1;
@@ -198,25 +236,53 @@ fn rows(ctx: &Context<'_>, plan: &Plan, start_s: f64) -> Vec<Row> {
         }
         let part = ((t - t0) / (t1 - t0)).clamp(0.0, 1.0);
         let point = [0, 1, 2].map(|k| a[k] + part * (b[k] - a[k]));
+        let place = place(ctx, point);
         out.push(Row {
-            platform: 0,
+            platform: flier.platform,
             time_s: t,
-            place: place(ctx, point),
+            place,
             wind: None,
-            air,
+            air: column.at(place.height_agl_m),
         });
         t += 1.0;
     }
     out
 }
 
-fn middle_air(ctx: &Context<'_>) -> Ambient {
-    ctx.data
-        .track
-        .air()
-        .get(ctx.data.len() / 2)
-        .copied()
-        .unwrap_or(Ambient::UNKNOWN)
+/// The air that a flight will meet: that of a row in the middle, with the standard lapse rate.
+struct AirColumn {
+    known: Ambient,
+    ground_amsl_m: f64,
+    column: Option<Atmosphere>,
+}
+
+impl AirColumn {
+    fn new(ctx: &Context<'_>) -> Self {
+        let middle = ctx.data.len() / 2;
+        let track = &ctx.data.track;
+        let known = track.air().get(middle).copied().unwrap_or(Ambient::UNKNOWN);
+        let ground_amsl_m = ctx.setup.base.ground_amsl_m;
+        let height_amsl_m = ground_amsl_m + track.place(middle).height_agl_m;
+        let column =
+            Atmosphere::through(height_amsl_m, known.temperature_c, known.pressure_hpa).ok();
+        Self {
+            known,
+            ground_amsl_m,
+            column,
+        }
+    }
+
+    fn at(&self, height_agl_m: f64) -> Ambient {
+        let Some(column) = &self.column else {
+            return self.known;
+        };
+        let air = column.at(self.ground_amsl_m + height_agl_m);
+        Ambient {
+            temperature_c: air.temperature_k - ZERO_CELSIUS_K,
+            pressure_hpa: air.pressure_pa / 100.0,
+            ..self.known
+        }
+    }
 }
 
 /// Nats by which a flight separates the second rival from the first.
@@ -226,11 +292,10 @@ fn separation(
     second: &Fitted,
     plan: &Plan,
     world: &World,
-    start_s: f64,
+    flier: Flier,
 ) -> Option<f64> {
-    let rows = rows(ctx, plan, start_s);
-    let name = ctx.data.track.platforms().first()?.clone();
-    let track = Track::new(world, &[name], &rows).ok()?;
+    let rows = rows(ctx, plan, flier);
+    let track = Track::new(world, ctx.data.track.platforms(), &rows).ok()?;
     let n = track.len();
     let data = Data {
         track,

@@ -317,12 +317,21 @@ fn visibility_is_nil_for_nothing_and_large_for_a_slow_sensor() {
     let clean = observe(&[], 21);
     let lag = [("time_constant_s", 3.0)];
     let hidden = observe(&[("sensor-lag", &lag, &[])], 21);
-    let seen = |o, known| visibility(&setup(), o, known).unwrap();
+    let setup = setup();
+    let fitted = |o| Visibility::new(&setup, o).unwrap();
+    let seen = |o, known| fitted(o).nats(known).unwrap();
     assert!(seen(&clean, Known::Twin(&clean)).abs() < 1e-9);
     let truth = [::plume::Mechanism::new("sensor-lag", &lag).unwrap()];
-    let (by_truth, by_twin) = (
-        seen(&hidden, Known::Mechanisms(&truth)),
-        seen(&hidden, Known::Twin(&clean)),
-    );
+    let by_truth = seen(&hidden, Known::Mechanisms(&truth));
+    // An offset leaves the noise of the twin as it is.
+    let offset = observe(&[("background-offset", &[("offset_ppm", 25.0)], &[])], 21);
+    let by_twin = seen(&offset, Known::Twin(&clean));
     assert!(by_truth > 20.0 && by_twin > 20.0, "{by_truth} {by_twin}");
+    let alike = fitted(&hidden).likenesses(&truth, 0);
+    let nats = |id: &str| {
+        let known = alike.iter().find(|l| l.id.as_str() == id);
+        known.map_or(f64::INFINITY, |l| l.nats)
+    };
+    assert!(nats("sensor-lag") < 0.5, "{alike:?}");
+    assert!(nats("clock-offset") > 3.0 && nats("dry-deposition") > 20.0);
 }

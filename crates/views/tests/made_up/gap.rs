@@ -43,6 +43,7 @@ pub fn json() -> GapJson {
         }],
         next_flight: Some(NextFlight {
             separates: vec!["sensor-lag".into(), "clock-offset".into()],
+            platform: Some("uav2".into()),
             description: "cross the plume at half the speed.".into(),
             waypoints: vec![Waypoint {
                 time_s: 0.0,

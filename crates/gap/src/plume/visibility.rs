@@ -1,0 +1,164 @@
+//! How visible a known effect is, and what it could be mistaken for: for benchmarks, which know
+//! the truth.
+
+use ::plume::mechanism::{Mechanism, MechanismId};
+use scenario::observations::Observations;
+
+use super::data::{Data, Setup};
+use super::explore;
+use super::fit::{Context, Fitted};
+use super::gate;
+use super::model::{self, Model};
+use super::start;
+use super::{FEWEST_READINGS, GapError};
+
+/// What an effect is known by.
+#[derive(Debug, Clone, Copy)]
+pub enum Known<'a> {
+    /// The mechanisms of the catalogue that it is, at their true parameters.
+    Mechanisms(&'a [Mechanism]),
+    /// The same readings without the effect.
+    Twin(&'a Observations),
+}
+
+/// A mechanism beside the true one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Likeness {
+    /// The mechanism.
+    pub id: MechanismId,
+    /// By how much the truth beats it on average, nats.
+    pub nats: f64,
+}
+
+/// Observations of which the truth is known, with the base and the noise that are fitted to
+/// them.
+pub struct Visibility<'a> {
+    setup: &'a Setup,
+    data: Data,
+    fitted: Fitted,
+}
+
+impl<'a> Visibility<'a> {
+    /// Fits base and noise.
+    ///
+    /// # Errors
+    /// As [`super::analyse`]; also too few readings.
+    pub fn new(setup: &'a Setup, observations: &Observations) -> Result<Self, GapError> {
+        let mut data = Data::new(setup, observations)?;
+        gate::gate(&mut data, setup);
+        if data.used_count() < FEWEST_READINGS {
+            return Err(GapError::Data {
+                what: "observations".to_string(),
+                problem: format!("{} usable readings", data.used_count()),
+                expected: format!("at least {FEWEST_READINGS}"),
+            });
+        }
+        let fitted = start::start(setup, &mut data, 1).fitted;
+        Ok(Self {
+            setup,
+            data,
+            fitted,
+        })
+    }
+
+    fn context<'b>(&'b self, data: &'b Data) -> Context<'b> {
+        Context {
+            setup: self.setup,
+            data,
+            threads: 1,
+        }
+    }
+
+    /// The log score by which the true extension beats the base under the fitted noise, nats;
+    /// where only a twin of the readings is known, what the effect costs the base.
+    ///
+    /// # Errors
+    /// A twin whose rows do not correspond.
+    pub fn nats(&self, known: Known<'_>) -> Result<f64, GapError> {
+        let base = self.score(&self.data, &self.fitted.model);
+        let without = match known {
+            Known::Mechanisms(mechanisms) => {
+                self.score(&self.data, &self.with(mechanisms.iter().collect()))
+            }
+            Known::Twin(twin) => self.score(&self.twin(twin)?, &self.fitted.model),
+        };
+        Ok(without - base)
+    }
+
+    /// The base with mechanisms at their values.
+    fn with(&self, mechanisms: Vec<&Mechanism>) -> Model {
+        let mut model = self.fitted.model.clone();
+        for m in mechanisms {
+            let parts = model::parts_of(m, self.data.track.platforms());
+            model.parts.extend(parts);
+        }
+        model
+    }
+
+    fn score(&self, data: &Data, model: &Model) -> f64 {
+        let settled = self.settled(data, model);
+        settled.log_score + settled.model.ln_prior()
+    }
+
+    fn settled(&self, data: &Data, model: &Model) -> Fitted {
+        self.context(data)
+            .settle(model, &self.fitted.metric, &self.fitted, 8)
+    }
+
+    /// The twin's readings on the rows of the data.
+    fn twin(&self, twin: &Observations) -> Result<Data, GapError> {
+        let other = Data::new(self.setup, twin)?;
+        if self.data.len() != other.len() {
+            return Err(GapError::Data {
+                what: "twin".to_string(),
+                problem: format!("{} rows", other.len()),
+                expected: format!("{}, as in the observations", self.data.len()),
+            });
+        }
+        let mut data = self.data.clone();
+        for (own, other) in data.reading_ppm.iter_mut().zip(&other.reading_ppm) {
+            if own.is_finite() && other.is_finite() {
+                *own = *other;
+            }
+        }
+        Ok(data)
+    }
+
+    /// What the mechanism `which` of the true ones could be mistaken for, the most alike first:
+    /// readings as the truth predicts them, without noise, put to a round of naming on top of
+    /// the base and the other true mechanisms. Only what is near enough to be tried is in it.
+    pub fn likenesses(&self, mechanisms: &[Mechanism], which: usize) -> Vec<Likeness> {
+        let own = self.context(&self.data);
+        let truth = self.settled(&self.data, &self.with(mechanisms.iter().collect()));
+        let mut clean = self.data.clone();
+        for (i, reading) in clean.reading_ppm.iter_mut().enumerate() {
+            if clean.used[i] {
+                *reading = truth.prediction.reading[i];
+            }
+        }
+        let others = mechanisms.iter().enumerate().filter(|(k, _)| *k != which);
+        let mut null = self.with(others.map(|(_, m)| m).collect());
+        for k in 0..null.dimension() {
+            null.set_coordinate(k, truth.model.coordinate(k));
+        }
+        let ctx = Context {
+            data: &clean,
+            ..own
+        };
+        let null = ctx.settle(&null, &self.fitted.metric, &self.fitted, 8);
+        // The prior costs the truth what it costs it in the data.
+        let best = truth.model.ln_departure(|_| true);
+        let floor = null.log_score + null.model.ln_departure(|_| true);
+        let round = explore::round(&ctx, &null, 1, false);
+        let mut out: Vec<Likeness> = Vec::new();
+        for tried in &round.tried {
+            let nats = (best - (floor + tried.log_score)).max(0.0);
+            match out.iter_mut().find(|l| l.id == tried.id) {
+                Some(l) => l.nats = l.nats.min(nats),
+                None => out.push(Likeness { id: tried.id, nats }),
+            }
+        }
+        out.sort_by(|a, b| a.nats.total_cmp(&b.nats).then(a.id.cmp(&b.id)));
+        out
+    }
+}

@@ -1,10 +1,12 @@
 //! One case: what the finder says of it, held against the truth.
 
-use gap::plume::{Analysis, Options, analyse};
+use gap::plume::{Analysis, Options, Visibility, analyse};
 use gap::verdict::{Cause, Verdict};
 use gap_truth::case::DamageKind;
 use gap_truth::mutation::mutate;
 use gap_truth::{Case, Effect, Forward, TrueEffect, Truth};
+
+use plume::MechanismId;
 
 use crate::plan::{Kind, Task};
 use crate::tune::{self, Tuned};
@@ -30,7 +32,9 @@ pub struct Outcome {
     pub in_sets: usize,
     /// How many of the hidden effects are named alone, on the right platforms where one has it.
     pub named: usize,
-    /// Mean size of the sets that hold a hidden effect, what cannot be told from it not counted.
+    /// Mean size of the sets that hold a hidden effect.
+    pub whole_size: Option<f64>,
+    /// The same, what cannot be told from it not counted.
     pub set_size: Option<f64>,
     /// A cause of a single name that is not a hidden effect, nor one that cannot be told from it,
     /// in a verdict that does not say that something is unexplained.
@@ -48,7 +52,7 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    pub fn new(task: &Task) -> Self {
+    fn new(task: &Task) -> Self {
         Self {
             task: task.clone(),
             unreachable: false,
@@ -59,6 +63,7 @@ impl Outcome {
             sets: Vec::new(),
             in_sets: 0,
             named: 0,
+            whole_size: None,
             set_size: None,
             confidently_wrong: false,
             stated: None,
@@ -96,7 +101,10 @@ pub fn judge_tuned(task: &Task, tuned: Tuned) -> Outcome {
     outcome.nats = tuned.nats;
     outcome.forward = Some(tuned.case.truth.forward);
     match answer(task, &tuned.case) {
-        Ok(analysis) => compare(&mut outcome, &tuned.case.truth, &analysis),
+        Ok(analysis) => {
+            let alike = Alike::new(&tuned.case, &analysis);
+            compare(&mut outcome, &tuned.case.truth, &analysis, &alike);
+        }
         Err(error) => outcome.error = Some(error),
     }
     outcome
@@ -118,6 +126,60 @@ fn answer(task: &Task, case: &Case) -> Result<Analysis, String> {
     analyse(&read.setup, &read.observations, &options, &mut |_| {}).map_err(|e| e.to_string())
 }
 
+/// Nats of expected difference below which no method could state one of two at 95 %: ln 19.
+const APART_NATS: f64 = 2.944;
+
+/// What each hidden effect looks like on the tracks of its case.
+struct Alike {
+    of: Vec<Vec<MechanismId>>,
+}
+
+impl Alike {
+    /// Looked at only where some set that holds the effect holds others too.
+    fn new(case: &Case, analysis: &Analysis) -> Self {
+        let effects = &case.truth.effects;
+        let wider = |e: &TrueEffect| {
+            let causes = analysis.json.causes.iter();
+            causes
+                .filter(|c| holds(c, e))
+                .any(|c| c.mechanisms.iter().any(|id| !names(e, id)))
+        };
+        let mut of = vec![Vec::new(); effects.len()];
+        let asked: Vec<usize> = (0..effects.len()).filter(|k| wider(&effects[*k])).collect();
+        if !asked.is_empty() {
+            // Without an answer nothing counts as alike.
+            if let Ok(likenesses) = Self::look(case, &asked) {
+                for (k, found) in asked.into_iter().zip(likenesses) {
+                    of[k] = found;
+                }
+            }
+        }
+        Self { of }
+    }
+
+    fn look(case: &Case, asked: &[usize]) -> Result<Vec<Vec<MechanismId>>, String> {
+        let read = tune::read(&case.scenario_toml, &case.observations)?;
+        let mechanisms = tune::mechanisms(&case.truth)?;
+        if mechanisms.len() != case.truth.effects.len() {
+            return Ok(vec![Vec::new(); asked.len()]);
+        }
+        let fitted = Visibility::new(&read.setup, &read.observations).map_err(|e| e.to_string())?;
+        let near = |k: &usize| {
+            let all = fitted.likenesses(&mechanisms, *k);
+            all.into_iter()
+                .filter(|l| l.nats < APART_NATS)
+                .map(|l| l.id)
+                .collect()
+        };
+        Ok(asked.iter().map(near).collect())
+    }
+
+    /// Whether nothing tells `id` from the effect `k`, here or anywhere.
+    fn names(&self, k: usize, effect: &TrueEffect, id: &str) -> bool {
+        names(effect, id) || self.of[k].iter().any(|m| m.as_str() == id)
+    }
+}
+
 /// Whether `id` names the effect or what no such data tell from it.
 fn names(truth: &TrueEffect, id: &str) -> bool {
     let like = truth.effect.inseparable_from(truth.platforms.is_empty());
@@ -129,14 +191,7 @@ fn holds(cause: &Cause, truth: &TrueEffect) -> bool {
     cause.mechanisms.iter().any(|id| names(truth, id))
 }
 
-/// Whether a cause holds nothing but the effect and what cannot be told from it, on its
-/// platforms.
-fn alone(cause: &Cause, truth: &TrueEffect) -> bool {
-    cause.mechanisms.iter().all(|id| names(truth, id))
-        && (truth.platforms.is_empty() || cause.platforms == truth.platforms)
-}
-
-fn compare(outcome: &mut Outcome, truth: &Truth, analysis: &Analysis) {
+fn compare(outcome: &mut Outcome, truth: &Truth, analysis: &Analysis, alike: &Alike) {
     let json = &analysis.json;
     outcome.verdict = Some(json.verdict);
     outcome.sets = json.causes.iter().map(|c| c.mechanisms.clone()).collect();
@@ -151,41 +206,51 @@ fn compare(outcome: &mut Outcome, truth: &Truth, analysis: &Analysis) {
         .as_ref()
         .map(|g| g.held_out.log_score_after - g.held_out.log_score_before);
     let causes = &json.causes;
-    let hidden: Vec<&TrueEffect> = truth
+    let hidden: Vec<(usize, &TrueEffect)> = truth
         .effects
         .iter()
-        .filter(|e| e.effect.in_catalogue())
+        .enumerate()
+        .filter(|(_, e)| e.effect.in_catalogue())
         .collect();
-    let counted = |right: fn(&Cause, &TrueEffect) -> bool| {
-        hidden
-            .iter()
-            .filter(|e| causes.iter().any(|c| right(c, e)))
-            .count()
+    // Nothing but the effect and what cannot be told from it, on its platforms.
+    let alone = |c: &Cause, k: usize, e: &TrueEffect| {
+        holds(c, e)
+            && c.mechanisms.iter().all(|id| alike.names(k, e, id))
+            && (e.platforms.is_empty() || c.platforms == e.platforms)
     };
-    outcome.in_sets = counted(holds);
-    outcome.named = counted(alone);
+    let counted = |right: &dyn Fn(&Cause, usize, &TrueEffect) -> bool| {
+        let said = |(k, e): &&(usize, &TrueEffect)| causes.iter().any(|c| right(c, *k, e));
+        hidden.iter().filter(said).count()
+    };
+    outcome.in_sets = counted(&|c, _, e| holds(c, e));
+    outcome.named = counted(&alone);
     // A ceiling is what saturation is, wherever it comes from.
     let clipped = outcome.task.kind == Kind::Damaged(DamageKind::Clipped);
     let is_right = |c: &Cause| {
-        hidden.iter().any(|e| holds(c, e))
+        hidden.iter().any(|(_, e)| holds(c, e))
             || (clipped && c.mechanisms[0] == Effect::SensorSaturation.id())
     };
     outcome.confidently_wrong = json.verdict != Verdict::Unexplained
         && causes
             .iter()
             .any(|c| c.mechanisms.len() == 1 && !is_right(c));
-    let sizes: Vec<f64> = causes
+    let sizes: Vec<(f64, f64)> = causes
         .iter()
         .filter_map(|c| {
-            let effect = hidden.iter().find(|e| holds(c, e))?;
-            let others = c.mechanisms.iter().filter(|id| !names(effect, id)).count();
-            Some(1.0 + others as f64)
+            let (k, effect) = hidden.iter().find(|(_, e)| holds(c, e))?;
+            let known = |id: &&String| alike.names(*k, effect, id);
+            let others = c.mechanisms.len() - c.mechanisms.iter().filter(known).count();
+            Some((c.mechanisms.len() as f64, 1.0 + others as f64))
         })
         .collect();
-    outcome.set_size = (!sizes.is_empty()).then(|| sizes.iter().sum::<f64>() / sizes.len() as f64);
+    let mean = |of: fn(&(f64, f64)) -> f64| {
+        (!sizes.is_empty()).then(|| sizes.iter().map(of).sum::<f64>() / sizes.len() as f64)
+    };
+    outcome.whole_size = mean(|s| s.0);
+    outcome.set_size = mean(|s| s.1);
     outcome.stated = causes
         .first()
-        .map(|c| (c.probability, hidden.iter().any(|e| holds(c, e))));
+        .map(|c| (c.probability, hidden.iter().any(|(_, e)| holds(c, e))));
     outcome.covered = coverage(truth, &json.causes);
 }
 

@@ -60,10 +60,14 @@ impl Summary {
         Rate::of(cases, |o| (!o.sets.is_empty()).then_some(o.in_sets > 0))
     }
 
-    /// Mean size of the sets that hold the truth.
+    /// Mean size of the sets that hold the truth, what cannot be told from it not counted.
     pub fn mean_set_size(cases: &[&Outcome]) -> f64 {
-        let sizes: Vec<f64> = cases.iter().filter_map(|o| o.set_size).collect();
-        sizes.iter().sum::<f64>() / sizes.len() as f64
+        mean(cases.iter().filter_map(|o| o.set_size))
+    }
+
+    /// Mean size of the sets that hold the truth, all members counted.
+    pub fn mean_whole_size(cases: &[&Outcome]) -> f64 {
+        mean(cases.iter().filter_map(|o| o.whole_size))
     }
 
     /// A single name that is wrong, said with confidence.
@@ -97,7 +101,9 @@ impl Summary {
             "# Finding hidden causes: benchmark\n\n\
              {} seeds a case, {} cases. Rates with their counts and 95 % intervals (Clopper & \
              Pearson). D is how many nats the effect costs the base, tuned to within a tenth; \
-             effects that no scene tried shows so strongly are left out and counted below.\n\n",
+             effects that no scene tried shows so strongly are left out and counted below. \
+             Inseparable is what the truth would beat by less than ln 19 = 2.9 nats on average \
+             on the same tracks: no method could state one of two at 95 %.\n\n",
             self.seeds,
             self.outcomes.len()
         );
@@ -159,6 +165,7 @@ impl Summary {
         let least = |percent: u32| format!("≥ {percent} %");
         let relative = format!("{:.0} %", 100.0 * Self::relative_gain(&cases));
         let size = format!("{:.2}", Self::mean_set_size(&cases));
+        let whole = format!("{:.2}", Self::mean_whole_size(&cases));
         let wrong = Self::confidently_wrong(&cases);
         vec![
             line(
@@ -171,7 +178,12 @@ impl Summary {
                 &least(set),
                 Self::in_set(&cases),
             ),
-            line(&format!("D = {nats}: mean size of the set"), "≤ 1.25", size),
+            line(
+                &format!("D = {nats}: mean size of the set, inseparable ones not counted"),
+                "≤ 1.25",
+                size,
+            ),
+            line(&format!("D = {nats}: mean size, all counted"), "", whole),
             line(
                 &format!("D = {nats}: wrong with confidence"),
                 "≤ 1 %",
@@ -320,6 +332,11 @@ impl Summary {
             let _ = writeln!(page, "Not to be made so visible: {}.", lines.join("; "));
         }
     }
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
+    sum / count
 }
 
 /// The answer in a few words.

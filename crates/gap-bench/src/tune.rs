@@ -2,10 +2,10 @@
 //!
 //! Visibility is the log score by which the true extension at its true parameters beats the
 //! finder's base, under the noise that the finder fits to the case. For effects that the
-//! catalogue does not have it is what the difference to the case's twin, the same readings
-//! without the effect, would gain on average.
+//! catalogue does not have it is what they cost the base: its score of the case's twin, the same
+//! readings without the effect, less that of the case.
 
-use gap::plume::{Known, Setup, visibility};
+use gap::plume::{Known, Setup, Visibility};
 use gap_truth::mutation::Mutation;
 use gap_truth::{Case, TrueEffect, Truth};
 use plume::Mechanism;
@@ -52,7 +52,9 @@ fn visible(case: &Case) -> Result<f64, String> {
     } else {
         Known::Mechanisms(&mechanisms)
     };
-    visibility(&own.setup, &own.observations, known).map_err(|e| e.to_string())
+    Visibility::new(&own.setup, &own.observations)
+        .and_then(|v| v.nats(known))
+        .map_err(|e| e.to_string())
 }
 
 /// Whether a parameter is farther from what is usual than the catalogue's prior can mean.
@@ -78,7 +80,7 @@ fn absurd(truth: &Truth) -> bool {
 
 /// The hidden effects as the catalogue has them; none where one of them is not in it, or
 /// follows another law.
-fn mechanisms(truth: &Truth) -> Result<Vec<Mechanism>, String> {
+pub(crate) fn mechanisms(truth: &Truth) -> Result<Vec<Mechanism>, String> {
     if truth.other_laws || truth.effects.iter().any(|e| !e.effect.in_catalogue()) {
         return Ok(Vec::new());
     }

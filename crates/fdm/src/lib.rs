@@ -24,7 +24,9 @@ pub mod trim;
 pub mod tune;
 
 pub use aircraft::Aircraft;
-pub use flight::{AirAround, FlightFlags, FlightSim, FlightState, Phase, SurfaceCommand};
+pub use flight::{
+    AirAround, FlightFlags, FlightSim, FlightState, Phase, SurfaceCommand, quaternion,
+};
 
 /// What this crate refuses, with what would be right.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

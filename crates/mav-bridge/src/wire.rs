@@ -5,9 +5,12 @@
 //! payload with trailing zeros cut, checksum (CRC-16/MCRF4XX over all after `FD` and one byte
 //! that depends on the message), and 13 bytes of signature if the first incompatibility flag is set.
 
-use crate::dialect::MavMessage;
+use crate::dialect::{
+    COMMAND_ACK_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, MavMessage, MavResult,
+};
 use crate::signing::Signing;
 pub use mavlink::MessageData;
+use mavlink::error::ParserError;
 use mavlink::{MAV_STX_V2, MAVLinkV2MessageRaw, MavHeader, MavlinkVersion, Message as _};
 use protocol::SimTime;
 
@@ -15,6 +18,9 @@ const HEADER_LEN: usize = 10;
 const CHECKSUM_LEN: usize = 2;
 const SIGNATURE_LEN: usize = 13;
 const FLAG_SIGNED: u8 = 1;
+/// Where the number of a command stands in the payloads of COMMAND_LONG and COMMAND_INT, before
+/// the target system: after seven fields of four bytes.
+const COMMAND_AT: usize = 28;
 /// How long the head of a frame may wait for its rest: 280 bytes take 50 ms at 57,600 baud.
 const LONGEST_FRAME_S: f64 = 0.5;
 
@@ -60,10 +66,62 @@ impl RawFrame {
         self.bytes[2] & FLAG_SIGNED != 0
     }
 
+    fn payload(&self) -> &[u8] {
+        &self.bytes[HEADER_LEN..HEADER_LEN + usize::from(self.bytes[1])]
+    }
+
     /// The message, if the dialect knows it and its enumerations hold known values.
     pub fn message(&self) -> Option<MavMessage> {
-        let payload = &self.bytes[HEADER_LEN..HEADER_LEN + usize::from(self.bytes[1])];
-        MavMessage::parse(MavlinkVersion::V2, self.message_id(), payload).ok()
+        MavMessage::parse(MavlinkVersion::V2, self.message_id(), self.payload()).ok()
+    }
+
+    /// Target system and number of a command (COMMAND_LONG, COMMAND_INT), also of one that the
+    /// dialect does not know.
+    pub fn command_number(&self) -> Option<(u8, u16)> {
+        if ![COMMAND_LONG_DATA::ID, COMMAND_INT_DATA::ID].contains(&self.message_id()) {
+            return None;
+        }
+        // Zeros at the end of a payload are not sent.
+        let byte = |at: usize| self.payload().get(at).copied().unwrap_or(0);
+        let [low, high, target] = [0, 1, 2].map(|k| byte(COMMAND_AT + k));
+        Some((target, u16::from_le_bytes([low, high])))
+    }
+}
+
+/// COMMAND_ACK for a command by its number, so that a command which the dialect does not know can
+/// be answered, too.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CommandAnswer {
+    /// Number of the command.
+    pub command: u16,
+    /// The answer.
+    pub result: MavResult,
+}
+
+impl MessageData for CommandAnswer {
+    type Message = MavMessage;
+    const ID: u32 = COMMAND_ACK_DATA::ID;
+    const NAME: &'static str = COMMAND_ACK_DATA::NAME;
+    const EXTRA_CRC: u8 = COMMAND_ACK_DATA::EXTRA_CRC;
+    const ENCODED_LEN: usize = COMMAND_ACK_DATA::ENCODED_LEN;
+
+    fn ser(&self, version: MavlinkVersion, payload: &mut [u8]) -> usize {
+        let known = COMMAND_ACK_DATA {
+            result: self.result,
+            ..COMMAND_ACK_DATA::default()
+        };
+        known.ser(version, payload);
+        payload[..2].copy_from_slice(&self.command.to_le_bytes());
+        // The result that stands last may be zero, as may the number; a payload keeps a byte.
+        let used = payload[..Self::ENCODED_LEN].iter().rposition(|&b| b != 0);
+        used.map_or(1, |last| last + 1)
+    }
+
+    fn deser(version: MavlinkVersion, payload: &[u8]) -> Result<Self, ParserError> {
+        COMMAND_ACK_DATA::deser(version, payload).map(|known| Self {
+            command: known.command as u16,
+            result: known.result,
+        })
     }
 }
 

@@ -8,10 +8,13 @@
 //!
 //! What it does as ArduPlane does: modes MANUAL, FBWA and their like (flown by sticks), LOITER,
 //! CIRCLE, TAKEOFF, GUIDED, RTL, and AUTO for its landing sequence at home; commands and their
-//! answers (DO_SET_MODE, COMPONENT_ARM_DISARM, DO_REPOSITION, DO_CHANGE_SPEED,
-//! SET_MESSAGE_INTERVAL, DO_LAND_START); parameters by name; the failsafe on loss of the ground
-//! station. What it does not: missions, calibration, terrain following, quadplanes.
+//! answers (DO_SET_MODE, NAV_RETURN_TO_LAUNCH, NAV_LOITER_UNLIM, COMPONENT_ARM_DISARM,
+//! DO_REPOSITION, DO_CHANGE_SPEED, DO_LAND_START, REQUEST_MESSAGE, SET_MESSAGE_INTERVAL and their
+//! older forms; every other one is answered with UNSUPPORTED); parameters by name; the failsafe on
+//! loss of the ground station. What it does not: missions (none is on board, none is taken),
+//! calibration, terrain following, quadplanes.
 
+mod commands;
 mod estimate;
 mod flying;
 mod listening;
@@ -165,6 +168,8 @@ pub struct StandIn {
     encoder: FrameEncoder,
     signing: Option<Signing>,
     streams: Vec<Stream>,
+    /// Messages asked for once.
+    asked: Vec<u32>,
     out: Vec<Vec<u8>>,
     last: Option<SimTime>,
     smelt_at: Option<SimTime>,
@@ -203,6 +208,7 @@ impl StandIn {
             has_landing_sequence: config.has_landing_sequence,
             rng,
             streams: talking::default_streams(),
+            asked: Vec::new(),
             out: Vec::new(),
             last: None,
             smelt_at: None,

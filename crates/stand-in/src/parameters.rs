@@ -1,6 +1,7 @@
 //! The parameters that the stand-in shares with an ArduPlane, by the same names.
 
 use mav_bridge::arduplane::{FS_GCS_ENABL, FS_LONG_ACTN, TKOFF_ALT};
+use mav_bridge::dialect::MavParamType;
 
 /// Names and values, in ArduPlane's units. The defaults are those of a careful owner: unlike
 /// ArduPlane's own, they bring the vehicle home when the ground station falls silent.
@@ -54,6 +55,15 @@ impl Parameters {
     /// All of them, in order of name.
     pub fn all(&self) -> &[(&'static str, f32)] {
         &self.values
+    }
+
+    /// The type that ArduPlane has for the parameter of this name.
+    pub(crate) fn kind(name: &str) -> MavParamType {
+        match name {
+            FS_GCS_ENABL | FS_LONG_ACTN => MavParamType::MAV_PARAM_TYPE_INT8,
+            SYSID_MYGCS | TKOFF_ALT => MavParamType::MAV_PARAM_TYPE_INT16,
+            _ => MavParamType::MAV_PARAM_TYPE_REAL32,
+        }
     }
 
     /// A value that is known to be there.

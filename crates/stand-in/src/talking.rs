@@ -1,4 +1,5 @@
 //! What the stand-in says: its streams, at the rates it was asked for.
+#![allow(deprecated, reason = "ground stations still send the older forms")]
 
 use crate::StandIn;
 use crate::flying::is_manual;
@@ -9,10 +10,13 @@ use air::isa::{Atmosphere, ZERO_CELSIUS_K};
 use air::wind::from_deg;
 use mav_bridge::arduplane::{AUTO, GUIDED};
 use mav_bridge::dialect::{
-    ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA,
-    HYGROMETER_SENSOR_DATA, MavAutopilot, MavLandedState, MavModeFlag, MavParamType, MavSeverity,
-    MavState, MavSysStatusSensor, MavType, NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA,
-    SCALED_PRESSURE_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, VFR_HUD_DATA, WIND_DATA,
+    ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, AUTOPILOT_VERSION_DATA, BATTERY_STATUS_DATA,
+    EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA, GPS_GLOBAL_ORIGIN_DATA, GPS_RAW_INT_DATA,
+    GpsFixType, HEARTBEAT_DATA, HOME_POSITION_DATA, HYGROMETER_SENSOR_DATA,
+    LOCAL_POSITION_NED_DATA, MavAutopilot, MavDataStream, MavLandedState, MavModeFlag,
+    MavProtocolCapability, MavSeverity, MavState, MavSysStatusSensor, MavType,
+    NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA, SCALED_PRESSURE_DATA, STATUSTEXT_DATA,
+    SYS_STATUS_DATA, VFR_HUD_DATA, WIND_DATA,
 };
 use mav_bridge::wire::MessageData;
 use protocol::SimTime;
@@ -24,6 +28,12 @@ const CASE_WARMTH_C: f64 = 12.0;
 const PRESSURE_SD_HPA: f64 = 0.05;
 /// Flight time of a full battery at cruise, s.
 const BATTERY_S: f64 = 5400.0;
+/// Dilution of precision under an open sky, times 100.
+const HDOP_1E2: u16 = 80;
+const SATELLITES: u8 = 14;
+/// Major, minor and patch number of the ArduPlane whose ways it has; the last byte says that it is
+/// no release.
+const BEHAVES_AS: [u8; 4] = [4, 5, 0, 0];
 
 /// One message and when it is next due.
 #[derive(Debug, Clone, Copy)]
@@ -32,27 +42,44 @@ pub(crate) struct Stream {
     /// 0: not sent.
     pub interval_ns: i64,
     pub due_ns: i64,
+    /// The group that REQUEST_DATA_STREAM knows it by.
+    group: Option<MavDataStream>,
 }
 
-/// The streams before anybody asks for other rates. The order is that within one tick: a gas
-/// reading follows the position at which it was taken.
+use MavDataStream::{
+    MAV_DATA_STREAM_ALL as ALL, MAV_DATA_STREAM_EXTENDED_STATUS as STATUS,
+    MAV_DATA_STREAM_EXTRA1 as EXTRA1, MAV_DATA_STREAM_EXTRA2 as EXTRA2,
+    MAV_DATA_STREAM_EXTRA3 as EXTRA3, MAV_DATA_STREAM_POSITION as POSITION,
+    MAV_DATA_STREAM_RAW_SENSORS as SENSORS,
+};
+
+/// The streams before anybody asks for other rates; those of 0 Hz are sent on request only. The
+/// order is that within one tick: a gas reading follows the position at which it was taken.
 pub(crate) fn default_streams() -> Vec<Stream> {
     [
-        (HEARTBEAT_DATA::ID, 1.0),
-        (GLOBAL_POSITION_INT_DATA::ID, 4.0),
-        (ATTITUDE_DATA::ID, 4.0),
-        (VFR_HUD_DATA::ID, 4.0),
-        (NAMED_VALUE_FLOAT_DATA::ID, 10.0),
-        (WIND_DATA::ID, 1.0),
-        (SCALED_PRESSURE_DATA::ID, 1.0),
-        (HYGROMETER_SENSOR_DATA::ID, 1.0),
-        (EXTENDED_SYS_STATE_DATA::ID, 1.0),
-        (SYS_STATUS_DATA::ID, 1.0),
+        (HEARTBEAT_DATA::ID, 1.0, None),
+        (GLOBAL_POSITION_INT_DATA::ID, 4.0, Some(POSITION)),
+        (LOCAL_POSITION_NED_DATA::ID, 1.0, Some(POSITION)),
+        (ATTITUDE_DATA::ID, 4.0, Some(EXTRA1)),
+        (ATTITUDE_QUATERNION_DATA::ID, 0.0, None),
+        (VFR_HUD_DATA::ID, 4.0, Some(EXTRA2)),
+        (NAMED_VALUE_FLOAT_DATA::ID, 10.0, None),
+        (WIND_DATA::ID, 1.0, Some(EXTRA3)),
+        (SCALED_PRESSURE_DATA::ID, 1.0, Some(SENSORS)),
+        (HYGROMETER_SENSOR_DATA::ID, 1.0, Some(EXTRA3)),
+        (GPS_RAW_INT_DATA::ID, 1.0, Some(STATUS)),
+        (EXTENDED_SYS_STATE_DATA::ID, 1.0, None),
+        (SYS_STATUS_DATA::ID, 1.0, Some(STATUS)),
+        (BATTERY_STATUS_DATA::ID, 1.0, Some(EXTRA3)),
+        (HOME_POSITION_DATA::ID, 0.2, None),
+        (GPS_GLOBAL_ORIGIN_DATA::ID, 0.0, None),
+        (AUTOPILOT_VERSION_DATA::ID, 0.0, None),
     ]
-    .map(|(message_id, hz): (u32, f64)| Stream {
+    .map(|(message_id, hz, group): (u32, f64, _)| Stream {
         message_id,
-        interval_ns: (1e9 / hz) as i64,
+        interval_ns: if hz > 0.0 { (1e9 / hz) as i64 } else { 0 },
         due_ns: 0,
+        group,
     })
     .to_vec()
 }
@@ -79,6 +106,22 @@ impl StandIn {
             };
             self.send_stream(stream.message_id, now);
         }
+        for message_id in std::mem::take(&mut self.asked) {
+            self.send_stream(message_id, now);
+        }
+    }
+
+    /// Sends a group of streams at another rate; 0 stops them. Faster than 50 Hz is not to be had.
+    pub(crate) fn change_group(&mut self, group: MavDataStream, hz: u16, now: SimTime) {
+        for stream in &mut self.streams {
+            if stream.group.is_some() && (group == ALL || stream.group == Some(group)) {
+                stream.interval_ns = match hz.min(50) {
+                    0 => 0,
+                    hz => 1_000_000_000 / i64::from(hz),
+                };
+                stream.due_ns = now.ns();
+            }
+        }
     }
 
     fn send_stream(&mut self, message_id: u32, now: SimTime) {
@@ -103,6 +146,13 @@ impl StandIn {
             HYGROMETER_SENSOR_DATA::ID => self.send(&self.hygrometer(), now),
             EXTENDED_SYS_STATE_DATA::ID => self.send(&self.landed(), now),
             SYS_STATUS_DATA::ID => self.send(&self.status(), now),
+            BATTERY_STATUS_DATA::ID => self.send(&self.battery(), now),
+            LOCAL_POSITION_NED_DATA::ID => self.send(&self.local_position(now), now),
+            ATTITUDE_QUATERNION_DATA::ID => self.send(&self.quaternion(now), now),
+            GPS_RAW_INT_DATA::ID => self.send(&self.satellites(now), now),
+            HOME_POSITION_DATA::ID => self.send(&self.home(), now),
+            GPS_GLOBAL_ORIGIN_DATA::ID => self.send(&self.origin(), now),
+            AUTOPILOT_VERSION_DATA::ID => self.send(&self.version(), now),
             _ => {}
         }
     }
@@ -137,7 +187,8 @@ impl StandIn {
         }
     }
 
-    fn position(&self, now: SimTime) -> GLOBAL_POSITION_INT_DATA {
+    /// Where it says it is: place and altitude above mean sea level, m.
+    fn believed(&self, now: SimTime) -> (Enu, f64) {
         let sensed = self.flight.sensed();
         let ground_amsl_m = self.reality.world.spec().ground_amsl_m;
         let believed = plume::Place {
@@ -146,22 +197,103 @@ impl StandIn {
             height_agl_m: sensed.alt_amsl_m - ground_amsl_m,
         };
         let (logged, _) = self.reality.logged(&believed, now.s());
-        let at = self.reality.frame.to_geodetic(Enu {
+        let at = Enu {
             east_m: logged.east_m,
             north_m: logged.north_m,
-        });
-        let alt_amsl_m = ground_amsl_m + logged.height_agl_m;
+        };
+        (at, ground_amsl_m + logged.height_agl_m)
+    }
+
+    fn position(&self, now: SimTime) -> GLOBAL_POSITION_INT_DATA {
+        let sensed = self.flight.sensed();
+        let (at, alt_amsl_m) = self.believed(now);
+        let (lat, lon) = self.degrees_1e7(at);
         let [vx, vy, vz] = sensed.vel_ned_m_s.map(|v| (v * 100.0).round() as i16);
         GLOBAL_POSITION_INT_DATA {
             time_boot_ms: boot_ms(now.s()),
-            lat: (at.lat_deg * 1e7).round() as i32,
-            lon: (at.lon_deg * 1e7).round() as i32,
-            alt: (alt_amsl_m * 1000.0).round() as i32,
-            relative_alt: ((alt_amsl_m - self.flight.home().ground_amsl_m) * 1000.0).round() as i32,
+            lat,
+            lon,
+            alt: millimetres(alt_amsl_m),
+            relative_alt: millimetres(alt_amsl_m - self.flight.home().ground_amsl_m),
             vx,
             vy,
             vz,
             hdg: (wrap_deg(sensed.yaw_rad.to_degrees()) * 100.0) as u16,
+        }
+    }
+
+    /// Relative to home, which is the filter's origin.
+    fn local_position(&self, now: SimTime) -> LOCAL_POSITION_NED_DATA {
+        let (at, alt_amsl_m) = self.believed(now);
+        let home = self.flight.home();
+        let [vx, vy, vz] = self.flight.sensed().vel_ned_m_s.map(|v| v as f32);
+        LOCAL_POSITION_NED_DATA {
+            time_boot_ms: boot_ms(now.s()),
+            x: (at.north_m - home.at.north_m) as f32,
+            y: (at.east_m - home.at.east_m) as f32,
+            z: (home.ground_amsl_m - alt_amsl_m) as f32,
+            vx,
+            vy,
+            vz,
+        }
+    }
+
+    fn satellites(&self, now: SimTime) -> GPS_RAW_INT_DATA {
+        let (at, alt_amsl_m) = self.believed(now);
+        let (lat, lon) = self.degrees_1e7(at);
+        let [north, east, _] = self.flight.sensed().vel_ned_m_s;
+        GPS_RAW_INT_DATA {
+            time_usec: u64::from(boot_ms(now.s())) * 1000,
+            lat,
+            lon,
+            alt: millimetres(alt_amsl_m),
+            eph: HDOP_1E2,
+            epv: HDOP_1E2,
+            vel: (north.hypot(east) * 100.0).round() as u16,
+            cog: (wrap_deg(east.atan2(north).to_degrees()) * 100.0) as u16,
+            fix_type: GpsFixType::GPS_FIX_TYPE_3D_FIX,
+            satellites_visible: SATELLITES,
+        }
+    }
+
+    fn degrees_1e7(&self, at: Enu) -> (i32, i32) {
+        let at = self.reality.frame.to_geodetic(at);
+        let whole = |deg: f64| (deg * 1e7).round() as i32;
+        (whole(at.lat_deg), whole(at.lon_deg))
+    }
+
+    fn home(&self) -> HOME_POSITION_DATA {
+        let home = self.flight.home();
+        let (latitude, longitude) = self.degrees_1e7(home.at);
+        HOME_POSITION_DATA {
+            latitude,
+            longitude,
+            altitude: millimetres(home.ground_amsl_m),
+            q: [1.0, 0.0, 0.0, 0.0],
+            ..HOME_POSITION_DATA::default()
+        }
+    }
+
+    fn origin(&self) -> GPS_GLOBAL_ORIGIN_DATA {
+        let home = self.flight.home();
+        let (latitude, longitude) = self.degrees_1e7(home.at);
+        GPS_GLOBAL_ORIGIN_DATA {
+            latitude,
+            longitude,
+            altitude: millimetres(home.ground_amsl_m),
+        }
+    }
+
+    fn version(&self) -> AUTOPILOT_VERSION_DATA {
+        AUTOPILOT_VERSION_DATA {
+            capabilities: MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+                | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MISSION_INT
+                | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+                | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+                | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2,
+            uid: u64::from(self.system_id),
+            flight_sw_version: u32::from_be_bytes(BEHAVES_AS),
+            ..AUTOPILOT_VERSION_DATA::default()
         }
     }
 
@@ -176,6 +308,23 @@ impl StandIn {
             rollspeed: p,
             pitchspeed: q,
             yawspeed: r,
+        }
+    }
+
+    fn quaternion(&self, now: SimTime) -> ATTITUDE_QUATERNION_DATA {
+        let sensed = self.flight.sensed();
+        let attitude = fdm::quaternion(sensed.roll_rad, sensed.pitch_rad, sensed.yaw_rad);
+        let [q1, q2, q3, q4] = attitude.map(|part| part as f32);
+        let [rollspeed, pitchspeed, yawspeed] = sensed.rate_rad_s.map(|rate| rate as f32);
+        ATTITUDE_QUATERNION_DATA {
+            time_boot_ms: boot_ms(now.s()),
+            q1,
+            q2,
+            q3,
+            q4,
+            rollspeed,
+            pitchspeed,
+            yawspeed,
         }
     }
 
@@ -252,23 +401,47 @@ impl StandIn {
     }
 
     fn status(&self) -> SYS_STATUS_DATA {
-        let left = (1.0 - self.armed_s / BATTERY_S).clamp(0.0, 1.0);
+        let (battery_mv, left_pct) = self.charge();
         let sensors = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_GYRO
             | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_ACCEL
+            | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_MAG
             | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
             | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
-            | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_GPS;
+            | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_GPS
+            | MavSysStatusSensor::MAV_SYS_STATUS_AHRS
+            | MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
         SYS_STATUS_DATA {
             onboard_control_sensors_present: sensors,
             onboard_control_sensors_enabled: sensors,
             onboard_control_sensors_health: sensors,
             load: 300,
-            // Four lithium cells between 3.5 and 4.2 V.
-            voltage_battery: (14_000.0 + 2_800.0 * left) as u16,
+            voltage_battery: battery_mv,
             current_battery: -1,
-            battery_remaining: (100.0 * left) as i8,
+            battery_remaining: left_pct,
             ..SYS_STATUS_DATA::default()
         }
+    }
+
+    fn battery(&self) -> BATTERY_STATUS_DATA {
+        let (battery_mv, left_pct) = self.charge();
+        let mut voltages = [u16::MAX; 10];
+        voltages[0] = battery_mv;
+        BATTERY_STATUS_DATA {
+            voltages,
+            current_consumed: -1,
+            energy_consumed: -1,
+            temperature: i16::MAX,
+            current_battery: -1,
+            battery_remaining: left_pct,
+            ..BATTERY_STATUS_DATA::default()
+        }
+    }
+
+    /// Voltage of the battery, mV, and what is left in it, per cent.
+    fn charge(&self) -> (u16, i8) {
+        let left = (1.0 - self.armed_s / BATTERY_S).clamp(0.0, 1.0);
+        // Four lithium cells between 3.5 and 4.2 V.
+        ((14_000.0 + 2_800.0 * left) as u16, (100.0 * left) as i8)
     }
 
     /// Says something to the people on the ground.
@@ -292,7 +465,7 @@ impl StandIn {
             param_count: count,
             param_index: index as u16,
             param_id: name.into(),
-            param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+            param_type: Parameters::kind(name),
         };
         self.send(&value, now);
     }
@@ -300,6 +473,10 @@ impl StandIn {
 
 fn boot_ms(time_s: f64) -> u32 {
     (time_s * 1000.0).round().max(0.0) as u32
+}
+
+fn millimetres(m: f64) -> i32 {
+    (m * 1000.0).round() as i32
 }
 
 fn centi_celsius(temperature_k: f64) -> i16 {

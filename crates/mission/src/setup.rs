@@ -1,7 +1,7 @@
 //! A scenario with all the files it names, read and checked.
 
 use crate::MissionError;
-use air::geo::{Geodetic, LocalFrame};
+use air::geo::LocalFrame;
 use air::terrain::Terrain;
 use air::wind::WindSeries;
 use fdm::Aircraft;
@@ -194,11 +194,7 @@ impl Setup {
     /// # Errors
     /// A site outside the frame's validity.
     pub fn ground_at_home_m(&self, index: usize) -> Result<f64, MissionError> {
-        let home = self.scenario.home(index)?;
-        Ok(self.terrain.ground_amsl_m(Geodetic {
-            lat_deg: home.lat_deg,
-            lon_deg: home.lon_deg,
-        }))
+        Ok(self.terrain.ground_amsl_m(self.scenario.home(index)?))
     }
 
     /// Length of a tick, ns.

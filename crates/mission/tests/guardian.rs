@@ -122,11 +122,7 @@ impl Flight {
             .setup
             .scenario
             .home(self.setup.index_of(vehicle).unwrap());
-        let home = home.unwrap();
-        let home = self.setup.frame().unwrap().to_enu(Geodetic {
-            lat_deg: home.lat_deg,
-            lon_deg: home.lon_deg,
-        });
+        let home = self.setup.frame().unwrap().to_enu(home.unwrap());
         self.at(vehicle).0.distance_m(home)
     }
 

@@ -446,11 +446,7 @@ impl SquadronController {
 fn team(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<Vehicle>, ScError> {
     let layers = scenario.layers_amsl_m();
     let vehicle = |(k, v): (usize, &scenario::tables::Vehicle)| {
-        let home = scenario.home(k)?;
-        let at = airspace.frame().to_enu(Geodetic {
-            lat_deg: home.lat_deg,
-            lon_deg: home.lon_deg,
-        });
+        let at = airspace.frame().to_enu(scenario.home(k)?);
         Ok(Vehicle::new(
             Name::new(&v.id)?,
             v.kind != VehicleKind::Simulated,

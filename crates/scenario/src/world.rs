@@ -145,9 +145,9 @@ impl Scenario {
     ///
     /// # Errors
     /// As [`Scenario::frame`].
-    pub fn home(&self, index: usize) -> Result<Home, WorldError> {
-        if let Some(home) = self.vehicles.get(index).and_then(|v| v.home) {
-            return Ok(home);
+    pub fn home(&self, index: usize) -> Result<Geodetic, WorldError> {
+        if let Some(Home { lat_deg, lon_deg }) = self.vehicles.get(index).and_then(|v| v.home) {
+            return Ok(Geodetic { lat_deg, lon_deg });
         }
         let frame = self.frame()?;
         let upwind_deg = self.weather.wind_from_deg;
@@ -155,8 +155,7 @@ impl Scenario {
         let at = Enu::default()
             .displaced(upwind_deg, self.fence.keep_out_radius_m + HOME_UPWIND_M)
             .displaced(upwind_deg + 90.0, abeam_m);
-        let Geodetic { lat_deg, lon_deg } = frame.to_geodetic(at);
-        Ok(Home { lat_deg, lon_deg })
+        Ok(frame.to_geodetic(at))
     }
 
     /// Heights above mean sea level that belong to one vehicle of the team each, m, in the

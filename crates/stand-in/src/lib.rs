@@ -123,10 +123,7 @@ impl StandInConfig {
             system_id: u8::try_from(index + 1).unwrap_or(1),
             platform: vehicle.id.clone(),
             frame: reality.frame().map_err(refuse)?,
-            home: Geodetic {
-                lat_deg: home.lat_deg,
-                lon_deg: home.lon_deg,
-            },
+            home,
             home_amsl_m,
             launch_heading_deg: reality.weather.wind_from_deg,
             turbulence_intensity: reality.weather.turbulence_intensity,

@@ -283,10 +283,7 @@ fn lost_link_brings_it_home() {
     assert_eq!(pair.said("link-lost"), 1);
     let truth = pair.vehicle.truth();
     let home = scenario().home(5).unwrap();
-    let home = scenario().frame().unwrap().to_enu(air::geo::Geodetic {
-        lat_deg: home.lat_deg,
-        lon_deg: home.lon_deg,
-    });
+    let home = scenario().frame().unwrap().to_enu(home);
     let at = Enu {
         east_m: truth.east_m,
         north_m: truth.north_m,

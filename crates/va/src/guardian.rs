@@ -26,9 +26,7 @@ impl Guardian {
     /// The Guardian of the vehicle at `index` of the team.
     pub(crate) fn new(scenario: &Scenario, index: usize) -> Result<Self, VaError> {
         let frame = scenario.frame()?;
-        let place = |lat_deg, lon_deg| frame.to_enu(Geodetic { lat_deg, lon_deg });
-        let home = scenario.home(index)?;
-        let home = place(home.lat_deg, home.lon_deg);
+        let home = frame.to_enu(scenario.home(index)?);
         let avoid_m = scenario.fence.keep_out_radius_m + MARGIN_M;
         Ok(Self {
             home,
@@ -41,7 +39,12 @@ impl Guardian {
             stacks: scenario
                 .sources
                 .iter()
-                .map(|s| place(s.lat_deg, s.lon_deg))
+                .map(|s| {
+                    frame.to_enu(Geodetic {
+                        lat_deg: s.lat_deg,
+                        lon_deg: s.lon_deg,
+                    })
+                })
                 .filter(|s| s.distance_m(home) > avoid_m + CIRCLE_M)
                 .collect(),
             avoid_m,

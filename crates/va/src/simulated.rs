@@ -98,11 +98,7 @@ impl SimulatedBody {
             .ok_or_else(|| VaError::NoSuchVehicle(index.to_string()))?;
         let aircraft = &scenario.extend_aircraft(&vehicle.id, aircraft)?;
         let frame = scenario.frame()?;
-        let home = scenario.home(index)?;
-        let home = frame.to_enu(Geodetic {
-            lat_deg: home.lat_deg,
-            lon_deg: home.lon_deg,
-        });
+        let home = frame.to_enu(scenario.home(index)?);
         let launch_heading_deg = wrap_deg(scenario.weather.wind_from_deg);
         let spec = scenario.world_spec()?;
         Ok(Self {

@@ -95,13 +95,9 @@ impl Watch {
             .get(index)
             .ok_or_else(|| VaError::NoSuchVehicle(index.to_string()))?;
         let frame = scenario.frame()?;
-        let home = scenario.home(index)?;
         let real = vehicle.kind != VehicleKind::Simulated;
         Ok(Self {
-            home: frame.to_enu(Geodetic {
-                lat_deg: home.lat_deg,
-                lon_deg: home.lon_deg,
-            }),
+            home: frame.to_enu(scenario.home(index)?),
             fence: scenario.fence_polygon()?,
             ceiling_amsl_m: frame.ground_amsl_m + scenario.fence.ceiling_agl_m,
             frame,

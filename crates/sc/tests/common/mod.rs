@@ -56,11 +56,7 @@ impl Miniature {
         let controller = SquadronController::new(&scenario).unwrap();
         let airspace = Airspace::of(&scenario).unwrap();
         let team = scenario.vehicles.iter().enumerate().map(|(k, v)| {
-            let home = scenario.home(k).unwrap();
-            let at = airspace.frame().to_enu(Geodetic {
-                lat_deg: home.lat_deg,
-                lon_deg: home.lon_deg,
-            });
+            let at = airspace.frame().to_enu(scenario.home(k).unwrap());
             Point {
                 name: Name::new(&v.id).unwrap(),
                 real: v.kind != scenario::tables::VehicleKind::Simulated,

@@ -63,8 +63,8 @@ fn words(present: &BTreeSet<String>, missing: &[&str], connects_to: &str) -> Str
         return format!("missing in the team: {}", missing.join(", "));
     }
     format!(
-        "no connection to anybody of the mission at {connects_to}: is sc running there, and do \
-         --user, PLUMAGE_PASSWORD and the TLS files match its own?"
+        "no connection to anybody of the mission at {connects_to} yet, waiting: is sc running there, \
+         and do --user, PLUMAGE_PASSWORD and the TLS files match its own?"
     )
 }
 

@@ -1,7 +1,6 @@
 //! `plumage control`: who shall fly a vehicle of a mission that runs in processes.
 
 use crate::{Failure, agent};
-use mission::team;
 use protocol::key::Name;
 use protocol::message::{Control, ControlWish};
 use protocol::net::realtime::MissionClock;
@@ -49,11 +48,8 @@ pub fn control(arguments: &ControlArguments) -> Result<(), Failure> {
         }
         arguments.vehicles.clone()
     };
-    let names: Vec<AgentId> = team::agent_ids(&setup)
-        .map_err(Failure::input)?
-        .into_iter()
-        .filter(|a| ids.iter().any(|id| AgentId::va(id).as_ref() == Ok(a)))
-        .collect();
+    let names: Result<Vec<AgentId>, _> = ids.iter().map(|id| AgentId::va(id)).collect();
+    let names = names.map_err(Failure::input)?;
     let control = Control {
         wish: match arguments.wish {
             Wish::HandBack => ControlWish::HandBack,
@@ -72,7 +68,12 @@ pub fn control(arguments: &ControlArguments) -> Result<(), Failure> {
             )));
         }
         let asked = tokio::time::timeout(patience, MissionClock::ask(&net)).await;
-        let clock = asked.map_err(|_| anyhow::anyhow!("sc does not tell the mission's time"))??;
+        let clock = asked.map_err(|_| {
+            anyhow::anyhow!(
+                "sc does not tell the mission's time: is it a mission in lockstep? Commands are \
+                 for missions in real time"
+            )
+        })??;
         for (k, id) in ids.iter().enumerate() {
             let envelope = Envelope {
                 sender: AgentId::operator(),

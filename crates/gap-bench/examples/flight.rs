@@ -1,4 +1,5 @@
-//! The benchmark of flight with a choice: `flight SEEDS [FIRST_SEED [ONE_IN [nothing|others]]]`.
+//! The benchmark of flight with a choice: `flight SEEDS [FIRST_SEED [ONE_IN [nothing|others|ones|all
+//! [NAME]]]]`: of each seed every so many-th effect; cases whose name contains NAME.
 
 use gap_bench::flight::{Bird, FlightShare, run};
 
@@ -8,23 +9,27 @@ fn main() {
     let files = ["aircraft/x8.toml", "aircraft/ultrastick-25e.toml"];
     let texts = files.map(|f| std::fs::read_to_string(f).unwrap_or_default());
     let birds: Vec<Bird<'_>> = texts.iter().filter_map(|t| Bird::new(t).ok()).collect();
-    let word = arguments.get(3).map_or("", String::as_str);
+    let word = arguments.get(3).map_or("all", String::as_str);
     let share = FlightShare {
-        nothing: word != "others",
+        nothing: matches!(word, "nothing" | "all"),
         one_in: number(2).unwrap_or(1) as usize,
-        others: word != "nothing",
+        others: matches!(word, "others" | "all"),
+        only: arguments.get(4).cloned().unwrap_or_default(),
     };
     let summary = run(
         &birds,
         number(1).unwrap_or(0),
         number(0).unwrap_or(1),
-        share,
-        1,
+        &share,
+        std::thread::available_parallelism().map_or(1, usize::from),
         &|done, outcomes| {
             for o in outcomes {
                 eprintln!(
-                    "{done}: {:?} {:?} {:?} {:?}",
-                    o.kind, o.verdict, o.sets, o.coordinate
+                    "{done}: {}, seed {}: {}; held out {:.1?}",
+                    o.kind,
+                    o.seed,
+                    o.said(),
+                    o.gain
                 );
             }
         },

@@ -2,16 +2,18 @@
 //!
 //! Strengths are set by what an effect is expected to show: D is half the squared size of the
 //! effect times the information of the twin without it, tolerances of the base integrated out,
-//! under the finder's noise fitted to the twin. Effects outside the catalogue have fixed sizes.
+//! under the finder's noise fitted to the twin. For an effect outside the catalogue D is half the
+//! squared change of the base's innovations from those of the twin, whose gusts and noise are the
+//! same, less what the base's tolerances take of it.
 
 mod table;
 
 use fdm::Aircraft;
-use gap::flight::evidence::Word;
+use gap::flight::evidence::sum;
 use gap::flight::log::FlightLog;
 use gap::flight::noise::Noise;
-use gap::flight::study::Study;
-use gap::flight::{FlightReport, analyse, gate};
+use gap::flight::study::{Linear, Study};
+use gap::flight::{Finding, gain, gate};
 use gap::verdict::Verdict;
 use gap_truth::flight::{
     FLIGHT_CATALOGUE, FLIGHT_OUTSIDE, FlightCase, FlightEffect, FlightLaw, FlightNoise, FlightSpec,
@@ -31,10 +33,23 @@ pub enum FlightKind {
     One(FlightEffect, f64),
     /// One effect by a cousin of its law.
     Cousin(FlightEffect, f64),
-    /// One effect outside the catalogue, so many typical sizes strong.
+    /// One effect outside the catalogue with a misfit of so many nats.
     Outside(FlightEffect, f64),
     /// Two effects, so many nats each.
     Two(FlightEffect, FlightEffect, f64),
+}
+
+impl std::fmt::Display for FlightKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Nothing(FlightNoise::Usual) => f.write_str("none, usual noise"),
+            Self::Nothing(FlightNoise::Unusual) => f.write_str("none, other noise"),
+            Self::One(e, d) => write!(f, "{}, D = {d}", e.id()),
+            Self::Cousin(e, d) => write!(f, "other law, {}, D = {d}", e.id()),
+            Self::Outside(e, d) => write!(f, "outside, {}, D = {d}", e.id()),
+            Self::Two(a, b, d) => write!(f, "two, {} and {}, D = {d}", a.id(), b.id()),
+        }
+    }
 }
 
 /// What became of a case.
@@ -50,17 +65,35 @@ pub struct FlightOutcome {
     pub verdict: Option<Verdict>,
     /// Mechanisms of each cause.
     pub sets: Vec<Vec<String>>,
+    /// Nats that each cause gains.
+    pub nats: Vec<f64>,
     /// Stated probability of the first cause, and whether it holds a hidden effect.
     pub stated: Option<(f64, bool)>,
     /// For each parameter of a hidden effect that is named alone: whether 1.96 sd cover it.
     pub covered: Vec<bool>,
     /// Coordinate of what is unexplained.
     pub coordinate: Option<String>,
-    /// Gain on blocks left out over that expected of the truth.
-    pub gain: Option<f64>,
+    /// Nats gained on blocks left out by what was found, and by the truth.
+    pub gain: Option<(f64, f64)>,
 }
 
 impl FlightOutcome {
+    /// Of a case that nothing is known of yet.
+    fn new(kind: FlightKind, seed: u64) -> Self {
+        Self {
+            kind,
+            seed,
+            error: None,
+            verdict: None,
+            sets: Vec::new(),
+            nats: Vec::new(),
+            stated: None,
+            covered: Vec::new(),
+            coordinate: None,
+            gain: None,
+        }
+    }
+
     /// Hidden effects of the catalogue.
     pub fn hidden(&self) -> Vec<&'static str> {
         match &self.kind {
@@ -99,6 +132,28 @@ impl FlightOutcome {
         said.sort_unstable();
         hidden == said && self.verdict == Some(Verdict::Named)
     }
+
+    /// What was found, in words: causes with the nats that each gains, and where a rest lives.
+    pub fn said(&self) -> String {
+        if let Some(error) = &self.error {
+            return error.clone();
+        }
+        let causes: Vec<String> = self
+            .sets
+            .iter()
+            .zip(&self.nats)
+            .map(|(set, nats)| format!("{} ({nats:.0} nats)", set.join(" or ")))
+            .collect();
+        let mut text = if causes.is_empty() {
+            "nothing".to_owned()
+        } else {
+            causes.join(" and ")
+        };
+        if let Some(coordinate) = &self.coordinate {
+            text += &format!(", unexplained ({coordinate})");
+        }
+        text
+    }
 }
 
 /// Pairs of effects that manoeuvres tell apart.
@@ -112,7 +167,7 @@ const PAIRS: [(FlightEffect, FlightEffect); 6] = [
 ];
 
 /// Which parts of the benchmark are run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FlightShare {
     /// Cases without an effect.
     pub nothing: bool,
@@ -120,19 +175,24 @@ pub struct FlightShare {
     pub one_in: usize,
     /// Cousins, outsiders and pairs.
     pub others: bool,
+    /// Only kinds whose name contains this.
+    pub only: String,
 }
 
 impl FlightShare {
-    /// All of it.
-    pub const ALL: Self = Self {
-        nothing: true,
-        one_in: 1,
-        others: true,
-    };
+    /// All whose name contains `only`.
+    pub fn all(only: &str) -> Self {
+        Self {
+            nothing: true,
+            one_in: 1,
+            others: true,
+            only: only.to_owned(),
+        }
+    }
 }
 
 /// The cases of one seed.
-fn kinds(seed: u64, share: FlightShare) -> Vec<FlightKind> {
+fn kinds(seed: u64, share: &FlightShare) -> Vec<FlightKind> {
     let mut all = Vec::new();
     if share.nothing {
         all.push(FlightKind::Nothing(FlightNoise::Usual));
@@ -151,7 +211,7 @@ fn kinds(seed: u64, share: FlightShare) -> Vec<FlightKind> {
     if share.others {
         for (k, effect) in FLIGHT_OUTSIDE.into_iter().enumerate() {
             if chosen(k, 3) {
-                all.push(FlightKind::Outside(effect, 2.0));
+                all.push(FlightKind::Outside(effect, 100.0));
             }
         }
         for (k, (a, b)) in PAIRS.into_iter().enumerate() {
@@ -160,6 +220,7 @@ fn kinds(seed: u64, share: FlightShare) -> Vec<FlightKind> {
             }
         }
     }
+    all.retain(|kind| kind.to_string().contains(&share.only));
     all
 }
 
@@ -186,26 +247,97 @@ impl<'a> Bird<'a> {
 
 /// What the flight without an effect tells about strengths.
 struct Twin {
-    word: Word,
     names: Vec<String>,
+    linear: Linear,
+    innovations: Vec<f64>,
 }
 
+/// Innovations of all channels in standard deviations.
+fn innovations(study: &Study<'_>, linear: &Linear) -> Vec<f64> {
+    let passes = study.passes(&linear.theta, &linear.noise);
+    let rows = passes.iter().flat_map(|p| p.standardised.iter().flatten());
+    rows.copied().collect()
+}
+
+/// What passes the gate of a flight file.
+fn gated(bird: &Bird<'_>, case: &FlightCase) -> Result<gate::Gated, String> {
+    if !case.flown {
+        return Err("the aircraft was lost".to_owned());
+    }
+    let log = FlightLog::parse("case", &case.csv).map_err(|e| e.to_string())?;
+    gate::pass(&[log], &bird.aircraft).map_err(|e| e.to_string())
+}
+
+/// The flight without an effect as the base sees it, with its noise fitted.
 fn twin(bird: &Bird<'_>, seed: u64) -> Result<Twin, String> {
     let case = make(&FlightSpec::none(seed), bird.toml).ok_or("aircraft not read")?;
-    let log = FlightLog::parse("twin", &case.csv).map_err(|e| e.to_string())?;
-    let gated = gate::pass(&[log], &bird.aircraft).map_err(|e| e.to_string())?;
+    let gated = gated(bird, &case)?;
     let study = Study::new(&bird.aircraft, &gated, 1);
     let theta = study.start();
     let noise = study.noise(&theta, Noise::usual(), 3);
+    let linear = study.linearise(theta, noise);
     Ok(Twin {
         names: study.parameters.iter().map(|p| p.name.clone()).collect(),
-        word: study.linearise(theta, noise).word,
+        innovations: innovations(&study, &linear),
+        linear,
     })
 }
 
-/// Expected nats of a case's truth.
-fn expected(twin: &Twin, case: &FlightCase) -> f64 {
-    let mut shift = vec![0.0; twin.names.len()];
+/// Nats by which the innovations of the base differ from those of the twin, less what its
+/// tolerances take.
+fn misfit(bird: &Bird<'_>, twin: &Twin, case: &FlightCase) -> Result<f64, String> {
+    let gated = gated(bird, case)?;
+    let study = Study::new(&bird.aircraft, &gated, 1);
+    let linear = study.linearise(twin.linear.theta.clone(), twin.linear.noise.clone());
+    let after = innovations(&study, &linear);
+    let whole: f64 = after
+        .iter()
+        .zip(&twin.innovations)
+        .map(|(a, b)| 0.5 * (a - b).powi(2))
+        .filter(|nats| nats.is_finite())
+        .sum();
+    // Blocks hold their score as at zero; both are wanted where they were linearised.
+    let score = |linear: &Linear| {
+        let (information, score) = sum(&linear.blocks, None);
+        let mut here = score.clone();
+        for (j, value) in here.iter_mut().enumerate() {
+            *value = linear.theta.get(j).copied().unwrap_or(0.0);
+        }
+        let there = score - &information * here;
+        (information, there)
+    };
+    let (information, before) = score(&twin.linear);
+    let change = score(&linear).1 - before;
+    let taken = study.solve(&information, &change, &[]);
+    // Where the effect is so large that this bends, a tenth is left.
+    Ok((whole - 0.5 * change.dot(&taken)).max(0.1 * whole))
+}
+
+/// Strength at which an effect outside the catalogue has a misfit of `nats`.
+fn outside(
+    bird: &Bird<'_>,
+    twin: &Twin,
+    effect: FlightEffect,
+    nats: f64,
+    seed: u64,
+) -> Result<f64, String> {
+    let mut strength = 0.5;
+    for _ in 0..2 {
+        let mut spec = FlightSpec::none(seed);
+        spec.hidden = vec![(effect, strength)];
+        let probe = make(&spec, bird.toml).ok_or("aircraft not read")?;
+        strength *= match misfit(bird, twin, &probe) {
+            Ok(seen) => (nats / seen.max(1.0)).sqrt().clamp(0.2, 5.0),
+            // It does not fly so.
+            Err(_) => 0.6,
+        };
+    }
+    Ok(strength)
+}
+
+/// Departures of the parameters named `names` that a case hides.
+fn shift(names: &[String], case: &FlightCase) -> Vec<f64> {
+    let mut shift = vec![0.0; names.len()];
     for value in &case.truth {
         let name = format!("{}.{}", value.mechanism, value.name);
         let neutral = if value.name.ends_with("factor") {
@@ -213,17 +345,23 @@ fn expected(twin: &Twin, case: &FlightCase) -> f64 {
         } else {
             0.0
         };
-        if let Some(j) = twin.names.iter().position(|n| *n == name) {
+        if let Some(j) = names.iter().position(|n| *n == name) {
             shift[j] = value.value - neutral;
         }
     }
+    shift
+}
+
+/// Expected nats of a case's truth.
+fn expected(twin: &Twin, case: &FlightCase) -> f64 {
+    let shift = shift(&twin.names, case);
     let mut sum = 0.0;
     for (i, a) in shift.iter().enumerate() {
         for (j, b) in shift.iter().enumerate() {
-            sum += 0.5 * a * b * twin.word.s[(i, j)];
+            sum += 0.5 * a * b * twin.linear.word.s[(i, j)];
         }
     }
-    sum * twin.word.dispersion
+    sum * twin.linear.word.dispersion
 }
 
 fn effects(kind: &FlightKind) -> Vec<(FlightEffect, f64)> {
@@ -246,11 +384,12 @@ fn case(bird: &Bird<'_>, twin: &Twin, kind: &FlightKind, seed: u64) -> Result<Fl
         spec.law = FlightLaw::Cousin;
     }
     for (effect, nats) in effects(kind) {
-        let mut probe = FlightSpec::none(seed);
         if !effect.in_catalogue() {
-            spec.hidden.push((effect, nats));
+            let strength = outside(bird, twin, effect, nats, seed)?;
+            spec.hidden.push((effect, strength));
             continue;
         }
+        let mut probe = FlightSpec::none(seed);
         probe.hidden = vec![(effect, 1.0)];
         let tried = make(&probe, bird.toml).ok_or("aircraft not read")?;
         let seen = expected(twin, &tried).max(0.05);
@@ -261,44 +400,39 @@ fn case(bird: &Bird<'_>, twin: &Twin, kind: &FlightKind, seed: u64) -> Result<Fl
 }
 
 fn judge(bird: &Bird<'_>, twin: &Twin, kind: FlightKind, seed: u64) -> FlightOutcome {
-    let mut outcome = FlightOutcome {
-        kind,
-        seed,
-        error: None,
-        verdict: None,
-        sets: Vec::new(),
-        stated: None,
-        covered: Vec::new(),
-        coordinate: None,
-        gain: None,
-    };
-    let told = case(bird, twin, &outcome.kind, seed).and_then(|case| {
-        if !case.flown {
-            return Err("the aircraft was lost".to_owned());
-        }
-        let log = FlightLog::parse("case", &case.csv).map_err(|e| e.to_string())?;
-        let report = analyse(&[log], &bird.aircraft, &mut |_| {}).map_err(|e| e.to_string())?;
-        Ok((case, report))
-    });
-    match told {
-        Ok((case, report)) => compare(&mut outcome, twin, &case, &report),
-        Err(error) => outcome.error = Some(error),
+    let mut outcome = FlightOutcome::new(kind, seed);
+    if let Err(error) = find(bird, twin, &mut outcome) {
+        outcome.error = Some(error);
     }
     outcome
 }
 
-fn compare(outcome: &mut FlightOutcome, twin: &Twin, case: &FlightCase, report: &FlightReport) {
-    let json = &report.gap;
-    outcome.verdict = Some(json.verdict);
-    outcome.sets = json.causes.iter().map(|c| c.mechanisms.clone()).collect();
-    outcome.coordinate = json.unexplained.as_ref().map(|u| u.coordinate.clone());
+/// Makes the case of `outcome` and writes into it what is found.
+fn find(bird: &Bird<'_>, twin: &Twin, outcome: &mut FlightOutcome) -> Result<(), String> {
+    let case = case(bird, twin, &outcome.kind, outcome.seed)?;
+    let gated = gated(bird, &case)?;
+    let found = Finding::of(&bird.aircraft, &gated, 1, &mut |_| {}).map_err(|e| e.to_string())?;
+    compare(outcome, &case, &found);
+    Ok(())
+}
+
+fn compare(outcome: &mut FlightOutcome, case: &FlightCase, found: &Finding<'_>) {
+    let answer = &found.answer;
+    outcome.verdict = Some(answer.verdict);
+    outcome.sets = answer.causes.iter().map(|c| c.mechanisms.clone()).collect();
+    outcome.nats = answer
+        .causes
+        .iter()
+        .map(|c| c.evidence.delta_log_score)
+        .collect();
+    outcome.coordinate = answer.unexplained.as_ref().map(|u| u.coordinate.clone());
     let hidden = outcome.hidden();
-    outcome.stated = json.causes.first().map(|c| {
+    outcome.stated = answer.causes.first().map(|c| {
         let right = c.mechanisms.iter().any(|m| hidden.contains(&m.as_str()));
         (c.probability, right)
     });
     if !matches!(outcome.kind, FlightKind::Cousin(..)) {
-        for cause in json.causes.iter().filter(|c| c.mechanisms.len() == 1) {
+        for cause in answer.causes.iter().filter(|c| c.mechanisms.len() == 1) {
             for p in &cause.parameters {
                 let same = |t: &&gap_truth::flight::TrueValue| {
                     t.mechanism == p.mechanism && t.name == p.name
@@ -311,18 +445,24 @@ fn compare(outcome: &mut FlightOutcome, twin: &Twin, case: &FlightCase, report: 
             }
         }
     }
-    outcome.gain =
-        json.gain.as_ref().filter(|_| !hidden.is_empty()).map(|g| {
-            (g.held_out.log_score_after - g.held_out.log_score_before) / expected(twin, case)
-        });
+    if !hidden.is_empty() {
+        let (study, last) = (&found.study, &found.last);
+        let names: Vec<String> = study.parameters.iter().map(|p| p.name.clone()).collect();
+        let gained = gain::of_set(study, last, &answer.set).held_out;
+        outcome.gain = Some((
+            gained.log_score_after - gained.log_score_before,
+            gain::of_truth(study, last, &shift(&names, case)),
+        ));
+    }
 }
 
-/// Runs `seeds` seeds from `first` on, on `threads` threads; `progress` gets the seeds done.
+/// Runs the cases of `share` of `seeds` seeds from `first` on, on `threads` threads;
+/// `progress` gets the seeds done.
 pub fn run(
     birds: &[Bird<'_>],
     first: u64,
     seeds: u64,
-    share: FlightShare,
+    share: &FlightShare,
     threads: usize,
     progress: &(dyn Fn(u64, &[FlightOutcome]) + Sync),
 ) -> FlightSummary {
@@ -352,8 +492,11 @@ pub fn run(
     FlightSummary::new(seeds, outcomes)
 }
 
-fn of_seed(bird: &Bird<'_>, seed: u64, share: FlightShare) -> Vec<FlightOutcome> {
+fn of_seed(bird: &Bird<'_>, seed: u64, share: &FlightShare) -> Vec<FlightOutcome> {
     let kinds = kinds(seed, share);
+    if kinds.is_empty() {
+        return Vec::new();
+    }
     match twin(bird, seed) {
         Ok(twin) => kinds
             .into_iter()
@@ -362,15 +505,8 @@ fn of_seed(bird: &Bird<'_>, seed: u64, share: FlightShare) -> Vec<FlightOutcome>
         Err(error) => kinds
             .into_iter()
             .map(|kind| FlightOutcome {
-                kind,
-                seed,
                 error: Some(error.clone()),
-                verdict: None,
-                sets: Vec::new(),
-                stated: None,
-                covered: Vec::new(),
-                coordinate: None,
-                gain: None,
+                ..FlightOutcome::new(kind, seed)
             })
             .collect(),
     }

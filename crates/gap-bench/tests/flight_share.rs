@@ -14,7 +14,7 @@ fn share(first: u64, seeds: u64, share: FlightShare) -> FlightSummary {
         Bird::new(include_str!("../../../aircraft/x8.toml")).unwrap(),
         Bird::new(include_str!("../../../aircraft/ultrastick-25e.toml")).unwrap(),
     ];
-    let summary = run(&birds, first, seeds, share, 2, &|_, _| {});
+    let summary = run(&birds, first, seeds, &share, 2, &|_, _| {});
     let lost: Vec<_> = summary
         .outcomes
         .iter()
@@ -30,6 +30,7 @@ fn nothing_is_found_where_nothing_is_hidden() {
         nothing: true,
         one_in: 0,
         others: false,
+        only: String::new(),
     };
     let summary = share(100, 4, nothing);
     let alarms = summary.false_alarms(FlightNoise::Usual);
@@ -47,6 +48,7 @@ fn hidden() -> FlightSummary {
         nothing: false,
         one_in: 4,
         others: false,
+        only: String::new(),
     };
     share(0, 1, one)
 }
@@ -83,6 +85,7 @@ fn what_is_strong_is_named_alone() {
         nothing: false,
         one_in: 2,
         others: false,
+        only: String::new(),
     };
     let summary = share(0, 2, one);
     let wrong = summary.wrong(|_| true);

@@ -114,8 +114,7 @@ pub fn make(spec: &FlightSpec, aircraft_toml: &str) -> Option<FlightCase> {
     let mut sensors = Sensors::new(spec);
     let mut x = begin(&frame, &hidden, speed, height, heading, wind, rho);
     let mut csv = sensors.header(&published);
-    let mut told: VecDeque<(f64, [f64; 4])> = VecDeque::new();
-    let mut lagged: Option<[f64; 3]> = None;
+    let mut commands = Commands::default();
     let mut gust = gusts.step(STEP_S, speed);
     let mut flown = true;
     for k in 0..(spec.duration_s / LOG_S) as usize {
@@ -123,33 +122,14 @@ pub fn make(spec: &FlightSpec, aircraft_toml: &str) -> Option<FlightCase> {
         hidden.now(&mut frame, time);
         let flow = frame.flow(&x, &gust, wind);
         let command = pilot.command(time, &x, &flow);
-        told.push_back((time, command));
+        commands.told.push_back((time, command));
         let force = frame.slope(&x, &gust, wind, rho, &command).force;
         sensors.log(
             &mut csv, time, &x, &flow, &force, &command, &published, &hidden,
         );
         for step in 0..(LOG_S / STEP_S).round() as usize {
             let now = time + (step as f64 + 0.5) * STEP_S;
-            while told.len() > 1 && told[1].0 <= now - hidden.delay_s {
-                told.pop_front();
-            }
-            let late = told[0].1;
-            let mut surface = [late[0], late[1], late[2]];
-            // A first-order lag before the servo.
-            let before = lagged.unwrap_or(surface);
-            if hidden.lag_s > 0.0 {
-                for s in 0..3 {
-                    let part = 1.0 - (-STEP_S / hidden.lag_s).exp();
-                    surface[s] = before[s] + part * (surface[s] - before[s]);
-                }
-            }
-            lagged = Some(surface);
-            let standing = [
-                surface[0] + hidden.trim[0],
-                surface[1] + hidden.trim[1],
-                surface[2] + hidden.trim[2],
-                command[3],
-            ];
+            let standing = commands.standing(now, &command, &hidden);
             x = frame.step(&x, &gust, wind, rho, &standing, STEP_S);
             if step % 2 == 1 {
                 gust = gusts.step(2.0 * STEP_S, speed);
@@ -170,6 +150,40 @@ pub fn make(spec: &FlightSpec, aircraft_toml: &str) -> Option<FlightCase> {
         truth: hidden.truth,
         flown,
     })
+}
+
+/// Commands on their way to the servos.
+#[derive(Default)]
+struct Commands {
+    told: VecDeque<(f64, [f64; 4])>,
+    lagged: Option<[f64; 3]>,
+}
+
+impl Commands {
+    /// What the servos are told at `now`, and what the motor is told at once (`command`), with the
+    /// delay, lag and trim that are hidden.
+    fn standing(&mut self, now: f64, command: &[f64; 4], hidden: &Hidden) -> [f64; 4] {
+        while self.told.len() > 1 && self.told[1].0 <= now - hidden.delay_s {
+            self.told.pop_front();
+        }
+        let late = self.told[0].1;
+        let mut surface = [late[0], late[1], late[2]];
+        // A first-order lag before the servo.
+        let before = self.lagged.unwrap_or(surface);
+        if hidden.lag_s > 0.0 {
+            for s in 0..3 {
+                let part = 1.0 - (-STEP_S / hidden.lag_s).exp();
+                surface[s] = before[s] + part * (surface[s] - before[s]);
+            }
+        }
+        self.lagged = Some(surface);
+        [
+            surface[0] + hidden.trim[0],
+            surface[1] + hidden.trim[1],
+            surface[2] + hidden.trim[2],
+            command[3],
+        ]
+    }
 }
 
 /// Level flight at the beginning.

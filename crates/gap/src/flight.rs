@@ -18,6 +18,7 @@ pub mod channel;
 pub mod equation_error;
 pub mod evidence;
 pub mod filter;
+pub mod gain;
 pub mod gate;
 pub mod histories;
 pub mod log;
@@ -38,6 +39,7 @@ use crate::GapError;
 use crate::verdict::{GapJson, SCHEMA, Verdict};
 use answer::Answer;
 use equation_error::EquationError;
+use gate::Gated;
 use histories::{History, SimulatedError};
 use log::FlightLog;
 use noise::Noise;
@@ -87,6 +89,117 @@ pub struct FlightDetail {
     pub simulated: Vec<SimulatedError>,
 }
 
+/// What was found, with the question and the views of the data that it was found from.
+pub struct Finding<'a> {
+    /// The question.
+    pub study: Study<'a>,
+    /// What accelerations say without a filter.
+    pub equation_error: EquationError,
+    /// The data seen from the base.
+    pub first: Linear,
+    /// The data seen from where the search ended.
+    pub last: Linear,
+    /// What they came to.
+    pub answer: Answer,
+}
+
+impl<'a> Finding<'a> {
+    /// Asks what `gated`, made from `logs` logs, says of `aircraft`; `progress` gets the part done.
+    ///
+    /// # Errors
+    /// [`GapError::Data`] when the model cannot follow the flights at all.
+    pub fn of(
+        aircraft: &'a Aircraft,
+        gated: &'a Gated,
+        logs: usize,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Self, GapError> {
+        let study = Study::new(aircraft, gated, logs);
+        let zero = study.start();
+        let worlds: Vec<_> = gated
+            .segments
+            .iter()
+            .map(|s| study.world(s, &zero))
+            .collect();
+        let equation_error = equation_error::analyse(&gated.segments, &worlds, aircraft);
+        progress(0.03);
+        let (first, last) = study.look(&equation_error, &mut |part| progress(0.03 + 0.9 * part))?;
+        let mut answer = answer::judge(&study, &last);
+        if last.word.dispersion > ROUGH
+            && let Some(lift) = &equation_error.lift
+        {
+            answer.respect(lift);
+        }
+        Ok(Self {
+            study,
+            equation_error,
+            first,
+            last,
+            answer,
+        })
+    }
+
+    /// The report: `gap.json`, histories, and the aircraft with what was found.
+    pub fn report(self) -> FlightReport {
+        let Self {
+            study,
+            equation_error,
+            first,
+            last,
+            answer,
+        } = self;
+        let base_theta = study.theta_of(&last, &[]);
+        let mut theta = study.theta_of(&last, &answer.set);
+        // What has no name is not in the extended aircraft.
+        theta[study.parameters.len()..].fill(0.0);
+        let histories = told(&study, &last, &base_theta, &theta);
+        let mut notices = study.gated.notices.clone();
+        let extended = extend(study.aircraft, &answer, &mut notices);
+        notices.extend(equation_error.moments.iter().map(|m| m.words.clone()));
+        notices.extend(equation_error.lift.iter().map(|l| l.words.clone()));
+        let gap = GapJson {
+            schema: SCHEMA,
+            verdict: answer.verdict,
+            summary: summary(&answer, &equation_error),
+            residual: residual::bins(&study, &first),
+            gain: (!answer.set.is_empty()).then(|| gain::of_set(&study, &last, &answer.set)),
+            detectable: answer::detectable(&study, &last),
+            next_flight: next_flight::propose(&answer),
+            base: answer::base(&study, &last, &answer.set),
+            unexplained: answer.unexplained,
+            data_quality: study.gated.data_quality.clone(),
+            notices,
+            ranking: answer.ranking,
+            causes: answer.causes,
+        };
+        FlightReport {
+            gap,
+            flight: FlightDetail {
+                equation_error,
+                noise: last.noise,
+                dispersion: last.word.dispersion,
+                simulated: histories::errors(&histories),
+            },
+            histories,
+            extended,
+        }
+    }
+}
+
+/// The aircraft with what was found, or as it is where that lies outside what a file may say.
+fn extend(aircraft: &Aircraft, answer: &Answer, notices: &mut Vec<String>) -> Aircraft {
+    let mut extended = aircraft.clone();
+    extended.mechanism.extend(answer::extension(&answer.causes));
+    if fdm::mechanism::Extended::of(&extended).is_ok() {
+        return extended;
+    }
+    notices.push(
+        "the extended aircraft lies outside what an aircraft file may say; extended.toml is the base"
+            .into(),
+    );
+    aircraft.clone()
+}
+
 /// Analyses the flights `logs` of `aircraft`; `progress` gets the part done, 0 to 1.
 ///
 /// # Errors
@@ -97,66 +210,9 @@ pub fn analyse(
     progress: &mut dyn FnMut(f64),
 ) -> Result<FlightReport, GapError> {
     let gated = gate::pass(logs, aircraft)?;
-    let study = Study::new(aircraft, &gated, logs.len());
-    let zero = study.start();
-    let worlds: Vec<_> = gated
-        .segments
-        .iter()
-        .map(|s| study.world(s, &zero))
-        .collect();
-    let equation_error = equation_error::analyse(&gated.segments, &worlds, aircraft);
-    progress(0.03);
-    let (first, last) = study.look(&equation_error, &mut |part| progress(0.03 + 0.9 * part))?;
-    let mut answer = answer::judge(&study, &last);
-    if last.word.dispersion > ROUGH
-        && let Some(lift) = &equation_error.lift
-    {
-        answer.respect(lift);
-    }
-    let base_theta = study.theta_of(&last, &[]);
-    let theta = study.theta_of(&last, &answer.set);
-    let histories = told(&study, &last, &base_theta, &theta);
-    let mut extended = aircraft.clone();
-    extended.mechanism.extend(answer::extension(&answer.causes));
-    let mut notices = gated.notices.clone();
-    if fdm::mechanism::Extended::of(&extended).is_err() {
-        notices.push(
-            "the extended aircraft lies outside what an aircraft file may say; extended.toml is \
-             the base"
-                .into(),
-        );
-        extended = aircraft.clone();
-    }
-    notices.extend(equation_error.moments.iter().map(|m| m.words.clone()));
-    notices.extend(equation_error.lift.iter().map(|l| l.words.clone()));
-    let gain = (!answer.set.is_empty()).then(|| answer::gain(&study, &last, &answer.set));
-    let gap = GapJson {
-        schema: SCHEMA,
-        verdict: answer.verdict,
-        summary: summary(&answer, &equation_error),
-        residual: residual::bins(&study, &first),
-        gain,
-        detectable: answer::detectable(&study, &last),
-        next_flight: next_flight::propose(&answer),
-        base: answer::base(&study, &last, &answer.set),
-        unexplained: answer.unexplained,
-        data_quality: gated.data_quality.clone(),
-        notices,
-        ranking: answer.ranking,
-        causes: answer.causes,
-    };
+    let report = Finding::of(aircraft, &gated, logs.len(), progress)?.report();
     progress(1.0);
-    Ok(FlightReport {
-        gap,
-        flight: FlightDetail {
-            equation_error,
-            noise: last.noise.clone(),
-            dispersion: last.word.dispersion,
-            simulated: histories::errors(&histories),
-        },
-        histories,
-        extended,
-    })
+    Ok(report)
 }
 
 /// Histories of all segments under base and extension.

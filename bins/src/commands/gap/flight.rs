@@ -79,7 +79,7 @@ pub(super) fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
         &birds,
         0,
         arguments.seeds,
-        FlightShare::ALL,
+        &FlightShare::all(&arguments.only),
         threads,
         &|done, _| bar.set_position(done),
     );

@@ -77,15 +77,15 @@ impl FlightSummary {
         Rate::of(self.outcomes.iter().flat_map(|o| &o.covered), |c| Some(*c))
     }
 
-    /// Mean of the held-out gain over that expected of the truth.
+    /// Held-out gain over that of the truth on the same blocks, pooled; cases in which nothing is
+    /// found gain nothing.
     pub fn gain(&self, nats: f64) -> f64 {
-        let gains: Vec<f64> = self
-            .outcomes
-            .iter()
-            .filter(|o| is_one(&o.kind, nats))
-            .filter_map(|o| o.gain)
-            .collect();
-        gains.iter().sum::<f64>() / gains.len() as f64
+        let mut pooled = (0.0, 0.0);
+        for o in self.outcomes.iter().filter(|o| is_one(&o.kind, nats)) {
+            let (found, truth) = o.gain.unwrap_or((0.0, 0.0));
+            pooled = (pooled.0 + found, pooled.1 + truth);
+        }
+        pooled.0 / pooled.1
     }
 
     /// The table as Markdown.
@@ -104,7 +104,7 @@ impl FlightSummary {
         for o in self.outcomes.iter().filter(|o| !o.exactly()) {
             let nothing = matches!(o.kind, FlightKind::Nothing(_)) && !o.detected();
             if !nothing {
-                let _ = writeln!(text, "- {:?}, seed {}: {}", o.kind, o.seed, said(o));
+                let _ = writeln!(text, "- {}, seed {}: {}", o.kind, o.seed, o.said());
             }
         }
         text
@@ -140,7 +140,7 @@ impl FlightSummary {
             let wrong = self.wrong(|k| is_one(k, nats));
             rows.push(row(&name("wrong with confidence"), "≤ 1 %", wrong));
             let share = format!("{:.0} %", 100.0 * self.gain(nats));
-            rows.push((name("held-out gain / D"), gain, share));
+            rows.push((name("held-out gain / the truth's own"), gain, share));
         }
         rows.push(row(
             "other law: truth in the set",
@@ -188,20 +188,4 @@ impl FlightSummary {
 
 fn is_one(kind: &FlightKind, nats: f64) -> bool {
     matches!(kind, FlightKind::One(_, d) if *d == nats)
-}
-
-fn said(o: &FlightOutcome) -> String {
-    if let Some(error) = &o.error {
-        return error.clone();
-    }
-    let sets: Vec<String> = o.sets.iter().map(|s| s.join(" or ")).collect();
-    let mut text = if sets.is_empty() {
-        "nothing".to_owned()
-    } else {
-        sets.join(" and ")
-    };
-    if let Some(coordinate) = &o.coordinate {
-        text += &format!(", unexplained ({coordinate})");
-    }
-    text
 }

@@ -158,7 +158,7 @@ pub struct Hidden {
     mass_kg: f64,
     /// Delay of the commands, s.
     pub delay_s: f64,
-    /// Lag of the surfaces beyond the servo, s.
+    /// First-order lag before the servo, s.
     pub lag_s: f64,
     /// Surfaces stand off what they are told, rad.
     pub trim: [f64; 3],
@@ -212,9 +212,9 @@ impl Hidden {
             // Direction by the seed; what can only be positive stays so.
             let s = size * self.draws[0].signum();
             match effect {
+                E::ActuatorLag => self.lag(frame, size),
                 E::AirspeedScale
                 | E::ActuatorDelay
-                | E::ActuatorLag
                 | E::GyroBias
                 | E::AccelerometerBias
                 | E::AlphaVaneScale
@@ -299,6 +299,20 @@ impl Hidden {
         }
     }
 
+    /// The servo's natural frequency falls, so that at low frequency it lags by so much more; by
+    /// the cousin's law a first-order lag stands before it.
+    fn lag(&mut self, frame: &mut Airframe, size: f64) {
+        if self.cousin {
+            self.lag_s = size;
+        } else {
+            let double = 2.0 * frame.n("surfaces.damping_ratio");
+            frame.set("surfaces.natural_frequency_rad_s", |omega| {
+                double / (double / omega + size)
+            });
+        }
+        self.tell(E::ActuatorLag, "time_constant_s", size);
+    }
+
     fn sense_or_servo(&mut self, effect: FlightEffect, size: f64, s: f64) {
         let draws = self.draws;
         match effect {
@@ -309,10 +323,6 @@ impl Hidden {
             E::ActuatorDelay => {
                 self.delay_s = size;
                 self.tell(effect, "delay_s", size);
-            }
-            E::ActuatorLag => {
-                self.lag_s = size;
-                self.tell(effect, "time_constant_s", size);
             }
             E::SurfaceTrimOffset => {
                 let names = ["elevator_deg", "aileron_deg", "rudder_deg"];

@@ -1,8 +1,7 @@
-//! From the last view of the data to causes: sets that the data cannot tell apart, what has no
-//! name, what the extension gains on blocks left out.
+//! From the last view of the data to causes: sets that the data cannot tell apart, and what has no
+//! name.
 
 use fdm::mechanism::{CATALOGUE, Mechanism, spec};
-use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::equation_error::Lift;
@@ -10,17 +9,13 @@ use super::evidence::{Candidate, sum};
 use super::parameters::Effect;
 use super::study::{Linear, Study};
 use crate::verdict::{
-    BaseParameter, Cause, Detectable, Evidence, Gain, HeldOut, Parameter, Ranked, Unexplained,
-    Verdict,
+    BaseParameter, Cause, Detectable, Evidence, Parameter, Ranked, Unexplained, Verdict,
 };
 
 /// Probability that a set must hold, and that a name alone needs.
 const SET_PROBABILITY: f64 = 0.95;
 /// Probability of so large a score by chance, over all candidates, that a cause may have.
 const LARGEST_P: f64 = 0.01;
-/// Part of the strongest cause's gain that a further one must have: no law is exact, and what a
-/// strong cause leaves by that is not a cause of its own.
-const LEAST_PART: f64 = 0.2;
 /// Nats at which an effect is seen almost surely.
 const VISIBLE_NATS: f64 = 20.0;
 /// Nats for each of which the evidence is taken to be a hundredth less sure: no law of the
@@ -73,7 +68,7 @@ fn name(study: &Study<'_>, candidate: usize) -> String {
     if study.is_named(candidate) {
         study.ids[candidate].to_owned()
     } else {
-        study.groups[candidate - study.ids.len()].words()
+        study.terms.groups[candidate - study.ids.len()].words()
     }
 }
 
@@ -88,20 +83,12 @@ pub fn judge(study: &Study<'_>, last: &Linear) -> Answer {
     let mut causes = Vec::new();
     let mut unexplained: Option<Unexplained> = None;
     let mut set = Vec::new();
-    let strongest = best
-        .set
-        .iter()
-        .map(|item| {
-            let rest: Vec<usize> = best.set.iter().copied().filter(|k| k != item).collect();
-            best.fit.log_score - fit(&rest).log_score
-        })
-        .fold(0.0, f64::max);
     for &item in &best.set {
         let rest: Vec<usize> = best.set.iter().copied().filter(|&k| k != item).collect();
         let without = fit(&rest);
         let gain = best.fit.log_score - without.log_score;
         let p = p_value(gain, study.candidates[item].columns.len(), tried);
-        if p > LARGEST_P || gain < LEAST_PART * strongest {
+        if p > LARGEST_P {
             continue;
         }
         set.push(item);
@@ -201,7 +188,7 @@ fn ranking(study: &Study<'_>, last: &Linear) -> Vec<Ranked> {
 
 /// Where a nameless term lives: the block in which it gains most, with its neighbours that gain.
 fn nameless(study: &Study<'_>, last: &Linear, candidate: usize, evidence: f64) -> Unexplained {
-    let group = &study.groups[candidate - study.ids.len()];
+    let group = &study.terms.groups[candidate - study.ids.len()];
     let columns = &study.candidates[candidate].columns;
     let fit = last.word.fit(&[&study.candidates[candidate]]);
     let gains: Vec<f64> = last
@@ -326,55 +313,4 @@ pub fn extension(causes: &[Cause]) -> Vec<Mechanism> {
             Mechanism::with_values(id, &values).ok()
         })
         .collect()
-}
-
-/// Scores of base and extension on each block by a fit to the others.
-pub fn gain(study: &Study<'_>, last: &Linear, set: &[usize]) -> Gain {
-    let (a, b) = sum(&last.blocks, None);
-    let mut gains = Vec::new();
-    let (mut before, mut after, mut count) = (0.0, 0.0, 0.0);
-    for block in &last.blocks {
-        let (rest_a, rest_b) = (&a - &block.a, &b - &block.b);
-        let squares = |values: &DVector<f64>| {
-            block.squares - 2.0 * values.dot(&block.b) + values.dot(&(&block.a * values))
-        };
-        let plain = squares(&study.solve(&rest_a, &rest_b, &[]));
-        let with = squares(&study.solve(&rest_a, &rest_b, set));
-        gains.push(0.5 * (plain - with));
-        before += plain;
-        after += with;
-        count += block.count as f64;
-    }
-    let n = gains.len() as f64;
-    let total: f64 = gains.iter().sum();
-    let variance: f64 = gains.iter().map(|g| (g - total / n).powi(2)).sum::<f64>();
-    let error = 1.96 * (variance * n / (n - 1.0)).sqrt();
-    let rmse = |squares: f64| (squares / count).sqrt();
-    let nan = f64::NAN;
-    Gain {
-        blocks: last.blocks.len(),
-        held_out: HeldOut {
-            log_score_before: last.log_score - total,
-            log_score_after: last.log_score,
-            log_score_gain_low: total - error,
-            log_score_gain_high: total + error,
-            rmse_before: rmse(before),
-            rmse_after: rmse(after),
-            // The gain's interval, as squares.
-            rmse_change_low: rmse((before - 2.0 * (total + error)).max(0.0)) - rmse(before),
-            rmse_change_high: rmse((before - 2.0 * (total - error)).max(0.0)) - rmse(before),
-            fac2_before: nan,
-            fac2_after: nan,
-            fb_before: nan,
-            fb_after: nan,
-            nmse_before: nan,
-            nmse_after: nan,
-            mg_before: nan,
-            mg_after: nan,
-            vg_before: nan,
-            vg_after: nan,
-            intervals_before: [[nan; 2]; 5],
-            intervals_after: [[nan; 2]; 5],
-        },
-    }
 }

@@ -15,6 +15,8 @@ pub struct Word {
     pub t: DVector<f64>,
     /// Factor by which the innovations' score varies more than their information says.
     pub dispersion: f64,
+    /// Log evidence of the base over its point at zero.
+    pub base_log_evidence: f64,
 }
 
 /// A cause that may be added: columns (places among the tested) with prior sizes.
@@ -74,12 +76,20 @@ impl Word {
                 s: DMatrix::zeros(n, n),
                 t: DVector::zeros(n),
                 dispersion,
+                base_log_evidence: f64::NEG_INFINITY,
             };
         };
         let head = b.rows(0, base).into_owned();
         let s = &a - across.transpose() * c.solve(&across);
         let t = &b - across.transpose() * c.solve(&head);
-        Self { s, t, dispersion }
+        let prior: f64 = tolerance.iter().map(|sd| sd.ln()).sum();
+        let base_log_evidence = 0.5 * head.dot(&c.solve(&head)) - half_log_det(&c) - prior;
+        Self {
+            s,
+            t,
+            dispersion,
+            base_log_evidence,
+        }
     }
 
     /// The fit of `set` together.
@@ -134,7 +144,8 @@ fn half_log_det(c: &Cholesky<f64, Dyn>) -> f64 {
 }
 
 /// How much more the score varies from block to block than the information says, by columns
-/// that the model's own parameters span: the median over columns of the ratio, at least 1.
+/// that the model's own parameters span: the median over columns of the ratio, less what a variance
+/// over so many blocks may be above 1 by chance, at least 1.
 pub fn dispersion(blocks: &[Block], fitted: &DVector<f64>, columns: usize) -> f64 {
     let mut ratios = Vec::new();
     for k in 0..columns {
@@ -159,11 +170,10 @@ pub fn dispersion(blocks: &[Block], fitted: &DVector<f64>, columns: usize) -> f6
         }
     }
     ratios.sort_by(f64::total_cmp);
-    ratios
-        .get(ratios.len() / 2)
-        .copied()
-        .unwrap_or(1.0)
-        .max(1.0)
+    let median = ratios.get(ratios.len() / 2).copied().unwrap_or(1.0);
+    // So much above 1 it may be by chance.
+    let error = (2.0 / (blocks.len() as f64 - 1.0)).sqrt();
+    (median / (1.0 + error)).max(1.0)
 }
 
 /// One model found by [`search`]: places of its candidates, ascending, and its fit.
@@ -173,23 +183,33 @@ pub struct Model {
     pub set: Vec<usize>,
     /// The fit.
     pub fit: Fit,
-    /// Log evidence and log prior together.
+    /// Log evidence and log prior together, less what further causes are charged.
     pub log_posterior: f64,
 }
 
+/// Part of the strongest single cause's gain that each further cause is charged: no law is exact,
+/// and what a strong cause leaves by that is not a cause of its own.
+const FURTHER_PART: f64 = 0.2;
 /// Sets kept from one size to the next.
 const BEAM: usize = 12;
 /// Largest set.
 pub const LARGEST_SET: usize = 7;
 
-/// The best sets of candidates up to [`LARGEST_SET`], the best first.
+/// The best sets of candidates up to [`LARGEST_SET`], the best first. All pairs with one of the
+/// strongest dozen are tried, and so on, so that one may stand for two and two for one.
 pub fn search(word: &Word, candidates: &[Candidate]) -> Vec<Model> {
+    let strongest = candidates
+        .iter()
+        .map(|c| word.fit(&[c]).log_score)
+        .fold(0.0, f64::max);
+    let charge = FURTHER_PART * strongest;
     let judge = |set: Vec<usize>| {
         let chosen: Vec<&Candidate> = set.iter().map(|&k| &candidates[k]).collect();
         let fit = word.fit(&chosen);
         let prior: f64 = chosen.iter().map(|c| c.log_prior).sum();
+        let further = set.len().saturating_sub(1) as f64;
         Model {
-            log_posterior: fit.log_evidence + prior,
+            log_posterior: fit.log_evidence + prior - further * charge,
             set,
             fit,
         }
@@ -197,23 +217,13 @@ pub fn search(word: &Word, candidates: &[Candidate]) -> Vec<Model> {
     let mut all = vec![judge(Vec::new())];
     let mut front = all.clone();
     for _ in 0..LARGEST_SET {
-        let mut sets: Vec<Vec<usize>> = Vec::new();
-        for model in &front {
-            for k in 0..candidates.len() {
-                if !model.set.contains(&k) {
-                    let mut set = model.set.clone();
-                    set.push(k);
-                    set.sort_unstable();
-                    sets.push(set);
-                }
-            }
-        }
-        sets.sort();
-        sets.dedup();
-        let mut grown: Vec<Model> = sets.into_iter().map(judge).collect();
+        let mut grown: Vec<Model> = grown_by_one(&front, candidates.len())
+            .into_iter()
+            .map(judge)
+            .collect();
         grown.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
         let best = all.iter().map(|m| m.log_posterior).fold(f64::MIN, f64::max);
-        let still = grown[0].log_posterior > best - 6.0;
+        let still = grown[0].log_posterior > best - 6.0 - charge;
         all.extend(grown.iter().cloned());
         grown.truncate(BEAM);
         front = grown;
@@ -223,4 +233,20 @@ pub fn search(word: &Word, candidates: &[Candidate]) -> Vec<Model> {
     }
     all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
     all
+}
+
+/// The sets of `front` with one more of `count` candidates, each once.
+fn grown_by_one(front: &[Model], count: usize) -> Vec<Vec<usize>> {
+    let mut sets: Vec<Vec<usize>> = Vec::new();
+    for model in front {
+        for k in (0..count).filter(|k| !model.set.contains(k)) {
+            let mut set = model.set.clone();
+            set.push(k);
+            set.sort_unstable();
+            sets.push(set);
+        }
+    }
+    sets.sort();
+    sets.dedup();
+    sets
 }

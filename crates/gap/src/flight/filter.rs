@@ -11,8 +11,7 @@ use super::gate::Segment;
 use super::motion::{DISTURBANCE_S, GUST_S, LEAN_S, Mean, STATES, World, difference, moved, start};
 use super::noise::Noise;
 use super::normal::Normal;
-use super::rival::{Group, Ranges, Target, surface_power};
-use fdm::Aircraft;
+use super::rival::{Target, Terms};
 
 /// Innovation, in standard deviations, beyond which it counts linearly (Huber 1964).
 const HUBER: f64 = 3.0;
@@ -44,18 +43,14 @@ pub struct Columns<'a> {
     /// World of each parameter moved by its step, and the step; `moves` says whether motion
     /// changes.
     pub worlds: Vec<(World, f64, bool)>,
-    /// Nameless groups.
-    pub groups: &'a [Group],
-    /// Their ranges.
-    pub ranges: Ranges,
-    /// The aircraft of the base.
-    pub aircraft: &'a Aircraft,
+    /// Nameless terms.
+    pub terms: &'a Terms,
 }
 
 impl Columns<'_> {
     /// Number of columns.
     pub fn count(&self) -> usize {
-        self.worlds.len() + self.groups.iter().map(|g| g.columns).sum::<usize>()
+        self.worlds.len() + self.terms.count()
     }
 }
 
@@ -68,12 +63,25 @@ struct Filter<'a> {
     p: Matrix,
 }
 
+/// One reading as the filter took it.
+struct Taken {
+    gain: Error,
+    /// Innovation in standard deviations.
+    nu: f64,
+    /// Huber's weight.
+    weight: f64,
+    variance: f64,
+    /// Variance that the gain was divided by.
+    used: f64,
+    log_score: f64,
+}
+
 /// Derivatives of the state by the columns.
 struct Sensitivity<'a, 'b> {
     columns: &'a Columns<'b>,
     state: Vec<Error>,
-    /// Values of the nameless terms at this sample, in the order of the columns.
-    terms: Vec<f64>,
+    /// What the nameless terms are at this sample, in the order of the columns.
+    terms: Vec<(Target, f64)>,
 }
 
 /// Runs the filter over `segment`. `keep` keeps innovations and states.
@@ -122,7 +130,7 @@ fn pass(
             Some(Sensitivity {
                 columns,
                 state: vec![[0.0; STATES]; columns.count()],
-                terms: vec![0.0; columns.count() - columns.worlds.len()],
+                terms: vec![(Target::Spin(0), 0.0); columns.terms.count()],
             }),
             Some(normal),
         ),
@@ -225,38 +233,13 @@ impl Filter<'_> {
             }
             let away = measured - expected[c];
             innovations[c] = if is_angle(c) { wrapped(away) } else { away };
-            let e = innovations[c] - dot(&h[c], &d);
-            let gain: Error = times(&self.p, &h[c]);
-            let r = self.noise.sensor[c].powi(2);
-            let known = dot(&h[c], &gain).max(0.0);
-            let variance = known + r;
-            let nu = e / variance.sqrt();
-            let (loss, weight) = huber(nu);
-            out.log_score -= 0.5 * (loss + (std::f64::consts::TAU * variance).ln());
-            standardised[c] = nu;
-            // An outlier counts as one with a larger noise.
-            let used = known + r / (weight * weight);
-            for k in 0..STATES {
-                d[k] += gain[k] * e / used;
-            }
+            let taken = self.take(c, &h[c], innovations[c], &mut d);
+            out.log_score += taken.log_score;
+            standardised[c] = taken.nu;
             if let (Some(s), Some(direct)) = (sensitivity.as_deref_mut(), &direct) {
-                let scale = weight.sqrt() / variance.sqrt();
-                for (j, state) in s.state.iter_mut().enumerate() {
-                    let of_e = -direct[j][c] - dot(&h[c], state);
-                    row[j] = of_e * scale;
-                    let moved = of_e / used;
-                    for k in 0..STATES {
-                        state[k] += gain[k] * moved;
-                    }
-                }
+                s.take(c, &h[c], &taken, direct, &mut row);
                 if let Some(normal) = normal.as_deref_mut() {
-                    normal.add_row(&row, nu * weight.sqrt());
-                }
-            }
-            for k in 0..STATES {
-                let g = gain[k] / used;
-                for l in 0..STATES {
-                    self.p[k][l] -= g * gain[l];
+                    normal.add_row(&row, taken.nu * taken.weight.sqrt());
                 }
             }
             out.count[c] += 1;
@@ -272,6 +255,35 @@ impl Filter<'_> {
         if keep {
             out.standardised.push(standardised);
             out.means.push(self.mean);
+        }
+    }
+
+    /// Takes the reading of channel `c`, whose derivatives are `h` and whose departure from what
+    /// was expected before this sample is `away`: moves `d` and the covariance.
+    fn take(&mut self, c: usize, h: &Error, away: f64, d: &mut Error) -> Taken {
+        let e = away - dot(h, d);
+        let gain: Error = times(&self.p, h);
+        let r = self.noise.sensor[c].powi(2);
+        let known = dot(h, &gain).max(0.0);
+        let variance = known + r;
+        let nu = e / variance.sqrt();
+        let (loss, weight) = huber(nu);
+        // An outlier counts as one with a larger noise.
+        let used = known + r / (weight * weight);
+        for k in 0..STATES {
+            d[k] += gain[k] * e / used;
+            let g = gain[k] / used;
+            for l in 0..STATES {
+                self.p[k][l] -= g * gain[l];
+            }
+        }
+        Taken {
+            gain,
+            nu,
+            weight,
+            variance,
+            used,
+            log_score: -0.5 * (loss + (std::f64::consts::TAU * variance).ln()),
         }
     }
 
@@ -342,6 +354,26 @@ impl Filter<'_> {
 }
 
 impl Sensitivity<'_, '_> {
+    /// Moves the derivatives by one reading and writes those of its innovation into `row`.
+    fn take(
+        &mut self,
+        c: usize,
+        h: &Error,
+        taken: &Taken,
+        direct: &[[f64; CHANNELS]],
+        row: &mut [f64],
+    ) {
+        let scale = taken.weight.sqrt() / taken.variance.sqrt();
+        for (j, state) in self.state.iter_mut().enumerate() {
+            let of_e = -direct[j][c] - dot(h, state);
+            row[j] = of_e * scale;
+            let moved = of_e / taken.used;
+            for k in 0..STATES {
+                state[k] += taken.gain[k] * moved;
+            }
+        }
+    }
+
     /// Derivatives of the readings by the columns at a fixed state.
     fn direct(
         &mut self,
@@ -355,35 +387,16 @@ impl Sensitivity<'_, '_> {
             let read = world.sense(segment, i, &filter.mean);
             out.push(std::array::from_fn(|c| (read[c] - expected[c]) / step));
         }
-        let m = fdm::dynamics::rotation(&filter.mean.body.attitude);
-        let wind = filter.world.wind(i);
-        let air = std::array::from_fn(|k| wind[k] + filter.mean.gust[k]);
-        let flow = fdm::dynamics::flow(&m, &filter.mean.body.vel_ned, &air);
-        let controls = filter.world.controls_at(i);
-        let angles = [controls.aileron, controls.elevator, controls.rudder];
-        let power = surface_power(self.columns.aircraft);
-        let pressure = 0.5 * segment.density[i] * flow.airspeed * flow.airspeed;
-        let mut at_term = 0;
-        for group in self.columns.groups {
-            let basis = self.columns.ranges.basis(
-                group.coordinate,
-                segment.time_s[i],
-                flow.airspeed,
-                flow.alpha,
-            );
-            for value in &basis[..group.columns] {
-                let mut term = value * group.scale;
-                let mut read = [0.0; CHANNELS];
-                match group.target {
-                    Target::Push(k) => read[at::FORCE + k] = term,
-                    Target::Sensor(c) => read[c] = term,
-                    Target::Surface(k) => term *= power[k] * pressure * angles[k],
-                    Target::Spin(_) => {}
-                }
-                self.terms[at_term] = term;
-                at_term += 1;
-                out.push(read);
+        let met = filter.world.meets(segment, i, &filter.mean);
+        for (column, (target, value)) in self.terms.iter_mut().zip(self.columns.terms.at(&met)) {
+            let mut read = [0.0; CHANNELS];
+            match target {
+                Target::Push(k) => read[at::FORCE + k] = value,
+                Target::Sensor(c) => read[c] = value,
+                Target::Surface(_) | Target::Spin(_) => {}
             }
+            *column = (target, value);
+            out.push(read);
         }
         out
     }
@@ -400,22 +413,17 @@ impl Sensitivity<'_, '_> {
                 }
             }
         }
-        let mut at_term = self.columns.worlds.len();
-        for group in self.columns.groups {
-            for _ in 0..group.columns {
-                let term = self.terms[at_term - self.columns.worlds.len()];
-                let state = &mut self.state[at_term];
-                *state = times(f, state);
-                match group.target {
-                    Target::Spin(k) | Target::Surface(k) => state[6 + k] += dt * term,
-                    Target::Push(k) => {
-                        for r in 0..3 {
-                            state[r] += dt * m[r][k] * term;
-                        }
+        let nameless = &mut self.state[self.columns.worlds.len()..];
+        for (state, &(target, value)) in nameless.iter_mut().zip(&self.terms) {
+            *state = times(f, state);
+            match target {
+                Target::Spin(k) | Target::Surface(k) => state[6 + k] += dt * value,
+                Target::Push(k) => {
+                    for r in 0..3 {
+                        state[r] += dt * m[r][k] * value;
                     }
-                    Target::Sensor(_) => {}
                 }
-                at_term += 1;
+                Target::Sensor(_) => {}
             }
         }
     }

@@ -9,6 +9,7 @@ use fdm::{Aircraft, SurfaceCommand};
 use super::channel::{CHANNELS, at};
 use super::gate::Segment;
 use super::parameters::{Parameter, applied};
+use super::rival::{Meeting, Nameless};
 
 /// Number of error states: velocity, attitude, rate, gust, disturbing angular acceleration and
 /// specific force, three of each; and two slow errors of the logged roll and pitch angle.
@@ -48,6 +49,8 @@ pub struct World {
     wind: Vec<[f64; 3]>,
     /// Surfaces through each interval.
     controls: std::rc::Rc<Vec<Substeps>>,
+    /// Smooth disturbances without a name.
+    nameless: Option<Nameless>,
 }
 
 impl World {
@@ -83,6 +86,28 @@ impl World {
             sensors: extended.sensors,
             wind,
             controls,
+            nameless: None,
+        }
+    }
+
+    /// The same with smooth disturbances, if there are any.
+    pub fn with(mut self, nameless: Option<Nameless>) -> Self {
+        self.nameless = nameless;
+        self
+    }
+
+    /// The flow at sample `i`, what turns the body, and the dynamic pressure (Pa).
+    pub fn meets(&self, segment: &Segment, i: usize, mean: &Mean) -> Meeting {
+        let m = rotation(&mean.body.attitude);
+        let wind = std::array::from_fn(|k| self.wind[i][k] + mean.gust[k]);
+        let flow = flow(&m, &mean.body.vel_ned, &wind);
+        let controls = self.controls_at(i);
+        Meeting {
+            time_s: segment.time_s[i],
+            airspeed: flow.airspeed,
+            alpha: flow.alpha,
+            angles: [controls.aileron, controls.elevator, controls.rudder],
+            pressure: 0.5 * segment.density[i] * flow.airspeed * flow.airspeed,
         }
     }
 
@@ -97,13 +122,17 @@ impl World {
         let mut next = *mean;
         let substeps = &self.controls[i];
         let part = dt / substeps.len() as f64;
+        let (mut spin, mut push) = (mean.spin, mean.push);
+        if let Some(nameless) = &self.nameless {
+            nameless.disturb(&self.meets(segment, i, mean), &mut spin, &mut push);
+        }
         for controls in substeps {
             next.body = self.dynamics.rk4(&next.body, controls, &air, part).0;
             let m = rotation(&next.body.attitude);
             for k in 0..3 {
-                next.body.rate[k] += part * mean.spin[k];
-                next.body.vel_ned[k] += part
-                    * (m[k][0] * mean.push[0] + m[k][1] * mean.push[1] + m[k][2] * mean.push[2]);
+                next.body.rate[k] += part * spin[k];
+                next.body.vel_ned[k] +=
+                    part * (m[k][0] * push[0] + m[k][1] * push[1] + m[k][2] * push[2]);
             }
         }
         let keep = (-dt / DISTURBANCE_S).exp();
@@ -140,6 +169,9 @@ impl World {
             read[at::ROLL_RATE + k] = body.rate[k] + s.gyro_bias_rad_s[k];
             read[at::FORCE + k] = force[k] / mass + mean.push[k] + s.accelerometer_bias_m_s2[k];
             read[at::VELOCITY + k] = body.vel_ned[k];
+        }
+        if let Some(nameless) = &self.nameless {
+            nameless.misread(&self.meets(segment, i, mean), &mut read);
         }
         read
     }

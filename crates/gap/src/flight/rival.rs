@@ -4,7 +4,7 @@
 use fdm::Aircraft;
 use serde::Serialize;
 
-use super::channel::{ALL, at};
+use super::channel::{ALL, CHANNELS, at};
 use super::gate::{Gated, Segment};
 
 /// Along what a misfit lives.
@@ -71,13 +71,115 @@ impl Group {
     }
 }
 
+/// What an aircraft meets at one instant.
+#[derive(Debug, Clone, Copy)]
+pub struct Meeting {
+    /// Time, s.
+    pub time_s: f64,
+    /// Airspeed, m/s.
+    pub airspeed: f64,
+    /// Angle of attack, rad.
+    pub alpha: f64,
+    /// Aileron, elevator, rudder: the surface that turns about each axis, rad.
+    pub angles: [f64; 3],
+    /// Dynamic pressure, Pa.
+    pub pressure: f64,
+}
+
+/// All groups of a study, and what their columns are made from.
+#[derive(Debug, Clone)]
+pub struct Terms {
+    /// The groups.
+    pub groups: Vec<Group>,
+    ranges: Ranges,
+    power: [f64; 3],
+}
+
+impl Terms {
+    /// Every group for these data.
+    pub fn of(aircraft: &Aircraft, gated: &Gated) -> Self {
+        Self {
+            groups: groups(aircraft, gated),
+            ranges: Ranges::of(&gated.segments),
+            power: surface_power(aircraft),
+        }
+    }
+
+    /// Number of columns.
+    pub fn count(&self) -> usize {
+        self.groups.iter().map(|g| g.columns).sum()
+    }
+
+    /// What one standard deviation of each column is at an instant, SI, with what it acts on.
+    pub fn at(&self, met: &Meeting) -> impl Iterator<Item = (Target, f64)> {
+        let met = *met;
+        self.groups.iter().flat_map(move |group| {
+            let basis = self
+                .ranges
+                .basis(group.coordinate, met.time_s, met.airspeed, met.alpha);
+            let power = match group.target {
+                Target::Surface(k) => self.power[k] * met.pressure * met.angles[k],
+                _ => 1.0,
+            };
+            (0..group.columns).map(move |k| (group.target, basis[k] * group.scale * power))
+        })
+    }
+}
+
+/// Nameless terms at work, in standard deviations of their priors.
+#[derive(Debug, Clone)]
+pub struct Nameless {
+    terms: std::rc::Rc<Terms>,
+    values: Vec<f64>,
+}
+
+impl Nameless {
+    /// The terms with these values; none where all are nil.
+    pub fn new(terms: &std::rc::Rc<Terms>, values: &[f64]) -> Option<Self> {
+        values.iter().any(|v| *v != 0.0).then(|| Self {
+            terms: terms.clone(),
+            values: values.to_vec(),
+        })
+    }
+
+    fn each(&self, met: &Meeting) -> impl Iterator<Item = (Target, f64)> {
+        let values = self.values.iter();
+        let terms = self.terms.at(met).zip(values);
+        terms
+            .filter(|(_, v)| **v != 0.0)
+            .map(|((target, one), v)| (target, one * v))
+    }
+
+    /// Adds angular acceleration (rad/s²) and specific force (m/s²).
+    pub fn disturb(&self, met: &Meeting, spin: &mut [f64; 3], push: &mut [f64; 3]) {
+        for (target, value) in self.each(met) {
+            match target {
+                Target::Spin(k) | Target::Surface(k) => spin[k] += value,
+                Target::Push(k) => push[k] += value,
+                Target::Sensor(_) => {}
+            }
+        }
+    }
+
+    /// Adds what sensors read of it.
+    pub fn misread(&self, met: &Meeting, read: &mut [f64; CHANNELS]) {
+        for (target, value) in self.each(met) {
+            match target {
+                Target::Push(k) => read[at::FORCE + k] += value,
+                Target::Sensor(c) => read[c] += value,
+                Target::Spin(_) | Target::Surface(_) => {}
+            }
+        }
+    }
+}
+
 /// Waves of a smooth term in time.
 const TIME_TERMS: usize = 4;
 /// Terms along airspeed or angle of attack.
 const STATE_TERMS: usize = 2;
 
 /// Every group for these data.
-pub fn groups(aircraft: &Aircraft, gated: &Gated) -> Vec<Group> {
+fn groups(aircraft: &Aircraft, gated: &Gated) -> Vec<Group> {
     let spin = control_spin(aircraft);
     let push = [0.3, 0.3, 0.8];
     let mut all = Vec::new();
@@ -133,7 +235,7 @@ fn control_spin(a: &Aircraft) -> [f64; 3] {
 }
 
 /// Angular acceleration by one radian of each surface and unit dynamic pressure.
-pub fn surface_power(a: &Aircraft) -> [f64; 3] {
+fn surface_power(a: &Aircraft) -> [f64; 3] {
     let s = a.wing.area_m2;
     [
         s * a.wing.span_m * a.roll.aileron / a.body.ixx_kg_m2,

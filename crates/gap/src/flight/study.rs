@@ -1,5 +1,7 @@
 //! One question put to the data: linearise, search, go there, linearise again.
 
+use std::rc::Rc;
+
 use fdm::Aircraft;
 use fdm::mechanism::CATALOGUE;
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -13,7 +15,7 @@ use super::motion::World;
 use super::noise::{self, Noise};
 use super::normal::{Block, Normal};
 use super::parameters::{Effect, Parameter, all};
-use super::rival::{Group, Ranges, groups};
+use super::rival::{Nameless, Terms};
 use crate::GapError;
 
 /// Log prior of a mechanism's being at work: what keeps false alarms below a hundredth with the
@@ -27,8 +29,12 @@ const BLOCKS: f64 = 40.0;
 const BLOCK_S: f64 = 5.0;
 /// Times the variance of an acceleration that the published moment may leave and still be near.
 const FAR_OFF: f64 = 1.5;
-/// Most linearisations.
+/// Most linearisations on one way.
 const ROUNDS: usize = 3;
+/// Most ways gone.
+const RIVALS: usize = 3;
+/// Part of its gain by which a rival may seem worse than the best and still be looked at.
+const RIVAL_PART: f64 = 0.5;
 
 /// The data and all that may be asked of them.
 pub struct Study<'a> {
@@ -39,9 +45,7 @@ pub struct Study<'a> {
     /// Parameters of mechanisms, tolerances and winds.
     pub parameters: Vec<Parameter>,
     /// Nameless terms.
-    pub groups: Vec<Group>,
-    /// What their coordinates are scaled by.
-    pub ranges: Ranges,
+    pub terms: Rc<Terms>,
     /// Mechanisms, then nameless terms.
     pub candidates: Vec<Candidate>,
     /// Id of each mechanism among the candidates.
@@ -63,14 +67,16 @@ pub struct Linear {
     pub word: Word,
     /// Best models.
     pub models: Vec<Model>,
+    /// Log posterior of the best model on the scale of `log_score`: what views from different
+    /// points are compared by.
+    pub log_posterior: f64,
 }
 
 impl<'a> Study<'a> {
     /// Prepares the question.
     pub fn new(aircraft: &'a Aircraft, gated: &'a Gated, logs: usize) -> Self {
         let parameters = all(aircraft, gated, logs);
-        let groups = groups(aircraft, gated);
-        let ranges = Ranges::of(&gated.segments);
+        let terms = Rc::new(Terms::of(aircraft, gated));
         let mut ids = Vec::new();
         let mut candidates = Vec::new();
         for (m, spec) in CATALOGUE.iter().enumerate() {
@@ -93,7 +99,7 @@ impl<'a> Study<'a> {
             });
         }
         let mut at_column = parameters.len();
-        for group in &groups {
+        for group in &terms.groups {
             candidates.push(Candidate {
                 columns: (at_column..at_column + group.columns).collect(),
                 prior_sd: vec![1.0; group.columns],
@@ -106,8 +112,7 @@ impl<'a> Study<'a> {
             aircraft,
             gated,
             parameters,
-            groups,
-            ranges,
+            terms,
             candidates,
             ids,
         }
@@ -120,12 +125,23 @@ impl<'a> Study<'a> {
 
     /// The world of `segment` at `theta`.
     pub fn world(&self, segment: &Segment, theta: &[f64]) -> World {
-        World::new(self.aircraft, &self.parameters, theta, segment, None)
+        self.world_like(segment, theta, None)
+    }
+
+    /// The same; `like` lends its surfaces.
+    fn world_like(&self, segment: &Segment, theta: &[f64], like: Option<&World>) -> World {
+        let nameless = Nameless::new(&self.terms, &theta[self.parameters.len()..]);
+        World::new(self.aircraft, &self.parameters, theta, segment, like).with(nameless)
+    }
+
+    /// Number of columns: parameters and nameless terms.
+    pub fn width(&self) -> usize {
+        self.parameters.len() + self.terms.count()
     }
 
     /// The base at zero, but for the winds, which the data tell.
     pub fn start(&self) -> Vec<f64> {
-        let mut theta = vec![0.0; self.parameters.len()];
+        let mut theta = vec![0.0; self.width()];
         if self.gated.has_wind {
             return theta;
         }
@@ -171,14 +187,12 @@ impl<'a> Study<'a> {
             let mut aside = theta.to_vec();
             aside[j] += parameter.step;
             let like = (!parameter.servo).then_some(base);
-            let world = World::new(self.aircraft, &self.parameters, &aside, segment, like);
+            let world = self.world_like(segment, &aside, like);
             worlds.push((world, parameter.step, parameter.moves));
         }
         Columns {
             worlds,
-            groups: &self.groups,
-            ranges: self.ranges,
-            aircraft: self.aircraft,
+            terms: &self.terms,
         }
     }
 
@@ -190,7 +204,7 @@ impl<'a> Study<'a> {
             .iter()
             .map(|s| s.time_s[s.len() - 1] - s.time_s[0])
             .sum();
-        let width = self.parameters.len() + self.groups.iter().map(|g| g.columns).sum::<usize>();
+        let width = self.width();
         let mut normal = Normal::new(width, (flown / BLOCKS).max(BLOCK_S));
         let mut log_score = 0.0;
         for segment in &self.gated.segments {
@@ -199,7 +213,7 @@ impl<'a> Study<'a> {
             log_score += run_with_columns(segment, &world, &noise, &columns, &mut normal).log_score;
         }
         let mut blocks = normal.finish();
-        let here = DVector::from_fn(width, |j, _| theta.get(j).copied().unwrap_or(0.0));
+        let here = DVector::from_column_slice(&theta);
         for block in &mut blocks {
             // As if linearised at zero: the score there is that here plus information times way.
             let moved = &block.a * &here;
@@ -212,6 +226,9 @@ impl<'a> Study<'a> {
         let tolerance = self.tolerances();
         let word = Word::new(&a, &b, &tolerance, spread);
         let models = search(&word, &self.candidates);
+        // From the score here to that seen at zero, from where evidence counts.
+        let way = (here.dot(&b) - 0.5 * here.dot(&(&a * &here))) / spread;
+        let log_posterior = log_score - way + word.base_log_evidence + models[0].log_posterior;
         Linear {
             theta,
             noise,
@@ -219,6 +236,7 @@ impl<'a> Study<'a> {
             log_score,
             word,
             models,
+            log_posterior,
         }
     }
 
@@ -234,8 +252,7 @@ impl<'a> Study<'a> {
             .iter()
             .map(|p| p.tolerance.powi(2))
             .collect();
-        let more: usize = self.groups.iter().map(|g| g.columns).sum();
-        variances.resize(variances.len() + more, 0.0);
+        variances.resize(self.width(), 0.0);
         for &k in set {
             let candidate = &self.candidates[k];
             for (&j, sd) in candidate.columns.iter().zip(&candidate.prior_sd) {
@@ -283,21 +300,17 @@ impl<'a> Study<'a> {
         (values, covariance)
     }
 
-    /// Parameters at the best point of `set` as seen from `linear`, inside the catalogue's ranges.
+    /// The best point of `set` as seen from `linear`, inside the catalogue's ranges.
     pub fn theta_of(&self, linear: &Linear, set: &[usize]) -> Vec<f64> {
         let (a, b) = sum(&linear.blocks, None);
-        let values = self.solve(&a, &b, set);
-        self.parameters
-            .iter()
-            .enumerate()
-            .map(|(j, p)| match p.effect {
-                Effect::Mechanism(m, k) => {
-                    let spec = &CATALOGUE[m].parameters[k];
-                    values[j].clamp(spec.low - spec.neutral, spec.high - spec.neutral)
-                }
-                _ => values[j],
-            })
-            .collect()
+        let mut values = self.solve(&a, &b, set);
+        for (value, p) in values.iter_mut().zip(&self.parameters) {
+            if let Effect::Mechanism(m, k) = p.effect {
+                let spec = &CATALOGUE[m].parameters[k];
+                *value = value.clamp(spec.low - spec.neutral, spec.high - spec.neutral);
+            }
+        }
+        values.iter().copied().collect()
     }
 
     /// Looks at the base first, then goes where the best model leads and looks again, until it
@@ -329,28 +342,39 @@ impl<'a> Study<'a> {
             });
         }
         progress(0.4);
-        let mut last: Option<Linear> = None;
-        for round in 0..ROUNDS {
-            let now = last.as_ref().unwrap_or(&first);
-            let best = now.models[0].set.clone();
-            if best.is_empty() && round == 0 {
-                break;
+        let mut last = first.clone();
+        for (k, set) in rivals(&first).into_iter().enumerate() {
+            if let Some(next) = self.descend(&first, &set)
+                && (k == 0 || next.log_posterior > last.log_posterior)
+            {
+                last = next;
             }
+            progress(0.4 + 0.15 * (k + 1) as f64);
+        }
+        Ok((first, last))
+    }
+
+    /// Goes where `set` leads from `from` and looks again, until what is best there stays; none
+    /// where it leads nowhere.
+    fn descend(&self, from: &Linear, set: &[usize]) -> Option<Linear> {
+        let mut best = set.to_vec();
+        let mut last: Option<Linear> = None;
+        for _ in 0..ROUNDS {
+            let now = last.as_ref().unwrap_or(from);
             let theta = self.step_towards(now, &best);
             let noise = self.noise(&theta, now.noise.clone(), 1);
             let next = self.linearise(theta, noise);
-            let stays = next.models[0].set == best;
             if !next.log_score.is_finite() {
                 break;
             }
+            let stays = next.models[0].set == best;
+            best.clone_from(&next.models[0].set);
             last = Some(next);
-            progress(0.4 + 0.12 * (round + 1) as f64);
             if stays {
                 break;
             }
         }
-        let last = last.unwrap_or_else(|| first.clone());
-        Ok((first, last))
+        last
     }
 
     /// Where the published moments are far off, the point to which equation error leads: steps
@@ -413,6 +437,21 @@ impl<'a> Study<'a> {
         }
         now.theta.clone()
     }
+}
+
+/// The sets from which the search goes on: the best as seen from the base, and where its effect is
+/// so large that this view may bend, its best rivals.
+fn rivals(first: &Linear) -> Vec<Vec<usize>> {
+    let best = &first.models[0];
+    let near = best.log_posterior - RIVAL_PART * best.fit.log_score;
+    first
+        .models
+        .iter()
+        .filter(|m| !m.set.is_empty() && m.set.len() <= best.set.len())
+        .take_while(|m| m.log_posterior >= near)
+        .take(RIVALS)
+        .map(|m| m.set.clone())
+        .collect()
 }
 
 /// Mean wind of a log: velocity over ground minus that through the air, towards north and east.

@@ -6,6 +6,7 @@
 //! with its equations, sources and limits, is in `docs/gap.md`.
 
 mod candidate;
+mod ceiling;
 mod data;
 mod explore;
 mod fit;

@@ -16,6 +16,7 @@ pub(crate) const FALSE_ALARM: f64 = 1e-4;
 const MOST_FITTED: usize = 18;
 /// How far below the best one is still fitted, nats.
 const WITHIN_NATS: f64 = 14.0;
+const WITHIN_PART: f64 = 0.3;
 /// By how much a null must gain for its other place to count as one, nats.
 const ANOTHER_PLACE_NATS: f64 = 1.0;
 /// How many of the best trials lend the null their parameters.
@@ -161,7 +162,9 @@ fn from_screen(
             .iter()
             .filter(|t| t.id == start.id && t.platform == s.platform)
             .count();
-        if have >= most || s.log_evidence < best - WITHIN_NATS || out.len() >= MOST_FITTED {
+        // The stronger an effect, the less the screen's straight line says of it.
+        let within = WITHIN_NATS + WITHIN_PART * best;
+        if have >= most || s.log_evidence < best - within || out.len() >= MOST_FITTED {
             continue;
         }
         let amplitude: Vec<f64> = s.amplitude.iter().map(|a| a.clamp(-2.0, 2.0)).collect();

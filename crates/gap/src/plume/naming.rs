@@ -4,6 +4,7 @@
 use ::plume::mechanism::{Coordinate, Mechanism, MechanismId};
 
 use super::Options;
+use super::ceiling::{Ceiling, ceilings};
 use super::explore::{self, Round, Tried};
 use super::fit::{Context, Fitted};
 use super::held_out;
@@ -17,7 +18,7 @@ const NAME_AT: f64 = 0.95;
 const RIVAL_MARGIN: f64 = 6.0;
 /// What a nameless rival needs beyond its own false-alarm threshold: it is there for strong
 /// effects, and weak ones of many forms are everywhere, nats.
-const RIVAL_MORE: f64 = 12.0;
+const RIVAL_MORE: f64 = 9.0;
 /// Part of its gain in log score that a name may lose on blocks left out.
 const KEEP_PART: f64 = 1.0;
 /// What a full fit must gain beyond the screen's threshold to count by itself, nats.
@@ -25,8 +26,15 @@ const REFIT_MARGIN: f64 = 3.0;
 /// No law of the catalogue is nature's own: of what a cause gains, a part goes to whichever law
 /// has the form that happens to be nearer. At this gain differences count for half, nats.
 const LAW_NATS: f64 = 60.0;
-/// Least gain of the log evidence for a name, nats.
-const LEAST_EVIDENCE: f64 = 2.0;
+/// What an extension must gain under the noise that is fitted with it, nats.
+const STANDS_NATS: f64 = 8.0;
+/// Probability that all names together must have where a nameless rival is called for.
+const NAMES_AT: f64 = 0.5;
+/// Least gains of log score and log evidence for a name, nats. The screen's threshold knows the
+/// noise model's own chance; what nature does besides is seen in cases in which nothing is
+/// hidden.
+const LEAST_SCORE: f64 = 14.0;
+const LEAST_EVIDENCE: f64 = 9.0;
 /// How often a null may move to a better place.
 const MOST_MOVES: usize = 2;
 /// What the stated standard deviations are wider by than the curvature at the best fit says. The
@@ -69,51 +77,6 @@ pub(crate) struct Named {
     pub notices: Vec<String>,
     /// Readings held at a ceiling below what the model predicts.
     pub ceilings: Vec<Ceiling>,
-}
-
-/// A platform whose readings stop at a limit.
-#[derive(Debug, Clone)]
-pub(crate) struct Ceiling {
-    pub platform: String,
-    pub limit_ppm: f64,
-    /// Log score by which the limit beats its absence on the readings held, nats.
-    pub nats: f64,
-}
-
-/// Least log score at which a ceiling is a finding, nats.
-const CEILING_NATS: f64 = 10.0;
-
-/// Ceilings that the gate saw, where the model predicts well above them. Readings held close
-/// together share their intermittency: they count as many as fit between its correlation times.
-fn ceilings(ctx: &Context<'_>, last: &Fitted) -> Vec<Ceiling> {
-    let (size, scale_s) = last.noise.gust();
-    let white = last.noise.white_ppm();
-    let times = ctx.data.track.time_s();
-    let mut out = Vec::new();
-    for (range, limit_ppm) in &ctx.data.ceiling_ppm {
-        let held: Vec<usize> = range
-            .clone()
-            .filter(|i| ctx.data.reading_ppm[*i] == *limit_ppm)
-            .collect();
-        let mut nats = 0.0;
-        let mut last_time = f64::NEG_INFINITY;
-        for i in held {
-            let above = last.prediction.reading[i] - limit_ppm;
-            let sd = white.hypot(size * last.prediction.plume[i]);
-            let new = ((times[i] - last_time) / scale_s).min(1.0);
-            last_time = times[i];
-            nats += 0.5 * new * (above.max(0.0) / sd).powi(2);
-        }
-        if nats > CEILING_NATS {
-            let platform = ctx.data.track.platforms()[ctx.data.platform_of(range.start)].clone();
-            out.push(Ceiling {
-                platform,
-                limit_ppm: *limit_ppm,
-                nats,
-            });
-        }
-    }
-    out
 }
 
 /// Names what the data ask for on top of `base`.
@@ -204,8 +167,28 @@ fn called_for(round: &Round, more_nats: f64) -> Option<&Tried> {
     let seen = round.best_gain.max(refit);
     let calls = seen > round.threshold + more_nats
         && best.log_score.max(best.log_evidence) > 0.8 * round.threshold
+        && best.log_score > LEAST_SCORE
         && best.log_evidence > LEAST_EVIDENCE;
     calls.then_some(best)
+}
+
+/// The nameless rival that a round calls for rather than a name: beyond its own threshold by
+/// `more_nats` and beyond `least_nats`, and clearly better than `best`.
+fn nameless<'a>(
+    round: &'a Round,
+    best: Option<&Tried>,
+    more_nats: f64,
+    least_nats: f64,
+) -> Option<&'a Rival> {
+    let rivals = round.rivals.as_ref()?;
+    let top = rivals.ranked.first()?;
+    if top.log_evidence <= (rivals.threshold + more_nats).max(least_nats) {
+        return None;
+    }
+    let names: f64 = round.by_id(1.0).iter().map(|i| i.1).sum();
+    let beaten =
+        best.is_none_or(|b| names < NAMES_AT || top.log_evidence > b.log_evidence + RIVAL_MARGIN);
+    beaten.then_some(top)
 }
 
 impl Named {
@@ -216,8 +199,9 @@ impl Named {
         tell: &mut dyn FnMut(f64, &'static str),
     ) {
         let mut later: Option<Round> = None;
-        let mut gained = 0.0;
-        for k in 0..=options.most_causes {
+        let (mut gained, mut moved) = (0.0, false);
+        loop {
+            let k = self.accepted.len();
             let round = later.as_ref().unwrap_or(&self.first);
             let more = if k == 0 {
                 0.0
@@ -225,21 +209,12 @@ impl Named {
                 REST_MARGIN + REST_PART * gained
             };
             let best = called_for(round, more);
-            let rival = round.rivals.as_ref().and_then(|r| {
-                let top = r.ranked.first()?;
-                let least = if k == 0 {
-                    r.threshold + RIVAL_MORE
-                } else {
-                    (r.threshold + RIVAL_MORE + REST_MARGIN).max(REST_PART * gained)
-                };
-                (top.log_evidence > least).then_some(top)
-            });
-            let beaten = match (best, rival) {
-                (Some(b), Some(r)) => r.log_evidence > b.log_evidence + RIVAL_MARGIN,
-                (None, Some(_)) => true,
-                _ => false,
+            let least = if k == 0 {
+                RIVAL_MORE
+            } else {
+                RIVAL_MORE + REST_MARGIN
             };
-            if let (true, Some(rival)) = (beaten, rival) {
+            if let Some(rival) = nameless(round, best, least, REST_PART * gained) {
                 let (rest, unexplained) = (rival.fitted.clone(), unexplained(ctx, rival));
                 self.rest = Some(rest);
                 self.unexplained = Some(unexplained);
@@ -248,20 +223,34 @@ impl Named {
             let Some(best) = best.filter(|_| k < options.most_causes) else {
                 return;
             };
-            let accepted = accept(round, best);
-            let fitted = best.fitted.clone();
             // What does not carry over to blocks left out is a chance of the data.
-            if held_out::log_gain(ctx, &self.last, &fitted)
+            if held_out::log_gain(ctx, &self.last, &best.fitted)
                 < -KEEP_PART * best.log_score.max(best.log_evidence)
             {
                 return;
             }
-            gained += best.log_evidence;
-            self.accepted.push(accepted);
-            self.last = ctx.refine(&fitted.model, fitted.noise);
+            let refined = ctx.refine(&best.fitted.model, best.fitted.noise);
+            let next = match better_null(ctx, &self.last.model, &refined, best.part) {
+                Some(_) if moved => return,
+                Some(null) => {
+                    moved = true;
+                    null
+                }
+                None => {
+                    moved = false;
+                    gained += best.log_evidence;
+                    let accepted = accept(round, best);
+                    self.accepted.push(accepted);
+                    refined
+                }
+            };
             tell(0.3 + 0.1 * k as f64, "looking for more");
             let seed = options.seed.wrapping_add(1 + k as u64);
-            let (last, round) = settled_round(ctx, self.last.clone(), seed);
+            let (last, round) = settled_round(ctx, next, seed);
+            if self.accepted.is_empty() {
+                self.base = last.clone();
+                self.ranking = ranking(ctx, &round);
+            }
             self.last = last;
             later = Some(round);
         }
@@ -361,7 +350,16 @@ impl Named {
                 nats_to_next: a.nats_to_next,
             });
         }
-        causes.extend(self.ceilings.iter().map(|c| c.cause()));
+        for own in self.ceilings.iter().map(Ceiling::cause) {
+            let same = |c: &&mut Cause| c.mechanisms == own.mechanisms && !c.platforms.is_empty();
+            match causes.iter_mut().find(same) {
+                Some(same) => {
+                    same.platforms.extend(own.platforms);
+                    same.parameters.extend(own.parameters);
+                }
+                None => causes.push(own),
+            }
+        }
         causes.sort_by(|a, b| {
             b.evidence
                 .delta_log_score
@@ -371,32 +369,25 @@ impl Named {
     }
 }
 
-impl Ceiling {
-    fn cause(&self) -> Cause {
-        Cause {
-            mechanisms: vec![MechanismId::SensorSaturation.as_str().to_string()],
-            // Readings at one and the same top value leave little else.
-            probability: 1.0 - (-self.nats).exp(),
-            evidence: Evidence {
-                delta_log_score: self.nats,
-                delta_log_evidence: self.nats,
-                p_value: (-self.nats).exp(),
-            },
-            parameters: vec![Parameter {
-                mechanism: MechanismId::SensorSaturation.as_str().to_string(),
-                name: "limit_ppm".to_string(),
-                value: self.limit_ppm,
-                sd: 0.0,
-                unit: "ppm".to_string(),
-            }],
-            platforms: vec![self.platform.clone()],
-            nats_to_next: self.nats,
-        }
-    }
-}
-
 fn sum(set: &[(MechanismId, f64)]) -> f64 {
     set.iter().map(|s| s.1).sum::<f64>().min(1.0)
+}
+
+/// The null at where an extension moved it, with the noise fitted there, if the extension gains
+/// little more than that once the noise is its own: its gain was the null's bad place.
+fn better_null(ctx: &Context<'_>, null: &Model, refined: &Fitted, part: usize) -> Option<Fitted> {
+    if part < null.parts.len() {
+        return None;
+    }
+    let without = without(&refined.model, null, part)?;
+    let score = |model: &Model| {
+        let settled = ctx.settle(model, &refined.metric, refined, 6);
+        let base = settled.model.ln_departure(|k| k < null.dimension());
+        (settled.log_score + base, settled)
+    };
+    let (with, _) = score(&refined.model);
+    let (alone, settled) = score(&without);
+    (with - alone < STANDS_NATS).then(|| ctx.refine(&settled.model, refined.noise))
 }
 
 /// The model without an extension, or with the base's own prior put back.

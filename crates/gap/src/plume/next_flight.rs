@@ -5,6 +5,8 @@
 //! rival can take back by moving its parameters within what the data so far allow:
 //! ½ dᵀ(K + J C Jᵀ)⁻¹ d, with K the noise, J the rival's derivatives and C their posterior.
 
+use std::ops::AddAssign;
+
 use ::plume::effects::Ambient;
 use ::plume::field::{Place, World};
 use ::plume::track::{Row, Track};
@@ -18,12 +20,13 @@ use super::linear::{dot, posterior, products, scores};
 use super::model::Model;
 use super::naming::Named;
 use super::noise::Whitener;
+use super::nuisance::Nuisance;
 use crate::verdict::{NextFlight, Waypoint};
 
 /// Airspeed of the proposed flight over ground, m/s.
 const SPEED_M_S: f64 = 18.0;
 /// Length of the proposed flight, s.
-const LENGTH_S: f64 = 600.0;
+const LENGTH_S: f64 = 1200.0;
 /// Lowest height of a proposed leg, m above ground.
 const LOWEST_M: f64 = 30.0;
 /// Separation at which two rivals come apart, nats: at even odds before, 95 % after.
@@ -103,7 +106,7 @@ fn plans(ctx: &Context<'_>, world: &World) -> Vec<Plan> {
     let crossings = |stations: &[(f64, f64)]| {
         // Each station (distance, height) is crossed both ways, then the next.
         let mut corners = Vec::new();
-        for _ in 0..8 {
+        for _ in 0..24 {
             for &(x, z) in stations {
                 let half = 2.5 * world.sigmas_m(x).0;
                 corners.push([x, -half, z]);
@@ -135,7 +138,7 @@ fn plans(ctx: &Context<'_>, world: &World) -> Vec<Plan> {
         let climb = [[x, 0.0, low], [x, 0.0, high]];
         out.push(Plan {
             words: format!("climbs and descents on the axis at {x:.0} m downwind"),
-            corners: (0..30).flat_map(|_| climb).collect(),
+            corners: (0..90).flat_map(|_| climb).collect(),
         });
     }
     let along = [
@@ -144,7 +147,7 @@ fn plans(ctx: &Context<'_>, world: &World) -> Vec<Plan> {
     ];
     out.push(Plan {
         words: "legs along the plume's axis from 300 m to 4 km".to_string(),
-        corners: (0..6).flat_map(|_| along).collect(),
+        corners: (0..12).flat_map(|_| along).collect(),
     });
     let away = [
         [-800.0, -1500.0, axis],
@@ -155,13 +158,13 @@ fn plans(ctx: &Context<'_>, world: &World) -> Vec<Plan> {
     let beside = |z: f64| [600.0, 4.0 * world.sigmas_m(600.0).0 + 100.0, z];
     out.push(Plan {
         words: "climbs and descents beside the plume, from 30 m to 500 m above ground".to_string(),
-        corners: (0..8)
+        corners: (0..40)
             .flat_map(|_| [beside(LOWEST_M), beside(500.0)])
             .collect(),
     });
     out.push(Plan {
         words: "a wide round outside and through the plume".to_string(),
-        corners: (0..4).flat_map(|_| away).collect(),
+        corners: (0..8).flat_map(|_| away).collect(),
     });
     out
 }
@@ -285,6 +288,22 @@ impl AirColumn {
     }
 }
 
+/// The rows of a flight that is yet to be flown: places and air, and readings of nothing.
+fn flown(ctx: &Context<'_>, plan: &Plan, world: &World, flier: Flier) -> Option<Data> {
+    let rows = rows(ctx, plan, flier);
+    let n = rows.len();
+    Some(Data {
+        track: Track::new(world, ctx.data.track.platforms(), &rows).ok()?,
+        reading_ppm: vec![0.0; n],
+        used: vec![true; n],
+        sd_ppm: vec![f64::NAN; n],
+        wind: vec![None; n],
+        notices: Vec::new(),
+        ceiling_ppm: Vec::new(),
+        on_board_wind: ctx.data.on_board_wind,
+    })
+}
+
 /// Nats by which a flight separates the second rival from the first.
 fn separation(
     ctx: &Context<'_>,
@@ -294,19 +313,8 @@ fn separation(
     world: &World,
     flier: Flier,
 ) -> Option<f64> {
-    let rows = rows(ctx, plan, flier);
-    let track = Track::new(world, ctx.data.track.platforms(), &rows).ok()?;
-    let n = track.len();
-    let data = Data {
-        track,
-        reading_ppm: vec![0.0; n],
-        used: vec![true; n],
-        sd_ppm: vec![f64::NAN; n],
-        wind: vec![None; n],
-        notices: Vec::new(),
-        ceiling_ppm: Vec::new(),
-        on_board_wind: false,
-    };
+    let data = flown(ctx, plan, world, flier)?;
+    let n = data.len();
     let there = Context {
         setup: ctx.setup,
         data: &data,
@@ -323,10 +331,13 @@ fn separation(
         .map(|(x, y)| x - y)
         .collect();
     let mut columns = there.derivatives(&second.model, &b.reading);
+    let d = columns.len();
+    // The flight has swings and small departures of its own.
+    let nuisance = Nuisance::new(&there, &second.model, &b, &loading, &first.noise);
+    columns.extend(nuisance.raw);
     let mut all: Vec<&mut [f64]> = columns.iter_mut().map(Vec::as_mut_slice).collect();
     all.push(&mut apart);
     whitener.whiten(&mut all);
-    let d = columns.len();
     // What the second rival knows of its parameters already enters as a prior.
     let known = second
         .posterior
@@ -334,9 +345,12 @@ fn separation(
         .view((0, 0), (d, d))
         .into_owned()
         .try_inverse()?;
-    let gram = products(&columns, &columns) + known;
+    let mut gram = products(&columns, &columns);
+    gram.view_mut((0, 0), (d, d)).add_assign(&known);
     let score = scores(&columns, &apart);
-    let taken = posterior(&gram, &score, &DVector::zeros(d), &DVector::zeros(d))?;
+    let own = |k: usize| nuisance.sd[k - d].powi(-2);
+    let precision = DVector::from_fn(columns.len(), |k, _| if k < d { 0.0 } else { own(k) });
+    let taken = posterior(&gram, &score, &DVector::zeros(columns.len()), &precision)?;
     let regained = 0.5 * score.dot(&taken.mean);
     Some(0.5 * dot(&apart, &apart) - regained)
 }

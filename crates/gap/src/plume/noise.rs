@@ -17,6 +17,10 @@ pub(crate) const NOISE_PARAMETERS: usize = 9;
 const STATES: usize = 3;
 /// Standardised innovation beyond which a reading is an outlier.
 const OUTLIER: f64 = 3.0;
+/// Largest swing of a platform's plume that counts as noise where the wind is logged, degrees,
+/// and the logarithmic width of that cap.
+const MOST_SWING_DEG: f64 = 1.0;
+const CAP_SOFTNESS: f64 = 0.1;
 /// Logarithm of sqrt(2 pi).
 const LN_ROOT_TAU: f64 = 0.918_938_533_204_672_7;
 
@@ -27,6 +31,8 @@ pub struct NoiseModel {
     pub(crate) prior: [(f64, f64); NOISE_PARAMETERS],
     /// Swing of the plume that all platforms share: standard deviation, degrees.
     pub(crate) shared_swing_deg: f64,
+    /// Swing of a platform's plume beyond which it is a finding rather than noise, degrees.
+    pub(crate) most_swing_deg: f64,
 }
 
 /// Positions of the parameters.
@@ -60,6 +66,15 @@ impl NoiseModel {
             ln: prior.map(|p| p.0),
             prior,
             shared_swing_deg: 0.25,
+            most_swing_deg: f64::INFINITY,
+        }
+    }
+
+    /// The same where the wind is logged along the tracks: the plume is about where it says.
+    pub(crate) fn with_logged_wind(self) -> Self {
+        Self {
+            most_swing_deg: MOST_SWING_DEG,
+            ..self
         }
     }
 
@@ -99,7 +114,8 @@ impl NoiseModel {
     /// Log prior density of its parameters, up to a constant.
     pub(crate) fn ln_prior(&self) -> f64 {
         let z = |(x, (mean, sd)): (&f64, &(f64, f64))| -0.5 * ((x - mean) / sd).powi(2);
-        self.ln.iter().zip(&self.prior).map(z).sum()
+        let over = (self.ln[SWING] - self.most_swing_deg.ln()).max(0.0);
+        self.ln.iter().zip(&self.prior).map(z).sum::<f64>() - 0.5 * (over / CAP_SOFTNESS).powi(2)
     }
 }
 

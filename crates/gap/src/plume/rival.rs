@@ -38,7 +38,7 @@ pub(crate) struct Rivals {
 /// Rival evidence sizes tried: prior variance times the largest information of the term.
 const SIZES: [f64; 6] = [3.0, 10.0, 40.0, 200.0, 1000.0, 1e4];
 /// Share of the prior that nameless terms have against named mechanisms.
-const LN_SHARE: f64 = -5.0;
+const LN_SHARE: f64 = -6.0;
 
 /// Builds, whitens and ranks all rivals on top of `fitted`.
 pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed: u64) -> Rivals {

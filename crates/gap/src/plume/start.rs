@@ -19,6 +19,11 @@ pub(crate) struct Started {
 /// Chooses the wind's treatment, fits base and noise.
 pub(crate) fn start(setup: &Setup, data: &mut Data, threads: usize) -> Started {
     let noise = NoiseModel::prior(white_noise(setup, data));
+    let noise = if data.on_board_wind {
+        noise.with_logged_wind()
+    } else {
+        noise
+    };
     let (treatment, model, noise) = choose_wind(setup, data, noise, threads);
     let ctx = Context {
         setup,

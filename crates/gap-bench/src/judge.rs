@@ -4,7 +4,7 @@ use gap::plume::{Analysis, Options, Visibility, analyse};
 use gap::verdict::{Cause, Verdict};
 use gap_truth::case::DamageKind;
 use gap_truth::mutation::mutate;
-use gap_truth::{Case, Effect, Forward, TrueEffect, Truth};
+use gap_truth::{Case, Effect, Forward, FurtherFlight, TrueEffect, Truth, further};
 
 use plume::MechanismId;
 
@@ -47,6 +47,9 @@ pub struct Outcome {
     pub held_out_gain: Option<f64>,
     /// Coordinate of what is unexplained.
     pub coordinate: Option<String>,
+    /// Where the answer is ambiguous: separation that the next flight promises, nats, and whether
+    /// flying it settled the matter.
+    pub next_flight: Option<(f64, bool)>,
     /// Kinds of flaws of the raw data that were said, with their platforms.
     pub flaws: Vec<(String, String)>,
 }
@@ -70,6 +73,7 @@ impl Outcome {
             covered: Vec::new(),
             held_out_gain: None,
             coordinate: None,
+            next_flight: None,
             flaws: Vec::new(),
         }
     }
@@ -104,10 +108,39 @@ pub fn judge_tuned(task: &Task, tuned: Tuned) -> Outcome {
         Ok(analysis) => {
             let alike = Alike::new(&tuned.case, &analysis);
             compare(&mut outcome, &tuned.case.truth, &analysis, &alike);
+            if matches!(task.kind, Kind::One(_)) && outcome.verdict == Some(Verdict::Ambiguous) {
+                outcome.next_flight = fly_on(task, &tuned, &analysis);
+            }
         }
         Err(error) => outcome.error = Some(error),
     }
     outcome
+}
+
+/// What the next flight promises, and whether the matter is settled once it is flown: a cause
+/// holds the effect, and no longer both it and what the flight was to separate.
+fn fly_on(task: &Task, tuned: &Tuned, analysis: &Analysis) -> Option<(f64, bool)> {
+    let next = analysis.json.next_flight.as_ref()?;
+    let waypoint = |w: &gap::verdict::Waypoint| further::Waypoint {
+        time_s: w.time_s,
+        lat_deg: w.lat_deg,
+        lon_deg: w.lon_deg,
+        alt_amsl_m: w.alt_amsl_m,
+    };
+    let flight = FurtherFlight {
+        platform: next.platform.clone().unwrap_or_else(|| "uav1".to_owned()),
+        waypoints: next.waypoints.iter().map(waypoint).collect(),
+    };
+    let spec = task.spec(tuned.scene_seed, &tuned.strengths);
+    let files = Case::flown_on(&spec, &flight);
+    let after = find(task, &tuned.case.scenario_toml, &files).ok()?;
+    let truth = tuned.case.truth.effects.first()?;
+    let (first, others) = next.separates.split_first()?;
+    let settled = after.json.causes.iter().any(|c| {
+        let has = |id: &String| c.mechanisms.contains(id);
+        holds(c, truth) && !(has(first) && others.iter().any(has))
+    });
+    Some((next.expected_nats, settled))
 }
 
 fn answer(task: &Task, case: &Case) -> Result<Analysis, String> {
@@ -117,7 +150,12 @@ fn answer(task: &Task, case: &Case) -> Result<Analysis, String> {
             *text = mutate(text, mutation, task.seed);
         }
     }
-    let read = tune::read(&case.scenario_toml, &files)?;
+    find(task, &case.scenario_toml, &files)
+}
+
+/// The finder's answer to files.
+fn find(task: &Task, scenario_toml: &str, files: &[(String, String)]) -> Result<Analysis, String> {
+    let read = tune::read(scenario_toml, files)?;
     let options = Options {
         seed: task.seed,
         threads: 1,
@@ -127,7 +165,7 @@ fn answer(task: &Task, case: &Case) -> Result<Analysis, String> {
 }
 
 /// Nats of expected difference below which no method could state one of two at 95 %: ln 19.
-const APART_NATS: f64 = 2.944;
+pub(crate) const APART_NATS: f64 = 2.944;
 
 /// What each hidden effect looks like on the tracks of its case.
 struct Alike {
@@ -234,6 +272,16 @@ fn compare(outcome: &mut Outcome, truth: &Truth, analysis: &Analysis, alike: &Al
         && causes
             .iter()
             .any(|c| c.mechanisms.len() == 1 && !is_right(c));
+    (outcome.whole_size, outcome.set_size) = sizes(causes, &hidden, alike).unzip();
+    outcome.stated = causes
+        .first()
+        .map(|c| (c.probability, hidden.iter().any(|(_, e)| holds(c, e))));
+    outcome.covered = coverage(truth, &json.causes);
+}
+
+/// Mean size of the sets that hold a hidden effect, and the same without what cannot be told
+/// from it.
+fn sizes(causes: &[Cause], hidden: &[(usize, &TrueEffect)], alike: &Alike) -> Option<(f64, f64)> {
     let sizes: Vec<(f64, f64)> = causes
         .iter()
         .filter_map(|c| {
@@ -243,15 +291,9 @@ fn compare(outcome: &mut Outcome, truth: &Truth, analysis: &Analysis, alike: &Al
             Some((c.mechanisms.len() as f64, 1.0 + others as f64))
         })
         .collect();
-    let mean = |of: fn(&(f64, f64)) -> f64| {
-        (!sizes.is_empty()).then(|| sizes.iter().map(of).sum::<f64>() / sizes.len() as f64)
-    };
-    outcome.whole_size = mean(|s| s.0);
-    outcome.set_size = mean(|s| s.1);
-    outcome.stated = causes
-        .first()
-        .map(|c| (c.probability, hidden.iter().any(|(_, e)| holds(c, e))));
-    outcome.covered = coverage(truth, &json.causes);
+    let sum = |of: fn(&(f64, f64)) -> f64| sizes.iter().map(of).sum::<f64>();
+    let n = sizes.len() as f64;
+    (!sizes.is_empty()).then(|| (sum(|s| s.0) / n, sum(|s| s.1) / n))
 }
 
 /// Coverage of the parameters of hidden effects that are named alone.

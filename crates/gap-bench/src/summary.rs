@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use gap::verdict::Verdict;
 use gap_truth::{Forward, NoiseForm};
 
-use crate::judge::Outcome;
+use crate::judge::{APART_NATS, Outcome};
 use crate::plan::Kind;
 use crate::rates::Rate;
 
@@ -86,6 +86,15 @@ impl Summary {
     /// Stated 95 % intervals that hold the truth.
     pub fn coverage(cases: &[&Outcome]) -> Rate {
         Rate::of(cases.iter().flat_map(|o| &o.covered), |c| Some(*c))
+    }
+
+    /// Ambiguous answers that flying the proposed flight settled, of those whose flight promises
+    /// at least so many nats.
+    pub fn settled(cases: &[&Outcome], promised_nats: f64) -> Rate {
+        Rate::of(cases, |o| {
+            let (nats, settled) = o.next_flight?;
+            (nats >= promised_nats).then_some(settled)
+        })
     }
 
     /// Held-out gain over the visibility, pooled over cases with a gain; cases without a
@@ -224,6 +233,12 @@ impl Summary {
                 wrong(&outside),
             ),
             line("two effects: exactly both", "≥ 92 %", Self::exactly(&two)),
+            line(
+                "next flight that promises 2.9 nats: settles the matter",
+                "≥ 80 %",
+                Self::settled(&all, APART_NATS),
+            ),
+            line("next flight, any: settles", "", Self::settled(&all, 0.0)),
             line("95 % intervals cover", "92–98 %", Self::coverage(&all)),
             line("damaged data: said so", "", said),
             line("damaged data: wrong with confidence", "", wrong(&damaged)),

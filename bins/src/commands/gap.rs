@@ -81,6 +81,9 @@ pub struct BenchmarkArguments {
     /// Seeds a case
     #[arg(long, default_value_t = 20)]
     pub seeds: u64,
+    /// Added to every seed of the plume cases, for figures on cases that nobody has seen
+    #[arg(long, default_value_t = 0, conflicts_with = "flight")]
+    pub first_seed: u64,
     /// Only cases whose name contains this
     #[arg(long, default_value = "")]
     pub only: String,
@@ -208,6 +211,7 @@ fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
     let bar = progress_bar();
     let mut options = gap_bench::Options::new(arguments.seeds);
     options.only.clone_from(&arguments.only);
+    options.first_seed = arguments.first_seed;
     options.threads = std::thread::available_parallelism().map_or(1, usize::from);
     let summary = gap_bench::run_with(&options, &|done, of| {
         bar.set_length(of as u64);

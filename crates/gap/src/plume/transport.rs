@@ -11,6 +11,8 @@ use super::data::Data;
 /// How the logged wind becomes that of the transport.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Treatment {
+    /// The mean of all logs, for the whole record.
+    Mean,
     /// Each platform's own log, smoothed over this time, s.
     Own(f64),
     /// All logs together, smoothed over this time, s.
@@ -24,7 +26,8 @@ pub(crate) enum Treatment {
 
 impl Treatment {
     /// The treatments that are tried.
-    pub const ALL: [Treatment; 10] = [
+    pub const ALL: [Treatment; 11] = [
+        Treatment::Mean,
         Treatment::Pooled(3.0),
         Treatment::Pooled(8.0),
         Treatment::Pooled(25.0),
@@ -41,6 +44,7 @@ impl Treatment {
     /// log is noisy a wind that hardly turns may still fit by chance.
     pub fn ln_prior(self) -> f64 {
         match self {
+            Treatment::Mean => -4.0,
             Treatment::Pooled(s) if s > 50.0 => -4.0,
             _ => 0.0,
         }
@@ -49,6 +53,7 @@ impl Treatment {
     /// In words.
     pub fn describe(self) -> String {
         match self {
+            Treatment::Mean => "the mean of the logged wind of all platforms".to_string(),
             Treatment::Own(s) => format!("each platform's logged wind, smoothed over {s:.0} s"),
             Treatment::Pooled(s) => {
                 format!("the logged wind of all platforms together, smoothed over {s:.0} s")
@@ -226,6 +231,15 @@ pub(crate) fn carried(
     let all = || Grid::new((0..data.len()).filter_map(vector), span);
     let mut history = None;
     let transport = match treatment {
+        Treatment::Mean => {
+            let logged: Vec<[f64; 2]> = (0..data.len()).filter_map(vector).map(|v| v.1).collect();
+            if logged.is_empty() {
+                return None;
+            }
+            let n = logged.len() as f64;
+            let mean = [0, 1].map(|c| logged.iter().map(|v| v[c]).sum::<f64>() / n);
+            vec![towards(mean); data.len()]
+        }
         Treatment::Pooled(width) | Treatment::Diluted(width) => {
             let mut grid = all()?;
             grid.smooth(width);

@@ -42,44 +42,32 @@ fn nothing_is_found_where_nothing_is_hidden() {
     );
 }
 
-/// One effect in four of the catalogue, of the first seed, at D = 20 and 60.
-fn hidden() -> FlightSummary {
+// One effect in four of the catalogue, of the first seed, at D = 20 and 60. Bars of 95 and 99 %:
+// of eight cases, more than one miss has a chance below 2 %.
+#[test]
+fn what_is_hidden_is_found_and_in_the_set() {
     let one = FlightShare {
         nothing: false,
         one_in: 4,
         others: false,
         only: String::new(),
     };
-    share(0, 1, one)
-}
-
-// Bars of 95 and 99 %: of eight cases, more than one miss has a chance below 2 %.
-#[test]
-fn what_is_hidden_is_found() {
-    let summary = hidden();
+    let summary = share(0, 1, one);
     let mut missed = 0;
     for nats in [20.0, 60.0] {
         let found = summary.detected(nats);
         assert!(found.of >= 3, "{}", summary.to_markdown());
         missed += found.of - found.hits;
+        let held = summary.in_sets(nats);
+        assert_eq!(held.hits, held.of, "{}", summary.to_markdown());
     }
     assert!(missed <= 1, "{}", summary.to_markdown());
 }
 
-// Reached: 6 of 7. A lift slope of D = 60 is said as alpha-vane-scale with cg-shift.
+// One of thirty single effects on seeds 3000 to 3003 has a further name that is not hidden; of this
+// share, eight were flown by the present rules and none was.
 #[test]
-#[ignore = "the bar is not met yet: 6 of 7 in the stated set; run with --ignored"]
-fn what_is_found_is_in_the_set() {
-    let summary = hidden();
-    for nats in [20.0, 60.0] {
-        let held = summary.in_sets(nats);
-        assert_eq!(held.hits, held.of, "{}", summary.to_markdown());
-    }
-}
-
-// Reached so far: 12 of 18 at D = 60; the others add a further name that is not hidden.
-#[test]
-#[ignore = "the bar is not shown to be met: 12 of 18 before the last rule; run with --ignored"]
+#[ignore = "the bar is not shown to be met: 1 of 30 wrong on other seeds; run with --ignored"]
 fn what_is_strong_is_named_alone() {
     let one = FlightShare {
         nothing: false,

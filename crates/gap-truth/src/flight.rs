@@ -75,8 +75,10 @@ pub struct TrueValue {
     pub mechanism: &'static str,
     /// Parameter.
     pub name: &'static str,
-    /// Value.
+    /// Value that was hidden.
     pub value: f64,
+    /// Value that the flight has: the same with the workmanship of sensors and servos in it.
+    pub whole: f64,
 }
 
 /// A case: the flight file, and the truth.

@@ -29,6 +29,7 @@ pub mod normal;
 pub mod parameters;
 mod residual;
 pub mod rival;
+mod rough;
 pub mod study;
 mod units;
 
@@ -44,10 +45,6 @@ use histories::{History, SimulatedError};
 use log::FlightLog;
 use noise::Noise;
 use study::{Linear, Study};
-
-/// Dispersion beyond which the model fits so roughly that names among vane and lift slope follow
-/// the test that needs no model of the rest.
-const ROUGH: f64 = 4.0;
 
 /// What `gap flight` found: `gap.json` with a further field `flight`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -125,11 +122,7 @@ impl<'a> Finding<'a> {
         progress(0.03);
         let (first, last) = study.look(&equation_error, &mut |part| progress(0.03 + 0.9 * part))?;
         let mut answer = answer::judge(&study, &last);
-        if last.word.dispersion > ROUGH
-            && let Some(lift) = &equation_error.lift
-        {
-            answer.respect(lift);
-        }
+        rough::restrain(&mut answer, &study, &last, &equation_error);
         Ok(Self {
             study,
             equation_error,

@@ -13,6 +13,7 @@ use fdm::Aircraft;
 use gap::flight::log::FlightLog;
 use gap::flight::study::Study;
 use gap::flight::{equation_error, gate};
+use gap::verdict::Verdict;
 
 fn flight() -> Option<FlightLog> {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
@@ -28,13 +29,17 @@ fn flight() -> Option<FlightLog> {
     }
 }
 
+fn published() -> Aircraft {
+    let text = include_str!("../../../aircraft/ultrastick-25e.toml");
+    Aircraft::from_toml("ultrastick-25e.toml", text).unwrap()
+}
+
 /// Delays: numpy's `correlate` of the commands and rates, each less its mean over 2 s, peaks at
 /// 160 and 140 ms (samples of 20 ms).
 #[test]
 fn delays_moments_and_lift_of_a_real_flight() {
     let Some(log) = flight() else { return };
-    let text = include_str!("../../../aircraft/ultrastick-25e.toml");
-    let aircraft = Aircraft::from_toml("ultrastick-25e.toml", text).unwrap();
+    let aircraft = published();
     let gated = gate::pass(&[log], &aircraft).unwrap();
     let flown: f64 = gated
         .segments
@@ -65,4 +70,31 @@ fn delays_moments_and_lift_of_a_real_flight() {
     let lift = told.lift.unwrap();
     assert!(lift.slope_by_vane < 3.5, "{lift:?}");
     assert_eq!(lift.at_fault, "cannot be told");
+}
+
+/// Sizes: no aircraft of this kind has a tenth of its published roll damping, so that such a
+/// number must not be stated as a cause.
+#[test]
+fn a_real_flight_is_said_with_plausible_sizes() {
+    let Some(log) = flight() else { return };
+    let report = gap::flight::analyse(&[log], &published(), &mut |_| {}).unwrap();
+    assert_ne!(report.gap.verdict, Verdict::None);
+    for p in report.gap.causes.iter().flat_map(|c| &c.parameters) {
+        let spec = fdm::mechanism::spec(&p.mechanism).unwrap();
+        let known = spec.parameters.iter().find(|k| k.name == p.name).unwrap();
+        assert!(
+            (p.value - known.neutral).abs() <= 3.0 * known.prior_sd,
+            "{p:?}"
+        );
+    }
+    let says = |id: &str| {
+        let mut sets = report.gap.causes.iter().map(|c| &c.mechanisms);
+        sets.any(|s| s.iter().any(|m| m == id))
+    };
+    assert!(says("actuator-delay"), "{}", report.gap.summary);
+    assert!(
+        says("alpha-vane-scale") && says("lift-slope"),
+        "{}",
+        report.gap.summary
+    );
 }

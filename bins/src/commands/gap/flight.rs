@@ -5,7 +5,7 @@ use crate::Failure;
 use anyhow::Context as _;
 use fdm::Aircraft;
 use gap::flight::log::FlightLog;
-use gap_bench::flight::{Bird, FlightShare, run};
+use gap_bench::flight::{Bird, FIRST_SEED, FlightShare, run};
 use record::files;
 use std::path::{Path, PathBuf};
 
@@ -77,9 +77,9 @@ pub(super) fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let summary = run(
         &birds,
-        0,
+        FIRST_SEED,
         arguments.seeds,
-        &FlightShare::all(&arguments.only),
+        &FlightShare::published(&arguments.only),
         threads,
         &|done, _| bar.set_position(done),
     );

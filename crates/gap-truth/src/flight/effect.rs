@@ -198,10 +198,15 @@ impl Hidden {
     }
 
     fn tell(&mut self, effect: FlightEffect, name: &'static str, value: f64) {
+        self.tell_whole(effect, name, value, value);
+    }
+
+    fn tell_whole(&mut self, effect: FlightEffect, name: &'static str, value: f64, whole: f64) {
         self.truth.push(TrueValue {
             mechanism: effect.id(),
             name,
             value,
+            whole,
         });
     }
 
@@ -318,7 +323,7 @@ impl Hidden {
         match effect {
             E::AirspeedScale => {
                 self.airspeed *= 1.0 + s;
-                self.tell(effect, "factor", 1.0 + s);
+                self.tell_whole(effect, "factor", 1.0 + s, self.airspeed);
             }
             E::ActuatorDelay => {
                 self.delay_s = size;
@@ -329,29 +334,32 @@ impl Hidden {
                 for k in 0..3 {
                     let degrees = size * draws[k] * [0.6, 0.6, 1.0][k];
                     self.trim[k] += degrees.to_radians();
-                    self.tell(effect, names[k], degrees);
+                    self.tell_whole(effect, names[k], degrees, self.trim[k].to_degrees());
                 }
             }
             E::GyroBias => {
                 let names = ["roll_deg_s", "pitch_deg_s", "yaw_deg_s"];
                 for k in 0..3 {
-                    self.gyro[k] += (size * draws[k]).to_radians();
-                    self.tell(effect, names[k], size * draws[k]);
+                    let bias = size * draws[k];
+                    self.gyro[k] += bias.to_radians();
+                    self.tell_whole(effect, names[k], bias, self.gyro[k].to_degrees());
                 }
             }
             E::AccelerometerBias => {
                 let names = ["x_m_s2", "y_m_s2", "z_m_s2"];
                 for k in 0..3 {
-                    self.accelerometer[k] += size * draws[k];
-                    self.tell(effect, names[k], size * draws[k]);
+                    let bias = size * draws[k];
+                    self.accelerometer[k] += bias;
+                    self.tell_whole(effect, names[k], bias, self.accelerometer[k]);
                 }
             }
             _ => {
                 let offset = 8.0 * size * draws[1];
                 self.vane.0 *= 1.0 + s;
                 self.vane.1 += offset.to_radians();
-                self.tell(effect, "factor", 1.0 + s);
-                self.tell(effect, "offset_deg", offset);
+                let (factor, radians) = self.vane;
+                self.tell_whole(effect, "factor", 1.0 + s, factor);
+                self.tell_whole(effect, "offset_deg", offset, radians.to_degrees());
             }
         }
     }

@@ -4,8 +4,7 @@
 use fdm::mechanism::{CATALOGUE, Mechanism, spec};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::equation_error::Lift;
-use super::evidence::{Candidate, sum};
+use super::evidence::{Candidate, Fit, sum};
 use super::parameters::Effect;
 use super::study::{Linear, Study};
 use crate::verdict::{
@@ -36,30 +35,8 @@ pub struct Answer {
     pub set: Vec<usize>,
 }
 
-impl Answer {
-    /// Keeps vane and lift slope together as a set where lift against the vane cannot tell them
-    /// apart.
-    pub fn respect(&mut self, lift: &Lift) {
-        const PAIR: [&str; 2] = ["alpha-vane-scale", "lift-slope"];
-        if lift.at_fault != "cannot be told" {
-            return;
-        }
-        for cause in &mut self.causes {
-            for (one, other) in [(PAIR[0], PAIR[1]), (PAIR[1], PAIR[0])] {
-                let has = |id: &str| cause.mechanisms.iter().any(|m| m == id);
-                if has(one) && !has(other) {
-                    cause.mechanisms.push(other.to_owned());
-                }
-            }
-        }
-        if self.verdict == Verdict::Named && self.causes.iter().any(|c| c.mechanisms.len() > 1) {
-            self.verdict = Verdict::Ambiguous;
-        }
-    }
-}
-
 /// Probability of a gain of `nats` by `columns` free parameters, the best of `tried`, by chance.
-fn p_value(nats: f64, columns: usize, tried: usize) -> f64 {
+pub(super) fn p_value(nats: f64, columns: usize, tried: usize) -> f64 {
     let tail = ChiSquared::new(columns as f64).map_or(1.0, |c| c.sf(2.0 * nats.max(0.0)));
     (tail * tried as f64).min(1.0)
 }
@@ -72,73 +49,41 @@ fn name(study: &Study<'_>, candidate: usize) -> String {
     }
 }
 
+fn fit(study: &Study<'_>, last: &Linear, set: &[usize]) -> Fit {
+    let chosen: Vec<&Candidate> = set.iter().map(|&k| &study.candidates[k]).collect();
+    last.word.fit(&chosen)
+}
+
 /// Judges the last view.
 pub fn judge(study: &Study<'_>, last: &Linear) -> Answer {
     let best = &last.models[0];
-    let tried = study.candidates.len();
-    let fit = |set: &[usize]| {
-        let chosen: Vec<&Candidate> = set.iter().map(|&k| &study.candidates[k]).collect();
-        last.word.fit(&chosen)
-    };
     let mut causes = Vec::new();
     let mut unexplained: Option<Unexplained> = None;
     let mut set = Vec::new();
     for &item in &best.set {
         let rest: Vec<usize> = best.set.iter().copied().filter(|&k| k != item).collect();
-        let without = fit(&rest);
+        let without = fit(study, last, &rest);
         let gain = best.fit.log_score - without.log_score;
-        let p = p_value(gain, study.candidates[item].columns.len(), tried);
-        if p > LARGEST_P {
-            continue;
-        }
-        set.push(item);
+        let columns = study.candidates[item].columns.len();
         let evidence = Evidence {
             delta_log_score: gain,
             delta_log_evidence: best.fit.log_evidence - without.log_evidence,
-            p_value: p,
+            p_value: p_value(gain, columns, study.candidates.len()),
         };
-        // Every candidate in the place of this one.
-        let doubt = (1.0 + evidence.delta_log_evidence.max(0.0) / NATS_PER_DOUBT).sqrt();
-        let mut rivals: Vec<(usize, f64)> = (0..tried)
-            .filter(|k| !rest.contains(k))
-            .map(|k| {
-                let mut other = rest.clone();
-                other.push(k);
-                (k, fit(&other).log_evidence + study.candidates[k].log_prior)
-            })
-            .collect();
-        rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let top = rivals[0].1;
-        let weight = |v: f64| ((v - top) / doubt).exp();
-        let total: f64 = rivals.iter().map(|r| weight(r.1)).sum();
-        if !study.is_named(rivals[0].0) {
-            let found = nameless(study, last, rivals[0].0, evidence.delta_log_evidence);
-            let stronger = |u: &Unexplained| u.delta_log_evidence < found.delta_log_evidence;
-            if unexplained.as_ref().is_none_or(stronger) {
-                unexplained = Some(found);
-            }
+        if evidence.p_value > LARGEST_P {
             continue;
         }
-        let mut probability = 0.0;
-        let mut mechanisms = Vec::new();
-        for &(k, value) in rivals.iter().filter(|r| study.is_named(r.0)) {
-            if probability >= SET_PROBABILITY || weight(value) / total < 0.01 {
-                break;
-            }
-            probability += weight(value) / total;
-            mechanisms.push(study.ids[k].to_owned());
+        set.push(item);
+        let rivals = in_place_of(study, last, &rest);
+        if study.is_named(rivals[0].0) {
+            causes.push(cause(study, last, evidence, &rivals));
+            continue;
         }
-        let next = rivals
-            .iter()
-            .find(|r| !study.is_named(r.0) || !mechanisms.contains(&study.ids[r.0].to_owned()));
-        causes.push(Cause {
-            parameters: parameters(study, last, &best.set, rivals[0].0),
-            mechanisms,
-            probability,
-            evidence,
-            platforms: Vec::new(),
-            nats_to_next: next.map_or(f64::NAN, |n| top - n.1),
-        });
+        let found = nameless(study, last, rivals[0].0, evidence.delta_log_evidence);
+        let stronger = |u: &Unexplained| u.delta_log_evidence < found.delta_log_evidence;
+        if unexplained.as_ref().is_none_or(stronger) {
+            unexplained = Some(found);
+        }
     }
     causes.sort_by(|a, b| {
         b.evidence
@@ -146,21 +91,55 @@ pub fn judge(study: &Study<'_>, last: &Linear) -> Answer {
             .total_cmp(&a.evidence.delta_log_evidence)
     });
     causes.dedup_by(|b, a| a.mechanisms == b.mechanisms);
-    let verdict = if unexplained.is_some() {
-        Verdict::Unexplained
-    } else if causes.is_empty() {
-        Verdict::None
-    } else if causes.iter().all(|c| c.mechanisms.len() == 1) {
-        Verdict::Named
-    } else {
-        Verdict::Ambiguous
-    };
     Answer {
-        verdict,
+        verdict: Verdict::of(&causes, unexplained.is_some()),
         causes,
         ranking: ranking(study, last),
         unexplained,
         set,
+    }
+}
+
+/// Every candidate beside `rest`, with the log evidence and prior that it brings; the best first.
+fn in_place_of(study: &Study<'_>, last: &Linear, rest: &[usize]) -> Vec<(usize, f64)> {
+    let mut rivals: Vec<(usize, f64)> = (0..study.candidates.len())
+        .filter(|k| !rest.contains(k))
+        .map(|k| {
+            let mut other = rest.to_vec();
+            other.push(k);
+            let evidence = fit(study, last, &other).log_evidence;
+            (k, evidence + study.candidates[k].log_prior)
+        })
+        .collect();
+    rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
+    rivals
+}
+
+/// The set of what may stand in one place, by the evidence of its `rivals`.
+fn cause(study: &Study<'_>, last: &Linear, evidence: Evidence, rivals: &[(usize, f64)]) -> Cause {
+    let doubt = (1.0 + evidence.delta_log_evidence.max(0.0) / NATS_PER_DOUBT).sqrt();
+    let (first, top) = rivals[0];
+    let weight = |v: f64| ((v - top) / doubt).exp();
+    let total: f64 = rivals.iter().map(|r| weight(r.1)).sum();
+    let mut probability = 0.0;
+    let mut mechanisms = Vec::new();
+    for &(k, value) in rivals.iter().filter(|r| study.is_named(r.0)) {
+        if probability >= SET_PROBABILITY || weight(value) / total < 0.01 {
+            break;
+        }
+        probability += weight(value) / total;
+        mechanisms.push(study.ids[k].to_owned());
+    }
+    let inside =
+        |k: usize| study.is_named(k) && mechanisms.iter().any(|m| m.as_str() == study.ids[k]);
+    let next = rivals.iter().find(|r| !inside(r.0));
+    Cause {
+        parameters: parameters(study, last, &last.models[0].set, first),
+        probability,
+        evidence,
+        platforms: Vec::new(),
+        nats_to_next: next.map_or(f64::NAN, |n| top - n.1),
+        mechanisms,
     }
 }
 
@@ -225,18 +204,16 @@ fn nameless(study: &Study<'_>, last: &Linear, candidate: usize, evidence: f64) -
     }
 }
 
-/// Fitted parameters of one mechanism when `set` is at work.
+/// Fitted parameters of one mechanism when `set` is at work. Their deviations have the whole
+/// dispersion: what chance may have added to it is as likely not chance.
 fn parameters(study: &Study<'_>, last: &Linear, set: &[usize], of: usize) -> Vec<Parameter> {
     let mut set = set.to_vec();
     if !set.contains(&of) {
         set.push(of);
     }
     let (a, b) = sum(&last.blocks, None);
-    let (values, covariance) = study.posterior(
-        &(a / last.word.dispersion),
-        &(b / last.word.dispersion),
-        &set,
-    );
+    let (values, covariance) =
+        study.posterior(&(a / last.dispersion), &(b / last.dispersion), &set);
     study.candidates[of]
         .columns
         .iter()
@@ -249,7 +226,7 @@ fn parameters(study: &Study<'_>, last: &Linear, set: &[usize], of: usize) -> Vec
                 mechanism: CATALOGUE[m].id.to_owned(),
                 name: p.name.to_owned(),
                 value: (p.neutral + values[j]).clamp(p.low, p.high),
-                sd: covariance[(j, j)].sqrt(),
+                sd: covariance[(j, j)].sqrt().hypot(study.parameters[j].law_sd),
                 unit: p.unit.to_owned(),
             })
         })

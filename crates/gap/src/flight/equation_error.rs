@@ -7,11 +7,13 @@
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
+mod delay;
 mod smooth;
 
 use super::channel::at;
 use super::gate::Segment;
 use super::motion::World;
+pub use delay::{Delay, Late};
 use fdm::Aircraft;
 use smooth::{Smooth, bridged};
 
@@ -19,28 +21,10 @@ use smooth::{Smooth, bridged};
 pub const WINDOW_S: f64 = 0.2;
 /// What is slower than this is taken off before delays are sought, s.
 const DETREND_S: f64 = 2.0;
-/// Longest delay sought, s.
-const LONGEST_S: f64 = 0.4;
-/// Step of delays, s.
-const DELAY_STEP_S: f64 = 0.01;
 /// Length of blocks left out, s.
 const BLOCK_S: f64 = 10.0;
 /// Level of a two-sided test of 5 %, standard errors.
 const TWO_SIDED: f64 = 1.96;
-
-/// Delays between a command and what it does.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Delay {
-    /// Which command and which response.
-    pub of: String,
-    /// Lag of the rate behind the command at the peak of their cross-correlation, s; the
-    /// airframe's own lag is in it.
-    pub rate_lag_s: f64,
-    /// Correlation there.
-    pub correlation: f64,
-    /// Pure delay at which the moment equation with free derivatives fits best, s.
-    pub moment_delay_s: f64,
-}
 
 /// A moment from measured accelerations against the published model and a refitted one.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -151,6 +135,36 @@ impl Rows {
             .sum()
     }
 
+    /// Weighted squares left by a weighted fit to all rows, then to those without each block.
+    fn left_without_each(&self) -> Vec<f64> {
+        let width = self.x[0].len() + 1;
+        let blocks = self.blocks();
+        // Normal equations of each block, the response as last column.
+        let mut parts = vec![DMatrix::<f64>::zeros(width, width); blocks.len()];
+        let mut at = 0;
+        for (i, x) in self.x.iter().enumerate() {
+            if self.block[i] != blocks[at] {
+                at += 1;
+            }
+            let row = DVector::from_iterator(width, x.iter().chain([&self.y[i]]).copied());
+            parts[at].ger(self.weight[i], &row, &row, 1.0);
+        }
+        let all: DMatrix<f64> = parts.iter().sum();
+        let left = |whole: &DMatrix<f64>| {
+            let n = width - 1;
+            let mut a = whole.view((0, 0), (n, n)).into_owned();
+            for k in 0..n {
+                a[(k, k)] = a[(k, k)] * (1.0 + 1e-9) + 1e-300;
+            }
+            let b = whole.view((0, n), (n, 1)).into_owned();
+            let told = a.cholesky().map_or(0.0, |c| b.dot(&c.solve(&b)));
+            whole[(n, n)] - told
+        };
+        let mut out = vec![left(&all)];
+        out.extend(parts.iter().map(|part| left(&(&all - part))));
+        out
+    }
+
     fn blocks(&self) -> Vec<usize> {
         let mut blocks = self.block.clone();
         blocks.dedup();
@@ -259,16 +273,9 @@ pub fn analyse(segments: &[Segment], worlds: &[World], aircraft: &Aircraft) -> E
             aircraft.body.iyy_kg_m2,
             aircraft.body.izz_kg_m2,
         ][axis];
-        let delay = best_delay(&parts, aircraft, axis, inertia);
-        if let Some((lag, correlation)) = rate_lag(&parts, axis) {
-            let command = ["aileron", "elevator", "rudder"][axis];
-            out.delays.push(Delay {
-                of: format!("{} rate to {command} command", AXES[axis]),
-                rate_lag_s: lag,
-                correlation,
-                moment_delay_s: delay,
-            });
-        }
+        let found = Delay::of(&parts, aircraft, axis, inertia);
+        let delay = found.as_ref().map_or(0.0, |d| d.moment_delay_s);
+        out.delays.extend(found);
         out.moments
             .extend(moment(&parts, aircraft, axis, delay, inertia));
     }
@@ -276,42 +283,6 @@ pub fn analyse(segments: &[Segment], worlds: &[World], aircraft: &Aircraft) -> E
         out.lift = lift(&parts, aircraft);
     }
     out
-}
-
-/// Pure delay with the least squares left, refined by a parabola.
-fn best_delay(parts: &[Smooth], a: &Aircraft, axis: usize, inertia: f64) -> f64 {
-    let count = (0.5 * LONGEST_S / DELAY_STEP_S) as usize;
-    let left: Vec<f64> = (0..=count)
-        .map(|k| {
-            let rows = rows(parts, a, axis, k as f64 * DELAY_STEP_S, inertia);
-            if rows.y.is_empty() {
-                return f64::NAN;
-            }
-            rows.left(&rows.solve(None), None)
-        })
-        .collect();
-    peak(&left.iter().map(|l| -l).collect::<Vec<_>>()) * DELAY_STEP_S
-}
-
-/// Place of the largest value, between the samples by a parabola.
-fn peak(values: &[f64]) -> f64 {
-    let mut best = 0;
-    for (k, value) in values.iter().enumerate() {
-        if *value > values[best] {
-            best = k;
-        }
-    }
-    if best == 0 || best + 1 == values.len() {
-        return best as f64;
-    }
-    let (a, b, c) = (values[best - 1], values[best], values[best + 1]);
-    let bend = a - 2.0 * b + c;
-    best as f64
-        + if bend < 0.0 {
-            0.5 * (a - c) / bend
-        } else {
-            0.0
-        }
 }
 
 /// `x` without what is slower than [`DETREND_S`].
@@ -327,32 +298,6 @@ fn detrended(x: &[f64], interval: f64) -> Vec<f64> {
             x[i] - (sums[to] - sums[from]) / (to - from) as f64
         })
         .collect()
-}
-
-/// Lag of a rate behind the command of its surface, and the correlation there.
-fn rate_lag(parts: &[Smooth], axis: usize) -> Option<(f64, f64)> {
-    let interval = parts[0].interval;
-    let count = (LONGEST_S / interval) as usize;
-    let mut cross = vec![0.0; count + 1];
-    let (mut uu, mut yy) = (0.0, 0.0);
-    for part in parts {
-        let u = detrended(&part.told[SURFACE_OF[axis]], interval);
-        let y = detrended(&part.raw_rate[axis], interval);
-        for (lag, sum) in cross.iter_mut().enumerate() {
-            *sum += u.iter().zip(&y[lag..]).map(|(u, y)| u * y).sum::<f64>();
-        }
-        uu += u.iter().map(|u| u * u).sum::<f64>();
-        yy += y.iter().map(|y| y * y).sum::<f64>();
-    }
-    if uu <= 0.0 || yy <= 0.0 {
-        return None;
-    }
-    // Elevator and rudder turn against their sign.
-    let sign = if axis == 0 { 1.0 } else { -1.0 };
-    let signed: Vec<f64> = cross.iter().map(|c| sign * c).collect();
-    let at = peak(&signed);
-    let correlation = cross[at.round() as usize] / (uu * yy).sqrt();
-    Some((at * interval, correlation))
 }
 
 /// A moment against the published model and refitted derivatives.

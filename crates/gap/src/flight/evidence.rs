@@ -13,7 +13,7 @@ pub struct Word {
     pub s: DMatrix<f64>,
     /// Score of the tested columns, likewise.
     pub t: DVector<f64>,
-    /// Factor by which the innovations' score varies more than their information says.
+    /// Factor by which information and score were divided.
     pub dispersion: f64,
     /// Log evidence of the base over its point at zero.
     pub base_log_evidence: f64,
@@ -144,8 +144,7 @@ fn half_log_det(c: &Cholesky<f64, Dyn>) -> f64 {
 }
 
 /// How much more the score varies from block to block than the information says, by columns
-/// that the model's own parameters span: the median over columns of the ratio, less what a variance
-/// over so many blocks may be above 1 by chance, at least 1.
+/// that the model's own parameters span: the median over columns of the ratio, at least 1.
 pub fn dispersion(blocks: &[Block], fitted: &DVector<f64>, columns: usize) -> f64 {
     let mut ratios = Vec::new();
     for k in 0..columns {
@@ -171,9 +170,13 @@ pub fn dispersion(blocks: &[Block], fitted: &DVector<f64>, columns: usize) -> f6
     }
     ratios.sort_by(f64::total_cmp);
     let median = ratios.get(ratios.len() / 2).copied().unwrap_or(1.0);
-    // So much above 1 it may be by chance.
-    let error = (2.0 / (blocks.len() as f64 - 1.0)).sqrt();
-    (median / (1.0 + error)).max(1.0)
+    median.max(1.0)
+}
+
+/// What of a dispersion over so many blocks is more than chance may add to 1.
+pub fn beyond_chance(dispersion: f64, blocks: usize) -> f64 {
+    let error = (2.0 / (blocks as f64 - 1.0)).sqrt();
+    (dispersion / (1.0 + error)).max(1.0)
 }
 
 /// One model found by [`search`]: places of its candidates, ascending, and its fit.

@@ -36,6 +36,8 @@ pub struct Parameter {
     pub effect: Effect,
     /// Prior standard deviation while no mechanism is at work: tolerance.
     pub tolerance: f64,
+    /// What its estimate is off by beside noise, since the simulator's law of it is not exact.
+    pub law_sd: f64,
     /// Prior standard deviation of the mechanism; none for what only has a tolerance.
     pub prior_sd: Option<f64>,
     /// Step of numerical derivatives.
@@ -112,6 +114,7 @@ pub fn all(aircraft: &Aircraft, gated: &Gated, logs: usize) -> Vec<Parameter> {
             unit: "1",
             effect: Effect::Coefficient(k),
             tolerance,
+            law_sd: 0.0,
             prior_sd: None,
             step: 0.2 * tolerance,
             moves: true,
@@ -130,6 +133,7 @@ pub fn all(aircraft: &Aircraft, gated: &Gated, logs: usize) -> Vec<Parameter> {
                 unit: "m/s",
                 effect: Effect::Wind(log, axis),
                 tolerance,
+                law_sd: 0.0,
                 prior_sd: None,
                 step: 0.02,
                 moves: true,
@@ -160,16 +164,19 @@ fn mechanisms(gated: &Gated) -> Vec<Parameter> {
                 spec.id,
                 "actuator-delay" | "actuator-lag" | "surface-trim-offset"
             );
+            let workmanship = TOLERANCE_PART * p.prior_sd;
+            // Gusts reach wing and tail one after the other, which looks like damping.
+            let law_sd = match spec.id {
+                "roll-damping" | "pitch-damping" => 3.0 * workmanship,
+                _ => 0.0,
+            };
             let sensor = spec.acts_on == fdm::mechanism::ActsOn::Sensors;
             parameters.push(Parameter {
                 name: format!("{}.{}", spec.id, p.name),
                 unit: p.unit,
                 effect: Effect::Mechanism(m, k),
-                // Gusts reach wing and tail one after the other, which looks like damping.
-                tolerance: match spec.id {
-                    "roll-damping" | "pitch-damping" => 3.0 * TOLERANCE_PART * p.prior_sd,
-                    _ => TOLERANCE_PART * p.prior_sd,
-                },
+                tolerance: workmanship.max(law_sd),
+                law_sd,
                 prior_sd: Some(p.prior_sd),
                 // A delay needs a secant over part of a sample; the rest is smooth.
                 step: if spec.id == "actuator-delay" {

@@ -8,7 +8,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::channel::at;
 use super::equation_error::EquationError;
-use super::evidence::{Candidate, Model, Word, dispersion, search, sum};
+use super::evidence::{Candidate, Model, Word, beyond_chance, dispersion, search, sum};
 use super::filter::{Columns, Pass, run, run_with_columns};
 use super::gate::{Gated, Segment};
 use super::motion::World;
@@ -63,7 +63,9 @@ pub struct Linear {
     pub blocks: Vec<Block>,
     /// Log score there, nats.
     pub log_score: f64,
-    /// What they say.
+    /// How much more the score varies from block to block than the information says.
+    pub dispersion: f64,
+    /// What they say, weakened by so much of the dispersion as chance does not add.
     pub word: Word,
     /// Best models.
     pub models: Vec<Model>,
@@ -222,7 +224,8 @@ impl<'a> Study<'a> {
         }
         let (a, b) = sum(&blocks, None);
         let fitted = self.solve(&a, &b, &[]);
-        let spread = dispersion(&blocks, &fitted, self.parameters.len());
+        let dispersion = dispersion(&blocks, &fitted, self.parameters.len());
+        let spread = beyond_chance(dispersion, blocks.len());
         let tolerance = self.tolerances();
         let word = Word::new(&a, &b, &tolerance, spread);
         let models = search(&word, &self.candidates);
@@ -234,6 +237,7 @@ impl<'a> Study<'a> {
             noise,
             blocks,
             log_score,
+            dispersion,
             word,
             models,
             log_posterior,
@@ -393,17 +397,9 @@ impl<'a> Study<'a> {
             let k = m.derivatives.iter().position(|d| *d == name)?;
             Some(m.refitted[k] / m.published[k] - 1.0)
         };
-        let delay = told
-            .delays
-            .iter()
-            .map(|d| d.moment_delay_s)
-            .take(2)
-            .sum::<f64>()
-            / 2.0;
         for (value, parameter) in theta.iter_mut().zip(&self.parameters) {
             let start = match parameter.name.as_str() {
-                // The servo's own lag is part of the delay of the moment.
-                "actuator-delay.delay_s" => Some((delay - 0.03).max(0.0)),
+                "actuator-delay.delay_s" => told.late().map(|late| late.value_s.max(0.0)),
                 "control-effectiveness.aileron_factor" => ratio("roll", "aileron"),
                 "control-effectiveness.elevator_factor" => ratio("pitch", "elevator"),
                 "control-effectiveness.rudder_factor" => ratio("yaw", "rudder"),

@@ -1,0 +1,158 @@
+//! Delays between commands and what they do.
+
+use fdm::Aircraft;
+use serde::Serialize;
+
+use super::smooth::Smooth;
+use super::{AXES, EquationError, SURFACE_OF, detrended, rows};
+
+/// Longest delay sought, s.
+const LONGEST_S: f64 = 0.4;
+/// Step of delays, s.
+const DELAY_STEP_S: f64 = 0.01;
+
+/// Delays between a command and what it does.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Delay {
+    /// Which command and which response.
+    pub of: String,
+    /// Lag of the rate behind the command at the peak of their cross-correlation, s; the
+    /// airframe's own lag is in it.
+    pub rate_lag_s: f64,
+    /// Correlation there.
+    pub correlation: f64,
+    /// Pure delay at which the moment equation with free derivatives fits best, s.
+    pub moment_delay_s: f64,
+    /// Its standard error over blocks, s.
+    pub moment_delay_se_s: f64,
+    /// What it is beyond the lag of the published servo, s.
+    pub beyond_servo_s: f64,
+}
+
+/// How much later than published the surfaces are, by all moments.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Late {
+    /// Mean over the axes by their errors, s.
+    pub value_s: f64,
+    /// Its standard error, s: of the delays, widened where the axes differ by more.
+    pub se_s: f64,
+}
+
+impl Delay {
+    /// About `axis`; none without a command that moves.
+    pub(super) fn of(
+        parts: &[Smooth],
+        aircraft: &Aircraft,
+        axis: usize,
+        inertia: f64,
+    ) -> Option<Self> {
+        let (lag, correlation) = rate_lag(parts, axis)?;
+        let (delay, error) = best_delay(parts, aircraft, axis, inertia);
+        let servo = &aircraft.surfaces;
+        // At the frequencies of flight a servo is late by so much.
+        let servo_s = servo.delay_s + 2.0 * servo.damping_ratio / servo.natural_frequency_rad_s;
+        let command = ["aileron", "elevator", "rudder"][axis];
+        Some(Self {
+            of: format!("{} rate to {command} command", AXES[axis]),
+            rate_lag_s: lag,
+            correlation,
+            moment_delay_s: delay,
+            moment_delay_se_s: error,
+            beyond_servo_s: delay - servo_s,
+        })
+    }
+}
+
+impl EquationError {
+    /// How much later than published the surfaces that turn roll and pitch are; none where no
+    /// delay is known.
+    pub fn late(&self) -> Option<Late> {
+        let known = |d: &&Delay| d.moment_delay_se_s > 0.0;
+        let delays: Vec<&Delay> = self.delays.iter().take(2).filter(known).collect();
+        let weight = |d: &Delay| d.moment_delay_se_s.powi(-2);
+        let total: f64 = delays.iter().map(|d| weight(d)).sum();
+        if total <= 0.0 {
+            return None;
+        }
+        let sum: f64 = delays.iter().map(|d| weight(d) * d.beyond_servo_s).sum();
+        let value_s = sum / total;
+        let squares: f64 = delays
+            .iter()
+            .map(|d| weight(d) * (d.beyond_servo_s - value_s).powi(2))
+            .sum();
+        let freedom = (delays.len() as f64 - 1.0).max(1.0);
+        Some(Late {
+            value_s,
+            se_s: ((squares / freedom).max(1.0) / total).sqrt(),
+        })
+    }
+}
+
+/// Pure delay with the least squares left, refined by a parabola, and its standard error by
+/// leaving out each block in turn (nil where nothing is known).
+fn best_delay(parts: &[Smooth], a: &Aircraft, axis: usize, inertia: f64) -> (f64, f64) {
+    let count = (0.5 * LONGEST_S / DELAY_STEP_S) as usize;
+    let mut left: Vec<Vec<f64>> = Vec::with_capacity(count + 1);
+    for k in 0..=count {
+        let rows = rows(parts, a, axis, k as f64 * DELAY_STEP_S, inertia);
+        if rows.y.is_empty() {
+            return (0.0, 0.0);
+        }
+        left.push(rows.left_without_each());
+    }
+    // A block that only some delays fill is in no comparison.
+    let width = left.iter().map(Vec::len).min().unwrap_or(0);
+    let best = |k: usize| peak(&left.iter().map(|l| -l[k]).collect::<Vec<_>>()) * DELAY_STEP_S;
+    let without: Vec<f64> = (1..width).map(best).collect();
+    let n = without.len() as f64;
+    let mean = without.iter().sum::<f64>() / n;
+    let spread: f64 = without.iter().map(|d| (d - mean).powi(2)).sum();
+    (best(0), ((n - 1.0) / n * spread).sqrt())
+}
+
+/// Place of the largest value, between the samples by a parabola.
+fn peak(values: &[f64]) -> f64 {
+    let mut best = 0;
+    for (k, value) in values.iter().enumerate() {
+        if *value > values[best] {
+            best = k;
+        }
+    }
+    if best == 0 || best + 1 == values.len() {
+        return best as f64;
+    }
+    let (a, b, c) = (values[best - 1], values[best], values[best + 1]);
+    let bend = a - 2.0 * b + c;
+    best as f64
+        + if bend < 0.0 {
+            0.5 * (a - c) / bend
+        } else {
+            0.0
+        }
+}
+
+/// Lag of a rate behind the command of its surface, and the correlation there.
+fn rate_lag(parts: &[Smooth], axis: usize) -> Option<(f64, f64)> {
+    let interval = parts[0].interval;
+    let count = (LONGEST_S / interval) as usize;
+    let mut cross = vec![0.0; count + 1];
+    let (mut uu, mut yy) = (0.0, 0.0);
+    for part in parts {
+        let u = detrended(&part.told[SURFACE_OF[axis]], interval);
+        let y = detrended(&part.raw_rate[axis], interval);
+        for (lag, sum) in cross.iter_mut().enumerate() {
+            *sum += u.iter().zip(&y[lag..]).map(|(u, y)| u * y).sum::<f64>();
+        }
+        uu += u.iter().map(|u| u * u).sum::<f64>();
+        yy += y.iter().map(|y| y * y).sum::<f64>();
+    }
+    if uu <= 0.0 || yy <= 0.0 {
+        return None;
+    }
+    // Elevator and rudder turn against their sign.
+    let sign = if axis == 0 { 1.0 } else { -1.0 };
+    let signed: Vec<f64> = cross.iter().map(|c| sign * c).collect();
+    let at = peak(&signed);
+    let correlation = cross[at.round() as usize] / (uu * yy).sqrt();
+    Some((at * interval, correlation))
+}

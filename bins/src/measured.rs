@@ -1,7 +1,10 @@
-//! Measured observations from files: CSV, or recordings wherever CSV is taken.
+//! What was measured, from files: observations (CSV, or recordings wherever CSV is taken), flights,
+//! and the aircraft that flew them.
 
 use crate::Failure;
 use anyhow::Context as _;
+use fdm::Aircraft;
+use gap::flight::log::FlightLog;
 use scenario::observations::{self, Observations};
 use std::path::{Path, PathBuf};
 
@@ -36,10 +39,58 @@ fn text_of(file: &Path) -> Result<(String, Vec<String>), Failure> {
             .map_err(Failure::input)?;
         return Ok((rows.to_csv(), rows.notices));
     }
-    let text = std::fs::read_to_string(file)
-        .with_context(|| format!("{}: cannot read the observations", file.display()))
-        .map_err(Failure::Input)?;
-    Ok((text, Vec::new()))
+    Ok((read(file, "observations")?, Vec::new()))
+}
+
+fn read(file: &Path, what: &str) -> Result<String, Failure> {
+    std::fs::read_to_string(file)
+        .with_context(|| format!("{}: cannot read the {what}", file.display()))
+        .map_err(Failure::Input)
+}
+
+/// An aircraft as its file has it.
+#[derive(Debug, Clone)]
+pub struct AircraftFile {
+    /// The file, for messages.
+    pub name: String,
+    /// Its text.
+    pub text: String,
+    /// What it says.
+    pub aircraft: Aircraft,
+}
+
+impl AircraftFile {
+    /// Reads an aircraft file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or an aircraft that the simulator refuses, with the reason.
+    pub fn read(file: &Path) -> Result<Self, Failure> {
+        let name = file.display().to_string();
+        let text = read(file, "aircraft")?;
+        let aircraft = Aircraft::from_toml(&name, &text).map_err(Failure::input)?;
+        Ok(Self {
+            name,
+            text,
+            aircraft,
+        })
+    }
+}
+
+/// Reads a measured flight.
+///
+/// # Errors
+/// A file that cannot be read or is not a flight, with line and column; a recorded mission, which
+/// has no commands to the surfaces.
+pub fn flight(file: &Path) -> Result<FlightLog, Failure> {
+    let name = file.display().to_string();
+    if file.extension().is_some_and(|e| e == "mcap") {
+        return Err(Failure::input(gap::GapError::Data {
+            what: name,
+            problem: "a recorded mission holds no commands to the surfaces".into(),
+            expected: "the flight log of the autopilot as CSV".into(),
+        }));
+    }
+    FlightLog::parse(&name, &read(file, "flight")?).map_err(Failure::input)
 }
 
 /// Tells what was noticed in the data, on standard error.

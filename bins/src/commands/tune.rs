@@ -1,10 +1,9 @@
 //! `plumage tune`: gains for an aircraft, found in simulation.
 
 use crate::Failure;
-use anyhow::Context as _;
+use crate::measured::{self, AircraftFile};
 use fdm::Aircraft;
 use fdm::tune::{TuneOrder, TuneReport, tune as search, with_gains};
-use gap::flight::log::FlightLog;
 use indicatif::ProgressBar;
 use record::files;
 use std::path::{Path, PathBuf};
@@ -39,7 +38,7 @@ pub struct TuneArguments {
 /// Wrong input, an aircraft for which no gains with margins are found, or outputs that cannot be
 /// written.
 pub fn tune(arguments: &TuneArguments) -> Result<(), Failure> {
-    let source = Source::read(arguments)?;
+    let source = source(arguments)?;
     files::prepare_folder(&arguments.out, arguments.force).map_err(Failure::input)?;
     let bar = ProgressBar::new(arguments.candidates as u64);
     bar.tick();
@@ -69,84 +68,57 @@ pub fn tune(arguments: &TuneArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The aircraft that flies, and the text that its new file is made from.
-struct Source {
-    name: String,
-    text: String,
-    aircraft: Aircraft,
+/// The aircraft that flies, and the text that its new file is made from: that of `--aircraft`; with
+/// `--from`, the one that the flight or that file shows, with the gains of `--aircraft`.
+fn source(arguments: &TuneArguments) -> Result<AircraftFile, Failure> {
+    let base = AircraftFile::read(&arguments.aircraft)?;
+    let Some(from) = &arguments.from else {
+        return Ok(base);
+    };
+    let is_file_of_gap = from.extension().is_some_and(|e| e == "toml");
+    if !is_file_of_gap {
+        return as_flown(base, from);
+    }
+    let mut extended = AircraftFile::read(from)?;
+    if extended.aircraft.name != base.aircraft.name {
+        return Err(Failure::usage(format!(
+            "--from {}: it is of \"{}\", and --aircraft of \"{}\"; expected the same aircraft",
+            from.display(),
+            extended.aircraft.name,
+            base.aircraft.name
+        )));
+    }
+    if extended.aircraft.mechanism.is_empty() {
+        eprintln!(
+            "note: {} has no [[mechanism]]: the flight showed nothing that the aircraft file lacks",
+            from.display()
+        );
+    }
+    extended.aircraft.control = base.aircraft.control;
+    Ok(extended)
 }
 
-impl Source {
-    /// The aircraft of `--aircraft`; with `--from`, the one that the flight or that file shows,
-    /// with the gains of `--aircraft`.
-    fn read(arguments: &TuneArguments) -> Result<Self, Failure> {
-        let base = Self::of_file(&arguments.aircraft)?;
-        let Some(from) = &arguments.from else {
-            return Ok(base);
-        };
-        let is_file_of_gap = from.extension().is_some_and(|e| e == "toml");
-        if !is_file_of_gap {
-            return base.of_flight(from);
-        }
-        let mut extended = Self::of_file(from)?;
-        if extended.aircraft.name != base.aircraft.name {
-            return Err(Failure::usage(format!(
-                "--from {}: it is of \"{}\", and --aircraft of \"{}\"; expected the same aircraft",
-                from.display(),
-                extended.aircraft.name,
-                base.aircraft.name
-            )));
-        }
-        if extended.aircraft.mechanism.is_empty() {
-            eprintln!(
-                "note: {} has no [[mechanism]]: the flight showed nothing that the aircraft file \
-                 lacks",
-                from.display()
-            );
-        }
-        extended.aircraft.control = base.aircraft.control;
-        Ok(extended)
-    }
-
-    /// This aircraft as a measured flight shows it.
-    fn of_flight(self, flight: &Path) -> Result<Self, Failure> {
-        let name = flight.display().to_string();
-        let text = std::fs::read_to_string(flight)
-            .with_context(|| format!("{name}: cannot read the flight"))
-            .map_err(Failure::Input)?;
-        let log = FlightLog::parse(&name, &text).map_err(Failure::input)?;
-        let bar = ProgressBar::new(100);
-        bar.tick();
-        let found = gap::flight::analyse(&[log], &self.aircraft, &mut |part| {
-            bar.set_position((part * 100.0) as u64);
-        })
-        .map_err(Failure::input)?;
-        bar.finish_and_clear();
-        println!("{}", found.gap.summary);
-        let control = self.aircraft.control;
-        let text = found.extended.to_toml().map_err(Failure::input)?;
-        Ok(Self {
-            name: self.name,
-            text,
-            aircraft: Aircraft {
-                control,
-                ..found.extended
-            },
-        })
-    }
-
-    fn of_file(path: &Path) -> Result<Self, Failure> {
-        let name = path.display().to_string();
-        let text = std::fs::read_to_string(path)
-            .with_context(|| format!("{name}: cannot read the aircraft"))
-            .map_err(Failure::Input)?;
-        let aircraft = Aircraft::from_toml(&name, &text).map_err(Failure::input)?;
-        Ok(Self {
-            name,
-            text,
-            aircraft,
-        })
-    }
+/// The aircraft `base` as a measured flight shows it.
+fn as_flown(base: AircraftFile, flight: &Path) -> Result<AircraftFile, Failure> {
+    let log = measured::flight(flight)?;
+    let bar = ProgressBar::new(100);
+    bar.tick();
+    let found = gap::flight::analyse(&[log], &base.aircraft, &mut |part| {
+        bar.set_position((part * 100.0) as u64);
+    })
+    .map_err(Failure::input)?;
+    bar.finish_and_clear();
+    println!("{}", found.gap.summary);
+    let control = base.aircraft.control;
+    let text = found.extended.to_toml().map_err(Failure::input)?;
+    Ok(AircraftFile {
+        name: base.name,
+        text,
+        aircraft: Aircraft {
+            control,
+            ..found.extended
+        },
+    })
 }
 
 fn tell(report: &TuneReport, folder: &Path, file: &str) {

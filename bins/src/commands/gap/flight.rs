@@ -2,12 +2,11 @@
 
 use super::{BenchmarkArguments, OutputArguments, names, progress_bar, tell, write};
 use crate::Failure;
-use anyhow::Context as _;
-use fdm::Aircraft;
+use crate::measured::{self, AircraftFile};
 use gap::flight::log::FlightLog;
 use gap_bench::flight::{Bird, FIRST_SEED, FlightShare, run};
 use record::files;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Arguments of `plumage gap flight`.
 #[derive(Debug, clap::Args)]
@@ -23,29 +22,15 @@ pub struct FlightArguments {
     pub output: OutputArguments,
 }
 
-fn text(path: &Path) -> Result<String, Failure> {
-    std::fs::read_to_string(path)
-        .with_context(|| format!("{}: cannot read the file", path.display()))
-        .map_err(Failure::Input)
-}
-
 /// Analyses flights.
 pub(super) fn of_flight(arguments: &FlightArguments) -> Result<(), Failure> {
-    let name = arguments.aircraft.display().to_string();
-    let aircraft =
-        Aircraft::from_toml(&name, &text(&arguments.aircraft)?).map_err(Failure::input)?;
-    let mut logs = Vec::with_capacity(arguments.flights.len());
-    for path in &arguments.flights {
-        if path.extension().is_some_and(|e| e == "mcap") {
-            return Err(Failure::input(gap::GapError::Data {
-                what: path.display().to_string(),
-                problem: "a recorded mission holds no commands to the surfaces".into(),
-                expected: "the flight log of the autopilot as CSV".into(),
-            }));
-        }
-        let log = FlightLog::parse(&path.display().to_string(), &text(path)?);
-        logs.push(log.map_err(Failure::input)?);
-    }
+    let aircraft = AircraftFile::read(&arguments.aircraft)?.aircraft;
+    let logs: Result<Vec<FlightLog>, Failure> = arguments
+        .flights
+        .iter()
+        .map(|file| measured::flight(file))
+        .collect();
+    let logs = logs?;
     files::prepare_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
     let bar = progress_bar();
     let report = gap::flight::analyse(&logs, &aircraft, &mut |part| {

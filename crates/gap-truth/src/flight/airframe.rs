@@ -63,6 +63,17 @@ pub struct Flow {
     pub beta: f64,
 }
 
+/// What the air meets.
+struct Met {
+    flow: Flow,
+    /// Dynamic pressure times area, N.
+    pressure: f64,
+    /// Rates relative to the air, made dimensionless by half a span, chord, span.
+    turn: [f64; 3],
+    /// Elevator, aileron, rudder, rad.
+    surface: [f64; 3],
+}
+
 /// Derivatives, and the specific force on the way.
 pub struct Slope {
     /// Of the states.
@@ -178,26 +189,41 @@ impl Airframe {
         rho: f64,
         told: &[f64; 4],
     ) -> Slope {
-        let n = |key: &str| self.n(key);
+        let met = self.met(x, gust, wind, rho);
+        let force = self.force(&met, x[16], rho);
+        let moment = self.moment(&met, &force, rho);
+        let mass = self.n("body.mass_kg");
+        let specific = force.map(|f| f / mass);
+        Slope {
+            of: self.rates(x, &specific, &moment, told),
+            force: specific,
+        }
+    }
+
+    fn met(&self, x: &[f64; STATES], gust: &Gust, wind: [f64; 2], rho: f64) -> Met {
         let flow = self.flow(x, gust, wind);
-        let [p, q, r] = [
-            x[3] - gust.rate[0],
-            x[4] - gust.rate[1],
-            x[5] - gust.rate[2],
-        ];
-        let (b, c, s) = (self.span_m, n("wing.chord_m"), n("wing.area_m2"));
-        let pressure = 0.5 * rho * flow.speed * flow.speed * s;
-        let (ph, qh, rh) = (
-            p * b / (2.0 * flow.speed),
-            q * c / (2.0 * flow.speed),
-            r * b / (2.0 * flow.speed),
-        );
-        let [e, a, d] = self.of_servos([x[10], x[11], x[12]]);
-        let t = &self.twist;
+        let part = |length: f64, rate: f64| rate * length / (2.0 * flow.speed);
+        let (b, c) = (self.span_m, self.n("wing.chord_m"));
+        Met {
+            pressure: 0.5 * rho * flow.speed * flow.speed * self.n("wing.area_m2"),
+            turn: [
+                part(b, x[3] - gust.rate[0]),
+                part(c, x[4] - gust.rate[1]),
+                part(b, x[5] - gust.rate[2]),
+            ],
+            surface: self.of_servos([x[10], x[11], x[12]]),
+            flow,
+        }
+    }
+
+    /// Coefficients of lift and drag.
+    fn lift_and_drag(&self, met: &Met) -> [f64; 2] {
+        let n = |key: &str| self.n(key);
+        let (flow, t, e) = (&met.flow, &self.twist, met.surface[0]);
         let past = (flow.alpha - 0.035).max(0.0);
         let lift = n("lift.zero")
             + n("lift.alpha") * flow.alpha
-            + n("lift.q") * qh
+            + n("lift.q") * met.turn[1]
             + n("lift.elevator") * e
             - t.lift_break * past * past;
         let mut drag = n("drag.zero")
@@ -208,55 +234,59 @@ impl Airframe {
             + n("drag.beta_squared") * flow.beta.powi(2)
             + n("drag.elevator_squared") * e * e;
         if n("drag.oswald") > 0.0 {
-            let aspect = b * b / s;
+            let aspect = self.span_m * self.span_m / n("wing.area_m2");
             drag += (lift - n("drag.min_drag_lift")).powi(2)
                 / (std::f64::consts::PI * n("drag.oswald") * aspect);
         }
-        let lateral = |table: &str, aileron: f64| {
-            n(&format!("{table}.beta")) * flow.beta
-                + n(&format!("{table}.p")) * ph
-                + n(&format!("{table}.r")) * rh
-                + n(&format!("{table}.aileron")) * aileron
-                + n(&format!("{table}.rudder")) * d
-        };
-        let side = lateral("side", a);
-        let (sa, ca, sb, cb) = (
-            flow.alpha.sin(),
-            flow.alpha.cos(),
-            flow.beta.sin(),
-            flow.beta.cos(),
-        );
-        let thrust = self.thrust(flow.speed, x[16], rho);
+        [lift, drag]
+    }
+
+    /// Coefficient of side force, roll or yaw by the lateral motion, at an aileron.
+    fn lateral(&self, table: &str, met: &Met, aileron: f64) -> f64 {
+        let of = |key: &str| self.n(&format!("{table}.{key}"));
+        of("beta") * met.flow.beta
+            + of("p") * met.turn[0]
+            + of("r") * met.turn[2]
+            + of("aileron") * aileron
+            + of("rudder") * met.surface[2]
+    }
+
+    /// Force of air and propeller, body axes, N.
+    fn force(&self, met: &Met, motor: f64, rho: f64) -> [f64; 3] {
+        let [lift, drag] = self.lift_and_drag(met);
+        let side = self.lateral("side", met, met.surface[1]);
+        let (sa, ca) = met.flow.alpha.sin_cos();
+        let (sb, cb) = met.flow.beta.sin_cos();
         // Wind to body axes by the two rotations.
         let along = -drag * cb - side * sb;
-        let force = [
-            pressure * (along * ca + lift * sa) + thrust,
-            pressure * (side * cb - drag * sb),
-            pressure * (along * sa - lift * ca),
-        ];
-        let faded = a * t.aileron_fade;
-        let cruise = 0.5 * rho * self.cruise_m_s.powi(2) * s;
-        let elastic = 1.0 - t.elastic * (pressure / cruise - 1.0);
-        let up = flow.alpha - 0.07;
+        [
+            met.pressure * (along * ca + lift * sa) + self.thrust(met.flow.speed, motor, rho),
+            met.pressure * (side * cb - drag * sb),
+            met.pressure * (along * sa - lift * ca),
+        ]
+    }
+
+    /// Moment about the centre of gravity, body axes, N m.
+    fn moment(&self, met: &Met, force: &[f64; 3], rho: f64) -> [f64; 3] {
+        let n = |key: &str| self.n(key);
+        let (b, c, t) = (self.span_m, n("wing.chord_m"), &self.twist);
+        let faded = met.surface[1] * t.aileron_fade;
+        let cruise = 0.5 * rho * self.cruise_m_s.powi(2) * n("wing.area_m2");
+        let elastic = 1.0 - t.elastic * (met.pressure / cruise - 1.0);
+        let up = met.flow.alpha - 0.07;
         let cm = n("pitch.zero")
-            + n("pitch.alpha") * flow.alpha
-            + n("pitch.q") * qh
-            + n("pitch.elevator") * e * elastic
+            + n("pitch.alpha") * met.flow.alpha
+            + n("pitch.q") * met.turn[1]
+            + n("pitch.elevator") * met.surface[0] * elastic
             + t.pitch_up * up * up;
         let cg = n("body.cg_ahead_m");
-        let moment = [
-            pressure
-                * b
-                * (lateral("roll", faded) + t.damping_growth * n("roll.p") * ph * ph.abs()),
-            pressure * c * cm + force[2] * cg,
-            pressure * b * lateral("yaw", faded) - force[1] * cg,
-        ];
-        let mass = n("body.mass_kg");
-        let specific = force.map(|f| f / mass);
-        Slope {
-            of: self.rates(x, &specific, &moment, told),
-            force: specific,
-        }
+        let roll = met.turn[0];
+        let damping = t.damping_growth * n("roll.p") * roll * roll.abs();
+        [
+            met.pressure * b * (self.lateral("roll", met, faded) + damping),
+            met.pressure * c * cm + force[2] * cg,
+            met.pressure * b * self.lateral("yaw", met, faded) - force[1] * cg,
+        ]
     }
 
     fn thrust(&self, speed: f64, motor: f64, rho: f64) -> f64 {

@@ -223,67 +223,70 @@ impl Hidden {
                 | E::GyroBias
                 | E::AccelerometerBias
                 | E::AlphaVaneScale
-                | E::SurfaceTrimOffset => {
-                    self.sense_or_servo(effect, size, s);
-                }
+                | E::SurfaceTrimOffset => self.sense_or_servo(effect, size, s),
                 E::ControlEffectiveness => self.effectiveness(frame, s),
-                E::MassChange => {
-                    let added = s * self.mass_kg;
-                    frame.set("body.mass_kg", |m| m + added);
-                    if self.cousin {
-                        frame.twist.inertia_part = 0.15 * s;
-                    }
-                    self.tell(effect, "added_kg", added);
-                }
-                E::CgShift => {
-                    frame.set("body.cg_ahead_m", |cg| cg + s);
-                    if self.cousin {
-                        frame.twist.inertia_part = 0.5 * size;
-                    }
-                    self.tell(effect, "ahead_m", s);
-                }
-                E::DragIncrease => {
-                    frame.set("drag.zero", |d| d + size);
-                    if self.cousin {
-                        frame.twist.drag_by_alpha = 1.5 * size;
-                    }
-                    self.tell(effect, "cd_zero", size);
-                }
-                E::LiftSlope => {
-                    frame.set("lift.alpha", |c| c * (1.0 + s));
-                    if self.cousin {
-                        frame.twist.lift_break = -6.0 * s;
-                    }
-                    self.tell(effect, "factor", 1.0 + s);
-                }
-                E::ThrustLoss => {
-                    if self.cousin {
-                        frame.twist.thrust_by_throttle = s;
-                    }
-                    let plain = if self.cousin { 0.5 * s } else { s };
-                    frame.set("propulsion.swept_area_m2", |a| a * (1.0 - plain));
-                    self.tell(effect, "lost_share", s);
-                }
-                E::RollDamping => {
-                    frame.set("roll.p", |c| c * (1.0 + s));
-                    if self.cousin {
-                        frame.twist.damping_growth = 3.0 * s;
-                    }
-                    self.tell(effect, "factor", 1.0 + s);
-                }
-                E::PitchDamping => {
-                    frame.set("pitch.q", |c| c * (1.0 + s));
-                    if self.cousin {
-                        frame.set("lift.q", |c| c * (1.0 + s));
-                    }
-                    self.tell(effect, "factor", 1.0 + s);
-                }
+                E::MassChange | E::CgShift => self.body(frame, effect, s),
+                E::DragIncrease => self.drag(frame, size),
+                E::LiftSlope | E::RollDamping | E::PitchDamping => self.slopes(frame, effect, s),
+                E::ThrustLoss => self.thrust(frame, s),
                 E::ElasticTail => frame.twist.elastic = size,
                 E::PitchUp => frame.twist.pitch_up = size,
                 E::LiftBreak => frame.twist.lift_break = size,
                 E::FadingAileron | E::Icing | E::GyroWander => {}
             }
         }
+    }
+
+    fn body(&mut self, frame: &mut Airframe, effect: FlightEffect, s: f64) {
+        if effect == E::MassChange {
+            let added = s * self.mass_kg;
+            frame.set("body.mass_kg", |m| m + added);
+            if self.cousin {
+                frame.twist.inertia_part = 0.15 * s;
+            }
+            self.tell(effect, "added_kg", added);
+            return;
+        }
+        frame.set("body.cg_ahead_m", |cg| cg + s);
+        if self.cousin {
+            frame.twist.inertia_part = 0.5 * s.abs();
+        }
+        self.tell(effect, "ahead_m", s);
+    }
+
+    fn drag(&mut self, frame: &mut Airframe, size: f64) {
+        frame.set("drag.zero", |d| d + size);
+        if self.cousin {
+            frame.twist.drag_by_alpha = 1.5 * size;
+        }
+        self.tell(E::DragIncrease, "cd_zero", size);
+    }
+
+    fn thrust(&mut self, frame: &mut Airframe, s: f64) {
+        if self.cousin {
+            frame.twist.thrust_by_throttle = s;
+        }
+        let plain = if self.cousin { 0.5 * s } else { s };
+        frame.set("propulsion.swept_area_m2", |a| a * (1.0 - plain));
+        self.tell(E::ThrustLoss, "lost_share", s);
+    }
+
+    /// Lift by angle of attack, and damping; their cousins bend or act on lift as well.
+    fn slopes(&mut self, frame: &mut Airframe, effect: FlightEffect, s: f64) {
+        let key = match effect {
+            E::LiftSlope => "lift.alpha",
+            E::RollDamping => "roll.p",
+            _ => "pitch.q",
+        };
+        frame.set(key, |c| c * (1.0 + s));
+        if self.cousin {
+            match effect {
+                E::LiftSlope => frame.twist.lift_break = -6.0 * s,
+                E::RollDamping => frame.twist.damping_growth = 3.0 * s,
+                _ => frame.set("lift.q", |c| c * (1.0 + s)),
+            }
+        }
+        self.tell(effect, "factor", 1.0 + s);
     }
 
     fn effectiveness(&mut self, frame: &mut Airframe, s: f64) {

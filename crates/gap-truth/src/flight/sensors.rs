@@ -86,23 +86,8 @@ impl Sensors {
         hidden: &Hidden,
     ) {
         let degrees = 1f64.to_degrees();
-        let slip = if hidden.is_cousin() {
-            (hidden.airspeed - 1.0) * (flow.alpha - 0.05)
-        } else {
-            0.0
-        };
-        let bend = if hidden.is_cousin() {
-            (hidden.vane.0 - 1.0) * flow.alpha.powi(2)
-        } else {
-            0.0
-        };
         let mut cells = vec![format!("{time:.3}")];
-        let speed = flow.speed * (hidden.airspeed + slip);
-        cells.push(self.noisy(speed, NOISE[0], 0.02));
-        let vane = hidden.vane.0 * flow.alpha + hidden.vane.1 + bend;
-        for angle in [vane, flow.beta] {
-            cells.push(self.noisy(angle * degrees, NOISE[1] * degrees, 0.05));
-        }
+        self.air_data(&mut cells, flow, hidden);
         for k in 0..3 {
             let drift = if self.unusual && k < 2 {
                 0.008 * self.drift[k].step(0.04, &mut self.rng)
@@ -119,14 +104,7 @@ impl Sensors {
         for (force, off) in force.iter().zip(hidden.accelerometer) {
             cells.push(self.noisy(force + off, NOISE[4], 0.01));
         }
-        if time >= self.next_fix_s - 1e-9 {
-            let r = to_ned(x[6], x[7], x[8]);
-            for (k, held) in self.held.iter_mut().enumerate() {
-                let value = r[k][0] * x[0] + r[k][1] * x[1] + r[k][2] * x[2];
-                *held = ((value + NOISE[5] * normal(&mut self.rng)) / 0.01).round() * 0.01;
-            }
-            self.next_fix_s += 0.2;
-        }
+        self.fix(time, x);
         cells.extend(self.held.iter().map(|v| format!("{v:.3}")));
         cells.push(format!("{:.1}", x[9]));
         cells.push(format!("{:.4}", command[3]));
@@ -138,5 +116,36 @@ impl Sensors {
         }
         // Writing into a String cannot fail.
         let _ = writeln!(csv, "{}", cells.join(","));
+    }
+
+    /// Airspeed and vanes.
+    fn air_data(&mut self, cells: &mut Vec<String>, flow: &Flow, hidden: &Hidden) {
+        let degrees = 1f64.to_degrees();
+        let (slip, bend) = if hidden.is_cousin() {
+            (
+                (hidden.airspeed - 1.0) * (flow.alpha - 0.05),
+                (hidden.vane.0 - 1.0) * flow.alpha.powi(2),
+            )
+        } else {
+            (0.0, 0.0)
+        };
+        let speed = flow.speed * (hidden.airspeed + slip);
+        cells.push(self.noisy(speed, NOISE[0], 0.02));
+        let vane = hidden.vane.0 * flow.alpha + hidden.vane.1 + bend;
+        for angle in [vane, flow.beta] {
+            cells.push(self.noisy(angle * degrees, NOISE[1] * degrees, 0.05));
+        }
+    }
+
+    /// Velocity over ground, sampled and held.
+    fn fix(&mut self, time: f64, x: &[f64; STATES]) {
+        if time >= self.next_fix_s - 1e-9 {
+            let r = to_ned(x[6], x[7], x[8]);
+            for (k, held) in self.held.iter_mut().enumerate() {
+                let value = r[k][0] * x[0] + r[k][1] * x[1] + r[k][2] * x[2];
+                *held = ((value + NOISE[5] * normal(&mut self.rng)) / 0.01).round() * 0.01;
+            }
+            self.next_fix_s += 0.2;
+        }
     }
 }

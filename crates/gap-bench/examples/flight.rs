@@ -25,11 +25,12 @@ fn main() {
         &|done, outcomes| {
             for o in outcomes {
                 eprintln!(
-                    "{done}: {}, seed {}: {}; held out {:.1?}",
+                    "{done}: {}, seed {}: {}; held out {:.1?}; errors {:.1?}",
                     o.kind,
                     o.seed,
                     o.said(),
-                    o.gain
+                    o.gain,
+                    o.errors_sd
                 );
             }
         },

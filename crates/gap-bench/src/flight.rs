@@ -2,14 +2,14 @@
 //!
 //! Strengths are set by what an effect is expected to show: D is half the squared size of the
 //! effect times the information of the twin without it, tolerances of the base integrated out,
-//! under the finder's noise fitted to the twin. For an effect outside the catalogue D is half the
-//! squared change of the base's innovations from those of the twin, whose gusts and noise are the
-//! same, less what the base's tolerances take of it.
+//! under the finder's noise fitted to the twin. For an effect outside the catalogue D is what the
+//! base at its best, tolerances in use, loses of its log score against the twin, whose gusts and
+//! noise are the same.
 
 mod table;
 
 use fdm::Aircraft;
-use gap::flight::evidence::sum;
+use gap::flight::filter::huber;
 use gap::flight::log::FlightLog;
 use gap::flight::noise::Noise;
 use gap::flight::study::{Linear, Study};
@@ -253,14 +253,7 @@ impl<'a> Bird<'a> {
 struct Twin {
     names: Vec<String>,
     linear: Linear,
-    innovations: Vec<f64>,
-}
-
-/// Innovations of all channels in standard deviations.
-fn innovations(study: &Study<'_>, linear: &Linear) -> Vec<f64> {
-    let passes = study.passes(&linear.theta, &linear.noise);
-    let rows = passes.iter().flat_map(|p| p.standardised.iter().flatten());
-    rows.copied().collect()
+    loss: f64,
 }
 
 /// What passes the gate of a flight file.
@@ -279,42 +272,33 @@ fn twin(bird: &Bird<'_>, seed: u64) -> Result<Twin, String> {
     let study = Study::new(&bird.aircraft, &gated, 1);
     let theta = study.start();
     let noise = study.noise(&theta, Noise::usual(), 3);
-    let linear = study.linearise(theta, noise);
+    let linear = study.settled(study.linearise(theta, noise));
     Ok(Twin {
         names: study.parameters.iter().map(|p| p.name.clone()).collect(),
-        innovations: innovations(&study, &linear),
+        loss: loss(&study, &linear),
         linear,
     })
 }
 
-/// Nats by which the innovations of the base differ from those of the twin, less what its
-/// tolerances take.
-fn misfit(bird: &Bird<'_>, twin: &Twin, case: &FlightCase) -> Result<f64, String> {
-    let gated = gated(bird, case)?;
-    let study = Study::new(&bird.aircraft, &gated, 1);
-    let linear = study.linearise(twin.linear.theta.clone(), twin.linear.noise.clone());
-    let after = innovations(&study, &linear);
-    let whole: f64 = after
-        .iter()
-        .zip(&twin.innovations)
-        .map(|(a, b)| 0.5 * (a - b).powi(2))
-        .filter(|nats| nats.is_finite())
+/// Loss of the base where it fits best under the noise of `from`, nats: half the squares of the
+/// innovations, counted linearly beyond the filter's bound, and of its departures in tolerances.
+fn loss(study: &Study<'_>, from: &Linear) -> f64 {
+    let mut linear = study.linearise(from.theta.clone(), from.noise.clone());
+    for _ in 0..2 {
+        let theta = study.theta_of(&linear, &[]);
+        linear = study.linearise(theta, from.noise.clone());
+    }
+    let passes = study.passes(&linear.theta, &linear.noise);
+    let rows = passes.iter().flat_map(|p| p.standardised.iter().flatten());
+    let of_data: f64 = rows
+        .filter(|nu| nu.is_finite())
+        .map(|nu| 0.5 * huber(*nu).0)
         .sum();
-    // Blocks hold their score as at zero; both are wanted where they were linearised.
-    let score = |linear: &Linear| {
-        let (information, score) = sum(&linear.blocks, None);
-        let mut here = score.clone();
-        for (j, value) in here.iter_mut().enumerate() {
-            *value = linear.theta.get(j).copied().unwrap_or(0.0);
-        }
-        let there = score - &information * here;
-        (information, there)
-    };
-    let (information, before) = score(&twin.linear);
-    let change = score(&linear).1 - before;
-    let taken = study.solve(&information, &change, &[]);
-    // Where the effect is so large that this bends, a tenth is left.
-    Ok((whole - 0.5 * change.dot(&taken)).max(0.1 * whole))
+    let departures = linear.theta.iter().zip(study.tolerances());
+    let of_base: f64 = departures
+        .map(|(value, sd)| 0.5 * (value / sd).powi(2))
+        .sum();
+    of_data + of_base
 }
 
 /// Strength at which an effect outside the catalogue has a misfit of `nats`.
@@ -326,11 +310,15 @@ fn outside(
     seed: u64,
 ) -> Result<f64, String> {
     let mut strength = 0.5;
-    for _ in 0..2 {
+    for _ in 0..3 {
         let mut spec = FlightSpec::none(seed);
         spec.hidden = vec![(effect, strength)];
         let probe = make(&spec, bird.toml).ok_or("aircraft not read")?;
-        strength *= match misfit(bird, twin, &probe) {
+        let seen = gated(bird, &probe).map(|gated| {
+            let study = Study::new(&bird.aircraft, &gated, 1);
+            loss(&study, &twin.linear) - twin.loss
+        });
+        strength *= match seen {
             Ok(seen) => (nats / seen.max(1.0)).sqrt().clamp(0.2, 5.0),
             // It does not fly so.
             Err(_) => 0.6,

@@ -170,7 +170,7 @@ fn uncertain(sd: &Error, noise: &Noise) -> Matrix {
 }
 
 /// Huber's loss of a standardised innovation, and the weight it leaves.
-fn huber(nu: f64) -> (f64, f64) {
+pub fn huber(nu: f64) -> (f64, f64) {
     let size = nu.abs();
     if size <= HUBER {
         (nu * nu, 1.0)

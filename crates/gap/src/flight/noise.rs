@@ -24,6 +24,12 @@ pub struct Noise {
 
 /// Number of sizes that are searched for (the sensors' are found by a fixed point).
 const SEARCHED: usize = 9;
+/// Axes that disturbances act about and along.
+pub const AXES: usize = 6;
+/// Part of a disturbance that is tried in its place.
+pub const QUIETER: f64 = 0.5;
+/// Most such steps of one disturbance in a round.
+const RIDGE_STEPS: usize = 3;
 /// Prior of the logarithm of every size: wide.
 const LOG_SD: f64 = 1.2;
 /// Samples on which the noise is fitted at most.
@@ -47,6 +53,17 @@ impl Noise {
         }
     }
 
+    /// The same with one disturbance `part` as large: angular acceleration about each axis, then
+    /// specific force along each.
+    pub fn quieter(&self, axis: usize, part: f64) -> Self {
+        let mut quieter = self.clone();
+        match axis {
+            0..3 => quieter.spin_rad_s2[axis] *= part,
+            _ => quieter.push_m_s2[axis - 3] *= part,
+        }
+        quieter
+    }
+
     fn searched(&self) -> [f64; SEARCHED] {
         let [h, v] = self.gust_m_s;
         let [l, m, n] = self.spin_rad_s2;
@@ -65,7 +82,7 @@ impl Noise {
     }
 
     /// Log prior density, up to a constant.
-    fn log_prior(&self) -> f64 {
+    pub fn log_prior(&self) -> f64 {
         let usual = Self::usual();
         let part = |a: f64, b: f64| -0.5 * ((a / b).ln() / LOG_SD).powi(2);
         let searched = self.searched().into_iter().zip(usual.searched());
@@ -184,9 +201,33 @@ pub fn fit(flights: &[(Segment, World)], noise: Noise, rounds: usize) -> Noise {
                 noise
             }
         };
+        noise = along_the_ridge(flights, noise);
     }
-    let (_, passes) = score(flights, &noise);
-    with_sensors(&noise, &passes)
+    settled(flights, &noise)
+}
+
+/// Where a disturbance is too large a rate's or an accelerometer's white noise is found too small,
+/// and neither leads back alone: both are moved together, as long as that is more likely.
+fn along_the_ridge(flights: &[(Segment, World)], noise: Noise) -> Noise {
+    let mut best = settled(flights, &noise);
+    let mut most = score(flights, &best).0;
+    for axis in 0..AXES {
+        for _ in 0..RIDGE_STEPS {
+            let next = settled(flights, &best.quieter(axis, QUIETER));
+            let there = score(flights, &next).0;
+            if there <= most {
+                break;
+            }
+            (best, most) = (next, there);
+        }
+    }
+    best
+}
+
+/// `noise` with the sensors' part as `flights` then tell it.
+pub fn settled(flights: &[(Segment, World)], noise: &Noise) -> Noise {
+    let once = with_sensors(noise, &score(flights, noise).1);
+    with_sensors(&once, &score(flights, &once).1)
 }
 
 fn with_sensors(noise: &Noise, passes: &[Pass]) -> Noise {

@@ -93,15 +93,20 @@ pub struct Terms {
     pub groups: Vec<Group>,
     ranges: Ranges,
     power: [f64; 3],
+    /// Columns along airspeed where the published numbers hold.
+    at_cruise: [f64; 4],
 }
 
 impl Terms {
     /// Every group for these data.
     pub fn of(aircraft: &Aircraft, gated: &Gated) -> Self {
+        let ranges = Ranges::of(&gated.segments);
+        let cruise = aircraft.limits.airspeed_cruise_m_s;
         Self {
-            groups: groups(aircraft, gated),
-            ranges: Ranges::of(&gated.segments),
+            groups: groups(aircraft, gated, &ranges),
             power: surface_power(aircraft),
+            at_cruise: ranges.basis(Coordinate::Airspeed, 0.0, cruise, 0.0),
+            ranges,
         }
     }
 
@@ -114,13 +119,19 @@ impl Terms {
     pub fn at(&self, met: &Meeting) -> impl Iterator<Item = (Target, f64)> {
         let met = *met;
         self.groups.iter().flat_map(move |group| {
-            let basis = self
-                .ranges
-                .basis(group.coordinate, met.time_s, met.airspeed, met.alpha);
-            let power = match group.target {
-                Target::Surface(k) => self.power[k] * met.pressure * met.angles[k],
-                _ => 1.0,
-            };
+            let mut basis =
+                self.ranges
+                    .basis(group.coordinate, met.time_s, met.airspeed, met.alpha);
+            let mut power = 1.0;
+            if let Target::Surface(k) = group.target {
+                power = self.power[k] * met.pressure * met.angles[k];
+                if group.coordinate == Coordinate::Airspeed {
+                    // A surface turns the aircraft as published at cruise.
+                    for (b, there) in basis.iter_mut().zip(self.at_cruise) {
+                        *b -= there;
+                    }
+                }
+            }
             (0..group.columns).map(move |k| (group.target, basis[k] * group.scale * power))
         })
     }
@@ -175,11 +186,13 @@ impl Nameless {
 
 /// Waves of a smooth term in time.
 const TIME_TERMS: usize = 4;
-/// Terms along airspeed or angle of attack.
-const STATE_TERMS: usize = 2;
+/// Terms along airspeed.
+const AIRSPEED_TERMS: usize = 2;
+/// Terms along the angle of attack.
+const ALPHA_TERMS: usize = 3;
 
 /// Every group for these data.
-fn groups(aircraft: &Aircraft, gated: &Gated) -> Vec<Group> {
+fn groups(aircraft: &Aircraft, gated: &Gated, ranges: &Ranges) -> Vec<Group> {
     let spin = control_spin(aircraft);
     let push = [0.3, 0.3, 0.8];
     let mut all = Vec::new();
@@ -188,10 +201,15 @@ fn groups(aircraft: &Aircraft, gated: &Gated) -> Vec<Group> {
         Coordinate::Airspeed,
         Coordinate::AngleOfAttack,
     ] {
-        let columns = if coordinate == Coordinate::Time {
-            TIME_TERMS
-        } else {
-            STATE_TERMS
+        let columns = match coordinate {
+            Coordinate::Time => TIME_TERMS,
+            Coordinate::Airspeed => AIRSPEED_TERMS,
+            Coordinate::AngleOfAttack => ALPHA_TERMS,
+        };
+        let surface_part = match coordinate {
+            // Half of the effect lost at twice the dynamic pressure.
+            Coordinate::Airspeed => ranges.airspeed_m_s.1 / ranges.airspeed_m_s.0,
+            _ => 0.25,
         };
         for k in 0..3 {
             let mut push_group = |target, scale| {
@@ -205,7 +223,7 @@ fn groups(aircraft: &Aircraft, gated: &Gated) -> Vec<Group> {
             push_group(Target::Spin(k), spin[k]);
             push_group(Target::Push(k), push[k]);
             if coordinate != Coordinate::AngleOfAttack && (k < 2 || gated.has_rudder) {
-                push_group(Target::Surface(k), 0.25);
+                push_group(Target::Surface(k), surface_part);
             }
         }
     }
@@ -297,18 +315,14 @@ impl Ranges {
     ) -> [f64; 4] {
         let hermite = |x: f64| {
             let x = x.clamp(-3.0, 3.0);
-            [0.7 * (x * x - 1.0), 0.4 * (x * x * x - 3.0 * x), 0.0, 0.0]
+            [x, 0.7 * (x * x - 1.0), 0.4 * (x * x * x - 3.0 * x), 0.0]
         };
         match coordinate {
             Coordinate::Time => {
                 let phase = std::f64::consts::PI * (time_s - self.time_s.0) / self.time_s.1;
                 std::array::from_fn(|k| (phase * (k + 1) as f64).cos())
             }
-            Coordinate::Airspeed => {
-                let x = (airspeed - self.airspeed_m_s.0) / self.airspeed_m_s.1;
-                let [second, ..] = hermite(x);
-                [x.clamp(-3.0, 3.0), second, 0.0, 0.0]
-            }
+            Coordinate::Airspeed => hermite((airspeed - self.airspeed_m_s.0) / self.airspeed_m_s.1),
             Coordinate::AngleOfAttack => hermite((alpha - self.alpha_rad.0) / self.alpha_rad.1),
         }
     }

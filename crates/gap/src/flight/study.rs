@@ -36,6 +36,13 @@ const RIVALS: usize = 3;
 /// Part of its gain by which a rival may seem worse than the best and still be looked at.
 const RIVAL_PART: f64 = 0.5;
 
+/// Gain of a step, nats, after which the base has settled.
+const SETTLED_NATS: f64 = 5.0;
+/// Most rounds of quieter noise over all disturbances.
+const QUIETER_SWEEPS: usize = 3;
+/// Gain of a round, nats, below which there is no other.
+const QUIETER_NATS: f64 = 3.0;
+
 /// The data and all that may be asked of them.
 pub struct Study<'a> {
     /// The aircraft of the file.
@@ -157,14 +164,18 @@ impl<'a> Study<'a> {
 
     /// Fits the noise at `theta`.
     pub fn noise(&self, theta: &[f64], from: Noise, rounds: usize) -> Noise {
-        let flights: Vec<(Segment, World)> = noise::stretches(&self.gated.segments)
+        noise::fit(&self.stretches(theta), from, rounds)
+    }
+
+    /// What the noise is fitted to, flown at `theta`.
+    fn stretches(&self, theta: &[f64]) -> Vec<(Segment, World)> {
+        noise::stretches(&self.gated.segments)
             .into_iter()
             .map(|s| {
                 let world = self.world(&s, theta);
                 (s, world)
             })
-            .collect();
-        noise::fit(&flights, from, rounds)
+            .collect()
     }
 
     /// Passes over all segments at `theta`, with what was predicted.
@@ -337,7 +348,7 @@ impl<'a> Study<'a> {
             }
         }
         progress(0.3);
-        let first = self.linearise(theta, noise);
+        let first = self.quieter(self.settled(self.linearise(theta, noise)));
         if !first.log_score.is_finite() {
             return Err(GapError::Data {
                 what: "flight".into(),
@@ -355,7 +366,48 @@ impl<'a> Study<'a> {
             }
             progress(0.4 + 0.15 * (k + 1) as f64);
         }
-        Ok((first, last))
+        Ok((first, self.quieter(last)))
+    }
+
+    /// The base where it fits best, with the noise that it has there.
+    pub fn settled(&self, from: Linear) -> Linear {
+        let mut base = from;
+        for _ in 0..ROUNDS {
+            let theta = self.step_towards(&base, &[]);
+            let noise = self.noise(&theta, base.noise.clone(), 1);
+            let next = self.linearise(theta, noise);
+            let gained = next.log_posterior - base.log_posterior;
+            if gained > 0.0 {
+                base = next;
+            }
+            if gained.is_nan() || gained < SETTLED_NATS {
+                break;
+            }
+        }
+        base
+    }
+
+    /// The view `from` with less disturbance of forces and moments, as far as causes then tell the
+    /// data better: a noise that is fitted to the base alone grows until it hides what the base
+    /// lacks.
+    fn quieter(&self, from: Linear) -> Linear {
+        let stretches = self.stretches(&from.theta);
+        let mut best = from;
+        for _ in 0..QUIETER_SWEEPS {
+            let before = best.log_posterior;
+            for axis in 0..noise::AXES {
+                let noise = noise::settled(&stretches, &best.noise.quieter(axis, noise::QUIETER));
+                let view = self.linearise(best.theta.clone(), noise);
+                let whole = |v: &Linear| v.log_posterior + v.noise.log_prior();
+                if whole(&view) > whole(&best) {
+                    best = view;
+                }
+            }
+            if best.log_posterior < before + QUIETER_NATS {
+                break;
+            }
+        }
+        best
     }
 
     /// Goes where `set` leads from `from` and looks again, until what is best there stays; none
@@ -367,7 +419,13 @@ impl<'a> Study<'a> {
             let now = last.as_ref().unwrap_or(from);
             let theta = self.step_towards(now, &best);
             let noise = self.noise(&theta, now.noise.clone(), 1);
+            let kept = self.linearise(theta.clone(), now.noise.clone());
             let next = self.linearise(theta, noise);
+            let next = if kept.log_posterior > next.log_posterior {
+                kept
+            } else {
+                next
+            };
             if !next.log_score.is_finite() {
                 break;
             }

@@ -147,10 +147,7 @@ pub fn analyse(
     };
     tell(0.95, "writing it down");
     let mut notices = data.notices.clone();
-    let wind = started.treatment.map_or_else(
-        || "the scenario's wind".to_string(),
-        transport::Treatment::describe,
-    );
+    let wind = started.treatment.describe();
     notices.push(format!("the plume is carried by {wind}"));
     notices.extend(named.notices.iter().cloned());
     let verdict = named.verdict();

@@ -12,8 +12,8 @@ use super::transport::{Carried, Treatment, carried};
 /// The base at its best.
 pub(crate) struct Started {
     pub fitted: Fitted,
-    /// The wind's treatment; none where no wind is logged.
-    pub treatment: Option<Treatment>,
+    /// The wind's treatment.
+    pub treatment: Treatment,
 }
 
 /// Chooses the wind's treatment, fits base and noise.
@@ -69,48 +69,44 @@ fn choose_wind(
     data: &mut Data,
     noise: NoiseModel,
     threads: usize,
-) -> (Option<Treatment>, Model, NoiseModel) {
+) -> (Treatment, Model, NoiseModel) {
     let base = Model::base(setup);
     let stated_c_max = matches!(setup.base.sources[0].strength, Strength::CMax { .. });
-    let options: Vec<(Treatment, Carried)> = Treatment::ALL
+    let logged = data.wind.iter().any(Option::is_some);
+    let treatments: &[Treatment] = match logged {
+        true => &Treatment::LOGGED,
+        false => &Treatment::UNLOGGED,
+    };
+    let options: Vec<(Treatment, Carried)> = treatments
         .iter()
         .filter(|t| stated_c_max || !matches!(t, Treatment::Diluted(_)))
         .filter_map(|t| Some((*t, carried_by(setup, data, *t)?)))
         .collect();
     let shared: &Data = data;
-    let fit = |carried: Option<&Carried>, model: &Model, noise: NoiseModel, effort: Effort| {
+    let fit = |carried: &Carried, model: &Model, noise: NoiseModel, effort: Effort| {
         let mut own = shared.clone();
         put(setup, &mut own, carried, model);
         let settled = single(setup, &own).under(model, &noise);
         put(setup, &mut own, carried, &settled);
         let wide = single(setup, &own).wide(&settled, noise, effort);
-        let prior = carried.map_or(0.0, |c| c.treatment.ln_prior());
-        (wide.log_score + prior, settled, wide.noise)
+        let score = wide.log_score + carried.treatment.ln_prior();
+        (score, settled, wide.noise)
     };
-    if options.is_empty() {
-        let (_, model, noise) = fit(None, &base, noise, Effort::QUICK);
-        return (None, model, noise);
-    }
     let quick = parallel::map(&options, threads, |o| {
-        fit(Some(&o.1), &base, noise, Effort::QUICK)
+        fit(&o.1, &base, noise, Effort::QUICK)
     });
     let mut order: Vec<usize> = (0..options.len()).collect();
     order.sort_by(|a, b| quick[*b].0.total_cmp(&quick[*a].0).then(a.cmp(b)));
     order.truncate(3);
     let full = parallel::map(&order, threads, |k| {
-        fit(
-            Some(&options[*k].1),
-            &quick[*k].1,
-            quick[*k].2,
-            Effort::FULL,
-        )
+        fit(&options[*k].1, &quick[*k].1, quick[*k].2, Effort::FULL)
     });
     let best = (0..order.len())
         .max_by(|a, b| full[*a].0.total_cmp(&full[*b].0).then(b.cmp(a)))
         .unwrap_or(0);
     let (treatment, carried) = &options[order[best]];
-    put(setup, data, Some(carried), &full[best].1);
-    (Some(*treatment), full[best].1.clone(), full[best].2)
+    put(setup, data, carried, &full[best].1);
+    (*treatment, full[best].1.clone(), full[best].2)
 }
 
 fn single<'a>(setup: &'a Setup, data: &'a Data) -> Context<'a> {
@@ -121,7 +117,7 @@ fn single<'a>(setup: &'a Setup, data: &'a Data) -> Context<'a> {
     }
 }
 
-/// What the logged wind of `data` becomes under a treatment; `None` without logged wind.
+/// What the wind of `data` becomes under a treatment; `None` without the wind that it needs.
 fn carried_by(setup: &Setup, data: &Data, treatment: Treatment) -> Option<Carried> {
     let logged: Vec<Option<Transport>> = data
         .wind
@@ -134,8 +130,7 @@ fn carried_by(setup: &Setup, data: &Data, treatment: Treatment) -> Option<Carrie
 }
 
 /// Puts a wind into `data`, with what it does to the plume of `model`.
-fn put(setup: &Setup, data: &mut Data, carried: Option<&Carried>, model: &Model) {
-    let Some(carried) = carried else { return };
+fn put(setup: &Setup, data: &mut Data, carried: &Carried, model: &Model) {
     let world: Option<World> = model.world(&setup.base, data.track.platforms());
     let factors = world.map(|w| carried.plume_factors(data, &w));
     data.track

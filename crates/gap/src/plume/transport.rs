@@ -1,4 +1,5 @@
-//! Which wind carries the plume: the logged one, smoothed; at once or by its history.
+//! Which wind carries the plume: the scenario's, or the logged one, smoothed; at once or by its
+//! history.
 //!
 //! Logged wind is noisy and local, and a plume at a distance remembers the wind of the minutes
 //! before. Several treatments are made; the data choose among them ([`super::start`]).
@@ -8,9 +9,13 @@ use ::plume::field::{Transport, World};
 
 use super::data::Data;
 
-/// How the logged wind becomes that of the transport.
+/// How the wind becomes that of the transport.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Treatment {
+    /// The scenario's, where none is logged.
+    Scenario,
+    /// The same; puffs that it carries, which reach along the wind too.
+    ScenarioPuffs,
     /// The mean of all logs, for the whole record.
     Mean,
     /// Each platform's own log, smoothed over this time, s.
@@ -25,8 +30,10 @@ pub(crate) enum Treatment {
 }
 
 impl Treatment {
-    /// The treatments that are tried.
-    pub const ALL: [Treatment; 11] = [
+    /// The treatments that are tried where no wind is logged …
+    pub const UNLOGGED: [Treatment; 2] = [Treatment::Scenario, Treatment::ScenarioPuffs];
+    /// … and where one is.
+    pub const LOGGED: [Treatment; 11] = [
         Treatment::Mean,
         Treatment::Pooled(3.0),
         Treatment::Pooled(8.0),
@@ -53,6 +60,8 @@ impl Treatment {
     /// In words.
     pub fn describe(self) -> String {
         match self {
+            Treatment::Scenario => "the scenario's wind".to_string(),
+            Treatment::ScenarioPuffs => "the scenario's wind, as puffs".to_string(),
             Treatment::Mean => "the mean of the logged wind of all platforms".to_string(),
             Treatment::Own(s) => format!("each platform's logged wind, smoothed over {s:.0} s"),
             Treatment::Pooled(s) => {
@@ -216,7 +225,7 @@ fn fill(values: &mut [Option<[f64; 2]>]) -> Option<()> {
     Some(())
 }
 
-/// The transport of every row under `treatment`; `None` without logged wind. `distance_m` is
+/// The transport of every row under `treatment`; `None` without the wind that it needs. `distance_m` is
 /// each row's distance from the first source.
 pub(crate) fn carried(
     data: &Data,
@@ -231,6 +240,14 @@ pub(crate) fn carried(
     let all = || Grid::new((0..data.len()).filter_map(vector), span);
     let mut history = None;
     let transport = match treatment {
+        Treatment::Scenario => data.track.transport().to_vec(),
+        Treatment::ScenarioPuffs => {
+            let own = data.track.transport().to_vec();
+            let steady = own.first()?;
+            let wind = [steady.east, steady.north].map(|c| c * steady.speed_m_s);
+            history = Some(WindHistory::new(span.0, 1.0, &[wind]));
+            own
+        }
         Treatment::Mean => {
             let logged: Vec<[f64; 2]> = (0..data.len()).filter_map(vector).map(|v| v.1).collect();
             if logged.is_empty() {

@@ -28,6 +28,8 @@ const SHARED_MOST_DEG: f64 = 0.5;
 /// What the wind before the record may have been off by from what the record's beginning
 /// suggests, as a mean over the stretch before it, degrees.
 const EARLY_DEG: f64 = 1.5;
+/// The same for its speed, which dilutes what it took up: a part of the plume.
+const EARLY_PART: f64 = 0.05;
 /// Slow wander of a wind that nobody logged: time between knots, s, and size, degrees.
 const WANDER: (f64, f64) = (200.0, 1.0);
 
@@ -110,12 +112,14 @@ impl Nuisance {
         if ctx.data.on_board_wind {
             let before = part_before(ctx);
             for power in [1, 2] {
-                raw.push(
-                    (0..loading.len())
-                        .map(|i| before[i].powi(power) * loading[i].swing)
-                        .collect(),
-                );
+                let of = |load: &dyn Fn(&Loading) -> f64| {
+                    let rows = before.iter().zip(loading);
+                    rows.map(|(b, l)| b.powi(power) * load(l)).collect()
+                };
+                raw.push(of(&|l| l.swing));
                 sd.push(EARLY_DEG);
+                raw.push(of(&|l| l.gust));
+                sd.push(EARLY_PART);
             }
         } else {
             let slow = hats(ctx, loading, WANDER.0);

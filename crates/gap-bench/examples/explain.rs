@@ -61,6 +61,12 @@ fn show(analysis: &Analysis) {
             c.mechanisms, c.probability, c.parameters
         );
     }
+    for b in &json.base {
+        println!(
+            "  base {} = {:.4} +/- {:.4} (prior +/- {:.4})",
+            b.name, b.value, b.sd, b.prior
+        );
+    }
     println!("  rest {:?}", json.unexplained);
     let n = analysis.noise;
     println!(

@@ -237,7 +237,11 @@ impl<'a> Context<'a> {
     /// A model and its noise at their best; the noise is fitted beside everything that the
     /// catalogue could add ([`Freedom`]).
     pub fn refine(&self, start: &Model, noise: NoiseModel) -> Fitted {
-        let wide = self.wide(start, noise, Effort::FULL);
+        self.within(start, self.wide(start, noise, Effort::FULL))
+    }
+
+    /// A model at its best under a noise that was fitted beside everything.
+    pub fn within(&self, start: &Model, wide: Wide) -> Fitted {
         let rows = self.rows(&wide.loading);
         let whitener = Whitener::new(&rows, &wide.noise, &wide.cleaned);
         let nuisance = Nuisance::new(self, start, &wide.prediction, &wide.loading, &wide.noise);

@@ -31,11 +31,12 @@ pub(crate) struct Part {
     pub values: Vec<f64>,
 }
 
-/// The tolerances that are far from linear and so parameters of the base: no vane is set better
-/// than this, degrees, and no wind keeps its direction to better, degrees an hour.
-const TOLERATED: [(MechanismId, f64); 2] = [
-    (MechanismId::WindDirectionOffset, 0.15),
-    (MechanismId::WindDirectionDrift, 2.0),
+/// The tolerances that are far from linear and so parameters of the base, where a wind is logged
+/// and where none is: no vane is set better than this, degrees, and no wind keeps its direction
+/// to better, degrees an hour.
+const TOLERATED: [(MechanismId, [f64; 2]); 2] = [
+    (MechanismId::WindDirectionOffset, [0.15, 0.15]),
+    (MechanismId::WindDirectionDrift, [2.0, 8.0]),
 ];
 
 /// Parts and which of their parameters are free.
@@ -46,8 +47,9 @@ pub(crate) struct Model {
 }
 
 impl Model {
-    /// The base: one part for each parameter that the scenario marks uncertain.
-    pub fn base(setup: &Setup) -> Self {
+    /// The base: one part for each parameter that the scenario marks uncertain, and the
+    /// tolerances of a wind that is `logged` or not.
+    pub fn base(setup: &Setup, logged: bool) -> Self {
         let mut model = Self::default();
         for prior in &setup.priors {
             let spec = &prior.id.spec().parameters[0];
@@ -74,6 +76,7 @@ impl Model {
             });
         }
         for (id, sd) in TOLERATED {
+            let sd = if logged { sd[0] } else { sd[1] };
             if setup.priors.iter().any(|p| p.id == id) {
                 continue;
             }

@@ -45,6 +45,9 @@ const TOLERATED: [(MechanismId, usize, f64, f64); 7] = [
     (MechanismId::AltitudeOffset, 0, 1.0, 0.6),
 ];
 
+/// What a sensor's zero is never better known than, as part of its white noise.
+const ZERO_PART: f64 = 0.2;
+
 /// Columns before whitening, with the standard deviations of their coefficients.
 #[derive(Debug, Clone)]
 pub(crate) struct Nuisance {
@@ -86,7 +89,28 @@ impl Nuisance {
             own.sd.push(if known { NOT_TOLERATED * size } else { size });
             own.tolerates.push(Some(id));
         }
+        own.zeros(ctx, ZERO_PART * noise.white_ppm());
         own
+    }
+
+    /// A zero for every sensor, and how it wanders from the record's beginning to its end.
+    fn zeros(&mut self, ctx: &Context<'_>, sd_ppm: f64) {
+        let (from, to) = ctx.data.span_s();
+        let times = ctx.data.track.time_s();
+        for range in ctx.data.ranges() {
+            let on_it = |of: &dyn Fn(usize) -> f64| {
+                let mut column = vec![0.0; times.len()];
+                for i in range.clone() {
+                    column[i] = of(i);
+                }
+                column
+            };
+            let along = |i: usize| 2.0 * (times[i] - from) / (to - from).max(1.0) - 1.0;
+            self.raw.push(on_it(&|_| 1.0));
+            self.raw.push(on_it(&along));
+            self.sd.extend([sd_ppm; 2]);
+            self.tolerates.extend([None; 2]);
+        }
     }
 
     /// The shared swing and everything that the catalogue could add.

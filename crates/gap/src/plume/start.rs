@@ -1,13 +1,21 @@
 //! The start: which wind carries the plume, and the base with its noise at their best.
 
 use ::plume::field::{Strength, Transport, World};
+use ::plume::mechanism::MechanismId;
 
 use super::data::{Data, Setup};
 use super::fit::{Context, Effort, Fitted};
 use super::model::Model;
-use super::noise::NoiseModel;
+use super::noise::{self, NoiseModel};
 use super::parallel;
 use super::transport::{Carried, Treatment, carried};
+
+/// Treatments of the wind that come so near to the best, with everything else free, are as
+/// good, nats.
+const ALIKE_NATS: f64 = 6.0;
+
+/// Where the plume is looked for, standard deviations of the wind's direction.
+const AIMS_SD: [f64; 11] = [0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0, -2.5, 2.5];
 
 /// The base at its best.
 pub(crate) struct Started {
@@ -24,16 +32,7 @@ pub(crate) fn start(setup: &Setup, data: &mut Data, threads: usize) -> Started {
     } else {
         noise
     };
-    let (treatment, model, noise) = choose_wind(setup, data, noise, threads);
-    let ctx = Context {
-        setup,
-        data,
-        threads,
-    };
-    Started {
-        fitted: ctx.refine(&model, noise),
-        treatment,
-    }
+    choose_wind(setup, data, noise, threads)
 }
 
 /// White noise as stated, or as neighbouring readings differ, whichever they agree on within a
@@ -63,50 +62,101 @@ fn white_noise(setup: &Setup, data: &Data) -> f64 {
 }
 
 /// Puts the transport under which the data are most probable, whatever else may be wrong, into
-/// `data`; says which it is, with the base and the noise there.
-fn choose_wind(
-    setup: &Setup,
-    data: &mut Data,
-    noise: NoiseModel,
-    threads: usize,
-) -> (Treatment, Model, NoiseModel) {
-    let base = Model::base(setup);
-    let stated_c_max = matches!(setup.base.sources[0].strength, Strength::CMax { .. });
+/// `data`; gives the base there. Of those that are about as probable it is the one under which
+/// the least else is wrong.
+fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize) -> Started {
     let logged = data.wind.iter().any(Option::is_some);
-    let treatments: &[Treatment] = match logged {
-        true => &Treatment::LOGGED,
-        false => &Treatment::UNLOGGED,
+    let base = Model::base(setup, logged);
+    let stated_c_max = matches!(setup.base.sources[0].strength, Strength::CMax { .. });
+    let treatments: &[Treatment] = if logged {
+        &Treatment::LOGGED
+    } else {
+        &Treatment::UNLOGGED
     };
-    let options: Vec<(Treatment, Carried)> = treatments
+    let options: Vec<Carried> = treatments
         .iter()
         .filter(|t| stated_c_max || !matches!(t, Treatment::Diluted(_)))
-        .filter_map(|t| Some((*t, carried_by(setup, data, *t)?)))
+        .filter_map(|t| carried_by(setup, data, *t))
         .collect();
     let shared: &Data = data;
-    let fit = |carried: &Carried, model: &Model, noise: NoiseModel, effort: Effort| {
-        let mut own = shared.clone();
-        put(setup, &mut own, carried, model);
-        let settled = single(setup, &own).under(model, &noise);
-        put(setup, &mut own, carried, &settled);
-        let wide = single(setup, &own).wide(&settled, noise, effort);
-        let score = wide.log_score + carried.treatment.ln_prior();
-        (score, settled, wide.noise)
-    };
+    let first = options.iter().find(|o| o.treatment == Treatment::FIRST);
+    let base = aimed(setup, shared, first.unwrap_or(&options[0]), base, &noise);
     let quick = parallel::map(&options, threads, |o| {
-        fit(&o.1, &base, noise, Effort::QUICK)
+        let (own, settled) = settled(setup, shared, o, &base, &noise);
+        let wide = single(setup, &own).wide(&settled, noise, Effort::QUICK);
+        (wide.log_score + o.treatment.ln_prior(), settled, wide.noise)
     });
     let mut order: Vec<usize> = (0..options.len()).collect();
     order.sort_by(|a, b| quick[*b].0.total_cmp(&quick[*a].0).then(a.cmp(b)));
+    // Of two that are as good at first the fuller fit tells; puffs and straight plumes both have
+    // to be among them.
+    if let Some(other) = (2..order.len())
+        .find(|k| options[order[*k]].has_history() != options[order[0]].has_history())
+        .filter(|_| options[order[1]].has_history() == options[order[0]].has_history())
+    {
+        order.swap(2, other);
+    }
     order.truncate(3);
-    let full = parallel::map(&order, threads, |k| {
-        fit(&options[*k].1, &quick[*k].1, quick[*k].2, Effort::FULL)
+    let full = parallel::map(&order, threads, |&k| {
+        let (own, settled) = settled(setup, shared, &options[k], &quick[k].1, &quick[k].2);
+        let ctx = single(setup, &own);
+        let wide = ctx.wide(&settled, quick[k].2, Effort::FULL);
+        let score = wide.log_score + options[k].treatment.ln_prior();
+        (score, ctx.within(&settled, wide), own)
     });
+    let most = full.iter().map(|f| f.0).fold(f64::NEG_INFINITY, f64::max);
     let best = (0..order.len())
-        .max_by(|a, b| full[*a].0.total_cmp(&full[*b].0).then(b.cmp(a)))
+        .filter(|k| full[*k].0 > most - ALIKE_NATS)
+        .max_by(|a, b| {
+            let evidence = |k: usize| full[k].1.log_evidence;
+            evidence(*a).total_cmp(&evidence(*b)).then(b.cmp(a))
+        })
         .unwrap_or(0);
-    let (treatment, carried) = &options[order[best]];
-    put(setup, data, carried, &full[best].1);
-    (*treatment, full[best].1.clone(), full[best].2)
+    let (_, fitted, own) = full.into_iter().nth(best).expect("one");
+    *data = own;
+    Started {
+        fitted,
+        treatment: options[order[best]].treatment,
+    }
+}
+
+/// The base turned to where its plume is most probable, about as far as its prior reaches: a
+/// narrow plume that points elsewhere than the readings has no slope that leads to them.
+fn aimed(setup: &Setup, data: &Data, carried: &Carried, base: Model, noise: &NoiseModel) -> Model {
+    let Some(k) = (0..base.dimension())
+        .find(|k| base.parts[base.free[*k].part].id == MechanismId::WindDirectionOffset)
+    else {
+        return base;
+    };
+    let mut own = data.clone();
+    put(setup, &mut own, carried, &base);
+    let ctx = single(setup, &own);
+    let turned = AIMS_SD.map(|aim| {
+        let mut model = base.clone();
+        model.set_coordinate(k, base.coordinate(k) + aim * base.free[k].sd);
+        let prediction = ctx.predict(&model);
+        let loading = ctx.loading(&model, &prediction);
+        let residual = own.residual(&prediction.reading);
+        let score = noise::log_likelihood(&ctx.rows(&loading), noise, &residual);
+        (score + model.ln_prior(), model)
+    });
+    let best = turned.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
+    best.map_or(base, |b| b.1)
+}
+
+/// The data with a wind put in, and a model settled in it.
+fn settled(
+    setup: &Setup,
+    data: &Data,
+    carried: &Carried,
+    model: &Model,
+    noise: &NoiseModel,
+) -> (Data, Model) {
+    let mut own = data.clone();
+    put(setup, &mut own, carried, model);
+    let settled = single(setup, &own).under(model, noise);
+    put(setup, &mut own, carried, &settled);
+    (own, settled)
 }
 
 fn single<'a>(setup: &'a Setup, data: &'a Data) -> Context<'a> {

@@ -47,6 +47,9 @@ impl Treatment {
         Treatment::Puffs(120.0),
     ];
 
+    /// The one in which the plume is looked for first, where there is a log.
+    pub const FIRST: Treatment = Treatment::Pooled(25.0);
+
     /// Log of its prior against the others, nats: air far away does not turn at once; where the
     /// log is noisy a wind that hardly turns may still fit by chance.
     pub fn ln_prior(self) -> f64 {
@@ -87,6 +90,11 @@ pub(crate) struct Carried {
 }
 
 impl Carried {
+    /// Whether puffs are carried by the wind's history.
+    pub fn has_history(&self) -> bool {
+        self.history.is_some()
+    }
+
     /// Factor on the plume of every row in `world`.
     pub fn plume_factors(&self, data: &Data, world: &World) -> Vec<f64> {
         let times = data.track.time_s();

@@ -63,6 +63,17 @@ pub(crate) struct Accepted {
     pub others: Vec<(MechanismId, Option<usize>, Model)>,
 }
 
+/// A nameless rival that beat the best name, until it is seen whether names together beat it.
+struct Doubt {
+    rest: Vec<f64>,
+    unexplained: Unexplained,
+    /// How many were named before it, and the model with them.
+    named: usize,
+    last: Fitted,
+    /// Log evidence that names must have gained in all, nats.
+    due: f64,
+}
+
 /// The outcome of naming.
 pub(crate) struct Named {
     pub first: Round,
@@ -200,6 +211,7 @@ impl Named {
     ) {
         let mut later: Option<Round> = None;
         let (mut gained, mut moved) = (0.0, false);
+        let mut doubt: Option<Doubt> = None;
         loop {
             let k = self.accepted.len();
             let round = later.as_ref().unwrap_or(&self.first);
@@ -214,24 +226,32 @@ impl Named {
             } else {
                 RIVAL_MORE + REST_MARGIN
             };
+            let best = best.filter(|_| k < options.most_causes);
             if let Some(rival) = nameless(round, best, least, REST_PART * gained) {
-                let (rest, unexplained) = (rival.fitted.clone(), unexplained(ctx, rival));
-                self.rest = Some(rest);
-                self.unexplained = Some(unexplained);
-                return;
+                let first = doubt.is_none();
+                doubt.get_or_insert_with(|| Doubt {
+                    rest: rival.fitted.clone(),
+                    unexplained: unexplained(ctx, rival),
+                    named: k,
+                    last: self.last.clone(),
+                    due: gained + rival.log_evidence,
+                });
+                // Two causes at once may look like neither: names get one more chance.
+                if !first || best.is_none() {
+                    gained = f64::NEG_INFINITY;
+                    break;
+                }
             }
-            let Some(best) = best.filter(|_| k < options.most_causes) else {
-                return;
-            };
+            let Some(best) = best else { break };
             // What does not carry over to blocks left out is a chance of the data.
             if held_out::log_gain(ctx, &self.last, &best.fitted)
                 < -KEEP_PART * best.log_score.max(best.log_evidence)
             {
-                return;
+                break;
             }
             let refined = ctx.refine(&best.fitted.model, best.fitted.noise);
             let next = match better_null(ctx, &self.last.model, &refined, best.part) {
-                Some(_) if moved => return,
+                Some(_) if moved => break,
                 Some(null) => {
                     moved = true;
                     null
@@ -253,6 +273,12 @@ impl Named {
             }
             self.last = last;
             later = Some(round);
+        }
+        if let Some(doubt) = doubt.filter(|d| gained < d.due) {
+            self.accepted.truncate(doubt.named);
+            self.last = doubt.last;
+            self.rest = Some(doubt.rest);
+            self.unexplained = Some(doubt.unexplained);
         }
     }
 

@@ -15,8 +15,10 @@ use super::linear::{dot, products, scores};
 use super::model::{Model, Part, Prediction};
 use super::noise::{Loading, NoiseModel, Whitener};
 
-/// Time between the knots of the shared swing, s, and most of them.
+/// Time between the knots of the shared swing, s: of gusts, and of what a log's smoothing leaves.
+/// Most knots of one kind.
 const KNOT_S: f64 = 12.0;
+const SLOW_KNOT_S: f64 = 50.0;
 const MOST_KNOTS: f64 = 75.0;
 /// Sizes tried for the shared swing, degrees.
 const SIZES_DEG: [f64; 8] = [0.05, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 4.0];
@@ -27,7 +29,7 @@ const SHARED_MOST_DEG: f64 = 0.5;
 
 /// What the wind before the record may have been off by from what the record's beginning
 /// suggests, as a mean over the stretch before it, degrees.
-const EARLY_DEG: f64 = 1.5;
+const EARLY_DEG: f64 = 2.5;
 /// The same for its speed, which dilutes what it took up: a part of the plume.
 const EARLY_PART: f64 = 0.05;
 /// Slow wander of a wind that nobody logged: time between knots, s, and size, degrees.
@@ -131,11 +133,12 @@ impl Nuisance {
     /// record; and, where nobody logged the wind, its slow wander.
     fn swings(ctx: &Context<'_>, loading: &[Loading], noise: &NoiseModel) -> Self {
         let mut raw = hats(ctx, loading, KNOT_S);
+        raw.extend(hats(ctx, loading, SLOW_KNOT_S));
         let hats_count = raw.len();
         let mut sd = vec![noise.shared_swing_deg; hats_count];
         if ctx.data.on_board_wind {
             let before = part_before(ctx);
-            for power in [1, 2] {
+            for power in [1, 2, 3] {
                 let of = |load: &dyn Fn(&Loading) -> f64| {
                     let rows = before.iter().zip(loading);
                     rows.map(|(b, l)| b.powi(power) * load(l)).collect()

@@ -19,6 +19,8 @@ const LONGEST_USUAL_RUN: usize = 20;
 const REMEMBERED: f64 = 5.0;
 /// Longest step between rows over which the air is known well enough, s.
 const LONGEST_STEP_S: f64 = 4.0;
+/// Fewest levels below a ceiling that holds most readings.
+const LEAST_LEVELS: usize = 6;
 /// Shortest run of equal readings that counts.
 const FROZEN_ROWS: usize = 8;
 
@@ -218,7 +220,14 @@ impl Eye<'_> {
             .rev()
             .take_while(|v| **v >= near.min(top - 3.0 * step))
             .count();
-        let wide = top - middle > 4.0 * spread(&sorted[..sorted.len() / 2]);
+        let mut levels = below.to_vec();
+        levels.dedup();
+        // Where most readings are held, what is left below must still vary as a noise does.
+        let wide = if middle == top {
+            levels.len() >= LEAST_LEVELS
+        } else {
+            top - middle > 4.0 * spread(&sorted[..sorted.len() / 2])
+        };
         if at_top < 6 || at_top < 2 * neighbours || !wide {
             return;
         }

@@ -31,6 +31,8 @@ pub struct NoiseModel {
     pub(crate) prior: [(f64, f64); NOISE_PARAMETERS],
     /// Swing of the plume that all platforms share: standard deviation, degrees.
     pub(crate) shared_swing_deg: f64,
+    /// White noise that readings on a grid have at least, ppm.
+    pub(crate) least_white_ppm: f64,
     /// Swing of a platform's plume beyond which it is a finding rather than noise, degrees.
     pub(crate) most_swing_deg: f64,
 }
@@ -66,6 +68,7 @@ impl NoiseModel {
             ln: prior.map(|p| p.0),
             prior,
             shared_swing_deg: 0.25,
+            least_white_ppm: 0.0,
             most_swing_deg: f64::INFINITY,
         }
     }
@@ -74,6 +77,14 @@ impl NoiseModel {
     pub(crate) fn with_logged_wind(self) -> Self {
         Self {
             most_swing_deg: MOST_SWING_DEG,
+            ..self
+        }
+    }
+
+    /// The same for readings on a grid of this step, ppm.
+    pub(crate) fn with_grid(self, step_ppm: f64) -> Self {
+        Self {
+            least_white_ppm: of_grid(step_ppm),
             ..self
         }
     }
@@ -115,8 +126,16 @@ impl NoiseModel {
     pub(crate) fn ln_prior(&self) -> f64 {
         let z = |(x, (mean, sd)): (&f64, &(f64, f64))| -0.5 * ((x - mean) / sd).powi(2);
         let over = (self.ln[SWING] - self.most_swing_deg.ln()).max(0.0);
-        self.ln.iter().zip(&self.prior).map(z).sum::<f64>() - 0.5 * (over / CAP_SOFTNESS).powi(2)
+        let under = (self.least_white_ppm.ln() - self.ln[WHITE]).max(0.0);
+        self.ln.iter().zip(&self.prior).map(z).sum::<f64>()
+            - 0.5 * (over / CAP_SOFTNESS).powi(2)
+            - 0.5 * (under / CAP_SOFTNESS).powi(2)
     }
+}
+
+/// Standard deviation of what rounding to a grid takes, in the grid's unit.
+pub(crate) fn of_grid(step: f64) -> f64 {
+    step / 12f64.sqrt()
 }
 
 /// What the noise of one row depends on besides its parameters.

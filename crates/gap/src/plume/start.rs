@@ -26,7 +26,7 @@ pub(crate) struct Started {
 
 /// Chooses the wind's treatment, fits base and noise.
 pub(crate) fn start(setup: &Setup, data: &mut Data, threads: usize) -> Started {
-    let noise = NoiseModel::prior(white_noise(setup, data));
+    let noise = white_noise(setup, data);
     let noise = if data.on_board_wind {
         noise.with_logged_wind()
     } else {
@@ -35,9 +35,8 @@ pub(crate) fn start(setup: &Setup, data: &mut Data, threads: usize) -> Started {
     choose_wind(setup, data, noise, threads)
 }
 
-/// White noise as stated, or as neighbouring readings differ, whichever they agree on within a
-/// factor of three, ppm.
-fn white_noise(setup: &Setup, data: &Data) -> f64 {
+/// Steps between neighbouring readings, ppm, the smallest first.
+fn steps_ppm(data: &Data) -> Vec<f64> {
     let mut steps = Vec::new();
     for range in data.ranges() {
         let rows: Vec<usize> = range.clone().filter(|i| data.used[*i]).collect();
@@ -47,18 +46,25 @@ fn white_noise(setup: &Setup, data: &Data) -> f64 {
         );
     }
     steps.sort_by(f64::total_cmp);
+    steps
+}
+
+/// White noise as stated, or as neighbouring readings differ, whichever they agree on within a
+/// factor of three; at least that of the readings' own grid.
+fn white_noise(setup: &Setup, data: &Data) -> NoiseModel {
+    let steps = steps_ppm(data);
     let middle = steps.get(steps.len() / 2).copied().unwrap_or(0.0);
-    let mut positive = steps.iter().copied().filter(|s| *s > 0.0);
-    // On a coarse grid half of the steps may be nil: the grid itself has a noise.
-    let grid = positive.next().unwrap_or(0.0) * 0.29;
-    // Median of |a - b| of two normal numbers is 0.954 standard deviations.
-    let seen = (middle / 0.954).max(grid).max(1e-3);
+    let grid = steps.iter().copied().find(|s| *s > 0.0).unwrap_or(0.0);
+    // Median of |a - b| of two normal numbers is 0.954 standard deviations. On a coarse grid half
+    // of the steps may be nil.
+    let seen = (middle / 0.954).max(noise::of_grid(grid)).max(1e-3);
     let stated = setup.base.sensor.noise_sd_ppm;
-    if stated > 0.0 {
+    let white = if stated > 0.0 {
         seen.clamp(stated / 3.0, stated * 3.0)
     } else {
         seen
-    }
+    };
+    NoiseModel::prior(white).with_grid(grid)
 }
 
 /// Puts the transport under which the data are most probable, whatever else may be wrong, into

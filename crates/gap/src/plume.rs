@@ -147,6 +147,11 @@ pub fn analyse(
     };
     tell(0.95, "writing it down");
     let mut notices = data.notices.clone();
+    if options.complete && next_flight.is_none() && named.verdict() == Verdict::Ambiguous {
+        let words = "no flight of those tried would tell the causes of a set apart: it takes \
+                     another instrument, or a calibration on the ground";
+        notices.push(words.to_string());
+    }
     let wind = started.treatment.describe();
     notices.push(format!("the plume is carried by {wind}"));
     notices.extend(named.notices.iter().cloned());

@@ -26,6 +26,9 @@ const REFIT_MARGIN: f64 = 3.0;
 /// No law of the catalogue is nature's own: of what a cause gains, a part goes to whichever law
 /// has the form that happens to be nearer. At this gain differences count for half, nats.
 const LAW_NATS: f64 = 60.0;
+/// However large the gain, differences count for this part: a law that is five times as far off
+/// is not nature's.
+const LEAST_POWER: f64 = 0.2;
 /// What an extension must gain under the noise that is fitted with it, nats.
 const STANDS_NATS: f64 = 8.0;
 /// Probability that all names together must have where a nameless rival is called for.
@@ -437,8 +440,13 @@ fn without(model: &Model, base: &Model, part: usize) -> Option<Model> {
     Some(out)
 }
 
+/// The power that evidence is taken to, so that what laws differ by does not pass for knowledge.
+pub(crate) fn law_power(log_score: f64) -> f64 {
+    (1.0 / (1.0 + log_score.max(0.0) / LAW_NATS)).max(LEAST_POWER)
+}
+
 fn accept(round: &Round, best: &Tried) -> Accepted {
-    let ids = round.by_id(1.0 / (1.0 + best.log_score.max(0.0) / LAW_NATS));
+    let ids = round.by_id(law_power(best.log_score));
     // Nameless rivals and the base take part in the probabilities, but not in the set.
     let named: f64 = ids.iter().map(|i| i.1).sum();
     let mut set: Vec<(MechanismId, f64)> = Vec::new();

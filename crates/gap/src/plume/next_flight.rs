@@ -18,7 +18,7 @@ use super::data::Data;
 use super::fit::{Context, Fitted};
 use super::linear::{dot, posterior, products, scores};
 use super::model::Model;
-use super::naming::Named;
+use super::naming::{Named, law_power};
 use super::noise::Whitener;
 use super::nuisance::Nuisance;
 use crate::verdict::{NextFlight, Waypoint};
@@ -31,6 +31,10 @@ const LENGTH_S: f64 = 1200.0;
 const LOWEST_M: f64 = 30.0;
 /// Separation at which two rivals come apart, nats: at even odds before, 95 % after.
 const APART_NATS: f64 = 2.95;
+/// Separation below which a flight is not worth proposing, nats.
+const LEAST_NATS: f64 = 1.0;
+/// How many seconds of flight a plume's standard deviation across must take to be resolved.
+const RESOLVED_S: f64 = 1.5;
 /// Separation beyond which more is worth nothing, nats.
 const ENOUGH_NATS: f64 = 12.0;
 
@@ -41,8 +45,7 @@ struct Plan {
 }
 
 /// The flight that separates the most probable member of the first ambiguous cause from as many
-/// of the others as one flight can. Where none of the flights tried does, it is the one that
-/// comes nearest to separating it from the second, and its nats say so.
+/// of the others as one flight can; none where no flight tried would as much as shift the odds.
 pub(crate) fn propose(ctx: &Context<'_>, named: &Named) -> Option<NextFlight> {
     let cause = named.accepted.iter().find(|a| a.set.len() > 1)?;
     let world = named
@@ -61,17 +64,23 @@ pub(crate) fn propose(ctx: &Context<'_>, named: &Named) -> Option<NextFlight> {
     let worth = |nats: &[f64]| nats.iter().map(|n| n.min(ENOUGH_NATS)).sum::<f64>();
     let mut best: Option<(Plan, Vec<f64>)> = None;
     for plan in plans(ctx, &world) {
-        let nats: Vec<f64> = rivals
-            .iter()
-            .map(|r| separation(ctx, &named.last, r, &plan, &world, flier).unwrap_or(0.0))
-            .collect();
+        let from = |other: &Fitted| {
+            separation(ctx, &named.last, other, &plan, &world, flier).unwrap_or(0.0)
+        };
+        // The more the effect itself shows, the less a difference of laws will count.
+        let power = law_power(cause.evidence.delta_log_score + from(&named.base));
+        let nats: Vec<f64> = rivals.iter().map(|r| power * from(r)).collect();
         if best.as_ref().is_none_or(|b| worth(&nats) > worth(&b.1)) {
             best = Some((plan, nats));
         }
     }
     let (plan, nats) = best?;
     let apart: Vec<usize> = (0..nats.len()).filter(|k| nats[*k] > APART_NATS).collect();
-    let shown = if apart.is_empty() { vec![0] } else { apart };
+    let most = (0..nats.len()).max_by(|a, b| nats[*a].total_cmp(&nats[*b]))?;
+    if nats[most] < LEAST_NATS {
+        return None;
+    }
+    let shown = if apart.is_empty() { vec![most] } else { apart };
     let names = shown.iter().filter_map(|k| cause.others.get(*k));
     let mut separates = vec![cause.id.as_str().to_string()];
     separates.extend(names.map(|(id, _, _)| id.as_str().to_string()));
@@ -115,7 +124,11 @@ fn plans(ctx: &Context<'_>, world: &World) -> Vec<Plan> {
         }
         corners
     };
-    for x in [350.0, 700.0, 1400.0, 2800.0, 5000.0] {
+    let resolved = |x: &f64| world.sigmas_m(*x).0 > RESOLVED_S * SPEED_M_S;
+    for x in [350.0, 700.0, 1400.0, 2800.0, 5000.0]
+        .into_iter()
+        .filter(resolved)
+    {
         let sigma = world.sigmas_m(x).1;
         let high = axis + 1.2 * sigma;
         let low = (axis - 1.2 * sigma).max(LOWEST_M);

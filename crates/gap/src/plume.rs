@@ -147,7 +147,10 @@ pub fn analyse(
     };
     tell(0.95, "writing it down");
     let mut notices = data.notices.clone();
-    if options.complete && next_flight.is_none() && named.verdict() == Verdict::Ambiguous {
+    if next_flight
+        .as_ref()
+        .is_some_and(|f| f.expected_nats < next_flight::LEAST_NATS)
+    {
         let words = "no flight of those tried would tell the causes of a set apart: it takes \
                      another instrument, or a calibration on the ground";
         notices.push(words.to_string());

@@ -31,8 +31,8 @@ const LENGTH_S: f64 = 1200.0;
 const LOWEST_M: f64 = 30.0;
 /// Separation at which two rivals come apart, nats: at even odds before, 95 % after.
 const APART_NATS: f64 = 2.95;
-/// Separation below which a flight is not worth proposing, nats.
-const LEAST_NATS: f64 = 1.0;
+/// Separation below which a flight would not as much as shift the odds, nats.
+pub(crate) const LEAST_NATS: f64 = 1.0;
 /// How many seconds of flight a plume's standard deviation across must take to be resolved.
 const RESOLVED_S: f64 = 1.5;
 /// Separation beyond which more is worth nothing, nats.
@@ -45,7 +45,8 @@ struct Plan {
 }
 
 /// The flight that separates the most probable member of the first ambiguous cause from as many
-/// of the others as one flight can; none where no flight tried would as much as shift the odds.
+/// of the others as one flight can. Where none of the flights tried would, it is the one that
+/// comes nearest to it, and its nats say so.
 pub(crate) fn propose(ctx: &Context<'_>, named: &Named) -> Option<NextFlight> {
     let cause = named.accepted.iter().find(|a| a.set.len() > 1)?;
     let world = named
@@ -77,9 +78,6 @@ pub(crate) fn propose(ctx: &Context<'_>, named: &Named) -> Option<NextFlight> {
     let (plan, nats) = best?;
     let apart: Vec<usize> = (0..nats.len()).filter(|k| nats[*k] > APART_NATS).collect();
     let most = (0..nats.len()).max_by(|a, b| nats[*a].total_cmp(&nats[*b]))?;
-    if nats[most] < LEAST_NATS {
-        return None;
-    }
     let shown = if apart.is_empty() { vec![most] } else { apart };
     let names = shown.iter().filter_map(|k| cause.others.get(*k));
     let mut separates = vec![cause.id.as_str().to_string()];

@@ -251,6 +251,25 @@ fn a_frozen_stretch_is_masked_and_makes_no_verdict() {
     assert_eq!(verdict, Verdict::None);
 }
 
+// Held in the plume only, and held nearly everywhere: below the air itself.
+#[test]
+fn readings_held_at_a_limit_are_clipped_however_many() {
+    let background = setup().base.background_ppm;
+    for limit in [background + 25.0, background + 1.0] {
+        let mut o = observe(&[], 17);
+        for r in &mut o.rows {
+            r.co2_ppm = r.co2_ppm.map(|c| c.min(limit));
+        }
+        let held = o.rows.iter().filter(|r| r.co2_ppm == Some(limit)).count();
+        let a = run(&o);
+        let flaws: Vec<Flaw> = a.json.data_quality.iter().map(|q| q.kind).collect();
+        assert!(flaws.contains(&Flaw::Clipped), "{held} held: {flaws:?}");
+        let other = |id: &String| id != "sensor-saturation";
+        let named = a.json.causes.iter().flat_map(|c| &c.mechanisms);
+        assert!(!named.into_iter().any(other), "{}", a.json.summary);
+    }
+}
+
 #[test]
 fn a_gap_is_reported_and_makes_no_verdict() {
     let (verdict, flaws) = damaged(|r| {

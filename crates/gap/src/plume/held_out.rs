@@ -3,7 +3,9 @@
 //!
 //! Leaving a block out takes its part from the normal equations at the fitted model; the
 //! parameters move by one Newton step, which is exact for linear ones and good to second order
-//! for the rest. The block is then predicted with what the others say.
+//! for the rest. The block is then predicted with what the others say; its log score is that of
+//! the predictive law, with parameters and nuisance as uncertain as the others leave them:
+//! what all say less what the others say.
 
 use ::plume::score::{Pair, with_interval};
 use nalgebra::{DMatrix, DVector};
@@ -11,7 +13,7 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
 use super::fit::{Context, Fitted};
-use super::linear::{posterior, products, scores};
+use super::linear::{dot, marginal, posterior, products, scores};
 use crate::verdict::{Gain, HeldOut};
 
 /// Number of bootstrap resamples.
@@ -151,22 +153,28 @@ fn predict(ctx: &Context<'_>, fitted: &Fitted, rows: &[Vec<usize>]) -> Vec<Predi
     let mut raw = ctx.derivatives(&fitted.model, &fitted.prediction.reading);
     raw.extend(fitted.metric.nuisance.raw.iter().cloned());
     let log_sd = log_scales(ctx, fitted);
+    let known = |gram: &DMatrix<f64>, score: &DVector<f64>| {
+        marginal(gram, score, &fitted.centre, &fitted.precision).unwrap_or(0.0)
+    };
+    let all = known(&gram, &score);
     rows.iter()
         .zip(&parts)
         .map(|(rows, part)| {
             let others = (&gram - &part.0, &score - &part.1);
             let step = posterior(&others.0, &others.1, &fitted.centre, &fitted.precision)
                 .map_or_else(|| DVector::zeros(n), |p| p.mean);
+            let residual = pick(&fitted.residual, rows);
+            let scale: f64 = rows.iter().map(|i| log_sd[*i]).sum();
             let mut out = Predicted {
-                log_score: 0.0,
+                log_score: all
+                    - known(&others.0, &others.1)
+                    - 0.5 * dot(&residual, &residual)
+                    - scale,
                 square: 0.0,
                 pairs: Vec::new(),
             };
             for &i in rows {
                 let moved: f64 = (0..n).map(|k| step[k] * raw[k][i]).sum();
-                let white: f64 = fitted.residual[i]
-                    - (0..n).map(|k| step[k] * fitted.columns[k][i]).sum::<f64>();
-                out.log_score -= 0.5 * white * white + log_sd[i];
                 let predicted = fitted.prediction.reading[i] + moved;
                 let error = ctx.data.reading_ppm[i] - predicted;
                 out.square += error * error;

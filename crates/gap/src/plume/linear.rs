@@ -28,7 +28,43 @@ pub(crate) fn posterior(
             covariance: DMatrix::zeros(0, 0),
         });
     }
-    // Scaled to a unit diagonal: columns differ by many orders of magnitude.
+    let (a, b, scale) = normal_equations(gram, score, centre, precision);
+    let chol = Cholesky::new(a)?;
+    let x = chol.solve(&b);
+    let mean = DVector::from_fn(n, |k, _| x[k] * scale[k]);
+    let inverse = chol.inverse();
+    let covariance = DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] * scale[i] * scale[j]);
+    mean.iter()
+        .all(|m| m.is_finite())
+        .then_some(Posterior { mean, covariance })
+}
+
+/// What is known of a residual with the coefficients of [`posterior`] integrated out, beside
+/// −½ residualᵀ residual: ½ bᵀA⁻¹b − ½ ln|A|, with A = gram + precision and
+/// b = score + precision · centre; a constant of the priors is left out.
+pub(crate) fn marginal(
+    gram: &DMatrix<f64>,
+    score: &DVector<f64>,
+    centre: &DVector<f64>,
+    precision: &DVector<f64>,
+) -> Option<f64> {
+    let (a, b, scale) = normal_equations(gram, score, centre, precision);
+    let chol = Cholesky::new(a)?;
+    let half_log_det: f64 = (0..b.len())
+        .map(|k| (chol.l_dirty()[(k, k)] / scale[k]).ln())
+        .sum();
+    Some(0.5 * b.dot(&chol.solve(&b)) - half_log_det)
+}
+
+/// A and b of the normal equations with priors, scaled to a unit diagonal, as columns differ by
+/// many orders of magnitude; and the scale.
+fn normal_equations(
+    gram: &DMatrix<f64>,
+    score: &DVector<f64>,
+    centre: &DVector<f64>,
+    precision: &DVector<f64>,
+) -> (DMatrix<f64>, DVector<f64>, DVector<f64>) {
+    let n = score.len();
     let scale = DVector::from_fn(n, |k, _| {
         1.0 / (gram[(k, k)] + precision[k]).sqrt().max(1e-150)
     });
@@ -38,14 +74,7 @@ pub(crate) fn posterior(
         (gram[(i, j)] + own) * scale[i] * scale[j] * jitter
     });
     let b = DVector::from_fn(n, |k, _| (score[k] + precision[k] * centre[k]) * scale[k]);
-    let chol = Cholesky::new(a)?;
-    let x = chol.solve(&b);
-    let mean = DVector::from_fn(n, |k, _| x[k] * scale[k]);
-    let inverse = chol.inverse();
-    let covariance = DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] * scale[i] * scale[j]);
-    mean.iter()
-        .all(|m| m.is_finite())
-        .then_some(Posterior { mean, covariance })
+    (a, b, scale)
 }
 
 /// Inner products of whitened columns.
@@ -117,6 +146,20 @@ mod tests {
         assert!((p.mean[0] - (3.0 * 4.0 + 1.0) / det).abs() < 1e-8);
         assert!((p.mean[1] - (-6.0 - 3.0) / det).abs() < 1e-8);
         assert!((p.covariance[(0, 0)] - 4.0 / det).abs() < 1e-8);
+    }
+
+    // One column with information 4, score 2, prior 0.5 +- 1/sqrt(2): a = 6, b = 3.
+    #[test]
+    fn marginal_of_one_column() {
+        let one = |v: f64| DVector::from_vec(vec![v]);
+        let m = marginal(
+            &DMatrix::from_row_slice(1, 1, &[4.0]),
+            &one(2.0),
+            &one(0.5),
+            &one(2.0),
+        )
+        .unwrap();
+        assert!((m - (0.5 * 9.0 / 6.0 - 0.5 * 6f64.ln())).abs() < 1e-8);
     }
 
     #[test]

@@ -19,8 +19,6 @@ const RIVAL_MARGIN: f64 = 6.0;
 /// What a nameless rival needs beyond its own false-alarm threshold: it is there for strong
 /// effects, and weak ones of many forms are everywhere, nats.
 const RIVAL_MORE: f64 = 9.0;
-/// Part of its gain in log score that a name may lose on blocks left out.
-const KEEP_PART: f64 = 1.0;
 /// What a full fit must gain beyond the screen's threshold to count by itself, nats.
 const REFIT_MARGIN: f64 = 3.0;
 /// No law of the catalogue is nature's own: of what a cause gains, a part goes to whichever law
@@ -30,7 +28,7 @@ const LAW_NATS: f64 = 60.0;
 /// is not nature's.
 const LEAST_POWER: f64 = 0.2;
 /// What an extension must gain under the noise that is fitted with it, nats.
-const STANDS_NATS: f64 = 8.0;
+const STANDS_NATS: f64 = 6.0;
 /// Probability that all names together must have where a nameless rival is called for.
 const NAMES_AT: f64 = 0.5;
 /// Least gains of log score and log evidence for a name, nats. The screen's threshold knows the
@@ -247,9 +245,7 @@ impl Named {
             }
             let Some(best) = best else { break };
             // What does not carry over to blocks left out is a chance of the data.
-            if held_out::log_gain(ctx, &self.last, &best.fitted)
-                < -KEEP_PART * best.log_score.max(best.log_evidence)
-            {
+            if held_out::log_gain(ctx, &self.last, &best.fitted) < 0.0 {
                 break;
             }
             let refined = ctx.refine(&best.fitted.model, best.fitted.noise);
@@ -403,7 +399,8 @@ fn sum(set: &[(MechanismId, f64)]) -> f64 {
 }
 
 /// The null at where an extension moved it, with the noise fitted there, if the extension gains
-/// little more than that once the noise is its own: its gain was the null's bad place.
+/// little more than that once the noise is its own, or nothing on blocks left out: its gain was
+/// the null's bad place.
 fn better_null(ctx: &Context<'_>, null: &Model, refined: &Fitted, part: usize) -> Option<Fitted> {
     if part < null.parts.len() {
         return None;
@@ -414,9 +411,10 @@ fn better_null(ctx: &Context<'_>, null: &Model, refined: &Fitted, part: usize) -
         let base = settled.model.ln_departure(|k| k < null.dimension());
         (settled.log_score + base, settled)
     };
-    let (with, _) = score(&refined.model);
+    let (with, extended) = score(&refined.model);
     let (alone, settled) = score(&without);
-    (with - alone < STANDS_NATS).then(|| ctx.refine(&settled.model, refined.noise))
+    let stands = with - alone > STANDS_NATS && held_out::log_gain(ctx, &settled, &extended) > 0.0;
+    (!stands).then(|| ctx.refine(&settled.model, refined.noise))
 }
 
 /// The model without an extension, or with the base's own prior put back.

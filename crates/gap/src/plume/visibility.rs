@@ -38,6 +38,11 @@ pub struct Visibility<'a> {
     fitted: Fitted,
 }
 
+/// Log score and prior of a fit, nats.
+fn score(fitted: &Fitted) -> f64 {
+    fitted.log_score + fitted.model.ln_prior()
+}
+
 impl<'a> Visibility<'a> {
     /// Fits base and noise.
     ///
@@ -75,14 +80,28 @@ impl<'a> Visibility<'a> {
     /// # Errors
     /// A twin whose rows do not correspond.
     pub fn nats(&self, known: Known<'_>) -> Result<f64, GapError> {
-        let base = self.score(&self.data, &self.fitted.model);
-        let without = match known {
+        let base = score(&self.settled(&self.data, &self.fitted.model));
+        match known {
             Known::Mechanisms(mechanisms) => {
-                self.score(&self.data, &self.with(mechanisms.iter().collect()))
+                let truth = self.settled(&self.data, &self.with(mechanisms.iter().collect()));
+                // The base may fit better from where the truth has its parameters.
+                let there = self.settled(&self.data, &self.base_at(&truth.model));
+                Ok(score(&truth) - base.max(score(&there)))
             }
-            Known::Twin(twin) => self.score(&self.twin(twin)?, &self.fitted.model),
-        };
-        Ok(without - base)
+            Known::Twin(twin) => {
+                let twin = self.settled(&self.twin(twin)?, &self.fitted.model);
+                Ok(score(&twin) - base)
+            }
+        }
+    }
+
+    /// The base with its parameters where a larger model has them.
+    fn base_at(&self, larger: &Model) -> Model {
+        let mut model = self.fitted.model.clone();
+        for k in 0..model.dimension() {
+            model.set_coordinate(k, larger.coordinate(k));
+        }
+        model
     }
 
     /// The base with mechanisms at their values.
@@ -93,11 +112,6 @@ impl<'a> Visibility<'a> {
             model.parts.extend(parts);
         }
         model
-    }
-
-    fn score(&self, data: &Data, model: &Model) -> f64 {
-        let settled = self.settled(data, model);
-        settled.log_score + settled.model.ln_prior()
     }
 
     fn settled(&self, data: &Data, model: &Model) -> Fitted {

@@ -117,6 +117,11 @@ pub(crate) fn name(
         tell(0.65, "testing every name against its rivals");
         named.swap(ctx, options);
     }
+    // Names that take from data left out what each of them gave are chances of the data.
+    if !named.accepted.is_empty() && held_out::log_gain(ctx, &named.base, &named.last) < 0.0 {
+        named.accepted.clear();
+        named.last = named.base.clone();
+    }
     named.ceilings = ceilings(ctx, &named.last);
     if named.accepted.is_empty() && named.unexplained.is_none() {
         named.unexplained = unrelated(ctx, &named.last);

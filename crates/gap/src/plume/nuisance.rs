@@ -19,6 +19,8 @@ use super::noise::{Loading, NoiseModel, Whitener};
 /// Most knots of one kind.
 const KNOT_S: f64 = 12.0;
 const SLOW_KNOT_S: f64 = 50.0;
+/// Size of the slow ones over that of the fast ones: winds turn more, the longer they take.
+const SLOW_OVER_FAST: f64 = 2.0;
 const MOST_KNOTS: f64 = 75.0;
 /// Sizes tried for the shared swing, degrees.
 const SIZES_DEG: [f64; 8] = [0.05, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 4.0];
@@ -133,7 +135,10 @@ impl Nuisance {
     /// record; and, where nobody logged the wind, its slow wander.
     fn swings(ctx: &Context<'_>, loading: &[Loading], noise: &NoiseModel) -> Self {
         let mut raw = hats(ctx, loading, KNOT_S);
-        raw.extend(hats(ctx, loading, SLOW_KNOT_S));
+        for mut hat in hats(ctx, loading, SLOW_KNOT_S) {
+            hat.iter_mut().for_each(|v| *v *= SLOW_OVER_FAST);
+            raw.push(hat);
+        }
         let hats_count = raw.len();
         let mut sd = vec![noise.shared_swing_deg; hats_count];
         if ctx.data.on_board_wind {

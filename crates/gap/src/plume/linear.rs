@@ -1,5 +1,7 @@
 //! Gaussian linear algebra in few dimensions: the evidence of whitened columns.
 
+use std::ops::Range;
+
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// A Gaussian posterior of linear coefficients.
@@ -106,20 +108,31 @@ pub(crate) fn products<A: AsRef<[f64]>, B: AsRef<[f64]>>(a: &[A], b: &[B]) -> DM
     let mut from = 0;
     while from < rows {
         let to = (from + BLOCK_ROWS).min(rows);
-        let left = stacked(a.iter().map(|c| &c.as_ref()[from..to]), to - from);
-        let right = stacked(b.iter().map(|c| &c.as_ref()[from..to]), to - from);
-        out.gemm(1.0, &left.transpose(), &right, 1.0);
+        let (left_at, left) = stacked(a, from..to);
+        let (right_at, right) = stacked(b, from..to);
+        let block = left.transpose() * right;
+        for (j, to_j) in right_at.iter().enumerate() {
+            for (i, to_i) in left_at.iter().enumerate() {
+                out[(*to_i, *to_j)] += block[(i, j)];
+            }
+        }
         from = to;
     }
     out
 }
 
-fn stacked<'a>(columns: impl Iterator<Item = &'a [f64]>, rows: usize) -> DMatrix<f64> {
-    let mut values = Vec::new();
-    for column in columns {
-        values.extend_from_slice(column);
+/// Those columns that have something in `rows`, side by side, and which they are.
+fn stacked<A: AsRef<[f64]>>(columns: &[A], rows: Range<usize>) -> (Vec<usize>, DMatrix<f64>) {
+    let (mut which, mut values) = (Vec::new(), Vec::new());
+    for (k, column) in columns.iter().enumerate() {
+        let own = &column.as_ref()[rows.clone()];
+        if own.iter().any(|v| *v != 0.0) {
+            which.push(k);
+            values.extend_from_slice(own);
+        }
     }
-    DMatrix::from_vec(rows, values.len() / rows.max(1), values)
+    let matrix = DMatrix::from_vec(rows.len(), which.len(), values);
+    (which, matrix)
 }
 
 /// Inner products of all columns with one.

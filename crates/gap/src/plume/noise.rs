@@ -182,6 +182,8 @@ pub(crate) struct Whitener {
     pub outliers: Vec<usize>,
 }
 
+/// Part of a column's largest value that the filter's memory of it counts as nothing.
+const FORGOTTEN: f64 = 1e-9;
 /// Columns whitened side by side.
 const LANES: usize = 8;
 
@@ -323,9 +325,15 @@ impl Whitener {
     /// Whitens every column in place: independent with unit variance where it was noise, zero
     /// at rows not used.
     pub fn whiten(&self, columns: &mut [&mut [f64]]) {
-        for group in columns.chunks_mut(LANES) {
-            for range in &self.ranges {
-                self.whiten_group(group, range.clone());
+        for range in &self.ranges {
+            // Most columns are those of one sensor or of a short time: nothing elsewhere.
+            let mut active: Vec<&mut [f64]> = columns
+                .iter_mut()
+                .map(|c| &mut c[range.clone()])
+                .filter(|c| c.iter().any(|v| *v != 0.0))
+                .collect();
+            for group in active.chunks_mut(LANES) {
+                self.whiten_group(group, &self.steps[range.clone()]);
             }
         }
     }
@@ -340,11 +348,18 @@ impl Whitener {
         self.whiten(&mut [column]);
     }
 
-    fn whiten_group(&self, group: &mut [&mut [f64]], range: Range<usize>) {
-        let mut mean = [[0.0; LANES]; STATES];
+    fn whiten_group(&self, group: &mut [&mut [f64]], steps: &[Step]) {
+        let mut mean = [[0.0f64; LANES]; STATES];
         let mut row = [0.0; LANES];
-        for i in range {
-            let s = &self.steps[i];
+        let nil = |i: &usize| group.iter().all(|c| c[*i] == 0.0);
+        let first = (0..steps.len()).find(|i| !nil(i)).unwrap_or(0);
+        let last = (first..steps.len()).rfind(|i| !nil(i)).unwrap_or(0);
+        let largest = group.iter().flat_map(|c| c.iter());
+        let forgotten = FORGOTTEN * largest.fold(0.0f64, |m, v| m.max(v.abs()));
+        for (i, s) in steps.iter().enumerate().skip(first) {
+            if i > last && mean.iter().flatten().all(|m| m.abs() < forgotten) {
+                break;
+            }
             for (lane, column) in group.iter().enumerate() {
                 row[lane] = column[i];
             }

@@ -15,13 +15,24 @@ use super::linear::{dot, products, scores};
 use super::model::{Model, Part, Prediction};
 use super::noise::{Loading, NoiseModel, Whitener};
 
-/// Time between the knots of the shared swing, s: of gusts, and of what a log's smoothing leaves.
-/// Most knots of one kind.
-const KNOT_S: f64 = 12.0;
-const SLOW_KNOT_S: f64 = 50.0;
+/// Time between knots, s, and most stretches between them.
+#[derive(Clone, Copy)]
+struct Spacing {
+    s: f64,
+    most: f64,
+}
+
+/// Knots of the shared swing: of gusts, and of what a log's smoothing leaves.
+const KNOTS: Spacing = Spacing {
+    s: 12.0,
+    most: 75.0,
+};
+const SLOW_KNOTS: Spacing = Spacing {
+    s: 50.0,
+    most: 15.0,
+};
 /// Size of the slow ones over that of the fast ones: winds turn more, the longer they take.
 const SLOW_OVER_FAST: f64 = 2.0;
-const MOST_KNOTS: f64 = 75.0;
 /// Sizes tried for the shared swing, degrees.
 const SIZES_DEG: [f64; 8] = [0.05, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 4.0];
 /// Median and logarithmic spread of the shared swing's prior, degrees.
@@ -34,8 +45,12 @@ const SHARED_MOST_DEG: f64 = 0.5;
 const EARLY_DEG: f64 = 2.5;
 /// The same for its speed, which dilutes what it took up: a part of the plume.
 const EARLY_PART: f64 = 0.05;
-/// Slow wander of a wind that nobody logged: time between knots, s, and size, degrees.
-const WANDER: (f64, f64) = (200.0, 1.0);
+/// Slow wander of a wind that nobody logged: its knots, and its size, degrees.
+const WANDER_KNOTS: Spacing = Spacing {
+    s: 200.0,
+    most: 75.0,
+};
+const WANDER_DEG: f64 = 1.0;
 
 /// Mechanisms of which a little is always there: a step, and one standard deviation in steps.
 const TOLERATED: [(MechanismId, usize, f64, f64); 7] = [
@@ -134,8 +149,8 @@ impl Nuisance {
     /// Swings that all platforms share: as fast as the knots resolve; of the wind before the
     /// record; and, where nobody logged the wind, its slow wander.
     fn swings(ctx: &Context<'_>, loading: &[Loading], noise: &NoiseModel) -> Self {
-        let mut raw = hats(ctx, loading, KNOT_S);
-        for mut hat in hats(ctx, loading, SLOW_KNOT_S) {
+        let mut raw = hats(ctx, loading, KNOTS);
+        for mut hat in hats(ctx, loading, SLOW_KNOTS) {
             hat.iter_mut().for_each(|v| *v *= SLOW_OVER_FAST);
             raw.push(hat);
         }
@@ -154,8 +169,8 @@ impl Nuisance {
                 sd.push(EARLY_PART);
             }
         } else {
-            let slow = hats(ctx, loading, WANDER.0);
-            sd.extend(vec![WANDER.1; slow.len()]);
+            let slow = hats(ctx, loading, WANDER_KNOTS);
+            sd.extend(vec![WANDER_DEG; slow.len()]);
             raw.extend(slow);
         }
         Self {
@@ -177,10 +192,10 @@ fn part_before(ctx: &Context<'_>) -> Vec<f64> {
         .collect()
 }
 
-/// Hat functions in time, `spacing_s` apart, along the derivative by wind direction.
-fn hats(ctx: &Context<'_>, loading: &[Loading], spacing_s: f64) -> Vec<Vec<f64>> {
+/// Hat functions in time along the derivative by wind direction.
+fn hats(ctx: &Context<'_>, loading: &[Loading], spacing: Spacing) -> Vec<Vec<f64>> {
     let (from, to) = ctx.data.span_s();
-    let intervals = ((to - from) / spacing_s).clamp(2.0, MOST_KNOTS).floor();
+    let intervals = ((to - from) / spacing.s).clamp(2.0, spacing.most).floor();
     let width = ((to - from) / intervals).max(1e-9);
     let mut out = vec![vec![0.0; loading.len()]; intervals as usize + 1];
     for (i, t) in ctx.data.track.time_s().iter().enumerate() {

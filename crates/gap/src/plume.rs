@@ -139,7 +139,7 @@ pub fn analyse(
     tell(0.8, "measuring the gain on data left out");
     let extended = named.last.model != started.fitted.model;
     let gain = (options.complete && extended)
-        .then(|| held_out::gain(&ctx, &started.fitted, &named.last, options.seed));
+        .then(|| held_out::gain(&ctx, &named.base_beside(&ctx), &named.last, options.seed));
     let next_flight = if options.complete {
         next_flight::propose(&ctx, &named)
     } else {

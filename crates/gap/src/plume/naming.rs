@@ -117,11 +117,6 @@ pub(crate) fn name(
         tell(0.65, "testing every name against its rivals");
         named.swap(ctx, options);
     }
-    // Names that take from data left out what each of them gave are chances of the data.
-    if !named.accepted.is_empty() && held_out::log_gain(ctx, &named.base, &named.last) < 0.0 {
-        named.accepted.clear();
-        named.last = named.base.clone();
-    }
     named.ceilings = ceilings(ctx, &named.last);
     if named.accepted.is_empty() && named.unexplained.is_none() {
         named.unexplained = unrelated(ctx, &named.last);
@@ -319,6 +314,11 @@ impl Named {
                 }
             }
         }
+    }
+
+    /// The base at its best under the noise of the final model, so that the two can be compared.
+    pub fn base_beside(&self, ctx: &Context<'_>) -> Fitted {
+        ctx.settle(&self.base.model, &self.last.metric, &self.last, 6)
     }
 
     /// The verdict.

@@ -53,7 +53,7 @@ const WANDER_KNOTS: Spacing = Spacing {
 const WANDER_DEG: f64 = 1.0;
 
 /// Mechanisms of which a little is always there: a step, and one standard deviation in steps.
-const TOLERATED: [(MechanismId, usize, f64, f64); 7] = [
+const TOLERATED: [(MechanismId, usize, f64, f64); 8] = [
     // Unresolved swings: variance is linear in the square of the angle.
     (MechanismId::Meander, 0, 1.0, 1.5),
     (MechanismId::SigmaYScale, 0, 1.02, 1.5),
@@ -62,6 +62,7 @@ const TOLERATED: [(MechanismId, usize, f64, f64); 7] = [
     (MechanismId::PositionOffset, 0, 1.0, 1.0),
     (MechanismId::PositionOffset, 1, 1.0, 1.0),
     (MechanismId::AltitudeOffset, 0, 1.0, 0.6),
+    (MechanismId::ClockOffset, 0, 0.1, 0.5),
 ];
 
 /// What a sensor's zero is never better known than, as part of its white noise.

@@ -73,37 +73,24 @@ fn white_noise(setup: &Setup, data: &Data) -> NoiseModel {
 fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize) -> Started {
     let logged = data.wind.iter().any(Option::is_some);
     let base = Model::base(setup, logged);
-    let stated_c_max = matches!(setup.base.sources[0].strength, Strength::CMax { .. });
-    let treatments: &[Treatment] = if logged {
-        &Treatment::LOGGED
-    } else {
-        &Treatment::UNLOGGED
-    };
-    let options: Vec<Carried> = treatments
-        .iter()
-        .filter(|t| stated_c_max || !matches!(t, Treatment::Diluted(_)))
-        .filter_map(|t| carried_by(setup, data, *t))
-        .collect();
+    let options = options(setup, data, logged);
     let shared: &Data = data;
     let first = options.iter().find(|o| o.treatment == Treatment::FIRST);
-    let base = aimed(setup, shared, first.unwrap_or(&options[0]), base, &noise);
+    let Some(first) = first.or(options.first()) else {
+        return Started {
+            fitted: single(setup, data).refine(&base, noise),
+            treatment: Treatment::Scenario,
+        };
+    };
+    let base = aimed(setup, shared, first, base, &noise);
     let quick = parallel::map(&options, threads, |o| {
         let (own, settled) = settled(setup, shared, o, &base, &noise);
         let wide = single(setup, &own).wide(&settled, noise, Effort::QUICK);
         (wide.log_score + o.treatment.ln_prior(), settled, wide.noise)
     });
-    let mut order: Vec<usize> = (0..options.len()).collect();
-    order.sort_by(|a, b| quick[*b].0.total_cmp(&quick[*a].0).then(a.cmp(b)));
-    // Of two that are as good at first the fuller fit tells; puffs and straight plumes both have
-    // to be among them.
-    if let Some(other) = (2..order.len())
-        .find(|k| options[order[*k]].has_history() != options[order[0]].has_history())
-        .filter(|_| options[order[1]].has_history() == options[order[0]].has_history())
-    {
-        order.swap(2, other);
-    }
-    order.truncate(3);
-    let full = parallel::map(&order, threads, |&k| {
+    let scores: Vec<f64> = quick.iter().map(|q| q.0).collect();
+    let order = shortlist(&options, &scores);
+    let mut full = parallel::map(&order, threads, |&k| {
         let (own, settled) = settled(setup, shared, &options[k], &quick[k].1, &quick[k].2);
         let ctx = single(setup, &own);
         let wide = ctx.wide(&settled, quick[k].2, Effort::FULL);
@@ -118,12 +105,41 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
             evidence(*a).total_cmp(&evidence(*b)).then(b.cmp(a))
         })
         .unwrap_or(0);
-    let (_, fitted, own) = full.into_iter().nth(best).expect("one");
+    let (_, fitted, own) = full.swap_remove(best);
     *data = own;
     Started {
         fitted,
         treatment: options[order[best]].treatment,
     }
+}
+
+/// The treatments of the wind that the data allow.
+fn options(setup: &Setup, data: &Data, logged: bool) -> Vec<Carried> {
+    let stated_c_max = matches!(setup.base.sources[0].strength, Strength::CMax { .. });
+    let treatments: &[Treatment] = if logged {
+        &Treatment::LOGGED
+    } else {
+        &Treatment::UNLOGGED
+    };
+    treatments
+        .iter()
+        .filter(|t| stated_c_max || !matches!(t, Treatment::Diluted(_)))
+        .filter_map(|t| carried_by(setup, data, *t))
+        .collect()
+}
+
+/// The best three by `scores`. Of two that are as good at first the fuller fit tells: puffs and
+/// straight plumes both have to be among them.
+fn shortlist(options: &[Carried], scores: &[f64]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..options.len()).collect();
+    order.sort_by(|a, b| scores[*b].total_cmp(&scores[*a]).then(a.cmp(b)));
+    let kind = |place: usize| options[order[place]].has_history();
+    let other = (1..order.len()).find(|k| kind(*k) != kind(0));
+    if let Some(other) = other.filter(|k| *k > 2) {
+        order.swap(2, other);
+    }
+    order.truncate(3);
+    order
 }
 
 /// The base turned to where its plume is most probable, about as far as its prior reaches: a

@@ -5,6 +5,7 @@
 //! a time until the data ask for no more, and measure the gain on data left out. The method,
 //! with its equations, sources and limits, is in `docs/gap.md`.
 
+mod answer;
 mod candidate;
 mod ceiling;
 mod data;

@@ -1,16 +1,17 @@
 //! Naming: round after round until the data ask for no more; then every accepted cause is put
 //! to the test again with the others in place, which gives its set and its probability.
 
-use ::plume::mechanism::{Coordinate, Mechanism, MechanismId};
+use ::plume::mechanism::{Mechanism, MechanismId};
 
 use super::Options;
+use super::answer::{parameters, ranking, unexplained};
 use super::ceiling::{Ceiling, ceilings};
 use super::explore::{self, Round, Tried};
 use super::fit::{Context, Fitted};
 use super::held_out;
 use super::model::{Model, mechanism};
 use super::rival::Rival;
-use crate::verdict::{Cause, Evidence, Parameter, Ranked, Unexplained, Verdict};
+use crate::verdict::{Cause, Evidence, Ranked, Unexplained, Verdict};
 
 /// Probability at which a name stands alone.
 const NAME_AT: f64 = 0.95;
@@ -24,8 +25,7 @@ const REFIT_MARGIN: f64 = 3.0;
 /// No law of the catalogue is nature's own: of what a cause gains, a part goes to whichever law
 /// has the form that happens to be nearer. At this gain differences count for half, nats.
 const LAW_NATS: f64 = 60.0;
-/// However large the gain, differences count for this part: a law that is five times as far off
-/// is not nature's.
+/// However large the gain, a difference of evidence counts for this part of itself at least.
 const LEAST_POWER: f64 = 0.2;
 /// What an extension must gain under the noise that is fitted with it, nats.
 const STANDS_NATS: f64 = 6.0;
@@ -38,10 +38,6 @@ const LEAST_SCORE: f64 = 14.0;
 const LEAST_EVIDENCE: f64 = 9.0;
 /// How often a null may move to a better place.
 const MOST_MOVES: usize = 2;
-/// What the stated standard deviations are wider by than the curvature at the best fit says. The
-/// noise's own uncertainty and the tail of nonlinear parameters are not in it: without the factor
-/// 95 % intervals cover 85 % of the benchmark's truths.
-pub(crate) const SD_FACTOR: f64 = 1.35;
 /// Rows in a plume from which a correlation can be told, and the least that readings of one have.
 const LEAST_PLUME_ROWS: usize = 60;
 const LEAST_CORRELATION: f64 = 0.3;
@@ -171,6 +167,16 @@ fn unrelated(ctx: &Context<'_>, last: &Fitted) -> Option<Unexplained> {
     })
 }
 
+/// What a name and a nameless term need beyond their thresholds once `named` causes have gained
+/// `gained` nats: those may have left something.
+fn needed_beyond(named: usize, gained: f64) -> (f64, f64) {
+    if named == 0 {
+        (0.0, RIVAL_MORE)
+    } else {
+        (REST_MARGIN + REST_PART * gained, RIVAL_MORE + REST_MARGIN)
+    }
+}
+
 /// Whether a round calls for a name, and which.
 fn called_for(round: &Round, more_nats: f64) -> Option<&Tried> {
     let best = round.tried.first()?;
@@ -216,17 +222,8 @@ impl Named {
         loop {
             let k = self.accepted.len();
             let round = later.as_ref().unwrap_or(&self.first);
-            let more = if k == 0 {
-                0.0
-            } else {
-                REST_MARGIN + REST_PART * gained
-            };
+            let (more, least) = needed_beyond(k, gained);
             let best = called_for(round, more);
-            let least = if k == 0 {
-                RIVAL_MORE
-            } else {
-                RIVAL_MORE + REST_MARGIN
-            };
             let best = best.filter(|_| k < options.most_causes);
             if let Some(rival) = nameless(round, best, least, REST_PART * gained) {
                 let first = doubt.is_none();
@@ -244,18 +241,14 @@ impl Named {
                 }
             }
             let Some(best) = best else { break };
-            // What does not carry over to blocks left out is a chance of the data.
-            if held_out::log_gain(ctx, &self.last, &best.fitted) < 0.0 {
-                break;
-            }
-            let refined = ctx.refine(&best.fitted.model, best.fitted.noise);
-            let next = match better_null(ctx, &self.last.model, &refined, best.part) {
-                Some(_) if moved => break,
-                Some(null) => {
+            let next = match put_to_the_test(ctx, &self.last, best) {
+                Tested::Chance => break,
+                Tested::Null(_) if moved => break,
+                Tested::Null(null) => {
                     moved = true;
                     null
                 }
-                None => {
+                Tested::Extension(refined) => {
                     moved = false;
                     gained += best.log_evidence;
                     let accepted = accept(round, best);
@@ -403,6 +396,27 @@ fn sum(set: &[(MechanismId, f64)]) -> f64 {
     set.iter().map(|s| s.1).sum::<f64>().min(1.0)
 }
 
+/// What becomes of a name that is called for.
+enum Tested {
+    /// It does not carry over to blocks left out: a chance of the data.
+    Chance,
+    /// The null has a better place, and without the name.
+    Null(Fitted),
+    /// It stands under a noise of its own.
+    Extension(Fitted),
+}
+
+fn put_to_the_test(ctx: &Context<'_>, last: &Fitted, best: &Tried) -> Tested {
+    if held_out::log_gain(ctx, last, &best.fitted) < 0.0 {
+        return Tested::Chance;
+    }
+    let refined = ctx.refine(&best.fitted.model, best.fitted.noise);
+    match better_null(ctx, &last.model, &refined, best.part) {
+        Some(null) => Tested::Null(null),
+        None => Tested::Extension(refined),
+    }
+}
+
 /// The null at where an extension moved it, with the noise fitted there, if the extension gains
 /// little more than that once the noise is its own, or nothing on blocks left out: its gain was
 /// the null's bad place.
@@ -488,109 +502,5 @@ fn accept(round: &Round, best: &Tried) -> Accepted {
         },
         nats_to_next: best.log_evidence - next,
         others,
-    }
-}
-
-/// Parameters of a part with their standard deviations.
-pub(crate) fn parameters(fitted: &Fitted, part: usize) -> Vec<Parameter> {
-    let mut out = Vec::new();
-    for (k, free) in fitted.model.free.iter().enumerate() {
-        if free.part != part {
-            continue;
-        }
-        let spec = fitted.model.spec_of(k);
-        let value = fitted.model.parts[part].values[free.parameter];
-        let sd = SD_FACTOR * fitted.posterior.covariance[(k, k)].max(0.0).sqrt();
-        out.push(Parameter {
-            mechanism: fitted.model.parts[part].id.as_str().to_string(),
-            name: spec.name.to_string(),
-            value,
-            sd: if spec.coordinate == Coordinate::Log {
-                sd * value
-            } else {
-                sd
-            },
-            unit: spec.unit.to_string(),
-        });
-    }
-    out
-}
-
-/// Every mechanism tried in the first round, with its best score.
-fn ranking(ctx: &Context<'_>, round: &Round) -> Vec<Ranked> {
-    let name = |p: Option<usize>| p.map(|p| ctx.data.track.platforms()[p].clone());
-    let mut out: Vec<Ranked> = round
-        .tried
-        .iter()
-        .map(|t| Ranked {
-            mechanisms: vec![t.id.as_str().to_string()],
-            platform: name(t.platform),
-            delta_log_score: t.log_score,
-            log_evidence: t.log_evidence,
-            probability: t.probability,
-        })
-        .collect();
-    let mut rest: Vec<Ranked> = Vec::new();
-    for (id, s) in &round.screened {
-        let known = |r: &Ranked| r.mechanisms[0] == id.as_str() && r.platform == name(s.platform);
-        if out.iter().any(known) {
-            continue;
-        }
-        let entry = Ranked {
-            mechanisms: vec![id.as_str().to_string()],
-            platform: name(s.platform),
-            delta_log_score: s.gain,
-            log_evidence: s.log_evidence,
-            probability: 0.0,
-        };
-        match rest.iter_mut().find(|r| known(r)) {
-            Some(r) if r.log_evidence < entry.log_evidence => *r = entry,
-            Some(_) => {}
-            None => rest.push(entry),
-        }
-    }
-    out.append(&mut rest);
-    out.sort_by(|a, b| {
-        b.probability
-            .total_cmp(&a.probability)
-            .then(b.log_evidence.total_cmp(&a.log_evidence))
-    });
-    out
-}
-
-fn unexplained(ctx: &Context<'_>, rival: &Rival) -> Unexplained {
-    // The stretch that holds the middle four fifths of what the term explains.
-    let times = ctx.data.track.time_s();
-    let mut order: Vec<usize> = (0..times.len()).collect();
-    order.sort_by(|a, b| times[*a].total_cmp(&times[*b]));
-    let total: f64 = rival.fitted.iter().map(|v| v * v).sum();
-    let (mut sum, mut from_s, mut to_s) = (0.0, f64::NAN, f64::NAN);
-    let mut by_platform = vec![0.0; ctx.data.ranges().len()];
-    for i in order {
-        let v = rival.fitted[i] * rival.fitted[i];
-        by_platform[ctx.data.platform_of(i)] += v;
-        sum += v;
-        if from_s.is_nan() && sum > 0.1 * total {
-            from_s = times[i];
-        }
-        if to_s.is_nan() && sum >= 0.9 * total {
-            to_s = times[i];
-        }
-    }
-    let names = ctx.data.track.platforms();
-    let platforms = match rival.platform {
-        Some(p) => vec![names[p].clone()],
-        None => (0..names.len())
-            .filter(|p| by_platform[*p] > 0.1 * total)
-            .map(|p| names[p].clone())
-            .collect(),
-    };
-    Unexplained {
-        coordinate: rival.coordinate.to_string(),
-        term: rival.words.clone(),
-        from_s,
-        to_s,
-        platforms,
-        delta_log_evidence: rival.log_evidence,
     }
 }

@@ -3,11 +3,12 @@
 use ::plume::mechanism::{Coordinate, MechanismId};
 use serde::Serialize;
 
+use super::answer::SD_FACTOR;
 use super::data::Setup;
 use super::fit::{Context, Fitted};
 use super::held_out::Gained;
 use super::model::defaults;
-use super::naming::{Named, SD_FACTOR};
+use super::naming::Named;
 use super::residual::wind_axes;
 use crate::verdict::{BaseParameter, Detectable, Verdict};
 

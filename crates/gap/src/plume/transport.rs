@@ -233,8 +233,8 @@ fn fill(values: &mut [Option<[f64; 2]>]) -> Option<()> {
     Some(())
 }
 
-/// The transport of every row under `treatment`; `None` without the wind that it needs. `distance_m` is
-/// each row's distance from the first source.
+/// The transport of every row under `treatment`; `None` without the wind that it needs.
+/// `distance_m` is each row's distance from the first source.
 pub(crate) fn carried(
     data: &Data,
     logged: &[Option<Transport>],

@@ -138,7 +138,7 @@ pub fn analyse(
     ));
     let named = naming::name(&ctx, started.fitted.clone(), options, &mut tell);
     tell(0.8, "measuring the gain on data left out");
-    let extended = named.last.model != started.fitted.model;
+    let extended = !named.accepted.is_empty();
     let gain = (options.complete && extended)
         .then(|| held_out::gain(&ctx, &named.base_beside(&ctx), &named.last, options.seed));
     let next_flight = if options.complete {

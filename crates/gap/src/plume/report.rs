@@ -274,13 +274,13 @@ pub(crate) fn summary(verdict: Verdict, named: &Named, gain: Option<&Gained>) ->
     match (verdict, &named.unexplained) {
         (Verdict::None, _) => "The base and its noise explain the data.".to_string(),
         (Verdict::Unexplained, Some(u)) => {
-            let besides = if causes.is_empty() {
-                String::new()
+            let something = if causes.is_empty() {
+                "Something".to_string()
             } else {
-                format!("Besides {}, ", causes.join("; "))
+                format!("Besides {}, something", causes.join("; "))
             };
             format!(
-                "{besides}something is there that no mechanism of the catalogue explains: {} (in {}).{gained}",
+                "{something} is there that no mechanism of the catalogue explains: {} (in {}).{gained}",
                 u.term, u.coordinate
             )
         }

@@ -158,7 +158,6 @@ pub fn analyse(
     }
     let wind = started.treatment.describe();
     notices.push(format!("the plume is carried by {wind}"));
-    notices.extend(named.notices.iter().cloned());
     let verdict = named.verdict();
     let base = report::base_parameters(setup, &named.last);
     let json = GapJson {

@@ -11,6 +11,7 @@ use crate::verdict::{Parameter, Ranked, Unexplained};
 /// noise's own uncertainty and the tail of nonlinear parameters are not in it: without the factor
 /// 95 % intervals cover 85 % of the benchmark's truths.
 pub(crate) const SD_FACTOR: f64 = 1.35;
+
 /// Parameters of a part with their standard deviations.
 pub(crate) fn parameters(fitted: &Fitted, part: usize) -> Vec<Parameter> {
     let mut out = Vec::new();

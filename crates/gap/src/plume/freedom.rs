@@ -6,11 +6,11 @@
 //! does not count as noise, and what none explains does.
 
 use ::plume::mechanism::{Family, MechanismId};
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::DVector;
 
 use super::candidate::{self, Start};
 use super::fit::Context;
-use super::linear::{products, scores};
+use super::linear::{marginal, products, scores};
 use super::model::{Model, Prediction};
 use super::noise::{NoiseModel, Rows, Whitener};
 
@@ -86,20 +86,14 @@ impl Freedom {
         let mut views: Vec<&mut [f64]> = columns.iter_mut().map(Vec::as_mut_slice).collect();
         views.push(&mut white);
         whitener.whiten(&mut views);
-        let n = columns.len();
-        let centre = DVector::from_fn(n, |k, _| -at[k] / self.sd[k]);
+        let own = |of: &dyn Fn(usize) -> f64| DVector::from_fn(columns.len(), |k, _| of(k));
+        let (centre, precision) = (own(&|k| -at[k]), own(&|k| self.sd[k].powi(-2)));
         let gram = products(&columns, &columns);
-        let a = DMatrix::from_fn(n, n, |i, j| {
-            self.sd[i] * self.sd[j] * gram[(i, j)] + if i == j { 1.0 } else { 0.0 }
-        });
-        let plain = scores(&columns, &white);
-        let score = DVector::from_fn(n, |k, _| self.sd[k] * plain[k]) + &centre;
-        let Some(chol) = Cholesky::new(a) else {
+        let Some(known) = marginal(&gram, &scores(&columns, &white), &centre, &precision) else {
             return f64::NEG_INFINITY;
         };
-        let half_log_det: f64 = (0..n).map(|k| chol.l_dirty()[(k, k)].ln()).sum();
-        whitener.log_likelihood + 0.5 * score.dot(&chol.solve(&score))
-            - 0.5 * centre.norm_squared()
-            - half_log_det
+        // What the priors' own width and the way from their centres take.
+        let taken = |k: usize| self.sd[k].ln() + 0.5 * (at[k] / self.sd[k]).powi(2);
+        whitener.log_likelihood + known - (0..columns.len()).map(taken).sum::<f64>()
     }
 }

@@ -57,12 +57,7 @@ struct Predicted {
 /// Gain of the log score alone on blocks left out, nats.
 pub(crate) fn log_gain(ctx: &Context<'_>, before: &Fitted, after: &Fitted) -> f64 {
     let (rows, _) = blocks(ctx, before.noise.memory_s());
-    let total = |f: &Fitted| {
-        predict(ctx, f, &rows)
-            .iter()
-            .map(|b| b.log_score)
-            .sum::<f64>()
-    };
+    let total = |f: &Fitted| LeftOut::new(f, &rows).log_scores(f, &rows).sum::<f64>();
     total(after) - total(before)
 }
 
@@ -136,40 +131,72 @@ fn middle(values: &mut [f64]) -> (f64, f64) {
     (at(0.025), at(0.975))
 }
 
-fn predict(ctx: &Context<'_>, fitted: &Fitted, rows: &[Vec<usize>]) -> Vec<Predicted> {
-    let n = fitted.columns.len();
-    let pick =
-        |column: &[f64], rows: &[usize]| -> Vec<f64> { rows.iter().map(|i| column[*i]).collect() };
-    let parts: Vec<(DMatrix<f64>, DVector<f64>)> = rows
-        .iter()
-        .map(|rows| {
-            let own: Vec<Vec<f64>> = fitted.columns.iter().map(|c| pick(c, rows)).collect();
-            let residual = pick(&fitted.residual, rows);
-            (products(&own, &own), scores(&own, &residual))
-        })
-        .collect();
-    let gram = parts.iter().fold(DMatrix::zeros(n, n), |s, p| s + &p.0);
-    let score = parts.iter().fold(DVector::zeros(n), |s, p| s + &p.1);
-    let mut raw = ctx.derivatives(&fitted.model, &fitted.prediction.reading);
-    raw.extend(fitted.metric.nuisance.raw.iter().cloned());
-    let log_sd = log_scales(ctx, fitted);
-    let known = |gram: &DMatrix<f64>, score: &DVector<f64>| {
-        marginal(gram, score, &fitted.centre, &fitted.precision).unwrap_or(0.0)
-    };
-    let all = known(&gram, &score);
-    rows.iter()
-        .zip(&parts)
-        .map(|(rows, part)| {
-            let others = (&gram - &part.0, &score - &part.1);
-            let step = posterior(&others.0, &others.1, &fitted.centre, &fitted.precision)
-                .map_or_else(|| DVector::zeros(n), |p| p.mean);
+fn pick(column: &[f64], rows: &[usize]) -> Vec<f64> {
+    rows.iter().map(|i| column[*i]).collect()
+}
+
+/// The normal equations of all, and of all but each block.
+struct LeftOut {
+    all: (DMatrix<f64>, DVector<f64>),
+    others: Vec<(DMatrix<f64>, DVector<f64>)>,
+}
+
+impl LeftOut {
+    fn new(fitted: &Fitted, rows: &[Vec<usize>]) -> Self {
+        let n = fitted.columns.len();
+        let parts: Vec<(DMatrix<f64>, DVector<f64>)> = rows
+            .iter()
+            .map(|rows| {
+                let own: Vec<Vec<f64>> = fitted.columns.iter().map(|c| pick(c, rows)).collect();
+                let residual = pick(&fitted.residual, rows);
+                (products(&own, &own), scores(&own, &residual))
+            })
+            .collect();
+        let gram = parts.iter().fold(DMatrix::zeros(n, n), |s, p| s + &p.0);
+        let score = parts.iter().fold(DVector::zeros(n), |s, p| s + &p.1);
+        let others = parts
+            .iter()
+            .map(|p| (&gram - &p.0, &score - &p.1))
+            .collect();
+        Self {
+            all: (gram, score),
+            others,
+        }
+    }
+
+    /// Log score of every block, nats.
+    fn log_scores<'b>(
+        &'b self,
+        fitted: &'b Fitted,
+        rows: &'b [Vec<usize>],
+    ) -> impl Iterator<Item = f64> + 'b {
+        let known = |(gram, score): &(DMatrix<f64>, DVector<f64>)| {
+            marginal(gram, score, &fitted.centre, &fitted.precision).unwrap_or(0.0)
+        };
+        let all = known(&self.all);
+        let log_sd = log_scales(fitted);
+        self.others.iter().zip(rows).map(move |(others, rows)| {
             let residual = pick(&fitted.residual, rows);
             let scale: f64 = rows.iter().map(|i| log_sd[*i]).sum();
+            all - known(others) - 0.5 * dot(&residual, &residual) - scale
+        })
+    }
+}
+
+fn predict(ctx: &Context<'_>, fitted: &Fitted, rows: &[Vec<usize>]) -> Vec<Predicted> {
+    let n = fitted.columns.len();
+    let mut raw = ctx.derivatives(&fitted.model, &fitted.prediction.reading);
+    raw.extend(fitted.metric.nuisance.raw.iter().cloned());
+    let left_out = LeftOut::new(fitted, rows);
+    let log_scores = left_out.log_scores(fitted, rows);
+    rows.iter()
+        .zip(&left_out.others)
+        .zip(log_scores)
+        .map(|((rows, others), log_score)| {
+            let step = posterior(&others.0, &others.1, &fitted.centre, &fitted.precision)
+                .map_or_else(|| DVector::zeros(n), |p| p.mean);
             let mut out = Predicted {
-                log_score: all
-                    - known(&others.0, &others.1)
-                    - 0.5 * dot(&residual, &residual)
-                    - scale,
+                log_score,
                 square: 0.0,
                 pairs: Vec::new(),
             };
@@ -188,16 +215,20 @@ fn predict(ctx: &Context<'_>, fitted: &Fitted, rows: &[Vec<usize>]) -> Vec<Predi
 }
 
 /// Logarithm of the innovation's standard deviation and of sqrt(2 pi) at every row.
-fn log_scales(ctx: &Context<'_>, fitted: &Fitted) -> Vec<f64> {
-    let scales = fitted.metric.whitener.scales();
-    (0..ctx.data.len())
-        .map(|i| {
-            if scales[i] > 0.0 {
-                0.5 * std::f64::consts::TAU.ln() - scales[i].ln()
-            } else {
-                0.0
-            }
-        })
+fn log_scales(fitted: &Fitted) -> Vec<f64> {
+    let of = |scale: f64| {
+        if scale > 0.0 {
+            0.5 * std::f64::consts::TAU.ln() - scale.ln()
+        } else {
+            0.0
+        }
+    };
+    fitted
+        .metric
+        .whitener
+        .scales()
+        .into_iter()
+        .map(of)
         .collect()
 }
 

@@ -82,7 +82,6 @@ pub(crate) struct Named {
     pub unexplained: Option<Unexplained>,
     /// The nameless term, whitened, where there is one.
     pub rest: Option<Vec<f64>>,
-    pub notices: Vec<String>,
     /// Readings held at a ceiling below what the model predicts.
     pub ceilings: Vec<Ceiling>,
 }
@@ -105,7 +104,6 @@ pub(crate) fn name(
         causes: Vec::new(),
         unexplained: None,
         rest: None,
-        notices: Vec::new(),
         ceilings: Vec::new(),
     };
     named.grow(ctx, options, tell);
@@ -236,8 +234,7 @@ impl Named {
                 });
                 // Two causes at once may look like neither: names get one more chance.
                 if !first || best.is_none() {
-                    gained = f64::NEG_INFINITY;
-                    break;
+                    return self.fall_back(doubt);
                 }
             }
             let Some(best) = best else { break };
@@ -266,7 +263,12 @@ impl Named {
             self.last = last;
             later = Some(round);
         }
-        if let Some(doubt) = doubt.filter(|d| gained < d.due) {
+        self.fall_back(doubt.filter(|d| gained < d.due));
+    }
+
+    /// Lets a nameless rival stand, with what was named before it; nothing where there is none.
+    fn fall_back(&mut self, doubt: Option<Doubt>) {
+        if let Some(doubt) = doubt {
             self.accepted.truncate(doubt.named);
             self.last = doubt.last;
             self.rest = Some(doubt.rest);

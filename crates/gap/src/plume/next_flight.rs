@@ -17,9 +17,9 @@ use nalgebra::DVector;
 use super::data::Data;
 use super::fit::{Context, Fitted};
 use super::linear::{dot, posterior, products, scores};
-use super::model::Model;
+use super::model::{Model, Prediction};
 use super::naming::{Named, law_power};
-use super::noise::Whitener;
+use super::noise::{Loading, Whitener};
 use super::nuisance::Nuisance;
 use crate::verdict::{NextFlight, Waypoint};
 
@@ -65,8 +65,10 @@ pub(crate) fn propose(ctx: &Context<'_>, named: &Named) -> Option<NextFlight> {
     let worth = |nats: &[f64]| nats.iter().map(|n| n.min(ENOUGH_NATS)).sum::<f64>();
     let mut best: Option<(Plan, Vec<f64>)> = None;
     for plan in plans(ctx, &world) {
+        let flown = Flown::new(ctx, &named.last, &plan, &world, flier);
         let from = |other: &Fitted| {
-            separation(ctx, &named.last, other, &plan, &world, flier).unwrap_or(0.0)
+            let nats = flown.as_ref().and_then(|f| f.separation(ctx, other));
+            nats.unwrap_or(0.0)
         };
         // The more the effect itself shows, the less a difference of laws will count.
         let power = law_power(cause.evidence.delta_log_score + from(&named.base));
@@ -299,69 +301,86 @@ impl AirColumn {
     }
 }
 
-/// The rows of a flight that is yet to be flown: places and air, and readings of nothing.
-fn flown(ctx: &Context<'_>, plan: &Plan, world: &World, flier: Flier) -> Option<Data> {
-    let rows = rows(ctx, plan, flier);
-    let n = rows.len();
-    Some(Data {
-        track: Track::new(world, ctx.data.track.platforms(), &rows).ok()?,
-        reading_ppm: vec![0.0; n],
-        used: vec![true; n],
-        sd_ppm: vec![f64::NAN; n],
-        wind: vec![None; n],
-        notices: Vec::new(),
-        ceiling_ppm: Vec::new(),
-        on_board_wind: ctx.data.on_board_wind,
-    })
+/// A flight that is yet to be flown, as the first rival predicts it.
+struct Flown<'a> {
+    first: &'a Fitted,
+    /// Places and air, and readings of nothing.
+    data: Data,
+    prediction: Prediction,
+    loading: Vec<Loading>,
+    whitener: Whitener,
 }
 
-/// Nats by which a flight separates the second rival from the first.
-fn separation(
-    ctx: &Context<'_>,
-    first: &Fitted,
-    second: &Fitted,
-    plan: &Plan,
-    world: &World,
-    flier: Flier,
-) -> Option<f64> {
-    let data = flown(ctx, plan, world, flier)?;
-    let n = data.len();
-    let there = Context {
+impl<'a> Flown<'a> {
+    fn new(
+        ctx: &Context<'_>,
+        first: &'a Fitted,
+        plan: &Plan,
+        world: &World,
+        flier: Flier,
+    ) -> Option<Self> {
+        let rows = rows(ctx, plan, flier);
+        let n = rows.len();
+        let data = Data {
+            track: Track::new(world, ctx.data.track.platforms(), &rows).ok()?,
+            reading_ppm: vec![0.0; n],
+            used: vec![true; n],
+            sd_ppm: vec![f64::NAN; n],
+            wind: vec![None; n],
+            notices: Vec::new(),
+            ceiling_ppm: Vec::new(),
+            on_board_wind: ctx.data.on_board_wind,
+        };
+        let there = there(ctx, &data);
+        let prediction = there.predict(&first.model);
+        let loading = there.loading(&first.model, &prediction);
+        let whitener = Whitener::new(&there.rows(&loading), &first.noise, &vec![0.0; n]);
+        Some(Self {
+            first,
+            data,
+            prediction,
+            loading,
+            whitener,
+        })
+    }
+
+    /// Nats by which the flight separates the second rival from the first.
+    fn separation(&self, ctx: &Context<'_>, second: &Fitted) -> Option<f64> {
+        let there = there(ctx, &self.data);
+        let b = there.predict(&second.model);
+        let readings = self.prediction.reading.iter().zip(&b.reading);
+        let mut apart: Vec<f64> = readings.map(|(x, y)| x - y).collect();
+        let mut columns = there.derivatives(&second.model, &b.reading);
+        let d = columns.len();
+        // The flight has swings and small departures of its own.
+        let noise = &self.first.noise;
+        let nuisance = Nuisance::new(&there, &second.model, &b, &self.loading, noise);
+        columns.extend(nuisance.raw);
+        let mut all: Vec<&mut [f64]> = columns.iter_mut().map(Vec::as_mut_slice).collect();
+        all.push(&mut apart);
+        self.whitener.whiten(&mut all);
+        // What the second rival knows of its parameters already enters as a prior.
+        let known = second
+            .posterior
+            .covariance
+            .view((0, 0), (d, d))
+            .into_owned()
+            .try_inverse()?;
+        let mut gram = products(&columns, &columns);
+        gram.view_mut((0, 0), (d, d)).add_assign(&known);
+        let score = scores(&columns, &apart);
+        let own = |k: usize| nuisance.sd[k - d].powi(-2);
+        let precision = DVector::from_fn(columns.len(), |k, _| if k < d { 0.0 } else { own(k) });
+        let taken = posterior(&gram, &score, &DVector::zeros(columns.len()), &precision)?;
+        let regained = 0.5 * score.dot(&taken.mean);
+        Some(0.5 * dot(&apart, &apart) - regained)
+    }
+}
+
+fn there<'a>(ctx: &Context<'a>, data: &'a Data) -> Context<'a> {
+    Context {
         setup: ctx.setup,
-        data: &data,
+        data,
         threads: 1,
-    };
-    let a = there.predict(&first.model);
-    let b = there.predict(&second.model);
-    let loading = there.loading(&first.model, &a);
-    let whitener = Whitener::new(&there.rows(&loading), &first.noise, &vec![0.0; n]);
-    let mut apart: Vec<f64> = a
-        .reading
-        .iter()
-        .zip(&b.reading)
-        .map(|(x, y)| x - y)
-        .collect();
-    let mut columns = there.derivatives(&second.model, &b.reading);
-    let d = columns.len();
-    // The flight has swings and small departures of its own.
-    let nuisance = Nuisance::new(&there, &second.model, &b, &loading, &first.noise);
-    columns.extend(nuisance.raw);
-    let mut all: Vec<&mut [f64]> = columns.iter_mut().map(Vec::as_mut_slice).collect();
-    all.push(&mut apart);
-    whitener.whiten(&mut all);
-    // What the second rival knows of its parameters already enters as a prior.
-    let known = second
-        .posterior
-        .covariance
-        .view((0, 0), (d, d))
-        .into_owned()
-        .try_inverse()?;
-    let mut gram = products(&columns, &columns);
-    gram.view_mut((0, 0), (d, d)).add_assign(&known);
-    let score = scores(&columns, &apart);
-    let own = |k: usize| nuisance.sd[k - d].powi(-2);
-    let precision = DVector::from_fn(columns.len(), |k, _| if k < d { 0.0 } else { own(k) });
-    let taken = posterior(&gram, &score, &DVector::zeros(columns.len()), &precision)?;
-    let regained = 0.5 * score.dot(&taken.mean);
-    Some(0.5 * dot(&apart, &apart) - regained)
+    }
 }

@@ -42,7 +42,8 @@ fn text_of(file: &Path) -> Result<(String, Vec<String>), Failure> {
     Ok((read(file, "observations")?, Vec::new()))
 }
 
-fn read(file: &Path, what: &str) -> Result<String, Failure> {
+/// The text of a file; `what` names it in the message where it cannot be read.
+pub(crate) fn read(file: &Path, what: &str) -> Result<String, Failure> {
     std::fs::read_to_string(file)
         .with_context(|| format!("{}: cannot read the {what}", file.display()))
         .map_err(Failure::Input)

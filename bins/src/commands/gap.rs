@@ -1,9 +1,8 @@
 //! `plumage gap`: what the simulation gets wrong, why, and what mending it gains.
 
-mod flight;
+pub(super) mod flight;
 
 use crate::{Failure, measured, mission_files};
-use anyhow::Context as _;
 use gap::tracer::table::Tables;
 use gap::{plume, tracer};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -174,10 +173,7 @@ fn extended(
 
 fn of_tracer(arguments: &TracerArguments) -> Result<(), Failure> {
     let read = |path: &Path| -> Result<(String, String), Failure> {
-        let text = std::fs::read_to_string(path)
-            .with_context(|| format!("{}: cannot read the table", path.display()))
-            .map_err(Failure::Input)?;
-        Ok((path.display().to_string(), text))
+        Ok((path.display().to_string(), measured::read(path, "table")?))
     };
     let receptors = read(&arguments.receptors)?;
     let trials = read(&arguments.trials)?;

@@ -101,13 +101,7 @@ fn source(arguments: &TuneArguments) -> Result<AircraftFile, Failure> {
 /// The aircraft `base` as a measured flight shows it.
 fn as_flown(base: AircraftFile, flight: &Path) -> Result<AircraftFile, Failure> {
     let log = measured::flight(flight)?;
-    let bar = ProgressBar::new(100);
-    bar.tick();
-    let found = gap::flight::analyse(&[log], &base.aircraft, &mut |part| {
-        bar.set_position((part * 100.0) as u64);
-    })
-    .map_err(Failure::input)?;
-    bar.finish_and_clear();
+    let found = super::gap::flight::analysed(&[log], &base.aircraft)?;
     println!("{}", found.gap.summary);
     let control = base.aircraft.control;
     let text = found.extended.to_toml().map_err(Failure::input)?;

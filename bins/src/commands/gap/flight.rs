@@ -3,6 +3,8 @@
 use super::{BenchmarkArguments, OutputArguments, names, progress_bar, tell, write};
 use crate::Failure;
 use crate::measured::{self, AircraftFile};
+use fdm::Aircraft;
+use gap::flight::FlightReport;
 use gap::flight::log::FlightLog;
 use gap_bench::flight::{Bird, FIRST_SEED, FlightShare, run};
 use record::files;
@@ -32,12 +34,7 @@ pub(super) fn of_flight(arguments: &FlightArguments) -> Result<(), Failure> {
         .collect();
     let logs = logs?;
     files::prepare_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
-    let bar = progress_bar();
-    let report = gap::flight::analyse(&logs, &aircraft, &mut |part| {
-        bar.set_position((part * 100.0) as u64);
-    })
-    .map_err(Failure::input)?;
-    bar.finish_and_clear();
+    let report = analysed(&logs, &aircraft)?;
     let title = format!("{} of {}", names(&arguments.flights), aircraft.name);
     let page = views::gap_report::flight(&title, &report);
     let extended = report.extended.to_toml().map_err(Failure::input)?;
@@ -45,6 +42,20 @@ pub(super) fn of_flight(arguments: &FlightArguments) -> Result<(), Failure> {
     println!("{}", report.gap.summary);
     tell(&report.gap, &arguments.output.out);
     Ok(())
+}
+
+/// The gap of flights, behind a progress bar.
+pub(in crate::commands) fn analysed(
+    logs: &[FlightLog],
+    aircraft: &Aircraft,
+) -> Result<FlightReport, Failure> {
+    let bar = progress_bar();
+    let report = gap::flight::analyse(logs, aircraft, &mut |part| {
+        bar.set_position((part * 100.0) as u64);
+    })
+    .map_err(Failure::input)?;
+    bar.finish_and_clear();
+    Ok(report)
 }
 
 /// Aircraft that the benchmark flies.

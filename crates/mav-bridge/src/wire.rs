@@ -245,7 +245,13 @@ fn candidate(bytes: &[u8]) -> Candidate {
     if bytes.len() < length {
         return Candidate::Incomplete;
     }
-    let extra = MavMessage::extra_crc(message_id(bytes));
+    // Of a message that the dialect does not know, the byte that its checksum ends with is unknown:
+    // what seems to be one is chance, and would swallow the frames behind it.
+    let id = message_id(bytes);
+    if MavMessage::default_message_from_id(id).is_none() {
+        return Candidate::False;
+    }
+    let extra = MavMessage::extra_crc(id);
     let expected = u16::from_le_bytes([bytes[payload_end], bytes[payload_end + 1]]);
     if mavlink::calculate_crc(&bytes[1..payload_end], extra) == expected {
         Candidate::Frame(length)

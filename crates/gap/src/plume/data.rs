@@ -124,6 +124,8 @@ pub(crate) struct Data {
     pub ceiling_ppm: Vec<(Range<usize>, f64)>,
     /// Whether most rows have a logged wind.
     pub on_board_wind: bool,
+    /// Whether the wind's history carries the plume, as puffs, rather than the wind of the moment.
+    pub by_history: bool,
 }
 
 impl Data {
@@ -172,6 +174,7 @@ impl Data {
             wind,
             notices,
             ceiling_ppm: Vec::new(),
+            by_history: false,
         })
     }
 

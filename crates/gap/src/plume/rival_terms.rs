@@ -15,6 +15,61 @@ enum Load {
     Delay,
 }
 
+/// When what a term describes happens to the air of a reading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum When {
+    /// As it is read.
+    Read,
+    /// As it is emitted.
+    Emitted,
+    /// As the wind turns it: all the way from the source where puffs are carried, at once where
+    /// the plume is straight.
+    Turned,
+}
+
+/// From where to where a term's function is averaged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Stretch {
+    from: f64,
+    to: f64,
+}
+
+impl Stretch {
+    fn at(place: f64) -> Self {
+        Self {
+            from: place,
+            to: place,
+        }
+    }
+
+    fn middle(&self) -> f64 {
+        0.5 * (self.from + self.to)
+    }
+
+    /// The pieces that sorted `knots` cut it into, each as its share and its middle: there a
+    /// function that is straight between knots has its mean.
+    fn between(self, knots: &[f64]) -> impl Iterator<Item = (f64, f64)> {
+        let first = knots.partition_point(|k| *k <= self.from);
+        let end = knots.partition_point(|k| *k < self.to).max(first);
+        let length = self.to - self.from;
+        let mut last = self.from;
+        let ends = knots[first..end].iter().copied();
+        ends.chain(std::iter::once(self.to)).map(move |next| {
+            let piece = next - last;
+            let middle = 0.5 * (last + next);
+            last = next;
+            (if length > 0.0 { piece / length } else { 1.0 }, middle)
+        })
+    }
+
+    /// Mean of sin(2π t / `period` + `phase`) over it.
+    fn mean_wave(&self, period: f64, phase: f64) -> f64 {
+        let half = std::f64::consts::PI * (self.to - self.from) / period;
+        let left = if half > 1e-6 { half.sin() / half } else { 1.0 };
+        left * (std::f64::consts::TAU * self.middle() / period + phase).sin()
+    }
+}
+
 /// A flexible term.
 #[derive(Debug, Clone)]
 pub(crate) struct Term {
@@ -46,31 +101,47 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Time at each row less this part of the plume's time on its way there, s: at 1 the time of
-    /// emission, at 0.5 that of the wind which turned it most.
-    fn time_on_the_way(&self, part: f64) -> Vec<f64> {
+    /// The times that count at each row, s.
+    fn times(&self, when: When) -> Vec<Stretch> {
+        let over_the_way = self.ctx.data.by_history;
         let times = self.ctx.data.track.time_s();
         self.ctx
             .way_s()
             .zip(times)
-            .map(|(way_s, t)| t - part * way_s)
+            .map(|(way_s, &t)| match when {
+                When::Emitted => Stretch::at(t - way_s),
+                When::Turned if over_the_way => Stretch {
+                    from: t - way_s,
+                    to: t,
+                },
+                When::Read | When::Turned => Stretch::at(t),
+            })
             .collect()
     }
 
     /// Hat functions over `at` (one value a row) times the load.
     fn hats(&mut self, at: &[f64], knots: usize, load: Load) -> std::ops::Range<usize> {
+        let at: Vec<Stretch> = at.iter().copied().map(Stretch::at).collect();
+        self.mean_hats(&at, knots, load)
+    }
+
+    /// Hat functions in their mean over a stretch (one a row) times the load.
+    fn mean_hats(&mut self, over: &[Stretch], knots: usize, load: Load) -> std::ops::Range<usize> {
         let start = self.columns.len();
-        let knots = self.knots(at, knots, load);
+        let middle: Vec<f64> = over.iter().map(Stretch::middle).collect();
+        let knots = self.knots(&middle, knots, load);
         if knots.len() < 2 {
             return start..start;
         }
-        let mut columns = vec![vec![0.0; at.len()]; knots.len()];
-        for (i, u) in at.iter().enumerate() {
+        let mut columns = vec![vec![0.0; over.len()]; knots.len()];
+        for (i, stretch) in over.iter().enumerate() {
             let load = self.load(load, i);
-            let k = knots.partition_point(|x| x <= u).clamp(1, knots.len() - 1);
-            let part = ((u - knots[k - 1]) / (knots[k] - knots[k - 1])).clamp(0.0, 1.0);
-            columns[k - 1][i] = (1.0 - part) * load;
-            columns[k][i] = part * load;
+            for (share, u) in stretch.between(&knots) {
+                let k = knots.partition_point(|x| *x <= u).clamp(1, knots.len() - 1);
+                let part = ((u - knots[k - 1]) / (knots[k] - knots[k - 1])).clamp(0.0, 1.0);
+                columns[k - 1][i] += (1.0 - part) * share * load;
+                columns[k][i] += part * share * load;
+            }
         }
         self.columns.extend(columns);
         start..self.columns.len()
@@ -155,30 +226,30 @@ fn in_time(b: &mut Builder<'_>) {
     let time = b.ctx.data.track.time_s().to_vec();
     let (from, to) = b.ctx.data.span_s();
     let knots = ((to - from) / 45.0).clamp(5.0, 24.0) as usize;
-    for (load, part, words) in [
+    for (load, when, words) in [
         (
             Load::Additive,
-            0.0,
+            When::Read,
             "an additive wander of all readings in time",
         ),
         (
             Load::Proportional,
-            0.0,
+            When::Read,
             "the plume's strength wandering in time",
         ),
         (
             Load::Proportional,
-            1.0,
+            When::Emitted,
             "the source's strength wandering in time",
         ),
         (
             Load::Swing,
-            0.5,
+            When::Turned,
             "the plume swinging in time otherwise than the wind",
         ),
     ] {
-        let then = b.time_on_the_way(part);
-        let columns = b.hats(&then, knots, load);
+        let then = b.times(when);
+        let columns = b.mean_hats(&then, knots, load);
         b.add("time", words, columns);
     }
     let platforms = b.ctx.data.ranges().len();
@@ -241,47 +312,74 @@ fn in_place(b: &mut Builder<'_>) {
         let words = format!("the plume's strength changing {words} the wind in narrow strips");
         b.add(coordinate, &words, columns);
     }
-    map(b, &along, &across);
+    over_the_ground(b);
+    over_the_map(b);
 }
 
-/// Products of hats east and north, and along and across the wind.
-fn map(b: &mut Builder<'_>, along: &[f64], across: &[f64]) {
-    let track = &b.ctx.data.track;
-    let east: Vec<f64> = (0..track.len()).map(|i| track.place(i).east_m).collect();
-    let north: Vec<f64> = (0..track.len()).map(|i| track.place(i).north_m).collect();
-    for (load, one, other, sizes, words) in [
-        (
-            Load::Proportional,
-            along,
-            across,
-            (4, 7),
-            "the plume's strength changing over the map",
-        ),
-        (
-            Load::Additive,
-            &east,
-            &north,
-            (5, 5),
-            "readings changing over the map",
-        ),
-    ] {
-        let e = b.hats(one, sizes.0, Load::Additive);
-        let n = b.hats(other, sizes.1, Load::Additive);
-        let mut products = Vec::with_capacity(e.len() * n.len());
-        for i in e.clone() {
-            for j in n.clone() {
-                let column: Vec<f64> = (0..east.len())
-                    .map(|r| b.columns[i][r] * b.columns[j][r] * b.load(load, r))
-                    .collect();
-                products.push(column);
+/// Distance from the source along and across the mean wind of each row, m: places that stay where
+/// they are when the plume swings.
+fn on_the_ground(ctx: &Context<'_>) -> (Vec<f64>, Vec<f64>) {
+    let track = &ctx.data.track;
+    let source = ctx.setup.base.sources[0].place;
+    let mean = track
+        .transport()
+        .iter()
+        .fold([0.0, 0.0], |sum, w| [sum[0] + w.east, sum[1] + w.north]);
+    let (sin, cos) = mean[0].atan2(mean[1]).sin_cos();
+    (0..track.len())
+        .map(|i| {
+            let p = track.place(i);
+            let (east_m, north_m) = (p.east_m - source.east_m, p.north_m - source.north_m);
+            (east_m * sin + north_m * cos, east_m * cos - north_m * sin)
+        })
+        .unzip()
+}
+
+/// Columns that change the plume's strength from some distance along the mean wind on, on a strip
+/// of ground, as it does behind what stands in its way.
+fn over_the_ground(b: &mut Builder<'_>) {
+    const SIZES: (usize, usize) = (6, 9);
+    let (along, across) = on_the_ground(b.ctx);
+    let start = b.columns.len();
+    let far = b.hats(&along, SIZES.0, Load::Additive);
+    let wide = b.hats(&across, SIZES.1, Load::Additive);
+    let mut strips = Vec::with_capacity(far.len() * wide.len());
+    for j in wide {
+        let mut behind = vec![0.0; along.len()];
+        for i in far.clone().rev() {
+            for (r, sum) in behind.iter_mut().enumerate() {
+                *sum += b.columns[i][r] * b.columns[j][r] * b.load(Load::Proportional, r);
             }
+            strips.push(behind.clone());
         }
-        b.columns.truncate(e.start);
-        let start = b.columns.len();
-        b.columns.extend(products);
-        let all = start..b.columns.len();
-        b.add("map", words, all);
     }
+    b.columns.truncate(start);
+    b.columns.extend(strips);
+    let all = start..b.columns.len();
+    b.add("map", "the plume's strength changing over the map", all);
+}
+
+/// Products of hats east and north.
+fn over_the_map(b: &mut Builder<'_>) {
+    const SIZE: usize = 5;
+    let track = &b.ctx.data.track;
+    let (east, north): (Vec<f64>, Vec<f64>) = (0..track.len())
+        .map(|i| (track.place(i).east_m, track.place(i).north_m))
+        .unzip();
+    let start = b.columns.len();
+    let east = b.hats(&east, SIZE, Load::Additive);
+    let north = b.hats(&north, SIZE, Load::Additive);
+    let mut products = Vec::with_capacity(east.len() * north.len());
+    for i in east {
+        for j in north.clone() {
+            let both = b.columns[i].iter().zip(&b.columns[j]);
+            products.push(both.map(|(e, n)| e * n).collect());
+        }
+    }
+    b.columns.truncate(start);
+    b.columns.extend(products);
+    let all = start..b.columns.len();
+    b.add("map", "readings changing over the map", all);
 }
 
 /// Sines and cosines of periods from 30 s to half the record.
@@ -295,11 +393,11 @@ fn periodic(b: &mut Builder<'_>) {
         return;
     }
     let platforms = b.ctx.data.ranges().len();
-    let (emitted, turned) = (b.time_on_the_way(1.0), b.time_on_the_way(0.5));
+    let [read, emitted, turned] = [When::Read, When::Emitted, When::Turned].map(|w| b.times(w));
     for k in 0..COUNT {
         let period = shortest * (longest / shortest).powf(k as f64 / (COUNT - 1) as f64);
-        for (load, time, words) in [
-            (Load::Additive, &time, "a periodic wave of all readings"),
+        for (load, over, words) in [
+            (Load::Additive, &read, "a periodic wave of all readings"),
             (
                 Load::Proportional,
                 &emitted,
@@ -309,8 +407,8 @@ fn periodic(b: &mut Builder<'_>) {
         ] {
             let start = b.columns.len();
             for phase in [0.0, std::f64::consts::FRAC_PI_2] {
-                let wave = |i: usize| (std::f64::consts::TAU * time[i] / period + phase).sin();
-                let column = (0..time.len()).map(|i| wave(i) * b.load(load, i)).collect();
+                let wave = |(i, s): (usize, &Stretch)| s.mean_wave(period, phase) * b.load(load, i);
+                let column = over.iter().enumerate().map(wave).collect();
                 b.columns.push(column);
             }
             let own = start..b.columns.len();
@@ -343,6 +441,8 @@ fn delays(b: &mut Builder<'_>, time_s: &[f64], period_s: f64, ln_weight: f64) {
         b.columns.push(column);
     }
     let own = start..b.columns.len();
+    // What sets one platform apart is not to be seen on it alone.
+    let coordinate = if platforms > 1 { "platform" } else { "time" };
     for p in 0..platforms {
         let name = &b.ctx.data.track.platforms()[p];
         let text = format!(
@@ -350,6 +450,44 @@ fn delays(b: &mut Builder<'_>, time_s: &[f64], period_s: f64, ln_weight: f64) {
              {period_s:.0} s"
         );
         let share = ln_weight - (platforms as f64).ln();
-        b.add_weighted("platform", text, Some(p), share, own.clone());
+        b.add_weighted(coordinate, text, Some(p), share, own.clone());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Mean of a function over a stretch by the midpoint rule in 100,000 steps.
+    fn mean_by_steps(s: Stretch, f: impl Fn(f64) -> f64) -> f64 {
+        let n = 100_000;
+        let at = |k: usize| s.from + (s.to - s.from) * (k as f64 + 0.5) / n as f64;
+        (0..n).map(|k| f(at(k))).sum::<f64>() / n as f64
+    }
+
+    const STRETCH: Stretch = Stretch {
+        from: -3.0,
+        to: 17.5,
+    };
+
+    #[test]
+    fn pieces_give_the_mean_of_what_is_straight_between_knots() {
+        let knots = [-10.0, 0.0, 4.0, 9.0, 30.0];
+        // Straight between the knots, with corners at 0 and 9.
+        let f = |x: f64| (x - 9.0).max(0.0) - 0.3 * x.min(0.0);
+        let mean: f64 = STRETCH.between(&knots).map(|(share, u)| share * f(u)).sum();
+        assert!((mean - mean_by_steps(STRETCH, f)).abs() < 1e-6, "{mean}");
+        let whole: f64 = STRETCH.between(&knots).map(|p| p.0).sum();
+        assert!((whole - 1.0).abs() < 1e-12);
+        let point: Vec<_> = Stretch::at(4.0).between(&knots).collect();
+        assert_eq!(point, [(1.0, 4.0)]);
+    }
+
+    #[test]
+    fn a_wave_is_damped_by_the_length_of_its_stretch() {
+        let wave = |x: f64| (std::f64::consts::TAU * x / 13.0 + 0.7).sin();
+        let mean = STRETCH.mean_wave(13.0, 0.7);
+        assert!((mean - mean_by_steps(STRETCH, wave)).abs() < 1e-6, "{mean}");
+        assert!((Stretch::at(5.0).mean_wave(13.0, 0.7) - wave(5.0)).abs() < 1e-12);
     }
 }

@@ -205,6 +205,7 @@ fn carried_by(setup: &Setup, data: &Data, treatment: Treatment) -> Option<Carrie
 fn put(setup: &Setup, data: &mut Data, carried: &Carried, model: &Model) {
     let world: Option<World> = model.world(&setup.base, data.track.platforms());
     let factors = world.map(|w| carried.plume_factors(data, &w));
+    data.by_history = carried.has_history();
     data.track
         .transport_mut()
         .copy_from_slice(&carried.transport);

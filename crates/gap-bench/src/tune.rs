@@ -3,7 +3,8 @@
 //! Visibility is the log score by which the true extension at its true parameters beats the
 //! finder's base, under the noise that the finder fits to the case. For effects that the
 //! catalogue does not have it is what they cost the base: its score of the case's twin, the same
-//! readings without the effect, less that of the case.
+//! readings without the effect, less that of the case. Of two effects each is as visible as asked
+//! beside the other.
 
 use gap::plume::{Known, Setup, Visibility};
 use gap_truth::mutation::Mutation;
@@ -41,10 +42,15 @@ pub fn read(scenario_toml: &str, files: &[(String, String)]) -> Result<Read, Str
     })
 }
 
-/// How visible the effect of a case is, nats.
-fn visible(case: &Case) -> Result<f64, String> {
+/// How visible the effect of a case is, nats; of two, the one `which` beside the other.
+fn visible(case: &Case, which: usize) -> Result<f64, String> {
     let own = read(&case.scenario_toml, &case.observations)?;
     let mechanisms = mechanisms(&case.truth)?;
+    if mechanisms.len() > 1 {
+        return Visibility::new(&own.setup, &own.observations)
+            .map(|v| v.nats_beside(&mechanisms, which))
+            .map_err(|e| e.to_string());
+    }
     let twin;
     let known = if mechanisms.is_empty() {
         twin = read(&case.scenario_toml, &case.twin)?;
@@ -96,7 +102,7 @@ pub(crate) fn mechanisms(truth: &Truth) -> Result<Vec<Mechanism>, String> {
 pub struct Tuned {
     /// The case.
     pub case: Case,
-    /// Its visibility, nats (of the first effect alone where there are two).
+    /// Its visibility, nats (of the first effect beside the other where there are two).
     pub nats: f64,
     /// Seed of its scene.
     pub scene_seed: u64,
@@ -108,6 +114,10 @@ pub struct Tuned {
 const STRONGEST: f64 = 300.0;
 /// Standard deviations of a mechanism's prior beyond which its size is absurd.
 const ABSURD_SD: f64 = 3.0;
+/// The strength tried first.
+const WEAK: f64 = 2.0;
+/// How often two effects are tuned, each beside the other.
+const ROUNDS: usize = 2;
 /// Scenes tried for one task.
 const SCENES: u64 = 4;
 
@@ -122,34 +132,49 @@ pub fn tune(task: &Task) -> Result<Option<Tuned>, String> {
     }
     for scene in 0..SCENES {
         let seed = task.seed + scene * 1_000;
-        let mut strengths = vec![0.0; effects.len()];
-        let mut reached = Vec::new();
-        for which in 0..effects.len() {
-            // Each effect alone, the others left out.
-            let make = |strength: f64| {
-                let mut alone = vec![0.0; effects.len()];
-                alone[which] = strength;
-                Case::make(&task.spec(seed, &alone))
-            };
-            match strength_for(task.nats, make)? {
-                Some((strength, nats)) => {
-                    strengths[which] = strength;
-                    reached.push(nats);
-                }
-                None => break,
-            }
-        }
-        if reached.len() == effects.len() {
-            let case = Case::make(&task.spec(seed, &strengths));
-            return Ok(Some(Tuned {
-                case,
-                nats: reached[0],
-                scene_seed: seed,
-                strengths,
-            }));
+        if let Some(tuned) = tune_in(task, seed, effects.len())? {
+            return Ok(Some(tuned));
         }
     }
     Ok(None)
+}
+
+/// The case in the scene of `seed`: each of its effects as visible alone as asked, and then, where
+/// there are two, beside the other, by which it may be hidden.
+fn tune_in(task: &Task, seed: u64, count: usize) -> Result<Option<Tuned>, String> {
+    let mut strengths = vec![0.0; count];
+    let mut nats = vec![0.0; count];
+    for which in 0..count {
+        let make = |strength: f64| {
+            let mut alone = vec![0.0; count];
+            alone[which] = strength;
+            Case::make(&task.spec(seed, &alone))
+        };
+        match strength_for(task.nats, WEAK, 0, make)? {
+            Some(found) => (strengths[which], nats[which]) = found,
+            None => return Ok(None),
+        }
+    }
+    for _ in 0..if count > 1 { ROUNDS } else { 0 } {
+        for which in 0..count {
+            let make = |strength: f64| {
+                let mut both = strengths.clone();
+                both[which] = strength;
+                Case::make(&task.spec(seed, &both))
+            };
+            match strength_for(task.nats, strengths[which], which, make)? {
+                Some(found) => (strengths[which], nats[which]) = found,
+                None => return Ok(None),
+            }
+        }
+    }
+    let case = Case::make(&task.spec(seed, &strengths));
+    Ok(Some(Tuned {
+        case,
+        nats: nats[0],
+        scene_seed: seed,
+        strengths,
+    }))
 }
 
 fn has_two((_, text): &(String, String)) -> bool {
@@ -171,11 +196,16 @@ fn plain(task: &Task) -> Option<Tuned> {
 }
 
 /// The strength whose visibility is within a tenth of `target`, with that visibility: growing
-/// steps until it is bracketed, then regula falsi in the logarithms (visibility grows about as
+/// steps from `first` until it is bracketed, then regula falsi in the logarithms (visibility grows about as
 /// the square of strength).
-fn strength_for(target: f64, make: impl Fn(f64) -> Case) -> Result<Option<(f64, f64)>, String> {
-    let mut strength: f64 = 2.0;
-    let mut nats = visible(&make(strength))?;
+fn strength_for(
+    target: f64,
+    first: f64,
+    which: usize,
+    make: impl Fn(f64) -> Case,
+) -> Result<Option<(f64, f64)>, String> {
+    let mut strength = first;
+    let mut nats = visible(&make(strength), which)?;
     let mut low: Option<(f64, f64)> = None;
     let mut high: Option<(f64, f64)> = None;
     for _ in 0..12 {
@@ -200,7 +230,7 @@ fn strength_for(target: f64, make: impl Fn(f64) -> Case) -> Result<Option<(f64, 
         if strength > STRONGEST || absurd(&case.truth) {
             return Ok(None);
         }
-        nats = visible(&case)?;
+        nats = visible(&case, which)?;
     }
     // Some effects jump (a lid, a limit): what is reached counts if it is near enough.
     Ok(((nats / target - 1.0).abs() < 0.3).then_some((strength, nats)))

@@ -311,9 +311,23 @@ impl World {
     /// Excess of all plumes as (mol/m³ of those given by emission, ppm of those given by c_MAX).
     #[inline]
     pub(crate) fn excess(&self, place: &Place, time_s: f64, wind: Transport) -> (f64, f64) {
+        self.excess_after(place, time_s, 0.0, wind)
+    }
+
+    /// The same of air that took `way_s` from the source: as strong as the source was when it was
+    /// emitted, and turned as the wind was on the mean of its way.
+    #[inline]
+    pub(crate) fn excess_after(
+        &self,
+        place: &Place,
+        time_s: f64,
+        way_s: f64,
+        wind: Transport,
+    ) -> (f64, f64) {
         let e = &self.effects;
         let mut turned = rotate(wind, self.rotation);
         if e.direction_drift_deg_h != 0.0 {
+            let time_s = time_s - 0.5 * way_s;
             turned = rotate(turned, turn(e.direction_drift_deg_h * time_s / HOUR_S));
         }
         turned.speed_m_s *= e.speed_factor;
@@ -326,7 +340,7 @@ impl World {
             }
         }
         if e.emission_trend_h != 0.0 {
-            let grown = (e.emission_trend_h * time_s / HOUR_S).exp();
+            let grown = (e.emission_trend_h * (time_s - way_s) / HOUR_S).exp();
             sum = (sum.0 * grown, sum.1 * grown);
         }
         sum

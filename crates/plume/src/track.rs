@@ -38,6 +38,8 @@ pub struct Track {
     transport: Vec<Transport>,
     /// Factor on the plume's part of each row.
     plume_factor: Vec<f64>,
+    /// Time that the air of each row took from the source, s.
+    way_s: Vec<f64>,
     ppm_per_mol_m3: Vec<f64>,
     air: Vec<Ambient>,
 }
@@ -60,6 +62,7 @@ impl Track {
             height_m: rows.iter().map(|r| r.place.height_agl_m).collect(),
             transport: rows.iter().map(|r| row_transport(spec, r)).collect(),
             plume_factor: vec![1.0; rows.len()],
+            way_s: vec![0.0; rows.len()],
             ppm_per_mol_m3: rows
                 .iter()
                 .map(|r| world.ppm_per_mol_m3(r.place.height_agl_m))
@@ -123,6 +126,17 @@ impl Track {
         &mut self.plume_factor
     }
 
+    /// Time that the air of every row took from the source, s: trends of source and wind are those
+    /// of its way. Zero at first, and for a plume that is as the wind of the moment has it.
+    pub fn way_s(&self) -> &[f64] {
+        &self.way_s
+    }
+
+    /// The same, to be replaced.
+    pub fn way_s_mut(&mut self) -> &mut [f64] {
+        &mut self.way_s
+    }
+
     /// Predicted readings of all rows, ppm, without noise and quantisation. `readings` must have
     /// [`Track::len`] elements; extra ones are left alone.
     pub fn predict(&self, world: &World, readings: &mut [f64]) {
@@ -170,7 +184,7 @@ impl Track {
             place.east_m -= east;
             place.north_m -= north;
             place.height_agl_m -= up;
-            let (molar, direct) = world.excess(&place, time, wind);
+            let (molar, direct) = world.excess_after(&place, time, self.way_s[i], wind);
             *value = (molar * self.ppm_per_mol_m3[i] + direct) * self.plume_factor[i];
         }
     }

@@ -124,8 +124,6 @@ pub(crate) struct Data {
     pub ceiling_ppm: Vec<(Range<usize>, f64)>,
     /// Whether most rows have a logged wind.
     pub on_board_wind: bool,
-    /// Whether the wind's history carries the plume, as puffs, rather than the wind of the moment.
-    pub by_history: bool,
 }
 
 impl Data {
@@ -174,7 +172,6 @@ impl Data {
             wind,
             notices,
             ceiling_ppm: Vec::new(),
-            by_history: false,
         })
     }
 
@@ -195,6 +192,14 @@ impl Data {
             .iter()
             .position(|r| r.contains(&row))
             .unwrap_or(0)
+    }
+
+    /// Time that air takes from a place to that of every row in the row's transport, s.
+    pub fn way_s(&self, from: Enu) -> impl Iterator<Item = f64> {
+        let transport = self.track.transport().iter();
+        self.distance_m(from)
+            .zip(transport)
+            .map(|(far, wind)| far / wind.speed_m_s.max(0.5))
     }
 
     /// Horizontal distance of every row from a place, m.

@@ -102,12 +102,7 @@ impl<'a> Context<'a> {
 
     /// Time that the plume takes from the first source to the place of each row, s.
     pub fn way_s(&self) -> impl Iterator<Item = f64> {
-        let source = self.setup.base.sources[0].place;
-        let transport = self.data.track.transport().iter();
-        self.data
-            .distance_m(source)
-            .zip(transport)
-            .map(|(far, wind)| far / wind.speed_m_s.max(0.5))
+        self.data.way_s(self.setup.base.sources[0].place)
     }
 
     /// What one more part changes in the readings that `model` predicts.

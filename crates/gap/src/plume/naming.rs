@@ -29,6 +29,9 @@ const LAW_NATS: f64 = 60.0;
 const LEAST_POWER: f64 = 0.2;
 /// What an extension must gain under the noise that is fitted with it, nats.
 const STANDS_NATS: f64 = 6.0;
+/// What fits with noises of their own differ by at most from place to place where the model is
+/// as straight as its derivatives, nats.
+const STRAIGHT_LINES_NATS: f64 = 30.0;
 /// Probability that all names together must have where a nameless rival is called for.
 const NAMES_AT: f64 = 0.5;
 /// Least gains of log score and log evidence for a name, nats. The screen's threshold knows the
@@ -127,7 +130,11 @@ fn settled_round(ctx: &Context<'_>, null: Fitted, seed: u64) -> (Fitted, Round) 
         let Some(model) = &round.better_null else {
             return (null, round);
         };
-        null = ctx.refine(model, null.noise);
+        let moved = ctx.refine(model, null.noise);
+        if much_worse(&moved, &null) {
+            return (null, round);
+        }
+        null = moved;
     }
     let round = explore::round(ctx, &null, seed, true);
     (null, round)
@@ -413,29 +420,45 @@ fn put_to_the_test(ctx: &Context<'_>, last: &Fitted, best: &Tried) -> Tested {
         return Tested::Chance;
     }
     let refined = ctx.refine(&best.fitted.model, best.fitted.noise);
-    match better_null(ctx, &last.model, &refined, best.part) {
-        Some(null) => Tested::Null(null),
-        None => Tested::Extension(refined),
+    let null = &last.model;
+    let alone = without(&refined.model, null, best.part).filter(|_| best.part >= null.parts.len());
+    let Some(alone) = alone.and_then(|alone| null_as_good(ctx, null, &refined, &alone)) else {
+        return Tested::Extension(refined);
+    };
+    let moved = ctx.refine(&alone.model, refined.noise);
+    if much_worse(&moved, &refined) && much_worse(last, &refined) {
+        return Tested::Extension(refined);
     }
+    if much_worse(&moved, last) {
+        return Tested::Chance;
+    }
+    Tested::Null(moved)
 }
 
-/// The null at where an extension moved it, with the noise fitted there, if the extension gains
-/// little more than that once the noise is its own, or nothing on blocks left out: its gain was
-/// the null's bad place.
-fn better_null(ctx: &Context<'_>, null: &Model, refined: &Fitted, part: usize) -> Option<Fitted> {
-    if part < null.parts.len() {
-        return None;
-    }
-    let without = without(&refined.model, null, part)?;
+/// Whether a fit with its noise is so much less probable than another that only the straight
+/// lines of the other, by which swings and tolerances enter, made its place look good.
+fn much_worse(fit: &Fitted, than: &Fitted) -> bool {
+    let score = |f: &Fitted| f.log_score + f.model.ln_prior();
+    score(fit) < score(than) - STRAIGHT_LINES_NATS
+}
+
+/// The null at where an extension moved it, if the extension gains little more than that once the
+/// noise is its own, or nothing on blocks left out: its gain was the null's bad place.
+fn null_as_good(
+    ctx: &Context<'_>,
+    null: &Model,
+    refined: &Fitted,
+    alone: &Model,
+) -> Option<Fitted> {
     let score = |model: &Model| {
         let settled = ctx.settle(model, &refined.metric, refined, 6);
         let base = settled.model.ln_departure(|k| k < null.dimension());
         (settled.log_score + base, settled)
     };
     let (with, extended) = score(&refined.model);
-    let (alone, settled) = score(&without);
+    let (alone, settled) = score(alone);
     let stands = with - alone > STANDS_NATS && held_out::log_gain(ctx, &settled, &extended) > 0.0;
-    (!stands).then(|| ctx.refine(&settled.model, refined.noise))
+    (!stands).then_some(settled)
 }
 
 /// The model without an extension, or with the base's own prior put back.

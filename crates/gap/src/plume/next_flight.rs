@@ -330,7 +330,6 @@ impl<'a> Flown<'a> {
             notices: Vec::new(),
             ceiling_ppm: Vec::new(),
             on_board_wind: ctx.data.on_board_wind,
-            by_history: ctx.data.by_history,
         };
         let there = there(ctx, &data);
         let prediction = there.predict(&first.model);

@@ -103,18 +103,19 @@ impl<'a> Builder<'a> {
 
     /// The times that count at each row, s.
     fn times(&self, when: When) -> Vec<Stretch> {
-        let over_the_way = self.ctx.data.by_history;
-        let times = self.ctx.data.track.time_s();
+        let track = &self.ctx.data.track;
+        let turned_s = track.way_s().iter();
         self.ctx
             .way_s()
-            .zip(times)
-            .map(|(way_s, &t)| match when {
+            .zip(turned_s)
+            .zip(track.time_s())
+            .map(|((way_s, turned_s), &t)| match when {
+                When::Read => Stretch::at(t),
                 When::Emitted => Stretch::at(t - way_s),
-                When::Turned if over_the_way => Stretch {
-                    from: t - way_s,
+                When::Turned => Stretch {
+                    from: t - turned_s,
                     to: t,
                 },
-                When::Read | When::Turned => Stretch::at(t),
             })
             .collect()
     }

@@ -205,10 +205,16 @@ fn carried_by(setup: &Setup, data: &Data, treatment: Treatment) -> Option<Carrie
 fn put(setup: &Setup, data: &mut Data, carried: &Carried, model: &Model) {
     let world: Option<World> = model.world(&setup.base, data.track.platforms());
     let factors = world.map(|w| carried.plume_factors(data, &w));
-    data.by_history = carried.has_history();
     data.track
         .transport_mut()
         .copy_from_slice(&carried.transport);
+    let source = setup.base.sources[0].place;
+    let ways: Vec<f64> = if carried.has_history() {
+        data.way_s(source).collect()
+    } else {
+        vec![0.0; data.len()]
+    };
+    data.track.way_s_mut().copy_from_slice(&ways);
     if let Some(factors) = factors {
         data.track.plume_factor_mut().copy_from_slice(&factors);
     }

@@ -43,6 +43,14 @@ fn score(fitted: &Fitted) -> f64 {
     fitted.log_score + fitted.model.ln_prior()
 }
 
+/// A model with its parameters where a larger one has them.
+fn placed_as(mut model: Model, larger: &Model) -> Model {
+    for k in 0..model.dimension() {
+        model.set_coordinate(k, larger.coordinate(k));
+    }
+    model
+}
+
 impl<'a> Visibility<'a> {
     /// Fits base and noise.
     ///
@@ -80,28 +88,31 @@ impl<'a> Visibility<'a> {
     /// # Errors
     /// A twin whose rows do not correspond.
     pub fn nats(&self, known: Known<'_>) -> Result<f64, GapError> {
-        let base = score(&self.settled(&self.data, &self.fitted.model));
         match known {
-            Known::Mechanisms(mechanisms) => {
-                let truth = self.settled(&self.data, &self.with(mechanisms.iter().collect()));
-                // The base may fit better from where the truth has its parameters.
-                let there = self.settled(&self.data, &self.base_at(&truth.model));
-                Ok(score(&truth) - base.max(score(&there)))
-            }
+            Known::Mechanisms(mechanisms) => Ok(self.gain(mechanisms, &[])),
             Known::Twin(twin) => {
+                let base = score(&self.settled(&self.data, &self.fitted.model));
                 let twin = self.settled(&self.twin(twin)?, &self.fitted.model);
                 Ok(score(&twin) - base)
             }
         }
     }
 
-    /// The base with its parameters where a larger model has them.
-    fn base_at(&self, larger: &Model) -> Model {
-        let mut model = self.fitted.model.clone();
-        for k in 0..model.dimension() {
-            model.set_coordinate(k, larger.coordinate(k));
-        }
-        model
+    /// What the mechanism `which` of the true ones adds to the log score beside the others, nats.
+    pub fn nats_beside(&self, mechanisms: &[Mechanism], which: usize) -> f64 {
+        let others = (0..mechanisms.len()).filter(|k| *k != which);
+        let others: Vec<&Mechanism> = others.map(|k| &mechanisms[k]).collect();
+        self.gain(mechanisms, &others)
+    }
+
+    /// The log score by which all `mechanisms` beat the base with only `some` of them, nats.
+    fn gain(&self, mechanisms: &[Mechanism], some: &[&Mechanism]) -> f64 {
+        let truth = self.settled(&self.data, &self.with(mechanisms.iter().collect()));
+        let with_some = self.with(some.to_vec());
+        // The smaller model may fit better from where the truth has its parameters.
+        let there = placed_as(with_some.clone(), &truth.model);
+        let fits = [with_some, there].map(|m| score(&self.settled(&self.data, &m)));
+        score(&truth) - fits[0].max(fits[1])
     }
 
     /// The base with mechanisms at their values.
@@ -151,10 +162,8 @@ impl<'a> Visibility<'a> {
             }
         }
         let others = mechanisms.iter().enumerate().filter(|(k, _)| *k != which);
-        let mut null = self.with(others.map(|(_, m)| m).collect());
-        for k in 0..null.dimension() {
-            null.set_coordinate(k, truth.model.coordinate(k));
-        }
+        let null = self.with(others.map(|(_, m)| m).collect());
+        let null = placed_as(null, &truth.model);
         let ctx = Context {
             data: &clean,
             ..own

@@ -19,8 +19,11 @@ const LONGEST_USUAL_RUN: usize = 20;
 const REMEMBERED: f64 = 5.0;
 /// Longest step between rows over which the air is known well enough, s.
 const LONGEST_STEP_S: f64 = 4.0;
-/// Fewest levels below a ceiling that holds most readings.
+/// Fewest levels below a ceiling that holds many readings, and what part of them is many.
 const LEAST_LEVELS: usize = 6;
+const HELD_PART: f64 = 0.25;
+/// Fewest visits to a ceiling that tell it from a sensor that stands still.
+const FEWEST_VISITS: usize = 2;
 /// Shortest run of equal readings that counts.
 const FROZEN_ROWS: usize = 8;
 
@@ -42,8 +45,12 @@ pub(crate) fn gate(data: &mut Data, setup: &Setup) -> Vec<DataQuality> {
         eye.name = eye.data.track.platforms()[platform].clone();
         eye.places(base);
         eye.units(base);
+        // A ceiling is met again and again; what stands still does so once, wherever it is.
+        let ceiling = eye.clipped(FEWEST_VISITS);
         eye.frozen(base.sensor.noise_sd_ppm > 0.0);
-        eye.clipped();
+        if !ceiling {
+            eye.clipped(1);
+        }
         eye.gaps();
     }
     forget_unknown_air(data, setup.time_constant_s());
@@ -199,14 +206,14 @@ impl Eye<'_> {
         }
     }
 
-    /// Many readings at the very top of the range.
-    fn clipped(&mut self) {
+    /// Many readings at the very top of the range, in at least so many visits. Whether it is so.
+    fn clipped(&mut self, least_visits: usize) -> bool {
         let used = self.used();
         let y = &self.data.reading_ppm;
         let mut sorted: Vec<f64> = used.iter().map(|i| y[*i]).collect();
         sorted.sort_by(f64::total_cmp);
         let (Some(&top), Some(&middle)) = (sorted.last(), sorted.get(sorted.len() / 2)) else {
-            return;
+            return false;
         };
         let at_top = sorted.iter().rev().take_while(|v| **v == top).count();
         let below = &sorted[..sorted.len() - at_top];
@@ -222,14 +229,16 @@ impl Eye<'_> {
             .count();
         let mut levels = below.to_vec();
         levels.dedup();
-        // Where most readings are held, what is left below must still vary as a noise does.
-        let wide = if middle == top {
+        // Where many readings are held, what is left below must still vary as a noise does.
+        let wide = if HELD_PART * sorted.len() as f64 <= at_top as f64 {
             levels.len() >= LEAST_LEVELS
         } else {
             top - middle > 4.0 * spread(&sorted[..sorted.len() / 2])
         };
-        if at_top < 6 || at_top < 2 * neighbours || !wide {
-            return;
+        let held: Vec<bool> = used.iter().map(|i| y[*i] == top).collect();
+        let visits = held.chunk_by(|a, b| a == b).filter(|run| run[0]).count();
+        if at_top < 6 || at_top < 2 * neighbours || !wide || visits < least_visits {
+            return false;
         }
         let hits: Vec<usize> = used.into_iter().filter(|i| y[*i] == top).collect();
         for i in &hits {
@@ -238,6 +247,7 @@ impl Eye<'_> {
         let message = format!("{at_top} readings at exactly {top} ppm, the highest of all");
         self.data.ceiling_ppm.push((self.range.clone(), top));
         self.say(Flaw::Clipped, hits[0], hits[hits.len() - 1], message);
+        true
     }
 
     fn gaps(&mut self) {

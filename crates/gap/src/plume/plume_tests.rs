@@ -251,14 +251,26 @@ fn a_frozen_stretch_is_masked_and_makes_no_verdict() {
     assert_eq!(verdict, Verdict::None);
 }
 
-// Held in the plume only, and held nearly everywhere: below the air itself.
+// Held in the plume only, held nearly everywhere (below the air itself), and held often by a
+// sensor of a coarse resolution.
 #[test]
 fn readings_held_at_a_limit_are_clipped_however_many() {
     let background = setup().base.background_ppm;
-    for limit in [background + 25.0, background + 1.0] {
+    let mut readings: Vec<f64> = observe(&[], 17)
+        .rows
+        .iter()
+        .filter_map(|r| r.co2_ppm)
+        .collect();
+    readings.sort_by(f64::total_cmp);
+    let middle = readings[readings.len() / 2];
+    for (limit, step) in [
+        (background + 25.0, 0.1),
+        (background + 1.0, 0.1),
+        (middle.round(), 1.0),
+    ] {
         let mut o = observe(&[], 17);
         for r in &mut o.rows {
-            r.co2_ppm = r.co2_ppm.map(|c| c.min(limit));
+            r.co2_ppm = r.co2_ppm.map(|c| ((c / step).round() * step).min(limit));
         }
         let held = o.rows.iter().filter(|r| r.co2_ppm == Some(limit)).count();
         let a = run(&o);

@@ -196,8 +196,8 @@ fn plain(task: &Task) -> Option<Tuned> {
 }
 
 /// The strength whose visibility is within a tenth of `target`, with that visibility: growing
-/// steps from `first` until it is bracketed, then regula falsi in the logarithms (visibility grows about as
-/// the square of strength).
+/// steps from `first` until it is bracketed, then regula falsi in the logarithms (visibility grows
+/// about as the square of strength).
 fn strength_for(
     target: f64,
     first: f64,

@@ -226,9 +226,8 @@ fn best_null(
     trials: &[Trial],
     fits: &[Fitted],
 ) -> (Fitted, bool) {
-    let score = |f: &Fitted| f.log_score + f.model.ln_prior();
     let mut best = ctx.settle(&null.model, &null.metric, null, 5);
-    let first = score(&best);
+    let first = best.score_with_prior();
     let mut order: Vec<usize> = (0..fits.len()).collect();
     order.sort_by(|a, b| fits[*b].log_evidence.total_cmp(&fits[*a].log_evidence));
     for &k in order.iter().take(STARTS_OF_NULL) {
@@ -239,11 +238,11 @@ fn best_null(
             }
         }
         let other = ctx.settle(&start, &null.metric, null, 10);
-        if score(&other) > score(&best) + 0.02 {
+        if other.score_with_prior() > best.score_with_prior() + 0.02 {
             best = other;
         }
     }
-    let moved = score(&best) > first + ANOTHER_PLACE_NATS;
+    let moved = best.score_with_prior() > first + ANOTHER_PLACE_NATS;
     (best, moved)
 }
 

@@ -48,6 +48,13 @@ pub(crate) struct Fitted {
     pub log_evidence: f64,
 }
 
+impl Fitted {
+    /// Log score with the prior of the parameters, nats.
+    pub fn score_with_prior(&self) -> f64 {
+        self.log_score + self.model.ln_prior()
+    }
+}
+
 /// How far the noise is fitted.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Effort {

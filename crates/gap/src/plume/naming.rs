@@ -438,8 +438,7 @@ fn put_to_the_test(ctx: &Context<'_>, last: &Fitted, best: &Tried) -> Tested {
 /// Whether a fit with its noise is so much less probable than another that only the straight
 /// lines of the other, by which swings and tolerances enter, made its place look good.
 fn much_worse(fit: &Fitted, than: &Fitted) -> bool {
-    let score = |f: &Fitted| f.log_score + f.model.ln_prior();
-    score(fit) < score(than) - STRAIGHT_LINES_NATS
+    fit.score_with_prior() < than.score_with_prior() - STRAIGHT_LINES_NATS
 }
 
 /// The null at where an extension moved it, if the extension gains little more than that once the

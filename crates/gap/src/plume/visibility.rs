@@ -38,11 +38,6 @@ pub struct Visibility<'a> {
     fitted: Fitted,
 }
 
-/// Log score and prior of a fit, nats.
-fn score(fitted: &Fitted) -> f64 {
-    fitted.log_score + fitted.model.ln_prior()
-}
-
 /// A model with its parameters where a larger one has them.
 fn placed_as(mut model: Model, larger: &Model) -> Model {
     for k in 0..model.dimension() {
@@ -91,9 +86,11 @@ impl<'a> Visibility<'a> {
         match known {
             Known::Mechanisms(mechanisms) => Ok(self.gain(mechanisms, &[])),
             Known::Twin(twin) => {
-                let base = score(&self.settled(&self.data, &self.fitted.model));
+                let base = self
+                    .settled(&self.data, &self.fitted.model)
+                    .score_with_prior();
                 let twin = self.settled(&self.twin(twin)?, &self.fitted.model);
-                Ok(score(&twin) - base)
+                Ok(twin.score_with_prior() - base)
             }
         }
     }
@@ -111,8 +108,8 @@ impl<'a> Visibility<'a> {
         let with_some = self.with(some.to_vec());
         // The smaller model may fit better from where the truth has its parameters.
         let there = placed_as(with_some.clone(), &truth.model);
-        let fits = [with_some, there].map(|m| score(&self.settled(&self.data, &m)));
-        score(&truth) - fits[0].max(fits[1])
+        let fits = [with_some, there].map(|m| self.settled(&self.data, &m).score_with_prior());
+        truth.score_with_prior() - fits[0].max(fits[1])
     }
 
     /// The base with mechanisms at their values.

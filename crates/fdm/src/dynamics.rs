@@ -327,9 +327,10 @@ impl Dynamics {
         }
     }
 
-    /// Euler's equation, I ω̇ = M − ω × I ω.
+    /// Angular acceleration (rad/s²) at a rate (rad/s) by a moment (N m), body axes, by Euler's
+    /// equation, I ω̇ = M − ω × I ω.
     #[inline(always)]
-    fn angular_acceleration(&self, rate: &[f64; 3], moment: &[f64; 3]) -> [f64; 3] {
+    pub fn angular_acceleration(&self, rate: &[f64; 3], moment: &[f64; 3]) -> [f64; 3] {
         let b = &self.aircraft.body;
         let [p, q, r] = *rate;
         let momentum = [

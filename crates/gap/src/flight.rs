@@ -20,6 +20,7 @@ pub mod evidence;
 pub mod filter;
 pub mod gain;
 pub mod gate;
+mod gradient;
 pub mod histories;
 pub mod log;
 pub mod motion;

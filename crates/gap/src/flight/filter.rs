@@ -8,7 +8,10 @@
 
 use super::channel::{CHANNELS, at};
 use super::gate::Segment;
-use super::motion::{DISTURBANCE_S, GUST_S, LEAN_S, Mean, STATES, World, difference, moved, start};
+use super::motion::{
+    DISTURBANCE_S, GUST_S, LEAN, LEAN_S, Mean, SMOOTHED_LATERAL, STATES, World, difference, moved,
+    start,
+};
 use super::noise::Noise;
 use super::normal::Normal;
 use super::rival::{Target, Terms};
@@ -189,7 +192,7 @@ impl Filter<'_> {
     fn observation(&self, i: usize, at_mean: &[f64; CHANNELS]) -> [Error; CHANNELS] {
         let mut h = [[0.0; STATES]; CHANNELS];
         // Disturbing angular acceleration is felt later only, disturbing force at once.
-        for k in 0..12 {
+        for k in (0..12).chain(SMOOTHED_LATERAL..STATES) {
             let mut d = [0.0; STATES];
             let step = if (3..9).contains(&k) { 1e-5 } else { 1e-4 };
             d[k] = step;
@@ -204,7 +207,7 @@ impl Filter<'_> {
             h[at::FORCE + k][15 + k] = 1.0;
         }
         for k in 0..2 {
-            h[at::ROLL + k][18 + k] = 1.0;
+            h[at::ROLL + k][LEAN + k] = 1.0;
         }
         h
     }
@@ -329,12 +332,12 @@ impl Filter<'_> {
     /// Derivatives of the next state by the errors of this one, column by column.
     fn transition(&self, i: usize, dt: f64, next: &Mean) -> Matrix {
         let mut f = [[0.0; STATES]; STATES];
-        for (k, column) in f.iter_mut().enumerate().take(12) {
+        for k in (0..12).chain(SMOOTHED_LATERAL..STATES) {
             let mut d = [0.0; STATES];
             let step = if (3..9).contains(&k) { 1e-5 } else { 1e-4 };
             d[k] = step;
             let other = self.world.step(self.segment, i, &moved(&self.mean, &d));
-            *column = difference(next, &other).map(|v| v / step);
+            f[k] = difference(next, &other).map(|v| v / step);
         }
         let m = fdm::dynamics::rotation(&self.mean.body.attitude);
         let keep = (-dt / DISTURBANCE_S).exp();
@@ -346,7 +349,7 @@ impl Filter<'_> {
             }
             f[15 + k][15 + k] = keep;
         }
-        for column in [18, 19] {
+        for column in LEAN..SMOOTHED_LATERAL {
             f[column][column] = (-dt / LEAN_S).exp();
         }
         f
@@ -453,7 +456,7 @@ fn times(m: &Matrix, v: &Error) -> Error {
     out
 }
 
-/// Correlation time of a state, s.
+/// Correlation time of a state that remembers and is driven, s.
 pub fn correlation_s(state: usize) -> f64 {
     match state {
         ..12 => GUST_S[state - 9],

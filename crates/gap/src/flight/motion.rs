@@ -1,19 +1,27 @@
 //! The aircraft between two samples, and what its sensors then read: the flight model of the
 //! simulator with gusts and disturbances as further states.
 
-use fdm::dynamics::{AirState, Body, Controls, Dynamics, euler, flow, rotation};
+use fdm::dynamics::{AirState, Body, Controls, Dynamics, Flow, euler, flow, rotation};
 use fdm::mechanism::SensorErrors;
 use fdm::servo::{LagStep, Servo};
 use fdm::{Aircraft, SurfaceCommand};
 
 use super::channel::{CHANNELS, at};
 use super::gate::Segment;
+use super::gradient::Gradient;
 use super::parameters::{Parameter, applied};
 use super::rival::{Meeting, Nameless};
 
 /// Number of error states: velocity, attitude, rate, gust, disturbing angular acceleration and
-/// specific force, three of each; and two slow errors of the logged roll and pitch angle.
-pub const STATES: usize = 20;
+/// specific force, three of each; two slow errors of the logged roll and pitch angle; and two
+/// smoothed gusts.
+pub const STATES: usize = 22;
+/// The first of the slow errors of angles.
+pub const LEAN: usize = 18;
+/// The lateral gust as smoothed.
+pub const SMOOTHED_LATERAL: usize = 20;
+/// The vertical gust as smoothed.
+pub const SMOOTHED_VERTICAL: usize = 21;
 /// Correlation times of gusts (horizontal, vertical), s, and of the disturbances.
 pub const GUST_S: [f64; 3] = [12.0, 12.0, 5.0];
 /// Correlation time of the errors of logged angles, s: those of an attitude reference that
@@ -35,16 +43,29 @@ pub struct Mean {
     pub push: [f64; 3],
     /// Slow error of the logged roll and pitch angle, rad.
     pub lean: [f64; 2],
+    /// Lateral and vertical gust as smoothed over the aircraft, body axes, m/s.
+    pub smoothed: [f64; 2],
 }
 
 /// Surfaces and motor at the beginning, middle and end of each substep of one sample interval.
 type Substeps = Vec<[Controls; 3]>;
+
+/// The air around the aircraft at one instant.
+struct Around {
+    flow: Flow,
+    /// Lateral and vertical gust, body axes, m/s.
+    gust: [f64; 2],
+    /// Rates relative to the air, rad/s.
+    rate: [f64; 3],
+}
 
 /// One flight under one set of parameters.
 #[derive(Debug, Clone)]
 pub struct World {
     dynamics: Dynamics,
     sensors: SensorErrors,
+    /// How gusts turn the aircraft.
+    gradient: Gradient,
     /// Mean wind sample by sample, NED, m/s.
     wind: Vec<[f64; 3]>,
     /// Surfaces through each interval.
@@ -63,10 +84,11 @@ impl World {
         segment: &Segment,
         like: Option<&Self>,
     ) -> Self {
-        let (extended, winds) = applied(aircraft, parameters, theta, segment.log + 1);
+        let applied = applied(aircraft, parameters, theta, segment.log + 1);
+        let extended = applied.extended;
         let dynamics = Dynamics::new(&extended.aircraft);
         let bias = extended.wind_bias_ned_m_s;
-        let added = winds[segment.log];
+        let added = applied.winds[segment.log];
         let wind = (0..segment.len())
             .map(|i| {
                 let logged = segment.wind_ned.as_ref().map_or([0.0; 3], |w| w[i]);
@@ -84,6 +106,10 @@ impl World {
         Self {
             dynamics,
             sensors: extended.sensors,
+            gradient: Gradient {
+                share: applied.gust_shares,
+                span_m: aircraft.wing.span_m,
+            },
             wind,
             controls,
             nameless: None,
@@ -98,9 +124,7 @@ impl World {
 
     /// The flow at sample `i`, what turns the body, and the dynamic pressure (Pa).
     pub fn meets(&self, segment: &Segment, i: usize, mean: &Mean) -> Meeting {
-        let m = rotation(&mean.body.attitude);
-        let wind = std::array::from_fn(|k| self.wind[i][k] + mean.gust[k]);
-        let flow = flow(&m, &mean.body.vel_ned, &wind);
+        let flow = self.around(i, mean).flow;
         let controls = self.controls_at(i);
         Meeting {
             time_s: segment.time_s[i],
@@ -109,6 +133,42 @@ impl World {
             angles: [controls.aileron, controls.elevator, controls.rudder],
             pressure: 0.5 * segment.density[i] * flow.airspeed * flow.airspeed,
         }
+    }
+
+    /// The air around the aircraft at sample `i`.
+    fn around(&self, i: usize, mean: &Mean) -> Around {
+        let axes = rotation(&mean.body.attitude);
+        let wind = std::array::from_fn(|k| self.wind[i][k] + mean.gust[k]);
+        let flow = flow(&axes, &mean.body.vel_ned, &wind);
+        // Lateral and vertical gust in body axes.
+        let gust = std::array::from_fn(|k| {
+            (0..3)
+                .map(|row| axes[row][k + 1] * mean.gust[row])
+                .sum::<f64>()
+        });
+        let turn = self.gradient.turn(mean.smoothed, gust, flow.airspeed);
+        Around {
+            flow,
+            gust,
+            rate: std::array::from_fn(|k| mean.body.rate[k] + turn[k]),
+        }
+    }
+
+    /// What the air's own turning adds: angular acceleration (rad/s²) and specific force (m/s²).
+    fn turned(
+        &self,
+        around: &Around,
+        rate: &[f64; 3],
+        controls: &Controls,
+        density: f64,
+    ) -> ([f64; 3], [f64; 3]) {
+        let load = |rate| self.dynamics.load(&around.flow, rate, controls, density);
+        let ((force, moment), (calm_force, calm_moment)) = (load(&around.rate), load(rate));
+        let moment = std::array::from_fn(|k| moment[k] - calm_moment[k]);
+        (
+            self.dynamics.angular_acceleration(&[0.0; 3], &moment),
+            std::array::from_fn(|k| (force[k] - calm_force[k]) / self.dynamics.mass_kg()),
+        )
     }
 
     /// The state at sample `i + 1` from that at `i`.
@@ -122,7 +182,13 @@ impl World {
         let mut next = *mean;
         let substeps = &self.controls[i];
         let part = dt / substeps.len() as f64;
-        let (mut spin, mut push) = (mean.spin, mean.push);
+        let around = self.around(i, mean);
+        let (mut spin, mut push) =
+            self.turned(&around, &mean.body.rate, &substeps[0][0], air.density);
+        for k in 0..3 {
+            spin[k] += mean.spin[k];
+            push[k] += mean.push[k];
+        }
         if let Some(nameless) = &self.nameless {
             nameless.disturb(&self.meets(segment, i, mean), &mut spin, &mut push);
         }
@@ -142,26 +208,29 @@ impl World {
             next.push[k] *= keep;
         }
         next.lean = mean.lean.map(|l| l * (-dt / LEAN_S).exp());
+        let airspeed = around.flow.airspeed;
+        next.smoothed = self
+            .gradient
+            .smoothed(mean.smoothed, around.gust, airspeed, dt);
         next
     }
 
     /// What the sensors read at sample `i`, SI.
     pub fn sense(&self, segment: &Segment, i: usize, mean: &Mean) -> [f64; CHANNELS] {
         let body = &mean.body;
-        let m = rotation(&body.attitude);
-        let wind = std::array::from_fn(|k| self.wind[i][k] + mean.gust[k]);
-        let flow = flow(&m, &body.vel_ned, &wind);
+        let Around { flow, rate, .. } = self.around(i, mean);
         let controls = self.controls_at(i);
         let (force, _) = self
             .dynamics
-            .load(&flow, &body.rate, &controls, segment.density[i]);
+            .load(&flow, &rate, &controls, segment.density[i]);
         let mass = self.dynamics.mass_kg();
         let s = &self.sensors;
         let mut read = [0.0; CHANNELS];
         read[at::AIRSPEED] = flow.airspeed * s.airspeed_factor;
         read[at::ALPHA] = flow.alpha * s.alpha_factor + s.alpha_offset_rad;
         read[at::BETA] = flow.beta;
-        read[at::ROLL..at::ROLL_RATE].copy_from_slice(&euler(&m));
+        let attitude = euler(&rotation(&body.attitude));
+        read[at::ROLL..at::ROLL_RATE].copy_from_slice(&attitude);
         for k in 0..2 {
             read[at::ROLL + k] += mean.lean[k];
         }
@@ -326,7 +395,8 @@ pub fn difference(a: &Mean, b: &Mean) -> [f64; STATES] {
         d[15 + k] = b.push[k] - a.push[k];
     }
     for k in 0..2 {
-        d[18 + k] = b.lean[k] - a.lean[k];
+        d[LEAN + k] = b.lean[k] - a.lean[k];
+        d[SMOOTHED_LATERAL + k] = b.smoothed[k] - a.smoothed[k];
     }
     d
 }
@@ -352,7 +422,8 @@ pub fn moved(mean: &Mean, d: &[f64; STATES]) -> Mean {
         m.push[k] += d[15 + k];
     }
     for k in 0..2 {
-        m.lean[k] += d[18 + k];
+        m.lean[k] += d[LEAN + k];
+        m.smoothed[k] += d[SMOOTHED_LATERAL + k];
     }
     m
 }
@@ -384,6 +455,7 @@ pub fn start(segment: &Segment, world: &World, i: usize) -> (Mean, [f64; STATES]
         spin: [0.0; 3],
         push: [0.0; 3],
         lean: [0.0; 2],
+        smoothed: [0.0; 2],
     };
     let yaw = if first(at::ROLL + 2).is_some() {
         0.1

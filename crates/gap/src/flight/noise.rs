@@ -4,7 +4,7 @@
 use super::channel::{ALL, CHANNELS};
 use super::filter::{Pass, correlation_s, run};
 use super::gate::Segment;
-use super::motion::World;
+use super::motion::{LEAN, SMOOTHED_LATERAL, SMOOTHED_VERTICAL, World};
 use serde::Serialize;
 
 /// Sizes of the noise, one standard deviation each.
@@ -92,18 +92,18 @@ impl Noise {
     /// Stationary standard deviation of a state that remembers, places as in the filter.
     pub fn stationary(&self, state: usize) -> f64 {
         match state {
-            9 | 10 => self.gust_m_s[0],
-            11 => self.gust_m_s[1],
+            9 | 10 | SMOOTHED_LATERAL => self.gust_m_s[0],
+            11 | SMOOTHED_VERTICAL => self.gust_m_s[1],
             12..15 => self.spin_rad_s2[state - 12],
             15..18 => self.push_m_s2[state - 15],
-            18.. => self.lean_rad,
+            LEAN..SMOOTHED_LATERAL => self.lean_rad,
             _ => 0.0,
         }
     }
 
     /// Variance that an interval adds to a state.
     pub fn process(&self, state: usize, dt_s: f64) -> f64 {
-        if state < 9 {
+        if !(9..SMOOTHED_LATERAL).contains(&state) {
             // What the step's own error may be: keeps the covariance positive.
             return 1e-9 * dt_s;
         }

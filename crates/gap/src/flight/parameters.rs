@@ -5,6 +5,7 @@ use fdm::Aircraft;
 use fdm::mechanism::{CATALOGUE, Extended};
 
 use super::gate::Gated;
+use super::gradient::{SHARE_SD, USUAL_SHARE};
 
 /// Prior of the mean wind where none was logged, m/s.
 const WIND_SD_M_S: f64 = 12.0;
@@ -23,6 +24,8 @@ pub enum Effect {
     Coefficient(usize),
     /// Mean wind of one log towards north (0) or east (1).
     Wind(usize, usize),
+    /// Share of the gusts' gradients that turns the aircraft: pitch (0) or yaw (1).
+    GustShare(usize),
 }
 
 /// One parameter, as a departure from its neutral value.
@@ -121,6 +124,19 @@ pub fn all(aircraft: &Aircraft, gated: &Gated, logs: usize) -> Vec<Parameter> {
             servo: false,
         });
     }
+    for (axis, name) in ["pitch", "yaw"].iter().enumerate() {
+        parameters.push(Parameter {
+            name: format!("gust.{name}_share"),
+            unit: "1",
+            effect: Effect::GustShare(axis),
+            tolerance: SHARE_SD,
+            law_sd: 0.0,
+            prior_sd: None,
+            step: 0.05,
+            moves: true,
+            servo: false,
+        });
+    }
     let tolerance = if gated.has_wind {
         LOGGED_WIND_SD_M_S
     } else {
@@ -165,7 +181,7 @@ fn mechanisms(gated: &Gated) -> Vec<Parameter> {
                 "actuator-delay" | "actuator-lag" | "surface-trim-offset"
             );
             let workmanship = TOLERANCE_PART * p.prior_sd;
-            // Gusts reach wing and tail one after the other, which looks like damping.
+            // What rotary gusts do beyond the rough model of them looks like damping.
             let law_sd = match spec.id {
                 "roll-damping" | "pitch-damping" => 3.0 * workmanship,
                 _ => 0.0,
@@ -192,20 +208,32 @@ fn mechanisms(gated: &Gated) -> Vec<Parameter> {
     parameters
 }
 
-/// The aircraft with all departures `theta`, and the mean wind added to each log.
+/// What flies with all departures at work.
+pub struct Applied {
+    /// The aircraft and its sensors.
+    pub extended: Extended,
+    /// Mean wind added to each log, north and east, m/s.
+    pub winds: Vec<[f64; 2]>,
+    /// Shares of the gusts' gradients that turn it, pitch and yaw.
+    pub gust_shares: [f64; 2],
+}
+
+/// The aircraft with all departures `theta` in the winds of so many logs.
 pub fn applied(
     aircraft: &Aircraft,
     parameters: &[Parameter],
     theta: &[f64],
     logs: usize,
-) -> (Extended, Vec<[f64; 2]>) {
+) -> Applied {
     let mut base = aircraft.clone();
     base.mechanism.clear();
+    let mut gust_shares = [USUAL_SHARE; 2];
     let mut winds = vec![[0.0; 2]; logs];
     for (parameter, value) in parameters.iter().zip(theta) {
         match parameter.effect {
             Effect::Coefficient(k) => *(COEFFICIENTS[k].place)(&mut base) += value,
             Effect::Wind(log, axis) => winds[log][axis] += value,
+            Effect::GustShare(axis) => gust_shares[axis] += value,
             Effect::Mechanism(..) => {}
         }
     }
@@ -234,5 +262,9 @@ pub fn applied(
             extended.apply(spec.id, values);
         }
     }
-    (extended, winds)
+    Applied {
+        extended,
+        winds,
+        gust_shares,
+    }
 }

@@ -1,12 +1,13 @@
 //! How visible an effect is, and the strength that makes it as visible as wanted.
 //!
 //! Visibility is the log score by which the true extension at its true parameters beats the
-//! finder's base, under the noise that the finder fits to the case. For effects that the
-//! catalogue does not have it is what they cost the base: its score of the case's twin, the same
-//! readings without the effect, less that of the case. Of two effects each is as visible as asked
+//! finder's base, under the noise that the finder fits to the case. Effects that the catalogue does
+//! not have but that only multiply or turn the plume do so to the finder's plume in that extension.
+//! Of other effects it is what they cost the base: its score of the case's twin, the same readings without
+//! the effect, less that of the case. Of two effects each is as visible as asked
 //! beside the other.
 
-use gap::plume::{Known, Setup, Visibility};
+use gap::plume::{Known, PlumeChange, Setup, Visibility};
 use gap_truth::mutation::Mutation;
 use gap_truth::{Case, TrueEffect, Truth};
 use plume::Mechanism;
@@ -52,7 +53,16 @@ fn visible(case: &Case, which: usize) -> Result<f64, String> {
             .map_err(|e| e.to_string());
     }
     let twin;
-    let known = if mechanisms.is_empty() {
+    let of = |c: &gap_truth::PlumeChange| PlumeChange {
+        platform: c.platform.clone(),
+        time_s: c.time_s,
+        factor: c.factor,
+        turned_deg: c.turned_deg,
+    };
+    let changes: Vec<PlumeChange> = case.plume_changes.iter().map(of).collect();
+    let known = if !changes.is_empty() {
+        Known::Plume(&changes)
+    } else if mechanisms.is_empty() {
         twin = read(&case.scenario_toml, &case.twin)?;
         Known::Twin(&twin.observations)
     } else {

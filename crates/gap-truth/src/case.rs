@@ -118,9 +118,27 @@ pub struct Case {
     pub observations: Vec<(String, String)>,
     /// The same less what the hidden effects change in the mean of each reading.
     pub twin: Vec<(String, String)>,
+    /// What the effect does to the plume, row by row, where that is all it does.
+    pub plume_changes: Vec<PlumeChange>,
     /// What is true.
     pub truth: Truth,
 }
+
+/// What effects do to the plume of one row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlumeChange {
+    /// The row's platform.
+    pub platform: String,
+    /// Its time, s.
+    pub time_s: f64,
+    /// Mean plume with the effects over that without, in the same wind.
+    pub factor: f64,
+    /// By how much the plume is turned clockwise, degrees.
+    pub turned_deg: f64,
+}
+
+/// Mean excess below which a reading is of no plume that could be multiplied, ppm.
+const NO_PLUME_PPM: f64 = 1e-3;
 
 /// Seconds of wind before time 0.
 const HISTORY_S: f64 = 2600.0;
@@ -146,6 +164,7 @@ impl Case {
             scenario_toml: draft.scene.to_toml(),
             observations: draft.files(&rows),
             twin: draft.files(&less_effects(&rows, &twin)),
+            plume_changes: plume_changes(&effects, &rows, &twin),
             truth: Truth {
                 effects,
                 forward: draft.forward,
@@ -236,6 +255,34 @@ fn less_effects(rows: &[Vec<Row>], twin: &[Vec<Row>]) -> Vec<Vec<Row>> {
         .zip(twin)
         .map(|(rows, twin)| rows.iter().zip(twin).map(less).collect())
         .collect()
+}
+
+/// What `effects` do to the plume of each row; nothing where they do anything else.
+fn plume_changes(effects: &[TrueEffect], rows: &[Vec<Row>], twin: &[Vec<Row>]) -> Vec<PlumeChange> {
+    let [TrueEffect { effect, .. }] = effects else {
+        return Vec::new();
+    };
+    let (multiplies, turns) = (effect.multiplies_the_plume(), effect.turns_the_plume());
+    if !(multiplies || turns) {
+        return Vec::new();
+    }
+    let mut out = Vec::new();
+    for (index, (rows, twin)) in rows.iter().zip(twin).enumerate() {
+        for (row, twin) in rows.iter().zip(twin) {
+            let counts = multiplies && twin.mean_excess_ppm > NO_PLUME_PPM;
+            out.push(PlumeChange {
+                platform: name(index),
+                time_s: row.time_s,
+                factor: if counts {
+                    row.mean_excess_ppm / twin.mean_excess_ppm
+                } else {
+                    1.0
+                },
+                turned_deg: if turns { row.swung_deg } else { 0.0 },
+            });
+        }
+    }
+    out
 }
 
 fn name(index: usize) -> String {

@@ -177,6 +177,21 @@ impl Effect {
         }
     }
 
+    /// Whether it turns the plume of a place and time and does nothing else; of those outside the
+    /// catalogue.
+    pub fn turns_the_plume(self) -> bool {
+        self == E::SlowSwing
+    }
+
+    /// Whether it multiplies the plume of a place and time and does nothing else; of those outside
+    /// the catalogue.
+    pub fn multiplies_the_plume(self) -> bool {
+        matches!(
+            self,
+            E::UnlistedChemistry | E::ObstacleWake | E::PulsingSource
+        )
+    }
+
     /// Whether one platform alone may have it.
     pub fn of_a_platform(self) -> bool {
         (E::SensorLag..=E::AltitudeOffset).contains(&self)

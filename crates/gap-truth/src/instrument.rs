@@ -76,6 +76,10 @@ pub struct Row {
     pub co2_ppm: Option<f64>,
     /// What it would be on average: without intermittency, noise and rounding.
     pub mean_ppm: f64,
+    /// The plume's part of the air that it is of, on average, ppm.
+    pub mean_excess_ppm: f64,
+    /// By how much a swing that no log shows turns the plume there, degrees.
+    pub swung_deg: f64,
     /// Direction from, degrees, and speed, m/s.
     pub wind: Option<(f64, f64)>,
     /// Temperature, °C; relative humidity, %; pressure, hPa.
@@ -377,6 +381,8 @@ impl<'a> Log<'a> {
             alt_amsl_m: scene.ground_amsl_m + height_m,
             co2_ppm: Some((reading / step_ppm).round() * step_ppm),
             mean_ppm,
+            mean_excess_ppm: air_mean.0,
+            swung_deg: self.of.world.swung_deg(scene.east_north_m(point), time_s),
             wind,
             weather,
         }

@@ -26,7 +26,7 @@ mod strength;
 pub mod tracks;
 pub mod wind;
 
-pub use case::{Case, CaseSpec, Hidden, TrueEffect, Truth};
+pub use case::{Case, CaseSpec, Hidden, PlumeChange, TrueEffect, Truth};
 pub use effect::{CATALOGUE, Effect, OUTSIDE};
 pub use further::FurtherFlight;
 pub use instrument::{Damage, NoiseForm};

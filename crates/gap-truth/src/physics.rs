@@ -294,6 +294,20 @@ impl<'a> World<'a> {
         kg_m3 * self.scene.air.ppm_per_kg_m3(z_m) * self.lee(place)
     }
 
+    /// By how much the hidden swing of the wind turns the plume at a place, degrees: at once, or by
+    /// its mean over the way of the puffs.
+    pub fn swung_deg(&self, place: [f64; 2], time_s: f64) -> f64 {
+        let way_s = match self.forward {
+            Forward::Gaussian => 0.0,
+            Forward::Puffs => {
+                let from = self.scene.source_m;
+                let way_m = (place[0] - from[0]).hypot(place[1] - from[1]);
+                way_m / self.scene.wind.speed_m_s
+            }
+        };
+        self.wind.hidden_deg(time_s - way_s, time_s)
+    }
+
     /// Angle by which the transport at `z_m` is turned clockwise against that at the axis.
     fn veer_rad(&self, z_m: f64, axis_m: f64) -> f64 {
         let up = (z_m - axis_m) / 100.0;

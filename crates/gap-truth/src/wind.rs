@@ -33,6 +33,8 @@ pub struct WindTruth {
     start_s: f64,
     /// Direction from, degrees, as a perfect log would have it.
     logged_deg: Vec<f64>,
+    /// The periodic swing that no log shows, degrees.
+    hidden_deg: Vec<f64>,
     /// Speed, m/s.
     speed_m_s: Vec<f64>,
     /// Metres east and north that the air has moved since the start.
@@ -70,6 +72,7 @@ impl WindTruth {
         let mut truth = Self {
             start_s: -before_s,
             logged_deg: Vec::with_capacity(steps),
+            hidden_deg: Vec::with_capacity(steps),
             speed_m_s: Vec::with_capacity(steps),
             moved: vec![[0.0, 0.0]],
             path_m: vec![0.0],
@@ -93,6 +96,7 @@ impl WindTruth {
             truth.moved.push(moved);
             truth.path_m.push(truth.path_m[k] + speed * STEP_S);
             truth.logged_deg.push(logged);
+            truth.hidden_deg.push(hidden);
             truth.speed_m_s.push(speed);
         }
         truth
@@ -153,6 +157,12 @@ impl WindTruth {
     /// Direction from, degrees, that a perfect instrument at the axis logs at `time_s`.
     pub fn logged_from_deg(&self, time_s: f64) -> f64 {
         self.logged_deg[self.at(time_s).0]
+    }
+
+    /// Mean of the hidden swing from `from_s` to `to_s`, degrees.
+    pub fn hidden_deg(&self, from_s: f64, to_s: f64) -> f64 {
+        let swings = &self.hidden_deg[self.at(from_s).0..=self.at(to_s).0];
+        swings.iter().sum::<f64>() / swings.len() as f64
     }
 
     /// Speed at the axis at `time_s`, m/s.
@@ -222,6 +232,23 @@ mod tests {
         hidden_swing: None,
         drift_deg_per_h: 0.0,
     };
+
+    #[test]
+    fn the_hidden_swing_is_the_transports_less_the_logs() {
+        let law = WindLaw {
+            hidden_swing: Some((3.0, 120.0)),
+            ..STEADY
+        };
+        let wind = WindTruth::draw(&law, 300.0, 300.0, 0.0, &mut stream(1, "w"));
+        for time_s in [0.0, 31.0, 77.0, 200.0] {
+            let [east, north] = wind.transport(time_s).0;
+            let from_deg = (-east).atan2(-north).to_degrees().rem_euclid(360.0);
+            let hidden = from_deg - wind.logged_from_deg(time_s);
+            assert!((hidden - wind.hidden_deg(time_s, time_s)).abs() < 1e-9);
+        }
+        // Over a whole period it is nil.
+        assert!(wind.hidden_deg(10.0, 129.0).abs() < 1e-9);
+    }
 
     #[test]
     fn a_steady_west_wind_carries_east() {

@@ -33,7 +33,7 @@ mod visibility;
 pub use data::{Prior, Setup};
 pub use noise::NoiseModel;
 pub use report::{GapReport, Series};
-pub use visibility::{Known, Likeness, Visibility};
+pub use visibility::{Known, Likeness, PlumeChange, Visibility};
 
 use scenario::observations::Observations;
 

@@ -343,6 +343,40 @@ fn ambiguous_answers_propose_a_flight() {
     assert_ne!(a.json.verdict, Verdict::None, "{}", a.json.summary);
 }
 
+// An emission and a direction are mechanisms too: what is done to the plume's rows must be worth
+// what they are.
+#[test]
+fn a_change_of_the_plume_is_worth_what_the_same_mechanism_is() {
+    let setup = setup();
+    let cases = [
+        ("emission-scale", "factor", 1.6, 1.6, 0.0),
+        ("wind-direction-offset", "offset_deg", 4.0, 1.0, 4.0),
+    ];
+    for (id, name, value, factor, turned_deg) in cases {
+        let p = [(name, value)];
+        let seen = observe(&[(id, &p, &[])], 22);
+        let changes: Vec<PlumeChange> = ["a", "b", "c"]
+            .iter()
+            .flat_map(|platform| (0..600).map(move |t| (platform.to_string(), f64::from(t))))
+            .map(|(platform, time_s)| PlumeChange {
+                platform,
+                time_s,
+                factor,
+                turned_deg,
+            })
+            .collect();
+        let visibility = Visibility::new(&setup, &seen).unwrap();
+        let truth = [Mechanism::new(id, &p).unwrap()];
+        let by_law = visibility.nats(Known::Mechanisms(&truth)).unwrap();
+        let by_rows = visibility.nats(Known::Plume(&changes)).unwrap();
+        assert!(by_law > 1.0, "{id}: {by_law}");
+        assert!(
+            (by_rows / by_law - 1.0).abs() < 0.1,
+            "{id}: {by_rows} {by_law}"
+        );
+    }
+}
+
 #[test]
 fn visibility_is_nil_for_nothing_and_large_for_a_slow_sensor() {
     let clean = observe(&[], 21);

@@ -1,6 +1,8 @@
 //! How visible a known effect is, and what it could be mistaken for: for benchmarks, which know
 //! the truth.
 
+use std::collections::BTreeMap;
+
 use ::plume::mechanism::{Mechanism, MechanismId};
 use scenario::observations::Observations;
 
@@ -17,8 +19,23 @@ use super::{FEWEST_READINGS, GapError};
 pub enum Known<'a> {
     /// The mechanisms of the catalogue that it is, at their true parameters.
     Mechanisms(&'a [Mechanism]),
+    /// What it does to the plume of each row; nothing at rows that are not among them.
+    Plume(&'a [PlumeChange]),
     /// The same readings without the effect.
     Twin(&'a Observations),
+}
+
+/// What an effect does to the plume of one row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlumeChange {
+    /// The row's platform.
+    pub platform: String,
+    /// Its time, s.
+    pub time_s: f64,
+    /// What the plume is multiplied by.
+    pub factor: f64,
+    /// By how much it is turned about its source, degrees clockwise.
+    pub turned_deg: f64,
 }
 
 /// A mechanism beside the true one.
@@ -83,16 +100,13 @@ impl<'a> Visibility<'a> {
     /// # Errors
     /// A twin whose rows do not correspond.
     pub fn nats(&self, known: Known<'_>) -> Result<f64, GapError> {
-        match known {
-            Known::Mechanisms(mechanisms) => Ok(self.gain(mechanisms, &[])),
-            Known::Twin(twin) => {
-                let base = self
-                    .settled(&self.data, &self.fitted.model)
-                    .score_with_prior();
-                let twin = self.settled(&self.twin(twin)?, &self.fitted.model);
-                Ok(twin.score_with_prior() - base)
-            }
-        }
+        let other = match known {
+            Known::Mechanisms(mechanisms) => return Ok(self.gain(mechanisms, &[])),
+            Known::Plume(changes) => self.changed(changes),
+            Known::Twin(twin) => self.twin(twin)?,
+        };
+        let score = |data: &Data| self.settled(data, &self.fitted.model).score_with_prior();
+        Ok(score(&other) - score(&self.data))
     }
 
     /// What the mechanism `which` of the true ones adds to the log score beside the others, nats.
@@ -125,6 +139,31 @@ impl<'a> Visibility<'a> {
     fn settled(&self, data: &Data, model: &Model) -> Fitted {
         self.context(data)
             .settle(model, &self.fitted.metric, &self.fitted, 8)
+    }
+
+    /// The data with a plume that has `changes`.
+    fn changed(&self, changes: &[PlumeChange]) -> Data {
+        // Milliseconds: times are logged to a tenth of a second at best.
+        let milliseconds = |time_s: f64| (1e3 * time_s).round() as i64;
+        let of = |c: &PlumeChange| ((c.platform.clone(), milliseconds(c.time_s)), c.clone());
+        let known: BTreeMap<(String, i64), PlumeChange> = changes.iter().map(of).collect();
+        let mut data = self.data.clone();
+        let track = &self.data.track;
+        for (range, name) in data.ranges().to_vec().into_iter().zip(track.platforms()) {
+            for i in range {
+                let key = (name.clone(), milliseconds(track.time_s()[i]));
+                if let Some(change) = known.get(&key) {
+                    data.track.plume_factor_mut()[i] *= change.factor;
+                    let (sin, cos) = change.turned_deg.to_radians().sin_cos();
+                    let wind = &mut data.track.transport_mut()[i];
+                    (wind.east, wind.north) = (
+                        wind.east * cos + wind.north * sin,
+                        wind.north * cos - wind.east * sin,
+                    );
+                }
+            }
+        }
+        data
     }
 
     /// The twin's readings on the rows of the data.

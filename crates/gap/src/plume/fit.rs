@@ -62,6 +62,8 @@ pub(crate) struct Effort {
     pub rounds: usize,
     /// Steps after that with all that is free integrated out, which is exact and slow.
     pub marginal_steps: usize,
+    /// Whether slow swings of the plume are free beside the catalogue.
+    pub slow_swings: bool,
 }
 
 impl Effort {
@@ -69,11 +71,18 @@ impl Effort {
     pub const QUICK: Self = Self {
         rounds: 2,
         marginal_steps: 0,
+        slow_swings: false,
     };
     /// From a noise that is near already.
     pub const FULL: Self = Self {
         rounds: 1,
         marginal_steps: 15,
+        slow_swings: false,
+    };
+    /// The same with slow swings free: a noise that holds none of them.
+    pub const BESIDE_SWINGS: Self = Self {
+        slow_swings: true,
+        ..Self::FULL
     };
 }
 
@@ -239,7 +248,12 @@ impl<'a> Context<'a> {
     /// A model and its noise at their best; the noise is fitted beside everything that the
     /// catalogue could add ([`Freedom`]).
     pub fn refine(&self, start: &Model, noise: NoiseModel) -> Fitted {
-        self.within(start, self.wide(start, noise, Effort::FULL))
+        self.refine_with(start, noise, Effort::FULL)
+    }
+
+    /// The same with an effort.
+    pub fn refine_with(&self, start: &Model, noise: NoiseModel, effort: Effort) -> Fitted {
+        self.within(start, self.wide(start, noise, effort))
     }
 
     /// A model at its best under a noise that was fitted beside everything.
@@ -265,7 +279,7 @@ impl<'a> Context<'a> {
         let mut noise = noise;
         let prediction = self.predict(model);
         let loading = self.loading(model, &prediction);
-        let freedom = Freedom::new(self, model, &prediction);
+        let freedom = Freedom::new(self, model, &prediction, &loading, effort);
         let raw = self.data.residual(&prediction.reading);
         let rows = self.rows(&loading);
         // Outliers show only once the structure is out, and the structure once they are.

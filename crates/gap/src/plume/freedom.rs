@@ -9,10 +9,11 @@ use ::plume::mechanism::{Family, MechanismId};
 use nalgebra::DVector;
 
 use super::candidate::{self, Start};
-use super::fit::Context;
+use super::fit::{Context, Effort};
 use super::linear::{marginal, products, scores};
 use super::model::{Model, Prediction};
-use super::noise::{NoiseModel, Rows, Whitener};
+use super::noise::{Loading, NoiseModel, Rows, Whitener};
+use super::nuisance::{Spacing, hats};
 
 /// Columns before whitening, with the standard deviations of their coefficients.
 #[derive(Debug, Clone, Default)]
@@ -20,6 +21,14 @@ pub(crate) struct Freedom {
     pub raw: Vec<Vec<f64>>,
     pub sd: Vec<f64>,
 }
+
+/// Slow swings of the plume that no wind shows, where they are free too: their knots and their
+/// size, degrees.
+const SWINGS: Spacing = Spacing {
+    s: 60.0,
+    most: 10.0,
+};
+const SWINGS_DEG: f64 = 1.0;
 
 /// The start that stands for a mechanism, where one does.
 fn stands_for(id: MechanismId, starts: &[Start]) -> Option<&Start> {
@@ -36,7 +45,13 @@ fn stands_for(id: MechanismId, starts: &[Start]) -> Option<&Start> {
 
 impl Freedom {
     /// The columns at a model.
-    pub fn new(ctx: &Context<'_>, model: &Model, prediction: &Prediction) -> Self {
+    pub fn new(
+        ctx: &Context<'_>,
+        model: &Model,
+        prediction: &Prediction,
+        loading: &[Loading],
+        effort: Effort,
+    ) -> Self {
         let all = candidate::starts(ctx, model, prediction);
         let platforms = ctx.data.ranges().len();
         let mut out = Self::default();
@@ -67,6 +82,11 @@ impl Freedom {
                     out.sd.push(*sd);
                 }
             }
+        }
+        if effort.slow_swings {
+            let slow = hats(ctx, loading, SWINGS);
+            out.sd.extend(vec![SWINGS_DEG; slow.len()]);
+            out.raw.extend(slow);
         }
         out
     }

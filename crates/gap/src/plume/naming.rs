@@ -6,11 +6,11 @@ use ::plume::mechanism::{Mechanism, MechanismId};
 use super::Options;
 use super::answer::{parameters, ranking, unexplained};
 use super::ceiling::{Ceiling, ceilings};
-use super::explore::{self, Round, Tried};
-use super::fit::{Context, Fitted};
+use super::explore::{self, FALSE_ALARM, Round, Tried};
+use super::fit::{Context, Effort, Fitted};
 use super::held_out;
 use super::model::{Model, mechanism};
-use super::rival::Rival;
+use super::rival::{self, Rival};
 use crate::verdict::{Cause, Evidence, Ranked, Unexplained, Verdict};
 
 /// Probability at which a name stands alone.
@@ -32,6 +32,8 @@ const STANDS_NATS: f64 = 6.0;
 /// What fits with noises of their own differ by at most from place to place where the model is
 /// as straight as its derivatives, nats.
 const STRAIGHT_LINES_NATS: f64 = 30.0;
+/// What a swing to and fro must seem to gain for a closer look, with its prior, nats.
+const SWING_HINT_NATS: f64 = 0.0;
 /// Probability that all names together must have where a nameless rival is called for.
 const NAMES_AT: f64 = 0.5;
 /// Least gains of log score and log evidence for a name, nats. The screen's threshold knows the
@@ -115,6 +117,9 @@ pub(crate) fn name(
         named.swap(ctx, options);
     }
     named.ceilings = ceilings(ctx, &named.last);
+    if named.accepted.is_empty() && named.unexplained.is_none() {
+        named.look_beside_swings(ctx, options.seed);
+    }
     if named.accepted.is_empty() && named.unexplained.is_none() {
         named.unexplained = unrelated(ctx, &named.last);
     }
@@ -232,13 +237,7 @@ impl Named {
             let best = best.filter(|_| k < options.most_causes);
             if let Some(rival) = nameless(round, best, least, REST_PART * gained) {
                 let first = doubt.is_none();
-                doubt.get_or_insert_with(|| Doubt {
-                    rest: rival.fitted.clone(),
-                    unexplained: unexplained(ctx, rival),
-                    named: k,
-                    last: self.last.clone(),
-                    due: gained + rival.log_evidence,
-                });
+                doubt.get_or_insert_with(|| self.doubt(ctx, rival, gained));
                 // Two causes at once may look like neither: names get one more chance.
                 if !first || best.is_none() {
                     return self.fall_back(doubt);
@@ -246,7 +245,13 @@ impl Named {
             }
             let Some(best) = best else { break };
             let next = match put_to_the_test(ctx, &self.last, best) {
-                Tested::Chance => break,
+                Tested::Chance => {
+                    // A name that does not carry over leaves what called for it unexplained.
+                    if let Some(rival) = nameless(round, None, least, REST_PART * gained) {
+                        doubt.get_or_insert_with(|| self.doubt(ctx, rival, gained));
+                    }
+                    break;
+                }
                 Tested::Null(_) if moved => break,
                 Tested::Null(null) => {
                     moved = true;
@@ -271,6 +276,35 @@ impl Named {
             later = Some(round);
         }
         self.fall_back(doubt.filter(|d| gained < d.due));
+    }
+
+    /// A noise that is fitted to the base may hold a slow swing. Where one is hinted at, it is
+    /// looked for under a noise that was fitted beside slow swings.
+    fn look_beside_swings(&mut self, ctx: &Context<'_>, seed: u64) {
+        let hints = self.first.rivals.iter().flat_map(|r| &r.ranked);
+        let hinted = |r: &Rival| r.swings && r.log_evidence > SWING_HINT_NATS;
+        if !hints.into_iter().any(hinted) {
+            return;
+        }
+        let beside = ctx.refine_with(&self.last.model, self.last.noise, Effort::BESIDE_SWINGS);
+        let rivals = rival::rivals(ctx, &beside, FALSE_ALARM, seed);
+        let best = rivals.ranked.iter().find(|r| r.swings);
+        if let Some(swing) = best.filter(|r| r.log_evidence > rivals.threshold + RIVAL_MORE) {
+            self.rest = Some(swing.fitted.clone());
+            self.unexplained = Some(unexplained(ctx, swing));
+            self.last = beside;
+        }
+    }
+
+    /// What stands if no names make up for `rival`.
+    fn doubt(&self, ctx: &Context<'_>, rival: &Rival, gained: f64) -> Doubt {
+        Doubt {
+            rest: rival.fitted.clone(),
+            unexplained: unexplained(ctx, rival),
+            named: self.accepted.len(),
+            last: self.last.clone(),
+            due: gained + rival.log_evidence,
+        }
     }
 
     /// Lets a nameless rival stand, with what was named before it; nothing where there is none.

@@ -17,9 +17,9 @@ use super::noise::{Loading, NoiseModel, Whitener};
 
 /// Time between knots, s, and most stretches between them.
 #[derive(Clone, Copy)]
-struct Spacing {
-    s: f64,
-    most: f64,
+pub(crate) struct Spacing {
+    pub s: f64,
+    pub most: f64,
 }
 
 /// Knots of the shared swing: of gusts, and of what a log's smoothing leaves.
@@ -194,7 +194,7 @@ fn part_before(ctx: &Context<'_>) -> Vec<f64> {
 }
 
 /// Hat functions in time along the derivative by wind direction.
-fn hats(ctx: &Context<'_>, loading: &[Loading], spacing: Spacing) -> Vec<Vec<f64>> {
+pub(crate) fn hats(ctx: &Context<'_>, loading: &[Loading], spacing: Spacing) -> Vec<Vec<f64>> {
     let (from, to) = ctx.data.span_s();
     let intervals = ((to - from) / spacing.s).clamp(2.0, spacing.most).floor();
     let width = ((to - from) / intervals).max(1e-9);

@@ -21,6 +21,8 @@ pub(crate) struct Rival {
     pub coordinate: &'static str,
     pub words: String,
     pub platform: Option<usize>,
+    /// Whether it swings the plume to and fro.
+    pub swings: bool,
     /// Gain of the log evidence, with its share of the prior, nats.
     pub log_evidence: f64,
     /// What it adds to the whitened prediction.
@@ -82,6 +84,7 @@ pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed:
                 coordinate: terms[k].coordinate,
                 words: terms[k].words.clone(),
                 platform: terms[k].platform,
+                swings: terms[k].swings,
                 log_evidence,
                 fitted: spectrum.fitted(&terms[k], &whitened, size, ctx),
             })

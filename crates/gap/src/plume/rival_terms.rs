@@ -76,6 +76,8 @@ pub(crate) struct Term {
     pub coordinate: &'static str,
     pub words: String,
     pub platform: Option<usize>,
+    /// Whether it swings the plume to and fro.
+    pub swings: bool,
     /// Log of its share of the rivals' prior.
     pub ln_weight: f64,
     /// Positions of its columns.
@@ -87,6 +89,8 @@ struct Builder<'a> {
     ctx: &'a Context<'a>,
     fitted: &'a Fitted,
     delay: Vec<f64>,
+    /// Inverse standard deviation of each row beside those before it.
+    precise: Vec<f64>,
     columns: Vec<Vec<f64>>,
     terms: Vec<Term>,
 }
@@ -148,18 +152,20 @@ impl<'a> Builder<'a> {
         start..self.columns.len()
     }
 
-    /// Knots at even shares of the information that the load gives.
+    /// Knots at even shares of the information that the load gives: where gusts go with the plume
+    /// its middle tells little more than its skirts.
     fn knots(&self, at: &[f64], count: usize, load: Load) -> Vec<f64> {
         let mut order: Vec<usize> = (0..at.len()).filter(|i| self.ctx.data.used[*i]).collect();
         order.sort_by(|a, b| at[*a].total_cmp(&at[*b]));
-        let total: f64 = order.iter().map(|i| self.load(load, *i).powi(2)).sum();
+        let told = |i: usize| (self.load(load, i) * self.precise[i]).powi(2);
+        let total: f64 = order.iter().map(|i| told(*i)).sum();
         if total <= 0.0 || order.is_empty() {
             return Vec::new();
         }
         let (mut sum, mut out) = (0.0, Vec::with_capacity(count));
         for i in order {
             let due = total * out.len() as f64 / (count - 1) as f64;
-            sum += self.load(load, i).powi(2);
+            sum += told(i);
             if sum > due && out.len() < count {
                 out.push(at[i]);
             }
@@ -185,6 +191,7 @@ impl<'a> Builder<'a> {
                 coordinate,
                 words,
                 platform,
+                swings: false,
                 ln_weight,
                 columns,
             });
@@ -198,6 +205,7 @@ pub(crate) fn all(ctx: &Context<'_>, fitted: &Fitted) -> (Vec<Vec<f64>>, Vec<Ter
         ctx,
         fitted,
         delay: rate_of_change(ctx, fitted),
+        precise: fitted.metric.whitener.scales(),
         columns: Vec::new(),
         terms: Vec::new(),
     };
@@ -416,6 +424,9 @@ fn periodic(b: &mut Builder<'_>) {
             let ln_weight = -(COUNT as f64).ln();
             let text = format!("{words}, period about {period:.0} s");
             b.add_weighted("time", text, None, ln_weight, own.clone());
+            if let Some(term) = b.terms.last_mut() {
+                term.swings = load == Load::Swing;
+            }
             if load == Load::Additive && platforms > 1 {
                 for p in 0..platforms {
                     let name = &b.ctx.data.track.platforms()[p];

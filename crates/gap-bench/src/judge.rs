@@ -43,8 +43,9 @@ pub struct Outcome {
     pub stated: Option<(f64, bool)>,
     /// For each fitted parameter of a named hidden effect: whether 1.96 sd cover the truth.
     pub covered: Vec<bool>,
-    /// Gain in log score on data left out, nats.
-    pub held_out_gain: Option<f64>,
+    /// Of a single effect of the catalogue: gain of log score on data left out, nats, of what was
+    /// found and of the true extension at its true parameters.
+    pub held_out_gains: Option<(f64, f64)>,
     /// Coordinate of what is unexplained.
     pub coordinate: Option<String>,
     /// Where the answer is ambiguous: separation that the next flight promises, nats, and whether
@@ -71,7 +72,7 @@ impl Outcome {
             confidently_wrong: false,
             stated: None,
             covered: Vec::new(),
-            held_out_gain: None,
+            held_out_gains: None,
             coordinate: None,
             next_flight: None,
             flaws: Vec::new(),
@@ -108,13 +109,27 @@ pub fn judge_tuned(task: &Task, tuned: Tuned) -> Outcome {
         Ok(analysis) => {
             let alike = Alike::new(&tuned.case, &analysis);
             compare(&mut outcome, &tuned.case.truth, &analysis, &alike);
-            if matches!(task.kind, Kind::One(_)) && outcome.verdict == Some(Verdict::Ambiguous) {
-                outcome.next_flight = fly_on(task, &tuned, &analysis);
+            if matches!(task.kind, Kind::One(_)) {
+                outcome.held_out_gains = held_out_gains(&tuned.case, &analysis);
+                if outcome.verdict == Some(Verdict::Ambiguous) {
+                    outcome.next_flight = fly_on(task, &tuned, &analysis);
+                }
             }
         }
         Err(error) => outcome.error = Some(error),
     }
     outcome
+}
+
+/// What the extension and the truth gain on data left out; nothing where nothing was extended.
+fn held_out_gains(case: &Case, analysis: &Analysis) -> Option<(f64, f64)> {
+    let read = tune::read(&case.scenario_toml, &case.observations).ok()?;
+    let mechanisms = tune::mechanisms(&case.truth).ok()?;
+    let fitted = Visibility::new(&read.setup, &read.observations).ok()?;
+    let (base, truth) = fitted.held_out_scores(&mechanisms);
+    let gain = analysis.json.gain.as_ref();
+    let own = gain.map_or(0.0, |g| g.held_out.log_score_after - base);
+    Some((own, truth - base))
 }
 
 /// What the next flight promises, and whether the matter is settled once it is flown: a cause
@@ -239,10 +254,6 @@ fn compare(outcome: &mut Outcome, truth: &Truth, analysis: &Analysis, alike: &Al
         .iter()
         .map(|q| (format!("{:?}", q.kind).to_lowercase(), q.platform.clone()))
         .collect();
-    outcome.held_out_gain = json
-        .gain
-        .as_ref()
-        .map(|g| g.held_out.log_score_after - g.held_out.log_score_before);
     let causes = &json.causes;
     let hidden: Vec<(usize, &TrueEffect)> = truth
         .effects

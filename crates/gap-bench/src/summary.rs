@@ -97,11 +97,10 @@ impl Summary {
         })
     }
 
-    /// Held-out gain over the visibility, pooled over cases with a gain; cases without a
-    /// finding gain nothing.
+    /// Gain on data left out over that of the truth, pooled; cases without a finding gain nothing.
     pub fn relative_gain(cases: &[&Outcome]) -> f64 {
-        let gain: f64 = cases.iter().filter_map(|o| o.held_out_gain).sum();
-        gain / cases.iter().map(|o| o.nats).sum::<f64>()
+        let gains = || cases.iter().filter_map(|o| o.held_out_gains);
+        gains().map(|g| g.0).sum::<f64>() / gains().map(|g| g.1).sum::<f64>()
     }
 
     /// The page, in Markdown.
@@ -201,7 +200,7 @@ impl Summary {
                 wrong,
             ),
             line(
-                &format!("D = {nats}: held-out gain / D"),
+                &format!("D = {nats}: held-out gain / the truth's own"),
                 &least(gain),
                 relative,
             ),

@@ -14,6 +14,7 @@ mod fit;
 mod freedom;
 mod gate;
 mod held_out;
+mod lee;
 mod linear;
 mod model;
 mod naming;

@@ -56,9 +56,14 @@ struct Predicted {
 
 /// Gain of the log score alone on blocks left out, nats.
 pub(crate) fn log_gain(ctx: &Context<'_>, before: &Fitted, after: &Fitted) -> f64 {
-    let (rows, _) = blocks(ctx, before.noise.memory_s());
-    let total = |f: &Fitted| LeftOut::new(f, &rows).log_scores(f, &rows).sum::<f64>();
-    total(after) - total(before)
+    let memory_s = before.noise.memory_s();
+    log_score(ctx, after, memory_s) - log_score(ctx, before, memory_s)
+}
+
+/// Log score on blocks left out that suit a noise with so long a memory, nats.
+pub(crate) fn log_score(ctx: &Context<'_>, fitted: &Fitted, memory_s: f64) -> f64 {
+    let (rows, _) = blocks(ctx, memory_s);
+    LeftOut::new(fitted, &rows).log_scores(fitted, &rows).sum()
 }
 
 /// The gain of `after` over `before`.

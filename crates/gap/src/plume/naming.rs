@@ -32,6 +32,11 @@ const STANDS_NATS: f64 = 6.0;
 /// What fits with noises of their own differ by at most from place to place where the model is
 /// as straight as its derivatives, nats.
 const STRAIGHT_LINES_NATS: f64 = 30.0;
+/// What an extension that changes nothing changes the score by at most, nats.
+const IDLE_NATS: f64 = 1.0;
+/// Names that gain this many times what they are due once the noise is their own show that the
+/// base's noise hid what they explain: evidence under it then does not count.
+const HIDDEN_BY_NOISE: f64 = 4.0;
 /// What a swing to and fro must seem to gain for a closer look, with its prior, nats.
 const SWING_HINT_NATS: f64 = 0.0;
 /// Probability that all names together must have where a nameless rival is called for.
@@ -111,8 +116,9 @@ pub(crate) fn name(
         rest: None,
         ceilings: Vec::new(),
     };
-    named.grow(ctx, options, tell);
-    if named.accepted.len() > 1 {
+    let doubted = named.grow(ctx, options, tell);
+    // Names that stood against a nameless rival have the probabilities of before that.
+    if named.accepted.len() > 1 || doubted && named.unexplained.is_none() {
         tell(0.65, "testing every name against its rivals");
         named.swap(ctx, options);
     }
@@ -220,12 +226,13 @@ fn nameless<'a>(
 }
 
 impl Named {
+    /// Names until the data ask for no more; whether a nameless rival was weighed against names.
     fn grow(
         &mut self,
         ctx: &Context<'_>,
         options: &Options,
         tell: &mut dyn FnMut(f64, &'static str),
-    ) {
+    ) -> bool {
         let mut later: Option<Round> = None;
         let (mut gained, mut moved) = (0.0, false);
         let mut doubt: Option<Doubt> = None;
@@ -240,7 +247,8 @@ impl Named {
                 doubt.get_or_insert_with(|| self.doubt(ctx, rival, gained));
                 // Two causes at once may look like neither: names get one more chance.
                 if !first || best.is_none() {
-                    return self.fall_back(doubt);
+                    self.fall_back(doubt);
+                    return false;
                 }
             }
             let Some(best) = best else { break };
@@ -275,7 +283,13 @@ impl Named {
             self.last = last;
             later = Some(round);
         }
-        self.fall_back(doubt.filter(|d| gained < d.due));
+        let stands = |d: &Doubt| {
+            let with_own_noise = self.last.score_with_prior() - d.last.score_with_prior();
+            gained < d.due && with_own_noise < HIDDEN_BY_NOISE * d.due
+        };
+        let doubted = doubt.is_some();
+        self.fall_back(doubt.filter(stands));
+        doubted
     }
 
     /// A noise that is fitted to the base may hold a slow swing. Where one is hinted at, it is
@@ -456,17 +470,26 @@ fn put_to_the_test(ctx: &Context<'_>, last: &Fitted, best: &Tried) -> Tested {
     let refined = ctx.refine(&best.fitted.model, best.fitted.noise);
     let null = &last.model;
     let alone = without(&refined.model, null, best.part).filter(|_| best.part >= null.parts.len());
-    let Some(alone) = alone.and_then(|alone| null_as_good(ctx, null, &refined, &alone)) else {
+    let Some((alone, settled)) =
+        alone.and_then(|alone| null_as_good(ctx, null, &refined, &alone).map(|f| (alone, f)))
+    else {
         return Tested::Extension(refined);
     };
-    let moved = ctx.refine(&alone.model, refined.noise);
-    if much_worse(&moved, &refined) && much_worse(last, &refined) {
+    let moved = ctx.refine(&settled.model, refined.noise);
+    let idle = does_nothing(ctx, &refined, &alone);
+    if !idle && much_worse(&moved, &refined) && much_worse(last, &refined) {
         return Tested::Extension(refined);
     }
     if much_worse(&moved, last) {
         return Tested::Chance;
     }
     Tested::Null(moved)
+}
+
+/// Whether a model is all the same `alone`, without one of its parts and with all else unmoved.
+fn does_nothing(ctx: &Context<'_>, with: &Fitted, alone: &Model) -> bool {
+    let score = |model: &Model| ctx.settle(model, &with.metric, with, 0).log_score;
+    (score(&with.model) - score(alone)).abs() < IDLE_NATS
 }
 
 /// Whether a fit with its noise is so much less probable than another that only the straight

@@ -348,6 +348,20 @@ impl Whitener {
         self.whiten(&mut [column]);
     }
 
+    /// Applies the transpose of the whitening: what a whitened column's products with whitened
+    /// columns are as products with plain ones.
+    pub fn whiten_back(&self, column: &mut [f64]) {
+        for range in &self.ranges {
+            let mut state = [0.0; STATES];
+            let rows = column[range.clone()].iter_mut();
+            for (value, s) in rows.zip(&self.steps[range.clone()]).rev() {
+                let learnt: f64 = (0..STATES).map(|k| s.gain[k] * state[k]).sum();
+                *value = s.inv_sd * *value + learnt;
+                state = std::array::from_fn(|k| s.keep[k] * (state[k] - s.load[k] * *value));
+            }
+        }
+    }
+
     fn whiten_group(&self, group: &mut [&mut [f64]], steps: &[Step]) {
         let mut mean = [[0.0f64; LANES]; STATES];
         let mut row = [0.0; LANES];

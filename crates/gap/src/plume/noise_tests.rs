@@ -143,3 +143,22 @@ fn fit_finds_the_noise_that_made_the_data() {
     let one = fit(&rows, &NoiseModel::prior(1.2), 25, 1, &value);
     assert_eq!(one, fitted);
 }
+
+#[test]
+fn whitening_back_is_the_transpose() {
+    let case = Case::new(200);
+    let noise = NoiseModel::prior(1.5);
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let mut draw = || -> Vec<f64> { (0..200).map(|_| StandardNormal.sample(&mut rng)).collect() };
+    let (residual, plain, other) = (draw(), draw(), draw());
+    let whitener = Whitener::new(&case.rows(), &noise, &residual);
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+    let (mut white, mut back) = (plain.clone(), other.clone());
+    whitener.whiten_one(&mut white);
+    whitener.whiten_back(&mut back);
+    let (forth, back) = (product(&white, &other), product(&plain, &back));
+    assert!(
+        (forth - back).abs() < 1e-9 * forth.abs().max(1.0),
+        "{forth} {back}"
+    );
+}

@@ -39,12 +39,18 @@ pub(crate) struct Rivals {
 
 /// Rival evidence sizes tried: prior variance times the largest information of the term.
 const SIZES: [f64; 6] = [3.0, 10.0, 40.0, 200.0, 1000.0, 1e4];
+/// What the plume turns otherwise than a logged wind by itself, degrees: less is no finding.
+const USUAL_SWING_DEG: f64 = 0.35;
 /// Share of the prior that nameless terms have against named mechanisms.
 const LN_SHARE: f64 = -6.0;
 
 /// Builds, whitens and ranks all rivals on top of `fitted`.
 pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed: u64) -> Rivals {
-    let (mut columns, terms) = terms::all(ctx, fitted);
+    let base = Base::new(ctx, fitted, None);
+    // Winds as logged may be off by what is usual; more than this data's noise asks for.
+    let usual = (ctx.data.on_board_wind && fitted.noise.shared_swing_deg < USUAL_SWING_DEG)
+        .then(|| Base::new(ctx, fitted, Some(USUAL_SWING_DEG)));
+    let (mut columns, terms) = terms::all(ctx, fitted, &base.left());
     let chunks: Vec<Vec<Vec<f64>>> = {
         let mut out = Vec::new();
         while !columns.is_empty() {
@@ -62,9 +68,10 @@ pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed:
     .into_iter()
     .flatten()
     .collect();
-    let base = Base::new(ctx, fitted);
-    let spectra: Vec<Option<Spectrum>> =
-        parallel::map(&terms, ctx.threads, |t| base.spectrum(t, &whitened));
+    let spectra: Vec<Option<Spectrum>> = parallel::map(&terms, ctx.threads, |t| {
+        let base = usual.as_ref().filter(|_| t.turns).unwrap_or(&base);
+        base.spectrum(t, &whitened)
+    });
     let (location, scale) = null_law(&spectra, &terms, seed);
     let mut order: Vec<(f64, usize, f64)> = spectra
         .iter()
@@ -116,9 +123,15 @@ struct Spectrum {
 }
 
 impl<'a> Base<'a> {
-    fn new(ctx: &'a Context<'a>, fitted: &'a Fitted) -> Self {
+    /// The base as it is fitted, or with a shared swing of another size, degrees.
+    fn new(ctx: &'a Context<'a>, fitted: &'a Fitted, swing_deg: Option<f64>) -> Self {
         let n = fitted.columns.len();
-        let (centre, precision) = (&fitted.centre, &fitted.precision);
+        let (centre, mut precision) = (&fitted.centre, fitted.precision.clone());
+        if let Some(size) = swing_deg {
+            let hats = fitted.metric.hats();
+            let own = fitted.model.dimension();
+            precision.rows_mut(own, hats).fill(size.powi(-2));
+        }
         let mut a = products(&fitted.columns, &fitted.columns);
         for k in 0..n {
             a[(k, k)] += precision[k] * (1.0 + 1e-9);
@@ -129,6 +142,18 @@ impl<'a> Base<'a> {
             inverse: Cholesky::new(a).map_or_else(|| DMatrix::zeros(n, n), |c| c.inverse()),
             score: scores(&fitted.columns, &fitted.residual) + precision.component_mul(centre),
         }
+    }
+
+    /// The whitened residual that it leaves.
+    fn left(&self) -> Vec<f64> {
+        let at = &self.inverse * &self.score;
+        let mut left = self.fitted.residual.clone();
+        for (column, at) in self.fitted.columns.iter().zip(at.iter()) {
+            for (l, c) in left.iter_mut().zip(column) {
+                *l -= at * c;
+            }
+        }
+        left
     }
 
     fn spectrum(&self, term: &Term, whitened: &[Vec<f64>]) -> Option<Spectrum> {

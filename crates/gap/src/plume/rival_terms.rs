@@ -1,6 +1,7 @@
 //! The columns of the nameless terms: hats and waves in time, place and across the plume.
 
 use super::fit::{Context, Fitted};
+use super::lee::{self, Ground};
 
 /// What a term multiplies.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,7 +77,8 @@ pub(crate) struct Term {
     pub coordinate: &'static str,
     pub words: String,
     pub platform: Option<usize>,
-    /// Whether it swings the plume to and fro.
+    /// Whether it turns the plume, and whether it swings it to and fro.
+    pub turns: bool,
     pub swings: bool,
     /// Log of its share of the rivals' prior.
     pub ln_weight: f64,
@@ -88,6 +90,7 @@ pub(crate) struct Term {
 struct Builder<'a> {
     ctx: &'a Context<'a>,
     fitted: &'a Fitted,
+    left: &'a [f64],
     delay: Vec<f64>,
     /// Inverse standard deviation of each row beside those before it.
     precise: Vec<f64>,
@@ -191,19 +194,29 @@ impl<'a> Builder<'a> {
                 coordinate,
                 words,
                 platform,
+                turns: false,
                 swings: false,
                 ln_weight,
                 columns,
             });
         }
     }
+
+    /// Tells of the last term whether it turns the plume, and whether to and fro.
+    fn tell(&mut self, turns: bool, swings: bool) {
+        if let Some(term) = self.terms.last_mut() {
+            (term.turns, term.swings) = (turns, swings);
+        }
+    }
 }
 
-/// All columns on top of `fitted`, before whitening, and the terms that they belong to.
-pub(crate) fn all(ctx: &Context<'_>, fitted: &Fitted) -> (Vec<Vec<f64>>, Vec<Term>) {
+/// All columns on top of `fitted`, before whitening, and the terms that they belong to; `left` is
+/// the whitened residual that the base leaves.
+pub(crate) fn all(ctx: &Context<'_>, fitted: &Fitted, left: &[f64]) -> (Vec<Vec<f64>>, Vec<Term>) {
     let mut b = Builder {
         ctx,
         fitted,
+        left,
         delay: rate_of_change(ctx, fitted),
         precise: fitted.metric.whitener.scales(),
         columns: Vec::new(),
@@ -260,6 +273,7 @@ fn in_time(b: &mut Builder<'_>) {
         let then = b.times(when);
         let columns = b.mean_hats(&then, knots, load);
         b.add("time", words, columns);
+        b.tell(load == Load::Swing, false);
     }
     let platforms = b.ctx.data.ranges().len();
     if platforms < 2 {
@@ -325,33 +339,15 @@ fn in_place(b: &mut Builder<'_>) {
     over_the_map(b);
 }
 
-/// Distance from the source along and across the mean wind of each row, m: places that stay where
-/// they are when the plume swings.
-fn on_the_ground(ctx: &Context<'_>) -> (Vec<f64>, Vec<f64>) {
-    let track = &ctx.data.track;
-    let source = ctx.setup.base.sources[0].place;
-    let mean = track
-        .transport()
-        .iter()
-        .fold([0.0, 0.0], |sum, w| [sum[0] + w.east, sum[1] + w.north]);
-    let (sin, cos) = mean[0].atan2(mean[1]).sin_cos();
-    (0..track.len())
-        .map(|i| {
-            let p = track.place(i);
-            let (east_m, north_m) = (p.east_m - source.east_m, p.north_m - source.north_m);
-            (east_m * sin + north_m * cos, east_m * cos - north_m * sin)
-        })
-        .unzip()
-}
-
 /// Columns that change the plume's strength from some distance along the mean wind on, on a strip
 /// of ground, as it does behind what stands in its way.
 fn over_the_ground(b: &mut Builder<'_>) {
     const SIZES: (usize, usize) = (6, 9);
-    let (along, across) = on_the_ground(b.ctx);
+    let ground = Ground::new(b.ctx);
+    let (along, across) = (&ground.along_m, &ground.across_m);
     let start = b.columns.len();
-    let far = b.hats(&along, SIZES.0, Load::Additive);
-    let wide = b.hats(&across, SIZES.1, Load::Additive);
+    let far = b.hats(along, SIZES.0, Load::Additive);
+    let wide = b.hats(across, SIZES.1, Load::Additive);
     let mut strips = Vec::with_capacity(far.len() * wide.len());
     for j in wide {
         let mut behind = vec![0.0; along.len()];
@@ -366,6 +362,15 @@ fn over_the_ground(b: &mut Builder<'_>) {
     b.columns.extend(strips);
     let all = start..b.columns.len();
     b.add("map", "the plume's strength changing over the map", all);
+    let (lees, tried) = lee::search(b.ctx, b.fitted, b.left, &ground);
+    for lee in lees {
+        let share = |i: usize| lee.share(ground.along_m[i], ground.across_m[i]);
+        let column = (0..b.left.len()).map(|i| share(i) * b.load(Load::Proportional, i));
+        let own = b.columns.len();
+        b.columns.push(column.collect());
+        let words = "the plume's strength changing behind something on the ground".to_string();
+        b.add_weighted("map", words, None, -(tried as f64).ln(), own..own + 1);
+    }
 }
 
 /// Products of hats east and north.
@@ -424,9 +429,7 @@ fn periodic(b: &mut Builder<'_>) {
             let ln_weight = -(COUNT as f64).ln();
             let text = format!("{words}, period about {period:.0} s");
             b.add_weighted("time", text, None, ln_weight, own.clone());
-            if let Some(term) = b.terms.last_mut() {
-                term.swings = load == Load::Swing;
-            }
+            b.tell(load == Load::Swing, load == Load::Swing);
             if load == Load::Additive && platforms > 1 {
                 for p in 0..platforms {
                     let name = &b.ctx.data.track.platforms()[p];

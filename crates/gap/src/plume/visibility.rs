@@ -10,6 +10,7 @@ use super::data::{Data, Setup};
 use super::explore;
 use super::fit::{Context, Fitted};
 use super::gate;
+use super::held_out;
 use super::model::{self, Model};
 use super::start;
 use super::{FEWEST_READINGS, GapError};
@@ -114,6 +115,26 @@ impl<'a> Visibility<'a> {
         let others = (0..mechanisms.len()).filter(|k| *k != which);
         let others: Vec<&Mechanism> = others.map(|k| &mechanisms[k]).collect();
         self.gain(mechanisms, &others)
+    }
+
+    /// Log scores on blocks left out, nats, as in [`crate::verdict::HeldOut`]: of the base, and of
+    /// the true extension at its true parameters, which is what a finder can hope for that names
+    /// and measures without error. Each has the noise that is fitted to it.
+    pub fn held_out_scores(&self, mechanisms: &[Mechanism]) -> (f64, f64) {
+        let ctx = self.context(&self.data);
+        let score = |f: &Fitted| held_out::log_score(&ctx, f, f.noise.memory_s());
+        let start = self.settled(&self.data, &self.with(mechanisms.iter().collect()));
+        let mut truth = ctx.refine(&start.model, self.fitted.noise);
+        truth = ctx.refine(&truth.model, truth.noise);
+        // The base may fit better from where the truth has its parameters.
+        let there = placed_as(self.fitted.model.clone(), &truth.model);
+        let there = ctx.refine(&there, self.fitted.noise);
+        let base = if there.score_with_prior() > self.fitted.score_with_prior() {
+            &there
+        } else {
+            &self.fitted
+        };
+        (score(base), score(&truth))
     }
 
     /// The log score by which all `mechanisms` beat the base with only `some` of them, nats.

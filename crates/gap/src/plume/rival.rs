@@ -46,10 +46,11 @@ const LN_SHARE: f64 = -6.0;
 
 /// Builds, whitens and ranks all rivals on top of `fitted`.
 pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed: u64) -> Rivals {
-    let base = Base::new(ctx, fitted, None);
+    let gram = products(&fitted.columns, &fitted.columns);
+    let base = Base::new(ctx, fitted, &gram, None);
     // Winds as logged may be off by what is usual; more than this data's noise asks for.
     let usual = (ctx.data.on_board_wind && fitted.noise.shared_swing_deg < USUAL_SWING_DEG)
-        .then(|| Base::new(ctx, fitted, Some(USUAL_SWING_DEG)));
+        .then(|| Base::new(ctx, fitted, &gram, Some(USUAL_SWING_DEG)));
     let (mut columns, terms) = terms::all(ctx, fitted, &base.left());
     let chunks: Vec<Vec<Vec<f64>>> = {
         let mut out = Vec::new();
@@ -117,14 +118,46 @@ struct Spectrum {
     information: Vec<f64>,
     /// Score of each over the square root of its information: unit normal under the null.
     z: Vec<f64>,
+    sizes: [Size; SIZES.len()],
     axes: DMatrix<f64>,
     /// Scale of each column.
     scale: Vec<f64>,
 }
 
+/// A size of a term's coefficients.
+struct Size {
+    /// Prior variance.
+    variance: f64,
+    /// Part of each coefficient's information that the prior lets stand.
+    kept: Vec<f64>,
+    /// What the prior's width takes, nats.
+    volume: f64,
+}
+
+impl Size {
+    fn new(information: &[f64], size: f64) -> Self {
+        let variance = size / information.iter().copied().fold(1e-12, f64::max);
+        let over = |v: &f64| variance * v;
+        Self {
+            variance,
+            kept: information
+                .iter()
+                .map(|v| over(v) / (1.0 + over(v)))
+                .collect(),
+            volume: information.iter().map(|v| 0.5 * over(v).ln_1p()).sum(),
+        }
+    }
+}
+
 impl<'a> Base<'a> {
-    /// The base as it is fitted, or with a shared swing of another size, degrees.
-    fn new(ctx: &'a Context<'a>, fitted: &'a Fitted, swing_deg: Option<f64>) -> Self {
+    /// The base as it is fitted, or with a shared swing of another size, degrees; `gram` has the
+    /// products of its columns.
+    fn new(
+        ctx: &'a Context<'a>,
+        fitted: &'a Fitted,
+        gram: &DMatrix<f64>,
+        swing_deg: Option<f64>,
+    ) -> Self {
         let n = fitted.columns.len();
         let (centre, mut precision) = (&fitted.centre, fitted.precision.clone());
         if let Some(size) = swing_deg {
@@ -132,7 +165,7 @@ impl<'a> Base<'a> {
             let own = fitted.model.dimension();
             precision.rows_mut(own, hats).fill(size.powi(-2));
         }
-        let mut a = products(&fitted.columns, &fitted.columns);
+        let mut a = gram.clone();
         for k in 0..n {
             a[(k, k)] += precision[k] * (1.0 + 1e-9);
         }
@@ -198,6 +231,7 @@ impl<'a> Base<'a> {
             z.push(if v > 1e-6 { along[k] / v.sqrt() } else { 0.0 });
         }
         Some(Spectrum {
+            sizes: SIZES.map(|size| Size::new(&information, size)),
             information,
             z,
             axes: eigen.eigenvectors,
@@ -207,24 +241,15 @@ impl<'a> Base<'a> {
 }
 
 impl Spectrum {
-    /// Largest log evidence over the sizes, and that size; of its own scores or of `z`.
+    /// Largest log evidence over the sizes, and that prior variance; of its own scores or of `z`.
     fn evidence(&self, z: Option<&[f64]>) -> (f64, f64) {
         let z = z.unwrap_or(&self.z);
-        let largest = self.information.iter().copied().fold(1e-12f64, f64::max);
         let mut best = (0.0, 0.0);
-        for size in SIZES {
-            let variance = size / largest;
-            let value: f64 = self
-                .information
-                .iter()
-                .zip(z)
-                .map(|(v, z)| {
-                    let k = variance * v;
-                    0.5 * z * z * k / (1.0 + k) - 0.5 * (1.0 + k).ln()
-                })
-                .sum();
+        for size in &self.sizes {
+            let gained: f64 = size.kept.iter().zip(z).map(|(k, z)| k * z * z).sum();
+            let value = 0.5 * gained - size.volume;
             if value > best.0 {
-                best = (value, variance);
+                best = (value, size.variance);
             }
         }
         best

@@ -38,7 +38,7 @@ const SIZES_DEG: [f64; 8] = [0.05, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 4.0];
 /// Median and logarithmic spread of the shared swing's prior, degrees.
 const SHARED_PRIOR: (f64, f64) = (0.25, 0.7);
 /// Largest shared swing where the wind is logged, degrees: more is a finding.
-const SHARED_MOST_DEG: f64 = 0.5;
+pub(crate) const SHARED_MOST_DEG: f64 = 0.35;
 
 /// What the wind before the record may have been off by from what the record's beginning
 /// suggests, as a mean over the stretch before it, degrees.

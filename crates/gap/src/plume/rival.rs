@@ -12,6 +12,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::fit::{Context, Fitted};
 use super::linear::{dot, products, scores};
+use super::nuisance::SHARED_MOST_DEG;
 use super::parallel;
 use super::rival_terms::{self as terms, Term};
 
@@ -39,8 +40,6 @@ pub(crate) struct Rivals {
 
 /// Rival evidence sizes tried: prior variance times the largest information of the term.
 const SIZES: [f64; 6] = [3.0, 10.0, 40.0, 200.0, 1000.0, 1e4];
-/// What the plume turns otherwise than a logged wind by itself, degrees: less is no finding.
-const USUAL_SWING_DEG: f64 = 0.35;
 /// Share of the prior that nameless terms have against named mechanisms.
 const LN_SHARE: f64 = -6.0;
 
@@ -48,9 +47,10 @@ const LN_SHARE: f64 = -6.0;
 pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed: u64) -> Rivals {
     let gram = products(&fitted.columns, &fitted.columns);
     let base = Base::new(ctx, fitted, &gram, None);
-    // Winds as logged may be off by what is usual; more than this data's noise asks for.
-    let usual = (ctx.data.on_board_wind && fitted.noise.shared_swing_deg < USUAL_SWING_DEG)
-        .then(|| Base::new(ctx, fitted, &gram, Some(USUAL_SWING_DEG)));
+    // A turn within what any logged wind may be off by is no finding, though the noise that was
+    // fitted has less of it.
+    let usual = (ctx.data.on_board_wind && fitted.noise.shared_swing_deg < SHARED_MOST_DEG)
+        .then(|| Base::new(ctx, fitted, &gram, Some(SHARED_MOST_DEG)));
     let (mut columns, terms) = terms::all(ctx, fitted, &base.left());
     let chunks: Vec<Vec<Vec<f64>>> = {
         let mut out = Vec::new();

@@ -77,8 +77,9 @@ pub(crate) struct Term {
     pub coordinate: &'static str,
     pub words: String,
     pub platform: Option<usize>,
-    /// Whether it turns the plume, and whether it swings it to and fro.
+    /// Whether it turns the plume.
     pub turns: bool,
+    /// Whether it swings it to and fro.
     pub swings: bool,
     /// Log of its share of the rivals' prior.
     pub ln_weight: f64,
@@ -90,6 +91,7 @@ pub(crate) struct Term {
 struct Builder<'a> {
     ctx: &'a Context<'a>,
     fitted: &'a Fitted,
+    /// The whitened residual that the base leaves.
     left: &'a [f64],
     delay: Vec<f64>,
     /// Inverse standard deviation of each row beside those before it.
@@ -202,10 +204,12 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Tells of the last term whether it turns the plume, and whether to and fro.
-    fn tell(&mut self, turns: bool, swings: bool) {
-        if let Some(term) = self.terms.last_mut() {
-            (term.turns, term.swings) = (turns, swings);
+    /// Tells of the term of some columns, if it was added last, that it turns the plume, and
+    /// whether to and fro.
+    fn turns(&mut self, columns: std::ops::Range<usize>, swings: bool) {
+        let last = self.terms.last_mut();
+        if let Some(term) = last.filter(|t| t.columns == columns) {
+            (term.turns, term.swings) = (true, swings);
         }
     }
 }
@@ -272,8 +276,10 @@ fn in_time(b: &mut Builder<'_>) {
     ] {
         let then = b.times(when);
         let columns = b.mean_hats(&then, knots, load);
-        b.add("time", words, columns);
-        b.tell(load == Load::Swing, false);
+        b.add("time", words, columns.clone());
+        if load == Load::Swing {
+            b.turns(columns, false);
+        }
     }
     let platforms = b.ctx.data.ranges().len();
     if platforms < 2 {
@@ -429,7 +435,9 @@ fn periodic(b: &mut Builder<'_>) {
             let ln_weight = -(COUNT as f64).ln();
             let text = format!("{words}, period about {period:.0} s");
             b.add_weighted("time", text, None, ln_weight, own.clone());
-            b.tell(load == Load::Swing, load == Load::Swing);
+            if load == Load::Swing {
+                b.turns(own.clone(), true);
+            }
             if load == Load::Additive && platforms > 1 {
                 for p in 0..platforms {
                     let name = &b.ctx.data.track.platforms()[p];

@@ -1,11 +1,13 @@
 //! `plumage gap`: what the simulation gets wrong, why, and what mending it gains.
 
 pub(super) mod flight;
+mod outcomes;
 
 use crate::{Failure, measured, mission_files};
 use gap::tracer::table::Tables;
 use gap::{plume, tracer};
 use indicatif::{ProgressBar, ProgressStyle};
+use outcomes::Outcomes;
 use record::files;
 use scenario::Scenario;
 use scenario::observations::Observations;
@@ -83,6 +85,10 @@ pub struct BenchmarkArguments {
     /// Added to every seed of the plume cases, for figures on cases that nobody has seen
     #[arg(long, default_value_t = 0, conflicts_with = "flight")]
     pub first_seed: u64,
+    /// File that keeps each case's outcome (JSON lines): a benchmark that was interrupted goes on
+    /// from there
+    #[arg(long, value_name = "FILE", conflicts_with = "flight")]
+    pub outcomes: Option<PathBuf>,
     /// Only cases whose name contains this
     #[arg(long, default_value = "")]
     pub only: String,
@@ -209,11 +215,23 @@ fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
     options.only.clone_from(&arguments.only);
     options.first_seed = arguments.first_seed;
     options.threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let summary = gap_bench::run_with(&options, &|done, of| {
+    let kept = match &arguments.outcomes {
+        Some(file) => {
+            let (kept, known) = Outcomes::open(file, &outcomes::this_build()?)?;
+            options.known = known;
+            Some(kept)
+        }
+        None => None,
+    };
+    let summary = gap_bench::run_with(&options, &|outcome, done, of| {
+        if let Some(kept) = &kept {
+            kept.keep(outcome);
+        }
         bar.set_length(of as u64);
         bar.set_position(done as u64);
     });
     bar.finish_and_clear();
+    kept.map_or(Ok(()), Outcomes::close)?;
     let page = summary.to_markdown();
     files::write_whole(&arguments.page(), page.as_bytes()).map_err(Failure::input)?;
     print!("{page}");

@@ -14,7 +14,7 @@ fn main() {
         ..Options::new(number(0).unwrap_or(1))
     };
     let start = Instant::now();
-    let summary = run_with(&options, &|done, all| {
+    let summary = run_with(&options, &|_, done, all| {
         if done % 10 == 0 || done == all {
             eprintln!("{done} of {all}, {:.0} s", start.elapsed().as_secs_f64());
         }

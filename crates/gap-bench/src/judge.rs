@@ -7,12 +7,13 @@ use gap_truth::mutation::mutate;
 use gap_truth::{Case, Effect, Forward, FurtherFlight, TrueEffect, Truth, further};
 
 use plume::MechanismId;
+use serde::{Deserialize, Serialize};
 
 use crate::plan::{Kind, Task};
 use crate::tune::{self, Tuned};
 
 /// What became of one case.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     /// The task.
     pub task: Task,

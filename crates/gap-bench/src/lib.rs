@@ -34,6 +34,8 @@ pub struct Options {
     pub only: String,
     /// Added to every seed, for figures on cases that nobody has seen.
     pub first_seed: u64,
+    /// Outcomes of an earlier run of the same finder; their tasks are not judged again.
+    pub known: Vec<Outcome>,
 }
 
 impl Options {
@@ -44,29 +46,39 @@ impl Options {
             threads: 2,
             only: String::new(),
             first_seed: 0,
+            known: Vec::new(),
         }
     }
 }
 
-/// Runs the whole benchmark with `seeds` seeds a case; `progress` gets the tasks done and the
-/// tasks to do.
-pub fn run(seeds: u64, progress: &(dyn Fn(usize, usize) + Sync)) -> Summary {
+/// What is told after every task that was judged: its outcome, how many tasks are done, and of how
+/// many.
+pub type Progress<'a> = dyn Fn(&Outcome, usize, usize) + Sync + 'a;
+
+/// Runs the whole benchmark with `seeds` seeds a case.
+pub fn run(seeds: u64, progress: &Progress<'_>) -> Summary {
     run_with(&Options::new(seeds), progress)
 }
 
 /// Runs the benchmark as `options` say.
-pub fn run_with(options: &Options, progress: &(dyn Fn(usize, usize) + Sync)) -> Summary {
+pub fn run_with(options: &Options, progress: &Progress<'_>) -> Summary {
     let mut tasks = plan(options.seeds, options.first_seed);
     tasks.retain(|t| t.row().contains(&options.only));
-    Summary::new(options.seeds, run_tasks(&tasks, options.threads, progress))
+    let known = |t: &Task| options.known.iter().find(|o| o.task == *t);
+    let open: Vec<Task> = tasks
+        .iter()
+        .filter(|t| known(t).is_none())
+        .cloned()
+        .collect();
+    let done = tasks.len() - open.len();
+    let tell = |outcome: &Outcome, k: usize, _: usize| progress(outcome, done + k, tasks.len());
+    let mut judged = run_tasks(&open, options.threads, &tell).into_iter();
+    let of = |t: &Task| known(t).cloned().or_else(|| judged.next());
+    Summary::new(options.seeds, tasks.iter().filter_map(of).collect())
 }
 
 /// Judges `tasks` on `threads` threads; the outcomes are in the order of the tasks.
-pub fn run_tasks(
-    tasks: &[Task],
-    threads: usize,
-    progress: &(dyn Fn(usize, usize) + Sync),
-) -> Vec<Outcome> {
+pub fn run_tasks(tasks: &[Task], threads: usize, progress: &Progress<'_>) -> Vec<Outcome> {
     let outcomes: Vec<Mutex<Option<Outcome>>> = tasks.iter().map(|_| Mutex::new(None)).collect();
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     std::thread::scope(|scope| {
@@ -76,10 +88,11 @@ pub fn run_tasks(
                     let i = next.fetch_add(1, Ordering::Relaxed);
                     let Some(task) = tasks.get(i) else { break };
                     let outcome = judge(task);
+                    let k = done.fetch_add(1, Ordering::Relaxed) + 1;
+                    progress(&outcome, k, tasks.len());
                     if let Ok(mut slot) = outcomes[i].lock() {
                         *slot = Some(outcome);
                     }
-                    progress(done.fetch_add(1, Ordering::Relaxed) + 1, tasks.len());
                 }
             });
         }

@@ -3,9 +3,10 @@
 use gap_truth::case::DamageKind;
 use gap_truth::mutation::{MUTATIONS, Mutation};
 use gap_truth::{CATALOGUE, CaseSpec, Effect, Hidden, NoiseForm, OUTSIDE};
+use serde::{Deserialize, Serialize};
 
 /// What a task is about.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Kind {
     /// Nothing is hidden.
     Nothing,
@@ -24,7 +25,7 @@ pub enum Kind {
 }
 
 /// One case to make and judge.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Task {
     /// What it is about.
     pub kind: Kind,

@@ -18,7 +18,7 @@ fn share(wanted: impl Fn(&str) -> bool, count: usize) -> Summary {
             wanted(&row) && seen[at].1 <= count
         })
         .collect();
-    let outcomes = run_tasks(&tasks, 2, &|_, _| {});
+    let outcomes = run_tasks(&tasks, 2, &|_, _, _| {});
     assert!(outcomes.iter().all(|o| o.error.is_none()), "{outcomes:?}");
     Summary::new(1, outcomes)
 }

@@ -1,5 +1,6 @@
 //! A case: what a finder gets, and what is true of it.
 
+use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 
 use rand::RngExt;
@@ -23,7 +24,7 @@ pub struct Hidden {
 }
 
 /// Kinds of damage to the raw data.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DamageKind {
     /// One sensor stands still for a while.
     Frozen,

@@ -2,9 +2,10 @@
 //! does not contain.
 
 use crate::scene::Need;
+use serde::{Deserialize, Serialize};
 
 /// An effect with its name in files or, outside the catalogue, in tables.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[expect(missing_docs, reason = "the names are the contract's mechanism ids")]
 pub enum Effect {
     WindDirectionOffset,

@@ -3,6 +3,7 @@
 
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
 
 use crate::chance::{OrnsteinUhlenbeck, between, normal, stream, student_3};
 use crate::physics::World;
@@ -10,7 +11,7 @@ use crate::scene::{LoggedWind, MARGIN_S, SUB_STEP_S, Scene};
 use crate::wind::{WindLog, WindTruth};
 
 /// The form of the noise.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum NoiseForm {
     /// White and slow additive noise, intermittency in proportion to the mean, few outliers:
     /// all but the outliers normal.

@@ -1,11 +1,12 @@
 //! Changes to the files of a case that must change a verdict, or must be said aloud.
 
 use rand::RngExt;
+use serde::{Deserialize, Serialize};
 
 use crate::chance::stream;
 
 /// A change to observation CSV text.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Mutation {
     /// The readings of every platform in a random order of time.
     TimeShuffled,

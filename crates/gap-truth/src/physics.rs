@@ -1,6 +1,7 @@
 //! The world in truth: what carries, spreads, makes and loses the gas, with the hidden effects
 //! in it; and the mean excess at a place and time by a plain Gaussian plume or by puffs.
 
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 use crate::chance::{OrnsteinUhlenbeck, stream};
@@ -9,7 +10,7 @@ use crate::scene::Scene;
 use crate::wind::WindTruth;
 
 /// How the mean excess is made.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Forward {
     /// A straight Gaussian plume along the wind of the moment.
     Gaussian,

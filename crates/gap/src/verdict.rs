@@ -1,13 +1,13 @@
 //! The verdict as `gap.json` has it (schema "plumage.gap/1"): one set of types for plume,
 //! tracer and flight. What is not finite is written as null.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Value of `schema`.
 pub const SCHEMA: &str = "plumage.gap/1";
 
 /// The answer in one word.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
     /// The base and its noise explain the data.

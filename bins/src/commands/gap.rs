@@ -215,14 +215,12 @@ fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
     options.only.clone_from(&arguments.only);
     options.first_seed = arguments.first_seed;
     options.threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let kept = match &arguments.outcomes {
-        Some(file) => {
-            let (kept, known) = Outcomes::open(file, &outcomes::this_build()?)?;
-            options.known = known;
-            Some(kept)
-        }
-        None => None,
-    };
+    let mut kept = None;
+    if let Some(file) = &arguments.outcomes {
+        let (file, known) = Outcomes::open(file, &outcomes::this_build()?)?;
+        options.known = known;
+        kept = Some(file);
+    }
     let summary = gap_bench::run_with(&options, &|outcome, done, of| {
         if let Some(kept) = &kept {
             kept.keep(outcome);

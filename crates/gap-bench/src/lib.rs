@@ -1,10 +1,8 @@
 //! The finder on hidden cases: what it detects, names, gets wrong, and how sure it was.
 //!
 //! The cases come from `gap_truth`, which shares no code with the finder; the finder gets the
-//! files only. How visible an effect is is measured in nats ([`tune`]): the score of the case's
-//! twin without the effect minus that of the case, both by the finder's base and its noise
-//! model. Strengths are tuned until that is what a row of the table
-//! asks for.
+//! files only. How visible an effect is is measured in nats ([`tune`]); strengths are tuned until
+//! that is what a row of the table asks for.
 //!
 //! Pure: seeds in, table out. Cases run on several threads; the answer does not depend on them.
 

@@ -3,9 +3,9 @@
 //! Visibility is the log score by which the true extension at its true parameters beats the
 //! finder's base, under the noise that the finder fits to the case. Effects that the catalogue does
 //! not have but that only multiply or turn the plume do so to the finder's plume in that extension.
-//! Of other effects it is what they cost the base: its score of the case's twin, the same readings without
-//! the effect, less that of the case. Of two effects each is as visible as asked
-//! beside the other.
+//! Of other effects it is what they cost the base: its score of the case's twin, the same readings
+//! without the effect, less that of the case. Of two effects each is as visible as asked beside the
+//! other.
 
 use gap::plume::{Known, PlumeChange, Setup, Visibility};
 use gap_truth::mutation::Mutation;

@@ -123,6 +123,11 @@ impl Transport {
             speed_m_s,
         }
     }
+
+    /// The same turned clockwise, seen from above, by degrees.
+    pub fn turned(self, clockwise_deg: f64) -> Self {
+        rotate(self, turn(clockwise_deg))
+    }
 }
 
 /// A source with all mechanisms applied.

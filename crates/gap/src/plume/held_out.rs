@@ -56,14 +56,17 @@ struct Predicted {
 
 /// Gain of the log score alone on blocks left out, nats.
 pub(crate) fn log_gain(ctx: &Context<'_>, before: &Fitted, after: &Fitted) -> f64 {
-    let memory_s = before.noise.memory_s();
-    log_score(ctx, after, memory_s) - log_score(ctx, before, memory_s)
+    let (rows, _) = blocks(ctx, before.noise.memory_s());
+    total_log_score(after, &rows) - total_log_score(before, &rows)
 }
 
-/// Log score on blocks left out that suit a noise with so long a memory, nats.
-pub(crate) fn log_score(ctx: &Context<'_>, fitted: &Fitted, memory_s: f64) -> f64 {
-    let (rows, _) = blocks(ctx, memory_s);
-    LeftOut::new(fitted, &rows).log_scores(fitted, &rows).sum()
+/// Log score on blocks left out, nats.
+pub(crate) fn log_score(ctx: &Context<'_>, fitted: &Fitted) -> f64 {
+    total_log_score(fitted, &blocks(ctx, fitted.noise.memory_s()).0)
+}
+
+fn total_log_score(fitted: &Fitted, rows: &[Vec<usize>]) -> f64 {
+    LeftOut::new(fitted, rows).log_scores(fitted, rows).sum()
 }
 
 /// The gain of `after` over `before`.

@@ -476,8 +476,8 @@ fn put_to_the_test(ctx: &Context<'_>, last: &Fitted, best: &Tried) -> Tested {
         return Tested::Extension(refined);
     };
     let moved = ctx.refine(&settled.model, refined.noise);
-    let idle = does_nothing(ctx, &refined, &alone);
-    if !idle && much_worse(&moved, &refined) && much_worse(last, &refined) {
+    let nulls_worse = much_worse(&moved, &refined) && much_worse(last, &refined);
+    if nulls_worse && !does_nothing(ctx, &refined, &alone) {
         return Tested::Extension(refined);
     }
     if much_worse(&moved, last) {

@@ -122,7 +122,7 @@ impl<'a> Visibility<'a> {
     /// and measures without error. Each has the noise that is fitted to it.
     pub fn held_out_scores(&self, mechanisms: &[Mechanism]) -> (f64, f64) {
         let ctx = self.context(&self.data);
-        let score = |f: &Fitted| held_out::log_score(&ctx, f, f.noise.memory_s());
+        let score = |f: &Fitted| held_out::log_score(&ctx, f);
         let start = self.settled(&self.data, &self.with(mechanisms.iter().collect()));
         let mut truth = ctx.refine(&start.model, self.fitted.noise);
         truth = ctx.refine(&truth.model, truth.noise);
@@ -175,12 +175,8 @@ impl<'a> Visibility<'a> {
                 let key = (name.clone(), milliseconds(track.time_s()[i]));
                 if let Some(change) = known.get(&key) {
                     data.track.plume_factor_mut()[i] *= change.factor;
-                    let (sin, cos) = change.turned_deg.to_radians().sin_cos();
                     let wind = &mut data.track.transport_mut()[i];
-                    (wind.east, wind.north) = (
-                        wind.east * cos + wind.north * sin,
-                        wind.north * cos - wind.east * sin,
-                    );
+                    *wind = wind.turned(change.turned_deg);
                 }
             }
         }

@@ -65,15 +65,38 @@ struct Trial {
     ln_weight: f64,
 }
 
-/// One round on top of `null`.
-pub(crate) fn round(ctx: &Context<'_>, null: &Fitted, seed: u64, with_rivals: bool) -> Round {
+/// A cause that was named, which is to be tried again on top of a null without it.
+pub(crate) struct Incumbent {
+    pub id: MechanismId,
+    pub platform: Option<usize>,
+    pub part: usize,
+    /// The null with it, where it was at its best.
+    pub model: Model,
+}
+
+/// One round on top of `null`, with nameless rivals.
+pub(crate) fn round(ctx: &Context<'_>, null: &Fitted, seed: u64) -> Round {
+    let mut round = names(ctx, null, seed, None);
+    round.rivals = Some(rival::rivals(ctx, null, FALSE_ALARM, seed ^ 0x5eed));
+    round.share_probability();
+    round
+}
+
+/// One round of names alone on top of `null`, of which one may have been named before.
+pub(crate) fn names(
+    ctx: &Context<'_>,
+    null: &Fitted,
+    seed: u64,
+    incumbent: Option<Incumbent>,
+) -> Round {
     let starts = candidate::starts(ctx, &null.model, &null.prediction);
     let columns = screen::columns(ctx, null, &starts);
     let screen = screen::screen(ctx, null, &starts, &columns, FALSE_ALARM, seed);
-    let rivals = with_rivals.then(|| rival::rivals(ctx, null, FALSE_ALARM, seed ^ 0x5eed));
     let mut best_gain = screen.scored.iter().map(|s| s.gain).fold(0.0f64, f64::max);
     let mut trials = widened(null, &mut best_gain);
     trials.extend(from_screen(ctx, null, &starts, &screen.scored));
+    let platforms = ctx.data.ranges().len();
+    trials.extend(incumbent.map(|i| i.trial(&starts, platforms)));
     let (tried, better_null) = fit_trials(ctx, null, trials);
     let screened = screen
         .scored
@@ -84,17 +107,29 @@ pub(crate) fn round(ctx: &Context<'_>, null: &Fitted, seed: u64, with_rivals: bo
         tried,
         screened,
         starts,
-        rivals,
+        rivals: None,
         p_value: screen.p_value,
         threshold: screen.threshold,
         best_gain,
         better_null,
     };
-    let ln_total = round.ln_total(1.0);
-    for t in &mut round.tried {
-        t.probability = (t.log_evidence - ln_total).exp();
-    }
+    round.share_probability();
     round
+}
+
+impl Incumbent {
+    /// What was named is tried from where it was at its best too: the screen's straight lines
+    /// may not lead there from a null that others have moved.
+    fn trial(self, starts: &[Start], platforms: usize) -> Trial {
+        let own = starts.iter().find(|s| s.id == self.id);
+        Trial {
+            ln_weight: own.map_or(0.0, |s| s.ln_weight_on(self.platform, platforms)),
+            id: self.id,
+            platform: self.platform,
+            part: self.part,
+            model: self.model,
+        }
+    }
 }
 
 /// Parameters of the base whose prior the data contradict: the same with a physical prior.
@@ -247,6 +282,13 @@ fn best_null(
 }
 
 impl Round {
+    fn share_probability(&mut self) {
+        let ln_total = self.ln_total(1.0);
+        for t in &mut self.tried {
+            t.probability = (t.log_evidence - ln_total).exp();
+        }
+    }
+
     /// Log of the sum over the base as it is, all mechanisms tried, and the rivals, of the
     /// evidence to the power `power`.
     fn ln_total(&self, power: f64) -> f64 {

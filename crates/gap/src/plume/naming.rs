@@ -6,7 +6,7 @@ use ::plume::mechanism::{Mechanism, MechanismId};
 use super::Options;
 use super::answer::{parameters, ranking, unexplained};
 use super::ceiling::{Ceiling, ceilings};
-use super::explore::{self, FALSE_ALARM, Round, Tried};
+use super::explore::{self, FALSE_ALARM, Incumbent, Round, Tried};
 use super::fit::{Context, Effort, Fitted};
 use super::held_out;
 use super::model::{Model, mechanism};
@@ -137,7 +137,7 @@ pub(crate) fn name(
 fn settled_round(ctx: &Context<'_>, null: Fitted, seed: u64) -> (Fitted, Round) {
     let mut null = null;
     for _ in 0..MOST_MOVES {
-        let round = explore::round(ctx, &null, seed, true);
+        let round = explore::round(ctx, &null, seed);
         let Some(model) = &round.better_null else {
             return (null, round);
         };
@@ -147,7 +147,7 @@ fn settled_round(ctx: &Context<'_>, null: Fitted, seed: u64) -> (Fitted, Round) 
         }
         null = moved;
     }
-    let round = explore::round(ctx, &null, seed, true);
+    let round = explore::round(ctx, &null, seed);
     (null, round)
 }
 
@@ -204,6 +204,13 @@ fn called_for(round: &Round, more_nats: f64) -> Option<&Tried> {
         && best.log_score > LEAST_SCORE
         && best.log_evidence > LEAST_EVIDENCE;
     calls.then_some(best)
+}
+
+/// What a round that tests a name again finds at its best, if the data still ask for it. It was
+/// called for once, against all that chance offers; now it has to be of use beside the others.
+fn still_called_for(round: &Round) -> Option<&Tried> {
+    let best = round.tried.first()?;
+    (best.log_evidence > LEAST_EVIDENCE).then_some(best)
 }
 
 /// The nameless rival that a round calls for rather than a name: beyond its own threshold by
@@ -342,9 +349,10 @@ impl Named {
             };
             let null = ctx.settle(&without, &self.last.metric, &self.last, 5);
             let seed = options.seed.wrapping_add(100 + k as u64);
-            let round = explore::round(ctx, &null, seed, false);
-            let best = called_for(&round, 0.0);
             let moved = null.model.parts.len() < self.last.model.parts.len();
+            let incumbent = self.incumbent(k, &without);
+            let round = explore::names(ctx, &null, seed, Some(incumbent));
+            let best = still_called_for(&round);
             // Parts after the one taken out have moved down by one; the new one stands last.
             for other in &mut self.accepted {
                 if moved && other.part > part {
@@ -363,6 +371,23 @@ impl Named {
                     self.last = null;
                 }
             }
+        }
+    }
+
+    /// The cause `k` on top of the final model without it.
+    fn incumbent(&self, k: usize, without: &Model) -> Incumbent {
+        let own = &self.accepted[k];
+        let (part, model) = if without.parts.len() < self.last.model.parts.len() {
+            let part = self.last.model.parts[own.part].clone();
+            (without.parts.len(), without.extended(part))
+        } else {
+            (own.part, self.last.model.clone())
+        };
+        Incumbent {
+            id: own.id,
+            platform: own.platform,
+            part,
+            model,
         }
     }
 

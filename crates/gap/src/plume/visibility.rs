@@ -225,7 +225,7 @@ impl<'a> Visibility<'a> {
         // The prior costs the truth what it costs it in the data.
         let best = truth.model.ln_departure(|_| true);
         let floor = null.log_score + null.model.ln_departure(|_| true);
-        let round = explore::round(&ctx, &null, 1, false);
+        let round = explore::names(&ctx, &null, 1, None);
         let mut out: Vec<Likeness> = Vec::new();
         for tried in &round.tried {
             let nats = (best - (floor + tried.log_score)).max(0.0);

@@ -137,7 +137,18 @@ pub fn analyse(
         &data,
         &started.fitted.metric.whitener.outliers,
     ));
-    let named = naming::name(&ctx, started.fitted.clone(), options, &mut tell);
+    let mut named = naming::name(&ctx, started.fitted.clone(), options, &mut tell);
+    let puffs = started.other_puffs(setup, ctx.data, &named.last);
+    let mut ctx = ctx;
+    if let Some(data) = &puffs {
+        tell(0.4, "naming again with the puffs of what was named");
+        let there = Context { data, ..ctx };
+        let base = there.refine(&started.fitted.model, named.last.noise);
+        let again = naming::name(&there, base, options, &mut tell);
+        if again.last.score_with_prior() > named.last.score_with_prior() {
+            (named, ctx) = (again, there);
+        }
+    }
     tell(0.8, "measuring the gain on data left out");
     let extended = !named.accepted.is_empty();
     let gain = (options.complete && extended)
@@ -157,7 +168,7 @@ pub fn analyse(
                      another instrument, or a calibration on the ground";
         notices.push(words.to_string());
     }
-    let wind = started.treatment.describe();
+    let wind = started.treatment().describe();
     notices.push(format!("the plume is carried by {wind}"));
     let verdict = named.verdict();
     let base = report::base_parameters(setup, &named.last);

@@ -354,35 +354,56 @@ impl World {
     /// exp() V(z) losses / (σy σz), and the transport speed.
     #[inline]
     fn shape(&self, plume: &Plume, place: &Place, wind: Transport) -> (f64, f64) {
-        let e = &self.effects;
-        let up = place.height_agl_m - plume.height_m;
-        let mut wind = wind;
-        if e.veer_deg_100m != 0.0 {
-            wind = rotate(wind, turn(e.veer_deg_100m * up / 100.0));
+        let (spread, x, speed) = self.spread(plume, place, wind);
+        (spread * self.remaining(plume, x, speed), speed)
+    }
+
+    /// The wind as it is at the height of a place, if it is `wind` at that of the plume.
+    #[inline]
+    fn veered(&self, plume: &Plume, place: &Place, wind: Transport) -> Transport {
+        let veer_deg_100m = self.effects.veer_deg_100m;
+        if veer_deg_100m == 0.0 {
+            return wind;
         }
+        let up_m = place.height_agl_m - plume.height_m;
+        rotate(wind, turn(veer_deg_100m * up_m / 100.0))
+    }
+
+    /// The part that losses leave at a distance downwind.
+    #[inline]
+    fn remaining(&self, plume: &Plume, x_m: f64, speed_m_s: f64) -> f64 {
+        let e = &self.effects;
+        let mut part = 1.0;
+        if e.decay_s > 0.0 {
+            part *= (-e.decay_s * x_m / speed_m_s).exp();
+        }
+        if let Some(depletion) = &plume.depletion {
+            part *= depletion.remaining(x_m, e.deposition_m_s / speed_m_s);
+        }
+        part
+    }
+
+    /// exp() V(z) / (σy σz), the distance downwind and the transport speed.
+    #[inline]
+    fn spread(&self, plume: &Plume, place: &Place, wind: Transport) -> (f64, f64, f64) {
+        let wind = self.veered(plume, place, wind);
         let speed = (wind.speed_m_s * plume.speed_ratio).max(LEAST_TRANSPORT_M_S);
         let (de, dn) = (place.east_m - plume.east_m, place.north_m - plume.north_m);
         let x = de * wind.east + dn * wind.north;
         if x < LEAST_DISTANCE_M {
-            return (0.0, speed);
+            return (0.0, 0.0, speed);
         }
         let y = de * wind.north - dn * wind.east;
         let (sigma_y, sigma_z) = self.sigmas_m(x);
         let across = 0.5 * (y / sigma_y) * (y / sigma_y);
         if across > FARTHEST_EXPONENT {
-            return (0.0, speed);
+            return (0.0, x, speed);
         }
-        let mut value =
-            self.reflection
-                .profile(place.height_agl_m, plume.height_m, sigma_z, across)
-                / (sigma_y * sigma_z);
-        if e.decay_s > 0.0 {
-            value *= (-e.decay_s * x / speed).exp();
-        }
-        if let Some(depletion) = &plume.depletion {
-            value *= depletion.remaining(x, e.deposition_m_s / speed);
-        }
-        (value, speed)
+        let value = self
+            .reflection
+            .profile(place.height_agl_m, plume.height_m, sigma_z, across)
+            / (sigma_y * sigma_z);
+        (value, x, speed)
     }
 }
 

@@ -89,7 +89,8 @@ impl World {
     /// Ratio of the puffs of the first source to its straight plume at a place and time, for the
     /// `wind` that the straight plume is given; 1 where the straight plume has nothing.
     ///
-    /// Decay and loss to the ground are the same in both.
+    /// Decay and loss to the ground are taken as the same in both, and a wind that veers with
+    /// height as turning both alike.
     pub fn puffs_over_plume(
         &self,
         history: &WindHistory,
@@ -102,7 +103,7 @@ impl World {
         };
         let mut turned = rotate(wind, self.rotation);
         turned.speed_m_s *= self.effects.speed_factor;
-        let (straight, speed) = self.shape(plume, place, turned);
+        let (straight, _, speed) = self.spread(plume, place, turned);
         if straight < 1e-12 {
             return 1.0;
         }
@@ -127,6 +128,7 @@ impl World {
                 },
                 self.rotation,
             );
+            let towards = self.veered(plume, place, towards);
             let (y, z) = self.sigmas_m((path * pace).max(1.0));
             let away_sq =
                 (to[0] - towards.east * pace).powi(2) + (to[1] - towards.north * pace).powi(2);

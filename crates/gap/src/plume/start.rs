@@ -17,11 +17,64 @@ const ALIKE_NATS: f64 = 6.0;
 /// Where the plume is looked for, standard deviations of the wind's direction.
 const AIMS_SD: [f64; 11] = [0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0, -2.5, 2.5];
 
+/// Gain of log likelihood beyond which puffs of another plume are other puffs, nats.
+const OTHER_PUFFS_NATS: f64 = 10.0;
+/// How often puffs and the plume that sheds them are fitted in turn.
+const TURNS: usize = 3;
+
 /// The base at its best.
 pub(crate) struct Started {
     pub fitted: Fitted,
+    /// The wind as it carries the plume, by its treatment; none is the scenario's.
+    carried: Option<Carried>,
+}
+
+/// Whether a mechanism is one of how the plume spreads, which its puffs do too.
+fn spreads(id: MechanismId) -> bool {
+    use MechanismId as M;
+    matches!(
+        id,
+        M::StabilityClass
+            | M::Meander
+            | M::SigmaYScale
+            | M::SigmaZScale
+            | M::SigmaZGrowth
+            | M::BuildingDownwash
+            | M::EffectiveHeightOffset
+            | M::GroundReflection
+            | M::MixingLid
+    )
+}
+
+impl Started {
     /// The wind's treatment.
-    pub treatment: Treatment,
+    pub fn treatment(&self) -> Treatment {
+        let own = self.carried.as_ref().map(|c| c.treatment);
+        own.unwrap_or(Treatment::Scenario)
+    }
+
+    /// What puffs do to a plume is fitted at the base. Where a plume was found to be so different
+    /// that its own puffs differ, the data with those.
+    pub fn other_puffs(&self, setup: &Setup, data: &Data, last: &Fitted) -> Option<Data> {
+        let carried = self.carried.as_ref().filter(|c| c.has_history())?;
+        last.model.parts.iter().find(|p| spreads(p.id))?;
+        let mut own = data.clone();
+        put(setup, &mut own, carried, &last.model);
+        let mut change = single(setup, &own).readings(&last.model);
+        for (i, value) in change.iter_mut().enumerate() {
+            *value -= last.prediction.reading[i];
+        }
+        last.metric.whitener.whiten_one(&mut change);
+        if 0.5 * last.metric.square(&change) < OTHER_PUFFS_NATS {
+            return None;
+        }
+        let mut model = last.model.clone();
+        for _ in 0..TURNS {
+            model = single(setup, &own).under(&model, &last.noise);
+            put(setup, &mut own, carried, &model);
+        }
+        Some(own)
+    }
 }
 
 /// Chooses the wind's treatment, fits base and noise.
@@ -73,13 +126,13 @@ fn white_noise(setup: &Setup, data: &Data) -> NoiseModel {
 fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize) -> Started {
     let logged = data.wind.iter().any(Option::is_some);
     let base = Model::base(setup, logged);
-    let options = options(setup, data, logged);
+    let mut options = options(setup, data, logged);
     let shared: &Data = data;
     let first = options.iter().find(|o| o.treatment == Treatment::FIRST);
     let Some(first) = first.or(options.first()) else {
         return Started {
             fitted: single(setup, data).refine(&base, noise),
-            treatment: Treatment::Scenario,
+            carried: None,
         };
     };
     let base = aimed(setup, shared, first, base, &noise);
@@ -109,7 +162,7 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
     *data = own;
     Started {
         fitted,
-        treatment: options[order[best]].treatment,
+        carried: Some(options.swap_remove(order[best])),
     }
 }
 

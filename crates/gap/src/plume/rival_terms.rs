@@ -14,7 +14,29 @@ enum Load {
     Swing,
     /// The derivative by time: it shifts the reading in time.
     Delay,
+    /// What a reading that comes late differs by: by one of [`LATE_S`].
+    Late(usize),
 }
+
+impl Load {
+    /// How readings are delayed.
+    const DELAYS: [Self; 1 + LATE_S.len()] =
+        [Self::Delay, Self::Late(0), Self::Late(1), Self::Late(2)];
+
+    /// A delay in words.
+    fn delay_words(self) -> String {
+        match self {
+            Self::Late(k) => format!(
+                "a delay of its readings, by about {} s, that comes and goes",
+                LATE_S[k]
+            ),
+            _ => "a delay of its readings that comes and goes".to_string(),
+        }
+    }
+}
+
+/// Delays that are longer than a plume takes to cross, for which its derivative does not stand, s.
+const LATE_S: [f64; 3] = [4.0, 10.0, 22.0];
 
 /// When what a term describes happens to the air of a reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -94,6 +116,8 @@ struct Builder<'a> {
     /// The whitened residual that the base leaves.
     left: &'a [f64],
     delay: Vec<f64>,
+    /// What each of [`LATE_S`] does to the readings.
+    late: [Vec<f64>; LATE_S.len()],
     /// Inverse standard deviation of each row beside those before it.
     precise: Vec<f64>,
     columns: Vec<Vec<f64>>,
@@ -107,7 +131,13 @@ impl<'a> Builder<'a> {
             Load::Proportional => self.fitted.loading[i].gust,
             Load::Swing => self.fitted.loading[i].swing,
             Load::Delay => self.delay[i],
+            Load::Late(k) => self.late[k][i],
         }
+    }
+
+    /// Whether puffs are carried, so that a turn at once is another than one all the way.
+    fn carried(&self) -> bool {
+        self.ctx.data.track.way_s().iter().any(|w| *w > 0.0)
     }
 
     /// The times that count at each row, s.
@@ -222,6 +252,7 @@ pub(crate) fn all(ctx: &Context<'_>, fitted: &Fitted, left: &[f64]) -> (Vec<Vec<
         fitted,
         left,
         delay: rate_of_change(ctx, fitted),
+        late: LATE_S.map(|s| late(ctx, fitted, s)),
         precise: fitted.metric.whitener.scales(),
         columns: Vec::new(),
         terms: Vec::new(),
@@ -248,6 +279,31 @@ fn rate_of_change(ctx: &Context<'_>, fitted: &Fitted) -> Vec<f64> {
     out
 }
 
+/// What readings that come late by some time differ by from those in time.
+fn late(ctx: &Context<'_>, fitted: &Fitted, by_s: f64) -> Vec<f64> {
+    let times = ctx.data.track.time_s();
+    let r = &fitted.prediction.reading;
+    let mut out = vec![0.0; r.len()];
+    for range in ctx.data.ranges() {
+        let mut at = range.start;
+        for i in range.clone() {
+            let then = times[i] - by_s;
+            while at + 1 < range.end && times[at + 1] <= then {
+                at += 1;
+            }
+            let next = (at + 1).min(range.end - 1);
+            let step = times[next] - times[at];
+            let part = if step > 0.0 {
+                ((then - times[at]) / step).clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
+            out[i] = r[at] + part * (r[next] - r[at]) - r[i];
+        }
+    }
+    out
+}
+
 fn in_time(b: &mut Builder<'_>) {
     let time = b.ctx.data.track.time_s().to_vec();
     let (from, to) = b.ctx.data.span_s();
@@ -268,32 +324,31 @@ fn in_time(b: &mut Builder<'_>) {
             When::Emitted,
             "the source's strength wandering in time",
         ),
-        (
-            Load::Swing,
-            When::Turned,
-            "the plume swinging in time otherwise than the wind",
-        ),
     ] {
-        let then = b.times(when);
-        let columns = b.mean_hats(&then, knots, load);
-        b.add("time", words, columns.clone());
-        if load == Load::Swing {
-            b.turns(columns, false);
-        }
+        let columns = b.mean_hats(&b.times(when), knots, load);
+        b.add("time", words, columns);
+    }
+    for (load, when, words) in swings(b, ["the plume swinging", "the plume swinging at once"]) {
+        let columns = b.mean_hats(&b.times(when), knots, load);
+        let words = format!("{words} in time otherwise than the wind");
+        b.add("time", &words, columns.clone());
+        b.turns(columns, false);
     }
     let platforms = b.ctx.data.ranges().len();
     if platforms < 2 {
         return;
     }
     let ln_weight = -(platforms as f64).ln();
-    for (load, words) in [
+    let own = [
         (Load::Additive, "an additive wander in time"),
         (
             Load::Proportional,
             "the strength of its plume readings wandering in time",
         ),
-        (Load::Delay, "a delay of its readings that comes and goes"),
-    ] {
+    ]
+    .map(|(load, words)| (load, words.to_string()));
+    let delays = Load::DELAYS.map(|load| (load, load.delay_words()));
+    for (load, words) in own.into_iter().chain(delays) {
         let columns = b.hats(&time, (knots * 2 / 3).max(5), load);
         for p in 0..platforms {
             let name = &b.ctx.data.track.platforms()[p];
@@ -301,6 +356,16 @@ fn in_time(b: &mut Builder<'_>) {
             b.add_weighted("platform", words, Some(p), ln_weight, columns.clone());
         }
     }
+}
+
+/// When the plume may swing: as the wind turns it, and, where that is all the way of its puffs, at
+/// once too, each with its `words`.
+fn swings<'w>(b: &Builder<'_>, words: [&'w str; 2]) -> Vec<(Load, When, &'w str)> {
+    let mut out = vec![(Load::Swing, When::Turned, words[0])];
+    if b.carried() {
+        out.push((Load::Swing, When::Read, words[1]));
+    }
+    out
 }
 
 fn in_place(b: &mut Builder<'_>) {
@@ -413,18 +478,28 @@ fn periodic(b: &mut Builder<'_>) {
         return;
     }
     let platforms = b.ctx.data.ranges().len();
-    let [read, emitted, turned] = [When::Read, When::Emitted, When::Turned].map(|w| b.times(w));
+    let mut waves = vec![
+        (
+            Load::Additive,
+            When::Read,
+            "a periodic wave of all readings",
+        ),
+        (
+            Load::Proportional,
+            When::Emitted,
+            "the source's strength pulsing",
+        ),
+    ];
+    let swinging = [
+        "the plume swinging to and fro",
+        "the plume swinging to and fro at once",
+    ];
+    waves.extend(swings(b, swinging));
+    let over: Vec<Vec<Stretch>> = waves.iter().map(|w| b.times(w.1)).collect();
     for k in 0..COUNT {
         let period = shortest * (longest / shortest).powf(k as f64 / (COUNT - 1) as f64);
-        for (load, over, words) in [
-            (Load::Additive, &read, "a periodic wave of all readings"),
-            (
-                Load::Proportional,
-                &emitted,
-                "the source's strength pulsing",
-            ),
-            (Load::Swing, &turned, "the plume swinging to and fro"),
-        ] {
+        let ln_weight = -(COUNT as f64).ln();
+        for (&(load, _, words), over) in waves.iter().zip(&over) {
             let start = b.columns.len();
             for phase in [0.0, std::f64::consts::FRAC_PI_2] {
                 let wave = |(i, s): (usize, &Stretch)| s.mean_wave(period, phase) * b.load(load, i);
@@ -432,7 +507,6 @@ fn periodic(b: &mut Builder<'_>) {
                 b.columns.push(column);
             }
             let own = start..b.columns.len();
-            let ln_weight = -(COUNT as f64).ln();
             let text = format!("{words}, period about {period:.0} s");
             b.add_weighted("time", text, None, ln_weight, own.clone());
             if load == Load::Swing {
@@ -448,18 +522,20 @@ fn periodic(b: &mut Builder<'_>) {
                 }
             }
         }
-        delays(b, &time, period, -(COUNT as f64).ln());
+        for load in Load::DELAYS {
+            delays(b, load, &time, period, ln_weight);
+        }
     }
 }
 
 /// A delay of one platform's readings that comes and goes with a period.
-fn delays(b: &mut Builder<'_>, time_s: &[f64], period_s: f64, ln_weight: f64) {
+fn delays(b: &mut Builder<'_>, load: Load, time_s: &[f64], period_s: f64, ln_weight: f64) {
     let platforms = b.ctx.data.ranges().len();
     let start = b.columns.len();
     let phase = |i: usize| std::f64::consts::TAU * time_s[i] / period_s;
     for wave in [|_: f64| 1.0, |p: f64| p.sin(), |p: f64| p.cos()] {
         let column = (0..time_s.len())
-            .map(|i| wave(phase(i)) * b.load(Load::Delay, i))
+            .map(|i| wave(phase(i)) * b.load(load, i))
             .collect();
         b.columns.push(column);
     }
@@ -469,8 +545,8 @@ fn delays(b: &mut Builder<'_>, time_s: &[f64], period_s: f64, ln_weight: f64) {
     for p in 0..platforms {
         let name = &b.ctx.data.track.platforms()[p];
         let text = format!(
-            "platform {name}: a delay of its readings that comes and goes, period about \
-             {period_s:.0} s"
+            "platform {name}: {}, period about {period_s:.0} s",
+            load.delay_words()
         );
         let share = ln_weight - (platforms as f64).ln();
         b.add_weighted(coordinate, text, Some(p), share, own.clone());

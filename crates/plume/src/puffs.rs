@@ -223,4 +223,49 @@ mod tests {
             );
         }
     }
+
+    // Losses and a veer are the straight plume's, which the ratio multiplies.
+    #[test]
+    fn losses_and_veer_leave_the_ratio() {
+        let plain = spec(crate::Strength::EmissionKgS(100.0));
+        let wind: Vec<[f64; 2]> = (0..1200).map(|k| wandering(f64::from(k) + 0.5)).collect();
+        let history = WindHistory::new(0.0, 1.0, &wind);
+        let source = plain.sources[0].clone();
+        let at = |along: f64, up: f64| Place {
+            east_m: source.place.east_m + along * 0.3f64.cos(),
+            north_m: source.place.north_m + along * 0.3f64.sin(),
+            height_agl_m: source.effective_height_agl_m + up,
+        };
+        let ratio = |mechanism: Option<crate::Mechanism>, place: Place| {
+            let mut spec = plain.clone();
+            spec.mechanisms.extend(mechanism);
+            let world = World::new(spec).unwrap();
+            let transport = history.mean_transport(900.0, 1500.0);
+            world.puffs_over_plume(&history, &place, 900.0, transport)
+        };
+        for (id, name, value) in [
+            ("first-order-decay", "rate_per_s", 1e-3),
+            ("dry-deposition", "velocity_m_s", 0.05),
+            ("wind-veer-with-height", "rate_deg_per_100m", 8.0),
+        ] {
+            let own = crate::Mechanism::new(id, &[(name, value)]).unwrap();
+            let (with, without) = (
+                ratio(Some(own), at(1500.0, 0.0)),
+                ratio(None, at(1500.0, 0.0)),
+            );
+            assert!(
+                (with / without - 1.0).abs() < 1e-9,
+                "{id}: {with} {without}"
+            );
+        }
+        // 40 m up a veer of 5 degrees in 100 m turns the plume by 2 degrees.
+        let veer =
+            crate::Mechanism::new("wind-veer-with-height", &[("rate_deg_per_100m", 5.0)]).unwrap();
+        let turn = crate::Mechanism::new("wind-direction-offset", &[("offset_deg", 2.0)]).unwrap();
+        let (veered, turned) = (
+            ratio(Some(veer), at(1500.0, 40.0)),
+            ratio(Some(turn), at(1500.0, 40.0)),
+        );
+        assert!((veered / turned - 1.0).abs() < 1e-9, "{veered} {turned}");
+    }
 }

@@ -53,6 +53,17 @@ impl Fitted {
     pub fn score_with_prior(&self) -> f64 {
         self.log_score + self.model.ln_prior()
     }
+
+    /// The whitened residual less its columns with these coefficients.
+    pub fn less(&self, coefficients: &DVector<f64>) -> Vec<f64> {
+        let mut left = self.residual.clone();
+        for (column, c) in self.columns.iter().zip(coefficients.iter()) {
+            for (l, value) in left.iter_mut().zip(column) {
+                *l -= c * value;
+            }
+        }
+        left
+    }
 }
 
 /// How far the noise is fitted.

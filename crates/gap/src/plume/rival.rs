@@ -179,14 +179,7 @@ impl<'a> Base<'a> {
 
     /// The whitened residual that it leaves.
     fn left(&self) -> Vec<f64> {
-        let at = &self.inverse * &self.score;
-        let mut left = self.fitted.residual.clone();
-        for (column, at) in self.fitted.columns.iter().zip(at.iter()) {
-            for (l, c) in left.iter_mut().zip(column) {
-                *l -= at * c;
-            }
-        }
-        left
+        self.fitted.less(&(&self.inverse * &self.score))
     }
 
     fn spectrum(&self, term: &Term, whitened: &[Vec<f64>]) -> Option<Spectrum> {

@@ -16,6 +16,10 @@ use super::fit::{Context, Fitted};
 use super::linear;
 use super::parallel;
 
+/// How many of the best gains are looked at for clustering, and from which on, nats.
+const MOST_DISCOUNTED: usize = 24;
+const LEAST_DISCOUNTED_NATS: f64 = 3.0;
+
 /// One start, for all platforms or one, and what it would gain.
 #[derive(Debug, Clone)]
 pub(crate) struct Scored {
@@ -109,16 +113,13 @@ pub(crate) fn screen(
     for h in &mut hypotheses {
         h.ln_weight += starts[h.start].ln_weight_on(h.platform, per_platform.len());
     }
-    let scored = score_all(
-        ctx,
-        fitted,
-        starts,
-        columns,
-        &per_platform,
-        &score,
-        &hypotheses,
-        &first,
-    );
+    // At the posterior's peak the base's own gradient balances its prior.
+    let (centre, precision) = (&fitted.centre, &fitted.precision);
+    let base_score = DVector::from_fn(base, |k, _| score[k] + precision[k] * centre[k]);
+    let mut scored = score_all(&per_platform, &score, &base_score, &hypotheses);
+    let left = fitted.less(&(&frame.inverse * &base_score));
+    let column_of = |h: &Hypothesis| columns[first[h.start] - base].as_slice();
+    discount(ctx, fitted, &left, column_of, &hypotheses, &mut scored);
     let best = scored.iter().map(|s| s.gain).fold(0.0f64, f64::max);
     let (location, scale) = null_law(&per_platform, &hypotheses, &frame, seed);
     let tail = |g: f64| 1.0 - (-(-(g - location) / scale).exp()).exp();
@@ -260,31 +261,18 @@ impl Hypothesis {
     }
 }
 
-#[expect(
-    clippy::too_many_arguments,
-    reason = "one step of the screen, private to it"
-)]
+/// What every hypothesis would gain; the base's own gradient is `base_score`.
 fn score_all(
-    ctx: &Context<'_>,
-    fitted: &Fitted,
-    starts: &[Start],
-    columns: &[Vec<f64>],
     per_platform: &[Products],
     score: &DVector<f64>,
+    base_score: &DVector<f64>,
     hypotheses: &[Hypothesis],
-    first: &[usize],
 ) -> Vec<Scored> {
-    let base = fitted.columns.len();
-    let (centre, precision) = (&fitted.centre, &fitted.precision);
-    // At the posterior's peak the base's own gradient balances its prior.
-    let base_score = DVector::from_fn(base, |k, _| score[k] + precision[k] * centre[k]);
-    let mut scored: Vec<Scored> = hypotheses
+    hypotheses
         .iter()
         .map(|h| {
-            let own = match h.platform {
-                None => h.own_score(score, &base_score),
-                Some(p) => h.own_score(&per_platform[p].score, &base_score),
-            };
+            let score = h.platform.map_or(score, |p| &per_platform[p].score);
+            let own = h.own_score(score, base_score);
             let (amplitude, gain) = h.gain(&own);
             let log_evidence = if gain > 0.0 {
                 h.log_evidence(&own)
@@ -300,23 +288,29 @@ fn score_all(
                 information: h.information[(0, 0)],
             }
         })
-        .collect();
-    // Where residuals cluster more than the noise model says, the gain is worth less: checked
-    // for the best, whose order alone matters.
+        .collect()
+}
+
+/// Where residuals cluster more than the noise model says, a gain is worth less: checked for the
+/// best, whose order alone matters. `left` is the whitened residual that the base leaves, and
+/// `column_of` gives a hypothesis's whitened column.
+fn discount<'c>(
+    ctx: &Context<'_>,
+    fitted: &Fitted,
+    left: &[f64],
+    column_of: impl Fn(&Hypothesis) -> &'c [f64],
+    hypotheses: &[Hypothesis],
+    scored: &mut [Scored],
+) {
     let mut order: Vec<usize> = (0..scored.len()).collect();
     order.sort_by(|a, b| scored[*b].gain.total_cmp(&scored[*a].gain).then(a.cmp(b)));
-    for &i in order.iter().take(24) {
+    for &i in order.iter().take(MOST_DISCOUNTED) {
         let h = &hypotheses[i];
-        if scored[i].gain < 3.0 || h.columns.len() > 1 {
-            continue;
+        if scored[i].gain >= LEAST_DISCOUNTED_NATS && h.columns.len() == 1 {
+            let amplitude = scored[i].amplitude[0];
+            scored[i].gain /= clustering(ctx, fitted, left, column_of(h), h, amplitude);
         }
-        let column = &columns[first[h.start] - base];
-        let inflation = clustering(ctx, fitted, column, h, scored[i].amplitude[0]);
-        let lost = scored[i].gain * (1.0 - 1.0 / inflation);
-        scored[i].gain -= lost;
     }
-    debug_assert_eq!(starts.len(), first.len());
-    scored
 }
 
 /// Ratio of the variance of a score as its blocks in time show it to that of the noise model;
@@ -324,6 +318,7 @@ fn score_all(
 fn clustering(
     ctx: &Context<'_>,
     fitted: &Fitted,
+    left: &[f64],
     column: &[f64],
     h: &Hypothesis,
     amplitude: f64,
@@ -344,7 +339,7 @@ fn clustering(
                 for (k, base) in fitted.columns.iter().enumerate() {
                     own -= h.lean[(0, k)] * base[i];
                 }
-                block += own * (fitted.residual[i] - amplitude * own);
+                block += own * (left[i] - amplitude * own);
                 information += own * own;
                 i += 1;
             }

@@ -5,6 +5,7 @@
 //! a time until the data ask for no more, and measure the gain on data left out. The method,
 //! with its equations, sources and limits, is in `docs/gap.md`.
 
+mod accepted;
 mod answer;
 mod candidate;
 mod ceiling;
@@ -168,6 +169,7 @@ pub fn analyse(
                      another instrument, or a calibration on the ground";
         notices.push(words.to_string());
     }
+    notices.extend(report::elsewhere(&ctx, &named));
     let wind = started.treatment().describe();
     notices.push(format!("the plume is carried by {wind}"));
     let verdict = named.verdict();

@@ -4,6 +4,7 @@
 use ::plume::mechanism::{Mechanism, MechanismId};
 
 use super::Options;
+use super::accepted::{Accepted, accept, sum};
 use super::answer::{parameters, ranking, unexplained};
 use super::ceiling::{Ceiling, ceilings};
 use super::explore::{self, FALSE_ALARM, Incumbent, Round, Tried};
@@ -11,10 +12,8 @@ use super::fit::{Context, Effort, Fitted};
 use super::held_out;
 use super::model::{Model, mechanism};
 use super::rival::{self, Rival};
-use crate::verdict::{Cause, Evidence, Ranked, Unexplained, Verdict};
+use crate::verdict::{Cause, Ranked, Unexplained, Verdict};
 
-/// Probability at which a name stands alone.
-const NAME_AT: f64 = 0.95;
 /// By how much a nameless rival must beat the best name, nats.
 const RIVAL_MARGIN: f64 = 6.0;
 /// What a nameless rival needs beyond its own false-alarm threshold: it is there for strong
@@ -22,11 +21,6 @@ const RIVAL_MARGIN: f64 = 6.0;
 const RIVAL_MORE: f64 = 9.0;
 /// What a full fit must gain beyond the screen's threshold to count by itself, nats.
 const REFIT_MARGIN: f64 = 3.0;
-/// No law of the catalogue is nature's own: of what a cause gains, a part goes to whichever law
-/// has the form that happens to be nearer. At this gain differences count for half, nats.
-const LAW_NATS: f64 = 60.0;
-/// However large the gain, a difference of evidence counts for this part of itself at least.
-const LEAST_POWER: f64 = 0.2;
 /// What an extension must gain under the noise that is fitted with it, nats.
 const STANDS_NATS: f64 = 6.0;
 /// What fits with noises of their own differ by at most from place to place where the model is
@@ -55,20 +49,6 @@ const LEAST_CORRELATION: f64 = 0.3;
 const REST_PART: f64 = 0.06;
 /// … or more than a false alarm would have by this, nats.
 const REST_MARGIN: f64 = 4.0;
-
-/// A mechanism that was accepted.
-#[derive(Debug, Clone)]
-pub(crate) struct Accepted {
-    pub id: MechanismId,
-    pub platform: Option<usize>,
-    pub part: usize,
-    /// Ids that the data cannot tell from it, itself first, with their probabilities.
-    pub set: Vec<(MechanismId, f64)>,
-    pub evidence: Evidence,
-    pub nats_to_next: f64,
-    /// Fits of the other members of the set.
-    pub others: Vec<(MechanismId, Option<usize>, Model)>,
-}
 
 /// A nameless rival that beat the best name, until it is seen whether names together beat it.
 struct Doubt {
@@ -474,10 +454,6 @@ impl Named {
     }
 }
 
-fn sum(set: &[(MechanismId, f64)]) -> f64 {
-    set.iter().map(|s| s.1).sum::<f64>().min(1.0)
-}
-
 /// What becomes of a name that is called for.
 enum Tested {
     /// It does not carry over to blocks left out: a chance of the data.
@@ -561,52 +537,4 @@ fn without(model: &Model, base: &Model, part: usize) -> Option<Model> {
         free.part -= 1;
     }
     Some(out)
-}
-
-/// The power that evidence is taken to, so that what laws differ by does not pass for knowledge.
-pub(crate) fn law_power(log_score: f64) -> f64 {
-    (1.0 / (1.0 + log_score.max(0.0) / LAW_NATS)).max(LEAST_POWER)
-}
-
-fn accept(round: &Round, best: &Tried) -> Accepted {
-    let ids = round.by_id(law_power(best.log_score));
-    // Nameless rivals and the base take part in the probabilities, but not in the set.
-    let named: f64 = ids.iter().map(|i| i.1).sum();
-    let mut set: Vec<(MechanismId, f64)> = Vec::new();
-    let own = ids.iter().find(|i| i.0 == best.id).copied();
-    set.extend(own);
-    for &(id, p) in &ids {
-        if sum(&set) >= NAME_AT * named {
-            break;
-        }
-        if id != best.id {
-            set.push((id, p));
-        }
-    }
-    let next = round
-        .tried
-        .iter()
-        .filter(|t| !set.iter().any(|s| s.0 == t.id))
-        .map(|t| t.log_evidence)
-        .fold(0.0f64, f64::max);
-    let others = set[1..]
-        .iter()
-        .filter_map(|(id, _)| {
-            let t = round.tried.iter().find(|t| t.id == *id)?;
-            Some((*id, t.platform, t.fitted.model.clone()))
-        })
-        .collect();
-    Accepted {
-        id: best.id,
-        platform: best.platform,
-        part: best.part,
-        set,
-        evidence: Evidence {
-            delta_log_score: best.log_score,
-            delta_log_evidence: best.log_evidence,
-            p_value: round.p_value,
-        },
-        nats_to_next: best.log_evidence - next,
-        others,
-    }
 }

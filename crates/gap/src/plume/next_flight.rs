@@ -14,11 +14,12 @@ use air::geo::Enu;
 use air::isa::{Atmosphere, ZERO_CELSIUS_K};
 use nalgebra::DVector;
 
+use super::accepted::law_power;
 use super::data::Data;
 use super::fit::{Context, Fitted};
 use super::linear::{dot, posterior, products, scores};
 use super::model::{Model, Prediction};
-use super::naming::{Named, law_power};
+use super::naming::Named;
 use super::noise::{Loading, Whitener};
 use super::nuisance::Nuisance;
 use crate::verdict::{NextFlight, Waypoint};

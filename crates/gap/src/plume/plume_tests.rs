@@ -400,3 +400,28 @@ fn visibility_is_nil_for_nothing_and_large_for_a_slow_sensor() {
     assert!(nats("sensor-lag") < 0.5, "{alike:?}");
     assert!(nats("clock-offset") > 3.0 && nats("dry-deposition") > 20.0);
 }
+
+// One of two sensors reads too strongly, or the other too weakly while the source is stronger.
+#[test]
+fn a_fault_that_may_be_another_platforms_is_said_so() {
+    let hidden = (
+        "sensor-gain",
+        &[("factor", 1.3), ("pivot_ppm", 449.0)][..],
+        &["a"][..],
+    );
+    let three = run(&observe(&[hidden], 5));
+    let said = |a: &Analysis| {
+        let words = "it may be that of";
+        a.json.notices.iter().any(|n| n.contains(words))
+    };
+    assert_eq!(three.json.verdict, Verdict::Named, "{}", three.json.summary);
+    assert_eq!(three.json.causes[0].platforms, ["a"]);
+    assert!(!said(&three), "{:?}", three.json.notices);
+    let mut two = observe(&[hidden], 5);
+    two.rows.retain(|r| r.platform < 2);
+    two.platforms.truncate(2);
+    let two = run(&two);
+    assert_eq!(two.json.verdict, Verdict::Named, "{}", two.json.summary);
+    assert_eq!(two.json.causes[0].mechanisms, ["sensor-gain"]);
+    assert!(said(&two), "{:?}", two.json.notices);
+}

@@ -3,6 +3,7 @@
 use ::plume::mechanism::{Coordinate, MechanismId};
 use serde::Serialize;
 
+use super::accepted::Accepted;
 use super::answer::SD_FACTOR;
 use super::data::Setup;
 use super::fit::{Context, Fitted};
@@ -230,6 +231,27 @@ pub(crate) fn detectable(named: &Named) -> Vec<Detectable> {
         }
     }
     out
+}
+
+/// What is said of faults that may be another platform's instead.
+pub(crate) fn elsewhere(ctx: &Context<'_>, named: &Named) -> Vec<String> {
+    let platforms = ctx.data.track.platforms();
+    let on = |p: Option<usize>| p.map_or("all platforms together", |p| platforms[p].as_str());
+    let words = |a: &Accepted| {
+        let there: Vec<String> = a
+            .elsewhere
+            .iter()
+            .map(|(p, probability)| format!("{} (probability {probability:.2})", on(*p)))
+            .collect();
+        format!(
+            "{} is stated for {}; it may be that of {} instead",
+            a.id.as_str(),
+            on(a.platform),
+            there.join(" or ")
+        )
+    };
+    let unsure = named.accepted.iter().filter(|a| !a.elsewhere.is_empty());
+    unsure.map(words).collect()
 }
 
 /// The answer in one or two sentences.

@@ -1,0 +1,100 @@
+//! A cause that was accepted: its set, its probability, and where it may be instead.
+
+use ::plume::mechanism::MechanismId;
+
+use super::explore::{Round, Tried};
+use super::model::Model;
+use crate::verdict::Evidence;
+
+/// Probability at which a name stands alone.
+const NAME_AT: f64 = 0.95;
+/// No law of the catalogue is nature's own: of what a cause gains, a part goes to whichever law
+/// has the form that happens to be nearer. At this gain differences count for half, nats.
+const LAW_NATS: f64 = 60.0;
+/// However large the gain, a difference of evidence counts for this part of itself at least.
+const LEAST_POWER: f64 = 0.2;
+
+/// A mechanism that was accepted.
+#[derive(Debug, Clone)]
+pub(crate) struct Accepted {
+    pub id: MechanismId,
+    pub platform: Option<usize>,
+    pub part: usize,
+    /// Ids that the data cannot tell from it, itself first, with their probabilities.
+    pub set: Vec<(MechanismId, f64)>,
+    pub evidence: Evidence,
+    pub nats_to_next: f64,
+    /// Fits of the other members of the set.
+    pub others: Vec<(MechanismId, Option<usize>, Model)>,
+    /// Other platforms, or all together, that may have the same fault instead, each with the
+    /// probability of that.
+    pub elsewhere: Vec<(Option<usize>, f64)>,
+}
+
+/// The power that evidence is taken to, so that what laws differ by does not pass for knowledge.
+pub(crate) fn law_power(log_score: f64) -> f64 {
+    (1.0 / (1.0 + log_score.max(0.0) / LAW_NATS)).max(LEAST_POWER)
+}
+
+/// A name as a round gives it, with all that the data cannot tell from it.
+pub(crate) fn accept(round: &Round, best: &Tried) -> Accepted {
+    let ids = round.by_id(law_power(best.log_score));
+    // Nameless rivals and the base take part in the probabilities, but not in the set.
+    let named: f64 = ids.iter().map(|i| i.1).sum();
+    let mut set: Vec<(MechanismId, f64)> = Vec::new();
+    let own = ids.iter().find(|i| i.0 == best.id).copied();
+    set.extend(own);
+    for &(id, p) in &ids {
+        if sum(&set) >= NAME_AT * named {
+            break;
+        }
+        if id != best.id {
+            set.push((id, p));
+        }
+    }
+    let next = round
+        .tried
+        .iter()
+        .filter(|t| !set.iter().any(|s| s.0 == t.id))
+        .map(|t| t.log_evidence)
+        .fold(0.0f64, f64::max);
+    let others = set[1..]
+        .iter()
+        .filter_map(|(id, _)| {
+            let t = round.tried.iter().find(|t| t.id == *id)?;
+            Some((*id, t.platform, t.fitted.model.clone()))
+        })
+        .collect();
+    Accepted {
+        id: best.id,
+        platform: best.platform,
+        part: best.part,
+        set,
+        evidence: Evidence {
+            delta_log_score: best.log_score,
+            delta_log_evidence: best.log_evidence,
+            p_value: round.p_value,
+        },
+        nats_to_next: best.log_evidence - next,
+        others,
+        elsewhere: elsewhere(round, best),
+    }
+}
+
+/// Where a fault may be instead, if not where it is named.
+fn elsewhere(round: &Round, best: &Tried) -> Vec<(Option<usize>, f64)> {
+    let power = law_power(best.log_score);
+    let odds = |t: &Tried| (power * (t.log_evidence - best.log_evidence)).exp();
+    let same = || round.tried.iter().filter(|t| t.id == best.id);
+    let all: f64 = same().map(odds).sum();
+    same()
+        .filter(|t| t.platform != best.platform)
+        .map(|t| (t.platform, odds(t) / all))
+        .filter(|(_, probability)| *probability > 1.0 - NAME_AT)
+        .collect()
+}
+
+/// Probability of a set.
+pub(crate) fn sum(set: &[(MechanismId, f64)]) -> f64 {
+    set.iter().map(|s| s.1).sum::<f64>().min(1.0)
+}

@@ -206,10 +206,14 @@ fn nameless<'a>(
     if top.log_evidence <= (rivals.threshold + more_nats).max(least_nats) {
         return None;
     }
-    let names: f64 = round.by_id(1.0).iter().map(|i| i.1).sum();
-    let beaten =
-        best.is_none_or(|b| names < NAMES_AT || top.log_evidence > b.log_evidence + RIVAL_MARGIN);
+    let beaten = best
+        .is_none_or(|b| names_are_few(round) || top.log_evidence > b.log_evidence + RIVAL_MARGIN);
     beaten.then_some(top)
+}
+
+/// Whether all names together are less probable than what has none.
+fn names_are_few(round: &Round) -> bool {
+    round.by_id(1.0).iter().map(|i| i.1).sum::<f64>() < NAMES_AT
 }
 
 impl Named {
@@ -237,6 +241,9 @@ impl Named {
                     self.fall_back(doubt);
                     return false;
                 }
+            } else if names_are_few(round) {
+                // Neither a name nor what has none.
+                break;
             }
             let Some(best) = best else { break };
             let next = match put_to_the_test(ctx, &self.last, best) {

@@ -359,8 +359,11 @@ fn in_time(b: &mut Builder<'_>) {
 }
 
 /// When the plume may swing: as the wind turns it, and, where that is all the way of its puffs, at
-/// once too, each with its `words`.
+/// once too, each with its `words`. That a wind which nobody logged swings is no finding.
 fn swings<'w>(b: &Builder<'_>, words: [&'w str; 2]) -> Vec<(Load, When, &'w str)> {
+    if !b.ctx.data.on_board_wind {
+        return Vec::new();
+    }
     let mut out = vec![(Load::Swing, When::Turned, words[0])];
     if b.carried() {
         out.push((Load::Swing, When::Read, words[1]));

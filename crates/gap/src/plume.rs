@@ -142,11 +142,8 @@ pub fn analyse(
     let puffs = started.other_puffs(setup, ctx.data, &named.last);
     let mut ctx = ctx;
     if let Some(data) = &puffs {
-        tell(0.4, "naming again with the puffs of what was named");
         let there = Context { data, ..ctx };
-        let base = there.refine(&started.fitted.model, named.last.noise);
-        let again = naming::name(&there, base, options, &mut tell);
-        if again.last.score_with_prior() > named.last.score_with_prior() {
+        if let Some(again) = named_again(&there, &started.fitted, &named, options, &mut tell) {
             (named, ctx) = (again, there);
         }
     }
@@ -160,18 +157,8 @@ pub fn analyse(
         None
     };
     tell(0.95, "writing it down");
-    let mut notices = data.notices.clone();
-    if next_flight
-        .as_ref()
-        .is_some_and(|f| f.expected_nats < next_flight::LEAST_NATS)
-    {
-        let words = "no flight of those tried would tell the causes of a set apart: it takes \
-                     another instrument, or a calibration on the ground";
-        notices.push(words.to_string());
-    }
-    notices.extend(report::elsewhere(&ctx, &named));
     let wind = started.treatment().describe();
-    notices.push(format!("the plume is carried by {wind}"));
+    let notices = notices(&ctx, &named, next_flight.as_ref(), &wind);
     let verdict = named.verdict();
     let base = report::base_parameters(setup, &named.last);
     let json = GapJson {
@@ -198,6 +185,39 @@ pub fn analyse(
         json,
         report,
     })
+}
+
+/// What is named with the puffs of what was `named`, from the base that was fitted first, if that
+/// is the more probable answer.
+fn named_again(
+    there: &Context<'_>,
+    base: &fit::Fitted,
+    named: &naming::Named,
+    options: &Options,
+    tell: &mut dyn FnMut(f64, &'static str),
+) -> Option<naming::Named> {
+    tell(0.4, "naming again with the puffs of what was named");
+    let base = there.refine(&base.model, named.last.noise);
+    let again = naming::name(there, base, options, tell);
+    (again.last.score_with_prior() > named.last.score_with_prior()).then_some(again)
+}
+
+/// What a user should know besides the answer.
+fn notices(
+    ctx: &Context<'_>,
+    named: &naming::Named,
+    next_flight: Option<&crate::verdict::NextFlight>,
+    wind: &str,
+) -> Vec<String> {
+    let mut out = ctx.data.notices.clone();
+    if next_flight.is_some_and(|f| f.expected_nats < next_flight::LEAST_NATS) {
+        let words = "no flight of those tried would tell the causes of a set apart: it takes \
+                     another instrument, or a calibration on the ground";
+        out.push(words.to_string());
+    }
+    out.extend(report::elsewhere(ctx, named));
+    out.push(format!("the plume is carried by {wind}"));
+    out
 }
 
 fn nothing_to_tell(

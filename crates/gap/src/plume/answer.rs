@@ -41,14 +41,13 @@ pub(crate) fn parameters(fitted: &Fitted, part: usize) -> Vec<Parameter> {
 pub(crate) fn ranking(ctx: &Context<'_>, round: &Round) -> Vec<Ranked> {
     let name = |p: Option<usize>| p.map(|p| ctx.data.track.platforms()[p].clone());
     let mut out: Vec<Ranked> = round
-        .tried
-        .iter()
-        .map(|t| Ranked {
+        .probabilities(1.0)
+        .map(|(t, probability)| Ranked {
             mechanisms: vec![t.id.as_str().to_string()],
             platform: name(t.platform),
             delta_log_score: t.log_score,
             log_evidence: t.log_evidence,
-            probability: t.probability,
+            probability,
         })
         .collect();
     let mut rest: Vec<Ranked> = Vec::new();

@@ -33,8 +33,6 @@ pub(crate) struct Tried {
     pub log_score: f64,
     /// Gain of the log evidence, with its share of the prior, nats.
     pub log_evidence: f64,
-    /// Probability among all tried and the rivals.
-    pub probability: f64,
     /// The fit under the null's noise.
     pub fitted: Fitted,
 }
@@ -76,10 +74,10 @@ pub(crate) struct Incumbent {
 
 /// One round on top of `null`, with nameless rivals.
 pub(crate) fn round(ctx: &Context<'_>, null: &Fitted, seed: u64) -> Round {
-    let mut round = names(ctx, null, seed, None);
-    round.rivals = Some(rival::rivals(ctx, null, FALSE_ALARM, seed ^ 0x5eed));
-    round.share_probability();
-    round
+    Round {
+        rivals: Some(rival::rivals(ctx, null, FALSE_ALARM, seed ^ 0x5eed)),
+        ..names(ctx, null, seed, None)
+    }
 }
 
 /// One round of names alone on top of `null`, of which one may have been named before.
@@ -103,7 +101,7 @@ pub(crate) fn names(
         .into_iter()
         .map(|s| (starts[s.start].id, s))
         .collect();
-    let mut round = Round {
+    Round {
         tried,
         screened,
         starts,
@@ -112,9 +110,7 @@ pub(crate) fn names(
         threshold: screen.threshold,
         best_gain,
         better_null,
-    };
-    round.share_probability();
-    round
+    }
 }
 
 impl Incumbent {
@@ -236,7 +232,6 @@ fn fit_trials(ctx: &Context<'_>, null: &Fitted, trials: Vec<Trial>) -> (Vec<Trie
                 part: t.part,
                 log_score: f.log_score + f.model.ln_departure(others) - was,
                 log_evidence: f.log_evidence - still.log_evidence + t.ln_weight,
-                probability: 0.0,
                 fitted: f,
             }
         })
@@ -282,13 +277,6 @@ fn best_null(
 }
 
 impl Round {
-    fn share_probability(&mut self) {
-        let ln_total = self.ln_total(1.0);
-        for t in &mut self.tried {
-            t.probability = (t.log_evidence - ln_total).exp();
-        }
-    }
-
     /// Log of the sum over the base as it is, all mechanisms tried, and the rivals, of the
     /// evidence to the power `power`.
     fn ln_total(&self, power: f64) -> f64 {
@@ -302,13 +290,19 @@ impl Round {
         peak + all.iter().map(|e| (e - peak).exp()).sum::<f64>().ln()
     }
 
+    /// Probability of each that was tried, in their order, with evidence taken to the power
+    /// `power`.
+    pub fn probabilities(&self, power: f64) -> impl Iterator<Item = (&Tried, f64)> {
+        let ln_total = self.ln_total(power);
+        let own = move |t: &Tried| (power * t.log_evidence - ln_total).exp();
+        self.tried.iter().map(move |t| (t, own(t)))
+    }
+
     /// Probability of every id, all its platforms together, the largest first, with evidence
     /// taken to the power `power`.
     pub fn by_id(&self, power: f64) -> Vec<(MechanismId, f64)> {
-        let ln_total = self.ln_total(power);
         let mut out: Vec<(MechanismId, f64)> = Vec::new();
-        for t in &self.tried {
-            let probability = (power * t.log_evidence - ln_total).exp();
+        for (t, probability) in self.probabilities(power) {
             match out.iter_mut().find(|o| o.0 == t.id) {
                 Some(o) => o.1 += probability,
                 None => out.push((t.id, probability)),

@@ -336,8 +336,8 @@ impl Named {
             };
             let null = ctx.settle(&without, &self.last.metric, &self.last, 5);
             let seed = options.seed.wrapping_add(100 + k as u64);
-            let moved = null.model.parts.len() < self.last.model.parts.len();
-            let incumbent = self.incumbent(k, &without);
+            let moved = without.parts.len() < self.last.model.parts.len();
+            let incumbent = self.incumbent(k, &without, moved);
             let round = explore::names(ctx, &null, seed, Some(incumbent));
             let best = still_called_for(&round);
             // Parts after the one taken out have moved down by one; the new one stands last.
@@ -361,10 +361,10 @@ impl Named {
         }
     }
 
-    /// The cause `k` on top of the final model without it.
-    fn incumbent(&self, k: usize, without: &Model) -> Incumbent {
+    /// The cause `k` on top of the final model `without` it, in which later parts have `moved`.
+    fn incumbent(&self, k: usize, without: &Model, moved: bool) -> Incumbent {
         let own = &self.accepted[k];
-        let (part, model) = if without.parts.len() < self.last.model.parts.len() {
+        let (part, model) = if moved {
             let part = self.last.model.parts[own.part].clone();
             (without.parts.len(), without.extended(part))
         } else {

@@ -1,6 +1,6 @@
 //! One case: what the finder says of it, held against the truth.
 
-use gap::plume::{Analysis, Options, Visibility, analyse};
+use gap::plume::{Analysis, Options, analyse};
 use gap::verdict::{Cause, Verdict};
 use gap_truth::case::DamageKind;
 use gap_truth::mutation::mutate;
@@ -108,10 +108,10 @@ pub fn judge_tuned(task: &Task, tuned: Tuned) -> Outcome {
     outcome.forward = Some(tuned.case.truth.forward);
     match answer(task, &tuned.case) {
         Ok(analysis) => {
-            let alike = Alike::new(&tuned.case, &analysis);
+            let alike = Alike::new(&tuned, &analysis);
             compare(&mut outcome, &tuned.case.truth, &analysis, &alike);
             if matches!(task.kind, Kind::One(_)) {
-                outcome.held_out_gains = held_out_gains(&tuned.case, &analysis);
+                outcome.held_out_gains = held_out_gains(&tuned, &analysis);
                 if outcome.verdict == Some(Verdict::Ambiguous) {
                     outcome.next_flight = fly_on(task, &tuned, &analysis);
                 }
@@ -123,11 +123,9 @@ pub fn judge_tuned(task: &Task, tuned: Tuned) -> Outcome {
 }
 
 /// What the extension and the truth gain on data left out; nothing where nothing was extended.
-fn held_out_gains(case: &Case, analysis: &Analysis) -> Option<(f64, f64)> {
-    let read = tune::read(&case.scenario_toml, &case.observations).ok()?;
-    let mechanisms = tune::mechanisms(&case.truth).ok()?;
-    let fitted = Visibility::new(&read.setup, &read.observations).ok()?;
-    let (base, truth) = fitted.held_out_scores(&mechanisms);
+fn held_out_gains(tuned: &Tuned, analysis: &Analysis) -> Option<(f64, f64)> {
+    let mechanisms = tune::mechanisms(&tuned.case.truth).ok()?;
+    let (base, truth) = tuned.fitted.as_ref()?.held_out_scores(&mechanisms);
     let gain = analysis.json.gain.as_ref();
     let own = gain.map_or(0.0, |g| g.held_out.log_score_after - base);
     Some((own, truth - base))
@@ -190,8 +188,8 @@ struct Alike {
 
 impl Alike {
     /// Looked at only where some set that holds the effect holds others too.
-    fn new(case: &Case, analysis: &Analysis) -> Self {
-        let effects = &case.truth.effects;
+    fn new(tuned: &Tuned, analysis: &Analysis) -> Self {
+        let effects = &tuned.case.truth.effects;
         let wider = |e: &TrueEffect| {
             let causes = analysis.json.causes.iter();
             causes
@@ -200,24 +198,22 @@ impl Alike {
         };
         let mut of = vec![Vec::new(); effects.len()];
         let asked: Vec<usize> = (0..effects.len()).filter(|k| wider(&effects[*k])).collect();
-        if !asked.is_empty() {
-            // Without an answer nothing counts as alike.
-            if let Ok(likenesses) = Self::look(case, &asked) {
-                for (k, found) in asked.into_iter().zip(likenesses) {
-                    of[k] = found;
-                }
-            }
+        // Without an answer nothing counts as alike.
+        for (k, found) in asked.iter().zip(Self::look(tuned, &asked)) {
+            of[*k] = found;
         }
         Self { of }
     }
 
-    fn look(case: &Case, asked: &[usize]) -> Result<Vec<Vec<MechanismId>>, String> {
-        let read = tune::read(&case.scenario_toml, &case.observations)?;
-        let mechanisms = tune::mechanisms(&case.truth)?;
-        if mechanisms.len() != case.truth.effects.len() {
-            return Ok(vec![Vec::new(); asked.len()]);
+    fn look(tuned: &Tuned, asked: &[usize]) -> Vec<Vec<MechanismId>> {
+        let effects = &tuned.case.truth.effects;
+        let (Ok(mechanisms), Some(fitted)) = (tune::mechanisms(&tuned.case.truth), &tuned.fitted)
+        else {
+            return Vec::new();
+        };
+        if mechanisms.len() != effects.len() {
+            return Vec::new();
         }
-        let fitted = Visibility::new(&read.setup, &read.observations).map_err(|e| e.to_string())?;
         let near = |k: &usize| {
             let all = fitted.likenesses(&mechanisms, *k);
             all.into_iter()
@@ -225,7 +221,7 @@ impl Alike {
                 .map(|l| l.id)
                 .collect()
         };
-        Ok(asked.iter().map(near).collect())
+        asked.iter().map(near).collect()
     }
 
     /// Whether nothing tells `id` from the effect `k`, here or anywhere.
@@ -316,7 +312,11 @@ fn coverage(truth: &Truth, causes: &[Cause]) -> Vec<bool> {
     }
     for effect in &truth.effects {
         let id = effect.effect.id();
-        for cause in causes.iter().filter(|c| c.mechanisms == [id]) {
+        // What is said of another platform says nothing of the truth's parameters.
+        let right = |c: &&Cause| {
+            c.mechanisms == [id] && (effect.platforms.is_empty() || c.platforms == effect.platforms)
+        };
+        for cause in causes.iter().filter(right) {
             for parameter in &effect.parameters {
                 let fitted = cause
                     .parameters

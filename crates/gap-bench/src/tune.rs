@@ -43,14 +43,35 @@ pub fn read(scenario_toml: &str, files: &[(String, String)]) -> Result<Read, Str
     })
 }
 
+/// A case with a strength of one of its effects, and how visible that is.
+struct Shown {
+    strength: f64,
+    case: Case,
+    /// Base and noise that are fitted to the case.
+    fitted: Visibility,
+    nats: f64,
+}
+
+impl Shown {
+    /// The effect `which` of a case that has `strength`.
+    fn new(case: Case, strength: f64, which: usize) -> Result<Self, String> {
+        let own = read(&case.scenario_toml, &case.observations)?;
+        let fitted = Visibility::new(&own.setup, &own.observations).map_err(|e| e.to_string())?;
+        let nats = visible(&case, &fitted, which)?;
+        Ok(Self {
+            strength,
+            case,
+            fitted,
+            nats,
+        })
+    }
+}
+
 /// How visible the effect of a case is, nats; of two, the one `which` beside the other.
-fn visible(case: &Case, which: usize) -> Result<f64, String> {
-    let own = read(&case.scenario_toml, &case.observations)?;
+fn visible(case: &Case, fitted: &Visibility, which: usize) -> Result<f64, String> {
     let mechanisms = mechanisms(&case.truth)?;
     if mechanisms.len() > 1 {
-        return Visibility::new(&own.setup, &own.observations)
-            .map(|v| v.nats_beside(&mechanisms, which))
-            .map_err(|e| e.to_string());
+        return Ok(fitted.nats_beside(&mechanisms, which));
     }
     let twin;
     let of = |c: &gap_truth::PlumeChange| PlumeChange {
@@ -68,9 +89,7 @@ fn visible(case: &Case, which: usize) -> Result<f64, String> {
     } else {
         Known::Mechanisms(&mechanisms)
     };
-    Visibility::new(&own.setup, &own.observations)
-        .and_then(|v| v.nats(known))
-        .map_err(|e| e.to_string())
+    fitted.nats(known).map_err(|e| e.to_string())
 }
 
 /// Whether a parameter is farther from what is usual than the catalogue's prior can mean.
@@ -112,7 +131,9 @@ pub(crate) fn mechanisms(truth: &Truth) -> Result<Vec<Mechanism>, String> {
 pub struct Tuned {
     /// The case.
     pub case: Case,
-    /// Its visibility, nats (of the first effect beside the other where there are two).
+    /// Base and noise that are fitted to it; none where nothing is hidden.
+    pub fitted: Option<Visibility>,
+    /// Its visibility, nats (of two effects, of the one tuned last beside the other).
     pub nats: f64,
     /// Seed of its scene.
     pub scene_seed: u64,
@@ -124,8 +145,10 @@ pub struct Tuned {
 const STRONGEST: f64 = 300.0;
 /// Standard deviations of a mechanism's prior beyond which its size is absurd.
 const ABSURD_SD: f64 = 3.0;
-/// The strength tried first.
+/// The strength tried first for [`WEAK_NATS`].
 const WEAK: f64 = 2.0;
+/// The visibility that most effects have about at the strength [`WEAK`], nats.
+const WEAK_NATS: f64 = 20.0;
 /// How often two effects are tuned, each beside the other.
 const ROUNDS: usize = 2;
 /// Scenes tried for one task.
@@ -152,18 +175,20 @@ pub fn tune(task: &Task) -> Result<Option<Tuned>, String> {
 /// The case in the scene of `seed`: each of its effects as visible alone as asked, and then, where
 /// there are two, beside the other, by which it may be hidden.
 fn tune_in(task: &Task, seed: u64, count: usize) -> Result<Option<Tuned>, String> {
+    let weak = WEAK * (task.nats / WEAK_NATS).sqrt();
     let mut strengths = vec![0.0; count];
-    let mut nats = vec![0.0; count];
+    let mut last = None;
     for which in 0..count {
         let make = |strength: f64| {
             let mut alone = vec![0.0; count];
             alone[which] = strength;
             Case::make(&task.spec(seed, &alone))
         };
-        match strength_for(task.nats, WEAK, 0, make)? {
-            Some(found) => (strengths[which], nats[which]) = found,
-            None => return Ok(None),
-        }
+        let Some(found) = strength_for(task.nats, weak, 0, make)? else {
+            return Ok(None);
+        };
+        strengths[which] = found.strength;
+        last = Some(found);
     }
     for _ in 0..if count > 1 { ROUNDS } else { 0 } {
         for which in 0..count {
@@ -172,16 +197,17 @@ fn tune_in(task: &Task, seed: u64, count: usize) -> Result<Option<Tuned>, String
                 both[which] = strength;
                 Case::make(&task.spec(seed, &both))
             };
-            match strength_for(task.nats, strengths[which], which, make)? {
-                Some(found) => (strengths[which], nats[which]) = found,
-                None => return Ok(None),
-            }
+            let Some(found) = strength_for(task.nats, strengths[which], which, make)? else {
+                return Ok(None);
+            };
+            strengths[which] = found.strength;
+            last = Some(found);
         }
     }
-    let case = Case::make(&task.spec(seed, &strengths));
-    Ok(Some(Tuned {
-        case,
-        nats: nats[0],
+    Ok(last.map(|shown| Tuned {
+        case: shown.case,
+        fitted: Some(shown.fitted),
+        nats: shown.nats,
         scene_seed: seed,
         strengths,
     }))
@@ -198,6 +224,7 @@ fn plain(task: &Task) -> Option<Tuned> {
         .map(|scene| task.seed + scene * 1_000)
         .map(|scene_seed| Tuned {
             case: Case::make(&task.spec(scene_seed, &[])),
+            fitted: None,
             nats: 0.0,
             scene_seed,
             strengths: Vec::new(),
@@ -205,22 +232,22 @@ fn plain(task: &Task) -> Option<Tuned> {
         .find(|t| !two || t.case.observations.iter().any(has_two))
 }
 
-/// The strength whose visibility is within a tenth of `target`, with that visibility: growing
-/// steps from `first` until it is bracketed, then regula falsi in the logarithms (visibility grows
-/// about as the square of strength).
+/// The case whose visibility is within a tenth of `target`: growing steps from `first` until it
+/// is bracketed, then regula falsi in the logarithms (visibility grows about as the square of
+/// strength).
 fn strength_for(
     target: f64,
     first: f64,
     which: usize,
     make: impl Fn(f64) -> Case,
-) -> Result<Option<(f64, f64)>, String> {
-    let mut strength = first;
-    let mut nats = visible(&make(strength), which)?;
+) -> Result<Option<Shown>, String> {
+    let mut shown = Shown::new(make(first), first, which)?;
     let mut low: Option<(f64, f64)> = None;
     let mut high: Option<(f64, f64)> = None;
     for _ in 0..12 {
+        let (strength, nats) = (shown.strength, shown.nats);
         if (nats / target - 1.0).abs() < 0.1 {
-            return Ok(Some((strength, nats)));
+            return Ok(Some(shown));
         }
         if nats < target {
             low = Some((strength, nats))
@@ -228,7 +255,7 @@ fn strength_for(
             high = Some((strength, nats))
         }
         let by_square = strength * (target / nats.max(0.05 * target)).sqrt();
-        strength = match (low, high) {
+        let strength = match (low, high) {
             (Some(l), Some(h)) => {
                 let log = |n: f64| n.max(0.02 * target).ln();
                 let share = (log(target) - log(l.1)) / (log(h.1) - log(l.1));
@@ -240,8 +267,8 @@ fn strength_for(
         if strength > STRONGEST || absurd(&case.truth) {
             return Ok(None);
         }
-        nats = visible(&case, which)?;
+        shown = Shown::new(case, strength, which)?;
     }
     // Some effects jump (a lid, a limit): what is reached counts if it is near enough.
-    Ok(((nats / target - 1.0).abs() < 0.3).then_some((strength, nats)))
+    Ok(((shown.nats / target - 1.0).abs() < 0.3).then_some(shown))
 }

@@ -11,7 +11,7 @@ use super::explore::{self, FALSE_ALARM, Incumbent, Round, Tried};
 use super::fit::{Context, Effort, Fitted};
 use super::held_out;
 use super::model::{Model, mechanism};
-use super::rival::{self, Rival};
+use super::rival::{self, Rival, Rivals};
 use crate::verdict::{Cause, Ranked, Unexplained, Verdict};
 
 /// By how much a nameless rival must beat the best name, nats.
@@ -101,6 +101,7 @@ pub(crate) fn name(
     if named.accepted.len() > 1 || doubted && named.unexplained.is_none() {
         tell(0.65, "testing every name against its rivals");
         named.swap(ctx, options);
+        named.look_for_a_rest(ctx, options.seed);
     }
     named.ceilings = ceilings(ctx, &named.last);
     if named.accepted.is_empty() && named.unexplained.is_none() {
@@ -163,13 +164,13 @@ fn unrelated(ctx: &Context<'_>, last: &Fitted) -> Option<Unexplained> {
     })
 }
 
-/// What a name and a nameless term need beyond their thresholds once `named` causes have gained
-/// `gained` nats: those may have left something.
-fn needed_beyond(named: usize, gained: f64) -> (f64, f64) {
+/// What a name needs beyond the threshold once `named` causes have gained `gained` nats: those
+/// may have left something that looks like another.
+fn needed_beyond(named: usize, gained: f64) -> f64 {
     if named == 0 {
-        (0.0, RIVAL_MORE)
+        0.0
     } else {
-        (REST_MARGIN + REST_PART * gained, RIVAL_MORE + REST_MARGIN)
+        REST_MARGIN + REST_PART * gained
     }
 }
 
@@ -193,19 +194,16 @@ fn still_called_for(round: &Round) -> Option<&Tried> {
     (best.log_evidence > LEAST_EVIDENCE).then_some(best)
 }
 
-/// The nameless rival that a round calls for rather than a name: beyond its own threshold by
-/// `more_nats` and beyond `least_nats`, and clearly better than `best`.
-fn nameless<'a>(
-    round: &'a Round,
-    best: Option<&Tried>,
-    more_nats: f64,
-    least_nats: f64,
-) -> Option<&'a Rival> {
-    let rivals = round.rivals.as_ref()?;
-    let top = rivals.ranked.first()?;
-    if top.log_evidence <= (rivals.threshold + more_nats).max(least_nats) {
-        return None;
-    }
+/// The best nameless rival if it is well beyond its own threshold and beyond `least_nats`.
+fn standing(rivals: &Rivals, least_nats: f64) -> Option<&Rival> {
+    let needed = (rivals.threshold + RIVAL_MORE).max(least_nats);
+    rivals.ranked.first().filter(|r| r.log_evidence > needed)
+}
+
+/// The nameless rival that a round calls for rather than a name: one that stands by itself and is
+/// clearly better than `best`.
+fn nameless<'a>(round: &'a Round, best: Option<&Tried>, least_nats: f64) -> Option<&'a Rival> {
+    let top = standing(round.rivals.as_ref()?, least_nats)?;
     let beaten = best
         .is_none_or(|b| names_are_few(round) || top.log_evidence > b.log_evidence + RIVAL_MARGIN);
     beaten.then_some(top)
@@ -230,10 +228,9 @@ impl Named {
         loop {
             let k = self.accepted.len();
             let round = later.as_ref().unwrap_or(&self.first);
-            let (more, least) = needed_beyond(k, gained);
-            let best = called_for(round, more);
+            let best = called_for(round, needed_beyond(k, gained));
             let best = best.filter(|_| k < options.most_causes);
-            if let Some(rival) = nameless(round, best, least, REST_PART * gained) {
+            if let Some(rival) = nameless(round, best, REST_PART * gained) {
                 let first = doubt.is_none();
                 doubt.get_or_insert_with(|| self.doubt(ctx, rival, gained));
                 // Two causes at once may look like neither: names get one more chance.
@@ -249,7 +246,7 @@ impl Named {
             let next = match put_to_the_test(ctx, &self.last, best) {
                 Tested::Chance => {
                     // A name that does not carry over leaves what called for it unexplained.
-                    if let Some(rival) = nameless(round, None, least, REST_PART * gained) {
+                    if let Some(rival) = nameless(round, None, REST_PART * gained) {
                         doubt.get_or_insert_with(|| self.doubt(ctx, rival, gained));
                     }
                     break;
@@ -358,6 +355,16 @@ impl Named {
                     self.last = null;
                 }
             }
+        }
+    }
+
+    /// What the causes leave that changed when each was tested beside the others.
+    fn look_for_a_rest(&mut self, ctx: &Context<'_>, seed: u64) {
+        let gained = self.accepted.iter().map(|a| a.evidence.delta_log_evidence);
+        let rivals = rival::rivals(ctx, &self.last, FALSE_ALARM, seed);
+        if let Some(rest) = standing(&rivals, REST_PART * gained.sum::<f64>()) {
+            self.rest = Some(rest.fitted.clone());
+            self.unexplained = Some(unexplained(ctx, rest));
         }
     }
 

@@ -484,7 +484,7 @@ fn put_to_the_test(ctx: &Context<'_>, last: &Fitted, best: &Tried) -> Tested {
     }
     let refined = ctx.refine(&best.fitted.model, best.fitted.noise);
     let null = &last.model;
-    let alone = without(&refined.model, null, best.part).filter(|_| best.part >= null.parts.len());
+    let alone = without(&refined.model, null, best.part);
     let Some((alone, settled)) =
         alone.and_then(|alone| null_as_good(ctx, null, &refined, &alone).map(|f| (alone, f)))
     else {

@@ -257,6 +257,12 @@ impl World {
         &self.notices
     }
 
+    /// Number of plumes: of the scenario's sources of the first one's gas, in its order, and then
+    /// of second sources among the mechanisms.
+    pub fn plume_count(&self) -> usize {
+        self.plumes.len()
+    }
+
     /// Mean mole fraction at a place and time in the scenario's wind, ppm.
     pub fn mean_ppm(&self, place: &Place, time_s: f64) -> f64 {
         self.ppm(place, time_s, self.scenario_wind)
@@ -316,11 +322,11 @@ impl World {
     /// Excess of all plumes as (mol/m³ of those given by emission, ppm of those given by c_MAX).
     #[inline]
     pub(crate) fn excess(&self, place: &Place, time_s: f64, wind: Transport) -> (f64, f64) {
-        self.excess_after(place, time_s, 0.0, wind)
+        self.excess_after(place, time_s, 0.0, wind, |_| 1.0)
     }
 
     /// The same of air that took `way_s` from the source: as strong as the source was when it was
-    /// emitted, and turned as the wind was on the mean of its way.
+    /// emitted, and turned as the wind was on the mean of its way; each plume times its `factor`.
     #[inline]
     pub(crate) fn excess_after(
         &self,
@@ -328,6 +334,7 @@ impl World {
         time_s: f64,
         way_s: f64,
         wind: Transport,
+        factor: impl Fn(usize) -> f64,
     ) -> (f64, f64) {
         let e = &self.effects;
         let mut turned = rotate(wind, self.rotation);
@@ -337,11 +344,11 @@ impl World {
         }
         turned.speed_m_s *= e.speed_factor;
         let mut sum = (0.0, 0.0);
-        for plume in &self.plumes {
-            let shape = self.shape(plume, place, turned);
+        for (which, plume) in self.plumes.iter().enumerate() {
+            let (shape, speed) = self.shape(plume, place, turned);
             match plume.emitted {
-                Emitted::Molar(strength) => sum.0 += strength * shape.0 / shape.1,
-                Emitted::Axis(strength) => sum.1 += strength * shape.0,
+                Emitted::Molar(strength) => sum.0 += strength * shape * factor(which) / speed,
+                Emitted::Axis(strength) => sum.1 += strength * shape * factor(which),
             }
         }
         if e.emission_trend_h != 0.0 {

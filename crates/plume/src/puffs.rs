@@ -86,19 +86,21 @@ impl WindHistory {
 }
 
 impl World {
-    /// Ratio of the puffs of the first source to its straight plume at a place and time, for the
-    /// `wind` that the straight plume is given; 1 where the straight plume has nothing.
+    /// Ratio of the puffs of plume `which` ([`World::plume_count`]) to its straight plume at a
+    /// place and time, for the `wind` that the straight plume is given; 1 where the straight plume
+    /// has nothing.
     ///
     /// Decay and loss to the ground are taken as the same in both, and a wind that veers with
     /// height as turning both alike.
     pub fn puffs_over_plume(
         &self,
         history: &WindHistory,
+        which: usize,
         place: &Place,
         time_s: f64,
         wind: Transport,
     ) -> f64 {
-        let Some(plume) = self.plumes.first() else {
+        let Some(plume) = self.plumes.get(which) else {
             return 1.0;
         };
         let mut turned = rotate(wind, self.rotation);
@@ -193,7 +195,7 @@ mod tests {
                 height_agl_m: source.effective_height_agl_m,
             };
             let transport = history.mean_transport(time, along.hypot(across));
-            let ratio = world.puffs_over_plume(&history, &place, time, transport);
+            let ratio = world.puffs_over_plume(&history, 0, &place, time, transport);
             let plume = world.plumes[0].clone();
             let (straight, speed) = world.shape(&plume, &place, transport);
             let mut sum = 0.0;
@@ -241,7 +243,7 @@ mod tests {
             spec.mechanisms.extend(mechanism);
             let world = World::new(spec).unwrap();
             let transport = history.mean_transport(900.0, 1500.0);
-            world.puffs_over_plume(&history, &place, 900.0, transport)
+            world.puffs_over_plume(&history, 0, &place, 900.0, transport)
         };
         for (id, name, value) in [
             ("first-order-decay", "rate_per_s", 1e-3),
@@ -267,5 +269,31 @@ mod tests {
             ratio(Some(turn), at(1500.0, 40.0)),
         );
         assert!((veered / turned - 1.0).abs() < 1e-9, "{veered} {turned}");
+    }
+
+    // The wind is one for the whole site: a second source's puffs are the first one's, moved.
+    #[test]
+    fn every_plume_has_puffs_of_its_own() {
+        let mut both = spec(crate::Strength::EmissionKgS(100.0));
+        let moved = [("east_m", 400.0), ("north_m", -250.0), ("ratio", 0.3)];
+        let second = crate::Mechanism::new("second-source", &moved).unwrap();
+        both.mechanisms.push(second);
+        let world = World::new(both).unwrap();
+        assert_eq!(world.plume_count(), 2);
+        let wind: Vec<[f64; 2]> = (0..1200).map(|k| wandering(f64::from(k) + 0.5)).collect();
+        let history = WindHistory::new(0.0, 1.0, &wind);
+        let source = world.spec().sources[0].clone();
+        let transport = history.mean_transport(900.0, 1500.0);
+        let ratio = |which: usize, east_m: f64, north_m: f64| {
+            let place = Place {
+                east_m: source.place.east_m + east_m,
+                north_m: source.place.north_m + north_m,
+                height_agl_m: source.effective_height_agl_m,
+            };
+            world.puffs_over_plume(&history, which, &place, 900.0, transport)
+        };
+        let own = ratio(0, 1400.0, 450.0);
+        assert!((ratio(1, 1800.0, 200.0) / own - 1.0).abs() < 1e-9);
+        assert!((ratio(1, 1400.0, 450.0) / own - 1.0).abs() > 0.1);
     }
 }

@@ -38,6 +38,8 @@ pub struct Track {
     transport: Vec<Transport>,
     /// Factor on the plume's part of each row.
     plume_factor: Vec<f64>,
+    /// Ratio of puffs to the straight plume of each row, plume by plume; one where there is none.
+    puff_ratios: Vec<Vec<f64>>,
     /// Time that the air of each row took from the source, s.
     way_s: Vec<f64>,
     ppm_per_mol_m3: Vec<f64>,
@@ -62,6 +64,7 @@ impl Track {
             height_m: rows.iter().map(|r| r.place.height_agl_m).collect(),
             transport: rows.iter().map(|r| row_transport(spec, r)).collect(),
             plume_factor: vec![1.0; rows.len()],
+            puff_ratios: Vec::new(),
             way_s: vec![0.0; rows.len()],
             ppm_per_mol_m3: rows
                 .iter()
@@ -120,10 +123,22 @@ impl Track {
         &mut self.transport
     }
 
-    /// Factor on the plume of every row: what the straight plume's formula leaves out
-    /// ([`crate::puffs`]). One at first.
+    /// Factor on all plumes of every row. One at first.
     pub fn plume_factor_mut(&mut self) -> &mut [f64] {
         &mut self.plume_factor
+    }
+
+    /// Sets what puffs do to the first `plumes` straight plumes of the world ([`crate::puffs`]), by
+    /// the ratio for a plume at a row's place, time in s and transport. Further plumes stay straight,
+    /// as all do at first.
+    pub fn set_puff_ratios(
+        &mut self,
+        plumes: usize,
+        ratio: impl Fn(usize, &Place, f64, Transport) -> f64,
+    ) {
+        let of_row = |plume, i| ratio(plume, &self.place(i), self.time_s[i], self.transport[i]);
+        let of = |plume| (0..self.len()).map(|i| of_row(plume, i)).collect();
+        self.puff_ratios = (0..plumes).map(of).collect();
     }
 
     /// Time that the air of every row took from the source, s: trends of source and wind are those
@@ -184,7 +199,8 @@ impl Track {
             place.east_m -= east;
             place.north_m -= north;
             place.height_agl_m -= up;
-            let (molar, direct) = world.excess_after(&place, time, self.way_s[i], wind);
+            let ratio = |plume: usize| self.puff_ratios.get(plume).map_or(1.0, |r| r[i]);
+            let (molar, direct) = world.excess_after(&place, time, self.way_s[i], wind, ratio);
             *value = (molar * self.ppm_per_mol_m3[i] + direct) * self.plume_factor[i];
         }
     }

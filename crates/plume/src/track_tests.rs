@@ -58,6 +58,28 @@ fn a_plain_track_reads_the_field() {
     }
 }
 
+#[test]
+fn ratios_of_puffs_are_of_their_plume_alone() {
+    let moved = [("east_m", 0.0), ("north_m", 300.0), ("ratio", 0.5)];
+    let second = Mechanism::new("second-source", &moved).unwrap();
+    let both = world(&[second]);
+    let excess = |ratios: &[f64]| {
+        let mut track = Track::new(&both, &names(), &rows()).unwrap();
+        track.set_puff_ratios(ratios.len(), |plume, _, _, _| ratios[plume]);
+        let mut out = vec![0.0; track.len()];
+        track.predict_parts(&both, &mut vec![0.0; rows().len()], Some(&mut out));
+        out
+    };
+    let (first, other, straight) = (excess(&[1.0, 0.0]), excess(&[0.0]), excess(&[]));
+    let twice = excess(&[2.0, 3.0]);
+    for i in 0..straight.len() {
+        assert!((first[i] + other[i] - straight[i]).abs() < 1e-9);
+        assert!((2.0 * first[i] + 3.0 * other[i] - twice[i]).abs() < 1e-9);
+    }
+    let sum = |v: &[f64]| v.iter().sum::<f64>();
+    assert!(sum(&first) > 1.0 && sum(&other) > 1.0);
+}
+
 // The sensor that the simulation steps and the track that the analysis predicts are one.
 #[test]
 fn the_track_reads_as_the_stepped_sensor() {

@@ -1,6 +1,6 @@
 //! The start: which wind carries the plume, and the base with its noise at their best.
 
-use ::plume::field::{Strength, Transport, World};
+use ::plume::field::{Strength, Transport};
 use ::plume::mechanism::MechanismId;
 
 use super::data::{Data, Setup};
@@ -256,11 +256,9 @@ fn carried_by(setup: &Setup, data: &Data, treatment: Treatment) -> Option<Carrie
 
 /// Puts a wind into `data`, with what it does to the plume of `model`.
 fn put(setup: &Setup, data: &mut Data, carried: &Carried, model: &Model) {
-    let world: Option<World> = model.world(&setup.base, data.track.platforms());
-    let factors = world.map(|w| carried.plume_factors(data, &w));
-    data.track
-        .transport_mut()
-        .copy_from_slice(&carried.transport);
+    if let Some(world) = model.world(&setup.base, data.track.platforms()) {
+        carried.put(&mut data.track, &world);
+    }
     let source = setup.base.sources[0].place;
     let ways: Vec<f64> = if carried.has_history() {
         data.way_s(source).collect()
@@ -268,7 +266,4 @@ fn put(setup: &Setup, data: &mut Data, carried: &Carried, model: &Model) {
         vec![0.0; data.len()]
     };
     data.track.way_s_mut().copy_from_slice(&ways);
-    if let Some(factors) = factors {
-        data.track.plume_factor_mut().copy_from_slice(&factors);
-    }
 }

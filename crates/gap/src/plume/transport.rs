@@ -6,6 +6,7 @@
 
 use ::plume::WindHistory;
 use ::plume::field::{Transport, World};
+use ::plume::track::Track;
 
 use super::data::Data;
 
@@ -95,21 +96,23 @@ impl Carried {
         self.history.is_some()
     }
 
-    /// Factor on the plume of every row in `world`.
-    pub fn plume_factors(&self, data: &Data, world: &World) -> Vec<f64> {
-        let times = data.track.time_s();
-        (0..data.len())
-            .map(|i| match (&self.history, self.treatment) {
-                (Some(history), _) => world.puffs_over_plume(
-                    history,
-                    &data.track.place(i),
-                    times[i],
-                    self.transport[i],
-                ),
-                (None, Treatment::Diluted(_)) => world.dilution_of_moment(self.transport[i]),
+    /// Puts the transport into `track`, and what it makes of the straight plumes of `world`.
+    pub fn put(&self, track: &mut Track, world: &World) {
+        track.transport_mut().copy_from_slice(&self.transport);
+        for (factor, wind) in track.plume_factor_mut().iter_mut().zip(&self.transport) {
+            *factor = match self.treatment {
+                Treatment::Diluted(_) => world.dilution_of_moment(*wind),
                 _ => 1.0,
-            })
-            .collect()
+            };
+        }
+        match &self.history {
+            Some(history) => {
+                track.set_puff_ratios(world.plume_count(), |plume, place, time_s, wind| {
+                    world.puffs_over_plume(history, plume, place, time_s, wind)
+                });
+            }
+            None => track.set_puff_ratios(0, |_, _, _, _| 1.0),
+        }
     }
 }
 

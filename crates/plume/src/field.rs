@@ -11,6 +11,7 @@ use air::geo::Enu;
 use air::isa::Atmosphere;
 use air::wind::{WindProfile, towards_deg};
 
+use self::reflection::Reflection;
 use crate::effects::{HOUR_S, WorldEffects};
 use crate::mechanism::Mechanism;
 use crate::sensor::SensorSpec;
@@ -161,13 +162,6 @@ pub struct World {
     rotation: (f64, f64),
     scenario_wind: Transport,
     notices: Vec<String>,
-}
-
-/// What of a plume comes back from below and above.
-#[derive(Debug, Clone, Copy)]
-struct Reflection {
-    ground: f64,
-    lid_m: f64,
 }
 
 impl World {
@@ -414,56 +408,6 @@ impl World {
     }
 }
 
-impl Reflection {
-    /// exp(−across) times the vertical shape with its images.
-    #[inline]
-    fn profile(&self, z_m: f64, height_m: f64, sigma_z_m: f64, across: f64) -> f64 {
-        let gauss = |d: f64| {
-            let exponent = across + 0.5 * (d / sigma_z_m) * (d / sigma_z_m);
-            if exponent > FARTHEST_EXPONENT {
-                0.0
-            } else {
-                (-exponent).exp()
-            }
-        };
-        let direct = gauss(z_m - height_m);
-        // A plume above the lid does not feel it, nor does what is above the lid see the plume
-        // below.
-        let lid_m = if height_m < self.lid_m {
-            self.lid_m
-        } else {
-            f64::INFINITY
-        };
-        if z_m > lid_m {
-            return 0.0;
-        }
-        if !lid_m.is_finite() {
-            return if self.ground > 0.0 {
-                direct + self.ground * gauss(z_m + height_m)
-            } else {
-                direct
-            };
-        }
-        if self.ground == 0.0 {
-            return direct + gauss(2.0 * lid_m - height_m - z_m);
-        }
-        if self.ground == 1.0 && sigma_z_m > 1.6 * lid_m {
-            // Well mixed: the images have merged (ISC3, equation 1-51).
-            return (std::f64::consts::TAU).sqrt() * sigma_z_m / lid_m * (-across).exp();
-        }
-        let reach = (1.0 + 5.0 * sigma_z_m / lid_m).ceil().min(12.0) as i32;
-        let mut sum = 0.0;
-        for n in -reach..=reach {
-            // An image that met the ground k times has that factor k times.
-            let shift = 2.0 * f64::from(n) * lid_m;
-            sum += self.ground.powi(n.abs()) * gauss(z_m - height_m - shift);
-            let met = if n >= 1 { n - 1 } else { 1 - n };
-            sum += self.ground.powi(met) * gauss(z_m + height_m - shift);
-        }
-        sum
-    }
-}
-
 /// Loss of a plume to the ground with distance: Chamberlain's source depletion.
 ///
 /// ln(Q(x)/Q0) = −(v/u) √(2/π) (1+r)/2 ∫ exp(−H²/2σz²)/σz dx, where 1+r stands for the
@@ -600,6 +544,9 @@ pub mod batch;
 
 #[path = "puffs.rs"]
 pub mod puffs;
+
+#[path = "reflection.rs"]
+mod reflection;
 
 #[cfg(test)]
 #[path = "field_tests.rs"]

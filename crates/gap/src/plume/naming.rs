@@ -295,10 +295,15 @@ impl Named {
         let rivals = rival::rivals(ctx, &beside, FALSE_ALARM, seed);
         let best = rivals.ranked.iter().find(|r| r.swings);
         if let Some(swing) = best.filter(|r| r.log_evidence > rivals.threshold + RIVAL_MORE) {
-            self.rest = Some(swing.fitted.clone());
-            self.unexplained = Some(unexplained(ctx, swing));
+            self.leave_unexplained(ctx, swing);
             self.last = beside;
         }
+    }
+
+    /// Lets a nameless term stand beside what was named.
+    fn leave_unexplained(&mut self, ctx: &Context<'_>, term: &Rival) {
+        self.rest = Some(term.fitted.clone());
+        self.unexplained = Some(unexplained(ctx, term));
     }
 
     /// What stands if no names make up for `rival`.
@@ -363,8 +368,7 @@ impl Named {
         let gained = self.accepted.iter().map(|a| a.evidence.delta_log_evidence);
         let rivals = rival::rivals(ctx, &self.last, FALSE_ALARM, seed);
         if let Some(rest) = standing(&rivals, REST_PART * gained.sum::<f64>()) {
-            self.rest = Some(rest.fitted.clone());
-            self.unexplained = Some(unexplained(ctx, rest));
+            self.leave_unexplained(ctx, rest);
         }
     }
 

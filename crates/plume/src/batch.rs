@@ -144,6 +144,7 @@ impl World {
             || e.sigma_z_exponent != 0.0
             || e.decay_s > 0.0
             || e.deposition_m_s > 0.0
+            || e.emission_trend_h != 0.0
             || self.reflection.lid_m.is_finite();
         let (curve_y, curve_z) = self.spread.of_one_class()?;
         if shaped || !matches!(curve_y.power, Power::MinusHalf) {
@@ -151,7 +152,6 @@ impl World {
         }
         let turned = rotate(self.scenario_wind, self.rotation);
         let wind = rotate(turned, turn(e.direction_drift_deg_h * time_s / HOUR_S));
-        let growth = (e.emission_trend_h * time_s / HOUR_S).exp();
         let scale_y = self.spec.sigma_y_scale * e.sigma_y_factor;
         let scale_z = self.spec.sigma_z_scale * e.sigma_z_factor;
         let mut kernels = Kernels::default();
@@ -163,7 +163,7 @@ impl World {
                 Emitted::Axis(s) => (&mut kernels.direct, s),
             };
             list.push(Kernel {
-                strength: strength * growth,
+                strength,
                 toward: [wind.east, wind.north],
                 source: [plume.east_m, plume.north_m, plume.height_m],
                 y: [1.0 / (curve_y.a * scale_y).powi(2), curve_y.b],

@@ -319,8 +319,8 @@ impl World {
         self.excess_after(place, time_s, 0.0, wind, |_| 1.0)
     }
 
-    /// The same of air that took `way_s` from the source: as strong as the source was when it was
-    /// emitted, and turned as the wind was on the mean of its way; each plume times its `factor`.
+    /// The same of air that took `way_s` from the source, turned as the wind was on the mean of its
+    /// way; each plume times its `factor`.
     #[inline]
     pub(crate) fn excess_after(
         &self,
@@ -339,24 +339,30 @@ impl World {
         turned.speed_m_s *= e.speed_factor;
         let mut sum = (0.0, 0.0);
         for (which, plume) in self.plumes.iter().enumerate() {
-            let (shape, speed) = self.shape(plume, place, turned);
+            let (shape, x, speed) = self.shape(plume, place, turned);
+            let shape = shape * self.grown(time_s - x / speed) * factor(which);
             match plume.emitted {
-                Emitted::Molar(strength) => sum.0 += strength * shape * factor(which) / speed,
-                Emitted::Axis(strength) => sum.1 += strength * shape * factor(which),
+                Emitted::Molar(strength) => sum.0 += strength * shape / speed,
+                Emitted::Axis(strength) => sum.1 += strength * shape,
             }
-        }
-        if e.emission_trend_h != 0.0 {
-            let grown = (e.emission_trend_h * (time_s - way_s) / HOUR_S).exp();
-            sum = (sum.0 * grown, sum.1 * grown);
         }
         sum
     }
 
-    /// exp() V(z) losses / (σy σz), and the transport speed.
+    /// By what all sources have grown when air is emitted.
     #[inline]
-    fn shape(&self, plume: &Plume, place: &Place, wind: Transport) -> (f64, f64) {
+    fn grown(&self, emitted_s: f64) -> f64 {
+        match self.effects.emission_trend_h {
+            0.0 => 1.0,
+            rate => (rate * emitted_s / HOUR_S).exp(),
+        }
+    }
+
+    /// exp() V(z) losses / (σy σz), the distance downwind and the transport speed.
+    #[inline]
+    fn shape(&self, plume: &Plume, place: &Place, wind: Transport) -> (f64, f64, f64) {
         let (spread, x, speed) = self.spread(plume, place, wind);
-        (spread * self.remaining(plume, x, speed), speed)
+        (spread * self.remaining(plume, x, speed), x, speed)
     }
 
     /// The wind as it is at the height of a place, if it is `wind` at that of the plume.

@@ -230,6 +230,13 @@ fn spread_and_source_mechanisms_act() {
     let b = world("emission-trend", &[("rate_per_h", 0.5)]);
     let ratio = (b.mean_ppm(&axis, 3600.0) - 449.0) / (b.mean_ppm(&axis, 0.0) - 449.0);
     assert!((ratio - 0.5f64.exp()).abs() < 1e-9);
+    // Air that was emitted earlier is as much weaker as if it had decayed since.
+    let decay = world("first-order-decay", &[("rate_per_s", 0.5 / 3600.0)]);
+    for x in [300.0, 2400.0, 9000.0] {
+        let place = at(x, 40.0, 400.0);
+        let ratio = excess(&b, place) / excess(&decay, place);
+        assert!((ratio - 1.0).abs() < 1e-9, "{x} m: {ratio}");
+    }
     let second = world(
         "second-source",
         &[

@@ -197,7 +197,7 @@ mod tests {
             let transport = history.mean_transport(time, along.hypot(across));
             let ratio = world.puffs_over_plume(&history, 0, &place, time, transport);
             let plume = world.plumes[0].clone();
-            let (straight, speed) = world.shape(&plume, &place, transport);
+            let (straight, _, speed) = world.shape(&plume, &place, transport);
             let mut sum = 0.0;
             for k in 1..9000 {
                 let moved = history.travelled_m(time, 0.1 * f64::from(k));

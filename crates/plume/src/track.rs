@@ -141,8 +141,8 @@ impl Track {
         self.puff_ratios = (0..plumes).map(of).collect();
     }
 
-    /// Time that the air of every row took from the source, s: trends of source and wind are those
-    /// of its way. Zero at first, and for a plume that is as the wind of the moment has it.
+    /// Time that the air of every row took from the source, s: a drift of the wind is that of its
+    /// way. Zero at first, and for a plume that is as the wind of the moment has it.
     pub fn way_s(&self) -> &[f64] {
         &self.way_s
     }

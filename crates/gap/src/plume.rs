@@ -147,6 +147,7 @@ pub fn analyse(
             (named, ctx) = (again, there);
         }
     }
+    named.conclude(&ctx);
     tell(0.8, "measuring the gain on data left out");
     let extended = !named.accepted.is_empty();
     let gain = (options.complete && extended)

@@ -67,6 +67,7 @@ pub(crate) struct Named {
     pub base: Fitted,
     pub last: Fitted,
     pub accepted: Vec<Accepted>,
+    /// As [`Named::conclude`] states them.
     pub causes: Vec<Cause>,
     pub ranking: Vec<Ranked>,
     pub unexplained: Option<Unexplained>,
@@ -110,7 +111,6 @@ pub(crate) fn name(
     if named.accepted.is_empty() && named.unexplained.is_none() {
         named.unexplained = unrelated(ctx, &named.last);
     }
-    named.causes = named.describe(ctx);
     named
 }
 
@@ -387,6 +387,19 @@ impl Named {
             part,
             model,
         }
+    }
+
+    /// Brings what was named to an end: a noise that was fitted with the names stays only if the
+    /// model predicts data left out better with it than with the base's. States the causes.
+    pub fn conclude(&mut self, ctx: &Context<'_>) {
+        // A nameless term is whitened by the noise that it was found under.
+        if !self.accepted.is_empty() && self.rest.is_none() {
+            let beside_base = ctx.settle(&self.last.model, &self.base.metric, &self.base, 6);
+            if held_out::log_gain(ctx, &beside_base, &self.last) < 0.0 {
+                self.last = beside_base;
+            }
+        }
+        self.causes = self.describe(ctx);
     }
 
     /// The base at its best under the noise of the final model, so that the two can be compared.

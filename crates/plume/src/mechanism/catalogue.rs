@@ -172,7 +172,7 @@ static CATALOGUE: &[MechanismSpec] = &[
         M::EmissionTrend,
         Source,
         &[offset("rate_per_h", "1/h", 1.0, -50.0, 50.0)],
-        "emission times exp(rate times hours since time 0)",
+        "emission times exp(rate times hours since time 0), of the time when the air passed the source",
     ),
     entry(
         M::SecondSource,

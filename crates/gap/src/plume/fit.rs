@@ -1,12 +1,14 @@
 //! Fitting a model and its noise: Gauss–Newton on whitened residuals, noise by maximum
 //! posterior, evidence by Laplace's approximation.
 
+use std::sync::Arc;
+
 use ::plume::mechanism::MechanismId;
 use nalgebra::{DMatrix, DVector};
 
 use super::data::{Data, Setup};
 use super::freedom::Freedom;
-use super::linear::{Posterior, posterior, products, scores};
+use super::linear::{Posterior, posterior, posterior_mean, products, scores};
 use super::model::{Model, Part, Prediction};
 use super::noise::{self, Loading, NoiseModel, Rows, Whitener};
 use super::nuisance::{Metric, Nuisance};
@@ -31,11 +33,11 @@ pub(crate) struct Fitted {
     pub prediction: Prediction,
     pub noise: NoiseModel,
     pub loading: Vec<Loading>,
-    pub metric: Metric,
+    pub metric: Arc<Metric>,
     /// Whitened residual.
     pub residual: Vec<f64>,
-    /// Whitened derivatives by the free parameters, then the nuisance columns.
-    pub columns: Vec<Vec<f64>>,
+    /// Whitened derivatives by the free parameters.
+    derivatives: Vec<Vec<f64>>,
     /// Centres of the columns' priors, as steps from where the model stands.
     pub centre: DVector<f64>,
     /// Precisions of the columns' priors.
@@ -54,11 +56,16 @@ impl Fitted {
         self.log_score + self.model.ln_prior()
     }
 
+    /// Whitened derivatives by the free parameters, then the nuisance columns.
+    pub fn columns(&self) -> Vec<&[f64]> {
+        self.metric.after(&self.derivatives)
+    }
+
     /// The whitened residual less its columns with these coefficients.
     pub fn less(&self, coefficients: &DVector<f64>) -> Vec<f64> {
         let mut left = self.residual.clone();
-        for (column, c) in self.columns.iter().zip(coefficients.iter()) {
-            for (l, value) in left.iter_mut().zip(column) {
+        for (column, c) in self.columns().iter().zip(coefficients.iter()) {
+            for (l, value) in left.iter_mut().zip(*column) {
                 *l -= c * value;
             }
         }
@@ -186,17 +193,18 @@ impl<'a> Context<'a> {
             if n == 0 {
                 break;
             }
-            let (residual, columns) = self.whitened(&model, &reading, metric);
+            let (residual, derivatives) = self.whitened(&model, &reading, metric);
+            let (gram, score) = normal_equations(&residual, &derivatives, metric);
             let (centre, precision) = prior_of(&model, metric);
-            let Some(post) = step_of(&residual, &columns, &centre, &precision, metric) else {
+            let Some(step) = posterior_mean(&gram, &score, &centre, &precision) else {
                 break;
             };
-            let mut scale = limit(&model, &post.mean);
+            let mut scale = limit(&model, &step);
             let mut gained = 0.0;
             for _ in 0..4 {
                 let mut moved = model.clone();
                 for k in 0..n {
-                    moved.set_coordinate(k, model.coordinate(k) + scale * post.mean[k]);
+                    moved.set_coordinate(k, model.coordinate(k) + scale * step[k]);
                 }
                 let there_reading = self.readings(&moved);
                 let there = self.objective(&moved, &there_reading, metric);
@@ -220,7 +228,7 @@ impl<'a> Context<'a> {
         model.ln_prior() - 0.5 * metric.square(&residual)
     }
 
-    /// Whitened residual, and whitened derivatives with the nuisance columns after them.
+    /// Whitened residual, and whitened derivatives by the free parameters.
     fn whitened(
         &self,
         model: &Model,
@@ -232,7 +240,6 @@ impl<'a> Context<'a> {
         let mut all: Vec<&mut [f64]> = columns.iter_mut().map(Vec::as_mut_slice).collect();
         all.push(&mut residual);
         metric.whitener.whiten(&mut all);
-        columns.extend(metric.columns.iter().cloned());
         (residual, columns)
     }
 
@@ -240,7 +247,7 @@ impl<'a> Context<'a> {
     pub fn settle(
         &self,
         start: &Model,
-        metric: &Metric,
+        metric: &Arc<Metric>,
         from: &Fitted,
         iterations: usize,
     ) -> Fitted {
@@ -251,7 +258,7 @@ impl<'a> Context<'a> {
             prediction,
             from.noise,
             from.loading.clone(),
-            metric.clone(),
+            Arc::clone(metric),
             None,
         )
     }
@@ -272,7 +279,7 @@ impl<'a> Context<'a> {
         let rows = self.rows(&wide.loading);
         let whitener = Whitener::new(&rows, &wide.noise, &wide.cleaned);
         let nuisance = Nuisance::new(self, start, &wide.prediction, &wide.loading, &wide.noise);
-        let metric = Metric::new(whitener, nuisance);
+        let metric = Arc::new(Metric::new(whitener, nuisance));
         let model = self.descend(start, &metric, 4);
         let prediction = self.predict(&model);
         self.conclude(
@@ -359,18 +366,19 @@ impl<'a> Context<'a> {
         prediction: Prediction,
         noise: NoiseModel,
         loading: Vec<Loading>,
-        metric: Metric,
+        metric: Arc<Metric>,
         cleaned: Option<&[f64]>,
     ) -> Fitted {
-        let (residual, columns) = self.whitened(&model, &prediction.reading, &metric);
+        let (residual, derivatives) = self.whitened(&model, &prediction.reading, &metric);
         let log_score = match cleaned {
             None => -0.5 * metric.square(&residual),
             Some(cleaned) => metric.log_likelihood(&residual, cleaned) + noise.ln_prior(),
         };
         let (centre, precision) = prior_of(&model, &metric);
         let n = model.dimension();
-        let posterior = step_of(&residual, &columns, &centre, &precision, &metric)
-            .unwrap_or_else(|| empty(&precision));
+        let (gram, score) = normal_equations(&residual, &derivatives, &metric);
+        let posterior =
+            posterior(&gram, &score, &centre, &precision).unwrap_or_else(|| empty(&precision));
         // The nuisance is integrated over in the score already.
         let own = posterior.covariance.view((0, 0), (n, n)).into_owned();
         let volume = match cleaned {
@@ -388,7 +396,7 @@ impl<'a> Context<'a> {
             loading,
             metric,
             residual,
-            columns,
+            derivatives,
             centre,
             precision,
             posterior,
@@ -444,27 +452,26 @@ fn prior_of(model: &Model, metric: &Metric) -> (DVector<f64>, DVector<f64>) {
     )
 }
 
-/// Posterior of a step from where the model stands; the last columns are the metric's own.
-fn step_of(
+/// Inner products of whitened derivatives and then the metric's own columns, with each other and
+/// with the residual.
+fn normal_equations(
     residual: &[f64],
-    columns: &[Vec<f64>],
-    centre: &DVector<f64>,
-    precision: &DVector<f64>,
+    derivatives: &[Vec<f64>],
     metric: &Metric,
-) -> Option<Posterior> {
-    let n = columns.len();
-    let own = n - metric.columns.len();
+) -> (DMatrix<f64>, DVector<f64>) {
+    let columns = metric.after(derivatives);
+    let (n, own) = (columns.len(), derivatives.len());
     let mut gram = DMatrix::zeros(n, n);
     gram.view_mut((own, own), (n - own, n - own))
         .copy_from(&metric.gram);
-    let cross = products(&columns[..own], columns);
+    let cross = products(derivatives, &columns);
     for i in 0..own {
         for j in 0..n {
             gram[(i, j)] = cross[(i, j)];
             gram[(j, i)] = cross[(i, j)];
         }
     }
-    posterior(&gram, &scores(columns, residual), centre, precision)
+    (gram, scores(&columns, residual))
 }
 
 /// Part of a step that keeps every parameter within reach of its prior.

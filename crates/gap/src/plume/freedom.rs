@@ -10,7 +10,7 @@ use nalgebra::DVector;
 
 use super::candidate::{self, Start};
 use super::fit::{Context, Effort};
-use super::linear::{marginal, products, scores};
+use super::linear::{self, marginal, scores};
 use super::model::{Model, Prediction};
 use super::noise::{Loading, NoiseModel, Rows, Whitener};
 use super::nuisance::{Spacing, hats};
@@ -108,7 +108,7 @@ impl Freedom {
         whitener.whiten(&mut views);
         let own = |of: &dyn Fn(usize) -> f64| DVector::from_fn(columns.len(), |k, _| of(k));
         let (centre, precision) = (own(&|k| -at[k]), own(&|k| self.sd[k].powi(-2)));
-        let gram = products(&columns, &columns);
+        let gram = linear::gram(&columns);
         let Some(known) = marginal(&gram, &scores(&columns, &white), &centre, &precision) else {
             return f64::NEG_INFINITY;
         };

@@ -13,7 +13,7 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
 use super::fit::{Context, Fitted};
-use super::linear::{dot, marginal, posterior, products, scores};
+use super::linear::{self, dot, marginal, posterior, scores};
 use crate::verdict::{Gain, HeldOut};
 
 /// Number of bootstrap resamples.
@@ -151,13 +151,14 @@ struct LeftOut {
 
 impl LeftOut {
     fn new(fitted: &Fitted, rows: &[Vec<usize>]) -> Self {
-        let n = fitted.columns.len();
+        let columns = fitted.columns();
+        let n = columns.len();
         let parts: Vec<(DMatrix<f64>, DVector<f64>)> = rows
             .iter()
             .map(|rows| {
-                let own: Vec<Vec<f64>> = fitted.columns.iter().map(|c| pick(c, rows)).collect();
+                let own: Vec<Vec<f64>> = columns.iter().map(|c| pick(c, rows)).collect();
                 let residual = pick(&fitted.residual, rows);
-                (products(&own, &own), scores(&own, &residual))
+                (linear::gram(&own), scores(&own, &residual))
             })
             .collect();
         let gram = parts.iter().fold(DMatrix::zeros(n, n), |s, p| s + &p.0);
@@ -192,7 +193,7 @@ impl LeftOut {
 }
 
 fn predict(ctx: &Context<'_>, fitted: &Fitted, rows: &[Vec<usize>]) -> Vec<Predicted> {
-    let n = fitted.columns.len();
+    let n = fitted.precision.len();
     let mut raw = ctx.derivatives(&fitted.model, &fitted.prediction.reading);
     raw.extend(fitted.metric.nuisance.raw.iter().cloned());
     let left_out = LeftOut::new(fitted, rows);

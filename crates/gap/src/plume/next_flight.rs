@@ -17,7 +17,7 @@ use nalgebra::DVector;
 use super::accepted::law_power;
 use super::data::Data;
 use super::fit::{Context, Fitted};
-use super::linear::{dot, posterior, products, scores};
+use super::linear::{self, dot, posterior, scores};
 use super::model::{Model, Prediction};
 use super::naming::Named;
 use super::noise::{Loading, Whitener};
@@ -367,7 +367,7 @@ impl<'a> Flown<'a> {
             .view((0, 0), (d, d))
             .into_owned()
             .try_inverse()?;
-        let mut gram = products(&columns, &columns);
+        let mut gram = linear::gram(&columns);
         gram.view_mut((0, 0), (d, d)).add_assign(&known);
         let score = scores(&columns, &apart);
         let own = |k: usize| nuisance.sd[k - d].powi(-2);

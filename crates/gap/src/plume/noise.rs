@@ -11,6 +11,10 @@
 
 use std::ops::Range;
 
+use multiversion::multiversion;
+
+use super::linear::is_busy;
+
 /// Number of noise parameters.
 pub(crate) const NOISE_PARAMETERS: usize = 9;
 /// Number of states.
@@ -184,8 +188,9 @@ pub(crate) struct Whitener {
 
 /// Part of a column's largest value that the filter's memory of it counts as nothing.
 const FORGOTTEN: f64 = 1e-9;
-/// Columns whitened side by side.
+/// Columns whitened side by side, and rows of them at a time.
 const LANES: usize = 8;
+const BLOCK_ROWS: usize = 64;
 
 /// Runs the filter over `residual`; gives the log likelihood and, if asked, the gains.
 fn filter(
@@ -330,7 +335,7 @@ impl Whitener {
             let mut active: Vec<&mut [f64]> = columns
                 .iter_mut()
                 .map(|c| &mut c[range.clone()])
-                .filter(|c| c.iter().any(|v| *v != 0.0))
+                .filter(|c| is_busy(c))
                 .collect();
             for group in active.chunks_mut(LANES) {
                 self.whiten_group(group, &self.steps[range.clone()]);
@@ -364,36 +369,52 @@ impl Whitener {
 
     fn whiten_group(&self, group: &mut [&mut [f64]], steps: &[Step]) {
         let mut mean = [[0.0f64; LANES]; STATES];
-        let mut row = [0.0; LANES];
+        let mut block = [[0.0; LANES]; BLOCK_ROWS];
         let nil = |i: &usize| group.iter().all(|c| c[*i] == 0.0);
         let first = (0..steps.len()).find(|i| !nil(i)).unwrap_or(0);
         let last = (first..steps.len()).rfind(|i| !nil(i)).unwrap_or(0);
         let largest = group.iter().flat_map(|c| c.iter());
         let forgotten = FORGOTTEN * largest.fold(0.0f64, |m, v| m.max(v.abs()));
-        for (i, s) in steps.iter().enumerate().skip(first) {
-            if i > last && mean.iter().flatten().all(|m| m.abs() < forgotten) {
+        for from in (first..steps.len()).step_by(BLOCK_ROWS) {
+            if from > last && mean.iter().flatten().all(|m| m.abs() < forgotten) {
                 break;
             }
+            let steps = &steps[from..(from + BLOCK_ROWS).min(steps.len())];
+            let rows = &mut block[..steps.len()];
             for (lane, column) in group.iter().enumerate() {
-                row[lane] = column[i];
+                for (row, value) in rows.iter_mut().zip(&column[from..]) {
+                    row[lane] = *value;
+                }
             }
-            let [a, b, c] = &mut mean;
-            for lane in 0..LANES {
-                a[lane] *= s.keep[0];
-                b[lane] *= s.keep[1];
-                c[lane] *= s.keep[2];
-                let expected = s.load[0] * a[lane] + s.load[1] * b[lane] + s.load[2] * c[lane];
-                let innovation = row[lane] - expected;
-                a[lane] += s.gain[0] * innovation;
-                b[lane] += s.gain[1] * innovation;
-                c[lane] += s.gain[2] * innovation;
-                row[lane] = innovation * s.inv_sd;
-            }
+            whiten_rows(rows, steps, &mut mean);
             for (lane, column) in group.iter_mut().enumerate() {
-                column[i] = row[lane];
+                for (row, value) in rows.iter().zip(&mut column[from..]) {
+                    *value = row[lane];
+                }
             }
         }
     }
+}
+
+/// Runs the filter with given gains over rows of columns side by side, from its memory `mean`
+/// of them on.
+#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2"))]
+fn whiten_rows(rows: &mut [[f64; LANES]], steps: &[Step], mean: &mut [[f64; LANES]; STATES]) {
+    let [mut a, mut b, mut c] = *mean;
+    for (row, s) in rows.iter_mut().zip(steps) {
+        for lane in 0..LANES {
+            a[lane] *= s.keep[0];
+            b[lane] *= s.keep[1];
+            c[lane] *= s.keep[2];
+            let expected = s.load[0] * a[lane] + s.load[1] * b[lane] + s.load[2] * c[lane];
+            let innovation = row[lane] - expected;
+            a[lane] += s.gain[0] * innovation;
+            b[lane] += s.gain[1] * innovation;
+            c[lane] += s.gain[2] * innovation;
+            row[lane] = innovation * s.inv_sd;
+        }
+    }
+    *mean = [a, b, c];
 }
 
 /// The noise of the largest `value` from where `noise` stands: a quasi-Newton search with

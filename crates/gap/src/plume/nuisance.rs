@@ -6,12 +6,14 @@
 //! plume; spread, strength and logged places are right to a per cent or a metre only. Each is
 //! a column with a normal prior, integrated over together with the free parameters.
 
+use std::sync::Arc;
+
 use ::plume::mechanism::MechanismId;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::fit::Context;
 use super::freedom::Freedom;
-use super::linear::{dot, products, scores};
+use super::linear::{self, dot, scores};
 use super::model::{Model, Part, Prediction};
 use super::noise::{Loading, NoiseModel, Whitener};
 
@@ -228,7 +230,7 @@ impl Metric {
         let mut columns = nuisance.raw.clone();
         let mut views: Vec<&mut [f64]> = columns.iter_mut().map(Vec::as_mut_slice).collect();
         whitener.whiten(&mut views);
-        let gram = products(&columns, &columns);
+        let gram = linear::gram(&columns);
         let mut metric = Self {
             whitener,
             nuisance,
@@ -253,17 +255,26 @@ impl Metric {
             .map_or(0.0, |f| (0..n).map(|k| f.l_dirty()[(k, k)].ln()).sum());
     }
 
+    /// Whitened columns with the metric's own after them.
+    pub fn after<'a>(&'a self, columns: &'a [Vec<f64>]) -> Vec<&'a [f64]> {
+        let all = columns.iter().chain(&self.columns);
+        all.map(Vec::as_slice).collect()
+    }
+
     /// The same without the tolerance of a mechanism that the model has: two of a kind, one of
     /// them linear, would make shapes that neither has.
-    pub fn not_tolerating(&self, id: MechanismId) -> Self {
-        let mut out = self.clone();
+    pub fn not_tolerating(self: &Arc<Self>, id: MechanismId) -> Arc<Self> {
+        if !self.nuisance.tolerates.contains(&Some(id)) {
+            return Arc::clone(self);
+        }
+        let mut out = Self::clone(self);
         for (k, own) in self.nuisance.tolerates.iter().enumerate() {
             if *own == Some(id) {
                 out.nuisance.sd[k] = NOT_TOLERATED * self.nuisance.sd[k];
             }
         }
         out.factorise();
-        out
+        Arc::new(out)
     }
 
     fn score(&self, whitened: &[f64]) -> DVector<f64> {
@@ -295,9 +306,12 @@ impl Metric {
     pub fn less(&self, residual: &[f64], coefficients: &[f64], used: &[bool]) -> Vec<f64> {
         let mut out = residual.to_vec();
         for (c, column) in coefficients.iter().zip(&self.nuisance.raw) {
-            for i in (0..out.len()).filter(|i| used[*i]) {
-                out[i] -= c * column[i];
+            for (left, value) in out.iter_mut().zip(column) {
+                *left -= c * value;
             }
+        }
+        for i in (0..out.len()).filter(|i| !used[*i]) {
+            out[i] = residual[i];
         }
         out
     }

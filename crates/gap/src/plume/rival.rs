@@ -11,7 +11,7 @@ use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::fit::{Context, Fitted};
-use super::linear::{dot, products, scores};
+use super::linear::{self, dot, products, scores};
 use super::nuisance::SHARED_MOST_DEG;
 use super::parallel;
 use super::rival_terms::{self as terms, Term};
@@ -45,7 +45,7 @@ const LN_SHARE: f64 = -6.0;
 
 /// Builds, whitens and ranks all rivals on top of `fitted`.
 pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed: u64) -> Rivals {
-    let gram = products(&fitted.columns, &fitted.columns);
+    let gram = linear::gram(&fitted.columns());
     let base = Base::new(ctx, fitted, &gram, None);
     // A turn within what any logged wind may be off by is no finding, though the noise that was
     // fitted has less of it.
@@ -158,7 +158,7 @@ impl<'a> Base<'a> {
         gram: &DMatrix<f64>,
         swing_deg: Option<f64>,
     ) -> Self {
-        let n = fitted.columns.len();
+        let n = fitted.precision.len();
         let (centre, mut precision) = (&fitted.centre, fitted.precision.clone());
         if let Some(size) = swing_deg {
             let hats = fitted.metric.hats();
@@ -173,7 +173,7 @@ impl<'a> Base<'a> {
             ctx,
             fitted,
             inverse: Cholesky::new(a).map_or_else(|| DMatrix::zeros(n, n), |c| c.inverse()),
-            score: scores(&fitted.columns, &fitted.residual) + precision.component_mul(centre),
+            score: scores(&fitted.columns(), &fitted.residual) + precision.component_mul(centre),
         }
     }
 
@@ -196,14 +196,10 @@ impl<'a> Base<'a> {
             .iter()
             .map(|n| if *n > 1e-9 { 1.0 / n.sqrt() } else { 0.0 })
             .collect();
-        let base: Vec<&[f64]> = self
-            .fitted
-            .columns
-            .iter()
-            .map(|c| &c[rows.clone()])
-            .collect();
+        let base = self.fitted.columns();
+        let base: Vec<&[f64]> = base.iter().map(|c| &c[rows.clone()]).collect();
         let mut cross = products(&own, &base);
-        let mut gram = products(&own, &own);
+        let mut gram = linear::gram(&own);
         for i in 0..d {
             cross.row_mut(i).scale_mut(scale[i]);
             for j in 0..d {

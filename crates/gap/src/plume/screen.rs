@@ -81,7 +81,7 @@ pub(crate) fn screen(
     seed: u64,
 ) -> Screen {
     let per_platform = products(ctx, fitted, columns);
-    let base = fitted.columns.len();
+    let base = fitted.precision.len();
     let n = base + columns.len();
     let mut gram = DMatrix::zeros(n, n);
     let mut score = DVector::zeros(n);
@@ -131,16 +131,12 @@ pub(crate) fn screen(
 }
 
 fn products(ctx: &Context<'_>, fitted: &Fitted, columns: &[Vec<f64>]) -> Vec<Products> {
-    let all: Vec<&[f64]> = fitted
-        .columns
-        .iter()
-        .chain(columns)
-        .map(Vec::as_slice)
-        .collect();
+    let mut all = fitted.columns();
+    all.extend(columns.iter().map(Vec::as_slice));
     parallel::map(ctx.data.ranges(), ctx.threads, |range| {
         let own: Vec<&[f64]> = all.iter().map(|c| &c[range.clone()]).collect();
         Products {
-            gram: linear::products(&own, &own),
+            gram: linear::gram(&own),
             score: linear::scores(&own, &fitted.residual[range.clone()]),
         }
     })
@@ -325,6 +321,7 @@ fn clustering(
 ) -> f64 {
     let block_s = (2.0 * fitted.noise.memory_s()).clamp(15.0, 120.0);
     let times = ctx.data.track.time_s();
+    let base_columns = fitted.columns();
     let (mut sum, mut expected, mut fourth) = (0.0, 0.0, 0.0);
     for (p, range) in ctx.data.ranges().iter().enumerate() {
         if h.platform.is_some_and(|own| own != p) {
@@ -336,7 +333,7 @@ fn clustering(
             let (mut block, mut information) = (0.0, 0.0);
             while i < range.end && times[i] < end {
                 let mut own = column[i];
-                for (k, base) in fitted.columns.iter().enumerate() {
+                for (k, base) in base_columns.iter().enumerate() {
                     own -= h.lean[(0, k)] * base[i];
                 }
                 block += own * (left[i] - amplitude * own);

@@ -145,7 +145,11 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
     let order = shortlist(&options, &scores);
     let mut full = parallel::map(&order, threads, |&k| {
         let (own, settled) = settled(setup, shared, &options[k], &quick[k].1, &quick[k].2);
-        let ctx = single(setup, &own);
+        // Three on two threads: within the last one there is work for both.
+        let ctx = Context {
+            threads,
+            ..single(setup, &own)
+        };
         let wide = ctx.wide(&settled, quick[k].2, Effort::FULL);
         let score = wide.log_score + options[k].treatment.ln_prior();
         (score, ctx.within(&settled, wide), own)

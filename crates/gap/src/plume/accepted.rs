@@ -31,14 +31,39 @@ pub(crate) struct Accepted {
     pub elsewhere: Vec<(Option<usize>, f64)>,
 }
 
-/// The power that evidence is taken to, so that what laws differ by does not pass for knowledge.
-pub(crate) fn law_power(log_score: f64) -> f64 {
+/// The power that evidence is taken to between two causes, so that what laws differ by does not
+/// pass for knowledge.
+pub(crate) fn law_power(one: MechanismId, other: Option<MechanismId>, log_score: f64) -> f64 {
+    if by_definition(one) && other.is_some_and(by_definition) {
+        return 1.0;
+    }
     (1.0 / (1.0 + log_score.max(0.0) / LAW_NATS)).max(LEAST_POWER)
+}
+
+/// Whether a mechanism is a constant or something logged times a constant: there is no law to be
+/// wrong.
+fn by_definition(id: MechanismId) -> bool {
+    use MechanismId as M;
+    matches!(
+        id,
+        M::BackgroundOffset
+            | M::BackgroundDrift
+            | M::BackgroundGradient
+            | M::SensorGain
+            | M::SensorOffset
+            | M::SensorDrift
+            | M::CrossSensitivityHumidity
+            | M::CrossSensitivityTemperature
+            | M::CrossSensitivityPressure
+    )
 }
 
 /// A name as a round gives it, with all that the data cannot tell from it.
 pub(crate) fn accept(round: &Round, best: &Tried) -> Accepted {
-    let ids = round.by_id(law_power(best.log_score));
+    let ids = round.by_id(|evidence, id| {
+        let power = law_power(best.id, id, best.log_score);
+        best.log_evidence + power * (evidence - best.log_evidence)
+    });
     // Nameless rivals and the base take part in the probabilities, but not in the set.
     let named: f64 = ids.iter().map(|i| i.1).sum();
     let mut set: Vec<(MechanismId, f64)> = Vec::new();
@@ -83,7 +108,7 @@ pub(crate) fn accept(round: &Round, best: &Tried) -> Accepted {
 
 /// Where a fault may be instead, if not where it is named.
 fn elsewhere(round: &Round, best: &Tried) -> Vec<(Option<usize>, f64)> {
-    let power = law_power(best.log_score);
+    let power = law_power(best.id, Some(best.id), best.log_score);
     let odds = |t: &Tried| (power * (t.log_evidence - best.log_evidence)).exp();
     let same = || round.tried.iter().filter(|t| t.id == best.id);
     let all: f64 = same().map(odds).sum();
@@ -97,4 +122,20 @@ fn elsewhere(round: &Round, best: &Tried) -> Vec<(Option<usize>, f64)> {
 /// Probability of a set.
 pub(crate) fn sum(set: &[(MechanismId, f64)]) -> f64 {
     set.iter().map(|s| s.1).sum::<f64>().min(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_laws_may_be_wrong() {
+        use MechanismId as M;
+        let power = |one, other| law_power(one, Some(other), LAW_NATS);
+        assert_eq!(power(M::SensorOffset, M::BackgroundOffset), 1.0);
+        assert_eq!(power(M::SensorOffset, M::SigmaYScale), 0.5);
+        assert_eq!(power(M::SigmaYScale, M::StabilityClass), 0.5);
+        assert_eq!(law_power(M::SensorOffset, None, LAW_NATS), 0.5);
+        assert_eq!(law_power(M::SigmaYScale, None, 1e6), LEAST_POWER);
+    }
 }

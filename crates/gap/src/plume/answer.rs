@@ -41,7 +41,7 @@ pub(crate) fn parameters(fitted: &Fitted, part: usize) -> Vec<Parameter> {
 pub(crate) fn ranking(ctx: &Context<'_>, round: &Round) -> Vec<Ranked> {
     let name = |p: Option<usize>| p.map(|p| ctx.data.track.platforms()[p].clone());
     let mut out: Vec<Ranked> = round
-        .probabilities(1.0)
+        .probabilities(|evidence, _| evidence)
         .map(|(t, probability)| Ranked {
             mechanisms: vec![t.id.as_str().to_string()],
             platform: name(t.platform),

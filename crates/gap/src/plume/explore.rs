@@ -278,31 +278,37 @@ fn best_null(
 
 impl Round {
     /// Log of the sum over the base as it is, all mechanisms tried, and the rivals, of the
-    /// evidence to the power `power`.
-    fn ln_total(&self, power: f64) -> f64 {
+    /// evidence as it is weighed.
+    fn ln_total(&self, weighed: &impl Fn(f64, Option<MechanismId>) -> f64) -> f64 {
         let rivals = self.rivals.iter().flat_map(|r| &r.ranked);
-        let all: Vec<f64> = std::iter::once(0.0)
-            .chain(self.tried.iter().map(|t| t.log_evidence))
-            .chain(rivals.map(|r| r.log_evidence))
-            .map(|e| power * e)
+        let tried = self.tried.iter();
+        let all: Vec<f64> = std::iter::once(weighed(0.0, None))
+            .chain(tried.map(|t| weighed(t.log_evidence, Some(t.id))))
+            .chain(rivals.map(|r| weighed(r.log_evidence, None)))
             .collect();
         let peak = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         peak + all.iter().map(|e| (e - peak).exp()).sum::<f64>().ln()
     }
 
-    /// Probability of each that was tried, in their order, with evidence taken to the power
-    /// `power`.
-    pub fn probabilities(&self, power: f64) -> impl Iterator<Item = (&Tried, f64)> {
-        let ln_total = self.ln_total(power);
-        let own = move |t: &Tried| (power * t.log_evidence - ln_total).exp();
+    /// Probability of each that was tried, in their order, with log evidence as `weighed` has
+    /// it of a mechanism; of the base and of nameless rivals where there is no mechanism.
+    pub fn probabilities(
+        &self,
+        weighed: impl Fn(f64, Option<MechanismId>) -> f64,
+    ) -> impl Iterator<Item = (&Tried, f64)> {
+        let ln_total = self.ln_total(&weighed);
+        let own = move |t: &Tried| (weighed(t.log_evidence, Some(t.id)) - ln_total).exp();
         self.tried.iter().map(move |t| (t, own(t)))
     }
 
-    /// Probability of every id, all its platforms together, the largest first, with evidence
-    /// taken to the power `power`.
-    pub fn by_id(&self, power: f64) -> Vec<(MechanismId, f64)> {
+    /// Probability of every id, all its platforms together, the largest first; weighed as for
+    /// [`Round::probabilities`].
+    pub fn by_id(
+        &self,
+        weighed: impl Fn(f64, Option<MechanismId>) -> f64,
+    ) -> Vec<(MechanismId, f64)> {
         let mut out: Vec<(MechanismId, f64)> = Vec::new();
-        for (t, probability) in self.probabilities(power) {
+        for (t, probability) in self.probabilities(weighed) {
             match out.iter_mut().find(|o| o.0 == t.id) {
                 Some(o) => o.1 += probability,
                 None => out.push((t.id, probability)),

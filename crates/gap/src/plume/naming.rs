@@ -211,7 +211,8 @@ fn nameless<'a>(round: &'a Round, best: Option<&Tried>, least_nats: f64) -> Opti
 
 /// Whether all names together are less probable than what has none.
 fn names_are_few(round: &Round) -> bool {
-    round.by_id(1.0).iter().map(|i| i.1).sum::<f64>() < NAMES_AT
+    let names = round.probabilities(|evidence, _| evidence);
+    names.map(|(_, probability)| probability).sum::<f64>() < NAMES_AT
 }
 
 impl Named {

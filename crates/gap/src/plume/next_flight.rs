@@ -72,8 +72,11 @@ pub(crate) fn propose(ctx: &Context<'_>, named: &Named) -> Option<NextFlight> {
             nats.unwrap_or(0.0)
         };
         // The more the effect itself shows, the less a difference of laws will count.
-        let power = law_power(cause.evidence.delta_log_score + from(&named.base));
-        let nats: Vec<f64> = rivals.iter().map(|r| power * from(r)).collect();
+        let shown = cause.evidence.delta_log_score + from(&named.base);
+        let pairs = rivals.iter().zip(&cause.others);
+        let nats: Vec<f64> = pairs
+            .map(|(r, (id, _, _))| law_power(cause.id, Some(*id), shown) * from(r))
+            .collect();
         if best.as_ref().is_none_or(|b| worth(&nats) > worth(&b.1)) {
             best = Some((plan, nats));
         }

@@ -270,13 +270,17 @@ mod tests {
 
     #[test]
     fn products_are_the_dots() {
-        let columns: Vec<Vec<f64>> = (0..9)
+        let mut columns: Vec<Vec<f64>> = (0..9)
             .map(|k| {
-                (0..700)
+                (0..701)
                     .map(|i| f64::from((i * (k + 3)) % 17) - 8.0)
                     .collect()
             })
             .collect();
+        // As most are: nothing but in a short time.
+        columns[3][..300].fill(0.0);
+        columns[3][310..].fill(-0.0);
+        columns[6].fill(0.0);
         let all = products(&columns, &columns[..5]);
         for i in 0..9 {
             for j in 0..5 {
@@ -286,6 +290,16 @@ mod tests {
         let own = gram(&columns);
         let all = products(&columns, &columns);
         assert!((own - all).amax() < 1e-9);
+    }
+
+    #[test]
+    fn nothing_but_zeros_is_not_busy() {
+        let mut column = vec![0.0; 70];
+        column[69] = -0.0;
+        assert!(!is_busy(&column));
+        column[69] = -1e-300;
+        assert!(is_busy(&column));
+        assert!(is_busy(&[f64::NAN]));
     }
 
     #[test]

@@ -26,6 +26,7 @@ fn world() -> World {
         setting: Setting::Rural,
         ground_reflection: false,
         mixing_height_m: None,
+        lid_edge_m: 0.0,
         background_ppm: 449.0,
         sources: vec![SourceSpec {
             name: "stack".into(),

@@ -89,6 +89,9 @@ pub struct WorldSpec {
     pub ground_reflection: bool,
     /// Height of the mixing lid above ground, m; `None`: no lid.
     pub mixing_height_m: Option<f64>,
+    /// Standard deviation of the height at which a lid ends the plume, m: zero where heights are
+    /// exact, and with logged ones how well those are known.
+    pub lid_edge_m: f64,
     /// Background mole fraction, ppm.
     pub background_ppm: f64,
     /// The sources; the sensor reads those of the first one's gas.
@@ -178,6 +181,7 @@ impl World {
             lid_m: effects
                 .lid_m
                 .min(spec.mixing_height_m.unwrap_or(f64::INFINITY)),
+            lid_edge_m: spec.lid_edge_m,
         };
         let first_height = spec.sources[0].effective_height_agl_m;
         let mut world = Self {
@@ -518,6 +522,7 @@ fn validate(spec: &WorldSpec) -> Result<(), PlumeError> {
     if let Some(lid) = spec.mixing_height_m {
         in_range("mixing_height_m", lid, 10.0, 20_000.0)?;
     }
+    in_range("lid_edge_m", spec.lid_edge_m, 0.0, 1000.0)?;
     for s in &spec.sources {
         let of = |what: &str| format!("{what} of source \"{}\"", s.name);
         in_range(&of("east_m"), s.place.east_m, -1e6, 1e6)?;

@@ -11,6 +11,7 @@ pub(crate) fn spec(strength: Strength) -> WorldSpec {
         setting: Setting::Rural,
         ground_reflection: false,
         mixing_height_m: None,
+        lid_edge_m: 0.0,
         background_ppm: 449.0,
         sources: vec![SourceSpec {
             name: "stack".into(),
@@ -275,6 +276,24 @@ fn lid_alone_sends_back_and_holds_off() {
     let above = world("mixing-lid", &[("height_m", 300.0)]);
     let p = at(2400.0, 0.0, 486.0);
     assert_eq!(excess(&above, p), excess(&plain(), p));
+}
+
+// The logistic distribution has its median at the edge, and at one standard deviation below it
+// 1 / (1 + exp(-pi / sqrt 3)) = .8598 of the cases.
+#[test]
+fn a_lid_whose_height_is_not_exact_ends_the_plume_gradually() {
+    let lid = |edge_m: f64| {
+        let mut s = spec(Strength::EmissionKgS(352.0));
+        s.mixing_height_m = Some(520.0);
+        s.lid_edge_m = edge_m;
+        World::new(s).unwrap()
+    };
+    let (sharp, smeared) = (lid(0.0), lid(2.0));
+    let part = |z: f64| excess(&smeared, at(2400.0, 0.0, z)) / excess(&sharp, at(2400.0, 0.0, z));
+    assert!((part(520.0) - 0.5).abs() < 1e-9);
+    assert!((part(518.0) - 0.8598).abs() < 1e-4);
+    assert!((part(480.0) - 1.0).abs() < 1e-9);
+    assert!(excess(&smeared, at(2400.0, 0.0, 522.0)) > 0.0);
 }
 
 #[test]

@@ -9,6 +9,8 @@ pub(super) struct Reflection {
     pub(super) ground: f64,
     /// Height of the lid above ground, m; infinite where there is none.
     pub(super) lid_m: f64,
+    /// Standard deviation of that height, m.
+    pub(super) lid_edge_m: f64,
 }
 
 impl Reflection {
@@ -31,9 +33,6 @@ impl Reflection {
         } else {
             f64::INFINITY
         };
-        if z_m > lid_m {
-            return 0.0;
-        }
         if !lid_m.is_finite() {
             return if self.ground > 0.0 {
                 direct + self.ground * gauss(z_m + height_m)
@@ -41,12 +40,17 @@ impl Reflection {
                 direct
             };
         }
+        let below = self.part_below(z_m - lid_m);
+        if below == 0.0 {
+            return 0.0;
+        }
         if self.ground == 0.0 {
-            return direct + gauss(2.0 * lid_m - height_m - z_m);
+            return below * (direct + gauss(2.0 * lid_m - height_m - z_m));
         }
         if self.ground == 1.0 && sigma_z_m > 1.6 * lid_m {
             // Well mixed: the images have merged (ISC3, equation 1-51).
-            return (std::f64::consts::TAU).sqrt() * sigma_z_m / lid_m * (-across).exp();
+            let mixed = (std::f64::consts::TAU).sqrt() * sigma_z_m / lid_m;
+            return below * mixed * (-across).exp();
         }
         let reach = (1.0 + 5.0 * sigma_z_m / lid_m).ceil().min(12.0) as i32;
         let mut sum = 0.0;
@@ -57,6 +61,17 @@ impl Reflection {
             let met = if n >= 1 { n - 1 } else { 1 - n };
             sum += self.ground.powi(met) * gauss(z_m + height_m - shift);
         }
-        sum
+        below * sum
+    }
+
+    /// The part of the time that a place `above_m` over the lid is below it: the logistic
+    /// distribution with the edge's standard deviation.
+    #[inline]
+    fn part_below(&self, above_m: f64) -> f64 {
+        if self.lid_edge_m == 0.0 {
+            return if above_m > 0.0 { 0.0 } else { 1.0 };
+        }
+        let scale_m = self.lid_edge_m * 3f64.sqrt() / std::f64::consts::PI;
+        1.0 / (1.0 + (above_m / scale_m).exp())
     }
 }

@@ -95,6 +95,7 @@ impl Scenario {
             setting: self.weather.setting,
             ground_reflection: self.plume.ground_reflection,
             mixing_height_m: self.weather.mixing_height_m,
+            lid_edge_m: 0.0,
             background_ppm: self.background.co2_ppm,
             sources: self
                 .sources

@@ -199,7 +199,7 @@ fn lids(ctx: &Context<'_>, model: &Model) -> Vec<Start> {
         })
         .fold(100.0f64, f64::max);
     let sigma = world.sigmas_m(far).1;
-    [0.4, 0.8, 1.3, 1.9, 2.6]
+    [0.1, 0.2, 0.4, 0.8, 1.3, 1.9, 2.6]
         .iter()
         .map(|k| {
             single(

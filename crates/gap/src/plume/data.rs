@@ -13,6 +13,10 @@ use scenario::uncertain::Uncertain;
 
 use crate::GapError;
 
+/// How well logged heights are known, m: where a track touches a lid, one reading would otherwise
+/// tell the lid's height exactly.
+const HEIGHT_SD_M: f64 = 1.0;
+
 /// What the scenario says about one parameter of the base that it marks uncertain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prior {
@@ -60,6 +64,7 @@ impl Setup {
         if priors.iter().any(|p| p.id == MechanismId::SensorLag) {
             base.sensor.time_constant_s = 0.0;
         }
+        base.lid_edge_m = HEIGHT_SD_M;
         Ok(Self {
             base,
             frame,

@@ -497,10 +497,13 @@ enum Tested {
 }
 
 fn put_to_the_test(ctx: &Context<'_>, last: &Fitted, best: &Tried) -> Tested {
-    if held_out::log_gain(ctx, last, &best.fitted) < 0.0 {
+    let carries_over = |with: &Fitted| held_out::log_gain(ctx, last, with) >= 0.0;
+    let under_nulls_noise = carries_over(&best.fitted);
+    let refined = ctx.refine(&best.fitted.model, best.fitted.noise);
+    // A noise that had to take up a large effect leaves little of it to blocks left out.
+    if !under_nulls_noise && !(much_worse(last, &refined) && carries_over(&refined)) {
         return Tested::Chance;
     }
-    let refined = ctx.refine(&best.fitted.model, best.fitted.noise);
     let null = &last.model;
     let alone = without(&refined.model, null, best.part);
     let Some((alone, settled)) =

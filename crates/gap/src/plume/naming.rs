@@ -501,7 +501,8 @@ fn put_to_the_test(ctx: &Context<'_>, last: &Fitted, best: &Tried) -> Tested {
     let under_nulls_noise = carries_over(&best.fitted);
     let refined = ctx.refine(&best.fitted.model, best.fitted.noise);
     // A noise that had to take up a large effect leaves little of it to blocks left out.
-    if !under_nulls_noise && !(much_worse(last, &refined) && carries_over(&refined)) {
+    let under_its_own = || much_worse(last, &refined) && carries_over(&refined);
+    if !(under_nulls_noise || under_its_own()) {
         return Tested::Chance;
     }
     let null = &last.model;

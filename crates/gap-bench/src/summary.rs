@@ -75,6 +75,11 @@ impl Summary {
         Rate::of(cases, |o| Some(o.confidently_wrong))
     }
 
+    /// Effects outside the catalogue that are unexplained, where they live.
+    pub fn rightly_unexplained(cases: &[&Outcome]) -> Rate {
+        Rate::of(cases, |o| Some(right_coordinate(o)))
+    }
+
     /// All hidden effects named, each alone and on its platform, and nothing else.
     pub fn exactly(cases: &[&Outcome]) -> Rate {
         Rate::of(cases, |o| {
@@ -212,7 +217,7 @@ impl Summary {
         let other = self.cases(|o| matches!(o.task.kind, Kind::OtherLaw(_)));
         let outside = self.cases(|o| matches!(o.task.kind, Kind::Outside(_)));
         let unexplained = Rate::of(&outside, |o| Some(o.verdict == Some(Verdict::Unexplained)));
-        let rightly = Rate::of(&outside, |o| Some(right_coordinate(o)));
+        let rightly = Self::rightly_unexplained(&outside);
         let two = self.cases(|o| matches!(o.task.kind, Kind::Two(..)));
         let all = self.cases(|o| matches!(o.task.kind, Kind::One(_) | Kind::Two(..)));
         let damaged = self.cases(|o| matches!(o.task.kind, Kind::Damaged(_)));

@@ -63,6 +63,28 @@ fn what_is_hidden_is_found() {
     assert!(good, "{}", summary.to_markdown());
 }
 
+// Unexplained with the right coordinate 90 %, a name said with confidence 2 %: of eight, more than
+// two misses have a chance below 4 %, more than one such name below 2 %.
+#[test]
+fn what_no_mechanism_explains_is_not_named() {
+    let summary = share(|row| row.starts_with("outside"), 1);
+    let cases: Vec<&Outcome> = summary.outcomes.iter().filter(|o| !o.unreachable).collect();
+    assert!(cases.len() >= 7, "{}", summary.to_markdown());
+    let missed = cases.len() - Summary::rightly_unexplained(&cases).hits;
+    let named = Summary::confidently_wrong(&cases).hits;
+    assert!(missed <= 2 && named <= 1, "{}", summary.to_markdown());
+}
+
+// Both named exactly 92 %: of eight, more than two misses have a chance below 3 %.
+#[test]
+fn two_effects_are_both_named() {
+    let summary = share(|row| row.starts_with("two effects"), 8);
+    let cases: Vec<&Outcome> = summary.outcomes.iter().filter(|o| !o.unreachable).collect();
+    assert!(cases.len() >= 6, "{}", summary.to_markdown());
+    let missed = cases.len() - Summary::exactly(&cases).hits;
+    assert!(missed <= 2, "{}", summary.to_markdown());
+}
+
 // Frozen, clipped and silent sensors are said.
 #[test]
 fn damage_is_said() {

@@ -16,6 +16,7 @@ mod freedom;
 mod gate;
 mod held_out;
 mod lee;
+mod lid;
 mod linear;
 mod model;
 mod naming;

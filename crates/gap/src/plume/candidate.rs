@@ -5,6 +5,7 @@ use ::plume::field::Strength;
 use ::plume::mechanism::{Coordinate, Family, MechanismId};
 
 use super::fit::Context;
+use super::lid;
 use super::model::{Model, Part, Prediction, defaults, to_coordinate};
 
 /// A direction in which a mechanism may depart from doing nothing: one or two columns.
@@ -75,7 +76,7 @@ fn line(id: MechanismId, values: &[f64]) -> Vec<Start> {
 }
 
 /// A step of the first parameter alone.
-fn single(id: MechanismId, value: f64) -> Start {
+pub(crate) fn single(id: MechanismId, value: f64) -> Start {
     let spec = &id.spec().parameters[0];
     let mut end = defaults(id);
     end[0] = value;
@@ -130,7 +131,7 @@ fn of_mechanism(
         M::SigmaZGrowth => line(id, &[0.15, -0.5, 0.5]),
         M::EffectiveHeightOffset => line(id, &[3.0, -25.0, 25.0]),
         M::GroundReflection => line(id, &[0.5]),
-        M::MixingLid => lids(ctx, model),
+        M::MixingLid => lid::starts(ctx, model),
         M::EmissionTrend => line(id, &[0.5, -3.0, 3.0]),
         M::SecondSource => second_sources(ctx, model),
         M::SourcePositionOffset => plane(id, 15.0),
@@ -182,30 +183,6 @@ fn pressures(ctx: &Context<'_>) -> Vec<Start> {
             start.ends[0][1] = reference;
             start.ln_weight = -std::f64::consts::LN_2;
             start
-        })
-        .collect()
-}
-
-/// Lids at several heights above the axis.
-fn lids(ctx: &Context<'_>, model: &Model) -> Vec<Start> {
-    let Some(world) = model.world(&ctx.setup.base, ctx.data.track.platforms()) else {
-        return Vec::new();
-    };
-    let height = ctx.setup.base.sources[0].effective_height_agl_m;
-    let far = (0..ctx.data.len())
-        .map(|i| {
-            let p = ctx.data.track.place(i);
-            p.east_m.hypot(p.north_m)
-        })
-        .fold(100.0f64, f64::max);
-    let sigma = world.sigmas_m(far).1;
-    [0.1, 0.2, 0.4, 0.8, 1.3, 1.9, 2.6]
-        .iter()
-        .map(|k| {
-            single(
-                MechanismId::MixingLid,
-                (height + k * sigma).clamp(10.0, 10_000.0),
-            )
         })
         .collect()
 }

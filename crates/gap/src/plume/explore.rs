@@ -5,6 +5,7 @@ use ::plume::mechanism::MechanismId;
 
 use super::candidate::{self, Start};
 use super::fit::{Context, Fitted};
+use super::lid;
 use super::model::Model;
 use super::parallel;
 use super::rival::{self, Rivals};
@@ -17,6 +18,8 @@ const MOST_FITTED: usize = 18;
 /// How far below the best one is still fitted, nats.
 const WITHIN_NATS: f64 = 14.0;
 const WITHIN_PART: f64 = 0.3;
+/// What a lid must gain where it stands to be fitted, nats.
+const LEAST_LID_NATS: f64 = 2.0;
 /// By how much a null must gain for its other place to count as one, nats.
 const ANOTHER_PLACE_NATS: f64 = 1.0;
 /// How many of the best trials lend the null their parameters.
@@ -92,7 +95,7 @@ pub(crate) fn names(
     let screen = screen::screen(ctx, null, &starts, &columns, FALSE_ALARM, seed);
     let mut best_gain = screen.scored.iter().map(|s| s.gain).fold(0.0f64, f64::max);
     let mut trials = widened(null, &mut best_gain);
-    trials.extend(from_screen(ctx, null, &starts, &screen.scored));
+    trials.extend(from_screen(ctx, null, &starts, &columns, &screen.scored));
     let platforms = ctx.data.ranges().len();
     trials.extend(incumbent.map(|i| i.trial(&starts, platforms)));
     let (tried, better_null) = fit_trials(ctx, null, trials);
@@ -168,6 +171,7 @@ fn from_screen(
     ctx: &Context<'_>,
     null: &Fitted,
     starts: &[Start],
+    columns: &[Vec<f64>],
     scored: &[Scored],
 ) -> Vec<Trial> {
     let mut order: Vec<&Scored> = scored.iter().filter(|s| s.gain > 1.0).collect();
@@ -177,6 +181,8 @@ fn from_screen(
             .then(a.start.cmp(&b.start))
     });
     let best = order.first().map_or(0.0, |s| s.log_evidence);
+    // The stronger an effect, the less the screen's straight line says of it.
+    let least = best - WITHIN_NATS - WITHIN_PART * best;
     let mut out: Vec<Trial> = Vec::new();
     let platforms = ctx.data.ranges().len();
     for s in order {
@@ -184,18 +190,14 @@ fn from_screen(
         // What is far from linear is tried from several places.
         let most = match start.id {
             MechanismId::SecondSource => 3,
-            MechanismId::DryDeposition | MechanismId::MixingLid | MechanismId::SensorSaturation => {
-                2
-            }
+            MechanismId::DryDeposition | MechanismId::SensorSaturation => 2,
             _ => 1,
         };
         let have = out
             .iter()
             .filter(|t| t.id == start.id && t.platform == s.platform)
             .count();
-        // The stronger an effect, the less the screen's straight line says of it.
-        let within = WITHIN_NATS + WITHIN_PART * best;
-        if have >= most || s.log_evidence < best - within || out.len() >= MOST_FITTED {
+        if have >= most || s.log_evidence < least || out.len() >= MOST_FITTED {
             continue;
         }
         let amplitude: Vec<f64> = s.amplitude.iter().map(|a| a.clamp(-2.0, 2.0)).collect();
@@ -208,7 +210,33 @@ fn from_screen(
             ln_weight: start.ln_weight_on(s.platform, platforms),
         });
     }
+    out.extend(lids(ctx, null, starts, columns, least));
     out
+}
+
+/// Lids that gain `least_nats` where they stand, if any, and something at least.
+fn lids(
+    ctx: &Context<'_>,
+    null: &Fitted,
+    starts: &[Start],
+    columns: &[Vec<f64>],
+    least_nats: f64,
+) -> Vec<Trial> {
+    let (starts, columns) = screen::of_mechanism(starts, columns, MechanismId::MixingLid);
+    let least_nats = least_nats.max(LEAST_LID_NATS);
+    lid::worth_a_fit(ctx, null, &starts, &columns, least_nats)
+        .into_iter()
+        .map(|start| {
+            let model = null.model.extended(start.part(None, &[1.0]));
+            Trial {
+                id: start.id,
+                platform: None,
+                part: model.parts.len() - 1,
+                model,
+                ln_weight: start.ln_weight,
+            }
+        })
+        .collect()
 }
 
 /// Fits the trials under the null's noise and gives what each gains, with the null at its best.

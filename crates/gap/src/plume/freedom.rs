@@ -38,7 +38,7 @@ fn stands_for(id: MechanismId, starts: &[Start]) -> Option<&Start> {
         // a limit and the grid of further sources have no first order.
         M::SensorLag | M::CrossSensitivityPressure | M::SensorSaturation | M::SecondSource => None,
         M::SensorGain => starts.last(),
-        M::MixingLid => starts.get(3),
+        M::MixingLid => starts.get(starts.len() / 2),
         _ => starts.first(),
     }
 }

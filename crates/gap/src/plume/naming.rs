@@ -105,7 +105,7 @@ pub(crate) fn name(
         named.look_for_a_rest(ctx, options.seed);
     }
     named.ceilings = ceilings(ctx, &named.last);
-    if named.accepted.is_empty() && named.unexplained.is_none() {
+    if named.unexplained.is_none() {
         named.look_beside_swings(ctx, options.seed);
     }
     if named.accepted.is_empty() && named.unexplained.is_none() {
@@ -130,6 +130,16 @@ fn settled_round(ctx: &Context<'_>, null: Fitted, seed: u64) -> (Fitted, Round) 
     }
     let round = explore::round(ctx, &null, seed);
     (null, round)
+}
+
+/// A slow swing on top of a model, if there is one, and the model under a noise that holds none.
+fn swing_beside(ctx: &Context<'_>, null: &Fitted, seed: u64) -> Option<(Fitted, Rival)> {
+    let beside = ctx.refine_with(&null.model, null.noise, Effort::BESIDE_SWINGS);
+    let rivals = rival::rivals(ctx, &beside, FALSE_ALARM, seed);
+    let needed = rivals.threshold + RIVAL_MORE;
+    let best = rivals.ranked.into_iter().find(|r| r.swings);
+    let swing = best.filter(|r| r.log_evidence > needed)?;
+    Some((beside, swing))
 }
 
 /// Readings that do not follow the predicted plume at all, though the noise could hold them:
@@ -284,21 +294,32 @@ impl Named {
         doubted
     }
 
-    /// A noise that is fitted to the base may hold a slow swing. Where one is hinted at, it is
-    /// looked for under a noise that was fitted beside slow swings.
+    /// A noise that is fitted to the base may hold a slow swing, and a name may describe a part
+    /// of it. Where one is hinted at, it is looked for under a noise that was fitted beside slow
+    /// swings; names that are of no more use then go.
     fn look_beside_swings(&mut self, ctx: &Context<'_>, seed: u64) {
         let hints = self.first.rivals.iter().flat_map(|r| &r.ranked);
         let hinted = |r: &Rival| r.swings && r.log_evidence > SWING_HINT_NATS;
         if !hints.into_iter().any(hinted) {
             return;
         }
-        let beside = ctx.refine_with(&self.last.model, self.last.noise, Effort::BESIDE_SWINGS);
-        let rivals = rival::rivals(ctx, &beside, FALSE_ALARM, seed);
-        let best = rivals.ranked.iter().find(|r| r.swings);
-        if let Some(swing) = best.filter(|r| r.log_evidence > rivals.threshold + RIVAL_MORE) {
-            self.leave_unexplained(ctx, swing);
-            self.last = beside;
+        let Some(mut found) = swing_beside(ctx, &self.last, seed) else {
+            return;
+        };
+        if !self.accepted.is_empty() {
+            let (named, _) = &found;
+            let settled = |fit: &Fitted| ctx.settle(&fit.model, &named.metric, fit, 6);
+            let evidence = |fit: &Fitted| settled(fit).log_evidence;
+            if evidence(named) - evidence(&self.base) < LEAST_EVIDENCE
+                && let Some(alone) = swing_beside(ctx, &self.base, seed)
+            {
+                self.accepted.clear();
+                found = alone;
+            }
         }
+        let (last, swing) = found;
+        self.leave_unexplained(ctx, &swing);
+        self.last = last;
     }
 
     /// Lets a nameless term stand beside what was named.

@@ -158,6 +158,24 @@ fn a_lag_is_named_measured_and_pays() {
     assert!(World::new(spec).is_ok());
 }
 
+// Wherever it cuts the band from 260 to 340 m in which the platforms weave: between two of the
+// heights tried first the readings have no slope that leads to it.
+#[test]
+fn a_lid_among_the_tracks_is_found_at_its_height() {
+    for (k, height_m) in [304.0, 311.0, 319.0, 328.0, 335.0].into_iter().enumerate() {
+        let o = observe(
+            &[("mixing-lid", &[("height_m", height_m)], &[])],
+            30 + k as u64,
+        );
+        let a = run(&o);
+        assert_eq!(a.json.verdict, Verdict::Named, "{}", a.json.summary);
+        assert_eq!(a.json.causes[0].mechanisms, ["mixing-lid"]);
+        let found = &a.json.causes[0].parameters[0];
+        let off_m = (found.value - height_m).abs();
+        assert!(off_m < 4.0 * found.sd && found.sd < 2.0, "{found:?}");
+    }
+}
+
 #[test]
 fn a_fault_of_one_platform_names_the_platform() {
     let a = run(&observe(

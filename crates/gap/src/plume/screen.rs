@@ -6,6 +6,7 @@
 //! projected out, and the joint law of all scores under the null, from which the law of the
 //! largest is drawn by a parametric bootstrap.
 
+use ::plume::mechanism::MechanismId;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
@@ -69,6 +70,24 @@ pub(crate) fn columns(ctx: &Context<'_>, fitted: &Fitted, starts: &[Start]) -> V
         group
     });
     done.into_iter().flatten().collect()
+}
+
+/// The starts of one mechanism, each with the first of its columns.
+pub(crate) fn of_mechanism<'c>(
+    starts: &[Start],
+    columns: &'c [Vec<f64>],
+    id: MechanismId,
+) -> (Vec<Start>, Vec<&'c [f64]>) {
+    let mut at = 0;
+    let mut out = (Vec::new(), Vec::new());
+    for start in starts {
+        if start.id == id {
+            out.0.push(start.clone());
+            out.1.push(columns[at].as_slice());
+        }
+        at += start.ends.len();
+    }
+    out
 }
 
 /// Scores all starts on top of `fitted`.

@@ -1,5 +1,6 @@
 //! A small fixed share of the benchmark, with the same bars.
 
+use gap::verdict::Verdict;
 use gap_bench::{Outcome, Summary, Task, plan, run_tasks};
 use gap_truth::NoiseForm;
 
@@ -73,6 +74,21 @@ fn what_no_mechanism_explains_is_not_named() {
     let missed = cases.len() - Summary::rightly_unexplained(&cases).hits;
     let named = Summary::confidently_wrong(&cases).hits;
     assert!(missed <= 2 && named <= 1, "{}", summary.to_markdown());
+}
+
+// A strength that changes with distance, which every platform met at a distance of its own, looks
+// like the gain of one sensor with a probability of .84: not enough to be said alone.
+#[test]
+fn a_name_that_is_not_sure_does_not_stand_alone() {
+    let mut tasks = plan(20, 470_000_000);
+    tasks.retain(|t| t.seed == 478_100_015);
+    let outcomes = run_tasks(&tasks, 2, &|_, _, _| {});
+    let [one] = outcomes.as_slice() else {
+        panic!("{outcomes:?}");
+    };
+    assert_eq!(one.verdict, Some(Verdict::Unexplained), "{one:?}");
+    assert_eq!(one.coordinate.as_deref(), Some("along_wind"), "{one:?}");
+    assert!(one.stated.unwrap().0 < 0.9, "{one:?}");
 }
 
 // Both named exactly 92 %: of eight, more than two misses have a chance below 3 %.

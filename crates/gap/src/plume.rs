@@ -30,6 +30,7 @@ mod rival;
 mod rival_terms;
 mod screen;
 mod start;
+mod tested;
 mod transport;
 mod visibility;
 

@@ -12,6 +12,7 @@ use super::fit::{Context, Effort, Fitted};
 use super::held_out;
 use super::model::{Model, mechanism};
 use super::rival::{self, Rival, Rivals};
+use super::tested::{Tested, much_worse, put_to_the_test, without};
 use crate::verdict::{Cause, Ranked, Unexplained, Verdict};
 
 /// By how much a nameless rival must beat the best name, nats.
@@ -21,13 +22,6 @@ const RIVAL_MARGIN: f64 = 6.0;
 const RIVAL_MORE: f64 = 9.0;
 /// What a full fit must gain beyond the screen's threshold to count by itself, nats.
 const REFIT_MARGIN: f64 = 3.0;
-/// What an extension must gain under the noise that is fitted with it, nats.
-const STANDS_NATS: f64 = 6.0;
-/// What fits with noises of their own differ by at most from place to place where the model is
-/// as straight as its derivatives, nats.
-const STRAIGHT_LINES_NATS: f64 = 30.0;
-/// What an extension that changes nothing changes the score by at most, nats.
-const IDLE_NATS: f64 = 1.0;
 /// Names that gain this many times what they are due once the noise is their own show that the
 /// base's noise hid what they explain: evidence under it then does not count.
 const HIDDEN_BY_NOISE: f64 = 4.0;
@@ -40,6 +34,8 @@ const NAMES_AT: f64 = 0.5;
 /// hidden.
 const LEAST_SCORE: f64 = 14.0;
 const LEAST_EVIDENCE: f64 = 9.0;
+/// Probability, that of nameless terms counted in, from which on one name is said as the cause.
+const SURE_AT: f64 = 0.9;
 /// How often a null may move to a better place.
 const MOST_MOVES: usize = 2;
 /// Rows in a plume from which a correlation can be told, and the least that readings of one have.
@@ -71,8 +67,10 @@ pub(crate) struct Named {
     pub causes: Vec<Cause>,
     pub ranking: Vec<Ranked>,
     pub unexplained: Option<Unexplained>,
-    /// The nameless term, whitened, where there is one.
+    /// The nameless term, whitened, where there is one beside what was named.
     pub rest: Option<Vec<f64>>,
+    /// The best nameless term against which the first name was weighed.
+    against: Option<Rival>,
     /// Readings held at a ceiling below what the model predicts.
     pub ceilings: Vec<Ceiling>,
 }
@@ -95,6 +93,7 @@ pub(crate) fn name(
         causes: Vec::new(),
         unexplained: None,
         rest: None,
+        against: None,
         ceilings: Vec::new(),
     };
     let doubted = named.grow(ctx, options, tell);
@@ -107,6 +106,9 @@ pub(crate) fn name(
     named.ceilings = ceilings(ctx, &named.last);
     if named.unexplained.is_none() {
         named.look_beside_swings(ctx, options.seed);
+    }
+    if named.unexplained.is_none() {
+        named.leave_open(ctx);
     }
     if named.accepted.is_empty() && named.unexplained.is_none() {
         named.unexplained = unrelated(ctx, &named.last);
@@ -271,6 +273,10 @@ impl Named {
                     moved = false;
                     gained += best.log_evidence;
                     let accepted = accept(round, best);
+                    if self.accepted.is_empty() {
+                        let ranked = round.rivals.iter().flat_map(|r| &r.ranked);
+                        self.against = ranked.into_iter().next().cloned();
+                    }
                     self.accepted.push(accepted);
                     refined
                 }
@@ -320,6 +326,17 @@ impl Named {
         let (last, swing) = found;
         self.leave_unexplained(ctx, &swing);
         self.last = last;
+    }
+
+    /// A single name that is not sure enough beside nameless terms does not stand alone: the best
+    /// of them may be it instead.
+    fn leave_open(&mut self, ctx: &Context<'_>) {
+        let [only] = self.accepted.as_slice() else {
+            return;
+        };
+        if only.set.len() == 1 && sum(&only.set) < SURE_AT {
+            self.unexplained = self.against.as_ref().map(|term| unexplained(ctx, term));
+        }
     }
 
     /// Lets a nameless term stand beside what was named.
@@ -505,93 +522,4 @@ impl Named {
         });
         causes
     }
-}
-
-/// What becomes of a name that is called for.
-enum Tested {
-    /// It does not carry over to blocks left out: a chance of the data.
-    Chance,
-    /// The null has a better place, and without the name.
-    Null(Fitted),
-    /// It stands under a noise of its own.
-    Extension(Fitted),
-}
-
-fn put_to_the_test(ctx: &Context<'_>, last: &Fitted, best: &Tried) -> Tested {
-    let carries_over = |with: &Fitted| held_out::log_gain(ctx, last, with) >= 0.0;
-    let under_nulls_noise = carries_over(&best.fitted);
-    let refined = ctx.refine(&best.fitted.model, best.fitted.noise);
-    // A noise that had to take up a large effect leaves little of it to blocks left out.
-    let under_its_own = || much_worse(last, &refined) && carries_over(&refined);
-    if !(under_nulls_noise || under_its_own()) {
-        return Tested::Chance;
-    }
-    let null = &last.model;
-    let alone = without(&refined.model, null, best.part);
-    let Some((alone, settled)) =
-        alone.and_then(|alone| null_as_good(ctx, null, &refined, &alone).map(|f| (alone, f)))
-    else {
-        return Tested::Extension(refined);
-    };
-    let moved = ctx.refine(&settled.model, refined.noise);
-    let nulls_worse = much_worse(&moved, &refined) && much_worse(last, &refined);
-    if nulls_worse && !does_nothing(ctx, &refined, &alone) {
-        return Tested::Extension(refined);
-    }
-    if much_worse(&moved, last) {
-        return Tested::Chance;
-    }
-    Tested::Null(moved)
-}
-
-/// Whether a model is all the same `alone`, without one of its parts and with all else unmoved.
-fn does_nothing(ctx: &Context<'_>, with: &Fitted, alone: &Model) -> bool {
-    let score = |model: &Model| ctx.settle(model, &with.metric, with, 0).log_score;
-    (score(&with.model) - score(alone)).abs() < IDLE_NATS
-}
-
-/// Whether a fit with its noise is so much less probable than another that only the straight
-/// lines of the other, by which swings and tolerances enter, made its place look good.
-fn much_worse(fit: &Fitted, than: &Fitted) -> bool {
-    fit.score_with_prior() < than.score_with_prior() - STRAIGHT_LINES_NATS
-}
-
-/// The null at where an extension moved it, if the extension gains little more than that once the
-/// noise is its own, or nothing on blocks left out: its gain was the null's bad place.
-fn null_as_good(
-    ctx: &Context<'_>,
-    null: &Model,
-    refined: &Fitted,
-    alone: &Model,
-) -> Option<Fitted> {
-    let score = |model: &Model| {
-        let settled = ctx.settle(model, &refined.metric, refined, 6);
-        let base = settled.model.ln_departure(|k| k < null.dimension());
-        (settled.log_score + base, settled)
-    };
-    let (with, extended) = score(&refined.model);
-    let (alone, settled) = score(alone);
-    let stands = with - alone > STANDS_NATS && held_out::log_gain(ctx, &settled, &extended) > 0.0;
-    (!stands).then_some(settled)
-}
-
-/// The model without an extension, or with the base's own prior put back.
-fn without(model: &Model, base: &Model, part: usize) -> Option<Model> {
-    let mut out = model.clone();
-    if part < base.parts.len() {
-        for free in out.free.iter_mut().filter(|f| f.part == part) {
-            let own = base
-                .free
-                .iter()
-                .find(|f| f.part == part && f.parameter == free.parameter)?;
-            free.sd = own.sd;
-        }
-        return Some(out);
-    }
-    out.parts.remove(part);
-    out.free.retain(|f| f.part != part);
-    for free in out.free.iter_mut().filter(|f| f.part > part) {
-        free.part -= 1;
-    }
-    Some(out)
 }

@@ -295,6 +295,14 @@ pub(crate) fn summary(verdict: Verdict, named: &Named, gain: Option<&Gained>) ->
     });
     match (verdict, &named.unexplained) {
         (Verdict::None, _) => "The base and its noise explain the data.".to_string(),
+        (Verdict::Unexplained, Some(u)) if named.rest.is_none() && !causes.is_empty() => {
+            format!(
+                "The data ask for {}, or for something that no mechanism of the catalogue explains: {} (in {}).{gained}",
+                causes.join("; "),
+                u.term,
+                u.coordinate
+            )
+        }
         (Verdict::Unexplained, Some(u)) => {
             let something = if causes.is_empty() {
                 "Something".to_string()

@@ -24,6 +24,7 @@ pub(crate) enum Tested {
     Extension(Fitted),
 }
 
+/// What becomes of the name `best` on top of `last`.
 pub(crate) fn put_to_the_test(ctx: &Context<'_>, last: &Fitted, best: &Tried) -> Tested {
     let carries_over = |with: &Fitted| held_out::log_gain(ctx, last, with) >= 0.0;
     let under_nulls_noise = carries_over(&best.fitted);

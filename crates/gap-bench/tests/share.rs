@@ -101,6 +101,20 @@ fn two_effects_are_both_named() {
     assert!(missed <= 2, "{}", summary.to_markdown());
 }
 
+// A plume that came down while its source grew: each takes back what the other changes, and no
+// mechanism alone gains 8 nats.
+#[test]
+fn causes_that_hide_each_other_are_found_together() {
+    let mut tasks = plan(20, 450_000_000);
+    tasks.retain(|t| t.seed == 459_200_003);
+    let outcomes = run_tasks(&tasks, 2, &|_, _, _| {});
+    let [one] = outcomes.as_slice() else {
+        panic!("{outcomes:?}");
+    };
+    assert_eq!(one.sets.len(), 2, "{one:?}");
+    assert_eq!(one.in_sets, 2, "{one:?}");
+}
+
 // Frozen, clipped and silent sensors are said.
 #[test]
 fn damage_is_said() {

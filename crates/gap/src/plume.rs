@@ -23,6 +23,7 @@ mod naming;
 mod next_flight;
 mod noise;
 mod nuisance;
+mod pair;
 mod parallel;
 mod report;
 mod residual;

@@ -235,6 +235,20 @@ fn second_sources(ctx: &Context<'_>, model: &Model) -> Vec<Start> {
 }
 
 impl Start {
+    /// What a physical prior adds to that of the free parameter `k`; it has no end of its own, as
+    /// the base's derivative is its column.
+    pub fn widened(model: &Model, k: usize) -> Self {
+        let (free, physical) = (&model.free[k], model.spec_of(k).prior_sd);
+        Self {
+            id: model.parts[free.part].id,
+            ends: Vec::new(),
+            sd: vec![(physical * physical - free.sd * free.sd).sqrt()],
+            tolerance: vec![0.0],
+            one_sided: false,
+            ln_weight: 0.0,
+        }
+    }
+
     /// The part at amplitudes `a` of the columns' steps.
     pub fn part(&self, platform: Option<usize>, a: &[f64]) -> Part {
         let spec = self.id.spec();

@@ -9,7 +9,7 @@ use super::lid;
 use super::model::Model;
 use super::parallel;
 use super::rival::{self, Rivals};
-use super::screen::{self, Scored};
+use super::screen::{self, Equations, Scored};
 
 /// Probability of a false alarm that a round allows.
 pub(crate) const FALSE_ALARM: f64 = 1e-4;
@@ -47,6 +47,7 @@ pub(crate) struct Round {
     /// Scores of all that were not fitted further.
     pub screened: Vec<(MechanismId, Scored)>,
     pub starts: Vec<Start>,
+    pub equations: Equations,
     pub rivals: Option<Rivals>,
     pub p_value: f64,
     /// Gain that a false alarm exceeds as rarely as asked, nats.
@@ -108,6 +109,7 @@ pub(crate) fn names(
         tried,
         screened,
         starts,
+        equations: screen.equations,
         rivals: None,
         p_value: screen.p_value,
         threshold: screen.threshold,
@@ -134,11 +136,8 @@ impl Incumbent {
 /// Parameters of the base whose prior the data contradict: the same with a physical prior.
 fn widened(null: &Fitted, best_gain: &mut f64) -> Vec<Trial> {
     let mut out = Vec::new();
-    for (k, free) in null.model.free.iter().enumerate() {
-        let spec = null.model.spec_of(k);
-        if free.sd >= 0.7 * spec.prior_sd {
-            continue;
-        }
+    for k in null.model.narrow() {
+        let free = &null.model.free[k];
         let own = null.posterior.covariance[(k, k)];
         let prior = free.sd * free.sd;
         let departure = null.model.coordinate(k) - free.centre;
@@ -153,8 +152,7 @@ fn widened(null: &Fitted, best_gain: &mut f64) -> Vec<Trial> {
             continue;
         }
         *best_gain = best_gain.max(gain);
-        let mut model = null.model.clone();
-        model.free[k].sd = spec.prior_sd;
+        let model = null.model.widened(k);
         let part = free.part;
         out.push(Trial {
             id: model.parts[part].id,

@@ -39,6 +39,9 @@ const TOLERATED: [(MechanismId, [f64; 2]); 2] = [
     (MechanismId::WindDirectionDrift, [2.0, 8.0]),
 ];
 
+/// Part of the physical prior's standard deviation below which a prior is narrow.
+const NARROW: f64 = 0.7;
+
 /// Parts and which of their parameters are free.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Model {
@@ -112,6 +115,18 @@ impl Model {
             }
         }
         model.parts.push(part);
+        model
+    }
+
+    /// Free parameters whose prior is clearly narrower than what is physical.
+    pub fn narrow(&self) -> impl Iterator<Item = usize> {
+        (0..self.dimension()).filter(|k| self.free[*k].sd < NARROW * self.spec_of(*k).prior_sd)
+    }
+
+    /// The same with the physical prior for the free parameter `k`.
+    pub fn widened(&self, k: usize) -> Self {
+        let mut model = self.clone();
+        model.free[k].sd = self.spec_of(k).prior_sd;
         model
     }
 

@@ -11,6 +11,7 @@ use super::explore::{self, FALSE_ALARM, Incumbent, Round, Tried};
 use super::fit::{Context, Effort, Fitted};
 use super::held_out;
 use super::model::{Model, mechanism};
+use super::pair;
 use super::rival::{self, Rival, Rivals};
 use super::tested::{Tested, much_worse, put_to_the_test, without};
 use crate::verdict::{Cause, Ranked, Unexplained, Verdict};
@@ -57,6 +58,14 @@ struct Doubt {
     due: f64,
 }
 
+/// How naming until the data asked for no more went.
+struct Grown {
+    /// Whether a nameless rival was weighed against names, to the end.
+    doubted: bool,
+    /// Log evidence that what stands has gained, nats.
+    due_nats: f64,
+}
+
 /// The outcome of naming.
 pub(crate) struct Named {
     pub first: Round,
@@ -96,9 +105,12 @@ pub(crate) fn name(
         against: None,
         ceilings: Vec::new(),
     };
-    let doubted = named.grow(ctx, options, tell);
+    let mut grown = named.grow(ctx, options, None, 0.0, tell);
+    if let Some((round, gained)) = named.pair_instead(ctx, options, grown.due_nats) {
+        grown = named.grow(ctx, options, Some(round), gained, tell);
+    }
     // Names that stood against a nameless rival have the probabilities of before that.
-    if named.accepted.len() > 1 || doubted && named.unexplained.is_none() {
+    if named.accepted.len() > 1 || grown.doubted && named.unexplained.is_none() {
         tell(0.65, "testing every name against its rivals");
         named.swap(ctx, options);
         named.look_for_a_rest(ctx, options.seed);
@@ -228,15 +240,17 @@ fn names_are_few(round: &Round) -> bool {
 }
 
 impl Named {
-    /// Names until the data ask for no more; whether a nameless rival was weighed against names.
+    /// Names until the data ask for no more; from the first round on, or from a `later` one on top
+    /// of names that have `gained` so many nats.
     fn grow(
         &mut self,
         ctx: &Context<'_>,
         options: &Options,
+        mut later: Option<Round>,
+        mut gained: f64,
         tell: &mut dyn FnMut(f64, &'static str),
-    ) -> bool {
-        let mut later: Option<Round> = None;
-        let (mut gained, mut moved) = (0.0, false);
+    ) -> Grown {
+        let mut moved = false;
         let mut doubt: Option<Doubt> = None;
         loop {
             let k = self.accepted.len();
@@ -248,15 +262,14 @@ impl Named {
                 doubt.get_or_insert_with(|| self.doubt(ctx, rival, gained));
                 // Two causes at once may look like neither: names get one more chance.
                 if !first || best.is_none() {
-                    self.fall_back(doubt);
-                    return false;
+                    return self.fall_back(doubt, gained);
                 }
             } else if names_are_few(round) {
                 // Neither a name nor what has none.
                 break;
             }
             let Some(best) = best else { break };
-            let next = match put_to_the_test(ctx, &self.last, best) {
+            let next = match put_to_the_test(ctx, &self.last, &best.fitted, &[best.part]) {
                 Tested::Chance => {
                     // A name that does not carry over leaves what called for it unexplained.
                     if let Some(rival) = nameless(round, None, REST_PART * gained) {
@@ -287,17 +300,57 @@ impl Named {
             if self.accepted.is_empty() {
                 self.base = last.clone();
                 self.ranking = ranking(ctx, &round);
+                self.first = round;
+                later = None;
+            } else {
+                later = Some(round);
             }
             self.last = last;
-            later = Some(round);
         }
         let stands = |d: &Doubt| {
             let with_own_noise = self.last.score_with_prior() - d.last.score_with_prior();
             gained < d.due && with_own_noise < HIDDEN_BY_NOISE * d.due
         };
         let doubted = doubt.is_some();
-        self.fall_back(doubt.filter(stands));
-        doubted
+        let grown = self.fall_back(doubt.filter(stands), gained);
+        Grown { doubted, ..grown }
+    }
+
+    /// Two names that gain more together, tested as one, than what stands and is due so many
+    /// nats: neither may be seen without the other, or a third may look like both. They take its
+    /// place; the round on top of them, and what they gain.
+    fn pair_instead(
+        &mut self,
+        ctx: &Context<'_>,
+        options: &Options,
+        due_nats: f64,
+    ) -> Option<(Round, f64)> {
+        // What stands without a name had a share of the prior that was small already.
+        let more = match self.accepted.len() {
+            _ if self.unexplained.is_some() => 0.0,
+            names => 2usize.saturating_sub(names) as f64,
+        };
+        let needed = due_nats + needed_beyond(1, due_nats) + more * LEAST_EVIDENCE;
+        let pair = pair::best(ctx, &self.base, &self.first, needed)?;
+        let seen = 2.0 * self.first.threshold.max(LEAST_SCORE);
+        if pair.log_score < seen {
+            return None;
+        }
+        let parts = pair.halves.map(|h| h.part);
+        let tested = put_to_the_test(ctx, &self.base, &pair.fitted, &parts);
+        let Tested::Extension(refined) = tested else {
+            return None;
+        };
+        self.accepted = pair.accepted(self.first.p_value);
+        self.unexplained = None;
+        self.rest = None;
+        self.last = refined;
+        // Beside one of them another may be better than the other before there is a third.
+        self.swap(ctx, options);
+        let beside = self.last.clone();
+        let (last, round) = settled_round(ctx, beside, options.seed.wrapping_add(50));
+        self.last = last;
+        Some((round, pair.log_evidence))
     }
 
     /// A noise that is fitted to the base may hold a slow swing, and a name may describe a part
@@ -356,13 +409,22 @@ impl Named {
         }
     }
 
-    /// Lets a nameless rival stand, with what was named before it; nothing where there is none.
-    fn fall_back(&mut self, doubt: Option<Doubt>) {
-        if let Some(doubt) = doubt {
-            self.accepted.truncate(doubt.named);
-            self.last = doubt.last;
-            self.rest = Some(doubt.rest);
-            self.unexplained = Some(doubt.unexplained);
+    /// Lets a nameless rival stand, with what was named before it; where there is none, what was
+    /// named, which `gained` so many nats.
+    fn fall_back(&mut self, doubt: Option<Doubt>, gained: f64) -> Grown {
+        let Some(doubt) = doubt else {
+            return Grown {
+                doubted: false,
+                due_nats: gained,
+            };
+        };
+        self.accepted.truncate(doubt.named);
+        self.last = doubt.last;
+        self.rest = Some(doubt.rest);
+        self.unexplained = Some(doubt.unexplained);
+        Grown {
+            doubted: false,
+            due_nats: doubt.due,
         }
     }
 

@@ -40,6 +40,7 @@ pub(crate) struct Scored {
 /// The screen's answer.
 pub(crate) struct Screen {
     pub scored: Vec<Scored>,
+    pub equations: Equations,
     /// Probability of so large a best gain under the null.
     pub p_value: f64,
     /// Gain that the best one exceeds with the probability asked for, nats.
@@ -50,6 +51,19 @@ pub(crate) struct Screen {
 struct Products {
     gram: DMatrix<f64>,
     score: DVector<f64>,
+}
+
+/// The normal equations of everything that is tried.
+pub(crate) struct Equations {
+    per_platform: Vec<Products>,
+    /// Inner products on all platforms.
+    all: Products,
+    /// Score of the base's columns, less what its prior takes.
+    base_score: DVector<f64>,
+    /// Of the starts.
+    pub hypotheses: Vec<Hypothesis>,
+    /// Of the base's own parameters with a physical prior for a narrower one.
+    pub widened: Vec<Hypothesis>,
 }
 
 /// Whitened columns of all starts, side by side.
@@ -132,18 +146,38 @@ pub(crate) fn screen(
     for h in &mut hypotheses {
         h.ln_weight += starts[h.start].ln_weight_on(h.platform, per_platform.len());
     }
+    let widened = fitted.model.narrow().map(|k| {
+        let start = Start::widened(&fitted.model, k);
+        frame.hypothesis(k, None, &[k], &gram, &start)
+    });
+    let widened = widened.flatten().collect();
     // At the posterior's peak the base's own gradient balances its prior.
     let (centre, precision) = (&fitted.centre, &fitted.precision);
     let base_score = DVector::from_fn(base, |k, _| score[k] + precision[k] * centre[k]);
-    let mut scored = score_all(&per_platform, &score, &base_score, &hypotheses);
     let left = fitted.less(&(&frame.inverse * &base_score));
+    let equations = Equations {
+        per_platform,
+        all: Products { gram, score },
+        base_score,
+        hypotheses,
+        widened,
+    };
+    let mut scored = equations.score_all();
     let column_of = |h: &Hypothesis| columns[first[h.start] - base].as_slice();
-    discount(ctx, fitted, &left, column_of, &hypotheses, &mut scored);
+    discount(
+        ctx,
+        fitted,
+        &left,
+        column_of,
+        &equations.hypotheses,
+        &mut scored,
+    );
     let best = scored.iter().map(|s| s.gain).fold(0.0f64, f64::max);
-    let (location, scale) = null_law(&per_platform, &hypotheses, &frame, seed);
+    let (location, scale) = equations.null_law(&frame, seed);
     let tail = |g: f64| 1.0 - (-(-(g - location) / scale).exp()).exp();
     Screen {
         scored,
+        equations,
         p_value: tail(best),
         threshold: location - scale * (-(1.0 - false_alarm).ln()).ln(),
     }
@@ -170,19 +204,24 @@ struct Frame {
     sd: Vec<f64>,
 }
 
-/// One start, all platforms or one, with the base projected out.
-struct Hypothesis {
-    start: usize,
-    platform: Option<usize>,
+/// One start, all platforms or one, or a parameter of the base, with the base projected out.
+pub(crate) struct Hypothesis {
+    /// Which start it is, or which free parameter of the base.
+    pub start: usize,
+    pub platform: Option<usize>,
     columns: Vec<usize>,
+    /// Rows: inner products of its columns with the base's.
+    cross: DMatrix<f64>,
     /// Rows: how its columns lean on the base's.
     lean: DMatrix<f64>,
-    information: DMatrix<f64>,
+    pub information: DMatrix<f64>,
     inverse: DMatrix<f64>,
-    one_sided: bool,
+    pub one_sided: bool,
     tolerance: Vec<f64>,
-    sd: Vec<f64>,
-    ln_weight: f64,
+    /// Standard deviations of its amplitudes' priors.
+    pub sd: Vec<f64>,
+    /// Log of its share of the prior.
+    pub ln_weight: f64,
 }
 
 impl Frame {
@@ -225,6 +264,7 @@ impl Frame {
             start,
             platform,
             columns: columns.to_vec(),
+            cross,
             lean,
             information,
             inverse,
@@ -257,53 +297,145 @@ impl Hypothesis {
 
     /// Gain of the log evidence for a gain in likelihood, to first order.
     fn log_evidence(&self, own: &DVector<f64>) -> f64 {
-        let d = own.len();
-        let prior = DMatrix::from_fn(d, d, |i, j| if i == j { self.sd[i].powi(-2) } else { 0.0 });
-        let Some(chol) = Cholesky::new(&self.information + &prior) else {
-            return 0.0;
+        let gained = evidence(self.information.clone(), own, &self.sd);
+        gained.map_or(0.0, |(_, nats)| nats + self.ln_weight_with_side())
+    }
+
+    /// Log of its share of the prior, with the density that one side has more where the other is
+    /// forbidden.
+    pub fn ln_weight_with_side(&self) -> f64 {
+        let side = if self.one_sided {
+            std::f64::consts::LN_2
+        } else {
+            0.0
         };
-        let x = chol.solve(own);
-        let log_det: f64 = (0..d)
-            .map(|k| chol.l()[(k, k)].ln() + self.sd[k].ln())
-            .sum();
-        0.5 * own.dot(&x) - log_det
-            + if self.one_sided {
-                std::f64::consts::LN_2
-            } else {
-                0.0
-            }
-            + self.ln_weight
+        side + self.ln_weight
     }
 }
 
-/// What every hypothesis would gain; the base's own gradient is `base_score`.
-fn score_all(
-    per_platform: &[Products],
+/// Most probable amplitudes of columns with priors of `sd` about zero, and the gain of their log
+/// evidence, nats.
+pub(crate) fn evidence(
+    information: DMatrix<f64>,
     score: &DVector<f64>,
-    base_score: &DVector<f64>,
-    hypotheses: &[Hypothesis],
-) -> Vec<Scored> {
-    hypotheses
+    sd: &[f64],
+) -> Option<(DVector<f64>, f64)> {
+    let mut precision = information;
+    for (k, sd) in sd.iter().enumerate() {
+        precision[(k, k)] += sd.powi(-2);
+    }
+    let chol = Cholesky::new(precision)?;
+    let amplitude = chol.solve(score);
+    let half_log_det: f64 = sd
         .iter()
-        .map(|h| {
-            let score = h.platform.map_or(score, |p| &per_platform[p].score);
-            let own = h.own_score(score, base_score);
-            let (amplitude, gain) = h.gain(&own);
-            let log_evidence = if gain > 0.0 {
-                h.log_evidence(&own)
-            } else {
-                f64::NEG_INFINITY
-            };
-            Scored {
-                start: h.start,
-                platform: h.platform,
-                amplitude: amplitude.iter().copied().collect(),
-                gain,
-                log_evidence,
-                information: h.information[(0, 0)],
+        .enumerate()
+        .map(|(k, sd)| chol.l_dirty()[(k, k)].ln() + sd.ln())
+        .sum();
+    let nats = 0.5 * score.dot(&amplitude) - half_log_det;
+    Some((amplitude, nats))
+}
+
+impl Equations {
+    /// Score of a hypothesis's columns with the base projected out.
+    pub fn score_of(&self, h: &Hypothesis) -> DVector<f64> {
+        let on = h.platform.map_or(&self.all, |p| &self.per_platform[p]);
+        h.own_score(&on.score, &self.base_score)
+    }
+
+    /// Information that two hypotheses share with the base projected out.
+    pub fn shared(&self, one: &Hypothesis, other: &Hypothesis) -> DMatrix<f64> {
+        let mut out = -(&one.lean * other.cross.transpose());
+        let on = match (one.platform, other.platform) {
+            (Some(p), Some(q)) if p != q => return out,
+            (Some(p), _) | (None, Some(p)) => &self.per_platform[p],
+            (None, None) => &self.all,
+        };
+        for (i, a) in one.columns.iter().enumerate() {
+            for (j, b) in other.columns.iter().enumerate() {
+                out[(i, j)] += on.gram[(*a, *b)];
             }
-        })
-        .collect()
+        }
+        out
+    }
+
+    /// What every hypothesis would gain.
+    fn score_all(&self) -> Vec<Scored> {
+        self.hypotheses
+            .iter()
+            .map(|h| {
+                let own = self.score_of(h);
+                let (amplitude, gain) = h.gain(&own);
+                let log_evidence = if gain > 0.0 {
+                    h.log_evidence(&own)
+                } else {
+                    f64::NEG_INFINITY
+                };
+                Scored {
+                    start: h.start,
+                    platform: h.platform,
+                    amplitude: amplitude.iter().copied().collect(),
+                    gain,
+                    log_evidence,
+                    information: h.information[(0, 0)],
+                }
+            })
+            .collect()
+    }
+
+    /// Draws of the largest gain under the null, as the location and scale of a Gumbel law.
+    fn null_law(&self, frame: &Frame, seed: u64) -> (f64, f64) {
+        const DRAWS: usize = 200;
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let factors: Vec<DMatrix<f64>> = self
+            .per_platform
+            .iter()
+            .map(|p| square_root(&p.gram))
+            .collect();
+        let mut largest = Vec::with_capacity(DRAWS);
+        for _ in 0..DRAWS {
+            // What the base's priors allow is part of the null.
+            let allowed: Vec<f64> = frame
+                .sd
+                .iter()
+                .map(|sd| {
+                    let z: f64 = StandardNormal.sample(&mut rng);
+                    sd * z
+                })
+                .collect();
+            let own: Vec<DVector<f64>> = factors
+                .iter()
+                .zip(&self.per_platform)
+                .map(|(f, p)| {
+                    let z = DVector::from_fn(f.ncols(), |_, _| StandardNormal.sample(&mut rng));
+                    let mut score = f * z;
+                    for (k, a) in allowed.iter().enumerate() {
+                        score.axpy(*a, &p.gram.column(k), 1.0);
+                    }
+                    score
+                })
+                .collect();
+            let total: DVector<f64> = own.iter().fold(
+                DVector::zeros(own.first().map_or(0, |o| o.len())),
+                |s, o| s + o,
+            );
+            let base_score = DVector::from_fn(frame.base, |k, _| total[k]);
+            let best = self
+                .hypotheses
+                .iter()
+                .map(|h| {
+                    let score = h.platform.map_or(&total, |p| &own[p]);
+                    h.gain(&h.own_score(score, &base_score)).1
+                })
+                .fold(0.0f64, f64::max);
+            largest.push(best);
+        }
+        let mean = largest.iter().sum::<f64>() / DRAWS as f64;
+        let var = largest.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (DRAWS - 1) as f64;
+        // Gumbel: sd = pi/sqrt(6) scale, mean = location + 0.5772 scale. Half a chi square has the
+        // scale 1 in its far tail, which the fit may not undercut.
+        let scale = (var.sqrt() * 6f64.sqrt() / std::f64::consts::PI).max(1.0);
+        (mean - 0.577_215_66 * scale, scale)
+    }
 }
 
 /// Where residuals cluster more than the noise model says, a gain is worth less: checked for the
@@ -371,61 +503,6 @@ fn clustering(
     let blocks = expected * expected / fourth;
     let ratio = sum / expected;
     ((blocks * ratio + 10.0) / (blocks + 10.0)).max(1.0)
-}
-
-/// Draws of the largest gain under the null, as the location and scale of a Gumbel law.
-fn null_law(
-    per_platform: &[Products],
-    hypotheses: &[Hypothesis],
-    frame: &Frame,
-    seed: u64,
-) -> (f64, f64) {
-    const DRAWS: usize = 200;
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let factors: Vec<DMatrix<f64>> = per_platform.iter().map(|p| square_root(&p.gram)).collect();
-    let mut largest = Vec::with_capacity(DRAWS);
-    for _ in 0..DRAWS {
-        // What the base's priors allow is part of the null.
-        let allowed: Vec<f64> = frame
-            .sd
-            .iter()
-            .map(|sd| {
-                let z: f64 = StandardNormal.sample(&mut rng);
-                sd * z
-            })
-            .collect();
-        let own: Vec<DVector<f64>> = factors
-            .iter()
-            .zip(per_platform)
-            .map(|(f, p)| {
-                let z = DVector::from_fn(f.ncols(), |_, _| StandardNormal.sample(&mut rng));
-                let mut score = f * z;
-                for (k, a) in allowed.iter().enumerate() {
-                    score.axpy(*a, &p.gram.column(k), 1.0);
-                }
-                score
-            })
-            .collect();
-        let total: DVector<f64> = own.iter().fold(
-            DVector::zeros(own.first().map_or(0, |o| o.len())),
-            |s, o| s + o,
-        );
-        let base_score = DVector::from_fn(frame.base, |k, _| total[k]);
-        let best = hypotheses
-            .iter()
-            .map(|h| {
-                let score = h.platform.map_or(&total, |p| &own[p]);
-                h.gain(&h.own_score(score, &base_score)).1
-            })
-            .fold(0.0f64, f64::max);
-        largest.push(best);
-    }
-    let mean = largest.iter().sum::<f64>() / DRAWS as f64;
-    let var = largest.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (DRAWS - 1) as f64;
-    // Gumbel: sd = pi/sqrt(6) scale, mean = location + 0.5772 scale. Half a chi square has the
-    // scale 1 in its far tail, which the fit may not undercut.
-    let scale = (var.sqrt() * 6f64.sqrt() / std::f64::consts::PI).max(1.0);
-    (mean - 0.577_215_66 * scale, scale)
 }
 
 /// A factor F with F Fᵀ = `gram`, also where some columns are dependent.

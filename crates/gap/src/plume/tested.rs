@@ -1,7 +1,6 @@
-//! The test that a name has to stand which is called for: it carries over to blocks left out, and
+//! The test that names have to stand which are called for: it carries over to blocks left out, and
 //! under a noise of its own gains more than the base at a better place.
 
-use super::explore::Tried;
 use super::fit::{Context, Fitted};
 use super::held_out;
 use super::model::Model;
@@ -24,20 +23,33 @@ pub(crate) enum Tested {
     Extension(Fitted),
 }
 
-/// What becomes of the name `best` on top of `last`.
-pub(crate) fn put_to_the_test(ctx: &Context<'_>, last: &Fitted, best: &Tried) -> Tested {
-    let carries_over = |with: &Fitted| held_out::log_gain(ctx, last, with) >= 0.0;
-    let under_nulls_noise = carries_over(&best.fitted);
-    let refined = ctx.refine(&best.fitted.model, best.fitted.noise);
+/// What becomes of names on top of `last`: `with` them under its noise, each one of the `parts`.
+pub(crate) fn put_to_the_test(
+    ctx: &Context<'_>,
+    last: &Fitted,
+    with: &Fitted,
+    parts: &[usize],
+) -> Tested {
+    let least = least_on_blocks(&last.model, parts);
+    let carries_over = |with: &Fitted| held_out::log_gain(ctx, last, with) >= least;
+    let under_nulls_noise = carries_over(with);
+    let refined = ctx.refine(&with.model, with.noise);
     // A noise that had to take up a large effect leaves little of it to blocks left out.
     let under_its_own = || much_worse(last, &refined) && carries_over(&refined);
     if !(under_nulls_noise || under_its_own()) {
         return Tested::Chance;
     }
     let null = &last.model;
-    let alone = without(&refined.model, null, best.part);
-    let Some((alone, settled)) =
-        alone.and_then(|alone| null_as_good(ctx, null, &refined, &alone).map(|f| (alone, f)))
+    // From the last on, so that the others stay where they are.
+    let mut last_first = parts.to_vec();
+    last_first.sort_unstable_by(|a, b| b.cmp(a));
+    let alone = last_first
+        .iter()
+        .try_fold(refined.model.clone(), |model, part| {
+            without(&model, null, *part)
+        });
+    let Some((alone, settled)) = alone
+        .and_then(|alone| null_as_good(ctx, null, &refined, &alone, least).map(|f| (alone, f)))
     else {
         return Tested::Extension(refined);
     };
@@ -50,6 +62,13 @@ pub(crate) fn put_to_the_test(ctx: &Context<'_>, last: &Fitted, best: &Tried) ->
         return Tested::Chance;
     }
     Tested::Null(moved)
+}
+
+/// What names must gain at least on blocks left out, nats. A parameter of the base goes as far from
+/// its prior as the data pull it, with a wide prior or a narrow one: both predict alike.
+fn least_on_blocks(null: &Model, parts: &[usize]) -> f64 {
+    let of_the_base = parts.iter().all(|part| *part < null.parts.len());
+    if of_the_base { -IDLE_NATS } else { 0.0 }
 }
 
 /// Whether a model is all the same `alone`, without one of its parts and with all else unmoved.
@@ -71,6 +90,7 @@ fn null_as_good(
     null: &Model,
     refined: &Fitted,
     alone: &Model,
+    least_nats: f64,
 ) -> Option<Fitted> {
     let score = |model: &Model| {
         let settled = ctx.settle(model, &refined.metric, refined, 6);
@@ -79,7 +99,8 @@ fn null_as_good(
     };
     let (with, extended) = score(&refined.model);
     let (alone, settled) = score(alone);
-    let stands = with - alone > STANDS_NATS && held_out::log_gain(ctx, &settled, &extended) > 0.0;
+    let stands =
+        with - alone > STANDS_NATS && held_out::log_gain(ctx, &settled, &extended) > least_nats;
     (!stands).then_some(settled)
 }
 

@@ -325,11 +325,8 @@ impl Named {
         options: &Options,
         due_nats: f64,
     ) -> Option<(Round, f64)> {
-        // What stands without a name had a share of the prior that was small already.
-        let more = match self.accepted.len() {
-            _ if self.unexplained.is_some() => 0.0,
-            names => 2usize.saturating_sub(names) as f64,
-        };
+        let stands = self.accepted.len() + usize::from(self.unexplained.is_some());
+        let more = 2usize.saturating_sub(stands) as f64;
         let needed = due_nats + needed_beyond(1, due_nats) + more * LEAST_EVIDENCE;
         let pair = pair::best(ctx, &self.base, &self.first, needed)?;
         let seen = 2.0 * self.first.threshold.max(LEAST_SCORE);
@@ -341,12 +338,16 @@ impl Named {
         let Tested::Extension(refined) = tested else {
             return None;
         };
-        self.accepted = pair.accepted(self.first.p_value);
-        self.unexplained = None;
-        self.rest = None;
-        self.last = refined;
+        let named = std::mem::replace(&mut self.accepted, pair.accepted(self.first.p_value));
+        let last = std::mem::replace(&mut self.last, refined);
         // Beside one of them another may be better than the other before there is a third.
         self.swap(ctx, options);
+        if self.accepted.len() < parts.len() {
+            (self.accepted, self.last) = (named, last);
+            return None;
+        }
+        self.unexplained = None;
+        self.rest = None;
         let beside = self.last.clone();
         let (last, round) = settled_round(ctx, beside, options.seed.wrapping_add(50));
         self.last = last;

@@ -58,6 +58,14 @@ struct Doubt {
     due: f64,
 }
 
+impl Doubt {
+    /// Whether it stands against names that have `gained` so much in all and end at `last`.
+    fn stands(&self, last: &Fitted, gained: f64) -> bool {
+        let with_own_noise = last.score_with_prior() - self.last.score_with_prior();
+        gained < self.due && with_own_noise < HIDDEN_BY_NOISE * self.due
+    }
+}
+
 /// How naming until the data asked for no more went.
 struct Grown {
     /// Whether a nameless rival was weighed against names, to the end.
@@ -307,12 +315,8 @@ impl Named {
             }
             self.last = last;
         }
-        let stands = |d: &Doubt| {
-            let with_own_noise = self.last.score_with_prior() - d.last.score_with_prior();
-            gained < d.due && with_own_noise < HIDDEN_BY_NOISE * d.due
-        };
         let doubted = doubt.is_some();
-        let grown = self.fall_back(doubt.filter(stands), gained);
+        let grown = self.fall_back(doubt.filter(|d| d.stands(&self.last, gained)), gained);
         Grown { doubted, ..grown }
     }
 

@@ -15,6 +15,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::candidate::Start;
 use super::fit::{Context, Fitted};
 use super::linear;
+use super::model::Model;
 use super::parallel;
 
 /// How many of the best gains are looked at for clustering, and from which on, nats.
@@ -131,26 +132,8 @@ pub(crate) fn screen(
             Some(here)
         })
         .collect();
-    let many = per_platform.iter().filter(|p| p.gram.trace() > 0.0).count() > 1;
-    let mut hypotheses = Vec::new();
-    for (s, start) in starts.iter().enumerate() {
-        let columns: Vec<usize> = (first[s]..first[s] + start.ends.len()).collect();
-        hypotheses.push(frame.hypothesis(s, None, &columns, &gram, start));
-        if many && start.of_a_platform() {
-            for (p, own) in per_platform.iter().enumerate() {
-                hypotheses.push(frame.hypothesis(s, Some(p), &columns, &own.gram, start));
-            }
-        }
-    }
-    let mut hypotheses: Vec<Hypothesis> = hypotheses.into_iter().flatten().collect();
-    for h in &mut hypotheses {
-        h.ln_weight += starts[h.start].ln_weight_on(h.platform, per_platform.len());
-    }
-    let widened = fitted.model.narrow().map(|k| {
-        let start = Start::widened(&fitted.model, k);
-        frame.hypothesis(k, None, &[k], &gram, &start)
-    });
-    let widened = widened.flatten().collect();
+    let hypotheses = frame.hypotheses(starts, &first, &per_platform, &gram);
+    let widened = frame.widened(&fitted.model, &gram);
     // At the posterior's peak the base's own gradient balances its prior.
     let (centre, precision) = (&fitted.centre, &fitted.precision);
     let base_score = DVector::from_fn(base, |k, _| score[k] + precision[k] * centre[k]);
@@ -238,6 +221,38 @@ impl Frame {
         let inverse = Cholesky::new(a).map_or_else(|| DMatrix::zeros(base, base), |c| c.inverse());
         let sd = precision.iter().map(|p| p.powf(-0.5)).collect();
         Self { base, inverse, sd }
+    }
+
+    /// Every start, for all platforms and, of sensors, for each; `first` has the first column of
+    /// each start, and `gram` the inner products on all platforms.
+    fn hypotheses(
+        &self,
+        starts: &[Start],
+        first: &[usize],
+        per_platform: &[Products],
+        gram: &DMatrix<f64>,
+    ) -> Vec<Hypothesis> {
+        let many = per_platform.iter().filter(|p| p.gram.trace() > 0.0).count() > 1;
+        let mut all = Vec::new();
+        for (s, start) in starts.iter().enumerate() {
+            let columns: Vec<usize> = (first[s]..first[s] + start.ends.len()).collect();
+            all.extend(self.hypothesis(s, None, &columns, gram, start));
+            if many && start.of_a_platform() {
+                for (p, own) in per_platform.iter().enumerate() {
+                    all.extend(self.hypothesis(s, Some(p), &columns, &own.gram, start));
+                }
+            }
+        }
+        for h in &mut all {
+            h.ln_weight += starts[h.start].ln_weight_on(h.platform, per_platform.len());
+        }
+        all
+    }
+
+    /// Parameters of the base that have a narrow prior, with a physical one.
+    fn widened(&self, model: &Model, gram: &DMatrix<f64>) -> Vec<Hypothesis> {
+        let with = |k| self.hypothesis(k, None, &[k], gram, &Start::widened(model, k));
+        model.narrow().filter_map(with).collect()
     }
 
     fn hypothesis(
@@ -527,3 +542,7 @@ fn square_root(gram: &DMatrix<f64>) -> DMatrix<f64> {
         None => DMatrix::from_fn(n, n, |i, j| if i == j { scale[i] } else { 0.0 }),
     }
 }
+
+#[cfg(test)]
+#[path = "screen_tests.rs"]
+mod tests;

@@ -23,6 +23,9 @@ pub(crate) struct Accepted {
     /// Ids that the data cannot tell from it, itself first, with their probabilities.
     pub set: Vec<(MechanismId, f64)>,
     pub evidence: Evidence,
+    /// What it gained when it was called for, under the noise of the model then, nats: how strong
+    /// it is. Under a noise that was fitted with all names it may seem to gain several times that.
+    pub strength_nats: f64,
     pub nats_to_next: f64,
     /// Fits of the other members of the set.
     pub others: Vec<(MechanismId, Option<usize>, Model)>,
@@ -33,11 +36,11 @@ pub(crate) struct Accepted {
 
 /// The power that evidence is taken to between two causes, so that what laws differ by does not
 /// pass for knowledge.
-pub(crate) fn law_power(one: MechanismId, other: Option<MechanismId>, log_score: f64) -> f64 {
+pub(crate) fn law_power(one: MechanismId, other: Option<MechanismId>, strength_nats: f64) -> f64 {
     if by_definition(one) && other.is_some_and(by_definition) {
         return 1.0;
     }
-    (1.0 / (1.0 + log_score.max(0.0) / LAW_NATS)).max(LEAST_POWER)
+    (1.0 / (1.0 + strength_nats.max(0.0) / LAW_NATS)).max(LEAST_POWER)
 }
 
 /// Whether a mechanism is a constant or something logged times a constant: there is no law to be
@@ -58,10 +61,12 @@ fn by_definition(id: MechanismId) -> bool {
     )
 }
 
-/// A name as a round gives it, with all that the data cannot tell from it.
-pub(crate) fn accept(round: &Round, best: &Tried) -> Accepted {
+/// A name as a round gives it, with all that the data cannot tell from it; one that had been
+/// called for before was as strong as it was then, if it seems stronger now.
+pub(crate) fn accept(round: &Round, best: &Tried, before: Option<&Accepted>) -> Accepted {
+    let strength_nats = before.map_or(best.log_score, |b| b.strength_nats.min(best.log_score));
     let ids = round.by_id(|evidence, id| {
-        let power = law_power(best.id, id, best.log_score);
+        let power = law_power(best.id, id, strength_nats);
         best.log_evidence + power * (evidence - best.log_evidence)
     });
     // Nameless rivals and the base take part in the probabilities, but not in the set.
@@ -100,15 +105,16 @@ pub(crate) fn accept(round: &Round, best: &Tried) -> Accepted {
             delta_log_evidence: best.log_evidence,
             p_value: round.p_value,
         },
+        strength_nats,
         nats_to_next: best.log_evidence - next,
         others,
-        elsewhere: elsewhere(round, best),
+        elsewhere: elsewhere(round, best, strength_nats),
     }
 }
 
 /// Where a fault may be instead, if not where it is named.
-fn elsewhere(round: &Round, best: &Tried) -> Vec<(Option<usize>, f64)> {
-    let power = law_power(best.id, Some(best.id), best.log_score);
+fn elsewhere(round: &Round, best: &Tried, strength_nats: f64) -> Vec<(Option<usize>, f64)> {
+    let power = law_power(best.id, Some(best.id), strength_nats);
     let odds = |t: &Tried| (power * (t.log_evidence - best.log_evidence)).exp();
     let same = || round.tried.iter().filter(|t| t.id == best.id);
     let all: f64 = same().map(odds).sum();

@@ -293,7 +293,7 @@ impl Named {
                 Tested::Extension(refined) => {
                     moved = false;
                     gained += best.log_evidence;
-                    let accepted = accept(round, best);
+                    let accepted = accept(round, best, None);
                     if self.accepted.is_empty() {
                         let ranked = round.rivals.iter().flat_map(|r| &r.ranked);
                         self.against = ranked.into_iter().next().cloned();
@@ -456,7 +456,10 @@ impl Named {
             }
             match best {
                 Some(best) => {
-                    self.accepted[k] = accept(&round, best);
+                    // What the base's noise hid alone was stronger than it seemed.
+                    let beside_others = self.accepted.len() > 1;
+                    let before = Some(&self.accepted[k]).filter(|_| beside_others);
+                    self.accepted[k] = accept(&round, best, before);
                     self.last = best.fitted.clone();
                     k += 1;
                 }

@@ -54,6 +54,7 @@ impl Pair {
                 delta_log_evidence: 0.5 * self.log_evidence,
                 p_value,
             },
+            strength_nats: 0.5 * self.log_score,
             nats_to_next: 0.0,
             others: Vec::new(),
             elsewhere: Vec::new(),

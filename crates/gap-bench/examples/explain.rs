@@ -10,6 +10,8 @@ const SEEDS: u64 = 100;
 const FIRST_SEEDS: u64 = 10_000_000;
 /// Rows of the ranking that are shown.
 const SHOWN: usize = 10;
+/// What the truth beats by more than this on average is not shown as like it, nats.
+const LIKE_NATS: f64 = 20.0;
 
 fn main() {
     for seed in std::env::args()
@@ -43,7 +45,25 @@ fn explain(task: &Task) -> Result<(), String> {
     let analysis = analyse(&read.setup, &read.observations, &options, &mut |_| {})
         .map_err(|e| e.to_string())?;
     show(&analysis);
+    show_likenesses(&tuned);
     Ok(())
+}
+
+/// What each hidden effect of the catalogue could be mistaken for on the tracks of the case.
+fn show_likenesses(tuned: &tune::Tuned) {
+    let (Ok(mechanisms), Some(fitted)) = (tune::mechanisms(&tuned.case.truth), &tuned.fitted)
+    else {
+        return;
+    };
+    for (k, mechanism) in mechanisms.iter().enumerate() {
+        let near: Vec<String> = fitted
+            .likenesses(&mechanisms, k)
+            .iter()
+            .filter(|l| l.nats < LIKE_NATS)
+            .map(|l| format!("{} {:.1}", l.id.as_str(), l.nats))
+            .collect();
+        println!("  {} is like {}", mechanism.id().as_str(), near.join(", "));
+    }
 }
 
 fn show(analysis: &Analysis) {

@@ -115,7 +115,10 @@ fn absurd(truth: &Truth) -> bool {
 
 /// The hidden effects as the catalogue has them; none where one of them is not in it, or
 /// follows another law.
-pub(crate) fn mechanisms(truth: &Truth) -> Result<Vec<Mechanism>, String> {
+///
+/// # Errors
+/// Parameters that the catalogue refuses.
+pub fn mechanisms(truth: &Truth) -> Result<Vec<Mechanism>, String> {
     if truth.other_laws || truth.effects.iter().any(|e| !e.effect.in_catalogue()) {
         return Ok(Vec::new());
     }

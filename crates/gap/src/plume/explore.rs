@@ -1,6 +1,7 @@
 //! One round of naming: screen everything, fit the best fully, rank by evidence, and hold the
 //! nameless rivals against them.
 
+use ::plume::effects::HOUR_S;
 use ::plume::mechanism::MechanismId;
 
 use super::candidate::{self, Start};
@@ -22,6 +23,8 @@ const WITHIN_PART: f64 = 0.3;
 const LEAST_LID_NATS: f64 = 2.0;
 /// By how much a null must gain for its other place to count as one, nats.
 const ANOTHER_PLACE_NATS: f64 = 1.0;
+/// From how many standard deviations of its prior on a tolerance may stand for another.
+const FAR_SD: f64 = 0.8;
 /// How many of the best trials lend the null their parameters.
 const STARTS_OF_NULL: usize = 3;
 
@@ -96,6 +99,7 @@ pub(crate) fn names(
     let screen = screen::screen(ctx, null, &starts, &columns, FALSE_ALARM, seed);
     let mut best_gain = screen.scored.iter().map(|s| s.gain).fold(0.0f64, f64::max);
     let mut trials = widened(null, &mut best_gain);
+    trials.extend(turned_otherwise(ctx, null));
     trials.extend(from_screen(ctx, null, &starts, &columns, &screen.scored));
     let platforms = ctx.data.ranges().len();
     trials.extend(incumbent.map(|i| i.trial(&starts, platforms)));
@@ -163,6 +167,54 @@ fn widened(null: &Fitted, best_gain: &mut f64) -> Vec<Trial> {
         });
     }
     out
+}
+
+/// A wind that the base took to turn where it may always have stood elsewhere, or the other way
+/// round: the parameter that a narrow prior holds back, with a physical one, does what the other
+/// did for the plume, and that goes back to its centre. From where the other stands no straight
+/// line leads there.
+fn turned_otherwise(ctx: &Context<'_>, null: &Fitted) -> Vec<Trial> {
+    use MechanismId as M;
+    let own = |id| {
+        let of = |k: &usize| null.model.parts[null.model.free[*k].part].id == id;
+        null.model.narrow().find(of)
+    };
+    let (Some(offset), Some(drift)) = (own(M::WindDirectionOffset), own(M::WindDirectionDrift))
+    else {
+        return Vec::new();
+    };
+    let Some(met_h) = mean_time_in_plume_h(ctx, null) else {
+        return Vec::new();
+    };
+    let departure = |k: usize| null.model.coordinate(k) - null.model.free[k].centre;
+    let far = |k: &usize| departure(*k).abs() > FAR_SD * null.model.free[*k].sd;
+    [(drift, offset, met_h), (offset, drift, 1.0 / met_h)]
+        .into_iter()
+        .filter(|(from, ..)| far(from))
+        .map(|(from, to, rate)| {
+            let mut model = null.model.widened(to);
+            model.set_coordinate(from, model.free[from].centre);
+            model.set_coordinate(to, model.coordinate(to) + rate * departure(from));
+            let part = model.free[to].part;
+            Trial {
+                id: model.parts[part].id,
+                platform: None,
+                part,
+                model,
+                ln_weight: 0.0,
+            }
+        })
+        .collect()
+}
+
+/// When the plume was met, hours, on average over what is predicted of it.
+fn mean_time_in_plume_h(ctx: &Context<'_>, null: &Fitted) -> Option<f64> {
+    let times_s = ctx.data.track.time_s();
+    let rows = || (0..ctx.data.len()).filter(|i| ctx.data.used[*i]);
+    let plume = |i: usize| null.prediction.plume[i];
+    let met: f64 = rows().map(plume).sum();
+    let mean_s = rows().map(|i| plume(i) * times_s[i]).sum::<f64>() / met;
+    (met > 0.0 && mean_s > 0.0).then_some(mean_s / HOUR_S)
 }
 
 fn from_screen(

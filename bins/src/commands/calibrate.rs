@@ -2,9 +2,11 @@
 
 use crate::{Failure, measured, mission_files};
 use record::files;
+use scenario::Scenario;
 use scenario::uncertain::Uncertain;
 use serde_json::json;
 use std::path::PathBuf;
+use ws::calibration::offline::Offline;
 use ws::calibration::{Parameter, offline};
 
 /// Arguments of `plumage calibrate`.
@@ -50,9 +52,25 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     let write =
         |name: &str, text: &str| files::write_whole(&arguments.out.join(name), text.as_bytes());
     write("scenario.toml", &offline.scenario.to_toml())?;
+    let document = document(&offline, &observations.platforms, reference);
+    write("calibration.json", &format!("{:#}\n", document))?;
+    println!(
+        "{} readings of {} platforms",
+        offline.calibrator.taken(),
+        observations.platforms.len()
+    );
+    tell_changes(&setup.scenario, &offline.scenario);
+    println!(
+        "Outputs in {}: scenario.toml, calibration.json",
+        arguments.out.display()
+    );
+    Ok(())
+}
+
+/// `calibration.json`: what was found of the plume and of every sensor.
+fn document(offline: &Offline, platforms: &[String], reference: Option<&str>) -> serde_json::Value {
     let found = &offline.calibrated;
-    let sensors: Vec<serde_json::Value> = observations
-        .platforms
+    let sensors: Vec<serde_json::Value> = platforms
         .iter()
         .enumerate()
         .filter_map(|(k, platform)| {
@@ -66,7 +84,7 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
             }))
         })
         .collect();
-    let document = json!({
+    json!({
         "schema": "plumage.calibration/1",
         "readings": offline.calibrator.taken(),
         "background_ppm": found.background_ppm,
@@ -80,26 +98,17 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
         "strength_factor": found.strength_factor,
         "reference": reference,
         "sensors": sensors,
-    });
-    write("calibration.json", &format!("{:#}\n", document))?;
-    println!(
-        "{} readings of {} platforms",
-        offline.calibrator.taken(),
-        observations.platforms.len()
-    );
+    })
+}
+
+/// The uncertain values before and after.
+fn tell_changes(before: &Scenario, after: &Scenario) {
     for key in Uncertain::ALL {
-        let (before, after) = (setup.scenario.value(key), offline.scenario.value(key));
-        if let (Some(before), Some(after)) = (before, after) {
-            let sd = offline
-                .scenario
+        if let (Some(was), Some(is)) = (before.value(key), after.value(key)) {
+            let sd = after
                 .prior_sd(key)
                 .map_or(String::new(), |sd| format!(" ± {sd:.3}"));
-            println!("{:32} {before:10.3} -> {after:10.3}{sd}", key.key());
+            println!("{:32} {was:10.3} -> {is:10.3}{sd}", key.key());
         }
     }
-    println!(
-        "Outputs in {}: scenario.toml, calibration.json",
-        arguments.out.display()
-    );
-    Ok(())
 }

@@ -43,7 +43,7 @@ pub use visibility::{Known, Likeness, PlumeChange, Visibility};
 use scenario::observations::Observations;
 
 use crate::GapError;
-use crate::verdict::{GapJson, SCHEMA, Verdict};
+use crate::verdict::{DataQuality, GapJson, SCHEMA, Verdict};
 use data::Data;
 use fit::Context;
 
@@ -150,28 +150,40 @@ pub fn analyse(
             (named, ctx) = (again, there);
         }
     }
-    named.conclude(&ctx);
+    Ok(stated(&ctx, &started, named, quality, options, &mut tell))
+}
+
+/// The answer that `named` gives, with its gain, the next flight, and the report.
+fn stated(
+    ctx: &Context<'_>,
+    started: &start::Started,
+    mut named: naming::Named,
+    quality: Vec<DataQuality>,
+    options: &Options,
+    tell: &mut dyn FnMut(f64, &'static str),
+) -> Analysis {
+    named.conclude(ctx);
     tell(0.8, "measuring the gain on data left out");
     let extended = !named.accepted.is_empty();
     let gain = (options.complete && extended)
-        .then(|| held_out::gain(&ctx, &named.base_beside(&ctx), &named.last, options.seed));
+        .then(|| held_out::gain(ctx, &named.base_beside(ctx), &named.last, options.seed));
     let next_flight = if options.complete {
-        next_flight::propose(&ctx, &named)
+        next_flight::propose(ctx, &named)
     } else {
         None
     };
     tell(0.95, "writing it down");
     let wind = started.treatment().describe();
-    let notices = notices(&ctx, &named, next_flight.as_ref(), &wind);
+    let notices = notices(ctx, &named, next_flight.as_ref(), &wind);
     let verdict = named.verdict();
-    let base = report::base_parameters(setup, &named.last);
+    let base = report::base_parameters(ctx.setup, &named.last);
     let json = GapJson {
         schema: SCHEMA,
         verdict,
         summary: report::summary(verdict, &named, gain.as_ref()),
         causes: named.causes.clone(),
         ranking: named.ranking.clone(),
-        residual: residual::bins(&ctx, &started.fitted),
+        residual: residual::bins(ctx, &started.fitted),
         gain: gain.as_ref().map(|g| g.gain),
         detectable: report::detectable(&named),
         next_flight,
@@ -180,15 +192,15 @@ pub fn analyse(
         data_quality: quality,
         notices,
     };
-    let report = report::report(&ctx, &started.fitted, &named, gain.as_ref());
+    let report = report::report(ctx, &started.fitted, &named, gain.as_ref());
     tell(1.0, "done");
-    Ok(Analysis {
-        extension: named.extension(&ctx),
+    Analysis {
+        extension: named.extension(ctx),
         base: base.into_iter().map(|b| (b.name, b.value, b.sd)).collect(),
         noise: named.last.noise,
         json,
         report,
-    })
+    }
 }
 
 /// What is named with the puffs of what was `named`, from the base that was fitted first, if that

@@ -1,6 +1,7 @@
 //! `plumage control`: who shall fly a vehicle of a mission that runs in processes.
 
 use crate::{Failure, agent};
+use clap::ValueEnum;
 use protocol::key::Name;
 use protocol::message::{Control, ControlWish};
 use protocol::net::realtime::MissionClock;
@@ -86,6 +87,9 @@ pub fn control(arguments: &ControlArguments) -> Result<(), Failure> {
         }
         tokio::time::sleep(Duration::from_millis(LEAVE_MS)).await;
         net.close().await?;
+        let wish = arguments.wish.to_possible_value();
+        let wish = wish.map_or(String::new(), |v| v.get_name().to_owned());
+        println!("Told {}: {wish}", ids.join(", "));
         Ok(())
     })
 }

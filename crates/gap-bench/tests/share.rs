@@ -125,6 +125,17 @@ fn a_wind_that_stood_elsewhere_is_not_taken_to_have_turned() {
     assert_eq!(one.sets, [["wind-direction-offset"]], "{one:?}");
 }
 
+// A plume that is 8 % narrower than the base's. Swings that widen the mean plume are tolerated; seen
+// from the narrow plume their straight line leads to the wide one, seen from the wide one it does not.
+#[test]
+fn a_narrower_plume_is_named() {
+    let one = outcome(470_000_000, 470_900_007);
+    assert_eq!(one.sets, [["sigma-y-scale"]], "{one:?}");
+    let beside_a_zero = outcome(490_000_000, 499_000_000);
+    assert_eq!(beside_a_zero.named, 2, "{beside_a_zero:?}");
+    assert_eq!(beside_a_zero.sets.len(), 2, "{beside_a_zero:?}");
+}
+
 // Frozen, clipped and silent sensors are said.
 #[test]
 fn damage_is_said() {

@@ -263,6 +263,14 @@ impl<'a> Context<'a> {
         )
     }
 
+    /// The same under the same noise, with swings and tolerances as they are where the model stands
+    /// now. Where another model stood, theirs may lead straight from this one to that.
+    pub fn in_its_place(&self, fit: &Fitted, iterations: usize) -> Fitted {
+        let nuisance = Nuisance::new(self, &fit.model, &fit.prediction, &fit.loading, &fit.noise);
+        let metric = Arc::new(Metric::new(fit.metric.whitener.clone(), nuisance));
+        self.settle(&fit.model, &metric, fit, iterations)
+    }
+
     /// A model and its noise at their best; the noise is fitted beside everything that the
     /// catalogue could add ([`Freedom`]).
     pub fn refine(&self, start: &Model, noise: NoiseModel) -> Fitted {

@@ -122,6 +122,20 @@ pub(crate) fn names(
     }
 }
 
+impl Trial {
+    /// A model in which the base's parameter `k` has a physical prior.
+    fn of_the_base(model: Model, k: usize) -> Self {
+        let part = model.free[k].part;
+        Self {
+            id: model.parts[part].id,
+            platform: model.parts[part].platform,
+            part,
+            model,
+            ln_weight: 0.0,
+        }
+    }
+}
+
 impl Incumbent {
     /// What was named is tried from where it was at its best too: the screen's straight lines
     /// may not lead there from a null that others have moved.
@@ -144,27 +158,18 @@ fn widened(null: &Fitted, best_gain: &mut f64) -> Vec<Trial> {
         let free = &null.model.free[k];
         let own = null.posterior.covariance[(k, k)];
         let prior = free.sd * free.sd;
-        let departure = null.model.coordinate(k) - free.centre;
         // What the data alone say, and how it sits with the prior.
         let known = 1.0 / own - 1.0 / prior;
         if known <= 0.0 {
             continue;
         }
-        let alone = departure / (own * known);
+        let alone = null.model.departure(k) / (own * known);
         let gain = 0.5 * alone * alone / (prior + 1.0 / known);
         if gain < 2.0 {
             continue;
         }
         *best_gain = best_gain.max(gain);
-        let model = null.model.widened(k);
-        let part = free.part;
-        out.push(Trial {
-            id: model.parts[part].id,
-            platform: model.parts[part].platform,
-            part,
-            model,
-            ln_weight: 0.0,
-        });
+        out.push(Trial::of_the_base(null.model.widened(k), k));
     }
     out
 }
@@ -175,10 +180,8 @@ fn widened(null: &Fitted, best_gain: &mut f64) -> Vec<Trial> {
 /// line leads there.
 fn turned_otherwise(ctx: &Context<'_>, null: &Fitted) -> Vec<Trial> {
     use MechanismId as M;
-    let own = |id| {
-        let of = |k: &usize| null.model.parts[null.model.free[*k].part].id == id;
-        null.model.narrow().find(of)
-    };
+    let stands = &null.model;
+    let own = |id| stands.narrow().find(|k| stands.id_of(*k) == id);
     let (Some(offset), Some(drift)) = (own(M::WindDirectionOffset), own(M::WindDirectionDrift))
     else {
         return Vec::new();
@@ -186,23 +189,15 @@ fn turned_otherwise(ctx: &Context<'_>, null: &Fitted) -> Vec<Trial> {
     let Some(met_h) = mean_time_in_plume_h(ctx, null) else {
         return Vec::new();
     };
-    let departure = |k: usize| null.model.coordinate(k) - null.model.free[k].centre;
-    let far = |k: &usize| departure(*k).abs() > FAR_SD * null.model.free[*k].sd;
     [(drift, offset, met_h), (offset, drift, 1.0 / met_h)]
         .into_iter()
-        .filter(|(from, ..)| far(from))
+        .filter(|(from, ..)| stands.departure_sd(*from).abs() > FAR_SD)
         .map(|(from, to, rate)| {
-            let mut model = null.model.widened(to);
+            let mut model = stands.widened(to);
             model.set_coordinate(from, model.free[from].centre);
-            model.set_coordinate(to, model.coordinate(to) + rate * departure(from));
-            let part = model.free[to].part;
-            Trial {
-                id: model.parts[part].id,
-                platform: None,
-                part,
-                model,
-                ln_weight: 0.0,
-            }
+            let turned = rate * stands.departure(from);
+            model.set_coordinate(to, model.coordinate(to) + turned);
+            Trial::of_the_base(model, to)
         })
         .collect()
 }

@@ -263,12 +263,14 @@ impl<'a> Context<'a> {
         )
     }
 
-    /// The same under the same noise, with swings and tolerances as they are where the model stands
-    /// now. Where another model stood, theirs may lead straight from this one to that.
-    pub fn in_its_place(&self, fit: &Fitted, iterations: usize) -> Fitted {
-        let nuisance = Nuisance::new(self, &fit.model, &fit.prediction, &fit.loading, &fit.noise);
-        let metric = Arc::new(Metric::new(fit.metric.whitener.clone(), nuisance));
-        self.settle(&fit.model, &metric, fit, iterations)
+    /// The same under the noise of another fit, with swings and tolerances as they are where this
+    /// model stands then. Those of where the other stood may lead straight from this one to it.
+    pub fn settle_in_its_place(&self, start: &Model, from: &Fitted, iterations: usize) -> Fitted {
+        let model = self.descend(start, &from.metric, iterations);
+        let prediction = self.predict(&model);
+        let nuisance = Nuisance::new(self, &model, &prediction, &from.loading, &from.noise);
+        let metric = Arc::new(Metric::new(from.metric.whitener.clone(), nuisance));
+        self.settle(&model, &metric, from, iterations)
     }
 
     /// A model and its noise at their best; the noise is fitted beside everything that the

@@ -130,6 +130,19 @@ impl Model {
         model
     }
 
+    /// The same with its parameters where a larger model, whose first they are, has them.
+    pub fn placed_as(mut self, larger: &Self) -> Self {
+        for k in 0..self.dimension() {
+            self.set_coordinate(k, larger.coordinate(k));
+        }
+        self
+    }
+
+    /// The mechanism that the free parameter `k` is one of.
+    pub fn id_of(&self, k: usize) -> MechanismId {
+        self.parts[self.free[k].part].id
+    }
+
     pub fn dimension(&self) -> usize {
         self.free.len()
     }
@@ -186,9 +199,14 @@ impl Model {
             .sum()
     }
 
-    /// How far the free parameter `k` stands from its prior's centre, standard deviations.
-    fn departure_sd(&self, k: usize) -> f64 {
-        (self.coordinate(k) - self.free[k].centre) / self.free[k].sd
+    /// How far the free parameter `k` stands from its prior's centre, in its coordinate.
+    pub fn departure(&self, k: usize) -> f64 {
+        self.coordinate(k) - self.free[k].centre
+    }
+
+    /// The same in standard deviations of its prior.
+    pub fn departure_sd(&self, k: usize) -> f64 {
+        self.departure(k) / self.free[k].sd
     }
 
     fn ln_prior_of(&self, k: usize) -> f64 {

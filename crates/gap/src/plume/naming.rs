@@ -442,8 +442,7 @@ impl Named {
                 k += 1;
                 continue;
             };
-            let null = ctx.settle(&without, &self.last.metric, &self.last, 5);
-            let null = ctx.in_its_place(&null, 5);
+            let null = ctx.settle_in_its_place(&without, &self.last, 5);
             let seed = options.seed.wrapping_add(100 + k as u64);
             let moved = without.parts.len() < self.last.model.parts.len();
             let incumbent = self.incumbent(k, &without, moved);

@@ -122,7 +122,7 @@ fn candidates<'a>(null: &Fitted, round: &'a Round) -> Vec<Candidate<'a>> {
         }
     };
     let of_base = |h: &'a Hypothesis| Candidate {
-        id: null.model.parts[null.model.free[h.start].part].id,
+        id: null.model.id_of(h.start),
         start: None,
         hypothesis: h,
     };
@@ -137,10 +137,7 @@ fn candidates<'a>(null: &Fitted, round: &'a Round) -> Vec<Candidate<'a>> {
 /// The null from where it stands or from where a larger model has its parameters.
 fn null_at_its_best(ctx: &Context<'_>, null: &Fitted, larger: &Model) -> Fitted {
     let still = ctx.settle(&null.model, &null.metric, null, 5);
-    let mut there = null.model.clone();
-    for k in 0..there.dimension() {
-        there.set_coordinate(k, larger.coordinate(k));
-    }
+    let there = null.model.clone().placed_as(larger);
     let moved = ctx.settle(&there, &null.metric, null, 10);
     if moved.score_with_prior() > still.score_with_prior() {
         moved

@@ -202,9 +202,8 @@ fn shortlist(options: &[Carried], scores: &[f64]) -> Vec<usize> {
 /// The base turned to where its plume is most probable, about as far as its prior reaches: a
 /// narrow plume that points elsewhere than the readings has no slope that leads to them.
 fn aimed(setup: &Setup, data: &Data, carried: &Carried, base: Model, noise: &NoiseModel) -> Model {
-    let Some(k) = (0..base.dimension())
-        .find(|k| base.parts[base.free[*k].part].id == MechanismId::WindDirectionOffset)
-    else {
+    let offset = |k: &usize| base.id_of(*k) == MechanismId::WindDirectionOffset;
+    let Some(k) = (0..base.dimension()).find(offset) else {
         return base;
     };
     let mut own = data.clone();

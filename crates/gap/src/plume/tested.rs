@@ -93,8 +93,7 @@ fn null_as_good(
     least_nats: f64,
 ) -> Option<Fitted> {
     let score = |model: &Model| {
-        let settled = ctx.settle(model, &refined.metric, refined, 6);
-        let settled = ctx.in_its_place(&settled, 6);
+        let settled = ctx.settle_in_its_place(model, refined, 6);
         let base = settled.model.ln_departure(|k| k < null.dimension());
         (settled.log_score + base, settled)
     };

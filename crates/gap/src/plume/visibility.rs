@@ -56,14 +56,6 @@ pub struct Visibility {
     fitted: Fitted,
 }
 
-/// A model with its parameters where a larger one has them.
-fn placed_as(mut model: Model, larger: &Model) -> Model {
-    for k in 0..model.dimension() {
-        model.set_coordinate(k, larger.coordinate(k));
-    }
-    model
-}
-
 impl Visibility {
     /// Fits base and noise.
     ///
@@ -128,7 +120,7 @@ impl Visibility {
         let once = ctx.refine(&start.model, self.fitted.noise);
         let twice = ctx.refine(&once.model, once.noise);
         // The base may fit better from where the truth has its parameters.
-        let there = placed_as(self.fitted.model.clone(), &twice.model);
+        let there = self.fitted.model.clone().placed_as(&twice.model);
         let there = ctx.refine(&there, self.fitted.noise);
         let base = if there.score_with_prior() > self.fitted.score_with_prior() {
             &there
@@ -145,7 +137,7 @@ impl Visibility {
         let truth = self.settled(&self.data, &self.with(mechanisms.iter().collect()));
         let with_some = self.with(some.to_vec());
         // The smaller model may fit better from where the truth has its parameters.
-        let there = placed_as(with_some.clone(), &truth.model);
+        let there = with_some.clone().placed_as(&truth.model);
         let fits = [with_some, there].map(|m| self.settled(&self.data, &m).score_with_prior());
         truth.score_with_prior() - fits[0].max(fits[1])
     }
@@ -219,7 +211,7 @@ impl Visibility {
         }
         let others = mechanisms.iter().enumerate().filter(|(k, _)| *k != which);
         let null = self.with(others.map(|(_, m)| m).collect());
-        let null = placed_as(null, &truth.model);
+        let null = null.placed_as(&truth.model);
         let ctx = Context {
             data: &clean,
             ..own

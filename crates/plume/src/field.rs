@@ -323,21 +323,21 @@ impl World {
         self.excess_after(place, time_s, 0.0, wind, |_| 1.0)
     }
 
-    /// The same of air that took `way_s` from the source, turned as the wind was on the mean of its
-    /// way; each plume times its `factor`.
+    /// The same of air that the wind turned, on the mean of its way, `wind_age_s` before; each plume
+    /// times its `factor`.
     #[inline]
     pub(crate) fn excess_after(
         &self,
         place: &Place,
         time_s: f64,
-        way_s: f64,
+        wind_age_s: f64,
         wind: Transport,
         factor: impl Fn(usize) -> f64,
     ) -> (f64, f64) {
         let e = &self.effects;
         let mut turned = rotate(wind, self.rotation);
         if e.direction_drift_deg_h != 0.0 {
-            let time_s = time_s - 0.5 * way_s;
+            let time_s = time_s - wind_age_s;
             turned = rotate(turned, turn(e.direction_drift_deg_h * time_s / HOUR_S));
         }
         turned.speed_m_s *= e.speed_factor;

@@ -40,8 +40,8 @@ pub struct Track {
     plume_factor: Vec<f64>,
     /// Ratio of puffs to the straight plume of each row, plume by plume; one where there is none.
     puff_ratios: Vec<Vec<f64>>,
-    /// Time that the air of each row took from the source, s.
-    way_s: Vec<f64>,
+    /// How long before each row the wind, on the mean of the air's way, turned it, s.
+    wind_age_s: Vec<f64>,
     ppm_per_mol_m3: Vec<f64>,
     air: Vec<Ambient>,
 }
@@ -65,7 +65,7 @@ impl Track {
             transport: rows.iter().map(|r| row_transport(spec, r)).collect(),
             plume_factor: vec![1.0; rows.len()],
             puff_ratios: Vec::new(),
-            way_s: vec![0.0; rows.len()],
+            wind_age_s: vec![0.0; rows.len()],
             ppm_per_mol_m3: rows
                 .iter()
                 .map(|r| world.ppm_per_mol_m3(r.place.height_agl_m))
@@ -141,15 +141,16 @@ impl Track {
         self.puff_ratios = (0..plumes).map(of).collect();
     }
 
-    /// Time that the air of every row took from the source, s: a drift of the wind is that of its
-    /// way. Zero at first, and for a plume that is as the wind of the moment has it.
-    pub fn way_s(&self) -> &[f64] {
-        &self.way_s
+    /// How long before every row the wind, on the mean of the way that the air took from the source,
+    /// turned it, s: the time of which a drift of the wind is taken. Zero at first, and for a plume
+    /// that is as the wind of the moment has it.
+    pub fn wind_age_s(&self) -> &[f64] {
+        &self.wind_age_s
     }
 
     /// The same, to be replaced.
-    pub fn way_s_mut(&mut self) -> &mut [f64] {
-        &mut self.way_s
+    pub fn wind_age_s_mut(&mut self) -> &mut [f64] {
+        &mut self.wind_age_s
     }
 
     /// Predicted readings of all rows, ppm, without noise and quantisation. `readings` must have
@@ -200,7 +201,7 @@ impl Track {
             place.north_m -= north;
             place.height_agl_m -= up;
             let ratio = |plume: usize| self.puff_ratios.get(plume).map_or(1.0, |r| r[i]);
-            let (molar, direct) = world.excess_after(&place, time, self.way_s[i], wind, ratio);
+            let (molar, direct) = world.excess_after(&place, time, self.wind_age_s[i], wind, ratio);
             *value = (molar * self.ppm_per_mol_m3[i] + direct) * self.plume_factor[i];
         }
     }

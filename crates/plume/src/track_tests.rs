@@ -222,21 +222,21 @@ fn a_lag_keeps_the_peaks_between_rows() {
 
 #[test]
 fn air_is_turned_as_the_wind_was_on_its_way() {
-    const WAY_S: f64 = 400.0;
+    const AGE_S: f64 = 200.0;
     let drift = Mechanism::new("wind-direction-drift", &[("rate_deg_per_h", 60.0)]).unwrap();
     let world = world(&[drift]);
-    let reading = |time_s: f64, way_s: f64| {
+    let reading = |time_s: f64, wind_age_s: f64| {
         let rows = [Row {
             time_s,
             ..row(0, 0.0)
         }];
         let mut track = Track::new(&world, &names(), &rows).unwrap();
-        track.way_s_mut().fill(way_s);
+        track.wind_age_s_mut().fill(wind_age_s);
         let mut out = [0.0];
         track.predict(&world, &mut out);
         out[0]
     };
-    let (late, then) = (reading(900.0, WAY_S), reading(900.0 - 0.5 * WAY_S, 0.0));
+    let (late, then) = (reading(900.0, AGE_S), reading(900.0 - AGE_S, 0.0));
     assert!((late - then).abs() < 1e-9, "{late} {then}");
     assert!((late - reading(900.0, 0.0)).abs() > 1.0, "{late}");
 }

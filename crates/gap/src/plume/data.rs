@@ -207,6 +207,18 @@ impl Data {
             .map(|(far, wind)| far / wind.speed_m_s.max(0.5))
     }
 
+    /// Mean age, at every row, of the logged wind that carried the air from a place, s. Of the part
+    /// of the way that lies before the record nothing is logged that could be off: what the log is
+    /// off by there is taken to be what it is off by at the record's beginning.
+    pub fn logged_age_s(&self, from: Enu) -> impl Iterator<Item = f64> {
+        let (start_s, _) = self.span_s();
+        let times = self.track.time_s();
+        self.way_s(from).zip(times).map(move |(way_s, time_s)| {
+            let logged_s = way_s.min(time_s - start_s);
+            (way_s - 0.5 * logged_s) * logged_s / way_s.max(1e-9)
+        })
+    }
+
     /// Horizontal distance of every row from a place, m.
     pub fn distance_m(&self, from: Enu) -> impl Iterator<Item = f64> {
         (0..self.len()).map(move |i| {

@@ -137,24 +137,22 @@ impl<'a> Builder<'a> {
 
     /// Whether puffs are carried, so that a turn at once is another than one all the way.
     fn carried(&self) -> bool {
-        self.ctx.data.track.way_s().iter().any(|w| *w > 0.0)
+        self.ctx.data.track.wind_age_s().iter().any(|a| *a > 0.0)
     }
 
     /// The times that count at each row, s.
     fn times(&self, when: When) -> Vec<Stretch> {
-        let track = &self.ctx.data.track;
-        let turned_s = track.way_s().iter();
+        let carried = self.carried();
         self.ctx
             .way_s()
-            .zip(turned_s)
-            .zip(track.time_s())
-            .map(|((way_s, turned_s), &t)| match when {
-                When::Read => Stretch::at(t),
+            .zip(self.ctx.data.track.time_s())
+            .map(|(way_s, &t)| match when {
                 When::Emitted => Stretch::at(t - way_s),
-                When::Turned => Stretch {
-                    from: t - turned_s,
+                When::Turned if carried => Stretch {
+                    from: t - way_s,
                     to: t,
                 },
+                When::Read | When::Turned => Stretch::at(t),
             })
             .collect()
     }

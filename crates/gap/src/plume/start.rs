@@ -158,7 +158,8 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
     let best = (0..order.len())
         .filter(|k| full[*k].0 > most - ALIKE_NATS)
         .max_by(|a, b| {
-            let evidence = |k: usize| full[k].1.log_evidence;
+            let evidence =
+                |k: usize| full[k].1.log_evidence + options[order[k]].treatment.ln_prior();
             evidence(*a).total_cmp(&evidence(*b)).then(b.cmp(a))
         })
         .unwrap_or(0);
@@ -263,10 +264,10 @@ fn put(setup: &Setup, data: &mut Data, carried: &Carried, model: &Model) {
         carried.put(&mut data.track, &world);
     }
     let source = setup.base.sources[0].place;
-    let ways: Vec<f64> = if carried.has_history() {
-        data.way_s(source).collect()
-    } else {
-        vec![0.0; data.len()]
+    let ages: Vec<f64> = match (carried.has_history(), data.on_board_wind) {
+        (true, true) => data.logged_age_s(source).collect(),
+        (true, false) => data.way_s(source).map(|way_s| 0.5 * way_s).collect(),
+        (false, _) => vec![0.0; data.len()],
     };
-    data.track.way_s_mut().copy_from_slice(&ways);
+    data.track.wind_age_s_mut().copy_from_slice(&ages);
 }

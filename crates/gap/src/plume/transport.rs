@@ -17,8 +17,9 @@ pub(crate) enum Treatment {
     Scenario,
     /// The same; puffs that it carries, which reach along the wind too.
     ScenarioPuffs,
-    /// The mean of all logs, for the whole record.
-    Mean,
+    /// The straight line in time through all logs. What the log drifts by stays in it: a wind that
+    /// hardly turns must not hide that its log does.
+    Line,
     /// Each platform's own log, smoothed over this time, s.
     Own(f64),
     /// All logs together, smoothed over this time, s.
@@ -35,7 +36,7 @@ impl Treatment {
     pub const UNLOGGED: [Treatment; 2] = [Treatment::Scenario, Treatment::ScenarioPuffs];
     /// … and where one is.
     pub const LOGGED: [Treatment; 11] = [
-        Treatment::Mean,
+        Treatment::Line,
         Treatment::Pooled(3.0),
         Treatment::Pooled(8.0),
         Treatment::Pooled(25.0),
@@ -55,7 +56,7 @@ impl Treatment {
     /// log is noisy a wind that hardly turns may still fit by chance.
     pub fn ln_prior(self) -> f64 {
         match self {
-            Treatment::Mean => -4.0,
+            Treatment::Line => -8.0,
             Treatment::Pooled(s) if s > 50.0 => -4.0,
             _ => 0.0,
         }
@@ -66,7 +67,9 @@ impl Treatment {
         match self {
             Treatment::Scenario => "the scenario's wind".to_string(),
             Treatment::ScenarioPuffs => "the scenario's wind, as puffs".to_string(),
-            Treatment::Mean => "the mean of the logged wind of all platforms".to_string(),
+            Treatment::Line => {
+                "the straight line through the logged wind of all platforms".to_string()
+            }
             Treatment::Own(s) => format!("each platform's logged wind, smoothed over {s:.0} s"),
             Treatment::Pooled(s) => {
                 format!("the logged wind of all platforms together, smoothed over {s:.0} s")
@@ -154,14 +157,39 @@ impl Grid {
         })
     }
 
-    /// Smooths with four passes of an exponential, two each way: nearly a bell of that width.
+    /// Smooths what departs from the straight line, whose ends would else be bent level, with four
+    /// passes of an exponential, two each way: nearly a bell of that width.
     fn smooth(&mut self, width_s: f64) {
         let keep = (-self.step_s * std::f64::consts::SQRT_2 / width_s.max(1e-9)).exp();
+        let line = self.line();
+        self.add(&line, -1.0);
         for _ in 0..2 {
             sweep(&mut self.values, keep);
             self.values.reverse();
             sweep(&mut self.values, keep);
             self.values.reverse();
+        }
+        self.add(&line, 1.0);
+    }
+
+    /// The straight line through all values.
+    fn line(&self) -> Option<Line> {
+        let values = self.values.iter().enumerate();
+        Line::through(values.map(|(k, v)| (self.time_s(k), *v)))
+    }
+
+    fn time_s(&self, k: usize) -> f64 {
+        self.start_s + k as f64 * self.step_s
+    }
+
+    /// Adds a line, if there is one, `times`.
+    fn add(&mut self, line: &Option<Line>, times: f64) {
+        let Some(line) = line else { return };
+        for k in 0..self.values.len() {
+            let on_it = line.at(self.time_s(k));
+            for c in [0, 1] {
+                self.values[k][c] += times * on_it[c];
+            }
         }
     }
 
@@ -195,6 +223,44 @@ impl Grid {
         let part = place - i as f64;
         let (a, b) = (self.values[i], self.values[(i + 1).min(last)]);
         [a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1])]
+    }
+}
+
+/// A vector that changes evenly.
+struct Line {
+    mean_time_s: f64,
+    mean: [f64; 2],
+    per_s: [f64; 2],
+}
+
+impl Line {
+    /// By least squares through `(time, vector)`; level where all are of one time, `None` where
+    /// there are none.
+    fn through(samples: impl Iterator<Item = (f64, [f64; 2])>) -> Option<Self> {
+        let samples: Vec<(f64, [f64; 2])> = samples.collect();
+        if samples.is_empty() {
+            return None;
+        }
+        let n = samples.len() as f64;
+        let mean_time_s = samples.iter().map(|s| s.0).sum::<f64>() / n;
+        let mean = [0, 1].map(|c| samples.iter().map(|s| s.1[c]).sum::<f64>() / n);
+        let square: f64 = samples.iter().map(|s| (s.0 - mean_time_s).powi(2)).sum();
+        let per_s = [0, 1].map(|c| {
+            let both: f64 = samples
+                .iter()
+                .map(|s| (s.0 - mean_time_s) * (s.1[c] - mean[c]))
+                .sum();
+            if square > 0.0 { both / square } else { 0.0 }
+        });
+        Some(Self {
+            mean_time_s,
+            mean,
+            per_s,
+        })
+    }
+
+    fn at(&self, time_s: f64) -> [f64; 2] {
+        [0, 1].map(|c| self.mean[c] + self.per_s[c] * (time_s - self.mean_time_s))
     }
 }
 
@@ -259,14 +325,9 @@ pub(crate) fn carried(
             history = Some(WindHistory::new(span.0, 1.0, &[wind]));
             own
         }
-        Treatment::Mean => {
-            let logged: Vec<[f64; 2]> = (0..data.len()).filter_map(vector).map(|v| v.1).collect();
-            if logged.is_empty() {
-                return None;
-            }
-            let n = logged.len() as f64;
-            let mean = [0, 1].map(|c| logged.iter().map(|v| v[c]).sum::<f64>() / n);
-            vec![towards(mean); data.len()]
+        Treatment::Line => {
+            let line = Line::through((0..data.len()).filter_map(vector))?;
+            times.iter().map(|t| towards(line.at(*t))).collect()
         }
         Treatment::Pooled(width) | Treatment::Diluted(width) => {
             let mut grid = all()?;
@@ -326,6 +387,18 @@ mod tests {
         grid.smooth(10.0);
         for v in &grid.values {
             assert!((v[0] - 5.0).abs() < 1e-9 && v[1].abs() < 0.1);
+        }
+    }
+
+    #[test]
+    fn smoothing_keeps_what_a_log_drifts_by() {
+        let at = |t: f64| [5.0 + 0.002 * t, -0.004 * t];
+        let samples = (0..600).map(|i| (f64::from(i), at(f64::from(i))));
+        let mut grid = Grid::new(samples, (0.0, 599.0)).unwrap();
+        grid.smooth(120.0);
+        for (k, v) in grid.values.iter().enumerate() {
+            let want = at(k as f64);
+            assert!((v[0] - want[0]).abs() < 1e-9 && (v[1] - want[1]).abs() < 1e-9);
         }
     }
 

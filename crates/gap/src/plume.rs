@@ -137,10 +137,7 @@ pub fn analyse(
         data: &data,
         threads,
     };
-    quality.extend(gate::spikes(
-        &data,
-        &started.fitted.metric.whitener.outliers,
-    ));
+    quality.extend(gate::spikes(&data, &started.fitted.metric.whitener.spikes));
     let mut named = naming::name(&ctx, started.fitted.clone(), options, &mut tell);
     let puffs = started.other_puffs(setup, ctx.data, &named.last);
     let mut ctx = ctx;

@@ -276,7 +276,7 @@ impl Eye<'_> {
     }
 }
 
-/// Single readings far from both neighbours among `rows`, which the fit found to be outliers.
+/// Single readings far from both neighbours among `rows`, whose noise the fit found to be no normal one.
 pub(crate) fn spikes(data: &Data, rows: &[usize]) -> Vec<DataQuality> {
     let y = &data.reading_ppm;
     let mut found = Vec::new();

@@ -21,6 +21,8 @@ pub(crate) const NOISE_PARAMETERS: usize = 9;
 const STATES: usize = 3;
 /// Standardised innovation beyond which a reading is an outlier.
 const OUTLIER: f64 = 3.0;
+/// The same beyond which it is said: of a million normal ones less than one is.
+const SPIKE: f64 = 5.0;
 /// Largest swing of a platform's plume that counts as noise where the wind is logged, degrees,
 /// and the logarithmic width of that cap.
 const MOST_SWING_DEG: f64 = 1.0;
@@ -182,8 +184,8 @@ pub(crate) struct Whitener {
     ranges: Vec<Range<usize>>,
     /// Log likelihood of the residual it was made with.
     pub log_likelihood: f64,
-    /// Rows whose innovation was an outlier.
-    pub outliers: Vec<usize>,
+    /// Rows whose innovation is beyond what normal noise shows.
+    pub spikes: Vec<usize>,
 }
 
 /// Part of a column's largest value that the filter's memory of it counts as nothing.
@@ -229,10 +231,10 @@ fn filter(
                 let sd = rows.sd_ppm[i];
                 let white = if sd.is_nan() { white_sq } else { sd * sd };
                 let own = white + fast_gust * l.gust * l.gust + fast_swing * l.swing * l.swing;
-                let (score, outlier) = state.learn(&mut step, own, residual[i]);
+                let (score, spike) = state.learn(&mut step, own, residual[i]);
                 total += score;
-                if let (true, Some((_, outliers))) = (outlier, keep_steps.as_mut()) {
-                    outliers.push(i);
+                if let (true, Some((_, spikes))) = (spike, keep_steps.as_mut()) {
+                    spikes.push(i);
                 }
             }
             if let Some((steps, _)) = keep_steps.as_mut() {
@@ -271,8 +273,8 @@ impl State {
         p[5] = c * c * p[5] + (1.0 - c * c) * size_sq[2];
     }
 
-    /// Takes in a residual with white variance `own`; gives its log score and whether it is an
-    /// outlier.
+    /// Takes in a residual with white variance `own`; gives its log score and whether it is a
+    /// spike.
     #[inline]
     fn learn(&mut self, step: &mut Step, own: f64, residual: f64) -> (f64, bool) {
         let h = &step.load;
@@ -285,10 +287,8 @@ impl State {
         let mut variance = ph[0] + h[1] * ph[1] + h[2] * ph[2] + own;
         let innovation = residual - (self.mean[0] + h[1] * self.mean[1] + h[2] * self.mean[2]);
         let least = (innovation / OUTLIER) * (innovation / OUTLIER);
-        let outlier = least > variance;
-        if outlier {
-            variance = least;
-        }
+        let spike = innovation * innovation > SPIKE * SPIKE * variance;
+        variance = variance.max(least);
         let inverse = 1.0 / variance;
         step.gain = [ph[0] * inverse, ph[1] * inverse, ph[2] * inverse];
         step.inv_sd = inverse.sqrt();
@@ -304,7 +304,7 @@ impl State {
         p[4] -= g[1] * ph[2];
         p[5] -= g[2] * ph[2];
         let score = -LN_ROOT_TAU + 0.5 * (inverse.ln() - innovation * innovation * inverse);
-        (score, outlier)
+        (score, spike)
     }
 }
 
@@ -314,16 +314,16 @@ pub(crate) fn log_likelihood(rows: &Rows<'_>, noise: &NoiseModel, residual: &[f6
 }
 
 impl Whitener {
-    /// The gains for `noise` and the outliers of `residual`.
+    /// The gains for `noise` and the spikes of `residual`.
     pub fn new(rows: &Rows<'_>, noise: &NoiseModel, residual: &[f64]) -> Self {
         let mut steps = Vec::with_capacity(residual.len());
-        let mut outliers = Vec::new();
-        let log_likelihood = filter(rows, noise, residual, Some((&mut steps, &mut outliers)));
+        let mut spikes = Vec::new();
+        let log_likelihood = filter(rows, noise, residual, Some((&mut steps, &mut spikes)));
         Self {
             steps,
             ranges: rows.ranges.to_vec(),
             log_likelihood,
-            outliers,
+            spikes,
         }
     }
 

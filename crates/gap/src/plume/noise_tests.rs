@@ -105,7 +105,7 @@ fn filter_is_the_dense_gaussian() {
     let u = DVector::from_iterator(kept.len(), kept.iter().map(|i| column[*i]));
     let exact = u.dot(&chol.solve(&r));
     assert!((crate::plume::linear::dot(&a, &b) - exact).abs() < 1e-8 * exact.abs().max(1.0));
-    assert!(whitener.outliers.is_empty());
+    assert!(whitener.spikes.is_empty());
 }
 
 #[test]
@@ -117,7 +117,7 @@ fn a_spike_counts_a_few_nats_only() {
     residual[100] += 1e4;
     let whitener = Whitener::new(&case.rows(), &noise, &residual);
     assert!(clean - whitener.log_likelihood < 20.0);
-    assert!(whitener.outliers.contains(&100));
+    assert!(whitener.spikes.contains(&100));
 }
 
 #[test]

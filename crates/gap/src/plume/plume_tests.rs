@@ -301,6 +301,19 @@ fn readings_held_at_a_limit_are_clipped_however_many() {
 }
 
 #[test]
+fn a_spike_is_said_and_what_noise_does_is_not() {
+    let spikes = |flaws: &[Flaw]| flaws.iter().filter(|f| **f == Flaw::Outlier).count();
+    let (_, clean) = damaged(|_| ());
+    assert_eq!(spikes(&clean), 0, "{clean:?}");
+    let (verdict, flaws) = damaged(|o| {
+        if o.platform == 1 && o.time_s == 200.0 {
+            o.co2_ppm = Some(o.co2_ppm.unwrap() + 40.0);
+        }
+    });
+    assert_eq!((verdict, spikes(&flaws)), (Verdict::None, 1), "{flaws:?}");
+}
+
+#[test]
 fn a_gap_is_reported_and_makes_no_verdict() {
     let (verdict, flaws) = damaged(|r| {
         if (200.0..300.0).contains(&r.time_s) {

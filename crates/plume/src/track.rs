@@ -185,6 +185,16 @@ impl Track {
         }
     }
 
+    /// Time constants of every platform's sensor, its own and those added in series together, s.
+    pub fn lags_s(&self, world: &World) -> Vec<f64> {
+        let spec = world.spec();
+        let of = |platform: &String| {
+            let effects = spec.sensor.effects(&spec.mechanisms, platform);
+            effects.lags_s.iter().sum()
+        };
+        self.platforms.iter().map(of).collect()
+    }
+
     fn excess(&self, world: &World, effects: &SensorEffects, range: Range<usize>, out: &mut [f64]) {
         let moved = effects.clock_s != 0.0;
         let [east, north, up] = effects.position_m;

@@ -160,11 +160,29 @@ impl<'a> Context<'a> {
         self.change(model, prediction, turn)
             .iter()
             .zip(&prediction.plume)
-            .map(|(turned, plume)| Loading {
+            .zip(self.shown(model))
+            .map(|((turned, plume), shown)| Loading {
                 gust: *plume,
                 swing: turned / SWING_STEP_DEG,
+                shown,
             })
             .collect()
+    }
+
+    /// Share of what the sensor showed at the row before that it still shows at every row.
+    fn shown(&self, model: &Model) -> Vec<f64> {
+        let track = &self.data.track;
+        let mut shown = vec![0.0; track.len()];
+        let Some(world) = model.world(&self.setup.base, track.platforms()) else {
+            return shown;
+        };
+        let times = track.time_s();
+        for (range, lag_s) in self.data.ranges().iter().zip(track.lags_s(&world)) {
+            for i in range.clone().skip(1).filter(|_| lag_s > 0.0) {
+                shown[i] = (-(times[i] - times[i - 1]) / lag_s).exp();
+            }
+        }
+        shown
     }
 
     /// Derivatives of the readings by the free parameters, in their coordinates.

@@ -4,7 +4,10 @@
 //! Ornstein–Uhlenbeck processes: an additive one (slow wander of sensor and background), one
 //! in proportion to the plume's part of the reading (intermittency), and one along the
 //! derivative of the reading by wind direction (the plume is not exactly where the wind says).
-//! The latter two also have white parts. Platforms are independent. All is linear and Gaussian
+//! The latter two also have parts that are white in time. They are what the air does, and a slow
+//! sensor still shows some of what it was: what it shows is a state of its own, which forgets with
+//! the sensor's time constant and takes in what the row's share of the loading is times the process.
+//! Platforms are independent. All is linear and Gaussian
 //! in state space, so that a Kalman filter gives the likelihood in linear time; an innovation
 //! beyond three standard deviations is taken as an outlier and its variance raised until it is
 //! at three, so that one spike counts a few nats and no more.
@@ -18,7 +21,9 @@ use super::linear::is_busy;
 /// Number of noise parameters.
 pub(crate) const NOISE_PARAMETERS: usize = 9;
 /// Number of states.
-const STATES: usize = 3;
+const STATES: usize = 4;
+/// Those that are processes; the last is what the sensor shows of the latter two.
+const PROCESSES: usize = 3;
 /// Standardised innovation beyond which a reading is an outlier.
 const OUTLIER: f64 = 3.0;
 /// The same beyond which it is said: of a million normal ones less than one is.
@@ -151,6 +156,8 @@ pub(crate) struct Loading {
     pub gust: f64,
     /// Derivative of the reading by wind direction, ppm per degree.
     pub swing: f64,
+    /// Share of what the sensor showed at the row before that it still shows.
+    pub shown: f64,
 }
 
 /// The rows that the filter runs over.
@@ -172,7 +179,8 @@ pub(crate) struct Rows<'a> {
 #[derive(Debug, Clone, Copy)]
 struct Step {
     keep: [f64; STATES],
-    load: [f64; STATES],
+    /// What the sensor takes in of gust and swing.
+    taken: [f64; 2],
     gain: [f64; STATES],
     inv_sd: f64,
 }
@@ -209,29 +217,35 @@ fn filter(
     let mut total = 0.0;
     for range in rows.ranges {
         let mut state = State::stationary(size_sq);
-        let (mut last_dt, mut keep) = (0.0, [1.0; STATES]);
-        let mut before = None;
+        let (mut last_dt, mut keep) = (0.0, [1.0; PROCESSES]);
+        let mut before: Option<usize> = None;
         for i in range.clone() {
-            let dt = before.map_or(0.0, |t| rows.time_s[i] - t);
-            before = Some(rows.time_s[i]);
+            let dt = before.map_or(0.0, |b| rows.time_s[i] - rows.time_s[b]);
             if dt != last_dt {
                 keep = [0, 1, 2].map(|k| (-dt / scale_s[k]).exp());
                 last_dt = dt;
             }
-            state.forget(&keep, &size_sq);
             let l = rows.loading[i];
-            let load = [1.0, l.gust, l.swing];
+            let was = before.map_or((0.0, 0.0), |b| {
+                let l = rows.loading[b];
+                (l.gust, l.swing)
+            });
+            before = Some(i);
+            let taken = [l.gust - l.shown * was.0, l.swing - l.shown * was.1];
+            let keep = [keep[0], keep[1], keep[2], l.shown];
+            state.forget(&keep, &size_sq);
+            let fast = fast_gust * taken[0] * taken[0] + fast_swing * taken[1] * taken[1];
+            state.take_in(&taken, fast);
             let mut step = Step {
                 keep,
-                load,
+                taken,
                 gain: [0.0; STATES],
                 inv_sd: 0.0,
             };
             if rows.used[i] {
                 let sd = rows.sd_ppm[i];
                 let white = if sd.is_nan() { white_sq } else { sd * sd };
-                let own = white + fast_gust * l.gust * l.gust + fast_swing * l.swing * l.swing;
-                let (score, spike) = state.learn(&mut step, own, residual[i]);
+                let (score, spike) = state.learn(&mut step, white, residual[i]);
                 total += score;
                 if let (true, Some((_, spikes))) = (spike, keep_steps.as_mut()) {
                     spikes.push(i);
@@ -245,25 +259,30 @@ fn filter(
     total
 }
 
-/// Mean and covariance (upper triangle 00 01 02 11 12 22) of the three processes.
+/// Mean of the states, and their covariance: the upper triangle of the processes (00 01 02 11 12
+/// 22), and what each state has with what the sensor shows.
 struct State {
     mean: [f64; STATES],
     cov: [f64; 6],
+    with_shown: [f64; STATES],
 }
 
 impl State {
-    fn stationary(size_sq: [f64; STATES]) -> Self {
+    fn stationary(size_sq: [f64; PROCESSES]) -> Self {
         let [a, b, c] = size_sq;
         Self {
             mean: [0.0; STATES],
             cov: [a, 0.0, 0.0, b, 0.0, c],
+            with_shown: [0.0; STATES],
         }
     }
 
     #[inline]
-    fn forget(&mut self, keep: &[f64; STATES], size_sq: &[f64; STATES]) {
-        let [a, b, c] = *keep;
-        self.mean = [a * self.mean[0], b * self.mean[1], c * self.mean[2]];
+    fn forget(&mut self, keep: &[f64; STATES], size_sq: &[f64; PROCESSES]) {
+        let [a, b, c, shown] = *keep;
+        for (mean, keep) in self.mean.iter_mut().zip(keep) {
+            *mean *= keep;
+        }
         let p = &mut self.cov;
         p[0] = a * a * p[0] + (1.0 - a * a) * size_sq[0];
         p[1] *= a * b;
@@ -271,26 +290,43 @@ impl State {
         p[3] = b * b * p[3] + (1.0 - b * b) * size_sq[1];
         p[4] *= b * c;
         p[5] = c * c * p[5] + (1.0 - c * c) * size_sq[2];
+        for (with, keep) in self.with_shown.iter_mut().zip(keep) {
+            *with *= keep * shown;
+        }
+    }
+
+    /// Lets the sensor show gust and swing as they are now, in the shares `taken`, and what is
+    /// white in time with variance `fast`.
+    #[inline]
+    fn take_in(&mut self, taken: &[f64; 2], fast: f64) {
+        let [g, s] = *taken;
+        self.mean[3] += g * self.mean[1] + s * self.mean[2];
+        let p = &self.cov;
+        let own = [
+            g * p[1] + s * p[2],
+            g * p[3] + s * p[4],
+            g * p[4] + s * p[5],
+        ];
+        let w = &mut self.with_shown;
+        w[3] += 2.0 * (g * w[1] + s * w[2]) + g * own[1] + s * own[2] + fast;
+        for k in 0..PROCESSES {
+            w[k] += own[k];
+        }
     }
 
     /// Takes in a residual with white variance `own`; gives its log score and whether it is a
     /// spike.
     #[inline]
     fn learn(&mut self, step: &mut Step, own: f64, residual: f64) -> (f64, bool) {
-        let h = &step.load;
-        let p = &self.cov;
-        let ph = [
-            p[0] + p[1] * h[1] + p[2] * h[2],
-            p[1] + p[3] * h[1] + p[4] * h[2],
-            p[2] + p[4] * h[1] + p[5] * h[2],
-        ];
-        let mut variance = ph[0] + h[1] * ph[1] + h[2] * ph[2] + own;
-        let innovation = residual - (self.mean[0] + h[1] * self.mean[1] + h[2] * self.mean[2]);
+        let (p, w) = (&self.cov, &self.with_shown);
+        let ph = [p[0] + w[0], p[1] + w[1], p[2] + w[2], w[0] + w[3]];
+        let mut variance = ph[0] + ph[3] + own;
+        let innovation = residual - (self.mean[0] + self.mean[3]);
         let least = (innovation / OUTLIER) * (innovation / OUTLIER);
         let spike = innovation * innovation > SPIKE * SPIKE * variance;
         variance = variance.max(least);
         let inverse = 1.0 / variance;
-        step.gain = [ph[0] * inverse, ph[1] * inverse, ph[2] * inverse];
+        step.gain = ph.map(|p| p * inverse);
         step.inv_sd = inverse.sqrt();
         for (mean, gain) in self.mean.iter_mut().zip(step.gain) {
             *mean += gain * innovation;
@@ -303,6 +339,9 @@ impl State {
         p[3] -= g[1] * ph[1];
         p[4] -= g[1] * ph[2];
         p[5] -= g[2] * ph[2];
+        for (with, gain) in self.with_shown.iter_mut().zip(g) {
+            *with -= gain * ph[3];
+        }
         let score = -LN_ROOT_TAU + 0.5 * (inverse.ln() - innovation * innovation * inverse);
         (score, spike)
     }
@@ -362,7 +401,11 @@ impl Whitener {
             for (value, s) in rows.zip(&self.steps[range.clone()]).rev() {
                 let learnt: f64 = (0..STATES).map(|k| s.gain[k] * state[k]).sum();
                 *value = s.inv_sd * *value + learnt;
-                state = std::array::from_fn(|k| s.keep[k] * (state[k] - s.load[k] * *value));
+                state[0] -= *value;
+                state[3] -= *value;
+                state[1] += s.taken[0] * state[3];
+                state[2] += s.taken[1] * state[3];
+                state = std::array::from_fn(|k| s.keep[k] * state[k]);
             }
         }
     }
@@ -400,21 +443,23 @@ impl Whitener {
 /// of them on.
 #[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2"))]
 fn whiten_rows(rows: &mut [[f64; LANES]], steps: &[Step], mean: &mut [[f64; LANES]; STATES]) {
-    let [mut a, mut b, mut c] = *mean;
+    let [mut slow, mut gust, mut swing, mut shown] = *mean;
     for (row, s) in rows.iter_mut().zip(steps) {
         for lane in 0..LANES {
-            a[lane] *= s.keep[0];
-            b[lane] *= s.keep[1];
-            c[lane] *= s.keep[2];
-            let expected = s.load[0] * a[lane] + s.load[1] * b[lane] + s.load[2] * c[lane];
-            let innovation = row[lane] - expected;
-            a[lane] += s.gain[0] * innovation;
-            b[lane] += s.gain[1] * innovation;
-            c[lane] += s.gain[2] * innovation;
+            slow[lane] *= s.keep[0];
+            gust[lane] *= s.keep[1];
+            swing[lane] *= s.keep[2];
+            shown[lane] =
+                s.keep[3] * shown[lane] + s.taken[0] * gust[lane] + s.taken[1] * swing[lane];
+            let innovation = row[lane] - (slow[lane] + shown[lane]);
+            slow[lane] += s.gain[0] * innovation;
+            gust[lane] += s.gain[1] * innovation;
+            swing[lane] += s.gain[2] * innovation;
+            shown[lane] += s.gain[3] * innovation;
             row[lane] = innovation * s.inv_sd;
         }
     }
-    *mean = [a, b, c];
+    *mean = [slow, gust, swing, shown];
 }
 
 /// The noise of the largest `value` from where `noise` stands: a quasi-Newton search with

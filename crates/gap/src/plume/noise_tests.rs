@@ -22,17 +22,21 @@ impl Case {
             sd_ppm: vec![f64::NAN; n],
             loading: (0..n)
                 .map(|i| {
+                    // One sensor shows the air at once, one with a lag.
+                    let shown = if i > half { 0.7 } else { 0.0 };
                     // Half of the way in clean air, as on a track.
                     if i / 10 % 2 == 0 {
                         return Loading {
                             gust: 0.0,
                             swing: 0.0,
+                            shown,
                         };
                     }
                     let s = (i as f64 * 0.4).sin();
                     Loading {
                         gust: 30.0 * s * s,
                         swing: 8.0 * (i as f64 * 0.4).cos(),
+                        shown,
                     }
                 })
                 .collect(),
@@ -49,27 +53,49 @@ impl Case {
         }
     }
 
+    /// What a sensor shows at every row of what the air does at every row, for a loading.
+    fn sensor(&self, load: impl Fn(&Loading) -> f64) -> DMatrix<f64> {
+        let n = self.time_s.len();
+        let mut shows = DMatrix::zeros(n, n);
+        for range in &self.ranges {
+            for i in range.clone() {
+                let l = &self.loading[i];
+                let mut taken = load(l);
+                if i > range.start {
+                    taken -= l.shown * load(&self.loading[i - 1]);
+                    for j in range.start..i {
+                        shows[(i, j)] = l.shown * shows[(i - 1, j)];
+                    }
+                }
+                shows[(i, i)] = taken;
+            }
+        }
+        shows
+    }
+
     /// The covariance of the used rows, written out.
     fn covariance(&self, noise: &NoiseModel) -> (Vec<usize>, DMatrix<f64>) {
-        let kept: Vec<usize> = (0..self.time_s.len()).filter(|i| self.used[*i]).collect();
+        let n = self.time_s.len();
+        let kept: Vec<usize> = (0..n).filter(|i| self.used[*i]).collect();
         let p = noise.ln.map(f64::exp);
         let same =
             |i: usize, j: usize| self.ranges.iter().any(|r| r.contains(&i) && r.contains(&j));
-        let c = DMatrix::from_fn(kept.len(), kept.len(), |a, b| {
-            let (i, j) = (kept[a], kept[b]);
-            if !same(i, j) {
-                return 0.0;
-            }
-            let dt = (self.time_s[i] - self.time_s[j]).abs();
-            let (l, m) = (self.loading[i], self.loading[j]);
-            let mut v = p[1].powi(2) * (-dt / p[2]).exp()
-                + p[3].powi(2) * l.gust * m.gust * (-dt / p[4]).exp()
-                + p[5].powi(2) * l.swing * m.swing * (-dt / p[6]).exp();
-            if i == j {
-                v += p[0].powi(2) + (p[7] * l.gust).powi(2) + (p[8] * l.swing).powi(2);
-            }
-            v
-        });
+        let process = |size: f64, scale_s: f64, fast: f64| {
+            DMatrix::from_fn(n, n, |i, j| {
+                let dt = (self.time_s[i] - self.time_s[j]).abs();
+                let slow = size.powi(2) * (-dt / scale_s).exp();
+                match (i == j, same(i, j)) {
+                    (true, _) => slow + fast.powi(2),
+                    (_, true) => slow,
+                    _ => 0.0,
+                }
+            })
+        };
+        let (gust, swing) = (self.sensor(|l| l.gust), self.sensor(|l| l.swing));
+        let all = process(p[1], p[2], p[0])
+            + &gust * process(p[3], p[4], p[7]) * gust.transpose()
+            + &swing * process(p[5], p[6], p[8]) * swing.transpose();
+        let c = DMatrix::from_fn(kept.len(), kept.len(), |a, b| all[(kept[a], kept[b])]);
         (kept, c)
     }
 

@@ -44,6 +44,7 @@ impl Task {
             Kind::Nothing => match self.noise {
                 NoiseForm::Usual => "none, usual noise".into(),
                 NoiseForm::Unusual => "none, other noise".into(),
+                NoiseForm::SlowSensors => "none, slow sensors".into(),
             },
             Kind::One(effect) => format!("{effect}, D = {}", self.nats),
             Kind::OtherLaw(effect) => format!("other law: {effect}, D = {}", self.nats),
@@ -116,7 +117,7 @@ const PAIRS: [(Effect, Effect); 8] = [
 ];
 
 /// All tasks for `seeds` seeds a case: twenty-five times as many without an effect, half of that
-/// with other noise.
+/// with other noise, and five times with slow sensors.
 pub fn plan(seeds: u64, first_seed: u64) -> Vec<Task> {
     let mut tasks = Vec::new();
     // Each row has seeds of its own.
@@ -157,6 +158,7 @@ pub fn plan(seeds: u64, first_seed: u64) -> Vec<Task> {
             seeds.div_ceil(4),
         );
     }
+    push(Kind::Nothing, 0.0, NoiseForm::SlowSensors, 5 * seeds);
     tasks
 }
 

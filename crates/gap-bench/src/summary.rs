@@ -159,6 +159,11 @@ impl Summary {
                 "≤ 3 %",
                 alarms(NoiseForm::Unusual),
             ),
+            line(
+                "nothing hidden, slow sensors: false alarms",
+                "≤ 3 %",
+                alarms(NoiseForm::SlowSensors),
+            ),
         ];
         for (forward, name) in [
             (Forward::Gaussian, "a plain plume"),

@@ -5,10 +5,10 @@ use std::fmt::Write as _;
 
 use rand::RngExt;
 
-use crate::chance::{between, stream};
+use crate::chance::{between, pick, stream};
 use crate::effect::Effect;
 use crate::further::FurtherFlight;
-use crate::instrument::{Damage, Faults, Noise, NoiseForm, Platform, Row};
+use crate::instrument::{Damage, Faults, Noise, NoiseForm, Platform, Row, SLOW_SENSORS_S};
 use crate::physics::{Forward, Physics, World};
 use crate::scene::{MARGIN_S, Need, Scene};
 use crate::strength::{self, Parameter};
@@ -314,7 +314,10 @@ impl<'a> Draft<'a> {
             .flat_map(|h| certain(h.effect))
             .copied()
             .collect();
-        let scene = Scene::draw(spec.seed, &needs, &certain, if single { 2 } else { 1 });
+        let mut scene = Scene::draw(spec.seed, &needs, &certain, if single { 2 } else { 1 });
+        if spec.noise == NoiseForm::SlowSensors {
+            scene.lag_s = pick(&mut stream(spec.seed, "slow sensors"), &SLOW_SENSORS_S);
+        }
         let noise = Noise::draw(spec.seed, spec.noise, scene.noise_sd_ppm);
         let drawn = if puffs {
             Forward::Puffs

@@ -10,6 +10,10 @@ use crate::physics::World;
 use crate::scene::{LoggedWind, MARGIN_S, SUB_STEP_S, Scene};
 use crate::wind::{WindLog, WindTruth};
 
+/// Time constants of slow sensors as the scenario states them, s: of non-dispersive infrared ones
+/// in the open they reach from a few seconds to about twenty.
+pub const SLOW_SENSORS_S: [f64; 3] = [6.0, 12.0, 20.0];
+
 /// The form of the noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum NoiseForm {
@@ -18,6 +22,9 @@ pub enum NoiseForm {
     Usual,
     /// Heavy tails, log-normal intermittency that is stronger at the edge, coarse steps, gaps.
     Unusual,
+    /// The usual, read by sensors of [`SLOW_SENSORS_S`]: what turbulence does reaches the readings
+    /// late.
+    SlowSensors,
 }
 
 /// Faults of one platform's sensors. The default has none.
@@ -109,7 +116,7 @@ impl Noise {
         let size = between(&mut rng, 0.05, 0.25);
         let coarse = between(&mut rng, 2.0, 5.0);
         match form {
-            NoiseForm::Usual => Self {
+            NoiseForm::Usual | NoiseForm::SlowSensors => Self {
                 form,
                 white_ppm,
                 slow_ppm,
@@ -135,7 +142,7 @@ impl Noise {
 
     fn white(&self, rng: &mut ChaCha8Rng) -> f64 {
         let z = match self.form {
-            NoiseForm::Usual => normal(rng),
+            NoiseForm::Usual | NoiseForm::SlowSensors => normal(rng),
             NoiseForm::Unusual => student_3(rng),
         };
         // Both draws are made always, so that an effect cannot shift the stream.
@@ -152,7 +159,7 @@ impl Noise {
     fn gust(&self, g: f64) -> f64 {
         let s = self.gusts.0;
         match self.form {
-            NoiseForm::Usual => 1.0 + s * g,
+            NoiseForm::Usual | NoiseForm::SlowSensors => 1.0 + s * g,
             NoiseForm::Unusual => (s * g - 0.5 * s * s).exp(),
         }
     }

@@ -53,6 +53,11 @@ type Hidden<'a> = (&'a str, &'a [(&'a str, f64)], &'a [&'a str]);
 
 /// Three platforms weaving across the plume for ten minutes in a wandering wind, logged by all.
 fn observe(mechanisms: &[Hidden<'_>], seed: u64) -> Observations {
+    observe_in(mechanisms, seed, 0.6)
+}
+
+/// The same in a wind that turns by this much from second to second, degrees.
+fn observe_in(mechanisms: &[Hidden<'_>], seed: u64, turns_deg: f64) -> Observations {
     let setup = setup();
     let mut spec = setup.base.clone();
     for (id, p, platforms) in mechanisms {
@@ -64,7 +69,7 @@ fn observe(mechanisms: &[Hidden<'_>], seed: u64) -> Observations {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut wind = vec![0.0f64; 600];
     for t in 1..600 {
-        wind[t] = 0.97 * wind[t - 1] + 0.6 * normal(&mut rng);
+        wind[t] = 0.97 * wind[t - 1] + turns_deg * normal(&mut rng);
     }
     let names = ["a", "b", "c"];
     let mut rows = Vec::new();
@@ -160,6 +165,48 @@ fn a_lag_is_named_measured_and_pays() {
 
 // Wherever it cuts the band from 260 to 340 m in which the platforms weave: between two of the
 // heights tried first the readings have no slope that leads to it.
+// A steady wind is carried by its mean as well: that must not hide that its log drifts.
+#[test]
+fn a_log_that_drifts_in_a_steady_wind_is_named() {
+    const RATE_DEG_PER_H: f64 = 40.0;
+    let mut o = observe_in(&[], 5, 0.05);
+    for r in &mut o.rows {
+        r.wind_from_deg = r
+            .wind_from_deg
+            .map(|from| from - RATE_DEG_PER_H * r.time_s / 3600.0);
+    }
+    let a = run(&o);
+    let [cause] = a.json.causes.as_slice() else {
+        panic!("{}", a.json.summary)
+    };
+    assert_eq!(cause.mechanisms, ["wind-direction-drift"]);
+    let rate = &cause.parameters[0];
+    let off = (rate.value - RATE_DEG_PER_H).abs();
+    assert!(off < 2.0 * rate.sd, "{}", a.json.summary);
+}
+
+// Against the mean over a fine grid of the way of how long ago each part of it was, the parts
+// before the record as its beginning.
+#[test]
+fn a_log_is_as_old_as_the_way_that_it_was_kept_for() {
+    const PARTS: usize = 10_000;
+    let mut o = observe(&[], 5);
+    o.rows.iter_mut().for_each(|r| r.time_s += 1e4);
+    let setup = setup();
+    let data = data::Data::new(&setup, &o).unwrap();
+    let source = setup.base.sources[0].place;
+    let ages: Vec<f64> = data.logged_age_s(source).collect();
+    let mut before = 0;
+    for (i, way_s) in data.way_s(source).enumerate().step_by(37) {
+        let time_s = data.track.time_s()[i];
+        before += usize::from(time_s - way_s < 1e4);
+        let age = |k: usize| (way_s * (k as f64 + 0.5) / PARTS as f64).min(time_s - 1e4);
+        let mean = (0..PARTS).map(age).sum::<f64>() / PARTS as f64;
+        assert!((ages[i] - mean).abs() < 1e-3, "{} {mean}", ages[i]);
+    }
+    assert!(before > 5, "{before}");
+}
+
 #[test]
 fn a_lid_among_the_tracks_is_found_at_its_height() {
     for (k, height_m) in [304.0, 311.0, 319.0, 328.0, 335.0].into_iter().enumerate() {

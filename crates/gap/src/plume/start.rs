@@ -266,6 +266,7 @@ fn put(setup: &Setup, data: &mut Data, carried: &Carried, model: &Model) {
     let source = setup.base.sources[0].place;
     let ages: Vec<f64> = match (carried.has_history(), data.on_board_wind) {
         (true, true) => data.logged_age_s(source).collect(),
+        // A wind that nobody logged drifts as the weather does, before the record too.
         (true, false) => data.way_s(source).map(|way_s| 0.5 * way_s).collect(),
         (false, _) => vec![0.0; data.len()],
     };

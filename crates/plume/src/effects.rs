@@ -269,47 +269,9 @@ impl Ambient {
     };
 }
 
-/// One exact step of a first-order lag over `dt_s` while the input goes straight from
-/// `before` to `now`: dy/dt = (u - y)/τ.
-#[inline]
-pub fn lag_step(output: f64, before: f64, now: f64, dt_s: f64, time_constant_s: f64) -> f64 {
-    if time_constant_s <= 0.0 {
-        return now;
-    }
-    let k = dt_s / time_constant_s;
-    if k <= 0.0 {
-        return output;
-    }
-    let decay = (-k).exp();
-    // Mean weight of the ramp: 1 - (1 - e^-k)/k, by series where k is small.
-    let ramp = if k < 1e-4 {
-        k * (0.5 - k / 6.0)
-    } else {
-        1.0 + (-k).exp_m1() / k
-    };
-    decay * output + (1.0 - decay) * before + ramp * (now - before)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    // Exact answer to a ramp u = t from rest: y = t - tau (1 - exp(-t/tau)).
-    #[test]
-    fn lag_is_exact_on_a_ramp_whatever_the_step() {
-        let tau = 2.5;
-        for steps in [1usize, 7, 1000] {
-            let dt = 10.0 / steps as f64;
-            let mut y = 0.0;
-            for i in 0..steps {
-                y = lag_step(y, i as f64 * dt, (i + 1) as f64 * dt, dt, tau);
-            }
-            let exact = 10.0 - tau * (1.0 - (-10.0f64 / tau).exp());
-            assert!((y - exact).abs() < 1e-9, "{steps} {y} {exact}");
-        }
-        assert_eq!(lag_step(1.0, 0.0, 5.0, 1.0, 0.0), 5.0);
-        assert_eq!(lag_step(1.0, 0.0, 5.0, 0.0, 2.0), 1.0);
-    }
 
     #[test]
     fn gain_turns_about_its_pivot() {

@@ -317,6 +317,16 @@ impl World {
         (y, z)
     }
 
+    /// Where a place is from each source that it is downwind of: along the wind and across, m.
+    pub(crate) fn downwind_of_sources_m(
+        &self,
+        place: &Place,
+        wind: Transport,
+    ) -> impl Iterator<Item = (f64, f64)> {
+        let of = move |plume: &Plume| downwind_m(plume, place, wind);
+        self.plumes.iter().filter_map(of)
+    }
+
     /// Excess of all plumes as (mol/m³ of those given by emission, ppm of those given by c_MAX).
     #[inline]
     pub(crate) fn excess(&self, place: &Place, time_s: f64, wind: Transport) -> (f64, f64) {
@@ -399,12 +409,9 @@ impl World {
     fn spread(&self, plume: &Plume, place: &Place, wind: Transport) -> (f64, f64, f64) {
         let wind = self.veered(plume, place, wind);
         let speed = (wind.speed_m_s * plume.speed_ratio).max(LEAST_TRANSPORT_M_S);
-        let (de, dn) = (place.east_m - plume.east_m, place.north_m - plume.north_m);
-        let x = de * wind.east + dn * wind.north;
-        if x < LEAST_DISTANCE_M {
+        let Some((x, y)) = downwind_m(plume, place, wind) else {
             return (0.0, 0.0, speed);
-        }
-        let y = de * wind.north - dn * wind.east;
+        };
         let (sigma_y, sigma_z) = self.sigmas_m(x);
         let across = 0.5 * (y / sigma_y) * (y / sigma_y);
         if across > FARTHEST_EXPONENT {
@@ -462,6 +469,17 @@ impl Depletion {
         let integral = self.integral[i] * (1.0 - part) + self.integral[i + 1] * part;
         (-velocity_ratio * integral).exp()
     }
+}
+
+/// Where a place downwind of a source is, along the wind and across, m; none upwind of it.
+#[inline]
+fn downwind_m(plume: &Plume, place: &Place, wind: Transport) -> Option<(f64, f64)> {
+    let (de, dn) = (place.east_m - plume.east_m, place.north_m - plume.north_m);
+    let x = de * wind.east + dn * wind.north;
+    if x < LEAST_DISTANCE_M {
+        return None;
+    }
+    Some((x, de * wind.north - dn * wind.east))
 }
 
 /// (cos, sin) of a turn of the from-direction, clockwise positive.

@@ -13,12 +13,14 @@
 
 pub mod effects;
 pub mod field;
+mod lag;
 pub mod mechanism;
 pub mod rise;
 pub mod score;
 pub mod sensor;
 pub mod sigma;
 pub mod stability;
+mod stations;
 pub mod track;
 pub mod units;
 

@@ -3,8 +3,9 @@
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::effects::{Ambient, HOUR_S, SensorEffects, lag_step};
+use crate::effects::{Ambient, HOUR_S, SensorEffects};
 use crate::field::Place;
+use crate::lag::lag_step;
 use crate::mechanism::Mechanism;
 use crate::{PlumeError, in_range};
 

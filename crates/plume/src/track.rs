@@ -7,8 +7,10 @@
 use std::ops::Range;
 
 use crate::PlumeError;
-use crate::effects::{Ambient, SensorEffects, lag_step};
+use crate::effects::{Ambient, SensorEffects};
 use crate::field::{Place, Transport, World, WorldSpec};
+use crate::lag;
+use crate::stations::{Station, Stations};
 
 /// One row of an observation track.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,6 +33,7 @@ pub struct Row {
 pub struct Track {
     platforms: Vec<String>,
     ranges: Vec<Range<usize>>,
+    stations: Stations,
     time_s: Vec<f64>,
     east_m: Vec<f64>,
     north_m: Vec<f64>,
@@ -55,14 +58,16 @@ impl Track {
     pub fn new(world: &World, platforms: &[String], rows: &[Row]) -> Result<Self, PlumeError> {
         let ranges = ranges(platforms.len(), rows)?;
         let spec = world.spec();
+        let transport: Vec<Transport> = rows.iter().map(|r| row_transport(spec, r)).collect();
         Ok(Self {
             platforms: platforms.to_vec(),
+            stations: Stations::new(world, &ranges, rows, &transport),
             ranges,
             time_s: rows.iter().map(|r| r.time_s).collect(),
             east_m: rows.iter().map(|r| r.place.east_m).collect(),
             north_m: rows.iter().map(|r| r.place.north_m).collect(),
             height_m: rows.iter().map(|r| r.place.height_agl_m).collect(),
-            transport: rows.iter().map(|r| row_transport(spec, r)).collect(),
+            transport,
             plume_factor: vec![1.0; rows.len()],
             puff_ratios: Vec::new(),
             wind_age_s: vec![0.0; rows.len()],
@@ -167,20 +172,26 @@ impl Track {
         mut plume_part: Option<&mut [f64]>,
     ) {
         let spec = world.spec();
-        for (platform, range) in self.platforms.iter().zip(&self.ranges) {
+        for (which, platform) in self.platforms.iter().enumerate() {
+            let range = self.ranges[which].clone();
             let effects = spec.sensor.effects(&spec.mechanisms, platform);
             let excess = &mut readings[range.clone()];
             self.excess(world, &effects, range.clone(), excess);
+            let mut between = self.excess_between(world, &effects, which);
             if let Some(parts) = plume_part.as_deref_mut() {
                 let part = &mut parts[range.clone()];
                 part.copy_from_slice(excess);
-                self.lag(&effects, range.clone(), part);
+                self.lag(&effects, which, part, &between);
                 part.iter_mut().for_each(|p| *p *= effects.gain);
             }
             for (i, value) in range.clone().zip(excess.iter_mut()) {
                 *value += world.background_ppm(&self.place(i), self.time_s[i]);
             }
-            self.lag(&effects, range.clone(), excess);
+            for (station, value) in self.stations.between(which).zip(&mut between) {
+                let place = self.place_on(station.row, station.share);
+                *value += world.background_ppm(&place, station.time_s);
+            }
+            self.lag(&effects, which, excess, &between);
             self.convert(&effects, range.clone(), excess);
         }
     }
@@ -195,6 +206,7 @@ impl Track {
         self.platforms.iter().map(of).collect()
     }
 
+    /// The plumes' part of the air at the rows of a platform, ppm.
     fn excess(&self, world: &World, effects: &SensorEffects, range: Range<usize>, out: &mut [f64]) {
         let moved = effects.clock_s != 0.0;
         let [east, north, up] = effects.position_m;
@@ -205,7 +217,8 @@ impl Track {
             if moved {
                 time -= effects.clock_s;
                 cursor = self.seek(range.clone(), cursor, time);
-                (place, wind) = self.between(range.clone(), cursor, time);
+                let part = self.share(range.clone(), cursor, time);
+                (place, wind) = (self.place_on(cursor, part), self.transport_on(cursor, part));
             }
             place.east_m -= east;
             place.north_m -= north;
@@ -214,6 +227,34 @@ impl Track {
             let (molar, direct) = world.excess_after(&place, time, self.wind_age_s[i], wind, ratio);
             *value = (molar * self.ppm_per_mol_m3[i] + direct) * self.plume_factor[i];
         }
+    }
+
+    /// The same at its stations between rows.
+    fn excess_between(&self, world: &World, effects: &SensorEffects, which: usize) -> Vec<f64> {
+        let range = self.ranges[which].clone();
+        let [east, north, up] = effects.position_m;
+        let mut cursor = range.start;
+        let at = |Station { row, share, time_s }: Station| {
+            let time_s = time_s - effects.clock_s;
+            cursor = self.seek(range.clone(), cursor, time_s);
+            let part = self.share(range.clone(), cursor, time_s);
+            let mut place = self.place_on(cursor, part);
+            place.east_m -= east;
+            place.north_m -= north;
+            place.height_agl_m -= up;
+            let ratio = |plume: usize| {
+                let of_rows = self.puff_ratios.get(plume);
+                of_rows.map_or(1.0, |r| on_the_way(r, row, share))
+            };
+            let (wind, age_s) = (
+                self.transport_on(cursor, part),
+                on_the_way(&self.wind_age_s, row, share),
+            );
+            let (molar, direct) = world.excess_after(&place, time_s, age_s, wind, ratio);
+            (molar * on_the_way(&self.ppm_per_mol_m3, row, share) + direct)
+                * on_the_way(&self.plume_factor, row, share)
+        };
+        self.stations.between(which).map(at).collect()
     }
 
     /// The row at or before `time_s` in `range`, searched from `cursor`.
@@ -228,54 +269,56 @@ impl Track {
         i
     }
 
-    /// Place and transport at `time_s`, straight between rows; beyond the ends as at the ends.
-    fn between(&self, range: Range<usize>, i: usize, time_s: f64) -> (Place, Transport) {
-        let (a, wind) = (self.place(i), self.transport[i]);
+    /// The share of the way from row `i` to the next in `range` that is behind at `time_s`; none
+    /// beyond the ends.
+    fn share(&self, range: Range<usize>, i: usize, time_s: f64) -> f64 {
         if i + 1 >= range.end || time_s <= self.time_s[i] {
-            return (a, wind);
+            return 0.0;
         }
-        let b = self.place(i + 1);
-        let part = (time_s - self.time_s[i]) / (self.time_s[i + 1] - self.time_s[i]);
-        let place = Place {
-            east_m: a.east_m + part * (b.east_m - a.east_m),
-            north_m: a.north_m + part * (b.north_m - a.north_m),
-            height_agl_m: a.height_agl_m + part * (b.height_agl_m - a.height_agl_m),
-        };
-        (
-            place,
-            if part < 0.5 {
-                wind
-            } else {
-                self.transport[i + 1]
-            },
-        )
+        (time_s - self.time_s[i]) / (self.time_s[i + 1] - self.time_s[i])
     }
 
-    fn lag(&self, effects: &SensorEffects, range: Range<usize>, values: &mut [f64]) {
-        let times = &self.time_s[range];
-        for &tau in &effects.lags_s {
-            let Some(&first) = values.first() else { return };
-            let input = values.to_vec();
-            let mut state = first;
-            // Rows mostly keep one step: its coefficients are worked out once.
-            let mut step = LagStep::new(0.0, tau);
-            if input.len() < 2 {
-                return;
+    /// The place on the straight way from row `i` to the next.
+    #[inline]
+    fn place_on(&self, i: usize, share: f64) -> Place {
+        Place {
+            east_m: on_the_way(&self.east_m, i, share),
+            north_m: on_the_way(&self.north_m, i, share),
+            height_agl_m: on_the_way(&self.height_m, i, share),
+        }
+    }
+
+    /// The transport of the row that is nearer.
+    fn transport_on(&self, i: usize, share: f64) -> Transport {
+        self.transport[if share < 0.5 { i } else { i + 1 }]
+    }
+
+    /// What the sensor of a platform shows of the air at its rows, in their place; `between` are the
+    /// values at the stations between them.
+    fn lag(&self, effects: &SensorEffects, which: usize, values: &mut [f64], between: &[f64]) {
+        let range = self.ranges[which].clone();
+        if between.is_empty() {
+            for &time_constant_s in &effects.lags_s {
+                lag::follow(&self.time_s[range.clone()], time_constant_s, values);
             }
-            let mut slope_before = slope(times, &input, 0);
-            for k in 1..values.len() {
-                let dt = times[k] - times[k - 1];
-                if dt != step.dt_s {
-                    step = LagStep::new(dt, tau);
-                }
-                let slope_now = slope(times, &input, k);
-                state = step.decay * state + step.before * input[k - 1] + step.now * input[k];
-                if dt <= LONGEST_CURVED_S {
-                    state += step.slope_before * slope_before + step.slope_now * slope_now;
-                }
-                slope_before = slope_now;
-                values[k] = state;
-            }
+            return;
+        }
+        let mut between = between.iter();
+        let mut next = |station: Station| match station.share {
+            0.0 => values.get(station.row - range.start),
+            _ => between.next(),
+        };
+        let met = self
+            .stations
+            .of(which)
+            .map(|s| next(s).copied().unwrap_or_default());
+        let mut shown: Vec<f64> = met.collect();
+        for &time_constant_s in &effects.lags_s {
+            lag::follow(self.stations.times_s(which), time_constant_s, &mut shown);
+        }
+        let stations = self.stations.of(which).zip(shown);
+        for ((_, shown), value) in stations.filter(|(s, _)| s.is_row()).zip(values) {
+            *value = shown;
         }
     }
 
@@ -294,82 +337,13 @@ impl Track {
     }
 }
 
-/// Longest step over which the input is taken as curved, s: beyond it nobody knows.
-const LONGEST_CURVED_S: f64 = 3.0;
-
-/// Slope at row `k` of a parabola through it and its neighbours, per second.
-fn slope(times: &[f64], values: &[f64], k: usize) -> f64 {
-    let chord = |k: usize| (values[k] - values[k - 1]) / (times[k] - times[k - 1]);
-    let last = values.len() - 1;
-    // Over a stretch the two end slopes of a parabola have the chord's as their mean.
-    match k {
-        _ if last < 2 => return chord(1),
-        0 => return 2.0 * chord(1) - slope(times, values, 1),
-        _ if k == last => return 2.0 * chord(last) - slope(times, values, last - 1),
-        _ => {}
+/// The value between row `i` and the next, straight.
+#[inline]
+fn on_the_way(of_rows: &[f64], i: usize, share: f64) -> f64 {
+    if share == 0.0 {
+        return of_rows[i];
     }
-    let (before, after) = (times[k] - times[k - 1], times[k + 1] - times[k]);
-    if before > LONGEST_CURVED_S || after > LONGEST_CURVED_S {
-        return chord(k);
-    }
-    let (rise, next) = (values[k] - values[k - 1], values[k + 1] - values[k]);
-    (rise * after / before + next * before / after) / (before + after)
-}
-
-/// One step of a first-order lag while the input follows the cubic of Hermite through two rows
-/// with given slopes, as weights of what it starts from: a straight line between rows a second
-/// apart would cut the peaks off a narrow plume.
-struct LagStep {
-    dt_s: f64,
-    decay: f64,
-    before: f64,
-    now: f64,
-    slope_before: f64,
-    slope_now: f64,
-}
-
-impl LagStep {
-    fn new(dt_s: f64, time_constant_s: f64) -> Self {
-        // The cubic is the straight line, which lag_step has exactly, and the rest of the
-        // Hermite polynomials: t(1-t)((1-2t)(u0-u1) + dt((1-t) m0 - t m1)) on 0 to 1.
-        let weight = |f: &dyn Fn(f64) -> f64| answer_to(dt_s / time_constant_s, f);
-        let bend = weight(&|t| t * (1.0 - t) * (1.0 - 2.0 * t));
-        Self {
-            dt_s,
-            decay: lag_step(1.0, 0.0, 0.0, dt_s, time_constant_s),
-            before: lag_step(0.0, 1.0, 0.0, dt_s, time_constant_s) + bend,
-            now: lag_step(0.0, 0.0, 1.0, dt_s, time_constant_s) - bend,
-            slope_before: dt_s * weight(&|t| t * (1.0 - t) * (1.0 - t)),
-            slope_now: -dt_s * weight(&|t| t * t * (1.0 - t)),
-        }
-    }
-}
-
-/// Answer at the end of a unit step to an input `f` of the part of the step gone, by a lag from
-/// rest whose time constant is 1/`rate` steps: k∫exp(-k(1-t)) f(t) dt, by Gauss–Legendre
-/// quadrature over the stretch that the lag remembers.
-fn answer_to(rate: f64, f: &dyn Fn(f64) -> f64) -> f64 {
-    const NODES: [(f64, f64); 5] = [
-        (0.046_910_077_030_668, 0.118_463_442_528_095),
-        (0.230_765_344_947_158, 0.239_314_335_249_683),
-        (0.5, 0.284_444_444_444_444),
-        (0.769_234_655_052_842, 0.239_314_335_249_683),
-        (0.953_089_922_969_332, 0.118_463_442_528_095),
-    ];
-    const PIECES: usize = 8;
-    if rate.is_nan() || rate <= 0.0 {
-        return 0.0;
-    }
-    let reach = (40.0 / rate).min(1.0);
-    let piece = reach / PIECES as f64;
-    let mut sum = 0.0;
-    for k in 0..PIECES {
-        for (node, weight) in NODES {
-            let back = (k as f64 + node) * piece;
-            sum += weight * piece * rate * (-rate * back).exp() * f(1.0 - back);
-        }
-    }
-    sum
+    of_rows[i] + share * (of_rows[i + 1] - of_rows[i])
 }
 
 fn row_transport(spec: &WorldSpec, row: &Row) -> Transport {

@@ -2,7 +2,7 @@
 //! its input is curved.
 
 /// Longest step over which the input is taken as curved, s: beyond it nobody knows.
-pub(crate) const LONGEST_CURVED_S: f64 = 3.0;
+pub(crate) const LONGEST_CURVED_S: f64 = 6.0;
 
 /// Steps that differ by less are one, s.
 const SAME_STEP_S: f64 = 1e-6;

@@ -17,8 +17,9 @@ pub(crate) enum Treatment {
     Scenario,
     /// The same; puffs that it carries, which reach along the wind too.
     ScenarioPuffs,
-    /// The straight line in time through all logs. What the log drifts by stays in it: a wind that
-    /// hardly turns must not hide that its log does.
+    /// The straight line in time through all logs, without what may be chance of its slope. What
+    /// the log clearly drifts by stays in it: a wind that hardly turns must not hide that its log
+    /// does.
     Line,
     /// Each platform's own log, smoothed over this time, s.
     Own(f64),
@@ -68,7 +69,7 @@ impl Treatment {
             Treatment::Scenario => "the scenario's wind".to_string(),
             Treatment::ScenarioPuffs => "the scenario's wind, as puffs".to_string(),
             Treatment::Line => {
-                "the straight line through the logged wind of all platforms".to_string()
+                "the mean of all logged winds, with its trend where that is clear".to_string()
             }
             Treatment::Own(s) => format!("each platform's logged wind, smoothed over {s:.0} s"),
             Treatment::Pooled(s) => {
@@ -226,6 +227,11 @@ impl Grid {
     }
 }
 
+/// Stretches of the log whose means tell how its slope may come by chance, and the standard
+/// deviations from which on it does not.
+const STRETCHES: usize = 10;
+const CLEAR_SD: f64 = 3.5;
+
 /// A vector that changes evenly.
 struct Line {
     mean_time_s: f64,
@@ -257,6 +263,54 @@ impl Line {
             mean,
             per_s,
         })
+    }
+
+    /// The same, without what may be chance of its trend in direction and of that in speed: gusts
+    /// alone make one of ten degrees an hour in half an hour.
+    fn clear(samples: &[(f64, [f64; 2])]) -> Option<Self> {
+        let mut line = Self::through(samples.iter().copied())?;
+        let mean = towards(line.mean);
+        let axes = [[mean.east, mean.north], [-mean.north, mean.east]];
+        let mut clear = [0.0; 2];
+        for axis in axes {
+            let on_axis = |v: [f64; 2]| v[0] * axis[0] + v[1] * axis[1];
+            let per_s = on_axis(line.per_s);
+            if per_s.abs() > CLEAR_SD * line.chance_per_s(samples, on_axis) {
+                clear = [0, 1].map(|c| clear[c] + per_s * axis[c]);
+            }
+        }
+        line.per_s = clear;
+        Some(line)
+    }
+
+    /// Standard deviation of the slope of one component, by the scatter about the line of its
+    /// means over stretches of the record.
+    fn chance_per_s(
+        &self,
+        samples: &[(f64, [f64; 2])],
+        component: impl Fn([f64; 2]) -> f64,
+    ) -> f64 {
+        let times = samples.iter().map(|s| s.0);
+        let (from, to) = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| {
+            (a.min(t), b.max(t))
+        });
+        // Of each stretch the count, and the sums of the times and of the distances from the line.
+        let mut sums = [[0.0; 3]; STRETCHES];
+        for (time_s, value) in samples {
+            let place = (time_s - from) / (to - from).max(1e-9) * STRETCHES as f64;
+            let sum = &mut sums[(place as usize).min(STRETCHES - 1)];
+            let off = component(*value) - component(self.at(*time_s));
+            *sum = [
+                sum[0] + 1.0,
+                sum[1] + time_s - self.mean_time_s,
+                sum[2] + off,
+            ];
+        }
+        let full = || sums.iter().filter(|s| s[0] > 0.0);
+        let square: f64 = full().map(|s| (s[1] / s[0]).powi(2)).sum();
+        let scatter: f64 = full().map(|s| (s[2] / s[0]).powi(2)).sum();
+        let variance = scatter / (full().count() as f64 - 2.0).max(1.0);
+        (variance / square.max(1e-300)).sqrt()
     }
 
     fn at(&self, time_s: f64) -> [f64; 2] {
@@ -326,7 +380,8 @@ pub(crate) fn carried(
             own
         }
         Treatment::Line => {
-            let line = Line::through((0..data.len()).filter_map(vector))?;
+            let samples: Vec<_> = (0..data.len()).filter_map(vector).collect();
+            let line = Line::clear(&samples)?;
             times.iter().map(|t| towards(line.at(*t))).collect()
         }
         Treatment::Pooled(width) | Treatment::Diluted(width) => {
@@ -379,6 +434,47 @@ fn towards(v: [f64; 2]) -> Transport {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::SeedableRng;
+    use rand::rngs::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    /// Half an hour of gusts of 1 m/s that last about a minute, about a wind from the west that
+    /// changes evenly.
+    fn gusts(seed: u64, per_s: [f64; 2]) -> Vec<(f64, [f64; 2])> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        let keep = (-1.0 / 60.0f64).exp();
+        let mut gust = [normal(), normal()];
+        let wind = |t: u32| {
+            gust = gust.map(|g| keep * g + (1.0 - keep * keep).sqrt() * normal());
+            let t = f64::from(t);
+            let even = per_s.map(|p| p * (t - 900.0));
+            (t, [7.0 + gust[0] + even[0], gust[1] + even[1]])
+        };
+        (0..1800).map(wind).collect()
+    }
+
+    /// How many of 200 records keep a slope, of speed and of direction.
+    fn sloping(per_s: [f64; 2]) -> [usize; 2] {
+        let lines: Vec<Line> = (0..200)
+            .filter_map(|seed| Line::clear(&gusts(seed, per_s)))
+            .collect();
+        [0, 1].map(|c| lines.iter().filter(|l| l.per_s[c].abs() > 1e-4).count())
+    }
+
+    #[test]
+    fn what_gusts_make_of_a_slope_is_level_and_a_clear_one_stays() {
+        let [speed, direction] = sloping([0.0; 2]);
+        assert!(speed <= 8 && direction <= 8, "{speed} {direction}");
+        let (faster, turning) = (sloping([0.004, 0.0])[0], sloping([0.0, 0.004])[1]);
+        assert!(faster >= 192 && turning >= 192, "{faster} {turning}");
+        let steady: Vec<_> = (0..1800)
+            .map(|t| (f64::from(t), [7.0, 1e-3 * f64::from(t)]))
+            .collect();
+        assert!((Line::clear(&steady).unwrap().per_s[1] - 1e-3).abs() < 1e-12);
+        assert!(Line::clear(&[]).is_none());
+        assert_eq!(Line::clear(&[(3.0, [1.0, 2.0])]).unwrap().per_s, [0.0; 2]);
+    }
 
     #[test]
     fn smoothing_keeps_a_constant_and_halves_noise() {

@@ -135,7 +135,7 @@ async fn fly_stand_in(arguments: &StandInArguments) -> Result<(), Failure> {
     let mut config = StandInConfig::from_scenario(&setup.scenario, index, aircraft)
         .map_err(Failure::input)?
         .over(setup.terrain.clone());
-    config.wind_series = setup.wind_series.clone();
+    config.wind_series = setup.reality_wind_series.clone();
     let key = arguments
         .signing_key
         .as_deref()

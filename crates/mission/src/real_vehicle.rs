@@ -50,7 +50,7 @@ impl RealVehicle {
         let mut config =
             StandInConfig::from_scenario(scenario, index, aircraft)?.over(setup.terrain.clone());
         // A measured wind is everybody's, unless the reality has one of its own.
-        config.wind_series = setup.wind_series.clone();
+        config.wind_series = setup.reality_wind_series.clone();
         let name = setup.name_of(index)?;
         let rng = stream(scenario.mission.seed, &format!("stand-in/{name}"));
         let stand_in = StandIn::new(config, rng)?;

@@ -24,6 +24,8 @@ pub struct Setup {
     pub aircraft: BTreeMap<String, Aircraft>,
     /// Measured wind, where the scenario names a series.
     pub wind_series: Option<WindSeries>,
+    /// The same of the stand-ins' reality: its own, or the scenario's.
+    pub reality_wind_series: Option<WindSeries>,
     /// The ground.
     pub terrain: Terrain,
     /// Keys shared with real vehicles, by the vehicle's id.
@@ -78,14 +80,16 @@ impl Setup {
             why,
             named_by: format!("{key} of {file}"),
         };
-        let wind_series = match &scenario.weather.series {
-            None => None,
-            Some(name) => Some(
+        let series_of = |scenario: &Scenario, key: &str| {
+            let series = |name: &String| {
                 read(name)
                     .and_then(|bytes| parse_wind_series(&bytes))
-                    .map_err(|why| refuse(name, "weather.series", why))?,
-            ),
+                    .map_err(|why| refuse(name, key, why))
+            };
+            scenario.weather.series.as_ref().map(series).transpose()
         };
+        let wind_series = series_of(&scenario, "weather.series")?;
+        let reality_wind_series = series_of(&scenario.in_reality(), "reality.weather.series")?;
         let ground = scenario.site.ground_amsl_m;
         let terrain = match &scenario.site.terrain {
             None => Terrain::Flat(ground),
@@ -110,6 +114,7 @@ impl Setup {
             scenario,
             aircraft,
             wind_series,
+            reality_wind_series,
             terrain,
         })
     }
@@ -308,6 +313,30 @@ mod tests {
     }
 
     #[test]
+    fn a_reality_may_have_a_wind_of_its_own() {
+        let load = |weather: &str, reality: &str| {
+            let text = format!("{LEAST}[weather]\n{weather}\n[reality.weather]\n{reality}\n");
+            let read = |file: &str| match file {
+                "west.csv" => Ok(b"time_s,wind_speed_m_s,wind_from_deg\n0,5,270\n".to_vec()),
+                "south.csv" => Ok(b"time_s,wind_speed_m_s,wind_from_deg\n0,5,180\n".to_vec()),
+                other => nothing(other),
+            };
+            let setup = Setup::load("s.toml", &text, &read).map_err(|e| e.to_string())?;
+            let from = |series: Option<WindSeries>| {
+                series.map(|s| s.at(10.0)).map(|w| w.from_deg().round())
+            };
+            Ok::<_, String>((from(setup.wind_series), from(setup.reality_wind_series)))
+        };
+        let (west, south) = ("series = \"west.csv\"", "series = \"south.csv\"");
+        assert_eq!(load(west, ""), Ok((Some(270.0), Some(270.0))));
+        assert_eq!(load(west, south), Ok((Some(270.0), Some(180.0))));
+        assert_eq!(load("", south), Ok((None, Some(180.0))));
+        assert_eq!(load(west, "wind_from_deg = 180.0"), Ok((Some(270.0), None)));
+        let missing = load("", "series = \"none.csv\"").unwrap_err();
+        assert!(missing.contains("reality.weather.series"), "{missing}");
+    }
+
+    #[test]
     fn a_wind_series_is_read_or_refused_by_line() {
         let text = format!("{LEAST}[weather]\nseries=\"w.csv\"\n");
         let load = |csv: &'static [u8]| {
@@ -317,7 +346,7 @@ mod tests {
             })
         };
         let good = load(b"wind_from_deg,time_s,wind_speed_m_s\n270,0,5\n280,60,6\n");
-        assert!(good.unwrap().wind_series.is_some());
+        assert!(good.unwrap().reality_wind_series.is_some());
         let bad = load(b"time_s,wind_speed_m_s,wind_from_deg\n0,5,270\n1,fast,270\n");
         let message = bad.unwrap_err().to_string();
         assert!(

@@ -54,14 +54,14 @@ fn merge_table(base: &mut Table, differences: &Table) {
     for (key, new) in differences {
         match (base.get_mut(key), new) {
             (Some(Value::Table(old)), Value::Table(new)) => {
-                forget_other_strength(old, new);
+                forget_other_way(old, new);
                 merge_table(old, new);
             }
             (Some(Value::Array(old)), Value::Array(new)) if key == "source" => {
                 for (k, item) in new.iter().enumerate() {
                     match (old.get_mut(k), item) {
                         (Some(Value::Table(old)), Value::Table(new)) => {
-                            forget_other_strength(old, new);
+                            forget_other_way(old, new);
                             merge_table(old, new);
                         }
                         _ => old.push(item.clone()),
@@ -75,12 +75,17 @@ fn merge_table(base: &mut Table, differences: &Table) {
     }
 }
 
-/// A source given by its emission in one world may be given by its maximum in the other.
-fn forget_other_strength(old: &mut Table, new: &Table) {
+/// A source given by its emission in one world may be given by its maximum in the other, and a
+/// wind given by a series in one by numbers in the other.
+fn forget_other_way(old: &mut Table, new: &Table) {
     if new.contains_key("emission_kg_s") {
         old.remove("c_max_ppm");
         old.remove("c_max_distance_m");
     } else if new.contains_key("c_max_ppm") {
         old.remove("emission_kg_s");
+    }
+    let by_numbers = ["wind_speed_m_s", "wind_from_deg"].map(|key| new.contains_key(key));
+    if by_numbers.contains(&true) {
+        old.remove("series");
     }
 }

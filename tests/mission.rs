@@ -49,25 +49,46 @@ fn the_calibration_works_and_the_peak_is_found() {
     }
 }
 
+/// What the team said of the gap in a mission, the last verdict last.
+fn verdicts(setup: &Setup) -> Vec<String> {
+    let mut run = Run::new(setup).unwrap();
+    let mut verdicts = Vec::new();
+    while !run.ended() {
+        for (_, envelope) in run.step() {
+            if let Message::Extension(extension) = &envelope.message {
+                verdicts.push(extension.verdict.clone());
+            }
+        }
+    }
+    verdicts
+}
+
 // What the reality differs by here is within what the scenario states as uncertain, and its gusts
 // must not pass for a cause.
 #[test]
 fn real_readings_find_nothing_that_is_not_there() {
     for seed in 1..=3 {
-        let mut run = Run::new(&as_pontes(seed, 1)).unwrap();
-        let mut verdicts = Vec::new();
-        while !run.ended() {
-            for (_, envelope) in run.step() {
-                if let Message::Extension(extension) = &envelope.message {
-                    verdicts.push(extension.verdict.clone());
-                }
-            }
-        }
-        assert_eq!(
-            verdicts.last().map(String::as_str),
-            Some("none"),
-            "seed {seed}: {verdicts:?}"
-        );
+        let said = verdicts(&as_pontes(seed, 1));
+        assert_eq!(said.last().unwrap(), "none", "seed {seed}: {said:?}");
+    }
+}
+
+#[test]
+fn a_reality_whose_wind_turns_is_no_finding() {
+    const TURNING: &str = "time_s,wind_speed_m_s,wind_from_deg\n0,8,249\n1800,8,255\n3600,8,261\n";
+    let constant = "wind_speed_m_s = 8.0\nwind_from_deg = 252.0\n";
+    let series = "series = \"turning.csv\"\n";
+    assert!(AS_PONTES.contains(constant));
+    let text = AS_PONTES.replace(constant, series);
+    let read = |file: &str| match file {
+        "turning.csv" => Ok(TURNING.as_bytes().to_vec()),
+        other => no_files(other),
+    };
+    for seed in 1..=3 {
+        let mut setup = Setup::load("turning.toml", &text, &read).unwrap();
+        setup.scenario.mission.seed = seed;
+        let said = verdicts(&setup);
+        assert_eq!(said.last().unwrap(), "none", "seed {seed}: {said:?}");
     }
 }
 

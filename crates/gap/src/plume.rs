@@ -19,6 +19,7 @@ mod lee;
 mod lid;
 mod linear;
 mod model;
+mod nameless;
 mod naming;
 mod next_flight;
 mod noise;

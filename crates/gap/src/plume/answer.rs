@@ -22,6 +22,7 @@ pub(crate) fn parameters(fitted: &Fitted, part: usize) -> Vec<Parameter> {
         let spec = fitted.model.spec_of(k);
         let value = fitted.model.parts[part].values[free.parameter];
         let sd = SD_FACTOR * fitted.posterior.covariance[(k, k)].max(0.0).sqrt();
+        let sd = sd.hypot(free.chance_sd);
         out.push(Parameter {
             mechanism: fitted.model.parts[part].id.as_str().to_string(),
             name: spec.name.to_string(),

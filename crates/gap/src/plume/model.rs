@@ -20,6 +20,9 @@ pub(crate) struct Free {
     pub sd: f64,
     /// The prior is cut in half at the centre: twice the density on the side allowed.
     pub one_sided: bool,
+    /// One standard deviation by which it may differ from what these data tell, since what it is
+    /// counted from, the log, is off by chance.
+    pub chance_sd: f64,
 }
 
 /// A mechanism in the model.
@@ -76,6 +79,7 @@ impl Model {
                 centre,
                 sd,
                 one_sided: false,
+                chance_sd: 0.0,
             });
         }
         for (id, sd) in TOLERATED {
@@ -94,7 +98,23 @@ impl Model {
                 centre: 0.0,
                 sd,
                 one_sided: false,
+                chance_sd: 0.0,
             });
+        }
+        model
+    }
+
+    /// The same beside a wind whose trend in direction may be off by so much more by chance,
+    /// degrees an hour.
+    pub fn beside_chance(&self, deg_per_h: f64) -> Self {
+        let mut model = self.clone();
+        let tolerance = (0..model.dimension()).find(|k| {
+            let drift = model.id_of(*k) == MechanismId::WindDirectionDrift;
+            drift && model.free[*k].centre == 0.0
+        });
+        if let Some(k) = tolerance {
+            let free = &mut model.free[k];
+            (free.sd, free.chance_sd) = (free.sd.hypot(deg_per_h), deg_per_h);
         }
         model
     }
@@ -111,6 +131,7 @@ impl Model {
                     centre: to_coordinate(spec, spec.prior_centre),
                     sd: spec.prior_sd,
                     one_sided: spec.low == spec.neutral || spec.high == spec.neutral,
+                    chance_sd: 0.0,
                 });
             }
         }

@@ -5,73 +5,38 @@ use ::plume::mechanism::{Mechanism, MechanismId};
 
 use super::Options;
 use super::accepted::{Accepted, accept, sum};
-use super::answer::{parameters, ranking, unexplained};
+use super::answer::{parameters, ranking};
 use super::ceiling::{Ceiling, ceilings};
-use super::explore::{self, FALSE_ALARM, Incumbent, Round, Tried};
-use super::fit::{Context, Effort, Fitted};
+use super::explore::{self, Incumbent, Round, Tried};
+use super::fit::{Context, Fitted};
 use super::held_out;
 use super::model::{Model, mechanism};
+use super::nameless::{Doubt, names_are_few, preferred, unrelated};
 use super::pair;
-use super::rival::{self, Rival, Rivals};
+use super::rival::Rival;
 use super::tested::{Tested, much_worse, put_to_the_test, without};
 use crate::verdict::{Cause, Ranked, Unexplained, Verdict};
 
-/// By how much a nameless rival must beat the best name, nats.
-const RIVAL_MARGIN: f64 = 6.0;
-/// What a nameless rival needs beyond its own false-alarm threshold: it is there for strong
-/// effects, and weak ones of many forms are everywhere, nats.
-const RIVAL_MORE: f64 = 9.0;
 /// What a full fit must gain beyond the screen's threshold to count by itself, nats.
 const REFIT_MARGIN: f64 = 3.0;
-/// Names that gain this many times what they are due once the noise is their own show that the
-/// base's noise hid what they explain: evidence under it then does not count.
-const HIDDEN_BY_NOISE: f64 = 4.0;
-/// What a swing to and fro must seem to gain for a closer look, with its prior, nats.
-const SWING_HINT_NATS: f64 = 0.0;
-/// Probability that all names together must have where a nameless rival is called for.
-const NAMES_AT: f64 = 0.5;
 /// Least gains of log score and log evidence for a name, nats. The screen's threshold knows the
 /// noise model's own chance; what nature does besides is seen in cases in which nothing is
 /// hidden.
 const LEAST_SCORE: f64 = 14.0;
-const LEAST_EVIDENCE: f64 = 9.0;
-/// Probability, that of nameless terms counted in, from which on one name is said as the cause.
-const SURE_AT: f64 = 0.9;
+pub(super) const LEAST_EVIDENCE: f64 = 9.0;
 /// How often a null may move to a better place.
 const MOST_MOVES: usize = 2;
-/// Rows in a plume from which a correlation can be told, and the least that readings of one have.
-const LEAST_PLUME_ROWS: usize = 60;
-const LEAST_CORRELATION: f64 = 0.3;
 /// A rest after naming counts when its evidence is this part of what naming gained …
-const REST_PART: f64 = 0.06;
+pub(super) const REST_PART: f64 = 0.06;
 /// … or more than a false alarm would have by this, nats.
 const REST_MARGIN: f64 = 4.0;
 
-/// A nameless rival that beat the best name, until it is seen whether names together beat it.
-struct Doubt {
-    rest: Vec<f64>,
-    unexplained: Unexplained,
-    /// How many were named before it, and the model with them.
-    named: usize,
-    last: Fitted,
-    /// Log evidence that names must have gained in all, nats.
-    due: f64,
-}
-
-impl Doubt {
-    /// Whether it stands against names that have `gained` so much in all and end at `last`.
-    fn stands(&self, last: &Fitted, gained: f64) -> bool {
-        let with_own_noise = last.score_with_prior() - self.last.score_with_prior();
-        gained < self.due && with_own_noise < HIDDEN_BY_NOISE * self.due
-    }
-}
-
 /// How naming until the data asked for no more went.
-struct Grown {
+pub(super) struct Grown {
     /// Whether a nameless rival was weighed against names, to the end.
-    doubted: bool,
+    pub doubted: bool,
     /// Log evidence that what stands has gained, nats.
-    due_nats: f64,
+    pub due_nats: f64,
 }
 
 /// The outcome of naming.
@@ -87,7 +52,7 @@ pub(crate) struct Named {
     /// The nameless term, whitened, where there is one beside what was named.
     pub rest: Option<Vec<f64>>,
     /// The best nameless term against which the first name was weighed.
-    against: Option<Rival>,
+    pub against: Option<Rival>,
     /// Readings held at a ceiling below what the model predicts.
     pub ceilings: Vec<Ceiling>,
 }
@@ -154,48 +119,6 @@ fn settled_round(ctx: &Context<'_>, null: Fitted, seed: u64) -> (Fitted, Round) 
     (null, round)
 }
 
-/// A slow swing on top of a model, if there is one, and the model under a noise that holds none.
-fn swing_beside(ctx: &Context<'_>, null: &Fitted, seed: u64) -> Option<(Fitted, Rival)> {
-    let beside = ctx.refine_with(&null.model, null.noise, Effort::BESIDE_SWINGS);
-    let rivals = rival::rivals(ctx, &beside, FALSE_ALARM, seed);
-    let needed = rivals.threshold + RIVAL_MORE;
-    let best = rivals.ranked.into_iter().find(|r| r.swings);
-    let swing = best.filter(|r| r.log_evidence > needed)?;
-    Some((beside, swing))
-}
-
-/// Readings that do not follow the predicted plume at all, though the noise could hold them:
-/// of another track, another clock, or another plume.
-fn unrelated(ctx: &Context<'_>, last: &Fitted) -> Option<Unexplained> {
-    let p = &last.prediction;
-    let rows: Vec<usize> = (0..ctx.data.len()).filter(|i| ctx.data.used[*i]).collect();
-    let floor = 5.0 * last.noise.white_ppm();
-    if rows.iter().filter(|i| p.plume[**i] > floor).count() < LEAST_PLUME_ROWS {
-        return None;
-    }
-    let excess = |i: usize| ctx.data.reading_ppm[i] - (p.reading[i] - p.plume[i]);
-    let mean = |f: &dyn Fn(usize) -> f64| rows.iter().map(|i| f(*i)).sum::<f64>();
-    let n = rows.len() as f64;
-    let (me, mp) = (mean(&excess) / n, mean(&|i| p.plume[i]) / n);
-    let both = mean(&|i| (excess(i) - me) * (p.plume[i] - mp));
-    let own = mean(&|i| (excess(i) - me).powi(2)) * mean(&|i| (p.plume[i] - mp).powi(2));
-    let correlation = both / own.sqrt().max(1e-300);
-    let times = ctx.data.track.time_s();
-    (correlation < LEAST_CORRELATION).then(|| Unexplained {
-        coordinate: "map".to_string(),
-        term: format!(
-            "readings that do not follow the predicted plume (correlation {correlation:.2})"
-        ),
-        from_s: times[rows[0]],
-        to_s: rows
-            .iter()
-            .map(|i| times[*i])
-            .fold(f64::NEG_INFINITY, f64::max),
-        platforms: ctx.data.track.platforms().to_vec(),
-        delta_log_evidence: 0.0,
-    })
-}
-
 /// What a name needs beyond the threshold once `named` causes have gained `gained` nats: those
 /// may have left something that looks like another.
 fn needed_beyond(named: usize, gained: f64) -> f64 {
@@ -226,27 +149,6 @@ fn still_called_for(round: &Round) -> Option<&Tried> {
     (best.log_evidence > LEAST_EVIDENCE).then_some(best)
 }
 
-/// The best nameless rival if it is well beyond its own threshold and beyond `least_nats`.
-fn standing(rivals: &Rivals, least_nats: f64) -> Option<&Rival> {
-    let needed = (rivals.threshold + RIVAL_MORE).max(least_nats);
-    rivals.ranked.first().filter(|r| r.log_evidence > needed)
-}
-
-/// The nameless rival that a round calls for rather than a name: one that stands by itself and is
-/// clearly better than `best`.
-fn nameless<'a>(round: &'a Round, best: Option<&Tried>, least_nats: f64) -> Option<&'a Rival> {
-    let top = standing(round.rivals.as_ref()?, least_nats)?;
-    let beaten = best
-        .is_none_or(|b| names_are_few(round) || top.log_evidence > b.log_evidence + RIVAL_MARGIN);
-    beaten.then_some(top)
-}
-
-/// Whether all names together are less probable than what has none.
-fn names_are_few(round: &Round) -> bool {
-    let names = round.probabilities(|evidence, _| evidence);
-    names.map(|(_, probability)| probability).sum::<f64>() < NAMES_AT
-}
-
 impl Named {
     /// Names until the data ask for no more; from the first round on, or from a `later` one on top
     /// of names that have `gained` so many nats.
@@ -265,7 +167,7 @@ impl Named {
             let round = later.as_ref().unwrap_or(&self.first);
             let best = called_for(round, needed_beyond(k, gained));
             let best = best.filter(|_| k < options.most_causes);
-            if let Some(rival) = nameless(round, best, REST_PART * gained) {
+            if let Some(rival) = preferred(round, best, REST_PART * gained) {
                 let first = doubt.is_none();
                 doubt.get_or_insert_with(|| self.doubt(ctx, rival, gained));
                 // Two causes at once may look like neither: names get one more chance.
@@ -280,7 +182,7 @@ impl Named {
             let next = match put_to_the_test(ctx, &self.last, &best.fitted, &[best.part]) {
                 Tested::Chance => {
                     // A name that does not carry over leaves what called for it unexplained.
-                    if let Some(rival) = nameless(round, None, REST_PART * gained) {
+                    if let Some(rival) = preferred(round, None, REST_PART * gained) {
                         doubt.get_or_insert_with(|| self.doubt(ctx, rival, gained));
                     }
                     break;
@@ -295,8 +197,10 @@ impl Named {
                     gained += best.log_evidence;
                     let accepted = accept(round, best, None);
                     if self.accepted.is_empty() {
-                        let ranked = round.rivals.iter().flat_map(|r| &r.ranked);
-                        self.against = ranked.into_iter().next().cloned();
+                        self.against = round
+                            .rivals
+                            .as_ref()
+                            .and_then(|r| r.ranked.first().cloned());
                     }
                     self.accepted.push(accepted);
                     refined
@@ -304,20 +208,25 @@ impl Named {
             };
             tell(0.3 + 0.1 * k as f64, "looking for more");
             let seed = options.seed.wrapping_add(1 + k as u64);
-            let (last, round) = settled_round(ctx, next, seed);
-            if self.accepted.is_empty() {
-                self.base = last.clone();
-                self.ranking = ranking(ctx, &round);
-                self.first = round;
-                later = None;
-            } else {
-                later = Some(round);
-            }
-            self.last = last;
+            later = self.go_on_from(ctx, next, seed);
         }
         let doubted = doubt.is_some();
         let grown = self.fall_back(doubt.filter(|d| d.stands(&self.last, gained)), gained);
         Grown { doubted, ..grown }
+    }
+
+    /// Takes `next` for the model at hand. The round on top of it; none while nothing is named,
+    /// where it is the first one.
+    fn go_on_from(&mut self, ctx: &Context<'_>, next: Fitted, seed: u64) -> Option<Round> {
+        let (last, round) = settled_round(ctx, next, seed);
+        self.last = last;
+        if !self.accepted.is_empty() {
+            return Some(round);
+        }
+        self.base = self.last.clone();
+        self.ranking = ranking(ctx, &round);
+        self.first = round;
+        None
     }
 
     /// Two names that gain more together, tested as one, than what stands and is due so many
@@ -358,81 +267,6 @@ impl Named {
         Some((round, pair.log_evidence))
     }
 
-    /// A noise that is fitted to the base may hold a slow swing, and a name may describe a part
-    /// of it. Where one is hinted at, it is looked for under a noise that was fitted beside slow
-    /// swings; names that are of no more use then go.
-    fn look_beside_swings(&mut self, ctx: &Context<'_>, seed: u64) {
-        let hints = self.first.rivals.iter().flat_map(|r| &r.ranked);
-        let hinted = |r: &Rival| r.swings && r.log_evidence > SWING_HINT_NATS;
-        if !hints.into_iter().any(hinted) {
-            return;
-        }
-        let Some(mut found) = swing_beside(ctx, &self.last, seed) else {
-            return;
-        };
-        if !self.accepted.is_empty() {
-            let (named, _) = &found;
-            let settled = |fit: &Fitted| ctx.settle(&fit.model, &named.metric, fit, 6);
-            let evidence = |fit: &Fitted| settled(fit).log_evidence;
-            if evidence(named) - evidence(&self.base) < LEAST_EVIDENCE
-                && let Some(alone) = swing_beside(ctx, &self.base, seed)
-            {
-                self.accepted.clear();
-                found = alone;
-            }
-        }
-        let (last, swing) = found;
-        self.leave_unexplained(ctx, &swing);
-        self.last = last;
-    }
-
-    /// A single name that is not sure enough beside nameless terms does not stand alone: the best
-    /// of them may be it instead.
-    fn leave_open(&mut self, ctx: &Context<'_>) {
-        let [only] = self.accepted.as_slice() else {
-            return;
-        };
-        if only.set.len() == 1 && sum(&only.set) < SURE_AT {
-            self.unexplained = self.against.as_ref().map(|term| unexplained(ctx, term));
-        }
-    }
-
-    /// Lets a nameless term stand beside what was named.
-    fn leave_unexplained(&mut self, ctx: &Context<'_>, term: &Rival) {
-        self.rest = Some(term.fitted.clone());
-        self.unexplained = Some(unexplained(ctx, term));
-    }
-
-    /// What stands if no names make up for `rival`.
-    fn doubt(&self, ctx: &Context<'_>, rival: &Rival, gained: f64) -> Doubt {
-        Doubt {
-            rest: rival.fitted.clone(),
-            unexplained: unexplained(ctx, rival),
-            named: self.accepted.len(),
-            last: self.last.clone(),
-            due: gained + rival.log_evidence,
-        }
-    }
-
-    /// Lets a nameless rival stand, with what was named before it; where there is none, what was
-    /// named, which `gained` so many nats.
-    fn fall_back(&mut self, doubt: Option<Doubt>, gained: f64) -> Grown {
-        let Some(doubt) = doubt else {
-            return Grown {
-                doubted: false,
-                due_nats: gained,
-            };
-        };
-        self.accepted.truncate(doubt.named);
-        self.last = doubt.last;
-        self.rest = Some(doubt.rest);
-        self.unexplained = Some(doubt.unexplained);
-        Grown {
-            doubted: false,
-            due_nats: doubt.due,
-        }
-    }
-
     /// Puts every accepted part to the test with the others in place.
     fn swap(&mut self, ctx: &Context<'_>, options: &Options) {
         let mut k = 0;
@@ -469,15 +303,6 @@ impl Named {
                     self.last = null;
                 }
             }
-        }
-    }
-
-    /// What the causes leave that changed when each was tested beside the others.
-    fn look_for_a_rest(&mut self, ctx: &Context<'_>, seed: u64) {
-        let gained = self.accepted.iter().map(|a| a.evidence.delta_log_evidence);
-        let rivals = rival::rivals(ctx, &self.last, FALSE_ALARM, seed);
-        if let Some(rest) = standing(&rivals, REST_PART * gained.sum::<f64>()) {
-            self.leave_unexplained(ctx, rest);
         }
     }
 

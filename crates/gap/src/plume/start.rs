@@ -137,6 +137,7 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
     };
     let base = aimed(setup, shared, first, base, &noise);
     let quick = parallel::map(&options, threads, |o| {
+        let base = base.beside_chance(o.chance_deg_per_h);
         let (own, settled) = settled(setup, shared, o, &base, &noise);
         let wide = single(setup, &own).wide(&settled, noise, Effort::QUICK);
         (wide.log_score + o.treatment.ln_prior(), settled, wide.noise)

@@ -17,9 +17,8 @@ pub(crate) enum Treatment {
     Scenario,
     /// The same; puffs that it carries, which reach along the wind too.
     ScenarioPuffs,
-    /// The straight line in time through all logs, without what may be chance of its slope. What
-    /// the log clearly drifts by stays in it: a wind that hardly turns must not hide that its log
-    /// does.
+    /// The straight line in time through all logs. What the log drifts by stays in it: a wind that
+    /// hardly turns must not hide that its log does.
     Line,
     /// Each platform's own log, smoothed over this time, s.
     Own(f64),
@@ -69,7 +68,7 @@ impl Treatment {
             Treatment::Scenario => "the scenario's wind".to_string(),
             Treatment::ScenarioPuffs => "the scenario's wind, as puffs".to_string(),
             Treatment::Line => {
-                "the mean of all logged winds, with its trend where that is clear".to_string()
+                "the straight line through the logged wind of all platforms".to_string()
             }
             Treatment::Own(s) => format!("each platform's logged wind, smoothed over {s:.0} s"),
             Treatment::Pooled(s) => {
@@ -91,6 +90,8 @@ impl Treatment {
 pub(crate) struct Carried {
     pub transport: Vec<Transport>,
     pub treatment: Treatment,
+    /// Standard deviation of what gusts may have made of the direction's trend, degrees an hour.
+    pub chance_deg_per_h: f64,
     history: Option<WindHistory>,
 }
 
@@ -227,10 +228,8 @@ impl Grid {
     }
 }
 
-/// Stretches of the log whose means tell how its slope may come by chance, and the standard
-/// deviations from which on it does not.
+/// Stretches of the log whose means tell what its slope may be by chance.
 const STRETCHES: usize = 10;
-const CLEAR_SD: f64 = 3.5;
 
 /// A vector that changes evenly.
 struct Line {
@@ -265,31 +264,11 @@ impl Line {
         })
     }
 
-    /// The same, without what may be chance of its trend in direction and of that in speed: gusts
-    /// alone make one of ten degrees an hour in half an hour.
-    fn clear(samples: &[(f64, [f64; 2])]) -> Option<Self> {
-        let mut line = Self::through(samples.iter().copied())?;
-        let mean = towards(line.mean);
-        let axes = [[mean.east, mean.north], [-mean.north, mean.east]];
-        let mut clear = [0.0; 2];
-        for axis in axes {
-            let on_axis = |v: [f64; 2]| v[0] * axis[0] + v[1] * axis[1];
-            let per_s = on_axis(line.per_s);
-            if per_s.abs() > CLEAR_SD * line.chance_per_s(samples, on_axis) {
-                clear = [0, 1].map(|c| clear[c] + per_s * axis[c]);
-            }
-        }
-        line.per_s = clear;
-        Some(line)
-    }
-
-    /// Standard deviation of the slope of one component, by the scatter about the line of its
-    /// means over stretches of the record.
-    fn chance_per_s(
-        &self,
-        samples: &[(f64, [f64; 2])],
-        component: impl Fn([f64; 2]) -> f64,
-    ) -> f64 {
+    /// Standard deviation of what gusts make by chance of the trend of its direction, by the
+    /// scatter of the means of stretches of `samples` about it, degrees an hour.
+    fn chance_deg_per_h(&self, samples: &[(f64, [f64; 2])]) -> f64 {
+        let mean = towards(self.mean);
+        let across = |v: [f64; 2]| v[1] * mean.east - v[0] * mean.north;
         let times = samples.iter().map(|s| s.0);
         let (from, to) = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| {
             (a.min(t), b.max(t))
@@ -299,18 +278,21 @@ impl Line {
         for (time_s, value) in samples {
             let place = (time_s - from) / (to - from).max(1e-9) * STRETCHES as f64;
             let sum = &mut sums[(place as usize).min(STRETCHES - 1)];
-            let off = component(*value) - component(self.at(*time_s));
+            let off = across(*value) - across(self.at(*time_s));
             *sum = [
                 sum[0] + 1.0,
                 sum[1] + time_s - self.mean_time_s,
                 sum[2] + off,
             ];
         }
-        let full = || sums.iter().filter(|s| s[0] > 0.0);
-        let square: f64 = full().map(|s| (s[1] / s[0]).powi(2)).sum();
-        let scatter: f64 = full().map(|s| (s[2] / s[0]).powi(2)).sum();
-        let variance = scatter / (full().count() as f64 - 2.0).max(1.0);
-        (variance / square.max(1e-300)).sqrt()
+        let full: Vec<_> = sums.iter().filter(|s| s[0] > 0.0).collect();
+        let square: f64 = full.iter().map(|s| (s[1] / s[0]).powi(2)).sum();
+        let scatter: f64 = full.iter().map(|s| (s[2] / s[0]).powi(2)).sum();
+        if full.len() < 3 || square == 0.0 {
+            return 0.0;
+        }
+        let per_s = (scatter / (full.len() - 2) as f64 / square).sqrt();
+        (per_s / mean.speed_m_s.max(0.5)).to_degrees() * 3600.0
     }
 
     fn at(&self, time_s: f64) -> [f64; 2] {
@@ -370,6 +352,7 @@ pub(crate) fn carried(
     let span = data.span_s();
     let all = || Grid::new((0..data.len()).filter_map(vector), span);
     let mut history = None;
+    let mut chance_deg_per_h = 0.0;
     let transport = match treatment {
         Treatment::Scenario => data.track.transport().to_vec(),
         Treatment::ScenarioPuffs => {
@@ -381,7 +364,8 @@ pub(crate) fn carried(
         }
         Treatment::Line => {
             let samples: Vec<_> = (0..data.len()).filter_map(vector).collect();
-            let line = Line::clear(&samples)?;
+            let line = Line::through(samples.iter().copied())?;
+            chance_deg_per_h = line.chance_deg_per_h(&samples);
             times.iter().map(|t| towards(line.at(*t))).collect()
         }
         Treatment::Pooled(width) | Treatment::Diluted(width) => {
@@ -413,6 +397,7 @@ pub(crate) fn carried(
     Some(Carried {
         transport,
         treatment,
+        chance_deg_per_h,
         history,
     })
 }
@@ -438,42 +423,38 @@ mod tests {
     use rand::rngs::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
 
-    /// Half an hour of gusts of 1 m/s that last about a minute, about a wind from the west that
-    /// changes evenly.
-    fn gusts(seed: u64, per_s: [f64; 2]) -> Vec<(f64, [f64; 2])> {
+    /// Half an hour of gusts of 1 m/s that last about a minute, about a steady wind from the
+    /// south-west.
+    fn gusts(seed: u64) -> Vec<(f64, [f64; 2])> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
         let keep = (-1.0 / 60.0f64).exp();
         let mut gust = [normal(), normal()];
         let wind = |t: u32| {
             gust = gust.map(|g| keep * g + (1.0 - keep * keep).sqrt() * normal());
-            let t = f64::from(t);
-            let even = per_s.map(|p| p * (t - 900.0));
-            (t, [7.0 + gust[0] + even[0], gust[1] + even[1]])
+            (f64::from(t), gust.map(|g| 5.0 + g))
         };
         (0..1800).map(wind).collect()
     }
 
-    /// How many of 200 records keep a slope, of speed and of direction.
-    fn sloping(per_s: [f64; 2]) -> [usize; 2] {
-        let lines: Vec<Line> = (0..200)
-            .filter_map(|seed| Line::clear(&gusts(seed, per_s)))
-            .collect();
-        [0, 1].map(|c| lines.iter().filter(|l| l.per_s[c].abs() > 1e-4).count())
-    }
-
+    // The trend that is fitted is all chance there: over the deviation stated it has a mean square
+    // of one, or of 8/6 by Student's law of eight degrees of freedom.
     #[test]
-    fn what_gusts_make_of_a_slope_is_level_and_a_clear_one_stays() {
-        let [speed, direction] = sloping([0.0; 2]);
-        assert!(speed <= 8 && direction <= 8, "{speed} {direction}");
-        let (faster, turning) = (sloping([0.004, 0.0])[0], sloping([0.0, 0.004])[1]);
-        assert!(faster >= 192 && turning >= 192, "{faster} {turning}");
-        let steady: Vec<_> = (0..1800)
-            .map(|t| (f64::from(t), [7.0, 1e-3 * f64::from(t)]))
-            .collect();
-        assert!((Line::clear(&steady).unwrap().per_s[1] - 1e-3).abs() < 1e-12);
-        assert!(Line::clear(&[]).is_none());
-        assert_eq!(Line::clear(&[(3.0, [1.0, 2.0])]).unwrap().per_s, [0.0; 2]);
+    fn what_gusts_make_of_a_trend_is_stated() {
+        let squares = (0..400).map(|seed| {
+            let samples = gusts(seed);
+            let line = Line::through(samples.iter().copied()).unwrap();
+            let from = |t: f64| line.at(t)[1].atan2(line.at(t)[0]).to_degrees();
+            let trend = (from(1800.0) - from(0.0)) / 0.5;
+            (trend / line.chance_deg_per_h(&samples)).powi(2)
+        });
+        let mean = squares.sum::<f64>() / 400.0;
+        assert!((0.9..2.0).contains(&mean), "{mean}");
+        let even = |t: i32| (f64::from(t), [7.0, 1e-3 * f64::from(t)]);
+        let steady: Vec<_> = (0..1800).map(even).collect();
+        let line = Line::through(steady.iter().copied()).unwrap();
+        assert!(line.chance_deg_per_h(&steady) < 1e-6);
+        assert_eq!(line.chance_deg_per_h(&steady[..2]), 0.0);
     }
 
     #[test]

@@ -137,7 +137,6 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
     };
     let base = aimed(setup, shared, first, base, &noise);
     let quick = parallel::map(&options, threads, |o| {
-        let base = base.beside_chance(o.chance_deg_per_h);
         let (own, settled) = settled(setup, shared, o, &base, &noise);
         let wide = single(setup, &own).wide(&settled, noise, Effort::QUICK);
         (wide.log_score + o.treatment.ln_prior(), settled, wide.noise)
@@ -166,9 +165,17 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
         .unwrap_or(0);
     let (_, fitted, own) = full.swap_remove(best);
     *data = own;
+    let carried = options.swap_remove(order[best]);
+    // Only now: a base that takes up what is hidden must not win by that.
+    let fitted = if carried.chance_deg_per_h > 0.0 {
+        let base = fitted.model.beside_chance(carried.chance_deg_per_h);
+        single(setup, data).refine(&base, fitted.noise)
+    } else {
+        fitted
+    };
     Started {
         fitted,
-        carried: Some(options.swap_remove(order[best])),
+        carried: Some(carried),
     }
 }
 

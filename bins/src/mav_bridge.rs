@@ -11,7 +11,7 @@ use protocol::SimTime;
 use scenario::random::stream;
 use shell::agent::{self, VehicleOptions, signing_from};
 use shell::{Failure, failure, mission_files};
-use stand_in::{StandIn, StandInConfig};
+use stand_in::StandIn;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -131,11 +131,7 @@ fn signing_key(file: &Path) -> Result<SigningKey, Failure> {
 
 async fn fly_stand_in(arguments: &StandInArguments) -> Result<(), Failure> {
     let (setup, index) = vehicle_of(&arguments.scenario, &arguments.vehicle)?;
-    let aircraft = setup.aircraft_of(index).map_err(Failure::input)?.clone();
-    let mut config = StandInConfig::from_scenario(&setup.scenario, index, aircraft)
-        .map_err(Failure::input)?
-        .over(setup.terrain.clone());
-    config.wind_series = setup.reality_wind_series.clone();
+    let mut config = setup.stand_in_config(index).map_err(Failure::input)?;
     let key = arguments
         .signing_key
         .as_deref()

@@ -9,7 +9,7 @@ use protocol::key::Name;
 use protocol::message::{MavlinkFrame, Mode};
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
 use scenario::random::stream;
-use stand_in::{StandIn, StandInConfig};
+use stand_in::StandIn;
 use va::{Body, BridgedBody, FromBridge, VirtualAircraft, Watch};
 
 /// What is at the far end of the MAVLink link.
@@ -46,11 +46,7 @@ impl RealVehicle {
     /// A scenario or aircraft that the stand-in refuses.
     pub fn with_stand_in(setup: &Setup, index: usize) -> Result<Self, MissionError> {
         let scenario = &setup.scenario;
-        let aircraft = setup.aircraft_of(index)?.clone();
-        let mut config =
-            StandInConfig::from_scenario(scenario, index, aircraft)?.over(setup.terrain.clone());
-        // A measured wind is everybody's, unless the reality has one of its own.
-        config.wind_series = setup.reality_wind_series.clone();
+        let config = setup.stand_in_config(index)?;
         let name = setup.name_of(index)?;
         let rng = stream(scenario.mission.seed, &format!("stand-in/{name}"));
         let stand_in = StandIn::new(config, rng)?;

@@ -7,6 +7,7 @@ use air::wind::WindSeries;
 use fdm::Aircraft;
 use scenario::Scenario;
 use scenario::tables::{BUILT_IN_AIRCRAFT, VehicleKind};
+use stand_in::StandInConfig;
 use std::collections::BTreeMap;
 
 /// The aircraft that every installation has.
@@ -80,16 +81,20 @@ impl Setup {
             why,
             named_by: format!("{key} of {file}"),
         };
-        let series_of = |scenario: &Scenario, key: &str| {
-            let series = |name: &String| {
-                read(name)
-                    .and_then(|bytes| parse_wind_series(&bytes))
-                    .map_err(|why| refuse(name, key, why))
-            };
-            scenario.weather.series.as_ref().map(series).transpose()
+        let series = |name: &String, key: &str| {
+            read(name)
+                .and_then(|bytes| parse_wind_series(&bytes))
+                .map_err(|why| refuse(name, key, why))
         };
-        let wind_series = series_of(&scenario, "weather.series")?;
-        let reality_wind_series = series_of(&scenario.in_reality(), "reality.weather.series")?;
+        let named = &scenario.weather.series;
+        let wind_series = named.as_ref().map(|name| series(name, "weather.series"));
+        let wind_series = wind_series.transpose()?;
+        let in_reality = scenario.in_reality().weather.series;
+        let reality_wind_series = match &in_reality {
+            own if own == named => wind_series.clone(),
+            None => None,
+            Some(name) => Some(series(name, "reality.weather.series")?),
+        };
         let ground = scenario.site.ground_amsl_m;
         let terrain = match &scenario.site.terrain {
             None => Terrain::Flat(ground),
@@ -154,6 +159,19 @@ impl Setup {
             .get(index)
             .and_then(|v| self.aircraft.get(&v.aircraft))
             .ok_or_else(|| MissionError::Request(format!("no vehicle number {index}")))
+    }
+
+    /// What the stand-in for the vehicle at `index` of the team flies as, and in.
+    ///
+    /// # Errors
+    /// There is no such vehicle, or a scenario or aircraft that the stand-in refuses.
+    pub fn stand_in_config(&self, index: usize) -> Result<StandInConfig, MissionError> {
+        let aircraft = self.aircraft_of(index)?.clone();
+        let config = StandInConfig::from_scenario(&self.scenario, index, aircraft)?;
+        Ok(StandInConfig {
+            wind_series: self.reality_wind_series.clone(),
+            ..config.over(self.terrain.clone())
+        })
     }
 
     /// Id of the vehicle at `index` of the team.
@@ -346,7 +364,7 @@ mod tests {
             })
         };
         let good = load(b"wind_from_deg,time_s,wind_speed_m_s\n270,0,5\n280,60,6\n");
-        assert!(good.unwrap().reality_wind_series.is_some());
+        assert!(good.unwrap().wind_series.is_some());
         let bad = load(b"time_s,wind_speed_m_s,wind_from_deg\n0,5,270\n1,fast,270\n");
         let message = bad.unwrap_err().to_string();
         assert!(

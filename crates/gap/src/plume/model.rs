@@ -108,11 +108,8 @@ impl Model {
     /// degrees an hour.
     pub fn beside_chance(&self, deg_per_h: f64) -> Self {
         let mut model = self.clone();
-        let tolerance = (0..model.dimension()).find(|k| {
-            let drift = model.id_of(*k) == MechanismId::WindDirectionDrift;
-            drift && model.free[*k].centre == 0.0
-        });
-        if let Some(k) = tolerance {
+        let drift = |k: &usize| model.id_of(*k) == MechanismId::WindDirectionDrift;
+        if let Some(k) = (0..model.dimension()).find(drift) {
             let free = &mut model.free[k];
             (free.sd, free.chance_sd) = (free.sd.hypot(deg_per_h), deg_per_h);
         }

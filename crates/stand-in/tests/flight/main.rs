@@ -1,166 +1,24 @@
 //! Bridge and stand-in in one closed loop, in virtual time.
 #![allow(clippy::unwrap_used)]
 
+mod link;
+mod pair;
+
 use air::geo::Enu;
 use fdm::control_level::{Danger, Event, Level};
 use mav_bridge::arduplane::{FBWA, GUIDED, RTL};
 use mav_bridge::{Bridge, BridgeConfig, BridgeOutput};
-use protocol::SimTime;
-use protocol::message::{EventMessage, PathKind, Reading, Setpoint, State};
-use rand::SeedableRng;
-use rand::rngs::ChaCha8Rng;
-use scenario::Scenario;
-use stand_in::{StandIn, StandInConfig, Sticks};
+use protocol::message::{PathKind, Reading, Setpoint};
+use stand_in::Sticks;
 
-const TICK_NS: i64 = 20_000_000;
-const X8: &str = include_str!("../../../aircraft/x8.toml");
-const AS_PONTES: &str = include_str!("../../../scenarios/as-pontes.toml");
+use crate::pair::{Pair, guided_commands, scenario, setpoint, stand_in_config, steering_commands};
+
 /// Sticks that hold a gentle right turn.
 const TURN: Sticks = Sticks {
     roll: 0.4,
     pitch: 0.0,
     throttle: 0.6,
 };
-
-fn scenario() -> Scenario {
-    Scenario::parse("as-pontes.toml", AS_PONTES).unwrap()
-}
-
-fn stand_in_config() -> StandInConfig {
-    let aircraft = fdm::Aircraft::from_toml("x8.toml", X8).unwrap();
-    StandInConfig::from_scenario(&scenario(), 5, aircraft).unwrap()
-}
-
-/// What the link does to the bytes of one direction at a tick.
-type Link = fn(tick: u64, Vec<Vec<u8>>) -> Vec<Vec<u8>>;
-
-struct Pair {
-    bridge: Bridge,
-    vehicle: StandIn,
-    tick: u64,
-    to_vehicle: Vec<Vec<u8>>,
-    up: Link,
-    down: Link,
-    state: Option<State>,
-    readings: Vec<Reading>,
-    events: Vec<EventMessage>,
-    setpoint: Option<Setpoint>,
-    sent: Vec<Vec<u8>>,
-    received: Vec<Vec<u8>>,
-}
-
-impl Pair {
-    fn new(seed: u64) -> Self {
-        Self::with(stand_in_config(), seed)
-    }
-
-    fn with(config: StandInConfig, seed: u64) -> Self {
-        let bridge = BridgeConfig {
-            atmosphere: scenario().atmosphere().unwrap(),
-            may_arm: true,
-            signing: config.signing.clone(),
-            ..BridgeConfig::default()
-        };
-        Self {
-            bridge: Bridge::new(bridge).unwrap(),
-            vehicle: StandIn::new(config, ChaCha8Rng::seed_from_u64(seed)).unwrap(),
-            tick: 0,
-            to_vehicle: Vec::new(),
-            up: |_, frames| frames,
-            down: |_, frames| frames,
-            state: None,
-            readings: Vec::new(),
-            events: Vec::new(),
-            setpoint: None,
-            sent: Vec::new(),
-            received: Vec::new(),
-        }
-    }
-
-    fn now(&self) -> SimTime {
-        SimTime::of_tick(self.tick, TICK_NS)
-    }
-
-    fn step(&mut self) {
-        let now = self.now();
-        let up = (self.up)(self.tick, std::mem::take(&mut self.to_vehicle));
-        let from = self.vehicle.step(now, &up);
-        let from = (self.down)(self.tick, from);
-        let mut out = BridgeOutput::default();
-        for bytes in &from {
-            self.bridge.receive(bytes, now, &mut out);
-        }
-        if let Some(setpoint) = &self.setpoint {
-            self.bridge.setpoint(setpoint, now, &mut out);
-        }
-        self.bridge.tick(now, &mut out);
-        self.state = out.state.or(self.state.take());
-        self.readings.extend(out.reading);
-        self.events.extend(out.events);
-        self.sent.extend(out.frames_to_vehicle.iter().cloned());
-        self.received.extend(out.frames_from_vehicle);
-        self.to_vehicle = out.frames_to_vehicle;
-        self.tick += 1;
-    }
-
-    fn run(&mut self, seconds: f64) {
-        for _ in 0..(seconds * 50.0).round() as u64 {
-            self.step();
-        }
-    }
-
-    fn hand_back(&mut self) {
-        let mut out = BridgeOutput::default();
-        self.bridge.hand_back(&mut out);
-        self.events.extend(out.events);
-    }
-
-    fn said(&self, code: &str) -> usize {
-        self.events.iter().filter(|e| e.code == code).count()
-    }
-
-    /// Runs until the bridge reports GUIDED.
-    fn take_off(&mut self) {
-        self.setpoint = Some(setpoint(PathKind::TakeOff, -1000.0, 500.0, 650.0));
-        for _ in 0..120 {
-            self.run(1.0);
-            if self.said("guided") > 0 {
-                return;
-            }
-        }
-        panic!("no GUIDED within 120 s: {:#?}", self.events);
-    }
-
-    /// Horizontal distance of the real vehicle from the setpoint, m.
-    fn distance_m(&self) -> f64 {
-        let truth = self.vehicle.truth();
-        let at = Enu {
-            east_m: truth.east_m,
-            north_m: truth.north_m,
-        };
-        let target = self.setpoint.as_ref().unwrap();
-        at.distance_m(scenario().frame().unwrap().to_enu(air::geo::Geodetic {
-            lat_deg: target.lat_deg,
-            lon_deg: target.lon_deg,
-        }))
-    }
-}
-
-/// A setpoint north and east of the stack.
-fn setpoint(path: PathKind, north_m: f64, east_m: f64, alt_amsl_m: f64) -> Setpoint {
-    let at = scenario()
-        .frame()
-        .unwrap()
-        .to_geodetic(Enu { east_m, north_m });
-    Setpoint {
-        path,
-        lat_deg: at.lat_deg,
-        lon_deg: at.lon_deg,
-        alt_amsl_m,
-        airspeed_m_s: 18.0,
-        orbit_radius_m: 100.0,
-    }
-}
 
 #[test]
 fn takes_off_and_obeys_setpoints() {
@@ -496,109 +354,10 @@ fn it_stands_and_lands_on_its_terrain() {
 }
 
 #[test]
-fn signed_on_both_sides() {
-    let mut config = stand_in_config();
-    config.signing = Some(mav_bridge::signing::SigningConfig {
-        key: [7; 32],
-        link_id: 1,
-        epoch_10us: 37_000_000_000_000,
-    });
-    let mut pair = Pair::with(config, 11);
-    pair.take_off();
-    assert!(pair.received.iter().all(|f| f[2] & 1 == 1));
-    assert_eq!(pair.bridge.statistics().refused_frames, 0);
-    // A stranger without the key is not heard.
-    let mut out = BridgeOutput::default();
-    let forged = Pair::new(1).vehicle.step(SimTime::ZERO, &[]);
-    pair.bridge.receive(&forged[0], pair.now(), &mut out);
-    assert_eq!(pair.bridge.statistics().refused_frames, 1);
-}
-
-#[test]
-fn same_seed_same_bytes() {
-    let fly = |seed| {
-        let mut pair = Pair::new(seed);
-        pair.take_off();
-        pair.run(20.0);
-        (pair.received, pair.sent)
-    };
-    let first = fly(12);
-    assert_eq!(first, fly(12));
-    assert_ne!(first.0, fly(13).0);
-}
-
-/// Loses every fifth datagram, cuts one in seven short, flips a bit in one in eleven, and puts
-/// garbage with start bytes between them.
-fn noisy(tick: u64, frames: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
-    let mut out = Vec::new();
-    for (k, mut frame) in frames.into_iter().enumerate() {
-        let n = tick.wrapping_mul(2654435761).wrapping_add(k as u64 * 40503) >> 4;
-        if n.is_multiple_of(5) {
-            continue;
-        }
-        if n.is_multiple_of(7) {
-            frame.truncate(frame.len() / 2);
-        }
-        if n.is_multiple_of(11) {
-            let at = (n as usize / 11) % frame.len();
-            frame[at] ^= 1 << (n % 8);
-        }
-        out.push(vec![0xFD, 0xFE, (n % 256) as u8]);
-        out.push(frame);
-    }
-    out
-}
-
-#[test]
-fn flies_over_a_noisy_link() {
-    let mut pair = Pair::new(14);
-    pair.up = noisy;
-    pair.down = noisy;
-    pair.take_off();
-    pair.setpoint = Some(setpoint(PathKind::GoTo, -800.0, 1500.0, 650.0));
-    pair.run(150.0);
-    assert_eq!(pair.bridge.level(), Level::Automatic);
-    assert!((pair.distance_m() - 100.0).abs() < 40.0);
-    let statistics = pair.bridge.statistics();
-    assert!(
-        statistics.bad_frames > 100 && statistics.lost_frames > 100,
-        "{statistics:?}"
-    );
-}
-
-#[test]
 fn home_mode_by_the_pilot_is_the_pilots() {
     let mut pair = Pair::new(15);
     pair.take_off();
     assert!(pair.vehicle.pilot(RTL, TURN));
     pair.run(2.0);
     assert_eq!(pair.bridge.level(), Level::Pilot);
-}
-
-/// Message id, and for commands the command and its first two parameters.
-fn decode(frame: &[u8]) -> (u32, u16, f32, f32) {
-    let mut payload = frame[10..10 + usize::from(frame[1])].to_vec();
-    payload.resize(35, 0);
-    let float = |at: usize| f32::from_le_bytes(payload[at..at + 4].try_into().unwrap());
-    let id = u32::from_le_bytes([frame[7], frame[8], frame[9], 0]);
-    let command = u16::from_le_bytes([payload[28], payload[29]]);
-    (id, command, float(0), float(4))
-}
-
-/// How often GUIDED was commanded: COMMAND_LONG (76), DO_SET_MODE (176), mode 15.
-fn guided_commands(frames: &[Vec<u8>]) -> usize {
-    frames
-        .iter()
-        .map(|f| decode(f))
-        .filter(|d| (d.0, d.1, d.3) == (76, 176, 15.0))
-        .count()
-}
-
-/// Commands that change mode, place, speed or arming.
-fn steering_commands(frames: &[Vec<u8>]) -> usize {
-    frames
-        .iter()
-        .map(|f| decode(f))
-        .filter(|d| matches!((d.0, d.1), (75 | 76, 176 | 178 | 189 | 192 | 400)))
-        .count()
 }

@@ -214,19 +214,40 @@ impl Track {
         for (i, value) in range.clone().zip(out.iter_mut()) {
             let (mut place, mut wind, mut time) =
                 (self.place(i), self.transport[i], self.time_s[i]);
+            let mut on_track = (i, 0.0);
             if moved {
                 time -= effects.clock_s;
                 cursor = self.seek(range.clone(), cursor, time);
                 let part = self.share(range.clone(), cursor, time);
+                on_track = (cursor, part);
                 (place, wind) = (self.place_on(cursor, part), self.transport_on(cursor, part));
             }
             place.east_m -= east;
             place.north_m -= north;
             place.height_agl_m -= up;
-            let ratio = |plume: usize| self.puff_ratios.get(plume).map_or(1.0, |r| r[i]);
-            let (molar, direct) = world.excess_after(&place, time, self.wind_age_s[i], wind, ratio);
-            *value = (molar * self.ppm_per_mol_m3[i] + direct) * self.plume_factor[i];
+            *value = self.plumes_ppm(world, &place, time, wind, on_track);
         }
+    }
+
+    /// The plumes' part of the air at a place, ppm, with what of the wind's history is known at the
+    /// share of the way from a row to the next.
+    #[inline]
+    fn plumes_ppm(
+        &self,
+        world: &World,
+        place: &Place,
+        time_s: f64,
+        wind: Transport,
+        (row, share): (usize, f64),
+    ) -> f64 {
+        let ratio = |plume: usize| {
+            let of_rows = self.puff_ratios.get(plume);
+            of_rows.map_or(1.0, |r| on_the_way(r, row, share))
+        };
+        let age_s = on_the_way(&self.wind_age_s, row, share);
+        let (molar, direct) = world.excess_after(place, time_s, age_s, wind, ratio);
+        (molar * on_the_way(&self.ppm_per_mol_m3, row, share) + direct)
+            * on_the_way(&self.plume_factor, row, share)
     }
 
     /// The same at its stations between rows.
@@ -234,25 +255,16 @@ impl Track {
         let range = self.ranges[which].clone();
         let [east, north, up] = effects.position_m;
         let mut cursor = range.start;
-        let at = |Station { row, share, time_s }: Station| {
-            let time_s = time_s - effects.clock_s;
+        let at = |station: Station| {
+            let time_s = station.time_s - effects.clock_s;
             cursor = self.seek(range.clone(), cursor, time_s);
             let part = self.share(range.clone(), cursor, time_s);
             let mut place = self.place_on(cursor, part);
             place.east_m -= east;
             place.north_m -= north;
             place.height_agl_m -= up;
-            let ratio = |plume: usize| {
-                let of_rows = self.puff_ratios.get(plume);
-                of_rows.map_or(1.0, |r| on_the_way(r, row, share))
-            };
-            let (wind, age_s) = (
-                self.transport_on(cursor, part),
-                on_the_way(&self.wind_age_s, row, share),
-            );
-            let (molar, direct) = world.excess_after(&place, time_s, age_s, wind, ratio);
-            (molar * on_the_way(&self.ppm_per_mol_m3, row, share) + direct)
-                * on_the_way(&self.plume_factor, row, share)
+            let wind = self.transport_on(cursor, part);
+            self.plumes_ppm(world, &place, time_s, wind, (cursor, part))
         };
         self.stations.between(which).map(at).collect()
     }

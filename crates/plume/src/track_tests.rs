@@ -193,6 +193,25 @@ fn clock_and_position_signs() {
     }
 }
 
+// What the wind's history made of the plume is that of where the air was met, not of the row that
+// it was logged in.
+#[test]
+fn a_late_clock_meets_the_puffs_of_where_it_was() {
+    let readings = |list: &[Mechanism]| {
+        let world = world(list);
+        let mut track = Track::new(&world, &names(), &rows()).unwrap();
+        track.set_puff_ratios(1, |_, place, _, _| (place.north_m / 200.0).exp());
+        let mut out = vec![0.0; track.len()];
+        track.predict(&world, &mut out);
+        out
+    };
+    let late = readings(&[Mechanism::new("clock-offset", &[("offset_s", 5.0)]).unwrap()]);
+    let plain = readings(&[]);
+    for i in (10..290).chain(310..590) {
+        assert!((late[i] - plain[i - 5]).abs() < 1e-6, "row {i}");
+    }
+}
+
 #[test]
 fn the_plume_part_and_the_rest_make_the_reading() {
     let list = [Mechanism::new("sensor-lag", &[("time_constant_s", 3.0)]).unwrap()];

@@ -49,11 +49,21 @@ pub struct Outcome {
     pub held_out_gains: Option<(f64, f64)>,
     /// Coordinate of what is unexplained.
     pub coordinate: Option<String>,
-    /// Where the answer is ambiguous: separation that the next flight promises, nats, and whether
-    /// flying it settled the matter.
-    pub next_flight: Option<(f64, bool)>,
+    /// Where the answer is ambiguous: the next flight.
+    pub next_flight: Option<FlownOn>,
     /// Kinds of flaws of the raw data that were said, with their platforms.
     pub flaws: Vec<(String, String)>,
+}
+
+/// A next flight: what it promised, and what came of it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FlownOn {
+    /// Separation that it promised, nats.
+    pub expected_nats: f64,
+    /// Probability of settling the matter that it promised.
+    pub settles_probability: f64,
+    /// Whether it settled the matter.
+    pub settled: bool,
 }
 
 impl Outcome {
@@ -133,7 +143,7 @@ fn held_out_gains(tuned: &Tuned, analysis: &Analysis) -> Option<(f64, f64)> {
 
 /// What the next flight promises, and whether the matter is settled once it is flown: a cause
 /// holds the effect, and no longer both it and what the flight was to separate.
-fn fly_on(task: &Task, tuned: &Tuned, analysis: &Analysis) -> Option<(f64, bool)> {
+fn fly_on(task: &Task, tuned: &Tuned, analysis: &Analysis) -> Option<FlownOn> {
     let next = analysis.json.next_flight.as_ref()?;
     let waypoint = |w: &gap::verdict::Waypoint| further::Waypoint {
         time_s: w.time_s,
@@ -154,7 +164,11 @@ fn fly_on(task: &Task, tuned: &Tuned, analysis: &Analysis) -> Option<(f64, bool)
         let has = |id: &String| c.mechanisms.contains(id);
         holds(c, truth) && !(has(first) && others.iter().any(has))
     });
-    Some((next.expected_nats, settled))
+    Some(FlownOn {
+        expected_nats: next.expected_nats,
+        settles_probability: next.settles_probability,
+        settled,
+    })
 }
 
 fn answer(task: &Task, case: &Case) -> Result<Analysis, String> {

@@ -16,7 +16,7 @@ pub mod tune;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-pub use judge::{Outcome, judge, judge_tuned};
+pub use judge::{FlownOn, Outcome, judge, judge_tuned};
 pub use plan::{Kind, Task, plan};
 pub use rates::{Rate, clopper_pearson};
 pub use summary::Summary;

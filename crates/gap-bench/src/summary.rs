@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use gap::verdict::Verdict;
 use gap_truth::{Forward, NoiseForm};
 
-use crate::judge::{APART_NATS, Outcome};
+use crate::judge::{FlownOn, Outcome};
 use crate::plan::Kind;
 use crate::rates::Rate;
 
@@ -93,12 +93,11 @@ impl Summary {
         Rate::of(cases.iter().flat_map(|o| &o.covered), |c| Some(*c))
     }
 
-    /// Ambiguous answers that flying the proposed flight settled, of those whose flight promises
-    /// at least so many nats.
-    pub fn settled(cases: &[&Outcome], promised_nats: f64) -> Rate {
+    /// Ambiguous answers that flying the proposed flight settled, of those that `count`.
+    pub fn settled(cases: &[&Outcome], count: impl Fn(&Outcome, &FlownOn) -> bool) -> Rate {
         Rate::of(cases, |o| {
-            let (nats, settled) = o.next_flight?;
-            (nats >= promised_nats).then_some(settled)
+            let flown = o.next_flight.as_ref()?;
+            count(o, flown).then_some(flown.settled)
         })
     }
 
@@ -245,11 +244,20 @@ impl Summary {
             ),
             line("two effects: exactly both", "≥ 92 %", Self::exactly(&two)),
             line(
-                "next flight that promises 2.9 nats: settles the matter",
+                "next flight that says it will (probability ≥ 0.5): settles the matter",
                 "≥ 80 %",
-                Self::settled(&all, APART_NATS),
+                Self::settled(&all, |_, f| f.settles_probability >= 0.5),
             ),
-            line("next flight, any: settles", "", Self::settled(&all, 0.0)),
+            line(
+                "next flight, of sets that are not all inseparable: settles",
+                "≥ 80 %",
+                Self::settled(&all, |o, _| o.set_size.is_some_and(|n| n > 1.0)),
+            ),
+            line(
+                "next flight, any: settles",
+                "",
+                Self::settled(&all, |_, _| true),
+            ),
             line("95 % intervals cover", "92–98 %", Self::coverage(&all)),
             line("damaged data: said so", "", said),
             line("damaged data: wrong with confidence", "", wrong(&damaged)),
@@ -259,29 +267,22 @@ impl Summary {
 
     /// Stated probabilities of first causes against how often they were right.
     fn reliability(&self, page: &mut String) {
+        let known = |o: &&Outcome| matches!(o.task.kind, Kind::One(_) | Kind::Two(..));
+        let of_causes: Vec<(f64, bool)> = self
+            .outcomes
+            .iter()
+            .filter(known)
+            .filter_map(|o| o.stated)
+            .collect();
         page.push_str("Stated probability of a cause against how often it was right:\n\n");
-        page.push_str("| stated | cases | mean stated | right |\n|---|---|---|---|\n");
-        for tenth in 0..10 {
-            let (low, high) = (f64::from(tenth) / 10.0, f64::from(tenth + 1) / 10.0);
-            let stated: Vec<(f64, bool)> = self
-                .outcomes
-                .iter()
-                .filter(|o| matches!(o.task.kind, Kind::One(_) | Kind::Two(..)))
-                .filter_map(|o| o.stated)
-                .filter(|s| s.0 >= low && (s.0 < high || tenth == 9))
-                .collect();
-            if stated.is_empty() {
-                continue;
-            }
-            let mean = stated.iter().map(|s| s.0).sum::<f64>() / stated.len() as f64;
-            let right = Rate::of(&stated, |s| Some(s.1));
-            let _ = writeln!(
-                page,
-                "| {low:.1}–{high:.1} | {} | {mean:.3} | {right} |",
-                right.of
-            );
-        }
-        page.push('\n');
+        by_tenths(page, "right", &of_causes);
+        let flown = self.outcomes.iter().filter_map(|o| o.next_flight);
+        let of_flights: Vec<(f64, bool)> =
+            flown.map(|f| (f.settles_probability, f.settled)).collect();
+        page.push_str(
+            "Stated probability that a next flight settles the matter against how often it did:\n\n",
+        );
+        by_tenths(page, "settled", &of_flights);
     }
 
     fn rows(&self) -> Vec<(String, Vec<&Outcome>)> {
@@ -400,4 +401,29 @@ fn damage_said(outcome: &Outcome) -> bool {
 /// A changed file is noticed by a refusal, a flaw of unit or a verdict other than none.
 fn noticed(outcome: &Outcome) -> bool {
     outcome.error.is_some() || outcome.detected() || outcome.flaws.iter().any(|f| f.0 == "unit")
+}
+
+/// A table of stated probabilities against what came of them, a row for each tenth.
+fn by_tenths(page: &mut String, came_true: &str, stated: &[(f64, bool)]) {
+    // Writing into a String cannot fail.
+    let _ = writeln!(
+        page,
+        "| stated | cases | mean stated | {came_true} |\n|---|---|---|---|"
+    );
+    for tenth in 0..10 {
+        let (low, high) = (f64::from(tenth) / 10.0, f64::from(tenth + 1) / 10.0);
+        let within = |s: &&(f64, bool)| s.0 >= low && (s.0 < high || tenth == 9);
+        let here: Vec<&(f64, bool)> = stated.iter().filter(within).collect();
+        if here.is_empty() {
+            continue;
+        }
+        let mean = here.iter().map(|s| s.0).sum::<f64>() / here.len() as f64;
+        let rate = Rate::of(here, |s| Some(s.1));
+        let _ = writeln!(
+            page,
+            "| {low:.1}–{high:.1} | {} | {mean:.3} | {rate} |",
+            rate.of
+        );
+    }
+    page.push('\n');
 }

@@ -97,7 +97,7 @@ pub struct Physics {
 }
 
 /// Longest way that a puff is followed, m.
-const REACH_M: f64 = 8000.0;
+const REACH_M: f64 = 16000.0;
 /// Step of the tables over the way, m.
 const TABLE_M: f64 = 5.0;
 /// Puffs and points farther apart than this many σ do not meet.

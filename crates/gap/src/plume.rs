@@ -172,7 +172,7 @@ fn stated(
     };
     tell(0.95, "writing it down");
     let wind = started.treatment().describe();
-    let notices = notices(ctx, &named, next_flight.as_ref(), &wind);
+    let notices = notices(ctx, &named, &wind);
     let verdict = named.verdict();
     let base = report::base_parameters(ctx.setup, &named.last);
     let json = GapJson {
@@ -217,18 +217,8 @@ fn named_again(
 }
 
 /// What a user should know besides the answer.
-fn notices(
-    ctx: &Context<'_>,
-    named: &naming::Named,
-    next_flight: Option<&crate::verdict::NextFlight>,
-    wind: &str,
-) -> Vec<String> {
+fn notices(ctx: &Context<'_>, named: &naming::Named, wind: &str) -> Vec<String> {
     let mut out = ctx.data.notices.clone();
-    if next_flight.is_some_and(|f| f.expected_nats < next_flight::LEAST_NATS) {
-        let words = "no flight of those tried would tell the causes of a set apart: it takes \
-                     another instrument, or a calibration on the ground";
-        out.push(words.to_string());
-    }
     out.extend(report::elsewhere(ctx, named));
     out.push(format!("the plume is carried by {wind}"));
     out

@@ -312,5 +312,6 @@ fn next(causes: &[Cause]) -> Option<NextFlight> {
         description: description.into(),
         waypoints: Vec::new(),
         expected_nats: f64::NAN,
+        settles_probability: f64::NAN,
     })
 }

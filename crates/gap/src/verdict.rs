@@ -215,8 +215,11 @@ pub struct NextFlight {
     pub description: String,
     /// Where to fly.
     pub waypoints: Vec<Waypoint>,
-    /// Expected separation of the two best rivals, nats.
+    /// By how much the odds between those that it separates will shift on average, nats; not
+    /// finite where that is not computed.
     pub expected_nats: f64,
+    /// How probably they are told apart at 95 % once it is flown; not finite likewise.
+    pub settles_probability: f64,
 }
 
 /// A parameter of the base.

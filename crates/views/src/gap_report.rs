@@ -422,11 +422,13 @@ fn next_flight(page: &mut Document, flight: &NextFlight) {
     page.section("The flight that would tell");
     let who = flight.platform.as_ref();
     page.paragraph(&format!(
-        "To tell {} apart{}: {} Expected separation: {} nats.",
+        "To tell {} apart{}: {}. Expected separation: {} nats; probability that it settles the \
+         matter: {}.",
         flight.separates.join(" and "),
         who.map_or_else(String::new, |p| format!(", flown by {p}")),
         flight.description,
-        number(flight.expected_nats, 1)
+        number(flight.expected_nats, 1),
+        number(flight.settles_probability, 2)
     ));
     let rows: Vec<Vec<String>> = flight
         .waypoints

@@ -52,8 +52,9 @@ pub fn propose(answer: &Answer) -> Option<NextFlight> {
     Some(NextFlight {
         separates: cause.mechanisms.clone(),
         platform: None,
-        description: format!("{}.", best.1),
+        description: best.1.to_owned(),
         waypoints: Vec::new(),
         expected_nats: f64::NAN,
+        settles_probability: f64::NAN,
     })
 }

@@ -503,7 +503,7 @@ fn normal_equations(
 }
 
 /// Part of a step that keeps every parameter within reach of its prior.
-fn limit(model: &Model, step: &DVector<f64>) -> f64 {
+pub(crate) fn limit(model: &Model, step: &DVector<f64>) -> f64 {
     let longest = (0..model.dimension())
         .map(|k| (step[k] / model.free[k].sd.min(model.spec_of(k).prior_sd)).abs())
         .fold(0.0f64, f64::max);

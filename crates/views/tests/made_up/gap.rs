@@ -44,7 +44,7 @@ pub fn json() -> GapJson {
         next_flight: Some(NextFlight {
             separates: vec!["sensor-lag".into(), "clock-offset".into()],
             platform: Some("uav2".into()),
-            description: "cross the plume at half the speed.".into(),
+            description: "cross the plume at half the speed".into(),
             waypoints: vec![Waypoint {
                 time_s: 0.0,
                 lat_deg: 43.43,
@@ -52,6 +52,7 @@ pub fn json() -> GapJson {
                 alt_amsl_m: 826.0,
             }],
             expected_nats: 31.0,
+            settles_probability: 0.99,
         }),
         base: vec![BaseParameter {
             name: "background.co2_ppm".into(),

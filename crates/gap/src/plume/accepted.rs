@@ -22,6 +22,8 @@ pub(crate) struct Accepted {
     pub part: usize,
     /// Ids that the data cannot tell from it, itself first, with their probabilities.
     pub set: Vec<(MechanismId, f64)>,
+    /// Probability that it is any mechanism of the catalogue, nameless terms counted in.
+    pub of_catalogue: f64,
     pub evidence: Evidence,
     /// What it gained when it was called for, under the noise of the model then, nats: how strong
     /// it is. Under a noise that was fitted with all names it may seem to gain several times that.
@@ -70,12 +72,12 @@ pub(crate) fn accept(round: &Round, best: &Tried, before: Option<&Accepted>) -> 
         best.log_evidence + power * (evidence - best.log_evidence)
     });
     // Nameless rivals and the base take part in the probabilities, but not in the set.
-    let named: f64 = ids.iter().map(|i| i.1).sum();
+    let of_catalogue: f64 = ids.iter().map(|i| i.1).sum();
     let mut set: Vec<(MechanismId, f64)> = Vec::new();
     let own = ids.iter().find(|i| i.0 == best.id).copied();
     set.extend(own);
     for &(id, p) in &ids {
-        if sum(&set) >= NAME_AT * named {
+        if sum(&set) >= NAME_AT * of_catalogue {
             break;
         }
         if id != best.id {
@@ -100,6 +102,7 @@ pub(crate) fn accept(round: &Round, best: &Tried, before: Option<&Accepted>) -> 
         platform: best.platform,
         part: best.part,
         set,
+        of_catalogue,
         evidence: Evidence {
             delta_log_score: best.log_score,
             delta_log_evidence: best.log_evidence,

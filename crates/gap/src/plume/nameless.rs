@@ -1,7 +1,6 @@
 //! What has no name: nameless terms weighed against names, and what stands beside names or in
 //! their place.
 
-use super::accepted::sum;
 use super::answer::unexplained;
 use super::explore::{FALSE_ALARM, Round, Tried};
 use super::fit::{Context, Effort, Fitted};
@@ -21,8 +20,10 @@ const HIDDEN_BY_NOISE: f64 = 4.0;
 const SWING_HINT_NATS: f64 = 0.0;
 /// Probability that all names together must have where a nameless rival is called for.
 const NAMES_AT: f64 = 0.5;
-/// Probability, that of nameless terms counted in, from which on one name is said as the cause.
-const SURE_AT: f64 = 0.9;
+/// Probability of the whole catalogue, nameless terms counted in, from which on a name is said
+/// without one beside it, and a set of names, which says less.
+const NAME_SURE_AT: f64 = 0.95;
+const SET_SURE_AT: f64 = 0.9;
 /// Rows in a plume from which a correlation can be told, and the least that readings of one have.
 const LEAST_PLUME_ROWS: usize = 60;
 const LEAST_CORRELATION: f64 = 0.3;
@@ -142,13 +143,17 @@ impl Named {
         self.last = last;
     }
 
-    /// A single name that is not sure enough beside nameless terms does not stand alone: the best
+    /// A single cause does not stand alone where nameless terms are too probable beside it: the best
     /// of them may be it instead.
     pub(super) fn leave_open(&mut self, ctx: &Context<'_>) {
         let [only] = self.accepted.as_slice() else {
             return;
         };
-        if only.set.len() == 1 && sum(&only.set) < SURE_AT {
+        let sure_at = match only.set.len() {
+            1 => NAME_SURE_AT,
+            _ => SET_SURE_AT,
+        };
+        if only.of_catalogue < sure_at {
             self.unexplained = self.against.as_ref().map(|term| unexplained(ctx, term));
         }
     }

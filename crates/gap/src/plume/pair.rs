@@ -49,6 +49,7 @@ impl Pair {
             platform: h.platform,
             part: h.part,
             set: vec![(h.id, 1.0)],
+            of_catalogue: 1.0,
             evidence: Evidence {
                 delta_log_score: 0.5 * self.log_score,
                 delta_log_evidence: 0.5 * self.log_evidence,

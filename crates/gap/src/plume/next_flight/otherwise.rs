@@ -42,9 +42,8 @@ fn check(id: MechanismId) -> Option<&'static str> {
         M::WindSpeedScale => "a second anemometer at the plume's height",
         M::Meander => "the direction's standard deviation by a wind vane at the plume's height",
         M::EmissionScale | M::EmissionTrend => "the emission by the plant's own monitor",
-        M::FirstOrderDecay | M::DryDeposition => {
-            "an inert tracer released with the gas: neither the air nor the ground takes it"
-        }
+        M::FirstOrderDecay => "the gas's lifetime in a bag of the plume's air",
+        M::DryDeposition => "the flux into the ground by a chamber or by eddy covariance",
         M::BackgroundOffset | M::BackgroundDrift | M::BackgroundGradient => {
             "a monitor upwind of the source"
         }
@@ -59,9 +58,9 @@ mod tests {
 
     #[test]
     fn each_check_is_said_once() {
-        let set = [MechanismId::FirstOrderDecay, MechanismId::DryDeposition];
+        let set = [MechanismId::SensorGain, MechanismId::SensorSaturation];
         let words = instead(set.into_iter(), "legs");
-        assert_eq!(words.matches("inert tracer").count(), 1, "{words}");
+        assert_eq!(words.matches("span gas").count(), 1, "{words}");
         let none = instead([MechanismId::SigmaYScale].into_iter(), "legs");
         assert!(none.contains("another instrument"), "{none}");
     }

@@ -193,7 +193,7 @@ fn find(task: &Task, scenario_toml: &str, files: &[(String, String)]) -> Result<
 }
 
 /// Nats of expected difference below which no method could state one of two at 95 %: ln 19.
-pub(crate) const APART_NATS: f64 = 2.944;
+const APART_NATS: f64 = 2.944;
 
 /// What each hidden effect looks like on the tracks of its case.
 struct Alike {

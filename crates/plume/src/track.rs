@@ -209,64 +209,60 @@ impl Track {
     /// The plumes' part of the air at the rows of a platform, ppm.
     fn excess(&self, world: &World, effects: &SensorEffects, range: Range<usize>, out: &mut [f64]) {
         let moved = effects.clock_s != 0.0;
-        let [east, north, up] = effects.position_m;
         let mut cursor = range.start;
         for (i, value) in range.clone().zip(out.iter_mut()) {
-            let (mut place, mut wind, mut time) =
-                (self.place(i), self.transport[i], self.time_s[i]);
-            let mut on_track = (i, 0.0);
+            let (mut time_s, mut on_track) = (self.time_s[i], (i, 0.0));
             if moved {
-                time -= effects.clock_s;
-                cursor = self.seek(range.clone(), cursor, time);
-                let part = self.share(range.clone(), cursor, time);
-                on_track = (cursor, part);
-                (place, wind) = (self.place_on(cursor, part), self.transport_on(cursor, part));
+                time_s -= effects.clock_s;
+                on_track = self.on_track(range.clone(), &mut cursor, time_s);
             }
-            place.east_m -= east;
-            place.north_m -= north;
-            place.height_agl_m -= up;
-            *value = self.plumes_ppm(world, &place, time, wind, on_track);
+            *value = self.met_ppm(world, effects, time_s, on_track);
         }
-    }
-
-    /// The plumes' part of the air at a place, ppm, with what of the wind's history is known at the
-    /// share of the way from a row to the next.
-    #[inline]
-    fn plumes_ppm(
-        &self,
-        world: &World,
-        place: &Place,
-        time_s: f64,
-        wind: Transport,
-        (row, share): (usize, f64),
-    ) -> f64 {
-        let ratio = |plume: usize| {
-            let of_rows = self.puff_ratios.get(plume);
-            of_rows.map_or(1.0, |r| on_the_way(r, row, share))
-        };
-        let age_s = on_the_way(&self.wind_age_s, row, share);
-        let (molar, direct) = world.excess_after(place, time_s, age_s, wind, ratio);
-        (molar * on_the_way(&self.ppm_per_mol_m3, row, share) + direct)
-            * on_the_way(&self.plume_factor, row, share)
     }
 
     /// The same at its stations between rows.
     fn excess_between(&self, world: &World, effects: &SensorEffects, which: usize) -> Vec<f64> {
         let range = self.ranges[which].clone();
-        let [east, north, up] = effects.position_m;
         let mut cursor = range.start;
         let at = |station: Station| {
             let time_s = station.time_s - effects.clock_s;
-            cursor = self.seek(range.clone(), cursor, time_s);
-            let part = self.share(range.clone(), cursor, time_s);
-            let mut place = self.place_on(cursor, part);
-            place.east_m -= east;
-            place.north_m -= north;
-            place.height_agl_m -= up;
-            let wind = self.transport_on(cursor, part);
-            self.plumes_ppm(world, &place, time_s, wind, (cursor, part))
+            let on_track = self.on_track(range.clone(), &mut cursor, time_s);
+            self.met_ppm(world, effects, time_s, on_track)
         };
         self.stations.between(which).map(at).collect()
+    }
+
+    /// The plumes' part of the air that was met at `time_s`, at a share of the way from a row to the
+    /// next, ppm.
+    #[inline]
+    fn met_ppm(
+        &self,
+        world: &World,
+        effects: &SensorEffects,
+        time_s: f64,
+        (row, share): (usize, f64),
+    ) -> f64 {
+        let [east, north, up] = effects.position_m;
+        let mut place = self.place_on(row, share);
+        place.east_m -= east;
+        place.north_m -= north;
+        place.height_agl_m -= up;
+        let ratio = |plume: usize| {
+            let of_rows = self.puff_ratios.get(plume);
+            of_rows.map_or(1.0, |r| on_the_way(r, row, share))
+        };
+        let age_s = on_the_way(&self.wind_age_s, row, share);
+        let wind = self.transport_on(row, share);
+        let (molar, direct) = world.excess_after(&place, time_s, age_s, wind, ratio);
+        (molar * on_the_way(&self.ppm_per_mol_m3, row, share) + direct)
+            * on_the_way(&self.plume_factor, row, share)
+    }
+
+    /// The row at or before `time_s` in `range`, searched from `cursor`, which moves there, and the
+    /// share of the way to the next that is behind then.
+    fn on_track(&self, range: Range<usize>, cursor: &mut usize, time_s: f64) -> (usize, f64) {
+        *cursor = self.seek(range.clone(), *cursor, time_s);
+        (*cursor, self.share(range, *cursor, time_s))
     }
 
     /// The row at or before `time_s` in `range`, searched from `cursor`.

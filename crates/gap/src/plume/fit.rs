@@ -217,21 +217,15 @@ impl<'a> Context<'a> {
             let Some(step) = posterior_mean(&gram, &score, &centre, &precision) else {
                 break;
             };
-            let mut scale = limit(&model, &step);
+            let better = moved_to_better(&model, &step, |moved| {
+                let reading = self.readings(moved);
+                let there = self.objective(moved, &reading, metric);
+                (there > here).then_some((reading, there))
+            });
             let mut gained = 0.0;
-            for _ in 0..4 {
-                let mut moved = model.clone();
-                for k in 0..n {
-                    moved.set_coordinate(k, model.coordinate(k) + scale * step[k]);
-                }
-                let there_reading = self.readings(&moved);
-                let there = self.objective(&moved, &there_reading, metric);
-                if there > here {
-                    gained = there - here;
-                    (model, reading, here) = (moved, there_reading, there);
-                    break;
-                }
-                scale *= 0.3;
+            if let Some((moved, (there_reading, there))) = better {
+                gained = there - here;
+                (model, reading, here) = (moved, there_reading, there);
             }
             if gained < 0.02 {
                 break;
@@ -502,8 +496,28 @@ fn normal_equations(
     (gram, scores(&columns, residual))
 }
 
+/// The first of four ever shorter steps that leads to something `better`, and what that is.
+pub(crate) fn moved_to_better<T>(
+    model: &Model,
+    step: &DVector<f64>,
+    mut better: impl FnMut(&Model) -> Option<T>,
+) -> Option<(Model, T)> {
+    let mut scale = limit(model, step);
+    for _ in 0..4 {
+        let mut moved = model.clone();
+        for k in 0..model.dimension() {
+            moved.set_coordinate(k, model.coordinate(k) + scale * step[k]);
+        }
+        if let Some(found) = better(&moved) {
+            return Some((moved, found));
+        }
+        scale *= 0.3;
+    }
+    None
+}
+
 /// Part of a step that keeps every parameter within reach of its prior.
-pub(crate) fn limit(model: &Model, step: &DVector<f64>) -> f64 {
+fn limit(model: &Model, step: &DVector<f64>) -> f64 {
     let longest = (0..model.dimension())
         .map(|k| (step[k] / model.free[k].sd.min(model.spec_of(k).prior_sd)).abs())
         .fold(0.0f64, f64::max);

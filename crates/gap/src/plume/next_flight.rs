@@ -106,7 +106,7 @@ pub(crate) fn propose(ctx: &Context<'_>, named: &Named) -> Option<NextFlight> {
 
 impl<'a> Rivals<'a> {
     fn new(ctx: &Context<'_>, named: &'a Named, cause: &'a Accepted) -> Self {
-        let fitted = |model: &Model| fitted_rival(ctx, &named.last, model);
+        let fitted = |model: &Model| ctx.settle(model, &named.last.metric, &named.last, 0);
         Self {
             cause,
             first: &named.last,
@@ -195,10 +195,4 @@ impl<'a> Rivals<'a> {
             settles_probability: least(|p| p.settles),
         })
     }
-}
-
-fn fitted_rival(ctx: &Context<'_>, last: &Fitted, model: &Model) -> Fitted {
-    let prediction = ctx.predict(model);
-    let (loading, metric) = (last.loading.clone(), last.metric.clone());
-    ctx.conclude(model.clone(), prediction, last.noise, loading, metric, None)
 }

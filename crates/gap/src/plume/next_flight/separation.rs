@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::plans::{self, Flier, Plan};
 use crate::plume::data::Data;
-use crate::plume::fit::{Context, Fitted, limit};
+use crate::plume::fit::{Context, Fitted, moved_to_better};
 use crate::plume::linear::{self, Posterior, dot, posterior, scores};
 use crate::plume::model::{Model, Prediction};
 use crate::plume::noise::{Loading, Whitener};
@@ -92,14 +92,9 @@ impl<'a> Flown<'a> {
             if here.nats - here.nats_after < WORTH_A_STEP_NATS {
                 break;
             }
-            let whole = limit(&model, &here.step);
-            let nearer = [1.0, 0.3, 0.1, 0.03].into_iter().find_map(|part| {
-                let mut moved = model.clone();
-                for k in 0..d {
-                    moved.set_coordinate(k, model.coordinate(k) + part * whole * here.step[k]);
-                }
-                let there = self.apart(ctx, &moved, &known)?;
-                (there.nats < here.nats).then_some((moved, there))
+            let nearer = moved_to_better(&model, &here.step, |moved| {
+                let there = self.apart(ctx, moved, &known)?;
+                (there.nats < here.nats).then_some(there)
             });
             let Some(found) = nearer else { break };
             (model, here) = found;

@@ -208,15 +208,16 @@ impl Track {
 
     /// The plumes' part of the air at the rows of a platform, ppm.
     fn excess(&self, world: &World, effects: &SensorEffects, range: Range<usize>, out: &mut [f64]) {
-        let moved = effects.clock_s != 0.0;
+        let late = effects.clock_s != 0.0;
         let mut cursor = range.start;
         for (i, value) in range.clone().zip(out.iter_mut()) {
-            let (mut time_s, mut on_track) = (self.time_s[i], (i, 0.0));
-            if moved {
-                time_s -= effects.clock_s;
-                on_track = self.on_track(range.clone(), &mut cursor, time_s);
-            }
-            *value = self.met_ppm(world, effects, time_s, on_track);
+            let time_s = self.time_s[i];
+            *value = if late {
+                self.late_ppm(world, effects, range.clone(), &mut cursor, time_s)
+            } else {
+                let of_row = |column: &[f64]| column[i];
+                self.met_ppm(world, effects, time_s, self.transport[i], of_row)
+            };
         }
     }
 
@@ -224,45 +225,49 @@ impl Track {
     fn excess_between(&self, world: &World, effects: &SensorEffects, which: usize) -> Vec<f64> {
         let range = self.ranges[which].clone();
         let mut cursor = range.start;
-        let at = |station: Station| {
-            let time_s = station.time_s - effects.clock_s;
-            let on_track = self.on_track(range.clone(), &mut cursor, time_s);
-            self.met_ppm(world, effects, time_s, on_track)
-        };
+        let at = |s: Station| self.late_ppm(world, effects, range.clone(), &mut cursor, s.time_s);
         self.stations.between(which).map(at).collect()
     }
 
-    /// The plumes' part of the air that was met at `time_s`, at a share of the way from a row to the
-    /// next, ppm.
+    /// The plumes' part of the air that the sensor met when its clock said `clock_time_s`, ppm, on the
+    /// way between two rows of `range`, searched from `cursor`, which moves there.
+    fn late_ppm(
+        &self,
+        world: &World,
+        effects: &SensorEffects,
+        range: Range<usize>,
+        cursor: &mut usize,
+        clock_time_s: f64,
+    ) -> f64 {
+        let time_s = clock_time_s - effects.clock_s;
+        *cursor = self.seek(range.clone(), *cursor, time_s);
+        let (row, share) = (*cursor, self.share(range, *cursor, time_s));
+        let wind = self.transport_on(row, share);
+        let between = |column: &[f64]| on_the_way(column, row, share);
+        self.met_ppm(world, effects, time_s, wind, between)
+    }
+
+    /// The plumes' part of the air met at `time_s`, ppm, where `at` gives every column's value: on a
+    /// row, which most are, or between two.
     #[inline]
     fn met_ppm(
         &self,
         world: &World,
         effects: &SensorEffects,
         time_s: f64,
-        (row, share): (usize, f64),
+        wind: Transport,
+        at: impl Fn(&[f64]) -> f64,
     ) -> f64 {
         let [east, north, up] = effects.position_m;
-        let mut place = self.place_on(row, share);
-        place.east_m -= east;
-        place.north_m -= north;
-        place.height_agl_m -= up;
-        let ratio = |plume: usize| {
-            let of_rows = self.puff_ratios.get(plume);
-            of_rows.map_or(1.0, |r| on_the_way(r, row, share))
+        let place = Place {
+            east_m: at(&self.east_m) - east,
+            north_m: at(&self.north_m) - north,
+            height_agl_m: at(&self.height_m) - up,
         };
-        let age_s = on_the_way(&self.wind_age_s, row, share);
-        let wind = self.transport_on(row, share);
+        let ratio = |plume: usize| self.puff_ratios.get(plume).map_or(1.0, |r| at(r));
+        let age_s = at(&self.wind_age_s);
         let (molar, direct) = world.excess_after(&place, time_s, age_s, wind, ratio);
-        (molar * on_the_way(&self.ppm_per_mol_m3, row, share) + direct)
-            * on_the_way(&self.plume_factor, row, share)
-    }
-
-    /// The row at or before `time_s` in `range`, searched from `cursor`, which moves there, and the
-    /// share of the way to the next that is behind then.
-    fn on_track(&self, range: Range<usize>, cursor: &mut usize, time_s: f64) -> (usize, f64) {
-        *cursor = self.seek(range.clone(), *cursor, time_s);
-        (*cursor, self.share(range, *cursor, time_s))
+        (molar * at(&self.ppm_per_mol_m3) + direct) * at(&self.plume_factor)
     }
 
     /// The row at or before `time_s` in `range`, searched from `cursor`.

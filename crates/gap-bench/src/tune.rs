@@ -11,7 +11,7 @@ use gap::plume::{Known, PlumeChange, Setup, Visibility};
 use gap_truth::mutation::Mutation;
 use gap_truth::{Case, TrueEffect, Truth};
 use plume::Mechanism;
-use plume::mechanism::Coordinate;
+use plume::mechanism::{Coordinate, MechanismId};
 use scenario::Scenario;
 use scenario::observations::{self, Observations};
 
@@ -95,9 +95,7 @@ fn visible(case: &Case, fitted: &Visibility, which: usize) -> Result<f64, String
 /// Whether a parameter is farther from what is usual than the catalogue's prior can mean.
 fn absurd(truth: &Truth) -> bool {
     truth.effects.iter().any(|e| {
-        let spec = plume::mechanism::catalogue()
-            .iter()
-            .find(|s| s.id.as_str() == e.effect.id());
+        let spec = MechanismId::from_name(e.effect.id()).map(MechanismId::spec);
         spec.is_some_and(|spec| {
             e.parameters.iter().any(|p| {
                 let known = spec.parameters.iter().find(|s| s.name == p.name);

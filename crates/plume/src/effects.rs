@@ -1,6 +1,6 @@
 //! What a list of mechanisms does to the equations: sums of offsets, products of factors.
 
-use crate::mechanism::{Mechanism, MechanismId};
+use crate::mechanism::{Acts, Mechanism};
 
 /// Seconds in an hour.
 pub const HOUR_S: f64 = 3600.0;
@@ -101,51 +101,11 @@ impl WorldEffects {
             second_sources: Vec::new(),
         };
         for mechanism in list {
-            sum.add(mechanism);
+            if let Acts::OnWorld(add) = mechanism.id().spec().acts {
+                add(&mut sum, mechanism.values());
+            }
         }
         sum
-    }
-
-    fn add(&mut self, mechanism: &Mechanism) {
-        use MechanismId as M;
-        let v = mechanism.values();
-        match mechanism.id() {
-            M::WindDirectionOffset => self.direction_offset_deg += v[0],
-            M::WindDirectionDrift => self.direction_drift_deg_h += v[0],
-            M::WindSpeedScale => self.speed_factor *= v[0],
-            M::WindVeerWithHeight => self.veer_deg_100m += v[0],
-            M::Meander => self.meander_var_rad2 += v[0].to_radians().powi(2),
-            M::StabilityClass => self.class_shift += v[0],
-            M::SigmaYScale => self.sigma_y_factor *= v[0],
-            M::SigmaZScale => self.sigma_z_factor *= v[0],
-            M::SigmaZGrowth => self.sigma_z_exponent += v[0],
-            M::EffectiveHeightOffset => self.height_offset_m += v[0],
-            M::GroundReflection => self.ground_coefficient += v[0],
-            M::MixingLid => self.lid_m = self.lid_m.min(v[0]),
-            M::EmissionScale => self.emission_factor *= v[0],
-            M::EmissionTrend => self.emission_trend_h += v[0],
-            M::SecondSource => self.second_sources.push(SecondSource {
-                east_m: v[0],
-                north_m: v[1],
-                ratio: v[2],
-                height_offset_m: v[3],
-            }),
-            M::SourcePositionOffset => {
-                self.source_east_m += v[0];
-                self.source_north_m += v[1];
-            }
-            M::FirstOrderDecay => self.decay_s += v[0],
-            M::DryDeposition => self.deposition_m_s += v[0],
-            // Gifford (1975): c A / pi with c = 1/2.
-            M::BuildingDownwash => self.wake_var_m2 += v[0] / (2.0 * std::f64::consts::PI),
-            M::BackgroundOffset => self.background_ppm += v[0],
-            M::BackgroundDrift => self.background_ppm_h += v[0],
-            M::BackgroundGradient => {
-                self.background_east_ppm_m += v[0] / 1000.0;
-                self.background_north_ppm_m += v[1] / 1000.0;
-            }
-            _ => {}
-        }
     }
 }
 
@@ -195,34 +155,11 @@ impl SensorEffects {
     /// over. Affine ones act one after the other, in the order of the list.
     pub fn with(mut self, list: &[Mechanism], platform: &str) -> Self {
         for mechanism in list.iter().filter(|m| m.applies_to(platform)) {
-            self.add(mechanism);
+            if let Acts::OnSensor(add) = mechanism.id().spec().acts {
+                add(&mut self, mechanism.values());
+            }
         }
         self
-    }
-
-    fn add(&mut self, mechanism: &Mechanism) {
-        use MechanismId as M;
-        let v = mechanism.values();
-        match mechanism.id() {
-            M::SensorLag if v[0] > 0.0 => self.lags_s.push(v[0]),
-            M::SensorGain => {
-                self.gain *= v[0];
-                self.offset_ppm = v[1] + v[0] * (self.offset_ppm - v[1]);
-            }
-            M::SensorOffset => self.offset_ppm += v[0],
-            M::SensorDrift => self.drift_ppm_s += v[0] / HOUR_S,
-            M::SensorSaturation => self.limit_ppm = self.limit_ppm.min(v[0]),
-            M::CrossSensitivityHumidity => join(&mut self.humidity, v),
-            M::CrossSensitivityTemperature => join(&mut self.temperature, v),
-            M::CrossSensitivityPressure => join(&mut self.pressure, v),
-            M::ClockOffset => self.clock_s += v[0],
-            M::PositionOffset => {
-                self.position_m[0] += v[0];
-                self.position_m[1] += v[1];
-            }
-            M::AltitudeOffset => self.position_m[2] += v[0],
-            _ => {}
-        }
     }
 
     /// What the air itself adds to the reading, ppm; a column that is not known adds nothing.
@@ -238,15 +175,6 @@ impl SensorEffects {
             + term(&self.temperature, air.temperature_c)
             + term(&self.pressure, air.pressure_hpa)
     }
-}
-
-/// Two linear terms k1 (x - r1) + k2 (x - r2) as one.
-fn join(sum: &mut [f64; 2], v: &[f64]) {
-    let slope = sum[0] + v[0];
-    if slope != 0.0 {
-        sum[1] = (sum[0] * sum[1] + v[0] * v[1]) / slope;
-    }
-    sum[0] = slope;
 }
 
 /// The air around a sensor as other sensors log it; not a number where not known.
@@ -267,35 +195,4 @@ impl Ambient {
         relative_humidity_pct: f64::NAN,
         pressure_hpa: f64::NAN,
     };
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn gain_turns_about_its_pivot() {
-        let gain = Mechanism::new("sensor-gain", &[("factor", 1.1), ("pivot_ppm", 450.0)]).unwrap();
-        let e = SensorEffects::none().with(&[gain], "1");
-        assert!((e.gain * 450.0 + e.offset_ppm - 450.0).abs() < 1e-9);
-        assert!((e.gain * 550.0 + e.offset_ppm - 560.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn cross_sensitivities_join() {
-        let of = |k, r| {
-            Mechanism::new(
-                "cross-sensitivity-humidity",
-                &[("ppm_per_percent", k), ("reference_percent", r)],
-            )
-            .unwrap()
-        };
-        let e = SensorEffects::none().with(&[of(0.2, 50.0), of(0.3, 40.0)], "1");
-        let air = Ambient {
-            relative_humidity_pct: 70.0,
-            ..Ambient::UNKNOWN
-        };
-        assert!((e.cross_ppm(&air) - (0.2 * 20.0 + 0.3 * 30.0)).abs() < 1e-12);
-        assert_eq!(e.cross_ppm(&Ambient::UNKNOWN), 0.0);
-    }
 }

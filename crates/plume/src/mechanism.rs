@@ -2,16 +2,21 @@
 //! neutral values, physical priors and sign conventions.
 //!
 //! A model is a base plus a list of mechanisms. Two of the same kind add up (offsets add,
-//! factors multiply). What each does to the equations is in [`crate::effects`].
+//! factors multiply). What is known of each, and what it does, stands in the file of its family.
 
-mod catalogue;
+mod background;
+mod entry;
+mod sensor;
+mod source;
+mod spread;
+mod wind;
 
-pub use catalogue::catalogue;
+pub use entry::{Acts, Coordinate, Family, MechanismSpec, ParameterSpec, Steps};
 
 use crate::{PlumeError, in_range};
 
-macro_rules! mechanism_ids {
-    ($($(#[$doc:meta])* $name:ident = $id:literal,)*) => {
+macro_rules! mechanisms {
+    ($($(#[$doc:meta])* $name:ident = $entry:path,)*) => {
         /// A mechanism of the plume, source, background or sensor families.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum MechanismId { $($(#[$doc])* $name,)* }
@@ -19,85 +24,88 @@ macro_rules! mechanism_ids {
         impl MechanismId {
             /// All ids in the catalogue's order.
             pub const ALL: &'static [MechanismId] = &[$(MechanismId::$name,)*];
-
-            /// The id in files, such as "sensor-lag".
-            pub fn as_str(self) -> &'static str {
-                match self { $(MechanismId::$name => $id,)* }
-            }
         }
+
+        /// What is known of each, in the order of the ids.
+        static CATALOGUE: &[MechanismSpec] = &[$($entry,)*];
     };
 }
 
-mechanism_ids! {
+mechanisms! {
     /// Transport direction differs from the logged one by a constant.
-    WindDirectionOffset = "wind-direction-offset",
+    WindDirectionOffset = wind::DIRECTION_OFFSET,
     /// Transport direction departs from the logged one steadily in time.
-    WindDirectionDrift = "wind-direction-drift",
+    WindDirectionDrift = wind::DIRECTION_DRIFT,
     /// Wind speed differs by a factor.
-    WindSpeedScale = "wind-speed-scale",
+    WindSpeedScale = wind::SPEED_SCALE,
     /// Transport direction turns with height.
-    WindVeerWithHeight = "wind-veer-with-height",
+    WindVeerWithHeight = wind::VEER_WITH_HEIGHT,
     /// Slow swinging of the plume widens its mean.
-    Meander = "meander",
+    Meander = wind::MEANDER,
     /// Another stability class.
-    StabilityClass = "stability-class",
+    StabilityClass = spread::STABILITY_CLASS,
     /// σy by a factor.
-    SigmaYScale = "sigma-y-scale",
+    SigmaYScale = spread::SIGMA_Y_SCALE,
     /// σz by a factor.
-    SigmaZScale = "sigma-z-scale",
+    SigmaZScale = spread::SIGMA_Z_SCALE,
     /// σz by a power of distance.
-    SigmaZGrowth = "sigma-z-growth",
+    SigmaZGrowth = spread::SIGMA_Z_GROWTH,
     /// Another effective height.
-    EffectiveHeightOffset = "effective-height-offset",
+    EffectiveHeightOffset = spread::EFFECTIVE_HEIGHT_OFFSET,
     /// The ground sends the plume back.
-    GroundReflection = "ground-reflection",
+    GroundReflection = spread::GROUND_REFLECTION,
     /// A lid above the plume sends it back.
-    MixingLid = "mixing-lid",
+    MixingLid = spread::MIXING_LID,
     /// Emission by a factor.
-    EmissionScale = "emission-scale",
+    EmissionScale = source::EMISSION_SCALE,
     /// Emission changes steadily in time.
-    EmissionTrend = "emission-trend",
+    EmissionTrend = source::EMISSION_TREND,
     /// A source that the scenario does not have.
-    SecondSource = "second-source",
+    SecondSource = source::SECOND_SOURCE,
     /// The source stands elsewhere.
-    SourcePositionOffset = "source-position-offset",
+    SourcePositionOffset = source::SOURCE_POSITION_OFFSET,
     /// The gas decays at a constant rate.
-    FirstOrderDecay = "first-order-decay",
+    FirstOrderDecay = source::FIRST_ORDER_DECAY,
     /// The gas is lost at the ground.
-    DryDeposition = "dry-deposition",
+    DryDeposition = source::DRY_DEPOSITION,
     /// A building's wake spreads the plume at its start.
-    BuildingDownwash = "building-downwash",
+    BuildingDownwash = source::BUILDING_DOWNWASH,
     /// Another background.
-    BackgroundOffset = "background-offset",
+    BackgroundOffset = background::OFFSET,
     /// The background changes steadily in time.
-    BackgroundDrift = "background-drift",
+    BackgroundDrift = background::DRIFT,
     /// The background changes steadily over the map.
-    BackgroundGradient = "background-gradient",
+    BackgroundGradient = background::GRADIENT,
     /// The sensor answers with a first-order lag.
-    SensorLag = "sensor-lag",
+    SensorLag = sensor::LAG,
     /// The sensor's slope is wrong.
-    SensorGain = "sensor-gain",
+    SensorGain = sensor::GAIN,
     /// The sensor reads a constant too much.
-    SensorOffset = "sensor-offset",
+    SensorOffset = sensor::OFFSET,
     /// The sensor's zero wanders steadily in time.
-    SensorDrift = "sensor-drift",
+    SensorDrift = sensor::DRIFT,
     /// The sensor reads no more than a limit.
-    SensorSaturation = "sensor-saturation",
+    SensorSaturation = sensor::SATURATION,
     /// The reading depends on relative humidity.
-    CrossSensitivityHumidity = "cross-sensitivity-humidity",
+    CrossSensitivityHumidity = sensor::CROSS_SENSITIVITY_HUMIDITY,
     /// The reading depends on temperature.
-    CrossSensitivityTemperature = "cross-sensitivity-temperature",
+    CrossSensitivityTemperature = sensor::CROSS_SENSITIVITY_TEMPERATURE,
     /// The reading depends on pressure.
-    CrossSensitivityPressure = "cross-sensitivity-pressure",
+    CrossSensitivityPressure = sensor::CROSS_SENSITIVITY_PRESSURE,
     /// The gas log's clock is off.
-    ClockOffset = "clock-offset",
+    ClockOffset = sensor::CLOCK_OFFSET,
     /// The logged position is off.
-    PositionOffset = "position-offset",
+    PositionOffset = sensor::POSITION_OFFSET,
     /// The logged height is off.
-    AltitudeOffset = "altitude-offset",
+    AltitudeOffset = sensor::ALTITUDE_OFFSET,
 }
 
 impl MechanismId {
+    /// The id in files, such as "sensor-lag".
+    pub fn as_str(self) -> &'static str {
+        self.spec().name
+    }
+
     /// The id of a name such as "sensor-lag".
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL
@@ -108,82 +116,8 @@ impl MechanismId {
 
     /// Its entry in the catalogue.
     pub fn spec(self) -> &'static MechanismSpec {
-        // The catalogue stands in the order of the ids: a test keeps it so.
-        &catalogue()[self as usize]
+        &CATALOGUE[self as usize]
     }
-}
-
-/// The family a mechanism belongs to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Family {
-    /// Wind and transport.
-    Wind,
-    /// Spread of the plume.
-    Spread,
-    /// Source and sink.
-    Source,
-    /// Background.
-    Background,
-    /// Sensor, its clock and its logged place: may differ between platforms.
-    Sensor,
-}
-
-impl Family {
-    /// Its name in tables.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Family::Wind => "wind and transport",
-            Family::Spread => "spread",
-            Family::Source => "source and sink",
-            Family::Background => "background",
-            Family::Sensor => "sensor",
-        }
-    }
-}
-
-/// The coordinate in which a parameter's prior is normal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Coordinate {
-    /// The parameter itself.
-    Linear,
-    /// Its natural logarithm: for factors, whose neutral value is 1.
-    Log,
-}
-
-/// One parameter of a mechanism.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ParameterSpec {
-    /// Name in files, with its unit at the end where it has one.
-    pub name: &'static str,
-    /// Unit for people; "1" for a pure number.
-    pub unit: &'static str,
-    /// Value at which it does nothing (infinite for limits).
-    pub neutral: f64,
-    /// Where the physical prior is centred: the neutral value, but for limits.
-    pub prior_centre: f64,
-    /// One standard deviation of the physical prior, in the parameter's [`Coordinate`].
-    pub prior_sd: f64,
-    /// Lowest value allowed.
-    pub low: f64,
-    /// Highest value allowed.
-    pub high: f64,
-    /// Coordinate of the prior.
-    pub coordinate: Coordinate,
-    /// Value when a file leaves it out; `None` when it must be given.
-    pub default: Option<f64>,
-}
-
-/// One line of the catalogue.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MechanismSpec {
-    /// The id.
-    pub id: MechanismId,
-    /// The family.
-    pub family: Family,
-    /// Its parameters; those with a default are settings that are not fitted.
-    pub parameters: &'static [ParameterSpec],
-    /// What a positive value means.
-    pub sign: &'static str,
 }
 
 /// Most parameters of one mechanism.
@@ -314,11 +248,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn catalogue_stands_in_the_order_of_the_ids() {
-        assert_eq!(catalogue().len(), MechanismId::ALL.len());
-        for (spec, id) in catalogue().iter().zip(MechanismId::ALL) {
-            assert_eq!(spec.id, *id);
+    fn entries_are_whole() {
+        for id in MechanismId::ALL {
+            let spec = id.spec();
+            assert_eq!(MechanismId::from_name(spec.name), Some(*id));
             assert!(spec.parameters.len() <= MOST_PARAMETERS);
+            let on_sensor = matches!(spec.acts, Acts::OnSensor(_));
+            assert_eq!(on_sensor, spec.family == Family::Sensor, "{}", spec.name);
             for p in spec.parameters {
                 assert!(
                     p.low < p.high && p.prior_sd > 0.0,
@@ -334,8 +270,8 @@ mod tests {
     #[test]
     fn the_manual_has_the_same_table() {
         let manual = include_str!("../../../docs/mechanisms.md");
-        for spec in catalogue() {
-            let start = format!("| `{}` |", spec.id.as_str());
+        for spec in CATALOGUE {
+            let start = format!("| `{}` |", spec.name);
             let rows: Vec<&str> = manual.lines().filter(|l| l.starts_with(&start)).collect();
             assert_eq!(rows.len(), 1, "{start}");
             assert_eq!(
@@ -352,7 +288,7 @@ mod tests {
         };
         format!(
             "| `{}` | {} | {} | {} | {} | {} |",
-            spec.id.as_str(),
+            spec.name,
             spec.family.as_str(),
             list(&|p| format!("`{}`", p.name)),
             list(&|p| p.unit.to_string()),
@@ -388,7 +324,7 @@ mod tests {
 
     proptest::proptest! {
         #[test]
-        fn any_numbers_make_a_valid_mechanism(which in 0usize..33, v in proptest::array::uniform4(
+        fn any_numbers_make_a_valid_mechanism(which in 0..MechanismId::ALL.len(), v in proptest::array::uniform4(
             proptest::num::f64::ANY)) {
             let m = Mechanism::from_values(MechanismId::ALL[which], &v);
             for (value, p) in m.values().iter().zip(m.id().spec().parameters) {

@@ -39,28 +39,11 @@ pub(crate) struct Accepted {
 /// The power that evidence is taken to between two causes, so that what laws differ by does not
 /// pass for knowledge.
 pub(crate) fn law_power(one: MechanismId, other: Option<MechanismId>, strength_nats: f64) -> f64 {
+    let by_definition = |id: MechanismId| id.spec().by_definition;
     if by_definition(one) && other.is_some_and(by_definition) {
         return 1.0;
     }
     (1.0 / (1.0 + strength_nats.max(0.0) / LAW_NATS)).max(LEAST_POWER)
-}
-
-/// Whether a mechanism is a constant or something logged times a constant: there is no law to be
-/// wrong.
-fn by_definition(id: MechanismId) -> bool {
-    use MechanismId as M;
-    matches!(
-        id,
-        M::BackgroundOffset
-            | M::BackgroundDrift
-            | M::BackgroundGradient
-            | M::SensorGain
-            | M::SensorOffset
-            | M::SensorDrift
-            | M::CrossSensitivityHumidity
-            | M::CrossSensitivityTemperature
-            | M::CrossSensitivityPressure
-    )
 }
 
 /// A name as a round gives it, with all that the data cannot tell from it; one that had been

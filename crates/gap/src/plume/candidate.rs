@@ -2,7 +2,7 @@
 //! dictionary of starting points for those that are not linear.
 
 use ::plume::field::Strength;
-use ::plume::mechanism::{Coordinate, Family, MechanismId};
+use ::plume::mechanism::{Coordinate, Family, MechanismId, Steps};
 
 use super::fit::Context;
 use super::lid;
@@ -71,10 +71,6 @@ fn possible(ctx: &Context<'_>, model: &Model, id: MechanismId) -> bool {
     }
 }
 
-fn line(id: MechanismId, values: &[f64]) -> Vec<Start> {
-    values.iter().map(|v| single(id, *v)).collect()
-}
-
 /// A step of the first parameter alone.
 pub(crate) fn single(id: MechanismId, value: f64) -> Start {
     let spec = &id.spec().parameters[0];
@@ -89,7 +85,7 @@ pub(crate) fn single(id: MechanismId, value: f64) -> Start {
         id,
         ends: vec![end],
         sd: vec![spec.prior_sd / step.abs()],
-        tolerance: vec![super::model::tolerance(id, 0) / step.abs()],
+        tolerance: vec![spec.tolerance / step.abs()],
         one_sided: spec.low == spec.neutral || spec.high == spec.neutral,
         ln_weight: 0.0,
     }
@@ -107,7 +103,7 @@ fn plane(id: MechanismId, step: f64) -> Vec<Start> {
         id,
         ends: vec![end(0), end(1)],
         sd: vec![spec.prior_sd / step; 2],
-        tolerance: vec![super::model::tolerance(id, 0) / step; 2],
+        tolerance: vec![spec.tolerance / step; 2],
         one_sided: false,
         ln_weight: 0.0,
     }]
@@ -119,76 +115,44 @@ fn of_mechanism(
     prediction: &Prediction,
     id: MechanismId,
 ) -> Vec<Start> {
-    use MechanismId as M;
-    match id {
-        M::WindDirectionOffset => line(id, &[0.5, -3.0, 3.0]),
-        M::WindDirectionDrift => line(id, &[4.0, -25.0, 25.0]),
-        M::WindSpeedScale | M::EmissionScale => line(id, &[1.1, 0.5]),
-        M::WindVeerWithHeight => line(id, &[1.0, -6.0, 6.0]),
-        M::Meander => line(id, &[1.5, 4.0]),
-        M::StabilityClass => line(id, &[0.5, -0.5, 1.5, -1.5]),
-        M::SigmaYScale | M::SigmaZScale => line(id, &[1.1, 0.6, 1.6]),
-        M::SigmaZGrowth => line(id, &[0.15, -0.5, 0.5]),
-        M::EffectiveHeightOffset => line(id, &[3.0, -25.0, 25.0]),
-        M::GroundReflection => line(id, &[0.5]),
-        M::MixingLid => lid::starts(ctx, model),
-        M::EmissionTrend => line(id, &[0.5, -3.0, 3.0]),
-        M::SecondSource => second_sources(ctx, model),
-        M::SourcePositionOffset => plane(id, 15.0),
-        M::FirstOrderDecay => line(id, &[2e-4, 1.5e-3]),
-        M::DryDeposition => line(id, &[0.02, 0.3]),
-        M::BuildingDownwash => line(id, &[2000.0, 15_000.0]),
-        M::BackgroundOffset | M::SensorOffset => line(id, &[1.0]),
-        M::BackgroundDrift | M::SensorDrift => line(id, &[10.0]),
-        M::BackgroundGradient => plane(id, 1.0),
-        M::SensorLag => line(id, &[0.6, 3.0, 10.0]),
-        M::SensorGain => gains(ctx),
-        M::SensorSaturation => saturations(prediction),
-        M::CrossSensitivityHumidity => line(id, &[0.2]),
-        M::CrossSensitivityTemperature => line(id, &[0.5]),
-        M::CrossSensitivityPressure => pressures(ctx),
-        M::ClockOffset => line(id, &[0.3, -3.0, 3.0]),
-        M::PositionOffset => plane(id, 5.0),
-        M::AltitudeOffset => line(id, &[2.0, -20.0, 20.0]),
+    match id.spec().steps {
+        Steps::Line(values) => values.iter().map(|v| single(id, *v)).collect(),
+        Steps::Plane(step) => plane(id, step),
+        Steps::HeightsAboveAxis => lid::starts(ctx, model),
+        Steps::PlacesAroundSource => second_sources(ctx, model),
+        Steps::PartsOfRange => saturations(id, prediction),
+        Steps::AboutBackground(value) => about(id, value, &[0.0, ctx.setup.base.background_ppm]),
+        Steps::AboutPressureMet(value) => about(id, value, &pressures(ctx)),
     }
 }
 
-/// Gain about zero and about the background: sensors are zeroed in either.
-fn gains(ctx: &Context<'_>) -> Vec<Start> {
-    [0.0, ctx.setup.base.background_ppm]
-        .into_iter()
-        .map(|pivot| {
-            let mut start = single(MechanismId::SensorGain, 1.05);
-            start.ends[0][1] = pivot;
-            start.ln_weight = -std::f64::consts::LN_2;
-            start
-        })
-        .collect()
+/// A step of the first parameter about each of two values of the second, which is a setting: the
+/// sensor was adjusted at one of them.
+fn about(id: MechanismId, value: f64, pivots: &[f64]) -> Vec<Start> {
+    let start = |pivot: &f64| {
+        let mut start = single(id, value);
+        start.ends[0][1] = *pivot;
+        start.ln_weight = -std::f64::consts::LN_2;
+        start
+    };
+    pivots.iter().map(start).collect()
 }
 
-/// Pressure about the standard one and about that of the flight.
-fn pressures(ctx: &Context<'_>) -> Vec<Start> {
-    let air = ctx.data.track.air();
+/// The standard pressure and the mean of that met, hPa, as far as they are pressures of the air.
+fn pressures(ctx: &Context<'_>) -> Vec<f64> {
+    let air = ctx.data.track.air().iter();
     let known: Vec<f64> = air
-        .iter()
         .map(|a| a.pressure_hpa)
         .filter(|p| p.is_finite())
         .collect();
     let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
-    [1013.25, mean]
-        .into_iter()
-        .filter(|p| (100.0..=1100.0).contains(p))
-        .map(|reference| {
-            let mut start = single(MechanismId::CrossSensitivityPressure, 0.2);
-            start.ends[0][1] = reference;
-            start.ln_weight = -std::f64::consts::LN_2;
-            start
-        })
-        .collect()
+    let mut out = vec![1013.25, mean];
+    out.retain(|p| (100.0..=1100.0).contains(p));
+    out
 }
 
 /// Limits below the highest predicted reading.
-fn saturations(prediction: &Prediction) -> Vec<Start> {
+fn saturations(id: MechanismId, prediction: &Prediction) -> Vec<Start> {
     let reading = &prediction.reading;
     let high = reading.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let base = reading.iter().zip(&prediction.plume).map(|(r, p)| r - p);
@@ -196,7 +160,7 @@ fn saturations(prediction: &Prediction) -> Vec<Start> {
     [0.85, 0.65, 0.45, 0.25]
         .iter()
         .map(|part| (low + part * (high - low)).max(1.0))
-        .map(|limit| single(MechanismId::SensorSaturation, limit))
+        .map(|limit| single(id, limit))
         .collect()
 }
 

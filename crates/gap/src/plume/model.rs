@@ -1,6 +1,5 @@
 //! A model as a vector of parameters: the base and its extensions, all as mechanisms.
 
-use ::plume::effects::HOUR_S;
 use ::plume::field::{World, WorldSpec};
 use ::plume::mechanism::{Coordinate, Mechanism, MechanismId, ParameterSpec};
 use ::plume::track::Track;
@@ -321,21 +320,5 @@ pub(crate) fn to_coordinate(spec: &ParameterSpec, value: f64) -> f64 {
     match spec.coordinate {
         Coordinate::Log => value.max(1e-300).ln(),
         Coordinate::Linear => value,
-    }
-}
-
-/// What nothing real departs from exactly zero by: one standard deviation around the neutral
-/// value, in the prior's coordinate. A thousandth to a hundredth of what is worth naming.
-pub(crate) fn tolerance(id: MechanismId, parameter: usize) -> f64 {
-    use MechanismId as M;
-    match id {
-        M::SensorOffset | M::BackgroundOffset => 0.15,
-        M::SensorGain => 3e-3,
-        M::ClockOffset => 0.02,
-        M::PositionOffset | M::AltitudeOffset => 0.2,
-        M::BackgroundDrift | M::SensorDrift => 0.15 * HOUR_S / 600.0,
-        M::WindDirectionOffset => 0.03,
-        M::EffectiveHeightOffset => 0.15,
-        _ => 4e-3 * id.spec().parameters[parameter].prior_sd,
     }
 }

@@ -1,7 +1,7 @@
 //! The start: which wind carries the plume, and the base with its noise at their best.
 
 use ::plume::field::{Strength, Transport};
-use ::plume::mechanism::MechanismId;
+use ::plume::mechanism::{Family, MechanismId};
 
 use super::data::{Data, Setup};
 use super::fit::{Context, Effort, Fitted};
@@ -31,19 +31,8 @@ pub(crate) struct Started {
 
 /// Whether a mechanism is one of how the plume spreads, which its puffs do too.
 fn spreads(id: MechanismId) -> bool {
-    use MechanismId as M;
-    matches!(
-        id,
-        M::StabilityClass
-            | M::Meander
-            | M::SigmaYScale
-            | M::SigmaZScale
-            | M::SigmaZGrowth
-            | M::BuildingDownwash
-            | M::EffectiveHeightOffset
-            | M::GroundReflection
-            | M::MixingLid
-    )
+    id.spec().family == Family::Spread
+        || matches!(id, MechanismId::Meander | MechanismId::BuildingDownwash)
 }
 
 impl Started {

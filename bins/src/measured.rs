@@ -5,7 +5,9 @@ use crate::Failure;
 use anyhow::Context as _;
 use fdm::Aircraft;
 use gap::flight::log::FlightLog;
-use scenario::observations::{self, Observations};
+use mission::Setup;
+use scenario::observations::{self, Observation, Observations};
+use scenario::world::WorldError;
 use std::path::{Path, PathBuf};
 
 /// Readings of a recording are taken at most this often, s: closer ones say little more.
@@ -30,6 +32,34 @@ pub fn load(files: &[PathBuf]) -> Result<Observations, Failure> {
     let mut all = observations::parse(&named).map_err(Failure::input)?;
     all.notices.extend(notices);
     Ok(all)
+}
+
+/// Where nobody logged the wind and the scenario has a series of it, that is the log: put into every
+/// row, at its height. Whether it was.
+///
+/// # Errors
+/// A scenario that describes no wind.
+pub fn fill_wind(observations: &mut Observations, setup: &Setup) -> Result<bool, WorldError> {
+    let Some(series) = &setup.wind_series else {
+        return Ok(false);
+    };
+    let logged = |row: &Observation| row.wind_from_deg.is_some();
+    if observations.rows.iter().any(logged) {
+        return Ok(false);
+    }
+    let profile = setup.scenario.wind_profile()?;
+    let ground_amsl_m = setup.scenario.site.ground_amsl_m;
+    for row in &mut observations.rows {
+        let wind = series.at(row.time_s);
+        let now = profile.through(wind, profile.reference_height_agl_m());
+        let speed_m_s = now.map(|p| p.speed_at_m_s(row.alt_amsl_m - ground_amsl_m));
+        row.wind_speed_m_s = speed_m_s.ok();
+        row.wind_from_deg = Some(wind.from_deg());
+    }
+    observations
+        .notices
+        .push("no wind columns: the scenario's series is the log of the wind".to_string());
+    Ok(true)
 }
 
 fn text_of(file: &Path) -> Result<(String, Vec<String>), Failure> {

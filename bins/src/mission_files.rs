@@ -3,6 +3,7 @@
 use crate::Failure;
 use anyhow::Context as _;
 use mission::Setup;
+use scenario::Scenario;
 use std::path::{Path, PathBuf};
 
 /// Reads the scenario at `path` with all the files it names. Those are looked for beside the
@@ -63,4 +64,29 @@ pub fn load_text(name: &str, text: &str, folder: &Path) -> Result<Setup, Failure
         }
     };
     Setup::load(name, text, &read).map_err(Failure::input)
+}
+
+/// Lets a scenario that was made from the one at `path` name the same files from wherever it is
+/// written: those that were found beside that one or above it get their whole path.
+pub fn keep_files(scenario: &mut Scenario, path: &Path) {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let above = folder.parent().unwrap_or(Path::new(""));
+    let keep = |file: &mut String| {
+        let found = [folder, above].map(|f| f.join(&*file));
+        let found = found.iter().find(|p| p.is_file());
+        // What the working folder holds is found from there by its own name.
+        if Path::new(&*file).is_file() {
+            return;
+        }
+        if let Some(whole) = found.and_then(|p| p.canonicalize().ok()) {
+            *file = whole.display().to_string();
+        }
+    };
+    let vehicles = scenario.vehicles.iter_mut();
+    let named = vehicles.flat_map(|v| std::iter::once(&mut v.aircraft).chain(&mut v.signing_key));
+    let of_site = scenario.site.terrain.iter_mut();
+    named
+        .chain(of_site)
+        .chain(&mut scenario.weather.series)
+        .for_each(keep);
 }

@@ -1,5 +1,6 @@
 //! `plumage gap`: what the simulation gets wrong, why, and what mending it gains.
 
+mod extended;
 pub(super) mod flight;
 mod outcomes;
 
@@ -9,11 +10,7 @@ use gap::{plume, tracer};
 use indicatif::{ProgressBar, ProgressStyle};
 use outcomes::Outcomes;
 use record::files;
-use scenario::Scenario;
-use scenario::observations::Observations;
-use scenario::uncertain::Uncertain;
 use std::path::{Path, PathBuf};
-use ws::calibration::offline::logged_from_deg;
 
 /// The kinds of gap.
 #[derive(Debug, clap::Subcommand)]
@@ -125,7 +122,8 @@ pub fn gap(command: &GapCommand) -> Result<(), Failure> {
 
 fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
     let setup = mission_files::load(&arguments.scenario)?;
-    let observations = measured::load(&arguments.observations)?;
+    let mut observations = measured::load(&arguments.observations)?;
+    let by_series = measured::fill_wind(&mut observations, &setup).map_err(Failure::input)?;
     measured::tell(&observations.notices);
     let base = plume::Setup::new(&setup.scenario).map_err(Failure::input)?;
     files::prepare_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
@@ -140,7 +138,8 @@ fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
     })
     .map_err(Failure::input)?;
     bar.finish_and_clear();
-    let extended = extended(&setup.scenario, &observations, &analysis);
+    let mut extended = extended::extended(&setup.scenario, &analysis, by_series);
+    mission_files::keep_files(&mut extended, &arguments.scenario);
     let title = names(&arguments.observations);
     let report = views::gap_report::plume(&title, &analysis.json, &analysis.report);
     write(
@@ -151,30 +150,6 @@ fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
     )?;
     tell(&analysis.json, &arguments.output.out);
     Ok(())
-}
-
-/// The scenario with what was found. Turns of the wind were found against the logged wind where
-/// there is one, so that wind's direction takes the place of the scenario's own.
-fn extended(
-    scenario: &Scenario,
-    observations: &Observations,
-    analysis: &plume::Analysis,
-) -> Scenario {
-    let mut extended = scenario.clone();
-    let own_deg = scenario.weather.wind_from_deg;
-    let from_deg = logged_from_deg(observations).unwrap_or(own_deg);
-    extended.set(Uncertain::WindFrom, from_deg);
-    for (key, value, sd) in &analysis.base {
-        if let Some(parameter) = Uncertain::ALL.into_iter().find(|u| u.key() == key) {
-            let value = match parameter {
-                Uncertain::WindFrom => from_deg + value - own_deg,
-                _ => *value,
-            };
-            extended.set_with_sd(parameter, value, *sd);
-        }
-    }
-    extended.extend(&analysis.extension);
-    extended
 }
 
 fn of_tracer(arguments: &TracerArguments) -> Result<(), Failure> {

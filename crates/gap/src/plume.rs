@@ -9,15 +9,18 @@ mod accepted;
 mod answer;
 mod candidate;
 mod ceiling;
+mod chance;
 mod data;
 mod explore;
 mod fit;
+mod fixes;
 mod freedom;
 mod gate;
 mod held_out;
 mod lee;
 mod lid;
 mod linear;
+mod logged;
 mod model;
 mod nameless;
 mod naming;
@@ -35,6 +38,7 @@ mod start;
 mod tested;
 mod transport;
 mod visibility;
+mod zero;
 
 pub use data::{Prior, Setup};
 pub use noise::NoiseModel;
@@ -101,6 +105,9 @@ pub struct Analysis {
     pub extension: Vec<::plume::Mechanism>,
     /// Fitted values of the scenario's uncertain keys: dotted key, value, standard deviation.
     pub base: Vec<(String, f64, f64)>,
+    /// The logged wind in the mean, as it carried the plume, where there is a log: direction from, in
+    /// degrees, and speed at the scenario's height of the wind, m/s.
+    pub logged_wind: Option<(f64, f64)>,
     /// Noise fitted under the final model.
     pub noise: NoiseModel,
     /// Series, tables and maps for a report.
@@ -118,6 +125,18 @@ const FEWEST_READINGS: usize = 30;
 /// No rows or no readings at all, or a base that the plume model refuses. Data that merely say
 /// nothing give the verdict "none" with a notice.
 pub fn analyse(
+    setup: &Setup,
+    observations: &Observations,
+    options: &Options,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Analysis, GapError> {
+    let (observations, zero_s) = zero::counted(observations);
+    let mut analysis = counted_from_near_zero(setup, &observations, options, progress)?;
+    zero::told_from(&mut analysis, zero_s);
+    Ok(analysis)
+}
+
+fn counted_from_near_zero(
     setup: &Setup,
     observations: &Observations,
     options: &Options,
@@ -195,10 +214,21 @@ fn stated(
     Analysis {
         extension: named.extension(ctx),
         base: base.into_iter().map(|b| (b.name, b.value, b.sd)).collect(),
+        logged_wind: ctx.data.on_board_wind.then(|| logged_wind(ctx)),
         noise: named.last.noise,
         json,
         report,
     }
+}
+
+fn logged_wind(ctx: &Context<'_>) -> (f64, f64) {
+    let (profile, base) = (&ctx.setup.base.wind, &ctx.setup.base);
+    let wind = ctx.data.mean_transport();
+    let at_axis_m_s = profile.speed_at_m_s(base.sources[0].effective_height_agl_m);
+    let carried = profile.reference_speed_m_s() / at_axis_m_s;
+    let from_deg = air::wind::from_deg(wind.east, wind.north);
+    let finite = if carried.is_finite() { carried } else { 1.0 };
+    (from_deg, wind.speed_m_s * finite)
 }
 
 /// What is named with the puffs of what was `named`, from the base that was fitted first, if that
@@ -220,6 +250,7 @@ fn named_again(
 fn notices(ctx: &Context<'_>, named: &naming::Named, wind: &str) -> Vec<String> {
     let mut out = ctx.data.notices.clone();
     out.extend(report::elsewhere(ctx, named));
+    out.extend(report::unlikely(ctx, named));
     out.push(format!("the plume is carried by {wind}"));
     out
 }
@@ -255,6 +286,7 @@ fn nothing_to_tell(
         json,
         extension: Vec::new(),
         base: Vec::new(),
+        logged_wind: None,
         noise: NoiseModel::prior(setup.base.sensor.noise_sd_ppm),
         report: GapReport::default(),
     }

@@ -12,10 +12,12 @@ use scenario::Scenario;
 use scenario::observations::{Observation, Observations};
 
 /// Rows that are kept; when there are more, every second one goes and from then on only half as
-/// many are taken.
-const MOST_ROWS: usize = 1200;
-/// Time between two rows of a platform at first, s.
+/// many are taken, until they are so far apart that the air between them would be unknown. Then the
+/// oldest go.
+const MOST_ROWS: usize = 1800;
+/// Time between two rows of a platform at first, and the longest, s.
 const ROW_S: f64 = 1.0;
+const LONGEST_ROW_S: f64 = 4.0;
 
 /// Collects readings of real vehicles and says what they mean.
 pub struct LiveGap {
@@ -75,13 +77,22 @@ impl LiveGap {
             sd_ppm: None,
         });
         if self.observations.rows.len() > MOST_ROWS {
-            self.interval_s *= 2.0;
-            let mut seen = vec![0usize; self.observations.platforms.len()];
-            self.observations.rows.retain(|row| {
-                seen[row.platform] += 1;
-                seen[row.platform] % 2 == 1
-            });
+            self.thin_out();
         }
+    }
+
+    fn thin_out(&mut self) {
+        let rows = &mut self.observations.rows;
+        if 2.0 * self.interval_s > LONGEST_ROW_S {
+            rows.drain(..rows.len() - MOST_ROWS);
+            return;
+        }
+        self.interval_s *= 2.0;
+        let mut seen = vec![0usize; self.observations.platforms.len()];
+        rows.retain(|row| {
+            seen[row.platform] += 1;
+            seen[row.platform] % 2 == 1
+        });
     }
 
     /// What the readings so far say: the extension as it goes over the bus, and words for people;
@@ -118,13 +129,13 @@ impl LiveGap {
             })
             .collect();
         let words = words(&analysis, self.observations.rows.len());
-        let adopt = self.adopt && !mechanisms.is_empty();
         let verdict = name(analysis.json.verdict).to_owned();
         Some((
             Extension {
                 verdict,
                 mechanisms,
-                adopt,
+                // Nothing found is adopted too: what was adopted before may have been wrong.
+                adopt: self.adopt,
             },
             words,
         ))

@@ -188,7 +188,7 @@ impl WorldSimulator {
     }
 
     fn extend(&mut self, extension: &Extension, out: &mut Outbox) {
-        if !extension.adopt {
+        if !extension.adopt || extension.mechanisms == self.extensions {
             return;
         }
         let made: Result<Vec<plume::Mechanism>, plume::PlumeError> = extension
@@ -211,12 +211,14 @@ impl WorldSimulator {
                 self.extensions = extension.mechanisms.clone();
                 self.corrected_by = 0;
                 let ids: Vec<&str> = extension.mechanisms.iter().map(|m| m.id.as_str()).collect();
-                out.event(
-                    &self.id,
-                    Severity::Info,
-                    "extension-adopted",
-                    ids.join(", "),
-                );
+                let (code, words) = match ids[..] {
+                    [] => (
+                        "extension-withdrawn",
+                        "the world is the base again".to_owned(),
+                    ),
+                    _ => ("extension-adopted", ids.join(", ")),
+                };
+                out.event(&self.id, Severity::Info, code, words);
             }
             Err(e) => out.event(
                 &self.id,

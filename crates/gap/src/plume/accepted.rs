@@ -89,7 +89,7 @@ pub(crate) fn accept(round: &Round, best: &Tried, before: Option<&Accepted>) -> 
         evidence: Evidence {
             delta_log_score: best.log_score,
             delta_log_evidence: best.log_evidence,
-            p_value: round.p_value,
+            p_value: round.chance.p_value(best.log_score),
         },
         strength_nats,
         nats_to_next: best.log_evidence - next,

@@ -38,8 +38,8 @@ pub(crate) fn parameters(fitted: &Fitted, part: usize) -> Vec<Parameter> {
     out
 }
 
-/// Every mechanism tried in the first round, with its best score.
-pub(crate) fn ranking(ctx: &Context<'_>, round: &Round) -> Vec<Ranked> {
+/// Every mechanism tried in the first round on top of `base`, with its best score.
+pub(crate) fn ranking(ctx: &Context<'_>, base: &Fitted, round: &Round) -> Vec<Ranked> {
     let name = |p: Option<usize>| p.map(|p| ctx.data.track.platforms()[p].clone());
     let mut out: Vec<Ranked> = round
         .probabilities(|evidence, _| evidence)
@@ -52,7 +52,10 @@ pub(crate) fn ranking(ctx: &Context<'_>, round: &Round) -> Vec<Ranked> {
         })
         .collect();
     let mut rest: Vec<Ranked> = Vec::new();
-    for (id, s) in &round.screened {
+    let widened = round.equations.score_widened();
+    let of_base = widened.iter().map(|s| (base.model.id_of(s.start), s));
+    let screened = round.screened.iter().map(|(id, s)| (*id, s));
+    for (id, s) in screened.chain(of_base) {
         let known = |r: &Ranked| r.mechanisms[0] == id.as_str() && r.platform == name(s.platform);
         if out.iter().any(known) {
             continue;

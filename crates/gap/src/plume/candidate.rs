@@ -20,6 +20,8 @@ pub(crate) struct Start {
     pub tolerance: Vec<f64>,
     /// Only positive amplitudes.
     pub one_sided: bool,
+    /// All platforms alike have it in the model already: only one may differ.
+    pub one_platform: bool,
     /// Log of its share of the mechanism's prior.
     pub ln_weight: f64,
 }
@@ -27,11 +29,18 @@ pub(crate) struct Start {
 /// All starts on top of a model with its prediction.
 pub(crate) fn starts(ctx: &Context<'_>, model: &Model, prediction: &Prediction) -> Vec<Start> {
     let mut out = Vec::new();
+    let platforms = ctx.data.ranges().len();
     for &id in MechanismId::ALL {
-        if !possible(ctx, model, id) {
+        let of_all = |p: &Part| p.id == id && p.platform.is_none();
+        let has = model.parts.iter().position(of_all);
+        // That all sensors may be slow, as the scenario says, does not explain one that is.
+        let stated = has.is_some_and(|k| k < ctx.setup.priors.len());
+        let one_platform = stated && id.spec().family == Family::Sensor && platforms > 1;
+        if (has.is_some() && !one_platform) || !known(ctx, id) {
             continue;
         }
         let mut own = of_mechanism(ctx, model, prediction, id);
+        own.iter_mut().for_each(|s| s.one_platform = one_platform);
         let share = -(own.len().max(1) as f64).ln();
         // Steps of one line are one hypothesis; places of a grid share the prior.
         if matches!(id, MechanismId::SecondSource) {
@@ -42,8 +51,8 @@ pub(crate) fn starts(ctx: &Context<'_>, model: &Model, prediction: &Prediction) 
     out
 }
 
-/// Whether the data could say anything about it, and the model does not have it already.
-fn possible(ctx: &Context<'_>, model: &Model, id: MechanismId) -> bool {
+/// Whether the data could say anything about it.
+fn known(ctx: &Context<'_>, id: MechanismId) -> bool {
     use MechanismId as M;
     let air = ctx.data.track.air();
     let varies = |f: &dyn Fn(usize) -> f64| {
@@ -52,13 +61,6 @@ fn possible(ctx: &Context<'_>, model: &Model, id: MechanismId) -> bool {
         let high = known.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         known.len() * 2 > air.len() && high > low
     };
-    if model
-        .parts
-        .iter()
-        .any(|p| p.id == id && p.platform.is_none())
-    {
-        return false;
-    }
     match id {
         M::CrossSensitivityHumidity => varies(&|i| air[i].relative_humidity_pct),
         M::CrossSensitivityTemperature => varies(&|i| air[i].temperature_c),
@@ -87,6 +89,7 @@ pub(crate) fn single(id: MechanismId, value: f64) -> Start {
         sd: vec![spec.prior_sd / step.abs()],
         tolerance: vec![spec.tolerance / step.abs()],
         one_sided: spec.low == spec.neutral || spec.high == spec.neutral,
+        one_platform: false,
         ln_weight: 0.0,
     }
 }
@@ -105,6 +108,7 @@ fn plane(id: MechanismId, step: f64) -> Vec<Start> {
         sd: vec![spec.prior_sd / step; 2],
         tolerance: vec![spec.tolerance / step; 2],
         one_sided: false,
+        one_platform: false,
         ln_weight: 0.0,
     }]
 }
@@ -175,7 +179,7 @@ fn second_sources(ctx: &Context<'_>, model: &Model) -> Vec<Start> {
     let length = wind[0].hypot(wind[1]).max(1e-9);
     let (e, no) = (wind[0] / length, wind[1] / length);
     let first = ctx.setup.base.sources[0].place;
-    let reach = ctx.data.distance_m(first).fold(300.0f64, f64::max);
+    let reach = ctx.data.farthest_m(first).max(300.0);
     let Some(world) = model.world(&ctx.setup.base, track.platforms()) else {
         return Vec::new();
     };
@@ -199,16 +203,18 @@ fn second_sources(ctx: &Context<'_>, model: &Model) -> Vec<Start> {
 }
 
 impl Start {
-    /// What a physical prior adds to that of the free parameter `k`; it has no end of its own, as
-    /// the base's derivative is its column.
+    /// What a wider prior adds to that of the free parameter `k`; it has no end of its own, as the
+    /// base's derivative is its column.
     pub fn widened(model: &Model, k: usize) -> Self {
-        let (free, physical) = (&model.free[k], model.spec_of(k).prior_sd);
+        let free = &model.free[k];
+        let wider = model.wider_sd(k).unwrap_or(free.sd);
         Self {
             id: model.parts[free.part].id,
             ends: Vec::new(),
-            sd: vec![(physical * physical - free.sd * free.sd).sqrt()],
+            sd: vec![(wider * wider - free.sd * free.sd).sqrt()],
             tolerance: vec![0.0],
             one_sided: false,
+            one_platform: false,
             ln_weight: 0.0,
         }
     }

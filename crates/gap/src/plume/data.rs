@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use ::plume::effects::Ambient;
-use ::plume::field::{Place, World, WorldSpec};
+use ::plume::field::{Place, Transport, World, WorldSpec};
 use ::plume::mechanism::MechanismId;
 use ::plume::track::{Row, Track};
 use air::geo::{Enu, Geodetic, LocalFrame};
@@ -11,11 +11,15 @@ use scenario::Scenario;
 use scenario::observations::{Observation, Observations};
 use scenario::uncertain::Uncertain;
 
+use super::{fixes, logged};
 use crate::GapError;
 
 /// How well logged heights are known, m: where a track touches a lid, one reading would otherwise
 /// tell the lid's height exactly.
 const HEIGHT_SD_M: f64 = 1.0;
+
+/// Most platforms of one analysis.
+const MOST_PLATFORMS: usize = 64;
 
 /// What the scenario says about one parameter of the base that it marks uncertain.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,6 +43,23 @@ pub struct Setup {
     pub frame: LocalFrame,
     /// What it marks uncertain.
     pub priors: Vec<Prior>,
+    /// Where it lets aircraft fly.
+    pub airspace: Airspace,
+}
+
+/// Where a scenario lets aircraft fly.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Airspace {
+    /// Corners of the fence, m.
+    pub polygon: Vec<Enu>,
+    /// Lowest height above ground, m.
+    pub floor_agl_m: f64,
+    /// Highest height above ground, m.
+    pub ceiling_agl_m: f64,
+    /// Stacks, m.
+    pub stacks: Vec<Enu>,
+    /// Distance that every leg keeps from them, m.
+    pub keep_out_m: f64,
 }
 
 impl Setup {
@@ -65,7 +86,15 @@ impl Setup {
             base.sensor.time_constant_s = 0.0;
         }
         base.lid_edge_m = HEIGHT_SD_M;
+        let airspace = Airspace {
+            polygon: scenario.fence_polygon().map_err(wrong)?,
+            floor_agl_m: scenario.fence.floor_agl_m,
+            ceiling_agl_m: scenario.fence.ceiling_agl_m,
+            stacks: base.sources.iter().map(|s| s.place).collect(),
+            keep_out_m: scenario.fence.keep_out_radius_m,
+        };
         Ok(Self {
+            airspace,
             base,
             frame,
             priors,
@@ -127,7 +156,7 @@ pub(crate) struct Data {
     pub notices: Vec<String>,
     /// Rows whose readings were clipped, and at what, ppm.
     pub ceiling_ppm: Vec<(Range<usize>, f64)>,
-    /// Whether most rows have a logged wind.
+    /// Whether the wind is logged, often enough to follow it. Else no row has one.
     pub on_board_wind: bool,
 }
 
@@ -152,22 +181,21 @@ impl Data {
         if order.is_empty() {
             return Err(nothing("no rows"));
         }
-        let rows: Vec<Row> = order.iter().map(|o| row(setup, o)).collect();
+        few_enough(observations.platforms.len())?;
+        let mut rows: Vec<Row> = order.iter().map(|o| row(setup, o)).collect();
+        fixes::without_jitter(&mut rows);
+        logged::bridge_air(&mut rows);
+        let on_board_wind = logged::keep_followed_wind(&mut rows, &mut notices);
         if order.iter().all(|o| o.co2_ppm.is_none()) {
             return Err(nothing("all readings (co2_ppm) are missing"));
         }
         let world = World::new(setup.base.clone())?;
         let track = Track::new(&world, &observations.platforms, &rows)?;
         let wind: Vec<_> = rows.iter().map(|r| r.wind).collect();
-        if wind.iter().all(Option::is_none) {
-            notices
-                .push("no wind columns: the scenario's wind stands for the whole time".to_string());
-        }
         let reading_ppm: Vec<f64> = order
             .iter()
             .map(|o| o.co2_ppm.unwrap_or(f64::NAN))
             .collect();
-        let on_board_wind = 2 * wind.iter().flatten().count() > wind.len();
         Ok(Self {
             on_board_wind,
             used: reading_ppm.iter().map(|c| c.is_finite()).collect(),
@@ -227,12 +255,40 @@ impl Data {
         })
     }
 
+    /// Horizontal distance from a place of the farthest row that the fit uses, m.
+    pub fn farthest_m(&self, from: Enu) -> f64 {
+        let used = self
+            .distance_m(from)
+            .zip(&self.used)
+            .filter(|(_, used)| **used);
+        used.fold(0.0f64, |far, (distance_m, _)| far.max(distance_m))
+    }
+
     /// First and last time of all rows, s.
     pub fn span_s(&self) -> (f64, f64) {
         let times = self.track.time_s();
         let low = times.iter().copied().fold(f64::INFINITY, f64::min);
         let high = times.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         (low, high)
+    }
+
+    /// The wind of all rows in the mean, as it carries the plume at its effective height.
+    pub fn mean_transport(&self) -> Transport {
+        let n = self.len().max(1) as f64;
+        let all = self.track.transport().iter();
+        let sum = all.fold([0.0; 3], |s, t| {
+            let own = [t.east * t.speed_m_s, t.north * t.speed_m_s, t.speed_m_s];
+            [0, 1, 2].map(|k| s[k] + own[k])
+        });
+        let length = sum[0].hypot(sum[1]);
+        if length <= 0.0 {
+            return self.track.transport()[0];
+        }
+        Transport {
+            east: sum[0] / length,
+            north: sum[1] / length,
+            speed_m_s: sum[2] / n,
+        }
     }
 
     /// Measured minus `predicted`, zero where not used.
@@ -249,6 +305,21 @@ impl Data {
     }
 }
 
+/// Refuses more platforms than there are teams: each brings a sensor with faults of its own.
+fn few_enough(platforms: usize) -> Result<(), GapError> {
+    if platforms <= MOST_PLATFORMS {
+        return Ok(());
+    }
+    Err(GapError::Data {
+        what: "observations".to_string(),
+        problem: format!("{platforms} platforms"),
+        expected: format!(
+            "at most {MOST_PLATFORMS}: the column platform names the aircraft or the instrument, \
+             not the row"
+        ),
+    })
+}
+
 fn nothing(problem: &str) -> GapError {
     GapError::Data {
         what: "observations".to_string(),
@@ -263,19 +334,19 @@ fn row(setup: &Setup, o: &Observation) -> Row {
         lat_deg: o.lat_deg,
         lon_deg: o.lon_deg,
     });
-    let wind = match (o.wind_speed_m_s, o.wind_from_deg) {
-        (Some(speed), Some(from)) => Some((speed, from)),
-        _ => None,
-    };
+    let height_agl_m = o.alt_amsl_m - setup.base.ground_amsl_m;
+    // A vane without an anemometer: the scenario's speed.
+    let speed_m_s = || setup.base.wind.speed_at_m_s(height_agl_m);
+    let wind = |from_deg| (o.wind_speed_m_s.unwrap_or_else(speed_m_s), from_deg);
     Row {
         platform: o.platform,
         time_s: o.time_s,
         place: Place {
             east_m: at.east_m,
             north_m: at.north_m,
-            height_agl_m: o.alt_amsl_m - setup.base.ground_amsl_m,
+            height_agl_m,
         },
-        wind,
+        wind: o.wind_from_deg.map(wind),
         air: Ambient {
             temperature_c: o.temperature_c.unwrap_or(f64::NAN),
             relative_humidity_pct: o.relative_humidity_pct.unwrap_or(f64::NAN),

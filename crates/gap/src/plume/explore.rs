@@ -5,6 +5,7 @@ use ::plume::effects::HOUR_S;
 use ::plume::mechanism::MechanismId;
 
 use super::candidate::{self, Start};
+use super::chance::Chance;
 use super::fit::{Context, Fitted};
 use super::lid;
 use super::model::Model;
@@ -52,7 +53,8 @@ pub(crate) struct Round {
     pub starts: Vec<Start>,
     pub equations: Equations,
     pub rivals: Option<Rivals>,
-    pub p_value: f64,
+    /// How large the best gain gets where nothing is hidden.
+    pub chance: Chance,
     /// Gain that a false alarm exceeds as rarely as asked, nats.
     pub threshold: f64,
     /// Largest gain found by the screen or by a wider prior of the base, nats.
@@ -96,7 +98,7 @@ pub(crate) fn names(
 ) -> Round {
     let starts = candidate::starts(ctx, &null.model, &null.prediction);
     let columns = screen::columns(ctx, null, &starts);
-    let screen = screen::screen(ctx, null, &starts, &columns, FALSE_ALARM, seed);
+    let screen = screen::screen(ctx, null, &starts, &columns, seed);
     let mut best_gain = screen.scored.iter().map(|s| s.gain).fold(0.0f64, f64::max);
     let mut trials = widened(null, &mut best_gain);
     trials.extend(turned_otherwise(ctx, null));
@@ -115,15 +117,15 @@ pub(crate) fn names(
         starts,
         equations: screen.equations,
         rivals: None,
-        p_value: screen.p_value,
-        threshold: screen.threshold,
+        chance: screen.chance,
+        threshold: screen.chance.threshold(FALSE_ALARM),
         best_gain,
         better_null,
     }
 }
 
 impl Trial {
-    /// A model in which the base's parameter `k` has a physical prior.
+    /// A model in which the base's parameter `k` has a wider prior.
     fn of_the_base(model: Model, k: usize) -> Self {
         let part = model.free[k].part;
         Self {
@@ -151,10 +153,10 @@ impl Incumbent {
     }
 }
 
-/// Parameters of the base whose prior the data contradict: the same with a physical prior.
+/// Parameters of the base whose prior the data contradict: the same with a wider one.
 fn widened(null: &Fitted, best_gain: &mut f64) -> Vec<Trial> {
     let mut out = Vec::new();
-    for k in null.model.narrow() {
+    for k in null.model.held() {
         let free = &null.model.free[k];
         let own = null.posterior.covariance[(k, k)];
         let prior = free.sd * free.sd;
@@ -181,7 +183,7 @@ fn widened(null: &Fitted, best_gain: &mut f64) -> Vec<Trial> {
 fn turned_otherwise(ctx: &Context<'_>, null: &Fitted) -> Vec<Trial> {
     use MechanismId as M;
     let stands = &null.model;
-    let own = |id| stands.narrow().find(|k| stands.id_of(*k) == id);
+    let own = |id| stands.held().find(|k| stands.id_of(*k) == id);
     let (Some(offset), Some(drift)) = (own(M::WindDirectionOffset), own(M::WindDirectionDrift))
     else {
         return Vec::new();

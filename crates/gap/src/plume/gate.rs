@@ -17,8 +17,12 @@ const FROZEN_CHANCE: f64 = 1e-5;
 const LONGEST_USUAL_RUN: usize = 20;
 /// How many time constants a sensor remembers the air before a track: e⁻⁵ of it is left.
 const REMEMBERED: f64 = 5.0;
-/// Longest step between rows over which the air is known well enough, s.
+/// Longest step between rows over which the air is known well enough, s, and over how many usual
+/// steps of a record it is, whose sensor then met about as much in between.
 const LONGEST_STEP_S: f64 = 4.0;
+const USUAL_STEPS: f64 = 1.5;
+/// Part of the readings beyond which it is said that they are left out for that.
+const MANY_PART: f64 = 0.2;
 /// Fewest levels below a ceiling that holds many readings, and what part of them is many.
 const LEAST_LEVELS: usize = 6;
 const HELD_PART: f64 = 0.25;
@@ -65,11 +69,14 @@ fn forget_unknown_air(data: &mut Data, time_constant_s: f64) {
         return;
     }
     let times = data.track.time_s().to_vec();
+    let before = data.used_count();
     for range in data.ranges().to_vec() {
+        let usual_s = usual_step(&times[range.clone()]).unwrap_or(0.0);
+        let longest_s = LONGEST_STEP_S.max(USUAL_STEPS * usual_s);
         let mut since = f64::NEG_INFINITY;
         let mut before = f64::NEG_INFINITY;
         for i in range {
-            if times[i] - before > LONGEST_STEP_S {
+            if times[i] - before > longest_s {
                 since = times[i];
             }
             before = times[i];
@@ -78,6 +85,21 @@ fn forget_unknown_air(data: &mut Data, time_constant_s: f64) {
             }
         }
     }
+    let left_out = before - data.used_count();
+    if left_out as f64 > MANY_PART * before as f64 {
+        data.notices.push(format!(
+            "{left_out} of {before} readings are left out: for {wait_s:.0} s after the start of a \
+             track or a gap a sensor with a time constant of {time_constant_s} s shows air that \
+             nobody knows"
+        ));
+    }
+}
+
+/// The step that half of the steps between `times` do not exceed.
+fn usual_step(times: &[f64]) -> Option<f64> {
+    let mut steps: Vec<f64> = times.windows(2).map(|w| w[1] - w[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied()
 }
 
 struct Eye<'a> {
@@ -257,12 +279,8 @@ impl Eye<'_> {
             .clone()
             .filter(|i| self.data.reading_ppm[*i].is_finite())
             .collect();
-        let mut steps: Vec<f64> = present
-            .windows(2)
-            .map(|w| times[w[1]] - times[w[0]])
-            .collect();
-        steps.sort_by(f64::total_cmp);
-        let Some(&usual) = steps.get(steps.len() / 2) else {
+        let present_s: Vec<f64> = present.iter().map(|i| times[*i]).collect();
+        let Some(usual) = usual_step(&present_s) else {
             return;
         };
         let long: Vec<(usize, usize, f64)> = present

@@ -24,13 +24,9 @@ pub(crate) fn starts(ctx: &Context<'_>, model: &Model) -> Vec<Start> {
     let Some(world) = model.world(&ctx.setup.base, ctx.data.track.platforms()) else {
         return Vec::new();
     };
-    let axis_m = ctx.setup.base.sources[0].effective_height_agl_m;
-    let far_m = (0..ctx.data.len())
-        .map(|i| {
-            let p = ctx.data.track.place(i);
-            p.east_m.hypot(p.north_m)
-        })
-        .fold(100.0f64, f64::max);
+    let source = &ctx.setup.base.sources[0];
+    let axis_m = source.effective_height_agl_m;
+    let far_m = ctx.data.farthest_m(source.place).max(100.0);
     let sigma_z_m = world.sigmas_m(far_m).1;
     ABOVE_AXIS
         .iter()

@@ -41,8 +41,12 @@ const TOLERATED: [(MechanismId, [f64; 2]); 2] = [
     (MechanismId::WindDirectionDrift, [2.0, 8.0]),
 ];
 
-/// Part of the physical prior's standard deviation below which a prior is narrow.
+/// Part of the physical prior's standard deviation below which a prior is narrow, and how many times
+/// that above which it is flat.
 const NARROW: f64 = 0.7;
+const FLAT: f64 = 3.0;
+/// What a prior about as wide as the physical one is held against, in its own standard deviations.
+const BEYOND_STATED: f64 = 3.0;
 
 /// Parts and which of their parameters are free.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -135,15 +139,28 @@ impl Model {
         model
     }
 
-    /// Free parameters whose prior is clearly narrower than what is physical.
-    pub fn narrow(&self) -> impl Iterator<Item = usize> {
-        (0..self.dimension()).filter(|k| self.free[*k].sd < NARROW * self.spec_of(*k).prior_sd)
+    /// Free parameters whose prior the data may contradict.
+    pub fn held(&self) -> impl Iterator<Item = usize> {
+        (0..self.dimension()).filter(|k| self.wider_sd(*k).is_some())
     }
 
-    /// The same with the physical prior for the free parameter `k`.
+    /// Standard deviation of the prior that the one of the free parameter `k` is held against: the
+    /// physical one, or, where it is about as wide as that itself, a wider one; none of a flat one.
+    pub fn wider_sd(&self, k: usize) -> Option<f64> {
+        let (own, physical) = (self.free[k].sd, self.spec_of(k).prior_sd);
+        if own < NARROW * physical {
+            Some(physical)
+        } else {
+            (own < FLAT * physical).then_some(BEYOND_STATED * own)
+        }
+    }
+
+    /// The same with the wider prior for the free parameter `k`.
     pub fn widened(&self, k: usize) -> Self {
         let mut model = self.clone();
-        model.free[k].sd = self.spec_of(k).prior_sd;
+        if let Some(sd) = self.wider_sd(k) {
+            model.free[k].sd = sd;
+        }
         model
     }
 

@@ -67,7 +67,7 @@ pub(crate) fn name(
     tell(0.2, "trying every mechanism");
     let (base, first) = settled_round(ctx, base, options.seed);
     let mut named = Named {
-        ranking: ranking(ctx, &first),
+        ranking: ranking(ctx, &base, &first),
         first,
         last: base.clone(),
         base,
@@ -224,7 +224,7 @@ impl Named {
             return Some(round);
         }
         self.base = self.last.clone();
-        self.ranking = ranking(ctx, &round);
+        self.ranking = ranking(ctx, &self.base, &round);
         self.first = round;
         None
     }
@@ -251,7 +251,10 @@ impl Named {
         let Tested::Extension(refined) = tested else {
             return None;
         };
-        let named = std::mem::replace(&mut self.accepted, pair.accepted(self.first.p_value));
+        let named = std::mem::replace(
+            &mut self.accepted,
+            pair.accepted(self.first.chance.p_value(pair.log_score)),
+        );
         let last = std::mem::replace(&mut self.last, refined);
         // Beside one of them another may be better than the other before there is a third.
         self.swap(ctx, options);

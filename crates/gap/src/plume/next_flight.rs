@@ -14,7 +14,7 @@ mod separation;
 use ::plume::field::World;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use self::plans::{Flier, Plan, plans, waypoints};
+use self::plans::{Flier, Plan, PlumeAxis, outside, plans, waypoints};
 use self::separation::Flown;
 use super::accepted::{Accepted, law_power};
 use super::fit::{Context, Fitted};
@@ -24,6 +24,8 @@ use crate::verdict::NextFlight;
 
 /// Evidence at which one of two rivals at even odds is sure at 95 %, nats: ln 19.
 const APART_NATS: f64 = 2.944;
+/// Time between the last row and the next flight, s.
+const PAUSE_S: f64 = 60.0;
 /// Lengths of a flight, s; the longest is a small flying wing's endurance.
 const LENGTHS_S: [f64; 3] = [1200.0, 2400.0, 3600.0];
 /// A longer flight is proposed where it settles so many rivals more.
@@ -41,6 +43,7 @@ struct Rivals<'a> {
     first: &'a Fitted,
     base: &'a Fitted,
     others: Vec<Fitted>,
+    axis: PlumeAxis,
 }
 
 /// What a flight promises of one rival.
@@ -104,6 +107,11 @@ pub(crate) fn propose(ctx: &Context<'_>, named: &Named) -> Option<NextFlight> {
     rivals.stated(ctx, &best)
 }
 
+/// When the next flight begins, s.
+fn start_s(ctx: &Context<'_>) -> f64 {
+    ctx.data.span_s().1 + PAUSE_S
+}
+
 impl<'a> Rivals<'a> {
     fn new(ctx: &Context<'_>, named: &'a Named, cause: &'a Accepted) -> Self {
         let fitted = |model: &Model| ctx.settle(model, &named.last.metric, &named.last, 0);
@@ -111,6 +119,7 @@ impl<'a> Rivals<'a> {
             cause,
             first: &named.last,
             base: &named.base,
+            axis: PlumeAxis::of(ctx, &named.last.model, start_s(ctx)),
             others: cause.others.iter().map(|(_, _, m)| fitted(m)).collect(),
         }
     }
@@ -119,11 +128,11 @@ impl<'a> Rivals<'a> {
     fn best(&self, ctx: &Context<'_>, world: &World) -> Option<Proposal> {
         let flier = |length_s: f64| Flier {
             platform: self.cause.platform.unwrap_or(0),
-            start_s: ctx.data.span_s().1 + 60.0,
+            start_s: start_s(ctx),
             length_s,
         };
         let [first_s, longer_s @ ..] = LENGTHS_S;
-        let tried = plans(ctx, world)
+        let tried = plans(self.axis, world)
             .into_iter()
             .map(|plan| self.promised(ctx, world, plan, flier(first_s)));
         let mut best = tried.max_by(|a, b| a.worth().total_cmp(&b.worth()))?;
@@ -137,7 +146,7 @@ impl<'a> Rivals<'a> {
     }
 
     fn promised(&self, ctx: &Context<'_>, world: &World, plan: Plan, flier: Flier) -> Proposal {
-        let flown = Flown::new(ctx, self.first, &plan, world, flier);
+        let flown = Flown::new(ctx, self.first, &plan, self.axis, world, flier);
         let from = |other: &Fitted| {
             let nats = flown.as_ref().and_then(|f| f.separation(ctx, other));
             nats.unwrap_or(0.0)
@@ -173,7 +182,10 @@ impl<'a> Rivals<'a> {
             all.fold(f64::INFINITY, f64::min)
         };
         let minutes = best.flier.length_s / 60.0;
-        let words = format!("{}, for {minutes:.0} minutes", best.plan.words);
+        let mut words = format!("{}, for {minutes:.0} minutes", best.plan.words);
+        if let Some(wrong) = outside(ctx, self.axis, &best.plan) {
+            words += &format!(" (not within the scenario's fence: {wrong})");
+        }
         let ids = self.cause.set.iter().map(|s| s.0);
         let description = if flies {
             words
@@ -190,7 +202,7 @@ impl<'a> Rivals<'a> {
                 .platform
                 .map(|p| ctx.data.track.platforms()[p].clone()),
             description,
-            waypoints: waypoints(ctx, &best.plan, best.flier),
+            waypoints: waypoints(ctx, self.axis, &best.plan, best.flier),
             expected_nats: least(|p| p.nats),
             settles_probability: least(|p| p.settles),
         })

@@ -11,10 +11,13 @@ use super::held_out::Gained;
 use super::model::defaults;
 use super::naming::Named;
 use super::residual::wind_axes;
+use super::screen::Scored;
 use crate::verdict::{BaseParameter, Detectable, Verdict};
 
 /// Log score at which an effect counts as detectable, nats.
 const DETECTABLE_NATS: f64 = 20.0;
+/// How far from its prior's centre a parameter is remarkable, standard deviations.
+const UNLIKELY_SD: f64 = 2.0;
 
 /// Measured and predicted readings of one platform.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
@@ -191,46 +194,78 @@ pub(crate) fn prior_parameters(setup: &Setup) -> Vec<BaseParameter> {
         .collect()
 }
 
-/// The smallest effect of every mechanism that these data could have shown.
+/// The smallest effect of every mechanism that these data could have shown. Of a lid or a limit,
+/// which do nothing at infinity, it is the highest of those tried that would show.
 pub(crate) fn detectable(named: &Named) -> Vec<Detectable> {
     let mut out: Vec<Detectable> = Vec::new();
-    for (id, s) in named
-        .first
-        .screened
-        .iter()
-        .filter(|(_, s)| s.platform.is_none())
-    {
-        let start = &named.first.starts[s.start];
-        let amplitude = (2.0 * DETECTABLE_NATS / s.information).sqrt();
-        if !amplitude.is_finite() || amplitude <= 0.0 {
-            continue;
+    let mut smallest = |id: MechanismId, which: usize, size: f64, limit: bool| {
+        let p = &id.spec().parameters[which];
+        let entry = Detectable {
+            mechanism: id.as_str().to_string(),
+            parameter: p.name.to_string(),
+            value: size,
+            unit: p.unit.to_string(),
+        };
+        match out.iter_mut().find(|d| d.mechanism == entry.mechanism) {
+            Some(d) if (size < d.value) != limit => *d = entry,
+            Some(_) => {}
+            None => out.push(entry),
         }
-        // Along the first column; a fitted parameter whose neutral value is finite.
-        let spec = id.spec();
+    };
+    let first = &named.first;
+    for (id, s) in first.screened.iter().filter(|(_, s)| s.platform.is_none()) {
+        let start = &first.starts[s.start];
+        let amplitude = detectable_amplitude(s);
         let which = if *id == MechanismId::SecondSource {
             2
         } else {
             0
         };
-        let p = &spec.parameters[which];
-        if !p.neutral.is_finite() {
-            continue;
+        let limit = !id.spec().parameters[which].neutral.is_finite();
+        if limit && amplitude <= 1.0 {
+            smallest(*id, which, start.ends[0][which], limit);
+        } else if !limit && amplitude.is_finite() {
+            let reached = start.part(None, &vec![amplitude; start.ends.len()]).values[which];
+            smallest(*id, which, (reached - defaults(*id)[which]).abs(), limit);
         }
-        let reached = start.part(None, &vec![amplitude; start.ends.len()]).values[which];
-        let value = (reached - defaults(*id)[which]).abs();
-        let entry = Detectable {
-            mechanism: id.as_str().to_string(),
-            parameter: p.name.to_string(),
-            value,
-            unit: p.unit.to_string(),
+    }
+    for s in first.equations.score_widened() {
+        let spec = named.base.model.spec_of(s.start);
+        let departure = detectable_amplitude(&s);
+        let size = match spec.coordinate {
+            Coordinate::Log => departure.exp() - 1.0,
+            Coordinate::Linear => departure,
         };
-        match out.iter_mut().find(|d| d.mechanism == entry.mechanism) {
-            Some(d) if entry.value < d.value => *d = entry,
-            Some(_) => {}
-            None => out.push(entry),
+        if size.is_finite() {
+            smallest(named.base.model.id_of(s.start), 0, size, false);
         }
     }
     out
+}
+
+/// Steps of a start, or units of a parameter's coordinate, that count as detectable.
+fn detectable_amplitude(scored: &Scored) -> f64 {
+    (2.0 * DETECTABLE_NATS / scored.information).sqrt()
+}
+
+/// What is said of parameters that the scenario marks uncertain and that stand farther from its
+/// values than it thinks likely, but are not named.
+pub(crate) fn unlikely(ctx: &Context<'_>, named: &Named) -> Vec<String> {
+    let model = &named.last.model;
+    let stated = ctx.setup.priors.len();
+    let is_named = |part: usize| named.accepted.iter().any(|a| a.part == part);
+    let far = (0..model.dimension()).filter(|k| {
+        let part = model.free[*k].part;
+        part < stated && !is_named(part) && model.departure_sd(*k).abs() > UNLIKELY_SD
+    });
+    let words = |k: usize| {
+        format!(
+            "{} stands {:.1} of its prior's standard deviations from the scenario's value",
+            ctx.setup.priors[model.free[k].part].key,
+            model.departure_sd(k).abs()
+        )
+    };
+    far.map(words).collect()
 }
 
 /// What is said of faults that may be another platform's instead.

@@ -10,6 +10,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
+use super::chance::Chance;
 use super::fit::{Context, Fitted};
 use super::linear::{self, dot, products, scores};
 use super::nuisance::SHARED_MOST_DEG;
@@ -73,7 +74,7 @@ pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed:
         let base = usual.as_ref().filter(|_| t.turns).unwrap_or(&base);
         base.spectrum(t, &whitened)
     });
-    let (location, scale) = null_law(&spectra, &terms, seed);
+    let chance = null_law(&spectra, &terms, seed);
     let mut order: Vec<(f64, usize, f64)> = spectra
         .iter()
         .enumerate()
@@ -100,7 +101,7 @@ pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed:
         .collect();
     Rivals {
         ranked,
-        threshold: location - scale * (-(1.0 - false_alarm).ln()).ln(),
+        threshold: chance.threshold(false_alarm),
     }
 }
 
@@ -271,8 +272,8 @@ impl Spectrum {
     }
 }
 
-/// Law of the largest evidence under the null, as location and scale of a Gumbel law.
-fn null_law(spectra: &[Option<Spectrum>], terms: &[Term], seed: u64) -> (f64, f64) {
+/// Law of the largest evidence under the null, from draws.
+fn null_law(spectra: &[Option<Spectrum>], terms: &[Term], seed: u64) -> Chance {
     const DRAWS: usize = 100;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let largest: Vec<f64> = (0..DRAWS)
@@ -291,8 +292,5 @@ fn null_law(spectra: &[Option<Spectrum>], terms: &[Term], seed: u64) -> (f64, f6
                 .fold(f64::NEG_INFINITY, f64::max)
         })
         .collect();
-    let mean = largest.iter().sum::<f64>() / DRAWS as f64;
-    let var = largest.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (DRAWS - 1) as f64;
-    let scale = (var.sqrt() * 6f64.sqrt() / std::f64::consts::PI).max(1.0);
-    (mean - 0.577_215_66 * scale, scale)
+    Chance::of(&largest)
 }

@@ -13,6 +13,7 @@ use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::candidate::Start;
+use super::chance::Chance;
 use super::fit::{Context, Fitted};
 use super::linear;
 use super::model::Model;
@@ -42,10 +43,8 @@ pub(crate) struct Scored {
 pub(crate) struct Screen {
     pub scored: Vec<Scored>,
     pub equations: Equations,
-    /// Probability of so large a best gain under the null.
-    pub p_value: f64,
-    /// Gain that the best one exceeds with the probability asked for, nats.
-    pub threshold: f64,
+    /// How large the best gain gets where nothing is hidden.
+    pub chance: Chance,
 }
 
 /// Inner products of base and start columns on one platform.
@@ -63,7 +62,7 @@ pub(crate) struct Equations {
     base_score: DVector<f64>,
     /// Of the starts.
     pub hypotheses: Vec<Hypothesis>,
-    /// Of the base's own parameters with a physical prior for a narrower one.
+    /// Of the base's own parameters with a wider prior than theirs.
     pub widened: Vec<Hypothesis>,
 }
 
@@ -111,7 +110,6 @@ pub(crate) fn screen(
     fitted: &Fitted,
     starts: &[Start],
     columns: &[Vec<f64>],
-    false_alarm: f64,
     seed: u64,
 ) -> Screen {
     let per_platform = products(ctx, fitted, columns);
@@ -155,14 +153,11 @@ pub(crate) fn screen(
         &equations.hypotheses,
         &mut scored,
     );
-    let best = scored.iter().map(|s| s.gain).fold(0.0f64, f64::max);
-    let (location, scale) = equations.null_law(&frame, seed);
-    let tail = |g: f64| 1.0 - (-(-(g - location) / scale).exp()).exp();
+    let chance = equations.null_law(&frame, seed);
     Screen {
         scored,
         equations,
-        p_value: tail(best),
-        threshold: location - scale * (-(1.0 - false_alarm).ln()).ln(),
+        chance,
     }
 }
 
@@ -236,7 +231,9 @@ impl Frame {
         let mut all = Vec::new();
         for (s, start) in starts.iter().enumerate() {
             let columns: Vec<usize> = (first[s]..first[s] + start.ends.len()).collect();
-            all.extend(self.hypothesis(s, None, &columns, gram, start));
+            if !start.one_platform {
+                all.extend(self.hypothesis(s, None, &columns, gram, start));
+            }
             if many && start.of_a_platform() {
                 for (p, own) in per_platform.iter().enumerate() {
                     all.extend(self.hypothesis(s, Some(p), &columns, &own.gram, start));
@@ -249,10 +246,10 @@ impl Frame {
         all
     }
 
-    /// Parameters of the base that have a narrow prior, with a physical one.
+    /// Parameters of the base with a wider prior.
     fn widened(&self, model: &Model, gram: &DMatrix<f64>) -> Vec<Hypothesis> {
         let with = |k| self.hypothesis(k, None, &[k], gram, &Start::widened(model, k));
-        model.narrow().filter_map(with).collect()
+        model.held().filter_map(with).collect()
     }
 
     fn hypothesis(
@@ -373,32 +370,36 @@ impl Equations {
         out
     }
 
-    /// What every hypothesis would gain.
-    fn score_all(&self) -> Vec<Scored> {
-        self.hypotheses
-            .iter()
-            .map(|h| {
-                let own = self.score_of(h);
-                let (amplitude, gain) = h.gain(&own);
-                let log_evidence = if gain > 0.0 {
-                    h.log_evidence(&own)
-                } else {
-                    f64::NEG_INFINITY
-                };
-                Scored {
-                    start: h.start,
-                    platform: h.platform,
-                    amplitude: amplitude.iter().copied().collect(),
-                    gain,
-                    log_evidence,
-                    information: h.information[(0, 0)],
-                }
-            })
-            .collect()
+    /// What every parameter of the base would gain by a wider prior; `start` says which it is.
+    pub fn score_widened(&self) -> Vec<Scored> {
+        self.widened.iter().map(|h| self.score_one(h)).collect()
     }
 
-    /// Draws of the largest gain under the null, as the location and scale of a Gumbel law.
-    fn null_law(&self, frame: &Frame, seed: u64) -> (f64, f64) {
+    /// What every hypothesis would gain.
+    fn score_all(&self) -> Vec<Scored> {
+        self.hypotheses.iter().map(|h| self.score_one(h)).collect()
+    }
+
+    fn score_one(&self, h: &Hypothesis) -> Scored {
+        let own = self.score_of(h);
+        let (amplitude, gain) = h.gain(&own);
+        let log_evidence = if gain > 0.0 {
+            h.log_evidence(&own)
+        } else {
+            f64::NEG_INFINITY
+        };
+        Scored {
+            start: h.start,
+            platform: h.platform,
+            amplitude: amplitude.iter().copied().collect(),
+            gain,
+            log_evidence,
+            information: h.information[(0, 0)],
+        }
+    }
+
+    /// The law of the largest gain under the null, from draws.
+    fn null_law(&self, frame: &Frame, seed: u64) -> Chance {
         const DRAWS: usize = 200;
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let factors: Vec<DMatrix<f64>> = self
@@ -444,12 +445,7 @@ impl Equations {
                 .fold(0.0f64, f64::max);
             largest.push(best);
         }
-        let mean = largest.iter().sum::<f64>() / DRAWS as f64;
-        let var = largest.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (DRAWS - 1) as f64;
-        // Gumbel: sd = pi/sqrt(6) scale, mean = location + 0.5772 scale. Half a chi square has the
-        // scale 1 in its far tail, which the fit may not undercut.
-        let scale = (var.sqrt() * 6f64.sqrt() / std::f64::consts::PI).max(1.0);
-        (mean - 0.577_215_66 * scale, scale)
+        Chance::of(&largest)
     }
 }
 

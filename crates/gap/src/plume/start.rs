@@ -113,7 +113,7 @@ fn white_noise(setup: &Setup, data: &Data) -> NoiseModel {
 /// `data`; gives the base there. Of those that are about as probable it is the one under which
 /// the least else is wrong.
 fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize) -> Started {
-    let logged = data.wind.iter().any(Option::is_some);
+    let logged = data.on_board_wind;
     let base = Model::base(setup, logged);
     let mut options = options(setup, data, logged);
     let shared: &Data = data;

@@ -1,13 +1,17 @@
 //! The flights that are tried: crossings, climbs, and legs along the plume and beside it, as
-//! corners that are passed at a steady speed and as the rows that an aircraft would log.
+//! corners that are passed at a steady speed and as the rows that an aircraft would log. They lie
+//! about the plume as it was found, in the wind as it was logged.
 
-use ::plume::effects::Ambient;
-use ::plume::field::{Place, World};
+use ::plume::effects::{Ambient, HOUR_S};
+use ::plume::field::{Place, Transport, World};
+use ::plume::mechanism::MechanismId;
 use ::plume::track::Row;
+use air::area::{distance_to_segment_m, is_inside};
 use air::geo::Enu;
 use air::isa::{Atmosphere, ZERO_CELSIUS_K};
 
 use crate::plume::fit::Context;
+use crate::plume::model::Model;
 use crate::verdict::Waypoint;
 
 /// Airspeed of the proposed flight over ground, m/s.
@@ -43,10 +47,39 @@ pub(super) struct Flier {
     pub length_s: f64,
 }
 
+/// Where the plume lies and what carries it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PlumeAxis {
+    towards_deg: f64,
+    height_agl_m: f64,
+    /// The wind as it is logged, or the scenario's, at the axis.
+    pub wind: Transport,
+}
+
+impl PlumeAxis {
+    /// As `model` has it at `time_s` if the wind stays what it was in the mean.
+    pub fn of(ctx: &Context<'_>, model: &Model, time_s: f64) -> Self {
+        let wind = ctx.data.mean_transport();
+        let sum = |id: MechanismId| {
+            let own = model.parts.iter().filter(|p| p.id == id);
+            own.map(|p| p.values[0]).sum::<f64>()
+        };
+        let turned_deg = sum(MechanismId::WindDirectionOffset)
+            + sum(MechanismId::WindDirectionDrift) * time_s / HOUR_S;
+        let stated_m = ctx.setup.base.sources[0].effective_height_agl_m;
+        let height_agl_m = stated_m + sum(MechanismId::EffectiveHeightOffset);
+        Self {
+            towards_deg: wind.east.atan2(wind.north).to_degrees() + turned_deg,
+            height_agl_m: height_agl_m.max(LOWEST_M),
+            wind,
+        }
+    }
+}
+
 /// Crossings at several distances and heights, climbs through the plume and beside it, and legs
 /// along it.
-pub(super) fn plans(ctx: &Context<'_>, world: &World) -> Vec<Plan> {
-    let axis_m = ctx.setup.base.sources[0].effective_height_agl_m;
+pub(super) fn plans(axis: PlumeAxis, world: &World) -> Vec<Plan> {
+    let axis_m = axis.height_agl_m;
     let mut out = Vec::new();
     for x in STATIONS_M.into_iter().filter(|x| is_resolved(world, *x)) {
         out.extend(at_station(world, axis_m, x));
@@ -120,9 +153,9 @@ fn at_station(world: &World, axis_m: f64, x: f64) -> Vec<Plan> {
 }
 
 /// Place in the local frame of a point in plume axes.
-fn place(ctx: &Context<'_>, point: [f64; 3]) -> Place {
+fn place(ctx: &Context<'_>, axis: PlumeAxis, point: [f64; 3]) -> Place {
     let source = ctx.setup.base.sources[0].place;
-    let towards = ctx.setup.base.wind.from_deg() + 180.0;
+    let towards = axis.towards_deg;
     let at = Enu {
         east_m: source.east_m,
         north_m: source.north_m,
@@ -157,11 +190,16 @@ fn timed(plan: &Plan, flier: Flier) -> Vec<(f64, [f64; 3])> {
 }
 
 /// Where to fly, for an autopilot.
-pub(super) fn waypoints(ctx: &Context<'_>, plan: &Plan, flier: Flier) -> Vec<Waypoint> {
+pub(super) fn waypoints(
+    ctx: &Context<'_>,
+    axis: PlumeAxis,
+    plan: &Plan,
+    flier: Flier,
+) -> Vec<Waypoint> {
     timed(plan, flier)
         .into_iter()
         .map(|(time_s, point)| {
-            let p = place(ctx, point);
+            let p = place(ctx, axis, point);
             let at = ctx.setup.frame.to_geodetic(Enu {
                 east_m: p.east_m,
                 north_m: p.north_m,
@@ -176,8 +214,38 @@ pub(super) fn waypoints(ctx: &Context<'_>, plan: &Plan, flier: Flier) -> Vec<Way
         .collect()
 }
 
+/// What of the scenario's airspace the plan does not keep to, in words; nothing where it does.
+pub(super) fn outside(ctx: &Context<'_>, axis: PlumeAxis, plan: &Plan) -> Option<String> {
+    let fence = &ctx.setup.airspace;
+    let corners: Vec<Place> = plan.round.iter().map(|p| place(ctx, axis, *p)).collect();
+    let level = |p: &Place| Enu {
+        east_m: p.east_m,
+        north_m: p.north_m,
+    };
+    let legs = || corners.iter().zip(corners.iter().cycle().skip(1));
+    let stack_near = |(a, b): (&Place, &Place)| {
+        let near = |s: &Enu| distance_to_segment_m(*s, level(a), level(b)) < fence.keep_out_m;
+        fence.stacks.iter().any(near)
+    };
+    let any = |of: &dyn Fn(&Place) -> bool| corners.iter().any(of);
+    let mut wrong = Vec::new();
+    if any(&|p| p.height_agl_m < fence.floor_agl_m) {
+        wrong.push(format!("its floor of {:.0} m", fence.floor_agl_m));
+    }
+    if any(&|p| p.height_agl_m > fence.ceiling_agl_m) {
+        wrong.push(format!("its ceiling of {:.0} m", fence.ceiling_agl_m));
+    }
+    if any(&|p| !is_inside(&fence.polygon, level(p))) {
+        wrong.push("its polygon".to_string());
+    }
+    if legs().any(stack_near) {
+        wrong.push(format!("{:.0} m around the stack", fence.keep_out_m));
+    }
+    (!wrong.is_empty()).then(|| wrong.join(", "))
+}
+
 /// The plan as rows of one platform, one a second.
-pub(super) fn rows(ctx: &Context<'_>, plan: &Plan, flier: Flier) -> Vec<Row> {
+pub(super) fn rows(ctx: &Context<'_>, axis: PlumeAxis, plan: &Plan, flier: Flier) -> Vec<Row> {
     let corners = timed(plan, flier);
     let mut leg = 0;
     let mut out = Vec::new();
@@ -191,7 +259,7 @@ pub(super) fn rows(ctx: &Context<'_>, plan: &Plan, flier: Flier) -> Vec<Row> {
         }
         let part = ((t - t0) / (t1 - t0)).clamp(0.0, 1.0);
         let point = [0, 1, 2].map(|k| a[k] + part * (b[k] - a[k]));
-        let place = place(ctx, point);
+        let place = place(ctx, axis, point);
         out.push(Row {
             platform: flier.platform,
             time_s: t,

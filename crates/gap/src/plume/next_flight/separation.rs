@@ -6,7 +6,7 @@ use ::plume::field::World;
 use ::plume::track::Track;
 use nalgebra::{DMatrix, DVector};
 
-use super::plans::{self, Flier, Plan};
+use super::plans::{self, Flier, Plan, PlumeAxis};
 use crate::plume::data::Data;
 use crate::plume::fit::{Context, Fitted, moved_to_better};
 use crate::plume::linear::{self, Posterior, dot, posterior, scores};
@@ -49,13 +49,16 @@ impl<'a> Flown<'a> {
         ctx: &Context<'_>,
         first: &'a Fitted,
         plan: &Plan,
+        axis: PlumeAxis,
         world: &World,
         flier: Flier,
     ) -> Option<Self> {
-        let rows = plans::rows(ctx, plan, flier);
+        let rows = plans::rows(ctx, axis, plan, flier);
         let n = rows.len();
+        let mut track = Track::new(world, ctx.data.track.platforms(), &rows).ok()?;
+        track.transport_mut().fill(axis.wind);
         let data = Data {
-            track: Track::new(world, ctx.data.track.platforms(), &rows).ok()?,
+            track,
             reading_ppm: vec![0.0; n],
             used: vec![true; n],
             sd_ppm: vec![f64::NAN; n],

@@ -1,0 +1,130 @@
+//! What is logged beside the readings, wind and air, where it is logged less often than they are.
+
+use ::plume::effects::Ambient;
+use ::plume::track::Row;
+
+/// A row this near in time to a logged wind knows it, s: the smoothing of the log bridges that.
+const WIND_KNOWN_S: f64 = 30.0;
+/// Part of the rows that must know their wind for it to be followed.
+const KNOWN_PART: f64 = 0.5;
+
+/// Whether the wind is logged often enough to follow it; else it is taken from all `rows`, for
+/// which the scenario's then stands, and a notice says so.
+pub(crate) fn keep_followed_wind(rows: &mut [Row], notices: &mut Vec<String>) -> bool {
+    let mut times_s: Vec<f64> = rows
+        .iter()
+        .filter(|r| r.wind.is_some())
+        .map(|r| r.time_s)
+        .collect();
+    times_s.sort_by(f64::total_cmp);
+    let knows = |row: &&Row| {
+        let next = times_s.partition_point(|t| *t < row.time_s);
+        let near = |k: usize| {
+            let at = times_s.get(k);
+            at.is_some_and(|t| (t - row.time_s).abs() <= WIND_KNOWN_S)
+        };
+        near(next) || next.checked_sub(1).is_some_and(near)
+    };
+    let known = rows.iter().filter(knows).count();
+    if known as f64 > KNOWN_PART * rows.len() as f64 {
+        return true;
+    }
+    notices.push(if times_s.is_empty() {
+        "no wind columns: the scenario's wind stands for the whole time".to_string()
+    } else {
+        format!(
+            "the wind is logged in {} rows only, too few to follow it: the scenario's wind stands \
+             for the whole time",
+            times_s.len()
+        )
+    });
+    rows.iter_mut().for_each(|r| r.wind = None);
+    false
+}
+
+/// Fills in the air at rows without it, straight in time between those of the platform that have it
+/// and level beyond them: a cross-sensitivity does not come and go with its log.
+pub(crate) fn bridge_air(rows: &mut [Row]) {
+    let fields: [fn(&mut Ambient) -> &mut f64; 3] = [
+        |air| &mut air.temperature_c,
+        |air| &mut air.relative_humidity_pct,
+        |air| &mut air.pressure_hpa,
+    ];
+    for own in rows.chunk_by_mut(|a, b| a.platform == b.platform) {
+        for field in fields {
+            let known: Vec<(f64, f64)> = own
+                .iter_mut()
+                .map(|r| (r.time_s, *field(&mut r.air)))
+                .filter(|(_, value)| value.is_finite())
+                .collect();
+            for row in own.iter_mut() {
+                let value = field(&mut row.air);
+                if !value.is_finite() {
+                    *value = between(&known, row.time_s);
+                }
+            }
+        }
+    }
+}
+
+/// The value at `time_s` on the straight line between its neighbours of `known`, which are in order
+/// of time; not a number where nothing is known.
+fn between(known: &[(f64, f64)], time_s: f64) -> f64 {
+    let next = known.partition_point(|k| k.0 < time_s);
+    match (next.checked_sub(1).map(|k| known[k]), known.get(next)) {
+        (Some((t0, a)), Some((t1, b))) => a + (b - a) * (time_s - t0) / (t1 - t0),
+        (Some((_, level)), None) | (None, Some(&(_, level))) => level,
+        (None, None) => f64::NAN,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ::plume::field::Place;
+
+    fn row(time_s: f64, wind: Option<(f64, f64)>, pressure_hpa: f64) -> Row {
+        Row {
+            platform: 0,
+            time_s,
+            place: Place {
+                east_m: 0.0,
+                north_m: 0.0,
+                height_agl_m: 100.0,
+            },
+            wind,
+            air: Ambient {
+                pressure_hpa,
+                ..Ambient::UNKNOWN
+            },
+        }
+    }
+
+    #[test]
+    fn a_wind_logged_every_second_row_is_followed_and_one_seen_once_is_not() {
+        let with = |every: usize| -> Vec<Row> {
+            let wind = |k: usize| (k % every == 0).then_some((5.0, 270.0));
+            (0..400).map(|k| row(k as f64, wind(k), 1000.0)).collect()
+        };
+        let mut notices = Vec::new();
+        for every in [1, 2, 20] {
+            assert!(keep_followed_wind(&mut with(every), &mut notices));
+        }
+        assert!(notices.is_empty());
+        let mut rows = with(400);
+        assert!(!keep_followed_wind(&mut rows, &mut notices));
+        assert!(rows.iter().all(|r| r.wind.is_none()));
+        assert!(notices[0].contains("1 rows only"), "{notices:?}");
+    }
+
+    #[test]
+    fn missing_air_is_bridged() {
+        let nan = f64::NAN;
+        let pressures = [nan, 1000.0, nan, nan, 994.0, nan];
+        let mut rows: Vec<Row> = (0..6).map(|k| row(k as f64, None, pressures[k])).collect();
+        bridge_air(&mut rows);
+        let filled: Vec<f64> = rows.iter().map(|r| r.air.pressure_hpa).collect();
+        assert_eq!(filled, [1000.0, 1000.0, 998.0, 996.0, 994.0, 994.0]);
+        assert!(rows.iter().all(|r| r.air.temperature_c.is_nan()));
+    }
+}

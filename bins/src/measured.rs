@@ -74,9 +74,18 @@ fn text_of(file: &Path) -> Result<(String, Vec<String>), Failure> {
 
 /// The text of a file; `what` names it in the message where it cannot be read.
 pub(crate) fn read(file: &Path, what: &str) -> Result<String, Failure> {
-    std::fs::read_to_string(file)
+    let bytes = std::fs::read(file)
         .with_context(|| format!("{}: cannot read the {what}", file.display()))
-        .map_err(Failure::Input)
+        .map_err(Failure::Input)?;
+    String::from_utf8(bytes).map_err(|e| {
+        let good = e.utf8_error().valid_up_to();
+        let lines = e.as_bytes()[..good].iter().filter(|b| **b == b'\n');
+        let line = lines.count() + 1;
+        Failure::Input(anyhow::anyhow!(
+            "{}: line {line}: not UTF-8 text; expected the {what} as text in UTF-8",
+            file.display()
+        ))
+    })
 }
 
 /// An aircraft as its file has it.

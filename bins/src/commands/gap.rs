@@ -126,7 +126,7 @@ fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
     let by_series = measured::fill_wind(&mut observations, &setup).map_err(Failure::input)?;
     measured::tell(&observations.notices);
     let base = plume::Setup::new(&setup.scenario).map_err(Failure::input)?;
-    files::prepare_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
+    files::check_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
     let bar = progress_bar();
     let options = plume::Options {
         seed: arguments.output.seed,
@@ -165,7 +165,7 @@ fn of_tracer(arguments: &TracerArguments) -> Result<(), Failure> {
         towers.as_ref().map(|t| (t.0.as_str(), t.1.as_str())),
     )
     .map_err(Failure::input)?;
-    files::prepare_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
+    files::check_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
     let bar = progress_bar();
     let report = tracer::analyse(&tables, arguments.output.seed, &mut |part| {
         bar.set_position((part * 100.0) as u64);
@@ -229,10 +229,13 @@ fn names(files: &[PathBuf]) -> String {
 }
 
 fn write(folder: &Path, json: &str, report: &str, extended: &str) -> Result<(), Failure> {
-    files::write_whole(&folder.join("extended.toml"), extended.as_bytes())?;
-    files::write_whole(&folder.join("report.html"), report.as_bytes())?;
-    files::write_whole(&folder.join("gap.json"), json.as_bytes())?;
-    Ok(())
+    let outputs = [
+        ("extended.toml", extended),
+        ("report.html", report),
+        ("gap.json", json),
+    ];
+    let outputs = outputs.map(|(name, text)| (folder.join(name), text.as_bytes()));
+    Ok(files::write_set(&outputs)?)
 }
 
 fn tell(json: &gap::verdict::GapJson, folder: &Path) {
@@ -241,6 +244,9 @@ fn tell(json: &gap::verdict::GapJson, folder: &Path) {
         "verdict: {}",
         verdict.as_ref().and_then(|v| v.as_str()).unwrap_or("?")
     );
+    if json.causes.is_empty() {
+        println!("  {}", json.summary);
+    }
     for cause in &json.causes {
         println!(
             "  {} (probability {:.2})",

@@ -45,6 +45,7 @@ pub use noise::NoiseModel;
 pub use report::{GapReport, Series};
 pub use visibility::{Known, Likeness, PlumeChange, Visibility};
 
+use ::plume::effects::HOUR_S;
 use scenario::observations::Observations;
 
 use crate::GapError;
@@ -130,7 +131,7 @@ pub fn analyse(
     options: &Options,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Analysis, GapError> {
-    let (observations, zero_s) = zero::counted(observations);
+    let (observations, zero_s) = zero::counted(observations)?;
     let mut analysis = counted_from_near_zero(setup, &observations, options, progress)?;
     zero::told_from(&mut analysis, zero_s);
     Ok(analysis)
@@ -193,7 +194,8 @@ fn stated(
     let wind = started.treatment().describe();
     let notices = notices(ctx, &named, &wind);
     let verdict = named.verdict();
-    let base = report::base_parameters(ctx.setup, &named.last);
+    let met_wind = met_wind(ctx, &named);
+    let base = report::base_parameters(ctx.setup, &named.last, met_wind.0);
     let json = GapJson {
         schema: SCHEMA,
         verdict,
@@ -214,21 +216,28 @@ fn stated(
     Analysis {
         extension: named.extension(ctx),
         base: base.into_iter().map(|b| (b.name, b.value, b.sd)).collect(),
-        logged_wind: ctx.data.on_board_wind.then(|| logged_wind(ctx)),
+        logged_wind: ctx.data.on_board_wind.then_some(met_wind),
         noise: named.last.noise,
         json,
         report,
     }
 }
 
-fn logged_wind(ctx: &Context<'_>) -> (f64, f64) {
+/// The wind in which the plume was met, as the base has it before it is turned by what the
+/// scenario is unsure of: direction from, in degrees, and speed at the scenario's height, m/s. A
+/// plume that lay still while its log swung is turned by the fit against the log of the times at
+/// which it was seen, and a drift that is only tolerated is over with the record.
+fn met_wind(ctx: &Context<'_>, named: &naming::Named) -> (f64, f64) {
     let (profile, base) = (&ctx.setup.base.wind, &ctx.setup.base);
-    let wind = ctx.data.mean_transport();
+    let last = &named.last;
+    let met: Vec<f64> = last.prediction.plume.iter().map(|p| p.abs()).collect();
+    let wind = ctx.data.mean_transport(&met);
     let at_axis_m_s = profile.speed_at_m_s(base.sources[0].effective_height_agl_m);
     let carried = profile.reference_speed_m_s() / at_axis_m_s;
-    let from_deg = air::wind::from_deg(wind.east, wind.north);
     let finite = if carried.is_finite() { carried } else { 1.0 };
-    (from_deg, wind.speed_m_s * finite)
+    let turned_deg = named.tolerated_drift_deg_per_h() * ctx.data.mean_time_s(&met) / HOUR_S;
+    let from_deg = air::wind::from_deg(wind.east, wind.north) + turned_deg;
+    (air::geo::wrap_deg(from_deg), wind.speed_m_s * finite)
 }
 
 /// What is named with the puffs of what was `named`, from the base that was fitted first, if that

@@ -29,14 +29,7 @@ fn failed(path: &Path, what: &'static str) -> impl FnOnce(std::io::Error) -> Rec
 /// # Errors
 /// [`RecordError::Exists`] or [`RecordError::File`].
 pub fn prepare_folder(dir: &Path, force: bool) -> Result<(), RecordError> {
-    fs::create_dir_all(dir).map_err(failed(dir, "create the folder"))?;
-    let mut entries = fs::read_dir(dir).map_err(failed(dir, "read the folder"))?;
-    if entries.next().is_some() && !force {
-        return Err(RecordError::Exists {
-            path: dir.to_owned(),
-            what: "the folder is not empty",
-        });
-    }
+    check_folder(dir, force)?;
     for name in OUTPUTS {
         let path = dir.join(name);
         match fs::remove_file(&path) {
@@ -45,6 +38,23 @@ pub fn prepare_folder(dir: &Path, force: bool) -> Result<(), RecordError> {
             }
             _ => {}
         }
+    }
+    Ok(())
+}
+
+/// The same without removing anything, for outputs that replace earlier ones only once they are
+/// there.
+///
+/// # Errors
+/// [`RecordError::Exists`] or [`RecordError::File`].
+pub fn check_folder(dir: &Path, force: bool) -> Result<(), RecordError> {
+    fs::create_dir_all(dir).map_err(failed(dir, "create the folder"))?;
+    let mut entries = fs::read_dir(dir).map_err(failed(dir, "read the folder"))?;
+    if entries.next().is_some() && !force {
+        return Err(RecordError::Exists {
+            path: dir.to_owned(),
+            what: "the folder is not empty",
+        });
     }
     let probe = dir.join(".plumage-probe");
     fs::write(&probe, b"").map_err(failed(dir, "write into the folder"))?;
@@ -57,18 +67,34 @@ pub fn prepare_folder(dir: &Path, force: bool) -> Result<(), RecordError> {
 /// # Errors
 /// [`RecordError::File`].
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
-    let temporary = beside(path);
-    let written = fs::File::create(&temporary)
-        .and_then(|mut file| {
+    write_set(&[(path.to_owned(), bytes)])
+}
+
+/// Writes several files that belong together, as [`write_whole`] does one: none is put in place
+/// before all are written.
+///
+/// # Errors
+/// [`RecordError::File`].
+pub fn write_set(files: &[(PathBuf, &[u8])]) -> Result<(), RecordError> {
+    let write = |(path, bytes): &(PathBuf, &[u8])| {
+        let written = fs::File::create(beside(path)).and_then(|mut file| {
             file.write_all(bytes)?;
             file.sync_all()
-        })
-        .and_then(|()| fs::rename(&temporary, path));
-    written.map_err(|e| {
-        // What is left of the temporary file is of no use; its removal may fail as well.
-        let _ = fs::remove_file(&temporary);
-        failed(path, "write")(e)
-    })
+        });
+        written.map_err(failed(path, "write"))
+    };
+    let place = |(path, _): &(PathBuf, &[u8])| {
+        fs::rename(beside(path), path).map_err(failed(path, "write"))
+    };
+    let done = files.iter().try_for_each(write);
+    let done = done.and_then(|()| files.iter().try_for_each(place));
+    if done.is_err() {
+        for (path, _) in files {
+            // What is left of the temporary files is of no use; their removal may fail as well.
+            let _ = fs::remove_file(beside(path));
+        }
+    }
+    done
 }
 
 fn beside(path: &Path) -> PathBuf {
@@ -80,6 +106,20 @@ fn beside(path: &Path) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn of_a_set_all_is_replaced_or_nothing() {
+        let dir = empty_folder("set");
+        fs::create_dir_all(&dir).unwrap();
+        let (one, other) = (dir.join("one"), dir.join("no-folder").join("other"));
+        write_set(&[(one.clone(), b"before")]).unwrap();
+        assert!(write_set(&[(one.clone(), b"after"), (other, b"after")]).is_err());
+        assert_eq!(fs::read(&one).unwrap(), b"before");
+        assert_eq!(fs::read_dir(&dir).unwrap().count(), 1);
+        write_set(&[(one.clone(), b"after"), (dir.join("two"), b"2")]).unwrap();
+        assert_eq!(fs::read(&one).unwrap(), b"after");
+        fs::remove_dir_all(&dir).unwrap();
+    }
 
     fn empty_folder(name: &str) -> PathBuf {
         let dir = std::env::temp_dir().join(format!("plumage-files-{name}-{}", std::process::id()));

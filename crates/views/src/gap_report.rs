@@ -7,7 +7,7 @@ mod flight;
 pub use flight::flight;
 
 use crate::html::{Document, number};
-use gap::plume::GapReport;
+use gap::plume::{GapReport, Series};
 use gap::tracer::{TracerReport, TriedModel};
 use gap::verdict::{Cause, GapJson, HeldOut, NextFlight, Verdict};
 
@@ -19,14 +19,19 @@ const DETECTABLE: usize = 30;
 /// The report of an analysis of concentrations along tracks. `title` names the data.
 pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
     let mut page = opening("Plumage gap report: plume and sensors", title, json);
+    measured(&mut page, report);
     page.section("Where the simulation departs from the data");
-    if let Some(series) = report.series.iter().max_by_key(|s| s.time_s.len()) {
+    if let Some(series) = report
+        .series
+        .iter()
+        .max_by(|a, b| misfit(a).total_cmp(&misfit(b)))
+    {
         page.plot(
             430,
             figures::series(series),
             &format!(
-                "Above: platform {} as it read, and as the base and the extended model predict it. \
-                 Below: the misfit in standard deviations of the fitted noise; what is explained \
+                "Above: platform {}, which departs most from the base, as it read, and as the base and \
+                 the extended model predict it. Below: the misfit in standard deviations of the fitted noise; what is explained \
                  stays within about two.",
                 series.platform
             ),
@@ -70,6 +75,55 @@ pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
     }
     remains(&mut page, json);
     page.finish()
+}
+
+/// What was measured: who read how much, when and where.
+fn measured(page: &mut Document, report: &GapReport) {
+    let rows: Vec<Vec<String>> = report.series.iter().filter_map(measured_row).collect();
+    if rows.is_empty() {
+        return;
+    }
+    page.section("What was measured");
+    page.table(
+        "Readings of each platform. Those used are not missing, not masked by their quality, and of \
+         air that is known.",
+        &[
+            "platform",
+            "readings",
+            "used",
+            "time, s",
+            "height above ground, m",
+            "lowest and highest, ppm",
+        ],
+        &rows,
+    );
+}
+
+fn measured_row(series: &Series) -> Option<Vec<String>> {
+    let range = |values: &[f64], digits: usize| {
+        let finite = || values.iter().copied().filter(|v| v.is_finite());
+        let low = finite().fold(f64::INFINITY, f64::min);
+        let high = finite().fold(f64::NEG_INFINITY, f64::max);
+        format!("{} to {}", number(low, digits), number(high, digits))
+    };
+    let read = series.measured_ppm.iter().filter(|c| c.is_finite());
+    (!series.time_s.is_empty()).then(|| {
+        vec![
+            series.platform.clone(),
+            read.count().to_string(),
+            series.used.iter().filter(|u| **u).count().to_string(),
+            range(&series.time_s, 0),
+            range(&series.height_agl_m, 0),
+            range(&series.measured_ppm, 0),
+        ]
+    })
+}
+
+/// Mean square of what a platform's readings differ by from the base, in the noise's variance.
+fn misfit(series: &Series) -> f64 {
+    let used = series.used.iter().filter(|u| **u).count().max(1) as f64;
+    let squares = series.before_standardised.iter().map(|z| z * z);
+    squares.sum::<f64>() / used
 }
 
 /// The report of an analysis of tracer trials. `title` names the data.
@@ -164,7 +218,12 @@ fn bins(page: &mut Document, json: &GapJson) {
 fn name_extend_gain(page: &mut Document, json: &GapJson) {
     page.section("What causes it");
     if json.causes.is_empty() {
-        page.paragraph("No mechanism of the catalogue is called for by these data.");
+        page.paragraph(if json.unexplained.is_some() {
+            "Something is there, but no mechanism of the catalogue describes it well enough to be \
+             named; the section on what remains says where it lives."
+        } else {
+            "No mechanism of the catalogue is called for by these data."
+        });
     } else {
         page.table(
             "Causes, the strongest first. Several mechanisms in one row cannot be told apart by \

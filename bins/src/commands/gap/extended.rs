@@ -10,10 +10,7 @@ use scenario::uncertain::Uncertain;
 /// `series` stays only where it was itself the log (`by_series`).
 pub(super) fn extended(scenario: &Scenario, analysis: &Analysis, by_series: bool) -> Scenario {
     let mut out = scenario.clone();
-    let own_deg = scenario.weather.wind_from_deg;
-    let mut from_deg = own_deg;
-    if let Some((logged_deg, speed_m_s)) = analysis.logged_wind.filter(|_| !by_series) {
-        from_deg = logged_deg;
+    if let Some((from_deg, speed_m_s)) = analysis.logged_wind.filter(|_| !by_series) {
         out.set(Uncertain::WindFrom, from_deg);
         out.set(Uncertain::WindSpeed, speed_m_s);
         out.weather.series = None;
@@ -22,12 +19,12 @@ pub(super) fn extended(scenario: &Scenario, analysis: &Analysis, by_series: bool
         let Some(parameter) = Uncertain::ALL.into_iter().find(|u| u.key() == key) else {
             continue;
         };
-        if let Some(whole) = of_the_whole(scenario, parameter, *value, by_series) {
+        let series_deg = analysis.logged_wind.filter(|_| by_series).map(|w| w.0);
+        if let Some(whole) = of_the_whole(scenario, parameter, *value, series_deg) {
             out.extend(&[whole]);
             continue;
         }
         let value = match parameter {
-            Uncertain::WindFrom => from_deg + value - own_deg,
             Uncertain::WindSpeed => {
                 out.weather.wind_speed_m_s * value
                     / scenario.weather.wind_speed_m_s.max(f64::MIN_POSITIVE)
@@ -48,19 +45,20 @@ pub(super) fn extended(scenario: &Scenario, analysis: &Analysis, by_series: bool
 }
 
 /// The mechanism that does to the whole scenario what `parameter` at `value` was found to do, where
-/// its key would do it to the first source only, or nothing beside a series.
+/// its key would do it to the first source only, or nothing beside a series, which blows from
+/// `series_deg` in the mean.
 fn of_the_whole(
     scenario: &Scenario,
     parameter: Uncertain,
     value: f64,
-    by_series: bool,
+    series_deg: Option<f64>,
 ) -> Option<Mechanism> {
     let stated = scenario.value(parameter)?;
     let (factor, difference) = (value / stated, value - stated);
     let several = scenario.sources.len() > 1;
     let (id, found) = match parameter {
-        Uncertain::WindFrom if by_series => (MechanismId::WindDirectionOffset, difference),
-        Uncertain::WindSpeed if by_series => (MechanismId::WindSpeedScale, factor),
+        Uncertain::WindFrom => (MechanismId::WindDirectionOffset, value - series_deg?),
+        Uncertain::WindSpeed if series_deg.is_some() => (MechanismId::WindSpeedScale, factor),
         Uncertain::EffectiveHeight if several => (MechanismId::EffectiveHeightOffset, difference),
         Uncertain::Emission | Uncertain::CMax if several => (MechanismId::EmissionScale, factor),
         _ => return None,

@@ -33,7 +33,7 @@ pub(super) fn of_flight(arguments: &FlightArguments) -> Result<(), Failure> {
         .map(|file| measured::flight(file))
         .collect();
     let logs = logs?;
-    files::prepare_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
+    files::check_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
     let report = analysed(&logs, &aircraft)?;
     let title = format!("{} of {}", names(&arguments.flights), aircraft.name);
     let page = views::gap_report::flight(&title, &report);

@@ -56,11 +56,17 @@ pub(crate) fn accept(round: &Round, best: &Tried, before: Option<&Accepted>) -> 
     });
     // Nameless rivals and the base take part in the probabilities, but not in the set.
     let of_catalogue: f64 = ids.iter().map(|i| i.1).sum();
+    // Of what the catalogue has, where nameless terms leave it less than that.
+    let enough = if of_catalogue > NAME_AT {
+        NAME_AT
+    } else {
+        NAME_AT * of_catalogue
+    };
     let mut set: Vec<(MechanismId, f64)> = Vec::new();
     let own = ids.iter().find(|i| i.0 == best.id).copied();
     set.extend(own);
     for &(id, p) in &ids {
-        if sum(&set) >= NAME_AT * of_catalogue {
+        if sum(&set) >= enough {
             break;
         }
         if id != best.id {

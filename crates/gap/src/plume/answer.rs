@@ -1,7 +1,8 @@
 //! The answer in the words of `gap.json`: parameters, the ranking, and where a nameless rest lives.
 
-use ::plume::mechanism::Coordinate;
+use ::plume::mechanism::{Coordinate, MechanismId};
 
+use super::data::Setup;
 use super::explore::Round;
 use super::fit::{Context, Fitted};
 use super::rival::Rival;
@@ -12,8 +13,12 @@ use crate::verdict::{Parameter, Ranked, Unexplained};
 /// 95 % intervals cover 85 % of the benchmark's truths, with one of 1.35 they cover 91 %.
 pub(crate) const SD_FACTOR: f64 = 1.5;
 
-/// Parameters of a part with their standard deviations.
-pub(crate) fn parameters(fitted: &Fitted, part: usize) -> Vec<Parameter> {
+/// Parameters of a part with their standard deviations. An uncertain time constant is fitted as a
+/// whole; what is said of it as a cause is by how much it is more than the scenario's.
+pub(crate) fn parameters(setup: &Setup, fitted: &Fitted, part: usize) -> Vec<Parameter> {
+    let stated = setup.priors.get(part);
+    let whole = stated.filter(|p| p.id == MechanismId::SensorLag);
+    let counted_from = whole.map_or(0.0, |p| p.value);
     let mut out = Vec::new();
     for (k, free) in fitted.model.free.iter().enumerate() {
         if free.part != part {
@@ -26,7 +31,7 @@ pub(crate) fn parameters(fitted: &Fitted, part: usize) -> Vec<Parameter> {
         out.push(Parameter {
             mechanism: fitted.model.parts[part].id.as_str().to_string(),
             name: spec.name.to_string(),
-            value,
+            value: value - counted_from,
             sd: if spec.coordinate == Coordinate::Log {
                 sd * value
             } else {

@@ -22,6 +22,8 @@ pub(crate) struct Start {
     pub one_sided: bool,
     /// All platforms alike have it in the model already: only one may differ.
     pub one_platform: bool,
+    /// Platforms that have it in the model already.
+    pub taken: Vec<usize>,
     /// Log of its share of the mechanism's prior.
     pub ln_weight: f64,
 }
@@ -40,7 +42,12 @@ pub(crate) fn starts(ctx: &Context<'_>, model: &Model, prediction: &Prediction) 
             continue;
         }
         let mut own = of_mechanism(ctx, model, prediction, id);
-        own.iter_mut().for_each(|s| s.one_platform = one_platform);
+        let taken = model.parts.iter().filter(|p| p.id == id);
+        let taken: Vec<usize> = taken.filter_map(|p| p.platform).collect();
+        for start in &mut own {
+            start.one_platform = one_platform;
+            start.taken.clone_from(&taken);
+        }
         let share = -(own.len().max(1) as f64).ln();
         // Steps of one line are one hypothesis; places of a grid share the prior.
         if matches!(id, MechanismId::SecondSource) {
@@ -90,6 +97,7 @@ pub(crate) fn single(id: MechanismId, value: f64) -> Start {
         tolerance: vec![spec.tolerance / step.abs()],
         one_sided: spec.low == spec.neutral || spec.high == spec.neutral,
         one_platform: false,
+        taken: Vec::new(),
         ln_weight: 0.0,
     }
 }
@@ -109,6 +117,7 @@ fn plane(id: MechanismId, step: f64) -> Vec<Start> {
         tolerance: vec![spec.tolerance / step; 2],
         one_sided: false,
         one_platform: false,
+        taken: Vec::new(),
         ln_weight: 0.0,
     }]
 }
@@ -215,6 +224,7 @@ impl Start {
             tolerance: vec![0.0],
             one_sided: false,
             one_platform: false,
+            taken: Vec::new(),
             ln_weight: 0.0,
         }
     }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use ::plume::effects::Ambient;
-use ::plume::field::{Place, Transport, World, WorldSpec};
+use ::plume::field::{Place, Strength, Transport, World, WorldSpec};
 use ::plume::mechanism::MechanismId;
 use ::plume::track::{Row, Track};
 use air::geo::{Enu, Geodetic, LocalFrame};
@@ -11,7 +11,8 @@ use scenario::Scenario;
 use scenario::observations::{Observation, Observations};
 use scenario::uncertain::Uncertain;
 
-use super::{fixes, logged};
+use super::fixes;
+use super::logged::{self, WindLog};
 use crate::GapError;
 
 /// How well logged heights are known, m: where a track touches a lid, one reading would otherwise
@@ -109,7 +110,6 @@ impl Setup {
 }
 
 fn prior(base: &WorldSpec, which: Uncertain, sd: f64) -> Option<Prior> {
-    use ::plume::field::Strength;
     use MechanismId as M;
     let (id, value) = match which {
         Uncertain::WindSpeed => (M::WindSpeedScale, base.wind.reference_speed_m_s()),
@@ -158,6 +158,9 @@ pub(crate) struct Data {
     pub ceiling_ppm: Vec<(Range<usize>, f64)>,
     /// Whether the wind is logged, often enough to follow it. Else no row has one.
     pub on_board_wind: bool,
+    /// Speed of the scenario's wind at the axis where its first source is stated by a c_MAX, which
+    /// holds in that wind, m/s.
+    pub c_max_wind_m_s: Option<f64>,
 }
 
 impl Data {
@@ -185,7 +188,7 @@ impl Data {
         let mut rows: Vec<Row> = order.iter().map(|o| row(setup, o)).collect();
         fixes::without_jitter(&mut rows);
         logged::bridge_air(&mut rows);
-        let on_board_wind = logged::keep_followed_wind(&mut rows, &mut notices);
+        let wind_log = logged::wind_log(&mut rows, &mut notices);
         if order.iter().all(|o| o.co2_ppm.is_none()) {
             return Err(nothing("all readings (co2_ppm) are missing"));
         }
@@ -196,9 +199,17 @@ impl Data {
             .iter()
             .map(|o| o.co2_ppm.unwrap_or(f64::NAN))
             .collect();
+        let mut used: Vec<bool> = reading_ppm.iter().map(|c| c.is_finite()).collect();
+        if let WindLog::Followed(known) = &wind_log {
+            used.iter_mut().zip(known).for_each(|(u, k)| *u &= *k);
+        }
+        let source = &setup.base.sources[0];
+        let at_axis_m_s = || setup.base.wind.speed_at_m_s(source.effective_height_agl_m);
+        let stated_c_max = matches!(source.strength, Strength::CMax { .. });
         Ok(Self {
-            on_board_wind,
-            used: reading_ppm.iter().map(|c| c.is_finite()).collect(),
+            on_board_wind: wind_log != WindLog::Absent,
+            c_max_wind_m_s: stated_c_max.then(at_axis_m_s),
+            used,
             sd_ppm: order.iter().map(|o| o.sd_ppm.unwrap_or(f64::NAN)).collect(),
             reading_ppm,
             track,
@@ -272,22 +283,41 @@ impl Data {
         (low, high)
     }
 
-    /// The wind of all rows in the mean, as it carries the plume at its effective height.
-    pub fn mean_transport(&self) -> Transport {
-        let n = self.len().max(1) as f64;
-        let all = self.track.transport().iter();
-        let sum = all.fold([0.0; 3], |s, t| {
-            let own = [t.east * t.speed_m_s, t.north * t.speed_m_s, t.speed_m_s];
-            [0, 1, 2].map(|k| s[k] + own[k])
+    /// The wind in the mean over the rows, each with its `weight`, as it carries the plume at its
+    /// effective height; over all alike where no row has one.
+    pub fn mean_transport(&self, weight: &[f64]) -> Transport {
+        let rows = self.track.transport().iter().zip(weight);
+        let sum = rows.fold([0.0; 4], |s, (t, w)| {
+            let own = [
+                t.east * t.speed_m_s,
+                t.north * t.speed_m_s,
+                t.speed_m_s,
+                1.0,
+            ];
+            [0, 1, 2, 3].map(|k| s[k] + w * own[k])
         });
         let length = sum[0].hypot(sum[1]);
+        if length <= 0.0 && weight.iter().any(|w| *w != 1.0) {
+            return self.mean_transport(&vec![1.0; weight.len()]);
+        }
         if length <= 0.0 {
             return self.track.transport()[0];
         }
         Transport {
             east: sum[0] / length,
             north: sum[1] / length,
-            speed_m_s: sum[2] / n,
+            speed_m_s: sum[2] / sum[3],
+        }
+    }
+
+    /// The time in the mean over the rows, each with its `weight`, s; zero where none has one.
+    pub fn mean_time_s(&self, weight: &[f64]) -> f64 {
+        let rows = || self.track.time_s().iter().zip(weight);
+        let all: f64 = weight.iter().sum();
+        if all > 0.0 {
+            rows().map(|(t, w)| t * w).sum::<f64>() / all
+        } else {
+            0.0
         }
     }
 

@@ -4,13 +4,14 @@
 use ::plume::effects::HOUR_S;
 use ::plume::mechanism::MechanismId;
 
+use super::accepted::law_power;
 use super::candidate::{self, Start};
 use super::chance::Chance;
 use super::fit::{Context, Fitted};
 use super::lid;
 use super::model::Model;
 use super::parallel;
-use super::rival::{self, Rivals};
+use super::rival::{self, Rival, Rivals};
 use super::screen::{self, Equations, Scored};
 
 /// Probability of a false alarm that a round allows.
@@ -26,6 +27,9 @@ const LEAST_LID_NATS: f64 = 2.0;
 const ANOTHER_PLACE_NATS: f64 = 1.0;
 /// From how many standard deviations of its prior on a tolerance may stand for another.
 const FAR_SD: f64 = 0.8;
+/// What a nameless term must gain more that holds what has a name, as differences of laws let it
+/// count, nats.
+const LESS_TO_SAY_NATS: f64 = 6.0;
 /// How many of the best trials lend the null their parameters.
 const STARTS_OF_NULL: usize = 3;
 
@@ -83,10 +87,23 @@ pub(crate) struct Incumbent {
 
 /// One round on top of `null`, with nameless rivals.
 pub(crate) fn round(ctx: &Context<'_>, null: &Fitted, seed: u64) -> Round {
-    Round {
-        rivals: Some(rival::rivals(ctx, null, FALSE_ALARM, seed ^ 0x5eed)),
-        ..names(ctx, null, seed, None)
+    let names = names(ctx, null, seed, None);
+    let mut rivals = rival::rivals(ctx, null, FALSE_ALARM, seed ^ 0x5eed);
+    if let Some(best) = names.tried.first() {
+        let power = law_power(best.id, None, best.log_score);
+        rivals.handicap(LESS_TO_SAY_NATS / power, |r| holds(r, best));
     }
+    Round {
+        rivals: Some(rivals),
+        ..names
+    }
+}
+
+/// Whether a nameless term describes what the name does, and more: a delay that comes and goes may
+/// also stay. Then it has less to say than others.
+fn holds(rival: &Rival, name: &Tried) -> bool {
+    let delays = matches!(name.id, MechanismId::ClockOffset | MechanismId::SensorLag);
+    rival.delays && delays && name.platform.is_none_or(|p| rival.platform == Some(p))
 }
 
 /// One round of names alone on top of `null`, of which one may have been named before.

@@ -9,8 +9,19 @@ use crate::verdict::{DataQuality, Flaw};
 
 /// Rows farther than this from the first source cannot belong to the scenario, m.
 const FARTHEST_M: f64 = 40_000.0;
+/// An aircraft whose rows lie this far below the site's ground in the middle logs another height, m.
+const UNDERGROUND_M: f64 = 50.0;
+/// Speeds over ground that none has, in the middle of its track, m/s; the slow one counts where the
+/// track is long, m: what stands may stand.
+const TOO_FAST_M_S: f64 = 340.0;
+const TOO_SLOW_M_S: f64 = 0.3;
+const LONG_TRACK_M: f64 = 1000.0;
 /// A reading this many times too large or too small is in another unit.
 const UNIT_FACTOR: f64 = 20.0;
+/// A value that comes back this often, and is so many times farther from the middle than all other
+/// readings, is a code for no reading.
+const CODE_TIMES: usize = 3;
+const CODE_FAR: f64 = 4.0;
 /// A run of equal readings is frozen when chance makes one this rarely.
 const FROZEN_CHANCE: f64 = 1e-5;
 /// Longest run of equal readings that a coarse resolution makes usual.
@@ -48,6 +59,8 @@ pub(crate) fn gate(data: &mut Data, setup: &Setup) -> Vec<DataQuality> {
         };
         eye.name = eye.data.track.platforms()[platform].clone();
         eye.places(base);
+        eye.clock();
+        eye.codes();
         eye.units(base);
         // A ceiling is met again and again; what stands still does so once, wherever it is.
         let ceiling = eye.clipped(FEWEST_VISITS);
@@ -98,8 +111,7 @@ fn forget_unknown_air(data: &mut Data, time_constant_s: f64) {
 /// The step that half of the steps between `times` do not exceed.
 fn usual_step(times: &[f64]) -> Option<f64> {
     let mut steps: Vec<f64> = times.windows(2).map(|w| w[1] - w[0]).collect();
-    steps.sort_by(f64::total_cmp);
-    steps.get(steps.len() / 2).copied()
+    middle(&mut steps)
 }
 
 struct Eye<'a> {
@@ -149,6 +161,79 @@ impl Eye<'_> {
             FARTHEST_M / 1000.0
         );
         self.say(Flaw::Unit, first, last, message);
+    }
+
+    /// Masks all rows and says why.
+    fn mask_all(&mut self, message: String) {
+        let (first, last) = (self.range.start, self.range.end - 1);
+        self.data.used[self.range.clone()].fill(false);
+        self.say(Flaw::Unit, first, last, message);
+    }
+
+    /// Heights below the ground, and times in which nothing flies so fast or so slowly.
+    fn clock(&mut self) {
+        let track = &self.data.track;
+        let times = track.time_s();
+        let mut heights: Vec<f64> = self
+            .range
+            .clone()
+            .map(|i| track.place(i).height_agl_m)
+            .collect();
+        let (mut speeds, mut length_m) = (Vec::new(), 0.0);
+        for i in self.range.clone().skip(1) {
+            let (a, b) = (track.place(i - 1), track.place(i));
+            let way_m = (b.east_m - a.east_m).hypot(b.north_m - a.north_m);
+            length_m += way_m;
+            speeds.push(way_m / (times[i] - times[i - 1]));
+        }
+        let height_m = middle(&mut heights).unwrap_or(0.0);
+        let speed_m_s = middle(&mut speeds);
+        if height_m < -UNDERGROUND_M {
+            self.mask_all(format!(
+                "half of the rows lie {:.0} m and more below the site's ground: is alt_amsl_m in \
+                 another unit (km?), or a height above ground?",
+                -height_m
+            ));
+        }
+        let wrong = match speed_m_s {
+            Some(v) if v > TOO_FAST_M_S => "(minutes or hours?)",
+            Some(v) if v < TOO_SLOW_M_S && length_m > LONG_TRACK_M => "(ms or ns?)",
+            _ => return,
+        };
+        self.mask_all(format!(
+            "the track goes at {:.3} m/s in the middle: is time_s in another unit {wrong}",
+            speed_m_s.unwrap_or_default()
+        ));
+    }
+
+    /// Values such as 65535 or -9999 that stand for no reading.
+    fn codes(&mut self) {
+        let used = self.used();
+        let y = &self.data.reading_ppm;
+        let mut sorted: Vec<f64> = used.iter().map(|i| y[*i]).collect();
+        sorted.sort_by(f64::total_cmp);
+        let (Some(&low), Some(&high)) = (sorted.first(), sorted.last()) else {
+            return;
+        };
+        let centre = sorted[sorted.len() / 2];
+        for code in [low, high] {
+            let others = sorted.iter().filter(|v| **v != code);
+            let farthest = others.fold(0.0f64, |far, v| far.max((v - centre).abs()));
+            let at: Vec<usize> = used
+                .iter()
+                .copied()
+                .filter(|i| self.data.reading_ppm[*i] == code)
+                .collect();
+            let far = (code - centre).abs() > CODE_FAR * farthest.max(centre.abs());
+            if at.len() < CODE_TIMES || !far {
+                continue;
+            }
+            for i in &at {
+                self.data.used[*i] = false;
+            }
+            let message = format!("{} readings of {code}, a code for none", at.len());
+            self.say(Flaw::Outlier, at[0], at[at.len() - 1], message);
+        }
     }
 
     fn units(&mut self, base: &WorldSpec) {
@@ -317,6 +402,12 @@ pub(crate) fn spikes(data: &Data, rows: &[usize]) -> Vec<DataQuality> {
         }
     }
     found
+}
+
+/// The middle one of `values`.
+fn middle(values: &mut [f64]) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
 }
 
 fn spread(sorted: &[f64]) -> f64 {

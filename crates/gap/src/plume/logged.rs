@@ -6,18 +6,24 @@ use ::plume::track::Row;
 /// A row this near in time to a logged wind knows it, s: the smoothing of the log bridges that.
 const WIND_KNOWN_S: f64 = 30.0;
 /// Part of the rows that must know their wind for it to be followed.
-const KNOWN_PART: f64 = 0.5;
+const KNOWN_PART: f64 = 0.3;
 
-/// Whether the wind is logged often enough to follow it; else it is taken from all `rows`, for
-/// which the scenario's then stands, and a notice says so.
-pub(crate) fn keep_followed_wind(rows: &mut [Row], notices: &mut Vec<String>) -> bool {
-    let mut times_s: Vec<f64> = rows
-        .iter()
-        .filter(|r| r.wind.is_some())
-        .map(|r| r.time_s)
-        .collect();
+/// Where the wind is logged.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum WindLog {
+    /// Too rarely to follow it: it is taken from all rows, and the scenario's stands.
+    Absent,
+    /// Often enough: whether each row knows it.
+    Followed(Vec<bool>),
+}
+
+/// Where the wind is logged; it is taken from all `rows` where that is too rarely, and a notice says
+/// so, or that some rows do not know it.
+pub(crate) fn wind_log(rows: &mut [Row], notices: &mut Vec<String>) -> WindLog {
+    let logged = rows.iter().filter(|r| r.wind.is_some());
+    let mut times_s: Vec<f64> = logged.map(|r| r.time_s).collect();
     times_s.sort_by(f64::total_cmp);
-    let knows = |row: &&Row| {
+    let knows = |row: &Row| {
         let next = times_s.partition_point(|t| *t < row.time_s);
         let near = |k: usize| {
             let at = times_s.get(k);
@@ -25,9 +31,16 @@ pub(crate) fn keep_followed_wind(rows: &mut [Row], notices: &mut Vec<String>) ->
         };
         near(next) || next.checked_sub(1).is_some_and(near)
     };
-    let known = rows.iter().filter(knows).count();
-    if known as f64 > KNOWN_PART * rows.len() as f64 {
-        return true;
+    let known: Vec<bool> = rows.iter().map(knows).collect();
+    let count = known.iter().filter(|k| **k).count();
+    if count as f64 > KNOWN_PART * rows.len() as f64 {
+        if count < rows.len() {
+            notices.push(format!(
+                "{} readings are left out: no wind is logged within {WIND_KNOWN_S:.0} s of them",
+                rows.len() - count
+            ));
+        }
+        return WindLog::Followed(known);
     }
     notices.push(if times_s.is_empty() {
         "no wind columns: the scenario's wind stands for the whole time".to_string()
@@ -39,7 +52,7 @@ pub(crate) fn keep_followed_wind(rows: &mut [Row], notices: &mut Vec<String>) ->
         )
     });
     rows.iter_mut().for_each(|r| r.wind = None);
-    false
+    WindLog::Absent
 }
 
 /// Fills in the air at rows without it, straight in time between those of the platform that have it
@@ -108,13 +121,22 @@ mod tests {
         };
         let mut notices = Vec::new();
         for every in [1, 2, 20] {
-            assert!(keep_followed_wind(&mut with(every), &mut notices));
+            let all = WindLog::Followed(vec![true; 400]);
+            assert_eq!(wind_log(&mut with(every), &mut notices), all);
         }
         assert!(notices.is_empty());
         let mut rows = with(400);
-        assert!(!keep_followed_wind(&mut rows, &mut notices));
+        assert_eq!(wind_log(&mut rows, &mut notices), WindLog::Absent);
         assert!(rows.iter().all(|r| r.wind.is_none()));
         assert!(notices[0].contains("1 rows only"), "{notices:?}");
+        // Half of the record: what came later than half a minute after it is not known.
+        let mut half = with(1);
+        half[200..].iter_mut().for_each(|r| r.wind = None);
+        let WindLog::Followed(known) = wind_log(&mut half, &mut notices) else {
+            panic!("{notices:?}");
+        };
+        assert_eq!(known.iter().filter(|k| **k).count(), 230);
+        assert!(notices[1].starts_with("170 readings"), "{notices:?}");
     }
 
     #[test]

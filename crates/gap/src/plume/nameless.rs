@@ -27,6 +27,8 @@ const SET_SURE_AT: f64 = 0.9;
 /// Rows in a plume from which a correlation can be told, and the least that readings of one have.
 const LEAST_PLUME_ROWS: usize = 60;
 const LEAST_CORRELATION: f64 = 0.3;
+/// Part of the readings at either end that is cut to what the rest reaches.
+const CUT_PART: f64 = 0.005;
 
 /// A nameless rival that beat the best name, until it is seen whether names together beat it.
 pub(super) struct Doubt {
@@ -57,22 +59,28 @@ fn swing_beside(ctx: &Context<'_>, null: &Fitted, seed: u64) -> Option<(Fitted, 
     Some((beside, swing))
 }
 
-/// Readings that do not follow the predicted plume at all, though the noise could hold them:
-/// of another track, another clock, or another plume.
-pub(super) fn unrelated(ctx: &Context<'_>, last: &Fitted) -> Option<Unexplained> {
-    let p = &last.prediction;
+/// Readings that do not follow the predicted plume at all, though the noise could hold them: of
+/// another track, another clock, or another plume. Where what was named leaves no plume to be
+/// followed, it is the base's.
+pub(super) fn unrelated(ctx: &Context<'_>, base: &Fitted, last: &Fitted) -> Option<Unexplained> {
     let rows: Vec<usize> = (0..ctx.data.len()).filter(|i| ctx.data.used[*i]).collect();
-    let floor = 5.0 * last.noise.white_ppm();
-    if rows.iter().filter(|i| p.plume[**i] > floor).count() < LEAST_PLUME_ROWS {
-        return None;
-    }
-    let excess = |i: usize| ctx.data.reading_ppm[i] - (p.reading[i] - p.plume[i]);
-    let mean = |f: &dyn Fn(usize) -> f64| rows.iter().map(|i| f(*i)).sum::<f64>();
-    let n = rows.len() as f64;
-    let (me, mp) = (mean(&excess) / n, mean(&|i| p.plume[i]) / n);
-    let both = mean(&|i| (excess(i) - me) * (p.plume[i] - mp));
-    let own = mean(&|i| (excess(i) - me).powi(2)) * mean(&|i| (p.plume[i] - mp).powi(2));
-    let correlation = both / own.sqrt().max(1e-300);
+    let floor_ppm = 5.0 * last.noise.white_ppm();
+    let has_plume = |f: &&Fitted| {
+        let seen = rows.iter().filter(|i| f.prediction.plume[**i] > floor_ppm);
+        seen.count() >= LEAST_PLUME_ROWS
+    };
+    let followed = [last, base].into_iter().find(has_plume)?;
+    let prediction = &followed.prediction;
+    // A few readings that are far off must not decide.
+    let mut sorted: Vec<f64> = rows.iter().map(|i| ctx.data.reading_ppm[*i]).collect();
+    sorted.sort_by(f64::total_cmp);
+    let at = |part: f64| sorted[(part * (sorted.len() - 1) as f64) as usize];
+    let (low, high) = (at(CUT_PART), at(1.0 - CUT_PART));
+    let read = rows
+        .iter()
+        .map(|i| ctx.data.reading_ppm[*i].clamp(low, high));
+    let predicted = rows.iter().map(|i| prediction.reading[*i]);
+    let correlation = correlation(&read.zip(predicted).collect::<Vec<_>>());
     let times = ctx.data.track.time_s();
     (correlation < LEAST_CORRELATION).then(|| Unexplained {
         coordinate: "map".to_string(),
@@ -87,6 +95,18 @@ pub(super) fn unrelated(ctx: &Context<'_>, last: &Fitted) -> Option<Unexplained>
         platforms: ctx.data.track.platforms().to_vec(),
         delta_log_evidence: 0.0,
     })
+}
+
+fn correlation(pairs: &[(f64, f64)]) -> f64 {
+    let n = pairs.len() as f64;
+    let (ma, mb) = pairs
+        .iter()
+        .fold((0.0, 0.0), |s, (a, b)| (s.0 + a / n, s.1 + b / n));
+    let [both, aa, bb] = pairs.iter().fold([0.0; 3], |[ab, aa, bb], (a, b)| {
+        let (a, b) = (a - ma, b - mb);
+        [ab + a * b, aa + a * a, bb + b * b]
+    });
+    both / (aa * bb).sqrt().max(1e-300)
 }
 
 /// The best nameless rival if it is well beyond its own threshold and beyond `least_nats`.

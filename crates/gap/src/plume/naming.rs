@@ -24,6 +24,8 @@ const REFIT_MARGIN: f64 = 3.0;
 /// hidden.
 const LEAST_SCORE: f64 = 14.0;
 pub(super) const LEAST_EVIDENCE: f64 = 9.0;
+/// Evidence against a prior that the scenario states from which on it is given up, nats: ln 19.
+const CONTRADICTED_NATS: f64 = 2.944;
 /// How often a null may move to a better place.
 const MOST_MOVES: usize = 2;
 /// A rest after naming counts when its evidence is this part of what naming gained …
@@ -95,8 +97,9 @@ pub(crate) fn name(
     if named.unexplained.is_none() {
         named.leave_open(ctx);
     }
-    if named.accepted.is_empty() && named.unexplained.is_none() {
-        named.unexplained = unrelated(ctx, &named.last);
+    // Names that end at a plume which the readings do not follow name nothing.
+    if named.unexplained.is_none() {
+        named.unexplained = unrelated(ctx, &named.base, &named.last);
     }
     named
 }
@@ -129,9 +132,13 @@ fn needed_beyond(named: usize, gained: f64) -> f64 {
     }
 }
 
-/// Whether a round calls for a name, and which.
-fn called_for(round: &Round, more_nats: f64) -> Option<&Tried> {
+/// Whether a round calls for a name, and which. Of the base's first parts the scenario `stated` how
+/// sure it is: that prior is given up where the data contradict it.
+fn called_for(round: &Round, more_nats: f64, stated: usize) -> Option<&Tried> {
     let best = round.tried.first()?;
+    if best.part < stated {
+        return (best.log_evidence > CONTRADICTED_NATS + more_nats).then_some(best);
+    }
     // Of effects that are far from linear the screen sees less than the full fit.
     let refit = best.log_score - REFIT_MARGIN;
     let seen = round.best_gain.max(refit);
@@ -144,9 +151,14 @@ fn called_for(round: &Round, more_nats: f64) -> Option<&Tried> {
 
 /// What a round that tests a name again finds at its best, if the data still ask for it. It was
 /// called for once, against all that chance offers; now it has to be of use beside the others.
-fn still_called_for(round: &Round) -> Option<&Tried> {
+fn still_called_for(round: &Round, stated: usize) -> Option<&Tried> {
     let best = round.tried.first()?;
-    (best.log_evidence > LEAST_EVIDENCE).then_some(best)
+    let least = if best.part < stated {
+        CONTRADICTED_NATS
+    } else {
+        LEAST_EVIDENCE
+    };
+    (best.log_evidence > least).then_some(best)
 }
 
 impl Named {
@@ -165,7 +177,7 @@ impl Named {
         loop {
             let k = self.accepted.len();
             let round = later.as_ref().unwrap_or(&self.first);
-            let best = called_for(round, needed_beyond(k, gained));
+            let best = called_for(round, needed_beyond(k, gained), ctx.setup.priors.len());
             let best = best.filter(|_| k < options.most_causes);
             if let Some(rival) = preferred(round, best, REST_PART * gained) {
                 let first = doubt.is_none();
@@ -284,7 +296,7 @@ impl Named {
             let moved = without.parts.len() < self.last.model.parts.len();
             let incumbent = self.incumbent(k, &without, moved);
             let round = explore::names(ctx, &null, seed, Some(incumbent));
-            let best = still_called_for(&round);
+            let best = still_called_for(&round, ctx.setup.priors.len());
             // Parts after the one taken out have moved down by one; the new one stands last.
             for other in &mut self.accepted {
                 if moved && other.part > part {
@@ -349,6 +361,18 @@ impl Named {
         Verdict::of(&self.causes, self.unexplained.is_some())
     }
 
+    /// By how much the wind's direction drifts within what every base tolerates, degrees an hour;
+    /// nothing where a drift was named.
+    pub fn tolerated_drift_deg_per_h(&self) -> f64 {
+        let named = |part: usize| self.accepted.iter().any(|a| a.part == part);
+        let parts = self.last.model.parts[..self.base.model.parts.len()].iter();
+        parts
+            .enumerate()
+            .filter(|(k, p)| p.id == MechanismId::WindDirectionDrift && !named(*k))
+            .map(|(_, p)| p.values[0])
+            .sum()
+    }
+
     /// Accepted parts as mechanisms with their fitted parameters.
     pub fn extension(&self, ctx: &Context<'_>) -> Vec<Mechanism> {
         let stated = ctx.setup.priors.len();
@@ -373,7 +397,7 @@ impl Named {
     fn describe(&self, ctx: &Context<'_>) -> Vec<Cause> {
         let mut causes: Vec<Cause> = Vec::new();
         for a in &self.accepted {
-            let parameters = parameters(&self.last, a.part);
+            let parameters = parameters(ctx.setup, &self.last, a.part);
             let platforms: Vec<String> = a
                 .platform
                 .map(|p| ctx.data.track.platforms()[p].clone())

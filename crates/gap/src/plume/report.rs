@@ -152,8 +152,13 @@ fn noise_words(fitted: &Fitted) -> Vec<(String, f64, String)> {
     ]
 }
 
-/// The scenario's uncertain keys, fitted.
-pub(crate) fn base_parameters(setup: &Setup, fitted: &Fitted) -> Vec<BaseParameter> {
+/// The scenario's uncertain keys, fitted; the wind's direction is that of the wind against which it
+/// was fitted, from `wind_from_deg`, and the turn.
+pub(crate) fn base_parameters(
+    setup: &Setup,
+    fitted: &Fitted,
+    wind_from_deg: f64,
+) -> Vec<BaseParameter> {
     setup
         .priors
         .iter()
@@ -161,13 +166,16 @@ pub(crate) fn base_parameters(setup: &Setup, fitted: &Fitted) -> Vec<BaseParamet
         .map(|(part, prior)| {
             let found = fitted.model.free.iter().position(|f| f.part == part);
             let value = fitted.model.parts[part].values[0];
-            let sd = found.map_or(f64::NAN, |k| {
-                SD_FACTOR * fitted.posterior.covariance[(k, k)].sqrt()
-            });
             let log = prior.id.spec().parameters[0].coordinate == Coordinate::Log;
+            // No data make known less than was.
+            let sd = found.map_or(f64::NAN, |k| {
+                let own = SD_FACTOR * fitted.posterior.covariance[(k, k)].sqrt();
+                own.min(fitted.model.free[k].sd)
+            });
             let (value, sd) = match (log, prior.id) {
                 (true, _) => (prior.value * value, prior.value * value * sd),
                 (false, MechanismId::SensorLag) => (value, sd),
+                (false, MechanismId::WindDirectionOffset) => (wind_from_deg + value, sd),
                 (false, _) => (prior.value + value, sd),
             };
             BaseParameter {
@@ -197,22 +205,27 @@ pub(crate) fn prior_parameters(setup: &Setup) -> Vec<BaseParameter> {
 /// The smallest effect of every mechanism that these data could have shown. Of a lid or a limit,
 /// which do nothing at infinity, it is the highest of those tried that would show.
 pub(crate) fn detectable(named: &Named) -> Vec<Detectable> {
-    let mut out: Vec<Detectable> = Vec::new();
-    let mut smallest = |id: MechanismId, which: usize, size: f64, limit: bool| {
+    let first = &named.first;
+    let mut out: Vec<(f64, Detectable)> = Vec::new();
+    // Of several starts the one whose step is about as long as what it finds is the straightest.
+    let mut put = |id: MechanismId, which: usize, value: f64, bend: f64| {
         let p = &id.spec().parameters[which];
+        let mechanism = id.as_str().to_string();
+        let known = out.iter().position(|d| d.1.mechanism == mechanism);
+        if !value.is_finite() || known.is_some_and(|k| out[k].0 <= bend) {
+            return;
+        }
         let entry = Detectable {
-            mechanism: id.as_str().to_string(),
+            mechanism,
             parameter: p.name.to_string(),
-            value: size,
+            value,
             unit: p.unit.to_string(),
         };
-        match out.iter_mut().find(|d| d.mechanism == entry.mechanism) {
-            Some(d) if (size < d.value) != limit => *d = entry,
-            Some(_) => {}
-            None => out.push(entry),
+        match known {
+            Some(k) => out[k] = (bend, entry),
+            None => out.push((bend, entry)),
         }
     };
-    let first = &named.first;
     for (id, s) in first.screened.iter().filter(|(_, s)| s.platform.is_none()) {
         let start = &first.starts[s.start];
         let amplitude = detectable_amplitude(s);
@@ -221,12 +234,13 @@ pub(crate) fn detectable(named: &Named) -> Vec<Detectable> {
         } else {
             0
         };
-        let limit = !id.spec().parameters[which].neutral.is_finite();
-        if limit && amplitude <= 1.0 {
-            smallest(*id, which, start.ends[0][which], limit);
-        } else if !limit && amplitude.is_finite() {
+        if id.spec().parameters[which].neutral.is_finite() {
             let reached = start.part(None, &vec![amplitude; start.ends.len()]).values[which];
-            smallest(*id, which, (reached - defaults(*id)[which]).abs(), limit);
+            let size = (reached - defaults(*id)[which]).abs();
+            put(*id, which, size, amplitude.ln().abs());
+        } else if amplitude <= 1.0 {
+            let limit = start.ends[0][which];
+            put(*id, which, limit, -limit);
         }
     }
     for s in first.equations.score_widened() {
@@ -236,11 +250,9 @@ pub(crate) fn detectable(named: &Named) -> Vec<Detectable> {
             Coordinate::Log => departure.exp() - 1.0,
             Coordinate::Linear => departure,
         };
-        if size.is_finite() {
-            smallest(named.base.model.id_of(s.start), 0, size, false);
-        }
+        put(named.base.model.id_of(s.start), 0, size, 0.0);
     }
-    out
+    out.into_iter().map(|(_, entry)| entry).collect()
 }
 
 /// Steps of a start, or units of a parameter's coordinate, that count as detectable.

@@ -25,6 +25,8 @@ pub(crate) struct Rival {
     pub platform: Option<usize>,
     /// Whether it swings the plume to and fro.
     pub swings: bool,
+    /// Whether it delays the readings of its platform.
+    pub delays: bool,
     /// Gain of the log evidence, with its share of the prior, nats.
     pub log_evidence: f64,
     /// What it adds to the whitened prediction.
@@ -94,6 +96,7 @@ pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed:
                 words: terms[k].words.clone(),
                 platform: terms[k].platform,
                 swings: terms[k].swings,
+                delays: terms[k].delays,
                 log_evidence,
                 fitted: spectrum.fitted(&terms[k], &whitened, size, ctx),
             })
@@ -102,6 +105,18 @@ pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed:
     Rivals {
         ranked,
         threshold: chance.threshold(false_alarm),
+    }
+}
+
+impl Rivals {
+    /// Takes so many nats from those that `hold` what has a name, and puts all in order.
+    pub fn handicap(&mut self, nats: f64, hold: impl Fn(&Rival) -> bool) {
+        for rival in self.ranked.iter_mut().filter(|r| hold(r)) {
+            rival.log_evidence -= nats;
+        }
+        let evidence = |r: &Rival| r.log_evidence;
+        self.ranked
+            .sort_by(|a, b| evidence(b).total_cmp(&evidence(a)));
     }
 }
 

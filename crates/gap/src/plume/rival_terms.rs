@@ -103,6 +103,8 @@ pub(crate) struct Term {
     pub turns: bool,
     /// Whether it swings it to and fro.
     pub swings: bool,
+    /// Whether it delays readings.
+    pub delays: bool,
     /// Log of its share of the rivals' prior.
     pub ln_weight: f64,
     /// Positions of its columns.
@@ -226,9 +228,18 @@ impl<'a> Builder<'a> {
                 platform,
                 turns: false,
                 swings: false,
+                delays: false,
                 ln_weight,
                 columns,
             });
+        }
+    }
+
+    /// Tells of the term of some columns, if it was added last, whether it delays readings.
+    fn delays(&mut self, columns: std::ops::Range<usize>, load: Load) {
+        let last = self.terms.last_mut();
+        if let Some(term) = last.filter(|t| t.columns == columns) {
+            term.delays = Load::DELAYS.contains(&load);
         }
     }
 
@@ -352,6 +363,7 @@ fn in_time(b: &mut Builder<'_>) {
             let name = &b.ctx.data.track.platforms()[p];
             let words = format!("platform {name}: {words}");
             b.add_weighted("platform", words, Some(p), ln_weight, columns.clone());
+            b.delays(columns.clone(), load);
         }
     }
 }
@@ -551,6 +563,7 @@ fn delays(b: &mut Builder<'_>, load: Load, time_s: &[f64], period_s: f64, ln_wei
         );
         let share = ln_weight - (platforms as f64).ln();
         b.add_weighted(coordinate, text, Some(p), share, own.clone());
+        b.delays(own.clone(), load);
     }
 }
 

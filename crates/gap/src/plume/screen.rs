@@ -235,7 +235,8 @@ impl Frame {
                 all.extend(self.hypothesis(s, None, &columns, gram, start));
             }
             if many && start.of_a_platform() {
-                for (p, own) in per_platform.iter().enumerate() {
+                let free = |p: &usize| !start.taken.contains(p);
+                for (p, own) in per_platform.iter().enumerate().filter(|(p, _)| free(p)) {
                     all.extend(self.hypothesis(s, Some(p), &columns, &own.gram, start));
                 }
             }

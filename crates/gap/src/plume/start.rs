@@ -14,8 +14,12 @@ use super::transport::{Carried, Treatment, carried};
 /// good, nats.
 const ALIKE_NATS: f64 = 6.0;
 
-/// Where the plume is looked for, standard deviations of the wind's direction.
-const AIMS_SD: [f64; 11] = [0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0, -2.5, 2.5];
+/// How far on either side the plume is looked for, standard deviations of the wind's direction and
+/// degrees, and in which steps.
+const AIMS_SD: f64 = 2.5;
+const FARTHEST_AIM_DEG: f64 = 180.0;
+const AIM_STEP_SD: f64 = 0.5;
+const LONGEST_AIM_STEP_DEG: f64 = 5.0;
 
 /// Gain of log likelihood beyond which puffs of another plume are other puffs, nats.
 const OTHER_PUFFS_NATS: f64 = 10.0;
@@ -207,16 +211,22 @@ fn aimed(setup: &Setup, data: &Data, carried: &Carried, base: Model, noise: &Noi
     let mut own = data.clone();
     put(setup, &mut own, carried, &base);
     let ctx = single(setup, &own);
-    let turned = AIMS_SD.map(|aim| {
+    let sd_deg = base.free[k].sd;
+    let reach_deg = (AIMS_SD * sd_deg).min(FARTHEST_AIM_DEG);
+    let steps = (reach_deg / (AIM_STEP_SD * sd_deg).min(LONGEST_AIM_STEP_DEG)).ceil() as i32;
+    // From the middle outwards: of two that are as good the nearer one stands.
+    let aims = (0..=2 * steps).map(|n| if n % 2 == 0 { n / 2 } else { -(n + 1) / 2 });
+    let turned = aims.map(|aim| {
         let mut model = base.clone();
-        model.set_coordinate(k, base.coordinate(k) + aim * base.free[k].sd);
+        let turn_deg = f64::from(aim) / f64::from(steps.max(1)) * reach_deg;
+        model.set_coordinate(k, base.coordinate(k) + turn_deg);
         let prediction = ctx.predict(&model);
         let loading = ctx.loading(&model, &prediction);
         let residual = own.residual(&prediction.reading);
         let score = noise::log_likelihood(&ctx.rows(&loading), noise, &residual);
         (score + model.ln_prior(), model)
     });
-    let best = turned.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
+    let best = turned.reduce(|a, b| if b.0 > a.0 { b } else { a });
     best.map_or(base, |b| b.1)
 }
 

@@ -92,6 +92,8 @@ pub(crate) struct Carried {
     pub treatment: Treatment,
     /// Standard deviation of what gusts may have made of the direction's trend, degrees an hour.
     pub chance_deg_per_h: f64,
+    /// Mean logged speed over the scenario's, where a c_MAX cannot have been met in the latter.
+    stronger: f64,
     history: Option<WindHistory>,
 }
 
@@ -106,7 +108,8 @@ impl Carried {
         track.transport_mut().copy_from_slice(&self.transport);
         for (factor, wind) in track.plume_factor_mut().iter_mut().zip(&self.transport) {
             *factor = match self.treatment {
-                Treatment::Diluted(_) => world.dilution_of_moment(*wind),
+                Treatment::Diluted(_) => self.stronger * world.dilution_of_moment(*wind),
+                Treatment::Puffs(_) => self.stronger,
                 _ => 1.0,
             };
         }
@@ -120,6 +123,9 @@ impl Carried {
         }
     }
 }
+
+/// Logarithm of the ratio beyond which the logged speed is another than the scenario's.
+const OTHER_WIND_LN: f64 = 0.15;
 
 /// A vector series on an even grid of times.
 struct Grid {
@@ -395,11 +401,28 @@ pub(crate) fn carried(
         }
     };
     Some(Carried {
+        stronger: stronger_than_stated(data, &transport),
         transport,
         treatment,
         chance_deg_per_h,
         history,
     })
+}
+
+/// How much more the wind blows in the mean than the scenario's, where its source is stated by a
+/// c_MAX and that is so much that it cannot be the wind of that: then c_MAX is taken to hold in the
+/// wind that was logged. One elsewhere.
+fn stronger_than_stated(data: &Data, transport: &[Transport]) -> f64 {
+    let Some(stated_m_s) = data.c_max_wind_m_s else {
+        return 1.0;
+    };
+    let sum: f64 = transport.iter().map(|t| t.speed_m_s).sum();
+    let ratio = sum / transport.len().max(1) as f64 / stated_m_s;
+    if ratio.is_finite() && ratio.ln().abs() > OTHER_WIND_LN {
+        ratio
+    } else {
+        1.0
+    }
 }
 
 fn towards(v: [f64; 2]) -> Transport {

@@ -10,25 +10,42 @@ use std::borrow::Cow;
 use scenario::observations::Observations;
 
 use super::Analysis;
+use crate::GapError;
 use crate::verdict::GapJson;
 
 /// A record that begins so much after time 0, or before it, counts from elsewhere, s.
 const NEAR_S: f64 = 3600.0;
 
+/// A record longer than this is none of one occasion, s: a month.
+const LONGEST_S: f64 = 30.0 * 86_400.0;
+
 /// The observations counted from their own beginning where time 0 is not near it, and that beginning
 /// in their own time, s; zero where they stay as they are.
-pub(super) fn counted(observations: &Observations) -> (Cow<'_, Observations>, f64) {
-    let times = observations.rows.iter().map(|r| r.time_s);
-    let first_s = times.fold(f64::INFINITY, f64::min);
+///
+/// # Errors
+/// Times that are a month and more apart.
+pub(super) fn counted(
+    observations: &Observations,
+) -> Result<(Cow<'_, Observations>, f64), GapError> {
+    let times = || observations.rows.iter().map(|r| r.time_s);
+    let first_s = times().fold(f64::INFINITY, f64::min);
+    let last_s = times().fold(f64::NEG_INFINITY, f64::max);
+    if last_s - first_s > LONGEST_S {
+        return Err(GapError::Data {
+            what: "observations, column time_s".to_string(),
+            problem: format!("times from {first_s} to {last_s} s"),
+            expected: "one record, in seconds of one clock, shorter than 30 days".to_string(),
+        });
+    }
     if !first_s.is_finite() || (0.0..NEAR_S).contains(&first_s) {
-        return (Cow::Borrowed(observations), 0.0);
+        return Ok((Cow::Borrowed(observations), 0.0));
     }
     let mut own = observations.clone();
     own.rows.iter_mut().for_each(|r| r.time_s -= first_s);
     own.notices.push(format!(
         "time_s begins at {first_s:.0} s: trends and drifts are counted from there"
     ));
-    (Cow::Owned(own), first_s)
+    Ok((Cow::Owned(own), first_s))
 }
 
 /// Puts all times of an answer back into the record's own.

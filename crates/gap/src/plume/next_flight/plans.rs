@@ -59,7 +59,7 @@ pub(super) struct PlumeAxis {
 impl PlumeAxis {
     /// As `model` has it at `time_s` if the wind stays what it was in the mean.
     pub fn of(ctx: &Context<'_>, model: &Model, time_s: f64) -> Self {
-        let wind = ctx.data.mean_transport();
+        let wind = ctx.data.mean_transport(&vec![1.0; ctx.data.len()]);
         let sum = |id: MechanismId| {
             let own = model.parts.iter().filter(|p| p.id == id);
             own.map(|p| p.values[0]).sum::<f64>()

@@ -66,6 +66,7 @@ impl<'a> Flown<'a> {
             notices: Vec::new(),
             ceiling_ppm: Vec::new(),
             on_board_wind: ctx.data.on_board_wind,
+            c_max_wind_m_s: ctx.data.c_max_wind_m_s,
         };
         let there = there(ctx, &data);
         let prediction = there.predict(&first.model);

@@ -19,6 +19,8 @@ pub(crate) struct Free {
     pub sd: f64,
     /// The prior is cut in half at the centre: twice the density on the side allowed.
     pub one_sided: bool,
+    /// Its prior is the scenario's own word.
+    pub stated: bool,
     /// One standard deviation by which it may differ from what these data tell, since what it is
     /// counted from, the log, is off by chance.
     pub chance_sd: f64,
@@ -82,6 +84,7 @@ impl Model {
                 centre,
                 sd,
                 one_sided: false,
+                stated: true,
                 chance_sd: 0.0,
             });
         }
@@ -101,6 +104,7 @@ impl Model {
                 centre: 0.0,
                 sd,
                 one_sided: false,
+                stated: false,
                 chance_sd: 0.0,
             });
         }
@@ -131,6 +135,7 @@ impl Model {
                     centre: to_coordinate(spec, spec.prior_centre),
                     sd: spec.prior_sd,
                     one_sided: spec.low == spec.neutral || spec.high == spec.neutral,
+                    stated: false,
                     chance_sd: 0.0,
                 });
             }
@@ -151,7 +156,8 @@ impl Model {
         if own < NARROW * physical {
             Some(physical)
         } else {
-            (own < FLAT * physical).then_some(BEYOND_STATED * own)
+            let held = self.free[k].stated && own < FLAT * physical;
+            held.then_some(BEYOND_STATED * own)
         }
     }
 
@@ -160,6 +166,7 @@ impl Model {
         let mut model = self.clone();
         if let Some(sd) = self.wider_sd(k) {
             model.free[k].sd = sd;
+            model.free[k].stated = false;
         }
         model
     }

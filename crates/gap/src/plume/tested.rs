@@ -113,7 +113,7 @@ pub(crate) fn without(model: &Model, base: &Model, part: usize) -> Option<Model>
                 .free
                 .iter()
                 .find(|f| f.part == part && f.parameter == free.parameter)?;
-            free.sd = own.sd;
+            (free.sd, free.stated) = (own.sd, own.stated);
         }
         return Some(out);
     }

@@ -53,11 +53,6 @@ impl Options {
 /// many.
 pub type Progress<'a> = dyn Fn(&Outcome, usize, usize) + Sync + 'a;
 
-/// Runs the whole benchmark with `seeds` seeds a case.
-pub fn run(seeds: u64, progress: &Progress<'_>) -> Summary {
-    run_with(&Options::new(seeds), progress)
-}
-
 /// Runs the benchmark as `options` say.
 pub fn run_with(options: &Options, progress: &Progress<'_>) -> Summary {
     let mut tasks = plan(options.seeds, options.first_seed);

@@ -111,10 +111,10 @@ impl Summary {
     pub fn to_markdown(&self) -> String {
         let mut page = format!(
             "# Finding hidden causes: benchmark\n\n\
-             {} seeds a case, {} cases. Rates with their counts and 95 % intervals (Clopper & \
+             {} seeds a case (half of that for pairs, a quarter for changed files), {} cases. Rates with their counts and 95 % intervals (Clopper & \
              Pearson). D is the log score in nats that the true extension gains over the base; of \
              effects outside the catalogue that neither multiply nor turn the plume, what they cost \
-             the base. It is tuned to within a tenth; \
+             the base. It is tuned to within a tenth, where that is not reached to within three; \
              effects that no scene tried shows so strongly are left out and counted below. \
              Inseparable is what the truth would beat by less than ln 19 = 2.9 nats on average \
              on the same tracks: no method could state one of two at 95 %.\n\n",

@@ -503,3 +503,6 @@ fn a_fault_that_may_be_another_platforms_is_said_so() {
     assert_eq!(two.json.causes[0].mechanisms, ["sensor-gain"]);
     assert!(said(&two), "{:?}", two.json.notices);
 }
+
+#[path = "inputs_tests.rs"]
+mod inputs;

@@ -1,0 +1,183 @@
+//! Logs as they come: counted from another time, sampled slowly, in another unit, with codes for
+//! nothing, and scenarios that say how sure they are.
+
+use super::*;
+
+/// A setup of the scenario with more text at its end, which is in `[uncertain]`.
+fn setup_with(uncertain: &str) -> Setup {
+    let text = format!("{SCENARIO}{uncertain}");
+    Setup::new(&Scenario::parse("test.toml", &text).unwrap()).unwrap()
+}
+
+fn run_with(uncertain: &str, observations: &Observations) -> Analysis {
+    let options = Options {
+        complete: false,
+        ..Options::default()
+    };
+    analyse(&setup_with(uncertain), observations, &options, &mut |_| ()).unwrap()
+}
+
+fn sets(a: &Analysis) -> Vec<&[String]> {
+    a.json.causes.iter().map(|c| &c.mechanisms[..]).collect()
+}
+
+#[test]
+fn a_record_may_count_from_elsewhere() {
+    let own = observe(
+        &[("background-drift", &[("rate_ppm_per_h", 60.0)], &[])],
+        12,
+    );
+    let mut epoch = own.clone();
+    epoch.rows.iter_mut().for_each(|r| r.time_s += 1.7e9);
+    let (a, b) = (run_with("", &own), run_with("", &epoch));
+    assert!(!a.json.causes.is_empty(), "{}", a.json.summary);
+    assert_eq!(sets(&a), sets(&b));
+    let rate = |a: &Analysis| a.json.causes[0].parameters[0].value;
+    assert!(
+        (rate(&a) - rate(&b)).abs() < 1e-3,
+        "{} {}",
+        rate(&a),
+        rate(&b)
+    );
+    assert!(
+        b.json
+            .notices
+            .iter()
+            .any(|n| n.contains("counted from there"))
+    );
+    let from = |a: &Analysis| {
+        let bin = a.json.residual.iter().find(|b| b.coordinate == "time");
+        bin.unwrap().from
+    };
+    assert!((from(&b) - from(&a) - 1.7e9).abs() < 1e-3);
+    assert!((b.report.series[0].time_s[0] - 1.7e9).abs() < 1e-3);
+}
+
+#[test]
+fn times_a_month_apart_are_refused() {
+    let mut far = observe(&[], 3);
+    far.rows.last_mut().unwrap().time_s = 1e10;
+    let refused = analyse(&setup(), &far, &Options::default(), &mut |_| ());
+    let message = refused.unwrap_err().to_string();
+    assert!(
+        message.contains("time_s") && message.contains("30 days"),
+        "{message}"
+    );
+}
+
+#[test]
+fn one_slow_sensor_is_named_though_all_may_be_slow() {
+    let observed = observe(&[("sensor-lag", &[("time_constant_s", 4.0)], &["b"])], 21);
+    let a = run_with("\"sensor.time_constant_s\" = 0.7\n", &observed);
+    let lag = a
+        .json
+        .causes
+        .iter()
+        .find(|c| c.mechanisms[0] == "sensor-lag");
+    let lag = lag.unwrap_or_else(|| panic!("{}", a.json.summary));
+    assert_eq!(lag.platforms, ["b"]);
+}
+
+/// The same observations, of which platform 1 logs its readings this many rows late.
+fn late(observations: &Observations, rows: isize) -> Observations {
+    let mut out = observations.clone();
+    let own: Vec<usize> = (0..out.rows.len())
+        .filter(|i| out.rows[*i].platform == 1)
+        .collect();
+    for (k, i) in own.iter().enumerate() {
+        let read = k.checked_add_signed(-rows).and_then(|k| own.get(k));
+        out.rows[*i].co2_ppm = read.and_then(|from| observations.rows[*from].co2_ppm);
+    }
+    out
+}
+
+#[test]
+fn a_clock_that_is_seconds_late_is_named() {
+    for (seed, offset_s) in [(31, 4), (32, -4)] {
+        let a = run_with("", &late(&observe(&[], seed), offset_s));
+        assert_eq!(a.json.verdict, Verdict::Named, "{}", a.json.summary);
+        assert_eq!(a.json.causes[0].mechanisms, ["clock-offset"]);
+        assert_eq!(a.json.causes[0].platforms, ["b"]);
+        let offset = &a.json.causes[0].parameters[0];
+        assert!(
+            (offset.value - offset_s as f64).abs() < 4.0 * offset.sd,
+            "{offset:?}"
+        );
+    }
+}
+
+// A tenth of the rows of a record that was read every second.
+#[test]
+fn readings_ten_seconds_apart_are_used() {
+    let mut slow = observe(&[], 5);
+    slow.rows.retain(|r| r.time_s % 10.0 == 0.0);
+    let text = SCENARIO.replace(
+        "noise_sd_ppm = 1.0",
+        "noise_sd_ppm = 1.0\ntime_constant_s = 1.5",
+    );
+    let setup = Setup::new(&Scenario::parse("test.toml", &text).unwrap()).unwrap();
+    let a = analyse(&setup, &slow, &Options::live(), &mut |_| ()).unwrap();
+    let used = a.report.series.iter().flat_map(|s| &s.used);
+    assert!(used.filter(|u| **u).count() > 170, "{}", a.json.summary);
+}
+
+#[test]
+fn other_units_of_height_and_time_are_suspected() {
+    for change in [
+        |r: &mut Observation| r.alt_amsl_m *= 1e-3,
+        |r: &mut Observation| r.time_s *= 1e3,
+        |r: &mut Observation| r.time_s /= 60.0,
+    ] {
+        let (verdict, flaws) = damaged(change);
+        assert_eq!(verdict, Verdict::None);
+        assert!(flaws.contains(&Flaw::Unit), "{flaws:?}");
+    }
+}
+
+#[test]
+fn codes_for_no_reading_are_masked_and_make_no_verdict() {
+    for code in [65_535.0, -9_999.0] {
+        let (verdict, flaws) = damaged(|r| {
+            if r.time_s % 17.0 == 0.0 {
+                r.co2_ppm = Some(code);
+            }
+        });
+        assert_eq!(verdict, Verdict::None, "{code}");
+        assert!(flaws.contains(&Flaw::Outlier), "{code}: {flaws:?}");
+    }
+}
+
+#[test]
+fn readings_of_other_times_are_unexplained_whatever_is_named() {
+    let mut shuffled = observe(&[], 6);
+    for platform in 0..3 {
+        let rows = || (0..shuffled.rows.len()).filter(|i| shuffled.rows[*i].platform == platform);
+        let at: Vec<usize> = rows().collect();
+        let read: Vec<Option<f64>> = at.iter().map(|i| shuffled.rows[*i].co2_ppm).collect();
+        for (k, i) in at.iter().enumerate() {
+            shuffled.rows[*i].co2_ppm = read[(k * 233 + 101) % read.len()];
+        }
+    }
+    let a = run_with("", &shuffled);
+    assert_eq!(a.json.verdict, Verdict::Unexplained, "{}", a.json.summary);
+}
+
+#[test]
+fn a_stated_prior_is_kept_until_the_data_contradict_it() {
+    let mut turned = observe(&[], 7);
+    for row in &mut turned.rows {
+        row.wind_from_deg = row.wind_from_deg.map(|from| from + 15.0);
+    }
+    let a = run_with("\"weather.wind_from_deg\" = 10.0\n", &turned);
+    assert_eq!(a.json.verdict, Verdict::None, "{}", a.json.summary);
+    // What the base says of the direction is the direction, not the turn against the log.
+    let base = a
+        .json
+        .base
+        .iter()
+        .find(|b| b.name == "weather.wind_from_deg");
+    assert!((base.unwrap().value - 250.0).abs() < 1.0, "{base:?}");
+    let b = run_with("\"weather.wind_from_deg\" = 3.0\n", &turned);
+    assert_eq!(b.json.verdict, Verdict::Named, "{}", b.json.summary);
+    assert_eq!(b.json.causes[0].mechanisms, ["wind-direction-offset"]);
+}

@@ -11,6 +11,7 @@ mod candidate;
 mod ceiling;
 mod chance;
 mod data;
+mod delay;
 mod explore;
 mod fit;
 mod fixes;

@@ -106,7 +106,7 @@ pub struct Ranked {
 /// Mean misfit in a part of the data.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ResidualBin {
-        /// Along what: "time", "across_wind", "along_wind", "height", "platform".
+    /// Along what: "time", "across_wind", "along_wind", "height", "platform".
     pub coordinate: String,
     /// Platform; null for all.
     pub platform: Option<String>,
@@ -258,7 +258,7 @@ pub struct Unexplained {
 pub enum Flaw {
     /// The reading stands still.
     Frozen,
-        /// The reading hits a ceiling.
+    /// The reading hits a ceiling.
     Clipped,
     /// Readings are missing.
     Gap,

@@ -29,7 +29,7 @@ pub struct LiveGap {
 }
 
 impl LiveGap {
-        /// The live gap of a mission; none where the scenario wants none.
+    /// The live gap of a mission; none where the scenario wants none.
     ///
     /// # Errors
     /// A scenario that describes no world.

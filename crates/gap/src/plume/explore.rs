@@ -4,7 +4,6 @@
 use ::plume::effects::HOUR_S;
 use ::plume::mechanism::MechanismId;
 
-use super::accepted::law_power;
 use super::candidate::{self, Start};
 use super::chance::Chance;
 use super::fit::{Context, Fitted};
@@ -27,9 +26,6 @@ const LEAST_LID_NATS: f64 = 2.0;
 const ANOTHER_PLACE_NATS: f64 = 1.0;
 /// From how many standard deviations of its prior on a tolerance may stand for another.
 const FAR_SD: f64 = 0.8;
-/// What a nameless term must gain more that holds what has a name, as differences of laws let it
-/// count, nats.
-const LESS_TO_SAY_NATS: f64 = 6.0;
 /// How many of the best trials lend the null their parameters.
 const STARTS_OF_NULL: usize = 3;
 
@@ -89,10 +85,9 @@ pub(crate) struct Incumbent {
 pub(crate) fn round(ctx: &Context<'_>, null: &Fitted, seed: u64) -> Round {
     let names = names(ctx, null, seed, None);
     let mut rivals = rival::rivals(ctx, null, FALSE_ALARM, seed ^ 0x5eed);
-    if let Some(best) = names.tried.first() {
-        let power = law_power(best.id, None, best.log_score);
-        rivals.handicap(LESS_TO_SAY_NATS / power, |r| holds(r, best));
-    }
+    let best = names.tried.first();
+    let log_score = best.map_or(0.0, |b| b.log_score);
+    rivals.beside_name(ctx, log_score, |r| best.is_some_and(|b| holds(r, b)));
     Round {
         rivals: Some(rivals),
         ..names
@@ -100,7 +95,7 @@ pub(crate) fn round(ctx: &Context<'_>, null: &Fitted, seed: u64) -> Round {
 }
 
 /// Whether a nameless term describes what the name does, and more: a delay that comes and goes may
-/// also stay. Then it has less to say than others.
+/// also stay.
 fn holds(rival: &Rival, name: &Tried) -> bool {
     let delays = matches!(name.id, MechanismId::ClockOffset | MechanismId::SensorLag);
     rival.delays && delays && name.platform.is_none_or(|p| rival.platform == Some(p))
@@ -376,7 +371,11 @@ impl Round {
         let tried = self.tried.iter();
         let all: Vec<f64> = std::iter::once(weighed(0.0, None))
             .chain(tried.map(|t| weighed(t.log_evidence, Some(t.id))))
-            .chain(rivals.map(|r| weighed(r.log_evidence, None)))
+            // What holds a name has no other law than that.
+            .chain(rivals.map(|r| match r.holds_best {
+                true => r.log_evidence,
+                false => weighed(r.log_evidence, None),
+            }))
             .collect();
         let peak = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         peak + all.iter().map(|e| (e - peak).exp()).sum::<f64>().ln()

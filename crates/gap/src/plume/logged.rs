@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn a_wind_logged_every_second_row_is_followed_and_one_seen_once_is_not() {
         let with = |every: usize| -> Vec<Row> {
-            let wind = |k: usize| (k % every == 0).then_some((5.0, 270.0));
+            let wind = |k: usize| k.is_multiple_of(every).then_some((5.0, 270.0));
             (0..400).map(|k| row(k as f64, wind(k), 1000.0)).collect()
         };
         let mut notices = Vec::new();

@@ -185,8 +185,12 @@ impl Nuisance {
     }
 }
 
-/// The part of the plume's way at each row that lies before the record.
-fn part_before(ctx: &Context<'_>) -> Vec<f64> {
+/// The part of the plume's way at each row that lies before the record; none where nobody logged the
+/// wind, of which as much is known then as later.
+pub(crate) fn part_before(ctx: &Context<'_>) -> Vec<f64> {
+    if !ctx.data.on_board_wind {
+        return vec![0.0; ctx.data.len()];
+    }
     let (from, _) = ctx.data.span_s();
     let times = ctx.data.track.time_s();
     ctx.way_s()

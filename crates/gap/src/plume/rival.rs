@@ -13,7 +13,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::chance::Chance;
 use super::fit::{Context, Fitted};
 use super::linear::{self, dot, products, scores};
-use super::nuisance::SHARED_MOST_DEG;
+use super::nuisance::{SHARED_MOST_DEG, part_before};
 use super::parallel;
 use super::rival_terms::{self as terms, Term};
 
@@ -27,6 +27,8 @@ pub(crate) struct Rival {
     pub swings: bool,
     /// Whether it delays the readings of its platform.
     pub delays: bool,
+    /// Whether it describes what the best name does, and more.
+    pub holds_best: bool,
     /// Gain of the log evidence, with its share of the prior, nats.
     pub log_evidence: f64,
     /// What it adds to the whitened prediction.
@@ -45,6 +47,8 @@ pub(crate) struct Rivals {
 const SIZES: [f64; 6] = [3.0, 10.0, 40.0, 200.0, 1000.0, 1e4];
 /// Share of the prior that nameless terms have against named mechanisms.
 const LN_SHARE: f64 = -6.0;
+/// Part of what a name gains that its own imperfection may leave to what holds it.
+const IMPERFECT_PART: f64 = 0.06;
 
 /// Builds, whitens and ranks all rivals on top of `fitted`.
 pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed: u64) -> Rivals {
@@ -97,6 +101,7 @@ pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed:
                 platform: terms[k].platform,
                 swings: terms[k].swings,
                 delays: terms[k].delays,
+                holds_best: false,
                 log_evidence,
                 fitted: spectrum.fitted(&terms[k], &whitened, size, ctx),
             })
@@ -108,15 +113,41 @@ pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed:
     }
 }
 
+/// Part of the way from which on it counts as before the record, and part of what a term explains.
+const BEFORE_PART: f64 = 0.3;
+const LIVES_PART: f64 = 0.5;
+
+/// Whether what a term explains lives in air whose way lies before the record, `before` being the
+/// part of that at every row: of the wind there nothing is known.
+fn lives_before(before: &[f64], fitted: &[f64]) -> bool {
+    let squares = || fitted.iter().map(|v| v * v).zip(before);
+    let all: f64 = squares().map(|(square, _)| square).sum();
+    let early = squares().filter(|(_, part)| **part > BEFORE_PART);
+    early.map(|(square, _)| square).sum::<f64>() > LIVES_PART * all
+}
+
 impl Rivals {
-    /// Takes so many nats from those that `hold` what has a name, and puts all in order.
-    pub fn handicap(&mut self, nats: f64, hold: impl Fn(&Rival) -> bool) {
-        for rival in self.ranked.iter_mut().filter(|r| hold(r)) {
-            rival.log_evidence -= nats;
+    /// Weighs them beside the name that gains most, `log_score` nats, of whose cause they may be a
+    /// part: what `holds` it, as a delay that comes and goes holds one that stays, has to gain so
+    /// much more that it is not the name's own imperfection. A delay that holds none and lives in air
+    /// from before the record is the wind's.
+    pub fn beside_name(
+        &mut self,
+        ctx: &Context<'_>,
+        log_score: f64,
+        holds: impl Fn(&Rival) -> bool,
+    ) {
+        let before = part_before(ctx);
+        for rival in &mut self.ranked {
+            rival.holds_best = holds(rival);
+            if rival.holds_best {
+                rival.log_evidence -= IMPERFECT_PART * log_score.max(0.0);
+            }
         }
-        let evidence = |r: &Rival| r.log_evidence;
         self.ranked
-            .sort_by(|a, b| evidence(b).total_cmp(&evidence(a)));
+            .retain(|r| !r.delays || r.holds_best || !lives_before(&before, &r.fitted));
+        self.ranked
+            .sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
     }
 }
 

@@ -1,5 +1,6 @@
 //! The columns of the nameless terms: hats and waves in time, place and across the plume.
 
+use super::delay::{LATE_S, late, rate_of_change};
 use super::fit::{Context, Fitted};
 use super::lee::{self, Ground};
 
@@ -34,9 +35,6 @@ impl Load {
         }
     }
 }
-
-/// Delays that are longer than a plume takes to cross, for which its derivative does not stand, s.
-const LATE_S: [f64; 3] = [4.0, 10.0, 22.0];
 
 /// When what a term describes happens to the air of a reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -235,11 +233,11 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Tells of the term of some columns, if it was added last, whether it delays readings.
+    /// Tells of the term of some columns, if it was added last, that it delays readings.
     fn delays(&mut self, columns: std::ops::Range<usize>, load: Load) {
         let last = self.terms.last_mut();
-        if let Some(term) = last.filter(|t| t.columns == columns) {
-            term.delays = Load::DELAYS.contains(&load);
+        if let Some(term) = last.filter(|t| t.columns == columns && Load::DELAYS.contains(&load)) {
+            term.delays = true;
         }
     }
 
@@ -270,47 +268,6 @@ pub(crate) fn all(ctx: &Context<'_>, fitted: &Fitted, left: &[f64]) -> (Vec<Vec<
     in_place(&mut b);
     periodic(&mut b);
     (b.columns, b.terms)
-}
-
-/// Derivative of the predicted reading by time on each platform.
-fn rate_of_change(ctx: &Context<'_>, fitted: &Fitted) -> Vec<f64> {
-    let times = ctx.data.track.time_s();
-    let r = &fitted.prediction.reading;
-    let mut out = vec![0.0; r.len()];
-    for range in ctx.data.ranges() {
-        for i in range.clone() {
-            let (a, b) = (i.max(range.start + 1) - 1, (i + 1).min(range.end - 1));
-            if times[b] > times[a] {
-                out[i] = (r[b] - r[a]) / (times[b] - times[a]);
-            }
-        }
-    }
-    out
-}
-
-/// What readings that come late by some time differ by from those in time.
-fn late(ctx: &Context<'_>, fitted: &Fitted, by_s: f64) -> Vec<f64> {
-    let times = ctx.data.track.time_s();
-    let r = &fitted.prediction.reading;
-    let mut out = vec![0.0; r.len()];
-    for range in ctx.data.ranges() {
-        let mut at = range.start;
-        for i in range.clone() {
-            let then = times[i] - by_s;
-            while at + 1 < range.end && times[at + 1] <= then {
-                at += 1;
-            }
-            let next = (at + 1).min(range.end - 1);
-            let step = times[next] - times[at];
-            let part = if step > 0.0 {
-                ((then - times[at]) / step).clamp(0.0, 1.0)
-            } else {
-                0.0
-            };
-            out[i] = r[at] + part * (r[next] - r[at]) - r[i];
-        }
-    }
-    out
 }
 
 fn in_time(b: &mut Builder<'_>) {

@@ -11,12 +11,14 @@
 //! Pure: texts in, report out.
 
 pub mod arcs;
+mod checks;
 mod detail;
 pub mod evidence;
 mod extension;
 mod findings;
 pub mod ladder;
 pub mod model;
+mod parameters;
 mod scores;
 pub mod surface_layer;
 pub mod table;
@@ -26,13 +28,15 @@ use serde::Serialize;
 
 use crate::GapError;
 use crate::verdict::{
-    Cause, DataQuality, Detectable, Flaw, GapJson, NextFlight, Ranked, ResidualBin, SCHEMA, Verdict,
+    Cause, DataQuality, Detectable, Flaw, Gain, GapJson, NextFlight, Ranked, ResidualBin, SCHEMA,
+    Unexplained, Verdict,
 };
 use arcs::TrialArcs;
+use checks::Suspicions;
 pub use detail::{ArcDetail, ClassLimit, GroupDetail};
 pub use findings::TriedModel;
 use findings::{Finding, judge};
-use ladder::{Group, LateralModel, VerticalModel};
+use ladder::{Group, LateralModel, Tried, VerticalModel, Widths};
 use table::Tables;
 use trial_scores::{Scored, score};
 
@@ -78,13 +82,29 @@ pub const LEAST_TRIALS: usize = 4;
 /// Kinds of air by the sign of the Obukhov length.
 const GROUPS: [(&str, f64); 2] = [("unstable", -1.0), ("stable", 1.0)];
 
+/// A question: what was tried on it, and what it came to.
+struct Question {
+    scored: Vec<(usize, Scored)>,
+    finding: Finding,
+}
+
 /// A kind of air with everything that was tried on it.
 struct Answer<'a> {
     name: &'static str,
     group: Group<'a>,
-    vertical: Vec<(usize, Scored)>,
-    lateral: Vec<(usize, Scored)>,
-    findings: [Finding; 2],
+    vertical: Question,
+    lateral: Vec<(Widths, Question)>,
+}
+
+impl Answer<'_> {
+    fn questions(&self) -> impl Iterator<Item = &Question> {
+        std::iter::once(&self.vertical).chain(self.lateral.iter().map(|l| &l.1))
+    }
+
+    /// The question about widths of that kind.
+    fn lateral_of(&self, widths: Widths) -> Option<&Question> {
+        self.lateral.iter().find(|l| l.0 == widths).map(|l| &l.1)
+    }
 }
 
 /// Analyses tracer trials. `seed` is for the bootstrap of the scores; `progress` gets the part
@@ -100,13 +120,11 @@ pub fn analyse(
 ) -> Result<TracerReport, GapError> {
     let (trials, mut notices) = arcs::trials(tables);
     notices.splice(0..0, tables.notices.iter().cloned());
-    let vertical_models = VerticalModel::all();
-    let lateral_models = LateralModel::all();
     let mut answers = Vec::new();
     for (k, (name, sign)) in GROUPS.into_iter().enumerate() {
         let of_kind = |t: &&TrialArcs| t.weather.obukhov_length_m * sign > 0.0;
         let chosen: Vec<&TrialArcs> = trials.iter().filter(of_kind).collect();
-        match answer(name, chosen, &vertical_models, &lateral_models) {
+        match answer(name, chosen) {
             Ok(answer) => answers.push(answer),
             Err(notice) => notices.push(notice),
         }
@@ -115,17 +133,30 @@ pub fn analyse(
     if answers.is_empty() {
         return Err(GapError::Data {
             what: "tracer trials".into(),
-            problem: format!("{} trials have wind, Obukhov length and arcs", trials.len()),
+            problem: format!(
+                "{} trials have wind, Obukhov length and arcs: {}",
+                trials.len(),
+                arcs::lacking(tables)
+            ),
             expected: format!("at least {LEAST_TRIALS} in unstable or in stable air"),
         });
     }
-    let arcs = detail::arcs(&answers, &vertical_models, &lateral_models);
+    let suspicions = checks::suspicions(&trials);
+    if suspicions.amounts {
+        // The numbers stand; what they are put down to does not.
+        for answer in &mut answers {
+            answer.vertical.finding.causes.clear();
+            let lateral = answer.lateral.iter_mut();
+            lateral.for_each(|l| l.1.finding.causes.clear());
+        }
+    }
+    let arcs = detail::arcs(&answers);
     let gain = scores::gain(&answers, &arcs, seed)?;
     progress(1.0);
     let roughness_m = trials[0].weather.roughness_m;
     let report = TracerReport {
         extended_toml: extension::scenario(&answers),
-        gap: gap_json(&answers, &arcs, gain, notices),
+        gap: gap_json(&answers, &arcs, gain, notices, suspicions),
         tracer: TracerDetail {
             class_limits: detail::class_limits(roughness_m),
             roughness_m,
@@ -137,59 +168,71 @@ pub fn analyse(
 }
 
 /// Tries everything on the trials of one kind of air; a notice where they do not allow it.
-fn answer<'a>(
-    name: &'static str,
-    chosen: Vec<&'a TrialArcs>,
-    vertical_models: &[VerticalModel],
-    lateral_models: &[LateralModel],
-) -> Result<Answer<'a>, String> {
+fn answer<'a>(name: &'static str, chosen: Vec<&'a TrialArcs>) -> Result<Answer<'a>, String> {
     if chosen.len() < LEAST_TRIALS {
         return Err(format!(
             "{} trials in {name} air are too few for a fit (at least {LEAST_TRIALS})",
             chosen.len()
         ));
     }
-    let group = Group::new(chosen);
-    let vertical = score(&group, vertical_models);
-    let lateral = score(&group, lateral_models);
-    match (judge(&vertical, name), judge(&lateral, name)) {
-        (Some(a), Some(b)) => Ok(Answer {
-            name,
-            group,
-            vertical,
-            lateral,
-            findings: [a, b],
-        }),
-        _ => Err(format!(
-            "{name} air: Briggs' spread cannot be fitted to these arcs"
-        )),
+    let group = Group::new(chosen, LEAST_TRIALS);
+    let impossible = || format!("{name} air: Briggs' spread cannot be fitted to these arcs");
+    let vertical = question(&group, &VerticalModel::all(), name).ok_or_else(impossible)?;
+    let mut lateral = Vec::new();
+    for widths in [Widths::WithAzimuth, Widths::WithoutAzimuth] {
+        if group.asks(widths) {
+            let asked = question(&group, &LateralModel::all(widths), name);
+            lateral.push((widths, asked.ok_or_else(impossible)?));
+        }
     }
+    Ok(Answer {
+        name,
+        group,
+        vertical,
+        lateral,
+    })
+}
+
+fn question<T: Tried>(group: &Group<'_>, models: &[T], air: &str) -> Option<Question> {
+    let scored = score(group, models);
+    let finding = judge(&scored, air)?;
+    Some(Question { scored, finding })
 }
 
 fn gap_json(
     answers: &[Answer<'_>],
     arcs: &[ArcDetail],
-    gain: crate::verdict::Gain,
-    notices: Vec<String>,
+    gain: Gain,
+    mut notices: Vec<String>,
+    suspicions: Suspicions,
 ) -> GapJson {
     let mut causes: Vec<Cause> = answers
         .iter()
-        .flat_map(|a| a.findings.iter())
-        .flat_map(|f| f.causes.clone())
+        .flat_map(Answer::questions)
+        .flat_map(|q| q.finding.causes.clone())
         .collect();
     causes.sort_by(|a, b| {
         b.evidence
             .delta_log_evidence
             .total_cmp(&a.evidence.delta_log_evidence)
     });
-    let verdict = Verdict::of(&causes, false);
+    let unexplained = suspicions
+        .amounts
+        .then(|| off_amounts(answers, &suspicions));
+    let verdict = Verdict::of(&causes, unexplained.is_some());
     let mut ranking: Vec<Ranked> = answers.iter().flat_map(ranked).collect();
     ranking.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
-    let data_quality = notices.iter().filter_map(|n| odd_data(n)).collect();
+    let mut summary = detail::summary(answers, &gain);
+    if let Some(u) = &unexplained {
+        summary = format!("Nothing can be named: {}. {summary}", u.term);
+    }
+    let odd = notices.iter().filter_map(|n| odd_data(n));
+    let data_quality: Vec<DataQuality> = suspicions.flaws.iter().cloned().chain(odd).collect();
+    notices.splice(0..0, suspicions.flaws.into_iter().map(|f| f.message));
     GapJson {
         schema: SCHEMA,
         verdict,
-        summary: detail::summary(answers, &gain),
+        summary,
         ranking,
         residual: residual(arcs),
         gain: Some(gain),
@@ -200,10 +243,25 @@ fn gap_json(
             None
         },
         base: Vec::new(),
-        unexplained: None,
+        unexplained,
         data_quality,
         notices,
         causes,
+    }
+}
+
+/// Amounts off by a factor, as the misfit without a name that they are.
+fn off_amounts(answers: &[Answer<'_>], suspicions: &Suspicions) -> Unexplained {
+    Unexplained {
+        coordinate: "map".into(),
+        term: suspicions
+            .flaws
+            .first()
+            .map_or_else(String::new, |f| f.message.clone()),
+        from_s: f64::NAN,
+        to_s: f64::NAN,
+        platforms: answers.iter().map(|a| a.name.to_owned()).collect(),
+        delta_log_evidence: f64::NAN,
     }
 }
 
@@ -220,9 +278,9 @@ fn odd_data(notice: &str) -> Option<DataQuality> {
 }
 
 fn ranked(answer: &Answer<'_>) -> Vec<Ranked> {
-    let questions = answer.findings.iter();
+    let questions = answer.questions();
     questions
-        .flat_map(|f| &f.tried)
+        .flat_map(|q| &q.finding.tried)
         .map(|t| Ranked {
             mechanisms: t.mechanisms.clone(),
             platform: Some(answer.name.to_owned()),
@@ -274,15 +332,14 @@ const VISIBLE_NATS: f64 = 20.0;
 
 /// The smallest single vertical changes that would have shown.
 fn detectable(answer: &Answer<'_>) -> Vec<Detectable> {
-    let single = answer.vertical.iter().filter(|s| s.1.ids.len() == 1);
+    let single = answer.vertical.scored.iter();
+    let single = single.filter(|s| s.1.ids.len() == 1);
     single
         .flat_map(|s| {
-            findings::parameters(&s.1.ids, &s.1.fit)
-                .into_iter()
-                .filter(|p| {
-                    // Gain = (effect / sd)² / 2.
-                    p.mechanism == s.1.ids[0] && p.sd > 0.0
-                })
+            parameters::parameters(&s.1).into_iter().filter(|p| {
+                // Gain = (effect / sd)² / 2.
+                p.mechanism == s.1.ids[0] && p.sd > 0.0
+            })
         })
         .map(|p| Detectable {
             value: (2.0 * VISIBLE_NATS).sqrt() * p.sd,

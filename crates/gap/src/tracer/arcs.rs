@@ -1,7 +1,7 @@
 //! From samplers to arcs: the maximum, the crosswind-integrated concentration and the width,
 //! so that vertical and lateral causes can be told apart; and the vertical spread at towers.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use plume::stability::Stability;
 
@@ -28,6 +28,8 @@ pub struct Weather {
     pub mixing_height_m: Option<f64>,
     /// Standard deviation of azimuth, radians.
     pub sigma_azimuth_rad: Option<f64>,
+    /// Direction from which the wind blows, degrees.
+    pub wind_from_deg: Option<f64>,
     /// Class from Obukhov length and roughness.
     pub class: Stability,
     /// Place between the classes by 1/L: 0 for the middle of A to 5 for that of F, half-way at
@@ -44,6 +46,8 @@ pub struct Arc {
     pub height_m: f64,
     /// Number of samplers with a value.
     pub samplers: usize,
+    /// Direction from the source in which the middle of the plume lies, degrees.
+    pub bearing_deg: f64,
     /// Highest concentration, mg/m³.
     pub max_mg_m3: f64,
     /// Crosswind-integrated concentration, mg/m².
@@ -65,43 +69,58 @@ pub struct TrialArcs {
     pub tower_spread_m: Option<(f64, f64)>,
 }
 
-/// Samplers whose distances differ by less than this part are on one arc.
-const ARC_TOLERANCE: f64 = 0.05;
+/// Samplers on one arc follow each other in distance by less than this part…
+const ARC_STEP: f64 = 0.05;
+/// … and differ by less than this part in all: roads are not circles.
+const ARC_SPAN: f64 = 0.25;
+/// Samplers of one arc whose heights differ by more than this are at different heights, m.
+const HEIGHT_TOLERANCE_M: f64 = 0.25;
 /// An arc whose end samplers read more than this part of its maximum is cut off.
 const CUT_OFF: f64 = 0.1;
 /// Fewest samplers that read more than a tenth of the maximum for a width.
 const LEAST_INSIDE: usize = 3;
 /// Roughness length where the trials give none, m.
 const DEFAULT_ROUGHNESS_M: f64 = 0.03;
+/// Height of the wind where the trials give none, m.
+const DEFAULT_WIND_HEIGHT_M: f64 = 2.0;
 /// A sampling correction below this is taken for a slip of the pen.
 const LEAST_CORRECTION: f64 = 0.5;
 
+/// What was odd about samplers, counted over all trials.
+#[derive(Default)]
+struct Oddities {
+    mixed_heights: usize,
+    other_height: usize,
+}
+
+fn by_trial(rows: &[Receptor]) -> BTreeMap<&str, Vec<Receptor>> {
+    let mut map: BTreeMap<&str, Vec<Receptor>> = BTreeMap::new();
+    for row in rows {
+        map.entry(&row.trial).or_default().push(row.clone());
+    }
+    map
+}
+
 /// The trials with weather, their arcs and towers, and what was left out and why.
 pub fn trials(tables: &Tables) -> (Vec<TrialArcs>, Vec<String>) {
-    let mut notices = Vec::new();
-    let by_trial = |rows: &[Receptor]| {
-        let mut map: BTreeMap<String, Vec<Receptor>> = BTreeMap::new();
-        for row in rows {
-            map.entry(row.trial.clone()).or_default().push(row.clone());
-        }
-        map
-    };
+    let mut notices = table_notices(tables);
     let (receptors, towers) = (by_trial(&tables.receptors), by_trial(&tables.towers));
     let mut out = Vec::new();
     let mut without = Vec::new();
+    let mut odd = Oddities::default();
     for trial in &tables.trials {
         let Some(weather) = weather(trial) else {
-            without.push(trial.trial.clone());
+            without.push(trial.trial.as_str());
             continue;
         };
-        let Some(rows) = receptors.get(&trial.trial) else {
+        let Some(rows) = receptors.get(trial.trial.as_str()) else {
             notices.push(format!("trial {}: no receptors", trial.trial));
             continue;
         };
-        let arcs = arcs(&trial.trial, rows, &mut notices);
+        let arcs = arcs(&trial.trial, rows, &mut odd, &mut notices);
         let factor = middle_factor(rows);
         let tower_spread_m = towers
-            .get(&trial.trial)
+            .get(trial.trial.as_str())
             .and_then(|t| tower_spread(t, factor));
         if !arcs.is_empty() {
             out.push(TrialArcs {
@@ -115,10 +134,94 @@ pub fn trials(tables: &Tables) -> (Vec<TrialArcs>, Vec<String>) {
         notices.push(format!(
             "{} trials without wind speed or Obukhov length are left out: {}",
             without.len(),
-            without.join(", ")
+            listed(&without)
+        ));
+    }
+    if odd.mixed_heights > 0 {
+        notices.push(format!(
+            "on {} arcs samplers stand at several heights: the height that most share is used, and \
+             {} samplers at others are left out",
+            odd.mixed_heights, odd.other_height
         ));
     }
     (out, notices)
+}
+
+/// The first names, and how many more.
+fn listed(names: &[&str]) -> String {
+    const MOST: usize = 20;
+    let mut text = names[..names.len().min(MOST)].join(", ");
+    if names.len() > MOST {
+        text.push_str(&format!(" and {} more", names.len() - MOST));
+    }
+    text
+}
+
+/// What the tables lack or have twice.
+fn table_notices(tables: &Tables) -> Vec<String> {
+    let mut notices = Vec::new();
+    let known: BTreeSet<&str> = tables.trials.iter().map(|t| t.trial.as_str()).collect();
+    for (what, rows) in [("receptors", &tables.receptors), ("towers", &tables.towers)] {
+        let strange = |r: &&Receptor| !known.contains(r.trial.as_str());
+        let names: BTreeSet<&str> = rows
+            .iter()
+            .filter(strange)
+            .map(|r| r.trial.as_str())
+            .collect();
+        if !names.is_empty() {
+            notices.push(format!(
+                "{} rows of the {what} are of trials that the table of trials does not have, and are \
+                 left out: {}",
+                rows.iter().filter(strange).count(),
+                listed(&names.into_iter().collect::<Vec<_>>())
+            ));
+        }
+        let place = |r: &Receptor| {
+            let numbers = [r.east_m, r.north_m, r.height_agl_m].map(f64::to_bits);
+            (r.trial.clone(), numbers)
+        };
+        let places: BTreeSet<_> = rows.iter().map(place).collect();
+        if places.len() < rows.len() {
+            notices.push(format!(
+                "{} rows of the {what} are at the place of another row of their trial: each counts",
+                rows.len() - places.len()
+            ));
+        }
+    }
+    let lacking = |has: &dyn Fn(&Trial) -> bool| tables.trials.iter().filter(|t| !has(t)).count();
+    let roughness = lacking(&|t| t.roughness_length_m.is_some());
+    if roughness > 0 {
+        notices.push(format!(
+            "{roughness} trials have no roughness_length_m: {DEFAULT_ROUGHNESS_M} m is taken, and the \
+             limits of the classes hang on it"
+        ));
+    }
+    let height = lacking(&|t| t.wind_height_m.is_some() || t.wind_speed_m_s.is_none());
+    if height > 0 {
+        notices.push(format!(
+            "{height} trials have no wind_height_m: {DEFAULT_WIND_HEIGHT_M} m is taken"
+        ));
+    }
+    notices
+}
+
+/// Why no trial can be used, from the counts of what they lack.
+pub fn lacking(tables: &Tables) -> String {
+    let receptors = by_trial(&tables.receptors);
+    let count = |which: &dyn Fn(&Trial) -> bool| tables.trials.iter().filter(|t| which(t)).count();
+    format!(
+        "of {} trials {} have no wind_speed_m_s, {} no obukhov_length_m, {} no receptors under their \
+         name, and {} receptors with a reading above 0",
+        tables.trials.len(),
+        count(&|t| t.wind_speed_m_s.is_none()),
+        count(&|t| t.obukhov_length_m.is_none_or(|l| l == 0.0)),
+        count(&|t| !receptors.contains_key(t.trial.as_str())),
+        count(&|t| {
+            let rows = receptors.get(t.trial.as_str());
+            let read = |r: &Receptor| r.concentration_mg_m3.is_some_and(|c| c > 0.0);
+            rows.is_some_and(|rows| rows.iter().any(read))
+        }),
+    )
 }
 
 fn weather(trial: &Trial) -> Option<Weather> {
@@ -129,11 +232,12 @@ fn weather(trial: &Trial) -> Option<Weather> {
         release_mg_s: trial.source_rate_g_s * 1000.0,
         source_height_m: trial.source_height_agl_m,
         wind_speed_m_s: trial.wind_speed_m_s?,
-        wind_height_m: trial.wind_height_m.unwrap_or(2.0),
+        wind_height_m: trial.wind_height_m.unwrap_or(DEFAULT_WIND_HEIGHT_M),
         obukhov_length_m,
         roughness_m,
         mixing_height_m: trial.mixing_height_m,
         sigma_azimuth_rad: trial.sigma_azimuth_deg.map(f64::to_radians),
+        wind_from_deg: trial.wind_from_deg,
         class: Stability::from_obukhov(obukhov_length_m, roughness_m),
         class_position: class_position(obukhov_length_m, roughness_m),
     })
@@ -180,10 +284,54 @@ fn middle_factor(rows: &[Receptor]) -> f64 {
     factors.get(factors.len() / 2).copied().unwrap_or(1.0)
 }
 
-fn arcs(trial: &str, rows: &[Receptor], notices: &mut Vec<String>) -> Vec<Arc> {
+fn arcs(trial: &str, rows: &[Receptor], odd: &mut Oddities, notices: &mut Vec<String>) -> Vec<Arc> {
+    let mut points = corrected(trial, rows, notices);
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut arcs = Vec::new();
+    let mut start = 0;
+    for end in 1..=points.len() {
+        let same = end < points.len()
+            && points[end][0] <= points[end - 1][0] * (1.0 + ARC_STEP)
+            && points[end][0] <= points[start][0] * (1.0 + ARC_SPAN);
+        if same {
+            continue;
+        }
+        let level = of_one_height(&points[start..end]);
+        if level.len() < end - start {
+            odd.mixed_heights += 1;
+            odd.other_height += end - start - level.len();
+        }
+        match arc(&level) {
+            Some(arc) => arcs.push(arc),
+            None => notices.push(format!(
+                "trial {trial}: nothing detected on the arc at {:.0} m",
+                points[start][0]
+            )),
+        }
+        start = end;
+    }
+    arcs
+}
+
+/// The samplers of an arc at the height that most of them share, the lowest of several.
+fn of_one_height(points: &[[f64; 4]]) -> Vec<[f64; 4]> {
+    let at = |height: f64| {
+        let near = move |p: &&[f64; 4]| (p[2] - height).abs() <= HEIGHT_TOLERANCE_M;
+        points.iter().filter(near)
+    };
+    let mut heights: Vec<f64> = points.iter().map(|p| p[2]).collect();
+    heights.sort_by(f64::total_cmp);
+    heights.dedup();
+    // Of equal counts the last is the maximum: from above.
+    let most = heights.into_iter().rev().max_by_key(|h| at(*h).count());
+    most.map_or_else(Vec::new, |h| at(h).copied().collect())
+}
+
+/// Samplers with a reading: distance, m, azimuth, radians, height, m, and concentration, mg/m³,
+/// corrected for the sampling loss.
+fn corrected(trial: &str, rows: &[Receptor], notices: &mut Vec<String>) -> Vec<[f64; 4]> {
     let usual = middle_factor(rows);
     let mut odd = 0;
-    // (distance, azimuth, height, corrected concentration)
     let mut points: Vec<[f64; 4]> = Vec::new();
     for row in rows {
         let Some(concentration) = row.concentration_mg_m3 else {
@@ -207,22 +355,7 @@ fn arcs(trial: &str, rows: &[Receptor], notices: &mut Vec<String>) -> Vec<Arc> {
              the trial's median {usual} is used instead"
         ));
     }
-    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let mut arcs = Vec::new();
-    let mut start = 0;
-    for end in 1..=points.len() {
-        if end == points.len() || points[end][0] > points[start][0] * (1.0 + ARC_TOLERANCE) {
-            match arc(&points[start..end]) {
-                Some(arc) => arcs.push(arc),
-                None => notices.push(format!(
-                    "trial {trial}: nothing detected on the arc at {:.0} m",
-                    points[start][0]
-                )),
-            }
-            start = end;
-        }
-    }
-    arcs
+    points
 }
 
 fn arc(points: &[[f64; 4]]) -> Option<Arc> {
@@ -271,6 +404,7 @@ fn arc(points: &[[f64; 4]]) -> Option<Arc> {
         distance_m,
         height_m,
         samplers,
+        bearing_deg: middle.to_degrees(),
         max_mg_m3,
         integrated_mg_m2,
         width_m,

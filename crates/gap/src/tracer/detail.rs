@@ -6,8 +6,8 @@ use plume::stability::Stability;
 
 use super::Answer;
 use super::arcs::class_limits_per_m;
-use super::findings::TriedModel;
-use super::ladder::{LateralModel, VerticalModel};
+use super::findings::{Finding, TriedModel};
+use super::ladder::{LateralModel, VerticalModel, Widths};
 use super::model;
 use super::trial_scores::Scored;
 use crate::verdict::Gain;
@@ -32,8 +32,15 @@ pub struct GroupDetail {
     pub trials: Vec<String>,
     /// Models of the crosswind-integrated concentration, the most probable first.
     pub vertical: Vec<TriedModel>,
-    /// Models of the width, the most probable first.
+    /// Models of the width, the most probable first: of the trials with a deviation of azimuth.
     pub lateral: Vec<TriedModel>,
+    /// The same of the trials without, or of all where too few measured it.
+    pub lateral_without_azimuth: Vec<TriedModel>,
+    /// Inputs of the best vertical model in place of the class's curve and the measured wind: its
+    /// numbers are relative to these.
+    pub vertical_relative_to: Vec<String>,
+    /// The same of the width.
+    pub lateral_relative_to: Vec<String>,
 }
 
 /// One arc, measured and predicted.
@@ -89,6 +96,8 @@ pub(super) fn class_limits(roughness_m: f64) -> Vec<ClassLimit> {
 }
 
 pub(super) fn group(answer: &Answer<'_>) -> GroupDetail {
+    let lateral = |widths| answer.lateral_of(widths).map(|q| &q.finding);
+    let owned = |ids: &[&str]| ids.iter().map(|id| (*id).to_owned()).collect();
     GroupDetail {
         group: answer.name.to_owned(),
         trials: answer
@@ -97,14 +106,14 @@ pub(super) fn group(answer: &Answer<'_>) -> GroupDetail {
             .iter()
             .map(|t| t.weather.trial.clone())
             .collect(),
-        vertical: answer.findings[0].tried.clone(),
-        lateral: answer.findings[1].tried.clone(),
+        vertical: answer.vertical.finding.tried.clone(),
+        lateral: lateral(Widths::WithAzimuth).map_or_else(Vec::new, |f| f.tried.clone()),
+        lateral_without_azimuth: lateral(Widths::WithoutAzimuth)
+            .map_or_else(Vec::new, |f| f.tried.clone()),
+        vertical_relative_to: owned(&answer.vertical.finding.relative_to),
+        lateral_relative_to: lateral(Widths::WithAzimuth)
+            .map_or_else(Vec::new, |f| owned(&f.relative_to)),
     }
-}
-
-/// ln of a peak from the integral and the width of a normal distribution across.
-fn peak(log_integrated: f64, log_width: f64) -> f64 {
-    (log_integrated - log_width).exp() / (2.0 * std::f64::consts::PI).sqrt()
 }
 
 /// Mean over models by their probability without trial `i`; models that cannot predict here
@@ -127,24 +136,26 @@ fn averaged(
 }
 
 /// Every arc with the base's prediction and that from the other trials.
-pub(super) fn arcs(
-    answers: &[Answer<'_>],
-    vertical: &[VerticalModel],
-    lateral: &[LateralModel],
-) -> Vec<ArcDetail> {
+pub(super) fn arcs(answers: &[Answer<'_>]) -> Vec<ArcDetail> {
+    let vertical = VerticalModel::all();
     let mut out = Vec::new();
     for answer in answers {
         for (i, trial) in answer.group.trials.iter().enumerate() {
             let w = &trial.weather;
+            let widths = answer.group.widths_of(i);
+            let lateral = LateralModel::all(widths);
+            let asked = answer.lateral_of(widths);
             for arc in &trial.arcs {
                 let x = arc.distance_m;
                 let base_integrated = model::log_integrated(w, arc, &[], &[]);
                 let base_width = model::log_width(w, x, &[], &[]).unwrap_or(f64::NAN);
-                let integrated = averaged(&answer.vertical, i, |m, theta| {
+                let integrated = averaged(&answer.vertical.scored, i, |m, theta| {
                     Some(model::log_integrated(w, arc, &vertical[m].changes, theta))
                 });
-                let width = averaged(&answer.lateral, i, |m, theta| {
-                    model::log_width(w, x, &lateral[m].changes, theta)
+                let width = asked.map_or(base_width, |q| {
+                    averaged(&q.scored, i, |m, theta| {
+                        model::log_width(w, x, &lateral[m].changes, theta)
+                    })
                 });
                 out.push(ArcDetail {
                     trial: w.trial.clone(),
@@ -156,10 +167,10 @@ pub(super) fn arcs(
                     max_mg_m3: arc.max_mg_m3,
                     integrated_mg_m2: arc.integrated_mg_m2,
                     width_m: arc.width_m,
-                    base_max_mg_m3: peak(base_integrated, base_width),
+                    base_max_mg_m3: model::log_peak(base_integrated, base_width).exp(),
                     base_integrated_mg_m2: base_integrated.exp(),
                     base_width_m: base_width.exp(),
-                    held_out_max_mg_m3: peak(integrated, width),
+                    held_out_max_mg_m3: model::log_peak(integrated, width).exp(),
                     held_out_integrated_mg_m2: integrated.exp(),
                     held_out_width_m: width.exp(),
                 });
@@ -189,10 +200,22 @@ pub(super) fn summary(answers: &[Answer<'_>], gain: &Gain) -> String {
 }
 
 fn vertical_words(answer: &Answer<'_>) -> String {
-    let Some(cause) = answer.findings[0].causes.first() else {
-        return "Briggs' vertical spread and the measured wind do".into();
+    let finding = &answer.vertical.finding;
+    let inputs = inputs_in_words(finding);
+    let Some(cause) = finding.causes.first() else {
+        return if inputs.is_empty() {
+            format!(
+                "Briggs' vertical spread and the measured wind do{}",
+                hint(finding)
+            )
+        } else {
+            format!(
+                "no change of Briggs' vertical spread is called for{inputs}{}",
+                hint(finding)
+            )
+        };
     };
-    let best = &answer.findings[0].tried[0];
+    let best = &finding.tried[0];
     let mut words = String::new();
     if let Some(p) = cause.parameters.iter().find(|p| p.name == "exponent") {
         let sense = if p.value > 0.0 {
@@ -213,19 +236,16 @@ fn vertical_words(answer: &Answer<'_>) -> String {
     if cause.mechanisms.len() > 1 {
         let set = cause.mechanisms.join(", ");
         words.push_str(&format!(
-            ", in a set that these data cannot tell apart: {set}"
+            ", in a set that these data cannot tell apart: {set} (probability {:.2}; of no cause \
+             {:.2})",
+            cause.probability,
+            1.0 - finding.some_cause
         ));
     }
-    if best
-        .mechanisms
-        .iter()
-        .any(|m| m == "spread-by-obukhov-length")
-    {
-        words.push_str(", once the spread lies between the classes' curves by 1/L");
+    for other in &finding.causes[1..] {
+        words.push_str(&format!(", and {}", other.mechanisms.join(" or ")));
     }
-    if best.mechanisms.iter().any(|m| m == "wind-at-plume-height") {
-        words.push_str(", with the wind at the plume's height");
-    }
+    words.push_str(&inputs);
     words.push_str(&format!(
         ", {:.1} nats of evidence, {:.1} ± {:.1} nats on trials left out",
         cause.evidence.delta_log_evidence, best.held_out_gain, best.held_out_gain_se
@@ -233,20 +253,60 @@ fn vertical_words(answer: &Answer<'_>) -> String {
     words
 }
 
-fn lateral_words(answer: &Answer<'_>) -> String {
-    let best = &answer.findings[1].tried[0];
-    let azimuth = best.mechanisms.iter().any(|m| m == "sigma-y-from-azimuth");
-    let what = if azimuth {
-        "the measured deviation of azimuth improves the width"
-    } else if best.mechanisms.is_empty() {
-        "Briggs' width does"
+/// What numbers and gains of the best vertical model are relative to.
+fn inputs_in_words(finding: &Finding) -> String {
+    let mut words = String::new();
+    if finding.relative_to.contains(&"spread-by-obukhov-length") {
+        words.push_str(", once the spread lies between the classes' curves by 1/L");
+    }
+    if finding.relative_to.contains(&"wind-at-plume-height") {
+        words.push_str(", with the wind at the plume's height");
+    }
+    words
+}
+
+/// What is likelier than not and still no name.
+fn hint(finding: &Finding) -> String {
+    let likely = finding.causes.is_empty() && finding.some_cause > 0.5;
+    if likely && finding.tried[0].delta_log_evidence > 0.0 {
+        format!(
+            " (a change of it has a probability of {:.2}, too little for a name)",
+            finding.some_cause
+        )
     } else {
-        "the width needs a correction of Briggs', and the deviation of azimuth does not help"
-    };
-    format!(
-        "{what} ({:.1} ± {:.1} nats on trials left out)",
-        best.held_out_gain, best.held_out_gain_se
-    )
+        String::new()
+    }
+}
+
+fn lateral_words(answer: &Answer<'_>) -> String {
+    let each = answer.lateral.iter().map(|(widths, question)| {
+        let finding = &question.finding;
+        let best = &finding.tried[0];
+        let azimuth = !finding.relative_to.is_empty();
+        let what = match (widths, azimuth, finding.causes.is_empty()) {
+            (_, true, _) => "the measured deviation of azimuth improves the width",
+            (_, _, true) => "Briggs' width does",
+            (Widths::WithAzimuth, ..) => {
+                "the width needs a correction of Briggs', and the deviation of azimuth does not help"
+            }
+            (Widths::WithoutAzimuth, ..) => {
+                "the width of the trials without a deviation of azimuth needs a correction of Briggs'"
+            }
+        };
+        let mut words = what.to_owned();
+        let corrected = finding.causes.iter().flat_map(|c| &c.parameters);
+        for p in corrected.filter(|p| p.mechanism.starts_with("sigma-y")) {
+            words.push_str(&format!(", {} {:.2} ± {:.2}", p.name, p.value, p.sd));
+        }
+        if azimuth && words.contains('±') {
+            words.push_str(" relative to the width by it");
+        }
+        format!(
+            "{words} ({:.1} ± {:.1} nats on trials left out)",
+            best.held_out_gain, best.held_out_gain_se
+        )
+    });
+    each.collect::<Vec<_>>().join("; ")
 }
 
 #[cfg(test)]

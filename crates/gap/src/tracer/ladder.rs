@@ -1,6 +1,6 @@
 //! The models that are tried on the trials of unstable and of stable air, vertical and lateral.
 
-use super::arcs::TrialArcs;
+use super::arcs::{Arc, TrialArcs};
 use super::evidence::{self, Datum, Fit, Model};
 use super::model::{self, Lateral, PIVOT_M, Prior, Vertical};
 
@@ -8,58 +8,91 @@ use super::model::{self, Lateral, PIVOT_M, Prior, Vertical};
 /// quite normal.
 const TOWER_SD: f64 = 0.25;
 
+/// A release is metered: a model in which it is wrong is a tenth as probable beforehand.
+const WRONG_RELEASE: f64 = 0.1;
+
+/// Of which trials' widths a lateral model speaks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Widths {
+    /// Those of trials that measured the deviation of azimuth.
+    WithAzimuth,
+    /// Those of the others; of all where too few measured it.
+    WithoutAzimuth,
+}
+
 /// Trials of one kind of air, as data of the vertical and of the lateral question.
 pub struct Group<'a> {
     /// The trials.
     pub trials: Vec<&'a TrialArcs>,
     vertical: Vec<evidence::Trial>,
-    lateral: Vec<evidence::Trial>,
+    with_azimuth: Vec<evidence::Trial>,
+    without_azimuth: Vec<evidence::Trial>,
+}
+
+/// The whole arcs of a trial as data, with what is measured of each.
+fn data(trial: &TrialArcs, measured: impl Fn(&Arc) -> f64) -> evidence::Trial {
+    let whole = trial.arcs.iter().filter(|a| a.whole);
+    whole
+        .map(|a| Datum {
+            value: measured(a).ln(),
+            log_distance: (a.distance_m / PIVOT_M).ln(),
+            own_sd: None,
+        })
+        .collect()
 }
 
 impl<'a> Group<'a> {
-    /// The data of `trials`.
-    pub fn new(trials: Vec<&'a TrialArcs>) -> Self {
-        let log_distance = |x: f64| (x / PIVOT_M).ln();
-        let vertical = trials
-            .iter()
-            .map(|t| {
-                let mut data: evidence::Trial = t
-                    .arcs
-                    .iter()
-                    .filter(|a| a.whole)
-                    .map(|a| Datum {
-                        value: a.integrated_mg_m2.ln(),
-                        log_distance: log_distance(a.distance_m),
-                        own_sd: None,
-                    })
-                    .collect();
-                data.extend(t.tower_spread_m.map(|(x, sigma)| Datum {
-                    value: sigma.ln(),
-                    log_distance: log_distance(x),
-                    own_sd: Some(TOWER_SD),
-                }));
-                data
-            })
-            .collect();
-        let lateral = trials
-            .iter()
-            .map(|t| {
-                let known = t.weather.sigma_azimuth_rad.is_some();
-                t.arcs
-                    .iter()
-                    .filter(|a| a.whole && known)
-                    .map(|a| Datum {
-                        value: a.width_m.ln(),
-                        log_distance: log_distance(a.distance_m),
-                        own_sd: None,
-                    })
-                    .collect()
-            })
-            .collect();
+    /// The data of `trials`. With fewer than `least` trials that measured the deviation of
+    /// azimuth the widths of all are taken together, with fewer that did not theirs are not asked.
+    pub fn new(trials: Vec<&'a TrialArcs>, least: usize) -> Self {
+        let vertical = |t: &TrialArcs| {
+            let mut data = data(t, |a| a.integrated_mg_m2);
+            data.extend(t.tower_spread_m.map(|(x, sigma)| Datum {
+                value: sigma.ln(),
+                log_distance: (x / PIVOT_M).ln(),
+                own_sd: Some(TOWER_SD),
+            }));
+            data
+        };
+        let known = |t: &TrialArcs| t.weather.sigma_azimuth_rad.is_some();
+        let measured = trials.iter().filter(|t| known(t)).count();
+        let widths = |used: &dyn Fn(&TrialArcs) -> bool| -> Vec<evidence::Trial> {
+            let of = |t: &&TrialArcs| match used(t) {
+                true => data(t, |a| a.width_m),
+                false => Vec::new(),
+            };
+            trials.iter().map(of).collect()
+        };
+        let together = measured < least;
+        let enough = trials.len() - measured >= least;
         Self {
+            vertical: trials.iter().map(|t| vertical(t)).collect(),
+            with_azimuth: widths(&|t| !together && known(t)),
+            without_azimuth: widths(&|t| together || (enough && !known(t))),
             trials,
-            vertical,
-            lateral,
+        }
+    }
+
+    fn widths(&self, of: Widths) -> &[evidence::Trial] {
+        match of {
+            Widths::WithAzimuth => &self.with_azimuth,
+            Widths::WithoutAzimuth => &self.without_azimuth,
+        }
+    }
+
+    /// Whether there are widths of that kind to ask about.
+    pub fn asks(&self, of: Widths) -> bool {
+        self.widths(of).iter().any(|t| !t.is_empty())
+    }
+
+    /// Which question speaks of the width of trial `i`.
+    pub fn widths_of(&self, i: usize) -> Widths {
+        let known = self.trials[i].weather.sigma_azimuth_rad.is_some();
+        let with = self.asks(Widths::WithAzimuth);
+        if with && (known || !self.asks(Widths::WithoutAzimuth)) {
+            Widths::WithAzimuth
+        } else {
+            Widths::WithoutAzimuth
         }
     }
 }
@@ -87,6 +120,7 @@ pub struct VerticalModel {
 pub struct LateralModel {
     /// Its changes.
     pub changes: Vec<Lateral>,
+    of: Widths,
     priors: Vec<Prior>,
 }
 
@@ -103,13 +137,14 @@ impl VerticalModel {
     /// All that are tried: each change alone and deposition with a change of spread, with the
     /// wind at either height, and with spread by class or between classes.
     pub fn all() -> Vec<Self> {
-        use Vertical::{Continuum, Decay, Deposition, Growth, PlumeWind, Scale};
-        let sets: [&[Vertical]; 7] = [
+        use Vertical::{Continuum, Decay, Deposition, Emission, Growth, PlumeWind, Scale};
+        let sets: [&[Vertical]; 8] = [
             &[],
             &[Scale],
             &[Growth],
             &[Deposition],
             &[Decay],
+            &[Emission],
             &[Scale, Deposition],
             &[Growth, Deposition],
         ];
@@ -126,16 +161,18 @@ impl VerticalModel {
 
 impl LateralModel {
     /// Briggs with `changes`.
-    pub fn new(changes: &[Lateral]) -> Self {
+    pub fn new(changes: &[Lateral], of: Widths) -> Self {
         let priors = changes.iter().flat_map(|c| c.priors()).copied().collect();
         Self {
             changes: changes.to_vec(),
+            of,
             priors,
         }
     }
 
-    /// All that are tried: Briggs' or the azimuth's width, as it is, scaled, or growing otherwise.
-    pub fn all() -> Vec<Self> {
+    /// All that are tried: Briggs' or, where it is measured, the azimuth's width, as it is,
+    /// scaled, or growing otherwise.
+    pub fn all(of: Widths) -> Vec<Self> {
         use Lateral::{Azimuth, Growth, Scale};
         let sets: [&[Lateral]; 6] = [
             &[],
@@ -145,7 +182,9 @@ impl LateralModel {
             &[Azimuth, Scale],
             &[Azimuth, Growth],
         ];
-        sets.iter().map(|set| Self::new(set)).collect()
+        let measured = |set: &&&[Lateral]| of == Widths::WithAzimuth || !set.contains(&Azimuth);
+        let sets = sets.iter().filter(measured);
+        sets.map(|set| Self::new(set, of)).collect()
     }
 }
 
@@ -182,7 +221,7 @@ impl Model for LateralOn<'_> {
             .iter()
             .filter(|a| a.whole)
             .filter_map(|a| model::log_width(&trial.weather, a.distance_m, &self.0.changes, theta))
-            .take(self.1.lateral[i].len())
+            .take(self.1.widths(self.0.of)[i].len())
             .collect()
     }
 }
@@ -193,7 +232,11 @@ impl Tried for VerticalModel {
     }
 
     fn fit(&self, group: &Group<'_>, used: &[usize], of_all: Option<&Fit>) -> Option<Fit> {
-        evidence::fit(&VerticalOn(self, group), &group.vertical, used, of_all)
+        let mut fit = evidence::fit(&VerticalOn(self, group), &group.vertical, used, of_all)?;
+        if self.changes.contains(&Vertical::Emission) {
+            fit.log_evidence += WRONG_RELEASE.ln();
+        }
+        Some(fit)
     }
 
     fn held_out(&self, group: &Group<'_>, i: usize, fit: &Fit) -> f64 {
@@ -207,10 +250,10 @@ impl Tried for LateralModel {
     }
 
     fn fit(&self, group: &Group<'_>, used: &[usize], of_all: Option<&Fit>) -> Option<Fit> {
-        evidence::fit(&LateralOn(self, group), &group.lateral, used, of_all)
+        evidence::fit(&LateralOn(self, group), group.widths(self.of), used, of_all)
     }
 
     fn held_out(&self, group: &Group<'_>, i: usize, fit: &Fit) -> f64 {
-        evidence::held_out(&LateralOn(self, group), &group.lateral, i, fit)
+        evidence::held_out(&LateralOn(self, group), group.widths(self.of), i, fit)
     }
 }

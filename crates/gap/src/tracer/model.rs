@@ -26,6 +26,8 @@ pub enum Vertical {
     Deposition,
     /// Loss everywhere at a constant rate.
     Decay,
+    /// The release by a factor.
+    Emission,
 }
 
 /// A change of the lateral model.
@@ -68,24 +70,26 @@ impl Vertical {
             Vertical::Growth => "sigma-z-growth",
             Vertical::Deposition => "dry-deposition",
             Vertical::Decay => "first-order-decay",
+            Vertical::Emission => "emission-scale",
         }
     }
 
     /// Its parameters. Spread is known to a third or so (Pasquill & Smith 1983). Deposition
-    /// velocities of gases on grass are centimetres a second at most (Sehmel 1980). SO2 is
+    /// velocities of SO2 and gases like it on grass are about 1 cm/s (Sehmel 1980), the
+    /// mean of their half-normal prior. SO2 is
     /// oxidised in the gas phase at 0.5 to 5 % an hour, in fog up to ten times faster
     /// (Seinfeld & Pandis 2006, chapter 7), so a decay that would show within a kilometre is
     /// chemically absurd.
     pub fn priors(self) -> &'static [Prior] {
         match self {
             Vertical::PlumeWind | Vertical::Continuum => &[],
-            Vertical::Scale => const { &[prior("ln_factor", 0.35)] },
+            Vertical::Scale | Vertical::Emission => const { &[prior("ln_factor", 0.35)] },
             Vertical::Growth => const { &[prior("ln_factor", 0.35), prior("exponent", 0.3)] },
             Vertical::Deposition => {
                 const {
                     &[Prior {
                         name: "velocity_m_s",
-                        sd: 0.02,
+                        sd: 0.0125,
                         positive: true,
                     }]
                 }
@@ -132,6 +136,7 @@ struct VerticalNumbers {
     exponent: f64,
     deposition_m_s: f64,
     decay_per_s: f64,
+    log_release: f64,
 }
 
 impl VerticalNumbers {
@@ -150,6 +155,7 @@ impl VerticalNumbers {
                 }
                 Vertical::Deposition => numbers.deposition_m_s += next(),
                 Vertical::Decay => numbers.decay_per_s += next(),
+                Vertical::Emission => numbers.log_release += next(),
             }
         }
         numbers
@@ -224,7 +230,13 @@ pub fn log_integrated(weather: &Weather, arc: &Arc, changes: &[Vertical], theta:
     let vertical = (bell(z - h) + bell(z + h)).max(1e-300);
     let root = (2.0 * std::f64::consts::PI).sqrt();
     (weather.release_mg_s * vertical / (root * speed * sigma)).ln()
+        + numbers.log_release
         + numbers.log_airborne(weather, arc.distance_m)
+}
+
+/// ln of the peak of a normal distribution across, from the logarithms of its integral and width.
+pub fn log_peak(log_integrated: f64, log_width: f64) -> f64 {
+    log_integrated - log_width - 0.5 * (2.0 * std::f64::consts::PI).ln()
 }
 
 /// Pasquill's (1976) universal f(x) in σ_y = σ_azimuth x f(x), in the form 1/(1 + .0308 x^.4548)
@@ -268,6 +280,7 @@ mod tests {
             roughness_m: 0.006,
             mixing_height_m: None,
             sigma_azimuth_rad: Some(0.2),
+            wind_from_deg: None,
             class: Stability::C,
             class_position: 2.0,
         }
@@ -278,6 +291,7 @@ mod tests {
             distance_m,
             height_m: 1.5,
             samplers: 20,
+            bearing_deg: 0.0,
             max_mg_m3: 1.0,
             integrated_mg_m2: 1.0,
             width_m: 1.0,

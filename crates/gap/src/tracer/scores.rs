@@ -10,9 +10,8 @@ use super::trial_scores::Scored;
 use crate::GapError;
 use crate::verdict::{Gain, HeldOut};
 
-/// Smallest concentration that counts in ratios, mg/m³: the detection limit of the samplers of
-/// that time is near a tenth of this.
-const FLOOR_MG_M3: f64 = 1e-3;
+/// Smallest concentration that counts in ratios, as a part of the lowest arc maximum.
+const FLOOR_PART: f64 = 1e-3;
 /// Bootstrap samples over trials.
 const RESAMPLES: usize = 2000;
 
@@ -24,15 +23,16 @@ pub(super) fn gain(
 ) -> Result<Gain, GapError> {
     let (before, after) = by_trial(arcs);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let lowest = arcs.iter().map(|a| a.max_mg_m3).fold(f64::MAX, f64::min);
     let mut scored = |groups: &[Vec<Pair>]| {
         let slices: Vec<&[Pair]> = groups.iter().map(Vec::as_slice).collect();
-        with_interval(&slices, FLOOR_MG_M3, RESAMPLES, &mut rng)
+        with_interval(&slices, FLOOR_PART * lowest, RESAMPLES, &mut rng)
     };
     let (b, a) = (scored(&before)?, scored(&after)?);
     let mut logs: (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
     for answer in answers {
-        for question in [&answer.vertical, &answer.lateral] {
-            log_scores(question, &mut logs);
+        for question in answer.questions() {
+            log_scores(&question.scored, &mut logs);
         }
     }
     let (log_low, log_high) = interval(&logs.0, &logs.1, &mut rng);

@@ -43,6 +43,7 @@ mod tests {
             roughness_m: 0.006,
             mixing_height_m: None,
             sigma_azimuth_rad: None,
+            wind_from_deg: None,
             class: Stability::D,
             class_position: 3.0,
         }

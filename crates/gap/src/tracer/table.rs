@@ -96,10 +96,18 @@ fn samplers(file: (&str, &str), notices: &mut Vec<String>) -> Result<Vec<Recepto
     table
         .rows()
         .map(|row| {
+            let (east_m, north_m) = (
+                row.number("east_m", A_PLACE)?,
+                row.number("north_m", A_PLACE)?,
+            );
+            if east_m.hypot(north_m) < LEAST_DISTANCE_M {
+                let found = format!("{east_m}, {north_m}");
+                return Err(row.wrong("east_m", &found, "a sampler away from the source at 0, 0"));
+            }
             Ok(Receptor {
                 trial: row.text("trial")?,
-                east_m: row.number("east_m", A_PLACE)?,
-                north_m: row.number("north_m", A_PLACE)?,
+                east_m,
+                north_m,
                 height_agl_m: row.number("height_agl_m", A_HEIGHT)?,
                 concentration_mg_m3: row.maybe("concentration_mg_m3", NOT_NEGATIVE)?,
                 evaporation_factor: row.maybe("evaporation_factor", A_SHARE)?,
@@ -149,6 +157,9 @@ fn trial_rows(file: (&str, &str), notices: &mut Vec<String>) -> Result<Vec<Trial
     Ok(trials)
 }
 
+/// A sampler nearer than this is at the source, m.
+const LEAST_DISTANCE_M: f64 = 0.01;
+
 type Range = (f64, f64, &'static str);
 const A_PLACE: Range = (-1e5, 1e5, "metres from the source, at most 100 km");
 const A_HEIGHT: Range = (0.0, 2000.0, "metres above ground, 0 to 2000");
@@ -192,6 +203,15 @@ impl<'a> Table<'a> {
                     what: format!("{file}: line 1, column {name}"),
                     problem: "missing".into(),
                     expected: format!("a header with {}", required.join(", ")),
+                });
+            }
+        }
+        for (k, name) in header.iter().enumerate() {
+            if header.iter().take(k).any(|h| h == name) {
+                return Err(GapError::Data {
+                    what: format!("{file}: line 1, column {name}"),
+                    problem: "there twice".into(),
+                    expected: "every column once".into(),
                 });
             }
         }

@@ -1,0 +1,136 @@
+//! What looks wrong with the tables as a whole before anything is fitted: amounts that are off
+//! by a factor, and plumes that lie elsewhere than the wind blows.
+
+use super::arcs::{Arc, TrialArcs, Weather};
+use super::model;
+use crate::verdict::{DataQuality, Flaw};
+
+/// Measured over predicted, in the middle of all arcs, that no spread explains: Briggs' curves
+/// are within a factor of two on flat ground (Hanna, Briggs & Hosker 1982), and the least slip of
+/// a unit, km/h for m/s, is a factor of 3.6.
+const LARGEST_FACTOR: f64 = 3.0;
+/// Part of arc maxima within a factor of two below which the same holds.
+const LEAST_FAC2: f64 = 0.15;
+/// Plumes farther than this from where the wind blows are elsewhere, degrees.
+const ASIDE_DEG: f64 = 60.0;
+/// Deviations of azimuth below this in the middle look like radians, degrees.
+const LEAST_AZIMUTH_DEG: f64 = 1.0;
+/// Obukhov lengths below this in the middle look like their inverse, m.
+const LEAST_OBUKHOV_M: f64 = 1.0;
+
+/// What looks wrong.
+pub(super) struct Suspicions {
+    /// The flaws, those of amounts first.
+    pub flaws: Vec<DataQuality>,
+    /// Whether amounts are off so far that no cause can be named.
+    pub amounts: bool,
+}
+
+/// Looks at all trials.
+pub(super) fn suspicions(trials: &[TrialArcs]) -> Suspicions {
+    let amounts = amounts(trials);
+    let is_off = amounts.is_some();
+    let others = [direction(trials), small_numbers(trials)];
+    let messages = amounts.into_iter().chain(others.into_iter().flatten());
+    Suspicions {
+        flaws: messages.map(unit).collect(),
+        amounts: is_off,
+    }
+}
+
+fn unit(message: String) -> DataQuality {
+    DataQuality {
+        platform: "all trials".into(),
+        kind: Flaw::Unit,
+        from_s: f64::NAN,
+        to_s: f64::NAN,
+        message,
+    }
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+fn amounts(trials: &[TrialArcs]) -> Option<String> {
+    let all = || {
+        trials
+            .iter()
+            .flat_map(|t| t.arcs.iter().map(|a| (&t.weather, a)))
+    };
+    let log_ratio =
+        |(w, a): (&Weather, &Arc)| a.integrated_mg_m2.ln() - model::log_integrated(w, a, &[], &[]);
+    let off = median(all().filter(|(_, a)| a.whole).map(log_ratio).collect())?;
+    let near = |(w, a): &(&Weather, &Arc)| {
+        let width = model::log_width(w, a.distance_m, &[], &[]).unwrap_or(f64::NAN);
+        let peak = model::log_peak(model::log_integrated(w, a, &[], &[]), width);
+        (a.max_mg_m3.ln() - peak).abs() <= 2.0_f64.ln()
+    };
+    let fac2 = all().filter(near).count() as f64 / all().count() as f64;
+    if off.abs() <= LARGEST_FACTOR.ln() && fac2 >= LEAST_FAC2 {
+        return None;
+    }
+    let factor = off.exp();
+    Some(format!(
+        "measured crosswind integrals are {factor:.3e} times what Briggs' plume gives, in the middle \
+         of all arcs, and a part of {fac2:.2} of the arc maxima is within a factor of two: too far \
+         for any spread. Check the units of source_rate_g_s, concentration_mg_m3, wind_speed_m_s, \
+         east_m, north_m, height_agl_m and source_height_agl_m, and the release itself"
+    ))
+}
+
+/// Difference of two directions, degrees, -180 to 180.
+fn turn_deg(from: f64, to: f64) -> f64 {
+    (to - from + 540.0).rem_euclid(360.0) - 180.0
+}
+
+fn direction(trials: &[TrialArcs]) -> Option<String> {
+    // (where the wind blows, where the plume lies), degrees.
+    let pairs: Vec<(f64, f64)> = trials
+        .iter()
+        .filter_map(|t| Some((t.weather.wind_from_deg? + 180.0, bearing_deg(&t.arcs))))
+        .collect();
+    let most = |agree: &dyn Fn(&(f64, f64)) -> bool| {
+        2 * pairs.iter().filter(|p| agree(p)).count() > pairs.len()
+    };
+    if !most(&|(towards, lies)| turn_deg(*towards, *lies).abs() > ASIDE_DEG) {
+        return None;
+    }
+    let guess = if most(&|(towards, lies)| turn_deg(towards + 180.0, *lies).abs() < ASIDE_DEG / 2.0)
+    {
+        "wind_from_deg looks like the direction towards which the wind blows, or east_m and north_m \
+         have the wrong sign"
+    } else if most(&|(towards, lies)| turn_deg(*towards, 90.0 - lies).abs() < ASIDE_DEG / 2.0) {
+        "east_m and north_m look swapped"
+    } else {
+        "check wind_from_deg, east_m and north_m"
+    };
+    Some(format!(
+        "in most trials the plume lies more than {ASIDE_DEG} degrees from where the wind blows: \
+         {guess}. The direction takes no part in the fits"
+    ))
+}
+
+/// The mean direction in which a trial's maxima lie, degrees.
+fn bearing_deg(arcs: &[Arc]) -> f64 {
+    let (sin, cos) = arcs.iter().fold((0.0, 0.0), |s, a| {
+        let azimuth = a.bearing_deg.to_radians();
+        (s.0 + azimuth.sin(), s.1 + azimuth.cos())
+    });
+    sin.atan2(cos).to_degrees()
+}
+
+fn small_numbers(trials: &[TrialArcs]) -> Option<String> {
+    let weather = || trials.iter().map(|t| &t.weather);
+    let azimuth = median(weather().filter_map(|w| w.sigma_azimuth_rad).collect());
+    if azimuth.is_some_and(|a| a.to_degrees() < LEAST_AZIMUTH_DEG) {
+        return Some(
+            "sigma_azimuth_deg is below 1 degree in most trials: it looks like radians".into(),
+        );
+    }
+    let length = median(weather().map(|w| w.obukhov_length_m.abs()).collect());
+    length
+        .is_some_and(|l| l < LEAST_OBUKHOV_M)
+        .then(|| "obukhov_length_m is below 1 m in most trials: it looks like its inverse".into())
+}

@@ -17,6 +17,7 @@ pub mod evidence;
 mod extension;
 mod findings;
 pub mod ladder;
+mod leftover;
 pub mod model;
 mod parameters;
 mod scores;
@@ -94,6 +95,7 @@ struct Answer<'a> {
     group: Group<'a>,
     vertical: Question,
     lateral: Vec<(Widths, Question)>,
+    leftover: Option<Unexplained>,
 }
 
 impl Answer<'_> {
@@ -177,7 +179,8 @@ fn answer<'a>(name: &'static str, chosen: Vec<&'a TrialArcs>) -> Result<Answer<'
     }
     let group = Group::new(chosen, LEAST_TRIALS);
     let impossible = || format!("{name} air: Briggs' spread cannot be fitted to these arcs");
-    let vertical = question(&group, &VerticalModel::all(), name).ok_or_else(impossible)?;
+    let models = VerticalModel::all();
+    let vertical = question(&group, &models, name).ok_or_else(impossible)?;
     let mut lateral = Vec::new();
     for widths in [Widths::WithAzimuth, Widths::WithoutAzimuth] {
         if group.asks(widths) {
@@ -185,7 +188,16 @@ fn answer<'a>(name: &'static str, chosen: Vec<&'a TrialArcs>) -> Result<Answer<'
             lateral.push((widths, asked.ok_or_else(impossible)?));
         }
     }
+    let best = vertical.scored.iter().max_by(|a, b| {
+        let evidence = |s: &Scored| s.fit.log_evidence;
+        evidence(&a.1).total_cmp(&evidence(&b.1))
+    });
+    let leftover = best.and_then(|(m, s)| {
+        let gain = vertical.finding.tried[0].delta_log_evidence;
+        leftover::unexplained(&group, name, (&models[*m], &s.fit), gain)
+    });
     Ok(Answer {
+        leftover,
         name,
         group,
         vertical,
@@ -216,15 +228,22 @@ fn gap_json(
             .delta_log_evidence
             .total_cmp(&a.evidence.delta_log_evidence)
     });
-    let unexplained = suspicions
-        .amounts
-        .then(|| off_amounts(answers, &suspicions));
+    let unexplained = if suspicions.amounts {
+        Some(off_amounts(answers, &suspicions))
+    } else {
+        answers.iter().find_map(|a| a.leftover.clone())
+    };
     let verdict = Verdict::of(&causes, unexplained.is_some());
     let mut ranking: Vec<Ranked> = answers.iter().flat_map(ranked).collect();
     ranking.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
     let mut summary = detail::summary(answers, &gain);
     if let Some(u) = &unexplained {
-        summary = format!("Nothing can be named: {}. {summary}", u.term);
+        let what = if suspicions.amounts {
+            "Nothing can be named"
+        } else {
+            "Something is there that none of the changes explains"
+        };
+        summary = format!("{what}: {}. {summary}", u.term);
     }
     let odd = notices.iter().filter_map(|n| odd_data(n));
     let data_quality: Vec<DataQuality> = suspicions.flaws.iter().cloned().chain(odd).collect();

@@ -3,12 +3,13 @@
 
 mod figures;
 mod flight;
+mod tracer;
 
 pub use flight::flight;
+pub use tracer::tracer;
 
 use crate::html::{Document, number};
 use gap::plume::{GapReport, Series};
-use gap::tracer::{TracerReport, TriedModel};
 use gap::verdict::{Cause, GapJson, HeldOut, NextFlight, Verdict};
 
 /// Rows of the ranking that are listed.
@@ -30,9 +31,9 @@ pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
             430,
             figures::series(series),
             &format!(
-                "Above: platform {}, which departs most from the base, as it read, and as the base and \
-                 the extended model predict it. Below: the misfit in standard deviations of the fitted noise; what is explained \
-                 stays within about two.",
+                "Above: platform {}, which departs most from the base, as it read, and as the base \
+                 and the extended model predict it. Below: the misfit in standard deviations of the \
+                 fitted noise; what is explained stays within about two.",
                 series.platform
             ),
         );
@@ -126,29 +127,6 @@ fn misfit(series: &Series) -> f64 {
     squares.sum::<f64>() / used
 }
 
-/// The report of an analysis of tracer trials. `title` names the data.
-pub fn tracer(title: &str, report: &TracerReport) -> String {
-    let json = &report.gap;
-    let mut page = opening("Plumage gap report: tracer trials", title, json);
-    page.section("Where the simulation departs from the data");
-    page.plot(
-        430,
-        figures::arcs(&report.tracer.arcs),
-        "Predicted over measured on every whole arc, by distance: crosswind-integrated \
-         concentration (vertical spread, transport, loss) and width (lateral spread). Grey: the \
-         base. Blue: the extended model, each trial predicted from the others. One is right.",
-    );
-    bins(&mut page, json);
-    for group in &report.tracer.groups {
-        for (what, tried) in [("vertical", &group.vertical), ("lateral", &group.lateral)] {
-            tried_models(&mut page, &group.group, what, group.trials.len(), tried);
-        }
-    }
-    name_extend_gain(&mut page, json);
-    remains(&mut page, json);
-    page.finish()
-}
-
 /// The report of an analysis of which only the verdict is known. `kind` and `title` name it.
 pub fn verdict(kind: &str, title: &str, json: &GapJson) -> String {
     let mut page = opening(kind, title, json);
@@ -216,6 +194,39 @@ fn bins(page: &mut Document, json: &GapJson) {
 }
 
 fn name_extend_gain(page: &mut Document, json: &GapJson) {
+    causes(page, json);
+    extended(page, json);
+    page.section("What it gains");
+    match &json.gain {
+        None => page.paragraph("Nothing was added, so there is nothing to gain."),
+        Some(gain) => {
+            page.paragraph(&format!(
+                "Scores on data that the fit had not seen: {} blocks left out in turn, each longer \
+                 than the memory of the noise.",
+                gain.blocks
+            ));
+            gain_table(page, &gain.held_out);
+        }
+    }
+}
+
+fn gain_table(page: &mut Document, held_out: &HeldOut) {
+    let head = [
+        "score",
+        "before",
+        "after",
+        "95 % before",
+        "95 % after",
+        "perfect",
+    ];
+    page.table(
+        "Base and extended model on data left out (Chang and Hanna 2004).",
+        &head,
+        &scores(held_out),
+    );
+}
+
+fn causes(page: &mut Document, json: &GapJson) {
     page.section("What causes it");
     if json.causes.is_empty() {
         page.paragraph(if json.unexplained.is_some() {
@@ -248,6 +259,9 @@ fn name_extend_gain(page: &mut Document, json: &GapJson) {
             caption,
         );
     }
+}
+
+fn extended(page: &mut Document, json: &GapJson) {
     page.section("The extended model");
     let parameters: Vec<Vec<String>> = json
         .causes
@@ -293,30 +307,6 @@ fn name_extend_gain(page: &mut Document, json: &GapJson) {
             &["key", "value", "± 1 sd", "prior sd"],
             &rows,
         );
-    }
-    page.section("What it gains");
-    match &json.gain {
-        None => page.paragraph("Nothing was added, so there is nothing to gain."),
-        Some(gain) => {
-            page.paragraph(&format!(
-                "Scores on data that the fit had not seen: {} blocks left out in turn, each longer \
-                 than the memory of the noise.",
-                gain.blocks
-            ));
-            let head = [
-                "score",
-                "before",
-                "after",
-                "95 % before",
-                "95 % after",
-                "perfect",
-            ];
-            page.table(
-                "Base and extended model on data left out (Chang and Hanna 2004).",
-                &head,
-                &scores(&gain.held_out),
-            );
-        }
     }
 }
 
@@ -387,42 +377,6 @@ fn scores(h: &HeldOut) -> Vec<Vec<String>> {
     rows
 }
 
-fn tried_models(page: &mut Document, air: &str, what: &str, trials: usize, tried: &[TriedModel]) {
-    let rows: Vec<Vec<String>> = tried
-        .iter()
-        .take(RANKED)
-        .map(|t| {
-            let name = if t.mechanisms.is_empty() {
-                "Briggs as it is".to_owned()
-            } else {
-                t.mechanisms.join(" + ")
-            };
-            vec![
-                name,
-                number(t.delta_log_score, 1),
-                number(t.delta_log_evidence, 1),
-                number(t.probability, 3),
-                format!(
-                    "{} ± {}",
-                    number(t.held_out_gain, 1),
-                    number(t.held_out_gain_se, 1)
-                ),
-            ]
-        })
-        .collect();
-    page.table(
-        &format!("Models of the {what} spread in {air} air, {trials} trials."),
-        &[
-            "changes",
-            "gain, nats",
-            "evidence, nats",
-            "probability",
-            "gain on trials left out, nats",
-        ],
-        &rows,
-    );
-}
-
 fn remains(page: &mut Document, json: &GapJson) {
     page.section("What remains");
     let mut items = Vec::new();
@@ -458,6 +412,10 @@ fn remains(page: &mut Document, json: &GapJson) {
     if let Some(flight) = &json.next_flight {
         next_flight(page, flight);
     }
+    detectable(page, json);
+}
+
+fn detectable(page: &mut Document, json: &GapJson) {
     if !json.detectable.is_empty() {
         let rows: Vec<Vec<String>> = json
             .detectable

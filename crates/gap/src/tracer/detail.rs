@@ -215,7 +215,7 @@ fn vertical_words(answer: &Answer<'_>) -> String {
             )
         };
     };
-    let best = &finding.tried[0];
+    let (gain, error) = finding.held_out_gain;
     let mut words = String::new();
     if let Some(p) = cause.parameters.iter().find(|p| p.name == "exponent") {
         let sense = if p.value > 0.0 {
@@ -247,8 +247,8 @@ fn vertical_words(answer: &Answer<'_>) -> String {
     }
     words.push_str(&inputs);
     words.push_str(&format!(
-        ", {:.1} nats of evidence, {:.1} ± {:.1} nats on trials left out",
-        cause.evidence.delta_log_evidence, best.held_out_gain, best.held_out_gain_se
+        ", {:.1} nats of evidence, {gain:.1} ± {error:.1} nats on trials left out",
+        cause.evidence.delta_log_evidence
     ));
     words
 }
@@ -281,7 +281,7 @@ fn hint(finding: &Finding) -> String {
 fn lateral_words(answer: &Answer<'_>) -> String {
     let each = answer.lateral.iter().map(|(widths, question)| {
         let finding = &question.finding;
-        let best = &finding.tried[0];
+        let (gain, error) = finding.held_out_gain;
         let azimuth = !finding.relative_to.is_empty();
         let what = match (widths, azimuth, finding.causes.is_empty()) {
             (_, true, _) => "the measured deviation of azimuth improves the width",
@@ -302,8 +302,7 @@ fn lateral_words(answer: &Answer<'_>) -> String {
             words.push_str(" relative to the width by it");
         }
         format!(
-            "{words} ({:.1} ± {:.1} nats on trials left out)",
-            best.held_out_gain, best.held_out_gain_se
+            "{words} ({gain:.1} ± {error:.1} nats on trials left out)"
         )
     });
     each.collect::<Vec<_>>().join("; ")

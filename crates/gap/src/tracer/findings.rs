@@ -46,8 +46,11 @@ pub struct TriedModel {
 pub struct Finding {
     /// The causes; none where the base does.
     pub causes: Vec<Cause>,
-    /// Inputs of the most probable model: what the numbers of the causes are relative to.
+    /// Inputs of the model behind the first cause, or of the most probable: what the numbers are
+    /// relative to.
     pub relative_to: Vec<&'static str>,
+    /// Gain of that model over the base on trials left out and its standard error, nats.
+    pub held_out_gain: (f64, f64),
     /// Probability of any cause, whether stated or not.
     pub some_cause: f64,
     /// All models, the most probable first.
@@ -95,9 +98,11 @@ pub fn judge(scored: &[(usize, Scored)], group: &str) -> Option<Finding> {
         next.parameters.retain(|p| !of_another(p));
         causes.push(next);
     }
+    let behind = sets.first().map_or(*best, |set| model_of(&order, set));
     Some(Finding {
         causes,
-        relative_to: inputs_of(&best.ids),
+        relative_to: inputs_of(&behind.ids),
+        held_out_gain: difference(&behind.held_out, &base.held_out),
         some_cause: having(&combined, |parts| !parts.is_empty()),
         tried: order.iter().map(|s| tried(s, base)).collect(),
     })
@@ -241,10 +246,14 @@ fn tried(model: &Scored, base: &Scored) -> TriedModel {
     }
 }
 
+/// The most probable model in which the first of the set shows.
+fn model_of<'a>(order: &[&'a Scored], set: &[&'static str]) -> &'a Scored {
+    let mut with = order.iter().filter(|s| parts(order, s).contains(&set[0]));
+    with.next().unwrap_or(&order[0])
+}
+
 fn cause(order: &[&Scored], set: &[&'static str], base: &Scored, group: &str) -> Cause {
-    // The most probable model in which the first of the set shows.
-    let with = order.iter().find(|s| parts(order, s).contains(&set[0]));
-    let best = with.copied().unwrap_or(order[0]);
+    let best = model_of(order, set);
     let outside = order
         .iter()
         .filter(|s| !s.ids.iter().any(|id| set.contains(id)));

@@ -202,28 +202,32 @@ pub(super) fn arcs(arcs: &[ArcDetail]) -> Value {
             |a| a.held_out_width_m / a.width_m,
         ),
     ];
-    let whole: Vec<&ArcDetail> = arcs.iter().filter(|a| a.whole).collect();
     let mut data = Vec::new();
     for (axis, base, extended) in panels {
-        // Either side of the arc's distance, so that the two do not hide each other.
-        for (name, of, colour, aside) in [
-            ("base", base, BASE, 0.96),
-            ("extended model", extended, EXTENDED, 1.04),
-        ] {
-            data.push(json!({"type": "scatter", "mode": "markers", "name": name, "legendgroup": name,
-                "showlegend": axis.is_empty(),
-                "x": whole.iter().map(|a| rounded(a.distance_m * aside, 10.0)).collect::<Vec<_>>(),
-                "y": whole.iter().map(|a| rounded(of(a), 1000.0)).collect::<Vec<_>>(),
-                "text": whole.iter().map(|a| format!("trial {}, class {}, {}", a.trial, a.class, a.group)).collect::<Vec<_>>(),
-                "hovertemplate": "%{text}: %{y:.2f}<extra></extra>",
-                "xaxis": format!("x{axis}"), "yaxis": format!("y{axis}"),
-                "marker": {"size": 6, "color": colour, "opacity": 0.75}}));
+        // Either side of the arc's distance, so that the points do not hide each other.
+        for (air, symbol, beside) in [("unstable", "circle", 0.97), ("stable", "diamond", 1.03)] {
+            let of_air = |a: &&ArcDetail| a.whole && a.group == air;
+            let whole: Vec<&ArcDetail> = arcs.iter().filter(of_air).collect();
+            for (model, of, colour, aside) in [
+                ("base", base, BASE, 0.98 * beside),
+                ("extended model", extended, EXTENDED, 1.02 * beside),
+            ] {
+                let name = format!("{model}, {air} air");
+                data.push(json!({"type": "scatter", "mode": "markers", "name": name, "legendgroup": name,
+                    "showlegend": axis.is_empty() && !whole.is_empty(),
+                    "x": whole.iter().map(|a| rounded(a.distance_m * aside, 10.0)).collect::<Vec<_>>(),
+                    "y": whole.iter().map(|a| rounded(of(a), 1000.0)).collect::<Vec<_>>(),
+                    "text": whole.iter().map(|a| format!("trial {}, class {}, {}", a.trial, a.class, a.group)).collect::<Vec<_>>(),
+                    "hovertemplate": "%{text}: %{y:.2f}<extra></extra>",
+                    "xaxis": format!("x{axis}"), "yaxis": format!("y{axis}"),
+                    "marker": {"size": 6, "color": colour, "symbol": symbol, "opacity": 0.75}}));
+            }
         }
     }
     let log = |title: &str, domain: [f64; 2], anchor: &str| json!({"type": "log", "title": {"text": title}, "domain": domain, "anchor": anchor});
     json!({"data": data, "layout": {"margin": {"t": 48},
         "annotations": [panel_title("crosswind integral", "", 0.0, 1.0), panel_title("width", "", 0.55, 1.0)],
-        "legend": {"y": 1.09},
+        "showlegend": true, "legend": {"y": 1.09, "orientation": "h"},
         "xaxis": log("distance, m", [0.0, 0.45], "y"), "xaxis2": log("distance, m", [0.55, 1.0], "y2"),
         "yaxis": {"type": "log", "title": {"text": "predicted / measured"}},
         "yaxis2": {"type": "log", "anchor": "x2"},

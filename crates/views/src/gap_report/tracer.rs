@@ -1,0 +1,193 @@
+//! The report of an analysis of tracer trials.
+
+use super::{RANKED, causes, detectable, figure, figures, gain_table, opening, set};
+use crate::html::{Document, number};
+use gap::tracer::{GroupDetail, TracerReport, TriedModel};
+use gap::verdict::{Cause, GapJson, Parameter};
+use serde_json::json;
+
+/// The report of an analysis of tracer trials. `title` names the data.
+pub fn tracer(title: &str, report: &TracerReport) -> String {
+    let json = &report.gap;
+    let mut page = opening("Plumage gap report: tracer trials", title, json);
+    page.section("Where the simulation departs from the data");
+    page.plot(
+        430,
+        figures::arcs(&report.tracer.arcs),
+        "Predicted over measured on every whole arc, by distance: crosswind-integrated \
+         concentration (vertical spread, transport, loss) and width (lateral spread). Grey: the \
+         base. Blue: the extended model, each trial predicted from the others. Circles: unstable \
+         air; diamonds: stable air. One is right.",
+    );
+    if !json.residual.is_empty() {
+        let mut bins = figures::bins(&json.residual);
+        bins["layout"]["showlegend"] = json!(true);
+        page.plot(
+            380,
+            bins,
+            "Mean of ln (measured / predicted by the base) of arc maxima at each distance, in its \
+             own standard errors over trials, for each kind of air.",
+        );
+    }
+    classes(&mut page, report);
+    for group in &report.tracer.groups {
+        models(&mut page, group);
+    }
+    causes(&mut page, json);
+    added(&mut page, report);
+    page.section("What it gains");
+    if let Some(gain) = &json.gain {
+        page.paragraph(&format!(
+            "Scores of arc maxima: each of {} trials predicted from the others, by the mean over all \
+             models that were tried, weighted by their probability given the others.",
+            gain.blocks
+        ));
+        gain_table(&mut page, &gain.held_out);
+    }
+    remains(&mut page, json);
+    page.finish()
+}
+
+/// Where one stability class ends and the next begins.
+fn classes(page: &mut Document, report: &TracerReport) {
+    let limit = |value: f64| match value.is_finite() {
+        true => format!("{value:+.3}"),
+        false => "none".to_owned(),
+    };
+    let rows: Vec<Vec<String>> = report
+        .tracer
+        .class_limits
+        .iter()
+        .map(|c| vec![c.class.to_string(), limit(c.from_per_m), limit(c.to_per_m)])
+        .collect();
+    let caption = format!(
+        "Classes of Briggs' curves by the inverse of the Obukhov length, after Golder (1972), for a \
+         roughness length of {} m.",
+        figure(report.tracer.roughness_m)
+    );
+    page.table(&caption, &["class", "from 1/L, 1/m", "to 1/L, 1/m"], &rows);
+}
+
+fn models(page: &mut Document, group: &GroupDetail) {
+    let each = [
+        ("vertical spread", &group.vertical),
+        ("width", &group.lateral),
+        (
+            "width without a deviation of azimuth",
+            &group.lateral_without_azimuth,
+        ),
+    ];
+    for (what, tried) in each {
+        if !tried.is_empty() {
+            tried_models(page, &group.group, what, group.trials.len(), tried);
+        }
+    }
+}
+
+fn tried_models(page: &mut Document, air: &str, what: &str, trials: usize, tried: &[TriedModel]) {
+    let rows: Vec<Vec<String>> = tried
+        .iter()
+        .take(RANKED)
+        .map(|t| {
+            let name = if t.mechanisms.is_empty() {
+                "Briggs as it is".to_owned()
+            } else {
+                t.mechanisms.join(" + ")
+            };
+            vec![
+                name,
+                number(t.delta_log_score, 1),
+                number(t.delta_log_evidence, 1),
+                number(t.probability, 3),
+                format!(
+                    "{} ± {}",
+                    number(t.held_out_gain, 1),
+                    number(t.held_out_gain_se, 1)
+                ),
+            ]
+        })
+        .collect();
+    page.table(
+        &format!("Models of the {what} in {air} air, {trials} trials."),
+        &[
+            "changes",
+            "gain, nats",
+            "evidence, nats",
+            "probability",
+            "gain on trials left out, nats",
+        ],
+        &rows,
+    );
+}
+
+/// What was added, and what the numbers are relative to.
+fn added(page: &mut Document, report: &TracerReport) {
+    page.section("The extended model");
+    let causes = &report.gap.causes;
+    let rows: Vec<Vec<String>> = causes
+        .iter()
+        .flat_map(|c| c.parameters.iter().map(move |p| (c, p)))
+        .map(|(cause, p)| parameter_row(report, cause, p))
+        .collect();
+    if rows.is_empty() {
+        page.paragraph("No parameter was added.");
+    } else {
+        page.table(
+            "What was added, with standard deviations over trials. Each number stands relative to \
+             the inputs named with it. A scenario has Briggs' class curve and one wind only: \
+             extended.toml has the numbers fitted over those, which differ.",
+            &["parameter", "air", "value", "± 1 sd", "unit", "relative to"],
+            &rows,
+        );
+    }
+}
+
+fn parameter_row(report: &TracerReport, cause: &Cause, p: &Parameter) -> Vec<String> {
+    let lateral = p.mechanism.starts_with("sigma-y");
+    let air = cause.platforms.join(", ");
+    let group = report.tracer.groups.iter().find(|g| g.group == air);
+    let inputs = group.map_or(&[] as &[String], |g| {
+        if lateral {
+            &g.lateral_relative_to
+        } else {
+            &g.vertical_relative_to
+        }
+    });
+    let relative_to = if inputs.is_empty() {
+        "Briggs' class curve, wind as measured".to_owned()
+    } else {
+        inputs.join(" + ")
+    };
+    vec![
+        format!("{}.{}", p.mechanism, p.name),
+        air,
+        figure(p.value),
+        figure(p.sd),
+        p.unit.clone(),
+        relative_to,
+    ]
+}
+
+fn remains(page: &mut Document, json: &GapJson) {
+    page.section("What remains");
+    let mut items = Vec::new();
+    if let Some(u) = &json.unexplained {
+        let air = u.platforms.join(" and ");
+        items.push(format!("Without a name, in {air} air: {}.", u.term));
+    }
+    items.extend(json.notices.iter().cloned());
+    if !items.is_empty() {
+        page.list(&items);
+    }
+    if let Some(next) = &json.next_flight {
+        page.section("What would tell");
+        let of_a_set = |c: &&Cause| c.mechanisms == next.separates;
+        let name = json.causes.iter().find(of_a_set).map(set);
+        page.paragraph(&format!(
+            "To tell {} apart: {}.",
+            name.unwrap_or_else(|| next.separates.join(" and ")),
+            next.description
+        ));
+    }
+    detectable(page, json);
+}

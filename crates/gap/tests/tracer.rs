@@ -477,6 +477,20 @@ fn prairie_grass(with_towers: bool) -> Option<Tables> {
     )
 }
 
+// Golder's (1972) lines at z0 = .006 m.
+fn classes_at_six_millimetres(report: &TracerReport) {
+    let d = report
+        .tracer
+        .class_limits
+        .iter()
+        .find(|l| l.class == 'D')
+        .unwrap();
+    assert!(
+        (d.from_per_m + 0.021).abs() < 1e-3 && (d.to_per_m - 0.022).abs() < 1e-3,
+        "{d:?}"
+    );
+}
+
 // Barad (1958); bars: FAC2 at least .90 and NMSE at most .40 on trials left out, from .79 and .69
 // by Briggs with the wind at 2 m.
 #[test]
@@ -525,16 +539,7 @@ fn prairie_grass_says_what_is_known_of_it() {
         let stable = of("stable", "sigma-z");
         assert!(stable[0].mechanisms.len() > 1 && stable[0].probability < 0.95);
         assert!(report.gap.summary.contains("of no cause"));
-        let d = report
-            .tracer
-            .class_limits
-            .iter()
-            .find(|l| l.class == 'D')
-            .unwrap();
-        assert!(
-            (d.from_per_m + 0.021).abs() < 1e-3 && (d.to_per_m - 0.022).abs() < 1e-3,
-            "{d:?}"
-        );
+        classes_at_six_millimetres(&report);
         let json: serde_json::Value = serde_json::from_str(&report.to_json().unwrap()).unwrap();
         assert!(json["gain"]["held_out"]["fac2_after"].as_f64().unwrap() >= 0.90);
         assert_eq!(json["schema"], "plumage.gap/1");

@@ -8,8 +8,8 @@ use super::model::{self, Lateral, PIVOT_M, Prior, Vertical};
 /// quite normal.
 const TOWER_SD: f64 = 0.25;
 
-/// Releases are metered: one experiment in a hundred is taken to have a wrong one.
-const WRONG_RELEASE: f64 = 0.01;
+/// Releases are metered: one experiment in three hundred is taken to have a wrong one.
+const WRONG_RELEASE: f64 = 0.003;
 
 /// Prior of the logarithm of a factor on the arcs at one distance.
 const OFFSET: Prior = Prior {

@@ -171,6 +171,13 @@ const AN_ANGLE: Range = (-360.0, 720.0, "degrees, or nothing");
 const A_LENGTH: Range = (-1e6, 1e6, "metres, not 0, or nothing");
 const A_SPREAD: Range = (0.01, 120.0, "degrees from 0.01 to 120, or nothing");
 
+/// A name that a header has twice.
+fn twice(header: &StringRecord) -> Option<&str> {
+    let before = |k: usize, name: &str| header.iter().take(k).any(|h| h == name);
+    let mut names = header.iter().enumerate();
+    names.find(|(k, name)| before(*k, name)).map(|n| n.1)
+}
+
 struct Table<'a> {
     file: &'a str,
     header: StringRecord,
@@ -206,14 +213,12 @@ impl<'a> Table<'a> {
                 });
             }
         }
-        for (k, name) in header.iter().enumerate() {
-            if header.iter().take(k).any(|h| h == name) {
-                return Err(GapError::Data {
-                    what: format!("{file}: line 1, column {name}"),
-                    problem: "there twice".into(),
-                    expected: "every column once".into(),
-                });
-            }
+        if let Some(name) = twice(&header) {
+            return Err(GapError::Data {
+                what: format!("{file}: line 1, column {name}"),
+                problem: "there twice".into(),
+                expected: "every column once".into(),
+            });
         }
         for name in header
             .iter()

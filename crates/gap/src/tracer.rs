@@ -69,6 +69,9 @@ impl TracerReport {
 pub struct TracerDetail {
     /// Limits of 1/L between classes at the trials' roughness.
     pub class_limits: Vec<ClassLimit>,
+    /// For each of `causes`, in their order, the inputs that its numbers are relative to; none
+    /// for Briggs' class curve and the wind as measured.
+    pub relative_to: Vec<Vec<String>>,
     /// Roughness length of those limits, m.
     pub roughness_m: f64,
     /// Kinds of air with the models tried.
@@ -136,8 +139,12 @@ pub fn analyse(
         return Err(GapError::Data {
             what: "tracer trials".into(),
             problem: format!(
-                "{} trials have wind, Obukhov length and arcs: {}",
+                "{} trials have wind, Obukhov length and arcs, {} of them whole ones: {}",
                 trials.len(),
+                trials
+                    .iter()
+                    .filter(|t| t.arcs.iter().any(|a| a.whole))
+                    .count(),
                 arcs::lacking(tables)
             ),
             expected: format!("at least {LEAST_TRIALS} in unstable or in stable air"),
@@ -156,11 +163,13 @@ pub fn analyse(
     let gain = scores::gain(&answers, &arcs, seed)?;
     progress(1.0);
     let roughness_m = trials[0].weather.roughness_m;
+    let (gap, relative_to) = gap_json(&answers, &arcs, gain, notices, suspicions);
     let report = TracerReport {
         extended_toml: extension::scenario(&answers),
-        gap: gap_json(&answers, &arcs, gain, notices, suspicions),
+        gap,
         tracer: TracerDetail {
             class_limits: detail::class_limits(roughness_m),
+            relative_to,
             roughness_m,
             groups: answers.iter().map(detail::group).collect(),
             arcs,
@@ -175,6 +184,14 @@ fn answer<'a>(name: &'static str, chosen: Vec<&'a TrialArcs>) -> Result<Answer<'
         return Err(format!(
             "{} trials in {name} air are too few for a fit (at least {LEAST_TRIALS})",
             chosen.len()
+        ));
+    }
+    let whole = |t: &&&TrialArcs| t.arcs.iter().any(|a| a.whole);
+    let with_whole_arcs = chosen.iter().filter(whole).count();
+    if with_whole_arcs < LEAST_TRIALS {
+        return Err(format!(
+            "{with_whole_arcs} trials in {name} air have an arc in which the plume ends and is \
+             resolved: too few for a fit (at least {LEAST_TRIALS})"
         ));
     }
     let group = Group::new(chosen, LEAST_TRIALS);
@@ -211,23 +228,28 @@ fn question<T: Tried>(group: &Group<'_>, models: &[T], air: &str) -> Option<Ques
     Some(Question { scored, finding })
 }
 
+/// All causes, the strongest first, and the inputs that each is relative to.
+fn causes(answers: &[Answer<'_>]) -> (Vec<Cause>, Vec<Vec<String>>) {
+    let questions = answers.iter().flat_map(Answer::questions);
+    let mut each: Vec<(Cause, Vec<String>)> = questions
+        .flat_map(|q| q.finding.causes.iter().map(|c| (c, &q.finding.relative_to)))
+        .map(|(c, inputs)| (c.clone(), inputs.iter().map(|i| (*i).to_owned()).collect()))
+        .collect();
+    each.sort_by(|a, b| {
+        let nats = |c: &Cause| c.evidence.delta_log_evidence;
+        nats(&b.0).total_cmp(&nats(&a.0))
+    });
+    each.into_iter().unzip()
+}
+
 fn gap_json(
     answers: &[Answer<'_>],
     arcs: &[ArcDetail],
     gain: Gain,
     mut notices: Vec<String>,
     suspicions: Suspicions,
-) -> GapJson {
-    let mut causes: Vec<Cause> = answers
-        .iter()
-        .flat_map(Answer::questions)
-        .flat_map(|q| q.finding.causes.clone())
-        .collect();
-    causes.sort_by(|a, b| {
-        b.evidence
-            .delta_log_evidence
-            .total_cmp(&a.evidence.delta_log_evidence)
-    });
+) -> (GapJson, Vec<Vec<String>>) {
+    let (causes, relative_to) = causes(answers);
     let unexplained = if suspicions.amounts {
         Some(off_amounts(answers, &suspicions))
     } else {
@@ -248,7 +270,7 @@ fn gap_json(
     let odd = notices.iter().filter_map(|n| odd_data(n));
     let data_quality: Vec<DataQuality> = suspicions.flaws.iter().cloned().chain(odd).collect();
     notices.splice(0..0, suspicions.flaws.into_iter().map(|f| f.message));
-    GapJson {
+    let json = GapJson {
         schema: SCHEMA,
         verdict,
         summary,
@@ -266,7 +288,8 @@ fn gap_json(
         data_quality,
         notices,
         causes,
-    }
+    };
+    (json, relative_to)
 }
 
 /// Amounts off by a factor, as the misfit without a name that they are.

@@ -396,8 +396,11 @@ fn the_scenario_gets_numbers_over_what_it_runs() {
         (factor / over_briggs - 1.0).abs() < 0.2,
         "{line} {over_briggs}"
     );
-    let group = &report.tracer.groups[0];
-    assert_eq!(group.lateral_relative_to, ["sigma-y-from-azimuth"]);
+    let mut causes = report.gap.causes.iter().zip(&report.tracer.relative_to);
+    assert!(
+        causes.any(|(c, inputs)| c.mechanisms[0].starts_with("sigma-y")
+            && inputs[..] == ["sigma-y-from-azimuth"])
+    );
     assert!(report.gap.summary.contains("relative to the width by it"));
 }
 

@@ -196,6 +196,14 @@ fn table_notices(tables: &Tables) -> Vec<String> {
              limits of the classes hang on it"
         ));
     }
+    let roughness_m = tables.trials.iter().filter_map(|t| t.roughness_length_m);
+    let (low, high) = roughness_m.fold((f64::MAX, 0.0_f64), |r, z| (r.0.min(z), r.1.max(z)));
+    if high > 1.5 * low {
+        notices.push(format!(
+            "roughness lengths go from {low} to {high} m: each trial has its own limits of the \
+             classes, and those of the first are shown"
+        ));
+    }
     let height = lacking(&|t| t.wind_height_m.is_some() || t.wind_speed_m_s.is_none());
     if height > 0 {
         notices.push(format!(
@@ -211,7 +219,7 @@ pub fn lacking(tables: &Tables) -> String {
     let count = |which: &dyn Fn(&Trial) -> bool| tables.trials.iter().filter(|t| which(t)).count();
     format!(
         "of {} trials {} have no wind_speed_m_s, {} no obukhov_length_m, {} no receptors under their \
-         name, and {} receptors with a reading above 0",
+         name, and {} a reading above 0",
         tables.trials.len(),
         count(&|t| t.wind_speed_m_s.is_none()),
         count(&|t| t.obukhov_length_m.is_none_or(|l| l == 0.0)),
@@ -286,6 +294,7 @@ fn middle_factor(rows: &[Receptor]) -> f64 {
 
 fn arcs(trial: &str, rows: &[Receptor], odd: &mut Oddities, notices: &mut Vec<String>) -> Vec<Arc> {
     let mut points = corrected(trial, rows, notices);
+    let usual_m = shared_height_m(&points);
     points.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let mut arcs = Vec::new();
     let mut start = 0;
@@ -296,7 +305,7 @@ fn arcs(trial: &str, rows: &[Receptor], odd: &mut Oddities, notices: &mut Vec<St
         if same {
             continue;
         }
-        let level = of_one_height(&points[start..end]);
+        let level = of_one_height(&points[start..end], usual_m);
         if level.len() < end - start {
             odd.mixed_heights += 1;
             odd.other_height += end - start - level.len();
@@ -313,18 +322,32 @@ fn arcs(trial: &str, rows: &[Receptor], odd: &mut Oddities, notices: &mut Vec<St
     arcs
 }
 
-/// The samplers of an arc at the height that most of them share, the lowest of several.
-fn of_one_height(points: &[[f64; 4]]) -> Vec<[f64; 4]> {
-    let at = |height: f64| {
-        let near = move |p: &&[f64; 4]| (p[2] - height).abs() <= HEIGHT_TOLERANCE_M;
-        points.iter().filter(near)
-    };
+fn at_height(points: &[[f64; 4]], height_m: f64) -> Vec<[f64; 4]> {
+    let near = |p: &&[f64; 4]| (p[2] - height_m).abs() <= HEIGHT_TOLERANCE_M;
+    points.iter().filter(near).copied().collect()
+}
+
+/// The height that most samplers share, the lowest of several.
+fn shared_height_m(points: &[[f64; 4]]) -> f64 {
     let mut heights: Vec<f64> = points.iter().map(|p| p[2]).collect();
     heights.sort_by(f64::total_cmp);
     heights.dedup();
     // Of equal counts the last is the maximum: from above.
-    let most = heights.into_iter().rev().max_by_key(|h| at(*h).count());
-    most.map_or_else(Vec::new, |h| at(h).copied().collect())
+    let most = heights
+        .into_iter()
+        .rev()
+        .max_by_key(|h| at_height(points, *h).len());
+    most.unwrap_or(f64::NAN)
+}
+
+/// The samplers of an arc at one height: that of most of the trial, or of most of the arc.
+fn of_one_height(points: &[[f64; 4]], usual_m: f64) -> Vec<[f64; 4]> {
+    let usual = at_height(points, usual_m);
+    if 2 * usual.len() >= LEAST_INSIDE.max(points.len() / 2) {
+        usual
+    } else {
+        at_height(points, shared_height_m(points))
+    }
 }
 
 /// Samplers with a reading: distance, m, azimuth, radians, height, m, and concentration, mg/m³,

@@ -71,9 +71,15 @@ fn amounts(trials: &[TrialArcs]) -> Option<String> {
     if off.abs() <= LARGEST_FACTOR.ln() && fac2 >= LEAST_FAC2 {
         return None;
     }
-    let factor = off.exp();
+    let factor = match off.exp() {
+        f if f > 1e6 => "over a million".to_owned(),
+        f if f >= 100.0 => format!("{f:.0}"),
+        f if f >= 0.01 => format!("{f:.2}"),
+        f if f >= 1e-6 => format!("{f:.6}"),
+        _ => "less than a millionth".to_owned(),
+    };
     Some(format!(
-        "measured crosswind integrals are {factor:.3e} times what Briggs' plume gives, in the middle \
+        "measured crosswind integrals are {factor} times what Briggs' plume gives, in the middle \
          of all arcs, and a part of {fac2:.2} of the arc maxima is within a factor of two: too far \
          for any spread. Check the units of source_rate_g_s, concentration_mg_m3, wind_speed_m_s, \
          east_m, north_m, height_agl_m and source_height_agl_m, and the release itself"

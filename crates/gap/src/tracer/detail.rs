@@ -36,11 +36,6 @@ pub struct GroupDetail {
     pub lateral: Vec<TriedModel>,
     /// The same of the trials without, or of all where too few measured it.
     pub lateral_without_azimuth: Vec<TriedModel>,
-    /// Inputs of the best vertical model in place of the class's curve and the measured wind: its
-    /// numbers are relative to these.
-    pub vertical_relative_to: Vec<String>,
-    /// The same of the width.
-    pub lateral_relative_to: Vec<String>,
 }
 
 /// One arc, measured and predicted.
@@ -97,7 +92,6 @@ pub(super) fn class_limits(roughness_m: f64) -> Vec<ClassLimit> {
 
 pub(super) fn group(answer: &Answer<'_>) -> GroupDetail {
     let lateral = |widths| answer.lateral_of(widths).map(|q| &q.finding);
-    let owned = |ids: &[&str]| ids.iter().map(|id| (*id).to_owned()).collect();
     GroupDetail {
         group: answer.name.to_owned(),
         trials: answer
@@ -110,9 +104,6 @@ pub(super) fn group(answer: &Answer<'_>) -> GroupDetail {
         lateral: lateral(Widths::WithAzimuth).map_or_else(Vec::new, |f| f.tried.clone()),
         lateral_without_azimuth: lateral(Widths::WithoutAzimuth)
             .map_or_else(Vec::new, |f| f.tried.clone()),
-        vertical_relative_to: owned(&answer.vertical.finding.relative_to),
-        lateral_relative_to: lateral(Widths::WithAzimuth)
-            .map_or_else(Vec::new, |f| owned(&f.relative_to)),
     }
 }
 

@@ -126,8 +126,12 @@ fn added(page: &mut Document, report: &TracerReport) {
     let causes = &report.gap.causes;
     let rows: Vec<Vec<String>> = causes
         .iter()
-        .flat_map(|c| c.parameters.iter().map(move |p| (c, p)))
-        .map(|(cause, p)| parameter_row(report, cause, p))
+        .zip(&report.tracer.relative_to)
+        .flat_map(|(c, inputs)| {
+            c.parameters
+                .iter()
+                .map(move |p| parameter_row(c, p, inputs))
+        })
         .collect();
     if rows.is_empty() {
         page.paragraph("No parameter was added.");
@@ -142,17 +146,7 @@ fn added(page: &mut Document, report: &TracerReport) {
     }
 }
 
-fn parameter_row(report: &TracerReport, cause: &Cause, p: &Parameter) -> Vec<String> {
-    let lateral = p.mechanism.starts_with("sigma-y");
-    let air = cause.platforms.join(", ");
-    let group = report.tracer.groups.iter().find(|g| g.group == air);
-    let inputs = group.map_or(&[] as &[String], |g| {
-        if lateral {
-            &g.lateral_relative_to
-        } else {
-            &g.vertical_relative_to
-        }
-    });
+fn parameter_row(cause: &Cause, p: &Parameter, inputs: &[String]) -> Vec<String> {
     let relative_to = if inputs.is_empty() {
         "Briggs' class curve, wind as measured".to_owned()
     } else {
@@ -160,7 +154,7 @@ fn parameter_row(report: &TracerReport, cause: &Cause, p: &Parameter) -> Vec<Str
     };
     vec![
         format!("{}.{}", p.mechanism, p.name),
-        air,
+        cause.platforms.join(", "),
         figure(p.value),
         figure(p.sd),
         p.unit.clone(),

@@ -453,6 +453,25 @@ fn what_is_odd_about_samplers_is_said() {
         assert!(notices.contains(said), "{said}: {notices}");
     }
     assert!(odd.tracer.arcs.iter().all(|a| a.samplers <= 82));
+    // A second height that read nothing does not drown the one that did.
+    let mut above = plain.clone();
+    let mut masts = above.receptors.clone();
+    for r in &mut masts {
+        (r.height_agl_m, r.concentration_mg_m3) = (10.0, Some(0.0));
+    }
+    above.receptors.extend(masts);
+    let kept = report(&above);
+    assert_eq!(kept.tracer.arcs, report(&plain).tracer.arcs);
+    // One sampler an arc tells nothing of a plume.
+    let mut lone = plain.clone();
+    lone.receptors.retain(|r| r.east_m.abs() < 1e-9);
+    let refused = analyse(&lone, 1, &mut |_| {}).map(|r| r.gap.summary);
+    assert!(
+        refused
+            .unwrap_err()
+            .to_string()
+            .contains("0 of them whole ones")
+    );
     // A road is no circle: distances that wander by 4 % stay five arcs a trial.
     let mut road = plain;
     for (k, r) in road.receptors.iter_mut().enumerate() {

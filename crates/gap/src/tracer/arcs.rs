@@ -139,7 +139,7 @@ pub fn trials(tables: &Tables) -> (Vec<TrialArcs>, Vec<String>) {
     }
     if odd.mixed_heights > 0 {
         notices.push(format!(
-            "on {} arcs samplers stand at several heights: the height that most share is used, and \
+            "on {} arcs samplers stand at several heights: that at which most read something is used, and \
              {} samplers at others are left out",
             odd.mixed_heights, odd.other_height
         ));
@@ -327,16 +327,14 @@ fn at_height(points: &[[f64; 4]], height_m: f64) -> Vec<[f64; 4]> {
     points.iter().filter(near).copied().collect()
 }
 
-/// The height that most samplers share, the lowest of several.
+/// The height at which most samplers read something, the lowest of several.
 fn shared_height_m(points: &[[f64; 4]]) -> f64 {
     let mut heights: Vec<f64> = points.iter().map(|p| p[2]).collect();
     heights.sort_by(f64::total_cmp);
     heights.dedup();
+    let readings = |h: f64| at_height(points, h).iter().filter(|p| p[3] > 0.0).count();
     // Of equal counts the last is the maximum: from above.
-    let most = heights
-        .into_iter()
-        .rev()
-        .max_by_key(|h| at_height(points, *h).len());
+    let most = heights.into_iter().rev().max_by_key(|h| readings(*h));
     most.unwrap_or(f64::NAN)
 }
 

@@ -233,6 +233,23 @@ fn a_name_holds_its_probability() {
 }
 
 #[test]
+fn a_hidden_factor_on_the_width_is_no_growth() {
+    let hidden = Hidden {
+        log_width: 0.4,
+        ..Hidden::default()
+    };
+    // A growth that is worth a nat by chance, in one of six, keeps the name from the factor.
+    let mut named = 0;
+    for seed in 36..42 {
+        let report = report(&made(hidden, false, seed));
+        let cause = &report.gap.causes[0];
+        assert_eq!(cause.mechanisms[0], "sigma-y-scale", "{cause:?}");
+        named += usize::from(report.gap.verdict == Verdict::Named);
+    }
+    assert!(named >= 4, "{named}");
+}
+
+#[test]
 fn another_law_of_spread_is_no_loss() {
     for seed in 0..2 {
         let hidden = Hidden {

@@ -109,24 +109,33 @@ pub fn judge(scored: &[(usize, Scored)], group: &str) -> Option<Finding> {
 }
 
 /// The causes of a model that show: one that costs less than a nat of score when it is taken
-/// out again is none (a loss fitted as 0, a decay whose prior lets it do nothing).
+/// out again is none (a loss fitted as 0, a decay whose prior lets it do nothing), and a growth
+/// that a factor does as well as is that factor.
 fn parts(order: &[&Scored], model: &Scored) -> Vec<&'static str> {
     let mut now = model;
     loop {
-        let plainer = causes_of(&now.ids).into_iter().filter_map(|id| {
-            let rest: Vec<&str> = now
-                .ids
-                .iter()
-                .copied()
-                .filter(|other| *other != id)
-                .collect();
-            order.iter().copied().find(|p| p.ids == rest)
+        let of = |ids: &[&str]| order.iter().copied().find(|p| p.ids == ids);
+        let plainer = causes_of(&now.ids).into_iter().flat_map(|id| {
+            let without: Vec<&str> = now.ids.iter().copied().filter(|i| *i != id).collect();
+            let factor = |i: &&'static str| factor_in(i).filter(|_| *i == id).unwrap_or(*i);
+            let as_factor: Vec<&str> = now.ids.iter().map(factor).collect();
+            let growth = factor_in(id).and_then(|_| of(&as_factor));
+            of(&without).into_iter().chain(growth)
         });
         let nearest = plainer.max_by(|a, b| a.fit.log_score.total_cmp(&b.fit.log_score));
         match nearest {
             Some(p) if now.fit.log_score - p.fit.log_score < LEAST_SHOWN => now = p,
             _ => return causes_of(&now.ids),
         }
+    }
+}
+
+/// The factor that a change of growth has in it.
+fn factor_in(id: &str) -> Option<&'static str> {
+    match id {
+        "sigma-z-growth" => Some("sigma-z-scale"),
+        "sigma-y-growth" => Some("sigma-y-scale"),
+        _ => None,
     }
 }
 
@@ -169,7 +178,7 @@ fn certain(order: &[&Scored], combined: &[Combination], id: &str) -> bool {
         .iter()
         .find(|s| s.ids.is_empty())
         .map_or(0.0, |s| behind(s));
-    let mut without = order.iter().filter(|s| !s.ids.contains(&id));
+    let mut without = order.iter().filter(|s| !parts(order, s).contains(&id));
     inclusion(combined, id) >= SET_PROBABILITY
         && without.all(|s| {
             let (held_out, error) = difference(&best.held_out, &s.held_out);
@@ -254,15 +263,13 @@ fn model_of<'a>(order: &[&'a Scored], set: &[&'static str]) -> &'a Scored {
 
 fn cause(order: &[&Scored], set: &[&'static str], base: &Scored, group: &str) -> Cause {
     let best = model_of(order, set);
-    let outside = order
-        .iter()
-        .filter(|s| !s.ids.iter().any(|id| set.contains(id)));
+    let shown = |s: &Scored| parts(order, s).iter().any(|id| set.contains(id));
+    let outside = order.iter().filter(|s| !shown(s));
     let rival = outside.map(|s| s.fit.log_evidence).fold(f64::NAN, f64::max);
     let nats_to_next = best.fit.log_evidence - rival;
     // By Markov's inequality a model without the cause gives evidence e times larger to one of
     // the others with a probability of 1/e at most.
     let p_value = (order.len() as f64 * (-nats_to_next).exp()).min(1.0);
-    let shown = |s: &Scored| parts(order, s).iter().any(|id| set.contains(id));
     Cause {
         mechanisms: set.iter().map(|id| (*id).to_owned()).collect(),
         probability: order

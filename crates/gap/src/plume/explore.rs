@@ -371,11 +371,7 @@ impl Round {
         let tried = self.tried.iter();
         let all: Vec<f64> = std::iter::once(weighed(0.0, None))
             .chain(tried.map(|t| weighed(t.log_evidence, Some(t.id))))
-            // What holds a name has no other law than that.
-            .chain(rivals.map(|r| match r.holds_best {
-                true => r.log_evidence,
-                false => weighed(r.log_evidence, None),
-            }))
+            .chain(rivals.map(|r| weighed(r.log_evidence, None)))
             .collect();
         let peak = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         peak + all.iter().map(|e| (e - peak).exp()).sum::<f64>().ln()

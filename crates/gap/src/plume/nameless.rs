@@ -49,6 +49,14 @@ impl Doubt {
     }
 }
 
+/// Probability of the whole catalogue from which on a set of so many names stands by itself.
+fn sure_at(names: usize) -> f64 {
+    match names {
+        1 => NAME_SURE_AT,
+        _ => SET_SURE_AT,
+    }
+}
+
 /// A slow swing on top of a model, if there is one, and the model under a noise that holds none.
 fn swing_beside(ctx: &Context<'_>, null: &Fitted, seed: u64) -> Option<(Fitted, Rival)> {
     let beside = ctx.refine_with(&null.model, null.noise, Effort::BESIDE_SWINGS);
@@ -169,11 +177,7 @@ impl Named {
         let [only] = self.accepted.as_slice() else {
             return;
         };
-        let sure_at = match only.set.len() {
-            1 => NAME_SURE_AT,
-            _ => SET_SURE_AT,
-        };
-        if only.of_catalogue < sure_at {
+        if only.of_catalogue < sure_at(only.set.len()) {
             self.unexplained = self.against.as_ref().map(|term| unexplained(ctx, term));
         }
     }
@@ -221,5 +225,17 @@ impl Named {
         if let Some(rest) = standing(&rivals, REST_PART * gained.sum::<f64>()) {
             self.leave_unexplained(ctx, rest);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_alone_must_be_surer_than_a_set() {
+        let stands = |names, of_catalogue: f64| of_catalogue >= sure_at(names);
+        assert!(!stands(1, 0.93) && stands(2, 0.93));
+        assert!(stands(1, 0.95) && !stands(2, 0.89));
     }
 }

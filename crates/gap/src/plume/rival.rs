@@ -47,8 +47,10 @@ pub(crate) struct Rivals {
 const SIZES: [f64; 6] = [3.0, 10.0, 40.0, 200.0, 1000.0, 1e4];
 /// Share of the prior that nameless terms have against named mechanisms.
 const LN_SHARE: f64 = -6.0;
-/// Part of what a name gains that its own imperfection may leave to what holds it.
-const IMPERFECT_PART: f64 = 0.06;
+/// What a name gains from which on its own imperfection shows, nats, and the part of what it gains
+/// beyond that which it may leave to what holds it.
+const IMPERFECT_FROM_NATS: f64 = 100.0;
+const IMPERFECT_PART: f64 = 0.2;
 
 /// Builds, whitens and ranks all rivals on top of `fitted`.
 pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed: u64) -> Rivals {
@@ -141,7 +143,7 @@ impl Rivals {
         for rival in &mut self.ranked {
             rival.holds_best = holds(rival);
             if rival.holds_best {
-                rival.log_evidence -= IMPERFECT_PART * log_score.max(0.0);
+                rival.log_evidence -= IMPERFECT_PART * (log_score - IMPERFECT_FROM_NATS).max(0.0);
             }
         }
         self.ranked

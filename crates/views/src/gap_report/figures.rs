@@ -121,12 +121,16 @@ pub(super) fn bins(residual: &[ResidualBin]) -> Value {
             .flatten()
             .next()
             .map_or("", |b| b.unit.as_str());
-        layout[format!("xaxis{suffix}")] = json!({"domain": [left, right], "anchor": format!("y{suffix}"), "title": {"text": unit}});
+        layout[format!("xaxis{suffix}")] = json!({"domain": [left, right], "anchor": format!("y{suffix}"),
+            "title": {"text": unit}, "type": if *coordinate == "platform" { "category" } else { "linear" }});
         layout[format!("yaxis{suffix}")] = json!({"anchor": format!("x{suffix}"),
             "title": {"text": if i == 0 { "misfit, sd" } else { "" }}});
         titles.push(panel_title(&coordinate.replace('_', " "), "", left, 1.0));
         for (platform, bins) in platforms {
-            let middle = bins.iter().map(|b| rounded(0.5 * (b.from + b.to), 100.0));
+            let middle = bins.iter().map(|b| match *coordinate {
+                "platform" => json!(platform),
+                _ => json!(rounded(0.5 * (b.from + b.to), 100.0)),
+            });
             let misfit = bins.iter().map(|b| rounded(b.standardised, 100.0));
             data.push(
                 json!({"type": "scatter", "mode": "lines+markers", "name": platform,
@@ -225,13 +229,18 @@ pub(super) fn arcs(arcs: &[ArcDetail]) -> Value {
         }
     }
     let log = |title: &str, domain: [f64; 2], anchor: &str| json!({"type": "log", "title": {"text": title}, "domain": domain, "anchor": anchor});
-    json!({"data": data, "layout": {"margin": {"t": 48},
+    json!({"data": data, "layout": {"margin": {"t": 48, "b": 96},
         "annotations": [panel_title("crosswind integral", "", 0.0, 1.0), panel_title("width", "", 0.55, 1.0)],
-        "showlegend": true, "legend": {"y": 1.09, "orientation": "h"},
+        "showlegend": true, "legend": legend_below(),
         "xaxis": log("distance, m", [0.0, 0.45], "y"), "xaxis2": log("distance, m", [0.55, 1.0], "y2"),
         "yaxis": {"type": "log", "title": {"text": "predicted / measured"}},
         "yaxis2": {"type": "log", "anchor": "x2"},
         "shapes": [line_at_one("x", "y"), line_at_one("x2", "y2")]}})
+}
+
+/// A legend below the axes, where the panels' titles stand above.
+pub(super) fn legend_below() -> Value {
+    json!({"orientation": "h", "x": 0.0, "y": -0.2, "yanchor": "top"})
 }
 
 fn line_at_one(x: &str, y: &str) -> Value {

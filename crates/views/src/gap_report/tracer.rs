@@ -22,6 +22,8 @@ pub fn tracer(title: &str, report: &TracerReport) -> String {
     if !json.residual.is_empty() {
         let mut bins = figures::bins(&json.residual);
         bins["layout"]["showlegend"] = json!(true);
+        bins["layout"]["legend"] = figures::legend_below();
+        bins["layout"]["margin"] = json!({"t": 30, "b": 90});
         page.plot(
             380,
             bins,

@@ -9,6 +9,7 @@ use mission::Setup;
 use scenario::observations::{self, Observation, Observations};
 use scenario::world::WorldError;
 use std::path::{Path, PathBuf};
+use ws::wind::WorldWind;
 
 /// Readings of a recording are taken at most this often, s: closer ones say little more.
 const RECORDING_INTERVAL_S: f64 = 1.0;
@@ -47,14 +48,12 @@ pub fn fill_wind(observations: &mut Observations, setup: &Setup) -> Result<bool,
     if observations.rows.iter().any(logged) {
         return Ok(false);
     }
-    let profile = setup.scenario.wind_profile()?;
+    let wind = WorldWind::new(setup.scenario.wind_profile()?, Some(series.clone()), false);
     let ground_amsl_m = setup.scenario.site.ground_amsl_m;
     for row in &mut observations.rows {
-        let wind = series.at(row.time_s);
-        let now = profile.through(wind, profile.reference_height_agl_m());
-        let speed_m_s = now.map(|p| p.speed_at_m_s(row.alt_amsl_m - ground_amsl_m));
-        row.wind_speed_m_s = speed_m_s.ok();
-        row.wind_from_deg = Some(wind.from_deg());
+        let now = wind.at(row.time_s, 0.0);
+        row.wind_speed_m_s = Some(now.speed_at_m_s(row.alt_amsl_m - ground_amsl_m));
+        row.wind_from_deg = Some(now.from_deg());
     }
     observations
         .notices

@@ -59,7 +59,8 @@ pub(crate) fn gate(data: &mut Data, setup: &Setup) -> Vec<DataQuality> {
         };
         eye.name = eye.data.track.platforms()[platform].clone();
         eye.places(base);
-        eye.clock();
+        eye.heights();
+        eye.speeds();
         eye.codes();
         eye.units(base);
         // A ceiling is met again and again; what stands still does so once, wherever it is.
@@ -170,24 +171,12 @@ impl Eye<'_> {
         self.say(Flaw::Unit, first, last, message);
     }
 
-    /// Heights below the ground, and times in which nothing flies so fast or so slowly.
-    fn clock(&mut self) {
+    /// Heights below the ground.
+    fn heights(&mut self) {
         let track = &self.data.track;
-        let times = track.time_s();
-        let mut heights: Vec<f64> = self
-            .range
-            .clone()
-            .map(|i| track.place(i).height_agl_m)
-            .collect();
-        let (mut speeds, mut length_m) = (Vec::new(), 0.0);
-        for i in self.range.clone().skip(1) {
-            let (a, b) = (track.place(i - 1), track.place(i));
-            let way_m = (b.east_m - a.east_m).hypot(b.north_m - a.north_m);
-            length_m += way_m;
-            speeds.push(way_m / (times[i] - times[i - 1]));
-        }
+        let rows = self.range.clone();
+        let mut heights: Vec<f64> = rows.map(|i| track.place(i).height_agl_m).collect();
         let height_m = middle(&mut heights).unwrap_or(0.0);
-        let speed_m_s = middle(&mut speeds);
         if height_m < -UNDERGROUND_M {
             self.mask_all(format!(
                 "half of the rows lie {:.0} m and more below the site's ground: is alt_amsl_m in \
@@ -195,6 +184,20 @@ impl Eye<'_> {
                 -height_m
             ));
         }
+    }
+
+    /// Times in which nothing flies so fast or so slowly.
+    fn speeds(&mut self) {
+        let track = &self.data.track;
+        let times = track.time_s();
+        let (mut speeds, mut length_m) = (Vec::new(), 0.0);
+        for i in self.range.clone().skip(1) {
+            let (a, b) = (track.place(i - 1), track.place(i));
+            let way_m = (b.east_m - a.east_m).hypot(b.north_m - a.north_m);
+            length_m += way_m;
+            speeds.push(way_m / (times[i] - times[i - 1]));
+        }
+        let speed_m_s = middle(&mut speeds);
         let wrong = match speed_m_s {
             Some(v) if v > TOO_FAST_M_S => "(minutes or hours?)",
             Some(v) if v < TOO_SLOW_M_S && length_m > LONG_TRACK_M => "(ms or ns?)",

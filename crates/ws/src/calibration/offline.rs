@@ -177,7 +177,7 @@ fn logged(row: &Observation) -> Option<WindVector> {
 
 /// Direction from which the mean of the logged winds blows, degrees: what a turn that was found
 /// against the log turns. None where no row has a wind.
-pub fn logged_from_deg(observations: &Observations) -> Option<f64> {
+fn logged_from_deg(observations: &Observations) -> Option<f64> {
     let winds = observations.rows.iter().filter_map(logged);
     let sum = winds.fold(None, |sum: Option<WindVector>, wind| {
         let (east, north) = sum.map_or((0.0, 0.0), |s| (s.east_m_s, s.north_m_s));

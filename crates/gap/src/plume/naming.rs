@@ -192,17 +192,16 @@ impl Named {
             }
             let Some(best) = best else { break };
             let next = match put_to_the_test(ctx, &self.last, &best.fitted, &[best.part]) {
-                Tested::Chance => {
-                    // A name that does not carry over leaves what called for it unexplained.
+                Tested::Null(null) if !moved => {
+                    moved = true;
+                    null
+                }
+                Tested::Chance | Tested::Null(_) => {
+                    // A name that does not stand leaves what called for it unexplained.
                     if let Some(rival) = preferred(round, None, REST_PART * gained) {
                         doubt.get_or_insert_with(|| self.doubt(ctx, rival, gained));
                     }
                     break;
-                }
-                Tested::Null(_) if moved => break,
-                Tested::Null(null) => {
-                    moved = true;
-                    null
                 }
                 Tested::Extension(refined) => {
                     moved = false;

@@ -101,6 +101,15 @@ fn a_set_that_is_not_sure_does_not_stand_alone() {
     assert!(one.stated.unwrap().0 < 0.9, "{one:?}");
 }
 
+// Behind an obstacle the plume looks narrower, until the base has a better place; there it looks so
+// again, and again the base has a better place. What is neither stands, without a name.
+#[test]
+fn what_called_for_a_name_that_is_needless_stands_without_one() {
+    let one = outcome(600_000_000, 608_200_001);
+    assert_eq!(one.verdict, Some(Verdict::Unexplained), "{one:?}");
+    assert_eq!(one.coordinate.as_deref(), Some("map"), "{one:?}");
+}
+
 // Both named exactly 92 %: of eight, more than two misses have a chance below 3 %.
 #[test]
 fn two_effects_are_both_named() {

@@ -17,6 +17,7 @@ mod fit;
 mod fixes;
 mod freedom;
 mod gate;
+mod heights;
 mod held_out;
 mod lee;
 mod lid;
@@ -168,6 +169,12 @@ fn counted_from_near_zero(
         if let Some(again) = named_again(&there, &started.fitted, &named, options, &mut tell) {
             (named, ctx) = (again, there);
         }
+    }
+    let doubted = heights::doubted(&ctx, observations, &started.fitted, &named.last);
+    if !doubted.is_empty() {
+        data.used.fill(false);
+        quality.extend(doubted);
+        return Ok(nothing_to_tell(setup, data, quality));
     }
     Ok(stated(&ctx, &started, named, quality, options, &mut tell))
 }

@@ -60,7 +60,7 @@ pub struct Observation {
     pub wind_from_deg: Option<f64>,
     /// Air temperature, °C.
     pub temperature_c: Option<f64>,
-    /// Relative humidity, %.
+    /// Relative humidity, %, -10 to 120.
     pub relative_humidity_pct: Option<f64>,
     /// Air pressure, hPa, positive.
     pub pressure_hpa: Option<f64>,
@@ -435,6 +435,11 @@ const A_TEMPERATURE: Range = Range {
     high: 100.0,
     expected: "a temperature from -120 to 100 degrees Celsius, or nothing",
 };
+const A_HUMIDITY: Range = Range {
+    low: -10.0,
+    high: 120.0,
+    expected: "a relative humidity from -10 (a sensor may be off) to 120 %, or nothing",
+};
 const A_PRESSURE: Range = Range {
     low: 1.0,
     high: 1200.0,
@@ -464,7 +469,7 @@ impl Cells<'_> {
             A_SPEED,
             A_NUMBER,
             A_TEMPERATURE,
-            A_NUMBER,
+            A_HUMIDITY,
             A_PRESSURE,
             A_SPREAD,
         ];

@@ -155,6 +155,7 @@ fn cells_that_are_no_number_name_file_line_and_column() {
     for (column, cell) in [
         ("wind_speed_m_s", "-1"),
         ("pressure_hpa", "0"),
+        ("relative_humidity_pct", "-9999"),
         ("temperature_c", "288.15"),
         ("sd_ppm", "0"),
     ] {

@@ -184,6 +184,7 @@ impl Data {
         if order.is_empty() {
             return Err(nothing("no rows"));
         }
+        notices.extend(absent_platforms(&setup.base, &observations.platforms));
         few_enough(observations.platforms.len())?;
         let mut rows: Vec<Row> = order.iter().map(|o| row(setup, o)).collect();
         fixes::without_jitter(&mut rows);
@@ -333,6 +334,25 @@ impl Data {
             })
             .collect()
     }
+}
+
+/// What mechanisms of the scenario say of platforms that are not among `platforms`.
+fn absent_platforms<'a>(
+    base: &'a WorldSpec,
+    platforms: &'a [String],
+) -> impl Iterator<Item = String> + 'a {
+    base.mechanisms.iter().flat_map(move |mechanism| {
+        let absent = mechanism.platforms().iter();
+        absent
+            .filter(|name| !platforms.contains(name))
+            .map(move |name| {
+                format!(
+                    "the scenario's {} of platform {name} is not met: the observations have {}",
+                    mechanism.id().as_str(),
+                    platforms.join(", ")
+                )
+            })
+    })
 }
 
 /// Refuses more platforms than there are teams: each brings a sensor with faults of its own.

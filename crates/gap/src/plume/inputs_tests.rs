@@ -135,6 +135,46 @@ fn other_units_of_height_and_time_are_suspected() {
 }
 
 #[test]
+fn heights_in_feet_or_above_ground_are_suspected() {
+    for (words, change) in [
+        ("feet:", (|h| h / 0.3048) as fn(f64) -> f64),
+        ("metres above ground", |h| h - 340.0),
+        ("feet above ground", |h| (h - 340.0) / 0.3048),
+    ] {
+        let mut other = observe(&[], 5);
+        other
+            .rows
+            .iter_mut()
+            .for_each(|r| r.alt_amsl_m = change(r.alt_amsl_m));
+        let a = run_with("", &other);
+        assert_eq!(a.json.verdict, Verdict::None, "{}", a.json.summary);
+        let flaws: Vec<_> = a.json.data_quality.iter().collect();
+        assert_eq!(flaws.len(), 3, "{flaws:?}");
+        for flaw in flaws {
+            assert_eq!(flaw.kind, Flaw::Unit);
+            assert!(flaw.message.contains(words), "{}", flaw.message);
+        }
+    }
+}
+
+#[test]
+fn a_plume_that_rose_to_another_height_is_no_other_unit() {
+    let a = run_with(
+        "",
+        &observe(
+            &[("effective-height-offset", &[("offset_m", 90.0)], &[])],
+            6,
+        ),
+    );
+    assert_eq!(
+        sets(&a),
+        [["effective-height-offset"]],
+        "{}",
+        a.json.summary
+    );
+}
+
+#[test]
 fn codes_for_no_reading_are_masked_and_make_no_verdict() {
     for code in [65_535.0, -9_999.0] {
         let (verdict, flaws) = damaged(|r| {
@@ -180,4 +220,14 @@ fn a_stated_prior_is_kept_until_the_data_contradict_it() {
     let b = run_with("\"weather.wind_from_deg\" = 3.0\n", &turned);
     assert_eq!(b.json.verdict, Verdict::Named, "{}", b.json.summary);
     assert_eq!(b.json.causes[0].mechanisms, ["wind-direction-offset"]);
+}
+
+#[test]
+fn a_mechanism_of_an_absent_platform_is_told() {
+    let gain =
+        "\n[[mechanism]]\nid = \"sensor-gain\"\nplatforms = [\"a\", \"uav9\"]\nfactor = 1.0\n";
+    let a = run_with(gain, &observe(&[], 5));
+    let told = a.json.notices.iter().filter(|n| n.contains("uav9"));
+    assert_eq!(told.count(), 1, "{:?}", a.json.notices);
+    assert!(!a.json.notices.iter().any(|n| n.contains("platform a ")));
 }

@@ -4,6 +4,7 @@
 use super::answer::unexplained;
 use super::explore::{FALSE_ALARM, Round, Tried};
 use super::fit::{Context, Effort, Fitted};
+use super::heights;
 use super::naming::{Grown, LEAST_EVIDENCE, Named, REST_PART};
 use super::rival::{self, Rival, Rivals};
 use crate::verdict::Unexplained;
@@ -27,8 +28,6 @@ const SET_SURE_AT: f64 = 0.9;
 /// Rows in a plume from which a correlation can be told, and the least that readings of one have.
 const LEAST_PLUME_ROWS: usize = 60;
 const LEAST_CORRELATION: f64 = 0.3;
-/// Part of the readings at either end that is cut to what the rest reaches.
-const CUT_PART: f64 = 0.005;
 
 /// A nameless rival that beat the best name, until it is seen whether names together beat it.
 pub(super) struct Doubt {
@@ -78,17 +77,7 @@ pub(super) fn unrelated(ctx: &Context<'_>, base: &Fitted, last: &Fitted) -> Opti
         seen.count() >= LEAST_PLUME_ROWS
     };
     let followed = [last, base].into_iter().find(has_plume)?;
-    let prediction = &followed.prediction;
-    // A few readings that are far off must not decide.
-    let mut sorted: Vec<f64> = rows.iter().map(|i| ctx.data.reading_ppm[*i]).collect();
-    sorted.sort_by(f64::total_cmp);
-    let at = |part: f64| sorted[(part * (sorted.len() - 1) as f64) as usize];
-    let (low, high) = (at(CUT_PART), at(1.0 - CUT_PART));
-    let read = rows
-        .iter()
-        .map(|i| ctx.data.reading_ppm[*i].clamp(low, high));
-    let predicted = rows.iter().map(|i| prediction.reading[*i]);
-    let correlation = correlation(&read.zip(predicted).collect::<Vec<_>>());
+    let correlation = heights::correlation(ctx.data, &followed.prediction.reading);
     let times = ctx.data.track.time_s();
     (correlation < LEAST_CORRELATION).then(|| Unexplained {
         coordinate: "map".to_string(),
@@ -103,18 +92,6 @@ pub(super) fn unrelated(ctx: &Context<'_>, base: &Fitted, last: &Fitted) -> Opti
         platforms: ctx.data.track.platforms().to_vec(),
         delta_log_evidence: 0.0,
     })
-}
-
-fn correlation(pairs: &[(f64, f64)]) -> f64 {
-    let n = pairs.len() as f64;
-    let (ma, mb) = pairs
-        .iter()
-        .fold((0.0, 0.0), |s, (a, b)| (s.0 + a / n, s.1 + b / n));
-    let [both, aa, bb] = pairs.iter().fold([0.0; 3], |[ab, aa, bb], (a, b)| {
-        let (a, b) = (a - ma, b - mb);
-        [ab + a * b, aa + a * a, bb + b * b]
-    });
-    both / (aa * bb).sqrt().max(1e-300)
 }
 
 /// The best nameless rival if it is well beyond its own threshold and beyond `least_nats`.

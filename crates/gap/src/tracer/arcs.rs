@@ -65,8 +65,8 @@ pub struct TrialArcs {
     pub weather: Weather,
     /// Arcs by distance.
     pub arcs: Vec<Arc>,
-    /// Distance, m, and vertical spread σ_z, m, seen by towers.
-    pub tower_spread_m: Option<(f64, f64)>,
+    /// Distance, m, and vertical spread σ_z, m, seen by the towers at each distance.
+    pub tower_spreads_m: Vec<(f64, f64)>,
 }
 
 /// Samplers on one arc follow each other in distance by less than this part…
@@ -119,14 +119,14 @@ pub fn trials(tables: &Tables) -> (Vec<TrialArcs>, Vec<String>) {
         };
         let arcs = arcs(&trial.trial, rows, &mut odd, &mut notices);
         let factor = middle_factor(rows);
-        let tower_spread_m = towers
+        let tower_spreads_m = towers
             .get(trial.trial.as_str())
-            .and_then(|t| tower_spread(t, factor));
+            .map_or_else(Vec::new, |t| tower_spreads(t, factor));
         if !arcs.is_empty() {
             out.push(TrialArcs {
                 weather,
                 arcs,
-                tower_spread_m,
+                tower_spreads_m,
             });
         }
     }
@@ -433,27 +433,34 @@ fn arc(points: &[[f64; 4]]) -> Option<Arc> {
     })
 }
 
-/// σ_z of a plume from the ground at towers, from the second moment of the profile summed over
-/// the towers; the profile below the lowest sampler is that of the lowest. `None` where the
-/// plume reaches above the towers or too few heights saw it.
-fn tower_spread(rows: &[Receptor], factor: f64) -> Option<(f64, f64)> {
+/// Distance and σ_z, m, for the towers at each distance that show it.
+fn tower_spreads(rows: &[Receptor], factor: f64) -> Vec<(f64, f64)> {
+    let mut read: Vec<[f64; 3]> = rows
+        .iter()
+        .filter_map(|r| {
+            let distance_m = r.east_m.hypot(r.north_m);
+            Some([distance_m, r.height_agl_m, factor * r.concentration_mg_m3?])
+        })
+        .collect();
+    read.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    read.chunk_by(|a, b| b[0] <= a[0] * (1.0 + ARC_STEP))
+        .filter_map(tower_spread)
+        .collect()
+}
+
+/// Mean distance and σ_z, m, of a plume from the ground at towers, from samplers' distances, heights
+/// and concentrations: the second moment of the profile summed over the towers; the profile below
+/// the lowest sampler is that of the lowest. `None` where the plume reaches above the towers or too
+/// few heights saw it.
+fn tower_spread(rows: &[[f64; 3]]) -> Option<(f64, f64)> {
     let mut levels: Vec<(f64, f64, usize)> = Vec::new();
-    let mut distance = 0.0;
-    for row in rows {
-        let Some(concentration) = row.concentration_mg_m3 else {
-            continue;
-        };
-        distance += row.east_m.hypot(row.north_m) / rows.len() as f64;
-        let c = concentration * factor;
-        match levels
-            .iter_mut()
-            .find(|l| (l.0 - row.height_agl_m).abs() < 0.01)
-        {
+    for &[_, height_m, c] in rows {
+        match levels.iter_mut().find(|l| (l.0 - height_m).abs() < 0.01) {
             Some(level) => {
                 level.1 += c;
                 level.2 += 1;
             }
-            None => levels.push((row.height_agl_m, c, 1)),
+            None => levels.push((height_m, c, 1)),
         }
     }
     levels.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -470,7 +477,8 @@ fn tower_spread(rows: &[Receptor], factor: f64) -> Option<(f64, f64)> {
         sums.0 += 0.5 * (w[0].1 + w[1].1) * step;
         sums.1 += 0.5 * (w[0].1 * w[0].0.powi(2) + w[1].1 * w[1].0.powi(2)) * step;
     }
-    Some((distance, (sums.1 / sums.0).sqrt()))
+    let distance_m = rows.iter().map(|r| r[0]).sum::<f64>() / rows.len() as f64;
+    Some((distance_m, (sums.1 / sums.0).sqrt()))
 }
 
 #[cfg(test)]
@@ -511,6 +519,33 @@ mod tests {
         );
         assert!((arc.width_m / 15.0 - 1.0).abs() < 1e-3 && arc.whole);
         assert!((arc.max_mg_m3 - 3.0).abs() < 0.05);
+    }
+
+    // Two rings of towers with samplers every half metre. The second moment of a half-normal profile
+    // from the ground is σ²; one reading is missing, as happens.
+    #[test]
+    fn towers_at_each_distance_show_their_own_spread() {
+        let ring = |distance_m: f64, sigma_m: f64| {
+            (1..=40).map(move |k| {
+                let height_agl_m = 0.5 * f64::from(k);
+                let c = (-0.5 * (height_agl_m / sigma_m).powi(2)).exp();
+                Receptor {
+                    trial: "t".into(),
+                    east_m: 0.6 * distance_m,
+                    north_m: 0.8 * distance_m,
+                    height_agl_m,
+                    concentration_mg_m3: (k != 20).then_some(c),
+                    evaporation_factor: None,
+                }
+            })
+        };
+        let rows: Vec<Receptor> = ring(100.0, 5.0).chain(ring(50.0, 3.0)).collect();
+        let spreads = tower_spreads(&rows, 1.0);
+        for ((distance_m, sigma_m), [x, sigma]) in spreads.iter().zip([[50.0, 3.0], [100.0, 5.0]]) {
+            assert!((distance_m - x).abs() < 1e-9, "{spreads:?}");
+            assert!((sigma_m / sigma - 1.0).abs() < 0.01, "{spreads:?}");
+        }
+        assert_eq!(spreads.len(), 2);
     }
 
     #[test]

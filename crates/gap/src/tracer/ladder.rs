@@ -59,7 +59,7 @@ impl<'a> Group<'a> {
     pub fn new(trials: Vec<&'a TrialArcs>, least: usize) -> Self {
         let vertical = |t: &TrialArcs| {
             let mut data = data(t, |a| a.integrated_mg_m2);
-            data.extend(t.tower_spread_m.map(|(x, sigma)| Datum {
+            data.extend(t.tower_spreads_m.iter().map(|(x, sigma)| Datum {
                 value: sigma.ln(),
                 log_distance: (x / PIVOT_M).ln(),
                 own_sd: Some(TOWER_SD),
@@ -231,8 +231,8 @@ impl Model for VerticalOn<'_> {
         let mut out: Vec<f64> = whole
             .map(|a| model::log_integrated(weather, a, changes, theta) + offset(a.distance_m))
             .collect();
-        let tower = trial.tower_spread_m;
-        out.extend(tower.map(|(x, _)| model::log_sigma_z(weather, x, changes, theta)));
+        let towers = trial.tower_spreads_m.iter();
+        out.extend(towers.map(|(x, _)| model::log_sigma_z(weather, *x, changes, theta)));
         out
     }
 }

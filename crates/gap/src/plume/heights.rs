@@ -1,0 +1,144 @@
+//! Heights of another unit or datum than they are taken for. Readings that do not follow the
+//! predicted plume at the heights as they are written may follow it where these are feet, or heights
+//! above ground; then nothing can be said of a plume until that is put right.
+
+use scenario::observations::Observations;
+
+use super::data::Data;
+use super::fit::{Context, Fitted};
+use super::{gate, start};
+use crate::verdict::{DataQuality, Flaw};
+
+/// Correlation of readings with what is predicted of them below which heights are doubted, and from
+/// which on others stand.
+const FOLLOWS: f64 = 0.5;
+/// What the base's evidence at other heights must gain over that of all that was named at these,
+/// nats: a height that is off by the site's own may be named an offset.
+const CLEARLY_NATS: f64 = 10.0;
+/// Standard deviations of the white noise that a plume stands out by.
+const STANDS_OUT: f64 = 5.0;
+/// Heights that differ by less are alike, m.
+const ALIKE_M: f64 = 20.0;
+/// Highest that the middle of a track is expected, m above ground.
+const HIGHEST_M: f64 = 5_000.0;
+/// Metres in a foot (exact, 1959).
+const FOOT_M: f64 = 0.3048;
+/// Part of the readings at either end that is cut to what the rest reaches.
+const CUT_PART: f64 = 0.005;
+
+/// What `alt_amsl_m` may hold instead, in words, the metres in its unit, and whether it counts from
+/// the ground.
+const OTHERS: [(&str, f64, bool); 3] = [
+    ("feet", FOOT_M, false),
+    ("metres above ground", 1.0, true),
+    ("feet above ground", FOOT_M, true),
+];
+
+/// Correlation of the readings with what is predicted of them; a few that are far off do not decide.
+pub(super) fn correlation(data: &Data, predicted_ppm: &[f64]) -> f64 {
+    let (low, high) = reach_ppm(data);
+    let used = (0..data.len()).filter(|i| data.used[*i]);
+    let pairs: Vec<(f64, f64)> = used
+        .map(|i| (data.reading_ppm[i].clamp(low, high), predicted_ppm[i]))
+        .collect();
+    let n = pairs.len() as f64;
+    let (ma, mb) = pairs
+        .iter()
+        .fold((0.0, 0.0), |s, (a, b)| (s.0 + a / n, s.1 + b / n));
+    let [both, aa, bb] = pairs.iter().fold([0.0; 3], |[ab, aa, bb], (a, b)| {
+        let (a, b) = (a - ma, b - mb);
+        [ab + a * b, aa + a * a, bb + b * b]
+    });
+    both / (aa * bb).sqrt().max(1e-300)
+}
+
+/// What all but a few readings reach, down and up, ppm.
+fn reach_ppm(data: &Data) -> (f64, f64) {
+    let mut sorted: Vec<f64> = (0..data.len())
+        .filter(|i| data.used[*i])
+        .map(|i| data.reading_ppm[i])
+        .collect();
+    sorted.sort_by(f64::total_cmp);
+    let at = |part: f64| sorted[(part * (sorted.len() - 1) as f64) as usize];
+    (at(CUT_PART), at(1.0 - CUT_PART))
+}
+
+/// What the heights look like, if the readings do not follow the plume of `base` and the base at
+/// other heights is clearly better than all that was named, which is `last`; for every platform.
+pub(super) fn doubted(
+    ctx: &Context<'_>,
+    observations: &Observations,
+    base: &Fitted,
+    last: &Fitted,
+) -> Vec<DataQuality> {
+    let data = ctx.data;
+    let (low, high) = reach_ppm(data);
+    let has_plume = high - low > 2.0 * STANDS_OUT * last.noise.white_ppm();
+    if !has_plume || correlation(data, &base.prediction.reading) >= FOLLOWS {
+        return Vec::new();
+    }
+    // Names were ranked under one noise: with its own they compare with what has another.
+    let named = ctx.refine(&last.model, last.noise).log_evidence;
+    let ground_m = ctx.setup.base.ground_amsl_m;
+    let better = OTHERS.iter().find(|(_, unit_m, from_ground)| {
+        let other = |alt: f64| unit_m * alt + if *from_ground { ground_m } else { 0.0 };
+        plausible(observations, ground_m, other) && follows(ctx, observations, other, named)
+    });
+    better.map_or_else(Vec::new, |(words, ..)| {
+        let message = format!(
+            "the readings do not follow the plume at these heights, and do if alt_amsl_m is in \
+             {words}: it must be in metres above mean sea level"
+        );
+        of_every_platform(data, &message)
+    })
+}
+
+/// Whether heights turned into `other` ones could be flown, and differ.
+fn plausible(observations: &Observations, ground_m: f64, other: impl Fn(f64) -> f64) -> bool {
+    let mut heights: Vec<f64> = observations.rows.iter().map(|r| r.alt_amsl_m).collect();
+    heights.sort_by(f64::total_cmp);
+    let Some(&middle_m) = heights.get(heights.len() / 2) else {
+        return false;
+    };
+    let there_m = other(middle_m);
+    (0.0..HIGHEST_M).contains(&(there_m - ground_m)) && (there_m - middle_m).abs() > ALIKE_M
+}
+
+/// Whether the readings follow the base's plume at `other` heights, and that is clearly more probable
+/// than what was `named`, by its log evidence.
+fn follows(
+    ctx: &Context<'_>,
+    observations: &Observations,
+    other: impl Fn(f64) -> f64,
+    named: f64,
+) -> bool {
+    let mut own = observations.clone();
+    for row in &mut own.rows {
+        row.alt_amsl_m = other(row.alt_amsl_m);
+    }
+    let Ok(mut there) = Data::new(ctx.setup, &own) else {
+        return false;
+    };
+    gate::gate(&mut there, ctx.setup);
+    // As many readings, or their evidence does not compare.
+    if there.used_count() != ctx.data.used_count() {
+        return false;
+    }
+    let base = start::start(ctx.setup, &mut there, ctx.threads).fitted;
+    base.log_evidence > named + CLEARLY_NATS
+        && correlation(&there, &base.prediction.reading) >= FOLLOWS
+}
+
+fn of_every_platform(data: &Data, message: &str) -> Vec<DataQuality> {
+    let times = data.track.time_s();
+    let rows = data.ranges().iter().zip(data.track.platforms());
+    rows.filter(|(range, _)| !range.is_empty())
+        .map(|(range, platform)| DataQuality {
+            platform: platform.clone(),
+            kind: Flaw::Unit,
+            from_s: times[range.start],
+            to_s: times[range.end - 1],
+            message: message.to_owned(),
+        })
+        .collect()
+}

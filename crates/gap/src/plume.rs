@@ -15,6 +15,7 @@ mod delay;
 mod explore;
 mod fit;
 mod fixes;
+mod followed;
 mod freedom;
 mod gate;
 mod heights;

@@ -7,11 +7,13 @@ use ::plume::mechanism::MechanismId;
 use super::candidate::{self, Start};
 use super::chance::Chance;
 use super::fit::{Context, Fitted};
+use super::followed::followed;
 use super::lid;
 use super::model::Model;
 use super::parallel;
 use super::rival::{self, Rival, Rivals};
 use super::screen::{self, Equations, Scored};
+use super::start;
 
 /// Probability of a false alarm that a round allows.
 pub(crate) const FALSE_ALARM: f64 = 1e-4;
@@ -114,6 +116,7 @@ pub(crate) fn names(
     let mut best_gain = screen.scored.iter().map(|s| s.gain).fold(0.0f64, f64::max);
     let mut trials = widened(null, &mut best_gain);
     trials.extend(turned_otherwise(ctx, null));
+    trials.extend(turned_afar(ctx, null));
     trials.extend(from_screen(ctx, null, &starts, &columns, &screen.scored));
     let platforms = ctx.data.ranges().len();
     trials.extend(incumbent.map(|i| i.trial(&starts, platforms)));
@@ -214,6 +217,19 @@ fn turned_otherwise(ctx: &Context<'_>, null: &Fitted) -> Vec<Trial> {
             Trial::of_the_base(model, to)
         })
         .collect()
+}
+
+/// A wind that blows from elsewhere altogether: no slope leads from a plume that the readings do not
+/// follow to where they do.
+fn turned_afar(ctx: &Context<'_>, null: &Fitted) -> Option<Trial> {
+    let offset = |k: &usize| null.model.id_of(*k) == MechanismId::WindDirectionOffset;
+    let k = null.model.held().find(offset)?;
+    if followed(ctx.data, &null.prediction.reading) {
+        return None;
+    }
+    let (turned, _) = start::turned_afar(ctx, &null.model, k, &null.noise);
+    let far = turned.departure(k).abs() > null.model.free[k].sd;
+    far.then(|| Trial::of_the_base(turned, k))
 }
 
 /// When the plume was met, hours, on average over what is predicted of it.

@@ -6,12 +6,10 @@ use scenario::observations::Observations;
 
 use super::data::Data;
 use super::fit::{Context, Fitted};
+use super::followed::{followed, reach_ppm};
 use super::{gate, start};
 use crate::verdict::{DataQuality, Flaw};
 
-/// Correlation of readings with what is predicted of them below which heights are doubted, and from
-/// which on others stand.
-const FOLLOWS: f64 = 0.5;
 /// What the base's evidence at other heights must gain over that of all that was named at these,
 /// nats: a height that is off by the site's own may be named an offset.
 const CLEARLY_NATS: f64 = 10.0;
@@ -23,8 +21,6 @@ const ALIKE_M: f64 = 20.0;
 const HIGHEST_M: f64 = 5_000.0;
 /// Metres in a foot (exact, 1959).
 const FOOT_M: f64 = 0.3048;
-/// Part of the readings at either end that is cut to what the rest reaches.
-const CUT_PART: f64 = 0.005;
 
 /// What `alt_amsl_m` may hold instead, in words, the metres in its unit, and whether it counts from
 /// the ground.
@@ -33,35 +29,6 @@ const OTHERS: [(&str, f64, bool); 3] = [
     ("metres above ground", 1.0, true),
     ("feet above ground", FOOT_M, true),
 ];
-
-/// Correlation of the readings with what is predicted of them; a few that are far off do not decide.
-pub(super) fn correlation(data: &Data, predicted_ppm: &[f64]) -> f64 {
-    let (low, high) = reach_ppm(data);
-    let used = (0..data.len()).filter(|i| data.used[*i]);
-    let pairs: Vec<(f64, f64)> = used
-        .map(|i| (data.reading_ppm[i].clamp(low, high), predicted_ppm[i]))
-        .collect();
-    let n = pairs.len() as f64;
-    let (ma, mb) = pairs
-        .iter()
-        .fold((0.0, 0.0), |s, (a, b)| (s.0 + a / n, s.1 + b / n));
-    let [both, aa, bb] = pairs.iter().fold([0.0; 3], |[ab, aa, bb], (a, b)| {
-        let (a, b) = (a - ma, b - mb);
-        [ab + a * b, aa + a * a, bb + b * b]
-    });
-    both / (aa * bb).sqrt().max(1e-300)
-}
-
-/// What all but a few readings reach, down and up, ppm.
-fn reach_ppm(data: &Data) -> (f64, f64) {
-    let mut sorted: Vec<f64> = (0..data.len())
-        .filter(|i| data.used[*i])
-        .map(|i| data.reading_ppm[i])
-        .collect();
-    sorted.sort_by(f64::total_cmp);
-    let at = |part: f64| sorted[(part * (sorted.len() - 1) as f64) as usize];
-    (at(CUT_PART), at(1.0 - CUT_PART))
-}
 
 /// What the heights look like, if the readings do not follow the plume of `base` and the base at
 /// other heights is clearly better than all that was named, which is `last`; for every platform.
@@ -74,7 +41,7 @@ pub(super) fn doubted(
     let data = ctx.data;
     let (low, high) = reach_ppm(data);
     let has_plume = high - low > 2.0 * STANDS_OUT * last.noise.white_ppm();
-    if !has_plume || correlation(data, &base.prediction.reading) >= FOLLOWS {
+    if !has_plume || followed(data, &base.prediction.reading) {
         return Vec::new();
     }
     // Names were ranked under one noise: with its own they compare with what has another.
@@ -125,8 +92,7 @@ fn follows(
         return false;
     }
     let base = start::start(ctx.setup, &mut there, ctx.threads).fitted;
-    base.log_evidence > named + CLEARLY_NATS
-        && correlation(&there, &base.prediction.reading) >= FOLLOWS
+    base.log_evidence > named + CLEARLY_NATS && followed(&there, &base.prediction.reading)
 }
 
 fn of_every_platform(data: &Data, message: &str) -> Vec<DataQuality> {

@@ -231,3 +231,36 @@ fn a_mechanism_of_an_absent_platform_is_told() {
     assert_eq!(told.count(), 1, "{:?}", a.json.notices);
     assert!(!a.json.notices.iter().any(|n| n.contains("platform a ")));
 }
+
+/// Asserts that a wind is named that blows from so many degrees clockwise of where it was taken from.
+fn assert_turned(a: &Analysis, by_deg: f64, within_deg: f64) {
+    assert_eq!(sets(a), [["wind-direction-offset"]], "{}", a.json.summary);
+    let found = &a.json.causes[0].parameters[0];
+    let off_deg = air::geo::wrap_signed_deg(found.value - by_deg);
+    assert!(off_deg.abs() < within_deg, "{found:?}");
+}
+
+// 180: a log of where the wind blows to.
+#[test]
+fn a_vane_that_is_far_off_is_named() {
+    for off_deg in [-25.0, 6.0, 15.0, 90.0, 180.0] {
+        let mut turned = observe(&[], 8);
+        for row in &mut turned.rows {
+            row.wind_from_deg = row.wind_from_deg.map(|from| from + off_deg);
+        }
+        assert_turned(&run_with("", &turned), -off_deg, 1.0);
+    }
+}
+
+#[test]
+fn a_scenario_whose_wind_is_far_off_is_told() {
+    let mut unlogged = observe(&[], 9);
+    for row in &mut unlogged.rows {
+        (row.wind_from_deg, row.wind_speed_m_s) = (None, None);
+    }
+    let text = SCENARIO.replace("wind_from_deg = 250.0", "wind_from_deg = 215.0");
+    let setup = Setup::new(&Scenario::parse("test.toml", &text).unwrap()).unwrap();
+    let a = analyse(&setup, &unlogged, &Options::live(), &mut |_| ()).unwrap();
+    // The wind itself swings by 2.5 degrees, for half a minute at a time.
+    assert_turned(&a, 35.0, 2.5);
+}

@@ -4,7 +4,7 @@
 use super::answer::unexplained;
 use super::explore::{FALSE_ALARM, Round, Tried};
 use super::fit::{Context, Effort, Fitted};
-use super::heights;
+use super::followed::correlation;
 use super::naming::{Grown, LEAST_EVIDENCE, Named, REST_PART};
 use super::rival::{self, Rival, Rivals};
 use crate::verdict::Unexplained;
@@ -77,7 +77,7 @@ pub(super) fn unrelated(ctx: &Context<'_>, base: &Fitted, last: &Fitted) -> Opti
         seen.count() >= LEAST_PLUME_ROWS
     };
     let followed = [last, base].into_iter().find(has_plume)?;
-    let correlation = heights::correlation(ctx.data, &followed.prediction.reading);
+    let correlation = correlation(ctx.data, &followed.prediction.reading);
     let times = ctx.data.track.time_s();
     (correlation < LEAST_CORRELATION).then(|| Unexplained {
         coordinate: "map".to_string(),

@@ -4,6 +4,10 @@ use super::delay::{LATE_S, late, rate_of_change};
 use super::fit::{Context, Fitted};
 use super::lee::{self, Ground};
 
+/// Information of all readings on the plume's strength, as a part of it, below which it does not
+/// show: it would have to be seven times as strong for 20 nats.
+const LEAST_TOLD: f64 = 1.0;
+
 /// What a term multiplies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Load {
@@ -120,6 +124,8 @@ struct Builder<'a> {
     late: [Vec<f64>; LATE_S.len()],
     /// Inverse standard deviation of each row beside those before it.
     precise: Vec<f64>,
+    /// Whether the predicted plume shows at all: what does not has no strength that could change.
+    plume_shows: bool,
     columns: Vec<Vec<f64>>,
     terms: Vec<Term>,
 }
@@ -128,7 +134,8 @@ impl<'a> Builder<'a> {
     fn load(&self, load: Load, i: usize) -> f64 {
         match load {
             Load::Additive => 1.0,
-            Load::Proportional => self.fitted.loading[i].gust,
+            Load::Proportional if self.plume_shows => self.fitted.loading[i].gust,
+            Load::Proportional => 0.0,
             Load::Swing => self.fitted.loading[i].swing,
             Load::Delay => self.delay[i],
             Load::Late(k) => self.late[k][i],
@@ -254,13 +261,17 @@ impl<'a> Builder<'a> {
 /// All columns on top of `fitted`, before whitening, and the terms that they belong to; `left` is
 /// the whitened residual that the base leaves.
 pub(crate) fn all(ctx: &Context<'_>, fitted: &Fitted, left: &[f64]) -> (Vec<Vec<f64>>, Vec<Term>) {
+    let precise = fitted.metric.whitener.scales();
+    let rows = (0..ctx.data.len()).filter(|i| ctx.data.used[*i]);
+    let told = rows.map(|i| (fitted.prediction.plume[i] * precise[i]).powi(2));
     let mut b = Builder {
         ctx,
         fitted,
         left,
         delay: rate_of_change(ctx, fitted),
         late: LATE_S.map(|s| late(ctx, fitted, s)),
-        precise: fitted.metric.whitener.scales(),
+        plume_shows: told.sum::<f64>() > LEAST_TOLD,
+        precise,
         columns: Vec::new(),
         terms: Vec::new(),
     };

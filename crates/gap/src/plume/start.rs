@@ -5,7 +5,8 @@ use ::plume::mechanism::{Family, MechanismId};
 
 use super::data::{Data, Setup};
 use super::fit::{Context, Effort, Fitted};
-use super::model::Model;
+use super::followed::followed;
+use super::model::{Model, Prediction};
 use super::noise::{self, NoiseModel};
 use super::parallel;
 use super::transport::{Carried, Treatment, carried};
@@ -20,6 +21,9 @@ const AIMS_SD: f64 = 2.5;
 const FARTHEST_AIM_DEG: f64 = 180.0;
 const AIM_STEP_SD: f64 = 0.5;
 const LONGEST_AIM_STEP_DEG: f64 = 5.0;
+
+/// Steps to where a base held back is at its best.
+const HELD_STEPS: usize = 5;
 
 /// Gain of log likelihood beyond which puffs of another plume are other puffs, nats.
 const OTHER_PUFFS_NATS: f64 = 10.0;
@@ -128,7 +132,12 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
             carried: None,
         };
     };
-    let base = aimed(setup, shared, first, base, &noise);
+    let (base, far) = aimed(setup, shared, first, base, &noise);
+    // The wind's treatment and the noise are those of a plume that the readings follow.
+    let (base, held) = match far {
+        Some(far) => (far, Some(base)),
+        None => (base, None),
+    };
     let quick = parallel::map(&options, threads, |o| {
         let (own, settled) = settled(setup, shared, o, &base, &noise);
         let wide = single(setup, &own).wide(&settled, noise, Effort::QUICK);
@@ -166,6 +175,10 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
     } else {
         fitted
     };
+    let fitted = match held {
+        Some(base) => held_back(&single(setup, data), &base, fitted),
+        None => fitted,
+    };
     Started {
         fitted,
         carried: Some(carried),
@@ -201,33 +214,87 @@ fn shortlist(options: &[Carried], scores: &[f64]) -> Vec<usize> {
     order
 }
 
+/// Which free parameter turns the wind.
+fn turns(model: &Model) -> Option<usize> {
+    let offset = |k: &usize| model.id_of(*k) == MechanismId::WindDirectionOffset;
+    (0..model.dimension()).find(offset)
+}
+
 /// The base turned to where its plume is most probable, about as far as its prior reaches: a
-/// narrow plume that points elsewhere than the readings has no slope that leads to them.
-fn aimed(setup: &Setup, data: &Data, carried: &Carried, base: Model, noise: &NoiseModel) -> Model {
-    let offset = |k: &usize| base.id_of(*k) == MechanismId::WindDirectionOffset;
-    let Some(k) = (0..base.dimension()).find(offset) else {
-        return base;
+/// narrow plume that points elsewhere than the readings has no slope that leads to them. Where they
+/// follow none of these, also a base with a wide prior, turned to where they follow it, if anywhere.
+fn aimed(
+    setup: &Setup,
+    data: &Data,
+    carried: &Carried,
+    base: Model,
+    noise: &NoiseModel,
+) -> (Model, Option<Model>) {
+    let Some(k) = turns(&base) else {
+        return (base, None);
     };
     let mut own = data.clone();
     put(setup, &mut own, carried, &base);
     let ctx = single(setup, &own);
-    let sd_deg = base.free[k].sd;
-    let reach_deg = (AIMS_SD * sd_deg).min(FARTHEST_AIM_DEG);
-    let steps = (reach_deg / (AIM_STEP_SD * sd_deg).min(LONGEST_AIM_STEP_DEG)).ceil() as i32;
-    // From the middle outwards: of two that are as good the nearer one stands.
-    let aims = (0..=2 * steps).map(|n| if n % 2 == 0 { n / 2 } else { -(n + 1) / 2 });
-    let turned = aims.map(|aim| {
-        let mut model = base.clone();
+    let reach_deg = (AIMS_SD * base.free[k].sd).min(FARTHEST_AIM_DEG);
+    let (near, prediction) = turned_by(&ctx, &base, k, reach_deg, noise);
+    if followed(&own, &prediction.reading) {
+        return (near, None);
+    }
+    let (far, prediction) = turned_afar(&ctx, &base, k, noise);
+    let far = followed(&own, &prediction.reading).then_some(far);
+    (near, far)
+}
+
+/// A model with a wide prior for its free parameter `k`, a direction, turned to wherever it is most
+/// probable under `noise`, and what it predicts.
+pub(super) fn turned_afar(
+    ctx: &Context<'_>,
+    model: &Model,
+    k: usize,
+    noise: &NoiseModel,
+) -> (Model, Prediction) {
+    turned_by(ctx, &model.widened(k), k, FARTHEST_AIM_DEG, noise)
+}
+
+/// A model turned by up to `reach_deg` on either side by its free parameter `k`, a direction, to
+/// where it is most probable under `noise`, and what it predicts.
+fn turned_by(
+    ctx: &Context<'_>,
+    model: &Model,
+    k: usize,
+    reach_deg: f64,
+    noise: &NoiseModel,
+) -> (Model, Prediction) {
+    let step_deg = (AIM_STEP_SD * model.free[k].sd).min(LONGEST_AIM_STEP_DEG);
+    let steps = (reach_deg / step_deg).ceil() as i32;
+    let turned = |aim: i32| {
+        let mut turned = model.clone();
         let turn_deg = f64::from(aim) / f64::from(steps.max(1)) * reach_deg;
-        model.set_coordinate(k, base.coordinate(k) + turn_deg);
-        let prediction = ctx.predict(&model);
-        let loading = ctx.loading(&model, &prediction);
-        let residual = own.residual(&prediction.reading);
+        turned.set_coordinate(k, model.coordinate(k) + turn_deg);
+        let prediction = ctx.predict(&turned);
+        let loading = ctx.loading(&turned, &prediction);
+        let residual = ctx.data.residual(&prediction.reading);
         let score = noise::log_likelihood(&ctx.rows(&loading), noise, &residual);
-        (score + model.ln_prior(), model)
-    });
-    let best = turned.reduce(|a, b| if b.0 > a.0 { b } else { a });
-    best.map_or(base, |b| b.1)
+        (score + turned.ln_prior(), turned, prediction)
+    };
+    // From the middle outwards: of two that are as good the nearer one stands.
+    let aims = (1..=2 * steps).map(|n| if n % 2 == 0 { n / 2 } else { -(n + 1) / 2 });
+    let better = aims
+        .map(turned)
+        .fold(turned(0), |a, b| if b.0 > a.0 { b } else { a });
+    (better.1, better.2)
+}
+
+/// What was fitted turned afar, with the wind's direction back in the prior of `base`: under the
+/// same noise, against which it is seen how far the readings lie from there.
+fn held_back(ctx: &Context<'_>, base: &Model, fitted: Fitted) -> Fitted {
+    let mut model = fitted.model.clone();
+    if let Some(k) = turns(base) {
+        model.free[k] = base.free[k].clone();
+        model.set_coordinate(k, base.coordinate(k));
+    }
+    ctx.settle(&model, &fitted.metric, &fitted, HELD_STEPS)
 }
 
 /// The data with a wind put in, and a model settled in it.

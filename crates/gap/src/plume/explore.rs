@@ -222,8 +222,7 @@ fn turned_otherwise(ctx: &Context<'_>, null: &Fitted) -> Vec<Trial> {
 /// A wind that blows from elsewhere altogether: no slope leads from a plume that the readings do not
 /// follow to where they do.
 fn turned_afar(ctx: &Context<'_>, null: &Fitted) -> Option<Trial> {
-    let offset = |k: &usize| null.model.id_of(*k) == MechanismId::WindDirectionOffset;
-    let k = null.model.held().find(offset)?;
+    let k = start::turns(&null.model).filter(|k| null.model.wider_sd(*k).is_some())?;
     if followed(ctx.data, &null.prediction.reading) {
         return None;
     }

@@ -215,7 +215,7 @@ fn shortlist(options: &[Carried], scores: &[f64]) -> Vec<usize> {
 }
 
 /// Which free parameter turns the wind.
-fn turns(model: &Model) -> Option<usize> {
+pub(super) fn turns(model: &Model) -> Option<usize> {
     let offset = |k: &usize| model.id_of(*k) == MechanismId::WindDirectionOffset;
     (0..model.dimension()).find(offset)
 }

@@ -172,9 +172,8 @@ fn counted_from_near_zero(
         }
     }
     let doubted = heights::doubted(&ctx, observations, &started.fitted, &named.last);
-    if !doubted.is_empty() {
-        data.used.fill(false);
-        quality.extend(doubted);
+    if let Some(message) = doubted {
+        quality.extend(gate::mask_all(&mut data, &message));
         return Ok(nothing_to_tell(setup, data, quality));
     }
     Ok(stated(&ctx, &started, named, quality, options, &mut tell))

@@ -16,8 +16,13 @@ use std::collections::BTreeMap;
 use csv::{ReaderBuilder, StringRecord, Trim, WriterBuilder};
 
 mod error;
+mod range;
 
 pub use error::ObservationError;
+use range::{
+    A_HUMIDITY, A_LATITUDE, A_LONGITUDE, A_NUMBER, A_PRESSURE, A_SPEED, A_SPREAD, A_TEMPERATURE,
+    A_TIME, AN_ALTITUDE, Range,
+};
 
 /// The columns that every file has.
 const REQUIRED: [&str; 6] = [
@@ -391,65 +396,6 @@ impl Tally {
         notices
     }
 }
-
-/// What a cell of a column may hold.
-#[derive(Clone, Copy)]
-struct Range {
-    low: f64,
-    high: f64,
-    expected: &'static str,
-}
-
-const A_NUMBER: Range = Range {
-    low: f64::MIN,
-    high: f64::MAX,
-    expected: "a finite number with a decimal point, or nothing",
-};
-const A_TIME: Range = Range {
-    low: f64::MIN,
-    high: f64::MAX,
-    expected: "a time in seconds as a finite number with a decimal point",
-};
-const A_LATITUDE: Range = Range {
-    low: -90.0,
-    high: 90.0,
-    expected: "a latitude from -90 to 90 degrees, or nothing",
-};
-const A_LONGITUDE: Range = Range {
-    low: -180.0,
-    high: 180.0,
-    expected: "a longitude from -180 to 180 degrees, or nothing",
-};
-const AN_ALTITUDE: Range = Range {
-    low: -500.0,
-    high: 30_000.0,
-    expected: "an altitude above mean sea level from -500 to 30000 m, or nothing",
-};
-const A_SPEED: Range = Range {
-    low: 0.0,
-    high: 120.0,
-    expected: "a wind speed from 0 to 120 m/s, or nothing",
-};
-const A_TEMPERATURE: Range = Range {
-    low: -120.0,
-    high: 100.0,
-    expected: "a temperature from -120 to 100 degrees Celsius, or nothing",
-};
-const A_HUMIDITY: Range = Range {
-    low: -10.0,
-    high: 120.0,
-    expected: "a relative humidity from -10 (a sensor may be off) to 120 %, or nothing",
-};
-const A_PRESSURE: Range = Range {
-    low: 1.0,
-    high: 1200.0,
-    expected: "a pressure from 1 to 1200 hPa, or nothing",
-};
-const A_SPREAD: Range = Range {
-    low: f64::MIN_POSITIVE,
-    high: f64::MAX,
-    expected: "a standard deviation above 0 ppm, or nothing",
-};
 
 /// One record with where it stands.
 struct Cells<'a> {

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use ::plume::effects::Ambient;
 use ::plume::field::{Place, Strength, Transport, World, WorldSpec};
-use ::plume::mechanism::MechanismId;
+use ::plume::mechanism::{Mechanism, MechanismId};
 use ::plume::track::{Row, Track};
 use air::geo::{Enu, Geodetic, LocalFrame};
 use scenario::Scenario;
@@ -336,22 +336,20 @@ impl Data {
     }
 }
 
-/// What mechanisms of the scenario say of platforms that are not among `platforms`.
+/// What is to be said of mechanisms of platforms that are not among `platforms`.
 fn absent_platforms<'a>(
     base: &'a WorldSpec,
     platforms: &'a [String],
 ) -> impl Iterator<Item = String> + 'a {
-    base.mechanisms.iter().flat_map(move |mechanism| {
-        let absent = mechanism.platforms().iter();
-        absent
-            .filter(|name| !platforms.contains(name))
-            .map(move |name| {
-                format!(
-                    "the scenario's {} of platform {name} is not met: the observations have {}",
-                    mechanism.id().as_str(),
-                    platforms.join(", ")
-                )
-            })
+    let named = |m: &'a Mechanism| m.platforms().iter().map(move |name| (m.id(), name));
+    let absent = base.mechanisms.iter().flat_map(named);
+    let absent = absent.filter(|(_, name)| !platforms.contains(name));
+    absent.map(|(id, name)| {
+        format!(
+            "the scenario's {} of platform {name} is not met: the observations have {}",
+            id.as_str(),
+            platforms.join(", ")
+        )
     })
 }
 

@@ -45,19 +45,7 @@ const FROZEN_ROWS: usize = 8;
 /// Looks at every platform, masks what is flawed, and says what it saw.
 pub(crate) fn gate(data: &mut Data, setup: &Setup) -> Vec<DataQuality> {
     let base = &setup.base;
-    let mut found = Vec::new();
-    for platform in 0..data.ranges().len() {
-        let range = data.ranges()[platform].clone();
-        if range.is_empty() {
-            continue;
-        }
-        let mut eye = Eye {
-            data,
-            name: String::new(),
-            range,
-            found: &mut found,
-        };
-        eye.name = eye.data.track.platforms()[platform].clone();
+    let found = on_every_platform(data, |eye| {
         eye.places(base);
         eye.heights();
         eye.speeds();
@@ -70,8 +58,31 @@ pub(crate) fn gate(data: &mut Data, setup: &Setup) -> Vec<DataQuality> {
             eye.clipped(1);
         }
         eye.gaps();
-    }
+    });
     forget_unknown_air(data, setup.time_constant_s());
+    found
+}
+
+/// Masks all rows of all platforms, and says why of each.
+pub(super) fn mask_all(data: &mut Data, message: &str) -> Vec<DataQuality> {
+    on_every_platform(data, |eye| eye.mask_all(message.to_owned()))
+}
+
+fn on_every_platform(data: &mut Data, look: impl Fn(&mut Eye<'_>)) -> Vec<DataQuality> {
+    let mut found = Vec::new();
+    for platform in 0..data.ranges().len() {
+        let range = data.ranges()[platform].clone();
+        if range.is_empty() {
+            continue;
+        }
+        let name = data.track.platforms()[platform].clone();
+        look(&mut Eye {
+            data,
+            name,
+            range,
+            found: &mut found,
+        });
+    }
     found
 }
 
@@ -408,7 +419,7 @@ pub(crate) fn spikes(data: &Data, rows: &[usize]) -> Vec<DataQuality> {
 }
 
 /// The middle one of `values`.
-fn middle(values: &mut [f64]) -> Option<f64> {
+pub(super) fn middle(values: &mut [f64]) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()
 }

@@ -8,7 +8,6 @@ use super::data::Data;
 use super::fit::{Context, Fitted};
 use super::followed::{followed, reach_ppm};
 use super::{gate, start};
-use crate::verdict::{DataQuality, Flaw};
 
 /// What the base's evidence at other heights must gain over that of all that was named at these,
 /// nats: a height that is off by the site's own may be named an offset.
@@ -30,41 +29,37 @@ const OTHERS: [(&str, f64, bool); 3] = [
     ("feet above ground", FOOT_M, true),
 ];
 
-/// What the heights look like, if the readings do not follow the plume of `base` and the base at
-/// other heights is clearly better than all that was named, which is `last`; for every platform.
+/// What the heights look like, in words, if the readings do not follow the plume of `base` and the
+/// base at other heights is clearly better than all that was named, which is `last`.
 pub(super) fn doubted(
     ctx: &Context<'_>,
     observations: &Observations,
     base: &Fitted,
     last: &Fitted,
-) -> Vec<DataQuality> {
+) -> Option<String> {
     let data = ctx.data;
     let (low, high) = reach_ppm(data);
     let has_plume = high - low > 2.0 * STANDS_OUT * last.noise.white_ppm();
     if !has_plume || followed(data, &base.prediction.reading) {
-        return Vec::new();
+        return None;
     }
     // Names were ranked under one noise: with its own they compare with what has another.
     let named = ctx.refine(&last.model, last.noise).log_evidence;
     let ground_m = ctx.setup.base.ground_amsl_m;
-    let better = OTHERS.iter().find(|(_, unit_m, from_ground)| {
+    let (words, ..) = OTHERS.iter().find(|(_, unit_m, from_ground)| {
         let other = |alt: f64| unit_m * alt + if *from_ground { ground_m } else { 0.0 };
         plausible(observations, ground_m, other) && follows(ctx, observations, other, named)
-    });
-    better.map_or_else(Vec::new, |(words, ..)| {
-        let message = format!(
-            "the readings do not follow the plume at these heights, and do if alt_amsl_m is in \
-             {words}: it must be in metres above mean sea level"
-        );
-        of_every_platform(data, &message)
-    })
+    })?;
+    Some(format!(
+        "the readings do not follow the plume at these heights, and do if alt_amsl_m is in {words}: \
+         it must be in metres above mean sea level"
+    ))
 }
 
 /// Whether heights turned into `other` ones could be flown, and differ.
 fn plausible(observations: &Observations, ground_m: f64, other: impl Fn(f64) -> f64) -> bool {
     let mut heights: Vec<f64> = observations.rows.iter().map(|r| r.alt_amsl_m).collect();
-    heights.sort_by(f64::total_cmp);
-    let Some(&middle_m) = heights.get(heights.len() / 2) else {
+    let Some(middle_m) = gate::middle(&mut heights) else {
         return false;
     };
     let there_m = other(middle_m);
@@ -93,18 +88,4 @@ fn follows(
     }
     let base = start::start(ctx.setup, &mut there, ctx.threads).fitted;
     base.log_evidence > named + CLEARLY_NATS && followed(&there, &base.prediction.reading)
-}
-
-fn of_every_platform(data: &Data, message: &str) -> Vec<DataQuality> {
-    let times = data.track.time_s();
-    let rows = data.ranges().iter().zip(data.track.platforms());
-    rows.filter(|(range, _)| !range.is_empty())
-        .map(|(range, platform)| DataQuality {
-            platform: platform.clone(),
-            kind: Flaw::Unit,
-            from_s: times[range.start],
-            to_s: times[range.end - 1],
-            message: message.to_owned(),
-        })
-        .collect()
 }

@@ -45,6 +45,7 @@ impl Task {
                 NoiseForm::Usual => "none, usual noise".into(),
                 NoiseForm::Unusual => "none, other noise".into(),
                 NoiseForm::SlowSensors => "none, slow sensors".into(),
+                NoiseForm::GustyWind => "none, gusty wind".into(),
             },
             Kind::One(effect) => format!("{effect}, D = {}", self.nats),
             Kind::OtherLaw(effect) => format!("other law: {effect}, D = {}", self.nats),
@@ -117,7 +118,7 @@ const PAIRS: [(Effect, Effect); 8] = [
 ];
 
 /// All tasks for `seeds` seeds a case: twenty-five times as many without an effect, half of that
-/// with other noise, and five times with slow sensors.
+/// with other noise, and five times each with slow sensors and in a gusty wind.
 pub fn plan(seeds: u64, first_seed: u64) -> Vec<Task> {
     let mut tasks = Vec::new();
     // Each row has seeds of its own.
@@ -159,6 +160,7 @@ pub fn plan(seeds: u64, first_seed: u64) -> Vec<Task> {
         );
     }
     push(Kind::Nothing, 0.0, NoiseForm::SlowSensors, 5 * seeds);
+    push(Kind::Nothing, 0.0, NoiseForm::GustyWind, 5 * seeds);
     tasks
 }
 

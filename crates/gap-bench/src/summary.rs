@@ -163,10 +163,16 @@ impl Summary {
                 "≤ 3 %",
                 alarms(NoiseForm::SlowSensors),
             ),
+            line(
+                "nothing hidden, gusty wind: false alarms",
+                "≤ 3 %",
+                alarms(NoiseForm::GustyWind),
+            ),
         ];
         for (forward, name) in [
             (Forward::Gaussian, "a plain plume"),
             (Forward::Puffs, "puffs"),
+            (Forward::AgedPuffs, "puffs that grow with time"),
         ] {
             let none = self.cases(|o| o.task.kind == Kind::Nothing && o.forward == Some(forward));
             let alarms = Rate::of(none, |o| Some(o.detected()));

@@ -53,17 +53,21 @@ struct Shown {
 }
 
 impl Shown {
-    /// The effect `which` of a case that has `strength`.
-    fn new(case: Case, strength: f64, which: usize) -> Result<Self, String> {
+    /// The effect `which` of a case that has `strength`; `None` where the effects leave too few
+    /// readings to see anything by.
+    fn new(case: Case, strength: f64, which: usize) -> Result<Option<Self>, String> {
         let own = read(&case.scenario_toml, &case.observations)?;
         let fitted = Visibility::new(&own.setup, &own.observations).map_err(|e| e.to_string())?;
+        let Some(fitted) = fitted else {
+            return Ok(None);
+        };
         let nats = visible(&case, &fitted, which)?;
-        Ok(Self {
+        Ok(Some(Self {
             strength,
             case,
             fitted,
             nats,
-        })
+        }))
     }
 }
 
@@ -242,7 +246,9 @@ fn strength_for(
     which: usize,
     make: impl Fn(f64) -> Case,
 ) -> Result<Option<Shown>, String> {
-    let mut shown = Shown::new(make(first), first, which)?;
+    let Some(mut shown) = Shown::new(make(first), first, which)? else {
+        return Ok(None);
+    };
     let mut low: Option<(f64, f64)> = None;
     let mut high: Option<(f64, f64)> = None;
     for _ in 0..12 {
@@ -268,7 +274,10 @@ fn strength_for(
         if strength > STRONGEST || absurd(&case.truth) {
             return Ok(None);
         }
-        shown = Shown::new(case, strength, which)?;
+        match Shown::new(case, strength, which)? {
+            Some(next) => shown = next,
+            None => return Ok(None),
+        }
     }
     // Some effects jump (a lid, a limit): what is reached counts if it is near enough.
     Ok(((shown.nats / target - 1.0).abs() < 0.3).then_some(shown))

@@ -10,7 +10,7 @@ use crate::effect::Effect;
 use crate::further::FurtherFlight;
 use crate::instrument::{Damage, Faults, Noise, NoiseForm, Platform, Row, SLOW_SENSORS_S};
 use crate::physics::{Forward, Physics, World};
-use crate::scene::{MARGIN_S, Need, Scene};
+use crate::scene::{self, MARGIN_S, Need, Scene};
 use crate::strength::{self, Parameter};
 use crate::wind::{WindLaw, WindTruth};
 
@@ -54,7 +54,8 @@ pub struct CaseSpec {
     pub hidden: Vec<Hidden>,
     /// Form of the noise.
     pub noise: NoiseForm,
-    /// Forward model; `None` draws it, puffs three times in five.
+    /// Forward model; `None` draws it: puffs three times in five, else a straight plume or, in a gusty
+    /// wind, puffs that grow with time.
     pub forward: Option<Forward>,
     /// Whether the effects follow laws that differ a little from the catalogue's.
     pub other_laws: bool,
@@ -318,11 +319,16 @@ impl<'a> Draft<'a> {
         if spec.noise == NoiseForm::SlowSensors {
             scene.lag_s = pick(&mut stream(spec.seed, "slow sensors"), &SLOW_SENSORS_S);
         }
+        let gusty = spec.noise == NoiseForm::GustyWind;
+        if gusty {
+            scene::make_gusty(&mut scene, spec.seed);
+        }
         let noise = Noise::draw(spec.seed, spec.noise, scene.noise_sd_ppm);
-        let drawn = if puffs {
-            Forward::Puffs
-        } else {
-            Forward::Gaussian
+        // A straight plume does not turn with each gust.
+        let drawn = match (puffs, gusty) {
+            (true, _) => Forward::Puffs,
+            (false, true) => Forward::AgedPuffs,
+            (false, false) => Forward::Gaussian,
         };
         let single = single.then_some((which * scene.tracks.len() as f64) as usize);
         Self {

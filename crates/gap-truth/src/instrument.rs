@@ -25,6 +25,8 @@ pub enum NoiseForm {
     /// The usual, read by sensors of [`SLOW_SENSORS_S`]: what turbulence does reaches the readings
     /// late.
     SlowSensors,
+    /// The usual, in a wind that swings and surges as turbulence does at the height of a plume.
+    GustyWind,
 }
 
 /// Faults of one platform's sensors. The default has none.
@@ -116,7 +118,7 @@ impl Noise {
         let size = between(&mut rng, 0.05, 0.25);
         let coarse = between(&mut rng, 2.0, 5.0);
         match form {
-            NoiseForm::Usual | NoiseForm::SlowSensors => Self {
+            NoiseForm::Usual | NoiseForm::SlowSensors | NoiseForm::GustyWind => Self {
                 form,
                 white_ppm,
                 slow_ppm,
@@ -142,7 +144,7 @@ impl Noise {
 
     fn white(&self, rng: &mut ChaCha8Rng) -> f64 {
         let z = match self.form {
-            NoiseForm::Usual | NoiseForm::SlowSensors => normal(rng),
+            NoiseForm::Usual | NoiseForm::SlowSensors | NoiseForm::GustyWind => normal(rng),
             NoiseForm::Unusual => student_3(rng),
         };
         // Both draws are made always, so that an effect cannot shift the stream.
@@ -159,7 +161,7 @@ impl Noise {
     fn gust(&self, g: f64) -> f64 {
         let s = self.gusts.0;
         match self.form {
-            NoiseForm::Usual | NoiseForm::SlowSensors => 1.0 + s * g,
+            NoiseForm::Usual | NoiseForm::SlowSensors | NoiseForm::GustyWind => 1.0 + s * g,
             NoiseForm::Unusual => (s * g - 0.5 * s * s).exp(),
         }
     }

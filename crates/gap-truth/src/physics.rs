@@ -14,8 +14,10 @@ use crate::wind::WindTruth;
 pub enum Forward {
     /// A straight Gaussian plume along the wind of the moment.
     Gaussian,
-    /// Puffs that the gusty wind carries, one a second.
+    /// Puffs that the gusty wind carries, one a second; they grow with their way.
     Puffs,
+    /// The same; they grow with the time that they have been under way, as in the mean wind.
+    AgedPuffs,
 }
 
 /// A place where the plume is thinned: an obstacle and its lee, in plume axes.
@@ -289,7 +291,7 @@ impl<'a> World<'a> {
             .iter()
             .map(|stack| match self.forward {
                 Forward::Gaussian => self.straight(stack, place, z_m, time_s),
-                Forward::Puffs => self.puffs(stack, place, z_m, time_s),
+                Forward::Puffs | Forward::AgedPuffs => self.puffs(stack, place, z_m, time_s),
             })
             .sum();
         kg_m3 * self.scene.air.ppm_per_kg_m3(z_m) * self.lee(place)
@@ -300,7 +302,7 @@ impl<'a> World<'a> {
     pub fn swung_deg(&self, place: [f64; 2], time_s: f64) -> f64 {
         let way_s = match self.forward {
             Forward::Gaussian => 0.0,
-            Forward::Puffs => {
+            Forward::Puffs | Forward::AgedPuffs => {
                 let from = self.scene.source_m;
                 let way_m = (place[0] - from[0]).hypot(place[1] - from[1]);
                 way_m / self.scene.wind.speed_m_s
@@ -373,12 +375,16 @@ impl<'a> World<'a> {
             ];
             let centre = turned(towards, veer + swing);
             let away_sq = (d[0] - centre[0]).powi(2) + (d[1] - centre[1]).powi(2);
-            let sy = self.table(&self.sigma_y_m, way);
+            let age_s = time_s - emitted_s;
+            let grown = match self.forward {
+                Forward::AgedPuffs => age_s * self.scene.wind.speed_m_s * factor,
+                _ => way,
+            };
+            let sy = self.table(&self.sigma_y_m, grown);
             if away_sq > (CUT * sy).powi(2) {
                 continue;
             }
-            let sz = self.table(&self.sigma_z_m, way);
-            let age_s = time_s - emitted_s;
+            let sz = self.table(&self.sigma_z_m, grown);
             let mass = self.emission_factor(emitted_s)
                 * self.table(&stack.airborne, way)
                 * self.ageing(age_s);

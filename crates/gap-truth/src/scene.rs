@@ -367,6 +367,20 @@ fn draw_wind(seed: u64, logged: LoggedWind) -> WindLaw {
     }
 }
 
+/// The wind of a scene as turbulence makes it: swings of some degrees that last about a minute, and
+/// surges. It is logged, or nobody could know.
+pub(crate) fn make_gusty(scene: &mut Scene, seed: u64) {
+    let mut rng = stream(seed, "gusty");
+    scene.wind.gust = (between(&mut rng, 2.0, 6.0), between(&mut rng, 20.0, 120.0));
+    scene.wind.surge = (
+        between(&mut rng, 0.03, 0.15),
+        between(&mut rng, 20.0, 120.0),
+    );
+    if scene.logged_wind == LoggedWind::Absent {
+        scene.logged_wind = LoggedWind::OnBoard;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -12,6 +12,7 @@ mod ceiling;
 mod chance;
 mod data;
 mod delay;
+mod early;
 mod explore;
 mod fit;
 mod fixes;
@@ -41,6 +42,7 @@ mod start;
 mod tested;
 mod transport;
 mod visibility;
+mod wind_series;
 mod zero;
 
 pub use data::{Prior, Setup};

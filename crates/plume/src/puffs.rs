@@ -15,6 +15,16 @@ pub struct WindHistory {
     step_s: f64,
     /// Metres east, north and of path since the start.
     moved_m: Vec<[f64; 3]>,
+    growth: Growth,
+}
+
+/// What a puff's spread grows with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Growth {
+    /// The path that it has gone.
+    Path,
+    /// The time that it has been under way, at this speed, m/s.
+    Time(f64),
 }
 
 /// Nodes of the sum over puffs.
@@ -40,6 +50,25 @@ impl WindHistory {
             start_s,
             step_s,
             moved_m,
+            growth: Growth::Path,
+        }
+    }
+
+    /// The same for puffs that grow with the time that they have been under way, at the mean speed
+    /// of this wind, and no faster in a surge: turbulence acts for as long as it has (Taylor 1921),
+    /// and the spread that is stated by distance holds in the mean wind.
+    pub fn growing_with_time(mut self) -> Self {
+        let length_s = (self.moved_m.len() - 1).max(1) as f64 * self.step_s;
+        let path_m = self.moved_m.last().map_or(0.0, |m| m[2]);
+        self.growth = Growth::Time(path_m / length_s);
+        self
+    }
+
+    /// The distance by which a puff has grown that has gone `path_m` in `ago_s`.
+    fn grown_m(&self, path_m: f64, ago_s: f64) -> f64 {
+        match self.growth {
+            Growth::Path => path_m,
+            Growth::Time(speed_m_s) => speed_m_s * ago_s,
         }
     }
 
@@ -131,7 +160,8 @@ impl World {
                 self.rotation,
             );
             let towards = self.veered(plume, place, towards);
-            let (y, z) = self.sigmas_m((path * pace).max(1.0));
+            let grown = history.grown_m(path, ago);
+            let (y, z) = self.sigmas_m((grown * pace).max(1.0));
             let away_sq =
                 (to[0] - towards.east * pace).powi(2) + (to[1] - towards.north * pace).powi(2);
             let across = 0.5 * away_sq / (y * y);
@@ -177,12 +207,28 @@ mod tests {
     // Against a sum over a puff every tenth of a second, written out with the formulas.
     #[test]
     fn the_ratio_turns_the_straight_plume_into_puffs() {
+        let growths: [fn(&WindHistory, f64, f64) -> f64; 2] = [
+            |history, time_s, ago_s| history.travelled_m(time_s, ago_s)[2],
+            // 1200 s at 6 m/s and what the sine has left over.
+            |_, _, ago_s| {
+                6.0 * (1.0 + 0.06 * (1.0 - (1200.0f64 / 70.0).cos()) * 70.0 / 1200.0) * ago_s
+            },
+        ];
+        for (with_time, grown) in [false, true].into_iter().zip(growths) {
+            ratio_against_a_sum(with_time, grown);
+        }
+    }
+
+    fn ratio_against_a_sum(with_time: bool, grown: fn(&WindHistory, f64, f64) -> f64) {
         let mut wide = spec(crate::Strength::EmissionKgS(100.0));
         wide.stability = crate::stability::Stability::B;
         wide.ground_reflection = true;
         let world = World::new(wide).unwrap();
         let wind: Vec<[f64; 2]> = (0..1200).map(|k| wandering(f64::from(k) + 0.5)).collect();
-        let history = WindHistory::new(0.0, 1.0, &wind);
+        let mut history = WindHistory::new(0.0, 1.0, &wind);
+        if with_time {
+            history = history.growing_with_time();
+        }
         let source = world.spec().sources[0].clone();
         for (along, across, time) in [
             (700.0, 20.0, 700.0),
@@ -200,8 +246,9 @@ mod tests {
             let (straight, _, speed) = world.shape(&plume, &place, transport);
             let mut sum = 0.0;
             for k in 1..9000 {
-                let moved = history.travelled_m(time, 0.1 * f64::from(k));
-                let (y, z) = world.sigmas_m(moved[2]);
+                let ago_s = 0.1 * f64::from(k);
+                let moved = history.travelled_m(time, ago_s);
+                let (y, z) = world.sigmas_m(grown(&history, time, ago_s));
                 let d_sq = (place.east_m - source.place.east_m - moved[0]).powi(2)
                     + (place.north_m - source.place.north_m - moved[1]).powi(2);
                 let h = source.effective_height_agl_m;

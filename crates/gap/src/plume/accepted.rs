@@ -8,6 +8,9 @@ use crate::verdict::Evidence;
 
 /// Probability at which a name stands alone.
 const NAME_AT: f64 = 0.95;
+/// Probability that several hold together: a set is there to hold the cause, more surely than a
+/// name that is worth its risk.
+const SET_AT: f64 = 0.975;
 /// No law of the catalogue is nature's own: of what a cause gains, a part goes to whichever law
 /// has the form that happens to be nearer. At this gain differences count for half, nats.
 const LAW_NATS: f64 = 60.0;
@@ -57,16 +60,19 @@ pub(crate) fn accept(round: &Round, best: &Tried, before: Option<&Accepted>) -> 
     // Nameless rivals and the base take part in the probabilities, but not in the set.
     let of_catalogue: f64 = ids.iter().map(|i| i.1).sum();
     // Of what the catalogue has, where nameless terms leave it less than that.
-    let enough = if of_catalogue > NAME_AT {
-        NAME_AT
-    } else {
-        NAME_AT * of_catalogue
+    let enough = |at: f64| {
+        if of_catalogue > at {
+            at
+        } else {
+            at * of_catalogue
+        }
     };
     let mut set: Vec<(MechanismId, f64)> = Vec::new();
     let own = ids.iter().find(|i| i.0 == best.id).copied();
     set.extend(own);
     for &(id, p) in &ids {
-        if sum(&set) >= enough {
+        let at = if set.len() < 2 { NAME_AT } else { SET_AT };
+        if sum(&set) >= enough(at) {
             break;
         }
         if id != best.id {

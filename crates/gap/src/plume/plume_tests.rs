@@ -443,7 +443,7 @@ fn a_change_of_the_plume_is_worth_what_the_same_mechanism_is() {
                 turned_deg,
             })
             .collect();
-        let visibility = Visibility::new(&setup, &seen).unwrap();
+        let visibility = Visibility::new(&setup, &seen).unwrap().unwrap();
         let truth = [Mechanism::new(id, &p).unwrap()];
         let by_law = visibility.nats(Known::Mechanisms(&truth)).unwrap();
         let by_rows = visibility.nats(Known::Plume(&changes)).unwrap();
@@ -461,7 +461,7 @@ fn visibility_is_nil_for_nothing_and_large_for_a_slow_sensor() {
     let lag = [("time_constant_s", 3.0)];
     let hidden = observe(&[("sensor-lag", &lag, &[])], 21);
     let setup = setup();
-    let fitted = |o| Visibility::new(&setup, o).unwrap();
+    let fitted = |o| Visibility::new(&setup, o).unwrap().unwrap();
     let seen = |o, known| fitted(o).nats(known).unwrap();
     assert!(seen(&clean, Known::Twin(&clean)).abs() < 1e-9);
     let truth = [::plume::Mechanism::new("sensor-lag", &lag).unwrap()];

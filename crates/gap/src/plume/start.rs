@@ -4,6 +4,7 @@ use ::plume::field::{Strength, Transport};
 use ::plume::mechanism::{Family, MechanismId};
 
 use super::data::{Data, Setup};
+use super::early;
 use super::fit::{Context, Effort, Fitted};
 use super::followed::followed;
 use super::model::{Model, Prediction};
@@ -76,6 +77,7 @@ impl Started {
 
 /// Chooses the wind's treatment, fits base and noise.
 pub(crate) fn start(setup: &Setup, data: &mut Data, threads: usize) -> Started {
+    early::leave_out(setup, data);
     let noise = white_noise(setup, data);
     let noise = if data.on_board_wind {
         noise.with_logged_wind()

@@ -57,26 +57,23 @@ pub struct Visibility {
 }
 
 impl Visibility {
-    /// Fits base and noise.
+    /// Fits base and noise; `None` where too few readings are usable for anything to be told from
+    /// them, as after an effect that leaves none.
     ///
     /// # Errors
-    /// As [`super::analyse`]; also too few readings.
-    pub fn new(setup: &Setup, observations: &Observations) -> Result<Self, GapError> {
+    /// As [`super::analyse`].
+    pub fn new(setup: &Setup, observations: &Observations) -> Result<Option<Self>, GapError> {
         let mut data = Data::new(setup, observations)?;
         gate::gate(&mut data, setup);
         if data.used_count() < FEWEST_READINGS {
-            return Err(GapError::Data {
-                what: "observations".to_string(),
-                problem: format!("{} usable readings", data.used_count()),
-                expected: format!("at least {FEWEST_READINGS}"),
-            });
+            return Ok(None);
         }
         let fitted = start::start(setup, &mut data, 1).fitted;
-        Ok(Self {
+        Ok(Some(Self {
             setup: setup.clone(),
             data,
             fitted,
-        })
+        }))
     }
 
     fn context<'b>(&'b self, data: &'b Data) -> Context<'b> {

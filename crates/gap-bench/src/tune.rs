@@ -274,10 +274,10 @@ fn strength_for(
         if strength > STRONGEST || absurd(&case.truth) {
             return Ok(None);
         }
-        match Shown::new(case, strength, which)? {
-            Some(next) => shown = next,
-            None => return Ok(None),
-        }
+        let Some(next) = Shown::new(case, strength, which)? else {
+            return Ok(None);
+        };
+        shown = next;
     }
     // Some effects jump (a lid, a limit): what is reached counts if it is near enough.
     Ok(((shown.nats / target - 1.0).abs() < 0.3).then_some(shown))

@@ -239,6 +239,14 @@ impl Data {
             .unwrap_or(0)
     }
 
+    /// The wind that is logged at a row, if one is, with its time: m/s towards east and north. Only
+    /// before another one is put into the track.
+    pub fn logged_wind(&self, row: usize) -> Option<(f64, [f64; 2])> {
+        let t = self.track.transport()[row];
+        let own = [t.east * t.speed_m_s, t.north * t.speed_m_s];
+        self.wind[row].map(|_| (self.track.time_s()[row], own))
+    }
+
     /// Time that air takes from a place to that of every row in the row's transport, s.
     pub fn way_s(&self, from: Enu) -> impl Iterator<Item = f64> {
         let transport = self.track.transport().iter();

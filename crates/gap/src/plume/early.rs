@@ -6,7 +6,7 @@
 use ::plume::field::Transport;
 
 use super::data::{Data, Setup};
-use super::wind_series::{Grid, carried_on, mean};
+use super::wind_series::{Grid, first_minute, kept, mean, towards};
 
 /// How far off the wind's mean direction over such a way may be, degrees, and its speed at the
 /// emission, as a part of it, for a reading to count.
@@ -21,7 +21,7 @@ const PASSING_S: f64 = 30.0;
 const FEWEST_PLACES: usize = 8;
 
 /// What the wind before the record may be off by.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Off {
     /// Its mean direction, degrees.
     turned_deg: f64,
@@ -60,52 +60,69 @@ pub(super) fn leave_out(setup: &Setup, data: &mut Data) {
 
 /// For each row how far off the wind of its air may be over what may be, beyond 1 too far.
 fn excess(setup: &Setup, data: &Data) -> Vec<f64> {
-    let mut out = vec![0.0; data.len()];
-    let times = data.track.time_s();
-    let logged = data.wind.iter().zip(data.track.transport()).zip(times);
-    let vectors = logged.filter_map(|((wind, t), time_s)| {
-        let own = [t.east, t.north].map(|c| c * t.speed_m_s);
-        wind.map(|_| (*time_s, own))
-    });
+    let vectors = (0..data.len()).filter_map(|i| data.logged_wind(i));
     let span = data.span_s();
     let Some(mut grid) = Grid::new(vectors, span) else {
-        return out;
+        return vec![0.0; data.len()];
     };
     grid.smooth(SMOOTHED_S);
-    let past = Past::of(&grid);
-    let source = setup.base.sources[0].place;
-    for (i, far_m) in data.distance_m(source).enumerate() {
-        let way_s = far_m / past.mean.speed_m_s.max(0.5);
-        let before_s = way_s - (times[i] - span.0);
-        if before_s > 0.0
-            && let Some(off) = past.off(before_s)
-        {
-            let turned = off.turned_deg * before_s / way_s / MOST_TURNED_DEG;
-            out[i] = turned.max(off.surged / MOST_SURGED);
-        }
-    }
-    out
+    let speed_m_s = towards(mean(&grid.values)).speed_m_s;
+    let far_m = data.distance_m(setup.base.sources[0].place);
+    // The way of each row's air, and how much of it lies before the record, s.
+    let ways: Vec<(f64, f64)> = far_m
+        .zip(data.track.time_s())
+        .map(|(far_m, time_s)| {
+            let way_s = far_m / speed_m_s.max(0.5);
+            (way_s, way_s - (time_s - span.0))
+        })
+        .collect();
+    let longest_s = ways
+        .iter()
+        .fold(0.0f64, |most, (_, before)| most.max(*before));
+    let past = Past::of(&grid, longest_s);
+    let beyond = |(way_s, before_s): &(f64, f64)| {
+        let off = past.off(*before_s).unwrap_or_default();
+        let turned = off.turned_deg * before_s / way_s / MOST_TURNED_DEG;
+        turned.max(off.surged / MOST_SURGED)
+    };
+    ways.iter()
+        .map(|way| if way.1 > 0.0 { beyond(way) } else { 0.0 })
+        .collect()
 }
 
 /// How well a stretch of the log tells the wind before it.
 struct Past<'a> {
     grid: &'a Grid,
+    all: [f64; 2],
     mean: Transport,
-    /// By whole steps of [`APART_S`] before the stretch, as far as the log reaches.
+    /// Sums of the winds up to every cell, and of what is kept of the first minute so many cells
+    /// before it.
+    winds: Vec<[f64; 2]>,
+    kept: Vec<f64>,
+    /// By whole steps of [`APART_S`] before the stretch, as far as is asked and the log reaches.
     off: Vec<Off>,
 }
 
 impl<'a> Past<'a> {
-    fn of(grid: &'a Grid) -> Self {
+    /// As far back as `longest_s`.
+    fn of(grid: &'a Grid, longest_s: f64) -> Self {
         let all = mean(&grid.values);
+        let mut winds = vec![[0.0; 2]];
+        let mut kept_sums = vec![0.0];
+        for (k, value) in grid.values.iter().enumerate() {
+            winds.push([0, 1].map(|c| winds[k][c] + value[c]));
+            kept_sums.push(kept_sums[k] + kept((k + 1) as f64 * grid.step_s));
+        }
         let mut out = Self {
             grid,
-            mean: super::wind_series::towards(all),
+            all,
+            mean: towards(all),
+            winds,
+            kept: kept_sums,
             off: Vec::new(),
         };
-        while let Some(next) = out.seen(out.off.len() + 1, all) {
-            out.off.push(next);
-        }
+        let asked = (longest_s / APART_S).ceil() as usize;
+        out.off = (1..=asked).map_while(|steps| out.seen(steps)).collect();
         out
     }
 
@@ -118,25 +135,22 @@ impl<'a> Past<'a> {
     }
 
     /// The root mean square of what is told wrongly of the wind `steps` before places in the log.
-    fn seen(&self, steps: usize, all: [f64; 2]) -> Option<Off> {
-        let values = &self.grid.values;
+    fn seen(&self, steps: usize) -> Option<Off> {
+        let values = self.grid.values.len();
         let cells = |s: f64| ((s / self.grid.step_s).round() as usize).max(1);
         let (apart, passing) = (cells(APART_S), cells(PASSING_S));
         let before = steps * apart;
+        let set_out = passing.min(before);
         let mut sums = [0.0; 2];
         let mut count = 0usize;
-        let mut place = before.max(passing);
-        while place < values.len() {
-            let told = carried_on(&values[place..], self.grid.step_s, all, before);
-            let met = &values[place - before..place];
-            let off = self.along_and_across(mean(met), mean(&told));
-            sums[0] += off[1].atan2(self.mean.speed_m_s).to_degrees().powi(2);
-            let set_out = &met[..passing.min(met.len())];
-            let first = &told[..set_out.len()];
-            let off = self.along_and_across(mean(set_out), mean(first));
-            sums[1] += (off[0] / self.mean.speed_m_s).powi(2);
+        for place in (before.max(passing)..values).step_by(apart) {
+            let minute = first_minute(self.grid.step_s, values - place);
+            let first = self.met(place, minute);
+            let over_way = self.wrong(place, first, before, before);
+            sums[0] += over_way[1].atan2(self.mean.speed_m_s).to_degrees().powi(2);
+            let at_start = self.wrong(place, first, before, set_out);
+            sums[1] += (at_start[0] / self.mean.speed_m_s).powi(2);
             count += 1;
-            place += apart;
         }
         let rms = sums.map(|s| (s / count.max(1) as f64).sqrt());
         (count >= FEWEST_PLACES && self.mean.speed_m_s > 0.0).then_some(Off {
@@ -145,9 +159,17 @@ impl<'a> Past<'a> {
         })
     }
 
-    /// How one wind differs from another along and across the mean of all.
-    fn along_and_across(&self, one: [f64; 2], other: [f64; 2]) -> [f64; 2] {
-        let off = [one[0] - other[0], one[1] - other[1]];
+    /// The mean of `count` winds of the log.
+    fn met(&self, from: usize, count: usize) -> [f64; 2] {
+        [0, 1].map(|c| (self.winds[from + count][c] - self.winds[from][c]) / count as f64)
+    }
+
+    /// What `count` cells from `before` cells before a place on are in the mean, less what the
+    /// mean of the `first` minute there tells of them, along and across the wind.
+    fn wrong(&self, place: usize, first: [f64; 2], before: usize, count: usize) -> [f64; 2] {
+        let kept = (self.kept[before] - self.kept[before - count]) / count as f64;
+        let met = self.met(place - before, count);
+        let off = [0, 1].map(|c| met[c] - (self.all[c] + kept * (first[c] - self.all[c])));
         let Transport { east, north, .. } = self.mean;
         [
             off[0] * east + off[1] * north,
@@ -158,13 +180,14 @@ impl<'a> Past<'a> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::wind_series::carried_on;
     use super::*;
     use rand::SeedableRng;
     use rand::rngs::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
 
     /// An hour of gusts of `sd_m_s` that last about a minute, about 7.07 m/s from the south-west.
-    fn off(sd_m_s: f64, before_s: f64) -> Off {
+    fn gusts(sd_m_s: f64) -> Grid {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
         let keep = (-1.0 / 60.0f64).exp();
@@ -173,8 +196,29 @@ mod tests {
             gust = gust.map(|g| keep * g + (1.0 - keep * keep).sqrt() * normal());
             (f64::from(t), gust.map(|g| 5.0 + sd_m_s * g))
         });
-        let grid = Grid::new(winds, (0.0, 3599.0)).unwrap();
-        Past::of(&grid).off(before_s).unwrap()
+        Grid::new(winds, (0.0, 3599.0)).unwrap()
+    }
+
+    fn off(sd_m_s: f64, before_s: f64) -> Off {
+        Past::of(&gusts(sd_m_s), before_s).off(before_s).unwrap()
+    }
+
+    // Against the winds as they are put before a record, one by one.
+    #[test]
+    fn sums_say_what_the_winds_before_a_record_are_off_by() {
+        let grid = gusts(1.0);
+        let past = Past::of(&grid, 0.0);
+        for (place, before, count) in [(700, 120, 120), (3580, 250, 30), (30, 10, 10)] {
+            let told = carried_on(&grid.values[place..], grid.step_s, past.all, before);
+            let met = &grid.values[place - before..][..count];
+            let (met, told) = (mean(met), mean(&told[..count]));
+            let off = [met[0] - told[0], met[1] - told[1]];
+            let minute = first_minute(grid.step_s, grid.values.len() - place);
+            let [along, across] = past.wrong(place, past.met(place, minute), before, count);
+            let Transport { east, north, .. } = past.mean;
+            assert!((along - off[0] * east - off[1] * north).abs() < 1e-9);
+            assert!((across - off[1] * east + off[0] * north).abs() < 1e-9);
+        }
     }
 
     // A minute's gusts have over 120 s a mean of .75 of their deviation (the integral of their
@@ -195,6 +239,6 @@ mod tests {
     fn a_short_log_tells_nothing() {
         let winds = (0..40).map(|t| (f64::from(t), [5.0, 0.0]));
         let grid = Grid::new(winds, (0.0, 39.0)).unwrap();
-        assert_eq!(Past::of(&grid).off(60.0), None);
+        assert_eq!(Past::of(&grid, 60.0).off(60.0), None);
     }
 }

@@ -1,6 +1,6 @@
 //! The start: which wind carries the plume, and the base with its noise at their best.
 
-use ::plume::field::{Strength, Transport};
+use ::plume::field::Strength;
 use ::plume::mechanism::{Family, MechanismId};
 
 use super::data::{Data, Setup};
@@ -324,14 +324,8 @@ fn single<'a>(setup: &'a Setup, data: &'a Data) -> Context<'a> {
 
 /// What the wind of `data` becomes under a treatment; `None` without the wind that it needs.
 fn carried_by(setup: &Setup, data: &Data, treatment: Treatment) -> Option<Carried> {
-    let logged: Vec<Option<Transport>> = data
-        .wind
-        .iter()
-        .zip(data.track.transport())
-        .map(|(w, t)| w.map(|_| *t))
-        .collect();
     let distance: Vec<f64> = data.distance_m(setup.base.sources[0].place).collect();
-    carried(data, &logged, &distance, treatment)
+    carried(data, &distance, treatment)
 }
 
 /// Puts a wind into `data`, with what it does to the plume of `model`.

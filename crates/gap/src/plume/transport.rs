@@ -143,15 +143,9 @@ const LEAD_S: f64 = 1200.0;
 
 /// The transport of every row under `treatment`; `None` without the wind that it needs.
 /// `distance_m` is each row's distance from the first source.
-pub(crate) fn carried(
-    data: &Data,
-    logged: &[Option<Transport>],
-    distance_m: &[f64],
-    treatment: Treatment,
-) -> Option<Carried> {
+pub(crate) fn carried(data: &Data, distance_m: &[f64], treatment: Treatment) -> Option<Carried> {
     let times = data.track.time_s();
-    let vector =
-        |i: usize| logged[i].map(|t| (times[i], [t.east * t.speed_m_s, t.north * t.speed_m_s]));
+    let vector = |i: usize| data.logged_wind(i);
     let span = data.span_s();
     let all = || Grid::new((0..data.len()).filter_map(vector), span);
     let mut history = None;

@@ -110,14 +110,22 @@ pub(super) fn carried_on(
     all: [f64; 2],
     count: usize,
 ) -> Vec<[f64; 2]> {
-    let minute = ((60.0 / step_s).ceil() as usize).clamp(1, values.len().max(1));
-    let first = mean(&values[..minute.min(values.len())]);
+    let first = mean(&values[..first_minute(step_s, values.len())]);
     let at = |k: usize| {
-        let before_s = (count - k) as f64 * step_s;
-        let keep = (-before_s / WEATHER_S).exp();
+        let keep = kept((count - k) as f64 * step_s);
         [0, 1].map(|c| all[c] + keep * (first[c] - all[c]))
     };
     (0..count).map(at).collect()
+}
+
+/// How many of `count` winds that are `step_s` apart are of their first minute, at least one.
+pub(super) fn first_minute(step_s: f64, count: usize) -> usize {
+    ((60.0 / step_s).ceil() as usize).max(1).min(count)
+}
+
+/// What the weather remembers of a wind `before_s` before it: a part.
+pub(super) fn kept(before_s: f64) -> f64 {
+    (-before_s / WEATHER_S).exp()
 }
 
 /// Stretches of the log whose means tell what its slope may be by chance.

@@ -141,7 +141,12 @@ const OTHER_WIND_LN: f64 = 0.15;
 /// How far back a plume's way may begin before the record, s.
 const LEAD_S: f64 = 1200.0;
 
-/// The transport of every row under `treatment`; `None` without the wind that it needs.
+/// The least surge with which puffs that grow with time are others than those that grow with their
+/// path.
+const LEAST_SURGE: f64 = 0.01;
+
+/// The transport of every row under `treatment`; `None` without the wind that it needs, or where
+/// another treatment is the same.
 /// `distance_m` is each row's distance from the first source.
 pub(crate) fn carried(data: &Data, distance_m: &[f64], treatment: Treatment) -> Option<Carried> {
     let times = data.track.time_s();
@@ -184,13 +189,14 @@ pub(crate) fn carried(data: &Data, distance_m: &[f64], treatment: Treatment) -> 
             let mut grid = all()?;
             grid.smooth(width);
             grid.lead_in(LEAD_S);
-            let mut own = WindHistory::new(grid.start_s, grid.step_s, &grid.values);
-            if matches!(treatment, Treatment::AgedPuffs(_)) {
-                own = own.growing_with_time();
-            }
+            let own = WindHistory::new(grid.start_s, grid.step_s, &grid.values);
             let mean = |i: usize| own.mean_transport(times[i], distance_m[i]);
-            let out = (0..data.len()).map(mean).collect();
-            history = Some(own);
+            let out: Vec<Transport> = (0..data.len()).map(mean).collect();
+            history = Some(match treatment {
+                Treatment::AgedPuffs(_) if surge(&out) < LEAST_SURGE => return None,
+                Treatment::AgedPuffs(_) => own.growing_with_time(),
+                _ => own,
+            });
             out
         }
     };
@@ -201,6 +207,18 @@ pub(crate) fn carried(data: &Data, distance_m: &[f64], treatment: Treatment) -> 
         chance_deg_per_h,
         history,
     })
+}
+
+/// By how much the speed of the ways differs from row to row: standard deviation over the mean.
+fn surge(ways: &[Transport]) -> f64 {
+    let n = ways.len().max(1) as f64;
+    let mean = ways.iter().map(|t| t.speed_m_s).sum::<f64>() / n;
+    let square = ways
+        .iter()
+        .map(|t| (t.speed_m_s - mean).powi(2))
+        .sum::<f64>()
+        / n;
+    square.sqrt() / mean.max(1e-9)
 }
 
 /// How much more the wind blows in the mean than the scenario's, where its source is stated by a

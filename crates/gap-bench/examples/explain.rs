@@ -1,24 +1,26 @@
-//! What the finder says of single cases, at length: `explain SEED...`, with the seeds that the
-//! benchmark prints beside its cases; its first seed must be a multiple of ten million.
+//! What the finder says of single cases, at length: `explain FIRST_SEED SEED...`, with the first seed
+//! that the benchmark was given and the seeds that it prints beside its cases.
 
 use gap::plume::{Analysis, Options, analyse};
 use gap_bench::{Task, plan, tune};
 
 /// Seeds a case that the plan is made for; those of a smaller benchmark are among them.
 const SEEDS: u64 = 100;
-/// Distance of first seeds.
-const FIRST_SEEDS: u64 = 10_000_000;
 /// Rows of the ranking that are shown.
 const SHOWN: usize = 10;
 /// What the truth beats by more than this on average is not shown as like it, nats.
 const LIKE_NATS: f64 = 20.0;
 
 fn main() {
-    for seed in std::env::args()
+    let mut seeds = std::env::args()
         .skip(1)
-        .filter_map(|a| a.parse::<u64>().ok())
-    {
-        let tasks = plan(SEEDS, seed - seed % FIRST_SEEDS);
+        .filter_map(|a| a.parse::<u64>().ok());
+    let Some(first) = seeds.next() else {
+        eprintln!("usage: explain FIRST_SEED SEED...");
+        return;
+    };
+    let tasks = plan(SEEDS, first);
+    for seed in seeds {
         match tasks.iter().find(|t| t.seed == seed) {
             Some(task) => {
                 if let Err(error) = explain(task) {

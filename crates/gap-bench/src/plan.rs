@@ -46,6 +46,7 @@ impl Task {
                 NoiseForm::Unusual => "none, other noise".into(),
                 NoiseForm::SlowSensors => "none, slow sensors".into(),
                 NoiseForm::GustyWind => "none, gusty wind".into(),
+                NoiseForm::UnloggedWind => "none, swinging wind not logged".into(),
             },
             Kind::One(effect) => format!("{effect}, D = {}", self.nats),
             Kind::OtherLaw(effect) => format!("other law: {effect}, D = {}", self.nats),
@@ -118,7 +119,8 @@ const PAIRS: [(Effect, Effect); 8] = [
 ];
 
 /// All tasks for `seeds` seeds a case: twenty-five times as many without an effect, half of that
-/// with other noise, and five times each with slow sensors and in a gusty wind.
+/// with other noise, and five times each with slow sensors, in a gusty wind and in a
+/// swinging one that nobody logs.
 pub fn plan(seeds: u64, first_seed: u64) -> Vec<Task> {
     let mut tasks = Vec::new();
     // Each row has seeds of its own.
@@ -161,6 +163,7 @@ pub fn plan(seeds: u64, first_seed: u64) -> Vec<Task> {
     }
     push(Kind::Nothing, 0.0, NoiseForm::SlowSensors, 5 * seeds);
     push(Kind::Nothing, 0.0, NoiseForm::GustyWind, 5 * seeds);
+    push(Kind::Nothing, 0.0, NoiseForm::UnloggedWind, 5 * seeds);
     tasks
 }
 

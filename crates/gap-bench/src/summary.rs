@@ -168,6 +168,11 @@ impl Summary {
                 "≤ 3 %",
                 alarms(NoiseForm::GustyWind),
             ),
+            line(
+                "nothing hidden, swinging wind not logged: false alarms",
+                "none stated",
+                alarms(NoiseForm::UnloggedWind),
+            ),
         ];
         for (forward, name) in [
             (Forward::Gaussian, "a plain plume"),

@@ -319,13 +319,15 @@ impl<'a> Draft<'a> {
         if spec.noise == NoiseForm::SlowSensors {
             scene.lag_s = pick(&mut stream(spec.seed, "slow sensors"), &SLOW_SENSORS_S);
         }
-        let gusty = spec.noise == NoiseForm::GustyWind;
-        if gusty {
-            scene::make_gusty(&mut scene, spec.seed);
+        match spec.noise {
+            NoiseForm::GustyWind => scene::make_gusty(&mut scene, spec.seed),
+            NoiseForm::UnloggedWind => scene::make_unlogged(&mut scene, spec.seed),
+            _ => {}
         }
+        let turns = matches!(spec.noise, NoiseForm::GustyWind | NoiseForm::UnloggedWind);
         let noise = Noise::draw(spec.seed, spec.noise, scene.noise_sd_ppm);
         // A straight plume does not turn with each gust.
-        let drawn = match (puffs, gusty) {
+        let drawn = match (puffs, turns) {
             (true, _) => Forward::Puffs,
             (false, true) => Forward::AgedPuffs,
             (false, false) => Forward::Gaussian,

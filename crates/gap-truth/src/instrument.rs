@@ -27,6 +27,8 @@ pub enum NoiseForm {
     SlowSensors,
     /// The usual, in a wind that swings and surges as turbulence does at the height of a plume.
     GustyWind,
+    /// The usual, in a wind that swings and surges as weather does over minutes, and that nobody logs.
+    UnloggedWind,
 }
 
 /// Faults of one platform's sensors. The default has none.
@@ -118,14 +120,6 @@ impl Noise {
         let size = between(&mut rng, 0.05, 0.25);
         let coarse = between(&mut rng, 2.0, 5.0);
         match form {
-            NoiseForm::Usual | NoiseForm::SlowSensors | NoiseForm::GustyWind => Self {
-                form,
-                white_ppm,
-                slow_ppm,
-                gusts: (size, time_scale_s),
-                step_ppm: if rng.random_bool(0.5) { 0.1 } else { 1.0 },
-                outlier_chance: 0.0005,
-            },
             NoiseForm::Unusual => Self {
                 form,
                 white_ppm,
@@ -133,6 +127,14 @@ impl Noise {
                 gusts: (size * 1.6, time_scale_s),
                 step_ppm: if rng.random_bool(0.5) { coarse } else { 0.1 },
                 outlier_chance: 0.002,
+            },
+            _ => Self {
+                form,
+                white_ppm,
+                slow_ppm,
+                gusts: (size, time_scale_s),
+                step_ppm: if rng.random_bool(0.5) { 0.1 } else { 1.0 },
+                outlier_chance: 0.0005,
             },
         }
     }
@@ -144,8 +146,8 @@ impl Noise {
 
     fn white(&self, rng: &mut ChaCha8Rng) -> f64 {
         let z = match self.form {
-            NoiseForm::Usual | NoiseForm::SlowSensors | NoiseForm::GustyWind => normal(rng),
             NoiseForm::Unusual => student_3(rng),
+            _ => normal(rng),
         };
         // Both draws are made always, so that an effect cannot shift the stream.
         let (outlier, size) = (rng.random::<f64>(), normal(rng));
@@ -161,8 +163,8 @@ impl Noise {
     fn gust(&self, g: f64) -> f64 {
         let s = self.gusts.0;
         match self.form {
-            NoiseForm::Usual | NoiseForm::SlowSensors | NoiseForm::GustyWind => 1.0 + s * g,
             NoiseForm::Unusual => (s * g - 0.5 * s * s).exp(),
+            _ => 1.0 + s * g,
         }
     }
 }

@@ -381,6 +381,17 @@ pub(crate) fn make_gusty(scene: &mut Scene, seed: u64) {
     }
 }
 
+/// The same as the weather makes it: swings of some degrees that last for minutes. Nobody logs it.
+pub(crate) fn make_unlogged(scene: &mut Scene, seed: u64) {
+    let mut rng = stream(seed, "unlogged");
+    scene.wind.gust = (between(&mut rng, 3.0, 8.0), between(&mut rng, 100.0, 400.0));
+    scene.wind.surge = (
+        between(&mut rng, 0.03, 0.15),
+        between(&mut rng, 100.0, 400.0),
+    );
+    scene.logged_wind = LoggedWind::Absent;
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

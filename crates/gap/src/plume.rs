@@ -38,6 +38,7 @@ mod residual;
 mod rival;
 mod rival_terms;
 mod screen;
+mod shown;
 mod start;
 mod tested;
 mod transport;

@@ -16,6 +16,7 @@ use super::freedom::Freedom;
 use super::linear::{self, dot, scores};
 use super::model::{Model, Part, Prediction};
 use super::noise::{Loading, NoiseModel, Whitener};
+use super::shown;
 
 /// Time between knots, s, and most stretches between them.
 #[derive(Clone, Copy)]
@@ -53,6 +54,14 @@ const WANDER_KNOTS: Spacing = Spacing {
     most: 75.0,
 };
 const WANDER_DEG: f64 = 1.0;
+/// Knots of what is not known of one whose swing was found by the plume alone.
+const SHOWN_KNOTS: Spacing = Spacing {
+    s: 40.0,
+    most: 75.0,
+};
+/// Standard deviation of the wind's speed along its mean over that across (Panofsky & Dutton 1984,
+/// neutral air: 2.4 and 1.9 friction velocities): a wind that swings surges too.
+const ALONG_OVER_ACROSS: f64 = 1.25;
 
 /// Mechanisms of which a little is always there: a step, and one standard deviation in steps.
 const TOLERATED: [(MechanismId, usize, f64, f64); 8] = [
@@ -95,6 +104,11 @@ impl Nuisance {
     ) -> Self {
         let mut own = Self::swings(ctx, loading, noise);
         for (id, which, step, size) in TOLERATED {
+            let size = if id == MechanismId::PositionOffset {
+                size.max(displaced_m(ctx))
+            } else {
+                size
+            };
             let mut values = super::model::defaults(id);
             values[which] = step;
             let part = Part {
@@ -172,9 +186,25 @@ impl Nuisance {
                 sd.push(EARLY_PART);
             }
         } else {
-            let slow = hats(ctx, loading, WANDER_KNOTS);
-            sd.extend(vec![WANDER_DEG; slow.len()]);
+            let shown_deg = ctx.data.shown_swing_deg;
+            let (slow, size_deg) = if shown_deg > 0.0 {
+                (shown::columns(ctx, loading, SHOWN_KNOTS), shown_deg)
+            } else {
+                (hats(ctx, loading, WANDER_KNOTS), WANDER_DEG)
+            };
+            sd.extend(vec![size_deg; slow.len()]);
             raw.extend(slow);
+            if shown_deg > 0.0 {
+                let along = |l: &Loading| Loading {
+                    swing: l.gust,
+                    ..*l
+                };
+                let along: Vec<Loading> = loading.iter().map(along).collect();
+                let surges = hats(ctx, &along, WANDER_KNOTS);
+                let surge = ALONG_OVER_ACROSS * shown_deg.to_radians();
+                sd.extend(vec![surge; surges.len()]);
+                raw.extend(surges);
+            }
         }
         Self {
             tolerates: vec![None; raw.len()],
@@ -183,6 +213,14 @@ impl Nuisance {
             hats: hats_count,
         }
     }
+}
+
+/// By how much what the wind does between the knots of a swing that only the plume shows may displace
+/// the plume, m; nil of other winds.
+fn displaced_m(ctx: &Context<'_>) -> f64 {
+    let wind = ctx.data.track.transport().first();
+    let speed_m_s = wind.map_or(0.0, |wind| wind.speed_m_s);
+    ctx.data.shown_swing_deg.to_radians() * speed_m_s * SHOWN_KNOTS.s
 }
 
 /// The part of the plume's way at each row that lies before the record; none where nobody logged the

@@ -10,6 +10,7 @@ use super::followed::followed;
 use super::model::{Model, Prediction};
 use super::noise::{self, NoiseModel};
 use super::parallel;
+use super::shown;
 use super::transport::{Carried, Treatment, carried};
 
 /// Treatments of the wind that come so near to the best, with everything else free, are as
@@ -140,6 +141,14 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
         Some(far) => (far, Some(base)),
         None => (base, None),
     };
+    let swings = (!logged).then(|| swinging(setup, shared, first, &base, &noise));
+    let (base, held) = match swings.flatten() {
+        Some((shown, beside)) => {
+            options = shown;
+            (beside, None)
+        }
+        None => (base, held),
+    };
     let quick = parallel::map(&options, threads, |o| {
         let (own, settled) = settled(setup, shared, o, &base, &noise);
         let wide = single(setup, &own).wide(&settled, noise, Effort::QUICK);
@@ -185,6 +194,34 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
         fitted,
         carried: Some(carried),
     }
+}
+
+/// How often the swing that a plume shows and the plume are fitted in turn.
+const SWING_TURNS: usize = 2;
+
+/// The treatments of a wind that nobody logged where the plume shows that it swings, and the base
+/// beside them.
+fn swinging(
+    setup: &Setup,
+    data: &Data,
+    still: &Carried,
+    base: &Model,
+    noise: &NoiseModel,
+) -> Option<(Vec<Carried>, Model)> {
+    let distance_m: Vec<f64> = data.distance_m(setup.base.sources[0].place).collect();
+    let mut fitted = settled(setup, data, still, base, noise).1;
+    let mut found = None;
+    for _ in 0..SWING_TURNS {
+        let stated = shown::with_stated_wind(&fitted);
+        let mut own = data.clone();
+        put(setup, &mut own, still, &stated);
+        let swing = shown::shown(&single(setup, &own), &stated, noise.white_ppm())?;
+        let carried = Carried::shown(data, &distance_m, &swing);
+        let beside = shown::base_beside(base, &stated, &swing);
+        fitted = settled(setup, data, carried.first()?, &beside, noise).1;
+        found = Some((carried, fitted.clone()));
+    }
+    found
 }
 
 /// The treatments of the wind that the data allow.
@@ -333,6 +370,7 @@ fn put(setup: &Setup, data: &mut Data, carried: &Carried, model: &Model) {
     if let Some(world) = model.world(&setup.base, data.track.platforms()) {
         carried.put(&mut data.track, &world);
     }
+    data.shown_swing_deg = carried.shown_swing_deg;
     let source = setup.base.sources[0].place;
     let ages: Vec<f64> = match (carried.has_history(), data.on_board_wind) {
         (true, true) => data.logged_age_s(source).collect(),

@@ -9,6 +9,7 @@ use ::plume::field::{Transport, World};
 use ::plume::track::Track;
 
 use super::data::Data;
+use super::shown::Shown;
 use super::wind_series::{Grid, Line, towards};
 
 /// How the wind becomes that of the transport.
@@ -18,6 +19,10 @@ pub(crate) enum Treatment {
     Scenario,
     /// The same; puffs that it carries, which reach along the wind too.
     ScenarioPuffs,
+    /// The scenario's, turned as the plume itself shows ([`super::shown`]), in the mean over its way.
+    Shown,
+    /// The same; puffs that its history carries.
+    ShownPuffs,
     /// The straight line in time through all logs. What the log drifts by stays in it: a wind that
     /// hardly turns must not hide that its log does.
     Line,
@@ -74,6 +79,8 @@ impl Treatment {
         match self {
             Treatment::Scenario => "the scenario's wind".to_string(),
             Treatment::ScenarioPuffs => "the scenario's wind, as puffs".to_string(),
+            Treatment::Shown => "the scenario's wind, turned as the plume itself shows".to_string(),
+            Treatment::ShownPuffs => format!("{}, as puffs", Treatment::Shown.describe()),
             Treatment::Line => {
                 "the straight line through the logged wind of all platforms".to_string()
             }
@@ -103,12 +110,41 @@ pub(crate) struct Carried {
     pub treatment: Treatment,
     /// Standard deviation of what gusts may have made of the direction's trend, degrees an hour.
     pub chance_deg_per_h: f64,
+    /// Standard deviation of a swing that nobody logged and that the plume shows, degrees; else nil.
+    pub shown_swing_deg: f64,
     /// Mean logged speed over the scenario's, where a c_MAX cannot have been met in the latter.
     stronger: f64,
     history: Option<WindHistory>,
 }
 
 impl Carried {
+    /// The scenario's wind, which stands in `data`, turned as a plume shows: as it carries a straight
+    /// plume and as it carries puffs.
+    pub fn shown(data: &Data, distance_m: &[f64], shown: &Shown) -> Vec<Self> {
+        let Some(stated) = data.track.transport().first() else {
+            return Vec::new();
+        };
+        let wind = |turned: &f64| {
+            let wind = stated.turned(*turned);
+            [wind.east, wind.north].map(|c| c * wind.speed_m_s)
+        };
+        let winds: Vec<[f64; 2]> = shown.turned_deg.iter().map(wind).collect();
+        let history = WindHistory::new(shown.start_s, 1.0, &winds);
+        let times = data.track.time_s();
+        let mean = |i: usize| history.mean_transport(times[i], distance_m[i]);
+        let transport: Vec<Transport> = (0..data.len()).map(mean).collect();
+        let with = |treatment, history| Self {
+            transport: transport.clone(),
+            treatment,
+            chance_deg_per_h: 0.0,
+            shown_swing_deg: shown.swing_deg,
+            stronger: 1.0,
+            history,
+        };
+        let straight = with(Treatment::Shown, None);
+        vec![straight, with(Treatment::ShownPuffs, Some(history))]
+    }
+
     /// Whether puffs are carried by the wind's history.
     pub fn has_history(&self) -> bool {
         self.history.is_some()
@@ -157,6 +193,8 @@ pub(crate) fn carried(data: &Data, distance_m: &[f64], treatment: Treatment) -> 
     let mut chance_deg_per_h = 0.0;
     let transport = match treatment {
         Treatment::Scenario => data.track.transport().to_vec(),
+        // These hang on the plume, too ([`Carried::shown`]).
+        Treatment::Shown | Treatment::ShownPuffs => return None,
         Treatment::ScenarioPuffs => {
             let own = data.track.transport().to_vec();
             let steady = own.first()?;
@@ -205,6 +243,7 @@ pub(crate) fn carried(data: &Data, distance_m: &[f64], treatment: Treatment) -> 
         transport,
         treatment,
         chance_deg_per_h,
+        shown_swing_deg: 0.0,
         history,
     })
 }

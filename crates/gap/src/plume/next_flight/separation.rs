@@ -65,6 +65,7 @@ impl<'a> Flown<'a> {
             wind: vec![None; n],
             notices: Vec::new(),
             ceiling_ppm: Vec::new(),
+            shown_swing_deg: ctx.data.shown_swing_deg,
             on_board_wind: ctx.data.on_board_wind,
             c_max_wind_m_s: ctx.data.c_max_wind_m_s,
         };

@@ -1,0 +1,289 @@
+//! The series of a wind by the plume that it carried: its direction at knots in time, of which the
+//! plume at a distance has the mean over its way, by Gauss–Newton under the weather's memory.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::super::fit::Context;
+use super::super::model::{Model, Prediction};
+use super::super::noise::Loading;
+use super::super::nuisance::Spacing;
+use super::super::wind_series::kept;
+use super::{FREEDOM, Readings};
+
+/// Knots of the series.
+const KNOTS: Spacing = Spacing {
+    s: 20.0,
+    most: 300.0,
+};
+const ITERATIONS: usize = 8;
+/// How often a step that is too long is halved, and what the last one gains, nats.
+const HALVINGS: i32 = 4;
+const LAST_GAIN_NATS: f64 = 0.1;
+
+/// A direction at knots in time, straight between them.
+pub(super) struct Series {
+    start_s: f64,
+    step_s: f64,
+    turned_deg: DVector<f64>,
+}
+
+impl Series {
+    pub fn start_s(&self) -> f64 {
+        self.start_s
+    }
+
+    /// Every second, less a straight line (degrees at time 0, and a second).
+    pub fn about(&self, line: [f64; 2]) -> Vec<f64> {
+        let last_s = (self.turned_deg.len() - 1) as f64 * self.step_s;
+        let at = |s: usize| {
+            let place = s as f64 / self.step_s;
+            let i = (place as usize).min(self.turned_deg.len() - 2);
+            let (a, b) = (self.turned_deg[i], self.turned_deg[i + 1]);
+            let time_s = self.start_s + s as f64;
+            a + (place - i as f64) * (b - a) - line[0] - line[1] * time_s
+        };
+        (0..=last_s as usize).map(at).collect()
+    }
+}
+
+/// Knots in time, from before the air of the first row set out to the last row.
+struct Knots {
+    start_s: f64,
+    step_s: f64,
+    count: usize,
+    /// How the plume's direction at each row hangs on them.
+    ways: Vec<Way>,
+}
+
+impl Knots {
+    fn over(ctx: &Context<'_>, spacing: Spacing) -> Self {
+        let (from, to) = ctx.data.span_s();
+        let ways_s: Vec<f64> = ctx.way_s().collect();
+        let used = ways_s.iter().zip(&ctx.data.used).filter(|(_, used)| **used);
+        let longest_s = used.fold(0.0f64, |most, (way_s, _)| most.max(*way_s));
+        let start_s = from - longest_s - spacing.s;
+        let step_s = spacing.s.max((to - start_s) / spacing.most);
+        let count = ((to - start_s) / step_s).ceil() as usize + 2;
+        let rows = ctx.data.track.time_s().iter().zip(&ways_s);
+        let way_of = |(time_s, way_s): (&f64, &f64)| {
+            let here = (time_s - start_s) / step_s;
+            way(here - way_s / step_s, here, count)
+        };
+        Self {
+            start_s,
+            step_s,
+            count,
+            ways: rows.map(way_of).collect(),
+        }
+    }
+}
+
+/// What a degree of the wind at each of such knots turns the plume by, times what each row shows of a
+/// turn.
+pub(in super::super) fn columns(
+    ctx: &Context<'_>,
+    loading: &[Loading],
+    spacing: Spacing,
+) -> Vec<Vec<f64>> {
+    let knots = Knots::over(ctx, spacing);
+    let mut out = vec![vec![0.0; loading.len()]; knots.count];
+    for (i, (way, load)) in knots.ways.iter().zip(loading).enumerate() {
+        for (k, part) in way.parts.iter().enumerate() {
+            out[way.first + k][i] = part * load.swing;
+        }
+    }
+    out
+}
+
+/// How the direction at a row hangs on the knots: a mean over the way of its air.
+struct Way {
+    first: usize,
+    parts: Vec<f64>,
+}
+
+/// The part that each knot has in the mean from `from` to `to`, in knots.
+fn way(from: f64, to: f64, count: usize) -> Way {
+    let (from, to) = (from.max(0.0), to.min((count - 1) as f64));
+    let first = from as usize;
+    let last = (to as usize + 1).min(count - 1);
+    // The integral of a hat about 0 up to a place.
+    let up_to = |x: f64| match x {
+        x if x <= -1.0 => 0.0,
+        x if x <= 0.0 => 0.5 * (x + 1.0).powi(2),
+        x if x <= 1.0 => 1.0 - 0.5 * (1.0 - x).powi(2),
+        _ => 1.0,
+    };
+    let length = (to - from).max(1e-6);
+    let part = |k: usize| (up_to(from + length - k as f64) - up_to(from - k as f64)) / length;
+    Way {
+        first,
+        parts: (first..=last).map(part).collect(),
+    }
+}
+
+/// What is fitted.
+struct Problem<'a, 'b> {
+    readings: &'a Readings<'a, 'b>,
+    model: &'a Model,
+    knots: Knots,
+    precision: DMatrix<f64>,
+}
+
+/// A place of the search, and what is known there.
+struct At {
+    knots: DVector<f64>,
+    prediction: Prediction,
+    /// What a degree changes in each reading, ppm.
+    per_deg: Vec<f64>,
+    /// Log probability, nats.
+    nats: f64,
+}
+
+/// The series whose plume is the most probable, from where each row has its plume turned as
+/// `seen_deg` of its time says.
+pub(super) fn fitted(
+    readings: &Readings<'_, '_>,
+    model: &Model,
+    seen_deg: &dyn Fn(f64) -> f64,
+    swing_deg: f64,
+) -> Series {
+    let ctx = readings.ctx;
+    let knots = Knots::over(ctx, KNOTS);
+    let used = ctx.way_s().zip(&ctx.data.used).filter(|(_, used)| **used);
+    let (sum_s, rows) = used.fold((0.0, 0.0), |(s, n), (way_s, _)| (s + way_s, n + 1.0));
+    let middle_s = 0.5 * sum_s / f64::max(rows, 1.0);
+    let seen = |k: usize| seen_deg(knots.start_s + k as f64 * knots.step_s + middle_s);
+    let start = DVector::from_fn(knots.count, |k, _| seen(k));
+    let problem = Problem {
+        readings,
+        model,
+        precision: remembered(knots.count, knots.step_s, swing_deg),
+        knots,
+    };
+    let turned_deg = problem.solved(start);
+    Series {
+        start_s: problem.knots.start_s,
+        step_s: problem.knots.step_s,
+        turned_deg,
+    }
+}
+
+/// The precision of a swing that the weather remembers, at knots.
+fn remembered(count: usize, step_s: f64, swing_deg: f64) -> DMatrix<f64> {
+    let keep = kept(step_s);
+    let innovation = swing_deg.powi(2) * (1.0 - keep * keep);
+    let mut out = DMatrix::zeros(count, count);
+    for k in 0..count {
+        let inner = k > 0 && k + 1 < count;
+        out[(k, k)] = (1.0 + if inner { keep * keep } else { 0.0 }) / innovation;
+        if k > 0 {
+            out[(k, k - 1)] = -keep / innovation;
+            out[(k - 1, k)] = -keep / innovation;
+        }
+    }
+    out
+}
+
+impl Problem<'_, '_> {
+    /// What is known where the plume is turned as these knots say.
+    fn at(&self, knots: DVector<f64>) -> At {
+        let mut data = self.readings.ctx.data.clone();
+        for (wind, way) in data.track.transport_mut().iter_mut().zip(&self.knots.ways) {
+            let parts = way.parts.iter().enumerate();
+            let turned_deg = parts.map(|(k, p)| p * knots[way.first + k]).sum();
+            *wind = wind.turned(turned_deg);
+        }
+        let ctx = Context {
+            data: &data,
+            ..*self.readings.ctx
+        };
+        let prediction = ctx.predict(self.model);
+        let loading = ctx.loading(self.model, &prediction);
+        let rows = prediction.reading.iter().zip(&prediction.plume);
+        let rows = rows.enumerate();
+        let own: f64 = rows.map(|(i, (r, p))| self.readings.nats(i, *r, *p)).sum();
+        At {
+            nats: own - 0.5 * knots.dot(&(&self.precision * &knots)),
+            per_deg: loading.iter().map(|l| l.swing).collect(),
+            knots,
+            prediction,
+        }
+    }
+
+    /// The most probable knots, from `start`.
+    fn solved(&self, start: DVector<f64>) -> DVector<f64> {
+        let mut at = self.at(start);
+        for _ in 0..ITERATIONS {
+            let Some(step) = self.step(&at) else { break };
+            let shorter = (0..HALVINGS).map(|k| self.at(&at.knots + 0.5f64.powi(k) * &step));
+            let Some(better) = shorter.into_iter().find(|there| there.nats > at.nats) else {
+                break;
+            };
+            let gained = better.nats - at.nats;
+            at = better;
+            if gained < LAST_GAIN_NATS {
+                break;
+            }
+        }
+        at.knots
+    }
+
+    /// A step of Gauss–Newton, by rows that count less the farther they are off (Student's law).
+    fn step(&self, at: &At) -> Option<DVector<f64>> {
+        let mut gram = self.precision.clone();
+        let mut score = -(&self.precision * &at.knots);
+        for (i, way) in self.knots.ways.iter().enumerate() {
+            let off = self.readings.ctx.data.reading_ppm[i] - at.prediction.reading[i];
+            let variance = self.readings.variance(at.prediction.plume[i]);
+            let counts = self.readings.counts[i];
+            let weight = counts * (FREEDOM + 1.0) / (FREEDOM * variance + off * off);
+            let per_deg = at.per_deg[i];
+            if counts == 0.0 || per_deg == 0.0 {
+                continue;
+            }
+            for (k, p) in way.parts.iter().enumerate() {
+                let own = weight * per_deg * p;
+                score[way.first + k] += own * off;
+                for (l, q) in way.parts.iter().enumerate() {
+                    gram[(way.first + k, way.first + l)] += own * per_deg * q;
+                }
+            }
+        }
+        gram.cholesky().map(|c| c.solve(&score))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_way_has_the_mean_of_what_is_straight_along_it() {
+        for (from, to) in [(2.3, 7.9), (4.0, 4.2), (0.0, 9.0), (5.5, 5.5 + 1e-3)] {
+            let way = way(from, to, 10);
+            let parts = way.parts.iter().enumerate();
+            let (sum, mean) = parts.fold((0.0, 0.0), |(sum, mean), (k, part)| {
+                (sum + part, mean + part * (way.first + k) as f64)
+            });
+            assert!((sum - 1.0).abs() < 1e-9, "{from} to {to}: {sum}");
+            assert!(
+                (mean - 0.5 * (from + to)).abs() < 1e-9,
+                "{from} to {to}: {mean}"
+            );
+        }
+        // What lies before the first knot is not known: the mean is that of the rest.
+        assert!((way(-3.0, 2.0, 10).parts.iter().sum::<f64>() - 1.0).abs() < 1e-9);
+    }
+
+    // Ornstein & Uhlenbeck 1930: the covariance falls as exp(-t / T), here T = 400 s.
+    #[test]
+    fn the_weather_remembers_as_an_ornstein_uhlenbeck_walk() {
+        let (step_s, swing_deg) = (20.0, 3.0);
+        let covariance = remembered(30, step_s, swing_deg).try_inverse().unwrap();
+        for (i, j) in [(0, 0), (5, 9), (29, 2), (12, 12)] {
+            let apart_s = (i as f64 - j as f64).abs() * step_s;
+            let want = 9.0 * (-apart_s / 400.0).exp();
+            assert!((covariance[(i, j)] - want).abs() < 1e-9);
+        }
+    }
+}

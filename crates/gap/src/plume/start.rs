@@ -156,7 +156,7 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
     });
     let scores: Vec<f64> = quick.iter().map(|q| q.0).collect();
     let order = shortlist(&options, &scores);
-    let mut full = parallel::map(&order, threads, |&k| {
+    let full = parallel::map(&order, threads, |&k| {
         let (own, settled) = settled(setup, shared, &options[k], &quick[k].1, &quick[k].2);
         // Three on two threads: within the last one there is work for both.
         let ctx = Context {
@@ -167,18 +167,9 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
         let score = wide.log_score + options[k].treatment.ln_prior();
         (score, ctx.within(&settled, wide), own)
     });
-    let most = full.iter().map(|f| f.0).fold(f64::NEG_INFINITY, f64::max);
-    let best = (0..order.len())
-        .filter(|k| full[*k].0 > most - ALIKE_NATS)
-        .max_by(|a, b| {
-            let evidence =
-                |k: usize| full[k].1.log_evidence + options[order[k]].treatment.ln_prior();
-            evidence(*a).total_cmp(&evidence(*b)).then(b.cmp(a))
-        })
-        .unwrap_or(0);
-    let (_, fitted, own) = full.swap_remove(best);
+    let (best, fitted, own) = least_wrong(&options, &order, full);
     *data = own;
-    let carried = options.swap_remove(order[best]);
+    let carried = options.swap_remove(best);
     // Only now: a base that takes up what is hidden must not win by that.
     let fitted = if carried.chance_deg_per_h > 0.0 {
         let base = fitted.model.beside_chance(carried.chance_deg_per_h);
@@ -194,6 +185,23 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
         fitted,
         carried: Some(carried),
     }
+}
+
+/// Of treatments whose full fits, in this `order`, are about as probable as the best, the one under
+/// which the least else is wrong, with its fit.
+fn least_wrong(
+    options: &[Carried],
+    order: &[usize],
+    mut full: Vec<(f64, Fitted, Data)>,
+) -> (usize, Fitted, Data) {
+    let most = full.iter().map(|f| f.0).fold(f64::NEG_INFINITY, f64::max);
+    let evidence = |k: usize| full[k].1.log_evidence + options[order[k]].treatment.ln_prior();
+    let best = (0..order.len())
+        .filter(|k| full[*k].0 > most - ALIKE_NATS)
+        .max_by(|a, b| evidence(*a).total_cmp(&evidence(*b)).then(b.cmp(a)))
+        .unwrap_or(0);
+    let (_, fitted, own) = full.swap_remove(best);
+    (order[best], fitted, own)
 }
 
 /// How often the swing that a plume shows and the plume are fitted in turn.

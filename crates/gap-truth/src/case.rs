@@ -319,15 +319,17 @@ impl<'a> Draft<'a> {
         if spec.noise == NoiseForm::SlowSensors {
             scene.lag_s = pick(&mut stream(spec.seed, "slow sensors"), &SLOW_SENSORS_S);
         }
-        match spec.noise {
-            NoiseForm::GustyWind => scene::make_gusty(&mut scene, spec.seed),
-            NoiseForm::UnloggedWind => scene::make_unlogged(&mut scene, spec.seed),
-            _ => {}
+        let turn: Option<fn(&mut Scene, u64)> = match spec.noise {
+            NoiseForm::GustyWind => Some(scene::make_gusty),
+            NoiseForm::UnloggedWind => Some(scene::make_unlogged),
+            _ => None,
+        };
+        if let Some(turn) = turn {
+            turn(&mut scene, spec.seed);
         }
-        let turns = matches!(spec.noise, NoiseForm::GustyWind | NoiseForm::UnloggedWind);
         let noise = Noise::draw(spec.seed, spec.noise, scene.noise_sd_ppm);
         // A straight plume does not turn with each gust.
-        let drawn = match (puffs, turns) {
+        let drawn = match (puffs, turn.is_some()) {
             (true, _) => Forward::Puffs,
             (false, true) => Forward::AgedPuffs,
             (false, false) => Forward::Gaussian,

@@ -370,12 +370,7 @@ fn draw_wind(seed: u64, logged: LoggedWind) -> WindLaw {
 /// The wind of a scene as turbulence makes it: swings of some degrees that last about a minute, and
 /// surges. It is logged, or nobody could know.
 pub(crate) fn make_gusty(scene: &mut Scene, seed: u64) {
-    let mut rng = stream(seed, "gusty");
-    scene.wind.gust = (between(&mut rng, 2.0, 6.0), between(&mut rng, 20.0, 120.0));
-    scene.wind.surge = (
-        between(&mut rng, 0.03, 0.15),
-        between(&mut rng, 20.0, 120.0),
-    );
+    swing(scene, (2.0, 6.0), (20.0, 120.0), &mut stream(seed, "gusty"));
     if scene.logged_wind == LoggedWind::Absent {
         scene.logged_wind = LoggedWind::OnBoard;
     }
@@ -383,13 +378,22 @@ pub(crate) fn make_gusty(scene: &mut Scene, seed: u64) {
 
 /// The same as the weather makes it: swings of some degrees that last for minutes. Nobody logs it.
 pub(crate) fn make_unlogged(scene: &mut Scene, seed: u64) {
-    let mut rng = stream(seed, "unlogged");
-    scene.wind.gust = (between(&mut rng, 3.0, 8.0), between(&mut rng, 100.0, 400.0));
-    scene.wind.surge = (
-        between(&mut rng, 0.03, 0.15),
-        between(&mut rng, 100.0, 400.0),
+    swing(
+        scene,
+        (3.0, 8.0),
+        (100.0, 400.0),
+        &mut stream(seed, "unlogged"),
     );
     scene.logged_wind = LoggedWind::Absent;
+}
+
+/// Swings and surges with standard deviations and lasting times from these ranges.
+fn swing(scene: &mut Scene, deg: (f64, f64), lasts_s: (f64, f64), rng: &mut ChaCha8Rng) {
+    scene.wind.gust = (
+        between(rng, deg.0, deg.1),
+        between(rng, lasts_s.0, lasts_s.1),
+    );
+    scene.wind.surge = (between(rng, 0.03, 0.15), between(rng, lasts_s.0, lasts_s.1));
 }
 
 #[cfg(test)]

@@ -158,9 +158,8 @@ pub(crate) struct Data {
     pub ceiling_ppm: Vec<(Range<usize>, f64)>,
     /// Whether the wind is logged, often enough to follow it. Else no row has one.
     pub on_board_wind: bool,
-    /// Standard deviation of the swing of a wind that nobody logged where the plume shows it, degrees;
-    /// else nil.
-    pub shown_swing_deg: f64,
+    /// Standard deviation of the swing of a wind that nobody logged, where the plume shows it, degrees.
+    pub shown_swing_deg: Option<f64>,
     /// Speed of the scenario's wind at the axis where its first source is stated by a c_MAX, which
     /// holds in that wind, m/s.
     pub c_max_wind_m_s: Option<f64>,
@@ -211,7 +210,7 @@ impl Data {
         let at_axis_m_s = || setup.base.wind.speed_at_m_s(source.effective_height_agl_m);
         let stated_c_max = matches!(source.strength, Strength::CMax { .. });
         Ok(Self {
-            shown_swing_deg: 0.0,
+            shown_swing_deg: None,
             on_board_wind: wind_log != WindLog::Absent,
             c_max_wind_m_s: stated_c_max.then(at_axis_m_s),
             used,

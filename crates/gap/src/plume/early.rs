@@ -92,7 +92,7 @@ fn excess(setup: &Setup, data: &Data) -> Vec<f64> {
 
 /// How well a stretch of the log tells the wind before it.
 struct Past<'a> {
-    grid: &'a Grid,
+    grid: &'a Grid<2>,
     all: [f64; 2],
     mean: Transport,
     /// Sums of the winds up to every cell, and of what is kept of the first minute so many cells
@@ -105,7 +105,7 @@ struct Past<'a> {
 
 impl<'a> Past<'a> {
     /// As far back as `longest_s`.
-    fn of(grid: &'a Grid, longest_s: f64) -> Self {
+    fn of(grid: &'a Grid<2>, longest_s: f64) -> Self {
         let all = mean(&grid.values);
         let mut winds = vec![[0.0; 2]];
         let mut kept_sums = vec![0.0];
@@ -187,7 +187,7 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     /// An hour of gusts of `sd_m_s` that last about a minute, about 7.07 m/s from the south-west.
-    fn gusts(sd_m_s: f64) -> Grid {
+    fn gusts(sd_m_s: f64) -> Grid<2> {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
         let keep = (-1.0 / 60.0f64).exp();

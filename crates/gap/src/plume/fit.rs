@@ -3,7 +3,6 @@
 
 use std::sync::Arc;
 
-use ::plume::mechanism::MechanismId;
 use nalgebra::{DMatrix, DVector};
 
 use super::data::{Data, Setup};
@@ -152,12 +151,7 @@ impl<'a> Context<'a> {
 
     /// What the noise depends on at every row.
     pub fn loading(&self, model: &Model, prediction: &Prediction) -> Vec<Loading> {
-        let turn = Part {
-            id: MechanismId::WindDirectionOffset,
-            platform: None,
-            values: vec![SWING_STEP_DEG],
-        };
-        self.change(model, prediction, turn)
+        self.change(model, prediction, Part::turn(SWING_STEP_DEG))
             .iter()
             .zip(&prediction.plume)
             .zip(self.shown(model))

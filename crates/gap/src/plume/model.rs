@@ -35,6 +35,17 @@ pub(crate) struct Part {
     pub values: Vec<f64>,
 }
 
+impl Part {
+    /// The wind turned by so much for all platforms, degrees clockwise.
+    pub fn turn(turned_deg: f64) -> Self {
+        Self {
+            id: MechanismId::WindDirectionOffset,
+            platform: None,
+            values: vec![turned_deg],
+        }
+    }
+}
+
 /// The tolerances that are far from linear and so parameters of the base, where a wind is logged
 /// and where none is: no vane is set better than this, degrees, and no wind keeps its direction
 /// to better, degrees an hour.

@@ -185,26 +185,18 @@ impl Nuisance {
                 raw.push(of(&|l| l.gust));
                 sd.push(EARLY_PART);
             }
-        } else {
-            let shown_deg = ctx.data.shown_swing_deg;
-            let (slow, size_deg) = if shown_deg > 0.0 {
-                (shown::columns(ctx, loading, SHOWN_KNOTS), shown_deg)
-            } else {
-                (hats(ctx, loading, WANDER_KNOTS), WANDER_DEG)
-            };
-            sd.extend(vec![size_deg; slow.len()]);
+        } else if let Some(swing_deg) = ctx.data.shown_swing_deg {
+            let slow = shown::columns(ctx, loading, SHOWN_KNOTS);
+            sd.extend(vec![swing_deg; slow.len()]);
             raw.extend(slow);
-            if shown_deg > 0.0 {
-                let along = |l: &Loading| Loading {
-                    swing: l.gust,
-                    ..*l
-                };
-                let along: Vec<Loading> = loading.iter().map(along).collect();
-                let surges = hats(ctx, &along, WANDER_KNOTS);
-                let surge = ALONG_OVER_ACROSS * shown_deg.to_radians();
-                sd.extend(vec![surge; surges.len()]);
-                raw.extend(surges);
-            }
+            let surges = hats_along(ctx, loading, WANDER_KNOTS, |l| l.gust);
+            let surge = ALONG_OVER_ACROSS * swing_deg.to_radians();
+            sd.extend(vec![surge; surges.len()]);
+            raw.extend(surges);
+        } else {
+            let slow = hats(ctx, loading, WANDER_KNOTS);
+            sd.extend(vec![WANDER_DEG; slow.len()]);
+            raw.extend(slow);
         }
         Self {
             tolerates: vec![None; raw.len()],
@@ -220,7 +212,8 @@ impl Nuisance {
 fn displaced_m(ctx: &Context<'_>) -> f64 {
     let wind = ctx.data.track.transport().first();
     let speed_m_s = wind.map_or(0.0, |wind| wind.speed_m_s);
-    ctx.data.shown_swing_deg.to_radians() * speed_m_s * SHOWN_KNOTS.s
+    let swing_deg = ctx.data.shown_swing_deg.unwrap_or(0.0);
+    swing_deg.to_radians() * speed_m_s * SHOWN_KNOTS.s
 }
 
 /// The part of the plume's way at each row that lies before the record; none where nobody logged the
@@ -239,6 +232,16 @@ pub(crate) fn part_before(ctx: &Context<'_>) -> Vec<f64> {
 
 /// Hat functions in time along the derivative by wind direction.
 pub(crate) fn hats(ctx: &Context<'_>, loading: &[Loading], spacing: Spacing) -> Vec<Vec<f64>> {
+    hats_along(ctx, loading, spacing, |l| l.swing)
+}
+
+/// Hat functions in time along what is taken of the loading.
+fn hats_along(
+    ctx: &Context<'_>,
+    loading: &[Loading],
+    spacing: Spacing,
+    along: impl Fn(&Loading) -> f64,
+) -> Vec<Vec<f64>> {
     let (from, to) = ctx.data.span_s();
     let intervals = ((to - from) / spacing.s).clamp(2.0, spacing.most).floor();
     let width = ((to - from) / intervals).max(1e-9);
@@ -247,8 +250,8 @@ pub(crate) fn hats(ctx: &Context<'_>, loading: &[Loading], spacing: Spacing) -> 
         let place = ((t - from) / width).clamp(0.0, intervals);
         let k = (place as usize).min(out.len() - 2);
         let part = place - k as f64;
-        out[k][i] = (1.0 - part) * loading[i].swing;
-        out[k + 1][i] = part * loading[i].swing;
+        out[k][i] = (1.0 - part) * along(&loading[i]);
+        out[k + 1][i] = part * along(&loading[i]);
     }
     out
 }

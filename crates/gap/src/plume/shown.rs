@@ -13,7 +13,7 @@ use ::plume::mechanism::MechanismId;
 
 use super::fit::Context;
 use super::model::Model;
-use super::wind_series::kept;
+use super::wind_series::{Grid, Line, kept};
 use path::Table;
 pub(super) use series::columns;
 
@@ -31,16 +31,13 @@ const ALIKE_S: f64 = 3.0;
 
 /// A swing that the plume shows.
 pub(super) struct Shown {
-    /// The wind turned about the straight line through its swing, degrees clockwise, every second
-    /// from `start_s`, which is before the record.
-    pub turned_deg: Vec<f64>,
-    /// See there.
-    pub start_s: f64,
+    /// The wind turned about the straight line through its swing, degrees clockwise, from before the
+    /// record.
+    pub turned_deg: Grid<1>,
     /// Standard deviation of the swing, degrees.
     pub swing_deg: f64,
-    /// The straight line: where the wind comes from at time 0 more than the scenario's, degrees, and
-    /// its trend, degrees an hour.
-    pub line: [f64; 2],
+    /// The straight line, degrees beyond the scenario's direction.
+    line: Line<1>,
 }
 
 /// How the readings may differ from a plume: for each row that is used, the part that it counts.
@@ -91,23 +88,18 @@ pub(super) fn shown(ctx: &Context<'_>, model: &Model, white_ppm: f64) -> Option<
     let table = Table::new(&readings, model);
     let path = table.likeliest();
     let still = table.still_nats();
-    let off = table.about_line(&path.turned_deg);
-    if path.nats < still + LEAST_NATS || off.left_deg < LEAST_DEG {
+    let (line, left_deg) = table.about_line(&path)?;
+    if path.nats < still + LEAST_NATS || left_deg < LEAST_DEG {
         return None;
     }
     let (from, to) = ctx.data.span_s();
-    let swing_deg = off.left_deg / left_by_line(to - from);
-    let wind = series::fitted(
-        &readings,
-        model,
-        &|t| table.at(&path.turned_deg, t),
-        swing_deg,
-    );
+    let swing_deg = left_deg / left_by_line(to - from);
+    let mut turned_deg = series::fitted(&readings, model, &path.turned_deg, swing_deg);
+    turned_deg.add(&line, -1.0);
     Some(Shown {
-        turned_deg: wind.about(off.line),
-        start_s: wind.start_s(),
+        turned_deg,
         swing_deg,
-        line: [off.line[0], 3600.0 * off.line[1]],
+        line,
     })
 }
 
@@ -131,8 +123,8 @@ pub(super) fn base_beside(base: &Model, at: &Model, shown: &Shown) -> Model {
     let mut model = base.clone().placed_as(at);
     for k in 0..model.dimension() {
         let on_line = match model.id_of(k) {
-            MechanismId::WindDirectionOffset => shown.line[0],
-            MechanismId::WindDirectionDrift => shown.line[1],
+            MechanismId::WindDirectionOffset => shown.line.at(0.0)[0],
+            MechanismId::WindDirectionDrift => 3600.0 * shown.line.per_s[0],
             _ => continue,
         };
         let physical = model.spec_of(k).prior_sd;

@@ -141,8 +141,7 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
         Some(far) => (far, Some(base)),
         None => (base, None),
     };
-    let swings = (!logged).then(|| swinging(setup, shared, first, &base, &noise));
-    let (base, held) = match swings.flatten() {
+    let (base, held) = match swinging(setup, shared, first, &base, &noise) {
         Some((shown, beside)) => {
             options = shown;
             (beside, None)
@@ -216,6 +215,9 @@ fn swinging(
     base: &Model,
     noise: &NoiseModel,
 ) -> Option<(Vec<Carried>, Model)> {
+    if data.on_board_wind {
+        return None;
+    }
     let distance_m: Vec<f64> = data.distance_m(setup.base.sources[0].place).collect();
     let mut fitted = settled(setup, data, still, base, noise).1;
     let mut found = None;

@@ -110,8 +110,8 @@ pub(crate) struct Carried {
     pub treatment: Treatment,
     /// Standard deviation of what gusts may have made of the direction's trend, degrees an hour.
     pub chance_deg_per_h: f64,
-    /// Standard deviation of a swing that nobody logged and that the plume shows, degrees; else nil.
-    pub shown_swing_deg: f64,
+    /// Standard deviation of a swing that nobody logged and that the plume shows, degrees.
+    pub shown_swing_deg: Option<f64>,
     /// Mean logged speed over the scenario's, where a c_MAX cannot have been met in the latter.
     stronger: f64,
     history: Option<WindHistory>,
@@ -124,12 +124,13 @@ impl Carried {
         let Some(stated) = data.track.transport().first() else {
             return Vec::new();
         };
-        let wind = |turned: &f64| {
-            let wind = stated.turned(*turned);
+        let turned = &shown.turned_deg;
+        let wind = |[deg]: [f64; 1]| {
+            let wind = stated.turned(deg);
             [wind.east, wind.north].map(|c| c * wind.speed_m_s)
         };
-        let winds: Vec<[f64; 2]> = shown.turned_deg.iter().map(wind).collect();
-        let history = WindHistory::new(shown.start_s, 1.0, &winds);
+        let winds: Vec<[f64; 2]> = turned.each_second().map(wind).collect();
+        let history = WindHistory::new(turned.start_s, 1.0, &winds);
         let times = data.track.time_s();
         let mean = |i: usize| history.mean_transport(times[i], distance_m[i]);
         let transport: Vec<Transport> = (0..data.len()).map(mean).collect();
@@ -137,7 +138,7 @@ impl Carried {
             transport: transport.clone(),
             treatment,
             chance_deg_per_h: 0.0,
-            shown_swing_deg: shown.swing_deg,
+            shown_swing_deg: Some(shown.swing_deg),
             stronger: 1.0,
             history,
         };
@@ -243,7 +244,7 @@ pub(crate) fn carried(data: &Data, distance_m: &[f64], treatment: Treatment) -> 
         transport,
         treatment,
         chance_deg_per_h,
-        shown_swing_deg: 0.0,
+        shown_swing_deg: None,
         history,
     })
 }

@@ -1,5 +1,5 @@
-//! The logged wind as a series: on an even grid of times, smoothed, carried on before the record; and
-//! the straight line through it.
+//! A wind as a series: on an even grid of times, smoothed, carried on before the record; and the
+//! straight line through it. Logged winds are vectors, a direction is a number.
 
 use ::plume::field::Transport;
 
@@ -9,14 +9,14 @@ const WEATHER_S: f64 = 400.0;
 /// Most points of the grid.
 const MOST_POINTS: f64 = 40_000.0;
 
-/// A vector series on an even grid of times.
-pub(super) struct Grid {
+/// A series of `N` numbers on an even grid of times, straight between them and level beyond.
+pub(super) struct Grid<const N: usize> {
     pub start_s: f64,
     pub step_s: f64,
-    pub values: Vec<[f64; 2]>,
+    pub values: Vec<[f64; N]>,
 }
 
-impl Grid {
+impl Grid<2> {
     /// Weighted mean of `(time, vector)` in every cell, empty cells filled from both sides.
     pub fn new(samples: impl Iterator<Item = (f64, [f64; 2])>, span_s: (f64, f64)) -> Option<Self> {
         let length = (span_s.1 - span_s.0).max(1.0);
@@ -43,7 +43,7 @@ impl Grid {
     /// passes of an exponential, two each way: nearly a bell of that width.
     pub fn smooth(&mut self, width_s: f64) {
         let keep = (-self.step_s * std::f64::consts::SQRT_2 / width_s.max(1e-9)).exp();
-        let line = self.line();
+        let Some(line) = self.line() else { return };
         self.add(&line, -1.0);
         for _ in 0..2 {
             sweep(&mut self.values, keep);
@@ -54,27 +54,6 @@ impl Grid {
         self.add(&line, 1.0);
     }
 
-    /// The straight line through all values.
-    fn line(&self) -> Option<Line> {
-        let values = self.values.iter().enumerate();
-        Line::through(values.map(|(k, v)| (self.time_s(k), *v)))
-    }
-
-    fn time_s(&self, k: usize) -> f64 {
-        self.start_s + k as f64 * self.step_s
-    }
-
-    /// Adds a line, if there is one, `times`.
-    fn add(&mut self, line: &Option<Line>, times: f64) {
-        let Some(line) = line else { return };
-        for k in 0..self.values.len() {
-            let on_it = line.at(self.time_s(k));
-            for c in [0, 1] {
-                self.values[k][c] += times * on_it[c];
-            }
-        }
-    }
-
     /// Puts winds of `length_s` before the first.
     pub fn lead_in(&mut self, length_s: f64) {
         let count = (length_s / self.step_s).ceil() as usize;
@@ -83,14 +62,44 @@ impl Grid {
         self.values = values;
         self.start_s -= count as f64 * self.step_s;
     }
+}
 
-    pub fn at(&self, time_s: f64) -> [f64; 2] {
+impl<const N: usize> Grid<N> {
+    /// The straight line through all values.
+    fn line(&self) -> Option<Line<N>> {
+        let values = self.values.iter().enumerate();
+        Line::through(values.map(|(k, v)| (self.time_s(k), *v)))
+    }
+
+    /// The time of a value, s.
+    pub fn time_s(&self, k: usize) -> f64 {
+        self.start_s + k as f64 * self.step_s
+    }
+
+    /// Adds a line `times`.
+    pub fn add(&mut self, line: &Line<N>, times: f64) {
+        for k in 0..self.values.len() {
+            let on_it = line.at(self.time_s(k));
+            for (value, on_it) in self.values[k].iter_mut().zip(on_it) {
+                *value += times * on_it;
+            }
+        }
+    }
+
+    /// The values of every second from the first to the last.
+    pub fn each_second(&self) -> impl Iterator<Item = [f64; N]> {
+        let length_s = (self.values.len() - 1) as f64 * self.step_s;
+        (0..=length_s as usize).map(|s| self.at(self.start_s + s as f64))
+    }
+
+    /// The values at a time.
+    pub fn at(&self, time_s: f64) -> [f64; N] {
         let last = self.values.len() - 1;
         let place = ((time_s - self.start_s) / self.step_s).clamp(0.0, last as f64);
         let i = (place as usize).min(last.saturating_sub(1));
         let part = place - i as f64;
         let (a, b) = (self.values[i], self.values[(i + 1).min(last)]);
-        [a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1])]
+        std::array::from_fn(|c| a[c] + part * (b[c] - a[c]))
     }
 }
 
@@ -131,26 +140,27 @@ pub(super) fn kept(before_s: f64) -> f64 {
 /// Stretches of the log whose means tell what its slope may be by chance.
 const STRETCHES: usize = 10;
 
-/// A vector that changes evenly.
-pub(super) struct Line {
+/// `N` numbers that change evenly.
+pub(super) struct Line<const N: usize> {
     mean_time_s: f64,
-    mean: [f64; 2],
-    per_s: [f64; 2],
+    mean: [f64; N],
+    /// What each changes by in a second.
+    pub per_s: [f64; N],
 }
 
-impl Line {
-    /// By least squares through `(time, vector)`; level where all are of one time, `None` where
+impl<const N: usize> Line<N> {
+    /// By least squares through `(time, values)`; level where all are of one time, `None` where
     /// there are none.
-    pub fn through(samples: impl Iterator<Item = (f64, [f64; 2])>) -> Option<Self> {
-        let samples: Vec<(f64, [f64; 2])> = samples.collect();
+    pub fn through(samples: impl Iterator<Item = (f64, [f64; N])>) -> Option<Self> {
+        let samples: Vec<(f64, [f64; N])> = samples.collect();
         if samples.is_empty() {
             return None;
         }
         let n = samples.len() as f64;
         let mean_time_s = samples.iter().map(|s| s.0).sum::<f64>() / n;
-        let mean = [0, 1].map(|c| samples.iter().map(|s| s.1[c]).sum::<f64>() / n);
+        let mean = std::array::from_fn(|c| samples.iter().map(|s| s.1[c]).sum::<f64>() / n);
         let square: f64 = samples.iter().map(|s| (s.0 - mean_time_s).powi(2)).sum();
-        let per_s = [0, 1].map(|c| {
+        let per_s = std::array::from_fn(|c| {
             let both: f64 = samples
                 .iter()
                 .map(|s| (s.0 - mean_time_s) * (s.1[c] - mean[c]))
@@ -164,6 +174,13 @@ impl Line {
         })
     }
 
+    /// The values on it at a time.
+    pub fn at(&self, time_s: f64) -> [f64; N] {
+        std::array::from_fn(|c| self.mean[c] + self.per_s[c] * (time_s - self.mean_time_s))
+    }
+}
+
+impl Line<2> {
     /// Standard deviation of what gusts make by chance of the trend of its direction, by the
     /// scatter of the means of stretches of `samples` about it, degrees an hour.
     pub fn chance_deg_per_h(&self, samples: &[(f64, [f64; 2])]) -> f64 {
@@ -193,10 +210,6 @@ impl Line {
         }
         let per_s = (scatter / (full.len() - 2) as f64 / square).sqrt();
         (per_s / mean.speed_m_s.max(0.5)).to_degrees() * 3600.0
-    }
-
-    pub fn at(&self, time_s: f64) -> [f64; 2] {
-        [0, 1].map(|c| self.mean[c] + self.per_s[c] * (time_s - self.mean_time_s))
     }
 }
 

@@ -1,9 +1,8 @@
 //! The most probable path of a plume's direction in time: a walk that the weather pulls back
 //! (Ornstein & Uhlenbeck 1930), by dynamic programming (Viterbi 1967).
 
-use ::plume::mechanism::MechanismId;
-
 use super::super::model::{Model, Part};
+use super::super::wind_series::{Grid, Line};
 use super::Readings;
 
 /// Directions that are looked at on either side, and their distance, degrees.
@@ -28,17 +27,11 @@ pub(super) struct Table {
     nats: Vec<Vec<f64>>,
 }
 
-/// A path through a table: the direction of each stretch, and its log probability, nats.
+/// A path through a table: the direction at the middle of each stretch, degrees, and its log
+/// probability, nats.
 pub(super) struct Path {
-    pub turned_deg: Vec<f64>,
+    pub turned_deg: Grid<1>,
     pub nats: f64,
-}
-
-/// A straight line through a path where the plume shows (degrees at time 0, and a second), and the
-/// root mean square of what it leaves, degrees.
-pub(super) struct AboutLine {
-    pub line: [f64; 2],
-    pub left_deg: f64,
 }
 
 impl Table {
@@ -53,11 +46,7 @@ impl Table {
         let mut nats = vec![vec![0.0; turned_deg.len()]; count];
         for (k, turned) in turned_deg.iter().enumerate() {
             let mut with = model.clone();
-            with.parts.push(Part {
-                id: MechanismId::WindDirectionOffset,
-                platform: None,
-                values: vec![*turned],
-            });
+            with.parts.push(Part::turn(*turned));
             let there = ctx.predict(&with);
             for (i, time_s) in ctx.data.track.time_s().iter().enumerate() {
                 let stretch = (((time_s - from) / step_s) as usize).min(count - 1);
@@ -133,56 +122,39 @@ impl Table {
         let last = (0..n).max_by(|a, b| here[*a].total_cmp(&here[*b]));
         let mut k = last.unwrap_or(0);
         let nats = here[k];
-        let mut turned_deg = vec![self.turned_deg[k]];
+        let mut values = vec![[self.turned_deg[k]]];
         for origin in origins.iter().rev() {
             k = origin[k];
-            turned_deg.push(self.turned_deg[k]);
+            values.push([self.turned_deg[k]]);
         }
-        turned_deg.reverse();
+        values.reverse();
+        let turned_deg = Grid {
+            start_s: self.start_s + 0.5 * self.step_s,
+            step_s: self.step_s,
+            values,
+        };
         Path { turned_deg, nats }
     }
 
-    fn time_s(&self, stretch: usize) -> f64 {
-        self.start_s + (stretch as f64 + 0.5) * self.step_s
-    }
-
-    /// The direction of a path at a time, degrees.
-    pub fn at(&self, path_deg: &[f64], time_s: f64) -> f64 {
-        let last = path_deg.len() - 1;
-        let place = ((time_s - self.start_s) / self.step_s - 0.5).clamp(0.0, last as f64);
-        let i = (place as usize).min(last.saturating_sub(1));
-        let next = path_deg[(i + 1).min(last)];
-        path_deg[i] + (place - i as f64) * (next - path_deg[i])
-    }
-
-    /// The straight line through a path where the plume shows.
-    pub fn about_line(&self, path_deg: &[f64]) -> AboutLine {
+    /// The straight line through a path where the plume shows, and the root mean square of what it
+    /// leaves there, degrees; `None` where it shows nowhere.
+    pub fn about_line(&self, path: &Path) -> Option<(Line<1>, f64)> {
         let tells = |stretch: &usize| {
             let nats = &self.nats[*stretch];
             let most = nats.iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b));
             nats.iter().any(|v| most - v > TELLS_NATS)
         };
-        let shows: Vec<(f64, f64)> = (0..path_deg.len())
+        let swing = &path.turned_deg;
+        let shows: Vec<(f64, [f64; 1])> = (0..self.nats.len())
             .filter(tells)
-            .map(|b| (self.time_s(b), path_deg[b]))
+            .map(|k| (swing.time_s(k), swing.values[k]))
             .collect();
-        let n = shows.len().max(1) as f64;
-        let mean_s = shows.iter().map(|s| s.0).sum::<f64>() / n;
-        let mean_deg = shows.iter().map(|s| s.1).sum::<f64>() / n;
-        let square: f64 = shows.iter().map(|s| (s.0 - mean_s).powi(2)).sum();
-        let both: f64 = shows
-            .iter()
-            .map(|s| (s.0 - mean_s) * (s.1 - mean_deg))
-            .sum();
-        let per_s = if square > 0.0 { both / square } else { 0.0 };
-        let line = [mean_deg - per_s * mean_s, per_s];
+        let line = Line::through(shows.iter().copied())?;
         let left = shows
             .iter()
-            .map(|s| (s.1 - line[0] - line[1] * s.0).powi(2));
-        AboutLine {
-            line,
-            left_deg: (left.sum::<f64>() / n).sqrt(),
-        }
+            .map(|(t, [deg])| (deg - line.at(*t)[0]).powi(2));
+        let left_deg = (left.sum::<f64>() / shows.len() as f64).sqrt();
+        Some((line, left_deg))
     }
 }
 
@@ -218,21 +190,21 @@ mod tests {
         let path = table.likeliest();
         for second in 10..590 {
             let time_s = f64::from(second);
-            let off = table.at(&path.turned_deg, time_s) - swing(time_s);
+            let off = path.turned_deg.at(time_s)[0] - swing(time_s);
             assert!(off.abs() < 2.0, "{off} at {time_s} s");
         }
         assert!(path.nats > table.still_nats() + 100.0);
         // By python3: a straight line through 8 sin(t / 120) at 2.5, 22.5 ... 582.5 s leaves this.
-        let left_deg = table.about_line(&path.turned_deg).left_deg;
+        let (_, left_deg) = table.about_line(&path).unwrap();
         assert!((left_deg - 3.48).abs() < 0.3, "{left_deg}");
     }
 
     #[test]
     fn a_plume_that_turns_evenly_leaves_nothing_about_its_line() {
         let table = seen(120, |time_s| -3.0 + 0.01 * time_s);
-        let about = table.about_line(&table.likeliest().turned_deg);
-        assert!(about.left_deg < 0.4, "{}", about.left_deg);
-        let [at_0_deg, per_s] = about.line;
+        let (line, left_deg) = table.about_line(&table.likeliest()).unwrap();
+        assert!(left_deg < 0.4, "{left_deg}");
+        let ([at_0_deg], [per_s]) = (line.at(0.0), line.per_s);
         assert!((at_0_deg + 3.0).abs() < 0.6 && (per_s - 0.01).abs() < 2e-3);
         let still = seen(120, |_| 4.0);
         assert!(still.likeliest().nats < still.still_nats());

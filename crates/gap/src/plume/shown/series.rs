@@ -7,7 +7,7 @@ use super::super::fit::Context;
 use super::super::model::{Model, Prediction};
 use super::super::noise::Loading;
 use super::super::nuisance::Spacing;
-use super::super::wind_series::kept;
+use super::super::wind_series::{Grid, kept};
 use super::{FREEDOM, Readings};
 
 /// Knots of the series.
@@ -19,32 +19,6 @@ const ITERATIONS: usize = 8;
 /// How often a step that is too long is halved, and what the last one gains, nats.
 const HALVINGS: i32 = 4;
 const LAST_GAIN_NATS: f64 = 0.1;
-
-/// A direction at knots in time, straight between them.
-pub(super) struct Series {
-    start_s: f64,
-    step_s: f64,
-    turned_deg: DVector<f64>,
-}
-
-impl Series {
-    pub fn start_s(&self) -> f64 {
-        self.start_s
-    }
-
-    /// Every second, less a straight line (degrees at time 0, and a second).
-    pub fn about(&self, line: [f64; 2]) -> Vec<f64> {
-        let last_s = (self.turned_deg.len() - 1) as f64 * self.step_s;
-        let at = |s: usize| {
-            let place = s as f64 / self.step_s;
-            let i = (place as usize).min(self.turned_deg.len() - 2);
-            let (a, b) = (self.turned_deg[i], self.turned_deg[i + 1]);
-            let time_s = self.start_s + s as f64;
-            a + (place - i as f64) * (b - a) - line[0] - line[1] * time_s
-        };
-        (0..=last_s as usize).map(at).collect()
-    }
-}
 
 /// Knots in time, from before the air of the first row set out to the last row.
 struct Knots {
@@ -139,20 +113,20 @@ struct At {
     nats: f64,
 }
 
-/// The series whose plume is the most probable, from where each row has its plume turned as
-/// `seen_deg` of its time says.
+/// The wind's direction whose plume is the most probable, degrees, from where each row has its plume
+/// turned as `seen_deg` says for its time.
 pub(super) fn fitted(
     readings: &Readings<'_, '_>,
     model: &Model,
-    seen_deg: &dyn Fn(f64) -> f64,
+    seen_deg: &Grid<1>,
     swing_deg: f64,
-) -> Series {
+) -> Grid<1> {
     let ctx = readings.ctx;
     let knots = Knots::over(ctx, KNOTS);
     let used = ctx.way_s().zip(&ctx.data.used).filter(|(_, used)| **used);
     let (sum_s, rows) = used.fold((0.0, 0.0), |(s, n), (way_s, _)| (s + way_s, n + 1.0));
     let middle_s = 0.5 * sum_s / f64::max(rows, 1.0);
-    let seen = |k: usize| seen_deg(knots.start_s + k as f64 * knots.step_s + middle_s);
+    let seen = |k: usize| seen_deg.at(knots.start_s + k as f64 * knots.step_s + middle_s)[0];
     let start = DVector::from_fn(knots.count, |k, _| seen(k));
     let problem = Problem {
         readings,
@@ -161,10 +135,10 @@ pub(super) fn fitted(
         knots,
     };
     let turned_deg = problem.solved(start);
-    Series {
+    Grid {
         start_s: problem.knots.start_s,
         step_s: problem.knots.step_s,
-        turned_deg,
+        values: turned_deg.iter().map(|deg| [*deg]).collect(),
     }
 }
 
@@ -199,8 +173,7 @@ impl Problem<'_, '_> {
         };
         let prediction = ctx.predict(self.model);
         let loading = ctx.loading(self.model, &prediction);
-        let rows = prediction.reading.iter().zip(&prediction.plume);
-        let rows = rows.enumerate();
+        let rows = prediction.reading.iter().zip(&prediction.plume).enumerate();
         let own: f64 = rows.map(|(i, (r, p))| self.readings.nats(i, *r, *p)).sum();
         At {
             nats: own - 0.5 * knots.dot(&(&self.precision * &knots)),
@@ -215,8 +188,8 @@ impl Problem<'_, '_> {
         let mut at = self.at(start);
         for _ in 0..ITERATIONS {
             let Some(step) = self.step(&at) else { break };
-            let shorter = (0..HALVINGS).map(|k| self.at(&at.knots + 0.5f64.powi(k) * &step));
-            let Some(better) = shorter.into_iter().find(|there| there.nats > at.nats) else {
+            let mut shorter = (0..HALVINGS).map(|k| self.at(&at.knots + 0.5f64.powi(k) * &step));
+            let Some(better) = shorter.find(|there| there.nats > at.nats) else {
                 break;
             };
             let gained = better.nats - at.nats;

@@ -43,6 +43,7 @@ mod start;
 mod tested;
 mod transport;
 mod visibility;
+mod ways;
 mod wind_series;
 mod zero;
 

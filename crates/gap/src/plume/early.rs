@@ -6,11 +6,14 @@
 use ::plume::field::Transport;
 
 use super::data::{Data, Setup};
+use super::model::Model;
 use super::wind_series::{Grid, first_minute, kept, mean, towards};
 
-/// How far off the wind's mean direction over such a way may be, degrees, and its speed at the
-/// emission, as a part of it, for a reading to count.
+/// How far off the wind's mean direction over such a way may be, degrees and as a part of the angle
+/// under which the source sees the plume's standard deviation, and its speed at the emission, as a part
+/// of it, for a reading to count.
 const MOST_TURNED_DEG: f64 = 2.5;
+const MOST_TURNED_PART: f64 = 0.3;
 const MOST_SURGED: f64 = 0.12;
 /// Smoothing of the log, and distance of the places in it that are looked at, s.
 const SMOOTHED_S: f64 = 8.0;
@@ -67,26 +70,30 @@ fn excess(setup: &Setup, data: &Data) -> Vec<f64> {
     };
     grid.smooth(SMOOTHED_S);
     let speed_m_s = towards(mean(&grid.values)).speed_m_s;
+    // Of each row's air the way, and how much of that lies before the record, s.
     let far_m = data.distance_m(setup.base.sources[0].place);
-    // The way of each row's air, and how much of it lies before the record, s.
-    let ways: Vec<(f64, f64)> = far_m
+    let ways: Vec<(f64, f64, f64)> = far_m
         .zip(data.track.time_s())
         .map(|(far_m, time_s)| {
             let way_s = far_m / speed_m_s.max(0.5);
-            (way_s, way_s - (time_s - span.0))
+            (far_m, way_s, way_s - (time_s - span.0))
         })
         .collect();
-    let longest_s = ways
-        .iter()
-        .fold(0.0f64, |most, (_, before)| most.max(*before));
+    let longest_s = ways.iter().fold(0.0f64, |most, way| most.max(way.2));
     let past = Past::of(&grid, longest_s);
-    let beyond = |(way_s, before_s): &(f64, f64)| {
+    let world = Model::base(setup, true).world(&setup.base, data.track.platforms());
+    let most_turned_deg = |far_m: f64| {
+        let sigma_y_m = world.as_ref().map_or(far_m, |w| w.sigmas_m(far_m).0);
+        let seen_deg = sigma_y_m.atan2(far_m).to_degrees();
+        MOST_TURNED_DEG.min(MOST_TURNED_PART * seen_deg)
+    };
+    let beyond = |(far_m, way_s, before_s): &(f64, f64, f64)| {
         let off = past.off(*before_s).unwrap_or_default();
-        let turned = off.turned_deg * before_s / way_s / MOST_TURNED_DEG;
+        let turned = off.turned_deg * before_s / way_s / most_turned_deg(*far_m);
         turned.max(off.surged / MOST_SURGED)
     };
     ways.iter()
-        .map(|way| if way.1 > 0.0 { beyond(way) } else { 0.0 })
+        .map(|way| if way.2 > 0.0 { beyond(way) } else { 0.0 })
         .collect()
 }
 
@@ -152,10 +159,16 @@ impl<'a> Past<'a> {
             sums[1] += (at_start[0] / self.mean.speed_m_s).powi(2);
             count += 1;
         }
-        let rms = sums.map(|s| (s / count.max(1) as f64).sqrt());
+        // The mean that what is told tends to is that of the log itself, with the stretch in it: means of
+        // L out of T differ from it by a variance in proportion to 1/L - 1/T, those before it to 1/L + 1/T.
+        let unseen = |cells: usize| {
+            let part = cells as f64 / values as f64;
+            (1.0 + part) / (1.0 - part).max(1e-9)
+        };
+        let rms = |sum: f64, cells: usize| (unseen(cells) * sum / count.max(1) as f64).sqrt();
         (count >= FEWEST_PLACES && self.mean.speed_m_s > 0.0).then_some(Off {
-            turned_deg: rms[0],
-            surged: rms[1],
+            turned_deg: rms(sums[0], before),
+            surged: rms(sums[1], set_out),
         })
     }
 

@@ -364,14 +364,28 @@ impl<'a> Context<'a> {
     pub fn under(&self, start: &Model, noise: &NoiseModel) -> Model {
         let mut model = start.clone();
         for _ in 0..2 {
-            let prediction = self.predict(&model);
-            let loading = self.loading(&model, &prediction);
-            let raw = self.data.residual(&prediction.reading);
-            let whitener = Whitener::new(&self.rows(&loading), noise, &raw);
-            let nuisance = Nuisance::new(self, &model, &prediction, &loading, noise);
-            model = self.descend(&model, &Metric::new(whitener, nuisance), 4);
+            let (metric, _) = self.metric_under(&model, noise);
+            model = self.descend(&model, &metric, 4);
         }
         model
+    }
+
+    /// Log probability of a model where it stands under a given noise, with nothing else free, nats.
+    pub fn nats_under(&self, model: &Model, noise: &NoiseModel) -> f64 {
+        let (metric, residual) = self.metric_under(model, noise);
+        let mut white = residual.clone();
+        metric.whitener.whiten_one(&mut white);
+        metric.log_likelihood(&white, &residual) + model.ln_prior()
+    }
+
+    /// The metric at a model under a given noise, and the residual there.
+    fn metric_under(&self, model: &Model, noise: &NoiseModel) -> (Metric, Vec<f64>) {
+        let prediction = self.predict(model);
+        let loading = self.loading(model, &prediction);
+        let residual = self.data.residual(&prediction.reading);
+        let whitener = Whitener::new(&self.rows(&loading), noise, &residual);
+        let nuisance = Nuisance::new(self, model, &prediction, &loading, noise);
+        (Metric::new(whitener, nuisance), residual)
     }
 
     /// Puts together what is known at a model; `cleaned` is the residual that the metric was

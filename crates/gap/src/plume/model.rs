@@ -190,6 +190,16 @@ impl Model {
         self
     }
 
+    /// It moved by a part of the way to where another of the same parameters stands.
+    pub fn towards(&self, other: &Self, part: f64) -> Self {
+        let mut moved = self.clone();
+        for k in 0..self.dimension() {
+            let (from, to) = (self.coordinate(k), other.coordinate(k));
+            moved.set_coordinate(k, from + part * (to - from));
+        }
+        moved
+    }
+
     /// The mechanism that the free parameter `k` is one of.
     pub fn id_of(&self, k: usize) -> MechanismId {
         self.parts[self.free[k].part].id

@@ -16,7 +16,7 @@ use super::freedom::Freedom;
 use super::linear::{self, dot, scores};
 use super::model::{Model, Part, Prediction};
 use super::noise::{Loading, NoiseModel, Whitener};
-use super::shown;
+use super::ways::Knots;
 
 /// Time between knots, s, and most stretches between them.
 #[derive(Clone, Copy)]
@@ -43,11 +43,14 @@ const SHARED_PRIOR: (f64, f64) = (0.25, 0.7);
 /// Largest shared swing where the wind is logged, degrees: more is a finding.
 pub(crate) const SHARED_MOST_DEG: f64 = 0.35;
 
-/// What the wind before the record may have been off by from what the record's beginning
-/// suggests, as a mean over the stretch before it, degrees.
-const EARLY_DEG: f64 = 2.5;
-/// The same for its speed, which dilutes what it took up: a part of the plume.
-const EARLY_PART: f64 = 0.05;
+/// What the wind before the record may be off by, at knots, from what the record's beginning suggests,
+/// degrees; and its speed, which dilutes what it took up: a part of the plume.
+const EARLY_DEG: f64 = 4.0;
+const EARLY_PART: f64 = 0.08;
+const EARLY_KNOTS: Spacing = Spacing {
+    s: 60.0,
+    most: 10.0,
+};
 /// Slow wander of a wind that nobody logged: its knots, and its size, degrees.
 const WANDER_KNOTS: Spacing = Spacing {
     s: 200.0,
@@ -174,19 +177,16 @@ impl Nuisance {
         let hats_count = raw.len();
         let mut sd = vec![noise.shared_swing_deg; hats_count];
         if ctx.data.on_board_wind {
-            let before = part_before(ctx);
-            for power in [1, 2, 3] {
-                let of = |load: &dyn Fn(&Loading) -> f64| {
-                    let rows = before.iter().zip(loading);
-                    rows.map(|(b, l)| b.powi(power) * load(l)).collect()
-                };
-                raw.push(of(&|l| l.swing));
-                sd.push(EARLY_DEG);
-                raw.push(of(&|l| l.gust));
-                sd.push(EARLY_PART);
+            let early = Knots::before(ctx, EARLY_KNOTS);
+            for (columns, size) in [
+                (early.turning(loading), EARLY_DEG),
+                (early.taking_up(loading), EARLY_PART),
+            ] {
+                sd.extend(vec![size; columns.len()]);
+                raw.extend(columns);
             }
         } else if let Some(swing_deg) = ctx.data.shown_swing_deg {
-            let slow = shown::columns(ctx, loading, SHOWN_KNOTS);
+            let slow = Knots::over(ctx, SHOWN_KNOTS).turning(loading);
             sd.extend(vec![swing_deg; slow.len()]);
             raw.extend(slow);
             let surges = hats_along(ctx, loading, WANDER_KNOTS, |l| l.gust);

@@ -15,7 +15,6 @@ use super::fit::Context;
 use super::model::Model;
 use super::wind_series::{Grid, Line, kept};
 use path::Table;
-pub(super) use series::columns;
 
 /// What the path of the plume must gain over its best steady direction, nats, and by how much it must
 /// swing about a straight line, degrees: beyond that the readings are not straight in it.

@@ -29,8 +29,11 @@ const HELD_STEPS: usize = 5;
 
 /// Gain of log likelihood beyond which puffs of another plume are other puffs, nats.
 const OTHER_PUFFS_NATS: f64 = 10.0;
-/// How often puffs and the plume that sheds them are fitted in turn.
-const TURNS: usize = 3;
+/// How often puffs and the plume that sheds them are fitted in turn at most, how often a step that is
+/// too long is halved, and what the last turn gains, nats.
+const TURNS: usize = 5;
+const HALVINGS: i32 = 3;
+const LAST_GAIN_NATS: f64 = 1.0;
 
 /// The base at its best.
 pub(crate) struct Started {
@@ -67,12 +70,7 @@ impl Started {
         if 0.5 * last.metric.square(&change) < OTHER_PUFFS_NATS {
             return None;
         }
-        let mut model = last.model.clone();
-        for _ in 0..TURNS {
-            model = single(setup, &own).under(&model, &last.noise);
-            put(setup, &mut own, carried, &model);
-        }
-        Some(own)
+        Some(settled(setup, data, carried, &last.model, &last.noise).0)
     }
 }
 
@@ -354,11 +352,48 @@ fn settled(
     model: &Model,
     noise: &NoiseModel,
 ) -> (Data, Model) {
-    let mut own = data.clone();
-    put(setup, &mut own, carried, model);
+    let with_its_wind = |model: &Model| {
+        let mut own = data.clone();
+        put(setup, &mut own, carried, model);
+        own
+    };
+    let own = with_its_wind(model);
+    if carried.has_history() {
+        return settled_puffs(setup, own, model, noise, with_its_wind);
+    }
     let settled = single(setup, &own).under(model, noise);
-    put(setup, &mut own, carried, &settled);
-    (own, settled)
+    (with_its_wind(&settled), settled)
+}
+
+/// The same of puffs: what they make of a plume is that of a model beside which another may be worse,
+/// and is asked for again at every step.
+fn settled_puffs(
+    setup: &Setup,
+    mut own: Data,
+    model: &Model,
+    noise: &NoiseModel,
+    with_its_wind: impl Fn(&Model) -> Data,
+) -> (Data, Model) {
+    let mut model = model.clone();
+    let mut nats = single(setup, &own).nats_under(&model, noise);
+    for _ in 0..TURNS {
+        let next = single(setup, &own).under(&model, noise);
+        let mut shorter = (0..HALVINGS).map(|k| {
+            let there = model.towards(&next, 0.5f64.powi(k));
+            let data = with_its_wind(&there);
+            let nats = single(setup, &data).nats_under(&there, noise);
+            (nats, there, data)
+        });
+        let Some(better) = shorter.find(|there| there.0 > nats) else {
+            break;
+        };
+        let gained = better.0 - nats;
+        (nats, model, own) = better;
+        if gained < LAST_GAIN_NATS {
+            break;
+        }
+    }
+    (own, model)
 }
 
 fn single<'a>(setup: &'a Setup, data: &'a Data) -> Context<'a> {

@@ -5,8 +5,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::super::fit::Context;
 use super::super::model::{Model, Prediction};
-use super::super::noise::Loading;
 use super::super::nuisance::Spacing;
+use super::super::ways::Knots;
 use super::super::wind_series::{Grid, kept};
 use super::{FREEDOM, Readings};
 
@@ -19,81 +19,6 @@ const ITERATIONS: usize = 8;
 /// How often a step that is too long is halved, and what the last one gains, nats.
 const HALVINGS: i32 = 4;
 const LAST_GAIN_NATS: f64 = 0.1;
-
-/// Knots in time, from before the air of the first row set out to the last row.
-struct Knots {
-    start_s: f64,
-    step_s: f64,
-    count: usize,
-    /// How the plume's direction at each row hangs on them.
-    ways: Vec<Way>,
-}
-
-impl Knots {
-    fn over(ctx: &Context<'_>, spacing: Spacing) -> Self {
-        let (from, to) = ctx.data.span_s();
-        let ways_s: Vec<f64> = ctx.way_s().collect();
-        let used = ways_s.iter().zip(&ctx.data.used).filter(|(_, used)| **used);
-        let longest_s = used.fold(0.0f64, |most, (way_s, _)| most.max(*way_s));
-        let start_s = from - longest_s - spacing.s;
-        let step_s = spacing.s.max((to - start_s) / spacing.most);
-        let count = ((to - start_s) / step_s).ceil() as usize + 2;
-        let rows = ctx.data.track.time_s().iter().zip(&ways_s);
-        let way_of = |(time_s, way_s): (&f64, &f64)| {
-            let here = (time_s - start_s) / step_s;
-            way(here - way_s / step_s, here, count)
-        };
-        Self {
-            start_s,
-            step_s,
-            count,
-            ways: rows.map(way_of).collect(),
-        }
-    }
-}
-
-/// What a degree of the wind at each of such knots turns the plume by, times what each row shows of a
-/// turn.
-pub(in super::super) fn columns(
-    ctx: &Context<'_>,
-    loading: &[Loading],
-    spacing: Spacing,
-) -> Vec<Vec<f64>> {
-    let knots = Knots::over(ctx, spacing);
-    let mut out = vec![vec![0.0; loading.len()]; knots.count];
-    for (i, (way, load)) in knots.ways.iter().zip(loading).enumerate() {
-        for (k, part) in way.parts.iter().enumerate() {
-            out[way.first + k][i] = part * load.swing;
-        }
-    }
-    out
-}
-
-/// How the direction at a row hangs on the knots: a mean over the way of its air.
-struct Way {
-    first: usize,
-    parts: Vec<f64>,
-}
-
-/// The part that each knot has in the mean from `from` to `to`, in knots.
-fn way(from: f64, to: f64, count: usize) -> Way {
-    let (from, to) = (from.max(0.0), to.min((count - 1) as f64));
-    let first = from as usize;
-    let last = (to as usize + 1).min(count - 1);
-    // The integral of a hat about 0 up to a place.
-    let up_to = |x: f64| match x {
-        x if x <= -1.0 => 0.0,
-        x if x <= 0.0 => 0.5 * (x + 1.0).powi(2),
-        x if x <= 1.0 => 1.0 - 0.5 * (1.0 - x).powi(2),
-        _ => 1.0,
-    };
-    let length = (to - from).max(1e-6);
-    let part = |k: usize| (up_to(from + length - k as f64) - up_to(from - k as f64)) / length;
-    Way {
-        first,
-        parts: (first..=last).map(part).collect(),
-    }
-}
 
 /// What is fitted.
 struct Problem<'a, 'b> {
@@ -162,7 +87,7 @@ impl Problem<'_, '_> {
     /// What is known where the plume is turned as these knots say.
     fn at(&self, knots: DVector<f64>) -> At {
         let mut data = self.readings.ctx.data.clone();
-        for (wind, way) in data.track.transport_mut().iter_mut().zip(&self.knots.ways) {
+        for (wind, way) in data.track.transport_mut().iter_mut().zip(&self.knots.turns) {
             let parts = way.parts.iter().enumerate();
             let turned_deg = parts.map(|(k, p)| p * knots[way.first + k]).sum();
             *wind = wind.turned(turned_deg);
@@ -205,7 +130,7 @@ impl Problem<'_, '_> {
     fn step(&self, at: &At) -> Option<DVector<f64>> {
         let mut gram = self.precision.clone();
         let mut score = -(&self.precision * &at.knots);
-        for (i, way) in self.knots.ways.iter().enumerate() {
+        for (i, way) in self.knots.turns.iter().enumerate() {
             let off = self.readings.ctx.data.reading_ppm[i] - at.prediction.reading[i];
             let variance = self.readings.variance(at.prediction.plume[i]);
             let counts = self.readings.counts[i];
@@ -229,24 +154,6 @@ impl Problem<'_, '_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_way_has_the_mean_of_what_is_straight_along_it() {
-        for (from, to) in [(2.3, 7.9), (4.0, 4.2), (0.0, 9.0), (5.5, 5.5 + 1e-3)] {
-            let way = way(from, to, 10);
-            let parts = way.parts.iter().enumerate();
-            let (sum, mean) = parts.fold((0.0, 0.0), |(sum, mean), (k, part)| {
-                (sum + part, mean + part * (way.first + k) as f64)
-            });
-            assert!((sum - 1.0).abs() < 1e-9, "{from} to {to}: {sum}");
-            assert!(
-                (mean - 0.5 * (from + to)).abs() < 1e-9,
-                "{from} to {to}: {mean}"
-            );
-        }
-        // What lies before the first knot is not known: the mean is that of the rest.
-        assert!((way(-3.0, 2.0, 10).parts.iter().sum::<f64>() - 1.0).abs() < 1e-9);
-    }
 
     // Ornstein & Uhlenbeck 1930: the covariance falls as exp(-t / T), here T = 400 s.
     #[test]

@@ -165,7 +165,6 @@ fn counted_from_near_zero(
         data: &data,
         threads,
     };
-    quality.extend(gate::spikes(&data, &started.fitted.metric.whitener.spikes));
     let mut named = naming::name(&ctx, started.fitted.clone(), options, &mut tell);
     let puffs = started.other_puffs(setup, ctx.data, &named.last);
     let mut ctx = ctx;
@@ -180,6 +179,8 @@ fn counted_from_near_zero(
         quality.extend(gate::mask_all(&mut data, &message));
         return Ok(nothing_to_tell(setup, data, quality));
     }
+    // What stands out of a plume that was flown at other heights is none.
+    quality.extend(gate::spikes(&data, &started.fitted.metric.whitener.spikes));
     Ok(stated(&ctx, &started, named, quality, options, &mut tell))
 }
 

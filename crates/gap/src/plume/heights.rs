@@ -82,10 +82,9 @@ fn follows(
         return false;
     };
     gate::gate(&mut there, ctx.setup);
-    // As many readings, or their evidence does not compare.
-    if there.used_count() != ctx.data.used_count() {
-        return false;
-    }
     let base = start::start(ctx.setup, &mut there, ctx.threads).fitted;
-    base.log_evidence > named + CLEARLY_NATS && followed(&there, &base.prediction.reading)
+    // Of another number of readings the evidence does not compare.
+    there.used_count() == ctx.data.used_count()
+        && base.log_evidence > named + CLEARLY_NATS
+        && followed(&there, &base.prediction.reading)
 }

@@ -71,7 +71,8 @@ fn swing_beside(ctx: &Context<'_>, null: &Fitted, seed: u64) -> Option<(Fitted, 
 /// followed, it is the base's.
 pub(super) fn unrelated(ctx: &Context<'_>, base: &Fitted, last: &Fitted) -> Option<Unexplained> {
     let rows: Vec<usize> = (0..ctx.data.len()).filter(|i| ctx.data.used[*i]).collect();
-    let floor_ppm = 5.0 * last.noise.white_ppm();
+    // The noise fitted to readings that follow nothing is whatever they are.
+    let floor_ppm = 5.0 * last.noise.expected_white_ppm();
     let has_plume = |f: &&Fitted| {
         let seen = rows.iter().filter(|i| f.prediction.plume[**i] > floor_ppm);
         seen.count() >= LEAST_PLUME_ROWS

@@ -105,6 +105,11 @@ impl NoiseModel {
         self.ln[WHITE].exp()
     }
 
+    /// What was expected of that before any fit, ppm.
+    pub fn expected_white_ppm(&self) -> f64 {
+        self.prior[WHITE].0.exp()
+    }
+
     /// Slow additive noise: standard deviation, ppm, and time constant, s.
     pub fn slow(&self) -> (f64, f64) {
         (self.ln[SLOW].exp(), self.ln[SLOW_S].exp())

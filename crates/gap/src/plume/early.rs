@@ -13,7 +13,7 @@ use super::wind_series::{Grid, first_minute, kept, mean, towards};
 /// under which the source sees the plume's standard deviation, and its speed at the emission, as a part
 /// of it, for a reading to count.
 const MOST_TURNED_DEG: f64 = 2.5;
-const MOST_TURNED_PART: f64 = 0.3;
+const MOST_TURNED_PART: f64 = 0.6;
 const MOST_SURGED: f64 = 0.12;
 /// Smoothing of the log, and distance of the places in it that are looked at, s.
 const SMOOTHED_S: f64 = 8.0;

@@ -70,16 +70,16 @@ fn excess(setup: &Setup, data: &Data) -> Vec<f64> {
     };
     grid.smooth(SMOOTHED_S);
     let speed_m_s = towards(mean(&grid.values)).speed_m_s;
-    // Of each row's air the way, and how much of that lies before the record, s.
-    let far_m = data.distance_m(setup.base.sources[0].place);
-    let ways: Vec<(f64, f64, f64)> = far_m
+    let way_s = |far_m: f64| far_m / speed_m_s.max(0.5);
+    // Of each row the distance, and how much of the way of its air lies before the record, s.
+    let rows: Vec<(f64, f64)> = data
+        .distance_m(setup.base.sources[0].place)
         .zip(data.track.time_s())
-        .map(|(far_m, time_s)| {
-            let way_s = far_m / speed_m_s.max(0.5);
-            (far_m, way_s, way_s - (time_s - span.0))
-        })
+        .map(|(far_m, time_s)| (far_m, way_s(far_m) - (time_s - span.0)))
         .collect();
-    let longest_s = ways.iter().fold(0.0f64, |most, way| most.max(way.2));
+    let longest_s = rows
+        .iter()
+        .fold(0.0f64, |most, (_, before)| most.max(*before));
     let past = Past::of(&grid, longest_s);
     let world = Model::base(setup, true).world(&setup.base, data.track.platforms());
     let most_turned_deg = |far_m: f64| {
@@ -87,13 +87,19 @@ fn excess(setup: &Setup, data: &Data) -> Vec<f64> {
         let seen_deg = sigma_y_m.atan2(far_m).to_degrees();
         MOST_TURNED_DEG.min(MOST_TURNED_PART * seen_deg)
     };
-    let beyond = |(far_m, way_s, before_s): &(f64, f64, f64)| {
-        let off = past.off(*before_s).unwrap_or_default();
-        let turned = off.turned_deg * before_s / way_s / most_turned_deg(*far_m);
+    let beyond = |far_m: f64, before_s: f64| {
+        let off = past.off(before_s).unwrap_or_default();
+        let turned = off.turned_deg * before_s / way_s(far_m) / most_turned_deg(far_m);
         turned.max(off.surged / MOST_SURGED)
     };
-    ways.iter()
-        .map(|way| if way.2 > 0.0 { beyond(way) } else { 0.0 })
+    rows.iter()
+        .map(|&(far_m, before_s)| {
+            if before_s > 0.0 {
+                beyond(far_m, before_s)
+            } else {
+                0.0
+            }
+        })
         .collect()
 }
 

@@ -362,20 +362,23 @@ impl<'a> Context<'a> {
 
     /// A model at about its best under a given noise, with nothing else free.
     pub fn under(&self, start: &Model, noise: &NoiseModel) -> Model {
-        let mut model = start.clone();
-        for _ in 0..2 {
-            let (metric, _) = self.metric_under(&model, noise);
-            model = self.descend(&model, &metric, 4);
-        }
-        model
+        self.under_from(start, &self.metric_under(start, noise).0, noise)
     }
 
-    /// Log probability of a model where it stands under a given noise, with nothing else free, nats.
-    pub fn nats_under(&self, model: &Model, noise: &NoiseModel) -> f64 {
+    /// The same from where the metric is known.
+    pub fn under_from(&self, start: &Model, metric: &Metric, noise: &NoiseModel) -> Model {
+        let nearer = self.descend(start, metric, 4);
+        self.descend(&nearer, &self.metric_under(&nearer, noise).0, 4)
+    }
+
+    /// Log probability of a model where it stands under a given noise, with nothing else free, nats,
+    /// and the metric there.
+    pub fn nats_under(&self, model: &Model, noise: &NoiseModel) -> (f64, Metric) {
         let (metric, residual) = self.metric_under(model, noise);
         let mut white = residual.clone();
         metric.whitener.whiten_one(&mut white);
-        metric.log_likelihood(&white, &residual) + model.ln_prior()
+        let nats = metric.log_likelihood(&white, &residual) + model.ln_prior();
+        (nats, metric)
     }
 
     /// The metric at a model under a given noise, and the residual there.

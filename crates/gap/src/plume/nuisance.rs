@@ -216,20 +216,6 @@ fn displaced_m(ctx: &Context<'_>) -> f64 {
     swing_deg.to_radians() * speed_m_s * SHOWN_KNOTS.s
 }
 
-/// The part of the plume's way at each row that lies before the record; none where nobody logged the
-/// wind, of which as much is known then as later.
-pub(crate) fn part_before(ctx: &Context<'_>) -> Vec<f64> {
-    if !ctx.data.on_board_wind {
-        return vec![0.0; ctx.data.len()];
-    }
-    let (from, _) = ctx.data.span_s();
-    let times = ctx.data.track.time_s();
-    ctx.way_s()
-        .zip(times)
-        .map(|(way_s, t)| (1.0 - (t - from) / way_s.max(1.0)).max(0.0))
-        .collect()
-}
-
 /// Hat functions in time along the derivative by wind direction.
 pub(crate) fn hats(ctx: &Context<'_>, loading: &[Loading], spacing: Spacing) -> Vec<Vec<f64>> {
     hats_along(ctx, loading, spacing, |l| l.swing)

@@ -13,7 +13,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::chance::Chance;
 use super::fit::{Context, Fitted};
 use super::linear::{self, dot, products, scores};
-use super::nuisance::{SHARED_MOST_DEG, part_before};
+use super::nuisance::SHARED_MOST_DEG;
 use super::parallel;
 use super::rival_terms::{self as terms, Term};
 
@@ -118,6 +118,20 @@ pub(crate) fn rivals(ctx: &Context<'_>, fitted: &Fitted, false_alarm: f64, seed:
 /// Part of the way from which on it counts as before the record, and part of what a term explains.
 const BEFORE_PART: f64 = 0.3;
 const LIVES_PART: f64 = 0.5;
+
+/// The part of the plume's way at each row that lies before the record; none where nobody logged the
+/// wind, of which as much is known then as later.
+fn part_before(ctx: &Context<'_>) -> Vec<f64> {
+    if !ctx.data.on_board_wind {
+        return vec![0.0; ctx.data.len()];
+    }
+    let (from, _) = ctx.data.span_s();
+    let times = ctx.data.track.time_s();
+    ctx.way_s()
+        .zip(times)
+        .map(|(way_s, t)| (1.0 - (t - from) / way_s.max(1.0)).max(0.0))
+        .collect()
+}
 
 /// Whether what a term explains lives in air whose way lies before the record, `before` being the
 /// part of that at every row: of the wind there nothing is known.

@@ -375,20 +375,20 @@ fn settled_puffs(
     with_its_wind: impl Fn(&Model) -> Data,
 ) -> (Data, Model) {
     let mut model = model.clone();
-    let mut nats = single(setup, &own).nats_under(&model, noise);
+    let (mut nats, mut metric) = single(setup, &own).nats_under(&model, noise);
     for _ in 0..TURNS {
-        let next = single(setup, &own).under(&model, noise);
+        let next = single(setup, &own).under_from(&model, &metric, noise);
         let mut shorter = (0..HALVINGS).map(|k| {
             let there = model.towards(&next, 0.5f64.powi(k));
             let data = with_its_wind(&there);
-            let nats = single(setup, &data).nats_under(&there, noise);
-            (nats, there, data)
+            let (nats, metric) = single(setup, &data).nats_under(&there, noise);
+            (nats, metric, there, data)
         });
         let Some(better) = shorter.find(|there| there.0 > nats) else {
             break;
         };
         let gained = better.0 - nats;
-        (nats, model, own) = better;
+        (nats, metric, model, own) = better;
         if gained < LAST_GAIN_NATS {
             break;
         }

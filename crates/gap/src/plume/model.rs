@@ -3,6 +3,7 @@
 use ::plume::field::{World, WorldSpec};
 use ::plume::mechanism::{Coordinate, Mechanism, MechanismId, ParameterSpec};
 use ::plume::track::Track;
+use nalgebra::DVector;
 
 use super::data::Setup;
 
@@ -190,14 +191,9 @@ impl Model {
         self
     }
 
-    /// It moved by a part of the way to where another of the same parameters stands.
-    pub fn towards(&self, other: &Self, part: f64) -> Self {
-        let mut moved = self.clone();
-        for k in 0..self.dimension() {
-            let (from, to) = (self.coordinate(k), other.coordinate(k));
-            moved.set_coordinate(k, from + part * (to - from));
-        }
-        moved
+    /// The coordinates of all free parameters.
+    pub fn coordinates(&self) -> DVector<f64> {
+        DVector::from_fn(self.dimension(), |k, _| self.coordinate(k))
     }
 
     /// The mechanism that the free parameter `k` is one of.

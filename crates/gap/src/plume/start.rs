@@ -5,7 +5,7 @@ use ::plume::mechanism::{Family, MechanismId};
 
 use super::data::{Data, Setup};
 use super::early;
-use super::fit::{Context, Effort, Fitted};
+use super::fit::{Context, Effort, Fitted, moved_to_better};
 use super::followed::followed;
 use super::model::{Model, Prediction};
 use super::noise::{self, NoiseModel};
@@ -29,10 +29,9 @@ const HELD_STEPS: usize = 5;
 
 /// Gain of log likelihood beyond which puffs of another plume are other puffs, nats.
 const OTHER_PUFFS_NATS: f64 = 10.0;
-/// How often puffs and the plume that sheds them are fitted in turn at most, how often a step that is
-/// too long is halved, and what the last turn gains, nats.
+/// How often puffs and the plume that sheds them are fitted in turn at most, and what the last turn
+/// gains, nats.
 const TURNS: usize = 5;
-const HALVINGS: i32 = 3;
 const LAST_GAIN_NATS: f64 = 1.0;
 
 /// The base at its best.
@@ -378,17 +377,17 @@ fn settled_puffs(
     let (mut nats, mut metric) = single(setup, &own).nats_under(&model, noise);
     for _ in 0..TURNS {
         let next = single(setup, &own).under_from(&model, &metric, noise);
-        let mut shorter = (0..HALVINGS).map(|k| {
-            let there = model.towards(&next, 0.5f64.powi(k));
-            let data = with_its_wind(&there);
-            let (nats, metric) = single(setup, &data).nats_under(&there, noise);
-            (nats, metric, there, data)
+        let step = next.coordinates() - model.coordinates();
+        let better = moved_to_better(&model, &step, |there| {
+            let data = with_its_wind(there);
+            let (there_nats, metric) = single(setup, &data).nats_under(there, noise);
+            (there_nats > nats).then_some((there_nats, metric, data))
         });
-        let Some(better) = shorter.find(|there| there.0 > nats) else {
+        let Some((there, (there_nats, there_metric, data))) = better else {
             break;
         };
-        let gained = better.0 - nats;
-        (nats, metric, model, own) = better;
+        let gained = there_nats - nats;
+        (nats, metric, model, own) = (there_nats, there_metric, there, data);
         if gained < LAST_GAIN_NATS {
             break;
         }

@@ -88,7 +88,7 @@ impl<'a> Flown<'a> {
         let d = second.model.dimension();
         let covariance = second.posterior.covariance.view((0, 0), (d, d));
         let known = Known {
-            at: coordinates(&second.model),
+            at: second.model.coordinates(),
             precision: covariance.into_owned().try_inverse()?,
         };
         let mut model = second.model.clone();
@@ -121,7 +121,7 @@ impl<'a> Flown<'a> {
         let mut all: Vec<&mut [f64]> = columns.iter_mut().map(Vec::as_mut_slice).collect();
         all.push(&mut apart);
         self.whitener.whiten(&mut all);
-        let departed = coordinates(model) - &known.at;
+        let departed = model.coordinates() - &known.at;
         let pull = &known.precision * &departed;
         let mut gram = linear::gram(&columns);
         gram.view_mut((0, 0), (d, d)).add_assign(&known.precision);
@@ -146,10 +146,6 @@ impl<'a> Flown<'a> {
             step: all.mean.rows(0, d).into_owned(),
         })
     }
-}
-
-fn coordinates(model: &Model) -> DVector<f64> {
-    DVector::from_fn(model.dimension(), |k, _| model.coordinate(k))
 }
 
 fn there<'a>(ctx: &Context<'a>, data: &'a Data) -> Context<'a> {

@@ -1,13 +1,13 @@
 //! One case: what the finder says of it, held against the truth.
 
-use gap::plume::{Analysis, Options, analyse};
+use gap::plume::{Analysis, Likeness, Options, analyse};
 use gap::verdict::{Cause, Verdict};
 use gap_truth::case::DamageKind;
 use gap_truth::mutation::mutate;
 use gap_truth::{Case, Effect, Forward, FurtherFlight, TrueEffect, Truth, further};
 
-use plume::MechanismId;
 use serde::{Deserialize, Serialize};
+use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::plan::{Kind, Task};
 use crate::tune::{self, Tuned};
@@ -37,6 +37,9 @@ pub struct Outcome {
     pub whole_size: Option<f64>,
     /// The same, what cannot be told from it not counted.
     pub set_size: Option<f64>,
+    /// Of two effects: how probable it is at most that data such as these let anyone name each of
+    /// them alone at 95 %.
+    pub nameable: Option<f64>,
     /// A cause of a single name that is not a hidden effect, nor one that cannot be told from it,
     /// in a verdict that does not say that something is unexplained.
     pub confidently_wrong: bool,
@@ -80,6 +83,7 @@ impl Outcome {
             named: 0,
             whole_size: None,
             set_size: None,
+            nameable: None,
             confidently_wrong: false,
             stated: None,
             covered: Vec::new(),
@@ -118,7 +122,10 @@ pub fn judge_tuned(task: &Task, tuned: Tuned) -> Outcome {
     outcome.forward = Some(tuned.case.truth.forward);
     match answer(task, &tuned.case) {
         Ok(analysis) => {
-            let alike = Alike::new(&tuned, &analysis);
+            let alike = Alike::new(task, &tuned, &analysis);
+            if matches!(task.kind, Kind::Two(..)) {
+                outcome.nameable = alike.nameable(&tuned.case.truth.effects);
+            }
             compare(&mut outcome, &tuned.case.truth, &analysis, &alike);
             if matches!(task.kind, Kind::One(_)) {
                 outcome.held_out_gains = held_out_gains(&tuned, &analysis);
@@ -195,14 +202,20 @@ fn find(task: &Task, scenario_toml: &str, files: &[(String, String)]) -> Result<
 /// Nats of expected difference below which no method could state one of two at 95 %: ln 19.
 const APART_NATS: f64 = 2.944;
 
+/// Probability that data tell the truth at 95 % from what it beats by `nats` on average: under
+/// Gaussian noise the difference of two log likelihoods has twice its mean for variance.
+fn told_apart(nats: f64) -> f64 {
+    Normal::standard().cdf((nats - APART_NATS) / (2.0 * nats).sqrt())
+}
+
 /// What each hidden effect looks like on the tracks of its case.
 struct Alike {
-    of: Vec<Vec<MechanismId>>,
+    of: Vec<Vec<Likeness>>,
 }
 
 impl Alike {
-    /// Looked at only where some set that holds the effect holds others too.
-    fn new(tuned: &Tuned, analysis: &Analysis) -> Self {
+    /// Looked at only where some set that holds the effect holds others too, and of two effects.
+    fn new(task: &Task, tuned: &Tuned, analysis: &Analysis) -> Self {
         let effects = &tuned.case.truth.effects;
         let wider = |e: &TrueEffect| {
             let causes = analysis.json.causes.iter();
@@ -210,8 +223,11 @@ impl Alike {
                 .filter(|c| holds(c, e))
                 .any(|c| c.mechanisms.iter().any(|id| !names(e, id)))
         };
+        let two = matches!(task.kind, Kind::Two(..));
         let mut of = vec![Vec::new(); effects.len()];
-        let asked: Vec<usize> = (0..effects.len()).filter(|k| wider(&effects[*k])).collect();
+        let asked: Vec<usize> = (0..effects.len())
+            .filter(|k| two || wider(&effects[*k]))
+            .collect();
         // Without an answer nothing counts as alike.
         for (k, found) in asked.iter().zip(Self::look(tuned, &asked)) {
             of[*k] = found;
@@ -219,7 +235,7 @@ impl Alike {
         Self { of }
     }
 
-    fn look(tuned: &Tuned, asked: &[usize]) -> Vec<Vec<MechanismId>> {
+    fn look(tuned: &Tuned, asked: &[usize]) -> Vec<Vec<Likeness>> {
         let effects = &tuned.case.truth.effects;
         let (Ok(mechanisms), Some(fitted)) = (tune::mechanisms(&tuned.case.truth), &tuned.fitted)
         else {
@@ -228,19 +244,32 @@ impl Alike {
         if mechanisms.len() != effects.len() {
             return Vec::new();
         }
-        let near = |k: &usize| {
-            let all = fitted.likenesses(&mechanisms, *k);
-            all.into_iter()
-                .filter(|l| l.nats < APART_NATS)
-                .map(|l| l.id)
-                .collect()
-        };
+        let near = |k: &usize| fitted.likenesses(&mechanisms, *k);
         asked.iter().map(near).collect()
+    }
+
+    /// How probable it is at most that data such as these tell every effect, at 95 %, from what is
+    /// most like it of what does not count as inseparable; none where nothing is known of one.
+    fn nameable(&self, effects: &[TrueEffect]) -> Option<f64> {
+        let mut all = 1.0;
+        for (effect, likenesses) in effects.iter().zip(&self.of) {
+            if likenesses.is_empty() {
+                return None;
+            }
+            let others = likenesses
+                .iter()
+                .filter(|l| l.nats >= APART_NATS && !names(effect, l.id.as_str()));
+            all *= others.map(|l| told_apart(l.nats)).fold(1.0, f64::min);
+        }
+        Some(all)
     }
 
     /// Whether nothing tells `id` from the effect `k`, here or anywhere.
     fn names(&self, k: usize, effect: &TrueEffect, id: &str) -> bool {
-        names(effect, id) || self.of[k].iter().any(|m| m.as_str() == id)
+        names(effect, id)
+            || self.of[k]
+                .iter()
+                .any(|l| l.nats < APART_NATS && l.id.as_str() == id)
     }
 }
 
@@ -344,4 +373,20 @@ fn coverage(truth: &Truth, causes: &[Cause]) -> Vec<bool> {
         }
     }
     covered
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // python3: statistics.NormalDist(9, 18**.5) beyond 2.944: 1 - NormalDist(9, 18**.5).cdf(2.944)
+    #[test]
+    fn what_is_inseparable_is_told_half_the_time_and_more_if_farther() {
+        assert!((told_apart(APART_NATS) - 0.5).abs() < 1e-12);
+        assert!(
+            (told_apart(9.0) - 0.923_269).abs() < 1e-5,
+            "{}",
+            told_apart(9.0)
+        );
+    }
 }

@@ -88,6 +88,11 @@ impl Summary {
         })
     }
 
+    /// Part of the cases whose data could let anyone name both effects alone, on average.
+    pub fn nameable(cases: &[&Outcome]) -> f64 {
+        mean(cases.iter().filter_map(|o| o.nameable))
+    }
+
     /// Stated 95 % intervals that hold the truth.
     pub fn coverage(cases: &[&Outcome]) -> Rate {
         Rate::of(cases.iter().flat_map(|o| &o.covered), |c| Some(*c))
@@ -254,6 +259,11 @@ impl Summary {
                 wrong(&outside),
             ),
             line("two effects: exactly both", "≥ 92 %", Self::exactly(&two)),
+            line(
+                "two effects: both named, at most, by any method on such data",
+                "",
+                format!("{:.1} %", 100.0 * Self::nameable(&two)),
+            ),
             line(
                 "next flight that says it will (probability ≥ 0.5): settles the matter",
                 "≥ 80 %",

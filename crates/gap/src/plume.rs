@@ -53,6 +53,7 @@ pub use report::{GapReport, Series};
 pub use visibility::{Known, Likeness, PlumeChange, Visibility};
 
 use ::plume::effects::HOUR_S;
+use ::plume::mechanism::MechanismId;
 use scenario::observations::Observations;
 
 use crate::GapError;
@@ -159,7 +160,7 @@ fn counted_from_near_zero(
     }
     tell(0.05, "fitting the base");
     let threads = options.threads.max(1);
-    let started = start::start(setup, &mut data, threads);
+    let mut started = start::start(setup, &mut data, threads);
     let ctx = Context {
         setup,
         data: &data,
@@ -173,6 +174,18 @@ fn counted_from_near_zero(
         if let Some(again) = named_again(&there, &started.fitted, &named, options, &mut tell) {
             (named, ctx) = (again, there);
         }
+    }
+    let steady = named
+        .only(MechanismId::WindDirectionDrift)
+        .then(|| started.in_steady_wind(setup, ctx.data, &named.last))
+        .flatten();
+    let (started, steady) = match steady {
+        Some((started, data)) => (started, Some(data)),
+        None => (started, None),
+    };
+    if let Some(data) = &steady {
+        ctx = Context { data, ..ctx };
+        named = naming::name(&ctx, started.fitted.clone(), options, &mut tell);
     }
     let doubted = heights::doubted(&ctx, observations, &started.fitted, &named.last);
     if let Some(message) = doubted {

@@ -355,6 +355,11 @@ impl Named {
         ctx.settle(&self.base.model, &self.last.metric, &self.last, 6)
     }
 
+    /// Whether one cause was found, and it is this.
+    pub fn only(&self, id: MechanismId) -> bool {
+        self.unexplained.is_none() && self.accepted.len() == 1 && self.accepted[0].id == id
+    }
+
     /// The verdict.
     pub fn verdict(&self) -> Verdict {
         Verdict::of(&self.causes, self.unexplained.is_some())

@@ -29,6 +29,9 @@ const HELD_STEPS: usize = 5;
 
 /// Gain of log likelihood beyond which puffs of another plume are other puffs, nats.
 const OTHER_PUFFS_NATS: f64 = 10.0;
+/// How many standard deviations a log may drift by chance.
+const CHANCE_SD: f64 = 3.0;
+
 /// How often puffs and the plume that sheds them are fitted in turn at most, and what the last turn
 /// gains, nats.
 const TURNS: usize = 5;
@@ -39,6 +42,8 @@ pub(crate) struct Started {
     pub fitted: Fitted,
     /// The wind as it carries the plume, by its treatment; none is the scenario's.
     carried: Option<Carried>,
+    /// The straight line through the logged wind, where that does not carry it.
+    steady: Option<Carried>,
 }
 
 /// Whether a mechanism is one of how the plume spreads, which its puffs do too.
@@ -52,6 +57,33 @@ impl Started {
     pub fn treatment(&self) -> Treatment {
         let own = self.carried.as_ref().map(|c| c.treatment);
         own.unwrap_or(Treatment::Scenario)
+    }
+
+    /// The start in a wind that only turns steadily, and the data with it, where its log may drift so
+    /// far by chance and that makes the data more probable than `last`, which has a cause for the drift:
+    /// what gusts did where the log was kept need not have been done to the plume.
+    pub fn in_steady_wind(
+        &mut self,
+        setup: &Setup,
+        data: &Data,
+        last: &Fitted,
+    ) -> Option<(Self, Data)> {
+        let line = self.steady.take()?;
+        let last = single(setup, data).refine(&last.model, last.noise);
+        let base = self.fitted.model.beside_chance(line.chance_deg_per_h);
+        let (own, base) = settled(setup, data, &line, &base, &last.noise);
+        let fitted = single(setup, &own).refine(&base, last.noise);
+        let evidence = |f: &Fitted, t: Treatment| f.log_evidence + t.ln_prior();
+        let more = evidence(&fitted, Treatment::Line) > evidence(&last, self.treatment());
+        let drift = |k: &usize| fitted.model.id_of(*k) == MechanismId::WindDirectionDrift;
+        let k = (0..fitted.model.dimension()).find(drift)?;
+        let by_chance = fitted.model.departure_sd(k).abs() < CHANCE_SD;
+        let started = || Self {
+            fitted,
+            carried: Some(line),
+            steady: None,
+        };
+        (more && by_chance).then(|| (started(), own))
     }
 
     /// What puffs do to a plume is fitted at the base. Where a plume was found to be so different
@@ -130,6 +162,7 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
         return Started {
             fitted: single(setup, data).refine(&base, noise),
             carried: None,
+            steady: None,
         };
     };
     let (base, far) = aimed(setup, shared, first, base, &noise);
@@ -180,6 +213,7 @@ fn choose_wind(setup: &Setup, data: &mut Data, noise: NoiseModel, threads: usize
     Started {
         fitted,
         carried: Some(carried),
+        steady: options.into_iter().find(|o| o.treatment == Treatment::Line),
     }
 }
 

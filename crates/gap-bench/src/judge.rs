@@ -122,8 +122,9 @@ pub fn judge_tuned(task: &Task, tuned: Tuned) -> Outcome {
     outcome.forward = Some(tuned.case.truth.forward);
     match answer(task, &tuned.case) {
         Ok(analysis) => {
-            let alike = Alike::new(task, &tuned, &analysis);
-            if matches!(task.kind, Kind::Two(..)) {
+            let two = matches!(task.kind, Kind::Two(..));
+            let alike = Alike::new(&tuned, &analysis, two);
+            if two {
                 outcome.nameable = alike.nameable(&tuned.case.truth.effects);
             }
             compare(&mut outcome, &tuned.case.truth, &analysis, &alike);
@@ -214,8 +215,8 @@ struct Alike {
 }
 
 impl Alike {
-    /// Looked at only where some set that holds the effect holds others too, and of two effects.
-    fn new(task: &Task, tuned: &Tuned, analysis: &Analysis) -> Self {
+    /// Looked at of `all` effects, or only where some set that holds the effect holds others too.
+    fn new(tuned: &Tuned, analysis: &Analysis, all: bool) -> Self {
         let effects = &tuned.case.truth.effects;
         let wider = |e: &TrueEffect| {
             let causes = analysis.json.causes.iter();
@@ -223,10 +224,9 @@ impl Alike {
                 .filter(|c| holds(c, e))
                 .any(|c| c.mechanisms.iter().any(|id| !names(e, id)))
         };
-        let two = matches!(task.kind, Kind::Two(..));
         let mut of = vec![Vec::new(); effects.len()];
         let asked: Vec<usize> = (0..effects.len())
-            .filter(|k| two || wider(&effects[*k]))
+            .filter(|k| all || wider(&effects[*k]))
             .collect();
         // Without an answer nothing counts as alike.
         for (k, found) in asked.iter().zip(Self::look(tuned, &asked)) {

@@ -160,7 +160,7 @@ fn counted_from_near_zero(
     }
     tell(0.05, "fitting the base");
     let threads = options.threads.max(1);
-    let mut started = start::start(setup, &mut data, threads);
+    let started = start::start(setup, &mut data, threads);
     let ctx = Context {
         setup,
         data: &data,
@@ -175,16 +175,14 @@ fn counted_from_near_zero(
             (named, ctx) = (again, there);
         }
     }
-    let steady = named
-        .only(MechanismId::WindDirectionDrift)
-        .then(|| started.in_steady_wind(setup, ctx.data, &named.last))
-        .flatten();
-    let (started, steady) = match steady {
-        Some((started, data)) => (started, Some(data)),
-        None => (started, None),
+    let steady = if named.only(MechanismId::WindDirectionDrift) {
+        started.in_steady_wind(setup, ctx.data, &named.last)
+    } else {
+        None
     };
-    if let Some(data) = &steady {
-        ctx = Context { data, ..ctx };
+    let mut started = &started;
+    if let Some((there, data)) = &steady {
+        (started, ctx) = (there, Context { data, ..ctx });
         named = naming::name(&ctx, started.fitted.clone(), options, &mut tell);
     }
     let doubted = heights::doubted(&ctx, observations, &started.fitted, &named.last);
@@ -194,7 +192,7 @@ fn counted_from_near_zero(
     }
     // What stands out of a plume that was flown at other heights is none.
     quality.extend(gate::spikes(&data, &started.fitted.metric.whitener.spikes));
-    Ok(stated(&ctx, &started, named, quality, options, &mut tell))
+    Ok(stated(&ctx, started, named, quality, options, &mut tell))
 }
 
 /// The answer that `named` gives, with its gain, the next flight, and the report.

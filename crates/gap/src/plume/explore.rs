@@ -222,7 +222,8 @@ fn turned_otherwise(ctx: &Context<'_>, null: &Fitted) -> Vec<Trial> {
 /// A wind that blows from elsewhere altogether: no slope leads from a plume that the readings do not
 /// follow to where they do.
 fn turned_afar(ctx: &Context<'_>, null: &Fitted) -> Option<Trial> {
-    let k = start::turns(&null.model).filter(|k| null.model.wider_sd(*k).is_some())?;
+    let offset = null.model.free_of(MechanismId::WindDirectionOffset);
+    let k = offset.filter(|k| null.model.wider_sd(*k).is_some())?;
     if followed(ctx.data, &null.prediction.reading) {
         return None;
     }

@@ -127,8 +127,7 @@ impl Model {
     /// degrees an hour.
     pub fn beside_chance(&self, deg_per_h: f64) -> Self {
         let mut model = self.clone();
-        let drift = |k: &usize| model.id_of(*k) == MechanismId::WindDirectionDrift;
-        if let Some(k) = (0..model.dimension()).find(drift) {
+        if let Some(k) = model.free_of(MechanismId::WindDirectionDrift) {
             let free = &mut model.free[k];
             (free.sd, free.chance_sd) = (free.sd.hypot(deg_per_h), deg_per_h);
         }
@@ -199,6 +198,11 @@ impl Model {
     /// The mechanism that the free parameter `k` is one of.
     pub fn id_of(&self, k: usize) -> MechanismId {
         self.parts[self.free[k].part].id
+    }
+
+    /// The first free parameter of the mechanism `id`, on whatever platforms.
+    pub fn free_of(&self, id: MechanismId) -> Option<usize> {
+        (0..self.dimension()).find(|k| self.id_of(*k) == id)
     }
 
     pub fn dimension(&self) -> usize {

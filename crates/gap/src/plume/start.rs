@@ -63,27 +63,29 @@ impl Started {
     /// far by chance and that makes the data more probable than `last`, which has a cause for the drift:
     /// what gusts did where the log was kept need not have been done to the plume.
     pub fn in_steady_wind(
-        &mut self,
+        &self,
         setup: &Setup,
         data: &Data,
         last: &Fitted,
     ) -> Option<(Self, Data)> {
-        let line = self.steady.take()?;
+        let line = self.steady.as_ref()?;
+        // Only what has the metric of its own noise compares from wind to wind.
         let last = single(setup, data).refine(&last.model, last.noise);
         let base = self.fitted.model.beside_chance(line.chance_deg_per_h);
-        let (own, base) = settled(setup, data, &line, &base, &last.noise);
+        let (own, base) = settled(setup, data, line, &base, &last.noise);
         let fitted = single(setup, &own).refine(&base, last.noise);
+        let drift = fitted.model.free_of(MechanismId::WindDirectionDrift)?;
+        let by_chance = fitted.model.departure_sd(drift).abs() < CHANCE_SD;
         let evidence = |f: &Fitted, t: Treatment| f.log_evidence + t.ln_prior();
-        let more = evidence(&fitted, Treatment::Line) > evidence(&last, self.treatment());
-        let drift = |k: &usize| fitted.model.id_of(*k) == MechanismId::WindDirectionDrift;
-        let k = (0..fitted.model.dimension()).find(drift)?;
-        let by_chance = fitted.model.departure_sd(k).abs() < CHANCE_SD;
-        let started = || Self {
+        if !by_chance || evidence(&fitted, line.treatment) <= evidence(&last, self.treatment()) {
+            return None;
+        }
+        let started = Self {
             fitted,
-            carried: Some(line),
+            carried: Some(line.clone()),
             steady: None,
         };
-        (more && by_chance).then(|| (started(), own))
+        Some((started, own))
     }
 
     /// What puffs do to a plume is fitted at the base. Where a plume was found to be so different
@@ -294,12 +296,6 @@ fn shortlist(options: &[Carried], scores: &[f64]) -> Vec<usize> {
     order
 }
 
-/// Which free parameter turns the wind.
-pub(super) fn turns(model: &Model) -> Option<usize> {
-    let offset = |k: &usize| model.id_of(*k) == MechanismId::WindDirectionOffset;
-    (0..model.dimension()).find(offset)
-}
-
 /// The base turned to where its plume is most probable, about as far as its prior reaches: a
 /// narrow plume that points elsewhere than the readings has no slope that leads to them. Where they
 /// follow none of these, also a base with a wide prior, turned to where they follow it, if anywhere.
@@ -310,7 +306,7 @@ fn aimed(
     base: Model,
     noise: &NoiseModel,
 ) -> (Model, Option<Model>) {
-    let Some(k) = turns(&base) else {
+    let Some(k) = base.free_of(MechanismId::WindDirectionOffset) else {
         return (base, None);
     };
     let mut own = data.clone();
@@ -370,7 +366,7 @@ fn turned_by(
 /// same noise, against which it is seen how far the readings lie from there.
 fn held_back(ctx: &Context<'_>, base: &Model, fitted: Fitted) -> Fitted {
     let mut model = fitted.model.clone();
-    if let Some(k) = turns(base) {
+    if let Some(k) = base.free_of(MechanismId::WindDirectionOffset) {
         model.free[k] = base.free[k].clone();
         model.set_coordinate(k, base.coordinate(k));
     }

@@ -105,6 +105,7 @@ impl Treatment {
 }
 
 /// The transport of every row, and what it does to the plume's strength.
+#[derive(Clone)]
 pub(crate) struct Carried {
     pub transport: Vec<Transport>,
     pub treatment: Treatment,

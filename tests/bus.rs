@@ -1,4 +1,5 @@
-//! Garbage, foreign senders and other wire versions on the bus are told of and do no harm.
+//! Garbage, foreign senders and other wire versions on the bus are told of and do no harm; those who
+//! have the password all meet, however they start, and nobody else gets in.
 
 #![allow(
     clippy::unwrap_used,
@@ -12,6 +13,7 @@ use protocol::net::{Net, NetOptions};
 use protocol::{AgentId, Envelope, Interest, Message, ProtocolError, SimTime};
 use std::net::TcpListener;
 use std::time::Duration;
+use tokio::task::JoinSet;
 
 fn free_endpoint() -> String {
     let port = TcpListener::bind("127.0.0.1:0")
@@ -113,4 +115,51 @@ async fn a_port_that_is_taken_is_refused() {
         ..NetOptions::default()
     };
     assert!(Net::open(Name::new("m").unwrap(), &options).await.is_err());
+}
+
+/// Joins as vehicle `k` and waits until it sees `team`, or for as long as anybody may take.
+async fn meets(options: NetOptions, k: u8, team: Vec<AgentId>) -> bool {
+    let net = Net::open(Name::new("m").unwrap(), &options).await.unwrap();
+    let vehicle = AgentId::va(&k.to_string()).unwrap();
+    let token = net.announce(&vehicle).await.unwrap();
+    let met = tokio::time::timeout(Duration::from_secs(20), net.wait_for(&team)).await;
+    // The others may still look for this one.
+    tokio::time::sleep(Duration::from_secs(2)).await;
+    drop(token);
+    net.close().await.unwrap();
+    met.is_ok()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn all_with_the_password_meet_when_they_start_at_once_and_nobody_else() {
+    let users = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("bus-users");
+    std::fs::write(&users, "team:secret\n").unwrap();
+    let endpoint = free_endpoint();
+    let with = |password: &str| NetOptions {
+        connect: vec![endpoint.clone()],
+        user_password: Some(("team".to_owned(), password.to_owned())),
+        password_file: Some(users.to_str().unwrap().to_owned()),
+        ..NetOptions::default()
+    };
+    let first = NetOptions {
+        listen: vec![endpoint.clone()],
+        connect: Vec::new(),
+        ..with("secret")
+    };
+    let team: Vec<AgentId> = (1..=10)
+        .map(|k| AgentId::va(&k.to_string()).unwrap())
+        .collect();
+    let mut all = JoinSet::new();
+    all.spawn(meets(first, 1, team.clone()));
+    for k in 2..=10 {
+        all.spawn(meets(with("secret"), k, team.clone()));
+    }
+    let first_of_team = vec![team[0].clone()];
+    let stranger = tokio::time::timeout(
+        Duration::from_secs(3),
+        meets(with("guessed"), 11, first_of_team),
+    )
+    .await;
+    assert_eq!(all.join_all().await, [true; 10]);
+    assert!(stranger.is_err(), "a wrong password was let in");
 }

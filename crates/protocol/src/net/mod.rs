@@ -167,6 +167,12 @@ fn configuration(options: &NetOptions) -> Result<zenoh::Config, ProtocolError> {
         }
     }
     if let Some((user, password)) = &options.user_password {
+        // Two peers that show each other a password refuse the second of two connections that they
+        // open at once, and may be left with none (eclipse-zenoh/zenoh#2577): one side opens it.
+        set(
+            "scouting/gossip/autoconnect_strategy",
+            serde_json::json!({"peer": {"to_router": "always", "to_peer": "greater-zid"}}),
+        )?;
         set("transport/auth/usrpwd/user", user.clone().into())?;
         set("transport/auth/usrpwd/password", password.clone().into())?;
     }

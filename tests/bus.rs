@@ -117,49 +117,59 @@ async fn a_port_that_is_taken_is_refused() {
     assert!(Net::open(Name::new("m").unwrap(), &options).await.is_err());
 }
 
-/// Joins as vehicle `k` and waits until it sees `team`, or for as long as anybody may take.
-async fn meets(options: NetOptions, k: u8, team: Vec<AgentId>) -> bool {
+/// Joins as vehicle `k` and waits until it sees all of `team`; it is there as long as what comes back.
+async fn meet(
+    options: NetOptions,
+    k: u8,
+    team: Vec<AgentId>,
+) -> (Net, zenoh::liveliness::LivelinessToken) {
     let net = Net::open(Name::new("m").unwrap(), &options).await.unwrap();
     let vehicle = AgentId::va(&k.to_string()).unwrap();
     let token = net.announce(&vehicle).await.unwrap();
-    let met = tokio::time::timeout(Duration::from_secs(20), net.wait_for(&team)).await;
-    // The others may still look for this one.
-    tokio::time::sleep(Duration::from_secs(2)).await;
-    drop(token);
-    net.close().await.unwrap();
-    met.is_ok()
+    net.wait_for(&team).await;
+    (net, token)
 }
+
+/// How often ten start at once: whether two of them open connections to each other at the same
+/// moment, and would be left with none (eclipse-zenoh/zenoh#2577), is chance, one time in three on
+/// a busy machine and in five on an idle one.
+const STARTS: usize = 20;
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn all_with_the_password_meet_when_they_start_at_once_and_nobody_else() {
     let users = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("bus-users");
     std::fs::write(&users, "team:secret\n").unwrap();
-    let endpoint = free_endpoint();
-    let with = |password: &str| NetOptions {
-        connect: vec![endpoint.clone()],
+    let with = |endpoint: &str, password: &str| NetOptions {
+        connect: vec![endpoint.to_owned()],
         user_password: Some(("team".to_owned(), password.to_owned())),
         password_file: Some(users.to_str().unwrap().to_owned()),
         ..NetOptions::default()
     };
-    let first = NetOptions {
-        listen: vec![endpoint.clone()],
-        connect: Vec::new(),
-        ..with("secret")
-    };
     let team: Vec<AgentId> = (1..=10)
         .map(|k| AgentId::va(&k.to_string()).unwrap())
         .collect();
-    let mut all = JoinSet::new();
-    all.spawn(meets(first, 1, team.clone()));
-    for k in 2..=10 {
-        all.spawn(meets(with("secret"), k, team.clone()));
+    let (mut there, mut endpoint) = (Vec::new(), String::new());
+    for start in 1..=STARTS {
+        for (net, _) in there {
+            Net::close(net).await.unwrap();
+        }
+        endpoint = free_endpoint();
+        let first = NetOptions {
+            listen: vec![endpoint.clone()],
+            connect: Vec::new(),
+            ..with(&endpoint, "secret")
+        };
+        let mut all = JoinSet::new();
+        all.spawn(meet(first, 1, team.clone()));
+        for k in 2..=10 {
+            all.spawn(meet(with(&endpoint, "secret"), k, team.clone()));
+        }
+        let all = tokio::time::timeout(Duration::from_secs(20), all.join_all()).await;
+        there = all.unwrap_or_else(|_| panic!("not all met at start {start}"));
+        assert_eq!(there.len(), 10);
     }
-    let first_of_team = vec![team[0].clone()];
-    let stranger = tokio::time::timeout(
-        Duration::from_secs(3),
-        meets(with("guessed"), 11, first_of_team),
-    )
-    .await;
-    assert_eq!(all.join_all().await, [true; 10]);
+    // The last ten are still there, so that a stranger who is let in sees them.
+    let stranger = meet(with(&endpoint, "guessed"), 11, team[..1].to_vec());
+    let stranger = tokio::time::timeout(Duration::from_secs(3), stranger).await;
     assert!(stranger.is_err(), "a wrong password was let in");
 }

@@ -12,6 +12,7 @@ use scenario::random::stream;
 use shell::agent::{self, VehicleOptions, signing_from};
 use shell::{Failure, failure, mission_files};
 use stand_in::StandIn;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -76,7 +77,7 @@ fn main() -> ExitCode {
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)
-        .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
+        .with_ansi(std::io::stderr().is_terminal())
         .init();
     // The first word tells which of the two it is; clap's subcommands do not go with options that
     // only the other one requires.

@@ -169,6 +169,7 @@ fn configuration(options: &NetOptions) -> Result<zenoh::Config, ProtocolError> {
     if let Some((user, password)) = &options.user_password {
         // Two peers that show each other a password refuse the second of two connections that they
         // open at once, and may be left with none (eclipse-zenoh/zenoh#2577): one side opens it.
+        // Without passwords both may, as only one of them may be able to reach the other.
         set(
             "scouting/gossip/autoconnect_strategy",
             serde_json::json!({"peer": {"to_router": "always", "to_peer": "greater-zid"}}),

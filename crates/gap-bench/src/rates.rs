@@ -52,6 +52,14 @@ impl std::fmt::Display for Rate {
     }
 }
 
+/// A mean as the tables have it, with so many decimals and its unit; a dash where no case has one.
+pub fn mean_or_dash(mean: f64, decimals: usize, unit: &str) -> String {
+    if mean.is_nan() {
+        return "–".into();
+    }
+    format!("{mean:.decimals$}{unit}")
+}
+
 /// The 95 % interval of Clopper & Pearson (1934).
 pub fn clopper_pearson(rate: Rate) -> (f64, f64) {
     let (k, n) = (rate.hits as f64, rate.of as f64);
@@ -72,6 +80,13 @@ pub fn clopper_pearson(rate: Rate) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_mean_of_nothing_is_a_dash() {
+        assert_eq!(mean_or_dash(90.46, 1, " %"), "90.5 %");
+        assert_eq!(mean_or_dash(f64::NAN, 1, " %"), "–");
+        assert_eq!(Rate::default().to_string(), "–");
+    }
 
     // R: binom.test(x, n)$conf.int: 2 of 200 0.0012, 0.0357; 5 of 500 .0033, .0232; 0 of 20 0, .1684.
     #[test]

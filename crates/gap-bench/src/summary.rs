@@ -7,7 +7,7 @@ use gap_truth::{Forward, NoiseForm};
 
 use crate::judge::{FlownOn, Outcome};
 use crate::plan::Kind;
-use crate::rates::Rate;
+use crate::rates::{Rate, mean_or_dash};
 
 /// What was asked, the bar, and what was reached.
 type Line = (String, String, String);
@@ -198,9 +198,9 @@ impl Summary {
     fn lines_of_one(&self, (nats, found, set, gain): (f64, u32, u32, u32)) -> Vec<Line> {
         let cases = self.one(nats);
         let least = |percent: u32| format!("≥ {percent} %");
-        let relative = format!("{:.0} %", 100.0 * Self::relative_gain(&cases));
-        let size = format!("{:.2}", Self::mean_set_size(&cases));
-        let whole = format!("{:.2}", Self::mean_whole_size(&cases));
+        let relative = mean_or_dash(100.0 * Self::relative_gain(&cases), 1, " %");
+        let size = mean_or_dash(Self::mean_set_size(&cases), 2, "");
+        let whole = mean_or_dash(Self::mean_whole_size(&cases), 2, "");
         let wrong = Self::confidently_wrong(&cases);
         vec![
             line(
@@ -262,7 +262,7 @@ impl Summary {
             line(
                 "two effects: both named, at most, by any method on such data",
                 "",
-                format!("{:.1} %", 100.0 * Self::nameable(&two)),
+                mean_or_dash(100.0 * Self::nameable(&two), 1, " %"),
             ),
             line(
                 "next flight that says it will (probability ≥ 0.5): settles the matter",

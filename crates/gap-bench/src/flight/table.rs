@@ -6,7 +6,7 @@ use gap::verdict::Verdict;
 use gap_truth::flight::FlightNoise;
 
 use super::{FIRST_SEED, FlightKind, FlightOutcome};
-use crate::rates::Rate;
+use crate::rates::{Rate, mean_or_dash};
 
 /// All outcomes.
 #[derive(Debug, Clone, PartialEq)]
@@ -136,11 +136,11 @@ impl FlightSummary {
             let name = |what: &str| format!("D = {nats}: {what}");
             rows.push(row(&name("detected"), detected, self.detected(nats)));
             rows.push(row(&name("truth in the set"), held, self.in_sets(nats)));
-            let size = format!("{:.2}", self.set_size(nats));
+            let size = mean_or_dash(self.set_size(nats), 2, "");
             rows.push((name("mean size of the set"), "≤ 1.25", size));
             let wrong = self.wrong(|k| is_one(k, nats));
             rows.push(row(&name("wrong with confidence"), "≤ 1 %", wrong));
-            let share = format!("{:.0} %", 100.0 * self.gain(nats));
+            let share = mean_or_dash(100.0 * self.gain(nats), 1, " %");
             rows.push((name("held-out gain / the truth's own"), gain, share));
         }
         rows.extend(self.other_rows());

@@ -1,7 +1,7 @@
 //! One agent in a process of its own, on the bus over Zenoh.
 
 use crate::flightgear::{self, Viewer};
-use crate::{Failure, mission_files, presence};
+use crate::{Failure, mission_files, presence, tls};
 use anyhow::Context as _;
 use mav_bridge::link::{Link, LinkAddress};
 use mav_bridge::signing::SigningConfig;
@@ -59,11 +59,15 @@ pub struct BusArguments {
 }
 
 impl BusArguments {
-    /// The mission, with what the arguments change of it.
+    /// The mission, with what the arguments change of it; the first thing that a process does, as
+    /// with TLS it is started again ([`tls::in_one_thread`]).
     ///
     /// # Errors
     /// Wrong input, with what was expected.
     pub fn setup(&self) -> Result<Setup, Failure> {
+        if self.tls_ca.is_some() {
+            tls::in_one_thread()?;
+        }
         mission_files::load_changed(&self.scenario, self.seed, self.duration)
     }
 

@@ -13,5 +13,6 @@ pub mod pace;
 pub mod page;
 pub mod presence;
 pub mod site;
+pub mod tls;
 
 pub use failure::Failure;

@@ -41,7 +41,8 @@ pub struct NetOptions {
     pub password_file: Option<String>,
 }
 
-/// PEM files for TLS.
+/// PEM files for TLS. The process needs one thread of Zenoh for all that is read and written, by the
+/// environment variable `ZENOH_RUNTIME`: Zenoh 1.10 otherwise loses connections (eclipse-zenoh/zenoh#2557).
 #[derive(Debug, Clone)]
 pub struct TlsFiles {
     /// Certificate of the authority that signs the peers' certificates.

@@ -27,7 +27,8 @@ pub fn in_one_thread() -> Result<(), Failure> {
     again
         .args(std::env::args_os().skip(1))
         .env(VARIABLE, ONE_THREAD);
-    Err(replace_by(again).into())
+    let why = anyhow::Error::new(replace_by(again));
+    Err(why.context("cannot start this program again").into())
 }
 
 #[cfg(unix)]

@@ -25,6 +25,25 @@ const SWING_STEP_DEG: f64 = 0.5;
 /// Longest step of one iteration, in standard deviations of the prior.
 const LONGEST_STEP: f64 = 3.0;
 
+/// What log likelihoods under one noise have in common.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Scale {
+    /// Log likelihood of a residual of nothing, with the noise's prior, nats.
+    nothing_nats: f64,
+    /// The part of the nuisance in it, ½ ln |I + S Zᵀ Z|, nats.
+    volume: f64,
+}
+
+impl Scale {
+    /// That of a metric which was made with the noise and the residual `cleaned`.
+    fn new(metric: &Metric, noise: &NoiseModel, cleaned: &[f64]) -> Self {
+        Self {
+            nothing_nats: metric.nats_of_nothing(cleaned) + noise.ln_prior(),
+            volume: metric.half_log_det,
+        }
+    }
+}
+
 /// A model at its best, with its noise.
 #[derive(Debug, Clone)]
 pub(crate) struct Fitted {
@@ -43,9 +62,11 @@ pub(crate) struct Fitted {
     pub precision: DVector<f64>,
     /// Posterior of the columns' coefficients about where the model stands.
     pub posterior: Posterior,
-    /// Log likelihood, nats.
+    scale: Scale,
+    /// Log likelihood, nats; of swings and tolerances that are not those of the noise's own fit
+    /// without the volume.
     pub log_score: f64,
-    /// Log likelihood and prior and their curvature, nats.
+    /// Log likelihood with the volume, prior, and their curvature, nats.
     pub log_evidence: f64,
 }
 
@@ -53,6 +74,11 @@ impl Fitted {
     /// Log score with the prior of the parameters, nats.
     pub fn score_with_prior(&self) -> f64 {
         self.log_score + self.model.ln_prior()
+    }
+
+    /// Log score that there would be with a residual of nothing, nats.
+    pub fn log_score_of_nothing(&self) -> f64 {
+        self.scale.nothing_nats
     }
 
     /// Whitened derivatives by the free parameters, then the nuisance columns.
@@ -249,7 +275,8 @@ impl<'a> Context<'a> {
         (residual, columns)
     }
 
-    /// A model at its best under the noise that stands; no noise is fitted.
+    /// A model at its best under the noise of `from`; no noise is fitted. The metric is that of `from`,
+    /// or has other swings and tolerances.
     pub fn settle(
         &self,
         start: &Model,
@@ -265,7 +292,7 @@ impl<'a> Context<'a> {
             from.noise,
             from.loading.clone(),
             Arc::clone(metric),
-            None,
+            from.scale,
         )
     }
 
@@ -298,14 +325,8 @@ impl<'a> Context<'a> {
         let metric = Arc::new(Metric::new(whitener, nuisance));
         let model = self.descend(start, &metric, 4);
         let prediction = self.predict(&model);
-        self.conclude(
-            model,
-            prediction,
-            wide.noise,
-            wide.loading,
-            metric,
-            Some(&wide.cleaned),
-        )
+        let scale = Scale::new(&metric, &wide.noise, &wide.cleaned);
+        self.conclude(model, prediction, wide.noise, wide.loading, metric, scale)
     }
 
     /// The noise fitted with everything free at `model`, and the score of that.
@@ -391,22 +412,18 @@ impl<'a> Context<'a> {
         (Metric::new(whitener, nuisance), residual)
     }
 
-    /// Puts together what is known at a model; `cleaned` is the residual that the metric was
-    /// made with, none where the metric is another fit's and only squares are to be compared.
-    pub fn conclude(
+    /// Puts together what is known at a model.
+    fn conclude(
         &self,
         model: Model,
         prediction: Prediction,
         noise: NoiseModel,
         loading: Vec<Loading>,
         metric: Arc<Metric>,
-        cleaned: Option<&[f64]>,
+        scale: Scale,
     ) -> Fitted {
         let (residual, derivatives) = self.whitened(&model, &prediction.reading, &metric);
-        let log_score = match cleaned {
-            None => -0.5 * metric.square(&residual),
-            Some(cleaned) => metric.log_likelihood(&residual, cleaned) + noise.ln_prior(),
-        };
+        let log_score = scale.nothing_nats - 0.5 * metric.square(&residual);
         let (centre, precision) = prior_of(&model, &metric);
         let n = model.dimension();
         let (gram, score) = normal_equations(&residual, &derivatives, &metric);
@@ -414,11 +431,7 @@ impl<'a> Context<'a> {
             posterior(&gram, &score, &centre, &precision).unwrap_or_else(|| empty(&precision));
         // The nuisance is integrated over in the score already.
         let own = posterior.covariance.view((0, 0), (n, n)).into_owned();
-        let volume = match cleaned {
-            None => metric.half_log_det,
-            Some(_) => 0.0,
-        };
-        let log_evidence = log_score - volume
+        let log_evidence = log_score - (metric.half_log_det - scale.volume)
             + model.ln_prior()
             + 0.5 * n as f64 * std::f64::consts::TAU.ln()
             + 0.5 * log_det(&own);
@@ -433,6 +446,7 @@ impl<'a> Context<'a> {
             centre,
             precision,
             posterior,
+            scale,
             log_score,
             log_evidence,
         }

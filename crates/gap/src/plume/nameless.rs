@@ -135,7 +135,7 @@ impl Named {
         };
         if !self.accepted.is_empty() {
             let (named, _) = &found;
-            let settled = |fit: &Fitted| ctx.settle(&fit.model, &named.metric, fit, 6);
+            let settled = |fit: &Fitted| ctx.settle(&fit.model, &named.metric, named, 6);
             let evidence = |fit: &Fitted| settled(fit).log_evidence;
             if evidence(named) - evidence(&self.base) < LEAST_EVIDENCE
                 && let Some(alone) = swing_beside(ctx, &self.base, seed)

@@ -361,11 +361,14 @@ impl Metric {
 
     /// Log likelihood of a whitened residual, nats; `cleaned` is what the whitener was made with.
     pub fn log_likelihood(&self, whitened: &[f64], cleaned: &[f64]) -> f64 {
+        self.nats_of_nothing(cleaned) - 0.5 * self.square(whitened)
+    }
+
+    /// The same of a residual of nothing.
+    pub fn nats_of_nothing(&self, cleaned: &[f64]) -> f64 {
         let mut own = cleaned.to_vec();
         self.whitener.whiten_one(&mut own);
-        self.whitener.log_likelihood + 0.5 * dot(&own, &own)
-            - 0.5 * self.square(whitened)
-            - self.half_log_det
+        self.whitener.log_likelihood + 0.5 * dot(&own, &own) - self.half_log_det
     }
 
     /// The size of the shared swing that the residual asks for, degrees.

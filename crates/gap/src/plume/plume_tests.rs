@@ -506,3 +506,6 @@ fn a_fault_that_may_be_another_platforms_is_said_so() {
 
 #[path = "inputs_tests.rs"]
 mod inputs;
+
+#[path = "fit_tests.rs"]
+mod fits;

@@ -215,7 +215,7 @@ impl Visibility {
         };
         let null = ctx.settle(&null, &self.fitted.metric, &self.fitted, 8);
         // The prior costs the truth what it costs it in the data.
-        let best = truth.model.ln_departure(|_| true);
+        let best = null.log_score_of_nothing() + truth.model.ln_departure(|_| true);
         let floor = null.log_score + null.model.ln_departure(|_| true);
         let round = explore::names(&ctx, &null, 1, None);
         let mut out: Vec<Likeness> = Vec::new();

@@ -135,9 +135,10 @@ impl Named {
         };
         if !self.accepted.is_empty() {
             let (named, _) = &found;
-            let settled = |fit: &Fitted| ctx.settle(&fit.model, &named.metric, named, 6);
-            let evidence = |fit: &Fitted| settled(fit).log_evidence;
-            if evidence(named) - evidence(&self.base) < LEAST_EVIDENCE
+            let settled = |model| ctx.settle(model, &named.metric, named, 6);
+            let gained =
+                settled(&named.model).log_evidence - settled(&self.base.model).log_evidence;
+            if gained < LEAST_EVIDENCE
                 && let Some(alone) = swing_beside(ctx, &self.base, seed)
             {
                 self.accepted.clear();

@@ -3,7 +3,7 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use gap::plume::{Options, Setup, analyse};
-use plume::field::{Place, World};
+use plume::field::{DispersionModel, Place};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -36,7 +36,7 @@ noise_sd_ppm = 1.0
 
 /// Six platforms weaving across the plume, one reading a second each.
 fn observations(setup: &Setup, seconds: usize) -> Observations {
-    let world = World::new(setup.base.clone()).expect("the base is a world");
+    let world = DispersionModel::new(setup.base.clone()).expect("the base is a world");
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut normal = move || -> f64 { StandardNormal.sample(&mut rng) };
     let mut rows = Vec::with_capacity(6 * seconds);

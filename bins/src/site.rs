@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use mission::{Setup, truth};
-use plume::{Place, World};
+use plume::{DispersionModel, Place};
 use protocol::message::Model;
 use record::kml::{Stack, Surroundings};
 use std::sync::Arc;
@@ -45,10 +45,10 @@ fn stacks(setup: &Setup) -> Vec<Stack> {
 /// A scenario that describes no world.
 pub fn of(setup: &Setup) -> Result<Site> {
     let scenario = &setup.scenario;
-    let base = scenario.world_spec()?;
+    let base = scenario.dispersion_spec()?;
     let ground = scenario.site.ground_amsl_m;
     let field = move |model: &Model, spots: &[Spot]| -> Vec<f64> {
-        let world: Option<World> = sc::peak::corrected(&base, model);
+        let world: Option<DispersionModel> = sc::peak::corrected(&base, model);
         let ppm = |spot| {
             world
                 .as_ref()

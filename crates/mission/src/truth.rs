@@ -4,7 +4,7 @@
 use crate::MissionError;
 use air::geo::Enu;
 use air::wind::towards_deg;
-use plume::{Place, Strength, World};
+use plume::{DispersionModel, Place, Strength};
 use protocol::message::{Estimate, Peak};
 use record::summary::ModelNumbers;
 use scenario::Scenario;
@@ -52,8 +52,8 @@ pub fn numbers(scenario: &Scenario) -> Result<ModelNumbers, MissionError> {
 /// # Errors
 /// A reality that describes no world.
 pub fn reality_numbers(scenario: &Scenario) -> Result<ModelNumbers, MissionError> {
-    let spec = scenario.in_reality().world_spec()?;
-    let distance_m = match scenario.world_spec()?.sources[0].strength {
+    let spec = scenario.in_reality().dispersion_spec()?;
+    let distance_m = match scenario.dispersion_spec()?.sources[0].strength {
         Strength::CMax { distance_m, .. } => distance_m,
         Strength::EmissionKgS(_) => STATED_AT_M,
     };
@@ -68,7 +68,7 @@ pub fn reality_numbers(scenario: &Scenario) -> Result<ModelNumbers, MissionError
     let height_m = source.effective_height_agl_m;
     let exactly = |value: f64| Estimate { value, sd: 0.0 };
     let (background, y, z) = (spec.background_ppm, spec.sigma_y_scale, spec.sigma_z_scale);
-    let world = World::new(spec).map_err(scenario::world::WorldError::from)?;
+    let world = DispersionModel::new(spec).map_err(scenario::world::WorldError::from)?;
     Ok(ModelNumbers {
         background_ppm: exactly(background),
         effective_height_agl_m: exactly(height_m),
@@ -131,7 +131,7 @@ struct Region {
 }
 
 impl Region {
-    fn new(scenario: &Scenario, world: &World) -> Result<Self, MissionError> {
+    fn new(scenario: &Scenario, world: &DispersionModel) -> Result<Self, MissionError> {
         Ok(Self {
             polygon: scenario.fence_polygon()?,
             floor_m: scenario.fence.floor_agl_m,
@@ -165,7 +165,7 @@ impl Region {
 
     fn best_on_grid(
         &self,
-        world: &World,
+        world: &DispersionModel,
         bounds: &[(f64, f64); 3],
         spacing_m: f64,
         mut best: Option<(f64, Place)>,

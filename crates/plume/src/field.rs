@@ -5,14 +5,14 @@
 //! c_MAX(x) carried from where it was measured by the ratio of σy σz.
 //!
 //! **Calm.** The formula has no answer without wind. Below [`LEAST_TRANSPORT_M_S`] the plume is
-//! carried at that speed along the given direction, and [`World::notices`] says so.
+//! carried at that speed along the given direction, and [`DispersionModel::notices`] says so.
 
 use air::geo::Enu;
 use air::isa::Atmosphere;
 use air::wind::{WindProfile, towards_deg};
 
 use self::reflection::Reflection;
-use crate::effects::{HOUR_S, WorldEffects};
+use crate::effects::{DispersionEffects, HOUR_S};
 use crate::mechanism::Mechanism;
 use crate::sensor::SensorSpec;
 use crate::sigma::{Setting, Spread};
@@ -74,7 +74,7 @@ pub struct SourceSpec {
 
 /// All that a mean field, and the sensor that reads it, depend on.
 #[derive(Debug, Clone, PartialEq)]
-pub struct WorldSpec {
+pub struct DispersionSpec {
     /// Height of the site's ground above mean sea level, m.
     pub ground_amsl_m: f64,
     /// Temperature and pressure with height.
@@ -154,11 +154,11 @@ enum Emitted {
     Axis(f64),
 }
 
-/// A validated world: the mean field at any place and time.
+/// A validated model: the mean field at any place and time.
 #[derive(Debug, Clone)]
-pub struct World {
-    spec: WorldSpec,
-    effects: WorldEffects,
+pub struct DispersionModel {
+    spec: DispersionSpec,
+    effects: DispersionEffects,
     plumes: Vec<Plume>,
     spread: Spread,
     reflection: Reflection,
@@ -167,14 +167,14 @@ pub struct World {
     notices: Vec<String>,
 }
 
-impl World {
+impl DispersionModel {
     /// Validates a specification and prepares it for evaluation.
     ///
     /// # Errors
     /// A value out of range, or no source.
-    pub fn new(spec: WorldSpec) -> Result<Self, PlumeError> {
+    pub fn new(spec: DispersionSpec) -> Result<Self, PlumeError> {
         validate(&spec)?;
-        let effects = WorldEffects::of(&spec.mechanisms);
+        let effects = DispersionEffects::of(&spec.mechanisms);
         let reflection = Reflection {
             ground: (f64::from(u8::from(spec.ground_reflection)) + effects.ground_coefficient)
                 .clamp(0.0, 1.0),
@@ -184,7 +184,7 @@ impl World {
             lid_edge_m: spec.lid_edge_m,
         };
         let first_height = spec.sources[0].effective_height_agl_m;
-        let mut world = Self {
+        let mut model = Self {
             spread: Spread::new(spec.stability, effects.class_shift, spec.setting),
             rotation: turn(effects.direction_offset_deg),
             scenario_wind: transport(&spec.wind, first_height),
@@ -194,24 +194,24 @@ impl World {
             effects,
             reflection,
         };
-        let first_gas = world.spec.sources[0].gas;
-        for i in 0..world.spec.sources.len() {
-            if world.spec.sources[i].gas == first_gas {
-                let plume = world.plume(&world.spec.sources[i], 0.0, 0.0, 0.0, 1.0);
-                world.plumes.push(plume);
+        let first_gas = model.spec.sources[0].gas;
+        for i in 0..model.spec.sources.len() {
+            if model.spec.sources[i].gas == first_gas {
+                let plume = model.plume(&model.spec.sources[i], 0.0, 0.0, 0.0, 1.0);
+                model.plumes.push(plume);
             }
         }
-        for s in &world.effects.second_sources {
-            let first = &world.spec.sources[0];
-            let plume = world.plume(first, s.east_m, s.north_m, s.height_offset_m, s.ratio);
-            world.plumes.push(plume);
+        for s in &model.effects.second_sources {
+            let first = &model.spec.sources[0];
+            let plume = model.plume(first, s.east_m, s.north_m, s.height_offset_m, s.ratio);
+            model.plumes.push(plume);
         }
-        if world.effects.deposition_m_s > 0.0 {
-            for i in 0..world.plumes.len() {
-                world.plumes[i].depletion = Some(Depletion::new(&world, &world.plumes[i]));
+        if model.effects.deposition_m_s > 0.0 {
+            for i in 0..model.plumes.len() {
+                model.plumes[i].depletion = Some(Depletion::new(&model, &model.plumes[i]));
             }
         }
-        Ok(world)
+        Ok(model)
     }
 
     fn plume(&self, source: &SourceSpec, east: f64, north: f64, up: f64, ratio: f64) -> Plume {
@@ -245,8 +245,8 @@ impl World {
         }
     }
 
-    /// The specification this world was made from.
-    pub fn spec(&self) -> &WorldSpec {
+    /// The specification this model was made from.
+    pub fn spec(&self) -> &DispersionSpec {
         &self.spec
     }
 
@@ -442,10 +442,10 @@ const DEPLETION_FIRST_M: f64 = 10.0;
 const DEPLETION_PER_E: f64 = 10.0;
 
 impl Depletion {
-    fn new(world: &World, plume: &Plume) -> Self {
-        let weight = (2.0 / std::f64::consts::PI).sqrt() * 0.5 * (1.0 + world.reflection.ground);
+    fn new(model: &DispersionModel, plume: &Plume) -> Self {
+        let weight = (2.0 / std::f64::consts::PI).sqrt() * 0.5 * (1.0 + model.reflection.ground);
         let at = |x: f64| {
-            let z = world.sigmas_m(x).1;
+            let z = model.sigmas_m(x).1;
             weight * (-0.5 * (plume.height_m / z).powi(2)).exp() / z
         };
         let node = |i: usize| DEPLETION_FIRST_M * (i as f64 / DEPLETION_PER_E).exp();
@@ -506,7 +506,7 @@ fn transport(wind: &WindProfile, height_m: f64) -> Transport {
     Transport::new(wind.from_deg(), wind.speed_at_m_s(height_m))
 }
 
-fn notices(spec: &WorldSpec) -> Vec<String> {
+fn notices(spec: &DispersionSpec) -> Vec<String> {
     let mut out = Vec::new();
     let height = spec.sources[0].effective_height_agl_m;
     let speed = spec.wind.speed_at_m_s(height);
@@ -530,7 +530,7 @@ fn notices(spec: &WorldSpec) -> Vec<String> {
     out
 }
 
-fn validate(spec: &WorldSpec) -> Result<(), PlumeError> {
+fn validate(spec: &DispersionSpec) -> Result<(), PlumeError> {
     if spec.sources.is_empty() {
         return Err(PlumeError::NoSource);
     }

@@ -1,4 +1,4 @@
-//! Mechanisms: the named extensions of a world and of a sensor, with their parameters, units,
+//! Mechanisms: the named extensions of a model and of a sensor, with their parameters, units,
 //! neutral values, physical priors and sign conventions.
 //!
 //! A model is a base plus a list of mechanisms. Two of the same kind add up (offsets add,
@@ -11,7 +11,7 @@ mod source;
 mod spread;
 mod wind;
 
-pub use entry::{Acts, Coordinate, Family, MechanismSpec, ParameterSpec, Steps};
+pub use entry::{Action, Coordinate, Family, MechanismSpec, ParameterSpec, Steps};
 
 use crate::{PlumeError, in_range};
 
@@ -253,7 +253,7 @@ mod tests {
             let spec = id.spec();
             assert_eq!(MechanismId::from_name(spec.name), Some(*id));
             assert!(spec.parameters.len() <= MOST_PARAMETERS);
-            let on_sensor = matches!(spec.acts, Acts::OnSensor(_));
+            let on_sensor = matches!(spec.action, Action::OnSensor(_));
             assert_eq!(on_sensor, spec.family == Family::Sensor, "{}", spec.name);
             for p in spec.parameters {
                 assert!(
@@ -318,8 +318,8 @@ mod tests {
         assert!(gain.applies_to("3"));
         let gain = gain.for_platforms(&["1".into()]);
         assert!(!gain.applies_to("3") && gain.applies_to("1"));
-        let world = Mechanism::new("emission-scale", &[("factor", 2.0)]).unwrap();
-        assert!(world.for_platforms(&["1".into()]).applies_to("3"));
+        let emission = Mechanism::new("emission-scale", &[("factor", 2.0)]).unwrap();
+        assert!(emission.for_platforms(&["1".into()]).applies_to("3"));
     }
 
     proptest::proptest! {

@@ -6,7 +6,7 @@
 //! puffs has all of that (Seinfeld and Pandis 2016, section 18.9); the ratio of that sum to the
 //! straight plume is taken once for each reading and then multiplies the formula.
 
-use super::{Emitted, Place, Transport, World, rotate};
+use super::{DispersionModel, Emitted, Place, Transport, rotate};
 
 /// Where the air has gone since a time, on an even grid of times.
 #[derive(Debug, Clone, PartialEq)]
@@ -114,8 +114,8 @@ impl WindHistory {
     }
 }
 
-impl World {
-    /// Ratio of the puffs of plume `which` ([`World::plume_count`]) to its straight plume at a
+impl DispersionModel {
+    /// Ratio of the puffs of plume `which` ([`DispersionModel::plume_count`]) to its straight plume at a
     /// place and time, for the `wind` that the straight plume is given; 1 where the straight plume
     /// has nothing.
     ///
@@ -223,13 +223,13 @@ mod tests {
         let mut wide = spec(crate::Strength::EmissionKgS(100.0));
         wide.stability = crate::stability::Stability::B;
         wide.ground_reflection = true;
-        let world = World::new(wide).unwrap();
+        let model = DispersionModel::new(wide).unwrap();
         let wind: Vec<[f64; 2]> = (0..1200).map(|k| wandering(f64::from(k) + 0.5)).collect();
         let mut history = WindHistory::new(0.0, 1.0, &wind);
         if with_time {
             history = history.growing_with_time();
         }
-        let source = world.spec().sources[0].clone();
+        let source = model.spec().sources[0].clone();
         for (along, across, time) in [
             (700.0, 20.0, 700.0),
             (1500.0, -150.0, 900.0),
@@ -241,14 +241,14 @@ mod tests {
                 height_agl_m: source.effective_height_agl_m,
             };
             let transport = history.mean_transport(time, along.hypot(across));
-            let ratio = world.puffs_over_plume(&history, 0, &place, time, transport);
-            let plume = world.plumes[0].clone();
-            let (straight, _, speed) = world.shape(&plume, &place, transport);
+            let ratio = model.puffs_over_plume(&history, 0, &place, time, transport);
+            let plume = model.plumes[0].clone();
+            let (straight, _, speed) = model.shape(&plume, &place, transport);
             let mut sum = 0.0;
             for k in 1..9000 {
                 let ago_s = 0.1 * f64::from(k);
                 let moved = history.travelled_m(time, ago_s);
-                let (y, z) = world.sigmas_m(grown(&history, time, ago_s));
+                let (y, z) = model.sigmas_m(grown(&history, time, ago_s));
                 let d_sq = (place.east_m - source.place.east_m - moved[0]).powi(2)
                     + (place.north_m - source.place.north_m - moved[1]).powi(2);
                 let h = source.effective_height_agl_m;
@@ -259,7 +259,7 @@ mod tests {
             let mine = straight * ratio
                 / match plume.emitted {
                     Emitted::Molar(_) => speed,
-                    Emitted::Axis(_) => world
+                    Emitted::Axis(_) => model
                         .spec()
                         .wind
                         .speed_at_m_s(source.effective_height_agl_m),
@@ -288,9 +288,9 @@ mod tests {
         let ratio = |mechanism: Option<crate::Mechanism>, place: Place| {
             let mut spec = plain.clone();
             spec.mechanisms.extend(mechanism);
-            let world = World::new(spec).unwrap();
+            let model = DispersionModel::new(spec).unwrap();
             let transport = history.mean_transport(900.0, 1500.0);
-            world.puffs_over_plume(&history, 0, &place, 900.0, transport)
+            model.puffs_over_plume(&history, 0, &place, 900.0, transport)
         };
         for (id, name, value) in [
             ("first-order-decay", "rate_per_s", 1e-3),
@@ -325,11 +325,11 @@ mod tests {
         let moved = [("east_m", 400.0), ("north_m", -250.0), ("ratio", 0.3)];
         let second = crate::Mechanism::new("second-source", &moved).unwrap();
         both.mechanisms.push(second);
-        let world = World::new(both).unwrap();
-        assert_eq!(world.plume_count(), 2);
+        let model = DispersionModel::new(both).unwrap();
+        assert_eq!(model.plume_count(), 2);
         let wind: Vec<[f64; 2]> = (0..1200).map(|k| wandering(f64::from(k) + 0.5)).collect();
         let history = WindHistory::new(0.0, 1.0, &wind);
-        let source = world.spec().sources[0].clone();
+        let source = model.spec().sources[0].clone();
         let transport = history.mean_transport(900.0, 1500.0);
         let ratio = |which: usize, east_m: f64, north_m: f64| {
             let place = Place {
@@ -337,7 +337,7 @@ mod tests {
                 north_m: source.place.north_m + north_m,
                 height_agl_m: source.effective_height_agl_m,
             };
-            world.puffs_over_plume(&history, which, &place, 900.0, transport)
+            model.puffs_over_plume(&history, which, &place, 900.0, transport)
         };
         let own = ratio(0, 1400.0, 450.0);
         assert!((ratio(1, 1800.0, 200.0) / own - 1.0).abs() < 1e-9);

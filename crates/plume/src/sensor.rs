@@ -3,7 +3,7 @@
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::effects::{Ambient, HOUR_S, SensorEffects};
+use crate::effects::{SensorAir, HOUR_S, SensorEffects};
 use crate::field::Place;
 use crate::lag::lag_step;
 use crate::mechanism::Mechanism;
@@ -102,11 +102,11 @@ impl Sensor {
     /// The reading after `dt_s` in which the concentration went straight from its last value to
     /// `true_ppm`; the air's own influence unknown.
     pub fn read<R: Rng>(&mut self, true_ppm: f64, dt_s: f64, rng: &mut R) -> f64 {
-        self.read_in(true_ppm, &Ambient::UNKNOWN, dt_s, rng)
+        self.read_in(true_ppm, &SensorAir::UNKNOWN, dt_s, rng)
     }
 
     /// The same in air of known temperature, humidity and pressure.
-    pub fn read_in<R: Rng>(&mut self, true_ppm: f64, air: &Ambient, dt_s: f64, rng: &mut R) -> f64 {
+    pub fn read_in<R: Rng>(&mut self, true_ppm: f64, air: &SensorAir, dt_s: f64, rng: &mut R) -> f64 {
         self.time_s += dt_s;
         let lagged = self.lag(true_ppm, dt_s);
         let noise: f64 = StandardNormal.sample(rng);
@@ -232,9 +232,9 @@ mod tests {
         )
         .unwrap()
         .for_platforms(&["2".into()]);
-        let air = Ambient {
+        let air = SensorAir {
             relative_humidity_pct: 60.0,
-            ..Ambient::UNKNOWN
+            ..SensorAir::UNKNOWN
         };
         let read = |platform: &str| {
             Sensor::new(

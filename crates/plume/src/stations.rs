@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use crate::field::{Transport, World};
+use crate::field::{DispersionModel, Transport};
 use crate::lag::LONGEST_CURVED_S;
 use crate::track::Row;
 
@@ -45,10 +45,10 @@ pub(crate) struct Stations {
 }
 
 impl Stations {
-    /// Those of `rows`, which stand in `ranges` platform by platform, for the plumes of `world` in the
-    /// rows' transport. They stay for worlds that differ from it as a fit's do.
+    /// Those of `rows`, which stand in `ranges` platform by platform, for the plumes of `model` in the
+    /// rows' transport. They stay for models that differ from it as a fit's do.
     pub fn new(
-        world: &World,
+        model: &DispersionModel,
         ranges: &[Range<usize>],
         rows: &[Row],
         transport: &[Transport],
@@ -65,7 +65,7 @@ impl Stations {
                 out.push(i, 0.0, rows[i].time_s);
                 if i + 1 < range.end {
                     let dt_s = rows[i + 1].time_s - rows[i].time_s;
-                    let parts = parts(world, &rows[i], &rows[i + 1], transport[i]);
+                    let parts = parts(model, &rows[i], &rows[i + 1], transport[i]);
                     for k in 1..parts {
                         let share = f64::from(k) / f64::from(parts);
                         out.push(i, share, rows[i].time_s + share * dt_s);
@@ -105,7 +105,7 @@ impl Stations {
 
 /// Into how many parts the way between two rows is cut: a power of two, so that steps have few
 /// lengths.
-fn parts(world: &World, from: &Row, to: &Row, wind: Transport) -> u32 {
+fn parts(model: &DispersionModel, from: &Row, to: &Row, wind: Transport) -> u32 {
     if to.time_s - from.time_s > LONGEST_CURVED_S {
         return 1;
     }
@@ -114,13 +114,13 @@ fn parts(world: &World, from: &Row, to: &Row, wind: Transport) -> u32 {
     let across_m = (east_m * wind.north - north_m * wind.east).abs();
     let up_m = (b.height_agl_m - a.height_agl_m).abs();
     let of = |(x_m, y_m): (f64, f64)| {
-        let (sigma_y_m, sigma_z_m) = world.sigmas_m(x_m);
+        let (sigma_y_m, sigma_z_m) = model.sigmas_m(x_m);
         if y_m.abs() > NEAR_SD * sigma_y_m + NEAR_TURN * x_m + across_m {
             return 0.0;
         }
         (across_m / sigma_y_m).hypot(up_m / sigma_z_m)
     };
-    let way = world
+    let way = model
         .downwind_of_sources_m(a, wind)
         .map(of)
         .fold(0.0, f64::max);

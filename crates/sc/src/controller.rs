@@ -5,7 +5,7 @@ use csea::{
     Archive, ArchiveOptions, CsEaOptions, Domain, Position, Sample, SearchStrategy,
     strategy_by_name,
 };
-use plume::{World, WorldSpec};
+use plume::{DispersionModel, DispersionSpec};
 use protocol::key::Name;
 use protocol::message::{
     Mode, Model, Observation, Peak, Phase, Plan, Population, Reading, Severity, VehicleKind as Kind,
@@ -45,7 +45,7 @@ pub struct SquadronController {
     id: AgentId,
     pub(crate) fleet: Fleet,
     pub(crate) tasks: Tasks,
-    pub(crate) base: WorldSpec,
+    pub(crate) base: DispersionSpec,
     pub(crate) model: Option<Model>,
     pub(crate) range: Range,
     pub(crate) search: Search,
@@ -57,7 +57,7 @@ pub struct SquadronController {
     /// Readings of real vehicles alone: the witnesses of the peak.
     real_archive: Archive,
     gap: Option<LiveGap>,
-    world: Option<World>,
+    world: Option<DispersionModel>,
     peak: Option<Highest>,
     generation: u64,
     next_decision: SimTime,
@@ -81,7 +81,7 @@ impl SquadronController {
     /// nowhere to fly.
     pub fn new(scenario: &Scenario) -> Result<Self, ScError> {
         let airspace = Airspace::of(scenario)?;
-        let base = scenario.world_spec()?;
+        let base = scenario.dispersion_spec()?;
         let separation = Separation {
             distance_m: scenario.fence.separation_m + OFF_TRACK_M,
             height_m: scenario.fence.separation_height_m + OFF_HEIGHT_M,
@@ -110,7 +110,7 @@ impl SquadronController {
                 airspeed_m_s: scenario.search.airspeed_m_s,
                 vehicles,
             },
-            world: World::new(base.clone()).ok(),
+            world: DispersionModel::new(base.clone()).ok(),
             base,
             model: None,
             range,

@@ -5,7 +5,7 @@ use crate::tables::{Home, Mechanism, Scenario, Source, VehicleKind};
 use air::geo::{Enu, Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::wind::WindProfile;
-use plume::{PlumeError, SensorSpec, SourceSpec, Strength, World, WorldSpec};
+use plume::{DispersionModel, DispersionSpec, PlumeError, SensorSpec, SourceSpec, Strength};
 
 /// Homes that a scenario does not give lie in a row this far upwind of the site, m …
 const HOME_UPWIND_M: f64 = 600.0;
@@ -85,9 +85,9 @@ impl Scenario {
     ///
     /// # Errors
     /// Values outside the models' validity, or a mechanism that is not in the catalogue.
-    pub fn world_spec(&self) -> Result<WorldSpec, WorldError> {
+    pub fn dispersion_spec(&self) -> Result<DispersionSpec, WorldError> {
         let frame = self.frame()?;
-        Ok(WorldSpec {
+        Ok(DispersionSpec {
             ground_amsl_m: self.site.ground_amsl_m,
             atmosphere: self.atmosphere()?,
             wind: self.wind_profile()?,
@@ -112,9 +112,9 @@ impl Scenario {
     /// The plume model ready for evaluation.
     ///
     /// # Errors
-    /// As [`Scenario::world_spec`].
-    pub fn world(&self) -> Result<World, WorldError> {
-        Ok(World::new(self.world_spec()?)?)
+    /// As [`Scenario::dispersion_spec`].
+    pub fn world(&self) -> Result<DispersionModel, WorldError> {
+        Ok(DispersionModel::new(self.dispersion_spec()?)?)
     }
 
     fn sensor_spec(&self) -> SensorSpec {
@@ -232,8 +232,8 @@ impl Scenario {
             })?;
         }
         let refuse = |e: WorldError| Refusal::new("site", "this world", format!("another: {e}"));
-        let spec = self.world_spec().map_err(refuse)?;
-        World::new(spec).map_err(|e| refuse(e.into()))?;
+        let spec = self.dispersion_spec().map_err(refuse)?;
+        DispersionModel::new(spec).map_err(|e| refuse(e.into()))?;
         Ok(())
     }
 }

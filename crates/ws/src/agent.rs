@@ -8,7 +8,7 @@ use air::geo::{Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::terrain::Terrain;
 use air::wind::{WindProfile, WindSeries, WindVector};
-use plume::{Place, World};
+use plume::{DispersionModel, Place};
 use protocol::key::Name;
 use protocol::message::{
     Ambient, Estimate, Extension, MechanismSetting, Model, Observation, Severity, State,
@@ -61,7 +61,7 @@ pub struct WorldSimulator {
     /// Index of each real vehicle in the calibrator.
     real: BTreeMap<String, usize>,
     flyers: Vec<Flyer>,
-    world: World,
+    world: DispersionModel,
     extensions: Vec<MechanismSetting>,
     next_correction_s: f64,
     corrected_by: u64,
@@ -103,7 +103,7 @@ impl WorldSimulator {
             terrain: config.terrain,
             wind: WorldWind::new(scenario.wind_profile()?, config.wind_series, follow),
             intensity: scenario.weather.turbulence_intensity / STANDARD_INTENSITY,
-            world: World::new(calibrator.corrected_spec())?,
+            world: DispersionModel::new(calibrator.corrected_spec())?,
             calibrator,
             real: real
                 .into_iter()
@@ -151,7 +151,7 @@ impl WorldSimulator {
             let corrected = self
                 .calibrator
                 .update()
-                .and_then(|()| Ok(World::new(self.calibrator.corrected_spec())?));
+                .and_then(|()| Ok(DispersionModel::new(self.calibrator.corrected_spec())?));
             match corrected {
                 Ok(world) => self.world = world,
                 Err(e) => out.event(

@@ -5,7 +5,7 @@
 
 use air::geo::{Enu, Geodetic, wrap_signed_deg};
 use csea::Position;
-use plume::World;
+use plume::DispersionModel;
 use protocol::key::Name;
 use protocol::message::{
     ControlLevel, Estimate, Mode, Model, PathKind, Phase, Reading, Setpoint, State, VehicleKind,
@@ -41,7 +41,7 @@ pub struct Miniature {
     pub scenario: Scenario,
     pub airspace: Airspace,
     pub controller: SquadronController,
-    pub reality: World,
+    pub reality: DispersionModel,
     pub team: Vec<Point>,
     pub told: Vec<Told>,
     pub phases: Vec<(f64, Phase)>,

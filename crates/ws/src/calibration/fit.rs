@@ -5,7 +5,7 @@ use super::parameters::{Parameter, Unknowns};
 use crate::WsError;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use plume::track::Track;
-use plume::{World, WorldSpec};
+use plume::{DispersionModel, DispersionSpec};
 
 /// Misfit that grows with the plume, share of the plume's part of a reading.
 const PLUME_SHARE: f64 = 0.08;
@@ -22,7 +22,7 @@ const SEARCH_DIRECTIONS: i32 = 18;
 const SEARCH_HEIGHTS: i32 = 3;
 
 pub(super) struct Problem<'a> {
-    base: &'a WorldSpec,
+    base: &'a DispersionSpec,
     unknowns: &'a Unknowns,
     track: &'a Track,
     measured: &'a [f64],
@@ -38,7 +38,7 @@ struct Prediction {
 
 impl<'a> Problem<'a> {
     pub fn new(
-        base: &'a WorldSpec,
+        base: &'a DispersionSpec,
         unknowns: &'a Unknowns,
         track: &'a Track,
         measured: &'a [f64],
@@ -124,7 +124,7 @@ impl<'a> Problem<'a> {
     }
 
     fn predict(&self, at: &DVector<f64>) -> Result<Prediction, WsError> {
-        let world = World::new(self.unknowns.spec(self.base, at))?;
+        let world = DispersionModel::new(self.unknowns.spec(self.base, at))?;
         let mut ppm = vec![0.0; self.track.len()];
         let mut plume = vec![0.0; self.track.len()];
         self.track.predict_parts(&world, &mut ppm, Some(&mut plume));

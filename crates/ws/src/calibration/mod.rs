@@ -22,9 +22,9 @@ use crate::WsError;
 use fit::Problem;
 use nalgebra::{DMatrix, DVector};
 use parameters::Unknowns;
-use plume::effects::Ambient;
+use plume::effects::SensorAir;
 use plume::track::{Row, Track};
-use plume::{Place, World, WorldSpec};
+use plume::{DispersionModel, DispersionSpec, Place};
 use scenario::Scenario;
 
 /// Readings are averaged over this time, s.
@@ -56,7 +56,7 @@ struct Bin {
 /// Takes in readings and corrects the model.
 #[derive(Debug, Clone)]
 pub struct Calibrator {
-    base: WorldSpec,
+    base: DispersionSpec,
     unknowns: Unknowns,
     platforms: Vec<String>,
     bins: Vec<Bin>,
@@ -79,7 +79,7 @@ impl Calibrator {
         platforms: &[String],
         reference: Option<&str>,
     ) -> Result<Self, WsError> {
-        let base = scenario.world_spec()?;
+        let base = scenario.dispersion_spec()?;
         let unknowns = Unknowns::new(scenario, &base, platforms, reference);
         Ok(Self {
             estimate: unknowns.prior_mean(),
@@ -149,11 +149,11 @@ impl Calibrator {
     /// # Errors
     /// Mechanisms that the plume model refuses.
     pub fn extend(&mut self, mechanisms: Vec<plume::Mechanism>) -> Result<(), WsError> {
-        let extended = WorldSpec {
+        let extended = DispersionSpec {
             mechanisms,
             ..self.base.clone()
         };
-        World::new(extended.clone())?;
+        DispersionModel::new(extended.clone())?;
         self.base = extended;
         Ok(())
     }
@@ -168,7 +168,11 @@ impl Calibrator {
             return Ok(());
         }
         let rows: Vec<Row> = readings.iter().map(|r| r.row).collect();
-        let track = Track::new(&World::new(self.base.clone())?, &self.platforms, &rows)?;
+        let track = Track::new(
+            &DispersionModel::new(self.base.clone())?,
+            &self.platforms,
+            &rows,
+        )?;
         let measured: Vec<f64> = readings.iter().map(|r| r.ppm).collect();
         let problem = Problem::new(&self.base, &self.unknowns, &track, &measured);
         let start = if self.located() {
@@ -205,7 +209,7 @@ impl Calibrator {
         if all.len() <= MOST_ROWS {
             return Ok(all);
         }
-        let world = World::new(self.corrected_spec())?;
+        let world = DispersionModel::new(self.corrected_spec())?;
         let excess: Vec<f64> = all
             .iter()
             .map(|r| {
@@ -243,7 +247,7 @@ impl Calibrator {
     }
 
     /// The corrected model for one platform or all.
-    pub fn corrected_spec(&self) -> WorldSpec {
+    pub fn corrected_spec(&self) -> DispersionSpec {
         self.unknowns.turned(&self.base, &self.estimate)
     }
 
@@ -280,7 +284,7 @@ impl Bin {
                     height_agl_m: self.place.height_agl_m / n,
                 },
                 wind: self.wind,
-                air: Ambient::UNKNOWN,
+                air: SensorAir::UNKNOWN,
             },
             ppm: self.ppm / n,
         }

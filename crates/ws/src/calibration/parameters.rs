@@ -3,7 +3,7 @@
 use air::geo::wrap_deg;
 use air::wind::{WindProfile, towards_deg};
 use nalgebra::{DMatrix, DVector};
-use plume::{Mechanism, MechanismId, Place, Strength, World, WorldSpec};
+use plume::{DispersionModel, DispersionSpec, Mechanism, MechanismId, Place, Strength};
 use protocol::message::Estimate;
 use scenario::Scenario;
 use scenario::uncertain::Uncertain;
@@ -78,7 +78,7 @@ pub(crate) struct Unknowns {
 impl Unknowns {
     pub fn new(
         scenario: &Scenario,
-        base: &WorldSpec,
+        base: &DispersionSpec,
         platforms: &[String],
         reference: Option<&str>,
     ) -> Self {
@@ -182,7 +182,7 @@ impl Unknowns {
 
     /// The model at these values, with the turn of the wind as a mechanism, so that it acts on
     /// whatever wind the rows of a track carry.
-    pub fn spec(&self, base: &WorldSpec, at: &DVector<f64>) -> WorldSpec {
+    pub fn spec(&self, base: &DispersionSpec, at: &DVector<f64>) -> DispersionSpec {
         let mut spec = base.clone();
         for (k, (parameter, _, _)) in self.list.iter().enumerate() {
             let value = at[k];
@@ -213,7 +213,7 @@ impl Unknowns {
     }
 
     /// The model at these values, with the wind itself turned.
-    pub fn turned(&self, base: &WorldSpec, at: &DVector<f64>) -> WorldSpec {
+    pub fn turned(&self, base: &DispersionSpec, at: &DVector<f64>) -> DispersionSpec {
         let turn_deg = self.value(Parameter::Direction, at).unwrap_or(0.0);
         let mut still = at.clone();
         if let Some(k) = self.index(Parameter::Direction) {
@@ -236,7 +236,7 @@ impl Unknowns {
 
     pub fn calibrated(
         &self,
-        base: &WorldSpec,
+        base: &DispersionSpec,
         at: &DVector<f64>,
         covariance: &DMatrix<f64>,
     ) -> Calibrated {
@@ -282,7 +282,7 @@ impl Unknowns {
     /// deviation that the unknowns' covariance gives it.
     fn c_max(
         &self,
-        base: &WorldSpec,
+        base: &DispersionSpec,
         at: &DVector<f64>,
         covariance: &DMatrix<f64>,
     ) -> (Estimate, f64) {
@@ -321,7 +321,7 @@ fn scale_strength(strength: &mut Strength, factor: f64) {
 
 /// Concentration above background on the first source's axis at `distance_m`, ppm; 0 for a
 /// model that cannot be.
-pub(crate) fn axis_excess_ppm(spec: &WorldSpec, distance_m: f64) -> f64 {
+pub(crate) fn axis_excess_ppm(spec: &DispersionSpec, distance_m: f64) -> f64 {
     let source = &spec.sources[0];
     let on_axis = source
         .place
@@ -331,7 +331,7 @@ pub(crate) fn axis_excess_ppm(spec: &WorldSpec, distance_m: f64) -> f64 {
         north_m: on_axis.north_m,
         height_agl_m: source.effective_height_agl_m,
     };
-    World::new(spec.clone()).map_or(0.0, |world| {
+    DispersionModel::new(spec.clone()).map_or(0.0, |world| {
         world.mean_ppm(&place, 0.0) - world.background_ppm(&place, 0.0)
     })
 }

@@ -14,7 +14,7 @@ use protocol::{Agent, AgentId, Envelope, Event, Interest, Message, Outbox, SimTi
 use rand::rngs::ChaCha8Rng;
 use scenario::Scenario;
 use scenario::random::stream;
-use scenario::tables::{Search, VehicleKind};
+use scenario::tables::{SearchTable, VehicleKind};
 use scenario::world::OFF_HEIGHT_M;
 
 use crate::ScError;
@@ -48,7 +48,7 @@ pub struct SquadronController {
     pub(crate) base: DispersionSpec,
     pub(crate) model: Option<Model>,
     pub(crate) range: Range,
-    pub(crate) search: Search,
+    pub(crate) search: SearchTable,
     pub(crate) duration_s: f64,
     pub(crate) phase: Phase,
     pub(crate) rng: ChaCha8Rng,
@@ -445,7 +445,7 @@ impl SquadronController {
 /// rise has the highest.
 fn team(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<Vehicle>, ScError> {
     let layers = scenario.layers_amsl_m();
-    let vehicle = |(k, v): (usize, &scenario::tables::Vehicle)| {
+    let vehicle = |(k, v): (usize, &scenario::tables::VehicleTable)| {
         let at = airspace.frame().to_enu(scenario.home(k)?);
         Ok(Vehicle::new(
             Name::new(&v.id)?,

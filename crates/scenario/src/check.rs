@@ -1,6 +1,8 @@
 //! What a scenario must hold, checked once, with the line of what is wrong.
 
-use crate::tables::{Fence, Mission, Scenario, Source, Vehicle, VehicleKind, Weather};
+use crate::tables::{
+    FenceTable, MissionTable, Scenario, SourceTable, VehicleKind, VehicleTable, WeatherTable,
+};
 use crate::{ScenarioError, line_and_column, uncertain};
 use std::collections::BTreeSet;
 use toml::de::{DeTable, DeValue};
@@ -158,7 +160,7 @@ impl Scenario {
     }
 }
 
-fn mission(mission: &Mission) -> Checked {
+fn mission(mission: &MissionTable) -> Checked {
     let name = &mission.name;
     let fits = (1..=32).contains(&name.len())
         && name
@@ -187,7 +189,7 @@ fn mission(mission: &Mission) -> Checked {
     )
 }
 
-fn weather(weather: &Weather) -> Checked {
+fn weather(weather: &WeatherTable) -> Checked {
     within(
         "weather.wind_speed_m_s",
         weather.wind_speed_m_s,
@@ -244,7 +246,7 @@ fn weather(weather: &Weather) -> Checked {
     )
 }
 
-fn check_source(k: usize, source: &Source) -> Checked {
+fn check_source(k: usize, source: &SourceTable) -> Checked {
     let key = |name: &str| format!("source.{k}.{name}");
     within(
         key("lat_deg"),
@@ -315,7 +317,7 @@ fn check_source(k: usize, source: &Source) -> Checked {
     }
 }
 
-fn vehicles(vehicles: &[Vehicle]) -> Checked {
+fn vehicles(vehicles: &[VehicleTable]) -> Checked {
     let mut seen = BTreeSet::new();
     if vehicles.is_empty() {
         return Err(Refusal::new("vehicle", "none", "at least one [[vehicle]]"));
@@ -346,7 +348,7 @@ fn vehicles(vehicles: &[Vehicle]) -> Checked {
 }
 
 /// What a vehicle has beside its id.
-fn equipment(k: usize, vehicle: &Vehicle) -> Checked {
+fn equipment(k: usize, vehicle: &VehicleTable) -> Checked {
     if vehicle.kind == VehicleKind::Mavlink && vehicle.link.is_none() {
         return Err(Refusal::new(
             format!("vehicle.{k}"),
@@ -399,7 +401,7 @@ fn host_and_port(key: &str, address: &str) -> Checked {
     }
 }
 
-fn fence(fence: &Fence) -> Checked {
+fn fence(fence: &FenceTable) -> Checked {
     if matches!(fence.polygon.len(), 1 | 2) {
         return Err(Refusal::new(
             "fence.polygon",

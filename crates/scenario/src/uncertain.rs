@@ -129,7 +129,7 @@ impl crate::Scenario {
     /// Adds extensions of the plume model to the scenario.
     pub fn extend(&mut self, extension: &[plume::Mechanism]) {
         for mechanism in extension {
-            self.mechanisms.push(crate::tables::Mechanism {
+            self.mechanisms.push(crate::tables::MechanismTable {
                 id: mechanism.id().as_str().to_owned(),
                 platforms: mechanism.platforms().to_vec(),
                 parameters: mechanism

@@ -1,7 +1,7 @@
 //! The world that a scenario describes: its frame, air, wind and plume model.
 
 use crate::check::Refusal;
-use crate::tables::{Home, Mechanism, Scenario, Source, VehicleKind};
+use crate::tables::{HomeTable, MechanismTable, Scenario, SourceTable, VehicleKind};
 use air::geo::{Enu, Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::wind::WindProfile;
@@ -138,7 +138,7 @@ impl Scenario {
         self.mechanisms
             .iter()
             .filter(|m| plume::MechanismId::from_name(&m.id).is_some())
-            .map(Mechanism::of_plume)
+            .map(MechanismTable::of_plume)
             .collect()
     }
 
@@ -147,7 +147,8 @@ impl Scenario {
     /// # Errors
     /// As [`Scenario::frame`].
     pub fn home(&self, index: usize) -> Result<Geodetic, WorldError> {
-        if let Some(Home { lat_deg, lon_deg }) = self.vehicles.get(index).and_then(|v| v.home) {
+        if let Some(HomeTable { lat_deg, lon_deg }) = self.vehicles.get(index).and_then(|v| v.home)
+        {
             return Ok(Geodetic { lat_deg, lon_deg });
         }
         let frame = self.frame()?;
@@ -238,7 +239,7 @@ impl Scenario {
     }
 }
 
-impl Mechanism {
+impl MechanismTable {
     fn of_plume(&self) -> Result<plume::Mechanism, WorldError> {
         let parameters = self.numbers()?;
         let named: Vec<(&str, f64)> = parameters.iter().map(|(n, v)| (n.as_str(), *v)).collect();
@@ -278,7 +279,7 @@ impl Mechanism {
     }
 }
 
-fn source_spec(frame: &LocalFrame, source: &Source) -> SourceSpec {
+fn source_spec(frame: &LocalFrame, source: &SourceTable) -> SourceSpec {
     let strength = match (
         source.emission_kg_s,
         source.c_max_ppm,

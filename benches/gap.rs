@@ -8,7 +8,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use scenario::Scenario;
-use scenario::observations::{Observation, Observations};
+use scenario::observations::{ObservationRow, Observations};
 
 const SCENARIO: &str = r#"
 [site]
@@ -58,7 +58,7 @@ fn observations(setup: &Setup, seconds: usize) -> Observations {
             gust = 0.85 * gust + 0.53 * normal();
             let mean = world.mean_ppm(&place, time_s);
             let back = setup.frame.to_geodetic(at);
-            rows.push(Observation {
+            rows.push(ObservationRow {
                 time_s,
                 platform,
                 lat_deg: back.lat_deg,

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use fdm::Aircraft;
 use gap::flight::log::FlightLog;
 use mission::Setup;
-use scenario::observations::{self, Observation, Observations};
+use scenario::observations::{self, ObservationRow, Observations};
 use scenario::world::WorldError;
 use std::path::{Path, PathBuf};
 use ws::wind::WorldWind;
@@ -44,7 +44,7 @@ pub fn fill_wind(observations: &mut Observations, setup: &Setup) -> Result<bool,
     let Some(series) = &setup.wind_series else {
         return Ok(false);
     };
-    let logged = |row: &Observation| row.wind_from_deg.is_some();
+    let logged = |row: &ObservationRow| row.wind_from_deg.is_some();
     if observations.rows.iter().any(logged) {
         return Ok(false);
     }

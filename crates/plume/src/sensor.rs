@@ -3,7 +3,7 @@
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::effects::{SensorAir, HOUR_S, SensorEffects};
+use crate::effects::{HOUR_S, SensorAir, SensorEffects};
 use crate::field::Place;
 use crate::lag::lag_step;
 use crate::mechanism::Mechanism;
@@ -106,7 +106,13 @@ impl Sensor {
     }
 
     /// The same in air of known temperature, humidity and pressure.
-    pub fn read_in<R: Rng>(&mut self, true_ppm: f64, air: &SensorAir, dt_s: f64, rng: &mut R) -> f64 {
+    pub fn read_in<R: Rng>(
+        &mut self,
+        true_ppm: f64,
+        air: &SensorAir,
+        dt_s: f64,
+        rng: &mut R,
+    ) -> f64 {
         self.time_s += dt_s;
         let lagged = self.lag(true_ppm, dt_s);
         let noise: f64 = StandardNormal.sample(rng);

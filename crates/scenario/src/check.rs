@@ -38,7 +38,8 @@ impl Scenario {
     pub fn parse(file: &str, text: &str) -> Result<Self, ScenarioError> {
         let scenario: Self = toml::from_str(text).map_err(|e| syntax(file, text, &e))?;
         let world = scenario.check().and_then(|()| {
-            // The reality is checked as the whole scenario that it makes.
+            // The reality is checked as the whole scenario that it makes: its keys may be right by
+            // themselves and wrong beside those that the scenario keeps.
             scenario.reality_scenario()?.check()
         });
         world.map_err(|refusal| place(file, text, refusal))?;

@@ -57,6 +57,8 @@ fn merge_table(base: &mut Table, differences: &Table) {
                 remove_alternative(old, new);
                 merge_table(old, new);
             }
+            // Sources are changed one by one, so that a reality may say one key of one of them; a
+            // list of mechanisms is replaced whole, or a reality could never do without one.
             (Some(Value::Array(old)), Value::Array(new)) if key == "source" => {
                 for (k, item) in new.iter().enumerate() {
                     match (old.get_mut(k), item) {

@@ -6,7 +6,7 @@ use air::geo::{Geodetic, wrap_deg};
 use air::wind::{WindVector, towards_deg};
 use plume::{Mechanism, MechanismId, Place};
 use scenario::Scenario;
-use scenario::observations::{Observation, Observations};
+use scenario::observations::{ObservationRow, Observations};
 use scenario::uncertain::Uncertain;
 
 /// Logged winds are averaged over one of these times on both sides, s, whichever the readings
@@ -168,7 +168,7 @@ fn corrected(
 }
 
 /// The wind logged in a row, if it was.
-fn logged(row: &Observation) -> Option<WindVector> {
+fn logged(row: &ObservationRow) -> Option<WindVector> {
     Some(WindVector::from_speed_and_direction(
         row.wind_speed_m_s?,
         row.wind_from_deg?,

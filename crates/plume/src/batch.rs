@@ -15,8 +15,8 @@
 use multiversion::multiversion;
 
 use super::{
-    DispersionModel, Emitted, FARTHEST_EXPONENT, LEAST_DISTANCE_M, LEAST_TRANSPORT_M_S, PURE_PPM,
-    Place, rotate, turn,
+    DispersionModel, LEAST_DISTANCE_M, LEAST_TRANSPORT_M_S, MAX_EXPONENT, MAX_MOLE_FRACTION_PPM,
+    Place, SourceTerm, cos_sin, rotate,
 };
 use crate::PlumeError;
 use crate::effects::HOUR_S;
@@ -114,6 +114,7 @@ impl DispersionModel {
             );
         }
         if !kernels.molar.is_empty() {
+            // Maps are level: the atmosphere is asked once for each run of equal heights.
             let (mut height, mut factor) = (f64::NAN, f64::NAN);
             for (value, &h) in out.iter_mut().zip(places.height_agl_m) {
                 if h != height {
@@ -157,16 +158,16 @@ impl DispersionModel {
             return None;
         }
         let turned = rotate(self.scenario_wind, self.rotation);
-        let wind = rotate(turned, turn(e.direction_drift_deg_h * time_s / HOUR_S));
+        let wind = rotate(turned, cos_sin(e.direction_drift_deg_h * time_s / HOUR_S));
         let scale_y = self.spec.sigma_y_scale * e.sigma_y_factor;
         let scale_z = self.spec.sigma_z_scale * e.sigma_z_factor;
         let mut kernels = Kernels::default();
         for plume in &self.plumes {
             let speed =
                 (wind.speed_m_s * e.speed_factor * plume.speed_ratio).max(LEAST_TRANSPORT_M_S);
-            let (list, strength) = match plume.emitted {
-                Emitted::Molar(q) => (&mut kernels.molar, q / speed),
-                Emitted::Axis(s) => (&mut kernels.direct, s),
+            let (list, strength) = match plume.source_term {
+                SourceTerm::MolarRate(q) => (&mut kernels.molar, q / speed),
+                SourceTerm::AxisConcentration(s) => (&mut kernels.direct, s),
             };
             list.push(Kernel {
                 strength,
@@ -252,12 +253,19 @@ fn add_background(background: &Background, east: &[f64], north: &[f64], out: &mu
     let count = out.len();
     let (east, north) = (&east[..count], &north[..count]);
     for i in 0..count {
-        let excess = if out[i] > PURE_PPM { PURE_PPM } else { out[i] };
+        // Not f64::min, which would make a number of NaN.
+        let excess = if out[i] > MAX_MOLE_FRACTION_PPM {
+            MAX_MOLE_FRACTION_PPM
+        } else {
+            out[i]
+        };
         let tilt = background.east_ppm_m * east[i] + background.north_ppm_m * north[i];
         out[i] = excess + (background.ppm + tilt);
     }
 }
 
+// The power of σz as a constant generic, so that the loop has no branch on it; Rust takes no enum
+// there.
 const MINUS_ONE: u8 = 0;
 const MINUS_HALF: u8 = 1;
 const HALF: u8 = 2;
@@ -279,6 +287,8 @@ fn add_form<const POWER: u8, const GROUND: bool>(
         let (de, dn) = (east[i] - from_east, north[i] - from_north);
         let along = de * to_east + dn * to_north;
         let y = de * to_north - dn * to_east;
+        // Upwind places are worked out at the least distance and dropped at the end: a branch here
+        // would keep the loop from being vectorised. Not f64::max, which would make a number of NaN.
         let x = if along < LEAST_DISTANCE_M {
             LEAST_DISTANCE_M
         } else {
@@ -306,15 +316,11 @@ fn add_form<const POWER: u8, const GROUND: bool>(
     }
 }
 
-/// exp(−exponent) for exponents from 0, nothing beyond [`FARTHEST_EXPONENT`]; good to 2e-15.
+/// exp(−exponent) for exponents from 0, nothing beyond [`MAX_EXPONENT`]; good to 2e-15.
 #[inline(always)]
 fn gauss(exponent: f64) -> f64 {
     let value = exp_near(-exponent);
-    if exponent > FARTHEST_EXPONENT {
-        0.0
-    } else {
-        value
-    }
+    if exponent > MAX_EXPONENT { 0.0 } else { value }
 }
 
 /// exp(t) for |t| < 700 without a branch: t = k ln 2 + r, |r| ≤ ln 2 / 2, a Taylor polynomial of
@@ -347,6 +353,8 @@ fn exp_near(t: f64) -> f64 {
     for c in INVERSE_FACTORIALS {
         sum = sum * r + c;
     }
+    // The low bits of `rounded` are k in two's complement; shifted by 52 they add to the exponent of
+    // `sum`, which multiplies it by 2^k.
     f64::from_bits(sum.to_bits().wrapping_add(rounded.to_bits() << 52))
 }
 

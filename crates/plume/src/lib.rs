@@ -16,11 +16,11 @@ pub mod field;
 mod lag;
 pub mod mechanism;
 pub mod rise;
+mod sample_points;
 pub mod score;
 pub mod sensor;
 pub mod sigma;
 pub mod stability;
-mod stations;
 pub mod track;
 pub mod units;
 

@@ -115,6 +115,7 @@ impl Sensor {
     ) -> f64 {
         self.time_s += dt_s;
         let lagged = self.lag(true_ppm, dt_s);
+        // Drawn even where its size is zero, so that the stream of numbers does not depend on it.
         let noise: f64 = StandardNormal.sample(rng);
         let e = &self.effects;
         let reading = e.gain * lagged
@@ -122,6 +123,8 @@ impl Sensor {
             + e.drift_ppm_s * self.time_s
             + e.cross_ppm(air)
             + self.noise_sd_ppm * noise;
+        // Noise belongs to the detector: it comes after the lag, and the limit and the rounding act on
+        // it too.
         let reading = reading.min(e.limit_ppm);
         if self.resolution_ppm > 0.0 {
             (reading / self.resolution_ppm).round() * self.resolution_ppm
@@ -135,6 +138,8 @@ impl Sensor {
             self.stages_ppm.fill(true_ppm);
             return true_ppm;
         };
+        // The stages are in series: the output of one is the input of the next. Its ramp over the
+        // step is an approximation from the second stage on.
         let (mut before, mut now) = (last, true_ppm);
         for (stage, &tau) in self.stages_ppm.iter_mut().zip(&self.effects.lags_s) {
             let was = *stage;

@@ -10,7 +10,7 @@ use crate::PlumeError;
 use crate::effects::{SensorAir, SensorEffects};
 use crate::field::{DispersionModel, DispersionSpec, Place, Transport};
 use crate::lag;
-use crate::stations::{Station, Stations};
+use crate::sample_points::{SamplePoint, SamplePoints};
 
 /// One row of an observation track.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,7 +33,7 @@ pub struct Row {
 pub struct Track {
     platforms: Vec<String>,
     ranges: Vec<Range<usize>>,
-    stations: Stations,
+    samples: SamplePoints,
     time_s: Vec<f64>,
     east_m: Vec<f64>,
     north_m: Vec<f64>,
@@ -65,7 +65,7 @@ impl Track {
         let transport: Vec<Transport> = rows.iter().map(|r| row_transport(spec, r)).collect();
         Ok(Self {
             platforms: platforms.to_vec(),
-            stations: Stations::new(model, &ranges, rows, &transport),
+            samples: SamplePoints::new(model, &ranges, rows, &transport),
             ranges,
             time_s: rows.iter().map(|r| r.time_s).collect(),
             east_m: rows.iter().map(|r| r.place.east_m).collect(),
@@ -183,6 +183,7 @@ impl Track {
             self.excess(model, &effects, range.clone(), excess);
             let mut between = self.excess_between(model, &effects, which);
             if let Some(parts) = plume_part.as_deref_mut() {
+                // The lag is linear, so that the plume's part and the background may pass it apart.
                 let part = &mut parts[range.clone()];
                 part.copy_from_slice(excess);
                 self.lag(&effects, which, part, &between);
@@ -191,9 +192,9 @@ impl Track {
             for (i, value) in range.clone().zip(excess.iter_mut()) {
                 *value += model.background_ppm(&self.place(i), self.time_s[i]);
             }
-            for (station, value) in self.stations.between(which).zip(&mut between) {
-                let place = self.place_on(station.row, station.share);
-                *value += model.background_ppm(&place, station.time_s);
+            for (point, value) in self.samples.between(which).zip(&mut between) {
+                let place = self.place_on(point.row, point.share);
+                *value += model.background_ppm(&place, point.time_s);
             }
             self.lag(&effects, which, excess, &between);
             self.convert(&effects, range.clone(), excess);
@@ -218,20 +219,20 @@ impl Track {
         range: Range<usize>,
         out: &mut [f64],
     ) {
-        let late = effects.clock_s != 0.0;
+        let clock_shifted = effects.clock_s != 0.0;
         let mut cursor = range.start;
         for (i, value) in range.clone().zip(out.iter_mut()) {
             let time_s = self.time_s[i];
-            *value = if late {
-                self.late_ppm(model, effects, range.clone(), &mut cursor, time_s)
+            *value = if clock_shifted {
+                self.clock_shifted_ppm(model, effects, range.clone(), &mut cursor, time_s)
             } else {
                 let of_row = |column: &[f64]| column[i];
-                self.met_ppm(model, effects, time_s, self.transport[i], of_row)
+                self.sampled_ppm(model, effects, time_s, self.transport[i], of_row)
             };
         }
     }
 
-    /// The same at its stations between rows.
+    /// The same at its points between rows.
     fn excess_between(
         &self,
         model: &DispersionModel,
@@ -240,13 +241,15 @@ impl Track {
     ) -> Vec<f64> {
         let range = self.ranges[which].clone();
         let mut cursor = range.start;
-        let at = |s: Station| self.late_ppm(model, effects, range.clone(), &mut cursor, s.time_s);
-        self.stations.between(which).map(at).collect()
+        let at = |s: SamplePoint| {
+            self.clock_shifted_ppm(model, effects, range.clone(), &mut cursor, s.time_s)
+        };
+        self.samples.between(which).map(at).collect()
     }
 
-    /// The plumes' part of the air that the sensor met when its clock said `clock_time_s`, ppm, on the
-    /// way between two rows of `range`, searched from `cursor`, which moves there.
-    fn late_ppm(
+    /// The plumes' part of the air that the sensor sampled when its clock said `clock_time_s`, ppm, on
+    /// the path between two rows of `range`, searched from `cursor`, which moves there.
+    fn clock_shifted_ppm(
         &self,
         model: &DispersionModel,
         effects: &SensorEffects,
@@ -258,14 +261,14 @@ impl Track {
         *cursor = self.seek(range.clone(), *cursor, time_s);
         let (row, share) = (*cursor, self.share(range, *cursor, time_s));
         let wind = self.transport_on(row, share);
-        let between = |column: &[f64]| on_the_way(column, row, share);
-        self.met_ppm(model, effects, time_s, wind, between)
+        let between = |column: &[f64]| interpolated(column, row, share);
+        self.sampled_ppm(model, effects, time_s, wind, between)
     }
 
-    /// The plumes' part of the air met at `time_s`, ppm, where `at` gives every column's value: on a
+    /// The plumes' part of the air sampled at `time_s`, ppm, where `at` gives every column's value: on a
     /// row, which most are, or between two.
     #[inline]
-    fn met_ppm(
+    fn sampled_ppm(
         &self,
         model: &DispersionModel,
         effects: &SensorEffects,
@@ -273,6 +276,7 @@ impl Track {
         wind: Transport,
         at: impl Fn(&[f64]) -> f64,
     ) -> f64 {
+        // The log says the true place plus the offset; the air is that of the true one.
         let [east, north, up] = effects.position_m;
         let place = Place {
             east_m: at(&self.east_m) - east,
@@ -287,6 +291,7 @@ impl Track {
 
     /// The row at or before `time_s` in `range`, searched from `cursor`.
     fn seek(&self, range: Range<usize>, cursor: usize, time_s: f64) -> usize {
+        // From the last answer: times mostly go forward, and a search from there takes a step or two.
         let mut i = cursor.clamp(range.start, range.end - 1);
         while i > range.start && self.time_s[i] > time_s {
             i -= 1;
@@ -310,42 +315,42 @@ impl Track {
     #[inline]
     fn place_on(&self, i: usize, share: f64) -> Place {
         Place {
-            east_m: on_the_way(&self.east_m, i, share),
-            north_m: on_the_way(&self.north_m, i, share),
-            height_agl_m: on_the_way(&self.height_m, i, share),
+            east_m: interpolated(&self.east_m, i, share),
+            north_m: interpolated(&self.north_m, i, share),
+            height_agl_m: interpolated(&self.height_m, i, share),
         }
     }
 
-    /// The transport of the row that is nearer.
+    /// The transport of the row that is nearer: it hardly turns from one row to the next.
     fn transport_on(&self, i: usize, share: f64) -> Transport {
         self.transport[if share < 0.5 { i } else { i + 1 }]
     }
 
     /// What the sensor of a platform shows of the air at its rows, in their place; `between` are the
-    /// values at the stations between them.
+    /// values at the points between them.
     fn lag(&self, effects: &SensorEffects, which: usize, values: &mut [f64], between: &[f64]) {
         let range = self.ranges[which].clone();
         if between.is_empty() {
             for &time_constant_s in &effects.lags_s {
-                lag::follow(&self.time_s[range.clone()], time_constant_s, values);
+                lag::apply(&self.time_s[range.clone()], time_constant_s, values);
             }
             return;
         }
         let mut between = between.iter();
-        let mut next = |station: Station| match station.share {
-            0.0 => values.get(station.row - range.start),
+        let mut next = |point: SamplePoint| match point.share {
+            0.0 => values.get(point.row - range.start),
             _ => between.next(),
         };
         let met = self
-            .stations
+            .samples
             .of(which)
             .map(|s| next(s).copied().unwrap_or_default());
         let mut shown: Vec<f64> = met.collect();
         for &time_constant_s in &effects.lags_s {
-            lag::follow(self.stations.times_s(which), time_constant_s, &mut shown);
+            lag::apply(self.samples.times_s(which), time_constant_s, &mut shown);
         }
-        let stations = self.stations.of(which).zip(shown);
-        for ((_, shown), value) in stations.filter(|(s, _)| s.is_row()).zip(values) {
+        let points = self.samples.of(which).zip(shown);
+        for ((_, shown), value) in points.filter(|(s, _)| s.is_row()).zip(values) {
             *value = shown;
         }
     }
@@ -367,7 +372,7 @@ impl Track {
 
 /// The value between row `i` and the next, straight.
 #[inline]
-fn on_the_way(of_rows: &[f64], i: usize, share: f64) -> f64 {
+fn interpolated(of_rows: &[f64], i: usize, share: f64) -> f64 {
     if share == 0.0 {
         return of_rows[i];
     }
@@ -377,6 +382,8 @@ fn on_the_way(of_rows: &[f64], i: usize, share: f64) -> f64 {
 fn row_transport(spec: &DispersionSpec, row: &Row) -> Transport {
     let height = spec.sources[0].effective_height_agl_m;
     match row.wind {
+        // The power law's ratio, not its speed: the log knows how strong the wind is now, the
+        // profile only how it changes with height.
         Some((speed, from_deg)) => {
             let here = spec.wind.speed_at_m_s(row.place.height_agl_m);
             let ratio = if here > 0.0 {

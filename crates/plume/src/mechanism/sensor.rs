@@ -154,6 +154,7 @@ pub(super) const ALTITUDE_OFFSET: MechanismSpec = MechanismSpec {
 /// Two linear terms k1 (x - r1) + k2 (x - r2) as one.
 fn join(sum: &mut [f64; 2], v: &[f64]) {
     let slope = sum[0] + v[0];
+    // Slopes that cancel leave a constant, which this form cannot hold: the last reference stays.
     if slope != 0.0 {
         sum[1] = (sum[0] * sum[1] + v[0] * v[1]) / slope;
     }

@@ -7,7 +7,7 @@ use scenario::uncertain::Uncertain;
 use serde_json::json;
 use std::path::PathBuf;
 use ws::calibration::offline::Offline;
-use ws::calibration::{Parameter, offline};
+use ws::calibration::{CalibrationParameter, offline};
 
 /// Arguments of `plumage calibrate`.
 #[derive(Debug, clap::Args)]
@@ -74,8 +74,12 @@ fn document(offline: &Offline, platforms: &[String], reference: Option<&str>) ->
         .iter()
         .enumerate()
         .filter_map(|(k, platform)| {
-            let (offset, offset_sd) = offline.calibrator.parameter(Parameter::Offset(k))?;
-            let (ln_gain, ln_gain_sd) = offline.calibrator.parameter(Parameter::LnGain(k))?;
+            let (offset, offset_sd) = offline
+                .calibrator
+                .parameter(CalibrationParameter::Offset(k))?;
+            let (ln_gain, ln_gain_sd) = offline
+                .calibrator
+                .parameter(CalibrationParameter::LnGain(k))?;
             let gain = ln_gain.exp();
             Some(json!({
                 "platform": platform,

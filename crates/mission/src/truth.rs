@@ -4,14 +4,12 @@
 use crate::MissionError;
 use air::geo::Enu;
 use air::wind::towards_deg;
-use plume::{DispersionModel, Place, Strength};
+use plume::{DispersionModel, Place};
 use protocol::message::{Estimate, Peak};
 use record::summary::ModelNumbers;
 use scenario::Scenario;
 use scenario::tables::VehicleKind;
 
-/// Distance at which c_MAX is stated for a source given by its emission, m.
-const STATED_AT_M: f64 = 1000.0;
 /// First grid of the search for the peak, m.
 const COARSE_M: f64 = 40.0;
 /// Last grid of the search for the peak, m.
@@ -53,18 +51,11 @@ pub fn numbers(scenario: &Scenario) -> Result<ModelNumbers, MissionError> {
 /// A reality that describes no world.
 pub fn reality_numbers(scenario: &Scenario) -> Result<ModelNumbers, MissionError> {
     let spec = scenario.in_reality().dispersion_spec()?;
-    let distance_m = match scenario.dispersion_spec()?.sources[0].strength {
-        Strength::CMax { distance_m, .. } => distance_m,
-        Strength::EmissionKgS(_) => STATED_AT_M,
-    };
+    let distance_m = scenario.dispersion_spec()?.sources[0]
+        .strength
+        .c_max_distance_m();
     let source = &spec.sources[0];
     let axis_deg = towards_deg(spec.wind.from_deg());
-    let on_axis = source.place.displaced(axis_deg, distance_m);
-    let place = Place {
-        east_m: on_axis.east_m,
-        north_m: on_axis.north_m,
-        height_agl_m: source.effective_height_agl_m,
-    };
     let height_m = source.effective_height_agl_m;
     let exactly = |value: f64| Estimate { value, sd: 0.0 };
     let (background, y, z) = (spec.background_ppm, spec.sigma_y_scale, spec.sigma_z_scale);
@@ -73,7 +64,7 @@ pub fn reality_numbers(scenario: &Scenario) -> Result<ModelNumbers, MissionError
         background_ppm: exactly(background),
         effective_height_agl_m: exactly(height_m),
         axis_deg: exactly(axis_deg),
-        c_max_ppm: exactly(world.mean_ppm(&place, 0.0) - world.background_ppm(&place, 0.0)),
+        c_max_ppm: exactly(world.axis_excess_ppm(distance_m)),
         c_max_distance_m: exactly(distance_m),
         sigma_y_scale: exactly(y),
         sigma_z_scale: exactly(z),

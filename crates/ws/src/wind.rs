@@ -89,13 +89,7 @@ impl WorldWind {
         if turn_deg == 0.0 {
             return base;
         }
-        let turned = WindProfile::new(
-            base.reference_speed_m_s(),
-            base.reference_height_agl_m(),
-            air::geo::wrap_deg(base.from_deg() + turn_deg),
-            base.exponent(),
-        );
-        turned.unwrap_or(base)
+        base.turned(turn_deg)
     }
 }
 

@@ -48,6 +48,8 @@ pub fn fill_wind(observations: &mut Observations, setup: &Setup) -> Result<bool,
     if observations.rows.iter().any(logged) {
         return Ok(false);
     }
+    // As the world simulator would have it: the same interpolation, or a series that was read and one
+    // that was flown would differ.
     let wind = WorldWind::new(setup.scenario.wind_profile()?, Some(series.clone()), false);
     let ground_amsl_m = setup.scenario.site.ground_amsl_m;
     for row in &mut observations.rows {

@@ -49,7 +49,7 @@ pub fn numbers(scenario: &Scenario) -> Result<ModelNumbers, MissionError> {
 ///
 /// # Errors
 /// A reality that describes no world.
-pub fn reality_numbers(scenario: &Scenario) -> Result<ModelNumbers, MissionError> {
+pub(crate) fn reality_numbers(scenario: &Scenario) -> Result<ModelNumbers, MissionError> {
     let spec = scenario.in_reality().dispersion_spec()?;
     let distance_m = scenario.dispersion_spec()?.sources[0]
         .strength
@@ -81,10 +81,12 @@ pub fn reachable_peak(scenario: &Scenario) -> Result<Peak, MissionError> {
     let frame = scenario.frame()?;
     let region = Region::new(scenario, &world)?;
     let mut best: Option<(f64, Place)> = None;
+    // A grid rather than a gradient: with several sources, a lid or a fence the field has several local
+    // maxima, and the truth that results are held against must not depend on a starting point.
     let mut spacing_m = COARSE_M;
-    let mut boxed = region.bounds();
+    let mut bounds = region.bounds();
     loop {
-        best = region.best_on_grid(&world, &boxed, spacing_m, best);
+        best = region.best_on_grid(&world, &bounds, spacing_m, best);
         let Some((_, at)) = best else {
             return Err(MissionError::Request(
                 "the fence leaves nowhere to fly".to_owned(),
@@ -95,7 +97,7 @@ pub fn reachable_peak(scenario: &Scenario) -> Result<Peak, MissionError> {
         }
         let reach = 2.0 * spacing_m;
         let axes = [at.east_m, at.north_m, at.height_agl_m];
-        boxed = axes.map(|centre| (centre - reach, centre + reach));
+        bounds = axes.map(|centre| (centre - reach, centre + reach));
         spacing_m = (spacing_m / 4.0).max(FINE_M);
     }
     let (ppm, at) = best.unwrap_or_default();

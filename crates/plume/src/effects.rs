@@ -7,7 +7,7 @@ pub const HOUR_S: f64 = 3600.0;
 
 /// A copy of the first source.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SecondSource {
+pub(crate) struct SecondSource {
     /// Displacement from the first, m east.
     pub east_m: f64,
     /// Displacement from the first, m north.
@@ -20,7 +20,7 @@ pub struct SecondSource {
 
 /// The joint effect of the wind, spread, source and background mechanisms.
 #[derive(Debug, Clone, PartialEq)]
-pub struct DispersionEffects {
+pub(crate) struct DispersionEffects {
     /// Added to the from-direction, degrees.
     pub direction_offset_deg: f64,
     /// Added to the from-direction per hour, degrees.
@@ -73,7 +73,7 @@ pub struct DispersionEffects {
 
 impl DispersionEffects {
     /// The joint effect of all dispersion mechanisms in `list`; those of sensors are passed over.
-    pub fn of(list: &[Mechanism]) -> Self {
+    pub(crate) fn of(list: &[Mechanism]) -> Self {
         let mut sum = Self {
             direction_offset_deg: 0.0,
             direction_drift_deg_h: 0.0,
@@ -111,7 +111,7 @@ impl DispersionEffects {
 
 /// The joint effect of the sensor mechanisms on one platform.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SensorEffects {
+pub(crate) struct SensorEffects {
     /// Time constants of the lags in series, s.
     pub lags_s: Vec<f64>,
     /// Slope of the reading.
@@ -136,7 +136,7 @@ pub struct SensorEffects {
 
 impl SensorEffects {
     /// No effect at all.
-    pub fn none() -> Self {
+    pub(crate) fn none() -> Self {
         Self {
             lags_s: Vec::new(),
             gain: 1.0,
@@ -153,7 +153,7 @@ impl SensorEffects {
 
     /// Adds the mechanisms of `list` that apply to `platform`; those of dispersion are passed
     /// over. Affine ones act one after the other, in the order of the list.
-    pub fn with(mut self, list: &[Mechanism], platform: &str) -> Self {
+    pub(crate) fn with(mut self, list: &[Mechanism], platform: &str) -> Self {
         for mechanism in list.iter().filter(|m| m.applies_to(platform)) {
             if let Action::OnSensor(add) = mechanism.id().spec().action {
                 add(&mut self, mechanism.values());
@@ -163,7 +163,7 @@ impl SensorEffects {
     }
 
     /// What the air itself adds to the reading, ppm; a column that is not known adds nothing.
-    pub fn cross_ppm(&self, air: &SensorAir) -> f64 {
+    pub(crate) fn cross_ppm(&self, air: &SensorAir) -> f64 {
         let term = |k: &[f64; 2], x: f64| {
             if k[0] == 0.0 || !x.is_finite() {
                 0.0

@@ -92,7 +92,7 @@ impl WindHistory {
 
     /// Metres east, north and of path that the air has gone from `ago_s` before `time_s` to
     /// then.
-    pub fn travelled_m(&self, time_s: f64, ago_s: f64) -> [f64; 3] {
+    pub(crate) fn travelled_m(&self, time_s: f64, ago_s: f64) -> [f64; 3] {
         let (now, then) = (self.at(time_s), self.at(time_s - ago_s));
         std::array::from_fn(|k| now[k] - then[k])
     }

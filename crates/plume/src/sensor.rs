@@ -61,7 +61,7 @@ impl SensorSpec {
     }
 
     /// This sensor and the mechanisms that apply to `platform` as one joint effect.
-    pub fn effects(&self, mechanisms: &[Mechanism], platform: &str) -> SensorEffects {
+    pub(crate) fn effects(&self, mechanisms: &[Mechanism], platform: &str) -> SensorEffects {
         let mut own = SensorEffects::none();
         if self.time_constant_s > 0.0 {
             own.lags_s.push(self.time_constant_s);

@@ -97,6 +97,7 @@ impl crate::Scenario {
     /// amounts not below zero); `source.` keys mean the first source. A strength of the other
     /// form than the source's is left alone.
     pub fn set(&mut self, parameter: Uncertain, value: f64) {
+        // A fit's estimate may lie beyond what a scenario accepts: a normal posterior has no ends.
         let amount = value.max(0.0);
         let factor = value.max(f64::MIN_POSITIVE);
         let source = &mut self.sources[0];

@@ -134,7 +134,7 @@ impl Scenario {
     ///
     /// # Errors
     /// A parameter that a mechanism does not have.
-    pub fn plume_mechanisms(&self) -> Result<Vec<plume::Mechanism>, WorldError> {
+    fn plume_mechanisms(&self) -> Result<Vec<plume::Mechanism>, WorldError> {
         self.mechanisms
             .iter()
             .filter(|m| plume::MechanismId::from_name(&m.id).is_some())
@@ -152,6 +152,7 @@ impl Scenario {
             return Ok(Geodetic { lat_deg, lon_deg });
         }
         let frame = self.frame()?;
+        // Upwind of the stacks, out of the plume, so that a sensor settles on the background first.
         let upwind_deg = self.weather.wind_from_deg;
         let abeam_m = (index as f64 - (self.vehicles.len() as f64 - 1.0) / 2.0) * HOME_SPACING_M;
         let at = Enu::default()
@@ -167,6 +168,7 @@ impl Scenario {
     pub fn layers_amsl_m(&self) -> Vec<f64> {
         let fence = &self.fence;
         let lowest_m = (fence.floor_agl_m + LOWEST_LAYER_M).min(fence.ceiling_agl_m);
+        // Two neighbours may be off towards each other, each by the whole tolerance.
         let step_m = fence.separation_height_m + 2.0 * OFF_HEIGHT_M;
         let levels = ((fence.ceiling_agl_m - lowest_m) / step_m).floor() as usize + 1;
         let count = self.vehicles.len();

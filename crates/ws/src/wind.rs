@@ -65,7 +65,7 @@ impl WorldWind {
 
     /// Whether the direction comes from measurements of the wind itself, so that a correction
     /// of the plume's axis is a correction on top of them.
-    pub fn is_constant(&self) -> bool {
+    pub(crate) fn is_constant(&self) -> bool {
         self.series.is_none() && self.reported.is_none()
     }
 

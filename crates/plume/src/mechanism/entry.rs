@@ -67,7 +67,7 @@ pub struct ParameterSpec {
 
 /// How a mechanism enters the equations, given its parameters in the catalogue's order.
 #[derive(Debug, Clone, Copy)]
-pub enum Action {
+pub(crate) enum Action {
     /// In the dispersion model: on all platforms alike.
     OnDispersion(fn(&mut DispersionEffects, &[f64])),
     /// In the sensor of each platform it applies to.
@@ -106,7 +106,7 @@ pub struct MechanismSpec {
     /// What a positive value means.
     pub sign: &'static str,
     /// What it does.
-    pub action: Action,
+    pub(crate) action: Action,
     /// Where a search starts.
     pub steps: Steps,
     /// Whether it is a constant or something logged times a constant: there is no law to be

@@ -22,8 +22,8 @@ pub enum NoiseForm {
     Usual,
     /// Heavy tails, log-normal intermittency that is stronger at the edge, coarse steps, gaps.
     Unusual,
-    /// The usual, read by sensors of [`SLOW_SENSORS_S`]: what turbulence does reaches the readings
-    /// late.
+    /// The usual, read by sensors with time constants of 6 to 20 s: what turbulence does reaches the
+    /// readings late.
     SlowSensors,
     /// The usual, in a wind that swings and surges as turbulence does at the height of a plume.
     GustyWind,

@@ -6,7 +6,7 @@ use scenario::Scenario;
 use scenario::uncertain::Uncertain;
 use serde_json::json;
 use std::path::PathBuf;
-use ws::calibration::offline::Offline;
+use ws::calibration::offline::OfflineCalibration;
 use ws::calibration::{CalibrationParameter, offline};
 
 /// Arguments of `plumage calibrate`.
@@ -68,7 +68,11 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
 }
 
 /// `calibration.json`: what was found of the plume and of every sensor.
-fn document(offline: &Offline, platforms: &[String], reference: Option<&str>) -> serde_json::Value {
+fn document(
+    offline: &OfflineCalibration,
+    platforms: &[String],
+    reference: Option<&str>,
+) -> serde_json::Value {
     let found = &offline.calibrated;
     let sensors: Vec<serde_json::Value> = platforms
         .iter()

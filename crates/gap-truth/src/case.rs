@@ -7,7 +7,7 @@ use rand::RngExt;
 
 use crate::effect::PlumeEffect;
 use crate::further::FurtherFlight;
-use crate::instrument::{Damage, Faults, LogRow, NoiseForm, NoiseModel, Platform, SLOW_SENSORS_S};
+use crate::instrument::{Damage, Faults, LogRow, NoiseForm, NoiseLevels, Platform, SLOW_SENSORS_S};
 use crate::physics::{Forward, Physics, TruthModel};
 use crate::random::{between, pick, stream};
 use crate::scene::{self, MARGIN_S, Need, Scene};
@@ -298,7 +298,7 @@ fn name(index: usize) -> String {
 struct CaseBuilder<'a> {
     spec: &'a CaseSpec,
     scene: Scene,
-    noise: NoiseModel,
+    noise: NoiseLevels,
     forward: Forward,
     /// The one platform of an effect that acts on one, if it does.
     single: Option<usize>,
@@ -331,7 +331,7 @@ impl<'a> CaseBuilder<'a> {
         if let Some(turn) = turn {
             turn(&mut scene, spec.seed);
         }
-        let noise = NoiseModel::draw(spec.seed, spec.noise, scene.noise_sd_ppm);
+        let noise = NoiseLevels::draw(spec.seed, spec.noise, scene.noise_sd_ppm);
         // A straight plume does not turn with each gust.
         let drawn = match (puffs, turn.is_some()) {
             (true, _) => Forward::Puffs,

@@ -20,7 +20,7 @@ pub use effect::{FLIGHT_CATALOGUE, FLIGHT_OUTSIDE, FlightEffect, FlightLaw};
 use crate::random::{between, stream};
 use effect::InjectedEffects;
 use gusts::Gusts;
-use pilot::Autopilot;
+use pilot::CaseAutopilot;
 use sensors::Sensors;
 
 /// Step of the integration, s.
@@ -112,7 +112,7 @@ pub fn make(spec: &FlightSpec, aircraft_toml: &str) -> Option<FlightCase> {
     let intensity = between(&mut scene, 0.2, 0.6);
     let rho = 1.225 * (1.0 - 2.2558e-5 * height).powf(4.2559);
     let mut gusts = Gusts::new(height, intensity, speed, published.span_m, spec.seed);
-    let mut pilot = Autopilot::new(spec, &published, speed, height, rho);
+    let mut pilot = CaseAutopilot::new(spec, &published, speed, height, rho);
     let mut sensors = Sensors::new(spec);
     let mut x = initial_state(&frame, &hidden, speed, height, heading, wind, rho);
     let mut csv = sensors.header(&published);

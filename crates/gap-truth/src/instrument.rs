@@ -100,7 +100,7 @@ pub struct LogRow {
 
 /// Sizes of the noise, drawn once a case.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NoiseModel {
+pub struct NoiseLevels {
     /// Its form.
     pub form: NoiseForm,
     white_ppm: f64,
@@ -110,7 +110,7 @@ pub struct NoiseModel {
     outlier_chance: f64,
 }
 
-impl NoiseModel {
+impl NoiseLevels {
     /// Noise of `form` for the case of `seed`.
     pub fn draw(seed: u64, form: NoiseForm, stated_white_ppm: f64) -> Self {
         let mut rng = stream(seed, "noise");
@@ -182,7 +182,7 @@ pub struct Platform<'a> {
     /// The world.
     pub world: &'a TruthModel<'a>,
     /// Sizes of the noise.
-    pub noise: &'a NoiseModel,
+    pub noise: &'a NoiseLevels,
     /// Faults that are hidden.
     pub faults: &'a Faults,
     /// Damage to the raw data.

@@ -16,7 +16,7 @@ struct Manoeuvre {
 }
 
 /// The autopilot's state.
-pub struct Autopilot {
+pub struct CaseAutopilot {
     trim: [f64; 3],
     speed: f64,
     height: f64,
@@ -26,7 +26,7 @@ pub struct Autopilot {
     control_power: f64,
 }
 
-impl Autopilot {
+impl CaseAutopilot {
     /// An autopilot for the published aircraft at a speed and height.
     pub fn new(spec: &FlightSpec, published: &Airframe, speed: f64, height: f64, rho: f64) -> Self {
         let mut rng = stream(spec.seed, "flight/pilot");

@@ -3,12 +3,12 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use gap::plume::{Options, Setup, analyse};
-use plume::field::{Place, World};
+use plume::field::{DispersionModel, Place};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use scenario::Scenario;
-use scenario::observations::{Observation, Observations};
+use scenario::observations::{ObservationRow, Observations};
 
 const SCENARIO: &str = r#"
 [site]
@@ -36,7 +36,7 @@ noise_sd_ppm = 1.0
 
 /// Six platforms weaving across the plume, one reading a second each.
 fn observations(setup: &Setup, seconds: usize) -> Observations {
-    let world = World::new(setup.base.clone()).expect("the base is a world");
+    let world = DispersionModel::new(setup.base.clone()).expect("the base is a world");
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut normal = move || -> f64 { StandardNormal.sample(&mut rng) };
     let mut rows = Vec::with_capacity(6 * seconds);
@@ -58,7 +58,7 @@ fn observations(setup: &Setup, seconds: usize) -> Observations {
             gust = 0.85 * gust + 0.53 * normal();
             let mean = world.mean_ppm(&place, time_s);
             let back = setup.frame.to_geodetic(at);
-            rows.push(Observation {
+            rows.push(ObservationRow {
                 time_s,
                 platform,
                 lat_deg: back.lat_deg,

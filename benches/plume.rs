@@ -12,13 +12,15 @@ use air::wind::WindProfile;
 use criterion::{Criterion, Throughput, criterion_group};
 use plume::sigma::Setting;
 use plume::stability::Stability;
-use plume::{Columns, Gas, Place, SensorSpec, SourceSpec, Strength, World, WorldSpec};
+use plume::{
+    DispersionModel, DispersionSpec, Gas, Place, PlaceColumns, SensorSpec, SourceSpec, Strength,
+};
 
 const POINTS: usize = 1_000_000;
 const AXIS_M: f64 = 486.0;
 
-fn world() -> World {
-    World::new(WorldSpec {
+fn world() -> DispersionModel {
+    DispersionModel::new(DispersionSpec {
         ground_amsl_m: 340.0,
         atmosphere: Atmosphere::standard(),
         wind: WindProfile::new(7.0, AXIS_M, 270.0, 0.0).expect("a wind"),
@@ -60,8 +62,8 @@ fn points() -> [Vec<f64>; 3] {
     ]
 }
 
-fn columns(points: &[Vec<f64>; 3]) -> Columns<'_> {
-    Columns {
+fn columns(points: &[Vec<f64>; 3]) -> PlaceColumns<'_> {
+    PlaceColumns {
         east_m: &points[0],
         north_m: &points[1],
         height_agl_m: &points[2],

@@ -284,7 +284,7 @@ async fn fly_in_real_time(
         });
         viewers.push(a.flightgear.as_deref().map(Viewer::open).transpose()?);
     }
-    let typed = links.iter().any(Option::is_some).then(typed_words);
+    let typed = links.iter().any(Option::is_some).then(typed_commands);
     let clock = if keeps_time {
         MissionClock::keep(net).await?
     } else {
@@ -327,7 +327,7 @@ fn obey(word: &str, vehicle: &mut RealVehicle) {
 }
 
 /// Lines typed on standard input, read on a thread of their own that ends with the process.
-fn typed_words() -> mpsc::Receiver<String> {
+fn typed_commands() -> mpsc::Receiver<String> {
     let (sender, receiver) = mpsc::channel();
     std::thread::spawn(move || {
         for line in std::io::stdin().lines().map_while(Result::ok) {

@@ -17,9 +17,9 @@ impl Failure {
         Self::Input(error.into())
     }
 
-    /// Wrong usage or input, in words.
-    pub fn usage(words: impl Into<String>) -> Self {
-        Self::Input(anyhow::Error::msg(words.into()))
+    /// Wrong usage or input, as a message.
+    pub fn usage(message: impl Into<String>) -> Self {
+        Self::Input(anyhow::Error::msg(message.into()))
     }
 }
 
@@ -34,18 +34,18 @@ pub fn exit(result: Result<(), Failure>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Input(error)) => {
-            eprintln!("error: {}", told_once(&error));
+            eprintln!("error: {}", message_with_causes(&error));
             ExitCode::from(2)
         }
         Err(Failure::Run(error)) => {
-            eprintln!("error: {}", told_once(&error));
+            eprintln!("error: {}", message_with_causes(&error));
             ExitCode::FAILURE
         }
     }
 }
 
 /// An error with its causes; what an error already says of its cause is not said again.
-fn told_once(error: &anyhow::Error) -> String {
+fn message_with_causes(error: &anyhow::Error) -> String {
     let mut text = error.to_string();
     for cause in error.chain().skip(1).map(ToString::to_string) {
         if !text.contains(&cause) {
@@ -70,10 +70,13 @@ mod tests {
         };
         let error = anyhow::Error::from(view);
         assert_eq!(
-            told_once(&error),
+            message_with_causes(&error),
             "cannot serve the page at here: disk on fire"
         );
         let outer = Err::<(), _>(std::io::Error::other("no such file")).context("a.csv");
-        assert_eq!(told_once(&outer.unwrap_err()), "a.csv: no such file");
+        assert_eq!(
+            message_with_causes(&outer.unwrap_err()),
+            "a.csv: no such file"
+        );
     }
 }

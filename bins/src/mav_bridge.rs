@@ -7,10 +7,10 @@ use mav_bridge::arduplane::TAKEOFF;
 use mav_bridge::link::{Link, LinkAddress};
 use mission::Setup;
 use mission::setup::SigningKey;
+use programs::agent::{self, VehicleOptions, signing_from};
+use programs::{Failure, failure, mission_files};
 use protocol::SimTime;
 use scenario::random::stream;
-use shell::agent::{self, VehicleOptions, signing_from};
-use shell::{Failure, failure, mission_files};
 use stand_in::StandIn;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -81,11 +81,11 @@ fn main() -> ExitCode {
         .init();
     // The first word tells which of the two it is; clap's subcommands do not go with options that
     // only the other one requires.
-    let mut words = std::env::args_os();
-    let is_stand_in = words.nth(1).is_some_and(|word| word == "stand-in");
+    let mut arguments_os = std::env::args_os();
+    let is_stand_in = arguments_os.nth(1).is_some_and(|first| first == "stand-in");
     failure::exit(if is_stand_in {
         let name = std::iter::once("mav-bridge stand-in".into());
-        let arguments = StandInArguments::parse_from(name.chain(words));
+        let arguments = StandInArguments::parse_from(name.chain(arguments_os));
         agent::block_on(fly_stand_in(&arguments))
     } else {
         serve(&BridgeArguments::parse())

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use fdm::Aircraft;
 use gap::flight::log::FlightLog;
 use mission::Setup;
-use scenario::observations::{self, Observation, Observations};
+use scenario::observations::{self, ObservationRow, Observations};
 use scenario::world::WorldError;
 use std::path::{Path, PathBuf};
 use ws::wind::WorldWind;
@@ -44,10 +44,12 @@ pub fn fill_wind(observations: &mut Observations, setup: &Setup) -> Result<bool,
     let Some(series) = &setup.wind_series else {
         return Ok(false);
     };
-    let logged = |row: &Observation| row.wind_from_deg.is_some();
+    let logged = |row: &ObservationRow| row.wind_from_deg.is_some();
     if observations.rows.iter().any(logged) {
         return Ok(false);
     }
+    // As the world simulator would have it: the same interpolation, or a series that was read and one
+    // that was flown would differ.
     let wind = WorldWind::new(setup.scenario.wind_profile()?, Some(series.clone()), false);
     let ground_amsl_m = setup.scenario.site.ground_amsl_m;
     for row in &mut observations.rows {

@@ -50,6 +50,7 @@ pub fn load_changed(
 /// As [`load`].
 pub fn load_text(name: &str, text: &str, folder: &Path) -> Result<Setup, Failure> {
     let above = folder.parent().unwrap_or(Path::new("")).to_owned();
+    // The shipped scenarios name `aircraft/x8.toml`, which is beside their folder, not in it.
     let folders = [folder.to_owned(), above, PathBuf::new()];
     let read = |file: &str| -> Result<Vec<u8>, String> {
         let tried = folders.iter().map(|f| f.join(file));

@@ -5,14 +5,14 @@ use anyhow::{Context as _, Result};
 use mission::{Setup, campaign};
 use protocol::bus::Said;
 use protocol::key::Name;
-use record::summary::{Summariser, Summary};
+use record::summary::{MissionSummary, Summariser};
 use record::tracks::Tracks;
 use record::{RunInfo, ThreadedRecorder, files, kml};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use views::report::Report;
-use views::site::Site;
+use views::site::SiteMap;
 
 /// Points of one track in KML.
 const TRACK_POINTS: usize = 4000;
@@ -57,7 +57,7 @@ impl Outputs {
         folder: &Path,
         force: bool,
         setup: &Setup,
-        site: Arc<Site>,
+        site: Arc<SiteMap>,
     ) -> Result<Self, Failure> {
         files::prepare_folder(folder, force).map_err(Failure::input)?;
         // The scenario first: whatever happens later, it is known what was flown.
@@ -71,7 +71,7 @@ impl Outputs {
         Ok(Self {
             folder: folder.to_owned(),
             recorder,
-            summariser: Summariser::new(campaign::known(setup)?),
+            summariser: Summariser::new(campaign::summary_context(setup)?),
             report: Report::new(site),
             tracks: Tracks::new(TRACK_POINTS, 0.5),
             setup: setup.clone(),
@@ -101,7 +101,7 @@ impl Outputs {
     }
 
     /// The summary so far.
-    pub fn summary(&self, digest: &str, wall_s: f64) -> Summary {
+    pub fn summary(&self, digest: &str, wall_s: f64) -> MissionSummary {
         self.summariser.summary(digest, wall_s)
     }
 
@@ -109,7 +109,7 @@ impl Outputs {
     ///
     /// # Errors
     /// A file cannot be written; those written before stay.
-    pub fn finish(self, digest: &str, wall_s: f64) -> Result<Summary> {
+    pub fn finish(self, digest: &str, wall_s: f64) -> Result<MissionSummary> {
         let summary = self.summariser.summary(digest, wall_s);
         let finished = self.recorder.finish(Some(digest))?;
         for (key, count) in finished.not_finite {
@@ -122,7 +122,7 @@ impl Outputs {
                 .context("cannot write the outputs")
         };
         write("summary.json", &summary.to_json())?;
-        let around = kml::Surroundings {
+        let around = kml::MapFeatures {
             peak: summary.peak.estimate,
             ..site::surroundings(&self.setup)?
         };

@@ -8,10 +8,10 @@ use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 use views::live::LiveState;
 use views::page::{self, DEFAULT_ADDRESS, PageCommand};
-use views::site::Site;
+use views::site::SiteMap;
 
-/// Time between two pictures that the run hands over.
-const PICTURE: Duration = Duration::from_millis(150);
+/// Time between two frames that the run hands over.
+const FRAME: Duration = Duration::from_millis(150);
 
 /// Where a page is asked for.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -28,7 +28,7 @@ pub enum Serve {
 pub struct LivePage {
     runtime: tokio::runtime::Runtime,
     state: LiveState,
-    pictures: watch::Sender<Arc<LiveState>>,
+    frames: watch::Sender<Arc<LiveState>>,
     commands: mpsc::Receiver<PageCommand>,
     server: tokio::task::JoinHandle<()>,
     next: Instant,
@@ -42,13 +42,14 @@ impl LivePage {
     ///
     /// # Errors
     /// An address that was asked for and is not to be had.
-    pub fn open(serve: &Serve, site: Arc<Site>) -> Result<Option<Self>, Failure> {
+    pub fn open(serve: &Serve, site: Arc<SiteMap>) -> Result<Option<Self>, Failure> {
         let address = match serve {
             Serve::No => return Ok(None),
             Serve::Default => DEFAULT_ADDRESS,
             Serve::At(address) => address,
         };
         let runtime = tokio::runtime::Builder::new_multi_thread()
+            // One thread is enough to send some frames a second, and leaves the others to the run.
             .worker_threads(1)
             .thread_name("page")
             .enable_all()
@@ -63,7 +64,7 @@ impl LivePage {
         };
         let address = listener.local_addr()?.to_string();
         let state = LiveState::new(site);
-        let (pictures, live) = watch::channel(Arc::new(state.clone()));
+        let (frames, live) = watch::channel(Arc::new(state.clone()));
         let (commands_sender, commands) = mpsc::channel(16);
         let server = runtime.spawn(async move {
             if let Err(e) = page::serve(listener, live, commands_sender).await {
@@ -73,7 +74,7 @@ impl LivePage {
         Ok(Some(Self {
             runtime,
             state,
-            pictures,
+            frames,
             commands,
             server,
             next: Instant::now(),
@@ -88,12 +89,12 @@ impl LivePage {
         }
     }
 
-    /// Shows how the run goes, if it is time for a new picture or `now` it must be.
-    pub fn show(&mut self, run: views::live::Run, now: bool) {
+    /// Shows how the run goes, if it is time for a new frame or `now` it must be.
+    pub fn show(&mut self, run: views::live::RunStatus, now: bool) {
         if now || Instant::now() >= self.next {
-            self.next = Instant::now() + PICTURE;
+            self.next = Instant::now() + FRAME;
             self.state.run = run;
-            self.pictures.send_replace(Arc::new(self.state.clone()));
+            self.frames.send_replace(Arc::new(self.state.clone()));
         }
     }
 
@@ -102,18 +103,18 @@ impl LivePage {
         std::iter::from_fn(|| self.commands.try_recv().ok()).collect()
     }
 
-    /// Keeps the last picture up until `stop`, then closes the page.
+    /// Keeps the last frame up until `stop`, then closes the page.
     pub fn close(self, hold: bool, stop: &AtomicBool) {
         while hold && !stop.load(Ordering::Relaxed) {
             std::thread::sleep(Duration::from_millis(50));
         }
-        drop(self.pictures);
-        let patience = tokio::time::Duration::from_secs(2);
+        drop(self.frames);
+        let grace = tokio::time::Duration::from_secs(2);
         let server = self.server;
-        // Whoever still reads the page has this long to get the last picture.
+        // Whoever still reads the page has this long to get the last frame.
         let _ = self
             .runtime
-            .block_on(async move { tokio::time::timeout(patience, server).await });
+            .block_on(async move { tokio::time::timeout(grace, server).await });
         self.runtime.shutdown_timeout(Duration::from_millis(200));
     }
 }

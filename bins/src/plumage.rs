@@ -1,8 +1,8 @@
 //! The one command a newcomer needs.
 
 use clap::{Parser, Subcommand};
-use shell::commands::{calibrate, campaign, conduct, control, gap, replay, run, tune};
-use shell::failure;
+use programs::commands::{calibrate, campaign, conduct, control, gap, replay, run, tune};
+use programs::failure;
 use std::process::ExitCode;
 
 /// Mixed-reality simulation of UAV teams that find and map the plume of an air-pollution source.

@@ -1,12 +1,12 @@
 //! The recorder in a process of its own.
 
 use clap::Parser;
+use programs::outputs::Outputs;
+use programs::{Failure, agent, failure, presence, site};
 use protocol::SimTime;
 use protocol::bus::Said;
 use protocol::net::lockstep;
 use protocol::net::realtime::{self, MissionClock};
-use shell::outputs::Outputs;
-use shell::{Failure, agent, failure, presence, site};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -65,7 +65,7 @@ fn record(arguments: &Arguments) -> Result<(), Failure> {
         Ok(())
     })?;
     let summary = outputs.finish(&digest.hex(), started.elapsed().as_secs_f64())?;
-    print!("{}", record::words::summary(&summary));
+    print!("{}", record::text::summary(&summary));
     if summary.vehicles.is_empty() {
         return Err(Failure::Run(anyhow::anyhow!(
             "no vehicle was heard: are the va processes running, and can they reach this one?"

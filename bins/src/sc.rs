@@ -3,7 +3,7 @@
 
 use clap::Parser;
 use mission::Member;
-use shell::{Failure, agent, failure};
+use programs::{Failure, agent, failure};
 use std::process::ExitCode;
 
 /// Sends the team through its mission and says where the peak is.

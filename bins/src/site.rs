@@ -2,17 +2,17 @@
 
 use anyhow::Result;
 use mission::{Setup, truth};
-use plume::{Place, World};
+use plume::{DispersionModel, Place};
 use protocol::message::Model;
-use record::kml::{Stack, Surroundings};
+use record::kml::{MapFeatures, StackMarker};
 use std::sync::Arc;
-use views::site::{Site, Spot};
+use views::site::{MapPoint, SiteMap};
 
-fn place(site_ground_amsl_m: f64, spot: &Spot) -> Place {
+fn place(site_ground_amsl_m: f64, point: &MapPoint) -> Place {
     Place {
-        east_m: spot.at.east_m,
-        north_m: spot.at.north_m,
-        height_agl_m: spot.alt_amsl_m - site_ground_amsl_m,
+        east_m: point.at.east_m,
+        north_m: point.at.north_m,
+        height_agl_m: point.alt_amsl_m - site_ground_amsl_m,
     }
 }
 
@@ -25,12 +25,12 @@ fn fence(setup: &Setup) -> Result<Vec<(f64, f64)>> {
     Ok(corners.collect())
 }
 
-fn stacks(setup: &Setup) -> Vec<Stack> {
+fn stacks(setup: &Setup) -> Vec<StackMarker> {
     setup
         .scenario
         .sources
         .iter()
-        .map(|s| Stack {
+        .map(|s| StackMarker {
             name: s.name.clone(),
             lat_deg: s.lat_deg,
             lon_deg: s.lon_deg,
@@ -43,24 +43,24 @@ fn stacks(setup: &Setup) -> Vec<Stack> {
 ///
 /// # Errors
 /// A scenario that describes no world.
-pub fn of(setup: &Setup) -> Result<Site> {
+pub fn of(setup: &Setup) -> Result<SiteMap> {
     let scenario = &setup.scenario;
-    let base = scenario.world_spec()?;
+    let base = scenario.dispersion_spec()?;
     let ground = scenario.site.ground_amsl_m;
-    let field = move |model: &Model, spots: &[Spot]| -> Vec<f64> {
-        let world: Option<World> = sc::peak::corrected(&base, model);
-        let ppm = |spot| {
+    let field = move |model: &Model, points: &[MapPoint]| -> Vec<f64> {
+        let world: Option<DispersionModel> = sc::peak::corrected(&base, model);
+        let ppm = |point| {
             world
                 .as_ref()
-                .map_or(f64::NAN, |w| w.mean_ppm(&place(ground, spot), 0.0))
+                .map_or(f64::NAN, |w| w.mean_ppm(&place(ground, point), 0.0))
         };
-        spots.iter().map(ppm).collect()
+        points.iter().map(ppm).collect()
     };
     let has_reality = truth::has_stand_in(scenario);
     let reality = if has_reality {
         let world = scenario.in_reality().world()?;
-        let of = move |spots: &[Spot]| -> Vec<f64> {
-            spots
+        let of = move |points: &[MapPoint]| -> Vec<f64> {
+            points
                 .iter()
                 .map(|s| world.mean_ppm(&place(ground, s), 0.0))
                 .collect()
@@ -69,7 +69,7 @@ pub fn of(setup: &Setup) -> Result<Site> {
     } else {
         None
     };
-    Ok(Site {
+    Ok(SiteMap {
         mission: scenario.mission.name.clone(),
         duration_s: scenario.mission.duration_s,
         frame: setup.frame()?,
@@ -88,9 +88,9 @@ pub fn of(setup: &Setup) -> Result<Site> {
 ///
 /// # Errors
 /// A scenario that describes no world.
-pub fn surroundings(setup: &Setup) -> Result<Surroundings> {
+pub fn surroundings(setup: &Setup) -> Result<MapFeatures> {
     let scenario = &setup.scenario;
-    Ok(Surroundings {
+    Ok(MapFeatures {
         mission: scenario.mission.name.clone(),
         stacks: stacks(setup),
         fence: fence(setup)?,

@@ -1,8 +1,8 @@
 //! Virtual aircraft, one or several, in a process of their own.
 
 use clap::Parser;
-use shell::agent::{self, VehicleOptions};
-use shell::failure;
+use programs::agent::{self, VehicleOptions};
+use programs::failure;
 use std::process::ExitCode;
 
 /// Vehicles of the team: simulated, stand-ins, or the bridges to real ones, as the scenario says.

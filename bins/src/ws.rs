@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use mission::Member;
-use shell::{Failure, agent, failure};
+use programs::{Failure, agent, failure};
 use std::process::ExitCode;
 
 /// Wind, air and plume around the simulated vehicles, corrected by what real ones measure.

@@ -6,8 +6,8 @@ use scenario::Scenario;
 use scenario::uncertain::Uncertain;
 use serde_json::json;
 use std::path::PathBuf;
-use ws::calibration::offline::Offline;
-use ws::calibration::{Parameter, offline};
+use ws::calibration::offline::OfflineCalibration;
+use ws::calibration::{CalibrationParameter, offline};
 
 /// Arguments of `plumage calibrate`.
 #[derive(Debug, clap::Args)]
@@ -68,14 +68,22 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
 }
 
 /// `calibration.json`: what was found of the plume and of every sensor.
-fn document(offline: &Offline, platforms: &[String], reference: Option<&str>) -> serde_json::Value {
+fn document(
+    offline: &OfflineCalibration,
+    platforms: &[String],
+    reference: Option<&str>,
+) -> serde_json::Value {
     let found = &offline.calibrated;
     let sensors: Vec<serde_json::Value> = platforms
         .iter()
         .enumerate()
         .filter_map(|(k, platform)| {
-            let (offset, offset_sd) = offline.calibrator.parameter(Parameter::Offset(k))?;
-            let (ln_gain, ln_gain_sd) = offline.calibrator.parameter(Parameter::LnGain(k))?;
+            let (offset, offset_sd) = offline
+                .calibrator
+                .parameter(CalibrationParameter::Offset(k))?;
+            let (ln_gain, ln_gain_sd) = offline
+                .calibrator
+                .parameter(CalibrationParameter::LnGain(k))?;
             let gain = ln_gain.exp();
             Some(json!({
                 "platform": platform,

@@ -39,7 +39,7 @@ pub fn campaign(arguments: &CampaignArguments) -> Result<(), Failure> {
     let stop = interrupt_flag()?;
     let next = Mutex::new(1..=arguments.seeds);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let fly_some = || -> Result<Vec<record::summary::Summary>, mission::MissionError> {
+    let fly_some = || -> Result<Vec<record::summary::MissionSummary>, mission::MissionError> {
         let mut flown = Vec::new();
         while !stop.load(Ordering::Relaxed) {
             let seed = next

@@ -72,7 +72,7 @@ pub fn conduct(arguments: &ConductArguments) -> Result<(), Failure> {
     let wall_s = started.elapsed().as_secs_f64();
     if let Some(outputs) = outputs {
         let summary = outputs.finish(&digest.hex(), wall_s)?;
-        print!("{}", record::words::summary(&summary));
+        print!("{}", record::text::summary(&summary));
     }
     println!("digest {}", digest.hex());
     conducted

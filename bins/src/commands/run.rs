@@ -119,7 +119,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     flight.show(true);
     flight.bar.finish_and_clear();
     let summary = flight.outputs.finish(&digest, wall_s)?;
-    print!("{}", record::words::summary(&summary));
+    print!("{}", record::text::summary(&summary));
     println!(
         "Outputs in {}: report.html, tracks.kml, mission.mcap, summary.json, scenario.toml",
         folder.display()
@@ -231,7 +231,7 @@ impl Flight {
         if let Some(phase) = self.phase {
             self.bar.set_message(format!("{phase:?}"));
         }
-        let run = views::live::Run {
+        let run = views::live::RunStatus {
             paused: self.paused,
             speed: self.pace.speed().0,
             real_time_factor: sim_s / self.started.elapsed().as_secs_f64().max(1e-9),

@@ -61,10 +61,14 @@ impl Dryden {
         turbulence: &Turbulence,
         rng: &mut R,
     ) -> [f64; 3] {
+        // Taylor's (1938) frozen turbulence: a vehicle flies through L at its airspeed, so that the
+        // filter's time constant is L/V. One that stands still would meet no change at all.
         let speed = airspeed_m_s.max(1.0);
         let mut white = || -> f64 { StandardNormal.sample(rng) };
         let [su, sv, sw] = turbulence.sigma_m_s;
         let [lu, lv, lw] = turbulence.length_m;
+        // σu √(2L/πV) / (1 + (L/V) s): an Ornstein–Uhlenbeck process, whose transition is exact with
+        // this variance of the noise at any step (Gillespie 1996, equation 3.1).
         let decay = (-dt_s * speed / lu).exp();
         self.u = decay * self.u + su * (1.0 - decay * decay).sqrt() * white();
         [
@@ -92,9 +96,12 @@ fn second_order(state: &mut [f64; 2], steps: f64, sigma: f64, white: f64) -> f64
 }
 
 /// Share of a step's noise that has reached the second lag at the end of the step: the value
-/// that keeps the stationary covariance of x0 and x1 at 1/2 for every step length.
+/// that keeps the stationary covariance of x0 and x1 at 1/2 for every step length. With d the decay
+/// over the step, E[x0' x1'] = d²(E[x0 x1] + steps E[x0²]) + share E[noise²], hence
+/// share = (1/2 − d²(1/2 + steps)) / (1 − d²).
 fn lag_share(steps: f64, decay: f64) -> f64 {
     let injected = 1.0 - decay * decay;
+    // Over a step of next to no length both sides vanish.
     if injected < 1e-12 {
         return 0.0;
     }

@@ -91,6 +91,7 @@ impl Atmosphere {
     pub fn at(&self, alt_amsl_m: f64) -> Air {
         let temperature_k =
             self.reference.temperature_k + LAPSE_RATE_K_M * (alt_amsl_m - self.reference_amsl_m);
+        // Hydrostatic balance with a constant lapse rate β: p = p0 (T/T0)^(−g/Rβ) (ISO 2533, 2.7).
         let ratio = temperature_k / self.reference.temperature_k;
         let exponent = -STANDARD_GRAVITY_M_S2 / (GAS_CONSTANT_AIR_J_KG_K * LAPSE_RATE_K_M);
         Air {

@@ -4,7 +4,7 @@ use crate::AirError;
 use crate::geo::Geodetic;
 use srtm_reader::{Resolution, Tile};
 
-/// Heights in a tile at or below this are voids, m.
+/// Heights in a tile at or below this are voids, m: SRTM writes -32768, and no land is so low.
 const VOID_M: i16 = -1000;
 
 /// The ground of a site.

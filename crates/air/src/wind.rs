@@ -3,7 +3,8 @@
 use crate::geo::wrap_deg;
 use crate::{AirError, in_range};
 
-/// Lowest height at which the power law is used, m: below, the wind of this height.
+/// Lowest height at which the power law is used, m: below, the wind of this height. The law goes to
+/// zero at the ground, where the roughness sublayer begins well above it.
 const LOWEST_HEIGHT_AGL_M: f64 = 1.0;
 
 /// A horizontal wind as a vector *towards* which the air moves.
@@ -50,7 +51,9 @@ pub fn towards_deg(from_deg: f64) -> f64 {
     wrap_deg(from_deg + 180.0)
 }
 
-/// Wind by the power law u(z) = u_ref (z / z_ref)^p, with one direction at all heights.
+/// Wind by the power law u(z) = u_ref (z / z_ref)^p, with one direction at all heights. Rather than the
+/// logarithmic law with its stability functions, since that holds in the surface layer only, some
+/// tens of metres, and plumes of tall stacks are at several hundred.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WindProfile {
     speed_m_s: f64,
@@ -129,6 +132,18 @@ impl WindProfile {
         WindVector::from_speed_and_direction(self.speed_at_m_s(height_agl_m), self.from_deg)
     }
 
+    /// The same profile with its direction turned clockwise; as it is for an angle that is not finite.
+    #[must_use]
+    pub fn turned(&self, clockwise_deg: f64) -> Self {
+        if !clockwise_deg.is_finite() {
+            return *self;
+        }
+        Self {
+            from_deg: wrap_deg(self.from_deg + clockwise_deg),
+            ..*self
+        }
+    }
+
     /// The same law through another speed and direction measured at `height_agl_m`.
     ///
     /// # Errors
@@ -181,6 +196,7 @@ impl WindSeries {
                 720.0,
                 "degrees, 0 to 360",
             )?;
+            // The next time must be greater, not equal: two winds of one moment have no mean.
             last = time_s.next_up();
             out.push((
                 time_s,
@@ -226,6 +242,17 @@ mod tests {
         let profile = WindProfile::new(4.0, 10.0, 0.0, 1.0 / 7.0).unwrap();
         assert!((profile.speed_at_m_s(100.0) - 5.557_98).abs() < 1e-4);
         assert_eq!(profile.speed_at_m_s(10.0), 4.0);
+    }
+
+    #[test]
+    fn a_turn_is_clockwise_and_keeps_the_speed() {
+        let profile = WindProfile::new(4.0, 10.0, 350.0, 0.2).unwrap();
+        assert_eq!(profile.turned(20.0).from_deg(), 10.0);
+        assert_eq!(
+            profile.turned(20.0).speed_at_m_s(90.0),
+            profile.speed_at_m_s(90.0)
+        );
+        assert_eq!(profile.turned(f64::NAN), profile);
     }
 
     #[test]

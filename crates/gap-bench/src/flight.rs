@@ -373,7 +373,7 @@ fn case(bird: &Bird<'_>, twin: &Twin, kind: &FlightKind, seed: u64) -> Result<Fl
         spec.noise = *noise;
     }
     if let FlightKind::Cousin(..) = kind {
-        spec.law = FlightLaw::Cousin;
+        spec.law = FlightLaw::Variant;
     }
     for (effect, nats) in effects(kind) {
         if !effect.in_catalogue() {

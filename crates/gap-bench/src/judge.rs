@@ -4,7 +4,7 @@ use gap::plume::{Analysis, Likeness, Options, analyse};
 use gap::verdict::{Cause, Verdict};
 use gap_truth::case::DamageKind;
 use gap_truth::mutation::mutate;
-use gap_truth::{Case, Effect, Forward, FurtherFlight, TrueEffect, Truth, further};
+use gap_truth::{Case, Forward, FurtherFlight, PlumeEffect, TrueEffect, Truth, further};
 
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -153,7 +153,7 @@ fn held_out_gains(tuned: &Tuned, analysis: &Analysis) -> Option<(f64, f64)> {
 /// holds the effect, and no longer both it and what the flight was to separate.
 fn fly_on(task: &Task, tuned: &Tuned, analysis: &Analysis) -> Option<FlownOn> {
     let next = analysis.json.next_flight.as_ref()?;
-    let waypoint = |w: &gap::verdict::Waypoint| further::Waypoint {
+    let waypoint = |w: &gap::verdict::Waypoint| further::TrackWaypoint {
         time_s: w.time_s,
         lat_deg: w.lat_deg,
         lon_deg: w.lon_deg,
@@ -317,7 +317,7 @@ fn compare(outcome: &mut Outcome, truth: &Truth, analysis: &Analysis, alike: &Al
     let clipped = outcome.task.kind == Kind::Damaged(DamageKind::Clipped);
     let is_right = |c: &Cause| {
         hidden.iter().any(|(_, e)| holds(c, e))
-            || (clipped && c.mechanisms[0] == Effect::SensorSaturation.id())
+            || (clipped && c.mechanisms[0] == PlumeEffect::SensorSaturation.id())
     };
     outcome.confidently_wrong = json.verdict != Verdict::Unexplained
         && causes

@@ -2,7 +2,7 @@
 
 use gap_truth::case::DamageKind;
 use gap_truth::mutation::{MUTATIONS, Mutation};
-use gap_truth::{CATALOGUE, CaseSpec, Effect, Hidden, NoiseForm, OUTSIDE};
+use gap_truth::{CATALOGUE, CaseSpec, HiddenEffect, NoiseForm, OUTSIDE, PlumeEffect};
 use serde::{Deserialize, Serialize};
 
 /// What a task is about.
@@ -11,13 +11,13 @@ pub enum Kind {
     /// Nothing is hidden.
     Nothing,
     /// One effect of the catalogue, by its own law.
-    One(Effect),
+    One(PlumeEffect),
     /// One effect of the catalogue, by a law that differs a little.
-    OtherLaw(Effect),
+    OtherLaw(PlumeEffect),
     /// One effect outside the catalogue.
-    Outside(Effect),
+    Outside(PlumeEffect),
     /// Two effects of the catalogue.
-    Two(Effect, Effect),
+    Two(PlumeEffect, PlumeEffect),
     /// Damage to the raw data and nothing else.
     Damaged(DamageKind),
     /// Nothing is hidden, and then the file is changed.
@@ -58,7 +58,7 @@ impl Task {
     }
 
     /// The effects to hide.
-    pub fn effects(&self) -> Vec<Effect> {
+    pub fn effects(&self) -> Vec<PlumeEffect> {
         match &self.kind {
             Kind::One(e) | Kind::OtherLaw(e) | Kind::Outside(e) => vec![*e],
             Kind::Two(a, b) => vec![*a, *b],
@@ -72,7 +72,7 @@ impl Task {
             .effects()
             .into_iter()
             .zip(strengths)
-            .map(|(effect, &strength)| Hidden { effect, strength })
+            .map(|(effect, &strength)| HiddenEffect { effect, strength })
             .collect();
         CaseSpec {
             hidden,
@@ -88,34 +88,40 @@ impl Task {
 }
 
 /// Effects whose law has another form.
-const OTHER_LAWS: [Effect; 12] = [
-    Effect::DryDeposition,
-    Effect::FirstOrderDecay,
-    Effect::SigmaZGrowth,
-    Effect::SigmaYScale,
-    Effect::SigmaZScale,
-    Effect::MixingLid,
-    Effect::BuildingDownwash,
-    Effect::WindVeerWithHeight,
-    Effect::EmissionTrend,
-    Effect::BackgroundDrift,
-    Effect::SensorLag,
-    Effect::Meander,
+const OTHER_LAWS: [PlumeEffect; 12] = [
+    PlumeEffect::DryDeposition,
+    PlumeEffect::FirstOrderDecay,
+    PlumeEffect::SigmaZGrowth,
+    PlumeEffect::SigmaYScale,
+    PlumeEffect::SigmaZScale,
+    PlumeEffect::MixingLid,
+    PlumeEffect::BuildingDownwash,
+    PlumeEffect::WindVeerWithHeight,
+    PlumeEffect::EmissionTrend,
+    PlumeEffect::BackgroundDrift,
+    PlumeEffect::SensorLag,
+    PlumeEffect::Meander,
 ];
 
 /// Pairs of effects that data of six tracks can tell apart.
-const PAIRS: [(Effect, Effect); 8] = [
-    (Effect::SensorLag, Effect::BackgroundDrift),
-    (Effect::SigmaYScale, Effect::SensorOffset),
-    (Effect::SecondSource, Effect::ClockOffset),
-    (Effect::EffectiveHeightOffset, Effect::EmissionTrend),
+const PAIRS: [(PlumeEffect, PlumeEffect); 8] = [
+    (PlumeEffect::SensorLag, PlumeEffect::BackgroundDrift),
+    (PlumeEffect::SigmaYScale, PlumeEffect::SensorOffset),
+    (PlumeEffect::SecondSource, PlumeEffect::ClockOffset),
     (
-        Effect::WindDirectionOffset,
-        Effect::CrossSensitivityHumidity,
+        PlumeEffect::EffectiveHeightOffset,
+        PlumeEffect::EmissionTrend,
     ),
-    (Effect::SigmaZScale, Effect::BackgroundGradient),
-    (Effect::SensorSaturation, Effect::WindDirectionDrift),
-    (Effect::SensorDrift, Effect::SigmaZGrowth),
+    (
+        PlumeEffect::WindDirectionOffset,
+        PlumeEffect::CrossSensitivityHumidity,
+    ),
+    (PlumeEffect::SigmaZScale, PlumeEffect::BackgroundGradient),
+    (
+        PlumeEffect::SensorSaturation,
+        PlumeEffect::WindDirectionDrift,
+    ),
+    (PlumeEffect::SensorDrift, PlumeEffect::SigmaZGrowth),
 ];
 
 /// All tasks for `seeds` seeds a case: twenty-five times as many without an effect, half of that

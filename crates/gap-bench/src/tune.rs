@@ -78,7 +78,7 @@ fn visible(case: &Case, fitted: &Visibility, which: usize) -> Result<f64, String
         return Ok(fitted.nats_beside(&mechanisms, which));
     }
     let twin;
-    let of = |c: &gap_truth::PlumeChange| PlumeChange {
+    let of = |c: &gap_truth::TruePlumeChange| PlumeChange {
         platform: c.platform.clone(),
         time_s: c.time_s,
         factor: c.factor,
@@ -88,7 +88,7 @@ fn visible(case: &Case, fitted: &Visibility, which: usize) -> Result<f64, String
     let known = if !changes.is_empty() {
         Known::Plume(&changes)
     } else if mechanisms.is_empty() {
-        twin = read(&case.scenario_toml, &case.twin)?;
+        twin = read(&case.scenario_toml, &case.control)?;
         Known::Twin(&twin.observations)
     } else {
         Known::Mechanisms(&mechanisms)

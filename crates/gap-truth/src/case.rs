@@ -5,20 +5,20 @@ use std::fmt::Write as _;
 
 use rand::RngExt;
 
-use crate::chance::{between, pick, stream};
-use crate::effect::Effect;
+use crate::effect::PlumeEffect;
 use crate::further::FurtherFlight;
-use crate::instrument::{Damage, Faults, Noise, NoiseForm, Platform, Row, SLOW_SENSORS_S};
-use crate::physics::{Forward, Physics, World};
+use crate::instrument::{Damage, Faults, LogRow, NoiseForm, NoiseLevels, Platform, SLOW_SENSORS_S};
+use crate::physics::{Forward, Physics, TruthModel};
+use crate::random::{between, pick, stream};
 use crate::scene::{self, MARGIN_S, Need, Scene};
-use crate::strength::{self, Parameter};
+use crate::strength::{self, TrueParameter};
 use crate::wind::{WindLaw, WindTruth};
 
 /// One effect to hide.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hidden {
+pub struct HiddenEffect {
     /// The effect.
-    pub effect: Effect,
+    pub effect: PlumeEffect,
     /// How strongly; 0 is not at all, 1 near the limit of the visible.
     pub strength: f64,
 }
@@ -51,7 +51,7 @@ pub struct CaseSpec {
     /// Seed of scene, noise and everything else.
     pub seed: u64,
     /// Hidden effects; none for a case in which nothing is hidden.
-    pub hidden: Vec<Hidden>,
+    pub hidden: Vec<HiddenEffect>,
     /// Form of the noise.
     pub noise: NoiseForm,
     /// Forward model; `None` draws it: puffs three times in five, else a straight plume or, in a gusty
@@ -77,9 +77,9 @@ impl CaseSpec {
     }
 
     /// One effect of a strength, usual noise.
-    pub fn one(seed: u64, effect: Effect, strength: f64) -> Self {
+    pub fn one(seed: u64, effect: PlumeEffect, strength: f64) -> Self {
         Self {
-            hidden: vec![Hidden { effect, strength }],
+            hidden: vec![HiddenEffect { effect, strength }],
             ..Self::none(seed)
         }
     }
@@ -89,11 +89,11 @@ impl CaseSpec {
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrueEffect {
     /// The effect.
-    pub effect: Effect,
+    pub effect: PlumeEffect,
     /// Platforms that it acts on; empty for all.
     pub platforms: Vec<String>,
     /// Its parameters; none outside the catalogue.
-    pub parameters: Vec<Parameter>,
+    pub parameters: Vec<TrueParameter>,
 }
 
 /// What a finder must not see.
@@ -119,16 +119,16 @@ pub struct Case {
     /// Name and text of each observation file.
     pub observations: Vec<(String, String)>,
     /// The same less what the hidden effects change in the mean of each reading.
-    pub twin: Vec<(String, String)>,
+    pub control: Vec<(String, String)>,
     /// What the effect does to the plume, row by row, where that is all it does.
-    pub plume_changes: Vec<PlumeChange>,
+    pub plume_changes: Vec<TruePlumeChange>,
     /// What is true.
     pub truth: Truth,
 }
 
 /// What effects do to the plume of one row.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PlumeChange {
+pub struct TruePlumeChange {
     /// The row's platform.
     pub platform: String,
     /// Its time, s.
@@ -148,28 +148,28 @@ const HISTORY_S: f64 = 2600.0;
 impl Case {
     /// The forward model that [`Case::make`] takes for `spec`.
     pub fn forward(spec: &CaseSpec) -> Forward {
-        Draft::new(spec).forward
+        CaseBuilder::new(spec).forward
     }
 
     /// Makes the case of `spec`.
     pub fn make(spec: &CaseSpec) -> Self {
-        let draft = Draft::new(spec);
-        let twin = draft.rows(&Physics::default(), &draft.no_faults());
-        let (physics, faults, effects) = draft.hide(&twin);
+        let builder = CaseBuilder::new(spec);
+        let control = builder.rows(&Physics::default(), &builder.no_faults());
+        let (physics, faults, effects) = builder.hide(&control);
         let rows = if effects.is_empty() {
-            twin.clone()
+            control.clone()
         } else {
-            draft.rows(&physics, &faults)
+            builder.rows(&physics, &faults)
         };
-        let damage = draft.damage(&twin);
+        let damage = builder.damage(&control);
         Self {
-            scenario_toml: draft.scene.to_toml(),
-            observations: draft.files(&rows),
-            twin: draft.files(&less_effects(&rows, &twin)),
-            plume_changes: plume_changes(&effects, &rows, &twin),
+            scenario_toml: builder.scene.to_toml(),
+            observations: builder.files(&rows),
+            control: builder.files(&less_effects(&rows, &control)),
+            plume_changes: plume_changes(&effects, &rows, &control),
             truth: Truth {
                 effects,
-                forward: draft.forward,
+                forward: builder.forward,
                 noise: spec.noise,
                 other_laws: spec.other_laws,
                 damage: damage.map(|(kind, index, _, from, to)| (kind, name(index), from, to)),
@@ -179,15 +179,15 @@ impl Case {
 
     /// Observation files of the case of `spec` and of one more flight after it.
     pub fn flown_on(spec: &CaseSpec, flight: &FurtherFlight) -> Vec<(String, String)> {
-        let mut draft = Draft::new(spec);
-        let twin = draft.rows(&Physics::default(), &draft.no_faults());
-        let (physics, faults, _) = draft.hide(&twin);
-        let own_s = draft.scene.duration_s;
-        let index = (0..draft.scene.tracks.len())
+        let mut builder = CaseBuilder::new(spec);
+        let control = builder.rows(&Physics::default(), &builder.no_faults());
+        let (physics, faults, _) = builder.hide(&control);
+        let own_s = builder.scene.duration_s;
+        let index = (0..builder.scene.tracks.len())
             .find(|i| name(*i) == flight.platform)
             .unwrap_or(0);
-        flight.prolong(&mut draft.scene, index);
-        let mut rows = draft.rows(&physics, &faults);
+        flight.prolong(&mut builder.scene, index);
+        let mut rows = builder.rows(&physics, &faults);
         for (k, rows) in rows.iter_mut().enumerate() {
             let again_s = if k == index {
                 flight.start_s()
@@ -196,25 +196,25 @@ impl Case {
             };
             rows.retain(|r| r.time_s < own_s || r.time_s >= again_s);
         }
-        draft.files(&rows)
+        builder.files(&rows)
     }
 }
 
 type Laws = (Physics, Vec<Faults>, Vec<TrueEffect>);
 
-impl Draft<'_> {
-    /// The laws and faults with the effects in them; `twin` is without.
-    fn hide(&self, twin: &[Vec<Row>]) -> Laws {
-        let (draft, spec) = (self, self.spec);
+impl CaseBuilder<'_> {
+    /// The laws and faults with the effects in them; `control` is without.
+    fn hide(&self, control: &[Vec<LogRow>]) -> Laws {
+        let (builder, spec) = (self, self.spec);
         let mut physics = Physics {
             other_laws: spec.other_laws,
             ..Physics::default()
         };
-        let mut faults = draft.no_faults();
+        let mut faults = builder.no_faults();
         let mut effects = Vec::new();
         for hidden in spec.hidden.iter().filter(|h| h.strength > 0.0) {
-            let on = draft.platforms_of(hidden.effect);
-            let peak_ppm = draft.peak_ppm(twin, &on);
+            let on = builder.platforms_of(hidden.effect);
+            let peak_ppm = builder.peak_ppm(control, &on);
             let mut chosen: Vec<&mut Faults> = faults
                 .iter_mut()
                 .enumerate()
@@ -224,13 +224,13 @@ impl Draft<'_> {
             let parameters = strength::put(
                 hidden.effect,
                 hidden.strength,
-                &draft.scene,
+                &builder.scene,
                 spec.seed,
                 peak_ppm,
                 &mut physics,
                 &mut chosen,
             );
-            let all = on.len() == draft.scene.tracks.len();
+            let all = on.len() == builder.scene.tracks.len();
             let platforms = if all {
                 Vec::new()
             } else {
@@ -246,21 +246,25 @@ impl Draft<'_> {
     }
 }
 
-/// `rows` less the differences of their mean readings to those of `twin`: rounded anew and with
+/// `rows` less the differences of their mean readings to those of `control`: rounded anew and with
 /// gusts, the difference of two files would be mostly noise.
-fn less_effects(rows: &[Vec<Row>], twin: &[Vec<Row>]) -> Vec<Vec<Row>> {
-    let less = |(row, twin): (&Row, &Row)| Row {
-        co2_ppm: row.co2_ppm.map(|c| c - (row.mean_ppm - twin.mean_ppm)),
-        ..*twin
+fn less_effects(rows: &[Vec<LogRow>], control: &[Vec<LogRow>]) -> Vec<Vec<LogRow>> {
+    let less = |(row, control): (&LogRow, &LogRow)| LogRow {
+        co2_ppm: row.co2_ppm.map(|c| c - (row.mean_ppm - control.mean_ppm)),
+        ..*control
     };
     rows.iter()
-        .zip(twin)
-        .map(|(rows, twin)| rows.iter().zip(twin).map(less).collect())
+        .zip(control)
+        .map(|(rows, control)| rows.iter().zip(control).map(less).collect())
         .collect()
 }
 
 /// What `effects` do to the plume of each row; nothing where they do anything else.
-fn plume_changes(effects: &[TrueEffect], rows: &[Vec<Row>], twin: &[Vec<Row>]) -> Vec<PlumeChange> {
+fn plume_changes(
+    effects: &[TrueEffect],
+    rows: &[Vec<LogRow>],
+    control: &[Vec<LogRow>],
+) -> Vec<TruePlumeChange> {
     let [TrueEffect { effect, .. }] = effects else {
         return Vec::new();
     };
@@ -269,18 +273,18 @@ fn plume_changes(effects: &[TrueEffect], rows: &[Vec<Row>], twin: &[Vec<Row>]) -
         return Vec::new();
     }
     let mut out = Vec::new();
-    for (index, (rows, twin)) in rows.iter().zip(twin).enumerate() {
-        for (row, twin) in rows.iter().zip(twin) {
-            let counts = multiplies && twin.mean_excess_ppm > NO_PLUME_PPM;
-            out.push(PlumeChange {
+    for (index, (rows, control)) in rows.iter().zip(control).enumerate() {
+        for (row, control) in rows.iter().zip(control) {
+            let counts = multiplies && control.mean_excess_ppm > NO_PLUME_PPM;
+            out.push(TruePlumeChange {
                 platform: name(index),
                 time_s: row.time_s,
                 factor: if counts {
-                    row.mean_excess_ppm / twin.mean_excess_ppm
+                    row.mean_excess_ppm / control.mean_excess_ppm
                 } else {
                     1.0
                 },
-                turned_deg: if turns { row.swung_deg } else { 0.0 },
+                turned_deg: if turns { row.unlogged_turn_deg } else { 0.0 },
             });
         }
     }
@@ -291,20 +295,20 @@ fn name(index: usize) -> String {
     format!("uav{}", index + 1)
 }
 
-struct Draft<'a> {
+struct CaseBuilder<'a> {
     spec: &'a CaseSpec,
     scene: Scene,
-    noise: Noise,
+    noise: NoiseLevels,
     forward: Forward,
     /// The one platform of an effect that acts on one, if it does.
     single: Option<usize>,
 }
 
-impl<'a> Draft<'a> {
+impl<'a> CaseBuilder<'a> {
     fn new(spec: &'a CaseSpec) -> Self {
         let mut rng = stream(spec.seed, "case");
         let of_a_platform = spec.hidden.iter().any(|h| h.effect.of_a_platform());
-        let outside = |h: &Hidden| !h.effect.in_catalogue() && h.effect.of_a_platform();
+        let outside = |h: &HiddenEffect| !h.effect.in_catalogue() && h.effect.of_a_platform();
         let (dice, which) = (rng.random_bool(0.6), rng.random::<f64>());
         let single = of_a_platform && (dice || spec.hidden.iter().any(outside));
         let puffs = rng.random_bool(0.6);
@@ -327,7 +331,7 @@ impl<'a> Draft<'a> {
         if let Some(turn) = turn {
             turn(&mut scene, spec.seed);
         }
-        let noise = Noise::draw(spec.seed, spec.noise, scene.noise_sd_ppm);
+        let noise = NoiseLevels::draw(spec.seed, spec.noise, scene.noise_sd_ppm);
         // A straight plume does not turn with each gust.
         let drawn = match (puffs, turn.is_some()) {
             (true, _) => Forward::Puffs,
@@ -348,24 +352,24 @@ impl<'a> Draft<'a> {
         vec![Faults::default(); self.scene.tracks.len()]
     }
 
-    fn platforms_of(&self, effect: Effect) -> Vec<usize> {
+    fn platforms_of(&self, effect: PlumeEffect) -> Vec<usize> {
         match self.single {
             Some(index) if effect.of_a_platform() => vec![index],
             _ => (0..self.scene.tracks.len()).collect(),
         }
     }
 
-    fn peak_ppm(&self, twin: &[Vec<Row>], platforms: &[usize]) -> f64 {
+    fn peak_ppm(&self, control: &[Vec<LogRow>], platforms: &[usize]) -> f64 {
         let readings = platforms
             .iter()
-            .flat_map(|&i| twin[i].iter().filter_map(|r| r.co2_ppm));
+            .flat_map(|&i| control[i].iter().filter_map(|r| r.co2_ppm));
         (readings.fold(0.0, f64::max) - self.scene.background_ppm).max(5.0)
     }
 
-    fn rows(&self, physics: &Physics, faults: &[Faults]) -> Vec<Vec<Row>> {
+    fn rows(&self, physics: &Physics, faults: &[Faults]) -> Vec<Vec<LogRow>> {
         let seed = self.spec.seed;
         let law = WindLaw {
-            hidden_swing: physics.hidden_swing,
+            unlogged_oscillation: physics.unlogged_oscillation,
             drift_deg_per_h: physics.direction_drift_deg_per_h,
             ..self.scene.wind
         };
@@ -374,8 +378,8 @@ impl<'a> Draft<'a> {
         let mut rng = stream(seed, "wind");
         let offset = physics.direction_offset_deg;
         let wind = WindTruth::draw(&law, HISTORY_S, until_s, offset, &mut rng);
-        let world = World::new(&self.scene, physics, &wind, self.forward, HISTORY_S, seed);
-        let nothing: Vec<Vec<Row>> = Vec::new();
+        let world = TruthModel::new(&self.scene, physics, &wind, self.forward, HISTORY_S, seed);
+        let nothing: Vec<Vec<LogRow>> = Vec::new();
         let damage = if self.spec.damage.is_some() {
             // Where to clip depends on the undamaged rows.
             let plain = self.logs(&wind, &world, faults, None);
@@ -389,13 +393,13 @@ impl<'a> Draft<'a> {
     fn logs(
         &self,
         wind: &WindTruth,
-        world: &World<'_>,
+        world: &TruthModel<'_>,
         faults: &[Faults],
         damage: Option<(DamageKind, usize, Damage, f64, f64)>,
-    ) -> Vec<Vec<Row>> {
-        let mut logs: Vec<Vec<Row>> = (0..self.scene.tracks.len())
+    ) -> Vec<Vec<LogRow>> {
+        let mut logs: Vec<Vec<LogRow>> = (0..self.scene.tracks.len())
             .map(|index| {
-                let harm: Vec<Damage> = damage
+                let of_platform: Vec<Damage> = damage
                     .iter()
                     .filter(|d| d.1 == index)
                     .map(|d| d.2)
@@ -408,7 +412,7 @@ impl<'a> Draft<'a> {
                     world,
                     noise: &self.noise,
                     faults: &faults[index],
-                    damage: &harm,
+                    damage: &of_platform,
                 };
                 platform.log()
             })
@@ -420,7 +424,7 @@ impl<'a> Draft<'a> {
     }
 
     /// Short gaps and single lost rows, as of a bad link.
-    fn lose_rows(&self, logs: &mut [Vec<Row>]) {
+    fn lose_rows(&self, logs: &mut [Vec<LogRow>]) {
         let mut rng = stream(self.spec.seed, "gaps");
         for rows in logs {
             let from = between(&mut rng, 0.0, self.scene.duration_s);
@@ -431,7 +435,7 @@ impl<'a> Draft<'a> {
         }
     }
 
-    fn damage(&self, plain: &[Vec<Row>]) -> Option<(DamageKind, usize, Damage, f64, f64)> {
+    fn damage(&self, plain: &[Vec<LogRow>]) -> Option<(DamageKind, usize, Damage, f64, f64)> {
         let kind = self.spec.damage?;
         let mut rng = stream(self.spec.seed, "damage");
         let index = rng.random_range(0..self.scene.tracks.len());
@@ -461,7 +465,7 @@ impl<'a> Draft<'a> {
     }
 
     /// The rows as CSV: all platforms in one file, or a file each.
-    fn files(&self, logs: &[Vec<Row>]) -> Vec<(String, String)> {
+    fn files(&self, logs: &[Vec<LogRow>]) -> Vec<(String, String)> {
         let mut rng = stream(self.spec.seed, "files");
         let apart = rng.random_bool(0.3);
         let with_sd = rng.random_bool(0.3);
@@ -475,12 +479,12 @@ impl<'a> Draft<'a> {
                 })
                 .collect();
         }
-        let all: Vec<(usize, &Vec<Row>)> = logs.iter().enumerate().collect();
+        let all: Vec<(usize, &Vec<LogRow>)> = logs.iter().enumerate().collect();
         vec![("flight.csv".to_owned(), self.csv(&all, with_sd))]
     }
 
-    fn csv(&self, logs: &[(usize, &Vec<Row>)], with_sd: bool) -> String {
-        let mut rows: Vec<(usize, &Row)> = logs
+    fn csv(&self, logs: &[(usize, &Vec<LogRow>)], with_sd: bool) -> String {
+        let mut rows: Vec<(usize, &LogRow)> = logs
             .iter()
             .flat_map(|(i, rows)| rows.iter().map(move |r| (*i, r)))
             .collect();
@@ -526,13 +530,13 @@ impl<'a> Draft<'a> {
 }
 
 /// Keys that a scene must state without doubt for the effect to be one.
-fn certain(effect: Effect) -> &'static [&'static str] {
+fn certain(effect: PlumeEffect) -> &'static [&'static str] {
     match effect {
-        Effect::WindDirectionOffset => &["weather.wind_from_deg"],
-        Effect::EmissionScale => &["emission"],
-        Effect::WindSpeedScale => &["emission", "weather.wind_speed_m_s"],
-        Effect::EffectiveHeightOffset => &["source.effective_height_m"],
-        Effect::BackgroundOffset | Effect::SensorOffset => &["background.co2_ppm"],
+        PlumeEffect::WindDirectionOffset => &["weather.wind_from_deg"],
+        PlumeEffect::EmissionScale => &["emission"],
+        PlumeEffect::WindSpeedScale => &["emission", "weather.wind_speed_m_s"],
+        PlumeEffect::EffectiveHeightOffset => &["source.effective_height_m"],
+        PlumeEffect::BackgroundOffset | PlumeEffect::SensorOffset => &["background.co2_ppm"],
         _ => &[],
     }
 }

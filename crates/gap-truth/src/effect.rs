@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// An effect with its name in files or, outside the catalogue, in tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[expect(missing_docs, reason = "the names are the contract's mechanism ids")]
-pub enum Effect {
+pub enum PlumeEffect {
     WindDirectionOffset,
     WindDirectionDrift,
     WindSpeedScale,
@@ -59,10 +59,10 @@ pub enum Effect {
     SensorWaves,
 }
 
-use Effect as E;
+use PlumeEffect as E;
 
 /// The effects of the catalogue.
-pub const CATALOGUE: [Effect; 33] = [
+pub const CATALOGUE: [PlumeEffect; 33] = [
     E::WindDirectionOffset,
     E::WindDirectionDrift,
     E::WindSpeedScale,
@@ -99,7 +99,7 @@ pub const CATALOGUE: [Effect; 33] = [
 ];
 
 /// The effects outside the catalogue.
-pub const OUTSIDE: [Effect; 8] = [
+pub const OUTSIDE: [PlumeEffect; 8] = [
     E::UnlistedChemistry,
     E::ObstacleWake,
     E::SecondSensorDeadTime,
@@ -110,7 +110,7 @@ pub const OUTSIDE: [Effect; 8] = [
     E::SensorWaves,
 ];
 
-impl Effect {
+impl PlumeEffect {
     /// The contract's id, or a name for tables.
     pub fn id(self) -> &'static str {
         match self {
@@ -203,7 +203,7 @@ impl Effect {
     /// alone: a set with them is as good as one name. Emission and wind speed enter as a ratio; a
     /// level of the sensors of a whole team is a level of the air; a shift of all logged places is
     /// one of the source.
-    pub fn inseparable_from(self, of_all: bool) -> &'static [Effect] {
+    pub fn inseparable_from(self, of_all: bool) -> &'static [PlumeEffect] {
         match self {
             // Strength, dilution and the gain of all sensors about the background are one factor;
             // a gain about zero is an offset of the background it acts on.
@@ -245,7 +245,7 @@ impl Effect {
     }
 }
 
-impl std::fmt::Display for Effect {
+impl std::fmt::Display for PlumeEffect {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(self.id())
     }

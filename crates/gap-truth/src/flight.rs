@@ -6,8 +6,8 @@
 //! method with a step of 2.5 ms, Dryden turbulence in body axes with rotary gusts, sensors with
 //! noise, quantisation and sample-and-hold.
 
-pub mod airframe;
-pub mod effect;
+mod airframe;
+mod effect;
 mod gusts;
 mod pilot;
 mod sensors;
@@ -17,10 +17,10 @@ use std::collections::VecDeque;
 use airframe::{Airframe, STATES};
 pub use effect::{FLIGHT_CATALOGUE, FLIGHT_OUTSIDE, FlightEffect, FlightLaw};
 
-use crate::chance::{between, stream};
-use effect::Hidden;
+use crate::random::{between, stream};
+use effect::InjectedEffects;
 use gusts::Gusts;
-use pilot::Pilot;
+use pilot::CaseAutopilot;
 use sensors::Sensors;
 
 /// Step of the integration, s.
@@ -96,9 +96,9 @@ pub struct FlightCase {
 /// the text lacks a number.
 pub fn make(spec: &FlightSpec, aircraft_toml: &str) -> Option<FlightCase> {
     let published = Airframe::read(aircraft_toml)?;
-    let mut hidden = Hidden::new(spec, &published);
+    let mut hidden = InjectedEffects::new(spec, &published);
     let mut frame = published.clone();
-    frame.scatter(&mut stream(spec.seed, "flight/scatter"));
+    frame.vary_within_tolerance(&mut stream(spec.seed, "flight/scatter"));
     hidden.apply(&mut frame);
     let mut scene = stream(spec.seed, "flight/scene");
     let height = between(&mut scene, 80.0, 400.0);
@@ -112,9 +112,9 @@ pub fn make(spec: &FlightSpec, aircraft_toml: &str) -> Option<FlightCase> {
     let intensity = between(&mut scene, 0.2, 0.6);
     let rho = 1.225 * (1.0 - 2.2558e-5 * height).powf(4.2559);
     let mut gusts = Gusts::new(height, intensity, speed, published.span_m, spec.seed);
-    let mut pilot = Pilot::new(spec, &published, speed, height, rho);
+    let mut pilot = CaseAutopilot::new(spec, &published, speed, height, rho);
     let mut sensors = Sensors::new(spec);
-    let mut x = begin(&frame, &hidden, speed, height, heading, wind, rho);
+    let mut x = initial_state(&frame, &hidden, speed, height, heading, wind, rho);
     let mut csv = sensors.header(&published);
     let mut commands = Commands::default();
     let mut gust = gusts.step(STEP_S, speed);
@@ -124,8 +124,8 @@ pub fn make(spec: &FlightSpec, aircraft_toml: &str) -> Option<FlightCase> {
         hidden.now(&mut frame, time);
         let flow = frame.flow(&x, &gust, wind);
         let command = pilot.command(time, &x, &flow);
-        commands.told.push_back((time, command));
-        let force = frame.slope(&x, &gust, wind, rho, &command).force;
+        commands.queued.push_back((time, command));
+        let force = frame.derivatives(&x, &gust, wind, rho, &command).force;
         sensors.log(
             &mut csv, time, &x, &flow, &force, &command, &published, &hidden,
         );
@@ -157,18 +157,18 @@ pub fn make(spec: &FlightSpec, aircraft_toml: &str) -> Option<FlightCase> {
 /// Commands on their way to the servos.
 #[derive(Default)]
 struct Commands {
-    told: VecDeque<(f64, [f64; 4])>,
+    queued: VecDeque<(f64, [f64; 4])>,
     lagged: Option<[f64; 3]>,
 }
 
 impl Commands {
     /// What the servos are told at `now`, and what the motor is told at once (`command`), with the
     /// delay, lag and trim that are hidden.
-    fn standing(&mut self, now: f64, command: &[f64; 4], hidden: &Hidden) -> [f64; 4] {
-        while self.told.len() > 1 && self.told[1].0 <= now - hidden.delay_s {
-            self.told.pop_front();
+    fn standing(&mut self, now: f64, command: &[f64; 4], hidden: &InjectedEffects) -> [f64; 4] {
+        while self.queued.len() > 1 && self.queued[1].0 <= now - hidden.delay_s {
+            self.queued.pop_front();
         }
-        let late = self.told[0].1;
+        let late = self.queued[0].1;
         let mut surface = [late[0], late[1], late[2]];
         // A first-order lag before the servo.
         let before = self.lagged.unwrap_or(surface);
@@ -189,9 +189,9 @@ impl Commands {
 }
 
 /// Level flight at the beginning.
-fn begin(
+fn initial_state(
     frame: &Airframe,
-    hidden: &Hidden,
+    hidden: &InjectedEffects,
     speed: f64,
     height: f64,
     heading: f64,

@@ -10,12 +10,12 @@ pub struct FurtherFlight {
     pub platform: String,
     /// Time in s, latitude and longitude in degrees, and height above mean sea level in m of
     /// each corner; straight and steady in between.
-    pub waypoints: Vec<Waypoint>,
+    pub waypoints: Vec<TrackWaypoint>,
 }
 
 /// A corner of a flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Waypoint {
+pub struct TrackWaypoint {
     /// When, s.
     pub time_s: f64,
     /// Latitude, degrees.
@@ -73,7 +73,7 @@ fn at(corners: &[(f64, PlumePoint)], time_s: f64) -> PlumePoint {
 }
 
 /// A corner in plume axes, by Newton steps on the scene's own way to latitude and longitude.
-fn plume_point(scene: &Scene, w: &Waypoint) -> PlumePoint {
+fn plume_point(scene: &Scene, w: &TrackWaypoint) -> PlumePoint {
     const STEP_M: f64 = 10.0;
     let mut east_north = [0.0, 0.0];
     for _ in 0..4 {
@@ -109,7 +109,7 @@ mod tests {
         let scene = Scene::draw(11, &[Need::Any], &[], 1);
         let point = [1200.0, -340.0, 180.0];
         let (lat_deg, lon_deg) = scene.lat_lon_deg(scene.east_north_m(&point));
-        let corner = Waypoint {
+        let corner = TrackWaypoint {
             time_s: 0.0,
             lat_deg,
             lon_deg,
@@ -127,7 +127,7 @@ mod tests {
         let before = scene.tracks.clone();
         let (lat_deg, lon_deg) = scene.lat_lon_deg(scene.east_north_m(&[900.0, 0.0, 0.0]));
         let start_s = scene.duration_s + 60.0;
-        let corner = |time_s: f64| Waypoint {
+        let corner = |time_s: f64| TrackWaypoint {
             time_s,
             lat_deg,
             lon_deg,

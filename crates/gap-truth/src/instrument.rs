@@ -5,8 +5,8 @@ use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::chance::{OrnsteinUhlenbeck, between, normal, stream, student_3};
-use crate::physics::World;
+use crate::physics::TruthModel;
+use crate::random::{OrnsteinUhlenbeck, between, normal, stream, student_3};
 use crate::scene::{LoggedWind, MARGIN_S, SUB_STEP_S, Scene};
 use crate::wind::{WindLog, WindTruth};
 
@@ -22,8 +22,8 @@ pub enum NoiseForm {
     Usual,
     /// Heavy tails, log-normal intermittency that is stronger at the edge, coarse steps, gaps.
     Unusual,
-    /// The usual, read by sensors of [`SLOW_SENSORS_S`]: what turbulence does reaches the readings
-    /// late.
+    /// The usual, read by sensors with time constants of 6 to 20 s: what turbulence does reaches the
+    /// readings late.
     SlowSensors,
     /// The usual, in a wind that swings and surges as turbulence does at the height of a plume.
     GustyWind,
@@ -77,7 +77,7 @@ pub enum Damage {
 
 /// One logged row; `None` is a missing cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Row {
+pub struct LogRow {
     /// Time, s.
     pub time_s: f64,
     /// Latitude, longitude, degrees.
@@ -91,7 +91,7 @@ pub struct Row {
     /// The plume's part of the air that it is of, on average, ppm.
     pub mean_excess_ppm: f64,
     /// By how much a swing that no log shows turns the plume there, degrees.
-    pub swung_deg: f64,
+    pub unlogged_turn_deg: f64,
     /// Direction from, degrees, and speed, m/s.
     pub wind: Option<(f64, f64)>,
     /// Temperature, °C; relative humidity, %; pressure, hPa.
@@ -100,7 +100,7 @@ pub struct Row {
 
 /// Sizes of the noise, drawn once a case.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Noise {
+pub struct NoiseLevels {
     /// Its form.
     pub form: NoiseForm,
     white_ppm: f64,
@@ -110,7 +110,7 @@ pub struct Noise {
     outlier_chance: f64,
 }
 
-impl Noise {
+impl NoiseLevels {
     /// Noise of `form` for the case of `seed`.
     pub fn draw(seed: u64, form: NoiseForm, stated_white_ppm: f64) -> Self {
         let mut rng = stream(seed, "noise");
@@ -180,9 +180,9 @@ pub struct Platform<'a> {
     /// The wind.
     pub wind: &'a WindTruth,
     /// The world.
-    pub world: &'a World<'a>,
-    /// Noise sizes.
-    pub noise: &'a Noise,
+    pub world: &'a TruthModel<'a>,
+    /// Sizes of the noise.
+    pub noise: &'a NoiseLevels,
     /// Faults that are hidden.
     pub faults: &'a Faults,
     /// Damage to the raw data.
@@ -253,7 +253,7 @@ impl Platform<'_> {
     }
 
     /// The rows, one a second.
-    pub fn log(&self) -> Vec<Row> {
+    pub fn log(&self) -> Vec<LogRow> {
         let gusty = self.answered(true);
         let mean = self.answered(false);
         let at = |answered: &[(f64, f64)], time_s: f64| {
@@ -273,14 +273,15 @@ impl Platform<'_> {
                     0.0
                 }
             });
+            // The log's clock runs ahead of the truth by its offset, so that a row shows earlier air.
             let true_s = time_s - self.faults.clock_s - log.own_clock_s - late;
             rows.push(log.row(time_s, at(&gusty, true_s), at(&mean, true_s)));
         }
-        self.harm(&mut rows);
+        self.apply_damage(&mut rows);
         rows
     }
 
-    fn harm(&self, rows: &mut [Row]) {
+    fn apply_damage(&self, rows: &mut [LogRow]) {
         for damage in self.damage {
             let mut held = None;
             for row in rows.iter_mut() {
@@ -331,6 +332,8 @@ impl<'a> Log<'a> {
         let humidity_percent = between(&mut weather_rng, 35.0, 75.0);
         let time_scales = [60.0, 60.0, 80.0];
         let white_deg = between(&mut wind_rng, 0.8, 3.0);
+        // Faults of workmanship that every instrument has, well below what is worth naming: a finder
+        // must not take them for a cause.
         let own_clock_s = 0.02 * normal(&mut rng);
         let own_offset_ppm = 0.15 * normal(&mut rng);
         let own_gain = (0.003 * normal(&mut rng)).exp();
@@ -354,7 +357,7 @@ impl<'a> Log<'a> {
         }
     }
 
-    fn row(&mut self, time_s: f64, air_now: (f64, f64), air_mean: (f64, f64)) -> Row {
+    fn row(&mut self, time_s: f64, air_now: (f64, f64), air_mean: (f64, f64)) -> LogRow {
         let (scene, faults) = (self.of.scene, self.of.faults);
         let index = ((time_s + MARGIN_S) / SUB_STEP_S).round() as usize;
         let point = &scene.tracks[self.of.index][index];
@@ -387,14 +390,17 @@ impl<'a> Log<'a> {
             let speed = self.of.wind.speed_m_s(time_s) * factor;
             self.wind.read(from, speed, 1.0, &mut self.wind_rng)
         });
-        Row {
+        LogRow {
             time_s,
             lat_lon_deg: scene.lat_lon_deg(place),
             alt_amsl_m: scene.ground_amsl_m + height_m,
             co2_ppm: Some((reading / step_ppm).round() * step_ppm),
             mean_ppm,
             mean_excess_ppm: air_mean.0,
-            swung_deg: self.of.world.swung_deg(scene.east_north_m(point), time_s),
+            unlogged_turn_deg: self
+                .of
+                .world
+                .unlogged_turn_deg(scene.east_north_m(point), time_s),
             wind,
             weather,
         }

@@ -48,7 +48,7 @@ pub fn sigma_z_m(class: ClassNumber, x_m: f64) -> f64 {
 
 /// Where the plume meets ground and lid.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Walls {
+pub struct ReflectingBoundaries {
     /// Part of the plume that the ground sends back, 0 to 1.
     pub ground: f64,
     /// Height of a lid, m above ground.
@@ -57,30 +57,22 @@ pub struct Walls {
     pub lid: f64,
 }
 
-impl Walls {
-    /// No ground, no lid.
-    pub const NONE: Self = Self {
-        ground: 0.0,
-        lid_agl_m: None,
-        lid: 1.0,
-    };
-}
-
 /// The vertical profile exp(-(z - H)²/2σ²) with the images of ground and lid; dimensionless.
-pub fn vertical(z_m: f64, axis_m: f64, sigma_m: f64, walls: &Walls) -> f64 {
-    let bell = |mirror: f64| (-0.5 * ((z_m - mirror) / sigma_m).powi(2)).exp();
-    let mut sum = bell(axis_m) + walls.ground * bell(-axis_m);
-    let Some(lid) = walls.lid_agl_m.filter(|&lid| lid > axis_m) else {
+pub fn vertical(z_m: f64, axis_m: f64, sigma_m: f64, boundaries: &ReflectingBoundaries) -> f64 {
+    let gaussian = |mirror: f64| (-0.5 * ((z_m - mirror) / sigma_m).powi(2)).exp();
+    let mut sum = gaussian(axis_m) + boundaries.ground * gaussian(-axis_m);
+    let Some(lid) = boundaries.lid_agl_m.filter(|&lid| lid > axis_m) else {
         return sum;
     };
     if z_m > lid {
-        return sum * (1.0 - walls.lid);
+        return sum * (1.0 - boundaries.lid);
     }
-    // Rays that met the lid once, and then the ground, and then the lid again.
-    let (r, a) = (walls.lid, walls.ground);
-    sum += r * bell(2.0 * lid - axis_m);
-    sum += r * a * (bell(axis_m - 2.0 * lid) + bell(2.0 * lid + axis_m));
-    sum += r * r * a * bell(4.0 * lid - axis_m) + r * a * a * bell(-2.0 * lid - axis_m);
+    // Images up to the second reflection at the lid: farther ones matter to a plume only that is
+    // nearly well mixed.
+    let (r, a) = (boundaries.lid, boundaries.ground);
+    sum += r * gaussian(2.0 * lid - axis_m);
+    sum += r * a * (gaussian(axis_m - 2.0 * lid) + gaussian(2.0 * lid + axis_m));
+    sum += r * r * a * gaussian(4.0 * lid - axis_m) + r * a * a * gaussian(-2.0 * lid - axis_m);
     sum
 }
 
@@ -100,8 +92,8 @@ pub fn airborne_share(
     for k in 0..steps {
         let x_m = (k as f64 + 0.5) * step_m;
         let sigma_m = sigma_z_m(x_m);
-        let bell = (-0.5 * (axis_m / sigma_m).powi(2)).exp();
-        lost += ratio * at_ground(x_m) * bell / ((2.0 * PI).sqrt() * sigma_m) * step_m;
+        let gaussian = (-0.5 * (axis_m / sigma_m).powi(2)).exp();
+        lost += ratio * at_ground(x_m) * gaussian / ((2.0 * PI).sqrt() * sigma_m) * step_m;
         share.push((-lost).exp());
     }
     share
@@ -168,13 +160,13 @@ mod tests {
     // Between ground and lid the images keep the whole mass.
     #[test]
     fn walls_keep_the_mass() {
-        let walls = Walls {
+        let boundaries = ReflectingBoundaries {
             ground: 1.0,
             lid_agl_m: Some(300.0),
             lid: 1.0,
         };
         let sum: f64 = (0..300)
-            .map(|k| vertical(f64::from(k) + 0.5, 120.0, 90.0, &walls))
+            .map(|k| vertical(f64::from(k) + 0.5, 120.0, 90.0, &boundaries))
             .sum();
         let whole = (2.0 * PI).sqrt() * 90.0;
         assert!((sum / whole - 1.0).abs() < 0.01, "{}", sum / whole);

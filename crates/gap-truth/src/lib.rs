@@ -3,31 +3,31 @@
 //! A [`Case`] is what a finder gets (a scenario as TOML, observations as CSV) and what it must
 //! not see ([`Truth`]). Scene, weather, tracks, noise and strength come from the case's seed.
 //! The gas comes from a plain Gaussian plume or from puffs carried by a gusty, meandering
-//! wind ([`physics`]); spread, geometry and air are this crate's own ([`law`], [`scene`]), and
+//! wind (`physics`); spread, geometry and air are this crate's own (`law`, `scene`), and
 //! a test keeps its dependency tree free of the crates that are put to the test.
 //!
-//! Every case has a twin ([`Case::twin`]): the same scene, noise and weather without the
-//! hidden effects. What the effects cost a model is the score of the twin minus that of the
+//! Every case has a control ([`Case::control`]): the same scene, noise and weather without the
+//! hidden effects. What the effects cost a model is the score of the control minus that of the
 //! case.
 //!
 //! Pure: no clock, file, socket, environment or global random number.
 
 pub mod case;
-pub mod chance;
-pub mod effect;
+mod effect;
 pub mod flight;
 pub mod further;
-pub mod instrument;
-pub mod law;
+mod instrument;
+mod law;
 pub mod mutation;
-pub mod physics;
-pub mod scene;
+mod physics;
+mod random;
+mod scene;
 mod strength;
-pub mod tracks;
-pub mod wind;
+mod tracks;
+mod wind;
 
-pub use case::{Case, CaseSpec, Hidden, PlumeChange, TrueEffect, Truth};
-pub use effect::{CATALOGUE, Effect, OUTSIDE};
+pub use case::{Case, CaseSpec, HiddenEffect, TrueEffect, TruePlumeChange, Truth};
+pub use effect::{CATALOGUE, OUTSIDE, PlumeEffect};
 pub use further::FurtherFlight;
 pub use instrument::{Damage, NoiseForm};
 pub use physics::Forward;

@@ -3,7 +3,7 @@
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use crate::chance::stream;
+use crate::random::stream;
 
 /// A change to observation CSV text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -4,8 +4,8 @@
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-use crate::chance::{OrnsteinUhlenbeck, stream};
-use crate::law::{self, Walls};
+use crate::law::{self, ReflectingBoundaries};
+use crate::random::{OrnsteinUhlenbeck, stream};
 use crate::scene::Scene;
 use crate::wind::WindTruth;
 
@@ -45,7 +45,7 @@ pub struct Physics {
     /// The same, growing with time, degrees an hour.
     pub direction_drift_deg_per_h: f64,
     /// A swing that no log shows: amplitude, degrees, and period, s.
-    pub hidden_swing: Option<(f64, f64)>,
+    pub unlogged_oscillation: Option<(f64, f64)>,
     /// Logarithm of the transport speed over the logged one.
     pub log_speed: f64,
     /// Turning of the direction with height above the axis, degrees in 100 m.
@@ -83,7 +83,7 @@ pub struct Physics {
     /// Frontal area of a building at the source, m².
     pub building_m2: f64,
     /// A hump of excess in travel time: relative height and time, s.
-    pub hump: Option<(f64, f64)>,
+    pub transient_production: Option<(f64, f64)>,
     /// An obstacle's lee.
     pub wake: Option<Wake>,
     /// Added to the background, ppm.
@@ -98,16 +98,16 @@ pub struct Physics {
     pub layer: Option<(f64, f64, f64)>,
 }
 
-/// Longest way that a puff is followed, m.
-const REACH_M: f64 = 16000.0;
+/// Longest path that a puff is followed, m.
+const MAX_TRAVEL_M: f64 = 16000.0;
 /// Step of the tables over the way, m.
 const TABLE_M: f64 = 5.0;
-/// Puffs and points farther apart than this many σ do not meet.
-const CUT: f64 = 4.5;
+/// Puffs farther from a place than this many σ are left out: exp(−4.5²/2) is 4e-5.
+const CUT_SIGMAS: f64 = 4.5;
 
 /// A world ready to be asked.
 #[derive(Debug)]
-pub struct World<'a> {
+pub struct TruthModel<'a> {
     scene: &'a Scene,
     physics: &'a Physics,
     wind: &'a WindTruth,
@@ -115,9 +115,9 @@ pub struct World<'a> {
     sources: Vec<Stack>,
     sigma_y_m: Vec<f64>,
     sigma_z_m: Vec<f64>,
-    walls: Walls,
+    boundaries: ReflectingBoundaries,
     /// Sideways angle of each second's puff, radians.
-    swings: Vec<f64>,
+    meander_rad: Vec<f64>,
     history_s: f64,
 }
 
@@ -129,7 +129,7 @@ struct Stack {
     airborne: Vec<f64>,
 }
 
-impl<'a> World<'a> {
+impl<'a> TruthModel<'a> {
     /// The world of `scene` with `physics`; `history_s` is how far back `wind` goes.
     pub fn new(
         scene: &'a Scene,
@@ -139,7 +139,7 @@ impl<'a> World<'a> {
         history_s: f64,
         seed: u64,
     ) -> Self {
-        let steps = (REACH_M / TABLE_M) as usize;
+        let steps = (MAX_TRAVEL_M / TABLE_M) as usize;
         let mut world = Self {
             scene,
             physics,
@@ -148,13 +148,13 @@ impl<'a> World<'a> {
             sources: Vec::new(),
             sigma_y_m: Vec::with_capacity(steps + 1),
             sigma_z_m: Vec::with_capacity(steps + 1),
-            walls: Walls {
+            boundaries: ReflectingBoundaries {
                 ground: physics.reflection,
                 lid_agl_m: physics.lid_agl_m,
                 // The other law's lid lets a part through.
                 lid: if physics.other_laws { 0.8 } else { 1.0 },
             },
-            swings: Vec::new(),
+            meander_rad: Vec::new(),
             history_s,
         };
         for k in 0..=steps {
@@ -162,18 +162,19 @@ impl<'a> World<'a> {
             world.sigma_y_m.push(y);
             world.sigma_z_m.push(z);
         }
-        world.raise_stacks(steps);
+        world.place_sources(steps);
         let mut rng = stream(seed, "swings");
+        // Fast beside the travel time, so that the mean over puffs is a wider plume (Gifford 1959).
         let mut angle = OrnsteinUhlenbeck::new(4.0, &mut rng);
         let until_s = history_s + scene.duration_s + 2.0 * crate::scene::MARGIN_S;
         let sd = physics.meander_deg.to_radians();
-        world.swings = (0..until_s as usize + 2)
+        world.meander_rad = (0..until_s as usize + 2)
             .map(|_| sd * angle.step(1.0, &mut rng))
             .collect();
         world
     }
 
-    fn raise_stacks(&mut self, steps: usize) {
+    fn place_sources(&mut self, steps: usize) {
         let (scene, p) = (self.scene, self.physics);
         let axis_m = scene.axis_m + scene.off("source.effective_height_m") + p.axis_offset_m;
         let place = [
@@ -268,7 +269,7 @@ impl<'a> World<'a> {
     }
 
     /// What is left, or made, after `age_s` of travel.
-    fn ageing(&self, age_s: f64) -> f64 {
+    fn transformed_share(&self, age_s: f64) -> f64 {
         let p = self.physics;
         // The other law's decay starts slowly.
         let rate_age = if p.other_laws {
@@ -277,20 +278,21 @@ impl<'a> World<'a> {
             age_s
         };
         let decay = (-p.decay_per_s * rate_age).exp();
-        let hump = p.hump.map_or(1.0, |(height, at)| {
+        let transient_production = p.transient_production.map_or(1.0, |(height, at)| {
             let log = (age_s.max(1.0) / at).ln();
             (1.0 + height * (-0.5 * (log / 0.3).powi(2)).exp()).max(0.0)
         });
-        decay * hump
+        decay * transient_production
     }
 
     /// Mean excess at metres east and north of the origin and `z_m` above ground, ppm.
     pub fn excess_ppm(&self, place: [f64; 2], z_m: f64, time_s: f64) -> f64 {
+        // Superposition: the transport equation is linear in the concentration.
         let kg_m3: f64 = self
             .sources
             .iter()
             .map(|stack| match self.forward {
-                Forward::Gaussian => self.straight(stack, place, z_m, time_s),
+                Forward::Gaussian => self.gaussian_plume(stack, place, z_m, time_s),
                 Forward::Puffs | Forward::AgedPuffs => self.puffs(stack, place, z_m, time_s),
             })
             .sum();
@@ -299,7 +301,7 @@ impl<'a> World<'a> {
 
     /// By how much the hidden swing of the wind turns the plume at a place, degrees: at once, or by
     /// its mean over the way of the puffs.
-    pub fn swung_deg(&self, place: [f64; 2], time_s: f64) -> f64 {
+    pub fn unlogged_turn_deg(&self, place: [f64; 2], time_s: f64) -> f64 {
         let way_s = match self.forward {
             Forward::Gaussian => 0.0,
             Forward::Puffs | Forward::AgedPuffs => {
@@ -323,12 +325,12 @@ impl<'a> World<'a> {
         (self.physics.veer_deg_per_100m * up).to_radians()
     }
 
-    fn straight(&self, stack: &Stack, place: [f64; 2], z_m: f64, time_s: f64) -> f64 {
+    fn gaussian_plume(&self, stack: &Stack, place: [f64; 2], z_m: f64, time_s: f64) -> f64 {
         let (towards, speed) = self.wind.transport(time_s);
         let towards = turned(towards, self.veer_rad(z_m, stack.axis_m));
         let d = [place[0] - stack.place_m[0], place[1] - stack.place_m[1]];
         let x = d[0] * towards[0] + d[1] * towards[1];
-        if x <= 1.0 || x > REACH_M {
+        if x <= 1.0 || x > MAX_TRAVEL_M {
             return 0.0;
         }
         let y = d[0] * towards[1] - d[1] * towards[0];
@@ -344,10 +346,10 @@ impl<'a> World<'a> {
         let strength = stack.emission_kg_s
             * self.emission_factor(time_s - age_s)
             * self.table(&stack.airborne, x)
-            * self.ageing(age_s);
+            * self.transformed_share(age_s);
         strength / (2.0 * PI * speed * sy * sz)
             * (-0.5 * (y / sy).powi(2)).exp()
-            * law::vertical(z_m, stack.axis_m, sz, &self.walls)
+            * law::vertical(z_m, stack.axis_m, sz, &self.boundaries)
     }
 
     fn puffs(&self, stack: &Stack, place: [f64; 2], z_m: f64, time_s: f64) -> f64 {
@@ -356,8 +358,8 @@ impl<'a> World<'a> {
         let now = self.wind.moved_at(time_s);
         let veer = self.veer_rad(z_m, stack.axis_m);
         let factor = self.physics.log_speed.exp();
-        // Ways of the puffs that may reach the place; swings make a way longer than it is far.
-        let reach = CUT * self.table(&self.sigma_y_m, far * 1.3);
+        // Paths of the puffs that may reach the place; a meandering path is longer than the distance.
+        let reach = CUT_SIGMAS * self.table(&self.sigma_y_m, far * 1.3);
         let ways = ((far - reach) / factor, (far * 1.12 + reach) / factor);
         let (first, last) = self.wind.emitted_between(time_s, ways.0, ways.1);
         let mut sum = 0.0;
@@ -365,15 +367,15 @@ impl<'a> World<'a> {
             let emitted_s = k as f64;
             let then = self.wind.moved_at(emitted_s);
             let way = (now.path_m - then.path_m) * factor;
-            if way <= 1.0 || way > REACH_M {
+            if way <= 1.0 || way > MAX_TRAVEL_M {
                 continue;
             }
-            let swing = self.swings[(emitted_s + self.history_s) as usize];
+            let meander = self.meander_rad[(emitted_s + self.history_s) as usize];
             let towards = [
                 (now.east_m - then.east_m) * factor,
                 (now.north_m - then.north_m) * factor,
             ];
-            let centre = turned(towards, veer + swing);
+            let centre = turned(towards, veer + meander);
             let away_sq = (d[0] - centre[0]).powi(2) + (d[1] - centre[1]).powi(2);
             let age_s = time_s - emitted_s;
             let grown = match self.forward {
@@ -381,18 +383,20 @@ impl<'a> World<'a> {
                 _ => way,
             };
             let sy = self.table(&self.sigma_y_m, grown);
-            if away_sq > (CUT * sy).powi(2) {
+            if away_sq > (CUT_SIGMAS * sy).powi(2) {
                 continue;
             }
             let sz = self.table(&self.sigma_z_m, grown);
             let mass = self.emission_factor(emitted_s)
                 * self.table(&stack.airborne, way)
-                * self.ageing(age_s);
+                * self.transformed_share(age_s);
             sum += mass
                 * (-0.5 * away_sq / (sy * sy)).exp()
-                * law::vertical(z_m, stack.axis_m, sz, &self.walls)
+                * law::vertical(z_m, stack.axis_m, sz, &self.boundaries)
                 / (sy * sy * sz);
         }
+        // One puff a second holds the emission of that second, Q · 1 s, and has
+        // Q / ((2π)^(3/2) σy² σz) in its centre (Seinfeld and Pandis 2016, section 18.9).
         stack.emission_kg_s * sum / (2.0 * PI).powf(1.5)
     }
 
@@ -460,9 +464,9 @@ mod tests {
             1,
         );
         let steady = WindLaw {
-            slow: (0.0, 100.0),
-            gust: (0.0, 10.0),
-            surge: (0.0, 10.0),
+            slow_meander: (0.0, 100.0),
+            direction_gust: (0.0, 10.0),
+            speed_gust: (0.0, 10.0),
             ..scene.wind
         };
         scene.wind = steady;
@@ -478,7 +482,8 @@ mod tests {
         let place = scene.east_north_m(&at);
         let z = scene.axis_m + at[2];
         let ask = |forward| {
-            World::new(&scene, physics, &wind, forward, history_s, 1).excess_ppm(place, z, 300.0)
+            TruthModel::new(&scene, physics, &wind, forward, history_s, 1)
+                .excess_ppm(place, z, 300.0)
         };
         (ask(Forward::Gaussian), ask(Forward::Puffs))
     }

@@ -7,8 +7,8 @@ use std::fmt::Write as _;
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 
-use crate::chance::{between, between_log, normal, pick, stream};
 use crate::law::{self, Troposphere};
+use crate::random::{between, between_log, normal, pick, stream};
 use crate::tracks::{self, PlumePoint, Reach};
 use crate::wind::WindLaw;
 
@@ -40,7 +40,7 @@ pub enum LoggedWind {
 
 /// A parameter that the scenario states with a prior, and how far off it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Uncertain {
+pub struct PriorError {
     /// Dotted key in `[uncertain]`.
     pub key: &'static str,
     /// Prior standard deviation, in the key's unit.
@@ -95,7 +95,7 @@ pub struct Scene {
     /// scenario's source and mean wind.
     pub tracks: Vec<Vec<PlumePoint>>,
     /// What is marked uncertain.
-    pub uncertain: Vec<Uncertain>,
+    pub uncertain: Vec<PriorError>,
 }
 
 impl Scene {
@@ -161,7 +161,7 @@ impl Scene {
         scene
     }
 
-    fn draw_uncertain(&self, seed: u64, certain: &[&str]) -> Vec<Uncertain> {
+    fn draw_uncertain(&self, seed: u64, certain: &[&str]) -> Vec<PriorError> {
         let mut rng = stream(seed, "uncertain");
         let strength = match self.c_max_at_m {
             Some(_) => ("source.c_max_ppm", self.c_max_ppm()),
@@ -183,7 +183,7 @@ impl Scene {
             let stated =
                 certain.contains(&key) || (certain.contains(&"emission") && key == strength.0);
             if here && !stated {
-                all.push(Uncertain { key, sd, off });
+                all.push(PriorError { key, sd, off });
             }
         }
         all
@@ -351,7 +351,7 @@ fn draw_wind(seed: u64, logged: LoggedWind) -> WindLaw {
     } else {
         between(&mut rng, 0.8, 3.0)
     };
-    let surge_sd = if unlogged {
+    let speed_gust_sd = if unlogged {
         0.02
     } else {
         between(&mut rng, 0.02, 0.06)
@@ -359,10 +359,10 @@ fn draw_wind(seed: u64, logged: LoggedWind) -> WindLaw {
     WindLaw {
         speed_m_s: between(&mut rng, 4.0, 11.0),
         from_deg: between(&mut rng, 0.0, 360.0),
-        slow: (slow_sd, between(&mut rng, 500.0, 1500.0)),
-        gust: (between(&mut rng, 0.3, 0.9), between(&mut rng, 20.0, 60.0)),
-        surge: (surge_sd, between(&mut rng, 60.0, 300.0)),
-        hidden_swing: None,
+        slow_meander: (slow_sd, between(&mut rng, 500.0, 1500.0)),
+        direction_gust: (between(&mut rng, 0.3, 0.9), between(&mut rng, 20.0, 60.0)),
+        speed_gust: (speed_gust_sd, between(&mut rng, 60.0, 300.0)),
+        unlogged_oscillation: None,
         drift_deg_per_h: 0.0,
     }
 }
@@ -389,11 +389,11 @@ pub(crate) fn make_unlogged(scene: &mut Scene, seed: u64) {
 
 /// Swings and surges with standard deviations and lasting times from these ranges.
 fn swing(scene: &mut Scene, deg: (f64, f64), lasts_s: (f64, f64), rng: &mut ChaCha8Rng) {
-    scene.wind.gust = (
+    scene.wind.direction_gust = (
         between(rng, deg.0, deg.1),
         between(rng, lasts_s.0, lasts_s.1),
     );
-    scene.wind.surge = (between(rng, 0.03, 0.15), between(rng, lasts_s.0, lasts_s.1));
+    scene.wind.speed_gust = (between(rng, 0.03, 0.15), between(rng, lasts_s.0, lasts_s.1));
 }
 
 #[cfg(test)]

@@ -3,23 +3,23 @@
 
 use rand::RngExt;
 
-use crate::chance::{between, pick, sign, stream};
-use crate::effect::Effect as E;
+use crate::effect::PlumeEffect as E;
 use crate::instrument::Faults;
 use crate::law;
 use crate::physics::{Physics, Wake};
+use crate::random::{between, pick, sign, stream};
 use crate::scene::Scene;
 
 /// A parameter in the catalogue's words.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Parameter {
+pub struct TrueParameter {
     /// Name, as in the contract.
     pub name: &'static str,
     /// True value.
     pub value: f64,
 }
 
-/// Puts `effect` of `strength` into the world, or into the platforms' faults; gives its
+/// Puts `effect` of `strength` into the physics, or into the platforms' faults; gives its
 /// parameters (none outside the catalogue). `peak_ppm` is the highest mean excess that the
 /// platforms of the effect meet.
 pub fn put(
@@ -30,10 +30,10 @@ pub fn put(
     peak_ppm: f64,
     physics: &mut Physics,
     faults: &mut [&mut Faults],
-) -> Vec<Parameter> {
+) -> Vec<TrueParameter> {
     let mut rng = stream(seed, effect.id());
-    // All chances are drawn before use and do not depend on the strength.
-    let dice = Dice {
+    // All random numbers are drawn before use and do not depend on the strength.
+    let draws = Draws {
         sign: sign(&mut rng),
         angle: between(&mut rng, 0.0, std::f64::consts::TAU),
         share: rng.random(),
@@ -47,7 +47,7 @@ pub fn put(
                 effect,
                 strength,
                 scene,
-                &dice,
+                &draws,
                 peak_ppm,
                 physics.other_laws,
                 faults,
@@ -60,26 +60,26 @@ pub fn put(
         | E::WindDirectionDrift
         | E::WindSpeedScale
         | E::WindVeerWithHeight
-        | E::Meander => transport(effect, strength, &dice, physics),
+        | E::Meander => transport(effect, strength, &draws, physics),
         E::StabilityClass
         | E::SigmaYScale
         | E::SigmaZScale
         | E::SigmaZGrowth
         | E::EffectiveHeightOffset
         | E::GroundReflection
-        | E::MixingLid => spread(effect, strength, scene, &dice, physics),
+        | E::MixingLid => spread(effect, strength, scene, &draws, physics),
         E::BackgroundOffset | E::BackgroundDrift | E::BackgroundGradient => {
-            background(effect, strength, &dice, physics)
+            background(effect, strength, &draws, physics)
         }
-        _ if effect.in_catalogue() => source(effect, strength, scene, &dice, physics),
+        _ if effect.in_catalogue() => source(effect, strength, scene, &draws, physics),
         _ => {
-            outside(effect, strength, scene, &dice, physics);
+            outside(effect, strength, scene, &draws, physics);
             Vec::new()
         }
     }
 }
 
-struct Dice {
+struct Draws {
     sign: f64,
     angle: f64,
     share: f64,
@@ -87,28 +87,28 @@ struct Dice {
     period_s: f64,
 }
 
-fn named<const N: usize>(parameters: [(&'static str, f64); N]) -> Vec<Parameter> {
+fn named<const N: usize>(parameters: [(&'static str, f64); N]) -> Vec<TrueParameter> {
     parameters
-        .map(|(name, value)| Parameter { name, value })
+        .map(|(name, value)| TrueParameter { name, value })
         .to_vec()
 }
 
-fn transport(effect: E, s: f64, dice: &Dice, p: &mut Physics) -> Vec<Parameter> {
+fn transport(effect: E, s: f64, draws: &Draws, p: &mut Physics) -> Vec<TrueParameter> {
     match effect {
         E::WindDirectionOffset => {
-            p.direction_offset_deg = 0.4 * s * dice.sign;
+            p.direction_offset_deg = 0.4 * s * draws.sign;
             named([("offset_deg", p.direction_offset_deg)])
         }
         E::WindDirectionDrift => {
-            p.direction_drift_deg_per_h = 6.0 * s * dice.sign;
+            p.direction_drift_deg_per_h = 6.0 * s * draws.sign;
             named([("rate_deg_per_h", p.direction_drift_deg_per_h)])
         }
         E::WindSpeedScale => {
-            p.log_speed = (0.1 * s).min(1.2) * dice.sign;
+            p.log_speed = (0.1 * s).min(1.2) * draws.sign;
             named([("factor", p.log_speed.exp())])
         }
         E::WindVeerWithHeight => {
-            p.veer_deg_per_100m = 1.2 * s * dice.sign;
+            p.veer_deg_per_100m = 1.2 * s * draws.sign;
             named([("rate_deg_per_100m", p.veer_deg_per_100m)])
         }
         _ => {
@@ -118,7 +118,7 @@ fn transport(effect: E, s: f64, dice: &Dice, p: &mut Physics) -> Vec<Parameter> 
     }
 }
 
-fn spread(effect: E, s: f64, scene: &Scene, dice: &Dice, p: &mut Physics) -> Vec<Parameter> {
+fn spread(effect: E, s: f64, scene: &Scene, draws: &Draws, p: &mut Physics) -> Vec<TrueParameter> {
     match effect {
         E::StabilityClass => {
             // Away from the end of the alphabet that is nearer.
@@ -127,19 +127,19 @@ fn spread(effect: E, s: f64, scene: &Scene, dice: &Dice, p: &mut Physics) -> Vec
             named([("shift", p.class_shift)])
         }
         E::SigmaYScale => {
-            p.log_sigma_y = (0.06 * s).min(1.5) * dice.sign;
+            p.log_sigma_y = (0.06 * s).min(1.5) * draws.sign;
             named([("factor", p.log_sigma_y.exp())])
         }
         E::SigmaZScale => {
-            p.log_sigma_z = (0.08 * s).min(1.5) * dice.sign;
+            p.log_sigma_z = (0.08 * s).min(1.5) * draws.sign;
             named([("factor", p.log_sigma_z.exp())])
         }
         E::SigmaZGrowth => {
-            p.sigma_z_exponent = (0.12 * s).min(1.2) * dice.sign;
+            p.sigma_z_exponent = (0.12 * s).min(1.2) * draws.sign;
             named([("exponent", p.sigma_z_exponent)])
         }
         E::EffectiveHeightOffset => {
-            p.axis_offset_m = (2.5 * s * dice.sign).max(-0.8 * scene.axis_m);
+            p.axis_offset_m = (2.5 * s * draws.sign).max(-0.8 * scene.axis_m);
             named([("offset_m", p.axis_offset_m)])
         }
         E::GroundReflection => {
@@ -156,23 +156,23 @@ fn spread(effect: E, s: f64, scene: &Scene, dice: &Dice, p: &mut Physics) -> Vec
     }
 }
 
-fn source(effect: E, s: f64, scene: &Scene, dice: &Dice, p: &mut Physics) -> Vec<Parameter> {
-    let (sin, cos) = dice.angle.sin_cos();
+fn source(effect: E, s: f64, scene: &Scene, draws: &Draws, p: &mut Physics) -> Vec<TrueParameter> {
+    let (sin, cos) = draws.angle.sin_cos();
     match effect {
         E::EmissionScale => {
-            p.log_emission = (0.12 * s).min(2.0) * dice.sign;
+            p.log_emission = (0.12 * s).min(2.0) * draws.sign;
             named([("factor", p.log_emission.exp())])
         }
         E::EmissionTrend => {
-            p.trend_per_h = (1.0 * s).min(8.0) * dice.sign;
+            p.trend_per_h = (1.0 * s).min(8.0) * draws.sign;
             named([("rate_per_h", p.trend_per_h)])
         }
         E::SecondSource => {
             // Beside the first, two to five widths of its plume away.
             let width = law::sigma_y_m(scene.class as f64, 0.5 * scene.reach.distance_m.1);
             let (down, across) = scene.wind.from_deg.to_radians().sin_cos();
-            let y = dice.sign * width * (2.0 + 3.0 * dice.share);
-            let x = (dice.other - 0.7) * 500.0;
+            let y = draws.sign * width * (2.0 + 3.0 * draws.share);
+            let x = (draws.other - 0.7) * 500.0;
             let away = [-down * x - across * y, -across * x + down * y];
             let up = 20.0 * sin;
             let ratio = (0.08 * s).min(1.5);
@@ -203,18 +203,18 @@ fn source(effect: E, s: f64, scene: &Scene, dice: &Dice, p: &mut Physics) -> Vec
     }
 }
 
-fn background(effect: E, s: f64, dice: &Dice, p: &mut Physics) -> Vec<Parameter> {
+fn background(effect: E, s: f64, draws: &Draws, p: &mut Physics) -> Vec<TrueParameter> {
     match effect {
         E::BackgroundOffset => {
-            p.background_ppm = 1.0 * s * dice.sign;
+            p.background_ppm = 1.0 * s * draws.sign;
             named([("offset_ppm", p.background_ppm)])
         }
         E::BackgroundDrift => {
-            p.background_ppm_per_h = 8.0 * s * dice.sign;
+            p.background_ppm_per_h = 8.0 * s * draws.sign;
             named([("rate_ppm_per_h", p.background_ppm_per_h)])
         }
         _ => {
-            let (sin, cos) = dice.angle.sin_cos();
+            let (sin, cos) = draws.angle.sin_cos();
             p.gradient_ppm_per_km = [0.6 * s * sin, 0.6 * s * cos];
             named([
                 ("east_ppm_per_km", p.gradient_ppm_per_km[0]),
@@ -228,11 +228,11 @@ fn sensor(
     effect: E,
     s: f64,
     scene: &Scene,
-    dice: &Dice,
+    draws: &Draws,
     peak_ppm: f64,
     other_laws: bool,
     f: &mut Faults,
-) -> Vec<Parameter> {
+) -> Vec<TrueParameter> {
     match effect {
         E::SensorLag => {
             f.lag_s = 0.5 * s;
@@ -241,19 +241,19 @@ fn sensor(
         }
         E::SensorGain => {
             // Either calibrated in clean air, or wrong from zero on.
-            let from_zero = dice.share < 0.5;
+            let from_zero = draws.share < 0.5;
             f.pivot_ppm = from_zero.then_some(0.0);
             let unit = if from_zero { 0.003 } else { 0.05 };
-            f.log_gain = (unit * s).min(1.5) * dice.sign;
+            f.log_gain = (unit * s).min(1.5) * draws.sign;
             let pivot = if from_zero { 0.0 } else { scene.background_ppm };
             named([("factor", f.log_gain.exp()), ("pivot_ppm", pivot)])
         }
         E::SensorOffset => {
-            f.offset_ppm = 1.0 * s * dice.sign;
+            f.offset_ppm = 1.0 * s * draws.sign;
             named([("offset_ppm", f.offset_ppm)])
         }
         E::SensorDrift => {
-            f.drift_ppm_per_h = 8.0 * s * dice.sign;
+            f.drift_ppm_per_h = 8.0 * s * draws.sign;
             named([("rate_ppm_per_h", f.drift_ppm_per_h)])
         }
         E::SensorSaturation => {
@@ -261,31 +261,31 @@ fn sensor(
             f.limit_ppm = Some(limit);
             named([("limit_ppm", limit)])
         }
-        _ => environment(effect, s, dice, f),
+        _ => environment(effect, s, draws, f),
     }
 }
 
 /// Cross-sensitivities, clock and place, and what the catalogue lacks.
-fn environment(effect: E, s: f64, dice: &Dice, f: &mut Faults) -> Vec<Parameter> {
-    let (sin, cos) = dice.angle.sin_cos();
+fn environment(effect: E, s: f64, draws: &Draws, f: &mut Faults) -> Vec<TrueParameter> {
+    let (sin, cos) = draws.angle.sin_cos();
     match effect {
         E::CrossSensitivityHumidity => {
-            f.per_percent = 0.12 * s * dice.sign;
+            f.per_percent = 0.12 * s * draws.sign;
             named([
                 ("ppm_per_percent", f.per_percent),
                 ("reference_percent", 50.0),
             ])
         }
         E::CrossSensitivityTemperature => {
-            f.per_k = 0.7 * s * dice.sign;
+            f.per_k = 0.7 * s * draws.sign;
             named([("ppm_per_k", f.per_k), ("reference_c", 15.0)])
         }
         E::CrossSensitivityPressure => {
-            f.per_hpa = 0.15 * s * dice.sign;
+            f.per_hpa = 0.15 * s * draws.sign;
             named([("ppm_per_hpa", f.per_hpa), ("reference_hpa", 1013.25)])
         }
         E::ClockOffset => {
-            f.clock_s = (0.2 * s * dice.sign).clamp(-20.0, 20.0);
+            f.clock_s = (0.2 * s * draws.sign).clamp(-20.0, 20.0);
             named([("offset_s", f.clock_s)])
         }
         E::PositionOffset => {
@@ -294,46 +294,46 @@ fn environment(effect: E, s: f64, dice: &Dice, f: &mut Faults) -> Vec<Parameter>
             named([("east_m", 5.0 * s * sin), ("north_m", 5.0 * s * cos)])
         }
         E::AltitudeOffset => {
-            f.place_m[2] += 3.0 * s * dice.sign;
-            named([("offset_m", 3.0 * s * dice.sign)])
+            f.place_m[2] += 3.0 * s * draws.sign;
+            named([("offset_m", 3.0 * s * draws.sign)])
         }
         E::SecondSensorDeadTime => {
-            f.second_sensor = Some((40.0 + 30.0 * dice.share, (1.0 * s).min(25.0)));
+            f.second_sensor = Some((40.0 + 30.0 * draws.share, (1.0 * s).min(25.0)));
             Vec::new()
         }
         _ => {
-            f.waves = Some((1.2 * s, dice.period_s));
+            f.waves = Some((1.2 * s, draws.period_s));
             Vec::new()
         }
     }
 }
 
-fn outside(effect: E, s: f64, scene: &Scene, dice: &Dice, p: &mut Physics) {
+fn outside(effect: E, s: f64, scene: &Scene, draws: &Draws, p: &mut Physics) {
     let class = scene.class as f64;
     let (near, far) = scene.reach.distance_m;
     match effect {
         E::UnlistedChemistry => {
             let at_s = (near * far).sqrt() / scene.wind.speed_m_s;
-            p.hump = Some((0.12 * s, at_s));
+            p.transient_production = Some((0.12 * s, at_s));
         }
         E::ObstacleWake => {
-            let along_m = near + (0.2 + 0.3 * dice.share) * (far - near);
+            let along_m = near + (0.2 + 0.3 * draws.share) * (far - near);
             let width = law::sigma_y_m(class, along_m);
             p.wake = Some(Wake {
                 along_m,
-                across_m: dice.sign * (0.3 + 0.5 * dice.other) * width,
+                across_m: draws.sign * (0.3 + 0.5 * draws.other) * width,
                 width_m: 0.7 * width,
                 length_m: 1500.0,
                 depth: (0.15 * s).min(1.0),
             });
         }
-        E::SlowSwing => p.hidden_swing = Some((0.8 * s, 1.6 * dice.period_s)),
-        E::BackgroundWaves => p.background_waves = Some((1.0 * s, dice.period_s)),
+        E::SlowSwing => p.unlogged_oscillation = Some((0.8 * s, 1.6 * draws.period_s)),
+        E::BackgroundWaves => p.background_waves = Some((1.0 * s, draws.period_s)),
         E::BackgroundLayer => {
             let sigma = law::sigma_z_m(class, (near * far).sqrt()).min(scene.axis_m);
-            let middle = scene.axis_m + 0.4 * sigma * dice.sign;
-            p.layer = Some((1.5 * s * dice.sign, middle, 0.35 * sigma + 8.0));
+            let middle = scene.axis_m + 0.4 * sigma * draws.sign;
+            p.layer = Some((1.5 * s * draws.sign, middle, 0.35 * sigma + 8.0));
         }
-        _ => p.pulses = Some(((0.15 * s).min(1.0), dice.period_s)),
+        _ => p.pulses = Some(((0.15 * s).min(1.0), draws.period_s)),
     }
 }

@@ -4,8 +4,8 @@
 use rand::rngs::ChaCha8Rng;
 use rand::{Rng, RngExt};
 
-use crate::chance::{between, pick, sign};
 use crate::law;
+use crate::random::{between, pick, sign};
 
 /// A point in plume axes: along, across, above ground, m.
 pub type PlumePoint = [f64; 3];
@@ -214,7 +214,7 @@ pub fn team(count: usize, rng: &mut ChaCha8Rng) -> Vec<TrackKind> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chance::stream;
+    use crate::random::stream;
 
     const REACH: Reach = Reach {
         class: 3.0,

@@ -3,7 +3,7 @@
 
 use rand::Rng;
 
-use crate::chance::{OrnsteinUhlenbeck, normal};
+use crate::random::{OrnsteinUhlenbeck, normal};
 
 /// How the wind at the plume's axis varies.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,13 +13,13 @@ pub struct WindLaw {
     /// Mean direction *from*, degrees.
     pub from_deg: f64,
     /// Slow swings of direction: standard deviation, degrees, and correlation time, s.
-    pub slow: (f64, f64),
+    pub slow_meander: (f64, f64),
     /// Gusts of direction: standard deviation, degrees, and correlation time, s.
-    pub gust: (f64, f64),
+    pub direction_gust: (f64, f64),
     /// Gusts of speed: standard deviation over the mean, and correlation time, s.
-    pub surge: (f64, f64),
+    pub speed_gust: (f64, f64),
     /// A periodic swing that the log does not show: amplitude, degrees, and period, s.
-    pub hidden_swing: Option<(f64, f64)>,
+    pub unlogged_oscillation: Option<(f64, f64)>,
     /// Steady turning of the true transport against the logged one, degrees an hour.
     pub drift_deg_per_h: f64,
 }
@@ -43,7 +43,7 @@ pub struct WindTruth {
     path_m: Vec<f64>,
 }
 
-/// What the wind did from an emission until now.
+/// Where the wind has carried the air that was at the source.
 #[derive(Debug, Clone, Copy)]
 pub struct Travel {
     /// Displacement east, m.
@@ -65,9 +65,11 @@ impl WindTruth {
         rng: &mut R,
     ) -> Self {
         let steps = ((before_s + until_s) / STEP_S).ceil() as usize + 2;
-        let mut slow = OrnsteinUhlenbeck::new(law.slow.1, rng);
-        let mut gust = OrnsteinUhlenbeck::new(law.gust.1, rng);
-        let mut surge = OrnsteinUhlenbeck::new(law.surge.1, rng);
+        // Turbulence as Ornstein–Uhlenbeck processes: normal, with an exponential autocorrelation
+        // (Pope 2000, section 12.3).
+        let mut slow = OrnsteinUhlenbeck::new(law.slow_meander.1, rng);
+        let mut gust = OrnsteinUhlenbeck::new(law.direction_gust.1, rng);
+        let mut speed_gust = OrnsteinUhlenbeck::new(law.speed_gust.1, rng);
         let phase = rng.next_u32() as f64 / f64::from(u32::MAX) * std::f64::consts::TAU;
         let mut truth = Self {
             start_s: -before_s,
@@ -79,13 +81,17 @@ impl WindTruth {
         };
         for k in 0..steps {
             let time_s = k as f64 * STEP_S - before_s;
-            let swing = law.slow.0 * slow.step(STEP_S, rng) + law.gust.0 * gust.step(STEP_S, rng);
+            let swing = law.slow_meander.0 * slow.step(STEP_S, rng)
+                + law.direction_gust.0 * gust.step(STEP_S, rng);
             let logged = law.from_deg + swing;
-            let hidden = law.hidden_swing.map_or(0.0, |(amplitude, period_s)| {
-                amplitude * (std::f64::consts::TAU * time_s / period_s + phase).sin()
-            });
+            let hidden = law
+                .unlogged_oscillation
+                .map_or(0.0, |(amplitude, period_s)| {
+                    amplitude * (std::f64::consts::TAU * time_s / period_s + phase).sin()
+                });
             let drift = law.drift_deg_per_h * time_s / 3600.0;
-            let speed = law.speed_m_s * (1.0 + law.surge.0 * surge.step(STEP_S, rng)).max(0.2);
+            let speed =
+                law.speed_m_s * (1.0 + law.speed_gust.0 * speed_gust.step(STEP_S, rng)).max(0.2);
             let from = (logged + transport_offset_deg + hidden + drift).to_radians();
             let last = truth.moved[k];
             let (sin, cos) = from.sin_cos();
@@ -107,16 +113,6 @@ impl WindTruth {
             ((time_s - self.start_s) / STEP_S).clamp(0.0, self.speed_m_s.len() as f64 - 1.0);
         let index = (place.floor() as usize).min(self.speed_m_s.len() - 1);
         (index, place - index as f64)
-    }
-
-    /// Where the air that passed the source at `emitted_s` is at `time_s`.
-    pub fn travel(&self, emitted_s: f64, time_s: f64) -> Travel {
-        let (from, to) = (self.moved_at(emitted_s), self.moved_at(time_s));
-        Travel {
-            east_m: to.east_m - from.east_m,
-            north_m: to.north_m - from.north_m,
-            path_m: to.path_m - from.path_m,
-        }
     }
 
     /// Displacement and path since the start of the history.
@@ -221,22 +217,22 @@ impl WindLog {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chance::stream;
+    use crate::random::stream;
 
     const STEADY: WindLaw = WindLaw {
         speed_m_s: 5.0,
         from_deg: 270.0,
-        slow: (0.0, 100.0),
-        gust: (0.0, 10.0),
-        surge: (0.0, 50.0),
-        hidden_swing: None,
+        slow_meander: (0.0, 100.0),
+        direction_gust: (0.0, 10.0),
+        speed_gust: (0.0, 50.0),
+        unlogged_oscillation: None,
         drift_deg_per_h: 0.0,
     };
 
     #[test]
     fn the_hidden_swing_is_the_transports_less_the_logs() {
         let law = WindLaw {
-            hidden_swing: Some((3.0, 120.0)),
+            unlogged_oscillation: Some((3.0, 120.0)),
             ..STEADY
         };
         let wind = WindTruth::draw(&law, 300.0, 300.0, 0.0, &mut stream(1, "w"));
@@ -253,7 +249,12 @@ mod tests {
     #[test]
     fn a_steady_west_wind_carries_east() {
         let wind = WindTruth::draw(&STEADY, 300.0, 100.0, 0.0, &mut stream(1, "w"));
-        let travel = wind.travel(-200.0, 20.5);
+        let (from, to) = (wind.moved_at(-200.0), wind.moved_at(20.5));
+        let travel = Travel {
+            east_m: to.east_m - from.east_m,
+            north_m: to.north_m - from.north_m,
+            path_m: to.path_m - from.path_m,
+        };
         assert!((travel.east_m - 5.0 * 220.5).abs() < 1e-6 && travel.north_m.abs() < 1e-6);
         assert!((travel.path_m - travel.east_m).abs() < 1e-6);
         let turned = WindTruth::draw(&STEADY, 300.0, 100.0, 90.0, &mut stream(1, "w"));
@@ -265,7 +266,7 @@ mod tests {
     #[test]
     fn direction_varies_as_said() {
         let law = WindLaw {
-            slow: (3.0, 50.0),
+            slow_meander: (3.0, 50.0),
             ..STEADY
         };
         let wind = WindTruth::draw(&law, 0.0, 50_000.0, 0.0, &mut stream(2, "w"));

@@ -4,7 +4,7 @@
 use std::process::Command;
 
 use gap_truth::case::DamageKind;
-use gap_truth::{CATALOGUE, Case, CaseSpec, Effect, Forward, OUTSIDE};
+use gap_truth::{CATALOGUE, Case, CaseSpec, Forward, OUTSIDE, PlumeEffect};
 
 /// Readings of a case's files in order.
 fn readings(files: &[(String, String)]) -> Vec<Option<f64>> {
@@ -52,7 +52,7 @@ fn the_finder_is_not_among_the_dependencies() {
 
 #[test]
 fn a_seed_makes_the_same_files_and_another_seed_others() {
-    let spec = CaseSpec::one(7, Effect::SensorLag, 3.0);
+    let spec = CaseSpec::one(7, PlumeEffect::SensorLag, 3.0);
     let case = Case::make(&spec);
     assert_eq!(case, Case::make(&spec));
     assert_ne!(
@@ -64,8 +64,8 @@ fn a_seed_makes_the_same_files_and_another_seed_others() {
 #[test]
 fn without_strength_the_case_is_its_twin() {
     for seed in 0..6 {
-        let case = Case::make(&CaseSpec::one(seed, Effect::SigmaYScale, 0.0));
-        assert_eq!(case.observations, case.twin);
+        let case = Case::make(&CaseSpec::one(seed, PlumeEffect::SigmaYScale, 0.0));
+        assert_eq!(case.observations, case.control);
         assert!(case.truth.effects.is_empty());
     }
 }
@@ -76,7 +76,7 @@ fn every_effect_shows_in_the_readings_or_places() {
         let mut seen = false;
         for seed in 0..2 {
             let case = Case::make(&CaseSpec::one(seed, effect, 6.0));
-            seen |= case.observations != case.twin;
+            seen |= case.observations != case.control;
             let truth = &case.truth.effects[0];
             assert_eq!(
                 truth.parameters.is_empty(),
@@ -98,16 +98,16 @@ fn every_effect_shows_in_the_readings_or_places() {
 #[test]
 fn a_stronger_effect_is_farther_from_the_twin() {
     for effect in [
-        Effect::SigmaYScale,
-        Effect::SensorLag,
-        Effect::BackgroundDrift,
-        Effect::SlowSwing,
+        PlumeEffect::SigmaYScale,
+        PlumeEffect::SensorLag,
+        PlumeEffect::BackgroundDrift,
+        PlumeEffect::SlowSwing,
     ] {
         let miss = |strength: f64| {
             let case = Case::make(&CaseSpec::one(4, effect, strength));
             let pairs = readings(&case.observations)
                 .into_iter()
-                .zip(readings(&case.twin));
+                .zip(readings(&case.control));
             pairs
                 .map(|(a, b)| (a.unwrap_or(0.0) - b.unwrap_or(0.0)).powi(2))
                 .sum::<f64>()

@@ -1,7 +1,7 @@
 //! One scenario flown with many seeds, and what the missions show together.
 
 use crate::{MissionError, Run, Setup, truth};
-use record::summary::{CORRECTED, Known, Summariser, Summary};
+use record::summary::{CORRECTED, MissionSummary, Summariser, SummaryContext};
 use std::fmt::Write as _;
 
 /// A found peak within this distance of the truth counts as found, m.
@@ -11,7 +11,7 @@ pub const FOUND_WITHIN_M: f64 = 150.0;
 ///
 /// # Errors
 /// A scenario that describes no world.
-pub fn known(setup: &Setup) -> Result<Known, MissionError> {
+pub fn summary_context(setup: &Setup) -> Result<SummaryContext, MissionError> {
     let scenario = &setup.scenario;
     let has_reality = truth::has_stand_in(scenario);
     let reality = has_reality
@@ -20,7 +20,7 @@ pub fn known(setup: &Setup) -> Result<Known, MissionError> {
     let peak = has_reality
         .then(|| truth::reachable_peak(scenario))
         .transpose()?;
-    Ok(Known {
+    Ok(SummaryContext {
         seed: scenario.mission.seed,
         frame: setup.frame()?,
         before: truth::numbers(scenario)?,
@@ -33,9 +33,9 @@ pub fn known(setup: &Setup) -> Result<Known, MissionError> {
 ///
 /// # Errors
 /// A mission that cannot be flown.
-pub fn fly(setup: &Setup) -> Result<Summary, MissionError> {
+pub fn fly(setup: &Setup) -> Result<MissionSummary, MissionError> {
     let mut run = Run::new(setup)?;
-    let mut summariser = Summariser::new(known(setup)?);
+    let mut summariser = Summariser::new(summary_context(setup)?);
     while !run.ended() {
         for (topic, envelope) in run.step() {
             summariser.take(topic, envelope);
@@ -48,7 +48,7 @@ pub fn fly(setup: &Setup) -> Result<Summary, MissionError> {
 #[derive(Debug, Clone, Default)]
 pub struct Campaign {
     /// One summary a seed.
-    pub missions: Vec<Summary>,
+    pub missions: Vec<MissionSummary>,
 }
 
 impl Campaign {
@@ -59,9 +59,9 @@ impl Campaign {
             .iter()
             .filter_map(|m| {
                 let reality = (CORRECTED[number].of)(m.model.reality.as_ref()?).value;
-                let miss = |v: f64| CORRECTED[number].error(v, reality).abs();
-                let before = miss((CORRECTED[number].of)(&m.model.before).value);
-                let after = miss((CORRECTED[number].of)(&m.model.after).value);
+                let model_error = |v: f64| CORRECTED[number].error(v, reality).abs();
+                let before = model_error((CORRECTED[number].of)(&m.model.before).value);
+                let after = model_error((CORRECTED[number].of)(&m.model.after).value);
                 (before > 0.0).then_some(after / before)
             })
             .collect()
@@ -101,13 +101,13 @@ impl Campaign {
                     continue;
                 };
                 let truth = (number.of)(reality).value;
-                let miss = |numbers| number.error((number.of)(numbers).value, truth);
+                let model_error = |numbers| number.error((number.of)(numbers).value, truth);
                 let digits = number.digits;
                 let _ = write!(
                     text,
                     " {:+.digits$} → {:+.digits$} {} |",
-                    miss(&mission.model.before),
-                    miss(&mission.model.after),
+                    model_error(&mission.model.before),
+                    model_error(&mission.model.after),
                     number.unit
                 );
             }

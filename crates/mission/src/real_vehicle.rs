@@ -44,7 +44,7 @@ impl RealVehicle {
     ///
     /// # Errors
     /// A scenario or aircraft that the stand-in refuses.
-    pub fn with_stand_in(setup: &Setup, index: usize) -> Result<Self, MissionError> {
+    pub(crate) fn with_stand_in(setup: &Setup, index: usize) -> Result<Self, MissionError> {
         let scenario = &setup.scenario;
         let config = setup.stand_in_config(index)?;
         let name = setup.name_of(index)?;
@@ -63,7 +63,11 @@ impl RealVehicle {
     ///
     /// # Errors
     /// A scenario that describes no air.
-    pub fn with_link(setup: &Setup, index: usize, may_arm: bool) -> Result<Self, MissionError> {
+    pub(crate) fn with_link(
+        setup: &Setup,
+        index: usize,
+        may_arm: bool,
+    ) -> Result<Self, MissionError> {
         Self::new(
             setup,
             index,
@@ -118,14 +122,6 @@ impl RealVehicle {
         self.handed_back = true;
     }
 
-    /// The stand-in, for those who test what a pilot does to it.
-    pub fn stand_in_mut(&mut self) -> Option<&mut StandIn> {
-        match &mut self.far_end {
-            FarEnd::StandIn(stand_in) => Some(stand_in),
-            FarEnd::Link(_) => None,
-        }
-    }
-
     /// Who flies, as it is said on the bus.
     fn mode(&self) -> Mode {
         let mode = va::control::mode(self.bridge.control(), &self.bridge.doing());
@@ -149,6 +145,8 @@ impl RealVehicle {
                 self.bridge.setpoint(&setpoint, now, &mut self.output);
             }
         }
+        // Frames go out before those of this tick are read: a stand-in answers within the tick, as the
+        // far end of a fast link would, and always in the same order.
         self.bridge.tick(now, &mut self.output);
         let to_vehicle = std::mem::take(&mut self.output.frames_to_vehicle);
         let from_vehicle = match &mut self.far_end {

@@ -95,6 +95,7 @@ impl Setup {
             None => None,
             Some(name) => Some(series(name, "reality.weather.series")?),
         };
+        // Outside the tile, and in its voids, the ground is that of the site's origin.
         let ground = scenario.site.ground_amsl_m;
         let terrain = match &scenario.site.terrain {
             None => Terrain::Flat(ground),
@@ -153,7 +154,7 @@ impl Setup {
     ///
     /// # Errors
     /// No such vehicle.
-    pub fn aircraft_of(&self, index: usize) -> Result<&Aircraft, MissionError> {
+    pub(crate) fn aircraft_of(&self, index: usize) -> Result<&Aircraft, MissionError> {
         self.scenario
             .vehicles
             .get(index)
@@ -178,7 +179,7 @@ impl Setup {
     ///
     /// # Errors
     /// No such vehicle.
-    pub fn name_of(&self, index: usize) -> Result<&str, MissionError> {
+    pub(crate) fn name_of(&self, index: usize) -> Result<&str, MissionError> {
         let vehicle = self.scenario.vehicles.get(index);
         vehicle
             .map(|v| v.id.as_str())
@@ -216,7 +217,7 @@ impl Setup {
     ///
     /// # Errors
     /// A site outside the frame's validity.
-    pub fn ground_at_home_m(&self, index: usize) -> Result<f64, MissionError> {
+    pub(crate) fn ground_at_home_m(&self, index: usize) -> Result<f64, MissionError> {
         Ok(self.terrain.ground_amsl_m(self.scenario.home(index)?))
     }
 

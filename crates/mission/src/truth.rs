@@ -4,14 +4,12 @@
 use crate::MissionError;
 use air::geo::Enu;
 use air::wind::towards_deg;
-use plume::{Place, Strength, World};
+use plume::{DispersionModel, Place};
 use protocol::message::{Estimate, Peak};
 use record::summary::ModelNumbers;
 use scenario::Scenario;
 use scenario::tables::VehicleKind;
 
-/// Distance at which c_MAX is stated for a source given by its emission, m.
-const STATED_AT_M: f64 = 1000.0;
 /// First grid of the search for the peak, m.
 const COARSE_M: f64 = 40.0;
 /// Last grid of the search for the peak, m.
@@ -51,29 +49,22 @@ pub fn numbers(scenario: &Scenario) -> Result<ModelNumbers, MissionError> {
 ///
 /// # Errors
 /// A reality that describes no world.
-pub fn reality_numbers(scenario: &Scenario) -> Result<ModelNumbers, MissionError> {
-    let spec = scenario.in_reality().world_spec()?;
-    let distance_m = match scenario.world_spec()?.sources[0].strength {
-        Strength::CMax { distance_m, .. } => distance_m,
-        Strength::EmissionKgS(_) => STATED_AT_M,
-    };
+pub(crate) fn reality_numbers(scenario: &Scenario) -> Result<ModelNumbers, MissionError> {
+    let spec = scenario.in_reality().dispersion_spec()?;
+    let distance_m = scenario.dispersion_spec()?.sources[0]
+        .strength
+        .c_max_distance_m();
     let source = &spec.sources[0];
     let axis_deg = towards_deg(spec.wind.from_deg());
-    let on_axis = source.place.displaced(axis_deg, distance_m);
-    let place = Place {
-        east_m: on_axis.east_m,
-        north_m: on_axis.north_m,
-        height_agl_m: source.effective_height_agl_m,
-    };
     let height_m = source.effective_height_agl_m;
     let exactly = |value: f64| Estimate { value, sd: 0.0 };
     let (background, y, z) = (spec.background_ppm, spec.sigma_y_scale, spec.sigma_z_scale);
-    let world = World::new(spec).map_err(scenario::world::WorldError::from)?;
+    let world = DispersionModel::new(spec).map_err(scenario::world::WorldError::from)?;
     Ok(ModelNumbers {
         background_ppm: exactly(background),
         effective_height_agl_m: exactly(height_m),
         axis_deg: exactly(axis_deg),
-        c_max_ppm: exactly(world.mean_ppm(&place, 0.0) - world.background_ppm(&place, 0.0)),
+        c_max_ppm: exactly(world.axis_excess_ppm(distance_m)),
         c_max_distance_m: exactly(distance_m),
         sigma_y_scale: exactly(y),
         sigma_z_scale: exactly(z),
@@ -90,10 +81,12 @@ pub fn reachable_peak(scenario: &Scenario) -> Result<Peak, MissionError> {
     let frame = scenario.frame()?;
     let region = Region::new(scenario, &world)?;
     let mut best: Option<(f64, Place)> = None;
+    // A grid rather than a gradient: with several sources, a lid or a fence the field has several local
+    // maxima, and the truth that results are held against must not depend on a starting point.
     let mut spacing_m = COARSE_M;
-    let mut boxed = region.bounds();
+    let mut bounds = region.bounds();
     loop {
-        best = region.best_on_grid(&world, &boxed, spacing_m, best);
+        best = region.best_on_grid(&world, &bounds, spacing_m, best);
         let Some((_, at)) = best else {
             return Err(MissionError::Request(
                 "the fence leaves nowhere to fly".to_owned(),
@@ -104,7 +97,7 @@ pub fn reachable_peak(scenario: &Scenario) -> Result<Peak, MissionError> {
         }
         let reach = 2.0 * spacing_m;
         let axes = [at.east_m, at.north_m, at.height_agl_m];
-        boxed = axes.map(|centre| (centre - reach, centre + reach));
+        bounds = axes.map(|centre| (centre - reach, centre + reach));
         spacing_m = (spacing_m / 4.0).max(FINE_M);
     }
     let (ppm, at) = best.unwrap_or_default();
@@ -131,7 +124,7 @@ struct Region {
 }
 
 impl Region {
-    fn new(scenario: &Scenario, world: &World) -> Result<Self, MissionError> {
+    fn new(scenario: &Scenario, world: &DispersionModel) -> Result<Self, MissionError> {
         Ok(Self {
             polygon: scenario.fence_polygon()?,
             floor_m: scenario.fence.floor_agl_m,
@@ -165,7 +158,7 @@ impl Region {
 
     fn best_on_grid(
         &self,
-        world: &World,
+        world: &DispersionModel,
         bounds: &[(f64, f64); 3],
         spacing_m: f64,
         mut best: Option<(f64, Place)>,

@@ -1,10 +1,10 @@
 //! The mean field at many places at once, for maps and for the search of a maximum.
 //!
-//! [`World::fill_mean_ppm`] takes places in columns. Where the world is a sum of plain Gaussian
+//! [`DispersionModel::fill_mean_ppm`] takes places in columns. Where the model is a sum of plain Gaussian
 //! plumes (whole stability class, no mixing lid, no mechanism that changes the shape along the
 //! way) it runs a kernel that the compiler turns into vector instructions, in versions for
 //! AVX-512, AVX2 and the plain processor, chosen when the program runs; elsewhere it evaluates
-//! [`World::mean_ppm`] place by place. Both agree to better than 1e-9 (1e-13 is usual).
+//! [`DispersionModel::mean_ppm`] place by place. Both agree to better than 1e-9 (1e-13 is usual).
 //!
 //! The kernel uses no fused multiply-add: every operation of IEEE 754 rounds the same in every
 //! version, so that a result does not depend on the processor.
@@ -15,8 +15,8 @@
 use multiversion::multiversion;
 
 use super::{
-    Emitted, FARTHEST_EXPONENT, LEAST_DISTANCE_M, LEAST_TRANSPORT_M_S, PURE_PPM, Place, World,
-    rotate, turn,
+    DispersionModel, LEAST_DISTANCE_M, LEAST_TRANSPORT_M_S, MAX_EXPONENT, MAX_MOLE_FRACTION_PPM,
+    Place, SourceTerm, cos_sin, rotate,
 };
 use crate::PlumeError;
 use crate::effects::HOUR_S;
@@ -27,7 +27,7 @@ const CHUNK: usize = 1024;
 
 /// Places in columns of equal length.
 #[derive(Debug, Clone, Copy)]
-pub struct Columns<'a> {
+pub struct PlaceColumns<'a> {
     /// Metres east of the site's origin.
     pub east_m: &'a [f64],
     /// Metres north of the site's origin.
@@ -36,7 +36,7 @@ pub struct Columns<'a> {
     pub height_agl_m: &'a [f64],
 }
 
-impl Columns<'_> {
+impl PlaceColumns<'_> {
     /// Number of places.
     pub fn len(&self) -> usize {
         self.east_m.len()
@@ -47,8 +47,8 @@ impl Columns<'_> {
         self.east_m.is_empty()
     }
 
-    fn chunk(&self, from: usize, to: usize) -> Columns<'_> {
-        Columns {
+    fn chunk(&self, from: usize, to: usize) -> PlaceColumns<'_> {
+        PlaceColumns {
             east_m: &self.east_m[from..to],
             north_m: &self.north_m[from..to],
             height_agl_m: &self.height_agl_m[from..to],
@@ -56,8 +56,8 @@ impl Columns<'_> {
     }
 }
 
-impl World {
-    /// Mean mole fraction at each of `places` at `time_s`, ppm, as [`World::mean_ppm`] has it.
+impl DispersionModel {
+    /// Mean mole fraction at each of `places` at `time_s`, ppm, as [`DispersionModel::mean_ppm`] has it.
     /// `out` is overwritten and brought to the number of places; nothing else is allocated for
     /// each place.
     ///
@@ -65,7 +65,7 @@ impl World {
     /// Columns of different lengths.
     pub fn fill_mean_ppm(
         &self,
-        places: Columns<'_>,
+        places: PlaceColumns<'_>,
         time_s: f64,
         out: &mut Vec<f64>,
     ) -> Result<(), PlumeError> {
@@ -96,7 +96,13 @@ impl World {
         Ok(())
     }
 
-    fn fill_chunk(&self, kernels: &Kernels, places: Columns<'_>, time_s: f64, out: &mut [f64]) {
+    fn fill_chunk(
+        &self,
+        kernels: &Kernels,
+        places: PlaceColumns<'_>,
+        time_s: f64,
+        out: &mut [f64],
+    ) {
         out.fill(0.0);
         for kernel in &kernels.molar {
             add(
@@ -108,6 +114,7 @@ impl World {
             );
         }
         if !kernels.molar.is_empty() {
+            // Maps are level: the atmosphere is asked once for each run of equal heights.
             let (mut height, mut factor) = (f64::NAN, f64::NAN);
             for (value, &h) in out.iter_mut().zip(places.height_agl_m) {
                 if h != height {
@@ -151,16 +158,16 @@ impl World {
             return None;
         }
         let turned = rotate(self.scenario_wind, self.rotation);
-        let wind = rotate(turned, turn(e.direction_drift_deg_h * time_s / HOUR_S));
+        let wind = rotate(turned, cos_sin(e.direction_drift_deg_h * time_s / HOUR_S));
         let scale_y = self.spec.sigma_y_scale * e.sigma_y_factor;
         let scale_z = self.spec.sigma_z_scale * e.sigma_z_factor;
         let mut kernels = Kernels::default();
         for plume in &self.plumes {
             let speed =
                 (wind.speed_m_s * e.speed_factor * plume.speed_ratio).max(LEAST_TRANSPORT_M_S);
-            let (list, strength) = match plume.emitted {
-                Emitted::Molar(q) => (&mut kernels.molar, q / speed),
-                Emitted::Axis(s) => (&mut kernels.direct, s),
+            let (list, strength) = match plume.source_term {
+                SourceTerm::MolarRate(q) => (&mut kernels.molar, q / speed),
+                SourceTerm::AxisConcentration(s) => (&mut kernels.direct, s),
             };
             list.push(Kernel {
                 strength,
@@ -176,7 +183,7 @@ impl World {
     }
 }
 
-fn place(places: &Columns<'_>, i: usize) -> Place {
+fn place(places: &PlaceColumns<'_>, i: usize) -> Place {
     Place {
         east_m: places.east_m[i],
         north_m: places.north_m[i],
@@ -246,12 +253,19 @@ fn add_background(background: &Background, east: &[f64], north: &[f64], out: &mu
     let count = out.len();
     let (east, north) = (&east[..count], &north[..count]);
     for i in 0..count {
-        let excess = if out[i] > PURE_PPM { PURE_PPM } else { out[i] };
+        // Not f64::min, which would make a number of NaN.
+        let excess = if out[i] > MAX_MOLE_FRACTION_PPM {
+            MAX_MOLE_FRACTION_PPM
+        } else {
+            out[i]
+        };
         let tilt = background.east_ppm_m * east[i] + background.north_ppm_m * north[i];
         out[i] = excess + (background.ppm + tilt);
     }
 }
 
+// The power of σz as a constant generic, so that the loop has no branch on it; Rust takes no enum
+// there.
 const MINUS_ONE: u8 = 0;
 const MINUS_HALF: u8 = 1;
 const HALF: u8 = 2;
@@ -273,6 +287,8 @@ fn add_form<const POWER: u8, const GROUND: bool>(
         let (de, dn) = (east[i] - from_east, north[i] - from_north);
         let along = de * to_east + dn * to_north;
         let y = de * to_north - dn * to_east;
+        // Upwind places are worked out at the least distance and dropped at the end: a branch here
+        // would keep the loop from being vectorised. Not f64::max, which would make a number of NaN.
         let x = if along < LEAST_DISTANCE_M {
             LEAST_DISTANCE_M
         } else {
@@ -300,15 +316,11 @@ fn add_form<const POWER: u8, const GROUND: bool>(
     }
 }
 
-/// exp(−exponent) for exponents from 0, nothing beyond [`FARTHEST_EXPONENT`]; good to 2e-15.
+/// exp(−exponent) for exponents from 0, nothing beyond [`MAX_EXPONENT`]; good to 2e-15.
 #[inline(always)]
 fn gauss(exponent: f64) -> f64 {
     let value = exp_near(-exponent);
-    if exponent > FARTHEST_EXPONENT {
-        0.0
-    } else {
-        value
-    }
+    if exponent > MAX_EXPONENT { 0.0 } else { value }
 }
 
 /// exp(t) for |t| < 700 without a branch: t = k ln 2 + r, |r| ≤ ln 2 / 2, a Taylor polynomial of
@@ -341,6 +353,8 @@ fn exp_near(t: f64) -> f64 {
     for c in INVERSE_FACTORIALS {
         sum = sum * r + c;
     }
+    // The low bits of `rounded` are k in two's complement; shifted by 52 they add to the exponent of
+    // `sum`, which multiplies it by 2^k.
     f64::from_bits(sum.to_bits().wrapping_add(rounded.to_bits() << 52))
 }
 
@@ -348,7 +362,7 @@ fn exp_near(t: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::field::tests::spec;
-    use crate::field::{Strength, WorldSpec};
+    use crate::field::{DispersionSpec, Strength};
     use crate::mechanism::Mechanism;
     use crate::sigma::Setting;
     use crate::stability::Stability;
@@ -356,30 +370,30 @@ mod tests {
 
     type Columns3 = (Vec<f64>, Vec<f64>, Vec<f64>);
 
-    fn filled(world: &World, (east_m, north_m, height_agl_m): &Columns3) -> Vec<f64> {
-        let places = Columns {
+    fn filled(model: &DispersionModel, (east_m, north_m, height_agl_m): &Columns3) -> Vec<f64> {
+        let places = PlaceColumns {
             east_m,
             north_m,
             height_agl_m,
         };
         let mut out = vec![f64::NAN; 3];
-        world.fill_mean_ppm(places, 1800.0, &mut out).unwrap();
+        model.fill_mean_ppm(places, 1800.0, &mut out).unwrap();
         out
     }
 
     /// Largest relative difference from the plain evaluation, background left out.
-    fn worst(world: &World, columns: &Columns3) -> f64 {
+    fn worst(model: &DispersionModel, columns: &Columns3) -> f64 {
         let (east_m, north_m, height_agl_m) = columns;
-        let places = Columns {
+        let places = PlaceColumns {
             east_m,
             north_m,
             height_agl_m,
         };
-        let fast = filled(world, columns);
+        let fast = filled(model, columns);
         assert_eq!(fast.len(), east_m.len());
         let mut worst = 0.0f64;
         for (i, &value) in fast.iter().enumerate() {
-            let plain = world.mean_ppm(&place(&places, i), 1800.0);
+            let plain = model.mean_ppm(&place(&places, i), 1800.0);
             // At the cut of exp(-50) one may be nothing where the other is 1e-22 of the axis.
             if plain.min(value) == 0.0 {
                 assert!(plain.max(value) < 1e-12, "{plain} {value}");
@@ -398,7 +412,7 @@ mod tests {
         })
     }
 
-    fn any_spec() -> impl Strategy<Value = WorldSpec> {
+    fn any_spec() -> impl Strategy<Value = DispersionSpec> {
         (
             0usize..6,
             any::<bool>(),
@@ -443,12 +457,12 @@ mod tests {
                 4 => vec![mechanism("mixing-lid", &[("height_m", 700.0)])],
                 _ => Vec::new(),
             };
-            let world = World::new(spec).unwrap();
+            let model = DispersionModel::new(spec).unwrap();
             // Half a class from A is A again, so a shift alone does not tell.
             if kind != 3 {
-                prop_assert_eq!(world.kernels(1800.0).is_some(), kind != 4);
+                prop_assert_eq!(model.kernels(1800.0).is_some(), kind != 4);
             }
-            prop_assert!(worst(&world, &columns) <= 1e-9);
+            prop_assert!(worst(&model, &columns) <= 1e-9);
         }
     }
 
@@ -463,10 +477,10 @@ mod tests {
 
     #[test]
     fn a_place_that_is_not_finite_gives_what_the_plain_version_gives() {
-        let world = World::new(spec(Strength::EmissionKgS(352.0))).unwrap();
+        let model = DispersionModel::new(spec(Strength::EmissionKgS(352.0))).unwrap();
         let nan = f64::NAN;
         let out = filled(
-            &world,
+            &model,
             &(vec![nan, 900.0, 900.0], vec![0.0, nan, 0.0], vec![486.0; 3]),
         );
         assert!(
@@ -477,13 +491,13 @@ mod tests {
 
     #[test]
     fn columns_of_different_lengths_are_refused() {
-        let world = World::new(spec(Strength::EmissionKgS(352.0))).unwrap();
-        let places = Columns {
+        let model = DispersionModel::new(spec(Strength::EmissionKgS(352.0))).unwrap();
+        let places = PlaceColumns {
             east_m: &[1.0, 2.0],
             north_m: &[1.0],
             height_agl_m: &[1.0, 2.0],
         };
-        let refused = world.fill_mean_ppm(places, 0.0, &mut Vec::new());
+        let refused = model.fill_mean_ppm(places, 0.0, &mut Vec::new());
         assert_eq!(
             refused.map_err(|e| e.to_string()),
             Err("columns of places: east_m has 2 rows, north_m has 1".to_string())

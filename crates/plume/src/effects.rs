@@ -1,13 +1,13 @@
 //! What a list of mechanisms does to the equations: sums of offsets, products of factors.
 
-use crate::mechanism::{Acts, Mechanism};
+use crate::mechanism::{Action, Mechanism};
 
 /// Seconds in an hour.
 pub const HOUR_S: f64 = 3600.0;
 
 /// A copy of the first source.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SecondSource {
+pub(crate) struct SecondSource {
     /// Displacement from the first, m east.
     pub east_m: f64,
     /// Displacement from the first, m north.
@@ -20,7 +20,7 @@ pub struct SecondSource {
 
 /// The joint effect of the wind, spread, source and background mechanisms.
 #[derive(Debug, Clone, PartialEq)]
-pub struct WorldEffects {
+pub(crate) struct DispersionEffects {
     /// Added to the from-direction, degrees.
     pub direction_offset_deg: f64,
     /// Added to the from-direction per hour, degrees.
@@ -71,9 +71,9 @@ pub struct WorldEffects {
     pub second_sources: Vec<SecondSource>,
 }
 
-impl WorldEffects {
-    /// The joint effect of all world mechanisms in `list`; those of sensors are passed over.
-    pub fn of(list: &[Mechanism]) -> Self {
+impl DispersionEffects {
+    /// The joint effect of all dispersion mechanisms in `list`; those of sensors are passed over.
+    pub(crate) fn of(list: &[Mechanism]) -> Self {
         let mut sum = Self {
             direction_offset_deg: 0.0,
             direction_drift_deg_h: 0.0,
@@ -101,7 +101,7 @@ impl WorldEffects {
             second_sources: Vec::new(),
         };
         for mechanism in list {
-            if let Acts::OnWorld(add) = mechanism.id().spec().acts {
+            if let Action::OnDispersion(add) = mechanism.id().spec().action {
                 add(&mut sum, mechanism.values());
             }
         }
@@ -111,7 +111,7 @@ impl WorldEffects {
 
 /// The joint effect of the sensor mechanisms on one platform.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SensorEffects {
+pub(crate) struct SensorEffects {
     /// Time constants of the lags in series, s.
     pub lags_s: Vec<f64>,
     /// Slope of the reading.
@@ -136,7 +136,7 @@ pub struct SensorEffects {
 
 impl SensorEffects {
     /// No effect at all.
-    pub fn none() -> Self {
+    pub(crate) fn none() -> Self {
         Self {
             lags_s: Vec::new(),
             gain: 1.0,
@@ -151,11 +151,11 @@ impl SensorEffects {
         }
     }
 
-    /// Adds the mechanisms of `list` that apply to `platform`; those of the world are passed
+    /// Adds the mechanisms of `list` that apply to `platform`; those of dispersion are passed
     /// over. Affine ones act one after the other, in the order of the list.
-    pub fn with(mut self, list: &[Mechanism], platform: &str) -> Self {
+    pub(crate) fn with(mut self, list: &[Mechanism], platform: &str) -> Self {
         for mechanism in list.iter().filter(|m| m.applies_to(platform)) {
-            if let Acts::OnSensor(add) = mechanism.id().spec().acts {
+            if let Action::OnSensor(add) = mechanism.id().spec().action {
                 add(&mut self, mechanism.values());
             }
         }
@@ -163,7 +163,7 @@ impl SensorEffects {
     }
 
     /// What the air itself adds to the reading, ppm; a column that is not known adds nothing.
-    pub fn cross_ppm(&self, air: &Ambient) -> f64 {
+    pub(crate) fn cross_ppm(&self, air: &SensorAir) -> f64 {
         let term = |k: &[f64; 2], x: f64| {
             if k[0] == 0.0 || !x.is_finite() {
                 0.0
@@ -179,7 +179,7 @@ impl SensorEffects {
 
 /// The air around a sensor as other sensors log it; not a number where not known.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Ambient {
+pub struct SensorAir {
     /// Air temperature, °C.
     pub temperature_c: f64,
     /// Relative humidity, %.
@@ -188,7 +188,7 @@ pub struct Ambient {
     pub pressure_hpa: f64,
 }
 
-impl Ambient {
+impl SensorAir {
     /// Nothing known.
     pub const UNKNOWN: Self = Self {
         temperature_c: f64::NAN,

@@ -1,18 +1,18 @@
 //! The mean concentration field: Gaussian plumes of several sources on a background.
 //!
 //! c = Q/(2π u σy σz) exp(−y²/2σy²) V(z), with V(z) = exp(−(z−H)²/2σz²) and, where switched on,
-//! its images in the ground and the lid; or, Q unknown, c = c_MAX(x) exp(−y²/2σy²) V(z) with
+//! its images in the ground and the lid (Seinfeld and Pandis 2016, section 18.9); or, Q unknown, c = c_MAX(x) exp(−y²/2σy²) V(z) with
 //! c_MAX(x) carried from where it was measured by the ratio of σy σz.
 //!
 //! **Calm.** The formula has no answer without wind. Below [`LEAST_TRANSPORT_M_S`] the plume is
-//! carried at that speed along the given direction, and [`World::notices`] says so.
+//! carried at that speed along the given direction, and [`DispersionModel::notices`] says so.
 
-use air::geo::Enu;
+use air::geo::{Enu, Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::wind::{WindProfile, towards_deg};
 
 use self::reflection::Reflection;
-use crate::effects::{HOUR_S, WorldEffects};
+use crate::effects::{DispersionEffects, HOUR_S};
 use crate::mechanism::Mechanism;
 use crate::sensor::SensorSpec;
 use crate::sigma::{Setting, Spread};
@@ -23,12 +23,14 @@ use crate::{PlumeError, in_range};
 /// Least speed at which a plume is carried, m/s: half a metre per second, the usual calm limit
 /// of regulatory models (US EPA, AERMOD: 0.5 m/s and below is calm or meander).
 pub const LEAST_TRANSPORT_M_S: f64 = 0.5;
-/// Nearest distance downwind at which the plume is evaluated, m.
+/// Nearest distance downwind at which the plume is evaluated, m: both sigmas go to zero at the
+/// source, where the formula has a pole.
 const LEAST_DISTANCE_M: f64 = 1.0;
-/// Beyond this many half-squares of sigma the plume is taken as nothing (2e-22).
-const FARTHEST_EXPONENT: f64 = 50.0;
-/// A gas cannot be more than all of the air, ppm.
-const PURE_PPM: f64 = 1e6;
+/// Exponent y²/2σy² + (z−H)²/2σz² beyond which the concentration is zero: exp(−50) is 2e-22 of that
+/// on the axis, far below any sensor's resolution.
+const MAX_EXPONENT: f64 = 50.0;
+/// The whole of the air, ppm: near a strong source the formula gives more, which no gas can be.
+const MAX_MOLE_FRACTION_PPM: f64 = 1e6;
 
 /// A place relative to the site's origin.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -39,6 +41,18 @@ pub struct Place {
     pub north_m: f64,
     /// Metres above the site's ground.
     pub height_agl_m: f64,
+}
+
+impl Place {
+    /// The place at latitude, longitude and altitude in the frame of the site.
+    pub fn from_geodetic(frame: &LocalFrame, at: Geodetic, alt_amsl_m: f64) -> Self {
+        let Enu { east_m, north_m } = frame.to_enu(at);
+        Self {
+            east_m,
+            north_m,
+            height_agl_m: alt_amsl_m - frame.ground_amsl_m,
+        }
+    }
 }
 
 /// How strong a source is.
@@ -53,6 +67,19 @@ pub enum Strength {
         /// Where, m downwind.
         distance_m: f64,
     },
+}
+
+/// Distance at which c_MAX is stated for a source given by its emission, m.
+const C_MAX_DISTANCE_M: f64 = 1000.0;
+
+impl Strength {
+    /// Distance downwind at which this strength's c_MAX is stated, m: its own, or 1 km.
+    pub fn c_max_distance_m(&self) -> f64 {
+        match *self {
+            Self::CMax { distance_m, .. } => distance_m,
+            Self::EmissionKgS(_) => C_MAX_DISTANCE_M,
+        }
+    }
 }
 
 /// A stack.
@@ -74,7 +101,7 @@ pub struct SourceSpec {
 
 /// All that a mean field, and the sensor that reads it, depend on.
 #[derive(Debug, Clone, PartialEq)]
-pub struct WorldSpec {
+pub struct DispersionSpec {
     /// Height of the site's ground above mean sea level, m.
     pub ground_amsl_m: f64,
     /// Temperature and pressure with height.
@@ -130,7 +157,7 @@ impl Transport {
 
     /// The same turned clockwise, seen from above, by degrees.
     pub fn turned(self, clockwise_deg: f64) -> Self {
-        rotate(self, turn(clockwise_deg))
+        rotate(self, cos_sin(clockwise_deg))
     }
 }
 
@@ -142,23 +169,24 @@ struct Plume {
     height_m: f64,
     /// Transport speed at this source's height over that at the first one's.
     speed_ratio: f64,
-    emitted: Emitted,
+    source_term: SourceTerm,
     depletion: Option<Depletion>,
 }
 
+/// The part of the formula that does not depend on the place.
 #[derive(Debug, Clone, Copy)]
-enum Emitted {
+enum SourceTerm {
     /// Q/(2π M), mol/s.
-    Molar(f64),
+    MolarRate(f64),
     /// c_MAX σy σz where it was measured, ppm m².
-    Axis(f64),
+    AxisConcentration(f64),
 }
 
-/// A validated world: the mean field at any place and time.
+/// A validated model: the mean field at any place and time.
 #[derive(Debug, Clone)]
-pub struct World {
-    spec: WorldSpec,
-    effects: WorldEffects,
+pub struct DispersionModel {
+    spec: DispersionSpec,
+    effects: DispersionEffects,
     plumes: Vec<Plume>,
     spread: Spread,
     reflection: Reflection,
@@ -167,14 +195,14 @@ pub struct World {
     notices: Vec<String>,
 }
 
-impl World {
+impl DispersionModel {
     /// Validates a specification and prepares it for evaluation.
     ///
     /// # Errors
     /// A value out of range, or no source.
-    pub fn new(spec: WorldSpec) -> Result<Self, PlumeError> {
+    pub fn new(spec: DispersionSpec) -> Result<Self, PlumeError> {
         validate(&spec)?;
-        let effects = WorldEffects::of(&spec.mechanisms);
+        let effects = DispersionEffects::of(&spec.mechanisms);
         let reflection = Reflection {
             ground: (f64::from(u8::from(spec.ground_reflection)) + effects.ground_coefficient)
                 .clamp(0.0, 1.0),
@@ -184,9 +212,9 @@ impl World {
             lid_edge_m: spec.lid_edge_m,
         };
         let first_height = spec.sources[0].effective_height_agl_m;
-        let mut world = Self {
+        let mut model = Self {
             spread: Spread::new(spec.stability, effects.class_shift, spec.setting),
-            rotation: turn(effects.direction_offset_deg),
+            rotation: cos_sin(effects.direction_offset_deg),
             scenario_wind: transport(&spec.wind, first_height),
             plumes: Vec::with_capacity(spec.sources.len() + effects.second_sources.len()),
             notices: notices(&spec),
@@ -194,24 +222,25 @@ impl World {
             effects,
             reflection,
         };
-        let first_gas = world.spec.sources[0].gas;
-        for i in 0..world.spec.sources.len() {
-            if world.spec.sources[i].gas == first_gas {
-                let plume = world.plume(&world.spec.sources[i], 0.0, 0.0, 0.0, 1.0);
-                world.plumes.push(plume);
+        let first_gas = model.spec.sources[0].gas;
+        for i in 0..model.spec.sources.len() {
+            if model.spec.sources[i].gas == first_gas {
+                let plume = model.plume(&model.spec.sources[i], 0.0, 0.0, 0.0, 1.0);
+                model.plumes.push(plume);
             }
         }
-        for s in &world.effects.second_sources {
-            let first = &world.spec.sources[0];
-            let plume = world.plume(first, s.east_m, s.north_m, s.height_offset_m, s.ratio);
-            world.plumes.push(plume);
+        for s in &model.effects.second_sources {
+            let first = &model.spec.sources[0];
+            let plume = model.plume(first, s.east_m, s.north_m, s.height_offset_m, s.ratio);
+            model.plumes.push(plume);
         }
-        if world.effects.deposition_m_s > 0.0 {
-            for i in 0..world.plumes.len() {
-                world.plumes[i].depletion = Some(Depletion::new(&world, &world.plumes[i]));
+        // Last, since what is lost depends on the sigmas and the reflection of the whole model.
+        if model.effects.deposition_m_s > 0.0 {
+            for i in 0..model.plumes.len() {
+                model.plumes[i].depletion = Some(Depletion::new(&model, &model.plumes[i]));
             }
         }
-        Ok(world)
+        Ok(model)
     }
 
     fn plume(&self, source: &SourceSpec, east: f64, north: f64, up: f64, ratio: f64) -> Plume {
@@ -219,8 +248,8 @@ impl World {
         let first_height = self.spec.sources[0].effective_height_agl_m;
         let reference = self.spec.wind.speed_at_m_s(first_height);
         let factor = ratio * self.effects.emission_factor;
-        let emitted = match source.strength {
-            Strength::EmissionKgS(q) => Emitted::Molar(
+        let source_term = match source.strength {
+            Strength::EmissionKgS(q) => SourceTerm::MolarRate(
                 q * factor / (std::f64::consts::TAU * source.gas.molar_mass_kg_mol()),
             ),
             Strength::CMax {
@@ -228,25 +257,27 @@ impl World {
                 distance_m,
             } => {
                 let (y, z) = self.sigmas_m(distance_m);
-                Emitted::Axis(excess_ppm * factor * y * z)
+                SourceTerm::AxisConcentration(excess_ppm * factor * y * z)
             }
         };
         Plume {
             east_m: source.place.east_m + east + self.effects.source_east_m,
             north_m: source.place.north_m + north + self.effects.source_north_m,
             height_m: (base_height + self.effects.height_offset_m).max(0.0),
+            // By the heights that the scenario states: an offset found from readings moves the axis
+            // and leaves the wind that was stated or logged for it.
             speed_ratio: if reference > 0.0 && base_height != first_height {
                 self.spec.wind.speed_at_m_s(base_height) / reference
             } else {
                 1.0
             },
-            emitted,
+            source_term,
             depletion: None,
         }
     }
 
-    /// The specification this world was made from.
-    pub fn spec(&self) -> &WorldSpec {
+    /// The specification this model was made from.
+    pub fn spec(&self) -> &DispersionSpec {
         &self.spec
     }
 
@@ -266,7 +297,22 @@ impl World {
         self.ppm(place, time_s, self.scenario_wind)
     }
 
-    /// The same in another wind of the moment.
+    /// Concentration above background on the first source's axis at `distance_m` in the scenario's
+    /// wind at time 0, ppm.
+    pub fn axis_excess_ppm(&self, distance_m: f64) -> f64 {
+        let source = &self.spec.sources[0];
+        let on_axis = source
+            .place
+            .displaced(towards_deg(self.spec.wind.from_deg()), distance_m);
+        let place = Place {
+            east_m: on_axis.east_m,
+            north_m: on_axis.north_m,
+            height_agl_m: source.effective_height_agl_m,
+        };
+        self.mean_ppm(&place, 0.0) - self.background_ppm(&place, 0.0)
+    }
+
+    /// The same mole fraction in another wind of the moment.
     pub fn mean_ppm_in(&self, place: &Place, time_s: f64, wind: &WindProfile) -> f64 {
         let height = self.spec.sources[0].effective_height_agl_m;
         self.ppm(place, time_s, transport(wind, height))
@@ -278,7 +324,7 @@ impl World {
         if molar > 0.0 {
             excess += molar * self.ppm_per_mol_m3(place.height_agl_m);
         }
-        self.background_ppm(place, time_s) + excess.min(PURE_PPM)
+        self.background_ppm(place, time_s) + excess.min(MAX_MOLE_FRACTION_PPM)
     }
 
     /// ppm of one mol/m³ of gas at a height above ground.
@@ -307,9 +353,11 @@ impl World {
         if e.sigma_z_exponent != 0.0 {
             z *= (x_m / 1000.0).powf(e.sigma_z_exponent);
         }
+        // An axis that swings adds its own variance to that about the axis (Gifford 1959).
         if e.meander_var_rad2 > 0.0 {
             y = (y * y + x_m * x_m * e.meander_var_rad2).sqrt();
         }
+        // A wake mixes the plume at its start, whatever the turbulence does later (Gifford 1975).
         if e.wake_var_m2 > 0.0 {
             y = (y * y + e.wake_var_m2).sqrt();
             z = (z * z + e.wake_var_m2).sqrt();
@@ -348,24 +396,25 @@ impl World {
         let mut turned = rotate(wind, self.rotation);
         if e.direction_drift_deg_h != 0.0 {
             let time_s = time_s - wind_age_s;
-            turned = rotate(turned, turn(e.direction_drift_deg_h * time_s / HOUR_S));
+            turned = rotate(turned, cos_sin(e.direction_drift_deg_h * time_s / HOUR_S));
         }
         turned.speed_m_s *= e.speed_factor;
         let mut sum = (0.0, 0.0);
         for (which, plume) in self.plumes.iter().enumerate() {
-            let (shape, x, speed) = self.shape(plume, place, turned);
-            let shape = shape * self.grown(time_s - x / speed) * factor(which);
-            match plume.emitted {
-                Emitted::Molar(strength) => sum.0 += strength * shape / speed,
-                Emitted::Axis(strength) => sum.1 += strength * shape,
+            let (shape, x, speed) = self.shape_with_losses(plume, place, turned);
+            // The air here at time_s passed the source one travel time x/u before.
+            let shape = shape * self.emission_growth(time_s - x / speed) * factor(which);
+            match plume.source_term {
+                SourceTerm::MolarRate(strength) => sum.0 += strength * shape / speed,
+                SourceTerm::AxisConcentration(strength) => sum.1 += strength * shape,
             }
         }
         sum
     }
 
-    /// By what all sources have grown when air is emitted.
+    /// Emission of all sources at a time over that at time 0.
     #[inline]
-    fn grown(&self, emitted_s: f64) -> f64 {
+    fn emission_growth(&self, emitted_s: f64) -> f64 {
         match self.effects.emission_trend_h {
             0.0 => 1.0,
             rate => (rate * emitted_s / HOUR_S).exp(),
@@ -375,9 +424,9 @@ impl World {
     /// exp() V(z) losses / (σy σz), the distance downwind and the transport speed.
     // Left to itself the compiler calls this and the next row by row: a fit takes a tenth longer.
     #[inline(always)]
-    fn shape(&self, plume: &Plume, place: &Place, wind: Transport) -> (f64, f64, f64) {
-        let (spread, x, speed) = self.spread(plume, place, wind);
-        (spread * self.remaining(plume, x, speed), x, speed)
+    fn shape_with_losses(&self, plume: &Plume, place: &Place, wind: Transport) -> (f64, f64, f64) {
+        let (spread, x, speed) = self.gaussian_shape(plume, place, wind);
+        (spread * self.surviving_fraction(plume, x, speed), x, speed)
     }
 
     /// The wind as it is at the height of a place, if it is `wind` at that of the plume.
@@ -388,26 +437,26 @@ impl World {
             return wind;
         }
         let up_m = place.height_agl_m - plume.height_m;
-        rotate(wind, turn(veer_deg_100m * up_m / 100.0))
+        rotate(wind, cos_sin(veer_deg_100m * up_m / 100.0))
     }
 
     /// The part that losses leave at a distance downwind.
     #[inline]
-    fn remaining(&self, plume: &Plume, x_m: f64, speed_m_s: f64) -> f64 {
+    fn surviving_fraction(&self, plume: &Plume, x_m: f64, speed_m_s: f64) -> f64 {
         let e = &self.effects;
-        let mut part = 1.0;
+        let mut fraction = 1.0;
         if e.decay_s > 0.0 {
-            part *= (-e.decay_s * x_m / speed_m_s).exp();
+            fraction *= (-e.decay_s * x_m / speed_m_s).exp();
         }
         if let Some(depletion) = &plume.depletion {
-            part *= depletion.remaining(x_m, e.deposition_m_s / speed_m_s);
+            fraction *= depletion.surviving_fraction(x_m, e.deposition_m_s / speed_m_s);
         }
-        part
+        fraction
     }
 
     /// exp() V(z) / (σy σz), the distance downwind and the transport speed.
     #[inline(always)]
-    fn spread(&self, plume: &Plume, place: &Place, wind: Transport) -> (f64, f64, f64) {
+    fn gaussian_shape(&self, plume: &Plume, place: &Place, wind: Transport) -> (f64, f64, f64) {
         let wind = self.veered(plume, place, wind);
         let speed = (wind.speed_m_s * plume.speed_ratio).max(LEAST_TRANSPORT_M_S);
         let Some((x, y)) = downwind_m(plume, place, wind) else {
@@ -415,7 +464,7 @@ impl World {
         };
         let (sigma_y, sigma_z) = self.sigmas_m(x);
         let across = 0.5 * (y / sigma_y) * (y / sigma_y);
-        if across > FARTHEST_EXPONENT {
+        if across > MAX_EXPONENT {
             return (0.0, x, speed);
         }
         let value = self
@@ -432,7 +481,9 @@ impl World {
 /// direct and the reflected plume at the ground (Chamberlain 1953; Horst 1977, equation 2).
 #[derive(Debug, Clone)]
 struct Depletion {
-    /// Integral at distances LEAST · RATIO^i.
+    /// ∫ at the nodes of distance [`DEPLETION_FIRST_M`] · exp(i / [`DEPLETION_PER_E`]): the velocity
+    /// and the speed stand before it, so that it serves every wind. Equal steps of ln x, since σz is
+    /// nearly a power of x.
     integral: Vec<f64>,
 }
 
@@ -442,14 +493,15 @@ const DEPLETION_FIRST_M: f64 = 10.0;
 const DEPLETION_PER_E: f64 = 10.0;
 
 impl Depletion {
-    fn new(world: &World, plume: &Plume) -> Self {
-        let weight = (2.0 / std::f64::consts::PI).sqrt() * 0.5 * (1.0 + world.reflection.ground);
+    fn new(model: &DispersionModel, plume: &Plume) -> Self {
+        let weight = (2.0 / std::f64::consts::PI).sqrt() * 0.5 * (1.0 + model.reflection.ground);
         let at = |x: f64| {
-            let z = world.sigmas_m(x).1;
+            let z = model.sigmas_m(x).1;
             weight * (-0.5 * (plume.height_m / z).powi(2)).exp() / z
         };
         let node = |i: usize| DEPLETION_FIRST_M * (i as f64 / DEPLETION_PER_E).exp();
         let mut integral = Vec::with_capacity(DEPLETION_NODES);
+        // Up to the first node the plume of a raised source has not reached the ground.
         let mut sum = at(DEPLETION_FIRST_M) * DEPLETION_FIRST_M;
         integral.push(sum);
         for i in 1..DEPLETION_NODES {
@@ -462,7 +514,7 @@ impl Depletion {
     }
 
     /// Part of the plume left at `x_m` for a ratio v/u.
-    fn remaining(&self, x_m: f64, velocity_ratio: f64) -> f64 {
+    fn surviving_fraction(&self, x_m: f64, velocity_ratio: f64) -> f64 {
         let place = ((x_m / DEPLETION_FIRST_M).ln() * DEPLETION_PER_E)
             .clamp(0.0, (DEPLETION_NODES - 1) as f64);
         let i = (place as usize).min(DEPLETION_NODES - 2);
@@ -483,9 +535,10 @@ fn downwind_m(plume: &Plume, place: &Place, wind: Transport) -> Option<(f64, f64
     Some((x, de * wind.north - dn * wind.east))
 }
 
-/// (cos, sin) of a turn of the from-direction, clockwise positive.
+/// (cos, sin) of a turn of the from-direction, clockwise positive. No turn is exactly none, and the
+/// common case costs no sine.
 #[inline]
-fn turn(deg: f64) -> (f64, f64) {
+fn cos_sin(deg: f64) -> (f64, f64) {
     if deg == 0.0 {
         return (1.0, 0.0);
     }
@@ -493,6 +546,8 @@ fn turn(deg: f64) -> (f64, f64) {
     (cos, sin)
 }
 
+/// The wind turned clockwise, seen from above: east and north stand left-handed to a compass's
+/// angle, hence the signs.
 #[inline]
 fn rotate(wind: Transport, (cos, sin): (f64, f64)) -> Transport {
     Transport {
@@ -506,7 +561,7 @@ fn transport(wind: &WindProfile, height_m: f64) -> Transport {
     Transport::new(wind.from_deg(), wind.speed_at_m_s(height_m))
 }
 
-fn notices(spec: &WorldSpec) -> Vec<String> {
+fn notices(spec: &DispersionSpec) -> Vec<String> {
     let mut out = Vec::new();
     let height = spec.sources[0].effective_height_agl_m;
     let speed = spec.wind.speed_at_m_s(height);
@@ -530,12 +585,17 @@ fn notices(spec: &WorldSpec) -> Vec<String> {
     out
 }
 
-fn validate(spec: &WorldSpec) -> Result<(), PlumeError> {
+fn validate(spec: &DispersionSpec) -> Result<(), PlumeError> {
     if spec.sources.is_empty() {
         return Err(PlumeError::NoSource);
     }
     in_range("ground_amsl_m", spec.ground_amsl_m, -500.0, 9000.0)?;
-    in_range("background, ppm", spec.background_ppm, 0.0, PURE_PPM)?;
+    in_range(
+        "background, ppm",
+        spec.background_ppm,
+        0.0,
+        MAX_MOLE_FRACTION_PPM,
+    )?;
     in_range("sigma_y_scale", spec.sigma_y_scale, 0.01, 100.0)?;
     in_range("sigma_z_scale", spec.sigma_z_scale, 0.01, 100.0)?;
     if let Some(lid) = spec.mixing_height_m {
@@ -561,7 +621,7 @@ fn validate(spec: &WorldSpec) -> Result<(), PlumeError> {
                 excess_ppm,
                 distance_m,
             } => {
-                in_range(&of("c_max_ppm"), excess_ppm, 0.0, PURE_PPM)?;
+                in_range(&of("c_max_ppm"), excess_ppm, 0.0, MAX_MOLE_FRACTION_PPM)?;
                 in_range(&of("c_max_distance_m"), distance_m, LEAST_DISTANCE_M, 1e5)?;
             }
         }

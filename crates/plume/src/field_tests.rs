@@ -2,8 +2,8 @@ use super::*;
 use crate::mechanism::Mechanism;
 
 /// The reference site: one stack, class D, wind from the west, 7 m/s at H.
-pub(crate) fn spec(strength: Strength) -> WorldSpec {
-    WorldSpec {
+pub(crate) fn spec(strength: Strength) -> DispersionSpec {
+    DispersionSpec {
         ground_amsl_m: 340.0,
         atmosphere: Atmosphere::through(340.0, 15.0, 970.0).unwrap(),
         wind: WindProfile::new(7.0, 486.0, 270.0, 0.0).unwrap(),
@@ -28,14 +28,14 @@ pub(crate) fn spec(strength: Strength) -> WorldSpec {
     }
 }
 
-fn world(id: &str, p: &[(&str, f64)]) -> World {
+fn model(id: &str, p: &[(&str, f64)]) -> DispersionModel {
     let mut s = spec(Strength::EmissionKgS(352.0));
     s.mechanisms.push(Mechanism::new(id, p).unwrap());
-    World::new(s).unwrap()
+    DispersionModel::new(s).unwrap()
 }
 
-fn plain() -> World {
-    World::new(spec(Strength::EmissionKgS(352.0))).unwrap()
+fn plain() -> DispersionModel {
+    DispersionModel::new(spec(Strength::EmissionKgS(352.0))).unwrap()
 }
 
 fn at(east_m: f64, north_m: f64, height_agl_m: f64) -> Place {
@@ -46,8 +46,8 @@ fn at(east_m: f64, north_m: f64, height_agl_m: f64) -> Place {
     }
 }
 
-fn excess(world: &World, place: Place) -> f64 {
-    world.mean_ppm(&place, 0.0) - world.background_ppm(&place, 0.0)
+fn excess(model: &DispersionModel, place: Place) -> f64 {
+    model.mean_ppm(&place, 0.0) - model.background_ppm(&place, 0.0)
 }
 
 // The reference case: 352 kg/s of CO2, class D, 7 m/s: 410 ppm on the axis at 2.4 km with air
@@ -58,17 +58,17 @@ fn reference_axis_maximum() {
     let mut s = spec(Strength::EmissionKgS(352.0));
     s.ground_amsl_m = 0.0;
     s.atmosphere = Atmosphere::through(486.0, 15.0, 920.0).unwrap();
-    let world = World::new(s).unwrap();
+    let model = DispersionModel::new(s).unwrap();
     let (sy, sz) = (192.0 / 1.24f64.sqrt(), 144.0 / 4.6f64.sqrt());
     let kg = 352.0 / (std::f64::consts::TAU * 7.0 * sy * sz);
     let expected = kg / 0.044_009 * 8.314_463 * 288.15 / 92_000.0 * 1e6;
-    let axis = excess(&world, at(2400.0, 0.0, 486.0));
+    let axis = excess(&model, at(2400.0, 0.0, 486.0));
     assert!(
         (axis / expected - 1.0).abs() < 1e-6 && (axis - 410.0).abs() < 4.0,
         "{axis}"
     );
     // Off the axis by one sigma each: exp(-1).
-    let off = excess(&world, at(2400.0, sy, 486.0));
+    let off = excess(&model, at(2400.0, sy, 486.0));
     assert!((off / axis - (-0.5f64).exp()).abs() < 1e-9);
 }
 
@@ -76,7 +76,7 @@ fn reference_axis_maximum() {
 fn both_forms_agree_where_they_were_tied() {
     let q = plain();
     let tie = excess(&q, at(2400.0, 0.0, 486.0));
-    let c = World::new(spec(Strength::CMax {
+    let c = DispersionModel::new(spec(Strength::CMax {
         excess_ppm: tie,
         distance_m: 2400.0,
     }))
@@ -94,7 +94,7 @@ fn both_forms_agree_where_they_were_tied() {
         distance_m: 2400.0,
     });
     calm.wind = WindProfile::new(0.0, 10.0, 270.0, 0.0).unwrap();
-    let calm = World::new(calm).unwrap();
+    let calm = DispersionModel::new(calm).unwrap();
     assert!((excess(&calm, at(2400.0, 0.0, 486.0)) - tie).abs() < 1e-9);
     assert!(calm.notices()[0].contains("calm"));
 }
@@ -103,20 +103,20 @@ fn both_forms_agree_where_they_were_tied() {
 fn calm_is_carried_at_the_least_speed() {
     let mut s = spec(Strength::EmissionKgS(352.0));
     s.wind = WindProfile::new(0.0, 10.0, 270.0, 0.0).unwrap();
-    let world = World::new(s).unwrap();
-    let ratio = excess(&world, at(2400.0, 0.0, 486.0)) / excess(&plain(), at(2400.0, 0.0, 486.0));
+    let model = DispersionModel::new(s).unwrap();
+    let ratio = excess(&model, at(2400.0, 0.0, 486.0)) / excess(&plain(), at(2400.0, 0.0, 486.0));
     assert!((ratio - 7.0 / LEAST_TRANSPORT_M_S).abs() < 1e-9);
 }
 
 /// Mass through a plane across the wind per Q: 1 without losses.
-fn flux(world: &World, x: f64, top: f64) -> f64 {
+fn flux(model: &DispersionModel, x: f64, top: f64) -> f64 {
     let (step_y, step_z) = (10.0, 4.0);
     let mut sum = 0.0;
     for j in 0..(top / step_z) as i32 {
         let z = (f64::from(j) + 0.5) * step_z;
         for i in -150..=150 {
             let (molar, _) =
-                world.excess(&at(x, f64::from(i) * step_y, z), 0.0, world.scenario_wind);
+                model.excess(&at(x, f64::from(i) * step_y, z), 0.0, model.scenario_wind);
             sum += molar * step_y * step_z;
         }
     }
@@ -133,7 +133,7 @@ fn mass_is_conserved() {
         s.ground_reflection = true;
         s.sigma_z_scale = sz;
         s.mechanisms.push(Mechanism::new(id, p).unwrap());
-        World::new(s).unwrap()
+        DispersionModel::new(s).unwrap()
     };
     for sz in [1.0, 3.0, 6.0] {
         let bounded = low("mixing-lid", &[("height_m", 240.0)], sz);
@@ -156,21 +156,21 @@ fn deposited_mass_is_what_the_ground_took() {
         let p = [("velocity_m_s", velocity)];
         s.mechanisms
             .push(Mechanism::new("dry-deposition", &p).unwrap());
-        World::new(s).unwrap()
+        DispersionModel::new(s).unwrap()
     };
-    let world = make(0.05);
+    let model = make(0.05);
     let line = |x: f64| -> f64 {
         (-200..=200)
             .map(|i| {
                 let p = at(x, f64::from(i) * 5.0, 0.0);
-                world.excess(&p, 0.0, world.scenario_wind).0 * 5.0
+                model.excess(&p, 0.0, model.scenario_wind).0 * 5.0
             })
             .sum()
     };
     let taken: f64 = (0..400)
         .map(|i| 0.05 * line(1000.0 + (f64::from(i) + 0.5) * 5.0) * 5.0 * 0.044_009 / 352.0)
         .sum();
-    let lost = flux(&world, 1000.0, 1200.0) - flux(&world, 3000.0, 1200.0);
+    let lost = flux(&model, 1000.0, 1200.0) - flux(&model, 3000.0, 1200.0);
     assert!((taken / lost - 1.0).abs() < 0.01, "{taken} {lost}");
 }
 
@@ -178,14 +178,14 @@ fn deposited_mass_is_what_the_ground_took() {
 fn mechanisms_do_what_their_sign_says() {
     let axis = at(2400.0, 0.0, 486.0);
     // From-direction 270 + 10 = 280: the plume turns towards 100 degrees, that is to the south.
-    let turned = world("wind-direction-offset", &[("offset_deg", 10.0)]);
+    let turned = model("wind-direction-offset", &[("offset_deg", 10.0)]);
     let there = Enu::default().displaced(100.0, 2400.0);
     let moved = excess(&turned, at(there.east_m, there.north_m, 486.0));
     assert!((moved / excess(&plain(), axis) - 1.0).abs() < 1e-9);
-    let drift = world("wind-direction-drift", &[("rate_deg_per_h", 10.0)]);
+    let drift = model("wind-direction-drift", &[("rate_deg_per_h", 10.0)]);
     let place = at(there.east_m, there.north_m, 486.0);
     assert!((drift.mean_ppm(&place, 3600.0) / turned.mean_ppm(&place, 0.0) - 1.0).abs() < 1e-9);
-    let veer = world("wind-veer-with-height", &[("rate_deg_per_100m", 10.0)]);
+    let veer = model("wind-veer-with-height", &[("rate_deg_per_100m", 10.0)]);
     assert!(
         excess(&veer, at(2400.0, -200.0, 536.0)) > excess(&veer, at(2400.0, 200.0, 536.0)) * 2.0
     );
@@ -201,14 +201,14 @@ fn mechanisms_do_what_their_sign_says() {
             (-2.4f64 / 7.0).exp(),
         ),
     ] {
-        let ratio = excess(&world(id, &[p]), axis) / excess(&plain(), axis);
+        let ratio = excess(&model(id, &[p]), axis) / excess(&plain(), axis);
         assert!((ratio / factor - 1.0).abs() < 1e-9, "{id} {ratio}");
     }
-    let higher = world("effective-height-offset", &[("offset_m", 30.0)]);
+    let higher = model("effective-height-offset", &[("offset_m", 30.0)]);
     let up = at(2400.0, 0.0, 516.0);
     let air = plain().ppm_per_mol_m3(516.0) / plain().ppm_per_mol_m3(486.0);
     assert!((excess(&higher, up) / excess(&plain(), axis) / air - 1.0).abs() < 1e-9);
-    let moved = world(
+    let moved = model(
         "source-position-offset",
         &[("east_m", 100.0), ("north_m", 40.0)],
     );
@@ -221,24 +221,24 @@ fn spread_and_source_mechanisms_act() {
     let axis = at(2400.0, 0.0, 486.0);
     let lower = |id: &str, p: &[(&str, f64)]| {
         assert!(
-            excess(&world(id, p), axis) < 0.97 * excess(&plain(), axis),
+            excess(&model(id, p), axis) < 0.97 * excess(&plain(), axis),
             "{id}"
         );
     };
     lower("meander", &[("sigma_deg", 3.0)]);
     lower("stability-class", &[("shift", -1.0)]);
     lower("building-downwash", &[("area_m2", 8000.0)]);
-    let b = world("emission-trend", &[("rate_per_h", 0.5)]);
+    let b = model("emission-trend", &[("rate_per_h", 0.5)]);
     let ratio = (b.mean_ppm(&axis, 3600.0) - 449.0) / (b.mean_ppm(&axis, 0.0) - 449.0);
     assert!((ratio - 0.5f64.exp()).abs() < 1e-9);
     // Air that was emitted earlier is as much weaker as if it had decayed since.
-    let decay = world("first-order-decay", &[("rate_per_s", 0.5 / 3600.0)]);
+    let decay = model("first-order-decay", &[("rate_per_s", 0.5 / 3600.0)]);
     for x in [300.0, 2400.0, 9000.0] {
         let place = at(x, 40.0, 400.0);
         let ratio = excess(&b, place) / excess(&decay, place);
         assert!((ratio - 1.0).abs() < 1e-9, "{x} m: {ratio}");
     }
-    let second = world(
+    let second = model(
         "second-source",
         &[
             ("east_m", 0.0),
@@ -260,7 +260,7 @@ fn spread_and_source_mechanisms_act() {
         ),
     ] {
         assert!(
-            (world(id, &p).mean_ppm(&place, 1800.0) - 449.0 - ppm).abs() < 1e-6,
+            (model(id, &p).mean_ppm(&place, 1800.0) - 449.0 - ppm).abs() < 1e-6,
             "{id}"
         );
     }
@@ -268,12 +268,12 @@ fn spread_and_source_mechanisms_act() {
 
 #[test]
 fn lid_alone_sends_back_and_holds_off() {
-    let lid = world("mixing-lid", &[("height_m", 520.0)]);
+    let lid = model("mixing-lid", &[("height_m", 520.0)]);
     let ratio = excess(&lid, at(2400.0, 0.0, 519.999)) / excess(&plain(), at(2400.0, 0.0, 519.999));
     assert!((ratio - 2.0).abs() < 1e-4, "{ratio}");
     assert_eq!(excess(&lid, at(2400.0, 0.0, 530.0)), 0.0);
     // A plume that levels off above the lid does not feel it.
-    let above = world("mixing-lid", &[("height_m", 300.0)]);
+    let above = model("mixing-lid", &[("height_m", 300.0)]);
     let p = at(2400.0, 0.0, 486.0);
     assert_eq!(excess(&above, p), excess(&plain(), p));
 }
@@ -286,7 +286,7 @@ fn a_lid_whose_height_is_not_exact_ends_the_plume_gradually() {
         let mut s = spec(Strength::EmissionKgS(352.0));
         s.mixing_height_m = Some(520.0);
         s.lid_edge_m = edge_m;
-        World::new(s).unwrap()
+        DispersionModel::new(s).unwrap()
     };
     let (sharp, smeared) = (lid(0.0), lid(2.0));
     let part = |z: f64| excess(&smeared, at(2400.0, 0.0, z)) / excess(&sharp, at(2400.0, 0.0, z));
@@ -298,10 +298,10 @@ fn a_lid_whose_height_is_not_exact_ends_the_plume_gradually() {
 
 #[test]
 fn refuses_nonsense_by_name() {
-    let broken = |change: &dyn Fn(&mut WorldSpec)| {
+    let broken = |change: &dyn Fn(&mut DispersionSpec)| {
         let mut s = spec(Strength::EmissionKgS(352.0));
         change(&mut s);
-        World::new(s).unwrap_err().to_string()
+        DispersionModel::new(s).unwrap_err().to_string()
     };
     assert!(broken(&|s| s.sources.clear()).contains("no source"));
     assert!(broken(&|s| s.sigma_y_scale = -1.0).contains("sigma_y_scale"));
@@ -320,7 +320,7 @@ proptest::proptest! {
         s.stability = Stability::ALL[class];
         s.ground_reflection = ground;
         s.mixing_height_m = lid;
-        let c = World::new(s).unwrap().mean_ppm(&at(e, n, z), 100.0);
+        let c = DispersionModel::new(s).unwrap().mean_ppm(&at(e, n, z), 100.0);
         proptest::prop_assert!((449.0..=1e6 + 449.0).contains(&c), "{}", c);
     }
 
@@ -329,7 +329,7 @@ proptest::proptest! {
             x in 100.0f64..5000.0, y in -200.0f64..200.0) {
         let mut s = spec(Strength::EmissionKgS(352.0));
         s.wind = WindProfile::new(7.0, 486.0, 270.0 + angle, 0.0).unwrap();
-        let turned = World::new(s).unwrap();
+        let turned = DispersionModel::new(s).unwrap();
         let (sin, cos) = angle.to_radians().sin_cos();
         let place = at(x * cos + y * sin, y * cos - x * sin, 486.0);
         let (a, b) = (turned.mean_ppm(&place, 0.0), plain().mean_ppm(&at(x, y, 486.0), 0.0));

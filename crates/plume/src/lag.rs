@@ -1,17 +1,18 @@
 //! The answer of a sensor with a first-order lag: a step at a time, and along rows between which
 //! its input is curved.
 
-/// Longest step over which the input is taken as curved, s: beyond it nobody knows.
-pub(crate) const LONGEST_CURVED_S: f64 = 6.0;
+/// Longest step over which the input is taken as curved, s: beyond it the neighbours say nothing of
+/// what lay between, and a parabola through them may go far astray.
+pub(crate) const MAX_CURVED_STEP_S: f64 = 6.0;
 
 /// Steps that differ by less are one, s.
 const SAME_STEP_S: f64 = 1e-6;
 /// Steps of different lengths whose coefficients are kept.
 const STEPS_KEPT: usize = 8;
 
-/// What a sensor with a time constant shows of `values` at `times`, in their place, settled on the
+/// Replaces `values` at `times` by what a sensor with a time constant shows of them, settled on the
 /// first: dy/dt = (u - y)/τ.
-pub(crate) fn follow(times: &[f64], time_constant_s: f64, values: &mut [f64]) {
+pub(crate) fn apply(times: &[f64], time_constant_s: f64, values: &mut [f64]) {
     if values.len() < 2 {
         return;
     }
@@ -36,7 +37,7 @@ pub(crate) fn follow(times: &[f64], time_constant_s: f64, values: &mut [f64]) {
         let step = &steps[which];
         let slope_now = slope(times, &input, k);
         state = step.decay * state + step.before * input[k - 1] + step.now * input[k];
-        if dt_s <= LONGEST_CURVED_S {
+        if dt_s <= MAX_CURVED_STEP_S {
             state += step.slope_before * slope_before + step.slope_now * slope_now;
         }
         slope_before = slope_now;
@@ -56,7 +57,8 @@ pub(crate) fn lag_step(output: f64, before: f64, now: f64, dt_s: f64, time_const
         return output;
     }
     let decay = (-k).exp();
-    // Mean weight of the ramp: 1 - (1 - e^-k)/k, by series where k is small.
+    // Mean weight of the ramp: 1 - (1 - e^-k)/k, by series where k is small and the difference would
+    // cancel.
     let ramp = if k < 1e-4 {
         k * (0.5 - k / 6.0)
     } else {
@@ -69,7 +71,7 @@ pub(crate) fn lag_step(output: f64, before: f64, now: f64, dt_s: f64, time_const
 fn slope(times: &[f64], values: &[f64], k: usize) -> f64 {
     let chord = |k: usize| (values[k] - values[k - 1]) / (times[k] - times[k - 1]);
     let last = values.len() - 1;
-    // Over a stretch the two end slopes of a parabola have the chord's as their mean.
+    // Over an interval the two end slopes of a parabola have the chord's as their mean.
     match k {
         _ if last < 2 => return chord(1),
         0 => return 2.0 * chord(1) - slope(times, values, 1),
@@ -77,7 +79,7 @@ fn slope(times: &[f64], values: &[f64], k: usize) -> f64 {
         _ => {}
     }
     let (before, after) = (times[k] - times[k - 1], times[k + 1] - times[k]);
-    if before > LONGEST_CURVED_S || after > LONGEST_CURVED_S {
+    if before > MAX_CURVED_STEP_S || after > MAX_CURVED_STEP_S {
         return chord(k);
     }
     let (rise, next) = (values[k] - values[k - 1], values[k + 1] - values[k]);
@@ -100,7 +102,7 @@ impl LagStep {
     fn new(dt_s: f64, time_constant_s: f64) -> Self {
         // The cubic is the straight line, which lag_step has exactly, and the rest of the
         // Hermite polynomials: t(1-t)((1-2t)(u0-u1) + dt((1-t) m0 - t m1)) on 0 to 1.
-        let weight = |f: &dyn Fn(f64) -> f64| answer_to(dt_s / time_constant_s, f);
+        let weight = |f: &dyn Fn(f64) -> f64| step_response(dt_s / time_constant_s, f);
         let bend = weight(&|t| t * (1.0 - t) * (1.0 - 2.0 * t));
         Self {
             dt_s,
@@ -113,10 +115,11 @@ impl LagStep {
     }
 }
 
-/// Answer at the end of a unit step to an input `f` of the part of the step gone, by a lag from
+/// Response at the end of a unit step to an input `f` of the part of the step gone, by a lag from
 /// rest whose time constant is 1/`rate` steps: k∫exp(-k(1-t)) f(t) dt, by Gauss–Legendre
-/// quadrature over the stretch that the lag remembers.
-fn answer_to(rate: f64, f: &dyn Fn(f64) -> f64) -> f64 {
+/// quadrature (five nodes, Abramowitz and Stegun 1964, table 25.4) over what the lag remembers. The
+/// closed form loses all its digits where the step is short beside the time constant.
+fn step_response(rate: f64, f: &dyn Fn(f64) -> f64) -> f64 {
     const NODES: [(f64, f64); 5] = [
         (0.046_910_077_030_668, 0.118_463_442_528_095),
         (0.230_765_344_947_158, 0.239_314_335_249_683),
@@ -128,6 +131,7 @@ fn answer_to(rate: f64, f: &dyn Fn(f64) -> f64) -> f64 {
     if rate.is_nan() || rate <= 0.0 {
         return 0.0;
     }
+    // exp(-40) of what was met before is left: below the rounding of the sum.
     let reach = (40.0 / rate).min(1.0);
     let piece = reach / PIECES as f64;
     let mut sum = 0.0;
@@ -168,7 +172,7 @@ mod tests {
         let times: Vec<f64> = (0..300).map(f64::from).collect();
         for tau in [0.05, 1.5, 6.0] {
             let mut ours: Vec<f64> = times.iter().map(|t| crossing(*t)).collect();
-            follow(&times, tau, &mut ours);
+            apply(&times, tau, &mut ours);
             let (mut state, mut t) = (crossing(times[0]), times[0]);
             for (time, ours) in times.iter().zip(&ours) {
                 while t < *time - 5e-4 {
@@ -189,7 +193,7 @@ mod tests {
         let ramp = |t: &f64| 2.0 * t;
         let times: Vec<f64> = [0.0, 1.0, 1.25, 1.5, 2.0, 3.0, 3.5, 4.0, 5.0].to_vec();
         let mut uneven: Vec<f64> = times.iter().map(ramp).collect();
-        follow(&times, 2.0, &mut uneven);
+        apply(&times, 2.0, &mut uneven);
         // y = 2 (t - tau (1 - exp(-t/tau))), see above.
         for (t, y) in times.iter().zip(uneven) {
             let exact = 2.0 * (t - 2.0 * (1.0 - (-t / 2.0f64).exp()));

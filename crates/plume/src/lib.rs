@@ -2,7 +2,7 @@
 //!
 //! The base is the Gaussian plume with Briggs' (1973) spread; every departure from it is a
 //! *mechanism* ([`mechanism`]) with an id, parameters and a sign convention, so that a finding
-//! about measured data is at once an extension of the simulator. The same [`field::World`]
+//! about measured data is at once an extension of the simulator. The same [`field::DispersionModel`]
 //! serves the simulation (one point at a time) and the analysis of data (a whole
 //! [`track::Track`] at a time); [`batch`] evaluates it at many places for maps.
 //!
@@ -16,17 +16,17 @@ pub mod field;
 mod lag;
 pub mod mechanism;
 pub mod rise;
+mod sample_points;
 pub mod score;
 pub mod sensor;
 pub mod sigma;
 pub mod stability;
-mod stations;
 pub mod track;
 pub mod units;
 
-pub use field::batch::{self, Columns};
+pub use field::batch::{self, PlaceColumns};
 pub use field::puffs::{self, WindHistory};
-pub use field::{Place, SourceSpec, Strength, World, WorldSpec};
+pub use field::{DispersionModel, DispersionSpec, Place, SourceSpec, Strength};
 pub use mechanism::{Mechanism, MechanismId};
 pub use sensor::{Sensor, SensorSpec};
 pub use units::Gas;
@@ -44,7 +44,7 @@ pub enum PlumeError {
         /// What would be right.
         expected: String,
     },
-    /// A world has no source.
+    /// A model has no source.
     #[error("the world has no source; expected at least one")]
     NoSource,
     /// A mechanism id is not in the catalogue.

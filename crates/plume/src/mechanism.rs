@@ -1,4 +1,4 @@
-//! Mechanisms: the named extensions of a world and of a sensor, with their parameters, units,
+//! Mechanisms: the named extensions of a model and of a sensor, with their parameters, units,
 //! neutral values, physical priors and sign conventions.
 //!
 //! A model is a base plus a list of mechanisms. Two of the same kind add up (offsets add,
@@ -11,7 +11,8 @@ mod source;
 mod spread;
 mod wind;
 
-pub use entry::{Acts, Coordinate, Family, MechanismSpec, ParameterSpec, Steps};
+pub(crate) use entry::Action;
+pub use entry::{Coordinate, Family, MechanismSpec, ParameterSpec, Steps};
 
 use crate::{PlumeError, in_range};
 
@@ -121,13 +122,13 @@ impl MechanismId {
 }
 
 /// Most parameters of one mechanism.
-pub const MOST_PARAMETERS: usize = 4;
+const MAX_PARAMETERS: usize = 4;
 
 /// A mechanism with its parameters, and the platforms it applies to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mechanism {
     id: MechanismId,
-    values: [f64; MOST_PARAMETERS],
+    values: [f64; MAX_PARAMETERS],
     platforms: Vec<String>,
 }
 
@@ -142,7 +143,7 @@ impl Mechanism {
             known: join(MechanismId::ALL.iter().map(|known| known.as_str())),
         })?;
         let spec = id.spec();
-        let mut values = [f64::NAN; MOST_PARAMETERS];
+        let mut values = [f64::NAN; MAX_PARAMETERS];
         for &(name, value) in parameters {
             let position = spec.parameters.iter().position(|p| p.name == name);
             let Some(position) = position else {
@@ -175,7 +176,7 @@ impl Mechanism {
     /// A mechanism from its parameters in the catalogue's order, each brought into its range;
     /// values left out at the end take their default or neutral value. For fits.
     pub fn from_values(id: MechanismId, values: &[f64]) -> Self {
-        let mut kept = [f64::NAN; MOST_PARAMETERS];
+        let mut kept = [f64::NAN; MAX_PARAMETERS];
         for (i, p) in id.spec().parameters.iter().enumerate() {
             let value = values.get(i).copied().filter(|v| !v.is_nan());
             let value = value.or(p.default).unwrap_or(p.neutral);
@@ -252,8 +253,8 @@ mod tests {
         for id in MechanismId::ALL {
             let spec = id.spec();
             assert_eq!(MechanismId::from_name(spec.name), Some(*id));
-            assert!(spec.parameters.len() <= MOST_PARAMETERS);
-            let on_sensor = matches!(spec.acts, Acts::OnSensor(_));
+            assert!(spec.parameters.len() <= MAX_PARAMETERS);
+            let on_sensor = matches!(spec.action, Action::OnSensor(_));
             assert_eq!(on_sensor, spec.family == Family::Sensor, "{}", spec.name);
             for p in spec.parameters {
                 assert!(
@@ -318,8 +319,8 @@ mod tests {
         assert!(gain.applies_to("3"));
         let gain = gain.for_platforms(&["1".into()]);
         assert!(!gain.applies_to("3") && gain.applies_to("1"));
-        let world = Mechanism::new("emission-scale", &[("factor", 2.0)]).unwrap();
-        assert!(world.for_platforms(&["1".into()]).applies_to("3"));
+        let emission = Mechanism::new("emission-scale", &[("factor", 2.0)]).unwrap();
+        assert!(emission.for_platforms(&["1".into()]).applies_to("3"));
     }
 
     proptest::proptest! {

@@ -1,6 +1,7 @@
-//! Reflection of a plume at the ground and at a lid: the vertical shape with its images.
+//! Reflection of a plume at the ground and at a lid: the vertical shape by the method of images
+//! (Turner 1970; ISC3, US EPA-454/B-95-003b, equation 1-50).
 
-use super::FARTHEST_EXPONENT;
+use super::MAX_EXPONENT;
 
 /// What of a plume comes back from below and above.
 #[derive(Debug, Clone, Copy)]
@@ -19,7 +20,7 @@ impl Reflection {
     pub(super) fn profile(&self, z_m: f64, height_m: f64, sigma_z_m: f64, across: f64) -> f64 {
         let gauss = |d: f64| {
             let exponent = across + 0.5 * (d / sigma_z_m) * (d / sigma_z_m);
-            if exponent > FARTHEST_EXPONENT {
+            if exponent > MAX_EXPONENT {
                 0.0
             } else {
                 (-exponent).exp()
@@ -52,14 +53,17 @@ impl Reflection {
             let mixed = (std::f64::consts::TAU).sqrt() * sigma_z_m / lid_m;
             return below * mixed * (-across).exp();
         }
+        // The n-th pair of images is 2n lids away: from n = 5σ/lid on its exponent is above 50, which
+        // counts as nothing. Twelve pairs are enough for σ of twice the lid; a wider plume is well
+        // mixed where the ground gives all back, and elsewhere has lost a part to it at each image.
         let reach = (1.0 + 5.0 * sigma_z_m / lid_m).ceil().min(12.0) as i32;
         let mut sum = 0.0;
         for n in -reach..=reach {
             // An image that met the ground k times has that factor k times.
             let shift = 2.0 * f64::from(n) * lid_m;
             sum += self.ground.powi(n.abs()) * gauss(z_m - height_m - shift);
-            let met = if n >= 1 { n - 1 } else { 1 - n };
-            sum += self.ground.powi(met) * gauss(z_m + height_m - shift);
+            let ground_hits = if n >= 1 { n - 1 } else { 1 - n };
+            sum += self.ground.powi(ground_hits) * gauss(z_m + height_m - shift);
         }
         below * sum
     }

@@ -66,9 +66,12 @@ impl Stack {
         let s = STANDARD_GRAVITY_M_S2 * gradient / air_temperature_k;
         let bent_over = 2.6 * (flux / (wind * s)).cbrt();
         let calm = 4.0 * flux.powf(0.25) * s.powf(-0.375);
+        // Momentum flux, m⁴/s².
         let flux_m = self.exit_velocity_m_s.powi(2) * self.diameter_m.powi(2) * air_temperature_k
             / (4.0 * self.exit_temperature_k);
         let stable_momentum = 1.5 * (flux_m / (wind * s.sqrt())).cbrt();
+        // In light wind the bent-over formula, which divides by it, rises without bound: the calm one
+        // limits it.
         Ok(bent_over.min(calm).max(stable_momentum.min(momentum)))
     }
 

@@ -130,6 +130,8 @@ pub fn with_interval<R: Rng>(
     rng: &mut R,
 ) -> Result<WithInterval, PlumeError> {
     let (each, total) = grouped(groups, floor)?;
+    // Sums of whole groups are drawn, not pairs: a resample costs as many additions as there are
+    // groups (percentile bootstrap, Efron and Tibshirani 1993, section 13.3).
     let mut drawn: Vec<[f64; 5]> = Vec::with_capacity(resamples);
     for _ in 0..resamples {
         let mut sums = Sums::default();

@@ -3,7 +3,7 @@
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::effects::{Ambient, HOUR_S, SensorEffects};
+use crate::effects::{HOUR_S, SensorAir, SensorEffects};
 use crate::field::Place;
 use crate::lag::lag_step;
 use crate::mechanism::Mechanism;
@@ -61,7 +61,7 @@ impl SensorSpec {
     }
 
     /// This sensor and the mechanisms that apply to `platform` as one joint effect.
-    pub fn effects(&self, mechanisms: &[Mechanism], platform: &str) -> SensorEffects {
+    pub(crate) fn effects(&self, mechanisms: &[Mechanism], platform: &str) -> SensorEffects {
         let mut own = SensorEffects::none();
         if self.time_constant_s > 0.0 {
             own.lags_s.push(self.time_constant_s);
@@ -102,13 +102,20 @@ impl Sensor {
     /// The reading after `dt_s` in which the concentration went straight from its last value to
     /// `true_ppm`; the air's own influence unknown.
     pub fn read<R: Rng>(&mut self, true_ppm: f64, dt_s: f64, rng: &mut R) -> f64 {
-        self.read_in(true_ppm, &Ambient::UNKNOWN, dt_s, rng)
+        self.read_in(true_ppm, &SensorAir::UNKNOWN, dt_s, rng)
     }
 
     /// The same in air of known temperature, humidity and pressure.
-    pub fn read_in<R: Rng>(&mut self, true_ppm: f64, air: &Ambient, dt_s: f64, rng: &mut R) -> f64 {
+    pub fn read_in<R: Rng>(
+        &mut self,
+        true_ppm: f64,
+        air: &SensorAir,
+        dt_s: f64,
+        rng: &mut R,
+    ) -> f64 {
         self.time_s += dt_s;
         let lagged = self.lag(true_ppm, dt_s);
+        // Drawn even where its size is zero, so that the stream of numbers does not depend on it.
         let noise: f64 = StandardNormal.sample(rng);
         let e = &self.effects;
         let reading = e.gain * lagged
@@ -116,6 +123,8 @@ impl Sensor {
             + e.drift_ppm_s * self.time_s
             + e.cross_ppm(air)
             + self.noise_sd_ppm * noise;
+        // Noise belongs to the detector: it comes after the lag, and the limit and the rounding act on
+        // it too.
         let reading = reading.min(e.limit_ppm);
         if self.resolution_ppm > 0.0 {
             (reading / self.resolution_ppm).round() * self.resolution_ppm
@@ -129,6 +138,8 @@ impl Sensor {
             self.stages_ppm.fill(true_ppm);
             return true_ppm;
         };
+        // The stages are in series: the output of one is the input of the next. Its ramp over the
+        // step is an approximation from the second stage on.
         let (mut before, mut now) = (last, true_ppm);
         for (stage, &tau) in self.stages_ppm.iter_mut().zip(&self.effects.lags_s) {
             let was = *stage;
@@ -232,9 +243,9 @@ mod tests {
         )
         .unwrap()
         .for_platforms(&["2".into()]);
-        let air = Ambient {
+        let air = SensorAir {
             relative_humidity_pct: 60.0,
-            ..Ambient::UNKNOWN
+            ..SensorAir::UNKNOWN
         };
         let read = |platform: &str| {
             Sensor::new(

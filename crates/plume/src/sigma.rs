@@ -107,7 +107,9 @@ pub(crate) struct Spread {
 }
 
 impl Spread {
-    /// The spread at position `class + shift` between A (0) and F (5), geometric between classes.
+    /// The spread at position `class + shift` between A (0) and F (5), geometric between classes:
+    /// from one class to the next the curves differ by about a constant factor, and a fit needs a
+    /// derivative by the class.
     pub(crate) fn new(class: Stability, shift: f64, setting: Setting) -> Self {
         let position = (class.index() as f64 + shift).clamp(0.0, 5.0);
         let low = (position.floor() as usize).min(4);

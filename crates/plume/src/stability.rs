@@ -55,6 +55,7 @@ impl Stability {
     /// 0.001 to 0.5 m (values outside are brought to the nearer end); a length of infinite or
     /// zero size is neutral. The plot has much scatter: one class either way is usual.
     pub fn from_obukhov(obukhov_length_m: f64, roughness_m: f64) -> Self {
+        // (a, b) for A to F; D is the neutral line 1/L = 0.
         const LINES: [(f64, f64); 6] = [
             (-0.096, 0.029),
             (-0.037, 0.029),

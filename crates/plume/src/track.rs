@@ -1,5 +1,5 @@
 //! The one forward model of observations: rows of places, times and logged air of one or many
-//! platforms to the readings that a world with its mechanisms predicts.
+//! platforms to the readings that a model with its mechanisms predicts.
 //!
 //! Rows stand platform by platform, in order of time; columns are stored apart so that a
 //! prediction is one pass over memory, because a fit asks for hundreds of them.
@@ -7,10 +7,10 @@
 use std::ops::Range;
 
 use crate::PlumeError;
-use crate::effects::{Ambient, SensorEffects};
-use crate::field::{Place, Transport, World, WorldSpec};
+use crate::effects::{SensorAir, SensorEffects};
+use crate::field::{DispersionModel, DispersionSpec, Place, Transport};
 use crate::lag;
-use crate::stations::{Station, Stations};
+use crate::sample_points::{SamplePoint, SamplePoints};
 
 /// One row of an observation track.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,7 +25,7 @@ pub struct Row {
     /// the scenario's.
     pub wind: Option<(f64, f64)>,
     /// Logged air.
-    pub air: Ambient,
+    pub air: SensorAir,
 }
 
 /// Rows of all platforms as columns.
@@ -33,7 +33,7 @@ pub struct Row {
 pub struct Track {
     platforms: Vec<String>,
     ranges: Vec<Range<usize>>,
-    stations: Stations,
+    samples: SamplePoints,
     time_s: Vec<f64>,
     east_m: Vec<f64>,
     north_m: Vec<f64>,
@@ -46,7 +46,7 @@ pub struct Track {
     /// How long before each row the wind, on the mean of the air's way, turned it, s.
     wind_age_s: Vec<f64>,
     ppm_per_mol_m3: Vec<f64>,
-    air: Vec<Ambient>,
+    air: Vec<SensorAir>,
 }
 
 impl Track {
@@ -55,13 +55,17 @@ impl Track {
     ///
     /// # Errors
     /// Rows out of order, a platform index without a name, or a value that is not finite.
-    pub fn new(world: &World, platforms: &[String], rows: &[Row]) -> Result<Self, PlumeError> {
+    pub fn new(
+        model: &DispersionModel,
+        platforms: &[String],
+        rows: &[Row],
+    ) -> Result<Self, PlumeError> {
         let ranges = ranges(platforms.len(), rows)?;
-        let spec = world.spec();
+        let spec = model.spec();
         let transport: Vec<Transport> = rows.iter().map(|r| row_transport(spec, r)).collect();
         Ok(Self {
             platforms: platforms.to_vec(),
-            stations: Stations::new(world, &ranges, rows, &transport),
+            samples: SamplePoints::new(model, &ranges, rows, &transport),
             ranges,
             time_s: rows.iter().map(|r| r.time_s).collect(),
             east_m: rows.iter().map(|r| r.place.east_m).collect(),
@@ -73,7 +77,7 @@ impl Track {
             wind_age_s: vec![0.0; rows.len()],
             ppm_per_mol_m3: rows
                 .iter()
-                .map(|r| world.ppm_per_mol_m3(r.place.height_agl_m))
+                .map(|r| model.ppm_per_mol_m3(r.place.height_agl_m))
                 .collect(),
             air: rows.iter().map(|r| r.air).collect(),
         })
@@ -114,7 +118,7 @@ impl Track {
     }
 
     /// Logged air of all rows.
-    pub fn air(&self) -> &[Ambient] {
+    pub fn air(&self) -> &[SensorAir] {
         &self.air
     }
 
@@ -133,7 +137,7 @@ impl Track {
         &mut self.plume_factor
     }
 
-    /// Sets what puffs do to the first `plumes` straight plumes of the world ([`crate::puffs`]), by
+    /// Sets what puffs do to the first `plumes` straight plumes of the model ([`crate::puffs`]), by
     /// the ratio for a plume at a row's place, time in s and transport. Further plumes stay straight,
     /// as all do at first.
     pub fn set_puff_ratios(
@@ -160,36 +164,37 @@ impl Track {
 
     /// Predicted readings of all rows, ppm, without noise and quantisation. `readings` must have
     /// [`Track::len`] elements; extra ones are left alone.
-    pub fn predict(&self, world: &World, readings: &mut [f64]) {
-        self.predict_parts(world, readings, None);
+    pub fn predict(&self, model: &DispersionModel, readings: &mut [f64]) {
+        self.predict_parts(model, readings, None);
     }
 
     /// The same, and what of each reading is due to the plume, after lag and slope.
     pub fn predict_parts(
         &self,
-        world: &World,
+        model: &DispersionModel,
         readings: &mut [f64],
         mut plume_part: Option<&mut [f64]>,
     ) {
-        let spec = world.spec();
+        let spec = model.spec();
         for (which, platform) in self.platforms.iter().enumerate() {
             let range = self.ranges[which].clone();
             let effects = spec.sensor.effects(&spec.mechanisms, platform);
             let excess = &mut readings[range.clone()];
-            self.excess(world, &effects, range.clone(), excess);
-            let mut between = self.excess_between(world, &effects, which);
+            self.excess(model, &effects, range.clone(), excess);
+            let mut between = self.excess_between(model, &effects, which);
             if let Some(parts) = plume_part.as_deref_mut() {
+                // The lag is linear, so that the plume's part and the background may pass it apart.
                 let part = &mut parts[range.clone()];
                 part.copy_from_slice(excess);
                 self.lag(&effects, which, part, &between);
                 part.iter_mut().for_each(|p| *p *= effects.gain);
             }
             for (i, value) in range.clone().zip(excess.iter_mut()) {
-                *value += world.background_ppm(&self.place(i), self.time_s[i]);
+                *value += model.background_ppm(&self.place(i), self.time_s[i]);
             }
-            for (station, value) in self.stations.between(which).zip(&mut between) {
-                let place = self.place_on(station.row, station.share);
-                *value += world.background_ppm(&place, station.time_s);
+            for (point, value) in self.samples.between(which).zip(&mut between) {
+                let place = self.place_on(point.row, point.share);
+                *value += model.background_ppm(&place, point.time_s);
             }
             self.lag(&effects, which, excess, &between);
             self.convert(&effects, range.clone(), excess);
@@ -197,8 +202,8 @@ impl Track {
     }
 
     /// Time constants of every platform's sensor, its own and those added in series together, s.
-    pub fn lags_s(&self, world: &World) -> Vec<f64> {
-        let spec = world.spec();
+    pub fn lags_s(&self, model: &DispersionModel) -> Vec<f64> {
+        let spec = model.spec();
         let of = |platform: &String| {
             let effects = spec.sensor.effects(&spec.mechanisms, platform);
             effects.lags_s.iter().sum()
@@ -207,33 +212,46 @@ impl Track {
     }
 
     /// The plumes' part of the air at the rows of a platform, ppm.
-    fn excess(&self, world: &World, effects: &SensorEffects, range: Range<usize>, out: &mut [f64]) {
-        let late = effects.clock_s != 0.0;
+    fn excess(
+        &self,
+        model: &DispersionModel,
+        effects: &SensorEffects,
+        range: Range<usize>,
+        out: &mut [f64],
+    ) {
+        let clock_shifted = effects.clock_s != 0.0;
         let mut cursor = range.start;
         for (i, value) in range.clone().zip(out.iter_mut()) {
             let time_s = self.time_s[i];
-            *value = if late {
-                self.late_ppm(world, effects, range.clone(), &mut cursor, time_s)
+            *value = if clock_shifted {
+                self.clock_shifted_ppm(model, effects, range.clone(), &mut cursor, time_s)
             } else {
                 let of_row = |column: &[f64]| column[i];
-                self.met_ppm(world, effects, time_s, self.transport[i], of_row)
+                self.sampled_ppm(model, effects, time_s, self.transport[i], of_row)
             };
         }
     }
 
-    /// The same at its stations between rows.
-    fn excess_between(&self, world: &World, effects: &SensorEffects, which: usize) -> Vec<f64> {
+    /// The same at its points between rows.
+    fn excess_between(
+        &self,
+        model: &DispersionModel,
+        effects: &SensorEffects,
+        which: usize,
+    ) -> Vec<f64> {
         let range = self.ranges[which].clone();
         let mut cursor = range.start;
-        let at = |s: Station| self.late_ppm(world, effects, range.clone(), &mut cursor, s.time_s);
-        self.stations.between(which).map(at).collect()
+        let at = |s: SamplePoint| {
+            self.clock_shifted_ppm(model, effects, range.clone(), &mut cursor, s.time_s)
+        };
+        self.samples.between(which).map(at).collect()
     }
 
-    /// The plumes' part of the air that the sensor met when its clock said `clock_time_s`, ppm, on the
-    /// way between two rows of `range`, searched from `cursor`, which moves there.
-    fn late_ppm(
+    /// The plumes' part of the air that the sensor sampled when its clock said `clock_time_s`, ppm, on
+    /// the path between two rows of `range`, searched from `cursor`, which moves there.
+    fn clock_shifted_ppm(
         &self,
-        world: &World,
+        model: &DispersionModel,
         effects: &SensorEffects,
         range: Range<usize>,
         cursor: &mut usize,
@@ -243,21 +261,22 @@ impl Track {
         *cursor = self.seek(range.clone(), *cursor, time_s);
         let (row, share) = (*cursor, self.share(range, *cursor, time_s));
         let wind = self.transport_on(row, share);
-        let between = |column: &[f64]| on_the_way(column, row, share);
-        self.met_ppm(world, effects, time_s, wind, between)
+        let between = |column: &[f64]| interpolated(column, row, share);
+        self.sampled_ppm(model, effects, time_s, wind, between)
     }
 
-    /// The plumes' part of the air met at `time_s`, ppm, where `at` gives every column's value: on a
+    /// The plumes' part of the air sampled at `time_s`, ppm, where `at` gives every column's value: on a
     /// row, which most are, or between two.
     #[inline]
-    fn met_ppm(
+    fn sampled_ppm(
         &self,
-        world: &World,
+        model: &DispersionModel,
         effects: &SensorEffects,
         time_s: f64,
         wind: Transport,
         at: impl Fn(&[f64]) -> f64,
     ) -> f64 {
+        // The log says the true place plus the offset; the air is that of the true one.
         let [east, north, up] = effects.position_m;
         let place = Place {
             east_m: at(&self.east_m) - east,
@@ -266,12 +285,13 @@ impl Track {
         };
         let ratio = |plume: usize| self.puff_ratios.get(plume).map_or(1.0, |r| at(r));
         let age_s = at(&self.wind_age_s);
-        let (molar, direct) = world.excess_after(&place, time_s, age_s, wind, ratio);
+        let (molar, direct) = model.excess_after(&place, time_s, age_s, wind, ratio);
         (molar * at(&self.ppm_per_mol_m3) + direct) * at(&self.plume_factor)
     }
 
     /// The row at or before `time_s` in `range`, searched from `cursor`.
     fn seek(&self, range: Range<usize>, cursor: usize, time_s: f64) -> usize {
+        // From the last answer: times mostly go forward, and a search from there takes a step or two.
         let mut i = cursor.clamp(range.start, range.end - 1);
         while i > range.start && self.time_s[i] > time_s {
             i -= 1;
@@ -295,42 +315,42 @@ impl Track {
     #[inline]
     fn place_on(&self, i: usize, share: f64) -> Place {
         Place {
-            east_m: on_the_way(&self.east_m, i, share),
-            north_m: on_the_way(&self.north_m, i, share),
-            height_agl_m: on_the_way(&self.height_m, i, share),
+            east_m: interpolated(&self.east_m, i, share),
+            north_m: interpolated(&self.north_m, i, share),
+            height_agl_m: interpolated(&self.height_m, i, share),
         }
     }
 
-    /// The transport of the row that is nearer.
+    /// The transport of the row that is nearer: it hardly turns from one row to the next.
     fn transport_on(&self, i: usize, share: f64) -> Transport {
         self.transport[if share < 0.5 { i } else { i + 1 }]
     }
 
     /// What the sensor of a platform shows of the air at its rows, in their place; `between` are the
-    /// values at the stations between them.
+    /// values at the points between them.
     fn lag(&self, effects: &SensorEffects, which: usize, values: &mut [f64], between: &[f64]) {
         let range = self.ranges[which].clone();
         if between.is_empty() {
             for &time_constant_s in &effects.lags_s {
-                lag::follow(&self.time_s[range.clone()], time_constant_s, values);
+                lag::apply(&self.time_s[range.clone()], time_constant_s, values);
             }
             return;
         }
         let mut between = between.iter();
-        let mut next = |station: Station| match station.share {
-            0.0 => values.get(station.row - range.start),
+        let mut next = |point: SamplePoint| match point.share {
+            0.0 => values.get(point.row - range.start),
             _ => between.next(),
         };
         let met = self
-            .stations
+            .samples
             .of(which)
             .map(|s| next(s).copied().unwrap_or_default());
         let mut shown: Vec<f64> = met.collect();
         for &time_constant_s in &effects.lags_s {
-            lag::follow(self.stations.times_s(which), time_constant_s, &mut shown);
+            lag::apply(self.samples.times_s(which), time_constant_s, &mut shown);
         }
-        let stations = self.stations.of(which).zip(shown);
-        for ((_, shown), value) in stations.filter(|(s, _)| s.is_row()).zip(values) {
+        let points = self.samples.of(which).zip(shown);
+        for ((_, shown), value) in points.filter(|(s, _)| s.is_row()).zip(values) {
             *value = shown;
         }
     }
@@ -352,16 +372,18 @@ impl Track {
 
 /// The value between row `i` and the next, straight.
 #[inline]
-fn on_the_way(of_rows: &[f64], i: usize, share: f64) -> f64 {
+fn interpolated(of_rows: &[f64], i: usize, share: f64) -> f64 {
     if share == 0.0 {
         return of_rows[i];
     }
     of_rows[i] + share * (of_rows[i + 1] - of_rows[i])
 }
 
-fn row_transport(spec: &WorldSpec, row: &Row) -> Transport {
+fn row_transport(spec: &DispersionSpec, row: &Row) -> Transport {
     let height = spec.sources[0].effective_height_agl_m;
     match row.wind {
+        // The power law's ratio, not its speed: the log knows how strong the wind is now, the
+        // profile only how it changes with height.
         Some((speed, from_deg)) => {
             let here = spec.wind.speed_at_m_s(row.place.height_agl_m);
             let ratio = if here > 0.0 {

@@ -6,10 +6,10 @@ use crate::sensor::{Sensor, SensorSpec};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 
-fn world(mechanisms: &[Mechanism]) -> World {
+fn model(mechanisms: &[Mechanism]) -> DispersionModel {
     let mut s = spec(Strength::EmissionKgS(352.0));
     s.mechanisms = mechanisms.to_vec();
-    World::new(s).unwrap()
+    DispersionModel::new(s).unwrap()
 }
 
 /// A platform weaving across the plume.
@@ -23,7 +23,7 @@ fn row(platform: usize, time_s: f64) -> Row {
             height_agl_m: 470.0 + 10.0 * platform as f64,
         },
         wind: None,
-        air: Ambient {
+        air: SensorAir {
             temperature_c: 12.0,
             relative_humidity_pct: 60.0,
             pressure_hpa: 920.0,
@@ -43,18 +43,18 @@ fn names() -> Vec<String> {
 }
 
 fn predict(mechanisms: &[Mechanism]) -> Vec<f64> {
-    let world = world(mechanisms);
-    let track = Track::new(&world, &names(), &rows()).unwrap();
+    let model = model(mechanisms);
+    let track = Track::new(&model, &names(), &rows()).unwrap();
     let mut out = vec![0.0; track.len()];
-    track.predict(&world, &mut out);
+    track.predict(&model, &mut out);
     out
 }
 
 #[test]
 fn a_plain_track_reads_the_field() {
-    let world = world(&[]);
+    let model = model(&[]);
     for (row, reading) in rows().iter().zip(predict(&[])) {
-        assert!((world.mean_ppm(&row.place, row.time_s) - reading).abs() < 1e-9);
+        assert!((model.mean_ppm(&row.place, row.time_s) - reading).abs() < 1e-9);
     }
 }
 
@@ -62,7 +62,7 @@ fn a_plain_track_reads_the_field() {
 fn ratios_of_puffs_are_of_their_plume_alone() {
     let moved = [("east_m", 0.0), ("north_m", 300.0), ("ratio", 0.5)];
     let second = Mechanism::new("second-source", &moved).unwrap();
-    let both = world(&[second]);
+    let both = model(&[second]);
     let excess = |ratios: &[f64]| {
         let mut track = Track::new(&both, &names(), &rows()).unwrap();
         track.set_puff_ratios(ratios.len(), |plume, _, _, _| ratios[plume]);
@@ -90,7 +90,7 @@ fn the_track_reads_as_the_stepped_sensor() {
         Mechanism::new("sensor-saturation", &[("limit_ppm", 700.0)]).unwrap(),
         Mechanism::new("cross-sensitivity-pressure", &[("ppm_per_hpa", 0.01)]).unwrap(),
     ];
-    let world = world(&list);
+    let model = model(&list);
     let readings = predict(&list);
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     for (platform, name) in names().iter().enumerate() {
@@ -105,7 +105,7 @@ fn the_track_reads_as_the_stepped_sensor() {
             } else {
                 0.0
             };
-            let truth = world.mean_ppm(&at.place, time_s);
+            let truth = model.mean_ppm(&at.place, time_s);
             let stepped = sensor.read_in(truth, &at.air, dt, &mut rng);
             let reading = readings[300 * platform + (step / STEPS) as usize];
             if step % STEPS == 0 {
@@ -125,7 +125,7 @@ fn a_plume_narrower_than_the_way_between_rows_is_met() {
     const STEPS: i32 = 50;
     const FLOWN_S: i32 = 240;
     let list = [Mechanism::new("sensor-lag", &[("time_constant_s", 3.0)]).unwrap()];
-    let world = world(&list);
+    let model = model(&list);
     for (distance_m, every_s) in [(250.0, 1), (900.0, 4)] {
         let half_m = 0.4 * distance_m;
         let at = |time_s: f64| {
@@ -134,22 +134,22 @@ fn a_plume_narrower_than_the_way_between_rows_is_met() {
                 place: Place {
                     east_m: distance_m,
                     north_m: (to_and_fro_m - 2.0 * half_m).abs() - half_m,
-                    height_agl_m: world.spec().sources[0].effective_height_agl_m + 5.0,
+                    height_agl_m: model.spec().sources[0].effective_height_agl_m + 5.0,
                 },
                 ..row(0, time_s)
             }
         };
         let rows = (0..FLOWN_S / every_s).map(|i| at(f64::from(i * every_s)));
-        let track = Track::new(&world, &names(), &rows.collect::<Vec<_>>()).unwrap();
+        let track = Track::new(&model, &names(), &rows.collect::<Vec<_>>()).unwrap();
         let mut readings = vec![0.0; track.len()];
-        track.predict(&world, &mut readings);
+        track.predict(&model, &mut readings);
         let peak_ppm = readings.iter().copied().fold(0.0, f64::max) - 449.0;
         let mut sensor = Sensor::new(&SensorSpec::default(), &list, "1");
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         for step in 0..(FLOWN_S - every_s) * STEPS {
             let time_s = f64::from(step) / f64::from(STEPS);
             let dt_s = f64::from(step.min(1)) / f64::from(STEPS);
-            let truth = world.mean_ppm(&at(time_s).place, time_s);
+            let truth = model.mean_ppm(&at(time_s).place, time_s);
             let stepped = sensor.read_in(truth, &at(time_s).air, dt_s, &mut rng);
             if step % (every_s * STEPS) == 0 {
                 let reading = readings[(step / (every_s * STEPS)) as usize];
@@ -181,7 +181,7 @@ fn clock_and_position_signs() {
         assert!((late[i] - plain[i - 5]).abs() < 1e-6, "row {i}");
     }
     // Logged north = true + 25 m: the true place is 25 m further south.
-    let world = world(&[]);
+    let model = model(&[]);
     let p = [("east_m", 0.0), ("north_m", 25.0)];
     let moved = predict(&[Mechanism::new("position-offset", &p).unwrap()]);
     for (row, reading) in rows().iter().zip(moved) {
@@ -189,7 +189,7 @@ fn clock_and_position_signs() {
             north_m: row.place.north_m - 25.0,
             ..row.place
         };
-        assert!((world.mean_ppm(&place, 0.0) - reading).abs() < 1e-9);
+        assert!((model.mean_ppm(&place, 0.0) - reading).abs() < 1e-9);
     }
 }
 
@@ -198,11 +198,11 @@ fn clock_and_position_signs() {
 #[test]
 fn a_late_clock_meets_the_puffs_of_where_it_was() {
     let readings = |list: &[Mechanism]| {
-        let world = world(list);
-        let mut track = Track::new(&world, &names(), &rows()).unwrap();
+        let model = model(list);
+        let mut track = Track::new(&model, &names(), &rows()).unwrap();
         track.set_puff_ratios(1, |_, place, _, _| (place.north_m / 200.0).exp());
         let mut out = vec![0.0; track.len()];
-        track.predict(&world, &mut out);
+        track.predict(&model, &mut out);
         out
     };
     let late = readings(&[Mechanism::new("clock-offset", &[("offset_s", 5.0)]).unwrap()]);
@@ -215,10 +215,10 @@ fn a_late_clock_meets_the_puffs_of_where_it_was() {
 #[test]
 fn the_plume_part_and_the_rest_make_the_reading() {
     let list = [Mechanism::new("sensor-lag", &[("time_constant_s", 3.0)]).unwrap()];
-    let world = world(&list);
-    let track = Track::new(&world, &names(), &rows()).unwrap();
+    let model = model(&list);
+    let track = Track::new(&model, &names(), &rows()).unwrap();
     let (mut readings, mut part) = (vec![0.0; track.len()], vec![0.0; track.len()]);
-    track.predict_parts(&world, &mut readings, Some(&mut part));
+    track.predict_parts(&model, &mut readings, Some(&mut part));
     for (r, p) in readings.iter().zip(&part) {
         assert!((r - p - 449.0).abs() < 1e-9);
     }
@@ -230,7 +230,7 @@ fn logged_wind_steers_the_plume() {
     for row in &mut turned {
         row.wind = Some((7.0, 280.0));
     }
-    let base = world(&[]);
+    let base = model(&[]);
     let track = Track::new(&base, &names(), &turned).unwrap();
     let mut out = vec![0.0; track.len()];
     track.predict(&base, &mut out);
@@ -242,33 +242,33 @@ fn logged_wind_steers_the_plume() {
 
 #[test]
 fn disorder_is_refused() {
-    let world = world(&[]);
+    let model = model(&[]);
     let refused = |change: &dyn Fn(&mut Vec<Row>)| {
         let mut r = rows();
         change(&mut r);
-        Track::new(&world, &names(), &r).unwrap_err().to_string()
+        Track::new(&model, &names(), &r).unwrap_err().to_string()
     };
     assert!(refused(&|r| r.swap(3, 4)).contains("order"));
     assert!(refused(&|r| r[5].time_s = r[4].time_s).contains("order"));
     assert!(refused(&|r| r[5].platform = 9).contains("platform 9"));
     assert!(refused(&|r| r[5].place.east_m = f64::NAN).contains("finite"));
-    assert!(Track::new(&world, &names(), &[]).unwrap().is_empty());
+    assert!(Track::new(&model, &names(), &[]).unwrap().is_empty());
 }
 
 #[test]
 fn air_is_turned_as_the_wind_was_on_its_way() {
     const AGE_S: f64 = 200.0;
     let drift = Mechanism::new("wind-direction-drift", &[("rate_deg_per_h", 60.0)]).unwrap();
-    let world = world(&[drift]);
+    let model = model(&[drift]);
     let reading = |time_s: f64, wind_age_s: f64| {
         let rows = [Row {
             time_s,
             ..row(0, 0.0)
         }];
-        let mut track = Track::new(&world, &names(), &rows).unwrap();
+        let mut track = Track::new(&model, &names(), &rows).unwrap();
         track.wind_age_s_mut().fill(wind_age_s);
         let mut out = [0.0];
-        track.predict(&world, &mut out);
+        track.predict(&model, &mut out);
         out[0]
     };
     let (late, then) = (reading(900.0, AGE_S), reading(900.0 - AGE_S, 0.0));

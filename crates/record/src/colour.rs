@@ -16,7 +16,7 @@ const STOPS: [[u8; 3]; 5] = [
 ];
 
 /// The colour of a reading of CO2 in ppm, as red, green, blue. What is not finite is grey.
-pub fn of_reading(co2_ppm: f64) -> [u8; 3] {
+pub(crate) fn of_reading(co2_ppm: f64) -> [u8; 3] {
     let along = (co2_ppm - GREY_PPM) / (RED_PPM - GREY_PPM);
     let along = if along.is_finite() {
         along.clamp(0.0, 1.0)

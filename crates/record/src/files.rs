@@ -77,6 +77,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
 /// [`RecordError::File`].
 pub fn write_set(files: &[(PathBuf, &[u8])]) -> Result<(), RecordError> {
     let write = |(path, bytes): &(PathBuf, &[u8])| {
+        // Synced before the rename: a system that crashes may else keep the new name with no bytes.
         let written = fs::File::create(beside(path)).and_then(|mut file| {
             file.write_all(bytes)?;
             file.sync_all()

@@ -5,23 +5,25 @@
 
 use crate::RecordError;
 use crate::colour;
-use crate::tracks::{Track, TrackPoint, Tracks};
+use crate::text;
+use crate::tracks::{TrackPoint, Tracks, VehicleTrack};
 use ::kml::types::{
     AltitudeMode, Coord, Element, Folder, Geometry, Icon, IconStyle, KmlDocument, LineString,
     LineStyle, LinearRing, Placemark, Point, PolyStyle, Polygon, Style,
 };
 use ::kml::{Kml, KmlVersion, KmlWriter};
-use protocol::message::{Peak, VehicleKind};
+use protocol::message::Peak;
 use std::collections::HashMap;
 
-/// Number of colours of the lines.
+/// Number of colours of the lines: KML has no gradients, every colour is a style and every change of
+/// colour a placemark.
 const COLOURS: usize = 24;
-/// Longest piece of a line of one colour, s: so that the time slider moves smoothly.
-const LONGEST_PIECE_S: f64 = 10.0;
+/// Longest segment of a line of one colour, s: so that the time slider moves smoothly.
+const MAX_SEGMENT_S: f64 = 10.0;
 
 /// A stack on the map.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Stack {
+pub struct StackMarker {
     /// Its name.
     pub name: String,
     /// Latitude, degrees (WGS84).
@@ -34,11 +36,11 @@ pub struct Stack {
 
 /// What stands on the map beside the tracks.
 #[derive(Debug, Clone, Default)]
-pub struct Surroundings {
+pub struct MapFeatures {
     /// Name of the mission.
     pub mission: String,
     /// The stacks.
-    pub stacks: Vec<Stack>,
+    pub stacks: Vec<StackMarker>,
     /// Corners of the fence, latitude and longitude in degrees; none for no fence.
     pub fence: Vec<(f64, f64)>,
     /// Top of the fence, m above mean sea level.
@@ -51,10 +53,10 @@ pub struct Surroundings {
 ///
 /// # Errors
 /// [`RecordError::Kml`] if the writer fails.
-pub fn document(tracks: &Tracks, around: &Surroundings) -> Result<String, RecordError> {
+pub fn document(tracks: &Tracks, features: &MapFeatures) -> Result<String, RecordError> {
     let mut elements = vec![text_element(
         "name",
-        &format!("Plumage: {}", around.mission),
+        &format!("Plumage: {}", features.mission),
     )];
     elements.extend((0..COLOURS).map(line_style));
     elements.push(fence_style());
@@ -65,10 +67,10 @@ pub fn document(tracks: &Tracks, around: &Surroundings) -> Result<String, Record
     for (id, track) in tracks.by_vehicle() {
         elements.push(Kml::Folder(folder(id, track)));
     }
-    elements.extend(around.peak.as_ref().map(peak));
-    elements.extend(around.stacks.iter().map(stack));
-    if around.fence.len() >= 3 {
-        elements.push(fence(around));
+    elements.extend(features.peak.as_ref().map(peak));
+    elements.extend(features.stacks.iter().map(stack));
+    if features.fence.len() >= 3 {
+        elements.push(fence(features));
     }
     let document = Kml::KmlDocument(KmlDocument {
         version: KmlVersion::V22,
@@ -153,16 +155,12 @@ fn icon_style(id: &str, colour: &str, scale: f64) -> Kml {
     })
 }
 
-fn folder(id: &str, track: &Track) -> Folder {
-    let kind = match track.kind {
-        VehicleKind::Simulated => "simulated",
-        VehicleKind::Real => "real",
-    };
+fn folder(id: &str, track: &VehicleTrack) -> Folder {
     Folder {
-        name: Some(format!("Vehicle {id} ({kind})")),
-        elements: pieces(track.points.items())
+        name: Some(format!("Vehicle {id} ({})", text::vehicle_kind(track.kind))),
+        elements: segments(track.points.items())
             .into_iter()
-            .map(|(index, points)| Kml::Placemark(piece(index, points)))
+            .map(|(index, points)| Kml::Placemark(segment(index, points)))
             .collect(),
         ..Folder::default()
     }
@@ -173,24 +171,25 @@ fn colour_index(ppm: f64) -> usize {
     (along.clamp(0.0, 1.0) * (COLOURS - 1) as f64).round() as usize
 }
 
-/// The track in pieces of one colour that share their ends.
-fn pieces(points: &[TrackPoint]) -> Vec<(usize, &[TrackPoint])> {
-    let mut pieces = Vec::new();
+/// The track in segments of one colour that share their ends, so that no gap shows between them. A
+/// segment's colour is that of the readings at which its legs end.
+fn segments(points: &[TrackPoint]) -> Vec<(usize, &[TrackPoint])> {
+    let mut segments = Vec::new();
     let mut from = 0;
     for end in 1..points.len() {
         let index = colour_index(points[end].co2_ppm);
         let last = end + 1 == points.len();
         let changes = !last && colour_index(points[end + 1].co2_ppm) != index;
-        let long = points[end].time_s - points[from].time_s >= LONGEST_PIECE_S;
+        let long = points[end].time_s - points[from].time_s >= MAX_SEGMENT_S;
         if last || changes || long {
-            pieces.push((index, &points[from..=end]));
+            segments.push((index, &points[from..=end]));
             from = end;
         }
     }
-    pieces
+    segments
 }
 
-fn piece(index: usize, points: &[TrackPoint]) -> Placemark {
+fn segment(index: usize, points: &[TrackPoint]) -> Placemark {
     let highest = points.iter().map(|p| p.co2_ppm).fold(f64::NAN, f64::max);
     let span = element(
         "TimeSpan",
@@ -215,7 +214,7 @@ fn piece(index: usize, points: &[TrackPoint]) -> Placemark {
 }
 
 fn coordinate(point: &TrackPoint) -> Coord {
-    // A tenth of a metre is finer than any position here and keeps the file small.
+    // A tenth of a metre (1e-6 of a degree) is finer than any position here and keeps the file small.
     let round = |value: f64, per_unit: f64| (value * per_unit).round() / per_unit;
     Coord::new(
         round(point.lon_deg, 1e6),
@@ -224,7 +223,13 @@ fn coordinate(point: &TrackPoint) -> Coord {
     )
 }
 
-fn mark(name: String, style: &str, description: String, at: Coord, mode: AltitudeMode) -> Kml {
+fn point_placemark(
+    name: String,
+    style: &str,
+    description: String,
+    at: Coord,
+    mode: AltitudeMode,
+) -> Kml {
     let mut point = Point::from(at);
     point.altitude_mode = mode;
     point.extrude = true;
@@ -238,7 +243,7 @@ fn mark(name: String, style: &str, description: String, at: Coord, mode: Altitud
 }
 
 fn peak(peak: &Peak) -> Kml {
-    mark(
+    point_placemark(
         format!("Peak: {:.0} ppm", peak.co2_ppm),
         "peak",
         format!(
@@ -250,8 +255,8 @@ fn peak(peak: &Peak) -> Kml {
     )
 }
 
-fn stack(stack: &Stack) -> Kml {
-    mark(
+fn stack(stack: &StackMarker) -> Kml {
+    point_placemark(
         stack.name.clone(),
         "stack",
         format!("{:.0} m high", stack.height_m),
@@ -260,11 +265,11 @@ fn stack(stack: &Stack) -> Kml {
     )
 }
 
-fn fence(around: &Surroundings) -> Kml {
-    let corners = around.fence.iter().chain(around.fence.first());
+fn fence(features: &MapFeatures) -> Kml {
+    let corners = features.fence.iter().chain(features.fence.first());
     let outer = LinearRing {
         coords: corners
-            .map(|&(lat, lon)| Coord::new(lon, lat, Some(around.fence_top_amsl_m)))
+            .map(|&(lat, lon)| Coord::new(lon, lat, Some(features.fence_top_amsl_m)))
             .collect(),
         altitude_mode: AltitudeMode::Absolute,
         ..LinearRing::default()
@@ -280,7 +285,7 @@ fn fence(around: &Surroundings) -> Kml {
     })
 }
 
-/// The date of a simulated time; a mission longer than a month stays at its end.
+/// The date (xsd:dateTime, as KML asks for it) of a simulated time; a mission longer than a month stays at its end.
 fn date(time_s: f64) -> String {
     let ms = (time_s.max(0.0) * 1000.0).round() as u64;
     let (day, ms) = ((ms / 86_400_000).min(30), ms % 86_400_000);
@@ -313,20 +318,20 @@ mod tests {
                 co2_ppm: 450.0 + 200.0 * (f64::from(i) / 9.0).sin().abs(),
             })
             .collect();
-        let pieces = pieces(&points);
-        assert_eq!(pieces[0].1[0], points[0]);
+        let segments = segments(&points);
+        assert_eq!(segments[0].1[0], points[0]);
         assert_eq!(
-            pieces.last().map(|p| p.1[p.1.len() - 1]),
+            segments.last().map(|p| p.1[p.1.len() - 1]),
             points.last().copied()
         );
-        for pair in pieces.windows(2) {
+        for pair in segments.windows(2) {
             assert_eq!(pair[0].1.last(), pair[1].1.first());
             assert!(pair[0].1.len() >= 2);
         }
-        assert!(pieces_of(&points[..1]) == 0 && pieces_of(&[]) == 0);
+        assert!(count(&points[..1]) == 0 && count(&[]) == 0);
     }
 
-    fn pieces_of(points: &[TrackPoint]) -> usize {
-        pieces(points).len()
+    fn count(points: &[TrackPoint]) -> usize {
+        segments(points).len()
     }
 }

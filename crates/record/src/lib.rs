@@ -17,10 +17,10 @@ pub mod observations;
 pub mod recorder;
 pub mod recording;
 pub mod summary;
+pub mod text;
 pub mod tracks;
-pub mod words;
 
-pub use recorder::{Finished, Recorder, RunInfo, ThreadedRecorder};
+pub use recorder::{Recorder, RecordingTotals, RunInfo, ThreadedRecorder};
 pub use recording::{Recording, read_mcap};
 
 use std::path::PathBuf;

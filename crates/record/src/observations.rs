@@ -4,7 +4,7 @@ use crate::RecordError;
 use crate::recording::Recording;
 use protocol::message::{Message, Reading, VehicleKind};
 use protocol::{SimTime, Topic};
-use scenario::observations::{Observation, Observations};
+use scenario::observations::{ObservationRow, Observations};
 use std::collections::BTreeMap;
 
 /// The readings of real vehicles in `recording`, in order of time and platform, at most one a
@@ -53,7 +53,7 @@ struct Rows {
     min_interval_ns: i64,
     platforms: Vec<String>,
     last: BTreeMap<String, (usize, SimTime)>,
-    rows: Vec<(SimTime, Observation)>,
+    rows: Vec<(SimTime, ObservationRow)>,
 }
 
 impl Rows {
@@ -93,8 +93,8 @@ impl Rows {
     }
 }
 
-fn row(platform: usize, time: SimTime, reading: &Reading) -> Observation {
-    Observation {
+fn row(platform: usize, time: SimTime, reading: &Reading) -> ObservationRow {
+    ObservationRow {
         time_s: time.s(),
         platform,
         lat_deg: reading.lat_deg,

@@ -19,7 +19,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Simulated time after which a chunk is closed, ns.
+/// Simulated time after which a chunk is closed, ns. With a batch on its way and one being filled
+/// (0.1 s each) a killed program loses less than a second; shorter chunks compress worse.
 pub const CHUNK_SIM_NS: i64 = 400_000_000;
 /// Wall time after which a chunk is closed.
 pub const CHUNK_WALL: Duration = Duration::from_millis(400);
@@ -47,7 +48,7 @@ pub struct RunInfo {
 
 /// What became of a recording.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Finished {
+pub struct RecordingTotals {
     /// Messages written.
     pub messages: u64,
     /// Messages left out because they hold a number that is not finite, by key.
@@ -61,7 +62,7 @@ pub struct Recorder {
     writer: mcap::Writer<BufWriter<File>>,
     channels: BTreeMap<Topic, Channel>,
     chunk: Option<(SimTime, Instant)>,
-    finished: Finished,
+    totals: RecordingTotals,
 }
 
 struct Channel {
@@ -95,6 +96,8 @@ impl Recorder {
             .compression_level(1)
             .compression_threads(0)
             .chunk_size(Some(CHUNK_BYTES))
+            // Compression in this thread at the lowest level: the recorder's own thread must keep up
+            // with a mission many times faster than real time, and JSON shrinks well at any level.
             // A chunk is built in memory and appended whole: no half-written header after a kill.
             .disable_seeking(true)
             .library(format!("plumage {}", env!("CARGO_PKG_VERSION")))
@@ -107,7 +110,7 @@ impl Recorder {
             writer,
             channels: BTreeMap::new(),
             chunk: None,
-            finished: Finished::default(),
+            totals: RecordingTotals::default(),
         })
     }
 
@@ -119,11 +122,13 @@ impl Recorder {
         let json = envelope.to_json();
         if !is_faithful(&json, topic, envelope) {
             let key = topic.key(&self.mission);
-            *self.finished.not_finite.entry(key).or_default() += 1;
+            *self.totals.not_finite.entry(key).or_default() += 1;
             return Ok(());
         }
         self.close_chunk_if_due(envelope.time)?;
         let (id, sequence) = self.channel(topic)?;
+        // Both times are simulated, in the order of time, sender and sequence in which agents handle
+        // messages: MCAP tools sort by log_time, and no wall clock may enter a repeatable file.
         let time_ns = u64::try_from(envelope.time.ns()).unwrap_or(0);
         let header = MessageHeader {
             channel_id: id,
@@ -134,7 +139,7 @@ impl Recorder {
         self.writer
             .write_to_known_channel(&header, json.as_bytes())
             .map_err(|source| self.failed(source))?;
-        self.finished.messages += 1;
+        self.totals.messages += 1;
         Ok(())
     }
 
@@ -151,18 +156,18 @@ impl Recorder {
     ///
     /// # Errors
     /// As [`Recorder::record`].
-    pub fn finish(mut self, digest: Option<&str>) -> Result<Finished, RecordError> {
-        let mut words =
-            BTreeMap::from([("messages".to_owned(), self.finished.messages.to_string())]);
+    pub fn finish(mut self, digest: Option<&str>) -> Result<RecordingTotals, RecordError> {
+        let mut entries =
+            BTreeMap::from([("messages".to_owned(), self.totals.messages.to_string())]);
         if let Some(digest) = digest {
-            words.insert("digest".to_owned(), digest.to_owned());
+            entries.insert("digest".to_owned(), digest.to_owned());
         }
-        for (key, count) in &self.finished.not_finite {
-            words.insert(format!("not_finite {key}"), count.to_string());
+        for (key, count) in &self.totals.not_finite {
+            entries.insert(format!("not_finite {key}"), count.to_string());
         }
         let end = Metadata {
             name: END_METADATA.to_owned(),
-            metadata: words,
+            metadata: entries,
         };
         self.writer
             .write_metadata(&end)
@@ -171,19 +176,20 @@ impl Recorder {
         let Self {
             writer,
             path,
-            finished,
+            totals,
             ..
         } = self;
         let sync = |mut buffer: BufWriter<File>| {
             std::io::Write::flush(&mut buffer)?;
             buffer.get_ref().sync_all()
         };
+        // Finished means on the disk, not in the system's cache.
         sync(writer.into_inner()).map_err(|source| RecordError::File {
             path,
             what: "write",
             source,
         })?;
-        Ok(finished)
+        Ok(totals)
     }
 
     fn close_chunk_if_due(&mut self, now: SimTime) -> Result<(), RecordError> {
@@ -229,13 +235,13 @@ impl Recorder {
 }
 
 fn write_front(writer: &mut mcap::Writer<BufWriter<File>>, info: &RunInfo) -> mcap::McapResult<()> {
-    let mut words = info.versions.clone();
-    words.insert("mission".to_owned(), info.mission.to_string());
-    words.insert("seed".to_owned(), info.seed.to_string());
-    words.insert("wire_version".to_owned(), WIRE_VERSION.to_string());
+    let mut entries = info.versions.clone();
+    entries.insert("mission".to_owned(), info.mission.to_string());
+    entries.insert("seed".to_owned(), info.seed.to_string());
+    entries.insert("wire_version".to_owned(), WIRE_VERSION.to_string());
     writer.write_metadata(&Metadata {
         name: RUN_METADATA.to_owned(),
-        metadata: words,
+        metadata: entries,
     })?;
     writer.attach(&Attachment {
         log_time: 0,
@@ -247,7 +253,7 @@ fn write_front(writer: &mut mcap::Writer<BufWriter<File>>, info: &RunInfo) -> mc
     writer.flush()
 }
 
-/// Whether the JSON form says the same as the envelope. JSON has no word for what is not finite
+/// Whether the JSON form says the same as the envelope. JSON has no form for what is not finite
 /// and `null` stands in its place, which elsewhere means a value left out.
 fn is_faithful(json: &str, topic: &Topic, envelope: &Envelope) -> bool {
     !json.contains("null") || Envelope::from_json(topic, json).is_ok_and(|read| read == *envelope)
@@ -330,7 +336,7 @@ impl ThreadedRecorder {
     ///
     /// # Errors
     /// What the thread met, if anything; what was written before stays.
-    pub fn finish(mut self, digest: Option<&str>) -> Result<Finished, RecordError> {
+    pub fn finish(mut self, digest: Option<&str>) -> Result<RecordingTotals, RecordError> {
         // A failed hand-over has its reason in the thread's own answer.
         let _ = self.flush();
         drop(self.sender);

@@ -16,7 +16,8 @@ use std::path::{Path, PathBuf};
 /// Largest record or chunk that is read, bytes: no file can make a reader allocate more.
 const RECORD_LIMIT: usize = 1 << 28;
 /// How far messages of several senders may be apart in a file recorded from a network and still
-/// be brought into order, simulated ns.
+/// be brought into order, simulated ns. Zenoh keeps the order of one publisher, not across several;
+/// in lockstep they are a tick apart, in real time as far as a link delays them.
 const REORDER_WINDOW_NS: i64 = 2_000_000_000;
 
 /// A recording of a mission.
@@ -29,14 +30,14 @@ pub struct Recording {
 
 /// How a recording ends.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Ending {
+pub enum RecordingEnd {
     /// It was finished.
-    Whole {
+    Complete {
         /// Digest of the run, if it was known.
         digest: Option<String>,
     },
     /// It was cut short: its program was killed, the disk was full, or a copy broke off.
-    CutShort {
+    Truncated {
         /// Bytes of the file.
         bytes: u64,
         /// Time of the last message that could be read.
@@ -44,12 +45,12 @@ pub enum Ending {
     },
 }
 
-impl Ending {
-    /// What was lost, in words; nothing for a whole recording.
+impl RecordingEnd {
+    /// What was lost, in words; nothing for a complete recording.
     pub fn loss(&self) -> Option<String> {
         match self {
-            Self::Whole { .. } => None,
-            Self::CutShort { bytes, last } => Some(format!(
+            Self::Complete { .. } => None,
+            Self::Truncated { bytes, last } => Some(format!(
                 "the recording was cut short after {bytes} bytes: everything up to {:.2} s of \
                  simulated time is read, what followed is lost",
                 last.s()
@@ -69,11 +70,11 @@ pub fn read_mcap(path: &Path) -> Result<Recording, RecordError> {
         why,
     };
     let mut records = Records::open(path)?;
-    let mut words: Option<BTreeMap<String, String>> = None;
+    let mut entries: Option<BTreeMap<String, String>> = None;
     let mut scenario: Option<String> = None;
-    while words.is_none() || scenario.is_none() {
+    while entries.is_none() || scenario.is_none() {
         match records.next()? {
-            Some(Record::Metadata(m)) if m.name == RUN_METADATA => words = Some(m.metadata),
+            Some(Record::Metadata(m)) if m.name == RUN_METADATA => entries = Some(m.metadata),
             Some(Record::Attachment { header, data, .. }) if header.name == SCENARIO_ATTACHMENT => {
                 let text = String::from_utf8(data.into_owned());
                 scenario = Some(text.map_err(|_| refuse("its scenario is not UTF-8".to_owned()))?);
@@ -85,16 +86,19 @@ pub fn read_mcap(path: &Path) -> Result<Recording, RecordError> {
             None => return Err(refuse("it ends before its scenario".to_owned())),
         }
     }
-    let info = run_info(words.unwrap_or_default(), scenario.unwrap_or_default());
+    let info = run_info(entries.unwrap_or_default(), scenario.unwrap_or_default());
     Ok(Recording {
         path: path.to_owned(),
         info: info.map_err(refuse)?,
     })
 }
 
-fn run_info(mut words: BTreeMap<String, String>, scenario_toml: String) -> Result<RunInfo, String> {
+fn run_info(
+    mut entries: BTreeMap<String, String>,
+    scenario_toml: String,
+) -> Result<RunInfo, String> {
     let mut take = |name: &str| {
-        words
+        entries
             .remove(name)
             .ok_or_else(|| format!("its metadata lacks {name}"))
     };
@@ -110,7 +114,7 @@ fn run_info(mut words: BTreeMap<String, String>, scenario_toml: String) -> Resul
         mission: Name::new(&mission).map_err(|e| e.to_string())?,
         scenario_toml,
         seed: seed.parse().map_err(|_| format!("its seed is '{seed}'"))?,
-        versions: words,
+        versions: entries,
     })
 }
 
@@ -140,8 +144,8 @@ impl Recording {
     ///
     /// # Errors
     /// The file is gone.
-    pub fn in_order(&self) -> Result<InOrder, RecordError> {
-        Ok(InOrder {
+    pub fn in_order(&self) -> Result<OrderedEnvelopes, RecordError> {
+        Ok(OrderedEnvelopes {
             envelopes: self.envelopes()?,
             waiting: BTreeMap::new(),
             ready: VecDeque::new(),
@@ -153,7 +157,7 @@ impl Recording {
     ///
     /// # Errors
     /// A message that cannot be read or comes too late in the file.
-    pub fn digest(&self) -> Result<(String, Ending), RecordError> {
+    pub fn digest(&self) -> Result<(String, RecordingEnd), RecordError> {
         let mut digest = Digest::new();
         let mut messages = self.in_order()?;
         for message in messages.by_ref() {
@@ -172,13 +176,13 @@ pub struct Envelopes {
     index: u64,
     last: SimTime,
     digest: Option<String>,
-    ending: Option<Ending>,
+    ending: Option<RecordingEnd>,
 }
 
 impl Envelopes {
     /// How the recording ends, once all messages have been taken; before, as if cut short here.
-    pub fn ending(&self) -> Ending {
-        self.ending.clone().unwrap_or(Ending::CutShort {
+    pub fn ending(&self) -> RecordingEnd {
+        self.ending.clone().unwrap_or(RecordingEnd::Truncated {
             bytes: self.records.bytes,
             last: self.last,
         })
@@ -245,7 +249,7 @@ impl Iterator for Envelopes {
                     self.digest = m.metadata.get("digest").cloned();
                 }
                 Ok(Some(Record::DataEnd(_))) => {
-                    self.ending = Some(Ending::Whole {
+                    self.ending = Some(RecordingEnd::Complete {
                         digest: self.digest.clone(),
                     });
                 }
@@ -263,7 +267,7 @@ impl Iterator for Envelopes {
 
 /// The messages of a recording in the order of time, sender and sequence. It holds two
 /// simulated seconds of them at a time.
-pub struct InOrder {
+pub struct OrderedEnvelopes {
     envelopes: Envelopes,
     /// The clock's messages are numbered apart from the others of their sender.
     waiting: BTreeMap<(SimTime, AgentId, u64, bool), (Topic, Envelope)>,
@@ -271,9 +275,9 @@ pub struct InOrder {
     given: SimTime,
 }
 
-impl InOrder {
+impl OrderedEnvelopes {
     /// As [`Envelopes::ending`].
-    pub fn ending(&self) -> Ending {
+    pub fn ending(&self) -> RecordingEnd {
         self.envelopes.ending()
     }
 
@@ -286,6 +290,8 @@ impl InOrder {
                 late_s: self.envelopes.last.since_s(envelope.time),
             });
         }
+        // Ordered as agents handle them; one sender and sequence may stand for a message of the clock
+        // and another, since these are numbered apart.
         let of_clock = matches!(topic, Topic::Tick | Topic::Done(_));
         let key = (
             envelope.time,
@@ -308,7 +314,7 @@ impl InOrder {
     }
 }
 
-impl Iterator for InOrder {
+impl Iterator for OrderedEnvelopes {
     type Item = Result<(Topic, Envelope), RecordError>;
 
     fn next(&mut self) -> Option<Self::Item> {
@@ -318,6 +324,7 @@ impl Iterator for InOrder {
                     if let Err(e) = self.take(topic, envelope) {
                         return Some(Err(e));
                     }
+                    // Nothing older than the window may still come, so that what is older is in order.
                     let newest = self.envelopes.last.ns();
                     self.release(SimTime::from_ns(newest.saturating_sub(REORDER_WINDOW_NS)));
                 }
@@ -347,6 +354,7 @@ impl Records {
             source,
         })?;
         let options = LinearReaderOptions::default()
+            // Before a chunk is unpacked: a damaged one is refused whole, not half read.
             .with_prevalidate_chunk_crcs(true)
             .with_validate_data_section_crc(true)
             .with_record_length_limit(RECORD_LIMIT);

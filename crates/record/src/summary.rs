@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 pub const SCHEMA: &str = "plumage.summary/1";
 
 /// A vehicle must have moved this far before the way counts: the jitter of positions is no way, m.
-const LEAST_WAY_M: f64 = 10.0;
+const MIN_LEG_M: f64 = 10.0;
 
 /// The numbers of a plume model, each with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -160,7 +160,7 @@ pub struct ModelSummary {
 
 /// `summary.json`. What is not finite is null.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Summary {
+pub struct MissionSummary {
     /// [`SCHEMA`].
     pub schema: &'static str,
     /// Seed of the run.
@@ -181,7 +181,7 @@ pub struct Summary {
     pub model: ModelSummary,
 }
 
-impl Summary {
+impl MissionSummary {
     /// The text of `summary.json`.
     pub fn to_json(&self) -> String {
         // Plain structs, numbers and text: serde_json has nothing to refuse here.
@@ -191,7 +191,7 @@ impl Summary {
 
 /// What a summary needs and no message says.
 #[derive(Debug, Clone)]
-pub struct Known {
+pub struct SummaryContext {
     /// Seed of the run.
     pub seed: u64,
     /// The site's frame.
@@ -204,10 +204,10 @@ pub struct Known {
     pub peak: Option<Peak>,
 }
 
-/// Builds a [`Summary`] from the messages of a run as they come.
+/// Builds a [`MissionSummary`] from the messages of a run as they come.
 #[derive(Debug, Clone)]
 pub struct Summariser {
-    known: Known,
+    context: SummaryContext,
     last: SimTime,
     vehicles: BTreeMap<String, Vehicle>,
     peak: Option<Peak>,
@@ -217,20 +217,20 @@ pub struct Summariser {
 #[derive(Debug, Clone)]
 struct Vehicle {
     kind: VehicleKind,
-    way_m: f64,
-    mark: Option<(Geodetic, f64)>,
+    distance_m: f64,
+    last_counted: Option<(Geodetic, f64)>,
     peak: Option<(SimTime, Reading)>,
 }
 
 impl Summariser {
     /// A summariser that has heard nothing yet.
-    pub fn new(known: Known) -> Self {
+    pub fn new(context: SummaryContext) -> Self {
         Self {
             last: SimTime::ZERO,
             vehicles: BTreeMap::new(),
             peak: None,
-            after: known.before,
-            known,
+            after: context.before,
+            context,
         }
     }
 
@@ -239,7 +239,7 @@ impl Summariser {
         self.last = self.last.max(envelope.time);
         match (topic, &envelope.message) {
             (Topic::State(id), Message::State(state)) => {
-                let frame = self.known.frame;
+                let frame = self.context.frame;
                 self.vehicle(id.as_str(), state.kind).moved(&frame, state);
             }
             (Topic::Reading(id), Message::Reading(reading)) => {
@@ -255,8 +255,8 @@ impl Summariser {
     fn vehicle(&mut self, id: &str, kind: VehicleKind) -> &mut Vehicle {
         let vehicle = self.vehicles.entry(id.to_owned()).or_insert(Vehicle {
             kind,
-            way_m: 0.0,
-            mark: None,
+            distance_m: 0.0,
+            last_counted: None,
             peak: None,
         });
         vehicle.kind = kind;
@@ -264,15 +264,17 @@ impl Summariser {
     }
 
     /// The summary of what was taken in so far.
-    pub fn summary(&self, digest: &str, wall_s: f64) -> Summary {
+    pub fn summary(&self, digest: &str, wall_s: f64) -> MissionSummary {
         let sim_s = self.last.s();
-        let error_m = match (self.peak, self.known.peak) {
-            (Some(found), Some(truth)) => Some(peak_distance_m(&self.known.frame, &found, &truth)),
+        let error_m = match (self.peak, self.context.peak) {
+            (Some(found), Some(truth)) => {
+                Some(peak_distance_m(&self.context.frame, &found, &truth))
+            }
             _ => None,
         };
-        Summary {
+        MissionSummary {
             schema: SCHEMA,
-            seed: self.known.seed,
+            seed: self.context.seed,
             digest: digest.to_owned(),
             sim_s,
             wall_s,
@@ -280,13 +282,13 @@ impl Summariser {
             vehicles: self.vehicles.iter().map(|(id, v)| v.summary(id)).collect(),
             peak: PeakSummary {
                 estimate: self.peak,
-                truth: self.known.peak,
+                truth: self.context.peak,
                 error_m,
             },
             model: ModelSummary {
-                before: self.known.before,
+                before: self.context.before,
                 after: self.after,
-                reality: self.known.reality,
+                reality: self.context.reality,
             },
         }
     }
@@ -298,14 +300,16 @@ impl Vehicle {
             lat_deg: state.lat_deg,
             lon_deg: state.lon_deg,
         };
-        match self.mark {
-            None => self.mark = Some((here, state.alt_amsl_m)),
+        // Legs of a fixed least length: the sum over all positions would grow with their noise even
+        // while a vehicle stands (as coastlines do with the scale, Richardson 1961).
+        match self.last_counted {
+            None => self.last_counted = Some((here, state.alt_amsl_m)),
             Some((there, alt)) => {
                 let flat = frame.to_enu(here).distance_m(frame.to_enu(there));
                 let way = flat.hypot(state.alt_amsl_m - alt);
-                if way >= LEAST_WAY_M {
-                    self.way_m += way;
-                    self.mark = Some((here, state.alt_amsl_m));
+                if way >= MIN_LEG_M {
+                    self.distance_m += way;
+                    self.last_counted = Some((here, state.alt_amsl_m));
                 }
             }
         }
@@ -323,7 +327,7 @@ impl Vehicle {
         VehicleSummary {
             id: id.to_owned(),
             kind: self.kind,
-            distance_m: self.way_m,
+            distance_m: self.distance_m,
             peak_ppm: peak.map(|(_, r)| r.co2_ppm),
             peak_time_s: peak.map(|(t, _)| t.s()),
             peak_lat_deg: peak.map(|(_, r)| r.lat_deg),
@@ -334,7 +338,7 @@ impl Vehicle {
 }
 
 /// Distance between two peaks, height included, m.
-pub fn peak_distance_m(frame: &LocalFrame, a: &Peak, b: &Peak) -> f64 {
+fn peak_distance_m(frame: &LocalFrame, a: &Peak, b: &Peak) -> f64 {
     let enu = |p: &Peak| {
         frame.to_enu(Geodetic {
             lat_deg: p.lat_deg,

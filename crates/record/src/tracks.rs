@@ -7,20 +7,20 @@ use std::collections::BTreeMap;
 /// A series in time that never holds more than a given number of items: when it is full, every
 /// second one goes and from then on only half as many are taken.
 #[derive(Debug, Clone)]
-pub struct Thinned<T> {
+pub struct DecimatedSeries<T> {
     items: Vec<T>,
-    most: usize,
-    gap_ns: i64,
+    capacity: usize,
+    interval_ns: i64,
     next: SimTime,
 }
 
-impl<T> Thinned<T> {
-    /// At most `most` items (at least 2), at first one every `gap_s` simulated seconds.
-    pub fn new(most: usize, gap_s: f64) -> Self {
+impl<T> DecimatedSeries<T> {
+    /// At most `capacity` items (at least 2), at first one every `interval_s` simulated seconds.
+    pub fn new(capacity: usize, interval_s: f64) -> Self {
         Self {
             items: Vec::new(),
-            most: most.max(2),
-            gap_ns: SimTime::from_s(gap_s).ns().max(1),
+            capacity: capacity.max(2),
+            interval_ns: SimTime::from_s(interval_s).ns().max(1),
             next: SimTime::ZERO,
         }
     }
@@ -35,16 +35,18 @@ impl<T> Thinned<T> {
         if !self.wants(time) {
             return;
         }
-        if self.items.len() == self.most {
+        // Memory and what a page draws stay bounded however long a mission lasts, and the spacing stays
+        // even over all of it, which dropping the oldest would not give.
+        if self.items.len() == self.capacity {
             let mut keep = false;
             self.items.retain(|_| {
                 keep = !keep;
                 keep
             });
-            self.gap_ns = self.gap_ns.saturating_mul(2);
+            self.interval_ns = self.interval_ns.saturating_mul(2);
         }
         self.items.push(item);
-        self.next = SimTime::from_ns(time.ns().saturating_add(self.gap_ns));
+        self.next = SimTime::from_ns(time.ns().saturating_add(self.interval_ns));
     }
 
     /// What was kept, in order of time.
@@ -83,27 +85,27 @@ impl TrackPoint {
 
 /// The track of one vehicle.
 #[derive(Debug, Clone)]
-pub struct Track {
+pub struct VehicleTrack {
     /// Simulated or real.
     pub kind: VehicleKind,
     /// Its points.
-    pub points: Thinned<TrackPoint>,
+    pub points: DecimatedSeries<TrackPoint>,
 }
 
 /// The tracks of all vehicles, filled from readings.
 #[derive(Debug, Clone)]
 pub struct Tracks {
-    most: usize,
-    gap_s: f64,
-    by_vehicle: BTreeMap<String, Track>,
+    capacity: usize,
+    interval_s: f64,
+    by_vehicle: BTreeMap<String, VehicleTrack>,
 }
 
 impl Tracks {
-    /// At most `most` points a vehicle, at first one every `gap_s` simulated seconds.
-    pub fn new(most: usize, gap_s: f64) -> Self {
+    /// At most `capacity` points a vehicle, at first one every `interval_s` simulated seconds.
+    pub fn new(capacity: usize, interval_s: f64) -> Self {
         Self {
-            most,
-            gap_s,
+            capacity,
+            interval_s,
             by_vehicle: BTreeMap::new(),
         }
     }
@@ -118,9 +120,9 @@ impl Tracks {
             track.kind = reading.kind;
             track.points.push(envelope.time, point);
         } else {
-            let mut points = Thinned::new(self.most, self.gap_s);
+            let mut points = DecimatedSeries::new(self.capacity, self.interval_s);
             points.push(envelope.time, point);
-            let track = Track {
+            let track = VehicleTrack {
                 kind: reading.kind,
                 points,
             };
@@ -129,7 +131,7 @@ impl Tracks {
     }
 
     /// The tracks by vehicle.
-    pub fn by_vehicle(&self) -> &BTreeMap<String, Track> {
+    pub fn by_vehicle(&self) -> &BTreeMap<String, VehicleTrack> {
         &self.by_vehicle
     }
 }
@@ -140,13 +142,13 @@ mod tests {
 
     proptest::proptest! {
         #[test]
-        fn bounded_ordered_and_even(most in 2usize..50, steps in 1usize..3000) {
-            let mut kept = Thinned::new(most, 1.0);
+        fn bounded_ordered_and_even(capacity in 2usize..50, steps in 1usize..3000) {
+            let mut kept = DecimatedSeries::new(capacity, 1.0);
             for s in 0..steps {
                 kept.push(SimTime::from_s(s as f64), s);
             }
             let items = kept.items();
-            proptest::prop_assert!(items.len() <= most && items[0] == 0);
+            proptest::prop_assert!(items.len() <= capacity && items[0] == 0);
             // Gaps differ by no more than the last doubling, and the end is not far.
             let gaps: Vec<usize> = items.windows(2).map(|w| w[1] - w[0]).collect();
             if let (Some(least), Some(greatest)) = (gaps.iter().min(), gaps.iter().max()) {

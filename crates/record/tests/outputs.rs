@@ -7,17 +7,17 @@ use kml::{Kml, KmlReader};
 use protocol::key::Name;
 use protocol::message::{Message, Peak, VehicleKind};
 use protocol::{Envelope, SimTime, Topic};
-use record::kml::{Stack, Surroundings, document};
-use record::summary::{CORRECTED, Known, ModelNumbers, Summariser};
+use record::kml::{MapFeatures, StackMarker, document};
+use record::summary::{CORRECTED, ModelNumbers, Summariser, SummaryContext};
+use record::text;
 use record::tracks::Tracks;
-use record::words;
 
 fn numbers(axis_deg: f64, height_m: f64) -> ModelNumbers {
     ModelNumbers::from(&synthetic::model(axis_deg, height_m, 410.0, 0))
 }
 
-fn known() -> Known {
-    Known {
+fn known() -> SummaryContext {
+    SummaryContext {
         seed: 7,
         frame: synthetic::frame(),
         before: numbers(130.0, 450.0),
@@ -82,7 +82,7 @@ fn the_summary_has_the_fields_of_its_schema() {
         assert_eq!(vehicle.peak_ppm, Some(highest));
     }
     assert!((summary.real_time_factor - 599.9 / 2.0).abs() < 1e-9);
-    let text = words::summary(&summary);
+    let text = text::summary(&summary);
     assert!(text.contains("5 simulated and 1 real"), "{text}");
     assert!(
         text.contains("axis (towards)      130.0 ->   118.0"),
@@ -126,7 +126,7 @@ fn an_angle_is_compared_the_short_way_round() {
 
 #[test]
 fn a_mission_without_real_vehicle_or_peak_has_words_and_nulls() {
-    let summary = Summariser::new(Known {
+    let summary = Summariser::new(SummaryContext {
         reality: None,
         peak: None,
         ..known()
@@ -134,7 +134,7 @@ fn a_mission_without_real_vehicle_or_peak_has_words_and_nulls() {
     .summary("", 0.0);
     let json: serde_json::Value = serde_json::from_str(&summary.to_json()).unwrap();
     assert!(json["model"]["reality"].is_null() && json["real_time_factor"].is_null());
-    let text = words::summary(&summary);
+    let text = text::summary(&summary);
     assert!(
         text.contains("no peak") && text.contains("no real vehicle"),
         "{text}"
@@ -148,9 +148,9 @@ fn kml_reads_back_with_a_folder_a_vehicle() {
         tracks.take(&topic, &envelope);
     }
     // A name that XML would trip over.
-    let around = Surroundings {
+    let around = MapFeatures {
         mission: "a < b & \"c\"".to_owned(),
-        stacks: vec![Stack {
+        stacks: vec![StackMarker {
             name: "As Pontes".to_owned(),
             lat_deg: 43.4417,
             lon_deg: -7.8631,

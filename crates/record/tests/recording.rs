@@ -7,7 +7,7 @@ mod synthetic;
 use protocol::digest::Digest;
 use protocol::key::Name;
 use protocol::{Message, SimTime};
-use record::recording::Ending;
+use record::recording::RecordingEnd;
 use record::{RecordError, Recorder, RunInfo, ThreadedRecorder, read_mcap};
 use std::collections::BTreeMap;
 use std::fs;
@@ -55,7 +55,7 @@ fn what_was_recorded_is_read_back_bit_for_bit() {
     let said: Vec<_> = synthetic::mission(200).collect();
     assert_eq!(read.unwrap(), said);
     let digest = digest_of_mission(200);
-    let ending = Ending::Whole {
+    let ending = RecordingEnd::Complete {
         digest: Some(digest.clone()),
     };
     assert_eq!(recording.digest().unwrap(), (digest, ending));

@@ -36,7 +36,7 @@ impl Airspace {
     pub fn of(scenario: &Scenario) -> Result<Self, ScError> {
         let frame = scenario.frame()?;
         let fence = &scenario.fence;
-        let stack = |s: &scenario::tables::Source| {
+        let stack = |s: &scenario::tables::SourceTable| {
             frame.to_enu(Geodetic {
                 lat_deg: s.lat_deg,
                 lon_deg: s.lon_deg,

@@ -5,7 +5,7 @@ use csea::{
     Archive, ArchiveOptions, CsEaOptions, Domain, Position, Sample, SearchStrategy,
     strategy_by_name,
 };
-use plume::{World, WorldSpec};
+use plume::{DispersionModel, DispersionSpec};
 use protocol::key::Name;
 use protocol::message::{
     Mode, Model, Observation, Peak, Phase, Plan, Population, Reading, Severity, VehicleKind as Kind,
@@ -14,7 +14,7 @@ use protocol::{Agent, AgentId, Envelope, Event, Interest, Message, Outbox, SimTi
 use rand::rngs::ChaCha8Rng;
 use scenario::Scenario;
 use scenario::random::stream;
-use scenario::tables::{Search, VehicleKind};
+use scenario::tables::{SearchTable, VehicleKind};
 use scenario::world::OFF_HEIGHT_M;
 
 use crate::ScError;
@@ -45,10 +45,10 @@ pub struct SquadronController {
     id: AgentId,
     pub(crate) fleet: Fleet,
     pub(crate) tasks: Tasks,
-    pub(crate) base: WorldSpec,
+    pub(crate) base: DispersionSpec,
     pub(crate) model: Option<Model>,
     pub(crate) range: Range,
-    pub(crate) search: Search,
+    pub(crate) search: SearchTable,
     pub(crate) duration_s: f64,
     pub(crate) phase: Phase,
     pub(crate) rng: ChaCha8Rng,
@@ -57,7 +57,7 @@ pub struct SquadronController {
     /// Readings of real vehicles alone: the witnesses of the peak.
     real_archive: Archive,
     gap: Option<LiveGap>,
-    world: Option<World>,
+    world: Option<DispersionModel>,
     peak: Option<Highest>,
     generation: u64,
     next_decision: SimTime,
@@ -81,7 +81,7 @@ impl SquadronController {
     /// nowhere to fly.
     pub fn new(scenario: &Scenario) -> Result<Self, ScError> {
         let airspace = Airspace::of(scenario)?;
-        let base = scenario.world_spec()?;
+        let base = scenario.dispersion_spec()?;
         let separation = Separation {
             distance_m: scenario.fence.separation_m + OFF_TRACK_M,
             height_m: scenario.fence.separation_height_m + OFF_HEIGHT_M,
@@ -110,7 +110,7 @@ impl SquadronController {
                 airspeed_m_s: scenario.search.airspeed_m_s,
                 vehicles,
             },
-            world: World::new(base.clone()).ok(),
+            world: DispersionModel::new(base.clone()).ok(),
             base,
             model: None,
             range,
@@ -445,7 +445,7 @@ impl SquadronController {
 /// rise has the highest.
 fn team(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<Vehicle>, ScError> {
     let layers = scenario.layers_amsl_m();
-    let vehicle = |(k, v): (usize, &scenario::tables::Vehicle)| {
+    let vehicle = |(k, v): (usize, &scenario::tables::VehicleTable)| {
         let at = airspace.frame().to_enu(scenario.home(k)?);
         Ok(Vehicle::new(
             Name::new(&v.id)?,

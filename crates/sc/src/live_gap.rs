@@ -9,7 +9,7 @@ use gap::verdict::Verdict;
 use protocol::SimTime;
 use protocol::message::{Extension, MechanismSetting, Reading};
 use scenario::Scenario;
-use scenario::observations::{Observation, Observations};
+use scenario::observations::{ObservationRow, Observations};
 
 /// Rows that are kept; when there are more, every second one goes and from then on only half as
 /// many are taken, until they are so far apart that the air between them would be unknown. Then the
@@ -62,7 +62,7 @@ impl LiveGap {
             return;
         }
         self.last_s[platform] = time.s();
-        self.observations.rows.push(Observation {
+        self.observations.rows.push(ObservationRow {
             time_s: time.s(),
             platform,
             lat_deg: reading.lat_deg,

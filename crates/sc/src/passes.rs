@@ -7,7 +7,7 @@
 
 use air::geo::Enu;
 use csea::Position;
-use plume::WorldSpec;
+use plume::DispersionSpec;
 use plume::sigma::{sigma_y_m, sigma_z_m};
 use protocol::message::Model;
 
@@ -50,7 +50,7 @@ pub struct Belief {
 
 impl Belief {
     /// What a model says.
-    pub fn of(model: &Model, base: &WorldSpec) -> Self {
+    pub fn of(model: &Model, base: &DispersionSpec) -> Self {
         let [y, z] = [&model.sigma_y_scale, &model.sigma_z_scale]
             .map(|s| (s.value + s.sd).clamp(LEAST_FACTOR, GREATEST_FACTOR));
         Self {
@@ -65,7 +65,7 @@ impl Belief {
     }
 
     /// Spread (σy, σz) at a distance, generously, m.
-    pub fn sigmas_m(&self, base: &WorldSpec, distance_m: f64) -> (f64, f64) {
+    pub fn sigmas_m(&self, base: &DispersionSpec, distance_m: f64) -> (f64, f64) {
         (
             self.sigma_factors.0 * sigma_y_m(distance_m, base.stability, base.setting),
             self.sigma_factors.1 * sigma_z_m(distance_m, base.stability, base.setting),
@@ -165,7 +165,7 @@ impl Range {
 pub fn plan(
     kind: PassKind,
     belief: &Belief,
-    base: &WorldSpec,
+    base: &DispersionSpec,
     airspace: &Airspace,
     range: Range,
     margin_m: f64,
@@ -199,7 +199,7 @@ pub fn plan(
 
 fn across_ends(
     belief: &Belief,
-    base: &WorldSpec,
+    base: &DispersionSpec,
     airspace: &Airspace,
     distance_m: f64,
     margin_m: f64,

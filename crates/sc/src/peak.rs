@@ -3,7 +3,7 @@
 use air::geo::Enu;
 use air::wind::{WindProfile, towards_deg};
 use csea::Position;
-use plume::{Columns, Place, Strength, World, WorldSpec};
+use plume::{DispersionModel, DispersionSpec, Place, PlaceColumns, Strength};
 use protocol::message::Model;
 
 use crate::airspace::Airspace;
@@ -36,7 +36,7 @@ pub struct Highest {
 /// A look along circles around each stack finds the basin (1° apart, which is less than σy of
 /// any class), a pattern search (Hooke and Jeeves 1961) around the circle, along the radius and
 /// in height refines to 0.1 m.
-pub fn highest(world: &World, airspace: &Airspace, time_s: f64) -> Option<Highest> {
+pub fn highest(world: &DispersionModel, airspace: &Airspace, time_s: f64) -> Option<Highest> {
     let looks = airspace
         .stacks()
         .iter()
@@ -66,7 +66,12 @@ impl Look {
 }
 
 /// Mean mole fraction at a place of an airspace, ppm.
-pub fn mean_ppm(world: &World, airspace: &Airspace, position: Position, time_s: f64) -> f64 {
+pub fn mean_ppm(
+    world: &DispersionModel,
+    airspace: &Airspace,
+    position: Position,
+    time_s: f64,
+) -> f64 {
     let place = Place {
         east_m: position.at.east_m,
         north_m: position.at.north_m,
@@ -75,7 +80,12 @@ pub fn mean_ppm(world: &World, airspace: &Airspace, position: Position, time_s: 
     world.mean_ppm(&place, time_s)
 }
 
-fn first_look(world: &World, airspace: &Airspace, stack: Enu, time_s: f64) -> Option<Look> {
+fn first_look(
+    world: &DispersionModel,
+    airspace: &Airspace,
+    stack: Enu,
+    time_s: f64,
+) -> Option<Look> {
     let (floor_m, ceiling_m) = airspace.height_band_amsl_m();
     let height = |k: usize| floor_m + (ceiling_m - floor_m) * k as f64 / (HEIGHTS - 1) as f64;
     let nearest_m = airspace.keep_out_m().max(NEAREST_M);
@@ -103,14 +113,14 @@ fn first_look(world: &World, airspace: &Airspace, stack: Enu, time_s: f64) -> Op
         .reduce(|best, l| if l.co2_ppm > best.co2_ppm { l } else { best })
 }
 
-fn fill(world: &World, airspace: &Airspace, looks: &mut [Look], time_s: f64) {
+fn fill(world: &DispersionModel, airspace: &Airspace, looks: &mut [Look], time_s: f64) {
     let at: Vec<Position> = looks.iter().map(Look::position).collect();
     let ground_m = airspace.frame().ground_amsl_m;
     let column = |f: &dyn Fn(&Position) -> f64| at.iter().map(f).collect::<Vec<f64>>();
     let east_m = column(&|p| p.at.east_m);
     let north_m = column(&|p| p.at.north_m);
     let height_agl_m = column(&|p| p.height_m - ground_m);
-    let places = Columns {
+    let places = PlaceColumns {
         east_m: &east_m,
         north_m: &north_m,
         height_agl_m: &height_agl_m,
@@ -124,7 +134,7 @@ fn fill(world: &World, airspace: &Airspace, looks: &mut [Look], time_s: f64) {
     }
 }
 
-fn refined(world: &World, airspace: &Airspace, first: Look, time_s: f64) -> Highest {
+fn refined(world: &DispersionModel, airspace: &Airspace, first: Look, time_s: f64) -> Highest {
     let mut best = first;
     let mut step_m = 40.0;
     while step_m > FINEST_M {
@@ -160,7 +170,7 @@ fn refined(world: &World, airspace: &Airspace, first: Look, time_s: f64) -> High
 
 /// The world of `base` as the world simulator's `model` has corrected it; `base` itself where the
 /// model cannot be.
-pub fn corrected(base: &WorldSpec, model: &Model) -> Option<World> {
+pub fn corrected(base: &DispersionSpec, model: &Model) -> Option<DispersionModel> {
     let mut spec = base.clone();
     spec.background_ppm = model.background_ppm.value;
     let first = spec.sources.first_mut()?;
@@ -185,5 +195,5 @@ pub fn corrected(base: &WorldSpec, model: &Model) -> Option<World> {
             spec.mechanisms.push(mechanism);
         }
     }
-    World::new(spec).ok()
+    DispersionModel::new(spec).ok()
 }

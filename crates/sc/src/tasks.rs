@@ -499,7 +499,7 @@ impl SquadronController {
 
 impl Belief {
     /// What the scenario says before anything was measured.
-    pub(crate) fn of_base(base: &plume::WorldSpec) -> Self {
+    pub(crate) fn of_base(base: &plume::DispersionSpec) -> Self {
         let first = base.sources.first();
         Self {
             source: first.map_or(Enu::default(), |s| s.place),

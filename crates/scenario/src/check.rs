@@ -1,6 +1,8 @@
 //! What a scenario must hold, checked once, with the line of what is wrong.
 
-use crate::tables::{Fence, Mission, Scenario, Source, Vehicle, VehicleKind, Weather};
+use crate::tables::{
+    FenceTable, MissionTable, Scenario, SourceTable, VehicleKind, VehicleTable, WeatherTable,
+};
 use crate::{ScenarioError, line_and_column, uncertain};
 use std::collections::BTreeSet;
 use toml::de::{DeTable, DeValue};
@@ -36,7 +38,8 @@ impl Scenario {
     pub fn parse(file: &str, text: &str) -> Result<Self, ScenarioError> {
         let scenario: Self = toml::from_str(text).map_err(|e| syntax(file, text, &e))?;
         let world = scenario.check().and_then(|()| {
-            // The reality is checked as the whole scenario that it makes.
+            // The reality is checked as the whole scenario that it makes: its keys may be right by
+            // themselves and wrong beside those that the scenario keeps.
             scenario.reality_scenario()?.check()
         });
         world.map_err(|refusal| place(file, text, refusal))?;
@@ -158,7 +161,7 @@ impl Scenario {
     }
 }
 
-fn mission(mission: &Mission) -> Checked {
+fn mission(mission: &MissionTable) -> Checked {
     let name = &mission.name;
     let fits = (1..=32).contains(&name.len())
         && name
@@ -187,7 +190,7 @@ fn mission(mission: &Mission) -> Checked {
     )
 }
 
-fn weather(weather: &Weather) -> Checked {
+fn weather(weather: &WeatherTable) -> Checked {
     within(
         "weather.wind_speed_m_s",
         weather.wind_speed_m_s,
@@ -244,7 +247,7 @@ fn weather(weather: &Weather) -> Checked {
     )
 }
 
-fn check_source(k: usize, source: &Source) -> Checked {
+fn check_source(k: usize, source: &SourceTable) -> Checked {
     let key = |name: &str| format!("source.{k}.{name}");
     within(
         key("lat_deg"),
@@ -315,7 +318,7 @@ fn check_source(k: usize, source: &Source) -> Checked {
     }
 }
 
-fn vehicles(vehicles: &[Vehicle]) -> Checked {
+fn vehicles(vehicles: &[VehicleTable]) -> Checked {
     let mut seen = BTreeSet::new();
     if vehicles.is_empty() {
         return Err(Refusal::new("vehicle", "none", "at least one [[vehicle]]"));
@@ -346,7 +349,7 @@ fn vehicles(vehicles: &[Vehicle]) -> Checked {
 }
 
 /// What a vehicle has beside its id.
-fn equipment(k: usize, vehicle: &Vehicle) -> Checked {
+fn equipment(k: usize, vehicle: &VehicleTable) -> Checked {
     if vehicle.kind == VehicleKind::Mavlink && vehicle.link.is_none() {
         return Err(Refusal::new(
             format!("vehicle.{k}"),
@@ -399,7 +402,7 @@ fn host_and_port(key: &str, address: &str) -> Checked {
     }
 }
 
-fn fence(fence: &Fence) -> Checked {
+fn fence(fence: &FenceTable) -> Checked {
     if matches!(fence.polygon.len(), 1 | 2) {
         return Err(Refusal::new(
             "fence.polygon",

@@ -3,8 +3,8 @@
 //! Header names are fixed, their order is free. Required columns are `time_s`, `platform`,
 //! `lat_deg`, `lon_deg`, `alt_amsl_m` and `co2_ppm`; optional ones are `wind_speed_m_s`,
 //! `wind_from_deg`, `temperature_c`, `relative_humidity_pct`, `pressure_hpa` and `sd_ppm`.
-//! An empty cell, or one that says `nan`, is missing. Any other column is kept aside as text
-//! ([`Observations::aside`]) and a notice says so.
+//! An empty cell, or one that says `nan`, is missing. Any other column is kept as text
+//! ([`Observations::extra`]) and a notice says so.
 //!
 //! Several files are joined: they share `time_s`, and a platform of the same name in two
 //! files is the same platform. Within one file the rows of one platform must be in order of
@@ -46,7 +46,7 @@ const OPTIONAL: [&str; 6] = [
 
 /// One row: a reading, or the place where one is missing.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Observation {
+pub struct ObservationRow {
     /// Time shared by all files of one call, s; finite, any zero.
     pub time_s: f64,
     /// Index into [`Observations::platforms`].
@@ -75,7 +75,7 @@ pub struct Observation {
 
 /// A column that the contract does not name, as text.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct AsideColumn {
+pub struct ExtraColumn {
     /// Header of the column.
     pub name: String,
     /// One cell a row of [`Observations::rows`]; empty where a file lacks the column.
@@ -86,13 +86,13 @@ pub struct AsideColumn {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Observations {
     /// The rows.
-    pub rows: Vec<Observation>,
+    pub rows: Vec<ObservationRow>,
     /// Names of the platforms, in order of their first appearance.
     pub platforms: Vec<String>,
     /// What the reader should be told although it is no error.
     pub notices: Vec<String>,
-    /// Columns kept aside, in order of their first appearance.
-    pub aside: Vec<AsideColumn>,
+    /// Columns that the contract does not name, in order of their first appearance.
+    pub extra: Vec<ExtraColumn>,
 }
 
 /// Parses and joins the CSV texts of `files`, each a (name, text) pair; the name serves the
@@ -106,7 +106,7 @@ pub fn parse(files: &[(&str, &str)]) -> Result<Observations, ObservationError> {
     if files.is_empty() {
         return Err(ObservationError::NoFile);
     }
-    let mut join = Join::default();
+    let mut join = FileJoin::default();
     for (index, (name, text)) in files.iter().enumerate() {
         join.file(index, name, text)?;
     }
@@ -114,32 +114,33 @@ pub fn parse(files: &[(&str, &str)]) -> Result<Observations, ObservationError> {
 }
 
 /// A row on its way into [`Observations`], with where it stood.
-struct Placed {
-    row: Observation,
+struct LocatedRow {
+    row: ObservationRow,
     file: usize,
     line: u64,
-    aside: Vec<(usize, String)>,
+    extra: Vec<(usize, String)>,
 }
 
 #[derive(Default)]
-struct Join {
-    rows: Vec<Placed>,
+struct FileJoin {
+    rows: Vec<LocatedRow>,
     platforms: Vec<String>,
     platform_index: BTreeMap<String, usize>,
     notices: Vec<String>,
-    aside_names: Vec<String>,
+    extra_names: Vec<String>,
 }
 
 /// Where the columns of one file are.
 struct Columns {
     required: [usize; 6],
     optional: [Option<usize>; 6],
-    /// (cell of the record, index into the aside columns)
-    aside: Vec<(usize, usize)>,
+    /// (cell of the record, index into the extra columns)
+    extra: Vec<(usize, usize)>,
 }
 
-impl Join {
+impl FileJoin {
     fn file(&mut self, index: usize, name: &str, text: &str) -> Result<(), ObservationError> {
+        // Spreadsheet programs begin UTF-8 files with a byte order mark; it is no part of the header.
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         if text.trim().is_empty() {
             return Err(ObservationError::Empty { file: name.into() });
@@ -156,23 +157,23 @@ impl Join {
         for record in reader.records() {
             let record = record.map_err(|e| line_error(name, &e))?;
             let line = record.position().map_or(0, csv::Position::line);
-            let cells = Cells {
+            let cells = RecordCells {
                 file: name,
                 line,
                 record: &record,
             };
             if let Some(row) = self.row(&cells, &columns, &mut tally, &mut last)? {
-                let aside = columns
-                    .aside
+                let extra = columns
+                    .extra
                     .iter()
-                    .map(|&(cell, aside)| (aside, record.get(cell).unwrap_or("").to_owned()))
+                    .map(|&(cell, extra)| (extra, record.get(cell).unwrap_or("").to_owned()))
                     .filter(|(_, cell)| !cell.is_empty())
                     .collect();
-                self.rows.push(Placed {
+                self.rows.push(LocatedRow {
                     row,
                     file: index,
                     line,
-                    aside,
+                    extra,
                 });
             }
         }
@@ -208,17 +209,17 @@ impl Join {
                 .ok_or_else(|| missing_column(file, line, name, header))?;
         }
         let optional = OPTIONAL.map(|name| at.get(name).copied());
-        let mut aside = Vec::new();
+        let mut extra = Vec::new();
         for (cell, name) in header.iter().enumerate() {
             if REQUIRED.contains(&name) || OPTIONAL.contains(&name) {
                 continue;
             }
-            let known = self.aside_names.iter().position(|n| n == name);
+            let known = self.extra_names.iter().position(|n| n == name);
             let index = known.unwrap_or_else(|| {
-                self.aside_names.push(name.into());
-                self.aside_names.len() - 1
+                self.extra_names.push(name.into());
+                self.extra_names.len() - 1
             });
-            aside.push((cell, index));
+            extra.push((cell, index));
             self.notices.push(format!(
                 "{file}: column \"{name}\" is not one of the contract's and is kept aside unused"
             ));
@@ -226,17 +227,17 @@ impl Join {
         Ok(Columns {
             required,
             optional,
-            aside,
+            extra,
         })
     }
 
     fn row(
         &mut self,
-        cells: &Cells<'_>,
+        cells: &RecordCells<'_>,
         columns: &Columns,
         tally: &mut Tally,
         last: &mut BTreeMap<usize, f64>,
-    ) -> Result<Option<Observation>, ObservationError> {
+    ) -> Result<Option<ObservationRow>, ObservationError> {
         let [time, platform, lat, lon, alt, co2] = columns.required;
         let time_s = cells
             .number(time, "time_s", A_TIME, tally)?
@@ -274,7 +275,7 @@ impl Join {
             pressure_hpa,
             sd_ppm,
         ] = more;
-        Ok(Some(Observation {
+        Ok(Some(ObservationRow {
             time_s,
             platform,
             lat_deg,
@@ -302,7 +303,9 @@ impl Join {
 
     fn finish(mut self, files: &[(&str, &str)]) -> Result<Observations, ObservationError> {
         let names = || files.iter().map(|f| f.0).collect::<Vec<_>>().join(", ");
-        let order = |p: &Placed| (p.row.time_s, p.row.platform);
+        // The sort is stable: rows of one time and platform stay in the order of the files, so that
+        // what is said of a repeated row names the later one.
+        let order = |p: &LocatedRow| (p.row.time_s, p.row.platform);
         self.rows.sort_by(|a, b| {
             order(a)
                 .partial_cmp(&order(b))
@@ -315,47 +318,47 @@ impl Join {
                 rows: self.rows.len(),
             });
         }
-        let mut aside: Vec<AsideColumn> = self
-            .aside_names
+        let mut extra: Vec<ExtraColumn> = self
+            .extra_names
             .into_iter()
-            .map(|name| AsideColumn {
+            .map(|name| ExtraColumn {
                 name,
                 cells: vec![String::new(); self.rows.len()],
             })
             .collect();
-        for (index, placed) in self.rows.iter_mut().enumerate() {
-            for (column, cell) in placed.aside.drain(..) {
-                aside[column].cells[index] = cell;
+        for (index, located) in self.rows.iter_mut().enumerate() {
+            for (column, cell) in located.extra.drain(..) {
+                extra[column].cells[index] = cell;
             }
         }
         Ok(Observations {
             rows: self.rows.into_iter().map(|p| p.row).collect(),
             platforms: self.platforms,
             notices: self.notices,
-            aside,
+            extra,
         })
     }
 
     /// After sorting: drops rows that say the same twice, refuses those that disagree.
     fn drop_repeated(&mut self, files: &[(&str, &str)]) -> Result<(), ObservationError> {
-        let mut kept: Vec<Placed> = Vec::with_capacity(self.rows.len());
+        let mut kept: Vec<LocatedRow> = Vec::with_capacity(self.rows.len());
         let mut dropped = 0_usize;
-        for placed in std::mem::take(&mut self.rows) {
+        for located in std::mem::take(&mut self.rows) {
             let Some(before) = kept.last().filter(|k| {
-                k.row.time_s == placed.row.time_s && k.row.platform == placed.row.platform
+                k.row.time_s == located.row.time_s && k.row.platform == located.row.platform
             }) else {
-                kept.push(placed);
+                kept.push(located);
                 continue;
             };
-            if before.row == placed.row {
+            if before.row == located.row {
                 dropped += 1;
                 continue;
             }
             return Err(ObservationError::TimeRepeated {
-                file: files[placed.file].0.into(),
-                line: placed.line,
-                platform: self.platforms[placed.row.platform].clone(),
-                time_s: placed.row.time_s.to_string(),
+                file: files[located.file].0.into(),
+                line: located.line,
+                platform: self.platforms[located.row.platform].clone(),
+                time_s: located.row.time_s.to_string(),
                 first: format!("{}, line {}", files[before.file].0, before.line),
             });
         }
@@ -398,13 +401,13 @@ impl Tally {
 }
 
 /// One record with where it stands.
-struct Cells<'a> {
+struct RecordCells<'a> {
     file: &'a str,
     line: u64,
     record: &'a StringRecord,
 }
 
-impl Cells<'_> {
+impl RecordCells<'_> {
     /// The optional columns in the order of [`OPTIONAL`].
     fn optional(
         &self,
@@ -499,9 +502,9 @@ fn line_error(file: &str, error: &csv::Error) -> ObservationError {
 
 impl Observations {
     /// These observations as CSV text that [`parse`] reads back to the same rows. Optional
-    /// columns appear only where some row has them; columns kept aside come last.
+    /// columns appear only where some row has them; extra columns come last.
     pub fn to_csv(&self) -> String {
-        let optional: [fn(&Observation) -> Option<f64>; 6] = [
+        let optional: [fn(&ObservationRow) -> Option<f64>; 6] = [
             |r| r.wind_speed_m_s,
             |r| r.wind_from_deg,
             |r| r.temperature_c,
@@ -514,7 +517,7 @@ impl Observations {
             .collect();
         let mut header: Vec<&str> = REQUIRED.to_vec();
         header.extend(present.iter().map(|&i| OPTIONAL[i]));
-        header.extend(self.aside.iter().map(|a| a.name.as_str()));
+        header.extend(self.extra.iter().map(|a| a.name.as_str()));
         // Memory takes every write and every line has the header's length, so nothing is lost
         // by not asking.
         let mut out = WriterBuilder::new().from_writer(Vec::new());
@@ -530,8 +533,8 @@ impl Observations {
                 cell_text(row.co2_ppm),
             ];
             cells.extend(present.iter().map(|&i| cell_text(optional[i](row))));
-            let aside = |a: &AsideColumn| a.cells.get(index).cloned().unwrap_or_default();
-            cells.extend(self.aside.iter().map(aside));
+            let extra = |a: &ExtraColumn| a.cells.get(index).cloned().unwrap_or_default();
+            cells.extend(self.extra.iter().map(extra));
             let _ = out.write_record(&cells);
         }
         String::from_utf8(out.into_inner().unwrap_or_default()).unwrap_or_default()

@@ -14,6 +14,8 @@ pub fn stream(seed: u64, name: &str) -> ChaCha8Rng {
     });
     let mut key = [0u8; 32];
     for (k, part) in key.chunks_exact_mut(8).enumerate() {
+        // The seed enters in two ways, into the output for the first half of the key and into the
+        // state for the second: by one alone, runs whose seed XOR hash is equal would share a stream.
         if k == 2 {
             state ^= seed;
         }

@@ -6,7 +6,7 @@ use crate::tables::Scenario;
 use toml::{Table, Value};
 
 /// Tables that a reality may change.
-const OF_THE_WORLD: [&str; 6] = [
+const REALITY_TABLES: [&str; 6] = [
     "weather",
     "source",
     "plume",
@@ -22,11 +22,11 @@ impl Scenario {
             return Ok(self.clone());
         };
         for name in differences.keys() {
-            if !OF_THE_WORLD.contains(&name.as_str()) {
+            if !REALITY_TABLES.contains(&name.as_str()) {
                 return Err(Refusal::new(
                     format!("reality.{name}"),
                     "a table that a reality does not have",
-                    OF_THE_WORLD.join(", "),
+                    REALITY_TABLES.join(", "),
                 ));
             }
         }
@@ -54,14 +54,16 @@ fn merge_table(base: &mut Table, differences: &Table) {
     for (key, new) in differences {
         match (base.get_mut(key), new) {
             (Some(Value::Table(old)), Value::Table(new)) => {
-                forget_other_way(old, new);
+                remove_alternative(old, new);
                 merge_table(old, new);
             }
+            // Sources are changed one by one, so that a reality may say one key of one of them; a
+            // list of mechanisms is replaced whole, or a reality could never do without one.
             (Some(Value::Array(old)), Value::Array(new)) if key == "source" => {
                 for (k, item) in new.iter().enumerate() {
                     match (old.get_mut(k), item) {
                         (Some(Value::Table(old)), Value::Table(new)) => {
-                            forget_other_way(old, new);
+                            remove_alternative(old, new);
                             merge_table(old, new);
                         }
                         _ => old.push(item.clone()),
@@ -77,7 +79,7 @@ fn merge_table(base: &mut Table, differences: &Table) {
 
 /// A source given by its emission in one world may be given by its maximum in the other, and a
 /// wind given by a series in one by numbers in the other.
-fn forget_other_way(old: &mut Table, new: &Table) {
+fn remove_alternative(old: &mut Table, new: &Table) {
     if new.contains_key("emission_kg_s") {
         old.remove("c_max_ppm");
         old.remove("c_max_distance_m");

@@ -1,4 +1,6 @@
 //! The tables of a scenario.
+//!
+//! Every table says what serde `expecting` of it, or the name of its type would stand in messages.
 
 use plume::Gas;
 use plume::sigma::Setting;
@@ -12,42 +14,42 @@ use std::collections::BTreeMap;
 pub struct Scenario {
     /// Name, seed, length.
     #[serde(default)]
-    pub mission: Mission,
+    pub mission: MissionTable,
     /// Where it is.
-    pub site: Site,
+    pub site: SiteTable,
     /// The air.
     #[serde(default)]
-    pub weather: Weather,
+    pub weather: WeatherTable,
     /// What emits; at least one.
     #[serde(rename = "source")]
-    pub sources: Vec<Source>,
+    pub sources: Vec<SourceTable>,
     /// How the plume spreads beyond its stability class.
     #[serde(default)]
-    pub plume: Plume,
+    pub plume: PlumeTable,
     /// The air without the sources.
     #[serde(default)]
-    pub background: Background,
+    pub background: BackgroundTable,
     /// The gas sensor of the vehicles.
     #[serde(default)]
-    pub sensor: Sensor,
+    pub sensor: SensorTable,
     /// Extensions of world, sensor or aircraft.
     #[serde(default, rename = "mechanism", skip_serializing_if = "Vec::is_empty")]
-    pub mechanisms: Vec<Mechanism>,
+    pub mechanisms: Vec<MechanismTable>,
     /// One-sigma priors by dotted key.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub uncertain: BTreeMap<String, f64>,
     /// The team; five simulated and one stand-in where left out.
     #[serde(default = "default_team", rename = "vehicle")]
-    pub vehicles: Vec<Vehicle>,
+    pub vehicles: Vec<VehicleTable>,
     /// Where vehicles may fly.
     #[serde(default)]
-    pub fence: Fence,
+    pub fence: FenceTable,
     /// How the team searches.
     #[serde(default)]
-    pub search: Search,
+    pub search: SearchTable,
     /// The reality gap in flight.
     #[serde(default)]
-    pub gap: Gap,
+    pub gap: GapTable,
     /// The stand-ins' own world: the same tables, only the keys that differ.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reality: Option<toml::Table>,
@@ -55,8 +57,8 @@ pub struct Scenario {
 
 /// `[mission]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Mission {
+#[serde(deny_unknown_fields, default, expecting = "a table")]
+pub struct MissionTable {
     /// Name, part of every key on the bus: letters, digits, `-` and `_`.
     pub name: String,
     /// Seed of every random number of the run.
@@ -67,7 +69,7 @@ pub struct Mission {
     pub tick_s: f64,
 }
 
-impl Default for Mission {
+impl Default for MissionTable {
     fn default() -> Self {
         Self {
             name: "mission".to_owned(),
@@ -80,8 +82,8 @@ impl Default for Mission {
 
 /// `[site]`: origin of the local east-north-up plane.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Site {
+#[serde(deny_unknown_fields, expecting = "a table")]
+pub struct SiteTable {
     /// Latitude of the origin, degrees (WGS84).
     pub lat_deg: f64,
     /// Longitude of the origin, degrees (WGS84).
@@ -105,8 +107,8 @@ pub enum WindFollows {
 
 /// `[weather]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Weather {
+#[serde(deny_unknown_fields, default, expecting = "a table")]
+pub struct WeatherTable {
     /// Wind speed at `wind_height_agl_m`, m/s.
     pub wind_speed_m_s: f64,
     /// Height of the wind speed above ground, m.
@@ -137,7 +139,7 @@ pub struct Weather {
     pub follow: WindFollows,
 }
 
-impl Default for Weather {
+impl Default for WeatherTable {
     fn default() -> Self {
         Self {
             wind_speed_m_s: 5.0,
@@ -158,8 +160,8 @@ impl Default for Weather {
 
 /// `[[source]]`: either `emission_kg_s`, or `c_max_ppm` with `c_max_distance_m`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Source {
+#[serde(deny_unknown_fields, expecting = "a table")]
+pub struct SourceTable {
     /// Name.
     #[serde(default = "default_source_name")]
     pub name: String,
@@ -187,7 +189,7 @@ pub struct Source {
     pub c_max_distance_m: Option<f64>,
 }
 
-impl Source {
+impl SourceTable {
     /// Height of the plume's axis above ground, m.
     pub fn axis_height_agl_m(&self) -> f64 {
         self.effective_height_m.unwrap_or(self.stack_height_m)
@@ -204,8 +206,8 @@ fn default_gas() -> Gas {
 
 /// `[plume]`: how the plume spreads beyond its stability class.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Plume {
+#[serde(deny_unknown_fields, default, expecting = "a table")]
+pub struct PlumeTable {
     /// Factor on the class's lateral spread.
     pub sigma_y_scale: f64,
     /// Factor on the class's vertical spread.
@@ -214,7 +216,7 @@ pub struct Plume {
     pub ground_reflection: bool,
 }
 
-impl Default for Plume {
+impl Default for PlumeTable {
     fn default() -> Self {
         Self {
             sigma_y_scale: 1.0,
@@ -226,13 +228,13 @@ impl Default for Plume {
 
 /// `[background]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Background {
+#[serde(deny_unknown_fields, default, expecting = "a table")]
+pub struct BackgroundTable {
     /// CO2 of the air without the sources, ppm.
     pub co2_ppm: f64,
 }
 
-impl Default for Background {
+impl Default for BackgroundTable {
     fn default() -> Self {
         Self { co2_ppm: 420.0 }
     }
@@ -240,8 +242,8 @@ impl Default for Background {
 
 /// `[sensor]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Sensor {
+#[serde(deny_unknown_fields, default, expecting = "a table")]
+pub struct SensorTable {
     /// Time constant of the first-order lag, s.
     pub time_constant_s: f64,
     /// Standard deviation of white noise on a reading, ppm.
@@ -256,7 +258,7 @@ pub struct Sensor {
     pub resolution_ppm: f64,
 }
 
-impl Default for Sensor {
+impl Default for SensorTable {
     fn default() -> Self {
         Self {
             time_constant_s: 0.0,
@@ -271,7 +273,8 @@ impl Default for Sensor {
 
 /// `[[mechanism]]`: an extension by its id and parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Mechanism {
+#[serde(expecting = "a table")]
+pub struct MechanismTable {
     /// Id of the catalogue.
     pub id: String,
     /// Platforms or vehicles to which it applies; all where left out.
@@ -296,8 +299,8 @@ pub enum VehicleKind {
 
 /// `[[vehicle]]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Vehicle {
+#[serde(deny_unknown_fields, expecting = "a table")]
+pub struct VehicleTable {
     /// Name, part of its keys on the bus.
     pub id: String,
     /// File of the aircraft, relative to the scenario's.
@@ -308,7 +311,7 @@ pub struct Vehicle {
     pub kind: VehicleKind,
     /// Take-off and landing point; beside the others upwind of the site where left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub home: Option<Home>,
+    pub home: Option<HomeTable>,
     /// MAVLink address of a `mavlink` vehicle, such as `udpin:0.0.0.0:14550`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub link: Option<String>,
@@ -335,9 +338,9 @@ fn default_kind() -> VehicleKind {
     VehicleKind::Simulated
 }
 
-fn default_team() -> Vec<Vehicle> {
+fn default_team() -> Vec<VehicleTable> {
     (1..=6)
-        .map(|k| Vehicle {
+        .map(|k| VehicleTable {
             id: k.to_string(),
             aircraft: default_aircraft(),
             kind: if k == 6 {
@@ -356,8 +359,8 @@ fn default_team() -> Vec<Vehicle> {
 
 /// A take-off and landing point.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Home {
+#[serde(deny_unknown_fields, expecting = "a table")]
+pub struct HomeTable {
     /// Latitude, degrees (WGS84).
     pub lat_deg: f64,
     /// Longitude, degrees (WGS84).
@@ -366,8 +369,8 @@ pub struct Home {
 
 /// `[fence]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Fence {
+#[serde(deny_unknown_fields, default, expecting = "a table")]
+pub struct FenceTable {
     /// Corners as `[lat_deg, lon_deg]`; a square of ±5 km around the site where empty.
     pub polygon: Vec<[f64; 2]>,
     /// Lowest height of a setpoint above the site's ground, m.
@@ -382,7 +385,7 @@ pub struct Fence {
     pub separation_height_m: f64,
 }
 
-impl Default for Fence {
+impl Default for FenceTable {
     fn default() -> Self {
         Self {
             polygon: Vec::new(),
@@ -397,8 +400,8 @@ impl Default for Fence {
 
 /// `[search]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Search {
+#[serde(deny_unknown_fields, default, expecting = "a table")]
+pub struct SearchTable {
     /// Name of the strategy.
     pub strategy: String,
     /// Promising points in a population.
@@ -415,7 +418,7 @@ pub struct Search {
     pub airspeed_m_s: f64,
 }
 
-impl Default for Search {
+impl Default for SearchTable {
     fn default() -> Self {
         Self {
             strategy: "cs-ea".to_owned(),
@@ -431,15 +434,15 @@ impl Default for Search {
 
 /// `[gap]`: the reality gap in flight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Gap {
+#[serde(deny_unknown_fields, default, expecting = "a table")]
+pub struct GapTable {
     /// Whether the squadron controller holds the model against real readings during the mission.
     pub live: bool,
     /// Whether the world simulator takes up what is found.
     pub adopt: bool,
 }
 
-impl Default for Gap {
+impl Default for GapTable {
     fn default() -> Self {
         Self {
             live: true,

@@ -97,6 +97,7 @@ impl crate::Scenario {
     /// amounts not below zero); `source.` keys mean the first source. A strength of the other
     /// form than the source's is left alone.
     pub fn set(&mut self, parameter: Uncertain, value: f64) {
+        // A fit's estimate may lie beyond what a scenario accepts: a normal posterior has no ends.
         let amount = value.max(0.0);
         let factor = value.max(f64::MIN_POSITIVE);
         let source = &mut self.sources[0];
@@ -129,7 +130,7 @@ impl crate::Scenario {
     /// Adds extensions of the plume model to the scenario.
     pub fn extend(&mut self, extension: &[plume::Mechanism]) {
         for mechanism in extension {
-            self.mechanisms.push(crate::tables::Mechanism {
+            self.mechanisms.push(crate::tables::MechanismTable {
                 id: mechanism.id().as_str().to_owned(),
                 platforms: mechanism.platforms().to_vec(),
                 parameters: mechanism

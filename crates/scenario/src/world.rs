@@ -1,11 +1,11 @@
 //! The world that a scenario describes: its frame, air, wind and plume model.
 
 use crate::check::Refusal;
-use crate::tables::{Home, Mechanism, Scenario, Source, VehicleKind};
+use crate::tables::{HomeTable, MechanismTable, Scenario, SourceTable, VehicleKind};
 use air::geo::{Enu, Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::wind::WindProfile;
-use plume::{PlumeError, SensorSpec, SourceSpec, Strength, World, WorldSpec};
+use plume::{DispersionModel, DispersionSpec, PlumeError, SensorSpec, SourceSpec, Strength};
 
 /// Homes that a scenario does not give lie in a row this far upwind of the site, m …
 const HOME_UPWIND_M: f64 = 600.0;
@@ -85,9 +85,9 @@ impl Scenario {
     ///
     /// # Errors
     /// Values outside the models' validity, or a mechanism that is not in the catalogue.
-    pub fn world_spec(&self) -> Result<WorldSpec, WorldError> {
+    pub fn dispersion_spec(&self) -> Result<DispersionSpec, WorldError> {
         let frame = self.frame()?;
-        Ok(WorldSpec {
+        Ok(DispersionSpec {
             ground_amsl_m: self.site.ground_amsl_m,
             atmosphere: self.atmosphere()?,
             wind: self.wind_profile()?,
@@ -112,9 +112,9 @@ impl Scenario {
     /// The plume model ready for evaluation.
     ///
     /// # Errors
-    /// As [`Scenario::world_spec`].
-    pub fn world(&self) -> Result<World, WorldError> {
-        Ok(World::new(self.world_spec()?)?)
+    /// As [`Scenario::dispersion_spec`].
+    pub fn world(&self) -> Result<DispersionModel, WorldError> {
+        Ok(DispersionModel::new(self.dispersion_spec()?)?)
     }
 
     fn sensor_spec(&self) -> SensorSpec {
@@ -134,11 +134,11 @@ impl Scenario {
     ///
     /// # Errors
     /// A parameter that a mechanism does not have.
-    pub fn plume_mechanisms(&self) -> Result<Vec<plume::Mechanism>, WorldError> {
+    fn plume_mechanisms(&self) -> Result<Vec<plume::Mechanism>, WorldError> {
         self.mechanisms
             .iter()
             .filter(|m| plume::MechanismId::from_name(&m.id).is_some())
-            .map(Mechanism::of_plume)
+            .map(MechanismTable::of_plume)
             .collect()
     }
 
@@ -147,10 +147,12 @@ impl Scenario {
     /// # Errors
     /// As [`Scenario::frame`].
     pub fn home(&self, index: usize) -> Result<Geodetic, WorldError> {
-        if let Some(Home { lat_deg, lon_deg }) = self.vehicles.get(index).and_then(|v| v.home) {
+        if let Some(HomeTable { lat_deg, lon_deg }) = self.vehicles.get(index).and_then(|v| v.home)
+        {
             return Ok(Geodetic { lat_deg, lon_deg });
         }
         let frame = self.frame()?;
+        // Upwind of the stacks, out of the plume, so that a sensor settles on the background first.
         let upwind_deg = self.weather.wind_from_deg;
         let abeam_m = (index as f64 - (self.vehicles.len() as f64 - 1.0) / 2.0) * HOME_SPACING_M;
         let at = Enu::default()
@@ -166,6 +168,7 @@ impl Scenario {
     pub fn layers_amsl_m(&self) -> Vec<f64> {
         let fence = &self.fence;
         let lowest_m = (fence.floor_agl_m + LOWEST_LAYER_M).min(fence.ceiling_agl_m);
+        // Two neighbours may be off towards each other, each by the whole tolerance.
         let step_m = fence.separation_height_m + 2.0 * OFF_HEIGHT_M;
         let levels = ((fence.ceiling_agl_m - lowest_m) / step_m).floor() as usize + 1;
         let count = self.vehicles.len();
@@ -232,13 +235,13 @@ impl Scenario {
             })?;
         }
         let refuse = |e: WorldError| Refusal::new("site", "this world", format!("another: {e}"));
-        let spec = self.world_spec().map_err(refuse)?;
-        World::new(spec).map_err(|e| refuse(e.into()))?;
+        let spec = self.dispersion_spec().map_err(refuse)?;
+        DispersionModel::new(spec).map_err(|e| refuse(e.into()))?;
         Ok(())
     }
 }
 
-impl Mechanism {
+impl MechanismTable {
     fn of_plume(&self) -> Result<plume::Mechanism, WorldError> {
         let parameters = self.numbers()?;
         let named: Vec<(&str, f64)> = parameters.iter().map(|(n, v)| (n.as_str(), *v)).collect();
@@ -278,7 +281,7 @@ impl Mechanism {
     }
 }
 
-fn source_spec(frame: &LocalFrame, source: &Source) -> SourceSpec {
+fn source_spec(frame: &LocalFrame, source: &SourceTable) -> SourceSpec {
     let strength = match (
         source.emission_kg_s,
         source.c_max_ppm,

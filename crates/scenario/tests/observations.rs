@@ -1,7 +1,7 @@
 //! Observations as CSV: what is read, joined, told and refused.
 
 use proptest::prelude::*;
-use scenario::observations::{Observation, ObservationError, Observations, parse};
+use scenario::observations::{ObservationError, ObservationRow, Observations, parse};
 
 const HEADER: &str = "time_s,platform,lat_deg,lon_deg,alt_amsl_m,co2_ppm";
 
@@ -51,9 +51,9 @@ fn unknown_columns_are_kept_aside_and_said_so() {
         "{HEADER},battery_v\n1,a,43,-7,500,450,11.1\n2,a,43,-7,500,451,\n"
     ))
     .unwrap();
-    assert_eq!(got.aside.len(), 1);
-    assert_eq!(got.aside[0].name, "battery_v");
-    assert_eq!(got.aside[0].cells, ["11.1", ""]);
+    assert_eq!(got.extra.len(), 1);
+    assert_eq!(got.extra[0].name, "battery_v");
+    assert_eq!(got.extra[0].cells, ["11.1", ""]);
     assert_eq!(got.notices.len(), 1);
     assert!(got.notices[0].contains("a.csv") && got.notices[0].contains("battery_v"));
 }
@@ -191,12 +191,12 @@ fn times_out_of_order_or_repeated_are_refused() {
     );
 }
 
-fn observation() -> impl Strategy<Value = Observation> {
+fn observation() -> impl Strategy<Value = ObservationRow> {
     let some = |low: f64, high: f64| proptest::option::of(low..high);
     let place = (0..3_usize, -90.0..90.0, -180.0..180.0, -400.0..9000.0);
     let more = (some(0.0, 90.0), some(0.0, 360.0), some(-40.0, 40.0));
     let last = (some(0.0, 100.0), some(300.0, 1100.0), some(0.1, 9.0));
-    (place, 1.0..2000.0_f64, more, last).prop_map(|(place, co2_ppm, more, last)| Observation {
+    (place, 1.0..2000.0_f64, more, last).prop_map(|(place, co2_ppm, more, last)| ObservationRow {
         time_s: 0.0,
         platform: place.0,
         lat_deg: place.1,
@@ -225,7 +225,7 @@ proptest! {
         prop_assert_eq!(read.rows.len(), written.rows.len());
         for (r, w) in read.rows.iter().zip(&written.rows) {
             prop_assert_eq!(&read.platforms[r.platform], &written.platforms[w.platform]);
-            prop_assert_eq!(Observation { platform: w.platform, ..*r }, *w);
+            prop_assert_eq!(ObservationRow { platform: w.platform, ..*r }, *w);
         }
     }
 

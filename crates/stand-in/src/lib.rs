@@ -33,7 +33,7 @@ use fdm::{Aircraft, FlightState};
 use flying::{Flight, Place};
 use mav_bridge::signing::{Signing, SigningConfig};
 use mav_bridge::wire::{FrameDecoder, FrameEncoder, LinkStatistics};
-use plume::World;
+use plume::DispersionModel;
 use protocol::SimTime;
 use rand::rngs::ChaCha8Rng;
 use reality::Reality;
@@ -67,7 +67,7 @@ pub struct StandInConfig {
     /// The airframe.
     pub aircraft: Aircraft,
     /// Its reality: wind, air, plume, sensor.
-    pub world: World,
+    pub world: DispersionModel,
     /// The site's local frame.
     pub frame: LocalFrame,
     /// Take-off and landing point.

@@ -6,9 +6,9 @@ use air::isa::Air;
 use air::terrain::Terrain;
 use air::wind::{WindProfile, WindSeries, WindVector};
 use fdm::{AirAround, FlightState};
-use plume::effects::Ambient;
+use plume::effects::SensorAir;
 use plume::sensor::Sensor;
-use plume::{Place, World};
+use plume::{DispersionModel, Place};
 use rand::rngs::ChaCha8Rng;
 
 /// Height at which MIL-F-8785C takes the wind that makes turbulence, m (20 ft).
@@ -21,7 +21,7 @@ pub(crate) const HUMIDITY_PCT: f64 = 70.0;
 /// The world around one stand-in.
 #[derive(Debug, Clone)]
 pub(crate) struct Reality {
-    pub world: World,
+    pub world: DispersionModel,
     pub frame: LocalFrame,
     terrain: Terrain,
     series: Option<WindSeries>,
@@ -38,7 +38,7 @@ pub(crate) struct Reality {
 
 impl Reality {
     pub(crate) fn new(
-        world: World,
+        world: DispersionModel,
         frame: LocalFrame,
         terrain: Terrain,
         series: Option<WindSeries>,
@@ -152,7 +152,7 @@ impl Reality {
         } else {
             self.world.mean_ppm(&place, time_s)
         };
-        let ambient = Ambient {
+        let ambient = SensorAir {
             temperature_c: self.air.temperature_k - air::isa::ZERO_CELSIUS_K,
             relative_humidity_pct: HUMIDITY_PCT,
             pressure_hpa: self.air.pressure_pa / 100.0,

@@ -13,7 +13,7 @@ use fdm::control_level::{ControlLevel, Danger, Event, Level, Outcome};
 use fdm::flightgear::{NetFdm, PACKET_BYTES};
 use fdm::{AirAround, Aircraft, FlightSim, FlightState, Phase};
 use plume::Sensor;
-use plume::effects::Ambient as SensorAir;
+use plume::effects::SensorAir;
 use protocol::SimTime;
 use protocol::message::{
     Ambient, EventMessage, Mode, PathKind, Reading, Setpoint, Severity, State, VehicleKind,
@@ -100,7 +100,7 @@ impl SimulatedBody {
         let frame = scenario.frame()?;
         let home = frame.to_enu(scenario.home(index)?);
         let launch_heading_deg = wrap_deg(scenario.weather.wind_from_deg);
-        let spec = scenario.world_spec()?;
+        let spec = scenario.dispersion_spec()?;
         Ok(Self {
             sim: FlightSim::on_ground(
                 aircraft,

@@ -23,6 +23,8 @@ pub(crate) fn escape(text: &str) -> String {
 pub(crate) fn script_json(value: &Value) -> String {
     value
         .to_string()
+        // `</script>` and `<!--` end or change a script element wherever they stand, in strings too; the
+        // line separators were no part of JavaScript strings before ES2019.
         .replace('<', "\\u003c")
         .replace('\u{2028}', "\\u2028")
         .replace('\u{2029}', "\\u2029")
@@ -145,9 +147,9 @@ impl Document {
         )
     }
 
-    fn push(&mut self, words: std::fmt::Arguments<'_>) {
+    fn push(&mut self, arguments: std::fmt::Arguments<'_>) {
         // Writing into a String cannot fail.
-        let _ = self.body.write_fmt(words);
+        let _ = self.body.write_fmt(arguments);
     }
 }
 

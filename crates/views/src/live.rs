@@ -1,6 +1,6 @@
 //! What the page shows while a mission flies, kept small from the messages on the bus.
 
-use crate::site::{Grid, Site};
+use crate::site::{Grid, SiteMap};
 use protocol::message::{
     ControlLevel, Estimate, Extension, Message, Mode, Model, Peak, Phase, PromisingPoint, Reading,
     Severity, State, VehicleKind,
@@ -21,9 +21,9 @@ const PLUME_COLUMNS: usize = 110;
 /// show more.
 const PLUME_BEYOND: f64 = 0.7;
 
-/// How the run goes: what no message says and the shell knows.
+/// How the run goes: what no message says and the program knows.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Run {
+pub struct RunStatus {
     /// Held by the page's pause.
     pub paused: bool,
     /// Asked for: 1 is real time, infinite is as fast as the processor allows.
@@ -34,7 +34,7 @@ pub struct Run {
     pub ended: bool,
 }
 
-impl Default for Run {
+impl Default for RunStatus {
     fn default() -> Self {
         Self {
             paused: false,
@@ -56,9 +56,9 @@ struct Vehicle {
 /// What the page shows. Clone it behind an `Arc` to hand it to the page.
 #[derive(Clone)]
 pub struct LiveState {
-    site: Arc<Site>,
+    site: Arc<SiteMap>,
     /// How the run goes.
-    pub run: Run,
+    pub run: RunStatus,
     time: SimTime,
     phase: Option<Phase>,
     vehicles: BTreeMap<String, Vehicle>,
@@ -73,10 +73,10 @@ pub struct LiveState {
 
 impl LiveState {
     /// A state that has heard nothing yet.
-    pub fn new(site: Arc<Site>) -> Self {
+    pub fn new(site: Arc<SiteMap>) -> Self {
         Self {
             site,
-            run: Run::default(),
+            run: RunStatus::default(),
             time: SimTime::ZERO,
             phase: None,
             vehicles: BTreeMap::new(),
@@ -91,7 +91,7 @@ impl LiveState {
     }
 
     /// The site on whose map it is shown.
-    pub fn site(&self) -> &Site {
+    pub fn site(&self) -> &SiteMap {
         &self.site
     }
 
@@ -219,12 +219,13 @@ impl LiveState {
             .collect()
     }
 
+    /// The plume at the height of its axis, where it is strongest, as a grid for contours.
     fn plume_json(&self, model: &Model) -> Value {
         let alt = self.site.axis_amsl_m(model);
         let area = self.site.area(&self.tracks);
         let area = area.widened(PLUME_BEYOND * (area.high.east_m - area.low.east_m));
-        let grid = Grid::fill(area, PLUME_COLUMNS, alt, |spots| {
-            (self.site.field)(model, spots)
+        let grid = Grid::fill(area, PLUME_COLUMNS, alt, |points| {
+            (self.site.field)(model, points)
         });
         let step = |axis: &[f64]| axis.get(1).zip(axis.first()).map(|(b, a)| b - a);
         json!({

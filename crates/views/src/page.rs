@@ -23,7 +23,7 @@ use tokio::sync::{mpsc, watch};
 
 /// Where the page is if nobody says otherwise.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8787";
-/// Shortest time between two pictures.
+/// Shortest time between two frames.
 const FRAME: Duration = Duration::from_millis(200);
 /// Longest command that is read, bytes.
 const LONGEST_COMMAND: usize = 256;
@@ -77,7 +77,7 @@ impl PageCommand {
 #[derive(Clone)]
 struct Shared {
     site: Arc<str>,
-    picture: watch::Receiver<Arc<str>>,
+    frame: watch::Receiver<Arc<str>>,
     commands: mpsc::Sender<PageCommand>,
 }
 
@@ -94,7 +94,7 @@ pub async fn listen(address: &str) -> Result<TcpListener, ViewError> {
         })
 }
 
-/// Serves the page on `listener` until the sender of `live` is gone and the last picture is
+/// Serves the page on `listener` until the sender of `live` is gone and the last frame is
 /// shown; what people ask for goes to `commands`.
 ///
 /// # Errors
@@ -105,10 +105,12 @@ pub async fn serve(
     commands: mpsc::Sender<PageCommand>,
 ) -> Result<(), ViewError> {
     let first = live.borrow().clone();
-    let (picture, pictures) = watch::channel::<Arc<str>>(first.to_json().into());
+    // A watch channel keeps the newest frame only: a slow browser misses frames, and holds up neither
+    // the run nor other browsers. A frame is made once, however many look.
+    let (frame, frames) = watch::channel::<Arc<str>>(first.to_json().into());
     let shared = Shared {
         site: first.site().json().to_string().into(),
-        picture: pictures,
+        frame: frames,
         commands,
     };
     let app = Router::new()
@@ -129,7 +131,7 @@ pub async fn serve(
         .route("/live", get(socket))
         .layer(middleware::from_fn(only_by_address))
         .with_state(shared);
-    let drawing = tokio::spawn(draw(live, picture));
+    let drawing = tokio::spawn(draw(live, frame));
     let served = axum::serve(listener, app)
         .with_graceful_shutdown(async {
             // A panic in the drawing ends the page as well.
@@ -139,11 +141,11 @@ pub async fn serve(
     served.map_err(ViewError::Server)
 }
 
-/// Turns states into pictures, no more often than anybody can see.
-async fn draw(mut live: watch::Receiver<Arc<LiveState>>, picture: watch::Sender<Arc<str>>) {
+/// Turns states into frames, no more often than anybody can see.
+async fn draw(mut live: watch::Receiver<Arc<LiveState>>, frame: watch::Sender<Arc<str>>) {
     while live.changed().await.is_ok() {
         let state = live.borrow_and_update().clone();
-        picture.send_replace(state.to_json().into());
+        frame.send_replace(state.to_json().into());
         tokio::time::sleep(FRAME).await;
     }
 }
@@ -181,7 +183,9 @@ async fn site(State(shared): State<Shared>) -> Response {
     (headers, shared.site.to_string()).into_response()
 }
 
-/// Refuses requests that name this server by anything but an address or `localhost`.
+/// Refuses requests that name this server by anything but an address or `localhost`: against DNS
+/// rebinding, by which a page from elsewhere makes a name of its own resolve to this machine and is
+/// then of the same origin as this server.
 async fn only_by_address(request: Request, next: Next) -> Response {
     let host = request.headers().get(header::HOST);
     match host.and_then(|h| h.to_str().ok()).filter(|h| is_address(h)) {
@@ -205,7 +209,9 @@ fn is_address(host: &str) -> bool {
     name.eq_ignore_ascii_case("localhost") || bare.parse::<IpAddr>().is_ok()
 }
 
-/// Whether the request comes from a page of this server, or from no page at all.
+/// Whether the request comes from a page of this server, or from no page at all. Browsers let any page
+/// open a WebSocket to any host and only say where the page is from (RFC 6455, section 10.2): without
+/// this any site that the user visits could pause a mission.
 fn is_own_page(headers: &HeaderMap) -> bool {
     let Some(origin) = headers.get(header::ORIGIN) else {
         return true;
@@ -232,12 +238,12 @@ async fn socket(
         .on_upgrade(move |socket| talk(socket, shared))
 }
 
-/// Sends pictures and takes commands until the page leaves or the mission's server ends.
+/// Sends frames and takes commands until the page leaves or the mission's server ends.
 async fn talk(mut socket: WebSocket, mut shared: Shared) {
     loop {
-        let picture = shared.picture.borrow_and_update().clone();
+        let frame = shared.frame.borrow_and_update().clone();
         if socket
-            .send(Message::Text(picture.as_ref().into()))
+            .send(Message::Text(frame.as_ref().into()))
             .await
             .is_err()
         {
@@ -245,7 +251,7 @@ async fn talk(mut socket: WebSocket, mut shared: Shared) {
         }
         loop {
             tokio::select! {
-                changed = shared.picture.changed() => match changed {
+                changed = shared.frame.changed() => match changed {
                     Ok(()) => break,
                     Err(_) => return,
                 },

@@ -4,12 +4,12 @@
 mod figures;
 
 use crate::html::{Document, number};
-use crate::site::{Site, Spot};
+use crate::site::{MapPoint, SiteMap};
 use protocol::message::{ControlLevel, Message, Model, Phase, Severity, VehicleKind};
 use protocol::{Envelope, SimTime, Topic};
-use record::summary::{CORRECTED, ModelNumbers, Summary};
-use record::tracks::{Thinned, Track, Tracks};
-use record::words;
+use record::summary::{CORRECTED, MissionSummary, ModelNumbers};
+use record::text;
+use record::tracks::{DecimatedSeries, Tracks, VehicleTrack};
 use std::sync::Arc;
 
 /// Points of one track in the report.
@@ -22,9 +22,9 @@ const EVENTS: usize = 30;
 /// Collects what the report shows.
 #[derive(Clone)]
 pub struct Report {
-    site: Arc<Site>,
+    site: Arc<SiteMap>,
     tracks: Tracks,
-    history: Thinned<(f64, Box<Model>)>,
+    history: DecimatedSeries<(f64, Box<Model>)>,
     before: Option<Box<Model>>,
     after: Option<Box<Model>>,
     phases: Vec<(SimTime, Phase)>,
@@ -44,11 +44,11 @@ pub(crate) struct Expected<'a> {
 
 impl Report {
     /// A report that has heard nothing yet.
-    pub fn new(site: Arc<Site>) -> Self {
+    pub fn new(site: Arc<SiteMap>) -> Self {
         Self {
             site,
             tracks: Tracks::new(TRACK_POINTS, 0.5),
-            history: Thinned::new(HISTORY_POINTS, 1.0),
+            history: DecimatedSeries::new(HISTORY_POINTS, 1.0),
             before: None,
             after: None,
             phases: Vec::new(),
@@ -87,7 +87,7 @@ impl Report {
             }
             (Topic::Event(agent), Message::Event(event)) if event.severity > Severity::Info => {
                 if self.events.len() < EVENTS {
-                    let at = words::duration(envelope.time.s());
+                    let at = text::duration(envelope.time.s());
                     self.events.push(format!("{at}, {agent}: {}", event.text));
                 } else {
                     self.more_events += 1;
@@ -98,10 +98,10 @@ impl Report {
     }
 
     /// The report as one self-contained HTML page.
-    pub fn html(&self, summary: &Summary) -> String {
+    pub fn html(&self, summary: &MissionSummary) -> String {
         let mut page = Document::new("Plumage mission report", &self.site.mission);
         let expected = self.expected();
-        page.lead(&[lead(summary), words::peak(&summary.peak)]);
+        page.lead(&[lead(summary), text::peak(&summary.peak)]);
         page.figures(&cards(summary));
         self.mission(&mut page, summary);
         self.map(&mut page, summary);
@@ -113,13 +113,13 @@ impl Report {
         page.finish()
     }
 
-    fn mission(&self, page: &mut Document, summary: &Summary) {
+    fn mission(&self, page: &mut Document, summary: &MissionSummary) {
         page.section("The mission");
         let starts: Vec<String> = self
             .phases
             .iter()
             .map(|(time, phase)| {
-                format!("{} from {}", phase_name(*phase), words::duration(time.s()))
+                format!("{} from {}", phase_name(*phase), text::duration(time.s()))
             })
             .collect();
         if !starts.is_empty() {
@@ -134,11 +134,10 @@ impl Report {
             .map(|v| {
                 vec![
                     v.id.clone(),
-                    kind_name(v.kind).to_owned(),
+                    text::vehicle_kind(v.kind).to_owned(),
                     number(v.distance_m / 1000.0, 1),
                     number(v.peak_ppm.unwrap_or(f64::NAN), 0),
-                    v.peak_time_s
-                        .map_or_else(|| "–".to_owned(), words::duration),
+                    v.peak_time_s.map_or_else(|| "–".to_owned(), text::duration),
                     number(
                         v.peak_alt_amsl_m.unwrap_or(f64::NAN) - self.site.frame.ground_amsl_m,
                         0,
@@ -158,7 +157,7 @@ impl Report {
         page.table(caption, &head, &rows);
     }
 
-    fn map(&self, page: &mut Document, summary: &Summary) {
+    fn map(&self, page: &mut Document, summary: &MissionSummary) {
         page.section("Where they flew");
         let plot = figures::map(&self.site, &self.tracks, self.after.as_deref(), summary);
         let reality = if self.site.reality.is_some() {
@@ -178,7 +177,7 @@ impl Report {
         );
     }
 
-    fn learned(&self, page: &mut Document, summary: &Summary) {
+    fn learned(&self, page: &mut Document, summary: &MissionSummary) {
         page.section("What the model learned");
         let taken = self.after.as_ref().map_or(0, |m| m.observations);
         page.paragraph(&format!(
@@ -265,9 +264,9 @@ impl Report {
         page.table(caption, &head, &rows);
     }
 
-    fn peak(&self, page: &mut Document, summary: &Summary) {
+    fn peak(&self, page: &mut Document, summary: &MissionSummary) {
         page.section("The peak");
-        page.paragraph(&words::peak(&summary.peak));
+        page.paragraph(&text::peak(&summary.peak));
         if let Some(found) = summary.peak.estimate {
             let from = self.site.stacks.first();
             let distance = from.map(|s| {
@@ -285,7 +284,7 @@ impl Report {
         }
     }
 
-    fn remains(&self, page: &mut Document, summary: &Summary, expected: &[Expected<'_>]) {
+    fn remains(&self, page: &mut Document, summary: &MissionSummary, expected: &[Expected<'_>]) {
         page.section("What remains");
         let mut items = Vec::new();
         if let Some(reality) = &summary.model.reality {
@@ -325,24 +324,24 @@ impl Report {
         let (Some(before), Some(after)) = (&self.before, &self.after) else {
             return Vec::new();
         };
-        let real = |(_, track): &(&String, &Track)| track.kind == VehicleKind::Real;
+        let real = |(_, track): &(&String, &VehicleTrack)| track.kind == VehicleKind::Real;
         let tracks = self.tracks.by_vehicle().iter().filter(real);
         tracks
             .map(|(id, track)| {
-                let points = track.points.items();
-                let spots: Vec<Spot> = points
+                let readings = track.points.items();
+                let points: Vec<MapPoint> = readings
                     .iter()
-                    .map(|p| Spot {
+                    .map(|p| MapPoint {
                         at: self.site.enu(p.lat_deg, p.lon_deg),
                         alt_amsl_m: p.alt_amsl_m,
                     })
                     .collect();
                 Expected {
                     id,
-                    time_s: points.iter().map(|p| p.time_s).collect(),
-                    read_ppm: points.iter().map(|p| p.co2_ppm).collect(),
-                    before_ppm: (self.site.field)(before, &spots),
-                    after_ppm: (self.site.field)(after, &spots),
+                    time_s: readings.iter().map(|p| p.time_s).collect(),
+                    read_ppm: readings.iter().map(|p| p.co2_ppm).collect(),
+                    before_ppm: (self.site.field)(before, &points),
+                    after_ppm: (self.site.field)(after, &points),
                 }
             })
             .collect()
@@ -371,14 +370,7 @@ fn phase_name(phase: Phase) -> &'static str {
     }
 }
 
-fn kind_name(kind: VehicleKind) -> &'static str {
-    match kind {
-        VehicleKind::Simulated => "simulated",
-        VehicleKind::Real => "real",
-    }
-}
-
-fn lead(summary: &Summary) -> String {
+fn lead(summary: &MissionSummary) -> String {
     let real = summary
         .vehicles
         .iter()
@@ -388,7 +380,7 @@ fn lead(summary: &Summary) -> String {
     let mut text = format!(
         "{simulated} simulated and {real} real vehicles searched for the highest concentration of \
          a plume for {}.",
-        words::duration(summary.sim_s)
+        text::duration(summary.sim_s)
     );
     if let Some(reality) = &summary.model.reality {
         let errors = CORRECTED.iter().take(3).map(|n| {
@@ -410,7 +402,7 @@ fn lead(summary: &Summary) -> String {
     text
 }
 
-fn cards(summary: &Summary) -> Vec<(String, &'static str, String)> {
+fn cards(summary: &MissionSummary) -> Vec<(String, &'static str, String)> {
     let mut cards = Vec::new();
     if let Some(peak) = summary.peak.estimate {
         cards.push((number(peak.co2_ppm, 0), "ppm", "peak found".to_owned()));
@@ -446,7 +438,7 @@ fn outside(after: &ModelNumbers, reality: &ModelNumbers) -> Vec<String> {
         .collect()
 }
 
-fn repeat(page: &mut Document, summary: &Summary) {
+fn repeat(page: &mut Document, summary: &MissionSummary) {
     page.section("To repeat this");
     page.paragraph(&format!(
         "Run the scenario.toml beside this report with seed {}: plumage run scenario.toml --seed {} \

@@ -2,28 +2,28 @@
 
 use air::geo::{Enu, Geodetic, LocalFrame};
 use protocol::message::{Model, Peak};
-use record::kml::Stack;
+use record::kml::StackMarker;
 use record::tracks::Tracks;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
 /// A place at which a plume is asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spot {
+pub struct MapPoint {
     /// Metres east and north of the site's origin.
     pub at: Enu,
     /// Altitude, m above mean sea level.
     pub alt_amsl_m: f64,
 }
 
-/// Mean CO2 in ppm, background included, that a model has at some spots; one value a spot.
-pub type ModelField = Arc<dyn Fn(&Model, &[Spot]) -> Vec<f64> + Send + Sync>;
-/// Mean CO2 in ppm, background included, of the stand-in's reality at some spots.
-pub type RealityField = Arc<dyn Fn(&[Spot]) -> Vec<f64> + Send + Sync>;
+/// Mean CO2 in ppm, background included, that a model has at some points; one value a point.
+pub type ModelField = Arc<dyn Fn(&Model, &[MapPoint]) -> Vec<f64> + Send + Sync>;
+/// Mean CO2 in ppm, background included, of the stand-in's reality at some points.
+pub type RealityField = Arc<dyn Fn(&[MapPoint]) -> Vec<f64> + Send + Sync>;
 
 /// What stands on the map whatever the mission does.
 #[derive(Clone)]
-pub struct Site {
+pub struct SiteMap {
     /// Name of the mission.
     pub mission: String,
     /// Planned length of the mission, s.
@@ -31,7 +31,7 @@ pub struct Site {
     /// The site's frame.
     pub frame: LocalFrame,
     /// The stacks.
-    pub stacks: Vec<Stack>,
+    pub stacks: Vec<StackMarker>,
     /// Corners of the fence, latitude and longitude in degrees; none for no fence.
     pub fence: Vec<(f64, f64)>,
     /// Radius around each stack into which no vehicle flies, m.
@@ -107,7 +107,7 @@ impl Grid {
         area: Area,
         columns: usize,
         alt_amsl_m: f64,
-        field: impl FnOnce(&[Spot]) -> Vec<f64>,
+        field: impl FnOnce(&[MapPoint]) -> Vec<f64>,
     ) -> Self {
         let axis = |low: f64, high: f64, step: f64| -> Vec<f64> {
             let n = ((high - low) / step).round().clamp(1.0, 400.0) as usize;
@@ -117,16 +117,16 @@ impl Grid {
         let step = width / columns.max(2) as f64;
         let east_m = axis(area.low.east_m, area.high.east_m, step);
         let north_m = axis(area.low.north_m, area.high.north_m, step);
-        let spots: Vec<Spot> = north_m
+        let points: Vec<MapPoint> = north_m
             .iter()
             .flat_map(|&north_m| {
-                east_m.iter().map(move |&east_m| Spot {
+                east_m.iter().map(move |&east_m| MapPoint {
                     at: Enu { east_m, north_m },
                     alt_amsl_m,
                 })
             })
             .collect();
-        let ppm = field(&spots);
+        let ppm = field(&points);
         Self {
             east_m,
             north_m,
@@ -141,7 +141,7 @@ impl Grid {
     }
 }
 
-impl Site {
+impl SiteMap {
     /// Metres east and north of a place.
     pub(crate) fn enu(&self, lat_deg: f64, lon_deg: f64) -> Enu {
         self.frame.to_enu(Geodetic { lat_deg, lon_deg })
@@ -217,8 +217,8 @@ mod tests {
                 north_m: 200.0,
             },
         };
-        let grid = Grid::fill(area, 4, 800.0, |spots| {
-            spots
+        let grid = Grid::fill(area, 4, 800.0, |points| {
+            points
                 .iter()
                 .map(|s| s.at.east_m + 1000.0 * s.at.north_m)
                 .collect()

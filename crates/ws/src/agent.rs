@@ -8,7 +8,7 @@ use air::geo::{Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::terrain::Terrain;
 use air::wind::{WindProfile, WindSeries, WindVector};
-use plume::{Place, World};
+use plume::{DispersionModel, Place};
 use protocol::key::Name;
 use protocol::message::{
     Ambient, Estimate, Extension, MechanismSetting, Model, Observation, Severity, State,
@@ -41,7 +41,7 @@ pub struct WorldSimulatorConfig {
 }
 
 /// A vehicle that flies in this world.
-struct Flyer {
+struct SimulatedVehicle {
     name: Name,
     state: Option<State>,
     gust: Dryden,
@@ -60,11 +60,11 @@ pub struct WorldSimulator {
     calibrator: Calibrator,
     /// Index of each real vehicle in the calibrator.
     real: BTreeMap<String, usize>,
-    flyers: Vec<Flyer>,
-    world: World,
+    simulated: Vec<SimulatedVehicle>,
+    world: DispersionModel,
     extensions: Vec<MechanismSetting>,
     next_correction_s: f64,
-    corrected_by: u64,
+    readings_used: u64,
 }
 
 impl WorldSimulator {
@@ -81,12 +81,12 @@ impl WorldSimulator {
             .map(|v| v.id.clone())
             .collect();
         let calibrator = Calibrator::new(scenario, &real, None)?;
-        let flyers = scenario
+        let simulated = scenario
             .vehicles
             .iter()
             .filter(|v| v.kind == VehicleKind::Simulated)
             .map(|v| {
-                Ok(Flyer {
+                Ok(SimulatedVehicle {
                     name: Name::new(&v.id)?,
                     state: None,
                     gust: Dryden::new(),
@@ -103,17 +103,17 @@ impl WorldSimulator {
             terrain: config.terrain,
             wind: WorldWind::new(scenario.wind_profile()?, config.wind_series, follow),
             intensity: scenario.weather.turbulence_intensity / STANDARD_INTENSITY,
-            world: World::new(calibrator.corrected_spec())?,
+            world: DispersionModel::new(calibrator.corrected_spec())?,
             calibrator,
             real: real
                 .into_iter()
                 .enumerate()
                 .map(|(k, name)| (name, k))
                 .collect(),
-            flyers,
+            simulated,
             extensions: Vec::new(),
             next_correction_s: 0.0,
-            corrected_by: 0,
+            readings_used: 0,
         })
     }
 
@@ -122,16 +122,12 @@ impl WorldSimulator {
             return;
         };
         let reading = &observation.reading;
-        let at = self.frame.to_enu(Geodetic {
+        let at = Geodetic {
             lat_deg: reading.lat_deg,
             lon_deg: reading.lon_deg,
-        });
-        let time_s = SimTime::from_ns(observation.time_ns).s();
-        let place = Place {
-            east_m: at.east_m,
-            north_m: at.north_m,
-            height_agl_m: reading.alt_amsl_m - self.frame.ground_amsl_m,
         };
+        let time_s = SimTime::from_ns(observation.time_ns).s();
+        let place = Place::from_geodetic(&self.frame, at, reading.alt_amsl_m);
         if let (Some(speed), Some(from)) = (reading.wind_speed_m_s, reading.wind_from_deg) {
             let wind = WindVector::from_speed_and_direction(speed, from);
             self.wind.report(time_s, place.height_agl_m, wind);
@@ -146,12 +142,12 @@ impl WorldSimulator {
     }
 
     fn correct(&mut self, out: &mut Outbox) {
-        if self.calibrator.taken() > self.corrected_by {
-            self.corrected_by = self.calibrator.taken();
+        if self.calibrator.taken() > self.readings_used {
+            self.readings_used = self.calibrator.taken();
             let corrected = self
                 .calibrator
                 .update()
-                .and_then(|()| Ok(World::new(self.calibrator.corrected_spec())?));
+                .and_then(|()| Ok(DispersionModel::new(self.calibrator.corrected_spec())?));
             match corrected {
                 Ok(world) => self.world = world,
                 Err(e) => out.event(
@@ -209,7 +205,7 @@ impl WorldSimulator {
         match done {
             Ok(()) => {
                 self.extensions = extension.mechanisms.clone();
-                self.corrected_by = 0;
+                self.readings_used = 0;
                 let ids: Vec<&str> = extension.mechanisms.iter().map(|m| m.id.as_str()).collect();
                 let (code, words) = match ids[..] {
                     [] => (
@@ -229,32 +225,28 @@ impl WorldSimulator {
         }
     }
 
-    fn say_ambients(&mut self, now_s: f64, out: &mut Outbox) {
+    fn publish_ambients(&mut self, now_s: f64, out: &mut Outbox) {
         let wind = self.wind.at(now_s, self.calibrator.turn_deg());
-        for flyer in &mut self.flyers {
-            if now_s + 1e-9 < flyer.next_s {
+        for vehicle in &mut self.simulated {
+            // Ticks are whole nanoseconds; the margin is for their sum as seconds.
+            if now_s + 1e-9 < vehicle.next_s {
                 continue;
             }
-            let Some(state) = flyer.state.clone() else {
+            let Some(state) = vehicle.state.clone() else {
                 continue;
             };
-            flyer.next_s = now_s + AMBIENT_S;
+            vehicle.next_s = now_s + AMBIENT_S;
             let at = Geodetic {
                 lat_deg: state.lat_deg,
                 lon_deg: state.lon_deg,
             };
-            let enu = self.frame.to_enu(at);
-            let place = Place {
-                east_m: enu.east_m,
-                north_m: enu.north_m,
-                height_agl_m: state.alt_amsl_m - self.frame.ground_amsl_m,
-            };
+            let place = Place::from_geodetic(&self.frame, at, state.alt_amsl_m);
             let ground_amsl_m = self.terrain.ground_amsl_m(at);
             let above_ground_m = (state.alt_amsl_m - ground_amsl_m).max(0.0);
             let air = self.atmosphere.at(state.alt_amsl_m);
             let mean = wind.at(above_ground_m);
             let gust_ned_m_s = gust(
-                flyer,
+                vehicle,
                 state.airspeed_m_s,
                 &wind,
                 above_ground_m,
@@ -269,16 +261,17 @@ impl WorldSimulator {
                 ground_amsl_m,
             };
             out.say(
-                Topic::Ambient(flyer.name.clone()),
+                Topic::Ambient(vehicle.name.clone()),
                 Message::Ambient(ambient),
             );
         }
     }
 }
 
-/// The next gust on a vehicle, north, east, down.
+/// The next gust on a vehicle, north, east, down. Dryden's components are along and across the mean
+/// wind, and the filter runs at the airspeed: the vehicle flies through a frozen field (Taylor 1938).
 fn gust(
-    flyer: &mut Flyer,
+    vehicle: &mut SimulatedVehicle,
     airspeed_m_s: f64,
     wind: &WindProfile,
     above_ground_m: f64,
@@ -287,9 +280,9 @@ fn gust(
     let low = wind.speed_at_m_s(TURBULENCE_WIND_HEIGHT_M);
     let turbulence = Turbulence::mil_f_8785c(above_ground_m, low, intensity);
     let [along, across, down] =
-        flyer
+        vehicle
             .gust
-            .step(AMBIENT_S, airspeed_m_s, &turbulence, &mut flyer.rng);
+            .step(AMBIENT_S, airspeed_m_s, &turbulence, &mut vehicle.rng);
     let toward = WindVector::from_speed_and_direction(1.0, wind.from_deg());
     [
         along * toward.north_m_s - across * toward.east_m_s,
@@ -314,9 +307,9 @@ impl Agent for WorldSimulator {
     fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
         match event {
             Event::Message(Topic::State(name), envelope) => {
-                let flyer = self.flyers.iter_mut().find(|f| f.name == *name);
-                if let (Some(flyer), Message::State(state)) = (flyer, &envelope.message) {
-                    flyer.state = Some(state.clone());
+                let vehicle = self.simulated.iter_mut().find(|f| f.name == *name);
+                if let (Some(vehicle), Message::State(state)) = (vehicle, &envelope.message) {
+                    vehicle.state = Some(state.clone());
                 }
             }
             Event::Message(_, envelope) => match &envelope.message {
@@ -329,7 +322,7 @@ impl Agent for WorldSimulator {
                     self.next_correction_s = now.s() + CORRECTION_S;
                     self.correct(out);
                 }
-                self.say_ambients(now.s(), out);
+                self.publish_ambients(now.s(), out);
             }
             Event::Stop => self.correct(out),
         }

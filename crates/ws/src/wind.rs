@@ -65,7 +65,7 @@ impl WorldWind {
 
     /// Whether the direction comes from measurements of the wind itself, so that a correction
     /// of the plume's axis is a correction on top of them.
-    pub fn is_constant(&self) -> bool {
+    pub(crate) fn is_constant(&self) -> bool {
         self.series.is_none() && self.reported.is_none()
     }
 
@@ -89,13 +89,7 @@ impl WorldWind {
         if turn_deg == 0.0 {
             return base;
         }
-        let turned = WindProfile::new(
-            base.reference_speed_m_s(),
-            base.reference_height_agl_m(),
-            air::geo::wrap_deg(base.from_deg() + turn_deg),
-            base.exponent(),
-        );
-        turned.unwrap_or(base)
+        base.turned(turn_deg)
     }
 }
 

@@ -20,7 +20,7 @@ pub(super) fn extended(scenario: &Scenario, analysis: &Analysis, by_series: bool
             continue;
         };
         let series_deg = analysis.logged_wind.filter(|_| by_series).map(|w| w.0);
-        if let Some(whole) = of_the_whole(scenario, parameter, *value, series_deg) {
+        if let Some(whole) = mechanism_for_all_sources(scenario, parameter, *value, series_deg) {
             out.extend(&[whole]);
             continue;
         }
@@ -47,7 +47,7 @@ pub(super) fn extended(scenario: &Scenario, analysis: &Analysis, by_series: bool
 /// The mechanism that does to the whole scenario what `parameter` at `value` was found to do, where
 /// its key would do it to the first source only, or nothing beside a series, which blows from
 /// `series_deg` in the mean.
-fn of_the_whole(
+fn mechanism_for_all_sources(
     scenario: &Scenario,
     parameter: Uncertain,
     value: f64,

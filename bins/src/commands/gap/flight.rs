@@ -59,14 +59,17 @@ pub(in crate::commands) fn analysed(
 }
 
 /// Aircraft that the benchmark flies.
-const BIRDS: [&str; 2] = [
+const BENCHMARK_AIRCRAFT: [&str; 2] = [
     include_str!("../../../../aircraft/x8.toml"),
     include_str!("../../../../aircraft/ultrastick-25e.toml"),
 ];
 
 /// Runs the benchmark of flight.
 pub(super) fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
-    let birds: Result<Vec<Bird<'_>>, _> = BIRDS.iter().map(|toml| Bird::new(toml)).collect();
+    let birds: Result<Vec<Bird<'_>>, _> = BENCHMARK_AIRCRAFT
+        .iter()
+        .map(|toml| Bird::new(toml))
+        .collect();
     let birds = birds.map_err(Failure::input)?;
     let bar = progress_bar();
     bar.set_length(arguments.seeds);

@@ -18,6 +18,7 @@ pub(super) struct Outcomes {
 
 /// What tells this build of the program from others: their outcomes are not its own.
 pub(super) fn this_build() -> Result<String, Failure> {
+    // By its bytes: a version number does not change with every change that may change a verdict.
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let bytes = std::fs::read(&program).with_context(|| program.display().to_string())?;
     let digest = Sha256::digest(&bytes);

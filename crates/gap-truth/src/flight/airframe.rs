@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use rand::Rng;
 
 use super::gusts::Gust;
-use crate::chance::normal;
+use crate::random::normal;
 
 /// Standard gravity, m/s².
 pub const GRAVITY: f64 = 9.806_65;
@@ -26,12 +26,12 @@ pub struct Airframe {
     /// Span, m.
     pub span_m: f64,
     /// What the hidden effects do to forces and moments.
-    pub twist: Twist,
+    pub hidden: HiddenAerodynamics,
 }
 
 /// What hidden effects do beyond changed numbers: laws that the file cannot say.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Twist {
+pub struct HiddenAerodynamics {
     /// Added to the lift by angle of attack times the square of its excess over 2°.
     pub lift_break: f64,
     /// Pitching moment by the square of the angle of attack's departure from 4°, 1/rad².
@@ -54,7 +54,7 @@ pub struct Twist {
 
 /// Airspeed and angles of the flow.
 #[derive(Debug, Clone, Copy)]
-pub struct Flow {
+pub struct AirData {
     /// Airspeed, m/s.
     pub speed: f64,
     /// Angle of attack, rad.
@@ -64,8 +64,8 @@ pub struct Flow {
 }
 
 /// What the air meets.
-struct Met {
-    flow: Flow,
+struct Onflow {
+    flow: AirData,
     /// Dynamic pressure times area, N.
     pressure: f64,
     /// Rates relative to the air, made dimensionless by half a span, chord, span.
@@ -75,7 +75,7 @@ struct Met {
 }
 
 /// Derivatives, and the specific force on the way.
-pub struct Slope {
+pub struct StateDerivatives {
     /// Of the states.
     pub of: [f64; STATES],
     /// Specific force, body axes, m/s².
@@ -117,9 +117,9 @@ impl Airframe {
             proportional,
             cruise_m_s,
             span_m,
-            twist: Twist {
+            hidden: HiddenAerodynamics {
                 aileron_fade: 1.0,
-                ..Twist::default()
+                ..HiddenAerodynamics::default()
             },
         })
     }
@@ -136,7 +136,7 @@ impl Airframe {
     }
 
     /// Makes this one of many built to the same drawing: coefficients off by about a hundredth.
-    pub fn scatter<R: Rng>(&mut self, rng: &mut R) {
+    pub fn vary_within_tolerance<R: Rng>(&mut self, rng: &mut R) {
         for (key, value) in &mut self.numbers {
             let part = match key.split('.').next() {
                 Some("lift" | "side" | "roll" | "yaw" | "drag") => 0.008,
@@ -145,7 +145,8 @@ impl Airframe {
             };
             *value *= 1.0 + part * normal(rng);
         }
-        // What the mechanisms of the catalogue change is trimmed to workmanship.
+        // Every aircraft is trimmed by hand: what its parts are off in lift and pitch is taken out but
+        // for this much.
         let lift = 0.002 * normal(rng);
         self.set("lift.zero", |v| v + lift);
         let moment = 0.0004 * normal(rng);
@@ -153,17 +154,17 @@ impl Airframe {
     }
 
     /// The flow that the body meets.
-    pub fn flow(&self, x: &[f64; STATES], gust: &Gust, wind: [f64; 2]) -> Flow {
+    pub fn flow(&self, x: &[f64; STATES], gust: &Gust, wind: [f64; 2]) -> AirData {
         let [u, v, w] = relative(x, gust, wind);
         let speed = (u * u + v * v + w * w).sqrt().max(1.0);
-        Flow {
+        AirData {
             speed,
             alpha: w.atan2(u),
             beta: (v / speed).clamp(-1.0, 1.0).asin(),
         }
     }
 
-    /// Surfaces told (elevator, aileron, rudder; rad) as they go to the servos, and back.
+    /// Commanded surfaces (elevator, aileron, rudder; rad) as they go to the servos, and back.
     pub fn to_servos(&self, [e, a, r]: [f64; 3]) -> [f64; 3] {
         if self.elevons {
             [e + a, e - a, 0.0]
@@ -180,31 +181,31 @@ impl Airframe {
         }
     }
 
-    /// Derivatives of the states at told surfaces (rad) and throttle.
-    pub fn slope(
+    /// Derivatives of the states at commanded surfaces (rad) and throttle.
+    pub fn derivatives(
         &self,
         x: &[f64; STATES],
         gust: &Gust,
         wind: [f64; 2],
         rho: f64,
-        told: &[f64; 4],
-    ) -> Slope {
-        let met = self.met(x, gust, wind, rho);
-        let force = self.force(&met, x[16], rho);
-        let moment = self.moment(&met, &force, rho);
+        command: &[f64; 4],
+    ) -> StateDerivatives {
+        let onflow = self.onflow(x, gust, wind, rho);
+        let force = self.force(&onflow, x[16], rho);
+        let moment = self.moment(&onflow, &force, rho);
         let mass = self.n("body.mass_kg");
         let specific = force.map(|f| f / mass);
-        Slope {
-            of: self.rates(x, &specific, &moment, told),
+        StateDerivatives {
+            of: self.rates(x, &specific, &moment, command),
             force: specific,
         }
     }
 
-    fn met(&self, x: &[f64; STATES], gust: &Gust, wind: [f64; 2], rho: f64) -> Met {
+    fn onflow(&self, x: &[f64; STATES], gust: &Gust, wind: [f64; 2], rho: f64) -> Onflow {
         let flow = self.flow(x, gust, wind);
         let part = |length: f64, rate: f64| rate * length / (2.0 * flow.speed);
         let (b, c) = (self.span_m, self.n("wing.chord_m"));
-        Met {
+        Onflow {
             pressure: 0.5 * rho * flow.speed * flow.speed * self.n("wing.area_m2"),
             turn: [
                 part(b, x[3] - gust.rate[0]),
@@ -217,13 +218,13 @@ impl Airframe {
     }
 
     /// Coefficients of lift and drag.
-    fn lift_and_drag(&self, met: &Met) -> [f64; 2] {
+    fn lift_and_drag(&self, onflow: &Onflow) -> [f64; 2] {
         let n = |key: &str| self.n(key);
-        let (flow, t, e) = (&met.flow, &self.twist, met.surface[0]);
+        let (flow, t, e) = (&onflow.flow, &self.hidden, onflow.surface[0]);
         let past = (flow.alpha - 0.035).max(0.0);
         let lift = n("lift.zero")
             + n("lift.alpha") * flow.alpha
-            + n("lift.q") * met.turn[1]
+            + n("lift.q") * onflow.turn[1]
             + n("lift.elevator") * e
             - t.lift_break * past * past;
         let mut drag = n("drag.zero")
@@ -242,50 +243,50 @@ impl Airframe {
     }
 
     /// Coefficient of side force, roll or yaw by the lateral motion, at an aileron.
-    fn lateral(&self, table: &str, met: &Met, aileron: f64) -> f64 {
+    fn lateral(&self, table: &str, onflow: &Onflow, aileron: f64) -> f64 {
         let of = |key: &str| self.n(&format!("{table}.{key}"));
-        of("beta") * met.flow.beta
-            + of("p") * met.turn[0]
-            + of("r") * met.turn[2]
+        of("beta") * onflow.flow.beta
+            + of("p") * onflow.turn[0]
+            + of("r") * onflow.turn[2]
             + of("aileron") * aileron
-            + of("rudder") * met.surface[2]
+            + of("rudder") * onflow.surface[2]
     }
 
     /// Force of air and propeller, body axes, N.
-    fn force(&self, met: &Met, motor: f64, rho: f64) -> [f64; 3] {
-        let [lift, drag] = self.lift_and_drag(met);
-        let side = self.lateral("side", met, met.surface[1]);
-        let (sa, ca) = met.flow.alpha.sin_cos();
-        let (sb, cb) = met.flow.beta.sin_cos();
+    fn force(&self, onflow: &Onflow, motor: f64, rho: f64) -> [f64; 3] {
+        let [lift, drag] = self.lift_and_drag(onflow);
+        let side = self.lateral("side", onflow, onflow.surface[1]);
+        let (sa, ca) = onflow.flow.alpha.sin_cos();
+        let (sb, cb) = onflow.flow.beta.sin_cos();
         // Wind to body axes by the two rotations.
         let along = -drag * cb - side * sb;
         [
-            met.pressure * (along * ca + lift * sa) + self.thrust(met.flow.speed, motor, rho),
-            met.pressure * (side * cb - drag * sb),
-            met.pressure * (along * sa - lift * ca),
+            onflow.pressure * (along * ca + lift * sa) + self.thrust(onflow.flow.speed, motor, rho),
+            onflow.pressure * (side * cb - drag * sb),
+            onflow.pressure * (along * sa - lift * ca),
         ]
     }
 
     /// Moment about the centre of gravity, body axes, N m.
-    fn moment(&self, met: &Met, force: &[f64; 3], rho: f64) -> [f64; 3] {
+    fn moment(&self, onflow: &Onflow, force: &[f64; 3], rho: f64) -> [f64; 3] {
         let n = |key: &str| self.n(key);
-        let (b, c, t) = (self.span_m, n("wing.chord_m"), &self.twist);
-        let faded = met.surface[1] * t.aileron_fade;
+        let (b, c, t) = (self.span_m, n("wing.chord_m"), &self.hidden);
+        let faded = onflow.surface[1] * t.aileron_fade;
         let cruise = 0.5 * rho * self.cruise_m_s.powi(2) * n("wing.area_m2");
-        let elastic = 1.0 - t.elastic * (met.pressure / cruise - 1.0);
-        let up = met.flow.alpha - 0.07;
+        let elastic = 1.0 - t.elastic * (onflow.pressure / cruise - 1.0);
+        let up = onflow.flow.alpha - 0.07;
         let cm = n("pitch.zero")
-            + n("pitch.alpha") * met.flow.alpha
-            + n("pitch.q") * met.turn[1]
-            + n("pitch.elevator") * met.surface[0] * elastic
+            + n("pitch.alpha") * onflow.flow.alpha
+            + n("pitch.q") * onflow.turn[1]
+            + n("pitch.elevator") * onflow.surface[0] * elastic
             + t.pitch_up * up * up;
         let cg = n("body.cg_ahead_m");
-        let roll = met.turn[0];
+        let roll = onflow.turn[0];
         let damping = t.damping_growth * n("roll.p") * roll * roll.abs();
         [
-            met.pressure * b * (self.lateral("roll", met, faded) + damping),
-            met.pressure * c * cm + force[2] * cg,
-            met.pressure * b * self.lateral("yaw", met, faded) - force[1] * cg,
+            onflow.pressure * b * (self.lateral("roll", onflow, faded) + damping),
+            onflow.pressure * c * cm + force[2] * cg,
+            onflow.pressure * b * self.lateral("yaw", onflow, faded) - force[1] * cg,
         ]
     }
 
@@ -300,7 +301,7 @@ impl Airframe {
             let out = speed + motor * (exit - speed);
             0.5 * rho * area * out * (out - speed)
         };
-        whole * (1.0 - self.twist.thrust_by_throttle * motor)
+        whole * (1.0 - self.hidden.thrust_by_throttle * motor)
     }
 
     fn rates(
@@ -308,7 +309,7 @@ impl Airframe {
         x: &[f64; STATES],
         specific: &[f64; 3],
         moment: &[f64; 3],
-        told: &[f64; 4],
+        command: &[f64; 4],
     ) -> [f64; STATES] {
         let [u, v, w, p, q, r, phi, theta, psi] =
             [x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7], x[8]];
@@ -318,13 +319,14 @@ impl Airframe {
         out[0] = r * v - q * w - GRAVITY * st + specific[0];
         out[1] = p * w - r * u + GRAVITY * sp * ct + specific[1];
         out[2] = q * u - p * v + GRAVITY * cp * ct + specific[2];
-        let grown = 1.0 + self.twist.inertia_part;
+        let grown = 1.0 + self.hidden.inertia_part;
         let (ix, iy, iz, ixz) = (
             self.n("body.ixx_kg_m2") * grown,
             self.n("body.iyy_kg_m2") * grown,
             self.n("body.izz_kg_m2") * grown,
             self.n("body.ixz_kg_m2"),
         );
+        // Roll and yaw are coupled by the product of inertia (Stevens and Lewis 2003, chapter 2).
         let gamma = ix * iz - ixz * ixz;
         let l = moment[0] + ixz * p * q - (iz - iy) * q * r;
         let n = moment[2] - (iy - ix) * p * q - ixz * q * r;
@@ -339,7 +341,7 @@ impl Airframe {
             self.n("surfaces.natural_frequency_rad_s"),
             self.n("surfaces.damping_ratio"),
         );
-        let servo = self.to_servos([told[0], told[1], told[2]]);
+        let servo = self.to_servos([command[0], command[1], command[2]]);
         let limit = self.n("surfaces.rate_deg_s").to_radians();
         for k in 0..3 {
             let (low, high) = (
@@ -350,26 +352,27 @@ impl Airframe {
             out[10 + k] = x[13 + k].clamp(-limit, limit);
             out[13 + k] = omega * (omega * error - 2.0 * zeta * x[13 + k]);
         }
-        out[16] = (told[3].clamp(0.0, 1.0) - x[16]) / self.n("propulsion.lag_s").max(0.02);
+        out[16] = (command[3].clamp(0.0, 1.0) - x[16]) / self.n("propulsion.lag_s").max(0.02);
         out
     }
 
-    /// One step of Heun's method.
+    /// One step of Heun's method: of second order, where the simulator's is of fourth, so that the two
+    /// share no error of integration.
     pub fn step(
         &self,
         x: &[f64; STATES],
         gust: &Gust,
         wind: [f64; 2],
         rho: f64,
-        told: &[f64; 4],
+        command: &[f64; 4],
         dt: f64,
     ) -> [f64; STATES] {
-        let first = self.slope(x, gust, wind, rho, told).of;
+        let first = self.derivatives(x, gust, wind, rho, command).of;
         let mut guess = *x;
         for k in 0..STATES {
             guess[k] += dt * first[k];
         }
-        let second = self.slope(&guess, gust, wind, rho, told).of;
+        let second = self.derivatives(&guess, gust, wind, rho, command).of;
         let mut next = *x;
         for k in 0..STATES {
             next[k] += 0.5 * dt * (first[k] + second[k]);
@@ -391,14 +394,14 @@ impl Airframe {
             (x[0], x[2], x[7]) = (speed * alpha.cos(), speed * alpha.sin(), alpha);
             x[10..13].copy_from_slice(&self.to_servos([e, 0.0, 0.0]));
             x[16] = throttle;
-            let slope = self.slope(
+            let derivatives = self.derivatives(
                 &x,
                 &Gust::default(),
                 [0.0; 2],
                 rho,
                 &[e, 0.0, 0.0, throttle],
             );
-            throttle = (throttle - 0.02 * slope.of[0]).clamp(0.02, 1.0);
+            throttle = (throttle - 0.02 * derivatives.of[0]).clamp(0.02, 1.0);
         }
         [alpha, e, throttle]
     }

@@ -1,9 +1,9 @@
-//! What is hidden in a flight: effects of the catalogue by laws of their own, their cousins whose
+//! What is hidden in a flight: effects of the catalogue by laws of their own, their variants whose
 //! law differs a little, and effects outside it.
 
 use super::airframe::Airframe;
 use super::{FlightSpec, TrueValue};
-use crate::chance::{normal, sign, stream};
+use crate::random::{normal, sign, stream};
 
 /// An effect. Names follow the catalogue's ids; those after `AlphaVaneScale` are outside it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -75,7 +75,7 @@ pub enum FlightLaw {
     /// The catalogue's.
     Catalogue,
     /// One that differs a little.
-    Cousin,
+    Variant,
 }
 
 impl FlightEffect {
@@ -148,11 +148,11 @@ impl FlightEffect {
 }
 
 /// What the hidden effects do outside the airframe's numbers.
-pub struct Hidden {
+pub struct InjectedEffects {
     /// The truth in the catalogue's words.
     pub truth: Vec<TrueValue>,
     list: Vec<(FlightEffect, f64)>,
-    cousin: bool,
+    variant: bool,
     duration_s: f64,
     draws: [f64; 3],
     mass_kg: f64,
@@ -172,7 +172,7 @@ pub struct Hidden {
     pub vane: (f64, f64),
 }
 
-impl Hidden {
+impl InjectedEffects {
     /// What `spec` hides. Small errors of workmanship are always there.
     pub fn new(spec: &FlightSpec, published: &Airframe) -> Self {
         let mut small = stream(spec.seed, "flight/workmanship");
@@ -183,7 +183,7 @@ impl Hidden {
         Self {
             truth: Vec::new(),
             list: spec.hidden.clone(),
-            cousin: spec.law == FlightLaw::Cousin,
+            variant: spec.law == FlightLaw::Variant,
             duration_s: spec.duration_s,
             draws,
             mass_kg: published.n("body.mass_kg"),
@@ -229,9 +229,9 @@ impl Hidden {
                 E::DragIncrease => self.drag(frame, size),
                 E::LiftSlope | E::RollDamping | E::PitchDamping => self.slopes(frame, effect, s),
                 E::ThrustLoss => self.thrust(frame, s),
-                E::ElasticTail => frame.twist.elastic = size,
-                E::PitchUp => frame.twist.pitch_up = size,
-                E::LiftBreak => frame.twist.lift_break = size,
+                E::ElasticTail => frame.hidden.elastic = size,
+                E::PitchUp => frame.hidden.pitch_up = size,
+                E::LiftBreak => frame.hidden.lift_break = size,
                 E::FadingAileron | E::Icing | E::GyroWander => {}
             }
         }
@@ -241,37 +241,37 @@ impl Hidden {
         if effect == E::MassChange {
             let added = s * self.mass_kg;
             frame.set("body.mass_kg", |m| m + added);
-            if self.cousin {
-                frame.twist.inertia_part = 0.15 * s;
+            if self.variant {
+                frame.hidden.inertia_part = 0.15 * s;
             }
             self.tell(effect, "added_kg", added);
             return;
         }
         frame.set("body.cg_ahead_m", |cg| cg + s);
-        if self.cousin {
-            frame.twist.inertia_part = 0.5 * s.abs();
+        if self.variant {
+            frame.hidden.inertia_part = 0.5 * s.abs();
         }
         self.tell(effect, "ahead_m", s);
     }
 
     fn drag(&mut self, frame: &mut Airframe, size: f64) {
         frame.set("drag.zero", |d| d + size);
-        if self.cousin {
-            frame.twist.drag_by_alpha = 1.5 * size;
+        if self.variant {
+            frame.hidden.drag_by_alpha = 1.5 * size;
         }
         self.tell(E::DragIncrease, "cd_zero", size);
     }
 
     fn thrust(&mut self, frame: &mut Airframe, s: f64) {
-        if self.cousin {
-            frame.twist.thrust_by_throttle = s;
+        if self.variant {
+            frame.hidden.thrust_by_throttle = s;
         }
-        let plain = if self.cousin { 0.5 * s } else { s };
+        let plain = if self.variant { 0.5 * s } else { s };
         frame.set("propulsion.swept_area_m2", |a| a * (1.0 - plain));
         self.tell(E::ThrustLoss, "lost_share", s);
     }
 
-    /// Lift by angle of attack, and damping; their cousins bend or act on lift as well.
+    /// Lift by angle of attack, and damping; their variants bend or act on lift as well.
     fn slopes(&mut self, frame: &mut Airframe, effect: FlightEffect, s: f64) {
         let key = match effect {
             E::LiftSlope => "lift.alpha",
@@ -279,10 +279,10 @@ impl Hidden {
             _ => "pitch.q",
         };
         frame.set(key, |c| c * (1.0 + s));
-        if self.cousin {
+        if self.variant {
             match effect {
-                E::LiftSlope => frame.twist.lift_break = -6.0 * s,
-                E::RollDamping => frame.twist.damping_growth = 3.0 * s,
+                E::LiftSlope => frame.hidden.lift_break = -6.0 * s,
+                E::RollDamping => frame.hidden.damping_growth = 3.0 * s,
                 _ => frame.set("lift.q", |c| c * (1.0 + s)),
             }
         }
@@ -293,7 +293,7 @@ impl Hidden {
         let effect = E::ControlEffectiveness;
         let [first, second, third] = self.draws.map(|d| 1.0 + s.abs() * d.clamp(-1.5, 1.5));
         frame.set("pitch.elevator", |c| c * first);
-        if self.cousin {
+        if self.variant {
             frame.set("lift.elevator", |c| c * first);
         }
         frame.set("roll.aileron", |c| c * second);
@@ -308,9 +308,9 @@ impl Hidden {
     }
 
     /// The servo's natural frequency falls, so that at low frequency it lags by so much more; by
-    /// the cousin's law a first-order lag stands before it.
+    /// the variant's law a first-order lag stands before it.
     fn lag(&mut self, frame: &mut Airframe, size: f64) {
-        if self.cousin {
+        if self.variant {
             self.lag_s = size;
         } else {
             let double = 2.0 * frame.n("surfaces.damping_ratio");
@@ -376,8 +376,8 @@ impl Hidden {
     pub fn now(&self, frame: &mut Airframe, time: f64) {
         let part = time / self.duration_s;
         let late = (2.0 * part - 0.7).clamp(0.0, 1.0);
-        frame.twist.aileron_fade = 1.0 - self.size(E::FadingAileron) * late;
-        frame.twist.ice_drag = self.size(E::Icing) * part;
+        frame.hidden.aileron_fade = 1.0 - self.size(E::FadingAileron) * late;
+        frame.hidden.ice_drag = self.size(E::Icing) * part;
     }
 
     /// Wander of the pitch gyro at `time`, rad/s.
@@ -385,8 +385,8 @@ impl Hidden {
         self.size(E::GyroWander) * (5.0 * time / self.duration_s).sin()
     }
 
-    /// Whether laws are cousins'.
-    pub fn is_cousin(&self) -> bool {
-        self.cousin
+    /// Whether laws are variants'.
+    pub fn is_variant(&self) -> bool {
+        self.variant
     }
 }

@@ -3,7 +3,7 @@
 
 use rand::rngs::ChaCha8Rng;
 
-use crate::chance::{normal, stream};
+use crate::random::{normal, stream};
 
 /// A gust: velocity and rotation of the air, body axes.
 #[derive(Debug, Clone, Copy, Default)]
@@ -30,6 +30,7 @@ pub struct Gusts {
 impl Gusts {
     /// Turbulence of `intensity` (standard deviation of the vertical gust, m/s) at a height.
     pub fn new(height_m: f64, intensity: f64, speed: f64, span_m: f64, seed: u64) -> Self {
+        // The standard's formulas take feet.
         let feet = (height_m / 0.3048).clamp(50.0, 1000.0);
         let ratio = 1.0 / (0.177 + 0.000_823 * feet).powf(0.4);
         let long = feet / (0.177 + 0.000_823 * feet).powf(1.2) * 0.3048;

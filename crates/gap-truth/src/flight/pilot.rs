@@ -3,8 +3,8 @@
 use rand::RngExt;
 
 use super::FlightSpec;
-use super::airframe::{Airframe, Flow, STATES};
-use crate::chance::{between, pick, sign, stream};
+use super::airframe::{AirData, Airframe, STATES};
+use crate::random::{between, pick, sign, stream};
 
 /// A manoeuvre: when, on which command, how large, what shape.
 #[derive(Debug, Clone, Copy)]
@@ -16,17 +16,17 @@ struct Manoeuvre {
 }
 
 /// The autopilot's state.
-pub struct Pilot {
+pub struct CaseAutopilot {
     trim: [f64; 3],
     speed: f64,
     height: f64,
     integral: [f64; 2],
     manoeuvres: Vec<Manoeuvre>,
     turns: Vec<(f64, f64, f64)>,
-    strength: f64,
+    control_power: f64,
 }
 
-impl Pilot {
+impl CaseAutopilot {
     /// An autopilot for the published aircraft at a speed and height.
     pub fn new(spec: &FlightSpec, published: &Airframe, speed: f64, height: f64, rho: f64) -> Self {
         let mut rng = stream(spec.seed, "flight/pilot");
@@ -64,9 +64,10 @@ impl Pilot {
             turns.push((at, bank, speed * between(&mut rng, 0.92, 1.12)));
             at += between(&mut rng, 12.0, 22.0);
         }
-        // Gains for this aircraft: half the surface for ... its control power at cruise.
+        // Gains fall with the control power at cruise, pitch acceleration per radian of elevator, 1/s²:
+        // one autopilot for small and large aircraft.
         let pressure = 0.5 * rho * speed * speed * published.n("wing.area_m2");
-        let strength =
+        let control_power =
             (pressure * published.n("wing.chord_m") * published.n("pitch.elevator").abs()
                 / published.n("body.iyy_kg_m2"))
             .max(1.0);
@@ -77,12 +78,12 @@ impl Pilot {
             integral: [0.0; 2],
             manoeuvres,
             turns,
-            strength,
+            control_power,
         }
     }
 
     /// Elevator, aileron, rudder (rad, as a table of three tenths of a millirad) and throttle.
-    pub fn command(&mut self, time: f64, x: &[f64; STATES], flow: &Flow) -> [f64; 4] {
+    pub fn command(&mut self, time: f64, x: &[f64; STATES], flow: &AirData) -> [f64; 4] {
         let (_, bank, speed) = self
             .turns
             .iter()
@@ -97,7 +98,7 @@ impl Pilot {
             + 0.12 * (1.0 / x[6].cos().abs().max(0.5) - 1.0);
         let off = pitch - x[7];
         self.integral[0] = (self.integral[0] + 0.04 * off).clamp(-0.3, 0.3);
-        let gain = (60.0 / self.strength).clamp(0.2, 0.9);
+        let gain = (60.0 / self.control_power).clamp(0.2, 0.9);
         let mut out = [
             self.trim[1] - gain * (off + 0.6 * self.integral[0]) + 0.12 * gain * x[4],
             0.35 * (bank - x[6]) - 0.05 * x[3],
@@ -108,7 +109,8 @@ impl Pilot {
         self.integral[1] = (self.integral[1] + 0.04 * slow).clamp(-8.0, 8.0);
         out[3] = self.trim[2] + 0.06 * slow + 0.012 * self.integral[1];
         for m in &self.manoeuvres {
-            // 2-1-1 of alternate sign; a single step for the throttle.
+            // A 2-1-1 of alternate sign excites a wider band than a doublet (Jategaonkar
+            // 2006, chapter 2); a single step for the throttle.
             let into = (time - m.start_s) / m.unit_s;
             let shape = match into {
                 i if i < 0.0 => 0.0,

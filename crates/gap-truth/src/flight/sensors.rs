@@ -5,10 +5,10 @@ use std::fmt::Write as _;
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 
-use super::airframe::{Airframe, Flow, STATES, to_ned};
-use super::effect::Hidden;
+use super::airframe::{AirData, Airframe, STATES, to_ned};
+use super::effect::InjectedEffects;
 use super::{FlightNoise, FlightSpec};
-use crate::chance::{OrnsteinUhlenbeck, between, normal, stream};
+use crate::random::{OrnsteinUhlenbeck, between, normal, stream};
 
 /// Noise of airspeed, vanes, angles, gyros, accelerometers and velocity (SI).
 const NOISE: [f64; 6] = [0.25, 0.006, 0.005, 0.008, 0.12, 0.15];
@@ -79,11 +79,11 @@ impl Sensors {
         csv: &mut String,
         time: f64,
         x: &[f64; STATES],
-        flow: &Flow,
+        flow: &AirData,
         force: &[f64; 3],
         command: &[f64; 4],
         frame: &Airframe,
-        hidden: &Hidden,
+        hidden: &InjectedEffects,
     ) {
         let degrees = 1f64.to_degrees();
         let mut cells = vec![format!("{time:.3}")];
@@ -119,9 +119,9 @@ impl Sensors {
     }
 
     /// Airspeed and vanes.
-    fn air_data(&mut self, cells: &mut Vec<String>, flow: &Flow, hidden: &Hidden) {
+    fn air_data(&mut self, cells: &mut Vec<String>, flow: &AirData, hidden: &InjectedEffects) {
         let degrees = 1f64.to_degrees();
-        let (slip, bend) = if hidden.is_cousin() {
+        let (slip, bend) = if hidden.is_variant() {
             (
                 (hidden.airspeed - 1.0) * (flow.alpha - 0.05),
                 (hidden.vane.0 - 1.0) * flow.alpha.powi(2),

@@ -2,13 +2,13 @@
 
 use std::ops::Range;
 
-use ::plume::effects::Ambient;
-use ::plume::field::{Place, Strength, Transport, World, WorldSpec};
+use ::plume::effects::SensorAir;
+use ::plume::field::{DispersionModel, DispersionSpec, Place, Strength, Transport};
 use ::plume::mechanism::{Mechanism, MechanismId};
 use ::plume::track::{Row, Track};
 use air::geo::{Enu, Geodetic, LocalFrame};
 use scenario::Scenario;
-use scenario::observations::{Observation, Observations};
+use scenario::observations::{ObservationRow, Observations};
 use scenario::uncertain::Uncertain;
 
 use super::fixes;
@@ -39,7 +39,7 @@ pub struct Prior {
 #[derive(Debug, Clone)]
 pub struct Setup {
     /// The scenario's world.
-    pub base: WorldSpec,
+    pub base: DispersionSpec,
     /// The scenario's local frame.
     pub frame: LocalFrame,
     /// What it marks uncertain.
@@ -75,7 +75,7 @@ impl Setup {
             expected: "a world that the plume model can run".to_string(),
         };
         let frame = scenario.frame().map_err(wrong)?;
-        let mut base = scenario.world_spec().map_err(wrong)?;
+        let mut base = scenario.dispersion_spec().map_err(wrong)?;
         let mut priors = Vec::new();
         for which in Uncertain::ALL {
             if let Some(sd) = scenario.prior_sd(which) {
@@ -109,7 +109,7 @@ impl Setup {
     }
 }
 
-fn prior(base: &WorldSpec, which: Uncertain, sd: f64) -> Option<Prior> {
+fn prior(base: &DispersionSpec, which: Uncertain, sd: f64) -> Option<Prior> {
     use MechanismId as M;
     let (id, value) = match which {
         Uncertain::WindSpeed => (M::WindSpeedScale, base.wind.reference_speed_m_s()),
@@ -169,7 +169,7 @@ impl Data {
     /// Rows of `observations` in the frame of `setup`; rows without place are left out.
     pub fn new(setup: &Setup, observations: &Observations) -> Result<Self, GapError> {
         let mut notices = observations.notices.clone();
-        let mut order: Vec<&Observation> = observations.rows.iter().collect();
+        let mut order: Vec<&ObservationRow> = observations.rows.iter().collect();
         order.sort_by(|a, b| {
             a.platform
                 .cmp(&b.platform)
@@ -195,7 +195,7 @@ impl Data {
         if order.iter().all(|o| o.co2_ppm.is_none()) {
             return Err(nothing("all readings (co2_ppm) are missing"));
         }
-        let world = World::new(setup.base.clone())?;
+        let world = DispersionModel::new(setup.base.clone())?;
         let track = Track::new(&world, &observations.platforms, &rows)?;
         let wind: Vec<_> = rows.iter().map(|r| r.wind).collect();
         let reading_ppm: Vec<f64> = order
@@ -349,7 +349,7 @@ impl Data {
 
 /// What is to be said of mechanisms of platforms that are not among `platforms`.
 fn absent_platforms<'a>(
-    base: &'a WorldSpec,
+    base: &'a DispersionSpec,
     platforms: &'a [String],
 ) -> impl Iterator<Item = String> + 'a {
     let named = |m: &'a Mechanism| m.platforms().iter().map(move |name| (m.id(), name));
@@ -388,7 +388,7 @@ fn nothing(problem: &str) -> GapError {
     }
 }
 
-fn row(setup: &Setup, o: &Observation) -> Row {
+fn row(setup: &Setup, o: &ObservationRow) -> Row {
     let at = setup.frame.to_enu(Geodetic {
         lat_deg: o.lat_deg,
         lon_deg: o.lon_deg,
@@ -406,7 +406,7 @@ fn row(setup: &Setup, o: &Observation) -> Row {
             height_agl_m,
         },
         wind: o.wind_from_deg.map(wind),
-        air: Ambient {
+        air: SensorAir {
             temperature_c: o.temperature_c.unwrap_or(f64::NAN),
             relative_humidity_pct: o.relative_humidity_pct.unwrap_or(f64::NAN),
             pressure_hpa: o.pressure_hpa.unwrap_or(f64::NAN),

@@ -163,7 +163,7 @@ fn parabola_weights(fixes: &[(f64, [f64; AXES])], time_s: f64) -> Option<Vec<f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ::plume::effects::Ambient;
+    use ::plume::effects::SensorAir;
     use ::plume::field::Place;
     use rand::SeedableRng;
     use rand::rngs::ChaCha8Rng;
@@ -179,7 +179,7 @@ mod tests {
                 height_agl_m,
             },
             wind: None,
-            air: Ambient::UNKNOWN,
+            air: SensorAir::UNKNOWN,
         }
     }
 

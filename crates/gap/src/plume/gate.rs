@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use ::plume::field::WorldSpec;
+use ::plume::field::DispersionSpec;
 
 use super::data::{Data, Setup};
 use crate::verdict::{DataQuality, Flaw};
@@ -149,7 +149,7 @@ impl Eye<'_> {
         });
     }
 
-    fn places(&mut self, base: &WorldSpec) {
+    fn places(&mut self, base: &DispersionSpec) {
         let source = base.sources[0].place;
         let far: Vec<usize> = self
             .range
@@ -250,7 +250,7 @@ impl Eye<'_> {
         }
     }
 
-    fn units(&mut self, base: &WorldSpec) {
+    fn units(&mut self, base: &DispersionSpec) {
         let used = self.used();
         let mut values: Vec<f64> = used.iter().map(|i| self.data.reading_ppm[*i]).collect();
         values.sort_by(f64::total_cmp);

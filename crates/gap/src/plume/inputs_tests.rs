@@ -124,9 +124,9 @@ fn readings_ten_seconds_apart_are_used() {
 #[test]
 fn other_units_of_height_and_time_are_suspected() {
     for change in [
-        |r: &mut Observation| r.alt_amsl_m *= 1e-3,
-        |r: &mut Observation| r.time_s *= 1e3,
-        |r: &mut Observation| r.time_s /= 60.0,
+        |r: &mut ObservationRow| r.alt_amsl_m *= 1e-3,
+        |r: &mut ObservationRow| r.time_s *= 1e3,
+        |r: &mut ObservationRow| r.time_s /= 60.0,
     ] {
         let (verdict, flaws) = damaged(change);
         assert_eq!(verdict, Verdict::None);

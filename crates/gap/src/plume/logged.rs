@@ -1,6 +1,6 @@
 //! What is logged beside the readings, wind and air, where it is logged less often than they are.
 
-use ::plume::effects::Ambient;
+use ::plume::effects::SensorAir;
 use ::plume::track::Row;
 
 /// A row this near in time to a logged wind knows it, s: the smoothing of the log bridges that.
@@ -58,7 +58,7 @@ pub(crate) fn wind_log(rows: &mut [Row], notices: &mut Vec<String>) -> WindLog {
 /// Fills in the air at rows without it, straight in time between those of the platform that have it
 /// and level beyond them: a cross-sensitivity does not come and go with its log.
 pub(crate) fn bridge_air(rows: &mut [Row]) {
-    let fields: [fn(&mut Ambient) -> &mut f64; 3] = [
+    let fields: [fn(&mut SensorAir) -> &mut f64; 3] = [
         |air| &mut air.temperature_c,
         |air| &mut air.relative_humidity_pct,
         |air| &mut air.pressure_hpa,
@@ -106,9 +106,9 @@ mod tests {
                 height_agl_m: 100.0,
             },
             wind,
-            air: Ambient {
+            air: SensorAir {
                 pressure_hpa,
-                ..Ambient::UNKNOWN
+                ..SensorAir::UNKNOWN
             },
         }
     }

@@ -1,6 +1,6 @@
 //! A model as a vector of parameters: the base and its extensions, all as mechanisms.
 
-use ::plume::field::{World, WorldSpec};
+use ::plume::field::{DispersionModel, DispersionSpec};
 use ::plume::mechanism::{Coordinate, Mechanism, MechanismId, ParameterSpec};
 use ::plume::track::Track;
 use nalgebra::DVector;
@@ -282,15 +282,15 @@ impl Model {
     }
 
     /// The world of this model.
-    pub fn world(&self, base: &WorldSpec, platforms: &[String]) -> Option<World> {
+    pub fn world(&self, base: &DispersionSpec, platforms: &[String]) -> Option<DispersionModel> {
         let mut spec = base.clone();
         spec.mechanisms
             .extend(self.parts.iter().map(|p| mechanism(p, platforms)));
-        World::new(spec).ok()
+        DispersionModel::new(spec).ok()
     }
 
     /// Predicted readings on `track`, and the plume's part of them.
-    pub fn predict(&self, base: &WorldSpec, track: &Track) -> Prediction {
+    pub fn predict(&self, base: &DispersionSpec, track: &Track) -> Prediction {
         let mut out = Prediction {
             reading: vec![0.0; track.len()],
             plume: vec![0.0; track.len()],
@@ -302,7 +302,7 @@ impl Model {
     }
 
     /// Predicted readings alone.
-    pub fn readings(&self, base: &WorldSpec, track: &Track) -> Vec<f64> {
+    pub fn readings(&self, base: &DispersionSpec, track: &Track) -> Vec<f64> {
         let mut out = vec![0.0; track.len()];
         if let Some(world) = self.world(base, track.platforms()) {
             track.predict(&world, &mut out);

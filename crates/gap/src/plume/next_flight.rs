@@ -11,7 +11,7 @@ mod otherwise;
 mod plans;
 mod separation;
 
-use ::plume::field::World;
+use ::plume::field::DispersionModel;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use self::plans::{Flier, Plan, PlumeAxis, outside, plans, waypoints};
@@ -125,7 +125,7 @@ impl<'a> Rivals<'a> {
     }
 
     /// The best of the flights tried, as long as it pays.
-    fn best(&self, ctx: &Context<'_>, world: &World) -> Option<Proposal> {
+    fn best(&self, ctx: &Context<'_>, world: &DispersionModel) -> Option<Proposal> {
         let flier = |length_s: f64| Flier {
             platform: self.cause.platform.unwrap_or(0),
             start_s: start_s(ctx),
@@ -145,7 +145,13 @@ impl<'a> Rivals<'a> {
         Some(best)
     }
 
-    fn promised(&self, ctx: &Context<'_>, world: &World, plan: Plan, flier: Flier) -> Proposal {
+    fn promised(
+        &self,
+        ctx: &Context<'_>,
+        world: &DispersionModel,
+        plan: Plan,
+        flier: Flier,
+    ) -> Proposal {
         let flown = Flown::new(ctx, self.first, &plan, self.axis, world, flier);
         let from = |other: &Fitted| {
             let nats = flown.as_ref().and_then(|f| f.separation(ctx, other));

@@ -3,7 +3,7 @@
 
 use super::*;
 use crate::verdict::Flaw;
-use ::plume::field::{Place, World};
+use ::plume::field::{DispersionModel, Place};
 use ::plume::{Mechanism, Sensor};
 use air::geo::Enu;
 use air::wind::WindProfile;
@@ -11,7 +11,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use scenario::Scenario;
-use scenario::observations::Observation;
+use scenario::observations::ObservationRow;
 
 const SCENARIO: &str = r#"
 [site]
@@ -65,7 +65,7 @@ fn observe_in(mechanisms: &[Hidden<'_>], seed: u64, turns_deg: f64) -> Observati
         spec.mechanisms
             .push(Mechanism::new(id, p).unwrap().for_platforms(&names));
     }
-    let world = World::new(spec.clone()).unwrap();
+    let world = DispersionModel::new(spec.clone()).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut wind = vec![0.0f64; 600];
     for t in 1..600 {
@@ -98,7 +98,7 @@ fn observe_in(mechanisms: &[Hidden<'_>], seed: u64, turns_deg: f64) -> Observati
             let dt = if t == 0 { 0.0 } else { 1.0 };
             let read = sensor.read(turbulent, dt, &mut rng) + 0.4 * slow;
             let back = setup.frame.to_geodetic(at);
-            rows.push(Observation {
+            rows.push(ObservationRow {
                 time_s,
                 platform: p,
                 lat_deg: back.lat_deg,
@@ -160,7 +160,7 @@ fn a_lag_is_named_measured_and_pays() {
     // The extension is a mechanism that the world runs.
     let mut spec = setup().base;
     spec.mechanisms.extend(a.extension.clone());
-    assert!(World::new(spec).is_ok());
+    assert!(DispersionModel::new(spec).is_ok());
 }
 
 // Wherever it cuts the band from 260 to 340 m in which the platforms weave: between two of the
@@ -288,7 +288,7 @@ fn one_reading_tells_nothing_and_says_so() {
 }
 
 /// The verdict and the flaws seen after a change to the rows.
-fn damaged(change: impl Fn(&mut Observation)) -> (Verdict, Vec<Flaw>) {
+fn damaged(change: impl Fn(&mut ObservationRow)) -> (Verdict, Vec<Flaw>) {
     let mut o = observe(&[], 17);
     o.rows.iter_mut().for_each(change);
     let a = run(&o);

@@ -5,7 +5,7 @@
 //! before. Several treatments are made; the data choose among them ([`super::start`]).
 
 use ::plume::WindHistory;
-use ::plume::field::{Transport, World};
+use ::plume::field::{DispersionModel, Transport};
 use ::plume::track::Track;
 
 use super::data::Data;
@@ -153,7 +153,7 @@ impl Carried {
     }
 
     /// Puts the transport into `track`, and what it makes of the straight plumes of `world`.
-    pub fn put(&self, track: &mut Track, world: &World) {
+    pub fn put(&self, track: &mut Track, world: &DispersionModel) {
         track.transport_mut().copy_from_slice(&self.transport);
         for (factor, wind) in track.plume_factor_mut().iter_mut().zip(&self.transport) {
             *factor = match self.treatment {

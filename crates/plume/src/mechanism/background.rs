@@ -1,6 +1,6 @@
 //! The gas that was there before.
 
-use super::entry::{Acts, Family, MechanismSpec, Steps, offset};
+use super::entry::{Action, Family, MechanismSpec, Steps, offset};
 use crate::effects::HOUR_S;
 
 pub(super) const OFFSET: MechanismSpec = MechanismSpec {
@@ -8,7 +8,7 @@ pub(super) const OFFSET: MechanismSpec = MechanismSpec {
     family: Family::Background,
     parameters: &[offset("offset_ppm", "ppm", 10.0, -1e4, 1e4).known_to(0.15)],
     sign: "added to the scenario's background",
-    acts: Acts::OnWorld(|e, v| e.background_ppm += v[0]),
+    action: Action::OnDispersion(|e, v| e.background_ppm += v[0]),
     steps: Steps::Line(&[1.0]),
     by_definition: true,
     check: Some("a monitor upwind of the source"),
@@ -21,7 +21,7 @@ pub(super) const DRIFT: MechanismSpec = MechanismSpec {
         offset("rate_ppm_per_h", "ppm/h", 20.0, -1e4, 1e4).known_to(0.15 * HOUR_S / 600.0)
     ],
     sign: "added to the background: rate times hours since time 0",
-    acts: Acts::OnWorld(|e, v| e.background_ppm_h += v[0]),
+    action: Action::OnDispersion(|e, v| e.background_ppm_h += v[0]),
     steps: Steps::Line(&[10.0]),
     by_definition: true,
     check: Some("a monitor upwind of the source"),
@@ -35,7 +35,7 @@ pub(super) const GRADIENT: MechanismSpec = MechanismSpec {
         offset("north_ppm_per_km", "ppm/km", 3.0, -1e3, 1e3),
     ],
     sign: "added to the background: gradient times distance east and north of the site's origin",
-    acts: Acts::OnWorld(|e, v| {
+    action: Action::OnDispersion(|e, v| {
         e.background_east_ppm_m += v[0] / 1000.0;
         e.background_north_ppm_m += v[1] / 1000.0;
     }),

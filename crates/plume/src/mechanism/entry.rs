@@ -1,6 +1,6 @@
 //! An entry of the catalogue: what is known of a mechanism, in one place.
 
-use crate::effects::{SensorEffects, WorldEffects};
+use crate::effects::{DispersionEffects, SensorEffects};
 
 /// The family a mechanism belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -67,9 +67,9 @@ pub struct ParameterSpec {
 
 /// How a mechanism enters the equations, given its parameters in the catalogue's order.
 #[derive(Debug, Clone, Copy)]
-pub enum Acts {
-    /// In the world: on all platforms alike.
-    OnWorld(fn(&mut WorldEffects, &[f64])),
+pub(crate) enum Action {
+    /// In the dispersion model: on all platforms alike.
+    OnDispersion(fn(&mut DispersionEffects, &[f64])),
     /// In the sensor of each platform it applies to.
     OnSensor(fn(&mut SensorEffects, &[f64])),
 }
@@ -106,7 +106,7 @@ pub struct MechanismSpec {
     /// What a positive value means.
     pub sign: &'static str,
     /// What it does.
-    pub acts: Acts,
+    pub(crate) action: Action,
     /// Where a search starts.
     pub steps: Steps,
     /// Whether it is a constant or something logged times a constant: there is no law to be

@@ -1,6 +1,6 @@
 //! The sensor, its clock and its logged place; these may differ between platforms.
 
-use super::entry::{Acts, Family, MechanismSpec, Steps, factor, limit, offset, setting};
+use super::entry::{Action, Family, MechanismSpec, Steps, factor, limit, offset, setting};
 use crate::effects::HOUR_S;
 
 pub(super) const LAG: MechanismSpec = MechanismSpec {
@@ -8,7 +8,7 @@ pub(super) const LAG: MechanismSpec = MechanismSpec {
     family: Family::Sensor,
     parameters: &[offset("time_constant_s", "s", 8.0, 0.0, 600.0)],
     sign: "first-order time constant, in series with the sensor's own",
-    acts: Acts::OnSensor(|e, v| {
+    action: Action::OnSensor(|e, v| {
         if v[0] > 0.0 {
             e.lags_s.push(v[0]);
         }
@@ -26,7 +26,7 @@ pub(super) const GAIN: MechanismSpec = MechanismSpec {
         setting("pivot_ppm", "ppm", 0.0, -1e5, 1e6),
     ],
     sign: "reading = pivot + factor times (concentration - pivot)",
-    acts: Acts::OnSensor(|e, v| {
+    action: Action::OnSensor(|e, v| {
         e.gain *= v[0];
         e.offset_ppm = v[1] + v[0] * (e.offset_ppm - v[1]);
     }),
@@ -40,7 +40,7 @@ pub(super) const OFFSET: MechanismSpec = MechanismSpec {
     family: Family::Sensor,
     parameters: &[offset("offset_ppm", "ppm", 10.0, -1e4, 1e4).known_to(0.15)],
     sign: "added to the reading",
-    acts: Acts::OnSensor(|e, v| e.offset_ppm += v[0]),
+    action: Action::OnSensor(|e, v| e.offset_ppm += v[0]),
     steps: Steps::Line(&[1.0]),
     by_definition: true,
     check: Some("the sensors read in zero gas on the ground"),
@@ -53,7 +53,7 @@ pub(super) const DRIFT: MechanismSpec = MechanismSpec {
         offset("rate_ppm_per_h", "ppm/h", 20.0, -1e4, 1e4).known_to(0.15 * HOUR_S / 600.0)
     ],
     sign: "added to the reading: rate times hours since time 0",
-    acts: Acts::OnSensor(|e, v| e.drift_ppm_s += v[0] / HOUR_S),
+    action: Action::OnSensor(|e, v| e.drift_ppm_s += v[0] / HOUR_S),
     steps: Steps::Line(&[10.0]),
     by_definition: true,
     check: Some("the sensors read in zero gas before and after the flight"),
@@ -64,7 +64,7 @@ pub(super) const SATURATION: MechanismSpec = MechanismSpec {
     family: Family::Sensor,
     parameters: &[limit("limit_ppm", "ppm", 800.0, 1.0, 1e6)],
     sign: "no reading above this limit",
-    acts: Acts::OnSensor(|e, v| e.limit_ppm = e.limit_ppm.min(v[0])),
+    action: Action::OnSensor(|e, v| e.limit_ppm = e.limit_ppm.min(v[0])),
     steps: Steps::PartsOfRange,
     by_definition: false,
     check: Some("the sensors read in span gas on the ground"),
@@ -78,7 +78,7 @@ pub(super) const CROSS_SENSITIVITY_HUMIDITY: MechanismSpec = MechanismSpec {
         setting("reference_percent", "%", 50.0, 0.0, 100.0),
     ],
     sign: "added to the reading: coefficient times (relative humidity - reference)",
-    acts: Acts::OnSensor(|e, v| join(&mut e.humidity, v)),
+    action: Action::OnSensor(|e, v| join(&mut e.humidity, v)),
     steps: Steps::Line(&[0.2]),
     by_definition: true,
     check: Some("the sensors read in zero gas that is warmed, cooled and moistened"),
@@ -92,7 +92,7 @@ pub(super) const CROSS_SENSITIVITY_TEMPERATURE: MechanismSpec = MechanismSpec {
         setting("reference_c", "deg C", 15.0, -60.0, 60.0),
     ],
     sign: "added to the reading: coefficient times (air temperature - reference)",
-    acts: Acts::OnSensor(|e, v| join(&mut e.temperature, v)),
+    action: Action::OnSensor(|e, v| join(&mut e.temperature, v)),
     steps: Steps::Line(&[0.5]),
     by_definition: true,
     check: Some("the sensors read in zero gas that is warmed, cooled and moistened"),
@@ -106,7 +106,7 @@ pub(super) const CROSS_SENSITIVITY_PRESSURE: MechanismSpec = MechanismSpec {
         setting("reference_hpa", "hPa", 1013.25, 100.0, 1100.0),
     ],
     sign: "added to the reading: coefficient times (pressure - reference)",
-    acts: Acts::OnSensor(|e, v| join(&mut e.pressure, v)),
+    action: Action::OnSensor(|e, v| join(&mut e.pressure, v)),
     steps: Steps::AboutPressureMet(0.2),
     by_definition: true,
     check: Some("the sensors read in zero gas at the pressures flown"),
@@ -117,7 +117,7 @@ pub(super) const CLOCK_OFFSET: MechanismSpec = MechanismSpec {
     family: Family::Sensor,
     parameters: &[offset("offset_s", "s", 5.0, -600.0, 600.0).known_to(0.02)],
     sign: "logged time of a reading = true time + offset, against the clock of the positions",
-    acts: Acts::OnSensor(|e, v| e.clock_s += v[0]),
+    action: Action::OnSensor(|e, v| e.clock_s += v[0]),
     steps: Steps::Line(&[0.3, -3.0, 3.0]),
     by_definition: false,
     check: Some("the aircraft's clock held against that of its position fixes"),
@@ -131,7 +131,7 @@ pub(super) const POSITION_OFFSET: MechanismSpec = MechanismSpec {
         offset("north_m", "m", 20.0, -5000.0, 5000.0).known_to(0.2),
     ],
     sign: "logged position = true position + offset",
-    acts: Acts::OnSensor(|e, v| {
+    action: Action::OnSensor(|e, v| {
         e.position_m[0] += v[0];
         e.position_m[1] += v[1];
     }),
@@ -145,7 +145,7 @@ pub(super) const ALTITUDE_OFFSET: MechanismSpec = MechanismSpec {
     family: Family::Sensor,
     parameters: &[offset("offset_m", "m", 20.0, -1000.0, 1000.0).known_to(0.2)],
     sign: "logged altitude = true altitude + offset",
-    acts: Acts::OnSensor(|e, v| e.position_m[2] += v[0]),
+    action: Action::OnSensor(|e, v| e.position_m[2] += v[0]),
     steps: Steps::Line(&[2.0, -20.0, 20.0]),
     by_definition: false,
     check: Some("the aircraft's altitude logged on a surveyed point"),
@@ -154,6 +154,7 @@ pub(super) const ALTITUDE_OFFSET: MechanismSpec = MechanismSpec {
 /// Two linear terms k1 (x - r1) + k2 (x - r2) as one.
 fn join(sum: &mut [f64; 2], v: &[f64]) {
     let slope = sum[0] + v[0];
+    // Slopes that cancel leave a constant, which this form cannot hold: the last reference stays.
     if slope != 0.0 {
         sum[1] = (sum[0] * sum[1] + v[0] * v[1]) / slope;
     }
@@ -162,7 +163,7 @@ fn join(sum: &mut [f64; 2], v: &[f64]) {
 
 #[cfg(test)]
 mod tests {
-    use crate::effects::{Ambient, SensorEffects};
+    use crate::effects::{SensorAir, SensorEffects};
     use crate::mechanism::Mechanism;
 
     #[test]
@@ -183,11 +184,11 @@ mod tests {
             .unwrap()
         };
         let e = SensorEffects::none().with(&[of(0.2, 50.0), of(0.3, 40.0)], "1");
-        let air = Ambient {
+        let air = SensorAir {
             relative_humidity_pct: 70.0,
-            ..Ambient::UNKNOWN
+            ..SensorAir::UNKNOWN
         };
         assert!((e.cross_ppm(&air) - (0.2 * 20.0 + 0.3 * 30.0)).abs() < 1e-12);
-        assert_eq!(e.cross_ppm(&Ambient::UNKNOWN), 0.0);
+        assert_eq!(e.cross_ppm(&SensorAir::UNKNOWN), 0.0);
     }
 }

@@ -5,7 +5,7 @@
 
 use air::geo::{Enu, Geodetic, wrap_signed_deg};
 use csea::Position;
-use plume::World;
+use plume::DispersionModel;
 use protocol::key::Name;
 use protocol::message::{
     ControlLevel, Estimate, Mode, Model, PathKind, Phase, Reading, Setpoint, State, VehicleKind,
@@ -41,7 +41,7 @@ pub struct Miniature {
     pub scenario: Scenario,
     pub airspace: Airspace,
     pub controller: SquadronController,
-    pub reality: World,
+    pub reality: DispersionModel,
     pub team: Vec<Point>,
     pub told: Vec<Told>,
     pub phases: Vec<(f64, Phase)>,
@@ -184,7 +184,7 @@ impl Miniature {
         let (a, b) = (source(prior), source(&reality));
         let toward = |s: &Scenario| air::wind::towards_deg(s.weather.wind_from_deg);
         let turn_deg = wrap_signed_deg(toward(&reality) - toward(prior));
-        let c_max = |s: &scenario::tables::Source| s.c_max_ppm.unwrap_or(400.0);
+        let c_max = |s: &scenario::tables::SourceTable| s.c_max_ppm.unwrap_or(400.0);
         let distance_m = a.c_max_distance_m.unwrap_or(2000.0);
         Model {
             background_ppm: mix(prior.background.co2_ppm, reality.background.co2_ppm, 4.0),

@@ -60,19 +60,19 @@ pub fn flight(title: &str, report: &FlightReport) -> String {
         page.table(caption, &["channel", "file", "extended", "unit"], &rows);
     }
     bins(&mut page, json);
-    equations(&mut page, &report.flight.equation_error);
+    equation_error(&mut page, &report.flight.equation_error);
     name_extend_gain(&mut page, json);
     remains(&mut page, json);
     page.finish()
 }
 
-fn equations(page: &mut Document, told: &EquationError) {
-    if told.delays.is_empty() && told.moments.is_empty() {
+fn equation_error(page: &mut Document, equations: &EquationError) {
+    if equations.delays.is_empty() && equations.moments.is_empty() {
         return;
     }
     page.section("What the accelerations say at once");
-    page.paragraph(&format!("Angular accelerations: {}.", told.filter));
-    let delays: Vec<Vec<String>> = told
+    page.paragraph(&format!("Angular accelerations: {}.", equations.filter));
+    let delays: Vec<Vec<String>> = equations
         .delays
         .iter()
         .map(|d| {
@@ -95,7 +95,7 @@ fn equations(page: &mut Document, told: &EquationError) {
         ],
         &delays,
     );
-    let rows: Vec<Vec<String>> = told.moments.iter().map(moment_row).collect();
+    let rows: Vec<Vec<String>> = equations.moments.iter().map(moment_row).collect();
     page.table(
         "Angular acceleration, (rad/s²)²: its variance, the mean square that the published model \
          leaves, and that which refitted derivatives leave on blocks of 10 s that they have not \
@@ -111,7 +111,7 @@ fn equations(page: &mut Document, told: &EquationError) {
         ],
         &rows,
     );
-    for moment in &told.moments {
+    for moment in &equations.moments {
         let rows: Vec<Vec<String>> = (0..moment.derivatives.len())
             .map(|k| {
                 let inflation = k.checked_sub(1).and_then(|i| moment.inflation.get(i));
@@ -132,7 +132,7 @@ fn equations(page: &mut Document, told: &EquationError) {
             &rows,
         );
     }
-    if let Some(lift) = &told.lift {
+    if let Some(lift) = &equations.lift {
         page.paragraph(&lift.words);
     }
 }

@@ -2,12 +2,12 @@
 
 use super::Expected;
 use crate::plot::{panel_title, rounded};
-use crate::site::{Area, Grid, Site};
+use crate::site::{Area, Grid, SiteMap};
 use air::geo::{Enu, wrap_signed_deg};
 use protocol::message::{Model, Peak, VehicleKind};
 use record::colour;
-use record::summary::{CORRECTED, ModelNumbers, Summary};
-use record::tracks::{Track, Tracks};
+use record::summary::{CORRECTED, MissionSummary, ModelNumbers};
+use record::tracks::{Tracks, VehicleTrack};
 use serde_json::{Value, json};
 
 /// Columns of the grid of a contour.
@@ -22,7 +22,12 @@ fn km(value_m: f64) -> Value {
 }
 
 /// The map of tracks with the plume of the model and of reality.
-pub(super) fn map(site: &Site, tracks: &Tracks, after: Option<&Model>, summary: &Summary) -> Value {
+pub(super) fn map(
+    site: &SiteMap,
+    tracks: &Tracks,
+    after: Option<&Model>,
+    summary: &MissionSummary,
+) -> Value {
     let area = site.area(tracks).widened(400.0);
     let mut data = Vec::new();
     if let Some(model) = after {
@@ -49,7 +54,7 @@ pub(super) fn map(site: &Site, tracks: &Tracks, after: Option<&Model>, summary: 
     }})
 }
 
-fn plumes(site: &Site, model: &Model, area: Area) -> Vec<Value> {
+fn plumes(site: &SiteMap, model: &Model, area: Area) -> Vec<Value> {
     let alt = site.axis_amsl_m(model);
     let background = model.background_ppm.value;
     let fields = [
@@ -94,12 +99,12 @@ fn plumes(site: &Site, model: &Model, area: Area) -> Vec<Value> {
     traces
 }
 
-fn track_traces(site: &Site, tracks: &Tracks) -> Vec<Value> {
+fn track_traces(site: &SiteMap, tracks: &Tracks) -> Vec<Value> {
     let scale: Vec<Value> = colour::stops()
         .into_iter()
         .map(|(at, c)| json!([at, c]))
         .collect();
-    let simulated = |t: &Track| t.kind == VehicleKind::Simulated;
+    let simulated = |t: &VehicleTrack| t.kind == VehicleKind::Simulated;
     let mut by_vehicle = tracks.by_vehicle().iter();
     let first_simulated = by_vehicle.find(|(_, t)| simulated(t)).map(|(id, _)| id);
     tracks
@@ -136,7 +141,7 @@ fn size(real: bool, co2_ppm: f64) -> Value {
     rounded(least + 3.2 * along.clamp(0.0, 1.0), 10.0)
 }
 
-fn surroundings(site: &Site) -> Vec<Value> {
+fn surroundings(site: &SiteMap) -> Vec<Value> {
     let mut traces = Vec::new();
     for stack in &site.stacks {
         let at = site.enu(stack.lat_deg, stack.lon_deg);

@@ -6,12 +6,12 @@ pub mod gap;
 pub mod synthetic;
 
 use protocol::message::Peak;
-use record::kml::Stack;
-use record::summary::{Known, ModelNumbers, Summariser, Summary};
+use record::kml::StackMarker;
+use record::summary::{MissionSummary, ModelNumbers, Summariser, SummaryContext};
 use std::sync::Arc;
-use views::site::Site;
+use views::site::SiteMap;
 
-pub fn site() -> Arc<Site> {
+pub fn site() -> Arc<SiteMap> {
     let frame = synthetic::frame();
     let origin = frame.origin();
     let corners = [
@@ -20,11 +20,11 @@ pub fn site() -> Arc<Site> {
         (3600.0, 1300.0),
         (-1200.0, 1300.0),
     ];
-    Arc::new(Site {
+    Arc::new(SiteMap {
         mission: "as-pontes".to_owned(),
         duration_s: 600.0,
         frame,
-        stacks: vec![Stack {
+        stacks: vec![StackMarker {
             name: "As Pontes".to_owned(),
             lat_deg: origin.lat_deg,
             lon_deg: origin.lon_deg,
@@ -37,23 +37,23 @@ pub fn site() -> Arc<Site> {
             })
             .to_vec(),
         keep_out_radius_m: 1200.0,
-        field: Arc::new(|model, spots| {
-            let ppm = |s: &views::site::Spot| synthetic::field(model, s.at, s.alt_amsl_m);
-            spots.iter().map(ppm).collect()
+        field: Arc::new(|model, points| {
+            let ppm = |s: &views::site::MapPoint| synthetic::field(model, s.at, s.alt_amsl_m);
+            points.iter().map(ppm).collect()
         }),
-        reality: Some(Arc::new(|spots| {
+        reality: Some(Arc::new(|points| {
             let reality = synthetic::model(118.0, 486.0, 410.0, 0);
-            let ppm = |s: &views::site::Spot| synthetic::field(&reality, s.at, s.alt_amsl_m);
-            spots.iter().map(ppm).collect()
+            let ppm = |s: &views::site::MapPoint| synthetic::field(&reality, s.at, s.alt_amsl_m);
+            points.iter().map(ppm).collect()
         })),
         true_peak: None,
     })
 }
 
-pub fn known() -> Known {
+pub fn known() -> SummaryContext {
     let numbers =
         |axis, height, c_max| ModelNumbers::from(&synthetic::model(axis, height, c_max, 0));
-    Known {
+    SummaryContext {
         seed: 7,
         frame: synthetic::frame(),
         before: numbers(130.0, 450.0, 330.0),
@@ -69,7 +69,7 @@ pub fn known() -> Known {
 }
 
 /// Report and summary of the first `ticks` ticks.
-pub fn report(ticks: u64) -> (String, Summary) {
+pub fn report(ticks: u64) -> (String, MissionSummary) {
     let mut report = views::report::Report::new(site());
     let mut summariser = Summariser::new(known());
     for (topic, envelope) in synthetic::mission(ticks) {

@@ -11,41 +11,46 @@
 //! Readings are averaged over [`ROW_S`]. Their misfit has a part that grows with the plume
 //! (gusts move it and its edges are ragged) and is correlated from row to row, which is allowed
 //! for by counting [`CORRELATED_ROWS`] neighbours as one.
+//!
+//! All readings are fitted anew at every update rather than filtered one by one: while the axis is
+//! off by several plume widths the posterior has several maxima, and an extended Kalman filter that
+//! linearises about the wrong one cannot look back.
 
 mod fit;
 pub mod offline;
 mod parameters;
 
-pub use parameters::{Calibrated, Parameter};
+pub use parameters::{Calibrated, CalibrationParameter};
 
 use crate::WsError;
 use fit::Problem;
 use nalgebra::{DMatrix, DVector};
 use parameters::Unknowns;
-use plume::effects::Ambient;
+use plume::effects::SensorAir;
 use plume::track::{Row, Track};
-use plume::{Place, World, WorldSpec};
+use plume::{DispersionModel, DispersionSpec, Place};
 use scenario::Scenario;
 
 /// Readings are averaged over this time, s.
 pub const ROW_S: f64 = 1.0;
-/// So many neighbouring rows carry the information of one.
+/// So many neighbouring rows carry the information of one: the effective sample size of a series
+/// that gusts correlate over some seconds (Leith 1973).
 pub const CORRELATED_ROWS: f64 = 4.0;
 /// Rows that a fit looks at; more are thinned, those in clean air first.
-const MOST_ROWS: usize = 1500;
+const MAX_ROWS: usize = 1500;
 /// A row is in the plume if the plume's part of it is above this share of the strongest.
 const IN_PLUME_SHARE: f64 = 0.02;
 
 /// One averaged reading.
 #[derive(Debug, Clone, Copy)]
-struct Reading {
+struct AveragedReading {
     row: Row,
     ppm: f64,
 }
 
 /// A reading being averaged.
 #[derive(Debug, Clone, Default)]
-struct Bin {
+struct AveragingBin {
     count: f64,
     time_s: f64,
     place: Place,
@@ -56,12 +61,12 @@ struct Bin {
 /// Takes in readings and corrects the model.
 #[derive(Debug, Clone)]
 pub struct Calibrator {
-    base: WorldSpec,
+    base: DispersionSpec,
     unknowns: Unknowns,
     platforms: Vec<String>,
-    bins: Vec<Bin>,
+    bins: Vec<AveragingBin>,
     /// Averaged readings, platform by platform, in order of time.
-    readings: Vec<Vec<Reading>>,
+    readings: Vec<Vec<AveragedReading>>,
     taken: u64,
     estimate: DVector<f64>,
     covariance: DMatrix<f64>,
@@ -79,7 +84,7 @@ impl Calibrator {
         platforms: &[String],
         reference: Option<&str>,
     ) -> Result<Self, WsError> {
-        let base = scenario.world_spec()?;
+        let base = scenario.dispersion_spec()?;
         let unknowns = Unknowns::new(scenario, &base, platforms, reference);
         Ok(Self {
             estimate: unknowns.prior_mean(),
@@ -87,7 +92,7 @@ impl Calibrator {
             base,
             unknowns,
             platforms: platforms.to_vec(),
-            bins: vec![Bin::default(); platforms.len()],
+            bins: vec![AveragingBin::default(); platforms.len()],
             readings: vec![Vec::new(); platforms.len()],
             taken: 0,
             cost: 0.0,
@@ -112,6 +117,7 @@ impl Calibrator {
         let bin = &mut self.bins[platform];
         if bin.count > 0.0 && (time_s / ROW_S).floor() != (bin.time_s / bin.count / ROW_S).floor() {
             let done = std::mem::take(bin).finish(platform);
+            // A reading of a clock that went back is dropped: a track needs increasing times.
             let in_order = self.readings[platform]
                 .last()
                 .is_none_or(|l| l.row.time_s < done.row.time_s);
@@ -149,11 +155,11 @@ impl Calibrator {
     /// # Errors
     /// Mechanisms that the plume model refuses.
     pub fn extend(&mut self, mechanisms: Vec<plume::Mechanism>) -> Result<(), WsError> {
-        let extended = WorldSpec {
+        let extended = DispersionSpec {
             mechanisms,
             ..self.base.clone()
         };
-        World::new(extended.clone())?;
+        DispersionModel::new(extended.clone())?;
         self.base = extended;
         Ok(())
     }
@@ -168,17 +174,22 @@ impl Calibrator {
             return Ok(());
         }
         let rows: Vec<Row> = readings.iter().map(|r| r.row).collect();
-        let track = Track::new(&World::new(self.base.clone())?, &self.platforms, &rows)?;
+        let track = Track::new(
+            &DispersionModel::new(self.base.clone())?,
+            &self.platforms,
+            &rows,
+        )?;
         let measured: Vec<f64> = readings.iter().map(|r| r.ppm).collect();
         let problem = Problem::new(&self.base, &self.unknowns, &track, &measured);
-        let start = if self.located() {
+        let start = if self.axis_is_located() {
             self.estimate.clone()
         } else {
             problem.search(&self.estimate)?
         };
         let mut best = problem.fit(start)?;
         if problem.is_far_from_prior(&best.0) {
-            // Rather a wrong valley than a surprise: the way from the prior is tried too.
+            // More likely a local maximum of the posterior than such a truth: a fit from the prior
+            // is tried too.
             let other = problem.fit(problem.search(&self.unknowns.prior_mean())?)?;
             if other.2 < best.2 {
                 best = other;
@@ -192,20 +203,22 @@ impl Calibrator {
     }
 
     /// Whether the axis is known well enough that a local search finds the best fit.
-    fn located(&self) -> bool {
+    fn axis_is_located(&self) -> bool {
         let (estimate, prior) = (&self.covariance, self.unknowns.prior_sd());
         self.unknowns
-            .index(Parameter::Direction)
+            .index(CalibrationParameter::Direction)
             .is_none_or(|k| estimate[(k, k)].sqrt() < 0.2 * prior[k])
     }
 
     /// Rows for a fit: all of them, or those in the plume and a part of the others.
-    fn thinned(&self) -> Result<Vec<Reading>, WsError> {
-        let all: Vec<Reading> = self.readings.iter().flatten().copied().collect();
-        if all.len() <= MOST_ROWS {
+    fn thinned(&self) -> Result<Vec<AveragedReading>, WsError> {
+        let all: Vec<AveragedReading> = self.readings.iter().flatten().copied().collect();
+        if all.len() <= MAX_ROWS {
             return Ok(all);
         }
-        let world = World::new(self.corrected_spec())?;
+        let world = DispersionModel::new(self.corrected_spec())?;
+        // By model or reading, whichever is more: a plume that the model does not expect yet must not
+        // be thinned as clean air.
         let excess: Vec<f64> = all
             .iter()
             .map(|r| {
@@ -217,11 +230,11 @@ impl Calibrator {
         let strongest = excess.iter().copied().fold(0.0, f64::max);
         let inside = |k: usize| excess[k] > IN_PLUME_SHARE * strongest;
         let in_plume = (0..all.len()).filter(|&k| inside(k)).count();
-        let plume_stride = in_plume.div_ceil(MOST_ROWS * 3 / 4).max(1);
-        let room = MOST_ROWS - in_plume.div_ceil(plume_stride).min(MOST_ROWS - 1);
+        let plume_stride = in_plume.div_ceil(MAX_ROWS * 3 / 4).max(1);
+        let room = MAX_ROWS - in_plume.div_ceil(plume_stride).min(MAX_ROWS - 1);
         let clean_stride = (all.len() - in_plume).div_ceil(room).max(1);
         let (mut in_count, mut out_count) = (0, 0);
-        let mut kept = Vec::with_capacity(MOST_ROWS);
+        let mut kept = Vec::with_capacity(MAX_ROWS);
         for (k, reading) in all.into_iter().enumerate() {
             let (count, stride) = if inside(k) {
                 (&mut in_count, plume_stride)
@@ -243,14 +256,14 @@ impl Calibrator {
     }
 
     /// The corrected model for one platform or all.
-    pub fn corrected_spec(&self) -> WorldSpec {
+    pub fn corrected_spec(&self) -> DispersionSpec {
         self.unknowns.turned(&self.base, &self.estimate)
     }
 
     /// How far the wind is turned clockwise from the scenario's, degrees.
     pub fn turn_deg(&self) -> f64 {
         self.unknowns
-            .value(Parameter::Direction, &self.estimate)
+            .value(CalibrationParameter::Direction, &self.estimate)
             .unwrap_or(0.0)
     }
 
@@ -261,16 +274,16 @@ impl Calibrator {
     }
 
     /// Value and standard deviation of one unknown.
-    pub fn parameter(&self, parameter: Parameter) -> Option<(f64, f64)> {
+    pub fn parameter(&self, parameter: CalibrationParameter) -> Option<(f64, f64)> {
         let k = self.unknowns.index(parameter)?;
         Some((self.estimate[k], self.covariance[(k, k)].sqrt()))
     }
 }
 
-impl Bin {
-    fn finish(self, platform: usize) -> Reading {
+impl AveragingBin {
+    fn finish(self, platform: usize) -> AveragedReading {
         let n = self.count;
-        Reading {
+        AveragedReading {
             row: Row {
                 platform,
                 time_s: self.time_s / n,
@@ -280,7 +293,7 @@ impl Bin {
                     height_agl_m: self.place.height_agl_m / n,
                 },
                 wind: self.wind,
-                air: Ambient::UNKNOWN,
+                air: SensorAir::UNKNOWN,
             },
             ppm: self.ppm / n,
         }

@@ -1,21 +1,21 @@
 //! Calibration from files: measured observations of one or several platforms correct a scenario.
 
-use super::{Calibrated, Calibrator, Parameter};
+use super::{Calibrated, CalibrationParameter, Calibrator};
 use crate::WsError;
 use air::geo::{Geodetic, wrap_deg};
 use air::wind::{WindVector, towards_deg};
 use plume::{Mechanism, MechanismId, Place};
 use scenario::Scenario;
-use scenario::observations::{Observation, Observations};
+use scenario::observations::{ObservationRow, Observations};
 use scenario::uncertain::Uncertain;
 
-/// Logged winds are averaged over one of these times on both sides, s, whichever the readings
-/// bear out best: a log is noisy, but the wind it shows may also really change.
+/// Logged winds are averaged over one of these times on both sides, s, whichever makes the readings
+/// likeliest: a log is noisy, but the wind it shows may also really change.
 const WIND_AVERAGED_S: [f64; 4] = [30.0, 120.0, 600.0, f64::INFINITY];
 
 /// A calibration from files.
 #[derive(Debug, Clone)]
-pub struct Offline {
+pub struct OfflineCalibration {
     /// The scenario with corrected values; their standard deviations are its new priors.
     pub scenario: Scenario,
     /// What was found.
@@ -33,12 +33,12 @@ pub fn calibrate(
     scenario: &Scenario,
     observations: &Observations,
     reference: Option<&str>,
-) -> Result<Offline, WsError> {
+) -> Result<OfflineCalibration, WsError> {
     let mut best: Option<Calibrator> = None;
     for averaged_s in WIND_AVERAGED_S {
         let winds = averaged_winds(observations, averaged_s);
         let nothing_logged = winds.iter().all(Option::is_none);
-        let calibrator = with_winds(scenario, observations, reference, &winds)?;
+        let calibrator = calibrated_in_winds(scenario, observations, reference, &winds)?;
         if best.as_ref().is_none_or(|b| calibrator.cost() < b.cost()) {
             best = Some(calibrator);
         }
@@ -53,7 +53,7 @@ pub fn calibrate(
     let mut calibrated = calibrator.calibrated();
     let corrected = corrected(scenario, &calibrator, &calibrated, observations);
     calibrated.axis_deg.value = towards_deg(corrected.weather.wind_from_deg);
-    Ok(Offline {
+    Ok(OfflineCalibration {
         scenario: corrected,
         calibrated,
         calibrator,
@@ -61,7 +61,7 @@ pub fn calibrate(
 }
 
 /// A calibration in which each row's plume is carried by its wind of `winds`.
-fn with_winds(
+fn calibrated_in_winds(
     scenario: &Scenario,
     observations: &Observations,
     reference: Option<&str>,
@@ -71,15 +71,11 @@ fn with_winds(
     let mut calibrator = Calibrator::new(scenario, &observations.platforms, reference)?;
     for (row, wind) in observations.rows.iter().zip(winds) {
         let Some(ppm) = row.co2_ppm else { continue };
-        let at = frame.to_enu(Geodetic {
+        let at = Geodetic {
             lat_deg: row.lat_deg,
             lon_deg: row.lon_deg,
-        });
-        let place = Place {
-            east_m: at.east_m,
-            north_m: at.north_m,
-            height_agl_m: row.alt_amsl_m - frame.ground_amsl_m,
         };
+        let place = Place::from_geodetic(&frame, at, row.alt_amsl_m);
         let wind = wind.map(|w| (w.speed_m_s(), w.from_deg()));
         calibrator.observe(row.platform, row.time_s, place, wind, ppm);
     }
@@ -149,12 +145,14 @@ fn corrected(
         let sensor = [
             (
                 MechanismId::SensorOffset,
-                calibrator.parameter(Parameter::Offset(k)).map(|p| p.0),
+                calibrator
+                    .parameter(CalibrationParameter::Offset(k))
+                    .map(|p| p.0),
             ),
             (
                 MechanismId::SensorGain,
                 calibrator
-                    .parameter(Parameter::LnGain(k))
+                    .parameter(CalibrationParameter::LnGain(k))
                     .map(|p| p.0.exp()),
             ),
         ];
@@ -168,7 +166,7 @@ fn corrected(
 }
 
 /// The wind logged in a row, if it was.
-fn logged(row: &Observation) -> Option<WindVector> {
+fn logged(row: &ObservationRow) -> Option<WindVector> {
     Some(WindVector::from_speed_and_direction(
         row.wind_speed_m_s?,
         row.wind_from_deg?,
@@ -201,7 +199,7 @@ fn averaged_winds(observations: &Observations, averaged_s: f64) -> Vec<Option<Wi
             .filter(|(_, row)| row.platform == platform)
             .map(|(k, row)| (k, row.time_s, logged(row)))
             .collect();
-        // A window that slides with the rows: each enters and leaves the sums once.
+        // A moving average: each row enters and leaves the sums once.
         let (mut first, mut next) = (0, 0);
         let (mut east, mut north, mut count) = (0.0, 0.0, 0.0);
         for &(k, time_s, _) in &rows {

@@ -1,19 +1,16 @@
 //! The unknowns of a calibration, their priors, and the model that their values make.
 
 use air::geo::wrap_deg;
-use air::wind::{WindProfile, towards_deg};
+use air::wind::towards_deg;
 use nalgebra::{DMatrix, DVector};
-use plume::{Mechanism, MechanismId, Place, Strength, World, WorldSpec};
+use plume::{DispersionModel, DispersionSpec, Mechanism, MechanismId, Strength};
 use protocol::message::Estimate;
 use scenario::Scenario;
 use scenario::uncertain::Uncertain;
 
-/// Distance at which c_MAX is stated for a source given by its emission, m.
-const STATED_AT_M: f64 = 1000.0;
-
 /// An unknown of the calibration, in the unit in which its prior is normal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Parameter {
+pub enum CalibrationParameter {
     /// Background, ppm.
     Background,
     /// Effective height of the first source, m above ground.
@@ -57,7 +54,8 @@ pub struct Calibrated {
     pub strength_factor: Estimate,
 }
 
-/// Priors where the scenario marks nothing: parameter, standard deviation.
+// Prior standard deviations where the scenario marks nothing: how far a preliminary flight's
+// estimates of these are usually off.
 const DEFAULT_SD_HEIGHT_M: f64 = 40.0;
 const DEFAULT_SD_DIRECTION_DEG: f64 = 10.0;
 const DEFAULT_SD_LN_STRENGTH: f64 = 0.4;
@@ -71,14 +69,14 @@ const WIDEST_SD: f64 = 1e4;
 
 #[derive(Debug, Clone)]
 pub(crate) struct Unknowns {
-    list: Vec<(Parameter, f64, f64)>,
+    list: Vec<(CalibrationParameter, f64, f64)>,
     platforms: Vec<String>,
 }
 
 impl Unknowns {
     pub fn new(
         scenario: &Scenario,
-        base: &WorldSpec,
+        base: &DispersionSpec,
         platforms: &[String],
         reference: Option<&str>,
     ) -> Self {
@@ -98,7 +96,7 @@ impl Unknowns {
                 .prior_sd(key)
                 .map_or(DEFAULT_SD_LN_SIGMA, |sd| (sd / scale).min(3.0))
         };
-        use Parameter as P;
+        use CalibrationParameter as P;
         let mut list = vec![
             (
                 P::Background,
@@ -172,38 +170,42 @@ impl Unknowns {
         DVector::from_iterator(self.len(), self.list.iter().map(|u| u.2))
     }
 
-    pub fn index(&self, parameter: Parameter) -> Option<usize> {
+    pub fn index(&self, parameter: CalibrationParameter) -> Option<usize> {
         self.list.iter().position(|u| u.0 == parameter)
     }
 
-    pub fn value(&self, parameter: Parameter, at: &DVector<f64>) -> Option<f64> {
+    pub fn value(&self, parameter: CalibrationParameter, at: &DVector<f64>) -> Option<f64> {
         self.index(parameter).map(|k| at[k])
     }
 
     /// The model at these values, with the turn of the wind as a mechanism, so that it acts on
     /// whatever wind the rows of a track carry.
-    pub fn spec(&self, base: &WorldSpec, at: &DVector<f64>) -> WorldSpec {
+    pub fn spec(&self, base: &DispersionSpec, at: &DVector<f64>) -> DispersionSpec {
         let mut spec = base.clone();
         for (k, (parameter, _, _)) in self.list.iter().enumerate() {
             let value = at[k];
             match *parameter {
-                Parameter::Background => spec.background_ppm = value.max(0.0),
-                Parameter::Height => spec.sources[0].effective_height_agl_m = value.max(1.0),
-                Parameter::Direction => {
+                CalibrationParameter::Background => spec.background_ppm = value.max(0.0),
+                CalibrationParameter::Height => {
+                    spec.sources[0].effective_height_agl_m = value.max(1.0)
+                }
+                CalibrationParameter::Direction => {
                     spec.mechanisms.push(Mechanism::from_values(
                         MechanismId::WindDirectionOffset,
                         &[value],
                     ));
                 }
-                Parameter::LnStrength => scale_strength(&mut spec.sources[0].strength, value.exp()),
-                Parameter::LnSigmaY => spec.sigma_y_scale = value.exp(),
-                Parameter::LnSigmaZ => spec.sigma_z_scale = value.exp(),
-                Parameter::TimeConstant => spec.sensor.time_constant_s = value.max(0.0),
-                Parameter::Offset(p) => spec.mechanisms.push(
+                CalibrationParameter::LnStrength => {
+                    scale_strength(&mut spec.sources[0].strength, value.exp())
+                }
+                CalibrationParameter::LnSigmaY => spec.sigma_y_scale = value.exp(),
+                CalibrationParameter::LnSigmaZ => spec.sigma_z_scale = value.exp(),
+                CalibrationParameter::TimeConstant => spec.sensor.time_constant_s = value.max(0.0),
+                CalibrationParameter::Offset(p) => spec.mechanisms.push(
                     Mechanism::from_values(MechanismId::SensorOffset, &[value])
                         .for_platforms(&self.platforms[p..=p]),
                 ),
-                Parameter::LnGain(p) => spec.mechanisms.push(
+                CalibrationParameter::LnGain(p) => spec.mechanisms.push(
                     Mechanism::from_values(MechanismId::SensorGain, &[value.exp()])
                         .for_platforms(&self.platforms[p..=p]),
                 ),
@@ -213,30 +215,25 @@ impl Unknowns {
     }
 
     /// The model at these values, with the wind itself turned.
-    pub fn turned(&self, base: &WorldSpec, at: &DVector<f64>) -> WorldSpec {
-        let turn_deg = self.value(Parameter::Direction, at).unwrap_or(0.0);
+    pub fn turned(&self, base: &DispersionSpec, at: &DVector<f64>) -> DispersionSpec {
+        let turn_deg = self
+            .value(CalibrationParameter::Direction, at)
+            .unwrap_or(0.0);
         let mut still = at.clone();
-        if let Some(k) = self.index(Parameter::Direction) {
+        if let Some(k) = self.index(CalibrationParameter::Direction) {
             still[k] = 0.0;
         }
         let mut spec = self.spec(base, &still);
         // The mechanism of no turn, added by `spec`, says nothing.
         spec.mechanisms
             .retain(|m| m.id() != MechanismId::WindDirectionOffset || m.values()[0] != 0.0);
-        let wind = &spec.wind;
-        let turned = WindProfile::new(
-            wind.reference_speed_m_s(),
-            wind.reference_height_agl_m(),
-            wrap_deg(wind.from_deg() + turn_deg),
-            wind.exponent(),
-        );
-        spec.wind = turned.unwrap_or(spec.wind);
+        spec.wind = spec.wind.turned(turn_deg);
         spec
     }
 
     pub fn calibrated(
         &self,
-        base: &WorldSpec,
+        base: &DispersionSpec,
         at: &DVector<f64>,
         covariance: &DMatrix<f64>,
     ) -> Calibrated {
@@ -253,6 +250,7 @@ impl Unknowns {
                 },
             )
         };
+        // Of a log-normal quantity the median and, to first order, the standard deviation.
         let log = |parameter| {
             let e = linear(parameter);
             Estimate {
@@ -260,37 +258,38 @@ impl Unknowns {
                 sd: e.value.exp() * e.sd,
             }
         };
-        let turn = linear(Parameter::Direction);
+        let turn = linear(CalibrationParameter::Direction);
         let (c_max, c_max_distance_m) = self.c_max(base, at, covariance);
         Calibrated {
-            background_ppm: linear(Parameter::Background),
-            effective_height_agl_m: linear(Parameter::Height),
+            background_ppm: linear(CalibrationParameter::Background),
+            effective_height_agl_m: linear(CalibrationParameter::Height),
             axis_deg: Estimate {
                 value: wrap_deg(towards_deg(base.wind.from_deg()) + turn.value),
                 sd: turn.sd,
             },
             c_max_ppm: c_max,
             c_max_distance_m,
-            sigma_y_scale: log(Parameter::LnSigmaY),
-            sigma_z_scale: log(Parameter::LnSigmaZ),
-            time_constant_s: linear(Parameter::TimeConstant),
-            strength_factor: log(Parameter::LnStrength),
+            sigma_y_scale: log(CalibrationParameter::LnSigmaY),
+            sigma_z_scale: log(CalibrationParameter::LnSigmaZ),
+            time_constant_s: linear(CalibrationParameter::TimeConstant),
+            strength_factor: log(CalibrationParameter::LnStrength),
         }
     }
 
     /// c_MAX at its distance: the model's own concentration on the axis there, with the standard
-    /// deviation that the unknowns' covariance gives it.
+    /// deviation that the unknowns' covariance gives it to first order (JCGM 100:2008, equation 13).
     fn c_max(
         &self,
-        base: &WorldSpec,
+        base: &DispersionSpec,
         at: &DVector<f64>,
         covariance: &DMatrix<f64>,
     ) -> (Estimate, f64) {
-        let distance_m = match base.sources[0].strength {
-            Strength::CMax { distance_m, .. } => distance_m,
-            Strength::EmissionKgS(_) => STATED_AT_M,
+        let distance_m = base.sources[0].strength.c_max_distance_m();
+        // 0 for values that make no model.
+        let value = |at: &DVector<f64>| {
+            DispersionModel::new(self.turned(base, at))
+                .map_or(0.0, |model| model.axis_excess_ppm(distance_m))
         };
-        let value = |at: &DVector<f64>| axis_excess_ppm(&self.turned(base, at), distance_m);
         let here = value(at);
         let slope = DVector::from_fn(self.len(), |k, _| {
             let step = 0.01 * covariance[(k, k)].sqrt();
@@ -317,21 +316,4 @@ fn scale_strength(strength: &mut Strength, factor: f64) {
         Strength::EmissionKgS(q) => *q *= factor,
         Strength::CMax { excess_ppm, .. } => *excess_ppm *= factor,
     }
-}
-
-/// Concentration above background on the first source's axis at `distance_m`, ppm; 0 for a
-/// model that cannot be.
-pub(crate) fn axis_excess_ppm(spec: &WorldSpec, distance_m: f64) -> f64 {
-    let source = &spec.sources[0];
-    let on_axis = source
-        .place
-        .displaced(towards_deg(spec.wind.from_deg()), distance_m);
-    let place = Place {
-        east_m: on_axis.east_m,
-        north_m: on_axis.north_m,
-        height_agl_m: source.effective_height_agl_m,
-    };
-    World::new(spec.clone()).map_or(0.0, |world| {
-        world.mean_ppm(&place, 0.0) - world.background_ppm(&place, 0.0)
-    })
 }

@@ -2,8 +2,8 @@
 //! corners that are passed at a steady speed and as the rows that an aircraft would log. They lie
 //! about the plume as it was found, in the wind as it was logged.
 
-use ::plume::effects::{Ambient, HOUR_S};
-use ::plume::field::{Place, Transport, World};
+use ::plume::effects::{HOUR_S, SensorAir};
+use ::plume::field::{DispersionModel, Place, Transport};
 use ::plume::mechanism::MechanismId;
 use ::plume::track::Row;
 use air::area::{distance_to_segment_m, is_inside};
@@ -78,7 +78,7 @@ impl PlumeAxis {
 
 /// Crossings at several distances and heights, climbs through the plume and beside it, and legs
 /// along it.
-pub(super) fn plans(axis: PlumeAxis, world: &World) -> Vec<Plan> {
+pub(super) fn plans(axis: PlumeAxis, world: &DispersionModel) -> Vec<Plan> {
     let axis_m = axis.height_agl_m;
     let mut out = Vec::new();
     for x in STATIONS_M.into_iter().filter(|x| is_resolved(world, *x)) {
@@ -109,12 +109,12 @@ pub(super) fn plans(axis: PlumeAxis, world: &World) -> Vec<Plan> {
     out
 }
 
-fn is_resolved(world: &World, x_m: f64) -> bool {
+fn is_resolved(world: &DispersionModel, x_m: f64) -> bool {
     x_m > 0.0 && world.sigmas_m(x_m).0 > RESOLVED_S * SPEED_M_S
 }
 
 /// What can be flown at `x` downwind: crossings there and farther on, and climbs on the axis.
-fn at_station(world: &World, axis_m: f64, x: f64) -> Vec<Plan> {
+fn at_station(world: &DispersionModel, axis_m: f64, x: f64) -> Vec<Plan> {
     let sigma_z_m = world.sigmas_m(x).1;
     let high_m = axis_m + UP * sigma_z_m;
     let low_m = (axis_m - UP * sigma_z_m).max(LOWEST_M);
@@ -274,7 +274,7 @@ pub(super) fn rows(ctx: &Context<'_>, axis: PlumeAxis, plan: &Plan, flier: Flier
 
 /// The air that a flight will meet: that of a row in the middle, with the standard lapse rate.
 struct AirColumn {
-    known: Ambient,
+    known: SensorAir,
     ground_amsl_m: f64,
     column: Option<Atmosphere>,
 }
@@ -283,7 +283,11 @@ impl AirColumn {
     fn new(ctx: &Context<'_>) -> Self {
         let middle = ctx.data.len() / 2;
         let track = &ctx.data.track;
-        let known = track.air().get(middle).copied().unwrap_or(Ambient::UNKNOWN);
+        let known = track
+            .air()
+            .get(middle)
+            .copied()
+            .unwrap_or(SensorAir::UNKNOWN);
         let ground_amsl_m = ctx.setup.base.ground_amsl_m;
         let height_amsl_m = ground_amsl_m + track.place(middle).height_agl_m;
         let column =
@@ -295,12 +299,12 @@ impl AirColumn {
         }
     }
 
-    fn at(&self, height_agl_m: f64) -> Ambient {
+    fn at(&self, height_agl_m: f64) -> SensorAir {
         let Some(column) = &self.column else {
             return self.known;
         };
         let air = column.at(self.ground_amsl_m + height_agl_m);
-        Ambient {
+        SensorAir {
             temperature_c: air.temperature_k - ZERO_CELSIUS_K,
             pressure_hpa: air.pressure_pa / 100.0,
             ..self.known

@@ -2,7 +2,7 @@
 
 use std::ops::AddAssign;
 
-use ::plume::field::World;
+use ::plume::field::DispersionModel;
 use ::plume::track::Track;
 use nalgebra::{DMatrix, DVector};
 
@@ -50,7 +50,7 @@ impl<'a> Flown<'a> {
         first: &'a Fitted,
         plan: &Plan,
         axis: PlumeAxis,
-        world: &World,
+        world: &DispersionModel,
         flier: Flier,
     ) -> Option<Self> {
         let rows = plans::rows(ctx, axis, plan, flier);

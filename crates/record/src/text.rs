@@ -1,25 +1,25 @@
 //! A summary in words, for the terminal.
 
-use crate::summary::{CORRECTED, ModelNumber, ModelSummary, PeakSummary, Summary};
+use crate::summary::{CORRECTED, MissionSummary, ModelNumber, ModelSummary, PeakSummary};
 use protocol::message::{Estimate, VehicleKind};
 use std::fmt::Write as _;
 
 /// What was found, and how far the model was and is from the stand-in's reality.
-pub fn summary(summary: &Summary) -> String {
+pub fn summary(summary: &MissionSummary) -> String {
     let mut text = String::new();
     let real = count(summary, VehicleKind::Real);
     let simulated = count(summary, VehicleKind::Simulated);
     // An empty sum of floats is -0.
-    let way_m = summary
+    let distance_m = summary
         .vehicles
         .iter()
         .fold(0.0, |sum, v| sum + v.distance_m);
-    let way_km = way_m / 1000.0;
+    let distance_km = distance_m / 1000.0;
     line(
         &mut text,
         format_args!(
             "Flown: {} in {:.1} s of wall time ({:.0} x real time), {simulated} simulated and {real} \
-             real vehicles, {way_km:.0} km in all.",
+             real vehicles, {distance_km:.0} km in all.",
             duration(summary.sim_s),
             summary.wall_s,
             summary.real_time_factor
@@ -30,12 +30,20 @@ pub fn summary(summary: &Summary) -> String {
     text
 }
 
-fn line(text: &mut String, words: std::fmt::Arguments<'_>) {
+fn line(text: &mut String, arguments: std::fmt::Arguments<'_>) {
     // Writing into a String cannot fail.
-    let _ = writeln!(text, "{words}");
+    let _ = writeln!(text, "{arguments}");
 }
 
-fn count(summary: &Summary, kind: VehicleKind) -> usize {
+/// A kind of vehicle in words.
+pub fn vehicle_kind(kind: VehicleKind) -> &'static str {
+    match kind {
+        VehicleKind::Simulated => "simulated",
+        VehicleKind::Real => "real",
+    }
+}
+
+fn count(summary: &MissionSummary, kind: VehicleKind) -> usize {
     summary.vehicles.iter().filter(|v| v.kind == kind).count()
 }
 

@@ -7,6 +7,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 /// The stream of `label` in the case of `seed`.
 pub fn stream(seed: u64, label: &str) -> ChaCha8Rng {
+    // Not the simulator's own derivation of streams: a truth must not share its random numbers.
     // FNV-1a over the label, started from the seed; four rounds fill the key.
     let mut key = [0_u8; 32];
     for (round, chunk) in key.chunks_mut(8).enumerate() {

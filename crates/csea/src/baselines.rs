@@ -1,4 +1,4 @@
-//! Rivals of CS-EA: what a team could do without it.
+//! Baselines to compare CS-EA with: what a team could do without it.
 
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
@@ -6,7 +6,9 @@ use rand_distr::StandardNormal;
 
 use crate::archive::{Archive, Neighbour};
 use crate::domain::Domain;
-use crate::{CseaError, Position, PromisingPoint, SearchStrategy, setting};
+use crate::error::{CseaError, setting};
+use crate::position::Position;
+use crate::strategy::{PromisingPoint, SearchStrategy};
 
 /// Places drawn evenly from the domain, whatever has been sensed.
 #[derive(Debug)]
@@ -66,7 +68,7 @@ pub struct Sweep {
 }
 
 /// Places of the pattern offered at a time: enough that each of a team finds one ahead.
-const OFFERED: usize = 24;
+const POINTS_PER_STEP: usize = 24;
 
 impl Sweep {
     /// A pattern with lines and places `spacing_m` apart, levels half as much, over the feasible
@@ -97,6 +99,7 @@ impl Sweep {
         for level in 0..counts[2] {
             for line in 0..counts[1] {
                 for column in 0..counts[0] {
+                    // Every second line runs back, so that the pattern has no long empty returns.
                     let back = (line + level * counts[1]) % 2 == 1;
                     let east = if back { counts[0] - 1 - column } else { column };
                     let position = Position::new(place(east, 0), place(line, 1), place(level, 2));
@@ -133,13 +136,13 @@ impl SearchStrategy for Sweep {
                     fitness: 0.0,
                 });
             }
-            if self.points.len() == OFFERED {
+            if self.points.len() == POINTS_PER_STEP {
                 break;
             }
         }
         if self.points.is_empty() {
-            // All has been seen: over again.
-            let again = self.pattern.iter().take(OFFERED);
+            // The whole pattern has been flown: from its beginning again.
+            let again = self.pattern.iter().take(POINTS_PER_STEP);
             self.points.extend(again.map(|&position| PromisingPoint {
                 position,
                 fitness: 0.0,
@@ -183,7 +186,7 @@ impl Ascent {
 
     /// Direction of the covariance of value and place among the samples around `centre`: up the
     /// gradient, scaled by how far the samples reach along each axis.
-    fn uphill(&mut self, archive: &Archive, centre: Position) -> [f64; 3] {
+    fn gradient(&mut self, archive: &Archive, centre: Position) -> [f64; 3] {
         archive.nearest(centre, 64, 3.0 * self.length_m, &mut self.scratch);
         let near = || self.scratch.iter().map(|n| archive.samples()[n.index]);
         let mean = near().map(|s| s.value).sum::<f64>() / self.scratch.len().max(1) as f64;
@@ -206,15 +209,15 @@ impl SearchStrategy for Ascent {
 
     fn step(&mut self, archive: &Archive, rng: &mut ChaCha8Rng) -> &[PromisingPoint] {
         let best = archive.best();
-        let uphill = best.map(|b| self.uphill(archive, b.position));
+        let gradient = best.map(|b| self.gradient(archive, b.position));
         self.points.clear();
         for _ in 0..self.count {
-            let position = match (best, uphill) {
-                (Some(best), Some(uphill)) => {
+            let position = match (best, gradient) {
+                (Some(best), Some(gradient)) => {
                     let from = best.position.coordinates();
                     let aim = [0, 1, 2].map(|axis| {
                         let scatter: f64 = rng.sample(StandardNormal);
-                        from[axis] + self.length_m * (uphill[axis] + scatter)
+                        from[axis] + self.length_m * (gradient[axis] + scatter)
                     });
                     let from = if self.domain.contains(best.position) {
                         best.position
@@ -222,7 +225,7 @@ impl SearchStrategy for Ascent {
                         self.domain.draw(rng)
                     };
                     self.domain
-                        .close(Position::from_coordinates(aim), from, rng)
+                        .repair(Position::from_coordinates(aim), from, rng)
                 }
                 _ => self.domain.draw(rng),
             };

@@ -4,16 +4,18 @@
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 
-use crate::{CseaError, Domain, Position, setting};
+use crate::domain::Domain;
+use crate::error::{CseaError, setting};
+use crate::position::Position;
 
 /// Weights of DE/rand/1/bin.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Differential {
+pub struct DifferentialEvolution {
     weight: f64,
     crossover: f64,
 }
 
-impl Differential {
+impl DifferentialEvolution {
     /// Differential weight F, 0…2, and crossover rate CR, 0…1 (the seed paper: 0.9 and 0.1).
     ///
     /// # Errors
@@ -42,6 +44,7 @@ impl Differential {
         };
         let [a, b, c] = three_others(members.len(), target, rng).map(|i| members[i].coordinates());
         let mut trial = own.coordinates();
+        // At least one coordinate crosses, else a trial could equal its target.
         let always = rng.random_range(0..3);
         for axis in 0..3 {
             let cross: f64 = rng.random();
@@ -49,7 +52,7 @@ impl Differential {
                 trial[axis] = a[axis] + self.weight * (b[axis] - c[axis]);
             }
         }
-        domain.close(Position::from_coordinates(trial), *own, rng)
+        domain.repair(Position::from_coordinates(trial), *own, rng)
     }
 }
 
@@ -87,7 +90,7 @@ mod tests {
             Position::new(1e3, 1e3, 1e3),
         )
         .unwrap();
-        let de = Differential::new(0.9, 1.0).unwrap();
+        let de = DifferentialEvolution::new(0.9, 1.0).unwrap();
         let orders = [
             [1, 2, 3],
             [1, 3, 2],
@@ -118,7 +121,7 @@ mod tests {
         let domain =
             Domain::of_box(Position::new(0.0, 0.0, 0.0), Position::new(1.0, 1.0, 1.0)).unwrap();
         let members: Vec<_> = (0..20).map(|_| domain.draw(&mut rng)).collect();
-        let de = Differential::new(0.9, 0.0).unwrap();
+        let de = DifferentialEvolution::new(0.9, 0.0).unwrap();
         for target in 0..20 {
             let trial = de.trial(&members, target, &domain, &mut rng).coordinates();
             let own = members[target].coordinates();

@@ -1,7 +1,7 @@
 //! Where the team may fly: geofence, height band and a keep-out cylinder around every stack.
 //!
 //! A setpoint is safe when it lies inside all of them by a margin that leaves room for the turn
-//! and the orbit around it, and when the straight leg to it is safe too; [`Ways::route`] goes
+//! and the orbit around it, and when the straight leg to it is safe too; [`RouteGraph::route`] goes
 //! around what stands in the way.
 
 use air::area::{distance_to_segment_m, edges, is_inside};
@@ -9,10 +9,10 @@ use air::geo::{Enu, Geodetic, LocalFrame};
 use csea::Position;
 use scenario::Scenario;
 
-use crate::ScError;
+use crate::error::ScError;
 
 /// Corners of the polygon of via-points around a keep-out circle.
-const AROUND: usize = 16;
+const CIRCLE_CORNERS: usize = 16;
 /// How much farther than the margin via-points lie, so that legs between them are not on the
 /// very edge, m.
 const SLACK_M: f64 = 1.0;
@@ -131,10 +131,13 @@ impl Airspace {
 
     /// Corners around every keep-out, and inside every corner of the fence, that keep `margin_m`.
     fn via_points(&self, margin_m: f64) -> Vec<Enu> {
-        let radius_m =
-            (self.keep_out_m + margin_m + SLACK_M) / (std::f64::consts::PI / AROUND as f64).cos();
+        // A polygon around the circle: its corners lie farther out, so that its edges keep the
+        // margin.
+        let radius_m = (self.keep_out_m + margin_m + SLACK_M)
+            / (std::f64::consts::PI / CIRCLE_CORNERS as f64).cos();
         let around = self.stacks.iter().flat_map(|stack| {
-            (0..AROUND).map(move |k| stack.displaced(360.0 / AROUND as f64 * k as f64, radius_m))
+            (0..CIRCLE_CORNERS)
+                .map(move |k| stack.displaced(360.0 / CIRCLE_CORNERS as f64 * k as f64, radius_m))
         });
         let corners = self.polygon.iter().flat_map(|corner| {
             (0..8).map(move |k| corner.displaced(45.0 * f64::from(k), 1.5 * margin_m + SLACK_M))
@@ -168,14 +171,14 @@ impl Airspace {
 /// Ways through an airspace: via-points and which of the legs between them are clear, worked
 /// out once.
 #[derive(Debug, Clone)]
-pub struct Ways {
+pub struct RouteGraph {
     margin_m: f64,
     nodes: Vec<Enu>,
     /// Row by row, whether the leg between two nodes is clear.
     clear: Vec<bool>,
 }
 
-impl Ways {
+impl RouteGraph {
     /// Ways that keep `margin_m` of clearance.
     pub fn of(airspace: &Airspace, margin_m: f64) -> Self {
         let nodes = airspace.via_points(margin_m);
@@ -207,6 +210,7 @@ impl Ways {
             route.extend(self.route(airspace, out, to)?);
             return Some(route);
         }
+        // From inside the margin the first leg cannot keep it; it must not come nearer than it is.
         let first_m = self.margin_m.min(left_m - 1e-6).max(0.0);
         if airspace.leg_is_clear(from, to, first_m) {
             return Some(vec![to]);

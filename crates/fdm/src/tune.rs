@@ -9,9 +9,8 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use serde::Serialize;
 
-use crate::FdmError;
-use crate::aircraft::Aircraft;
-use crate::autopilot::ControlGains;
+use crate::aircraft::{Aircraft, ControlGains};
+use crate::error::FdmError;
 use crate::mechanism::Mechanism;
 
 mod aircraft_file;
@@ -177,7 +176,7 @@ fn slowed(gains: &ControlGains, factor: f64) -> ControlGains {
 /// gusts the same so that only gains make the difference. A candidate is taken when it costs less,
 /// every loop keeps the margins, and on aircraft that are not as described it flies wherever the
 /// gains of the file do and keeps half the margins (or theirs, where these are less). What is found must then be no worse in weather that the search did not
-/// see, else the gains of the file stay. `told` hears how many candidates of how many are done.
+/// see, else the gains of the file stay. `progress` is called with how many candidates of how many are done.
 ///
 /// # Errors
 /// The aircraft's own faults; [`FdmError::NoTrim`] when it cannot fly at its cruise speed;
@@ -185,17 +184,17 @@ fn slowed(gains: &ControlGains, factor: f64) -> ControlGains {
 pub fn tune(
     aircraft: &Aircraft,
     order: &TuneOrder,
-    told: &mut dyn FnMut(usize, usize),
+    progress: &mut dyn FnMut(usize, usize),
 ) -> Result<TuneReport, FdmError> {
     aircraft.check()?;
-    told(0, order.candidates);
+    progress(0, order.candidates);
     let before = judge(aircraft, order, &aircraft.control)?;
     let search = Search {
         aircraft,
         order,
         before: &before,
     };
-    let (found, history) = search.run(told)?;
+    let (found, history) = search.run(progress)?;
     let found = match found {
         Some(gains) => judge(aircraft, order, &gains)?,
         None => return Err(no_margins(&before, order)),
@@ -248,7 +247,7 @@ impl Search<'_> {
     /// The best gains, if any have the margins, and the best cost after each candidate.
     fn run(
         &self,
-        told: &mut dyn FnMut(usize, usize),
+        progress: &mut dyn FnMut(usize, usize),
     ) -> Result<(Option<ControlGains>, Vec<f64>), FdmError> {
         let order = self.order;
         let mut best = self.start()?;
@@ -256,8 +255,8 @@ impl Search<'_> {
         let mut rng = ChaCha8Rng::seed_from_u64(order.seed);
         let mut history = Vec::with_capacity(order.candidates);
         for trial in 0..order.candidates {
-            let progress = trial as f64 / order.candidates.max(1) as f64;
-            let spread = FIRST_SPREAD * (LAST_SPREAD / FIRST_SPREAD).powf(progress);
+            let done = trial as f64 / order.candidates.max(1) as f64;
+            let spread = FIRST_SPREAD * (LAST_SPREAD / FIRST_SPREAD).powf(done);
             let mut gains = best.0;
             for gain in varied(&mut gains) {
                 let step: f64 = StandardNormal.sample(&mut rng);
@@ -275,7 +274,7 @@ impl Search<'_> {
                 }
             }
             history.push(best.1);
-            told(trial + 1, order.candidates);
+            progress(trial + 1, order.candidates);
         }
         Ok((best.1.is_finite().then_some(best.0), history))
     }

@@ -179,7 +179,7 @@ async fn udp_towards(to: &str) -> std::io::Result<(UdpSocket, SocketAddr)> {
     Ok((UdpSocket::bind(any).await?, peer))
 }
 
-/// Serves a UDP socket: to and from `fixed`, or whoever speaks first.
+/// Serves a UDP socket: to and from `fixed`, or whoever sends first.
 async fn udp(socket: UdpSocket, fixed: Option<SocketAddr>, mut ends: Ends) {
     let mut peer = fixed.map(|p| (p, Instant::now()));
     let mut buffer = vec![0; PIECE];

@@ -80,6 +80,7 @@ impl Guardian {
         };
         let towards_deg = at.bearing_deg(stack);
         let home_deg = wrap_signed_deg(at.bearing_deg(self.home) - towards_deg);
+        // Around on the side of home: the shorter way.
         let side = if home_deg < 0.0 { -1.0 } else { 1.0 };
         let distance_m = at.distance_m(stack);
         let off_deg = if distance_m > self.avoid_m {

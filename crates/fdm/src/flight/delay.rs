@@ -1,13 +1,13 @@
 //! Commands on their way to the servos.
 
-use super::SurfaceCommand;
+use crate::state::SurfaceCommand;
 
 /// Longest delay line, in calls of [`super::FlightSim::step`].
 const LONGEST: usize = 64;
 
 /// The last commands of one vehicle.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct DelayLine {
+pub(super) struct DelayLine {
     ring: [SurfaceCommand; LONGEST],
     next: usize,
 }

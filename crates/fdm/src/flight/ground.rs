@@ -2,10 +2,11 @@
 //!
 //! Contact is kinematic: no springs that would shorten the step of the rigid body.
 
-use super::{FlightSim, Phase, SurfaceCommand, quaternion};
-use crate::dynamics::{AirState, flow, rotation};
+use super::FlightSim;
+use crate::dynamics::{AirState, flow, quaternion, rotation};
 use crate::scalar::angle;
 use crate::servo::LagStep;
+use crate::state::{Phase, SurfaceCommand};
 
 /// How far below the ground a climbing aircraft counts as having hit it, m.
 const CLIMBING_CONTACT_M: f64 = 0.5;

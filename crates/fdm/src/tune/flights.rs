@@ -6,10 +6,11 @@ use rand::rngs::ChaCha8Rng;
 use serde::Serialize;
 
 use super::{TICK_S, Weather};
-use crate::FdmError;
-use crate::aircraft::Aircraft;
-use crate::autopilot::{Autopilot, ControlGains, Demand, Path, Sensed};
-use crate::flight::{AirAround, FlightSim, FlightState};
+use crate::aircraft::{Aircraft, ControlGains};
+use crate::autopilot::{Autopilot, Demand, Path, Sensed};
+use crate::error::FdmError;
+use crate::flight::FlightSim;
+use crate::state::{AirAround, FlightState};
 
 /// Time between two changes of demand, s.
 const STAGE_S: f64 = 18.0;

@@ -10,20 +10,20 @@ use nalgebra::Complex;
 use super::TICK_S;
 use super::flights::{START_AMSL_M, begin, tick_of};
 use super::margins::{LoopMargin, frequencies, of_response};
-use crate::FdmError;
-use crate::aircraft::Aircraft;
-use crate::autopilot::{ControlGains, Demand, Path};
-use crate::flight::{AirAround, FlightState};
+use crate::aircraft::{Aircraft, ControlGains};
+use crate::autopilot::{Demand, Path};
+use crate::error::FdmError;
+use crate::state::{AirAround, FlightState};
 
 /// Frequencies a loop.
 const FREQUENCIES: usize = 16;
 /// Time until the start is forgotten, s.
 const SETTLE_S: f64 = 30.0;
 /// Least time over which a sine is correlated, s.
-const LISTEN_S: f64 = 10.0;
+const CORRELATE_S: f64 = 10.0;
 
 /// A loop with a demand of its own.
-struct Outer {
+struct OuterLoop {
     name: &'static str,
     range_rad_s: (f64, f64),
     /// Small enough that no rate limit acts.
@@ -32,33 +32,33 @@ struct Outer {
     demand: fn(&mut Demand, f64),
     value: fn(&FlightState) -> f64,
     /// What the value is when the demand is not moved.
-    rest: fn(&Aircraft) -> f64,
+    reference: fn(&Aircraft) -> f64,
 }
 
-const LOOPS: [Outer; 3] = [
-    Outer {
+const LOOPS: [OuterLoop; 3] = [
+    OuterLoop {
         name: "heading",
         range_rad_s: (0.15, 12.0),
         amplitude: 0.2,
         demand: |demand, deg| demand.path = Path::Heading { deg },
         value: |s| s.yaw_rad.to_degrees(),
-        rest: |_| 0.0,
+        reference: |_| 0.0,
     },
-    Outer {
+    OuterLoop {
         name: "height",
         range_rad_s: (0.1, 6.0),
         amplitude: 0.1,
         demand: |demand, m| demand.alt_amsl_m += m,
         value: |s| s.alt_amsl_m,
-        rest: |_| START_AMSL_M,
+        reference: |_| START_AMSL_M,
     },
-    Outer {
+    OuterLoop {
         name: "airspeed",
         range_rad_s: (0.1, 6.0),
         amplitude: 0.05,
         demand: |demand, m_s| demand.airspeed_m_s += m_s,
         value: |s| s.airspeed_m_s,
-        rest: |a| a.limits.airspeed_cruise_m_s,
+        reference: |a| a.limits.airspeed_cruise_m_s,
     },
 ];
 
@@ -83,32 +83,32 @@ pub(super) fn loops(
 fn respond(
     aircraft: &Aircraft,
     gains: &ControlGains,
-    outer: &Outer,
+    outer: &OuterLoop,
     near_rad_s: f64,
 ) -> Result<(f64, Complex<f64>), FdmError> {
     let period = (std::f64::consts::TAU / near_rad_s / TICK_S)
         .round()
         .max(8.0);
     let frequency = std::f64::consts::TAU / (period * TICK_S);
-    let periods = (LISTEN_S / (period * TICK_S)).ceil();
+    let periods = (CORRELATE_S / (period * TICK_S)).ceil();
     let settle = ((SETTLE_S / TICK_S / period).ceil() * period) as u32;
-    let listen = (periods * period) as u32;
+    let correlate = (periods * period) as u32;
     let (mut sim, mut pilot) = begin(aircraft, gains)?;
     let level = Demand {
         path: Path::Heading { deg: 0.0 },
         alt_amsl_m: START_AMSL_M,
         airspeed_m_s: aircraft.limits.airspeed_cruise_m_s,
     };
-    let rest = (outer.rest)(aircraft);
+    let reference = (outer.reference)(aircraft);
     let mut state = sim.state();
     let (mut asked, mut flown) = (Complex::from(0.0), Complex::from(0.0));
-    for tick in 0..settle + listen {
+    for tick in 0..settle + correlate {
         let phase = f64::from(tick) * TICK_S * frequency;
         let moved = outer.amplitude * phase.sin();
         if tick >= settle {
             let turned = Complex::new(phase.cos(), -phase.sin());
             asked += turned * moved;
-            flown += turned * ((outer.value)(&state) - rest);
+            flown += turned * ((outer.value)(&state) - reference);
         }
         let mut demand = level;
         (outer.demand)(&mut demand, moved);

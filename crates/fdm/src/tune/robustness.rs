@@ -3,9 +3,8 @@
 use serde::Serialize;
 
 use super::{Required, Weather, flights, margins};
-use crate::FdmError;
-use crate::aircraft::Aircraft;
-use crate::autopilot::ControlGains;
+use crate::aircraft::{Aircraft, ControlGains};
+use crate::error::FdmError;
 use crate::mechanism::Mechanism;
 
 /// A change of the aircraft, and how a set of gains fares with it.

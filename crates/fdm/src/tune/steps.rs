@@ -4,10 +4,11 @@ use serde::Serialize;
 
 use super::TICK_S;
 use super::flights::{START_AMSL_M, begin, course_rad, distance_m, tick_of};
-use crate::FdmError;
-use crate::aircraft::Aircraft;
-use crate::autopilot::{Autopilot, ControlGains, Demand, Path, Sensed, Sticks};
-use crate::flight::{AirAround, FlightSim, FlightState};
+use crate::aircraft::{Aircraft, ControlGains};
+use crate::autopilot::{Autopilot, Demand, Path, Sensed, Sticks};
+use crate::error::FdmError;
+use crate::flight::FlightSim;
+use crate::state::{AirAround, FlightState};
 
 /// Time to settle before the step, s.
 const BEFORE_S: f64 = 30.0;
@@ -58,7 +59,7 @@ pub struct StepResponse {
 }
 
 /// A demand to be stepped.
-struct Step {
+struct DemandStep {
     what: &'static str,
     unit: &'static str,
     size: f64,
@@ -93,8 +94,8 @@ fn circle(aircraft: &Aircraft, stepped: bool) -> Path {
     }
 }
 
-fn steps(aircraft: &Aircraft) -> [Step; 4] {
-    let still = Step {
+fn steps(aircraft: &Aircraft) -> [DemandStep; 4] {
+    let still = DemandStep {
         what: "course",
         unit: "degrees",
         size: 60.0,
@@ -112,7 +113,7 @@ fn steps(aircraft: &Aircraft) -> [Step; 4] {
         value: |_, s| course_rad(s).to_degrees(),
     };
     [
-        Step {
+        DemandStep {
             what: "height",
             unit: "m",
             size: 10.0,
@@ -124,7 +125,7 @@ fn steps(aircraft: &Aircraft) -> [Step; 4] {
             value: |_, s| s.alt_amsl_m,
             ..still
         },
-        Step {
+        DemandStep {
             what: "airspeed",
             unit: "m/s",
             size: 0.1 * aircraft.limits.airspeed_cruise_m_s,
@@ -136,7 +137,7 @@ fn steps(aircraft: &Aircraft) -> [Step; 4] {
             value: |_, s| s.airspeed_m_s,
             ..still
         },
-        Step {
+        DemandStep {
             what: "orbit",
             unit: "m",
             size: RADIUS_M,

@@ -1,7 +1,7 @@
 //! Commands on their way to the vehicle: one of a kind at a time, sent again until answered.
 //!
 //! An acknowledgement names only the kind of command, so a second command of a kind waits for
-//! the answer to the first; a newer wish replaces the one that waits.
+//! the answer to the first; a newer one of the same purpose replaces the one that waits.
 
 use crate::arduplane;
 use crate::dialect::{
@@ -36,8 +36,8 @@ pub(crate) enum Command {
     Parameter(&'static str),
 }
 
-/// What stands on the wire for a command.
-pub(crate) enum Wire {
+/// The MAVLink message of a command.
+pub(crate) enum CommandMessage {
     Long(COMMAND_LONG_DATA),
     Int(COMMAND_INT_DATA),
     Read(PARAM_REQUEST_READ_DATA),
@@ -62,7 +62,7 @@ impl Command {
         !matches!(self, Self::Interval { .. } | Self::Parameter(_))
     }
 
-    /// Whether `other` is an older wish of the same purpose.
+    /// Whether `other` is an older command of the same purpose.
     fn replaces(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Interval { message_id: a, .. }, Self::Interval { message_id: b, .. }) => a == b,
@@ -92,9 +92,9 @@ impl Command {
     }
 
     /// The message to the component 1 of `system`; `sent` is how often it was sent before.
-    pub(crate) fn wire(&self, system: u8, sent: u32) -> Wire {
+    pub(crate) fn message(&self, system: u8, sent: u32) -> CommandMessage {
         let long = |p: [f32; 3]| {
-            Wire::Long(COMMAND_LONG_DATA {
+            CommandMessage::Long(COMMAND_LONG_DATA {
                 param1: p[0],
                 param2: p[1],
                 param3: p[2],
@@ -122,7 +122,7 @@ impl Command {
                 lon_1e7,
                 alt_amsl_m,
                 radius_m,
-            } => Wire::Int(COMMAND_INT_DATA {
+            } => CommandMessage::Int(COMMAND_INT_DATA {
                 param1: -1.0, // speed: as it is
                 param2: 0.0,  // never 1: that would change the mode, against a pilot too
                 param3: radius_m,
@@ -136,7 +136,7 @@ impl Command {
                 frame: MavFrame::MAV_FRAME_GLOBAL,
                 ..COMMAND_INT_DATA::default()
             }),
-            Self::Parameter(name) => Wire::Read(PARAM_REQUEST_READ_DATA {
+            Self::Parameter(name) => CommandMessage::Read(PARAM_REQUEST_READ_DATA {
                 param_index: -1,
                 target_system: system,
                 target_component: 1,
@@ -155,7 +155,7 @@ struct Pending {
 
 /// What became of a command.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Outcome {
+pub(crate) enum CommandOutcome {
     Accepted(Command),
     Refused(Command, MavResult),
     Unanswered(Command),
@@ -169,7 +169,7 @@ pub(crate) struct CommandQueue {
 }
 
 impl CommandQueue {
-    /// Queues `command`; an older wish of the same purpose that still waits is dropped.
+    /// Queues `command`; an older one of the same purpose that still waits is dropped.
     pub(crate) fn push(&mut self, command: Command) {
         self.waiting.retain(|old| !command.replaces(old));
         self.waiting.push_back(command);
@@ -196,20 +196,22 @@ impl CommandQueue {
         timeout_s: f64,
         attempts: u32,
         heartbeat_at: Option<SimTime>,
-    ) -> (Vec<(Command, u32)>, Vec<Outcome>) {
+    ) -> (Vec<(Command, u32)>, Vec<CommandOutcome>) {
         let (mut send, mut lost) = (Vec::new(), Vec::new());
         let waiting = &self.waiting;
         self.pending.retain_mut(|p| {
             if now.since_s(p.sent_at) < timeout_s {
                 return true;
             }
+            // A newer command waits: repeating the old one would only delay it.
             if waiting.iter().any(|newer| newer.replaces(&p.command)) {
                 return false;
             }
             if p.sent >= p.command.attempts(attempts) {
-                lost.push(Outcome::Unanswered(p.command.clone()));
+                lost.push(CommandOutcome::Unanswered(p.command.clone()));
                 return false;
             }
+            // Repeated blindly, a mode request could undo what a pilot has chosen in between.
             if matches!(p.command, Command::Mode { .. }) && heartbeat_at <= Some(p.sent_at) {
                 return true;
             }
@@ -220,6 +222,8 @@ impl CommandQueue {
         });
         let mut kept = VecDeque::new();
         for command in std::mem::take(&mut self.waiting) {
+            // An acknowledgement names only the kind: two of a kind on the way could not be told
+            // apart.
             let busy = |p: &Pending| match command.kind() {
                 None => p.command == command,
                 kind => p.command.kind() == kind,
@@ -245,14 +249,14 @@ impl CommandQueue {
         kind: MavCmd,
         result: MavResult,
         now: SimTime,
-    ) -> Option<Outcome> {
+    ) -> Option<CommandOutcome> {
         let at = self
             .pending
             .iter()
             .position(|p| p.command.kind() == Some(kind))?;
         match result {
             MavResult::MAV_RESULT_ACCEPTED => {
-                Some(Outcome::Accepted(self.pending.remove(at).command))
+                Some(CommandOutcome::Accepted(self.pending.remove(at).command))
             }
             MavResult::MAV_RESULT_IN_PROGRESS => {
                 self.pending[at].sent_at = now;
@@ -260,7 +264,10 @@ impl CommandQueue {
             }
             // Sent again after the time-out, as if unanswered.
             MavResult::MAV_RESULT_TEMPORARILY_REJECTED => None,
-            refused => Some(Outcome::Refused(self.pending.remove(at).command, refused)),
+            refused => Some(CommandOutcome::Refused(
+                self.pending.remove(at).command,
+                refused,
+            )),
         }
     }
 

@@ -2,8 +2,8 @@
 //! command is answered, those it does not know too.
 #![allow(deprecated, reason = "ground stations still send the older forms")]
 
-use crate::StandIn;
-use crate::flying::is_manual;
+use super::StandIn;
+use crate::flight::is_manual;
 use crate::parameters::{AIRSPEED_MAX, AIRSPEED_MIN, WP_LOITER_RAD};
 use air::geo::Geodetic;
 use mav_bridge::arduplane::{GUIDED, LOITER, RTL};
@@ -11,7 +11,7 @@ use mav_bridge::dialect::{
     AUTOPILOT_VERSION_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, GPS_GLOBAL_ORIGIN_DATA,
     HOME_POSITION_DATA, MESSAGE_INTERVAL_DATA, MavCmd, MavFrame, MavResult, MavSeverity,
 };
-use mav_bridge::wire::{CommandAnswer, MessageData as _};
+use mav_bridge::wire::{CommandAck, MessageData as _};
 use protocol::SimTime;
 
 use MavResult::{
@@ -22,17 +22,17 @@ use MavResult::{
 
 /// Time after start-up before which it does not arm, s: its filter settles.
 const READY_AFTER_S: f64 = 2.0;
-/// ArduPlane's word to disarm in flight all the same.
+/// ArduPlane's magic number (param2) that disarms even in flight.
 const FORCE: f32 = 21196.0;
 
 impl StandIn {
     /// Answers to a command by its number, which the dialect may not know.
     pub(crate) fn acknowledge(&mut self, command: u16, result: MavResult, now: SimTime) {
-        self.send(&CommandAnswer { command, result }, now);
+        self.send(&CommandAck { command, result }, now);
     }
 
     /// As ArduPlane answers a number that it does not know.
-    pub(crate) fn does_not_know(&mut self, command: u16, now: SimTime) {
+    pub(crate) fn reject_unknown_command(&mut self, command: u16, now: SimTime) {
         self.acknowledge(command, UNSUPPORTED, now);
     }
 
@@ -68,37 +68,37 @@ impl StandIn {
                 ACCEPTED
             }
             MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL => self.change_rate(p1, p2, now),
-            MavCmd::MAV_CMD_GET_MESSAGE_INTERVAL => self.tell_rate(p1, now),
-            MavCmd::MAV_CMD_REQUEST_MESSAGE => self.tell_once(p1 as u32),
+            MavCmd::MAV_CMD_GET_MESSAGE_INTERVAL => self.send_interval(p1, now),
+            MavCmd::MAV_CMD_REQUEST_MESSAGE => self.request_once(p1 as u32),
             MavCmd::MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES => {
-                self.tell_once(AUTOPILOT_VERSION_DATA::ID)
+                self.request_once(AUTOPILOT_VERSION_DATA::ID)
             }
             MavCmd::MAV_CMD_GET_HOME_POSITION => {
-                self.tell_once(GPS_GLOBAL_ORIGIN_DATA::ID);
-                self.tell_once(HOME_POSITION_DATA::ID)
+                self.request_once(GPS_GLOBAL_ORIGIN_DATA::ID);
+                self.request_once(HOME_POSITION_DATA::ID)
             }
             _ => UNSUPPORTED,
         }
     }
 
     pub(crate) fn change_mode(&mut self, mode: u32) -> MavResult {
-        if self.flight.enter(mode, &self.parameters) {
+        if self.flight.set_mode(mode, &self.parameters) {
             ACCEPTED
         } else {
             FAILED
         }
     }
 
-    fn arm(&mut self, arm: bool, word: f32, now: SimTime) -> MavResult {
+    fn arm(&mut self, arm: bool, force: f32, now: SimTime) -> MavResult {
         if arm && now.s() < READY_AFTER_S {
-            self.say(
+            self.send_text(
                 MavSeverity::MAV_SEVERITY_CRITICAL,
                 "Arm: AHRS not ready",
                 now,
             );
             return FAILED;
         }
-        if !arm && self.flight.flying() && word != FORCE {
+        if !arm && self.flight.flying() && force != FORCE {
             return FAILED;
         }
         self.flight.set_armed(arm);
@@ -107,7 +107,7 @@ impl StandIn {
         } else {
             "Throttle disarmed"
         };
-        self.say(MavSeverity::MAV_SEVERITY_INFO, text, now);
+        self.send_text(MavSeverity::MAV_SEVERITY_INFO, text, now);
         ACCEPTED
     }
 
@@ -146,7 +146,7 @@ impl StandIn {
         ACCEPTED
     }
 
-    fn tell_rate(&mut self, message_id: f32, now: SimTime) -> MavResult {
+    fn send_interval(&mut self, message_id: f32, now: SimTime) -> MavResult {
         let wanted = message_id as u32;
         let Some(stream) = self.streams.iter().find(|s| s.message_id == wanted) else {
             return FAILED;
@@ -155,21 +155,21 @@ impl StandIn {
             0 => -1,
             interval_us => i32::try_from(interval_us).unwrap_or(i32::MAX),
         };
-        let told = MESSAGE_INTERVAL_DATA {
+        let report = MESSAGE_INTERVAL_DATA {
             interval_us,
             message_id: wanted as u16,
         };
-        self.send(&told, now);
+        self.send(&report, now);
         ACCEPTED
     }
 
     /// Has a message sent once, after the answer to the command that asked for it: who waits for
     /// both waits for the answer first.
-    fn tell_once(&mut self, message_id: u32) -> MavResult {
+    fn request_once(&mut self, message_id: u32) -> MavResult {
         if !self.streams.iter().any(|s| s.message_id == message_id) {
             return FAILED;
         }
-        self.asked.push(message_id);
+        self.requested.push(message_id);
         ACCEPTED
     }
 
@@ -210,7 +210,7 @@ impl StandIn {
         };
         let clockwise = m.param4.is_nan() || m.param4 == 0.0;
         let place = self.reality.frame.to_enu(at);
-        self.flight.circle(place, radius_m, clockwise);
+        self.flight.set_orbit(place, radius_m, clockwise);
         self.flight.set_altitude(alt_amsl_m);
         ACCEPTED
     }

@@ -1,14 +1,14 @@
 //! MAVLink 2 message signing (mavlink.io, "Message Signing"): the first 48 bits of
 //! SHA-256 over a shared key and the frame, with a time that only rises.
 
-use crate::wire::RawFrame;
+use super::frame::RawFrame;
 use mavlink::MAVLinkV2MessageRaw;
 use protocol::SimTime;
 use std::collections::BTreeMap;
 
 /// Nanoseconds in a unit of the signature's time, 10 µs.
 const UNIT_NS: i64 = 10_000;
-/// A stream not heard of before may lag by this much: one minute.
+/// A stream not received before may lag by this much: one minute.
 const NEW_STREAM_LAG: u64 = 60 * 100_000;
 
 /// A shared key and where its clock stands.
@@ -48,7 +48,9 @@ impl Signing {
     }
 
     /// Fills in the signature of a frame that has its flag set.
-    pub(crate) fn sign(&mut self, raw: &mut MAVLinkV2MessageRaw, now: SimTime) {
+    pub(super) fn sign(&mut self, raw: &mut MAVLinkV2MessageRaw, now: SimTime) {
+        // Strictly rising even when two frames share a tick, else the vehicle would refuse the
+        // second as a replay.
         self.last = self.time(now).max(self.last + 1);
         *raw.signature_link_id_mut() = self.config.link_id;
         raw.signature_timestamp_bytes_mut()
@@ -71,12 +73,16 @@ impl Signing {
             frame.system_id(),
             frame.component_id(),
         );
+        // Each sender and link counts for itself; one not received before may lag a little, but an old
+        // recording is refused.
         let newer = match self.streams.get(&stream) {
             Some(&last) => time > last,
             None => time + NEW_STREAM_LAG >= self.time(now).max(self.last),
         };
         let mut signature = [0; 6];
         raw.calculate_signature(&self.config.key, &mut signature);
+        // A frame that is refused must not move the clock: a forged one could otherwise lock the
+        // true sender out.
         if !newer || raw.signature_value() != signature {
             return false;
         }

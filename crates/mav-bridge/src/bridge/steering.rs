@@ -2,9 +2,9 @@
 
 use super::{Bridge, BridgeOutput};
 use crate::arduplane::{AUTO, FS_GCS_ENABL, GUIDED, RTL, TAKEOFF};
-use crate::authority::{Phase, homeward};
-use crate::commands::{Command, Outcome, Wire};
-use crate::event;
+use crate::authority::{Phase, is_homeward};
+use crate::command_queue::{Command, CommandMessage, CommandOutcome};
+use crate::event::event;
 use protocol::SimTime;
 use protocol::message::{PathKind, Setpoint, Severity};
 
@@ -21,7 +21,7 @@ impl Bridge {
         if self.target.as_ref() == Some(setpoint) {
             return; // refused before: tried again after a pause
         }
-        self.forget_target();
+        self.clear_target();
         self.target = Some(setpoint.clone());
         self.authority.take_off(TAKEOFF);
         self.send_mode();
@@ -31,6 +31,7 @@ impl Bridge {
 
     /// Asks for the landing sequence on board.
     pub(super) fn land(&mut self, setpoint: &Setpoint) {
+        // A reposition still on its way would pull the vehicle out of its landing.
         self.commands.drop_steering();
         self.target = Some(setpoint.clone());
         self.authority.land(AUTO);
@@ -42,13 +43,13 @@ impl Bridge {
         if self.target.as_ref() == Some(setpoint) {
             return;
         }
-        self.withheld = None;
+        self.ignored = None;
         self.target = Some(setpoint.clone());
         self.send_target(now);
     }
 
     fn send_target(&mut self, now: SimTime) {
-        self.again_at = None;
+        self.retry_at = None;
         let Some(target) = self.target.clone() else {
             return;
         };
@@ -61,6 +62,7 @@ impl Bridge {
             alt_amsl_m: target.alt_amsl_m as f32,
             radius_m: target.orbit_radius_m as f32,
         });
+        // ArduPlane flies equivalent airspeed, the team true airspeed.
         let ratio = self.telemetry.eas_over_tas(target.alt_amsl_m, now);
         let speed = (target.airspeed_m_s * ratio) as f32;
         if self
@@ -83,14 +85,14 @@ impl Bridge {
     }
 
     /// What follows by itself: arming, GUIDED after the climb, a target to be sent again.
-    pub(super) fn fly_on(&mut self, now: SimTime, out: &mut BridgeOutput) {
-        let Some(seen) = self.authority.seen().filter(|_| self.authority.link_up()) else {
+    pub(super) fn continue_phase(&mut self, now: SimTime, out: &mut BridgeOutput) {
+        let Some(seen) = self.authority.shown().filter(|_| self.authority.link_up()) else {
             return;
         };
-        let pausing = self.again_at.is_some_and(|at| now < at);
+        let pausing = self.retry_at.is_some_and(|at| now < at);
         match self.authority.phase() {
-            Phase::Ground if self.again_at.is_some() && !pausing => {
-                self.again_at = None;
+            Phase::Ground if self.retry_at.is_some() && !pausing => {
+                self.retry_at = None;
                 if let Some(target) = self.target.take() {
                     self.take_off(&target, out);
                 }
@@ -105,20 +107,20 @@ impl Bridge {
                     && self.authority.unconfirmed().is_none()
                     && self.has_climbed() =>
             {
-                self.again_at = None;
+                self.retry_at = None;
                 self.authority.take_off(GUIDED);
                 self.send_mode();
             }
-            Phase::Guided if self.again_at.is_some() && !pausing => self.send_target(now),
+            Phase::Guided if self.retry_at.is_some() && !pausing => self.send_target(now),
             // On its way home already, or still climbing away from the ground, it is left alone.
             Phase::Guardian
                 if seen.airborne
-                    && !homeward(seen.custom_mode)
+                    && !is_homeward(seen.custom_mode)
                     && (seen.custom_mode != TAKEOFF || self.has_climbed())
                     && !pausing
                     && self.authority.unconfirmed() != Some(RTL) =>
             {
-                self.again_at = None;
+                self.retry_at = None;
                 self.authority.go_home();
                 self.send_mode();
             }
@@ -128,9 +130,9 @@ impl Bridge {
 
     fn arm(&mut self, now: SimTime, out: &mut BridgeOutput) {
         if self.config.may_arm {
-            self.again_at = pause(now);
+            self.retry_at = pause(now);
             self.commands.push(Command::Arm);
-        } else if !std::mem::replace(&mut self.said.waits_for_arming, true) {
+        } else if !std::mem::replace(&mut self.warned.waits_for_arming, true) {
             let text = "in TAKEOFF: waits for a person to arm the motor";
             out.events
                 .push(event(Severity::Info, "waits-for-arming", text));
@@ -145,13 +147,20 @@ impl Bridge {
     }
 
     /// Takes in what became of a command.
-    pub(super) fn on_outcome(&mut self, outcome: Outcome, now: SimTime, out: &mut BridgeOutput) {
+    pub(super) fn on_outcome(
+        &mut self,
+        outcome: CommandOutcome,
+        now: SimTime,
+        out: &mut BridgeOutput,
+    ) {
         let (command, why) = match outcome {
-            Outcome::Accepted(_) => return,
-            Outcome::Refused(command, result) => {
+            CommandOutcome::Accepted(_) => return,
+            CommandOutcome::Refused(command, result) => {
                 (command, format!("the vehicle refuses: {result:?}"))
             }
-            Outcome::Unanswered(command) => (command, "the vehicle does not answer".to_owned()),
+            CommandOutcome::Unanswered(command) => {
+                (command, "the vehicle does not answer".to_owned())
+            }
         };
         let (severity, code, then) = self.on_failure(&command, now);
         let text = format!("{}: {why}{then}", command.name());
@@ -164,7 +173,7 @@ impl Bridge {
         now: SimTime,
     ) -> (Severity, &'static str, &'static str) {
         if command.steers() {
-            self.again_at = pause(now);
+            self.retry_at = pause(now);
         }
         match command {
             Command::Mode { .. } => {
@@ -195,7 +204,7 @@ impl Bridge {
             Command::Reposition { .. } => (Severity::Warning, "setpoint-failed", "; tried again"),
             Command::Speed { .. } => {
                 // The next setpoint asks again; within this one it would be refused again.
-                (self.again_at, self.speed_sent) = (None, None);
+                (self.retry_at, self.speed_sent) = (None, None);
                 (Severity::Warning, "speed-failed", "")
             }
             Command::Interval { .. } => (Severity::Info, "rate-failed", ""),
@@ -218,13 +227,13 @@ impl Bridge {
             now,
             self.config.ack_timeout_s,
             self.config.attempts,
-            self.heard_at,
+            self.heartbeat_at,
         );
         for (command, sent) in send {
-            match command.wire(system, sent) {
-                Wire::Long(message) => self.send(&message, now, out),
-                Wire::Int(message) => self.send(&message, now, out),
-                Wire::Read(message) => self.send(&message, now, out),
+            match command.message(system, sent) {
+                CommandMessage::Long(message) => self.send(&message, now, out),
+                CommandMessage::Int(message) => self.send(&message, now, out),
+                CommandMessage::Read(message) => self.send(&message, now, out),
             }
         }
         for outcome in lost {

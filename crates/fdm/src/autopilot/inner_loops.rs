@@ -2,8 +2,9 @@
 
 use air::STANDARD_GRAVITY_M_S2;
 
-use super::plant::{Plant, PlantAt};
-use super::{ControlGains, Sensed};
+use super::plant::{OperatingPoint, Plant};
+use super::sensed::Sensed;
+use crate::aircraft::ControlGains;
 
 /// Share of the aileron's travel that the roll integral may use.
 const ROLL_TRIM_SHARE: f64 = 0.4;
@@ -32,7 +33,7 @@ impl RollLoop {
         sensed: &Sensed,
         bank: f64,
         plant: &Plant,
-        at: &PlantAt,
+        at: &OperatingPoint,
         gains: &ControlGains,
     ) -> f64 {
         // A level turn needs the load factor 1/cos(bank).
@@ -45,11 +46,15 @@ impl RollLoop {
         self.bank = Some(command);
 
         let error = command - sensed.roll_rad;
+        // The loop may roll faster than the command moves, so that it can catch up after a gust.
         let rate_limit = 1.5 * gains.bank_rate_max_deg_s.to_radians();
         let rate = (gains.roll_bandwidth_rad_s * error).clamp(-rate_limit, rate_limit);
         let damping = gains.roll_damping_rad_s * (rate - sensed.rate_rad_s[0]);
+        // Feedforward of the steady roll rate, so that the damping acts on the difference alone and
+        // does not slow the roll that is wanted.
         let wanted = at.aileron_per_roll_rate * rate + damping / at.roll_power + self.trim;
         let aileron = wanted.clamp(-plant.aileron_high, plant.aileron_high);
+        // Anti-windup: at the stop the integral moves only back towards the inside.
         if aileron == wanted || (wanted - aileron) * error < 0.0 {
             let most = ROLL_TRIM_SHARE * plant.aileron_high;
             let change = roll_integral_gain(at, gains) * error * dt;
@@ -75,7 +80,7 @@ impl PitchLoop {
         sensed: &Sensed,
         pitch: f64,
         plant: &Plant,
-        at: &PlantAt,
+        at: &OperatingPoint,
         gains: &ControlGains,
     ) -> f64 {
         let (sin, cos) = sensed.roll_rad.sin_cos();
@@ -84,8 +89,11 @@ impl PitchLoop {
         let turn = per_g * sin * sin / cos.max(0.5);
         let error = pitch - sensed.pitch_rad;
         let most = gains.pitch_rate_max_deg_s.to_radians();
+        // Kinematics: q = θ̇ cos(bank) + ψ̇ sin(bank), the second being the pitch rate of the turn.
         let asked = (gains.pitch_bandwidth_rad_s * error).clamp(-most, most) * cos.max(0.3) + turn;
         let rate = asked.min((plant.load_factor_max(at) - cos) * per_g);
+        // Pulling up at a pitch rate needs lift beyond that of level flight; bounded below, since
+        // the linear model of lift does not hold in a deep push-over.
         let load_factor = (cos + rate / per_g).max(-0.5);
         let steady = plant.elevator_for(at, load_factor, rate);
         let feedback = gains.pitch_damping_rad_s * (rate - sensed.rate_rad_s[1]) + self.trim;
@@ -101,7 +109,7 @@ impl PitchLoop {
 }
 
 /// Aileron per integral of the roll error, 1/s.
-pub(super) fn roll_integral_gain(at: &PlantAt, gains: &ControlGains) -> f64 {
+pub(super) fn roll_integral_gain(at: &OperatingPoint, gains: &ControlGains) -> f64 {
     gains.roll_integral_rad_s * gains.roll_bandwidth_rad_s * at.aileron_per_roll_rate
 }
 
@@ -119,12 +127,14 @@ const STIFFNESS_RAD_S: f64 = 5.0;
 pub(super) fn yaw_damper(
     sensed: &Sensed,
     plant: &Plant,
-    at: &PlantAt,
+    at: &OperatingPoint,
     gains: &ControlGains,
 ) -> f64 {
     if !plant.has_rudder {
         return 0.0;
     }
+    // Damping about zero would fight every turn: a coordinated one yaws by g/V tan(bank) times the
+    // cosines, as here.
     let turn = STANDARD_GRAVITY_M_S2 / at.speed * sensed.roll_rad.sin() * sensed.pitch_rad.cos();
     let wanted = gains.yaw_damping_rad_s * (turn - sensed.rate_rad_s[2]) / at.yaw_power;
     wanted.clamp(-plant.aileron_high, plant.aileron_high)

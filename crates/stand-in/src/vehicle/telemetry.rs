@@ -1,9 +1,10 @@
-//! What the stand-in says: its streams, at the rates it was asked for.
+//! What the stand-in sends: its streams, at the rates it was asked for, and what each message
+//! carries.
 #![allow(deprecated, reason = "ground stations still send the older forms")]
 
-use crate::StandIn;
-use crate::flying::is_manual;
-use crate::parameters::Parameters;
+use super::StandIn;
+use crate::flight::is_manual;
+use crate::parameters::AutopilotParameters;
 use crate::reality::HUMIDITY_PCT;
 use air::geo::{Enu, wrap_deg};
 use air::isa::{Atmosphere, ZERO_CELSIUS_K};
@@ -31,58 +32,9 @@ const BATTERY_S: f64 = 5400.0;
 /// Dilution of precision under an open sky, times 100.
 const HDOP_1E2: u16 = 80;
 const SATELLITES: u8 = 14;
-/// Major, minor and patch number of the ArduPlane whose ways it has; the last byte says that it is
+/// Major, minor and patch number of the ArduPlane that it emulates; the last byte marks that it is
 /// no release.
-const BEHAVES_AS: [u8; 4] = [4, 5, 0, 0];
-
-/// One message and when it is next due.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Stream {
-    pub message_id: u32,
-    /// 0: not sent.
-    pub interval_ns: i64,
-    pub due_ns: i64,
-    /// The group that REQUEST_DATA_STREAM knows it by.
-    group: Option<MavDataStream>,
-}
-
-use MavDataStream::{
-    MAV_DATA_STREAM_ALL as ALL, MAV_DATA_STREAM_EXTENDED_STATUS as STATUS,
-    MAV_DATA_STREAM_EXTRA1 as EXTRA1, MAV_DATA_STREAM_EXTRA2 as EXTRA2,
-    MAV_DATA_STREAM_EXTRA3 as EXTRA3, MAV_DATA_STREAM_POSITION as POSITION,
-    MAV_DATA_STREAM_RAW_SENSORS as SENSORS,
-};
-
-/// The streams before anybody asks for other rates; those of 0 Hz are sent on request only. The
-/// order is that within one tick: a gas reading follows the position at which it was taken.
-pub(crate) fn default_streams() -> Vec<Stream> {
-    [
-        (HEARTBEAT_DATA::ID, 1.0, None),
-        (GLOBAL_POSITION_INT_DATA::ID, 4.0, Some(POSITION)),
-        (LOCAL_POSITION_NED_DATA::ID, 1.0, Some(POSITION)),
-        (ATTITUDE_DATA::ID, 4.0, Some(EXTRA1)),
-        (ATTITUDE_QUATERNION_DATA::ID, 0.0, None),
-        (VFR_HUD_DATA::ID, 4.0, Some(EXTRA2)),
-        (NAMED_VALUE_FLOAT_DATA::ID, 10.0, None),
-        (WIND_DATA::ID, 1.0, Some(EXTRA3)),
-        (SCALED_PRESSURE_DATA::ID, 1.0, Some(SENSORS)),
-        (HYGROMETER_SENSOR_DATA::ID, 1.0, Some(EXTRA3)),
-        (GPS_RAW_INT_DATA::ID, 1.0, Some(STATUS)),
-        (EXTENDED_SYS_STATE_DATA::ID, 1.0, None),
-        (SYS_STATUS_DATA::ID, 1.0, Some(STATUS)),
-        (BATTERY_STATUS_DATA::ID, 1.0, Some(EXTRA3)),
-        (HOME_POSITION_DATA::ID, 0.2, None),
-        (GPS_GLOBAL_ORIGIN_DATA::ID, 0.0, None),
-        (AUTOPILOT_VERSION_DATA::ID, 0.0, None),
-    ]
-    .map(|(message_id, hz, group): (u32, f64, _)| Stream {
-        message_id,
-        interval_ns: if hz > 0.0 { (1e9 / hz) as i64 } else { 0 },
-        due_ns: 0,
-        group,
-    })
-    .to_vec()
-}
+const EMULATED_VERSION: [u8; 4] = [4, 5, 0, 0];
 
 impl StandIn {
     pub(crate) fn send<D: MessageData>(&mut self, message: &D, now: SimTime) {
@@ -91,7 +43,7 @@ impl StandIn {
     }
 
     /// Sends the streams that are due.
-    pub(crate) fn talk(&mut self, now: SimTime) {
+    pub(crate) fn send_due(&mut self, now: SimTime) {
         for k in 0..self.streams.len() {
             let stream = self.streams[k];
             if stream.interval_ns <= 0 || now.ns() < stream.due_ns {
@@ -106,7 +58,7 @@ impl StandIn {
             };
             self.send_stream(stream.message_id, now);
         }
-        for message_id in std::mem::take(&mut self.asked) {
+        for message_id in std::mem::take(&mut self.requested) {
             self.send_stream(message_id, now);
         }
     }
@@ -114,7 +66,9 @@ impl StandIn {
     /// Sends a group of streams at another rate; 0 stops them. Faster than 50 Hz is not to be had.
     pub(crate) fn change_group(&mut self, group: MavDataStream, hz: u16, now: SimTime) {
         for stream in &mut self.streams {
-            if stream.group.is_some() && (group == ALL || stream.group == Some(group)) {
+            if stream.group.is_some()
+                && (group == MavDataStream::MAV_DATA_STREAM_ALL || stream.group == Some(group))
+            {
                 stream.interval_ns = match hz.min(50) {
                     0 => 0,
                     hz => 1_000_000_000 / i64::from(hz),
@@ -187,16 +141,16 @@ impl StandIn {
         }
     }
 
-    /// Where it says it is: place and altitude above mean sea level, m.
-    fn believed(&self, now: SimTime) -> (Enu, f64) {
+    /// The position that it reports: place and altitude above mean sea level, m.
+    fn reported_position(&self, now: SimTime) -> (Enu, f64) {
         let sensed = self.flight.sensed();
         let ground_amsl_m = self.reality.world.spec().ground_amsl_m;
-        let believed = plume::Place {
+        let reported_position = plume::Place {
             east_m: sensed.east_m,
             north_m: sensed.north_m,
             height_agl_m: sensed.alt_amsl_m - ground_amsl_m,
         };
-        let (logged, _) = self.reality.logged(&believed, now.s());
+        let (logged, _) = self.reality.logged(&reported_position, now.s());
         let at = Enu {
             east_m: logged.east_m,
             north_m: logged.north_m,
@@ -206,7 +160,7 @@ impl StandIn {
 
     fn position(&self, now: SimTime) -> GLOBAL_POSITION_INT_DATA {
         let sensed = self.flight.sensed();
-        let (at, alt_amsl_m) = self.believed(now);
+        let (at, alt_amsl_m) = self.reported_position(now);
         let (lat, lon) = self.degrees_1e7(at);
         let [vx, vy, vz] = sensed.vel_ned_m_s.map(|v| (v * 100.0).round() as i16);
         GLOBAL_POSITION_INT_DATA {
@@ -224,7 +178,7 @@ impl StandIn {
 
     /// Relative to home, which is the filter's origin.
     fn local_position(&self, now: SimTime) -> LOCAL_POSITION_NED_DATA {
-        let (at, alt_amsl_m) = self.believed(now);
+        let (at, alt_amsl_m) = self.reported_position(now);
         let home = self.flight.home();
         let [vx, vy, vz] = self.flight.sensed().vel_ned_m_s.map(|v| v as f32);
         LOCAL_POSITION_NED_DATA {
@@ -239,7 +193,7 @@ impl StandIn {
     }
 
     fn satellites(&self, now: SimTime) -> GPS_RAW_INT_DATA {
-        let (at, alt_amsl_m) = self.believed(now);
+        let (at, alt_amsl_m) = self.reported_position(now);
         let (lat, lon) = self.degrees_1e7(at);
         let [north, east, _] = self.flight.sensed().vel_ned_m_s;
         GPS_RAW_INT_DATA {
@@ -292,7 +246,7 @@ impl StandIn {
                 | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
                 | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2,
             uid: u64::from(self.system_id),
-            flight_sw_version: u32::from_be_bytes(BEHAVES_AS),
+            flight_sw_version: u32::from_be_bytes(EMULATED_VERSION),
             ..AUTOPILOT_VERSION_DATA::default()
         }
     }
@@ -348,10 +302,10 @@ impl StandIn {
     }
 
     fn gas(&mut self, now: SimTime) -> NAMED_VALUE_FLOAT_DATA {
-        let dt_s = self.smelt_at.map_or(0.0, |at| now.since_s(at));
-        self.smelt_at = Some(now);
+        let dt_s = self.gas_sampled_at.map_or(0.0, |at| now.since_s(at));
+        self.gas_sampled_at = Some(now);
         let state = self.flight.state();
-        let ppm = self.reality.smell(&state, now.s(), dt_s, &mut self.rng);
+        let ppm = self.reality.read_gas(&state, now.s(), dt_s, &mut self.rng);
         let (_, time_s) = self.reality.logged(&plume::Place::default(), now.s());
         NAMED_VALUE_FLOAT_DATA {
             time_boot_ms: boot_ms(time_s),
@@ -445,7 +399,7 @@ impl StandIn {
     }
 
     /// Says something to the people on the ground.
-    pub(crate) fn say(&mut self, severity: MavSeverity, text: &str, now: SimTime) {
+    pub(crate) fn send_text(&mut self, severity: MavSeverity, text: &str, now: SimTime) {
         let text = STATUSTEXT_DATA {
             severity,
             text: text.into(),
@@ -455,7 +409,7 @@ impl StandIn {
 
     /// Sends the parameter at `index`.
     pub(crate) fn send_parameter(&mut self, index: usize, now: SimTime) {
-        let all = Parameters::all(&self.parameters);
+        let all = AutopilotParameters::all(&self.parameters);
         let count = all.len() as u16;
         let Some(&(name, value)) = all.get(index) else {
             return;
@@ -465,7 +419,7 @@ impl StandIn {
             param_count: count,
             param_index: index as u16,
             param_id: name.into(),
-            param_type: Parameters::kind(name),
+            param_type: AutopilotParameters::kind(name),
         };
         self.send(&value, now);
     }

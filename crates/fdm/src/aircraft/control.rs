@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::FdmError;
-use crate::aircraft::within;
+use crate::error::FdmError;
+use crate::range::within;
 
 /// Gains of the autopilot as bandwidths, times and limits (the `[control]` table of an aircraft
 /// file). What is left out has the value that suits small aircraft of 1 to 20 kg.

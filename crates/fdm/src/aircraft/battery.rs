@@ -7,8 +7,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::FdmError;
-use crate::aircraft::{PropellerLaw, Propulsion, positive, within};
+use super::propulsion::Propulsion;
+use crate::error::FdmError;
+use crate::range::{positive, within};
 
 /// Seconds in an hour.
 const HOUR_S: f64 = 3600.0;
@@ -44,12 +45,7 @@ impl Battery {
         throttle: f64,
         density_kg_m3: f64,
     ) -> f64 {
-        let slipstream_m_s = match propulsion.law {
-            PropellerLaw::Blended => {
-                airspeed_m_s + throttle * (propulsion.exit_speed_m_s - airspeed_m_s)
-            }
-            PropellerLaw::Proportional => throttle * propulsion.exit_speed_m_s,
-        };
+        let slipstream_m_s = propulsion.slipstream_m_s(airspeed_m_s, throttle);
         let thrust_n = propulsion.thrust_n(airspeed_m_s, throttle, density_kg_m3);
         let on_air_w = (thrust_n * 0.5 * (airspeed_m_s + slipstream_m_s)).max(0.0);
         on_air_w / self.efficiency + self.avionics_w
@@ -58,12 +54,12 @@ impl Battery {
 
 /// What is left in a battery.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Charge {
+pub struct StateOfCharge {
     capacity_wh: f64,
     left_wh: f64,
 }
 
-impl Charge {
+impl StateOfCharge {
     /// A full battery.
     pub fn full(battery: &Battery) -> Self {
         Self {
@@ -81,7 +77,7 @@ impl Charge {
     }
 
     /// Share of the capacity that is left, 0 to 1.
-    pub fn left(&self) -> f64 {
+    pub fn fraction(&self) -> f64 {
         self.left_wh / self.capacity_wh
     }
 }
@@ -97,7 +93,7 @@ mod tests {
     #[test]
     fn level_flight_of_the_x8() {
         let aircraft =
-            Aircraft::from_toml("x8", include_str!("../../../aircraft/x8.toml")).unwrap();
+            Aircraft::from_toml("x8", include_str!("../../../../aircraft/x8.toml")).unwrap();
         let battery = Battery {
             capacity_wh: 100.0,
             efficiency: 0.5,
@@ -105,17 +101,17 @@ mod tests {
         };
         let power_w = battery.power_w(&aircraft.propulsion, 18.0, 0.1219, 1.225);
         assert!((power_w - 143.76).abs() < 0.01, "{power_w}");
-        let mut charge = Charge::full(&battery);
+        let mut charge = StateOfCharge::full(&battery);
         charge.draw(power_w, 1800.0);
-        assert!((charge.left() - (1.0 - 0.7188)).abs() < 1e-4);
+        assert!((charge.fraction() - (1.0 - 0.7188)).abs() < 1e-4);
         charge.draw(power_w, 3600.0);
         charge.draw(f64::NAN, 1.0);
-        assert_eq!(charge.left(), 0.0);
+        assert_eq!(charge.fraction(), 0.0);
     }
 
     #[test]
     fn a_battery_that_cannot_be_is_refused_with_its_line() {
-        let text = include_str!("../../../aircraft/x8.toml");
+        let text = include_str!("../../../../aircraft/x8.toml");
         let text = text.replace("capacity_wh = 237.0", "capacity_wh = -1.0");
         let message = Aircraft::from_toml("x8.toml", &text)
             .unwrap_err()

@@ -1,4 +1,5 @@
-//! Who flies: the three control levels and the rules by which they change.
+//! Who flies: the rules by which the [`ControlLevel`] of a vehicle changes, the same for every
+//! vehicle of the team, simulated or real.
 //!
 //! *Automatic* follows the setpoints of the squadron controller; *Pilot* is a human with the
 //! remote control; *Guardian* brings the vehicle home by itself. There is always exactly one of
@@ -8,22 +9,13 @@
 //!
 //! Pure: a state and an event give the next state and what became of the event.
 
-/// Who flies.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Level {
-    /// The vehicle follows setpoints.
-    Automatic,
-    /// A human flies by remote control.
-    Pilot,
-    /// The vehicle brings itself home and circles there.
-    Guardian,
-}
+use crate::message::ControlLevel;
 
 /// Why Guardian watches or acts. Links can come back; a low battery cannot; a broken fence is
-/// mended by coming back inside.
+/// over when it is back inside.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Danger {
-    /// Nothing is heard of the link to the ground.
+    /// The link to the ground is lost.
     Link,
     /// The squadron controller is silent.
     SquadronController,
@@ -48,8 +40,8 @@ impl Danger {
         Self::Fence,
     ];
 
-    /// What it is, in words.
-    pub fn words(self) -> &'static str {
+    /// What it is, as text for people.
+    pub fn description(self) -> &'static str {
         match self {
             Self::Link => "no link to the vehicle",
             Self::SquadronController => "no word from the squadron controller",
@@ -67,7 +59,7 @@ impl Danger {
 
 /// What can happen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Event {
+pub enum ControlEvent {
     /// A setpoint of the squadron controller.
     Setpoint,
     /// The pilot moves his switch: he flies.
@@ -86,43 +78,43 @@ pub enum Event {
 
 /// What became of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
+pub enum ControlOutcome {
     /// It was taken; the level may have changed.
     Taken,
     /// A setpoint that is to be followed.
     Followed,
     /// A setpoint that is not followed because of the level; to be shown as ignored.
-    Ignored(Level),
+    Ignored(ControlLevel),
     /// A hand-back that is refused while a danger lasts.
     Refused(Danger),
 }
 
 /// The control level of one vehicle with the dangers that last.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ControlLevel {
-    level: Level,
+pub struct ControlState {
+    level: ControlLevel,
     dangers: u8,
     ignored: u64,
 }
 
-impl Default for ControlLevel {
+impl Default for ControlState {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl ControlLevel {
+impl ControlState {
     /// Automatic, without danger.
     pub fn new() -> Self {
         Self {
-            level: Level::Automatic,
+            level: ControlLevel::Automatic,
             dangers: 0,
             ignored: 0,
         }
     }
 
     /// Who flies now.
-    pub fn level(&self) -> Level {
+    pub fn level(&self) -> ControlLevel {
         self.level
     }
 
@@ -142,53 +134,53 @@ impl ControlLevel {
     }
 
     /// Takes an event; every event is allowed at every level.
-    pub fn handle(&mut self, event: Event) -> Outcome {
+    pub fn handle(&mut self, event: ControlEvent) -> ControlOutcome {
         match event {
-            Event::Setpoint => return self.setpoint(),
-            Event::HandBack => return self.hand_back(),
-            Event::Takeover => self.level = Level::Pilot,
-            Event::RemoteLost => {
+            ControlEvent::Setpoint => return self.setpoint(),
+            ControlEvent::HandBack => return self.hand_back(),
+            ControlEvent::Takeover => self.level = ControlLevel::Pilot,
+            ControlEvent::RemoteLost => {
                 // Nobody may be left at the sticks of a silent remote control.
-                if self.level == Level::Pilot {
-                    self.level = Level::Guardian;
+                if self.level == ControlLevel::Pilot {
+                    self.level = ControlLevel::Guardian;
                 }
             }
-            Event::Begins(danger) => {
+            ControlEvent::Begins(danger) => {
                 self.dangers |= danger.bit();
-                if self.level == Level::Automatic {
-                    self.level = Level::Guardian;
+                if self.level == ControlLevel::Automatic {
+                    self.level = ControlLevel::Guardian;
                 }
             }
-            Event::Ends(Danger::Battery) => {}
-            Event::Ends(danger) => self.dangers &= !danger.bit(),
-            Event::Landed => self.dangers &= !Danger::Battery.bit(),
+            ControlEvent::Ends(Danger::Battery) => {}
+            ControlEvent::Ends(danger) => self.dangers &= !danger.bit(),
+            ControlEvent::Landed => self.dangers &= !Danger::Battery.bit(),
         }
-        Outcome::Taken
+        ControlOutcome::Taken
     }
 
-    fn setpoint(&mut self) -> Outcome {
-        if self.level == Level::Automatic {
+    fn setpoint(&mut self) -> ControlOutcome {
+        if self.level == ControlLevel::Automatic {
             self.ignored = 0;
-            Outcome::Followed
+            ControlOutcome::Followed
         } else {
             self.ignored += 1;
-            Outcome::Ignored(self.level)
+            ControlOutcome::Ignored(self.level)
         }
     }
 
     /// The pilot's hand-back goes to Guardian while a danger lasts, else to Automatic;
     /// Guardian's is refused while a danger lasts.
-    fn hand_back(&mut self) -> Outcome {
+    fn hand_back(&mut self) -> ControlOutcome {
         let danger = self.dangers().next();
         match (self.level, danger) {
-            (Level::Guardian, Some(danger)) => Outcome::Refused(danger),
-            (Level::Pilot, Some(_)) => {
-                self.level = Level::Guardian;
-                Outcome::Taken
+            (ControlLevel::Guardian, Some(danger)) => ControlOutcome::Refused(danger),
+            (ControlLevel::Pilot, Some(_)) => {
+                self.level = ControlLevel::Guardian;
+                ControlOutcome::Taken
             }
             _ => {
-                self.level = Level::Automatic;
-                Outcome::Taken
+                self.level = ControlLevel::Automatic;
+                ControlOutcome::Taken
             }
         }
     }
@@ -199,54 +191,54 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn any_event() -> impl Strategy<Value = Event> {
+    fn any_event() -> impl Strategy<Value = ControlEvent> {
         let danger = || (0..Danger::ALL.len()).prop_map(|k| Danger::ALL[k]);
         prop_oneof![
-            3 => Just(Event::Setpoint),
-            1 => Just(Event::Takeover),
-            2 => Just(Event::HandBack),
-            1 => Just(Event::RemoteLost),
-            2 => danger().prop_map(Event::Begins),
-            2 => danger().prop_map(Event::Ends),
-            1 => Just(Event::Landed),
+            3 => Just(ControlEvent::Setpoint),
+            1 => Just(ControlEvent::Takeover),
+            2 => Just(ControlEvent::HandBack),
+            1 => Just(ControlEvent::RemoteLost),
+            2 => danger().prop_map(ControlEvent::Begins),
+            2 => danger().prop_map(ControlEvent::Ends),
+            1 => Just(ControlEvent::Landed),
         ]
     }
 
     proptest! {
         #[test]
         fn laws_hold_after_any_events(events in prop::collection::vec(any_event(), 0..200)) {
-            let mut control = ControlLevel::new();
+            let mut control = ControlState::new();
             for event in events {
                 let before = control;
                 let outcome = control.handle(event);
                 let (was, is) = (before.level(), control.level());
                 // A setpoint is followed in Automatic alone, and changes nobody's level.
-                if event == Event::Setpoint {
-                    prop_assert_eq!(outcome == Outcome::Followed, was == Level::Automatic);
+                if event == ControlEvent::Setpoint {
+                    prop_assert_eq!(outcome == ControlOutcome::Followed, was == ControlLevel::Automatic);
                     prop_assert_eq!(is, was);
                     prop_assert_eq!(
                         control.ignored_setpoints() > before.ignored_setpoints(),
-                        was != Level::Automatic
+                        was != ControlLevel::Automatic
                     );
                 }
                 // The pilot gets control by his switch alone, at once, and loses it by his
                 // hand-back or his silence alone.
-                if is == Level::Pilot && was != Level::Pilot {
-                    prop_assert_eq!(event, Event::Takeover);
+                if is == ControlLevel::Pilot && was != ControlLevel::Pilot {
+                    prop_assert_eq!(event, ControlEvent::Takeover);
                 }
-                if event == Event::Takeover {
-                    prop_assert_eq!(is, Level::Pilot);
+                if event == ControlEvent::Takeover {
+                    prop_assert_eq!(is, ControlLevel::Pilot);
                 }
-                if was == Level::Pilot && is != Level::Pilot {
-                    prop_assert!(matches!(event, Event::HandBack | Event::RemoteLost));
+                if was == ControlLevel::Pilot && is != ControlLevel::Pilot {
+                    prop_assert!(matches!(event, ControlEvent::HandBack | ControlEvent::RemoteLost));
                 }
                 // Automatic flight and danger exclude each other.
-                if is == Level::Automatic {
+                if is == ControlLevel::Automatic {
                     prop_assert_eq!(control.dangers().count(), 0);
                 }
                 // Guardian ends by the pilot or by an explicit hand-back without danger.
-                if was == Level::Guardian && is == Level::Automatic {
-                    prop_assert_eq!(event, Event::HandBack);
+                if was == ControlLevel::Guardian && is == ControlLevel::Automatic {
+                    prop_assert_eq!(event, ControlEvent::HandBack);
                     prop_assert_eq!(before.dangers().count(), 0);
                 }
             }
@@ -256,40 +248,40 @@ mod tests {
         fn the_way_back_to_automatic_is_always_open(
             events in prop::collection::vec(any_event(), 0..100)
         ) {
-            let mut control = ControlLevel::new();
+            let mut control = ControlState::new();
             for event in events {
                 control.handle(event);
             }
             for danger in Danger::ALL {
-                control.handle(Event::Ends(danger));
+                control.handle(ControlEvent::Ends(danger));
             }
-            control.handle(Event::Landed);
-            control.handle(Event::HandBack);
-            prop_assert_eq!(control.level(), Level::Automatic);
-            prop_assert_eq!(control.handle(Event::Setpoint), Outcome::Followed);
+            control.handle(ControlEvent::Landed);
+            control.handle(ControlEvent::HandBack);
+            prop_assert_eq!(control.level(), ControlLevel::Automatic);
+            prop_assert_eq!(control.handle(ControlEvent::Setpoint), ControlOutcome::Followed);
         }
     }
 
     #[test]
     fn a_lost_link_brings_home_and_the_pilot_stays_above_it() {
-        let mut control = ControlLevel::new();
-        control.handle(Event::Begins(Danger::Link));
-        assert_eq!(control.level(), Level::Guardian);
+        let mut control = ControlState::new();
+        control.handle(ControlEvent::Begins(Danger::Link));
+        assert_eq!(control.level(), ControlLevel::Guardian);
         assert_eq!(
-            control.handle(Event::Setpoint),
-            Outcome::Ignored(Level::Guardian)
+            control.handle(ControlEvent::Setpoint),
+            ControlOutcome::Ignored(ControlLevel::Guardian)
         );
-        control.handle(Event::Takeover);
-        assert_eq!(control.level(), Level::Pilot);
-        control.handle(Event::HandBack);
-        assert_eq!(control.level(), Level::Guardian);
+        control.handle(ControlEvent::Takeover);
+        assert_eq!(control.level(), ControlLevel::Pilot);
+        control.handle(ControlEvent::HandBack);
+        assert_eq!(control.level(), ControlLevel::Guardian);
         assert_eq!(
-            control.handle(Event::HandBack),
-            Outcome::Refused(Danger::Link)
+            control.handle(ControlEvent::HandBack),
+            ControlOutcome::Refused(Danger::Link)
         );
-        control.handle(Event::Ends(Danger::Link));
-        assert_eq!(control.level(), Level::Guardian);
-        control.handle(Event::HandBack);
-        assert_eq!(control.level(), Level::Automatic);
+        control.handle(ControlEvent::Ends(Danger::Link));
+        assert_eq!(control.level(), ControlLevel::Guardian);
+        control.handle(ControlEvent::HandBack);
+        assert_eq!(control.level(), ControlLevel::Automatic);
     }
 }

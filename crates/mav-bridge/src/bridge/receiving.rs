@@ -2,27 +2,27 @@
 
 use super::{Bridge, BridgeOutput};
 use crate::arduplane::{FS_GCS_ENABL, FS_LONG_ACTN, TKOFF_ALT, mode_name};
-use crate::authority::{Phase, Seen};
-use crate::commands::Command;
+use crate::authority::{HeartbeatState, Phase};
+use crate::command_queue::Command;
 use crate::dialect::{
     ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA,
     HYGROMETER_SENSOR_DATA, MavAutopilot, MavMessage, MavSeverity, MavState, MavType,
     PARAM_VALUE_DATA, SCALED_PRESSURE_DATA, SYS_STATUS_DATA, VFR_HUD_DATA, WIND_DATA,
 };
-use crate::event;
+use crate::event::event;
 use crate::wire::RawFrame;
-use fdm::control_level::{Danger, Event as Happening};
 use mavlink::MessageData;
 use protocol::SimTime;
+use protocol::control_level::{ControlEvent, Danger};
 use protocol::message::Severity;
 
 /// Name under which a gas reading arrives.
 const GAS_NAME: &str = "CO2";
-/// Bytes that must have come in without a frame before somebody is told.
-const DEAF_AFTER_BYTES: u64 = 2000;
+/// Bytes that must have come in without a frame before the team is warned.
+const NO_FRAMES_AFTER_BYTES: u64 = 2000;
 /// Telemetry asked for must have come after this long, s.
 const TELEMETRY_WITHIN_S: f64 = 10.0;
-/// Battery level of which the team is told, per cent.
+/// Battery level at which the team is warned, per cent.
 const BATTERY_LOW_PCT: i8 = 20;
 /// Component id of an autopilot.
 const AUTOPILOT: u8 = 1;
@@ -31,19 +31,19 @@ const SLOW_HZ: f64 = 2.0;
 
 impl Bridge {
     /// Takes all whole frames out of the decoder.
-    pub(super) fn take_frames(&mut self, now: SimTime, out: &mut BridgeOutput) {
+    pub(super) fn process_frames(&mut self, now: SimTime, out: &mut BridgeOutput) {
         while let Some(frame) = self.decoder.next_frame(now) {
-            self.take_frame(&frame, now, out);
+            self.process_frame(&frame, now, out);
             out.frames_from_vehicle.push(frame.into_bytes());
         }
     }
 
-    fn take_frame(&mut self, frame: &RawFrame, now: SimTime, out: &mut BridgeOutput) {
+    fn process_frame(&mut self, frame: &RawFrame, now: SimTime, out: &mut BridgeOutput) {
         if let Some(signing) = &mut self.signing
             && !signing.accepts(frame, now)
         {
             self.lost.refused_frames += 1;
-            if !std::mem::replace(&mut self.said.signature, true) {
+            if !std::mem::replace(&mut self.warned.signature, true) {
                 let text = "frames without a valid signature are refused: \
                             does the vehicle share the key?";
                 out.events
@@ -89,16 +89,16 @@ impl Bridge {
     }
 
     fn on_heartbeat(&mut self, heartbeat: HEARTBEAT_DATA, now: SimTime, out: &mut BridgeOutput) {
-        let first = self.heard_at.is_none();
+        let first = self.heartbeat_at.is_none();
         let restored = !first && !self.authority.link_up();
-        self.heard_at = Some(now);
+        self.heartbeat_at = Some(now);
         let failsafe = matches!(
             heartbeat.system_status,
             MavState::MAV_STATE_CRITICAL | MavState::MAV_STATE_EMERGENCY
         );
         let custom_mode = heartbeat.custom_mode;
         if first {
-            self.greet(&heartbeat, out);
+            self.identify(&heartbeat, out);
         }
         self.telemetry.heartbeat = Some((now, heartbeat));
         if restored {
@@ -108,7 +108,7 @@ impl Bridge {
         }
         self.commands.mode_seen(custom_mode);
         let before = self.authority.phase();
-        let change = self.authority.observe(Seen {
+        let change = self.authority.observe(HeartbeatState {
             custom_mode,
             armed: self.telemetry.armed(),
             airborne: self.telemetry.airborne(now),
@@ -121,9 +121,9 @@ impl Bridge {
         }
         if first || restored {
             self.connected_at = now;
-            self.ask_for_telemetry();
+            self.request_telemetry();
             if phase == Phase::Guided {
-                self.again_at = Some(now);
+                self.retry_at = Some(now);
             }
         }
     }
@@ -132,18 +132,18 @@ impl Bridge {
         match phase {
             Phase::Pilot | Phase::Guardian | Phase::Ground => {
                 self.commands.drop_steering();
-                self.forget_target();
+                self.clear_target();
             }
             Phase::Guided => {
                 // ArduPlane forgets a commanded speed at each change of mode.
                 self.speed_sent = None;
-                self.again_at = self.heard_at;
+                self.retry_at = self.heartbeat_at;
             }
             _ => {}
         }
     }
 
-    fn greet(&mut self, heartbeat: &HEARTBEAT_DATA, out: &mut BridgeOutput) {
+    fn identify(&mut self, heartbeat: &HEARTBEAT_DATA, out: &mut BridgeOutput) {
         let system = self.vehicle.unwrap_or_default();
         let plane = heartbeat.autopilot == MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA
             && matches!(
@@ -154,7 +154,7 @@ impl Bridge {
             let text = format!("ArduPlane heard as system {system}");
             return out.events.push(event(Severity::Info, "connected", text));
         }
-        self.authority.foreign();
+        self.authority.unsupported();
         let what = if heartbeat.autopilot == MavAutopilot::MAV_AUTOPILOT_PX4 {
             "PX4".to_owned()
         } else {
@@ -168,7 +168,7 @@ impl Bridge {
             .push(event(Severity::Error, "not-an-arduplane", text));
     }
 
-    fn ask_for_telemetry(&mut self) {
+    fn request_telemetry(&mut self) {
         let fast = self.config.telemetry_hz;
         for (message_id, hz) in [
             (GLOBAL_POSITION_INT_DATA::ID, fast),
@@ -188,18 +188,18 @@ impl Bridge {
     }
 
     fn on_message(&mut self, message: MavMessage, now: SimTime, out: &mut BridgeOutput) {
-        let heard = &mut self.telemetry;
+        let received = &mut self.telemetry;
         match message {
             MavMessage::GLOBAL_POSITION_INT(m) => {
-                heard.position = Some((now, m));
+                received.position = Some((now, m));
                 out.state = self.telemetry.state(now).or(out.state.take());
             }
-            MavMessage::ATTITUDE(m) => heard.attitude = Some((now, m)),
-            MavMessage::VFR_HUD(m) => heard.hud = Some((now, m)),
-            MavMessage::WIND(m) => heard.wind = Some((now, m)),
-            MavMessage::SCALED_PRESSURE(m) => heard.pressure = Some((now, m)),
-            MavMessage::HYGROMETER_SENSOR(m) => heard.hygrometer = Some((now, m)),
-            MavMessage::EXTENDED_SYS_STATE(m) => heard.landed = Some((now, m)),
+            MavMessage::ATTITUDE(m) => received.attitude = Some((now, m)),
+            MavMessage::VFR_HUD(m) => received.hud = Some((now, m)),
+            MavMessage::WIND(m) => received.wind = Some((now, m)),
+            MavMessage::SCALED_PRESSURE(m) => received.pressure = Some((now, m)),
+            MavMessage::HYGROMETER_SENSOR(m) => received.hygrometer = Some((now, m)),
+            MavMessage::EXTENDED_SYS_STATE(m) => received.landed = Some((now, m)),
             MavMessage::NAMED_VALUE_FLOAT(m) if text(&m.name[..]) == GAS_NAME => {
                 out.reading = self.telemetry.reading(&m, now).or(out.reading.take());
             }
@@ -211,8 +211,8 @@ impl Bridge {
             MavMessage::PARAM_VALUE(m) => self.on_parameter(&m, out),
             MavMessage::STATUSTEXT(m) => {
                 let severity = severity(m.severity);
-                let said = text(&m.text[..]);
-                out.events.push(event(severity, "vehicle-says", said));
+                let warned = text(&m.text[..]);
+                out.events.push(event(severity, "vehicle-says", warned));
             }
             MavMessage::SYS_STATUS(m) => self.on_battery(m.battery_remaining, out),
             MavMessage::BATTERY_STATUS(m) => self.on_battery(m.battery_remaining, out),
@@ -225,14 +225,14 @@ impl Bridge {
         if !(0..=BATTERY_LOW_PCT).contains(&left_pct) {
             return;
         }
-        if !std::mem::replace(&mut self.said.battery, true) {
+        if !std::mem::replace(&mut self.warned.battery, true) {
             let text = format!("battery at {left_pct} %");
             out.events
                 .push(event(Severity::Warning, "battery-low", text));
         }
-        let airborne = self.authority.seen().is_some_and(|s| s.airborne);
+        let airborne = self.authority.shown().is_some_and(|s| s.airborne);
         if airborne && !self.control().has(Danger::Battery) {
-            self.handle(Happening::Begins(Danger::Battery), out);
+            self.handle(ControlEvent::Begins(Danger::Battery), out);
         }
     }
 
@@ -259,20 +259,20 @@ impl Bridge {
     }
 
     /// Says what is missing: heartbeat, frames among the bytes, telemetry.
-    pub(super) fn check_silence(&mut self, now: SimTime, out: &mut BridgeOutput) {
+    pub(super) fn check_timeouts(&mut self, now: SimTime, out: &mut BridgeOutput) {
         let statistics = self.decoder.statistics();
         if statistics.frames == 0
-            && statistics.bytes > DEAF_AFTER_BYTES
-            && !std::mem::replace(&mut self.said.deaf, true)
+            && statistics.bytes > NO_FRAMES_AFTER_BYTES
+            && !std::mem::replace(&mut self.warned.no_frames, true)
         {
             let text = "bytes come in, but no MAVLink 2 frame: check baud rate and \
                         SERIALn_PROTOCOL = 2";
             out.events.push(event(Severity::Error, "no-mavlink2", text));
         }
-        let Some(heard_at) = self.heard_at.filter(|_| self.authority.link_up()) else {
+        let Some(heartbeat_at) = self.heartbeat_at.filter(|_| self.authority.link_up()) else {
             return;
         };
-        let silent_s = now.since_s(heard_at);
+        let silent_s = now.since_s(heartbeat_at);
         if silent_s > self.config.link_timeout_s {
             self.commands.clear();
             self.authority.link_lost();
@@ -284,7 +284,7 @@ impl Bridge {
             out.events.push(event(Severity::Warning, "link-lost", text));
         } else if now.since_s(self.connected_at) > TELEMETRY_WITHIN_S
             && self.telemetry.state(now).is_none()
-            && !std::mem::replace(&mut self.said.silent_telemetry, true)
+            && !std::mem::replace(&mut self.warned.silent_telemetry, true)
         {
             let text = "the vehicle sends no usable GLOBAL_POSITION_INT, ATTITUDE and VFR_HUD: \
                         has it a position fix, and does it grant SET_MESSAGE_INTERVAL?";

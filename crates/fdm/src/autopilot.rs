@@ -1,4 +1,4 @@
-//! The autopilot: what an aircraft is told (a path, an altitude, an airspeed) becomes surface
+//! The autopilot: a demand (a path, an altitude, an airspeed) becomes surface
 //! angles and throttle.
 //!
 //! Outer loops: guidance gives a bank angle from the path, total-energy control
@@ -6,164 +6,32 @@
 //! with rate damping. Gains are bandwidths and times; the aircraft's own
 //! coefficients turn them into surface angles, so that one set fits aircraft of different size.
 
-mod attitude;
+mod demand;
 mod energy;
-mod gains;
 mod guidance;
 mod inner_gains;
+mod inner_loops;
 mod landing;
 mod plant;
+mod sensed;
 
-pub use gains::ControlGains;
+pub use crate::aircraft::ControlGains;
+pub use demand::{Demand, Path, Sticks};
 pub(crate) use inner_gains::{InnerGains, inner_gains};
+pub use sensed::Sensed;
 
 use crate::aircraft::Aircraft;
-use crate::flight::{FlightState, Phase, SurfaceCommand};
-use attitude::{PitchLoop, RollLoop};
+use crate::state::SurfaceCommand;
 use energy::{EnergyDemand, EnergyLoop};
 use guidance::{Steering, WindEstimate};
-use landing::{Landing, LandingOrder};
+use inner_loops::{PitchLoop, RollLoop};
+use landing::{Landing, LandingSite};
 use plant::Plant;
 
 /// Height above the launch point up to which take-off climbs straight ahead, m.
 const TAKE_OFF_STRAIGHT_M: f64 = 20.0;
 /// Pitch of the climb straight ahead, rad.
 const TAKE_OFF_PITCH_RAD: f64 = 0.22;
-
-/// What the autopilot knows, as its sensors tell.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sensed {
-    /// Metres north of the site's origin.
-    pub north_m: f64,
-    /// Metres east of the site's origin.
-    pub east_m: f64,
-    /// Altitude above mean sea level, m.
-    pub alt_amsl_m: f64,
-    /// Velocity over ground, NED, m/s.
-    pub vel_ned_m_s: [f64; 3],
-    /// Roll angle, rad.
-    pub roll_rad: f64,
-    /// Pitch angle, rad.
-    pub pitch_rad: f64,
-    /// Yaw angle, rad.
-    pub yaw_rad: f64,
-    /// Angular rate in body axes, rad/s.
-    pub rate_rad_s: [f64; 3],
-    /// True airspeed, m/s.
-    pub airspeed_m_s: f64,
-    /// Air density, kg/m³.
-    pub density_kg_m3: f64,
-    /// Whether the aircraft stands or slides on the ground or its launcher.
-    pub on_ground: bool,
-}
-
-impl Sensed {
-    /// What faultless sensors would tell of a state.
-    pub fn perfect(state: &FlightState, density_kg_m3: f64) -> Self {
-        Self {
-            north_m: state.north_m,
-            east_m: state.east_m,
-            alt_amsl_m: state.alt_amsl_m,
-            vel_ned_m_s: state.vel_ned_m_s,
-            roll_rad: state.roll_rad,
-            pitch_rad: state.pitch_rad,
-            yaw_rad: state.yaw_rad,
-            rate_rad_s: state.rate_rad_s,
-            airspeed_m_s: state.airspeed_m_s,
-            density_kg_m3,
-            on_ground: state.phase != Phase::Flying,
-        }
-    }
-
-    fn is_finite(&self) -> bool {
-        let scalars = [
-            self.north_m,
-            self.east_m,
-            self.alt_amsl_m,
-            self.roll_rad,
-            self.pitch_rad,
-            self.yaw_rad,
-            self.airspeed_m_s,
-            self.density_kg_m3,
-        ];
-        scalars
-            .iter()
-            .chain(&self.vel_ned_m_s)
-            .chain(&self.rate_rad_s)
-            .all(|value| value.is_finite())
-    }
-}
-
-/// Where to fly over the ground.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Path {
-    /// To a point, then around it at the loiter radius.
-    GoTo {
-        /// Metres north of the site's origin.
-        north_m: f64,
-        /// Metres east of the site's origin.
-        east_m: f64,
-    },
-    /// Around a point.
-    Orbit {
-        /// Centre, metres north of the site's origin.
-        north_m: f64,
-        /// Centre, metres east of the site's origin.
-        east_m: f64,
-        /// Radius, m; one tighter than the aircraft can fly is flown as tight as the bank limit allows.
-        radius_m: f64,
-        /// Clockwise as seen from above.
-        clockwise: bool,
-    },
-    /// With the nose to a true heading, drifting with the wind.
-    Heading {
-        /// True heading, degrees.
-        deg: f64,
-    },
-    /// Over ground along a true course.
-    Course {
-        /// True course over ground, degrees.
-        deg: f64,
-    },
-    /// From the launcher: straight ahead at full power, then on to the altitude demanded.
-    TakeOff {
-        /// True heading of the launch, degrees.
-        heading_deg: f64,
-    },
-    /// Approach and land at a point.
-    Land {
-        /// Touch-down point, metres north of the site's origin.
-        north_m: f64,
-        /// Touch-down point, metres east of the site's origin.
-        east_m: f64,
-        /// Ground there, m above mean sea level.
-        ground_amsl_m: f64,
-        /// Course of the final approach, degrees; none: into the wind as estimated.
-        course_deg: Option<f64>,
-    },
-}
-
-/// What the autopilot shall do. Values that are not finite keep those before.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Demand {
-    /// Where to fly over the ground.
-    pub path: Path,
-    /// At which altitude above mean sea level, m (not used by [`Path::Land`]).
-    pub alt_amsl_m: f64,
-    /// At which true airspeed, m/s; kept between the aircraft's limits.
-    pub airspeed_m_s: f64,
-}
-
-/// A pilot's sticks with the autopilot's stabilisation (fly by wire).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sticks {
-    /// Bank, −1 (left) to 1 (right) of the bank limit.
-    pub roll: f64,
-    /// Pitch, −1 (down) to 1 (up) of the pitch limits.
-    pub pitch: f64,
-    /// Throttle, 0 to 1.
-    pub throttle: f64,
-}
 
 /// What the autopilot is doing, for displays and mission logic.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -243,6 +111,7 @@ impl Autopilot {
             return self.last;
         }
         let demand = self.take(demand);
+        // Standing on the launcher, airspeed and velocity carry no information on the wind.
         if !sensed.on_ground {
             self.wind.update(dt_s, sensed);
         }
@@ -256,7 +125,7 @@ impl Autopilot {
                 ground_amsl_m,
                 course_deg,
             } => {
-                let order = LandingOrder {
+                let order = LandingSite {
                     north_m,
                     east_m,
                     ground_amsl_m,
@@ -292,7 +161,9 @@ impl Autopilot {
         } else {
             -self.gains.pitch_min_deg
         };
+        // Sticks ask for angles, not surfaces: a pilot who lets go flies level.
         let bank = share(sticks.roll) * self.gains.bank_max_deg.to_radians();
+        // The outer loop's memory runs along, so that handing back to it gives no jump.
         self.energy.follow(sensed);
         self.wind.update(dt_s, sensed);
         self.demand = None;
@@ -310,7 +181,7 @@ impl Autopilot {
             airspeed_m_s: self.plant.cruise_m_s,
         });
         let keep = |new: f64, old: f64| if new.is_finite() { new } else { old };
-        let path = if guidance::is_finite(&demand.path) {
+        let path = if demand.path.is_finite() {
             demand.path
         } else {
             before.path
@@ -320,6 +191,8 @@ impl Autopilot {
             alt_amsl_m: keep(demand.alt_amsl_m, before.alt_amsl_m),
             airspeed_m_s: keep(demand.airspeed_m_s, before.airspeed_m_s),
         };
+        // Only another path starts anew: altitude and airspeed may change every tick without losing
+        // the progress of a landing or a circle.
         if self.demand.is_none_or(|old| old.path != path) {
             self.circling = None;
             self.take_off_from_m = None;
@@ -402,7 +275,7 @@ impl Autopilot {
         SurfaceCommand {
             elevator_rad: elevator,
             aileron_rad: aileron,
-            rudder_rad: attitude::yaw_damper(sensed, &self.plant, &air, &self.gains),
+            rudder_rad: inner_loops::yaw_damper(sensed, &self.plant, &air, &self.gains),
             throttle,
             launch: false,
         }
@@ -422,6 +295,8 @@ impl Autopilot {
         demand: &Demand,
         heading_deg: f64,
     ) -> SurfaceCommand {
+        // Heights are counted from where the take-off began, for the ground there may lie above or
+        // below the site's.
         let start = *self.take_off_from_m.get_or_insert(sensed.alt_amsl_m);
         if sensed.on_ground {
             self.idle();
@@ -433,6 +308,7 @@ impl Autopilot {
                 ..SurfaceCommand::default()
             };
         }
+        // No turn so near the ground, and full power whatever the altitude demanded.
         if sensed.alt_amsl_m - start < TAKE_OFF_STRAIGHT_M {
             self.energy.follow(sensed);
             return self.stabilise(dt_s, sensed, 0.0, TAKE_OFF_PITCH_RAD, 1.0);
@@ -452,7 +328,7 @@ impl Autopilot {
         dt_s: f64,
         sensed: &Sensed,
         demand: &Demand,
-        order: &LandingOrder,
+        order: &LandingSite,
     ) -> SurfaceCommand {
         if sensed.on_ground {
             self.status.path_done = true;

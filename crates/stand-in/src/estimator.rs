@@ -1,4 +1,4 @@
-//! What the stand-in's own autopilot believes: the truth and slow errors of satellite
+//! The state estimate of the stand-in's own autopilot: the truth and slow errors of satellite
 //! navigation, barometer and wind estimate, of the size that ArduPlane's filter shows in flight.
 
 use fdm::FlightState;
@@ -18,7 +18,7 @@ const VELOCITY_SD_M_S: f64 = 0.05;
 const AIRSPEED_SD_M_S: f64 = 0.15;
 const WIND_SD_M_S: f64 = 0.4;
 
-/// Errors that wander, and the wind as estimated.
+/// Errors that drift slowly, and the wind as estimated.
 #[derive(Debug, Clone)]
 pub(crate) struct Estimator {
     position_error_m: [f64; 3],
@@ -33,7 +33,9 @@ fn normal(rng: &mut ChaCha8Rng) -> f64 {
 }
 
 /// One exact step of an Ornstein-Uhlenbeck process.
-fn wander(value: f64, sd: f64, dt_s: f64, time_s: f64, rng: &mut ChaCha8Rng) -> f64 {
+fn ornstein_uhlenbeck(value: f64, sd: f64, dt_s: f64, time_s: f64, rng: &mut ChaCha8Rng) -> f64 {
+    // Exact for any step, with a variance that does not depend on it: a longer tick gives the same
+    // errors in the mean.
     let decay = (-dt_s / time_s).exp();
     decay * value + sd * (1.0 - decay * decay).sqrt() * normal(rng)
 }
@@ -53,7 +55,7 @@ impl Estimator {
         }
     }
 
-    /// Lets errors wander for `dt_s`; the wind is estimated in flight only.
+    /// Lets the errors drift for `dt_s`; the wind is estimated in flight only.
     pub(crate) fn step(
         &mut self,
         dt_s: f64,
@@ -63,16 +65,18 @@ impl Estimator {
     ) {
         let sds = [HORIZONTAL_SD_M, HORIZONTAL_SD_M, VERTICAL_SD_M];
         for (error, sd) in self.position_error_m.iter_mut().zip(sds) {
-            *error = wander(*error, sd, dt_s, POSITION_ERROR_TIME_S, rng);
+            *error = ornstein_uhlenbeck(*error, sd, dt_s, POSITION_ERROR_TIME_S, rng);
         }
+        // Velocity and airspeed are measured anew each time: white, unlike position and wind.
         for error in &mut self.velocity_error_m_s {
             *error = VELOCITY_SD_M_S * normal(rng);
         }
         self.airspeed_error_m_s = AIRSPEED_SD_M_S * normal(rng);
         for error in &mut self.wind_error_m_s {
-            *error = wander(*error, WIND_SD_M_S, dt_s, WIND_ERROR_TIME_S, rng);
+            *error = ornstein_uhlenbeck(*error, WIND_SD_M_S, dt_s, WIND_ERROR_TIME_S, rng);
         }
         if flying {
+            // The estimate follows the true wind with the lag of a filter.
             let now = [wind_ned_m_s[0], wind_ned_m_s[1]];
             let follow = 1.0 - (-dt_s / WIND_FOLLOWS_S).exp();
             let before = self.wind_m_s.unwrap_or(now);
@@ -90,6 +94,7 @@ impl Estimator {
             east_m: truth.east_m + east,
             alt_amsl_m: truth.alt_amsl_m + up,
             vel_ned_m_s: [0, 1, 2].map(|k| truth.vel_ned_m_s[k] + v[k]),
+            // A pitot tube reads no negative airspeed.
             airspeed_m_s: (truth.airspeed_m_s + self.airspeed_error_m_s).max(0.0),
             ..truth
         }

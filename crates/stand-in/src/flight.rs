@@ -1,7 +1,7 @@
 //! The stand-in's flight: modes as ArduPlane has them, flown by Plumage's flight dynamics.
 
-use crate::estimate::Estimator;
-use crate::parameters::{Parameters, RTL_ALTITUDE, WP_LOITER_RAD};
+use crate::estimator::Estimator;
+use crate::parameters::{AutopilotParameters, RTL_ALTITUDE, WP_LOITER_RAD};
 use crate::reality::Reality;
 use air::geo::Enu;
 use fdm::autopilot::{Autopilot, Demand, Path, Sensed, Sticks};
@@ -20,7 +20,7 @@ const CLIMB_DONE_M: f64 = 5.0;
 
 /// Where it took off and comes home to.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Place {
+pub(crate) struct Home {
     pub at: Enu,
     pub ground_amsl_m: f64,
     pub heading_deg: f64,
@@ -33,7 +33,7 @@ pub(crate) struct Flight {
     autopilot: Autopilot,
     estimator: Estimator,
     sensed: Sensed,
-    home: Place,
+    home: Home,
     slow_s: f64,
     mode: u32,
     armed: bool,
@@ -49,7 +49,7 @@ pub(crate) struct Flight {
 impl Flight {
     pub(crate) fn new(
         aircraft: &Aircraft,
-        home: Place,
+        home: Home,
         rng: &mut ChaCha8Rng,
     ) -> Result<Self, FdmError> {
         let sim = FlightSim::on_ground(
@@ -89,7 +89,7 @@ impl Flight {
         self.sim.state()
     }
 
-    /// What its autopilot believes.
+    /// The state as its autopilot estimates it.
     pub(crate) fn sensed(&self) -> &Sensed {
         &self.sensed
     }
@@ -111,7 +111,7 @@ impl Flight {
         self.state().phase == Phase::Flying
     }
 
-    pub(crate) fn home(&self) -> Place {
+    pub(crate) fn home(&self) -> Home {
         self.home
     }
 
@@ -127,7 +127,7 @@ impl Flight {
     }
 
     /// Enters a mode; false if it has no such mode.
-    pub(crate) fn enter(&mut self, mode: u32, parameters: &Parameters) -> bool {
+    pub(crate) fn set_mode(&mut self, mode: u32, parameters: &AutopilotParameters) -> bool {
         let known = matches!(mode, RTL | TAKEOFF | GUIDED | LOITER | CIRCLE) || is_manual(mode);
         if known && mode != self.mode {
             self.mode = mode;
@@ -144,9 +144,9 @@ impl Flight {
         self.airspeed_m_s = self.cruise_m_s;
     }
 
-    fn loiter_here(&mut self, parameters: &Parameters) {
+    fn loiter_here(&mut self, parameters: &AutopilotParameters) {
         let here = self.sensed;
-        self.circle(
+        self.set_orbit(
             Enu {
                 east_m: here.east_m,
                 north_m: here.north_m,
@@ -158,7 +158,7 @@ impl Flight {
     }
 
     /// Gives GUIDED its place.
-    pub(crate) fn circle(&mut self, at: Enu, radius_m: f64, clockwise: bool) {
+    pub(crate) fn set_orbit(&mut self, at: Enu, radius_m: f64, clockwise: bool) {
         self.target.path = Path::Orbit {
             north_m: at.north_m,
             east_m: at.east_m,
@@ -178,16 +178,17 @@ impl Flight {
     }
 
     /// Flies for `dt_s` up to `time_s`.
-    pub(crate) fn fly(
+    pub(crate) fn advance(
         &mut self,
         dt_s: f64,
         time_s: f64,
         reality: &mut Reality,
-        parameters: &Parameters,
+        parameters: &AutopilotParameters,
         rng: &mut ChaCha8Rng,
     ) {
         let span_s = dt_s.clamp(0.0, LONGEST_PAUSE_S);
         // A pause of rounding errors is no step.
+        // The autopilot's loops are tuned for 50 Hz: a longer tick is flown in several steps.
         let steps = (span_s / LOOP_S - 1e-6).ceil().max(0.0);
         for _ in 0..steps as usize {
             self.step(span_s / steps, time_s, reality, parameters, rng);
@@ -199,20 +200,20 @@ impl Flight {
         dt_s: f64,
         time_s: f64,
         reality: &mut Reality,
-        parameters: &Parameters,
+        parameters: &AutopilotParameters,
         rng: &mut ChaCha8Rng,
     ) {
         let state = self.sim.state();
         self.slow_s += dt_s;
         if self.slow_s >= SLOW_S - 1e-9 {
-            reality.look_around(&state, time_s);
+            reality.update_mean_air(&state, time_s);
             self.sim.set_ground_amsl_m(reality.ground_amsl_m(&state));
             let wind = reality.around().wind_ned_m_s;
             let flying = state.phase == Phase::Flying;
             self.estimator.step(self.slow_s, wind, flying, rng);
             self.slow_s = 0.0;
         }
-        let around = reality.breathe(dt_s, state.airspeed_m_s, rng);
+        let around = reality.step_gusts(dt_s, state.airspeed_m_s, rng);
         self.sensed = self
             .estimator
             .sensed(&self.sim.sensed(), around.density_kg_m3);
@@ -223,7 +224,7 @@ impl Flight {
         }
     }
 
-    fn command(&mut self, dt_s: f64, parameters: &Parameters) -> SurfaceCommand {
+    fn command(&mut self, dt_s: f64, parameters: &AutopilotParameters) -> SurfaceCommand {
         if !self.armed {
             return SurfaceCommand::default();
         }
@@ -234,7 +235,7 @@ impl Flight {
         self.autopilot.command(dt_s, &self.sensed, &demand)
     }
 
-    fn demand(&mut self, parameters: &Parameters) -> Demand {
+    fn demand(&mut self, parameters: &AutopilotParameters) -> Demand {
         let home = self.home;
         let circle_home = Path::Orbit {
             north_m: home.at.north_m,

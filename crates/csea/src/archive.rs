@@ -63,7 +63,7 @@ pub struct Neighbour {
 
 /// Weights of the samples near a place in the estimate there.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Kernel {
+pub struct SmoothingKernel {
     /// Standard deviation of the Gaussian weight, m.
     pub length_m: f64,
     /// Samples asked at most, the nearest ones.
@@ -266,7 +266,7 @@ impl Archive {
     pub fn estimate(
         &self,
         position: Position,
-        kernel: Kernel,
+        kernel: SmoothingKernel,
         prior_weight: f64,
         scratch: &mut Vec<Neighbour>,
     ) -> FieldEstimate {

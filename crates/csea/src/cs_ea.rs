@@ -26,7 +26,7 @@ use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-use crate::archive::{Archive, Kernel, Neighbour};
+use crate::archive::{Archive, Neighbour, SmoothingKernel};
 use crate::differential_evolution::DifferentialEvolution;
 use crate::domain::Domain;
 use crate::error::{CseaError, setting};
@@ -43,7 +43,7 @@ pub struct CsEaOptions {
     /// Crossover rate CR, 0…1.
     pub crossover: f64,
     /// Weights of samples in the estimate at a place near them.
-    pub kernel: Kernel,
+    pub kernel: SmoothingKernel,
     /// Weight of exploration, in standard deviations of the samples' values, 0…10.
     pub exploration: f64,
     /// Share of the population replaced by random places at each step, 0…0.5.
@@ -60,7 +60,7 @@ impl Default for CsEaOptions {
             population: 100,
             differential_weight: 0.9,
             crossover: 0.1,
-            kernel: Kernel {
+            kernel: SmoothingKernel {
                 length_m: 100.0,
                 neighbours: 8,
             },

@@ -38,7 +38,7 @@ mod error;
 mod position;
 mod strategy;
 
-pub use archive::{Archive, ArchiveOptions, FieldEstimate, Kernel, Neighbour, Sample};
+pub use archive::{Archive, ArchiveOptions, FieldEstimate, Neighbour, Sample, SmoothingKernel};
 pub use baselines::{Ascent, RandomPoints, Sweep};
 pub use by_name::{STRATEGIES, strategy_by_name};
 pub use cone::choose_within_cone;

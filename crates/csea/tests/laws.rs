@@ -4,8 +4,8 @@
 
 use air::geo::wrap_signed_deg;
 use csea::{
-    Archive, ArchiveOptions, CsEaOptions, CseaError, DifferentialEvolution, Domain, Kernel,
-    Position, PromisingPoint, STRATEGIES, Sample, choose_within_cone, strategy_by_name,
+    Archive, ArchiveOptions, CsEaOptions, CseaError, DifferentialEvolution, Domain, Position,
+    PromisingPoint, STRATEGIES, Sample, SmoothingKernel, choose_within_cone, strategy_by_name,
 };
 use proptest::prelude::*;
 use rand::SeedableRng;
@@ -88,7 +88,7 @@ proptest! {
     #[test]
     fn an_estimate_lies_between_the_values_sensed(positions in flown(), query in position()) {
         let archive = archive(&positions, Some(20.0));
-        let kernel = Kernel { length_m: 150.0, neighbours: 8 };
+        let kernel = SmoothingKernel { length_m: 150.0, neighbours: 8 };
         let estimate = archive.estimate(query, kernel, 1.0, &mut Vec::new());
         prop_assert!((0.0..=16.0).contains(&estimate.value));
         prop_assert!((0.0..=8.0).contains(&estimate.support));

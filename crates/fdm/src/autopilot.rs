@@ -25,7 +25,7 @@ use crate::state::SurfaceCommand;
 use energy::{EnergyDemand, EnergyLoop};
 use guidance::{Steering, WindEstimate};
 use inner_loops::{PitchLoop, RollLoop};
-use landing::{Landing, LandingSite};
+use landing::{Landing, LandingCommand, LandingSite};
 use plant::Plant;
 
 /// Height above the launch point up to which take-off climbs straight ahead, m.
@@ -344,8 +344,8 @@ impl Autopilot {
             .get_or_insert_with(|| Landing::begin(order, self.wind.vector()));
         let step = landing.step(&steering, order, demand.airspeed_m_s, &self.plant);
         match step {
-            landing::Step::Approach { bank, energy } => self.fly(dt_s, sensed, bank, &energy),
-            landing::Step::Flare { bank, pitch } => {
+            LandingCommand::Approach { bank, energy } => self.fly(dt_s, sensed, bank, &energy),
+            LandingCommand::Flare { bank, pitch } => {
                 self.energy.follow(sensed);
                 self.stabilise(dt_s, sensed, bank, pitch, 0.0)
             }

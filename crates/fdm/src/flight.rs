@@ -8,7 +8,7 @@ use crate::dynamics::{AirState, Body, Controls, Dynamics, euler, flow, quaternio
 use crate::error::FdmError;
 use crate::extended::{ExtendedAircraft, SensorErrors};
 use crate::servo::{LagStep, Servo};
-use crate::state::{AirAround, FlightFlags, FlightState, Phase, SurfaceCommand, sanitised};
+use crate::state::{AirAround, FlightFlags, FlightPhase, FlightState, SurfaceCommand, sanitised};
 use crate::trim::{self, Trim};
 use delay::DelayLine;
 
@@ -30,7 +30,7 @@ pub struct FlightSim {
     wind_bias: [f64; 3],
     ground_amsl_m: f64,
     launch_heading_rad: f64,
-    phase: Phase,
+    phase: FlightPhase,
     flags: FlightFlags,
     specific_force: [f64; 3],
     wind_ned: [f64; 3],
@@ -104,7 +104,7 @@ impl FlightSim {
             half_step: None,
             ground_amsl_m: f64::NEG_INFINITY,
             launch_heading_rad: heading,
-            phase: Phase::OnGround,
+            phase: FlightPhase::OnGround,
             flags: FlightFlags::default(),
             specific_force: [0.0, 0.0, -air::STANDARD_GRAVITY_M_S2],
             wind_ned: [0.0; 3],
@@ -136,7 +136,7 @@ impl FlightSim {
             .servo_angles(&self.last)
             .map(|angle| Servo { angle, rate: 0.0 });
         self.motor = trim.throttle;
-        self.phase = Phase::Flying;
+        self.phase = FlightPhase::Flying;
         self.flags = FlightFlags::default();
     }
 
@@ -149,7 +149,7 @@ impl FlightSim {
             self.body.vel_ned = vel_ned_m_s;
             self.body.attitude = attitude.map(|part| part / norm);
             self.body.rate = rate_rad_s;
-            self.phase = Phase::Flying;
+            self.phase = FlightPhase::Flying;
         }
     }
 
@@ -199,10 +199,10 @@ impl FlightSim {
         let lag = self.lag_step(dt);
         for _ in 0..count as usize {
             match self.phase {
-                Phase::Flying => self.fly(dt, &air, &command, &lag),
-                Phase::OnGround => self.stand(&lag, &command),
-                Phase::Launching => self.launch(dt, &air, &command, &lag),
-                Phase::Sliding => self.slide(dt, &lag, &command),
+                FlightPhase::Flying => self.fly(dt, &air, &command, &lag),
+                FlightPhase::OnGround => self.stand(&lag, &command),
+                FlightPhase::Launching => self.launch(dt, &air, &command, &lag),
+                FlightPhase::Sliding => self.slide(dt, &lag, &command),
             }
         }
     }
@@ -223,13 +223,13 @@ impl FlightSim {
         let flow = flow(&m, &self.body.vel_ned, &self.wind_ned);
         let controls = self.controls();
         let mut flags = self.flags;
-        if self.phase == Phase::Flying {
+        if self.phase == FlightPhase::Flying {
             let (attached, straight) = self.dynamics.flow_is_valid(flow.alpha, flow.beta);
             flags.stalled = !attached;
             flags.sideslip = !straight;
             flags.overspeed = flow.airspeed > self.aircraft().limits.airspeed_max_m_s;
         }
-        flags.on_ground = self.phase != Phase::Flying;
+        flags.on_ground = self.phase != FlightPhase::Flying;
         let [roll_rad, pitch_rad, yaw_rad] = euler(&m);
         FlightState {
             north_m: self.body.pos_ned[0],

@@ -5,7 +5,7 @@
 //! second, knots for the calibrated airspeed, metres for heights).
 
 use crate::aircraft::Surfaces;
-use crate::state::{FlightState, Phase};
+use crate::state::{FlightPhase, FlightState};
 
 /// Length of a packet, bytes.
 pub const PACKET_BYTES: usize = 408;
@@ -91,7 +91,7 @@ impl NetFdm {
         out.whole(0);
         out.skip(4);
         out.whole(1);
-        out.whole(u32::from(state.phase != Phase::Flying));
+        out.whole(u32::from(state.phase != FlightPhase::Flying));
         out.skip(2 + 3 * 3);
         out.whole(self.unix_time_s);
         out.skip(1);

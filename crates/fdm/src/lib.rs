@@ -61,4 +61,4 @@ pub use aircraft::Aircraft;
 pub use dynamics::quaternion;
 pub use error::FdmError;
 pub use flight::FlightSim;
-pub use state::{AirAround, FlightFlags, FlightState, Phase, SurfaceCommand};
+pub use state::{AirAround, FlightFlags, FlightPhase, FlightState, SurfaceCommand};

@@ -35,7 +35,7 @@ pub struct SurfaceCommand {
 
 /// Whether a vehicle flies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Phase {
+pub enum FlightPhase {
     /// On the launcher, or stopped after a landing and set up again.
     OnGround,
     /// Being accelerated by the launcher.
@@ -101,7 +101,7 @@ pub struct FlightState {
     /// Specific force at the centre of gravity, body axes, m/s².
     pub specific_force_m_s2: [f64; 3],
     /// Whether it flies.
-    pub phase: Phase,
+    pub phase: FlightPhase,
     /// Validity of the model here.
     pub flags: FlightFlags,
 }

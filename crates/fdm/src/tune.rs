@@ -26,7 +26,7 @@ pub use flights::Evaluation;
 pub use margins::{LoopMargin, Required};
 pub use robustness::RobustnessCase;
 pub use steps::StepResponse;
-pub use weather::Weather;
+pub use weather::WeatherCase;
 
 /// Period of the controller, s.
 const TICK_S: f64 = 0.02;
@@ -52,9 +52,9 @@ pub struct TuneOrder {
     /// Candidates tried, each flown in every weather.
     pub candidates: usize,
     /// Weather that the search flies in.
-    pub weather: Vec<Weather>,
+    pub weather: Vec<WeatherCase>,
     /// Weather that it does not see, for the judgement.
-    pub held_out: Vec<Weather>,
+    pub held_out: Vec<WeatherCase>,
     /// Margins that every loop must keep.
     pub required: Required,
 }
@@ -65,8 +65,8 @@ impl TuneOrder {
         Self {
             seed,
             candidates: 300,
-            weather: Weather::standard(seed),
-            held_out: Weather::drawn(seed, 12),
+            weather: WeatherCase::standard(seed),
+            held_out: WeatherCase::drawn(seed, 12),
             required: Required::USUAL,
         }
     }
@@ -189,7 +189,7 @@ pub fn tune(
     aircraft.check()?;
     progress(0, order.candidates);
     let before = judge(aircraft, order, &aircraft.control)?;
-    let search = Search {
+    let search = GainSearch {
         aircraft,
         order,
         before: &before,
@@ -237,13 +237,13 @@ fn no_margins(before: &Judged, order: &TuneOrder) -> FdmError {
 }
 
 /// What a search needs to know.
-struct Search<'a> {
+struct GainSearch<'a> {
     aircraft: &'a Aircraft,
     order: &'a TuneOrder,
     before: &'a Judged,
 }
 
-impl Search<'_> {
+impl GainSearch<'_> {
     /// The best gains, if any have the margins, and the best cost after each candidate.
     fn run(
         &self,

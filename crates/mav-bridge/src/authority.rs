@@ -15,7 +15,7 @@ const AUTOLAND: u32 = 26;
 
 /// What the bridge is about while the level is automatic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Task {
+enum BridgeTask {
     /// On the ground, nobody flies.
     Ground,
     /// The bridge has commanded take-off.
@@ -31,7 +31,7 @@ enum Task {
 
 /// Who flies and what the bridge is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Phase {
+pub(crate) enum BridgePhase {
     /// On the ground, nobody flies.
     Ground,
     /// The bridge has commanded take-off.
@@ -63,7 +63,7 @@ pub(crate) struct HeartbeatState {
 #[derive(Debug, Clone)]
 pub(crate) struct Authority {
     control: ControlState,
-    task: Task,
+    task: BridgeTask,
     unsupported: bool,
     /// The mode from which the last one was asked for.
     mode_before: u32,
@@ -82,7 +82,7 @@ impl Authority {
     pub(crate) fn new() -> Self {
         Self {
             control: ControlState::new(),
-            task: Task::Ground,
+            task: BridgeTask::Ground,
             unsupported: false,
             mode_before: arduplane::INITIALISING,
             mode_requested: arduplane::INITIALISING,
@@ -98,16 +98,16 @@ impl Authority {
         &self.control
     }
 
-    pub(crate) fn phase(&self) -> Phase {
+    pub(crate) fn phase(&self) -> BridgePhase {
         match (self.control.level(), self.task) {
-            _ if self.unsupported => Phase::Unsupported,
-            (_, Task::HandingBack) => Phase::HandingBack,
-            (ControlLevel::Pilot, _) => Phase::Pilot,
-            (ControlLevel::Guardian, _) => Phase::Guardian,
-            (ControlLevel::Automatic, Task::Ground) => Phase::Ground,
-            (ControlLevel::Automatic, Task::TakeOff) => Phase::TakeOff,
-            (ControlLevel::Automatic, Task::Guided) => Phase::Guided,
-            (ControlLevel::Automatic, Task::Landing) => Phase::Landing,
+            _ if self.unsupported => BridgePhase::Unsupported,
+            (_, BridgeTask::HandingBack) => BridgePhase::HandingBack,
+            (ControlLevel::Pilot, _) => BridgePhase::Pilot,
+            (ControlLevel::Guardian, _) => BridgePhase::Guardian,
+            (ControlLevel::Automatic, BridgeTask::Ground) => BridgePhase::Ground,
+            (ControlLevel::Automatic, BridgeTask::TakeOff) => BridgePhase::TakeOff,
+            (ControlLevel::Automatic, BridgeTask::Guided) => BridgePhase::Guided,
+            (ControlLevel::Automatic, BridgeTask::Landing) => BridgePhase::Landing,
         }
     }
 
@@ -134,14 +134,14 @@ impl Authority {
             return "no heartbeat from the vehicle: it relies on its own failsafe".into();
         }
         match self.phase() {
-            Phase::Ground => "on the ground, waits for take-off".into(),
-            Phase::TakeOff => "taking off".into(),
-            Phase::Guided => "flies to setpoints".into(),
-            Phase::Landing => "coming home to land".into(),
-            Phase::Pilot => format!("the pilot has it in {mode} until an explicit hand-back"),
-            Phase::HandingBack => format!("handed back, GUIDED asked for, still {mode}"),
-            Phase::Guardian => format!("goes home in {mode}"),
-            Phase::Unsupported => "not an ArduPlane: watched, not commanded".into(),
+            BridgePhase::Ground => "on the ground, waits for take-off".into(),
+            BridgePhase::TakeOff => "taking off".into(),
+            BridgePhase::Guided => "flies to setpoints".into(),
+            BridgePhase::Landing => "coming home to land".into(),
+            BridgePhase::Pilot => format!("the pilot has it in {mode} until an explicit hand-back"),
+            BridgePhase::HandingBack => format!("handed back, GUIDED asked for, still {mode}"),
+            BridgePhase::Guardian => format!("goes home in {mode}"),
+            BridgePhase::Unsupported => "not an ArduPlane: watched, not commanded".into(),
         }
     }
 
@@ -154,8 +154,8 @@ impl Authority {
 
     /// A danger while a hand-back waits for GUIDED: it is the Guardian's now.
     fn give_up_hand_back(&mut self) {
-        if self.task == Task::HandingBack && self.control.dangers().next().is_some() {
-            self.task = Task::Guided;
+        if self.task == BridgeTask::HandingBack && self.control.dangers().next().is_some() {
+            self.task = BridgeTask::Guided;
             self.control.handle(ControlEvent::HandBack);
         }
     }
@@ -172,12 +172,12 @@ impl Authority {
     }
 
     pub(crate) fn take_off(&mut self, mode: u32) {
-        self.task = Task::TakeOff;
+        self.task = BridgeTask::TakeOff;
         self.request_mode(mode);
     }
 
     pub(crate) fn land(&mut self, mode: u32) {
-        self.task = Task::Landing;
+        self.task = BridgeTask::Landing;
         self.request_mode(mode);
     }
 
@@ -191,7 +191,7 @@ impl Authority {
         if let Some(shown) = self.shown {
             self.request_mode(shown.custom_mode);
         }
-        self.task = Task::Ground;
+        self.task = BridgeTask::Ground;
         self.control.handle(ControlEvent::HandBack)
     }
 
@@ -201,7 +201,7 @@ impl Authority {
         if self.control.dangers().next().is_some() {
             return self.control.handle(ControlEvent::HandBack);
         }
-        self.task = Task::HandingBack;
+        self.task = BridgeTask::HandingBack;
         self.request_mode(GUIDED);
         self.confirm_hand_back();
         ControlOutcome::Taken
@@ -210,8 +210,8 @@ impl Authority {
     /// Takes the vehicle back if GUIDED is shown after a hand-back.
     fn confirm_hand_back(&mut self) {
         let guided = self.shown.is_some_and(|s| s.custom_mode == GUIDED);
-        if self.task == Task::HandingBack && guided {
-            self.task = Task::Guided;
+        if self.task == BridgeTask::HandingBack && guided {
+            self.task = BridgeTask::Guided;
             self.control.handle(ControlEvent::HandBack);
         }
     }
@@ -221,8 +221,8 @@ impl Authority {
         // The vehicle stays as it was: what had been begun is taken back, so that the next setpoint
         // may try again.
         self.task = match self.task {
-            Task::TakeOff if self.mode_requested != GUIDED => Task::Ground,
-            Task::Landing | Task::HandingBack => Task::Guided,
+            BridgeTask::TakeOff if self.mode_requested != GUIDED => BridgeTask::Ground,
+            BridgeTask::Landing | BridgeTask::HandingBack => BridgeTask::Guided,
             other => other,
         };
         self.mode_requested = self.mode_before;
@@ -241,8 +241,8 @@ impl Authority {
         // On the ground there is nobody to bring home.
         if self.shown.is_some_and(|s| s.airborne) {
             self.handle(ControlEvent::Begins(Danger::Link));
-        } else if self.task == Task::HandingBack {
-            self.task = Task::Guided;
+        } else if self.task == BridgeTask::HandingBack {
+            self.task = BridgeTask::Guided;
         }
     }
 
@@ -267,22 +267,22 @@ impl Authority {
         }
         let mode = mode_name(shown.custom_mode);
         let (severity, code, text) = match phase {
-            Phase::Pilot => (
+            BridgePhase::Pilot => (
                 Severity::Warning,
                 "pilot-takeover",
                 format!("the pilot has taken over in {mode}; setpoints are withheld"),
             ),
-            Phase::Guardian => (
+            BridgePhase::Guardian => (
                 Severity::Warning,
                 "guardian",
                 format!("the vehicle's own failsafe has taken over in {mode}"),
             ),
-            Phase::Guided => (
+            BridgePhase::Guided => (
                 Severity::Info,
                 "guided",
                 "in GUIDED: setpoints go through".into(),
             ),
-            Phase::Ground => (Severity::Info, "landed", "on the ground, disarmed".into()),
+            BridgePhase::Ground => (Severity::Info, "landed", "on the ground, disarmed".into()),
             _ => return None,
         };
         Some(event(severity, code, text))
@@ -304,8 +304,8 @@ impl Authority {
         // Down and disarmed, the flight is over whatever the mode.
         if !shown.airborne && !shown.armed {
             self.control.handle(ControlEvent::Landed);
-            if self.task == Task::Landing || self.control.level() == ControlLevel::Guardian {
-                self.task = Task::Ground;
+            if self.task == BridgeTask::Landing || self.control.level() == ControlLevel::Guardian {
+                self.task = BridgeTask::Ground;
             }
         }
         self.confirm_hand_back();
@@ -315,19 +315,19 @@ impl Authority {
                 self.control.handle(ControlEvent::RemoteLost);
                 self.failsafe(shown);
             }
-            (_, Task::HandingBack) if !self.is_as_requested(mode) => {
-                self.task = Task::Guided;
+            (_, BridgeTask::HandingBack) if !self.is_as_requested(mode) => {
+                self.task = BridgeTask::Guided;
                 self.taken_over(shown);
             }
-            (ControlLevel::Pilot, _) | (_, Task::HandingBack) => {}
+            (ControlLevel::Pilot, _) | (_, BridgeTask::HandingBack) => {}
             (ControlLevel::Guardian, _) if self.is_as_requested(mode) || is_homeward(mode) => {}
             (ControlLevel::Guardian, _) if !shown.airborne && !shown.armed => {}
             (ControlLevel::Guardian, _) => self.takeover(mode),
-            (ControlLevel::Automatic, Task::Ground) if !shown.airborne => {}
+            (ControlLevel::Automatic, BridgeTask::Ground) if !shown.airborne => {}
             // Found in the air: in GUIDED it awaits setpoints, in any other mode it is not ours.
-            (ControlLevel::Automatic, Task::Ground) if mode == GUIDED => self.guided(),
-            (ControlLevel::Automatic, Task::Ground) => self.takeover(mode),
-            (ControlLevel::Automatic, Task::TakeOff)
+            (ControlLevel::Automatic, BridgeTask::Ground) if mode == GUIDED => self.guided(),
+            (ControlLevel::Automatic, BridgeTask::Ground) => self.takeover(mode),
+            (ControlLevel::Automatic, BridgeTask::TakeOff)
                 if mode == GUIDED && self.mode_requested == GUIDED =>
             {
                 self.guided();
@@ -338,7 +338,7 @@ impl Authority {
     }
 
     fn guided(&mut self) {
-        self.task = Task::Guided;
+        self.task = BridgeTask::Guided;
         (self.mode_requested, self.confirmed) = (GUIDED, true);
     }
 

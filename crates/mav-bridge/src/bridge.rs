@@ -4,8 +4,8 @@ mod receiving;
 mod steering;
 
 use crate::arduplane::GUIDED;
-use crate::authority::{Authority, Phase};
-use crate::command_queue::{Command, CommandQueue};
+use crate::authority::{Authority, BridgePhase};
+use crate::command_queue::{CommandQueue, VehicleCommand};
 use crate::dialect::{HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType};
 use crate::error::BridgeError;
 use crate::event::event;
@@ -246,7 +246,7 @@ impl Bridge {
     /// Whether GUIDED has been asked for upon a hand-back and the vehicle has not shown it yet;
     /// until then the level is still the pilot's.
     pub fn hand_back_pending(&self) -> bool {
-        self.authority.phase() == Phase::HandingBack
+        self.authority.phase() == BridgePhase::HandingBack
     }
 
     /// Takes in `bytes` from the link: a datagram, or a piece of a stream cut anywhere.
@@ -281,7 +281,7 @@ impl Bridge {
             return;
         }
         self.on_phase(phase);
-        if phase == Phase::Guardian {
+        if phase == BridgePhase::Guardian {
             let dangers: Vec<&str> = self.control().dangers().map(|d| d.description()).collect();
             let text = format!("brought home: {}", dangers.join(", "));
             out.events.push(event(Severity::Warning, "guardian", text));
@@ -298,8 +298,8 @@ impl Bridge {
             return self.ignore(setpoint, "setpoint-ignored", "no link to the vehicle", out);
         }
         match (self.authority.phase(), setpoint.path) {
-            (Phase::Ground, PathKind::TakeOff) => self.take_off(setpoint, out),
-            (Phase::Ground, _) => {
+            (BridgePhase::Ground, PathKind::TakeOff) => self.take_off(setpoint, out),
+            (BridgePhase::Ground, _) => {
                 self.ignore(
                     setpoint,
                     "setpoint-ignored",
@@ -307,13 +307,13 @@ impl Bridge {
                     out,
                 );
             }
-            (Phase::TakeOff, PathKind::Land) | (Phase::Guided, PathKind::Land) => {
+            (BridgePhase::TakeOff, PathKind::Land) | (BridgePhase::Guided, PathKind::Land) => {
                 self.land(setpoint);
             }
-            (Phase::TakeOff, _) => self.target = Some(setpoint.clone()),
-            (Phase::Guided, _) => self.guide(setpoint, now),
-            (Phase::Landing, PathKind::Land) => {}
-            (Phase::Landing, _) => {
+            (BridgePhase::TakeOff, _) => self.target = Some(setpoint.clone()),
+            (BridgePhase::Guided, _) => self.guide(setpoint, now),
+            (BridgePhase::Landing, PathKind::Land) => {}
+            (BridgePhase::Landing, _) => {
                 self.ignore(
                     setpoint,
                     "setpoint-ignored",
@@ -323,9 +323,9 @@ impl Bridge {
             }
             (phase, _) => {
                 let why = match phase {
-                    Phase::HandingBack => "the vehicle is not in GUIDED yet",
-                    Phase::Guardian => "the Guardian flies",
-                    Phase::Unsupported => "the vehicle is no ArduPlane",
+                    BridgePhase::HandingBack => "the vehicle is not in GUIDED yet",
+                    BridgePhase::Guardian => "the Guardian flies",
+                    BridgePhase::Unsupported => "the vehicle is no ArduPlane",
                     _ => "a pilot flies",
                 };
                 self.ignore(setpoint, "setpoint-ignored", why, out);
@@ -341,7 +341,10 @@ impl Bridge {
             return out.events.push(event(Severity::Warning, "hand-back", text));
         };
         match self.authority.phase() {
-            Phase::Unsupported | Phase::Ground | Phase::Guided | Phase::Landing => {
+            BridgePhase::Unsupported
+            | BridgePhase::Ground
+            | BridgePhase::Guided
+            | BridgePhase::Landing => {
                 let text = "hand-back without effect: no pilot has taken over";
                 out.events.push(event(Severity::Info, "hand-back", text));
             }
@@ -358,15 +361,15 @@ impl Bridge {
                 let outcome = self.authority.hand_back();
                 let phase = self.authority.phase();
                 self.on_phase(phase);
-                if phase == Phase::HandingBack {
+                if phase == BridgePhase::HandingBack {
                     // Once only: a repetition could cross the pilot's next change of mind.
-                    self.commands.push(Command::Mode {
+                    self.commands.push(VehicleCommand::Mode {
                         mode: GUIDED,
                         attempts: 1,
                     });
                 }
                 let text = match phase {
-                    Phase::Guardian => "handed back to the Guardian: a danger lasts",
+                    BridgePhase::Guardian => "handed back to the Guardian: a danger lasts",
                     _ => "handed back to automatic flight",
                 };
                 self.report_hand_back(outcome, text, out);

@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 
 /// One command.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Command {
+pub(crate) enum VehicleCommand {
     Arm,
     Mode {
         mode: u32,
@@ -43,7 +43,7 @@ pub(crate) enum CommandMessage {
     Read(PARAM_REQUEST_READ_DATA),
 }
 
-impl Command {
+impl VehicleCommand {
     /// The kind that acknowledgements name; none for parameters.
     fn kind(&self) -> Option<MavCmd> {
         Some(match self {
@@ -148,7 +148,7 @@ impl Command {
 
 #[derive(Debug, Clone)]
 struct Pending {
-    command: Command,
+    command: VehicleCommand,
     sent_at: SimTime,
     sent: u32,
 }
@@ -156,21 +156,21 @@ struct Pending {
 /// What became of a command.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum CommandOutcome {
-    Accepted(Command),
-    Refused(Command, MavResult),
-    Unanswered(Command),
+    Accepted(VehicleCommand),
+    Refused(VehicleCommand, MavResult),
+    Unanswered(VehicleCommand),
 }
 
 /// The commands that wait and those that have no answer yet.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct CommandQueue {
-    waiting: VecDeque<Command>,
+    waiting: VecDeque<VehicleCommand>,
     pending: Vec<Pending>,
 }
 
 impl CommandQueue {
     /// Queues `command`; an older one of the same purpose that still waits is dropped.
-    pub(crate) fn push(&mut self, command: Command) {
+    pub(crate) fn push(&mut self, command: VehicleCommand) {
         self.waiting.retain(|old| !command.replaces(old));
         self.waiting.push_back(command);
     }
@@ -196,7 +196,7 @@ impl CommandQueue {
         timeout_s: f64,
         attempts: u32,
         heartbeat_at: Option<SimTime>,
-    ) -> (Vec<(Command, u32)>, Vec<CommandOutcome>) {
+    ) -> (Vec<(VehicleCommand, u32)>, Vec<CommandOutcome>) {
         let (mut send, mut lost) = (Vec::new(), Vec::new());
         let waiting = &self.waiting;
         self.pending.retain_mut(|p| {
@@ -212,7 +212,7 @@ impl CommandQueue {
                 return false;
             }
             // Repeated blindly, a mode request could undo what a pilot has chosen in between.
-            if matches!(p.command, Command::Mode { .. }) && heartbeat_at <= Some(p.sent_at) {
+            if matches!(p.command, VehicleCommand::Mode { .. }) && heartbeat_at <= Some(p.sent_at) {
                 return true;
             }
             send.push((p.command.clone(), p.sent));
@@ -274,12 +274,12 @@ impl CommandQueue {
     /// The vehicle shows `mode`: that is an answer, too.
     pub(crate) fn mode_seen(&mut self, shown: u32) {
         self.pending
-            .retain(|p| !matches!(p.command, Command::Mode { mode, .. } if mode == shown));
+            .retain(|p| !matches!(p.command, VehicleCommand::Mode { mode, .. } if mode == shown));
     }
 
     /// A parameter has come.
     pub(crate) fn parameter_seen(&mut self, name: &str) {
         self.pending
-            .retain(|p| !matches!(p.command, Command::Parameter(n) if n == name));
+            .retain(|p| !matches!(p.command, VehicleCommand::Parameter(n) if n == name));
     }
 }

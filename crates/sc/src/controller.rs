@@ -24,7 +24,7 @@ use scenario::world::OFF_HEIGHT_M;
 
 use crate::airspace::{Airspace, RouteGraph};
 use crate::error::ScError;
-use crate::fleet::{Fleet, MARGIN_M, Vehicle};
+use crate::fleet::{Fleet, MARGIN_M, TeamVehicle};
 use crate::live_gap::LiveGap;
 use crate::passes::PassRange;
 use crate::peak::{self, FieldMaximum};
@@ -456,11 +456,11 @@ impl SquadronController {
 
 /// The vehicles with their homes and, above them, layers in the order of take-off: the first to
 /// rise has the highest.
-fn team(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<Vehicle>, ScError> {
+fn team(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<TeamVehicle>, ScError> {
     let layers = scenario.layers_amsl_m();
     let vehicle = |(k, v): (usize, &scenario::tables::Vehicle)| {
         let at = airspace.frame().to_enu(scenario.home(k)?);
-        Ok(Vehicle::new(
+        Ok(TeamVehicle::new(
             Name::new(&v.id)?,
             v.kind != VehicleKind::Simulated,
             Position {

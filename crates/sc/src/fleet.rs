@@ -23,7 +23,7 @@ const SILENT_S: f64 = 10.0;
 
 /// The last known position and course of a vehicle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Track {
+pub struct VehicleTrack {
     /// Where it is; height above mean sea level.
     pub position: Position,
     /// Direction in which it moves over ground, degrees; that of its nose when it hardly moves.
@@ -47,7 +47,7 @@ pub struct Order {
 
 /// One vehicle of the team.
 #[derive(Debug, Clone)]
-pub struct Vehicle {
+pub struct TeamVehicle {
     /// Its name on the bus.
     pub name: Name,
     /// Behind MAVLink, a stand-in or a real aircraft.
@@ -57,7 +57,7 @@ pub struct Vehicle {
     /// Height of its own above home, that no other vehicle shares, m above mean sea level.
     pub layer_amsl_m: f64,
     /// Where it was last.
-    pub track: Option<Track>,
+    pub track: Option<VehicleTrack>,
     /// Whether it follows setpoints: not while a pilot or the Guardian flies it.
     pub follows_setpoints: bool,
     /// Its last order.
@@ -67,7 +67,7 @@ pub struct Vehicle {
     silent: bool,
 }
 
-impl Vehicle {
+impl TeamVehicle {
     /// A vehicle of which nothing has been received yet.
     pub fn new(name: Name, real: bool, home: Position, layer_amsl_m: f64) -> Self {
         Self {
@@ -129,7 +129,7 @@ pub struct Fleet {
     /// Airspeed of the team, m/s.
     pub airspeed_m_s: f64,
     /// The vehicles in the scenario's order.
-    pub vehicles: Vec<Vehicle>,
+    pub vehicles: Vec<TeamVehicle>,
 }
 
 impl Fleet {
@@ -169,7 +169,7 @@ impl Fleet {
         } else {
             state.heading_deg
         };
-        self.vehicles[index].track = Some(Track {
+        self.vehicles[index].track = Some(VehicleTrack {
             position,
             course_deg,
             airborne: state.airborne,

@@ -3,12 +3,12 @@
 use protocol::SimTime;
 use protocol::message::Phase;
 
-use crate::fleet::{Fleet, Vehicle};
+use crate::fleet::{Fleet, TeamVehicle};
 use crate::passes::Pass;
 
 /// What a vehicle is doing.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Task {
+pub(crate) enum VehicleTask {
     /// On the ground, not yet ordered to take off.
     Parked,
     /// Rising since.
@@ -32,7 +32,7 @@ pub(crate) enum Task {
 /// The tasks of all vehicles and the progress of the passes.
 #[derive(Debug)]
 pub(crate) struct Tasks {
-    pub each: Vec<Task>,
+    pub each: Vec<VehicleTask>,
     pub next_pass: usize,
     pub passes_flown: usize,
     /// Times in a row that nobody could be sent to the next pass.
@@ -40,9 +40,9 @@ pub(crate) struct Tasks {
 }
 
 impl Tasks {
-    pub(crate) fn new(vehicles: &[Vehicle]) -> Self {
+    pub(crate) fn new(vehicles: &[TeamVehicle]) -> Self {
         Self {
-            each: vec![Task::Parked; vehicles.len()],
+            each: vec![VehicleTask::Parked; vehicles.len()],
             next_pass: 0,
             passes_flown: 0,
             refused: 0,
@@ -55,10 +55,13 @@ impl Tasks {
         self.passes_flown = 0;
         self.refused = 0;
         for (task, vehicle) in self.each.iter_mut().zip(&fleet.vehicles) {
-            let in_work = !matches!(task, Task::Parked | Task::TakingOff(_) | Task::Landing(_));
+            let in_work = !matches!(
+                task,
+                VehicleTask::Parked | VehicleTask::TakingOff(_) | VehicleTask::Landing(_)
+            );
             let changes = phase != Phase::Characterise || vehicle.real;
             if in_work && changes {
-                *task = Task::Idle;
+                *task = VehicleTask::Idle;
             }
         }
     }

@@ -5,7 +5,7 @@ use crate::parameters::{AutopilotParameters, RTL_ALTITUDE, WP_LOITER_RAD};
 use crate::reality::Reality;
 use air::geo::Enu;
 use fdm::autopilot::{Autopilot, Demand, Path, Sensed, Sticks};
-use fdm::{Aircraft, FdmError, FlightSim, FlightState, Phase, SurfaceCommand};
+use fdm::{Aircraft, FdmError, FlightPhase, FlightSim, FlightState, SurfaceCommand};
 use mav_bridge::arduplane::{AUTO, CIRCLE, FBWA, GUIDED, LOITER, MANUAL, RTL, TAKEOFF, TKOFF_ALT};
 use rand::rngs::ChaCha8Rng;
 
@@ -20,7 +20,7 @@ const CLIMB_DONE_M: f64 = 5.0;
 
 /// Where it took off and comes home to.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Home {
+pub(crate) struct HomePosition {
     pub at: Enu,
     pub ground_amsl_m: f64,
     pub heading_deg: f64,
@@ -28,12 +28,12 @@ pub(crate) struct Home {
 
 /// The vehicle in flight.
 #[derive(Debug, Clone)]
-pub(crate) struct Flight {
+pub(crate) struct FlightController {
     sim: FlightSim,
     autopilot: Autopilot,
     estimator: Estimator,
     sensed: Sensed,
-    home: Home,
+    home: HomePosition,
     slow_s: f64,
     mode: u32,
     armed: bool,
@@ -46,10 +46,10 @@ pub(crate) struct Flight {
     climbing: bool,
 }
 
-impl Flight {
+impl FlightController {
     pub(crate) fn new(
         aircraft: &Aircraft,
-        home: Home,
+        home: HomePosition,
         rng: &mut ChaCha8Rng,
     ) -> Result<Self, FdmError> {
         let sim = FlightSim::on_ground(
@@ -108,10 +108,10 @@ impl Flight {
     }
 
     pub(crate) fn flying(&self) -> bool {
-        self.state().phase == Phase::Flying
+        self.state().phase == FlightPhase::Flying
     }
 
-    pub(crate) fn home(&self) -> Home {
+    pub(crate) fn home(&self) -> HomePosition {
         self.home
     }
 
@@ -209,7 +209,7 @@ impl Flight {
             reality.update_mean_air(&state, time_s);
             self.sim.set_ground_amsl_m(reality.ground_amsl_m(&state));
             let wind = reality.around().wind_ned_m_s;
-            let flying = state.phase == Phase::Flying;
+            let flying = state.phase == FlightPhase::Flying;
             self.estimator.step(self.slow_s, wind, flying, rng);
             self.slow_s = 0.0;
         }
@@ -219,7 +219,7 @@ impl Flight {
             .sensed(&self.sim.sensed(), around.density_kg_m3);
         let command = self.command(dt_s, parameters);
         self.sim.step(dt_s, &around, &command);
-        if self.mode == AUTO && self.armed && self.sim.state().phase == Phase::OnGround {
+        if self.mode == AUTO && self.armed && self.sim.state().phase == FlightPhase::OnGround {
             self.set_armed(false);
         }
     }

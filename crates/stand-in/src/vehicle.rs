@@ -6,7 +6,7 @@ mod telemetry;
 
 use crate::config::StandInConfig;
 use crate::error::StandInError;
-use crate::flight::{Flight, Home};
+use crate::flight::{FlightController, HomePosition};
 use crate::parameters::AutopilotParameters;
 use crate::reality::Reality;
 use crate::streams::{Stream, default_streams};
@@ -28,7 +28,7 @@ pub struct StandIn {
     has_landing_sequence: bool,
     rng: ChaCha8Rng,
     reality: Reality,
-    flight: Flight,
+    flight: FlightController,
     decoder: FrameDecoder,
     encoder: FrameEncoder,
     signing: Option<Signing>,
@@ -49,12 +49,12 @@ impl StandIn {
     /// # Errors
     /// [`StandInError::Aircraft`].
     pub fn new(config: StandInConfig, mut rng: ChaCha8Rng) -> Result<Self, StandInError> {
-        let home = Home {
+        let home = HomePosition {
             at: config.frame.to_enu(config.home),
             ground_amsl_m: config.home_amsl_m,
             heading_deg: config.launch_heading_deg,
         };
-        let flight = Flight::new(&config.aircraft, home, &mut rng)?;
+        let flight = FlightController::new(&config.aircraft, home, &mut rng)?;
         Ok(Self {
             reality: Reality::new(
                 config.world,

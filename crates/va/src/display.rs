@@ -5,7 +5,7 @@ use crate::safety_monitor::SafetyMonitor;
 use air::isa::Atmosphere;
 use fdm::flightgear::{NetFdm, PACKET_BYTES};
 use fdm::quaternion;
-use fdm::{FlightFlags, FlightState, Phase};
+use fdm::{FlightFlags, FlightPhase, FlightState};
 use protocol::message::State;
 
 impl VirtualAircraft {
@@ -54,9 +54,9 @@ fn flight_state(monitor: &SafetyMonitor, state: &State) -> FlightState {
         throttle: state.throttle,
         specific_force_m_s2: [0.0; 3],
         phase: if state.airborne {
-            Phase::Flying
+            FlightPhase::Flying
         } else {
-            Phase::OnGround
+            FlightPhase::OnGround
         },
         flags: FlightFlags::default(),
     }

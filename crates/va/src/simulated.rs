@@ -10,7 +10,7 @@ use air::isa::Air;
 use fdm::aircraft::{Battery, StateOfCharge};
 use fdm::autopilot::{Autopilot, Demand, Path, Sensed, Sticks};
 use fdm::flightgear::{NetFdm, PACKET_BYTES};
-use fdm::{AirAround, Aircraft, FlightSim, FlightState, Phase};
+use fdm::{AirAround, Aircraft, FlightPhase, FlightSim, FlightState};
 use plume::Sensor;
 use plume::effects::Ambient as SensorAir;
 use protocol::SimTime;
@@ -165,7 +165,7 @@ impl SimulatedVehicle {
         ObservedPosition {
             at: position_of(&flight),
             alt_amsl_m: flight.alt_amsl_m,
-            airborne: flight.phase == Phase::Flying,
+            airborne: flight.phase == FlightPhase::Flying,
         }
     }
 
@@ -249,9 +249,9 @@ impl SimulatedVehicle {
             self.handle_control(ControlEvent::RemoteLost);
         }
         // Touch-down shows as the change of phase over this tick.
-        let flew = self.sim.state().phase != Phase::OnGround;
+        let flew = self.sim.state().phase != FlightPhase::OnGround;
         self.fly();
-        if flew && self.sim.state().phase == Phase::OnGround {
+        if flew && self.sim.state().phase == FlightPhase::OnGround {
             self.handle_control(ControlEvent::Landed);
         }
         let mut report = TickReport {
@@ -297,7 +297,7 @@ impl SimulatedVehicle {
         // stand-in's reality.
         let sensed = Sensed::perfect(&state, density_kg_m3);
         let command = if self.control.level() == ControlLevel::Pilot {
-            if state.phase == Phase::OnGround {
+            if state.phase == FlightPhase::OnGround {
                 return;
             }
             self.autopilot
@@ -327,7 +327,7 @@ impl SimulatedVehicle {
             density_kg_m3,
         );
         charge.draw(power_w, self.tick_s);
-        let low = charge.fraction() < BATTERY_LOW && state.phase == Phase::Flying;
+        let low = charge.fraction() < BATTERY_LOW && state.phase == FlightPhase::Flying;
         if low && !self.control.has(Danger::Battery) {
             self.handle_control(ControlEvent::Begins(Danger::Battery));
         }
@@ -335,7 +335,7 @@ impl SimulatedVehicle {
 
     /// What the autopilot shall do; nothing while the vehicle waits on its launcher.
     fn demand(&mut self, state: &FlightState) -> Option<Demand> {
-        let waits = state.phase == Phase::OnGround;
+        let waits = state.phase == FlightPhase::OnGround;
         if self.control.level() == ControlLevel::Guardian {
             return (!waits).then(|| self.guardian_demand(state));
         }
@@ -381,7 +381,7 @@ impl SimulatedVehicle {
             Path::TakeOff {
                 heading_deg: self.launch_heading_deg,
             }
-        } else if empty || state.phase == Phase::Sliding {
+        } else if empty || state.phase == FlightPhase::Sliding {
             self.land_at(self.guardian.home())
         } else {
             self.guardian.path(position_of(state))
@@ -426,7 +426,7 @@ impl SimulatedVehicle {
             heading_deg: wrap_deg(flight.yaw_rad.to_degrees()),
             airspeed_m_s: flight.airspeed_m_s,
             throttle: flight.throttle,
-            airborne: flight.phase == Phase::Flying,
+            airborne: flight.phase == FlightPhase::Flying,
         });
         if let Some(ambient) = &self.ambient {
             let air = SensorAir {

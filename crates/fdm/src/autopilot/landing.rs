@@ -48,7 +48,7 @@ pub(super) struct Landing {
 }
 
 /// What the loops shall do.
-pub(super) enum Step {
+pub(super) enum LandingCommand {
     Approach { bank: f64, energy: EnergyDemand },
     Flare { bank: f64, pitch: f64 },
 }
@@ -69,7 +69,7 @@ impl Landing {
         order: &LandingSite,
         airspeed_m_s: f64,
         plant: &Plant,
-    ) -> Step {
+    ) -> LandingCommand {
         let sensed = steering.sensed;
         let gains = steering.gains;
         let height = sensed.alt_amsl_m - order.ground_amsl_m;
@@ -85,7 +85,7 @@ impl Landing {
         // the ground.
         let slow = APPROACH_SPEED_FACTOR * plant.slowest_m_s;
         match self.stage {
-            Stage::Descend => Step::Approach {
+            Stage::Descend => LandingCommand::Approach {
                 bank: steering.orbit(
                     order.north_m - entry * cos + radius * sin,
                     order.east_m - entry * sin - radius * cos,
@@ -103,7 +103,7 @@ impl Landing {
                 let glide = -along * slope;
                 let level = glide >= gains.approach_height_m;
                 let [vn, ve, _] = sensed.vel_ned_m_s;
-                Step::Approach {
+                LandingCommand::Approach {
                     bank: steering.line(order.north_m, order.east_m, self.course_rad),
                     energy: EnergyDemand {
                         alt_amsl_m: order.ground_amsl_m + glide.min(gains.approach_height_m),
@@ -129,7 +129,7 @@ impl Landing {
         order: &LandingSite,
         plant: &Plant,
         height: f64,
-    ) -> Step {
+    ) -> LandingCommand {
         let sensed = steering.sensed;
         let speed = sensed.airspeed_m_s.max(5.0);
         // An exponential flare: sink proportional to height gives a smooth touch-down whatever the
@@ -137,7 +137,7 @@ impl Landing {
         let sink = FLARE.0 * height.max(0.0) + FLARE.1;
         let too_fast = sensed.vel_ned_m_s[2] - sink;
         let level = plant.at(sensed).alpha_level;
-        Step::Flare {
+        LandingCommand::Flare {
             bank: steering
                 .line(order.north_m, order.east_m, self.course_rad)
                 .clamp(-FLARE_BANK_RAD, FLARE_BANK_RAD),

@@ -1,6 +1,6 @@
 //! What the autopilot knows of the flight.
 
-use crate::state::{FlightState, Phase};
+use crate::state::{FlightPhase, FlightState};
 
 /// The measured state that the autopilot works from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,7 +43,7 @@ impl Sensed {
             rate_rad_s: state.rate_rad_s,
             airspeed_m_s: state.airspeed_m_s,
             density_kg_m3,
-            on_ground: state.phase != Phase::Flying,
+            on_ground: state.phase != FlightPhase::Flying,
         }
     }
 

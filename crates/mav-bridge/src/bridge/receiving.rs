@@ -2,8 +2,8 @@
 
 use super::{Bridge, BridgeOutput};
 use crate::arduplane::{FS_GCS_ENABL, FS_LONG_ACTN, TKOFF_ALT, mode_name};
-use crate::authority::{HeartbeatState, Phase};
-use crate::command_queue::Command;
+use crate::authority::{BridgePhase, HeartbeatState};
+use crate::command_queue::VehicleCommand;
 use crate::dialect::{
     ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA,
     HYGROMETER_SENSOR_DATA, MavAutopilot, MavMessage, MavSeverity, MavState, MavType,
@@ -122,19 +122,19 @@ impl Bridge {
         if first || restored {
             self.connected_at = now;
             self.request_telemetry();
-            if phase == Phase::Guided {
+            if phase == BridgePhase::Guided {
                 self.retry_at = Some(now);
             }
         }
     }
 
-    pub(super) fn on_phase(&mut self, phase: Phase) {
+    pub(super) fn on_phase(&mut self, phase: BridgePhase) {
         match phase {
-            Phase::Pilot | Phase::Guardian | Phase::Ground => {
+            BridgePhase::Pilot | BridgePhase::Guardian | BridgePhase::Ground => {
                 self.commands.drop_steering();
                 self.clear_target();
             }
-            Phase::Guided => {
+            BridgePhase::Guided => {
                 // ArduPlane forgets a commanded speed at each change of mode.
                 self.speed_sent = None;
                 self.retry_at = self.heartbeat_at;
@@ -180,10 +180,11 @@ impl Bridge {
             (EXTENDED_SYS_STATE_DATA::ID, SLOW_HZ),
             (SYS_STATUS_DATA::ID, 1.0),
         ] {
-            self.commands.push(Command::Interval { message_id, hz });
+            self.commands
+                .push(VehicleCommand::Interval { message_id, hz });
         }
         for name in [FS_GCS_ENABL, FS_LONG_ACTN, TKOFF_ALT] {
-            self.commands.push(Command::Parameter(name));
+            self.commands.push(VehicleCommand::Parameter(name));
         }
     }
 

@@ -2,8 +2,8 @@
 
 use super::{Bridge, BridgeOutput};
 use crate::arduplane::{AUTO, FS_GCS_ENABL, GUIDED, RTL, TAKEOFF};
-use crate::authority::{Phase, is_homeward};
-use crate::command_queue::{Command, CommandMessage, CommandOutcome};
+use crate::authority::{BridgePhase, is_homeward};
+use crate::command_queue::{CommandMessage, CommandOutcome, VehicleCommand};
 use crate::event::event;
 use protocol::SimTime;
 use protocol::message::{PathKind, Setpoint, Severity};
@@ -35,7 +35,7 @@ impl Bridge {
         self.commands.drop_steering();
         self.target = Some(setpoint.clone());
         self.authority.land(AUTO);
-        self.commands.push(Command::LandStart);
+        self.commands.push(VehicleCommand::LandStart);
     }
 
     /// Sends where to fly and how fast.
@@ -56,7 +56,7 @@ impl Bridge {
         if target.path == PathKind::Land {
             return self.land(&target);
         }
-        self.commands.push(Command::Reposition {
+        self.commands.push(VehicleCommand::Reposition {
             lat_1e7: (target.lat_deg * 1e7).round() as i32,
             lon_1e7: (target.lon_deg * 1e7).round() as i32,
             alt_amsl_m: target.alt_amsl_m as f32,
@@ -70,7 +70,7 @@ impl Bridge {
             .is_none_or(|sent| (sent - speed).abs() > SAME_SPEED_M_S)
         {
             self.speed_sent = Some(speed);
-            self.commands.push(Command::Speed {
+            self.commands.push(VehicleCommand::Speed {
                 equivalent_airspeed_m_s: speed,
             });
         }
@@ -80,7 +80,7 @@ impl Bridge {
     fn send_mode(&mut self) {
         if let Some(mode) = self.authority.unconfirmed() {
             let attempts = self.config.attempts;
-            self.commands.push(Command::Mode { mode, attempts });
+            self.commands.push(VehicleCommand::Mode { mode, attempts });
         }
     }
 
@@ -91,16 +91,16 @@ impl Bridge {
         };
         let pausing = self.retry_at.is_some_and(|at| now < at);
         match self.authority.phase() {
-            Phase::Ground if self.retry_at.is_some() && !pausing => {
+            BridgePhase::Ground if self.retry_at.is_some() && !pausing => {
                 self.retry_at = None;
                 if let Some(target) = self.target.take() {
                     self.take_off(&target, out);
                 }
             }
-            Phase::TakeOff if seen.custom_mode == TAKEOFF && !seen.armed && !pausing => {
+            BridgePhase::TakeOff if seen.custom_mode == TAKEOFF && !seen.armed && !pausing => {
                 self.arm(now, out);
             }
-            Phase::TakeOff
+            BridgePhase::TakeOff
                 if seen.custom_mode == TAKEOFF
                     && seen.airborne
                     && !pausing
@@ -111,9 +111,9 @@ impl Bridge {
                 self.authority.take_off(GUIDED);
                 self.send_mode();
             }
-            Phase::Guided if self.retry_at.is_some() && !pausing => self.send_target(now),
+            BridgePhase::Guided if self.retry_at.is_some() && !pausing => self.send_target(now),
             // On its way home already, or still climbing away from the ground, it is left alone.
-            Phase::Guardian
+            BridgePhase::Guardian
                 if seen.airborne
                     && !is_homeward(seen.custom_mode)
                     && (seen.custom_mode != TAKEOFF || self.has_climbed())
@@ -131,7 +131,7 @@ impl Bridge {
     fn arm(&mut self, now: SimTime, out: &mut BridgeOutput) {
         if self.config.may_arm {
             self.retry_at = pause(now);
-            self.commands.push(Command::Arm);
+            self.commands.push(VehicleCommand::Arm);
         } else if !std::mem::replace(&mut self.warned.waits_for_arming, true) {
             let text = "in TAKEOFF: waits for a person to arm the motor";
             out.events
@@ -169,46 +169,48 @@ impl Bridge {
 
     fn on_failure(
         &mut self,
-        command: &Command,
+        command: &VehicleCommand,
         now: SimTime,
     ) -> (Severity, &'static str, &'static str) {
         if command.steers() {
             self.retry_at = pause(now);
         }
         match command {
-            Command::Mode { .. } => {
+            VehicleCommand::Mode { .. } => {
                 let asked = self.authority.unconfirmed();
                 let phase = self.authority.phase();
                 self.authority.refused();
                 match phase {
-                    Phase::TakeOff if asked == Some(GUIDED) => {
+                    BridgePhase::TakeOff if asked == Some(GUIDED) => {
                         (Severity::Error, "guided-failed", "; tried again")
                     }
-                    Phase::TakeOff => (Severity::Error, "take-off-failed", "; tried again"),
-                    Phase::HandingBack => {
+                    BridgePhase::TakeOff => (Severity::Error, "take-off-failed", "; tried again"),
+                    BridgePhase::HandingBack => {
                         let then = "; whoever had it keeps it";
                         (Severity::Error, "hand-back-failed", then)
                     }
-                    Phase::Landing => (Severity::Error, "land-failed", "; tried again"),
-                    Phase::Guardian => (Severity::Error, "home-failed", "; tried again"),
+                    BridgePhase::Landing => (Severity::Error, "land-failed", "; tried again"),
+                    BridgePhase::Guardian => (Severity::Error, "home-failed", "; tried again"),
                     _ => (Severity::Warning, "command-failed", ""),
                 }
             }
-            Command::LandStart => {
+            VehicleCommand::LandStart => {
                 self.authority.land(RTL);
                 self.send_mode();
                 let then = "; it returns home and circles until a pilot lands it";
                 (Severity::Warning, "no-landing-sequence", then)
             }
-            Command::Arm => (Severity::Error, "arming-failed", "; tried again"),
-            Command::Reposition { .. } => (Severity::Warning, "setpoint-failed", "; tried again"),
-            Command::Speed { .. } => {
+            VehicleCommand::Arm => (Severity::Error, "arming-failed", "; tried again"),
+            VehicleCommand::Reposition { .. } => {
+                (Severity::Warning, "setpoint-failed", "; tried again")
+            }
+            VehicleCommand::Speed { .. } => {
                 // The next setpoint asks again; within this one it would be refused again.
                 (self.retry_at, self.speed_sent) = (None, None);
                 (Severity::Warning, "speed-failed", "")
             }
-            Command::Interval { .. } => (Severity::Info, "rate-failed", ""),
-            Command::Parameter(name) => {
+            VehicleCommand::Interval { .. } => (Severity::Info, "rate-failed", ""),
+            VehicleCommand::Parameter(name) => {
                 let then = match *name {
                     FS_GCS_ENABL => "; whether a lost link brings it home is not known",
                     _ => "",

@@ -40,7 +40,7 @@ pub struct FrameDecoder {
 }
 
 /// What stands at the front of the buffer.
-enum Candidate {
+enum FrameCheck {
     Frame(usize),
     False,
     Incomplete,
@@ -72,16 +72,16 @@ impl FrameDecoder {
                 return None;
             };
             self.skip(skip);
-            match candidate(&self.buffer[self.start..]) {
-                Candidate::Frame(length) => {
+            match check_frame(&self.buffer[self.start..]) {
+                FrameCheck::Frame(length) => {
                     let bytes = self.buffer[self.start..self.start + length].to_vec();
                     self.start += length;
                     self.waiting_since = None;
                     self.statistics.frames += 1;
                     return Some(RawFrame { bytes });
                 }
-                Candidate::False => self.reject(),
-                Candidate::Incomplete => {
+                FrameCheck::False => self.reject(),
+                FrameCheck::Incomplete => {
                     // A start byte in garbage can promise a frame that never comes and hold back
                     // those behind it.
                     let since = *self.waiting_since.get_or_insert(now);
@@ -112,13 +112,13 @@ impl FrameDecoder {
 }
 
 /// Judges what begins with a start byte.
-fn candidate(bytes: &[u8]) -> Candidate {
+fn check_frame(bytes: &[u8]) -> FrameCheck {
     if bytes.len() < 3 {
-        return Candidate::Incomplete;
+        return FrameCheck::Incomplete;
     }
     let flags = bytes[2];
     if flags & !FLAG_SIGNED != 0 {
-        return Candidate::False;
+        return FrameCheck::False;
     }
     let payload_end = HEADER_LEN + usize::from(bytes[1]);
     let signature = if flags & FLAG_SIGNED != 0 {
@@ -128,19 +128,19 @@ fn candidate(bytes: &[u8]) -> Candidate {
     };
     let length = payload_end + CHECKSUM_LEN + signature;
     if bytes.len() < length {
-        return Candidate::Incomplete;
+        return FrameCheck::Incomplete;
     }
     // Of a message that the dialect does not know, the byte that its checksum ends with is unknown:
     // what seems to be one is chance, and would swallow the frames behind it.
     let id = message_id(bytes);
     if MavMessage::default_message_from_id(id).is_none() {
-        return Candidate::False;
+        return FrameCheck::False;
     }
     let extra = MavMessage::extra_crc(id);
     let expected = u16::from_le_bytes([bytes[payload_end], bytes[payload_end + 1]]);
     if mavlink::calculate_crc(&bytes[1..payload_end], extra) == expected {
-        Candidate::Frame(length)
+        FrameCheck::Frame(length)
     } else {
-        Candidate::False
+        FrameCheck::False
     }
 }

@@ -7,7 +7,7 @@ use protocol::{Outbox, SimTime};
 use super::SquadronController;
 use crate::fleet::MARGIN_M;
 use crate::passes::{self, CHARACTERISE, PRELIMINARY, PassKind};
-use crate::tasks::Task;
+use crate::tasks::VehicleTask;
 
 /// A vehicle is at its height when it is this near to it, m.
 const AT_HEIGHT_M: f64 = 12.0;
@@ -40,8 +40,8 @@ impl SquadronController {
                 }
                 Phase::Preliminary => self.hold(index, out),
                 Phase::Search | Phase::Characterise => {
-                    if self.tasks.each[index] == Task::Idle {
-                        self.tasks.each[index] = Task::Searching;
+                    if self.tasks.each[index] == VehicleTask::Idle {
+                        self.tasks.each[index] = VehicleTask::Searching;
                     }
                 }
                 Phase::Home => self.bring_home(index, out),
@@ -60,7 +60,7 @@ impl SquadronController {
         let vehicles = &self.fleet.vehicles;
         let step_m = self.fleet.separation.height_m;
         let busy = (0..vehicles.len()).any(|index| {
-            let Task::TakingOff(since) = self.tasks.each[index] else {
+            let VehicleTask::TakingOff(since) = self.tasks.each[index] else {
                 return false;
             };
             let climbed_m = vehicles[index].track.map_or(0.0, |s| {
@@ -75,7 +75,7 @@ impl SquadronController {
         });
         let ready = |index: &usize| {
             let v = &vehicles[*index];
-            let parked = self.tasks.each[*index] == Task::Parked && v.follows_setpoints;
+            let parked = self.tasks.each[*index] == VehicleTask::Parked && v.follows_setpoints;
             // In a low band several share a layer: the next rises when the last has left it.
             let up = v.track.is_some_and(|s| s.airborne);
             parked && v.track.is_some() && (up || self.fleet.is_layer_free(*index))
@@ -85,9 +85,9 @@ impl SquadronController {
             return;
         };
         if vehicles[next].track.is_some_and(|s| s.airborne) {
-            self.tasks.each[next] = Task::Idle;
+            self.tasks.each[next] = VehicleTask::Idle;
         } else if !busy {
-            self.tasks.each[next] = Task::TakingOff(now);
+            self.tasks.each[next] = VehicleTask::TakingOff(now);
             self.fleet.take_off(next, out);
         }
     }
@@ -97,14 +97,14 @@ impl SquadronController {
         let high = v
             .track
             .is_some_and(|s| s.airborne && s.position.height_m > v.layer_amsl_m - AT_HEIGHT_M);
-        if matches!(self.tasks.each[index], Task::TakingOff(_)) && high {
-            self.tasks.each[index] = Task::Idle;
+        if matches!(self.tasks.each[index], VehicleTask::TakingOff(_)) && high {
+            self.tasks.each[index] = VehicleTask::Idle;
         }
     }
 
     /// Sends a vehicle out of the way, abeam of the axis, each at its own layer.
     fn hold(&mut self, index: usize, out: &mut Outbox) {
-        if self.tasks.each[index] != Task::Idle {
+        if self.tasks.each[index] != VehicleTask::Idle {
             return;
         }
         let Some(estimate) = self.estimate() else {
@@ -124,30 +124,32 @@ impl SquadronController {
                 .fleet
                 .send(index, Position { at, height_m }, "hold", out)
         {
-            self.tasks.each[index] = Task::Holding;
+            self.tasks.each[index] = VehicleTask::Holding;
         }
     }
 
     fn fly_passes(&mut self, index: usize, now: SimTime, out: &mut Outbox) {
         match self.tasks.each[index] {
-            Task::Approaching(pass, waiting) if self.fleet.vehicles[index].has_arrived() => {
+            VehicleTask::Approaching(pass, waiting) if self.fleet.vehicles[index].has_arrived() => {
                 let since = waiting.unwrap_or(now);
-                self.tasks.each[index] = Task::Approaching(pass, Some(since));
+                self.tasks.each[index] = VehicleTask::Approaching(pass, Some(since));
                 let height_m = self.fleet.vehicles[index]
                     .track
                     .map(|s| s.position.height_m);
                 let off_m = height_m.map_or(0.0, |h| (h - pass.from.height_m).abs());
                 let at_height = off_m <= AT_HEIGHT_M || now.since_s(since) > WAIT_FOR_HEIGHT_S;
                 if at_height && self.fleet.send(index, pass.to, "pass", out) {
-                    self.tasks.each[index] = Task::OnPass(pass);
+                    self.tasks.each[index] = VehicleTask::OnPass(pass);
                 }
             }
-            Task::OnPass(_) if self.fleet.vehicles[index].has_arrived() => {
+            VehicleTask::OnPass(_) if self.fleet.vehicles[index].has_arrived() => {
                 self.tasks.passes_flown += 1;
-                self.tasks.each[index] = Task::Idle;
+                self.tasks.each[index] = VehicleTask::Idle;
                 self.next_pass(index, out);
             }
-            Task::Idle | Task::Holding | Task::Searching => self.next_pass(index, out),
+            VehicleTask::Idle | VehicleTask::Holding | VehicleTask::Searching => {
+                self.next_pass(index, out)
+            }
             _ => {}
         }
     }
@@ -173,7 +175,7 @@ impl SquadronController {
             // Each kind shows something of its own: with others in the way, it waits its turn.
             Some(pass) if self.fleet.send(index, pass.from, "to the next pass", out) => {
                 self.tasks.next_pass += 1;
-                self.tasks.each[index] = Task::Approaching(pass, None);
+                self.tasks.each[index] = VehicleTask::Approaching(pass, None);
             }
             Some(_) if self.tasks.refused < REFUSALS => self.tasks.refused += 1,
             _ => {
@@ -188,7 +190,7 @@ impl SquadronController {
         let step_m = self.fleet.separation.height_m;
         for index in 0..self.fleet.vehicles.len() {
             let v = &self.fleet.vehicles[index];
-            let (Some(track), Task::Searching) = (v.track, self.tasks.each[index]) else {
+            let (Some(track), VehicleTask::Searching) = (v.track, self.tasks.each[index]) else {
                 continue;
             };
             if !v.is_commandable() {

@@ -3,8 +3,8 @@
 use protocol::{Outbox, SimTime};
 
 use super::SquadronController;
-use crate::fleet::{MARGIN_M, Vehicle};
-use crate::tasks::Task;
+use crate::fleet::{MARGIN_M, TeamVehicle};
+use crate::tasks::VehicleTask;
 
 /// A vehicle is at its layer when it is this near to it, m: layers are close to each other.
 const AT_LAYER_M: f64 = 3.0;
@@ -45,7 +45,7 @@ impl SquadronController {
     }
 
     /// Time that a vehicle needs to above its home, s.
-    fn way_home_s(&self, vehicle: &Vehicle) -> f64 {
+    fn way_home_s(&self, vehicle: &TeamVehicle) -> f64 {
         let Some(track) = vehicle.track else {
             return 0.0;
         };
@@ -66,7 +66,7 @@ impl SquadronController {
 
     /// Time that the team needs from above home to the ground, s: in turn from the lowest layer.
     fn landing_s(&self) -> f64 {
-        let mut team: Vec<&Vehicle> = self.fleet.vehicles.iter().collect();
+        let mut team: Vec<&TeamVehicle> = self.fleet.vehicles.iter().collect();
         team.sort_by(|a, b| a.layer_amsl_m.total_cmp(&b.layer_amsl_m));
         let (mut order_s, mut down_s) = (0.0, 0.0_f64);
         for (k, vehicle) in team.iter().enumerate() {
@@ -81,12 +81,12 @@ impl SquadronController {
 
     /// Time after its order to land at which a vehicle has left the circle beside the approach at
     /// the latest, s.
-    fn circle_left_s(&self, vehicle: &Vehicle) -> f64 {
+    fn circle_left_s(&self, vehicle: &TeamVehicle) -> f64 {
         LANDING_S.0 + (vehicle.layer_amsl_m - vehicle.home.height_m).max(0.0) / CLIMB_M_S
     }
 
     /// Time after its order to land before which a vehicle is well above that circle, s.
-    fn circle_reached_s(&self, vehicle: &Vehicle) -> f64 {
+    fn circle_reached_s(&self, vehicle: &TeamVehicle) -> f64 {
         let above_m = vehicle.layer_amsl_m - vehicle.home.height_m - CIRCLE_M.0;
         (above_m - self.fleet.separation.height_m).max(0.0) / SINK_M_S
     }
@@ -96,7 +96,7 @@ impl SquadronController {
     /// ways home are free.
     pub(super) fn bring_home(&mut self, index: usize, out: &mut Outbox) {
         let v = &self.fleet.vehicles[index];
-        let (Some(track), Task::Idle) = (v.track, self.tasks.each[index]) else {
+        let (Some(track), VehicleTask::Idle) = (v.track, self.tasks.each[index]) else {
             return;
         };
         let (layer_m, home) = (v.layer_amsl_m, v.home.at);
@@ -109,7 +109,7 @@ impl SquadronController {
             .fleet
             .send_at_free_height(index, at, &[layer_m], "home", out)
         {
-            self.tasks.each[index] = Task::Returning;
+            self.tasks.each[index] = VehicleTask::Returning;
             return;
         }
         if by_stages && off_layer {
@@ -135,11 +135,11 @@ impl SquadronController {
     /// Whether nobody flies at a lower layer near the home of a vehicle, but those who land.
     fn way_down_is_free(&self, index: usize) -> bool {
         let own = &self.fleet.vehicles[index];
-        let in_the_way = |(other, v): (usize, &Vehicle)| {
+        let in_the_way = |(other, v): (usize, &TeamVehicle)| {
             let near = v
                 .track
                 .is_some_and(|s| s.airborne && s.position.at.distance_m(own.home.at) < APPROACH_M);
-            let landing = matches!(self.tasks.each[other], Task::Landing(_));
+            let landing = matches!(self.tasks.each[other], VehicleTask::Landing(_));
             near && !landing && v.layer_amsl_m < own.layer_amsl_m
         };
         !self.fleet.vehicles.iter().enumerate().any(in_the_way)
@@ -153,7 +153,7 @@ impl SquadronController {
             let low = v
                 .track
                 .is_some_and(|s| (s.position.height_m - v.layer_amsl_m).abs() < step_m);
-            let returned = self.tasks.each[*index] == Task::Returning && v.has_arrived();
+            let returned = self.tasks.each[*index] == VehicleTask::Returning && v.has_arrived();
             returned && low && v.is_commandable() && self.way_down_is_free(*index)
         };
         let layer = |index: &usize| self.fleet.vehicles[*index].layer_amsl_m;
@@ -163,17 +163,23 @@ impl SquadronController {
         let Some(next) = lowest else { return };
         let busy = self.tasks.each.iter().enumerate().any(|(index, task)| {
             let vehicle = &self.fleet.vehicles[next];
-            matches!(*task, Task::Landing(since) if self.holds_the_circle(index, since, vehicle, now))
+            matches!(*task, VehicleTask::Landing(since) if self.holds_the_circle(index, since, vehicle, now))
         });
         if !busy {
-            self.tasks.each[next] = Task::Landing(now);
+            self.tasks.each[next] = VehicleTask::Landing(now);
             self.fleet.land(next, out);
         }
     }
 
     /// Whether a vehicle that was ordered to land at `since` may still be in the circle when `next`,
     /// ordered now, could reach it.
-    fn holds_the_circle(&self, index: usize, since: SimTime, next: &Vehicle, now: SimTime) -> bool {
+    fn holds_the_circle(
+        &self,
+        index: usize,
+        since: SimTime,
+        next: &TeamVehicle,
+        now: SimTime,
+    ) -> bool {
         let vehicle = &self.fleet.vehicles[index];
         let high = vehicle.track.is_some_and(|s| {
             s.airborne && s.position.height_m > vehicle.home.height_m + CIRCLE_M.1

@@ -4,8 +4,8 @@ use protocol::SimTime;
 use protocol::message::Phase;
 
 use super::SquadronController;
-use crate::fleet::Vehicle;
-use crate::tasks::Task;
+use crate::fleet::TeamVehicle;
+use crate::tasks::VehicleTask;
 
 /// Take-off is over for those who are still on the ground after this, s.
 const LONGEST_TAKE_OFF_S: f64 = 240.0;
@@ -19,7 +19,7 @@ const CHARACTERISE_PART: f64 = 0.15;
 impl SquadronController {
     /// The phase that is due, if it is another.
     pub(super) fn next_phase(&self, now: SimTime) -> Option<Phase> {
-        let flying = |v: &Vehicle| v.is_commandable();
+        let flying = |v: &TeamVehicle| v.is_commandable();
         let real = self
             .fleet
             .vehicles
@@ -30,7 +30,7 @@ impl SquadronController {
             .tasks
             .each
             .iter()
-            .any(|t| !matches!(t, Task::Parked | Task::TakingOff(_)));
+            .any(|t| !matches!(t, VehicleTask::Parked | VehicleTask::TakingOff(_)));
         let home_s = self.home_time_s();
         if self.phase < Phase::Home && up && now.s() >= home_s {
             return Some(Phase::Home);
@@ -55,10 +55,14 @@ impl SquadronController {
     }
 
     fn after_take_off(&self, now: SimTime, real: usize) -> Option<Phase> {
-        let risen =
-            |index: usize| !matches!(self.tasks.each[index], Task::Parked | Task::TakingOff(_));
+        let risen = |index: usize| {
+            !matches!(
+                self.tasks.each[index],
+                VehicleTask::Parked | VehicleTask::TakingOff(_)
+            )
+        };
         let all = |want_real: bool| {
-            let of_kind = |(_, v): &(usize, &Vehicle)| v.real || !want_real;
+            let of_kind = |(_, v): &(usize, &TeamVehicle)| v.real || !want_real;
             let mut those = self.fleet.vehicles.iter().enumerate().filter(of_kind);
             those.all(|(index, _)| risen(index))
         };

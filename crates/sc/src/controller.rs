@@ -22,13 +22,14 @@ use scenario::random::stream;
 use scenario::tables::{Search, VehicleKind};
 use scenario::world::OFF_HEIGHT_M;
 
-use crate::airspace::{Airspace, RouteGraph};
+use crate::airspace::Airspace;
 use crate::error::ScError;
 use crate::fleet::{Fleet, MARGIN_M, TeamVehicle};
 use crate::live_gap::LiveGap;
 use crate::passes::PassRange;
 use crate::peak::{self, FieldMaximum};
 use crate::plume_estimate::PlumeEstimate;
+use crate::route_graph::RouteGraph;
 use crate::separation::Separation;
 use crate::tasks::Tasks;
 

@@ -8,7 +8,8 @@ use protocol::key::Name;
 use protocol::message::{Assignment, PathKind, Setpoint, State};
 use protocol::{Message, Outbox, SimTime, Topic};
 
-use crate::airspace::{Airspace, RouteGraph};
+use crate::airspace::Airspace;
+use crate::route_graph::RouteGraph;
 use crate::separation::{Corridor, Separation};
 
 /// Radius of the orbit at a setpoint, m: 18 m/s in 10 m/s of wind at 45° of bank takes 80 m.
@@ -122,7 +123,7 @@ impl TeamVehicle {
 pub struct Fleet {
     /// Fence, height band and keep-outs.
     pub airspace: Airspace,
-    /// Ways around what stands in the way.
+    /// Routes around what stands in the way.
     pub routes: RouteGraph,
     /// What vehicles keep between them.
     pub separation: Separation,

@@ -6,7 +6,7 @@
 //! height and strength), search (the whole team follows a [`csea::SearchStrategy`] over all
 //! readings), characterisation (real vehicles pass across and along the peak found) and home.
 //!
-//! - [`airspace`]: fence, height band and keep-outs, and routes around them;
+//! - [`airspace`]: fence, height band and keep-outs; [`route_graph`]: routes around them;
 //! - [`separation`]: vehicles keep apart in height or distance;
 //! - [`fleet`]: the vehicles, where they are and where they are sent;
 //! - [`live_gap`]: what real readings tell of the model, in flight;
@@ -44,6 +44,7 @@ pub mod live_gap;
 pub mod passes;
 pub mod peak;
 pub mod plume_estimate;
+pub mod route_graph;
 pub mod separation;
 mod tasks;
 

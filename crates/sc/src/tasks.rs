@@ -11,7 +11,7 @@ use crate::passes::Pass;
 pub(crate) enum VehicleTask {
     /// On the ground, not yet ordered to take off.
     Parked,
-    /// Rising since.
+    /// Climbing to its layer, since.
     TakingOff(SimTime),
     /// In the air without anything to do.
     Idle,
@@ -25,7 +25,7 @@ pub(crate) enum VehicleTask {
     Searching,
     /// On the way to above home.
     Returning,
-    /// Told to land.
+    /// Ordered to land, since.
     Landing(SimTime),
 }
 

@@ -7,7 +7,7 @@ use air::geo::Enu;
 use common::{Miniature, as_pontes, assert_apart, assert_safe};
 use csea::Position;
 use proptest::prelude::*;
-use sc::airspace::RouteGraph;
+use sc::route_graph::RouteGraph;
 use sc::separation::Corridor;
 use sc::{Airspace, Separation};
 use scenario::Scenario;

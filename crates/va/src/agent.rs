@@ -1,7 +1,7 @@
 //! The virtual aircraft as an agent on the bus.
 
-use crate::VaError;
 use crate::bridged::BridgedVehicle;
+use crate::error::VaError;
 use crate::safety_monitor::SafetyMonitor;
 use crate::simulated::SimulatedVehicle;
 use protocol::control_level::ControlEvent;
@@ -31,7 +31,7 @@ pub struct VirtualAircraft {
 }
 
 impl VirtualAircraft {
-    /// The vehicle called `name` with `backend` that watches by `monitor`.
+    /// The vehicle called `name` with its `backend`, watched over by `monitor`.
     ///
     /// # Errors
     /// A name that cannot be part of a key.

@@ -1,7 +1,7 @@
 //! The Guardian's way home: to the take-off point around the stacks' keep-outs, and there in a
 //! circle at a height that no other vehicle of the team has.
 
-use crate::VaError;
+use crate::error::VaError;
 use air::geo::{Enu, Geodetic, wrap_signed_deg};
 use fdm::autopilot::Path;
 use scenario::Scenario;

@@ -36,6 +36,7 @@ pub mod agent;
 pub mod bridged;
 pub mod control;
 pub mod display;
+mod error;
 mod guardian;
 mod report;
 pub mod safety_monitor;
@@ -43,22 +44,6 @@ pub mod simulated;
 
 pub use agent::{VehicleBackend, VirtualAircraft};
 pub use bridged::{BridgeReport, BridgedVehicle};
+pub use error::VaError;
 pub use safety_monitor::SafetyMonitor;
 pub use simulated::{SimulatedConfig, SimulatedVehicle};
-
-/// Why a virtual aircraft refuses to work.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum VaError {
-    /// The scenario describes no world.
-    #[error(transparent)]
-    World(#[from] scenario::world::WorldError),
-    /// The aircraft cannot fly.
-    #[error(transparent)]
-    Flight(#[from] fdm::FdmError),
-    /// A name that cannot be part of a key.
-    #[error(transparent)]
-    Name(#[from] protocol::ProtocolError),
-    /// There is no such vehicle in the scenario.
-    #[error("vehicle {0}: not in the scenario's team")]
-    NoSuchVehicle(String),
-}

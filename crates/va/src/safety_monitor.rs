@@ -1,7 +1,7 @@
 //! What a vehicle monitors by itself: whether the others still send, and whether it is inside its
 //! fence. Dangers begin in the air only; a vehicle on the ground is in none.
 
-use crate::VaError;
+use crate::error::VaError;
 use air::area;
 use air::geo::{Enu, Geodetic, LocalFrame};
 use protocol::control_level::{ControlEvent, Danger};

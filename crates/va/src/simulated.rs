@@ -1,7 +1,7 @@
 //! A vehicle that is simulated here: flight dynamics, autopilot and gas sensor.
 
-use crate::VaError;
 use crate::control;
+use crate::error::VaError;
 use crate::guardian::Guardian;
 use crate::report::TickReport;
 use crate::safety_monitor::ObservedPosition;

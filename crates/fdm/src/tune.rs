@@ -16,16 +16,16 @@ use crate::mechanism::Mechanism;
 mod aircraft_file;
 mod flights;
 mod margins;
-mod outer;
+mod outer_loops;
 mod robustness;
-mod steps;
+mod step_responses;
 mod weather;
 
 pub use aircraft_file::with_gains;
 pub use flights::Evaluation;
 pub use margins::{LoopMargin, Required};
 pub use robustness::RobustnessCase;
-pub use steps::StepResponse;
+pub use step_responses::StepResponse;
 pub use weather::WeatherCase;
 
 /// Period of the controller, s.
@@ -323,7 +323,7 @@ impl GainSearch<'_> {
         if inner > 0.0 {
             return Ok(INNER_FIRST + inner);
         }
-        Ok(lack(&outer::loops(self.aircraft, gains)?))
+        Ok(lack(&outer_loops::margins(self.aircraft, gains)?))
     }
 
     /// The cost of gains that may be taken and cost less than `than`.
@@ -334,9 +334,9 @@ impl GainSearch<'_> {
             return Ok(None);
         }
         let cost = flights::cost(&flights::fly_all(aircraft, gains, &order.weather)?)
-            + steps::cost(&steps::responses(aircraft, gains)?);
+            + step_responses::cost(&step_responses::responses(aircraft, gains)?);
         let taken = cost < than
-            && kept(&outer::loops(aircraft, gains)?)
+            && kept(&outer_loops::margins(aircraft, gains)?)
             && robustness::as_robust_as(
                 &self.before.robustness,
                 &order.required,
@@ -366,9 +366,9 @@ fn judge(aircraft: &Aircraft, order: &TuneOrder, gains: &ControlGains) -> Result
     let flown = flights::fly_all(aircraft, gains, &order.weather)?;
     let held_out = flights::fly_all(aircraft, gains, &order.held_out)?;
     let mut margins = inner_margins(aircraft, gains)?;
-    margins.extend(outer::loops(aircraft, gains)?);
-    let steps = steps::responses(aircraft, gains)?;
-    let step_cost = steps::cost(&steps);
+    margins.extend(outer_loops::margins(aircraft, gains)?);
+    let steps = step_responses::responses(aircraft, gains)?;
+    let step_cost = step_responses::cost(&steps);
     Ok(Judged {
         gains: *gains,
         cost: flights::cost(&flown) + step_cost,

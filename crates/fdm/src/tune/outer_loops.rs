@@ -63,7 +63,7 @@ const LOOPS: [OuterLoop; 3] = [
 ];
 
 /// Margins of the heading, height and airspeed loop at cruise in calm air.
-pub(super) fn loops(
+pub(super) fn margins(
     aircraft: &Aircraft,
     gains: &ControlGains,
 ) -> Result<Vec<LoopMargin>, FdmError> {
@@ -129,7 +129,7 @@ mod tests {
         let mut aircraft =
             Aircraft::from_toml("x8", include_str!("../../../../aircraft/x8.toml")).unwrap();
         aircraft.control.heading_bandwidth_rad_s = 0.2;
-        let margins = loops(&aircraft, &aircraft.control).unwrap();
+        let margins = margins(&aircraft, &aircraft.control).unwrap();
         let heading = &margins[0];
         assert!(
             (heading.crossover_rad_s / 0.2 - 1.0).abs() < 0.1,

@@ -15,12 +15,11 @@ mod landing;
 mod plant;
 mod sensed;
 
-pub use crate::aircraft::ControlGains;
 pub use demand::{Demand, Path, Sticks};
 pub(crate) use inner_gains::{InnerGains, inner_gains};
 pub use sensed::Sensed;
 
-use crate::aircraft::Aircraft;
+use crate::aircraft::{Aircraft, ControlGains};
 use crate::state::SurfaceCommand;
 use energy::{EnergyDemand, EnergyLoop};
 use guidance::{Steering, WindEstimate};

@@ -1,4 +1,4 @@
-//! Speed of flight: one vehicle and a fleet, against JSBSim with the same coefficients.
+//! Speed of flight: one vehicle, against JSBSim with the same coefficients.
 //!
 //! `cargo bench -p fdm` runs all; JSBSim's figure comes from `benches/peers/jsbsim_loop.py` in the
 //! same run when Python and the wheel are there (`pip install jsbsim`).
@@ -9,15 +9,12 @@ use std::process::Command;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use fdm::autopilot::{Autopilot, Demand, Path, Sensed};
-use fdm::fleet::Fleet;
 use fdm::{AirAround, Aircraft, FlightSim, SurfaceCommand};
 
 const AIR: AirAround = AirAround {
     wind_ned_m_s: [-2.0, 6.0, 0.1],
     density_kg_m3: 1.18,
 };
-/// Vehicles of the batch.
-const FLEET: usize = 1024;
 
 fn x8() -> Aircraft {
     Aircraft::from_toml("x8.toml", include_str!("../aircraft/x8.toml")).unwrap()
@@ -73,22 +70,6 @@ fn single(c: &mut Criterion) {
     group.finish();
 }
 
-/// One RK4 step of 10 ms with servos for each of many vehicles.
-fn fleet(c: &mut Criterion) {
-    let aircraft = x8();
-    let sim = FlightSim::airborne(&aircraft, 0.0, 0.0, 400.0, 0.0, 18.0).unwrap();
-    let mut group = c.benchmark_group("fleet");
-    group.throughput(Throughput::Elements(FLEET as u64));
-    group.bench_function("RK4 step with actuators", |b| {
-        let mut fleet = Fleet::new(&aircraft, FLEET, &sim).unwrap();
-        for k in 0..FLEET {
-            fleet.set_air(k, &AIR);
-        }
-        b.iter(|| fleet.step(black_box(0.01)));
-    });
-    group.finish();
-}
-
 /// JSBSim's own loop with the same coefficients, by its Python wheel.
 fn jsbsim(_: &mut Criterion) {
     let script = concat!(
@@ -105,5 +86,5 @@ fn jsbsim(_: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, single, fleet, jsbsim);
+criterion_group!(benches, single, jsbsim);
 criterion_main!(benches);

@@ -12,7 +12,8 @@ use std::ops::Range;
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-use crate::{CseaError, Position, setting};
+use crate::error::{CseaError, setting};
+use crate::position::Position;
 
 /// Samples that may wait unindexed.
 const TAIL: usize = 64;
@@ -24,7 +25,7 @@ const RATIO: usize = 8;
 pub struct Sample {
     /// Where.
     pub position: Position,
-    /// What, in the field's unit (ppm for the house).
+    /// What, in the field's unit (ppm in Plumage).
     pub value: f64,
 }
 
@@ -60,18 +61,18 @@ pub struct Neighbour {
     pub distance_sq_m2: f64,
 }
 
-/// How samples near a place speak for it.
+/// Weights of the samples near a place in the estimate there.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Kernel {
+pub struct SmoothingKernel {
     /// Standard deviation of the Gaussian weight, m.
     pub length_m: f64,
     /// Samples asked at most, the nearest ones.
     pub neighbours: usize,
 }
 
-/// What the samples say of a place.
+/// The estimate of the field at a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Estimate {
+pub struct FieldEstimate {
     /// Weighted mean of the neighbours' values; the archive's mean where nothing is near.
     pub value: f64,
     /// Sum of the neighbours' weights, each 0…1: how much has been sensed here.
@@ -150,6 +151,8 @@ impl Archive {
         } else {
             self.cells.insert(cell, self.samples.len() as u32);
             let centre = Position::from_coordinates(cell.map(|c| (c as f64 + 0.5) * cell_m));
+            // Indexed by the cell's centre, so that the index need not change as the mean place
+            // moves.
             self.append(sample, self.weighted(centre));
         }
         Ok(())
@@ -224,6 +227,8 @@ impl Archive {
             let at = found.partition_point(|n| n.distance_sq_m2 <= next.distance_sq_m2);
             found.insert(at, next);
             found.truncate(count.get());
+            // Once enough are found, the farthest of them bounds what the older trees need to look
+            // at.
             if found.len() == count.get() {
                 *limit = limit.min(found[count.get() - 1].distance_sq_m2);
             }
@@ -255,17 +260,18 @@ impl Archive {
         }
     }
 
-    /// What the samples near `position` say of it: the mean of the neighbours' values with
-    /// weights exp(−d²/2ℓ²) (Nadaraya 1964, Watson 1964) out to 3ℓ, and one more vote of
+    /// The estimate at `position`: the mean of the neighbours' values with
+    /// weights exp(−d²/2ℓ²) (Nadaraya 1964, Watson 1964) out to 3ℓ, and one more value of
     /// weight `prior_weight` for the archive's mean. `scratch` saves an allocation per call.
     pub fn estimate(
         &self,
         position: Position,
-        kernel: Kernel,
+        kernel: SmoothingKernel,
         prior_weight: f64,
         scratch: &mut Vec<Neighbour>,
-    ) -> Estimate {
+    ) -> FieldEstimate {
         self.nearest(position, kernel.neighbours, 3.0 * kernel.length_m, scratch);
+        // Gaussian weights; beyond three lengths they are below 1.2 % and are left out.
         let precision = 0.5 / (kernel.length_m * kernel.length_m);
         let (mut support, mut sum) = (0.0, 0.0);
         for n in scratch.iter() {
@@ -279,7 +285,7 @@ impl Archive {
         } else {
             self.mean()
         };
-        Estimate { value, support }
+        FieldEstimate { value, support }
     }
 
     fn weighted(&self, position: Position) -> [f64; 3] {
@@ -290,6 +296,7 @@ impl Archive {
     fn merge(&mut self, index: usize, sample: Sample) {
         let count = &mut self.counts[index];
         *count = count.saturating_add(1);
+        // A plain mean at first, then one that forgets: the field may change slowly.
         let part = (1.0 / f64::from(*count)).max(1.0 / self.options.memory);
         let kept = &mut self.samples[index];
         kept.value += part * (sample.value - kept.value);
@@ -312,6 +319,8 @@ impl Archive {
     /// than `RATIO` times what comes in.
     fn reindex(&mut self, mut start: usize) {
         let end = self.indexed.len();
+        // Trees that are not much larger than the new part go into it, so that sizes stay geometric
+        // and each sample is indexed a handful of times.
         while let Some((range, _)) = self.trees.last() {
             if range.len() >= RATIO * (end - start) {
                 break;

@@ -6,11 +6,11 @@
 //! Basis here: DE/rand/1/bin with F = 0.9, CR = 0.1, NP = 100.
 //!
 //! The source's full text is not public; where its abstract is silent, this is chosen:
-//! - *Fitness of a candidate* is what the samples near it say ([`Archive::estimate`]) plus a
-//!   bonus for what is unseen: `estimate + curiosity · spread · √(1 / (1 + support))`. Without the
+//! - *Fitness of a candidate* is the estimate from the samples near it ([`Archive::estimate`]) plus a
+//!   exploration bonus: `estimate + exploration · spread · √(1 / (1 + support))`. Without the
 //!   bonus the population settles on the best sample of the first minutes; with it a place that
 //!   has been visited often must be good to stay promising.
-//! - *Old members are judged anew* at each step, since samples have been added.
+//! - *Old members are evaluated anew* at each step, since samples have been added.
 //! - *Samples enter the population*: at each step the least promising members make room for
 //!   places around the best samples and for a few places drawn at random. DE alone moves one
 //!   coordinate at a time and carries what was found too slowly to the population.
@@ -26,10 +26,12 @@ use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-use crate::archive::{Archive, Kernel, Neighbour};
-use crate::differential::Differential;
+use crate::archive::{Archive, Neighbour, SmoothingKernel};
+use crate::differential_evolution::DifferentialEvolution;
 use crate::domain::Domain;
-use crate::{CseaError, Position, PromisingPoint, SearchStrategy, setting};
+use crate::error::{CseaError, setting};
+use crate::position::Position;
+use crate::strategy::{PromisingPoint, SearchStrategy};
 
 /// Settings of [`CsEa`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,14 +42,14 @@ pub struct CsEaOptions {
     pub differential_weight: f64,
     /// Crossover rate CR, 0…1.
     pub crossover: f64,
-    /// How samples speak for a place near them.
-    pub kernel: Kernel,
-    /// Weight of what is unseen, in standard deviations of the samples' values, 0…10.
-    pub curiosity: f64,
+    /// Weights of samples in the estimate at a place near them.
+    pub kernel: SmoothingKernel,
+    /// Weight of exploration, in standard deviations of the samples' values, 0…10.
+    pub exploration: f64,
     /// Share of the population replaced by random places at each step, 0…0.5.
     pub immigrants: f64,
     /// Share of the population replaced by places around the best samples at each step, 0…0.5.
-    pub recalled: f64,
+    pub elite: f64,
     /// Generations of DE at each step, 1…100.
     pub generations: usize,
 }
@@ -58,13 +60,13 @@ impl Default for CsEaOptions {
             population: 100,
             differential_weight: 0.9,
             crossover: 0.1,
-            kernel: Kernel {
+            kernel: SmoothingKernel {
                 length_m: 100.0,
                 neighbours: 8,
             },
-            curiosity: 1.0,
+            exploration: 1.0,
             immigrants: 0.05,
-            recalled: 0.2,
+            elite: 0.2,
             generations: 3,
         }
     }
@@ -75,7 +77,7 @@ impl Default for CsEaOptions {
 pub struct CsEa {
     domain: Domain,
     options: CsEaOptions,
-    differential: Differential,
+    differential: DifferentialEvolution,
     members: Vec<Position>,
     points: Vec<PromisingPoint>,
     scratch: Vec<Neighbour>,
@@ -103,12 +105,15 @@ impl CsEa {
             1e3,
             "1 to 1000",
         )?;
-        setting("curiosity", options.curiosity, 0.0, 10.0, "0 to 10")?;
+        setting("exploration", options.exploration, 0.0, 10.0, "0 to 10")?;
         setting("immigrants", options.immigrants, 0.0, 0.5, "0 to 0.5")?;
         Ok(Self {
             domain,
             options,
-            differential: Differential::new(options.differential_weight, options.crossover)?,
+            differential: DifferentialEvolution::new(
+                options.differential_weight,
+                options.crossover,
+            )?,
             members: Vec::new(),
             points: Vec::new(),
             scratch: Vec::new(),
@@ -118,8 +123,9 @@ impl CsEa {
     fn fitness(&mut self, archive: &Archive, position: Position) -> f64 {
         let kernel = self.options.kernel;
         let estimate = archive.estimate(position, kernel, 1.0, &mut self.scratch);
-        let unseen = (1.0 / (1.0 + estimate.support)).sqrt();
-        estimate.value + self.options.curiosity * archive.spread() * unseen
+        // Falls as the uncertainty of a mean of so many samples does.
+        let novelty = (1.0 / (1.0 + estimate.support)).sqrt();
+        estimate.value + self.options.exploration * archive.spread() * novelty
     }
 
     /// One generation of DE/rand/1/bin: a trial that is no less promising replaces its target.
@@ -131,6 +137,7 @@ impl CsEa {
                 .differential
                 .trial(&self.members, target, &self.domain, rng);
             let fitness = self.fitness(archive, position);
+            // Equals are accepted: on a plateau the population keeps drifting rather than freezing.
             if fitness >= self.points[target].fitness {
                 self.points[target] = PromisingPoint { position, fitness };
             }
@@ -141,13 +148,14 @@ impl CsEa {
     /// drawn at random.
     fn refresh(&mut self, archive: &Archive, rng: &mut ChaCha8Rng) {
         let share = |part: f64| (part * self.points.len() as f64).round() as usize;
-        let (recalled, immigrants) = (share(self.options.recalled), share(self.options.immigrants));
+        let (elite, immigrants) = (share(self.options.elite), share(self.options.immigrants));
         self.points.sort_by(|a, b| b.fitness.total_cmp(&a.fitness));
-        let best = archive.highest(recalled);
+        let best = archive.highest(elite);
+        // Ranked by fitness, the tail makes room; the best points are never lost.
         let kept = self.points.len() - best.len() - immigrants;
         for index in kept..self.points.len() {
             let position = match best.get(index - kept) {
-                Some(&near) => self.around(near, rng),
+                Some(&near) => self.near_elite(near, rng),
                 None => self.domain.draw(rng),
             };
             let fitness = self.fitness(archive, position);
@@ -156,7 +164,9 @@ impl CsEa {
     }
 
     /// A feasible place about a kernel length from `near`.
-    fn around(&self, near: Position, rng: &mut ChaCha8Rng) -> Position {
+    fn near_elite(&self, near: Position, rng: &mut ChaCha8Rng) -> Position {
+        // A sample may lie outside the domain, as on the climb after take-off; repair needs a
+        // feasible place to halve towards.
         let from = if self.domain.contains(near) {
             near
         } else {
@@ -166,7 +176,7 @@ impl CsEa {
             let off: f64 = rng.sample(StandardNormal);
             c + self.options.kernel.length_m * off
         });
-        self.domain.close(Position::from_coordinates(c), from, rng)
+        self.domain.repair(Position::from_coordinates(c), from, rng)
     }
 }
 
@@ -182,6 +192,7 @@ impl SearchStrategy for CsEa {
             self.points.push(PromisingPoint { position, fitness });
         }
         for index in 0..self.points.len() {
+            // What was promising a step ago may have been flown through since.
             self.points[index].fitness = self.fitness(archive, self.points[index].position);
         }
         self.refresh(archive, rng);

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 
-use crate::{CseaError, Position};
+use crate::error::CseaError;
+use crate::position::Position;
 
 /// Random places tried before a domain is called empty.
 const TRIES: usize = 4096;
@@ -17,8 +18,8 @@ pub struct Domain {
     low: [f64; 3],
     high: [f64; 3],
     allowed: Arc<dyn Fn(Position) -> bool + Send + Sync>,
-    /// A feasible place, so that a closure of last resort always exists.
-    refuge: Position,
+    /// A feasible place, so that a repair of last resort always exists.
+    fallback: Position,
 }
 
 impl fmt::Debug for Domain {
@@ -58,17 +59,17 @@ impl Domain {
             low,
             high,
             allowed: Arc::new(allowed),
-            refuge: centre,
+            fallback: centre,
         };
         let mut tries = 0;
-        while !(domain.allowed)(domain.refuge) {
+        while !(domain.allowed)(domain.fallback) {
             if tries == TRIES {
                 return Err(CseaError::Domain(format!(
                     "no place allowed among {TRIES} drawn from the box {low:?} to {high:?}"
                 )));
             }
             tries += 1;
-            domain.refuge = domain.draw_from_box(rng);
+            domain.fallback = domain.draw_from_box(rng);
         }
         Ok(domain)
     }
@@ -108,15 +109,16 @@ impl Domain {
                 return drawn;
             }
         }
-        self.refuge
+        self.fallback
     }
 
     /// Brings `wanted` into the domain: what lies outside the box is reflected at its faces;
     /// what is then not allowed is halved towards the feasible `from` a few times, and as a
     /// last resort becomes a place drawn at random.
-    pub fn close(&self, wanted: Position, from: Position, rng: &mut ChaCha8Rng) -> Position {
+    pub fn repair(&self, wanted: Position, from: Position, rng: &mut ChaCha8Rng) -> Position {
         let mut c = wanted.coordinates();
         for (axis, value) in c.iter_mut().enumerate() {
+            // Reflected rather than clamped: clamping would pile the population up on the faces.
             *value = reflect(*value, self.low[axis], self.high[axis]);
         }
         let start = from.coordinates();

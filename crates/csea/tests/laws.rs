@@ -4,8 +4,8 @@
 
 use air::geo::wrap_signed_deg;
 use csea::{
-    Archive, ArchiveOptions, CsEaOptions, CseaError, Differential, Domain, Kernel, Position,
-    PromisingPoint, STRATEGIES, Sample, choose_within_cone, strategy_by_name,
+    Archive, ArchiveOptions, CsEaOptions, CseaError, DifferentialEvolution, Domain, Position,
+    PromisingPoint, STRATEGIES, Sample, SmoothingKernel, choose_within_cone, strategy_by_name,
 };
 use proptest::prelude::*;
 use rand::SeedableRng;
@@ -88,7 +88,7 @@ proptest! {
     #[test]
     fn an_estimate_lies_between_the_values_sensed(positions in flown(), query in position()) {
         let archive = archive(&positions, Some(20.0));
-        let kernel = Kernel { length_m: 150.0, neighbours: 8 };
+        let kernel = SmoothingKernel { length_m: 150.0, neighbours: 8 };
         let estimate = archive.estimate(query, kernel, 1.0, &mut Vec::new());
         prop_assert!((0.0..=16.0).contains(&estimate.value));
         prop_assert!((0.0..=8.0).contains(&estimate.support));
@@ -101,9 +101,9 @@ proptest! {
         let keep_out = move |p: Position| p.at.distance_m(Position::default().at) >= radius;
         let domain = Domain::new(low, high, keep_out, &mut rng).unwrap();
         let from = domain.draw(&mut rng);
-        prop_assert!(domain.contains(domain.close(wanted, from, &mut rng)));
+        prop_assert!(domain.contains(domain.repair(wanted, from, &mut rng)));
         let members: Vec<_> = (0..10).map(|_| domain.draw(&mut rng)).collect();
-        let de = Differential::new(0.9, 0.5).unwrap();
+        let de = DifferentialEvolution::new(0.9, 0.5).unwrap();
         for target in 0..10 {
             prop_assert!(domain.contains(de.trial(&members, target, &domain, &mut rng)));
         }

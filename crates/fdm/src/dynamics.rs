@@ -66,7 +66,7 @@ pub struct AirState {
 
 /// Time derivative of a [`Body`], and the specific force on the way.
 #[derive(Debug, Clone, Copy)]
-pub struct Slope {
+pub struct StateDerivative {
     /// Of position: the velocity, NED, m/s.
     pub vel_ned: [f64; 3],
     /// Of velocity, NED, m/s².
@@ -132,6 +132,19 @@ pub fn euler(m: &[[f64; 3]; 3]) -> [f64; 3] {
         angle(m[2][1], m[2][2]),
         angle(-m[2][0], level),
         angle(m[1][0], m[0][0]),
+    ]
+}
+
+/// Attitude quaternion of roll, pitch and yaw (rad), body to NED.
+pub fn quaternion(roll_rad: f64, pitch_rad: f64, yaw_rad: f64) -> [f64; 4] {
+    let (sr, cr) = (0.5 * roll_rad).sin_cos();
+    let (sp, cp) = (0.5 * pitch_rad).sin_cos();
+    let (sy, cy) = (0.5 * yaw_rad).sin_cos();
+    [
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
     ]
 }
 
@@ -212,6 +225,8 @@ impl Dynamics {
     #[inline(always)]
     fn lift_and_drag(&self, flow: &Flow, q_hat: f64, elevator: f64) -> (f64, f64, f64) {
         let (lift, drag) = (&self.aircraft.lift, &self.aircraft.drag);
+        // Beyond stall the linear coefficients are held and fade into those of a flat plate;
+        // smooth, so that a step of the integrator does not see a kink.
         let alpha = bounded(
             flow.alpha,
             self.alpha_min - STALL_BLEND_RAD,
@@ -252,6 +267,8 @@ impl Dynamics {
         let speed = flow.airspeed;
         let half_rho = density * 0.5;
         let qbar_s = half_rho * speed * speed * a.wing.area_m2;
+        // At rest the dimensionless rates would be infinite; the dynamic pressure that multiplies
+        // them is nil.
         let per_2v = 0.5 / larger(speed, AIRSPEED_FLOOR_M_S);
         let p_hat = rate[0] * per_2v * a.wing.span_m;
         let q_hat = rate[1] * per_2v * a.wing.chord_m;
@@ -303,7 +320,7 @@ impl Dynamics {
 
     /// The derivative of the state.
     #[inline(always)]
-    pub fn slope(&self, body: &Body, controls: &Controls, air: &AirState) -> Slope {
+    pub fn derivative(&self, body: &Body, controls: &Controls, air: &AirState) -> StateDerivative {
         let m = rotation(&body.attitude);
         let flow = flow(&m, &body.vel_ned, &air.wind_ned);
         let (force, moment) = self.load(&flow, &body.rate, controls, air.density);
@@ -313,7 +330,7 @@ impl Dynamics {
         };
         let [w, x, y, z] = body.attitude;
         let [p, q, r] = body.rate;
-        Slope {
+        StateDerivative {
             vel_ned: body.vel_ned,
             acc_ned: [out(&m[0]), out(&m[1]), out(&m[2]) + STANDARD_GRAVITY_M_S2],
             attitude: [
@@ -333,6 +350,7 @@ impl Dynamics {
     pub fn angular_acceleration(&self, rate: &[f64; 3], moment: &[f64; 3]) -> [f64; 3] {
         let b = &self.aircraft.body;
         let [p, q, r] = *rate;
+        // Angular momentum; the product of inertia couples roll and yaw.
         let momentum = [
             p * b.ixx_kg_m2 - r * b.ixz_kg_m2,
             q * b.iyy_kg_m2,
@@ -362,10 +380,10 @@ impl Dynamics {
         air: &AirState,
         dt: f64,
     ) -> (Body, [f64; 3]) {
-        let k1 = self.slope(body, &controls[0], air);
-        let k2 = self.slope(&advance(body, &k1, 0.5 * dt), &controls[1], air);
-        let k3 = self.slope(&advance(body, &k2, 0.5 * dt), &controls[1], air);
-        let k4 = self.slope(&advance(body, &k3, dt), &controls[2], air);
+        let k1 = self.derivative(body, &controls[0], air);
+        let k2 = self.derivative(&advance(body, &k1, 0.5 * dt), &controls[1], air);
+        let k3 = self.derivative(&advance(body, &k2, 0.5 * dt), &controls[1], air);
+        let k4 = self.derivative(&advance(body, &k3, dt), &controls[2], air);
         let sixth = dt / 6.0;
         let mix = |a: f64, b: f64, c: f64, d: f64| (a + (b + c) * 2.0 + d) * sixth;
         let mut new = *body;
@@ -383,6 +401,8 @@ impl Dynamics {
             );
         }
         let [w, x, y, z] = new.attitude;
+        // Integration lets the quaternion's length drift; renormalised at each step it stays a
+        // rotation.
         let scale = 1.0 / (w * w + x * x + y * y + z * z).sqrt();
         new.attitude = new.attitude.map(|part| part * scale);
         (new, k4.specific_force)
@@ -391,7 +411,7 @@ impl Dynamics {
 
 /// The state moved along a slope for `dt`.
 #[inline(always)]
-fn advance(body: &Body, slope: &Slope, dt: f64) -> Body {
+fn advance(body: &Body, slope: &StateDerivative, dt: f64) -> Body {
     let mut new = *body;
     for k in 0..3 {
         // Position does not enter the forces; only its final value is needed.

@@ -1,125 +1,19 @@
 //! One vehicle in the air or on the ground: servos, motor, rigid body, launcher and landing slide.
 
-mod batch;
 mod delay;
 mod ground;
 
-use crate::FdmError;
 use crate::aircraft::Aircraft;
-use crate::dynamics::{AirState, Body, Controls, Dynamics, euler, flow, rotation};
-use crate::mechanism::{Extended, SensorErrors};
+use crate::dynamics::{AirState, Body, Controls, Dynamics, euler, flow, quaternion, rotation};
+use crate::error::FdmError;
+use crate::extended::{ExtendedAircraft, SensorErrors};
 use crate::servo::{LagStep, Servo};
+use crate::state::{AirAround, FlightFlags, FlightPhase, FlightState, SurfaceCommand, sanitised};
 use crate::trim::{self, Trim};
-pub(crate) use delay::DelayLine;
+use delay::DelayLine;
 
 /// Angular rate beyond which the model has no meaning, rad/s: it is held there.
-pub(crate) const HIGHEST_RATE_RAD_S: f64 = 30.0;
-
-/// The air around a vehicle during one step; gusts are the caller's to add.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AirAround {
-    /// Vector towards which the air moves, NED, m/s.
-    pub wind_ned_m_s: [f64; 3],
-    /// Air density, kg/m³.
-    pub density_kg_m3: f64,
-}
-
-impl AirAround {
-    /// Still air of the standard atmosphere at sea level.
-    pub const STANDARD_CALM: Self = Self {
-        wind_ned_m_s: [0.0; 3],
-        density_kg_m3: 1.225,
-    };
-}
-
-/// What a pilot or autopilot asks of surfaces and motor. Out-of-range values are limited to the
-/// travel; values that are not finite keep the last command.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct SurfaceCommand {
-    /// Elevator, rad, trailing edge down positive.
-    pub elevator_rad: f64,
-    /// Aileron (left − right)/2, rad, positive rolls right.
-    pub aileron_rad: f64,
-    /// Rudder, rad, trailing edge left positive; without effect on an elevon aircraft.
-    pub rudder_rad: f64,
-    /// Throttle, 0 to 1.
-    pub throttle: f64,
-    /// Releases the launcher of a vehicle that stands on it.
-    pub launch: bool,
-}
-
-/// Whether a vehicle flies.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Phase {
-    /// On the launcher, or stopped after a landing and set up again.
-    OnGround,
-    /// Being accelerated by the launcher.
-    Launching,
-    /// In the air.
-    Flying,
-    /// Sliding on its belly after touch-down.
-    Sliding,
-}
-
-/// Whether the state is inside what the model is valid for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct FlightFlags {
-    /// Angle of attack beyond the linear model.
-    pub stalled: bool,
-    /// Sideslip beyond the linear model.
-    pub sideslip: bool,
-    /// Airspeed above the airframe's limit.
-    pub overspeed: bool,
-    /// On or in contact with the ground.
-    pub on_ground: bool,
-    /// It touched down harder than the airframe allows; stays set until the next launch.
-    pub hard_landing: bool,
-    /// A rate had to be held at its bound, or a step refused because it left the finite numbers.
-    pub outside_model: bool,
-}
-
-/// Everything that can be known of a vehicle at one instant.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FlightState {
-    /// Metres north of the site's origin.
-    pub north_m: f64,
-    /// Metres east of the site's origin.
-    pub east_m: f64,
-    /// Altitude above mean sea level, m.
-    pub alt_amsl_m: f64,
-    /// Velocity over ground, NED, m/s.
-    pub vel_ned_m_s: [f64; 3],
-    /// Roll angle, rad.
-    pub roll_rad: f64,
-    /// Pitch angle, rad.
-    pub pitch_rad: f64,
-    /// Yaw angle (true heading), rad in `(−π, π]`.
-    pub yaw_rad: f64,
-    /// Attitude quaternion (w, x, y, z), body to NED.
-    pub attitude: [f64; 4],
-    /// Angular rate in body axes, rad/s.
-    pub rate_rad_s: [f64; 3],
-    /// True airspeed, m/s.
-    pub airspeed_m_s: f64,
-    /// Angle of attack, rad.
-    pub alpha_rad: f64,
-    /// Sideslip, rad.
-    pub beta_rad: f64,
-    /// Elevator as it stands, rad.
-    pub elevator_rad: f64,
-    /// Aileron as it stands, rad.
-    pub aileron_rad: f64,
-    /// Rudder as it stands, rad.
-    pub rudder_rad: f64,
-    /// Motor state, 0 to 1.
-    pub throttle: f64,
-    /// Specific force at the centre of gravity, body axes, m/s².
-    pub specific_force_m_s2: [f64; 3],
-    /// Whether it flies.
-    pub phase: Phase,
-    /// Validity of the model here.
-    pub flags: FlightFlags,
-}
+const HIGHEST_RATE_RAD_S: f64 = 30.0;
 
 /// A vehicle that flies.
 #[derive(Debug, Clone, PartialEq)]
@@ -136,7 +30,7 @@ pub struct FlightSim {
     wind_bias: [f64; 3],
     ground_amsl_m: f64,
     launch_heading_rad: f64,
-    phase: Phase,
+    phase: FlightPhase,
     flags: FlightFlags,
     specific_force: [f64; 3],
     wind_ned: [f64; 3],
@@ -156,7 +50,7 @@ impl FlightSim {
         heading_deg: f64,
         airspeed_m_s: f64,
     ) -> Result<Self, FdmError> {
-        let extended = Extended::of(aircraft)?;
+        let extended = ExtendedAircraft::of(aircraft)?;
         let mut sim = Self::still(&extended, [north_m, east_m, -alt_amsl_m], heading_deg);
         let density = AirAround::STANDARD_CALM.density_kg_m3;
         let trim = trim::level(&sim.dynamics, airspeed_m_s, density)?;
@@ -175,7 +69,7 @@ impl FlightSim {
         ground_amsl_m: f64,
         heading_deg: f64,
     ) -> Result<Self, FdmError> {
-        let extended = Extended::of(aircraft)?;
+        let extended = ExtendedAircraft::of(aircraft)?;
         let down = -(ground_amsl_m + aircraft.ground.rest_height_m);
         let mut sim = Self::still(&extended, [north_m, east_m, down], heading_deg);
         sim.ground_amsl_m = ground_amsl_m;
@@ -188,7 +82,7 @@ impl FlightSim {
         Ok(sim)
     }
 
-    fn still(extended: &Extended, pos_ned: [f64; 3], heading_deg: f64) -> Self {
+    fn still(extended: &ExtendedAircraft, pos_ned: [f64; 3], heading_deg: f64) -> Self {
         let heading = heading_deg.to_radians();
         Self {
             dynamics: Dynamics::new(&extended.aircraft),
@@ -210,7 +104,7 @@ impl FlightSim {
             half_step: None,
             ground_amsl_m: f64::NEG_INFINITY,
             launch_heading_rad: heading,
-            phase: Phase::OnGround,
+            phase: FlightPhase::OnGround,
             flags: FlightFlags::default(),
             specific_force: [0.0, 0.0, -air::STANDARD_GRAVITY_M_S2],
             wind_ned: [0.0; 3],
@@ -231,7 +125,7 @@ impl FlightSim {
         self.body.rate = [0.0; 3];
         self.wind_ned = wind_ned_m_s;
         self.last = trim.command();
-        // The trim says where the surfaces stand.
+        // The trim is where the surfaces stand, the command what makes them stand there.
         let surfaces = &self.dynamics.aircraft.surfaces;
         self.last.elevator_rad -= surfaces.elevator_offset_deg.to_radians();
         self.last.aileron_rad -= surfaces.aileron_offset_deg.to_radians();
@@ -242,7 +136,7 @@ impl FlightSim {
             .servo_angles(&self.last)
             .map(|angle| Servo { angle, rate: 0.0 });
         self.motor = trim.throttle;
-        self.phase = Phase::Flying;
+        self.phase = FlightPhase::Flying;
         self.flags = FlightFlags::default();
     }
 
@@ -255,7 +149,7 @@ impl FlightSim {
             self.body.vel_ned = vel_ned_m_s;
             self.body.attitude = attitude.map(|part| part / norm);
             self.body.rate = rate_rad_s;
-            self.phase = Phase::Flying;
+            self.phase = FlightPhase::Flying;
         }
     }
 
@@ -277,7 +171,7 @@ impl FlightSim {
         }
     }
 
-    /// The state as the vehicle's own sensors tell it, with the errors of its mechanisms.
+    /// The state as the vehicle's own sensors measure it, with the errors of its mechanisms.
     pub fn sensed(&self) -> FlightState {
         self.sensors.of(&self.state())
     }
@@ -295,17 +189,20 @@ impl FlightSim {
         }
         let air = self.usable(air);
         self.last = sanitised(command, &self.last);
+        // The delay counts calls, not the inner steps: a command changes once a call.
         let calls = DelayLine::calls(self.aircraft().surfaces.delay_s, dt_s);
         let command = self.delay.pass(&self.last, calls);
+        // A long tick is cut so that no mode of the aircraft is stepped too coarsely; equal steps
+        // keep the servos' exact transition valid for all.
         let count = self.dynamics.steps_in(dt_s);
         let dt = dt_s / count;
         let lag = self.lag_step(dt);
         for _ in 0..count as usize {
             match self.phase {
-                Phase::Flying => self.fly(dt, &air, &command, &lag),
-                Phase::OnGround => self.stand(&lag, &command),
-                Phase::Launching => self.launch(dt, &air, &command, &lag),
-                Phase::Sliding => self.slide(dt, &lag, &command),
+                FlightPhase::Flying => self.fly(dt, &air, &command, &lag),
+                FlightPhase::OnGround => self.stand(&lag, &command),
+                FlightPhase::Launching => self.launch(dt, &air, &command, &lag),
+                FlightPhase::Sliding => self.slide(dt, &lag, &command),
             }
         }
     }
@@ -326,13 +223,13 @@ impl FlightSim {
         let flow = flow(&m, &self.body.vel_ned, &self.wind_ned);
         let controls = self.controls();
         let mut flags = self.flags;
-        if self.phase == Phase::Flying {
+        if self.phase == FlightPhase::Flying {
             let (attached, straight) = self.dynamics.flow_is_valid(flow.alpha, flow.beta);
             flags.stalled = !attached;
             flags.sideslip = !straight;
             flags.overspeed = flow.airspeed > self.aircraft().limits.airspeed_max_m_s;
         }
-        flags.on_ground = self.phase != Phase::Flying;
+        flags.on_ground = self.phase != FlightPhase::Flying;
         let [roll_rad, pitch_rad, yaw_rad] = euler(&m);
         FlightState {
             north_m: self.body.pos_ned[0],
@@ -413,6 +310,8 @@ impl FlightSim {
     /// One step of the rigid body; a step that leaves the finite numbers is not taken.
     fn advance(&mut self, dt: f64, air: &AirState, controls: &[Controls; 3]) {
         let (mut body, force) = self.dynamics.rk4(&self.body, controls, air, dt);
+        // A vehicle that leaves the numbers must not spread NaN through the mission: it
+        // keeps its last state and raises its flag.
         let finite = body
             .pos_ned
             .iter()
@@ -436,29 +335,4 @@ impl FlightSim {
         self.body = body;
         self.specific_force = force;
     }
-}
-
-/// The command with what is not finite replaced by the last one.
-pub(crate) fn sanitised(command: &SurfaceCommand, last: &SurfaceCommand) -> SurfaceCommand {
-    let keep = |new: f64, old: f64| if new.is_finite() { new } else { old };
-    SurfaceCommand {
-        elevator_rad: keep(command.elevator_rad, last.elevator_rad),
-        aileron_rad: keep(command.aileron_rad, last.aileron_rad),
-        rudder_rad: keep(command.rudder_rad, last.rudder_rad),
-        throttle: keep(command.throttle, last.throttle),
-        launch: command.launch,
-    }
-}
-
-/// Attitude quaternion of roll, pitch and yaw (rad), body to NED.
-pub fn quaternion(roll_rad: f64, pitch_rad: f64, yaw_rad: f64) -> [f64; 4] {
-    let (sr, cr) = (0.5 * roll_rad).sin_cos();
-    let (sp, cp) = (0.5 * pitch_rad).sin_cos();
-    let (sy, cy) = (0.5 * yaw_rad).sin_cos();
-    [
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    ]
 }

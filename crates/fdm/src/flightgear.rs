@@ -5,7 +5,7 @@
 //! second, knots for the calibrated airspeed, metres for heights).
 
 use crate::aircraft::Surfaces;
-use crate::flight::{FlightState, Phase};
+use crate::state::{FlightPhase, FlightState};
 
 /// Length of a packet, bytes.
 pub const PACKET_BYTES: usize = 408;
@@ -15,7 +15,7 @@ const KNOT_M_S: f64 = 1852.0 / 3600.0;
 /// Engine state "running".
 const RUNNING: u32 = 2;
 
-/// What one packet tells.
+/// What one packet carries.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NetFdm {
     /// Geodetic latitude, degrees.
@@ -91,7 +91,7 @@ impl NetFdm {
         out.whole(0);
         out.skip(4);
         out.whole(1);
-        out.whole(u32::from(state.phase != Phase::Flying));
+        out.whole(u32::from(state.phase != FlightPhase::Flying));
         out.skip(2 + 3 * 3);
         out.whole(self.unix_time_s);
         out.skip(1);

@@ -1,6 +1,37 @@
 //! How a small fixed-wing aircraft flies: aerodynamics, propulsion, servos, rigid body, and the
 //! autopilot's loops.
 //!
+//! - [`Aircraft`]: the aircraft as its TOML file describes it; [`extended::ExtendedAircraft`] adds
+//!   the [`mechanism`]s by which the one that flies differs from that description;
+//! - [`FlightSim`]: one vehicle in flight or on the ground, stepped through [`AirAround`] by
+//!   [`SurfaceCommand`]s; what is known of it is a [`FlightState`];
+//! - [`autopilot::Autopilot`]: from a path, an altitude and an airspeed to a `SurfaceCommand`;
+//! - [`dynamics`], [`trim`]: equations of motion, steady flight, linear model and modes;
+//! - [`tune`]: finding and judging the autopilot's gains.
+//!
+//! A minute of flight by autopilot:
+//!
+//! ```
+//! use fdm::autopilot::{Autopilot, Demand, Path, Sensed};
+//! use fdm::{AirAround, Aircraft, FlightSim};
+//!
+//! let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../aircraft/x8.toml"));
+//! let aircraft = Aircraft::from_toml("x8.toml", text)?;
+//! let mut sim = FlightSim::airborne(&aircraft, 0.0, 0.0, 400.0, 0.0, 18.0)?;
+//! let mut autopilot = Autopilot::new(&aircraft);
+//! let (air, dt_s) = (AirAround::STANDARD_CALM, 0.02);
+//! let path = Path::Course { deg: 90.0 };
+//! let demand = Demand { path, alt_amsl_m: 430.0, airspeed_m_s: 18.0 };
+//! for _ in 0..3000 {
+//!     let sensed = Sensed::perfect(&sim.state(), air.density_kg_m3);
+//!     let command = autopilot.command(dt_s, &sensed, &demand);
+//!     sim.step(dt_s, &air, &command);
+//! }
+//! assert!((sim.state().alt_amsl_m - 430.0).abs() < 1.0);
+//! assert!((sim.state().yaw_rad.to_degrees() - 90.0).abs() < 1.0);
+//! # Ok::<(), fdm::FdmError>(())
+//! ```
+//!
 //! Pure: no clock, file, socket, environment or global random number. Time steps and seeds are
 //! arguments, and the same arguments give the same bits.
 //!
@@ -10,152 +41,24 @@
 //! *towards* which the air moves.
 
 pub mod aircraft;
+mod aircraft_file;
 pub mod autopilot;
-pub mod battery;
-pub mod control_level;
 pub mod dynamics;
-pub mod fleet;
+mod error;
+pub mod extended;
 pub mod flight;
 pub mod flightgear;
 pub mod mechanism;
+mod mixing;
+mod range;
 mod scalar;
 pub mod servo;
+pub mod state;
 pub mod trim;
 pub mod tune;
 
 pub use aircraft::Aircraft;
-pub use flight::{
-    AirAround, FlightFlags, FlightSim, FlightState, Phase, SurfaceCommand, quaternion,
-};
-
-/// What this crate refuses, with what would be right.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum FdmError {
-    /// An aircraft file that is not TOML of the expected shape.
-    #[error("{file}:{line}:{column}: {message}")]
-    Syntax {
-        /// The file's name.
-        file: String,
-        /// Line, from 1.
-        line: usize,
-        /// Column, from 1.
-        column: usize,
-        /// What was wrong and what was expected.
-        message: String,
-    },
-    /// A number that no aircraft, gain or mechanism of this model can have.
-    #[error("{place}{key} is {value}; expected {expected}")]
-    Refused {
-        /// `file:line: `, or empty when the value did not come from a file.
-        place: String,
-        /// Table and key.
-        key: String,
-        /// The value that came in.
-        value: f64,
-        /// What would be right.
-        expected: String,
-    },
-    /// No steady flight exists at the asked speed.
-    #[error("no trim at {airspeed_m_s} m/s and {density_kg_m3} kg/m³: {why}")]
-    NoTrim {
-        /// The airspeed asked for, m/s.
-        airspeed_m_s: f64,
-        /// The air density, kg/m³.
-        density_kg_m3: f64,
-        /// What fails.
-        why: String,
-    },
-    /// A mechanism or parameter that the catalogue does not have.
-    #[error("unknown mechanism {id}; known are {known}")]
-    UnknownMechanism {
-        /// The id, with the parameter where that is unknown.
-        id: String,
-        /// Every id of the catalogue.
-        known: String,
-    },
-    /// No gains with the margins asked for.
-    #[error(
-        "none of {candidates} sets of gains keeps {gain_db} dB and {phase_deg}° in every loop; with those of the file: {before}"
-    )]
-    NoMargins {
-        /// Gain margin asked for, dB.
-        gain_db: f64,
-        /// Phase margin asked for, degrees.
-        phase_deg: f64,
-        /// Sets tried.
-        candidates: usize,
-        /// The loops of the file's gains that lack margin.
-        before: String,
-    },
-    /// An aircraft that cannot be written as TOML.
-    #[error("aircraft cannot be written as TOML: {0}")]
-    Unwritable(String),
-}
-
-/// A refusal that does not know its file yet.
-pub(crate) fn refuse(key: &str, value: f64, expected: impl Into<String>) -> FdmError {
-    FdmError::Refused {
-        place: String::new(),
-        key: key.to_owned(),
-        value,
-        expected: expected.into(),
-    }
-}
-
-impl FdmError {
-    /// A parser's complaint, with line and column counted from 1.
-    fn syntax(file: &str, text: &str, error: &toml::de::Error) -> Self {
-        let start = error.span().map_or(0, |span| span.start.min(text.len()));
-        let before = &text.as_bytes()[..start];
-        let line = before.iter().filter(|byte| **byte == b'\n').count() + 1;
-        let column = start
-            - before
-                .iter()
-                .rposition(|b| *b == b'\n')
-                .map_or(0, |i| i + 1)
-            + 1;
-        Self::Syntax {
-            file: file.to_owned(),
-            line,
-            column,
-            message: error.message().to_owned(),
-        }
-    }
-
-    /// Says in which file and line the refused key stands (or its table, when it is left out).
-    fn located_in(self, file: &str, text: &str) -> Self {
-        match self {
-            Self::Refused {
-                key,
-                value,
-                expected,
-                ..
-            } => Self::Refused {
-                place: format!("{file}:{}: ", line_of(text, &key)),
-                key,
-                value,
-                expected,
-            },
-            other => other,
-        }
-    }
-}
-
-/// The line, from 1, on which `table.key` is set.
-fn line_of(text: &str, dotted: &str) -> usize {
-    let (table, key) = dotted.split_once('.').unwrap_or(("", dotted));
-    let mut current = "";
-    let mut table_line = 1;
-    for (number, line) in text.lines().enumerate() {
-        let line = line.trim();
-        if let Some(header) = line.strip_prefix('[').and_then(|l| l.split(']').next()) {
-            current = header.trim();
-            if current == table {
-                table_line = number + 1;
-            }
-        } else if current == table && line.split('=').next().map(str::trim) == Some(key) {
-            return number + 1;
-        }
-    }
-    table_line
-}
+pub use dynamics::quaternion;
+pub use error::FdmError;
+pub use flight::FlightSim;
+pub use state::{AirAround, FlightFlags, FlightPhase, FlightState, SurfaceCommand};

@@ -53,6 +53,8 @@ impl LagStep {
     #[inline(always)]
     pub fn servo(&self, servo: Servo, command: f64) -> Servo {
         let command = bounded(command, self.low, self.high);
+        // The exact solution of the linear lag over the step: stable at any step, where RK4 would
+        // diverge on the servo's fast pole.
         let off = servo.angle - command;
         let moved = off * self.phi[0][0] + servo.rate * self.phi[0][1] + command - servo.angle;
         let rate = off * self.phi[1][0] + servo.rate * self.phi[1][1];

@@ -2,9 +2,9 @@
 
 use nalgebra::{Complex, DMatrix, Matrix3, Vector3};
 
-use crate::FdmError;
-use crate::dynamics::{AirState, Body, Controls, Dynamics};
-use crate::flight::{SurfaceCommand, quaternion};
+use crate::dynamics::{AirState, Body, Controls, Dynamics, quaternion};
+use crate::error::FdmError;
+use crate::state::SurfaceCommand;
 
 /// Steady wings-level flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,7 +70,7 @@ pub fn climb(
             rudder: 0.0,
             throttle: x[2],
         };
-        let slope = dynamics.slope(&body, &controls, &calm(density_kg_m3));
+        let slope = dynamics.derivative(&body, &controls, &calm(density_kg_m3));
         Vector3::new(slope.acc_ned[0], slope.acc_ned[2], slope.rate[1])
     };
     let mut x = Vector3::new(0.05, 0.0, 0.8);
@@ -88,6 +88,8 @@ pub fn climb(
             .lu()
             .solve(&r)
             .ok_or_else(|| refusal("the controls have no effect"))?;
+        // Damped Newton: a full step from a poor start would leave the linear range and find a trim
+        // beyond stall.
         x -= step.map(|s| s.clamp(-0.2, 0.2));
         if step.norm() < 1e-13 {
             break;
@@ -145,7 +147,7 @@ fn flying(airspeed: f64, path: f64, alpha: f64) -> Body {
 /// throttle); lateral x = (right speed v, roll rate p, yaw rate r, roll φ), u = (aileron, rudder);
 /// SI units and radians, body axes.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Linear {
+pub struct LinearModel {
     /// Longitudinal state matrix, 4 × 4.
     pub a_longitudinal: DMatrix<f64>,
     /// Longitudinal input matrix, 4 × 2.
@@ -188,7 +190,7 @@ fn body_axes_slope(dynamics: &Dynamics, density: f64, x: &[f64; 8], c: &[f64; 4]
         throttle: c[3],
     };
     // With identity attitude the specific force is that of body-axis velocities (u, v, w).
-    let slope = dynamics.slope(&body, &controls, &calm(density));
+    let slope = dynamics.derivative(&body, &controls, &calm(density));
     let [fx, fy, fz] = slope.specific_force;
     let g = air::STANDARD_GRAVITY_M_S2;
     let (sr, cr) = roll.sin_cos();
@@ -206,7 +208,7 @@ fn body_axes_slope(dynamics: &Dynamics, density: f64, x: &[f64; 8], c: &[f64; 4]
 }
 
 /// Linearises about a trim by central differences.
-pub fn linearise(dynamics: &Dynamics, trim: &Trim) -> Linear {
+pub fn linearise(dynamics: &Dynamics, trim: &Trim) -> LinearModel {
     let (v, a) = (trim.airspeed_m_s, trim.alpha_rad);
     let x0 = [
         v * a.cos(),
@@ -220,6 +222,8 @@ pub fn linearise(dynamics: &Dynamics, trim: &Trim) -> Linear {
     ];
     let c0 = [trim.elevator_rad, 0.0, 0.0, trim.throttle];
     let slope = |x: &[f64; 8], c: &[f64; 4]| body_axes_slope(dynamics, trim.density_kg_m3, x, c);
+    // Central differences: the error of rounding and that of curvature are about equal at this
+    // step.
     let h = 1e-5;
     let by_state = |k: usize| {
         let (mut up, mut down) = (x0, x0);
@@ -238,7 +242,7 @@ pub fn linearise(dynamics: &Dynamics, trim: &Trim) -> Linear {
     let states: [[f64; 8]; 8] = std::array::from_fn(by_state);
     let inputs: [[f64; 8]; 4] = std::array::from_fn(by_control);
     let (lon, lat) = ([0, 2, 4, 7], [1, 3, 5, 6]);
-    Linear {
+    LinearModel {
         a_longitudinal: DMatrix::from_fn(4, 4, |i, j| states[lon[j]][lon[i]]),
         b_longitudinal: DMatrix::from_fn(4, 2, |i, j| inputs[[0, 3][j]][lon[i]]),
         a_lateral: DMatrix::from_fn(4, 4, |i, j| states[lat[j]][lat[i]]),
@@ -246,7 +250,7 @@ pub fn linearise(dynamics: &Dynamics, trim: &Trim) -> Linear {
     }
 }
 
-impl Linear {
+impl LinearModel {
     /// The natural modes, by the eigenvalues of the state matrices.
     pub fn modes(&self) -> Modes {
         let mut lon = pairs(&self.a_longitudinal);

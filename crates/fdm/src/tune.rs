@@ -9,25 +9,24 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use serde::Serialize;
 
-use crate::FdmError;
-use crate::aircraft::Aircraft;
-use crate::autopilot::ControlGains;
+use crate::aircraft::{Aircraft, ControlGains};
+use crate::error::FdmError;
 use crate::mechanism::Mechanism;
 
 mod aircraft_file;
 mod flights;
 mod margins;
-mod outer;
+mod outer_loops;
 mod robustness;
-mod steps;
+mod step_responses;
 mod weather;
 
 pub use aircraft_file::with_gains;
 pub use flights::Evaluation;
 pub use margins::{LoopMargin, Required};
 pub use robustness::RobustnessCase;
-pub use steps::StepResponse;
-pub use weather::Weather;
+pub use step_responses::StepResponse;
+pub use weather::WeatherCase;
 
 /// Period of the controller, s.
 const TICK_S: f64 = 0.02;
@@ -53,9 +52,9 @@ pub struct TuneOrder {
     /// Candidates tried, each flown in every weather.
     pub candidates: usize,
     /// Weather that the search flies in.
-    pub weather: Vec<Weather>,
+    pub weather: Vec<WeatherCase>,
     /// Weather that it does not see, for the judgement.
-    pub held_out: Vec<Weather>,
+    pub held_out: Vec<WeatherCase>,
     /// Margins that every loop must keep.
     pub required: Required,
 }
@@ -66,8 +65,8 @@ impl TuneOrder {
         Self {
             seed,
             candidates: 300,
-            weather: Weather::standard(seed),
-            held_out: Weather::drawn(seed, 12),
+            weather: WeatherCase::standard(seed),
+            held_out: WeatherCase::drawn(seed, 12),
             required: Required::USUAL,
         }
     }
@@ -177,7 +176,7 @@ fn slowed(gains: &ControlGains, factor: f64) -> ControlGains {
 /// gusts the same so that only gains make the difference. A candidate is taken when it costs less,
 /// every loop keeps the margins, and on aircraft that are not as described it flies wherever the
 /// gains of the file do and keeps half the margins (or theirs, where these are less). What is found must then be no worse in weather that the search did not
-/// see, else the gains of the file stay. `told` hears how many candidates of how many are done.
+/// see, else the gains of the file stay. `progress` is called with how many candidates of how many are done.
 ///
 /// # Errors
 /// The aircraft's own faults; [`FdmError::NoTrim`] when it cannot fly at its cruise speed;
@@ -185,17 +184,17 @@ fn slowed(gains: &ControlGains, factor: f64) -> ControlGains {
 pub fn tune(
     aircraft: &Aircraft,
     order: &TuneOrder,
-    told: &mut dyn FnMut(usize, usize),
+    progress: &mut dyn FnMut(usize, usize),
 ) -> Result<TuneReport, FdmError> {
     aircraft.check()?;
-    told(0, order.candidates);
+    progress(0, order.candidates);
     let before = judge(aircraft, order, &aircraft.control)?;
-    let search = Search {
+    let search = GainSearch {
         aircraft,
         order,
         before: &before,
     };
-    let (found, history) = search.run(told)?;
+    let (found, history) = search.run(progress)?;
     let found = match found {
         Some(gains) => judge(aircraft, order, &gains)?,
         None => return Err(no_margins(&before, order)),
@@ -238,17 +237,17 @@ fn no_margins(before: &Judged, order: &TuneOrder) -> FdmError {
 }
 
 /// What a search needs to know.
-struct Search<'a> {
+struct GainSearch<'a> {
     aircraft: &'a Aircraft,
     order: &'a TuneOrder,
     before: &'a Judged,
 }
 
-impl Search<'_> {
+impl GainSearch<'_> {
     /// The best gains, if any have the margins, and the best cost after each candidate.
     fn run(
         &self,
-        told: &mut dyn FnMut(usize, usize),
+        progress: &mut dyn FnMut(usize, usize),
     ) -> Result<(Option<ControlGains>, Vec<f64>), FdmError> {
         let order = self.order;
         let mut best = self.start()?;
@@ -256,8 +255,8 @@ impl Search<'_> {
         let mut rng = ChaCha8Rng::seed_from_u64(order.seed);
         let mut history = Vec::with_capacity(order.candidates);
         for trial in 0..order.candidates {
-            let progress = trial as f64 / order.candidates.max(1) as f64;
-            let spread = FIRST_SPREAD * (LAST_SPREAD / FIRST_SPREAD).powf(progress);
+            let done = trial as f64 / order.candidates.max(1) as f64;
+            let spread = FIRST_SPREAD * (LAST_SPREAD / FIRST_SPREAD).powf(done);
             let mut gains = best.0;
             for gain in varied(&mut gains) {
                 let step: f64 = StandardNormal.sample(&mut rng);
@@ -275,7 +274,7 @@ impl Search<'_> {
                 }
             }
             history.push(best.1);
-            told(trial + 1, order.candidates);
+            progress(trial + 1, order.candidates);
         }
         Ok((best.1.is_finite().then_some(best.0), history))
     }
@@ -324,7 +323,7 @@ impl Search<'_> {
         if inner > 0.0 {
             return Ok(INNER_FIRST + inner);
         }
-        Ok(lack(&outer::loops(self.aircraft, gains)?))
+        Ok(lack(&outer_loops::margins(self.aircraft, gains)?))
     }
 
     /// The cost of gains that may be taken and cost less than `than`.
@@ -335,9 +334,9 @@ impl Search<'_> {
             return Ok(None);
         }
         let cost = flights::cost(&flights::fly_all(aircraft, gains, &order.weather)?)
-            + steps::cost(&steps::responses(aircraft, gains)?);
+            + step_responses::cost(&step_responses::responses(aircraft, gains)?);
         let taken = cost < than
-            && kept(&outer::loops(aircraft, gains)?)
+            && kept(&outer_loops::margins(aircraft, gains)?)
             && robustness::as_robust_as(
                 &self.before.robustness,
                 &order.required,
@@ -367,9 +366,9 @@ fn judge(aircraft: &Aircraft, order: &TuneOrder, gains: &ControlGains) -> Result
     let flown = flights::fly_all(aircraft, gains, &order.weather)?;
     let held_out = flights::fly_all(aircraft, gains, &order.held_out)?;
     let mut margins = inner_margins(aircraft, gains)?;
-    margins.extend(outer::loops(aircraft, gains)?);
-    let steps = steps::responses(aircraft, gains)?;
-    let step_cost = steps::cost(&steps);
+    margins.extend(outer_loops::margins(aircraft, gains)?);
+    let steps = step_responses::responses(aircraft, gains)?;
+    let step_cost = step_responses::cost(&steps);
     Ok(Judged {
         gains: *gains,
         cost: flights::cost(&flown) + step_cost,

@@ -4,7 +4,7 @@
 
 use air::dryden::{Dryden, Turbulence};
 use fdm::autopilot::{Autopilot, Demand, Path, Sensed};
-use fdm::{AirAround, Aircraft, FlightSim, FlightState, Phase};
+use fdm::{AirAround, Aircraft, FlightPhase, FlightSim, FlightState};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 
@@ -187,7 +187,7 @@ fn takes_off_and_lands_at_home_in_gusts() {
         };
         while flown.time_s < 60.0 {
             let state = flown.tick(&demand);
-            assert!(flown.time_s < 2.0 || state.phase == Phase::Flying);
+            assert!(flown.time_s < 2.0 || state.phase == FlightPhase::Flying);
         }
         assert!((flown.sim.state().alt_amsl_m - 420.0).abs() < 8.0);
         demand.path = Path::Land {
@@ -196,7 +196,7 @@ fn takes_off_and_lands_at_home_in_gusts() {
             ground_amsl_m: 340.0,
             course_deg: None,
         };
-        while flown.sim.state().phase == Phase::Flying && flown.time_s < 600.0 {
+        while flown.sim.state().phase == FlightPhase::Flying && flown.time_s < 600.0 {
             flown.tick(&demand);
         }
         let touch = flown.sim.state();
@@ -211,7 +211,7 @@ fn takes_off_and_lands_at_home_in_gusts() {
             state.north_m.hypot(state.east_m),
             state.flags
         );
-        assert_eq!(state.phase, Phase::OnGround);
+        assert_eq!(state.phase, FlightPhase::OnGround);
         assert!(!state.flags.hard_landing);
         assert!(state.north_m.hypot(state.east_m) < 40.0);
         assert!(flown.pilot.status().path_done);

@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used)]
 
 use fdm::dynamics::{AirState, Body, Controls, Dynamics, rotation};
-use fdm::flight::quaternion;
+use fdm::quaternion;
 use fdm::{AirAround, Aircraft, FlightSim, SurfaceCommand};
 use proptest::prelude::*;
 

@@ -184,7 +184,7 @@ impl<'a> Finding<'a> {
 fn extend(aircraft: &Aircraft, answer: &Answer, notices: &mut Vec<String>) -> Aircraft {
     let mut extended = aircraft.clone();
     extended.mechanism.extend(answer::extension(&answer.causes));
-    if fdm::mechanism::Extended::of(&extended).is_ok() {
+    if fdm::extended::ExtendedAircraft::of(&extended).is_ok() {
         return extended;
     }
     notices.push(

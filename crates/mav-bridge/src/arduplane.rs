@@ -1,4 +1,4 @@
-//! What ArduPlane says with its numbers: flight modes and the parameters this bridge asks for.
+//! Numbers and names of ArduPlane: flight modes and the parameters this bridge asks for.
 
 use crate::dialect::PlaneMode;
 
@@ -16,7 +16,7 @@ pub const RTL: u32 = PlaneMode::PLANE_MODE_RTL as u32;
 pub const LOITER: u32 = PlaneMode::PLANE_MODE_LOITER as u32;
 /// Flight mode TAKEOFF.
 pub const TAKEOFF: u32 = PlaneMode::PLANE_MODE_TAKEOFF as u32;
-/// Flight mode GUIDED: flies where the ground tells it.
+/// Flight mode GUIDED: flies to the ground station's targets.
 pub const GUIDED: u32 = PlaneMode::PLANE_MODE_GUIDED as u32;
 /// Flight mode INITIALISING: still starting up.
 pub const INITIALISING: u32 = PlaneMode::PLANE_MODE_INITIALIZING as u32;

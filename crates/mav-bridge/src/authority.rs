@@ -1,20 +1,21 @@
 //! Who flies the vehicle: what its heartbeats show becomes events of the one state machine
-//! [`fdm::control_level`], and what the bridge is about follows from its level.
+//! [`protocol::control_level`], and what the bridge is about follows from its level.
 //!
 //! The bridge knows which mode it has asked for. A vehicle in any other mode has been taken
 //! over: by its own failsafe if it says so (or if its link has just come back and it is on its
 //! way home), else by a pilot. Either keeps it until an explicit hand-back.
 
 use crate::arduplane::{self, AUTO, CIRCLE, GUIDED, RTL, mode_name};
-use fdm::control_level::{ControlLevel, Danger, Event, Level, Outcome};
-use protocol::message::{EventMessage, Severity};
+use crate::event::event;
+use protocol::control_level::{ControlEvent, ControlOutcome, ControlState, Danger};
+use protocol::message::{ControlLevel, EventMessage, Severity};
 
 /// Mode AUTOLAND of newer ArduPlane.
 const AUTOLAND: u32 = 26;
 
 /// What the bridge is about while the level is automatic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Task {
+enum BridgeTask {
     /// On the ground, nobody flies.
     Ground,
     /// The bridge has commanded take-off.
@@ -30,7 +31,7 @@ enum Task {
 
 /// Who flies and what the bridge is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Phase {
+pub(crate) enum BridgePhase {
     /// On the ground, nobody flies.
     Ground,
     /// The bridge has commanded take-off.
@@ -46,12 +47,12 @@ pub(crate) enum Phase {
     /// It is on its way home, by its own failsafe or by the bridge's command.
     Guardian,
     /// Not an ArduPlane: watched, never commanded.
-    Foreign,
+    Unsupported,
 }
 
-/// What a heartbeat says about who flies.
+/// What a heartbeat reports that bears on who flies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Seen {
+pub(crate) struct HeartbeatState {
     pub custom_mode: u32,
     pub armed: bool,
     pub airborne: bool,
@@ -61,57 +62,58 @@ pub(crate) struct Seen {
 /// Keeps the level and the task.
 #[derive(Debug, Clone)]
 pub(crate) struct Authority {
-    control: ControlLevel,
-    task: Task,
-    foreign: bool,
+    control: ControlState,
+    task: BridgeTask,
+    unsupported: bool,
     /// The mode from which the last one was asked for.
-    from: u32,
+    mode_before: u32,
     /// The mode asked for last.
-    to: u32,
+    mode_requested: u32,
     /// The mode asked for before that, if it was not shown yet: it may still come.
     earlier: Option<u32>,
     confirmed: bool,
     link_up: bool,
     /// The link was down between the last heartbeat and this one.
-    returned: bool,
-    seen: Option<Seen>,
+    link_returned: bool,
+    shown: Option<HeartbeatState>,
 }
 
 impl Authority {
     pub(crate) fn new() -> Self {
         Self {
-            control: ControlLevel::new(),
-            task: Task::Ground,
-            foreign: false,
-            from: arduplane::INITIALISING,
-            to: arduplane::INITIALISING,
+            control: ControlState::new(),
+            task: BridgeTask::Ground,
+            unsupported: false,
+            mode_before: arduplane::INITIALISING,
+            mode_requested: arduplane::INITIALISING,
             earlier: None,
             confirmed: false,
             link_up: false,
-            returned: false,
-            seen: None,
+            link_returned: false,
+            shown: None,
         }
     }
 
-    pub(crate) fn control(&self) -> &ControlLevel {
+    pub(crate) fn control(&self) -> &ControlState {
         &self.control
     }
 
-    pub(crate) fn phase(&self) -> Phase {
+    pub(crate) fn phase(&self) -> BridgePhase {
         match (self.control.level(), self.task) {
-            _ if self.foreign => Phase::Foreign,
-            (_, Task::HandingBack) => Phase::HandingBack,
-            (Level::Pilot, _) => Phase::Pilot,
-            (Level::Guardian, _) => Phase::Guardian,
-            (Level::Automatic, Task::Ground) => Phase::Ground,
-            (Level::Automatic, Task::TakeOff) => Phase::TakeOff,
-            (Level::Automatic, Task::Guided) => Phase::Guided,
-            (Level::Automatic, Task::Landing) => Phase::Landing,
+            _ if self.unsupported => BridgePhase::Unsupported,
+            (_, BridgeTask::HandingBack) => BridgePhase::HandingBack,
+            (ControlLevel::Pilot, _) => BridgePhase::Pilot,
+            (ControlLevel::Guardian, _) => BridgePhase::Guardian,
+            (ControlLevel::Automatic, BridgeTask::Ground) => BridgePhase::Ground,
+            (ControlLevel::Automatic, BridgeTask::TakeOff) => BridgePhase::TakeOff,
+            (ControlLevel::Automatic, BridgeTask::Guided) => BridgePhase::Guided,
+            (ControlLevel::Automatic, BridgeTask::Landing) => BridgePhase::Landing,
         }
     }
 
-    pub(crate) fn seen(&self) -> Option<Seen> {
-        self.seen
+    /// What the last heartbeat said; none before the first.
+    pub(crate) fn shown(&self) -> Option<HeartbeatState> {
+        self.shown
     }
 
     pub(crate) fn link_up(&self) -> bool {
@@ -120,31 +122,31 @@ impl Authority {
 
     /// The mode asked for last, if the vehicle has not shown it yet.
     pub(crate) fn unconfirmed(&self) -> Option<u32> {
-        (!self.confirmed).then_some(self.to)
+        (!self.confirmed).then_some(self.mode_requested)
     }
 
-    /// What the vehicle does, in words.
+    /// What the vehicle does, as text for people.
     pub(crate) fn doing(&self) -> String {
         let mode = self
-            .seen
+            .shown
             .map_or_else(|| "mode unknown".into(), |s| mode_name(s.custom_mode));
         if !self.link_up {
             return "no heartbeat from the vehicle: it relies on its own failsafe".into();
         }
         match self.phase() {
-            Phase::Ground => "on the ground, waits for take-off".into(),
-            Phase::TakeOff => "taking off".into(),
-            Phase::Guided => "flies to setpoints".into(),
-            Phase::Landing => "coming home to land".into(),
-            Phase::Pilot => format!("the pilot has it in {mode} until an explicit hand-back"),
-            Phase::HandingBack => format!("handed back, GUIDED asked for, still {mode}"),
-            Phase::Guardian => format!("goes home in {mode}"),
-            Phase::Foreign => "not an ArduPlane: watched, not commanded".into(),
+            BridgePhase::Ground => "on the ground, waits for take-off".into(),
+            BridgePhase::TakeOff => "taking off".into(),
+            BridgePhase::Guided => "flies to setpoints".into(),
+            BridgePhase::Landing => "coming home to land".into(),
+            BridgePhase::Pilot => format!("the pilot has it in {mode} until an explicit hand-back"),
+            BridgePhase::HandingBack => format!("handed back, GUIDED asked for, still {mode}"),
+            BridgePhase::Guardian => format!("goes home in {mode}"),
+            BridgePhase::Unsupported => "not an ArduPlane: watched, not commanded".into(),
         }
     }
 
     /// Something happens to the control level.
-    pub(crate) fn handle(&mut self, event: Event) -> Outcome {
+    pub(crate) fn handle(&mut self, event: ControlEvent) -> ControlOutcome {
         let outcome = self.control.handle(event);
         self.give_up_hand_back();
         outcome
@@ -152,207 +154,220 @@ impl Authority {
 
     /// A danger while a hand-back waits for GUIDED: it is the Guardian's now.
     fn give_up_hand_back(&mut self) {
-        if self.task == Task::HandingBack && self.control.dangers().next().is_some() {
-            self.task = Task::Guided;
-            self.control.handle(Event::HandBack);
+        if self.task == BridgeTask::HandingBack && self.control.dangers().next().is_some() {
+            self.task = BridgeTask::Guided;
+            self.control.handle(ControlEvent::HandBack);
         }
     }
 
     /// The bridge asks for mode `to`.
-    fn ask(&mut self, to: u32) {
-        self.earlier = (!self.confirmed).then_some(self.to);
-        self.from = self.seen.map_or(self.from, |s| s.custom_mode);
-        self.confirmed = self.from == to;
-        self.to = to;
+    fn request_mode(&mut self, to: u32) {
+        // A mode asked for twice in short order may show itself after the second request; it is
+        // then not a pilot's.
+        self.earlier = (!self.confirmed).then_some(self.mode_requested);
+        self.mode_before = self.shown.map_or(self.mode_before, |s| s.custom_mode);
+        // Nothing to wait for when the vehicle is in that mode already.
+        self.confirmed = self.mode_before == to;
+        self.mode_requested = to;
     }
 
     pub(crate) fn take_off(&mut self, mode: u32) {
-        self.task = Task::TakeOff;
-        self.ask(mode);
+        self.task = BridgeTask::TakeOff;
+        self.request_mode(mode);
     }
 
     pub(crate) fn land(&mut self, mode: u32) {
-        self.task = Task::Landing;
-        self.ask(mode);
+        self.task = BridgeTask::Landing;
+        self.request_mode(mode);
     }
 
     /// The Guardian brings it home.
     pub(crate) fn go_home(&mut self) {
-        self.ask(RTL);
+        self.request_mode(RTL);
     }
 
     /// A hand-back on the ground, which nobody has to confirm.
-    pub(crate) fn hand_back_on_ground(&mut self) -> Outcome {
-        if let Some(seen) = self.seen {
-            self.ask(seen.custom_mode);
+    pub(crate) fn hand_back_on_ground(&mut self) -> ControlOutcome {
+        if let Some(shown) = self.shown {
+            self.request_mode(shown.custom_mode);
         }
-        self.task = Task::Ground;
-        self.control.handle(Event::HandBack)
+        self.task = BridgeTask::Ground;
+        self.control.handle(ControlEvent::HandBack)
     }
 
     /// A hand-back in the air: refused, or given to the Guardian, while a danger lasts, else
     /// done when GUIDED is shown.
-    pub(crate) fn hand_back(&mut self) -> Outcome {
+    pub(crate) fn hand_back(&mut self) -> ControlOutcome {
         if self.control.dangers().next().is_some() {
-            return self.control.handle(Event::HandBack);
+            return self.control.handle(ControlEvent::HandBack);
         }
-        self.task = Task::HandingBack;
-        self.ask(GUIDED);
-        self.take_back();
-        Outcome::Taken
+        self.task = BridgeTask::HandingBack;
+        self.request_mode(GUIDED);
+        self.confirm_hand_back();
+        ControlOutcome::Taken
     }
 
     /// Takes the vehicle back if GUIDED is shown after a hand-back.
-    fn take_back(&mut self) {
-        let guided = self.seen.is_some_and(|s| s.custom_mode == GUIDED);
-        if self.task == Task::HandingBack && guided {
-            self.task = Task::Guided;
-            self.control.handle(Event::HandBack);
+    fn confirm_hand_back(&mut self) {
+        let guided = self.shown.is_some_and(|s| s.custom_mode == GUIDED);
+        if self.task == BridgeTask::HandingBack && guided {
+            self.task = BridgeTask::Guided;
+            self.control.handle(ControlEvent::HandBack);
         }
     }
 
     /// The mode asked for was refused; what was before remains.
     pub(crate) fn refused(&mut self) {
+        // The vehicle stays as it was: what had been begun is taken back, so that the next setpoint
+        // may try again.
         self.task = match self.task {
-            Task::TakeOff if self.to != GUIDED => Task::Ground,
-            Task::Landing | Task::HandingBack => Task::Guided,
+            BridgeTask::TakeOff if self.mode_requested != GUIDED => BridgeTask::Ground,
+            BridgeTask::Landing | BridgeTask::HandingBack => BridgeTask::Guided,
             other => other,
         };
-        self.to = self.from;
+        self.mode_requested = self.mode_before;
         self.confirmed = true;
     }
 
-    pub(crate) fn foreign(&mut self) {
-        self.foreign = true;
-        self.control.handle(Event::Takeover);
+    pub(crate) fn unsupported(&mut self) {
+        // Counted as flown by a pilot: every command is then withheld by the same rule.
+        self.unsupported = true;
+        self.control.handle(ControlEvent::Takeover);
     }
 
-    /// Nothing has been heard for too long.
+    /// The link has timed out.
     pub(crate) fn link_lost(&mut self) {
         self.link_up = false;
         // On the ground there is nobody to bring home.
-        if self.seen.is_some_and(|s| s.airborne) {
-            self.handle(Event::Begins(Danger::Link));
-        } else if self.task == Task::HandingBack {
-            self.task = Task::Guided;
+        if self.shown.is_some_and(|s| s.airborne) {
+            self.handle(ControlEvent::Begins(Danger::Link));
+        } else if self.task == BridgeTask::HandingBack {
+            self.task = BridgeTask::Guided;
         }
     }
 
-    /// Takes in a heartbeat; says what changed.
-    pub(crate) fn observe(&mut self, seen: Seen) -> Option<EventMessage> {
+    /// Takes in a heartbeat; the event of what changed, if anything.
+    pub(crate) fn observe(&mut self, shown: HeartbeatState) -> Option<EventMessage> {
         let before = self.phase();
-        self.returned = !self.link_up && self.seen.is_some();
+        self.link_returned = !self.link_up && self.shown.is_some();
         self.link_up = true;
-        self.seen = Some(seen);
-        if seen.custom_mode == self.to {
+        self.shown = Some(shown);
+        if shown.custom_mode == self.mode_requested {
             self.confirmed = true;
         }
-        self.control.handle(Event::Ends(Danger::Link));
-        if !seen.failsafe {
-            self.control.handle(Event::Ends(Danger::Bridge));
+        // A heartbeat proves the link, whatever its content.
+        self.control.handle(ControlEvent::Ends(Danger::Link));
+        if !shown.failsafe {
+            self.control.handle(ControlEvent::Ends(Danger::Bridge));
         }
-        self.take_in(seen);
+        self.follow(shown);
         let phase = self.phase();
         if phase == before {
             return None;
         }
-        let mode = mode_name(seen.custom_mode);
+        let mode = mode_name(shown.custom_mode);
         let (severity, code, text) = match phase {
-            Phase::Pilot => (
+            BridgePhase::Pilot => (
                 Severity::Warning,
                 "pilot-takeover",
                 format!("the pilot has taken over in {mode}; setpoints are withheld"),
             ),
-            Phase::Guardian => (
+            BridgePhase::Guardian => (
                 Severity::Warning,
                 "guardian",
                 format!("the vehicle's own failsafe has taken over in {mode}"),
             ),
-            Phase::Guided => (
+            BridgePhase::Guided => (
                 Severity::Info,
                 "guided",
                 "in GUIDED: setpoints go through".into(),
             ),
-            Phase::Ground => (Severity::Info, "landed", "on the ground, disarmed".into()),
+            BridgePhase::Ground => (Severity::Info, "landed", "on the ground, disarmed".into()),
             _ => return None,
         };
-        Some(crate::event(severity, code, text))
+        Some(event(severity, code, text))
     }
 
     /// The mode shown is the one asked for, or still the one from which it was asked.
-    fn as_asked(&self, mode: u32) -> bool {
-        mode == self.to || (!self.confirmed && (mode == self.from || Some(mode) == self.earlier))
+    fn is_as_requested(&self, mode: u32) -> bool {
+        mode == self.mode_requested
+            || (!self.confirmed && (mode == self.mode_before || Some(mode) == self.earlier))
     }
 
-    fn take_in(&mut self, seen: Seen) {
-        let mode = seen.custom_mode;
-        if self.foreign {
+    /// Draws from the mode shown who flies now: what the bridge has asked for, the vehicle's own
+    /// failsafe, or a pilot.
+    fn follow(&mut self, shown: HeartbeatState) {
+        let mode = shown.custom_mode;
+        if self.unsupported {
             return;
         }
-        if !seen.airborne && !seen.armed {
-            self.control.handle(Event::Landed);
-            if self.task == Task::Landing || self.control.level() == Level::Guardian {
-                self.task = Task::Ground;
+        // Down and disarmed, the flight is over whatever the mode.
+        if !shown.airborne && !shown.armed {
+            self.control.handle(ControlEvent::Landed);
+            if self.task == BridgeTask::Landing || self.control.level() == ControlLevel::Guardian {
+                self.task = BridgeTask::Ground;
             }
         }
-        self.take_back();
+        self.confirm_hand_back();
         match (self.control.level(), self.task) {
             // Its pilot's remote control is silent, and its own failsafe has it.
-            (Level::Pilot, _) if seen.failsafe && homeward(mode) => {
-                self.control.handle(Event::RemoteLost);
-                self.failsafe(seen);
+            (ControlLevel::Pilot, _) if shown.failsafe && is_homeward(mode) => {
+                self.control.handle(ControlEvent::RemoteLost);
+                self.failsafe(shown);
             }
-            (_, Task::HandingBack) if !self.as_asked(mode) => {
-                self.task = Task::Guided;
-                self.taken_over(seen);
+            (_, BridgeTask::HandingBack) if !self.is_as_requested(mode) => {
+                self.task = BridgeTask::Guided;
+                self.taken_over(shown);
             }
-            (Level::Pilot, _) | (_, Task::HandingBack) => {}
-            (Level::Guardian, _) if self.as_asked(mode) || homeward(mode) => {}
-            (Level::Guardian, _) if !seen.airborne && !seen.armed => {}
-            (Level::Guardian, _) => self.takeover(mode),
-            (Level::Automatic, Task::Ground) if !seen.airborne => {}
+            (ControlLevel::Pilot, _) | (_, BridgeTask::HandingBack) => {}
+            (ControlLevel::Guardian, _) if self.is_as_requested(mode) || is_homeward(mode) => {}
+            (ControlLevel::Guardian, _) if !shown.airborne && !shown.armed => {}
+            (ControlLevel::Guardian, _) => self.takeover(mode),
+            (ControlLevel::Automatic, BridgeTask::Ground) if !shown.airborne => {}
             // Found in the air: in GUIDED it awaits setpoints, in any other mode it is not ours.
-            (Level::Automatic, Task::Ground) if mode == GUIDED => self.guided(),
-            (Level::Automatic, Task::Ground) => self.takeover(mode),
-            (Level::Automatic, Task::TakeOff) if mode == GUIDED && self.to == GUIDED => {
+            (ControlLevel::Automatic, BridgeTask::Ground) if mode == GUIDED => self.guided(),
+            (ControlLevel::Automatic, BridgeTask::Ground) => self.takeover(mode),
+            (ControlLevel::Automatic, BridgeTask::TakeOff)
+                if mode == GUIDED && self.mode_requested == GUIDED =>
+            {
                 self.guided();
             }
-            (Level::Automatic, _) if self.as_asked(mode) => {}
-            (Level::Automatic, _) => self.taken_over(seen),
+            (ControlLevel::Automatic, _) if self.is_as_requested(mode) => {}
+            (ControlLevel::Automatic, _) => self.taken_over(shown),
         }
     }
 
     fn guided(&mut self) {
-        self.task = Task::Guided;
-        (self.to, self.confirmed) = (GUIDED, true);
+        self.task = BridgeTask::Guided;
+        (self.mode_requested, self.confirmed) = (GUIDED, true);
     }
 
     /// Somebody else has changed the mode.
-    fn taken_over(&mut self, seen: Seen) {
-        if seen.failsafe || (self.returned && homeward(seen.custom_mode)) {
-            self.failsafe(seen);
+    fn taken_over(&mut self, shown: HeartbeatState) {
+        if shown.failsafe || (self.link_returned && is_homeward(shown.custom_mode)) {
+            self.failsafe(shown);
         } else {
-            self.takeover(seen.custom_mode);
+            self.takeover(shown.custom_mode);
         }
     }
 
-    fn failsafe(&mut self, seen: Seen) {
-        (self.to, self.confirmed) = (seen.custom_mode, true);
-        self.control.handle(Event::Begins(Danger::Bridge));
-        if !seen.failsafe {
+    fn failsafe(&mut self, shown: HeartbeatState) {
+        (self.mode_requested, self.confirmed) = (shown.custom_mode, true);
+        self.control.handle(ControlEvent::Begins(Danger::Bridge));
+        if !shown.failsafe {
             // It is over already, but only a hand-back ends its flight home.
-            self.control.handle(Event::Ends(Danger::Bridge));
+            self.control.handle(ControlEvent::Ends(Danger::Bridge));
         }
     }
 
     /// From here on every mode is the pilot's own.
     fn takeover(&mut self, mode: u32) {
-        (self.to, self.confirmed) = (mode, true);
-        self.control.handle(Event::Takeover);
+        (self.mode_requested, self.confirmed) = (mode, true);
+        self.control.handle(ControlEvent::Takeover);
     }
 }
 
 /// Modes in which ArduPlane brings itself home.
-pub(crate) fn homeward(mode: u32) -> bool {
+pub(crate) fn is_homeward(mode: u32) -> bool {
     matches!(mode, CIRCLE | AUTO | RTL | AUTOLAND)
 }

@@ -1,21 +1,22 @@
 //! The bridge itself: what comes in, what goes out, when.
 
-mod flying;
-mod hearing;
+mod receiving;
+mod steering;
 
 use crate::arduplane::GUIDED;
-use crate::authority::{Authority, Phase};
-use crate::commands::{Command, CommandQueue};
+use crate::authority::{Authority, BridgePhase};
+use crate::command_queue::{CommandQueue, VehicleCommand};
 use crate::dialect::{HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType};
-use crate::signing::{Signing, SigningConfig};
+use crate::error::BridgeError;
+use crate::event::event;
 use crate::telemetry::Telemetry;
+use crate::wire::signing::{Signing, SigningConfig};
 use crate::wire::{FrameDecoder, FrameEncoder, LinkStatistics};
-use crate::{BridgeError, event};
 use air::isa::Atmosphere;
-use fdm::control_level::{ControlLevel, Event, Level, Outcome};
 use mavlink::MessageData;
 use protocol::SimTime;
-use protocol::message::{EventMessage, PathKind, Reading, Setpoint, Severity, State};
+use protocol::control_level::{ControlEvent, ControlOutcome, ControlState};
+use protocol::message::{ControlLevel, EventMessage, PathKind, Reading, Setpoint, Severity, State};
 
 /// Period of the ground station's heartbeat, ns: what a vehicle's failsafe listens for.
 const HEARTBEAT_NS: i64 = 1_000_000_000;
@@ -27,7 +28,7 @@ pub struct BridgeConfig {
     pub system_id: u8,
     /// Own component id.
     pub component_id: u8,
-    /// System id of the vehicle; none takes the first autopilot that is heard.
+    /// System id of the vehicle; none takes the first autopilot received.
     pub vehicle_system_id: Option<u8>,
     /// The site's atmosphere, for true airspeed.
     pub atmosphere: Atmosphere,
@@ -41,7 +42,7 @@ pub struct BridgeConfig {
     pub ack_timeout_s: f64,
     /// How often a command is sent before it is given up.
     pub attempts: u32,
-    /// Height above home at which GUIDED follows TAKEOFF if the vehicle does not tell its
+    /// Height above home at which GUIDED follows TAKEOFF if the vehicle does not report its
     /// TKOFF_ALT, m.
     pub guided_above_home_m: f64,
     /// Key shared with the vehicle: frames out are signed, unsigned ones in are refused.
@@ -135,10 +136,10 @@ impl BridgeOutput {
     }
 }
 
-/// Things said once.
+/// What the team has been warned of; each warning is given once.
 #[derive(Debug, Clone, Default)]
-struct Said {
-    deaf: bool,
+struct Warned {
+    no_frames: bool,
     silent_telemetry: bool,
     battery: bool,
     signature: bool,
@@ -159,20 +160,20 @@ pub struct Bridge {
     last_sequence: Option<u8>,
     lost: LinkStatistics,
     next_heartbeat: SimTime,
-    heard_at: Option<SimTime>,
+    heartbeat_at: Option<SimTime>,
     connected_at: SimTime,
     /// The setpoint followed, or to be followed after take-off.
     target: Option<Setpoint>,
-    withheld: Option<Setpoint>,
+    ignored: Option<Setpoint>,
     speed_sent: Option<f32>,
     /// When something refused or unanswered may be asked for again.
-    again_at: Option<SimTime>,
+    retry_at: Option<SimTime>,
     takeoff_altitude_m: Option<f64>,
-    said: Said,
+    warned: Warned,
 }
 
 impl Bridge {
-    /// A bridge by `config`, which hears and has said nothing yet.
+    /// A bridge by `config` that has neither received nor sent anything yet.
     ///
     /// # Errors
     /// [`BridgeError::OutOfRange`].
@@ -189,14 +190,14 @@ impl Bridge {
             last_sequence: None,
             lost: LinkStatistics::default(),
             next_heartbeat: SimTime::from_ns(i64::MIN),
-            heard_at: None,
+            heartbeat_at: None,
             connected_at: SimTime::ZERO,
             target: None,
-            withheld: None,
+            ignored: None,
             speed_sent: None,
-            again_at: None,
+            retry_at: None,
             takeoff_altitude_m: None,
-            said: Said::default(),
+            warned: Warned::default(),
             config,
         })
     }
@@ -223,42 +224,42 @@ impl Bridge {
     }
 
     /// The control level, with the dangers that last.
-    pub fn control(&self) -> &ControlLevel {
+    pub fn control(&self) -> &ControlState {
         self.authority.control()
     }
 
     /// Who flies.
-    pub fn level(&self) -> Level {
+    pub fn level(&self) -> ControlLevel {
         self.control().level()
     }
 
-    /// What the vehicle does, in words.
+    /// What the vehicle does, as text for people.
     pub fn doing(&self) -> String {
         self.authority.doing()
     }
 
     /// Whether setpoints go through now.
     pub fn follows_setpoints(&self) -> bool {
-        self.level() == Level::Automatic && self.authority.link_up()
+        self.level() == ControlLevel::Automatic && self.authority.link_up()
     }
 
     /// Whether GUIDED has been asked for upon a hand-back and the vehicle has not shown it yet;
     /// until then the level is still the pilot's.
     pub fn hand_back_pending(&self) -> bool {
-        self.authority.phase() == Phase::HandingBack
+        self.authority.phase() == BridgePhase::HandingBack
     }
 
     /// Takes in `bytes` from the link: a datagram, or a piece of a stream cut anywhere.
     pub fn receive(&mut self, bytes: &[u8], now: SimTime, out: &mut BridgeOutput) {
         self.decoder.push(bytes);
-        self.take_frames(now, out);
+        self.process_frames(now, out);
     }
 
     /// Lets time pass: heartbeat, commands to repeat, silence. To be called every tick.
     pub fn tick(&mut self, now: SimTime, out: &mut BridgeOutput) {
-        self.take_frames(now, out);
-        self.check_silence(now, out);
-        self.fly_on(now, out);
+        self.process_frames(now, out);
+        self.check_timeouts(now, out);
+        self.continue_phase(now, out);
         if now >= self.next_heartbeat {
             self.next_heartbeat = SimTime::from_ns(now.ns().saturating_add(HEARTBEAT_NS));
             let heartbeat = ground_station_heartbeat();
@@ -267,53 +268,53 @@ impl Bridge {
         self.send_commands(now, out);
     }
 
-    /// Something happens to the control level that the vehicle's own messages do not tell: a
+    /// Something happens to the control level that the vehicle's own messages do not show: a
     /// danger that the rest of the team sees, or a hand-back.
-    pub fn handle(&mut self, happening: Event, out: &mut BridgeOutput) {
-        if happening == Event::HandBack {
+    pub fn handle(&mut self, change: ControlEvent, out: &mut BridgeOutput) {
+        if change == ControlEvent::HandBack {
             return self.hand_back(out);
         }
         let before = self.authority.phase();
-        self.authority.handle(happening);
+        self.authority.handle(change);
         let phase = self.authority.phase();
         if phase == before {
             return;
         }
         self.on_phase(phase);
-        if phase == Phase::Guardian {
-            let dangers: Vec<&str> = self.control().dangers().map(|d| d.words()).collect();
+        if phase == BridgePhase::Guardian {
+            let dangers: Vec<&str> = self.control().dangers().map(|d| d.description()).collect();
             let text = format!("brought home: {}", dangers.join(", "));
             out.events.push(event(Severity::Warning, "guardian", text));
         }
     }
 
-    /// Passes a setpoint on, or withholds it and says so. A setpoint like the last one is not
+    /// Passes a setpoint on, or withholds it with an event. A setpoint like the last one is not
     /// sent again; it may be given every tick.
     pub fn setpoint(&mut self, setpoint: &Setpoint, now: SimTime, out: &mut BridgeOutput) {
         if let Some(why) = unusable(setpoint) {
-            return self.withhold(setpoint, "bad-setpoint", why, out);
+            return self.ignore(setpoint, "bad-setpoint", why, out);
         }
         if !self.authority.link_up() {
-            return self.withhold(setpoint, "setpoint-ignored", "no link to the vehicle", out);
+            return self.ignore(setpoint, "setpoint-ignored", "no link to the vehicle", out);
         }
         match (self.authority.phase(), setpoint.path) {
-            (Phase::Ground, PathKind::TakeOff) => self.take_off(setpoint, out),
-            (Phase::Ground, _) => {
-                self.withhold(
+            (BridgePhase::Ground, PathKind::TakeOff) => self.take_off(setpoint, out),
+            (BridgePhase::Ground, _) => {
+                self.ignore(
                     setpoint,
                     "setpoint-ignored",
                     "the vehicle is on the ground",
                     out,
                 );
             }
-            (Phase::TakeOff, PathKind::Land) | (Phase::Guided, PathKind::Land) => {
+            (BridgePhase::TakeOff, PathKind::Land) | (BridgePhase::Guided, PathKind::Land) => {
                 self.land(setpoint);
             }
-            (Phase::TakeOff, _) => self.target = Some(setpoint.clone()),
-            (Phase::Guided, _) => self.guide(setpoint, now),
-            (Phase::Landing, PathKind::Land) => {}
-            (Phase::Landing, _) => {
-                self.withhold(
+            (BridgePhase::TakeOff, _) => self.target = Some(setpoint.clone()),
+            (BridgePhase::Guided, _) => self.guide(setpoint, now),
+            (BridgePhase::Landing, PathKind::Land) => {}
+            (BridgePhase::Landing, _) => {
+                self.ignore(
                     setpoint,
                     "setpoint-ignored",
                     "the vehicle comes home to land",
@@ -322,12 +323,12 @@ impl Bridge {
             }
             (phase, _) => {
                 let why = match phase {
-                    Phase::HandingBack => "the vehicle is not in GUIDED yet",
-                    Phase::Guardian => "the Guardian flies",
-                    Phase::Foreign => "the vehicle is no ArduPlane",
+                    BridgePhase::HandingBack => "the vehicle is not in GUIDED yet",
+                    BridgePhase::Guardian => "the Guardian flies",
+                    BridgePhase::Unsupported => "the vehicle is no ArduPlane",
                     _ => "a pilot flies",
                 };
-                self.withhold(setpoint, "setpoint-ignored", why, out);
+                self.ignore(setpoint, "setpoint-ignored", why, out);
             }
         }
     }
@@ -335,70 +336,74 @@ impl Bridge {
     /// The pilot, or whoever answers for the vehicle, gives it back to automatic flight: GUIDED
     /// is asked for once, and setpoints go through when the vehicle shows it.
     pub fn hand_back(&mut self, out: &mut BridgeOutput) {
-        let Some(seen) = self.authority.seen().filter(|_| self.authority.link_up()) else {
+        let Some(seen) = self.authority.shown().filter(|_| self.authority.link_up()) else {
             let text = "hand-back without effect: no link to the vehicle";
             return out.events.push(event(Severity::Warning, "hand-back", text));
         };
         match self.authority.phase() {
-            Phase::Foreign | Phase::Ground | Phase::Guided | Phase::Landing => {
+            BridgePhase::Unsupported
+            | BridgePhase::Ground
+            | BridgePhase::Guided
+            | BridgePhase::Landing => {
                 let text = "hand-back without effect: no pilot has taken over";
                 out.events.push(event(Severity::Info, "hand-back", text));
             }
             _ if !seen.airborne && !seen.armed => {
                 let outcome = self.authority.hand_back_on_ground();
-                self.say_hand_back(
+                self.report_hand_back(
                     outcome,
                     "handed back on the ground: waits for take-off",
                     out,
                 );
             }
             _ => {
-                self.forget_target();
+                self.clear_target();
                 let outcome = self.authority.hand_back();
                 let phase = self.authority.phase();
                 self.on_phase(phase);
-                if phase == Phase::HandingBack {
+                if phase == BridgePhase::HandingBack {
                     // Once only: a repetition could cross the pilot's next change of mind.
-                    self.commands.push(Command::Mode {
+                    self.commands.push(VehicleCommand::Mode {
                         mode: GUIDED,
                         attempts: 1,
                     });
                 }
                 let text = match phase {
-                    Phase::Guardian => "handed back to the Guardian: a danger lasts",
+                    BridgePhase::Guardian => "handed back to the Guardian: a danger lasts",
                     _ => "handed back to automatic flight",
                 };
-                self.say_hand_back(outcome, text, out);
+                self.report_hand_back(outcome, text, out);
             }
         }
     }
 
-    fn say_hand_back(&self, outcome: Outcome, done: &str, out: &mut BridgeOutput) {
+    fn report_hand_back(&self, outcome: ControlOutcome, done: &str, out: &mut BridgeOutput) {
         out.events.push(match outcome {
-            Outcome::Refused(danger) => event(
+            ControlOutcome::Refused(danger) => event(
                 Severity::Warning,
                 "hand-back-refused",
-                format!("hand-back refused: {}", danger.words()),
+                format!("hand-back refused: {}", danger.description()),
             ),
             _ => event(Severity::Info, "hand-back", done),
         });
     }
 
-    fn withhold(&mut self, setpoint: &Setpoint, code: &str, why: &str, out: &mut BridgeOutput) {
-        if self.withheld.as_ref() == Some(setpoint) {
+    fn ignore(&mut self, setpoint: &Setpoint, code: &str, why: &str, out: &mut BridgeOutput) {
+        // The squadron controller repeats itself; one event per setpoint is enough.
+        if self.ignored.as_ref() == Some(setpoint) {
             return;
         }
-        self.withheld = Some(setpoint.clone());
-        if self.level() != Level::Automatic {
-            self.authority.handle(Event::Setpoint);
+        self.ignored = Some(setpoint.clone());
+        if self.level() != ControlLevel::Automatic {
+            self.authority.handle(ControlEvent::Setpoint);
         }
         let text = format!("setpoint ignored: {why}");
         out.events.push(event(Severity::Warning, code, text));
     }
 
-    fn forget_target(&mut self) {
-        (self.target, self.withheld, self.speed_sent) = (None, None, None);
-        self.again_at = None;
+    fn clear_target(&mut self) {
+        (self.target, self.ignored, self.speed_sent) = (None, None, None);
+        self.retry_at = None;
     }
 
     fn send<D: MessageData>(&mut self, message: &D, now: SimTime, out: &mut BridgeOutput) {

@@ -4,6 +4,27 @@
 //! [`Bridge`] is pure: bytes and the time come in as arguments, frames and messages go out in a
 //! [`BridgeOutput`]. It knows no socket, clock, file, environment or global random number. Behind
 //! the feature `link` (off by default), the module `link` carries bytes over UDP and TCP.
+//! [`wire`] finds, writes and signs frames; [`arduplane`] holds what is ArduPlane's own.
+//!
+//! A bridge presents itself as a ground station before anything is heard:
+//!
+//! ```
+//! use mav_bridge::dialect::MavMessage;
+//! use mav_bridge::wire::FrameDecoder;
+//! use mav_bridge::{Bridge, BridgeConfig, BridgeOutput};
+//! use protocol::SimTime;
+//!
+//! let mut bridge = Bridge::new(BridgeConfig::default())?;
+//! let mut out = BridgeOutput::default();
+//! bridge.tick(SimTime::ZERO, &mut out);
+//! let mut decoder = FrameDecoder::new();
+//! decoder.push(&out.frames_to_vehicle[0]);
+//! let frame = decoder.next_frame(SimTime::ZERO).expect("a whole frame");
+//! assert_eq!(frame.system_id(), 255);
+//! assert!(matches!(frame.message(), Some(MavMessage::HEARTBEAT(_))));
+//! assert!(!bridge.follows_setpoints(), "no vehicle has been heard");
+//! # Ok::<(), mav_bridge::BridgeError>(())
+//! ```
 //!
 //! Units at the border: MAVLink's scaled integers become SI and degrees. Altitude is that of
 //! GLOBAL_POSITION_INT, above mean sea level. The airspeed of VFR_HUD is ArduPlane's equivalent
@@ -13,59 +34,24 @@
 //! altitude, ρ₀ = 1.225 kg/m³. Setpoints go the same way back. The temperature of a reading is
 //! that of a HYGROMETER_SENSOR; the barometer's own sits in a warm case and is not used.
 //!
-//! Who flies is decided by [`fdm::control_level`], from what the vehicle shows and what
-//! [`Bridge::handle`] is told. The bridge never changes the mode of a vehicle that a pilot flies:
+//! Who flies is decided by [`protocol::control_level`], from what the vehicle shows and what
+//! is given to [`Bridge::handle`]. The bridge never changes the mode of a vehicle that a pilot flies:
 //! GUIDED is asked for once after TAKEOFF, and again only upon [`Bridge::hand_back`]; a vehicle in
 //! danger that still flies in a mode of the bridge's asking is sent home (RTL).
 
 pub mod arduplane;
 mod authority;
 mod bridge;
-mod commands;
+mod command_queue;
+mod error;
+mod event;
 #[cfg(feature = "link")]
 pub mod link;
-pub mod signing;
 mod telemetry;
 pub mod wire;
 
 pub use bridge::{Bridge, BridgeConfig, BridgeOutput};
+pub use error::BridgeError;
 /// The MAVLink dialect spoken: ArduPilot's, generated from its XML.
 pub use mavlink::dialects::ardupilotmega as dialect;
-
-use protocol::message::{EventMessage, Severity};
-
-/// What this crate refuses.
-#[derive(Debug, thiserror::Error)]
-pub enum BridgeError {
-    /// A link as nobody writes it.
-    #[error(
-        "link '{0}': expected udpin:HOST:PORT (listen), udpout:HOST:PORT or tcp:HOST:PORT (connect), tcpin:HOST:PORT (wait for a client)"
-    )]
-    BadLink(String),
-    /// A number in the configuration that cannot work.
-    #[error("{what} is {value}; expected {expected}")]
-    OutOfRange {
-        /// The quantity, with its unit.
-        what: &'static str,
-        /// The value that came in.
-        value: f64,
-        /// What would be right.
-        expected: &'static str,
-    },
-    /// A socket refused.
-    #[error("link {link}: {source}")]
-    Socket {
-        /// The link as asked for.
-        link: String,
-        /// What the system said.
-        source: std::io::Error,
-    },
-}
-
-pub(crate) fn event(severity: Severity, code: &str, text: impl Into<String>) -> EventMessage {
-    EventMessage {
-        severity,
-        code: code.to_owned(),
-        text: text.into(),
-    }
-}
+pub use wire::signing;

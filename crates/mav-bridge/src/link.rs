@@ -19,9 +19,9 @@ const QUEUE: usize = 1024;
 /// Pause before the next attempt to connect.
 const RECONNECT: Duration = Duration::from_secs(1);
 /// Time to wait for a connection or for a peer that does not take what is sent to it.
-const PATIENCE: Duration = Duration::from_secs(5);
+const PEER_TIMEOUT: Duration = Duration::from_secs(5);
 /// Largest piece read at once; a UDP datagram is at most this long.
-const PIECE: usize = 65_536;
+const READ_BYTES: usize = 65_536;
 
 /// Where a link goes.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -179,10 +179,10 @@ async fn udp_towards(to: &str) -> std::io::Result<(UdpSocket, SocketAddr)> {
     Ok((UdpSocket::bind(any).await?, peer))
 }
 
-/// Serves a UDP socket: to and from `fixed`, or whoever speaks first.
+/// Serves a UDP socket: to and from `fixed`, or whoever sends first.
 async fn udp(socket: UdpSocket, fixed: Option<SocketAddr>, mut ends: Ends) {
     let mut peer = fixed.map(|p| (p, Instant::now()));
-    let mut buffer = vec![0; PIECE];
+    let mut buffer = vec![0; READ_BYTES];
     loop {
         tokio::select! {
             received = socket.recv_from(&mut buffer) => {
@@ -194,7 +194,7 @@ async fn udp(socket: UdpSocket, fixed: Option<SocketAddr>, mut ends: Ends) {
                 match peer {
                     Some((known, _)) if known == from => {}
                     Some(_) if fixed.is_some() => continue,
-                    Some((_, heard)) if heard.elapsed() < PATIENCE => continue,
+                    Some((_, heard)) if heard.elapsed() < PEER_TIMEOUT => continue,
                     _ => tracing::info!("vehicle link: heard {from}"),
                 }
                 peer = Some((from, Instant::now()));
@@ -217,7 +217,7 @@ async fn udp(socket: UdpSocket, fixed: Option<SocketAddr>, mut ends: Ends) {
 async fn tcp_client(to: String, mut ends: Ends) {
     let mut refused = false;
     loop {
-        match timeout(PATIENCE, TcpStream::connect(&to)).await {
+        match timeout(PEER_TIMEOUT, TcpStream::connect(&to)).await {
             Ok(Ok(stream)) => {
                 tracing::info!("vehicle link: connected to {to}");
                 refused = false;
@@ -239,9 +239,9 @@ async fn tcp_client(to: String, mut ends: Ends) {
         if ends.incoming.is_closed() {
             return;
         }
-        forget_stale(&mut ends);
+        drop_stale(&mut ends);
         sleep(RECONNECT).await;
-        forget_stale(&mut ends);
+        drop_stale(&mut ends);
     }
 }
 
@@ -249,7 +249,7 @@ async fn tcp_server(listener: TcpListener, mut ends: Ends) {
     while !ends.incoming.is_closed() {
         if let Ok((stream, from)) = listener.accept().await {
             tracing::info!("vehicle link: {from} connected");
-            forget_stale(&mut ends);
+            drop_stale(&mut ends);
             if !tcp(stream, &mut ends).await {
                 return;
             }
@@ -261,7 +261,7 @@ async fn tcp_server(listener: TcpListener, mut ends: Ends) {
 }
 
 /// Drops what waited while there was nobody to send it to.
-fn forget_stale(ends: &mut Ends) {
+fn drop_stale(ends: &mut Ends) {
     while ends.outgoing.try_recv().is_ok() {}
 }
 
@@ -270,7 +270,7 @@ async fn tcp(stream: TcpStream, ends: &mut Ends) -> bool {
     // Frames are small and wanted now.
     let _ = stream.set_nodelay(true);
     let (mut reader, mut writer) = stream.into_split();
-    let mut buffer = vec![0; PIECE];
+    let mut buffer = vec![0; READ_BYTES];
     loop {
         tokio::select! {
             read = reader.read(&mut buffer) => match read {
@@ -283,7 +283,7 @@ async fn tcp(stream: TcpStream, ends: &mut Ends) -> bool {
             },
             frame = ends.outgoing.recv() => {
                 let Some(frame) = frame else { return false };
-                match timeout(PATIENCE, writer.write_all(&frame)).await {
+                match timeout(PEER_TIMEOUT, writer.write_all(&frame)).await {
                     Ok(Ok(())) => {}
                     _ => return true,
                 }

@@ -20,24 +20,24 @@ const WEATHER_LASTS_S: f64 = 10.0;
 const LANDED_LASTS_S: f64 = 5.0;
 
 /// A message with when it came.
-type Heard<T> = Option<(SimTime, T)>;
+type Received<T> = Option<(SimTime, T)>;
 
 /// The last message of each kind.
 #[derive(Debug, Clone)]
 pub(crate) struct Telemetry {
     atmosphere: Atmosphere,
-    pub heartbeat: Heard<HEARTBEAT_DATA>,
-    pub position: Heard<GLOBAL_POSITION_INT_DATA>,
-    pub attitude: Heard<ATTITUDE_DATA>,
-    pub hud: Heard<VFR_HUD_DATA>,
-    pub wind: Heard<WIND_DATA>,
-    pub pressure: Heard<SCALED_PRESSURE_DATA>,
-    pub hygrometer: Heard<HYGROMETER_SENSOR_DATA>,
-    pub landed: Heard<EXTENDED_SYS_STATE_DATA>,
+    pub heartbeat: Received<HEARTBEAT_DATA>,
+    pub position: Received<GLOBAL_POSITION_INT_DATA>,
+    pub attitude: Received<ATTITUDE_DATA>,
+    pub hud: Received<VFR_HUD_DATA>,
+    pub wind: Received<WIND_DATA>,
+    pub pressure: Received<SCALED_PRESSURE_DATA>,
+    pub hygrometer: Received<HYGROMETER_SENSOR_DATA>,
+    pub landed: Received<EXTENDED_SYS_STATE_DATA>,
 }
 
-fn fresh<T>(heard: &Heard<T>, now: SimTime, lasts_s: f64) -> Option<&T> {
-    heard
+fn fresh<T>(received: &Received<T>, now: SimTime, lasts_s: f64) -> Option<&T> {
+    received
         .as_ref()
         .filter(|(at, _)| now.since_s(*at) <= lasts_s)
         .map(|(_, message)| message)
@@ -116,7 +116,7 @@ impl Telemetry {
         })
     }
 
-    /// The state, once position, attitude and airspeed have all been heard and make sense.
+    /// The state, once position, attitude and airspeed have all been received and make sense.
     pub(crate) fn state(&self, now: SimTime) -> Option<State> {
         let (_, position) = self.position.as_ref()?;
         let (_, attitude) = self.attitude.as_ref()?;

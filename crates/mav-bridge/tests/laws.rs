@@ -1,7 +1,6 @@
 //! Laws that hold for any bytes on the link and any order of events.
 #![allow(clippy::unwrap_used)]
 
-use fdm::control_level::{Danger, Event, Level};
 use mav_bridge::arduplane::{AUTO, FBWA, GUIDED, LOITER, MANUAL, RTL, TAKEOFF};
 use mav_bridge::dialect::{
     ATTITUDE_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState,
@@ -11,7 +10,8 @@ use mav_bridge::wire::{FrameDecoder, FrameEncoder};
 use mav_bridge::{Bridge, BridgeConfig, BridgeOutput};
 use proptest::prelude::*;
 use protocol::SimTime;
-use protocol::message::{PathKind, Setpoint};
+use protocol::control_level::{ControlEvent, Danger};
+use protocol::message::{ControlLevel, PathKind, Setpoint};
 
 fn s(seconds: f64) -> SimTime {
     SimTime::from_s(seconds)
@@ -200,8 +200,8 @@ proptest! {
             bridge.tick(s(time_s), &mut out);
             if pilot {
                 // Only the vehicle's own failsafe takes it from a pilot whose remote is silent.
-                let lost = failsafe && bridge.level() == Level::Guardian;
-                prop_assert!(lost || bridge.level() == Level::Pilot, "taken from the pilot");
+                let lost = failsafe && bridge.level() == ControlLevel::Guardian;
+                prop_assert!(lost || bridge.level() == ControlLevel::Pilot, "taken from the pilot");
                 for frame in &out.frames_to_vehicle {
                     prop_assert!(!steers(frame), "sent to a pilot's aircraft: {:02x?}", frame);
                 }
@@ -209,7 +209,7 @@ proptest! {
             for frame in &out.frames_to_vehicle {
                 prop_assert!(!changes_mode_by_reposition(frame));
             }
-            pilot = bridge.level() == Level::Pilot && !bridge.hand_back_pending();
+            pilot = bridge.level() == ControlLevel::Pilot && !bridge.hand_back_pending();
         }
     }
 }
@@ -218,7 +218,7 @@ proptest! {
 enum Happening {
     Heartbeat(u32, MavState, bool),
     Setpoint(PathKind, f64),
-    Danger(Event),
+    Danger(ControlEvent),
     HandBack,
     Wait(f64),
 }
@@ -245,7 +245,7 @@ fn happening() -> impl Strategy<Value = Happening> {
         1 => Just(Happening::HandBack),
         2 => (0..Danger::ALL.len(), any::<bool>()).prop_map(|(k, begins)| {
             let danger = Danger::ALL[k];
-            Happening::Danger(if begins { Event::Begins(danger) } else { Event::Ends(danger) })
+            Happening::Danger(if begins { ControlEvent::Begins(danger) } else { ControlEvent::Ends(danger) })
         }),
         2 => (0.1..8.0).prop_map(Happening::Wait),
     ]

@@ -10,7 +10,7 @@ use protocol::message::{MavlinkFrame, Mode};
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
 use scenario::random::stream;
 use stand_in::StandIn;
-use va::{Body, BridgedBody, FromBridge, VirtualAircraft, Watch};
+use va::{BridgeReport, BridgedVehicle, SafetyMonitor, VehicleBackend, VirtualAircraft};
 
 /// What is at the far end of the MAVLink link.
 enum FarEnd {
@@ -85,10 +85,10 @@ impl RealVehicle {
         bridge: BridgeConfig,
         far_end: FarEnd,
     ) -> Result<Self, MissionError> {
-        let watch = Watch::new(&setup.scenario, index)?;
+        let watch = SafetyMonitor::new(&setup.scenario, index)?;
         let name = setup.name_of(index)?;
         let surfaces = setup.aircraft_of(index)?.surfaces;
-        let body = Body::Bridged(Box::new(BridgedBody::new(surfaces)));
+        let body = VehicleBackend::Bridged(Box::new(BridgedVehicle::new(surfaces)));
         Ok(Self {
             va: VirtualAircraft::new(name, body, watch)?,
             name: Name::new(name)?,
@@ -137,8 +137,8 @@ impl RealVehicle {
         if std::mem::take(&mut self.handed_back) {
             self.bridge.hand_back(&mut self.output);
         }
-        if let Body::Bridged(body) = self.va.body_mut() {
-            for event in body.take_control() {
+        if let VehicleBackend::Bridged(body) = self.va.backend_mut() {
+            for event in body.take_control_events() {
                 self.bridge.handle(event, &mut self.output);
             }
             for setpoint in body.take_setpoints() {
@@ -203,14 +203,14 @@ impl Agent for RealVehicle {
     fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
         if matches!(event, Event::Tick) {
             self.exchange(now, out);
-            let news = FromBridge {
+            let news = BridgeReport {
                 state: self.output.state.take(),
                 reading: self.output.reading.take(),
                 mode: Some(self.mode()),
                 events: std::mem::take(&mut self.output.events),
             };
-            if let Body::Bridged(body) = self.va.body_mut() {
-                body.news(news);
+            if let VehicleBackend::Bridged(body) = self.va.backend_mut() {
+                body.receive(news);
             }
         }
         self.va.handle(event, now, out);

@@ -5,7 +5,7 @@ use crate::{MissionError, Setup};
 use protocol::{Agent, AgentId, Event, Interest, Outbox, SimTime};
 use sc::SquadronController;
 use scenario::tables::VehicleKind;
-use va::{Body, SimulatedBody, SimulatedConfig, VirtualAircraft, Watch};
+use va::{SafetyMonitor, SimulatedConfig, SimulatedVehicle, VehicleBackend, VirtualAircraft};
 use ws::{WorldSimulator, WorldSimulatorConfig};
 
 /// One agent of a mission.
@@ -59,8 +59,8 @@ impl Member {
                     aircraft,
                     ground_amsl_m: setup.ground_at_home_m(index)?,
                 };
-                let body = Body::Simulated(Box::new(SimulatedBody::new(config)?));
-                let watch = Watch::new(&setup.scenario, index)?;
+                let body = VehicleBackend::Simulated(Box::new(SimulatedVehicle::new(config)?));
+                let watch = SafetyMonitor::new(&setup.scenario, index)?;
                 Self::Simulated(Box::new(VirtualAircraft::new(&vehicle.id, body, watch)?))
             }
             VehicleKind::StandIn => Self::Real(Box::new(RealVehicle::with_stand_in(setup, index)?)),

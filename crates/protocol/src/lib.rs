@@ -12,6 +12,7 @@
 pub mod agent;
 pub mod bus;
 mod codec;
+pub mod control_level;
 pub mod digest;
 pub mod envelope;
 pub mod key;

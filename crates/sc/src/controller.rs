@@ -1,4 +1,9 @@
-//! The squadron controller as an agent: what it hears, what it says, and the phases of a mission.
+//! The squadron controller as an agent: what it receives, what it publishes, and the course of a
+//! mission.
+
+mod dispatch;
+mod homing;
+mod phases;
 
 use air::geo::{Geodetic, wrap_signed_deg};
 use csea::{
@@ -17,16 +22,18 @@ use scenario::random::stream;
 use scenario::tables::{SearchTable, VehicleKind};
 use scenario::world::OFF_HEIGHT_M;
 
-use crate::ScError;
-use crate::airspace::{Airspace, Ways};
-use crate::fleet::{Fleet, MARGIN_M, Vehicle};
+use crate::airspace::Airspace;
+use crate::error::ScError;
+use crate::fleet::{Fleet, MARGIN_M, TeamVehicle};
 use crate::live_gap::LiveGap;
-use crate::passes::{Belief, Range};
-use crate::peak::{self, Highest};
+use crate::passes::PassRange;
+use crate::peak::{self, FieldMaximum};
+use crate::plume_estimate::PlumeEstimate;
+use crate::route_graph::RouteGraph;
 use crate::separation::Separation;
 use crate::tasks::Tasks;
 
-/// Time between two looks at the team, s.
+/// Time between two decisions, s.
 const DECISION_S: f64 = 1.0;
 /// Vehicles are planned farther apart than they must stay, by how far they may be off their
 /// track, m.
@@ -37,28 +44,28 @@ const SEARCH_BEYOND_M: f64 = 600.0;
 const SEARCH_SECTOR_DEG: f64 = 60.0;
 /// Half height of the search around the axis, in σz at the far end of the passes.
 const SEARCH_SIGMAS: f64 = 2.5;
-/// Readings within this distance of the peak speak for or against it, m.
-const WITNESS_M: f64 = 200.0;
+/// Readings within this distance of the peak are compared with the model there, m.
+const ASSESS_RADIUS_M: f64 = 200.0;
 
 /// The squadron controller.
 pub struct SquadronController {
     id: AgentId,
-    pub(crate) fleet: Fleet,
-    pub(crate) tasks: Tasks,
-    pub(crate) base: DispersionSpec,
-    pub(crate) model: Option<Model>,
-    pub(crate) range: Range,
-    pub(crate) search: SearchTable,
-    pub(crate) duration_s: f64,
-    pub(crate) phase: Phase,
-    pub(crate) rng: ChaCha8Rng,
-    pub(crate) strategy: Option<Box<dyn SearchStrategy>>,
+    fleet: Fleet,
+    tasks: Tasks,
+    base: DispersionSpec,
+    model: Option<Model>,
+    range: PassRange,
+    search: SearchTable,
+    duration_s: f64,
+    phase: Phase,
+    rng: ChaCha8Rng,
+    strategy: Option<Box<dyn SearchStrategy>>,
     archive: Archive,
-    /// Readings of real vehicles alone: the witnesses of the peak.
+    /// Readings of real vehicles alone, by which the peak is assessed.
     real_archive: Archive,
     gap: Option<LiveGap>,
     world: Option<DispersionModel>,
-    peak: Option<Highest>,
+    peak: Option<FieldMaximum>,
     generation: u64,
     next_decision: SimTime,
     next_population: SimTime,
@@ -88,7 +95,7 @@ impl SquadronController {
         };
         let source = &scenario.sources[0];
         let stated_m = source.c_max_distance_m.unwrap_or(0.0);
-        let range = Range::of(&airspace, MARGIN_M, stated_m);
+        let range = PassRange::of(&airspace, MARGIN_M, stated_m);
         let keep_out_m = airspace.keep_out_m();
         let no_airspace = ScError::NoAirspace {
             margin_m: MARGIN_M,
@@ -104,7 +111,7 @@ impl SquadronController {
             id: AgentId::sc(),
             tasks: Tasks::new(&vehicles),
             fleet: Fleet {
-                ways: Ways::of(&airspace, MARGIN_M),
+                routes: RouteGraph::of(&airspace, MARGIN_M),
                 airspace,
                 separation,
                 airspeed_m_s: scenario.search.airspeed_m_s,
@@ -137,13 +144,15 @@ impl SquadronController {
     }
 
     /// The running estimate of the peak.
-    pub fn peak(&self) -> Option<Highest> {
+    pub fn peak(&self) -> Option<FieldMaximum> {
         self.peak
     }
 
-    /// Where the plume is believed to be; the scenario's own words before the first model.
-    pub(crate) fn belief(&self) -> Option<Belief> {
-        self.model.as_ref().map(|m| Belief::of(m, &self.base))
+    /// Where the plume is estimated to be; none before the first model.
+    fn estimate(&self) -> Option<PlumeEstimate> {
+        self.model
+            .as_ref()
+            .map(|m| PlumeEstimate::of(m, &self.base))
     }
 
     /// A strategy over the sector downwind in which the plume may be.
@@ -159,13 +168,15 @@ impl SquadronController {
     }
 
     fn search_domain(&mut self) -> Result<Domain, ScError> {
-        let belief = self.belief().unwrap_or_else(|| Belief::of_base(&self.base));
+        let estimate = self
+            .estimate()
+            .unwrap_or_else(|| PlumeEstimate::of_base(&self.base));
         let airspace = self.fleet.airspace.clone();
         let reach_m = self.range.far_m + SEARCH_BEYOND_M;
-        let half_m = SEARCH_SIGMAS * belief.sigmas_m(&self.base, self.range.far_m).1;
-        let low_m = airspace.clamp_height_m(belief.height_amsl_m - half_m);
-        let high_m = airspace.clamp_height_m(belief.height_amsl_m + half_m);
-        let centre = belief.source;
+        let half_m = SEARCH_SIGMAS * estimate.sigmas_m(&self.base, self.range.far_m).1;
+        let low_m = airspace.clamp_height_m(estimate.height_amsl_m - half_m);
+        let high_m = airspace.clamp_height_m(estimate.height_amsl_m + half_m);
+        let centre = estimate.source;
         let corner = |side: f64, height_m: f64| {
             Position::new(
                 centre.east_m + side * reach_m,
@@ -176,7 +187,7 @@ impl SquadronController {
         let (low, high) = (corner(-1.0, low_m), corner(1.0, high_m));
         let everywhere = airspace.clone();
         let allowed = move |p: Position| {
-            let off_deg = wrap_signed_deg(centre.bearing_deg(p.at) - belief.axis_deg).abs();
+            let off_deg = wrap_signed_deg(centre.bearing_deg(p.at) - estimate.axis_deg).abs();
             off_deg <= SEARCH_SECTOR_DEG
                 && centre.distance_m(p.at) <= reach_m
                 && airspace.contains(p, MARGIN_M)
@@ -193,7 +204,7 @@ impl SquadronController {
         })
     }
 
-    fn hear(&mut self, topic: &Topic, envelope: &Envelope, out: &mut Outbox) {
+    fn handle_message(&mut self, topic: &Topic, envelope: &Envelope, out: &mut Outbox) {
         match (topic, &envelope.message) {
             (Topic::State(name), Message::State(state)) => {
                 if let Some(index) = self.fleet.index_of(name) {
@@ -201,15 +212,15 @@ impl SquadronController {
                 }
             }
             (Topic::Reading(name), Message::Reading(reading)) => {
-                self.hear_reading(name, reading, envelope.time, out);
+                self.handle_reading(name, reading, envelope.time, out);
             }
-            (Topic::Mode(name), Message::Mode(mode)) => self.hear_mode(name, mode, out),
-            (Topic::Model, Message::Model(model)) => self.hear_model(model),
+            (Topic::Mode(name), Message::Mode(mode)) => self.handle_mode(name, mode, out),
+            (Topic::Model, Message::Model(model)) => self.handle_model(model),
             _ => {}
         }
     }
 
-    fn hear_reading(&mut self, name: &Name, reading: &Reading, time: SimTime, out: &mut Outbox) {
+    fn handle_reading(&mut self, name: &Name, reading: &Reading, time: SimTime, out: &mut Outbox) {
         if self.fleet.index_of(name).is_none() {
             return;
         }
@@ -224,7 +235,7 @@ impl SquadronController {
             },
             value: reading.co2_ppm,
         };
-        // A reading that is not finite tells nothing and is left out.
+        // A reading that is not finite is left out.
         if self.archive.push(sample).is_err() || reading.kind != Kind::Real {
             return;
         }
@@ -240,18 +251,20 @@ impl SquadronController {
         }
     }
 
-    fn hear_mode(&mut self, name: &Name, mode: &Mode, out: &mut Outbox) {
+    fn handle_mode(&mut self, name: &Name, mode: &Mode, out: &mut Outbox) {
         let Some(index) = self.fleet.index_of(name) else {
             return;
         };
-        let obeyed =
-            std::mem::replace(&mut self.fleet.vehicles[index].obeys, mode.setpoints_obeyed);
-        if !obeyed && mode.setpoints_obeyed {
+        let followed_before = std::mem::replace(
+            &mut self.fleet.vehicles[index].follows_setpoints,
+            mode.setpoints_obeyed,
+        );
+        if !followed_before && mode.setpoints_obeyed {
             self.fleet.repeat(index, out);
         }
     }
 
-    fn hear_model(&mut self, model: &Model) {
+    fn handle_model(&mut self, model: &Model) {
         if self.model.as_ref() == Some(model) {
             return;
         }
@@ -283,7 +296,7 @@ impl SquadronController {
             out.event(&self.id, severity, code, format!("vehicle {name} {words}"));
         }
         if let Some(next) = self.next_phase(now) {
-            self.enter(next, out);
+            self.enter_phase(next, out);
         }
         for index in 0..self.fleet.vehicles.len() {
             self.fleet.advance(index, out);
@@ -297,7 +310,7 @@ impl SquadronController {
         self.publish_plan(out);
     }
 
-    fn enter(&mut self, phase: Phase, out: &mut Outbox) {
+    fn enter_phase(&mut self, phase: Phase, out: &mut Outbox) {
         self.phase = phase;
         let words = match phase {
             Phase::TakeOff => "take-off",
@@ -314,10 +327,10 @@ impl SquadronController {
             }
         }
         if phase == Phase::Home {
-            self.say_findings(out);
+            self.publish_findings(out);
         }
         if phase >= Phase::Search {
-            self.say_gap(out);
+            self.publish_gap(out);
         }
         self.tasks.start_phase(phase, &self.fleet);
     }
@@ -348,10 +361,11 @@ impl SquadronController {
         self.follow(&points, out);
     }
 
-    /// The peak as it is said on the bus; none before the search, while it is only what the
+    /// The peak as it is published; none before the search, while it is only what the
     /// scenario supposes.
     fn peak_message(&self) -> Option<Peak> {
-        let Highest { position, co2_ppm } = self.peak.filter(|_| self.phase >= Phase::Search)?;
+        let FieldMaximum { position, co2_ppm } =
+            self.peak.filter(|_| self.phase >= Phase::Search)?;
         let Geodetic { lat_deg, lon_deg } = self.fleet.airspace.frame().to_geodetic(position.at);
         let sd_ppm = self.model.as_ref().map_or(f64::NAN, |m| {
             let excess_ppm = co2_ppm - m.background_ppm.value;
@@ -366,7 +380,7 @@ impl SquadronController {
         })
     }
 
-    /// Says the plan at every decision, changed or not: vehicles take it as the sign that
+    /// Publishes the plan at every decision, changed or not: vehicles take it as the sign that
     /// somebody is in command, and go home without it.
     fn publish_plan(&self, out: &mut Outbox) {
         let plan = Plan {
@@ -377,8 +391,8 @@ impl SquadronController {
         out.say(Topic::Plan, Message::Plan(plan));
     }
 
-    /// Says what was found, and whether the samples bear it out.
-    fn say_findings(&self, out: &mut Outbox) {
+    /// Publishes what was found, and whether the samples support it.
+    fn publish_findings(&self, out: &mut Outbox) {
         let (Some(found), Some(peak)) = (self.peak, self.peak_message()) else {
             return;
         };
@@ -400,25 +414,25 @@ impl SquadronController {
             );
         }
         out.event(&self.id, Severity::Info, "peak", text);
-        let (severity, code, words) = self.witness(found);
+        let (severity, code, words) = self.assess_peak(found);
         out.event(&self.id, severity, code, words);
     }
 
-    /// Says what the readings so far tell of the model, and hands over what is to be adopted.
-    fn say_gap(&self, out: &mut Outbox) {
+    /// Publishes what the readings so far show of the model, and hands over what is to be adopted.
+    fn publish_gap(&self, out: &mut Outbox) {
         if let Some((extension, words)) = self.gap.as_ref().and_then(LiveGap::judge) {
             out.event(&self.id, Severity::Info, "reality-gap", words);
             out.say(Topic::Extension, Message::Extension(extension));
         }
     }
 
-    /// What the readings of real vehicles near the peak say of the model there.
-    fn witness(&self, found: Highest) -> (Severity, &'static str, String) {
+    /// Compares the readings of real vehicles near the peak with the model there.
+    fn assess_peak(&self, found: FieldMaximum) -> (Severity, &'static str, String) {
         let mut near = Vec::new();
         self.real_archive
-            .nearest(found.position, 200, WITNESS_M, &mut near);
+            .nearest(found.position, 200, ASSESS_RADIUS_M, &mut near);
         let Some(world) = self.world.as_ref().filter(|_| !near.is_empty()) else {
-            let words = format!("no real reading within {WITNESS_M:.0} m of the peak");
+            let words = format!("no real reading within {ASSESS_RADIUS_M:.0} m of the peak");
             return (Severity::Warning, "peak-unvisited", words);
         };
         let (mut read, mut expected) = (0.0, 0.0);
@@ -443,11 +457,11 @@ impl SquadronController {
 
 /// The vehicles with their homes and, above them, layers in the order of take-off: the first to
 /// rise has the highest.
-fn team(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<Vehicle>, ScError> {
+fn team(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<TeamVehicle>, ScError> {
     let layers = scenario.layers_amsl_m();
     let vehicle = |(k, v): (usize, &scenario::tables::VehicleTable)| {
         let at = airspace.frame().to_enu(scenario.home(k)?);
-        Ok(Vehicle::new(
+        Ok(TeamVehicle::new(
             Name::new(&v.id)?,
             v.kind != VehicleKind::Simulated,
             Position {
@@ -476,7 +490,7 @@ impl Agent for SquadronController {
 
     fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
         match event {
-            Event::Message(topic, envelope) => self.hear(topic, envelope, out),
+            Event::Message(topic, envelope) => self.handle_message(topic, envelope, out),
             Event::Tick if now >= self.next_decision => {
                 self.next_decision = SimTime::from_s(now.s() + DECISION_S);
                 self.decide(now, out);
@@ -484,7 +498,7 @@ impl Agent for SquadronController {
             Event::Tick => {}
             Event::Stop => {
                 if self.phase != Phase::Home {
-                    self.say_findings(out);
+                    self.publish_findings(out);
                 }
                 self.publish_plan(out);
             }

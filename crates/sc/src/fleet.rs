@@ -8,7 +8,8 @@ use protocol::key::Name;
 use protocol::message::{Assignment, PathKind, Setpoint, State};
 use protocol::{Message, Outbox, SimTime, Topic};
 
-use crate::airspace::{Airspace, Ways};
+use crate::airspace::Airspace;
+use crate::route_graph::RouteGraph;
 use crate::separation::{Corridor, Separation};
 
 /// Radius of the orbit at a setpoint, m: 18 m/s in 10 m/s of wind at 45° of bank takes 80 m.
@@ -18,12 +19,12 @@ pub const ORBIT_M: f64 = 80.0;
 pub const MARGIN_M: f64 = 120.0;
 /// A setpoint counts as reached at this distance, m: before the orbit around it begins.
 const REACHED_M: f64 = ORBIT_M + 40.0;
-/// A vehicle of which nothing has been heard for this long is not counted on, s.
+/// A vehicle of which nothing has been received for this long is not counted on, s.
 const SILENT_S: f64 = 10.0;
 
-/// What was last heard of a vehicle.
+/// The last known position and course of a vehicle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Seen {
+pub struct VehicleTrack {
     /// Where it is; height above mean sea level.
     pub position: Position,
     /// Direction in which it moves over ground, degrees; that of its nose when it hardly moves.
@@ -34,7 +35,7 @@ pub struct Seen {
     pub time: SimTime,
 }
 
-/// What a vehicle was last told.
+/// The last order of a vehicle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Order {
     /// The path.
@@ -47,7 +48,7 @@ pub struct Order {
 
 /// One vehicle of the team.
 #[derive(Debug, Clone)]
-pub struct Vehicle {
+pub struct TeamVehicle {
     /// Its name on the bus.
     pub name: Name,
     /// Behind MAVLink, a stand-in or a real aircraft.
@@ -56,58 +57,58 @@ pub struct Vehicle {
     pub home: Position,
     /// Height of its own above home, that no other vehicle shares, m above mean sea level.
     pub layer_amsl_m: f64,
-    /// What was last heard of it.
-    pub seen: Option<Seen>,
+    /// Where it was last.
+    pub track: Option<VehicleTrack>,
     /// Whether it follows setpoints: not while a pilot or the Guardian flies it.
-    pub obeys: bool,
-    /// What it was last told.
+    pub follows_setpoints: bool,
+    /// Its last order.
     pub order: Option<Order>,
-    /// What it will be told then: the rest of the way around what stands in the way.
+    /// The legs that follow, around what stands in the way.
     route: VecDeque<Position>,
     silent: bool,
 }
 
-impl Vehicle {
-    /// A vehicle of which nothing has been heard.
+impl TeamVehicle {
+    /// A vehicle of which nothing has been received yet.
     pub fn new(name: Name, real: bool, home: Position, layer_amsl_m: f64) -> Self {
         Self {
             name,
             real,
             home,
             layer_amsl_m,
-            seen: None,
-            obeys: true,
+            track: None,
+            follows_setpoints: true,
             order: None,
             route: VecDeque::new(),
             silent: false,
         }
     }
 
-    /// Heard of, in the air and following setpoints.
-    pub fn can_be_sent(&self) -> bool {
-        self.obeys && !self.silent && self.seen.is_some_and(|s| s.airborne)
+    /// Known, in the air and following setpoints.
+    pub fn is_commandable(&self) -> bool {
+        self.follows_setpoints && !self.silent && self.track.is_some_and(|s| s.airborne)
     }
 
     /// Whether it is at the end of the way it was sent.
     pub fn has_arrived(&self) -> bool {
-        match (self.seen, self.order) {
-            (Some(seen), Some(order)) => {
-                self.route.is_empty() && seen.position.at.distance_m(order.to.at) <= REACHED_M
+        match (self.track, self.order) {
+            (Some(track), Some(order)) => {
+                self.route.is_empty() && track.position.at.distance_m(order.to.at) <= REACHED_M
             }
             _ => false,
         }
     }
 
     fn corridor(&self) -> Option<Corridor> {
-        let seen = self.seen.filter(|s| s.airborne)?;
-        let order = self.order.filter(|_| self.obeys);
+        let track = self.track.filter(|s| s.airborne)?;
+        let order = self.order.filter(|_| self.follows_setpoints);
         let (from, to) = match order {
             // The climb after take-off goes in turns, each vehicle to a layer of its own; coming
             // down again likewise.
             Some(order) if order.path == PathKind::TakeOff => (order.to, order.to),
             Some(order) if order.path == PathKind::Land => return None,
-            Some(order) => (seen.position, order.to),
-            None => (seen.position, seen.position),
+            Some(order) => (track.position, order.to),
+            None => (track.position, track.position),
         };
         Some(Corridor {
             from,
@@ -122,14 +123,14 @@ impl Vehicle {
 pub struct Fleet {
     /// Fence, height band and keep-outs.
     pub airspace: Airspace,
-    /// Ways around what stands in the way.
-    pub ways: Ways,
+    /// Routes around what stands in the way.
+    pub routes: RouteGraph,
     /// What vehicles keep between them.
     pub separation: Separation,
     /// Airspeed of the team, m/s.
     pub airspeed_m_s: f64,
     /// The vehicles in the scenario's order.
-    pub vehicles: Vec<Vehicle>,
+    pub vehicles: Vec<TeamVehicle>,
 }
 
 impl Fleet {
@@ -138,7 +139,7 @@ impl Fleet {
         self.vehicles.iter().position(|v| v.name == *name)
     }
 
-    /// Takes in what a vehicle says of itself; what is not finite is passed over.
+    /// Takes in a vehicle's state; one that is not finite is passed over.
     pub fn observe(&mut self, index: usize, state: &State, time: SimTime) {
         let [north, east, _] = state.vel_ned_m_s;
         let at = self.airspace.frame().to_enu(Geodetic {
@@ -160,6 +161,7 @@ impl Fleet {
         if numbers.iter().any(|n| !n.is_finite()) {
             return;
         }
+        // Hardly moving, the course over ground is noise; the nose is not.
         let course_deg = if north.hypot(east) > 3.0 {
             Enu::default().bearing_deg(Enu {
                 east_m: east,
@@ -168,7 +170,7 @@ impl Fleet {
         } else {
             state.heading_deg
         };
-        self.vehicles[index].seen = Some(Seen {
+        self.vehicles[index].track = Some(VehicleTrack {
             position,
             course_deg,
             airborne: state.airborne,
@@ -176,12 +178,12 @@ impl Fleet {
         });
     }
 
-    /// Vehicles that have just fallen silent (`true`) or are heard again (`false`).
+    /// Vehicles that have just fallen silent (`true`) or are received again (`false`).
     pub fn silences(&mut self, now: SimTime) -> Vec<(usize, bool)> {
         let mut changed = Vec::new();
         for (index, v) in self.vehicles.iter_mut().enumerate() {
-            let Some(seen) = v.seen else { continue };
-            let silent = now.since_s(seen.time) > SILENT_S;
+            let Some(track) = v.track else { continue };
+            let silent = now.since_s(track.time) > SILENT_S;
             if silent != v.silent {
                 v.silent = silent;
                 changed.push((index, silent));
@@ -193,18 +195,18 @@ impl Fleet {
     /// Sends a vehicle to `target`, around whatever stands in the way, if the target and the way
     /// are inside the airspace and its first leg is apart from all other vehicles. Says whether
     /// it was sent; otherwise its last order stands.
-    pub fn go(
+    pub fn send(
         &mut self,
         index: usize,
         target: Position,
         purpose: &'static str,
         out: &mut Outbox,
     ) -> bool {
-        self.go_at_one_of(index, target.at, &[target.height_m], purpose, out)
+        self.send_at_free_height(index, target.at, &[target.height_m], purpose, out)
     }
 
-    /// As [`Fleet::go`], at the first of `heights_amsl_m` that is free.
-    pub fn go_at_one_of(
+    /// As [`Fleet::send`], at the first of `heights_amsl_m` that is free.
+    pub fn send_at_free_height(
         &mut self,
         index: usize,
         at: Enu,
@@ -212,12 +214,14 @@ impl Fleet {
         purpose: &'static str,
         out: &mut Outbox,
     ) -> bool {
-        let Some(seen) = self.vehicles[index].seen else {
+        let Some(track) = self.vehicles[index].track else {
             return false;
         };
-        let Some(way) = self.ways.route(&self.airspace, seen.position.at, at) else {
+        let Some(way) = self.routes.route(&self.airspace, track.position.at, at) else {
             return false;
         };
+        // Only the first leg is checked against the others: later legs are checked when they are
+        // flown, for by then all have moved.
         let free = heights_amsl_m.iter().copied().find(|&height_m| {
             let first = Position {
                 at: way[0],
@@ -244,10 +248,10 @@ impl Fleet {
 
     /// Whether the leg from where a vehicle is to `to` is apart from all others.
     pub fn is_apart(&self, index: usize, to: Position) -> bool {
-        let Some(seen) = self.vehicles[index].seen else {
+        let Some(track) = self.vehicles[index].track else {
             return false;
         };
-        self.is_free_for(index, seen.position, to)
+        self.is_free_for(index, track.position, to)
     }
 
     /// Whether nobody is in the way of a vehicle at its layer above home.
@@ -278,11 +282,12 @@ impl Fleet {
     /// Gives the next leg of its way to a vehicle that has flown one.
     pub fn advance(&mut self, index: usize, out: &mut Outbox) {
         let v = &self.vehicles[index];
-        let (Some(seen), Some(order), Some(&next)) = (v.seen, v.order, v.route.front()) else {
+        let (Some(track), Some(order), Some(&next)) = (v.track, v.order, v.route.front()) else {
             return;
         };
-        let reached = seen.position.at.distance_m(order.to.at) <= REACHED_M;
-        if !v.can_be_sent() || !reached || !self.is_apart(index, next) {
+        let reached = track.position.at.distance_m(order.to.at) <= REACHED_M;
+        // Not yet free: it circles at the corner until it is.
+        if !v.is_commandable() || !reached || !self.is_apart(index, next) {
             return;
         }
         self.vehicles[index].route.pop_front();
@@ -321,16 +326,16 @@ impl Fleet {
     /// Says the last order of a vehicle again, as after a pilot has handed it back.
     pub fn repeat(&self, index: usize, out: &mut Outbox) {
         if let Some(order) = self.vehicles[index].order {
-            self.say(index, order, out);
+            self.publish(index, order, out);
         }
     }
 
     fn order(&mut self, index: usize, order: Order, out: &mut Outbox) {
         self.vehicles[index].order = Some(order);
-        self.say(index, order, out);
+        self.publish(index, order, out);
     }
 
-    fn say(&self, index: usize, order: Order, out: &mut Outbox) {
+    fn publish(&self, index: usize, order: Order, out: &mut Outbox) {
         let Geodetic { lat_deg, lon_deg } = self.airspace.frame().to_geodetic(order.to.at);
         let setpoint = Setpoint {
             path: order.path,

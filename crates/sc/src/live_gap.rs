@@ -1,8 +1,8 @@
-//! The reality gap in flight: what the readings of real vehicles so far say of the model.
+//! The reality gap in flight: what the readings of real vehicles so far show of the model.
 //!
 //! At the start of the search, of the characterisation and of the way home the readings are
 //! analysed as `plumage gap plume` would analyse them from a file, only lighter. The verdict is
-//! told, and, where the mission is to adopt what is found, handed to the world simulator.
+//! published, and, where the mission is to adopt what is found, handed to the world simulator.
 
 use gap::plume::{Analysis, Options, Setup, analyse};
 use gap::verdict::Verdict;
@@ -19,7 +19,7 @@ const MOST_ROWS: usize = 1800;
 const ROW_S: f64 = 1.0;
 const LONGEST_ROW_S: f64 = 4.0;
 
-/// Collects readings of real vehicles and says what they mean.
+/// Collects readings of real vehicles and analyses them.
 pub struct LiveGap {
     setup: Setup,
     adopt: bool,
@@ -83,19 +83,21 @@ impl LiveGap {
 
     fn thin_out(&mut self) {
         let rows = &mut self.observations.rows;
+        // Thinning keeps the whole history at half the rate; once the rows are too far apart the
+        // oldest go instead.
         if 2.0 * self.interval_s > LONGEST_ROW_S {
             rows.drain(..rows.len() - MOST_ROWS);
             return;
         }
         self.interval_s *= 2.0;
-        let mut seen = vec![0usize; self.observations.platforms.len()];
+        let mut track = vec![0usize; self.observations.platforms.len()];
         rows.retain(|row| {
-            seen[row.platform] += 1;
-            seen[row.platform] % 2 == 1
+            track[row.platform] += 1;
+            track[row.platform] % 2 == 1
         });
     }
 
-    /// What the readings so far say: the extension as it goes over the bus, and words for people;
+    /// What the readings so far show: the extension as it goes over the bus, and a text for people;
     /// none before there are readings.
     pub fn judge(&self) -> Option<(Extension, String)> {
         if self.observations.rows.is_empty() {
@@ -128,7 +130,7 @@ impl LiveGap {
                     .collect(),
             })
             .collect();
-        let words = words(&analysis, self.observations.rows.len());
+        let summary = summary(&analysis, self.observations.rows.len());
         let verdict = name(analysis.json.verdict).to_owned();
         Some((
             Extension {
@@ -137,7 +139,7 @@ impl LiveGap {
                 // Nothing found is adopted too: what was adopted before may have been wrong.
                 adopt: self.adopt,
             },
-            words,
+            summary,
         ))
     }
 }
@@ -152,7 +154,7 @@ fn name(verdict: Verdict) -> &'static str {
     }
 }
 
-fn words(analysis: &Analysis, rows: usize) -> String {
+fn summary(analysis: &Analysis, rows: usize) -> String {
     let causes: Vec<String> = analysis
         .json
         .causes

@@ -8,10 +8,9 @@
 use air::geo::Enu;
 use csea::Position;
 use plume::DispersionSpec;
-use plume::sigma::{sigma_y_m, sigma_z_m};
-use protocol::message::Model;
 
 use crate::airspace::Airspace;
+use crate::plume_estimate::PlumeEstimate;
 
 /// Shortest half width of a pass, m: a fast vehicle is across any narrower plume in seconds.
 const LEAST_HALF_WIDTH_M: f64 = 220.0;
@@ -19,71 +18,10 @@ const LEAST_HALF_WIDTH_M: f64 = 220.0;
 const AXIS_SDS: f64 = 2.0;
 /// Half width of the plume in σy, out to 1 % of the axis.
 const PLUME_SIGMAS: f64 = 3.0;
-/// Factors on σ outside these are not believed in planning: an estimate that has gone astray
-/// must not lead the passes out of the plume.
-const LEAST_FACTOR: f64 = 0.3;
-/// See [`LEAST_FACTOR`].
-const GREATEST_FACTOR: f64 = 2.5;
 /// Steps by which a pass is shortened to fit the airspace, m.
 const SHORTEN_M: f64 = 25.0;
 /// Height of passes off the axis in σz: where a Gaussian's slope is steepest is 1.
 const OFF_AXIS_SIGMAS: f64 = 1.0;
-
-/// Where the plume is believed to be.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Belief {
-    /// Foot of the stack.
-    pub source: Enu,
-    /// Direction towards which the axis runs, degrees.
-    pub axis_deg: f64,
-    /// Its standard deviation, degrees.
-    pub axis_sd_deg: f64,
-    /// Height of the axis, m above mean sea level.
-    pub height_amsl_m: f64,
-    /// Its standard deviation, m.
-    pub height_sd_m: f64,
-    /// c_MAX's standard deviation as a part of it.
-    pub strength_sd: f64,
-    /// Factors on σy and σz, each with one standard deviation added: passes had rather be long.
-    pub sigma_factors: (f64, f64),
-}
-
-impl Belief {
-    /// What a model says.
-    pub fn of(model: &Model, base: &DispersionSpec) -> Self {
-        let [y, z] = [&model.sigma_y_scale, &model.sigma_z_scale]
-            .map(|s| (s.value + s.sd).clamp(LEAST_FACTOR, GREATEST_FACTOR));
-        Self {
-            source: base.sources.first().map_or(Enu::default(), |s| s.place),
-            axis_deg: model.axis_deg.value,
-            axis_sd_deg: model.axis_deg.sd.clamp(0.0, 30.0),
-            height_amsl_m: base.ground_amsl_m + model.effective_height_agl_m.value,
-            height_sd_m: model.effective_height_agl_m.sd.clamp(0.0, 200.0),
-            strength_sd: model.c_max_ppm.sd / model.c_max_ppm.value.max(1.0),
-            sigma_factors: (y, z),
-        }
-    }
-
-    /// Spread (σy, σz) at a distance, generously, m.
-    pub fn sigmas_m(&self, base: &DispersionSpec, distance_m: f64) -> (f64, f64) {
-        (
-            self.sigma_factors.0 * sigma_y_m(distance_m, base.stability, base.setting),
-            self.sigma_factors.1 * sigma_z_m(distance_m, base.stability, base.setting),
-        )
-    }
-
-    /// Whether passes have shown enough: axis to 1.5°, height to 8 m, c_MAX to 8 %.
-    pub fn is_sharp(&self) -> bool {
-        self.axis_sd_deg < 1.5 && self.height_sd_m < 8.0 && self.strength_sd < 0.08
-    }
-
-    /// The place `distance_m` down the axis and `right_m` to its right.
-    pub fn place(&self, distance_m: f64, right_m: f64) -> Enu {
-        self.source
-            .displaced(self.axis_deg, distance_m)
-            .displaced(self.axis_deg + 90.0, right_m)
-    }
-}
 
 /// What a pass shall show.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -141,14 +79,14 @@ pub struct Pass {
 
 /// Distances from the source between which passes are flown.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Range {
+pub struct PassRange {
     /// Nearest, m.
     pub near_m: f64,
     /// Farthest, m.
     pub far_m: f64,
 }
 
-impl Range {
+impl PassRange {
     /// From the edge of the keep-out, with the margin for turns, to the distance at which c_MAX
     /// is stated, at least half as far again.
     pub fn of(airspace: &Airspace, margin_m: f64, stated_m: f64) -> Self {
@@ -164,10 +102,10 @@ impl Range {
 /// shortened to what the airspace allows with `margin_m`. `None` where nothing of it is left.
 pub fn plan(
     kind: PassKind,
-    belief: &Belief,
+    estimate: &PlumeEstimate,
     base: &DispersionSpec,
     airspace: &Airspace,
-    range: Range,
+    range: PassRange,
     margin_m: f64,
     here: Enu,
 ) -> Option<Pass> {
@@ -176,17 +114,19 @@ pub fn plan(
             let distance_m = range.near_m + part * (range.far_m - range.near_m);
             (
                 step,
-                across_ends(belief, base, airspace, distance_m, margin_m)?,
+                across_ends(estimate, base, airspace, distance_m, margin_m)?,
             )
         }
-        PassKind::Along { step } => (step, along_ends(belief, airspace, range, margin_m)?),
+        PassKind::Along { step } => (step, along_ends(estimate, airspace, range, margin_m)?),
     };
-    let middle_m = 0.5 * (belief.source.distance_m(ends[0]) + belief.source.distance_m(ends[1]));
-    let sigma_z_m = belief.sigmas_m(base, middle_m.max(1.0)).1;
+    let middle_m =
+        0.5 * (estimate.source.distance_m(ends[0]) + estimate.source.distance_m(ends[1]));
+    let sigma_z_m = estimate.sigmas_m(base, middle_m.max(1.0)).1;
     // As long as H is hardly known, the steps must reach as far as it may be off.
-    let off_m = (OFF_AXIS_SIGMAS * sigma_z_m).max(belief.height_sd_m.min(2.0 * sigma_z_m));
-    let height_m = airspace.clamp_height_m(belief.height_amsl_m + step * off_m);
+    let off_m = (OFF_AXIS_SIGMAS * sigma_z_m).max(estimate.height_sd_m.min(2.0 * sigma_z_m));
+    let height_m = airspace.clamp_height_m(estimate.height_amsl_m + step * off_m);
     let [mut from, mut to] = ends;
+    // Flown from the nearer end; either direction shows the same.
     if here.distance_m(to) < here.distance_m(from) {
         std::mem::swap(&mut from, &mut to);
     }
@@ -198,19 +138,19 @@ pub fn plan(
 }
 
 fn across_ends(
-    belief: &Belief,
+    estimate: &PlumeEstimate,
     base: &DispersionSpec,
     airspace: &Airspace,
     distance_m: f64,
     margin_m: f64,
 ) -> Option<[Enu; 2]> {
-    let axis_sd_m = distance_m * belief.axis_sd_deg.to_radians();
-    let sigma_y_m = belief.sigmas_m(base, distance_m).0;
+    let axis_sd_m = distance_m * estimate.axis_sd_deg.to_radians();
+    let sigma_y_m = estimate.sigmas_m(base, distance_m).0;
     let half_m = (AXIS_SDS * axis_sd_m + PLUME_SIGMAS * sigma_y_m).max(LEAST_HALF_WIDTH_M);
     let end = |side: f64| {
         let mut out_m = half_m;
         while out_m > 0.0 {
-            let at = belief.place(distance_m, side * out_m);
+            let at = estimate.place(distance_m, side * out_m);
             if airspace.clearance_m(at) >= margin_m {
                 return Some(at);
             }
@@ -225,15 +165,15 @@ fn across_ends(
 }
 
 fn along_ends(
-    belief: &Belief,
+    estimate: &PlumeEstimate,
     airspace: &Airspace,
-    range: Range,
+    range: PassRange,
     margin_m: f64,
 ) -> Option<[Enu; 2]> {
-    let near = belief.place(range.near_m, 0.0);
+    let near = estimate.place(range.near_m, 0.0);
     let mut far_m = range.far_m;
     while far_m > range.near_m + 2.0 * SHORTEN_M {
-        let far = belief.place(far_m, 0.0);
+        let far = estimate.place(far_m, 0.0);
         if airspace.clearance_m(far) >= margin_m && airspace.leg_is_clear(near, far, margin_m) {
             return Some([near, far]);
         }

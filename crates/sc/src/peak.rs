@@ -8,13 +8,13 @@ use protocol::message::Model;
 
 use crate::airspace::Airspace;
 
-/// Distances beyond the keep-out at which the maximum is looked for first, m.
+/// Distances beyond the keep-out of the rings of the grid, m.
 const BEYOND_M: [f64; 11] = [
     0.0, 25.0, 75.0, 150.0, 300.0, 500.0, 800.0, 1200.0, 1800.0, 2600.0, 4000.0,
 ];
-/// Directions of the first look.
+/// Directions of the grid.
 const DIRECTIONS: usize = 360;
-/// Heights of the first look.
+/// Heights of the grid.
 const HEIGHTS: usize = 25;
 /// Nearest distance to a stack that is looked at where there is no keep-out, m.
 const NEAREST_M: f64 = 20.0;
@@ -23,7 +23,7 @@ const FINEST_M: f64 = 0.1;
 
 /// A place and the mean mole fraction there.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Highest {
+pub struct FieldMaximum {
     /// Where; height above mean sea level.
     pub position: Position,
     /// How much, background included, ppm.
@@ -33,22 +33,22 @@ pub struct Highest {
 /// The place of greatest mean mole fraction of `world` at `time_s` inside the fence and height
 /// band and outside every keep-out; `None` where the airspace has no such place.
 ///
-/// A look along circles around each stack finds the basin (1° apart, which is less than σy of
+/// A grid of rings around each stack finds the basin (1° apart, which is less than σy of
 /// any class), a pattern search (Hooke and Jeeves 1961) around the circle, along the radius and
 /// in height refines to 0.1 m.
-pub fn highest(world: &DispersionModel, airspace: &Airspace, time_s: f64) -> Option<Highest> {
-    let looks = airspace
+pub fn highest(world: &DispersionModel, airspace: &Airspace, time_s: f64) -> Option<FieldMaximum> {
+    let points = airspace
         .stacks()
         .iter()
-        .filter_map(|&stack| first_look(world, airspace, stack, time_s));
-    looks
-        .map(|look| refined(world, airspace, look, time_s))
+        .filter_map(|&stack| grid_search(world, airspace, stack, time_s));
+    points
+        .map(|point| refine(world, airspace, point, time_s))
         .max_by(|a, b| a.co2_ppm.total_cmp(&b.co2_ppm))
 }
 
 /// A place in rings around a stack.
 #[derive(Debug, Clone, Copy)]
-struct Look {
+struct GridPoint {
     stack: Enu,
     bearing_deg: f64,
     radius_m: f64,
@@ -56,7 +56,7 @@ struct Look {
     co2_ppm: f64,
 }
 
-impl Look {
+impl GridPoint {
     fn position(&self) -> Position {
         Position {
             at: self.stack.displaced(self.bearing_deg, self.radius_m),
@@ -80,41 +80,41 @@ pub fn mean_ppm(
     world.mean_ppm(&place, time_s)
 }
 
-fn first_look(
+fn grid_search(
     world: &DispersionModel,
     airspace: &Airspace,
     stack: Enu,
     time_s: f64,
-) -> Option<Look> {
+) -> Option<GridPoint> {
     let (floor_m, ceiling_m) = airspace.height_band_amsl_m();
     let height = |k: usize| floor_m + (ceiling_m - floor_m) * k as f64 / (HEIGHTS - 1) as f64;
     let nearest_m = airspace.keep_out_m().max(NEAREST_M);
-    let mut looks = Vec::new();
+    let mut points = Vec::new();
     for beyond_m in BEYOND_M {
         for k in 0..DIRECTIONS {
-            let mut look = Look {
+            let mut point = GridPoint {
                 stack,
                 bearing_deg: 360.0 * k as f64 / DIRECTIONS as f64,
                 radius_m: nearest_m + beyond_m + 1e-6,
                 height_m: floor_m,
                 co2_ppm: f64::NEG_INFINITY,
             };
-            if airspace.contains(look.position(), 0.0) {
+            if airspace.contains(point.position(), 0.0) {
                 for level in 0..HEIGHTS {
-                    look.height_m = height(level);
-                    looks.push(look);
+                    point.height_m = height(level);
+                    points.push(point);
                 }
             }
         }
     }
-    fill(world, airspace, &mut looks, time_s);
-    looks
+    evaluate(world, airspace, &mut points, time_s);
+    points
         .into_iter()
         .reduce(|best, l| if l.co2_ppm > best.co2_ppm { l } else { best })
 }
 
-fn fill(world: &DispersionModel, airspace: &Airspace, looks: &mut [Look], time_s: f64) {
-    let at: Vec<Position> = looks.iter().map(Look::position).collect();
+fn evaluate(world: &DispersionModel, airspace: &Airspace, points: &mut [GridPoint], time_s: f64) {
+    let at: Vec<Position> = points.iter().map(GridPoint::position).collect();
     let ground_m = airspace.frame().ground_amsl_m;
     let column = |f: &dyn Fn(&Position) -> f64| at.iter().map(f).collect::<Vec<f64>>();
     let east_m = column(&|p| p.at.east_m);
@@ -128,13 +128,18 @@ fn fill(world: &DispersionModel, airspace: &Airspace, looks: &mut [Look], time_s
     let mut ppm = Vec::new();
     // Columns of one length are never refused.
     if world.fill_mean_ppm(places, time_s, &mut ppm).is_ok() {
-        for (look, co2_ppm) in looks.iter_mut().zip(ppm) {
-            look.co2_ppm = co2_ppm;
+        for (point, co2_ppm) in points.iter_mut().zip(ppm) {
+            point.co2_ppm = co2_ppm;
         }
     }
 }
 
-fn refined(world: &DispersionModel, airspace: &Airspace, first: Look, time_s: f64) -> Highest {
+fn refine(
+    world: &DispersionModel,
+    airspace: &Airspace,
+    first: GridPoint,
+    time_s: f64,
+) -> FieldMaximum {
     let mut best = first;
     let mut step_m = 40.0;
     while step_m > FINEST_M {
@@ -158,11 +163,12 @@ fn refined(world: &DispersionModel, airspace: &Airspace, first: Look, time_s: f6
                 best = next;
             }
         }
+        // No neighbour is better: the maximum lies within a step.
         if best.co2_ppm <= before {
             step_m *= 0.5;
         }
     }
-    Highest {
+    FieldMaximum {
         position: best.position(),
         co2_ppm: best.co2_ppm,
     }

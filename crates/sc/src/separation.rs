@@ -50,6 +50,8 @@ impl Separation {
         if gap_m >= self.height_m {
             return true;
         }
+        // Leg to leg, each orbit to the other's leg, orbit to orbit: together all places where the
+        // two can be.
         let clear = |room_m: f64, actual_m: f64| actual_m >= self.distance_m + room_m;
         clear(
             0.0,

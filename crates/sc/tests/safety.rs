@@ -7,7 +7,7 @@ use air::geo::Enu;
 use common::{Miniature, as_pontes, assert_apart, assert_safe};
 use csea::Position;
 use proptest::prelude::*;
-use sc::airspace::Ways;
+use sc::route_graph::RouteGraph;
 use sc::separation::Corridor;
 use sc::{Airspace, Separation};
 use scenario::Scenario;
@@ -60,7 +60,7 @@ proptest! {
     ) {
         let airspace = Airspace::of(&s).unwrap();
         let (from, to) = (common::enu(from.0, from.1), common::enu(to.0, to.1));
-        let way = Ways::of(&airspace, margin_m).route(&airspace, from, to);
+        let way = RouteGraph::of(&airspace, margin_m).route(&airspace, from, to);
         if airspace.clearance_m(to) < margin_m {
             prop_assert!(way.is_none(), "a way to where nobody may be");
         } else if let Some(way) = way {

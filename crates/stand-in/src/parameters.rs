@@ -6,7 +6,7 @@ use mav_bridge::dialect::MavParamType;
 /// Names and values, in ArduPlane's units. The defaults are those of a careful owner: unlike
 /// ArduPlane's own, they bring the vehicle home when the ground station falls silent.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Parameters {
+pub struct AutopilotParameters {
     values: [(&'static str, f32); 9],
 }
 
@@ -17,7 +17,7 @@ pub(crate) const WP_LOITER_RAD: &str = "WP_LOITER_RAD";
 pub(crate) const AIRSPEED_MIN: &str = "AIRSPEED_MIN";
 pub(crate) const AIRSPEED_MAX: &str = "AIRSPEED_MAX";
 
-impl Parameters {
+impl AutopilotParameters {
     /// Those of an airframe that flies between two equivalent airspeeds, m/s.
     pub fn new(airspeed_min_m_s: f64, airspeed_max_m_s: f64, loiter_radius_m: f64) -> Self {
         Self {

@@ -82,7 +82,7 @@ impl Reality {
     }
 
     /// What changes slowly: mean wind, turbulence and air at the vehicle's height.
-    pub(crate) fn look_around(&mut self, state: &FlightState, time_s: f64) {
+    pub(crate) fn update_mean_air(&mut self, state: &FlightState, time_s: f64) {
         let height = (state.alt_amsl_m - self.ground_amsl_m(state)).max(0.0);
         let spec = self.world.spec();
         if let Some(series) = &self.series {
@@ -94,13 +94,14 @@ impl Reality {
             }
         }
         self.mean = self.profile.at(height);
+        // MIL-F-8785C scales low-altitude turbulence by the wind at 20 ft.
         let wind_20ft = self.profile.speed_at_m_s(REFERENCE_HEIGHT_M);
         self.turbulence = Turbulence::mil_f_8785c(height, wind_20ft, self.turbulence_scale);
         self.air = spec.atmosphere.at(state.alt_amsl_m);
     }
 
     /// The air around the vehicle over the next `dt_s`.
-    pub(crate) fn breathe(
+    pub(crate) fn step_gusts(
         &mut self,
         dt_s: f64,
         airspeed_m_s: f64,
@@ -108,6 +109,7 @@ impl Reality {
     ) -> AirAround {
         let [along, right, down] = self.gust.step(dt_s, airspeed_m_s, &self.turbulence, rng);
         let speed = self.mean.speed_m_s();
+        // Gusts come along and across the mean wind; in calm air any axes will do.
         let (north, east) = if speed > 0.0 {
             (self.mean.north_m_s / speed, self.mean.east_m_s / speed)
         } else {
@@ -134,8 +136,8 @@ impl Reality {
         self.air
     }
 
-    /// What the gas sensor says `dt_s` after it was last asked, ppm.
-    pub(crate) fn smell(
+    /// What the gas sensor reads `dt_s` after its last reading, ppm.
+    pub(crate) fn read_gas(
         &mut self,
         state: &FlightState,
         time_s: f64,
@@ -160,7 +162,7 @@ impl Reality {
         self.sensor.read_in(true_ppm, &ambient, dt_s, rng)
     }
 
-    /// Where and when the log of the sensor's platform says that it is, by its mechanisms.
+    /// Place and time as the sensor's platform logs them, with the errors of its mechanisms.
     pub(crate) fn logged(&self, at: &Place, time_s: f64) -> (Place, f64) {
         (
             self.sensor.logged_place(at),

@@ -1,107 +1,111 @@
 //! The virtual aircraft as an agent on the bus.
 
-use crate::VaError;
-use crate::bridged::BridgedBody;
-use crate::simulated::SimulatedBody;
-use crate::watch::Watch;
-use fdm::control_level::Event as Level;
+use crate::bridged::BridgedVehicle;
+use crate::error::VaError;
+use crate::safety_monitor::SafetyMonitor;
+use crate::simulated::SimulatedVehicle;
+use protocol::control_level::ControlEvent;
 use protocol::key::Name;
-use protocol::message::{
-    Control, ControlWish, EventMessage, Mode, Reading, Setpoint, Severity, State,
-};
+use protocol::message::{Control, ControlWish, EventMessage, Mode, Setpoint, Severity};
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
 
 /// Time between two states and two readings, s.
 const REPORT_S: f64 = 0.1;
 
 /// What flies.
-pub enum Body {
+pub enum VehicleBackend {
     /// Plumage's own flight dynamics.
-    Simulated(Box<SimulatedBody>),
+    Simulated(Box<SimulatedVehicle>),
     /// A real aircraft behind a bridge.
-    Bridged(Box<BridgedBody>),
-}
-
-/// What a body has to say after a tick.
-#[derive(Debug, Default)]
-pub(crate) struct Report {
-    pub state: Option<State>,
-    pub reading: Option<Reading>,
-    pub mode: Option<Mode>,
-    pub events: Vec<EventMessage>,
+    Bridged(Box<BridgedVehicle>),
 }
 
 /// One vehicle of the team.
 pub struct VirtualAircraft {
     id: AgentId,
     name: Name,
-    body: Body,
-    watch: Watch,
+    backend: VehicleBackend,
+    monitor: SafetyMonitor,
     next_report_s: f64,
     last_mode: Option<Mode>,
 }
 
 impl VirtualAircraft {
-    /// The vehicle called `name` with `body` that watches by `watch`.
+    /// The vehicle called `name` with its `backend`, watched over by `monitor`.
     ///
     /// # Errors
     /// A name that cannot be part of a key.
-    pub fn new(name: &str, body: Body, watch: Watch) -> Result<Self, VaError> {
+    pub fn new(
+        name: &str,
+        backend: VehicleBackend,
+        monitor: SafetyMonitor,
+    ) -> Result<Self, VaError> {
         Ok(Self {
             id: AgentId::va(name)?,
             name: Name::new(name)?,
-            body,
-            watch,
+            backend,
+            monitor,
             next_report_s: 0.0,
             last_mode: None,
         })
     }
 
     /// What flies.
-    pub fn body(&self) -> &Body {
-        &self.body
+    pub fn backend(&self) -> &VehicleBackend {
+        &self.backend
     }
 
-    /// What flies, to hand a bridge's news to it or take its setpoints.
-    pub fn body_mut(&mut self) -> &mut Body {
-        &mut self.body
+    /// What flies, to hand a bridge's report to it or take its setpoints.
+    pub fn backend_mut(&mut self) -> &mut VehicleBackend {
+        &mut self.backend
     }
 
-    pub(crate) fn watch(&self) -> &Watch {
-        &self.watch
+    pub(crate) fn monitor(&self) -> &SafetyMonitor {
+        &self.monitor
     }
 
     fn setpoint(&mut self, setpoint: &Setpoint) {
-        match &mut self.body {
-            Body::Simulated(body) => body.setpoint(setpoint),
-            Body::Bridged(body) => body.setpoint(setpoint),
+        match &mut self.backend {
+            VehicleBackend::Simulated(backend) => backend.setpoint(setpoint),
+            VehicleBackend::Bridged(backend) => backend.setpoint(setpoint),
         }
     }
 
     /// What the operator wishes.
     fn control(&mut self, control: &Control, now: SimTime) {
-        match (&mut self.body, control.wish) {
-            (Body::Simulated(body), ControlWish::HandBack) => body.control(Level::HandBack),
-            (Body::Simulated(body), ControlWish::TakeOver) => body.take_over(control.sticks, now),
-            (Body::Bridged(body), ControlWish::HandBack) => body.control(Level::HandBack),
-            (Body::Bridged(body), ControlWish::TakeOver) => body.say(EventMessage {
-                severity: Severity::Warning,
-                code: "takeover-refused".to_owned(),
-                text: "a real vehicle is taken over by its pilot's own remote control".to_owned(),
-            }),
+        match (&mut self.backend, control.wish) {
+            (VehicleBackend::Simulated(backend), ControlWish::HandBack) => {
+                backend.handle_control(ControlEvent::HandBack)
+            }
+            (VehicleBackend::Simulated(backend), ControlWish::TakeOver) => {
+                backend.take_over(control.sticks, now)
+            }
+            (VehicleBackend::Bridged(backend), ControlWish::HandBack) => {
+                backend.handle_control(ControlEvent::HandBack)
+            }
+            (VehicleBackend::Bridged(backend), ControlWish::TakeOver) => {
+                backend.push_event(EventMessage {
+                    severity: Severity::Warning,
+                    code: "takeover-refused".to_owned(),
+                    text: "a real vehicle is taken over by its pilot's own remote control"
+                        .to_owned(),
+                })
+            }
         }
     }
 
     /// Dangers that begin or end.
-    fn look_around(&mut self, now: SimTime) {
-        let seen = match &self.body {
-            Body::Simulated(body) => Some(body.seen()),
-            Body::Bridged(body) => body.last().map(|state| self.watch.place(state)),
+    fn update_dangers(&mut self, now: SimTime) {
+        let position = match &self.backend {
+            VehicleBackend::Simulated(backend) => Some(backend.observed_position()),
+            VehicleBackend::Bridged(backend) => {
+                backend.last_state().map(|state| self.monitor.locate(state))
+            }
         };
-        for event in self.watch.tick(now, seen) {
-            match &mut self.body {
-                Body::Simulated(body) => body.control(event),
-                Body::Bridged(body) => body.control(event),
+        for event in self.monitor.check(now, position) {
+            match &mut self.backend {
+                VehicleBackend::Simulated(backend) => backend.handle_control(event),
+                VehicleBackend::Bridged(backend) => backend.handle_control(event),
             }
         }
     }
@@ -111,10 +115,10 @@ impl VirtualAircraft {
         if due {
             self.next_report_s = now.s() + REPORT_S;
         }
-        self.look_around(now);
-        let report = match &mut self.body {
-            Body::Simulated(body) => body.tick(now, due),
-            Body::Bridged(body) => body.tick(),
+        self.update_dangers(now);
+        let report = match &mut self.backend {
+            VehicleBackend::Simulated(backend) => backend.tick(now, due),
+            VehicleBackend::Bridged(backend) => backend.tick(),
         };
         if let Some(state) = report.state {
             out.say(Topic::State(self.name.clone()), Message::State(state));
@@ -138,8 +142,8 @@ impl Agent for VirtualAircraft {
     }
 
     fn interests(&self) -> Vec<Interest> {
-        // How each kind hears that the world simulator lives.
-        let world = if self.watch.is_real() {
+        // What each kind gets from the world simulator, and so knows it alive by.
+        let world = if self.monitor.is_real() {
             Topic::Model
         } else {
             Topic::Ambient(self.name.clone())
@@ -155,13 +159,13 @@ impl Agent for VirtualAircraft {
     fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
         match event {
             Event::Message(_, envelope) => {
-                self.watch.heard(&envelope.message, now);
+                self.monitor.observe(&envelope.message, now);
                 match &envelope.message {
                     Message::Setpoint(setpoint) => self.setpoint(setpoint),
                     Message::Control(control) => self.control(control, now),
                     Message::Ambient(ambient) => {
-                        if let Body::Simulated(body) = &mut self.body {
-                            body.ambient(ambient);
+                        if let VehicleBackend::Simulated(backend) = &mut self.backend {
+                            backend.ambient(ambient);
                         }
                     }
                     _ => {}

@@ -1,13 +1,13 @@
-//! A body that is a real aircraft: its news come from a bridge, its setpoints go there.
+//! A real aircraft: what it reports comes from a bridge, its setpoints go there.
 
-use crate::agent::Report;
+use crate::report::TickReport;
 use fdm::aircraft::Surfaces;
-use fdm::control_level::Event;
+use protocol::control_level::ControlEvent;
 use protocol::message::{EventMessage, Mode, Reading, Setpoint, State};
 
-/// News of a real aircraft, as a bridge tells them.
+/// What a bridge reports of a real aircraft.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct FromBridge {
+pub struct BridgeReport {
     /// Latest state, if there is a new one.
     pub state: Option<State>,
     /// Latest reading, if there is a new one.
@@ -20,23 +20,24 @@ pub struct FromBridge {
 
 /// A real aircraft behind a bridge.
 #[derive(Debug)]
-pub struct BridgedBody {
+pub struct BridgedVehicle {
     surfaces: Surfaces,
-    news: FromBridge,
+    /// What has not been published yet.
+    pending: BridgeReport,
     last: Option<State>,
     setpoints: Vec<Setpoint>,
-    control: Vec<Event>,
+    control_events: Vec<ControlEvent>,
 }
 
-impl BridgedBody {
-    /// A body with these surfaces that waits for its first news.
+impl BridgedVehicle {
+    /// A vehicle with these surfaces that waits for its first report.
     pub fn new(surfaces: Surfaces) -> Self {
         Self {
             surfaces,
-            news: FromBridge::default(),
+            pending: BridgeReport::default(),
             last: None,
             setpoints: Vec::new(),
-            control: Vec::new(),
+            control_events: Vec::new(),
         }
     }
 
@@ -44,21 +45,21 @@ impl BridgedBody {
         &self.surfaces
     }
 
-    /// Takes in news; newer values replace those not said yet.
-    pub fn news(&mut self, news: FromBridge) {
-        let FromBridge {
+    /// Takes in a report; newer values replace those not published yet.
+    pub fn receive(&mut self, report: BridgeReport) {
+        let BridgeReport {
             state,
             reading,
             mode,
             events,
-        } = news;
+        } = report;
         if let Some(state) = &state {
             self.last = Some(state.clone());
         }
-        self.news.state = state.or(self.news.state.take());
-        self.news.reading = reading.or(self.news.reading.take());
-        self.news.mode = mode.or(self.news.mode.take());
-        self.news.events.extend(events);
+        self.pending.state = state.or(self.pending.state.take());
+        self.pending.reading = reading.or(self.pending.reading.take());
+        self.pending.mode = mode.or(self.pending.mode.take());
+        self.pending.events.extend(events);
     }
 
     /// Setpoints that wait for the bridge, in order.
@@ -68,36 +69,36 @@ impl BridgedBody {
 
     /// What happened to the control level outside the bridge, in order: dangers that begin or
     /// end, hand-backs.
-    pub fn take_control(&mut self) -> Vec<Event> {
-        std::mem::take(&mut self.control)
+    pub fn take_control_events(&mut self) -> Vec<ControlEvent> {
+        std::mem::take(&mut self.control_events)
     }
 
-    pub(crate) fn control(&mut self, event: Event) {
-        self.control.push(event);
+    pub(crate) fn handle_control(&mut self, event: ControlEvent) {
+        self.control_events.push(event);
     }
 
-    /// The last state heard.
-    pub(crate) fn last(&self) -> Option<&State> {
+    /// The last state received.
+    pub(crate) fn last_state(&self) -> Option<&State> {
         self.last.as_ref()
     }
 
     /// Something for the team to know.
-    pub(crate) fn say(&mut self, event: EventMessage) {
-        self.news.events.push(event);
+    pub(crate) fn push_event(&mut self, event: EventMessage) {
+        self.pending.events.push(event);
     }
 
     pub(crate) fn setpoint(&mut self, setpoint: &Setpoint) {
         self.setpoints.push(setpoint.clone());
     }
 
-    pub(crate) fn tick(&mut self) -> Report {
-        let FromBridge {
+    pub(crate) fn tick(&mut self) -> TickReport {
+        let BridgeReport {
             state,
             reading,
             mode,
             events,
-        } = std::mem::take(&mut self.news);
-        Report {
+        } = std::mem::take(&mut self.pending);
+        TickReport {
             state,
             reading,
             mode,

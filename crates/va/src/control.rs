@@ -1,32 +1,23 @@
 //! Who flies, as it is said on the bus.
 
-use fdm::control_level::{ControlLevel, Level, Outcome};
-use protocol::message::{ControlLevel as Said, EventMessage, Mode, Severity};
-
-/// The level as it is said on the bus.
-pub fn said(level: Level) -> Said {
-    match level {
-        Level::Automatic => Said::Automatic,
-        Level::Pilot => Said::Pilot,
-        Level::Guardian => Said::Guardian,
-    }
-}
+use protocol::control_level::{ControlOutcome, ControlState};
+use protocol::message::{ControlLevel, EventMessage, Mode, Severity};
 
 /// Who flies and why, with the dangers that last and the setpoints that were ignored; `doing` is
-/// what the body itself has to say of it.
-pub fn mode(control: &ControlLevel, doing: &str) -> Mode {
+/// what the vehicle itself does about it.
+pub fn mode(control: &ControlState, doing: &str) -> Mode {
     let mut reason = doing.to_owned();
-    let mut add = |words: &str| {
+    let mut add = |text: &str| {
         if !reason.is_empty() {
             reason.push_str("; ");
         }
-        reason.push_str(words);
+        reason.push_str(text);
     };
     for danger in control.dangers() {
-        add(danger.words());
+        add(danger.description());
     }
     let level = control.level();
-    if level == Level::Guardian && control.dangers().next().is_none() {
+    if level == ControlLevel::Guardian && control.dangers().next().is_none() {
         add("no danger any more, waits for a hand-back");
     }
     match control.ignored_setpoints() {
@@ -35,27 +26,27 @@ pub fn mode(control: &ControlLevel, doing: &str) -> Mode {
         n => add(&format!("{n} setpoints ignored")),
     }
     Mode {
-        level: said(level),
+        level,
         reason,
-        setpoints_obeyed: level == Level::Automatic,
+        setpoints_obeyed: level == ControlLevel::Automatic,
     }
 }
 
-/// The event that tells what became of a setpoint or a hand-back, if somebody should know.
-pub(crate) fn told(outcome: Outcome) -> Option<EventMessage> {
+/// The event for the outcome of a setpoint or a hand-back; none where nobody needs to know.
+pub(crate) fn outcome_event(outcome: ControlOutcome) -> Option<EventMessage> {
     let (code, text) = match outcome {
-        Outcome::Taken | Outcome::Followed => return None,
-        Outcome::Ignored(Level::Pilot) => (
+        ControlOutcome::Taken | ControlOutcome::Followed => return None,
+        ControlOutcome::Ignored(ControlLevel::Pilot) => (
             "setpoint-ignored",
             "setpoint ignored: a pilot flies".to_owned(),
         ),
-        Outcome::Ignored(_) => (
+        ControlOutcome::Ignored(_) => (
             "setpoint-ignored",
             "setpoint ignored: the Guardian flies".to_owned(),
         ),
-        Outcome::Refused(danger) => (
+        ControlOutcome::Refused(danger) => (
             "hand-back-refused",
-            format!("hand-back refused: {}", danger.words()),
+            format!("hand-back refused: {}", danger.description()),
         ),
     };
     Some(EventMessage {

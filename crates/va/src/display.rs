@@ -1,38 +1,38 @@
 //! What a display such as FlightGear shows of a vehicle.
 
-use crate::agent::{Body, VirtualAircraft};
-use crate::watch::Watch;
+use crate::agent::{VehicleBackend, VirtualAircraft};
+use crate::safety_monitor::SafetyMonitor;
 use air::isa::Atmosphere;
-use fdm::flight::quaternion;
 use fdm::flightgear::{NetFdm, PACKET_BYTES};
-use fdm::{FlightFlags, FlightState, Phase};
+use fdm::quaternion;
+use fdm::{FlightFlags, FlightPhase, FlightState};
 use protocol::message::State;
 
 impl VirtualAircraft {
     /// FlightGear's packet of the vehicle as it is now; none before a real vehicle's first
     /// position. A real vehicle's surfaces and angle of attack are not known and stand at zero.
     pub fn net_fdm(&self, unix_time_s: u32) -> Option<[u8; PACKET_BYTES]> {
-        match self.body() {
-            Body::Simulated(body) => Some(body.net_fdm(unix_time_s)),
-            Body::Bridged(body) => {
-                let state = body.last()?;
+        match self.backend() {
+            VehicleBackend::Simulated(backend) => Some(backend.net_fdm(unix_time_s)),
+            VehicleBackend::Bridged(backend) => {
+                let state = backend.last_state()?;
                 let packet = NetFdm {
                     lat_deg: state.lat_deg,
                     lon_deg: state.lon_deg,
-                    ground_amsl_m: self.watch().ground_amsl_m(),
+                    ground_amsl_m: self.monitor().ground_amsl_m(),
                     // A standard day is near enough for a needle.
                     density_kg_m3: Atmosphere::standard().at(state.alt_amsl_m).density_kg_m3(),
                     unix_time_s,
                 };
-                Some(packet.encode(&flight(self.watch(), state), body.surfaces()))
+                Some(packet.encode(&flight_state(self.monitor(), state), backend.surfaces()))
             }
         }
     }
 }
 
-/// What the state on the bus tells of a flight.
-fn flight(watch: &Watch, state: &State) -> FlightState {
-    let place = watch.place(state).at;
+/// A flight state from what the state on the bus carries.
+fn flight_state(monitor: &SafetyMonitor, state: &State) -> FlightState {
+    let place = monitor.locate(state).at;
     let angles = [state.roll_deg, state.pitch_deg, state.heading_deg].map(f64::to_radians);
     let [roll_rad, pitch_rad, yaw_rad] = angles;
     FlightState {
@@ -54,9 +54,9 @@ fn flight(watch: &Watch, state: &State) -> FlightState {
         throttle: state.throttle,
         specific_force_m_s2: [0.0; 3],
         phase: if state.airborne {
-            Phase::Flying
+            FlightPhase::Flying
         } else {
-            Phase::OnGround
+            FlightPhase::OnGround
         },
         flags: FlightFlags::default(),
     }

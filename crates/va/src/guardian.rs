@@ -1,7 +1,7 @@
 //! The Guardian's way home: to the take-off point around the stacks' keep-outs, and there in a
 //! circle at a height that no other vehicle of the team has.
 
-use crate::VaError;
+use crate::error::VaError;
 use air::geo::{Enu, Geodetic, wrap_signed_deg};
 use fdm::autopilot::Path;
 use scenario::Scenario;
@@ -80,6 +80,7 @@ impl Guardian {
         };
         let towards_deg = at.bearing_deg(stack);
         let home_deg = wrap_signed_deg(at.bearing_deg(self.home) - towards_deg);
+        // Around on the side of home: the shorter way.
         let side = if home_deg < 0.0 { -1.0 } else { 1.0 };
         let distance_m = at.distance_m(stack);
         let off_deg = if distance_m > self.avoid_m {

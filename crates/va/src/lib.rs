@@ -1,10 +1,34 @@
-//! The virtual aircraft: one agent for each UAV of the team.
+//! The virtual aircraft: one agent on the bus for each UAV of the team.
 //!
-//! It looks the same from outside whether its body is simulated here ([`simulated`]) or is a real
-//! aircraft whose state comes through a bridge ([`bridged`]): it says state, reading and mode,
-//! and follows setpoints when it may. Who flies is decided by the one state machine
-//! [`fdm::control_level`], in the simulated body or in the bridge; what it is told of the rest of
-//! the team and of the fence comes from [`watch`].
+//! [`VirtualAircraft`] looks the same from outside whether the vehicle is simulated here
+//! ([`SimulatedVehicle`]) or is a real aircraft behind a bridge ([`BridgedVehicle`]): it publishes
+//! state, reading and mode, and follows setpoints when it may. Who flies is decided by the one
+//! state machine [`protocol::control_level`], in the simulated vehicle or in the bridge; its
+//! [`SafetyMonitor`] adds the dangers that the rest of the team and the fence mean.
+//!
+//! A simulated vehicle publishes with its first tick that it stands on its launcher:
+//!
+//! ```
+//! use protocol::{Agent, Event, Message, Outbox, SimTime};
+//! use va::{SafetyMonitor, SimulatedConfig, SimulatedVehicle, VehicleBackend, VirtualAircraft};
+//!
+//! let scenario = scenario::Scenario::parse(
+//!     "as-pontes.toml",
+//!     include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/as-pontes.toml")),
+//! )?;
+//! let x8 = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../aircraft/x8.toml"));
+//! let aircraft = &fdm::Aircraft::from_toml("x8.toml", x8)?;
+//! let ground_amsl_m = scenario.site.ground_amsl_m;
+//! let config = SimulatedConfig { scenario: &scenario, index: 0, aircraft, ground_amsl_m };
+//! let backend = VehicleBackend::Simulated(Box::new(SimulatedVehicle::new(config)?));
+//! let monitor = SafetyMonitor::new(&scenario, 0)?;
+//! let mut vehicle = VirtualAircraft::new("1", backend, monitor)?;
+//! let mut out = Outbox::default();
+//! vehicle.handle(Event::Tick, SimTime::ZERO, &mut out);
+//! let (_, Message::State(state)) = &out.messages()[0] else { panic!("no state") };
+//! assert!(!state.airborne);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 //!
 //! Pure: no clock, socket, file, environment or global random number.
 
@@ -12,28 +36,14 @@ pub mod agent;
 pub mod bridged;
 pub mod control;
 pub mod display;
+mod error;
 mod guardian;
+mod report;
+pub mod safety_monitor;
 pub mod simulated;
-pub mod watch;
 
-pub use agent::{Body, VirtualAircraft};
-pub use bridged::{BridgedBody, FromBridge};
-pub use simulated::{SimulatedBody, SimulatedConfig};
-pub use watch::Watch;
-
-/// Why a virtual aircraft refuses to work.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum VaError {
-    /// The scenario describes no world.
-    #[error(transparent)]
-    World(#[from] scenario::world::WorldError),
-    /// The aircraft cannot fly.
-    #[error(transparent)]
-    Flight(#[from] fdm::FdmError),
-    /// A name that cannot be part of a key.
-    #[error(transparent)]
-    Name(#[from] protocol::ProtocolError),
-    /// There is no such vehicle in the scenario.
-    #[error("vehicle {0}: not in the scenario's team")]
-    NoSuchVehicle(String),
-}
+pub use agent::{VehicleBackend, VirtualAircraft};
+pub use bridged::{BridgeReport, BridgedVehicle};
+pub use error::VaError;
+pub use safety_monitor::SafetyMonitor;
+pub use simulated::{SimulatedConfig, SimulatedVehicle};

@@ -1,22 +1,23 @@
-//! A body that is simulated here: flight dynamics, autopilot and gas sensor.
+//! A vehicle that is simulated here: flight dynamics, autopilot and gas sensor.
 
-use crate::VaError;
-use crate::agent::Report;
 use crate::control;
+use crate::error::VaError;
 use crate::guardian::Guardian;
-use crate::watch::Seen;
+use crate::report::TickReport;
+use crate::safety_monitor::ObservedPosition;
 use air::geo::{Enu, Geodetic, LocalFrame, wrap_deg};
 use air::isa::Air;
+use fdm::aircraft::{Battery, StateOfCharge};
 use fdm::autopilot::{Autopilot, Demand, Path, Sensed, Sticks};
-use fdm::battery::{Battery, Charge};
-use fdm::control_level::{ControlLevel, Danger, Event, Level, Outcome};
 use fdm::flightgear::{NetFdm, PACKET_BYTES};
-use fdm::{AirAround, Aircraft, FlightSim, FlightState, Phase};
+use fdm::{AirAround, Aircraft, FlightPhase, FlightSim, FlightState};
 use plume::Sensor;
 use plume::effects::SensorAir;
 use protocol::SimTime;
+use protocol::control_level::{ControlEvent, ControlOutcome, ControlState, Danger};
 use protocol::message::{
-    Ambient, EventMessage, Mode, PathKind, Reading, Setpoint, Severity, State, VehicleKind,
+    Ambient, ControlLevel, EventMessage, Mode, PathKind, Reading, Setpoint, Severity, State,
+    VehicleKind,
 };
 use rand::rngs::ChaCha8Rng;
 use scenario::Scenario;
@@ -52,7 +53,7 @@ pub struct SimulatedConfig<'a> {
 }
 
 /// A simulated vehicle.
-pub struct SimulatedBody {
+pub struct SimulatedVehicle {
     frame: LocalFrame,
     sim: FlightSim,
     autopilot: Autopilot,
@@ -66,21 +67,21 @@ pub struct SimulatedBody {
     /// Wind with gust at the last ambient and the slope towards the newest.
     wind_ned_m_s: [f64; 3],
     setpoint: Option<Setpoint>,
-    control: ControlLevel,
-    /// The control level as last said.
-    said: Option<ControlLevel>,
+    control: ControlState,
+    /// The control state as last published.
+    published: Option<ControlState>,
     /// The pilot's sticks.
     sticks: Sticks,
     /// When sticks came last, if they have to be repeated.
     sticks_at: Option<SimTime>,
-    battery: Option<(Battery, Charge)>,
+    battery: Option<(Battery, StateOfCharge)>,
     events: Vec<EventMessage>,
     last_reading_s: f64,
     /// The take-off of this flight is behind it.
     climbed_out: bool,
 }
 
-impl SimulatedBody {
+impl SimulatedVehicle {
     /// A vehicle on its launcher at home.
     ///
     /// # Errors
@@ -114,15 +115,15 @@ impl SimulatedBody {
             rng: stream(scenario.mission.seed, &format!("va/{}/sensor", vehicle.id)),
             frame,
             guardian: Guardian::new(scenario, index)?,
-            battery: aircraft.battery.map(|b| (b, Charge::full(&b))),
+            battery: aircraft.battery.map(|b| (b, StateOfCharge::full(&b))),
             launch_heading_deg,
             tick_s: scenario.mission.tick_s,
             speed_m_s: scenario.search.airspeed_m_s,
             ambient: None,
             wind_ned_m_s: [0.0; 3],
             setpoint: None,
-            control: ControlLevel::new(),
-            said: None,
+            control: ControlState::new(),
+            published: None,
             sticks: CENTRED,
             sticks_at: None,
             events: Vec::new(),
@@ -138,7 +139,7 @@ impl SimulatedBody {
 
     pub(crate) fn net_fdm(&self, unix_time_s: u32) -> [u8; PACKET_BYTES] {
         let flight = self.sim.state();
-        let at = self.frame.to_geodetic(place(&flight));
+        let at = self.frame.to_geodetic(position_of(&flight));
         let density_kg_m3 = self
             .ambient
             .as_ref()
@@ -155,16 +156,16 @@ impl SimulatedBody {
 
     /// Share of the battery that is left, 0 to 1; none where the aircraft has no battery.
     pub fn battery_left(&self) -> Option<f64> {
-        self.battery.map(|(_, charge)| charge.left())
+        self.battery.map(|(_, charge)| charge.fraction())
     }
 
     /// Where it is, for those who watch its fence.
-    pub(crate) fn seen(&self) -> Seen {
+    pub(crate) fn observed_position(&self) -> ObservedPosition {
         let flight = self.sim.state();
-        Seen {
-            at: place(&flight),
+        ObservedPosition {
+            at: position_of(&flight),
             alt_amsl_m: flight.alt_amsl_m,
-            airborne: flight.phase == Phase::Flying,
+            airborne: flight.phase == FlightPhase::Flying,
         }
     }
 
@@ -176,14 +177,15 @@ impl SimulatedBody {
             setpoint.airspeed_m_s,
             setpoint.orbit_radius_m,
         ];
+        // A broken setpoint is no setpoint: it neither moves the vehicle nor counts as ignored.
         if numbers.iter().any(|v| !v.is_finite()) {
             return;
         }
-        let outcome = self.control.handle(Event::Setpoint);
-        if outcome == Outcome::Followed {
+        let outcome = self.control.handle(ControlEvent::Setpoint);
+        if outcome == ControlOutcome::Followed {
             self.setpoint = Some(setpoint.clone());
         }
-        self.events.extend(control::told(outcome));
+        self.events.extend(control::outcome_event(outcome));
     }
 
     /// The operator flies it by `sticks`.
@@ -203,27 +205,27 @@ impl SimulatedBody {
             }
         });
         self.sticks_at = sticks.map(|_| now);
-        self.control(Event::Takeover);
+        self.handle_control(ControlEvent::Takeover);
     }
 
     /// Something happens to the control level.
-    pub(crate) fn control(&mut self, event: Event) {
+    pub(crate) fn handle_control(&mut self, event: ControlEvent) {
         let before = self.control.level();
         let outcome = self.control.handle(event);
-        self.events.extend(control::told(outcome));
+        self.events.extend(control::outcome_event(outcome));
         let level = self.control.level();
         if level == before {
             return;
         }
-        if level == Level::Automatic {
+        if level == ControlLevel::Automatic {
             // What was asked for before may be out of date by now.
             self.setpoint = None;
         }
-        if level != Level::Pilot {
+        if level != ControlLevel::Pilot {
             self.sticks_at = None;
         }
         self.events.push(EventMessage {
-            severity: if level == Level::Automatic {
+            severity: if level == ControlLevel::Automatic {
                 Severity::Info
             } else {
                 Severity::Warning
@@ -241,22 +243,23 @@ impl SimulatedBody {
         self.ambient = Some(ambient.clone());
     }
 
-    pub(crate) fn tick(&mut self, now: SimTime, due: bool) -> Report {
+    pub(crate) fn tick(&mut self, now: SimTime, due: bool) -> TickReport {
         if self.sticks_at.is_some_and(|at| now.since_s(at) > STICKS_S) {
             self.sticks_at = None;
-            self.control(Event::RemoteLost);
+            self.handle_control(ControlEvent::RemoteLost);
         }
-        let flew = self.sim.state().phase != Phase::OnGround;
+        // Touch-down shows as the change of phase over this tick.
+        let flew = self.sim.state().phase != FlightPhase::OnGround;
         self.fly();
-        if flew && self.sim.state().phase == Phase::OnGround {
-            self.control(Event::Landed);
+        if flew && self.sim.state().phase == FlightPhase::OnGround {
+            self.handle_control(ControlEvent::Landed);
         }
-        let mut report = Report {
-            mode: (self.said != Some(self.control)).then(|| self.mode()),
+        let mut report = TickReport {
+            mode: (self.published != Some(self.control)).then(|| self.mode()),
             events: std::mem::take(&mut self.events),
-            ..Report::default()
+            ..TickReport::default()
         };
-        self.said = Some(self.control);
+        self.published = Some(self.control);
         if due {
             self.report(now, &mut report);
         }
@@ -265,9 +268,9 @@ impl SimulatedBody {
 
     fn mode(&self) -> Mode {
         let doing = match self.control.level() {
-            Level::Automatic => "follows setpoints",
-            Level::Pilot => "the pilot has it until an explicit hand-back",
-            Level::Guardian => "flies home and circles there",
+            ControlLevel::Automatic => "follows setpoints",
+            ControlLevel::Pilot => "the pilot has it until an explicit hand-back",
+            ControlLevel::Guardian => "flies home and circles there",
         };
         control::mode(&self.control, doing)
     }
@@ -290,9 +293,11 @@ impl SimulatedBody {
             density_kg_m3,
         };
         let state = self.sim.state();
+        // The team's own vehicles are simulated without navigation errors; those belong to the
+        // stand-in's reality.
         let sensed = Sensed::perfect(&state, density_kg_m3);
-        let command = if self.control.level() == Level::Pilot {
-            if state.phase == Phase::OnGround {
+        let command = if self.control.level() == ControlLevel::Pilot {
+            if state.phase == FlightPhase::OnGround {
                 return;
             }
             self.autopilot
@@ -307,10 +312,10 @@ impl SimulatedBody {
             command
         };
         self.sim.step(self.tick_s, &around, &command);
-        self.discharge(&state, density_kg_m3);
+        self.discharge_battery(&state, density_kg_m3);
     }
 
-    fn discharge(&mut self, state: &FlightState, density_kg_m3: f64) {
+    fn discharge_battery(&mut self, state: &FlightState, density_kg_m3: f64) {
         let Some((battery, charge)) = &mut self.battery else {
             return;
         };
@@ -322,24 +327,24 @@ impl SimulatedBody {
             density_kg_m3,
         );
         charge.draw(power_w, self.tick_s);
-        let low = charge.left() < BATTERY_LOW && state.phase == Phase::Flying;
+        let low = charge.fraction() < BATTERY_LOW && state.phase == FlightPhase::Flying;
         if low && !self.control.has(Danger::Battery) {
-            self.control(Event::Begins(Danger::Battery));
+            self.handle_control(ControlEvent::Begins(Danger::Battery));
         }
     }
 
     /// What the autopilot shall do; nothing while the vehicle waits on its launcher.
     fn demand(&mut self, state: &FlightState) -> Option<Demand> {
-        let waits = state.phase == Phase::OnGround;
-        if self.control.level() == Level::Guardian {
+        let waits = state.phase == FlightPhase::OnGround;
+        if self.control.level() == ControlLevel::Guardian {
             return (!waits).then(|| self.guardian_demand(state));
         }
         if waits && self.setpoint.as_ref()?.path != PathKind::TakeOff {
             return None;
         }
         if self.setpoint.is_none() {
-            // Handed back in the air: it circles where it is until it is told more.
-            self.setpoint = Some(wait_at(&self.frame, state, self.speed_m_s));
+            // Handed back in the air: it circles where it is until the next setpoint.
+            self.setpoint = Some(hold_at(&self.frame, state, self.speed_m_s));
         }
         let setpoint = self.setpoint.as_ref()?;
         let at = Geodetic {
@@ -376,10 +381,10 @@ impl SimulatedBody {
             Path::TakeOff {
                 heading_deg: self.launch_heading_deg,
             }
-        } else if empty || state.phase == Phase::Sliding {
+        } else if empty || state.phase == FlightPhase::Sliding {
             self.land_at(self.guardian.home())
         } else {
-            self.guardian.path(place(state))
+            self.guardian.path(position_of(state))
         };
         Demand {
             path,
@@ -404,7 +409,7 @@ impl SimulatedBody {
             .map_or(self.frame.ground_amsl_m, |a| a.ground_amsl_m)
     }
 
-    fn report(&mut self, now: SimTime, report: &mut Report) {
+    fn report(&mut self, now: SimTime, report: &mut TickReport) {
         let flight = self.sim.state();
         let at = self.frame.to_geodetic(Enu {
             east_m: flight.east_m,
@@ -421,7 +426,7 @@ impl SimulatedBody {
             heading_deg: wrap_deg(flight.yaw_rad.to_degrees()),
             airspeed_m_s: flight.airspeed_m_s,
             throttle: flight.throttle,
-            airborne: flight.phase == Phase::Flying,
+            airborne: flight.phase == FlightPhase::Flying,
         });
         if let Some(ambient) = &self.ambient {
             let air = SensorAir {
@@ -429,6 +434,7 @@ impl SimulatedBody {
                 pressure_hpa: ambient.pressure_pa / 100.0,
                 ..SensorAir::UNKNOWN
             };
+            // The sensor's lag needs the time since its own last reading, not the tick.
             let dt_s = (now.s() - self.last_reading_s).max(0.0);
             self.last_reading_s = now.s();
             let [north, east] = self.autopilot.status().wind_estimate_m_s;
@@ -457,7 +463,7 @@ fn density_kg_m3(ambient: &Ambient) -> f64 {
     air.density_kg_m3()
 }
 
-fn place(state: &FlightState) -> Enu {
+fn position_of(state: &FlightState) -> Enu {
     Enu {
         east_m: state.east_m,
         north_m: state.north_m,
@@ -465,8 +471,8 @@ fn place(state: &FlightState) -> Enu {
 }
 
 /// A circle around where a vehicle is.
-fn wait_at(frame: &LocalFrame, state: &FlightState, airspeed_m_s: f64) -> Setpoint {
-    let Geodetic { lat_deg, lon_deg } = frame.to_geodetic(place(state));
+fn hold_at(frame: &LocalFrame, state: &FlightState, airspeed_m_s: f64) -> Setpoint {
+    let Geodetic { lat_deg, lon_deg } = frame.to_geodetic(position_of(state));
     Setpoint {
         path: PathKind::Orbit,
         lat_deg,

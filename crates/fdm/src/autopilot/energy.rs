@@ -6,8 +6,10 @@
 
 use air::STANDARD_GRAVITY_M_S2;
 
+use super::demand::Demand;
 use super::plant::Plant;
-use super::{ControlGains, Demand, Sensed};
+use super::sensed::Sensed;
+use crate::aircraft::ControlGains;
 
 /// Bandwidth of the airspeed and acceleration filter, rad/s.
 const FILTER_RAD_S: f64 = 2.0;
@@ -67,6 +69,7 @@ impl EnergyLoop {
     fn filtered(&mut self, dt: f64, airspeed: f64) -> (f64, f64) {
         let (v, a) = self.filter.unwrap_or((airspeed, 0.0));
         let error = airspeed - v;
+        // A second-order observer, critically damped: V̇ without differentiating a noisy airspeed.
         let v = v + dt * (a + 2.0 * FILTER_RAD_S * error);
         let a = a + dt * FILTER_RAD_S * FILTER_RAD_S * error;
         self.filter = Some((v, a));
@@ -86,6 +89,8 @@ impl EnergyLoop {
         let at = plant.at(sensed);
         let climb_now = -sensed.vel_ned_m_s[2];
         let (speed, acceleration) = self.filtered(dt, sensed.airspeed_m_s);
+        // Lift in a turn costs drag: without it every bank would lose energy until the integral
+        // learnt it.
         let load_factor = 1.0 / sensed.roll_rad.cos().max(0.5);
         let drag = plant.drag_share(&at, load_factor) + self.thrust_trim;
         let available = plant.thrust_share_max(&at) - drag;
@@ -100,10 +105,13 @@ impl EnergyLoop {
         let climb_angle =
             (climb / at.speed).clamp(-0.95 * drag.max(0.0), (0.95 * available).max(0.0));
 
+        // Lambregts' split: throttle gives the sum of both rates, pitch trades one for the other;
+        // so a demand for height does not upset airspeed.
         let potential = climb_angle - climb_now / at.speed;
         let kinetic = (accelerate - acceleration) / g;
         let (guard, slow) = protection(sensed.airspeed_m_s, plant);
         let sum = potential + kinetic;
+        // Near a speed limit the weights shift until pitch serves airspeed alone.
         let balance = (1.0 - guard) * potential - (1.0 + guard) * kinetic;
 
         let integrate = dt / gains.energy_integral_s;
@@ -113,12 +121,15 @@ impl EnergyLoop {
         } else {
             plant.throttle_for(&at, thrust)
         };
+        // Anti-windup: the integral must not grow on what the motor cannot give.
         let at_stop = (throttle >= 1.0 && sum > 0.0) || (throttle <= 0.0 && sum < 0.0);
         if !at_stop {
             self.thrust_trim = (self.thrust_trim + integrate * sum).clamp(-0.3, 0.3);
         }
 
         let alpha = at.alpha_level * load_factor * sensed.roll_rad.cos();
+        // Feedforward of the pitch that the path needs, so that the loop corrects only what the
+        // model lacks.
         let level = alpha + climb_angle * (1.0 - guard) + self.pitch_trim;
         let wanted = level + 0.5 * gains.energy_damping * balance;
         let low = gains.pitch_min_deg.to_radians();
@@ -146,6 +157,7 @@ impl EnergyLoop {
         let error = demand.alt_amsl_m - sensed.alt_amsl_m;
         let wanted = (error / gains.height_time_s + demand.climb_m_s)
             .clamp(-gains.sink_max_m_s, gains.climb_max_m_s);
+        // The first step starts from the climb flown now, so that engaging the loop gives no jump.
         let before = self
             .climb
             .unwrap_or(climb_now.clamp(-gains.sink_max_m_s, gains.climb_max_m_s));

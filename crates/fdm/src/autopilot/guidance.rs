@@ -7,7 +7,8 @@
 
 use air::STANDARD_GRAVITY_M_S2;
 
-use super::{ControlGains, Path, Sensed};
+use super::sensed::Sensed;
+use crate::aircraft::ControlGains;
 use crate::scalar::angle;
 
 /// A point counts as reached within this many loiter radii.
@@ -16,31 +17,6 @@ pub(super) const CIRCLE_FROM: f64 = 1.1;
 const WIND_TIME_S: f64 = 5.0;
 /// Distance ahead at which a line is joined, in seconds of flight.
 const LINE_LOOK_AHEAD_S: f64 = 3.0;
-
-/// Whether every number of a path is finite (and a radius above 0).
-pub(super) fn is_finite(path: &Path) -> bool {
-    match *path {
-        Path::GoTo { north_m, east_m } => north_m.is_finite() && east_m.is_finite(),
-        Path::Orbit {
-            north_m,
-            east_m,
-            radius_m,
-            ..
-        } => north_m.is_finite() && east_m.is_finite() && radius_m.is_finite() && radius_m > 0.0,
-        Path::Heading { deg } | Path::Course { deg } | Path::TakeOff { heading_deg: deg } => {
-            deg.is_finite()
-        }
-        Path::Land {
-            north_m,
-            east_m,
-            ground_amsl_m,
-            course_deg,
-        } => {
-            let place = north_m.is_finite() && east_m.is_finite() && ground_amsl_m.is_finite();
-            place && course_deg.is_none_or(f64::is_finite)
-        }
-    }
-}
 
 /// Wind from the difference of velocity over ground and through the air.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -57,6 +33,8 @@ impl WindEstimate {
     pub fn update(&mut self, dt: f64, sensed: &Sensed) {
         let (sin, cos) = sensed.yaw_rad.sin_cos();
         let climb = sensed.vel_ned_m_s[2];
+        // True airspeed points along the path through the air; what is left of it beside the climb
+        // is its horizontal part, taken along the nose since sideslip is small.
         let level = (sensed.airspeed_m_s * sensed.airspeed_m_s - climb * climb)
             .max(0.0)
             .sqrt();
@@ -133,6 +111,8 @@ impl Steering<'_> {
         let distance = (n * n + e * e).sqrt();
         let sense = if clockwise { 1.0 } else { -1.0 };
         let off = (distance - radius_m) / radius_m;
+        // Far outside the course points at the circle, on it along the tangent; the gain sets how
+        // sharply it turns from one to the other.
         let inwards = angle(self.gains.orbit_gain * off, 1.0);
         let course = angle(e, n) + sense * (std::f64::consts::FRAC_PI_2 + inwards);
         let heading = self.heading_for(course);
@@ -140,6 +120,8 @@ impl Steering<'_> {
         // Steady circle: ground speed gives the curvature, lift acts across the heading.
         let crab = (course - heading).cos().max(0.3);
         let curvature = (vn * vn + ve * ve) / (radius_m * STANDARD_GRAVITY_M_S2 * crab);
+        // The bank of the steady circle is right on the circle only; it fades out away from it,
+        // where the course error leads.
         let near = (1.0 - 2.0 * off.abs()).max(0.0);
         self.bank(heading, sense * near * curvature)
     }
@@ -149,6 +131,8 @@ impl Steering<'_> {
     fn heading_for(&self, course_rad: f64) -> f64 {
         let (sin, cos) = course_rad.sin_cos();
         let across = self.wind[1] * cos - self.wind[0] * sin;
+        // A wind stronger than the airspeed has no such heading: bounded, the aircraft at least
+        // loses least.
         let crab = (across / self.sensed.airspeed_m_s.max(1.0)).clamp(-0.9, 0.9);
         course_rad - angle(crab, (1.0 - crab * crab).sqrt())
     }
@@ -158,6 +142,7 @@ impl Steering<'_> {
         let (sin, cos) = (heading_rad - self.sensed.yaw_rad).sin_cos();
         let error = angle(sin, cos);
         let turn = self.gains.heading_bandwidth_rad_s * error;
+        // A coordinated turn: tan(bank) = V ω / g.
         let tangent = self.sensed.airspeed_m_s * turn / STANDARD_GRAVITY_M_S2 + steady;
         angle(tangent, 1.0)
     }

@@ -1,9 +1,9 @@
 //! The inner loops as linear feedback, for stability margins.
 
-use super::attitude::{pitch_integral_gain, roll_integral_gain};
+use super::inner_loops::{pitch_integral_gain, roll_integral_gain};
 use super::plant::Plant;
-use super::{ControlGains, Sensed};
-use crate::aircraft::Aircraft;
+use super::sensed::Sensed;
+use crate::aircraft::{Aircraft, ControlGains};
 
 /// Surface angle that a loop takes off per rad of angle, rad/s of rate, and rad s of the angle's
 /// integral: command = −(angle φ + rate φ̇ + integral ∫φ dt).

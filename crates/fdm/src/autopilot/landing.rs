@@ -23,7 +23,7 @@ const FLARE_PITCH_RAD: (f64, f64) = (-0.05, 0.18);
 
 /// Where to land.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct LandingOrder {
+pub(super) struct LandingSite {
     pub north_m: f64,
     pub east_m: f64,
     pub ground_amsl_m: f64,
@@ -48,14 +48,14 @@ pub(super) struct Landing {
 }
 
 /// What the loops shall do.
-pub(super) enum Step {
+pub(super) enum LandingCommand {
     Approach { bank: f64, energy: EnergyDemand },
     Flare { bank: f64, pitch: f64 },
 }
 
 impl Landing {
     /// Begins a landing; the approach is into the wind unless ordered otherwise.
-    pub fn begin(order: &LandingOrder, wind: [f64; 2]) -> Self {
+    pub fn begin(order: &LandingSite, wind: [f64; 2]) -> Self {
         let into_wind = angle(-wind[1], -wind[0]);
         Self {
             stage: Stage::Descend,
@@ -66,10 +66,10 @@ impl Landing {
     pub fn step(
         &mut self,
         steering: &Steering<'_>,
-        order: &LandingOrder,
+        order: &LandingSite,
         airspeed_m_s: f64,
         plant: &Plant,
-    ) -> Step {
+    ) -> LandingCommand {
         let sensed = steering.sensed;
         let gains = steering.gains;
         let height = sensed.alt_amsl_m - order.ground_amsl_m;
@@ -81,9 +81,11 @@ impl Landing {
         // The circle touches the approach line one turn before the glide path begins.
         let entry = gains.approach_height_m / slope + 2.0 * radius;
         self.advance(height, along, across, entry, steering);
+        // A margin over the slowest speed, since wind gradient and gusts take airspeed away near
+        // the ground.
         let slow = APPROACH_SPEED_FACTOR * plant.slowest_m_s;
         match self.stage {
-            Stage::Descend => Step::Approach {
+            Stage::Descend => LandingCommand::Approach {
                 bank: steering.orbit(
                     order.north_m - entry * cos + radius * sin,
                     order.east_m - entry * sin - radius * cos,
@@ -97,14 +99,17 @@ impl Landing {
                 },
             },
             Stage::Final => {
+                // The glide path is level at the approach height until it meets the slope.
                 let glide = -along * slope;
                 let level = glide >= gains.approach_height_m;
                 let [vn, ve, _] = sensed.vel_ned_m_s;
-                Step::Approach {
+                LandingCommand::Approach {
                     bank: steering.line(order.north_m, order.east_m, self.course_rad),
                     energy: EnergyDemand {
                         alt_amsl_m: order.ground_amsl_m + glide.min(gains.approach_height_m),
                         airspeed_m_s: slow,
+                        // Feedforward of the descent, else the altitude loop would lag below or
+                        // above a moving target.
                         climb_m_s: if level {
                             0.0
                         } else {
@@ -121,16 +126,18 @@ impl Landing {
     fn flare(
         &self,
         steering: &Steering<'_>,
-        order: &LandingOrder,
+        order: &LandingSite,
         plant: &Plant,
         height: f64,
-    ) -> Step {
+    ) -> LandingCommand {
         let sensed = steering.sensed;
         let speed = sensed.airspeed_m_s.max(5.0);
+        // An exponential flare: sink proportional to height gives a smooth touch-down whatever the
+        // descent it began with.
         let sink = FLARE.0 * height.max(0.0) + FLARE.1;
         let too_fast = sensed.vel_ned_m_s[2] - sink;
         let level = plant.at(sensed).alpha_level;
-        Step::Flare {
+        LandingCommand::Flare {
             bank: steering
                 .line(order.north_m, order.east_m, self.course_rad)
                 .clamp(-FLARE_BANK_RAD, FLARE_BANK_RAD),
@@ -150,6 +157,7 @@ impl Landing {
         let gains = steering.gains;
         match self.stage {
             Stage::Descend => {
+                // Final begins only when it can be flown: on course, on the line, at height.
                 let aligned = (steering.sensed.yaw_rad - self.course_rad).cos() > 0.9;
                 let near = across.abs() < 0.5 * gains.loiter_radius_m
                     && (along + entry).abs() < gains.loiter_radius_m;
@@ -160,6 +168,8 @@ impl Landing {
             Stage::Final => {
                 if height < FLARE_HEIGHT_M {
                     self.stage = Stage::Flare;
+                // Off the line this low, or past the point: around again rather than a landing
+                // beside the field.
                 } else if (height < DECISION.0 && across.abs() > DECISION.1) || along > 0.0 {
                     self.stage = Stage::Descend;
                 }

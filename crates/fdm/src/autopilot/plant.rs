@@ -3,7 +3,7 @@
 
 use air::STANDARD_GRAVITY_M_S2;
 
-use super::Sensed;
+use super::sensed::Sensed;
 use crate::aircraft::{Aircraft, PropellerLaw};
 use crate::dynamics::induced_drag_factor;
 
@@ -31,7 +31,7 @@ pub(super) struct Plant {
 
 /// The constants at one airspeed.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct PlantAt {
+pub(super) struct OperatingPoint {
     pub speed: f64,
     /// Lift coefficient that carries the weight.
     pub lift_level: f64,
@@ -74,15 +74,17 @@ impl Plant {
     }
 
     /// The constants at the airspeed and density sensed.
-    pub fn at(&self, sensed: &Sensed) -> PlantAt {
+    pub fn at(&self, sensed: &Sensed) -> OperatingPoint {
         let a = &self.aircraft;
+        // Surface effect goes with V²: without a floor a slow aircraft, or a dead airspeed sensor,
+        // would get gains without bound.
         let speed = sensed.airspeed_m_s.max(GAIN_FLOOR * self.slowest_m_s);
         let qbar_s = 0.5 * sensed.density_kg_m3.max(0.1) * speed * speed * a.wing.area_m2;
         let lift_level = self.weight_n / qbar_s;
         let chord_per_2v = 0.5 * a.wing.chord_m / speed;
         let (alpha_level, elevator_level) = self.balance(lift_level, 0.0);
         let roll_moment = qbar_s * a.wing.span_m;
-        PlantAt {
+        OperatingPoint {
             speed,
             lift_level,
             elevator_level,
@@ -101,6 +103,8 @@ impl Plant {
     /// pitching at the dimensionless rate `q_hat`.
     fn balance(&self, lift: f64, q_hat: f64) -> (f64, f64) {
         let (l, m) = (&self.aircraft.lift, &self.aircraft.pitch);
+        // Two linear equations, lift and moment, in angle of attack and elevator, solved by
+        // Cramer's rule.
         let a = lift - l.zero - l.q * q_hat;
         let b = -m.zero - m.q * q_hat;
         (
@@ -110,20 +114,21 @@ impl Plant {
     }
 
     /// Elevator for a load factor while pitching at `rate` rad/s.
-    pub fn elevator_for(&self, at: &PlantAt, load_factor: f64, rate: f64) -> f64 {
+    pub fn elevator_for(&self, at: &OperatingPoint, load_factor: f64, rate: f64) -> f64 {
         self.balance(at.lift_level * load_factor, rate * at.chord_per_2v)
             .1
     }
 
     /// Highest load factor before stall.
-    pub fn load_factor_max(&self, at: &PlantAt) -> f64 {
+    pub fn load_factor_max(&self, at: &OperatingPoint) -> f64 {
         let l = &self.aircraft.lift;
+        // A gust adds to the angle of attack before any loop can answer: hence the reserve.
         let alpha = self.aircraft.limits.alpha_stall_deg.to_radians() - STALL_RESERVE_RAD;
         (l.zero + l.alpha * alpha) / at.lift_level
     }
 
     /// Drag over weight at a load factor.
-    pub fn drag_share(&self, at: &PlantAt, load_factor: f64) -> f64 {
+    pub fn drag_share(&self, at: &OperatingPoint, load_factor: f64) -> f64 {
         let lift = at.lift_level * load_factor;
         let (alpha, elevator) = self.balance(lift, 0.0);
         let d = &self.aircraft.drag;
@@ -136,9 +141,11 @@ impl Plant {
     }
 
     /// Throttle that gives a thrust over weight.
-    pub fn throttle_for(&self, at: &PlantAt, thrust_share: f64) -> f64 {
+    pub fn throttle_for(&self, at: &OperatingPoint, thrust_share: f64) -> f64 {
         let p = &self.aircraft.propulsion;
         let v = at.speed;
+        // The thrust law of the propeller, solved for its slipstream and from there for the
+        // throttle.
         let demand = 2.0 * thrust_share * self.weight_n / (at.density * p.swept_area_m2);
         let throttle = match p.law {
             PropellerLaw::Blended => {
@@ -151,7 +158,7 @@ impl Plant {
     }
 
     /// Thrust over weight at full throttle.
-    pub fn thrust_share_max(&self, at: &PlantAt) -> f64 {
+    pub fn thrust_share_max(&self, at: &OperatingPoint) -> f64 {
         let p = &self.aircraft.propulsion;
         let exit = p.exit_speed_m_s;
         let square = match p.law {

@@ -1,13 +1,13 @@
 //! Commands on their way to the servos.
 
-use super::SurfaceCommand;
+use crate::state::SurfaceCommand;
 
 /// Longest delay line, in calls of [`super::FlightSim::step`].
 const LONGEST: usize = 64;
 
 /// The last commands of one vehicle.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct DelayLine {
+pub(super) struct DelayLine {
     ring: [SurfaceCommand; LONGEST],
     next: usize,
 }
@@ -38,6 +38,28 @@ impl DelayLine {
         SurfaceCommand {
             launch: command.launch,
             ..out
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_comes_out_after_its_delay_but_a_launch_at_once() {
+        let mut line = DelayLine::filled(&SurfaceCommand::default());
+        let calls = DelayLine::calls(0.08, 0.02);
+        assert_eq!(calls, 4);
+        for call in 0..200_i32 {
+            let command = SurfaceCommand {
+                elevator_rad: f64::from(call),
+                launch: call == 10,
+                ..SurfaceCommand::default()
+            };
+            let out = line.pass(&command, calls);
+            assert_eq!(out.elevator_rad, f64::from((call - 4).max(0)));
+            assert_eq!(out.launch, call == 10);
         }
     }
 }

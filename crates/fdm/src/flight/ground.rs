@@ -2,10 +2,11 @@
 //!
 //! Contact is kinematic: no springs that would shorten the step of the rigid body.
 
-use super::{FlightSim, Phase, SurfaceCommand, quaternion};
-use crate::dynamics::{AirState, flow, rotation};
+use super::FlightSim;
+use crate::dynamics::{AirState, flow, quaternion, rotation};
 use crate::scalar::angle;
 use crate::servo::LagStep;
+use crate::state::{FlightPhase, SurfaceCommand};
 
 /// How far below the ground a climbing aircraft counts as having hit it, m.
 const CLIMBING_CONTACT_M: f64 = 0.5;
@@ -27,7 +28,7 @@ impl FlightSim {
         if self.body.vel_ned[2] > ground.hard_sink_m_s {
             self.flags.hard_landing = true;
         }
-        self.phase = Phase::Sliding;
+        self.phase = FlightPhase::Sliding;
         self.body.pos_ned[2] = self.rest_down();
         self.body.vel_ned[2] = 0.0;
         self.body.rate = [0.0; 3];
@@ -56,7 +57,7 @@ impl FlightSim {
         self.body.attitude = quaternion(roll, pitch, yaw);
         self.specific_force = [-deceleration, 0.0, -air::STANDARD_GRAVITY_M_S2];
         if left == 0.0 {
-            self.phase = Phase::OnGround;
+            self.phase = FlightPhase::OnGround;
             self.launch_heading_rad = yaw;
             self.specific_force = [0.0, 0.0, -air::STANDARD_GRAVITY_M_S2];
         }
@@ -72,7 +73,7 @@ impl FlightSim {
             let pitch = self.dynamics.aircraft.ground.launch_pitch_deg.to_radians();
             self.body.attitude = quaternion(0.0, pitch, self.launch_heading_rad);
             self.flags.hard_landing = false;
-            self.phase = Phase::Launching;
+            self.phase = FlightPhase::Launching;
         }
     }
 
@@ -98,7 +99,7 @@ impl FlightSim {
         let gravity = air::STANDARD_GRAVITY_M_S2;
         self.specific_force = [acceleration - gravity * m[2][0], 0.0, -gravity * m[2][2]];
         if flow(&m, &self.body.vel_ned, &air.wind_ned).body[0] >= ground.launch_airspeed_m_s {
-            self.phase = Phase::Flying;
+            self.phase = FlightPhase::Flying;
         }
     }
 }

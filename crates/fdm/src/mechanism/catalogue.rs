@@ -24,7 +24,7 @@ pub struct ParameterSpec {
 pub enum ActsOn {
     /// How the aircraft moves.
     Airframe,
-    /// What its sensors tell.
+    /// What its sensors measure.
     Sensors,
     /// The air it flies in.
     Air,

@@ -1,8 +1,7 @@
 //! An aircraft file with other gains, everything else as it was.
 
-use crate::FdmError;
-use crate::aircraft::Aircraft;
-use crate::autopilot::ControlGains;
+use crate::aircraft::{Aircraft, ControlGains};
+use crate::error::FdmError;
 
 /// The text of an aircraft file with its `[control]` table replaced; comments elsewhere stay.
 /// `file_name` is for messages only.

@@ -5,11 +5,12 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use serde::Serialize;
 
-use super::{TICK_S, Weather};
-use crate::FdmError;
-use crate::aircraft::Aircraft;
-use crate::autopilot::{Autopilot, ControlGains, Demand, Path, Sensed};
-use crate::flight::{AirAround, FlightSim, FlightState};
+use super::{TICK_S, WeatherCase};
+use crate::aircraft::{Aircraft, ControlGains};
+use crate::autopilot::{Autopilot, Demand, Path, Sensed};
+use crate::error::FdmError;
+use crate::flight::FlightSim;
+use crate::state::{AirAround, FlightState};
 
 /// Time between two changes of demand, s.
 const STAGE_S: f64 = 18.0;
@@ -38,7 +39,7 @@ const OUTSIDE_S: f64 = 0.01 * FLIGHT_S;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Evaluation {
     /// The weather.
-    pub weather: Weather,
+    pub weather: WeatherCase,
     /// Root mean square of the height error, m (after each change has had its time).
     pub height_rms_m: f64,
     /// Of the airspeed error, m/s.
@@ -69,7 +70,7 @@ pub(super) fn cost(flights: &[Evaluation]) -> f64 {
 pub(super) fn fly_all(
     aircraft: &Aircraft,
     gains: &ControlGains,
-    weather: &[Weather],
+    weather: &[WeatherCase],
 ) -> Result<Vec<Evaluation>, FdmError> {
     weather.iter().map(|w| fly(aircraft, gains, w)).collect()
 }
@@ -120,7 +121,7 @@ pub(super) fn course_rad(state: &FlightState) -> f64 {
 fn fly(
     aircraft: &Aircraft,
     gains: &ControlGains,
-    weather: &Weather,
+    weather: &WeatherCase,
 ) -> Result<Evaluation, FdmError> {
     let cruise = aircraft.limits.airspeed_cruise_m_s;
     let (mut sim, mut pilot) = begin(aircraft, gains)?;
@@ -128,7 +129,7 @@ fn fly(
     let mut gust = Dryden::new();
     let turbulence = Turbulence::mil_f_8785c(100.0, weather.wind_m_s, weather.turbulence);
     let mean = weather.wind_ned_m_s();
-    let mut tally = Tally::default();
+    let mut tally = ErrorSums::default();
     let (mut outside_s, mut flown) = (0.0, true);
     let mut state = sim.state();
     let mut path = Path::Course { deg: 0.0 };
@@ -160,12 +161,12 @@ fn fly(
 
 /// Sums of squares of the errors, in the order of [`SCALE`], and how many each has.
 #[derive(Debug, Default)]
-struct Tally {
+struct ErrorSums {
     squares: [f64; 6],
     count: [f64; 6],
 }
 
-impl Tally {
+impl ErrorSums {
     /// Bank and surface motion count always; the others once a change had its time.
     fn add(&mut self, time_s: f64, [before, now]: [&FlightState; 2], demand: &Demand, bank: f64) {
         let moved =
@@ -197,7 +198,7 @@ impl Tally {
         self.count[which] += 1.0;
     }
 
-    fn evaluation(&self, weather: &Weather, flown: bool, outside_s: f64) -> Evaluation {
+    fn evaluation(&self, weather: &WeatherCase, flown: bool, outside_s: f64) -> Evaluation {
         let rms = |k: usize| (self.squares[k] / self.count[k].max(1.0)).sqrt();
         let squares: f64 = SCALE
             .iter()

@@ -6,11 +6,11 @@ use nalgebra::{Complex, DMatrix};
 use serde::Serialize;
 
 use super::TICK_S;
-use crate::FdmError;
-use crate::aircraft::Aircraft;
-use crate::autopilot::{ControlGains, InnerGains, inner_gains};
+use crate::aircraft::{Aircraft, ControlGains};
+use crate::autopilot::{InnerGains, inner_gains};
 use crate::dynamics::Dynamics;
-use crate::mechanism::Extended;
+use crate::error::FdmError;
+use crate::extended::ExtendedAircraft;
 use crate::trim;
 
 const FREQUENCIES: usize = 600;
@@ -70,7 +70,7 @@ pub(super) fn inner_loops(
     gains: &ControlGains,
     airspeed_m_s: f64,
 ) -> Result<[LoopMargin; 2], FdmError> {
-    let extended = Extended::of(aircraft)?.aircraft;
+    let extended = ExtendedAircraft::of(aircraft)?.aircraft;
     let dynamics = Dynamics::new(&extended);
     let trim = trim::level(&dynamics, airspeed_m_s, 1.225)?;
     let linear = trim::linearise(&dynamics, &trim);

@@ -2,10 +2,9 @@
 
 use serde::Serialize;
 
-use super::{Required, Weather, flights, margins};
-use crate::FdmError;
-use crate::aircraft::Aircraft;
-use crate::autopilot::ControlGains;
+use super::{Required, WeatherCase, flights, margins};
+use crate::aircraft::{Aircraft, ControlGains};
+use crate::error::FdmError;
 use crate::mechanism::Mechanism;
 
 /// A change of the aircraft, and how a set of gains fares with it.
@@ -82,7 +81,7 @@ fn changed(aircraft: &Aircraft) -> Result<Vec<(&'static str, Aircraft)>, FdmErro
 pub(super) fn judged(
     aircraft: &Aircraft,
     gains: &ControlGains,
-    weather: &[Weather],
+    weather: &[WeatherCase],
 ) -> Result<Vec<RobustnessCase>, FdmError> {
     let mut out = Vec::with_capacity(CHANGES.len());
     for (change, other) in changed(aircraft)? {
@@ -123,7 +122,7 @@ pub(super) fn as_robust_as(
     required: &Required,
     aircraft: &Aircraft,
     gains: &ControlGains,
-    weather: &[Weather],
+    weather: &[WeatherCase],
 ) -> Result<bool, FdmError> {
     let changed = changed(aircraft)?;
     let keeps_margins = changed.iter().zip(like).all(|((_, other), case)| {

@@ -11,7 +11,7 @@ const DRAWING_STREAM: u64 = 1;
 
 /// Weather to fly in.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Weather {
+pub struct WeatherCase {
     /// What the report calls it.
     pub name: String,
     /// Wind speed, m/s.
@@ -26,7 +26,7 @@ pub struct Weather {
     pub gust_seed: u64,
 }
 
-impl Weather {
+impl WeatherCase {
     /// Calm, moderate, strong and hot: what a search flies in.
     pub fn standard(seed: u64) -> Vec<Self> {
         [

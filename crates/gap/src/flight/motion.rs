@@ -2,7 +2,7 @@
 //! simulator with gusts and disturbances as further states.
 
 use fdm::dynamics::{AirState, Body, Controls, Dynamics, Flow, euler, flow, rotation};
-use fdm::mechanism::SensorErrors;
+use fdm::extended::SensorErrors;
 use fdm::servo::{LagStep, Servo};
 use fdm::{Aircraft, SurfaceCommand};
 
@@ -436,7 +436,7 @@ pub fn start(segment: &Segment, world: &World, i: usize) -> (Mean, [f64; STATES]
         near.map(|m| m[k]).find(|v| v.is_finite())
     };
     let angle = |k: usize| first(at::ROLL + k).unwrap_or(0.0);
-    let attitude = fdm::flight::quaternion(angle(0), angle(1), angle(2));
+    let attitude = fdm::quaternion(angle(0), angle(1), angle(2));
     let m = rotation(&attitude);
     let speed = first(at::AIRSPEED).unwrap_or(15.0);
     let alpha = first(at::ALPHA).unwrap_or(0.05);

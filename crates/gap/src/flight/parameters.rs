@@ -2,7 +2,8 @@
 //! catalogue, and tolerances of everything else, since nothing real is exactly as published.
 
 use fdm::Aircraft;
-use fdm::mechanism::{CATALOGUE, Extended};
+use fdm::extended::ExtendedAircraft;
+use fdm::mechanism::CATALOGUE;
 
 use super::gate::Gated;
 use super::gradient::{SHARE_SD, USUAL_SHARE};
@@ -211,7 +212,7 @@ fn mechanisms(gated: &Gated) -> Vec<Parameter> {
 /// What flies with all departures at work.
 pub struct Applied {
     /// The aircraft and its sensors.
-    pub extended: Extended,
+    pub extended: ExtendedAircraft,
     /// Mean wind added to each log, north and east, m/s.
     pub winds: Vec<[f64; 2]>,
     /// Shares of the gusts' gradients that turn it, pitch and yaw.
@@ -237,9 +238,9 @@ pub fn applied(
             Effect::Mechanism(..) => {}
         }
     }
-    let mut extended = Extended {
+    let mut extended = ExtendedAircraft {
         aircraft: base,
-        sensors: fdm::mechanism::SensorErrors::default(),
+        sensors: fdm::extended::SensorErrors::default(),
         wind_bias_ned_m_s: [0.0; 3],
     };
     for (m, spec) in CATALOGUE.iter().enumerate() {

@@ -524,7 +524,7 @@ fn mean_wind(segments: &[Segment], log: usize) -> [f64; 2] {
                 continue;
             }
             let angle = |k: usize| last[at::ROLL + k];
-            let attitude = fdm::flight::quaternion(angle(0), angle(1), angle(2));
+            let attitude = fdm::quaternion(angle(0), angle(1), angle(2));
             let r = fdm::dynamics::rotation(&attitude);
             let alpha = if last[at::ALPHA].is_nan() {
                 0.05

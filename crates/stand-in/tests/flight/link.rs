@@ -1,9 +1,8 @@
 //! What goes over the link, and what becomes of it there.
 
-use fdm::control_level::Level;
 use mav_bridge::BridgeOutput;
 use protocol::SimTime;
-use protocol::message::PathKind;
+use protocol::message::{ControlLevel, PathKind};
 
 use crate::pair::{Pair, setpoint, stand_in_config};
 
@@ -69,7 +68,7 @@ fn flies_over_a_noisy_link() {
     pair.take_off();
     pair.setpoint = Some(setpoint(PathKind::GoTo, -800.0, 1500.0, 650.0));
     pair.run(150.0);
-    assert_eq!(pair.bridge.level(), Level::Automatic);
+    assert_eq!(pair.bridge.level(), ControlLevel::Automatic);
     assert!((pair.distance_m() - 100.0).abs() < 40.0);
     let statistics = pair.bridge.statistics();
     assert!(

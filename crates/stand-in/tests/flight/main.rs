@@ -5,10 +5,10 @@ mod link;
 mod pair;
 
 use air::geo::Enu;
-use fdm::control_level::{Danger, Event, Level};
 use mav_bridge::arduplane::{FBWA, GUIDED, RTL};
 use mav_bridge::{Bridge, BridgeConfig, BridgeOutput};
-use protocol::message::{PathKind, Reading, Setpoint};
+use protocol::control_level::{ControlEvent, Danger};
+use protocol::message::{ControlLevel, PathKind, Reading, Setpoint};
 use stand_in::Sticks;
 
 use crate::pair::{Pair, guided_commands, scenario, setpoint, stand_in_config, steering_commands};
@@ -26,7 +26,7 @@ fn takes_off_and_obeys_setpoints() {
     pair.take_off();
     pair.setpoint = Some(setpoint(PathKind::GoTo, -800.0, 1800.0, 700.0));
     pair.run(180.0);
-    assert_eq!(pair.bridge.level(), Level::Automatic);
+    assert_eq!(pair.bridge.level(), ControlLevel::Automatic);
     let off = (pair.distance_m() - 100.0).abs();
     assert!(off < 40.0, "orbits {off} m off its circle");
     let truth = pair.vehicle.truth();
@@ -101,7 +101,7 @@ fn pilot_takes_over_and_hands_back() {
     pair.run(10.0);
     assert!(pair.vehicle.pilot(FBWA, TURN));
     pair.run(2.0);
-    assert_eq!(pair.bridge.level(), Level::Pilot);
+    assert_eq!(pair.bridge.level(), ControlLevel::Pilot);
     assert_eq!(pair.said("pilot-takeover"), 1);
     // New setpoints are withheld and reported; nothing that steers goes out.
     pair.sent.clear();
@@ -122,7 +122,7 @@ fn pilot_takes_over_and_hands_back() {
     pair.setpoint = Some(setpoint(PathKind::GoTo, north_m, 1500.0, 650.0));
     pair.hand_back();
     pair.run(120.0);
-    assert_eq!(pair.bridge.level(), Level::Automatic);
+    assert_eq!(pair.bridge.level(), ControlLevel::Automatic);
     assert_eq!(guided_commands(&pair.sent), 1);
     assert!((pair.distance_m() - 100.0).abs() < 40.0);
 }
@@ -137,7 +137,7 @@ fn lost_link_brings_it_home() {
     pair.up = |_, _| Vec::new();
     pair.down = |_, _| Vec::new();
     pair.run(200.0);
-    assert_eq!(pair.bridge.level(), Level::Guardian);
+    assert_eq!(pair.bridge.level(), ControlLevel::Guardian);
     assert_eq!(pair.said("link-lost"), 1);
     let truth = pair.vehicle.truth();
     let home = scenario().home(5).unwrap();
@@ -153,12 +153,12 @@ fn lost_link_brings_it_home() {
     pair.down = |_, frames| frames;
     pair.sent.clear();
     pair.run(20.0);
-    assert_eq!(pair.bridge.level(), Level::Guardian);
+    assert_eq!(pair.bridge.level(), ControlLevel::Guardian);
     assert_eq!(pair.said("link-restored"), 1);
     assert_eq!(steering_commands(&pair.sent), 0);
     pair.hand_back();
     pair.run(150.0);
-    assert_eq!(pair.bridge.level(), Level::Automatic);
+    assert_eq!(pair.bridge.level(), ControlLevel::Automatic);
     assert!((pair.distance_m() - 100.0).abs() < 40.0);
 }
 
@@ -169,23 +169,23 @@ fn after_a_short_silence_it_comes_home_until_handed_back() {
     pair.run(20.0);
     pair.down = |_, _| Vec::new();
     pair.run(7.0);
-    assert_eq!(pair.bridge.level(), Level::Guardian);
+    assert_eq!(pair.bridge.level(), ControlLevel::Guardian);
     // Too short for the vehicle's own failsafe: the bridge sends it home when it hears it again.
     pair.down = |_, frames| frames;
     pair.sent.clear();
     pair.run(10.0);
-    assert_eq!(pair.bridge.level(), Level::Guardian);
+    assert_eq!(pair.bridge.level(), ControlLevel::Guardian);
     assert_eq!(pair.bridge.control().dangers().count(), 0);
     assert_eq!(pair.vehicle.custom_mode(), RTL);
     assert_eq!(steering_commands(&pair.sent), 1);
     pair.hand_back();
     pair.run(5.0);
-    assert_eq!(pair.bridge.level(), Level::Automatic);
+    assert_eq!(pair.bridge.level(), ControlLevel::Automatic);
     assert_eq!(pair.vehicle.custom_mode(), GUIDED);
 }
 
 /// Tells the bridge what the rest of the team saw happen.
-fn tell(pair: &mut Pair, event: Event) {
+fn tell(pair: &mut Pair, event: ControlEvent) {
     let mut out = BridgeOutput::default();
     pair.bridge.handle(event, &mut out);
     pair.events.extend(out.events);
@@ -196,7 +196,7 @@ fn a_danger_that_the_team_sees_sends_it_home() {
     let mut pair = Pair::new(16);
     pair.take_off();
     pair.run(20.0);
-    tell(&mut pair, Event::Begins(Danger::SquadronController));
+    tell(&mut pair, ControlEvent::Begins(Danger::SquadronController));
     pair.run(3.0);
     assert_eq!(pair.vehicle.custom_mode(), RTL);
     assert_eq!(pair.said("guardian"), 1);
@@ -205,18 +205,18 @@ fn a_danger_that_the_team_sees_sends_it_home() {
     assert_eq!(pair.said("hand-back-refused"), 1);
     pair.vehicle.pilot(FBWA, TURN);
     pair.run(2.0);
-    assert_eq!(pair.bridge.level(), Level::Pilot);
+    assert_eq!(pair.bridge.level(), ControlLevel::Pilot);
     // He hands it to the Guardian.
     pair.hand_back();
     pair.run(3.0);
-    assert_eq!(pair.bridge.level(), Level::Guardian);
+    assert_eq!(pair.bridge.level(), ControlLevel::Guardian);
     assert_eq!(pair.vehicle.custom_mode(), RTL);
-    tell(&mut pair, Event::Ends(Danger::SquadronController));
+    tell(&mut pair, ControlEvent::Ends(Danger::SquadronController));
     pair.run(3.0);
-    assert_eq!(pair.bridge.level(), Level::Guardian);
+    assert_eq!(pair.bridge.level(), ControlLevel::Guardian);
     pair.hand_back();
     pair.run(3.0);
-    assert_eq!(pair.bridge.level(), Level::Automatic);
+    assert_eq!(pair.bridge.level(), ControlLevel::Automatic);
     assert_eq!(pair.vehicle.custom_mode(), GUIDED);
 }
 
@@ -227,7 +227,7 @@ fn a_danger_during_take_off_lets_it_climb_first() {
     while !pair.state.as_ref().is_some_and(|s| s.airborne) {
         pair.run(0.2);
     }
-    tell(&mut pair, Event::Begins(Danger::World));
+    tell(&mut pair, ControlEvent::Begins(Danger::World));
     let mut lowest_m = f64::INFINITY;
     for _ in 0..60 {
         pair.run(1.0);
@@ -257,11 +257,11 @@ fn a_bridge_that_dies_leaves_it_to_its_failsafe_and_a_new_one_asks_first() {
     // A new one finds it in the air in a mode that it did not ask for.
     pair.up = |_, frames| frames;
     pair.run(5.0);
-    assert_ne!(pair.bridge.level(), Level::Automatic);
+    assert_ne!(pair.bridge.level(), ControlLevel::Automatic);
     assert_eq!(pair.vehicle.custom_mode(), RTL);
     pair.hand_back();
     pair.run(5.0);
-    assert_eq!(pair.bridge.level(), Level::Automatic);
+    assert_eq!(pair.bridge.level(), ControlLevel::Automatic);
     assert_eq!(pair.vehicle.custom_mode(), GUIDED);
 }
 
@@ -296,12 +296,12 @@ fn without_a_landing_sequence_it_returns_and_circles() {
     pair.setpoint = Some(land);
     pair.run(60.0);
     assert_eq!(pair.said("no-landing-sequence"), 1);
-    assert_eq!(pair.bridge.level(), Level::Automatic);
+    assert_eq!(pair.bridge.level(), ControlLevel::Automatic);
     assert!(pair.state.as_ref().unwrap().airborne);
     // A pilot who then switches to another mode takes it over all the same.
     pair.vehicle.pilot(FBWA, TURN);
     pair.run(2.0);
-    assert_eq!(pair.bridge.level(), Level::Pilot);
+    assert_eq!(pair.bridge.level(), ControlLevel::Pilot);
 }
 
 #[test]
@@ -326,7 +326,7 @@ fn its_own_failsafe_is_the_guardian() {
     // The vehicle no longer hears the bridge, but the bridge hears the vehicle.
     pair.up = |_, _| Vec::new();
     pair.run(10.0);
-    assert_eq!(pair.bridge.level(), Level::Guardian);
+    assert_eq!(pair.bridge.level(), ControlLevel::Guardian);
     assert_eq!(pair.said("guardian"), 1);
     assert_eq!(pair.said("link-lost"), 0);
     assert!(pair.bridge.control().has(Danger::Bridge));
@@ -359,5 +359,5 @@ fn home_mode_by_the_pilot_is_the_pilots() {
     pair.take_off();
     assert!(pair.vehicle.pilot(RTL, TURN));
     pair.run(2.0);
-    assert_eq!(pair.bridge.level(), Level::Pilot);
+    assert_eq!(pair.bridge.level(), ControlLevel::Pilot);
 }

@@ -1,0 +1,353 @@
+//! The autopilot: a demand (a path, an altitude, an airspeed) becomes surface
+//! angles and throttle.
+//!
+//! Outer loops: guidance gives a bank angle from the path, total-energy control
+//! gives throttle and pitch from altitude and airspeed. Inner loops: roll and pitch
+//! with rate damping. Gains are bandwidths and times; the aircraft's own
+//! coefficients turn them into surface angles, so that one set fits aircraft of different size.
+
+mod demand;
+mod energy;
+mod guidance;
+mod inner_gains;
+mod inner_loops;
+mod landing;
+mod plant;
+mod sensed;
+
+pub use demand::{Demand, Path, Sticks};
+pub(crate) use inner_gains::{InnerGains, inner_gains};
+pub use sensed::Sensed;
+
+use crate::aircraft::{Aircraft, ControlGains};
+use crate::state::SurfaceCommand;
+use energy::{EnergyDemand, EnergyLoop};
+use guidance::{Steering, WindEstimate};
+use inner_loops::{PitchLoop, RollLoop};
+use landing::{Landing, LandingCommand, LandingSite};
+use plant::Plant;
+
+/// Height above the launch point up to which take-off climbs straight ahead, m.
+const TAKE_OFF_STRAIGHT_M: f64 = 20.0;
+/// Pitch of the climb straight ahead, rad.
+const TAKE_OFF_PITCH_RAD: f64 = 0.22;
+
+/// What the autopilot is doing, for displays and mission logic.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct AutopilotStatus {
+    /// Bank angle asked of the roll loop, rad.
+    pub bank_command_rad: f64,
+    /// Pitch angle asked of the pitch loop, rad.
+    pub pitch_command_rad: f64,
+    /// Wind as estimated from airspeed, heading and velocity: north and east components, m/s.
+    pub wind_estimate_m_s: [f64; 2],
+    /// A [`Path::GoTo`] has come to its point and circles; a take-off has left the ground
+    /// behind; a landing has come to rest.
+    pub path_done: bool,
+    /// Airspeed protection holds the nose down or the throttle against the demand.
+    pub protecting: bool,
+}
+
+/// The autopilot of one aircraft: gains, and the memory of its loops.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Autopilot {
+    plant: Plant,
+    gains: ControlGains,
+    roll: RollLoop,
+    pitch: PitchLoop,
+    energy: EnergyLoop,
+    wind: WindEstimate,
+    demand: Option<Demand>,
+    /// Turning sense once a go-to circles its point.
+    circling: Option<bool>,
+    take_off_from_m: Option<f64>,
+    landing: Option<Landing>,
+    last: SurfaceCommand,
+    status: AutopilotStatus,
+}
+
+impl Autopilot {
+    /// An autopilot with the gains of the aircraft's file.
+    pub fn new(aircraft: &Aircraft) -> Self {
+        Self {
+            plant: Plant::new(aircraft),
+            gains: aircraft.control,
+            roll: RollLoop::default(),
+            pitch: PitchLoop::default(),
+            energy: EnergyLoop::default(),
+            wind: WindEstimate::default(),
+            demand: None,
+            circling: None,
+            take_off_from_m: None,
+            landing: None,
+            last: SurfaceCommand::default(),
+            status: AutopilotStatus::default(),
+        }
+    }
+
+    /// What the autopilot is doing.
+    pub fn status(&self) -> AutopilotStatus {
+        self.status
+    }
+
+    /// Forgets integrals, estimates and path progress, as before a new flight.
+    pub fn reset(&mut self) {
+        self.roll = RollLoop::default();
+        self.pitch = PitchLoop::default();
+        self.energy = EnergyLoop::default();
+        self.wind = WindEstimate::default();
+        self.demand = None;
+        self.circling = None;
+        self.take_off_from_m = None;
+        self.landing = None;
+        self.status = AutopilotStatus::default();
+    }
+
+    /// The command for the next `dt_s` seconds. Sensor values that are not finite repeat the last
+    /// command.
+    pub fn command(&mut self, dt_s: f64, sensed: &Sensed, demand: &Demand) -> SurfaceCommand {
+        if !(sensed.is_finite() && dt_s.is_finite() && dt_s > 0.0) {
+            return self.last;
+        }
+        let demand = self.take(demand);
+        // Standing on the launcher, airspeed and velocity carry no information on the wind.
+        if !sensed.on_ground {
+            self.wind.update(dt_s, sensed);
+        }
+        self.status.wind_estimate_m_s = self.wind.vector();
+        self.status.path_done = false;
+        let command = match demand.path {
+            Path::TakeOff { heading_deg } => self.take_off(dt_s, sensed, &demand, heading_deg),
+            Path::Land {
+                north_m,
+                east_m,
+                ground_amsl_m,
+                course_deg,
+            } => {
+                let order = LandingSite {
+                    north_m,
+                    east_m,
+                    ground_amsl_m,
+                    course_deg,
+                };
+                self.land(dt_s, sensed, &demand, &order)
+            }
+            _ if sensed.on_ground => self.idle(),
+            _ => {
+                let bank = self.bank_for(sensed, &demand);
+                self.fly(dt_s, sensed, bank, &EnergyDemand::of(&demand))
+            }
+        };
+        self.last = command;
+        command
+    }
+
+    /// Stabilised flight by a pilot's sticks: roll and pitch angles, throttle by hand.
+    pub fn fly_by_wire(&mut self, dt_s: f64, sensed: &Sensed, sticks: &Sticks) -> SurfaceCommand {
+        if !(sensed.is_finite() && dt_s.is_finite() && dt_s > 0.0) {
+            return self.last;
+        }
+        let share = |value: f64| {
+            if value.is_finite() {
+                value.clamp(-1.0, 1.0)
+            } else {
+                0.0
+            }
+        };
+        let pitch_stick = share(sticks.pitch);
+        let limit = if pitch_stick >= 0.0 {
+            self.gains.pitch_max_deg
+        } else {
+            -self.gains.pitch_min_deg
+        };
+        // Sticks ask for angles, not surfaces: a pilot who lets go flies level.
+        let bank = share(sticks.roll) * self.gains.bank_max_deg.to_radians();
+        // The outer loop's memory runs along, so that handing back to it gives no jump.
+        self.energy.follow(sensed);
+        self.wind.update(dt_s, sensed);
+        self.demand = None;
+        let throttle = share(sticks.throttle).max(0.0);
+        let pitch = pitch_stick * limit.to_radians();
+        self.last = self.stabilise(dt_s, sensed, bank, pitch, throttle);
+        self.last
+    }
+
+    /// Takes over a demand; a new path starts its own progress.
+    fn take(&mut self, demand: &Demand) -> Demand {
+        let before = self.demand.unwrap_or(Demand {
+            path: Path::Heading { deg: 0.0 },
+            alt_amsl_m: 0.0,
+            airspeed_m_s: self.plant.cruise_m_s,
+        });
+        let keep = |new: f64, old: f64| if new.is_finite() { new } else { old };
+        let path = if demand.path.is_finite() {
+            demand.path
+        } else {
+            before.path
+        };
+        let taken = Demand {
+            path,
+            alt_amsl_m: keep(demand.alt_amsl_m, before.alt_amsl_m),
+            airspeed_m_s: keep(demand.airspeed_m_s, before.airspeed_m_s),
+        };
+        // Only another path starts anew: altitude and airspeed may change every tick without losing
+        // the progress of a landing or a circle.
+        if self.demand.is_none_or(|old| old.path != path) {
+            self.circling = None;
+            self.take_off_from_m = None;
+            self.landing = None;
+        }
+        self.demand = Some(taken);
+        taken
+    }
+
+    /// Bank angle that follows a path over the ground.
+    fn bank_for(&mut self, sensed: &Sensed, demand: &Demand) -> f64 {
+        let steering = Steering {
+            gains: &self.gains,
+            wind: self.wind.vector(),
+            sensed,
+        };
+        match demand.path {
+            Path::GoTo { north_m, east_m } => {
+                let radius = self.gains.loiter_radius_m;
+                if self.circling.is_none()
+                    && steering.distance_m(north_m, east_m) < radius * guidance::CIRCLE_FROM
+                {
+                    self.circling = Some(steering.turns_right_around(north_m, east_m));
+                }
+                match self.circling {
+                    Some(clockwise) => {
+                        self.status.path_done = true;
+                        steering.orbit(north_m, east_m, radius, clockwise)
+                    }
+                    None => steering.go_to(north_m, east_m),
+                }
+            }
+            Path::Orbit {
+                north_m,
+                east_m,
+                radius_m,
+                clockwise,
+            } => steering.orbit(north_m, east_m, radius_m, clockwise),
+            Path::Course { deg } => steering.course(deg.to_radians()),
+            Path::Heading { deg } | Path::TakeOff { heading_deg: deg } => {
+                steering.heading(deg.to_radians())
+            }
+            Path::Land { .. } => 0.0,
+        }
+    }
+
+    /// Outer energy loop and inner loops together.
+    fn fly(
+        &mut self,
+        dt_s: f64,
+        sensed: &Sensed,
+        bank: f64,
+        demand: &EnergyDemand,
+    ) -> SurfaceCommand {
+        let out = self
+            .energy
+            .step(dt_s, sensed, demand, &self.plant, &self.gains);
+        self.status.protecting = out.protecting;
+        self.stabilise(dt_s, sensed, bank, out.pitch_rad, out.throttle)
+    }
+
+    /// Inner loops.
+    fn stabilise(
+        &mut self,
+        dt_s: f64,
+        sensed: &Sensed,
+        bank: f64,
+        pitch: f64,
+        throttle: f64,
+    ) -> SurfaceCommand {
+        let air = self.plant.at(sensed);
+        let aileron = self
+            .roll
+            .step(dt_s, sensed, bank, &self.plant, &air, &self.gains);
+        let elevator = self
+            .pitch
+            .step(dt_s, sensed, pitch, &self.plant, &air, &self.gains);
+        self.status.bank_command_rad = self.roll.bank_command();
+        self.status.pitch_command_rad = pitch;
+        SurfaceCommand {
+            elevator_rad: elevator,
+            aileron_rad: aileron,
+            rudder_rad: inner_loops::yaw_damper(sensed, &self.plant, &air, &self.gains),
+            throttle,
+            launch: false,
+        }
+    }
+
+    fn idle(&mut self) -> SurfaceCommand {
+        self.roll = RollLoop::default();
+        self.pitch = PitchLoop::default();
+        self.energy = EnergyLoop::default();
+        SurfaceCommand::default()
+    }
+
+    fn take_off(
+        &mut self,
+        dt_s: f64,
+        sensed: &Sensed,
+        demand: &Demand,
+        heading_deg: f64,
+    ) -> SurfaceCommand {
+        // Heights are counted from where the take-off began, for the ground there may lie above or
+        // below the site's.
+        let start = *self.take_off_from_m.get_or_insert(sensed.alt_amsl_m);
+        if sensed.on_ground {
+            self.idle();
+            let air = self.plant.at(sensed);
+            return SurfaceCommand {
+                elevator_rad: air.elevator_level,
+                throttle: 1.0,
+                launch: true,
+                ..SurfaceCommand::default()
+            };
+        }
+        // No turn so near the ground, and full power whatever the altitude demanded.
+        if sensed.alt_amsl_m - start < TAKE_OFF_STRAIGHT_M {
+            self.energy.follow(sensed);
+            return self.stabilise(dt_s, sensed, 0.0, TAKE_OFF_PITCH_RAD, 1.0);
+        }
+        self.status.path_done = true;
+        let steering = Steering {
+            gains: &self.gains,
+            wind: self.wind.vector(),
+            sensed,
+        };
+        let bank = steering.heading(heading_deg.to_radians());
+        self.fly(dt_s, sensed, bank, &EnergyDemand::of(demand))
+    }
+
+    fn land(
+        &mut self,
+        dt_s: f64,
+        sensed: &Sensed,
+        demand: &Demand,
+        order: &LandingSite,
+    ) -> SurfaceCommand {
+        if sensed.on_ground {
+            self.status.path_done = true;
+            return self.idle();
+        }
+        let steering = Steering {
+            gains: &self.gains,
+            wind: self.wind.vector(),
+            sensed,
+        };
+        let landing = self
+            .landing
+            .get_or_insert_with(|| Landing::begin(order, self.wind.vector()));
+        let step = landing.step(&steering, order, demand.airspeed_m_s, &self.plant);
+        match step {
+            LandingCommand::Approach { bank, energy } => self.fly(dt_s, sensed, bank, &energy),
+            LandingCommand::Flare { bank, pitch } => {
+                self.energy.follow(sensed);
+                self.stabilise(dt_s, sensed, bank, pitch, 0.0)
+            }
+        }
+    }
+}

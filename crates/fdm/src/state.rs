@@ -1,0 +1,119 @@
+//! Inputs and outputs of a flight: the air around a vehicle, the command to its surfaces, its state.
+
+/// The air around a vehicle during one step; gusts are the caller's to add.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AirAround {
+    /// Vector towards which the air moves, NED, m/s.
+    pub wind_ned_m_s: [f64; 3],
+    /// Air density, kg/m³.
+    pub density_kg_m3: f64,
+}
+
+impl AirAround {
+    /// Still air of the standard atmosphere at sea level.
+    pub const STANDARD_CALM: Self = Self {
+        wind_ned_m_s: [0.0; 3],
+        density_kg_m3: 1.225,
+    };
+}
+
+/// What a pilot or autopilot asks of surfaces and motor. Out-of-range values are limited to the
+/// travel; values that are not finite keep the last command.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SurfaceCommand {
+    /// Elevator, rad, trailing edge down positive.
+    pub elevator_rad: f64,
+    /// Aileron (left − right)/2, rad, positive rolls right.
+    pub aileron_rad: f64,
+    /// Rudder, rad, trailing edge left positive; without effect on an elevon aircraft.
+    pub rudder_rad: f64,
+    /// Throttle, 0 to 1.
+    pub throttle: f64,
+    /// Releases the launcher of a vehicle that stands on it.
+    pub launch: bool,
+}
+
+/// Whether a vehicle flies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FlightPhase {
+    /// On the launcher, or stopped after a landing and set up again.
+    OnGround,
+    /// Being accelerated by the launcher.
+    Launching,
+    /// In the air.
+    Flying,
+    /// Sliding on its belly after touch-down.
+    Sliding,
+}
+
+/// Whether the state is inside what the model is valid for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct FlightFlags {
+    /// Angle of attack beyond the linear model.
+    pub stalled: bool,
+    /// Sideslip beyond the linear model.
+    pub sideslip: bool,
+    /// Airspeed above the airframe's limit.
+    pub overspeed: bool,
+    /// On or in contact with the ground.
+    pub on_ground: bool,
+    /// It touched down harder than the airframe allows; stays set until the next launch.
+    pub hard_landing: bool,
+    /// A rate had to be held at its bound, or a step refused because it left the finite numbers.
+    pub outside_model: bool,
+}
+
+/// Everything that can be known of a vehicle at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlightState {
+    /// Metres north of the site's origin.
+    pub north_m: f64,
+    /// Metres east of the site's origin.
+    pub east_m: f64,
+    /// Altitude above mean sea level, m.
+    pub alt_amsl_m: f64,
+    /// Velocity over ground, NED, m/s.
+    pub vel_ned_m_s: [f64; 3],
+    /// Roll angle, rad.
+    pub roll_rad: f64,
+    /// Pitch angle, rad.
+    pub pitch_rad: f64,
+    /// Yaw angle (true heading), rad in `(−π, π]`.
+    pub yaw_rad: f64,
+    /// Attitude quaternion (w, x, y, z), body to NED.
+    pub attitude: [f64; 4],
+    /// Angular rate in body axes, rad/s.
+    pub rate_rad_s: [f64; 3],
+    /// True airspeed, m/s.
+    pub airspeed_m_s: f64,
+    /// Angle of attack, rad.
+    pub alpha_rad: f64,
+    /// Sideslip, rad.
+    pub beta_rad: f64,
+    /// Elevator as it stands, rad.
+    pub elevator_rad: f64,
+    /// Aileron as it stands, rad.
+    pub aileron_rad: f64,
+    /// Rudder as it stands, rad.
+    pub rudder_rad: f64,
+    /// Motor state, 0 to 1.
+    pub throttle: f64,
+    /// Specific force at the centre of gravity, body axes, m/s².
+    pub specific_force_m_s2: [f64; 3],
+    /// Whether it flies.
+    pub phase: FlightPhase,
+    /// Validity of the model here.
+    pub flags: FlightFlags,
+}
+
+/// The command with what is not finite replaced by the last one.
+pub(crate) fn sanitised(command: &SurfaceCommand, last: &SurfaceCommand) -> SurfaceCommand {
+    let keep = |new: f64, old: f64| if new.is_finite() { new } else { old };
+    SurfaceCommand {
+        elevator_rad: keep(command.elevator_rad, last.elevator_rad),
+        aileron_rad: keep(command.aileron_rad, last.aileron_rad),
+        rudder_rad: keep(command.rudder_rad, last.rudder_rad),
+        throttle: keep(command.throttle, last.throttle),
+        launch: command.launch,
+    }
+}

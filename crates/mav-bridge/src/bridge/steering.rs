@@ -1,0 +1,249 @@
+//! What the vehicle is asked to do.
+
+use super::{Bridge, BridgeOutput};
+use crate::arduplane::{AUTO, FS_GCS_ENABL, GUIDED, RTL, TAKEOFF};
+use crate::authority::{BridgePhase, is_homeward};
+use crate::command_queue::{CommandMessage, CommandOutcome, VehicleCommand};
+use crate::event::event;
+use protocol::SimTime;
+use protocol::message::{PathKind, Setpoint, Severity};
+
+/// Share of TKOFF_ALT above which the climb of mode TAKEOFF is done.
+const CLIMBED: f64 = 0.8;
+/// Airspeeds that differ by less are the same, m/s.
+const SAME_SPEED_M_S: f32 = 0.05;
+/// Pause after a refusal or no answer, ns.
+const PAUSE_NS: i64 = 5_000_000_000;
+
+impl Bridge {
+    /// Asks for mode TAKEOFF; arming follows when the vehicle shows the mode.
+    pub(super) fn take_off(&mut self, setpoint: &Setpoint, out: &mut BridgeOutput) {
+        if self.target.as_ref() == Some(setpoint) {
+            return; // refused before: tried again after a pause
+        }
+        self.clear_target();
+        self.target = Some(setpoint.clone());
+        self.authority.take_off(TAKEOFF);
+        self.send_mode();
+        let text = "take-off asked for";
+        out.events.push(event(Severity::Info, "take-off", text));
+    }
+
+    /// Asks for the landing sequence on board.
+    pub(super) fn land(&mut self, setpoint: &Setpoint) {
+        // A reposition still on its way would pull the vehicle out of its landing.
+        self.commands.drop_steering();
+        self.target = Some(setpoint.clone());
+        self.authority.land(AUTO);
+        self.commands.push(VehicleCommand::LandStart);
+    }
+
+    /// Sends where to fly and how fast.
+    pub(super) fn guide(&mut self, setpoint: &Setpoint, now: SimTime) {
+        if self.target.as_ref() == Some(setpoint) {
+            return;
+        }
+        self.ignored = None;
+        self.target = Some(setpoint.clone());
+        self.send_target(now);
+    }
+
+    fn send_target(&mut self, now: SimTime) {
+        self.retry_at = None;
+        let Some(target) = self.target.clone() else {
+            return;
+        };
+        if target.path == PathKind::Land {
+            return self.land(&target);
+        }
+        self.commands.push(VehicleCommand::Reposition {
+            lat_1e7: (target.lat_deg * 1e7).round() as i32,
+            lon_1e7: (target.lon_deg * 1e7).round() as i32,
+            alt_amsl_m: target.alt_amsl_m as f32,
+            radius_m: target.orbit_radius_m as f32,
+        });
+        // ArduPlane flies equivalent airspeed, the team true airspeed.
+        let ratio = self.telemetry.eas_over_tas(target.alt_amsl_m, now);
+        let speed = (target.airspeed_m_s * ratio) as f32;
+        if self
+            .speed_sent
+            .is_none_or(|sent| (sent - speed).abs() > SAME_SPEED_M_S)
+        {
+            self.speed_sent = Some(speed);
+            self.commands.push(VehicleCommand::Speed {
+                equivalent_airspeed_m_s: speed,
+            });
+        }
+    }
+
+    /// Sends the mode that was asked for, if the vehicle is not in it already.
+    fn send_mode(&mut self) {
+        if let Some(mode) = self.authority.unconfirmed() {
+            let attempts = self.config.attempts;
+            self.commands.push(VehicleCommand::Mode { mode, attempts });
+        }
+    }
+
+    /// What follows by itself: arming, GUIDED after the climb, a target to be sent again.
+    pub(super) fn continue_phase(&mut self, now: SimTime, out: &mut BridgeOutput) {
+        let Some(seen) = self.authority.shown().filter(|_| self.authority.link_up()) else {
+            return;
+        };
+        let pausing = self.retry_at.is_some_and(|at| now < at);
+        match self.authority.phase() {
+            BridgePhase::Ground if self.retry_at.is_some() && !pausing => {
+                self.retry_at = None;
+                if let Some(target) = self.target.take() {
+                    self.take_off(&target, out);
+                }
+            }
+            BridgePhase::TakeOff if seen.custom_mode == TAKEOFF && !seen.armed && !pausing => {
+                self.arm(now, out);
+            }
+            BridgePhase::TakeOff
+                if seen.custom_mode == TAKEOFF
+                    && seen.airborne
+                    && !pausing
+                    && self.authority.unconfirmed().is_none()
+                    && self.has_climbed() =>
+            {
+                self.retry_at = None;
+                self.authority.take_off(GUIDED);
+                self.send_mode();
+            }
+            BridgePhase::Guided if self.retry_at.is_some() && !pausing => self.send_target(now),
+            // On its way home already, or still climbing away from the ground, it is left alone.
+            BridgePhase::Guardian
+                if seen.airborne
+                    && !is_homeward(seen.custom_mode)
+                    && (seen.custom_mode != TAKEOFF || self.has_climbed())
+                    && !pausing
+                    && self.authority.unconfirmed() != Some(RTL) =>
+            {
+                self.retry_at = None;
+                self.authority.go_home();
+                self.send_mode();
+            }
+            _ => {}
+        }
+    }
+
+    fn arm(&mut self, now: SimTime, out: &mut BridgeOutput) {
+        if self.config.may_arm {
+            self.retry_at = pause(now);
+            self.commands.push(VehicleCommand::Arm);
+        } else if !std::mem::replace(&mut self.warned.waits_for_arming, true) {
+            let text = "in TAKEOFF: waits for a person to arm the motor";
+            out.events
+                .push(event(Severity::Info, "waits-for-arming", text));
+        }
+    }
+
+    fn has_climbed(&self) -> bool {
+        let enough_m = self
+            .takeoff_altitude_m
+            .map_or(self.config.guided_above_home_m, |alt| CLIMBED * alt);
+        self.telemetry.above_home_m().is_some_and(|h| h >= enough_m)
+    }
+
+    /// Takes in what became of a command.
+    pub(super) fn on_outcome(
+        &mut self,
+        outcome: CommandOutcome,
+        now: SimTime,
+        out: &mut BridgeOutput,
+    ) {
+        let (command, why) = match outcome {
+            CommandOutcome::Accepted(_) => return,
+            CommandOutcome::Refused(command, result) => {
+                (command, format!("the vehicle refuses: {result:?}"))
+            }
+            CommandOutcome::Unanswered(command) => {
+                (command, "the vehicle does not answer".to_owned())
+            }
+        };
+        let (severity, code, then) = self.on_failure(&command, now);
+        let text = format!("{}: {why}{then}", command.name());
+        out.events.push(event(severity, code, text));
+    }
+
+    fn on_failure(
+        &mut self,
+        command: &VehicleCommand,
+        now: SimTime,
+    ) -> (Severity, &'static str, &'static str) {
+        if command.steers() {
+            self.retry_at = pause(now);
+        }
+        match command {
+            VehicleCommand::Mode { .. } => {
+                let asked = self.authority.unconfirmed();
+                let phase = self.authority.phase();
+                self.authority.refused();
+                match phase {
+                    BridgePhase::TakeOff if asked == Some(GUIDED) => {
+                        (Severity::Error, "guided-failed", "; tried again")
+                    }
+                    BridgePhase::TakeOff => (Severity::Error, "take-off-failed", "; tried again"),
+                    BridgePhase::HandingBack => {
+                        let then = "; whoever had it keeps it";
+                        (Severity::Error, "hand-back-failed", then)
+                    }
+                    BridgePhase::Landing => (Severity::Error, "land-failed", "; tried again"),
+                    BridgePhase::Guardian => (Severity::Error, "home-failed", "; tried again"),
+                    _ => (Severity::Warning, "command-failed", ""),
+                }
+            }
+            VehicleCommand::LandStart => {
+                self.authority.land(RTL);
+                self.send_mode();
+                let then = "; it returns home and circles until a pilot lands it";
+                (Severity::Warning, "no-landing-sequence", then)
+            }
+            VehicleCommand::Arm => (Severity::Error, "arming-failed", "; tried again"),
+            VehicleCommand::Reposition { .. } => {
+                (Severity::Warning, "setpoint-failed", "; tried again")
+            }
+            VehicleCommand::Speed { .. } => {
+                // The next setpoint asks again; within this one it would be refused again.
+                (self.retry_at, self.speed_sent) = (None, None);
+                (Severity::Warning, "speed-failed", "")
+            }
+            VehicleCommand::Interval { .. } => (Severity::Info, "rate-failed", ""),
+            VehicleCommand::Parameter(name) => {
+                let then = match *name {
+                    FS_GCS_ENABL => "; whether a lost link brings it home is not known",
+                    _ => "",
+                };
+                (Severity::Warning, "parameter-failed", then)
+            }
+        }
+    }
+
+    /// Sends what is due.
+    pub(super) fn send_commands(&mut self, now: SimTime, out: &mut BridgeOutput) {
+        let Some(system) = self.vehicle.filter(|_| self.authority.link_up()) else {
+            return;
+        };
+        let (send, lost) = self.commands.due(
+            now,
+            self.config.ack_timeout_s,
+            self.config.attempts,
+            self.heartbeat_at,
+        );
+        for (command, sent) in send {
+            match command.message(system, sent) {
+                CommandMessage::Long(message) => self.send(&message, now, out),
+                CommandMessage::Int(message) => self.send(&message, now, out),
+                CommandMessage::Read(message) => self.send(&message, now, out),
+            }
+        }
+        for outcome in lost {
+            self.on_outcome(outcome, now, out);
+        }
+    }
+}
+
+fn pause(now: SimTime) -> Option<SimTime> {
+    Some(SimTime::from_ns(now.ns().saturating_add(PAUSE_NS)))
+}

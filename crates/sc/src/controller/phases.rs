@@ -1,0 +1,79 @@
+//! When the mission goes on to its next phase.
+
+use protocol::SimTime;
+use protocol::message::Phase;
+
+use super::SquadronController;
+use crate::fleet::TeamVehicle;
+use crate::tasks::VehicleTask;
+
+/// Take-off is over for those who are still on the ground after this, s.
+const LONGEST_TAKE_OFF_S: f64 = 240.0;
+/// The preliminary flight ends at this part of the mission at the latest.
+const PRELIMINARY_UNTIL: f64 = 0.45;
+/// Passes of a preliminary flight, at least and at most.
+const PRELIMINARY_PASSES: (usize, usize) = (5, 18);
+/// Part of the mission kept for characterisation.
+const CHARACTERISE_PART: f64 = 0.15;
+
+impl SquadronController {
+    /// The phase that is due, if it is another.
+    pub(super) fn next_phase(&self, now: SimTime) -> Option<Phase> {
+        let flying = |v: &TeamVehicle| v.is_commandable();
+        let real = self
+            .fleet
+            .vehicles
+            .iter()
+            .filter(|v| v.real && flying(v))
+            .count();
+        let up = self
+            .tasks
+            .each
+            .iter()
+            .any(|t| !matches!(t, VehicleTask::Parked | VehicleTask::TakingOff(_)));
+        let home_s = self.home_time_s();
+        if self.phase < Phase::Home && up && now.s() >= home_s {
+            return Some(Phase::Home);
+        }
+        match self.phase {
+            Phase::TakeOff => self.after_take_off(now, real),
+            Phase::Preliminary => {
+                let (least, most) = PRELIMINARY_PASSES;
+                let flown = self.tasks.passes_flown;
+                // Enough passes, and an estimate that is good enough for the search's sector: more
+                // would take time from the search.
+                let sharp = flown >= least && self.estimate().is_some_and(|b| b.is_precise());
+                let late = now.s() >= PRELIMINARY_UNTIL * self.duration_s;
+                (sharp || late || flown >= most || real == 0).then_some(Phase::Search)
+            }
+            Phase::Search => {
+                let due = now.s() >= home_s - CHARACTERISE_PART * self.duration_s;
+                (due && real > 0 && self.model.is_some()).then_some(Phase::Characterise)
+            }
+            Phase::Characterise | Phase::Home => None,
+        }
+    }
+
+    fn after_take_off(&self, now: SimTime, real: usize) -> Option<Phase> {
+        let risen = |index: usize| {
+            !matches!(
+                self.tasks.each[index],
+                VehicleTask::Parked | VehicleTask::TakingOff(_)
+            )
+        };
+        let all = |want_real: bool| {
+            let of_kind = |(_, v): &(usize, &TeamVehicle)| v.real || !want_real;
+            let mut those = self.fleet.vehicles.iter().enumerate().filter(of_kind);
+            those.all(|(index, _)| risen(index))
+        };
+        let late = now.s() > LONGEST_TAKE_OFF_S;
+        let any = (0..self.fleet.vehicles.len()).any(risen);
+        if real > 0 && any && (all(true) || late) {
+            Some(Phase::Preliminary)
+        } else if any && (all(false) || late) {
+            Some(Phase::Search)
+        } else {
+            None
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! What a stand-in is made from.
+
+use crate::error::StandInError;
+use crate::parameters::AutopilotParameters;
+use air::geo::{Geodetic, LocalFrame};
+use air::isa::Atmosphere;
+use air::terrain::Terrain;
+use air::wind::WindSeries;
+use fdm::Aircraft;
+use mav_bridge::signing::SigningConfig;
+use plume::DispersionModel;
+use scenario::Scenario;
+
+/// Everything a stand-in is made from.
+#[derive(Debug, Clone)]
+pub struct StandInConfig {
+    /// MAVLink system id, 1 to 254.
+    pub system_id: u8,
+    /// Name of the platform, for mechanisms that apply to one only.
+    pub platform: String,
+    /// The airframe.
+    pub aircraft: Aircraft,
+    /// Its reality: wind, air, plume, sensor.
+    pub world: DispersionModel,
+    /// The site's local frame.
+    pub frame: LocalFrame,
+    /// Take-off and landing point.
+    pub home: Geodetic,
+    /// Ground there, m above mean sea level.
+    pub home_amsl_m: f64,
+    /// Heading of the launch, degrees; into the wind by default.
+    pub launch_heading_deg: f64,
+    /// Vertical gust over wind at 20 ft, 1 sigma; 0.1 is that of MIL-F-8785C.
+    pub turbulence_intensity: f64,
+    /// The ground of its reality.
+    pub terrain: Terrain,
+    /// Wind over time at the profile's height; none: the world's own, constant.
+    pub wind_series: Option<WindSeries>,
+    /// Settings as ArduPlane's.
+    pub parameters: AutopilotParameters,
+    /// Whether a landing sequence at home is on board.
+    pub has_landing_sequence: bool,
+    /// Key shared with the ground station; unsigned frames are then refused.
+    pub signing: Option<SigningConfig>,
+}
+
+impl StandInConfig {
+    /// The stand-in for the vehicle at `index` of the scenario's team, in the scenario's
+    /// `[reality]`, whose mechanisms of flight change the aircraft. A wind series must be read
+    /// and set by the caller.
+    ///
+    /// # Errors
+    /// No such vehicle, or a reality outside the models' validity.
+    pub fn from_scenario(
+        scenario: &Scenario,
+        index: usize,
+        aircraft: Aircraft,
+    ) -> Result<Self, StandInError> {
+        let vehicle = scenario
+            .vehicles
+            .get(index)
+            .ok_or(StandInError::NoVehicle(index))?;
+        let refuse = |e: scenario::world::WorldError| StandInError::Reality(e.to_string());
+        // The aircraft stands where the team believes its home to be.
+        let home = scenario.home(index).map_err(refuse)?;
+        let reality = scenario.in_reality();
+        let aircraft = reality
+            .extend_aircraft(&vehicle.id, &aircraft)
+            .map_err(refuse)?;
+        let world = reality.world().map_err(refuse)?;
+        let home_amsl_m = reality.site.ground_amsl_m;
+        let home_air = world.spec().atmosphere.at(home_amsl_m);
+        let sea_level = Atmosphere::standard().at(0.0).density_kg_m3();
+        let eas_over_tas = (home_air.density_kg_m3() / sea_level).sqrt();
+        let limits = aircraft.limits;
+        Ok(Self {
+            system_id: u8::try_from(index + 1).unwrap_or(1),
+            platform: vehicle.id.clone(),
+            frame: reality.frame().map_err(refuse)?,
+            home,
+            home_amsl_m,
+            launch_heading_deg: reality.weather.wind_from_deg,
+            turbulence_intensity: reality.weather.turbulence_intensity,
+            terrain: Terrain::Flat(home_amsl_m),
+            wind_series: None,
+            parameters: AutopilotParameters::new(
+                limits.airspeed_min_m_s * eas_over_tas,
+                limits.airspeed_max_m_s * eas_over_tas,
+                aircraft.control.loiter_radius_m,
+            ),
+            has_landing_sequence: true,
+            signing: None,
+            aircraft,
+            world,
+        })
+    }
+
+    /// The same stand-in over `terrain`, on which it then stands at home.
+    #[must_use]
+    pub fn over(self, terrain: Terrain) -> Self {
+        Self {
+            home_amsl_m: terrain.ground_amsl_m(self.home),
+            terrain,
+            ..self
+        }
+    }
+}

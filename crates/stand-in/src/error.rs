@@ -1,0 +1,15 @@
+//! Why a stand-in cannot be made.
+
+/// Why a stand-in cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum StandInError {
+    /// The scenario has no vehicle at this place.
+    #[error("the scenario has no vehicle number {0}")]
+    NoVehicle(usize),
+    /// The scenario's reality makes no world.
+    #[error("the stand-in's reality: {0}")]
+    Reality(String),
+    /// The aircraft cannot stand on its launcher at home.
+    #[error("the stand-in's aircraft: {0}")]
+    Aircraft(#[from] fdm::FdmError),
+}

@@ -1,0 +1,141 @@
+//! The vehicle: what it does when time passes and frames come in.
+
+mod commands;
+mod receiving;
+mod telemetry;
+
+use crate::config::StandInConfig;
+use crate::error::StandInError;
+use crate::flight::{FlightController, HomePosition};
+use crate::parameters::AutopilotParameters;
+use crate::reality::Reality;
+use crate::streams::{Stream, default_streams};
+use fdm::FlightState;
+use fdm::autopilot::Sticks;
+use mav_bridge::signing::Signing;
+use mav_bridge::wire::{FrameDecoder, FrameEncoder, LinkStatistics};
+use protocol::SimTime;
+use rand::rngs::ChaCha8Rng;
+
+/// Component id of an autopilot.
+const AUTOPILOT: u8 = 1;
+
+/// The vehicle.
+#[derive(Debug)]
+pub struct StandIn {
+    system_id: u8,
+    parameters: AutopilotParameters,
+    has_landing_sequence: bool,
+    rng: ChaCha8Rng,
+    reality: Reality,
+    flight: FlightController,
+    decoder: FrameDecoder,
+    encoder: FrameEncoder,
+    signing: Option<Signing>,
+    streams: Vec<Stream>,
+    /// Messages asked for once.
+    requested: Vec<u32>,
+    out: Vec<Vec<u8>>,
+    last: Option<SimTime>,
+    gas_sampled_at: Option<SimTime>,
+    gcs_heartbeat_at: Option<SimTime>,
+    failsafe: bool,
+    armed_s: f64,
+}
+
+impl StandIn {
+    /// A stand-in on the ground at home, disarmed, in MANUAL.
+    ///
+    /// # Errors
+    /// [`StandInError::Aircraft`].
+    pub fn new(config: StandInConfig, mut rng: ChaCha8Rng) -> Result<Self, StandInError> {
+        let home = HomePosition {
+            at: config.frame.to_enu(config.home),
+            ground_amsl_m: config.home_amsl_m,
+            heading_deg: config.launch_heading_deg,
+        };
+        let flight = FlightController::new(&config.aircraft, home, &mut rng)?;
+        Ok(Self {
+            reality: Reality::new(
+                config.world,
+                config.frame,
+                config.terrain,
+                config.wind_series,
+                config.turbulence_intensity,
+                &config.platform,
+            ),
+            flight,
+            decoder: FrameDecoder::new(),
+            encoder: FrameEncoder::new(config.system_id, AUTOPILOT),
+            signing: config.signing.map(Signing::new),
+            system_id: config.system_id,
+            parameters: config.parameters,
+            has_landing_sequence: config.has_landing_sequence,
+            rng,
+            streams: default_streams(),
+            requested: Vec::new(),
+            out: Vec::new(),
+            last: None,
+            gas_sampled_at: None,
+            gcs_heartbeat_at: None,
+            failsafe: false,
+            armed_s: 0.0,
+        })
+    }
+
+    /// Lets time pass to `now` and answers `frames_in` (whole frames, pieces of a stream or
+    /// garbage) with the frames it sends. To be called every tick of the mission; time that goes
+    /// backwards stands still.
+    pub fn step(&mut self, now: SimTime, frames_in: &[Vec<u8>]) -> Vec<Vec<u8>> {
+        self.receive(frames_in, now);
+        self.check_gcs_failsafe(now);
+        let dt_s = self.last.map_or(0.0, |last| now.since_s(last));
+        if dt_s > 0.0 {
+            self.flight.advance(
+                dt_s,
+                now.s(),
+                &mut self.reality,
+                &self.parameters,
+                &mut self.rng,
+            );
+            if self.flight.armed() {
+                self.armed_s += dt_s;
+            }
+        }
+        self.last = Some(self.last.map_or(now, |last| last.max(now)));
+        self.send_due(now);
+        std::mem::take(&mut self.out)
+    }
+
+    /// Its safety pilot flips the mode switch to `custom_mode` and holds the sticks so; false if
+    /// there is no such mode. Not over MAVLink: a pilot has a radio of his own.
+    pub fn pilot(&mut self, custom_mode: u32, sticks: Sticks) -> bool {
+        self.flight.set_sticks(sticks);
+        self.flight.set_mode(custom_mode, &self.parameters)
+    }
+
+    /// Its safety pilot arms or disarms the motor.
+    pub fn arm_by_hand(&mut self, armed: bool) {
+        self.flight.set_armed(armed);
+    }
+
+    /// Whether its motor may run.
+    pub fn is_armed(&self) -> bool {
+        self.flight.armed()
+    }
+
+    /// The flight mode it is in, as in its heartbeat.
+    pub fn custom_mode(&self) -> u32 {
+        self.flight.mode()
+    }
+
+    /// What it really does. For those who judge a mission afterwards, not for the team.
+    pub fn truth(&self) -> FlightState {
+        self.flight.state()
+    }
+
+    /// What came over its link.
+    pub fn link_statistics(&self) -> LinkStatistics {
+        self.decoder.statistics()
+    }
+}

@@ -1,0 +1,178 @@
+//! What a vehicle monitors by itself: whether the others still send, and whether it is inside its
+//! fence. Dangers begin in the air only; a vehicle on the ground is in none.
+
+use crate::error::VaError;
+use air::area;
+use air::geo::{Enu, Geodetic, LocalFrame};
+use protocol::control_level::{ControlEvent, Danger};
+use protocol::{Message, SimTime};
+use scenario::Scenario;
+use scenario::tables::VehicleKind;
+
+/// Silence of the squadron controller, which publishes every second, that counts, s.
+const CONTROLLER_S: f64 = 5.0;
+/// Silence of the world simulator towards a simulated vehicle (ten ambients a second), s.
+const AMBIENT_S: f64 = 5.0;
+/// Silence of the world simulator towards a real vehicle (a model every 10 s), s.
+const MODEL_S: f64 = 25.0;
+/// Distance from home within which a vehicle is never outside its fence, m: it may have to take
+/// off and land beyond it.
+const HOME_M: f64 = 500.0;
+/// Height above the ceiling at which the fence is broken, m: setpoints reach up to the ceiling.
+const ABOVE_CEILING_M: f64 = 30.0;
+/// Hysteresis: a broken fence counts as kept again this far inside, m.
+const BACK_INSIDE_M: f64 = 30.0;
+
+/// Where a vehicle is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ObservedPosition {
+    pub at: Enu,
+    pub alt_amsl_m: f64,
+    pub airborne: bool,
+}
+
+/// A watchdog timer: when a peer was last received, and whether its silence counts as a danger now.
+#[derive(Debug, Clone, Copy)]
+struct Watchdog {
+    danger: Danger,
+    timeout_s: f64,
+    last_received: Option<SimTime>,
+    active: bool,
+}
+
+impl Watchdog {
+    fn new(danger: Danger, timeout_s: f64) -> Self {
+        Self {
+            danger,
+            timeout_s,
+            last_received: None,
+            active: false,
+        }
+    }
+
+    fn check(&mut self, now: SimTime, airborne: bool) -> Option<ControlEvent> {
+        if airborne && self.last_received.is_none() {
+            // Found in the air, as after a restart: the others have their time from now on.
+            self.last_received = Some(now);
+        }
+        let silent = self
+            .last_received
+            .is_some_and(|t| now.since_s(t) > self.timeout_s);
+        transition(&mut self.active, airborne && silent, self.danger)
+    }
+}
+
+/// The event of a danger that begins or ends.
+fn transition(active: &mut bool, active_now: bool, danger: Danger) -> Option<ControlEvent> {
+    let changed = *active != active_now;
+    *active = active_now;
+    changed.then_some(if active_now {
+        ControlEvent::Begins(danger)
+    } else {
+        ControlEvent::Ends(danger)
+    })
+}
+
+/// The watchdogs and the fence of one vehicle of the team.
+#[derive(Debug, Clone)]
+pub struct SafetyMonitor {
+    frame: LocalFrame,
+    home: Enu,
+    fence: Vec<Enu>,
+    ceiling_amsl_m: f64,
+    real: bool,
+    controller: Watchdog,
+    world: Watchdog,
+    fence_broken: bool,
+}
+
+impl SafetyMonitor {
+    /// The monitor of the vehicle at `index` of the scenario's team.
+    ///
+    /// # Errors
+    /// No such vehicle, or a site outside the frame's validity.
+    pub fn new(scenario: &Scenario, index: usize) -> Result<Self, VaError> {
+        let vehicle = scenario
+            .vehicles
+            .get(index)
+            .ok_or_else(|| VaError::NoSuchVehicle(index.to_string()))?;
+        let frame = scenario.frame()?;
+        let real = vehicle.kind != VehicleKind::Simulated;
+        Ok(Self {
+            home: frame.to_enu(scenario.home(index)?),
+            fence: scenario.fence_polygon()?,
+            ceiling_amsl_m: frame.ground_amsl_m + scenario.fence.ceiling_agl_m,
+            frame,
+            real,
+            controller: Watchdog::new(Danger::SquadronController, CONTROLLER_S),
+            world: Watchdog::new(Danger::World, if real { MODEL_S } else { AMBIENT_S }),
+            fence_broken: false,
+        })
+    }
+
+    /// Whether the vehicle is a real one.
+    pub(crate) fn is_real(&self) -> bool {
+        self.real
+    }
+
+    /// Height of the ground at the site's origin, m above mean sea level.
+    pub(crate) fn ground_amsl_m(&self) -> f64 {
+        self.frame.ground_amsl_m
+    }
+
+    /// Where `state` is.
+    pub(crate) fn locate(&self, state: &protocol::message::State) -> ObservedPosition {
+        ObservedPosition {
+            at: self.frame.to_enu(Geodetic {
+                lat_deg: state.lat_deg,
+                lon_deg: state.lon_deg,
+            }),
+            alt_amsl_m: state.alt_amsl_m,
+            airborne: state.airborne,
+        }
+    }
+
+    /// Resets the watchdog of whoever has sent `message`.
+    pub(crate) fn observe(&mut self, message: &Message, now: SimTime) {
+        match message {
+            Message::Plan(_) | Message::Setpoint(_) => self.controller.last_received = Some(now),
+            Message::Ambient(_) | Message::Model(_) => self.world.last_received = Some(now),
+            _ => {}
+        }
+    }
+
+    /// The dangers that begin or end.
+    pub(crate) fn check(
+        &mut self,
+        now: SimTime,
+        position: Option<ObservedPosition>,
+    ) -> impl Iterator<Item = ControlEvent> + use<> {
+        let airborne = position.is_some_and(|s| s.airborne);
+        let broken = match position {
+            Some(position) if position.airborne => self.is_outside(&position),
+            _ => false,
+        };
+        [
+            self.controller.check(now, airborne),
+            self.world.check(now, airborne),
+            transition(&mut self.fence_broken, broken, Danger::Fence),
+        ]
+        .into_iter()
+        .flatten()
+    }
+
+    /// Whether the fence is broken at `position`. The hysteresis keeps a vehicle on the edge from
+    /// setting off the danger again and again.
+    fn is_outside(&self, position: &ObservedPosition) -> bool {
+        let inside_m = if self.fence_broken {
+            BACK_INSIDE_M
+        } else {
+            0.0
+        };
+        let too_high = position.alt_amsl_m > self.ceiling_amsl_m + ABOVE_CEILING_M - inside_m;
+        // Near home the polygon does not count: a vehicle may have to take off and land beyond it.
+        let beyond = area::clearance_m(&self.fence, position.at) < inside_m
+            && position.at.distance_m(self.home) > HOME_M - inside_m;
+        too_high || beyond
+    }
+}

@@ -27,8 +27,9 @@ const PURE: [&str; 14] = [
 ];
 
 fn tree(package: &str) -> String {
-    // One package at a time: features of the binaries must not be unified into it.
+    // One package at a time, and from the root: features of the programs must not be unified into it.
     let output = Command::new(env!("CARGO"))
+        .current_dir("..")
         .args([
             "tree",
             "--offline",

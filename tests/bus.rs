@@ -7,9 +7,9 @@
     reason = "a test may fail by a panic"
 )]
 
+use net::{Net, NetOptions};
 use protocol::key::Name;
 use protocol::message::{EventMessage, Severity};
-use protocol::net::{Net, NetOptions};
 use protocol::{AgentId, Envelope, Interest, Message, ProtocolError, SimTime};
 use std::net::TcpListener;
 use std::time::Duration;
@@ -37,7 +37,7 @@ async fn stranger(endpoint: &str) -> zenoh::Session {
     zenoh::open(config).await.unwrap()
 }
 
-async fn next(net: &mut Net) -> protocol::net::Received {
+async fn next(net: &mut Net) -> net::Received {
     tokio::time::timeout(Duration::from_secs(20), net.receive())
         .await
         .unwrap()

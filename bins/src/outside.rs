@@ -3,7 +3,6 @@
 
 use crate::Failure;
 use crate::agent::{serve_link, signing_from};
-use crate::commands::run::RunArguments;
 use crate::flightgear::{self, Viewer};
 use crate::pace::Speed;
 use mav_bridge::link::{Link, LinkAddress};
@@ -29,15 +28,16 @@ pub struct Outside {
 }
 
 impl Outside {
-    /// Opens what scenario and arguments ask for.
+    /// Opens the links of the scenario's real vehicles and the FlightGears of `shown`
+    /// (`ID=HOST:PORT`) and of the scenario, for a run at `speed`.
     ///
     /// # Errors
     /// An address that is none, a port that is taken, or a real vehicle at another speed than
     /// its own.
-    pub fn open(setup: &Setup, arguments: &RunArguments) -> Result<Self, Failure> {
+    pub fn open(setup: &Setup, shown: &[String], speed: Speed) -> Result<Self, Failure> {
         let scenario = &setup.scenario;
         let ids: Vec<&str> = scenario.vehicles.iter().map(|v| v.id.as_str()).collect();
-        let addresses = flightgear::addresses(&arguments.flightgear, &ids, scenario)?;
+        let addresses = flightgear::addresses(shown, &ids, scenario)?;
         let mut outside = Self {
             links: BTreeMap::new(),
             viewers: BTreeMap::new(),
@@ -57,7 +57,7 @@ impl Outside {
         let Some(first) = linked.first() else {
             return Ok(outside);
         };
-        if arguments.speed != Speed(1.0) {
+        if speed != Speed(1.0) {
             return Err(Failure::usage(format!(
                 "vehicle {} is a real one behind a MAVLink link: expected --speed real",
                 first.id

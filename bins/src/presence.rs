@@ -3,7 +3,7 @@
 
 use crate::Failure;
 use mission::{Setup, team};
-use protocol::net::Net;
+use net::Net;
 use std::collections::BTreeSet;
 use std::time::Duration;
 use tokio::task::JoinHandle;

@@ -1,12 +1,12 @@
 //! The recorder in a process of its own.
 
 use clap::Parser;
+use net::lockstep;
+use net::realtime::{self, MissionClock};
 use programs::outputs::Outputs;
 use programs::{Failure, agent, failure, presence, site};
 use protocol::SimTime;
 use protocol::bus::Said;
-use protocol::net::lockstep;
-use protocol::net::realtime::{self, MissionClock};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -48,17 +48,11 @@ fn record(arguments: &Arguments) -> Result<(), Failure> {
         let watch = presence::watch(&net, &setup, &[], connects_to)?;
         if arguments.bus.lockstep {
             let team = mission::team::agent_ids(&setup).map_err(Failure::input)?;
-            lockstep::observe(&mut net, &team, setup.tick_ns(), |said| {
-                take(said).map_err(|e| protocol::ProtocolError::Network(e.to_string()))
-            })
-            .await?;
+            lockstep::observe(&mut net, &team, setup.tick_ns(), &mut take).await?;
         } else {
             let clock = MissionClock::ask(&net).await?;
             let until = SimTime::from_s(setup.scenario.mission.duration_s);
-            realtime::observe(&mut net, clock, until, |said| {
-                take(said).map_err(|e| protocol::ProtocolError::Network(e.to_string()))
-            })
-            .await?;
+            realtime::observe(&mut net, clock, until, &mut take).await?;
         }
         watch.abort();
         net.close().await?;

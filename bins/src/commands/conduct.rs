@@ -4,8 +4,9 @@ use crate::outputs::Outputs;
 use crate::{Failure, agent, site};
 use indicatif::ProgressBar;
 use mission::team;
+use net::lockstep::Conductor;
+use protocol::AgentId;
 use protocol::digest::Digest;
-use protocol::net::lockstep::Conductor;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -34,7 +35,7 @@ pub fn conduct(arguments: &ConductArguments) -> Result<(), Failure> {
     let setup = arguments.bus.setup()?;
     let mut team = team::agent_ids(&setup).map_err(Failure::input)?;
     if arguments.with_recorder {
-        team.push(protocol::net::lockstep::recorder_id());
+        team.push(AgentId::recorder());
     }
     let mut outputs = match &arguments.out {
         None => None,

@@ -2,9 +2,9 @@
 
 use crate::{Failure, agent};
 use clap::ValueEnum;
+use net::realtime::MissionClock;
 use protocol::key::Name;
 use protocol::message::{Control, ControlWish};
-use protocol::net::realtime::MissionClock;
 use protocol::{AgentId, Envelope, Message, Topic};
 use std::time::Duration;
 

@@ -2,13 +2,11 @@
 
 mod extended;
 pub(super) mod flight;
-mod outcomes;
 
 use crate::{Failure, measured, mission_files};
 use gap::tracer::table::Tables;
 use gap::{plume, tracer};
 use indicatif::{ProgressBar, ProgressStyle};
-use outcomes::Outcomes;
 use record::files;
 use std::path::{Path, PathBuf};
 
@@ -21,8 +19,6 @@ pub enum GapCommand {
     Tracer(TracerArguments),
     /// Measured flights against the aircraft of a file
     Flight(flight::FlightArguments),
-    /// Effects hidden in synthetic data: how often they are found, named and mended
-    Benchmark(BenchmarkArguments),
 }
 
 /// Arguments of `plumage gap plume`.
@@ -70,42 +66,6 @@ pub struct OutputArguments {
     pub seed: u64,
 }
 
-/// Arguments of `plumage gap benchmark`.
-#[derive(Debug, clap::Args)]
-pub struct BenchmarkArguments {
-    /// Effects in flights instead of plumes
-    #[arg(long)]
-    pub flight: bool,
-    /// Seeds a case
-    #[arg(long, default_value_t = 20)]
-    pub seeds: u64,
-    /// Added to every seed of the plume cases, for figures on cases that nobody has seen
-    #[arg(long, default_value_t = 0, conflicts_with = "flight")]
-    pub first_seed: u64,
-    /// File that keeps each case's outcome (JSON lines): a benchmark that was interrupted goes on
-    /// from there
-    #[arg(long, value_name = "FILE", conflicts_with = "flight")]
-    pub outcomes: Option<PathBuf>,
-    /// Only cases whose name contains this
-    #[arg(long, default_value = "")]
-    pub only: String,
-    /// File for the tables (Markdown); docs/gap-benchmark.md or docs/gap-flight-benchmark.md where
-    /// none is given
-    #[arg(long, value_name = "FILE")]
-    pub out: Option<PathBuf>,
-}
-
-impl BenchmarkArguments {
-    fn page(&self) -> PathBuf {
-        let usual = if self.flight {
-            "docs/gap-flight-benchmark.md"
-        } else {
-            "docs/gap-benchmark.md"
-        };
-        self.out.clone().unwrap_or_else(|| PathBuf::from(usual))
-    }
-}
-
 /// Analyses a gap.
 ///
 /// # Errors
@@ -115,8 +75,6 @@ pub fn gap(command: &GapCommand) -> Result<(), Failure> {
         GapCommand::Plume(arguments) => of_plume(arguments),
         GapCommand::Tracer(arguments) => of_tracer(arguments),
         GapCommand::Flight(arguments) => flight::of_flight(arguments),
-        GapCommand::Benchmark(arguments) if arguments.flight => flight::benchmark(arguments),
-        GapCommand::Benchmark(arguments) => benchmark(arguments),
     }
 }
 
@@ -181,33 +139,6 @@ fn of_tracer(arguments: &TracerArguments) -> Result<(), Failure> {
         &report.extended_toml,
     )?;
     tell(&report.gap, &arguments.output.out);
-    Ok(())
-}
-
-fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
-    let bar = progress_bar();
-    let mut options = gap_bench::Options::new(arguments.seeds);
-    options.only.clone_from(&arguments.only);
-    options.first_seed = arguments.first_seed;
-    options.threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut kept = None;
-    if let Some(file) = &arguments.outcomes {
-        let (file, known) = Outcomes::open(file, &outcomes::this_build()?)?;
-        options.known = known;
-        kept = Some(file);
-    }
-    let summary = gap_bench::run_with(&options, &|outcome, done, of| {
-        if let Some(kept) = &kept {
-            kept.keep(outcome);
-        }
-        bar.set_length(of as u64);
-        bar.set_position(done as u64);
-    });
-    bar.finish_and_clear();
-    kept.map_or(Ok(()), Outcomes::close)?;
-    let page = summary.to_markdown();
-    files::write_whole(&arguments.page(), page.as_bytes()).map_err(Failure::input)?;
-    print!("{page}");
     Ok(())
 }
 

@@ -88,7 +88,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         .out
         .clone()
         .unwrap_or_else(|| fresh_folder(&setup.scenario.mission.name));
-    let outside = Outside::open(&setup, arguments)?;
+    let outside = Outside::open(&setup, &arguments.flightgear, arguments.speed)?;
     let run = if outside.links.is_empty() {
         Run::new(&setup)
     } else {

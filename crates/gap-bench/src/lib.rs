@@ -4,7 +4,8 @@
 //! files only. How visible an effect is is measured in nats ([`tune`]); strengths are tuned until
 //! that is what a row of the table asks for.
 //!
-//! Pure: seeds in, table out. Cases run on several threads; the answer does not depend on them.
+//! Pure: seeds in, table out. Cases run on several threads; the answer does not depend on them. The
+//! program of the same name, for developers, writes the tables to `docs/`.
 
 pub mod flight;
 mod judge;

@@ -1,8 +1,7 @@
 //! What Plumage's agents say to each other, and how: messages, key expressions, codec,
 //! simulated time, the agent's own shape, and an in-memory bus.
 //!
-//! Pure without the feature `zenoh`: no clock, socket, file, environment or global random
-//! number. With the feature, the module `net` carries the same envelopes over Zenoh.
+//! Pure: no clock, socket, file, environment or global random number.
 //!
 //! One [`Envelope`] (wire version, sender, sequence, simulated time) surrounds one [`Message`]
 //! on one [`Topic`]. An [`Agent`] is a state machine: it is handed [`Event`]s with the time now
@@ -17,8 +16,6 @@ pub mod digest;
 pub mod envelope;
 pub mod key;
 pub mod message;
-#[cfg(feature = "zenoh")]
-pub mod net;
 pub mod time;
 
 pub use agent::{Agent, Event, Outbox};
@@ -72,7 +69,4 @@ pub enum ProtocolError {
     /// A name that cannot be part of a key.
     #[error("name '{0}': expected 1 to 32 of letters, digits, '-' and '_'")]
     BadName(String),
-    /// The network refused.
-    #[error("network: {0}")]
-    Network(String),
 }

@@ -1,12 +1,11 @@
 //! `plumage gap flight`: measured flights against the aircraft of a file.
 
-use super::{BenchmarkArguments, OutputArguments, names, progress_bar, tell, write};
+use super::{OutputArguments, names, progress_bar, tell, write};
 use crate::Failure;
 use crate::measured::{self, AircraftFile};
 use fdm::Aircraft;
 use gap::flight::FlightReport;
 use gap::flight::log::FlightLog;
-use gap_bench::flight::{Bird, FIRST_SEED, FlightShare, run};
 use record::files;
 use std::path::PathBuf;
 
@@ -56,35 +55,4 @@ pub(in crate::commands) fn analysed(
     .map_err(Failure::input)?;
     bar.finish_and_clear();
     Ok(report)
-}
-
-/// Aircraft that the benchmark flies.
-const BENCHMARK_AIRCRAFT: [&str; 2] = [
-    include_str!("../../../../aircraft/x8.toml"),
-    include_str!("../../../../aircraft/ultrastick-25e.toml"),
-];
-
-/// Runs the benchmark of flight.
-pub(super) fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
-    let birds: Result<Vec<Bird<'_>>, _> = BENCHMARK_AIRCRAFT
-        .iter()
-        .map(|toml| Bird::new(toml))
-        .collect();
-    let birds = birds.map_err(Failure::input)?;
-    let bar = progress_bar();
-    bar.set_length(arguments.seeds);
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let summary = run(
-        &birds,
-        FIRST_SEED,
-        arguments.seeds,
-        &FlightShare::published(&arguments.only),
-        threads,
-        &|done, _| bar.set_position(done),
-    );
-    bar.finish_and_clear();
-    let page = summary.to_markdown();
-    files::write_whole(&arguments.page(), page.as_bytes()).map_err(Failure::input)?;
-    print!("{page}");
-    Ok(())
 }

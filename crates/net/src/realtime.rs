@@ -2,13 +2,11 @@
 //! (the squadron controller's) answers what time it is; the others ask at their start and take
 //! the answer with the shortest way (Cristian 1989), so hosts need no synchronised clocks.
 
-use super::{Hosted, Net, network};
-use crate::ProtocolError;
-use crate::agent::{Agent, Event, Outbox};
-use crate::envelope::Envelope;
-use crate::key::{Name, Topic};
-use crate::message::Severity;
-use crate::time::SimTime;
+use crate::hosted::Hosted;
+use crate::{Net, NetError};
+use protocol::key::Name;
+use protocol::message::Severity;
+use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, ProtocolError, SimTime, Topic};
 use std::time::{Duration, Instant};
 
 /// The mission's time on this process's clock.
@@ -28,8 +26,8 @@ impl MissionClock {
     /// Starts the mission's time now and answers the others for as long as `net` is open.
     ///
     /// # Errors
-    /// [`ProtocolError::Network`].
-    pub async fn keep(net: &Net) -> Result<Self, ProtocolError> {
+    /// [`NetError`].
+    pub async fn keep(net: &Net) -> Result<Self, NetError> {
         let clock = Self {
             start: Instant::now(),
         };
@@ -44,45 +42,23 @@ impl MissionClock {
             })
             .background()
             .await
-            .map_err(network)?;
+            .map_err(NetError::zenoh)?;
         Ok(clock)
     }
 
     /// Asks the keeper of the mission's time, until it answers.
     ///
     /// # Errors
-    /// [`ProtocolError::Network`].
-    pub async fn ask(net: &Net) -> Result<Self, ProtocolError> {
-        let mut best: Option<(Duration, Instant)> = None;
-        let mut answers = 0;
-        while answers < QUESTIONS {
-            let asked = Instant::now();
-            let replies = net
-                .session
-                .get(time_key(&net.mission))
-                .await
-                .map_err(network)?;
-            let reply = replies.recv_async().await.ok();
-            let way = asked.elapsed();
-            let now_ns = reply
-                .as_ref()
-                .and_then(|r| r.result().ok())
-                .and_then(|sample| sample.payload().try_to_string().ok()?.parse::<u64>().ok());
-            let Some(now_ns) = now_ns else {
-                tokio::time::sleep(Duration::from_millis(100)).await;
-                continue;
-            };
-            answers += 1;
-            let start = asked + way / 2;
-            let start = start
-                .checked_sub(Duration::from_nanos(now_ns))
-                .unwrap_or(start);
-            if best.is_none_or(|(shortest, _)| way < shortest) {
-                best = Some((way, start));
+    /// [`NetError::Zenoh`].
+    pub async fn ask(net: &Net) -> Result<Self, NetError> {
+        let (mut shortest, mut start) = ask_once(net).await?;
+        for _ in 1..QUESTIONS {
+            let (way, by_this) = ask_once(net).await?;
+            if way < shortest {
+                (shortest, start) = (way, by_this);
             }
         }
-        best.map(|(_, start)| Self { start })
-            .ok_or_else(|| ProtocolError::Network("nobody told the time".to_owned()))
+        Ok(Self { start })
     }
 
     /// The mission's time now.
@@ -96,12 +72,36 @@ impl MissionClock {
     }
 }
 
+/// One answer of the keeper: how long it took to come, and when the mission started by it.
+async fn ask_once(net: &Net) -> Result<(Duration, Instant), NetError> {
+    loop {
+        let asked = Instant::now();
+        let replies = net
+            .session
+            .get(time_key(&net.mission))
+            .await
+            .map_err(NetError::zenoh)?;
+        let reply = replies.recv_async().await.ok();
+        let way = asked.elapsed();
+        let now_ns = reply
+            .as_ref()
+            .and_then(|r| r.result().ok())
+            .and_then(|sample| sample.payload().try_to_string().ok()?.parse::<u64>().ok());
+        if let Some(now_ns) = now_ns {
+            let half = asked + way / 2;
+            let start = half.checked_sub(Duration::from_nanos(now_ns));
+            return Ok((way, start.unwrap_or(half)));
+        }
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+}
+
 /// Runs the agents of this process by the wall clock until `until`, ticking every `tick_ns`.
 /// `between` is called for each before every tick, for what is not a bus (a MAVLink link, a
 /// display).
 ///
 /// # Errors
-/// [`ProtocolError::Network`].
+/// [`NetError`].
 pub async fn run<A: Agent>(
     net: &mut Net,
     agents: &mut [A],
@@ -109,7 +109,7 @@ pub async fn run<A: Agent>(
     tick_ns: i64,
     until: SimTime,
     mut between: impl FnMut(usize, &mut A),
-) -> Result<(), ProtocolError> {
+) -> Result<(), NetError> {
     let hosted = Hosted::of(agents);
     net.subscribe(&hosted.all).await?;
     let mut presence = Vec::new();
@@ -154,15 +154,15 @@ const LAST_WORDS: Duration = Duration::from_secs(1);
 /// and sequence within a tenth of a second.
 ///
 /// # Errors
-/// [`ProtocolError::Network`], or what `take` refuses.
-pub async fn observe(
+/// [`NetError`], or what `take` refuses.
+pub async fn observe<E: From<NetError>>(
     net: &mut Net,
     clock: MissionClock,
     until: SimTime,
-    mut take: impl FnMut(&[(Topic, Envelope)]) -> Result<(), ProtocolError>,
-) -> Result<(), ProtocolError> {
-    net.subscribe(&[crate::Interest::Everything]).await?;
-    let _presence = net.announce(&crate::AgentId::recorder()).await?;
+    mut take: impl FnMut(&[(Topic, Envelope)]) -> Result<(), E>,
+) -> Result<(), E> {
+    net.subscribe(&[Interest::Everything]).await?;
+    let _presence = net.announce(&AgentId::recorder()).await?;
     let end = clock.instant(until) + LAST_WORDS;
     loop {
         tokio::time::sleep(OBSERVED_EVERY).await;

@@ -3,13 +3,10 @@
 //! each key, the next tick carries the union, and an agent starts a tick only when it holds all
 //! of these, since Zenoh keeps no order across publishers.
 
-use super::{Hosted, Net};
-use crate::ProtocolError;
-use crate::agent::{Agent, Event, Outbox};
-use crate::envelope::Envelope;
-use crate::key::{AgentId, Interest, Topic};
-use crate::message::{Done, LastSequences, Message, Severity, Tick};
-use crate::time::SimTime;
+use crate::hosted::Hosted;
+use crate::{Net, NetError};
+use protocol::message::{Done, LastSequences, Message, Severity, Tick};
+use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, ProtocolError, SimTime, Topic};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// `done` of an agent that stands ready before the first tick.
@@ -53,13 +50,13 @@ impl Inbox {
 /// present.
 ///
 /// # Errors
-/// [`ProtocolError::Network`].
+/// [`NetError`].
 pub async fn run<A: Agent>(
     net: &mut Net,
     agents: &mut [A],
     team: &[AgentId],
     tick_ns: i64,
-) -> Result<(), ProtocolError> {
+) -> Result<(), NetError> {
     let hosted = Hosted::of(agents);
     net.subscribe(&hosted.all).await?;
     net.subscribe(&[Interest::One(Topic::Tick)]).await?;
@@ -110,14 +107,14 @@ async fn next_tick(
     inbox: &mut Inbox,
     interests: &[Interest],
     refused: &mut Vec<ProtocolError>,
-) -> Result<Tick, ProtocolError> {
+) -> Result<Tick, NetError> {
     let mut tick: Option<Tick> = None;
     loop {
         if let Some(tick) = tick.take_if(|t| inbox.holds(&t.expect, interests)) {
             return Ok(tick);
         }
         match net.receive().await {
-            None => return Err(ProtocolError::Network("the session has closed".to_owned())),
+            None => return Err(NetError::Closed),
             Some(Ok((
                 Topic::Tick,
                 Envelope {
@@ -137,7 +134,7 @@ async fn say_done(
     now: SimTime,
     tick: i64,
     wrote: LastSequences,
-) -> Result<(), ProtocolError> {
+) -> Result<(), NetError> {
     let topic = Topic::Done(own.clone());
     let message = Message::Done(Done { tick, wrote });
     // The clock's own traffic has numbers of its own: agents' sequences must not depend on it.
@@ -150,23 +147,18 @@ async fn say_done(
     net.publish(&topic, &envelope).await
 }
 
-/// The recorder of a lockstep run, which takes part without saying anything.
-pub fn recorder_id() -> AgentId {
-    AgentId::recorder()
-}
-
 /// Follows a lockstep run of `team` as its recorder until its end: `take` is handed what was said
 /// in each tick, in order.
 ///
 /// # Errors
-/// [`ProtocolError::Network`], or what `take` refuses.
-pub async fn observe(
+/// [`NetError`], or what `take` refuses.
+pub async fn observe<E: From<NetError>>(
     net: &mut Net,
     team: &[AgentId],
     tick_ns: i64,
-    mut take: impl FnMut(&[(Topic, Envelope)]) -> Result<(), ProtocolError>,
-) -> Result<(), ProtocolError> {
-    let own = recorder_id();
+    mut take: impl FnMut(&[(Topic, Envelope)]) -> Result<(), E>,
+) -> Result<(), E> {
+    let own = AgentId::recorder();
     let interests = [Interest::Everything];
     net.subscribe(&interests).await?;
     let _presence = net.announce(&own).await?;
@@ -205,12 +197,8 @@ impl Conductor {
     /// can record the run.
     ///
     /// # Errors
-    /// [`ProtocolError::Network`].
-    pub async fn gather(
-        net: &mut Net,
-        team: &[AgentId],
-        tick_ns: i64,
-    ) -> Result<Self, ProtocolError> {
+    /// [`NetError`].
+    pub async fn gather(net: &mut Net, team: &[AgentId], tick_ns: i64) -> Result<Self, NetError> {
         net.subscribe(&[Interest::Everything]).await?;
         let presence = net.announce(&AgentId::clock()).await?;
         let mut conductor = Self {
@@ -239,12 +227,12 @@ impl Conductor {
     /// Runs one tick, the last one if `last`, and returns what was said in it, in order.
     ///
     /// # Errors
-    /// [`ProtocolError::Network`], also when an agent of the team has gone.
+    /// [`NetError`], also when an agent of the team has gone.
     pub async fn step(
         &mut self,
         net: &mut Net,
         last: bool,
-    ) -> Result<Vec<(Topic, Envelope)>, ProtocolError> {
+    ) -> Result<Vec<(Topic, Envelope)>, NetError> {
         let now = self.now();
         let tick = Tick {
             tick: self.tick,
@@ -266,8 +254,8 @@ impl Conductor {
     /// Tells a recorder what the last tick held, after all agents have gone.
     ///
     /// # Errors
-    /// [`ProtocolError::Network`].
-    pub async fn close(self, net: &mut Net) -> Result<(), ProtocolError> {
+    /// [`NetError`].
+    pub async fn close(self, net: &mut Net) -> Result<(), NetError> {
         let now = self.now();
         let tick = Tick {
             tick: self.tick,
@@ -289,7 +277,7 @@ impl Conductor {
         std::mem::take(&mut self.refused)
     }
 
-    async fn all_done(&mut self, net: &mut Net, tick: i64) -> Result<(), ProtocolError> {
+    async fn all_done(&mut self, net: &mut Net, tick: i64) -> Result<(), NetError> {
         let mut missing: BTreeSet<AgentId> = self.team.iter().cloned().collect();
         loop {
             if missing.is_empty() && self.inbox.holds(&self.expect, &[Interest::Everything]) {
@@ -300,7 +288,7 @@ impl Conductor {
                 Err(_) if tick != READY => self.check_presence(net, &missing)?,
                 Err(_) => {}
                 Ok(None) => {
-                    return Err(ProtocolError::Network("the session has closed".to_owned()));
+                    return Err(NetError::Closed);
                 }
                 Ok(Some(Ok((
                     Topic::Done(agent),
@@ -320,16 +308,16 @@ impl Conductor {
         }
     }
 
-    fn check_presence(&self, net: &Net, missing: &BTreeSet<AgentId>) -> Result<(), ProtocolError> {
+    fn check_presence(&self, net: &Net, missing: &BTreeSet<AgentId>) -> Result<(), NetError> {
         let peers = net.peers();
         match missing
             .iter()
             .find(|agent| !peers.contains(&agent.to_string()))
         {
-            Some(gone) => Err(ProtocolError::Network(format!(
-                "{gone} has gone before it finished tick {}",
-                self.tick
-            ))),
+            Some(gone) => Err(NetError::Gone {
+                agent: gone.clone(),
+                tick: self.tick,
+            }),
             None => Ok(()),
         }
     }

@@ -1,7 +1,6 @@
 //! Outcomes of a benchmark, kept in a file as they come, so that an interruption loses none.
 
-use crate::Failure;
-use anyhow::{Context, anyhow};
+use anyhow::{Context as _, bail};
 use gap_bench::Outcome;
 use sha2::{Digest, Sha256};
 use std::fs::{File, OpenOptions};
@@ -17,7 +16,7 @@ pub(super) struct Outcomes {
 }
 
 /// What tells this build of the program from others: their outcomes are not its own.
-pub(super) fn this_build() -> Result<String, Failure> {
+pub(super) fn this_build() -> anyhow::Result<String> {
     // By its bytes: a version number does not change with every change that may change a verdict.
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let bytes = std::fs::read(&program).with_context(|| program.display().to_string())?;
@@ -28,27 +27,27 @@ pub(super) fn this_build() -> Result<String, Failure> {
 impl Outcomes {
     /// Opens or makes the file; gives the outcomes that are in it. Its first line says which
     /// `build` they are of. A last line that was cut off is dropped.
-    pub fn open(path: &Path, build: &str) -> Result<(Self, Vec<Outcome>), Failure> {
+    pub fn open(path: &Path, build: &str) -> anyhow::Result<(Self, Vec<Outcome>)> {
         let name = path.display().to_string();
         let text = match std::fs::read_to_string(path) {
             Ok(text) => text,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => String::new(),
-            Err(e) => return Err(Failure::input(anyhow!(e).context(name))),
+            Err(e) => return Err(e).context(name),
         };
         let whole = &text[..text.rfind('\n').map_or(0, |end| end + 1)];
         let mut lines = whole.lines();
         let head = serde_json::json!({ "build": build }).to_string();
         if lines.next().is_some_and(|first| first != head) {
-            return Err(Failure::input(anyhow!(
+            bail!(
                 "{name}: line 1: not outcomes of this build of the program; expected {head}: give \
                  another file"
-            )));
+            );
         }
         let read = |(k, line): (usize, &str)| {
             serde_json::from_str(line).with_context(|| format!("{name}: line {}", k + 2))
         };
         let known: anyhow::Result<Vec<Outcome>> = lines.enumerate().map(read).collect();
-        let known = known.map_err(Failure::input)?;
+        let known = known?;
         let open = || -> std::io::Result<File> {
             let mut file = OpenOptions::new()
                 .create(true)
@@ -62,9 +61,7 @@ impl Outcomes {
             }
             Ok(file)
         };
-        let file = open()
-            .with_context(|| name.clone())
-            .map_err(Failure::input)?;
+        let file = open().with_context(|| name.clone())?;
         let kept = Self {
             path: path.to_path_buf(),
             file: Mutex::new((file, None)),
@@ -85,12 +82,10 @@ impl Outcomes {
     }
 
     /// Ends the file.
-    pub fn close(self) -> Result<(), Failure> {
+    pub fn close(self) -> anyhow::Result<()> {
         let failed = self.file.into_inner().ok().and_then(|f| f.1);
         failed.map_or(Ok(()), |error| {
-            Err(anyhow!(error)
-                .context(self.path.display().to_string())
-                .into())
+            Err(error).context(self.path.display().to_string())
         })
     }
 }
@@ -129,10 +124,8 @@ mod tests {
         assert_eq!(again.to_markdown(), page);
         assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
 
-        assert!(matches!(
-            Outcomes::open(&path, "two"),
-            Err(Failure::Input(_))
-        ));
+        let other = Outcomes::open(&path, "two").err().unwrap();
+        assert!(other.to_string().contains("not outcomes of this build"));
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }

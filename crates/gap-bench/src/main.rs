@@ -1,0 +1,107 @@
+//! The pages `docs/gap-benchmark.md` and `docs/gap-flight-benchmark.md`: how often what was hidden in
+//! synthetic data is found, named and mended. Run it from the repository's root.
+
+mod outcomes;
+
+use anyhow::Context as _;
+use clap::Parser as _;
+use gap_bench::flight::{self, Bird, FIRST_SEED, FlightShare};
+use indicatif::{ProgressBar, ProgressStyle};
+use outcomes::Outcomes;
+use std::path::{Path, PathBuf};
+
+/// Effects hidden in synthetic data: how often they are found, named and mended
+#[derive(Debug, clap::Parser)]
+#[command(name = "gap-bench", version, about)]
+struct Arguments {
+    /// Effects in flights instead of plumes
+    #[arg(long)]
+    flight: bool,
+    /// Seeds a case
+    #[arg(long, default_value_t = 20)]
+    seeds: u64,
+    /// Added to every seed of the plume cases, for figures on cases that nobody has seen
+    #[arg(long, default_value_t = 0, conflicts_with = "flight")]
+    first_seed: u64,
+    /// File that keeps each case's outcome (JSON lines): a benchmark that was interrupted goes on
+    /// from there
+    #[arg(long, value_name = "FILE", conflicts_with = "flight")]
+    outcomes: Option<PathBuf>,
+    /// Only cases whose name contains this
+    #[arg(long, default_value = "")]
+    only: String,
+    /// File for the tables (Markdown); docs/gap-benchmark.md or docs/gap-flight-benchmark.md where
+    /// none is given
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+fn main() -> anyhow::Result<()> {
+    let arguments = Arguments::parse();
+    let (page, usual) = if arguments.flight {
+        (of_flight(&arguments)?, "docs/gap-flight-benchmark.md")
+    } else {
+        (of_plume(&arguments)?, "docs/gap-benchmark.md")
+    };
+    print!("{page}");
+    let file = arguments.out.as_deref().unwrap_or(Path::new(usual));
+    std::fs::write(file, page).with_context(|| file.display().to_string())
+}
+
+fn of_plume(arguments: &Arguments) -> anyhow::Result<String> {
+    let bar = progress_bar(0);
+    let mut options = gap_bench::Options::new(arguments.seeds);
+    options.only.clone_from(&arguments.only);
+    options.first_seed = arguments.first_seed;
+    options.threads = threads();
+    let mut kept = None;
+    if let Some(file) = &arguments.outcomes {
+        let (file, known) = Outcomes::open(file, &outcomes::this_build()?)?;
+        options.known = known;
+        kept = Some(file);
+    }
+    let summary = gap_bench::run_with(&options, &|outcome, done, of| {
+        if let Some(kept) = &kept {
+            kept.keep(outcome);
+        }
+        bar.set_length(of as u64);
+        bar.set_position(done as u64);
+    });
+    bar.finish_and_clear();
+    kept.map_or(Ok(()), Outcomes::close)?;
+    Ok(summary.to_markdown())
+}
+
+/// Aircraft that are flown.
+const BIRDS: [&str; 2] = [
+    include_str!("../../../aircraft/x8.toml"),
+    include_str!("../../../aircraft/ultrastick-25e.toml"),
+];
+
+fn of_flight(arguments: &Arguments) -> anyhow::Result<String> {
+    let birds: Result<Vec<Bird<'_>>, _> = BIRDS.iter().map(|toml| Bird::new(toml)).collect();
+    let bar = progress_bar(arguments.seeds);
+    let summary = flight::run(
+        &birds?,
+        FIRST_SEED,
+        arguments.seeds,
+        &FlightShare::published(&arguments.only),
+        threads(),
+        &|done, _| bar.set_position(done),
+    );
+    bar.finish_and_clear();
+    Ok(summary.to_markdown())
+}
+
+fn threads() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+fn progress_bar(of: u64) -> ProgressBar {
+    let bar = ProgressBar::new(of);
+    if let Ok(style) = ProgressStyle::with_template("{wide_bar} {pos}/{len}") {
+        bar.set_style(style);
+    }
+    bar.tick();
+    bar
+}

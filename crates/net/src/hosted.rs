@@ -1,0 +1,45 @@
+//! The agents of one process, and who of them hears what.
+
+use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, SimTime, Topic};
+
+/// The agents that one process hosts on one session.
+pub(crate) struct Hosted {
+    pub(crate) ids: Vec<AgentId>,
+    interests: Vec<Vec<Interest>>,
+    /// What any of them wants to hear, each once.
+    pub(crate) all: Vec<Interest>,
+}
+
+impl Hosted {
+    pub(crate) fn of<A: Agent>(agents: &[A]) -> Self {
+        let interests: Vec<Vec<Interest>> = agents.iter().map(Agent::interests).collect();
+        let mut all: Vec<Interest> = Vec::new();
+        for interest in interests.iter().flatten() {
+            if !all.contains(interest) {
+                all.push(interest.clone());
+            }
+        }
+        Self {
+            ids: agents.iter().map(|a| a.id().clone()).collect(),
+            interests,
+            all,
+        }
+    }
+
+    /// Hands the `k`-th agent what it wants to hear of what others said.
+    pub(crate) fn hand_out<A: Agent>(
+        &self,
+        k: usize,
+        agent: &mut A,
+        said: &[(Topic, Envelope)],
+        now: SimTime,
+        outbox: &mut Outbox,
+    ) {
+        for (topic, envelope) in said {
+            let wanted = self.interests[k].iter().any(|i| i.covers(topic));
+            if wanted && envelope.sender != self.ids[k] {
+                agent.handle(Event::Message(topic, envelope), now, outbox);
+            }
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! The bus over Zenoh: the envelopes of `protocol` between processes and hosts.
+//!
+//! Needs a multi-thread tokio runtime. Multicast scouting is off and only the endpoints given
+//! are used, so that nobody else on a network gets in; gossip lets the peers that met at one
+//! endpoint find each other. Nothing is dropped: congestion control blocks the sender.
+//!
+//! A [`Net`] is one process's session on the bus of one mission, and [`NetOptions`] say how it
+//! joins and who may. [`lockstep`] runs an agent tick by tick under a conductor; [`realtime`] runs
+//! it by the wall clock, with the squadron controller's process keeping the mission's time.
+//! [`presence`] says who is there and who is missing.
+//!
+//! Not pure, and for programs only: sockets, threads and the wall clock are what it is about.
+
+mod hosted;
+pub mod lockstep;
+mod options;
+pub mod presence;
+pub mod realtime;
+mod session;
+
+pub use options::{DEFAULT_ENDPOINT, NetOptions, TlsFiles};
+pub use presence::Presence;
+pub use session::{Net, Received};
+
+/// Why the bus did not carry what it was given.
+#[derive(Debug, Clone, thiserror::Error, PartialEq)]
+pub enum NetError {
+    /// Zenoh does not take an option.
+    #[error("network: option {key} = {value}: {why}")]
+    Option {
+        /// Zenoh's name of the option.
+        key: String,
+        /// What was asked for, as JSON.
+        value: String,
+        /// What Zenoh says to it.
+        why: String,
+    },
+    /// Zenoh refused or failed: an endpoint that is taken, a session that is closed.
+    #[error("network: {0}")]
+    Zenoh(String),
+    /// The session ended while something was still awaited.
+    #[error("network: the session has closed")]
+    Closed,
+    /// An agent of a lockstep run left before its end.
+    #[error("network: {agent} has gone before it finished tick {tick}")]
+    Gone {
+        /// Who has gone.
+        agent: protocol::AgentId,
+        /// The tick that it did not finish.
+        tick: u64,
+    },
+}
+
+impl NetError {
+    /// What Zenoh did not do.
+    fn zenoh(error: impl std::fmt::Display) -> Self {
+        Self::Zenoh(error.to_string())
+    }
+}

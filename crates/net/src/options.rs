@@ -1,0 +1,98 @@
+//! How a process joins the bus, and what that means to Zenoh.
+
+use crate::NetError;
+
+/// Where the squadron controller listens and the others connect by default.
+pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
+
+/// How a process joins the bus.
+#[derive(Debug, Clone, Default)]
+pub struct NetOptions {
+    /// Endpoints to listen on, such as `tcp/127.0.0.1:7447` or `tls/0.0.0.0:7447`.
+    pub listen: Vec<String>,
+    /// Endpoints to connect to.
+    pub connect: Vec<String>,
+    /// Publish JSON instead of bincode, for peers in other languages.
+    pub json: bool,
+    /// PEM files for TLS endpoints: root certificate, own certificate, own private key.
+    pub tls: Option<TlsFiles>,
+    /// User name and password that every peer must show.
+    pub user_password: Option<(String, String)>,
+    /// File of `user:password` lines that a listening process accepts.
+    pub password_file: Option<String>,
+}
+
+/// PEM files for TLS. The process needs one thread of Zenoh for all that is read and written, by the
+/// environment variable `ZENOH_RUNTIME`: Zenoh 1.10 otherwise loses connections (eclipse-zenoh/zenoh#2557).
+#[derive(Debug, Clone)]
+pub struct TlsFiles {
+    /// Certificate of the authority that signs the peers' certificates.
+    pub root_ca: String,
+    /// Own certificate, needed to listen.
+    pub certificate: Option<String>,
+    /// Own private key, needed to listen.
+    pub private_key: Option<String>,
+}
+
+impl NetOptions {
+    /// What Zenoh calls all this.
+    pub(crate) fn configuration(&self) -> Result<zenoh::Config, NetError> {
+        let mut config = zenoh::Config::default();
+        let mut set = |key: &str, value: serde_json::Value| {
+            let value = value.to_string();
+            config
+                .insert_json5(key, &value)
+                .map_err(|e| NetError::Option {
+                    key: key.to_owned(),
+                    value,
+                    why: e.to_string(),
+                })
+        };
+        set("mode", "peer".into())?;
+        set("scouting/multicast/enabled", false.into())?;
+        set("scouting/gossip/enabled", true.into())?;
+        // A process that only connects still listens on a free loopback port, so that the peers
+        // it meets by gossip can reach it: peers do not relay for each other.
+        let loopback = vec!["tcp/127.0.0.1:0".to_owned()];
+        let listen = if self.listen.is_empty() {
+            &loopback
+        } else {
+            &self.listen
+        };
+        set("listen/endpoints", listen.clone().into())?;
+        set("connect/endpoints", self.connect.clone().into())?;
+        // Agents may be started in any order: keep trying until the other side is there.
+        set("connect/timeout_ms", (-1).into())?;
+        set("connect/exit_on_failure", false.into())?;
+        if let Some(tls) = &self.tls {
+            set(
+                "transport/link/tls/root_ca_certificate",
+                tls.root_ca.clone().into(),
+            )?;
+            if let Some(certificate) = &tls.certificate {
+                set(
+                    "transport/link/tls/listen_certificate",
+                    certificate.clone().into(),
+                )?;
+            }
+            if let Some(key) = &tls.private_key {
+                set("transport/link/tls/listen_private_key", key.clone().into())?;
+            }
+        }
+        if let Some((user, password)) = &self.user_password {
+            // Two peers that show each other a password refuse the second of two connections that they
+            // open at once, and may be left with none (eclipse-zenoh/zenoh#2577): one side opens it.
+            // Without passwords both may, as only one of them may be able to reach the other.
+            set(
+                "scouting/gossip/autoconnect_strategy",
+                serde_json::json!({"peer": {"to_router": "always", "to_peer": "greater-zid"}}),
+            )?;
+            set("transport/auth/usrpwd/user", user.clone().into())?;
+            set("transport/auth/usrpwd/password", password.clone().into())?;
+        }
+        if let Some(file) = &self.password_file {
+            set("transport/auth/usrpwd/dictionary_file", file.clone().into())?;
+        }
+        Ok(config)
+    }
+}

@@ -44,8 +44,9 @@ impl SearchStrategy for Rings {
         };
         self.points.clear();
         for k in 0..40 {
-            let radius_m = if k % 2 == 0 { 150.0 } else { 2000.0 } * rng.random::<f64>();
-            let at = centre.at.displaced(360.0 * rng.random::<f64>(), radius_m);
+            let reach_m = if k % 2 == 0 { 150.0 } else { 2000.0 };
+            let distance_m = reach_m * rng.random::<f64>();
+            let at = centre.at.displaced(360.0 * rng.random::<f64>(), distance_m);
             let height_m = centre.height_m + 200.0 * (rng.random::<f64>() - 0.5);
             // Every point has to lie inside the domain, whatever its shape.
             let position = self.domain.close(Position { at, height_m }, centre, rng);

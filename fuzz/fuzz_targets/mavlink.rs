@@ -15,7 +15,8 @@ use protocol::SimTime;
 
 /// What ArduPlane sends, and ground stations.
 const NUMBERS: [u32; 24] = [
-    0, 1, 4, 11, 22, 24, 29, 30, 33, 39, 42, 62, 73, 74, 75, 76, 77, 148, 168, 245, 251, 253, 12920, 147,
+    0, 1, 4, 11, 22, 24, 29, 30, 33, 39, 42, 62, 73, 74, 75, 76, 77, 148, 168, 245, 251, 253,
+    12920, 147,
 ];
 
 fn frames(mut data: &[u8]) -> Vec<u8> {
@@ -54,7 +55,11 @@ fuzz_target!(|data: &[u8]| {
     let Some((kind, data)) = data.split_first() else {
         return;
     };
-    let stream = if kind % 2 == 1 { frames(data) } else { data.to_vec() };
+    let stream = if kind % 2 == 1 {
+        frames(data)
+    } else {
+        data.to_vec()
+    };
 
     let whole = decoded(std::iter::once(stream.clone()));
     let cut = decoded(stream.chunks(1 + usize::from(kind / 2)).map(<[u8]>::to_vec));

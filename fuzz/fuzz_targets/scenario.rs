@@ -9,7 +9,11 @@ fuzz_target!(|text: &str| {
     match Scenario::parse("fuzz.toml", text) {
         Ok(scenario) => {
             let written = scenario.to_toml();
-            assert_eq!(Scenario::parse("written.toml", &written), Ok(scenario.clone()), "{written}");
+            assert_eq!(
+                Scenario::parse("written.toml", &written),
+                Ok(scenario.clone()),
+                "{written}"
+            );
             // What was accepted describes a world or is refused in words.
             let _ = (scenario.world(), scenario.in_reality().world());
         }

@@ -14,9 +14,9 @@ use mavlink::{Message as _, calculate_crc};
 use protocol::SimTime;
 
 /// What ArduPlane sends, and ground stations.
-const NUMBERS: [u32; 24] = [
+const NUMBERS: [u32; 26] = [
     0, 1, 4, 11, 22, 24, 29, 30, 33, 39, 42, 62, 73, 74, 75, 76, 77, 148, 168, 245, 251, 253,
-    12920, 147,
+    12920, 147, 32, 242,
 ];
 
 fn frames(mut data: &[u8]) -> Vec<u8> {

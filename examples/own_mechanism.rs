@@ -19,8 +19,8 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use scenario::Scenario;
 
-/// The source emits during the first part of every period, and then as much more that its mean
-/// stays what it was.
+/// The source emits during the first part of every period only, and then more, so that its mean stays
+/// what it was.
 #[derive(Clone, Copy)]
 struct BatchEmission {
     period_s: f64,

@@ -15,18 +15,21 @@ use record::recording::Ending;
 use record::{Recorder, RunInfo, read_mcap};
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 fn main() -> Result<()> {
-    let path = match std::env::args().nth(1) {
-        Some(given) => PathBuf::from(given),
-        None => {
-            let made = std::env::temp_dir().join(format!("plumage-{}.mcap", std::process::id()));
-            record_two_minutes(&made)?;
-            made
-        }
-    };
-    let recording = read_mcap(&path)?;
+    if let Some(given) = std::env::args().nth(1) {
+        return read(Path::new(&given));
+    }
+    let own = std::env::temp_dir().join(format!("plumage-{}.mcap", std::process::id()));
+    record_two_minutes(&own)?;
+    read(&own)?;
+    fs::remove_file(&own)?;
+    Ok(())
+}
+
+fn read(path: &Path) -> Result<()> {
+    let recording = read_mcap(path)?;
     println!(
         "{}: mission {}, seed {}",
         path.display(),

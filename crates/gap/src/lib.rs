@@ -81,7 +81,7 @@
 //! # }
 //! ```
 //!
-//! `analysis.extension` holds the same as [`::plume::Mechanism`]s, which
+//! `analysis.extension` holds the same as mechanisms of the plume model, which
 //! [`scenario::Scenario::extend`] adds to the scenario: what was found is then simulated.
 
 pub mod flight;

@@ -3,16 +3,20 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use scenario::observations::{Observations, parse};
+use scenario::observations::{Observation, Observations, parse};
 
 /// The rows with their platforms' names. Platforms are numbered as they appear, and rows of one time
 /// stand in the order of these numbers, which is another in a file that is ordered by time.
 fn rows(of: &Observations) -> Vec<(String, String)> {
-    let named = |row: &_| {
-        let mut row: scenario::observations::Observation = *row;
-        let name = of.platforms[row.platform].clone();
-        row.platform = 0;
-        (name, format!("{row:?}"))
+    let named = |row: &Observation| {
+        let unnumbered = Observation {
+            platform: 0,
+            ..*row
+        };
+        (
+            of.platforms[row.platform].clone(),
+            format!("{unnumbered:?}"),
+        )
     };
     let mut rows: Vec<_> = of.rows.iter().map(named).collect();
     rows.sort();

@@ -10,6 +10,36 @@
 //! - *NED*: metres north, east and down, for aircraft.
 //!
 //! Wind is *from* a direction for people ([`wind::from_deg`]) and a vector *towards* inside.
+//!
+//! # Example
+//!
+//! Where a place lies, which way the air goes there, and how dense it is:
+//!
+//! ```
+//! use air::geo::{Geodetic, LocalFrame};
+//! use air::isa::Atmosphere;
+//! use air::wind::WindProfile;
+//!
+//! # fn main() -> Result<(), air::AirError> {
+//! let frame = LocalFrame::new(43.4417, -7.8631, 340.0)?;
+//! let at = frame.to_enu(Geodetic { lat_deg: 43.4517, lon_deg: -7.8631 });
+//! assert!((at.north_m - 1111.0).abs() < 1.0 && at.east_m.abs() < 0.01);
+//!
+//! // 7 m/s from the west-south-west at 486 m above ground, less below.
+//! let wind = WindProfile::new(7.0, 486.0, 240.0, 0.15)?;
+//! assert!(wind.speed_at_m_s(100.0) < 7.0);
+//! let towards = wind.at(486.0);
+//! assert!(towards.east_m_s > 0.0 && towards.north_m_s > 0.0);
+//!
+//! // The standard atmosphere at 826 m above mean sea level.
+//! let density_kg_m3 = Atmosphere::standard().at(826.0).density_kg_m3();
+//! assert!((density_kg_m3 - 1.131).abs() < 0.001);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! [`wind::WindSeries`] is a wind that changes in time, [`dryden`] the gusts on top of it,
+//! [`terrain`] the ground from an SRTM tile, and [`area`] what lies inside a fence.
 
 pub mod area;
 pub mod dryden;

@@ -10,6 +10,51 @@
 //! - [`run`]: a mission in virtual time;
 //! - [`truth`]: the reality's numbers and its highest reachable concentration;
 //! - [`campaign`]: many seeds and what they show.
+//!
+//! # Example
+//!
+//! A minute of a mission with the default team, five simulated aircraft and one stand-in:
+//!
+//! ```
+//! use mission::{Run, Setup};
+//! use protocol::message::Message;
+//!
+//! # fn main() -> Result<(), mission::MissionError> {
+//! let text = r#"
+//! [mission]
+//! duration_s = 60.0
+//! [site]
+//! lat_deg = 43.4417
+//! lon_deg = -7.8631
+//! ground_amsl_m = 340.0
+//! [[source]]
+//! lat_deg = 43.4417
+//! lon_deg = -7.8631
+//! stack_height_m = 356.0
+//! effective_height_m = 486.0
+//! emission_kg_s = 352.0
+//! "#;
+//! let no_files = |name: &str| Err(format!("{name}: nothing here"));
+//! let setup = Setup::load("own.toml", text, &no_files)?;
+//! let fly = || -> Result<(f64, String), mission::MissionError> {
+//!     let mut run = Run::new(&setup)?;
+//!     let mut highest_amsl_m = 340.0_f64;
+//!     while !run.ended() {
+//!         for (_, envelope) in run.step() {
+//!             if let Message::State(state) = &envelope.message {
+//!                 highest_amsl_m = highest_amsl_m.max(state.alt_amsl_m);
+//!             }
+//!         }
+//!     }
+//!     Ok((highest_amsl_m, run.digest()))
+//! };
+//! let (highest_amsl_m, digest) = fly()?;
+//! assert!(highest_amsl_m > 400.0, "{highest_amsl_m}");
+//! // Flown again it is the same mission, bit for bit.
+//! assert_eq!(fly()?.1, digest);
+//! # Ok(())
+//! # }
+//! ```
 
 pub mod campaign;
 pub mod real_vehicle;

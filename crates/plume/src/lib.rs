@@ -10,6 +10,71 @@
 //! generators are arguments; results are repeatable bit for bit.
 //!
 //! Units are SI inside; concentrations that people read are mole fractions in ppm.
+//!
+//! # Example
+//!
+//! Four coal units of 350 MW emit some 352 kg/s of CO2. In a neutral wind of 7 m/s, what is met on
+//! the plume's axis 2400 m downwind, and what does a slow sensor make of it?
+//!
+//! ```
+//! use air::geo::Enu;
+//! use air::isa::Atmosphere;
+//! use air::wind::{WindProfile, towards_deg};
+//! use plume::sigma::Setting;
+//! use plume::stability::Stability;
+//! use plume::{
+//!     Gas, Mechanism, Place, Sensor, SensorSpec, SourceSpec, Strength, DispersionModel, DispersionSpec,
+//! };
+//! use rand::{SeedableRng, rngs::ChaCha8Rng};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let spec = DispersionSpec {
+//!     ground_amsl_m: 340.0,
+//!     atmosphere: Atmosphere::through(826.0, 15.0, 920.0)?,
+//!     wind: WindProfile::new(7.0, 486.0, 240.0, 0.15)?,
+//!     stability: Stability::D,
+//!     setting: Setting::Rural,
+//!     ground_reflection: false,
+//!     mixing_height_m: None,
+//!     lid_edge_m: 0.0,
+//!     background_ppm: 449.0,
+//!     sources: vec![SourceSpec {
+//!         name: "stack".to_owned(),
+//!         gas: Gas::Co2,
+//!         place: Enu::default(),
+//!         stack_height_m: 356.0,
+//!         effective_height_agl_m: 486.0,
+//!         strength: Strength::EmissionKgS(352.0),
+//!     }],
+//!     sigma_y_scale: 1.0,
+//!     sigma_z_scale: 1.0,
+//!     mechanisms: Vec::new(),
+//!     sensor: SensorSpec { time_constant_s: 20.0, ..SensorSpec::default() },
+//! };
+//! let model = DispersionModel::new(spec.clone())?;
+//! let axis = Enu::default().displaced(towards_deg(240.0), 2400.0);
+//! let place = Place { east_m: axis.east_m, north_m: axis.north_m, height_agl_m: 486.0 };
+//! let excess_ppm = model.mean_ppm(&place, 0.0) - 449.0;
+//! assert!((excess_ppm - 410.0).abs() < 10.0, "{excess_ppm}");
+//!
+//! // A mechanism from the catalogue extends the model: twice as wide, half as much on the axis.
+//! let wide = Mechanism::new("sigma-y-scale", &[("factor", 2.0)])?;
+//! let wider = DispersionModel::new(DispersionSpec { mechanisms: vec![wide], ..spec })?;
+//! let wider_ppm = wider.mean_ppm(&place, 0.0) - 449.0;
+//! assert!((wider_ppm - 0.5 * excess_ppm).abs() < 1e-9);
+//!
+//! // A sensor that comes from clean air needs three time constants to read 95 % of it.
+//! let mut rng = ChaCha8Rng::seed_from_u64(1);
+//! let mut sensor = Sensor::new(&model.spec().sensor, &[], "1");
+//! sensor.read(449.0, 1.0, &mut rng);
+//! let read: Vec<f64> = (0..60)
+//!     .map(|_| sensor.read(449.0 + excess_ppm, 1.0, &mut rng))
+//!     .collect();
+//! assert!(read[0] < 449.0 + 0.1 * excess_ppm);
+//! assert!((read[59] - (449.0 + 0.95 * excess_ppm)).abs() < 0.01 * excess_ppm);
+//! # Ok(())
+//! # }
+//! ```
 
 pub mod effects;
 pub mod field;

@@ -9,6 +9,42 @@
 //! - [`tracks`]: tracks coloured by reading for KML, the report and the page;
 //! - [`summary`]: `summary.json`, and the same in words;
 //! - [`files`]: output folders, and files renamed into place.
+//!
+//! # Example
+//!
+//! ```
+//! use protocol::key::Name;
+//! use protocol::message::{Message, Severity};
+//! use protocol::{AgentId, Envelope, SimTime, Topic};
+//! use record::{Recorder, RunInfo, read_mcap};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let path = std::env::temp_dir().join(format!("plumage-doc-{}.mcap", std::process::id()));
+//! let info = RunInfo {
+//!     mission: Name::new("try")?,
+//!     scenario_toml: String::new(),
+//!     seed: 1,
+//!     versions: Default::default(),
+//! };
+//! let mut recorder = Recorder::create(&path, &info)?;
+//! let topic = Topic::Event(AgentId::sc());
+//! let envelope = Envelope {
+//!     sender: AgentId::sc(),
+//!     sequence: 1,
+//!     time: SimTime::from_s(0.5),
+//!     message: Message::event(Severity::Info, "hello", "anybody there?"),
+//! };
+//! recorder.record(&topic, &envelope)?;
+//! recorder.finish(None)?;
+//!
+//! let recording = read_mcap(&path)?;
+//! assert_eq!(recording.info, info);
+//! let messages: Vec<_> = recording.in_order()?.collect::<Result<_, _>>()?;
+//! assert_eq!(messages, [(topic, envelope)]);
+//! # std::fs::remove_file(path)?;
+//! # Ok(())
+//! # }
+//! ```
 
 pub mod colour;
 pub mod files;

@@ -11,6 +11,51 @@
 //! - [`uncertain`]: the priors of the parameters that the scenario marks as uncertain;
 //! - [`observations`]: measured rows;
 //! - [`random`]: the streams of random numbers of a run.
+//!
+//! # Example
+//!
+//! The smallest scenario has a site and a source; all else has defaults.
+//!
+//! ```
+//! use scenario::Scenario;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let text = r#"
+//! [site]
+//! lat_deg = 43.4417
+//! lon_deg = -7.8631
+//! ground_amsl_m = 340.0
+//!
+//! [[source]]
+//! lat_deg = 43.4417
+//! lon_deg = -7.8631
+//! stack_height_m = 356.0
+//! effective_height_m = 486.0
+//! emission_kg_s = 352.0
+//!
+//! [[mechanism]]
+//! id = "mixing-lid"
+//! height_m = 700.0
+//! "#;
+//! let scenario = Scenario::parse("own.toml", text)?;
+//! assert!(!scenario.vehicles.is_empty());
+//! let world = scenario.world()?;
+//! assert_eq!(world.spec().mechanisms[0].parameter("height_m"), Some(700.0));
+//!
+//! // What is wrong is named with its line and with what would be right.
+//! let wrong = text.replace("lat_deg = 43.4417", "lat_deg = 434.417");
+//! let refused = Scenario::parse("own.toml", &wrong).unwrap_err().to_string();
+//! assert!(refused.starts_with("own.toml:3:"), "{refused}");
+//!
+//! // Measured rows come as CSV; an empty cell is a missing value.
+//! let csv = "time_s,platform,lat_deg,lon_deg,alt_amsl_m,co2_ppm\n\
+//!            0.0,uav,43.45,-7.85,820,455.5\n\
+//!            1.0,uav,43.45,-7.85,821,\n";
+//! let observations = scenario::observations::parse(&[("flight.csv", csv)])?;
+//! assert_eq!((observations.rows.len(), observations.readings()), (2, 1));
+//! # Ok(())
+//! # }
+//! ```
 
 pub mod check;
 pub mod observations;

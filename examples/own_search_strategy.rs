@@ -1,0 +1,147 @@
+//! A search strategy of one's own against those of the house.
+//!
+//! ```sh
+//! cargo run --release --example own_search_strategy
+//! ```
+//!
+//! Six samplers look for the highest concentration of a plume that the strategies do not know. They fly
+//! straight at 18 m/s and choose anew every ten seconds; no aircraft, wind or rules of the air are
+//! simulated, so that a strategy is tried in milliseconds. For `search.strategy` of a scenario to take a
+//! strategy by its name, it goes into `crates/csea` (ARCHITECTURE.md says where).
+
+use air::geo::Enu;
+use anyhow::Result;
+use csea::{
+    Archive, ArchiveOptions, CsEaOptions, Domain, Position, PromisingPoint, Sample, SearchStrategy,
+    choose_within_cone, strategy_by_name,
+};
+use plume::{DispersionModel, Place};
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use scenario::Scenario;
+
+const SPEED_M_S: f64 = 18.0;
+const STEP_S: usize = 10;
+const STEPS: usize = 90;
+const SAMPLERS: usize = 6;
+const SEEDS: u64 = 10;
+
+/// Half of the points lie about the best sample, the other half anywhere.
+struct NearTheBest {
+    domain: Domain,
+    points: Vec<PromisingPoint>,
+}
+
+impl SearchStrategy for NearTheBest {
+    fn name(&self) -> &'static str {
+        "near-the-best"
+    }
+
+    fn step(&mut self, archive: &Archive, rng: &mut ChaCha8Rng) -> &[PromisingPoint] {
+        self.points.clear();
+        for k in 0..40 {
+            let (position, fitness) = match archive.best() {
+                Some(best) if k % 2 == 0 => {
+                    let (turn_deg, away_m) =
+                        (360.0 * rng.random::<f64>(), 200.0 * rng.random::<f64>());
+                    let at = best.position.at.displaced(turn_deg, away_m);
+                    let height_m = best.position.height_m + 100.0 * (rng.random::<f64>() - 0.5);
+                    let wanted = Position { at, height_m };
+                    // Every point has to lie inside the domain, whatever its shape.
+                    (self.domain.close(wanted, best.position, rng), best.value)
+                }
+                // What is hoped of a place of which nothing is known.
+                _ => (self.domain.draw(rng), archive.mean()),
+            };
+            self.points.push(PromisingPoint { position, fitness });
+        }
+        &self.points
+    }
+
+    fn population(&self) -> &[PromisingPoint] {
+        &self.points
+    }
+}
+
+fn concentration_ppm(world: &DispersionModel, position: Position) -> f64 {
+    let place = Place {
+        east_m: position.at.east_m,
+        north_m: position.at.north_m,
+        height_agl_m: position.height_m,
+    };
+    world.mean_ppm(&place, 0.0)
+}
+
+/// The highest concentration that the samplers have met in the domain, ppm.
+fn search(
+    strategy: &mut dyn SearchStrategy,
+    domain: &Domain,
+    world: &DispersionModel,
+    seed: u64,
+) -> Result<f64> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut archive = Archive::new(ArchiveOptions::default())?;
+    let mut team = [(Position::new(1700.0, -1300.0, 300.0), 0.0); SAMPLERS];
+    let mut highest_ppm = 0.0_f64;
+    for _ in 0..STEPS {
+        let points = strategy.step(&archive, &mut rng);
+        for (position, heading_deg) in &mut team {
+            // 45°: a fast sampler takes what lies ahead of it.
+            let Some(goal) = choose_within_cone(points, *position, *heading_deg, 45.0, &mut rng)
+            else {
+                continue;
+            };
+            let goal = goal.position;
+            *heading_deg = position.at.bearing_deg(goal.at);
+            for _ in 0..STEP_S {
+                let way_m = SPEED_M_S.min(position.at.distance_m(goal.at));
+                position.at = position.at.displaced(*heading_deg, way_m);
+                position.height_m += (goal.height_m - position.height_m).clamp(-3.0, 3.0);
+                if !domain.contains(*position) {
+                    continue;
+                }
+                let value = concentration_ppm(world, *position);
+                highest_ppm = highest_ppm.max(value);
+                archive.push(Sample {
+                    position: *position,
+                    value,
+                })?;
+            }
+        }
+    }
+    Ok(highest_ppm)
+}
+
+fn main() -> Result<()> {
+    let text = std::fs::read_to_string("scenarios/as-pontes.toml")?;
+    let world = Scenario::parse("as-pontes.toml", &text)?.world()?;
+    // A box, and in it whatever a closure allows: here, what is not too near the stack.
+    let (low, high) = (
+        Position::new(-500.0, -1500.0, 120.0),
+        Position::new(3500.0, 2500.0, 900.0),
+    );
+    let stack = Enu::default();
+    let clear = move |p: Position| p.at.distance_m(stack) > 1000.0;
+    let domain = Domain::new(low, high, clear, &mut ChaCha8Rng::seed_from_u64(0))?;
+
+    println!(
+        "mean of the highest concentration met in 15 min, {SEEDS} searches by {SAMPLERS} samplers:"
+    );
+    for name in ["near-the-best", "cs-ea", "ascent", "sweep", "random"] {
+        let mut sum_ppm = 0.0;
+        for seed in 1..=SEEDS {
+            let mut strategy: Box<dyn SearchStrategy> = match name {
+                "near-the-best" => Box::new(NearTheBest {
+                    domain: domain.clone(),
+                    points: Vec::new(),
+                }),
+                of_the_house => {
+                    strategy_by_name(of_the_house, domain.clone(), CsEaOptions::default())?
+                }
+            };
+            sum_ppm += search(strategy.as_mut(), &domain, &world, seed)?;
+        }
+        println!("  {name:14} {:6.0} ppm", sum_ppm / SEEDS as f64);
+    }
+    Ok(())
+}

@@ -1,4 +1,4 @@
-//! Clients that are not ours fly the stand-in over UDP, in real time. Left out, with a word, where
+//! Clients that are not ours fly the stand-in over UDP, in real time: ignored, with the reason, where
 //! they are not installed.
 
 #![allow(
@@ -7,8 +7,9 @@
     reason = "a test may fail by a panic"
 )]
 
+use libtest_mimic::{Arguments, Completion, Failed, Trial};
 use std::net::UdpSocket;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitCode, Stdio};
 
 const SCENARIO: &str = "../scenarios/as-pontes.toml";
 const SCRIPT: &str = "../tests/oracle/mavlink_clients.py";
@@ -32,10 +33,10 @@ fn installed(module: &str) -> bool {
     python.is_ok_and(|status| status.success())
 }
 
-fn flies_by(client: &str, module: &str) {
+fn flies_by(client: &str, module: &str) -> Result<Completion, Failed> {
     if !installed(module) {
-        eprintln!("left out: python3 has no {module} (pip install {client})");
-        return;
+        let reason = format!("needs a python3 with {module} (pip install {client})");
+        return Ok(Completion::ignored_with(reason));
     }
     let free = UdpSocket::bind("127.0.0.1:0").unwrap();
     let port = free.local_addr().unwrap().port().to_string();
@@ -60,15 +61,18 @@ fn flies_by(client: &str, module: &str) {
         text(&said.stdout),
         text(&said.stderr)
     );
+    Ok(Completion::Completed)
 }
 
-#[test]
-fn pymavlink_flies_the_stand_in() {
-    flies_by("pymavlink", "pymavlink.mavutil");
-}
-
-/// The module of version 4; earlier ones had another interface.
-#[test]
-fn mavsdk_flies_the_stand_in() {
-    flies_by("mavsdk", "mavsdk.asyncio");
+fn main() -> ExitCode {
+    let trials = vec![
+        Trial::ignorable_test("pymavlink_flies_the_stand_in", || {
+            flies_by("pymavlink", "pymavlink.mavutil")
+        }),
+        // The module of version 4; earlier ones had another interface.
+        Trial::ignorable_test("mavsdk_flies_the_stand_in", || {
+            flies_by("mavsdk", "mavsdk.asyncio")
+        }),
+    ];
+    libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
 }

@@ -1,4 +1,5 @@
-//! The reference mission finds the plume: a fixed share of what `plumage campaign` measures.
+//! The reference mission finds the plume: a fixed share of what `plumage campaign` measures. One mission
+//! in the first tier, more in the second.
 
 #![allow(
     clippy::unwrap_used,
@@ -9,7 +10,7 @@
 use mission::campaign::{self, Campaign, FOUND_WITHIN_M};
 use mission::{Run, Setup};
 use protocol::message::Message;
-use record::summary::CORRECTED;
+use record::summary::{CORRECTED, MissionSummary, Summariser};
 
 const AS_PONTES: &str = include_str!("../scenarios/as-pontes.toml");
 
@@ -26,16 +27,42 @@ fn as_pontes(seed: u64, stand_ins: usize) -> Setup {
     setup
 }
 
-#[test]
-fn the_calibration_works_and_the_peak_is_found() {
-    let missions = (1..=3)
-        .map(|seed| campaign::fly(&as_pontes(seed, 1)).unwrap())
-        .collect();
+/// A mission's summary, and what the team said of the gap in it, the last verdict last.
+struct Flown {
+    summary: MissionSummary,
+    verdicts: Vec<String>,
+}
+
+fn fly(setup: &Setup) -> Flown {
+    let mut run = Run::new(setup).unwrap();
+    let mut summariser = Summariser::new(campaign::summary_context(setup).unwrap());
+    let mut verdicts = Vec::new();
+    while !run.ended() {
+        for (topic, envelope) in run.step() {
+            if let Message::Extension(extension) = &envelope.message {
+                verdicts.push(extension.verdict.clone());
+            }
+            summariser.take(topic, envelope);
+        }
+    }
+    let summary = summariser.summary(&run.digest(), 0.0);
+    Flown { summary, verdicts }
+}
+
+/// Every one of the missions found the peak, most left little of the errors before, and nothing was
+/// found that is not there: what the reality differs by here is within what the scenario states as
+/// uncertain, and its gusts must not pass for a cause.
+fn good(missions: Vec<Flown>) {
+    for flown in &missions {
+        let seed = flown.summary.seed;
+        assert_eq!(flown.verdicts, ["none"; 3], "seed {seed}");
+    }
+    let count = missions.len();
+    let missions = missions.into_iter().map(|f| f.summary).collect();
     let campaign = Campaign { missions };
-    let (found, of) = campaign.found();
     assert_eq!(
-        (found, of),
-        (3, 3),
+        campaign.found(),
+        (count, count),
         "peak within {FOUND_WITHIN_M} m:\n{}",
         campaign.to_markdown()
     );
@@ -49,31 +76,19 @@ fn the_calibration_works_and_the_peak_is_found() {
     }
 }
 
-/// What the team said of the gap in a mission, the last verdict last.
-fn verdicts(setup: &Setup) -> Vec<String> {
-    let mut run = Run::new(setup).unwrap();
-    let mut verdicts = Vec::new();
-    while !run.ended() {
-        for (_, envelope) in run.step() {
-            if let Message::Extension(extension) = &envelope.message {
-                verdicts.push(extension.verdict.clone());
-            }
-        }
-    }
-    verdicts
-}
-
-// What the reality differs by here is within what the scenario states as uncertain, and its gusts
-// must not pass for a cause.
 #[test]
-fn real_readings_find_nothing_that_is_not_there() {
-    for seed in 1..=3 {
-        let said = verdicts(&as_pontes(seed, 1));
-        assert_eq!(said, ["none"; 3], "seed {seed}");
-    }
+fn the_reference_mission_finds_the_peak_corrects_the_model_and_raises_no_alarm() {
+    good(vec![fly(&as_pontes(1, 1))]);
 }
 
 #[test]
+#[ignore = "second tier: three missions"]
+fn so_do_other_seeds() {
+    good((1..=3).map(|seed| fly(&as_pontes(seed, 1))).collect());
+}
+
+#[test]
+#[ignore = "second tier: three missions"]
 fn a_reality_whose_wind_turns_is_no_finding() {
     const TURNING: &str = "time_s,wind_speed_m_s,wind_from_deg\n0,8,249\n1800,8,255\n3600,8,261\n";
     let constant = "wind_speed_m_s = 8.0\nwind_from_deg = 252.0\n";
@@ -87,12 +102,13 @@ fn a_reality_whose_wind_turns_is_no_finding() {
     for seed in 1..=3 {
         let mut setup = Setup::load("turning.toml", &text, &read).unwrap();
         setup.scenario.mission.seed = seed;
-        let said = verdicts(&setup);
+        let said = fly(&setup).verdicts;
         assert_eq!(said.last().unwrap(), "none", "seed {seed}: {said:?}");
     }
 }
 
 #[test]
+#[ignore = "second tier: a whole mission"]
 fn three_real_vehicles_do_as_well() {
     let summary = campaign::fly(&as_pontes(1, 3)).unwrap();
     assert!(
@@ -104,6 +120,7 @@ fn three_real_vehicles_do_as_well() {
 }
 
 #[test]
+#[ignore = "second tier: a whole mission"]
 fn with_no_real_vehicle_the_model_stays_as_it_was() {
     let summary = campaign::fly(&as_pontes(1, 0)).unwrap();
     assert_eq!(summary.model.before, summary.model.after);

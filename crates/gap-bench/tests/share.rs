@@ -1,4 +1,4 @@
-//! A small fixed share of the benchmark, with the same bars.
+//! A small fixed share of the benchmark, with the same bars: of the second tier. The first has `families.rs`.
 
 use gap::verdict::Verdict;
 use gap_bench::{Outcome, Summary, Task, plan, run_tasks};
@@ -29,6 +29,7 @@ fn share(wanted: impl Fn(&str) -> bool, count: usize) -> Summary {
 // chance below 1 %. Five in a swinging wind that nobody logged, of which one in five is taken for a
 // cause: more than two have a chance of 6 %.
 #[test]
+#[ignore = "second tier: a rate over many cases"]
 fn nothing_is_found_where_nothing_is_hidden() {
     let summary = share(|row| row.starts_with("none"), 12);
     for noise in [NoiseForm::Usual, NoiseForm::Unusual] {
@@ -58,6 +59,7 @@ fn nothing_is_found_where_nothing_is_hidden() {
 // Detected 99 %, in the set 98 %, wrong with confidence 1 %: of ten, more than one miss of a kind
 // has a chance below 2 %.
 #[test]
+#[ignore = "second tier: a rate over many cases"]
 fn what_is_hidden_is_found() {
     let rows = [
         "wind-direction-drift, D = 60",
@@ -84,6 +86,7 @@ fn what_is_hidden_is_found() {
 // Unexplained with the right coordinate 90 %, a name said with confidence 2 %: of eight, more than
 // two misses have a chance below 4 %, more than one such name below 2 %.
 #[test]
+#[ignore = "second tier: a rate over many cases"]
 fn what_no_mechanism_explains_is_not_named() {
     let summary = share(|row| row.starts_with("outside"), 1);
     let cases: Vec<&Outcome> = summary.outcomes.iter().filter(|o| !o.unreachable).collect();
@@ -97,6 +100,7 @@ fn what_no_mechanism_explains_is_not_named() {
 // like the gain of one sensor with a probability of .9: not enough for a name to be said alone, which
 // takes .95.
 #[test]
+#[ignore = "second tier: a case whose strength is searched for"]
 fn a_name_that_is_not_sure_does_not_stand_alone() {
     let one = outcome(470_000_000, 478_100_015);
     assert_eq!(one.verdict, Some(Verdict::Unexplained), "{one:?}");
@@ -107,6 +111,7 @@ fn a_name_that_is_not_sure_does_not_stand_alone() {
 // A delay that comes and goes looks like a lag or a clock with a probability of .65: not enough for
 // a set either.
 #[test]
+#[ignore = "second tier: a case whose strength is searched for"]
 fn a_set_that_is_not_sure_does_not_stand_alone() {
     let one = outcome(520_000_000, 528_300_013);
     assert_eq!(one.verdict, Some(Verdict::Unexplained), "{one:?}");
@@ -118,6 +123,7 @@ fn a_set_that_is_not_sure_does_not_stand_alone() {
 // Behind an obstacle the plume looks narrower, until the base has a better place; there it looks so
 // again, and again the base has a better place. What is neither stands, without a name.
 #[test]
+#[ignore = "second tier: a case whose strength is searched for"]
 fn what_called_for_a_name_that_is_needless_stands_without_one() {
     let one = outcome(600_000_000, 608_200_001);
     assert_eq!(one.verdict, Some(Verdict::Unexplained), "{one:?}");
@@ -126,6 +132,7 @@ fn what_called_for_a_name_that_is_needless_stands_without_one() {
 
 // Both named exactly 92 %: of eight, more than two misses have a chance below 3 %.
 #[test]
+#[ignore = "second tier: a rate over many cases"]
 fn two_effects_are_both_named() {
     let summary = share(|row| row.starts_with("two effects"), 8);
     let cases: Vec<&Outcome> = summary.outcomes.iter().filter(|o| !o.unreachable).collect();
@@ -144,6 +151,7 @@ fn outcome(first_seed: u64, seed: u64) -> Outcome {
 // A plume that came down while its source grew: each takes back what the other changes, and no
 // mechanism alone gains 8 nats.
 #[test]
+#[ignore = "second tier: a case whose strength is searched for"]
 fn causes_that_hide_each_other_are_found_together() {
     let one = outcome(450_000_000, 459_200_003);
     assert_eq!(one.sets.len(), 2, "{one:?}");
@@ -153,6 +161,7 @@ fn causes_that_hide_each_other_are_found_together() {
 // Without a log a wind two degrees off looks, to a base that lets it turn by eight degrees an hour,
 // much like one that turned for ten minutes.
 #[test]
+#[ignore = "second tier: a case whose strength is searched for"]
 fn a_wind_that_stood_elsewhere_is_not_taken_to_have_turned() {
     let one = outcome(470_000_000, 470_300_002);
     assert_eq!(one.sets, [["wind-direction-offset"]], "{one:?}");
@@ -161,6 +170,7 @@ fn a_wind_that_stood_elsewhere_is_not_taken_to_have_turned() {
 // A plume that is 8 % narrower than the base's. Swings that widen the mean plume are tolerated; seen
 // from the narrow plume their straight line leads to the wide one, seen from the wide one it does not.
 #[test]
+#[ignore = "second tier: a case whose strength is searched for"]
 fn a_narrower_plume_is_named() {
     let one = outcome(470_000_000, 470_900_007);
     assert_eq!(one.sets, [["sigma-y-scale"]], "{one:?}");
@@ -171,6 +181,7 @@ fn a_narrower_plume_is_named() {
 
 // Frozen, clipped and silent sensors are said.
 #[test]
+#[ignore = "second tier: a rate over many cases"]
 fn damage_is_said() {
     let summary = share(|row| row.starts_with("damaged"), 1);
     for outcome in &summary.outcomes {
@@ -185,6 +196,7 @@ fn damage_is_said() {
 
 // A changed unit or order of coordinates is said, shuffled readings do not pass for none.
 #[test]
+#[ignore = "second tier: a rate over many cases"]
 fn changed_files_are_noticed() {
     let summary = share(|row| row.starts_with("mutated"), 1);
     for outcome in &summary.outcomes {

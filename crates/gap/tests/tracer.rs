@@ -1,34 +1,17 @@
-//! Tracer trials: hidden effects in trials made here, and the measured ones of Prairie Grass.
+//! Tracer trials: hidden effects in trials made here.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may fail loudly")]
 
 #[path = "tracer/made.rs"]
 mod made;
+#[path = "tracer/told.rs"]
+mod told;
 
 use gap::tracer::table::Tables;
 use gap::tracer::{TracerReport, analyse};
 use gap::verdict::Verdict;
 use made::{Hidden, made};
-
-fn report(tables: &Tables) -> TracerReport {
-    analyse(tables, 1, &mut |_| {}).unwrap()
-}
-
-fn vertical(report: &TracerReport) -> Vec<&str> {
-    let ids = [
-        "sigma-z-growth",
-        "sigma-z-scale",
-        "dry-deposition",
-        "first-order-decay",
-    ];
-    let causes = report
-        .gap
-        .causes
-        .iter()
-        .flat_map(|c| &c.mechanisms)
-        .map(String::as_str);
-    causes.filter(|m| ids.contains(m)).collect()
-}
+use told::{report, vertical};
 
 #[test]
 fn nothing_hidden_nothing_found() {
@@ -496,91 +479,4 @@ fn what_is_odd_about_samplers_is_said() {
         (r.east_m, r.north_m) = (r.east_m * factor, r.north_m * factor);
     }
     assert_eq!(report(&road).tracer.arcs.len(), 80);
-}
-
-fn prairie_grass(with_towers: bool) -> Option<Tables> {
-    let folder = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../../shared/data/prairie-grass/"
-    );
-    let read = |name: &str| std::fs::read_to_string(format!("{folder}{name}.csv")).ok();
-    let (receptors, trials, towers) = (read("receptors")?, read("trials")?, read("towers")?);
-    let towers = with_towers.then_some(("towers.csv", towers.as_str()));
-    Some(
-        Tables::parse(
-            ("receptors.csv", &receptors),
-            ("trials.csv", &trials),
-            towers,
-        )
-        .unwrap(),
-    )
-}
-
-// Golder's (1972) lines at z0 = .006 m.
-fn classes_at_six_millimetres(report: &TracerReport) {
-    let d = report
-        .tracer
-        .class_limits
-        .iter()
-        .find(|l| l.class == 'D')
-        .unwrap();
-    assert!(
-        (d.from_per_m + 0.021).abs() < 1e-3 && (d.to_per_m - 0.022).abs() < 1e-3,
-        "{d:?}"
-    );
-}
-
-// Barad (1958); bars: FAC2 at least .90 and NMSE at most .40 on trials left out, from .79 and .69
-// by Briggs with the wind at 2 m.
-#[test]
-fn prairie_grass_says_what_is_known_of_it() {
-    for with_towers in [true, false] {
-        let Some(tables) = prairie_grass(with_towers) else {
-            eprintln!("the measured trials are not on this machine: nothing checked");
-            return;
-        };
-        let report = report(&tables);
-        let gain = report.gap.gain.as_ref().unwrap();
-        assert_eq!(gain.blocks, 36);
-        assert_eq!(report.tracer.arcs.len(), 180);
-        let h = &gain.held_out;
-        assert!(
-            h.fac2_after >= 0.90 && h.nmse_after <= 0.40,
-            "{}",
-            report.gap.summary
-        );
-        assert!(h.log_score_gain_low > 0.0);
-        let of = |group: &str, prefix: &str| {
-            let causes = report.gap.causes.iter().filter(|c| c.platforms == [group]);
-            let found = causes.filter(|c| c.mechanisms.iter().any(|m| m.starts_with(prefix)));
-            found.cloned().collect::<Vec<_>>()
-        };
-        let unstable = of("unstable", "sigma-z-growth");
-        assert_eq!(
-            unstable[0].mechanisms[0], "sigma-z-growth",
-            "{}",
-            report.gap.summary
-        );
-        let exponent = &unstable[0].parameters[0];
-        assert!(exponent.value > 0.25 && exponent.value < 0.55 && exponent.sd < 0.06);
-        assert_eq!(of("unstable", "sigma-y-from-azimuth").len(), 1);
-        let allowed = ["sigma-z-growth", "sigma-z-scale", "dry-deposition"];
-        assert!(
-            vertical(&report).iter().all(|m| allowed.contains(m)),
-            "{}",
-            report.gap.summary
-        );
-        if with_towers {
-            assert_eq!(unstable[0].mechanisms.len(), 1);
-        }
-        assert_eq!(report.gap.verdict, Verdict::Ambiguous);
-        // The class steps do most in stable air: a cause besides is likely, not sure.
-        let stable = of("stable", "sigma-z");
-        assert!(stable[0].mechanisms.len() > 1 && stable[0].probability < 0.95);
-        assert!(report.gap.summary.contains("of no cause"));
-        classes_at_six_millimetres(&report);
-        let json: serde_json::Value = serde_json::from_str(&report.to_json().unwrap()).unwrap();
-        assert!(json["gain"]["held_out"]["fac2_after"].as_f64().unwrap() >= 0.90);
-        assert_eq!(json["schema"], "plumage.gap/1");
-    }
 }

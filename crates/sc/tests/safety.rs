@@ -104,16 +104,32 @@ proptest! {
     }
 }
 
+/// That a mission keeps its distances, unless its fence leaves nowhere to fly, which is tested
+/// elsewhere.
+fn is_safe(scenario: Scenario) -> Result<(), TestCaseError> {
+    prop_assume!(sc::SquadronController::new(&scenario).is_ok());
+    let mut mini = Miniature::new(scenario);
+    mini.run();
+    assert_safe(&mini);
+    assert_apart(&mini);
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(3))]
+
+    #[test]
+    fn no_setpoint_of_a_mission_is_unsafe(s in scenario()) {
+        is_safe(s)?;
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
     #[test]
+    #[ignore = "second tier: a dozen missions"]
     fn no_setpoint_of_any_mission_is_unsafe(s in scenario()) {
-        // A fence that leaves nowhere to fly is refused; that is tested elsewhere.
-        prop_assume!(sc::SquadronController::new(&s).is_ok());
-        let mut mini = Miniature::new(s);
-        mini.run();
-        assert_safe(&mini);
-        assert_apart(&mini);
+        is_safe(s)?;
     }
 }

@@ -1,0 +1,208 @@
+//! The gap in measured data: flight 75 of an Ultra Stick 25e of the University of Minnesota, and the
+//! tracer trials of Prairie Grass, from the folder that PLUMAGE_DATA names. Ignored, with the reason,
+//! where that is not set.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test may fail by a panic"
+)]
+
+#[path = "tracer/told.rs"]
+mod told;
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use fdm::Aircraft;
+use gap::flight::log::FlightLog;
+use gap::flight::study::Study;
+use gap::flight::{equation_error, gate};
+use gap::tracer::TracerReport;
+use gap::tracer::table::Tables;
+use gap::verdict::Verdict;
+use libtest_mimic::{Arguments, Completion, Trial};
+use told::{report, vertical};
+
+/// A test that gets the folder of measured data.
+fn on_data(name: &str, test: fn(&Path)) -> Trial {
+    Trial::ignorable_test(name, move || {
+        let Some(folder) = std::env::var_os("PLUMAGE_DATA") else {
+            let reason = "needs PLUMAGE_DATA, the folder of measured data";
+            return Ok(Completion::ignored_with(reason));
+        };
+        test(Path::new(&folder));
+        Ok(Completion::Completed)
+    })
+}
+
+fn main() -> ExitCode {
+    let trials = vec![
+        on_data(
+            "delays_moments_and_lift_of_a_real_flight",
+            delays_moments_and_lift_of_a_real_flight,
+        ),
+        on_data(
+            "a_real_flight_is_said_with_plausible_sizes",
+            a_real_flight_is_said_with_plausible_sizes,
+        ),
+        on_data(
+            "prairie_grass_says_what_is_known_of_it",
+            prairie_grass_says_what_is_known_of_it,
+        ),
+    ];
+    libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
+}
+
+fn text(data: &Path, file: &str) -> String {
+    let path = data.join(file);
+    std::fs::read_to_string(&path)
+        .unwrap_or_else(|e| panic!("PLUMAGE_DATA: {}: {e}", path.display()))
+}
+
+fn flight(data: &Path) -> FlightLog {
+    FlightLog::parse("flight.csv", &text(data, "ultrastick-thor/flight.csv")).unwrap()
+}
+
+fn published() -> Aircraft {
+    let text = include_str!("../../../aircraft/ultrastick-25e.toml");
+    Aircraft::from_toml("ultrastick-25e.toml", text).unwrap()
+}
+
+/// Delays: numpy's `correlate` of the commands and rates, each less its mean over 2 s, peaks at
+/// 160 and 140 ms (samples of 20 ms).
+fn delays_moments_and_lift_of_a_real_flight(data: &Path) {
+    let log = flight(data);
+    let aircraft = published();
+    let gated = gate::pass(&[log], &aircraft).unwrap();
+    let flown: f64 = gated
+        .segments
+        .iter()
+        .map(|s| s.time_s[s.len() - 1] - s.time_s[0])
+        .sum();
+    assert!((340.0..370.0).contains(&flown), "{flown}");
+    let held = |n: &String| n.contains("vel_north_m_s is sampled every 1.0");
+    assert!(gated.notices.iter().any(held), "{:?}", gated.notices);
+    let study = Study::new(&aircraft, &gated, 1);
+    let theta = study.start();
+    let segments = gated.segments.iter();
+    let worlds: Vec<_> = segments.map(|s| study.world(s, &theta)).collect();
+    let told = equation_error::analyse(&gated.segments, &worlds, &aircraft);
+
+    let [roll, pitch, ..] = &told.delays[..] else {
+        panic!("{:?}", told.delays)
+    };
+    assert!((roll.rate_lag_s - 0.16).abs() < 0.015, "{roll:?}");
+    assert!((pitch.rate_lag_s - 0.14).abs() < 0.015, "{pitch:?}");
+    assert!((roll.moment_delay_s - 0.07).abs() < 0.015, "{roll:?}");
+    assert!((pitch.moment_delay_s - 0.05).abs() < 0.015, "{pitch:?}");
+
+    let moment = told.moments.iter().find(|m| m.axis == "roll").unwrap();
+    assert!(moment.held_out_share > 0.5, "{moment:?}");
+    // Of the variance itself, on blocks left out: half in roll, a quarter in pitch.
+    assert!(moment.held_out_r2 > 0.45, "{moment:?}");
+    let lift = told.lift.unwrap();
+    assert!(lift.slope_by_vane < 3.5, "{lift:?}");
+    assert_eq!(lift.at_fault, "cannot be told");
+}
+
+/// Sizes: no aircraft of this kind has a tenth of its published roll damping, so that such a
+/// number must not be stated as a cause.
+fn a_real_flight_is_said_with_plausible_sizes(data: &Path) {
+    let log = flight(data);
+    let report = gap::flight::analyse(&[log], &published(), &mut |_| {}).unwrap();
+    assert_ne!(report.gap.verdict, Verdict::None);
+    for p in report.gap.causes.iter().flat_map(|c| &c.parameters) {
+        let spec = fdm::mechanism::spec(&p.mechanism).unwrap();
+        let known = spec.parameters.iter().find(|k| k.name == p.name).unwrap();
+        assert!(
+            (p.value - known.neutral).abs() <= 3.0 * known.prior_sd,
+            "{p:?}"
+        );
+    }
+    let says = |id: &str| {
+        let mut sets = report.gap.causes.iter().map(|c| &c.mechanisms);
+        sets.any(|s| s.iter().any(|m| m == id))
+    };
+    assert!(says("actuator-delay"), "{}", report.gap.summary);
+    assert!(
+        says("alpha-vane-scale") && says("lift-slope"),
+        "{}",
+        report.gap.summary
+    );
+}
+
+fn prairie_grass(data: &Path, with_towers: bool) -> Tables {
+    let read = |name: &str| text(data, &format!("prairie-grass/{name}.csv"));
+    let (receptors, trials, towers) = (read("receptors"), read("trials"), read("towers"));
+    Tables::parse(
+        ("receptors.csv", &receptors),
+        ("trials.csv", &trials),
+        with_towers.then_some(("towers.csv", towers.as_str())),
+    )
+    .unwrap()
+}
+
+// Golder's (1972) lines at z0 = .006 m.
+fn classes_at_six_millimetres(report: &TracerReport) {
+    let d = report
+        .tracer
+        .class_limits
+        .iter()
+        .find(|l| l.class == 'D')
+        .unwrap();
+    assert!(
+        (d.from_per_m + 0.021).abs() < 1e-3 && (d.to_per_m - 0.022).abs() < 1e-3,
+        "{d:?}"
+    );
+}
+
+// Barad (1958); bars: FAC2 at least .90 and NMSE at most .40 on trials left out, from .79 and .69
+// by Briggs with the wind at 2 m.
+fn prairie_grass_says_what_is_known_of_it(data: &Path) {
+    for with_towers in [true, false] {
+        let report = report(&prairie_grass(data, with_towers));
+        let gain = report.gap.gain.as_ref().unwrap();
+        assert_eq!(gain.blocks, 36);
+        assert_eq!(report.tracer.arcs.len(), 180);
+        let h = &gain.held_out;
+        assert!(
+            h.fac2_after >= 0.90 && h.nmse_after <= 0.40,
+            "{}",
+            report.gap.summary
+        );
+        assert!(h.log_score_gain_low > 0.0);
+        let of = |group: &str, prefix: &str| {
+            let causes = report.gap.causes.iter().filter(|c| c.platforms == [group]);
+            let found = causes.filter(|c| c.mechanisms.iter().any(|m| m.starts_with(prefix)));
+            found.cloned().collect::<Vec<_>>()
+        };
+        let unstable = of("unstable", "sigma-z-growth");
+        assert_eq!(
+            unstable[0].mechanisms[0], "sigma-z-growth",
+            "{}",
+            report.gap.summary
+        );
+        let exponent = &unstable[0].parameters[0];
+        assert!(exponent.value > 0.25 && exponent.value < 0.55 && exponent.sd < 0.06);
+        assert_eq!(of("unstable", "sigma-y-from-azimuth").len(), 1);
+        let allowed = ["sigma-z-growth", "sigma-z-scale", "dry-deposition"];
+        assert!(
+            vertical(&report).iter().all(|m| allowed.contains(m)),
+            "{}",
+            report.gap.summary
+        );
+        if with_towers {
+            assert_eq!(unstable[0].mechanisms.len(), 1);
+        }
+        assert_eq!(report.gap.verdict, Verdict::Ambiguous);
+        // The class steps do most in stable air: a cause besides is likely, not sure.
+        let stable = of("stable", "sigma-z");
+        assert!(stable[0].mechanisms.len() > 1 && stable[0].probability < 0.95);
+        assert!(report.gap.summary.contains("of no cause"));
+        classes_at_six_millimetres(&report);
+        let json: serde_json::Value = serde_json::from_str(&report.to_json().unwrap()).unwrap();
+        assert!(json["gain"]["held_out"]["fac2_after"].as_f64().unwrap() >= 0.90);
+        assert_eq!(json["schema"], "plumage.gap/1");
+    }
+}

@@ -48,7 +48,7 @@ impl SearchStrategy for NearTheBest {
                     let height_m = best.position.height_m + 100.0 * (rng.random::<f64>() - 0.5);
                     let wanted = Position { at, height_m };
                     // Every point has to lie inside the domain, whatever its shape.
-                    (self.domain.close(wanted, best.position, rng), best.value)
+                    (self.domain.repair(wanted, best.position, rng), best.value)
                 }
                 // What is hoped of a place of which nothing is known.
                 _ => (self.domain.draw(rng), archive.mean()),

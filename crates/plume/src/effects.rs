@@ -1,7 +1,5 @@
 //! What a list of mechanisms does to the equations: sums of offsets, products of factors.
 
-use crate::mechanism::{Action, Mechanism};
-
 /// Seconds in an hour.
 pub const HOUR_S: f64 = 3600.0;
 
@@ -72,9 +70,9 @@ pub(crate) struct DispersionEffects {
 }
 
 impl DispersionEffects {
-    /// The joint effect of all dispersion mechanisms in `list`; those of sensors are passed over.
-    pub(crate) fn of(list: &[Mechanism]) -> Self {
-        let mut sum = Self {
+    /// No effect at all.
+    pub(crate) fn none() -> Self {
+        Self {
             direction_offset_deg: 0.0,
             direction_drift_deg_h: 0.0,
             veer_deg_100m: 0.0,
@@ -99,13 +97,7 @@ impl DispersionEffects {
             background_east_ppm_m: 0.0,
             background_north_ppm_m: 0.0,
             second_sources: Vec::new(),
-        };
-        for mechanism in list {
-            if let Action::OnDispersion(add) = mechanism.id().spec().action {
-                add(&mut sum, mechanism.values());
-            }
         }
-        sum
     }
 }
 
@@ -149,17 +141,6 @@ impl SensorEffects {
             clock_s: 0.0,
             position_m: [0.0; 3],
         }
-    }
-
-    /// Adds the mechanisms of `list` that apply to `platform`; those of dispersion are passed
-    /// over. Affine ones act one after the other, in the order of the list.
-    pub(crate) fn with(mut self, list: &[Mechanism], platform: &str) -> Self {
-        for mechanism in list.iter().filter(|m| m.applies_to(platform)) {
-            if let Action::OnSensor(add) = mechanism.id().spec().action {
-                add(&mut self, mechanism.values());
-            }
-        }
-        self
     }
 
     /// What the air itself adds to the reading, ppm; a column that is not known adds nothing.

@@ -14,6 +14,7 @@ mod wind;
 pub(crate) use entry::Action;
 pub use entry::{Coordinate, Family, MechanismSpec, ParameterSpec, Steps};
 
+use crate::effects::{DispersionEffects, SensorEffects};
 use crate::{PlumeError, in_range};
 
 macro_rules! mechanisms {
@@ -237,6 +238,32 @@ impl Mechanism {
     /// Whether it acts on the sensor of `platform`.
     pub fn applies_to(&self, platform: &str) -> bool {
         self.platforms.is_empty() || self.platforms.iter().any(|p| p == platform)
+    }
+}
+
+impl DispersionEffects {
+    /// The joint effect of all mechanisms of dispersion in `list`; those of sensors are passed over.
+    pub fn of(list: &[Mechanism]) -> Self {
+        let mut sum = Self::none();
+        for mechanism in list {
+            if let Action::OnDispersion(add) = mechanism.id().spec().action {
+                add(&mut sum, mechanism.values());
+            }
+        }
+        sum
+    }
+}
+
+impl SensorEffects {
+    /// Adds the mechanisms of `list` that apply to `platform`; those of dispersion are passed
+    /// over. Affine ones act one after the other, in the order of the list.
+    pub(crate) fn with(mut self, list: &[Mechanism], platform: &str) -> Self {
+        for mechanism in list.iter().filter(|m| m.applies_to(platform)) {
+            if let Action::OnSensor(add) = mechanism.id().spec().action {
+                add(&mut self, mechanism.values());
+            }
+        }
+        self
     }
 }
 

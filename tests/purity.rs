@@ -9,8 +9,9 @@
 use std::process::Command;
 
 /// The crates that promise it.
-const PURE: [&str; 14] = [
+const PURE: [&str; 15] = [
     "air",
+    "infer",
     "plume",
     "fdm",
     "csea",

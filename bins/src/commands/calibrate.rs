@@ -1,6 +1,7 @@
 //! `plumage calibrate`: the scenario corrected by measured observations, off-line.
 
 use crate::{Failure, measured, mission_files};
+use protocol::message::Peak;
 use record::files;
 use scenario::Scenario;
 use scenario::uncertain::Uncertain;
@@ -52,7 +53,9 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     let write =
         |name: &str, text: &str| files::write_whole(&arguments.out.join(name), text.as_bytes());
     write("scenario.toml", &offline.scenario.to_toml())?;
-    let document = document(&offline, &observations.platforms, reference);
+    let mut document = document(&offline, &observations.platforms, reference);
+    let peak = peak(&setup.scenario, &offline);
+    document["peak"] = json!(peak);
     write("calibration.json", &format!("{:#}\n", document))?;
     println!(
         "{} readings of {} platforms",
@@ -60,6 +63,12 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
         observations.platforms.len()
     );
     tell_changes(&setup.scenario, &offline.scenario);
+    if let Some(peak) = &peak {
+        println!(
+            "{:32} {:.0} ± {:.0} ppm at {:.5}, {:.5}, {:.0} m AMSL, where vehicles may fly",
+            "peak", peak.co2_ppm, peak.sd_ppm, peak.lat_deg, peak.lon_deg, peak.alt_amsl_m
+        );
+    }
     println!(
         "Outputs in {}: scenario.toml, calibration.json",
         arguments.out.display()
@@ -106,6 +115,28 @@ fn document(
         "strength_factor": found.strength_factor,
         "reference": reference,
         "sensors": sensors,
+    })
+}
+
+/// The highest concentration inside fence and height band and outside every keep-out, as it was when
+/// the last reading was taken; none where the fence leaves no such place.
+fn peak(scenario: &Scenario, offline: &OfflineCalibration) -> Option<Peak> {
+    let airspace = sc::Airspace::of(scenario).ok()?;
+    let calibrator = &offline.calibrator;
+    let model = plume::DispersionModel::new(calibrator.latest_spec()).ok()?;
+    let highest = sc::peak::highest(&model, &airspace, calibrator.last_time_s())?.position;
+    let met = calibrator.mean_ppm(&plume::Place {
+        east_m: highest.at.east_m,
+        north_m: highest.at.north_m,
+        height_agl_m: highest.height_m - scenario.site.ground_amsl_m,
+    })?;
+    let at = airspace.frame().to_geodetic(highest.at);
+    Some(Peak {
+        lat_deg: at.lat_deg,
+        lon_deg: at.lon_deg,
+        alt_amsl_m: highest.height_m,
+        co2_ppm: met.value,
+        sd_ppm: met.sd,
     })
 }
 

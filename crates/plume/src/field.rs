@@ -161,6 +161,17 @@ impl Transport {
     }
 }
 
+/// Where a place lies in a plume.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InPlume {
+    /// Distance downwind of the source, m.
+    pub distance_m: f64,
+    /// Distance across the axis over σy.
+    pub across_sigmas: f64,
+    /// Height above the axis over σz.
+    pub above_sigmas: f64,
+}
+
 /// A source with all mechanisms applied.
 #[derive(Debug, Clone)]
 struct Plume {
@@ -375,6 +386,35 @@ impl DispersionModel {
         self.plumes.iter().filter_map(of)
     }
 
+    /// The scenario's wind at the first source's effective height.
+    pub fn transport(&self) -> Transport {
+        self.scenario_wind
+    }
+
+    /// Where a place lies in the plume of the first source, in air that moves as `wind` at the source's
+    /// effective height and as the mechanisms have it; none upwind of the source.
+    pub fn in_first_plume(&self, place: &Place, time_s: f64, wind: Transport) -> Option<InPlume> {
+        let plume = self.plumes.first()?;
+        let wind = self.veered(plume, place, self.turned(wind, time_s));
+        let (distance_m, across_m) = downwind_m(plume, place, wind)?;
+        let (sigma_y_m, sigma_z_m) = self.sigmas_m(distance_m);
+        Some(InPlume {
+            distance_m,
+            across_sigmas: across_m / sigma_y_m,
+            above_sigmas: (place.height_agl_m - plume.height_m) / sigma_z_m,
+        })
+    }
+
+    /// A wind as the mechanisms turn it.
+    #[inline]
+    fn turned(&self, wind: Transport, time_s: f64) -> Transport {
+        let turned = rotate(wind, self.rotation);
+        match self.effects.direction_drift_deg_h {
+            0.0 => turned,
+            rate => rotate(turned, cos_sin(rate * time_s / HOUR_S)),
+        }
+    }
+
     /// Excess of all plumes as (mol/m³ of those given by emission, ppm of those given by c_MAX).
     #[inline]
     pub(crate) fn excess(&self, place: &Place, time_s: f64, wind: Transport) -> (f64, f64) {
@@ -392,13 +432,8 @@ impl DispersionModel {
         wind: Transport,
         factor: impl Fn(usize) -> f64,
     ) -> (f64, f64) {
-        let e = &self.effects;
-        let mut turned = rotate(wind, self.rotation);
-        if e.direction_drift_deg_h != 0.0 {
-            let time_s = time_s - wind_age_s;
-            turned = rotate(turned, cos_sin(e.direction_drift_deg_h * time_s / HOUR_S));
-        }
-        turned.speed_m_s *= e.speed_factor;
+        let mut turned = self.turned(wind, time_s - wind_age_s);
+        turned.speed_m_s *= self.effects.speed_factor;
         let mut sum = (0.0, 0.0);
         for (which, plume) in self.plumes.iter().enumerate() {
             let (shape, x, speed) = self.shape_with_losses(plume, place, turned);

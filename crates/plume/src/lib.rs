@@ -91,7 +91,7 @@ pub mod units;
 
 pub use field::batch::{self, PlaceColumns};
 pub use field::puffs::{self, WindHistory};
-pub use field::{DispersionModel, DispersionSpec, Place, SourceSpec, Strength};
+pub use field::{DispersionModel, DispersionSpec, InPlume, Place, SourceSpec, Strength};
 pub use mechanism::{Mechanism, MechanismId};
 pub use sensor::{Sensor, SensorSpec};
 pub use units::Gas;

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use crate::PlumeError;
 use crate::effects::{SensorAir, SensorEffects};
-use crate::field::{DispersionModel, DispersionSpec, Place, Transport};
+use crate::field::{DispersionModel, DispersionSpec, InPlume, Place, Transport};
 use crate::lag;
 use crate::sample_points::{SamplePoint, SamplePoints};
 
@@ -130,6 +130,23 @@ impl Track {
     /// The same, to be replaced by a smoothed one.
     pub fn transport_mut(&mut self) -> &mut [Transport] {
         &mut self.transport
+    }
+
+    /// The same track in a wind that is turned clockwise by a number of degrees at every row.
+    #[must_use]
+    pub fn turned(&self, clockwise_deg: &[f64]) -> Self {
+        let mut out = self.clone();
+        for (transport, deg) in out.transport.iter_mut().zip(clockwise_deg) {
+            *transport = transport.turned(*deg);
+        }
+        out
+    }
+
+    /// Where every row lies in the plume of the first source; none upwind of it.
+    pub fn in_first_plume(&self, model: &DispersionModel) -> Vec<Option<InPlume>> {
+        (0..self.len())
+            .map(|i| model.in_first_plume(&self.place(i), self.time_s[i], self.transport[i]))
+            .collect()
     }
 
     /// Factor on all plumes of every row. One at first.

@@ -79,6 +79,9 @@ pub enum WsError {
     /// A name that cannot be part of a key.
     #[error(transparent)]
     Name(#[from] protocol::ProtocolError),
+    /// The readings do not tell.
+    #[error(transparent)]
+    Infer(#[from] infer::InferError),
     /// The plume model refused a corrected value.
     #[error("plume model: {0}")]
     Plume(String),

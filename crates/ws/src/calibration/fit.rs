@@ -131,7 +131,7 @@ impl<'a> Problem<'a> {
     }
 
     fn predict(&self, at: &DVector<f64>) -> Result<Prediction, WsError> {
-        let world = DispersionModel::new(self.unknowns.spec(self.base, at))?;
+        let world = DispersionModel::new(self.unknowns.spec(self.base, at.as_slice()))?;
         let mut ppm = vec![0.0; self.track.len()];
         let mut plume = vec![0.0; self.track.len()];
         self.track.predict_parts(&world, &mut ppm, Some(&mut plume));

@@ -17,6 +17,7 @@
 //! linearises about the wrong one cannot look back.
 
 mod fit;
+mod model;
 pub mod offline;
 mod parameters;
 
@@ -24,11 +25,14 @@ pub use parameters::{Calibrated, CalibrationParameter};
 
 use crate::WsError;
 use fit::Problem;
+use infer::Posterior;
+use model::PlumeModel;
 use nalgebra::{DMatrix, DVector};
 use parameters::Unknowns;
 use plume::effects::SensorAir;
 use plume::track::{Row, Track};
 use plume::{DispersionModel, DispersionSpec, Place};
+use protocol::message::Estimate;
 use scenario::Scenario;
 
 /// Readings are averaged over this time, s.
@@ -40,6 +44,9 @@ pub const CORRELATED_ROWS: f64 = 4.0;
 const MAX_ROWS: usize = 1500;
 /// A row is in the plume if the plume's part of it is above this share of the strongest.
 const IN_PLUME_SHARE: f64 = 0.02;
+
+/// Least noise of a sensor, ppm: one that states none still rounds.
+const LEAST_NOISE_PPM: f64 = 1e-3;
 
 /// One averaged reading.
 #[derive(Debug, Clone, Copy)]
@@ -71,6 +78,7 @@ pub struct Calibrator {
     estimate: DVector<f64>,
     covariance: DMatrix<f64>,
     cost: f64,
+    posterior: Option<Posterior>,
 }
 
 impl Calibrator {
@@ -96,6 +104,7 @@ impl Calibrator {
             readings: vec![Vec::new(); platforms.len()],
             taken: 0,
             cost: 0.0,
+            posterior: None,
         })
     }
 
@@ -202,6 +211,81 @@ impl Calibrator {
         Ok(())
     }
 
+    /// Corrects the model by all readings as a whole, with a noise and an error of form that the
+    /// readings themselves size. `nearest_m` is the distance from the source at which something
+    /// will be asked of the plume.
+    ///
+    /// # Errors
+    /// The plume model refuses the corrected values.
+    pub fn conclude(&mut self, nearest_m: f64) -> Result<(), WsError> {
+        let readings = self.thinned()?;
+        if readings.is_empty() {
+            return Ok(());
+        }
+        let rows: Vec<Row> = readings.iter().map(|r| r.row).collect();
+        let model = DispersionModel::new(self.base.clone())?;
+        let track = Track::new(&model, &self.platforms, &rows)?;
+        let n = rows.len();
+        let measured = infer::Rows::new(
+            track.ranges().to_vec(),
+            track.time_s().to_vec(),
+            readings.iter().map(|r| r.ppm).collect(),
+            vec![f64::NAN; n],
+            vec![true; n],
+        )?;
+        let asked = [infer::PlumePlace {
+            ln_distance: nearest_m.max(1.0).ln(),
+            time_s: self.last_time_s(),
+            ..infer::PlumePlace::default()
+        }];
+        let model = PlumeModel::new(&self.base, &self.unknowns, &track);
+        let policy = infer::Policy::default();
+        let sensor_sd = self.base.sensor.noise_sd_ppm.max(LEAST_NOISE_PPM);
+        let posterior =
+            infer::Problem::new(&model, &measured, &policy, sensor_sd, &asked).posterior()?;
+        self.estimate = posterior.mean();
+        self.covariance = posterior.covariance();
+        self.cost = -posterior.ln_evidence();
+        self.posterior = Some(posterior);
+        Ok(())
+    }
+
+    /// Time of the last reading, s.
+    pub fn last_time_s(&self) -> f64 {
+        let last = self.readings.iter().filter_map(|r| r.last());
+        last.map(|r| r.row.time_s).fold(0.0, f64::max)
+    }
+
+    /// The mean mole fraction at a place at the time of the last reading, ppm, with the error of form
+    /// that the readings showed; none before [`Calibrator::conclude`].
+    pub fn mean_ppm(&self, place: &Place) -> Option<Estimate> {
+        let posterior = self.posterior.as_ref()?;
+        let time_s = self.last_time_s();
+        let found = posterior.at_place(time_s, |at, turn_deg| {
+            let mut at = DVector::from_column_slice(at);
+            if let Some(k) = self.unknowns.index(CalibrationParameter::Direction) {
+                at[k] += turn_deg;
+            }
+            let nowhere = model::plume_place(None, time_s);
+            let Ok(model) = DispersionModel::new(self.unknowns.turned(&self.base, &at)) else {
+                return (f64::NAN, f64::NAN, nowhere);
+            };
+            let rest = model.background_ppm(place, time_s);
+            let there = model.in_first_plume(place, time_s, model.transport());
+            let plume = model.mean_ppm(place, time_s) - rest;
+            (rest, plume, model::plume_place(there, time_s))
+        });
+        Some(Estimate {
+            value: found.value,
+            sd: found.sd,
+        })
+    }
+
+    /// What the readings were found to be like; none before [`Calibrator::conclude`].
+    pub fn posterior(&self) -> Option<&Posterior> {
+        self.posterior.as_ref()
+    }
+
     /// Whether the axis is known well enough that a local search finds the best fit.
     fn axis_is_located(&self) -> bool {
         let (estimate, prior) = (&self.covariance, self.unknowns.prior_sd());
@@ -258,6 +342,22 @@ impl Calibrator {
     /// The corrected model for one platform or all.
     pub fn corrected_spec(&self) -> DispersionSpec {
         self.unknowns.turned(&self.base, &self.estimate)
+    }
+
+    /// The corrected model, its axis as it lay at the time of the last reading.
+    pub fn latest_spec(&self) -> DispersionSpec {
+        let mut at = self.estimate.clone();
+        let turn_deg = self
+            .posterior
+            .as_ref()
+            .map(|p| p.turn_deg(self.last_time_s()));
+        if let (Some(k), Some(turn_deg)) = (
+            self.unknowns.index(CalibrationParameter::Direction),
+            turn_deg,
+        ) {
+            at[k] += turn_deg;
+        }
+        self.unknowns.turned(&self.base, &at)
     }
 
     /// How far the wind is turned clockwise from the scenario's, degrees.

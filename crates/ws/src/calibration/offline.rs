@@ -80,7 +80,7 @@ fn calibrated_in_winds(
         calibrator.observe(row.platform, row.time_s, place, wind, ppm);
     }
     calibrator.finish();
-    calibrator.update()?;
+    calibrator.conclude(scenario.fence.keep_out_radius_m)?;
     Ok(calibrator)
 }
 

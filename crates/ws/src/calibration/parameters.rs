@@ -180,7 +180,7 @@ impl Unknowns {
 
     /// The model at these values, with the turn of the wind as a mechanism, so that it acts on
     /// whatever wind the rows of a track carry.
-    pub fn spec(&self, base: &DispersionSpec, at: &DVector<f64>) -> DispersionSpec {
+    pub fn spec(&self, base: &DispersionSpec, at: &[f64]) -> DispersionSpec {
         let mut spec = base.clone();
         for (k, (parameter, _, _)) in self.list.iter().enumerate() {
             let value = at[k];
@@ -223,7 +223,7 @@ impl Unknowns {
         if let Some(k) = self.index(CalibrationParameter::Direction) {
             still[k] = 0.0;
         }
-        let mut spec = self.spec(base, &still);
+        let mut spec = self.spec(base, still.as_slice());
         // The mechanism of no turn, added by `spec`, says nothing.
         spec.mechanisms
             .retain(|m| m.id() != MechanismId::WindDirectionOffset || m.values()[0] != 0.0);

@@ -1,0 +1,264 @@
+//! A model's error of form: the plume is the model's times exp(g), with g smooth in the logarithm
+//! of the distance, in the height above and the distance across the axis, and in time (Kennedy
+//! and O'Hagan 2001; after them with a multiplicative term, since a plume's error is relative).
+//!
+//! The axis may also swing: turn by an angle that is smooth in time.
+//!
+//! g and the swing are sums of Gaussian bumps on a regular grid of each coordinate with independent
+//! normal weights: Gaussian processes with a squared-exponential covariance, whose size is one
+//! number for each coordinate. Where nobody has read, g keeps its size: the model may be as wrong there
+//! as it was seen to be elsewhere.
+
+use crate::policy::Policy;
+use crate::rows::PlumePlace;
+
+/// Coordinates: distance, height, width and time of the error of form, and the swing of the axis.
+pub const COORDINATES: usize = 5;
+/// The last of them.
+pub const SWING: usize = 4;
+/// The exponent g is kept within this, so that no step of a search overflows: a factor of seven.
+const MOST_EXPONENT: f64 = 2.0;
+
+/// Size along each coordinate: standard deviation of g's part, and of the swing in degrees.
+pub type Sizes = [f64; COORDINATES];
+
+/// Bumps along one coordinate.
+#[derive(Debug, Clone, PartialEq)]
+struct Bumps {
+    first: f64,
+    spacing: f64,
+    width: f64,
+    count: usize,
+    /// Makes the sum of squares one.
+    scale: f64,
+}
+
+impl Bumps {
+    /// Bumps over `[low, high]` and one width beyond.
+    fn over(low: f64, high: f64, width: f64, most: usize) -> Self {
+        let span = (high - low).max(0.0) + 2.0 * width;
+        // As close as the least number needs for a smooth sum, but no more than `most`.
+        let width = width.max(span / (most as f64 * SPACING_OVER_WIDTH));
+        let spacing = SPACING_OVER_WIDTH * width;
+        let count = (span / spacing).ceil() as usize + 1;
+        let middle = 0.5 * (low + high);
+        let mut bumps = Self {
+            first: middle - 0.5 * spacing * (count - 1) as f64,
+            spacing,
+            width,
+            count,
+            scale: 1.0,
+        };
+        let mut at_middle = vec![0.0; count];
+        bumps.fill(middle, &mut at_middle);
+        bumps.scale = 1.0 / at_middle.iter().map(|b| b * b).sum::<f64>().sqrt();
+        bumps
+    }
+
+    fn fill(&self, at: f64, out: &mut [f64]) {
+        out.fill(0.0);
+        let place = (at - self.first) / self.spacing;
+        let reach = FARTHEST_WIDTHS / SPACING_OVER_WIDTH;
+        // A cast of what is below zero or not a number is zero.
+        let from = (place - reach).ceil() as usize;
+        let to = ((place + reach).floor() + 1.0) as usize;
+        for k in from..to.min(out.len()) {
+            let d = (at - self.first - self.spacing * k as f64) / self.width;
+            out[k] = self.scale * (-0.5 * d * d).exp();
+        }
+    }
+}
+
+/// A bump is nothing farther away than this many of its widths: less than a hundred-thousandth.
+const FARTHEST_WIDTHS: f64 = 5.0;
+
+/// Distance of neighbouring bumps over their width: at .75 the sum of their squares ripples by
+/// less than a thousandth.
+const SPACING_OVER_WIDTH: f64 = 0.75;
+
+/// The bumps of all coordinates.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Basis {
+    bumps: [Bumps; COORDINATES],
+}
+
+impl Basis {
+    /// Bumps for an error of form over all of `places`, those of readings in the plume and those of
+    /// which something is to be told, and for a swing over `time_s`.
+    pub fn over(
+        places: impl Iterator<Item = PlumePlace> + Clone,
+        time_s: &[f64],
+        policy: &Policy,
+    ) -> Self {
+        let reach = policy.form_reach_sigmas;
+        let range = |of: fn(&PlumePlace) -> f64, within: f64| {
+            let inside = |p| of(&p).clamp(-within, within);
+            extent(places.clone().map(inside))
+        };
+        let times = extent(time_s.iter().copied());
+        let most = policy.form_most_bumps;
+        let bumps = |(low, high): (f64, f64), width: f64| Bumps::over(low, high, width, most);
+        Self {
+            bumps: [
+                bumps(
+                    range(|p| p.ln_distance, f64::MAX),
+                    policy.form_width_ln_distance,
+                ),
+                bumps(range(|p| p.above_sigmas, reach), policy.form_width_sigmas),
+                bumps(range(|p| p.across_sigmas, reach), policy.form_width_sigmas),
+                bumps(times, policy.form_width_s),
+                Bumps::over(
+                    times.0,
+                    times.1,
+                    policy.swing_width_s,
+                    policy.swing_most_bumps,
+                ),
+            ],
+        }
+    }
+
+    /// Bumps for a swing alone.
+    pub(crate) fn of_swing(time_s: &[f64], policy: &Policy) -> Self {
+        let mut out = Self::over(std::iter::empty(), time_s, policy);
+        for bumps in &mut out.bumps[..SWING] {
+            bumps.count = 0;
+        }
+        out
+    }
+
+    /// Number of weights.
+    pub fn len(&self) -> usize {
+        self.bumps.iter().map(|b| b.count).sum()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Number of weights of the error of form, which stand first; those of the swing follow.
+    pub fn of_form(&self) -> usize {
+        self.len() - self.bumps[SWING].count
+    }
+
+    /// The coordinate that each weight belongs to.
+    pub fn coordinates(&self) -> impl Iterator<Item = usize> + '_ {
+        let of = |(k, b): (usize, &Bumps)| std::iter::repeat_n(k, b.count);
+        self.bumps.iter().enumerate().flat_map(of)
+    }
+
+    /// The values at a place of the error of form's bumps; none where the place is not in the plume.
+    pub(crate) fn fill_form(&self, place: &PlumePlace, out: &mut [f64]) {
+        if !place.ln_distance.is_finite() {
+            out.fill(0.0);
+            return;
+        }
+        let at = [
+            place.ln_distance,
+            place.above_sigmas,
+            place.across_sigmas,
+            place.time_s,
+        ];
+        let mut rest = out;
+        for (bumps, at) in self.bumps.iter().zip(at) {
+            let (part, behind) = rest.split_at_mut(bumps.count);
+            bumps.fill(at, part);
+            rest = behind;
+        }
+    }
+
+    /// The values of all bumps at a place.
+    pub(crate) fn fill(&self, place: &PlumePlace, out: &mut [f64]) {
+        let (form, swing) = out.split_at_mut(self.of_form());
+        self.fill_form(place, form);
+        self.fill_swing(place.time_s, swing);
+    }
+
+    /// The values of the swing's bumps at a time.
+    pub(crate) fn fill_swing(&self, time_s: f64, out: &mut [f64]) {
+        self.bumps[SWING].fill(time_s, out);
+    }
+
+    /// exp(g) for bumps of these values and weights.
+    pub(crate) fn factor(&self, values: &[f64], weights: &[f64]) -> f64 {
+        let n = self.of_form();
+        let g = dot(&values[..n], &weights[..n]);
+        g.clamp(-MOST_EXPONENT, MOST_EXPONENT).exp()
+    }
+
+    /// Turn of the axis at a time, degrees clockwise.
+    pub(crate) fn turn_deg(&self, time_s: f64, weights: &[f64]) -> f64 {
+        let mut values = vec![0.0; self.bumps[SWING].count];
+        self.bumps[SWING].fill(time_s, &mut values);
+        dot(&values, &weights[self.of_form()..])
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Least and largest of the finite values; zero where there is none.
+fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (low, high) = values
+        .filter(|v| v.is_finite())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+            (l.min(v), h.max(v))
+        });
+    if low > high { (0.0, 0.0) } else { (low, high) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn place(ln_distance: f64, across_sigmas: f64) -> PlumePlace {
+        PlumePlace {
+            ln_distance,
+            across_sigmas,
+            ..PlumePlace::default()
+        }
+    }
+
+    /// g's variance is the square of its size wherever something was read or asked.
+    #[test]
+    fn the_error_of_form_has_the_same_size_everywhere() {
+        let places = [place(6.9, -2.0), place(8.1, 3.0)];
+        let basis = Basis::over(places.into_iter(), &[0.0, 900.0], &Policy::default());
+        let coordinates: Vec<usize> = basis.coordinates().collect();
+        let mut bumps = vec![0.0; basis.len()];
+        for step in 0..=60 {
+            let ln_distance = 6.9 + 0.02 * f64::from(step);
+            basis.fill(&place(ln_distance, 0.0), &mut bumps);
+            for coordinate in 0..COORDINATES {
+                let of = |(b, c): (&f64, &usize)| if *c == coordinate { b * b } else { 0.0 };
+                let variance: f64 = bumps.iter().zip(&coordinates).map(of).sum();
+                assert!(
+                    (variance - 1.0).abs() < 0.02,
+                    "{coordinate} at {ln_distance}: {variance}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn outside_the_plume_only_the_axis_swings() {
+        let places = [place(6.9, 0.0), place(8.1, 0.0)];
+        let basis = Basis::over(places.into_iter(), &[0.0, 900.0], &Policy::default());
+        let mut bumps = vec![0.0; basis.len()];
+        basis.fill(&place(f64::NAN, 0.0), &mut bumps);
+        assert!(bumps[..basis.of_form()].iter().all(|b| *b == 0.0));
+        assert!(bumps[basis.of_form()..].iter().any(|b| *b > 0.1));
+        assert_eq!(basis.factor(&bumps, &vec![1.0; basis.len()]), 1.0);
+    }
+
+    #[test]
+    fn a_long_record_has_no_more_bumps_than_allowed() {
+        let policy = Policy::default();
+        let basis = Basis::over(std::iter::empty(), &[0.0, 1e6], &policy);
+        let time = basis.coordinates().filter(|c| *c == 3).count();
+        let swing = basis.coordinates().filter(|c| *c == SWING).count();
+        assert!(time <= policy.form_most_bumps + 2, "{time}");
+        assert!(swing <= policy.swing_most_bumps + 2, "{swing}");
+    }
+}

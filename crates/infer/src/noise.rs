@@ -1,0 +1,397 @@
+//! The noise of readings, as a linear Gaussian process in time whose likelihood a Kalman filter
+//! gives in one pass.
+//!
+//! Four independent parts make the misfit of a row: white noise of the sensor; a slow wander of
+//! its zero; the fluctuation of concentrations in the plume, proportional to the plume's part
+//! of the reading; and the wander of the plume's axis, proportional to the derivative of the
+//! reading by the axis' direction. The last three are Ornstein-Uhlenbeck processes: stationary,
+//! Gaussian, forgetting exponentially. The filter's innovations are independent, so the same
+//! recursion whitens any column of a least-squares problem (Durbin and Koopman 2012, section 4).
+
+use crate::rows::Rows;
+use multiversion::multiversion;
+
+/// Processes with memory: slow wander of the zero, fluctuation, wander of the axis.
+const PROCESSES: usize = 3;
+const SLOW: usize = 0;
+const FLUCTUATION: usize = 1;
+const WANDER: usize = 2;
+
+/// Half the logarithm of 2π.
+const HALF_LN_TAU: f64 = 0.918_938_533_204_672_8;
+
+/// Sizes (standard deviations) and memories of the parts of the noise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Noise {
+    /// White noise of a row, in the unit of the readings.
+    pub white: f64,
+    /// Slow wander of the sensor's zero, in the unit of the readings.
+    pub slow: f64,
+    /// Memory of the slow wander, s.
+    pub slow_s: f64,
+    /// Fluctuation of concentrations, as a part of the plume's share of the reading.
+    pub fluctuation: f64,
+    /// Memory of the fluctuation, s.
+    pub fluctuation_s: f64,
+    /// Fast wander of the plume's axis, degrees.
+    pub wander_deg: f64,
+    /// Memory of the axis' wander, s.
+    pub wander_s: f64,
+}
+
+impl Noise {
+    /// Number of sizes and memories.
+    pub const PARAMETERS: usize = 7;
+
+    /// Natural logarithms of sizes and memories, in the order of the fields.
+    pub fn ln(&self) -> [f64; Self::PARAMETERS] {
+        [
+            self.white,
+            self.slow,
+            self.slow_s,
+            self.fluctuation,
+            self.fluctuation_s,
+            self.wander_deg,
+            self.wander_s,
+        ]
+        .map(f64::ln)
+    }
+
+    /// The noise of these logarithms.
+    pub fn from_ln(ln: [f64; Self::PARAMETERS]) -> Self {
+        let [
+            white,
+            slow,
+            slow_s,
+            fluctuation,
+            fluctuation_s,
+            wander_deg,
+            wander_s,
+        ] = ln.map(f64::exp);
+        Self {
+            white,
+            slow,
+            slow_s,
+            fluctuation,
+            fluctuation_s,
+            wander_deg,
+            wander_s,
+        }
+    }
+
+    fn sizes(&self) -> [f64; PROCESSES] {
+        [self.slow, self.fluctuation, self.wander_deg]
+    }
+
+    fn memories_s(&self) -> [f64; PROCESSES] {
+        [self.slow_s, self.fluctuation_s, self.wander_s]
+    }
+}
+
+/// What the processes make of each row.
+#[derive(Debug, Clone, Default)]
+pub struct Loadings {
+    /// The plume's part of each row.
+    pub plume: Vec<f64>,
+    /// Change of each row's reading by one degree of wander.
+    pub per_degree: Vec<f64>,
+}
+
+impl Loadings {
+    fn of(&self, row: usize) -> [f64; PROCESSES] {
+        [1.0, self.plume[row], self.per_degree[row]]
+    }
+}
+
+/// What the filter does to any column at a row.
+#[derive(Debug, Clone, Copy)]
+struct Step {
+    keep: [f64; PROCESSES],
+    loading: [f64; PROCESSES],
+    gain: [f64; PROCESSES],
+    inverse_sd: f64,
+}
+
+/// A Kalman filter's gains for given noise and loadings.
+#[derive(Debug, Clone)]
+pub(crate) struct Whitener {
+    steps: Vec<Step>,
+    /// The noise it is for.
+    pub noise: Noise,
+    /// Sum over rows of ln(inverse sd) - ln(2π)/2: the density's normalisation.
+    pub ln_normalisation: f64,
+}
+
+impl Whitener {
+    /// The filter for `noise`. `inflation` multiplies the variance of a row's own white noise.
+    pub fn new(rows: &Rows, noise: &Noise, loadings: &Loadings, inflation: &[f64]) -> Self {
+        let mut steps = Vec::with_capacity(rows.len());
+        let mut ln_normalisation = 0.0;
+        run(rows, noise, loadings, inflation, |_, step| {
+            if step.inverse_sd > 0.0 {
+                ln_normalisation += step.inverse_sd.ln() - HALF_LN_TAU;
+            }
+            steps.push(step);
+        });
+        Self {
+            steps,
+            noise: *noise,
+            ln_normalisation,
+        }
+    }
+
+    /// Whitens `matrix` in place: one row of `columns` numbers for each reading. Rows that are not
+    /// used become zero.
+    pub fn whiten(&self, rows: &Rows, matrix: &mut [f64], columns: usize) {
+        for range in rows.series() {
+            let part = &mut matrix[range.start * columns..range.end * columns];
+            whiten_series(part, &self.steps[range.clone()], columns);
+        }
+    }
+
+    /// Standard deviation of a row's innovation, infinite where the row is not used.
+    pub fn innovation_sd(&self, row: usize) -> f64 {
+        1.0 / self.steps[row].inverse_sd
+    }
+}
+
+/// Log likelihood of `misfit` under `noise`, nats.
+pub(crate) fn log_likelihood(
+    rows: &Rows,
+    noise: &Noise,
+    loadings: &Loadings,
+    inflation: &[f64],
+    misfit: &[f64],
+) -> f64 {
+    let mut mean = [0.0; PROCESSES];
+    let mut total = 0.0;
+    run(rows, noise, loadings, inflation, |row, step| {
+        if row.is_first {
+            mean = [0.0; PROCESSES];
+        }
+        let mut expected = 0.0;
+        for (mean, (keep, loading)) in mean.iter_mut().zip(step.keep.iter().zip(step.loading)) {
+            *mean *= keep;
+            expected += loading * *mean;
+        }
+        if step.inverse_sd > 0.0 {
+            let innovation = misfit[row.index] - expected;
+            for (mean, gain) in mean.iter_mut().zip(step.gain) {
+                *mean += gain * innovation;
+            }
+            let z = innovation * step.inverse_sd;
+            total += step.inverse_sd.ln() - HALF_LN_TAU - 0.5 * z * z;
+        }
+    });
+    total
+}
+
+/// A row on the filter's way.
+#[derive(Clone, Copy)]
+struct At {
+    index: usize,
+    is_first: bool,
+}
+
+/// Runs the filter's covariance over all rows and hands each step to `each`.
+fn run(
+    rows: &Rows,
+    noise: &Noise,
+    loadings: &Loadings,
+    inflation: &[f64],
+    mut each: impl FnMut(At, Step),
+) {
+    let size_sq = noise.sizes().map(|s| s * s);
+    let memories_s = noise.memories_s();
+    for range in rows.series() {
+        let mut covariance = Covariance::stationary(size_sq);
+        let (mut last_dt, mut keep) = (f64::NAN, [1.0; PROCESSES]);
+        for index in range.clone() {
+            let is_first = index == range.start;
+            if !is_first {
+                let dt = rows.time_s()[index] - rows.time_s()[index - 1];
+                if dt != last_dt {
+                    keep = memories_s.map(|memory_s| (-dt / memory_s).exp());
+                    last_dt = dt;
+                }
+                covariance.forget(keep, size_sq);
+            }
+            let loading = loadings.of(index);
+            let mut step = Step {
+                keep: if is_first { [1.0; PROCESSES] } else { keep },
+                loading,
+                gain: [0.0; PROCESSES],
+                inverse_sd: 0.0,
+            };
+            if rows.is_used(index) {
+                let white = rows.stated_sd(index).unwrap_or(noise.white);
+                (step.gain, step.inverse_sd) =
+                    covariance.learn(loading, white * white * inflation[index]);
+            }
+            each(At { index, is_first }, step);
+        }
+    }
+}
+
+/// Covariance of the processes: the upper triangle 00 01 02 11 12 22.
+struct Covariance([f64; 6]);
+
+impl Covariance {
+    fn stationary(size_sq: [f64; PROCESSES]) -> Self {
+        Self([size_sq[0], 0.0, 0.0, size_sq[1], 0.0, size_sq[2]])
+    }
+
+    fn forget(&mut self, [a, b, c]: [f64; PROCESSES], size_sq: [f64; PROCESSES]) {
+        let p = &mut self.0;
+        p[0] = a * a * p[0] + (1.0 - a * a) * size_sq[0];
+        p[1] *= a * b;
+        p[2] *= a * c;
+        p[3] = b * b * p[3] + (1.0 - b * b) * size_sq[1];
+        p[4] *= b * c;
+        p[5] = c * c * p[5] + (1.0 - c * c) * size_sq[2];
+    }
+
+    /// Takes in a row with white variance `own`: gain and inverse standard deviation of its innovation.
+    fn learn(&mut self, h: [f64; PROCESSES], own: f64) -> ([f64; PROCESSES], f64) {
+        let p = &mut self.0;
+        let ph = [
+            p[0] * h[0] + p[1] * h[1] + p[2] * h[2],
+            p[1] * h[0] + p[3] * h[1] + p[4] * h[2],
+            p[2] * h[0] + p[4] * h[1] + p[5] * h[2],
+        ];
+        let variance = h[0] * ph[0] + h[1] * ph[1] + h[2] * ph[2] + own;
+        let gain = ph.map(|v| v / variance);
+        p[0] -= gain[0] * ph[0];
+        p[1] -= gain[0] * ph[1];
+        p[2] -= gain[0] * ph[2];
+        p[3] -= gain[1] * ph[1];
+        p[4] -= gain[1] * ph[2];
+        p[5] -= gain[2] * ph[2];
+        (gain, 1.0 / variance.sqrt())
+    }
+}
+
+/// The filter's means for all columns at once.
+#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2"))]
+fn whiten_series(matrix: &mut [f64], steps: &[Step], columns: usize) {
+    let mut slow = vec![0.0; columns];
+    let mut fluctuation = vec![0.0; columns];
+    let mut wander = vec![0.0; columns];
+    for (row, s) in matrix.chunks_exact_mut(columns).zip(steps) {
+        let states = slow.iter_mut().zip(&mut fluctuation).zip(&mut wander);
+        for (value, ((slow, fluctuation), wander)) in row.iter_mut().zip(states) {
+            *slow *= s.keep[SLOW];
+            *fluctuation *= s.keep[FLUCTUATION];
+            *wander *= s.keep[WANDER];
+            let expected = s.loading[SLOW] * *slow
+                + s.loading[FLUCTUATION] * *fluctuation
+                + s.loading[WANDER] * *wander;
+            let innovation = *value - expected;
+            *slow += s.gain[SLOW] * innovation;
+            *fluctuation += s.gain[FLUCTUATION] * innovation;
+            *wander += s.gain[WANDER] * innovation;
+            *value = innovation * s.inverse_sd;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Cholesky, DMatrix, DVector};
+
+    const NOISE: Noise = Noise {
+        white: 2.0,
+        slow: 3.0,
+        slow_s: 40.0,
+        fluctuation: 0.2,
+        fluctuation_s: 5.0,
+        wander_deg: 1.5,
+        wander_s: 30.0,
+    };
+
+    /// Two sensors with uneven times, of which one reading does not count and one states its noise.
+    fn rows_and_loadings() -> (Rows, Loadings, Vec<f64>) {
+        let time_s = [0.0, 1.0, 2.5, 3.0, 9.0, 0.5, 1.5, 30.0];
+        let misfit = [1.0, -4.0, 9.0, 2.0, 0.0, -3.0, 5.0, 1.5];
+        let mut stated_sd = vec![f64::NAN; 8];
+        stated_sd[6] = 0.7;
+        let mut used = vec![true; 8];
+        used[2] = false;
+        let rows = Rows::new(
+            vec![0..5, 5..8],
+            time_s.to_vec(),
+            misfit.to_vec(),
+            stated_sd,
+            used,
+        );
+        let loadings = Loadings {
+            plume: vec![0.0, 10.0, 40.0, 30.0, 0.5, 0.0, 20.0, 3.0],
+            per_degree: vec![0.0, 4.0, 1.0, -6.0, -0.2, 0.0, -8.0, 1.0],
+        };
+        (rows.unwrap(), loadings, misfit.to_vec())
+    }
+
+    /// The same process as a covariance matrix, written out from its definition, and a normal density
+    /// by Cholesky's decomposition.
+    fn dense_log_likelihood(rows: &Rows, loadings: &Loadings, inflation: &[f64]) -> f64 {
+        let mut total = 0.0;
+        for range in rows.series() {
+            let used: Vec<usize> = range.filter(|&i| rows.is_used(i)).collect();
+            let n = used.len();
+            let covariance = DMatrix::from_fn(n, n, |a, b| {
+                let (i, j) = (used[a], used[b]);
+                let dt = (rows.time_s()[i] - rows.time_s()[j]).abs();
+                let part = |size: f64, memory_s: f64| size * size * (-dt / memory_s).exp();
+                let own = if a == b {
+                    rows.stated_sd(i).unwrap_or(NOISE.white).powi(2) * inflation[i]
+                } else {
+                    0.0
+                };
+                own + part(NOISE.slow, NOISE.slow_s)
+                    + part(NOISE.fluctuation, NOISE.fluctuation_s)
+                        * loadings.plume[i]
+                        * loadings.plume[j]
+                    + part(NOISE.wander_deg, NOISE.wander_s)
+                        * loadings.per_degree[i]
+                        * loadings.per_degree[j]
+            });
+            let misfit = DVector::from_fn(n, |a, _| rows.measured()[used[a]]);
+            let cholesky = Cholesky::new(covariance).unwrap();
+            let square = misfit.dot(&cholesky.solve(&misfit));
+            let ln_determinant = 2.0 * cholesky.l().diagonal().iter().map(|d| d.ln()).sum::<f64>();
+            total -= 0.5 * (square + ln_determinant + n as f64 * std::f64::consts::TAU.ln());
+        }
+        total
+    }
+
+    #[test]
+    fn the_filter_gives_the_normal_density_of_the_whole_series() {
+        let (rows, loadings, misfit) = rows_and_loadings();
+        let mut inflation = vec![1.0; rows.len()];
+        inflation[3] = 4.0;
+        let dense = dense_log_likelihood(&rows, &loadings, &inflation);
+        let filtered = log_likelihood(&rows, &NOISE, &loadings, &inflation, &misfit);
+        assert!((dense - filtered).abs() < 1e-9, "{dense} {filtered}");
+        // Whitened, it is a sum of squares.
+        let whitener = Whitener::new(&rows, &NOISE, &loadings, &inflation);
+        let mut matrix: Vec<f64> = misfit.iter().flat_map(|m| [*m, 2.0 * m]).collect();
+        whitener.whiten(&rows, &mut matrix, 2);
+        let square: f64 = matrix.chunks_exact(2).map(|w| w[0] * w[0]).sum();
+        assert!((whitener.ln_normalisation - 0.5 * square - dense).abs() < 1e-9);
+        assert!(
+            matrix
+                .chunks_exact(2)
+                .all(|w| (w[1] - 2.0 * w[0]).abs() < 1e-12)
+        );
+        assert_eq!(matrix[2 * 2], 0.0, "a row that is not used says nothing");
+    }
+
+    #[test]
+    fn logarithms_and_back() {
+        let back = Noise::from_ln(NOISE.ln());
+        for (a, b) in back.ln().iter().zip(NOISE.ln()) {
+            assert!((a - b).abs() < 1e-12);
+        }
+    }
+}

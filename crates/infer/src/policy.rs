@@ -1,0 +1,145 @@
+//! Every number by which the inference decides, with its reason.
+
+use crate::form::{COORDINATES, SWING, Sizes};
+use crate::noise::Noise;
+
+/// Numbers by which the inference decides. None has the unit of a concentration: sizes follow the
+/// sensor's noise and the plume, so that an answer is the same in ppm and in ppb.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Policy {
+    /// Width of the error of form's bumps in the logarithm of distance: a plume's spread is a
+    /// power of distance over a factor of two, not much less (Briggs 1973 against Pasquill).
+    pub form_width_ln_distance: f64,
+    /// The same in height and across, in standard deviations of the plume: a profile that is not
+    /// Gaussian differs from it over about one.
+    pub form_width_sigmas: f64,
+    /// The same in time, s: what is slower than the five minutes of a mean is a change of the
+    /// plume, what is faster is its fluctuation.
+    pub form_width_s: f64,
+    /// Width of the swing's bumps, s: about as long as a pass, so that each pass may meet the plume in a
+    /// direction of its own, and what turns within a pass is wander.
+    pub swing_width_s: f64,
+    /// Most bumps of the swing.
+    pub swing_most_bumps: usize,
+    /// Height and distance across beyond which a plume is nothing, in standard deviations.
+    pub form_reach_sigmas: f64,
+    /// Most bumps of one coordinate: keeps the cost linear in a record's length.
+    pub form_most_bumps: usize,
+    /// Sizes of the error of form that are tried on each coordinate besides none: a tenth, and the
+    /// factor of about 1.5 by which plumes of power plants vary (Hanna et al. 1982).
+    pub form_sizes: [f64; 2],
+    /// Size of the error of form on each coordinate where it is none: no plume is Gaussian to a
+    /// hundredth.
+    pub form_least: f64,
+    /// Sizes of the swing of the axis that are tried besides none, degrees: a wind that veers within an
+    /// hour, and one that turns.
+    pub swing_sizes_deg: [f64; 2],
+    /// Probability beforehand that a coordinate has no error of form: odds of three to one, so that at even odds there is none on three of the
+    /// four.
+    pub form_none: f64,
+    /// What is known of the noise beforehand: median of each size and memory, sizes of white and
+    /// slow noise as multiples of the sensor's own.
+    pub noise_median: Noise,
+    /// One standard deviation of the natural logarithm of each, in the same order.
+    pub noise_ln_sd: [f64; Noise::PARAMETERS],
+    /// An innovation beyond this many standard deviations is a spike where it is short: one in
+    /// 16,000 of normal noise.
+    pub spike_sd: f64,
+    /// A spike lasts at most this part of the time in which the track crosses one standard
+    /// deviation of the plume: what lasts longer may be a plume.
+    pub spike_part_of_crossing: f64,
+    /// Longest step of a search: standard deviations of the priors.
+    pub longest_step_sd: f64,
+    /// Most steps of one fit.
+    pub most_steps: usize,
+    /// A fit is settled when a step promises less than this, nats.
+    pub settled_nats: f64,
+    /// A part of the posterior with less than this share of the largest is left out.
+    pub least_weight: f64,
+}
+
+impl Default for Policy {
+    fn default() -> Self {
+        Self {
+            form_width_ln_distance: 0.35,
+            form_width_sigmas: 1.0,
+            form_width_s: 300.0,
+            swing_width_s: 60.0,
+            swing_most_bumps: 40,
+            form_reach_sigmas: 3.0,
+            form_most_bumps: 24,
+            form_sizes: [0.1, 0.4],
+            form_least: 0.01,
+            swing_sizes_deg: [3.0, 15.0],
+            form_none: 0.75,
+            noise_median: Noise {
+                white: 1.0,
+                slow: 0.5,
+                slow_s: 300.0,
+                fluctuation: 0.1,
+                fluctuation_s: 5.0,
+                wander_deg: 1.0,
+                wander_s: 60.0,
+            },
+            noise_ln_sd: [0.7, 1.0, 0.5, 1.0, 0.7, 1.0, 0.5],
+            spike_sd: 4.0,
+            spike_part_of_crossing: 0.5,
+            longest_step_sd: 1.0,
+            most_steps: 20,
+            settled_nats: 0.1,
+            least_weight: 1e-3,
+        }
+    }
+}
+
+impl Policy {
+    /// The sizes that a coordinate of error of form or swing may have, with the logarithms of their
+    /// probabilities beforehand.
+    fn choices(&self, coordinate: usize) -> [(f64, f64); 3] {
+        let (least, [some, more]) = if coordinate == SWING {
+            (0.0, self.swing_sizes_deg)
+        } else {
+            (self.form_least, self.form_sizes)
+        };
+        let ln_some = (0.5 * (1.0 - self.form_none)).ln();
+        [
+            (least, self.form_none.ln()),
+            (some, ln_some),
+            (more, ln_some),
+        ]
+    }
+
+    /// Logarithm of the probability of sizes beforehand.
+    pub(crate) fn ln_sizes(&self, sizes: &Sizes) -> f64 {
+        let of = |(k, size): (usize, &f64)| {
+            let choices = self.choices(k);
+            let chosen = choices.iter().find(|c| c.0 == *size);
+            chosen.map_or(f64::NEG_INFINITY, |c| c.1)
+        };
+        sizes.iter().enumerate().map(of).sum()
+    }
+
+    /// Sizes of an error of form on every coordinate and a swing, as near as the choices come.
+    pub(crate) fn nearest_sizes(&self, form: f64, swing_deg: f64) -> Sizes {
+        std::array::from_fn(|k| {
+            let wanted = if k == SWING { swing_deg } else { form };
+            let off = |c: &(f64, f64)| (c.0 - wanted).abs();
+            let choices = self.choices(k).into_iter();
+            choices
+                .min_by(|a, b| off(a).total_cmp(&off(b)))
+                .map_or(0.0, |c| c.0)
+        })
+    }
+
+    /// All sizes that differ from `sizes` on one coordinate.
+    pub(crate) fn neighbours(&self, sizes: Sizes) -> impl Iterator<Item = Sizes> + '_ {
+        (0..COORDINATES).flat_map(move |k| {
+            let other = self.choices(k).into_iter().filter(move |c| c.0 != sizes[k]);
+            other.map(move |c| {
+                let mut next = sizes;
+                next[k] = c.0;
+                next
+            })
+        })
+    }
+}

@@ -1,0 +1,349 @@
+//! What is believed after the readings: fits under several sizes of the error of form and several
+//! noises, each with the weight that its evidence gives it.
+
+use crate::InferError;
+use crate::fit::{Fit, Problem};
+use crate::form::{COORDINATES, SWING, Sizes};
+use crate::noise::Noise;
+use crate::rows::{ForwardModel, PlumePlace};
+use nalgebra::{DMatrix, DVector};
+
+/// Fluctuation and wander are tried smaller and larger by this factor until the evidence falls.
+const SIZE_FACTOR: f64 = 2.0;
+/// Most such tries, and most rounds of sizes of the error of form.
+const MOST_TRIES: usize = 6;
+const MOST_ROUNDS: usize = 4;
+/// A try that gains less ends them, nats.
+const LEAST_GAIN: f64 = 0.5;
+/// Sizes whose evidence is less by this have no neighbours that count, nats.
+const NEAR_NATS: f64 = 6.0;
+/// Size of the error of form that half of the first fits are given: middling, so that it is found
+/// where it is and does nothing where it is not.
+const FIRST_SIZE: f64 = 0.3;
+/// Fluctuation and wander that the first fits are given, as multiples of what is most probable
+/// beforehand: a plume that lies nearly still, one that wanders, and one whose strength flickers.
+const FIRST_NOISES: [(f64, f64); 3] = [(0.5, 0.1), (1.0, 3.0), (3.0, 0.3)];
+/// Differences for derivatives: part of a standard deviation, and degrees of the axis.
+const DIFFERENCE_SD: f64 = 0.05;
+const DIFFERENCE_DEG: f64 = 0.05;
+/// First fits whose noise is fitted, and those of them that are followed to their end.
+const REFINED: usize = 4;
+const FOLLOWED: usize = 2;
+
+/// A number and how far it may be off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Mean of the posterior.
+    pub value: f64,
+    /// One standard deviation.
+    pub sd: f64,
+}
+
+/// A normal part of the posterior.
+#[derive(Debug, Clone)]
+struct Part {
+    weight: f64,
+    sizes: Sizes,
+    /// Mean, from the fit's point.
+    step: DVector<f64>,
+    covariance: DMatrix<f64>,
+}
+
+/// The posterior of a model's unknowns and of its error of form.
+#[derive(Debug, Clone)]
+pub struct Posterior {
+    fit: Fit,
+    parts: Vec<Part>,
+    unknowns: usize,
+    ln_evidence: f64,
+}
+
+impl<M: ForwardModel> Problem<'_, M> {
+    /// The posterior from the model's own starts.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn posterior(&self) -> Result<Posterior, InferError> {
+        let mut found = self.first_fits()?;
+        sort(&mut found);
+        let mut best: Option<Posterior> = None;
+        for first in found.into_iter().take(FOLLOWED) {
+            let fit = self.refit_noise(&self.refit_noise(&first.fit)?)?;
+            let found = self.climb(self.settle_sizes(fit)?)?;
+            if best
+                .as_ref()
+                .is_none_or(|b| found.ln_evidence > b.ln_evidence)
+            {
+                best = Some(found);
+            }
+        }
+        best.ok_or(InferError::NoPosterior)
+    }
+
+    /// Posteriors from several starts, noises and sizes of the error of form: the likelihood has
+    /// several valleys where a plume wanders.
+    fn first_fits(&self) -> Result<Vec<Posterior>, InferError> {
+        let beforehand = self.noise_beforehand();
+        let still = self.rough_fit(&self.search()?, 0.0)?;
+        let (swung, swing_deg) = self.swung(&still)?;
+        let mut points = vec![(still, 0.0)];
+        let least_deg = self.policy.swing_sizes_deg[0];
+        if swing_deg > 0.5 * least_deg {
+            let swing_deg = swing_deg.max(least_deg);
+            points.push((self.rough_fit(&swung, swing_deg)?, swing_deg));
+        }
+        let mut found = Vec::new();
+        for (point, swing_deg) in &points {
+            let basis = self.basis(point)?;
+            for form in [0.0, FIRST_SIZE] {
+                let sizes = self.policy.nearest_sizes(form, *swing_deg);
+                for (fluctuation, wander) in FIRST_NOISES {
+                    let noise = Noise {
+                        fluctuation: beforehand.fluctuation * fluctuation,
+                        wander_deg: beforehand.wander_deg * wander,
+                        ..beforehand
+                    };
+                    found.push(self.around(self.fit(point, &basis, noise, sizes)?)?);
+                }
+            }
+        }
+        sort(&mut found);
+        found.truncate(REFINED);
+        let refined = found.iter().map(|f| {
+            let fit = self.refit_noise(&f.fit)?;
+            self.settle_sizes(fit)
+        });
+        refined.collect()
+    }
+
+    /// The posterior with the sizes of fluctuation and wander that have the largest evidence from
+    /// `posterior` on. The likelihood at one point alone prefers noises that are too small, as the
+    /// point was fitted too.
+    fn climb(&self, mut posterior: Posterior) -> Result<Posterior, InferError> {
+        for _ in 0..MOST_TRIES {
+            let before = posterior.ln_evidence;
+            for scaled in [scale_fluctuation, scale_wander] {
+                for by in [SIZE_FACTOR, 1.0 / SIZE_FACTOR] {
+                    let fit = &posterior.fit;
+                    let noise = scaled(fit.noise, by);
+                    let fit = self.fit(&fit.point, &fit.basis, noise, fit.sizes)?;
+                    let tried = self.settle_sizes(fit)?;
+                    if tried.ln_evidence > posterior.ln_evidence {
+                        posterior = tried;
+                    }
+                }
+            }
+            if posterior.ln_evidence - before < LEAST_GAIN {
+                break;
+            }
+        }
+        Ok(posterior)
+    }
+
+    /// The posterior under a fit's noise, whose point has the sizes of the error of form that are
+    /// likeliest there: what a linear problem says of sizes far from those of its point is not to be
+    /// believed.
+    fn settle_sizes(&self, fit: Fit) -> Result<Posterior, InferError> {
+        let mut found = self.around(fit)?;
+        for _ in 0..MOST_ROUNDS {
+            let sizes = found.likeliest_sizes();
+            if sizes == found.fit.sizes {
+                break;
+            }
+            let fit = &found.fit;
+            found = self.around(self.fit(&fit.point, &fit.basis, fit.noise, sizes)?)?;
+        }
+        Ok(found)
+    }
+
+    /// The posterior under a fit's noise, by the linear problem at its point for all sizes of the
+    /// error of form.
+    fn around(&self, fit: Fit) -> Result<Posterior, InferError> {
+        let offset = self.offset_of(&fit.point);
+        let solve = |sizes: Sizes| {
+            fit.linear
+                .solve(&self.precision(&fit.basis, sizes), &offset)
+        };
+        let scored = |sizes: Sizes| {
+            let evidence = solve(sizes).map_or(f64::NEG_INFINITY, |s| s.2);
+            (evidence + self.policy.ln_sizes(&sizes), sizes)
+        };
+        // What differs from the likeliest sizes on more than two coordinates weighs nothing.
+        let mut likeliest = scored(fit.sizes);
+        let mut parts: Vec<(f64, Sizes)>;
+        loop {
+            parts = self.policy.neighbours(likeliest.1).map(scored).collect();
+            match parts.iter().max_by(|a, b| a.0.total_cmp(&b.0)) {
+                Some(best) if best.0 > likeliest.0 => likeliest = *best,
+                _ => break,
+            }
+        }
+        let near = parts.iter().filter(|p| likeliest.0 - p.0 < NEAR_NATS);
+        let mut seen: Vec<Sizes> = parts.iter().map(|p| p.1).chain([likeliest.1]).collect();
+        let mut farther = Vec::new();
+        for sizes in near.flat_map(|p| self.policy.neighbours(p.1)) {
+            if !seen.contains(&sizes) {
+                seen.push(sizes);
+                farther.push(scored(sizes));
+            }
+        }
+        parts.extend(farther);
+        parts.push(likeliest);
+        let top = parts.iter().map(|p| p.0).fold(f64::NEG_INFINITY, f64::max);
+        if !top.is_finite() {
+            return Err(InferError::NoPosterior);
+        }
+        let total: f64 = parts.iter().map(|p| (p.0 - top).exp()).sum();
+        parts.retain(|p| p.0 - top > self.policy.least_weight.ln());
+        let kept: f64 = parts.iter().map(|p| (p.0 - top).exp()).sum();
+        let part = |&(ln, sizes): &(f64, Sizes)| {
+            let (step, cholesky, _) = solve(sizes)?;
+            Some(Part {
+                weight: (ln - top).exp() / kept,
+                sizes,
+                step,
+                covariance: cholesky.inverse(),
+            })
+        };
+        Ok(Posterior {
+            ln_evidence: top + total.ln() + self.ln_noise_prior(&fit.noise),
+            unknowns: self.unknowns(),
+            parts: parts.iter().filter_map(part).collect(),
+            fit,
+        })
+    }
+}
+
+/// The likeliest first.
+fn sort(found: &mut [Posterior]) {
+    found.sort_by(|a, b| b.ln_evidence.total_cmp(&a.ln_evidence));
+}
+
+fn scale_fluctuation(noise: Noise, by: f64) -> Noise {
+    Noise {
+        fluctuation: noise.fluctuation * by,
+        ..noise
+    }
+}
+
+fn scale_wander(noise: Noise, by: f64) -> Noise {
+    Noise {
+        wander_deg: noise.wander_deg * by,
+        ..noise
+    }
+}
+
+impl Posterior {
+    /// The fit around which it was made.
+    pub fn fit(&self) -> &Fit {
+        &self.fit
+    }
+
+    /// Natural logarithm of the evidence, nats, up to a constant of the readings.
+    pub fn ln_evidence(&self) -> f64 {
+        self.ln_evidence
+    }
+
+    /// The sizes of the error of form that are most probable.
+    pub fn likeliest_sizes(&self) -> Sizes {
+        let most = self
+            .parts
+            .iter()
+            .max_by(|a, b| a.weight.total_cmp(&b.weight));
+        most.map_or([0.0; COORDINATES], |p| p.sizes)
+    }
+
+    /// Mean size of the error of form: of the standard deviations of g, all coordinates together.
+    pub fn form_size(&self) -> f64 {
+        let of = |p: &Part| p.weight * p.sizes[..SWING].iter().map(|s| s * s).sum::<f64>().sqrt();
+        self.parts.iter().map(of).sum()
+    }
+
+    /// Mean of the unknowns.
+    pub fn mean(&self) -> DVector<f64> {
+        let mut mean = DVector::from_column_slice(&self.fit.point.at);
+        for part in &self.parts {
+            mean += part.weight * part.step.rows(0, self.unknowns);
+        }
+        mean
+    }
+
+    /// Covariance of the unknowns.
+    pub fn covariance(&self) -> DMatrix<f64> {
+        let mean = self.mean() - DVector::from_column_slice(&self.fit.point.at);
+        let mut out = DMatrix::zeros(self.unknowns, self.unknowns);
+        for part in &self.parts {
+            let off = part.step.rows(0, self.unknowns) - &mean;
+            let own = part.covariance.view((0, 0), (self.unknowns, self.unknowns));
+            out += part.weight * (own + &off * off.transpose());
+        }
+        out
+    }
+
+    /// Turn of the axis at a time, degrees clockwise, as it is most probable.
+    pub fn turn_deg(&self, time_s: f64) -> f64 {
+        self.fit.basis.turn_deg(time_s, &self.fit.point.weights)
+    }
+
+    /// What is to be met at a place: `value` gives for the unknowns and a turn of the axis in degrees
+    /// what is there besides the plume and the plume, both in the unit of the readings, and where in
+    /// the plume the place lies. The axis is turned as it was at `time_s`.
+    pub fn at_place(
+        &self,
+        time_s: f64,
+        value: impl Fn(&[f64], f64) -> (f64, f64, PlumePlace),
+    ) -> Estimate {
+        let fit = &self.fit;
+        let basis = &fit.basis;
+        let mut bumps = vec![0.0; basis.len()];
+        let mut met = |at: &[f64], turn_deg: f64| {
+            let (rest, plume, place) = value(at, turn_deg);
+            basis.fill(&place, &mut bumps);
+            (
+                rest,
+                plume * basis.factor(&bumps, &fit.point.weights),
+                bumps.clone(),
+            )
+        };
+        let at = &fit.point.at;
+        let turn_deg = basis.turn_deg(time_s, &fit.point.weights);
+        let (rest, plume, here_bumps) = met(at, turn_deg);
+        let here = rest + plume;
+        let mut slope = DVector::zeros(self.unknowns + basis.len());
+        for k in 0..self.unknowns {
+            let sd = self
+                .parts
+                .first()
+                .map_or(0.0, |p| p.covariance[(k, k)].sqrt());
+            let difference = DIFFERENCE_SD * sd;
+            if difference > 0.0 {
+                let mut aside = at.clone();
+                aside[k] += difference;
+                let (rest, plume, _) = met(&aside, turn_deg);
+                slope[k] = (rest + plume - here) / difference;
+            }
+        }
+        let (rest, turned, _) = met(at, turn_deg + DIFFERENCE_DEG);
+        let per_degree = (rest + turned - here) / DIFFERENCE_DEG;
+        for (k, bump) in here_bumps.iter().enumerate() {
+            let each = if k < basis.of_form() {
+                plume
+            } else {
+                per_degree
+            };
+            slope[self.unknowns + k] = each * bump;
+        }
+        let moments = self.parts.iter().map(|p| {
+            let shift = slope.dot(&p.step);
+            (p.weight, shift, (&p.covariance * &slope).dot(&slope))
+        });
+        let mean: f64 = moments.clone().map(|(w, shift, _)| w * shift).sum();
+        let variance: f64 = moments
+            .map(|(w, shift, v)| w * (v + (shift - mean).powi(2)))
+            .sum();
+        Estimate {
+            value: here + mean,
+            sd: variance.max(0.0).sqrt(),
+        }
+    }
+}

@@ -64,8 +64,9 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     );
     tell_changes(&setup.scenario, &offline.scenario);
     if let Some(peak) = &peak {
+        let digits = if peak.sd_ppm < 10.0 { 2 } else { 0 };
         println!(
-            "{:32} {:.0} ± {:.0} ppm at {:.5}, {:.5}, {:.0} m AMSL, where vehicles may fly",
+            "{:32} {:.digits$} ± {:.digits$} ppm at {:.5}, {:.5}, {:.0} m AMSL, where vehicles may fly",
             "peak", peak.co2_ppm, peak.sd_ppm, peak.lat_deg, peak.lon_deg, peak.alt_amsl_m
         );
     }

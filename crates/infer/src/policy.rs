@@ -26,7 +26,8 @@ pub struct Policy {
     /// Most bumps of one coordinate: keeps the cost linear in a record's length.
     pub form_most_bumps: usize,
     /// Sizes of the error of form that are tried on each coordinate besides none: a tenth, and the
-    /// factor of about 1.5 by which plumes of power plants vary (Hanna et al. 1982).
+    /// factor of 1.5 within which a good dispersion model has half of its readings (Chang and Hanna
+    /// 2004 ask for a factor of two).
     pub form_sizes: [f64; 2],
     /// Size of the error of form on each coordinate where it is none: no plume is Gaussian to a
     /// hundredth.
@@ -34,8 +35,7 @@ pub struct Policy {
     /// Sizes of the swing of the axis that are tried besides none, degrees: a wind that veers within an
     /// hour, and one that turns.
     pub swing_sizes_deg: [f64; 2],
-    /// Probability beforehand that a coordinate has no error of form: odds of three to one, so that at even odds there is none on three of the
-    /// four.
+    /// Probability beforehand that a coordinate has no error of form: a third then have none at all.
     pub form_none: f64,
     /// What is known of the noise beforehand: median of each size and memory, sizes of white and
     /// slow noise as multiples of the sensor's own.

@@ -10,6 +10,15 @@
 //! hidden effects. What the effects cost a model is the score of the control minus that of the
 //! case.
 //!
+//! ```
+//! use gap_truth::{Case, CaseSpec};
+//!
+//! let case = Case::make(&CaseSpec::none(7));
+//! assert!(case.truth.effects.is_empty());
+//! // Nothing is hidden, so the control reads the same.
+//! assert_eq!(case.observations, case.control);
+//! ```
+//!
 //! Pure: no clock, file, socket, environment or global random number.
 
 pub mod case;

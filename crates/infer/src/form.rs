@@ -194,6 +194,58 @@ impl Basis {
     }
 }
 
+impl Policy {
+    /// The sizes that a coordinate of error of form or swing may have, with the logarithms of their
+    /// probabilities beforehand.
+    fn choices(&self, coordinate: usize) -> [(f64, f64); 3] {
+        let (least, [some, more]) = if coordinate == SWING {
+            (0.0, self.swing_sizes_deg)
+        } else {
+            (self.form_least, self.form_sizes)
+        };
+        let ln_some = (0.5 * (1.0 - self.form_none)).ln();
+        [
+            (least, self.form_none.ln()),
+            (some, ln_some),
+            (more, ln_some),
+        ]
+    }
+
+    /// Logarithm of the probability of sizes beforehand.
+    pub(crate) fn ln_sizes(&self, sizes: &Sizes) -> f64 {
+        let of = |(k, size): (usize, &f64)| {
+            let choices = self.choices(k);
+            let chosen = choices.iter().find(|c| c.0 == *size);
+            chosen.map_or(f64::NEG_INFINITY, |c| c.1)
+        };
+        sizes.iter().enumerate().map(of).sum()
+    }
+
+    /// Sizes of an error of form on every coordinate and a swing, as near as the choices come.
+    pub(crate) fn nearest_sizes(&self, form: f64, swing_deg: f64) -> Sizes {
+        std::array::from_fn(|k| {
+            let wanted = if k == SWING { swing_deg } else { form };
+            let off = |c: &(f64, f64)| (c.0 - wanted).abs();
+            let choices = self.choices(k).into_iter();
+            choices
+                .min_by(|a, b| off(a).total_cmp(&off(b)))
+                .map_or(0.0, |c| c.0)
+        })
+    }
+
+    /// All sizes that differ from `sizes` on one coordinate.
+    pub(crate) fn neighbours(&self, sizes: Sizes) -> impl Iterator<Item = Sizes> + '_ {
+        (0..COORDINATES).flat_map(move |k| {
+            let other = self.choices(k).into_iter().filter(move |c| c.0 != sizes[k]);
+            other.map(move |c| {
+                let mut next = sizes;
+                next[k] = c.0;
+                next
+            })
+        })
+    }
+}
+
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

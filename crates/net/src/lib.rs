@@ -9,6 +9,24 @@
 //! it by the wall clock, with the squadron controller's process keeping the mission's time.
 //! [`presence`] says who is there and who is missing.
 //!
+//! ```
+//! use net::{Net, NetOptions};
+//! use protocol::key::Name;
+//!
+//! # #[tokio::main(flavor = "multi_thread")]
+//! # async fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! // A free port of this host: nobody else gets in.
+//! let options = NetOptions {
+//!     listen: vec!["tcp/127.0.0.1:0".to_owned()],
+//!     ..NetOptions::default()
+//! };
+//! let bus = Net::open(Name::new("as-pontes")?, &options).await?;
+//! assert!(bus.peers().is_empty());
+//! bus.close().await?;
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! Not pure, and for programs only: sockets, threads and the wall clock are what it is about.
 
 mod hosted;

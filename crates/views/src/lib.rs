@@ -3,6 +3,28 @@
 //! All of it is self-contained: HTML, script and plotting library come from this program, and
 //! nothing is fetched from a network.
 //!
+//! ```
+//! use air::geo::LocalFrame;
+//! use std::sync::Arc;
+//! use views::{live::LiveState, site::SiteMap};
+//!
+//! let site = SiteMap {
+//!     mission: "as-pontes".to_owned(),
+//!     duration_s: 600.0,
+//!     frame: LocalFrame::new(43.4417, -7.8631, 340.0)?,
+//!     stacks: Vec::new(),
+//!     fence: Vec::new(),
+//!     keep_out_radius_m: 1000.0,
+//!     field: Arc::new(|_, points| vec![449.0; points.len()]),
+//!     reality: None,
+//!     true_peak: None,
+//! };
+//! // Messages of the bus go in by `take`; the page asks for this.
+//! let page = LiveState::new(Arc::new(site)).to_json();
+//! assert!(page.starts_with('{'));
+//! # Ok::<(), air::AirError>(())
+//! ```
+//!
 //! - [`live`]: what the page shows, kept small from the messages on the bus;
 //! - [`page`]: the web server of the page;
 //! - [`report`]: `report.html` of a mission;

@@ -131,10 +131,10 @@ impl<'a> Problem<'a> {
     }
 
     fn predict(&self, at: &DVector<f64>) -> Result<Prediction, WsError> {
-        let model = DispersionModel::new(self.unknowns.spec(self.base, at))?;
+        let world = DispersionModel::new(self.unknowns.spec(self.base, at))?;
         let mut ppm = vec![0.0; self.track.len()];
         let mut plume = vec![0.0; self.track.len()];
-        self.track.predict_parts(&model, &mut ppm, Some(&mut plume));
+        self.track.predict_parts(&world, &mut ppm, Some(&mut plume));
         Ok(Prediction { ppm, plume })
     }
 

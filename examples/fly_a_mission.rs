@@ -7,7 +7,7 @@
 //! A [`Setup`] is a scenario with all files that it names; a [`Run`] is its whole team in this
 //! process, in virtual time. Every [`Run::step`] runs one tick and returns what was said in it.
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use mission::{Run, Setup};
 use protocol::Topic;
 use protocol::message::{Message, Model, Reading};
@@ -18,7 +18,7 @@ const SCENARIO: &str = "scenarios/as-pontes.toml";
 
 fn main() -> Result<()> {
     // The library opens no file: the caller reads what the scenario names, from wherever it is.
-    let text = fs::read_to_string(SCENARIO)?;
+    let text = fs::read_to_string(SCENARIO).context(SCENARIO)?;
     let read = |file: &str| fs::read(file).map_err(|e| e.to_string());
     let mut setup = Setup::load(SCENARIO, &text, &read)?;
     setup.scenario.mission.seed = 7;

@@ -13,11 +13,13 @@
 //! the gap all know it; ARCHITECTURE.md says what belongs to an entry.
 
 use air::wind::towards_deg;
-use anyhow::Result;
+use anyhow::{Context, Result};
 use plume::{DispersionModel, DispersionSpec, Mechanism, Place, Sensor};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use scenario::Scenario;
+
+const SCENARIO: &str = "scenarios/as-pontes.toml";
 
 /// The source emits during the first part of every period only, and then more, so that its mean stays
 /// what it was.
@@ -38,14 +40,14 @@ impl BatchEmission {
         }
     }
 
-    /// The field of `world` with this effect, ppm: air met at x was emitted x/u ago.
-    fn mean_ppm(self, world: &DispersionModel, place: &Place, time_s: f64) -> f64 {
-        let wind = &world.spec().wind;
+    /// The field of `model` with this effect, ppm: air met at x was emitted x/u ago.
+    fn mean_ppm(self, model: &DispersionModel, place: &Place, time_s: f64) -> f64 {
+        let wind = &model.spec().wind;
         let (east, north) = towards_deg(wind.from_deg()).to_radians().sin_cos();
         let downwind_m = place.east_m * east + place.north_m * north;
-        let speed_m_s = wind.speed_at_m_s(world.spec().sources[0].effective_height_agl_m);
-        let background_ppm = world.background_ppm(place, time_s);
-        let excess_ppm = world.mean_ppm(place, time_s) - background_ppm;
+        let speed_m_s = wind.speed_at_m_s(model.spec().sources[0].effective_height_agl_m);
+        let background_ppm = model.background_ppm(place, time_s);
+        let excess_ppm = model.mean_ppm(place, time_s) - background_ppm;
         background_ppm + excess_ppm * self.factor(time_s - downwind_m / speed_m_s)
     }
 }
@@ -60,44 +62,44 @@ fn misfit_ppm(measured: &[f64], predicted: impl Fn(f64) -> f64) -> f64 {
 }
 
 fn main() -> Result<()> {
-    let base = std::fs::read_to_string("scenarios/as-pontes.toml")?;
+    let base = std::fs::read_to_string(SCENARIO).context(SCENARIO)?;
 
     // One of the catalogue, read from a scenario file.
     let extended = format!("[[mechanism]]\nid = \"meander\"\nsigma_deg = 6.0\n\n{base}");
-    let wider = Scenario::parse("as-pontes.toml", &extended)?.world()?;
-    let world = Scenario::parse("as-pontes.toml", &base)?.world()?;
-    for (name, world) in [("base", &world), ("with meander", &wider)] {
-        let (sigma_y_m, _) = world.sigmas_m(1500.0);
+    let wider = Scenario::parse("as-pontes.toml", &extended)?.dispersion_model()?;
+    let model = Scenario::parse("as-pontes.toml", &base)?.dispersion_model()?;
+    for (name, model) in [("base", &model), ("with meander", &wider)] {
+        let (sigma_y_m, _) = model.sigmas_m(1500.0);
         println!("{name}: sigma-y at 1500 m is {sigma_y_m:.0} m");
     }
 
-    // A sensor held on the plume's axis, in a world whose source works in batches.
+    // A sensor held on the plume's axis, where a source works in batches.
     let truth = BatchEmission {
         period_s: 600.0,
         part_on: 0.4,
     };
-    let wind_towards_deg = towards_deg(world.spec().wind.from_deg());
+    let wind_towards_deg = towards_deg(model.spec().wind.from_deg());
     let at = air::geo::Enu::default().displaced(wind_towards_deg, 1500.0);
     let place = Place {
         east_m: at.east_m,
         north_m: at.north_m,
         height_agl_m: 486.0,
     };
-    let mut sensor = Sensor::new(&world.spec().sensor, &[], "1");
+    let mut sensor = Sensor::new(&model.spec().sensor, &[], "1");
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let measured: Vec<f64> = (0..1800)
-        .map(|t| sensor.read(truth.mean_ppm(&world, &place, f64::from(t)), 1.0, &mut rng))
+        .map(|t| sensor.read(truth.mean_ppm(&model, &place, f64::from(t)), 1.0, &mut rng))
         .collect();
 
     // The base, the nearest of the catalogue fitted by trial, and the own one likewise.
-    let base_ppm = misfit_ppm(&measured, |t| world.mean_ppm(&place, t));
+    let base_ppm = misfit_ppm(&measured, |t| model.mean_ppm(&place, t));
     let mut by_trend_ppm = f64::INFINITY;
     for step in -20..=20 {
         let rate_per_h = 0.1 * f64::from(step);
         let trend = Mechanism::new("emission-trend", &[("rate_per_h", rate_per_h)])?;
         let spec = DispersionSpec {
             mechanisms: vec![trend],
-            ..world.spec().clone()
+            ..model.spec().clone()
         };
         let trended = DispersionModel::new(spec)?;
         by_trend_ppm = by_trend_ppm.min(misfit_ppm(&measured, |t| trended.mean_ppm(&place, t)));
@@ -107,7 +109,7 @@ fn main() -> Result<()> {
         for period_s in [300.0, 400.0, 500.0, 600.0, 700.0, 800.0] {
             let part_on = f64::from(tenth) / 10.0;
             let tried = BatchEmission { period_s, part_on };
-            let misfit = misfit_ppm(&measured, |t| tried.mean_ppm(&world, &place, t));
+            let misfit = misfit_ppm(&measured, |t| tried.mean_ppm(&model, &place, t));
             if misfit < best.0 {
                 best = (misfit, tried);
             }

@@ -1,4 +1,4 @@
-//! A search strategy of one's own against those of the house.
+//! A search strategy of one's own against those of `csea`.
 //!
 //! ```sh
 //! cargo run --release --example own_search_strategy
@@ -10,7 +10,7 @@
 //! strategy by its name, it goes into `crates/csea` (ARCHITECTURE.md says where).
 
 use air::geo::Enu;
-use anyhow::Result;
+use anyhow::{Context, Result};
 use csea::{
     Archive, ArchiveOptions, CsEaOptions, Domain, Position, PromisingPoint, Sample, SearchStrategy,
     choose_within_cone, strategy_by_name,
@@ -20,6 +20,7 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use scenario::Scenario;
 
+const SCENARIO: &str = "scenarios/as-pontes.toml";
 const SPEED_M_S: f64 = 18.0;
 const STEP_S: usize = 10;
 const STEPS: usize = 90;
@@ -63,20 +64,20 @@ impl SearchStrategy for NearTheBest {
     }
 }
 
-fn concentration_ppm(world: &DispersionModel, position: Position) -> f64 {
+fn concentration_ppm(model: &DispersionModel, position: Position) -> f64 {
     let place = Place {
         east_m: position.at.east_m,
         north_m: position.at.north_m,
         height_agl_m: position.height_m,
     };
-    world.mean_ppm(&place, 0.0)
+    model.mean_ppm(&place, 0.0)
 }
 
 /// The highest concentration that the samplers have met in the domain, ppm.
 fn search(
     strategy: &mut dyn SearchStrategy,
     domain: &Domain,
-    world: &DispersionModel,
+    model: &DispersionModel,
     seed: u64,
 ) -> Result<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -100,7 +101,7 @@ fn search(
                 if !domain.contains(*position) {
                     continue;
                 }
-                let value = concentration_ppm(world, *position);
+                let value = concentration_ppm(model, *position);
                 highest_ppm = highest_ppm.max(value);
                 archive.push(Sample {
                     position: *position,
@@ -113,8 +114,8 @@ fn search(
 }
 
 fn main() -> Result<()> {
-    let text = std::fs::read_to_string("scenarios/as-pontes.toml")?;
-    let world = Scenario::parse("as-pontes.toml", &text)?.world()?;
+    let text = std::fs::read_to_string(SCENARIO).context(SCENARIO)?;
+    let model = Scenario::parse("as-pontes.toml", &text)?.dispersion_model()?;
     // A box, and in it whatever a closure allows: here, what is not too near the stack.
     let (low, high) = (
         Position::new(-500.0, -1500.0, 120.0),
@@ -135,11 +136,9 @@ fn main() -> Result<()> {
                     domain: domain.clone(),
                     points: Vec::new(),
                 }),
-                of_the_house => {
-                    strategy_by_name(of_the_house, domain.clone(), CsEaOptions::default())?
-                }
+                built_in => strategy_by_name(built_in, domain.clone(), CsEaOptions::default())?,
             };
-            sum_ppm += search(strategy.as_mut(), &domain, &world, seed)?;
+            sum_ppm += search(strategy.as_mut(), &domain, &model, seed)?;
         }
         println!("  {name:14} {:6.0} ppm", sum_ppm / SEEDS as f64);
     }

@@ -8,7 +8,7 @@
 //! message on the bus, the scenario and the seed, so that nothing but the file is needed; one that
 //! was cut short is read up to where it ends.
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use mission::{Run, Setup};
 use protocol::key::Name;
 use record::recording::RecordingEnd;
@@ -68,7 +68,8 @@ fn read(path: &Path) -> Result<()> {
 fn record_two_minutes(path: &Path) -> Result<()> {
     let file = "scenarios/as-pontes.toml";
     let read = |file: &str| fs::read(file).map_err(|e| e.to_string());
-    let mut setup = Setup::load(file, &fs::read_to_string(file)?, &read)?;
+    let text = fs::read_to_string(file).context(file)?;
+    let mut setup = Setup::load(file, &text, &read)?;
     setup.scenario.mission.duration_s = 120.0;
     let info = RunInfo {
         mission: Name::new(&setup.scenario.mission.name)?,

@@ -155,7 +155,7 @@ pub fn block_on(work: impl Future<Output = Result<(), Failure>>) -> Result<(), F
 }
 
 /// A member of the team in this process, with what is not a bus around it.
-pub struct Aboard {
+pub struct HostedMember {
     member: Member,
     /// The link of a real vehicle.
     link: Option<LinkAddress>,
@@ -165,7 +165,7 @@ pub struct Aboard {
     flightgear: Option<String>,
 }
 
-impl From<Member> for Aboard {
+impl From<Member> for HostedMember {
     fn from(member: Member) -> Self {
         Self {
             member,
@@ -197,9 +197,9 @@ pub fn vehicles(
     setup: &Setup,
     ids: &[&str],
     options: &VehicleOptions,
-) -> Result<Vec<Aboard>, Failure> {
+) -> Result<Vec<HostedMember>, Failure> {
     let addresses = flightgear::addresses(&options.flightgear, ids, &setup.scenario)?;
-    let mut aboard = Vec::new();
+    let mut hosted = Vec::new();
     for (id, flightgear) in ids.iter().zip(addresses) {
         let index = setup.index_of(id).map_err(Failure::input)?;
         let vehicle = &setup.scenario.vehicles[index];
@@ -216,14 +216,14 @@ pub fn vehicles(
             Member::vehicle(setup, index)
         };
         let of_scenario = || setup.signing_keys.get(*id).cloned();
-        aboard.push(Aboard {
+        hosted.push(HostedMember {
             member: member.map_err(Failure::input)?,
             link,
             signing_key: options.signing_key.clone().or_else(of_scenario),
             flightgear,
         });
     }
-    Ok(aboard)
+    Ok(hosted)
 }
 
 /// Runs the members that `make` makes until the mission's end. `keeps_time`: the process listens,
@@ -234,18 +234,18 @@ pub fn vehicles(
 pub fn run(
     arguments: &BusArguments,
     keeps_time: bool,
-    make: impl FnOnce(&Setup) -> Result<Vec<Aboard>, Failure>,
+    make: impl FnOnce(&Setup) -> Result<Vec<HostedMember>, Failure>,
 ) -> Result<(), Failure> {
     let setup = arguments.setup()?;
-    let aboard = make(&setup)?;
-    let linked = aboard.iter().find(|a| a.link.is_some());
+    let hosted = make(&setup)?;
+    let linked = hosted.iter().find(|a| a.link.is_some());
     if let Some(linked) = linked.filter(|_| arguments.lockstep) {
         return Err(Failure::usage(format!(
             "{}: a real vehicle cannot fly in lockstep; expected no --lockstep",
             linked.member.id()
         )));
     }
-    let ids: Vec<String> = aboard.iter().map(|a| a.member.id().to_string()).collect();
+    let ids: Vec<String> = hosted.iter().map(|a| a.member.id().to_string()).collect();
     let who = ids.join(", ");
     block_on(async {
         let mut net = arguments.open(&setup, keeps_time).await?;
@@ -253,10 +253,10 @@ pub fn run(
         let watch = presence::watch(&net, &setup, &ids, arguments.connected_to(keeps_time))?;
         if arguments.lockstep {
             let team = team::agent_ids(&setup).map_err(Failure::input)?;
-            let mut members: Vec<Member> = aboard.into_iter().map(|a| a.member).collect();
+            let mut members: Vec<Member> = hosted.into_iter().map(|a| a.member).collect();
             lockstep::run(&mut net, &mut members, &team, setup.tick_ns()).await?;
         } else {
-            fly_in_real_time(&mut net, aboard, &setup, keeps_time).await?;
+            fly_in_real_time(&mut net, hosted, &setup, keeps_time).await?;
         }
         watch.abort();
         eprintln!("{who} has finished");
@@ -267,7 +267,7 @@ pub fn run(
 
 async fn fly_in_real_time(
     net: &mut Net,
-    aboard: Vec<Aboard>,
+    hosted: Vec<HostedMember>,
     setup: &Setup,
     keeps_time: bool,
 ) -> Result<(), Failure> {
@@ -275,7 +275,7 @@ async fn fly_in_real_time(
     let mut links = Vec::new();
     let mut viewers = Vec::new();
     let mut keys = Vec::new();
-    for a in aboard {
+    for a in hosted {
         members.push(a.member);
         keys.push(a.signing_key);
         links.push(match &a.link {

@@ -3,7 +3,7 @@
 use crate::{Failure, site};
 use anyhow::{Context as _, Result};
 use mission::{Setup, campaign};
-use protocol::bus::Said;
+use protocol::bus::Publication;
 use protocol::key::Name;
 use record::summary::{MissionSummary, Summariser};
 use record::tracks::Tracks;
@@ -82,7 +82,7 @@ impl Outputs {
     ///
     /// # Errors
     /// The recording cannot be written.
-    pub fn take(&mut self, said: &[Said]) -> Result<()> {
+    pub fn take(&mut self, said: &[Publication]) -> Result<()> {
         for (topic, envelope) in said {
             self.recorder.record(topic, envelope)?;
             self.summariser.take(topic, envelope);

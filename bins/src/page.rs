@@ -1,7 +1,7 @@
 //! The live page beside a run: a runtime of its own, so that the run itself waits for nobody.
 
 use crate::Failure;
-use protocol::bus::Said;
+use protocol::bus::Publication;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -83,7 +83,7 @@ impl LivePage {
     }
 
     /// Takes in what was said in a tick.
-    pub fn take(&mut self, said: &[Said]) {
+    pub fn take(&mut self, said: &[Publication]) {
         for (topic, envelope) in said {
             self.state.take(topic, envelope);
         }

@@ -6,7 +6,7 @@ use net::realtime::{self, MissionClock};
 use programs::outputs::Outputs;
 use programs::{Failure, agent, failure, presence, site};
 use protocol::SimTime;
-use protocol::bus::Said;
+use protocol::bus::Publication;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -36,7 +36,7 @@ fn record(arguments: &Arguments) -> Result<(), Failure> {
     let mut outputs = Outputs::open(&arguments.out, arguments.force, &setup, site)?;
     let mut digest = protocol::digest::Digest::new();
     let started = Instant::now();
-    let mut take = |said: &[Said]| -> anyhow::Result<()> {
+    let mut take = |said: &[Publication]| -> anyhow::Result<()> {
         for (topic, envelope) in said {
             digest.add(topic, envelope);
         }

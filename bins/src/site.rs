@@ -48,9 +48,9 @@ pub fn of(setup: &Setup) -> Result<SiteMap> {
     let base = scenario.dispersion_spec()?;
     let ground = scenario.site.ground_amsl_m;
     let field = move |model: &Model, points: &[MapPoint]| -> Vec<f64> {
-        let world: Option<DispersionModel> = sc::peak::corrected(&base, model);
+        let corrected: Option<DispersionModel> = sc::peak::corrected(&base, model);
         let ppm = |point| {
-            world
+            corrected
                 .as_ref()
                 .map_or(f64::NAN, |w| w.mean_ppm(&place(ground, point), 0.0))
         };
@@ -58,11 +58,11 @@ pub fn of(setup: &Setup) -> Result<SiteMap> {
     };
     let has_reality = truth::has_stand_in(scenario);
     let reality = if has_reality {
-        let world = scenario.in_reality().world()?;
+        let model = scenario.in_reality().dispersion_model()?;
         let of = move |points: &[MapPoint]| -> Vec<f64> {
             points
                 .iter()
-                .map(|s| world.mean_ppm(&place(ground, s), 0.0))
+                .map(|s| model.mean_ppm(&place(ground, s), 0.0))
                 .collect()
         };
         Some(Arc::new(of) as views::site::RealityField)

@@ -1,4 +1,4 @@
-//! ObservationRow tables: no panic, and accepted rows, written as CSV, are the same rows.
+//! Tables of observations: no panic, and accepted rows, written as CSV, are the same rows.
 
 #![no_main]
 

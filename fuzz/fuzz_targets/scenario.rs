@@ -15,7 +15,7 @@ fuzz_target!(|text: &str| {
                 "{written}"
             );
             // What was accepted describes a world or is refused in words.
-            let _ = (scenario.world(), scenario.in_reality().world());
+            let _ = (scenario.dispersion_model(), scenario.in_reality().dispersion_model());
         }
         Err(refused) => assert!(refused.to_string().starts_with("fuzz.toml:")),
     }

@@ -29,7 +29,7 @@ fn tuned(aircraft: &Aircraft, order: &TuneOrder) -> Result<TuneReport, FdmError>
     Ok(report)
 }
 
-/// That an aircraft of the house flies with margin, and no worse after tuning.
+/// That an aircraft in `aircraft/` flies with margins, and no worse after tuning.
 fn gains_by_tuning(text: &str, candidates: usize) {
     let aircraft = Aircraft::from_toml("aircraft", text).unwrap();
     let report = tuned(&aircraft, &quick(3, candidates)).unwrap();

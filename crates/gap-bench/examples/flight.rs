@@ -1,14 +1,17 @@
 //! The benchmark of flight with a choice: `flight SEEDS [FIRST_SEED [ONE_IN [nothing|others|ones|all
 //! [NAME]]]]`: of each seed every so many-th effect; cases whose name contains NAME.
 
-use gap_bench::flight::{Bird, FlightShare, run};
+use gap_bench::flight::{BenchAircraft, FlightShare, run};
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let number = |i: usize| arguments.get(i).and_then(|a| a.parse::<u64>().ok());
     let files = ["aircraft/x8.toml", "aircraft/ultrastick-25e.toml"];
     let texts = files.map(|f| std::fs::read_to_string(f).unwrap_or_default());
-    let birds: Vec<Bird<'_>> = texts.iter().filter_map(|t| Bird::new(t).ok()).collect();
+    let fleet: Vec<BenchAircraft<'_>> = texts
+        .iter()
+        .filter_map(|t| BenchAircraft::new(t).ok())
+        .collect();
     let word = arguments.get(3).map_or("all", String::as_str);
     let share = FlightShare {
         nothing: matches!(word, "nothing" | "all"),
@@ -17,7 +20,7 @@ fn main() {
         only: arguments.get(4).cloned().unwrap_or_default(),
     };
     let summary = run(
-        &birds,
+        &fleet,
         number(1).unwrap_or(0),
         number(0).unwrap_or(1),
         &share,

@@ -1,9 +1,9 @@
 //! The finder of flight on hidden cases: what it detects, names and gets wrong.
 //!
 //! Strengths are set by what an effect is expected to show: D is half the squared size of the
-//! effect times the information of the twin without it, tolerances of the base integrated out,
-//! under the finder's noise fitted to the twin. For an effect outside the catalogue D is what the
-//! base at its best, tolerances in use, loses of its log score against the twin, whose gusts and
+//! effect times the information of the control case without it, tolerances of the base integrated out,
+//! under the finder's noise fitted to the control case. For an effect outside the catalogue D is what the
+//! base at its best, tolerances in use, loses of its log score against the control case, whose gusts and
 //! noise are the same.
 
 mod table;
@@ -31,8 +31,8 @@ pub enum FlightKind {
     Nothing(FlightNoise),
     /// One effect by the catalogue's law at so many nats.
     One(FlightEffect, f64),
-    /// One effect by a cousin of its law.
-    Cousin(FlightEffect, f64),
+    /// One effect by another law than the catalogue's.
+    OtherLaw(FlightEffect, f64),
     /// One effect outside the catalogue with a misfit of so many nats.
     Outside(FlightEffect, f64),
     /// Two effects, so many nats each.
@@ -45,7 +45,7 @@ impl std::fmt::Display for FlightKind {
             Self::Nothing(FlightNoise::Usual) => f.write_str("none, usual noise"),
             Self::Nothing(FlightNoise::Unusual) => f.write_str("none, other noise"),
             Self::One(e, d) => write!(f, "{}, D = {d}", e.id()),
-            Self::Cousin(e, d) => write!(f, "other law, {}, D = {d}", e.id()),
+            Self::OtherLaw(e, d) => write!(f, "other law, {}, D = {d}", e.id()),
             Self::Outside(e, d) => write!(f, "outside, {}, D = {d}", e.id()),
             Self::Two(a, b, d) => write!(f, "two, {} and {}, D = {d}", a.id(), b.id()),
         }
@@ -97,7 +97,7 @@ impl FlightOutcome {
     /// Hidden effects of the catalogue.
     pub fn hidden(&self) -> Vec<&'static str> {
         match &self.kind {
-            FlightKind::One(e, _) | FlightKind::Cousin(e, _) => vec![e.id()],
+            FlightKind::One(e, _) | FlightKind::OtherLaw(e, _) => vec![e.id()],
             FlightKind::Two(a, b, _) => vec![a.id(), b.id()],
             _ => Vec::new(),
         }
@@ -173,7 +173,7 @@ pub struct FlightShare {
     pub nothing: bool,
     /// Cases of single effects; of each seed every so many-th effect, 0 for none.
     pub one_in: usize,
-    /// Cousins, outsiders and pairs.
+    /// Other laws, outsiders and pairs.
     pub others: bool,
     /// Only kinds whose name contains this.
     pub only: String,
@@ -209,7 +209,7 @@ fn kinds(seed: u64, share: &FlightShare) -> Vec<FlightKind> {
             all.push(FlightKind::One(effect, 60.0));
         }
         if share.others && chosen(k, 5) {
-            all.push(FlightKind::Cousin(effect, 60.0));
+            all.push(FlightKind::OtherLaw(effect, 60.0));
         }
     }
     if share.others {
@@ -229,14 +229,14 @@ fn kinds(seed: u64, share: &FlightShare) -> Vec<FlightKind> {
 }
 
 /// An aircraft as its file has it, for the finder and for the truth.
-pub struct Bird<'a> {
+pub struct BenchAircraft<'a> {
     /// Text of the file.
     pub toml: &'a str,
     /// The same, read by the simulator.
     pub aircraft: Aircraft,
 }
 
-impl<'a> Bird<'a> {
+impl<'a> BenchAircraft<'a> {
     /// Reads an aircraft file.
     ///
     /// # Errors
@@ -250,30 +250,30 @@ impl<'a> Bird<'a> {
 }
 
 /// What the flight without an effect tells about strengths.
-struct Twin {
+struct Control {
     names: Vec<String>,
     linear: Linear,
     loss: f64,
 }
 
 /// What passes the gate of a flight file.
-fn gated(bird: &Bird<'_>, case: &FlightCase) -> Result<gate::Gated, String> {
+fn gated(bench: &BenchAircraft<'_>, case: &FlightCase) -> Result<gate::Gated, String> {
     if !case.flown {
         return Err("the aircraft was lost".to_owned());
     }
     let log = FlightLog::parse("case", &case.csv).map_err(|e| e.to_string())?;
-    gate::pass(&[log], &bird.aircraft).map_err(|e| e.to_string())
+    gate::pass(&[log], &bench.aircraft).map_err(|e| e.to_string())
 }
 
 /// The flight without an effect as the base sees it, with its noise fitted.
-fn twin(bird: &Bird<'_>, seed: u64) -> Result<Twin, String> {
-    let case = make(&FlightSpec::none(seed), bird.toml).ok_or("aircraft not read")?;
-    let gated = gated(bird, &case)?;
-    let study = Study::new(&bird.aircraft, &gated, 1);
+fn control(bench: &BenchAircraft<'_>, seed: u64) -> Result<Control, String> {
+    let case = make(&FlightSpec::none(seed), bench.toml).ok_or("aircraft not read")?;
+    let gated = gated(bench, &case)?;
+    let study = Study::new(&bench.aircraft, &gated, 1);
     let theta = study.start();
     let noise = study.noise(&theta, Noise::usual(), 3);
     let linear = study.settled(study.linearise(theta, noise));
-    Ok(Twin {
+    Ok(Control {
         names: study.parameters.iter().map(|p| p.name.clone()).collect(),
         loss: loss(&study, &linear),
         linear,
@@ -303,8 +303,8 @@ fn loss(study: &Study<'_>, from: &Linear) -> f64 {
 
 /// Strength at which an effect outside the catalogue has a misfit of `nats`.
 fn outside(
-    bird: &Bird<'_>,
-    twin: &Twin,
+    bench: &BenchAircraft<'_>,
+    control: &Control,
     effect: FlightEffect,
     nats: f64,
     seed: u64,
@@ -313,10 +313,10 @@ fn outside(
     for _ in 0..3 {
         let mut spec = FlightSpec::none(seed);
         spec.hidden = vec![(effect, strength)];
-        let probe = make(&spec, bird.toml).ok_or("aircraft not read")?;
-        let seen = gated(bird, &probe).map(|gated| {
-            let study = Study::new(&bird.aircraft, &gated, 1);
-            loss(&study, &twin.linear) - twin.loss
+        let probe = make(&spec, bench.toml).ok_or("aircraft not read")?;
+        let seen = gated(bench, &probe).map(|gated| {
+            let study = Study::new(&bench.aircraft, &gated, 1);
+            loss(&study, &control.linear) - control.loss
         });
         strength *= match seen {
             Ok(seen) => (nats / seen.max(1.0)).sqrt().clamp(0.2, 5.0),
@@ -345,21 +345,21 @@ fn shift(names: &[String], case: &FlightCase, of: fn(&TrueValue) -> f64) -> Vec<
 }
 
 /// Expected nats of a case's truth.
-fn expected(twin: &Twin, case: &FlightCase) -> f64 {
-    let shift = shift(&twin.names, case, |t| t.value);
+fn expected(control: &Control, case: &FlightCase) -> f64 {
+    let shift = shift(&control.names, case, |t| t.value);
     let mut sum = 0.0;
     for (i, a) in shift.iter().enumerate() {
         for (j, b) in shift.iter().enumerate() {
-            sum += 0.5 * a * b * twin.linear.word.s[(i, j)];
+            sum += 0.5 * a * b * control.linear.word.s[(i, j)];
         }
     }
-    sum * twin.linear.word.dispersion
+    sum * control.linear.word.dispersion
 }
 
 fn effects(kind: &FlightKind) -> Vec<(FlightEffect, f64)> {
     match *kind {
         FlightKind::Nothing(_) => Vec::new(),
-        FlightKind::One(e, d) | FlightKind::Cousin(e, d) | FlightKind::Outside(e, d) => {
+        FlightKind::One(e, d) | FlightKind::OtherLaw(e, d) | FlightKind::Outside(e, d) => {
             vec![(e, d)]
         }
         FlightKind::Two(a, b, d) => vec![(a, d), (b, d)],
@@ -367,43 +367,57 @@ fn effects(kind: &FlightKind) -> Vec<(FlightEffect, f64)> {
 }
 
 /// The case of a kind at the strengths asked for.
-fn case(bird: &Bird<'_>, twin: &Twin, kind: &FlightKind, seed: u64) -> Result<FlightCase, String> {
+fn case(
+    bench: &BenchAircraft<'_>,
+    control: &Control,
+    kind: &FlightKind,
+    seed: u64,
+) -> Result<FlightCase, String> {
     let mut spec = FlightSpec::none(seed);
     if let FlightKind::Nothing(noise) = kind {
         spec.noise = *noise;
     }
-    if let FlightKind::Cousin(..) = kind {
+    if let FlightKind::OtherLaw(..) = kind {
         spec.law = FlightLaw::Variant;
     }
     for (effect, nats) in effects(kind) {
         if !effect.in_catalogue() {
-            let strength = outside(bird, twin, effect, nats, seed)?;
+            let strength = outside(bench, control, effect, nats, seed)?;
             spec.hidden.push((effect, strength));
             continue;
         }
         let mut probe = FlightSpec::none(seed);
         probe.hidden = vec![(effect, 1.0)];
-        let tried = make(&probe, bird.toml).ok_or("aircraft not read")?;
-        let seen = expected(twin, &tried).max(0.05);
+        let tried = make(&probe, bench.toml).ok_or("aircraft not read")?;
+        let seen = expected(control, &tried).max(0.05);
         let strength = (nats / seen).sqrt().clamp(0.1, 10.0);
         spec.hidden.push((effect, strength));
     }
-    make(&spec, bird.toml).ok_or_else(|| "aircraft not read".into())
+    make(&spec, bench.toml).ok_or_else(|| "aircraft not read".into())
 }
 
-fn judge(bird: &Bird<'_>, twin: &Twin, kind: FlightKind, seed: u64) -> FlightOutcome {
+fn judge(
+    bench: &BenchAircraft<'_>,
+    control: &Control,
+    kind: FlightKind,
+    seed: u64,
+) -> FlightOutcome {
     let mut outcome = FlightOutcome::new(kind, seed);
-    if let Err(error) = find(bird, twin, &mut outcome) {
+    if let Err(error) = find(bench, control, &mut outcome) {
         outcome.error = Some(error);
     }
     outcome
 }
 
 /// Makes the case of `outcome` and writes into it what is found.
-fn find(bird: &Bird<'_>, twin: &Twin, outcome: &mut FlightOutcome) -> Result<(), String> {
-    let case = case(bird, twin, &outcome.kind, outcome.seed)?;
-    let gated = gated(bird, &case)?;
-    let found = Finding::of(&bird.aircraft, &gated, 1, &mut |_| {}).map_err(|e| e.to_string())?;
+fn find(
+    bench: &BenchAircraft<'_>,
+    control: &Control,
+    outcome: &mut FlightOutcome,
+) -> Result<(), String> {
+    let case = case(bench, control, &outcome.kind, outcome.seed)?;
+    let gated = gated(bench, &case)?;
+    let found = Finding::of(&bench.aircraft, &gated, 1, &mut |_| {}).map_err(|e| e.to_string())?;
     compare(outcome, &case, &found);
     Ok(())
 }
@@ -423,7 +437,7 @@ fn compare(outcome: &mut FlightOutcome, case: &FlightCase, found: &Finding<'_>) 
         let right = c.mechanisms.iter().any(|m| hidden.contains(&m.as_str()));
         (c.probability, right)
     });
-    if !matches!(outcome.kind, FlightKind::Cousin(..)) {
+    if !matches!(outcome.kind, FlightKind::OtherLaw(..)) {
         for cause in answer.causes.iter().filter(|c| c.mechanisms.len() == 1) {
             for p in &cause.parameters {
                 let same = |t: &&TrueValue| t.mechanism == p.mechanism && t.name == p.name;
@@ -447,7 +461,7 @@ fn compare(outcome: &mut FlightOutcome, case: &FlightCase, found: &Finding<'_>) 
 /// Runs the cases of `share` of `seeds` seeds from `first` on, on `threads` threads;
 /// `progress` gets the seeds done.
 pub fn run(
-    birds: &[Bird<'_>],
+    fleet: &[BenchAircraft<'_>],
     first: u64,
     seeds: u64,
     share: &FlightShare,
@@ -465,8 +479,8 @@ pub fn run(
                         break;
                     }
                     let seed = first + k;
-                    let bird = &birds[seed as usize % birds.len()];
-                    let outcomes = of_seed(bird, seed, share);
+                    let bench = &fleet[seed as usize % fleet.len()];
+                    let outcomes = of_seed(bench, seed, share);
                     progress(k + 1, &outcomes);
                     if let Ok(mut all) = all.lock() {
                         all.extend(outcomes);
@@ -480,15 +494,15 @@ pub fn run(
     FlightSummary::new(seeds, outcomes)
 }
 
-fn of_seed(bird: &Bird<'_>, seed: u64, share: &FlightShare) -> Vec<FlightOutcome> {
+fn of_seed(bench: &BenchAircraft<'_>, seed: u64, share: &FlightShare) -> Vec<FlightOutcome> {
     let kinds = kinds(seed, share);
     if kinds.is_empty() {
         return Vec::new();
     }
-    match twin(bird, seed) {
-        Ok(twin) => kinds
+    match control(bench, seed) {
+        Ok(control) => kinds
             .into_iter()
-            .map(|kind| judge(bird, &twin, kind, seed))
+            .map(|kind| judge(bench, &control, kind, seed))
             .collect(),
         Err(error) => kinds
             .into_iter()

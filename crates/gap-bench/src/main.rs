@@ -5,7 +5,7 @@ mod outcomes;
 
 use anyhow::Context as _;
 use clap::Parser as _;
-use gap_bench::flight::{self, Bird, FIRST_SEED, FlightShare};
+use gap_bench::flight::{self, BenchAircraft, FIRST_SEED, FlightShare};
 use indicatif::{ProgressBar, ProgressStyle};
 use outcomes::Outcomes;
 use std::path::{Path, PathBuf};
@@ -73,16 +73,19 @@ fn of_plume(arguments: &Arguments) -> anyhow::Result<String> {
 }
 
 /// Aircraft that are flown.
-const BIRDS: [&str; 2] = [
+const AIRCRAFT: [&str; 2] = [
     include_str!("../../../aircraft/x8.toml"),
     include_str!("../../../aircraft/ultrastick-25e.toml"),
 ];
 
 fn of_flight(arguments: &Arguments) -> anyhow::Result<String> {
-    let birds: Result<Vec<Bird<'_>>, _> = BIRDS.iter().map(|toml| Bird::new(toml)).collect();
+    let fleet: Result<Vec<BenchAircraft<'_>>, _> = AIRCRAFT
+        .iter()
+        .map(|toml| BenchAircraft::new(toml))
+        .collect();
     let bar = progress_bar(arguments.seeds);
     let summary = flight::run(
-        &birds?,
+        &fleet?,
         FIRST_SEED,
         arguments.seeds,
         &FlightShare::published(&arguments.only),

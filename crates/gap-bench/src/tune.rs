@@ -3,7 +3,7 @@
 //! Visibility is the log score by which the true extension at its true parameters beats the
 //! finder's base, under the noise that the finder fits to the case. Effects that the catalogue does
 //! not have but that only multiply or turn the plume do so to the finder's plume in that extension.
-//! Of other effects it is what they cost the base: its score of the case's twin, the same readings
+//! Of other effects it is what they cost the base: its score of the control case, the same readings
 //! without the effect, less that of the case. Of two effects each is as visible as asked beside the
 //! other.
 
@@ -77,7 +77,7 @@ fn visible(case: &Case, fitted: &Visibility, which: usize) -> Result<f64, String
     if mechanisms.len() > 1 {
         return Ok(fitted.nats_beside(&mechanisms, which));
     }
-    let twin;
+    let control;
     let of = |c: &gap_truth::TruePlumeChange| PlumeChange {
         platform: c.platform.clone(),
         time_s: c.time_s,
@@ -88,8 +88,8 @@ fn visible(case: &Case, fitted: &Visibility, which: usize) -> Result<f64, String
     let known = if !changes.is_empty() {
         Known::Plume(&changes)
     } else if mechanisms.is_empty() {
-        twin = read(&case.scenario_toml, &case.control)?;
-        Known::Twin(&twin.observations)
+        control = read(&case.scenario_toml, &case.control)?;
+        Known::Twin(&control.observations)
     } else {
         Known::Mechanisms(&mechanisms)
     };

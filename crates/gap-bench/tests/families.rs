@@ -17,7 +17,7 @@ use gap_truth::{Case, CaseSpec, PlumeEffect};
 const STRONG: f64 = 8.0;
 
 /// The verdict on a case of plume and sensors, and the causes.
-fn told(case: &Case) -> (Verdict, Vec<Cause>) {
+fn analysed(case: &Case) -> (Verdict, Vec<Cause>) {
     let read = read(&case.scenario_toml, &case.observations).unwrap();
     let options = Options {
         complete: false,
@@ -31,7 +31,7 @@ fn told(case: &Case) -> (Verdict, Vec<Cause>) {
 /// parameters given within so much of the truth.
 fn named(seed: u64, effect: PlumeEffect, within: &[(&str, f64)]) {
     let case = Case::make(&CaseSpec::one(seed, effect, STRONG));
-    let (verdict, causes) = told(&case);
+    let (verdict, causes) = analysed(&case);
     let [cause] = &causes[..] else {
         panic!("{verdict:?}: {causes:?}")
     };
@@ -49,7 +49,7 @@ fn named(seed: u64, effect: PlumeEffect, within: &[(&str, f64)]) {
 
 #[test]
 fn nothing_is_named_where_nothing_is_hidden() {
-    let (verdict, causes) = told(&Case::make(&CaseSpec::none(2)));
+    let (verdict, causes) = analysed(&Case::make(&CaseSpec::none(2)));
     assert_eq!(verdict, Verdict::None, "{causes:?}");
 }
 

@@ -6,15 +6,15 @@
     reason = "a test may fail by a panic"
 )]
 
-use gap_bench::flight::{Bird, FlightShare, FlightSummary, run};
+use gap_bench::flight::{BenchAircraft, FlightShare, FlightSummary, run};
 use gap_truth::flight::FlightNoise;
 
 fn share(first: u64, seeds: u64, share: FlightShare) -> FlightSummary {
-    let birds = [
-        Bird::new(include_str!("../../../aircraft/x8.toml")).unwrap(),
-        Bird::new(include_str!("../../../aircraft/ultrastick-25e.toml")).unwrap(),
+    let fleet = [
+        BenchAircraft::new(include_str!("../../../aircraft/x8.toml")).unwrap(),
+        BenchAircraft::new(include_str!("../../../aircraft/ultrastick-25e.toml")).unwrap(),
     ];
-    let summary = run(&birds, first, seeds, &share, 2, &|_, _| {});
+    let summary = run(&fleet, first, seeds, &share, 2, &|_, _| {});
     let lost: Vec<_> = summary
         .outcomes
         .iter()

@@ -62,7 +62,7 @@ fn a_seed_makes_the_same_files_and_another_seed_others() {
 }
 
 #[test]
-fn without_strength_the_case_is_its_twin() {
+fn without_strength_the_case_is_its_control() {
     for seed in 0..6 {
         let case = Case::make(&CaseSpec::one(seed, PlumeEffect::SigmaYScale, 0.0));
         assert_eq!(case.observations, case.control);
@@ -96,7 +96,7 @@ fn every_effect_shows_in_the_readings_or_places() {
 }
 
 #[test]
-fn a_stronger_effect_is_farther_from_the_twin() {
+fn a_stronger_effect_is_farther_from_the_control() {
     for effect in [
         PlumeEffect::SigmaYScale,
         PlumeEffect::SensorLag,

@@ -42,9 +42,9 @@
 //! let setup = Setup::new(&scenario)?;
 //!
 //! // Data of a known truth: the scenario's plume, seen through the slow sensor.
-//! let world = scenario.world()?;
+//! let model = scenario.dispersion_model()?;
 //! let lag = Mechanism::new("sensor-lag", &[("time_constant_s", 8.0)])?;
-//! let mut sensor = Sensor::new(&world.spec().sensor, &[lag], "uav");
+//! let mut sensor = Sensor::new(&model.spec().sensor, &[lag], "uav");
 //! let mut rng = ChaCha8Rng::seed_from_u64(1);
 //! let rows = (0..600).map(|second| {
 //!     let time_s = f64::from(second);
@@ -57,7 +57,7 @@
 //!         lat_deg: at.lat_deg,
 //!         lon_deg: at.lon_deg,
 //!         alt_amsl_m: 640.0,
-//!         co2_ppm: Some(sensor.read(world.mean_ppm(&place, time_s), 1.0, &mut rng)),
+//!         co2_ppm: Some(sensor.read(model.mean_ppm(&place, time_s), 1.0, &mut rng)),
 //!         wind_speed_m_s: None,
 //!         wind_from_deg: None,
 //!         temperature_c: None,

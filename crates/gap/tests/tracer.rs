@@ -53,7 +53,7 @@ fn a_hidden_growth_is_named_with_its_size() {
     assert!(report.gap.summary.contains("faster"));
     let extended = scenario::Scenario::parse("extended.toml", &report.extended_toml).unwrap();
     assert!(extended.mechanisms.iter().any(|m| m.id == "sigma-z-growth"));
-    assert!(extended.world().is_ok());
+    assert!(extended.dispersion_model().is_ok());
 }
 
 #[test]
@@ -384,7 +384,7 @@ fn the_scenario_gets_numbers_over_what_it_runs() {
     logs.sort_by(f64::total_cmp);
     let over_briggs = logs[logs.len() / 2].exp();
     let extended = scenario::Scenario::parse("extended.toml", &report.extended_toml).unwrap();
-    assert!(extended.world().is_ok());
+    assert!(extended.dispersion_model().is_ok());
     let line = report
         .extended_toml
         .lines()

@@ -2,7 +2,7 @@
 
 use crate::team::Member;
 use crate::{MissionError, Setup};
-use protocol::bus::{Conductor, Said};
+use protocol::bus::{Conductor, Publication};
 use protocol::digest::Digest;
 use protocol::key::Name;
 use protocol::message::Control;
@@ -58,7 +58,7 @@ impl Run {
 
     /// Runs the next tick and returns what was said in it, in order; nothing after the end. The
     /// last tick is the one at the mission's duration, in which the agents say their last words.
-    pub fn step(&mut self) -> &[Said] {
+    pub fn step(&mut self) -> &[Publication] {
         let said = match self.conductor.next_tick().cmp(&self.ticks) {
             std::cmp::Ordering::Less => self.conductor.step(),
             std::cmp::Ordering::Equal => self.conductor.stop(),

@@ -59,12 +59,12 @@ pub(crate) fn reality_numbers(scenario: &Scenario) -> Result<ModelNumbers, Missi
     let height_m = source.effective_height_agl_m;
     let exactly = |value: f64| Estimate { value, sd: 0.0 };
     let (background, y, z) = (spec.background_ppm, spec.sigma_y_scale, spec.sigma_z_scale);
-    let world = DispersionModel::new(spec).map_err(scenario::world::WorldError::from)?;
+    let model = DispersionModel::new(spec).map_err(scenario::world::WorldError::from)?;
     Ok(ModelNumbers {
         background_ppm: exactly(background),
         effective_height_agl_m: exactly(height_m),
         axis_deg: exactly(axis_deg),
-        c_max_ppm: exactly(world.axis_excess_ppm(distance_m)),
+        c_max_ppm: exactly(model.axis_excess_ppm(distance_m)),
         c_max_distance_m: exactly(distance_m),
         sigma_y_scale: exactly(y),
         sigma_z_scale: exactly(z),
@@ -77,16 +77,16 @@ pub(crate) fn reality_numbers(scenario: &Scenario) -> Result<ModelNumbers, Missi
 /// # Errors
 /// A reality that describes no world, or a fence with nowhere to fly.
 pub fn reachable_peak(scenario: &Scenario) -> Result<Peak, MissionError> {
-    let world = scenario.in_reality().world()?;
+    let model = scenario.in_reality().dispersion_model()?;
     let frame = scenario.frame()?;
-    let region = Region::new(scenario, &world)?;
+    let region = Region::new(scenario, &model)?;
     let mut best: Option<(f64, Place)> = None;
     // A grid rather than a gradient: with several sources, a lid or a fence the field has several local
     // maxima, and the truth that results are held against must not depend on a starting point.
     let mut spacing_m = COARSE_M;
     let mut bounds = region.bounds();
     loop {
-        best = region.best_on_grid(&world, &bounds, spacing_m, best);
+        best = region.best_on_grid(&model, &bounds, spacing_m, best);
         let Some((_, at)) = best else {
             return Err(MissionError::Request(
                 "the fence leaves nowhere to fly".to_owned(),
@@ -124,12 +124,12 @@ struct Region {
 }
 
 impl Region {
-    fn new(scenario: &Scenario, world: &DispersionModel) -> Result<Self, MissionError> {
+    fn new(scenario: &Scenario, model: &DispersionModel) -> Result<Self, MissionError> {
         Ok(Self {
             polygon: scenario.fence_polygon()?,
             floor_m: scenario.fence.floor_agl_m,
             ceiling_m: scenario.fence.ceiling_agl_m,
-            stacks: world.spec().sources.iter().map(|s| s.place).collect(),
+            stacks: model.spec().sources.iter().map(|s| s.place).collect(),
             keep_out_m: scenario.fence.keep_out_radius_m,
         })
     }
@@ -158,7 +158,7 @@ impl Region {
 
     fn best_on_grid(
         &self,
-        world: &DispersionModel,
+        model: &DispersionModel,
         bounds: &[(f64, f64); 3],
         spacing_m: f64,
         mut best: Option<(f64, Place)>,
@@ -179,7 +179,7 @@ impl Region {
                         north_m,
                         height_agl_m,
                     };
-                    let ppm = world.mean_ppm(&place, 0.0);
+                    let ppm = model.mean_ppm(&place, 0.0);
                     if best.is_none_or(|(highest, _)| ppm > highest) {
                         best = Some((ppm, place));
                     }

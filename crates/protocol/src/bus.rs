@@ -12,7 +12,7 @@ use crate::message::Message;
 use crate::time::SimTime;
 
 /// One message that went over the bus.
-pub type Said = (Topic, Envelope);
+pub type Publication = (Topic, Envelope);
 
 struct Member<A> {
     agent: A,
@@ -26,7 +26,7 @@ pub struct Conductor<A> {
     tick_ns: i64,
     tick: u64,
     /// Said in the last tick, in order.
-    said: Vec<Said>,
+    said: Vec<Publication>,
     outbox: Outbox,
     /// Said by the operator for the tick to come.
     operator: Vec<(Topic, Message)>,
@@ -87,16 +87,16 @@ impl<A: Agent> Conductor<A> {
     }
 
     /// Runs one tick and returns what was said in it, in the order of time, sender, sequence.
-    pub fn step(&mut self) -> &[Said] {
+    pub fn step(&mut self) -> &[Publication] {
         self.run(Event::Tick)
     }
 
     /// Lets the agents handle what was said last and say their last words.
-    pub fn stop(&mut self) -> &[Said] {
+    pub fn stop(&mut self) -> &[Publication] {
         self.run(Event::Stop)
     }
 
-    fn run(&mut self, event: Event<'_>) -> &[Said] {
+    fn run(&mut self, event: Event<'_>) -> &[Publication] {
         let now = self.now();
         let heard = std::mem::take(&mut self.said);
         let mut said = Vec::with_capacity(heard.len());

@@ -30,19 +30,19 @@ pub struct FieldMaximum {
     pub co2_ppm: f64,
 }
 
-/// The place of greatest mean mole fraction of `world` at `time_s` inside the fence and height
+/// The place of greatest mean mole fraction of `model` at `time_s` inside the fence and height
 /// band and outside every keep-out; `None` where the airspace has no such place.
 ///
 /// A grid of rings around each stack finds the basin (1° apart, which is less than σy of
 /// any class), a pattern search (Hooke and Jeeves 1961) around the circle, along the radius and
 /// in height refines to 0.1 m.
-pub fn highest(world: &DispersionModel, airspace: &Airspace, time_s: f64) -> Option<FieldMaximum> {
+pub fn highest(model: &DispersionModel, airspace: &Airspace, time_s: f64) -> Option<FieldMaximum> {
     let points = airspace
         .stacks()
         .iter()
-        .filter_map(|&stack| grid_search(world, airspace, stack, time_s));
+        .filter_map(|&stack| grid_search(model, airspace, stack, time_s));
     points
-        .map(|point| refine(world, airspace, point, time_s))
+        .map(|point| refine(model, airspace, point, time_s))
         .max_by(|a, b| a.co2_ppm.total_cmp(&b.co2_ppm))
 }
 
@@ -67,7 +67,7 @@ impl GridPoint {
 
 /// Mean mole fraction at a place of an airspace, ppm.
 pub fn mean_ppm(
-    world: &DispersionModel,
+    model: &DispersionModel,
     airspace: &Airspace,
     position: Position,
     time_s: f64,
@@ -77,11 +77,11 @@ pub fn mean_ppm(
         north_m: position.at.north_m,
         height_agl_m: position.height_m - airspace.frame().ground_amsl_m,
     };
-    world.mean_ppm(&place, time_s)
+    model.mean_ppm(&place, time_s)
 }
 
 fn grid_search(
-    world: &DispersionModel,
+    model: &DispersionModel,
     airspace: &Airspace,
     stack: Enu,
     time_s: f64,
@@ -107,13 +107,13 @@ fn grid_search(
             }
         }
     }
-    evaluate(world, airspace, &mut points, time_s);
+    evaluate(model, airspace, &mut points, time_s);
     points
         .into_iter()
         .reduce(|best, l| if l.co2_ppm > best.co2_ppm { l } else { best })
 }
 
-fn evaluate(world: &DispersionModel, airspace: &Airspace, points: &mut [GridPoint], time_s: f64) {
+fn evaluate(model: &DispersionModel, airspace: &Airspace, points: &mut [GridPoint], time_s: f64) {
     let at: Vec<Position> = points.iter().map(GridPoint::position).collect();
     let ground_m = airspace.frame().ground_amsl_m;
     let column = |f: &dyn Fn(&Position) -> f64| at.iter().map(f).collect::<Vec<f64>>();
@@ -127,7 +127,7 @@ fn evaluate(world: &DispersionModel, airspace: &Airspace, points: &mut [GridPoin
     };
     let mut ppm = Vec::new();
     // Columns of one length are never refused.
-    if world.fill_mean_ppm(places, time_s, &mut ppm).is_ok() {
+    if model.fill_mean_ppm(places, time_s, &mut ppm).is_ok() {
         for (point, co2_ppm) in points.iter_mut().zip(ppm) {
             point.co2_ppm = co2_ppm;
         }
@@ -135,7 +135,7 @@ fn evaluate(world: &DispersionModel, airspace: &Airspace, points: &mut [GridPoin
 }
 
 fn refine(
-    world: &DispersionModel,
+    model: &DispersionModel,
     airspace: &Airspace,
     first: GridPoint,
     time_s: f64,
@@ -158,7 +158,7 @@ fn refine(
             next.bearing_deg += turn;
             next.radius_m = (next.radius_m + out).max(NEAREST_M);
             next.height_m = airspace.clamp_height_m(next.height_m + up);
-            next.co2_ppm = mean_ppm(world, airspace, next.position(), time_s);
+            next.co2_ppm = mean_ppm(model, airspace, next.position(), time_s);
             if next.co2_ppm > best.co2_ppm && airspace.contains(next.position(), 0.0) {
                 best = next;
             }
@@ -174,7 +174,7 @@ fn refine(
     }
 }
 
-/// The world of `base` as the world simulator's `model` has corrected it; `base` itself where the
+/// The dispersion model of `base` as the world simulator's `model` has corrected it; none where the
 /// model cannot be.
 pub fn corrected(base: &DispersionSpec, model: &Model) -> Option<DispersionModel> {
     let mut spec = base.clone();

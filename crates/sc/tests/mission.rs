@@ -43,12 +43,12 @@ fn preliminary_passes_cross_the_plume_on_both_sides_and_at_three_heights() {
     mini.run();
     let until = mini.phases.iter().find(|p| p.1 == Phase::Search).unwrap().0;
     let real: Vec<_> = mini
-        .told
+        .sent
         .iter()
         .filter(|t| t.vehicle == 5 && t.time_s < until && t.path == PathKind::GoTo)
         .collect();
     let axis_deg = 72.0f64;
-    let across = |t: &&&common::Told| {
+    let across = |t: &&&common::SentSetpoint| {
         let (sin, cos) = axis_deg.to_radians().sin_cos();
         t.to.at.east_m * cos - t.to.at.north_m * sin
     };
@@ -93,33 +93,33 @@ fn a_vehicle_that_a_pilot_flies_is_left_alone_and_told_again_when_handed_back() 
         mini.second();
     }
     mini.pilot(2, true);
-    let before = mini.told.iter().filter(|t| t.vehicle == 2).count();
+    let before = mini.sent.iter().filter(|t| t.vehicle == 2).count();
     while mini.time_s < 900.0 {
         mini.second();
     }
-    let during = mini.told.iter().filter(|t| t.vehicle == 2).count();
+    let during = mini.sent.iter().filter(|t| t.vehicle == 2).count();
     assert_eq!(before, during, "a pilot's vehicle was sent somewhere");
     mini.pilot(2, false);
     assert_eq!(
-        mini.told.iter().filter(|t| t.vehicle == 2).count(),
+        mini.sent.iter().filter(|t| t.vehicle == 2).count(),
         during + 1
     );
 }
 
 #[test]
 fn the_same_seed_gives_the_same_setpoints() {
-    let told = |seed: u64| {
+    let sent = |seed: u64| {
         let mut scenario = as_pontes(1);
         scenario.mission.seed = seed;
         scenario.mission.duration_s = 1500.0;
         let mut mini = Miniature::new(scenario);
         mini.run();
-        let all = mini.told.iter();
+        let all = mini.sent.iter();
         all.map(|t| (t.vehicle, t.to.at.east_m.to_bits(), t.to.height_m.to_bits()))
             .collect::<Vec<_>>()
     };
-    assert_eq!(told(3), told(3));
-    assert_ne!(told(3), told(4));
+    assert_eq!(sent(3), sent(3));
+    assert_ne!(sent(3), sent(4));
 }
 
 #[test]

@@ -10,7 +10,12 @@ use sc::{Airspace, peak};
 use scenario::Scenario;
 
 fn highest(s: &Scenario) -> (Enu, f64, f64) {
-    let found = peak::highest(&s.world().unwrap(), &Airspace::of(s).unwrap(), 0.0).unwrap();
+    let found = peak::highest(
+        &s.dispersion_model().unwrap(),
+        &Airspace::of(s).unwrap(),
+        0.0,
+    )
+    .unwrap();
     let height_agl_m = found.position.height_m - s.site.ground_amsl_m;
     (found.position.at, height_agl_m, found.co2_ppm)
 }
@@ -55,7 +60,7 @@ proptest! {
     ) {
         let mut s = as_pontes(0);
         s.weather.wind_from_deg = from_deg;
-        let (airspace, world) = (Airspace::of(&s).unwrap(), s.world().unwrap());
+        let (airspace, world) = (Airspace::of(&s).unwrap(), s.dispersion_model().unwrap());
         let (_, _, best_ppm) = highest(&s);
         for (east_m, north_m, height_agl_m) in places {
             let at = csea::Position::new(east_m, north_m, height_agl_m + s.site.ground_amsl_m);

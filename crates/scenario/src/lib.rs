@@ -39,8 +39,8 @@
 //! "#;
 //! let scenario = Scenario::parse("own.toml", text)?;
 //! assert!(!scenario.vehicles.is_empty());
-//! let world = scenario.world()?;
-//! assert_eq!(world.spec().mechanisms[0].parameter("height_m"), Some(700.0));
+//! let model = scenario.dispersion_model()?;
+//! assert_eq!(model.spec().mechanisms[0].parameter("height_m"), Some(700.0));
 //!
 //! // What is wrong is named with its line and with what would be right.
 //! let wrong = text.replace("lat_deg = 43.4417", "lat_deg = 434.417");

@@ -113,7 +113,7 @@ impl Scenario {
     ///
     /// # Errors
     /// As [`Scenario::dispersion_spec`].
-    pub fn world(&self) -> Result<DispersionModel, WorldError> {
+    pub fn dispersion_model(&self) -> Result<DispersionModel, WorldError> {
         Ok(DispersionModel::new(self.dispersion_spec()?)?)
     }
 

@@ -42,7 +42,7 @@ fn the_least_scenario_has_a_team_and_a_world() {
             .count(),
         1
     );
-    assert!(s.world().is_ok());
+    assert!(s.dispersion_model().is_ok());
     assert_eq!(s.in_reality().background, s.background);
 }
 
@@ -50,7 +50,7 @@ fn the_least_scenario_has_a_team_and_a_world() {
 fn as_pontes_has_the_numbers_of_the_power_plant() {
     let s = Scenario::parse("as-pontes.toml", AS_PONTES).unwrap();
     // The paper's flight: 859 ppm at 2.4 km with a background of 449 ppm, axis at 486 m.
-    let world = s.world().unwrap();
+    let world = s.dispersion_model().unwrap();
     let (east, north) = 60f64.to_radians().sin_cos();
     let at = plume::Place {
         east_m: 2400.0 * east,
@@ -199,7 +199,7 @@ fn calm_wind_is_a_world() {
         &format!("{LEAST}\n[weather]\nwind_speed_m_s = 0\n"),
     )
     .unwrap();
-    let world = s.world().unwrap();
+    let world = s.dispersion_model().unwrap();
     let at = plume::Place {
         east_m: 1000.0,
         north_m: 0.0,

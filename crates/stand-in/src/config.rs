@@ -21,7 +21,7 @@ pub struct StandInConfig {
     /// The airframe.
     pub aircraft: Aircraft,
     /// Its reality: wind, air, plume, sensor.
-    pub world: DispersionModel,
+    pub model: DispersionModel,
     /// The site's local frame.
     pub frame: LocalFrame,
     /// Take-off and landing point.
@@ -67,9 +67,9 @@ impl StandInConfig {
         let aircraft = reality
             .extend_aircraft(&vehicle.id, &aircraft)
             .map_err(refuse)?;
-        let world = reality.world().map_err(refuse)?;
+        let model = reality.dispersion_model().map_err(refuse)?;
         let home_amsl_m = reality.site.ground_amsl_m;
-        let home_air = world.spec().atmosphere.at(home_amsl_m);
+        let home_air = model.spec().atmosphere.at(home_amsl_m);
         let sea_level = Atmosphere::standard().at(0.0).density_kg_m3();
         let eas_over_tas = (home_air.density_kg_m3() / sea_level).sqrt();
         let limits = aircraft.limits;
@@ -91,7 +91,7 @@ impl StandInConfig {
             has_landing_sequence: true,
             signing: None,
             aircraft,
-            world,
+            model,
         })
     }
 

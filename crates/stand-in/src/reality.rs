@@ -21,7 +21,7 @@ pub(crate) const HUMIDITY_PCT: f64 = 70.0;
 /// The world around one stand-in.
 #[derive(Debug, Clone)]
 pub(crate) struct Reality {
-    pub world: DispersionModel,
+    pub model: DispersionModel,
     pub frame: LocalFrame,
     terrain: Terrain,
     series: Option<WindSeries>,
@@ -38,14 +38,14 @@ pub(crate) struct Reality {
 
 impl Reality {
     pub(crate) fn new(
-        world: DispersionModel,
+        model: DispersionModel,
         frame: LocalFrame,
         terrain: Terrain,
         series: Option<WindSeries>,
         turbulence_intensity: f64,
         platform: &str,
     ) -> Self {
-        let spec = world.spec();
+        let spec = model.spec();
         let air = spec.atmosphere.at(spec.ground_amsl_m);
         Self {
             profile: spec.wind,
@@ -57,7 +57,7 @@ impl Reality {
                 density_kg_m3: air.density_kg_m3(),
             },
             air,
-            world,
+            model,
             frame,
             terrain,
             series,
@@ -67,7 +67,7 @@ impl Reality {
     }
 
     fn height_agl_m(&self, state: &FlightState) -> f64 {
-        state.alt_amsl_m - self.world.spec().ground_amsl_m
+        state.alt_amsl_m - self.model.spec().ground_amsl_m
     }
 
     /// Height of the ground below, m above mean sea level.
@@ -84,7 +84,7 @@ impl Reality {
     /// What changes slowly: mean wind, turbulence and air at the vehicle's height.
     pub(crate) fn update_mean_air(&mut self, state: &FlightState, time_s: f64) {
         let height = (state.alt_amsl_m - self.ground_amsl_m(state)).max(0.0);
-        let spec = self.world.spec();
+        let spec = self.model.spec();
         if let Some(series) = &self.series {
             let wind = series.at(time_s);
             let reference_m = spec.wind.reference_height_agl_m();
@@ -150,9 +150,9 @@ impl Reality {
             height_agl_m: self.height_agl_m(state),
         };
         let true_ppm = if self.series.is_some() {
-            self.world.mean_ppm_in(&place, time_s, &self.profile)
+            self.model.mean_ppm_in(&place, time_s, &self.profile)
         } else {
-            self.world.mean_ppm(&place, time_s)
+            self.model.mean_ppm(&place, time_s)
         };
         let ambient = SensorAir {
             temperature_c: self.air.temperature_k - air::isa::ZERO_CELSIUS_K,

@@ -57,7 +57,7 @@ impl StandIn {
         let flight = FlightController::new(&config.aircraft, home, &mut rng)?;
         Ok(Self {
             reality: Reality::new(
-                config.world,
+                config.model,
                 config.frame,
                 config.terrain,
                 config.wind_series,

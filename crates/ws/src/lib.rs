@@ -41,7 +41,7 @@
 //! let reality = text
 //!     .replace("wind_from_deg = 270.0", "wind_from_deg = 280.0")
 //!     .replace("c_max_ppm = 400.0", "c_max_ppm = 600.0");
-//! let world = Scenario::parse("reality.toml", &reality)?.world()?;
+//! let model = Scenario::parse("reality.toml", &reality)?.dispersion_model()?;
 //!
 //! let mut calibrator = Calibrator::new(&scenario, &["1".to_owned()], None)?;
 //! for second in 0..300 {
@@ -52,7 +52,7 @@
 //!         north_m: -300.0 + 600.0 * (time_s / 40.0).sin(),
 //!         height_agl_m: 486.0,
 //!     };
-//!     calibrator.observe(0, time_s, place, None, world.mean_ppm(&place, time_s));
+//!     calibrator.observe(0, time_s, place, None, model.mean_ppm(&place, time_s));
 //! }
 //! calibrator.finish();
 //! calibrator.update()?;

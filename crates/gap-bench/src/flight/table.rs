@@ -153,7 +153,7 @@ impl FlightSummary {
     /// Rows of what is not one effect by the catalogue's law.
     fn other_rows(&self) -> [Row; 6] {
         let outside = |k: &FlightKind| matches!(k, FlightKind::Outside(..));
-        let cousin = |k: &FlightKind| matches!(k, FlightKind::Cousin(..));
+        let other_law = |k: &FlightKind| matches!(k, FlightKind::OtherLaw(..));
         let two = |k: &FlightKind| matches!(k, FlightKind::Two(..));
         let unexplained = |o: &FlightOutcome| o.verdict == Some(Verdict::Unexplained);
         let placed = |o: &FlightOutcome| {
@@ -163,13 +163,13 @@ impl FlightSummary {
             let there = |c: &String| effect.coordinates().contains(&c.as_str());
             unexplained(o) && o.coordinate.as_ref().is_some_and(there)
         };
-        let in_sets = self.rate(cousin, FlightOutcome::in_sets);
+        let in_sets = self.rate(other_law, FlightOutcome::in_sets);
         [
             row("other law: truth in the set", "", in_sets),
             row(
                 "other law: wrong with confidence",
                 "≤ 2 %",
-                self.wrong(cousin),
+                self.wrong(other_law),
             ),
             row(
                 "outside the catalogue: unexplained",

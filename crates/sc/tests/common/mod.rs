@@ -29,7 +29,7 @@ pub struct Point {
 }
 
 /// A setpoint as it was said, with where its vehicle was.
-pub struct Told {
+pub struct SentSetpoint {
     pub time_s: f64,
     pub vehicle: usize,
     pub from: Position,
@@ -43,7 +43,7 @@ pub struct Miniature {
     pub controller: SquadronController,
     pub reality: DispersionModel,
     pub team: Vec<Point>,
-    pub told: Vec<Told>,
+    pub sent: Vec<SentSetpoint>,
     pub phases: Vec<(f64, Phase)>,
     pub events: Vec<String>,
     pub observations: usize,
@@ -72,10 +72,10 @@ impl Miniature {
         });
         Self {
             team: team.collect(),
-            reality: scenario.in_reality().world().unwrap(),
+            reality: scenario.in_reality().dispersion_model().unwrap(),
             controller,
             airspace,
-            told: Vec::new(),
+            sent: Vec::new(),
             phases: vec![(0.0, Phase::TakeOff)],
             events: Vec::new(),
             observations: 0,
@@ -116,7 +116,7 @@ impl Miniature {
                     };
                     let from = self.team[vehicle].at;
                     let (time_s, path) = (self.time_s, setpoint.path);
-                    self.told.push(Told {
+                    self.sent.push(SentSetpoint {
                         time_s,
                         vehicle,
                         from,
@@ -324,7 +324,7 @@ pub fn as_pontes(real: usize) -> Scenario {
 pub fn assert_safe(mini: &Miniature) {
     let airspace = &mini.airspace;
     let (low_m, high_m) = airspace.height_band_amsl_m();
-    for t in &mini.told {
+    for t in &mini.sent {
         if t.path == PathKind::Land {
             continue;
         }
@@ -354,8 +354,8 @@ pub fn assert_safe(mini: &Miniature) {
 /// Fails unless any two setpoints that stood at the same time were apart in height or distance.
 pub fn assert_apart(mini: &Miniature) {
     let fence = &mini.scenario.fence;
-    let mut standing: Vec<Option<&Told>> = vec![None; mini.team.len()];
-    for t in &mini.told {
+    let mut standing: Vec<Option<&SentSetpoint>> = vec![None; mini.team.len()];
+    for t in &mini.sent {
         standing[t.vehicle] = (t.path != PathKind::Land).then_some(t);
         for other in standing.iter().flatten().filter(|o| o.vehicle != t.vehicle) {
             if t.path == PathKind::Land {

@@ -144,7 +144,7 @@ impl StandIn {
     /// The position that it reports: place and altitude above mean sea level, m.
     fn reported_position(&self, now: SimTime) -> (Enu, f64) {
         let sensed = self.flight.sensed();
-        let ground_amsl_m = self.reality.world.spec().ground_amsl_m;
+        let ground_amsl_m = self.reality.model.spec().ground_amsl_m;
         let reported_position = plume::Place {
             east_m: sensed.east_m,
             north_m: sensed.north_m,

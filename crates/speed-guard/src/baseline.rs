@@ -109,6 +109,13 @@ impl Baseline {
                 "'{name}' of the baseline was not run"
             );
         }
+        for row in rows {
+            ensure!(
+                self.bench.contains_key(&row.name),
+                "'{}' is not in the baseline: take it with --set-baseline",
+                row.name
+            );
+        }
         Ok(())
     }
 
@@ -227,6 +234,10 @@ mod tests {
     fn a_bench_that_is_no_longer_run_is_told() {
         let mut rows = baseline().rows(&figures(1.0, 1.0)).unwrap();
         assert!(baseline().check_all_ran(&rows).is_ok());
+        let mut further = rows.clone();
+        further[0].name.push_str(" of another kind");
+        further.extend(rows.clone());
+        assert!(baseline().check_all_ran(&further).is_err());
         rows.pop();
         assert!(baseline().check_all_ran(&rows).is_err());
     }

@@ -303,3 +303,56 @@ fn too_little_leaves_the_prior() {
     );
     assert!(found.effective_height_agl_m.sd > 40.0, "{found:?}");
 }
+
+/// Readings that carry a wind of their own are carried by it, and so is the peak that is told: the
+/// scenario's wind, 12 degrees off, has no part in it.
+#[test]
+fn a_logged_wind_carries_the_answer_too() {
+    let scenario = Scenario::parse("s.toml", SCENARIO).unwrap();
+    let frame = scenario.frame().unwrap();
+    let mut text =
+        "time_s,platform,lat_deg,lon_deg,alt_amsl_m,co2_ppm,wind_speed_m_s,wind_from_deg\n"
+            .to_owned();
+    let (s, c) = TRUTH.towards_deg.to_radians().sin_cos();
+    for k in 0..600 {
+        let side = if k / 100 % 2 == 0 { 1.0 } else { -1.0 };
+        let x = 1300.0 + 300.0 * f64::from(k / 100);
+        let y = side * (f64::from(k % 100) * 12.0 - 600.0);
+        let place = Place {
+            east_m: x * s + y * c,
+            north_m: x * c - y * s,
+            height_agl_m: TRUTH.height,
+        };
+        let at = frame.to_geodetic(air::geo::Enu {
+            east_m: place.east_m,
+            north_m: place.north_m,
+        });
+        let noise = f64::from(k * 7919 % 13) - 6.0;
+        text += &format!(
+            "{k},6,{:.7},{:.7},{:.1},{:.1},7,{:.1}\n",
+            at.lat_deg,
+            at.lon_deg,
+            place.height_agl_m + 340.0,
+            TRUTH.ppm(&place) + 0.5 * noise,
+            TRUTH.towards_deg + 180.0
+        );
+    }
+    let observations = scenario::observations::parse(&[("o.csv", &text)]).unwrap();
+    let found = ws::calibration::offline::calibrate(&scenario, &observations, None).unwrap();
+    let axis_deg = found.calibrated.axis_deg;
+    let off_deg = (axis_deg.value - TRUTH.towards_deg).abs();
+    assert!(off_deg < 4.0 * axis_deg.sd, "{axis_deg:?}");
+    let spec = found.calibrator.latest_spec();
+    assert!((spec.wind.from_deg() - TRUTH.towards_deg - 180.0).abs() < 0.5);
+    let on_axis = Place {
+        east_m: 1200.0 * s,
+        north_m: 1200.0 * c,
+        height_agl_m: TRUTH.height,
+    };
+    let met = found.calibrator.mean_ppm(&on_axis).unwrap();
+    assert!(
+        (met.value - TRUTH.ppm(&on_axis)).abs() < 4.0 * met.sd,
+        "{met:?}"
+    );
+    assert!(met.sd < 0.05 * met.value, "{met:?}");
+}

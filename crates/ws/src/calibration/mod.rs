@@ -250,6 +250,12 @@ impl Calibrator {
         Ok(())
     }
 
+    /// Lets the wind that the turn is found against blow from a direction, as where readings carried a
+    /// wind of their own.
+    fn set_wind_from(&mut self, from_deg: f64) {
+        self.base.wind = self.base.wind.turned(from_deg - self.base.wind.from_deg());
+    }
+
     /// Time of the last reading, s.
     pub fn last_time_s(&self) -> f64 {
         let last = self.readings.iter().filter_map(|r| r.last());

@@ -3,7 +3,7 @@
 use super::{Calibrated, CalibrationParameter, Calibrator};
 use crate::WsError;
 use air::geo::{Geodetic, wrap_deg};
-use air::wind::{WindVector, towards_deg};
+use air::wind::WindVector;
 use plume::{Mechanism, MechanismId, Place};
 use scenario::Scenario;
 use scenario::observations::{ObservationRow, Observations};
@@ -46,13 +46,15 @@ pub fn calibrate(
             break;
         }
     }
-    let calibrator = match best {
+    let mut calibrator = match best {
         Some(best) => best,
         None => Calibrator::new(scenario, &observations.platforms, reference)?,
     };
-    let mut calibrated = calibrator.calibrated();
+    if let Some(from_deg) = logged_from_deg(observations) {
+        calibrator.set_wind_from(from_deg);
+    }
+    let calibrated = calibrator.calibrated();
     let corrected = corrected(scenario, &calibrator, &calibrated, observations);
-    calibrated.axis_deg.value = towards_deg(corrected.weather.wind_from_deg);
     Ok(OfflineCalibration {
         scenario: corrected,
         calibrated,

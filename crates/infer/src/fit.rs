@@ -60,12 +60,10 @@ pub struct Fit {
     pub sizes: Sizes,
     /// Bumps of error of form and swing.
     pub basis: Basis,
-    /// Readings expected at the point.
-    pub expected: Vec<f64>,
-    /// What of them is due to the plume.
-    pub plume: Vec<f64>,
     /// Factor on the variance of each row's white noise: above one at a spike.
     pub inflation: Vec<f64>,
+    loadings: Loadings,
+    misfit: Vec<f64>,
     pub(crate) linear: Linear,
 }
 
@@ -90,9 +88,6 @@ struct Linearised {
     linear: Linear,
     /// The bumps' values, row after row.
     bumps: Vec<f64>,
-    expected: Vec<f64>,
-    /// What of the expected readings is due to the plume.
-    plume: Vec<f64>,
     misfit: Vec<f64>,
     /// Minus the density of the point, nats, up to a constant.
     cost: f64,
@@ -131,7 +126,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     }
 
     /// The noise that is most probable before any reading.
-    pub fn noise_beforehand(&self) -> Noise {
+    pub(crate) fn noise_beforehand(&self) -> Noise {
         Noise::from_ln(self.noise_prior().map(|(mean, _)| mean))
     }
 
@@ -210,25 +205,15 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     /// # Errors
     /// Values that the model refuses.
     pub(crate) fn refit_noise(&self, fit: &Fit) -> Result<Fit, InferError> {
-        let metric = self.metric(&fit.point, &fit.basis, &fit.noise, &fit.inflation)?;
         let prior = self.noise_prior();
         let used = self.rows.used_count() as f64;
         // The white noise is known to every reading, the rest to few.
         let curvature =
             std::array::from_fn(|k| prior[k].1.powi(-2) + if k == 0 { used } else { 0.03 * used });
-        let misfit: Vec<f64> = (0..self.rows.len())
-            .map(|i| {
-                if self.rows.is_used(i) {
-                    self.rows.measured()[i] - fit.expected[i]
-                } else {
-                    0.0
-                }
-            })
-            .collect();
         let ln = maximise(fit.noise.ln(), curvature, NOISE_STEPS, |ln| {
             let noise = Noise::from_ln(*ln);
-            let (loadings, inflation) = (&metric.loadings, &fit.inflation);
-            log_likelihood(self.rows, &noise, loadings, inflation, &misfit)
+            let (loadings, inflation) = (&fit.loadings, &fit.inflation);
+            log_likelihood(self.rows, &noise, loadings, inflation, &fit.misfit)
                 + self.ln_noise_prior(&noise)
         });
         let (point, inflation) = (fit.point.clone(), fit.inflation.clone());
@@ -271,9 +256,9 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             noise,
             sizes,
             basis: basis.clone(),
-            expected: here.expected,
-            plume: here.plume,
             inflation: metric.inflation,
+            loadings: metric.loadings,
+            misfit: here.misfit,
             linear: here.linear,
         })
     }
@@ -481,7 +466,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let here = self.model.predict(&point.at, &turns)?;
         let bumps = self.bumps(point, basis, &here.plume)?;
         let factors: Vec<f64> = bumps
-            .chunks_exact(weights.max(1))
+            .chunks_exact(weights)
             .map(|bumps| basis.factor(bumps, &point.weights))
             .collect();
         let grown =
@@ -527,8 +512,6 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             cost: 0.5 * linear.misfit_sq + self.prior_cost(point, precision),
             linear,
             bumps,
-            expected,
-            plume,
             misfit,
         })
     }

@@ -3,7 +3,7 @@
 
 use crate::InferError;
 use crate::fit::{Fit, Problem};
-use crate::form::{COORDINATES, SWING, Sizes};
+use crate::form::{COORDINATES, Sizes};
 use crate::noise::Noise;
 use crate::rows::{ForwardModel, PlumePlace};
 use nalgebra::{DMatrix, DVector};
@@ -251,12 +251,6 @@ impl Posterior {
             .iter()
             .max_by(|a, b| a.weight.total_cmp(&b.weight));
         most.map_or([0.0; COORDINATES], |p| p.sizes)
-    }
-
-    /// Mean size of the error of form: of the standard deviations of g, all coordinates together.
-    pub fn form_size(&self) -> f64 {
-        let of = |p: &Part| p.weight * p.sizes[..SWING].iter().map(|s| s * s).sum::<f64>().sqrt();
-        self.parts.iter().map(of).sum()
     }
 
     /// Mean of the unknowns.

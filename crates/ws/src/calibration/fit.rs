@@ -1,6 +1,7 @@
 //! The fit itself: robust maximum a posteriori by Levenberg-Marquardt.
 
 use super::CORRELATED_ROWS;
+use super::model::{SEARCH_DIRECTIONS, SEARCH_HEIGHTS, SEARCH_REACH};
 use super::parameters::{CalibrationParameter, Unknowns};
 use crate::WsError;
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -18,11 +19,6 @@ const HUBER: f64 = 2.5;
 /// 2000.
 const IMPLAUSIBLE_SDS: f64 = 3.5;
 const MAX_ITERATIONS: usize = 12;
-/// Coarse search: reach in prior standard deviations and number of points on each side. In direction
-/// the points must lie closer than the plume is wide, in height the plume is felt from far.
-const SEARCH_REACH: f64 = 3.0;
-const SEARCH_DIRECTIONS: i32 = 18;
-const SEARCH_HEIGHTS: i32 = 3;
 
 pub(super) struct Problem<'a> {
     base: &'a DispersionSpec,

@@ -268,12 +268,9 @@ impl Calibrator {
         let posterior = self.posterior.as_ref()?;
         let time_s = self.last_time_s();
         let found = posterior.at_place(time_s, |at, turn_deg| {
-            let mut at = DVector::from_column_slice(at);
-            if let Some(k) = self.unknowns.index(CalibrationParameter::Direction) {
-                at[k] += turn_deg;
-            }
             let nowhere = model::plume_place(None, time_s);
-            let Ok(model) = DispersionModel::new(self.unknowns.turned(&self.base, &at)) else {
+            let spec = self.swung_spec(DVector::from_column_slice(at), turn_deg);
+            let Ok(model) = DispersionModel::new(spec) else {
                 return (f64::NAN, f64::NAN, nowhere);
             };
             let rest = model.background_ppm(place, time_s);
@@ -352,15 +349,14 @@ impl Calibrator {
 
     /// The corrected model, its axis as it lay at the time of the last reading.
     pub fn latest_spec(&self) -> DispersionSpec {
-        let mut at = self.estimate.clone();
-        let turn_deg = self
-            .posterior
-            .as_ref()
-            .map(|p| p.turn_deg(self.last_time_s()));
-        if let (Some(k), Some(turn_deg)) = (
-            self.unknowns.index(CalibrationParameter::Direction),
-            turn_deg,
-        ) {
+        let posterior = self.posterior.as_ref();
+        let turn_deg = posterior.map_or(0.0, |p| p.turn_deg(self.last_time_s()));
+        self.swung_spec(self.estimate.clone(), turn_deg)
+    }
+
+    /// The model at these values of the unknowns, its axis turned by `turn_deg` besides.
+    fn swung_spec(&self, mut at: DVector<f64>, turn_deg: f64) -> DispersionSpec {
+        if let Some(k) = self.unknowns.index(CalibrationParameter::Direction) {
             at[k] += turn_deg;
         }
         self.unknowns.turned(&self.base, &at)

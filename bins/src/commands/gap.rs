@@ -175,6 +175,9 @@ fn tell(json: &gap::verdict::GapJson, folder: &Path) {
         "verdict: {}",
         verdict.as_ref().and_then(|v| v.as_str()).unwrap_or("?")
     );
+    if let Some(contact) = &json.contact {
+        println!("  {}", contact.says);
+    }
     if json.causes.is_empty() {
         println!("  {}", json.summary);
     }

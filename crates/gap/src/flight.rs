@@ -161,6 +161,9 @@ impl<'a> Finding<'a> {
             next_flight: next_flight::propose(&answer),
             base: answer::base(&study, &last, &answer.set),
             unexplained: answer.unexplained,
+            insufficient: None,
+            contact: None,
+            discrepancy: None,
             data_quality: study.gated.data_quality.clone(),
             notices,
             ranking: answer.ranking,
@@ -233,6 +236,7 @@ fn summary(answer: &Answer, equation_error: &EquationError) -> String {
         .map(|c| c.mechanisms.join(" or "))
         .collect();
     let mut text = match answer.verdict {
+        Verdict::Insufficient => "These flights could not have shown anything.".to_owned(),
         Verdict::None => {
             "Nothing in these flights asks for another aircraft than that of the file.".to_owned()
         }

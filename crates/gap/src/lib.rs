@@ -105,6 +105,9 @@ pub enum GapError {
     /// The plume model refused a value.
     #[error(transparent)]
     Plume(#[from] ::plume::PlumeError),
+    /// The inference refused a model or its readings.
+    #[error(transparent)]
+    Infer(#[from] infer::InferError),
     /// The site or its air refused a value.
     #[error(transparent)]
     Air(#[from] air::AirError),

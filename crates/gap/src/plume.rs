@@ -1,96 +1,67 @@
 //! The gap of plume and sensors: concentrations along tracks against the plume model.
 //!
-//! The order of work: gate the raw data, smooth the logged wind, fit the base and its noise,
-//! screen every mechanism, fit the best fully, hold nameless rivals against them, accept one at
-//! a time until the data ask for no more, and measure the gain on data left out. The method,
-//! with its equations, sources and limits, is in `docs/gap.md`.
+//! The order of work: gate the raw data, choose the wind that carried the plume, fit the base with its
+//! error of form and its noise, ask whether the readings follow the plume at all, search the
+//! mechanisms of the catalogue for sets that explain more, judge what stands of them on passes left
+//! out and drawn anew, and measure the gain. All of it but the forward model is [`infer`]'s. The
+//! method, with its equations, sources and limits, is in `docs/gap.md`.
 
-mod accepted;
 mod answer;
-mod candidate;
-mod ceiling;
-mod chance;
-mod data;
-mod delay;
-mod early;
-mod explore;
-mod fit;
+mod catalogue;
+pub(crate) mod data;
 mod fixes;
-mod followed;
-mod freedom;
+mod gain;
 mod gate;
-mod heights;
-mod held_out;
-mod lee;
-mod lid;
-mod linear;
 mod logged;
 mod model;
-mod nameless;
-mod naming;
-mod next_flight;
-mod noise;
-mod nuisance;
-mod pair;
-mod parallel;
 mod report;
 mod residual;
-mod rival;
-mod rival_terms;
-mod screen;
-mod shown;
-mod start;
-mod tested;
-mod transport;
-mod visibility;
-mod ways;
-mod wind_series;
-mod zero;
+mod wind;
+pub(crate) mod zero;
 
 pub use data::{Prior, Setup};
-pub use noise::NoiseModel;
 pub use report::{GapReport, Series};
-pub use visibility::{Known, Likeness, PlumeChange, Visibility};
 
-use ::plume::effects::HOUR_S;
-use ::plume::mechanism::MechanismId;
+use infer::{Contact, ForwardModel, Found, InferError, Judgement, Policy, Question, Rows};
 use scenario::observations::Observations;
 
 use crate::GapError;
-use crate::verdict::{DataQuality, GapJson, SCHEMA, Verdict};
+use crate::verdict::GapJson;
+use catalogue::Tried;
 use data::Data;
-use fit::Context;
+use model::PlumeModel;
 
 /// How the analysis is run.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// Seed of the bootstrap; the same seed gives the same answer.
+    /// Seed of the draws of passes; the same seed gives the same answer.
     pub seed: u64,
-    /// Threads; the answer does not depend on them.
-    pub threads: usize,
-    /// Most causes that are named one after the other.
-    pub most_causes: usize,
-    /// Whether to measure the gain on data left out, what was detectable, and the next flight.
+    /// Whether to measure the gain on data left out.
     pub complete: bool,
+    /// The numbers by which is decided.
+    pub policy: Policy,
 }
 
 impl Default for Options {
     fn default() -> Self {
         Self {
             seed: 1,
-            threads: 2,
-            most_causes: 4,
             complete: true,
+            policy: Policy::default(),
         }
     }
 }
 
 impl Options {
-    /// A lighter run for use during a mission: at most two causes, no scores on data left out.
+    /// A lighter run for use during a mission: at most two names, no scores on data left out.
     pub fn live() -> Self {
+        let policy = Policy {
+            most_names: 2,
+            ..Policy::default()
+        };
         Self {
-            most_causes: 2,
             complete: false,
+            policy,
             ..Self::default()
         }
     }
@@ -117,14 +88,20 @@ pub struct Analysis {
     /// The logged wind in the mean, as it carried the plume, where there is a log: direction from, in
     /// degrees, and speed at the scenario's height of the wind, m/s.
     pub logged_wind: Option<(f64, f64)>,
-    /// Noise fitted under the final model.
-    pub noise: NoiseModel,
     /// Series, tables and maps for a report.
     pub report: GapReport,
 }
 
 /// Fewest readings from which anything can be told.
 const FEWEST_READINGS: usize = 30;
+/// The sensor's noise where the scenario states none, in parts of the smallest difference between
+/// readings: rounding.
+const ROUNDING: f64 = 0.3;
+/// Readings follow the plume where passes gain at least this part there of what they gain in
+/// whatever direction: half.
+const FOLLOWED: f64 = 0.5;
+/// Passes point in one direction where their scatter is below this, degrees: an eighth of a circle.
+const ONE_DIRECTION_DEG: f64 = 45.0;
 
 /// Shows what is wrong, names it, extends the model and measures the gain.
 ///
@@ -132,7 +109,7 @@ const FEWEST_READINGS: usize = 30;
 ///
 /// # Errors
 /// No rows or no readings at all, or a base that the plume model refuses. Data that merely say
-/// nothing give the verdict "none" with a notice.
+/// nothing give the verdict "insufficient".
 pub fn analyse(
     setup: &Setup,
     observations: &Observations,
@@ -145,6 +122,22 @@ pub fn analyse(
     Ok(analysis)
 }
 
+/// What all parts of an answer are made from.
+struct Study<'a> {
+    setup: &'a Setup,
+    data: &'a Data,
+    question: Question<'a>,
+    tried: Vec<Tried>,
+    base: Found<PlumeModel<'a>>,
+    contact: Option<Contact>,
+    /// The sets that were fitted, the likeliest first.
+    found: Vec<Found<PlumeModel<'a>>>,
+    /// What stands.
+    judged: Judgement<PlumeModel<'a>>,
+    /// What of the wind's log was averaged, s; none without a log.
+    averaged_s: Option<f64>,
+}
+
 fn counted_from_near_zero(
     setup: &Setup,
     observations: &Observations,
@@ -154,175 +147,89 @@ fn counted_from_near_zero(
     let mut tell = |part: f64, doing: &'static str| progress(Progress { part, doing });
     tell(0.0, "looking at the raw data");
     let mut data = Data::new(setup, observations)?;
-    let mut quality = gate::gate(&mut data, setup);
+    let quality = gate::gate(&mut data, setup);
     if data.used_count() < FEWEST_READINGS {
-        return Ok(nothing_to_tell(setup, data, quality));
+        return Ok(answer::nothing_to_tell(setup, data, quality, FEWEST_READINGS));
     }
     tell(0.05, "fitting the base");
-    let threads = options.threads.max(1);
-    let started = start::start(setup, &mut data, threads);
-    let ctx = Context {
+    let rows = rows(&data)?;
+    let question = Question {
+        rows: &rows,
+        policy: &options.policy,
+        sensor_sd: sensor_sd(setup, &data),
+        asked: &[],
+    };
+    let (track, averaged_s) = wind::carrying(setup, &data, &question)?;
+    let model = PlumeModel::new(setup, &track);
+    let base = question.base(&model)?;
+    tell(0.25, "asking whether the readings follow the plume");
+    let contact = question.contact(&base)?;
+    let named = aimed(&question, &model, contact.as_ref())?;
+    tell(0.35, "searching for causes");
+    let here = base.model.predict(base.at(), &question.turns_deg(&base))?;
+    let world = base.model.world(base.at())?;
+    let tried = catalogue::tried(setup, &model, &here, &world);
+    let found = question.search(base.clone(), named, &tried)?;
+    tell(0.8, "judging what stands");
+    let judged = question.judge(&found, &tried, options.seed)?;
+    let study = Study {
         setup,
         data: &data,
-        threads,
-    };
-    let mut named = naming::name(&ctx, started.fitted.clone(), options, &mut tell);
-    let puffs = started.other_puffs(setup, ctx.data, &named.last);
-    let mut ctx = ctx;
-    if let Some(data) = &puffs {
-        let there = Context { data, ..ctx };
-        if let Some(again) = named_again(&there, &started.fitted, &named, options, &mut tell) {
-            (named, ctx) = (again, there);
-        }
-    }
-    let steady = if named.only(MechanismId::WindDirectionDrift) {
-        started.in_steady_wind(setup, ctx.data, &named.last)
-    } else {
-        None
-    };
-    let mut started = &started;
-    if let Some((there, data)) = &steady {
-        (started, ctx) = (there, Context { data, ..ctx });
-        named = naming::name(&ctx, started.fitted.clone(), options, &mut tell);
-    }
-    let doubted = heights::doubted(&ctx, observations, &started.fitted, &named.last);
-    if let Some(message) = doubted {
-        quality.extend(gate::mask_all(&mut data, &message));
-        return Ok(nothing_to_tell(setup, data, quality));
-    }
-    // What stands out of a plume that was flown at other heights is none.
-    quality.extend(gate::spikes(&data, &started.fitted.metric.whitener.spikes));
-    Ok(stated(&ctx, started, named, quality, options, &mut tell))
-}
-
-/// The answer that `named` gives, with its gain, the next flight, and the report.
-fn stated(
-    ctx: &Context<'_>,
-    started: &start::Started,
-    mut named: naming::Named,
-    quality: Vec<DataQuality>,
-    options: &Options,
-    tell: &mut dyn FnMut(f64, &'static str),
-) -> Analysis {
-    named.conclude(ctx);
-    tell(0.8, "measuring the gain on data left out");
-    let extended = !named.accepted.is_empty();
-    let gain = (options.complete && extended)
-        .then(|| held_out::gain(ctx, &named.base_beside(ctx), &named.last, options.seed));
-    let next_flight = if options.complete {
-        next_flight::propose(ctx, &named)
-    } else {
-        None
+        question,
+        tried,
+        base,
+        contact,
+        found,
+        judged,
+        averaged_s,
     };
     tell(0.95, "writing it down");
-    let wind = started.treatment().describe();
-    let notices = notices(ctx, &named, &wind);
-    let verdict = named.verdict();
-    let met_wind = met_wind(ctx, &named);
-    let base = report::base_parameters(ctx.setup, &named.last, met_wind.0);
-    let json = GapJson {
-        schema: SCHEMA,
-        verdict,
-        summary: report::summary(verdict, &named, gain.as_ref()),
-        causes: named.causes.clone(),
-        ranking: named.ranking.clone(),
-        residual: residual::bins(ctx, &started.fitted),
-        gain: gain.as_ref().map(|g| g.gain),
-        detectable: report::detectable(&named),
-        next_flight,
-        base: base.clone(),
-        unexplained: named.unexplained.clone(),
-        data_quality: quality,
-        notices,
-    };
-    let report = report::report(ctx, &started.fitted, &named, gain.as_ref());
+    let analysis = answer::stated(&study, quality, options)?;
     tell(1.0, "done");
-    Analysis {
-        extension: named.extension(ctx),
-        base: base.into_iter().map(|b| (b.name, b.value, b.sd)).collect(),
-        logged_wind: ctx.data.on_board_wind.then_some(met_wind),
-        noise: named.last.noise,
-        json,
-        report,
-    }
+    Ok(analysis)
 }
 
-/// The wind in which the plume was met, as the base has it before it is turned by what the
-/// scenario is unsure of: direction from, in degrees, and speed at the scenario's height, m/s. A
-/// plume that lay still while its log swung is turned by the fit against the log of the times at
-/// which it was seen, and a drift that is only tolerated is over with the record.
-fn met_wind(ctx: &Context<'_>, named: &naming::Named) -> (f64, f64) {
-    let (profile, base) = (&ctx.setup.base.wind, &ctx.setup.base);
-    let last = &named.last;
-    let met: Vec<f64> = last.prediction.plume.iter().map(|p| p.abs()).collect();
-    let wind = ctx.data.mean_transport(&met);
-    let at_axis_m_s = profile.speed_at_m_s(base.sources[0].effective_height_agl_m);
-    let carried = profile.reference_speed_m_s() / at_axis_m_s;
-    let finite = if carried.is_finite() { carried } else { 1.0 };
-    let turned_deg = named.tolerated_drift_deg_per_h() * ctx.data.mean_time_s(&met) / HOUR_S;
-    let from_deg = air::wind::from_deg(wind.east, wind.north) + turned_deg;
-    (air::geo::wrap_deg(from_deg), wind.speed_m_s * finite)
-}
-
-/// What is named with the puffs of what was `named`, from the base that was fitted first, if that
-/// is the more probable answer.
-fn named_again(
-    there: &Context<'_>,
-    base: &fit::Fitted,
-    named: &naming::Named,
-    options: &Options,
-    tell: &mut dyn FnMut(f64, &'static str),
-) -> Option<naming::Named> {
-    tell(0.4, "naming again with the puffs of what was named");
-    let base = there.refine(&base.model, named.last.noise);
-    let again = naming::name(there, base, options, tell);
-    (again.last.score_with_prior() > named.last.score_with_prior()).then_some(again)
-}
-
-/// What a user should know besides the answer.
-fn notices(ctx: &Context<'_>, named: &naming::Named, wind: &str) -> Vec<String> {
-    let mut out = ctx.data.notices.clone();
-    out.extend(report::elsewhere(ctx, named));
-    out.extend(report::unlikely(ctx, named));
-    out.push(format!("the plume is carried by {wind}"));
-    out
-}
-
-fn nothing_to_tell(
-    setup: &Setup,
-    data: Data,
-    quality: Vec<crate::verdict::DataQuality>,
-) -> Analysis {
-    let mut notices = data.notices.clone();
-    let message = format!(
-        "{} usable readings of {} rows: fewer than {FEWEST_READINGS}, from which nothing can be told",
-        data.used_count(),
-        data.len()
-    );
-    notices.push(message.clone());
-    let json = GapJson {
-        schema: SCHEMA,
-        verdict: Verdict::None,
-        summary: message,
-        causes: Vec::new(),
-        ranking: Vec::new(),
-        residual: Vec::new(),
-        gain: None,
-        detectable: Vec::new(),
-        next_flight: None,
-        base: report::prior_parameters(setup),
-        unexplained: None,
-        data_quality: quality,
-        notices,
+/// The base with its wind turned to where the readings lie, where they do not follow it but lie in
+/// one direction.
+fn aimed<'a>(
+    question: &Question<'_>,
+    model: &PlumeModel<'a>,
+    contact: Option<&Contact>,
+) -> Result<Vec<Found<PlumeModel<'a>>>, InferError> {
+    let elsewhere = contact.filter(|c| c.share < FOLLOWED && c.turn_deg.sd < ONE_DIRECTION_DEG);
+    let Some(contact) = elsewhere else {
+        return Ok(Vec::new());
     };
-    Analysis {
-        json,
-        extension: Vec::new(),
-        base: Vec::new(),
-        logged_wind: None,
-        noise: NoiseModel::prior(setup.base.sensor.noise_sd_ppm),
-        report: GapReport::default(),
+    let turn_deg = contact.turn_deg.value;
+    let name = catalogue::aimed(turn_deg);
+    let aimed = model.aimed(&name.part, turn_deg);
+    Ok(vec![question.named(&aimed, &name)?])
+}
+
+/// The readings as the inference wants them.
+fn rows(data: &Data) -> Result<Rows, InferError> {
+    let known = |c: &f64| if c.is_finite() { *c } else { 0.0 };
+    Rows::new(
+        data.ranges().to_vec(),
+        data.track.time_s().to_vec(),
+        data.reading_ppm.iter().map(known).collect(),
+        data.sd_ppm.clone(),
+        data.used.clone(),
+    )
+}
+
+/// Standard deviation of the sensor's noise, ppm: the scenario's, or what rounding alone makes.
+fn sensor_sd(setup: &Setup, data: &Data) -> f64 {
+    let stated = setup.base.sensor.noise_sd_ppm;
+    if stated > 0.0 {
+        return stated;
     }
+    let used = data.reading_ppm.iter().zip(&data.used).filter(|(_, u)| **u);
+    let mut read: Vec<f64> = used.map(|(c, _)| *c).collect();
+    read.sort_by(f64::total_cmp);
+    let steps = read.windows(2).map(|w| w[1] - w[0]).filter(|s| *s > 0.0);
+    let least = steps.fold(f64::INFINITY, f64::min);
+    if least.is_finite() { ROUNDING * least } else { 1.0 }
 }
 
 #[cfg(test)]

@@ -285,6 +285,9 @@ fn gap_json(
         },
         base: Vec::new(),
         unexplained,
+        insufficient: None,
+        contact: None,
+        discrepancy: None,
         data_quality,
         notices,
         causes,
@@ -304,6 +307,7 @@ fn off_amounts(answers: &[Answer<'_>], suspicions: &Suspicions) -> Unexplained {
         to_s: f64::NAN,
         platforms: answers.iter().map(|a| a.name.to_owned()).collect(),
         delta_log_evidence: f64::NAN,
+        candidates: Vec::new(),
     }
 }
 

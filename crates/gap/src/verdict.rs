@@ -1,10 +1,10 @@
-//! The verdict as `gap.json` has it (schema "plumage.gap/1"): one set of types for plume,
+//! The verdict as `gap.json` has it (schema "plumage.gap/2"): one set of types for plume,
 //! tracer and flight. What is not finite is written as null.
 
 use serde::{Deserialize, Serialize};
 
 /// Value of `schema`.
-pub const SCHEMA: &str = "plumage.gap/1";
+pub const SCHEMA: &str = "plumage.gap/2";
 
 /// The answer in one word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -16,8 +16,11 @@ pub enum Verdict {
     Named,
     /// At least one cause is a set that the data cannot tell apart.
     Ambiguous,
-    /// Something is there that no mechanism of the catalogue explains.
+    /// Something is there that no mechanism of the catalogue explains, or that none explains well
+    /// enough to be named.
     Unexplained,
+    /// The data could not have shown anything.
+    Insufficient,
 }
 
 impl Verdict {
@@ -250,6 +253,65 @@ pub struct Unexplained {
     pub platforms: Vec<String>,
     /// Gain of the log evidence by that term, nats.
     pub delta_log_evidence: f64,
+    /// What would explain much of it; at most four.
+    pub candidates: Vec<Candidate>,
+}
+
+/// A number and how far it may be off.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Measured {
+    /// Estimate.
+    pub value: f64,
+    /// One standard deviation.
+    pub sd: f64,
+}
+
+/// Whether the readings follow the plume at all.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Contact {
+    /// Part of what passes show of a plume, in whatever direction each of them has it, that they show
+    /// where the model has it: 1 where they follow it, 0 where they do not.
+    pub share: f64,
+    /// Passes that show a plume.
+    pub passes: usize,
+    /// Direction from which the wind would have to blow, degrees, with the standard deviation from pass
+    /// to pass; null where no pass shows a plume.
+    pub best_wind_from_deg: Option<Measured>,
+    /// The same in words.
+    pub says: String,
+}
+
+/// Why data could not have shown anything, and what would.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Insufficient {
+    /// Why.
+    pub reason: String,
+    /// What would do.
+    pub would_do: String,
+}
+
+/// A cause that would explain much of what is unexplained, but is not named.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Candidate {
+    /// Mechanism ids.
+    pub mechanisms: Vec<String>,
+    /// Part of the passes drawn anew in which it is the likeliest.
+    pub probability: f64,
+    /// Gain of the log evidence where the model has no error of form, nats.
+    pub log_evidence: f64,
+    /// Its parameters.
+    pub parameters: Vec<Parameter>,
+}
+
+/// The error of the model's form that the readings show; it never goes into the extended file.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Discrepancy {
+    /// Its relative size: one standard deviation of the logarithm of the plume.
+    pub size: f64,
+    /// Swing and wander of the axis about the model's, degrees.
+    pub wander_deg: f64,
+    /// Log evidence of it, and of more noise than is known, over none, nats.
+    pub log_evidence: f64,
 }
 
 /// What is wrong with raw data.
@@ -308,6 +370,12 @@ pub struct GapJson {
     pub base: Vec<BaseParameter>,
     /// When unexplained.
     pub unexplained: Option<Unexplained>,
+    /// When insufficient.
+    pub insufficient: Option<Insufficient>,
+    /// Whether the readings follow the plume at all; null where that is not asked.
+    pub contact: Option<Contact>,
+    /// The error of the model's form; null where that is not asked.
+    pub discrepancy: Option<Discrepancy>,
     /// Flaws of the raw data.
     pub data_quality: Vec<DataQuality>,
     /// What a user should know besides.

@@ -3,12 +3,14 @@
 //! standard deviations follow.
 
 use crate::InferError;
-use crate::form::{Basis, SWING, Sizes};
+use crate::evidence::{Known, Layout, Products};
+use crate::form::{Active, Basis, SWING, Sizes};
 use crate::maximise::maximise;
 use crate::noise::{Loadings, Noise, Whitener, log_likelihood};
 use crate::policy::Policy;
 use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrixView, DVector};
+use std::ops::Range;
 
 /// Least size of an error of form or swing: as good as none, and its precision is still a number.
 const LEAST_SIZE: f64 = 1e-4;
@@ -49,7 +51,7 @@ pub struct Point {
     pub weights: Vec<f64>,
 }
 
-/// The most probable point under given noise and sizes, and the linear problem there.
+/// The most probable point under given noise and sizes.
 #[derive(Debug, Clone)]
 pub struct Fit {
     /// The point.
@@ -63,17 +65,8 @@ pub struct Fit {
     /// Factor on the variance of each row's white noise: above one at a spike.
     pub inflation: Vec<f64>,
     loadings: Loadings,
-    misfit: Vec<f64>,
-    pub(crate) linear: Linear,
-}
-
-/// Whitened products of the columns [unknowns, weights] and the misfit at a point.
-#[derive(Debug, Clone)]
-pub(crate) struct Linear {
-    pub information: DMatrix<f64>,
-    pub projection: DVector<f64>,
-    pub misfit_sq: f64,
-    pub ln_normalisation: f64,
+    /// What each row reads beyond what is expected; zero where it is not used.
+    pub misfit: Vec<f64>,
 }
 
 /// What misfits are measured with, held while a fit steps.
@@ -85,12 +78,47 @@ pub(crate) struct Metric {
 
 /// A model linearised at a point.
 struct Linearised {
-    linear: Linear,
-    /// The bumps' values, row after row.
+    /// Products of the columns of unknowns, weights that may differ from zero, and misfit.
+    products: Products,
+    columns: usize,
+    /// The values of the bumps that may have weights, row after row.
     bumps: Vec<f64>,
     misfit: Vec<f64>,
     /// Minus the density of the point, nats, up to a constant.
     cost: f64,
+}
+
+/// Bumps with their sizes: which may have weights, and precisions of unknowns and these weights.
+struct Shape<'b> {
+    basis: &'b Basis,
+    sizes: Sizes,
+    active: Active,
+    precision: Vec<f64>,
+}
+
+impl Shape<'_> {
+    fn factors(&self, bumps: &[f64], point: &Point, rows: usize) -> Vec<f64> {
+        factors_of(bumps, &self.active, point, rows)
+    }
+}
+
+/// What the error of form makes of the plume at every row.
+fn factors_of(bumps: &[f64], active: &Active, point: &Point, rows: usize) -> Vec<f64> {
+    let n = active.len();
+    if active.of_form() == 0 {
+        return vec![1.0; rows];
+    }
+    let weights: Vec<f64> = active
+        .weights()
+        .take(active.of_form())
+        .map(|k| point.weights[k])
+        .collect();
+    bumps.chunks_exact(n).map(|b| Basis::factor(b, &weights)).collect()
+}
+
+/// Precision of weights of a size.
+pub(crate) fn precision_of(size: f64) -> f64 {
+    size.max(LEAST_SIZE).powi(-2)
 }
 
 impl<'a, M: ForwardModel> Problem<'a, M> {
@@ -171,7 +199,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     }
 
     /// Turn of the axis at every row, degrees: the swing's weights are always the last.
-    fn turns(&self, point: &Point) -> Vec<f64> {
+    pub(crate) fn turns(&self, point: &Point) -> Vec<f64> {
         let n = self.swing.len();
         let weights = &point.weights[point.weights.len().saturating_sub(n)..];
         if weights.iter().all(|w| *w == 0.0) {
@@ -194,10 +222,15 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     ) -> Result<Fit, InferError> {
         let mut point = start.clone();
         let missing = basis.len().saturating_sub(point.weights.len());
-        point
-            .weights
-            .splice(0..0, std::iter::repeat_n(0.0, missing));
-        self.settle(point, basis, noise, sizes, vec![1.0; self.rows.len()])
+        let none = std::iter::repeat_n(0.0, missing);
+        point.weights.splice(0..0, none);
+        let shape = self.shape(basis, sizes);
+        for (k, weight) in point.weights.iter_mut().enumerate() {
+            if !shape.active.has(k) {
+                *weight = 0.0;
+            }
+        }
+        self.settle(point, &shape, noise, vec![1.0; self.rows.len()])
     }
 
     /// The same point under the noise that it makes most probable, settled again.
@@ -205,19 +238,46 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     /// # Errors
     /// Values that the model refuses.
     pub(crate) fn refit_noise(&self, fit: &Fit) -> Result<Fit, InferError> {
+        self.refit_noise_within(fit, f64::INFINITY)
+    }
+
+    /// The same, no part of the noise larger or with a longer memory than by `most_sd` standard deviations
+    /// of what is known beforehand.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub(crate) fn refit_noise_within(&self, fit: &Fit, most_sd: f64) -> Result<Fit, InferError> {
         let prior = self.noise_prior();
         let used = self.rows.used_count() as f64;
         // The white noise is known to every reading, the rest to few.
         let curvature =
             std::array::from_fn(|k| prior[k].1.powi(-2) + if k == 0 { used } else { 0.03 * used });
-        let ln = maximise(fit.noise.ln(), curvature, NOISE_STEPS, |ln| {
-            let noise = Noise::from_ln(*ln);
+        let within = |ln: &[f64; Noise::PARAMETERS]| -> [f64; Noise::PARAMETERS] {
+            std::array::from_fn(|k| ln[k].min(prior[k].0 + most_sd * prior[k].1))
+        };
+        let start = within(&fit.noise.ln());
+        let ln = maximise(start, curvature, NOISE_STEPS, |ln| {
+            let noise = Noise::from_ln(within(ln));
             let (loadings, inflation) = (&fit.loadings, &fit.inflation);
             log_likelihood(self.rows, &noise, loadings, inflation, &fit.misfit)
                 + self.ln_noise_prior(&noise)
         });
+        let ln = within(&ln);
         let (point, inflation) = (fit.point.clone(), fit.inflation.clone());
-        self.settle(point, &fit.basis, Noise::from_ln(ln), fit.sizes, inflation)
+        let shape = self.shape(&fit.basis, fit.sizes);
+        self.settle(point, &shape, Noise::from_ln(ln), inflation)
+    }
+
+    fn shape<'b>(&self, basis: &'b Basis, sizes: Sizes) -> Shape<'b> {
+        let active = basis.active(&sizes, self.policy);
+        let unknowns = self.model.priors().iter().map(|p| p.sd.powi(-2));
+        let weights = active.coordinates().map(|c| precision_of(sizes[c]));
+        Shape {
+            precision: unknowns.chain(weights).collect(),
+            basis,
+            sizes,
+            active,
+        }
     }
 
     /// Steps under a metric that is held, and a metric made anew at the point that they come to, until
@@ -226,25 +286,23 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     fn settle(
         &self,
         start: Point,
-        basis: &Basis,
+        shape: &Shape<'_>,
         noise: Noise,
-        sizes: Sizes,
         inflation: Vec<f64>,
     ) -> Result<Fit, InferError> {
-        let precision = self.precision(basis, sizes);
         let mut point = start;
-        let mut metric = self.metric(&point, basis, &noise, &inflation)?;
+        let mut metric = self.metric(&point, shape.basis, &noise, &inflation)?;
         let mut density = f64::NEG_INFINITY;
         let mut left = self.policy.most_steps;
-        let mut here = self.linearised(&point, basis, &precision, &metric)?;
+        let mut here = self.linearised(&point, shape, &metric)?;
         while left > 0 {
             let used;
-            (point, here, used) = self.steps(point, here, basis, &precision, &metric, left)?;
+            (point, here, used) = self.steps(point, here, shape, &metric, left)?;
             left -= used.min(left);
             let spikes = self.spikes(&point, &here, &metric)?;
-            metric = self.metric(&point, basis, &noise, &spikes)?;
-            here = self.linearised(&point, basis, &precision, &metric)?;
-            let reached = here.linear.ln_normalisation - here.cost;
+            metric = self.metric(&point, shape.basis, &noise, &spikes)?;
+            here = self.linearised(&point, shape, &metric)?;
+            let reached = here.products.ln_normalisation - here.cost;
             let settled = (reached - density).abs() < self.policy.settled_nats;
             density = reached;
             if settled {
@@ -254,12 +312,11 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         Ok(Fit {
             point,
             noise,
-            sizes,
-            basis: basis.clone(),
+            sizes: shape.sizes,
+            basis: shape.basis.clone(),
             inflation: metric.inflation,
             loadings: metric.loadings,
             misfit: here.misfit,
-            linear: here.linear,
         })
     }
 
@@ -269,18 +326,17 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         &self,
         mut point: Point,
         mut here: Linearised,
-        basis: &Basis,
-        precision: &DVector<f64>,
+        shape: &Shape<'_>,
         metric: &Metric,
         most_steps: usize,
     ) -> Result<(Point, Linearised, usize), InferError> {
         for k in 0..most_steps {
-            let Some(next) = self.step(&point, basis, precision, metric, &here) else {
+            let Some(next) = self.step(&point, shape, metric, &here) else {
                 return Ok((point, here, k + 1));
             };
             let before = here.cost;
             point = next;
-            here = self.linearised(&point, basis, precision, metric)?;
+            here = self.linearised(&point, shape, metric)?;
             if before - here.cost < self.policy.settled_nats {
                 return Ok((point, here, k + 1));
             }
@@ -296,57 +352,57 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         sizes: Sizes,
         metric: &Metric,
     ) -> Result<Point, InferError> {
-        let precision = self.precision(basis, sizes);
+        let shape = self.shape(basis, sizes);
+        let here = self.linearised(start, &shape, metric)?;
         let steps = self.policy.most_steps;
-        let here = self.linearised(start, basis, &precision, metric)?;
-        let settled = self.steps(start.clone(), here, basis, &precision, metric, steps)?;
-        Ok(settled.0)
+        Ok(self.steps(start.clone(), here, &shape, metric, steps)?.0)
     }
 
-    /// Precision of unknowns and weights beforehand.
-    pub(crate) fn precision(&self, basis: &Basis, sizes: Sizes) -> DVector<f64> {
-        let unknowns = self.model.priors().iter().map(|p| p.sd.powi(-2));
-        let weights = basis
-            .coordinates()
-            .map(|c| sizes[c].max(LEAST_SIZE).powi(-2));
-        DVector::from_iterator(self.unknowns() + basis.len(), unknowns.chain(weights))
-    }
-
-    /// How far a point is from the middle of what is known beforehand.
-    pub(crate) fn offset_of(&self, point: &Point) -> DVector<f64> {
-        let unknowns = point
-            .at
-            .iter()
-            .zip(self.model.priors())
-            .map(|(x, p)| x - p.mean);
-        let all = unknowns.chain(point.weights.iter().copied());
-        DVector::from_iterator(point.at.len() + point.weights.len(), all)
+    /// How far unknowns and active weights are from the middle of what is known beforehand.
+    fn offset_of(&self, point: &Point, shape: &Shape<'_>) -> DVector<f64> {
+        let priors = self.model.priors().iter();
+        let unknowns = point.at.iter().zip(priors).map(|(x, p)| x - p.mean);
+        let weights = shape.active.weights().map(|k| point.weights[k]);
+        let all: Vec<f64> = unknowns.chain(weights).collect();
+        DVector::from_vec(all)
     }
 
     /// Minus the density beforehand of unknowns and weights, nats, up to a constant.
-    fn prior_cost(&self, point: &Point, precision: &DVector<f64>) -> f64 {
-        let offset = self.offset_of(point);
-        0.5 * precision.dot(&offset.component_mul(&offset))
+    fn prior_cost(&self, point: &Point, shape: &Shape<'_>) -> f64 {
+        let offset = self.offset_of(point, shape);
+        let square = |(o, p): (&f64, &f64)| p * o * o;
+        0.5 * offset.iter().zip(&shape.precision).map(square).sum::<f64>()
     }
 
     /// The next point: the longest part of the Gauss-Newton step that gains; none where none does.
     fn step(
         &self,
         point: &Point,
-        basis: &Basis,
-        precision: &DVector<f64>,
+        shape: &Shape<'_>,
         metric: &Metric,
         here: &Linearised,
     ) -> Option<Point> {
-        let offset = self.offset_of(point);
-        let (step, _, _) = here.linear.solve(precision, &offset)?;
-        let mut part = 1.0 / self.excess(&step, precision);
+        let n = here.columns - 1;
+        let products = DMatrixView::from_slice(&here.products.values, here.columns, here.columns);
+        let mut information = products.view((0, 0), (n, n)).into_owned();
+        let mut pull = products.view((0, n), (n, 1)).column(0).into_owned();
+        let offset = self.offset_of(point, shape);
+        for (k, precision) in shape.precision.iter().enumerate() {
+            information[(k, k)] += precision;
+            pull[k] -= precision * offset[k];
+        }
+        let step = Cholesky::new(information)?.solve(&pull);
+        let mut part = 1.0 / self.excess(&step, &shape.precision);
         while part > SHORTEST_PART {
             let mut next = point.clone();
-            for (x, s) in next.at.iter_mut().chain(&mut next.weights).zip(step.iter()) {
+            let (unknowns, weights) = step.as_slice().split_at(self.unknowns());
+            for (x, s) in next.at.iter_mut().zip(unknowns) {
                 *x += part * s;
             }
-            let cost = self.cost(&next, basis, precision, metric, here);
+            for (k, s) in shape.active.weights().zip(weights) {
+                next.weights[k] += part * s;
+            }
+            let cost = self.cost(&next, shape, metric, here);
             if cost.is_some_and(|cost| cost < here.cost) {
                 return Some(next);
             }
@@ -356,7 +412,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     }
 
     /// By what a step exceeds what a linear problem can be trusted for; one where it does not.
-    fn excess(&self, step: &DVector<f64>, precision: &DVector<f64>) -> f64 {
+    fn excess(&self, step: &DVector<f64>, precision: &[f64]) -> f64 {
         let unknowns = self.unknowns();
         let of = |(k, (s, p)): (usize, (&f64, &f64))| {
             let longest = if k < unknowns {
@@ -367,7 +423,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             s.abs() * p.sqrt() / longest
         };
         step.iter()
-            .zip(precision.iter())
+            .zip(precision)
             .enumerate()
             .map(of)
             .fold(1.0, f64::max)
@@ -378,25 +434,42 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     fn cost(
         &self,
         next: &Point,
-        basis: &Basis,
-        precision: &DVector<f64>,
+        shape: &Shape<'_>,
         metric: &Metric,
         here: &Linearised,
     ) -> Option<f64> {
         let there = self.model.predict(&next.at, &self.turns(next)).ok()?;
-        let n = basis.len();
-        let misfit = |i: usize| {
+        let factors = shape.factors(&here.bumps, next, self.rows.len());
+        let mut misfit = self.misfit(&there, &factors);
+        metric.whitener.whiten(self.rows, &mut misfit, 1);
+        let square: f64 = misfit.iter().map(|w| w * w).sum();
+        let cost = 0.5 * square + self.prior_cost(next, shape);
+        cost.is_finite().then_some(cost)
+    }
+
+    /// Whitens one column by a fit's noise.
+    pub(crate) fn whiten(&self, fit: &Fit, column: &mut [f64]) {
+        let whitener = Whitener::new(self.rows, &fit.noise, &fit.loadings, &fit.inflation);
+        whitener.whiten(self.rows, column, 1);
+    }
+
+    /// What the error of form makes of the plume at every row of a fit.
+    pub(crate) fn factors(&self, fit: &Fit) -> Result<Vec<f64>, InferError> {
+        let active = fit.basis.weighted(&fit.point.weights);
+        let plume = self.model.predict(&fit.point.at, &self.turns(&fit.point))?.plume;
+        let bumps = self.bumps(&fit.point, &fit.basis, &active, &plume)?;
+        Ok(factors_of(&bumps, &active, &fit.point, self.rows.len()))
+    }
+
+    /// What the rows read beyond a prediction whose plume grows by `factors`.
+    fn misfit(&self, there: &Prediction, factors: &[f64]) -> Vec<f64> {
+        let of = |i: usize| {
             if !self.rows.is_used(i) {
                 return 0.0;
             }
-            let grown = basis.factor(&here.bumps[i * n..(i + 1) * n], &next.weights) - 1.0;
-            self.rows.measured()[i] - there.reading[i] - there.plume[i] * grown
+            self.rows.measured()[i] - there.reading[i] - there.plume[i] * (factors[i] - 1.0)
         };
-        let mut misfit: Vec<f64> = (0..self.rows.len()).map(misfit).collect();
-        metric.whitener.whiten(self.rows, &mut misfit, 1);
-        let square: f64 = misfit.iter().map(|w| w * w).sum();
-        let cost = 0.5 * square + self.prior_cost(next, precision);
-        cost.is_finite().then_some(cost)
+        (0..self.rows.len()).map(of).collect()
     }
 
     pub(crate) fn metric(
@@ -425,7 +498,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         basis: &Basis,
         noise: &Noise,
     ) -> Result<Loadings, InferError> {
-        let (rows, n) = (self.rows.len(), basis.len());
+        let rows = self.rows.len();
         let turns = self.turns(point);
         let turned = |by: f64| -> Result<Prediction, InferError> {
             let turns: Vec<f64> = turns.iter().map(|t| t + by).collect();
@@ -441,14 +514,15 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         }
         let (left, right) = (turned(-DIFFERENCE_DEG)?, turned(DIFFERENCE_DEG)?);
         let mut plume: Vec<f64> = plume_sq.into_iter().map(f64::sqrt).collect();
-        let bumps = self.bumps(point, basis, &plume)?;
+        let active = basis.weighted(&point.weights);
+        let bumps = self.bumps(point, basis, &active, &plume)?;
+        let factors = factors_of(&bumps, &active, point, rows);
         let mut per_degree = Vec::with_capacity(rows);
         for i in 0..rows {
-            let factor = basis.factor(&bumps[i * n..(i + 1) * n], &point.weights);
-            let grown = (right.plume[i] - left.plume[i]) * (factor - 1.0);
+            let grown = (right.plume[i] - left.plume[i]) * (factors[i] - 1.0);
             let slope = right.reading[i] - left.reading[i] + grown;
             per_degree.push(slope / (2.0 * DIFFERENCE_DEG));
-            plume[i] *= factor;
+            plume[i] *= factors[i];
         }
         Ok(Loadings { plume, per_degree })
     }
@@ -456,22 +530,41 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     fn linearised(
         &self,
         point: &Point,
-        basis: &Basis,
-        precision: &DVector<f64>,
+        shape: &Shape<'_>,
         metric: &Metric,
     ) -> Result<Linearised, InferError> {
-        let (n, unknowns, weights) = (self.rows.len(), self.unknowns(), basis.len());
-        let columns = unknowns + weights + 1;
+        let columns = shape.precision.len() + 1;
+        let (mut matrix, bumps, misfit) =
+            self.columns(point, shape.basis, &shape.active, &metric.loadings, columns)?;
+        metric.whitener.whiten(self.rows, &mut matrix, columns);
+        let products = Products::of(&matrix, columns, metric.whitener.ln_normalisation);
+        let misfit_sq = products.values[columns * columns - 1];
+        Ok(Linearised {
+            cost: 0.5 * misfit_sq + self.prior_cost(point, shape),
+            products,
+            columns,
+            bumps,
+            misfit,
+        })
+    }
+
+    /// What unknowns and active weights change at every row, and the misfit as the last of `columns`,
+    /// row after row; the bumps' values; the misfit alone.
+    fn columns(
+        &self,
+        point: &Point,
+        basis: &Basis,
+        active: &Active,
+        loadings: &Loadings,
+        columns: usize,
+    ) -> Result<(Vec<f64>, Vec<f64>, Vec<f64>), InferError> {
+        let (n, unknowns) = (self.rows.len(), self.unknowns());
         let turns = self.turns(point);
         let here = self.model.predict(&point.at, &turns)?;
-        let bumps = self.bumps(point, basis, &here.plume)?;
-        let factors: Vec<f64> = bumps
-            .chunks_exact(weights)
-            .map(|bumps| basis.factor(bumps, &point.weights))
-            .collect();
+        let bumps = self.bumps(point, basis, active, &here.plume)?;
+        let factors = factors_of(&bumps, active, point, n);
         let grown =
             |there: &Prediction, i: usize| there.reading[i] + there.plume[i] * (factors[i] - 1.0);
-        let expected: Vec<f64> = (0..n).map(|i| grown(&here, i)).collect();
         let mut matrix = vec![0.0; n * columns];
         for (k, prior) in self.model.priors().iter().enumerate() {
             let difference = DIFFERENCE_SD * prior.sd.min(1.0 + point.at[k].abs());
@@ -479,59 +572,118 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             aside[k] += difference;
             let there = self.model.predict(&aside, &turns)?;
             for i in 0..n {
-                matrix[i * columns + k] = (grown(&there, i) - expected[i]) / difference;
+                matrix[i * columns + k] = (grown(&there, i) - grown(&here, i)) / difference;
             }
         }
-        let plume: Vec<f64> = here
-            .plume
-            .iter()
-            .zip(&factors)
-            .map(|(p, f)| p * f)
-            .collect();
-        let form = basis.of_form();
-        let mut misfit = vec![0.0; n];
+        let misfit = self.misfit(&here, &factors);
+        let weights = active.len();
         for i in 0..n {
             let row = &mut matrix[i * columns..(i + 1) * columns];
-            let bumps = &bumps[i * weights..(i + 1) * weights];
-            for (k, (value, bump)) in row[unknowns..].iter_mut().zip(bumps).enumerate() {
-                let slope = if k < form {
-                    plume[i]
+            let values = &bumps[i * weights..(i + 1) * weights];
+            let plume = here.plume[i] * factors[i];
+            let slopes = active.weights().map(|k| {
+                if k < basis.of_form() {
+                    plume
                 } else {
-                    metric.loadings.per_degree[i]
-                };
-                *value = slope * bump;
+                    loadings.per_degree[i]
+                }
+            });
+            for ((column, bump), slope) in row[unknowns..].iter_mut().zip(values).zip(slopes) {
+                *column = slope * bump;
             }
-            if self.rows.is_used(i) {
-                misfit[i] = self.rows.measured()[i] - expected[i];
-                row[columns - 1] = misfit[i];
-            }
+            row[columns - 1] = misfit[i];
         }
-        metric.whitener.whiten(self.rows, &mut matrix, columns);
-        let linear = Linear::of(&matrix, columns, metric.whitener.ln_normalisation);
-        Ok(Linearised {
-            cost: 0.5 * linear.misfit_sq + self.prior_cost(point, precision),
-            linear,
-            bumps,
-            misfit,
-        })
+        Ok((matrix, bumps, misfit))
     }
 
-    /// The bumps' values at every row; none of the error of form where there is no plume to speak of.
-    fn bumps(&self, point: &Point, basis: &Basis, plume: &[f64]) -> Result<Vec<f64>, InferError> {
-        let n = basis.len();
+    /// The values of active bumps at every row; none of the error of form where there is no plume to
+    /// speak of.
+    fn bumps(
+        &self,
+        point: &Point,
+        basis: &Basis,
+        active: &Active,
+        plume: &[f64],
+    ) -> Result<Vec<f64>, InferError> {
+        let n = active.len();
+        if n == 0 {
+            return Ok(Vec::new());
+        }
         let mut out = vec![0.0; self.rows.len() * n];
         let most = plume.iter().fold(0.0f64, |m, p| m.max(p.abs()));
         let places = self.model.places(&point.at)?;
         let swing = self.swing_bumps.chunks_exact(self.swing.len());
+        let form = active.of_form();
         let rows = out.chunks_exact_mut(n).zip(swing);
         for (((row, swing), place), plume) in rows.zip(&places).zip(plume) {
-            let (form, of_swing) = row.split_at_mut(basis.of_form());
-            of_swing.copy_from_slice(swing);
+            let (of_form, of_swing) = row.split_at_mut(form);
+            if !of_swing.is_empty() {
+                of_swing.copy_from_slice(swing);
+            }
             if plume.abs() > NO_PLUME * most {
-                basis.fill_form(place, form);
+                basis.fill_form(active, place, of_form);
             }
         }
         Ok(out)
+    }
+
+    /// Products of all columns at a fit, those of `tried` (what a name would change at each row) among
+    /// them, for each of `blocks` of rows.
+    pub(crate) fn products(
+        &self,
+        fit: &Fit,
+        tried: &[Vec<f64>],
+        blocks: &[Vec<Range<usize>>],
+    ) -> Result<(Known, Vec<Products>), InferError> {
+        let coordinates: Vec<usize> = fit.basis.coordinates().collect();
+        let layout = Layout::new(&coordinates, self.unknowns(), tried.len());
+        let all = Active::all(&fit.basis);
+        let own = self.unknowns() + all.len() + 1;
+        let (matrix, _, _) =
+            self.columns(&fit.point, &fit.basis, &all, &fit.loadings, own)?;
+        let whitener = Whitener::new(self.rows, &fit.noise, &fit.loadings, &fit.inflation);
+        let mut placed = vec![0.0; self.rows.len() * layout.columns];
+        let rows = placed.chunks_exact_mut(layout.columns);
+        for (i, (row, from)) in rows.zip(matrix.chunks_exact(own)).enumerate() {
+            let (unknowns, weights) = from[..own - 1].split_at(self.unknowns());
+            row[layout.unknowns..layout.tried].copy_from_slice(unknowns);
+            for (place, value) in layout.weights.iter().zip(weights) {
+                row[*place] = *value;
+            }
+            for (column, value) in row[layout.tried..].iter_mut().zip(tried) {
+                *column = value[i];
+            }
+            row[layout.columns - 1] = from[own - 1];
+        }
+        drop(matrix);
+        whitener.whiten(self.rows, &mut placed, layout.columns);
+        let of_block = |ranges: &Vec<Range<usize>>| {
+            let part: Vec<f64> = ranges
+                .iter()
+                .flat_map(|r| &placed[r.start * layout.columns..r.end * layout.columns])
+                .copied()
+                .collect();
+            Products::of(&part, layout.columns, whitener.ln_normalisation_of(ranges))
+        };
+        let products = if let [only] = blocks && only.len() == 1 && only[0] == (0..self.rows.len()) {
+            vec![Products::of(&placed, layout.columns, whitener.ln_normalisation)]
+        } else {
+            blocks.iter().map(of_block).collect()
+        };
+        let mut offset = vec![0.0; layout.columns];
+        for (place, weight) in layout.weights.iter().zip(&fit.point.weights) {
+            offset[*place] = *weight;
+        }
+        for (k, (x, prior)) in fit.point.at.iter().zip(self.model.priors()).enumerate() {
+            offset[layout.unknowns + k] = x - prior.mean;
+        }
+        let precision = self.model.priors().iter().map(|p| p.sd.powi(-2)).collect();
+        let known = Known {
+            layout,
+            precision,
+            offset,
+        };
+        Ok((known, products))
     }
 
     /// Factors on the variance of rows that are spikes: beyond what normal noise shows, and short
@@ -591,43 +743,6 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let above = (places[after].above_sigmas - places[before].above_sigmas).abs();
         let crossed = across.hypot(above);
         crossed.is_finite() && lasted_s * crossed < self.policy.spike_part_of_crossing * passed_s
-    }
-}
-
-impl Linear {
-    /// Products of whitened columns, row after row, of which the last is the misfit.
-    fn of(matrix: &[f64], columns: usize, ln_normalisation: f64) -> Self {
-        let rows = matrix.len() / columns;
-        let whitened = nalgebra::DMatrixView::from_slice(matrix, columns, rows);
-        let products = whitened * whitened.transpose();
-        let n = columns - 1;
-        Self {
-            information: products.view((0, 0), (n, n)).into_owned(),
-            projection: products.view((0, n), (n, 1)).column(0).into_owned(),
-            misfit_sq: products[(n, n)],
-            ln_normalisation,
-        }
-    }
-
-    /// Most probable step from the point, covariance's factor and log evidence, where `precision`
-    /// is that of the priors and `offset` how far the point is from their middle.
-    pub fn solve(
-        &self,
-        precision: &DVector<f64>,
-        offset: &DVector<f64>,
-    ) -> Option<(DVector<f64>, Cholesky<f64, Dyn>, f64)> {
-        let mut information = self.information.clone();
-        for k in 0..precision.len() {
-            information[(k, k)] += precision[k];
-        }
-        let cholesky = Cholesky::new(information)?;
-        let pull = &self.projection - precision.component_mul(offset);
-        let step = cholesky.solve(&pull);
-        let cost = self.misfit_sq + precision.dot(&offset.component_mul(offset)) - pull.dot(&step);
-        let ln_widths: f64 = precision.iter().map(|p| 0.5 * p.ln()).sum();
-        let ln_determinant: f64 = cholesky.l_dirty().diagonal().iter().map(|d| d.ln()).sum();
-        let evidence = self.ln_normalisation - 0.5 * cost + ln_widths - ln_determinant;
-        Some((step, cholesky, evidence))
     }
 }
 

@@ -147,8 +147,33 @@ impl Basis {
         self.bumps.iter().enumerate().flat_map(of)
     }
 
-    /// The values at a place of the error of form's bumps; none where the place is not in the plume.
-    pub(crate) fn fill_form(&self, place: &PlumePlace, out: &mut [f64]) {
+    /// The weights that may differ from zero under `sizes`.
+    pub(crate) fn active(&self, sizes: &Sizes, policy: &Policy) -> Active {
+        let least = |c: usize| if c == SWING { 0.0 } else { policy.form_least };
+        self.those(|c| sizes[c] > least(c))
+    }
+
+    /// The weights of all coordinates that have one that differs from zero.
+    pub(crate) fn weighted(&self, weights: &[f64]) -> Active {
+        let mut has = [false; COORDINATES];
+        for (c, weight) in self.coordinates().zip(weights) {
+            has[c] |= *weight != 0.0;
+        }
+        self.those(|c| has[c])
+    }
+
+    fn those(&self, kept: impl Fn(usize) -> bool) -> Active {
+        let kept: [bool; COORDINATES] = std::array::from_fn(kept);
+        let all = self.coordinates().enumerate();
+        Active {
+            kept,
+            weights: all.filter(|(_, c)| kept[*c]).collect(),
+        }
+    }
+
+    /// The values at a place of the active bumps of the error of form; none where the place is not in
+    /// the plume.
+    pub(crate) fn fill_form(&self, active: &Active, place: &PlumePlace, out: &mut [f64]) {
         if !place.ln_distance.is_finite() {
             out.fill(0.0);
             return;
@@ -160,17 +185,19 @@ impl Basis {
             place.time_s,
         ];
         let mut rest = out;
-        for (bumps, at) in self.bumps.iter().zip(at) {
-            let (part, behind) = rest.split_at_mut(bumps.count);
-            bumps.fill(at, part);
-            rest = behind;
+        for (c, (bumps, at)) in self.bumps.iter().zip(at).enumerate() {
+            if active.kept[c] {
+                let (part, behind) = rest.split_at_mut(bumps.count);
+                bumps.fill(at, part);
+                rest = behind;
+            }
         }
     }
 
     /// The values of all bumps at a place.
     pub(crate) fn fill(&self, place: &PlumePlace, out: &mut [f64]) {
         let (form, swing) = out.split_at_mut(self.of_form());
-        self.fill_form(place, form);
+        self.fill_form(&Active::all(self), place, form);
         self.fill_swing(place.time_s, swing);
     }
 
@@ -179,10 +206,9 @@ impl Basis {
         self.bumps[SWING].fill(time_s, out);
     }
 
-    /// exp(g) for bumps of these values and weights.
-    pub(crate) fn factor(&self, values: &[f64], weights: &[f64]) -> f64 {
-        let n = self.of_form();
-        let g = dot(&values[..n], &weights[..n]);
+    /// exp(g) for bumps of the error of form of these values and weights; more values are left alone.
+    pub(crate) fn factor(values: &[f64], weights: &[f64]) -> f64 {
+        let g = dot(values, weights);
         g.clamp(-MOST_EXPONENT, MOST_EXPONENT).exp()
     }
 
@@ -191,6 +217,42 @@ impl Basis {
         let mut values = vec![0.0; self.bumps[SWING].count];
         self.bumps[SWING].fill(time_s, &mut values);
         dot(&values, &weights[self.of_form()..])
+    }
+}
+
+/// Weights that may differ from zero.
+#[derive(Debug, Clone)]
+pub(crate) struct Active {
+    kept: [bool; COORDINATES],
+    /// Each with its coordinate.
+    weights: Vec<(usize, usize)>,
+}
+
+impl Active {
+    /// All weights of a basis.
+    pub fn all(basis: &Basis) -> Self {
+        basis.those(|_| true)
+    }
+
+    pub fn len(&self) -> usize {
+        self.weights.len()
+    }
+
+    /// Those of the error of form, which stand first.
+    pub fn of_form(&self) -> usize {
+        self.coordinates().filter(|c| *c != SWING).count()
+    }
+
+    pub fn weights(&self) -> impl Iterator<Item = usize> + '_ {
+        self.weights.iter().map(|w| w.0)
+    }
+
+    pub fn coordinates(&self) -> impl Iterator<Item = usize> + '_ {
+        self.weights.iter().map(|w| w.1)
+    }
+
+    pub fn has(&self, weight: usize) -> bool {
+        self.weights.iter().any(|w| w.0 == weight)
     }
 }
 
@@ -301,7 +363,7 @@ mod tests {
         basis.fill(&place(f64::NAN, 0.0), &mut bumps);
         assert!(bumps[..basis.of_form()].iter().all(|b| *b == 0.0));
         assert!(bumps[basis.of_form()..].iter().any(|b| *b > 0.1));
-        assert_eq!(basis.factor(&bumps, &vec![1.0; basis.len()]), 1.0);
+        assert_eq!(Basis::factor(&bumps[..basis.of_form()], &vec![1.0; basis.of_form()]), 1.0);
     }
 
     #[test]

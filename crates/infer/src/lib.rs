@@ -68,17 +68,27 @@
 //!
 //! Pure: no clock, file, socket, environment or random number.
 
+mod contact;
+mod evidence;
 mod fit;
 mod form;
+mod judge;
+mod left_out;
 mod maximise;
+mod names;
 mod noise;
+mod passes;
 mod policy;
 mod posterior;
 mod rows;
 mod start;
 
+pub use contact::Contact;
 pub use fit::{Fit, Point, Problem};
 pub use form::{Basis, COORDINATES, SWING, Sizes};
+pub use judge::{Cause, Judgement};
+pub use left_out::Expected;
+pub use names::{Catalogue, Found, Question, Screened, Start};
 pub use noise::Noise;
 pub use policy::Policy;
 pub use posterior::{Estimate, Posterior};

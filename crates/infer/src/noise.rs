@@ -149,6 +149,13 @@ impl Whitener {
         }
     }
 
+    /// The normalisation of some rows alone.
+    pub fn ln_normalisation_of(&self, ranges: &[std::ops::Range<usize>]) -> f64 {
+        let rows = ranges.iter().flat_map(|r| &self.steps[r.clone()]);
+        let told = rows.filter(|s| s.inverse_sd > 0.0);
+        told.map(|s| s.inverse_sd.ln() - HALF_LN_TAU).sum()
+    }
+
     /// Standard deviation of a row's innovation, infinite where the row is not used.
     pub fn innovation_sd(&self, row: usize) -> f64 {
         1.0 / self.steps[row].inverse_sd

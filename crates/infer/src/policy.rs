@@ -41,12 +41,37 @@ pub struct Policy {
     pub noise_median: Noise,
     /// One standard deviation of the natural logarithm of each, in the same order.
     pub noise_ln_sd: [f64; Noise::PARAMETERS],
+    /// Noise that is larger, or has a longer memory, by more than this many of these standard deviations
+    /// is an error of the model: one in forty of what is known.
+    pub noise_tolerance_sd: f64,
+    /// About how many passes a record is cut into.
+    pub passes: usize,
     /// An innovation beyond this many standard deviations is a spike where it is short: one in
     /// 16,000 of normal noise.
     pub spike_sd: f64,
     /// A spike lasts at most this part of the time in which the track crosses one standard
     /// deviation of the plume: what lasts longer may be a plume.
     pub spike_part_of_crossing: f64,
+    /// Logarithm of how probable one cause of the catalogue is beforehand: about thirty causes, of
+    /// which a scenario has one as often as none.
+    pub ln_name: f64,
+    /// Most names of one set.
+    pub most_names: usize,
+    /// Sets that are fitted at each step of the search, those from which it goes on, and nats below
+    /// the best at which it does not.
+    pub beam_fits: usize,
+    /// See above.
+    pub beam_width: usize,
+    /// See above.
+    pub beam_nats: f64,
+    /// A cause is named at this probability: 19 to 1.
+    pub named: f64,
+    /// ... and where passes drawn anew give it this on the average (Huggins and Miller 2023).
+    pub drawn_again: f64,
+    /// An error of form is said where its evidence exceeds this, nats: 19 to 1.
+    pub rest_nats: f64,
+    /// Most candidates where something is not explained.
+    pub most_candidates: usize,
     /// Longest step of a search: standard deviations of the priors.
     pub longest_step_sd: f64,
     /// Most steps of one fit.
@@ -81,8 +106,19 @@ impl Default for Policy {
                 wander_s: 60.0,
             },
             noise_ln_sd: [0.7, 1.0, 0.5, 1.0, 0.7, 1.0, 0.5],
+            noise_tolerance_sd: 2.0,
+            passes: 16,
             spike_sd: 4.0,
             spike_part_of_crossing: 0.5,
+            ln_name: -3.4,
+            most_names: 3,
+            beam_fits: 6,
+            beam_width: 3,
+            beam_nats: 4.0,
+            named: 0.95,
+            drawn_again: 0.8,
+            rest_nats: 2.944,
+            most_candidates: 4,
             longest_step_sd: 1.0,
             most_steps: 20,
             settled_nats: 0.1,

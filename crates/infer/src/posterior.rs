@@ -2,11 +2,12 @@
 //! noises, each with the weight that its evidence gives it.
 
 use crate::InferError;
-use crate::fit::{Fit, Problem};
-use crate::form::{COORDINATES, Sizes};
+use crate::evidence::{Evidence, Known, Layout, Products};
+use crate::fit::{Fit, Problem, precision_of};
+use crate::form::{Basis, COORDINATES, Sizes};
 use crate::noise::Noise;
 use crate::rows::{ForwardModel, PlumePlace};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, Dyn};
 
 /// Fluctuation and wander are tried smaller and larger by this factor until the evidence falls.
 const SIZE_FACTOR: f64 = 2.0;
@@ -44,9 +45,9 @@ pub struct Estimate {
 struct Part {
     weight: f64,
     sizes: Sizes,
-    /// Mean, from the fit's point.
+    /// Mean, from the fit's point, column by column.
     step: DVector<f64>,
-    covariance: DMatrix<f64>,
+    precision: Cholesky<f64, Dyn>,
 }
 
 /// The posterior of a model's unknowns and of its error of form.
@@ -54,8 +55,20 @@ struct Part {
 pub struct Posterior {
     fit: Fit,
     parts: Vec<Part>,
+    layout: Layout,
     unknowns: usize,
     ln_evidence: f64,
+}
+
+/// A fit with what the linear problem there says of sizes of the error of form.
+#[derive(Debug, Clone)]
+pub(crate) struct Weighed {
+    pub fit: Fit,
+    pub ln_evidence: f64,
+    /// Logarithms of the shares of sizes, the largest first.
+    pub sizes: Vec<(f64, Sizes)>,
+    known: Known,
+    products: Products,
 }
 
 impl<M: ForwardModel> Problem<'_, M> {
@@ -64,9 +77,14 @@ impl<M: ForwardModel> Problem<'_, M> {
     /// # Errors
     /// Values that the model refuses.
     pub fn posterior(&self) -> Result<Posterior, InferError> {
+        self.concluded(self.weighed()?)
+    }
+
+    /// The fit with the largest evidence from the model's own starts.
+    pub(crate) fn weighed(&self) -> Result<Weighed, InferError> {
         let mut found = self.first_fits()?;
         sort(&mut found);
-        let mut best: Option<Posterior> = None;
+        let mut best: Option<Weighed> = None;
         for first in found.into_iter().take(FOLLOWED) {
             let fit = self.refit_noise(&self.refit_noise(&first.fit)?)?;
             let found = self.climb(self.settle_sizes(fit)?)?;
@@ -82,7 +100,7 @@ impl<M: ForwardModel> Problem<'_, M> {
 
     /// Posteriors from several starts, noises and sizes of the error of form: the likelihood has
     /// several valleys where a plume wanders.
-    fn first_fits(&self) -> Result<Vec<Posterior>, InferError> {
+    fn first_fits(&self) -> Result<Vec<Weighed>, InferError> {
         let beforehand = self.noise_beforehand();
         let still = self.rough_fit(&self.search()?, 0.0)?;
         let (swung, swing_deg) = self.swung(&still)?;
@@ -116,34 +134,33 @@ impl<M: ForwardModel> Problem<'_, M> {
         refined.collect()
     }
 
-    /// The posterior with the sizes of fluctuation and wander that have the largest evidence from
-    /// `posterior` on. The likelihood at one point alone prefers noises that are too small, as the
-    /// point was fitted too.
-    fn climb(&self, mut posterior: Posterior) -> Result<Posterior, InferError> {
+    /// The fit with the sizes of fluctuation and wander that have the largest evidence from `best` on.
+    /// The likelihood at one point alone prefers noises that are too small, as the point was fitted
+    /// too.
+    pub(crate) fn climb(&self, mut best: Weighed) -> Result<Weighed, InferError> {
         for _ in 0..MOST_TRIES {
-            let before = posterior.ln_evidence;
+            let before = best.ln_evidence;
             for scaled in [scale_fluctuation, scale_wander] {
                 for by in [SIZE_FACTOR, 1.0 / SIZE_FACTOR] {
-                    let fit = &posterior.fit;
+                    let fit = &best.fit;
                     let noise = scaled(fit.noise, by);
                     let fit = self.fit(&fit.point, &fit.basis, noise, fit.sizes)?;
                     let tried = self.settle_sizes(fit)?;
-                    if tried.ln_evidence > posterior.ln_evidence {
-                        posterior = tried;
+                    if tried.ln_evidence > best.ln_evidence {
+                        best = tried;
                     }
                 }
             }
-            if posterior.ln_evidence - before < LEAST_GAIN {
+            if best.ln_evidence - before < LEAST_GAIN {
                 break;
             }
         }
-        Ok(posterior)
+        Ok(best)
     }
 
-    /// The posterior under a fit's noise, whose point has the sizes of the error of form that are
-    /// likeliest there: what a linear problem says of sizes far from those of its point is not to be
-    /// believed.
-    fn settle_sizes(&self, fit: Fit) -> Result<Posterior, InferError> {
+    /// The fit under the same noise whose point has the sizes of the error of form that are likeliest
+    /// there: what a linear problem says of sizes far from those of its point is not to be believed.
+    pub(crate) fn settle_sizes(&self, fit: Fit) -> Result<Weighed, InferError> {
         let mut found = self.around(fit)?;
         for _ in 0..MOST_ROUNDS {
             let sizes = found.likeliest_sizes();
@@ -156,66 +173,118 @@ impl<M: ForwardModel> Problem<'_, M> {
         Ok(found)
     }
 
-    /// The posterior under a fit's noise, by the linear problem at its point for all sizes of the
-    /// error of form.
-    fn around(&self, fit: Fit) -> Result<Posterior, InferError> {
-        let offset = self.offset_of(&fit.point);
-        let solve = |sizes: Sizes| {
-            fit.linear
-                .solve(&self.precision(&fit.basis, sizes), &offset)
-        };
-        let scored = |sizes: Sizes| {
-            let evidence = solve(sizes).map_or(f64::NEG_INFINITY, |s| s.2);
-            (evidence + self.policy.ln_sizes(&sizes), sizes)
-        };
+    /// The sizes of the error of form and their evidence by the linear problem at a fit's point.
+    pub(crate) fn around(&self, fit: Fit) -> Result<Weighed, InferError> {
+        let (known, mut products) = self.products(&fit, &[], &[vec![0..self.rows.len()]])?;
+        let products = products.remove(0);
+        let mut evidence = Evidence::new(&products, &known, precision_of);
+        let mut scored =
+            |sizes: Sizes| (evidence.ln(&sizes) + self.policy.ln_sizes(&sizes), sizes);
         // What differs from the likeliest sizes on more than two coordinates weighs nothing.
         let mut likeliest = scored(fit.sizes);
-        let mut parts: Vec<(f64, Sizes)>;
+        let mut sizes: Vec<(f64, Sizes)>;
         loop {
-            parts = self.policy.neighbours(likeliest.1).map(scored).collect();
-            match parts.iter().max_by(|a, b| a.0.total_cmp(&b.0)) {
+            sizes = self.policy.neighbours(likeliest.1).map(&mut scored).collect();
+            match sizes.iter().max_by(|a, b| a.0.total_cmp(&b.0)) {
                 Some(best) if best.0 > likeliest.0 => likeliest = *best,
                 _ => break,
             }
         }
-        let near = parts.iter().filter(|p| likeliest.0 - p.0 < NEAR_NATS);
-        let mut seen: Vec<Sizes> = parts.iter().map(|p| p.1).chain([likeliest.1]).collect();
-        let mut farther = Vec::new();
-        for sizes in near.flat_map(|p| self.policy.neighbours(p.1)) {
-            if !seen.contains(&sizes) {
-                seen.push(sizes);
-                farther.push(scored(sizes));
+        let near: Vec<Sizes> = sizes
+            .iter()
+            .filter(|p| likeliest.0 - p.0 < NEAR_NATS)
+            .map(|p| p.1)
+            .collect();
+        sizes.push(likeliest);
+        for other in near.into_iter().flat_map(|s| self.policy.neighbours(s)) {
+            if !sizes.iter().any(|s| s.1 == other) {
+                sizes.push(scored(other));
             }
         }
-        parts.extend(farther);
-        parts.push(likeliest);
-        let top = parts.iter().map(|p| p.0).fold(f64::NEG_INFINITY, f64::max);
+        sizes.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let top = sizes[0].0;
         if !top.is_finite() {
             return Err(InferError::NoPosterior);
         }
-        let total: f64 = parts.iter().map(|p| (p.0 - top).exp()).sum();
-        parts.retain(|p| p.0 - top > self.policy.least_weight.ln());
-        let kept: f64 = parts.iter().map(|p| (p.0 - top).exp()).sum();
+        let total = sizes.iter().map(|p| (p.0 - top).exp()).sum::<f64>().ln();
+        sizes.retain(|p| p.0 - top > self.policy.least_weight.ln());
+        for share in &mut sizes {
+            share.0 -= top + total;
+        }
+        Ok(Weighed {
+            ln_evidence: top + total + self.ln_noise_prior(&fit.noise),
+            sizes,
+            fit,
+            known,
+            products,
+        })
+    }
+
+    /// Means and covariances around a fit.
+    pub(crate) fn concluded(&self, found: Weighed) -> Result<Posterior, InferError> {
+        let layout = found.known.layout.clone();
+        let n = layout.tried;
+        let columns = layout.columns;
+        let products = DMatrixView::from_slice(&found.products.values, columns, columns);
         let part = |&(ln, sizes): &(f64, Sizes)| {
-            let (step, cholesky, _) = solve(sizes)?;
+            let precision = found.precision(&sizes);
+            let mut information = products.view((0, 0), (n, n)).into_owned();
+            let mut pull = products.view((0, columns - 1), (n, 1)).column(0).into_owned();
+            for k in 0..n {
+                information[(k, k)] += precision[k];
+                pull[k] -= precision[k] * found.known.offset[k];
+            }
+            let precision = Cholesky::new(information)?;
             Some(Part {
-                weight: (ln - top).exp() / kept,
+                weight: ln.exp(),
                 sizes,
-                step,
-                covariance: cholesky.inverse(),
+                step: precision.solve(&pull),
+                precision,
             })
         };
+        let mut parts: Vec<Part> = found.sizes.iter().filter_map(part).collect();
+        let kept: f64 = parts.iter().map(|p| p.weight).sum();
+        parts.iter_mut().for_each(|p| p.weight /= kept);
+        if parts.is_empty() {
+            return Err(InferError::NoPosterior);
+        }
         Ok(Posterior {
-            ln_evidence: top + total.ln() + self.ln_noise_prior(&fit.noise),
+            ln_evidence: found.ln_evidence,
             unknowns: self.unknowns(),
-            parts: parts.iter().filter_map(part).collect(),
-            fit,
+            parts,
+            layout,
+            fit: found.fit,
         })
     }
 }
 
+impl Weighed {
+    /// The sizes of the error of form that are most probable.
+    pub fn likeliest_sizes(&self) -> Sizes {
+        self.sizes.first().map_or([0.0; COORDINATES], |s| s.1)
+    }
+
+    /// Log evidence where these sizes alone are possible, nats; they become the only ones.
+    pub fn only<M: ForwardModel>(&mut self, sizes: &Sizes, policy: &crate::Policy, problem: &Problem<'_, M>) -> f64 {
+        self.sizes = vec![(0.0, *sizes)];
+        let ln = Evidence::new(&self.products, &self.known, precision_of).ln(sizes);
+        ln + policy.ln_sizes(sizes) + problem.ln_noise_prior(&self.fit.noise)
+    }
+
+    /// Precisions of all columns but those that are tried and the misfit.
+    fn precision(&self, sizes: &Sizes) -> Vec<f64> {
+        let layout = &self.known.layout;
+        let mut out = vec![0.0; layout.tried];
+        for (place, c) in layout.weights.iter().zip(self.fit.basis.coordinates()) {
+            out[*place] = precision_of(sizes[c]);
+        }
+        out[layout.unknowns..].copy_from_slice(&self.known.precision);
+        out
+    }
+}
+
 /// The likeliest first.
-fn sort(found: &mut [Posterior]) {
+fn sort(found: &mut [Weighed]) {
     found.sort_by(|a, b| b.ln_evidence.total_cmp(&a.ln_evidence));
 }
 
@@ -257,7 +326,7 @@ impl Posterior {
     pub fn mean(&self) -> DVector<f64> {
         let mut mean = DVector::from_column_slice(&self.fit.point.at);
         for part in &self.parts {
-            mean += part.weight * part.step.rows(0, self.unknowns);
+            mean += part.weight * part.step.rows(self.layout.unknowns, self.unknowns);
         }
         mean
     }
@@ -265,11 +334,16 @@ impl Posterior {
     /// Covariance of the unknowns.
     pub fn covariance(&self) -> DMatrix<f64> {
         let mean = self.mean() - DVector::from_column_slice(&self.fit.point.at);
-        let mut out = DMatrix::zeros(self.unknowns, self.unknowns);
+        let (first, n) = (self.layout.unknowns, self.unknowns);
+        let mut out = DMatrix::zeros(n, n);
+        let mut units = DMatrix::zeros(self.layout.tried, n);
+        for k in 0..n {
+            units[(first + k, k)] = 1.0;
+        }
         for part in &self.parts {
-            let off = part.step.rows(0, self.unknowns) - &mean;
-            let own = part.covariance.view((0, 0), (self.unknowns, self.unknowns));
-            out += part.weight * (own + &off * off.transpose());
+            let off = part.step.rows(first, n) - &mean;
+            let solved = part.precision.solve(&units);
+            out += part.weight * (solved.rows(first, n) + &off * off.transpose());
         }
         out
     }
@@ -289,13 +363,14 @@ impl Posterior {
     ) -> Estimate {
         let fit = &self.fit;
         let basis = &fit.basis;
+        let form = basis.of_form();
         let mut bumps = vec![0.0; basis.len()];
         let mut met = |at: &[f64], turn_deg: f64| {
             let (rest, plume, place) = value(at, turn_deg);
             basis.fill(&place, &mut bumps);
             (
                 rest,
-                plume * basis.factor(&bumps, &fit.point.weights),
+                plume * Basis::factor(&bumps[..form], &fit.point.weights[..form]),
                 bumps.clone(),
             )
         };
@@ -303,33 +378,26 @@ impl Posterior {
         let turn_deg = basis.turn_deg(time_s, &fit.point.weights);
         let (rest, plume, here_bumps) = met(at, turn_deg);
         let here = rest + plume;
-        let mut slope = DVector::zeros(self.unknowns + basis.len());
+        let mut slope = DVector::zeros(self.layout.tried);
+        let sds = self.covariance().diagonal();
         for k in 0..self.unknowns {
-            let sd = self
-                .parts
-                .first()
-                .map_or(0.0, |p| p.covariance[(k, k)].sqrt());
-            let difference = DIFFERENCE_SD * sd;
+            let difference = DIFFERENCE_SD * sds[k].sqrt();
             if difference > 0.0 {
                 let mut aside = at.clone();
                 aside[k] += difference;
                 let (rest, plume, _) = met(&aside, turn_deg);
-                slope[k] = (rest + plume - here) / difference;
+                slope[self.layout.unknowns + k] = (rest + plume - here) / difference;
             }
         }
         let (rest, turned, _) = met(at, turn_deg + DIFFERENCE_DEG);
         let per_degree = (rest + turned - here) / DIFFERENCE_DEG;
-        for (k, bump) in here_bumps.iter().enumerate() {
-            let each = if k < basis.of_form() {
-                plume
-            } else {
-                per_degree
-            };
-            slope[self.unknowns + k] = each * bump;
+        for (k, (bump, place)) in here_bumps.iter().zip(&self.layout.weights).enumerate() {
+            let each = if k < form { plume } else { per_degree };
+            slope[*place] = each * bump;
         }
         let moments = self.parts.iter().map(|p| {
             let shift = slope.dot(&p.step);
-            (p.weight, shift, (&p.covariance * &slope).dot(&slope))
+            (p.weight, shift, p.precision.solve(&slope).dot(&slope))
         });
         let mean: f64 = moments.clone().map(|(w, shift, _)| w * shift).sum();
         let variance: f64 = moments

@@ -76,7 +76,7 @@ impl<M: ForwardModel> Problem<'_, M> {
 
     /// Half the square of each row's misfit by a plume of uncertain form, no more than `MOST_SCORE`:
     /// what is not this plume must not decide where it is.
-    fn rough_scores(&self, there: &Prediction) -> Vec<f64> {
+    pub(crate) fn rough_scores(&self, there: &Prediction) -> Vec<f64> {
         let score = |i: usize| {
             if !self.rows.is_used(i) {
                 return 0.0;

@@ -151,6 +151,7 @@ fn name(verdict: Verdict) -> &'static str {
         Verdict::Named => "named",
         Verdict::Ambiguous => "ambiguous",
         Verdict::Unexplained => "unexplained",
+        Verdict::Insufficient => "insufficient",
     }
 }
 
@@ -171,6 +172,7 @@ fn summary(analysis: &Analysis, rows: usize) -> String {
         Verdict::None => "nothing beyond the model's own uncertainty".to_owned(),
         Verdict::Named => format!("named: {}", causes.join(", ")),
         Verdict::Ambiguous => format!("ambiguous: {}", causes.join(", ")),
+        Verdict::Insufficient => "too little to tell".to_owned(),
         Verdict::Unexplained => {
             let besides = if causes.is_empty() {
                 String::new()

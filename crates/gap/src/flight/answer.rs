@@ -201,6 +201,7 @@ fn nameless(study: &Study<'_>, last: &Linear, candidate: usize, evidence: f64) -
         to_s: last.blocks[to].to_s,
         platforms: Vec::new(),
         delta_log_evidence: evidence,
+        candidates: Vec::new(),
     }
 }
 

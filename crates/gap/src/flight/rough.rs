@@ -68,6 +68,7 @@ fn drop_implausible(answer: &mut Answer, study: &Study<'_>, last: &Linear) {
         to_s: last.blocks.last().map_or(f64::NAN, |b| b.to_s),
         platforms: Vec::new(),
         delta_log_evidence: evidence,
+        candidates: Vec::new(),
     });
 }
 

@@ -1,41 +1,167 @@
-//! The answer in the words of `gap.json`: parameters, the ranking, and where a nameless rest lives.
+//! The answer as `gap.json` has it, and in words.
 
+use ::plume::field::Transport;
 use ::plume::mechanism::{Coordinate, MechanismId};
+use infer::{Cause as Named, Found, InferError, SWING};
 
-use super::data::Setup;
-use super::explore::Round;
-use super::fit::{Context, Fitted};
-use super::rival::Rival;
-use crate::verdict::{Parameter, Ranked, Unexplained};
+use super::catalogue::Tried;
+use super::data::{Data, Setup};
+use super::gain::{Gained, gain};
+use super::model::{PlumeModel, fitted, from_coordinate};
+use super::report::{GapReport, report};
+use super::{Analysis, FOLLOWED, ONE_DIRECTION_DEG, Options, Study, residual, wind};
+use crate::verdict::{
+    BaseParameter, Candidate, Cause, Contact, DataQuality, Detectable, Discrepancy, Evidence, GapJson,
+    Insufficient, Measured, Parameter, Ranked, SCHEMA, Unexplained, Verdict,
+};
 
-/// What the stated standard deviations are wider by than the curvature at the best fit says. The
-/// noise's own uncertainty and the tail of nonlinear parameters are not in it: without a factor
-/// 95 % intervals cover 85 % of the benchmark's truths, with one of 1.35 they cover 91 %.
-pub(crate) const SD_FACTOR: f64 = 1.5;
+/// Log evidence at which an effect counts as detectable, nats.
+const DETECTABLE_NATS: f64 = 20.0;
+/// The plume was not met where its strength stays unknown to more than this factor's logarithm: a
+/// factor e.
+const UNKNOWN_LN_STRENGTH: f64 = 1.0;
 
-/// Parameters of a part with their standard deviations. An uncertain time constant is fitted as a
-/// whole; what is said of it as a cause is by how much it is more than the scenario's.
-pub(crate) fn parameters(setup: &Setup, fitted: &Fitted, part: usize) -> Vec<Parameter> {
-    let stated = setup.priors.get(part);
-    let whole = stated.filter(|p| p.id == MechanismId::SensorLag);
-    let counted_from = whole.map_or(0.0, |p| p.value);
-    let mut out = Vec::new();
-    for (k, free) in fitted.model.free.iter().enumerate() {
-        if free.part != part {
-            continue;
+/// The answer of a study.
+pub(crate) fn stated(
+    study: &Study<'_>,
+    quality: Vec<DataQuality>,
+    options: &Options,
+) -> Result<Analysis, InferError> {
+    let judged = &study.judged;
+    let named = !judged.causes.is_empty() && follows(study);
+    let gained = if options.complete && named {
+        Some(gain(study, options.seed)?)
+    } else {
+        None
+    };
+    let screened = study.question.screen(&study.base, &study.tried)?;
+    let detectable = detectable(study, &screened);
+    let causes = if named { causes(study)? } else { Vec::new() };
+    let unexplained = unexplained(study, named)?;
+    let insufficient = if causes.is_empty() && unexplained.is_none() {
+        insufficient(study, &screened)
+    } else {
+        None
+    };
+    let verdict = match (&insufficient, Verdict::of(&causes, unexplained.is_some())) {
+        (Some(_), _) => Verdict::Insufficient,
+        (None, verdict) => verdict,
+    };
+    let set = if named { &judged.set } else { &study.base };
+    let base = base_parameters(study, set)?;
+    let contact = contact(study);
+    let mut notices = study.data.notices.clone();
+    notices.push(format!("the plume is carried by {}", wind::describe(study.averaged_s)));
+    let json = GapJson {
+        schema: SCHEMA,
+        verdict,
+        summary: summary(verdict, &causes, unexplained.as_ref(), insufficient.as_ref(), contact.as_ref(), gained.as_ref()),
+        causes,
+        ranking: ranking(study),
+        residual: residual::bins(study),
+        gain: gained.as_ref().map(|g| g.gain),
+        detectable,
+        next_flight: None,
+        base: base.clone(),
+        unexplained,
+        insufficient,
+        contact,
+        discrepancy: Some(discrepancy(study)),
+        data_quality: quality,
+        notices,
+    };
+    let parts = set.model.parts(set.at());
+    let extension = parts[study.setup.priors.len()..].to_vec();
+    Ok(Analysis {
+        json,
+        extension: set.model.mechanisms(&extension),
+        base: base.into_iter().map(|b| (b.name, b.value, b.sd)).collect(),
+        logged_wind: study.data.on_board_wind.then(|| met_wind(study, set)),
+        report: report(study, gained.as_ref()),
+    })
+}
+
+/// Whether the readings follow the plume well enough that a name means something: they do, or lie in
+/// one direction.
+fn follows(study: &Study<'_>) -> bool {
+    let contact = study.contact.as_ref();
+    contact.is_none_or(|c| c.share >= FOLLOWED || c.turn_deg.sd < ONE_DIRECTION_DEG)
+}
+
+fn label(study: &Study<'_>, tried: &Tried) -> (String, Option<String>) {
+    let platform = tried.part.platform.map(|p| study.data.track.platforms()[p].clone());
+    (tried.part.id.as_str().to_string(), platform)
+}
+
+fn causes(study: &Study<'_>) -> Result<Vec<Cause>, InferError> {
+    let judged = &study.judged;
+    let posterior = study.question.posterior(&judged.set)?;
+    let (mean, covariance) = (posterior.mean(), posterior.covariance());
+    let cause = |(k, named): (usize, &Named<Tried>)| {
+        let first = &named.names[0].0;
+        Cause {
+            mechanisms: distinct(named.names.iter().map(|n| label(study, &n.0).0)),
+            probability: named.probability,
+            evidence: Evidence {
+                delta_log_score: named.left_out.0,
+                delta_log_evidence: named.gain,
+                p_value: f64::NAN,
+            },
+            parameters: parameters(study, &judged.set, k, mean.as_slice(), |i, j| covariance[(i, j)]),
+            platforms: label(study, first).1.into_iter().collect(),
+            nats_to_next: named.nats_to_next,
         }
-        let spec = fitted.model.spec_of(k);
-        let value = fitted.model.parts[part].values[free.parameter];
-        let sd = SD_FACTOR * fitted.posterior.covariance[(k, k)].max(0.0).sqrt();
-        let sd = sd.hypot(free.chance_sd);
+    };
+    Ok(judged.causes.iter().enumerate().map(cause).collect())
+}
+
+fn distinct(names: impl Iterator<Item = String>) -> Vec<String> {
+    let mut out: Vec<String> = Vec::new();
+    for name in names {
+        if !out.contains(&name) {
+            out.push(name);
+        }
+    }
+    out
+}
+
+/// Parameters of the `k`-th name of a set. What the scenario is unsure of and a name move the same
+/// thing: their sum is stated.
+fn parameters(
+    study: &Study<'_>,
+    set: &Found<PlumeModel<'_>>,
+    k: usize,
+    mean: &[f64],
+    covariance: impl Fn(usize, usize) -> f64,
+) -> Vec<Parameter> {
+    let part = study.setup.priors.len() + k;
+    let own: Vec<usize> = set.model.unknowns_of(part).collect();
+    let tried = &set.names[k];
+    let id = tried.part.id;
+    let stated = study
+        .setup
+        .priors
+        .iter()
+        .position(|p| p.id == id && tried.part.platform.is_none());
+    let base: Vec<usize> = stated.map_or_else(Vec::new, |p| set.model.unknowns_of(p).collect());
+    let mut out = Vec::new();
+    for (n, parameter) in fitted(id).enumerate() {
+        let spec = &id.spec().parameters[parameter];
+        let all: Vec<usize> = own.get(n).into_iter().chain(base.get(n)).copied().collect();
+        let at: f64 = all.iter().map(|i| mean[*i]).sum();
+        let variance: f64 = all
+            .iter()
+            .flat_map(|i| all.iter().map(|j| covariance(*i, *j)))
+            .sum();
+        let value = from_coordinate(spec, at);
+        let sd = variance.max(0.0).sqrt();
         out.push(Parameter {
-            mechanism: fitted.model.parts[part].id.as_str().to_string(),
+            mechanism: id.as_str().to_string(),
             name: spec.name.to_string(),
-            value: value - counted_from,
-            sd: if spec.coordinate == Coordinate::Log {
-                sd * value
-            } else {
-                sd
+            value: value.clamp(spec.low, spec.high),
+            sd: match spec.coordinate {
+                Coordinate::Linear => sd,
+                Coordinate::Log => value * sd,
             },
             unit: spec.unit.to_string(),
         });
@@ -43,84 +169,397 @@ pub(crate) fn parameters(setup: &Setup, fitted: &Fitted, part: usize) -> Vec<Par
     out
 }
 
-/// Every mechanism tried in the first round on top of `base`, with its best score.
-pub(crate) fn ranking(ctx: &Context<'_>, base: &Fitted, round: &Round) -> Vec<Ranked> {
-    let name = |p: Option<usize>| p.map(|p| ctx.data.track.platforms()[p].clone());
-    let mut out: Vec<Ranked> = round
-        .probabilities(|evidence, _| evidence)
-        .map(|(t, probability)| Ranked {
-            mechanisms: vec![t.id.as_str().to_string()],
-            platform: name(t.platform),
-            delta_log_score: t.log_score,
-            log_evidence: t.log_evidence,
-            probability,
-        })
-        .collect();
-    let mut rest: Vec<Ranked> = Vec::new();
-    let widened = round.equations.score_widened();
-    let of_base = widened.iter().map(|s| (base.model.id_of(s.start), s));
-    let screened = round.screened.iter().map(|(id, s)| (*id, s));
-    for (id, s) in screened.chain(of_base) {
-        let known = |r: &Ranked| r.mechanisms[0] == id.as_str() && r.platform == name(s.platform);
-        if out.iter().any(known) {
-            continue;
-        }
-        let entry = Ranked {
-            mechanisms: vec![id.as_str().to_string()],
-            platform: name(s.platform),
-            delta_log_score: s.gain,
-            log_evidence: s.log_evidence,
-            probability: 0.0,
-        };
-        match rest.iter_mut().find(|r| known(r)) {
-            Some(r) if r.log_evidence < entry.log_evidence => *r = entry,
-            Some(_) => {}
-            None => rest.push(entry),
-        }
-    }
-    out.append(&mut rest);
-    out.sort_by(|a, b| {
-        b.probability
-            .total_cmp(&a.probability)
-            .then(b.log_evidence.total_cmp(&a.log_evidence))
-    });
-    out
+fn ranking(study: &Study<'_>) -> Vec<Ranked> {
+    let base = study.base.ln_score();
+    let top = study.found[0].ln_score();
+    let all: f64 = study.found.iter().map(|f| (f.ln_score() - top).exp()).sum();
+    let ranked = |f: &Found<PlumeModel<'_>>| Ranked {
+        mechanisms: f.names.iter().map(|n| label(study, n).0).collect(),
+        platform: f.names.iter().find_map(|n| label(study, n).1),
+        delta_log_score: f.ln_evidence() - study.base.ln_evidence(),
+        log_evidence: f.ln_score() - base,
+        probability: (f.ln_score() - top).exp() / all,
+    };
+    let named = study.found.iter().filter(|f| !f.names.is_empty());
+    named.map(ranked).collect()
 }
 
-/// A nameless rival with the stretch and the platforms that show it.
-pub(crate) fn unexplained(ctx: &Context<'_>, rival: &Rival) -> Unexplained {
-    // The stretch that holds the middle four fifths of what the term explains.
-    let times = ctx.data.track.time_s();
-    let mut order: Vec<usize> = (0..times.len()).collect();
-    order.sort_by(|a, b| times[*a].total_cmp(&times[*b]));
-    let total: f64 = rival.fitted.iter().map(|v| v * v).sum();
-    let (mut sum, mut from_s, mut to_s) = (0.0, f64::NAN, f64::NAN);
-    let mut by_platform = vec![0.0; ctx.data.ranges().len()];
-    for i in order {
-        let v = rival.fitted[i] * rival.fitted[i];
-        by_platform[ctx.data.platform_of(i)] += v;
-        sum += v;
-        if from_s.is_nan() && sum > 0.1 * total {
-            from_s = times[i];
-        }
-        if to_s.is_nan() && sum >= 0.9 * total {
-            to_s = times[i];
+/// What no name explains, where its evidence is beyond what is tolerated, or where what would be
+/// named does not stand.
+fn unexplained(study: &Study<'_>, named: bool) -> Result<Option<Unexplained>, InferError> {
+    let judged = &study.judged;
+    let astray = !follows(study);
+    if judged.rest <= study.question.policy.rest_nats && judged.doubted.is_empty() && !astray {
+        return Ok(None);
+    }
+    let mut candidates = Vec::new();
+    for (found, probability) in &judged.candidates {
+        candidates.push(candidate(study, found, *probability, judged.set.names.len())?);
+    }
+    if !named {
+        for cause in &judged.causes {
+            let listed = candidates.iter().any(|c: &Candidate| {
+                c.mechanisms.contains(&label(study, &cause.names[0].0).0)
+            });
+            if !listed {
+                candidates.insert(0, doubted(study, cause));
+            }
         }
     }
-    let names = ctx.data.track.platforms();
-    let platforms = match rival.platform {
-        Some(p) => vec![names[p].clone()],
-        None => (0..names.len())
-            .filter(|p| by_platform[*p] > 0.1 * total)
-            .map(|p| names[p].clone())
-            .collect(),
-    };
-    Unexplained {
-        coordinate: rival.coordinate.to_string(),
-        term: rival.words.clone(),
+    for cause in &judged.doubted {
+        let own = label(study, &cause.names[0].0).0;
+        if candidates.iter().all(|c| !c.mechanisms.contains(&own)) {
+            candidates.push(doubted(study, cause));
+        }
+    }
+    candidates.truncate(study.question.policy.most_candidates);
+    let (from_s, to_s, platforms) = stretch(study);
+    let sizes = judged.set.likeliest_sizes();
+    let coordinate = ["along_wind", "height", "across_wind", "time", "time"];
+    let largest = (0..sizes.len()).max_by(|a, b| sizes[*a].total_cmp(&sizes[*b]));
+    Ok(Some(Unexplained {
+        coordinate: coordinate[largest.unwrap_or(SWING)].to_string(),
+        term: if astray {
+            "the readings do not follow this plume".to_string()
+        } else if sizes[SWING] > 0.0 {
+            "a swing of the plume's axis".to_string()
+        } else {
+            "an error of the model's form".to_string()
+        },
         from_s,
         to_s,
         platforms,
-        delta_log_evidence: rival.log_evidence,
+        delta_log_evidence: judged.rest,
+        candidates,
+    }))
+}
+
+fn candidate(
+    study: &Study<'_>,
+    found: &Found<PlumeModel<'_>>,
+    probability: f64,
+    known: usize,
+) -> Result<Candidate, InferError> {
+    let posterior = study.question.posterior(found)?;
+    let (mean, covariance) = (posterior.mean(), posterior.covariance());
+    let own = known.min(found.names.len().saturating_sub(1))..found.names.len();
+    Ok(Candidate {
+        mechanisms: own.clone().map(|k| label(study, &found.names[k]).0).collect(),
+        probability,
+        log_evidence: found.ln_evidence() - study.base.ln_evidence(),
+        parameters: own
+            .flat_map(|k| parameters(study, found, k, mean.as_slice(), |i, j| covariance[(i, j)]))
+            .collect(),
+    })
+}
+
+fn doubted(study: &Study<'_>, cause: &Named<Tried>) -> Candidate {
+    Candidate {
+        mechanisms: vec![label(study, &cause.names[0].0).0],
+        probability: cause.probability.min(cause.drawn_again),
+        log_evidence: cause.gain,
+        parameters: Vec::new(),
     }
+}
+
+/// The pass in which the base's misfit is largest, and the platforms that show it.
+fn stretch(study: &Study<'_>) -> (f64, f64, Vec<String>) {
+    let of = &study.base;
+    let whitened = study.question.whitened(of, &of.fit().misfit);
+    let times = study.data.track.time_s();
+    let square = |pass: &&Vec<std::ops::Range<usize>>| -> f64 {
+        let rows = pass.iter().cloned().flatten();
+        let (sum, n) = rows.fold((0.0, 0.0), |(s, n), i| (s + whitened[i] * whitened[i], n + 1.0));
+        sum / f64::max(n, 1.0)
+    };
+    let passes = &study.judged.passes;
+    let Some(worst) = passes.iter().max_by(|a, b| square(a).total_cmp(&square(b))) else {
+        return (f64::NAN, f64::NAN, Vec::new());
+    };
+    let rows = || worst.iter().cloned().flatten().map(|i| times[i]);
+    let platforms = study.data.ranges().iter().zip(study.data.track.platforms());
+    let shows = platforms.filter(|(r, _)| worst.iter().any(|w| r.contains(&w.start)));
+    (
+        rows().fold(f64::INFINITY, f64::min),
+        rows().fold(f64::NEG_INFINITY, f64::max),
+        shows.map(|(_, p)| p.clone()).collect(),
+    )
+}
+
+fn discrepancy(study: &Study<'_>) -> Discrepancy {
+    let set = &study.judged.set;
+    let sizes = set.likeliest_sizes();
+    let square: f64 = sizes[..SWING].iter().map(|s| s * s).sum();
+    Discrepancy {
+        size: square.sqrt(),
+        wander_deg: sizes[SWING].hypot(set.fit().noise.wander_deg),
+        log_evidence: study.judged.rest,
+    }
+}
+
+/// Whether the readings follow the plume, in degrees of the wind and in words.
+fn contact(study: &Study<'_>) -> Option<Contact> {
+    let Some(found) = &study.contact else {
+        return Some(Contact {
+            share: f64::NAN,
+            passes: 0,
+            best_wind_from_deg: None,
+            says: "No pass shows a plume, in whatever direction.".to_string(),
+        });
+    };
+    let at = met_wind(study, &study.base).0;
+    let turned = study.base.model.unknown(MechanismId::WindDirectionOffset);
+    let own = turned.map_or(0.0, |k| study.base.at()[k]);
+    let from_deg = air::geo::wrap_deg(at + own + found.turn_deg.value);
+    let says = if found.share >= FOLLOWED {
+        "The readings follow the plume.".to_string()
+    } else if found.turn_deg.sd < ONE_DIRECTION_DEG {
+        format!(
+            "The readings do not follow this plume: {} passes show one that a wind from {from_deg:.0} ± {:.0}° would have carried there.",
+            found.passes, found.turn_deg.sd
+        )
+    } else {
+        format!(
+            "The readings do not follow this plume: {} passes show one, each in another direction.",
+            found.passes
+        )
+    };
+    Some(Contact {
+        share: found.share,
+        passes: found.passes,
+        best_wind_from_deg: Some(Measured {
+            value: from_deg,
+            sd: found.turn_deg.sd,
+        }),
+        says,
+    })
+}
+
+/// Why the readings could not have shown anything, if so.
+fn insufficient(study: &Study<'_>, screened: &[infer::Screened]) -> Option<Insufficient> {
+    let strength = study
+        .tried
+        .iter()
+        .position(|t| t.part.id == MechanismId::EmissionScale)?;
+    let step = study.tried[strength].start.ends[0][0].abs();
+    let sd = step / screened[strength].information.sqrt();
+    if sd < UNKNOWN_LN_STRENGTH {
+        return None;
+    }
+    Some(Insufficient {
+        reason: "no reading meets the plume: its strength would stay unknown to more than a factor of 2.7"
+            .to_string(),
+        would_do: would_do(study),
+    })
+}
+
+fn would_do(study: &Study<'_>) -> String {
+    let height_m = study.setup.base.sources[0].effective_height_agl_m;
+    format!(
+        "crossings of the axis downwind of the source, at {height_m:.0} m above ground and at one or two distances more"
+    )
+}
+
+/// The smallest effect of every mechanism that these data could have shown. Of a lid or a limit,
+/// which do nothing at infinity, it is the highest of those tried that would show.
+fn detectable(study: &Study<'_>, screened: &[infer::Screened]) -> Vec<Detectable> {
+    let mut out: Vec<(f64, Detectable)> = Vec::new();
+    let of_all = screened.iter().filter(|s| study.tried[s.tried].part.platform.is_none());
+    for s in of_all {
+        let tried = &study.tried[s.tried];
+        let id = tried.part.id;
+        let which = if id == MechanismId::SecondSource { 2 } else { 0 };
+        let spec = &id.spec().parameters[which];
+        let amplitude = (2.0 * DETECTABLE_NATS / s.information).sqrt();
+        let (value, bend) = if spec.neutral.is_finite() {
+            let at = tried.start.at(&vec![amplitude; tried.start.ends.len()]);
+            let value = from_coordinate(spec, at[which.min(at.len() - 1)]);
+            ((value - spec.neutral).abs(), amplitude.ln().abs())
+        } else if amplitude <= 1.0 {
+            let limit = from_coordinate(spec, tried.start.ends[0][0]);
+            (limit, -limit)
+        } else {
+            continue;
+        };
+        let entry = Detectable {
+            mechanism: id.as_str().to_string(),
+            parameter: spec.name.to_string(),
+            value,
+            unit: spec.unit.to_string(),
+        };
+        // Of several starts the one whose step is about as long as what it finds is the straightest.
+        match out.iter_mut().find(|d| d.1.mechanism == entry.mechanism) {
+            _ if !value.is_finite() => {}
+            Some(known) if known.0 <= bend => {}
+            Some(known) => *known = (bend, entry),
+            None => out.push((bend, entry)),
+        }
+    }
+    out.into_iter().map(|(_, entry)| entry).collect()
+}
+
+/// The wind in which the plume was met, before it is turned by what the scenario is unsure of:
+/// direction from, in degrees, and speed at the scenario's height, m/s.
+fn met_wind(study: &Study<'_>, set: &Found<PlumeModel<'_>>) -> (f64, f64) {
+    let spec = &study.setup.base;
+    let turns = study.question.turns_deg(set);
+    let there = infer::ForwardModel::predict(&set.model, set.at(), &turns);
+    let weight: Vec<f64> = there.map_or_else(
+        |_| vec![1.0; study.data.len()],
+        |p| p.plume.iter().map(|p| p.abs()).collect(),
+    );
+    let wind: Transport = study.data.mean_transport(&weight);
+    let at_axis_m_s = spec.wind.speed_at_m_s(spec.sources[0].effective_height_agl_m);
+    let carried = spec.wind.reference_speed_m_s() / at_axis_m_s;
+    let finite = if carried.is_finite() { carried } else { 1.0 };
+    let from_deg = air::wind::from_deg(wind.east, wind.north);
+    (air::geo::wrap_deg(from_deg), wind.speed_m_s * finite)
+}
+
+/// The scenario's uncertain keys, fitted; the wind's direction is that of the wind against which it
+/// was fitted, and the turn.
+fn base_parameters(
+    study: &Study<'_>,
+    set: &Found<PlumeModel<'_>>,
+) -> Result<Vec<BaseParameter>, InferError> {
+    let posterior = study.question.posterior(set)?;
+    let (mean, covariance) = (posterior.mean(), posterior.covariance());
+    let wind_from_deg = met_wind(study, set).0;
+    let of = |(part, prior): (usize, &super::Prior)| {
+        let k = set.model.unknowns_of(part).next();
+        let (at, sd) = k.map_or((f64::NAN, f64::NAN), |k| (mean[k], covariance[(k, k)].sqrt()));
+        let log = prior.id.spec().parameters[0].coordinate == Coordinate::Log;
+        let (value, sd) = match (log, prior.id) {
+            (true, _) => (prior.value * at.exp(), prior.value * at.exp() * sd),
+            (false, MechanismId::SensorLag) => (at.max(0.0), sd),
+            (false, MechanismId::WindDirectionOffset) => (wind_from_deg + at, sd),
+            (false, _) => (prior.value + at, sd),
+        };
+        BaseParameter {
+            name: prior.key.clone(),
+            value,
+            sd,
+            prior: prior.sd,
+        }
+    };
+    Ok(study.setup.priors.iter().enumerate().map(of).collect())
+}
+
+/// The answer where too few readings are usable.
+pub(crate) fn nothing_to_tell(
+    setup: &Setup,
+    data: Data,
+    quality: Vec<DataQuality>,
+    fewest: usize,
+) -> Analysis {
+    let mut notices = data.notices.clone();
+    let reason = format!(
+        "{} usable readings of {} rows: fewer than {fewest}, from which nothing can be told",
+        data.used_count(),
+        data.len()
+    );
+    notices.push(reason.clone());
+    let prior = |p: &super::Prior| BaseParameter {
+        name: p.key.clone(),
+        value: p.value,
+        sd: p.sd,
+        prior: p.sd,
+    };
+    let json = GapJson {
+        schema: SCHEMA,
+        verdict: Verdict::Insufficient,
+        summary: reason.clone(),
+        causes: Vec::new(),
+        ranking: Vec::new(),
+        residual: Vec::new(),
+        gain: None,
+        detectable: Vec::new(),
+        next_flight: None,
+        base: setup.priors.iter().map(prior).collect(),
+        unexplained: None,
+        insufficient: Some(Insufficient {
+            reason,
+            would_do: "a record of several crossings of the plume".to_string(),
+        }),
+        contact: None,
+        discrepancy: None,
+        data_quality: quality,
+        notices,
+    };
+    Analysis {
+        json,
+        extension: Vec::new(),
+        base: Vec::new(),
+        logged_wind: None,
+        report: GapReport::default(),
+    }
+}
+
+/// The answer in a few sentences: first whether the readings follow the plume at all.
+fn summary(
+    verdict: Verdict,
+    causes: &[Cause],
+    unexplained: Option<&Unexplained>,
+    insufficient: Option<&Insufficient>,
+    contact: Option<&Contact>,
+    gain: Option<&Gained>,
+) -> String {
+    let contact = contact.map_or("", |c| c.says.as_str());
+    let named: Vec<String> = causes.iter().map(cause_words).collect();
+    let named = named.join("; ");
+    let gained = gain.map_or_else(String::new, |g| {
+        let h = &g.gain.held_out;
+        format!(
+            " On passes left out the log score gains {:.1} nats and the RMSE goes from {:.2} to {:.2} ppm.",
+            h.log_score_after - h.log_score_before,
+            h.rmse_before,
+            h.rmse_after
+        )
+    });
+    let said = match verdict {
+        Verdict::None => "The base and its noise explain the data.".to_string(),
+        Verdict::Insufficient => insufficient.map_or_else(String::new, |i| {
+            format!("These data could not have shown anything: {}. What would do: {}.", i.reason, i.would_do)
+        }),
+        Verdict::Unexplained => {
+            let term = unexplained.map_or("", |u| u.term.as_str());
+            let may: Vec<String> = unexplained
+                .map(|u| u.candidates.iter().map(|c| c.mechanisms.join(" and ")).collect())
+                .unwrap_or_default();
+            let may = if may.is_empty() {
+                String::new()
+            } else {
+                format!(" It may be {}.", may.join(", or "))
+            };
+            if named.is_empty() {
+                format!("Something is there that is not named: {term}.{may}")
+            } else {
+                format!("The data ask for {named}, and besides show {term}.{may}{gained}")
+            }
+        }
+        Verdict::Ambiguous => {
+            format!("The data ask for {named}, and cannot tell some of these apart.{gained}")
+        }
+        Verdict::Named => format!("The data ask for {named}.{gained}"),
+    };
+    format!("{contact} {said}").trim().to_string()
+}
+
+fn cause_words(c: &Cause) -> String {
+    let values: Vec<String> = c
+        .parameters
+        .iter()
+        .map(|p| format!("{} = {:.4} +/- {:.4}{}", p.name, p.value, p.sd, p.unit_after()))
+        .collect();
+    let on = if c.platforms.is_empty() {
+        String::new()
+    } else {
+        format!(" on {}", c.platforms.join(", "))
+    };
+    format!(
+        "{}{on} ({}; probability {:.2})",
+        c.mechanisms.join(" or "),
+        values.join(", "),
+        c.probability
+    )
 }

@@ -1,369 +1,276 @@
-//! A model as a vector of parameters: the base and its extensions, all as mechanisms.
+//! The plume model of a track with its unknowns: what the scenario is unsure of, and the parameters of
+//! the mechanisms that are tried, all of them mechanisms of the catalogue.
 
-use ::plume::field::{DispersionModel, DispersionSpec};
+use ::plume::effects::SensorAir;
+use ::plume::field::{DispersionModel, DispersionSpec, InPlume};
 use ::plume::mechanism::{Coordinate, Mechanism, MechanismId, ParameterSpec};
 use ::plume::track::Track;
-use nalgebra::DVector;
+use infer::{ForwardModel, InferError, PlumePlace, Prediction};
 
 use super::data::Setup;
 
-/// A parameter that is fitted, in the coordinate of its prior.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Free {
-    /// Which part it belongs to.
-    pub part: usize,
-    /// Which parameter of that part.
-    pub parameter: usize,
-    /// Centre of its prior.
-    pub centre: f64,
-    /// One standard deviation of its prior.
-    pub sd: f64,
-    /// The prior is cut in half at the centre: twice the density on the side allowed.
-    pub one_sided: bool,
-    /// Its prior is the scenario's own word.
-    pub stated: bool,
-    /// One standard deviation by which it may differ from what these data tell, since what it is
-    /// counted from, the log, is off by chance.
-    pub chance_sd: f64,
-}
-
-/// A mechanism in the model.
-#[derive(Debug, Clone, PartialEq)]
+/// A mechanism of the model with values of all its parameters, and the platforms it applies to.
+#[derive(Debug, Clone)]
 pub(crate) struct Part {
     pub id: MechanismId,
-    /// Platform it acts on; none for all.
+    /// Index of the one platform it applies to; none for all.
     pub platform: Option<usize>,
+    /// Values of its parameters, of which some are unknown.
     pub values: Vec<f64>,
 }
 
-impl Part {
-    /// The wind turned by so much for all platforms, degrees clockwise.
-    pub fn turn(turned_deg: f64) -> Self {
-        Self {
-            id: MechanismId::WindDirectionOffset,
-            platform: None,
-            values: vec![turned_deg],
-        }
-    }
+/// An unknown: a parameter of a part.
+#[derive(Debug, Clone, Copy)]
+struct Unknown {
+    part: usize,
+    parameter: usize,
 }
 
-/// The tolerances that are far from linear and so parameters of the base, where a wind is logged
-/// and where none is: no vane is set better than this, degrees, and no wind keeps its direction
-/// to better, degrees an hour.
-const TOLERATED: [(MechanismId, [f64; 2]); 2] = [
-    (MechanismId::WindDirectionOffset, [0.15, 0.15]),
-    (MechanismId::WindDirectionDrift, [2.0, 8.0]),
-];
-
-/// Part of the physical prior's standard deviation below which a prior is narrow, and how many times
-/// that above which it is flat.
-const NARROW: f64 = 0.7;
-const FLAT: f64 = 3.0;
-/// What a prior about as wide as the physical one is held against, in its own standard deviations.
-const BEYOND_STATED: f64 = 3.0;
-
-/// Parts and which of their parameters are free.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub(crate) struct Model {
-    pub parts: Vec<Part>,
-    pub free: Vec<Free>,
-}
-
-impl Model {
-    /// The base: one part for each parameter that the scenario marks uncertain, and the
-    /// tolerances of a wind that is `logged` or not.
-    pub fn base(setup: &Setup, logged: bool) -> Self {
-        let mut model = Self::default();
-        for prior in &setup.priors {
-            let spec = &prior.id.spec().parameters[0];
-            let whole = prior.id == MechanismId::SensorLag;
-            let start = if whole { prior.value } else { spec.neutral };
-            let sd = match spec.coordinate {
-                Coordinate::Log => prior.sd / prior.value.abs().max(1e-12),
-                Coordinate::Linear => prior.sd,
-            };
-            model.parts.push(Part {
-                id: prior.id,
-                platform: None,
-                values: defaults(prior.id),
-            });
-            let part = model.parts.len() - 1;
-            model.parts[part].values[0] = start;
-            let centre = to_coordinate(spec, start);
-            model.free.push(Free {
-                part,
-                parameter: 0,
-                centre,
-                sd,
-                one_sided: false,
-                stated: true,
-                chance_sd: 0.0,
-            });
-        }
-        for (id, sd) in TOLERATED {
-            let sd = if logged { sd[0] } else { sd[1] };
-            if setup.priors.iter().any(|p| p.id == id) {
-                continue;
-            }
-            model.parts.push(Part {
-                id,
-                platform: None,
-                values: defaults(id),
-            });
-            model.free.push(Free {
-                part: model.parts.len() - 1,
-                parameter: 0,
-                centre: 0.0,
-                sd,
-                one_sided: false,
-                stated: false,
-                chance_sd: 0.0,
-            });
-        }
-        model
-    }
-
-    /// The same beside a wind whose trend in direction may be off by so much more by chance,
-    /// degrees an hour.
-    pub fn beside_chance(&self, deg_per_h: f64) -> Self {
-        let mut model = self.clone();
-        if let Some(k) = model.free_of(MechanismId::WindDirectionDrift) {
-            let free = &mut model.free[k];
-            (free.sd, free.chance_sd) = (free.sd.hypot(deg_per_h), deg_per_h);
-        }
-        model
-    }
-
-    /// The same with one more part whose parameters that have no default are free.
-    pub fn extended(&self, part: Part) -> Self {
-        let mut model = self.clone();
-        let index = model.parts.len();
-        for (k, spec) in part.id.spec().parameters.iter().enumerate() {
-            if spec.default.is_none() {
-                model.free.push(Free {
-                    part: index,
-                    parameter: k,
-                    centre: to_coordinate(spec, spec.prior_centre),
-                    sd: spec.prior_sd,
-                    one_sided: spec.low == spec.neutral || spec.high == spec.neutral,
-                    stated: false,
-                    chance_sd: 0.0,
-                });
-            }
-        }
-        model.parts.push(part);
-        model
-    }
-
-    /// Free parameters whose prior the data may contradict.
-    pub fn held(&self) -> impl Iterator<Item = usize> {
-        (0..self.dimension()).filter(|k| self.wider_sd(*k).is_some())
-    }
-
-    /// Standard deviation of the prior that the one of the free parameter `k` is held against: the
-    /// physical one, or, where it is about as wide as that itself, a wider one; none of a flat one.
-    pub fn wider_sd(&self, k: usize) -> Option<f64> {
-        let (own, physical) = (self.free[k].sd, self.spec_of(k).prior_sd);
-        if own < NARROW * physical {
-            Some(physical)
-        } else {
-            let held = self.free[k].stated && own < FLAT * physical;
-            held.then_some(BEYOND_STATED * own)
-        }
-    }
-
-    /// The same with the wider prior for the free parameter `k`.
-    pub fn widened(&self, k: usize) -> Self {
-        let mut model = self.clone();
-        if let Some(sd) = self.wider_sd(k) {
-            model.free[k].sd = sd;
-            model.free[k].stated = false;
-        }
-        model
-    }
-
-    /// The same with its parameters where a larger model, whose first they are, has them.
-    pub fn placed_as(mut self, larger: &Self) -> Self {
-        for k in 0..self.dimension() {
-            self.set_coordinate(k, larger.coordinate(k));
-        }
-        self
-    }
-
-    /// The coordinates of all free parameters.
-    pub fn coordinates(&self) -> DVector<f64> {
-        DVector::from_fn(self.dimension(), |k, _| self.coordinate(k))
-    }
-
-    /// The mechanism that the free parameter `k` is one of.
-    pub fn id_of(&self, k: usize) -> MechanismId {
-        self.parts[self.free[k].part].id
-    }
-
-    /// The first free parameter of the mechanism `id`, on whatever platforms.
-    pub fn free_of(&self, id: MechanismId) -> Option<usize> {
-        (0..self.dimension()).find(|k| self.id_of(*k) == id)
-    }
-
-    pub fn dimension(&self) -> usize {
-        self.free.len()
-    }
-
-    pub fn spec_of(&self, k: usize) -> &'static ParameterSpec {
-        let free = &self.free[k];
-        &self.parts[free.part].id.spec().parameters[free.parameter]
-    }
-
-    /// Value of the free parameter `k` in its coordinate.
-    pub fn coordinate(&self, k: usize) -> f64 {
-        let free = &self.free[k];
-        to_coordinate(
-            self.spec_of(k),
-            self.parts[free.part].values[free.parameter],
-        )
-    }
-
-    /// Sets it, brought into its bounds.
-    pub fn set_coordinate(&mut self, k: usize, coordinate: f64) {
-        let spec = self.spec_of(k);
-        let value = match spec.coordinate {
-            Coordinate::Log => coordinate.exp(),
-            Coordinate::Linear => coordinate,
-        };
-        let free = self.free[k].clone();
-        self.parts[free.part].values[free.parameter] = value.clamp(spec.low, spec.high);
-    }
-
-    /// Step for a difference of the free parameter `k`, away from a bound it stands on.
-    pub fn difference_step(&self, k: usize) -> f64 {
-        let spec = self.spec_of(k);
-        let free = &self.free[k];
-        let step = 2e-3 * free.sd.min(spec.prior_sd);
-        let value = self.parts[free.part].values[free.parameter];
-        let up = match spec.coordinate {
-            Coordinate::Log => value * step.exp(),
-            Coordinate::Linear => value + step,
-        };
-        if up > spec.high { -step } else { step }
-    }
-
-    /// Log prior density of all free parameters, nats.
-    pub fn ln_prior(&self) -> f64 {
-        (0..self.dimension()).map(|k| self.ln_prior_of(k)).sum()
-    }
-
-    /// Log prior density of those parameters that `counts`, relative to that at their centres,
-    /// nats.
-    pub fn ln_departure(&self, counts: impl Fn(usize) -> bool) -> f64 {
-        (0..self.dimension())
-            .filter(|k| counts(*k))
-            .map(|k| -0.5 * self.departure_sd(k).powi(2))
-            .sum()
-    }
-
-    /// How far the free parameter `k` stands from its prior's centre, in its coordinate.
-    pub fn departure(&self, k: usize) -> f64 {
-        self.coordinate(k) - self.free[k].centre
-    }
-
-    /// The same in standard deviations of its prior.
-    pub fn departure_sd(&self, k: usize) -> f64 {
-        self.departure(k) / self.free[k].sd
-    }
-
-    fn ln_prior_of(&self, k: usize) -> f64 {
-        let free = &self.free[k];
-        let half = if free.one_sided {
-            std::f64::consts::LN_2
-        } else {
-            0.0
-        };
-        half - 0.5 * self.departure_sd(k).powi(2) - free.sd.ln() - 0.5 * std::f64::consts::TAU.ln()
-    }
-
-    /// The world of this model.
-    pub fn world(&self, base: &DispersionSpec, platforms: &[String]) -> Option<DispersionModel> {
-        let mut spec = base.clone();
-        spec.mechanisms
-            .extend(self.parts.iter().map(|p| mechanism(p, platforms)));
-        DispersionModel::new(spec).ok()
-    }
-
-    /// Predicted readings on `track`, and the plume's part of them.
-    pub fn predict(&self, base: &DispersionSpec, track: &Track) -> Prediction {
-        let mut out = Prediction {
-            reading: vec![0.0; track.len()],
-            plume: vec![0.0; track.len()],
-        };
-        if let Some(world) = self.world(base, track.platforms()) {
-            track.predict_parts(&world, &mut out.reading, Some(&mut out.plume));
-        }
-        out
-    }
-
-    /// Predicted readings alone.
-    pub fn readings(&self, base: &DispersionSpec, track: &Track) -> Vec<f64> {
-        let mut out = vec![0.0; track.len()];
-        if let Some(world) = self.world(base, track.platforms()) {
-            track.predict(&world, &mut out);
-        }
-        out
-    }
-}
-
-/// Predicted readings and the plume's part of them, ppm.
+/// The model of a track. Unknowns stand in the coordinates of the catalogue: themselves or natural
+/// logarithms.
 #[derive(Debug, Clone)]
-pub(crate) struct Prediction {
-    pub reading: Vec<f64>,
-    pub plume: Vec<f64>,
+pub(crate) struct PlumeModel<'a> {
+    base: &'a DispersionSpec,
+    track: &'a Track,
+    parts: Vec<Part>,
+    unknowns: Vec<Unknown>,
+    priors: Vec<infer::Prior>,
+    /// An unknown and the value about which a search for it begins.
+    aim: Option<(usize, f64)>,
 }
 
-/// A part as the mechanism that the world runs.
-pub(crate) fn mechanism(part: &Part, platforms: &[String]) -> Mechanism {
-    let mechanism = Mechanism::from_values(part.id, &part.values);
-    match part.platform.and_then(|p| platforms.get(p)) {
-        Some(name) => mechanism.for_platforms(std::slice::from_ref(name)),
-        None => mechanism,
-    }
-}
-
-/// A mechanism as parts of a model: one for each platform that it names, or one for all.
-pub(crate) fn parts_of(mechanism: &Mechanism, platforms: &[String]) -> Vec<Part> {
-    let id = mechanism.id();
-    let values: Vec<f64> = mechanism.values().to_vec();
-    let on: Vec<Option<usize>> = if mechanism.platforms().is_empty() {
-        vec![None]
-    } else {
-        let position = |name: &String| platforms.iter().position(|p| p == name);
-        mechanism
-            .platforms()
-            .iter()
-            .map(position)
-            .filter(Option::is_some)
-            .collect()
-    };
-    on.into_iter()
-        .map(|platform| Part {
-            id,
-            platform,
-            values: values.clone(),
-        })
-        .collect()
-}
-
-/// Parameters of `id` that do nothing.
-pub(crate) fn defaults(id: MechanismId) -> Vec<f64> {
-    id.spec()
-        .parameters
-        .iter()
-        .map(|p| p.default.unwrap_or(p.neutral))
-        .collect()
-}
-
-/// A value in the coordinate of its prior.
+/// A value in the coordinate in which its prior is normal.
 pub(crate) fn to_coordinate(spec: &ParameterSpec, value: f64) -> f64 {
     match spec.coordinate {
-        Coordinate::Log => value.max(1e-300).ln(),
         Coordinate::Linear => value,
+        Coordinate::Log => value.ln(),
     }
+}
+
+/// A parameter's value from its coordinate.
+pub(crate) fn from_coordinate(spec: &ParameterSpec, at: f64) -> f64 {
+    match spec.coordinate {
+        Coordinate::Linear => at,
+        Coordinate::Log => at.exp(),
+    }
+}
+
+/// Values of all parameters at which a mechanism does nothing.
+pub(crate) fn neutral(id: MechanismId) -> Vec<f64> {
+    let of = |p: &ParameterSpec| p.default.unwrap_or(p.neutral);
+    id.spec().parameters.iter().map(of).collect()
+}
+
+/// Parameters of a mechanism that are fitted: all but settings.
+pub(crate) fn fitted(id: MechanismId) -> impl Iterator<Item = usize> {
+    let parameters = id.spec().parameters.iter().enumerate();
+    parameters.filter(|(_, p)| p.default.is_none()).map(|(k, _)| k)
+}
+
+impl<'a> PlumeModel<'a> {
+    /// The model of `setup` on a track, with what the scenario is unsure of as unknowns.
+    pub fn new(setup: &'a Setup, track: &'a Track) -> Self {
+        let mut model = Self {
+            base: &setup.base,
+            track,
+            parts: Vec::new(),
+            unknowns: Vec::new(),
+            priors: Vec::new(),
+            aim: None,
+        };
+        for prior in &setup.priors {
+            let spec = &prior.id.spec().parameters[0];
+            let (mean, sd) = match (spec.coordinate, prior.id) {
+                (Coordinate::Log, _) => (0.0, prior.sd / prior.value.abs().max(f64::MIN_POSITIVE)),
+                (Coordinate::Linear, MechanismId::SensorLag) => (prior.value, prior.sd),
+                (Coordinate::Linear, _) => (0.0, prior.sd),
+            };
+            model.add(
+                Part {
+                    id: prior.id,
+                    platform: None,
+                    values: neutral(prior.id),
+                },
+                &[infer::Prior { mean, sd }],
+            );
+        }
+        model
+    }
+
+    /// Adds a part, of whose fitted parameters the first few have these priors.
+    fn add(&mut self, part: Part, priors: &[infer::Prior]) {
+        for (parameter, prior) in fitted(part.id).zip(priors) {
+            self.unknowns.push(Unknown {
+                part: self.parts.len(),
+                parameter,
+            });
+            self.priors.push(*prior);
+        }
+        self.parts.push(part);
+    }
+
+    /// The model with a further part, all of whose fitted parameters are unknown.
+    pub fn with(&self, part: &Part) -> Self {
+        let mut out = self.clone();
+        let prior = |k: usize| {
+            let spec = &part.id.spec().parameters[k];
+            infer::Prior {
+                mean: to_coordinate(spec, spec.prior_centre),
+                sd: spec.prior_sd,
+            }
+        };
+        let priors: Vec<_> = fitted(part.id).map(prior).collect();
+        out.add(part.clone(), &priors);
+        out
+    }
+
+    /// The model with a turn of the wind of which nothing is known but that the readings lie at about
+    /// `turn_deg`.
+    pub fn aimed(&self, part: &Part, turn_deg: f64) -> Self {
+        let mut out = self.with(part);
+        if let Some(last) = out.priors.last_mut() {
+            last.sd = ANY_TURN_DEG;
+        }
+        out.aim = Some((out.priors.len() - 1, turn_deg));
+        out
+    }
+
+    /// Its parts with the values of the unknowns `at`.
+    pub fn parts(&self, at: &[f64]) -> Vec<Part> {
+        let mut parts = self.parts.clone();
+        for (unknown, x) in self.unknowns.iter().zip(at) {
+            let part = &mut parts[unknown.part];
+            let spec = &part.id.spec().parameters[unknown.parameter];
+            part.values[unknown.parameter] = from_coordinate(spec, *x);
+        }
+        parts
+    }
+
+    /// The unknowns of a part: indices among all.
+    pub fn unknowns_of(&self, part: usize) -> impl Iterator<Item = usize> + '_ {
+        let all = self.unknowns.iter().enumerate();
+        all.filter(move |(_, u)| u.part == part).map(|(k, _)| k)
+    }
+
+    /// The mechanisms of some parts.
+    pub fn mechanisms(&self, parts: &[Part]) -> Vec<Mechanism> {
+        let platforms = self.track.platforms();
+        let of = |part: &Part| {
+            let own = part.platform.map_or(&[][..], |p| &platforms[p..=p]);
+            Mechanism::from_values(part.id, &part.values).for_platforms(own)
+        };
+        parts.iter().map(of).collect()
+    }
+
+    /// The dispersion model of the unknowns `at`.
+    pub fn world(&self, at: &[f64]) -> Result<DispersionModel, InferError> {
+        let mut spec = self.base.clone();
+        spec.mechanisms.extend(self.mechanisms(&self.parts(at)));
+        DispersionModel::new(spec).map_err(|error| InferError::Model(error.to_string()))
+    }
+
+    /// The unknown that belongs to a mechanism which the scenario is unsure of.
+    pub fn unknown(&self, id: MechanismId) -> Option<usize> {
+        let of = |u: &Unknown| self.parts[u.part].id == id && self.parts[u.part].platform.is_none();
+        self.unknowns.iter().position(of)
+    }
+
+    /// The track.
+    pub fn track(&self) -> &'a Track {
+        self.track
+    }
+
+    /// What the logged air makes known besides: whether a mechanism needs what nobody logged.
+    pub fn air(&self) -> &[SensorAir] {
+        self.track.air()
+    }
+}
+
+/// Standard deviation of a direction of which nothing is known, degrees: that of 360 alike.
+const ANY_TURN_DEG: f64 = 104.0;
+/// A search from a turn that passes show on the average looks so far to both sides, degrees.
+const AIM_REACH_DEG: f64 = 30.0;
+
+/// Reach in prior standard deviations, and points on each side, of the search for direction and
+/// height: in direction the points must lie closer than the plume is wide.
+const SEARCH_REACH_SD: f64 = 3.0;
+const SEARCH_DIRECTIONS: i32 = 18;
+const SEARCH_HEIGHTS: i32 = 2;
+
+impl ForwardModel for PlumeModel<'_> {
+    fn priors(&self) -> &[infer::Prior] {
+        &self.priors
+    }
+
+    fn ln_strength(&self) -> Option<usize> {
+        self.unknown(MechanismId::EmissionScale)
+    }
+
+    fn starts(&self) -> Vec<Vec<f64>> {
+        let mean: Vec<f64> = self.priors.iter().map(|p| p.mean).collect();
+        let along = |unknown: Option<usize>, steps: i32| -> Vec<Option<(usize, f64)>> {
+            let Some(k) = unknown else { return vec![None] };
+            let step = |n: i32| SEARCH_REACH_SD * self.priors[k].sd * f64::from(n) / f64::from(steps);
+            (-steps..=steps).map(|n| Some((k, step(n)))).collect()
+        };
+        let mut directions = along(self.unknown(MechanismId::WindDirectionOffset), SEARCH_DIRECTIONS);
+        if let Some((k, turn_deg)) = self.aim {
+            let part = |n: i32| f64::from(n) / f64::from(SEARCH_DIRECTIONS);
+            let steps = -SEARCH_DIRECTIONS..=SEARCH_DIRECTIONS;
+            directions = steps.map(|n| Some((k, turn_deg + AIM_REACH_DEG * part(n)))).collect();
+        }
+        let heights = along(self.unknown(MechanismId::EffectiveHeightOffset), SEARCH_HEIGHTS);
+        let mut out = Vec::new();
+        for direction in &directions {
+            for height in &heights {
+                let mut at = mean.clone();
+                for (k, step) in [direction, height].into_iter().flatten() {
+                    at[*k] += step;
+                }
+                out.push(at);
+            }
+        }
+        out
+    }
+
+    fn predict(&self, at: &[f64], turn_deg: &[f64]) -> Result<Prediction, InferError> {
+        let world = self.world(at)?;
+        let n = self.track.len();
+        let mut out = Prediction {
+            reading: vec![0.0; n],
+            plume: vec![0.0; n],
+        };
+        let mut fill = |track: &Track| {
+            track.predict_parts(&world, &mut out.reading, Some(&mut out.plume));
+        };
+        if turn_deg.iter().all(|t| *t == 0.0) {
+            fill(self.track);
+        } else {
+            fill(&self.track.turned(turn_deg));
+        }
+        Ok(out)
+    }
+
+    fn places(&self, at: &[f64]) -> Result<Vec<PlumePlace>, InferError> {
+        let world = self.world(at)?;
+        let places = self.track.in_first_plume(&world).into_iter();
+        let of = |(place, time_s): (Option<InPlume>, &f64)| plume_place(place, *time_s);
+        Ok(places.zip(self.track.time_s()).map(of).collect())
+    }
+}
+
+/// A place in the plume as the inference has it; not a number upwind of the source.
+pub(crate) fn plume_place(place: Option<InPlume>, time_s: f64) -> PlumePlace {
+    let none = PlumePlace {
+        ln_distance: f64::NAN,
+        above_sigmas: f64::NAN,
+        across_sigmas: f64::NAN,
+        time_s,
+    };
+    place.map_or(none, |p| PlumePlace {
+        ln_distance: p.distance_m.ln(),
+        above_sigmas: p.above_sigmas,
+        across_sigmas: p.across_sigmas,
+        time_s,
+    })
 }

@@ -24,7 +24,7 @@ const LONGEST_S: f64 = 30.0 * 86_400.0;
 ///
 /// # Errors
 /// Times that are a month and more apart.
-pub(super) fn counted(
+pub(crate) fn counted(
     observations: &Observations,
 ) -> Result<(Cow<'_, Observations>, f64), GapError> {
     let times = || observations.rows.iter().map(|r| r.time_s);
@@ -49,7 +49,7 @@ pub(super) fn counted(
 }
 
 /// Puts all times of an answer back into the record's own.
-pub(super) fn told_from(analysis: &mut Analysis, zero_s: f64) {
+pub(crate) fn told_from(analysis: &mut Analysis, zero_s: f64) {
     if zero_s == 0.0 {
         return;
     }

@@ -67,5 +67,6 @@ pub(super) fn unexplained(
         to_s: f64::NAN,
         platforms: vec![air.to_owned()],
         delta_log_evidence: nats,
+        candidates: Vec::new(),
     })
 }

@@ -1,0 +1,246 @@
+//! Evidence of a linear problem for any sizes of the error of form and any names, from the products
+//! of its whitened columns: unknowns are integrated out one after the other, those whose priors
+//! change least often first, so that what was done is kept for the next.
+
+use crate::form::{COORDINATES, Sizes};
+use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector};
+use std::collections::HashMap;
+
+/// Coordinates in the order in which their weights are integrated out: swing and time have the
+/// most weights.
+const ORDER: [usize; COORDINATES] = [4, 3, 2, 1, 0];
+/// Coordinates after which the rest is kept for the next sizes.
+const KEPT: usize = 2;
+
+/// Where the columns of a problem stand: weights of the coordinates in `ORDER`, unknowns, columns
+/// of names that are tried, misfit.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Layout {
+    counts: [usize; COORDINATES],
+    /// The column of each weight, in the order of the basis.
+    pub weights: Vec<usize>,
+    /// The first unknown's column.
+    pub unknowns: usize,
+    /// The first tried column.
+    pub tried: usize,
+    /// All columns; the last is the misfit.
+    pub columns: usize,
+}
+
+impl Layout {
+    /// The layout for weights of these coordinates, in the order of the basis.
+    pub fn new(coordinates: &[usize], unknowns: usize, tried: usize) -> Self {
+        let mut counts = [0; COORDINATES];
+        for c in coordinates {
+            counts[*c] += 1;
+        }
+        let mut next = [0; COORDINATES];
+        let mut first = 0;
+        for c in ORDER {
+            next[c] = first;
+            first += counts[c];
+        }
+        let place = |c: &usize| {
+            next[*c] += 1;
+            next[*c] - 1
+        };
+        Self {
+            weights: coordinates.iter().map(place).collect(),
+            counts,
+            unknowns: first,
+            tried: first + unknowns,
+            columns: first + unknowns + tried + 1,
+        }
+    }
+}
+
+/// Products of whitened columns.
+#[derive(Debug, Clone)]
+pub(crate) struct Products {
+    /// Row after row, symmetric.
+    pub values: Vec<f64>,
+    pub ln_normalisation: f64,
+}
+
+impl Products {
+    /// Products of the columns of `matrix`, which stands row after row.
+    pub fn of(matrix: &[f64], columns: usize, ln_normalisation: f64) -> Self {
+        let rows = matrix.len() / columns;
+        let whitened = DMatrixView::from_slice(matrix, columns, rows);
+        let products: DMatrix<f64> = whitened * whitened.transpose();
+        Self {
+            values: products.as_slice().to_vec(),
+            ln_normalisation,
+        }
+    }
+
+    /// Nothing.
+    pub fn zero(columns: usize) -> Self {
+        Self {
+            values: vec![0.0; columns * columns],
+            ln_normalisation: 0.0,
+        }
+    }
+
+    /// Adds `times` the products of other rows.
+    pub fn add(&mut self, other: &Self, times: f64) {
+        for (own, other) in self.values.iter_mut().zip(&other.values) {
+            *own += times * other;
+        }
+        self.ln_normalisation += times * other.ln_normalisation;
+    }
+}
+
+/// What is known beforehand of the columns: precision, and how far the point lies from the middle.
+#[derive(Debug, Clone)]
+pub(crate) struct Known {
+    pub layout: Layout,
+    /// Precisions of the unknowns.
+    pub precision: Vec<f64>,
+    /// Offsets of all columns from the middle of what is known; zero for tried ones.
+    pub offset: Vec<f64>,
+}
+
+/// A problem of which the first unknowns are integrated out.
+#[derive(Debug, Clone)]
+pub(crate) struct Reduced {
+    n: usize,
+    values: Vec<f64>,
+    ln: f64,
+}
+
+impl Reduced {
+    /// The problem without its first `count` columns, of which `prior` gives precision and offset.
+    pub fn without(&self, count: usize, prior: impl Fn(usize) -> (f64, f64)) -> Option<Self> {
+        let n = self.n;
+        let mut a = self.values.clone();
+        let last = n - 1;
+        let mut ln = self.ln;
+        for k in 0..count {
+            let (precision, offset) = prior(k);
+            a[k * n + k] += precision;
+            a[k * n + last] -= precision * offset;
+            a[last * n + last] += precision * offset * offset;
+            ln += 0.5 * precision.ln();
+        }
+        for k in 0..count {
+            let (above, below) = a.split_at_mut((k + 1) * n);
+            let pivot_row = &above[k * n..];
+            let pivot = pivot_row[k];
+            if pivot <= 0.0 || !pivot.is_finite() {
+                return None;
+            }
+            ln -= 0.5 * pivot.ln();
+            for (i, row) in (k + 1..n).zip(below.chunks_exact_mut(n)) {
+                let factor = pivot_row[i] / pivot;
+                if factor != 0.0 {
+                    for (value, p) in row[i..].iter_mut().zip(&pivot_row[i..]) {
+                        *value -= factor * p;
+                    }
+                }
+            }
+        }
+        let m = n - count;
+        let mut values = Vec::with_capacity(m * m);
+        for i in count..n {
+            values.extend_from_slice(&a[i * n + count..(i + 1) * n]);
+        }
+        Some(Self { n: m, values, ln })
+    }
+
+    /// Columns that are left, the misfit among them.
+    pub fn columns(&self) -> usize {
+        self.n
+    }
+
+    /// The problem of some of the columns that are left, and the misfit.
+    pub fn only(&self, columns: &[usize]) -> Self {
+        let all: Vec<usize> = columns.iter().copied().chain([self.n - 1]).collect();
+        let at = |i: usize, j: usize| self.values[i.min(j) * self.n + i.max(j)];
+        let values = all
+            .iter()
+            .flat_map(|i| all.iter().map(move |j| at(*i, *j)))
+            .collect();
+        Self {
+            n: all.len(),
+            values,
+            ln: self.ln,
+        }
+    }
+
+    /// The product of two columns that are left.
+    pub fn value(&self, i: usize, j: usize) -> f64 {
+        self.values[i.min(j) * self.n + i.max(j)]
+    }
+
+    /// The most probable values of the columns that are left, under priors of mean zero.
+    pub fn solution(&self, sd: &[f64]) -> Option<Vec<f64>> {
+        let n = self.n - 1;
+        let mut information = DMatrix::from_fn(n, n, |i, j| self.value(i, j));
+        for (k, sd) in sd.iter().enumerate() {
+            information[(k, k)] += sd.powi(-2);
+        }
+        let pull = DVector::from_fn(n, |i, _| self.value(i, n));
+        Some(Cholesky::new(information)?.solve(&pull).as_slice().to_vec())
+    }
+
+    /// Log evidence where nothing more is unknown, nats.
+    pub fn ln_evidence(&self) -> f64 {
+        self.ln - 0.5 * self.values[self.n * self.n - 1]
+    }
+}
+
+/// Problems of several sizes, of which what they share is done once.
+pub(crate) struct Evidence<'a> {
+    known: &'a Known,
+    whole: Reduced,
+    kept: HashMap<[u64; KEPT], Option<Reduced>>,
+    size_prior: fn(f64) -> f64,
+}
+
+impl<'a> Evidence<'a> {
+    /// Evidences of `products`; `precision_of` gives the precision of weights of a size.
+    pub fn new(products: &Products, known: &'a Known, precision_of: fn(f64) -> f64) -> Self {
+        Self {
+            whole: Reduced {
+                n: known.layout.columns,
+                values: products.values.clone(),
+                ln: products.ln_normalisation,
+            },
+            known,
+            kept: HashMap::new(),
+            size_prior: precision_of,
+        }
+    }
+
+    /// The problem in which all but the tried columns are integrated out, under `sizes`.
+    pub fn under(&mut self, sizes: &Sizes) -> Option<Reduced> {
+        let counts = &self.known.layout.counts;
+        let key: [u64; KEPT] = std::array::from_fn(|k| sizes[ORDER[k]].to_bits());
+        let first: usize = ORDER[..KEPT].iter().map(|c| counts[*c]).sum();
+        let offset = &self.known.offset;
+        let precision = |at: usize| {
+            let mut end = 0;
+            for c in ORDER {
+                end += counts[c];
+                if at < end {
+                    return (self.size_prior)(sizes[c]);
+                }
+            }
+            self.known.precision[at - end]
+        };
+        let whole = &self.whole;
+        let kept = self.kept.entry(key).or_insert_with(|| {
+            whole.without(first, |k| (precision(k), offset[k]))
+        });
+        let rest = self.known.layout.tried - first;
+        kept.as_ref()?
+            .without(rest, |k| (precision(first + k), offset[first + k]))
+    }
+
+    /// Log evidence under `sizes`, nats; minus infinity where there is none.
+    pub fn ln(&mut self, sizes: &Sizes) -> f64 {
+        let reduced = self.under(sizes);
+        reduced.map_or(f64::NEG_INFINITY, |r| r.ln_evidence())
+    }
+}

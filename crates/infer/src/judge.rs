@@ -1,0 +1,352 @@
+//! What stands of the sets that were found: names have to predict passes that they have not seen,
+//! to be chosen again when passes are drawn anew, and to leave no error of form that says more.
+
+use crate::InferError;
+use crate::left_out::{ByPass, Expected};
+use crate::names::{Catalogue, Found, Question};
+use crate::passes::passes;
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use std::ops::Range;
+
+/// A name makes left-out passes significantly worse where that many of the draws say so: one side of
+/// 95 %.
+const WORSE: f64 = 0.975;
+/// Sets of passes drawn anew.
+const DRAWS: usize = 40;
+
+/// A cause: mechanisms of which the readings do not tell which one it is.
+#[derive(Debug, Clone)]
+pub struct Cause<T> {
+    /// The likeliest first, with their probabilities; the first is the one in the set that stands.
+    pub names: Vec<(T, f64)>,
+    /// Probability that one of them is at work.
+    pub probability: f64,
+    /// Gain of the log evidence over the set without it, nats.
+    pub gain: f64,
+    /// Nats to the likeliest that is not among them.
+    pub nats_to_next: f64,
+    /// Gain on passes left out, nats, and the lower end of its 95 % interval.
+    pub left_out: (f64, f64),
+    /// Probability on the average over passes drawn anew.
+    pub drawn_again: f64,
+    /// Part of the draws in which root mean square error and normalised mean square error on passes left
+    /// out are worse with it than without; zero where it does not stand anyway.
+    pub worse: [f64; 2],
+}
+
+/// What stands.
+#[derive(Debug, Clone)]
+pub struct Judgement<M: Catalogue> {
+    /// The set that stands; the base where it has no names.
+    pub set: Found<M>,
+    /// Its names, each with what the readings do not tell from it.
+    pub causes: Vec<Cause<M::Tried>>,
+    /// Names that were likelier than not, but do not stand.
+    pub doubted: Vec<Cause<M::Tried>>,
+    /// Log evidence of error of form, swing and excess noise beside these names, nats.
+    pub rest: f64,
+    /// What explains most where there is a rest, with probabilities over passes drawn anew.
+    pub candidates: Vec<(Found<M>, f64)>,
+    /// The passes by which it was judged.
+    pub passes: Vec<Vec<Range<usize>>>,
+}
+
+impl Question<'_> {
+    /// Cuts the record into passes by how far readings stand out beside a set.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn passes<M: Catalogue>(&self, of: &Found<M>) -> Result<Vec<Vec<Range<usize>>>, InferError> {
+        let fit = of.fit();
+        let turns = self.problem(&of.model).turns(&fit.point);
+        let there = of.model.predict(&fit.point.at, &turns)?;
+        let excess: Vec<f64> = (0..self.rows.len())
+            .map(|i| (fit.misfit[i] + there.plume[i]) / fit.noise.white)
+            .collect();
+        Ok(passes(self.rows, &excess, self.policy.passes))
+    }
+
+    /// Judges sets that a search found, the likeliest first and the base among them; `seed` draws
+    /// passes anew.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn judge<M: Catalogue>(
+        &self,
+        found: &[Found<M>],
+        tried: &[M::Tried],
+        seed: u64,
+    ) -> Result<Judgement<M>, InferError> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let passes = self.passes(&found[0])?;
+        let draws: Vec<Vec<f64>> = (0..DRAWS)
+            .map(|_| {
+                let mut times = vec![0.0; passes.len()];
+                for _ in 0..passes.len() {
+                    times[rng.random_range(0..passes.len())] += 1.0;
+                }
+                times
+            })
+            .collect();
+        let mut set = found[0].clone();
+        let mut doubted = Vec::new();
+        let mut causes: Vec<Cause<M::Tried>>;
+        loop {
+            causes = Vec::new();
+            for k in 0..set.names.len() {
+                let without = best_without(found, &set, k);
+                causes.push(self.cause(found, &set, without, k, &passes, &draws)?);
+            }
+            let strength = |c: &Cause<M::Tried>| c.probability.min(c.drawn_again);
+            let weakest = (0..causes.len())
+                .filter(|&k| !self.stands(&causes[k]))
+                .min_by(|a, b| strength(&causes[*a]).total_cmp(&strength(&causes[*b])));
+            let Some(k) = weakest else { break };
+            doubted.push(causes[k].clone());
+            set = best_without(found, &set, k).clone();
+        }
+        let rest = set.ln_score() - self.plain(&set)?.ln_score();
+        let candidates = if rest > self.policy.rest_nats || !doubted.is_empty() {
+            let plain = self.plain_extensions(&set, tried)?;
+            self.candidates(&plain, &passes, &draws)?
+        } else {
+            Vec::new()
+        };
+        Ok(Judgement {
+            set,
+            causes,
+            doubted,
+            rest,
+            candidates,
+            passes,
+        })
+    }
+
+    /// Whether a name stands.
+    fn stands<T>(&self, cause: &Cause<T>) -> bool {
+        cause.probability > self.policy.named
+            && cause.left_out.1 > 0.0
+            && cause.drawn_again > self.policy.drawn_again
+            && cause.names.len() <= self.policy.most_candidates
+            && cause.worse.iter().all(|w| *w < WORSE)
+    }
+
+    fn cause<M: Catalogue>(
+        &self,
+        found: &[Found<M>],
+        set: &Found<M>,
+        without: &Found<M>,
+        k: usize,
+        passes: &[Vec<Range<usize>>],
+        draws: &[Vec<f64>],
+    ) -> Result<Cause<M::Tried>, InferError> {
+        let others: Vec<&M::Tried> = set
+            .names
+            .iter()
+            .enumerate()
+            .filter(|(j, _)| *j != k)
+            .map(|(_, n)| n)
+            .collect();
+        let top = set.ln_score();
+        let mut rivals: Vec<(M::Tried, f64)> = Vec::new();
+        for f in found.iter().filter(|f| f.names.len() == set.names.len()) {
+            if !others.iter().all(|o| f.has(o)) {
+                continue;
+            }
+            let own = f.names.iter().find(|n| !others.iter().any(|o| M::same_cause(o, n)));
+            let Some(own) = own else { continue };
+            if rivals.iter().all(|r| !M::same_cause(&r.0, own)) {
+                rivals.push((own.clone(), f.ln_score() - top));
+            }
+        }
+        rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
+        // The name of the set itself stands first, whatever else is as likely.
+        if let Some(own) = rivals.iter().position(|r| M::same_cause(&r.0, &set.names[k])) {
+            let own = rivals.remove(own);
+            rivals.insert(0, own);
+        }
+        let dropped = (without.ln_score() - top).exp();
+        let all: f64 = rivals.iter().map(|r| r.1.exp()).sum();
+        let mut names = Vec::new();
+        let mut held = 0.0;
+        let mut nats_to_next = top - without.ln_score();
+        for (name, ln) in rivals {
+            if names.is_empty() || held < self.policy.named * all {
+                held += ln.exp();
+                names.push((name, ln.exp() / (all + dropped)));
+            } else {
+                nats_to_next = nats_to_next.min(-ln);
+            }
+        }
+        let (own, less) = (self.by_pass(set, passes)?, self.by_pass(without, passes)?);
+        let gains: Vec<f64> = own
+            .left_out()
+            .iter()
+            .zip(less.left_out())
+            .map(|(a, b)| a - b)
+            .collect();
+        let drawn = draws.iter().map(|times| {
+            let odds = own.ln(times) - less.ln(times);
+            1.0 / (1.0 + (-odds).exp())
+        });
+        let drawn_again = drawn.sum::<f64>() / draws.len() as f64;
+        let mut cause = Cause {
+            names,
+            probability: all / (all + dropped),
+            gain: top - without.ln_score() - (set.ln_prior - without.ln_prior),
+            nats_to_next,
+            left_out: sum_and_low(&gains),
+            drawn_again,
+            worse: [0.0; 2],
+        };
+        if self.stands(&cause) {
+            let (with, before) = (self.expected(set, passes)?, self.expected(without, passes)?);
+            cause.worse = self.worse(&before, &with, passes, draws);
+        }
+        Ok(cause)
+    }
+
+    /// Part of the draws in which errors on passes left out are larger after than before.
+    fn worse(
+        &self,
+        before: &Expected,
+        after: &Expected,
+        passes: &[Vec<Range<usize>>],
+        draws: &[Vec<f64>],
+    ) -> [f64; 2] {
+        let errors = |expected: &Expected| -> Vec<Errors> {
+            let of = |pass: &Vec<Range<usize>>| Errors::of(self.rows, before, expected, pass);
+            passes.iter().map(of).collect()
+        };
+        let (old, new) = (errors(before), errors(after));
+        let mut worse = [0.0; 2];
+        for times in draws {
+            let (a, b) = (Errors::sum(&old, times), Errors::sum(&new, times));
+            worse[0] += f64::from(u8::from(b.square > a.square));
+            worse[1] += f64::from(u8::from(b.normalised() > a.normalised()));
+        }
+        worse.map(|w| w / draws.len() as f64)
+    }
+
+    /// What of the sets without error of form explains most, each with the part of the draws in which it is
+    /// the likeliest; no more than the policy's number, and no more than hold nearly all.
+    fn candidates<M: Catalogue>(
+        &self,
+        plain: &[Found<M>],
+        passes: &[Vec<Range<usize>>],
+        draws: &[Vec<f64>],
+    ) -> Result<Vec<(Found<M>, f64)>, InferError> {
+        if plain.is_empty() {
+            return Ok(Vec::new());
+        }
+        let by_pass: Vec<ByPass> = plain
+            .iter()
+            .map(|f| self.by_pass(f, passes))
+            .collect::<Result<_, _>>()?;
+        let mut share = vec![0.0; plain.len()];
+        for times in draws {
+            let ln: Vec<f64> = by_pass.iter().map(|b| b.ln(times)).collect();
+            let top = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let all: f64 = ln.iter().map(|l| (l - top).exp()).sum();
+            for (share, ln) in share.iter_mut().zip(&ln) {
+                *share += (ln - top).exp() / all / draws.len() as f64;
+            }
+        }
+        let mut order: Vec<usize> = (0..plain.len()).collect();
+        order.sort_by(|a, b| share[*b].total_cmp(&share[*a]));
+        let mut out = Vec::new();
+        let mut held = 0.0;
+        for k in order.into_iter().take(self.policy.most_candidates) {
+            if held > self.policy.named {
+                break;
+            }
+            held += share[k];
+            out.push((plain[k].clone(), share[k]));
+        }
+        Ok(out)
+    }
+
+    /// Extensions of a set without error of form by the most promising of `tried`.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn plain_extensions<M: Catalogue>(
+        &self,
+        of: &Found<M>,
+        tried: &[M::Tried],
+    ) -> Result<Vec<Found<M>>, InferError> {
+        let plain = self.plain(of)?;
+        let mut screened = self.screen(&plain, tried)?;
+        screened.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        let mut out: Vec<Found<M>> = Vec::new();
+        for s in screened {
+            let name = &tried[s.tried];
+            if out.len() >= self.policy.beam_fits || s.gain < 0.0 {
+                break;
+            }
+            if out.iter().any(|f| f.has(name)) || of.has(name) {
+                continue;
+            }
+            out.push(self.extended_plainly(&plain, name, &s.amplitudes)?);
+        }
+        Ok(out)
+    }
+}
+
+/// The likeliest set that was found with none but the names of `set` without the one at `k`.
+fn best_without<'f, M: Catalogue>(found: &'f [Found<M>], set: &'f Found<M>, k: usize) -> &'f Found<M> {
+    let mut names = set.names.clone();
+    names.remove(k);
+    let within = |f: &&Found<M>| {
+        f.names
+            .iter()
+            .all(|n| names.iter().any(|o| M::same_cause(n, o)))
+    };
+    // The base is always among them.
+    found.iter().find(within).unwrap_or(set)
+}
+
+/// Sums over rows.
+#[derive(Default)]
+struct Errors {
+    square: f64,
+    read: f64,
+    expected: f64,
+}
+
+impl Errors {
+    fn of(rows: &crate::Rows, rest: &Expected, expected: &Expected, pass: &[Range<usize>]) -> Self {
+        let mut sum = Self::default();
+        for i in pass.iter().cloned().flatten().filter(|&i| rows.is_used(i)) {
+            let clean = rest.reading[i] - rest.plume[i];
+            sum.square += (rows.measured()[i] - expected.reading[i]).powi(2);
+            sum.read += rows.measured()[i] - clean;
+            sum.expected += expected.reading[i] - clean;
+        }
+        sum
+    }
+
+    fn sum(of: &[Self], times: &[f64]) -> Self {
+        of.iter().zip(times).fold(Self::default(), |s, (o, times)| Self {
+            square: s.square + times * o.square,
+            read: s.read + times * o.read,
+            expected: s.expected + times * o.expected,
+        })
+    }
+
+    /// Normalised mean square error, up to the number of rows.
+    fn normalised(&self) -> f64 {
+        let product = self.read * self.expected;
+        if product > 0.0 { self.square / product } else { f64::INFINITY }
+    }
+}
+
+/// Sum over passes, and the lower end of its 95 % interval by their scatter.
+fn sum_and_low(gains: &[f64]) -> (f64, f64) {
+    let n = gains.len() as f64;
+    let sum: f64 = gains.iter().sum();
+    let square: f64 = gains.iter().map(|g| (g - sum / n).powi(2)).sum();
+    let sd = (square * n / (n - 1.0).max(1.0)).sqrt();
+    (sum, sum - 1.645 * sd)
+}

@@ -1,0 +1,148 @@
+//! What the other passes say of one that was left out: what is expected there, and how well.
+
+use crate::InferError;
+use crate::evidence::{Evidence, Known, Products};
+use crate::fit::precision_of;
+use crate::form::{SWING, Sizes};
+use crate::names::{Catalogue, Found, Question};
+use nalgebra::{Cholesky, DMatrixView};
+use std::ops::Range;
+
+/// A left-out pass meets a plume that swings anywhere: turns over which its mean is taken, to so many
+/// standard deviations on both sides, and the number of them.
+const REACH_SD: f64 = 2.5;
+const TURNS: usize = 15;
+
+/// A set's products pass by pass.
+pub(crate) struct ByPass {
+    known: Known,
+    products: Vec<Products>,
+    sizes: Sizes,
+    ln_more: f64,
+}
+
+impl ByPass {
+    fn sum(&self, times: &[f64]) -> Products {
+        let mut sum = Products::zero(self.known.layout.columns);
+        for (products, times) in self.products.iter().zip(times) {
+            if *times != 0.0 {
+                sum.add(products, *times);
+            }
+        }
+        sum
+    }
+
+    /// Log evidence of passes that count so often.
+    pub fn ln(&self, times: &[f64]) -> f64 {
+        let sum = self.sum(times);
+        let mut evidence = Evidence::new(&sum, &self.known, precision_of);
+        evidence.ln(&self.sizes) + self.ln_more
+    }
+
+    /// What each pass says of itself when the others are known, nats.
+    pub fn left_out(&self) -> Vec<f64> {
+        let n = self.products.len();
+        let all = self.ln(&vec![1.0; n]);
+        (0..n).map(|k| all - self.ln(&all_but(n, k))).collect()
+    }
+
+    /// The step of the unknowns from the fit's point where a pass is left out.
+    fn step_without(&self, k: usize, coordinates: &[usize]) -> Option<Vec<f64>> {
+        let sum = self.sum(&all_but(self.products.len(), k));
+        let (n, columns) = (self.known.layout.tried, self.known.layout.columns);
+        let products = DMatrixView::from_slice(&sum.values, columns, columns);
+        let mut information = products.view((0, 0), (n, n)).into_owned();
+        let mut pull = products.view((0, columns - 1), (n, 1)).column(0).into_owned();
+        let mut precision = vec![0.0; n];
+        for (place, c) in self.known.layout.weights.iter().zip(coordinates) {
+            precision[*place] = precision_of(self.sizes[*c]);
+        }
+        precision[self.known.layout.unknowns..].copy_from_slice(&self.known.precision);
+        for (i, precision) in precision.iter().enumerate() {
+            information[(i, i)] += precision;
+            pull[i] -= precision * self.known.offset[i];
+        }
+        let step = Cholesky::new(information)?.solve(&pull);
+        Some(step.as_slice()[self.known.layout.unknowns..].to_vec())
+    }
+}
+
+/// Every pass once but one.
+fn all_but(n: usize, k: usize) -> Vec<f64> {
+    let mut times = vec![1.0; n];
+    times[k] = 0.0;
+    times
+}
+
+/// What is expected of passes by what the others say, without any error of form: what an extended
+/// model alone is worth.
+#[derive(Debug, Clone, Default)]
+pub struct Expected {
+    /// The reading of each row.
+    pub reading: Vec<f64>,
+    /// What of it is due to the plume.
+    pub plume: Vec<f64>,
+    /// Log score of each pass, nats.
+    pub ln: Vec<f64>,
+}
+
+impl Question<'_> {
+    pub(crate) fn by_pass<M: Catalogue>(
+        &self,
+        of: &Found<M>,
+        passes: &[Vec<Range<usize>>],
+    ) -> Result<ByPass, InferError> {
+        let problem = self.problem(&of.model);
+        let (known, products) = problem.products(of.fit(), &[], passes)?;
+        let sizes = of.likeliest_sizes();
+        let noise = problem.ln_noise_prior(&of.fit().noise);
+        Ok(ByPass {
+            known,
+            products,
+            ln_more: of.ln_prior + noise + self.policy.ln_sizes(&sizes),
+            sizes,
+        })
+    }
+
+    /// What a set expects of every pass when it has seen only the others.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn expected<M: Catalogue>(
+        &self,
+        of: &Found<M>,
+        passes: &[Vec<Range<usize>>],
+    ) -> Result<Expected, InferError> {
+        let by_pass = self.by_pass(of, passes)?;
+        let n = self.rows.len();
+        let fit = of.fit();
+        let coordinates: Vec<usize> = fit.basis.coordinates().collect();
+        let sd_deg = of.likeliest_sizes()[SWING].hypot(fit.noise.wander_deg);
+        let turns: Vec<(f64, f64)> = (0..TURNS)
+            .map(|k| {
+                let z = REACH_SD * (2.0 * k as f64 / (TURNS - 1) as f64 - 1.0);
+                (z * sd_deg, (-0.5 * z * z).exp())
+            })
+            .collect();
+        let total: f64 = turns.iter().map(|t| t.1).sum();
+        let mut out = Expected {
+            reading: vec![0.0; n],
+            plume: vec![0.0; n],
+            ln: by_pass.left_out(),
+        };
+        for (k, pass) in passes.iter().enumerate() {
+            let mut at = fit.point.at.clone();
+            if let Some(step) = by_pass.step_without(k, &coordinates) {
+                at.iter_mut().zip(step).for_each(|(x, s)| *x += s);
+            }
+            for (turn_deg, weight) in &turns {
+                let there = of.model.predict(&at, &vec![*turn_deg; n])?;
+                for i in pass.iter().cloned().flatten() {
+                    out.reading[i] += weight / total * there.reading[i];
+                    out.plume[i] += weight / total * there.plume[i];
+                }
+            }
+        }
+        Ok(out)
+    }
+}

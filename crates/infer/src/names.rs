@@ -1,0 +1,518 @@
+//! The search over sets of names: which of a catalogue's causes, alone or together, explain the
+//! readings better than the base with its error of form does.
+//!
+//! From a fit every cause is tried as further columns of the linear problem there, under all sizes
+//! of the error of form that count; the most promising are fitted, and from each of these the next is
+//! looked for (a beam search).
+
+use crate::InferError;
+use crate::contact::Contact;
+use crate::evidence::{Evidence, Reduced};
+use crate::fit::{Point, Problem, precision_of};
+use crate::form::Sizes;
+use crate::noise::Noise;
+use crate::policy::Policy;
+use crate::posterior::{Posterior, Weighed};
+use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
+
+/// Where the search for a cause starts, in the coordinates of its unknowns.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Start {
+    /// Values at which it does nothing; not finite for a limit, which does nothing at infinity.
+    pub nothing: Vec<f64>,
+    /// Values at the ends of the directions along which it departs from that.
+    pub ends: Vec<Vec<f64>>,
+    /// Prior standard deviation of the way along each direction, in parts of it.
+    pub amplitude_sd: Vec<f64>,
+    /// Whether only one sense of the directions has a meaning.
+    pub one_sided: bool,
+    /// Logarithm of the share that this start has in its cause's prior, where the starts of one cause
+    /// exclude each other.
+    pub ln_share: f64,
+    /// Logarithm of how probable the cause is beforehand, beside the others of the catalogue.
+    pub ln_prior: f64,
+}
+
+/// A model that can be extended by causes.
+pub trait Catalogue: ForwardModel + Clone {
+    /// A cause with a start of its search.
+    type Tried: Clone;
+
+    /// Where the search starts.
+    fn start(tried: &Self::Tried) -> &Start;
+
+    /// Whether two are starts of the same cause.
+    fn same_cause(a: &Self::Tried, b: &Self::Tried) -> bool;
+
+    /// The model with the unknowns of a cause as its last.
+    #[must_use]
+    fn with(&self, tried: &Self::Tried) -> Self;
+
+    /// Readings expected with the unknowns of a further cause at `end`.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    fn predict_with(
+        &self,
+        at: &[f64],
+        turn_deg: &[f64],
+        tried: &Self::Tried,
+        end: &[f64],
+    ) -> Result<Prediction, InferError>;
+}
+
+/// What is the same for all sets of names.
+#[derive(Debug, Clone, Copy)]
+pub struct Question<'a> {
+    /// The readings.
+    pub rows: &'a Rows,
+    /// The rules.
+    pub policy: &'a Policy,
+    /// Standard deviation of the sensor's own noise.
+    pub sensor_sd: f64,
+    /// Places of which something is to be told.
+    pub asked: &'a [PlumePlace],
+}
+
+/// A set of names, fitted.
+#[derive(Debug, Clone)]
+pub struct Found<M: Catalogue> {
+    /// The names; none for the base.
+    pub names: Vec<M::Tried>,
+    /// The model with their unknowns as its last.
+    pub model: M,
+    pub(crate) weighed: Weighed,
+    pub(crate) ln_prior: f64,
+}
+
+impl<M: Catalogue> Found<M> {
+    /// Logarithm of evidence and prior, nats, up to a constant of the readings.
+    pub fn ln_score(&self) -> f64 {
+        self.weighed.ln_evidence + self.ln_prior
+    }
+
+    /// Logarithm of the evidence alone.
+    pub fn ln_evidence(&self) -> f64 {
+        self.weighed.ln_evidence
+    }
+
+    /// Values of all unknowns.
+    pub fn at(&self) -> &[f64] {
+        &self.weighed.fit.point.at
+    }
+
+    /// Sizes of error of form and swing that are likeliest.
+    pub fn likeliest_sizes(&self) -> Sizes {
+        self.weighed.likeliest_sizes()
+    }
+
+    /// The fit.
+    pub fn fit(&self) -> &crate::Fit {
+        &self.weighed.fit
+    }
+
+    /// Whether it has the same names as another set, in any order.
+    pub fn is_same_set(&self, names: &[M::Tried]) -> bool {
+        self.names.len() == names.len() && names.iter().all(|n| self.has(n))
+    }
+
+    /// Whether a cause is among its names.
+    pub fn has(&self, tried: &M::Tried) -> bool {
+        self.names.iter().any(|n| M::same_cause(n, tried))
+    }
+}
+
+/// A cause as the linear problem beside a fit has it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Screened {
+    /// Index among what was tried.
+    pub tried: usize,
+    /// Gain of the log evidence, nats.
+    pub gain: f64,
+    /// The most probable way along each of its directions.
+    pub amplitudes: Vec<f64>,
+    /// What the readings tell of the way along its first direction: inverse variance.
+    pub information: f64,
+}
+
+impl<'a> Question<'a> {
+    pub(crate) fn problem<'m, M: ForwardModel>(&self, model: &'m M) -> Problem<'m, M>
+    where
+        'a: 'm,
+    {
+        Problem::new(model, self.rows, self.policy, self.sensor_sd, self.asked)
+    }
+
+    /// Log evidence of a model without any error of form, after a quick fit: to choose between winds.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn quick<M: ForwardModel>(&self, model: &M) -> Result<f64, InferError> {
+        let problem = self.problem(model);
+        let point = problem.rough_fit(&problem.search()?, 0.0)?;
+        let basis = problem.basis(&point)?;
+        let sizes = self.policy.nearest_sizes(0.0, 0.0);
+        let first = problem.fit(&point, &basis, problem.noise_beforehand(), sizes)?;
+        Ok(problem.around(problem.refit_noise(&first)?)?.ln_evidence)
+    }
+
+    /// The base: the model itself with its error of form.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn base<M: Catalogue>(&self, model: &M) -> Result<Found<M>, InferError> {
+        Ok(Found {
+            names: Vec::new(),
+            weighed: self.problem(model).weighed()?,
+            model: model.clone(),
+            ln_prior: 0.0,
+        })
+    }
+
+    /// A set whose one name is in `model` already, fitted from that model's own starts.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn named<M: Catalogue>(&self, model: &M, name: &M::Tried) -> Result<Found<M>, InferError> {
+        Ok(Found {
+            names: vec![name.clone()],
+            weighed: self.problem(model).weighed()?,
+            model: model.clone(),
+            ln_prior: M::start(name).ln_prior + self.policy.ln_name,
+        })
+    }
+
+    /// How the readings meet the plume of a set.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn contact<M: Catalogue>(&self, of: &Found<M>) -> Result<Option<Contact>, InferError> {
+        let problem = self.problem(&of.model);
+        problem.contact(of.at(), self.policy.passes)
+    }
+
+    /// The same set without any error of form or swing, and with no more noise than is tolerated.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn plain<M: Catalogue>(&self, of: &Found<M>) -> Result<Found<M>, InferError> {
+        let problem = self.problem(&of.model);
+        let sizes = self.policy.nearest_sizes(0.0, 0.0);
+        let fit = of.fit();
+        let noise = problem.noise_beforehand();
+        let within = self.policy.noise_tolerance_sd;
+        let first = problem.fit(&fit.point, &fit.basis, noise, sizes)?;
+        let again = problem.refit_noise_within(&first, within)?;
+        let settled = problem.refit_noise_within(&again, within)?;
+        let mut weighed = problem.around(settled)?;
+        weighed.ln_evidence = weighed.only(&sizes, self.policy, &problem);
+        Ok(Found {
+            weighed,
+            names: of.names.clone(),
+            model: of.model.clone(),
+            ln_prior: of.ln_prior,
+        })
+    }
+
+    /// Means and covariances of a set's unknowns.
+    ///
+    /// # Errors
+    /// A problem that has no posterior.
+    pub fn posterior<M: Catalogue>(&self, of: &Found<M>) -> Result<Posterior, InferError> {
+        self.problem(&of.model).concluded(of.weighed.clone())
+    }
+
+    /// Turn of the axis at every row in a set, degrees clockwise.
+    pub fn turns_deg<M: Catalogue>(&self, of: &Found<M>) -> Vec<f64> {
+        self.problem(&of.model).turns(&of.fit().point)
+    }
+
+    /// `column` of one number a row as independent normal ones under a set's noise: its misfit so is a
+    /// sum of squares.
+    pub fn whitened<M: Catalogue>(&self, of: &Found<M>, column: &[f64]) -> Vec<f64> {
+        let mut out = column.to_vec();
+        self.problem(&of.model).whiten(of.fit(), &mut out);
+        out
+    }
+
+    /// Every cause of `tried` beside a set that was found, in the same order.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn screen<M: Catalogue>(
+        &self,
+        found: &Found<M>,
+        tried: &[M::Tried],
+    ) -> Result<Vec<Screened>, InferError> {
+        let problem = self.problem(&found.model);
+        let fit = &found.weighed.fit;
+        let turns = problem.turns(&fit.point);
+        let here = found.model.predict(&fit.point.at, &turns)?;
+        let factors = problem.factors(fit)?;
+        let mut columns = Vec::new();
+        for tried in tried {
+            for end in &M::start(tried).ends {
+                let there = found.model.predict_with(&fit.point.at, &turns, tried, end)?;
+                let change = |i: usize| {
+                    there.reading[i] - here.reading[i]
+                        + (there.plume[i] - here.plume[i]) * (factors[i] - 1.0)
+                };
+                columns.push((0..self.rows.len()).map(change).collect::<Vec<f64>>());
+            }
+        }
+        let all = [vec![0..self.rows.len()]];
+        let (known, products) = problem.products(fit, &columns, &all)?;
+        let mut evidence = Evidence::new(&products[0], &known, precision_of);
+        let mut problems: Vec<(f64, Reduced)> = Vec::new();
+        let plain = self.policy.nearest_sizes(0.0, 0.0);
+        let counting = found.weighed.sizes.iter().map(|s| s.1);
+        let counting: Vec<Sizes> = counting
+            .take(SIZES_SCREENED)
+            .chain([plain])
+            .collect();
+        for (k, sizes) in counting.iter().enumerate() {
+            if counting[..k].contains(sizes) {
+                continue;
+            }
+            if let Some(reduced) = evidence.under(sizes) {
+                problems.push((self.policy.ln_sizes(sizes), reduced));
+            }
+        }
+        let without = ln_sum(problems.iter().map(|(ln, p)| ln + p.ln_evidence()));
+        let mut first = 0;
+        let mut out = Vec::new();
+        for (k, tried) in tried.iter().enumerate() {
+            let start = M::start(tried);
+            let own: Vec<usize> = (first..first + start.ends.len()).collect();
+            first += start.ends.len();
+            let with: Vec<(f64, Tried)> = problems
+                .iter()
+                .filter_map(|(ln, p)| Some((*ln, Tried::of(&p.only(&own), start)?)))
+                .collect();
+            let total = ln_sum(with.iter().map(|(ln, t)| ln + t.ln_evidence));
+            let best = with
+                .into_iter()
+                .max_by(|a, b| (a.0 + a.1.ln_evidence).total_cmp(&(b.0 + b.1.ln_evidence)));
+            let (amplitudes, information) = best.map_or_else(
+                || (vec![0.0; own.len()], 0.0),
+                |b| (b.1.amplitudes, b.1.information),
+            );
+            out.push(Screened {
+                tried: k,
+                gain: if total.is_finite() { total - without } else { f64::NEG_INFINITY },
+                amplitudes,
+                information,
+            });
+        }
+        Ok(out)
+    }
+
+    /// A set with one more name, fitted.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn extended<M: Catalogue>(
+        &self,
+        found: &Found<M>,
+        tried: &M::Tried,
+        amplitudes: &[f64],
+    ) -> Result<Found<M>, InferError> {
+        let model = found.model.with(tried);
+        let problem = self.problem(&model);
+        let fit = &found.weighed.fit;
+        let start = M::start(tried);
+        let mut point = fit.point.clone();
+        point.at.extend(start.at(amplitudes));
+        let plain = self.policy.nearest_sizes(0.0, 0.0);
+        let mut best = self.settled(&problem, &point, fit, fit.noise, fit.sizes)?;
+        // What a name explains need no longer be noise or an error of form.
+        let noise = problem.noise_beforehand();
+        let other = self.settled(&problem, &point, fit, noise, plain)?;
+        if other.ln_evidence > best.ln_evidence {
+            best = other;
+        }
+        // One more unknown makes no model worse: where both starts led astray, what was found before
+        // stands with the name doing next to nothing.
+        if best.ln_evidence < found.weighed.ln_evidence && start.nothing.iter().all(|n| n.is_finite()) {
+            let mut at = fit.point.clone();
+            at.at.extend(start.at(&vec![0.01; start.ends.len()]));
+            let other = self.settled(&problem, &at, fit, fit.noise, fit.sizes)?;
+            if other.ln_evidence > best.ln_evidence {
+                best = other;
+            }
+        }
+        Ok(self.found_with(found, tried, model.clone(), best))
+    }
+
+    /// The same without any error of form, and with no more noise than is tolerated.
+    pub(crate) fn extended_plainly<M: Catalogue>(
+        &self,
+        found: &Found<M>,
+        tried: &M::Tried,
+        amplitudes: &[f64],
+    ) -> Result<Found<M>, InferError> {
+        let model = found.model.with(tried);
+        let fit = &found.weighed.fit;
+        let mut point = fit.point.clone();
+        point.at.extend(M::start(tried).at(amplitudes));
+        let weighed = {
+            let problem = self.problem(&model);
+            let within = self.policy.noise_tolerance_sd;
+            let first = problem.fit(&point, &fit.basis, fit.noise, fit.sizes)?;
+            let again = problem.refit_noise_within(&first, within)?;
+            let mut weighed = problem.around(problem.refit_noise_within(&again, within)?)?;
+            let plain = self.policy.nearest_sizes(0.0, 0.0);
+            weighed.ln_evidence = weighed.only(&plain, self.policy, &problem);
+            weighed
+        };
+        Ok(self.found_with(found, tried, model.clone(), weighed))
+    }
+
+    fn found_with<M: Catalogue>(&self, found: &Found<M>, tried: &M::Tried, model: M, best: Weighed) -> Found<M> {
+        let start = M::start(tried);
+        let mut names = found.names.clone();
+        names.push(tried.clone());
+        let sides = if start.one_sided { std::f64::consts::LN_2 } else { 0.0 };
+        Found {
+            names,
+            weighed: best,
+            model,
+            ln_prior: found.ln_prior + start.ln_prior + sides + self.policy.ln_name,
+        }
+    }
+
+    fn settled<M: ForwardModel>(
+        &self,
+        problem: &Problem<'_, M>,
+        point: &Point,
+        from: &crate::Fit,
+        noise: Noise,
+        sizes: Sizes,
+    ) -> Result<Weighed, InferError> {
+        let first = problem.fit(point, &from.basis, noise, sizes)?;
+        let fit = problem.refit_noise(&problem.refit_noise(&first)?)?;
+        problem.settle_sizes(fit)
+    }
+
+    /// Sets of names that were fitted, the base among them, the likeliest first, by a beam search
+    /// through the causes `tried`; sets that were found otherwise are `named`.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn search<M: Catalogue>(
+        &self,
+        base: Found<M>,
+        named: Vec<Found<M>>,
+        tried: &[M::Tried],
+    ) -> Result<Vec<Found<M>>, InferError> {
+        let policy = self.policy;
+        let plain = self.plain(&base)?;
+        let mut level = vec![base.clone(), plain];
+        level.extend(named.iter().cloned());
+        let mut found = vec![base];
+        found.extend(named);
+        for _ in 0..policy.most_names {
+            let mut next = Vec::new();
+            for (k, parent) in level.iter().enumerate() {
+                for s in self.screen(parent, tried)? {
+                    let start = M::start(&tried[s.tried]);
+                    let ln = parent.ln_score() + s.gain + start.ln_prior + start.ln_share + policy.ln_name;
+                    if ln.is_finite() && !parent.has(&tried[s.tried]) {
+                        next.push((ln, k, s));
+                    }
+                }
+            }
+            next.sort_by(|a, b| b.0.total_cmp(&a.0));
+            let top = found.iter().map(Found::ln_score).fold(f64::NEG_INFINITY, f64::max);
+            let mut deeper: Vec<Found<M>> = Vec::new();
+            let mut seen: Vec<Vec<M::Tried>> = Vec::new();
+            for (ln, k, s) in next {
+                if deeper.len() >= policy.beam_fits || ln < top - policy.beam_nats {
+                    break;
+                }
+                let mut names = level[k].names.clone();
+                names.push(tried[s.tried].clone());
+                let same = |other: &Vec<M::Tried>| {
+                    other.len() == names.len()
+                        && names.iter().all(|n| other.iter().any(|o| M::same_cause(n, o)))
+                };
+                if seen.iter().filter(|o| same(o)).count() > 0 {
+                    continue;
+                }
+                seen.push(names);
+                deeper.push(self.extended(&level[k], &tried[s.tried], &s.amplitudes)?);
+            }
+            deeper.sort_by(|a, b| b.ln_score().total_cmp(&a.ln_score()));
+            found.extend(deeper.iter().cloned());
+            deeper.truncate(policy.beam_width);
+            deeper.retain(|d| d.ln_score() > top - policy.beam_nats);
+            if deeper.is_empty() {
+                break;
+            }
+            level = deeper;
+        }
+        found.sort_by(|a, b| b.ln_score().total_cmp(&a.ln_score()));
+        Ok(found)
+    }
+}
+
+/// Sizes of the error of form under which causes are screened: the likeliest few hold nearly all.
+const SIZES_SCREENED: usize = 6;
+/// A way along a direction is at most so many of its prior's standard deviations.
+const FARTHEST_SD: f64 = 2.0;
+
+impl Start {
+    /// Values of the unknowns after `amplitudes` of the directions.
+    pub fn at(&self, amplitudes: &[f64]) -> Vec<f64> {
+        let of = |k: usize| {
+            let nothing = self.nothing[k];
+            if !nothing.is_finite() {
+                return self.ends[0][k];
+            }
+            let way = |(end, a): (&Vec<f64>, &f64)| a * (end[k] - nothing);
+            nothing + self.ends.iter().zip(amplitudes).map(way).sum::<f64>()
+        };
+        (0..self.nothing.len()).map(of).collect()
+    }
+}
+
+/// A cause in a linear problem.
+struct Tried {
+    ln_evidence: f64,
+    amplitudes: Vec<f64>,
+    information: f64,
+}
+
+impl Tried {
+    /// From the problem of its own columns.
+    fn of(problem: &Reduced, start: &Start) -> Option<Self> {
+        let information = problem.value(0, 0);
+        if information <= 0.0 {
+            return None;
+        }
+        let prior = |k: usize| (start.amplitude_sd[k].powi(-2), 0.0);
+        let with = problem.without(problem.columns() - 1, prior)?;
+        let mut amplitudes = problem.solution(&start.amplitude_sd)?;
+        let mut ln_evidence = with.ln_evidence();
+        if start.one_sided && amplitudes[0] <= 0.0 {
+            // Half of the prior, and less of the likelihood: no more than nothing.
+            ln_evidence = f64::NEG_INFINITY;
+        }
+        for (a, sd) in amplitudes.iter_mut().zip(&start.amplitude_sd) {
+            *a = a.clamp(-FARTHEST_SD * sd, FARTHEST_SD * sd);
+        }
+        Some(Self {
+            ln_evidence,
+            amplitudes,
+            information,
+        })
+    }
+}
+
+fn ln_sum(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let top = values.clone().fold(f64::NEG_INFINITY, f64::max);
+    if !top.is_finite() {
+        return top;
+    }
+    top + values.map(|v| (v - top).exp()).sum::<f64>().ln()
+}

@@ -236,6 +236,9 @@ impl PlumeEffect {
             E::SensorOffset if of_all => &[E::BackgroundOffset, E::SensorGain],
             E::SensorOffset => &[E::SensorGain],
             E::SensorDrift if of_all => &[E::BackgroundDrift],
+            // Worlds of another form that the catalogue has a word for all the same.
+            E::AxisWander => &[E::Meander],
+            E::WideSwing => &[E::WindDirectionDrift, E::WindDirectionOffset],
             E::PositionOffset if of_all => &[E::SourcePositionOffset],
             E::AltitudeOffset if of_all => &[E::EffectiveHeightOffset],
             _ => &[],

@@ -1,16 +1,16 @@
 //! One case: what the finder says of it, held against the truth.
 
-use gap::plume::{Analysis, Likeness, Options, analyse};
-use gap::verdict::{Cause, Verdict};
+use gap::plume::{Options, Setup, analyse};
+use gap::verdict::GapJson;
 use gap_truth::case::DamageKind;
-use gap_truth::mutation::mutate;
-use gap_truth::{Case, Forward, FurtherFlight, PlumeEffect, TrueEffect, Truth, further};
-
+use gap_truth::{Case, CaseSpec, Forward, FurtherFlight, PlumeEffect, TrueEffect, further};
+use scenario::Scenario;
+use scenario::observations::{self, Observations};
 use serde::{Deserialize, Serialize};
-use statrs::distribution::{ContinuousCDF, Normal};
+use serde_json::Value;
 
+use crate::made::{Made, make};
 use crate::plan::{Kind, Task};
-use crate::tune::{self, Tuned};
 
 /// What became of one case.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -23,39 +23,122 @@ pub struct Outcome {
     pub error: Option<String>,
     /// Forward model of the truth; none where no case was made.
     pub forward: Option<Forward>,
-    /// Visibility reached, nats.
-    pub nats: f64,
-    /// The verdict.
-    pub verdict: Option<Verdict>,
-    /// Mechanisms of each cause.
-    pub sets: Vec<Vec<String>>,
-    /// How many of the hidden effects are in some set.
-    pub in_sets: usize,
-    /// How many of the hidden effects are named alone, on the right platforms where one has it.
-    pub named: usize,
-    /// Mean size of the sets that hold a hidden effect.
-    pub whole_size: Option<f64>,
-    /// The same, what cannot be told from it not counted.
-    pub set_size: Option<f64>,
-    /// Of two effects: how probable it is at most that data such as these let anyone name each of
-    /// them alone at 95 %.
-    pub nameable: Option<f64>,
-    /// A cause of a single name that is not a hidden effect, nor one that cannot be told from it,
-    /// in a verdict that does not say that something is unexplained.
-    pub confidently_wrong: bool,
-    /// The stated probability of the first cause, and whether it holds a hidden effect.
-    pub stated: Option<(f64, bool)>,
-    /// For each fitted parameter of a named hidden effect: whether 1.96 sd cover the truth.
-    pub covered: Vec<bool>,
-    /// Of a single effect of the catalogue: gain of log score on data left out, nats, of what was
-    /// found and of the true extension at its true parameters.
-    pub held_out_gains: Option<(f64, f64)>,
-    /// Coordinate of what is unexplained.
-    pub coordinate: Option<String>,
+    /// What is hidden.
+    pub truth: Vec<Hidden>,
+    /// What the finder said; none where it refused.
+    pub said: Option<Said>,
     /// Where the answer is ambiguous: the next flight.
     pub next_flight: Option<FlownOn>,
-    /// Kinds of flaws of the raw data that were said, with their platforms.
+    /// Time that the finder took, s; 0 where nobody measured it.
+    pub seconds: f64,
+}
+
+/// A hidden effect and how visible it is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Hidden {
+    /// The effect.
+    pub effect: PlumeEffect,
+    /// Platforms that it acts on; empty for all.
+    pub platforms: Vec<String>,
+    /// Name and true value of each parameter; none where its law is not the catalogue's.
+    pub parameters: Vec<(String, f64)>,
+    /// D beside the other effects by the generator's noise, nats.
+    pub nats: f64,
+}
+
+impl Hidden {
+    fn new(truth: &TrueEffect, nats: f64, other_laws: bool) -> Self {
+        let value = |p: &gap_truth::case::TrueParameter| (p.name.to_owned(), p.value);
+        let known = truth.parameters.iter().filter(|_| !other_laws);
+        Self {
+            effect: truth.effect,
+            platforms: truth.platforms.clone(),
+            parameters: known.map(value).collect(),
+            nats,
+        }
+    }
+
+    /// Whether `id` names the effect or what no such data tell from it.
+    fn is_named_by(&self, id: &str) -> bool {
+        let like = self.effect.inseparable_from(self.platforms.is_empty());
+        self.effect.id() == id || like.iter().any(|e| e.id() == id)
+    }
+
+    fn is_in(&self, cause: &SaidCause) -> bool {
+        cause.mechanisms.iter().any(|id| self.is_named_by(id))
+    }
+
+    fn is_on(&self, cause: &SaidCause) -> bool {
+        self.platforms.is_empty() || cause.platforms == self.platforms
+    }
+}
+
+/// What the finder said, of what is judged.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Said {
+    /// The verdict.
+    pub verdict: String,
+    /// The causes.
+    pub causes: Vec<SaidCause>,
+    /// What an unexplained rest might be.
+    pub candidates: Vec<SaidCause>,
+    /// Coordinate of an unexplained rest.
+    pub coordinate: Option<String>,
+    /// Kinds of flaws of the raw data, with their platforms.
     pub flaws: Vec<(String, String)>,
+}
+
+/// A cause or a candidate.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SaidCause {
+    /// Its mechanisms.
+    pub mechanisms: Vec<String>,
+    /// Platforms that it acts on; empty for all.
+    pub platforms: Vec<String>,
+    /// Its probability.
+    pub probability: Option<f64>,
+    /// Its parameters.
+    pub parameters: Vec<SaidParameter>,
+}
+
+/// A fitted parameter.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SaidParameter {
+    /// Name, as in the contract.
+    pub name: String,
+    /// Estimate.
+    pub value: Option<f64>,
+    /// One standard deviation.
+    pub sd: Option<f64>,
+}
+
+impl Said {
+    /// What is judged of `gap.json`. By its text and not its types: fields that come and go with a
+    /// finder are no matter of the benchmark.
+    ///
+    /// # Errors
+    /// A field of the contract that has another form.
+    pub fn of(json: &Value) -> Result<Self, String> {
+        let unexplained = &json["unexplained"];
+        let kept = serde_json::json!({
+            "verdict": json["verdict"],
+            "causes": json["causes"],
+            "candidates": unexplained.get("candidates").cloned().unwrap_or(Value::Array(Vec::new())),
+            "coordinate": unexplained["coordinate"],
+        });
+        let said: Self = serde_json::from_value(kept).map_err(|e| e.to_string())?;
+        let word = |flaw: &Value, key: &str| flaw[key].as_str().unwrap_or("").to_owned();
+        let flaws = json["data_quality"].as_array().into_iter().flatten();
+        Ok(Self {
+            flaws: flaws
+                .map(|f| (word(f, "kind"), word(f, "platform")))
+                .collect(),
+            ..said
+        })
+    }
 }
 
 /// A next flight: what it promised, and what came of it.
@@ -76,317 +159,319 @@ impl Outcome {
             unreachable: false,
             error: None,
             forward: None,
-            nats: 0.0,
-            verdict: None,
-            sets: Vec::new(),
-            in_sets: 0,
-            named: 0,
-            whole_size: None,
-            set_size: None,
-            nameable: None,
-            confidently_wrong: false,
-            stated: None,
-            covered: Vec::new(),
-            held_out_gains: None,
-            coordinate: None,
+            truth: Vec::new(),
+            said: None,
             next_flight: None,
-            flaws: Vec::new(),
+            seconds: 0.0,
         }
     }
 
-    /// Whether anything was found.
-    pub fn detected(&self) -> bool {
-        self.verdict.is_some_and(|v| v != Verdict::None)
+    /// The verdict; "" where the finder refused.
+    pub fn verdict(&self) -> &str {
+        self.said.as_ref().map_or("", |s| s.verdict.as_str())
     }
+
+    /// Whether anything was found: any verdict but `none` and `insufficient`.
+    pub fn detected(&self) -> bool {
+        !matches!(self.verdict(), "" | "none" | "insufficient")
+    }
+
+    /// D of the effect that is hardest to see, nats; 0 where nothing is hidden.
+    pub fn nats(&self) -> f64 {
+        let least = self.truth.iter().map(|h| h.nats).reduce(f64::min);
+        least.unwrap_or(0.0)
+    }
+
+    fn causes(&self) -> &[SaidCause] {
+        self.said.as_ref().map_or(&[], |s| &s.causes)
+    }
+
+    fn candidates(&self) -> &[SaidCause] {
+        self.said.as_ref().map_or(&[], |s| &s.candidates)
+    }
+
+    /// Hidden effects that some cause holds.
+    pub fn in_sets(&self) -> usize {
+        let held = |h: &&Hidden| self.causes().iter().any(|c| h.is_in(c));
+        self.truth.iter().filter(held).count()
+    }
+
+    /// Hidden effects that some cause or candidate holds.
+    pub fn said_at_all(&self) -> usize {
+        let all = || self.causes().iter().chain(self.candidates());
+        let held = |h: &&Hidden| all().any(|c| h.is_in(c));
+        self.truth.iter().filter(held).count()
+    }
+
+    /// Hidden effects that are named alone, or with what no such data tell from them, on the right
+    /// platforms where one has it.
+    pub fn named(&self) -> usize {
+        let alone = |h: &Hidden, c: &SaidCause| {
+            h.is_in(c) && c.mechanisms.iter().all(|id| h.is_named_by(id)) && h.is_on(c)
+        };
+        let said = |h: &&Hidden| self.causes().iter().any(|c| alone(h, c));
+        self.truth.iter().filter(said).count()
+    }
+
+    /// How many names one has to choose from for a hidden effect on average: of the set that holds it,
+    /// or of all candidates; what cannot be told from it not counted.
+    pub fn set_size(&self) -> Option<f64> {
+        let sizes: Vec<f64> = self.truth.iter().filter_map(|h| self.size_of(h)).collect();
+        let sum: f64 = sizes.iter().sum();
+        (!sizes.is_empty()).then(|| sum / sizes.len() as f64)
+    }
+
+    fn size_of(&self, hidden: &Hidden) -> Option<f64> {
+        let of = |ids: &mut dyn Iterator<Item = &String>| {
+            let mut others: Vec<&String> = ids.filter(|id| !hidden.is_named_by(id)).collect();
+            others.sort();
+            others.dedup();
+            1.0 + others.len() as f64
+        };
+        if let Some(cause) = self.causes().iter().find(|c| hidden.is_in(c)) {
+            return Some(of(&mut cause.mechanisms.iter()));
+        }
+        let candidates = self.candidates();
+        let held = candidates.iter().any(|c| hidden.is_in(c));
+        // Other hidden effects beside it in a candidate are right.
+        let known = |id: &&String| {
+            let mut rest = self.truth.iter().filter(|h| *h != hidden);
+            !rest.any(|h| h.is_named_by(id))
+        };
+        let mut ids = candidates.iter().flat_map(|c| &c.mechanisms).filter(known);
+        held.then(|| of(&mut ids))
+    }
+
+    /// A cause of a single name that is not a hidden effect, nor one that cannot be told from it,
+    /// in a verdict that does not say that something is unexplained.
+    pub fn wrong_single(&self) -> bool {
+        // A ceiling is what saturation is, wherever it comes from.
+        let clipped = self.task.kind == Kind::Damaged(DamageKind::Clipped);
+        let right = |c: &SaidCause| {
+            self.truth.iter().any(|h| h.is_in(c))
+                || (clipped && c.mechanisms[0] == PlumeEffect::SensorSaturation.id())
+        };
+        let wrong = |c: &SaidCause| c.mechanisms.len() == 1 && !right(c);
+        matches!(self.verdict(), "named" | "ambiguous") && self.causes().iter().any(wrong)
+    }
+
+    /// `named`, and a hidden effect is in no cause.
+    pub fn silently_dropped(&self) -> bool {
+        self.verdict() == "named" && self.in_sets() < self.truth.len()
+    }
+
+    /// The stated probability of the first cause, and whether it holds a hidden effect.
+    pub fn stated(&self) -> Option<(f64, bool)> {
+        let first = self.causes().first()?;
+        Some((
+            first.probability?,
+            self.truth.iter().any(|h| h.is_in(first)),
+        ))
+    }
+
+    /// For each fitted parameter of a hidden effect that is named alone: whether 1.96 sd cover the
+    /// truth.
+    pub fn covered(&self) -> Vec<bool> {
+        let mut covered = Vec::new();
+        for hidden in &self.truth {
+            let id = hidden.effect.id();
+            // What is said of another platform says nothing of the truth's parameters.
+            let right = |c: &&SaidCause| c.mechanisms == [id] && hidden.is_on(c);
+            for cause in self.causes().iter().filter(right) {
+                for (name, value) in &hidden.parameters {
+                    let fitted = cause.parameters.iter().find(|p| p.name == *name);
+                    let both = fitted.and_then(|p| Some((p.value?, p.sd?)));
+                    // Settings such as a pivot come without a deviation.
+                    if let Some((found, sd)) = both.filter(|b| b.1 > 0.0) {
+                        covered.push((found - value).abs() < 1.96 * sd);
+                    }
+                }
+            }
+        }
+        covered
+    }
+}
+
+/// How a case is judged.
+#[derive(Debug, Clone, Copy)]
+pub struct Judging {
+    /// Seconds on some clock, to say how long the finder took.
+    pub clock_s: fn() -> f64,
+    /// Whether the next flight that an ambiguous answer proposes is flown, which takes a second
+    /// analysis.
+    pub fly_on: bool,
 }
 
 /// Makes the case of `task`, gives its files to the finder, and judges the answer.
-pub fn judge(task: &Task) -> Outcome {
-    match tune::tune(task) {
-        Ok(Some(tuned)) => judge_tuned(task, tuned),
-        Ok(None) => Outcome {
+pub fn judge(task: &Task, judging: &Judging) -> Outcome {
+    let Some(made) = make(task) else {
+        return Outcome {
             unreachable: true,
             ..Outcome::new(task)
-        },
-        Err(error) => Outcome {
-            error: Some(error),
-            ..Outcome::new(task)
-        },
-    }
-}
-
-/// Gives the files of a case made for `task` to the finder, and judges the answer.
-pub fn judge_tuned(task: &Task, tuned: Tuned) -> Outcome {
-    let mut outcome = Outcome::new(task);
-    outcome.nats = tuned.nats;
-    outcome.forward = Some(tuned.case.truth.forward);
-    match answer(task, &tuned.case) {
-        Ok(analysis) => {
-            let two = matches!(task.kind, Kind::Two(..));
-            let alike = Alike::new(&tuned, &analysis, two);
-            if two {
-                outcome.nameable = alike.nameable(&tuned.case.truth.effects);
+        };
+    };
+    let truth = &made.case.truth;
+    let hidden = truth.effects.iter().zip(&made.nats);
+    let mut outcome = Outcome {
+        forward: Some(truth.forward),
+        truth: hidden
+            .map(|(e, nats)| Hidden::new(e, *nats, truth.other_laws))
+            .collect(),
+        ..Outcome::new(task)
+    };
+    let start_s = (judging.clock_s)();
+    let found = find(task.seed, &made.case.scenario_toml, &made.case.observations);
+    outcome.seconds = (judging.clock_s)() - start_s;
+    let judged = found.and_then(|json| {
+        let as_text = serde_json::to_value(&json).map_err(|e| e.to_string())?;
+        Ok((Said::of(&as_text)?, as_text))
+    });
+    match judged {
+        Ok((said, json)) => {
+            if judging.fly_on && said.verdict == "ambiguous" {
+                outcome.next_flight = fly_on(task, &made, &outcome.truth, &json);
             }
-            compare(&mut outcome, &tuned.case.truth, &analysis, &alike);
-            if matches!(task.kind, Kind::One(_)) {
-                outcome.held_out_gains = held_out_gains(&tuned, &analysis);
-                if outcome.verdict == Some(Verdict::Ambiguous) {
-                    outcome.next_flight = fly_on(task, &tuned, &analysis);
-                }
-            }
+            outcome.said = Some(said);
         }
         Err(error) => outcome.error = Some(error),
     }
     outcome
 }
 
-/// What the extension and the truth gain on data left out; nothing where nothing was extended.
-fn held_out_gains(tuned: &Tuned, analysis: &Analysis) -> Option<(f64, f64)> {
-    let mechanisms = tune::mechanisms(&tuned.case.truth).ok()?;
-    let (base, truth) = tuned.fitted.as_ref()?.held_out_scores(&mechanisms);
-    let gain = analysis.json.gain.as_ref();
-    let own = gain.map_or(0.0, |g| g.held_out.log_score_after - base);
-    Some((own, truth - base))
+/// Reads files of a case as the finder reads them.
+///
+/// # Errors
+/// What the reader or the finder says of them.
+pub fn read(
+    scenario_toml: &str,
+    files: &[(String, String)],
+) -> Result<(Setup, Observations), String> {
+    let scenario = Scenario::parse("scenario.toml", scenario_toml).map_err(|e| e.to_string())?;
+    let setup = Setup::new(&scenario).map_err(|e| e.to_string())?;
+    let texts: Vec<(&str, &str)> = files
+        .iter()
+        .map(|(n, t)| (n.as_str(), t.as_str()))
+        .collect();
+    let observations = observations::parse(&texts).map_err(|e| e.to_string())?;
+    Ok((setup, observations))
+}
+
+/// The finder's answer to files.
+///
+/// # Errors
+/// What the reader or the finder says of them.
+pub fn find(seed: u64, scenario_toml: &str, files: &[(String, String)]) -> Result<GapJson, String> {
+    let (setup, observations) = read(scenario_toml, files)?;
+    let options = Options {
+        seed,
+        threads: 1,
+        ..Options::default()
+    };
+    let analysis = analyse(&setup, &observations, &options, &mut |_| {});
+    analysis.map(|a| a.json).map_err(|e| e.to_string())
 }
 
 /// What the next flight promises, and whether the matter is settled once it is flown: a cause
 /// holds the effect, and no longer both it and what the flight was to separate.
-fn fly_on(task: &Task, tuned: &Tuned, analysis: &Analysis) -> Option<FlownOn> {
-    let next = analysis.json.next_flight.as_ref()?;
-    let waypoint = |w: &gap::verdict::Waypoint| further::TrackWaypoint {
-        time_s: w.time_s,
-        lat_deg: w.lat_deg,
-        lon_deg: w.lon_deg,
-        alt_amsl_m: w.alt_amsl_m,
-    };
+fn fly_on(task: &Task, made: &Made, truth: &[Hidden], json: &Value) -> Option<FlownOn> {
+    let next = &json["next_flight"];
     let flight = FurtherFlight {
-        platform: next.platform.clone().unwrap_or_else(|| "uav1".to_owned()),
-        waypoints: next.waypoints.iter().map(waypoint).collect(),
+        platform: next["platform"].as_str().unwrap_or("uav1").to_owned(),
+        waypoints: next["waypoints"]
+            .as_array()?
+            .iter()
+            .map(waypoint)
+            .collect::<Option<_>>()?,
     };
-    let spec = task.spec(tuned.scene_seed, &tuned.strengths);
-    let files = Case::flown_on(&spec, &flight);
-    let after = find(task, &tuned.case.scenario_toml, &files).ok()?;
-    let truth = tuned.case.truth.effects.first()?;
-    let (first, others) = next.separates.split_first()?;
-    let settled = after.json.causes.iter().any(|c| {
-        let has = |id: &String| c.mechanisms.contains(id);
-        holds(c, truth) && !(has(first) && others.iter().any(has))
+    let spec: &CaseSpec = &made.spec;
+    let files = Case::flown_on(spec, &flight);
+    let after = find(task.seed, &made.case.scenario_toml, &files).ok()?;
+    let after = Said::of(&serde_json::to_value(&after).ok()?).ok()?;
+    let separates: Vec<&str> = next["separates"]
+        .as_array()?
+        .iter()
+        .filter_map(Value::as_str)
+        .collect();
+    let (first, others) = separates.split_first()?;
+    let hidden = truth.first()?;
+    let settled = after.causes.iter().any(|c| {
+        let has = |id: &&str| c.mechanisms.iter().any(|m| m == id);
+        hidden.is_in(c) && !(has(first) && others.iter().any(has))
     });
     Some(FlownOn {
-        expected_nats: next.expected_nats,
-        settles_probability: next.settles_probability,
+        expected_nats: next["expected_nats"].as_f64()?,
+        settles_probability: next["settles_probability"].as_f64()?,
         settled,
     })
 }
 
-fn answer(task: &Task, case: &Case) -> Result<Analysis, String> {
-    let mut files = case.observations.clone();
-    if let Kind::Mutated(mutation) = task.kind {
-        for (_, text) in &mut files {
-            *text = mutate(text, mutation, task.seed);
-        }
-    }
-    find(task, &case.scenario_toml, &files)
-}
-
-/// The finder's answer to files.
-fn find(task: &Task, scenario_toml: &str, files: &[(String, String)]) -> Result<Analysis, String> {
-    let read = tune::read(scenario_toml, files)?;
-    let options = Options {
-        seed: task.seed,
-        threads: 1,
-        ..Options::default()
-    };
-    analyse(&read.setup, &read.observations, &options, &mut |_| {}).map_err(|e| e.to_string())
-}
-
-/// Nats of expected difference below which no method could state one of two at 95 %: ln 19.
-const APART_NATS: f64 = 2.944;
-
-/// Probability that data tell the truth at 95 % from what it beats by `nats` on average: under
-/// Gaussian noise the difference of two log likelihoods has twice its mean for variance.
-fn told_apart(nats: f64) -> f64 {
-    Normal::standard().cdf((nats - APART_NATS) / (2.0 * nats).sqrt())
-}
-
-/// What each hidden effect looks like on the tracks of its case.
-struct Alike {
-    of: Vec<Vec<Likeness>>,
-}
-
-impl Alike {
-    /// Looked at of `all` effects, or only where some set that holds the effect holds others too.
-    fn new(tuned: &Tuned, analysis: &Analysis, all: bool) -> Self {
-        let effects = &tuned.case.truth.effects;
-        let wider = |e: &TrueEffect| {
-            let causes = analysis.json.causes.iter();
-            causes
-                .filter(|c| holds(c, e))
-                .any(|c| c.mechanisms.iter().any(|id| !names(e, id)))
-        };
-        let mut of = vec![Vec::new(); effects.len()];
-        let asked: Vec<usize> = (0..effects.len())
-            .filter(|k| all || wider(&effects[*k]))
-            .collect();
-        // Without an answer nothing counts as alike.
-        for (k, found) in asked.iter().zip(Self::look(tuned, &asked)) {
-            of[*k] = found;
-        }
-        Self { of }
-    }
-
-    fn look(tuned: &Tuned, asked: &[usize]) -> Vec<Vec<Likeness>> {
-        let effects = &tuned.case.truth.effects;
-        let (Ok(mechanisms), Some(fitted)) = (tune::mechanisms(&tuned.case.truth), &tuned.fitted)
-        else {
-            return Vec::new();
-        };
-        if mechanisms.len() != effects.len() {
-            return Vec::new();
-        }
-        let near = |k: &usize| fitted.likenesses(&mechanisms, *k);
-        asked.iter().map(near).collect()
-    }
-
-    /// How probable it is at most that data such as these tell every effect, at 95 %, from what is
-    /// most like it of what does not count as inseparable; none where nothing is known of one.
-    fn nameable(&self, effects: &[TrueEffect]) -> Option<f64> {
-        let mut all = 1.0;
-        for (effect, likenesses) in effects.iter().zip(&self.of) {
-            if likenesses.is_empty() {
-                return None;
-            }
-            let others = likenesses
-                .iter()
-                .filter(|l| l.nats >= APART_NATS && !names(effect, l.id.as_str()));
-            all *= others.map(|l| told_apart(l.nats)).fold(1.0, f64::min);
-        }
-        Some(all)
-    }
-
-    /// Whether nothing tells `id` from the effect `k`, here or anywhere.
-    fn names(&self, k: usize, effect: &TrueEffect, id: &str) -> bool {
-        names(effect, id)
-            || self.of[k]
-                .iter()
-                .any(|l| l.nats < APART_NATS && l.id.as_str() == id)
-    }
-}
-
-/// Whether `id` names the effect or what no such data tell from it.
-fn names(truth: &TrueEffect, id: &str) -> bool {
-    let like = truth.effect.inseparable_from(truth.platforms.is_empty());
-    truth.effect.id() == id || like.iter().any(|e| e.id() == id)
-}
-
-/// Whether a cause holds the effect.
-fn holds(cause: &Cause, truth: &TrueEffect) -> bool {
-    cause.mechanisms.iter().any(|id| names(truth, id))
-}
-
-fn compare(outcome: &mut Outcome, truth: &Truth, analysis: &Analysis, alike: &Alike) {
-    let json = &analysis.json;
-    outcome.verdict = Some(json.verdict);
-    outcome.sets = json.causes.iter().map(|c| c.mechanisms.clone()).collect();
-    outcome.coordinate = json.unexplained.as_ref().map(|u| u.coordinate.clone());
-    outcome.flaws = json
-        .data_quality
-        .iter()
-        .map(|q| (format!("{:?}", q.kind).to_lowercase(), q.platform.clone()))
-        .collect();
-    let causes = &json.causes;
-    let hidden: Vec<(usize, &TrueEffect)> = truth
-        .effects
-        .iter()
-        .enumerate()
-        .filter(|(_, e)| e.effect.in_catalogue())
-        .collect();
-    // Nothing but the effect and what cannot be told from it, on its platforms.
-    let alone = |c: &Cause, k: usize, e: &TrueEffect| {
-        holds(c, e)
-            && c.mechanisms.iter().all(|id| alike.names(k, e, id))
-            && (e.platforms.is_empty() || c.platforms == e.platforms)
-    };
-    let counted = |right: &dyn Fn(&Cause, usize, &TrueEffect) -> bool| {
-        let said = |(k, e): &&(usize, &TrueEffect)| causes.iter().any(|c| right(c, *k, e));
-        hidden.iter().filter(said).count()
-    };
-    outcome.in_sets = counted(&|c, _, e| holds(c, e));
-    outcome.named = counted(&alone);
-    // A ceiling is what saturation is, wherever it comes from.
-    let clipped = outcome.task.kind == Kind::Damaged(DamageKind::Clipped);
-    let is_right = |c: &Cause| {
-        hidden.iter().any(|(_, e)| holds(c, e))
-            || (clipped && c.mechanisms[0] == PlumeEffect::SensorSaturation.id())
-    };
-    outcome.confidently_wrong = json.verdict != Verdict::Unexplained
-        && causes
-            .iter()
-            .any(|c| c.mechanisms.len() == 1 && !is_right(c));
-    (outcome.whole_size, outcome.set_size) = sizes(causes, &hidden, alike).unzip();
-    outcome.stated = causes
-        .first()
-        .map(|c| (c.probability, hidden.iter().any(|(_, e)| holds(c, e))));
-    outcome.covered = coverage(truth, &json.causes);
-}
-
-/// Mean size of the sets that hold a hidden effect, and the same without what cannot be told
-/// from it.
-fn sizes(causes: &[Cause], hidden: &[(usize, &TrueEffect)], alike: &Alike) -> Option<(f64, f64)> {
-    let sizes: Vec<(f64, f64)> = causes
-        .iter()
-        .filter_map(|c| {
-            let (k, effect) = hidden.iter().find(|(_, e)| holds(c, e))?;
-            let known = |id: &&String| alike.names(*k, effect, id);
-            let others = c.mechanisms.len() - c.mechanisms.iter().filter(known).count();
-            Some((c.mechanisms.len() as f64, 1.0 + others as f64))
-        })
-        .collect();
-    let sum = |of: fn(&(f64, f64)) -> f64| sizes.iter().map(of).sum::<f64>();
-    let n = sizes.len() as f64;
-    (!sizes.is_empty()).then(|| (sum(|s| s.0) / n, sum(|s| s.1) / n))
-}
-
-/// Coverage of the parameters of hidden effects that are named alone.
-fn coverage(truth: &Truth, causes: &[Cause]) -> Vec<bool> {
-    let mut covered = Vec::new();
-    if truth.other_laws {
-        return covered;
-    }
-    for effect in &truth.effects {
-        let id = effect.effect.id();
-        // What is said of another platform says nothing of the truth's parameters.
-        let right = |c: &&Cause| {
-            c.mechanisms == [id] && (effect.platforms.is_empty() || c.platforms == effect.platforms)
-        };
-        for cause in causes.iter().filter(right) {
-            for parameter in &effect.parameters {
-                let fitted = cause
-                    .parameters
-                    .iter()
-                    .find(|p| p.mechanism == id && p.name == parameter.name);
-                // Settings such as a pivot come without a deviation.
-                if let Some(p) = fitted.filter(|p| p.sd > 0.0) {
-                    covered.push((p.value - parameter.value).abs() < 1.96 * p.sd);
-                }
-            }
-        }
-    }
-    covered
+fn waypoint(w: &Value) -> Option<further::TrackWaypoint> {
+    Some(further::TrackWaypoint {
+        time_s: w["time_s"].as_f64()?,
+        lat_deg: w["lat_deg"].as_f64()?,
+        lon_deg: w["lon_deg"].as_f64()?,
+        alt_amsl_m: w["alt_amsl_m"].as_f64()?,
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::share_of;
 
-    // python3: statistics.NormalDist(9, 18**.5) beyond 2.944: 1 - NormalDist(9, 18**.5).cdf(2.944)
+    fn hidden(effect: PlumeEffect) -> Hidden {
+        Hidden {
+            effect,
+            platforms: Vec::new(),
+            parameters: vec![("factor".to_owned(), 1.3)],
+            nats: 80.0,
+        }
+    }
+
+    fn outcome(truth: Vec<Hidden>, json: Value) -> Outcome {
+        Outcome {
+            truth,
+            said: Some(Said::of(&json).unwrap()),
+            ..Outcome::new(&share_of(1, 0)[0])
+        }
+    }
+
     #[test]
-    fn what_is_inseparable_is_told_half_the_time_and_more_if_farther() {
-        assert!((told_apart(APART_NATS) - 0.5).abs() < 1e-12);
-        assert!(
-            (told_apart(9.0) - 0.923_269).abs() < 1e-5,
-            "{}",
-            told_apart(9.0)
+    fn candidates_count_as_said_but_not_as_named() {
+        let truth = vec![hidden(PlumeEffect::SigmaYScale)];
+        let json = serde_json::json!({"verdict": "unexplained", "causes": [], "unexplained": {
+            "coordinate": "map", "candidates": [{"mechanisms": ["meander"], "probability": 0.4,
+            "log_evidence": 3.0, "parameters": []}, {"mechanisms": ["sigma-y-scale"],
+            "probability": 0.3, "log_evidence": 2.5, "parameters": []}]}, "data_quality": []});
+        let one = outcome(truth, json);
+        assert!(one.detected() && !one.wrong_single());
+        assert_eq!((one.said_at_all(), one.in_sets(), one.named()), (1, 0, 0));
+        assert_eq!(one.set_size(), Some(2.0));
+    }
+
+    #[test]
+    fn a_second_effect_that_is_dropped_is_counted() {
+        let truth = vec![
+            hidden(PlumeEffect::SigmaYScale),
+            hidden(PlumeEffect::SensorLag),
+        ];
+        let json = serde_json::json!({"verdict": "named", "causes": [{"mechanisms":
+            ["sigma-y-scale"], "probability": 0.99, "platforms": [], "parameters": [
+            {"mechanism": "sigma-y-scale", "name": "factor", "value": 1.2, "sd": 0.06}]}],
+            "unexplained": null, "data_quality": [{"kind": "gap", "platform": "uav1"}]});
+        let one = outcome(truth, json);
+        assert!(one.silently_dropped() && !one.wrong_single());
+        assert_eq!(one.covered(), [true]);
+        assert_eq!(
+            one.said.unwrap().flaws,
+            [("gap".to_owned(), "uav1".to_owned())]
         );
+    }
+
+    #[test]
+    fn too_little_is_no_detection() {
+        let json = serde_json::json!({"verdict": "insufficient", "causes": [],
+            "insufficient": {"reason": "r", "would_do": "w"}, "data_quality": []});
+        assert!(!outcome(Vec::new(), json).detected());
     }
 }

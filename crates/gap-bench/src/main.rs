@@ -1,6 +1,7 @@
 //! The pages `docs/gap-benchmark.md` and `docs/gap-flight-benchmark.md`: how often what was hidden in
 //! synthetic data is found, named and mended. Run it from the repository's root.
 
+mod one_case;
 mod outcomes;
 
 use anyhow::Context as _;
@@ -9,6 +10,8 @@ use gap_bench::flight::{self, BenchAircraft, FIRST_SEED, FlightShare};
 use indicatif::{ProgressBar, ProgressStyle};
 use outcomes::Outcomes;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use std::time::Instant;
 
 /// Effects hidden in synthetic data: how often they are found, named and mended
 #[derive(Debug, clap::Parser)]
@@ -20,14 +23,31 @@ struct Arguments {
     /// Seeds a case
     #[arg(long, default_value_t = 20)]
     seeds: u64,
+    /// Only so many plume cases, spread over all kinds: a look of some minutes
+    #[arg(long, value_name = "COUNT", conflicts_with = "flight")]
+    quick: Option<usize>,
+    /// Threads, each with a case of its own; as many as there are where none is given
+    #[arg(long, value_name = "COUNT")]
+    threads: Option<usize>,
+    /// Only the plume case of this seed: its files, the truth and the answer are written to --into
+    #[arg(
+        long,
+        value_name = "SEED",
+        requires = "into",
+        conflicts_with = "flight"
+    )]
+    case: Option<u64>,
+    /// Folder for --case
+    #[arg(long, value_name = "FOLDER", requires = "case")]
+    into: Option<PathBuf>,
     /// Added to every seed of the plume cases, for figures on cases that nobody has seen
     #[arg(long, default_value_t = 0, conflicts_with = "flight")]
     first_seed: u64,
-    /// File that keeps each case's outcome (JSON lines): a benchmark that was interrupted goes on
-    /// from there
+    /// File that keeps each case's outcome (JSON lines: seed, truth, D, what was said, seconds): a
+    /// benchmark that was interrupted goes on from there
     #[arg(long, value_name = "FILE", conflicts_with = "flight")]
     outcomes: Option<PathBuf>,
-    /// Only cases whose name contains this
+    /// Only cases whose name contains this; the page is then printed, and written only to --out
     #[arg(long, default_value = "")]
     only: String,
     /// File for the tables (Markdown); docs/gap-benchmark.md or docs/gap-flight-benchmark.md where
@@ -38,22 +58,36 @@ struct Arguments {
 
 fn main() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
+    if let (Some(seed), Some(folder)) = (arguments.case, &arguments.into) {
+        return one_case::write(seed, arguments.first_seed, folder);
+    }
     let (page, usual) = if arguments.flight {
         (of_flight(&arguments)?, "docs/gap-flight-benchmark.md")
     } else {
         (of_plume(&arguments)?, "docs/gap-benchmark.md")
     };
     print!("{page}");
+    if arguments.out.is_none() && (arguments.quick.is_some() || !arguments.only.is_empty()) {
+        // A part is no page to publish.
+        return Ok(());
+    }
     let file = arguments.out.as_deref().unwrap_or(Path::new(usual));
     std::fs::write(file, page).with_context(|| file.display().to_string())
 }
 
 fn of_plume(arguments: &Arguments) -> anyhow::Result<String> {
     let bar = progress_bar(0);
-    let mut options = gap_bench::Options::new(arguments.seeds);
-    options.only.clone_from(&arguments.only);
-    options.first_seed = arguments.first_seed;
-    options.threads = threads();
+    let mut tasks = match arguments.quick {
+        Some(count) => gap_bench::share_of(count, arguments.first_seed),
+        None => gap_bench::plan(arguments.seeds, arguments.first_seed),
+    };
+    tasks.retain(|t| t.row().contains(&arguments.only));
+    let mut options = gap_bench::Options::new(tasks);
+    options.threads = threads(arguments);
+    options.judging = gap_bench::Judging {
+        clock_s,
+        fly_on: arguments.quick.is_none(),
+    };
     let mut kept = None;
     if let Some(file) = &arguments.outcomes {
         let (file, known) = Outcomes::open(file, &outcomes::this_build()?)?;
@@ -89,15 +123,22 @@ fn of_flight(arguments: &Arguments) -> anyhow::Result<String> {
         FIRST_SEED,
         arguments.seeds,
         &FlightShare::published(&arguments.only),
-        threads(),
+        threads(arguments),
         &|done, _| bar.set_position(done),
     );
     bar.finish_and_clear();
     Ok(summary.to_markdown())
 }
 
-fn threads() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
+fn threads(arguments: &Arguments) -> usize {
+    let all = || std::thread::available_parallelism().map_or(1, usize::from);
+    arguments.threads.unwrap_or_else(all)
+}
+
+/// Seconds since this was first asked.
+fn clock_s() -> f64 {
+    static START: OnceLock<Instant> = OnceLock::new();
+    START.get_or_init(Instant::now).elapsed().as_secs_f64()
 }
 
 fn progress_bar(of: u64) -> ProgressBar {

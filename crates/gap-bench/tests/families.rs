@@ -9,7 +9,7 @@ use gap::flight::log::FlightLog;
 use gap::flight::{Finding, gate};
 use gap::plume::{Options, analyse};
 use gap::verdict::{Cause, Verdict};
-use gap_bench::tune::read;
+use gap_bench::read;
 use gap_truth::flight::{FlightEffect, FlightSpec, make};
 use gap_truth::{Case, CaseSpec, PlumeEffect};
 
@@ -18,12 +18,12 @@ const STRONG: f64 = 8.0;
 
 /// The verdict on a case of plume and sensors, and the causes.
 fn analysed(case: &Case) -> (Verdict, Vec<Cause>) {
-    let read = read(&case.scenario_toml, &case.observations).unwrap();
+    let (setup, observations) = read(&case.scenario_toml, &case.observations).unwrap();
     let options = Options {
         complete: false,
         ..Options::default()
     };
-    let analysis = analyse(&read.setup, &read.observations, &options, &mut |_| {}).unwrap();
+    let analysis = analyse(&setup, &observations, &options, &mut |_| {}).unwrap();
     (analysis.json.verdict, analysis.json.causes)
 }
 

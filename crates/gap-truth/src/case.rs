@@ -7,11 +7,15 @@ use rand::RngExt;
 
 use crate::effect::PlumeEffect;
 use crate::further::FurtherFlight;
-use crate::instrument::{Damage, Faults, LogRow, NoiseForm, NoiseLevels, Platform, SLOW_SENSORS_S};
+use crate::instrument::{
+    Damage, Faults, LogRow, MeanLog, NoiseForm, NoiseLevels, Platform, SLOW_SENSORS_S,
+};
 use crate::physics::{Forward, Physics, TruthModel};
 use crate::random::{between, pick, stream};
 use crate::scene::{self, MARGIN_S, Need, Scene};
-use crate::strength::{self, TrueParameter};
+use crate::strength;
+pub use crate::strength::TrueParameter;
+use crate::tracks::TrackKind;
 use crate::wind::{WindLaw, WindTruth};
 
 /// One effect to hide.
@@ -32,6 +36,8 @@ pub enum DamageKind {
     Gap,
     /// One sensor does not read high values.
     Clipped,
+    /// One platform's logged place jumps away and back.
+    Jumps,
 }
 
 impl DamageKind {
@@ -41,8 +47,20 @@ impl DamageKind {
             DamageKind::Frozen => "frozen",
             DamageKind::Gap => "gap",
             DamageKind::Clipped => "clipped",
+            DamageKind::Jumps => "outlier",
         }
     }
+}
+
+/// Who reads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum TrackForm {
+    /// Platforms that fly across, along and about the plume.
+    Usual,
+    /// Platforms that fly spirals.
+    Spirals,
+    /// Sensors that stand.
+    Fixed,
 }
 
 /// What to make.
@@ -61,6 +79,10 @@ pub struct CaseSpec {
     pub other_laws: bool,
     /// Damage to the raw data.
     pub damage: Option<DamageKind>,
+    /// From row to row of a platform, s.
+    pub row_step_s: usize,
+    /// Who reads.
+    pub tracks: TrackForm,
 }
 
 impl CaseSpec {
@@ -73,6 +95,8 @@ impl CaseSpec {
             forward: None,
             other_laws: false,
             damage: None,
+            row_step_s: 1,
+            tracks: TrackForm::Usual,
         }
     }
 
@@ -86,7 +110,7 @@ impl CaseSpec {
 }
 
 /// A hidden effect in the catalogue's words.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TrueEffect {
     /// The effect.
     pub effect: PlumeEffect,
@@ -97,7 +121,7 @@ pub struct TrueEffect {
 }
 
 /// What a finder must not see.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Truth {
     /// What is hidden.
     pub effects: Vec<TrueEffect>,
@@ -118,29 +142,13 @@ pub struct Case {
     pub scenario_toml: String,
     /// Name and text of each observation file.
     pub observations: Vec<(String, String)>,
-    /// The same less what the hidden effects change in the mean of each reading.
-    pub control: Vec<(String, String)>,
-    /// What the effect does to the plume, row by row, where that is all it does.
-    pub plume_changes: Vec<TruePlumeChange>,
     /// What is true.
     pub truth: Truth,
 }
 
-/// What effects do to the plume of one row.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TruePlumeChange {
-    /// The row's platform.
-    pub platform: String,
-    /// Its time, s.
-    pub time_s: f64,
-    /// Mean plume with the effects over that without, in the same wind.
-    pub factor: f64,
-    /// By how much the plume is turned clockwise, degrees.
-    pub turned_deg: f64,
-}
-
-/// Mean excess below which a reading is of no plume that could be multiplied, ppm.
-const NO_PLUME_PPM: f64 = 1e-3;
+/// Intermittency of a plume whose axis wanders: standard deviation over the mean, and correlation
+/// time, s.
+const WANDERING_GUSTS: (f64, f64) = (0.3, 5.0);
 
 /// Seconds of wind before time 0.
 const HISTORY_S: f64 = 2600.0;
@@ -165,8 +173,6 @@ impl Case {
         Self {
             scenario_toml: builder.scene.to_toml(),
             observations: builder.files(&rows),
-            control: builder.files(&less_effects(&rows, &control)),
-            plume_changes: plume_changes(&effects, &rows, &control),
             truth: Truth {
                 effects,
                 forward: builder.forward,
@@ -200,11 +206,15 @@ impl Case {
     }
 }
 
-type Laws = (Physics, Vec<Faults>, Vec<TrueEffect>);
+pub(crate) type Laws = (Physics, Vec<Faults>, Vec<TrueEffect>);
 
 impl CaseBuilder<'_> {
     /// The laws and faults with the effects in them; `control` is without.
     fn hide(&self, control: &[Vec<LogRow>]) -> Laws {
+        self.hide_each(&self.spec.hidden, control)
+    }
+
+    pub(crate) fn hide_each(&self, hidden: &[HiddenEffect], control: &[Vec<LogRow>]) -> Laws {
         let (builder, spec) = (self, self.spec);
         let mut physics = Physics {
             other_laws: spec.other_laws,
@@ -212,7 +222,7 @@ impl CaseBuilder<'_> {
         };
         let mut faults = builder.no_faults();
         let mut effects = Vec::new();
-        for hidden in spec.hidden.iter().filter(|h| h.strength > 0.0) {
+        for hidden in hidden.iter().filter(|h| h.strength > 0.0) {
             let on = builder.platforms_of(hidden.effect);
             let peak_ppm = builder.peak_ppm(control, &on);
             let mut chosen: Vec<&mut Faults> = faults
@@ -246,66 +256,21 @@ impl CaseBuilder<'_> {
     }
 }
 
-/// `rows` less the differences of their mean readings to those of `control`: rounded anew and with
-/// gusts, the difference of two files would be mostly noise.
-fn less_effects(rows: &[Vec<LogRow>], control: &[Vec<LogRow>]) -> Vec<Vec<LogRow>> {
-    let less = |(row, control): (&LogRow, &LogRow)| LogRow {
-        co2_ppm: row.co2_ppm.map(|c| c - (row.mean_ppm - control.mean_ppm)),
-        ..*control
-    };
-    rows.iter()
-        .zip(control)
-        .map(|(rows, control)| rows.iter().zip(control).map(less).collect())
-        .collect()
-}
-
-/// What `effects` do to the plume of each row; nothing where they do anything else.
-fn plume_changes(
-    effects: &[TrueEffect],
-    rows: &[Vec<LogRow>],
-    control: &[Vec<LogRow>],
-) -> Vec<TruePlumeChange> {
-    let [TrueEffect { effect, .. }] = effects else {
-        return Vec::new();
-    };
-    let (multiplies, turns) = (effect.multiplies_the_plume(), effect.turns_the_plume());
-    if !(multiplies || turns) {
-        return Vec::new();
-    }
-    let mut out = Vec::new();
-    for (index, (rows, control)) in rows.iter().zip(control).enumerate() {
-        for (row, control) in rows.iter().zip(control) {
-            let counts = multiplies && control.mean_excess_ppm > NO_PLUME_PPM;
-            out.push(TruePlumeChange {
-                platform: name(index),
-                time_s: row.time_s,
-                factor: if counts {
-                    row.mean_excess_ppm / control.mean_excess_ppm
-                } else {
-                    1.0
-                },
-                turned_deg: if turns { row.unlogged_turn_deg } else { 0.0 },
-            });
-        }
-    }
-    out
-}
-
 fn name(index: usize) -> String {
     format!("uav{}", index + 1)
 }
 
-struct CaseBuilder<'a> {
-    spec: &'a CaseSpec,
-    scene: Scene,
-    noise: NoiseLevels,
-    forward: Forward,
+pub(crate) struct CaseBuilder<'a> {
+    pub(crate) spec: &'a CaseSpec,
+    pub(crate) scene: Scene,
+    pub(crate) noise: NoiseLevels,
+    pub(crate) forward: Forward,
     /// The one platform of an effect that acts on one, if it does.
     single: Option<usize>,
 }
 
 impl<'a> CaseBuilder<'a> {
-    fn new(spec: &'a CaseSpec) -> Self {
+    pub(crate) fn new(spec: &'a CaseSpec) -> Self {
         let mut rng = stream(spec.seed, "case");
         let of_a_platform = spec.hidden.iter().any(|h| h.effect.of_a_platform());
         let outside = |h: &HiddenEffect| !h.effect.in_catalogue() && h.effect.of_a_platform();
@@ -319,19 +284,30 @@ impl<'a> CaseBuilder<'a> {
             .flat_map(|h| certain(h.effect))
             .copied()
             .collect();
-        let mut scene = Scene::draw(spec.seed, &needs, &certain, if single { 2 } else { 1 });
+        let tracks = match spec.tracks {
+            TrackForm::Usual => None,
+            TrackForm::Spirals => Some(TrackKind::Spiral),
+            TrackForm::Fixed => Some(TrackKind::Fixed),
+        };
+        let least = if single { 2 } else { 1 };
+        let mut scene = Scene::draw_with(spec.seed, &needs, &certain, least, tracks);
         if spec.noise == NoiseForm::SlowSensors {
             scene.lag_s = pick(&mut stream(spec.seed, "slow sensors"), &SLOW_SENSORS_S);
         }
         let turn: Option<fn(&mut Scene, u64)> = match spec.noise {
-            NoiseForm::GustyWind => Some(scene::make_gusty),
+            NoiseForm::GustyWind | NoiseForm::Realistic => Some(scene::make_gusty),
             NoiseForm::UnloggedWind => Some(scene::make_unlogged),
             _ => None,
         };
         if let Some(turn) = turn {
             turn(&mut scene, spec.seed);
         }
-        let noise = NoiseLevels::draw(spec.seed, spec.noise, scene.noise_sd_ppm);
+        scene.row_step_s = spec.row_step_s.max(1);
+        let mut noise = NoiseLevels::draw(spec.seed, spec.noise, scene.noise_sd_ppm);
+        let wanders = |h: &HiddenEffect| h.effect == PlumeEffect::AxisWander;
+        if spec.hidden.iter().any(wanders) {
+            noise = noise.with_gusts(WANDERING_GUSTS);
+        }
         // A straight plume does not turn with each gust.
         let drawn = match (puffs, turn.is_some()) {
             (true, _) => Forward::Puffs,
@@ -348,7 +324,7 @@ impl<'a> CaseBuilder<'a> {
         }
     }
 
-    fn no_faults(&self) -> Vec<Faults> {
+    pub(crate) fn no_faults(&self) -> Vec<Faults> {
         vec![Faults::default(); self.scene.tracks.len()]
     }
 
@@ -366,10 +342,51 @@ impl<'a> CaseBuilder<'a> {
         (readings.fold(0.0, f64::max) - self.scene.background_ppm).max(5.0)
     }
 
-    fn rows(&self, physics: &Physics, faults: &[Faults]) -> Vec<Vec<LogRow>> {
+    pub(crate) fn rows(&self, physics: &Physics, faults: &[Faults]) -> Vec<Vec<LogRow>> {
+        self.in_world(physics, |wind, world| {
+            let nothing: Vec<Vec<LogRow>> = Vec::new();
+            let damage = if self.spec.damage.is_some() {
+                // Where to clip depends on the undamaged rows.
+                let plain = self.logs(wind, world, faults, None);
+                self.damage(&plain)
+            } else {
+                self.damage(&nothing)
+            };
+            self.logs(wind, world, faults, damage)
+        })
+    }
+
+    /// What each platform would read without noise; the air is that of places `seen_off_m` from
+    /// those flown.
+    pub(crate) fn mean_logs(
+        &self,
+        physics: &Physics,
+        faults: &[Faults],
+        seen_off_m: &[[f64; 3]],
+    ) -> Vec<MeanLog> {
+        self.in_world(physics, |wind, world| {
+            (0..self.scene.tracks.len())
+                .map(|index| {
+                    let platform = self.platform(index, wind, world, &faults[index]);
+                    Platform {
+                        seen_off_m: seen_off_m[index],
+                        ..platform
+                    }
+                    .mean_log()
+                })
+                .collect()
+        })
+    }
+
+    fn in_world<T>(
+        &self,
+        physics: &Physics,
+        ask: impl FnOnce(&WindTruth, &TruthModel<'_>) -> T,
+    ) -> T {
         let seed = self.spec.seed;
         let law = WindLaw {
             unlogged_oscillation: physics.unlogged_oscillation,
+            unlogged_wander: physics.unlogged_wander,
             drift_deg_per_h: physics.direction_drift_deg_per_h,
             ..self.scene.wind
         };
@@ -379,15 +396,27 @@ impl<'a> CaseBuilder<'a> {
         let offset = physics.direction_offset_deg;
         let wind = WindTruth::draw(&law, HISTORY_S, until_s, offset, &mut rng);
         let world = TruthModel::new(&self.scene, physics, &wind, self.forward, HISTORY_S, seed);
-        let nothing: Vec<Vec<LogRow>> = Vec::new();
-        let damage = if self.spec.damage.is_some() {
-            // Where to clip depends on the undamaged rows.
-            let plain = self.logs(&wind, &world, faults, None);
-            self.damage(&plain)
-        } else {
-            self.damage(&nothing)
-        };
-        self.logs(&wind, &world, faults, damage)
+        ask(&wind, &world)
+    }
+
+    fn platform<'p>(
+        &'p self,
+        index: usize,
+        wind: &'p WindTruth,
+        world: &'p TruthModel<'p>,
+        faults: &'p Faults,
+    ) -> Platform<'p> {
+        Platform {
+            seed: self.spec.seed,
+            index,
+            scene: &self.scene,
+            wind,
+            world,
+            noise: &self.noise,
+            faults,
+            damage: &[],
+            seen_off_m: [0.0; 3],
+        }
     }
 
     fn logs(
@@ -404,17 +433,12 @@ impl<'a> CaseBuilder<'a> {
                     .filter(|d| d.1 == index)
                     .map(|d| d.2)
                     .collect();
-                let platform = Platform {
-                    seed: self.spec.seed,
-                    index,
-                    scene: &self.scene,
-                    wind,
-                    world,
-                    noise: &self.noise,
-                    faults: &faults[index],
+                let platform = self.platform(index, wind, world, &faults[index]);
+                Platform {
                     damage: &of_platform,
-                };
-                platform.log()
+                    ..platform
+                }
+                .log()
             })
             .collect();
         if self.spec.noise == NoiseForm::Unusual {
@@ -439,7 +463,10 @@ impl<'a> CaseBuilder<'a> {
         let kind = self.spec.damage?;
         let mut rng = stream(self.spec.seed, "damage");
         let index = rng.random_range(0..self.scene.tracks.len());
-        let length = between(&mut rng, 60.0, 180.0);
+        let length = match kind {
+            DamageKind::Jumps => between(&mut rng, 5.0, 20.0),
+            _ => between(&mut rng, 60.0, 180.0),
+        };
         let from = between(&mut rng, 30.0, self.scene.duration_s - length - 30.0);
         let (from, to) = (from.round(), (from + length).round());
         let readings = || {
@@ -454,6 +481,7 @@ impl<'a> CaseBuilder<'a> {
         Some(match kind {
             DamageKind::Frozen => (kind, index, Damage::Frozen(from, to), from, to),
             DamageKind::Gap => (kind, index, Damage::Gap(from, to), from, to),
+            DamageKind::Jumps => (kind, index, Damage::Jump(from, to), from, to),
             DamageKind::Clipped => (
                 kind,
                 index,

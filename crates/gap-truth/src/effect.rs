@@ -57,6 +57,17 @@ pub enum PlumeEffect {
     PulsingSource,
     /// Outside: one sensor's zero waves.
     SensorWaves,
+    /// Outside: the source is on and off by turns.
+    OnOffEmission,
+    /// Outside, a reality of another form: both spreads grow otherwise with distance.
+    SpreadGrowth,
+    /// Outside, a reality of another form: the plume is not normal across.
+    SkewedProfile,
+    /// Outside, a reality of another form: the axis wanders by 4 degrees with a memory of a minute, and
+    /// the plume is intermittent.
+    AxisWander,
+    /// Outside, a reality of another form: the transport swings by 30 degrees within the record.
+    WideSwing,
 }
 
 use PlumeEffect as E;
@@ -99,7 +110,7 @@ pub const CATALOGUE: [PlumeEffect; 33] = [
 ];
 
 /// The effects outside the catalogue.
-pub const OUTSIDE: [PlumeEffect; 8] = [
+pub const OUTSIDE: [PlumeEffect; 13] = [
     E::UnlistedChemistry,
     E::ObstacleWake,
     E::SecondSensorDeadTime,
@@ -108,6 +119,11 @@ pub const OUTSIDE: [PlumeEffect; 8] = [
     E::BackgroundLayer,
     E::PulsingSource,
     E::SensorWaves,
+    E::OnOffEmission,
+    E::SpreadGrowth,
+    E::SkewedProfile,
+    E::AxisWander,
+    E::WideSwing,
 ];
 
 impl PlumeEffect {
@@ -155,6 +171,11 @@ impl PlumeEffect {
             E::BackgroundLayer => "background-layer",
             E::PulsingSource => "pulsing-source",
             E::SensorWaves => "sensor-waves",
+            E::OnOffEmission => "on-off-emission",
+            E::SpreadGrowth => "spread-growth",
+            E::SkewedProfile => "skewed-profile",
+            E::AxisWander => "axis-wander",
+            E::WideSwing => "wide-swing",
         }
     }
 
@@ -173,24 +194,16 @@ impl PlumeEffect {
             E::UnlistedChemistry | E::StabilityClass => Need::Distances,
             E::WindVeerWithHeight => Need::Heights,
             // A swing of a wind that nobody logged is no finding.
-            E::SlowSwing => Need::WindLog,
+            E::SlowSwing | E::AxisWander | E::WideSwing => Need::WindLog,
+            E::SpreadGrowth => Need::Distances,
             _ => Need::Any,
         }
     }
 
-    /// Whether it turns the plume of a place and time and does nothing else; of those outside the
-    /// catalogue.
-    pub fn turns_the_plume(self) -> bool {
-        self == E::SlowSwing
-    }
-
-    /// Whether it multiplies the plume of a place and time and does nothing else; of those outside
-    /// the catalogue.
-    pub fn multiplies_the_plume(self) -> bool {
-        matches!(
-            self,
-            E::UnlistedChemistry | E::ObstacleWake | E::PulsingSource
-        )
+    /// Whether it is a world of another form, as strong as such worlds are at strength 1, rather than an
+    /// effect that may be of any size.
+    pub fn is_a_reality(self) -> bool {
+        self >= E::SpreadGrowth
     }
 
     /// Whether one platform alone may have it.
@@ -223,6 +236,9 @@ impl PlumeEffect {
             E::SensorOffset if of_all => &[E::BackgroundOffset, E::SensorGain],
             E::SensorOffset => &[E::SensorGain],
             E::SensorDrift if of_all => &[E::BackgroundDrift],
+            // Worlds of another form that the catalogue has a word for all the same.
+            E::AxisWander => &[E::Meander],
+            E::WideSwing => &[E::WindDirectionDrift, E::WindDirectionOffset],
             E::PositionOffset if of_all => &[E::SourcePositionOffset],
             E::AltitudeOffset if of_all => &[E::EffectiveHeightOffset],
             _ => &[],
@@ -240,6 +256,10 @@ impl PlumeEffect {
             E::BackgroundLayer => &["height"],
             E::PulsingSource => &["time", "along_wind"],
             E::SensorWaves => &["platform"],
+            E::OnOffEmission => &["time", "along_wind"],
+            E::SpreadGrowth => &["along_wind", "across_wind", "height"],
+            E::SkewedProfile => &["across_wind", "map"],
+            E::AxisWander | E::WideSwing => &["time", "across_wind"],
             _ => &[],
         }
     }

@@ -29,7 +29,13 @@ pub enum NoiseForm {
     GustyWind,
     /// The usual, in a wind that swings and surges as weather does over minutes, and that nobody logs.
     UnloggedWind,
+    /// Strong intermittency with a memory of seconds, sensors that wander slowly, and a gusty wind that
+    /// is logged: what field data look like.
+    Realistic,
 }
+
+/// How far a position jumps, degrees of latitude: half a kilometre, as after a false fix.
+const JUMP_DEG: f64 = 0.005;
 
 /// Faults of one platform's sensors. The default has none.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -73,6 +79,8 @@ pub enum Damage {
     Gap(f64, f64),
     /// Readings above this do not come through, ppm.
     Clipped(f64),
+    /// The logged place is elsewhere in this stretch, s.
+    Jump(f64, f64),
 }
 
 /// One logged row; `None` is a missing cell.
@@ -88,10 +96,8 @@ pub struct LogRow {
     pub co2_ppm: Option<f64>,
     /// What it would be on average: without intermittency, noise and rounding.
     pub mean_ppm: f64,
-    /// The plume's part of the air that it is of, on average, ppm.
+    /// The plume's part of that, ppm.
     pub mean_excess_ppm: f64,
-    /// By how much a swing that no log shows turns the plume there, degrees.
-    pub unlogged_turn_deg: f64,
     /// Direction from, degrees, and speed, m/s.
     pub wind: Option<(f64, f64)>,
     /// Temperature, °C; relative humidity, %; pressure, hPa.
@@ -128,6 +134,14 @@ impl NoiseLevels {
                 step_ppm: if rng.random_bool(0.5) { coarse } else { 0.1 },
                 outlier_chance: 0.002,
             },
+            NoiseForm::Realistic => Self {
+                form,
+                white_ppm,
+                slow_ppm: (between(&mut rng, 1.0, 3.0), between(&mut rng, 100.0, 400.0)),
+                gusts: (between(&mut rng, 0.1, 0.3), between(&mut rng, 2.0, 10.0)),
+                step_ppm: 0.1,
+                outlier_chance: 0.0005,
+            },
             _ => Self {
                 form,
                 white_ppm,
@@ -139,9 +153,33 @@ impl NoiseLevels {
         }
     }
 
+    /// The same with this intermittency: standard deviation over the mean, and correlation time, s.
+    pub fn with_gusts(self, gusts: (f64, f64)) -> Self {
+        Self { gusts, ..self }
+    }
+
     /// White noise of a reading, ppm.
     pub fn white_ppm(&self) -> f64 {
         self.white_ppm
+    }
+
+    /// Variance of white noise and rounding, ppm².
+    pub fn white_variance(&self) -> f64 {
+        self.white_ppm.powi(2) + self.step_ppm.powi(2) / 12.0
+    }
+
+    /// Slow noise: standard deviation, ppm, and correlation time, s.
+    pub fn slow_ppm(&self) -> (f64, f64) {
+        self.slow_ppm
+    }
+
+    /// Intermittency: standard deviation over the mean excess, and correlation time, s.
+    pub fn gusts(&self) -> (f64, f64) {
+        let (s, time_scale_s) = self.gusts;
+        match self.form {
+            NoiseForm::Unusual => ((s * s).exp_m1().sqrt(), time_scale_s),
+            _ => (s, time_scale_s),
+        }
     }
 
     fn white(&self, rng: &mut ChaCha8Rng) -> f64 {
@@ -187,6 +225,20 @@ pub struct Platform<'a> {
     pub faults: &'a Faults,
     /// Damage to the raw data.
     pub damage: &'a [Damage],
+    /// The air is that of places this far from those flown, m east, north, up: what a model expects
+    /// that takes a false log of places for true.
+    pub seen_off_m: [f64; 3],
+}
+
+/// What a platform would read without noise.
+#[derive(Debug, Clone)]
+pub struct MeanLog {
+    /// The rows; their readings are the means.
+    pub rows: Vec<LogRow>,
+    /// Excess of the air met at every sub-step, ppm.
+    pub air_ppm: Vec<f64>,
+    /// Sub-step whose air each row shows; of a clock or a sensor that is late an earlier one.
+    pub seen_at: Vec<usize>,
 }
 
 impl Platform<'_> {
@@ -198,40 +250,49 @@ impl Platform<'_> {
         ((self.scene.duration_s + 2.0 * MARGIN_S) / SUB_STEP_S) as usize
     }
 
-    /// (excess, background) at every sub-step, with intermittency or without, ppm.
-    fn air(&self, intermittent: bool) -> Vec<(f64, f64)> {
-        let mut rng = self.rng("gusts");
-        let mut gust = OrnsteinUhlenbeck::new(self.noise.gusts.1, &mut rng);
+    /// (excess, background) at every sub-step, without intermittency, ppm.
+    fn air(&self) -> Vec<(f64, f64)> {
         let track = &self.scene.tracks[self.index];
+        let off = self.seen_off_m;
         (0..self.points())
             .map(|k| {
                 let time_s = k as f64 * SUB_STEP_S - MARGIN_S;
                 let place = self.scene.east_north_m(&track[k]);
-                let factor = if intermittent {
-                    self.noise.gust(gust.step(SUB_STEP_S, &mut rng)).max(0.0)
-                } else {
-                    1.0
-                };
-                let excess = self.world.excess_ppm(place, track[k][2], time_s);
-                let background = self.world.background_ppm(place, track[k][2], time_s);
+                let place = [place[0] + off[0], place[1] + off[1]];
+                let z_m = track[k][2] + off[2];
+                let excess = self.world.excess_ppm(place, z_m, time_s);
+                (excess, self.world.background_ppm(place, z_m, time_s))
+            })
+            .collect()
+    }
+
+    /// The same with intermittency.
+    fn gusty(&self, air: &[(f64, f64)]) -> Vec<(f64, f64)> {
+        let mut rng = self.rng("gusts");
+        let mut gust = OrnsteinUhlenbeck::new(self.noise.gusts.1, &mut rng);
+        air.iter()
+            .map(|&(excess, background)| {
+                let factor = self.noise.gust(gust.step(SUB_STEP_S, &mut rng)).max(0.0);
                 (excess * factor, background)
             })
             .collect()
     }
 
-    /// The sensor's answer at every sub-step: (excess, background) after its lags.
-    fn answered(&self, intermittent: bool) -> Vec<(f64, f64)> {
-        let mut air = self.air(intermittent);
-        let mut constants = vec![self.scene.lag_s];
-        if self.faults.two_stages {
-            constants.extend([self.faults.lag_s / 2.0; 2]);
+    /// Time constants of a sensor's stages, s.
+    pub fn stages_s(scene: &Scene, faults: &Faults) -> Vec<f64> {
+        let mut constants = vec![scene.lag_s];
+        if faults.two_stages {
+            constants.extend([faults.lag_s / 2.0; 2]);
         } else {
-            constants.push(self.faults.lag_s);
+            constants.push(faults.lag_s);
         }
-        for tau_s in constants {
-            if tau_s <= 0.0 {
-                continue;
-            }
+        constants.retain(|tau_s| *tau_s > 0.0);
+        constants
+    }
+
+    /// The sensor's answer to air at every sub-step: (excess, background) after its lags.
+    fn answered(&self, mut air: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+        for tau_s in Self::stages_s(self.scene, self.faults) {
             // Exact for an input that is straight between two sub-steps.
             let keep = (-SUB_STEP_S / tau_s).exp();
             let mean = (1.0 - keep) * tau_s / SUB_STEP_S;
@@ -252,18 +313,39 @@ impl Platform<'_> {
         air
     }
 
-    /// The rows, one a second.
+    /// The rows.
     pub fn log(&self) -> Vec<LogRow> {
-        let gusty = self.answered(true);
-        let mean = self.answered(false);
+        let air = self.air();
+        let gusty = self.answered(self.gusty(&air));
+        let mut rows = self.rows(&gusty, &self.answered(air)).0;
+        self.apply_damage(&mut rows);
+        rows
+    }
+
+    /// What would be read without noise.
+    pub fn mean_log(&self) -> MeanLog {
+        let air = self.air();
+        let air_ppm = air.iter().map(|a| a.0).collect();
+        let mean = self.answered(air);
+        let (rows, seen_at) = self.rows(&mean, &mean);
+        MeanLog {
+            rows,
+            air_ppm,
+            seen_at,
+        }
+    }
+
+    /// A row each [`Scene::row_step_s`], and the sub-step that it shows.
+    fn rows(&self, gusty: &[(f64, f64)], mean: &[(f64, f64)]) -> (Vec<LogRow>, Vec<usize>) {
+        let place =
+            |time_s: f64| ((time_s + MARGIN_S) / SUB_STEP_S).clamp(0.0, gusty.len() as f64 - 2.0);
         let at = |answered: &[(f64, f64)], time_s: f64| {
-            let place = ((time_s + MARGIN_S) / SUB_STEP_S).clamp(0.0, answered.len() as f64 - 2.0);
-            let (i, share) = (place as usize, place.fract());
+            let (i, share) = (place(time_s) as usize, place(time_s).fract());
             let (a, b) = (answered[i], answered[i + 1]);
             (a.0 + share * (b.0 - a.0), a.1 + share * (b.1 - a.1))
         };
         let mut log = Log::start(self);
-        let mut rows = Vec::with_capacity(self.scene.duration_s as usize);
+        let (mut rows, mut seen_at) = (Vec::new(), Vec::new());
         for second in 0..self.scene.duration_s as usize {
             let time_s = second as f64;
             let late = self.faults.second_sensor.map_or(0.0, |(turn_s, late_s)| {
@@ -275,10 +357,14 @@ impl Platform<'_> {
             });
             // The log's clock runs ahead of the truth by its offset, so that a row shows earlier air.
             let true_s = time_s - self.faults.clock_s - log.own_clock_s - late;
-            rows.push(log.row(time_s, at(&gusty, true_s), at(&mean, true_s)));
+            // Instruments run on between rows.
+            let row = log.row(time_s, at(gusty, true_s), at(mean, true_s));
+            if second.is_multiple_of(self.scene.row_step_s) {
+                rows.push(row);
+                seen_at.push(place(true_s).round() as usize);
+            }
         }
-        self.apply_damage(&mut rows);
-        rows
+        (rows, seen_at)
     }
 
     fn apply_damage(&self, rows: &mut [LogRow]) {
@@ -293,12 +379,40 @@ impl Platform<'_> {
                     Damage::Gap(from, to) if row.time_s >= from && row.time_s < to => {
                         row.co2_ppm = None;
                     }
+                    Damage::Jump(from, to) if row.time_s >= from && row.time_s < to => {
+                        row.lat_lon_deg.0 += JUMP_DEG;
+                    }
                     Damage::Clipped(limit) => row.co2_ppm = row.co2_ppm.map(|c| c.min(limit)),
                     _ => {}
                 }
             }
         }
     }
+}
+
+/// Local turbulence in a log of the wind: degrees, share of the speed, and correlation time, s.
+pub const LOG_TURBULENCE: (f64, f64, f64) = (1.5, 0.04, 6.0);
+/// White noise of a log of the wind's speed, share of it.
+pub const LOG_SPEED_NOISE: f64 = 0.04;
+/// Slow errors of logged places east, north and up: standard deviation, m, and correlation time, s.
+pub const PLACE_NOISE: [(f64, f64); 3] = [(0.5, 60.0), (0.5, 60.0), (0.7, 80.0)];
+/// White noise of logged places along each axis, m.
+pub const PLACE_WHITE_M: f64 = 0.2;
+/// Standard deviation of each log's own clock, s.
+pub const OWN_CLOCK_S: f64 = 0.02;
+/// Standard deviation of each sensor's own zero, ppm.
+pub const OWN_OFFSET_PPM: f64 = 0.15;
+/// Standard deviation of the logarithm of each sensor's own gain.
+pub const OWN_LOG_GAIN: f64 = 0.003;
+
+/// White noise of a platform's wind direction, degrees, and the stream of its log of the wind.
+pub fn wind_instrument(scene: &Scene, seed: u64, index: usize) -> (f64, ChaCha8Rng) {
+    let name = match scene.logged_wind {
+        LoggedWind::Site => "wind-log".to_owned(),
+        _ => format!("wind-log/{index}"),
+    };
+    let mut rng = stream(seed, &name);
+    (between(&mut rng, 0.8, 3.0), rng)
 }
 
 /// The running state of one platform's log.
@@ -322,25 +436,24 @@ impl<'a> Log<'a> {
     fn start(of: &'a Platform<'a>) -> Self {
         let mut rng = of.rng("readings");
         let mut gps_rng = of.rng("gps");
-        let wind_name = match of.scene.logged_wind {
-            LoggedWind::Site => "wind-log".to_owned(),
-            _ => format!("wind-log/{}", of.index),
-        };
-        let mut wind_rng = stream(of.seed, &wind_name);
+        let (white_deg, mut wind_rng) = wind_instrument(of.scene, of.seed, of.index);
         // The weather is the site's: the same for all platforms but for their instruments.
         let mut weather_rng = stream(of.seed, "weather-log");
         let humidity_percent = between(&mut weather_rng, 35.0, 75.0);
-        let time_scales = [60.0, 60.0, 80.0];
-        let white_deg = between(&mut wind_rng, 0.8, 3.0);
         // Faults of workmanship that every instrument has, well below what is worth naming: a finder
         // must not take them for a cause.
-        let own_clock_s = 0.02 * normal(&mut rng);
-        let own_offset_ppm = 0.15 * normal(&mut rng);
-        let own_gain = (0.003 * normal(&mut rng)).exp();
+        let own_clock_s = OWN_CLOCK_S * normal(&mut rng);
+        let own_offset_ppm = OWN_OFFSET_PPM * normal(&mut rng);
+        let own_gain = (OWN_LOG_GAIN * normal(&mut rng)).exp();
         Self {
             slow: OrnsteinUhlenbeck::new(of.noise.slow_ppm.1, &mut rng),
-            gps: time_scales.map(|t| OrnsteinUhlenbeck::new(t, &mut gps_rng)),
-            wind: WindLog::new([1.5, 0.04], [white_deg, 0.04], 6.0, &mut wind_rng),
+            gps: PLACE_NOISE.map(|(_, lasts_s)| OrnsteinUhlenbeck::new(lasts_s, &mut gps_rng)),
+            wind: WindLog::new(
+                [LOG_TURBULENCE.0, LOG_TURBULENCE.1],
+                [white_deg, LOG_SPEED_NOISE],
+                LOG_TURBULENCE.2,
+                &mut wind_rng,
+            ),
             weather: [
                 OrnsteinUhlenbeck::new(180.0, &mut weather_rng),
                 OrnsteinUhlenbeck::new(240.0, &mut weather_rng),
@@ -363,11 +476,10 @@ impl<'a> Log<'a> {
         let point = &scene.tracks[self.of.index][index];
         let mut place = scene.east_north_m(point);
         let mut height_m = point[2];
-        let sizes = [0.5, 0.5, 0.7];
         let mut off = faults.place_m;
-        for (k, size) in sizes.iter().enumerate() {
-            off[k] +=
-                size * self.gps[k].step(1.0, &mut self.gps_rng) + 0.2 * normal(&mut self.gps_rng);
+        for (k, (size_m, _)) in PLACE_NOISE.iter().enumerate() {
+            off[k] += size_m * self.gps[k].step(1.0, &mut self.gps_rng)
+                + PLACE_WHITE_M * normal(&mut self.gps_rng);
         }
         place[0] += off[0];
         place[1] += off[1];
@@ -396,11 +508,12 @@ impl<'a> Log<'a> {
             alt_amsl_m: scene.ground_amsl_m + height_m,
             co2_ppm: Some((reading / step_ppm).round() * step_ppm),
             mean_ppm,
-            mean_excess_ppm: air_mean.0,
-            unlogged_turn_deg: self
-                .of
-                .world
-                .unlogged_turn_deg(scene.east_north_m(point), time_s),
+            mean_excess_ppm: if mean_ppm < faults.limit_ppm.unwrap_or(f64::INFINITY) {
+                air_mean.0 * faults.log_gain.exp()
+            } else {
+                // Nothing of the plume comes through a sensor at its ceiling.
+                0.0
+            },
             wind,
             weather,
         }

@@ -6,17 +6,14 @@
 //! wind (`physics`); spread, geometry and air are this crate's own (`law`, `scene`), and
 //! a test keeps its dependency tree free of the crates that are put to the test.
 //!
-//! Every case has a control ([`Case::control`]): the same scene, noise and weather without the
-//! hidden effects. What the effects cost a model is the score of the control minus that of the
-//! case.
+//! How visible an effect is follows from the noise that made the case ([`visibility`]): D, in nats.
 //!
 //! ```
 //! use gap_truth::{Case, CaseSpec};
 //!
 //! let case = Case::make(&CaseSpec::none(7));
 //! assert!(case.truth.effects.is_empty());
-//! // Nothing is hidden, so the control reads the same.
-//! assert_eq!(case.observations, case.control);
+//! assert_eq!(case, Case::make(&CaseSpec::none(7)));
 //! ```
 //!
 //! Pure: no clock, file, socket, environment or global random number.
@@ -27,15 +24,18 @@ pub mod flight;
 pub mod further;
 mod instrument;
 mod law;
+mod linear;
 pub mod mutation;
 mod physics;
 mod random;
 mod scene;
 mod strength;
 mod tracks;
+pub mod visibility;
+mod whitening;
 mod wind;
 
-pub use case::{Case, CaseSpec, HiddenEffect, TrueEffect, TruePlumeChange, Truth};
+pub use case::{Case, CaseSpec, HiddenEffect, TrueEffect, Truth};
 pub use effect::{CATALOGUE, OUTSIDE, PlumeEffect};
 pub use further::FurtherFlight;
 pub use instrument::{Damage, NoiseForm};

@@ -1,6 +1,7 @@
 //! The world in truth: what carries, spreads, makes and loses the gas, with the hidden effects
 //! in it; and the mean excess at a place and time by a plain Gaussian plume or by puffs.
 
+use rand::RngExt;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -46,6 +47,8 @@ pub struct Physics {
     pub direction_drift_deg_per_h: f64,
     /// A swing that no log shows: amplitude, degrees, and period, s.
     pub unlogged_oscillation: Option<(f64, f64)>,
+    /// A wander that no log shows: standard deviation, degrees, and correlation time, s.
+    pub unlogged_wander: Option<(f64, f64)>,
     /// Logarithm of the transport speed over the logged one.
     pub log_speed: f64,
     /// Turning of the direction with height above the axis, degrees in 100 m.
@@ -72,6 +75,12 @@ pub struct Physics {
     pub trend_per_h: f64,
     /// Pulses of the emission: amplitude and period, s.
     pub pulses: Option<(f64, f64)>,
+    /// An emission that is on and off by turns: amplitude and mean length of a turn, s.
+    pub on_off: Option<(f64, f64)>,
+    /// Growth of both spreads with distance that levels off: logarithms of the factors far away.
+    pub spread_growth: Option<(f64, f64)>,
+    /// Part of the plume that is moved from the left of its axis to the right.
+    pub skew: f64,
     /// A second source: east, north of the first, m; emission over the first's; height above it.
     pub second: Option<([f64; 2], f64, f64)>,
     /// Displacement of the source, m east and north.
@@ -118,6 +127,8 @@ pub struct TruthModel<'a> {
     boundaries: ReflectingBoundaries,
     /// Sideways angle of each second's puff, radians.
     meander_rad: Vec<f64>,
+    /// +1 or -1 of each second, where the emission is on and off by turns.
+    on_off: Vec<f64>,
     history_s: f64,
 }
 
@@ -155,6 +166,7 @@ impl<'a> TruthModel<'a> {
                 lid: if physics.other_laws { 0.8 } else { 1.0 },
             },
             meander_rad: Vec::new(),
+            on_off: Vec::new(),
             history_s,
         };
         for k in 0..=steps {
@@ -171,6 +183,21 @@ impl<'a> TruthModel<'a> {
         world.meander_rad = (0..until_s as usize + 2)
             .map(|_| sd * angle.step(1.0, &mut rng))
             .collect();
+        if let Some((_, turn_s)) = physics.on_off {
+            // A telegraph signal: its turns have no memory.
+            let mut state = 1.0;
+            let mut rng = stream(seed, "on and off");
+            world.on_off = (0..until_s as usize + 2)
+                .map(|_| {
+                    state *= if rng.random_bool(1.0 / turn_s) {
+                        -1.0
+                    } else {
+                        1.0
+                    };
+                    state
+                })
+                .collect();
+        }
         world
     }
 
@@ -229,7 +256,12 @@ impl<'a> TruthModel<'a> {
                 log
             }
         };
-        let mut y = law::sigma_y_m(class, x_m) * other(p.log_sigma_y).exp();
+        let near_or_far = (km / self.middle_km()).ln().tanh();
+        let growth_of = |log: f64| (log * near_or_far).exp();
+        let (y_growth, z_growth) = p
+            .spread_growth
+            .map_or((1.0, 1.0), |(y, z)| (growth_of(y), growth_of(z)));
+        let mut y = law::sigma_y_m(class, x_m) * other(p.log_sigma_y).exp() * y_growth;
         let growth = if p.other_laws {
             // The same slope at 1 km, but levelling off.
             let (a, b) = (0.5 + km, 1.5);
@@ -237,13 +269,24 @@ impl<'a> TruthModel<'a> {
         } else {
             km.powf(p.sigma_z_exponent)
         };
-        let z = law::sigma_z_m(class, x_m) * other(p.log_sigma_z).exp() * growth;
+        let z = law::sigma_z_m(class, x_m) * other(p.log_sigma_z).exp() * growth * z_growth;
         if self.forward == Forward::Gaussian {
             y = y.hypot(x_m * p.meander_deg.to_radians());
         }
         let wake = if p.other_laws { (-km).exp() * 1.3 } else { 1.0 };
         let added = p.building_m2 / (2.0 * PI) * wake;
         ((y * y + added).sqrt(), (z * z + added).sqrt())
+    }
+
+    /// Middle of the distances that are flown, km.
+    fn middle_km(&self) -> f64 {
+        let (near, far) = self.scene.reach.distance_m;
+        (near * far).sqrt() / 1000.0
+    }
+
+    /// The profile across over the normal one; its mean over a normal plume is 1.
+    fn skewed(&self, sigmas_right: f64) -> f64 {
+        1.0 + self.physics.skew * sigmas_right.tanh()
     }
 
     fn table(&self, table: &[f64], way_m: f64) -> f64 {
@@ -265,7 +308,11 @@ impl<'a> TruthModel<'a> {
         let pulse = p.pulses.map_or(1.0, |(a, period)| {
             1.0 + a * (2.0 * PI * time_s / period).sin()
         });
-        trend * pulse.max(0.0)
+        let on_off = p.on_off.map_or(1.0, |(a, _)| {
+            let second = (time_s + self.history_s).max(0.0) as usize;
+            1.0 + a * self.on_off[second.min(self.on_off.len() - 1)]
+        });
+        trend * pulse.max(0.0) * on_off.max(0.0)
     }
 
     /// What is left, or made, after `age_s` of travel.
@@ -297,20 +344,6 @@ impl<'a> TruthModel<'a> {
             })
             .sum();
         kg_m3 * self.scene.air.ppm_per_kg_m3(z_m) * self.lee(place)
-    }
-
-    /// By how much the hidden swing of the wind turns the plume at a place, degrees: at once, or by
-    /// its mean over the way of the puffs.
-    pub fn unlogged_turn_deg(&self, place: [f64; 2], time_s: f64) -> f64 {
-        let way_s = match self.forward {
-            Forward::Gaussian => 0.0,
-            Forward::Puffs | Forward::AgedPuffs => {
-                let from = self.scene.source_m;
-                let way_m = (place[0] - from[0]).hypot(place[1] - from[1]);
-                way_m / self.scene.wind.speed_m_s
-            }
-        };
-        self.wind.hidden_deg(time_s - way_s, time_s)
     }
 
     /// Angle by which the transport at `z_m` is turned clockwise against that at the axis.
@@ -349,6 +382,7 @@ impl<'a> TruthModel<'a> {
             * self.transformed_share(age_s);
         strength / (2.0 * PI * speed * sy * sz)
             * (-0.5 * (y / sy).powi(2)).exp()
+            * self.skewed(y / sy)
             * law::vertical(z_m, stack.axis_m, sz, &self.boundaries)
     }
 
@@ -390,8 +424,11 @@ impl<'a> TruthModel<'a> {
             let mass = self.emission_factor(emitted_s)
                 * self.table(&stack.airborne, way)
                 * self.transformed_share(age_s);
+            let right_m = (d[0] - centre[0]) * centre[1] - (d[1] - centre[1]) * centre[0];
+            let right_m = right_m / centre[0].hypot(centre[1]).max(1e-9);
             sum += mass
                 * (-0.5 * away_sq / (sy * sy)).exp()
+                * self.skewed(right_m / sy)
                 * law::vertical(z_m, stack.axis_m, sz, &self.boundaries)
                 / (sy * sy * sz);
         }

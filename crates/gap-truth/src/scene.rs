@@ -9,7 +9,7 @@ use rand::rngs::ChaCha8Rng;
 
 use crate::law::{self, Troposphere};
 use crate::random::{between, between_log, normal, pick, stream};
-use crate::tracks::{self, PlumePoint, Reach};
+use crate::tracks::{self, PlumePoint, Reach, TrackKind};
 use crate::wind::WindLaw;
 
 /// What a scene must offer for an effect to show.
@@ -89,6 +89,8 @@ pub struct Scene {
     pub noise_sd_ppm: f64,
     /// Length of the rows, s.
     pub duration_s: f64,
+    /// From row to row of a platform, s.
+    pub row_step_s: usize,
     /// What the tracks see.
     pub reach: Reach,
     /// One track a platform, every [`SUB_STEP_S`], from -[`MARGIN_S`], in plume axes about the
@@ -102,12 +104,24 @@ impl Scene {
     /// The scene of `seed`, made so that what `needs` ask for is there; the keys of `certain`
     /// are not marked uncertain and are exactly as the scenario says.
     pub fn draw(seed: u64, needs: &[Need], certain: &[&str], least_platforms: usize) -> Self {
+        Self::draw_with(seed, needs, certain, least_platforms, None)
+    }
+
+    /// The same with tracks that are all of one `kind`, if one is given.
+    pub fn draw_with(
+        seed: u64,
+        needs: &[Need],
+        certain: &[&str],
+        least_platforms: usize,
+        kind: Option<TrackKind>,
+    ) -> Self {
         let mut rng = stream(seed, "scene");
         let tall = needs.contains(&Need::Heights);
         let reach = draw_reach(needs, &mut rng);
         let duration_s = pick(&mut rng, &[600.0, 600.0, 600.0, 900.0]);
         let platforms = rng.random_range(1..=6_usize).max(least_platforms);
-        let tracks = draw_tracks(&reach, platforms, duration_s, &mut rng);
+        let team = kind.map(|kind| tracks::all_alike(kind, platforms));
+        let tracks = draw_tracks(&reach, platforms, team, duration_s, &mut rng);
         let logged_wind = match rng.random_range(0..8) {
             _ if tall => pick(&mut rng, &[LoggedWind::Site, LoggedWind::Absent]),
             0 => LoggedWind::Site,
@@ -153,6 +167,7 @@ impl Scene {
             lag_s: pick(&mut rng, &[0.0, 1.0, 1.5, 3.0]),
             noise_sd_ppm: between(&mut rng, 0.8, 3.0),
             duration_s,
+            row_step_s: 1,
             reach,
             tracks,
             uncertain: Vec::new(),
@@ -209,6 +224,11 @@ impl Scene {
         let spread = law::sigma_y_m(class, x_m) * law::sigma_z_m(class, x_m);
         self.air.ppm_per_kg_m3(self.axis_m) * self.emission_kg_s
             / (2.0 * PI * self.wind.speed_m_s * spread)
+    }
+
+    /// Where platform `index` is at `time_s`.
+    pub fn track_at(&self, index: usize, time_s: f64) -> PlumePoint {
+        self.tracks[index][((time_s + MARGIN_S) / SUB_STEP_S).round() as usize]
     }
 
     /// Speed of the scenario's wind at its reference height, m/s.
@@ -328,13 +348,14 @@ fn draw_reach(needs: &[Need], rng: &mut ChaCha8Rng) -> Reach {
 fn draw_tracks(
     reach: &Reach,
     platforms: usize,
+    team: Option<Vec<TrackKind>>,
     duration_s: f64,
     rng: &mut ChaCha8Rng,
 ) -> Vec<Vec<PlumePoint>> {
     let speed = pick(rng, &[16.0, 18.0, 20.0]);
     let whole_s = duration_s + 2.0 * MARGIN_S;
     let count = (whole_s / SUB_STEP_S) as usize + 2;
-    tracks::team(platforms, rng)
+    team.unwrap_or_else(|| tracks::team(platforms, rng))
         .into_iter()
         .map(|kind| {
             let corners = tracks::corners(kind, reach, speed * whole_s * 1.05, rng);
@@ -363,6 +384,7 @@ fn draw_wind(seed: u64, logged: LoggedWind) -> WindLaw {
         direction_gust: (between(&mut rng, 0.3, 0.9), between(&mut rng, 20.0, 60.0)),
         speed_gust: (speed_gust_sd, between(&mut rng, 60.0, 300.0)),
         unlogged_oscillation: None,
+        unlogged_wander: None,
         drift_deg_per_h: 0.0,
     }
 }

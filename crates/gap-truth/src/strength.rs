@@ -2,6 +2,7 @@
 //! Strength 1 is near the limit of what six tracks of ten minutes show.
 
 use rand::RngExt;
+use serde::Serialize;
 
 use crate::effect::PlumeEffect as E;
 use crate::instrument::Faults;
@@ -11,7 +12,7 @@ use crate::random::{between, pick, sign, stream};
 use crate::scene::Scene;
 
 /// A parameter in the catalogue's words.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TrueParameter {
     /// Name, as in the contract.
     pub name: &'static str,
@@ -327,6 +328,12 @@ fn outside(effect: E, s: f64, scene: &Scene, draws: &Draws, p: &mut Physics) {
                 depth: (0.15 * s).min(1.0),
             });
         }
+        E::OnOffEmission => p.on_off = Some(((0.15 * s).min(1.0), 40.0 + 60.0 * draws.share)),
+        E::SpreadGrowth => p.spread_growth = Some((0.4 * s * draws.sign, -0.3 * s * draws.sign)),
+        E::SkewedProfile => p.skew = (0.6 * s).min(1.0) * draws.sign,
+        E::AxisWander => p.unlogged_wander = Some((4.0 * s, 60.0)),
+        // From one side to the other once within the record.
+        E::WideSwing => p.unlogged_oscillation = Some((15.0 * s, 2.0 * scene.duration_s)),
         E::SlowSwing => p.unlogged_oscillation = Some((0.8 * s, 1.6 * draws.period_s)),
         E::BackgroundWaves => p.background_waves = Some((1.0 * s, draws.period_s)),
         E::BackgroundLayer => {

@@ -53,9 +53,13 @@ pub enum TrackKind {
     Orbit,
     /// Along the axis at small distances from it.
     Along,
+    /// Circles that widen and narrow again while climbing and sinking.
+    Spiral,
+    /// None: a sensor that stands.
+    Fixed,
 }
 
-/// All kinds.
+/// The usual kinds.
 pub const KINDS: [TrackKind; 5] = [
     TrackKind::Transects,
     TrackKind::TwoDistances,
@@ -80,6 +84,9 @@ pub fn corners(
         off: between(rng, -0.4, 0.4),
         first_level: rng.random_range(0..LEVELS.len()),
     };
+    if kind == TrackKind::Fixed {
+        return vec![flight.stand()];
+    }
     let mut points: Vec<PlumePoint> = Vec::new();
     let mut length = 0.0;
     let mut turn = 0;
@@ -112,6 +119,14 @@ struct Flight {
 }
 
 impl Flight {
+    /// Where a fixed sensor stands: about the axis, on a mast, a slope or a tethered balloon.
+    fn stand(&self) -> PlumePoint {
+        let level = LEVELS[self.first_level] * self.reach.sigmas_up;
+        let width_m = law::sigma_y_m(self.reach.class, self.near);
+        let across = 3.0 * self.off * width_m;
+        [self.near, across, self.reach.height_m(self.near, level)]
+    }
+
     /// The corners of leg `turn`.
     fn leg(&self, turn: usize) -> Vec<PlumePoint> {
         let reach = &self.reach;
@@ -146,6 +161,16 @@ impl Flight {
                 let across = radius * (angle.sin() + off);
                 vec![[(near + radius * angle.cos()).max(50.0), across, z]]
             }
+            TrackKind::Spiral => {
+                let widest = 2.5 * law::sigma_y_m(reach.class, near) + 40.0;
+                let radius = 40.0 + (widest - 40.0) * triangle(turn as f64 / 64.0);
+                let angle = turn as f64 * std::f64::consts::PI / 8.0;
+                let up = 2.0 * triangle(turn as f64 / 150.0) - 1.0;
+                let z = reach.height_m(near, up * reach.sigmas_up);
+                let across = radius * angle.sin();
+                vec![[(near + radius * angle.cos()).max(50.0), across, z]]
+            }
+            TrackKind::Fixed => vec![self.stand()],
             TrackKind::Along => {
                 let y = off + 0.8 * (triangle(turn as f64 / 5.0) - 0.5);
                 let (a, b) = reach.distance_m;
@@ -209,6 +234,19 @@ pub fn team(count: usize, rng: &mut ChaCha8Rng) -> Vec<TrackKind> {
         kinds[2] = TrackKind::ZigZag;
     }
     kinds
+}
+
+/// Sensors that stand for one platform that flies.
+const FIXED_FOR_ONE: usize = 3;
+
+/// The kinds of a team of `count` all of whose members are of one `kind`; sensors that stand are more.
+pub fn all_alike(kind: TrackKind, count: usize) -> Vec<TrackKind> {
+    let count = if kind == TrackKind::Fixed {
+        FIXED_FOR_ONE * count
+    } else {
+        count
+    };
+    vec![kind; count]
 }
 
 #[cfg(test)]

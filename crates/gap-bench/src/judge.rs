@@ -364,7 +364,6 @@ pub fn find(seed: u64, scenario_toml: &str, files: &[(String, String)]) -> Resul
     let (setup, observations) = read(scenario_toml, files)?;
     let options = Options {
         seed,
-        threads: 1,
         ..Options::default()
     };
     let analysis = analyse(&setup, &observations, &options, &mut |_| {});

@@ -94,6 +94,8 @@ pub struct Analysis {
 
 /// Fewest readings from which anything can be told.
 const FEWEST_READINGS: usize = 30;
+/// About how many rows are enough to find the plume and its wander.
+const ROWS_OF_A_SEARCH: usize = 800;
 /// The sensor's noise where the scenario states none, in parts of the smallest difference between
 /// readings: rounding.
 const ROUNDING: f64 = 0.3;
@@ -134,8 +136,8 @@ struct Study<'a> {
     found: Vec<Found<PlumeModel<'a>>>,
     /// What stands.
     judged: Judgement<PlumeModel<'a>>,
-    /// What of the wind's log was averaged, s; none without a log.
-    averaged_s: Option<f64>,
+    /// What of the wind's log carries the plume; none without a log.
+    carried: Option<wind::Carried>,
 }
 
 fn counted_from_near_zero(
@@ -153,18 +155,34 @@ fn counted_from_near_zero(
     }
     tell(0.05, "fitting the base");
     let rows = rows(&data)?;
+    let sensor_sd = sensor_sd(setup, &data);
     let question = Question {
         rows: &rows,
         policy: &options.policy,
-        sensor_sd: sensor_sd(setup, &data),
+        sensor_sd,
         asked: &[],
     };
-    let (track, averaged_s) = wind::carrying(setup, &data, &question)?;
+    // Where the plume is and how it moves is seen in part of a long record as well.
+    let part = data.thinned(setup, ROWS_OF_A_SEARCH)?;
+    let first = part.as_ref().unwrap_or(&data);
+    let first_rows = self::rows(first)?;
+    let first_question = Question {
+        rows: &first_rows,
+        ..question
+    };
+    let carried = wind::chosen(setup, first, &first_question)?;
+    let first_track = wind::carrying(setup, first, carried);
+    let track = wind::carrying(setup, &data, carried);
+    let first_model = PlumeModel::new(setup, &first_track);
     let model = PlumeModel::new(setup, &track);
-    let base = question.base(&model)?;
+    let first_base = first_question.base(&first_model)?;
+    let base = question.refined(&model, &first_base)?;
     tell(0.25, "asking whether the readings follow the plume");
-    let contact = question.contact(&base)?;
-    let named = aimed(&question, &model, contact.as_ref())?;
+    let contact = first_question.contact(&first_base)?;
+    let named = match aimed(&first_question, &first_model, &model, contact.as_ref())? {
+        Some((found, aimed)) => vec![question.refined(&aimed, &found)?],
+        None => Vec::new(),
+    };
     tell(0.35, "searching for causes");
     let here = base.model.predict(base.at(), &question.turns_deg(&base))?;
     let world = base.model.world(base.at())?;
@@ -181,7 +199,7 @@ fn counted_from_near_zero(
         contact,
         found,
         judged,
-        averaged_s,
+        carried,
     };
     tell(0.95, "writing it down");
     let analysis = answer::stated(&study, quality, options)?;
@@ -190,20 +208,21 @@ fn counted_from_near_zero(
 }
 
 /// The base with its wind turned to where the readings lie, where they do not follow it but lie in
-/// one direction.
+/// one direction, as found on a part of the rows, and the model of all rows for it.
 fn aimed<'a>(
     question: &Question<'_>,
+    first: &PlumeModel<'a>,
     model: &PlumeModel<'a>,
     contact: Option<&Contact>,
-) -> Result<Vec<Found<PlumeModel<'a>>>, InferError> {
+) -> Result<Option<(Found<PlumeModel<'a>>, PlumeModel<'a>)>, InferError> {
     let elsewhere = contact.filter(|c| c.share < FOLLOWED && c.turn_deg.sd < ONE_DIRECTION_DEG);
     let Some(contact) = elsewhere else {
-        return Ok(Vec::new());
+        return Ok(None);
     };
     let turn_deg = contact.turn_deg.value;
     let name = catalogue::aimed(turn_deg);
-    let aimed = model.aimed(&name.part, turn_deg);
-    Ok(vec![question.named(&aimed, &name)?])
+    let found = question.named(&first.aimed(&name.part, turn_deg), &name)?;
+    Ok(Some((found, model.aimed(&name.part, turn_deg))))
 }
 
 /// The readings as the inference wants them.

@@ -238,31 +238,46 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     /// # Errors
     /// Values that the model refuses.
     pub(crate) fn refit_noise(&self, fit: &Fit) -> Result<Fit, InferError> {
-        self.refit_noise_within(fit, f64::INFINITY)
+        self.refit_noise_within(fit, |noise| *noise)
     }
 
-    /// The same, no part of the noise larger or with a longer memory than by `most_sd` standard deviations
-    /// of what is known beforehand.
+    /// Noise, no part of which is larger than is tolerated.
+    pub(crate) fn tolerated(&self, noise: &Noise) -> Noise {
+        let most = &self.policy.noise_tolerated;
+        Noise {
+            white: noise.white.min(most.white * self.sensor_sd),
+            slow: noise.slow.min(most.slow * self.sensor_sd),
+            fluctuation: noise.fluctuation.min(most.fluctuation),
+            wander_deg: noise.wander_deg.min(most.wander_deg),
+            ..*noise
+        }
+    }
+
+    /// The same, no part of the noise larger than is tolerated.
     ///
     /// # Errors
     /// Values that the model refuses.
-    pub(crate) fn refit_noise_within(&self, fit: &Fit, most_sd: f64) -> Result<Fit, InferError> {
+    pub(crate) fn refit_noise_tolerated(&self, fit: &Fit) -> Result<Fit, InferError> {
+        self.refit_noise_within(fit, |noise| self.tolerated(noise))
+    }
+
+    fn refit_noise_within(
+        &self,
+        fit: &Fit,
+        within: impl Fn(&Noise) -> Noise,
+    ) -> Result<Fit, InferError> {
         let prior = self.noise_prior();
         let used = self.rows.used_count() as f64;
         // The white noise is known to every reading, the rest to few.
         let curvature =
             std::array::from_fn(|k| prior[k].1.powi(-2) + if k == 0 { used } else { 0.03 * used });
-        let within = |ln: &[f64; Noise::PARAMETERS]| -> [f64; Noise::PARAMETERS] {
-            std::array::from_fn(|k| ln[k].min(prior[k].0 + most_sd * prior[k].1))
-        };
-        let start = within(&fit.noise.ln());
-        let ln = maximise(start, curvature, NOISE_STEPS, |ln| {
-            let noise = Noise::from_ln(within(ln));
+        let ln = maximise(within(&fit.noise).ln(), curvature, NOISE_STEPS, |ln| {
+            let noise = within(&Noise::from_ln(*ln));
             let (loadings, inflation) = (&fit.loadings, &fit.inflation);
             log_likelihood(self.rows, &noise, loadings, inflation, &fit.misfit)
                 + self.ln_noise_prior(&noise)
         });
-        let ln = within(&ln);
+        let ln = within(&Noise::from_ln(ln)).ln();
         let (point, inflation) = (fit.point.clone(), fit.inflation.clone());
         let shape = self.shape(&fit.basis, fit.sizes);
         self.settle(point, &shape, Noise::from_ln(ln), inflation)
@@ -696,7 +711,16 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     ) -> Result<Vec<f64>, InferError> {
         let mut whitened = here.misfit.clone();
         metric.whitener.whiten(self.rows, &mut whitened, 1);
-        let far = |i: usize| whitened[i].abs() > self.policy.spike_sd;
+        // Variance of a row's innovation without what a spike has added to it, and of its own white noise:
+        // a spike that is allowed for must not look like none.
+        let variances = |i: usize| {
+            let own = self.rows.stated_sd(i).unwrap_or(metric.whitener.noise.white);
+            let added = own * own * (metric.inflation[i] - 1.0);
+            (metric.whitener.innovation_sd(i).powi(2) - added, own * own)
+        };
+        let square = |i: usize| (whitened[i] * metric.whitener.innovation_sd(i)).powi(2);
+        let most = self.policy.spike_sd.powi(2);
+        let far = |i: usize| self.rows.is_used(i) && square(i) > most * variances(i).0;
         let mut inflation = vec![1.0; self.rows.len()];
         let places = self.model.places(&point.at)?;
         for range in self.rows.series() {
@@ -708,13 +732,8 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                 }
                 if i > first && self.is_short(&places, range.clone(), first, i) {
                     for k in first..i {
-                        // The share of the white noise in what a row was expected to be off by.
-                        let own = self
-                            .rows
-                            .stated_sd(k)
-                            .unwrap_or(metric.whitener.noise.white);
-                        let share = (metric.whitener.innovation_sd(k) / own).powi(2);
-                        inflation[k] = (whitened[k] / self.policy.spike_sd).powi(2) * share;
+                        let (others, own) = variances(k);
+                        inflation[k] = 1.0 + (square(k) / most - others) / own;
                     }
                 }
                 i = i.max(first + 1);

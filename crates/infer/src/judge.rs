@@ -103,10 +103,12 @@ impl Question<'_> {
                 .filter(|&k| !self.stands(&causes[k]))
                 .min_by(|a, b| strength(&causes[*a]).total_cmp(&strength(&causes[*b])));
             let Some(k) = weakest else { break };
-            doubted.push(causes[k].clone());
+            if strength(&causes[k]) > self.policy.drawn_again {
+                doubted.push(causes[k].clone());
+            }
             set = best_without(found, &set, k).clone();
         }
-        let rest = set.ln_score() - self.plain(&set)?.ln_score();
+        let rest = self.rest(&set, &passes)?;
         let candidates = if rest > self.policy.rest_nats || !doubted.is_empty() {
             let plain = self.plain_extensions(&set, tried)?;
             self.candidates(&plain, &passes, &draws)?
@@ -121,6 +123,24 @@ impl Question<'_> {
             candidates,
             passes,
         })
+    }
+
+    /// Log evidence of the error of form, of more swing and of more noise than is tolerated beside the
+    /// names of a set, nats; none where passes left out do not gain by it.
+    fn rest<M: Catalogue>(
+        &self,
+        set: &Found<M>,
+        passes: &[Vec<Range<usize>>],
+    ) -> Result<f64, InferError> {
+        let plain = self.plain(set)?;
+        let rest = set.ln_score() - plain.ln_score();
+        if rest <= self.policy.rest_nats {
+            return Ok(rest.max(0.0));
+        }
+        let (with, without) = (self.by_pass(set, passes)?, self.by_pass(&plain, passes)?);
+        let with = with.left_out();
+        let gains: Vec<f64> = with.iter().zip(without.left_out()).map(|(a, b)| a - b).collect();
+        Ok(if sum_and_low(&gains).1 > 0.0 { rest } else { 0.0 })
     }
 
     /// Whether a name stands.

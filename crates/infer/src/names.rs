@@ -9,8 +9,7 @@ use crate::InferError;
 use crate::contact::Contact;
 use crate::evidence::{Evidence, Reduced};
 use crate::fit::{Point, Problem, precision_of};
-use crate::form::Sizes;
-use crate::noise::Noise;
+use crate::form::{SWING, Sizes};
 use crate::policy::Policy;
 use crate::posterior::{Posterior, Weighed};
 use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
@@ -191,23 +190,32 @@ impl<'a> Question<'a> {
         problem.contact(of.at(), self.policy.passes)
     }
 
-    /// The same set without any error of form or swing, and with no more noise than is tolerated.
+    /// The same set without any error of form, and with no more swing and noise than is tolerated.
     ///
     /// # Errors
     /// Values that the model refuses.
     pub fn plain<M: Catalogue>(&self, of: &Found<M>) -> Result<Found<M>, InferError> {
         let problem = self.problem(&of.model);
-        let sizes = self.policy.nearest_sizes(0.0, 0.0);
+        let swing_deg = of.likeliest_sizes()[SWING].min(self.policy.swing_sizes_deg[0]);
+        let sizes = self.policy.nearest_sizes(0.0, swing_deg);
         let fit = of.fit();
-        let noise = problem.noise_beforehand();
-        let within = self.policy.noise_tolerance_sd;
+        let noise = problem.tolerated(&fit.noise);
+        if noise == fit.noise && of.weighed.sizes.first().is_some_and(|s| s.1 == sizes) {
+            let mut same = of.clone();
+            same.weighed.ln_evidence = same.weighed.only(&sizes, self.policy, &problem);
+            return Ok(same);
+        }
         let first = problem.fit(&fit.point, &fit.basis, noise, sizes)?;
-        let again = problem.refit_noise_within(&first, within)?;
-        let settled = problem.refit_noise_within(&again, within)?;
-        let mut weighed = problem.around(settled)?;
-        weighed.ln_evidence = weighed.only(&sizes, self.policy, &problem);
+        let mut best: Option<Weighed> = None;
+        for fit in [first.clone(), problem.refit_noise_tolerated(&first)?] {
+            let mut weighed = problem.around(fit)?;
+            weighed.ln_evidence = weighed.only(&sizes, self.policy, &problem);
+            if best.as_ref().is_none_or(|b| weighed.ln_evidence > b.ln_evidence) {
+                best = Some(weighed);
+            }
+        }
         Ok(Found {
-            weighed,
+            weighed: best.ok_or(InferError::NoPosterior)?,
             names: of.names.clone(),
             model: of.model.clone(),
             ln_prior: of.ln_prior,
@@ -307,6 +315,21 @@ impl<'a> Question<'a> {
         Ok(out)
     }
 
+    /// A set that was found on some of the rows, on all of them.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn refined<M: Catalogue>(&self, model: &M, found: &Found<M>) -> Result<Found<M>, InferError> {
+        let problem = self.problem(model);
+        let fit = found.fit();
+        Ok(Found {
+            weighed: self.settled(&problem, &fit.point, fit, REFITS_OF_BASE)?,
+            names: found.names.clone(),
+            model: model.clone(),
+            ln_prior: found.ln_prior,
+        })
+    }
+
     /// A set with one more name, fitted.
     ///
     /// # Errors
@@ -323,20 +346,13 @@ impl<'a> Question<'a> {
         let start = M::start(tried);
         let mut point = fit.point.clone();
         point.at.extend(start.at(amplitudes));
-        let plain = self.policy.nearest_sizes(0.0, 0.0);
-        let mut best = self.settled(&problem, &point, fit, fit.noise, fit.sizes)?;
-        // What a name explains need no longer be noise or an error of form.
-        let noise = problem.noise_beforehand();
-        let other = self.settled(&problem, &point, fit, noise, plain)?;
-        if other.ln_evidence > best.ln_evidence {
-            best = other;
-        }
-        // One more unknown makes no model worse: where both starts led astray, what was found before
+        let mut best = self.settled(&problem, &point, fit, 2)?;
+        // One more unknown makes no model worse: where the start led astray, what was found before
         // stands with the name doing next to nothing.
         if best.ln_evidence < found.weighed.ln_evidence && start.nothing.iter().all(|n| n.is_finite()) {
             let mut at = fit.point.clone();
             at.at.extend(start.at(&vec![0.01; start.ends.len()]));
-            let other = self.settled(&problem, &at, fit, fit.noise, fit.sizes)?;
+            let other = self.settled(&problem, &at, fit, 1)?;
             if other.ln_evidence > best.ln_evidence {
                 best = other;
             }
@@ -357,12 +373,9 @@ impl<'a> Question<'a> {
         point.at.extend(M::start(tried).at(amplitudes));
         let weighed = {
             let problem = self.problem(&model);
-            let within = self.policy.noise_tolerance_sd;
             let first = problem.fit(&point, &fit.basis, fit.noise, fit.sizes)?;
-            let again = problem.refit_noise_within(&first, within)?;
-            let mut weighed = problem.around(problem.refit_noise_within(&again, within)?)?;
-            let plain = self.policy.nearest_sizes(0.0, 0.0);
-            weighed.ln_evidence = weighed.only(&plain, self.policy, &problem);
+            let mut weighed = problem.around(problem.refit_noise_tolerated(&first)?)?;
+            weighed.ln_evidence = weighed.only(&fit.sizes, self.policy, &problem);
             weighed
         };
         Ok(self.found_with(found, tried, model.clone(), weighed))
@@ -381,17 +394,25 @@ impl<'a> Question<'a> {
         }
     }
 
+    /// The fit from a point beside another fit, its noise made most probable so many times.
     fn settled<M: ForwardModel>(
         &self,
         problem: &Problem<'_, M>,
         point: &Point,
         from: &crate::Fit,
-        noise: Noise,
-        sizes: Sizes,
+        times: usize,
     ) -> Result<Weighed, InferError> {
-        let first = problem.fit(point, &from.basis, noise, sizes)?;
-        let fit = problem.refit_noise(&problem.refit_noise(&first)?)?;
-        problem.settle_sizes(fit)
+        let first = problem.fit(point, &from.basis, from.noise, from.sizes)?;
+        let mut best = problem.settle_sizes(first)?;
+        for _ in 0..times {
+            // The likelihood at a point prefers noises that are too small: the evidence decides.
+            let next = problem.settle_sizes(problem.refit_noise(&best.fit)?)?;
+            if next.ln_evidence < best.ln_evidence + self.policy.settled_nats {
+                break;
+            }
+            best = next;
+        }
+        Ok(best)
     }
 
     /// Sets of names that were fitted, the base among them, the likeliest first, by a beam search
@@ -406,53 +427,155 @@ impl<'a> Question<'a> {
         tried: &[M::Tried],
     ) -> Result<Vec<Found<M>>, InferError> {
         let policy = self.policy;
-        let plain = self.plain(&base)?;
-        let mut level = vec![base.clone(), plain];
-        level.extend(named.iter().cloned());
+        let (base, next, first) = self.first_level(base, &named, tried)?;
+        let mut level = first;
         let mut found = vec![base];
         found.extend(named);
-        for _ in 0..policy.most_names {
-            let mut next = Vec::new();
-            for (k, parent) in level.iter().enumerate() {
-                for s in self.screen(parent, tried)? {
-                    let start = M::start(&tried[s.tried]);
-                    let ln = parent.ln_score() + s.gain + start.ln_prior + start.ln_share + policy.ln_name;
-                    if ln.is_finite() && !parent.has(&tried[s.tried]) {
-                        next.push((ln, k, s));
-                    }
-                }
-            }
-            next.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut tried: Vec<M::Tried> = tried.to_vec();
+        for depth in 0..policy.most_names {
+            let next = if depth == 0 { next.clone() } else { self.promising(&level, &tried)? };
             let top = found.iter().map(Found::ln_score).fold(f64::NEG_INFINITY, f64::max);
-            let mut deeper: Vec<Found<M>> = Vec::new();
-            let mut seen: Vec<Vec<M::Tried>> = Vec::new();
-            for (ln, k, s) in next {
-                if deeper.len() >= policy.beam_fits || ln < top - policy.beam_nats {
-                    break;
-                }
-                let mut names = level[k].names.clone();
-                names.push(tried[s.tried].clone());
-                let same = |other: &Vec<M::Tried>| {
-                    other.len() == names.len()
-                        && names.iter().all(|n| other.iter().any(|o| M::same_cause(n, o)))
-                };
-                if seen.iter().filter(|o| same(o)).count() > 0 {
-                    continue;
-                }
-                seen.push(names);
-                deeper.push(self.extended(&level[k], &tried[s.tried], &s.amplitudes)?);
-            }
-            deeper.sort_by(|a, b| b.ln_score().total_cmp(&a.ln_score()));
+            let deeper = self.fitted(&level, &tried, &next, top - policy.beam_nats, depth)?;
             found.extend(deeper.iter().cloned());
-            deeper.truncate(policy.beam_width);
-            deeper.retain(|d| d.ln_score() > top - policy.beam_nats);
-            if deeper.is_empty() {
+            level = deeper;
+            level.sort_by(|a, b| b.ln_score().total_cmp(&a.ln_score()));
+            level.truncate(policy.beam_width);
+            level.retain(|d| d.ln_score() > top - policy.beam_nats);
+            if level.is_empty() {
                 break;
             }
-            level = deeper;
+            if depth == 0 {
+                tried = kept(&tried, &next, policy.beam_causes);
+            }
         }
         found.sort_by(|a, b| b.ln_score().total_cmp(&a.ln_score()));
         Ok(found)
+    }
+}
+
+/// How often the noise of a base is made most probable, and the search begun anew where a name led to
+/// a better base.
+const REFITS_OF_BASE: usize = 5;
+const NEW_BASES: usize = 2;
+/// A base is another one where its evidence is larger by this, nats.
+const BETTER_BASE_NATS: f64 = 2.0;
+
+/// The starts of the most promising causes.
+fn kept<T: Clone>(tried: &[T], next: &[Next], most: usize) -> Vec<T> {
+    let mut order: Vec<usize> = Vec::new();
+    for n in next {
+        if !order.contains(&n.screened.tried) && order.len() < most {
+            order.push(n.screened.tried);
+        }
+    }
+    order.into_iter().map(|k| tried[k].clone()).collect()
+}
+
+/// A set that may be fitted next.
+#[derive(Debug, Clone)]
+struct Next {
+    ln_score: f64,
+    parent: usize,
+    screened: Screened,
+}
+
+impl Question<'_> {
+    /// The base as it is and as it is without more noise than is most probable, which may have taken
+    /// up what a name explains.
+    fn quiet<M: Catalogue>(&self, base: &Found<M>) -> Result<Found<M>, InferError> {
+        let problem = self.problem(&base.model);
+        let swing_deg = base.likeliest_sizes()[SWING];
+        let sizes = self.policy.nearest_sizes(0.0, swing_deg);
+        let fit = base.fit();
+        let noise = problem.noise_beforehand();
+        let mut quiet = base.clone();
+        quiet.weighed = problem.around(problem.fit(&fit.point, &fit.basis, noise, sizes)?)?;
+        Ok(quiet)
+    }
+
+    /// The base, what may be fitted beside it, and the sets that this is beside: where the first of
+    /// these finds a better fit that is not due to its name, the base follows.
+    #[allow(clippy::type_complexity, reason = "three things that belong together")]
+    fn first_level<M: Catalogue>(
+        &self,
+        mut base: Found<M>,
+        named: &[Found<M>],
+        tried: &[M::Tried],
+    ) -> Result<(Found<M>, Vec<Next>, Vec<Found<M>>), InferError> {
+        for _ in 0..NEW_BASES {
+            let mut level = vec![base.clone(), self.quiet(&base)?];
+            level.extend(named.iter().cloned());
+            let next = self.promising(&level, tried)?;
+            let Some(first) = next.iter().find(|n| level[n.parent].names.is_empty()) else {
+                return Ok((base, next, level));
+            };
+            let name = &tried[first.screened.tried];
+            let found = self.extended(&level[first.parent], name, &first.screened.amplitudes)?;
+            let problem = self.problem(&base.model);
+            let mut point = found.fit().point.clone();
+            point.at.truncate(base.at().len());
+            let other = self.settled(&problem, &point, found.fit(), 1)?;
+            if other.ln_evidence < base.weighed.ln_evidence + BETTER_BASE_NATS {
+                return Ok((base, next, level));
+            }
+            base.weighed = other;
+        }
+        let mut level = vec![base.clone(), self.quiet(&base)?];
+        level.extend(named.iter().cloned());
+        let next = self.promising(&level, tried)?;
+        Ok((base, next, level))
+    }
+
+    /// What each of `tried` promises beside each set of a level, the best first.
+    fn promising<M: Catalogue>(
+        &self,
+        level: &[Found<M>],
+        tried: &[M::Tried],
+    ) -> Result<Vec<Next>, InferError> {
+        let mut next = Vec::new();
+        for (parent, found) in level.iter().enumerate() {
+            for screened in self.screen(found, tried)? {
+                let name = &tried[screened.tried];
+                let start = M::start(name);
+                let beforehand = start.ln_prior + start.ln_share + self.policy.ln_name;
+                let ln_score = found.ln_score() + screened.gain + beforehand;
+                if ln_score.is_finite() && !found.has(name) {
+                    next.push(Next {
+                        ln_score,
+                        parent,
+                        screened,
+                    });
+                }
+            }
+        }
+        next.sort_by(|a, b| b.ln_score.total_cmp(&a.ln_score));
+        Ok(next)
+    }
+
+    /// The most promising sets, each fitted once, as long as they promise at least `least`.
+    fn fitted<M: Catalogue>(
+        &self,
+        level: &[Found<M>],
+        tried: &[M::Tried],
+        next: &[Next],
+        least: f64,
+        depth: usize,
+    ) -> Result<Vec<Found<M>>, InferError> {
+        let most = (self.policy.beam_fits / (depth + 1)).max(1);
+        let mut out: Vec<Found<M>> = Vec::new();
+        for n in next.iter().take_while(|n| n.ln_score > least) {
+            let name = &tried[n.screened.tried];
+            let mut names = level[n.parent].names.clone();
+            names.push(name.clone());
+            if out.iter().any(|f| f.is_same_set(&names)) {
+                continue;
+            }
+            out.push(self.extended(&level[n.parent], name, &n.screened.amplitudes)?);
+            if out.len() >= most {
+                break;
+            }
+        }
+        Ok(out)
     }
 }
 

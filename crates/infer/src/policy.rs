@@ -41,9 +41,10 @@ pub struct Policy {
     pub noise_median: Noise,
     /// One standard deviation of the natural logarithm of each, in the same order.
     pub noise_ln_sd: [f64; Noise::PARAMETERS],
-    /// Noise that is larger, or has a longer memory, by more than this many of these standard deviations
-    /// is an error of the model: one in forty of what is known.
-    pub noise_tolerance_sd: f64,
+    /// Noise whose parts are larger is an error of the model; white and slow noise as multiples of the
+    /// sensor's own, memories of any length. A plume that fluctuates by half is still one of a steady
+    /// source, a zero that wanders by six times the noise still one of the sensor's.
+    pub noise_tolerated: Noise,
     /// About how many passes a record is cut into.
     pub passes: usize,
     /// An innovation beyond this many standard deviations is a spike where it is short: one in
@@ -62,6 +63,8 @@ pub struct Policy {
     pub beam_fits: usize,
     /// See above.
     pub beam_width: usize,
+    /// Starts of causes that are looked for beside the first name.
+    pub beam_causes: usize,
     /// See above.
     pub beam_nats: f64,
     /// A cause is named at this probability: 19 to 1.
@@ -105,14 +108,23 @@ impl Default for Policy {
                 wander_deg: 1.0,
                 wander_s: 60.0,
             },
-            noise_ln_sd: [0.7, 1.0, 0.5, 1.0, 0.7, 1.0, 0.5],
-            noise_tolerance_sd: 2.0,
+            noise_ln_sd: [0.7, 1.0, 0.5, 0.8, 0.8, 1.0, 0.5],
+            noise_tolerated: Noise {
+                white: 6.0,
+                slow: 6.0,
+                slow_s: f64::INFINITY,
+                fluctuation: 0.5,
+                fluctuation_s: f64::INFINITY,
+                wander_deg: 10.0,
+                wander_s: f64::INFINITY,
+            },
             passes: 16,
             spike_sd: 4.0,
             spike_part_of_crossing: 0.5,
             ln_name: -3.4,
             most_names: 3,
             beam_fits: 6,
+            beam_causes: 30,
             beam_width: 3,
             beam_nats: 4.0,
             named: 0.95,

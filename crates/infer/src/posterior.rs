@@ -161,16 +161,20 @@ impl<M: ForwardModel> Problem<'_, M> {
     /// The fit under the same noise whose point has the sizes of the error of form that are likeliest
     /// there: what a linear problem says of sizes far from those of its point is not to be believed.
     pub(crate) fn settle_sizes(&self, fit: Fit) -> Result<Weighed, InferError> {
-        let mut found = self.around(fit)?;
+        let mut best = self.around(fit)?;
         for _ in 0..MOST_ROUNDS {
-            let sizes = found.likeliest_sizes();
-            if sizes == found.fit.sizes {
+            let sizes = best.likeliest_sizes();
+            if sizes == best.fit.sizes {
                 break;
             }
-            let fit = &found.fit;
-            found = self.around(self.fit(&fit.point, &fit.basis, fit.noise, sizes)?)?;
+            let fit = &best.fit;
+            let next = self.around(self.fit(&fit.point, &fit.basis, fit.noise, sizes)?)?;
+            if next.ln_evidence < best.ln_evidence {
+                break;
+            }
+            best = next;
         }
-        Ok(found)
+        Ok(best)
     }
 
     /// The sizes of the error of form and their evidence by the linear problem at a fit's point.

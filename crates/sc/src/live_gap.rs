@@ -103,10 +103,7 @@ impl LiveGap {
         if self.observations.rows.is_empty() {
             return None;
         }
-        let options = Options {
-            threads: 1,
-            ..Options::live()
-        };
+        let options = Options::live();
         let analysis = match analyse(&self.setup, &self.observations, &options, &mut |_| {}) {
             Ok(analysis) => analysis,
             Err(e) => {

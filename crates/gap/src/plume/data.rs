@@ -145,6 +145,7 @@ fn prior(base: &DispersionSpec, which: Uncertain, sd: f64) -> Option<Prior> {
 #[derive(Debug, Clone)]
 pub(crate) struct Data {
     pub track: Track,
+    rows: Vec<Row>,
     /// Readings, ppm; not a number where missing.
     pub reading_ppm: Vec<f64>,
     /// Rows that the fit uses.
@@ -217,6 +218,7 @@ impl Data {
             sd_ppm: order.iter().map(|o| o.sd_ppm.unwrap_or(f64::NAN)).collect(),
             reading_ppm,
             track,
+            rows,
             wind,
             notices,
             ceiling_ppm: Vec::new(),
@@ -225,6 +227,37 @@ impl Data {
 
     pub fn len(&self) -> usize {
         self.reading_ppm.len()
+    }
+
+    /// Every so many rows of each platform, and its last: about `most` in all. None where there are no
+    /// more.
+    pub fn thinned(&self, setup: &Setup, most: usize) -> Result<Option<Self>, GapError> {
+        let every = self.len().div_ceil(most.max(1));
+        if every < 2 {
+            return Ok(None);
+        }
+        let of = |r: &Range<usize>| {
+            let last = r.end.checked_sub(1).filter(|l| r.contains(l) && (l - r.start) % every != 0);
+            r.clone().step_by(every).chain(last)
+        };
+        let kept: Vec<usize> = self.ranges().iter().flat_map(of).collect();
+        let rows: Vec<Row> = kept.iter().map(|i| self.rows[*i]).collect();
+        let world = DispersionModel::new(setup.base.clone())?;
+        let mut track = Track::new(&world, self.track.platforms(), &rows)?;
+        for (transport, i) in track.transport_mut().iter_mut().zip(&kept) {
+            *transport = self.track.transport()[*i];
+        }
+        let pick = |of: &[f64]| kept.iter().map(|i| of[*i]).collect();
+        Ok(Some(Self {
+            track,
+            rows,
+            reading_ppm: pick(&self.reading_ppm),
+            used: kept.iter().map(|i| self.used[*i]).collect(),
+            sd_ppm: pick(&self.sd_ppm),
+            wind: kept.iter().map(|i| self.wind[*i]).collect(),
+            ceiling_ppm: Vec::new(),
+            ..self.clone()
+        }))
     }
 
     pub fn used_count(&self) -> usize {

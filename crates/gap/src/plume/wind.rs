@@ -7,91 +7,110 @@ use infer::{InferError, Question};
 use super::data::{Data, Setup};
 use super::model::PlumeModel;
 
-/// Logged winds are averaged over one of these times on both sides, s: as it is logged, over gusts,
-/// over minutes, over the time of a mean, and over the whole record.
-const AVERAGED_S: [f64; 5] = [0.0, 30.0, 120.0, 600.0, f64::INFINITY];
+/// What of a log carries the plume.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Carried {
+    /// The mean within this time before and after each row, s.
+    About(f64),
+    /// The mean over the way that the air took from the source.
+    OnItsWay,
+}
 
-/// `track` in a wind that is the mean of what was logged within `averaged_s` before and after each
-/// row, by any platform.
-fn averaged(track: &Track, logged: &[bool], averaged_s: f64) -> Track {
-    let mut out = track.clone();
-    if averaged_s == 0.0 {
-        return out;
-    }
+/// What is tried: as it is logged, over gusts, over minutes, over the time of a mean, over the whole
+/// record, and over the air's way.
+const TRIED: [Carried; 6] = [
+    Carried::About(0.0),
+    Carried::About(30.0),
+    Carried::About(120.0),
+    Carried::About(600.0),
+    Carried::About(f64::INFINITY),
+    Carried::OnItsWay,
+];
+/// The air's way is reckoned with at least this wind, m/s: a calm carries nothing.
+const LEAST_WIND_M_S: f64 = 0.5;
+
+/// `track` in a wind that is the mean of what was logged from `before_s` before each row to
+/// `after_s` after it, by any platform.
+fn averaged(track: &Track, logged: &[bool], before_s: impl Fn(usize) -> f64, after_s: f64) -> Track {
     let times = track.time_s();
-    let mut order: Vec<usize> = (0..track.len()).collect();
+    let mut order: Vec<usize> = (0..track.len()).filter(|i| logged[*i]).collect();
     order.sort_by(|a, b| times[*a].total_cmp(&times[*b]));
-    let (mut first, mut next) = (0, 0);
-    // East, north, speed, number: each row enters and leaves the sums once.
-    let mut sum = [0.0; 4];
-    let mut add = |i: usize, times: f64| {
+    // Sums of east, north, speed and number of the rows before each.
+    let mut sums = vec![[0.0; 4]];
+    for &i in &order {
         let t = track.transport()[i];
         let own = [t.east * t.speed_m_s, t.north * t.speed_m_s, t.speed_m_s, 1.0];
-        if logged[i] {
-            for (s, own) in sum.iter_mut().zip(own) {
-                *s += times * own;
-            }
-        }
-        sum
-    };
-    for &i in &order {
-        let mut now = [0.0; 4];
-        while next < order.len() && times[order[next]] <= times[i] + averaged_s {
-            now = add(order[next], 1.0);
-            next += 1;
-        }
-        while times[order[first]] < times[i] - averaged_s {
-            now = add(order[first], -1.0);
-            first += 1;
-        }
-        if now[3] == 0.0 {
-            now = add(i, 0.0);
-        }
-        let length = now[0].hypot(now[1]);
-        if now[3] > 0.5 && length > 0.0 {
-            out.transport_mut()[i] = Transport {
-                east: now[0] / length,
-                north: now[1] / length,
-                speed_m_s: now[2] / now[3],
+        let last = sums[sums.len() - 1];
+        sums.push(std::array::from_fn(|k| last[k] + own[k]));
+    }
+    let upto = |time_s: f64| order.partition_point(|i| times[*i] <= time_s);
+    let mut out = track.clone();
+    for (i, transport) in out.transport_mut().iter_mut().enumerate() {
+        let end = upto(times[i] + after_s).max(1);
+        let first = upto(times[i] - before_s(i)).min(end - 1);
+        let [east, north, speed, count] = std::array::from_fn(|k| sums[end][k] - sums[first][k]);
+        let length = f64::hypot(east, north);
+        if length > 0.0 {
+            *transport = Transport {
+                east: east / length,
+                north: north / length,
+                speed_m_s: speed / count,
             };
         }
     }
     out
 }
 
-/// The track of `data` in the wind under which the base fits its readings best, and over what time a
-/// log was averaged for it, s; none without a log.
-pub(crate) fn carrying(
+/// What of a log carries the plume where the base fits its readings best; none without a log.
+pub(crate) fn chosen(
     setup: &Setup,
     data: &Data,
     question: &Question<'_>,
-) -> Result<(Track, Option<f64>), InferError> {
+) -> Result<Option<Carried>, InferError> {
     if !data.on_board_wind {
-        return Ok((data.track.clone(), None));
+        return Ok(None);
     }
-    let logged: Vec<bool> = data.wind.iter().map(Option::is_some).collect();
-    let mut best: Option<(f64, Track, f64)> = None;
-    for averaged_s in AVERAGED_S {
-        let track = averaged(&data.track, &logged, averaged_s);
+    let mut best: Option<(f64, Carried)> = None;
+    for carried in TRIED {
+        let track = carrying(setup, data, Some(carried));
         let evidence = question.quick(&PlumeModel::new(setup, &track))?;
-        if best.as_ref().is_none_or(|b| evidence > b.0) {
-            best = Some((evidence, track, averaged_s));
+        if best.is_none_or(|b| evidence > b.0) {
+            best = Some((evidence, carried));
         }
     }
-    Ok(best.map_or_else(
-        || (data.track.clone(), None),
-        |(_, track, averaged_s)| (track, Some(averaged_s)),
-    ))
+    Ok(best.map(|b| b.1))
+}
+
+/// The track of `data` in what of its log carries the plume; in the scenario's wind where that is
+/// none.
+pub(crate) fn carrying(setup: &Setup, data: &Data, carried: Option<Carried>) -> Track {
+    let logged: Vec<bool> = data.wind.iter().map(Option::is_some).collect();
+    match carried {
+        None | Some(Carried::About(0.0)) => data.track.clone(),
+        Some(Carried::About(s)) => averaged(&data.track, &logged, |_| s, s),
+        Some(Carried::OnItsWay) => {
+            let source = setup.base.sources[0].place;
+            let way_s: Vec<f64> = data
+                .distance_m(source)
+                .zip(data.track.transport())
+                .map(|(far_m, wind)| far_m / wind.speed_m_s.max(LEAST_WIND_M_S))
+                .collect();
+            averaged(&data.track, &logged, |i| way_s[i], 0.0)
+        }
+    }
 }
 
 /// A wind in words.
-pub(crate) fn describe(averaged_s: Option<f64>) -> String {
-    match averaged_s {
+pub(crate) fn describe(carried: Option<Carried>) -> String {
+    match carried {
         None => "the scenario's wind".to_string(),
-        Some(0.0) => "the logged wind of each row".to_string(),
-        Some(s) if s.is_finite() => {
+        Some(Carried::About(0.0)) => "the logged wind of each row".to_string(),
+        Some(Carried::About(s)) if s.is_finite() => {
             format!("the logged wind, averaged over {s:.0} s before and after each row")
         }
-        Some(_) => "the mean of the logged wind".to_string(),
+        Some(Carried::About(_)) => "the mean of the logged wind".to_string(),
+        Some(Carried::OnItsWay) => {
+            "the logged wind, averaged over the way of the air from the source".to_string()
+        }
     }
 }

@@ -158,6 +158,17 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         Noise::from_ln(self.noise_prior().map(|(mean, _)| mean))
     }
 
+    /// Noise as small as one standard deviation of what is known beforehand lets it be, but for its white
+    /// part.
+    pub(crate) fn quiet_noise(&self) -> Noise {
+        let known = self.noise_prior();
+        let mut ln = known.map(|(mean, _)| mean);
+        for k in [1, 3, 5] {
+            ln[k] -= known[k].1;
+        }
+        Noise::from_ln(ln)
+    }
+
     fn noise_prior(&self) -> [(f64, f64); Noise::PARAMETERS] {
         let median = self.policy.noise_median;
         let scaled = Noise {

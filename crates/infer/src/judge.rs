@@ -103,7 +103,8 @@ impl Question<'_> {
                 .filter(|&k| !self.stands(&causes[k]))
                 .min_by(|a, b| strength(&causes[*a]).total_cmp(&strength(&causes[*b])));
             let Some(k) = weakest else { break };
-            if strength(&causes[k]) > self.policy.drawn_again {
+            let worse = causes[k].worse.iter().any(|w| *w >= WORSE);
+            if strength(&causes[k]) > self.policy.drawn_again && !worse {
                 doubted.push(causes[k].clone());
             }
             set = best_without(found, &set, k).clone();

@@ -433,7 +433,7 @@ impl<'a> Question<'a> {
         found.extend(named);
         let mut tried: Vec<M::Tried> = tried.to_vec();
         for depth in 0..policy.most_names {
-            let next = if depth == 0 { next.clone() } else { self.promising(&level, &tried)? };
+            let next = if depth == 0 { next.clone() } else { self.promising(&level, &tried, None)? };
             let top = found.iter().map(Found::ln_score).fold(f64::NEG_INFINITY, f64::max);
             let deeper = self.fitted(&level, &tried, &next, top - policy.beam_nats, depth)?;
             found.extend(deeper.iter().cloned());
@@ -480,14 +480,13 @@ struct Next {
 }
 
 impl Question<'_> {
-    /// The base as it is and as it is without more noise than is most probable, which may have taken
-    /// up what a name explains.
-    fn quiet<M: Catalogue>(&self, base: &Found<M>) -> Result<Found<M>, InferError> {
+    /// The base under little noise: noise may have taken up what a name explains.
+    pub fn quiet<M: Catalogue>(&self, base: &Found<M>) -> Result<Found<M>, InferError> {
         let problem = self.problem(&base.model);
         let swing_deg = base.likeliest_sizes()[SWING];
         let sizes = self.policy.nearest_sizes(0.0, swing_deg);
         let fit = base.fit();
-        let noise = problem.noise_beforehand();
+        let noise = problem.quiet_noise();
         let mut quiet = base.clone();
         quiet.weighed = problem.around(problem.fit(&fit.point, &fit.basis, noise, sizes)?)?;
         Ok(quiet)
@@ -505,7 +504,7 @@ impl Question<'_> {
         for _ in 0..NEW_BASES {
             let mut level = vec![base.clone(), self.quiet(&base)?];
             level.extend(named.iter().cloned());
-            let next = self.promising(&level, tried)?;
+            let next = self.promising(&level, tried, Some(base.ln_score()))?;
             let Some(first) = next.iter().find(|n| level[n.parent].names.is_empty()) else {
                 return Ok((base, next, level));
             };
@@ -522,23 +521,27 @@ impl Question<'_> {
         }
         let mut level = vec![base.clone(), self.quiet(&base)?];
         level.extend(named.iter().cloned());
-        let next = self.promising(&level, tried)?;
+        let next = self.promising(&level, tried, Some(base.ln_score()))?;
         Ok((base, next, level))
     }
 
-    /// What each of `tried` promises beside each set of a level, the best first.
+    /// What each of `tried` promises beside each set of a level, the best first. A base under little
+    /// noise is as good as it is under its own, `quiet`, once the noise is fitted.
     fn promising<M: Catalogue>(
         &self,
         level: &[Found<M>],
         tried: &[M::Tried],
+        quiet: Option<f64>,
     ) -> Result<Vec<Next>, InferError> {
         let mut next = Vec::new();
         for (parent, found) in level.iter().enumerate() {
+            let own = found.ln_score();
+            let from = if found.names.is_empty() { quiet.unwrap_or(own) } else { own };
             for screened in self.screen(found, tried)? {
                 let name = &tried[screened.tried];
                 let start = M::start(name);
                 let beforehand = start.ln_prior + start.ln_share + self.policy.ln_name;
-                let ln_score = found.ln_score() + screened.gain + beforehand;
+                let ln_score = from + screened.gain + beforehand;
                 if ln_score.is_finite() && !found.has(name) {
                     next.push(Next {
                         ln_score,
@@ -563,7 +566,11 @@ impl Question<'_> {
     ) -> Result<Vec<Found<M>>, InferError> {
         let most = (self.policy.beam_fits / (depth + 1)).max(1);
         let mut out: Vec<Found<M>> = Vec::new();
+        let mut of_parent = vec![0; level.len()];
         for n in next.iter().take_while(|n| n.ln_score > least) {
+            if depth == 0 && of_parent[n.parent] >= most / 2 {
+                continue;
+            }
             let name = &tried[n.screened.tried];
             let mut names = level[n.parent].names.clone();
             names.push(name.clone());
@@ -571,6 +578,7 @@ impl Question<'_> {
                 continue;
             }
             out.push(self.extended(&level[n.parent], name, &n.screened.amplitudes)?);
+            of_parent[n.parent] += 1;
             if out.len() >= most {
                 break;
             }

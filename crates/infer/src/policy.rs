@@ -43,7 +43,8 @@ pub struct Policy {
     pub noise_ln_sd: [f64; Noise::PARAMETERS],
     /// Noise whose parts are larger is an error of the model; white and slow noise as multiples of the
     /// sensor's own, memories of any length. A plume that fluctuates by half is still one of a steady
-    /// source, a zero that wanders by six times the noise still one of the sensor's.
+    /// source, a zero that wanders by three times the noise still one of the sensor's, and an axis that
+    /// wanders by three degrees that of a steady wind.
     pub noise_tolerated: Noise,
     /// About how many passes a record is cut into.
     pub passes: usize,
@@ -111,11 +112,11 @@ impl Default for Policy {
             noise_ln_sd: [0.7, 1.0, 0.5, 0.8, 0.8, 1.0, 0.5],
             noise_tolerated: Noise {
                 white: 6.0,
-                slow: 6.0,
+                slow: 3.0,
                 slow_s: f64::INFINITY,
                 fluctuation: 0.5,
                 fluctuation_s: f64::INFINITY,
-                wander_deg: 10.0,
+                wander_deg: 3.0,
                 wander_s: f64::INFINITY,
             },
             passes: 16,
@@ -123,7 +124,7 @@ impl Default for Policy {
             spike_part_of_crossing: 0.5,
             ln_name: -3.4,
             most_names: 3,
-            beam_fits: 6,
+            beam_fits: 8,
             beam_causes: 30,
             beam_width: 3,
             beam_nats: 4.0,

@@ -55,6 +55,7 @@ pub(crate) fn stated(
     if std::env::var_os("GAPDEBUG").is_some() {
         let name = |f: &Found<PlumeModel<'_>>| f.names.iter().map(|n| label(study, n)).map(|(a, b)| a + &b.map_or(String::new(), |b| "@".to_string() + &b)).collect::<Vec<_>>().join("+");
         for f in study.found.iter().take(12) { notices.push(format!("F {:.1} {} {:.3?} {:?}", f.ln_score(), name(f), f.at(), f.likeliest_sizes())); }
+        for (w, f) in [("base", study.base.clone()), ("quiet", study.question.quiet(&study.base)?)] { let mut l = study.question.screen(&f, &study.tried)?; l.sort_by(|a, b| b.gain.total_cmp(&a.gain)); notices.push(format!("S {w} {:.1} {}", f.ln_score(), l.iter().take(14).map(|s| { let n = label(study, &study.tried[s.tried]); format!("{}@{:?} {:.1} {:.2?}", n.0, n.1, s.gain, s.amplitudes) }).collect::<Vec<_>>().join(", "))); }
         notices.push(format!("N {:.3?}", study.base.fit().noise));
         let p = study.question.plain(&judged.set)?;
         notices.push(format!("P {:.1} {:.3?} {:?}", p.ln_score(), p.fit().noise, p.likeliest_sizes()));

@@ -206,6 +206,9 @@ impl Case {
     }
 }
 
+/// (Excess, background) at every sub-step of a platform, ppm.
+pub(crate) type Air = Vec<(f64, f64)>;
+
 pub(crate) type Laws = (Physics, Vec<Faults>, Vec<TrueEffect>);
 
 impl CaseBuilder<'_> {
@@ -356,25 +359,37 @@ impl<'a> CaseBuilder<'a> {
         })
     }
 
-    /// What each platform would read without noise; the air is that of places `seen_off_m` from
-    /// those flown.
-    pub(crate) fn mean_logs(
+    /// The air of places `seen_off_m` from those that each platform flies, as [`Platform::air`] has it.
+    pub(crate) fn airs(
         &self,
         physics: &Physics,
-        faults: &[Faults],
         seen_off_m: &[[f64; 3]],
-    ) -> Vec<MeanLog> {
+        stride: usize,
+    ) -> Vec<Air> {
+        let faultless = Faults::default();
         self.in_world(physics, |wind, world| {
             (0..self.scene.tracks.len())
                 .map(|index| {
-                    let platform = self.platform(index, wind, world, &faults[index]);
+                    let platform = self.platform(index, wind, world, &faultless);
                     Platform {
                         seen_off_m: seen_off_m[index],
                         ..platform
                     }
-                    .mean_log()
+                    .air(stride)
                 })
                 .collect()
+        })
+    }
+
+    /// What each platform would read of its air without noise.
+    pub(crate) fn mean_logs(&self, airs: &[Air], faults: &[Faults]) -> Vec<MeanLog> {
+        // Neither world nor wind is asked: the air is known.
+        self.in_world(&Physics::default(), |wind, world| {
+            let of = |(index, air): (usize, &Air)| {
+                let platform = self.platform(index, wind, world, &faults[index]);
+                platform.mean_log(air.clone())
+            };
+            airs.iter().enumerate().map(of).collect()
         })
     }
 

@@ -250,20 +250,38 @@ impl Platform<'_> {
         ((self.scene.duration_s + 2.0 * MARGIN_S) / SUB_STEP_S) as usize
     }
 
-    /// (excess, background) at every sub-step, without intermittency, ppm.
-    fn air(&self) -> Vec<(f64, f64)> {
-        let track = &self.scene.tracks[self.index];
-        let off = self.seen_off_m;
-        (0..self.points())
+    /// (excess, background) at every sub-step, without intermittency, ppm: at every `stride`-th as it is,
+    /// straight between them.
+    pub fn air(&self, stride: usize) -> Vec<(f64, f64)> {
+        let last = self.points() - 1;
+        let known: Vec<(f64, f64)> = (0..=last.div_ceil(stride))
+            .map(|j| self.air_at((j * stride).min(last)))
+            .collect();
+        (0..=last)
             .map(|k| {
-                let time_s = k as f64 * SUB_STEP_S - MARGIN_S;
-                let place = self.scene.east_north_m(&track[k]);
-                let place = [place[0] + off[0], place[1] + off[1]];
-                let z_m = track[k][2] + off[2];
-                let excess = self.world.excess_ppm(place, z_m, time_s);
-                (excess, self.world.background_ppm(place, z_m, time_s))
+                let (j, from) = (k / stride, k / stride * stride);
+                if k == from {
+                    return known[j];
+                }
+                let to = (from + stride).min(last);
+                let share = (k - from) as f64 / (to - from) as f64;
+                let mix = |a: f64, b: f64| a + share * (b - a);
+                let (a, b) = (known[j], known[j + 1]);
+                (mix(a.0, b.0), mix(a.1, b.1))
             })
             .collect()
+    }
+
+    /// (excess, background) at sub-step `k`, ppm.
+    fn air_at(&self, k: usize) -> (f64, f64) {
+        let track = &self.scene.tracks[self.index];
+        let off = self.seen_off_m;
+        let time_s = k as f64 * SUB_STEP_S - MARGIN_S;
+        let place = self.scene.east_north_m(&track[k]);
+        let place = [place[0] + off[0], place[1] + off[1]];
+        let z_m = track[k][2] + off[2];
+        let excess = self.world.excess_ppm(place, z_m, time_s);
+        (excess, self.world.background_ppm(place, z_m, time_s))
     }
 
     /// The same with intermittency.
@@ -315,16 +333,15 @@ impl Platform<'_> {
 
     /// The rows.
     pub fn log(&self) -> Vec<LogRow> {
-        let air = self.air();
+        let air = self.air(1);
         let gusty = self.answered(self.gusty(&air));
         let mut rows = self.rows(&gusty, &self.answered(air)).0;
         self.apply_damage(&mut rows);
         rows
     }
 
-    /// What would be read without noise.
-    pub fn mean_log(&self) -> MeanLog {
-        let air = self.air();
+    /// What would be read of `air` without noise.
+    pub fn mean_log(&self, air: Vec<(f64, f64)>) -> MeanLog {
         let air_ppm = air.iter().map(|a| a.0).collect();
         let mean = self.answered(air);
         let (rows, seen_at) = self.rows(&mean, &mean);

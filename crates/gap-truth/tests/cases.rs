@@ -3,7 +3,7 @@
 
 use std::process::Command;
 
-use gap_truth::case::DamageKind;
+use gap_truth::case::{DamageKind, TrackForm};
 use gap_truth::{CATALOGUE, Case, CaseSpec, Forward, OUTSIDE, PlumeEffect};
 
 /// Readings of a case's files in order.
@@ -138,4 +138,50 @@ fn damage_is_in_the_rows() {
     assert!(gap.iter().filter(|r| r.is_none()).count() >= 59);
     let highest = |r: &[Option<f64>]| r.iter().flatten().fold(0.0_f64, |a, &b| a.max(b));
     assert!(highest(&readings(&made(DamageKind::Clipped).observations)) <= highest(&plain));
+}
+
+/// Time, platform and latitude of each row of a case.
+fn places(case: &Case) -> Vec<(f64, String, f64)> {
+    let row = |line: &str| -> Option<(f64, String, f64)> {
+        let mut cells = line.split(',');
+        let time_s = cells.next()?.parse().ok()?;
+        let platform = cells.next()?.to_owned();
+        Some((time_s, platform, cells.next()?.parse().ok()?))
+    };
+    let rows = case
+        .observations
+        .iter()
+        .flat_map(|(_, t)| t.lines().skip(1));
+    rows.filter_map(row).collect()
+}
+
+#[test]
+fn rows_are_as_far_apart_as_asked_and_fixed_sensors_stand() {
+    let case = Case::make(&CaseSpec {
+        row_step_s: 4,
+        tracks: TrackForm::Fixed,
+        ..CaseSpec::none(3)
+    });
+    let rows = places(&case);
+    let own: Vec<&(f64, String, f64)> = rows.iter().filter(|r| r.1 == "uav1").collect();
+    assert!(own.windows(2).all(|w| w[1].0 - w[0].0 == 4.0));
+    // A degree is 111 km; what moves is the position's noise, a metre or two.
+    assert!(own.iter().all(|r| (r.2 - own[0].2).abs() * 111e3 < 6.0));
+}
+
+#[test]
+fn a_position_jumps_and_comes_back() {
+    let made = |damage| {
+        let spec = CaseSpec {
+            damage,
+            ..CaseSpec::none(3)
+        };
+        places(&Case::make(&spec))
+    };
+    let (plain, jumps) = (made(None), made(Some(DamageKind::Jumps)));
+    let moved = |(a, b): (&(f64, String, f64), &(f64, String, f64))| (a.2 - b.2).abs() > 1e-3;
+    let away: Vec<bool> = plain.iter().zip(&jumps).map(moved).collect();
+    let count = away.iter().filter(|a| **a).count();
+    assert!((4..=21).contains(&count), "{count}");
+    assert!(!away[0] && !away[away.len() - 1]);
 }

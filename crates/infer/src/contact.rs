@@ -65,7 +65,9 @@ impl<M: ForwardModel> Problem<'_, M> {
                 }
             }
         }
-        let seen: Vec<usize> = (0..passes.len()).filter(|&p| best[p].0 > SEEN_NATS).collect();
+        let seen: Vec<usize> = (0..passes.len())
+            .filter(|&p| best[p].0 > SEEN_NATS)
+            .collect();
         if seen.is_empty() {
             return Ok(None);
         }

@@ -230,9 +230,10 @@ impl<'a> Evidence<'a> {
             self.known.precision[at - end]
         };
         let whole = &self.whole;
-        let kept = self.kept.entry(key).or_insert_with(|| {
-            whole.without(first, |k| (precision(k), offset[k]))
-        });
+        let kept = self
+            .kept
+            .entry(key)
+            .or_insert_with(|| whole.without(first, |k| (precision(k), offset[k])));
         let rest = self.known.layout.tried - first;
         kept.as_ref()?
             .without(rest, |k| (precision(first + k), offset[first + k]))

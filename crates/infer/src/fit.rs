@@ -113,7 +113,10 @@ fn factors_of(bumps: &[f64], active: &Active, point: &Point, rows: usize) -> Vec
         .take(active.of_form())
         .map(|k| point.weights[k])
         .collect();
-    bumps.chunks_exact(n).map(|b| Basis::factor(b, &weights)).collect()
+    bumps
+        .chunks_exact(n)
+        .map(|b| Basis::factor(b, &weights))
+        .collect()
 }
 
 /// Precision of weights of a size.
@@ -482,7 +485,10 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
     /// What the error of form makes of the plume at every row of a fit.
     pub(crate) fn factors(&self, fit: &Fit) -> Result<Vec<f64>, InferError> {
         let active = fit.basis.weighted(&fit.point.weights);
-        let plume = self.model.predict(&fit.point.at, &self.turns(&fit.point))?.plume;
+        let plume = self
+            .model
+            .predict(&fit.point.at, &self.turns(&fit.point))?
+            .plume;
         let bumps = self.bumps(&fit.point, &fit.basis, &active, &plume)?;
         Ok(factors_of(&bumps, &active, &fit.point, self.rows.len()))
     }
@@ -665,8 +671,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let layout = Layout::new(&coordinates, self.unknowns(), tried.len());
         let all = Active::all(&fit.basis);
         let own = self.unknowns() + all.len() + 1;
-        let (matrix, _, _) =
-            self.columns(&fit.point, &fit.basis, &all, &fit.loadings, own)?;
+        let (matrix, _, _) = self.columns(&fit.point, &fit.basis, &all, &fit.loadings, own)?;
         let whitener = Whitener::new(self.rows, &fit.noise, &fit.loadings, &fit.inflation);
         let mut placed = vec![0.0; self.rows.len() * layout.columns];
         let rows = placed.chunks_exact_mut(layout.columns);
@@ -691,8 +696,15 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                 .collect();
             Products::of(&part, layout.columns, whitener.ln_normalisation_of(ranges))
         };
-        let products = if let [only] = blocks && only.len() == 1 && only[0] == (0..self.rows.len()) {
-            vec![Products::of(&placed, layout.columns, whitener.ln_normalisation)]
+        let products = if let [only] = blocks
+            && only.len() == 1
+            && only[0] == (0..self.rows.len())
+        {
+            vec![Products::of(
+                &placed,
+                layout.columns,
+                whitener.ln_normalisation,
+            )]
         } else {
             blocks.iter().map(of_block).collect()
         };
@@ -725,7 +737,10 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         // Variance of a row's innovation without what a spike has added to it, and of its own white noise:
         // a spike that is allowed for must not look like none.
         let variances = |i: usize| {
-            let own = self.rows.stated_sd(i).unwrap_or(metric.whitener.noise.white);
+            let own = self
+                .rows
+                .stated_sd(i)
+                .unwrap_or(metric.whitener.noise.white);
             let added = own * own * (metric.inflation[i] - 1.0);
             (metric.whitener.innovation_sd(i).powi(2) - added, own * own)
         };

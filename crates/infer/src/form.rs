@@ -363,7 +363,10 @@ mod tests {
         basis.fill(&place(f64::NAN, 0.0), &mut bumps);
         assert!(bumps[..basis.of_form()].iter().all(|b| *b == 0.0));
         assert!(bumps[basis.of_form()..].iter().any(|b| *b > 0.1));
-        assert_eq!(Basis::factor(&bumps[..basis.of_form()], &vec![1.0; basis.of_form()]), 1.0);
+        assert_eq!(
+            Basis::factor(&bumps[..basis.of_form()], &vec![1.0; basis.of_form()]),
+            1.0
+        );
     }
 
     #[test]

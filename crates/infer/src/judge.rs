@@ -57,7 +57,10 @@ impl Question<'_> {
     ///
     /// # Errors
     /// Values that the model refuses.
-    pub fn passes<M: Catalogue>(&self, of: &Found<M>) -> Result<Vec<Vec<Range<usize>>>, InferError> {
+    pub fn passes<M: Catalogue>(
+        &self,
+        of: &Found<M>,
+    ) -> Result<Vec<Vec<Range<usize>>>, InferError> {
         let fit = of.fit();
         let turns = self.problem(&of.model).turns(&fit.point);
         let there = of.model.predict(&fit.point.at, &turns)?;
@@ -127,7 +130,7 @@ impl Question<'_> {
     }
 
     /// Log evidence of the error of form, of more swing and of more noise than is tolerated beside the
-    /// names of a set, nats; none where passes left out do not gain by it.
+    /// names of a set, nats; none where it is not much and passes left out do not gain by it.
     fn rest<M: Catalogue>(
         &self,
         set: &Found<M>,
@@ -135,13 +138,21 @@ impl Question<'_> {
     ) -> Result<f64, InferError> {
         let plain = self.plain(set)?;
         let rest = set.ln_score() - plain.ln_score();
-        if rest <= self.policy.rest_nats {
+        if rest <= self.policy.rest_nats || rest > self.policy.rest_alone_nats {
             return Ok(rest.max(0.0));
         }
         let (with, without) = (self.by_pass(set, passes)?, self.by_pass(&plain, passes)?);
         let with = with.left_out();
-        let gains: Vec<f64> = with.iter().zip(without.left_out()).map(|(a, b)| a - b).collect();
-        Ok(if sum_and_low(&gains).1 > 0.0 { rest } else { 0.0 })
+        let gains: Vec<f64> = with
+            .iter()
+            .zip(without.left_out())
+            .map(|(a, b)| a - b)
+            .collect();
+        Ok(if sum_and_low(&gains).1 > 0.0 {
+            rest
+        } else {
+            0.0
+        })
     }
 
     /// Whether a name stands.
@@ -175,7 +186,10 @@ impl Question<'_> {
             if !others.iter().all(|o| f.has(o)) {
                 continue;
             }
-            let own = f.names.iter().find(|n| !others.iter().any(|o| M::same_cause(o, n)));
+            let own = f
+                .names
+                .iter()
+                .find(|n| !others.iter().any(|o| M::same_cause(o, n)));
             let Some(own) = own else { continue };
             if rivals.iter().all(|r| !M::same_cause(&r.0, own)) {
                 rivals.push((own.clone(), f.ln_score() - top));
@@ -183,7 +197,10 @@ impl Question<'_> {
         }
         rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
         // The name of the set itself stands first, whatever else is as likely.
-        if let Some(own) = rivals.iter().position(|r| M::same_cause(&r.0, &set.names[k])) {
+        if let Some(own) = rivals
+            .iter()
+            .position(|r| M::same_cause(&r.0, &set.names[k]))
+        {
             let own = rivals.remove(own);
             rivals.insert(0, own);
         }
@@ -316,7 +333,11 @@ impl Question<'_> {
 }
 
 /// The likeliest set that was found with none but the names of `set` without the one at `k`.
-fn best_without<'f, M: Catalogue>(found: &'f [Found<M>], set: &'f Found<M>, k: usize) -> &'f Found<M> {
+fn best_without<'f, M: Catalogue>(
+    found: &'f [Found<M>],
+    set: &'f Found<M>,
+    k: usize,
+) -> &'f Found<M> {
     let mut names = set.names.clone();
     names.remove(k);
     let within = |f: &&Found<M>| {
@@ -349,17 +370,23 @@ impl Errors {
     }
 
     fn sum(of: &[Self], times: &[f64]) -> Self {
-        of.iter().zip(times).fold(Self::default(), |s, (o, times)| Self {
-            square: s.square + times * o.square,
-            read: s.read + times * o.read,
-            expected: s.expected + times * o.expected,
-        })
+        of.iter()
+            .zip(times)
+            .fold(Self::default(), |s, (o, times)| Self {
+                square: s.square + times * o.square,
+                read: s.read + times * o.read,
+                expected: s.expected + times * o.expected,
+            })
     }
 
     /// Normalised mean square error, up to the number of rows.
     fn normalised(&self) -> f64 {
         let product = self.read * self.expected;
-        if product > 0.0 { self.square / product } else { f64::INFINITY }
+        if product > 0.0 {
+            self.square / product
+        } else {
+            f64::INFINITY
+        }
     }
 }
 

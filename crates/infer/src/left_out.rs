@@ -52,7 +52,10 @@ impl ByPass {
         let (n, columns) = (self.known.layout.tried, self.known.layout.columns);
         let products = DMatrixView::from_slice(&sum.values, columns, columns);
         let mut information = products.view((0, 0), (n, n)).into_owned();
-        let mut pull = products.view((0, columns - 1), (n, 1)).column(0).into_owned();
+        let mut pull = products
+            .view((0, columns - 1), (n, 1))
+            .column(0)
+            .into_owned();
         let mut precision = vec![0.0; n];
         for (place, c) in self.known.layout.weights.iter().zip(coordinates) {
             precision[*place] = precision_of(self.sizes[*c]);

@@ -210,7 +210,10 @@ impl<'a> Question<'a> {
         for fit in [first.clone(), problem.refit_noise_tolerated(&first)?] {
             let mut weighed = problem.around(fit)?;
             weighed.ln_evidence = weighed.only(&sizes, self.policy, &problem);
-            if best.as_ref().is_none_or(|b| weighed.ln_evidence > b.ln_evidence) {
+            if best
+                .as_ref()
+                .is_none_or(|b| weighed.ln_evidence > b.ln_evidence)
+            {
                 best = Some(weighed);
             }
         }
@@ -260,7 +263,9 @@ impl<'a> Question<'a> {
         let mut columns = Vec::new();
         for tried in tried {
             for end in &M::start(tried).ends {
-                let there = found.model.predict_with(&fit.point.at, &turns, tried, end)?;
+                let there = found
+                    .model
+                    .predict_with(&fit.point.at, &turns, tried, end)?;
                 let change = |i: usize| {
                     there.reading[i] - here.reading[i]
                         + (there.plume[i] - here.plume[i]) * (factors[i] - 1.0)
@@ -274,10 +279,7 @@ impl<'a> Question<'a> {
         let mut problems: Vec<(f64, Reduced)> = Vec::new();
         let plain = self.policy.nearest_sizes(0.0, 0.0);
         let counting = found.weighed.sizes.iter().map(|s| s.1);
-        let counting: Vec<Sizes> = counting
-            .take(SIZES_SCREENED)
-            .chain([plain])
-            .collect();
+        let counting: Vec<Sizes> = counting.take(SIZES_SCREENED).chain([plain]).collect();
         for (k, sizes) in counting.iter().enumerate() {
             if counting[..k].contains(sizes) {
                 continue;
@@ -307,7 +309,11 @@ impl<'a> Question<'a> {
             );
             out.push(Screened {
                 tried: k,
-                gain: if total.is_finite() { total - without } else { f64::NEG_INFINITY },
+                gain: if total.is_finite() {
+                    total - without
+                } else {
+                    f64::NEG_INFINITY
+                },
                 amplitudes,
                 information,
             });
@@ -319,7 +325,11 @@ impl<'a> Question<'a> {
     ///
     /// # Errors
     /// Values that the model refuses.
-    pub fn refined<M: Catalogue>(&self, model: &M, found: &Found<M>) -> Result<Found<M>, InferError> {
+    pub fn refined<M: Catalogue>(
+        &self,
+        model: &M,
+        found: &Found<M>,
+    ) -> Result<Found<M>, InferError> {
         let problem = self.problem(model);
         let fit = found.fit();
         Ok(Found {
@@ -349,7 +359,9 @@ impl<'a> Question<'a> {
         let mut best = self.settled(&problem, &point, fit, 2)?;
         // One more unknown makes no model worse: where the start led astray, what was found before
         // stands with the name doing next to nothing.
-        if best.ln_evidence < found.weighed.ln_evidence && start.nothing.iter().all(|n| n.is_finite()) {
+        if best.ln_evidence < found.weighed.ln_evidence
+            && start.nothing.iter().all(|n| n.is_finite())
+        {
             let mut at = fit.point.clone();
             at.at.extend(start.at(&vec![0.01; start.ends.len()]));
             let other = self.settled(&problem, &at, fit, 1)?;
@@ -381,11 +393,21 @@ impl<'a> Question<'a> {
         Ok(self.found_with(found, tried, model.clone(), weighed))
     }
 
-    fn found_with<M: Catalogue>(&self, found: &Found<M>, tried: &M::Tried, model: M, best: Weighed) -> Found<M> {
+    fn found_with<M: Catalogue>(
+        &self,
+        found: &Found<M>,
+        tried: &M::Tried,
+        model: M,
+        best: Weighed,
+    ) -> Found<M> {
         let start = M::start(tried);
         let mut names = found.names.clone();
         names.push(tried.clone());
-        let sides = if start.one_sided { std::f64::consts::LN_2 } else { 0.0 };
+        let sides = if start.one_sided {
+            std::f64::consts::LN_2
+        } else {
+            0.0
+        };
         Found {
             names,
             weighed: best,
@@ -427,26 +449,24 @@ impl<'a> Question<'a> {
         tried: &[M::Tried],
     ) -> Result<Vec<Found<M>>, InferError> {
         let policy = self.policy;
-        let (base, next, first) = self.first_level(base, &named, tried)?;
-        let mut level = first;
+        let (base, beside, next) = self.first_level(base, &named, tried)?;
         let mut found = vec![base];
         found.extend(named);
-        let mut tried: Vec<M::Tried> = tried.to_vec();
-        for depth in 0..policy.most_names {
-            let next = if depth == 0 { next.clone() } else { self.promising(&level, &tried, None)? };
-            let top = found.iter().map(Found::ln_score).fold(f64::NEG_INFINITY, f64::max);
-            let deeper = self.fitted(&level, &tried, &next, top - policy.beam_nats, depth)?;
-            found.extend(deeper.iter().cloned());
-            level = deeper;
+        found.extend(beside.iter().cloned());
+        let tried = kept(tried, &next, policy.beam_causes);
+        let mut level = beside;
+        for depth in 1..policy.most_names {
+            let top = found
+                .iter()
+                .map(Found::ln_score)
+                .fold(f64::NEG_INFINITY, f64::max);
             level.sort_by(|a, b| b.ln_score().total_cmp(&a.ln_score()));
             level.truncate(policy.beam_width);
             level.retain(|d| d.ln_score() > top - policy.beam_nats);
-            if level.is_empty() {
-                break;
-            }
-            if depth == 0 {
-                tried = kept(&tried, &next, policy.beam_causes);
-            }
+            let next = self.promising(&level, &tried, None)?;
+            let most = (policy.beam_fits / (depth + 1)).max(1);
+            level = self.fitted(&level, &tried, &next, top - policy.beam_nats, [most, most])?;
+            found.extend(level.iter().cloned());
         }
         found.sort_by(|a, b| b.ln_score().total_cmp(&a.ln_score()));
         Ok(found)
@@ -492,37 +512,58 @@ impl Question<'_> {
         Ok(quiet)
     }
 
-    /// The base, what may be fitted beside it, and the sets that this is beside: where the first of
-    /// these finds a better fit that is not due to its name, the base follows.
+    /// The base, the sets of one more name, and what was promised. Where one of these found a better fit
+    /// that is not due to its name, the base follows and the search begins anew.
     #[allow(clippy::type_complexity, reason = "three things that belong together")]
     fn first_level<M: Catalogue>(
         &self,
         mut base: Found<M>,
         named: &[Found<M>],
         tried: &[M::Tried],
-    ) -> Result<(Found<M>, Vec<Next>, Vec<Found<M>>), InferError> {
-        for _ in 0..NEW_BASES {
+    ) -> Result<(Found<M>, Vec<Found<M>>, Vec<Next>), InferError> {
+        let most = self.policy.beam_fits;
+        for left in (0..=NEW_BASES).rev() {
             let mut level = vec![base.clone(), self.quiet(&base)?];
             level.extend(named.iter().cloned());
+            let top = level
+                .iter()
+                .map(Found::ln_score)
+                .fold(f64::NEG_INFINITY, f64::max);
             let next = self.promising(&level, tried, Some(base.ln_score()))?;
-            let Some(first) = next.iter().find(|n| level[n.parent].names.is_empty()) else {
-                return Ok((base, next, level));
+            let least = top - self.policy.beam_nats;
+            let beside = self.fitted(&level, tried, &next, least, [most, most / 2])?;
+            let alone = beside.iter().filter(|f| f.names.len() == 1);
+            let best = alone.max_by(|a, b| a.ln_evidence().total_cmp(&b.ln_evidence()));
+            let better = match best.filter(|_| left > 0) {
+                Some(best) => self.followed(&base, best)?,
+                None => None,
             };
-            let name = &tried[first.screened.tried];
-            let found = self.extended(&level[first.parent], name, &first.screened.amplitudes)?;
-            let problem = self.problem(&base.model);
-            let mut point = found.fit().point.clone();
-            point.at.truncate(base.at().len());
-            let other = self.settled(&problem, &point, found.fit(), 1)?;
-            if other.ln_evidence < base.weighed.ln_evidence + BETTER_BASE_NATS {
-                return Ok((base, next, level));
+            match better {
+                Some(better) => base = better,
+                None => return Ok((base, beside, next)),
             }
-            base.weighed = other;
         }
-        let mut level = vec![base.clone(), self.quiet(&base)?];
-        level.extend(named.iter().cloned());
-        let next = self.promising(&level, tried, Some(base.ln_score()))?;
-        Ok((base, next, level))
+        Err(InferError::NoPosterior)
+    }
+
+    /// The base from the point of a set with a name, where that is a better one.
+    fn followed<M: Catalogue>(
+        &self,
+        base: &Found<M>,
+        set: &Found<M>,
+    ) -> Result<Option<Found<M>>, InferError> {
+        if set.ln_evidence() < base.ln_evidence() + BETTER_BASE_NATS {
+            return Ok(None);
+        }
+        let problem = self.problem(&base.model);
+        let mut point = set.fit().point.clone();
+        point.at.truncate(base.at().len());
+        let weighed = self.settled(&problem, &point, set.fit(), 1)?;
+        let better = weighed.ln_evidence > base.ln_evidence() + BETTER_BASE_NATS;
+        Ok(better.then(|| Found {
+            weighed,
+            ..base.clone()
+        }))
     }
 
     /// What each of `tried` promises beside each set of a level, the best first. A base under little
@@ -536,7 +577,11 @@ impl Question<'_> {
         let mut next = Vec::new();
         for (parent, found) in level.iter().enumerate() {
             let own = found.ln_score();
-            let from = if found.names.is_empty() { quiet.unwrap_or(own) } else { own };
+            let from = if found.names.is_empty() {
+                quiet.unwrap_or(own)
+            } else {
+                own
+            };
             for screened in self.screen(found, tried)? {
                 let name = &tried[screened.tried];
                 let start = M::start(name);
@@ -555,20 +600,20 @@ impl Question<'_> {
         Ok(next)
     }
 
-    /// The most promising sets, each fitted once, as long as they promise at least `least`.
+    /// The most promising sets, each fitted once, as long as they promise at least `least`: at most so
+    /// many in all, and of one parent.
     fn fitted<M: Catalogue>(
         &self,
         level: &[Found<M>],
         tried: &[M::Tried],
         next: &[Next],
         least: f64,
-        depth: usize,
+        [most, most_of_parent]: [usize; 2],
     ) -> Result<Vec<Found<M>>, InferError> {
-        let most = (self.policy.beam_fits / (depth + 1)).max(1);
         let mut out: Vec<Found<M>> = Vec::new();
         let mut of_parent = vec![0; level.len()];
         for n in next.iter().take_while(|n| n.ln_score > least) {
-            if depth == 0 && of_parent[n.parent] >= most / 2 {
+            if of_parent[n.parent] >= most_of_parent {
                 continue;
             }
             let name = &tried[n.screened.tried];

@@ -74,6 +74,9 @@ pub struct Policy {
     pub drawn_again: f64,
     /// An error of form is said where its evidence exceeds this, nats: 19 to 1.
     pub rest_nats: f64,
+    /// ... where passes left out gain by it; beyond this, nats, in any case, as a swing or a fluctuation
+    /// of one pass tells nothing of another: 150 to 1.
+    pub rest_alone_nats: f64,
     /// Most candidates where something is not explained.
     pub most_candidates: usize,
     /// Longest step of a search: standard deviations of the priors.
@@ -131,6 +134,7 @@ impl Default for Policy {
             named: 0.95,
             drawn_again: 0.8,
             rest_nats: 2.944,
+            rest_alone_nats: 5.0,
             most_candidates: 4,
             longest_step_sd: 1.0,
             most_steps: 20,

@@ -182,13 +182,16 @@ impl<M: ForwardModel> Problem<'_, M> {
         let (known, mut products) = self.products(&fit, &[], &[vec![0..self.rows.len()]])?;
         let products = products.remove(0);
         let mut evidence = Evidence::new(&products, &known, precision_of);
-        let mut scored =
-            |sizes: Sizes| (evidence.ln(&sizes) + self.policy.ln_sizes(&sizes), sizes);
+        let mut scored = |sizes: Sizes| (evidence.ln(&sizes) + self.policy.ln_sizes(&sizes), sizes);
         // What differs from the likeliest sizes on more than two coordinates weighs nothing.
         let mut likeliest = scored(fit.sizes);
         let mut sizes: Vec<(f64, Sizes)>;
         loop {
-            sizes = self.policy.neighbours(likeliest.1).map(&mut scored).collect();
+            sizes = self
+                .policy
+                .neighbours(likeliest.1)
+                .map(&mut scored)
+                .collect();
             match sizes.iter().max_by(|a, b| a.0.total_cmp(&b.0)) {
                 Some(best) if best.0 > likeliest.0 => likeliest = *best,
                 _ => break,
@@ -233,7 +236,10 @@ impl<M: ForwardModel> Problem<'_, M> {
         let part = |&(ln, sizes): &(f64, Sizes)| {
             let precision = found.precision(&sizes);
             let mut information = products.view((0, 0), (n, n)).into_owned();
-            let mut pull = products.view((0, columns - 1), (n, 1)).column(0).into_owned();
+            let mut pull = products
+                .view((0, columns - 1), (n, 1))
+                .column(0)
+                .into_owned();
             for k in 0..n {
                 information[(k, k)] += precision[k];
                 pull[k] -= precision[k] * found.known.offset[k];
@@ -269,7 +275,12 @@ impl Weighed {
     }
 
     /// Log evidence where these sizes alone are possible, nats; they become the only ones.
-    pub fn only<M: ForwardModel>(&mut self, sizes: &Sizes, policy: &crate::Policy, problem: &Problem<'_, M>) -> f64 {
+    pub fn only<M: ForwardModel>(
+        &mut self,
+        sizes: &Sizes,
+        policy: &crate::Policy,
+        problem: &Problem<'_, M>,
+    ) -> f64 {
         self.sizes = vec![(0.0, *sizes)];
         let ln = Evidence::new(&self.products, &self.known, precision_of).ln(sizes);
         ln + policy.ln_sizes(sizes) + problem.ln_noise_prior(&self.fit.noise)

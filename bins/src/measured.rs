@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use fdm::Aircraft;
 use gap::flight::log::FlightLog;
 use mission::Setup;
-use scenario::observations::{self, ObservationRow, Observations};
+use scenario::observations::{self, DataQuality, ObservationRow, Observations};
 use scenario::world::WorldError;
 use std::path::{Path, PathBuf};
 use ws::wind::WorldWind;
@@ -138,5 +138,15 @@ pub fn flight(file: &Path) -> Result<FlightLog, Failure> {
 pub fn tell(notices: &[String]) {
     for notice in notices {
         eprintln!("note: {notice}");
+    }
+}
+
+/// Tells what was wrong with raw data, on standard error.
+pub fn tell_flaws(flaws: &[DataQuality]) {
+    for flaw in flaws {
+        eprintln!(
+            "raw data: {}, {} to {} s: {}",
+            flaw.platform, flaw.from_s, flaw.to_s, flaw.message
+        );
     }
 }

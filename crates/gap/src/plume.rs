@@ -139,7 +139,7 @@ pub fn analyse(
     options: &Options,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Analysis, GapError> {
-    let (observations, zero_s) = zero::counted(observations)?;
+    let (observations, zero_s) = observations.counted_from_near_zero()?;
     let mut analysis = counted_from_near_zero(setup, &observations, options, progress)?;
     zero::told_from(&mut analysis, zero_s);
     Ok(analysis)
@@ -153,11 +153,12 @@ fn counted_from_near_zero(
 ) -> Result<Analysis, GapError> {
     let mut tell = |part: f64, doing: &'static str| progress(Progress { part, doing });
     tell(0.0, "looking at the raw data");
-    let mut data = Data::new(setup, observations)?;
-    let mut quality = gate::gate(&mut data, setup);
-    if data.used_count() < FEWEST_READINGS {
-        return Ok(nothing_to_tell(setup, data, quality));
-    }
+    let (passed, mut quality) = gate::passed(setup, observations)?;
+    let enough = |data: &Data| data.used_count() >= FEWEST_READINGS;
+    let mut data = match passed {
+        Some(data) if enough(&data) => data,
+        left => return Ok(nothing_to_tell(setup, observations, left.as_ref(), quality)),
+    };
     tell(0.05, "fitting the base");
     let threads = options.threads.max(1);
     let started = start::start(setup, &mut data, threads);
@@ -188,7 +189,7 @@ fn counted_from_near_zero(
     let doubted = heights::doubted(&ctx, observations, &started.fitted, &named.last);
     if let Some(message) = doubted {
         quality.extend(gate::mask_all(&mut data, &message));
-        return Ok(nothing_to_tell(setup, data, quality));
+        return Ok(nothing_to_tell(setup, observations, Some(&data), quality));
     }
     // What stands out of a plume that was flown at other heights is none.
     quality.extend(gate::spikes(&data, &started.fitted.metric.whitener.spikes));
@@ -290,14 +291,17 @@ fn notices(ctx: &Context<'_>, named: &naming::Named, wind: &str) -> Vec<String> 
 
 fn nothing_to_tell(
     setup: &Setup,
-    data: Data,
-    quality: Vec<crate::verdict::DataQuality>,
+    observations: &Observations,
+    left: Option<&Data>,
+    quality: Vec<DataQuality>,
 ) -> Analysis {
-    let mut notices = data.notices.clone();
+    let mut notices = left
+        .map_or(&observations.notices, |data| &data.notices)
+        .clone();
     let message = format!(
         "{} usable readings of {} rows: fewer than {FEWEST_READINGS}, from which nothing can be told",
-        data.used_count(),
-        data.len()
+        left.map_or(0, Data::used_count),
+        observations.rows.len()
     );
     notices.push(message.clone());
     let json = GapJson {

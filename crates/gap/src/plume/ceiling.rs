@@ -24,14 +24,11 @@ pub(crate) fn ceilings(ctx: &Context<'_>, last: &Fitted) -> Vec<Ceiling> {
     let white = last.noise.white_ppm();
     let times = ctx.data.track.time_s();
     let mut out = Vec::new();
-    for (range, limit_ppm) in &ctx.data.ceiling_ppm {
-        let held: Vec<usize> = range
-            .clone()
-            .filter(|i| ctx.data.reading_ppm[*i] == *limit_ppm)
-            .collect();
+    for (held, limit_ppm) in &ctx.data.ceiling_ppm {
+        let Some(&first) = held.first() else { continue };
         let mut nats = 0.0;
         let mut last_time = f64::NEG_INFINITY;
-        for i in held {
+        for &i in held {
             let above = last.prediction.reading[i] - limit_ppm;
             let sd = white.hypot(size * last.prediction.plume[i]);
             let new = ((times[i] - last_time) / scale_s).min(1.0);
@@ -39,7 +36,7 @@ pub(crate) fn ceilings(ctx: &Context<'_>, last: &Fitted) -> Vec<Ceiling> {
             nats += 0.5 * new * (above.max(0.0) / sd).powi(2);
         }
         if nats > CEILING_NATS {
-            let platform = ctx.data.track.platforms()[ctx.data.platform_of(range.start)].clone();
+            let platform = ctx.data.track.platforms()[ctx.data.platform_of(first)].clone();
             out.push(Ceiling {
                 platform,
                 limit_ppm: *limit_ppm,

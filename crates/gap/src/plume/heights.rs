@@ -4,7 +4,6 @@
 
 use scenario::observations::Observations;
 
-use super::data::Data;
 use super::fit::{Context, Fitted};
 use super::followed::{followed, reach_ppm};
 use super::{gate, start};
@@ -59,10 +58,11 @@ pub(super) fn doubted(
 /// Whether heights turned into `other` ones could be flown, and differ.
 fn plausible(observations: &Observations, ground_m: f64, other: impl Fn(f64) -> f64) -> bool {
     let mut heights: Vec<f64> = observations.rows.iter().map(|r| r.alt_amsl_m).collect();
-    let Some(middle_m) = gate::middle(&mut heights) else {
+    heights.sort_by(f64::total_cmp);
+    let Some(middle_m) = heights.get(heights.len() / 2) else {
         return false;
     };
-    let there_m = other(middle_m);
+    let there_m = other(*middle_m);
     (0.0..HIGHEST_M).contains(&(there_m - ground_m)) && (there_m - middle_m).abs() > ALIKE_M
 }
 
@@ -78,10 +78,9 @@ fn follows(
     for row in &mut own.rows {
         row.alt_amsl_m = other(row.alt_amsl_m);
     }
-    let Ok(mut there) = Data::new(ctx.setup, &own) else {
+    let Ok((Some(mut there), _)) = gate::passed(ctx.setup, &own) else {
         return false;
     };
-    gate::gate(&mut there, ctx.setup);
     let base = start::start(ctx.setup, &mut there, ctx.threads).fitted;
     // Of another number of readings the evidence does not compare.
     there.used_count() == ctx.data.used_count()

@@ -63,11 +63,11 @@ impl Visibility {
     /// # Errors
     /// As [`super::analyse`].
     pub fn new(setup: &Setup, observations: &Observations) -> Result<Option<Self>, GapError> {
-        let mut data = Data::new(setup, observations)?;
-        gate::gate(&mut data, setup);
-        if data.used_count() < FEWEST_READINGS {
+        let (passed, _) = gate::passed(setup, observations)?;
+        let enough = |data: &Data| data.used_count() >= FEWEST_READINGS;
+        let Some(mut data) = passed.filter(enough) else {
             return Ok(None);
-        }
+        };
         let fitted = start::start(setup, &mut data, 1).fitted;
         Ok(Some(Self {
             setup: setup.clone(),

@@ -141,12 +141,26 @@ pub fn tell(notices: &[String]) {
     }
 }
 
+/// Most flaws of one kind and platform that are told one by one.
+const TOLD_FLAWS: usize = 3;
+
 /// Tells what was wrong with raw data, on standard error.
 pub fn tell_flaws(flaws: &[DataQuality]) {
-    for flaw in flaws {
-        eprintln!(
-            "raw data: {}, {} to {} s: {}",
-            flaw.platform, flaw.from_s, flaw.to_s, flaw.message
-        );
+    let alike = |a: &DataQuality, b: &DataQuality| a.platform == b.platform && a.kind == b.kind;
+    for (k, flaw) in flaws.iter().enumerate() {
+        let before = flaws[..k].iter().filter(|f| alike(f, flaw)).count();
+        let DataQuality {
+            platform,
+            from_s,
+            to_s,
+            message,
+            ..
+        } = flaw;
+        if before < TOLD_FLAWS {
+            eprintln!("raw data: {platform}, {from_s:.0} to {to_s:.0} s: {message}");
+        } else if before == TOLD_FLAWS {
+            let more = flaws[k..].iter().filter(|f| alike(f, flaw)).count();
+            eprintln!("raw data: {platform}: {more} more of this kind");
+        }
     }
 }

@@ -28,10 +28,10 @@ const SLOWEST_JUMP_M_S: f64 = 10.0;
 /// What goes faster than this is on the move, m/s, and part of the steps from which on that is no jump.
 const MOVING_M_S: f64 = 2.0;
 const MOVING_PART: f64 = 0.02;
-/// Part of the rows that a stretch beside the track has at most, and all such stretches together: beyond
-/// it nobody knows which is the track.
-const STRAY_PART: f64 = 0.1;
-const ALL_STRAY_PART: f64 = 0.2;
+/// Part of the rows that a stretch beside the track has at most, and all such stretches together: more may be
+/// a pass of its own, and nobody knows which is the track.
+const STRAY_PART: f64 = 0.03;
+const ALL_STRAY_PART: f64 = 0.1;
 
 impl OfPlatform<'_> {
     /// Leaves out and says rows of which nobody knows where they were.

@@ -194,6 +194,24 @@ fn codes_among_the_readings_that_a_plume_reaches_are_told_by_their_lack_of_flank
             .message
             .contains("5 values of 999 in column co2_ppm")
     );
+    // Three in a row each time.
+    let found = damaged(|r| {
+        if r.time_s % 10.0 < 3.0 {
+            r.co2_ppm = Some(999.0);
+        }
+    });
+    assert!(
+        only(&found)
+            .message
+            .contains("15 values of 999 in column co2_ppm")
+    );
+    // A plume that has flanks may make 999.
+    let found = damaged(|r| {
+        if r.time_s % 10.0 < 3.0 {
+            r.co2_ppm = Some(if r.time_s % 10.0 == 1.0 { 999.0 } else { 850.0 });
+        }
+    });
+    assert_eq!(found.flaws, Vec::new());
     // Zeros in air of 420.
     let found = damaged(|r| {
         if r.time_s % 10.0 == 0.0 {
@@ -212,6 +230,29 @@ fn codes_among_the_readings_that_a_plume_reaches_are_told_by_their_lack_of_flank
         }
     });
     assert_eq!(found.flaws, Vec::new());
+}
+
+#[test]
+fn round_heights_and_pressures_are_no_codes() {
+    let mut passes = log();
+    for row in &mut passes.rows {
+        let low = (row.time_s / 50.0).floor() % 2.0 == 0.0;
+        row.alt_amsl_m = if low { 640.0 } else { 990.0 };
+        row.pressure_hpa = Some(if low { 940.0 } else { 900.0 });
+    }
+    passes
+        .rows
+        .iter_mut()
+        .take(2)
+        .for_each(|r| r.pressure_hpa = Some(999.0));
+    assert_eq!(checked(&passes).flaws, Vec::new());
+    // Nobody flies at 9999 m in between.
+    passes.rows[500].alt_amsl_m = 9999.0;
+    assert!(
+        only(&checked(&passes))
+            .message
+            .contains("1 values of 9999 in column alt_amsl_m")
+    );
 }
 
 #[test]

@@ -17,8 +17,8 @@ const CODE_TIMES: usize = 3;
 /// in one reading, and in several.
 const LEAST_CODE: f64 = 99.0;
 const NINES: usize = 2;
-const NINES_OF_ONE_READING: usize = 4;
-const NINES_OF_LONE_READINGS: usize = 3;
+const NINES_OF_ONE: usize = 4;
+const NINES_OF_LONE: usize = 3;
 /// Readings below zero, and below the lower quartile, by so many standard deviations of noise are
 /// none: further than noise with heavy tails reaches.
 const BELOW_ZERO_SD: f64 = 8.0;
@@ -43,10 +43,10 @@ struct Column {
 /// Which values within a column's range may be codes.
 #[derive(Clone, Copy, PartialEq)]
 enum Codes {
-    /// Nines that stand apart.
-    Apart,
-    /// The same, or where there is nothing else.
-    ApartOrAll,
+    /// Nines that stand apart, or where there is nothing else.
+    OfAir,
+    /// Many nines that stand apart: passes at 600 m and 990 m are no code.
+    OfHeight,
     /// As readings have them.
     OfReading,
     /// None: each may be a value.
@@ -76,7 +76,7 @@ const COLUMNS: [Column; 10] = [
         range: AN_ALTITUDE,
         get: |r| Some(r.alt_amsl_m),
         clear: None,
-        codes: Codes::Apart,
+        codes: Codes::OfHeight,
         other: "mm, or feet?",
     },
     Column {
@@ -92,7 +92,7 @@ const COLUMNS: [Column; 10] = [
         range: A_SPEED,
         get: |r| r.wind_speed_m_s,
         clear: Some(|r| r.wind_speed_m_s = None),
-        codes: Codes::ApartOrAll,
+        codes: Codes::OfAir,
         other: "cm/s?",
     },
     Column {
@@ -108,7 +108,7 @@ const COLUMNS: [Column; 10] = [
         range: A_TEMPERATURE,
         get: |r| r.temperature_c,
         clear: Some(|r| r.temperature_c = None),
-        codes: Codes::ApartOrAll,
+        codes: Codes::OfAir,
         other: "K?",
     },
     Column {
@@ -124,7 +124,7 @@ const COLUMNS: [Column; 10] = [
         range: A_PRESSURE,
         get: |r| r.pressure_hpa,
         clear: Some(|r| r.pressure_hpa = None),
-        codes: Codes::Apart,
+        codes: Codes::None,
         other: "Pa?",
     },
     Column {
@@ -258,7 +258,7 @@ impl OfPlatform<'_> {
         let centre = middle(&mut sorted)?;
         let (low, high) = (sorted[0], sorted[sorted.len() - 1]);
         if low == high {
-            let whole = column.codes == Codes::ApartOrAll && usual(low);
+            let whole = column.codes == Codes::OfAir && usual(low);
             return whole.then_some(low);
         }
         [low, high].into_iter().find(|code| {
@@ -276,7 +276,8 @@ impl OfPlatform<'_> {
                 centre,
             };
             match column.codes {
-                Codes::Apart | Codes::ApartOrAll => usual(*code) && apart.far > reach,
+                Codes::OfAir => usual(*code) && apart.far > reach,
+                Codes::OfHeight => nines(*code) >= NINES_OF_ONE && apart.far > reach,
                 Codes::OfReading => {
                     apart.is_code_of_reading(*code) || lone_nines(&values, *code, own, centre)
                 }
@@ -312,7 +313,7 @@ struct Apart {
 impl Apart {
     fn is_code_of_reading(&self, code: f64) -> bool {
         let often = self.own >= CODE_TIMES;
-        let least_nines = if often { NINES } else { NINES_OF_ONE_READING };
+        let least_nines = if often { NINES } else { NINES_OF_ONE };
         if nines(code) >= least_nines && self.far > self.reach {
             return true;
         }
@@ -327,20 +328,15 @@ impl Apart {
     }
 }
 
-/// Whether `code` is nines that come back as lone readings, each far from those before and after: a
-/// plume has flanks.
+/// Whether `code` is nines that come back, each time far from the readings before and after: a plume has
+/// flanks.
 fn lone_nines(readings: &[f64], code: f64, own: usize, centre: f64) -> bool {
-    if own < CODE_TIMES || nines(code) < NINES_OF_LONE_READINGS {
+    if own < CODE_TIMES || nines(code) < NINES_OF_LONE {
         return false;
     }
-    let beside = |k: Option<usize>| k.and_then(|k| readings.get(k)).copied();
-    let near = |v: f64| (v - code).abs() < 0.5 * (code - centre).abs();
-    (0..readings.len())
-        .filter(|k| readings[*k] == code)
-        .all(|k| {
-            let sides = [beside(k.checked_sub(1)), beside(Some(k + 1))];
-            !sides.into_iter().flatten().any(near)
-        })
+    let beside = |v: f64| v != code && (v - code).abs() < 0.5 * (code - centre).abs();
+    let flank = |w: &[f64]| (w[0] == code && beside(w[1])) || (w[1] == code && beside(w[0]));
+    !readings.windows(2).any(flank)
 }
 
 fn usual(value: f64) -> bool {

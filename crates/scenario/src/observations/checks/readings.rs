@@ -80,7 +80,9 @@ impl OfPlatform<'_> {
             length >= usual
                 && length >= by_chance(quiet_repeat_part(&runs, &readings, length, grid))
         };
-        let frozen: Vec<(usize, usize)> = runs.iter().copied().filter(|r| long(r.1)).collect();
+        let floor = detection_floor(&runs, &readings);
+        let stuck = |r: &(usize, usize)| floor != Some(readings[r.0]) && long(r.1);
+        let frozen: Vec<(usize, usize)> = runs.iter().copied().filter(stuck).collect();
         for (start, length) in frozen {
             let value = readings[start];
             let run = &rows[start..start + length];
@@ -131,6 +133,14 @@ impl OfPlatform<'_> {
             );
         }
     }
+}
+
+/// The lowest reading, if readings rest there again and again: what a sensor says below its limit of
+/// detection.
+fn detection_floor(runs: &[(usize, usize)], readings: &[f64]) -> Option<f64> {
+    let lowest = readings.iter().copied().min_by(f64::total_cmp)?;
+    let rests = |r: &&(usize, usize)| readings[r.0] == lowest && r.1 >= FROZEN_ROWS;
+    (runs.iter().filter(rests).count() >= FEWEST_VISITS).then_some(lowest)
 }
 
 /// The shortest run of equal readings that chance does not make where such a part of them repeats the one

@@ -256,6 +256,25 @@ fn round_heights_and_pressures_are_no_codes() {
 }
 
 #[test]
+fn neighbours_on_a_coarse_grid_are_no_codes() {
+    // A gas that is not in clean air, in whole ppb.
+    let mut coarse = log();
+    for (k, row) in coarse.rows.iter_mut().enumerate() {
+        let plume = row.co2_ppm.map(|c| ((c - 420.0) / 10.0).round().max(1.0));
+        row.co2_ppm = if k % 300 < 2 { Some(0.0) } else { plume };
+    }
+    let mut none = base();
+    (none.background_ppm, none.sensor.noise_sd_ppm) = (1.0, 0.1);
+    assert_eq!(check(&coarse, &none, &frame()).flaws, Vec::new());
+    for row in &mut coarse.rows {
+        let level = if row.time_s % 100.0 == 7.0 { 9.9 } else { 10.0 };
+        row.co2_ppm = Some(level + 0.1 * (row.time_s % 3.0));
+    }
+    none.background_ppm = 10.0;
+    assert_eq!(check(&coarse, &none, &frame()).flaws, Vec::new());
+}
+
+#[test]
 fn a_wind_of_which_a_part_is_a_code_is_none() {
     let found = damaged(|r| r.wind_speed_m_s = Some(-999.0));
     let rows = found.observations.rows.iter();
@@ -484,6 +503,17 @@ fn what_stands_still_is_left_out_but_for_its_first_reading() {
             .iter()
             .all(|r| r.wind_from_deg.is_some())
     );
+}
+
+#[test]
+fn clean_air_below_what_a_sensor_detects_does_not_stand_still() {
+    let mut blind = log();
+    for row in &mut blind.rows {
+        row.co2_ppm = row.co2_ppm.map(|c| if c < 440.0 { 0.0 } else { c - 420.0 });
+    }
+    let mut none = base();
+    none.background_ppm = 0.0;
+    assert_eq!(check(&blind, &none, &frame()).flaws, Vec::new());
 }
 
 #[test]

@@ -279,6 +279,7 @@ impl OfPlatform<'_> {
                 Codes::OfAir => usual(*code) && apart.far > reach,
                 Codes::OfHeight => nines(*code) >= NINES_OF_ONE && apart.far > reach,
                 Codes::OfReading => {
+                    let apart = apart.by_more_than(grid_ppm(&sorted));
                     apart.is_code_of_reading(*code) || lone_nines(&values, *code, own, centre)
                 }
                 Codes::None => false,
@@ -311,6 +312,12 @@ struct Apart {
 }
 
 impl Apart {
+    /// The same where the others reach at least so far.
+    fn by_more_than(self, least: f64) -> Self {
+        let reach = self.reach.max(least);
+        Self { reach, ..self }
+    }
+
     fn is_code_of_reading(&self, code: f64) -> bool {
         let often = self.own >= CODE_TIMES;
         let least_nines = if often { NINES } else { NINES_OF_ONE };
@@ -326,6 +333,12 @@ impl Apart {
         };
         often && self.far > reach
     }
+}
+
+/// The smallest difference of readings in order of size: on a coarse grid the next one is not apart.
+fn grid_ppm(sorted: &[f64]) -> f64 {
+    let steps = sorted.windows(2).map(|w| w[1] - w[0]);
+    steps.filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min)
 }
 
 /// Whether `code` is nines that come back, each time far from the readings before and after: a plume has

@@ -225,6 +225,8 @@ fn calibration_writes_a_scenario_that_flies() {
         (found["effective_height_agl_m"]["value"].as_f64().unwrap() - 540.0).abs() < 18.0,
         "{json}"
     );
+    let flaws = found["data_quality"].as_array().unwrap();
+    assert!(flaws.iter().all(|f| f["kind"] == "gap"), "{json}");
     let corrected = out.join("scenario.toml");
     let again = dir.join("again");
     let run = plumage(&[

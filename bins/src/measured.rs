@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use fdm::Aircraft;
 use gap::flight::log::FlightLog;
 use mission::Setup;
-use scenario::observations::{self, ObservationRow, Observations};
+use scenario::observations::{self, DataQuality, ObservationRow, Observations};
 use scenario::world::WorldError;
 use std::path::{Path, PathBuf};
 use ws::wind::WorldWind;
@@ -138,5 +138,29 @@ pub fn flight(file: &Path) -> Result<FlightLog, Failure> {
 pub fn tell(notices: &[String]) {
     for notice in notices {
         eprintln!("note: {notice}");
+    }
+}
+
+/// Most flaws of one kind and platform that are told one by one.
+const TOLD_FLAWS: usize = 3;
+
+/// Tells what was wrong with raw data, on standard error.
+pub fn tell_flaws(flaws: &[DataQuality]) {
+    let alike = |a: &DataQuality, b: &DataQuality| a.platform == b.platform && a.kind == b.kind;
+    for (k, flaw) in flaws.iter().enumerate() {
+        let before = flaws[..k].iter().filter(|f| alike(f, flaw)).count();
+        let DataQuality {
+            platform,
+            from_s,
+            to_s,
+            message,
+            ..
+        } = flaw;
+        if before < TOLD_FLAWS {
+            eprintln!("raw data: {platform}, {from_s:.0} to {to_s:.0} s: {message}");
+        } else if before == TOLD_FLAWS {
+            let more = flaws[k..].iter().filter(|f| alike(f, flaw)).count();
+            eprintln!("raw data: {platform}: {more} more of this kind");
+        }
     }
 }

@@ -57,6 +57,7 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     let peak = peak(&setup.scenario, &offline);
     document["peak"] = json!(peak);
     write("calibration.json", &format!("{:#}\n", document))?;
+    measured::tell_flaws(&offline.data_quality);
     println!(
         "{} readings of {} platforms",
         offline.calibrator.taken(),
@@ -116,6 +117,7 @@ fn document(
         "strength_factor": found.strength_factor,
         "reference": reference,
         "sensors": sensors,
+        "data_quality": offline.data_quality,
     })
 }
 

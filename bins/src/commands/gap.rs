@@ -106,6 +106,7 @@ fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
         &report,
         &extended.to_toml(),
     )?;
+    measured::tell_flaws(&analysis.json.data_quality);
     tell(&analysis.json, &arguments.output.out);
     Ok(())
 }

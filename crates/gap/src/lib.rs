@@ -102,6 +102,9 @@ pub enum GapError {
         /// What would be right.
         expected: String,
     },
+    /// The observations are not those of one record.
+    #[error(transparent)]
+    Observations(#[from] scenario::observations::ObservationError),
     /// The plume model refused a value.
     #[error(transparent)]
     Plume(#[from] ::plume::PlumeError),

@@ -118,7 +118,7 @@ pub fn analyse(
     options: &Options,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Analysis, GapError> {
-    let (observations, zero_s) = zero::counted(observations)?;
+    let (observations, zero_s) = observations.counted_from_near_zero()?;
     let mut analysis = counted_from_near_zero(setup, &observations, options, progress)?;
     zero::told_from(&mut analysis, zero_s);
     Ok(analysis)
@@ -148,11 +148,14 @@ fn counted_from_near_zero(
 ) -> Result<Analysis, GapError> {
     let mut tell = |part: f64, doing: &'static str| progress(Progress { part, doing });
     tell(0.0, "looking at the raw data");
-    let mut data = Data::new(setup, observations)?;
-    let quality = gate::gate(&mut data, setup);
-    if data.used_count() < FEWEST_READINGS {
-        return Ok(answer::nothing_to_tell(setup, data, quality, FEWEST_READINGS));
-    }
+    let (passed, quality) = gate::passed(setup, observations)?;
+    let data = match passed {
+        Some(data) if data.used_count() >= FEWEST_READINGS => data,
+        left => {
+            let answer = answer::nothing_to_tell(setup, observations, left.as_ref(), quality);
+            return Ok(answer);
+        }
+    };
     tell(0.05, "fitting the base");
     let rows = rows(&data)?;
     let sensor_sd = sensor_sd(setup, &data);

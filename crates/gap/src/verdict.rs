@@ -1,6 +1,7 @@
 //! The verdict as `gap.json` has it (schema "plumage.gap/2"): one set of types for plume,
 //! tracer and flight. What is not finite is written as null.
 
+pub use scenario::observations::{DataQuality, Flaw};
 use serde::{Deserialize, Serialize};
 
 /// Value of `schema`.
@@ -312,37 +313,6 @@ pub struct Discrepancy {
     pub wander_deg: f64,
     /// Log evidence of it, and of more noise than is known, over none, nats.
     pub log_evidence: f64,
-}
-
-/// What is wrong with raw data.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Flaw {
-    /// The reading stands still.
-    Frozen,
-    /// The reading hits a ceiling.
-    Clipped,
-    /// Readings are missing.
-    Gap,
-    /// Single readings far off.
-    Outlier,
-    /// A unit, or the order of coordinates, looks wrong.
-    Unit,
-}
-
-/// A stretch of raw data with a flaw; it is masked and does not alone make a verdict.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct DataQuality {
-    /// Platform.
-    pub platform: String,
-    /// The flaw.
-    pub kind: Flaw,
-    /// From, s.
-    pub from_s: f64,
-    /// To, s.
-    pub to_s: f64,
-    /// What was seen, in words.
-    pub message: String,
 }
 
 /// All of `gap.json`.

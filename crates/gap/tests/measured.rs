@@ -20,8 +20,10 @@ use gap::flight::study::Study;
 use gap::flight::{equation_error, gate};
 use gap::tracer::TracerReport;
 use gap::tracer::table::Tables;
-use gap::verdict::Verdict;
+use gap::verdict::{GapJson, Verdict};
 use libtest_mimic::{Arguments, Completion, Trial};
+use scenario::Scenario;
+use scenario::observations::parse;
 use told::{report, vertical};
 
 /// A test that gets the folder of measured data.
@@ -49,6 +51,14 @@ fn main() -> ExitCode {
         on_data(
             "prairie_grass_says_what_is_known_of_it",
             prairie_grass_says_what_is_known_of_it,
+        ),
+        on_data(
+            "flaws_of_raw_logs_change_no_answer",
+            flaws_of_raw_logs_change_no_answer,
+        ),
+        on_data(
+            "codes_and_a_direction_of_where_the_wind_blows_to_are_said",
+            codes_and_a_direction_of_where_the_wind_blows_to_are_said,
         ),
     ];
     libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
@@ -205,4 +215,66 @@ fn prairie_grass_says_what_is_known_of_it(data: &Path) {
         assert!(json["gain"]["held_out"]["fac2_after"].as_f64().unwrap() >= 0.90);
         assert_eq!(json["schema"], "plumage.gap/1");
     }
+}
+
+/// The answer for a log and a world of the folder of cases.
+fn answer(data: &Path, log: &str, world: &str) -> GapJson {
+    let scenario = Scenario::parse(world, world).unwrap();
+    let setup = gap::plume::Setup::new(&scenario).unwrap();
+    let log = parse(&[(log, &text(data, &format!("cases/{log}")))]).unwrap();
+    let options = gap::plume::Options::live();
+    gap::plume::analyse(&setup, &log, &options, &mut |_| ())
+        .unwrap()
+        .json
+}
+
+/// As made: nothing is hidden in either. Rows before the first fix change nothing at all; codes for the
+/// direction in a twentieth of the rows, with 160 kg/s as made, cost no more than a fifth of the certainty.
+fn flaws_of_raw_logs_change_no_answer(data: &Path) {
+    let told = |name: &str, said: &str| {
+        let world = text(data, &format!("cases/{name}.toml"));
+        let with = answer(data, &format!("{name}.csv"), &world);
+        let without = answer(data, &format!("{name}-without.csv"), &world);
+        assert_eq!(with.verdict, Verdict::None, "{name}: {}", with.summary);
+        let flaws = &with.data_quality;
+        let all = flaws.iter().all(|f| f.message.starts_with(said));
+        assert!(all && !flaws.is_empty(), "{flaws:?}");
+        let clean = &without.data_quality;
+        assert!(clean.is_empty(), "{clean:?}");
+        let emission = |json: &GapJson| {
+            let mut base = json.base.iter();
+            let found = base.find(|b| b.name == "source.emission_kg_s");
+            found.map(|b| (b.value, b.sd)).unwrap()
+        };
+        (emission(&with), emission(&without))
+    };
+    let (with, without) = told("no-fix", "60 rows without a position fix");
+    assert_eq!(with, without);
+    let ((value, sd), (_, clean_sd)) =
+        told("wind-code", "30 values of -999 in column wind_from_deg");
+    assert!((value - 160.0).abs() < 2.0 * sd, "{value} ± {sd}");
+    assert!(sd < 1.2 * clean_sd, "{sd} {clean_sd}");
+}
+
+fn codes_and_a_direction_of_where_the_wind_blows_to_are_said(data: &Path) {
+    let world = text(data, "cases/wind-towards.toml");
+    let towards = answer(data, "wind-towards.csv", &world);
+    let said =
+        |json: &GapJson, what: &str| json.data_quality.iter().any(|f| f.message.contains(what));
+    assert!(
+        said(&towards, "is it where it blows to?"),
+        "{:?}",
+        towards.data_quality
+    );
+    assert_eq!(towards.causes[0].mechanisms, ["wind-direction-offset"]);
+    let one = answer(
+        data,
+        "one-code.csv",
+        include_str!("../../../scenarios/as-pontes.toml"),
+    );
+    assert!(
+        said(&one, "1 values of -9999 in column co2_ppm"),
+        "{:?}",
+        one.data_quality
+    );
 }

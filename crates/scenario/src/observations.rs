@@ -8,21 +8,25 @@
 //!
 //! Several files are joined: they share `time_s`, and a platform of the same name in two
 //! files is the same platform. Within one file the rows of one platform must be in order of
-//! time. Whether a reading is *plausible* (place far from the site, parts per billion) is
-//! judged by whoever uses the observations; here only what cannot be a reading is refused.
+//! time. Only what is no number is refused here. Numbers that cannot be (-999 m/s, latitude 434,
+//! parts per billion) are left out, and said, by [`checks::check`], which whoever concludes
+//! something from observations asks first.
 
 use std::collections::BTreeMap;
 
 use csv::{ReaderBuilder, StringRecord, Trim, WriterBuilder};
 
+pub mod checks;
 mod error;
-mod range;
+mod quality;
+mod zero;
 
 pub use error::ObservationError;
-use range::{
-    A_HUMIDITY, A_LATITUDE, A_LONGITUDE, A_NUMBER, A_PRESSURE, A_SPEED, A_SPREAD, A_TEMPERATURE,
-    A_TIME, AN_ALTITUDE, Range,
-};
+pub use quality::{DataQuality, Flaw};
+
+/// What is right in a cell of numbers, and in one of times.
+const A_NUMBER: &str = "a finite number with a decimal point, or nothing";
+const A_TIME: &str = "a time in seconds as a finite number with a decimal point";
 
 /// The columns that every file has.
 const REQUIRED: [&str; 6] = [
@@ -51,25 +55,25 @@ pub struct ObservationRow {
     pub time_s: f64,
     /// Index into [`Observations::platforms`].
     pub platform: usize,
-    /// WGS84 latitude, degrees, -90..=90.
+    /// WGS84 latitude, degrees.
     pub lat_deg: f64,
-    /// WGS84 longitude, degrees, -180..=180.
+    /// WGS84 longitude, degrees.
     pub lon_deg: f64,
     /// Altitude above mean sea level, m.
     pub alt_amsl_m: f64,
     /// Mole fraction of CO2 as read, ppm.
     pub co2_ppm: Option<f64>,
-    /// Wind speed at the platform's place and height, m/s, not negative.
+    /// Wind speed at the platform's place and height, m/s.
     pub wind_speed_m_s: Option<f64>,
     /// Direction *from* which that wind blows, degrees clockwise from true north.
     pub wind_from_deg: Option<f64>,
     /// Air temperature, °C.
     pub temperature_c: Option<f64>,
-    /// Relative humidity, %, -10 to 120.
+    /// Relative humidity, %.
     pub relative_humidity_pct: Option<f64>,
-    /// Air pressure, hPa, positive.
+    /// Air pressure, hPa.
     pub pressure_hpa: Option<f64>,
-    /// White 1-sigma noise of `co2_ppm`, ppm, positive.
+    /// White 1-sigma noise of `co2_ppm`, ppm.
     pub sd_ppm: Option<f64>,
 }
 
@@ -241,7 +245,7 @@ impl FileJoin {
         let [time, platform, lat, lon, alt, co2] = columns.required;
         let time_s = cells
             .number(time, "time_s", A_TIME, tally)?
-            .ok_or_else(|| cells.error(time, "time_s", A_TIME.expected))?;
+            .ok_or_else(|| cells.error(time, "time_s", A_TIME))?;
         let platform_name = cells.record.get(platform).unwrap_or("");
         if platform_name.is_empty() {
             return Err(cells.error(platform, "platform", "the platform's name"));
@@ -256,9 +260,9 @@ impl FileJoin {
                 before_s: before.to_string(),
             });
         }
-        let lat_deg = cells.number(lat, "lat_deg", A_LATITUDE, tally)?;
-        let lon_deg = cells.number(lon, "lon_deg", A_LONGITUDE, tally)?;
-        let alt_amsl_m = cells.number(alt, "alt_amsl_m", AN_ALTITUDE, tally)?;
+        let lat_deg = cells.number(lat, "lat_deg", A_NUMBER, tally)?;
+        let lon_deg = cells.number(lon, "lon_deg", A_NUMBER, tally)?;
+        let alt_amsl_m = cells.number(alt, "alt_amsl_m", A_NUMBER, tally)?;
         let co2_ppm = cells.number(co2, "co2_ppm", A_NUMBER, tally)?;
         let more = cells.optional(columns, tally)?;
         let (Some(lat_deg), Some(lon_deg), Some(alt_amsl_m)) = (lat_deg, lon_deg, alt_amsl_m)
@@ -414,18 +418,10 @@ impl RecordCells<'_> {
         columns: &Columns,
         tally: &mut Tally,
     ) -> Result<[Option<f64>; 6], ObservationError> {
-        let ranges = [
-            A_SPEED,
-            A_NUMBER,
-            A_TEMPERATURE,
-            A_HUMIDITY,
-            A_PRESSURE,
-            A_SPREAD,
-        ];
         let mut values = [None; 6];
         for (k, cell) in columns.optional.iter().enumerate() {
             if let Some(cell) = *cell {
-                values[k] = self.number(cell, OPTIONAL[k], ranges[k], tally)?;
+                values[k] = self.number(cell, OPTIONAL[k], A_NUMBER, tally)?;
             }
         }
         Ok(values)
@@ -435,7 +431,7 @@ impl RecordCells<'_> {
         &self,
         cell: usize,
         column: &'static str,
-        range: Range,
+        expected: &'static str,
         tally: &mut Tally,
     ) -> Result<Option<f64>, ObservationError> {
         let text = self.record.get(cell).unwrap_or("");
@@ -446,10 +442,9 @@ impl RecordCells<'_> {
             *tally.nan.entry(column).or_default() += 1;
             return Ok(None);
         }
-        let fits = |v: &f64| v.is_finite() && *v >= range.low && *v <= range.high;
-        match text.parse::<f64>().ok().filter(fits) {
+        match text.parse::<f64>().ok().filter(|v| v.is_finite()) {
             Some(value) => Ok(Some(value)),
-            None => Err(self.error(cell, column, range.expected)),
+            None => Err(self.error(cell, column, expected)),
         }
     }
 

@@ -398,7 +398,7 @@ fn remains(page: &mut Document, json: &GapJson) {
     }
     for flaw in &json.data_quality {
         items.push(format!(
-            "Raw data of {} from {} to {} s were masked: {}.",
+            "Raw data of {} from {} to {} s: {}.",
             flaw.platform,
             number(flaw.from_s, 0),
             number(flaw.to_s, 0),

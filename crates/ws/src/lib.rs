@@ -79,6 +79,20 @@ pub enum WsError {
     /// A name that cannot be part of a key.
     #[error(transparent)]
     Name(#[from] protocol::ProtocolError),
+    /// The observations are not those of one record.
+    #[error(transparent)]
+    Observations(#[from] scenario::observations::ObservationError),
+    /// No reading passed the checks of raw observations.
+    #[error(
+        "none of {readings} readings can be used: {flaws}; expected readings of the scenario's site and \
+         gas, in the units of their columns"
+    )]
+    NothingLeft {
+        /// How many readings there were.
+        readings: usize,
+        /// What was wrong with them.
+        flaws: String,
+    },
     /// The readings do not tell.
     #[error(transparent)]
     Infer(#[from] infer::InferError),

@@ -2,6 +2,8 @@
 
 use ::plume::field::Transport;
 use ::plume::mechanism::{Coordinate, MechanismId};
+use scenario::observations::Observations;
+
 use infer::{Cause as Named, Found, InferError, SWING};
 
 use super::catalogue::Tried;
@@ -9,7 +11,7 @@ use super::data::{Data, Setup};
 use super::gain::{Gained, gain};
 use super::model::{PlumeModel, fitted, from_coordinate};
 use super::report::{GapReport, report};
-use super::{Analysis, FOLLOWED, ONE_DIRECTION_DEG, Options, Study, residual, wind};
+use super::{Analysis, FEWEST_READINGS, FOLLOWED, ONE_DIRECTION_DEG, Options, Study, residual, wind};
 use crate::verdict::{
     BaseParameter, Candidate, Cause, Contact, DataQuality, Detectable, Discrepancy, Evidence, GapJson,
     Insufficient, Measured, Parameter, Ranked, SCHEMA, Unexplained, Verdict,
@@ -457,15 +459,17 @@ fn base_parameters(
 /// The answer where too few readings are usable.
 pub(crate) fn nothing_to_tell(
     setup: &Setup,
-    data: Data,
+    observations: &Observations,
+    left: Option<&Data>,
     quality: Vec<DataQuality>,
-    fewest: usize,
 ) -> Analysis {
-    let mut notices = data.notices.clone();
+    let mut notices = left
+        .map_or(&observations.notices, |data| &data.notices)
+        .clone();
     let reason = format!(
-        "{} usable readings of {} rows: fewer than {fewest}, from which nothing can be told",
-        data.used_count(),
-        data.len()
+        "{} usable readings of {} rows: fewer than {FEWEST_READINGS}, from which nothing can be told",
+        left.map_or(0, Data::used_count),
+        observations.rows.len()
     );
     notices.push(reason.clone());
     let prior = |p: &super::Prior| BaseParameter {

@@ -8,6 +8,7 @@ use ::plume::mechanism::{Mechanism, MechanismId};
 use ::plume::track::{Row, Track};
 use air::geo::{Enu, Geodetic, LocalFrame};
 use scenario::Scenario;
+use scenario::observations::checks::Ceiling;
 use scenario::observations::{ObservationRow, Observations};
 use scenario::uncertain::Uncertain;
 
@@ -155,8 +156,8 @@ pub(crate) struct Data {
     /// Logged wind (speed m/s, from degrees) where there is one.
     pub wind: Vec<Option<(f64, f64)>>,
     pub notices: Vec<String>,
-    /// Rows whose readings were clipped, and at what, ppm.
-    pub ceiling_ppm: Vec<(Range<usize>, f64)>,
+    /// Rows whose readings were held at a limit, and at what, ppm.
+    pub ceiling_ppm: Vec<(Vec<usize>, f64)>,
     /// Whether the wind is logged, often enough to follow it. Else no row has one.
     pub on_board_wind: bool,
     /// Standard deviation of the swing of a wind that nobody logged, where the plume shows it, degrees.
@@ -223,6 +224,20 @@ impl Data {
             notices,
             ceiling_ppm: Vec::new(),
         })
+    }
+
+    /// Keeps in mind which rows were held at the limits of sensors.
+    pub fn hold(&mut self, ceilings: &[Ceiling]) {
+        for ceiling in ceilings {
+            let time_s = |i: &usize| self.track.time_s()[*i];
+            let held = |i: &usize| {
+                let at = |held_s: &f64| held_s.total_cmp(&time_s(i));
+                ceiling.held_s.binary_search_by(at).is_ok()
+            };
+            let rows = self.ranges()[ceiling.platform].clone().filter(held);
+            let held = (rows.collect(), ceiling.limit_ppm);
+            self.ceiling_ppm.push(held);
+        }
     }
 
     pub fn len(&self) -> usize {

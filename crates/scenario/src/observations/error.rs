@@ -1,7 +1,7 @@
 //! What makes a text no observations.
 
 /// What makes a text no observations: where, what, and what would be right.
-#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+#[derive(Debug, Clone, thiserror::Error, PartialEq, Eq)]
 pub enum ObservationError {
     /// No file was given.
     #[error("no observations: expected at least one CSV file")]
@@ -104,5 +104,16 @@ pub enum ObservationError {
         files: String,
         /// Number of rows.
         rows: usize,
+    },
+    /// Times too far apart to be those of one record.
+    #[error(
+        "observations, column time_s: times from {from_s} to {to_s} s; expected one record, in seconds \
+         of one clock, shorter than 30 days"
+    )]
+    TimeSpan {
+        /// First time, s, as printed.
+        from_s: String,
+        /// Last time, s, as printed.
+        to_s: String,
     },
 }

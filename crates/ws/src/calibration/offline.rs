@@ -6,7 +6,7 @@ use air::geo::{Geodetic, wrap_deg};
 use air::wind::WindVector;
 use plume::{Mechanism, MechanismId, Place};
 use scenario::Scenario;
-use scenario::observations::{ObservationRow, Observations};
+use scenario::observations::{DataQuality, ObservationRow, Observations, checks};
 use scenario::uncertain::Uncertain;
 
 /// Logged winds are averaged over one of these times on both sides, s, whichever makes the readings
@@ -22,18 +22,30 @@ pub struct OfflineCalibration {
     pub calibrated: Calibrated,
     /// The calibrator, to ask for further parameters.
     pub calibrator: Calibrator,
+    /// What was wrong with the raw observations and was left out.
+    pub data_quality: Vec<DataQuality>,
 }
 
-/// Corrects `scenario` by `observations`. With a `reference` platform, the other platforms'
-/// sensors get an offset and a gain against it.
+/// Corrects `scenario` by what the checks of raw data leave of `observations`. With a `reference`
+/// platform, the other platforms' sensors get an offset and a gain against it.
 ///
 /// # Errors
-/// A scenario that describes no world.
+/// A scenario that describes no world, or observations of which nothing is left.
 pub fn calibrate(
     scenario: &Scenario,
     observations: &Observations,
     reference: Option<&str>,
 ) -> Result<OfflineCalibration, WsError> {
+    let checked = checks::check(
+        observations,
+        &scenario.dispersion_spec()?,
+        &scenario.frame()?,
+    );
+    if checked.observations.readings() == 0 {
+        return Err(nothing_left(observations, &checked.flaws));
+    }
+    let (observations, _) = checked.observations.counted_from_near_zero()?;
+    let observations = observations.as_ref();
     let mut best: Option<Calibrator> = None;
     for averaged_s in WIND_AVERAGED_S {
         let winds = averaged_winds(observations, averaged_s);
@@ -59,7 +71,16 @@ pub fn calibrate(
         scenario: corrected,
         calibrated,
         calibrator,
+        data_quality: checked.flaws,
     })
+}
+
+fn nothing_left(observations: &Observations, flaws: &[DataQuality]) -> WsError {
+    let of = |flaw: &DataQuality| format!("{}: {}", flaw.platform, flaw.message);
+    WsError::NothingLeft {
+        readings: observations.readings(),
+        flaws: flaws.iter().map(of).collect::<Vec<_>>().join("; "),
+    }
 }
 
 /// A calibration in which each row's plume is carried by its wind of `winds`.

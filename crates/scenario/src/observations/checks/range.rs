@@ -1,4 +1,4 @@
-//! What the columns of an observation file may hold.
+//! What the columns of observations may hold.
 
 /// What a cell of a column may hold.
 #[derive(Clone, Copy)]
@@ -9,6 +9,13 @@ pub(super) struct Range {
     pub expected: &'static str,
 }
 
+impl Range {
+    /// The same from another lowest value.
+    pub fn from(self, low: f64) -> Self {
+        Self { low, ..self }
+    }
+}
+
 const fn range(low: f64, high: f64, expected: &'static str) -> Range {
     Range {
         low,
@@ -17,15 +24,11 @@ const fn range(low: f64, high: f64, expected: &'static str) -> Range {
     }
 }
 
-pub(super) const A_NUMBER: Range = range(
+/// From where depends on the readings' noise ([`Range::from`]).
+pub(super) const A_READING: Range = range(
     f64::MIN,
     f64::MAX,
-    "a finite number with a decimal point, or nothing",
-);
-pub(super) const A_TIME: Range = range(
-    f64::MIN,
-    f64::MAX,
-    "a time in seconds as a finite number with a decimal point",
+    "a reading that lies below zero by no more than noise does, or nothing",
 );
 pub(super) const A_LATITUDE: Range =
     range(-90.0, 90.0, "a latitude from -90 to 90 degrees, or nothing");
@@ -41,15 +44,21 @@ pub(super) const AN_ALTITUDE: Range = range(
     "an altitude above mean sea level from -500 to 30000 m, or nothing",
 );
 pub(super) const A_SPEED: Range = range(0.0, 120.0, "a wind speed from 0 to 120 m/s, or nothing");
+/// A turn more on either side: a vane may count on past north.
+pub(super) const A_DIRECTION: Range = range(
+    -360.0,
+    720.0,
+    "a direction from -360 to 720 degrees, or nothing",
+);
 pub(super) const A_TEMPERATURE: Range = range(
     -120.0,
     100.0,
     "a temperature from -120 to 100 degrees Celsius, or nothing",
 );
 pub(super) const A_HUMIDITY: Range = range(
-    -10.0,
-    120.0,
-    "a relative humidity from -10 (a sensor may be off) to 120 %, or nothing",
+    0.0,
+    105.0,
+    "a relative humidity from 0 to 105 % (a sensor may be off in fog), or nothing",
 );
 pub(super) const A_PRESSURE: Range =
     range(1.0, 1200.0, "a pressure from 1 to 1200 hPa, or nothing");

@@ -1,0 +1,172 @@
+//! Calibration from logs with flaws, from the folder that PLUMAGE_DATA names. Ignored, with the reason,
+//! where that is not set.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test may fail by a panic"
+)]
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use libtest_mimic::{Arguments, Completion, Trial};
+use scenario::Scenario;
+use scenario::observations::{Flaw, Observations, checks, parse};
+use scenario::uncertain::Uncertain;
+use ws::calibration::offline::{OfflineCalibration, calibrate};
+
+/// What the made-up sources of the cases emit, kg/s.
+const EMISSION_KG_S: f64 = 160.0;
+
+/// A test that gets the folder of cases.
+fn on_cases(name: &str, test: fn(&Path)) -> Trial {
+    Trial::ignorable_test(name, move || {
+        let Some(folder) = std::env::var_os("PLUMAGE_DATA") else {
+            let reason = "needs PLUMAGE_DATA, the folder of measured data";
+            return Ok(Completion::ignored_with(reason));
+        };
+        let cases = Path::new(&folder).join("cases");
+        if !cases.is_dir() {
+            return Ok(Completion::ignored_with("needs PLUMAGE_DATA/cases"));
+        }
+        test(&cases);
+        Ok(Completion::Completed)
+    })
+}
+
+fn main() -> ExitCode {
+    let trials = vec![
+        on_cases(
+            "rows_without_a_fix_change_nothing",
+            rows_without_a_fix_change_nothing,
+        ),
+        on_cases(
+            "codes_for_a_direction_cost_no_certainty",
+            codes_for_a_direction_cost_no_certainty,
+        ),
+        on_cases(
+            "a_direction_of_where_the_wind_blows_to_is_said",
+            a_direction_of_where_the_wind_blows_to_is_said,
+        ),
+        on_cases(
+            "one_code_is_said_and_left_out",
+            one_code_is_said_and_left_out,
+        ),
+        on_cases("field_data_lose_no_row", field_data_lose_no_row),
+    ];
+    libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
+}
+
+fn text(path: &Path) -> String {
+    std::fs::read_to_string(path)
+        .unwrap_or_else(|e| panic!("PLUMAGE_DATA: {}: {e}", path.display()))
+}
+
+fn observations(folder: &Path, name: &str) -> Observations {
+    parse(&[(name, &text(&folder.join(name)))]).unwrap()
+}
+
+fn scenario(folder: &Path, name: &str) -> Scenario {
+    Scenario::parse(name, &text(&folder.join(name))).unwrap()
+}
+
+fn checked(scenario: &Scenario, observations: &Observations) -> checks::Checked {
+    let base = scenario.dispersion_spec().unwrap();
+    checks::check(observations, &base, &scenario.frame().unwrap())
+}
+
+fn emission_kg_s(found: &OfflineCalibration) -> (f64, f64) {
+    let sd = found.scenario.prior_sd(Uncertain::Emission).unwrap();
+    (found.scenario.sources[0].emission_kg_s.unwrap(), sd)
+}
+
+fn rows_without_a_fix_change_nothing(cases: &Path) {
+    let scenario = scenario(cases, "no-fix.toml");
+    let own = observations(cases, "no-fix.csv");
+    // The same rows give the same answer.
+    let left = checked(&scenario, &own).observations;
+    assert_eq!(left.rows, observations(cases, "no-fix-without.csv").rows);
+    let found = calibrate(&scenario, &own, None).unwrap();
+    let (value, sd) = emission_kg_s(&found);
+    assert!((value - EMISSION_KG_S).abs() < 2.0 * sd, "{value} ± {sd}");
+    assert_eq!(found.calibrator.taken(), 2880);
+    let without_fix = |q: &&scenario::observations::DataQuality| q.message.contains("position fix");
+    assert_eq!(found.data_quality.iter().filter(without_fix).count(), 2);
+}
+
+fn codes_for_a_direction_cost_no_certainty(cases: &Path) {
+    let scenario = scenario(cases, "wind-code.toml");
+    let of = |name: &str| calibrate(&scenario, &observations(cases, name), None).unwrap();
+    let (with, without) = (of("wind-code.csv"), of("wind-code-without.csv"));
+    let [flaw] = &with.data_quality[..] else {
+        panic!("{:?}", with.data_quality);
+    };
+    assert!(
+        flaw.message
+            .starts_with("30 values of -999 in column wind_from_deg")
+    );
+    assert!(
+        without.data_quality.is_empty(),
+        "{:?}",
+        without.data_quality
+    );
+    let ((value, sd), (_, clean_sd)) = (emission_kg_s(&with), emission_kg_s(&without));
+    assert!((value - EMISSION_KG_S).abs() < 2.0 * sd, "{value} ± {sd}");
+    assert!(sd < 1.2 * clean_sd, "{sd} {clean_sd}");
+}
+
+fn a_direction_of_where_the_wind_blows_to_is_said(cases: &Path) {
+    let scenario = scenario(cases, "wind-towards.toml");
+    let own = observations(cases, "wind-towards.csv");
+    let found = calibrate(&scenario, &own, None).unwrap();
+    let [flaw] = &found.data_quality[..] else {
+        panic!("{:?}", found.data_quality);
+    };
+    assert_eq!(flaw.kind, Flaw::Unit);
+    assert!(
+        flaw.message.contains("is it where it blows to?"),
+        "{}",
+        flaw.message
+    );
+}
+
+fn one_code_is_said_and_left_out(cases: &Path) {
+    let text = include_str!("../../../scenarios/as-pontes.toml");
+    let scenario = Scenario::parse("as-pontes.toml", text).unwrap();
+    let found = calibrate(&scenario, &observations(cases, "one-code.csv"), None).unwrap();
+    let [flaw] = &found.data_quality[..] else {
+        panic!("{:?}", found.data_quality);
+    };
+    assert!(
+        flaw.message
+            .starts_with("1 values of -9999 in column co2_ppm")
+    );
+    assert_eq!(found.calibrator.taken(), 300);
+}
+
+fn field_data_lose_no_row(cases: &Path) {
+    let field = cases.parent().unwrap().join("field");
+    for (log, world) in [
+        ("car/transects.csv", "car/source.toml"),
+        ("faam/transects.csv", "faam/logged-wind.toml"),
+        ("faam/transects.csv", "faam/right-wind.toml"),
+        (
+            "faam/synthetic-swinging.csv",
+            "faam/synthetic-swinging.toml",
+        ),
+        ("ginninderra/neutral.csv", "ginninderra/neutral.toml"),
+        ("ginninderra/stable.csv", "ginninderra/stable.toml"),
+        ("metec/event.csv", "metec/event.toml"),
+        ("vulcano/two-sensors.csv", "vulcano/fumaroles.toml"),
+    ] {
+        let own = observations(&field, log);
+        let found = checked(&scenario(&field, world), &own);
+        assert_eq!(found.observations, own, "{log}: {:?}", found.flaws);
+        assert!(
+            found.flaws.iter().all(|f| f.kind == Flaw::Gap),
+            "{log}: {:?}",
+            found.flaws
+        );
+    }
+}

@@ -145,6 +145,7 @@ fn word(verdict: Verdict) -> &'static str {
         Verdict::Named => "named",
         Verdict::Ambiguous => "ambiguous",
         Verdict::Unexplained => "unexplained",
+        Verdict::Insufficient => "insufficient",
     }
 }
 

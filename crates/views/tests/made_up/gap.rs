@@ -61,6 +61,9 @@ pub fn json() -> GapJson {
             prior: 5.0,
         }],
         unexplained: None,
+        insufficient: None,
+        contact: None,
+        discrepancy: None,
         data_quality: vec![DataQuality {
             platform: "6".into(),
             kind: Flaw::Frozen,

@@ -176,12 +176,7 @@ fn tell(json: &gap::verdict::GapJson, folder: &Path) {
         "verdict: {}",
         verdict.as_ref().and_then(|v| v.as_str()).unwrap_or("?")
     );
-    if let Some(contact) = &json.contact {
-        println!("  {}", contact.says);
-    }
-    if json.causes.is_empty() {
-        println!("  {}", json.summary);
-    }
+    println!("  {}", json.summary);
     for cause in &json.causes {
         println!(
             "  {} (probability {:.2})",

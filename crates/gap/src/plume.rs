@@ -29,7 +29,7 @@ use crate::GapError;
 use crate::verdict::GapJson;
 use catalogue::Tried;
 use data::Data;
-use model::PlumeModel;
+use model::{PlumeModel, Scale};
 
 /// How the analysis is run.
 #[derive(Debug, Clone, PartialEq)]
@@ -159,6 +159,7 @@ fn counted_from_near_zero(
     tell(0.05, "fitting the base");
     let rows = rows(&data)?;
     let sensor_sd = sensor_sd(setup, &data);
+    let scale = Scale::of(sensor_sd, highest(&data));
     let question = Question {
         rows: &rows,
         policy: &options.policy,
@@ -173,11 +174,11 @@ fn counted_from_near_zero(
         rows: &first_rows,
         ..question
     };
-    let carried = wind::chosen(setup, first, &first_question)?;
+    let carried = wind::chosen(setup, first, &first_question, scale)?;
     let first_track = wind::carrying(setup, first, carried);
     let track = wind::carrying(setup, &data, carried);
-    let first_model = PlumeModel::new(setup, &first_track);
-    let model = PlumeModel::new(setup, &track);
+    let first_model = PlumeModel::new(setup, &first_track, scale);
+    let model = PlumeModel::new(setup, &track, scale);
     let first_base = first_question.base(&first_model)?;
     let base = question.refined(&model, &first_base)?;
     tell(0.25, "asking whether the readings follow the plume");
@@ -223,7 +224,7 @@ fn aimed<'a>(
         return Ok(None);
     };
     let turn_deg = contact.turn_deg.value;
-    let name = catalogue::aimed(turn_deg);
+    let name = catalogue::aimed(turn_deg, model.scale());
     let found = question.named(&first.aimed(&name.part, turn_deg), &name)?;
     Ok(Some((found, model.aimed(&name.part, turn_deg))))
 }
@@ -238,6 +239,12 @@ fn rows(data: &Data) -> Result<Rows, InferError> {
         data.sd_ppm.clone(),
         data.used.clone(),
     )
+}
+
+/// The highest reading, ppm.
+fn highest(data: &Data) -> f64 {
+    let used = data.reading_ppm.iter().zip(&data.used).filter(|(_, u)| **u);
+    used.map(|(c, _)| *c).fold(f64::MIN_POSITIVE, f64::max)
 }
 
 /// Standard deviation of the sensor's noise, ppm: the scenario's, or what rounding alone makes.

@@ -14,7 +14,9 @@ use crate::rows::PlumePlace;
 
 /// Coordinates: distance, height, width and time of the error of form, and the swing of the axis.
 pub const COORDINATES: usize = 5;
-/// The last of them.
+/// The last two of them.
+const TIME: usize = 3;
+/// See above.
 pub const SWING: usize = 4;
 /// The exponent g is kept within this, so that no step of a search overflows: a factor of seven.
 const MOST_EXPONENT: f64 = 2.0;
@@ -292,6 +294,16 @@ impl Policy {
             choices
                 .min_by(|a, b| off(a).total_cmp(&off(b)))
                 .map_or(0.0, |c| c.0)
+        })
+    }
+
+    /// Of sizes what is tolerated: no error of form but a slow change of strength as a wind's speed makes,
+    /// and a swing as a steady wind's.
+    pub(crate) fn tolerated_sizes(&self, sizes: &Sizes) -> Sizes {
+        std::array::from_fn(|k| match k {
+            SWING => sizes[k].min(self.swing_sizes_deg[0]),
+            TIME => sizes[k].min(self.form_sizes[0]),
+            _ => self.form_least,
         })
     }
 

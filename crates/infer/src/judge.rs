@@ -106,8 +106,10 @@ impl Question<'_> {
                 .filter(|&k| !self.stands(&causes[k]))
                 .min_by(|a, b| strength(&causes[*a]).total_cmp(&strength(&causes[*b])));
             let Some(k) = weakest else { break };
-            let worse = causes[k].worse.iter().any(|w| *w >= WORSE);
-            if strength(&causes[k]) > self.policy.drawn_again && !worse {
+            // What is much, or is chosen again, is said to be doubted.
+            let much = causes[k].gain > self.policy.rest_alone_nats
+                || strength(&causes[k]) > self.policy.drawn_again;
+            if much {
                 doubted.push(causes[k].clone());
             }
             set = best_without(found, &set, k).clone();
@@ -239,7 +241,10 @@ impl Question<'_> {
             worse: [0.0; 2],
         };
         if self.stands(&cause) {
-            let (with, before) = (self.expected(set, passes)?, self.expected(without, passes)?);
+            // Both for an axis that is as unknown: else the one that follows a swing is blurred alone.
+            let sd_deg = self.unseen_deg(set).max(self.unseen_deg(without));
+            let with = self.expected(set, passes, sd_deg)?;
+            let before = self.expected(without, passes, sd_deg)?;
             cause.worse = self.worse(&before, &with, passes, draws);
         }
         Ok(cause)

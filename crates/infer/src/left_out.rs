@@ -107,7 +107,13 @@ impl Question<'_> {
         })
     }
 
-    /// What a set expects of every pass when it has seen only the others.
+    /// How much the axis may be off in a pass that nobody has seen: its swing and its wander, degrees.
+    pub fn unseen_deg<M: Catalogue>(&self, of: &Found<M>) -> f64 {
+        of.likeliest_sizes()[SWING].hypot(of.fit().noise.wander_deg)
+    }
+
+    /// What a set expects of every pass when it has seen only the others and the axis may be off by
+    /// `sd_deg`.
     ///
     /// # Errors
     /// Values that the model refuses.
@@ -115,12 +121,12 @@ impl Question<'_> {
         &self,
         of: &Found<M>,
         passes: &[Vec<Range<usize>>],
+        sd_deg: f64,
     ) -> Result<Expected, InferError> {
         let by_pass = self.by_pass(of, passes)?;
         let n = self.rows.len();
         let fit = of.fit();
         let coordinates: Vec<usize> = fit.basis.coordinates().collect();
-        let sd_deg = of.likeliest_sizes()[SWING].hypot(fit.noise.wander_deg);
         let turns: Vec<(f64, f64)> = (0..TURNS)
             .map(|k| {
                 let z = REACH_SD * (2.0 * k as f64 / (TURNS - 1) as f64 - 1.0);

@@ -9,7 +9,7 @@ use crate::InferError;
 use crate::contact::Contact;
 use crate::evidence::{Evidence, Reduced};
 use crate::fit::{Point, Problem, precision_of};
-use crate::form::{SWING, Sizes};
+use crate::form::Sizes;
 use crate::policy::Policy;
 use crate::posterior::{Posterior, Weighed};
 use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
@@ -190,14 +190,13 @@ impl<'a> Question<'a> {
         problem.contact(of.at(), self.policy.passes)
     }
 
-    /// The same set without any error of form, and with no more swing and noise than is tolerated.
+    /// The same set with no more error of form, swing and noise than is tolerated.
     ///
     /// # Errors
     /// Values that the model refuses.
     pub fn plain<M: Catalogue>(&self, of: &Found<M>) -> Result<Found<M>, InferError> {
         let problem = self.problem(&of.model);
-        let swing_deg = of.likeliest_sizes()[SWING].min(self.policy.swing_sizes_deg[0]);
-        let sizes = self.policy.nearest_sizes(0.0, swing_deg);
+        let sizes = self.policy.tolerated_sizes(&of.likeliest_sizes());
         let fit = of.fit();
         let noise = problem.tolerated(&fit.noise);
         if noise == fit.noise && of.weighed.sizes.first().is_some_and(|s| s.1 == sizes) {
@@ -500,11 +499,10 @@ struct Next {
 }
 
 impl Question<'_> {
-    /// The base under little noise: noise may have taken up what a name explains.
+    /// The base under little noise and no swing: these may have taken up what a name explains.
     pub fn quiet<M: Catalogue>(&self, base: &Found<M>) -> Result<Found<M>, InferError> {
         let problem = self.problem(&base.model);
-        let swing_deg = base.likeliest_sizes()[SWING];
-        let sizes = self.policy.nearest_sizes(0.0, swing_deg);
+        let sizes = self.policy.nearest_sizes(0.0, 0.0);
         let fit = base.fit();
         let noise = problem.quiet_noise();
         let mut quiet = base.clone();

@@ -75,7 +75,7 @@ pub struct Policy {
     /// An error of form is said where its evidence exceeds this, nats: 19 to 1.
     pub rest_nats: f64,
     /// ... where passes left out gain by it; beyond this, nats, in any case, as a swing or a fluctuation
-    /// of one pass tells nothing of another: 150 to 1.
+    /// of one pass tells nothing of another: 3,000 to 1.
     pub rest_alone_nats: f64,
     /// Most candidates where something is not explained.
     pub most_candidates: usize,
@@ -105,14 +105,14 @@ impl Default for Policy {
             form_none: 0.75,
             noise_median: Noise {
                 white: 1.0,
-                slow: 0.5,
+                slow: 0.3,
                 slow_s: 300.0,
                 fluctuation: 0.1,
                 fluctuation_s: 5.0,
                 wander_deg: 1.0,
                 wander_s: 60.0,
             },
-            noise_ln_sd: [0.7, 1.0, 0.5, 0.8, 0.8, 1.0, 0.5],
+            noise_ln_sd: [0.7, 0.4, 0.3, 0.8, 0.8, 1.0, 0.5],
             noise_tolerated: Noise {
                 white: 6.0,
                 slow: 3.0,
@@ -132,9 +132,9 @@ impl Default for Policy {
             beam_width: 3,
             beam_nats: 4.0,
             named: 0.95,
-            drawn_again: 0.8,
+            drawn_again: 0.85,
             rest_nats: 2.944,
-            rest_alone_nats: 5.0,
+            rest_alone_nats: 8.0,
             most_candidates: 4,
             longest_step_sd: 1.0,
             most_steps: 20,

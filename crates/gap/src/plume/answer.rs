@@ -56,7 +56,7 @@ pub(crate) fn stated(
     notices.push(format!("the plume is carried by {}", wind::describe(study.carried)));
     if std::env::var_os("GAPDEBUG").is_some() {
         let name = |f: &Found<PlumeModel<'_>>| f.names.iter().map(|n| label(study, n)).map(|(a, b)| a + &b.map_or(String::new(), |b| "@".to_string() + &b)).collect::<Vec<_>>().join("+");
-        for f in study.found.iter().take(12) { notices.push(format!("F {:.1} {} {:.3?} {:?}", f.ln_score(), name(f), f.at(), f.likeliest_sizes())); }
+        for f in study.found.iter().take(12) { notices.push(format!("F {:.1} {} {:.3?} {:?} {:.2} {:.0} {:.2} {:.0} {:.2}", f.ln_score(), name(f), f.at(), f.likeliest_sizes(), f.fit().noise.slow, f.fit().noise.slow_s, f.fit().noise.fluctuation, f.fit().noise.fluctuation_s, f.fit().noise.wander_deg)); }
         for (w, f) in [("base", study.base.clone()), ("quiet", study.question.quiet(&study.base)?)] { let mut l = study.question.screen(&f, &study.tried)?; l.sort_by(|a, b| b.gain.total_cmp(&a.gain)); notices.push(format!("S {w} {:.1} {}", f.ln_score(), l.iter().take(14).map(|s| { let n = label(study, &study.tried[s.tried]); format!("{}@{:?} {:.1} {:.2?}", n.0, n.1, s.gain, s.amplitudes) }).collect::<Vec<_>>().join(", "))); }
         notices.push(format!("N {:.3?}", study.base.fit().noise));
         let p = study.question.plain(&judged.set)?;
@@ -200,7 +200,11 @@ fn ranking(study: &Study<'_>) -> Vec<Ranked> {
 fn unexplained(study: &Study<'_>, named: bool) -> Result<Option<Unexplained>, InferError> {
     let judged = &study.judged;
     let astray = !follows(study);
-    if judged.rest <= study.question.policy.rest_nats && judged.doubted.is_empty() && !astray {
+    // Where the readings do not follow the plume, and no turn of the wind that they ask for is named,
+    // the model does not hold, however small a rest a wandering zero leaves.
+    let elsewhere = study.contact.as_ref().is_some_and(|c| c.share < FOLLOWED);
+    let holds = judged.rest <= study.question.policy.rest_nats && judged.doubted.is_empty();
+    if holds && !astray && (named || !elsewhere) {
         return Ok(None);
     }
     let mut candidates = Vec::new();
@@ -230,7 +234,7 @@ fn unexplained(study: &Study<'_>, named: bool) -> Result<Option<Unexplained>, In
     let largest = (0..sizes.len()).max_by(|a, b| sizes[*a].total_cmp(&sizes[*b]));
     Ok(Some(Unexplained {
         coordinate: coordinate[largest.unwrap_or(SWING)].to_string(),
-        term: if astray {
+        term: if astray || (elsewhere && !named) {
             "the readings do not follow this plume".to_string()
         } else if sizes[SWING] > 0.0 {
             "a swing of the plume's axis".to_string()
@@ -353,7 +357,12 @@ fn insufficient(study: &Study<'_>, screened: &[infer::Screened]) -> Option<Insuf
         .iter()
         .position(|t| t.part.id == MechanismId::EmissionScale)?;
     let step = study.tried[strength].start.ends[0][0].abs();
-    let sd = step / screened[strength].information.sqrt();
+    // What the readings tell of the strength beside what the scenario is unsure of: the information
+    // that is left after the scenario's own prior has taken its part is the larger the less it knows.
+    let own = study.base.model.unknown(MechanismId::EmissionScale);
+    let prior_sd = own.map_or(0.0, |k| infer::ForwardModel::priors(&study.base.model)[k].sd);
+    let variance = step * step / screened[strength].information - prior_sd * prior_sd;
+    let sd = variance.max(0.0).sqrt();
     if sd < UNKNOWN_LN_STRENGTH {
         return None;
     }

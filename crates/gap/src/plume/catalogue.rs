@@ -5,7 +5,7 @@ use ::plume::field::{DispersionModel, Strength};
 use ::plume::mechanism::{Family, MechanismId, Steps};
 use infer::{Catalogue, ForwardModel, InferError, Prediction, Start};
 
-use super::model::{Part, PlumeModel, fitted, from_coordinate, neutral, to_coordinate};
+use super::model::{Part, PlumeModel, Scale, fitted, from_coordinate, neutral, to_coordinate};
 use super::data::Setup;
 
 /// A mechanism that is tried, and a start of its search.
@@ -108,7 +108,7 @@ pub(crate) fn tried(setup: &Setup, model: &PlumeModel<'_>, base: &Prediction, wo
 }
 
 /// A turn of the wind towards where the readings lie.
-pub(crate) fn aimed(turn_deg: f64) -> Tried {
+pub(crate) fn aimed(turn_deg: f64, scale: Scale) -> Tried {
     let id = MechanismId::WindDirectionOffset;
     Tried {
         part: Part {
@@ -116,7 +116,7 @@ pub(crate) fn aimed(turn_deg: f64) -> Tried {
             platform: None,
             values: neutral(id),
         },
-        start: line(id, turn_deg),
+        start: line(id, turn_deg, scale),
     }
 }
 
@@ -161,21 +161,22 @@ fn starts(
     world: &DispersionModel,
     id: MechanismId,
 ) -> Vec<(Vec<f64>, Start)> {
-    let alone = |settings: &[f64], value: f64| (settings.to_vec(), line(id, value));
+    let alone = |settings: &[f64], value: f64| (settings.to_vec(), line(id, value, model.scale()));
     let plain = neutral(id);
+    let scale = model.scale().on(&id.spec().parameters[0]);
     match id.spec().steps {
-        Steps::Line(values) => values.iter().map(|v| alone(&plain, *v)).collect(),
-        Steps::Plane(step) => vec![(plain, plane(id, step))],
+        Steps::Line(values) => values.iter().map(|v| alone(&plain, scale * v)).collect(),
+        Steps::Plane(step) => vec![(plain, plane(id, scale * step, model.scale()))],
         Steps::HeightsAboveAxis => lids(model, world).iter().map(|h| alone(&plain, *h)).collect(),
         Steps::PlacesAroundSource => second_sources(model, world, id),
         Steps::PartsOfRange => limits(base).iter().map(|l| alone(&plain, *l)).collect(),
-        Steps::AboutBackground(value) => about(id, value, &[0.0, setup.base.background_ppm]),
-        Steps::AboutPressureMet(value) => about(id, value, &pressures(model)),
+        Steps::AboutBackground(value) => about(model, id, value, &[0.0, setup.base.background_ppm]),
+        Steps::AboutPressureMet(value) => about(model, id, scale * value, &pressures(model)),
     }
 }
 
 /// A step of the first parameter alone.
-fn line(id: MechanismId, value: f64) -> Start {
+fn line(id: MechanismId, value: f64, scale: Scale) -> Start {
     let spec = &id.spec().parameters[0];
     let end = to_coordinate(spec, value);
     let nothing = to_coordinate(spec, spec.neutral);
@@ -183,7 +184,7 @@ fn line(id: MechanismId, value: f64) -> Start {
     Start {
         nothing: vec![nothing],
         ends: vec![vec![end]],
-        amplitude_sd: vec![spec.prior_sd / step.abs()],
+        amplitude_sd: vec![spec.prior_sd * scale.on(spec) / step.abs()],
         one_sided: spec.low == spec.neutral || spec.high == spec.neutral,
         ln_share: 0.0,
         ln_prior: 0.0,
@@ -191,8 +192,9 @@ fn line(id: MechanismId, value: f64) -> Start {
 }
 
 /// Steps of two parameters, each a direction.
-fn plane(id: MechanismId, step: f64) -> Start {
-    let sd = id.spec().parameters[0].prior_sd / step;
+fn plane(id: MechanismId, step: f64, scale: Scale) -> Start {
+    let spec = &id.spec().parameters[0];
+    let sd = spec.prior_sd * scale.on(spec) / step;
     Start {
         nothing: vec![0.0, 0.0],
         ends: vec![vec![step, 0.0], vec![0.0, step]],
@@ -204,11 +206,16 @@ fn plane(id: MechanismId, step: f64) -> Start {
 }
 
 /// A step of the first parameter about each of a few values of the second, which is a setting.
-fn about(id: MechanismId, value: f64, pivots: &[f64]) -> Vec<(Vec<f64>, Start)> {
+fn about(
+    model: &PlumeModel<'_>,
+    id: MechanismId,
+    value: f64,
+    pivots: &[f64],
+) -> Vec<(Vec<f64>, Start)> {
     let start = |pivot: &f64| {
         let mut settings = neutral(id);
         settings[1] = *pivot;
-        (settings, line(id, value))
+        (settings, line(id, value, model.scale()))
     };
     pivots.iter().map(start).collect()
 }
@@ -228,7 +235,7 @@ fn limits(base: &Prediction) -> Vec<f64> {
     let high = base.reading.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let rest = base.reading.iter().zip(&base.plume).map(|(r, p)| r - p);
     let low = rest.fold(f64::INFINITY, f64::min);
-    let limit = |part: &f64| (low + part * (high - low)).max(1.0);
+    let limit = |part: &f64| low + part * (high - low);
     LIMITS.iter().map(limit).collect()
 }
 

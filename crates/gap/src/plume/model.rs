@@ -37,6 +37,49 @@ pub(crate) struct PlumeModel<'a> {
     priors: Vec<infer::Prior>,
     /// An unknown and the value about which a search for it begins.
     aim: Option<(usize, f64)>,
+    /// What the catalogue's concentrations are multiplied by.
+    scale: Scale,
+}
+
+/// The catalogue's priors and steps of concentrations are those of a CO2 sensor; of another gas, or in
+/// another unit, they follow the sensor's noise and the highest reading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Scale {
+    /// Factor on priors and steps.
+    pub factor: f64,
+    /// The highest reading.
+    pub highest: f64,
+}
+
+/// The noise for which the catalogue's concentrations are meant, ppm.
+const CATALOGUE_NOISE_PPM: f64 = 2.0;
+
+impl Scale {
+    /// The scale of a sensor of this noise, whose highest reading is given.
+    pub fn of(sensor_sd: f64, highest: f64) -> Self {
+        Self {
+            factor: sensor_sd / CATALOGUE_NOISE_PPM,
+            highest,
+        }
+    }
+
+    /// Factor on a parameter: of what has concentrations in its unit.
+    pub fn on(&self, spec: &ParameterSpec) -> f64 {
+        if spec.unit.starts_with("ppm") && spec.neutral.is_finite() { self.factor } else { 1.0 }
+    }
+
+    /// What is known of a parameter beforehand.
+    fn prior(&self, spec: &ParameterSpec) -> infer::Prior {
+        let centre = if spec.unit == "ppm" && spec.neutral.is_infinite() {
+            self.highest
+        } else {
+            spec.prior_centre
+        };
+        infer::Prior {
+            mean: to_coordinate(spec, centre),
+            sd: spec.prior_sd * self.on(spec),
+        }
+    }
 }
 
 /// A value in the coordinate in which its prior is normal.
@@ -69,7 +112,7 @@ pub(crate) fn fitted(id: MechanismId) -> impl Iterator<Item = usize> {
 
 impl<'a> PlumeModel<'a> {
     /// The model of `setup` on a track, with what the scenario is unsure of as unknowns.
-    pub fn new(setup: &'a Setup, track: &'a Track) -> Self {
+    pub fn new(setup: &'a Setup, track: &'a Track, scale: Scale) -> Self {
         let mut model = Self {
             base: &setup.base,
             track,
@@ -77,6 +120,7 @@ impl<'a> PlumeModel<'a> {
             unknowns: Vec::new(),
             priors: Vec::new(),
             aim: None,
+            scale,
         };
         for prior in &setup.priors {
             let spec = &prior.id.spec().parameters[0];
@@ -112,13 +156,7 @@ impl<'a> PlumeModel<'a> {
     /// The model with a further part, all of whose fitted parameters are unknown.
     pub fn with(&self, part: &Part) -> Self {
         let mut out = self.clone();
-        let prior = |k: usize| {
-            let spec = &part.id.spec().parameters[k];
-            infer::Prior {
-                mean: to_coordinate(spec, spec.prior_centre),
-                sd: spec.prior_sd,
-            }
-        };
+        let prior = |k: usize| self.scale.prior(&part.id.spec().parameters[k]);
         let priors: Vec<_> = fitted(part.id).map(prior).collect();
         out.add(part.clone(), &priors);
         out
@@ -173,6 +211,11 @@ impl<'a> PlumeModel<'a> {
     pub fn unknown(&self, id: MechanismId) -> Option<usize> {
         let of = |u: &Unknown| self.parts[u.part].id == id && self.parts[u.part].platform.is_none();
         self.unknowns.iter().position(of)
+    }
+
+    /// What concentrations of the catalogue are multiplied by.
+    pub fn scale(&self) -> Scale {
+        self.scale
     }
 
     /// The track.

@@ -5,7 +5,7 @@ use ::plume::track::Track;
 use infer::{InferError, Question};
 
 use super::data::{Data, Setup};
-use super::model::PlumeModel;
+use super::model::{PlumeModel, Scale};
 
 /// What of a log carries the plume.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,6 +66,7 @@ pub(crate) fn chosen(
     setup: &Setup,
     data: &Data,
     question: &Question<'_>,
+    scale: Scale,
 ) -> Result<Option<Carried>, InferError> {
     if !data.on_board_wind {
         return Ok(None);
@@ -73,7 +74,7 @@ pub(crate) fn chosen(
     let mut best: Option<(f64, Carried)> = None;
     for carried in TRIED {
         let track = carrying(setup, data, Some(carried));
-        let evidence = question.quick(&PlumeModel::new(setup, &track))?;
+        let evidence = question.quick(&PlumeModel::new(setup, &track, scale))?;
         if best.is_none_or(|b| evidence > b.0) {
             best = Some((evidence, carried));
         }

@@ -15,11 +15,14 @@
 
 pub mod answer;
 pub mod channel;
+mod derived;
 pub mod equation_error;
 pub mod evidence;
 pub mod filter;
 pub mod gain;
 pub mod gate;
+#[cfg(test)]
+mod gate_tests;
 mod gradient;
 pub mod histories;
 pub mod log;
@@ -33,6 +36,7 @@ pub mod rival;
 mod rough;
 pub mod study;
 mod units;
+pub mod windows;
 
 use fdm::Aircraft;
 use serde::Serialize;
@@ -42,10 +46,11 @@ use crate::verdict::{GapJson, SCHEMA, Verdict};
 use answer::Answer;
 use equation_error::EquationError;
 use gate::Gated;
-use histories::{History, SimulatedError};
+use histories::History;
 use log::FlightLog;
 use noise::Noise;
 use study::{Linear, Study};
+use windows::MotionError;
 
 /// What `gap flight` found: `gap.json` with a further field `flight`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -64,12 +69,19 @@ pub struct FlightReport {
 }
 
 impl FlightReport {
-    /// The text of `gap.json`, indented.
+    /// The text of `gap.json`, indented; `gain` has the errors of motion besides, as `motion`.
     ///
     /// # Errors
     /// Only if serialisation itself fails.
     pub fn to_json(&self) -> Result<String, serde_json::Error> {
-        serde_json::to_string_pretty(self)
+        let mut whole = serde_json::to_value(self)?;
+        if let Some(gain) = whole["gain"].as_object_mut() {
+            gain.insert(
+                "motion".to_owned(),
+                serde_json::to_value(&self.flight.motion)?,
+            );
+        }
+        serde_json::to_string_pretty(&whole)
     }
 }
 
@@ -83,8 +95,9 @@ pub struct FlightDetail {
     /// Factor by which the data's word was weakened, since their score varies that much more
     /// than independent innovations would.
     pub dispersion: f64,
-    /// Errors of stretches simulated with the measured commands.
-    pub simulated: Vec<SimulatedError>,
+    /// Errors of the motion predicted for short windows by the measured commands, in a pilot's
+    /// units.
+    pub motion: Vec<MotionError>,
 }
 
 /// What was found, with the question and the views of the data that it was found from.
@@ -119,7 +132,12 @@ impl<'a> Finding<'a> {
             .iter()
             .map(|s| study.world(s, &zero))
             .collect();
-        let equation_error = equation_error::analyse(&gated.segments, &worlds, aircraft);
+        let segments: &[_] = if gated.tells_delays {
+            &gated.segments
+        } else {
+            &[]
+        };
+        let equation_error = equation_error::analyse(segments, &worlds, aircraft);
         progress(0.03);
         let (first, last) = study.look(&equation_error, &mut |part| progress(0.03 + 0.9 * part))?;
         let mut answer = answer::judge(&study, &last);
@@ -151,10 +169,15 @@ impl<'a> Finding<'a> {
         let extended = extend(study.aircraft, &answer, &mut notices);
         notices.extend(equation_error.moments.iter().map(|m| m.words.clone()));
         notices.extend(equation_error.lift.iter().map(|l| l.words.clone()));
+        let motion = windows::errors(&histories);
+        let mut summary = summary(&answer, &equation_error);
+        if let Some(words) = windows::in_words(&motion, !answer.set.is_empty()) {
+            summary = format!("{summary} {words}");
+        }
         let gap = GapJson {
             schema: SCHEMA,
             verdict: answer.verdict,
-            summary: summary(&answer, &equation_error),
+            summary,
             residual: residual::bins(&study, &first),
             gain: (!answer.set.is_empty()).then(|| gain::of_set(&study, &last, &answer.set)),
             detectable: answer::detectable(&study, &last),
@@ -175,7 +198,7 @@ impl<'a> Finding<'a> {
                 equation_error,
                 noise: last.noise,
                 dispersion: last.word.dispersion,
-                simulated: histories::errors(&histories),
+                motion,
             },
             histories,
             extended,
@@ -195,6 +218,17 @@ fn extend(aircraft: &Aircraft, answer: &Answer, notices: &mut Vec<String>) -> Ai
             .into(),
     );
     aircraft.clone()
+}
+
+/// What is being done when the part `done` of an analysis is, in words.
+pub fn doing(done: f64) -> &'static str {
+    match done {
+        ..0.03 => "accelerations",
+        0.03..0.3 => "noise",
+        0.3..0.45 => "the aircraft of the file",
+        0.45..0.93 => "causes",
+        _ => "histories",
+    }
 }
 
 /// Analyses the flights `logs` of `aircraft`; `progress` gets the part done, 0 to 1.

@@ -149,7 +149,22 @@ fn word(verdict: Verdict) -> &'static str {
     }
 }
 
+/// A number with its unit and what it is.
+type Card = (String, &'static str, String);
+
 fn opening(kicker: &str, title: &str, json: &GapJson) -> Document {
+    let held_out = json.gain.as_ref().map(|gain| &gain.held_out);
+    let known = held_out.filter(|held_out| held_out.rmse_before > 0.0);
+    let change = known.map(|held_out| {
+        let part = 100.0 * (held_out.rmse_after / held_out.rmse_before - 1.0);
+        let what = "change of the error (RMSE) there".to_owned();
+        (number(part, 0), "%", what)
+    });
+    opening_with(kicker, title, json, change.as_slice())
+}
+
+/// The opening with `change` as what became of the error.
+fn opening_with(kicker: &str, title: &str, json: &GapJson, change: &[Card]) -> Document {
     let mut page = Document::new(kicker, title);
     page.lead(std::slice::from_ref(&json.summary));
     let mut cards = vec![(word(json.verdict).to_owned(), "", "verdict".to_owned())];
@@ -161,14 +176,7 @@ fn opening(kicker: &str, title: &str, json: &GapJson) -> Document {
         let held_out = &gain.held_out;
         let nats = held_out.log_score_after - held_out.log_score_before;
         cards.push((number(nats, 1), "nats", "gain on data left out".to_owned()));
-        if held_out.rmse_before > 0.0 {
-            let part = 100.0 * (held_out.rmse_after / held_out.rmse_before - 1.0);
-            cards.push((
-                number(part, 0),
-                "%",
-                "change of the error (RMSE) there".to_owned(),
-            ));
-        }
+        cards.extend_from_slice(change);
     }
     page.figures(&cards);
     page

@@ -51,6 +51,7 @@ pub(in crate::commands) fn analysed(
     let bar = progress_bar();
     let report = gap::flight::analyse(logs, aircraft, &mut |part| {
         bar.set_position((part * 100.0) as u64);
+        bar.set_message(gap::flight::doing(part));
     })
     .map_err(Failure::input)?;
     bar.finish_and_clear();

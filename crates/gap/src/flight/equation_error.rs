@@ -26,6 +26,14 @@ pub const WINDOW_S: f64 = 0.2;
 const DETREND_S: f64 = 2.0;
 /// Length of blocks left out, s.
 const BLOCK_S: f64 = 10.0;
+/// Least standard deviation of a surface that excites its axis, rad: a twentieth of a degree, the
+/// play of a servo of this size.
+const LEAST_SURFACE_RAD: f64 = 1e-3;
+/// Variance inflation from which on a surface is determined by other columns: what it tells is then
+/// the rounding of the file.
+const MOST_INFLATION: f64 = 1e4;
+/// Least part of its square that a moment must vary by: less is rounding.
+const LEAST_SPREAD: f64 = 1e-9;
 
 /// A moment from measured accelerations against the published model and a refitted one.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -113,6 +121,33 @@ impl Rows {
             .sum()
     }
 
+    /// Whether there is something to explain and the surface (the last column but one of roll, the
+    /// last of the others, never the first) moves apart from all else: a column that stands still,
+    /// or that the others determine, tells nothing.
+    fn is_excited(&self) -> bool {
+        let Some(first) = self.x.first() else {
+            return false;
+        };
+        let n = self.y.len() as f64;
+        let spread = |of: &dyn Fn(usize) -> f64| {
+            let mean = (0..self.y.len()).map(of).sum::<f64>() / n;
+            (0..self.y.len())
+                .map(|i| (of(i) - mean).powi(2))
+                .sum::<f64>()
+        };
+        let scale: f64 = self.y.iter().map(|y| y * y).sum();
+        let inflation = self.inflation();
+        let surfaces = first
+            .len()
+            .saturating_sub(if first.len() == 4 { 1 } else { 2 })
+            ..first.len();
+        let moves = |k: usize| {
+            spread(&|i| self.x[i][k]) > LEAST_SURFACE_RAD.powi(2) * n
+                && inflation.get(k - 1).is_some_and(|v| *v < MOST_INFLATION)
+        };
+        spread(&|i| self.y[i]) > LEAST_SPREAD * scale && surfaces.clone().any(moves)
+    }
+
     /// Weighted squares left by a weighted fit to all rows, then to those without each block.
     fn left_without_each(&self) -> Vec<f64> {
         let width = self.x[0].len() + 1;
@@ -174,7 +209,12 @@ impl Rows {
                 };
                 let mean = rest.y.iter().sum::<f64>() / rest.y.len() as f64;
                 let whole: f64 = rest.y.iter().map(|y| (y - mean).powi(2)).sum();
-                whole / rest.left(&rest.solve(None), None).max(1e-300)
+                // A column that stands still has none.
+                if whole > 0.0 {
+                    whole / rest.left(&rest.solve(None), None).max(1e-12 * whole)
+                } else {
+                    f64::NAN
+                }
             })
             .collect()
     }
@@ -281,7 +321,7 @@ fn detrended(x: &[f64], interval: f64) -> Vec<f64> {
 /// A moment against the published model and refitted derivatives.
 fn moment(parts: &[Smooth], a: &Aircraft, axis: usize, delay: f64, inertia: f64) -> Option<Moment> {
     let rows = rows(parts, a, axis, delay, inertia);
-    if rows.y.len() < 200 {
+    if rows.y.len() < 200 || !rows.is_excited() {
         return None;
     }
     let n = rows.y.len() as f64;

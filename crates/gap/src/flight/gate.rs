@@ -6,7 +6,7 @@ use fdm::{Aircraft, SurfaceCommand};
 
 use super::channel::{ALL, CHANNELS, at};
 use super::log::FlightLog;
-use super::units;
+use super::{derived, units};
 use crate::GapError;
 use crate::verdict::{DataQuality, Flaw};
 
@@ -16,6 +16,14 @@ const FLYING_PART: f64 = 0.9;
 const ENDS_S: f64 = 1.5;
 /// Shortest flying part that is used, s.
 const SHORTEST_S: f64 = 8.0;
+/// Longest mean time between rows, s. What a surface does between two rows is not logged, and a
+/// small aircraft answers it within a tenth of a second (roll) to a few tenths (pitch).
+const SPARSEST_S: f64 = 0.11;
+/// Longest time between rows by which delays can be told, s: the tenths of a second that they last,
+/// and the parabola of 0.2 s that accelerations are told by, need five rows.
+const DELAYS_S: f64 = 0.055;
+/// Fewest rows that fly: three for each coefficient of an aircraft.
+const FEWEST_ROWS: usize = 80;
 /// Part of repeated values above which a channel counts as sampled and held.
 const HELD_PART: f64 = 0.5;
 /// Shortest stretch of an unchanged value that counts as frozen, s.
@@ -69,12 +77,15 @@ pub struct Gated {
     pub has_rudder: bool,
     /// Whether a wind was logged.
     pub has_wind: bool,
+    /// Whether rows are close enough to tell delays and lags of surfaces.
+    pub tells_delays: bool,
 }
 
 /// Passes `logs` of `aircraft` through the gate.
 ///
 /// # Errors
-/// [`GapError::Data`] when no log has a flying part of some seconds.
+/// [`GapError::Data`] when no log has a flying part of some seconds, or rows are too far apart to
+/// follow an aircraft by.
 pub fn pass(logs: &[FlightLog], aircraft: &Aircraft) -> Result<Gated, GapError> {
     let mut gated = Gated {
         segments: Vec::new(),
@@ -84,9 +95,11 @@ pub fn pass(logs: &[FlightLog], aircraft: &Aircraft) -> Result<Gated, GapError> 
         has_throttle: true,
         has_rudder: aircraft.has_rudder(),
         has_wind: true,
+        tells_delays: true,
     };
     for (index, log) in logs.iter().enumerate() {
         gated.notices.extend(log.notices.iter().cloned());
+        dense_enough(log, &mut gated)?;
         let segments = one(index, log, aircraft, &mut gated);
         gated.segments.extend(segments);
     }
@@ -105,6 +118,7 @@ pub fn pass(logs: &[FlightLog], aircraft: &Aircraft) -> Result<Gated, GapError> 
             expected: "a flight of the aircraft in the file, airspeed in m/s".into(),
         });
     }
+    enough_rows(logs, &gated)?;
     for (k, channel) in ALL.iter().enumerate() {
         gated.present[k] = gated
             .segments
@@ -119,13 +133,59 @@ pub fn pass(logs: &[FlightLog], aircraft: &Aircraft) -> Result<Gated, GapError> 
     Ok(gated)
 }
 
+/// Whether the rows of `log` are close enough to follow an aircraft by, and to tell delays.
+fn dense_enough(log: &FlightLog, gated: &mut Gated) -> Result<(), GapError> {
+    let interval = interval_s(log);
+    if interval > SPARSEST_S {
+        return Err(GapError::Data {
+            what: format!("{}: column time_s", log.name),
+            problem: format!(
+                "rows are {interval:.2} s apart ({:.1} a second): what the surfaces did between them \
+                 is not known, and the aircraft answers them faster",
+                1.0 / interval
+            ),
+            expected: format!(
+                "rows at most {SPARSEST_S:.2} s apart; for delays and lags at most {DELAYS_S:.3} s \
+                 (20 a second), usual are 50 a second"
+            ),
+        });
+    }
+    if interval > DELAYS_S {
+        gated.tells_delays = false;
+        gated.notices.push(format!(
+            "{}: rows are {interval:.2} s apart: delays, lags and angular accelerations are not \
+             judged, which takes 20 rows a second",
+            log.name
+        ));
+    }
+    Ok(())
+}
+
+fn enough_rows(logs: &[FlightLog], gated: &Gated) -> Result<(), GapError> {
+    let rows: usize = gated.segments.iter().map(Segment::len).sum();
+    if rows >= FEWEST_ROWS {
+        return Ok(());
+    }
+    let names: Vec<&str> = logs.iter().map(|l| l.name.as_str()).collect();
+    Err(GapError::Data {
+        what: names.join(", "),
+        problem: format!("{rows} rows fly"),
+        expected: format!("at least {FEWEST_ROWS} rows in flight"),
+    })
+}
+
+/// Usual time between rows, s.
+fn interval_s(log: &FlightLog) -> f64 {
+    median(log.time_s().windows(2).map(|w| w[1] - w[0]).collect())
+}
+
 fn duration(segment: &Segment) -> f64 {
     segment.time_s.last().unwrap_or(&0.0) - segment.time_s.first().unwrap_or(&0.0)
 }
 
 fn one(index: usize, log: &FlightLog, aircraft: &Aircraft, gated: &mut Gated) -> Vec<Segment> {
     let time = log.time_s();
-    let interval = median(time.windows(2).map(|w| w[1] - w[0]).collect());
+    let interval = interval_s(log);
     let parts = flying_parts(log, aircraft, interval, &mut gated.data_quality);
     let mut channels: Vec<Vec<f64>> = Vec::new();
     for channel in &ALL {
@@ -144,7 +204,9 @@ fn one(index: usize, log: &FlightLog, aircraft: &Aircraft, gated: &mut Gated) ->
         check.mask(&mut values, interval);
         channels.push(values.iter().map(|v| v * channel.si).collect());
     }
-    for (k, message) in units::suspected(log, &parts, &channels) {
+    let suspected = units::suspected(log, &parts, &channels);
+    let derived = derived::found(&parts, &channels);
+    for (k, message) in suspected.into_iter().chain(derived) {
         channels[k].fill(f64::NAN);
         gated.data_quality.push(DataQuality {
             platform: log.name.clone(),

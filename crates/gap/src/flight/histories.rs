@@ -6,9 +6,9 @@ use super::channel::{ALL, CHANNELS, at};
 use super::gate::Segment;
 use super::motion::{Mean, World};
 
-/// Length of a stretch that is simulated from the filter's state, s: short enough that gusts,
-/// which no simulation knows, do not carry it off.
-pub const STRETCH_S: f64 = 2.0;
+/// Length of a window that is simulated from its own start, s: short enough that gusts, which no
+/// simulation knows, do not carry it off.
+pub const WINDOW_S: f64 = 2.0;
 
 /// One channel of one flight, in the column's unit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -25,35 +25,36 @@ pub struct History {
     pub base: Vec<f64>,
     /// As the extended aircraft simulates it.
     pub extended: Vec<f64>,
+    /// Places at which a window starts.
+    pub starts: Vec<usize>,
     /// Innovations of the base in standard deviations.
     pub base_standardised: Vec<f64>,
     /// Innovations of the extended aircraft in standard deviations.
     pub extended_standardised: Vec<f64>,
 }
 
-/// Root mean square error of the simulated stretches, a channel.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SimulatedError {
-    /// Channel.
-    pub label: &'static str,
-    /// Unit.
-    pub unit: &'static str,
-    /// Of the base.
-    pub base_rmse: f64,
-    /// Of the extended aircraft.
-    pub extended_rmse: f64,
+/// Places at which the windows of `segment` start.
+fn starts(segment: &Segment) -> Vec<usize> {
+    let mut out = vec![0];
+    let mut since = segment.time_s[0];
+    for (i, time) in segment.time_s.iter().enumerate() {
+        if time - since >= WINDOW_S {
+            out.push(i);
+            since = *time;
+        }
+    }
+    out
 }
 
-/// Readings simulated with the measured commands, each stretch from the filter's state at its
-/// beginning.
+/// Readings simulated with the measured commands, each window from the filter's state at its
+/// start.
 pub fn simulate(segment: &Segment, world: &World, means: &[Mean]) -> Vec<[f64; CHANNELS]> {
     let mut out = Vec::with_capacity(segment.len());
     let mut state = undisturbed(&means[0]);
-    let mut since = segment.time_s[0];
+    let mut starts = starts(segment).into_iter().peekable();
     for i in 0..segment.len() {
-        if segment.time_s[i] - since >= STRETCH_S {
+        if starts.next_if_eq(&i).is_some() {
             state = undisturbed(&means[i]);
-            since = segment.time_s[i];
         }
         out.push(world.sense(segment, i, &state));
         if i + 1 < segment.len() {
@@ -104,36 +105,11 @@ pub fn histories(
                 time_s: segment.time_s.clone(),
                 base: near(simulated[0]),
                 extended: near(simulated[1]),
+                starts: starts(segment),
                 measured,
                 base_standardised: column(standardised[0]),
                 extended_standardised: column(standardised[1]),
             }
         })
         .collect()
-}
-
-/// Errors of the simulated stretches over all histories of each channel.
-pub fn errors(histories: &[History]) -> Vec<SimulatedError> {
-    let mut out: Vec<SimulatedError> = Vec::new();
-    for channel in &ALL {
-        let (mut base, mut extended, mut count) = (0.0, 0.0, 0.0);
-        for h in histories.iter().filter(|h| h.label == channel.label) {
-            for ((m, b), e) in h.measured.iter().zip(&h.base).zip(&h.extended) {
-                if m.is_finite() && b.is_finite() && e.is_finite() {
-                    base += (m - b).powi(2);
-                    extended += (m - e).powi(2);
-                    count += 1.0;
-                }
-            }
-        }
-        if count > 0.0 {
-            out.push(SimulatedError {
-                label: channel.label,
-                unit: channel.unit,
-                base_rmse: (base / count).sqrt(),
-                extended_rmse: (extended / count).sqrt(),
-            });
-        }
-    }
-    out
 }

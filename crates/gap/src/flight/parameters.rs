@@ -167,6 +167,7 @@ fn mechanisms(gated: &Gated) -> Vec<Parameter> {
     for (m, spec) in CATALOGUE.iter().enumerate() {
         for (k, p) in spec.parameters.iter().enumerate() {
             let judged = match spec.id {
+                "actuator-delay" | "actuator-lag" => gated.tells_delays,
                 "wind-bias" => gated.has_wind,
                 "thrust-loss" | "drag-increase" => gated.has_throttle,
                 "alpha-vane-scale" => gated.present[super::channel::at::ALPHA],

@@ -54,15 +54,6 @@ pub(crate) fn stated(
     let contact = contact(study);
     let mut notices = study.data.notices.clone();
     notices.push(format!("the plume is carried by {}", wind::describe(study.carried)));
-    if std::env::var_os("GAPDEBUG").is_some() {
-        let name = |f: &Found<PlumeModel<'_>>| f.names.iter().map(|n| label(study, n)).map(|(a, b)| a + &b.map_or(String::new(), |b| "@".to_string() + &b)).collect::<Vec<_>>().join("+");
-        for f in study.found.iter().take(12) { notices.push(format!("F {:.1} {} {:.3?} {:?} {:.2} {:.0} {:.2} {:.0} {:.2}", f.ln_score(), name(f), f.at(), f.likeliest_sizes(), f.fit().noise.slow, f.fit().noise.slow_s, f.fit().noise.fluctuation, f.fit().noise.fluctuation_s, f.fit().noise.wander_deg)); }
-        for (w, f) in [("base", study.base.clone()), ("quiet", study.question.quiet(&study.base)?)] { let mut l = study.question.screen(&f, &study.tried)?; l.sort_by(|a, b| b.gain.total_cmp(&a.gain)); notices.push(format!("S {w} {:.1} {}", f.ln_score(), l.iter().take(14).map(|s| { let n = label(study, &study.tried[s.tried]); format!("{}@{:?} {:.1} {:.2?}", n.0, n.1, s.gain, s.amplitudes) }).collect::<Vec<_>>().join(", "))); }
-        notices.push(format!("N {:.3?}", study.base.fit().noise));
-        let p = study.question.plain(&judged.set)?;
-        notices.push(format!("P {:.1} {:.3?} {:?}", p.ln_score(), p.fit().noise, p.likeliest_sizes()));
-        for (w, l) in [("C", &judged.causes), ("D", &judged.doubted)] { for c in l { notices.push(format!("{w} {:?} p {:.3} gain {:.1} next {:.1} left {:.1?} drawn {:.2} worse {:?}", c.names.iter().map(|n| format!("{:?} {:.2}", label(study, &n.0), n.1)).collect::<Vec<_>>(), c.probability, c.gain, c.nats_to_next, c.left_out, c.drawn_again, c.worse)); } }
-    }
     let json = GapJson {
         schema: SCHEMA,
         verdict,

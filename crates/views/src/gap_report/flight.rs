@@ -1,11 +1,12 @@
 //! The report of an analysis of measured flights.
 
-use super::{bins, figure, name_extend_gain, opening, remains};
+use super::{Card, bins, figure, name_extend_gain, opening_with, remains};
 use crate::html::{Document, number};
 use crate::plot::{panel_title, rounded, stride};
 use gap::flight::FlightReport;
 use gap::flight::equation_error::{EquationError, Moment};
-use gap::flight::histories::{History, STRETCH_S};
+use gap::flight::histories::{History, WINDOW_S};
+use gap::flight::windows::MotionError;
 use serde_json::{Value, json};
 
 /// Points of a line in a figure.
@@ -21,49 +22,72 @@ const SHOWN: [&str; 8] = [
     "specific force forward",
     "specific force down",
 ];
+/// Channels whose errors open the report.
+const CARDS: [&str; 3] = ["roll rate", "pitch rate", "airspeed"];
 /// Seconds of a flight that the closer figure shows.
 const CLOSE_S: f64 = 30.0;
 
 /// The report of measured flights against an aircraft. `title` names the data.
 pub fn flight(title: &str, report: &FlightReport) -> String {
     let json = &report.gap;
-    let mut page = opening("Plumage gap report: flight", title, json);
+    let motion = &report.flight.motion;
+    let cards: Vec<Card> = CARDS.iter().filter_map(|c| card(motion, c)).collect();
+    let mut page = opening_with("Plumage gap report: flight", title, json, &cards);
     page.section("Measured against simulated");
     if !report.histories.is_empty() {
         let caption = format!(
-            "Red: as read. Grey: the aircraft of the file, simulated with the measured commands in \
-             stretches of {STRETCH_S} s, each from the filter's state at its beginning. Blue: the \
-             extended aircraft, likewise. Thirty seconds from the middle of the longest flight; \
-             gusts are not simulated, so some departure is theirs."
+            "Red: as read. Grey: the aircraft of the file, predicted by the measured commands in \
+             windows of {WINDOW_S} s, each from its own start (dots). Blue: the extended aircraft, \
+             likewise. Thirty seconds from the middle of the longest flight; gusts are not \
+             predicted, so some departure is theirs."
         );
         page.plot(860, histories(&report.histories), &caption);
+        errors(&mut page, motion);
         page.plot(
             860,
             residuals(&report.histories),
             "Innovations of the filter over the whole flight, in standard deviations of its noise \
              (means of short stretches): what is explained stays within about one.",
         );
-        let rows: Vec<Vec<String>> = report
-            .flight
-            .simulated
-            .iter()
-            .map(|s| {
-                vec![
-                    s.label.to_owned(),
-                    figure(s.base_rmse),
-                    figure(s.extended_rmse),
-                    s.unit.to_owned(),
-                ]
-            })
-            .collect();
-        let caption = "Root mean square error of the simulated stretches.";
-        page.table(caption, &["channel", "file", "extended", "unit"], &rows);
     }
     bins(&mut page, json);
     equation_error(&mut page, &report.flight.equation_error);
     name_extend_gain(&mut page, json);
     remains(&mut page, json);
     page.finish()
+}
+
+/// Errors of motion before and after, as one card.
+fn card(motion: &[MotionError], label: &str) -> Option<Card> {
+    let e = motion.iter().find(|e| e.label == label)?;
+    let value = format!("{} → {}", figure(e.before), figure(e.after));
+    let what = format!("error of the {label} predicted for {:.0} s", e.window_s);
+    Some((value, e.unit, what))
+}
+
+/// The table of errors of motion.
+fn errors(page: &mut Document, motion: &[MotionError]) {
+    let row = |e: &MotionError| {
+        vec![
+            e.label.to_owned(),
+            figure(e.before),
+            figure(e.after),
+            e.unit.to_owned(),
+            format!("{} of {}", e.better_in, e.windows),
+        ]
+    };
+    page.table(
+        "Root mean square error of the predicted motion in the middle window. A window in which a \
+         simulation ran away counts as one, not for all.",
+        &[
+            "channel",
+            "file",
+            "extended",
+            "unit",
+            "extended is nearer in",
+        ],
+        &motion.iter().map(row).collect::<Vec<_>>(),
+    );
 }
 
 fn equation_error(page: &mut Document, equations: &EquationError) {
@@ -212,6 +236,39 @@ fn histories(all: &[History]) -> Value {
                 let chosen = inside.iter().step_by(step);
                 chosen.map(|&i| rounded(values[i], 1000.0)).collect()
             };
+            // Each window is a line of its own.
+            let apart = |values: &[f64]| -> (Vec<Value>, Vec<Value>) {
+                let (mut x, mut y) = (Vec::new(), Vec::new());
+                for &i in &inside {
+                    let start = h.starts.binary_search(&i).is_ok();
+                    if start {
+                        x.push(Value::Null);
+                        y.push(Value::Null);
+                    }
+                    if start || i % step == 0 {
+                        x.push(rounded(h.time_s[i], 1000.0));
+                        y.push(rounded(values[i], 1000.0));
+                    }
+                }
+                (x, y)
+            };
+            let window = |name: &str, values: &[f64], colour: &str| {
+                let (x, y) = apart(values);
+                let mut drawn = line(name, x, y, suffix, colour);
+                drawn["connectgaps"] = json!(false);
+                drawn
+            };
+            let first: Vec<usize> = inside
+                .iter()
+                .copied()
+                .filter(|i| h.starts.binary_search(i).is_ok())
+                .collect();
+            let at = |values: &[f64]| -> Vec<Value> {
+                first.iter().map(|&i| rounded(values[i], 1000.0)).collect()
+            };
+            let mut dots = line("start", at(&h.time_s), at(&h.extended), suffix, "#2f6f9f");
+            dots["mode"] = json!("markers");
+            dots["marker"] = json!({"size": 4, "color": "#2f6f9f"});
             vec![
                 line(
                     "as read",
@@ -220,14 +277,9 @@ fn histories(all: &[History]) -> Value {
                     suffix,
                     "#d3131f",
                 ),
-                line("file", pick(&h.time_s), pick(&h.base), suffix, "#98a2b0"),
-                line(
-                    "extended",
-                    pick(&h.time_s),
-                    pick(&h.extended),
-                    suffix,
-                    "#2f6f9f",
-                ),
+                window("file", &h.base, "#98a2b0"),
+                window("extended", &h.extended, "#2f6f9f"),
+                dots,
             ]
         },
         true,

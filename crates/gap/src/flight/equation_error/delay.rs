@@ -8,12 +8,17 @@ use super::{AXES, EquationError, SURFACE_OF, detrended, rows};
 
 /// Longest delay sought, s.
 const LONGEST_S: f64 = 0.4;
+/// Fewest blocks that an error is told by.
+const FEWEST_BLOCKS: usize = 3;
 /// Step of delays, s.
 const DELAY_STEP_S: f64 = 0.01;
 
 /// Delays between a command and what it does.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Delay {
+    /// Axis that the command turns about: roll, pitch, yaw.
+    #[serde(skip)]
+    axis: usize,
     /// Which command and which response.
     pub of: String,
     /// Lag of the rate behind the command at the peak of their cross-correlation, s; the
@@ -47,12 +52,13 @@ impl Delay {
         inertia: f64,
     ) -> Option<Self> {
         let (lag, correlation) = rate_lag(parts, axis)?;
-        let (delay, error) = best_delay(parts, aircraft, axis, inertia);
+        let (delay, error) = best_delay(parts, aircraft, axis, inertia)?;
         let servo = &aircraft.surfaces;
         // At the frequencies of flight a servo is late by so much.
         let servo_s = servo.delay_s + 2.0 * servo.damping_ratio / servo.natural_frequency_rad_s;
         let command = ["aileron", "elevator", "rudder"][axis];
         Some(Self {
+            axis,
             of: format!("{} rate to {command} command", AXES[axis]),
             rate_lag_s: lag,
             correlation,
@@ -67,8 +73,8 @@ impl EquationError {
     /// How much later than published the surfaces that turn roll and pitch are; none where no
     /// delay is known.
     pub fn late(&self) -> Option<Late> {
-        let known = |d: &&Delay| d.moment_delay_se_s > 0.0;
-        let delays: Vec<&Delay> = self.delays.iter().take(2).filter(known).collect();
+        let turns = |d: &&Delay| d.axis < 2;
+        let delays: Vec<&Delay> = self.delays.iter().filter(turns).collect();
         let weight = |d: &Delay| d.moment_delay_se_s.powi(-2);
         let total: f64 = delays.iter().map(|d| weight(d)).sum();
         if total <= 0.0 {
@@ -89,25 +95,37 @@ impl EquationError {
 }
 
 /// Pure delay with the least squares left, refined by a parabola, and its standard error by
-/// leaving out each block in turn (nil where nothing is known).
-fn best_delay(parts: &[Smooth], a: &Aircraft, axis: usize, inertia: f64) -> (f64, f64) {
+/// leaving out each block in turn; none where the best lies at an end of what is sought, since it
+/// is then not bracketed, or where blocks are too few to tell an error.
+fn best_delay(parts: &[Smooth], a: &Aircraft, axis: usize, inertia: f64) -> Option<(f64, f64)> {
     let count = (0.5 * LONGEST_S / DELAY_STEP_S) as usize;
     let mut left: Vec<Vec<f64>> = Vec::with_capacity(count + 1);
     for k in 0..=count {
         let rows = rows(parts, a, axis, k as f64 * DELAY_STEP_S, inertia);
-        if rows.y.is_empty() {
-            return (0.0, 0.0);
+        if !rows.is_excited() {
+            return None;
         }
         left.push(rows.left_without_each());
     }
     // A block that only some delays fill is in no comparison.
     let width = left.iter().map(Vec::len).min().unwrap_or(0);
-    let best = |k: usize| peak(&left.iter().map(|l| -l[k]).collect::<Vec<_>>()) * DELAY_STEP_S;
-    let without: Vec<f64> = (1..width).map(best).collect();
+    if width <= FEWEST_BLOCKS {
+        return None;
+    }
+    let best = |k: usize| peak(&left.iter().map(|l| -l[k]).collect::<Vec<_>>());
+    let whole = best(0);
+    if whole <= 0.0 || whole >= count as f64 {
+        return None;
+    }
+    let without: Vec<f64> = (1..width).map(|k| best(k) * DELAY_STEP_S).collect();
     let n = without.len() as f64;
     let mean = without.iter().sum::<f64>() / n;
     let spread: f64 = without.iter().map(|d| (d - mean).powi(2)).sum();
-    (best(0), ((n - 1.0) / n * spread).sqrt())
+    // A command is known to the row: each of its changes comes anywhere between two, and a block
+    // holds at least one change.
+    let of_rows = parts[0].interval / (12.0 * n).sqrt();
+    let error = ((n - 1.0) / n * spread).sqrt().hypot(of_rows);
+    error.is_finite().then_some((whole * DELAY_STEP_S, error))
 }
 
 /// Place of the largest value, between the samples by a parabola.

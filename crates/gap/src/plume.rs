@@ -258,7 +258,11 @@ fn sensor_sd(setup: &Setup, data: &Data) -> f64 {
     read.sort_by(f64::total_cmp);
     let steps = read.windows(2).map(|w| w[1] - w[0]).filter(|s| *s > 0.0);
     let least = steps.fold(f64::INFINITY, f64::min);
-    if least.is_finite() { ROUNDING * least } else { 1.0 }
+    if least.is_finite() {
+        ROUNDING * least
+    } else {
+        1.0
+    }
 }
 
 #[cfg(test)]

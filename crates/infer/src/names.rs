@@ -521,7 +521,14 @@ impl Question<'_> {
     ) -> Result<(Found<M>, Vec<Found<M>>, Vec<Next>), InferError> {
         let most = self.policy.beam_fits;
         for left in (0..=NEW_BASES).rev() {
-            let mut level = vec![base.clone(), self.quiet(&base)?];
+            let quiet = self.quiet(&base)?;
+            // A base that began with a swing may be better without.
+            let problem = self.problem(&base.model);
+            let calm = self.settled(&problem, &quiet.fit().point, quiet.fit(), REFITS_OF_BASE)?;
+            if calm.ln_evidence > base.ln_evidence() {
+                base.weighed = calm;
+            }
+            let mut level = vec![base.clone(), quiet];
             level.extend(named.iter().cloned());
             let top = level
                 .iter()

@@ -54,8 +54,8 @@ pub struct Policy {
     /// A spike lasts at most this part of the time in which the track crosses one standard
     /// deviation of the plume: what lasts longer may be a plume.
     pub spike_part_of_crossing: f64,
-    /// Logarithm of how probable one cause of the catalogue is beforehand: about thirty causes, of
-    /// which a scenario has one as often as none.
+    /// Logarithm of how probable one cause of the catalogue is beforehand: of about thirty causes a
+    /// scenario has one in one of three cases.
     pub ln_name: f64,
     /// Most names of one set.
     pub most_names: usize,
@@ -75,7 +75,7 @@ pub struct Policy {
     /// An error of form is said where its evidence exceeds this, nats: 19 to 1.
     pub rest_nats: f64,
     /// ... where passes left out gain by it; beyond this, nats, in any case, as a swing or a fluctuation
-    /// of one pass tells nothing of another: 3,000 to 1.
+    /// of one pass tells nothing of another: 160,000 to 1.
     pub rest_alone_nats: f64,
     /// Most candidates where something is not explained.
     pub most_candidates: usize,
@@ -125,7 +125,7 @@ impl Default for Policy {
             passes: 16,
             spike_sd: 4.0,
             spike_part_of_crossing: 0.5,
-            ln_name: -3.4,
+            ln_name: -4.6,
             most_names: 3,
             beam_fits: 8,
             beam_causes: 30,
@@ -134,7 +134,7 @@ impl Default for Policy {
             named: 0.95,
             drawn_again: 0.85,
             rest_nats: 2.944,
-            rest_alone_nats: 8.0,
+            rest_alone_nats: 12.0,
             most_candidates: 4,
             longest_step_sd: 1.0,
             most_steps: 20,

@@ -11,10 +11,12 @@ use super::data::{Data, Setup};
 use super::gain::{Gained, gain};
 use super::model::{PlumeModel, fitted, from_coordinate};
 use super::report::{GapReport, report};
-use super::{Analysis, FEWEST_READINGS, FOLLOWED, ONE_DIRECTION_DEG, Options, Study, residual, wind};
+use super::{
+    Analysis, FEWEST_READINGS, FOLLOWED, ONE_DIRECTION_DEG, Options, Study, gate, residual, wind,
+};
 use crate::verdict::{
-    BaseParameter, Candidate, Cause, Contact, DataQuality, Detectable, Discrepancy, Evidence, GapJson,
-    Insufficient, Measured, Parameter, Ranked, SCHEMA, Unexplained, Verdict,
+    BaseParameter, Candidate, Cause, Contact, DataQuality, Detectable, Discrepancy, Evidence,
+    GapJson, Insufficient, Measured, Parameter, Ranked, SCHEMA, Unexplained, Verdict,
 };
 
 /// Log evidence at which an effect counts as detectable, nats.
@@ -26,9 +28,14 @@ const UNKNOWN_LN_STRENGTH: f64 = 1.0;
 /// The answer of a study.
 pub(crate) fn stated(
     study: &Study<'_>,
-    quality: Vec<DataQuality>,
+    mut quality: Vec<DataQuality>,
     options: &Options,
 ) -> Result<Analysis, InferError> {
+    let inflation = &study.base.fit().inflation;
+    let spikes: Vec<usize> = (0..inflation.len())
+        .filter(|i| inflation[*i] > 1.0)
+        .collect();
+    quality.extend(gate::spikes(study.data, &spikes));
     let judged = &study.judged;
     let named = !judged.causes.is_empty() && follows(study);
     let gained = if options.complete && named {
@@ -53,11 +60,21 @@ pub(crate) fn stated(
     let base = base_parameters(study, set)?;
     let contact = contact(study);
     let mut notices = study.data.notices.clone();
-    notices.push(format!("the plume is carried by {}", wind::describe(study.carried)));
+    notices.push(format!(
+        "the plume is carried by {}",
+        wind::describe(study.carried)
+    ));
     let json = GapJson {
         schema: SCHEMA,
         verdict,
-        summary: summary(verdict, &causes, unexplained.as_ref(), insufficient.as_ref(), contact.as_ref(), gained.as_ref()),
+        summary: summary(
+            verdict,
+            &causes,
+            unexplained.as_ref(),
+            insufficient.as_ref(),
+            contact.as_ref(),
+            gained.as_ref(),
+        ),
         causes,
         ranking: ranking(study),
         residual: residual::bins(study),
@@ -91,7 +108,10 @@ fn follows(study: &Study<'_>) -> bool {
 }
 
 fn label(study: &Study<'_>, tried: &Tried) -> (String, Option<String>) {
-    let platform = tried.part.platform.map(|p| study.data.track.platforms()[p].clone());
+    let platform = tried
+        .part
+        .platform
+        .map(|p| study.data.track.platforms()[p].clone());
     (tried.part.id.as_str().to_string(), platform)
 }
 
@@ -109,7 +129,9 @@ fn causes(study: &Study<'_>) -> Result<Vec<Cause>, InferError> {
                 delta_log_evidence: named.gain,
                 p_value: f64::NAN,
             },
-            parameters: parameters(study, &judged.set, k, mean.as_slice(), |i, j| covariance[(i, j)]),
+            parameters: parameters(study, &judged.set, k, mean.as_slice(), |i, j| {
+                covariance[(i, j)]
+            }),
             platforms: label(study, first).1.into_iter().collect(),
             nats_to_next: named.nats_to_next,
         }
@@ -200,13 +222,18 @@ fn unexplained(study: &Study<'_>, named: bool) -> Result<Option<Unexplained>, In
     }
     let mut candidates = Vec::new();
     for (found, probability) in &judged.candidates {
-        candidates.push(candidate(study, found, *probability, judged.set.names.len())?);
+        candidates.push(candidate(
+            study,
+            found,
+            *probability,
+            judged.set.names.len(),
+        )?);
     }
     if !named {
         for cause in &judged.causes {
-            let listed = candidates.iter().any(|c: &Candidate| {
-                c.mechanisms.contains(&label(study, &cause.names[0].0).0)
-            });
+            let listed = candidates
+                .iter()
+                .any(|c: &Candidate| c.mechanisms.contains(&label(study, &cause.names[0].0).0));
             if !listed {
                 candidates.insert(0, doubted(study, cause));
             }
@@ -250,7 +277,10 @@ fn candidate(
     let (mean, covariance) = (posterior.mean(), posterior.covariance());
     let own = known.min(found.names.len().saturating_sub(1))..found.names.len();
     Ok(Candidate {
-        mechanisms: own.clone().map(|k| label(study, &found.names[k]).0).collect(),
+        mechanisms: own
+            .clone()
+            .map(|k| label(study, &found.names[k]).0)
+            .collect(),
         probability,
         log_evidence: found.ln_evidence() - study.base.ln_evidence(),
         parameters: own
@@ -275,7 +305,9 @@ fn stretch(study: &Study<'_>) -> (f64, f64, Vec<String>) {
     let times = study.data.track.time_s();
     let square = |pass: &&Vec<std::ops::Range<usize>>| -> f64 {
         let rows = pass.iter().cloned().flatten();
-        let (sum, n) = rows.fold((0.0, 0.0), |(s, n), i| (s + whitened[i] * whitened[i], n + 1.0));
+        let (sum, n) = rows.fold((0.0, 0.0), |(s, n), i| {
+            (s + whitened[i] * whitened[i], n + 1.0)
+        });
         sum / f64::max(n, 1.0)
     };
     let passes = &study.judged.passes;
@@ -351,7 +383,9 @@ fn insufficient(study: &Study<'_>, screened: &[infer::Screened]) -> Option<Insuf
     // What the readings tell of the strength beside what the scenario is unsure of: the information
     // that is left after the scenario's own prior has taken its part is the larger the less it knows.
     let own = study.base.model.unknown(MechanismId::EmissionScale);
-    let prior_sd = own.map_or(0.0, |k| infer::ForwardModel::priors(&study.base.model)[k].sd);
+    let prior_sd = own.map_or(0.0, |k| {
+        infer::ForwardModel::priors(&study.base.model)[k].sd
+    });
     let variance = step * step / screened[strength].information - prior_sd * prior_sd;
     let sd = variance.max(0.0).sqrt();
     if sd < UNKNOWN_LN_STRENGTH {
@@ -375,11 +409,17 @@ fn would_do(study: &Study<'_>) -> String {
 /// which do nothing at infinity, it is the highest of those tried that would show.
 fn detectable(study: &Study<'_>, screened: &[infer::Screened]) -> Vec<Detectable> {
     let mut out: Vec<(f64, Detectable)> = Vec::new();
-    let of_all = screened.iter().filter(|s| study.tried[s.tried].part.platform.is_none());
+    let of_all = screened
+        .iter()
+        .filter(|s| study.tried[s.tried].part.platform.is_none());
     for s in of_all {
         let tried = &study.tried[s.tried];
         let id = tried.part.id;
-        let which = if id == MechanismId::SecondSource { 2 } else { 0 };
+        let which = if id == MechanismId::SecondSource {
+            2
+        } else {
+            0
+        };
         let spec = &id.spec().parameters[which];
         let amplitude = (2.0 * DETECTABLE_NATS / s.information).sqrt();
         let (value, bend) = if spec.neutral.is_finite() {
@@ -420,7 +460,9 @@ fn met_wind(study: &Study<'_>, set: &Found<PlumeModel<'_>>) -> (f64, f64) {
         |p| p.plume.iter().map(|p| p.abs()).collect(),
     );
     let wind: Transport = study.data.mean_transport(&weight);
-    let at_axis_m_s = spec.wind.speed_at_m_s(spec.sources[0].effective_height_agl_m);
+    let at_axis_m_s = spec
+        .wind
+        .speed_at_m_s(spec.sources[0].effective_height_agl_m);
     let carried = spec.wind.reference_speed_m_s() / at_axis_m_s;
     let finite = if carried.is_finite() { carried } else { 1.0 };
     let from_deg = air::wind::from_deg(wind.east, wind.north);
@@ -438,7 +480,9 @@ fn base_parameters(
     let wind_from_deg = met_wind(study, set).0;
     let of = |(part, prior): (usize, &super::Prior)| {
         let k = set.model.unknowns_of(part).next();
-        let (at, sd) = k.map_or((f64::NAN, f64::NAN), |k| (mean[k], covariance[(k, k)].sqrt()));
+        let (at, sd) = k.map_or((f64::NAN, f64::NAN), |k| {
+            (mean[k], covariance[(k, k)].sqrt())
+        });
         let log = prior.id.spec().parameters[0].coordinate == Coordinate::Log;
         let (value, sd) = match (log, prior.id) {
             (true, _) => (prior.value * at.exp(), prior.value * at.exp() * sd),
@@ -532,12 +576,20 @@ fn summary(
     let said = match verdict {
         Verdict::None => "The base and its noise explain the data.".to_string(),
         Verdict::Insufficient => insufficient.map_or_else(String::new, |i| {
-            format!("These data could not have shown anything: {}. What would do: {}.", i.reason, i.would_do)
+            format!(
+                "These data could not have shown anything: {}. What would do: {}.",
+                i.reason, i.would_do
+            )
         }),
         Verdict::Unexplained => {
             let term = unexplained.map_or("", |u| u.term.as_str());
             let may: Vec<String> = unexplained
-                .map(|u| u.candidates.iter().map(|c| c.mechanisms.join(" and ")).collect())
+                .map(|u| {
+                    u.candidates
+                        .iter()
+                        .map(|c| c.mechanisms.join(" and "))
+                        .collect()
+                })
                 .unwrap_or_default();
             let may = if may.is_empty() {
                 String::new()
@@ -562,7 +614,15 @@ fn cause_words(c: &Cause) -> String {
     let values: Vec<String> = c
         .parameters
         .iter()
-        .map(|p| format!("{} = {:.4} +/- {:.4}{}", p.name, p.value, p.sd, p.unit_after()))
+        .map(|p| {
+            format!(
+                "{} = {:.4} +/- {:.4}{}",
+                p.name,
+                p.value,
+                p.sd,
+                p.unit_after()
+            )
+        })
         .collect();
     let on = if c.platforms.is_empty() {
         String::new()

@@ -5,8 +5,8 @@ use ::plume::field::{DispersionModel, Strength};
 use ::plume::mechanism::{Family, MechanismId, Steps};
 use infer::{Catalogue, ForwardModel, InferError, Prediction, Start};
 
-use super::model::{Part, PlumeModel, Scale, fitted, from_coordinate, neutral, to_coordinate};
 use super::data::Setup;
+use super::model::{Part, PlumeModel, Scale, fitted, from_coordinate, neutral, to_coordinate};
 
 /// A mechanism that is tried, and a start of its search.
 #[derive(Debug, Clone)]
@@ -69,7 +69,12 @@ const ACROSS: i32 = 7;
 const FLAT: f64 = 3.0;
 
 /// All that is tried beside the base, whose prediction is given.
-pub(crate) fn tried(setup: &Setup, model: &PlumeModel<'_>, base: &Prediction, world: &DispersionModel) -> Vec<Tried> {
+pub(crate) fn tried(
+    setup: &Setup,
+    model: &PlumeModel<'_>,
+    base: &Prediction,
+    world: &DispersionModel,
+) -> Vec<Tried> {
     let platforms = model.track().platforms().len();
     let mut out = Vec::new();
     for &id in MechanismId::ALL {
@@ -78,9 +83,9 @@ pub(crate) fn tried(setup: &Setup, model: &PlumeModel<'_>, base: &Prediction, wo
         }
         let starts = starts(setup, model, base, world, id);
         let scope: Vec<Option<usize>> = match id.spec().family {
-            Family::Sensor if platforms > 1 => {
-                std::iter::once(None).chain((0..platforms).map(Some)).collect()
-            }
+            Family::Sensor if platforms > 1 => std::iter::once(None)
+                .chain((0..platforms).map(Some))
+                .collect(),
             _ => vec![None],
         };
         // A fault of all sensors and of one are equally likely before the data.
@@ -167,7 +172,10 @@ fn starts(
     match id.spec().steps {
         Steps::Line(values) => values.iter().map(|v| alone(&plain, scale * v)).collect(),
         Steps::Plane(step) => vec![(plain, plane(id, scale * step, model.scale()))],
-        Steps::HeightsAboveAxis => lids(model, world).iter().map(|h| alone(&plain, *h)).collect(),
+        Steps::HeightsAboveAxis => lids(model, world)
+            .iter()
+            .map(|h| alone(&plain, *h))
+            .collect(),
         Steps::PlacesAroundSource => second_sources(model, world, id),
         Steps::PartsOfRange => limits(base).iter().map(|l| alone(&plain, *l)).collect(),
         Steps::AboutBackground(value) => about(model, id, value, &[0.0, setup.base.background_ppm]),
@@ -180,7 +188,11 @@ fn line(id: MechanismId, value: f64, scale: Scale) -> Start {
     let spec = &id.spec().parameters[0];
     let end = to_coordinate(spec, value);
     let nothing = to_coordinate(spec, spec.neutral);
-    let step = if nothing.is_finite() { end - nothing } else { 1.0 };
+    let step = if nothing.is_finite() {
+        end - nothing
+    } else {
+        1.0
+    };
     Start {
         nothing: vec![nothing],
         ends: vec![vec![end]],
@@ -223,7 +235,10 @@ fn about(
 /// The standard pressure and the mean of that met, hPa, as far as they are pressures of the air.
 fn pressures(model: &PlumeModel<'_>) -> Vec<f64> {
     let air = model.air().iter();
-    let known: Vec<f64> = air.map(|a| a.pressure_hpa).filter(|p| p.is_finite()).collect();
+    let known: Vec<f64> = air
+        .map(|a| a.pressure_hpa)
+        .filter(|p| p.is_finite())
+        .collect();
     let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
     let mut out = vec![1013.25, mean];
     out.retain(|p| (100.0..=1100.0).contains(p));
@@ -232,7 +247,11 @@ fn pressures(model: &PlumeModel<'_>) -> Vec<f64> {
 
 /// Limits below the highest reading that is expected.
 fn limits(base: &Prediction) -> Vec<f64> {
-    let high = base.reading.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let high = base
+        .reading
+        .iter()
+        .copied()
+        .fold(f64::NEG_INFINITY, f64::max);
     let rest = base.reading.iter().zip(&base.plume).map(|(r, p)| r - p);
     let low = rest.fold(f64::INFINITY, f64::min);
     let limit = |part: &f64| low + part * (high - low);

@@ -8,7 +8,6 @@ use ::plume::mechanism::{Mechanism, MechanismId};
 use ::plume::track::{Row, Track};
 use air::geo::{Enu, Geodetic, LocalFrame};
 use scenario::Scenario;
-use scenario::observations::checks::Ceiling;
 use scenario::observations::{ObservationRow, Observations};
 use scenario::uncertain::Uncertain;
 
@@ -156,15 +155,8 @@ pub(crate) struct Data {
     /// Logged wind (speed m/s, from degrees) where there is one.
     pub wind: Vec<Option<(f64, f64)>>,
     pub notices: Vec<String>,
-    /// Rows whose readings were held at a limit, and at what, ppm.
-    pub ceiling_ppm: Vec<(Vec<usize>, f64)>,
     /// Whether the wind is logged, often enough to follow it. Else no row has one.
     pub on_board_wind: bool,
-    /// Standard deviation of the swing of a wind that nobody logged, where the plume shows it, degrees.
-    pub shown_swing_deg: Option<f64>,
-    /// Speed of the scenario's wind at the axis where its first source is stated by a c_MAX, which
-    /// holds in that wind, m/s.
-    pub c_max_wind_m_s: Option<f64>,
 }
 
 impl Data {
@@ -208,13 +200,8 @@ impl Data {
         if let WindLog::Followed(known) = &wind_log {
             used.iter_mut().zip(known).for_each(|(u, k)| *u &= *k);
         }
-        let source = &setup.base.sources[0];
-        let at_axis_m_s = || setup.base.wind.speed_at_m_s(source.effective_height_agl_m);
-        let stated_c_max = matches!(source.strength, Strength::CMax { .. });
         Ok(Self {
-            shown_swing_deg: None,
             on_board_wind: wind_log != WindLog::Absent,
-            c_max_wind_m_s: stated_c_max.then(at_axis_m_s),
             used,
             sd_ppm: order.iter().map(|o| o.sd_ppm.unwrap_or(f64::NAN)).collect(),
             reading_ppm,
@@ -222,22 +209,7 @@ impl Data {
             rows,
             wind,
             notices,
-            ceiling_ppm: Vec::new(),
         })
-    }
-
-    /// Keeps in mind which rows were held at the limits of sensors.
-    pub fn hold(&mut self, ceilings: &[Ceiling]) {
-        for ceiling in ceilings {
-            let time_s = |i: &usize| self.track.time_s()[*i];
-            let held = |i: &usize| {
-                let at = |held_s: &f64| held_s.total_cmp(&time_s(i));
-                ceiling.held_s.binary_search_by(at).is_ok()
-            };
-            let rows = self.ranges()[ceiling.platform].clone().filter(held);
-            let held = (rows.collect(), ceiling.limit_ppm);
-            self.ceiling_ppm.push(held);
-        }
     }
 
     pub fn len(&self) -> usize {
@@ -252,7 +224,10 @@ impl Data {
             return Ok(None);
         }
         let of = |r: &Range<usize>| {
-            let last = r.end.checked_sub(1).filter(|l| r.contains(l) && (l - r.start) % every != 0);
+            let last = r
+                .end
+                .checked_sub(1)
+                .filter(|l| r.contains(l) && (l - r.start) % every != 0);
             r.clone().step_by(every).chain(last)
         };
         let kept: Vec<usize> = self.ranges().iter().flat_map(of).collect();
@@ -270,7 +245,6 @@ impl Data {
             used: kept.iter().map(|i| self.used[*i]).collect(),
             sd_ppm: pick(&self.sd_ppm),
             wind: kept.iter().map(|i| self.wind[*i]).collect(),
-            ceiling_ppm: Vec::new(),
             ..self.clone()
         }))
     }
@@ -290,57 +264,12 @@ impl Data {
             .unwrap_or(0)
     }
 
-    /// The wind that is logged at a row, if one is, with its time: m/s towards east and north. Only
-    /// before another one is put into the track.
-    pub fn logged_wind(&self, row: usize) -> Option<(f64, [f64; 2])> {
-        let t = self.track.transport()[row];
-        let own = [t.east * t.speed_m_s, t.north * t.speed_m_s];
-        self.wind[row].map(|_| (self.track.time_s()[row], own))
-    }
-
-    /// Time that air takes from a place to that of every row in the row's transport, s.
-    pub fn way_s(&self, from: Enu) -> impl Iterator<Item = f64> {
-        let transport = self.track.transport().iter();
-        self.distance_m(from)
-            .zip(transport)
-            .map(|(far, wind)| far / wind.speed_m_s.max(0.5))
-    }
-
-    /// Mean age, at every row, of the logged wind that carried the air from a place, s. Of the part
-    /// of the way that lies before the record nothing is logged that could be off: what the log is
-    /// off by there is taken to be what it is off by at the record's beginning.
-    pub fn logged_age_s(&self, from: Enu) -> impl Iterator<Item = f64> {
-        let (start_s, _) = self.span_s();
-        let times = self.track.time_s();
-        self.way_s(from).zip(times).map(move |(way_s, time_s)| {
-            let logged_s = way_s.min(time_s - start_s);
-            (way_s - 0.5 * logged_s) * logged_s / way_s.max(1e-9)
-        })
-    }
-
     /// Horizontal distance of every row from a place, m.
     pub fn distance_m(&self, from: Enu) -> impl Iterator<Item = f64> {
         (0..self.len()).map(move |i| {
             let p = self.track.place(i);
             (p.east_m - from.east_m).hypot(p.north_m - from.north_m)
         })
-    }
-
-    /// Horizontal distance from a place of the farthest row that the fit uses, m.
-    pub fn farthest_m(&self, from: Enu) -> f64 {
-        let used = self
-            .distance_m(from)
-            .zip(&self.used)
-            .filter(|(_, used)| **used);
-        used.fold(0.0f64, |far, (distance_m, _)| far.max(distance_m))
-    }
-
-    /// First and last time of all rows, s.
-    pub fn span_s(&self) -> (f64, f64) {
-        let times = self.track.time_s();
-        let low = times.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = times.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        (low, high)
     }
 
     /// The wind in the mean over the rows, each with its `weight`, as it carries the plume at its
@@ -368,30 +297,6 @@ impl Data {
             north: sum[1] / length,
             speed_m_s: sum[2] / sum[3],
         }
-    }
-
-    /// The time in the mean over the rows, each with its `weight`, s; zero where none has one.
-    pub fn mean_time_s(&self, weight: &[f64]) -> f64 {
-        let rows = || self.track.time_s().iter().zip(weight);
-        let all: f64 = weight.iter().sum();
-        if all > 0.0 {
-            rows().map(|(t, w)| t * w).sum::<f64>() / all
-        } else {
-            0.0
-        }
-    }
-
-    /// Measured minus `predicted`, zero where not used.
-    pub fn residual(&self, predicted: &[f64]) -> Vec<f64> {
-        (0..self.len())
-            .map(|i| {
-                if self.used[i] {
-                    self.reading_ppm[i] - predicted[i]
-                } else {
-                    0.0
-                }
-            })
-            .collect()
     }
 }
 

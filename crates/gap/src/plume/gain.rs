@@ -23,14 +23,24 @@ pub(crate) struct Gained {
 pub(crate) fn gain(study: &Study<'_>, seed: u64) -> Result<Gained, InferError> {
     let passes = &study.judged.passes;
     let (base, set) = (&study.base, &study.judged.set);
-    let sd_deg = study.question.unseen_deg(base).max(study.question.unseen_deg(set));
+    let sd_deg = study
+        .question
+        .unseen_deg(base)
+        .max(study.question.unseen_deg(set));
     let before = study.question.expected(base, passes, sd_deg)?;
     let after = study.question.expected(set, passes, sd_deg)?;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let square = |of: &Expected, k: usize| -> (f64, f64) {
-        let used = passes[k].iter().cloned().flatten().filter(|i| study.data.used[*i]);
+        let used = passes[k]
+            .iter()
+            .cloned()
+            .flatten()
+            .filter(|i| study.data.used[*i]);
         used.fold((0.0, 0.0), |(sum, n), i| {
-            (sum + (study.data.reading_ppm[i] - of.reading[i]).powi(2), n + 1.0)
+            (
+                sum + (study.data.reading_ppm[i] - of.reading[i]).powi(2),
+                n + 1.0,
+            )
         })
     };
     let n = passes.len();
@@ -76,10 +86,15 @@ pub(crate) fn gain(study: &Study<'_>, seed: u64) -> Result<Gained, InferError> {
     let span = |k: usize| {
         let times = study.data.track.time_s();
         let of = passes[k].iter().cloned().flatten().map(|i| times[i]);
-        of.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)))
+        of.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| {
+            (a.min(t), b.max(t))
+        })
     };
     Ok(Gained {
-        gain: Gain { blocks: n, held_out },
+        gain: Gain {
+            blocks: n,
+            held_out,
+        },
         blocks: (0..n)
             .map(|k| (span(k).0, span(k).1, after.ln[k] - before.ln[k]))
             .collect(),
@@ -102,7 +117,11 @@ fn scores_of_excess(
 ) -> ([f64; 5], [[f64; 2]; 5]) {
     let floor = FLOOR_SDS * study.base.fit().noise.white;
     let pairs = |pass: &Vec<std::ops::Range<usize>>| -> Vec<Pair> {
-        let used = pass.iter().cloned().flatten().filter(|i| study.data.used[*i]);
+        let used = pass
+            .iter()
+            .cloned()
+            .flatten()
+            .filter(|i| study.data.used[*i]);
         let pair = used.map(|i| {
             let clean = base.reading[i] - base.plume[i];
             (study.data.reading_ppm[i] - clean, of.reading[i] - clean)

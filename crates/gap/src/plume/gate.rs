@@ -30,26 +30,8 @@ pub(super) fn passed(
         return Ok((None, checked.flaws));
     }
     let mut data = Data::new(setup, &checked.observations)?;
-    data.hold(&checked.ceilings);
     forget_unknown_air(&mut data, setup.time_constant_s());
     Ok((Some(data), checked.flaws))
-}
-
-/// Masks all rows of all platforms, and says why of each.
-pub(super) fn mask_all(data: &mut Data, message: &str) -> Vec<DataQuality> {
-    data.used.fill(false);
-    let ranges = data.ranges().iter().zip(data.track.platforms());
-    let time_s = data.track.time_s();
-    ranges
-        .filter(|(range, _)| !range.is_empty())
-        .map(|(range, platform)| DataQuality {
-            platform: platform.clone(),
-            kind: Flaw::Unit,
-            from_s: time_s[range.start],
-            to_s: time_s[range.end - 1],
-            message: message.to_owned(),
-        })
-        .collect()
 }
 
 /// Leaves out the readings in which a slow sensor still remembers air of which nothing is known:

@@ -65,7 +65,11 @@ impl Scale {
 
     /// Factor on a parameter: of what has concentrations in its unit.
     pub fn on(&self, spec: &ParameterSpec) -> f64 {
-        if spec.unit.starts_with("ppm") && spec.neutral.is_finite() { self.factor } else { 1.0 }
+        if spec.unit.starts_with("ppm") && spec.neutral.is_finite() {
+            self.factor
+        } else {
+            1.0
+        }
     }
 
     /// What is known of a parameter beforehand.
@@ -107,7 +111,9 @@ pub(crate) fn neutral(id: MechanismId) -> Vec<f64> {
 /// Parameters of a mechanism that are fitted: all but settings.
 pub(crate) fn fitted(id: MechanismId) -> impl Iterator<Item = usize> {
     let parameters = id.spec().parameters.iter().enumerate();
-    parameters.filter(|(_, p)| p.default.is_none()).map(|(k, _)| k)
+    parameters
+        .filter(|(_, p)| p.default.is_none())
+        .map(|(k, _)| k)
 }
 
 impl<'a> PlumeModel<'a> {
@@ -253,16 +259,25 @@ impl ForwardModel for PlumeModel<'_> {
         let mean: Vec<f64> = self.priors.iter().map(|p| p.mean).collect();
         let along = |unknown: Option<usize>, steps: i32| -> Vec<Option<(usize, f64)>> {
             let Some(k) = unknown else { return vec![None] };
-            let step = |n: i32| SEARCH_REACH_SD * self.priors[k].sd * f64::from(n) / f64::from(steps);
+            let step =
+                |n: i32| SEARCH_REACH_SD * self.priors[k].sd * f64::from(n) / f64::from(steps);
             (-steps..=steps).map(|n| Some((k, step(n)))).collect()
         };
-        let mut directions = along(self.unknown(MechanismId::WindDirectionOffset), SEARCH_DIRECTIONS);
+        let mut directions = along(
+            self.unknown(MechanismId::WindDirectionOffset),
+            SEARCH_DIRECTIONS,
+        );
         if let Some((k, turn_deg)) = self.aim {
             let part = |n: i32| f64::from(n) / f64::from(SEARCH_DIRECTIONS);
             let steps = -SEARCH_DIRECTIONS..=SEARCH_DIRECTIONS;
-            directions = steps.map(|n| Some((k, turn_deg + AIM_REACH_DEG * part(n)))).collect();
+            directions = steps
+                .map(|n| Some((k, turn_deg + AIM_REACH_DEG * part(n))))
+                .collect();
         }
-        let heights = along(self.unknown(MechanismId::EffectiveHeightOffset), SEARCH_HEIGHTS);
+        let heights = along(
+            self.unknown(MechanismId::EffectiveHeightOffset),
+            SEARCH_HEIGHTS,
+        );
         let mut out = Vec::new();
         for direction in &directions {
             for height in &heights {

@@ -76,7 +76,11 @@ fn shown(study: &Study<'_>, of: &Found<PlumeModel<'_>>) -> Shown {
         reading: reading
             .enumerate()
             .map(|(i, ((misfit, read), used))| {
-                if *used { read - misfit } else { predicted.get(i).copied().unwrap_or(f64::NAN) }
+                if *used {
+                    read - misfit
+                } else {
+                    predicted.get(i).copied().unwrap_or(f64::NAN)
+                }
             })
             .collect(),
         standardised: study.question.whitened(of, &fit.misfit),

@@ -18,7 +18,9 @@ pub(crate) fn wind_axes(study: &Study<'_>) -> (Vec<f64>, Vec<f64>) {
             let (p, w) = (track.place(i), track.transport()[i]);
             let (e, n) = (p.east_m - source.east_m, p.north_m - source.north_m);
             let along = e * w.east + n * w.north;
-            let sigma = world.as_ref().map_or(1.0, |w| w.sigmas_m(along.max(10.0)).0);
+            let sigma = world
+                .as_ref()
+                .map_or(1.0, |w| w.sigmas_m(along.max(10.0)).0);
             (along, (e * w.north - n * w.east) / sigma)
         })
         .unzip()
@@ -35,7 +37,9 @@ struct Misfit<'a, 'b> {
 pub(crate) fn bins(study: &Study<'_>) -> Vec<ResidualBin> {
     let (along, across) = wind_axes(study);
     let track = &study.data.track;
-    let height: Vec<f64> = (0..track.len()).map(|i| track.place(i).height_agl_m).collect();
+    let height: Vec<f64> = (0..track.len())
+        .map(|i| track.place(i).height_agl_m)
+        .collect();
     let of = &study.base;
     let misfit = Misfit {
         study,
@@ -65,7 +69,13 @@ pub(crate) fn bins(study: &Study<'_>) -> Vec<ResidualBin> {
 
 impl Misfit<'_, '_> {
     /// Bins with the same number of readings each.
-    fn along_coordinate(&self, coordinate: &str, unit: &str, at: &[f64], count: usize) -> Vec<ResidualBin> {
+    fn along_coordinate(
+        &self,
+        coordinate: &str,
+        unit: &str,
+        at: &[f64],
+        count: usize,
+    ) -> Vec<ResidualBin> {
         let used = &self.study.data.used;
         let mut values: Vec<f64> = (0..at.len()).filter(|i| used[*i]).map(|i| at[i]).collect();
         values.sort_by(f64::total_cmp);
@@ -83,9 +93,17 @@ impl Misfit<'_, '_> {
             .collect()
     }
 
-    fn bin(&self, coordinate: &str, unit: &str, inside: &[bool], (from, to): (f64, f64)) -> ResidualBin {
+    fn bin(
+        &self,
+        coordinate: &str,
+        unit: &str,
+        inside: &[bool],
+        (from, to): (f64, f64),
+    ) -> ResidualBin {
         let used = &self.study.data.used;
-        let rows: Vec<usize> = (0..inside.len()).filter(|i| inside[*i] && used[*i]).collect();
+        let rows: Vec<usize> = (0..inside.len())
+            .filter(|i| inside[*i] && used[*i])
+            .collect();
         let misfit = &self.of.fit().misfit;
         let sum: f64 = rows.iter().map(|i| misfit[*i]).sum();
         let column: Vec<f64> = inside.iter().map(|b| f64::from(u8::from(*b))).collect();

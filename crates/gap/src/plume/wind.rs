@@ -16,10 +16,12 @@ pub(crate) enum Carried {
     OnItsWay,
 }
 
-/// What is tried: as it is logged, over gusts, over minutes, over the time of a mean, over the whole
+/// What is tried: as it is logged, over the noise of a vane, over gusts, over minutes, over the time of a mean, over the whole
 /// record, and over the air's way.
-const TRIED: [Carried; 6] = [
+const TRIED: [Carried; 8] = [
     Carried::About(0.0),
+    Carried::About(4.0),
+    Carried::About(12.0),
     Carried::About(30.0),
     Carried::About(120.0),
     Carried::About(600.0),
@@ -31,7 +33,12 @@ const LEAST_WIND_M_S: f64 = 0.5;
 
 /// `track` in a wind that is the mean of what was logged from `before_s` before each row to
 /// `after_s` after it, by any platform.
-fn averaged(track: &Track, logged: &[bool], before_s: impl Fn(usize) -> f64, after_s: f64) -> Track {
+fn averaged(
+    track: &Track,
+    logged: &[bool],
+    before_s: impl Fn(usize) -> f64,
+    after_s: f64,
+) -> Track {
     let times = track.time_s();
     let mut order: Vec<usize> = (0..track.len()).filter(|i| logged[*i]).collect();
     order.sort_by(|a, b| times[*a].total_cmp(&times[*b]));
@@ -39,7 +46,12 @@ fn averaged(track: &Track, logged: &[bool], before_s: impl Fn(usize) -> f64, aft
     let mut sums = vec![[0.0; 4]];
     for &i in &order {
         let t = track.transport()[i];
-        let own = [t.east * t.speed_m_s, t.north * t.speed_m_s, t.speed_m_s, 1.0];
+        let own = [
+            t.east * t.speed_m_s,
+            t.north * t.speed_m_s,
+            t.speed_m_s,
+            1.0,
+        ];
         let last = sums[sums.len() - 1];
         sums.push(std::array::from_fn(|k| last[k] + own[k]));
     }

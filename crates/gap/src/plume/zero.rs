@@ -4,7 +4,7 @@ use super::Analysis;
 use crate::verdict::GapJson;
 
 /// Puts all times of an answer back into the record's own.
-pub(crate) fn told_from(analysis: &mut Analysis, zero_s: f64) {
+pub(super) fn told_from(analysis: &mut Analysis, zero_s: f64) {
     if zero_s == 0.0 {
         return;
     }

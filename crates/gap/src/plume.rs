@@ -14,6 +14,7 @@ mod gain;
 mod gate;
 mod logged;
 mod model;
+mod next_flight;
 mod report;
 mod residual;
 mod wind;
@@ -36,7 +37,7 @@ use model::{PlumeModel, Scale};
 pub struct Options {
     /// Seed of the draws of passes; the same seed gives the same answer.
     pub seed: u64,
-    /// Whether to measure the gain on data left out.
+    /// Whether to measure the gain on data left out, and to propose a next flight.
     pub complete: bool,
     /// The numbers by which is decided.
     pub policy: Policy,

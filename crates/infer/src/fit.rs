@@ -373,18 +373,20 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         Ok((point, here, most_steps))
     }
 
-    /// Steps under a metric of somebody's own.
+    /// Steps under a metric of somebody's own: the point that they come to, and minus its density, nats,
+    /// up to a constant.
     pub(crate) fn steps_under(
         &self,
         start: &Point,
         basis: &Basis,
         sizes: Sizes,
         metric: &Metric,
-    ) -> Result<Point, InferError> {
+    ) -> Result<(Point, f64), InferError> {
         let shape = self.shape(basis, sizes);
         let here = self.linearised(start, &shape, metric)?;
         let steps = self.policy.most_steps;
-        Ok(self.steps(start.clone(), here, &shape, metric, steps)?.0)
+        let (point, here, _) = self.steps(start.clone(), here, &shape, metric, steps)?;
+        Ok((point, here.cost))
     }
 
     /// How far unknowns and active weights are from the middle of what is known beforehand.

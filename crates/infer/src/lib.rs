@@ -68,6 +68,7 @@
 //!
 //! Pure: no clock, file, socket, environment or random number.
 
+mod ahead;
 mod contact;
 mod evidence;
 mod fit;
@@ -83,6 +84,7 @@ mod posterior;
 mod rows;
 mod start;
 
+pub use ahead::{Ahead, Believed};
 pub use contact::Contact;
 pub use fit::{Fit, Point, Problem};
 pub use form::{Basis, COORDINATES, SWING, Sizes};

@@ -107,7 +107,7 @@ impl<M: ForwardModel> Problem<'_, M> {
                 loadings.plume[i] = loadings.plume[i].max(read);
             }
             let metric = self.metric_of(loadings, &noise, &inflation);
-            point = self.steps_under(&point, &basis, swing_alone(swing_deg), &metric)?;
+            (point, _) = self.steps_under(&point, &basis, swing_alone(swing_deg), &metric)?;
         }
         Ok(point)
     }

@@ -80,7 +80,7 @@ pub(crate) fn stated(
         residual: residual::bins(study),
         gain: gained.as_ref().map(|g| g.gain),
         detectable,
-        next_flight: None,
+        next_flight: super::next_flight::proposed(study, options)?,
         base: base.clone(),
         unexplained,
         insufficient,
@@ -102,7 +102,7 @@ pub(crate) fn stated(
 
 /// Whether the readings follow the plume well enough that a name means something: they do, or lie in
 /// one direction.
-fn follows(study: &Study<'_>) -> bool {
+pub(crate) fn follows(study: &Study<'_>) -> bool {
     let contact = study.contact.as_ref();
     contact.is_none_or(|c| c.share >= FOLLOWED || c.turn_deg.sd < ONE_DIRECTION_DEG)
 }

@@ -179,6 +179,17 @@ impl<'a> PlumeModel<'a> {
         out
     }
 
+    /// The same model of another track.
+    pub fn on<'t>(&self, track: &'t Track) -> PlumeModel<'t>
+    where
+        'a: 't,
+    {
+        PlumeModel {
+            track,
+            ..self.clone()
+        }
+    }
+
     /// Its parts with the values of the unknowns `at`.
     pub fn parts(&self, at: &[f64]) -> Vec<Part> {
         let mut parts = self.parts.clone();

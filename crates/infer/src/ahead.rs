@@ -1,0 +1,307 @@
+//! Readings that are yet to be taken: how far they would set two sets of names apart.
+//!
+//! The separation of a second set from a first is the whitened distance of what the two expect, once
+//! the second has moved its unknowns as far as what it knows of them and the noise let it:
+//!
+//! > min over θ of ½ |W (first − second(θ))|² + ½ (θ − θ₀)ᵀ C⁻¹ (θ − θ₀),
+//!
+//! with θ₀ and C the second's values and their covariance. This is a fit to what the first expects, in
+//! coordinates in which θ₀ is nothing and C is one; swing and error of form have weights of their own
+//! there. If the first set is the truth, the logarithm of the likelihood ratio is then normal with
+//! mean m and variance 2 m, where m is the separation.
+
+use crate::InferError;
+use crate::fit::{Point, Problem};
+use crate::form::{Basis, Sizes};
+use crate::names::{Catalogue, Found, Question};
+use crate::noise::{Loadings, Noise};
+use crate::rows::{ForwardModel, PlumePlace, Prediction, Prior, Rows};
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+/// Readings yet to be taken, as one set expects them.
+pub struct Ahead<'a> {
+    question: Question<'a>,
+    /// What the set expects, in the place of what is measured.
+    rows: Rows,
+    basis: Basis,
+    sizes: Sizes,
+    noise: Noise,
+    loadings: Loadings,
+}
+
+/// What a set knows of its unknowns, and how large it takes error of form, swing and noise to be.
+#[derive(Debug, Clone)]
+pub struct Believed {
+    at: DVector<f64>,
+    /// Lower triangle whose product with itself transposed is the covariance.
+    root: DMatrix<f64>,
+    sizes: Sizes,
+    noise: Noise,
+}
+
+impl Believed {
+    fn new(
+        at: &[f64],
+        covariance: DMatrix<f64>,
+        sizes: Sizes,
+        noise: Noise,
+    ) -> Result<Self, InferError> {
+        Ok(Self {
+            at: DVector::from_column_slice(at),
+            root: Cholesky::new(covariance)
+                .ok_or(InferError::NoPosterior)?
+                .l(),
+            sizes,
+            noise,
+        })
+    }
+
+    fn moved(&self, by: &[f64]) -> Vec<f64> {
+        let at = &self.at + &self.root * DVector::from_column_slice(by);
+        at.as_slice().to_vec()
+    }
+}
+
+impl<'a> Question<'a> {
+    /// What a set knows.
+    ///
+    /// # Errors
+    /// A problem that has no posterior.
+    pub fn believed<M: Catalogue>(&self, of: &Found<M>) -> Result<Believed, InferError> {
+        let covariance = self.posterior(of)?.covariance();
+        Believed::new(of.at(), covariance, of.likeliest_sizes(), of.fit().noise)
+    }
+
+    /// Readings of one sensor at `time_s`, as a set expects them; `there` is its model of where they
+    /// will be taken.
+    ///
+    /// # Errors
+    /// Values that the model refuses, and times that do not grow.
+    pub fn ahead<M: Catalogue>(
+        &self,
+        first: &Found<M>,
+        there: &impl ForwardModel,
+        time_s: &[f64],
+    ) -> Result<Ahead<'a>, InferError> {
+        let n = time_s.len();
+        let expected = there.predict(first.at(), &vec![0.0; n])?.reading;
+        let unstated = vec![f64::NAN; n];
+        let rows = Rows::new(
+            vec![0..n],
+            time_s.to_vec(),
+            expected,
+            unstated,
+            vec![true; n],
+        )?;
+        let problem = Problem::new(there, &rows, self.policy, self.sensor_sd, &[]);
+        let at = |weights: usize| Point {
+            at: first.at().to_vec(),
+            weights: vec![0.0; weights],
+        };
+        let basis = problem.basis(&at(0))?;
+        let noise = first.fit().noise;
+        let metric = problem.metric(&at(basis.len()), &basis, &noise, &vec![1.0; n])?;
+        Ok(Ahead {
+            question: *self,
+            sizes: first.likeliest_sizes(),
+            basis,
+            noise,
+            loadings: metric.loadings,
+            rows,
+        })
+    }
+}
+
+impl Ahead<'_> {
+    /// Nats by which the readings would separate a second set from the one that expects them; `there`
+    /// is its model of where they will be taken.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn separation(
+        &self,
+        there: &impl ForwardModel,
+        believed: &Believed,
+    ) -> Result<f64, InferError> {
+        let unknowns = believed.at.len();
+        let model = Moved {
+            model: there,
+            believed,
+            priors: vec![Prior { mean: 0.0, sd: 1.0 }; unknowns],
+        };
+        let (policy, sensor_sd) = (self.question.policy, self.question.sensor_sd);
+        let problem = Problem::new(&model, &self.rows, policy, sensor_sd, &[]);
+        let start = Point {
+            at: vec![0.0; unknowns],
+            weights: vec![0.0; self.basis.len()],
+        };
+        // Whichever of the two needed more of it to explain the readings so far will need it there.
+        let sizes = std::array::from_fn(|k| self.sizes[k].max(believed.sizes[k]));
+        let noise = larger(&self.noise, &believed.noise);
+        let metric = problem.metric_of(self.loadings.clone(), &noise, &vec![1.0; self.rows.len()]);
+        Ok(problem.steps_under(&start, &self.basis, sizes, &metric)?.1)
+    }
+}
+
+/// Noise whose parts are the larger of two, with the memories of the first.
+fn larger(a: &Noise, b: &Noise) -> Noise {
+    Noise {
+        white: a.white.max(b.white),
+        slow: a.slow.max(b.slow),
+        fluctuation: a.fluctuation.max(b.fluctuation),
+        wander_deg: a.wander_deg.max(b.wander_deg),
+        ..*a
+    }
+}
+
+/// A model in coordinates in which what is known of its unknowns is standard normal.
+struct Moved<'m, M> {
+    model: &'m M,
+    believed: &'m Believed,
+    priors: Vec<Prior>,
+}
+
+impl<M: ForwardModel> ForwardModel for Moved<'_, M> {
+    fn priors(&self) -> &[Prior] {
+        &self.priors
+    }
+
+    fn ln_strength(&self) -> Option<usize> {
+        None
+    }
+
+    fn starts(&self) -> Vec<Vec<f64>> {
+        Vec::new()
+    }
+
+    fn predict(&self, at: &[f64], turn_deg: &[f64]) -> Result<Prediction, InferError> {
+        self.model.predict(&self.believed.moved(at), turn_deg)
+    }
+
+    fn places(&self, at: &[f64]) -> Result<Vec<PlumePlace>, InferError> {
+        self.model.places(&self.believed.moved(at))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Policy;
+    use crate::form::COORDINATES;
+
+    const NOISE: Noise = Noise {
+        white: 2.0,
+        slow: 3.0,
+        slow_s: 40.0,
+        fluctuation: 0.2,
+        fluctuation_s: 5.0,
+        wander_deg: 1.0,
+        wander_s: 60.0,
+    };
+    const ROWS: usize = 80;
+
+    /// A background, a slope in time and an offset, of which the last two are unknown.
+    struct Line {
+        background: f64,
+        priors: [Prior; 2],
+    }
+
+    impl ForwardModel for Line {
+        fn priors(&self) -> &[Prior] {
+            &self.priors
+        }
+
+        fn ln_strength(&self) -> Option<usize> {
+            None
+        }
+
+        fn starts(&self) -> Vec<Vec<f64>> {
+            Vec::new()
+        }
+
+        fn predict(&self, at: &[f64], turn_deg: &[f64]) -> Result<Prediction, InferError> {
+            let bent = |t: f64| self.background * (t / 25.0).sin();
+            let row = |k: usize| bent(k as f64) + at[0] * k as f64 / 40.0 + at[1];
+            Ok(Prediction {
+                reading: (0..turn_deg.len()).map(row).collect(),
+                plume: vec![0.0; turn_deg.len()],
+            })
+        }
+
+        fn places(&self, _: &[f64]) -> Result<Vec<PlumePlace>, InferError> {
+            let nowhere = PlumePlace {
+                ln_distance: f64::NAN,
+                ..PlumePlace::default()
+            };
+            Ok(vec![nowhere; ROWS])
+        }
+    }
+
+    fn line(background: f64) -> Line {
+        let priors = [Prior { mean: 0.0, sd: 9.0 }; 2];
+        Line { background, priors }
+    }
+
+    /// The same minimum as a normal density has it: the difference under the noise's covariance and
+    /// what the unknowns make of theirs, written out.
+    fn dense(difference: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
+        let columns = DMatrix::from_fn(ROWS, 2, |k, j| if j == 0 { k as f64 / 40.0 } else { 1.0 });
+        let noise = DMatrix::from_fn(ROWS, ROWS, |i, j| {
+            let slow = NOISE.slow.powi(2) * (-(i as f64 - j as f64).abs() / NOISE.slow_s).exp();
+            slow + if i == j { NOISE.white.powi(2) } else { 0.0 }
+        });
+        let all = noise + &columns * covariance * columns.transpose();
+        0.5 * difference.dot(&Cholesky::new(all).unwrap().solve(difference))
+    }
+
+    #[test]
+    fn the_separation_is_that_of_normal_densities() {
+        let policy = Policy::default();
+        let (first, second) = (line(8.0), line(0.0));
+        let time_s: Vec<f64> = (0..ROWS).map(|k| k as f64).collect();
+        let expected = first.predict(&[1.0, 5.0], &[0.0; ROWS]).unwrap().reading;
+        let series = vec![0..ROWS];
+        let unstated = vec![f64::NAN; ROWS];
+        let rows = Rows::new(series, time_s, expected.clone(), unstated, vec![true; ROWS]).unwrap();
+        let problem = Problem::new(&first, &rows, &policy, 1.0, &[]);
+        let none = Loadings {
+            plume: vec![0.0; ROWS],
+            per_degree: vec![0.0; ROWS],
+        };
+        let ahead = Ahead {
+            question: Question {
+                rows: &rows,
+                policy: &policy,
+                sensor_sd: 1.0,
+                asked: &[],
+            },
+            basis: problem.swing.clone(),
+            sizes: [0.0; COORDINATES],
+            noise: NOISE,
+            loadings: none,
+            rows: rows.clone(),
+        };
+        let at = [0.5, -2.0];
+        let believed = |covariance: &DMatrix<f64>| {
+            Believed::new(&at, covariance.clone(), [0.0; COORDINATES], NOISE).unwrap()
+        };
+        let there = second.predict(&at, &[0.0; ROWS]).unwrap().reading;
+        let apart = DVector::from_vec(expected) - DVector::from_vec(there);
+        for size in [0.01, 1.0, 10.0] {
+            let covariance: DMatrix<f64> =
+                size * DMatrix::from_row_slice(2, 2, &[1.0, -0.6, -0.6, 2.0]);
+            let believed = believed(&covariance);
+            let nats = ahead.separation(&second, &believed).unwrap();
+            let oracle = dense(&apart, &covariance);
+            // A fit ends where a step promises less than this.
+            assert!(
+                (nats - oracle).abs() < policy.settled_nats,
+                "{nats} {oracle}"
+            );
+        }
+        // What can do the same is not told apart.
+        let nats = ahead.separation(&first, &believed(&(1e4 * DMatrix::identity(2, 2))));
+        let nats = nats.unwrap();
+        assert!(nats < policy.settled_nats, "{nats}");
+    }
+}

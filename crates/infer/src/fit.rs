@@ -88,6 +88,15 @@ struct Linearised {
     cost: f64,
 }
 
+/// Columns of a problem that is linear at a point.
+struct Columns {
+    /// Row after row; the last column is the misfit.
+    matrix: Vec<f64>,
+    /// The values of the bumps that may have weights, row after row.
+    bumps: Vec<f64>,
+    misfit: Vec<f64>,
+}
+
 /// Bumps with their sizes: which may have weights, and precisions of unknowns and these weights.
 struct Shape<'b> {
     basis: &'b Basis,
@@ -568,8 +577,11 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         metric: &Metric,
     ) -> Result<Linearised, InferError> {
         let columns = shape.precision.len() + 1;
-        let (mut matrix, bumps, misfit) =
-            self.columns(point, shape.basis, &shape.active, &metric.loadings, columns)?;
+        let Columns {
+            mut matrix,
+            bumps,
+            misfit,
+        } = self.columns(point, shape.basis, &shape.active, &metric.loadings, columns)?;
         metric.whitener.whiten(self.rows, &mut matrix, columns);
         let products = Products::of(&matrix, columns, metric.whitener.ln_normalisation);
         let misfit_sq = products.values[columns * columns - 1];
@@ -582,8 +594,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         })
     }
 
-    /// What unknowns and active weights change at every row, and the misfit as the last of `columns`,
-    /// row after row; the bumps' values; the misfit alone.
+    /// What unknowns and active weights change at every row, and the misfit as the last of `columns`.
     fn columns(
         &self,
         point: &Point,
@@ -591,7 +602,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         active: &Active,
         loadings: &Loadings,
         columns: usize,
-    ) -> Result<(Vec<f64>, Vec<f64>, Vec<f64>), InferError> {
+    ) -> Result<Columns, InferError> {
         let (n, unknowns) = (self.rows.len(), self.unknowns());
         let turns = self.turns(point);
         let here = self.model.predict(&point.at, &turns)?;
@@ -627,7 +638,11 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             }
             row[columns - 1] = misfit[i];
         }
-        Ok((matrix, bumps, misfit))
+        Ok(Columns {
+            matrix,
+            bumps,
+            misfit,
+        })
     }
 
     /// The values of active bumps at every row; none of the error of form where there is no plume to
@@ -673,7 +688,9 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let layout = Layout::new(&coordinates, self.unknowns(), tried.len());
         let all = Active::all(&fit.basis);
         let own = self.unknowns() + all.len() + 1;
-        let (matrix, _, _) = self.columns(&fit.point, &fit.basis, &all, &fit.loadings, own)?;
+        let matrix = self
+            .columns(&fit.point, &fit.basis, &all, &fit.loadings, own)?
+            .matrix;
         let whitener = Whitener::new(self.rows, &fit.noise, &fit.loadings, &fit.inflation);
         let mut placed = vec![0.0; self.rows.len() * layout.columns];
         let rows = placed.chunks_exact_mut(layout.columns);
@@ -759,9 +776,9 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                     i += 1;
                 }
                 if i > first && self.is_short(&places, range.clone(), first, i) {
-                    for k in first..i {
+                    for (k, inflation) in (first..i).zip(&mut inflation[first..i]) {
                         let (others, own) = variances(k);
-                        inflation[k] = 1.0 + (square(k) / most - others) / own;
+                        *inflation = 1.0 + (square(k) / most - others) / own;
                     }
                 }
                 i = i.max(first + 1);

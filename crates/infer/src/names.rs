@@ -272,7 +272,7 @@ impl<'a> Question<'a> {
                 columns.push((0..self.rows.len()).map(change).collect::<Vec<f64>>());
             }
         }
-        let all = [vec![0..self.rows.len()]];
+        let all = [self.rows.whole()];
         let (known, products) = problem.products(fit, &columns, &all)?;
         let mut evidence = Evidence::new(&products[0], &known, precision_of);
         let mut problems: Vec<(f64, Reduced)> = Vec::new();

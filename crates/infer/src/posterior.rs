@@ -179,7 +179,7 @@ impl<M: ForwardModel> Problem<'_, M> {
 
     /// The sizes of the error of form and their evidence by the linear problem at a fit's point.
     pub(crate) fn around(&self, fit: Fit) -> Result<Weighed, InferError> {
-        let (known, mut products) = self.products(&fit, &[], &[vec![0..self.rows.len()]])?;
+        let (known, mut products) = self.products(&fit, &[], &[self.rows.whole()])?;
         let products = products.remove(0);
         let mut evidence = Evidence::new(&products, &known, precision_of);
         let mut scored = |sizes: Sizes| (evidence.ln(&sizes) + self.policy.ln_sizes(&sizes), sizes);

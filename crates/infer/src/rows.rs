@@ -82,6 +82,11 @@ impl Rows {
         self.time_s.is_empty()
     }
 
+    /// All rows as one stretch.
+    pub(crate) fn whole(&self) -> Vec<Range<usize>> {
+        std::iter::once(0..self.len()).collect()
+    }
+
     /// Rows of each sensor.
     pub fn series(&self) -> impl DoubleEndedIterator<Item = Range<usize>> + '_ {
         self.series.iter().cloned()

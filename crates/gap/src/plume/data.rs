@@ -227,7 +227,7 @@ impl Data {
             let last = r
                 .end
                 .checked_sub(1)
-                .filter(|l| r.contains(l) && (l - r.start) % every != 0);
+                .filter(|l| r.contains(l) && !(l - r.start).is_multiple_of(every));
             r.clone().step_by(every).chain(last)
         };
         let kept: Vec<usize> = self.ranges().iter().flat_map(of).collect();

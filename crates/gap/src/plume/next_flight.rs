@@ -173,7 +173,8 @@ impl<'s, 'a> Rival<'s, 'a> {
 
 /// When the next flight begins, s.
 fn start_s(study: &Study<'_>) -> f64 {
-    study.data.span_s().1 + PAUSE_S
+    let times = study.data.track.time_s().iter().copied();
+    times.fold(f64::NEG_INFINITY, f64::max) + PAUSE_S
 }
 
 impl<'s, 'a> Matter<'s, 'a> {

@@ -87,7 +87,7 @@ impl<'a> Question<'a> {
         let expected = there.predict(first.at(), &vec![0.0; n])?.reading;
         let unstated = vec![f64::NAN; n];
         let rows = Rows::new(
-            vec![0..n],
+            std::iter::once(0..n).collect(),
             time_s.to_vec(),
             expected,
             unstated,
@@ -260,7 +260,7 @@ mod tests {
         let (first, second) = (line(8.0), line(0.0));
         let time_s: Vec<f64> = (0..ROWS).map(|k| k as f64).collect();
         let expected = first.predict(&[1.0, 5.0], &[0.0; ROWS]).unwrap().reading;
-        let series = vec![0..ROWS];
+        let series = std::iter::once(0..ROWS).collect();
         let unstated = vec![f64::NAN; ROWS];
         let rows = Rows::new(series, time_s, expected.clone(), unstated, vec![true; ROWS]).unwrap();
         let problem = Problem::new(&first, &rows, &policy, 1.0, &[]);

@@ -198,7 +198,7 @@ fn an_ambiguous_answer_proposes_a_flight_that_keeps_its_promise() {
     let mut o = observe(&[(hidden.0, hidden.1, &[])], 20);
     let before = run(&o, true);
     assert_eq!(before.verdict, Verdict::Ambiguous, "{}", before.summary);
-    let next = before.next_flight.unwrap();
+    let next = before.next_flight.clone().unwrap();
     assert_eq!(next.separates, before.causes[0].mechanisms);
     assert!(next.expected_nats > 0.0 && next.settles_probability > 0.5);
     assert!(next.waypoints[0].time_s > 600.0);

@@ -40,6 +40,8 @@ pub struct Problem<'a, M> {
     /// Bumps of a swing alone, which those of every basis end with, and their values, row after row.
     pub(crate) swing: Basis,
     pub(crate) swing_bumps: Vec<f64>,
+    /// Their means over the rows.
+    swing_mean: Vec<f64>,
 }
 
 /// Values of all that is unknown but the noise.
@@ -149,6 +151,13 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         for (out, time_s) in swing_bumps.chunks_exact_mut(swing.len()).zip(rows.time_s()) {
             swing.fill_swing(*time_s, out);
         }
+        let count = rows.len().max(1) as f64;
+        let mut swing_mean = vec![0.0; swing.len()];
+        for bumps in swing_bumps.chunks_exact(swing.len()) {
+            for (mean, bump) in swing_mean.iter_mut().zip(bumps) {
+                *mean += bump / count;
+            }
+        }
         Self {
             model,
             rows,
@@ -157,6 +166,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             asked,
             swing,
             swing_bumps,
+            swing_mean,
         }
     }
 
@@ -230,6 +240,19 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         }
         let turn = |bumps: &[f64]| bumps.iter().zip(weights).map(|(b, w)| b * w).sum();
         self.swing_bumps.chunks_exact(n).map(turn).collect()
+    }
+
+    /// The mean turn of the swing over its standard deviation, and what each weight adds to it: a swing
+    /// turns to both sides, and a steady turn is a wind from elsewhere.
+    fn mean_turn(&self, basis: &Basis, weights: &[f64]) -> f64 {
+        let swing = &weights[basis.of_form()..];
+        let sum: f64 = self.swing_mean.iter().zip(swing).map(|(m, w)| m * w).sum();
+        sum / self.policy.swing_mean_deg
+    }
+
+    fn mean_turn_by(&self, basis: &Basis, weight: usize) -> f64 {
+        let swing = weight.checked_sub(basis.of_form());
+        swing.map_or(0.0, |k| self.swing_mean[k]) / self.policy.swing_mean_deg
     }
 
     /// The most probable point from `start` under `noise` and `sizes`.
@@ -483,7 +506,8 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let mut misfit = self.misfit(&there, &factors);
         metric.whitener.whiten(self.rows, &mut misfit, 1);
         let square: f64 = misfit.iter().map(|w| w * w).sum();
-        let cost = 0.5 * square + self.prior_cost(next, shape);
+        let turn = self.mean_turn(shape.basis, &next.weights);
+        let cost = 0.5 * (square + turn * turn) + self.prior_cost(next, shape);
         cost.is_finite().then_some(cost)
     }
 
@@ -583,6 +607,13 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             misfit,
         } = self.columns(point, shape.basis, &shape.active, &metric.loadings, columns)?;
         metric.whitener.whiten(self.rows, &mut matrix, columns);
+        let mut turned = vec![0.0; columns];
+        let unknowns = self.unknowns();
+        for (column, k) in turned[unknowns..].iter_mut().zip(shape.active.weights()) {
+            *column = self.mean_turn_by(shape.basis, k);
+        }
+        turned[columns - 1] = -self.mean_turn(shape.basis, &point.weights);
+        matrix.extend(turned);
         let products = Products::of(&matrix, columns, metric.whitener.ln_normalisation);
         let misfit_sq = products.values[columns * columns - 1];
         Ok(Linearised {
@@ -707,6 +738,12 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         }
         drop(matrix);
         whitener.whiten(self.rows, &mut placed, layout.columns);
+        let mut turned = vec![0.0; layout.columns];
+        for (k, place) in layout.weights.iter().enumerate() {
+            turned[*place] = self.mean_turn_by(&fit.basis, k);
+        }
+        turned[layout.columns - 1] = -self.mean_turn(&fit.basis, &fit.point.weights);
+        let turned = Products::of(&turned, layout.columns, 0.0);
         let of_block = |ranges: &Vec<Range<usize>>| {
             let part: Vec<f64> = ranges
                 .iter()
@@ -727,6 +764,10 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         } else {
             blocks.iter().map(of_block).collect()
         };
+        let mut products = products;
+        // What is known of the swing belongs to no pass: each has its part.
+        let part = 1.0 / products.len().max(1) as f64;
+        products.iter_mut().for_each(|p| p.add(&turned, part));
         let mut offset = vec![0.0; layout.columns];
         for (place, weight) in layout.weights.iter().zip(&fit.point.weights) {
             offset[*place] = *weight;

@@ -26,7 +26,7 @@ pub struct Cause<T> {
     pub gain: f64,
     /// Nats to the likeliest that is not among them.
     pub nats_to_next: f64,
-    /// Gain on passes left out, nats, and the lower end of its 95 % interval.
+    /// Gain on passes left out, nats, and its lower bound, which four in five exceed.
     pub left_out: (f64, f64),
     /// Probability on the average over passes drawn anew.
     pub drawn_again: f64,
@@ -395,11 +395,11 @@ impl Errors {
     }
 }
 
-/// Sum over passes, and the lower end of its 95 % interval by their scatter.
+/// Sum over passes, and its lower bound by their scatter, which four in five exceed.
 fn sum_and_low(gains: &[f64]) -> (f64, f64) {
     let n = gains.len() as f64;
     let sum: f64 = gains.iter().sum();
     let square: f64 = gains.iter().map(|g| (g - sum / n).powi(2)).sum();
     let sd = (square * n / (n - 1.0).max(1.0)).sqrt();
-    (sum, sum - 1.645 * sd)
+    (sum, sum - 0.84 * sd)
 }

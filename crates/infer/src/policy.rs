@@ -34,6 +34,8 @@ pub struct Policy {
     /// Sizes of the swing of the axis that are tried besides none, degrees: a wind that veers within an
     /// hour, and one that turns.
     pub swing_sizes_deg: [f64; 2],
+    /// Standard deviation of the swing's mean over a record, degrees: a steady turn is no swing.
+    pub swing_mean_deg: f64,
     /// Probability beforehand that a coordinate has no error of form: a third then have none at all.
     pub form_none: f64,
     /// What is known of the noise beforehand: median of each size and memory, sizes of white and
@@ -102,6 +104,7 @@ impl Default for Policy {
             form_sizes: [0.1, 0.4],
             form_least: 0.01,
             swing_sizes_deg: [3.0, 15.0],
+            swing_mean_deg: 0.3,
             form_none: 0.75,
             noise_median: Noise {
                 white: 1.0,

@@ -212,6 +212,11 @@ fn counted_from_near_zero(
     Ok(analysis)
 }
 
+/// Whether readings do not follow the plume, but lie in one direction.
+fn elsewhere(contact: &Contact) -> bool {
+    contact.share < FOLLOWED && contact.turn_deg.sd < ONE_DIRECTION_DEG
+}
+
 /// The base with its wind turned to where the readings lie, where they do not follow it but lie in
 /// one direction, as found on a part of the rows, and the model of all rows for it.
 fn aimed<'a>(
@@ -220,8 +225,7 @@ fn aimed<'a>(
     model: &PlumeModel<'a>,
     contact: Option<&Contact>,
 ) -> Result<Option<(Found<PlumeModel<'a>>, PlumeModel<'a>)>, InferError> {
-    let elsewhere = contact.filter(|c| c.share < FOLLOWED && c.turn_deg.sd < ONE_DIRECTION_DEG);
-    let Some(contact) = elsewhere else {
+    let Some(contact) = contact.filter(|c| elsewhere(c)) else {
         return Ok(None);
     };
     let turn_deg = contact.turn_deg.value;

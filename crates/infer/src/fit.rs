@@ -26,6 +26,8 @@ const SHORTEST_PART: f64 = 1e-3;
 const IN_PLUME: f64 = 0.02;
 /// A row's plume is nothing below this part of its largest.
 const NO_PLUME: f64 = 1e-9;
+/// A spike's neighbours are off by less than this part of it.
+const OUT_OF_ITS_NEIGHBOURS: f64 = 0.5;
 /// Most steps of one search for the noise.
 const NOISE_STEPS: usize = 25;
 
@@ -128,6 +130,17 @@ fn factors_of(bumps: &[f64], active: &Active, point: &Point, rows: usize) -> Vec
         .chunks_exact(n)
         .map(|b| Basis::factor(b, &weights))
         .collect()
+}
+
+/// Whether rows stick out of those before and after them: a plume that is not expected comes and goes,
+/// and must not be taken for one spike after the other.
+fn stands_out(misfit: &[f64], series: Range<usize>, rows: Range<usize>) -> bool {
+    let beside = |edge: usize, neighbour: Option<usize>| {
+        let neighbour = neighbour.filter(|n| series.contains(n));
+        neighbour
+            .is_none_or(|n| misfit[n] * misfit[edge] < OUT_OF_ITS_NEIGHBOURS * misfit[edge].powi(2))
+    };
+    beside(rows.start, rows.start.checked_sub(1)) && beside(rows.end - 1, Some(rows.end))
 }
 
 /// Precision of weights of a size.
@@ -816,7 +829,10 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                 while i < range.end && far(i) {
                     i += 1;
                 }
-                if i > first && self.is_short(&places, range.clone(), first, i) {
+                if i > first
+                    && stands_out(&here.misfit, range.clone(), first..i)
+                    && self.is_short(&places, range.clone(), first, i)
+                {
                     for (k, inflation) in (first..i).zip(&mut inflation[first..i]) {
                         let (others, own) = variances(k);
                         *inflation = 1.0 + (square(k) / most - others) / own;

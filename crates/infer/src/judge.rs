@@ -30,6 +30,8 @@ pub struct Cause<T> {
     pub left_out: (f64, f64),
     /// Probability on the average over passes drawn anew.
     pub drawn_again: f64,
+    /// Standard deviations by which it departs from doing nothing; infinite for a limit.
+    pub departs_sd: f64,
     /// Part of the draws in which root mean square error and normalised mean square error on passes left
     /// out are worse with it than without; zero where it does not stand anyway.
     pub worse: [f64; 2],
@@ -109,7 +111,7 @@ impl Question<'_> {
             // What is much, or is chosen again, is said to be doubted.
             let much = causes[k].gain > self.policy.rest_alone_nats
                 || strength(&causes[k]) > self.policy.drawn_again;
-            if much {
+            if much && causes[k].departs_sd > self.policy.departs_sd {
                 doubted.push(causes[k].clone());
             }
             set = best_without(found, &set, k).clone();
@@ -162,8 +164,24 @@ impl Question<'_> {
         cause.probability > self.policy.named
             && cause.left_out.1 > 0.0
             && cause.drawn_again > self.policy.drawn_again
+            && cause.departs_sd > self.policy.departs_sd
             && cause.names.len() <= self.policy.most_candidates
             && cause.worse.iter().all(|w| *w < WORSE)
+    }
+
+    /// Standard deviations by which the `k`-th name of a set departs from doing nothing.
+    fn departs_sd<M: Catalogue>(&self, set: &Found<M>, k: usize) -> Result<f64, InferError> {
+        let posterior = self.posterior(set)?;
+        let (mean, covariance) = (posterior.mean(), posterior.covariance());
+        let unknowns = |n: &M::Tried| M::start(n).nothing.len();
+        let behind: usize = set.names[k..].iter().map(unknowns).sum();
+        let first = mean.len() - behind;
+        let nothing = &M::start(&set.names[k]).nothing;
+        let departs = |(n, nothing): (usize, &f64)| {
+            let i = first + n;
+            (mean[i] - nothing).abs() / covariance[(i, i)].sqrt()
+        };
+        Ok(nothing.iter().enumerate().map(departs).fold(0.0, f64::max))
     }
 
     fn cause<M: Catalogue>(
@@ -238,6 +256,7 @@ impl Question<'_> {
             nats_to_next,
             left_out: sum_and_low(&gains),
             drawn_again,
+            departs_sd: self.departs_sd(set, k)?,
             worse: [0.0; 2],
         };
         if self.stands(&cause) {

@@ -181,6 +181,18 @@ impl<'a> Question<'a> {
         })
     }
 
+    /// How the readings meet the plume of a model before it is fitted.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn contact_beforehand<M: ForwardModel>(
+        &self,
+        model: &M,
+    ) -> Result<Option<Contact>, InferError> {
+        let at: Vec<f64> = model.priors().iter().map(|p| p.mean).collect();
+        self.problem(model).contact(&at, self.policy.passes)
+    }
+
     /// How the readings meet the plume of a set.
     ///
     /// # Errors

@@ -74,6 +74,8 @@ pub struct Policy {
     pub named: f64,
     /// ... and where passes drawn anew give it this on the average (Huggins and Miller 2023).
     pub drawn_again: f64,
+    /// ... and where a parameter of it departs from doing nothing by so many standard deviations.
+    pub departs_sd: f64,
     /// An error of form is said where its evidence exceeds this, nats: 19 to 1.
     pub rest_nats: f64,
     /// ... where passes left out gain by it; beyond this, nats, in any case, as a swing or a fluctuation
@@ -136,6 +138,7 @@ impl Default for Policy {
             beam_nats: 4.0,
             named: 0.95,
             drawn_again: 0.85,
+            departs_sd: 2.0,
             rest_nats: 2.944,
             rest_alone_nats: 12.0,
             most_candidates: 4,

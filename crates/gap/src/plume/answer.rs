@@ -101,10 +101,12 @@ pub(crate) fn stated(
 }
 
 /// Whether the readings follow the plume well enough that a name means something: they do, or lie in
-/// one direction.
+/// one direction, to which a name turns the wind.
 pub(crate) fn follows(study: &Study<'_>) -> bool {
+    let turns = |c: &Named<Tried>| c.names[0].0.part.id == MechanismId::WindDirectionOffset;
+    let turned = study.judged.causes.iter().any(turns);
     let contact = study.contact.as_ref();
-    contact.is_none_or(|c| c.share >= FOLLOWED || c.turn_deg.sd < ONE_DIRECTION_DEG)
+    contact.is_none_or(|c| c.share >= FOLLOWED || (turned && c.turn_deg.sd < ONE_DIRECTION_DEG))
 }
 
 fn label(study: &Study<'_>, tried: &Tried) -> (String, Option<String>) {

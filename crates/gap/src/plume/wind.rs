@@ -4,7 +4,9 @@ use ::plume::field::Transport;
 use ::plume::track::Track;
 use infer::{InferError, Question};
 
+use super::catalogue;
 use super::data::{Data, Setup};
+use super::elsewhere;
 use super::model::{PlumeModel, Scale};
 
 /// What of a log carries the plume.
@@ -83,10 +85,19 @@ pub(crate) fn chosen(
     if !data.on_board_wind {
         return Ok(None);
     }
+    // Where the readings lie elsewhere, a plume that is turned there tells which wind carried it.
+    let still = PlumeModel::new(setup, &data.track, scale);
+    let contact = question.contact_beforehand(&still)?;
+    let aim_deg = contact.filter(elsewhere).map(|c| c.turn_deg.value);
     let mut best: Option<(f64, Carried)> = None;
     for carried in TRIED {
         let track = carrying(setup, data, Some(carried));
-        let evidence = question.quick(&PlumeModel::new(setup, &track, scale))?;
+        let model = PlumeModel::new(setup, &track, scale);
+        let model = aim_deg.map_or_else(
+            || model.clone(),
+            |deg| model.aimed(&catalogue::aimed(deg, scale).part, deg),
+        );
+        let evidence = question.quick(&model)?;
         if best.is_none_or(|b| evidence > b.0) {
             best = Some((evidence, carried));
         }

@@ -4,7 +4,7 @@
 
 use crate::form::{COORDINATES, Sizes};
 use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector};
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 /// Coordinates in the order in which their weights are integrated out: swing and time have the
 /// most weights.
@@ -194,7 +194,7 @@ impl Reduced {
 pub(crate) struct Evidence<'a> {
     known: &'a Known,
     whole: Reduced,
-    kept: HashMap<[u64; KEPT], Option<Reduced>>,
+    kept: BTreeMap<[u64; KEPT], Option<Reduced>>,
     size_prior: fn(f64) -> f64,
 }
 
@@ -208,7 +208,7 @@ impl<'a> Evidence<'a> {
                 ln: products.ln_normalisation,
             },
             known,
-            kept: HashMap::new(),
+            kept: BTreeMap::new(),
             size_prior: precision_of,
         }
     }

@@ -418,27 +418,13 @@ impl DispersionModel {
     /// Excess of all plumes as (mol/m³ of those given by emission, ppm of those given by c_MAX).
     #[inline]
     pub(crate) fn excess(&self, place: &Place, time_s: f64, wind: Transport) -> (f64, f64) {
-        self.excess_after(place, time_s, 0.0, wind, |_| 1.0)
-    }
-
-    /// The same of air that the wind turned, on the mean of its way, `wind_age_s` before; each plume
-    /// times its `factor`.
-    #[inline]
-    pub(crate) fn excess_after(
-        &self,
-        place: &Place,
-        time_s: f64,
-        wind_age_s: f64,
-        wind: Transport,
-        factor: impl Fn(usize) -> f64,
-    ) -> (f64, f64) {
-        let mut turned = self.turned(wind, time_s - wind_age_s);
+        let mut turned = self.turned(wind, time_s);
         turned.speed_m_s *= self.effects.speed_factor;
         let mut sum = (0.0, 0.0);
-        for (which, plume) in self.plumes.iter().enumerate() {
+        for plume in &self.plumes {
             let (shape, x, speed) = self.shape_with_losses(plume, place, turned);
             // The air here at time_s passed the source one travel time x/u before.
-            let shape = shape * self.emission_growth(time_s - x / speed) * factor(which);
+            let shape = shape * self.emission_growth(time_s - x / speed);
             match plume.source_term {
                 SourceTerm::MolarRate(strength) => sum.0 += strength * shape / speed,
                 SourceTerm::AxisConcentration(strength) => sum.1 += strength * shape,
@@ -666,9 +652,6 @@ fn validate(spec: &DispersionSpec) -> Result<(), PlumeError> {
 
 #[path = "batch.rs"]
 pub mod batch;
-
-#[path = "puffs.rs"]
-pub mod puffs;
 
 #[path = "reflection.rs"]
 mod reflection;

@@ -90,7 +90,6 @@ pub mod track;
 pub mod units;
 
 pub use field::batch::{self, PlaceColumns};
-pub use field::puffs::{self, WindHistory};
 pub use field::{DispersionModel, DispersionSpec, InPlume, Place, SourceSpec, Strength};
 pub use mechanism::{Mechanism, MechanismId};
 pub use sensor::{Sensor, SensorSpec};

@@ -39,12 +39,6 @@ pub struct Track {
     north_m: Vec<f64>,
     height_m: Vec<f64>,
     transport: Vec<Transport>,
-    /// Factor on the plume's part of each row.
-    plume_factor: Vec<f64>,
-    /// Ratio of puffs to the straight plume of each row, plume by plume; one where there is none.
-    puff_ratios: Vec<Vec<f64>>,
-    /// How long before each row the wind, on the mean of the air's way, turned it, s.
-    wind_age_s: Vec<f64>,
     ppm_per_mol_m3: Vec<f64>,
     air: Vec<SensorAir>,
 }
@@ -72,9 +66,6 @@ impl Track {
             north_m: rows.iter().map(|r| r.place.north_m).collect(),
             height_m: rows.iter().map(|r| r.place.height_agl_m).collect(),
             transport,
-            plume_factor: vec![1.0; rows.len()],
-            puff_ratios: Vec::new(),
-            wind_age_s: vec![0.0; rows.len()],
             ppm_per_mol_m3: rows
                 .iter()
                 .map(|r| model.ppm_per_mol_m3(r.place.height_agl_m))
@@ -147,36 +138,6 @@ impl Track {
         (0..self.len())
             .map(|i| model.in_first_plume(&self.place(i), self.time_s[i], self.transport[i]))
             .collect()
-    }
-
-    /// Factor on all plumes of every row. One at first.
-    pub fn plume_factor_mut(&mut self) -> &mut [f64] {
-        &mut self.plume_factor
-    }
-
-    /// Sets what puffs do to the first `plumes` straight plumes of the model ([`crate::puffs`]), by
-    /// the ratio for a plume at a row's place, time in s and transport. Further plumes stay straight,
-    /// as all do at first.
-    pub fn set_puff_ratios(
-        &mut self,
-        plumes: usize,
-        ratio: impl Fn(usize, &Place, f64, Transport) -> f64,
-    ) {
-        let of_row = |plume, i| ratio(plume, &self.place(i), self.time_s[i], self.transport[i]);
-        let of = |plume| (0..self.len()).map(|i| of_row(plume, i)).collect();
-        self.puff_ratios = (0..plumes).map(of).collect();
-    }
-
-    /// How long before every row the wind, on the mean of the way that the air took from the source,
-    /// turned it, s: the time of which a drift of the wind is taken. Zero at first, and for a plume
-    /// that is as the wind of the moment has it.
-    pub fn wind_age_s(&self) -> &[f64] {
-        &self.wind_age_s
-    }
-
-    /// The same, to be replaced.
-    pub fn wind_age_s_mut(&mut self) -> &mut [f64] {
-        &mut self.wind_age_s
     }
 
     /// Predicted readings of all rows, ppm, without noise and quantisation. `readings` must have
@@ -300,10 +261,8 @@ impl Track {
             north_m: at(&self.north_m) - north,
             height_agl_m: at(&self.height_m) - up,
         };
-        let ratio = |plume: usize| self.puff_ratios.get(plume).map_or(1.0, |r| at(r));
-        let age_s = at(&self.wind_age_s);
-        let (molar, direct) = model.excess_after(&place, time_s, age_s, wind, ratio);
-        (molar * at(&self.ppm_per_mol_m3) + direct) * at(&self.plume_factor)
+        let (molar, direct) = model.excess(&place, time_s, wind);
+        molar * at(&self.ppm_per_mol_m3) + direct
     }
 
     /// The row at or before `time_s` in `range`, searched from `cursor`.

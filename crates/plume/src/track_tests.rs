@@ -58,28 +58,6 @@ fn a_plain_track_reads_the_field() {
     }
 }
 
-#[test]
-fn ratios_of_puffs_are_of_their_plume_alone() {
-    let moved = [("east_m", 0.0), ("north_m", 300.0), ("ratio", 0.5)];
-    let second = Mechanism::new("second-source", &moved).unwrap();
-    let both = model(&[second]);
-    let excess = |ratios: &[f64]| {
-        let mut track = Track::new(&both, &names(), &rows()).unwrap();
-        track.set_puff_ratios(ratios.len(), |plume, _, _, _| ratios[plume]);
-        let mut out = vec![0.0; track.len()];
-        track.predict_parts(&both, &mut vec![0.0; rows().len()], Some(&mut out));
-        out
-    };
-    let (first, other, straight) = (excess(&[1.0, 0.0]), excess(&[0.0]), excess(&[]));
-    let twice = excess(&[2.0, 3.0]);
-    for i in 0..straight.len() {
-        assert!((first[i] + other[i] - straight[i]).abs() < 1e-9);
-        assert!((2.0 * first[i] + 3.0 * other[i] - twice[i]).abs() < 1e-9);
-    }
-    let sum = |v: &[f64]| v.iter().sum::<f64>();
-    assert!(sum(&first) > 1.0 && sum(&other) > 1.0);
-}
-
 // The sensor that the simulation steps and the track that the analysis predicts are one.
 #[test]
 fn the_track_reads_as_the_stepped_sensor() {
@@ -193,25 +171,6 @@ fn clock_and_position_signs() {
     }
 }
 
-// What the wind's history made of the plume is that of where the air was met, not of the row that
-// it was logged in.
-#[test]
-fn a_late_clock_meets_the_puffs_of_where_it_was() {
-    let readings = |list: &[Mechanism]| {
-        let model = model(list);
-        let mut track = Track::new(&model, &names(), &rows()).unwrap();
-        track.set_puff_ratios(1, |_, place, _, _| (place.north_m / 200.0).exp());
-        let mut out = vec![0.0; track.len()];
-        track.predict(&model, &mut out);
-        out
-    };
-    let late = readings(&[Mechanism::new("clock-offset", &[("offset_s", 5.0)]).unwrap()]);
-    let plain = readings(&[]);
-    for i in (10..290).chain(310..590) {
-        assert!((late[i] - plain[i - 5]).abs() < 1e-6, "row {i}");
-    }
-}
-
 #[test]
 fn the_plume_part_and_the_rest_make_the_reading() {
     let list = [Mechanism::new("sensor-lag", &[("time_constant_s", 3.0)]).unwrap()];
@@ -253,25 +212,4 @@ fn disorder_is_refused() {
     assert!(refused(&|r| r[5].platform = 9).contains("platform 9"));
     assert!(refused(&|r| r[5].place.east_m = f64::NAN).contains("finite"));
     assert!(Track::new(&model, &names(), &[]).unwrap().is_empty());
-}
-
-#[test]
-fn air_is_turned_as_the_wind_was_on_its_way() {
-    const AGE_S: f64 = 200.0;
-    let drift = Mechanism::new("wind-direction-drift", &[("rate_deg_per_h", 60.0)]).unwrap();
-    let model = model(&[drift]);
-    let reading = |time_s: f64, wind_age_s: f64| {
-        let rows = [Row {
-            time_s,
-            ..row(0, 0.0)
-        }];
-        let mut track = Track::new(&model, &names(), &rows).unwrap();
-        track.wind_age_s_mut().fill(wind_age_s);
-        let mut out = [0.0];
-        track.predict(&model, &mut out);
-        out[0]
-    };
-    let (late, then) = (reading(900.0, AGE_S), reading(900.0 - AGE_S, 0.0));
-    assert!((late - then).abs() < 1e-9, "{late} {then}");
-    assert!((late - reading(900.0, 0.0)).abs() > 1.0, "{late}");
 }

@@ -1,29 +1,24 @@
 //! The gas that was there before.
 
 use super::entry::{Action, Family, MechanismSpec, Steps, offset};
-use crate::effects::HOUR_S;
 
 pub(super) const OFFSET: MechanismSpec = MechanismSpec {
     name: "background-offset",
     family: Family::Background,
-    parameters: &[offset("offset_ppm", "ppm", 10.0, -1e4, 1e4).known_to(0.15)],
+    parameters: &[offset("offset_ppm", "ppm", 10.0, -1e4, 1e4)],
     sign: "added to the scenario's background",
     action: Action::OnDispersion(|e, v| e.background_ppm += v[0]),
     steps: Steps::Line(&[1.0]),
-    by_definition: true,
     check: Some("a monitor upwind of the source"),
 };
 
 pub(super) const DRIFT: MechanismSpec = MechanismSpec {
     name: "background-drift",
     family: Family::Background,
-    parameters: &[
-        offset("rate_ppm_per_h", "ppm/h", 20.0, -1e4, 1e4).known_to(0.15 * HOUR_S / 600.0)
-    ],
+    parameters: &[offset("rate_ppm_per_h", "ppm/h", 20.0, -1e4, 1e4)],
     sign: "added to the background: rate times hours since time 0",
     action: Action::OnDispersion(|e, v| e.background_ppm_h += v[0]),
     steps: Steps::Line(&[10.0]),
-    by_definition: true,
     check: Some("a monitor upwind of the source"),
 };
 
@@ -40,6 +35,5 @@ pub(super) const GRADIENT: MechanismSpec = MechanismSpec {
         e.background_north_ppm_m += v[1] / 1000.0;
     }),
     steps: Steps::Plane(1.0),
-    by_definition: true,
     check: Some("a monitor upwind of the source"),
 };

@@ -60,9 +60,6 @@ pub struct ParameterSpec {
     pub coordinate: Coordinate,
     /// Value when a file leaves it out; `None` when it must be given.
     pub default: Option<f64>,
-    /// What nothing real departs from the neutral value by: one standard deviation, in the
-    /// parameter's [`Coordinate`]. A thousandth to a hundredth of what is worth naming.
-    pub tolerance: f64,
 }
 
 /// How a mechanism enters the equations, given its parameters in the catalogue's order.
@@ -109,9 +106,6 @@ pub struct MechanismSpec {
     pub(crate) action: Action,
     /// Where a search starts.
     pub steps: Steps,
-    /// Whether it is a constant or something logged times a constant: there is no law to be
-    /// wrong.
-    pub by_definition: bool,
     /// What decides whether it is at work, without a flight.
     pub check: Option<&'static str>,
 }
@@ -134,7 +128,6 @@ pub(super) const fn offset(
         high,
         coordinate: Coordinate::Linear,
         default: None,
-        tolerance: 4e-3 * prior_sd,
     }
 }
 
@@ -182,12 +175,5 @@ pub(super) const fn setting(
         prior_centre: default,
         default: Some(default),
         ..offset(name, unit, 1.0, low, high)
-    }
-}
-
-impl ParameterSpec {
-    /// The same with another tolerance.
-    pub(super) const fn known_to(self, tolerance: f64) -> Self {
-        Self { tolerance, ..self }
     }
 }

@@ -14,7 +14,6 @@ pub(super) const LAG: MechanismSpec = MechanismSpec {
         }
     }),
     steps: Steps::Line(&[0.6, 3.0, 10.0]),
-    by_definition: false,
     check: Some("a step of gas given to the sensor on the ground, and its response timed"),
 };
 
@@ -22,7 +21,7 @@ pub(super) const GAIN: MechanismSpec = MechanismSpec {
     name: "sensor-gain",
     family: Family::Sensor,
     parameters: &[
-        factor("factor", 0.2, 0.01, 100.0).known_to(3e-3),
+        factor("factor", 0.2, 0.01, 100.0),
         setting("pivot_ppm", "ppm", 0.0, -1e5, 1e6),
     ],
     sign: "reading = pivot + factor times (concentration - pivot)",
@@ -31,31 +30,26 @@ pub(super) const GAIN: MechanismSpec = MechanismSpec {
         e.offset_ppm = v[1] + v[0] * (e.offset_ppm - v[1]);
     }),
     steps: Steps::AboutBackground(1.05),
-    by_definition: true,
     check: Some("the sensors read in span gas on the ground"),
 };
 
 pub(super) const OFFSET: MechanismSpec = MechanismSpec {
     name: "sensor-offset",
     family: Family::Sensor,
-    parameters: &[offset("offset_ppm", "ppm", 10.0, -1e4, 1e4).known_to(0.15)],
+    parameters: &[offset("offset_ppm", "ppm", 10.0, -1e4, 1e4)],
     sign: "added to the reading",
     action: Action::OnSensor(|e, v| e.offset_ppm += v[0]),
     steps: Steps::Line(&[1.0]),
-    by_definition: true,
     check: Some("the sensors read in zero gas on the ground"),
 };
 
 pub(super) const DRIFT: MechanismSpec = MechanismSpec {
     name: "sensor-drift",
     family: Family::Sensor,
-    parameters: &[
-        offset("rate_ppm_per_h", "ppm/h", 20.0, -1e4, 1e4).known_to(0.15 * HOUR_S / 600.0)
-    ],
+    parameters: &[offset("rate_ppm_per_h", "ppm/h", 20.0, -1e4, 1e4)],
     sign: "added to the reading: rate times hours since time 0",
     action: Action::OnSensor(|e, v| e.drift_ppm_s += v[0] / HOUR_S),
     steps: Steps::Line(&[10.0]),
-    by_definition: true,
     check: Some("the sensors read in zero gas before and after the flight"),
 };
 
@@ -66,7 +60,6 @@ pub(super) const SATURATION: MechanismSpec = MechanismSpec {
     sign: "no reading above this limit",
     action: Action::OnSensor(|e, v| e.limit_ppm = e.limit_ppm.min(v[0])),
     steps: Steps::PartsOfRange,
-    by_definition: false,
     check: Some("the sensors read in span gas on the ground"),
 };
 
@@ -80,7 +73,6 @@ pub(super) const CROSS_SENSITIVITY_HUMIDITY: MechanismSpec = MechanismSpec {
     sign: "added to the reading: coefficient times (relative humidity - reference)",
     action: Action::OnSensor(|e, v| join(&mut e.humidity, v)),
     steps: Steps::Line(&[0.2]),
-    by_definition: true,
     check: Some("the sensors read in zero gas that is warmed, cooled and moistened"),
 };
 
@@ -94,7 +86,6 @@ pub(super) const CROSS_SENSITIVITY_TEMPERATURE: MechanismSpec = MechanismSpec {
     sign: "added to the reading: coefficient times (air temperature - reference)",
     action: Action::OnSensor(|e, v| join(&mut e.temperature, v)),
     steps: Steps::Line(&[0.5]),
-    by_definition: true,
     check: Some("the sensors read in zero gas that is warmed, cooled and moistened"),
 };
 
@@ -108,18 +99,16 @@ pub(super) const CROSS_SENSITIVITY_PRESSURE: MechanismSpec = MechanismSpec {
     sign: "added to the reading: coefficient times (pressure - reference)",
     action: Action::OnSensor(|e, v| join(&mut e.pressure, v)),
     steps: Steps::AboutPressureMet(0.2),
-    by_definition: true,
     check: Some("the sensors read in zero gas at the pressures flown"),
 };
 
 pub(super) const CLOCK_OFFSET: MechanismSpec = MechanismSpec {
     name: "clock-offset",
     family: Family::Sensor,
-    parameters: &[offset("offset_s", "s", 5.0, -600.0, 600.0).known_to(0.02)],
+    parameters: &[offset("offset_s", "s", 5.0, -600.0, 600.0)],
     sign: "logged time of a reading = true time + offset, against the clock of the positions",
     action: Action::OnSensor(|e, v| e.clock_s += v[0]),
     steps: Steps::Line(&[0.3, -3.0, 3.0]),
-    by_definition: false,
     check: Some("the aircraft's clock held against that of its position fixes"),
 };
 
@@ -127,8 +116,8 @@ pub(super) const POSITION_OFFSET: MechanismSpec = MechanismSpec {
     name: "position-offset",
     family: Family::Sensor,
     parameters: &[
-        offset("east_m", "m", 20.0, -5000.0, 5000.0).known_to(0.2),
-        offset("north_m", "m", 20.0, -5000.0, 5000.0).known_to(0.2),
+        offset("east_m", "m", 20.0, -5000.0, 5000.0),
+        offset("north_m", "m", 20.0, -5000.0, 5000.0),
     ],
     sign: "logged position = true position + offset",
     action: Action::OnSensor(|e, v| {
@@ -136,18 +125,16 @@ pub(super) const POSITION_OFFSET: MechanismSpec = MechanismSpec {
         e.position_m[1] += v[1];
     }),
     steps: Steps::Plane(5.0),
-    by_definition: false,
     check: Some("the aircraft's position logged on a surveyed point"),
 };
 
 pub(super) const ALTITUDE_OFFSET: MechanismSpec = MechanismSpec {
     name: "altitude-offset",
     family: Family::Sensor,
-    parameters: &[offset("offset_m", "m", 20.0, -1000.0, 1000.0).known_to(0.2)],
+    parameters: &[offset("offset_m", "m", 20.0, -1000.0, 1000.0)],
     sign: "logged altitude = true altitude + offset",
     action: Action::OnSensor(|e, v| e.position_m[2] += v[0]),
     steps: Steps::Line(&[2.0, -20.0, 20.0]),
-    by_definition: false,
     check: Some("the aircraft's altitude logged on a surveyed point"),
 };
 

@@ -10,7 +10,6 @@ pub(super) const EMISSION_SCALE: MechanismSpec = MechanismSpec {
     sign: "emission (or c_max) of every source times factor",
     action: Action::OnDispersion(|e, v| e.emission_factor *= v[0]),
     steps: Steps::Line(&[1.1, 0.5]),
-    by_definition: false,
     check: Some("the emission by the plant's own monitor"),
 };
 
@@ -21,7 +20,6 @@ pub(super) const EMISSION_TREND: MechanismSpec = MechanismSpec {
     sign: "emission times exp(rate times hours since time 0), of the time when the air passed the source",
     action: Action::OnDispersion(|e, v| e.emission_trend_h += v[0]),
     steps: Steps::Line(&[0.5, -3.0, 3.0]),
-    by_definition: false,
     check: Some("the emission by the plant's own monitor"),
 };
 
@@ -44,7 +42,6 @@ pub(super) const SECOND_SOURCE: MechanismSpec = MechanismSpec {
         });
     }),
     steps: Steps::PlacesAroundSource,
-    by_definition: false,
     check: None,
 };
 
@@ -61,7 +58,6 @@ pub(super) const SOURCE_POSITION_OFFSET: MechanismSpec = MechanismSpec {
         e.source_north_m += v[1];
     }),
     steps: Steps::Plane(15.0),
-    by_definition: false,
     check: Some("the source's position surveyed"),
 };
 
@@ -72,7 +68,6 @@ pub(super) const FIRST_ORDER_DECAY: MechanismSpec = MechanismSpec {
     sign: "excess times exp(-rate times travel time)",
     action: Action::OnDispersion(|e, v| e.decay_s += v[0]),
     steps: Steps::Line(&[2e-4, 1.5e-3]),
-    by_definition: false,
     check: Some("the gas's lifetime in a bag of the plume's air"),
 };
 
@@ -83,7 +78,6 @@ pub(super) const DRY_DEPOSITION: MechanismSpec = MechanismSpec {
     sign: "deposition velocity at the ground, positive for a loss (source depletion)",
     action: Action::OnDispersion(|e, v| e.deposition_m_s += v[0]),
     steps: Steps::Line(&[0.02, 0.3]),
-    by_definition: false,
     check: Some("the flux into the ground by a chamber or by eddy covariance"),
 };
 
@@ -95,6 +89,5 @@ pub(super) const BUILDING_DOWNWASH: MechanismSpec = MechanismSpec {
     // Gifford (1975): c A / pi with c = 1/2.
     action: Action::OnDispersion(|e, v| e.wake_var_m2 += v[0] / (2.0 * std::f64::consts::PI)),
     steps: Steps::Line(&[2000.0, 15_000.0]),
-    by_definition: false,
     check: None,
 };

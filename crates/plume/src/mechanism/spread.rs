@@ -9,7 +9,6 @@ pub(super) const STABILITY_CLASS: MechanismSpec = MechanismSpec {
     sign: "classes added to the scenario's, A to F; positive is more stable",
     action: Action::OnDispersion(|e, v| e.class_shift += v[0]),
     steps: Steps::Line(&[0.5, -0.5, 1.5, -1.5]),
-    by_definition: false,
     check: None,
 };
 
@@ -20,7 +19,6 @@ pub(super) const SIGMA_Y_SCALE: MechanismSpec = MechanismSpec {
     sign: "sigma_y = factor times Briggs' sigma_y",
     action: Action::OnDispersion(|e, v| e.sigma_y_factor *= v[0]),
     steps: Steps::Line(&[1.1, 0.6, 1.6]),
-    by_definition: false,
     check: None,
 };
 
@@ -31,7 +29,6 @@ pub(super) const SIGMA_Z_SCALE: MechanismSpec = MechanismSpec {
     sign: "sigma_z = factor times Briggs' sigma_z",
     action: Action::OnDispersion(|e, v| e.sigma_z_factor *= v[0]),
     steps: Steps::Line(&[1.1, 0.6, 1.6]),
-    by_definition: false,
     check: None,
 };
 
@@ -42,18 +39,16 @@ pub(super) const SIGMA_Z_GROWTH: MechanismSpec = MechanismSpec {
     sign: "sigma_z times (x / 1000 m)^exponent",
     action: Action::OnDispersion(|e, v| e.sigma_z_exponent += v[0]),
     steps: Steps::Line(&[0.15, -0.5, 0.5]),
-    by_definition: false,
     check: None,
 };
 
 pub(super) const EFFECTIVE_HEIGHT_OFFSET: MechanismSpec = MechanismSpec {
     name: "effective-height-offset",
     family: Family::Spread,
-    parameters: &[offset("offset_m", "m", 50.0, -1000.0, 1000.0).known_to(0.15)],
+    parameters: &[offset("offset_m", "m", 50.0, -1000.0, 1000.0)],
     sign: "added to the effective height H of every source",
     action: Action::OnDispersion(|e, v| e.height_offset_m += v[0]),
     steps: Steps::Line(&[3.0, -25.0, 25.0]),
-    by_definition: false,
     check: Some("the plume's height seen by a lidar or cameras"),
 };
 
@@ -64,7 +59,6 @@ pub(super) const GROUND_REFLECTION: MechanismSpec = MechanismSpec {
     sign: "part of the plume that the ground sends back: 0 none, 1 all",
     action: Action::OnDispersion(|e, v| e.ground_coefficient += v[0]),
     steps: Steps::Line(&[0.5]),
-    by_definition: false,
     check: None,
 };
 
@@ -75,6 +69,5 @@ pub(super) const MIXING_LID: MechanismSpec = MechanismSpec {
     sign: "height above ground of a lid that sends the plume back; none above it, and no effect on a plume above the lid",
     action: Action::OnDispersion(|e, v| e.lid_m = e.lid_m.min(v[0])),
     steps: Steps::HeightsAboveAxis,
-    by_definition: false,
     check: None,
 };

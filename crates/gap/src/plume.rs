@@ -193,6 +193,12 @@ fn counted_from_near_zero(
     let world = base.model.world(base.at())?;
     let tried = catalogue::tried(setup, &model, &here, &world);
     let found = question.search(base.clone(), named, &tried)?;
+    // A name may have led to a better base, beside which all sets were judged.
+    let base = found
+        .iter()
+        .find(|f| f.names.is_empty())
+        .unwrap_or(&base)
+        .clone();
     tell(0.8, "judging what stands");
     let judged = question.judge(&found, &tried, options.seed)?;
     let study = Study {

@@ -2,8 +2,8 @@
 //! of its whitened columns: unknowns are integrated out one after the other, those whose priors
 //! change least often first, so that what was done is kept for the next.
 
-use crate::form::{COORDINATES, Sizes};
-use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector};
+use crate::form::{COORDINATES, Sizes, precision_of};
+use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, Dyn};
 use std::collections::BTreeMap;
 
 /// Coordinates in the order in which their weights are integrated out: swing and time have the
@@ -101,6 +101,42 @@ pub(crate) struct Known {
     pub offset: Vec<f64>,
 }
 
+impl Known {
+    /// Precisions of all columns but the tried ones and the misfit under `sizes`, where weights belong to
+    /// `coordinates`.
+    fn precision_under(&self, sizes: &Sizes, coordinates: impl Iterator<Item = usize>) -> Vec<f64> {
+        let mut out = vec![0.0; self.layout.tried];
+        for (place, c) in self.layout.weights.iter().zip(coordinates) {
+            out[*place] = precision_of(sizes[c]);
+        }
+        out[self.layout.unknowns..].copy_from_slice(&self.precision);
+        out
+    }
+
+    /// The most probable step from the point under `sizes`, column by column, and the precision there.
+    pub fn solved(
+        &self,
+        products: &Products,
+        sizes: &Sizes,
+        coordinates: impl Iterator<Item = usize>,
+    ) -> Option<(DVector<f64>, Cholesky<f64, Dyn>)> {
+        let (n, columns) = (self.layout.tried, self.layout.columns);
+        let products = DMatrixView::from_slice(&products.values, columns, columns);
+        let precision = self.precision_under(sizes, coordinates);
+        let mut information = products.view((0, 0), (n, n)).into_owned();
+        let mut pull = products
+            .view((0, columns - 1), (n, 1))
+            .column(0)
+            .into_owned();
+        for k in 0..n {
+            information[(k, k)] += precision[k];
+            pull[k] -= precision[k] * self.offset[k];
+        }
+        let cholesky = Cholesky::new(information)?;
+        Some((cholesky.solve(&pull), cholesky))
+    }
+}
+
 /// A problem of which the first unknowns are integrated out.
 #[derive(Debug, Clone)]
 pub(crate) struct Reduced {
@@ -195,12 +231,11 @@ pub(crate) struct Evidence<'a> {
     known: &'a Known,
     whole: Reduced,
     kept: BTreeMap<[u64; KEPT], Option<Reduced>>,
-    size_prior: fn(f64) -> f64,
 }
 
 impl<'a> Evidence<'a> {
-    /// Evidences of `products`; `precision_of` gives the precision of weights of a size.
-    pub fn new(products: &Products, known: &'a Known, precision_of: fn(f64) -> f64) -> Self {
+    /// Evidences of `products`.
+    pub fn new(products: &Products, known: &'a Known) -> Self {
         Self {
             whole: Reduced {
                 n: known.layout.columns,
@@ -209,7 +244,6 @@ impl<'a> Evidence<'a> {
             },
             known,
             kept: BTreeMap::new(),
-            size_prior: precision_of,
         }
     }
 
@@ -224,7 +258,7 @@ impl<'a> Evidence<'a> {
             for c in ORDER {
                 end += counts[c];
                 if at < end {
-                    return (self.size_prior)(sizes[c]);
+                    return precision_of(sizes[c]);
                 }
             }
             self.known.precision[at - end]

@@ -4,7 +4,7 @@
 
 use crate::InferError;
 use crate::evidence::{Known, Layout, Products};
-use crate::form::{Active, Basis, SWING, Sizes};
+use crate::form::{Active, Basis, SWING, Sizes, precision_of};
 use crate::maximise::maximise;
 use crate::noise::{Loadings, Noise, Whitener, log_likelihood};
 use crate::policy::Policy;
@@ -12,8 +12,6 @@ use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
 use nalgebra::{Cholesky, DMatrixView, DVector};
 use std::ops::Range;
 
-/// Least size of an error of form or swing: as good as none, and its precision is still a number.
-const LEAST_SIZE: f64 = 1e-4;
 /// Differences for derivatives: part of a prior's standard deviation, and degrees of the axis.
 const DIFFERENCE_SD: f64 = 1e-3;
 const DIFFERENCE_DEG: f64 = 0.05;
@@ -141,11 +139,6 @@ fn stands_out(misfit: &[f64], series: Range<usize>, rows: Range<usize>) -> bool 
             .is_none_or(|n| misfit[n] * misfit[edge] < OUT_OF_ITS_NEIGHBOURS * misfit[edge].powi(2))
     };
     beside(rows.start, rows.start.checked_sub(1)) && beside(rows.end - 1, Some(rows.end))
-}
-
-/// Precision of weights of a size.
-pub(crate) fn precision_of(size: f64) -> f64 {
-    size.max(LEAST_SIZE).powi(-2)
 }
 
 impl<'a, M: ForwardModel> Problem<'a, M> {

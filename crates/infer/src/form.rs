@@ -24,6 +24,14 @@ const MOST_EXPONENT: f64 = 2.0;
 /// Size along each coordinate: standard deviation of g's part, and of the swing in degrees.
 pub type Sizes = [f64; COORDINATES];
 
+/// Least size of an error of form or swing: as good as none, and its precision is still a number.
+const LEAST_SIZE: f64 = 1e-4;
+
+/// Precision of weights of a size.
+pub(crate) fn precision_of(size: f64) -> f64 {
+    size.max(LEAST_SIZE).powi(-2)
+}
+
 /// Bumps along one coordinate.
 #[derive(Debug, Clone, PartialEq)]
 struct Bumps {

@@ -2,10 +2,8 @@
 
 use crate::InferError;
 use crate::evidence::{Evidence, Known, Products};
-use crate::fit::precision_of;
 use crate::form::{SWING, Sizes};
 use crate::names::{Catalogue, Found, Question};
-use nalgebra::{Cholesky, DMatrixView};
 use std::ops::Range;
 
 /// A left-out pass meets a plume that swings anywhere: turns over which its mean is taken, to so many
@@ -35,7 +33,7 @@ impl ByPass {
     /// Log evidence of passes that count so often.
     pub fn ln(&self, times: &[f64]) -> f64 {
         let sum = self.sum(times);
-        let mut evidence = Evidence::new(&sum, &self.known, precision_of);
+        let mut evidence = Evidence::new(&sum, &self.known);
         evidence.ln(&self.sizes) + self.ln_more
     }
 
@@ -49,23 +47,8 @@ impl ByPass {
     /// The step of the unknowns from the fit's point where a pass is left out.
     fn step_without(&self, k: usize, coordinates: &[usize]) -> Option<Vec<f64>> {
         let sum = self.sum(&all_but(self.products.len(), k));
-        let (n, columns) = (self.known.layout.tried, self.known.layout.columns);
-        let products = DMatrixView::from_slice(&sum.values, columns, columns);
-        let mut information = products.view((0, 0), (n, n)).into_owned();
-        let mut pull = products
-            .view((0, columns - 1), (n, 1))
-            .column(0)
-            .into_owned();
-        let mut precision = vec![0.0; n];
-        for (place, c) in self.known.layout.weights.iter().zip(coordinates) {
-            precision[*place] = precision_of(self.sizes[*c]);
-        }
-        precision[self.known.layout.unknowns..].copy_from_slice(&self.known.precision);
-        for (i, precision) in precision.iter().enumerate() {
-            information[(i, i)] += precision;
-            pull[i] -= precision * self.known.offset[i];
-        }
-        let step = Cholesky::new(information)?.solve(&pull);
+        let coordinates = coordinates.iter().copied();
+        let (step, _) = self.known.solved(&sum, &self.sizes, coordinates)?;
         Some(step.as_slice()[self.known.layout.unknowns..].to_vec())
     }
 }

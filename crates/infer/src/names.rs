@@ -8,7 +8,7 @@
 use crate::InferError;
 use crate::contact::Contact;
 use crate::evidence::{Evidence, Reduced};
-use crate::fit::{Point, Problem, precision_of};
+use crate::fit::{Point, Problem};
 use crate::form::Sizes;
 use crate::policy::Policy;
 use crate::posterior::{Posterior, Weighed};
@@ -286,7 +286,7 @@ impl<'a> Question<'a> {
         }
         let all = [self.rows.whole()];
         let (known, products) = problem.products(fit, &columns, &all)?;
-        let mut evidence = Evidence::new(&products[0], &known, precision_of);
+        let mut evidence = Evidence::new(&products[0], &known);
         let mut problems: Vec<(f64, Reduced)> = Vec::new();
         let plain = self.policy.nearest_sizes(0.0, 0.0);
         let counting = found.weighed.sizes.iter().map(|s| s.1);

@@ -3,11 +3,11 @@
 
 use crate::InferError;
 use crate::evidence::{Evidence, Known, Layout, Products};
-use crate::fit::{Fit, Problem, precision_of};
+use crate::fit::{Fit, Problem};
 use crate::form::{Basis, COORDINATES, Sizes};
 use crate::noise::Noise;
 use crate::rows::{ForwardModel, PlumePlace};
-use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Fluctuation and wander are tried smaller and larger by this factor until the evidence falls.
 const SIZE_FACTOR: f64 = 2.0;
@@ -181,7 +181,7 @@ impl<M: ForwardModel> Problem<'_, M> {
     pub(crate) fn around(&self, fit: Fit) -> Result<Weighed, InferError> {
         let (known, mut products) = self.products(&fit, &[], &[self.rows.whole()])?;
         let products = products.remove(0);
-        let mut evidence = Evidence::new(&products, &known, precision_of);
+        let mut evidence = Evidence::new(&products, &known);
         let mut scored = |sizes: Sizes| (evidence.ln(&sizes) + self.policy.ln_sizes(&sizes), sizes);
         // What differs from the likeliest sizes on more than two coordinates weighs nothing.
         let mut likeliest = scored(fit.sizes);
@@ -230,25 +230,13 @@ impl<M: ForwardModel> Problem<'_, M> {
     /// Means and covariances around a fit.
     pub(crate) fn concluded(&self, found: Weighed) -> Result<Posterior, InferError> {
         let layout = found.known.layout.clone();
-        let n = layout.tried;
-        let columns = layout.columns;
-        let products = DMatrixView::from_slice(&found.products.values, columns, columns);
         let part = |&(ln, sizes): &(f64, Sizes)| {
-            let precision = found.precision(&sizes);
-            let mut information = products.view((0, 0), (n, n)).into_owned();
-            let mut pull = products
-                .view((0, columns - 1), (n, 1))
-                .column(0)
-                .into_owned();
-            for k in 0..n {
-                information[(k, k)] += precision[k];
-                pull[k] -= precision[k] * found.known.offset[k];
-            }
-            let precision = Cholesky::new(information)?;
+            let coordinates = found.fit.basis.coordinates();
+            let (step, precision) = found.known.solved(&found.products, &sizes, coordinates)?;
             Some(Part {
                 weight: ln.exp(),
                 sizes,
-                step: precision.solve(&pull),
+                step,
                 precision,
             })
         };
@@ -282,19 +270,8 @@ impl Weighed {
         problem: &Problem<'_, M>,
     ) -> f64 {
         self.sizes = vec![(0.0, *sizes)];
-        let ln = Evidence::new(&self.products, &self.known, precision_of).ln(sizes);
+        let ln = Evidence::new(&self.products, &self.known).ln(sizes);
         ln + policy.ln_sizes(sizes) + problem.ln_noise_prior(&self.fit.noise)
-    }
-
-    /// Precisions of all columns but those that are tried and the misfit.
-    fn precision(&self, sizes: &Sizes) -> Vec<f64> {
-        let layout = &self.known.layout;
-        let mut out = vec![0.0; layout.tried];
-        for (place, c) in layout.weights.iter().zip(self.fit.basis.coordinates()) {
-            out[*place] = precision_of(sizes[c]);
-        }
-        out[layout.unknowns..].copy_from_slice(&self.known.precision);
-        out
     }
 }
 

@@ -161,9 +161,10 @@ fn counted_from_near_zero(
     let rows = rows(&data)?;
     let sensor_sd = sensor_sd(setup, &data);
     let scale = Scale::of(sensor_sd, highest(&data));
+    let policy = policy_of(setup, &data, &options.policy);
     let question = Question {
         rows: &rows,
-        policy: &options.policy,
+        policy: &policy,
         sensor_sd,
         asked: &[],
     };
@@ -179,8 +180,9 @@ fn counted_from_near_zero(
     let first_track = wind::carrying(setup, first, carried);
     let track = wind::carrying(setup, &data, carried);
     let first_model = PlumeModel::new(setup, &first_track, scale);
-    let model = PlumeModel::new(setup, &track, scale);
-    let first_base = first_question.base(&first_model)?;
+    let (first_base, swing) = wind::swinging(&first_question, &first_model, carried)?;
+    let first_model = first_model.following(swing);
+    let model = PlumeModel::new(setup, &track, scale).following(swing);
     let base = question.refined(&model, &first_base)?;
     tell(0.25, "asking whether the readings follow the plume");
     let contact = first_question.contact(&first_base)?;
@@ -216,6 +218,17 @@ fn counted_from_near_zero(
     let analysis = answer::stated(&study, quality, options)?;
     tell(1.0, "done");
     Ok(analysis)
+}
+
+/// The rules for these data: a wind that nobody logs may swing as its stability class lets it.
+fn policy_of(setup: &Setup, data: &Data, policy: &Policy) -> Policy {
+    let mut policy = policy.clone();
+    if !data.on_board_wind {
+        let swing_deg = setup.base.stability.sigma_theta_deg();
+        let tolerated = &mut policy.noise_tolerated;
+        tolerated.wander_deg = tolerated.wander_deg.max(swing_deg);
+    }
+    policy
 }
 
 /// Whether readings do not follow the plume, but lie in one direction.

@@ -342,9 +342,9 @@ impl<'a> Question<'a> {
         found: &Found<M>,
     ) -> Result<Found<M>, InferError> {
         let problem = self.problem(model);
-        let fit = found.fit();
+        let fit = problem.with_own_swing(found.fit());
         Ok(Found {
-            weighed: self.settled(&problem, &fit.point, fit, REFITS_OF_BASE)?,
+            weighed: self.settled(&problem, &fit.point, &fit, REFITS_OF_BASE)?,
             names: found.names.clone(),
             model: model.clone(),
             ln_prior: found.ln_prior,

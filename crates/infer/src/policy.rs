@@ -46,7 +46,7 @@ pub struct Policy {
     /// Noise whose parts are larger is an error of the model; white and slow noise as multiples of the
     /// sensor's own, memories of any length. A plume that fluctuates by half is still one of a steady
     /// source, a zero that wanders by three times the noise still one of the sensor's, and an axis that
-    /// wanders by three degrees that of a steady wind.
+    /// wanders or swings by three degrees that of a steady wind, or of one that is logged.
     pub noise_tolerated: Noise,
     /// About how many passes a record is cut into.
     pub passes: usize,
@@ -76,7 +76,8 @@ pub struct Policy {
     pub drawn_again: f64,
     /// ... and where a parameter of it departs from doing nothing by so many standard deviations.
     pub departs_sd: f64,
-    /// An error of form is said where its evidence exceeds this, nats: 19 to 1.
+    /// An error of form is said where its evidence exceeds this, nats: 99 to 1, as a model that is right
+    /// shows so much by chance in one record of a hundred at most.
     pub rest_nats: f64,
     /// ... where passes left out gain by it; beyond this, nats, in any case, as a swing or a fluctuation
     /// of one pass tells nothing of another: 160,000 to 1.
@@ -139,7 +140,7 @@ impl Default for Policy {
             named: 0.95,
             drawn_again: 0.85,
             departs_sd: 2.0,
-            rest_nats: 2.944,
+            rest_nats: 4.595,
             rest_alone_nats: 12.0,
             most_candidates: 4,
             longest_step_sd: 1.0,

@@ -39,6 +39,17 @@ pub(crate) struct PlumeModel<'a> {
     aim: Option<(usize, f64)>,
     /// What the catalogue's concentrations are multiplied by.
     scale: Scale,
+    /// How the plume follows a swing.
+    swing: Swing,
+}
+
+/// How the plume follows a swing of the wind that no log shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Swing {
+    /// All of it turns at once, as in a steady wind that is known badly.
+    AtOnce,
+    /// Each part of it lies where the wind has carried it since it left the source.
+    Carried,
 }
 
 /// The catalogue's priors and steps of concentrations are those of a CO2 sensor; of another gas, or in
@@ -127,6 +138,7 @@ impl<'a> PlumeModel<'a> {
             priors: Vec::new(),
             aim: None,
             scale,
+            swing: Swing::AtOnce,
         };
         for prior in &setup.priors {
             let spec = &prior.id.spec().parameters[0];
@@ -177,6 +189,11 @@ impl<'a> PlumeModel<'a> {
         }
         out.aim = Some((out.priors.len() - 1, turn_deg));
         out
+    }
+
+    /// The same model whose plume follows a swing in this way.
+    pub fn following(self, swing: Swing) -> Self {
+        Self { swing, ..self }
     }
 
     /// The same model of another track.
@@ -318,6 +335,22 @@ impl ForwardModel for PlumeModel<'_> {
             fill(&self.track.turned(turn_deg));
         }
         Ok(out)
+    }
+
+    fn under_way_s(&self, row: usize) -> f64 {
+        match self.swing {
+            Swing::AtOnce => 0.0,
+            Swing::Carried => self.track.under_way_s(row, self.base.sources[0].place),
+        }
+    }
+
+    fn level_sd(&self) -> f64 {
+        let zero = MechanismId::SensorOffset;
+        let spec = &zero.spec().parameters[0];
+        let own = spec.prior_sd * self.scale.on(spec);
+        let stated = [MechanismId::BackgroundOffset, zero].map(|id| self.unknown(id));
+        let stated = stated.into_iter().flatten().map(|k| self.priors[k].sd);
+        stated.fold(own, f64::hypot)
     }
 
     fn places(&self, at: &[f64]) -> Result<Vec<PlumePlace>, InferError> {

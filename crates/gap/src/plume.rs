@@ -103,8 +103,9 @@ const ROUNDING: f64 = 0.3;
 /// Readings follow the plume where passes gain at least this part there of what they gain in
 /// whatever direction: half.
 const FOLLOWED: f64 = 0.5;
-/// Passes point in one direction where their scatter is below this, degrees: an eighth of a circle.
-const ONE_DIRECTION_DEG: f64 = 45.0;
+/// Passes point in one direction where their scatter is no more than that of the wind in the most
+/// unsteady air, degrees: class A's ([`::plume::stability::Stability::sigma_theta_deg`]).
+const ONE_DIRECTION_DEG: f64 = 25.0;
 
 /// Shows what is wrong, names it, extends the model and measures the gain.
 ///

@@ -24,7 +24,8 @@ const LEVEL_SDS: f64 = 3.0;
 pub struct Contact {
     /// Passes that show a plume, in whatever direction.
     pub passes: usize,
-    /// Part of what these gain at best that they gain where the model has the plume.
+    /// Part of what these gain at best that they gain where the model has the plume, within the swing
+    /// that is tolerated.
     pub share: f64,
     /// Turn of the axis, degrees clockwise, at which the passes meet it best, with the standard deviation
     /// from pass to pass.
@@ -59,7 +60,7 @@ impl<M: ForwardModel> Problem<'_, M> {
                     if gain > best[p].0 {
                         best[p] = (gain, turn_deg);
                     }
-                    if k == 0 {
+                    if turn_deg.min(360.0 - turn_deg) <= self.policy.noise_tolerated.wander_deg {
                         own[p] = f64::max(own[p], gain);
                     }
                 }

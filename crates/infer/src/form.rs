@@ -1,5 +1,6 @@
 //! A model's error of form: the plume is the model's times exp(g), with g smooth in the logarithm
-//! of the distance, in the height above and the distance across the axis, and in time (Kennedy
+//! of the distance, in the height above and the distance across the axis, and in the time at which
+//! the air left the source (Kennedy
 //! and O'Hagan 2001; after them with a multiplicative term, since a plume's error is relative).
 //!
 //! The axis may also swing: turn by an angle that is smooth in time.
@@ -112,8 +113,12 @@ impl Basis {
             extent(places.clone().map(inside))
         };
         let times = extent(time_s.iter().copied());
+        let emitted = extent(places.clone().map(|p| p.emitted_s));
         let most = policy.form_most_bumps;
         let bumps = |(low, high): (f64, f64), width: f64| Bumps::over(low, high, width, most);
+        let in_time = |(low, high): (f64, f64), width_s: f64| {
+            Bumps::over(low, high, width_s, policy.most_bumps_in_time)
+        };
         Self {
             bumps: [
                 bumps(
@@ -122,13 +127,8 @@ impl Basis {
                 ),
                 bumps(range(|p| p.above_sigmas, reach), policy.form_width_sigmas),
                 bumps(range(|p| p.across_sigmas, reach), policy.form_width_sigmas),
-                bumps(times, policy.form_width_s),
-                Bumps::over(
-                    times.0.min(swing_from_s),
-                    times.1,
-                    policy.swing_width_s,
-                    policy.swing_most_bumps,
-                ),
+                in_time(emitted, policy.form_width_s),
+                in_time((times.0.min(swing_from_s), times.1), policy.swing_width_s),
             ],
         }
     }
@@ -197,7 +197,7 @@ impl Basis {
             place.ln_distance,
             place.above_sigmas,
             place.across_sigmas,
-            place.time_s,
+            place.emitted_s,
         ];
         let mut rest = out;
         for (c, (bumps, at)) in self.bumps.iter().zip(at).enumerate() {
@@ -448,9 +448,9 @@ mod tests {
     fn a_long_record_has_no_more_bumps_than_allowed() {
         let policy = Policy::default();
         let basis = Basis::over(std::iter::empty(), &[0.0, 1e6], 0.0, &policy);
-        let time = basis.coordinates().filter(|c| *c == 3).count();
+        let time = basis.coordinates().filter(|c| *c == TIME).count();
         let swing = basis.coordinates().filter(|c| *c == SWING).count();
         assert!(time <= policy.form_most_bumps + 2, "{time}");
-        assert!(swing <= policy.swing_most_bumps + 2, "{swing}");
+        assert!(swing <= policy.most_bumps_in_time + 2, "{swing}");
     }
 }

@@ -147,6 +147,8 @@ pub struct PlumePlace {
     pub across_sigmas: f64,
     /// Time, s.
     pub time_s: f64,
+    /// Time at which the air there left the source, s.
+    pub emitted_s: f64,
 }
 
 /// A model of readings with unknowns.

@@ -355,24 +355,30 @@ impl ForwardModel for PlumeModel<'_> {
 
     fn places(&self, at: &[f64]) -> Result<Vec<PlumePlace>, InferError> {
         let world = self.world(at)?;
-        let places = self.track.in_first_plume(&world).into_iter();
-        let of = |(place, time_s): (Option<InPlume>, &f64)| plume_place(place, *time_s);
-        Ok(places.zip(self.track.time_s()).map(of).collect())
+        let places = self.track.in_first_plume(&world).into_iter().enumerate();
+        let source = self.base.sources[0].place;
+        let of = |(i, place): (usize, Option<InPlume>)| {
+            let under_way_s = self.track.under_way_s(i, source);
+            plume_place(place, self.track.time_s()[i], under_way_s)
+        };
+        Ok(places.map(of).collect())
     }
 }
 
 /// A place in the plume as the inference has it; not a number upwind of the source.
-pub(crate) fn plume_place(place: Option<InPlume>, time_s: f64) -> PlumePlace {
+pub(crate) fn plume_place(place: Option<InPlume>, time_s: f64, under_way_s: f64) -> PlumePlace {
     let none = PlumePlace {
         ln_distance: f64::NAN,
         above_sigmas: f64::NAN,
         across_sigmas: f64::NAN,
         time_s,
+        emitted_s: time_s - under_way_s,
     };
     place.map_or(none, |p| PlumePlace {
         ln_distance: p.distance_m.ln(),
         above_sigmas: p.above_sigmas,
         across_sigmas: p.across_sigmas,
         time_s,
+        emitted_s: time_s - under_way_s,
     })
 }

@@ -103,11 +103,13 @@ pub(super) fn plume_place(place: Option<plume::InPlume>, time_s: f64) -> PlumePl
         above_sigmas: f64::NAN,
         across_sigmas: f64::NAN,
         time_s,
+        emitted_s: time_s,
     };
     place.map_or(none, |p| PlumePlace {
         ln_distance: p.distance_m.ln(),
         above_sigmas: p.above_sigmas,
         across_sigmas: p.across_sigmas,
         time_s,
+        emitted_s: time_s,
     })
 }

@@ -118,7 +118,7 @@ impl Default for Policy {
                 wander_deg: 1.0,
                 wander_s: 60.0,
             },
-            noise_ln_sd: [0.7, 0.7, 0.8, 0.8, 0.8, 1.0, 0.5],
+            noise_ln_sd: [0.7, 0.5, 0.5, 0.8, 0.8, 1.0, 0.5],
             noise_tolerated: Noise {
                 white: 6.0,
                 slow: 3.0,

@@ -14,13 +14,14 @@ use super::model::{PlumeModel, Scale, Swing};
 pub(crate) enum Carried {
     /// The mean within this time before and after each row, s.
     About(f64),
-    /// The mean over the way that the air took from the source.
-    OnItsWay,
+    /// That of the way that the air took from the source, the log averaged over this time before and
+    /// after, s.
+    OnItsWay(f64),
 }
 
 /// What is tried: as it is logged, over the noise of a vane, over gusts, over minutes, over the time of a mean, over the whole
-/// record, and over the air's way.
-const TRIED: [Carried; 8] = [
+/// record, and on the air's way.
+const TRIED: [Carried; 10] = [
     Carried::About(0.0),
     Carried::About(4.0),
     Carried::About(12.0),
@@ -28,10 +29,14 @@ const TRIED: [Carried; 8] = [
     Carried::About(120.0),
     Carried::About(600.0),
     Carried::About(f64::INFINITY),
-    Carried::OnItsWay,
+    Carried::OnItsWay(0.0),
+    Carried::OnItsWay(30.0),
+    Carried::OnItsWay(120.0),
 ];
 /// The air's way is reckoned with at least this wind, m/s: a calm carries nothing.
 const LEAST_WIND_M_S: f64 = 0.5;
+/// Before the log begins the wind was as in this time of it, s.
+const BEGINNING_S: f64 = 60.0;
 /// Steps of the air's way back to the source, s, and the most of them: an hour.
 const STEP_S: f64 = 4.0;
 const MOST_STEPS: usize = 900;
@@ -74,11 +79,18 @@ impl History {
         }
     }
 
-    /// Means of east, north and speed from `from_s` to `to_s`, m/s; of the row before where there is none.
+    /// Means of east, north and speed from `from_s` to `to_s`, m/s; of the row before where there is none,
+    /// and of the record's beginning before it.
     fn mean(&self, from_s: f64, to_s: f64) -> [f64; 3] {
-        let upto = |time_s: f64| self.time_s.partition_point(|t| *t <= time_s);
-        let end = upto(to_s).max(1);
-        let first = upto(from_s).min(end - 1);
+        let begun_s = self.time_s.first().map_or(to_s, |t| t + BEGINNING_S);
+        let to_s = if from_s < begun_s - BEGINNING_S {
+            to_s.max(begun_s)
+        } else {
+            to_s
+        };
+        let before = |time_s: f64| self.time_s.partition_point(|t| *t < time_s);
+        let end = self.time_s.partition_point(|t| *t <= to_s).max(1);
+        let first = before(from_s).min(end - 1);
         let [east, north, speed, count] =
             std::array::from_fn(|k| self.sums[end][k] - self.sums[first][k]);
         [east, north, speed].map(|sum| sum / count)
@@ -92,11 +104,11 @@ impl History {
 
     /// The wind that carried air from a source `far_m` away to where it is at `time_s`: towards where it
     /// has come from there, with the speed at which it left, which says how much of the emission is in a
-    /// metre of the plume.
-    fn on_its_way(&self, time_s: f64, far_m: f64) -> Option<Transport> {
+    /// metre of the plume. The log is averaged over `half_s` before and after.
+    fn on_its_way(&self, time_s: f64, far_m: f64, half_s: f64) -> Option<Transport> {
         let (mut east_m, mut north_m, mut left_s) = (0.0, 0.0, time_s);
         for _ in 0..MOST_STEPS {
-            let [east, north, speed] = self.mean(left_s - STEP_S, left_s);
+            let [east, north, speed] = self.mean(left_s - STEP_S - half_s, left_s + half_s);
             let step_s =
                 STEP_S.min((far_m - f64::hypot(east_m, north_m)) / speed.max(LEAST_WIND_M_S));
             east_m += step_s * east;
@@ -106,7 +118,8 @@ impl History {
                 break;
             }
         }
-        let [_, _, speed_m_s] = self.mean(left_s - DILUTED_OVER_S, left_s + DILUTED_OVER_S);
+        let half_s = half_s.max(DILUTED_OVER_S);
+        let [_, _, speed_m_s] = self.mean(left_s - half_s, left_s + half_s);
         towards(east_m, north_m, speed_m_s)
     }
 }
@@ -159,7 +172,7 @@ pub(crate) fn swinging<'a>(
 ) -> Result<(Found<PlumeModel<'a>>, Swing), InferError> {
     let base = |swing| question.base(&model.clone().following(swing));
     let as_air_does = base(Swing::Carried)?;
-    if carried == Some(Carried::OnItsWay) {
+    if matches!(carried, Some(Carried::OnItsWay(_))) {
         return Ok((as_air_does, Swing::Carried));
     }
     let at_once = base(Swing::AtOnce)?;
@@ -184,7 +197,7 @@ pub(crate) fn carrying(setup: &Setup, data: &Data, carried: Option<Carried>) -> 
             for (own, (far_m, time_s)) in track.transport_mut().iter_mut().zip(ways) {
                 let wind = match carried {
                     Carried::About(half_s) => history.about(time_s, half_s),
-                    Carried::OnItsWay => history.on_its_way(time_s, far_m),
+                    Carried::OnItsWay(half_s) => history.on_its_way(time_s, far_m, half_s),
                 };
                 *own = wind.unwrap_or(*own);
             }
@@ -202,8 +215,10 @@ pub(crate) fn describe(carried: Option<Carried>) -> String {
             format!("the logged wind, averaged over {s:.0} s before and after each row")
         }
         Some(Carried::About(_)) => "the mean of the logged wind".to_string(),
-        Some(Carried::OnItsWay) => {
-            "the logged wind, averaged over the way of the air from the source".to_string()
+        Some(Carried::OnItsWay(s)) => {
+            format!(
+                "the logged wind on the air's way from the source, averaged over {s:.0} s before and after"
+            )
         }
     }
 }

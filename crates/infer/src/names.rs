@@ -147,12 +147,7 @@ impl<'a> Question<'a> {
     /// # Errors
     /// Values that the model refuses.
     pub fn quick<M: ForwardModel>(&self, model: &M) -> Result<f64, InferError> {
-        let problem = self.problem(model);
-        let point = problem.rough_fit(&problem.search()?, 0.0)?;
-        let basis = problem.basis(&point)?;
-        let sizes = self.policy.nearest_sizes(0.0, 0.0);
-        let first = problem.fit(&point, &basis, problem.noise_beforehand(), sizes)?;
-        Ok(problem.around(problem.refit_noise(&first)?)?.ln_evidence)
+        Ok(self.problem(model).quick()?.ln_evidence)
     }
 
     /// The base: the model itself with its error of form.

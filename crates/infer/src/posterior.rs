@@ -3,7 +3,7 @@
 
 use crate::InferError;
 use crate::evidence::{Evidence, Known, Layout, Products};
-use crate::fit::{Fit, Problem};
+use crate::fit::{Fit, Point, Problem};
 use crate::form::{Basis, COORDINATES, Sizes};
 use crate::noise::Noise;
 use crate::rows::{ForwardModel, PlumePlace};
@@ -78,6 +78,50 @@ impl<M: ForwardModel> Problem<'_, M> {
     /// Values that the model refuses.
     pub fn posterior(&self) -> Result<Posterior, InferError> {
         self.concluded(self.weighed()?)
+    }
+
+    /// The posterior from the most promising start alone, with the noise fitted once and no search
+    /// over its sizes: enough to see whether the readings locate the plume.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn quick_posterior(&self) -> Result<Posterior, InferError> {
+        self.concluded(self.quick()?)
+    }
+
+    pub(crate) fn quick(&self) -> Result<Weighed, InferError> {
+        let point = self.rough_fit(&self.search()?, 0.0)?;
+        let basis = self.basis(&point)?;
+        let sizes = self.policy.nearest_sizes(0.0, 0.0);
+        let first = self.fit(&point, &basis, self.noise_beforehand(), sizes)?;
+        self.around(self.refit_noise(&first)?)
+    }
+
+    /// The posterior from where a fit of fewer of the same readings came to, with its noise and sizes.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn posterior_from(&self, before: &Fit) -> Result<Posterior, InferError> {
+        // Bumps lie over the time of the readings, which has grown: the swing is carried over as
+        // turns. The weights of the error of form are found in a step or two.
+        let turn = |t: &f64| before.basis.turn_deg(*t, &before.point.weights);
+        let turns: Vec<f64> = self.rows.time_s().iter().map(turn).collect();
+        let weights = if turns.iter().all(|t| *t == 0.0) {
+            vec![0.0; self.swing.len()]
+        } else {
+            self.smoothed(&turns)
+        };
+        let at = before.point.at.clone();
+        let point = Point { at, weights };
+        let basis = self.basis(&point)?;
+        let first = self.settle_sizes(self.fit(&point, &basis, before.noise, before.sizes)?)?;
+        // The likelihood at a point prefers noises that are too small: the evidence decides.
+        let next = self.settle_sizes(self.refit_noise(&first.fit)?)?;
+        self.concluded(if next.ln_evidence > first.ln_evidence {
+            next
+        } else {
+            first
+        })
     }
 
     /// The fit with the largest evidence from the model's own starts.

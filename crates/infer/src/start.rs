@@ -175,7 +175,7 @@ impl<M: ForwardModel> Problem<'_, M> {
     }
 
     /// Weights of the swing whose turns are nearest to a path, by least squares.
-    fn smoothed(&self, path: &[f64]) -> Vec<f64> {
+    pub(crate) fn smoothed(&self, path: &[f64]) -> Vec<f64> {
         // Keeps bumps that no row tells apart at rest.
         const RIDGE: f64 = 1e-3;
         let n = self.swing.len();

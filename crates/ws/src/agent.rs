@@ -141,8 +141,10 @@ impl WorldSimulator {
             .observe(platform, time_s, place, wind, reading.co2_ppm);
     }
 
-    fn correct(&mut self, out: &mut Outbox) {
-        if self.calibrator.taken() > self.readings_used {
+    /// Corrects the model where that is due, or where it is the last time and there are new readings.
+    fn correct(&mut self, is_last: bool, out: &mut Outbox) {
+        let is_due = is_last || self.calibrator.is_due();
+        if is_due && self.calibrator.taken() > self.readings_used {
             self.readings_used = self.calibrator.taken();
             let corrected = self
                 .calibrator
@@ -320,11 +322,11 @@ impl Agent for WorldSimulator {
             Event::Tick => {
                 if now.s() + 1e-9 >= self.next_correction_s {
                     self.next_correction_s = now.s() + CORRECTION_S;
-                    self.correct(out);
+                    self.correct(false, out);
                 }
                 self.publish_ambients(now.s(), out);
             }
-            Event::Stop => self.correct(out),
+            Event::Stop => self.correct(true, out),
         }
     }
 }

@@ -3,20 +3,15 @@
 //! Unknowns are the background, the effective height, the plume's axis (as a turn of the wind),
 //! the strength (c_MAX or emission), the scales of σy and σz, the sensor's time constant, and,
 //! where several platforms are compared with a reference, each other sensor's offset and gain.
-//! Each has a normal prior from the scenario's `[uncertain]` table. The estimate is the maximum
-//! a posteriori, found by Levenberg-Marquardt from the best point of a coarse search over axis
-//! and height while the plume has not been located; standard deviations come from the
-//! information matrix there.
+//! Each has a normal prior from the scenario's `[uncertain]` table. In flight and from files the
+//! same inference answers ([`infer`]): noise and error of form have the sizes that the readings
+//! show. Readings are averaged over [`ROW_S`].
 //!
-//! Readings are averaged over [`ROW_S`]. Their misfit has a part that grows with the plume
-//! (gusts move it and its edges are ragged) and is correlated from row to row, which is allowed
-//! for by counting [`CORRELATED_ROWS`] neighbours as one.
-//!
-//! All readings are fitted anew at every update rather than filtered one by one: while the axis is
-//! off by several plume widths the posterior has several maxima, and an extended Kalman filter that
-//! linearises about the wrong one cannot look back.
+//! All readings are fitted anew rather than filtered one by one: while the axis is off by several
+//! plume widths the posterior has several maxima, and an extended Kalman filter that linearises
+//! about the wrong one cannot look back. Until the axis is located, every correction in flight
+//! searches; from then on it goes on from the last one.
 
-mod fit;
 mod model;
 pub mod offline;
 mod parameters;
@@ -24,8 +19,7 @@ mod parameters;
 pub use parameters::{Calibrated, CalibrationParameter};
 
 use crate::WsError;
-use fit::Problem;
-use infer::Posterior;
+use infer::{InferError, PlumePlace, Posterior};
 use model::PlumeModel;
 use nalgebra::{DMatrix, DVector};
 use parameters::Unknowns;
@@ -37,11 +31,13 @@ use scenario::Scenario;
 
 /// Readings are averaged over this time, s.
 pub const ROW_S: f64 = 1.0;
-/// So many neighbouring rows carry the information of one: the effective sample size of a series
-/// that gusts correlate over some seconds (Leith 1973).
-pub const CORRELATED_ROWS: f64 = 4.0;
-/// Rows that a fit looks at; more are thinned, those in clean air first.
-const MAX_ROWS: usize = 1500;
+/// Rows that a fit from files looks at; more are thinned, those in clean air first.
+const MOST_ROWS: usize = 1500;
+/// The same in flight, where many fits are made: as many as find the plume and its wander.
+const MOST_ROWS_IN_FLIGHT: usize = 800;
+/// A correction is worth its time when there are more rows by this factor: fewer change standard
+/// deviations by less than a tenth.
+const GROWN: f64 = 1.15;
 /// A row is in the plume if the plume's part of it is above this share of the strongest.
 const IN_PLUME_SHARE: f64 = 0.02;
 
@@ -77,7 +73,8 @@ pub struct Calibrator {
     taken: u64,
     estimate: DVector<f64>,
     covariance: DMatrix<f64>,
-    cost: f64,
+    /// Rows that there were at the last fit.
+    fitted_rows: usize,
     posterior: Option<Posterior>,
 }
 
@@ -103,7 +100,7 @@ impl Calibrator {
             bins: vec![AveragingBin::default(); platforms.len()],
             readings: vec![Vec::new(); platforms.len()],
             taken: 0,
-            cost: 0.0,
+            fitted_rows: 0,
             posterior: None,
         })
     }
@@ -170,61 +167,64 @@ impl Calibrator {
         };
         DispersionModel::new(extended.clone())?;
         self.base = extended;
+        self.fitted_rows = 0;
         Ok(())
     }
 
-    /// Corrects the model by all readings so far.
+    /// Whether there is so much more to fit than at the last fit that a correction is worth its time.
+    pub fn is_due(&self) -> bool {
+        self.row_count() as f64 > GROWN * self.fitted_rows as f64
+    }
+
+    fn row_count(&self) -> usize {
+        self.readings.iter().map(Vec::len).sum()
+    }
+
+    /// Corrects the model in flight, by all readings so far.
     ///
     /// # Errors
     /// The plume model refuses the corrected values.
     pub fn update(&mut self) -> Result<(), WsError> {
-        let readings = self.thinned()?;
-        if readings.is_empty() {
-            return Ok(());
+        let readings = self.thinned(MOST_ROWS_IN_FLIGHT)?;
+        let before = self.posterior.as_ref().map(|p| p.fit().clone());
+        if let Some(before) = before.filter(|_| self.axis_is_located()) {
+            return self.fit(&readings, &[], |problem| problem.posterior_from(&before));
         }
-        let rows: Vec<Row> = readings.iter().map(|r| r.row).collect();
-        let track = Track::new(
-            &DispersionModel::new(self.base.clone())?,
-            &self.platforms,
-            &rows,
-        )?;
-        let measured: Vec<f64> = readings.iter().map(|r| r.ppm).collect();
-        let problem = Problem::new(&self.base, &self.unknowns, &track, &measured);
-        let start = if self.axis_is_located() {
-            self.estimate.clone()
-        } else {
-            problem.search(&self.estimate)?
-        };
-        let mut best = problem.fit(start)?;
-        if problem.is_far_from_prior(&best.0) {
-            // More likely a local maximum of the posterior than such a truth: a fit from the prior
-            // is tried too.
-            let other = problem.fit(problem.search(&self.unknowns.prior_mean())?)?;
-            if other.2 < best.2 {
-                best = other;
-            }
+        self.fit(&readings, &[], |problem| problem.quick_posterior())?;
+        if self.axis_is_located() {
+            self.fit(&readings, &[], |problem| problem.posterior())?;
         }
-        let (estimate, covariance, cost) = best;
-        self.estimate = estimate;
-        self.covariance = covariance;
-        self.cost = cost;
         Ok(())
     }
 
-    /// Corrects the model by all readings as a whole, with a noise and an error of form that the
-    /// readings themselves size. `nearest_m` is the distance from the source at which something
-    /// will be asked of the plume.
+    /// Corrects the model by all readings as a whole. `nearest_m` is the distance from the source at
+    /// which something will be asked of the plume.
     ///
     /// # Errors
     /// The plume model refuses the corrected values.
     pub fn conclude(&mut self, nearest_m: f64) -> Result<(), WsError> {
-        let readings = self.thinned()?;
+        let readings = self.thinned(MOST_ROWS)?;
+        let asked = PlumePlace {
+            ln_distance: nearest_m.max(1.0).ln(),
+            time_s: self.last_time_s(),
+            ..PlumePlace::default()
+        };
+        self.fit(&readings, &[asked], |problem| problem.posterior())
+    }
+
+    /// Fits `readings`, where there are any.
+    fn fit(
+        &mut self,
+        readings: &[AveragedReading],
+        asked: &[PlumePlace],
+        fitted: impl FnOnce(&infer::Problem<'_, PlumeModel<'_>>) -> Result<Posterior, InferError>,
+    ) -> Result<(), WsError> {
         if readings.is_empty() {
             return Ok(());
         }
         let rows: Vec<Row> = readings.iter().map(|r| r.row).collect();
-        let model = DispersionModel::new(self.base.clone())?;
-        let track = Track::new(&model, &self.platforms, &rows)?;
+        let world = DispersionModel::new(self.base.clone())?;
+        let track = Track::new(&world, &self.platforms, &rows)?;
         let n = rows.len();
         let measured = infer::Rows::new(
             track.ranges().to_vec(),
@@ -233,19 +233,15 @@ impl Calibrator {
             vec![f64::NAN; n],
             vec![true; n],
         )?;
-        let asked = [infer::PlumePlace {
-            ln_distance: nearest_m.max(1.0).ln(),
-            time_s: self.last_time_s(),
-            ..infer::PlumePlace::default()
-        }];
         let model = PlumeModel::new(&self.base, &self.unknowns, &track);
         let policy = infer::Policy::default();
         let sensor_sd = self.base.sensor.noise_sd_ppm.max(LEAST_NOISE_PPM);
-        let posterior =
-            infer::Problem::new(&model, &measured, &policy, sensor_sd, &asked).posterior()?;
+        let posterior = fitted(&infer::Problem::new(
+            &model, &measured, &policy, sensor_sd, asked,
+        ))?;
         self.estimate = posterior.mean();
         self.covariance = posterior.covariance();
-        self.cost = -posterior.ln_evidence();
+        self.fitted_rows = self.row_count();
         self.posterior = Some(posterior);
         Ok(())
     }
@@ -263,7 +259,7 @@ impl Calibrator {
     }
 
     /// The mean mole fraction at a place at the time of the last reading, ppm, with the error of form
-    /// that the readings showed; none before [`Calibrator::conclude`].
+    /// that the readings showed; none before a fit.
     pub fn mean_ppm(&self, place: &Place) -> Option<Estimate> {
         let posterior = self.posterior.as_ref()?;
         let time_s = self.last_time_s();
@@ -284,7 +280,7 @@ impl Calibrator {
         })
     }
 
-    /// What the readings were found to be like; none before [`Calibrator::conclude`].
+    /// What the readings were found to be like; none before a fit.
     pub fn posterior(&self) -> Option<&Posterior> {
         self.posterior.as_ref()
     }
@@ -297,10 +293,10 @@ impl Calibrator {
             .is_none_or(|k| estimate[(k, k)].sqrt() < 0.2 * prior[k])
     }
 
-    /// Rows for a fit: all of them, or those in the plume and a part of the others.
-    fn thinned(&self) -> Result<Vec<AveragedReading>, WsError> {
+    /// At most about `most` rows for a fit: all of them, or those in the plume and a part of the others.
+    fn thinned(&self, most: usize) -> Result<Vec<AveragedReading>, WsError> {
         let all: Vec<AveragedReading> = self.readings.iter().flatten().copied().collect();
-        if all.len() <= MAX_ROWS {
+        if all.len() <= most {
             return Ok(all);
         }
         let world = DispersionModel::new(self.corrected_spec())?;
@@ -317,11 +313,11 @@ impl Calibrator {
         let strongest = excess.iter().copied().fold(0.0, f64::max);
         let inside = |k: usize| excess[k] > IN_PLUME_SHARE * strongest;
         let in_plume = (0..all.len()).filter(|&k| inside(k)).count();
-        let plume_stride = in_plume.div_ceil(MAX_ROWS * 3 / 4).max(1);
-        let room = MAX_ROWS - in_plume.div_ceil(plume_stride).min(MAX_ROWS - 1);
+        let plume_stride = in_plume.div_ceil(most * 3 / 4).max(1);
+        let room = most - in_plume.div_ceil(plume_stride).min(most - 1);
         let clean_stride = (all.len() - in_plume).div_ceil(room).max(1);
         let (mut in_count, mut out_count) = (0, 0);
-        let mut kept = Vec::with_capacity(MAX_ROWS);
+        let mut kept = Vec::with_capacity(most);
         for (k, reading) in all.into_iter().enumerate() {
             let (count, stride) = if inside(k) {
                 (&mut in_count, plume_stride)
@@ -336,10 +332,10 @@ impl Calibrator {
         Ok(kept)
     }
 
-    /// Minus the logarithm of the posterior density at the estimate of the last update, up to a
-    /// constant: of two accounts of the same readings the one with the lower cost is likelier.
+    /// Minus the logarithm of the evidence at the last fit, up to a constant: of two accounts of the
+    /// same readings the one with the lower cost is likelier.
     pub fn cost(&self) -> f64 {
-        self.cost
+        self.posterior.as_ref().map_or(0.0, |p| -p.ln_evidence())
     }
 
     /// The corrected model for one platform or all.

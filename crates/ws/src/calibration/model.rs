@@ -7,9 +7,9 @@ use plume::{DispersionModel, DispersionSpec};
 
 /// Coarse search: reach in prior standard deviations and number of points on each side. In direction
 /// the points must lie closer than the plume is wide, in height the plume is felt from far.
-pub(super) const SEARCH_REACH: f64 = 3.0;
-pub(super) const SEARCH_DIRECTIONS: i32 = 18;
-pub(super) const SEARCH_HEIGHTS: i32 = 3;
+const SEARCH_REACH: f64 = 3.0;
+const SEARCH_DIRECTIONS: i32 = 18;
+const SEARCH_HEIGHTS: i32 = 3;
 
 /// A plume model of a track of readings.
 #[derive(Debug)]

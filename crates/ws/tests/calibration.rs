@@ -93,8 +93,20 @@ fn fly_in(
     heights: &[f64],
     rng: &mut ChaCha8Rng,
 ) {
+    fly_from(0.0, truth, calibrator, distances, heights, rng);
+}
+
+/// The same, the first pass begun at `start_s`.
+fn fly_from(
+    start_s: f64,
+    truth: &Truth,
+    calibrator: &mut Calibrator,
+    distances: &[f64],
+    heights: &[f64],
+    rng: &mut ChaCha8Rng,
+) {
     let (s, c) = 60f64.to_radians().sin_cos();
-    let mut time_s = 0.0;
+    let mut time_s = start_s;
     let mut lagged: f64 = truth.background;
     for (pass, (&x, &h)) in distances
         .iter()
@@ -164,6 +176,46 @@ fn passes_find_the_plume(in_flight: bool) {
         close("background", found.background_ppm, TRUTH.background, 449.0);
         close("sigma_y", found.sigma_y_scale, TRUTH.y_scale, 1.0);
         close("sigma_z", found.sigma_z_scale, TRUTH.z_scale, 1.0);
+    }
+}
+
+/// Corrected after each pass, the answer is that of all readings at once from files.
+#[test]
+fn the_correction_in_flight_agrees_with_that_from_files() {
+    for seed in 1..=3 {
+        let mut c = calibrator();
+        let mut rng = stream(seed, "agree");
+        let mut passes_s = 0.0;
+        for distance in [1200.0, 1600.0, 2000.0] {
+            for height in [440.0, 520.0, 600.0] {
+                fly_from(passes_s, &TRUTH, &mut c, &[distance], &[height], &mut rng);
+                passes_s += 100.0;
+                c.update().unwrap();
+            }
+        }
+        let mut from_files = c.clone();
+        from_files.conclude(1000.0).unwrap();
+        let (flown, filed) = (c.calibrated(), from_files.calibrated());
+        for (name, a, b) in [
+            (
+                "height",
+                flown.effective_height_agl_m,
+                filed.effective_height_agl_m,
+            ),
+            ("axis", flown.axis_deg, filed.axis_deg),
+            ("c_max", flown.c_max_ppm, filed.c_max_ppm),
+            ("background", flown.background_ppm, filed.background_ppm),
+            ("sigma_y", flown.sigma_y_scale, filed.sigma_y_scale),
+            ("sigma_z", flown.sigma_z_scale, filed.sigma_z_scale),
+        ] {
+            let apart = (a.value - b.value).abs() / b.sd;
+            assert!(apart < 0.5, "{name} of seed {seed}: {a:?}, {b:?}");
+            let ratio = a.sd / b.sd;
+            assert!(
+                (1.0 / 1.2..1.2).contains(&ratio),
+                "{name} of seed {seed}: {a:?}, {b:?}"
+            );
+        }
     }
 }
 

@@ -21,6 +21,7 @@ mod wind;
 pub(crate) mod zero;
 
 pub use data::{Prior, Setup};
+pub use model::{PlumeModel, Unknown, plume_place};
 pub use report::{GapReport, Series};
 
 use infer::{Contact, ForwardModel, Found, InferError, Judgement, Policy, Question, Rows};
@@ -30,7 +31,7 @@ use crate::GapError;
 use crate::verdict::GapJson;
 use catalogue::Tried;
 use data::Data;
-use model::{PlumeModel, Scale};
+use model::Scale;
 
 /// How the analysis is run.
 #[derive(Debug, Clone, PartialEq)]
@@ -159,7 +160,7 @@ fn counted_from_near_zero(
     };
     tell(0.05, "fitting the base");
     let rows = rows(&data)?;
-    let sensor_sd = sensor_sd(setup, &data);
+    let sensor_sd = sensor_sd(&setup.base, used_readings(&data));
     let scale = Scale::of(sensor_sd, highest(&data));
     let question = Question {
         rows: &rows,
@@ -178,8 +179,8 @@ fn counted_from_near_zero(
     let carried = wind::chosen(setup, first, &first_question, scale)?;
     let first_track = wind::carrying(setup, first, carried);
     let track = wind::carrying(setup, &data, carried);
-    let first_model = PlumeModel::new(setup, &first_track, scale);
-    let model = PlumeModel::new(setup, &track, scale);
+    let first_model = PlumeModel::of(setup, &first_track, scale);
+    let model = PlumeModel::of(setup, &track, scale);
     let first_base = first_question.base(&first_model)?;
     let base = question.refined(&model, &first_base)?;
     tell(0.25, "asking whether the readings follow the plume");
@@ -254,18 +255,23 @@ fn rows(data: &Data) -> Result<Rows, InferError> {
 
 /// The highest reading, ppm.
 fn highest(data: &Data) -> f64 {
-    let used = data.reading_ppm.iter().zip(&data.used).filter(|(_, u)| **u);
-    used.map(|(c, _)| *c).fold(f64::MIN_POSITIVE, f64::max)
+    used_readings(data).fold(f64::MIN_POSITIVE, f64::max)
 }
 
-/// Standard deviation of the sensor's noise, ppm: the scenario's, or what rounding alone makes.
-fn sensor_sd(setup: &Setup, data: &Data) -> f64 {
-    let stated = setup.base.sensor.noise_sd_ppm;
+/// Readings that count, ppm.
+fn used_readings(data: &Data) -> impl Iterator<Item = f64> {
+    let used = data.reading_ppm.iter().zip(&data.used).filter(|(_, u)| **u);
+    used.map(|(c, _)| *c)
+}
+
+/// Standard deviation of the noise of the sensor that made these readings, ppm: the scenario's, or what
+/// rounding alone makes.
+pub fn sensor_sd(base: &::plume::DispersionSpec, readings: impl Iterator<Item = f64>) -> f64 {
+    let stated = base.sensor.noise_sd_ppm;
     if stated > 0.0 {
         return stated;
     }
-    let used = data.reading_ppm.iter().zip(&data.used).filter(|(_, u)| **u);
-    let mut read: Vec<f64> = used.map(|(c, _)| *c).collect();
+    let mut read: Vec<f64> = readings.collect();
     read.sort_by(f64::total_cmp);
     let steps = read.windows(2).map(|w| w[1] - w[0]).filter(|s| *s > 0.0);
     let least = steps.fold(f64::INFINITY, f64::min);

@@ -10,8 +10,9 @@ use crate::contact::Contact;
 use crate::evidence::{Evidence, Reduced};
 use crate::fit::{Point, Problem};
 use crate::form::Sizes;
+use crate::nearest::Nearest;
 use crate::policy::Policy;
-use crate::posterior::{Posterior, Weighed};
+use crate::posterior::{Posterior, REFITS, Weighed};
 use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
 
 /// Where the search for a cause starts, in the coordinates of its unknowns.
@@ -239,6 +240,14 @@ impl<'a> Question<'a> {
         self.problem(&of.model).concluded(of.weighed.clone())
     }
 
+    /// The unknowns of the plume without an error of form that is nearest to what a set believes.
+    ///
+    /// # Errors
+    /// A problem that has no posterior.
+    pub fn nearest<M: Catalogue>(&self, of: &Found<M>) -> Result<Nearest, InferError> {
+        self.problem(&of.model).nearest(&self.posterior(of)?)
+    }
+
     /// Turn of the axis at every row in a set, degrees clockwise.
     pub fn turns_deg<M: Catalogue>(&self, of: &Found<M>) -> Vec<f64> {
         self.problem(&of.model).turns(&of.fit().point)
@@ -336,10 +345,8 @@ impl<'a> Question<'a> {
         model: &M,
         found: &Found<M>,
     ) -> Result<Found<M>, InferError> {
-        let problem = self.problem(model);
-        let fit = found.fit();
         Ok(Found {
-            weighed: self.settled(&problem, &fit.point, fit, REFITS_OF_BASE)?,
+            weighed: self.problem(model).refined(found.fit())?,
             names: found.names.clone(),
             model: model.clone(),
             ln_prior: found.ln_prior,
@@ -430,17 +437,7 @@ impl<'a> Question<'a> {
         from: &crate::Fit,
         times: usize,
     ) -> Result<Weighed, InferError> {
-        let first = problem.fit(point, &from.basis, from.noise, from.sizes)?;
-        let mut best = problem.settle_sizes(first)?;
-        for _ in 0..times {
-            // The likelihood at a point prefers noises that are too small: the evidence decides.
-            let next = problem.settle_sizes(problem.refit_noise(&best.fit)?)?;
-            if next.ln_evidence < best.ln_evidence + self.policy.settled_nats {
-                break;
-            }
-            best = next;
-        }
-        Ok(best)
+        problem.settled(point, &from.basis, (from.noise, from.sizes), times)
     }
 
     /// Sets of names that were fitted, the base among them, the likeliest first, by a beam search
@@ -479,9 +476,7 @@ impl<'a> Question<'a> {
     }
 }
 
-/// How often the noise of a base is made most probable, and the search begun anew where a name led to
-/// a better base.
-const REFITS_OF_BASE: usize = 5;
+/// How often the search is begun anew where a name led to a better base.
 const NEW_BASES: usize = 2;
 /// A base is another one where its evidence is larger by this, nats.
 const BETTER_BASE_NATS: f64 = 2.0;
@@ -531,7 +526,7 @@ impl Question<'_> {
             let quiet = self.quiet(&base)?;
             // A base that began with a swing may be better without.
             let problem = self.problem(&base.model);
-            let calm = self.settled(&problem, &quiet.fit().point, quiet.fit(), REFITS_OF_BASE)?;
+            let calm = self.settled(&problem, &quiet.fit().point, quiet.fit(), REFITS)?;
             if calm.ln_evidence > base.ln_evidence() {
                 base.weighed = calm;
             }

@@ -27,6 +27,8 @@ const FIRST_NOISES: [(f64, f64); 3] = [(0.5, 0.1), (1.0, 3.0), (3.0, 0.3)];
 /// Differences for derivatives: part of a standard deviation, and degrees of the axis.
 const DIFFERENCE_SD: f64 = 0.05;
 const DIFFERENCE_DEG: f64 = 0.05;
+/// How often the noise of a fit on more readings is made most probable.
+pub(crate) const REFITS: usize = 5;
 /// First fits whose noise is fitted, and those of them that are followed to their end.
 const REFINED: usize = 4;
 const FOLLOWED: usize = 2;
@@ -90,20 +92,38 @@ impl<M: ForwardModel> Problem<'_, M> {
     }
 
     pub(crate) fn quick(&self) -> Result<Weighed, InferError> {
-        let point = self.rough_fit(&self.search()?, 0.0)?;
+        self.quick_from(&self.search()?)
+    }
+
+    fn quick_from(&self, start: &Point) -> Result<Weighed, InferError> {
+        let point = self.rough_fit(start, 0.0)?;
         let basis = self.basis(&point)?;
         let sizes = self.policy.nearest_sizes(0.0, 0.0);
         let first = self.fit(&point, &basis, self.noise_beforehand(), sizes)?;
         self.around(self.refit_noise(&first)?)
     }
 
-    /// The posterior from where a fit of fewer of the same readings came to, with its noise and sizes.
+    /// The posterior from where a fit of some of the same readings came to, with its noise and sizes.
     ///
     /// # Errors
     /// Values that the model refuses.
     pub fn posterior_from(&self, before: &Fit) -> Result<Posterior, InferError> {
-        // Bumps lie over the time of the readings, which has grown: the swing is carried over as
-        // turns. The weights of the error of form are found in a step or two.
+        let carried = self.refined(before)?;
+        // With its noise and error of form a wrong valley explains itself: without them more readings may
+        // lead out of it.
+        let at = before.point.at.clone();
+        let weights = vec![0.0; self.swing.len()];
+        let anew = self.quick_from(&Point { at, weights })?;
+        if anew.ln_evidence < carried.ln_evidence {
+            return self.concluded(carried);
+        }
+        let fit = &anew.fit;
+        self.concluded(self.settled(&fit.point, &fit.basis, (fit.noise, fit.sizes), REFITS)?)
+    }
+
+    pub(crate) fn refined(&self, before: &Fit) -> Result<Weighed, InferError> {
+        // Bumps lie over the places and times of the readings: the swing is carried over as turns. The
+        // weights of the error of form are found in a step or two.
         let turn = |t: &f64| before.basis.turn_deg(*t, &before.point.weights);
         let turns: Vec<f64> = self.rows.time_s().iter().map(turn).collect();
         let weights = if turns.iter().all(|t| *t == 0.0) {
@@ -114,14 +134,27 @@ impl<M: ForwardModel> Problem<'_, M> {
         let at = before.point.at.clone();
         let point = Point { at, weights };
         let basis = self.basis(&point)?;
-        let first = self.settle_sizes(self.fit(&point, &basis, before.noise, before.sizes)?)?;
-        // The likelihood at a point prefers noises that are too small: the evidence decides.
-        let next = self.settle_sizes(self.refit_noise(&first.fit)?)?;
-        self.concluded(if next.ln_evidence > first.ln_evidence {
-            next
-        } else {
-            first
-        })
+        self.settled(&point, &basis, (before.noise, before.sizes), REFITS)
+    }
+
+    /// The fit from a point under noise and sizes, its noise made most probable at most so many times.
+    pub(crate) fn settled(
+        &self,
+        point: &Point,
+        basis: &Basis,
+        (noise, sizes): (Noise, Sizes),
+        times: usize,
+    ) -> Result<Weighed, InferError> {
+        let mut best = self.settle_sizes(self.fit(point, basis, noise, sizes)?)?;
+        for _ in 0..times {
+            // The likelihood at a point prefers noises that are too small: the evidence decides.
+            let next = self.settle_sizes(self.refit_noise(&best.fit)?)?;
+            if next.ln_evidence < best.ln_evidence + self.policy.settled_nats {
+                break;
+            }
+            best = next;
+        }
+        Ok(best)
     }
 
     /// The fit with the largest evidence from the model's own starts.
@@ -360,26 +393,39 @@ impl Posterior {
 
     /// Mean of the unknowns.
     pub fn mean(&self) -> DVector<f64> {
-        let mut mean = DVector::from_column_slice(&self.fit.point.at);
-        for part in &self.parts {
-            mean += part.weight * part.step.rows(self.layout.unknowns, self.unknowns);
-        }
-        mean
+        let own = self
+            .step()
+            .rows(self.layout.unknowns, self.unknowns)
+            .into_owned();
+        own + DVector::from_column_slice(&self.fit.point.at)
     }
 
     /// Covariance of the unknowns.
     pub fn covariance(&self) -> DMatrix<f64> {
-        let mean = self.mean() - DVector::from_column_slice(&self.fit.point.at);
-        let (first, n) = (self.layout.unknowns, self.unknowns);
-        let mut out = DMatrix::zeros(n, n);
-        let mut units = DMatrix::zeros(self.layout.tried, n);
-        for k in 0..n {
-            units[(first + k, k)] = 1.0;
+        let mut own = DMatrix::zeros(self.unknowns, self.layout.tried);
+        for k in 0..self.unknowns {
+            own[(k, self.layout.unknowns + k)] = 1.0;
         }
+        self.covariance_of(&own)
+    }
+
+    /// Mean of the steps from the fit's point.
+    pub(crate) fn step(&self) -> DVector<f64> {
+        let none = DVector::zeros(self.layout.tried);
+        self.parts
+            .iter()
+            .fold(none, |sum, p| sum + p.weight * &p.step)
+    }
+
+    /// Covariance of linear functions, row by row, of all columns.
+    pub(crate) fn covariance_of(&self, functions: &DMatrix<f64>) -> DMatrix<f64> {
+        let n = functions.nrows();
+        let mean = functions * self.step();
+        let mut out = DMatrix::zeros(n, n);
         for part in &self.parts {
-            let off = part.step.rows(first, n) - &mean;
-            let solved = part.precision.solve(&units);
-            out += part.weight * (solved.rows(first, n) + &off * off.transpose());
+            let off = functions * &part.step - &mean;
+            let solved = part.precision.solve(&functions.transpose());
+            out += part.weight * (functions * solved + &off * off.transpose());
         }
         out
     }

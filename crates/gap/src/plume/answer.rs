@@ -1,13 +1,12 @@
 //! The answer as `gap.json` has it, and in words.
 
-use ::plume::field::Transport;
 use ::plume::mechanism::{Coordinate, MechanismId};
 use scenario::observations::Observations;
 
 use infer::{Cause as Named, Found, InferError, SWING};
 
 use super::catalogue::Tried;
-use super::data::{Data, Setup};
+use super::data::{Data, Setup, mean_transport};
 use super::gain::{Gained, gain};
 use super::model::{PlumeModel, fitted, from_coordinate};
 use super::report::{GapReport, report};
@@ -461,7 +460,7 @@ fn met_wind(study: &Study<'_>, set: &Found<PlumeModel<'_>>) -> (f64, f64) {
         |_| vec![1.0; study.data.len()],
         |p| p.plume.iter().map(|p| p.abs()).collect(),
     );
-    let wind: Transport = study.data.mean_transport(&weight);
+    let wind = mean_transport(set.model.track().transport(), &weight);
     let at_axis_m_s = spec
         .wind
         .speed_at_m_s(spec.sources[0].effective_height_agl_m);
@@ -471,14 +470,15 @@ fn met_wind(study: &Study<'_>, set: &Found<PlumeModel<'_>>) -> (f64, f64) {
     (air::geo::wrap_deg(from_deg), wind.speed_m_s * finite)
 }
 
-/// The scenario's uncertain keys, fitted; the wind's direction is that of the wind against which it
-/// was fitted, and the turn.
+/// The scenario's uncertain keys, fitted, of the plume without an error of form: the extended scenario has
+/// none. The wind's direction is that of the wind against which it was fitted, and the turn.
 fn base_parameters(
     study: &Study<'_>,
     set: &Found<PlumeModel<'_>>,
 ) -> Result<Vec<BaseParameter>, InferError> {
-    let posterior = study.question.posterior(set)?;
-    let (mean, covariance) = (posterior.mean(), posterior.covariance());
+    let believed = study.question.posterior(set)?;
+    let nearest = study.question.nearest(set)?;
+    let infer::Nearest { mean, covariance } = set.model.stated(nearest, &believed)?;
     let wind_from_deg = met_wind(study, set).0;
     let of = |(part, prior): (usize, &super::Prior)| {
         let k = set.model.unknowns_of(part).next();

@@ -86,13 +86,13 @@ pub(crate) fn chosen(
         return Ok(None);
     }
     // Where the readings lie elsewhere, a plume that is turned there tells which wind carried it.
-    let still = PlumeModel::new(setup, &data.track, scale);
+    let still = PlumeModel::of(setup, &data.track, scale);
     let contact = question.contact_beforehand(&still)?;
     let aim_deg = contact.filter(elsewhere).map(|c| c.turn_deg.value);
     let mut best: Option<(f64, Carried)> = None;
     for carried in TRIED {
         let track = carrying(setup, data, Some(carried));
-        let model = PlumeModel::new(setup, &track, scale);
+        let model = PlumeModel::of(setup, &track, scale);
         let model = aim_deg.map_or_else(
             || model.clone(),
             |deg| model.aimed(&catalogue::aimed(deg, scale).part, deg),

@@ -4,45 +4,43 @@
 //! the strength (c_MAX or emission), the scales of σy and σz, the sensor's time constant, and,
 //! where several platforms are compared with a reference, each other sensor's offset and gain.
 //! Each has a normal prior from the scenario's `[uncertain]` table. In flight and from files the
-//! same inference answers ([`infer`]): noise and error of form have the sizes that the readings
-//! show. Readings are averaged over [`ROW_S`].
+//! same inference ([`infer`]) answers by the model of the reality gap ([`PlumeModel`]): noise and error of
+//! form have the sizes that the readings show. What is told of the unknowns is that of the plume without
+//! an error of form that is nearest to what is believed. Readings are averaged over [`ROW_S`].
 //!
 //! All readings are fitted anew rather than filtered one by one: while the axis is off by several
 //! plume widths the posterior has several maxima, and an extended Kalman filter that linearises
 //! about the wrong one cannot look back. Until the axis is located, every correction in flight
 //! searches; from then on it goes on from the last one.
 
-mod model;
 pub mod offline;
 mod parameters;
 
-pub use parameters::{Calibrated, CalibrationParameter};
+pub use parameters::Calibrated;
 
 use crate::WsError;
+use gap::plume::{PlumeModel, Setup, plume_place};
 use infer::{InferError, PlumePlace, Posterior};
-use model::PlumeModel;
 use nalgebra::{DMatrix, DVector};
 use parameters::Unknowns;
 use plume::effects::SensorAir;
 use plume::track::{Row, Track};
-use plume::{DispersionModel, DispersionSpec, Place};
+use plume::{DispersionModel, DispersionSpec, MechanismId, Place};
 use protocol::message::Estimate;
 use scenario::Scenario;
 
 /// Readings are averaged over this time, s.
 pub const ROW_S: f64 = 1.0;
-/// Rows that a fit from files looks at; more are thinned, those in clean air first.
-const MOST_ROWS: usize = 1500;
-/// The same in flight, where many fits are made: as many as find the plume and its wander.
-const MOST_ROWS_IN_FLIGHT: usize = 800;
+/// Rows that a fit looks at; more are thinned, those in clean air first. Between rows the path is taken as
+/// straight, so that thinning costs accuracy where a vehicle turns.
+const MOST_ROWS: usize = 4000;
+/// As many as find the plume and its wander.
+const ROWS_OF_A_SEARCH: usize = 800;
 /// A correction is worth its time when there are more rows by this factor: fewer change standard
-/// deviations by less than a tenth.
-const GROWN: f64 = 1.15;
+/// deviations by about a tenth.
+const GROWN: f64 = 1.25;
 /// A row is in the plume if the plume's part of it is above this share of the strongest.
 const IN_PLUME_SHARE: f64 = 0.02;
-
-/// Least noise of a sensor, ppm: one that states none still rounds.
-const LEAST_NOISE_PPM: f64 = 1e-3;
 
 /// One averaged reading.
 #[derive(Debug, Clone, Copy)]
@@ -64,7 +62,10 @@ struct AveragingBin {
 /// Takes in readings and corrects the model.
 #[derive(Debug, Clone)]
 pub struct Calibrator {
+    /// The scenario's world.
     base: DispersionSpec,
+    /// The same as it is fitted.
+    setup: Setup,
     unknowns: Unknowns,
     platforms: Vec<String>,
     bins: Vec<AveragingBin>,
@@ -76,6 +77,8 @@ pub struct Calibrator {
     /// Rows that there were at the last fit.
     fitted_rows: usize,
     posterior: Option<Posterior>,
+    /// When the plume was last met, s.
+    met_s: f64,
 }
 
 impl Calibrator {
@@ -90,11 +93,15 @@ impl Calibrator {
         reference: Option<&str>,
     ) -> Result<Self, WsError> {
         let base = scenario.dispersion_spec()?;
-        let unknowns = Unknowns::new(scenario, &base, platforms, reference);
+        let mut setup = Setup::new(scenario)?;
+        // The time constant is fitted as a whole, from none.
+        setup.base.sensor.time_constant_s = 0.0;
+        let unknowns = Unknowns::new(&setup, &base, platforms, reference);
         Ok(Self {
             estimate: unknowns.prior_mean(),
             covariance: DMatrix::from_diagonal(&unknowns.prior_sd().map(|sd| sd * sd)),
             base,
+            setup,
             unknowns,
             platforms: platforms.to_vec(),
             bins: vec![AveragingBin::default(); platforms.len()],
@@ -102,6 +109,7 @@ impl Calibrator {
             taken: 0,
             fitted_rows: 0,
             posterior: None,
+            met_s: 0.0,
         })
     }
 
@@ -166,6 +174,7 @@ impl Calibrator {
             ..self.base.clone()
         };
         DispersionModel::new(extended.clone())?;
+        self.setup.base.mechanisms.clone_from(&extended.mechanisms);
         self.base = extended;
         self.fitted_rows = 0;
         Ok(())
@@ -185,16 +194,23 @@ impl Calibrator {
     /// # Errors
     /// The plume model refuses the corrected values.
     pub fn update(&mut self) -> Result<(), WsError> {
-        let readings = self.thinned(MOST_ROWS_IN_FLIGHT)?;
+        let readings = self.thinned(MOST_ROWS)?;
         let before = self.posterior.as_ref().map(|p| p.fit().clone());
         if let Some(before) = before.filter(|_| self.axis_is_located()) {
             return self.fit(&readings, &[], |problem| problem.posterior_from(&before));
         }
-        self.fit(&readings, &[], |problem| problem.quick_posterior())?;
+        self.glance()?;
         if self.axis_is_located() {
             self.fit(&readings, &[], |problem| problem.posterior())?;
         }
         Ok(())
+    }
+
+    /// Corrects the model roughly: enough to see whether the readings locate the plume, and which of several
+    /// winds carries it.
+    fn glance(&mut self) -> Result<(), WsError> {
+        let readings = self.thinned(ROWS_OF_A_SEARCH)?;
+        self.fit(&readings, &[], |problem| problem.quick_posterior())
     }
 
     /// Corrects the model by all readings as a whole. `nearest_m` is the distance from the source at
@@ -203,13 +219,20 @@ impl Calibrator {
     /// # Errors
     /// The plume model refuses the corrected values.
     pub fn conclude(&mut self, nearest_m: f64) -> Result<(), WsError> {
-        let readings = self.thinned(MOST_ROWS)?;
         let asked = PlumePlace {
             ln_distance: nearest_m.max(1.0).ln(),
             time_s: self.last_time_s(),
             ..PlumePlace::default()
         };
-        self.fit(&readings, &[asked], |problem| problem.posterior())
+        let all = self.thinned(MOST_ROWS)?;
+        let part = self.thinned(ROWS_OF_A_SEARCH)?;
+        self.fit(&part, &[asked], |problem| problem.posterior())?;
+        match self.posterior.as_ref().map(|p| p.fit().clone()) {
+            Some(found) if all.len() > part.len() => {
+                self.fit(&all, &[asked], |problem| problem.posterior_from(&found))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Fits `readings`, where there are any.
@@ -223,7 +246,7 @@ impl Calibrator {
             return Ok(());
         }
         let rows: Vec<Row> = readings.iter().map(|r| r.row).collect();
-        let world = DispersionModel::new(self.base.clone())?;
+        let world = DispersionModel::new(self.setup.base.clone())?;
         let track = Track::new(&world, &self.platforms, &rows)?;
         let n = rows.len();
         let measured = infer::Rows::new(
@@ -233,14 +256,14 @@ impl Calibrator {
             vec![f64::NAN; n],
             vec![true; n],
         )?;
-        let model = PlumeModel::new(&self.base, &self.unknowns, &track);
+        let model = PlumeModel::new(&self.setup.base, self.unknowns.list(), &track);
         let policy = infer::Policy::default();
-        let sensor_sd = self.base.sensor.noise_sd_ppm.max(LEAST_NOISE_PPM);
-        let posterior = fitted(&infer::Problem::new(
-            &model, &measured, &policy, sensor_sd, asked,
-        ))?;
-        self.estimate = posterior.mean();
-        self.covariance = posterior.covariance();
+        let sensor_sd = gap::plume::sensor_sd(&self.base, readings.iter().map(|r| r.ppm));
+        let problem = infer::Problem::new(&model, &measured, &policy, sensor_sd, asked);
+        let posterior = fitted(&problem)?;
+        let nearest = model.stated(problem.nearest(&posterior)?, &posterior)?;
+        (self.estimate, self.covariance) = (nearest.mean, nearest.covariance);
+        self.met_s = model.last_met_s(self.estimate.as_slice())?;
         self.fitted_rows = self.row_count();
         self.posterior = Some(posterior);
         Ok(())
@@ -253,27 +276,33 @@ impl Calibrator {
     }
 
     /// Time of the last reading, s.
-    pub fn last_time_s(&self) -> f64 {
+    fn last_time_s(&self) -> f64 {
         let last = self.readings.iter().filter_map(|r| r.last());
         last.map(|r| r.row.time_s).fold(0.0, f64::max)
     }
 
-    /// The mean mole fraction at a place at the time of the last reading, ppm, with the error of form
+    /// When the plume was last met, s: what it did afterwards nobody has read.
+    pub fn met_s(&self) -> f64 {
+        self.met_s
+    }
+
+    /// The mean mole fraction at a place when the plume was last met, ppm, with the error of form
     /// that the readings showed; none before a fit.
     pub fn mean_ppm(&self, place: &Place) -> Option<Estimate> {
-        let posterior = self.posterior.as_ref()?;
-        let time_s = self.last_time_s();
-        let found = posterior.at_place(time_s, |at, turn_deg| {
-            let nowhere = model::plume_place(None, time_s);
-            let spec = self.swung_spec(DVector::from_column_slice(at), turn_deg);
-            let Ok(model) = DispersionModel::new(spec) else {
-                return (f64::NAN, f64::NAN, nowhere);
-            };
-            let rest = model.background_ppm(place, time_s);
-            let there = model.in_first_plume(place, time_s, model.transport());
-            let plume = model.mean_ppm(place, time_s) - rest;
-            (rest, plume, model::plume_place(there, time_s))
-        });
+        let nowhere = (f64::NAN, f64::NAN, PlumePlace::default());
+        let found = self
+            .posterior
+            .as_ref()?
+            .at_place(self.met_s, |at, turn_deg| {
+                let spec = self.swung_spec(DVector::from_column_slice(at), turn_deg);
+                let Ok(model) = DispersionModel::new(spec) else {
+                    return nowhere;
+                };
+                let rest = model.background_ppm(place, self.met_s);
+                let plume = model.mean_ppm(place, self.met_s) - rest;
+                let there = model.in_first_plume(place, self.met_s, model.transport());
+                (rest, plume, plume_place(there, self.met_s))
+            });
         Some(Estimate {
             value: found.value,
             sd: found.sd,
@@ -289,7 +318,7 @@ impl Calibrator {
     fn axis_is_located(&self) -> bool {
         let (estimate, prior) = (&self.covariance, self.unknowns.prior_sd());
         self.unknowns
-            .index(CalibrationParameter::Direction)
+            .index(MechanismId::WindDirectionOffset, None)
             .is_none_or(|k| estimate[(k, k)].sqrt() < 0.2 * prior[k])
     }
 
@@ -340,29 +369,28 @@ impl Calibrator {
 
     /// The corrected model for one platform or all.
     pub fn corrected_spec(&self) -> DispersionSpec {
-        self.unknowns.turned(&self.base, &self.estimate)
+        self.unknowns.folded(&self.base, &self.estimate)
     }
 
-    /// The corrected model, its axis as it lay at the time of the last reading.
+    /// The corrected model, its axis as it lay when the plume was last met.
     pub fn latest_spec(&self) -> DispersionSpec {
         let posterior = self.posterior.as_ref();
-        let turn_deg = posterior.map_or(0.0, |p| p.turn_deg(self.last_time_s()));
+        let turn_deg = posterior.map_or(0.0, |p| p.turn_deg(self.met_s));
         self.swung_spec(self.estimate.clone(), turn_deg)
     }
 
     /// The model at these values of the unknowns, its axis turned by `turn_deg` besides.
     fn swung_spec(&self, mut at: DVector<f64>, turn_deg: f64) -> DispersionSpec {
-        if let Some(k) = self.unknowns.index(CalibrationParameter::Direction) {
+        if let Some(k) = self.unknowns.index(MechanismId::WindDirectionOffset, None) {
             at[k] += turn_deg;
         }
-        self.unknowns.turned(&self.base, &at)
+        self.unknowns.folded(&self.base, &at)
     }
 
     /// How far the wind is turned clockwise from the scenario's, degrees.
     pub fn turn_deg(&self) -> f64 {
-        self.unknowns
-            .value(CalibrationParameter::Direction, &self.estimate)
-            .unwrap_or(0.0)
+        let k = self.unknowns.index(MechanismId::WindDirectionOffset, None);
+        k.map_or(0.0, |k| self.estimate[k])
     }
 
     /// The corrected parameters with their standard deviations.
@@ -371,10 +399,11 @@ impl Calibrator {
             .calibrated(&self.base, &self.estimate, &self.covariance)
     }
 
-    /// Value and standard deviation of one unknown.
-    pub fn parameter(&self, parameter: CalibrationParameter) -> Option<(f64, f64)> {
-        let k = self.unknowns.index(parameter)?;
-        Some((self.estimate[k], self.covariance[(k, k)].sqrt()))
+    /// Value and standard deviation of a mechanism's parameter that is unknown, of one platform's sensor or
+    /// of all.
+    pub fn parameter(&self, id: MechanismId, platform: Option<usize>) -> Option<Estimate> {
+        self.unknowns
+            .parameter((id, platform), &self.estimate, &self.covariance)
     }
 }
 

@@ -20,7 +20,8 @@ mod residual;
 mod wind;
 pub(crate) mod zero;
 
-pub use data::{Prior, Setup};
+pub use data::{Prior, Setup, every};
+pub use fixes::without_jitter;
 pub use model::{PlumeModel, Unknown, plume_place};
 pub use report::{GapReport, Series};
 
@@ -97,7 +98,7 @@ pub struct Analysis {
 /// Fewest readings from which anything can be told.
 const FEWEST_READINGS: usize = 30;
 /// About how many rows are enough to find the plume and its wander.
-const ROWS_OF_A_SEARCH: usize = 800;
+pub const ROWS_OF_A_SEARCH: usize = 800;
 /// The sensor's noise where the scenario states none, in parts of the smallest difference between
 /// readings: rounding.
 const ROUNDING: f64 = 0.3;

@@ -108,17 +108,7 @@ impl<M: ForwardModel> Problem<'_, M> {
     /// # Errors
     /// Values that the model refuses.
     pub fn posterior_from(&self, before: &Fit) -> Result<Posterior, InferError> {
-        let carried = self.refined(before)?;
-        // With its noise and error of form a wrong valley explains itself: without them more readings may
-        // lead out of it.
-        let at = before.point.at.clone();
-        let weights = vec![0.0; self.swing.len()];
-        let anew = self.quick_from(&Point { at, weights })?;
-        if anew.ln_evidence < carried.ln_evidence {
-            return self.concluded(carried);
-        }
-        let fit = &anew.fit;
-        self.concluded(self.settled(&fit.point, &fit.basis, (fit.noise, fit.sizes), REFITS)?)
+        self.concluded(self.refined(before)?)
     }
 
     pub(crate) fn refined(&self, before: &Fit) -> Result<Weighed, InferError> {
@@ -134,7 +124,17 @@ impl<M: ForwardModel> Problem<'_, M> {
         let at = before.point.at.clone();
         let point = Point { at, weights };
         let basis = self.basis(&point)?;
-        self.settled(&point, &basis, (before.noise, before.sizes), REFITS)
+        let carried = self.settled(&point, &basis, (before.noise, before.sizes), REFITS)?;
+        // With its noise and error of form a wrong valley explains itself: without them more readings may
+        // lead out of it.
+        let weights = vec![0.0; self.swing.len()];
+        let at = point.at;
+        let anew = self.quick_from(&Point { at, weights })?;
+        if anew.ln_evidence < carried.ln_evidence {
+            return Ok(carried);
+        }
+        let fit = &anew.fit;
+        self.settled(&fit.point, &fit.basis, (fit.noise, fit.sizes), REFITS)
     }
 
     /// The fit from a point under noise and sizes, its noise made most probable at most so many times.

@@ -242,18 +242,9 @@ impl Data {
     /// Every so many rows of each platform, and its last: about `most` in all. None where there are no
     /// more.
     pub fn thinned(&self, setup: &Setup, most: usize) -> Result<Option<Self>, GapError> {
-        let every = self.len().div_ceil(most.max(1));
-        if every < 2 {
+        let Some(kept) = every(self.ranges(), most) else {
             return Ok(None);
-        }
-        let of = |r: &Range<usize>| {
-            let last = r
-                .end
-                .checked_sub(1)
-                .filter(|l| r.contains(l) && !(l - r.start).is_multiple_of(every));
-            r.clone().step_by(every).chain(last)
         };
-        let kept: Vec<usize> = self.ranges().iter().flat_map(of).collect();
         let rows: Vec<Row> = kept.iter().map(|i| self.rows[*i]).collect();
         let world = DispersionModel::new(setup.base.clone())?;
         let mut track = Track::new(&world, self.track.platforms(), &rows)?;
@@ -320,6 +311,24 @@ pub(crate) fn mean_transport(of: &[Transport], weight: &[f64]) -> Transport {
         north: sum[1] / length,
         speed_m_s: sum[2] / sum[3],
     }
+}
+
+/// Every so many rows of each platform's range, and its last: about `most` in all. None where there are no
+/// more.
+pub fn every(ranges: &[Range<usize>], most: usize) -> Option<Vec<usize>> {
+    let rows: usize = ranges.iter().map(ExactSizeIterator::len).sum();
+    let every = rows.div_ceil(most.max(1));
+    if every < 2 {
+        return None;
+    }
+    let of = |r: &Range<usize>| {
+        let last = r
+            .end
+            .checked_sub(1)
+            .filter(|l| r.contains(l) && !(l - r.start).is_multiple_of(every));
+        r.clone().step_by(every).chain(last)
+    };
+    Some(ranges.iter().flat_map(of).collect())
 }
 
 /// What is to be said of mechanisms of platforms that are not among `platforms`.

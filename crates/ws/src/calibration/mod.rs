@@ -19,7 +19,7 @@ mod parameters;
 pub use parameters::Calibrated;
 
 use crate::WsError;
-use gap::plume::{PlumeModel, Setup, plume_place};
+use gap::plume::{PlumeModel, ROWS_OF_A_SEARCH, Setup, every, plume_place, without_jitter};
 use infer::{InferError, PlumePlace, Posterior};
 use nalgebra::{DMatrix, DVector};
 use parameters::Unknowns;
@@ -28,14 +28,13 @@ use plume::track::{Row, Track};
 use plume::{DispersionModel, DispersionSpec, MechanismId, Place};
 use protocol::message::Estimate;
 use scenario::Scenario;
+use std::ops::Range;
 
 /// Readings are averaged over this time, s.
 pub const ROW_S: f64 = 1.0;
 /// Rows that a fit looks at; more are thinned, those in clean air first. Between rows the path is taken as
 /// straight, so that thinning costs accuracy where a vehicle turns.
 const MOST_ROWS: usize = 4000;
-/// As many as find the plume and its wander.
-const ROWS_OF_A_SEARCH: usize = 800;
 /// A correction is worth its time when there are more rows by this factor: fewer change standard
 /// deviations by about a tenth.
 const GROWN: f64 = 1.25;
@@ -201,7 +200,7 @@ impl Calibrator {
         }
         self.glance()?;
         if self.axis_is_located() {
-            self.fit(&readings, &[], |problem| problem.posterior())?;
+            self.searched(&readings, &[])?;
         }
         Ok(())
     }
@@ -209,8 +208,8 @@ impl Calibrator {
     /// Corrects the model roughly: enough to see whether the readings locate the plume, and which of several
     /// winds carries it.
     fn glance(&mut self) -> Result<(), WsError> {
-        let readings = self.thinned(ROWS_OF_A_SEARCH)?;
-        self.fit(&readings, &[], |problem| problem.quick_posterior())
+        let all = self.thinned(MOST_ROWS)?;
+        self.fit(&part_of(&all), &[], |problem| problem.quick_posterior())
     }
 
     /// Corrects the model by all readings as a whole. `nearest_m` is the distance from the source at
@@ -225,11 +224,20 @@ impl Calibrator {
             ..PlumePlace::default()
         };
         let all = self.thinned(MOST_ROWS)?;
-        let part = self.thinned(ROWS_OF_A_SEARCH)?;
-        self.fit(&part, &[asked], |problem| problem.posterior())?;
+        self.searched(&all, &[asked])
+    }
+
+    /// Searches on a part of `readings`, and goes on from there on all of them.
+    fn searched(
+        &mut self,
+        readings: &[AveragedReading],
+        asked: &[PlumePlace],
+    ) -> Result<(), WsError> {
+        let part = part_of(readings);
+        self.fit(&part, asked, |problem| problem.posterior())?;
         match self.posterior.as_ref().map(|p| p.fit().clone()) {
-            Some(found) if all.len() > part.len() => {
-                self.fit(&all, &[asked], |problem| problem.posterior_from(&found))
+            Some(found) if readings.len() > part.len() => {
+                self.fit(readings, asked, |problem| problem.posterior_from(&found))
             }
             _ => Ok(()),
         }
@@ -324,7 +332,12 @@ impl Calibrator {
 
     /// At most about `most` rows for a fit: all of them, or those in the plume and a part of the others.
     fn thinned(&self, most: usize) -> Result<Vec<AveragedReading>, WsError> {
-        let all: Vec<AveragedReading> = self.readings.iter().flatten().copied().collect();
+        let mut all: Vec<AveragedReading> = self.readings.iter().flatten().copied().collect();
+        let mut rows: Vec<Row> = all.iter().map(|r| r.row).collect();
+        without_jitter(&mut rows);
+        for (reading, row) in all.iter_mut().zip(rows) {
+            reading.row = row;
+        }
         if all.len() <= most {
             return Ok(all);
         }
@@ -405,6 +418,20 @@ impl Calibrator {
         self.unknowns
             .parameter((id, platform), &self.estimate, &self.covariance)
     }
+}
+
+/// About as many of the readings, which stand platform by platform, as a search needs.
+fn part_of(readings: &[AveragedReading]) -> Vec<AveragedReading> {
+    let mut ranges = Vec::new();
+    for of_platform in readings.chunk_by(|a, b| a.row.platform == b.row.platform) {
+        let first = ranges.last().map_or(0, |r: &Range<usize>| r.end);
+        ranges.push(first..first + of_platform.len());
+    }
+    let kept = every(&ranges, ROWS_OF_A_SEARCH);
+    kept.map_or_else(
+        || readings.to_vec(),
+        |kept| kept.into_iter().map(|k| readings[k]).collect(),
+    )
 }
 
 impl AveragingBin {

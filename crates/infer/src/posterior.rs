@@ -29,6 +29,9 @@ const DIFFERENCE_SD: f64 = 0.05;
 const DIFFERENCE_DEG: f64 = 0.05;
 /// How often the noise of a fit on more readings is made most probable.
 pub(crate) const REFITS: usize = 5;
+/// Fluctuation and wander are held against ones smaller and larger by this factor, so many times.
+const POLISH_FACTOR: f64 = 1.5;
+const POLISHED: usize = 3;
 /// First fits whose noise is fitted, and those of them that are followed to their end.
 const REFINED: usize = 4;
 const FOLLOWED: usize = 2;
@@ -108,10 +111,22 @@ impl<M: ForwardModel> Problem<'_, M> {
     /// # Errors
     /// Values that the model refuses.
     pub fn posterior_from(&self, before: &Fit) -> Result<Posterior, InferError> {
+        self.concluded(self.carried(before)?)
+    }
+
+    /// The same, with the noise so well found that standard deviations do not depend on where it came from.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn refined_posterior(&self, before: &Fit) -> Result<Posterior, InferError> {
         self.concluded(self.refined(before)?)
     }
 
     pub(crate) fn refined(&self, before: &Fit) -> Result<Weighed, InferError> {
+        self.polished(self.carried(before)?)
+    }
+
+    fn carried(&self, before: &Fit) -> Result<Weighed, InferError> {
         // Bumps lie over the places and times of the readings: the swing is carried over as turns. The
         // weights of the error of form are found in a step or two.
         let turn = |t: &f64| before.basis.turn_deg(*t, &before.point.weights);
@@ -135,6 +150,49 @@ impl<M: ForwardModel> Problem<'_, M> {
         }
         let fit = &anew.fit;
         self.settled(&fit.point, &fit.basis, (fit.noise, fit.sizes), REFITS)
+    }
+
+    /// The fit with the fluctuation and wander that have the largest evidence.
+    fn polished(&self, mut best: Weighed) -> Result<Weighed, InferError> {
+        for _ in 0..POLISHED {
+            let noise = self.noise_by_evidence(&best)?;
+            let fit = &best.fit;
+            let next = self.settle_sizes(self.fit(&fit.point, &fit.basis, noise, fit.sizes)?)?;
+            let gain = next.ln_evidence - best.ln_evidence;
+            if gain > 0.0 {
+                best = next;
+            }
+            if gain < self.policy.settled_nats {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Fluctuation and wander by the parabola through the evidence of three sizes each, at one point.
+    fn noise_by_evidence(&self, of: &Weighed) -> Result<Noise, InferError> {
+        let sizes = of.likeliest_sizes();
+        let evidence = |noise: Noise| -> Result<f64, InferError> {
+            let mut fit = of.fit.clone();
+            fit.noise = noise;
+            let (known, products) = self.products(&fit, &[], &[self.rows.whole()])?;
+            Ok(Evidence::new(&products[0], &known).ln(&sizes) + self.ln_noise_prior(&noise))
+        };
+        let mut noise = of.fit.noise;
+        for scaled in [scale_fluctuation, scale_wander] {
+            let step = POLISH_FACTOR.ln();
+            let here = evidence(noise)?;
+            let more = evidence(scaled(noise, POLISH_FACTOR))? - here;
+            let less = evidence(scaled(noise, 1.0 / POLISH_FACTOR))? - here;
+            let bend = more + less;
+            let way = if bend < 0.0 {
+                (0.5 * (less - more) / bend).clamp(-1.0, 1.0)
+            } else {
+                (more - less).signum()
+            };
+            noise = scaled(noise, (step * way).exp());
+        }
+        Ok(noise)
     }
 
     /// The fit from a point under noise and sizes, its noise made most probable at most so many times.

@@ -236,10 +236,8 @@ impl Calibrator {
         let part = part_of(readings);
         self.fit(&part, asked, |problem| problem.posterior())?;
         match self.posterior.as_ref().map(|p| p.fit().clone()) {
-            Some(found) if readings.len() > part.len() => {
-                self.fit(readings, asked, |problem| problem.posterior_from(&found))
-            }
-            _ => Ok(()),
+            Some(found) => self.fit(readings, asked, |problem| problem.refined_posterior(&found)),
+            None => Ok(()),
         }
     }
 

@@ -8,7 +8,7 @@
 use crate::InferError;
 use crate::contact::Contact;
 use crate::evidence::{Evidence, Reduced};
-use crate::fit::{Point, Problem};
+use crate::fit::{Fit, Point, Problem};
 use crate::form::Sizes;
 use crate::nearest::Nearest;
 use crate::policy::Policy;
@@ -107,7 +107,7 @@ impl<M: Catalogue> Found<M> {
     }
 
     /// The fit.
-    pub fn fit(&self) -> &crate::Fit {
+    pub fn fit(&self) -> &Fit {
         &self.weighed.fit
     }
 
@@ -164,6 +164,19 @@ impl<'a> Question<'a> {
         })
     }
 
+    /// The base from where a fit of some of the same readings came to.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn base_from<M: Catalogue>(&self, model: &M, before: &Fit) -> Result<Found<M>, InferError> {
+        Ok(Found {
+            names: Vec::new(),
+            weighed: self.problem(model).refined(before)?,
+            model: model.clone(),
+            ln_prior: 0.0,
+        })
+    }
+
     /// A set whose one name is in `model` already, fitted from that model's own starts.
     ///
     /// # Errors
@@ -177,25 +190,16 @@ impl<'a> Question<'a> {
         })
     }
 
-    /// How the readings meet the plume of a model before it is fitted.
+    /// How the readings meet the plume of the unknowns `at`.
     ///
     /// # Errors
     /// Values that the model refuses.
-    pub fn contact_beforehand<M: ForwardModel>(
+    pub fn contact<M: ForwardModel>(
         &self,
         model: &M,
+        at: &[f64],
     ) -> Result<Option<Contact>, InferError> {
-        let at: Vec<f64> = model.priors().iter().map(|p| p.mean).collect();
-        self.problem(model).contact(&at, self.policy.passes)
-    }
-
-    /// How the readings meet the plume of a set.
-    ///
-    /// # Errors
-    /// Values that the model refuses.
-    pub fn contact<M: Catalogue>(&self, of: &Found<M>) -> Result<Option<Contact>, InferError> {
-        let problem = self.problem(&of.model);
-        problem.contact(of.at(), self.policy.passes)
+        self.problem(model).contact(at, self.policy.passes)
     }
 
     /// The same set with no more error of form, swing and noise than is tolerated.
@@ -434,7 +438,7 @@ impl<'a> Question<'a> {
         &self,
         problem: &Problem<'_, M>,
         point: &Point,
-        from: &crate::Fit,
+        from: &Fit,
         times: usize,
     ) -> Result<Weighed, InferError> {
         problem.settled(point, &from.basis, (from.noise, from.sizes), times)

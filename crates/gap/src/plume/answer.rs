@@ -11,7 +11,8 @@ use super::gain::{Gained, gain};
 use super::model::{PlumeModel, fitted, from_coordinate};
 use super::report::{GapReport, report};
 use super::{
-    Analysis, FEWEST_READINGS, FOLLOWED, ONE_DIRECTION_DEG, Options, Study, gate, residual, wind,
+    Analysis, Begun, FEWEST_READINGS, FOLLOWED, ONE_DIRECTION_DEG, Options, Study, gate, residual,
+    wind,
 };
 use crate::verdict::{
     BaseParameter, Candidate, Cause, Contact, DataQuality, Detectable, Discrepancy, Evidence,
@@ -42,12 +43,15 @@ pub(crate) fn stated(
     } else {
         None
     };
-    let screened = study.question.screen(&study.base, &study.tried)?;
-    let detectable = detectable(study, &screened);
+    let detectable = if options.complete {
+        detectable(study)?
+    } else {
+        Vec::new()
+    };
     let causes = if named { causes(study)? } else { Vec::new() };
     let unexplained = unexplained(study, named)?;
     let insufficient = if causes.is_empty() && unexplained.is_none() {
-        insufficient(study, &screened)
+        insufficient(study)?
     } else {
         None
     };
@@ -96,6 +100,11 @@ pub(crate) fn stated(
         base: base.into_iter().map(|b| (b.name, b.value, b.sd)).collect(),
         logged_wind: study.data.on_board_wind.then(|| met_wind(study, set)),
         report: report(study, gained.as_ref()),
+        begun: Some(Begun {
+            carried: study.carried,
+            base: study.base.fit().clone(),
+            zero_s: 0.0,
+        }),
     })
 }
 
@@ -375,28 +384,31 @@ fn contact(study: &Study<'_>) -> Option<Contact> {
 }
 
 /// Why the readings could not have shown anything, if so.
-fn insufficient(study: &Study<'_>, screened: &[infer::Screened]) -> Option<Insufficient> {
-    let strength = study
-        .tried
-        .iter()
-        .position(|t| t.part.id == MechanismId::EmissionScale)?;
-    let step = study.tried[strength].start.ends[0][0].abs();
+fn insufficient(study: &Study<'_>) -> Result<Option<Insufficient>, InferError> {
+    let is_strength = |t: &&Tried| t.part.id == MechanismId::EmissionScale;
+    let Some(strength) = study.tried.iter().find(is_strength) else {
+        return Ok(None);
+    };
+    let step = strength.start.ends[0][0].abs();
+    let screened = study
+        .question
+        .screen(&study.base, std::slice::from_ref(strength))?;
     // What the readings tell of the strength beside what the scenario is unsure of: the information
     // that is left after the scenario's own prior has taken its part is the larger the less it knows.
     let own = study.base.model.unknown(MechanismId::EmissionScale);
     let prior_sd = own.map_or(0.0, |k| {
         infer::ForwardModel::priors(&study.base.model)[k].sd
     });
-    let variance = step * step / screened[strength].information - prior_sd * prior_sd;
+    let variance = step * step / screened[0].information - prior_sd * prior_sd;
     let sd = variance.max(0.0).sqrt();
     if sd < UNKNOWN_LN_STRENGTH {
-        return None;
+        return Ok(None);
     }
-    Some(Insufficient {
+    Ok(Some(Insufficient {
         reason: "no reading meets the plume: its strength would stay unknown to more than a factor of 2.7"
             .to_string(),
         would_do: would_do(study),
-    })
+    }))
 }
 
 fn would_do(study: &Study<'_>) -> String {
@@ -408,7 +420,8 @@ fn would_do(study: &Study<'_>) -> String {
 
 /// The smallest effect of every mechanism that these data could have shown. Of a lid or a limit,
 /// which do nothing at infinity, it is the highest of those tried that would show.
-fn detectable(study: &Study<'_>, screened: &[infer::Screened]) -> Vec<Detectable> {
+fn detectable(study: &Study<'_>) -> Result<Vec<Detectable>, InferError> {
+    let screened = study.question.screen(&study.base, &study.tried)?;
     let mut out: Vec<(f64, Detectable)> = Vec::new();
     let of_all = screened
         .iter()
@@ -447,7 +460,7 @@ fn detectable(study: &Study<'_>, screened: &[infer::Screened]) -> Vec<Detectable
             None => out.push((bend, entry)),
         }
     }
-    out.into_iter().map(|(_, entry)| entry).collect()
+    Ok(out.into_iter().map(|(_, entry)| entry).collect())
 }
 
 /// The wind in which the plume was met, before it is turned by what the scenario is unsure of:
@@ -551,6 +564,7 @@ pub(crate) fn nothing_to_tell(
         base: Vec::new(),
         logged_wind: None,
         report: GapReport::default(),
+        begun: None,
     }
 }
 

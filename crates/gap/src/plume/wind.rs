@@ -2,7 +2,7 @@
 
 use ::plume::field::Transport;
 use ::plume::track::Track;
-use infer::{InferError, Question};
+use infer::{ForwardModel, InferError, Question};
 
 use super::catalogue;
 use super::data::{Data, Setup};
@@ -11,7 +11,7 @@ use super::model::{PlumeModel, Scale};
 
 /// What of a log carries the plume.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Carried {
+pub enum Carried {
     /// The mean within this time before and after each row, s.
     About(f64),
     /// The mean over the way that the air took from the source.
@@ -27,6 +27,13 @@ const TRIED: [Carried; 8] = [
     Carried::About(30.0),
     Carried::About(120.0),
     Carried::About(600.0),
+    Carried::About(f64::INFINITY),
+    Carried::OnItsWay,
+];
+/// The same where little time is to be had.
+const TRIED_IN_FLIGHT: [Carried; 4] = [
+    Carried::About(30.0),
+    Carried::About(120.0),
     Carried::About(f64::INFINITY),
     Carried::OnItsWay,
 ];
@@ -81,16 +88,23 @@ pub(crate) fn chosen(
     data: &Data,
     question: &Question<'_>,
     scale: Scale,
+    in_flight: bool,
 ) -> Result<Option<Carried>, InferError> {
     if !data.on_board_wind {
         return Ok(None);
     }
     // Where the readings lie elsewhere, a plume that is turned there tells which wind carried it.
     let still = PlumeModel::of(setup, &data.track, scale);
-    let contact = question.contact_beforehand(&still)?;
+    let beforehand: Vec<f64> = still.priors().iter().map(|p| p.mean).collect();
+    let contact = question.contact(&still, &beforehand)?;
     let aim_deg = contact.filter(elsewhere).map(|c| c.turn_deg.value);
     let mut best: Option<(f64, Carried)> = None;
-    for carried in TRIED {
+    let tried = if in_flight {
+        &TRIED_IN_FLIGHT[..]
+    } else {
+        &TRIED
+    };
+    for &carried in tried {
         let track = carrying(setup, data, Some(carried));
         let model = PlumeModel::of(setup, &track, scale);
         let model = aim_deg.map_or_else(

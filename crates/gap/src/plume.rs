@@ -106,6 +106,7 @@ pub struct Analysis {
 #[derive(Debug, Clone)]
 pub struct Begun {
     carried: Option<wind::Carried>,
+    swing: model::Swing,
     base: infer::Fit,
     zero_s: f64,
 }
@@ -122,8 +123,9 @@ const ROUNDING: f64 = 0.3;
 /// Readings follow the plume where passes gain at least this part there of what they gain in
 /// whatever direction: half.
 const FOLLOWED: f64 = 0.5;
-/// Passes point in one direction where their scatter is below this, degrees: an eighth of a circle.
-const ONE_DIRECTION_DEG: f64 = 45.0;
+/// Passes point in one direction where their scatter is no more than that of the wind in the most
+/// unsteady air, degrees: class A's ([`::plume::stability::Stability::sigma_theta_deg`]).
+const ONE_DIRECTION_DEG: f64 = 25.0;
 
 /// Shows what is wrong, names it, extends the model and measures the gain.
 ///
@@ -203,9 +205,10 @@ fn counted_from_near_zero(
     let rows = rows(&data)?;
     let sensor_sd = sensor_sd(&setup.base, used_readings(&data));
     let scale = Scale::of(sensor_sd, highest(&data));
+    let policy = policy_of(setup, &data, &options.policy);
     let question = Question {
         rows: &rows,
-        policy: &options.policy,
+        policy: &policy,
         sensor_sd,
         asked: &[],
     };
@@ -225,11 +228,17 @@ fn counted_from_near_zero(
     let first_track = wind::carrying(setup, first, carried);
     let track = wind::carrying(setup, &data, carried);
     let first_model = PlumeModel::of(setup, &first_track, scale);
-    let model = PlumeModel::of(setup, &track, scale);
-    let base = match before {
-        Some(before) => question.base_from(&model, &before.base)?,
-        None => question.base_from(&model, first_question.base(&first_model)?.fit())?,
+    let (first_base, swing) = match before {
+        Some(before) => (before.base.clone(), before.swing),
+        None => {
+            let in_flight = !options.complete;
+            let (found, swing) = wind::swinging(&first_question, &first_model, carried, in_flight)?;
+            (found.fit().clone(), swing)
+        }
     };
+    let first_model = first_model.following(swing);
+    let model = PlumeModel::of(setup, &track, scale).following(swing);
+    let base = question.base_from(&model, &first_base)?;
     tell(0.25, "asking whether the readings follow the plume");
     let contact = first_question.contact(&first_model, base.at())?;
     let named = match aimed(&first_question, &first_model, &model, contact.as_ref())? {
@@ -264,6 +273,17 @@ fn counted_from_near_zero(
     let analysis = answer::stated(&study, quality, options)?;
     tell(1.0, "done");
     Ok(analysis)
+}
+
+/// The rules for these data: a wind that nobody logs may swing as its stability class lets it.
+fn policy_of(setup: &Setup, data: &Data, policy: &Policy) -> Policy {
+    let mut policy = policy.clone();
+    if !data.on_board_wind {
+        let swing_deg = setup.base.stability.sigma_theta_deg();
+        let tolerated = &mut policy.noise_tolerated;
+        tolerated.wander_deg = tolerated.wander_deg.max(swing_deg);
+    }
+    policy
 }
 
 /// Whether readings do not follow the plume, but lie in one direction.

@@ -178,6 +178,10 @@ impl<M: ForwardModel> ForwardModel for Moved<'_, M> {
         self.model.predict(&self.believed.moved(at), turn_deg)
     }
 
+    fn under_way_s(&self, row: usize) -> f64 {
+        self.model.under_way_s(row)
+    }
+
     fn places(&self, at: &[f64]) -> Result<Vec<PlumePlace>, InferError> {
         self.model.places(&self.believed.moved(at))
     }

@@ -5,7 +5,7 @@ use crate::InferError;
 use crate::fit::Problem;
 use crate::passes::passes;
 use crate::posterior::Estimate;
-use crate::rows::ForwardModel;
+use crate::rows::{ForwardModel, Prediction};
 
 /// Directions that are tried, degrees apart.
 const SPACING_DEG: f64 = 2.0;
@@ -16,12 +16,16 @@ const SEEN_NATS: f64 = 12.0;
 /// question.
 const STRENGTHS: [f64; 5] = [0.2, 0.5, 1.0, 2.0, 5.0];
 
+/// A level may be off by so many standard deviations of what is known of it.
+const LEVEL_SDS: f64 = 3.0;
+
 /// How the readings meet the plume.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contact {
     /// Passes that show a plume, in whatever direction.
     pub passes: usize,
-    /// Part of what these gain at best that they gain where the model has the plume.
+    /// Part of what these gain at best that they gain where the model has the plume, within the swing
+    /// that is tolerated.
     pub share: f64,
     /// Turn of the axis, degrees clockwise, at which the passes meet it best, with the standard deviation
     /// from pass to pass.
@@ -34,15 +38,12 @@ impl<M: ForwardModel> Problem<'_, M> {
     pub(crate) fn contact(&self, at: &[f64], count: usize) -> Result<Option<Contact>, InferError> {
         let n = self.rows.len();
         let still = self.model.predict(at, &vec![0.0; n])?;
-        let level = self.level(&still.reading, &still.plume);
+        let nothing = self.levelled(&still, 0.0);
         let excess: Vec<f64> = (0..n)
-            .map(|i| {
-                let rest = still.reading[i] - still.plume[i] + level[i];
-                (self.rows.measured()[i] - rest) / self.sensor_sd
-            })
+            .map(|i| (self.rows.measured()[i] - nothing.reading[i]) / self.sensor_sd)
             .collect();
         let passes = passes(self.rows, &excess, count);
-        let nothing = self.scores(&still.reading, &still.plume, &level, 0.0);
+        let nothing = self.rough_scores(&nothing);
         let of = |scores: &[f64], pass: &[std::ops::Range<usize>]| -> f64 {
             pass.iter().flat_map(|r| &scores[r.clone()]).sum()
         };
@@ -53,13 +54,13 @@ impl<M: ForwardModel> Problem<'_, M> {
             let turn_deg = f64::from(k as u32) * SPACING_DEG;
             let there = self.model.predict(at, &vec![turn_deg; n])?;
             for strength in STRENGTHS {
-                let scores = self.scores(&there.reading, &there.plume, &level, strength);
+                let scores = self.rough_scores(&self.levelled(&there, strength));
                 for (p, pass) in passes.iter().enumerate() {
                     let gain = of(&nothing, pass) - of(&scores, pass);
                     if gain > best[p].0 {
                         best[p] = (gain, turn_deg);
                     }
-                    if k == 0 {
+                    if turn_deg.min(360.0 - turn_deg) <= self.policy.noise_tolerated.wander_deg {
                         own[p] = f64::max(own[p], gain);
                     }
                 }
@@ -89,31 +90,30 @@ impl<M: ForwardModel> Problem<'_, M> {
         }))
     }
 
-    /// By what each series' readings lie above what is expected without a plume: the median, which a
-    /// plume that is seldom met does not move.
-    fn level(&self, reading: &[f64], plume: &[f64]) -> Vec<f64> {
-        let mut out = vec![0.0; self.rows.len()];
+    /// A prediction with a plume of some strength, each series at the level of its readings: by the median,
+    /// which a plume that is seldom met does not move, as far as a level may be off.
+    fn levelled(&self, there: &Prediction, strength: f64) -> Prediction {
+        let most = LEVEL_SDS * self.model.level_sd();
+        let mut out = Prediction {
+            reading: there.reading.clone(),
+            plume: there.plume.iter().map(|p| strength * p).collect(),
+        };
+        for (reading, plume) in out.reading.iter_mut().zip(&there.plume) {
+            *reading += (strength - 1.0) * plume;
+        }
         for series in self.rows.series() {
             let used = series.clone().filter(|&i| self.rows.is_used(i));
             let mut off: Vec<f64> = used
-                .map(|i| self.rows.measured()[i] - (reading[i] - plume[i]))
+                .map(|i| self.rows.measured()[i] - out.reading[i])
                 .collect();
-            off.sort_by(f64::total_cmp);
-            if let Some(median) = off.get(off.len() / 2) {
-                out[series].fill(*median);
+            if off.is_empty() {
+                continue;
             }
+            let middle = off.len() / 2;
+            let (_, level, _) = off.select_nth_unstable_by(middle, f64::total_cmp);
+            let level = level.clamp(-most, most);
+            out.reading[series].iter_mut().for_each(|r| *r += level);
         }
         out
-    }
-
-    /// Rough scores of a plume of some strength above a level.
-    fn scores(&self, reading: &[f64], plume: &[f64], level: &[f64], strength: f64) -> Vec<f64> {
-        let there = crate::Prediction {
-            reading: (0..reading.len())
-                .map(|i| reading[i] + level[i] + (strength - 1.0) * plume[i])
-                .collect(),
-            plume: plume.iter().map(|p| strength * p).collect(),
-        };
-        self.rough_scores(&there)
     }
 }

@@ -40,6 +40,8 @@ pub struct Problem<'a, M> {
     /// Bumps of a swing alone, which those of every basis end with, and their values, row after row.
     pub(crate) swing: Basis,
     pub(crate) swing_bumps: Vec<f64>,
+    /// When the first air that was met left the source, s.
+    swing_from_s: f64,
     /// Their means over the rows.
     swing_mean: Vec<f64>,
 }
@@ -152,10 +154,12 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         sensor_sd: f64,
         asked: &'a [PlumePlace],
     ) -> Self {
-        let swing = Basis::of_swing(rows.time_s(), policy);
+        let left_s = |row: usize| rows.time_s()[row] - model.under_way_s(row);
+        let swing_from_s = (0..rows.len()).map(left_s).fold(f64::INFINITY, f64::min);
+        let swing = Basis::of_swing(rows.time_s(), swing_from_s, policy);
         let mut swing_bumps = vec![0.0; rows.len() * swing.len()];
-        for (out, time_s) in swing_bumps.chunks_exact_mut(swing.len()).zip(rows.time_s()) {
-            swing.fill_swing(*time_s, out);
+        for (row, out) in swing_bumps.chunks_exact_mut(swing.len()).enumerate() {
+            swing.fill_swing_since(rows.time_s()[row], model.under_way_s(row), out);
         }
         let count = rows.len().max(1) as f64;
         let mut swing_mean = vec![0.0; swing.len()];
@@ -172,6 +176,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             asked,
             swing,
             swing_bumps,
+            swing_from_s,
             swing_mean,
         }
     }
@@ -233,6 +238,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         Ok(Basis::over(
             read.chain(asked),
             self.rows.time_s(),
+            self.swing_from_s,
             self.policy,
         ))
     }
@@ -246,6 +252,22 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         }
         let turn = |bumps: &[f64]| bumps.iter().zip(weights).map(|(b, w)| b * w).sum();
         self.swing_bumps.chunks_exact(n).map(turn).collect()
+    }
+
+    /// A fit to other rows with the bumps of a swing over these, whose turns are as near as may be.
+    pub(crate) fn with_own_swing(&self, fit: &Fit) -> Fit {
+        let mut turns = vec![0.0; self.rows.len()];
+        for (row, turn) in turns.iter_mut().enumerate() {
+            let under_way_s = self.model.under_way_s(row);
+            *turn =
+                fit.basis
+                    .turn_since_deg(self.rows.time_s()[row], under_way_s, &fit.point.weights);
+        }
+        let mut out = fit.clone();
+        out.basis = fit.basis.with_swing_of(&self.swing);
+        out.point.weights.truncate(fit.basis.of_form());
+        out.point.weights.extend(self.smoothed(&turns));
+        out
     }
 
     /// The mean turn of the swing over its standard deviation, and what each weight adds to it: a swing
@@ -822,14 +844,15 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                 while i < range.end && far(i) {
                     i += 1;
                 }
-                if i > first
-                    && stands_out(&here.misfit, range.clone(), first..i)
-                    && self.is_short(&places, range.clone(), first, i)
-                {
-                    for (k, inflation) in (first..i).zip(&mut inflation[first..i]) {
-                        let (others, own) = variances(k);
-                        *inflation = 1.0 + (square(k) / most - others) / own;
-                    }
+                // What follows a spike that was not allowed for may be far off as well: as much of it as
+                // is a spike by itself.
+                let spike = (first + 1..=i).rev().map(|end| first..end).find(|spike| {
+                    stands_out(&here.misfit, range.clone(), spike.clone())
+                        && self.is_short(&places, range.clone(), spike.start, spike.end)
+                });
+                for k in spike.into_iter().flatten() {
+                    let (others, own) = variances(k);
+                    inflation[k] = 1.0 + (square(k) / most - others) / own;
                 }
                 i = i.max(first + 1);
             }

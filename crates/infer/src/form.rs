@@ -1,5 +1,6 @@
 //! A model's error of form: the plume is the model's times exp(g), with g smooth in the logarithm
-//! of the distance, in the height above and the distance across the axis, and in time (Kennedy
+//! of the distance, in the height above and the distance across the axis, and in the time at which
+//! the air left the source (Kennedy
 //! and O'Hagan 2001; after them with a multiplicative term, since a plume's error is relative).
 //!
 //! The axis may also swing: turn by an angle that is smooth in time.
@@ -82,6 +83,11 @@ impl Bumps {
 /// A bump is nothing farther away than this many of its widths: less than a hundred-thousandth.
 const FARTHEST_WIDTHS: f64 = 5.0;
 
+/// Steps of a mean over a swing's bump, in widths, and the most of them: a swing from before the record
+/// has no bumps.
+const STEP_OVER_WIDTH: f64 = 0.5;
+const MOST_STEPS: usize = 40;
+
 /// Distance of neighbouring bumps over their width: at .75 the sum of their squares ripples by
 /// less than a thousandth.
 const SPACING_OVER_WIDTH: f64 = 0.75;
@@ -94,10 +100,11 @@ pub struct Basis {
 
 impl Basis {
     /// Bumps for an error of form over all of `places`, those of readings in the plume and those of
-    /// which something is to be told, and for a swing over `time_s`.
+    /// which something is to be told, and for a swing over `time_s` and from `swing_from_s` on.
     pub fn over(
         places: impl Iterator<Item = PlumePlace> + Clone,
         time_s: &[f64],
+        swing_from_s: f64,
         policy: &Policy,
     ) -> Self {
         let reach = policy.form_reach_sigmas;
@@ -106,8 +113,12 @@ impl Basis {
             extent(places.clone().map(inside))
         };
         let times = extent(time_s.iter().copied());
+        let emitted = extent(places.clone().map(|p| p.emitted_s));
         let most = policy.form_most_bumps;
         let bumps = |(low, high): (f64, f64), width: f64| Bumps::over(low, high, width, most);
+        let in_time = |(low, high): (f64, f64), width_s: f64| {
+            Bumps::over(low, high, width_s, policy.most_bumps_in_time)
+        };
         Self {
             bumps: [
                 bumps(
@@ -116,20 +127,15 @@ impl Basis {
                 ),
                 bumps(range(|p| p.above_sigmas, reach), policy.form_width_sigmas),
                 bumps(range(|p| p.across_sigmas, reach), policy.form_width_sigmas),
-                bumps(times, policy.form_width_s),
-                Bumps::over(
-                    times.0,
-                    times.1,
-                    policy.swing_width_s,
-                    policy.swing_most_bumps,
-                ),
+                in_time(emitted, policy.form_width_s),
+                in_time((times.0.min(swing_from_s), times.1), policy.swing_width_s),
             ],
         }
     }
 
     /// Bumps for a swing alone.
-    pub(crate) fn of_swing(time_s: &[f64], policy: &Policy) -> Self {
-        let mut out = Self::over(std::iter::empty(), time_s, policy);
+    pub(crate) fn of_swing(time_s: &[f64], from_s: f64, policy: &Policy) -> Self {
+        let mut out = Self::over(std::iter::empty(), time_s, from_s, policy);
         for bumps in &mut out.bumps[..SWING] {
             bumps.count = 0;
         }
@@ -159,8 +165,7 @@ impl Basis {
 
     /// The weights that may differ from zero under `sizes`.
     pub(crate) fn active(&self, sizes: &Sizes, policy: &Policy) -> Active {
-        let least = |c: usize| if c == SWING { 0.0 } else { policy.form_least };
-        self.those(|c| sizes[c] > least(c))
+        self.those(|c| sizes[c] > least(c, policy))
     }
 
     /// The weights of all coordinates that have one that differs from zero.
@@ -192,7 +197,7 @@ impl Basis {
             place.ln_distance,
             place.above_sigmas,
             place.across_sigmas,
-            place.time_s,
+            place.emitted_s,
         ];
         let mut rest = out;
         for (c, (bumps, at)) in self.bumps.iter().zip(at).enumerate() {
@@ -216,6 +221,37 @@ impl Basis {
         self.bumps[SWING].fill(time_s, out);
     }
 
+    /// The means of the swing's bumps over the time `under_way_s` that ends at a time: the turn of an axis
+    /// that the air has followed since then.
+    pub(crate) fn fill_swing_since(&self, time_s: f64, under_way_s: f64, out: &mut [f64]) {
+        let steps = (under_way_s / (STEP_OVER_WIDTH * self.bumps[SWING].width)).ceil();
+        let steps = (steps as usize).clamp(1, MOST_STEPS);
+        let mut there = vec![0.0; out.len()];
+        out.fill(0.0);
+        for k in 0..steps {
+            let ago_s = under_way_s * (k as f64 + 0.5) / steps as f64;
+            self.fill_swing(time_s - ago_s, &mut there);
+            for (out, there) in out.iter_mut().zip(&there) {
+                *out += there / steps as f64;
+            }
+        }
+    }
+
+    /// Turn of an axis that the air has followed for the time `under_way_s` that ends at a time, degrees
+    /// clockwise.
+    pub(crate) fn turn_since_deg(&self, time_s: f64, under_way_s: f64, weights: &[f64]) -> f64 {
+        let mut values = vec![0.0; self.bumps[SWING].count];
+        self.fill_swing_since(time_s, under_way_s, &mut values);
+        dot(&values, &weights[self.of_form()..])
+    }
+
+    /// These bumps of the error of form with those of another basis for the swing.
+    pub(crate) fn with_swing_of(&self, other: &Self) -> Self {
+        let mut out = self.clone();
+        out.bumps[SWING] = other.bumps[SWING].clone();
+        out
+    }
+
     /// exp(g) for bumps of the error of form of these values and weights; more values are left alone.
     pub(crate) fn factor(values: &[f64], weights: &[f64]) -> f64 {
         let g = dot(values, weights);
@@ -224,9 +260,16 @@ impl Basis {
 
     /// Turn of the axis at a time, degrees clockwise.
     pub(crate) fn turn_deg(&self, time_s: f64, weights: &[f64]) -> f64 {
-        let mut values = vec![0.0; self.bumps[SWING].count];
-        self.bumps[SWING].fill(time_s, &mut values);
-        dot(&values, &weights[self.of_form()..])
+        self.turn_since_deg(time_s, 0.0, weights)
+    }
+}
+
+/// The size of a coordinate where there is none.
+fn least(coordinate: usize, policy: &Policy) -> f64 {
+    if coordinate == SWING {
+        0.0
+    } else {
+        policy.form_least
     }
 }
 
@@ -259,6 +302,11 @@ impl Active {
 
     pub fn coordinates(&self) -> impl Iterator<Item = usize> + '_ {
         self.weights.iter().map(|w| w.1)
+    }
+
+    /// Whether `sizes` let all of them differ from zero.
+    pub fn all_may_be(&self, sizes: &Sizes, policy: &Policy) -> bool {
+        (0..COORDINATES).all(|c| !self.kept[c] || sizes[c] > least(c, policy))
     }
 
     pub fn has(&self, weight: usize) -> bool {
@@ -306,13 +354,20 @@ impl Policy {
     }
 
     /// Of sizes what is tolerated: no error of form but a slow change of strength as a wind's speed makes,
-    /// and a swing as a steady wind's.
+    /// and a swing about as wide as the wander that is.
     pub(crate) fn tolerated_sizes(&self, sizes: &Sizes) -> Sizes {
         std::array::from_fn(|k| match k {
-            SWING => sizes[k].min(self.swing_sizes_deg[0]),
+            SWING => sizes[k].min(self.nearest_swing_deg(self.noise_tolerated.wander_deg)),
             TIME => sizes[k].min(self.form_sizes[0]),
             _ => self.form_least,
         })
+    }
+
+    /// The size of a swing, other than none, that is nearest to `deg` by its factor.
+    fn nearest_swing_deg(&self, deg: f64) -> f64 {
+        let off = |size: &f64| (size / deg).ln().abs();
+        let [some, more] = self.swing_sizes_deg;
+        if off(&some) <= off(&more) { some } else { more }
     }
 
     /// All sizes that differ from `sizes` on one coordinate.
@@ -358,7 +413,7 @@ mod tests {
     #[test]
     fn the_error_of_form_has_the_same_size_everywhere() {
         let places = [place(6.9, -2.0), place(8.1, 3.0)];
-        let basis = Basis::over(places.into_iter(), &[0.0, 900.0], &Policy::default());
+        let basis = Basis::over(places.into_iter(), &[0.0, 900.0], 0.0, &Policy::default());
         let coordinates: Vec<usize> = basis.coordinates().collect();
         let mut bumps = vec![0.0; basis.len()];
         for step in 0..=60 {
@@ -378,7 +433,7 @@ mod tests {
     #[test]
     fn outside_the_plume_only_the_axis_swings() {
         let places = [place(6.9, 0.0), place(8.1, 0.0)];
-        let basis = Basis::over(places.into_iter(), &[0.0, 900.0], &Policy::default());
+        let basis = Basis::over(places.into_iter(), &[0.0, 900.0], 0.0, &Policy::default());
         let mut bumps = vec![0.0; basis.len()];
         basis.fill(&place(f64::NAN, 0.0), &mut bumps);
         assert!(bumps[..basis.of_form()].iter().all(|b| *b == 0.0));
@@ -392,10 +447,10 @@ mod tests {
     #[test]
     fn a_long_record_has_no_more_bumps_than_allowed() {
         let policy = Policy::default();
-        let basis = Basis::over(std::iter::empty(), &[0.0, 1e6], &policy);
-        let time = basis.coordinates().filter(|c| *c == 3).count();
+        let basis = Basis::over(std::iter::empty(), &[0.0, 1e6], 0.0, &policy);
+        let time = basis.coordinates().filter(|c| *c == TIME).count();
         let swing = basis.coordinates().filter(|c| *c == SWING).count();
         assert!(time <= policy.form_most_bumps + 2, "{time}");
-        assert!(swing <= policy.swing_most_bumps + 2, "{swing}");
+        assert!(swing <= policy.most_bumps_in_time + 2, "{swing}");
     }
 }

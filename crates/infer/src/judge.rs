@@ -36,6 +36,13 @@ pub struct Cause<T> {
     pub worse: [f64; 2],
 }
 
+impl<T> Cause<T> {
+    /// The smaller of its two probabilities.
+    pub fn strength(&self) -> f64 {
+        self.probability.min(self.drawn_again)
+    }
+}
+
 /// What stands.
 #[derive(Debug, Clone)]
 pub struct Judgement<M: Catalogue> {
@@ -43,8 +50,10 @@ pub struct Judgement<M: Catalogue> {
     pub set: Found<M>,
     /// Its names, each with what the readings do not tell from it.
     pub causes: Vec<Cause<M::Tried>>,
-    /// Names that were likelier than not, but do not stand.
-    pub doubted: Vec<Cause<M::Tried>>,
+    /// Names of the likeliest sets that do not stand, the strongest first.
+    pub dropped: Vec<Cause<M::Tried>>,
+    /// Whether so much speaks for one of these that the set does not explain the readings.
+    pub is_doubted: bool,
     /// Log evidence of error of form, swing and excess noise beside these names, nats.
     pub rest: f64,
     /// What explains most where there is a rest, with probabilities over passes drawn anew.
@@ -88,7 +97,7 @@ impl Question<'_> {
             })
             .collect();
         let mut set = found[0].clone();
-        let mut doubted = Vec::new();
+        let (mut dropped, mut is_doubted) = (Vec::new(), false);
         let mut causes: Vec<Cause<M::Tried>>;
         loop {
             causes = Vec::new();
@@ -96,21 +105,21 @@ impl Question<'_> {
                 let without = best_without(found, &set, k);
                 causes.push(self.cause(found, &set, without, k, &passes, &draws)?);
             }
-            let strength = |c: &Cause<M::Tried>| c.probability.min(c.drawn_again);
             let weakest = (0..causes.len())
                 .filter(|&k| !self.stands(&causes[k]))
-                .min_by(|a, b| strength(&causes[*a]).total_cmp(&strength(&causes[*b])));
+                .min_by(|a, b| causes[*a].strength().total_cmp(&causes[*b].strength()));
             let Some(k) = weakest else { break };
-            // What is much, or is chosen again, is said to be doubted.
-            let much = causes[k].gain > self.policy.rest_alone_nats
-                || strength(&causes[k]) > self.policy.drawn_again;
-            if much && causes[k].departs_sd > self.policy.departs_sd {
-                doubted.push(causes[k].clone());
+            let cause = &causes[k];
+            if cause.probability > 0.5 && cause.departs_sd > self.policy.departs_sd {
+                is_doubted |= cause.gain > self.policy.rest_alone_nats
+                    || cause.strength() > self.policy.drawn_again;
+                dropped.push(cause.clone());
             }
             set = best_without(found, &set, k).clone();
         }
+        dropped.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
         let rest = self.rest(&set, &passes)?;
-        let candidates = if rest > self.policy.rest_nats || !doubted.is_empty() {
+        let candidates = if rest > self.policy.rest_nats || is_doubted {
             let plain = self.plain_extensions(&set, tried)?;
             self.candidates(&plain, &passes, &draws)?
         } else {
@@ -119,7 +128,8 @@ impl Question<'_> {
         Ok(Judgement {
             set,
             causes,
-            doubted,
+            dropped,
+            is_doubted,
             rest,
             candidates,
             passes,

@@ -43,6 +43,7 @@
 //!             ln_distance: 7.0,
 //!             across_sigmas: (k as f64 - 50.0) / 8.0,
 //!             time_s: k as f64,
+//!             emitted_s: k as f64,
 //!             ..PlumePlace::default()
 //!         };
 //!         Ok((0..100).map(place).collect())

@@ -12,14 +12,14 @@ pub struct Policy {
     /// The same in height and across, in standard deviations of the plume: a profile that is not
     /// Gaussian differs from it over about one.
     pub form_width_sigmas: f64,
-    /// The same in time, s: what is slower than the five minutes of a mean is a change of the
-    /// plume, what is faster is its fluctuation.
+    /// The same in the time at which the air left the source, s: an emission that is on and off by turns of
+    /// a minute is seen, what is faster is a fluctuation.
     pub form_width_s: f64,
     /// Width of the swing's bumps, s: about as long as a pass, so that each pass may meet the plume in a
     /// direction of its own, and what turns within a pass is wander.
     pub swing_width_s: f64,
-    /// Most bumps of the swing.
-    pub swing_most_bumps: usize,
+    /// Most bumps of the swing, and of the error of form in time.
+    pub most_bumps_in_time: usize,
     /// Height and distance across beyond which a plume is nothing, in standard deviations.
     pub form_reach_sigmas: f64,
     /// Most bumps of one coordinate: keeps the cost linear in a record's length.
@@ -46,7 +46,7 @@ pub struct Policy {
     /// Noise whose parts are larger is an error of the model; white and slow noise as multiples of the
     /// sensor's own, memories of any length. A plume that fluctuates by half is still one of a steady
     /// source, a zero that wanders by three times the noise still one of the sensor's, and an axis that
-    /// wanders by three degrees that of a steady wind.
+    /// wanders or swings by three degrees that of a steady wind, or of one that is logged.
     pub noise_tolerated: Noise,
     /// About how many passes a record is cut into.
     pub passes: usize,
@@ -76,7 +76,8 @@ pub struct Policy {
     pub drawn_again: f64,
     /// ... and where a parameter of it departs from doing nothing by so many standard deviations.
     pub departs_sd: f64,
-    /// An error of form is said where its evidence exceeds this, nats: 19 to 1.
+    /// An error of form is said where its evidence exceeds this, nats: 99 to 1, as a model that is right
+    /// shows so much by chance in one record of a hundred at most.
     pub rest_nats: f64,
     /// ... where passes left out gain by it; beyond this, nats, in any case, as a swing or a fluctuation
     /// of one pass tells nothing of another: 160,000 to 1.
@@ -98,9 +99,9 @@ impl Default for Policy {
         Self {
             form_width_ln_distance: 0.35,
             form_width_sigmas: 1.0,
-            form_width_s: 300.0,
+            form_width_s: 30.0,
             swing_width_s: 60.0,
-            swing_most_bumps: 40,
+            most_bumps_in_time: 40,
             form_reach_sigmas: 3.0,
             form_most_bumps: 24,
             form_sizes: [0.1, 0.4],
@@ -110,14 +111,14 @@ impl Default for Policy {
             form_none: 0.75,
             noise_median: Noise {
                 white: 1.0,
-                slow: 0.3,
-                slow_s: 300.0,
+                slow: 0.4,
+                slow_s: 60.0,
                 fluctuation: 0.1,
                 fluctuation_s: 5.0,
                 wander_deg: 1.0,
                 wander_s: 60.0,
             },
-            noise_ln_sd: [0.7, 0.4, 0.3, 0.8, 0.8, 1.0, 0.5],
+            noise_ln_sd: [0.7, 0.7, 0.8, 0.8, 0.8, 1.0, 0.5],
             noise_tolerated: Noise {
                 white: 6.0,
                 slow: 3.0,
@@ -139,7 +140,7 @@ impl Default for Policy {
             named: 0.95,
             drawn_again: 0.85,
             departs_sd: 2.0,
-            rest_nats: 2.944,
+            rest_nats: 4.595,
             rest_alone_nats: 12.0,
             most_candidates: 4,
             longest_step_sd: 1.0,

@@ -70,8 +70,11 @@ pub struct Posterior {
 pub(crate) struct Weighed {
     pub fit: Fit,
     pub ln_evidence: f64,
-    /// Logarithms of the shares of sizes, the largest first.
+    /// Logarithms of the shares of sizes, the largest first. Where an error of form or a swing was fitted,
+    /// the linear problem does not say how well none would do.
     pub sizes: Vec<(f64, Sizes)>,
+    /// Sizes that look best from there, and the log evidence that they promise.
+    promising: (f64, Sizes),
     known: Known,
     products: Products,
 }
@@ -127,17 +130,14 @@ impl<M: ForwardModel> Problem<'_, M> {
     }
 
     fn carried(&self, before: &Fit) -> Result<Weighed, InferError> {
-        // Bumps lie over the places and times of the readings: the swing is carried over as turns. The
-        // weights of the error of form are found in a step or two.
-        let turn = |t: &f64| before.basis.turn_deg(*t, &before.point.weights);
-        let turns: Vec<f64> = self.rows.time_s().iter().map(turn).collect();
-        let weights = if turns.iter().all(|t| *t == 0.0) {
-            vec![0.0; self.swing.len()]
-        } else {
-            self.smoothed(&turns)
+        // Bumps lie over the places and times of the readings. The weights of the error of form are found in
+        // a step or two.
+        let before = self.with_own_swing(before);
+        let swing = before.point.weights[before.basis.of_form()..].to_vec();
+        let point = Point {
+            at: before.point.at,
+            weights: swing,
         };
-        let at = before.point.at.clone();
-        let point = Point { at, weights };
         let basis = self.basis(&point)?;
         let carried = self.settled(&point, &basis, (before.noise, before.sizes), REFITS)?;
         // With its noise and error of form a wrong valley explains itself: without them more readings may
@@ -260,7 +260,7 @@ impl<M: ForwardModel> Problem<'_, M> {
                 }
             }
         }
-        sort(&mut found);
+        found.sort_by(|a, b| b.promising.0.total_cmp(&a.promising.0));
         found.truncate(REFINED);
         let refined = found.iter().map(|f| {
             let fit = self.refit_noise(&f.fit)?;
@@ -298,7 +298,7 @@ impl<M: ForwardModel> Problem<'_, M> {
     pub(crate) fn settle_sizes(&self, fit: Fit) -> Result<Weighed, InferError> {
         let mut best = self.around(fit)?;
         for _ in 0..MOST_ROUNDS {
-            let sizes = best.likeliest_sizes();
+            let sizes = best.promising.1;
             if sizes == best.fit.sizes {
                 break;
             }
@@ -338,13 +338,19 @@ impl<M: ForwardModel> Problem<'_, M> {
             .map(|p| p.1)
             .collect();
         sizes.push(likeliest);
-        for other in near.into_iter().flat_map(|s| self.policy.neighbours(s)) {
+        let far = near.into_iter().flat_map(|s| self.policy.neighbours(s));
+        let own = self.policy.neighbours(fit.sizes);
+        for other in far.chain(own).chain([fit.sizes]) {
             if !sizes.iter().any(|s| s.1 == other) {
                 sizes.push(scored(other));
             }
         }
         sizes.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let top = sizes[0].0;
+        let ln_noise = self.ln_noise_prior(&fit.noise);
+        let promising = (sizes[0].0 + ln_noise, sizes[0].1);
+        let has = fit.basis.weighted(&fit.point.weights);
+        sizes.retain(|s| has.all_may_be(&s.1, self.policy));
+        let top = sizes.first().map_or(f64::NEG_INFINITY, |s| s.0);
         if !top.is_finite() {
             return Err(InferError::NoPosterior);
         }
@@ -354,8 +360,9 @@ impl<M: ForwardModel> Problem<'_, M> {
             share.0 -= top + total;
         }
         Ok(Weighed {
-            ln_evidence: top + total + self.ln_noise_prior(&fit.noise),
+            ln_evidence: top + total + ln_noise,
             sizes,
+            promising,
             fit,
             known,
             products,
@@ -406,7 +413,9 @@ impl Weighed {
     ) -> f64 {
         self.sizes = vec![(0.0, *sizes)];
         let ln = Evidence::new(&self.products, &self.known).ln(sizes);
-        ln + policy.ln_sizes(sizes) + problem.ln_noise_prior(&self.fit.noise)
+        let ln = ln + policy.ln_sizes(sizes) + problem.ln_noise_prior(&self.fit.noise);
+        self.promising = (ln, *sizes);
+        ln
     }
 }
 

@@ -147,6 +147,8 @@ pub struct PlumePlace {
     pub across_sigmas: f64,
     /// Time, s.
     pub time_s: f64,
+    /// Time at which the air there left the source, s.
+    pub emitted_s: f64,
 }
 
 /// A model of readings with unknowns.
@@ -166,6 +168,18 @@ pub trait ForwardModel {
     /// # Errors
     /// Values that the model refuses.
     fn predict(&self, at: &[f64], turn_deg: &[f64]) -> Result<Prediction, InferError>;
+
+    /// How long the air of a row has been under way since the source let it go, s: its axis has turned as
+    /// the wind did on the average over that time. Zero where the whole plume turns at once.
+    fn under_way_s(&self, _row: usize) -> f64 {
+        0.0
+    }
+
+    /// Standard deviation of what a sensor's readings may be off all along, in the unit of the readings:
+    /// background and zero.
+    fn level_sd(&self) -> f64 {
+        f64::INFINITY
+    }
 
     /// Where each row lies in the plume of the unknowns `at`.
     ///

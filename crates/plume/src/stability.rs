@@ -44,6 +44,12 @@ impl Stability {
         (letter.trim().len() == 1).then(|| Self::ALL[position])
     }
 
+    /// Standard deviation of the wind's direction over a quarter of an hour, degrees: the middle of the
+    /// class (US EPA 2000, EPA-454/R-99-005, table 6-8a).
+    pub fn sigma_theta_deg(self) -> f64 {
+        [25.0, 20.0, 15.0, 10.0, 5.0, 2.5][self.index()]
+    }
+
     /// Its letter.
     pub fn letter(self) -> char {
         ['A', 'B', 'C', 'D', 'E', 'F'][self.index()]

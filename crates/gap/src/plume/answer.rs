@@ -102,6 +102,7 @@ pub(crate) fn stated(
         report: report(study, gained.as_ref()),
         begun: Some(Begun {
             carried: study.carried,
+            swing: study.base.model.swing(),
             base: study.base.fit().clone(),
             zero_s: 0.0,
         }),
@@ -226,33 +227,26 @@ fn unexplained(study: &Study<'_>, named: bool) -> Result<Option<Unexplained>, In
     // Where the readings do not follow the plume, and no turn of the wind that they ask for is named,
     // the model does not hold, however small a rest a wandering zero leaves.
     let elsewhere = study.contact.as_ref().is_some_and(|c| c.share < FOLLOWED);
-    let holds = judged.rest <= study.question.policy.rest_nats && judged.doubted.is_empty();
+    let holds = judged.rest <= study.question.policy.rest_nats && !judged.is_doubted;
     if holds && !astray && (named || !elsewhere) {
         return Ok(None);
     }
-    let mut candidates = Vec::new();
-    for (found, probability) in &judged.candidates {
-        candidates.push(candidate(
-            study,
-            found,
-            *probability,
-            judged.set.names.len(),
-        )?);
-    }
-    if !named {
-        for cause in &judged.causes {
-            let listed = candidates
-                .iter()
-                .any(|c: &Candidate| c.mechanisms.contains(&label(study, &cause.names[0].0).0));
-            if !listed {
-                candidates.insert(0, doubted(study, cause));
-            }
+    let mut candidates: Vec<Candidate> = Vec::new();
+    let unstated = judged.causes.iter().filter(|_| !named);
+    for cause in unstated.chain(&judged.dropped) {
+        let own = dropped(study, cause);
+        if candidates.iter().all(|c| c.mechanisms != own.mechanisms) {
+            candidates.push(own);
         }
     }
-    for cause in &judged.doubted {
-        let own = label(study, &cause.names[0].0).0;
-        if candidates.iter().all(|c| !c.mechanisms.contains(&own)) {
-            candidates.push(doubted(study, cause));
+    for (found, probability) in &judged.candidates {
+        let own = candidate(study, found, *probability, judged.set.names.len())?;
+        match candidates
+            .iter_mut()
+            .find(|c| c.mechanisms == own.mechanisms)
+        {
+            Some(same) => *same = own,
+            None => candidates.push(own),
         }
     }
     candidates.truncate(study.question.policy.most_candidates);
@@ -299,10 +293,10 @@ fn candidate(
     })
 }
 
-fn doubted(study: &Study<'_>, cause: &Named<Tried>) -> Candidate {
+fn dropped(study: &Study<'_>, cause: &Named<Tried>) -> Candidate {
     Candidate {
         mechanisms: vec![label(study, &cause.names[0].0).0],
-        probability: cause.probability.min(cause.drawn_again),
+        probability: cause.strength(),
         log_evidence: cause.gain,
         parameters: Vec::new(),
     }

@@ -51,6 +51,17 @@ pub struct PlumeModel<'a> {
     aim: Option<(usize, f64)>,
     /// What the catalogue's concentrations are multiplied by.
     scale: Scale,
+    /// How the plume follows a swing.
+    swing: Swing,
+}
+
+/// How the plume follows a swing of the wind that no log shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Swing {
+    /// All of it turns at once, as in a steady wind that is known badly.
+    AtOnce,
+    /// Each part of it lies where the wind has carried it since it left the source.
+    Carried,
 }
 
 /// The catalogue's priors and steps of concentrations are those of a CO2 sensor; of another gas, or in
@@ -145,6 +156,7 @@ impl<'a> PlumeModel<'a> {
             priors: Vec::new(),
             aim: None,
             scale: Scale::CATALOGUE,
+            swing: Swing::AtOnce,
         };
         for unknown in unknowns {
             let part = Part {
@@ -195,6 +207,16 @@ impl<'a> PlumeModel<'a> {
         }
         out.aim = Some((out.priors.len() - 1, turn_deg));
         out
+    }
+
+    /// The same model whose plume follows a swing in this way.
+    pub(crate) fn following(self, swing: Swing) -> Self {
+        Self { swing, ..self }
+    }
+
+    /// How its plume follows a swing.
+    pub(crate) fn swing(&self) -> Swing {
+        self.swing
     }
 
     /// The same model of another track.
@@ -286,6 +308,7 @@ impl<'a> PlumeModel<'a> {
         let here = PlumePlace {
             ln_distance: distance_m.ln(),
             time_s: met_s,
+            emitted_s: met_s - distance_m / self.track.transport()[0].speed_m_s.max(1.0),
             ..PlumePlace::default()
         };
         let on_axis = |at: &[f64]| self.axis_excess(at, distance_m).unwrap_or(f64::NAN);
@@ -419,26 +442,48 @@ impl ForwardModel for PlumeModel<'_> {
         Ok(out)
     }
 
+    fn under_way_s(&self, row: usize) -> f64 {
+        match self.swing {
+            Swing::AtOnce => 0.0,
+            Swing::Carried => self.track.under_way_s(row, self.base.sources[0].place),
+        }
+    }
+
+    fn level_sd(&self) -> f64 {
+        let zero = MechanismId::SensorOffset;
+        let spec = &zero.spec().parameters[0];
+        let own = spec.prior_sd * self.scale.on(spec);
+        let stated = [MechanismId::BackgroundOffset, zero].map(|id| self.unknown(id));
+        let stated = stated.into_iter().flatten().map(|k| self.priors[k].sd);
+        stated.fold(own, f64::hypot)
+    }
+
     fn places(&self, at: &[f64]) -> Result<Vec<PlumePlace>, InferError> {
         let world = self.world(at)?;
-        let places = self.track.in_first_plume(&world).into_iter();
-        let of = |(place, time_s): (Option<InPlume>, &f64)| plume_place(place, *time_s);
-        Ok(places.zip(self.track.time_s()).map(of).collect())
+        let places = self.track.in_first_plume(&world).into_iter().enumerate();
+        let source = self.base.sources[0].place;
+        let of = |(i, place): (usize, Option<InPlume>)| {
+            let under_way_s = self.track.under_way_s(i, source);
+            plume_place(place, self.track.time_s()[i], under_way_s)
+        };
+        Ok(places.map(of).collect())
     }
 }
 
 /// A place in the plume as the inference has it; not a number upwind of the source.
-pub fn plume_place(place: Option<InPlume>, time_s: f64) -> PlumePlace {
+pub fn plume_place(place: Option<InPlume>, time_s: f64, under_way_s: f64) -> PlumePlace {
     let none = PlumePlace {
         ln_distance: f64::NAN,
         above_sigmas: f64::NAN,
         across_sigmas: f64::NAN,
         time_s,
+        emitted_s: time_s - under_way_s,
     };
     place.map_or(none, |p| PlumePlace {
         ln_distance: p.distance_m.ln(),
         above_sigmas: p.above_sigmas,
         across_sigmas: p.across_sigmas,
         time_s,
+        emitted_s: time_s - under_way_s,
     })
 }

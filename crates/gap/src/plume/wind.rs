@@ -2,12 +2,12 @@
 
 use ::plume::field::Transport;
 use ::plume::track::Track;
-use infer::{ForwardModel, InferError, Question};
+use infer::{ForwardModel, Found, InferError, Question, SWING};
 
 use super::catalogue;
 use super::data::{Data, Setup};
 use super::elsewhere;
-use super::model::{PlumeModel, Scale};
+use super::model::{PlumeModel, Scale, Swing};
 
 /// What of a log carries the plume.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,47 +39,92 @@ const TRIED_IN_FLIGHT: [Carried; 4] = [
 ];
 /// The air's way is reckoned with at least this wind, m/s: a calm carries nothing.
 const LEAST_WIND_M_S: f64 = 0.5;
+/// Steps of the air's way back to the source, s, and the most of them: an hour.
+const STEP_S: f64 = 4.0;
+const MOST_STEPS: usize = 900;
+/// The air has come back when it is this near, m.
+const ARRIVED_M: f64 = 1.0;
+/// The speed at which air left the source is the mean over this before and after, s: longer than one
+/// anemometer's noise.
+const DILUTED_OVER_S: f64 = 12.0;
 
-/// `track` in a wind that is the mean of what was logged from `before_s` before each row to
-/// `after_s` after it, by any platform.
-fn averaged(
-    track: &Track,
-    logged: &[bool],
-    before_s: impl Fn(usize) -> f64,
-    after_s: f64,
-) -> Track {
-    let times = track.time_s();
-    let mut order: Vec<usize> = (0..track.len()).filter(|i| logged[*i]).collect();
-    order.sort_by(|a, b| times[*a].total_cmp(&times[*b]));
-    // Sums of east, north, speed and number of the rows before each.
-    let mut sums = vec![[0.0; 4]];
-    for &i in &order {
-        let t = track.transport()[i];
-        let own = [
-            t.east * t.speed_m_s,
-            t.north * t.speed_m_s,
-            t.speed_m_s,
-            1.0,
-        ];
-        let last = sums[sums.len() - 1];
-        sums.push(std::array::from_fn(|k| last[k] + own[k]));
-    }
-    let upto = |time_s: f64| order.partition_point(|i| times[*i] <= time_s);
-    let mut out = track.clone();
-    for (i, transport) in out.transport_mut().iter_mut().enumerate() {
-        let end = upto(times[i] + after_s).max(1);
-        let first = upto(times[i] - before_s(i)).min(end - 1);
-        let [east, north, speed, count] = std::array::from_fn(|k| sums[end][k] - sums[first][k]);
-        let length = f64::hypot(east, north);
-        if length > 0.0 {
-            *transport = Transport {
-                east: east / length,
-                north: north / length,
-                speed_m_s: speed / count,
-            };
+/// The wind of a log in the order of time, all platforms together: means over what lies next to each
+/// time.
+struct History {
+    time_s: Vec<f64>,
+    /// Sums of east and north, in m/s, of speed and of the number of rows before each.
+    sums: Vec<[f64; 4]>,
+}
+
+impl History {
+    fn of(data: &Data) -> Self {
+        let (track, times) = (&data.track, data.track.time_s());
+        let mut order: Vec<usize> = (0..track.len())
+            .filter(|i| data.wind[*i].is_some())
+            .collect();
+        order.sort_by(|a, b| times[*a].total_cmp(&times[*b]));
+        let mut sums = vec![[0.0; 4]];
+        for &i in &order {
+            let t = track.transport()[i];
+            let own = [
+                t.east * t.speed_m_s,
+                t.north * t.speed_m_s,
+                t.speed_m_s,
+                1.0,
+            ];
+            let last = sums[sums.len() - 1];
+            sums.push(std::array::from_fn(|k| last[k] + own[k]));
+        }
+        Self {
+            time_s: order.iter().map(|i| times[*i]).collect(),
+            sums,
         }
     }
-    out
+
+    /// Means of east, north and speed from `from_s` to `to_s`, m/s; of the row before where there is none.
+    fn mean(&self, from_s: f64, to_s: f64) -> [f64; 3] {
+        let upto = |time_s: f64| self.time_s.partition_point(|t| *t <= time_s);
+        let end = upto(to_s).max(1);
+        let first = upto(from_s).min(end - 1);
+        let [east, north, speed, count] =
+            std::array::from_fn(|k| self.sums[end][k] - self.sums[first][k]);
+        [east, north, speed].map(|sum| sum / count)
+    }
+
+    /// The wind that is the mean of what was logged from `half_s` before a time to `half_s` after it.
+    fn about(&self, time_s: f64, half_s: f64) -> Option<Transport> {
+        let [east, north, speed_m_s] = self.mean(time_s - half_s, time_s + half_s);
+        towards(east, north, speed_m_s)
+    }
+
+    /// The wind that carried air from a source `far_m` away to where it is at `time_s`: towards where it
+    /// has come from there, with the speed at which it left, which says how much of the emission is in a
+    /// metre of the plume.
+    fn on_its_way(&self, time_s: f64, far_m: f64) -> Option<Transport> {
+        let (mut east_m, mut north_m, mut left_s) = (0.0, 0.0, time_s);
+        for _ in 0..MOST_STEPS {
+            let [east, north, speed] = self.mean(left_s - STEP_S, left_s);
+            let step_s =
+                STEP_S.min((far_m - f64::hypot(east_m, north_m)) / speed.max(LEAST_WIND_M_S));
+            east_m += step_s * east;
+            north_m += step_s * north;
+            left_s -= step_s;
+            if far_m - f64::hypot(east_m, north_m) < ARRIVED_M {
+                break;
+            }
+        }
+        let [_, _, speed_m_s] = self.mean(left_s - DILUTED_OVER_S, left_s + DILUTED_OVER_S);
+        towards(east_m, north_m, speed_m_s)
+    }
+}
+
+fn towards(east: f64, north: f64, speed_m_s: f64) -> Option<Transport> {
+    let length = east.hypot(north);
+    (length > 0.0).then(|| Transport {
+        east: east / length,
+        north: north / length,
+        speed_m_s,
+    })
 }
 
 /// What of a log carries the plume where the base fits its readings best; none without a log.
@@ -119,21 +164,53 @@ pub(crate) fn chosen(
     Ok(best.map(|b| b.1))
 }
 
+/// The base, and how its plume follows a swing that no log shows: as air does where the logged wind is
+/// seen to carry it so; else as the readings are explained best. In flight, where little time is to be had,
+/// all of it turns at once unless they ask for a swing.
+pub(crate) fn swinging<'a>(
+    question: &Question<'_>,
+    model: &PlumeModel<'a>,
+    carried: Option<Carried>,
+    in_flight: bool,
+) -> Result<(Found<PlumeModel<'a>>, Swing), InferError> {
+    let base = |swing| question.base(&model.clone().following(swing));
+    if in_flight && carried != Some(Carried::OnItsWay) {
+        let at_once = base(Swing::AtOnce)?;
+        if at_once.likeliest_sizes()[SWING] == 0.0 {
+            return Ok((at_once, Swing::AtOnce));
+        }
+    }
+    let as_air_does = base(Swing::Carried)?;
+    if carried == Some(Carried::OnItsWay) {
+        return Ok((as_air_does, Swing::Carried));
+    }
+    let at_once = base(Swing::AtOnce)?;
+    Ok(if as_air_does.ln_evidence() > at_once.ln_evidence() {
+        (as_air_does, Swing::Carried)
+    } else {
+        (at_once, Swing::AtOnce)
+    })
+}
+
 /// The track of `data` in what of its log carries the plume; in the scenario's wind where that is
 /// none.
 pub(crate) fn carrying(setup: &Setup, data: &Data, carried: Option<Carried>) -> Track {
-    let logged: Vec<bool> = data.wind.iter().map(Option::is_some).collect();
     match carried {
         None | Some(Carried::About(0.0)) => data.track.clone(),
-        Some(Carried::About(s)) => averaged(&data.track, &logged, |_| s, s),
-        Some(Carried::OnItsWay) => {
+        Some(carried) => {
+            let history = History::of(data);
             let source = setup.base.sources[0].place;
-            let way_s: Vec<f64> = data
-                .distance_m(source)
-                .zip(data.track.transport())
-                .map(|(far_m, wind)| far_m / wind.speed_m_s.max(LEAST_WIND_M_S))
-                .collect();
-            averaged(&data.track, &logged, |i| way_s[i], 0.0)
+            let mut track = data.track.clone();
+            let times: Vec<f64> = track.time_s().to_vec();
+            let ways = data.distance_m(source).zip(times);
+            for (own, (far_m, time_s)) in track.transport_mut().iter_mut().zip(ways) {
+                let wind = match carried {
+                    Carried::About(half_s) => history.about(time_s, half_s),
+                    Carried::OnItsWay => history.on_its_way(time_s, far_m),
+                };
+                *own = wind.unwrap_or(*own);
+            }
+            track
         }
     }
 }

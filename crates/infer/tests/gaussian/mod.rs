@@ -326,6 +326,7 @@ fn place(at: &[f64], [east, north, height, t]: Row) -> PlumePlace {
         above_sigmas: (height - at[1]) / (at[4].exp() * sz),
         across_sigmas: y / (at[3].exp() * sy),
         time_s: t,
+        emitted_s: t,
     }
 }
 

@@ -126,7 +126,17 @@ impl<M: ForwardModel> Problem<'_, M> {
     }
 
     pub(crate) fn refined(&self, before: &Fit) -> Result<Weighed, InferError> {
-        self.polished(self.carried(before)?)
+        let best = self.polished(self.carried(before)?)?;
+        // What began with an error of form or a swing may be better without.
+        let calm = self.quiet_noise();
+        let none = self.policy.nearest_sizes(0.0, 0.0);
+        let fit = &best.fit;
+        let calm = self.settled(&fit.point, &fit.basis, (calm, none), REFITS)?;
+        if calm.ln_evidence > best.ln_evidence {
+            self.polished(calm)
+        } else {
+            Ok(best)
+        }
     }
 
     fn carried(&self, before: &Fit) -> Result<Weighed, InferError> {

@@ -222,8 +222,9 @@ impl Calibrator {
     pub fn conclude(&mut self, nearest_m: f64) -> Result<(), WsError> {
         let asked = PlumePlace {
             ln_distance: nearest_m.max(1.0).ln(),
-            time_s: self.last_time_s(),
-            emitted_s: self.last_time_s(),
+            // What is asked is asked of the time when the plume was met.
+            time_s: f64::NAN,
+            emitted_s: f64::NAN,
             ..PlumePlace::default()
         };
         let all = self.thinned(MOST_ROWS)?;
@@ -282,12 +283,6 @@ impl Calibrator {
     /// wind of their own.
     fn set_wind_from(&mut self, from_deg: f64) {
         self.base.wind = self.base.wind.turned(from_deg - self.base.wind.from_deg());
-    }
-
-    /// Time of the last reading, s.
-    fn last_time_s(&self) -> f64 {
-        let last = self.readings.iter().filter_map(|r| r.last());
-        last.map(|r| r.row.time_s).fold(0.0, f64::max)
     }
 
     /// When the plume was last met, s: what it did afterwards nobody has read.

@@ -7,10 +7,15 @@
     reason = "a test may fail by a panic"
 )]
 
+use air::geo::Geodetic;
 use mission::campaign::{self, Campaign, FOUND_WITHIN_M};
 use mission::{Run, Setup};
-use protocol::message::Message;
+use plume::Place;
+use protocol::SimTime;
+use protocol::message::{Estimate, Message, Observation};
 use record::summary::{CORRECTED, MissionSummary, Summariser};
+use scenario::observations::{ObservationRow, Observations};
+use ws::calibration::Calibrated;
 
 const AS_PONTES: &str = include_str!("../scenarios/as-pontes.toml");
 
@@ -27,26 +32,132 @@ fn as_pontes(seed: u64, stand_ins: usize) -> Setup {
     setup
 }
 
-/// A mission's summary, and what the team said of the gap in it, the last verdict last.
+/// A mission's summary, what the team said of the gap in it, the last verdict last, and what real
+/// vehicles read, once a second.
 struct Flown {
     summary: MissionSummary,
     verdicts: Vec<String>,
+    readings: Vec<Observation>,
 }
 
 fn fly(setup: &Setup) -> Flown {
     let mut run = Run::new(setup).unwrap();
     let mut summariser = Summariser::new(campaign::summary_context(setup).unwrap());
-    let mut verdicts = Vec::new();
+    let (mut verdicts, mut readings) = (Vec::new(), Vec::<Observation>::new());
     while !run.ended() {
         for (topic, envelope) in run.step() {
-            if let Message::Extension(extension) = &envelope.message {
-                verdicts.push(extension.verdict.clone());
+            match &envelope.message {
+                Message::Extension(extension) => verdicts.push(extension.verdict.clone()),
+                Message::Observation(o) => {
+                    let last = readings.iter().rev().find(|l| l.vehicle == o.vehicle);
+                    if last.is_none_or(|l| o.time_ns - l.time_ns >= 1_000_000_000) {
+                        readings.push(o.clone());
+                    }
+                }
+                _ => {}
             }
             summariser.take(topic, envelope);
         }
     }
     let summary = summariser.summary(&run.digest(), 0.0);
-    Flown { summary, verdicts }
+    Flown {
+        summary,
+        verdicts,
+        readings,
+    }
+}
+
+/// The readings as a file would have them.
+fn observations(readings: &[Observation]) -> Observations {
+    let mut platforms: Vec<String> = Vec::new();
+    let row = |o: &Observation| {
+        let known = platforms.iter().position(|p| *p == o.vehicle);
+        let platform = known.unwrap_or_else(|| {
+            platforms.push(o.vehicle.clone());
+            platforms.len() - 1
+        });
+        ObservationRow {
+            time_s: SimTime::from_ns(o.time_ns).s(),
+            platform,
+            lat_deg: o.reading.lat_deg,
+            lon_deg: o.reading.lon_deg,
+            alt_amsl_m: o.reading.alt_amsl_m,
+            co2_ppm: Some(o.reading.co2_ppm),
+            wind_speed_m_s: None,
+            wind_from_deg: None,
+            temperature_c: None,
+            relative_humidity_pct: None,
+            pressure_hpa: None,
+            sd_ppm: None,
+        }
+    };
+    Observations {
+        rows: readings.iter().map(row).collect(),
+        platforms,
+        ..Observations::default()
+    }
+}
+
+/// What the correction in flight, `calibrate` and the gap say of what is uncertain, by the same readings,
+/// each with its standard deviation.
+fn thrice(setup: &Setup, readings: &[Observation]) -> Vec<(&'static str, [(f64, f64); 3])> {
+    let scenario = &setup.scenario;
+    let observed = observations(readings);
+    let mut flown = ws::Calibrator::new(scenario, &observed.platforms, None).unwrap();
+    let frame = scenario.frame().unwrap();
+    let mut next_s = 0.0;
+    for row in &observed.rows {
+        if row.time_s >= next_s && flown.is_due() {
+            flown.update().unwrap();
+            next_s = row.time_s + 10.0;
+        }
+        let at = Geodetic {
+            lat_deg: row.lat_deg,
+            lon_deg: row.lon_deg,
+        };
+        let place = Place::from_geodetic(&frame, at, row.alt_amsl_m);
+        flown.observe(row.platform, row.time_s, place, None, row.co2_ppm.unwrap());
+    }
+    flown.finish();
+    flown.conclude(scenario.fence.keep_out_radius_m).unwrap();
+    let filed = ws::calibration::offline::calibrate(scenario, &observed, None).unwrap();
+    let gap = gap::plume::analyse(
+        &gap::plume::Setup::new(scenario).unwrap(),
+        &observed,
+        &gap::plume::Options::default(),
+        &mut |_| {},
+    )
+    .unwrap();
+    let of_gap = |key: &str| {
+        let base = gap.base.iter().find(|b| b.0 == key).unwrap();
+        (base.1, base.2)
+    };
+    let (a, b) = (flown.calibrated(), filed.calibrated);
+    let pair = |e: Estimate| (e.value, e.sd);
+    let ground = |of: fn(&Calibrated) -> Estimate| [pair(of(&a)), pair(of(&b))];
+    [
+        ("weather.wind_from_deg", ground(|c| c.axis_deg)),
+        (
+            "source.effective_height_m",
+            ground(|c| c.effective_height_agl_m),
+        ),
+        ("source.c_max_ppm", ground(|c| c.c_max_ppm)),
+        ("background.co2_ppm", ground(|c| c.background_ppm)),
+        ("plume.sigma_y_scale", ground(|c| c.sigma_y_scale)),
+        ("plume.sigma_z_scale", ground(|c| c.sigma_z_scale)),
+        ("sensor.time_constant_s", ground(|c| c.time_constant_s)),
+    ]
+    .map(|(key, [flown, filed])| {
+        let (value, sd) = of_gap(key);
+        // The axis runs towards where the wind does not come from.
+        let turn = if key == "weather.wind_from_deg" {
+            180.0
+        } else {
+            0.0
+        };
+        (key, [flown, filed, (value - turn, sd)])
+    })
+    .to_vec()
 }
 
 /// Every one of the missions found the peak, most left little of the errors before, and nothing was
@@ -78,7 +189,25 @@ fn good(missions: Vec<Flown>) {
 
 #[test]
 fn the_reference_mission_finds_the_peak_corrects_the_model_and_raises_no_alarm() {
-    good(vec![fly(&as_pontes(1, 1))]);
+    let setup = as_pontes(1, 1);
+    let flown = fly(&setup);
+    let readings = flown.readings.clone();
+    good(vec![flown]);
+    agree(&setup, &readings);
+}
+
+/// The correction in flight, `calibrate` and the gap say the same of the same readings: values within half a
+/// standard deviation, standard deviations within a fifth.
+fn agree(setup: &Setup, readings: &[Observation]) {
+    for (key, said) in thrice(setup, readings) {
+        for (k, a) in said.iter().enumerate() {
+            for b in &said[..k] {
+                let apart = (a.0 - b.0).abs() / a.1.min(b.1);
+                let ratio = a.1.max(b.1) / a.1.min(b.1);
+                assert!(apart < 0.5 && ratio < 1.2, "{key}: {said:?}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -1,14 +1,15 @@
 //! `plumage calibrate`: the scenario corrected by measured observations, off-line.
 
 use crate::{Failure, measured, mission_files};
+use plume::MechanismId;
 use protocol::message::Peak;
 use record::files;
 use scenario::Scenario;
 use scenario::uncertain::Uncertain;
 use serde_json::json;
 use std::path::PathBuf;
+use ws::calibration::offline;
 use ws::calibration::offline::OfflineCalibration;
-use ws::calibration::{CalibrationParameter, offline};
 
 /// Arguments of `plumage calibrate`.
 #[derive(Debug, clap::Args)]
@@ -56,6 +57,9 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     let mut document = document(&offline, &observations.platforms, reference);
     let peak = peak(&setup.scenario, &offline);
     document["peak"] = json!(peak);
+    if peak.is_some() {
+        document["peak"]["time_s"] = json!(offline.calibrator.met_s());
+    }
     write("calibration.json", &format!("{:#}\n", document))?;
     measured::tell_flaws(&offline.data_quality);
     println!(
@@ -89,17 +93,11 @@ fn document(
         .iter()
         .enumerate()
         .filter_map(|(k, platform)| {
-            let (offset, offset_sd) = offline
-                .calibrator
-                .parameter(CalibrationParameter::Offset(k))?;
-            let (ln_gain, ln_gain_sd) = offline
-                .calibrator
-                .parameter(CalibrationParameter::LnGain(k))?;
-            let gain = ln_gain.exp();
+            let of = |id| offline.calibrator.parameter(id, Some(k));
             Some(json!({
                 "platform": platform,
-                "offset_ppm": {"value": offset, "sd": offset_sd},
-                "gain": {"value": gain, "sd": gain * ln_gain_sd},
+                "offset_ppm": of(MechanismId::SensorOffset)?,
+                "gain": of(MechanismId::SensorGain)?,
             }))
         })
         .collect();
@@ -122,12 +120,12 @@ fn document(
 }
 
 /// The highest concentration inside fence and height band and outside every keep-out, as it was when
-/// the last reading was taken; none where the fence leaves no such place.
+/// the plume was last met; none where the fence leaves no such place.
 fn peak(scenario: &Scenario, offline: &OfflineCalibration) -> Option<Peak> {
     let airspace = sc::Airspace::of(scenario).ok()?;
     let calibrator = &offline.calibrator;
     let model = plume::DispersionModel::new(calibrator.latest_spec()).ok()?;
-    let highest = sc::peak::highest(&model, &airspace, calibrator.last_time_s())?.position;
+    let highest = sc::peak::highest(&model, &airspace, calibrator.met_s())?.position;
     let met = calibrator.mean_ppm(&plume::Place {
         east_m: highest.at.east_m,
         north_m: highest.at.north_m,

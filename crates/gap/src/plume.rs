@@ -20,25 +20,30 @@ mod residual;
 mod wind;
 pub(crate) mod zero;
 
-pub use data::{Prior, Setup};
+pub use data::{Prior, Setup, every};
+pub use fixes::without_jitter;
+pub use model::{PlumeModel, Unknown, plume_place};
 pub use report::{GapReport, Series};
 
 use infer::{Contact, ForwardModel, Found, InferError, Judgement, Policy, Question, Rows};
 use scenario::observations::Observations;
 
 use crate::GapError;
-use crate::verdict::GapJson;
+use crate::verdict::{GapJson, Verdict};
 use catalogue::Tried;
 use data::Data;
-use model::{PlumeModel, Scale};
+use model::Scale;
 
 /// How the analysis is run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Seed of the draws of passes; the same seed gives the same answer.
     pub seed: u64,
-    /// Whether to measure the gain on data left out, and to propose a next flight.
+    /// Whether to measure the gain on data left out, say what could be seen and propose a next flight.
     pub complete: bool,
+    /// About how many rows are enough to find the plume and the wind that carries it, from where all are
+    /// fitted.
+    pub rows_of_a_search: usize,
     /// The numbers by which is decided.
     pub policy: Policy,
 }
@@ -48,6 +53,7 @@ impl Default for Options {
         Self {
             seed: 1,
             complete: true,
+            rows_of_a_search: ROWS_OF_A_SEARCH,
             policy: Policy::default(),
         }
     }
@@ -62,6 +68,7 @@ impl Options {
         };
         Self {
             complete: false,
+            rows_of_a_search: ROWS_OF_A_LIVE_SEARCH,
             policy,
             ..Self::default()
         }
@@ -91,12 +98,25 @@ pub struct Analysis {
     pub logged_wind: Option<(f64, f64)>,
     /// Series, tables and maps for a report.
     pub report: GapReport,
+    /// From where an analysis of more of the same readings may go on; none where there was no fit.
+    pub begun: Option<Begun>,
+}
+
+/// Where an analysis came to: the wind that carried the plume, and the fit of the base.
+#[derive(Debug, Clone)]
+pub struct Begun {
+    carried: Option<wind::Carried>,
+    swing: model::Swing,
+    base: infer::Fit,
+    zero_s: f64,
 }
 
 /// Fewest readings from which anything can be told.
 const FEWEST_READINGS: usize = 30;
 /// About how many rows are enough to find the plume and its wander.
-const ROWS_OF_A_SEARCH: usize = 800;
+pub const ROWS_OF_A_SEARCH: usize = 800;
+/// The same where little time is to be had.
+const ROWS_OF_A_LIVE_SEARCH: usize = 200;
 /// The sensor's noise where the scenario states none, in parts of the smallest difference between
 /// readings: rounding.
 const ROUNDING: f64 = 0.3;
@@ -120,9 +140,31 @@ pub fn analyse(
     options: &Options,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Analysis, GapError> {
+    analyse_from(None, setup, observations, options, progress)
+}
+
+/// The same of more of the readings of an analysis before: from there where nothing else is found, which
+/// takes a fraction of the time.
+///
+/// # Errors
+/// As of [`analyse`].
+pub fn analyse_from(
+    before: Option<&Begun>,
+    setup: &Setup,
+    observations: &Observations,
+    options: &Options,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Analysis, GapError> {
     let (observations, zero_s) = observations.counted_from_near_zero()?;
-    let mut analysis = counted_from_near_zero(setup, &observations, options, progress)?;
+    let mut of = |before| counted_from_near_zero(before, setup, &observations, options, progress);
+    let mut analysis = of(before.filter(|b| b.zero_s == zero_s))?;
+    if before.is_some() && analysis.json.verdict != Verdict::None {
+        analysis = of(None)?;
+    }
     zero::told_from(&mut analysis, zero_s);
+    if let Some(begun) = &mut analysis.begun {
+        begun.zero_s = zero_s;
+    }
     Ok(analysis)
 }
 
@@ -143,6 +185,7 @@ struct Study<'a> {
 }
 
 fn counted_from_near_zero(
+    before: Option<&Begun>,
     setup: &Setup,
     observations: &Observations,
     options: &Options,
@@ -160,7 +203,7 @@ fn counted_from_near_zero(
     };
     tell(0.05, "fitting the base");
     let rows = rows(&data)?;
-    let sensor_sd = sensor_sd(setup, &data);
+    let sensor_sd = sensor_sd(&setup.base, used_readings(&data));
     let scale = Scale::of(sensor_sd, highest(&data));
     let policy = policy_of(setup, &data, &options.policy);
     let question = Question {
@@ -170,23 +213,34 @@ fn counted_from_near_zero(
         asked: &[],
     };
     // Where the plume is and how it moves is seen in part of a long record as well.
-    let part = data.thinned(setup, ROWS_OF_A_SEARCH)?;
+    let part = data.thinned(setup, options.rows_of_a_search)?;
     let first = part.as_ref().unwrap_or(&data);
     let first_rows = self::rows(first)?;
     let first_question = Question {
         rows: &first_rows,
         ..question
     };
-    let carried = wind::chosen(setup, first, &first_question, scale)?;
+    let before = before.filter(|b| b.carried.is_some() == data.on_board_wind);
+    let carried = match before {
+        Some(before) => before.carried,
+        None => wind::chosen(setup, first, &first_question, scale, !options.complete)?,
+    };
     let first_track = wind::carrying(setup, first, carried);
     let track = wind::carrying(setup, &data, carried);
-    let first_model = PlumeModel::new(setup, &first_track, scale);
-    let (first_base, swing) = wind::swinging(&first_question, &first_model, carried)?;
+    let first_model = PlumeModel::of(setup, &first_track, scale);
+    let (first_base, swing) = match before {
+        Some(before) => (before.base.clone(), before.swing),
+        None => {
+            let in_flight = !options.complete;
+            let (found, swing) = wind::swinging(&first_question, &first_model, carried, in_flight)?;
+            (found.fit().clone(), swing)
+        }
+    };
     let first_model = first_model.following(swing);
-    let model = PlumeModel::new(setup, &track, scale).following(swing);
-    let base = question.refined(&model, &first_base)?;
+    let model = PlumeModel::of(setup, &track, scale).following(swing);
+    let base = question.base_from(&model, &first_base)?;
     tell(0.25, "asking whether the readings follow the plume");
-    let contact = first_question.contact(&first_base)?;
+    let contact = first_question.contact(&first_model, base.at())?;
     let named = match aimed(&first_question, &first_model, &model, contact.as_ref())? {
         Some((found, aimed)) => vec![question.refined(&aimed, &found)?],
         None => Vec::new(),
@@ -268,18 +322,23 @@ fn rows(data: &Data) -> Result<Rows, InferError> {
 
 /// The highest reading, ppm.
 fn highest(data: &Data) -> f64 {
-    let used = data.reading_ppm.iter().zip(&data.used).filter(|(_, u)| **u);
-    used.map(|(c, _)| *c).fold(f64::MIN_POSITIVE, f64::max)
+    used_readings(data).fold(f64::MIN_POSITIVE, f64::max)
 }
 
-/// Standard deviation of the sensor's noise, ppm: the scenario's, or what rounding alone makes.
-fn sensor_sd(setup: &Setup, data: &Data) -> f64 {
-    let stated = setup.base.sensor.noise_sd_ppm;
+/// Readings that count, ppm.
+fn used_readings(data: &Data) -> impl Iterator<Item = f64> {
+    let used = data.reading_ppm.iter().zip(&data.used).filter(|(_, u)| **u);
+    used.map(|(c, _)| *c)
+}
+
+/// Standard deviation of the noise of the sensor that made these readings, ppm: the scenario's, or what
+/// rounding alone makes.
+pub fn sensor_sd(base: &::plume::DispersionSpec, readings: impl Iterator<Item = f64>) -> f64 {
+    let stated = base.sensor.noise_sd_ppm;
     if stated > 0.0 {
         return stated;
     }
-    let used = data.reading_ppm.iter().zip(&data.used).filter(|(_, u)| **u);
-    let mut read: Vec<f64> = used.map(|(c, _)| *c).collect();
+    let mut read: Vec<f64> = readings.collect();
     read.sort_by(f64::total_cmp);
     let steps = read.windows(2).map(|w| w[1] - w[0]).filter(|s| *s > 0.0);
     let least = steps.fold(f64::INFINITY, f64::min);

@@ -113,6 +113,18 @@ impl Known {
         out
     }
 
+    /// What the unknowns alone are told by `products` and beforehand: their precision.
+    pub fn of_unknowns(&self, products: &Products) -> Option<Cholesky<f64, Dyn>> {
+        let (first, n) = (self.layout.unknowns, self.precision.len());
+        let columns = self.layout.columns;
+        let products = DMatrixView::from_slice(&products.values, columns, columns);
+        let mut information = products.view((first, first), (n, n)).into_owned();
+        for (k, precision) in self.precision.iter().enumerate() {
+            information[(k, k)] += precision;
+        }
+        Cholesky::new(information)
+    }
+
     /// The most probable step from the point under `sizes`, column by column, and the precision there.
     pub fn solved(
         &self,

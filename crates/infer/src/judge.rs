@@ -4,7 +4,6 @@
 use crate::InferError;
 use crate::left_out::{ByPass, Expected};
 use crate::names::{Catalogue, Found, Question};
-use crate::passes::passes;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::ops::Range;
@@ -72,13 +71,7 @@ impl Question<'_> {
         &self,
         of: &Found<M>,
     ) -> Result<Vec<Vec<Range<usize>>>, InferError> {
-        let fit = of.fit();
-        let turns = self.problem(&of.model).turns(&fit.point);
-        let there = of.model.predict(&fit.point.at, &turns)?;
-        let excess: Vec<f64> = (0..self.rows.len())
-            .map(|i| (fit.misfit[i] + there.plume[i]) / fit.noise.white)
-            .collect();
-        Ok(passes(self.rows, &excess, self.policy.passes))
+        self.problem(&of.model).passes(of.fit())
     }
 
     /// Judges sets that a search found, the likeliest first and the base among them; `seed` draws

@@ -8,10 +8,11 @@
 use crate::InferError;
 use crate::contact::Contact;
 use crate::evidence::{Evidence, Reduced};
-use crate::fit::{Point, Problem};
+use crate::fit::{Fit, Point, Problem};
 use crate::form::Sizes;
+use crate::nearest::Nearest;
 use crate::policy::Policy;
-use crate::posterior::{Posterior, Weighed};
+use crate::posterior::{Posterior, REFITS, Weighed};
 use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
 
 /// Where the search for a cause starts, in the coordinates of its unknowns.
@@ -106,7 +107,7 @@ impl<M: Catalogue> Found<M> {
     }
 
     /// The fit.
-    pub fn fit(&self) -> &crate::Fit {
+    pub fn fit(&self) -> &Fit {
         &self.weighed.fit
     }
 
@@ -147,12 +148,7 @@ impl<'a> Question<'a> {
     /// # Errors
     /// Values that the model refuses.
     pub fn quick<M: ForwardModel>(&self, model: &M) -> Result<f64, InferError> {
-        let problem = self.problem(model);
-        let point = problem.rough_fit(&problem.search()?, 0.0)?;
-        let basis = problem.basis(&point)?;
-        let sizes = self.policy.nearest_sizes(0.0, 0.0);
-        let first = problem.fit(&point, &basis, problem.noise_beforehand(), sizes)?;
-        Ok(problem.around(problem.refit_noise(&first)?)?.ln_evidence)
+        Ok(self.problem(model).quick()?.ln_evidence)
     }
 
     /// The base: the model itself with its error of form.
@@ -163,6 +159,19 @@ impl<'a> Question<'a> {
         Ok(Found {
             names: Vec::new(),
             weighed: self.problem(model).weighed()?,
+            model: model.clone(),
+            ln_prior: 0.0,
+        })
+    }
+
+    /// The base from where a fit of some of the same readings came to.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn base_from<M: Catalogue>(&self, model: &M, before: &Fit) -> Result<Found<M>, InferError> {
+        Ok(Found {
+            names: Vec::new(),
+            weighed: self.problem(model).refined(before)?,
             model: model.clone(),
             ln_prior: 0.0,
         })
@@ -181,25 +190,16 @@ impl<'a> Question<'a> {
         })
     }
 
-    /// How the readings meet the plume of a model before it is fitted.
+    /// How the readings meet the plume of the unknowns `at`.
     ///
     /// # Errors
     /// Values that the model refuses.
-    pub fn contact_beforehand<M: ForwardModel>(
+    pub fn contact<M: ForwardModel>(
         &self,
         model: &M,
+        at: &[f64],
     ) -> Result<Option<Contact>, InferError> {
-        let at: Vec<f64> = model.priors().iter().map(|p| p.mean).collect();
-        self.problem(model).contact(&at, self.policy.passes)
-    }
-
-    /// How the readings meet the plume of a set.
-    ///
-    /// # Errors
-    /// Values that the model refuses.
-    pub fn contact<M: Catalogue>(&self, of: &Found<M>) -> Result<Option<Contact>, InferError> {
-        let problem = self.problem(&of.model);
-        problem.contact(of.at(), self.policy.passes)
+        self.problem(model).contact(at, self.policy.passes)
     }
 
     /// The same set with no more error of form, swing and noise than is tolerated.
@@ -242,6 +242,14 @@ impl<'a> Question<'a> {
     /// A problem that has no posterior.
     pub fn posterior<M: Catalogue>(&self, of: &Found<M>) -> Result<Posterior, InferError> {
         self.problem(&of.model).concluded(of.weighed.clone())
+    }
+
+    /// The unknowns of the plume without an error of form that is nearest to what a set believes.
+    ///
+    /// # Errors
+    /// A problem that has no posterior.
+    pub fn nearest<M: Catalogue>(&self, of: &Found<M>) -> Result<Nearest, InferError> {
+        self.problem(&of.model).nearest(&self.posterior(of)?)
     }
 
     /// Turn of the axis at every row in a set, degrees clockwise.
@@ -341,10 +349,8 @@ impl<'a> Question<'a> {
         model: &M,
         found: &Found<M>,
     ) -> Result<Found<M>, InferError> {
-        let problem = self.problem(model);
-        let fit = problem.with_own_swing(found.fit());
         Ok(Found {
-            weighed: self.settled(&problem, &fit.point, &fit, REFITS_OF_BASE)?,
+            weighed: self.problem(model).refined(found.fit())?,
             names: found.names.clone(),
             model: model.clone(),
             ln_prior: found.ln_prior,
@@ -432,20 +438,10 @@ impl<'a> Question<'a> {
         &self,
         problem: &Problem<'_, M>,
         point: &Point,
-        from: &crate::Fit,
+        from: &Fit,
         times: usize,
     ) -> Result<Weighed, InferError> {
-        let first = problem.fit(point, &from.basis, from.noise, from.sizes)?;
-        let mut best = problem.settle_sizes(first)?;
-        for _ in 0..times {
-            // The likelihood at a point prefers noises that are too small: the evidence decides.
-            let next = problem.settle_sizes(problem.refit_noise(&best.fit)?)?;
-            if next.ln_evidence < best.ln_evidence + self.policy.settled_nats {
-                break;
-            }
-            best = next;
-        }
-        Ok(best)
+        problem.settled(point, &from.basis, (from.noise, from.sizes), times)
     }
 
     /// Sets of names that were fitted, the base among them, the likeliest first, by a beam search
@@ -484,9 +480,7 @@ impl<'a> Question<'a> {
     }
 }
 
-/// How often the noise of a base is made most probable, and the search begun anew where a name led to
-/// a better base.
-const REFITS_OF_BASE: usize = 5;
+/// How often the search is begun anew where a name led to a better base.
 const NEW_BASES: usize = 2;
 /// A base is another one where its evidence is larger by this, nats.
 const BETTER_BASE_NATS: f64 = 2.0;
@@ -536,7 +530,7 @@ impl Question<'_> {
             let quiet = self.quiet(&base)?;
             // A base that began with a swing may be better without.
             let problem = self.problem(&base.model);
-            let calm = self.settled(&problem, &quiet.fit().point, quiet.fit(), REFITS_OF_BASE)?;
+            let calm = self.settled(&problem, &quiet.fit().point, quiet.fit(), REFITS)?;
             if calm.ln_evidence > base.ln_evidence() {
                 base.weighed = calm;
             }

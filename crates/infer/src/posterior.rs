@@ -3,7 +3,7 @@
 
 use crate::InferError;
 use crate::evidence::{Evidence, Known, Layout, Products};
-use crate::fit::{Fit, Problem};
+use crate::fit::{Fit, Point, Problem};
 use crate::form::{Basis, COORDINATES, Sizes};
 use crate::noise::Noise;
 use crate::rows::{ForwardModel, PlumePlace};
@@ -27,6 +27,11 @@ const FIRST_NOISES: [(f64, f64); 3] = [(0.5, 0.1), (1.0, 3.0), (3.0, 0.3)];
 /// Differences for derivatives: part of a standard deviation, and degrees of the axis.
 const DIFFERENCE_SD: f64 = 0.05;
 const DIFFERENCE_DEG: f64 = 0.05;
+/// How often the noise of a fit on more readings is made most probable.
+pub(crate) const REFITS: usize = 5;
+/// Fluctuation and wander are held against ones smaller and larger by this factor, so many times.
+const POLISH_FACTOR: f64 = 1.5;
+const POLISHED: usize = 3;
 /// First fits whose noise is fitted, and those of them that are followed to their end.
 const REFINED: usize = 4;
 const FOLLOWED: usize = 2;
@@ -81,6 +86,143 @@ impl<M: ForwardModel> Problem<'_, M> {
     /// Values that the model refuses.
     pub fn posterior(&self) -> Result<Posterior, InferError> {
         self.concluded(self.weighed()?)
+    }
+
+    /// The posterior from the most promising start alone, with the noise fitted once and no search
+    /// over its sizes: enough to see whether the readings locate the plume.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn quick_posterior(&self) -> Result<Posterior, InferError> {
+        self.concluded(self.quick()?)
+    }
+
+    pub(crate) fn quick(&self) -> Result<Weighed, InferError> {
+        self.quick_from(&self.search()?)
+    }
+
+    fn quick_from(&self, start: &Point) -> Result<Weighed, InferError> {
+        let point = self.rough_fit(start, 0.0)?;
+        let basis = self.basis(&point)?;
+        let sizes = self.policy.nearest_sizes(0.0, 0.0);
+        let first = self.fit(&point, &basis, self.noise_beforehand(), sizes)?;
+        self.around(self.refit_noise(&first)?)
+    }
+
+    /// The posterior from where a fit of some of the same readings came to, with its noise and sizes.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn posterior_from(&self, before: &Fit) -> Result<Posterior, InferError> {
+        self.concluded(self.carried(before)?)
+    }
+
+    /// The same, with the noise so well found that standard deviations do not depend on where it came from.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn refined_posterior(&self, before: &Fit) -> Result<Posterior, InferError> {
+        self.concluded(self.refined(before)?)
+    }
+
+    pub(crate) fn refined(&self, before: &Fit) -> Result<Weighed, InferError> {
+        let best = self.polished(self.carried(before)?)?;
+        // What began with an error of form or a swing may be better without.
+        let calm = self.quiet_noise();
+        let none = self.policy.nearest_sizes(0.0, 0.0);
+        let fit = &best.fit;
+        let calm = self.settled(&fit.point, &fit.basis, (calm, none), REFITS)?;
+        if calm.ln_evidence > best.ln_evidence {
+            self.polished(calm)
+        } else {
+            Ok(best)
+        }
+    }
+
+    fn carried(&self, before: &Fit) -> Result<Weighed, InferError> {
+        // Bumps lie over the places and times of the readings. The weights of the error of form are found in
+        // a step or two.
+        let before = self.with_own_swing(before);
+        let swing = before.point.weights[before.basis.of_form()..].to_vec();
+        let point = Point {
+            at: before.point.at,
+            weights: swing,
+        };
+        let basis = self.basis(&point)?;
+        let carried = self.settled(&point, &basis, (before.noise, before.sizes), REFITS)?;
+        // With its noise and error of form a wrong valley explains itself: without them more readings may
+        // lead out of it.
+        let weights = vec![0.0; self.swing.len()];
+        let at = point.at;
+        let anew = self.quick_from(&Point { at, weights })?;
+        if anew.ln_evidence < carried.ln_evidence {
+            return Ok(carried);
+        }
+        let fit = &anew.fit;
+        self.settled(&fit.point, &fit.basis, (fit.noise, fit.sizes), REFITS)
+    }
+
+    /// The fit with the fluctuation and wander that have the largest evidence.
+    fn polished(&self, mut best: Weighed) -> Result<Weighed, InferError> {
+        for _ in 0..POLISHED {
+            let noise = self.noise_by_evidence(&best)?;
+            let fit = &best.fit;
+            let next = self.settle_sizes(self.fit(&fit.point, &fit.basis, noise, fit.sizes)?)?;
+            let gain = next.ln_evidence - best.ln_evidence;
+            if gain > 0.0 {
+                best = next;
+            }
+            if gain < self.policy.settled_nats {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Fluctuation and wander by the parabola through the evidence of three sizes each, at one point.
+    fn noise_by_evidence(&self, of: &Weighed) -> Result<Noise, InferError> {
+        let sizes = of.likeliest_sizes();
+        let evidence = |noise: Noise| -> Result<f64, InferError> {
+            let mut fit = of.fit.clone();
+            fit.noise = noise;
+            let (known, products) = self.products(&fit, &[], &[self.rows.whole()])?;
+            Ok(Evidence::new(&products[0], &known).ln(&sizes) + self.ln_noise_prior(&noise))
+        };
+        let mut noise = of.fit.noise;
+        for scaled in [scale_fluctuation, scale_wander] {
+            let step = POLISH_FACTOR.ln();
+            let here = evidence(noise)?;
+            let more = evidence(scaled(noise, POLISH_FACTOR))? - here;
+            let less = evidence(scaled(noise, 1.0 / POLISH_FACTOR))? - here;
+            let bend = more + less;
+            let way = if bend < 0.0 {
+                (0.5 * (less - more) / bend).clamp(-1.0, 1.0)
+            } else {
+                (more - less).signum()
+            };
+            noise = scaled(noise, (step * way).exp());
+        }
+        Ok(noise)
+    }
+
+    /// The fit from a point under noise and sizes, its noise made most probable at most so many times.
+    pub(crate) fn settled(
+        &self,
+        point: &Point,
+        basis: &Basis,
+        (noise, sizes): (Noise, Sizes),
+        times: usize,
+    ) -> Result<Weighed, InferError> {
+        let mut best = self.settle_sizes(self.fit(point, basis, noise, sizes)?)?;
+        for _ in 0..times {
+            // The likelihood at a point prefers noises that are too small: the evidence decides.
+            let next = self.settle_sizes(self.refit_noise(&best.fit)?)?;
+            if next.ln_evidence < best.ln_evidence + self.policy.settled_nats {
+                break;
+            }
+            best = next;
+        }
+        Ok(best)
     }
 
     /// The fit with the largest evidence from the model's own starts.
@@ -328,26 +470,39 @@ impl Posterior {
 
     /// Mean of the unknowns.
     pub fn mean(&self) -> DVector<f64> {
-        let mut mean = DVector::from_column_slice(&self.fit.point.at);
-        for part in &self.parts {
-            mean += part.weight * part.step.rows(self.layout.unknowns, self.unknowns);
-        }
-        mean
+        let own = self
+            .step()
+            .rows(self.layout.unknowns, self.unknowns)
+            .into_owned();
+        own + DVector::from_column_slice(&self.fit.point.at)
     }
 
     /// Covariance of the unknowns.
     pub fn covariance(&self) -> DMatrix<f64> {
-        let mean = self.mean() - DVector::from_column_slice(&self.fit.point.at);
-        let (first, n) = (self.layout.unknowns, self.unknowns);
-        let mut out = DMatrix::zeros(n, n);
-        let mut units = DMatrix::zeros(self.layout.tried, n);
-        for k in 0..n {
-            units[(first + k, k)] = 1.0;
+        let mut own = DMatrix::zeros(self.unknowns, self.layout.tried);
+        for k in 0..self.unknowns {
+            own[(k, self.layout.unknowns + k)] = 1.0;
         }
+        self.covariance_of(&own)
+    }
+
+    /// Mean of the steps from the fit's point.
+    pub(crate) fn step(&self) -> DVector<f64> {
+        let none = DVector::zeros(self.layout.tried);
+        self.parts
+            .iter()
+            .fold(none, |sum, p| sum + p.weight * &p.step)
+    }
+
+    /// Covariance of linear functions, row by row, of all columns.
+    pub(crate) fn covariance_of(&self, functions: &DMatrix<f64>) -> DMatrix<f64> {
+        let n = functions.nrows();
+        let mean = functions * self.step();
+        let mut out = DMatrix::zeros(n, n);
         for part in &self.parts {
-            let off = part.step.rows(first, n) - &mean;
-            let solved = part.precision.solve(&units);
-            out += part.weight * (solved.rows(first, n) + &off * off.transpose());
+            let off = functions * &part.step - &mean;
+            let solved = part.precision.solve(&functions.transpose());
+            out += part.weight * (functions * solved + &off * off.transpose());
         }
         out
     }

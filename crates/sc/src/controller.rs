@@ -419,8 +419,8 @@ impl SquadronController {
     }
 
     /// Publishes what the readings so far show of the model, and hands over what is to be adopted.
-    fn publish_gap(&self, out: &mut Outbox) {
-        if let Some((extension, words)) = self.gap.as_ref().and_then(LiveGap::judge) {
+    fn publish_gap(&mut self, out: &mut Outbox) {
+        if let Some((extension, words)) = self.gap.as_mut().and_then(LiveGap::judge) {
             out.event(&self.id, Severity::Info, "reality-gap", words);
             out.say(Topic::Extension, Message::Extension(extension));
         }

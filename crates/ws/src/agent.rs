@@ -58,6 +58,8 @@ pub struct WorldSimulator {
     wind: WorldWind,
     intensity: f64,
     calibrator: Calibrator,
+    /// Nearest distance from the source at which something is asked of the plume, m.
+    keep_out_m: f64,
     /// Index of each real vehicle in the calibrator.
     real: BTreeMap<String, usize>,
     simulated: Vec<SimulatedVehicle>,
@@ -105,6 +107,7 @@ impl WorldSimulator {
             intensity: scenario.weather.turbulence_intensity / STANDARD_INTENSITY,
             world: DispersionModel::new(calibrator.corrected_spec())?,
             calibrator,
+            keep_out_m: scenario.fence.keep_out_radius_m,
             real: real
                 .into_iter()
                 .enumerate()
@@ -141,12 +144,17 @@ impl WorldSimulator {
             .observe(platform, time_s, place, wind, reading.co2_ppm);
     }
 
-    fn correct(&mut self, out: &mut Outbox) {
-        if self.calibrator.taken() > self.readings_used {
+    /// Corrects the model where that is due, or where it is the last time and there are new readings.
+    fn correct(&mut self, is_last: bool, out: &mut Outbox) {
+        let is_due = is_last || self.calibrator.is_due();
+        if is_due && self.calibrator.taken() > self.readings_used {
             self.readings_used = self.calibrator.taken();
-            let corrected = self
-                .calibrator
-                .update()
+            let calibrated = if is_last {
+                self.calibrator.conclude(self.keep_out_m)
+            } else {
+                self.calibrator.update()
+            };
+            let corrected = calibrated
                 .and_then(|()| Ok(DispersionModel::new(self.calibrator.corrected_spec())?));
             match corrected {
                 Ok(world) => self.world = world,
@@ -320,11 +328,11 @@ impl Agent for WorldSimulator {
             Event::Tick => {
                 if now.s() + 1e-9 >= self.next_correction_s {
                     self.next_correction_s = now.s() + CORRECTION_S;
-                    self.correct(out);
+                    self.correct(false, out);
                 }
                 self.publish_ambients(now.s(), out);
             }
-            Event::Stop => self.correct(out),
+            Event::Stop => self.correct(true, out),
         }
     }
 }

@@ -101,6 +101,12 @@ pub enum WsError {
     Plume(String),
 }
 
+impl From<gap::GapError> for WsError {
+    fn from(error: gap::GapError) -> Self {
+        Self::Plume(error.to_string())
+    }
+}
+
 impl From<plume::PlumeError> for WsError {
     fn from(error: plume::PlumeError) -> Self {
         Self::Plume(error.to_string())

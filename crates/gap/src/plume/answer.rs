@@ -1,18 +1,18 @@
 //! The answer as `gap.json` has it, and in words.
 
-use ::plume::field::Transport;
 use ::plume::mechanism::{Coordinate, MechanismId};
 use scenario::observations::Observations;
 
 use infer::{Cause as Named, Found, InferError, SWING};
 
 use super::catalogue::Tried;
-use super::data::{Data, Setup};
+use super::data::{Data, Setup, mean_transport};
 use super::gain::{Gained, gain};
 use super::model::{PlumeModel, fitted, from_coordinate};
 use super::report::{GapReport, report};
 use super::{
-    Analysis, FEWEST_READINGS, FOLLOWED, ONE_DIRECTION_DEG, Options, Study, gate, residual, wind,
+    Analysis, Begun, FEWEST_READINGS, FOLLOWED, ONE_DIRECTION_DEG, Options, Study, gate, residual,
+    wind,
 };
 use crate::verdict::{
     BaseParameter, Candidate, Cause, Contact, DataQuality, Detectable, Discrepancy, Evidence,
@@ -43,12 +43,15 @@ pub(crate) fn stated(
     } else {
         None
     };
-    let screened = study.question.screen(&study.base, &study.tried)?;
-    let detectable = detectable(study, &screened);
+    let detectable = if options.complete {
+        detectable(study)?
+    } else {
+        Vec::new()
+    };
     let causes = if named { causes(study)? } else { Vec::new() };
     let unexplained = unexplained(study, named)?;
     let insufficient = if causes.is_empty() && unexplained.is_none() {
-        insufficient(study, &screened)
+        insufficient(study)?
     } else {
         None
     };
@@ -97,6 +100,12 @@ pub(crate) fn stated(
         base: base.into_iter().map(|b| (b.name, b.value, b.sd)).collect(),
         logged_wind: study.data.on_board_wind.then(|| met_wind(study, set)),
         report: report(study, gained.as_ref()),
+        begun: Some(Begun {
+            carried: study.carried,
+            swing: study.base.model.swing(),
+            base: study.base.fit().clone(),
+            zero_s: 0.0,
+        }),
     })
 }
 
@@ -369,28 +378,31 @@ fn contact(study: &Study<'_>) -> Option<Contact> {
 }
 
 /// Why the readings could not have shown anything, if so.
-fn insufficient(study: &Study<'_>, screened: &[infer::Screened]) -> Option<Insufficient> {
-    let strength = study
-        .tried
-        .iter()
-        .position(|t| t.part.id == MechanismId::EmissionScale)?;
-    let step = study.tried[strength].start.ends[0][0].abs();
+fn insufficient(study: &Study<'_>) -> Result<Option<Insufficient>, InferError> {
+    let is_strength = |t: &&Tried| t.part.id == MechanismId::EmissionScale;
+    let Some(strength) = study.tried.iter().find(is_strength) else {
+        return Ok(None);
+    };
+    let step = strength.start.ends[0][0].abs();
+    let screened = study
+        .question
+        .screen(&study.base, std::slice::from_ref(strength))?;
     // What the readings tell of the strength beside what the scenario is unsure of: the information
     // that is left after the scenario's own prior has taken its part is the larger the less it knows.
     let own = study.base.model.unknown(MechanismId::EmissionScale);
     let prior_sd = own.map_or(0.0, |k| {
         infer::ForwardModel::priors(&study.base.model)[k].sd
     });
-    let variance = step * step / screened[strength].information - prior_sd * prior_sd;
+    let variance = step * step / screened[0].information - prior_sd * prior_sd;
     let sd = variance.max(0.0).sqrt();
     if sd < UNKNOWN_LN_STRENGTH {
-        return None;
+        return Ok(None);
     }
-    Some(Insufficient {
+    Ok(Some(Insufficient {
         reason: "no reading meets the plume: its strength would stay unknown to more than a factor of 2.7"
             .to_string(),
         would_do: would_do(study),
-    })
+    }))
 }
 
 fn would_do(study: &Study<'_>) -> String {
@@ -402,7 +414,8 @@ fn would_do(study: &Study<'_>) -> String {
 
 /// The smallest effect of every mechanism that these data could have shown. Of a lid or a limit,
 /// which do nothing at infinity, it is the highest of those tried that would show.
-fn detectable(study: &Study<'_>, screened: &[infer::Screened]) -> Vec<Detectable> {
+fn detectable(study: &Study<'_>) -> Result<Vec<Detectable>, InferError> {
+    let screened = study.question.screen(&study.base, &study.tried)?;
     let mut out: Vec<(f64, Detectable)> = Vec::new();
     let of_all = screened
         .iter()
@@ -441,7 +454,7 @@ fn detectable(study: &Study<'_>, screened: &[infer::Screened]) -> Vec<Detectable
             None => out.push((bend, entry)),
         }
     }
-    out.into_iter().map(|(_, entry)| entry).collect()
+    Ok(out.into_iter().map(|(_, entry)| entry).collect())
 }
 
 /// The wind in which the plume was met, before it is turned by what the scenario is unsure of:
@@ -454,7 +467,7 @@ fn met_wind(study: &Study<'_>, set: &Found<PlumeModel<'_>>) -> (f64, f64) {
         |_| vec![1.0; study.data.len()],
         |p| p.plume.iter().map(|p| p.abs()).collect(),
     );
-    let wind: Transport = study.data.mean_transport(&weight);
+    let wind = mean_transport(set.model.track().transport(), &weight);
     let at_axis_m_s = spec
         .wind
         .speed_at_m_s(spec.sources[0].effective_height_agl_m);
@@ -464,14 +477,15 @@ fn met_wind(study: &Study<'_>, set: &Found<PlumeModel<'_>>) -> (f64, f64) {
     (air::geo::wrap_deg(from_deg), wind.speed_m_s * finite)
 }
 
-/// The scenario's uncertain keys, fitted; the wind's direction is that of the wind against which it
-/// was fitted, and the turn.
+/// The scenario's uncertain keys, fitted, of the plume without an error of form: the extended scenario has
+/// none. The wind's direction is that of the wind against which it was fitted, and the turn.
 fn base_parameters(
     study: &Study<'_>,
     set: &Found<PlumeModel<'_>>,
 ) -> Result<Vec<BaseParameter>, InferError> {
-    let posterior = study.question.posterior(set)?;
-    let (mean, covariance) = (posterior.mean(), posterior.covariance());
+    let believed = study.question.posterior(set)?;
+    let nearest = study.question.nearest(set)?;
+    let infer::Nearest { mean, covariance } = set.model.stated(nearest, &believed)?;
     let wind_from_deg = met_wind(study, set).0;
     let of = |(part, prior): (usize, &super::Prior)| {
         let k = set.model.unknowns_of(part).next();
@@ -544,6 +558,7 @@ pub(crate) fn nothing_to_tell(
         base: Vec::new(),
         logged_wind: None,
         report: GapReport::default(),
+        begun: None,
     }
 }
 

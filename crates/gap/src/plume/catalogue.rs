@@ -10,7 +10,7 @@ use super::model::{Part, PlumeModel, Scale, fitted, from_coordinate, neutral, to
 
 /// A mechanism that is tried, and a start of its search.
 #[derive(Debug, Clone)]
-pub(crate) struct Tried {
+pub struct Tried {
     /// The mechanism with its settings; fitted parameters are neutral.
     pub part: Part,
     /// Where a search of it starts.

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use ::plume::effects::SensorAir;
 use ::plume::field::{DispersionModel, DispersionSpec, Place, Strength, Transport};
-use ::plume::mechanism::{Mechanism, MechanismId};
+use ::plume::mechanism::{Coordinate, Mechanism, MechanismId};
 use ::plume::track::{Row, Track};
 use air::geo::{Enu, Geodetic, LocalFrame};
 use scenario::Scenario;
@@ -13,6 +13,7 @@ use scenario::uncertain::Uncertain;
 
 use super::fixes;
 use super::logged::{self, WindLog};
+use super::model::Unknown;
 use crate::GapError;
 
 /// How well logged heights are known, m: where a track touches a lid, one reading would otherwise
@@ -33,6 +34,23 @@ pub struct Prior {
     pub value: f64,
     /// One standard deviation, in the key's unit.
     pub sd: f64,
+}
+
+impl Prior {
+    /// The same in the coordinate of the catalogue.
+    fn unknown(&self) -> Unknown {
+        let coordinate = self.id.spec().parameters[0].coordinate;
+        let (mean, sd) = match (coordinate, self.id) {
+            (Coordinate::Log, _) => (0.0, self.sd / self.value.abs().max(f64::MIN_POSITIVE)),
+            (Coordinate::Linear, MechanismId::SensorLag) => (self.value, self.sd),
+            (Coordinate::Linear, _) => (0.0, self.sd),
+        };
+        Unknown {
+            id: self.id,
+            platform: None,
+            prior: infer::Prior { mean, sd },
+        }
+    }
 }
 
 /// The base model: what a scenario says, and how sure it is.
@@ -100,6 +118,11 @@ impl Setup {
             frame,
             priors,
         })
+    }
+
+    /// What the scenario marks uncertain, as unknowns of a model.
+    pub fn unknowns(&self) -> Vec<Unknown> {
+        self.priors.iter().map(Prior::unknown).collect()
     }
 
     /// Time constant of the sensors as the scenario has it, s.
@@ -219,18 +242,9 @@ impl Data {
     /// Every so many rows of each platform, and its last: about `most` in all. None where there are no
     /// more.
     pub fn thinned(&self, setup: &Setup, most: usize) -> Result<Option<Self>, GapError> {
-        let every = self.len().div_ceil(most.max(1));
-        if every < 2 {
+        let Some(kept) = every(self.ranges(), most) else {
             return Ok(None);
-        }
-        let of = |r: &Range<usize>| {
-            let last = r
-                .end
-                .checked_sub(1)
-                .filter(|l| r.contains(l) && !(l - r.start).is_multiple_of(every));
-            r.clone().step_by(every).chain(last)
         };
-        let kept: Vec<usize> = self.ranges().iter().flat_map(of).collect();
         let rows: Vec<Row> = kept.iter().map(|i| self.rows[*i]).collect();
         let world = DispersionModel::new(setup.base.clone())?;
         let mut track = Track::new(&world, self.track.platforms(), &rows)?;
@@ -271,33 +285,50 @@ impl Data {
             (p.east_m - from.east_m).hypot(p.north_m - from.north_m)
         })
     }
+}
 
-    /// The wind in the mean over the rows, each with its `weight`, as it carries the plume at its
-    /// effective height; over all alike where no row has one.
-    pub fn mean_transport(&self, weight: &[f64]) -> Transport {
-        let rows = self.track.transport().iter().zip(weight);
-        let sum = rows.fold([0.0; 4], |s, (t, w)| {
-            let own = [
-                t.east * t.speed_m_s,
-                t.north * t.speed_m_s,
-                t.speed_m_s,
-                1.0,
-            ];
-            [0, 1, 2, 3].map(|k| s[k] + w * own[k])
-        });
-        let length = sum[0].hypot(sum[1]);
-        if length <= 0.0 && weight.iter().any(|w| *w != 1.0) {
-            return self.mean_transport(&vec![1.0; weight.len()]);
-        }
-        if length <= 0.0 {
-            return self.track.transport()[0];
-        }
-        Transport {
-            east: sum[0] / length,
-            north: sum[1] / length,
-            speed_m_s: sum[2] / sum[3],
-        }
+/// The wind that carries the plume to the rows of a track in the mean, each row with its `weight`; over all
+/// alike where none has one.
+pub(crate) fn mean_transport(of: &[Transport], weight: &[f64]) -> Transport {
+    let sum = of.iter().zip(weight).fold([0.0; 4], |s, (t, w)| {
+        let own = [
+            t.east * t.speed_m_s,
+            t.north * t.speed_m_s,
+            t.speed_m_s,
+            1.0,
+        ];
+        [0, 1, 2, 3].map(|k| s[k] + w * own[k])
+    });
+    let length = sum[0].hypot(sum[1]);
+    if length <= 0.0 && weight.iter().any(|w| *w != 1.0) {
+        return mean_transport(of, &vec![1.0; weight.len()]);
     }
+    if length <= 0.0 {
+        return of[0];
+    }
+    Transport {
+        east: sum[0] / length,
+        north: sum[1] / length,
+        speed_m_s: sum[2] / sum[3],
+    }
+}
+
+/// Every so many rows of each platform's range, and its last: about `most` in all. None where there are no
+/// more.
+pub fn every(ranges: &[Range<usize>], most: usize) -> Option<Vec<usize>> {
+    let rows: usize = ranges.iter().map(ExactSizeIterator::len).sum();
+    let every = rows.div_ceil(most.max(1));
+    if every < 2 {
+        return None;
+    }
+    let of = |r: &Range<usize>| {
+        let last = r
+            .end
+            .checked_sub(1)
+            .filter(|l| r.contains(l) && !(l - r.start).is_multiple_of(every));
+        r.clone().step_by(every).chain(last)
+    };
+    Some(ranges.iter().flat_map(of).collect())
 }
 
 /// What is to be said of mechanisms of platforms that are not among `platforms`.

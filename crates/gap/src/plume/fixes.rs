@@ -28,7 +28,7 @@ const NORMAL_AT_SMOOTH_PART: f64 = 0.385_320_466_407_567_7;
 const AXES: usize = 3;
 
 /// Takes the jitter out of the places of `rows`, which stand platform by platform in order of time.
-pub(crate) fn without_jitter(rows: &mut [Row]) {
+pub fn without_jitter(rows: &mut [Row]) {
     let stretches: Vec<Range<usize>> = steady_stretches(rows);
     let mut start = 0;
     while start < stretches.len() {

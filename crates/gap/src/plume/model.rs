@@ -1,8 +1,9 @@
 //! The plume model of a track with its unknowns: what the scenario is unsure of, and the parameters of
-//! the mechanisms that are tried, all of them mechanisms of the catalogue.
+//! the mechanisms that are tried, all of them mechanisms of the catalogue. The correction of the world by
+//! readings has the same model.
 
 use ::plume::effects::SensorAir;
-use ::plume::field::{DispersionModel, DispersionSpec, InPlume};
+use ::plume::field::{DispersionModel, DispersionSpec, InPlume, Place};
 use ::plume::mechanism::{Coordinate, Mechanism, MechanismId, ParameterSpec};
 use ::plume::track::Track;
 use infer::{ForwardModel, InferError, PlumePlace, Prediction};
@@ -11,7 +12,7 @@ use super::data::Setup;
 
 /// A mechanism of the model with values of all its parameters, and the platforms it applies to.
 #[derive(Debug, Clone)]
-pub(crate) struct Part {
+pub struct Part {
     pub id: MechanismId,
     /// Index of the one platform it applies to; none for all.
     pub platform: Option<usize>,
@@ -19,9 +20,20 @@ pub(crate) struct Part {
     pub values: Vec<f64>,
 }
 
-/// An unknown: a parameter of a part.
+/// What of a base is unknown: the first parameter of a mechanism, in the coordinate of the catalogue.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Unknown {
+    /// The mechanism that moves it.
+    pub id: MechanismId,
+    /// Index of the one platform it applies to; none for all.
+    pub platform: Option<usize>,
+    /// What is known of it beforehand.
+    pub prior: infer::Prior,
+}
+
+/// A parameter of a part that is fitted.
 #[derive(Debug, Clone, Copy)]
-struct Unknown {
+struct Fitted {
     part: usize,
     parameter: usize,
 }
@@ -29,11 +41,11 @@ struct Unknown {
 /// The model of a track. Unknowns stand in the coordinates of the catalogue: themselves or natural
 /// logarithms.
 #[derive(Debug, Clone)]
-pub(crate) struct PlumeModel<'a> {
+pub struct PlumeModel<'a> {
     base: &'a DispersionSpec,
     track: &'a Track,
     parts: Vec<Part>,
-    unknowns: Vec<Unknown>,
+    unknowns: Vec<Fitted>,
     priors: Vec<infer::Prior>,
     /// An unknown and the value about which a search for it begins.
     aim: Option<(usize, f64)>,
@@ -45,7 +57,7 @@ pub(crate) struct PlumeModel<'a> {
 
 /// How the plume follows a swing of the wind that no log shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Swing {
+pub enum Swing {
     /// All of it turns at once, as in a steady wind that is known badly.
     AtOnce,
     /// Each part of it lies where the wind has carried it since it left the source.
@@ -55,7 +67,7 @@ pub(crate) enum Swing {
 /// The catalogue's priors and steps of concentrations are those of a CO2 sensor; of another gas, or in
 /// another unit, they follow the sensor's noise and the highest reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Scale {
+pub struct Scale {
     /// Factor on priors and steps.
     pub factor: f64,
     /// The highest reading.
@@ -66,6 +78,12 @@ pub(crate) struct Scale {
 const CATALOGUE_NOISE_PPM: f64 = 2.0;
 
 impl Scale {
+    /// That of the catalogue itself.
+    const CATALOGUE: Self = Self {
+        factor: 1.0,
+        highest: 1.0,
+    };
+
     /// The scale of a sensor of this noise, whose highest reading is given.
     pub fn of(sensor_sd: f64, highest: f64) -> Self {
         Self {
@@ -75,7 +93,7 @@ impl Scale {
     }
 
     /// Factor on a parameter: of what has concentrations in its unit.
-    pub fn on(&self, spec: &ParameterSpec) -> f64 {
+    pub(crate) fn on(&self, spec: &ParameterSpec) -> f64 {
         if spec.unit.starts_with("ppm") && spec.neutral.is_finite() {
             self.factor
         } else {
@@ -128,41 +146,41 @@ pub(crate) fn fitted(id: MechanismId) -> impl Iterator<Item = usize> {
 }
 
 impl<'a> PlumeModel<'a> {
-    /// The model of `setup` on a track, with what the scenario is unsure of as unknowns.
-    pub fn new(setup: &'a Setup, track: &'a Track, scale: Scale) -> Self {
+    /// The model of `base` on a track with its unknowns.
+    pub fn new(base: &'a DispersionSpec, unknowns: &[Unknown], track: &'a Track) -> Self {
         let mut model = Self {
-            base: &setup.base,
+            base,
             track,
             parts: Vec::new(),
             unknowns: Vec::new(),
             priors: Vec::new(),
             aim: None,
-            scale,
+            scale: Scale::CATALOGUE,
             swing: Swing::AtOnce,
         };
-        for prior in &setup.priors {
-            let spec = &prior.id.spec().parameters[0];
-            let (mean, sd) = match (spec.coordinate, prior.id) {
-                (Coordinate::Log, _) => (0.0, prior.sd / prior.value.abs().max(f64::MIN_POSITIVE)),
-                (Coordinate::Linear, MechanismId::SensorLag) => (prior.value, prior.sd),
-                (Coordinate::Linear, _) => (0.0, prior.sd),
+        for unknown in unknowns {
+            let part = Part {
+                id: unknown.id,
+                platform: unknown.platform,
+                values: neutral(unknown.id),
             };
-            model.add(
-                Part {
-                    id: prior.id,
-                    platform: None,
-                    values: neutral(prior.id),
-                },
-                &[infer::Prior { mean, sd }],
-            );
+            model.add(part, &[unknown.prior]);
         }
         model
+    }
+
+    /// The model of `setup` on a track, with what the scenario is unsure of as unknowns.
+    pub(crate) fn of(setup: &'a Setup, track: &'a Track, scale: Scale) -> Self {
+        Self {
+            scale,
+            ..Self::new(&setup.base, &setup.unknowns(), track)
+        }
     }
 
     /// Adds a part, of whose fitted parameters the first few have these priors.
     fn add(&mut self, part: Part, priors: &[infer::Prior]) {
         for (parameter, prior) in fitted(part.id).zip(priors) {
-            self.unknowns.push(Unknown {
+            self.unknowns.push(Fitted {
                 part: self.parts.len(),
                 parameter,
             });
@@ -172,7 +190,7 @@ impl<'a> PlumeModel<'a> {
     }
 
     /// The model with a further part, all of whose fitted parameters are unknown.
-    pub fn with(&self, part: &Part) -> Self {
+    pub(crate) fn with(&self, part: &Part) -> Self {
         let mut out = self.clone();
         let prior = |k: usize| self.scale.prior(&part.id.spec().parameters[k]);
         let priors: Vec<_> = fitted(part.id).map(prior).collect();
@@ -182,7 +200,7 @@ impl<'a> PlumeModel<'a> {
 
     /// The model with a turn of the wind of which nothing is known but that the readings lie at about
     /// `turn_deg`.
-    pub fn aimed(&self, part: &Part, turn_deg: f64) -> Self {
+    pub(crate) fn aimed(&self, part: &Part, turn_deg: f64) -> Self {
         let mut out = self.with(part);
         if let Some(last) = out.priors.last_mut() {
             last.sd = ANY_TURN_DEG;
@@ -192,12 +210,17 @@ impl<'a> PlumeModel<'a> {
     }
 
     /// The same model whose plume follows a swing in this way.
-    pub fn following(self, swing: Swing) -> Self {
+    pub(crate) fn following(self, swing: Swing) -> Self {
         Self { swing, ..self }
     }
 
+    /// How its plume follows a swing.
+    pub(crate) fn swing(&self) -> Swing {
+        self.swing
+    }
+
     /// The same model of another track.
-    pub fn on<'t>(&self, track: &'t Track) -> PlumeModel<'t>
+    pub(crate) fn on<'t>(&self, track: &'t Track) -> PlumeModel<'t>
     where
         'a: 't,
     {
@@ -208,7 +231,7 @@ impl<'a> PlumeModel<'a> {
     }
 
     /// Its parts with the values of the unknowns `at`.
-    pub fn parts(&self, at: &[f64]) -> Vec<Part> {
+    pub(crate) fn parts(&self, at: &[f64]) -> Vec<Part> {
         let mut parts = self.parts.clone();
         for (unknown, x) in self.unknowns.iter().zip(at) {
             let part = &mut parts[unknown.part];
@@ -219,13 +242,13 @@ impl<'a> PlumeModel<'a> {
     }
 
     /// The unknowns of a part: indices among all.
-    pub fn unknowns_of(&self, part: usize) -> impl Iterator<Item = usize> + '_ {
+    pub(crate) fn unknowns_of(&self, part: usize) -> impl Iterator<Item = usize> + '_ {
         let all = self.unknowns.iter().enumerate();
         all.filter(move |(_, u)| u.part == part).map(|(k, _)| k)
     }
 
     /// The mechanisms of some parts.
-    pub fn mechanisms(&self, parts: &[Part]) -> Vec<Mechanism> {
+    pub(crate) fn mechanisms(&self, parts: &[Part]) -> Vec<Mechanism> {
         let platforms = self.track.platforms();
         let of = |part: &Part| {
             let own = part.platform.map_or(&[][..], |p| &platforms[p..=p]);
@@ -235,34 +258,116 @@ impl<'a> PlumeModel<'a> {
     }
 
     /// The dispersion model of the unknowns `at`.
-    pub fn world(&self, at: &[f64]) -> Result<DispersionModel, InferError> {
+    pub(crate) fn world(&self, at: &[f64]) -> Result<DispersionModel, InferError> {
         let mut spec = self.base.clone();
         spec.mechanisms.extend(self.mechanisms(&self.parts(at)));
         DispersionModel::new(spec).map_err(|error| InferError::Model(error.to_string()))
     }
 
     /// The unknown that belongs to a mechanism which the scenario is unsure of.
-    pub fn unknown(&self, id: MechanismId) -> Option<usize> {
-        let of = |u: &Unknown| self.parts[u.part].id == id && self.parts[u.part].platform.is_none();
+    pub(crate) fn unknown(&self, id: MechanismId) -> Option<usize> {
+        let of = |u: &Fitted| self.parts[u.part].id == id && self.parts[u.part].platform.is_none();
         self.unknowns.iter().position(of)
     }
 
+    /// When the plume of the unknowns `at` was last met, s: what it did afterwards nobody has read. The last
+    /// row's time where no row met it.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn last_met_s(&self, at: &[f64]) -> Result<f64, InferError> {
+        let plume = self.predict(at, &vec![0.0; self.track.len()])?.plume;
+        let most = plume.iter().copied().fold(0.0, f64::max);
+        let times = self.track.time_s();
+        let met = plume.iter().zip(times).filter(|(p, _)| **p > MET * most);
+        let last = |times: &mut dyn Iterator<Item = f64>| times.fold(f64::NEG_INFINITY, f64::max);
+        let met_s = last(&mut met.map(|(_, t)| *t));
+        Ok(if met_s.is_finite() {
+            met_s
+        } else {
+            last(&mut times.iter().copied()).max(0.0)
+        })
+    }
+
+    /// What is stated of the unknowns of the `nearest` plume: the strength may be off by the error of form
+    /// where c_MAX is stated, on the axis and when the plume was last met, as well.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn stated(
+        &self,
+        mut nearest: infer::Nearest,
+        believed: &infer::Posterior,
+    ) -> Result<infer::Nearest, InferError> {
+        let Some(k) = self.ln_strength() else {
+            return Ok(nearest);
+        };
+        let at = nearest.mean.as_slice();
+        let met_s = self.last_met_s(at)?;
+        let distance_m = self.base.sources[0].strength.c_max_distance_m();
+        let here = PlumePlace {
+            ln_distance: distance_m.ln(),
+            time_s: met_s,
+            emitted_s: met_s - distance_m / self.track.transport()[0].speed_m_s.max(1.0),
+            ..PlumePlace::default()
+        };
+        let on_axis = |at: &[f64]| self.axis_excess(at, distance_m).unwrap_or(f64::NAN);
+        let with_form = believed.at_place(met_s, |at, _| (0.0, on_axis(at), here));
+        let value = on_axis(at);
+        let slopes = (0..at.len()).map(|i| {
+            let step = 0.01 * nearest.covariance[(i, i)].sqrt();
+            let mut aside = at.to_vec();
+            aside[i] += step;
+            if step > 0.0 {
+                (on_axis(&aside) - value) / step
+            } else {
+                0.0
+            }
+        });
+        let slope = nalgebra::DVector::from_iterator(at.len(), slopes);
+        let plain = (&nearest.covariance * &slope).dot(&slope).sqrt();
+        let grown = with_form.sd.hypot(with_form.value - value) / plain;
+        if grown > 1.0 && grown.is_finite() {
+            nearest.covariance.row_mut(k).scale_mut(grown);
+            nearest.covariance.column_mut(k).scale_mut(grown);
+        }
+        Ok(nearest)
+    }
+
+    /// Concentration above background on the axis in the scenario's wind.
+    fn axis_excess(&self, at: &[f64], distance_m: f64) -> Result<f64, InferError> {
+        let world = self.world(at)?;
+        let of = |id| self.unknown(id).map_or(0.0, |k| at[k]);
+        let source = &self.base.sources[0];
+        let towards_deg = air::wind::towards_deg(self.base.wind.from_deg());
+        let turned_deg = towards_deg + of(MechanismId::WindDirectionOffset);
+        let there = source.place.displaced(turned_deg, distance_m);
+        let place = Place {
+            east_m: there.east_m,
+            north_m: there.north_m,
+            height_agl_m: source.effective_height_agl_m + of(MechanismId::EffectiveHeightOffset),
+        };
+        Ok(world.mean_ppm(&place, 0.0) - world.background_ppm(&place, 0.0))
+    }
+
     /// What concentrations of the catalogue are multiplied by.
-    pub fn scale(&self) -> Scale {
+    pub(crate) fn scale(&self) -> Scale {
         self.scale
     }
 
     /// The track.
-    pub fn track(&self) -> &'a Track {
+    pub(crate) fn track(&self) -> &'a Track {
         self.track
     }
 
     /// What the logged air makes known besides: whether a mechanism needs what nobody logged.
-    pub fn air(&self) -> &[SensorAir] {
+    pub(crate) fn air(&self) -> &[SensorAir] {
         self.track.air()
     }
 }
 
+/// A row meets the plume where the plume's part of it is above this share of the strongest.
+const MET: f64 = 0.02;
 /// Standard deviation of a direction of which nothing is known, degrees: that of 360 alike.
 const ANY_TURN_DEG: f64 = 104.0;
 /// A search from a turn that passes show on the average looks so far to both sides, degrees.
@@ -366,7 +471,7 @@ impl ForwardModel for PlumeModel<'_> {
 }
 
 /// A place in the plume as the inference has it; not a number upwind of the source.
-pub(crate) fn plume_place(place: Option<InPlume>, time_s: f64, under_way_s: f64) -> PlumePlace {
+pub fn plume_place(place: Option<InPlume>, time_s: f64, under_way_s: f64) -> PlumePlace {
     let none = PlumePlace {
         ln_distance: f64::NAN,
         above_sigmas: f64::NAN,

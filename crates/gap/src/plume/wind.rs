@@ -2,7 +2,7 @@
 
 use ::plume::field::Transport;
 use ::plume::track::Track;
-use infer::{Found, InferError, Question};
+use infer::{ForwardModel, Found, InferError, Question, SWING};
 
 use super::catalogue;
 use super::data::{Data, Setup};
@@ -11,7 +11,7 @@ use super::model::{PlumeModel, Scale, Swing};
 
 /// What of a log carries the plume.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Carried {
+pub enum Carried {
     /// The mean within this time before and after each row, s.
     About(f64),
     /// That of the way that the air took from the source, the log averaged over this time before and
@@ -32,6 +32,13 @@ const TRIED: [Carried; 10] = [
     Carried::OnItsWay(0.0),
     Carried::OnItsWay(30.0),
     Carried::OnItsWay(120.0),
+];
+/// The same where little time is to be had.
+const TRIED_IN_FLIGHT: [Carried; 4] = [
+    Carried::About(30.0),
+    Carried::About(120.0),
+    Carried::About(f64::INFINITY),
+    Carried::OnItsWay,
 ];
 /// The air's way is reckoned with at least this wind, m/s: a calm carries nothing.
 const LEAST_WIND_M_S: f64 = 0.5;
@@ -139,18 +146,25 @@ pub(crate) fn chosen(
     data: &Data,
     question: &Question<'_>,
     scale: Scale,
+    in_flight: bool,
 ) -> Result<Option<Carried>, InferError> {
     if !data.on_board_wind {
         return Ok(None);
     }
     // Where the readings lie elsewhere, a plume that is turned there tells which wind carried it.
-    let still = PlumeModel::new(setup, &data.track, scale);
-    let contact = question.contact_beforehand(&still)?;
+    let still = PlumeModel::of(setup, &data.track, scale);
+    let beforehand: Vec<f64> = still.priors().iter().map(|p| p.mean).collect();
+    let contact = question.contact(&still, &beforehand)?;
     let aim_deg = contact.filter(elsewhere).map(|c| c.turn_deg.value);
     let mut best: Option<(f64, Carried)> = None;
-    for carried in TRIED {
+    let tried = if in_flight {
+        &TRIED_IN_FLIGHT[..]
+    } else {
+        &TRIED
+    };
+    for &carried in tried {
         let track = carrying(setup, data, Some(carried));
-        let model = PlumeModel::new(setup, &track, scale);
+        let model = PlumeModel::of(setup, &track, scale);
         let model = aim_deg.map_or_else(
             || model.clone(),
             |deg| model.aimed(&catalogue::aimed(deg, scale).part, deg),
@@ -164,13 +178,21 @@ pub(crate) fn chosen(
 }
 
 /// The base, and how its plume follows a swing that no log shows: as air does where the logged wind is
-/// seen to carry it so; else as the readings are explained best.
+/// seen to carry it so; else as the readings are explained best. In flight, where little time is to be had,
+/// all of it turns at once unless they ask for a swing.
 pub(crate) fn swinging<'a>(
     question: &Question<'_>,
     model: &PlumeModel<'a>,
     carried: Option<Carried>,
+    in_flight: bool,
 ) -> Result<(Found<PlumeModel<'a>>, Swing), InferError> {
     let base = |swing| question.base(&model.clone().following(swing));
+    if in_flight && carried != Some(Carried::OnItsWay) {
+        let at_once = base(Swing::AtOnce)?;
+        if at_once.likeliest_sizes()[SWING] == 0.0 {
+            return Ok((at_once, Swing::AtOnce));
+        }
+    }
     let as_air_does = base(Swing::Carried)?;
     if matches!(carried, Some(Carried::OnItsWay(_))) {
         return Ok((as_air_does, Swing::Carried));

@@ -3,50 +3,45 @@
 //! Unknowns are the background, the effective height, the plume's axis (as a turn of the wind),
 //! the strength (c_MAX or emission), the scales of σy and σz, the sensor's time constant, and,
 //! where several platforms are compared with a reference, each other sensor's offset and gain.
-//! Each has a normal prior from the scenario's `[uncertain]` table. The estimate is the maximum
-//! a posteriori, found by Levenberg-Marquardt from the best point of a coarse search over axis
-//! and height while the plume has not been located; standard deviations come from the
-//! information matrix there.
+//! Each has a normal prior from the scenario's `[uncertain]` table. In flight and from files the
+//! same inference ([`infer`]) answers by the model of the reality gap ([`PlumeModel`]): noise and error of
+//! form have the sizes that the readings show. What is told of the unknowns is that of the plume without
+//! an error of form that is nearest to what is believed. Readings are averaged over [`ROW_S`].
 //!
-//! Readings are averaged over [`ROW_S`]. Their misfit has a part that grows with the plume
-//! (gusts move it and its edges are ragged) and is correlated from row to row, which is allowed
-//! for by counting [`CORRELATED_ROWS`] neighbours as one.
-//!
-//! All readings are fitted anew at every update rather than filtered one by one: while the axis is
-//! off by several plume widths the posterior has several maxima, and an extended Kalman filter that
-//! linearises about the wrong one cannot look back.
+//! All readings are fitted anew rather than filtered one by one: while the axis is off by several
+//! plume widths the posterior has several maxima, and an extended Kalman filter that linearises
+//! about the wrong one cannot look back. Until the axis is located, every correction in flight
+//! searches; from then on it goes on from the last one.
 
-mod fit;
-mod model;
 pub mod offline;
 mod parameters;
 
-pub use parameters::{Calibrated, CalibrationParameter};
+pub use parameters::Calibrated;
 
 use crate::WsError;
-use fit::Problem;
-use infer::Posterior;
-use model::PlumeModel;
+use gap::plume::{PlumeModel, ROWS_OF_A_SEARCH, Setup, every, plume_place, without_jitter};
+use infer::{InferError, PlumePlace, Posterior};
 use nalgebra::{DMatrix, DVector};
 use parameters::Unknowns;
 use plume::effects::SensorAir;
 use plume::track::{Row, Track};
-use plume::{DispersionModel, DispersionSpec, Place};
+use plume::{DispersionModel, DispersionSpec, MechanismId, Place};
 use protocol::message::Estimate;
 use scenario::Scenario;
+use std::ops::Range;
 
 /// Readings are averaged over this time, s.
 pub const ROW_S: f64 = 1.0;
-/// So many neighbouring rows carry the information of one: the effective sample size of a series
-/// that gusts correlate over some seconds (Leith 1973).
-pub const CORRELATED_ROWS: f64 = 4.0;
-/// Rows that a fit looks at; more are thinned, those in clean air first.
-const MAX_ROWS: usize = 1500;
+/// Rows that a fit looks at; more are thinned, those in clean air first. Between rows the path is taken as
+/// straight, so that thinning costs accuracy where a vehicle turns.
+const MOST_ROWS: usize = 4000;
+/// A correction is worth its time when there are more rows by this factor: fewer change standard
+/// deviations by about a tenth.
+const GROWN: f64 = 1.25;
+/// Air is under way from the source with at least this wind, m/s.
+const LEAST_WIND_M_S: f64 = 0.5;
 /// A row is in the plume if the plume's part of it is above this share of the strongest.
 const IN_PLUME_SHARE: f64 = 0.02;
-
-/// Least noise of a sensor, ppm: one that states none still rounds.
-const LEAST_NOISE_PPM: f64 = 1e-3;
 
 /// One averaged reading.
 #[derive(Debug, Clone, Copy)]
@@ -68,7 +63,10 @@ struct AveragingBin {
 /// Takes in readings and corrects the model.
 #[derive(Debug, Clone)]
 pub struct Calibrator {
+    /// The scenario's world.
     base: DispersionSpec,
+    /// The same as it is fitted.
+    setup: Setup,
     unknowns: Unknowns,
     platforms: Vec<String>,
     bins: Vec<AveragingBin>,
@@ -77,8 +75,11 @@ pub struct Calibrator {
     taken: u64,
     estimate: DVector<f64>,
     covariance: DMatrix<f64>,
-    cost: f64,
+    /// Rows that there were at the last fit.
+    fitted_rows: usize,
     posterior: Option<Posterior>,
+    /// When the plume was last met, s.
+    met_s: f64,
 }
 
 impl Calibrator {
@@ -93,18 +94,23 @@ impl Calibrator {
         reference: Option<&str>,
     ) -> Result<Self, WsError> {
         let base = scenario.dispersion_spec()?;
-        let unknowns = Unknowns::new(scenario, &base, platforms, reference);
+        let mut setup = Setup::new(scenario)?;
+        // The time constant is fitted as a whole, from none.
+        setup.base.sensor.time_constant_s = 0.0;
+        let unknowns = Unknowns::new(&setup, &base, platforms, reference);
         Ok(Self {
             estimate: unknowns.prior_mean(),
             covariance: DMatrix::from_diagonal(&unknowns.prior_sd().map(|sd| sd * sd)),
             base,
+            setup,
             unknowns,
             platforms: platforms.to_vec(),
             bins: vec![AveragingBin::default(); platforms.len()],
             readings: vec![Vec::new(); platforms.len()],
             taken: 0,
-            cost: 0.0,
+            fitted_rows: 0,
             posterior: None,
+            met_s: 0.0,
         })
     }
 
@@ -169,62 +175,89 @@ impl Calibrator {
             ..self.base.clone()
         };
         DispersionModel::new(extended.clone())?;
+        self.setup.base.mechanisms.clone_from(&extended.mechanisms);
         self.base = extended;
+        self.fitted_rows = 0;
         Ok(())
     }
 
-    /// Corrects the model by all readings so far.
+    /// Whether there is so much more to fit than at the last fit that a correction is worth its time.
+    pub fn is_due(&self) -> bool {
+        self.row_count() as f64 > GROWN * self.fitted_rows as f64
+    }
+
+    fn row_count(&self) -> usize {
+        self.readings.iter().map(Vec::len).sum()
+    }
+
+    /// Corrects the model in flight, by all readings so far.
     ///
     /// # Errors
     /// The plume model refuses the corrected values.
     pub fn update(&mut self) -> Result<(), WsError> {
-        let readings = self.thinned()?;
-        if readings.is_empty() {
-            return Ok(());
+        let readings = self.thinned(MOST_ROWS)?;
+        let before = self.posterior.as_ref().map(|p| p.fit().clone());
+        if let Some(before) = before.filter(|_| self.axis_is_located()) {
+            return self.fit(&readings, &[], |problem| problem.posterior_from(&before));
         }
-        let rows: Vec<Row> = readings.iter().map(|r| r.row).collect();
-        let track = Track::new(
-            &DispersionModel::new(self.base.clone())?,
-            &self.platforms,
-            &rows,
-        )?;
-        let measured: Vec<f64> = readings.iter().map(|r| r.ppm).collect();
-        let problem = Problem::new(&self.base, &self.unknowns, &track, &measured);
-        let start = if self.axis_is_located() {
-            self.estimate.clone()
-        } else {
-            problem.search(&self.estimate)?
-        };
-        let mut best = problem.fit(start)?;
-        if problem.is_far_from_prior(&best.0) {
-            // More likely a local maximum of the posterior than such a truth: a fit from the prior
-            // is tried too.
-            let other = problem.fit(problem.search(&self.unknowns.prior_mean())?)?;
-            if other.2 < best.2 {
-                best = other;
-            }
+        self.glance()?;
+        if self.axis_is_located() {
+            self.searched(&readings, &[])?;
         }
-        let (estimate, covariance, cost) = best;
-        self.estimate = estimate;
-        self.covariance = covariance;
-        self.cost = cost;
         Ok(())
     }
 
-    /// Corrects the model by all readings as a whole, with a noise and an error of form that the
-    /// readings themselves size. `nearest_m` is the distance from the source at which something
-    /// will be asked of the plume.
+    /// Corrects the model roughly: enough to see whether the readings locate the plume, and which of several
+    /// winds carries it.
+    fn glance(&mut self) -> Result<(), WsError> {
+        let all = self.thinned(MOST_ROWS)?;
+        self.fit(&part_of(&all), &[], |problem| problem.quick_posterior())
+    }
+
+    /// Corrects the model by all readings as a whole. `nearest_m` is the distance from the source at
+    /// which something will be asked of the plume.
     ///
     /// # Errors
     /// The plume model refuses the corrected values.
     pub fn conclude(&mut self, nearest_m: f64) -> Result<(), WsError> {
-        let readings = self.thinned()?;
+        let asked = PlumePlace {
+            ln_distance: nearest_m.max(1.0).ln(),
+            // What is asked is asked of the time when the plume was met.
+            time_s: f64::NAN,
+            emitted_s: f64::NAN,
+            ..PlumePlace::default()
+        };
+        let all = self.thinned(MOST_ROWS)?;
+        self.searched(&all, &[asked])
+    }
+
+    /// Searches on a part of `readings`, and goes on from there on all of them.
+    fn searched(
+        &mut self,
+        readings: &[AveragedReading],
+        asked: &[PlumePlace],
+    ) -> Result<(), WsError> {
+        let part = part_of(readings);
+        self.fit(&part, asked, |problem| problem.posterior())?;
+        match self.posterior.as_ref().map(|p| p.fit().clone()) {
+            Some(found) => self.fit(readings, asked, |problem| problem.refined_posterior(&found)),
+            None => Ok(()),
+        }
+    }
+
+    /// Fits `readings`, where there are any.
+    fn fit(
+        &mut self,
+        readings: &[AveragedReading],
+        asked: &[PlumePlace],
+        fitted: impl FnOnce(&infer::Problem<'_, PlumeModel<'_>>) -> Result<Posterior, InferError>,
+    ) -> Result<(), WsError> {
         if readings.is_empty() {
             return Ok(());
         }
         let rows: Vec<Row> = readings.iter().map(|r| r.row).collect();
-        let model = DispersionModel::new(self.base.clone())?;
-        let track = Track::new(&model, &self.platforms, &rows)?;
+        let world = DispersionModel::new(self.setup.base.clone())?;
+        let track = Track::new(&world, &self.platforms, &rows)?;
         let n = rows.len();
         let measured = infer::Rows::new(
             track.ranges().to_vec(),
@@ -233,19 +266,15 @@ impl Calibrator {
             vec![f64::NAN; n],
             vec![true; n],
         )?;
-        let asked = [infer::PlumePlace {
-            ln_distance: nearest_m.max(1.0).ln(),
-            time_s: self.last_time_s(),
-            ..infer::PlumePlace::default()
-        }];
-        let model = PlumeModel::new(&self.base, &self.unknowns, &track);
+        let model = PlumeModel::new(&self.setup.base, self.unknowns.list(), &track);
         let policy = infer::Policy::default();
-        let sensor_sd = self.base.sensor.noise_sd_ppm.max(LEAST_NOISE_PPM);
-        let posterior =
-            infer::Problem::new(&model, &measured, &policy, sensor_sd, &asked).posterior()?;
-        self.estimate = posterior.mean();
-        self.covariance = posterior.covariance();
-        self.cost = -posterior.ln_evidence();
+        let sensor_sd = gap::plume::sensor_sd(&self.base, readings.iter().map(|r| r.ppm));
+        let problem = infer::Problem::new(&model, &measured, &policy, sensor_sd, asked);
+        let posterior = fitted(&problem)?;
+        let nearest = model.stated(problem.nearest(&posterior)?, &posterior)?;
+        (self.estimate, self.covariance) = (nearest.mean, nearest.covariance);
+        self.met_s = model.last_met_s(self.estimate.as_slice())?;
+        self.fitted_rows = self.row_count();
         self.posterior = Some(posterior);
         Ok(())
     }
@@ -256,35 +285,37 @@ impl Calibrator {
         self.base.wind = self.base.wind.turned(from_deg - self.base.wind.from_deg());
     }
 
-    /// Time of the last reading, s.
-    pub fn last_time_s(&self) -> f64 {
-        let last = self.readings.iter().filter_map(|r| r.last());
-        last.map(|r| r.row.time_s).fold(0.0, f64::max)
+    /// When the plume was last met, s: what it did afterwards nobody has read.
+    pub fn met_s(&self) -> f64 {
+        self.met_s
     }
 
-    /// The mean mole fraction at a place at the time of the last reading, ppm, with the error of form
-    /// that the readings showed; none before [`Calibrator::conclude`].
+    /// The mean mole fraction at a place when the plume was last met, ppm, with the error of form
+    /// that the readings showed; none before a fit.
     pub fn mean_ppm(&self, place: &Place) -> Option<Estimate> {
-        let posterior = self.posterior.as_ref()?;
-        let time_s = self.last_time_s();
-        let found = posterior.at_place(time_s, |at, turn_deg| {
-            let nowhere = model::plume_place(None, time_s);
-            let spec = self.swung_spec(DVector::from_column_slice(at), turn_deg);
-            let Ok(model) = DispersionModel::new(spec) else {
-                return (f64::NAN, f64::NAN, nowhere);
-            };
-            let rest = model.background_ppm(place, time_s);
-            let there = model.in_first_plume(place, time_s, model.transport());
-            let plume = model.mean_ppm(place, time_s) - rest;
-            (rest, plume, model::plume_place(there, time_s))
-        });
+        let nowhere = (f64::NAN, f64::NAN, PlumePlace::default());
+        let found = self
+            .posterior
+            .as_ref()?
+            .at_place(self.met_s, |at, turn_deg| {
+                let spec = self.swung_spec(DVector::from_column_slice(at), turn_deg);
+                let Ok(model) = DispersionModel::new(spec) else {
+                    return nowhere;
+                };
+                let rest = model.background_ppm(place, self.met_s);
+                let plume = model.mean_ppm(place, self.met_s) - rest;
+                let there = model.in_first_plume(place, self.met_s, model.transport());
+                let speed_m_s = model.transport().speed_m_s.max(LEAST_WIND_M_S);
+                let under_way_s = there.map_or(0.0, |p| p.distance_m / speed_m_s);
+                (rest, plume, plume_place(there, self.met_s, under_way_s))
+            });
         Some(Estimate {
             value: found.value,
             sd: found.sd,
         })
     }
 
-    /// What the readings were found to be like; none before [`Calibrator::conclude`].
+    /// What the readings were found to be like; none before a fit.
     pub fn posterior(&self) -> Option<&Posterior> {
         self.posterior.as_ref()
     }
@@ -293,14 +324,19 @@ impl Calibrator {
     fn axis_is_located(&self) -> bool {
         let (estimate, prior) = (&self.covariance, self.unknowns.prior_sd());
         self.unknowns
-            .index(CalibrationParameter::Direction)
+            .index(MechanismId::WindDirectionOffset, None)
             .is_none_or(|k| estimate[(k, k)].sqrt() < 0.2 * prior[k])
     }
 
-    /// Rows for a fit: all of them, or those in the plume and a part of the others.
-    fn thinned(&self) -> Result<Vec<AveragedReading>, WsError> {
-        let all: Vec<AveragedReading> = self.readings.iter().flatten().copied().collect();
-        if all.len() <= MAX_ROWS {
+    /// At most about `most` rows for a fit: all of them, or those in the plume and a part of the others.
+    fn thinned(&self, most: usize) -> Result<Vec<AveragedReading>, WsError> {
+        let mut all: Vec<AveragedReading> = self.readings.iter().flatten().copied().collect();
+        let mut rows: Vec<Row> = all.iter().map(|r| r.row).collect();
+        without_jitter(&mut rows);
+        for (reading, row) in all.iter_mut().zip(rows) {
+            reading.row = row;
+        }
+        if all.len() <= most {
             return Ok(all);
         }
         let world = DispersionModel::new(self.corrected_spec())?;
@@ -317,11 +353,11 @@ impl Calibrator {
         let strongest = excess.iter().copied().fold(0.0, f64::max);
         let inside = |k: usize| excess[k] > IN_PLUME_SHARE * strongest;
         let in_plume = (0..all.len()).filter(|&k| inside(k)).count();
-        let plume_stride = in_plume.div_ceil(MAX_ROWS * 3 / 4).max(1);
-        let room = MAX_ROWS - in_plume.div_ceil(plume_stride).min(MAX_ROWS - 1);
+        let plume_stride = in_plume.div_ceil(most * 3 / 4).max(1);
+        let room = most - in_plume.div_ceil(plume_stride).min(most - 1);
         let clean_stride = (all.len() - in_plume).div_ceil(room).max(1);
         let (mut in_count, mut out_count) = (0, 0);
-        let mut kept = Vec::with_capacity(MAX_ROWS);
+        let mut kept = Vec::with_capacity(most);
         for (k, reading) in all.into_iter().enumerate() {
             let (count, stride) = if inside(k) {
                 (&mut in_count, plume_stride)
@@ -336,37 +372,36 @@ impl Calibrator {
         Ok(kept)
     }
 
-    /// Minus the logarithm of the posterior density at the estimate of the last update, up to a
-    /// constant: of two accounts of the same readings the one with the lower cost is likelier.
+    /// Minus the logarithm of the evidence at the last fit, up to a constant: of two accounts of the
+    /// same readings the one with the lower cost is likelier.
     pub fn cost(&self) -> f64 {
-        self.cost
+        self.posterior.as_ref().map_or(0.0, |p| -p.ln_evidence())
     }
 
     /// The corrected model for one platform or all.
     pub fn corrected_spec(&self) -> DispersionSpec {
-        self.unknowns.turned(&self.base, &self.estimate)
+        self.unknowns.folded(&self.base, &self.estimate)
     }
 
-    /// The corrected model, its axis as it lay at the time of the last reading.
+    /// The corrected model, its axis as it lay when the plume was last met.
     pub fn latest_spec(&self) -> DispersionSpec {
         let posterior = self.posterior.as_ref();
-        let turn_deg = posterior.map_or(0.0, |p| p.turn_deg(self.last_time_s()));
+        let turn_deg = posterior.map_or(0.0, |p| p.turn_deg(self.met_s));
         self.swung_spec(self.estimate.clone(), turn_deg)
     }
 
     /// The model at these values of the unknowns, its axis turned by `turn_deg` besides.
     fn swung_spec(&self, mut at: DVector<f64>, turn_deg: f64) -> DispersionSpec {
-        if let Some(k) = self.unknowns.index(CalibrationParameter::Direction) {
+        if let Some(k) = self.unknowns.index(MechanismId::WindDirectionOffset, None) {
             at[k] += turn_deg;
         }
-        self.unknowns.turned(&self.base, &at)
+        self.unknowns.folded(&self.base, &at)
     }
 
     /// How far the wind is turned clockwise from the scenario's, degrees.
     pub fn turn_deg(&self) -> f64 {
-        self.unknowns
-            .value(CalibrationParameter::Direction, &self.estimate)
-            .unwrap_or(0.0)
+        let k = self.unknowns.index(MechanismId::WindDirectionOffset, None);
+        k.map_or(0.0, |k| self.estimate[k])
     }
 
     /// The corrected parameters with their standard deviations.
@@ -375,11 +410,26 @@ impl Calibrator {
             .calibrated(&self.base, &self.estimate, &self.covariance)
     }
 
-    /// Value and standard deviation of one unknown.
-    pub fn parameter(&self, parameter: CalibrationParameter) -> Option<(f64, f64)> {
-        let k = self.unknowns.index(parameter)?;
-        Some((self.estimate[k], self.covariance[(k, k)].sqrt()))
+    /// Value and standard deviation of a mechanism's parameter that is unknown, of one platform's sensor or
+    /// of all.
+    pub fn parameter(&self, id: MechanismId, platform: Option<usize>) -> Option<Estimate> {
+        self.unknowns
+            .parameter((id, platform), &self.estimate, &self.covariance)
     }
+}
+
+/// About as many of the readings, which stand platform by platform, as a search needs.
+fn part_of(readings: &[AveragedReading]) -> Vec<AveragedReading> {
+    let mut ranges = Vec::new();
+    for of_platform in readings.chunk_by(|a, b| a.row.platform == b.row.platform) {
+        let first = ranges.last().map_or(0, |r: &Range<usize>| r.end);
+        ranges.push(first..first + of_platform.len());
+    }
+    let kept = every(&ranges, ROWS_OF_A_SEARCH);
+    kept.map_or_else(
+        || readings.to_vec(),
+        |kept| kept.into_iter().map(|k| readings[k]).collect(),
+    )
 }
 
 impl AveragingBin {

@@ -1,17 +1,18 @@
 //! Calibration from files: measured observations of one or several platforms correct a scenario.
 
-use super::{Calibrated, CalibrationParameter, Calibrator};
+use super::{Calibrated, Calibrator};
 use crate::WsError;
 use air::geo::{Geodetic, wrap_deg};
 use air::wind::WindVector;
 use plume::{Mechanism, MechanismId, Place};
+use protocol::message::Estimate;
 use scenario::Scenario;
 use scenario::observations::{DataQuality, ObservationRow, Observations, checks};
 use scenario::uncertain::Uncertain;
 
 /// Logged winds are averaged over one of these times on both sides, s, whichever makes the readings
 /// likeliest: a log is noisy, but the wind it shows may also really change.
-const WIND_AVERAGED_S: [f64; 4] = [30.0, 120.0, 600.0, f64::INFINITY];
+const WIND_AVERAGED_S: [f64; 7] = [0.0, 4.0, 12.0, 30.0, 120.0, 600.0, f64::INFINITY];
 
 /// A calibration from files.
 #[derive(Debug, Clone)]
@@ -62,6 +63,7 @@ pub fn calibrate(
         Some(best) => best,
         None => Calibrator::new(scenario, &observations.platforms, reference)?,
     };
+    calibrator.conclude(scenario.fence.keep_out_radius_m)?;
     if let Some(from_deg) = logged_from_deg(observations) {
         calibrator.set_wind_from(from_deg);
     }
@@ -83,7 +85,7 @@ fn nothing_left(observations: &Observations, flaws: &[DataQuality]) -> WsError {
     }
 }
 
-/// A calibration in which each row's plume is carried by its wind of `winds`.
+/// A rough calibration in which each row's plume is carried by its wind of `winds`.
 fn calibrated_in_winds(
     scenario: &Scenario,
     observations: &Observations,
@@ -103,7 +105,7 @@ fn calibrated_in_winds(
         calibrator.observe(row.platform, row.time_s, place, wind, ppm);
     }
     calibrator.finish();
-    calibrator.conclude(scenario.fence.keep_out_radius_m)?;
+    calibrator.glance()?;
     Ok(calibrator)
 }
 
@@ -121,6 +123,36 @@ fn corrected(
     let strength = |value: Option<f64>| value.unwrap_or_default() * factor.value;
     let strength_sd = |value: Option<f64>| value.unwrap_or_default() * factor.sd;
     let source = &scenario.sources[0];
+    // What only a scenario that marks it uncertain has among its unknowns.
+    let own = |id, of: fn(f64, f64) -> f64, value: f64| {
+        let none = Estimate {
+            value: f64::NAN,
+            sd: f64::NAN,
+        };
+        calibrator.parameter(id, None).map_or(none, |e| Estimate {
+            value: of(value, e.value),
+            sd: if matches!(id, MechanismId::SensorOffset) {
+                e.sd
+            } else {
+                value * e.sd
+            },
+        })
+    };
+    let speed = own(
+        MechanismId::WindSpeedScale,
+        std::ops::Mul::mul,
+        scenario.weather.wind_speed_m_s,
+    );
+    let offset = own(
+        MechanismId::SensorOffset,
+        std::ops::Add::add,
+        scenario.sensor.offset_ppm,
+    );
+    let gain = own(
+        MechanismId::SensorGain,
+        std::ops::Mul::mul,
+        scenario.sensor.gain,
+    );
     for (key, value, sd) in [
         (Uncertain::WindFrom, turned, found.axis_deg.sd),
         (
@@ -158,30 +190,19 @@ fn corrected(
             found.time_constant_s.value,
             found.time_constant_s.sd,
         ),
+        (Uncertain::WindSpeed, speed.value, speed.sd),
+        (Uncertain::SensorOffset, offset.value, offset.sd),
+        (Uncertain::SensorGain, gain.value, gain.sd),
     ] {
-        if scenario.value(key).is_some() {
+        if scenario.value(key).is_some() && value.is_finite() {
             corrected.set_with_sd(key, value, sd);
         }
     }
     for (k, platform) in observations.platforms.iter().enumerate() {
         let only = std::slice::from_ref(platform);
-        let sensor = [
-            (
-                MechanismId::SensorOffset,
-                calibrator
-                    .parameter(CalibrationParameter::Offset(k))
-                    .map(|p| p.0),
-            ),
-            (
-                MechanismId::SensorGain,
-                calibrator
-                    .parameter(CalibrationParameter::LnGain(k))
-                    .map(|p| p.0.exp()),
-            ),
-        ];
-        for (id, value) in sensor {
-            if let Some(value) = value {
-                corrected.extend(&[Mechanism::from_values(id, &[value]).for_platforms(only)]);
+        for id in [MechanismId::SensorOffset, MechanismId::SensorGain] {
+            if let Some(found) = calibrator.parameter(id, Some(k)) {
+                corrected.extend(&[Mechanism::from_values(id, &[found.value]).for_platforms(only)]);
             }
         }
     }

@@ -1,35 +1,13 @@
 //! The unknowns of a calibration, their priors, and the model that their values make.
 
 use air::geo::wrap_deg;
-use air::wind::towards_deg;
+use air::wind::{WindProfile, towards_deg};
+use gap::plume::{Setup, Unknown};
+use infer::Prior;
 use nalgebra::{DMatrix, DVector};
+use plume::mechanism::Coordinate;
 use plume::{DispersionModel, DispersionSpec, Mechanism, MechanismId, Strength};
 use protocol::message::Estimate;
-use scenario::Scenario;
-use scenario::uncertain::Uncertain;
-
-/// An unknown of the calibration, in the unit in which its prior is normal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum CalibrationParameter {
-    /// Background, ppm.
-    Background,
-    /// Effective height of the first source, m above ground.
-    Height,
-    /// Turn of the wind against the scenario's, degrees clockwise.
-    Direction,
-    /// Natural logarithm of the factor on the first source's strength.
-    LnStrength,
-    /// Natural logarithm of the σy scale.
-    LnSigmaY,
-    /// Natural logarithm of the σz scale.
-    LnSigmaZ,
-    /// Time constant of the sensors, s.
-    TimeConstant,
-    /// Offset of the sensor of the platform at this index, ppm.
-    Offset(usize),
-    /// Natural logarithm of the gain of the sensor of the platform at this index.
-    LnGain(usize),
-}
 
 /// What a calibration found.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,106 +28,65 @@ pub struct Calibrated {
     pub sigma_z_scale: Estimate,
     /// Time constant of the sensors, s.
     pub time_constant_s: Estimate,
-    /// Factor on the strength that the scenario gives the first source.
+    /// Factor on the strength that the scenario gives its sources.
     pub strength_factor: Estimate,
 }
 
-// Prior standard deviations where the scenario marks nothing: how far a preliminary flight's
-// estimates of these are usually off.
-const DEFAULT_SD_HEIGHT_M: f64 = 40.0;
-const DEFAULT_SD_DIRECTION_DEG: f64 = 10.0;
-const DEFAULT_SD_LN_STRENGTH: f64 = 0.4;
-const DEFAULT_SD_LN_SIGMA: f64 = 0.3;
-const DEFAULT_SD_BACKGROUND_PPM: f64 = 5.0;
-const DEFAULT_SD_TIME_CONSTANT_S: f64 = 0.5;
-const DEFAULT_SD_OFFSET_PPM: f64 = 10.0;
-const DEFAULT_SD_LN_GAIN: f64 = 0.1;
-/// A prior wider than this is flat for all that readings can say.
-const WIDEST_SD: f64 = 1e4;
+/// What is always unknown, with the standard deviation that it has where the scenario marks nothing: how
+/// far a preliminary flight's estimates are usually off.
+const DEFAULTS: [(MechanismId, f64); 7] = [
+    (MechanismId::BackgroundOffset, 5.0),
+    (MechanismId::EffectiveHeightOffset, 40.0),
+    (MechanismId::WindDirectionOffset, 10.0),
+    (MechanismId::EmissionScale, 0.4),
+    (MechanismId::SigmaYScale, 0.3),
+    (MechanismId::SigmaZScale, 0.3),
+    (MechanismId::SensorLag, 0.5),
+];
+/// The same of a sensor that is held against a reference.
+const SENSOR_DEFAULTS: [(MechanismId, f64); 2] = [
+    (MechanismId::SensorOffset, 10.0),
+    (MechanismId::SensorGain, 0.1),
+];
 
+/// The unknowns, in the coordinates of the catalogue of mechanisms.
 #[derive(Debug, Clone)]
 pub(crate) struct Unknowns {
-    list: Vec<(CalibrationParameter, f64, f64)>,
+    list: Vec<Unknown>,
     platforms: Vec<String>,
 }
 
 impl Unknowns {
     pub fn new(
-        scenario: &Scenario,
+        setup: &Setup,
         base: &DispersionSpec,
         platforms: &[String],
         reference: Option<&str>,
     ) -> Self {
-        let sd =
-            |key: Uncertain, default: f64| scenario.prior_sd(key).unwrap_or(default).min(WIDEST_SD);
-        let source = &base.sources[0];
-        let sd_ln_strength = match source.strength {
-            Strength::CMax { excess_ppm, .. } => scenario
-                .prior_sd(Uncertain::CMax)
-                .map(|sd| sd / excess_ppm.max(1e-9)),
-            Strength::EmissionKgS(q) => scenario
-                .prior_sd(Uncertain::Emission)
-                .map(|sd| sd / q.max(1e-9)),
+        let marked = setup.unknowns();
+        let of = |(id, sd): (MechanismId, f64), platform: Option<usize>| {
+            let own = marked.iter().find(|u| u.id == id);
+            let mean = match id {
+                MechanismId::SensorLag => base.sensor.time_constant_s,
+                _ => 0.0,
+            };
+            Unknown {
+                platform,
+                ..own.copied().unwrap_or(Unknown {
+                    id,
+                    platform,
+                    prior: Prior { mean, sd },
+                })
+            }
         };
-        let ln_scale = |key: Uncertain, scale: f64| {
-            scenario
-                .prior_sd(key)
-                .map_or(DEFAULT_SD_LN_SIGMA, |sd| (sd / scale).min(3.0))
-        };
-        use CalibrationParameter as P;
-        let mut list = vec![
-            (
-                P::Background,
-                base.background_ppm,
-                sd(Uncertain::Background, DEFAULT_SD_BACKGROUND_PPM),
-            ),
-            (
-                P::Height,
-                source.effective_height_agl_m,
-                sd(Uncertain::EffectiveHeight, DEFAULT_SD_HEIGHT_M),
-            ),
-            (
-                P::Direction,
-                0.0,
-                sd(Uncertain::WindFrom, DEFAULT_SD_DIRECTION_DEG),
-            ),
-            (
-                P::LnStrength,
-                0.0,
-                sd_ln_strength.unwrap_or(DEFAULT_SD_LN_STRENGTH).min(3.0),
-            ),
-            (
-                P::LnSigmaY,
-                base.sigma_y_scale.ln(),
-                ln_scale(Uncertain::SigmaYScale, base.sigma_y_scale),
-            ),
-            (
-                P::LnSigmaZ,
-                base.sigma_z_scale.ln(),
-                ln_scale(Uncertain::SigmaZScale, base.sigma_z_scale),
-            ),
-            (
-                P::TimeConstant,
-                base.sensor.time_constant_s,
-                sd(Uncertain::SensorTimeConstant, DEFAULT_SD_TIME_CONSTANT_S),
-            ),
-        ];
-        if let Some(reference) = reference {
-            for (k, _) in platforms
-                .iter()
-                .enumerate()
-                .filter(|(_, p)| *p != reference)
-            {
-                list.push((
-                    P::Offset(k),
-                    0.0,
-                    sd(Uncertain::SensorOffset, DEFAULT_SD_OFFSET_PPM),
-                ));
-                list.push((
-                    P::LnGain(k),
-                    0.0,
-                    sd(Uncertain::SensorGain, DEFAULT_SD_LN_GAIN),
-                ));
+        let mut list: Vec<Unknown> = DEFAULTS.into_iter().map(|d| of(d, None)).collect();
+        let others = |k: &usize| reference.is_some_and(|r| platforms[*k] != r);
+        for k in (0..platforms.len()).filter(others) {
+            list.extend(SENSOR_DEFAULTS.map(|d| of(d, Some(k))));
+        }
+        for unknown in &marked {
+            if list.iter().all(|u| u.id != unknown.id) {
+                list.push(*unknown);
             }
         }
         Self {
@@ -158,76 +95,88 @@ impl Unknowns {
         }
     }
 
-    pub fn len(&self) -> usize {
-        self.list.len()
+    /// As a forward model wants them.
+    pub fn list(&self) -> &[Unknown] {
+        &self.list
     }
 
     pub fn prior_mean(&self) -> DVector<f64> {
-        DVector::from_iterator(self.len(), self.list.iter().map(|u| u.1))
+        DVector::from_iterator(self.list.len(), self.list.iter().map(|u| u.prior.mean))
     }
 
     pub fn prior_sd(&self) -> DVector<f64> {
-        DVector::from_iterator(self.len(), self.list.iter().map(|u| u.2))
+        DVector::from_iterator(self.list.len(), self.list.iter().map(|u| u.prior.sd))
     }
 
-    pub fn index(&self, parameter: CalibrationParameter) -> Option<usize> {
-        self.list.iter().position(|u| u.0 == parameter)
+    pub fn index(&self, id: MechanismId, platform: Option<usize>) -> Option<usize> {
+        let is = |u: &Unknown| u.id == id && u.platform == platform;
+        self.list.iter().position(is)
     }
 
-    pub fn value(&self, parameter: CalibrationParameter, at: &DVector<f64>) -> Option<f64> {
-        self.index(parameter).map(|k| at[k])
+    /// Value and standard deviation of a mechanism's parameter; of a log-normal one the median and, to first
+    /// order, the standard deviation.
+    pub fn parameter(
+        &self,
+        (id, platform): (MechanismId, Option<usize>),
+        at: &DVector<f64>,
+        covariance: &DMatrix<f64>,
+    ) -> Option<Estimate> {
+        let k = self.index(id, platform)?;
+        let value = value(id, at[k]);
+        let sd = covariance[(k, k)].sqrt();
+        Some(Estimate {
+            value,
+            sd: if is_log(id) { value * sd } else { sd },
+        })
     }
 
-    /// The model at these values, with the turn of the wind as a mechanism, so that it acts on
-    /// whatever wind the rows of a track carry.
-    pub fn spec(&self, base: &DispersionSpec, at: &[f64]) -> DispersionSpec {
+    /// The model at these values, as a scenario has it: in its own numbers, and nothing as a mechanism but
+    /// what single sensors have.
+    pub fn folded(&self, base: &DispersionSpec, at: &DVector<f64>) -> DispersionSpec {
+        use MechanismId as M;
         let mut spec = base.clone();
-        for (k, (parameter, _, _)) in self.list.iter().enumerate() {
-            let value = at[k];
-            match *parameter {
-                CalibrationParameter::Background => spec.background_ppm = value.max(0.0),
-                CalibrationParameter::Height => {
-                    spec.sources[0].effective_height_agl_m = value.max(1.0)
+        let mut factor = 1.0;
+        for (unknown, x) in self.list.iter().zip(at.iter()) {
+            let v = value(unknown.id, *x);
+            match (unknown.id, unknown.platform) {
+                (M::BackgroundOffset, _) => {
+                    spec.background_ppm = (spec.background_ppm + v).max(0.0);
                 }
-                CalibrationParameter::Direction => {
-                    spec.mechanisms.push(Mechanism::from_values(
-                        MechanismId::WindDirectionOffset,
-                        &[value],
-                    ));
+                (M::EffectiveHeightOffset, _) => {
+                    for source in &mut spec.sources {
+                        source.effective_height_agl_m =
+                            (source.effective_height_agl_m + v).max(1.0);
+                    }
                 }
-                CalibrationParameter::LnStrength => {
-                    scale_strength(&mut spec.sources[0].strength, value.exp())
-                }
-                CalibrationParameter::LnSigmaY => spec.sigma_y_scale = value.exp(),
-                CalibrationParameter::LnSigmaZ => spec.sigma_z_scale = value.exp(),
-                CalibrationParameter::TimeConstant => spec.sensor.time_constant_s = value.max(0.0),
-                CalibrationParameter::Offset(p) => spec.mechanisms.push(
-                    Mechanism::from_values(MechanismId::SensorOffset, &[value])
-                        .for_platforms(&self.platforms[p..=p]),
-                ),
-                CalibrationParameter::LnGain(p) => spec.mechanisms.push(
-                    Mechanism::from_values(MechanismId::SensorGain, &[value.exp()])
-                        .for_platforms(&self.platforms[p..=p]),
-                ),
+                (M::WindDirectionOffset, _) => spec.wind = spec.wind.turned(v),
+                (M::WindSpeedScale, _) => spec.wind = faster(&spec.wind, v),
+                (M::EmissionScale, _) => factor = v,
+                (M::SigmaYScale, _) => spec.sigma_y_scale *= v,
+                (M::SigmaZScale, _) => spec.sigma_z_scale *= v,
+                (M::SensorLag, _) => spec.sensor.time_constant_s = v.max(0.0),
+                (M::SensorOffset, None) => spec.sensor.offset_ppm += v,
+                (M::SensorGain, None) => spec.sensor.gain *= v,
+                (id, Some(p)) => spec
+                    .mechanisms
+                    .push(Mechanism::from_values(id, &[v]).for_platforms(&self.platforms[p..=p])),
+                (id, None) => spec.mechanisms.push(Mechanism::from_values(id, &[v])),
             }
         }
-        spec
-    }
-
-    /// The model at these values, with the wind itself turned.
-    pub fn turned(&self, base: &DispersionSpec, at: &DVector<f64>) -> DispersionSpec {
-        let turn_deg = self
-            .value(CalibrationParameter::Direction, at)
-            .unwrap_or(0.0);
-        let mut still = at.clone();
-        if let Some(k) = self.index(CalibrationParameter::Direction) {
-            still[k] = 0.0;
+        // A plume at another height is carried by the wind that the scenario has at its own: what is told of
+        // an emission is its ratio to the wind.
+        let speed = |of: &DispersionSpec, k: usize| {
+            spec.wind.speed_at_m_s(of.sources[k].effective_height_agl_m)
+        };
+        let carried: Vec<f64> = (0..spec.sources.len())
+            .map(|k| speed(&spec, k) / speed(base, k))
+            .collect();
+        for (source, carried) in spec.sources.iter_mut().zip(carried) {
+            match &mut source.strength {
+                Strength::EmissionKgS(q) if carried.is_finite() => *q *= factor * carried,
+                Strength::EmissionKgS(q) => *q *= factor,
+                Strength::CMax { excess_ppm, .. } => *excess_ppm *= factor,
+            }
         }
-        let mut spec = self.spec(base, still.as_slice());
-        // The mechanism of no turn, added by `spec`, says nothing.
-        spec.mechanisms
-            .retain(|m| m.id() != MechanismId::WindDirectionOffset || m.values()[0] != 0.0);
-        spec.wind = spec.wind.turned(turn_deg);
         spec
     }
 
@@ -237,42 +186,40 @@ impl Unknowns {
         at: &DVector<f64>,
         covariance: &DMatrix<f64>,
     ) -> Calibrated {
-        let linear = |parameter| {
-            let k = self.index(parameter);
-            k.map_or(
-                Estimate {
-                    value: f64::NAN,
-                    sd: f64::NAN,
-                },
-                |k| Estimate {
-                    value: at[k],
-                    sd: covariance[(k, k)].sqrt(),
-                },
-            )
+        use MechanismId as M;
+        let of = |id| {
+            let none = Estimate {
+                value: f64::NAN,
+                sd: f64::NAN,
+            };
+            self.parameter((id, None), at, covariance).unwrap_or(none)
         };
-        // Of a log-normal quantity the median and, to first order, the standard deviation.
-        let log = |parameter| {
-            let e = linear(parameter);
-            Estimate {
-                value: e.value.exp(),
-                sd: e.value.exp() * e.sd,
-            }
+        let from = |value: f64, by: Estimate| Estimate {
+            value: value + by.value,
+            ..by
         };
-        let turn = linear(CalibrationParameter::Direction);
+        let times = |value: f64, by: Estimate| Estimate {
+            value: value * by.value,
+            sd: value * by.sd,
+        };
+        let turn = of(M::WindDirectionOffset);
         let (c_max, c_max_distance_m) = self.c_max(base, at, covariance);
         Calibrated {
-            background_ppm: linear(CalibrationParameter::Background),
-            effective_height_agl_m: linear(CalibrationParameter::Height),
+            background_ppm: from(base.background_ppm, of(M::BackgroundOffset)),
+            effective_height_agl_m: from(
+                base.sources[0].effective_height_agl_m,
+                of(M::EffectiveHeightOffset),
+            ),
             axis_deg: Estimate {
                 value: wrap_deg(towards_deg(base.wind.from_deg()) + turn.value),
                 sd: turn.sd,
             },
             c_max_ppm: c_max,
             c_max_distance_m,
-            sigma_y_scale: log(CalibrationParameter::LnSigmaY),
-            sigma_z_scale: log(CalibrationParameter::LnSigmaZ),
-            time_constant_s: linear(CalibrationParameter::TimeConstant),
-            strength_factor: log(CalibrationParameter::LnStrength),
+            sigma_y_scale: times(base.sigma_y_scale, of(M::SigmaYScale)),
+            sigma_z_scale: times(base.sigma_z_scale, of(M::SigmaZScale)),
+            time_constant_s: of(M::SensorLag),
+            strength_factor: of(M::EmissionScale),
         }
     }
 
@@ -287,11 +234,11 @@ impl Unknowns {
         let distance_m = base.sources[0].strength.c_max_distance_m();
         // 0 for values that make no model.
         let value = |at: &DVector<f64>| {
-            DispersionModel::new(self.turned(base, at))
+            DispersionModel::new(self.folded(base, at))
                 .map_or(0.0, |model| model.axis_excess_ppm(distance_m))
         };
         let here = value(at);
-        let slope = DVector::from_fn(self.len(), |k, _| {
+        let slope = DVector::from_fn(self.list.len(), |k, _| {
             let step = 0.01 * covariance[(k, k)].sqrt();
             if step == 0.0 {
                 return 0.0;
@@ -311,9 +258,18 @@ impl Unknowns {
     }
 }
 
-fn scale_strength(strength: &mut Strength, factor: f64) {
-    match strength {
-        Strength::EmissionKgS(q) => *q *= factor,
-        Strength::CMax { excess_ppm, .. } => *excess_ppm *= factor,
-    }
+fn is_log(id: MechanismId) -> bool {
+    id.spec().parameters[0].coordinate == Coordinate::Log
+}
+
+/// A mechanism's parameter from its coordinate.
+fn value(id: MechanismId, at: f64) -> f64 {
+    if is_log(id) { at.exp() } else { at }
+}
+
+/// A wind that is faster by a factor; as it is where no such wind blows.
+fn faster(wind: &WindProfile, factor: f64) -> WindProfile {
+    let speed = wind.reference_speed_m_s() * factor;
+    let height = wind.reference_height_agl_m();
+    WindProfile::new(speed, height, wind.from_deg(), wind.exponent()).unwrap_or(*wind)
 }

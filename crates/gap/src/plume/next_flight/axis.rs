@@ -7,7 +7,7 @@ use air::geo::Enu;
 use infer::Found;
 
 use super::super::Study;
-use super::super::data::Setup;
+use super::super::data::{Setup, mean_transport};
 use super::super::model::PlumeModel;
 
 /// Where the plume lies and what carries it.
@@ -22,7 +22,10 @@ pub(super) struct PlumeAxis {
 impl PlumeAxis {
     /// As a set has it at `time_s` if the wind stays what it was in the mean.
     pub fn of(study: &Study<'_>, found: &Found<PlumeModel<'_>>, time_s: f64) -> Self {
-        let wind = study.data.mean_transport(&vec![1.0; study.data.len()]);
+        let wind = mean_transport(
+            found.model.track().transport(),
+            &vec![1.0; study.data.len()],
+        );
         let parts = found.model.parts(found.at());
         let sum = |id: MechanismId| {
             let own = parts.iter().filter(|p| p.id == id);

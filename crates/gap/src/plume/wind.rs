@@ -38,7 +38,7 @@ const TRIED_IN_FLIGHT: [Carried; 4] = [
     Carried::About(30.0),
     Carried::About(120.0),
     Carried::About(f64::INFINITY),
-    Carried::OnItsWay,
+    Carried::OnItsWay(30.0),
 ];
 /// The air's way is reckoned with at least this wind, m/s: a calm carries nothing.
 const LEAST_WIND_M_S: f64 = 0.5;
@@ -187,7 +187,7 @@ pub(crate) fn swinging<'a>(
     in_flight: bool,
 ) -> Result<(Found<PlumeModel<'a>>, Swing), InferError> {
     let base = |swing| question.base(&model.clone().following(swing));
-    if in_flight && carried != Some(Carried::OnItsWay) {
+    if in_flight && !matches!(carried, Some(Carried::OnItsWay(_))) {
         let at_once = base(Swing::AtOnce)?;
         if at_once.likeliest_sizes()[SWING] == 0.0 {
             return Ok((at_once, Swing::AtOnce));

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 /// Rows gathered before they are added.
-const ROWS: usize = 96;
+const ROWS: usize = 512;
 
 /// One block of time.
 #[derive(Debug, Clone)]

@@ -35,8 +35,6 @@ pub struct Pass {
     pub left: [f64; CHANNELS],
     /// Count of each channel's readings.
     pub count: [usize; CHANNELS],
-    /// Log score of each sample.
-    pub by_sample: Vec<f64>,
     /// Innovations in standard deviations, sample by sample (kept only when asked for).
     pub standardised: Vec<[f64; CHANNELS]>,
     /// States after each sample's update (kept only when asked for).
@@ -158,7 +156,6 @@ fn pass(
         log_score: 0.0,
         left: [0.0; CHANNELS],
         count: [0; CHANNELS],
-        by_sample: Vec::with_capacity(segment.len()),
         standardised: Vec::new(),
         means: Vec::new(),
     };
@@ -167,7 +164,9 @@ fn pass(
         None => (None, None),
     };
     for i in 0..segment.len() {
-        let before = out.log_score;
+        if let Some(normal) = normal.as_deref_mut() {
+            normal.begin_sample(segment.log, segment.time_s[i]);
+        }
         let seen = filter.seen(i, filter.mean, false);
         if let Some(s) = sensitivity.as_mut() {
             s.look(&seen);
@@ -176,7 +175,6 @@ fn pass(
         if let (Some(s), Some(normal)) = (sensitivity.as_mut(), normal.as_deref_mut()) {
             s.take(&taken, |row, t| normal.add_row(row, t.nu * t.weight.sqrt()));
         }
-        out.by_sample.push(out.log_score - before);
         let (keep, process) = if i + 1 < segment.len() {
             filter.predict(i, sensitivity.as_mut())
         } else {
@@ -188,9 +186,6 @@ fn pass(
                 keep,
                 process,
             });
-        }
-        if let Some(normal) = normal.as_deref_mut() {
-            normal.end_of_sample(segment.log, segment.time_s[i]);
         }
     }
     out
@@ -326,7 +321,12 @@ impl<'a> Filter<'a> {
         let next = self.world.step(self.segment, i, &self.mean);
         // Derivatives in the middle of the step hold to its second order.
         let middle = self.seen(i, self.mean.midway(&next), true);
-        let step = Transition::of(&middle.slopes(), dt, self.world.parts_of(i));
+        let step = Transition::of(
+            &middle.slopes(),
+            dt,
+            self.world.parts_of(i),
+            sensitivity.is_some(),
+        );
         if let Some(s) = sensitivity {
             s.predict(&middle, &step);
         }

@@ -34,10 +34,11 @@ pub struct Transition {
 }
 
 impl Transition {
-    /// Over `dt_s` with slopes `a` (1/s), in `parts` parts each short against every time constant.
-    pub fn of(a: &Matrix, dt_s: f64, parts: usize) -> Self {
+    /// Over `dt_s` with slopes `a` (1/s), in `parts` parts each short against every time constant;
+    /// what slopes add stays nil unless it is asked for.
+    pub fn of(a: &Matrix, dt_s: f64, parts: usize, adds: bool) -> Self {
         let halvings = parts.next_power_of_two().trailing_zeros();
-        exponential(a, dt_s, halvings)
+        exponential(a, dt_s, halvings, adds)
     }
 }
 
@@ -77,7 +78,7 @@ fn of_all(m: &Matrix, v: &Matrix) -> Matrix {
 
 /// Taylor's series to the fourth order, as exact as the Runge-Kutta step that it goes with, squared
 /// so many times.
-fn exponential(a: &Matrix, dt_s: f64, halvings: u32) -> Transition {
+fn exponential(a: &Matrix, dt_s: f64, halvings: u32, adds: bool) -> Transition {
     let h = dt_s / f64::from(1u32 << halvings);
     let square = of_all(a, a);
     // Both are a beginning and the square times an end.
@@ -104,15 +105,21 @@ fn exponential(a: &Matrix, dt_s: f64, halvings: u32) -> Transition {
         whole
     };
     let mut keep = series([h, h * h / 2.0, h.powi(3) / 6.0, h.powi(4) / 24.0]);
-    let mut add = series([h * h / 2.0, h.powi(3) / 6.0, h.powi(4) / 24.0, 0.0]);
+    let mut add = [[0.0; STATES]; STATES];
+    if adds {
+        add = series([h * h / 2.0, h.powi(3) / 6.0, h.powi(4) / 24.0, 0.0]);
+    }
+    let one = if adds { h } else { 0.0 };
     for k in 0..STATES {
         keep[k][k] += 1.0;
-        add[k][k] += h;
+        add[k][k] += one;
     }
     for _ in 0..halvings {
-        let more = of_all(&keep, &add);
-        for (add, more) in add.as_flattened_mut().iter_mut().zip(more.as_flattened()) {
-            *add += more;
+        if adds {
+            let more = of_all(&keep, &add);
+            for (add, more) in add.as_flattened_mut().iter_mut().zip(more.as_flattened()) {
+                *add += more;
+            }
         }
         keep = of_all(&keep, &keep);
     }
@@ -175,7 +182,7 @@ mod tests {
         a[0][1] = 1.0;
         // What the fifth order would add is (h / .4)^5 / 120, for each part.
         for (dt, parts) in [(0.02, 1), (0.38, 16)] {
-            let step = Transition::of(&a, dt, parts as usize);
+            let step = Transition::of(&a, dt, parts as usize, true);
             let keep = (-dt / 0.4_f64).exp();
             let bound = f64::from(parts) * (dt / f64::from(parts) / 0.4).powi(5) / 120.0 + 1e-12;
             let near = |a: f64, b: f64| assert!((a - b).abs() < bound, "{a} {b}");

@@ -294,12 +294,11 @@ impl<'a> Filter<'a> {
             d[k] += gain[k] * e / used;
         }
         take_off(&mut self.p, &gain, used);
+        let mut told = Vec::with_capacity(STATES);
+        told.extend((0..STATES).map(|k| (k, h[k])).filter(|of| of.1 != 0.0));
         Taken {
             channel: c,
-            told: (0..STATES)
-                .filter(|&k| h[k] != 0.0)
-                .map(|k| (k, h[k]))
-                .collect(),
+            told,
             gain,
             used,
             away: e,

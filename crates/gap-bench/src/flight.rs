@@ -271,7 +271,7 @@ fn control(bench: &BenchAircraft<'_>, seed: u64) -> Result<Control, String> {
     let gated = gated(bench, &case)?;
     let study = Study::new(&bench.aircraft, &gated, 1);
     let theta = study.start();
-    let noise = study.noise(&theta, Noise::usual(), 3);
+    let noise = study.noise(&theta, Noise::usual(), 12);
     let linear = study.settled(study.linearise(theta, noise));
     Ok(Control {
         names: study.parameters.iter().map(|p| p.name.clone()).collect(),

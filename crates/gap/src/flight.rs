@@ -34,7 +34,9 @@ pub mod parameters;
 mod residual;
 pub mod rival;
 mod rough;
+mod sensitivity;
 pub mod study;
+mod transition;
 mod units;
 pub mod windows;
 
@@ -224,9 +226,9 @@ fn extend(aircraft: &Aircraft, answer: &Answer, notices: &mut Vec<String>) -> Ai
 pub fn doing(done: f64) -> &'static str {
     match done {
         ..0.03 => "accelerations",
-        0.03..0.3 => "noise",
-        0.3..0.45 => "the aircraft of the file",
-        0.45..0.93 => "causes",
+        0.03..0.23 => "noise",
+        0.23..0.3 => "the aircraft of the file",
+        0.3..0.93 => "causes",
         _ => "histories",
     }
 }

@@ -11,8 +11,6 @@ use crate::verdict::{
     BaseParameter, Cause, Detectable, Evidence, Parameter, Ranked, Unexplained, Verdict,
 };
 
-/// Probability that a set must hold, and that a name alone needs.
-const SET_PROBABILITY: f64 = 0.95;
 /// Probability of so large a score by chance, over all candidates, that a cause may have.
 const LARGEST_P: f64 = 0.01;
 /// Nats at which an effect is seen almost surely.
@@ -119,12 +117,13 @@ fn in_place_of(study: &Study<'_>, last: &Linear, rest: &[usize]) -> Vec<(usize, 
 fn cause(study: &Study<'_>, last: &Linear, evidence: Evidence, rivals: &[(usize, f64)]) -> Cause {
     let doubt = (1.0 + evidence.delta_log_evidence.max(0.0) / NATS_PER_DOUBT).sqrt();
     let (first, top) = rivals[0];
+    let named = infer::Policy::default().named;
     let weight = |v: f64| ((v - top) / doubt).exp();
     let total: f64 = rivals.iter().map(|r| weight(r.1)).sum();
     let mut probability = 0.0;
     let mut mechanisms = Vec::new();
     for &(k, value) in rivals.iter().filter(|r| study.is_named(r.0)) {
-        if probability >= SET_PROBABILITY || weight(value) / total < 0.01 {
+        if probability >= named || weight(value) / total < 0.01 {
             break;
         }
         probability += weight(value) / total;

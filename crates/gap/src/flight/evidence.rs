@@ -28,8 +28,20 @@ pub struct Candidate {
     pub prior_sd: Vec<f64>,
     /// Whether the first may only grow from its neutral value.
     pub one_sided: bool,
+    /// Prior standard deviations beyond which a size is not that of this cause.
+    pub plausible_sd: f64,
     /// Log prior of its presence.
     pub log_prior: f64,
+}
+
+impl Candidate {
+    /// Whether fitted values are such as this cause has: what can only grow did not shrink, and no
+    /// size is one that nothing real has.
+    fn can_be(&self, values: &[f64]) -> bool {
+        let mut sizes = values.iter().zip(&self.prior_sd);
+        !(self.one_sided && values[0] < 0.0)
+            && sizes.all(|(value, sd)| value.abs() <= self.plausible_sd * sd)
+    }
 }
 
 /// How a set of candidates fares.
@@ -125,11 +137,11 @@ impl Word {
         let mut log_evidence = 0.5 * t.dot(&values) - half_log_det(&m) - prior;
         let mut at = 0;
         for candidate in set {
-            // What can only grow and is fitted as less than nothing is not there.
-            if candidate.one_sided && values[at] < 0.0 {
+            let end = at + candidate.columns.len();
+            if !candidate.can_be(&values.as_slice()[at..end]) {
                 log_evidence -= 0.5 * t.dot(&values) + 1.0;
             }
-            at += candidate.columns.len();
+            at = end;
         }
         Fit {
             log_score: t.dot(&values) - 0.5 * values.dot(&(&s * &values)),

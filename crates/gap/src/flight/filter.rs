@@ -8,21 +8,23 @@
 
 use super::channel::{CHANNELS, at};
 use super::gate::Segment;
+use fdm::dynamics::{Controls, rotation};
+
+use super::gradient::SLOWEST_M_S;
 use super::motion::{
-    DISTURBANCE_S, GUST_S, LEAN, LEAN_S, Mean, SMOOTHED_LATERAL, STATES, World, difference, moved,
-    start,
+    Around, DISTURBANCE_S, FORCE, Felt, GUST_S, LEAN, LEAN_S, Mean, SMOOTHED_LATERAL, SPIN, STATES,
+    World, moved, start,
 };
 use super::noise::Noise;
 use super::normal::Normal;
-use super::rival::{Target, Terms};
+use super::rival::{Meeting, Terms};
+use super::sensitivity::Sensitivity;
+use super::transition::{Error, Matrix, Transition, propagate, take_off, times};
 
 /// Innovation, in standard deviations, beyond which it counts linearly (Huber 1964).
 const HUBER: f64 = 3.0;
-
-/// A vector of error states.
-pub type Error = [f64; STATES];
-/// A matrix of error states, column by column.
-type Matrix = [Error; STATES];
+/// Least cosine of the pitch angle that roll and yaw are told by.
+const LEAST_LEVEL: f64 = 1e-3;
 
 /// What a pass without derivatives leaves.
 #[derive(Debug, Clone)]
@@ -33,19 +35,28 @@ pub struct Pass {
     pub left: [f64; CHANNELS],
     /// Count of each channel's readings.
     pub count: [usize; CHANNELS],
-    /// Log score of each sample.
-    pub by_sample: Vec<f64>,
     /// Innovations in standard deviations, sample by sample (kept only when asked for).
     pub standardised: Vec<[f64; CHANNELS]>,
     /// States after each sample's update (kept only when asked for).
     pub means: Vec<Mean>,
 }
 
-/// Columns whose derivatives a pass takes: worlds a step aside, and nameless terms.
+/// A world in which one parameter is a step aside.
+pub struct Aside {
+    /// The world.
+    pub world: World,
+    /// The step.
+    pub step: f64,
+    /// Whether motion changes (else only what sensors tell).
+    pub moves: bool,
+    /// Whether the air is the same.
+    pub same_air: bool,
+}
+
+/// Columns whose derivatives a pass takes.
 pub struct Columns<'a> {
-    /// World of each parameter moved by its step, and the step; `moves` says whether motion
-    /// changes.
-    pub worlds: Vec<(World, f64, bool)>,
+    /// Worlds of the parameters.
+    pub worlds: Vec<Aside>,
     /// Nameless terms.
     pub terms: &'a Terms,
 }
@@ -67,29 +78,49 @@ struct Filter<'a> {
 }
 
 /// One reading as the filter took it.
-struct Taken {
-    gain: Error,
+pub struct Taken {
+    /// Which channel.
+    pub channel: usize,
+    /// Its derivatives by the error states that it tells of, each with its place.
+    pub told: Vec<(usize, f64)>,
+    /// What a departure moves the state by, before it is divided by `used`.
+    pub gain: Error,
+    /// Variance that the gain is divided by.
+    pub used: f64,
+    /// What an innovation is multiplied by to count in standard deviations, Huber's weight in it.
+    pub scale: f64,
+    /// Innovation.
+    pub away: f64,
+    /// Variance of the sensor's noise, larger for an outlier.
+    pub noise: f64,
     /// Innovation in standard deviations.
     nu: f64,
     /// Huber's weight.
     weight: f64,
-    variance: f64,
-    /// Variance that the gain was divided by.
-    used: f64,
     log_score: f64,
 }
 
-/// Derivatives of the state by the columns.
-struct Sensitivity<'a, 'b> {
-    columns: &'a Columns<'b>,
-    state: Vec<Error>,
-    /// What the nameless terms are at this sample, in the order of the columns.
-    terms: Vec<(Target, f64)>,
+/// What the filter did with one sample and on the way to the next: what a derivative by the sizes of
+/// the noise is made from.
+pub struct Step {
+    /// The readings, in their order.
+    pub taken: Vec<Taken>,
+    /// What errors are after the way; nil where the filter began anew.
+    pub keep: Matrix,
+    /// Variances that the way added.
+    pub process: Error,
 }
 
 /// Runs the filter over `segment`. `keep` keeps innovations and states.
 pub fn run(segment: &Segment, world: &World, noise: &Noise, keep: bool) -> Pass {
-    pass(segment, world, noise, keep, None)
+    pass(segment, world, noise, keep, None, None)
+}
+
+/// The log likelihood, and what the filter does step by step.
+pub fn steps(segment: &Segment, world: &World, noise: &Noise) -> (f64, Vec<Step>) {
+    let mut steps = Vec::with_capacity(segment.len());
+    let pass = pass(segment, world, noise, false, None, Some(&mut steps));
+    (pass.log_score, steps)
 }
 
 /// Runs the filter and adds what the innovations say of the columns to `normal`, in blocks of
@@ -101,7 +132,7 @@ pub fn run_with_columns(
     columns: &Columns<'_>,
     normal: &mut Normal,
 ) -> Pass {
-    pass(segment, world, noise, false, Some((columns, normal)))
+    pass(segment, world, noise, false, Some((columns, normal)), None)
 }
 
 fn pass(
@@ -110,6 +141,7 @@ fn pass(
     noise: &Noise,
     keep: bool,
     columns: Option<(&Columns<'_>, &mut Normal)>,
+    mut steps: Option<&mut Vec<Step>>,
 ) -> Pass {
     let (mean, sd) = start(segment, world, 0);
     let p = uncertain(&sd, noise);
@@ -124,36 +156,36 @@ fn pass(
         log_score: 0.0,
         left: [0.0; CHANNELS],
         count: [0; CHANNELS],
-        by_sample: Vec::with_capacity(segment.len()),
         standardised: Vec::new(),
         means: Vec::new(),
     };
     let (mut sensitivity, mut normal) = match columns {
-        Some((columns, normal)) => (
-            Some(Sensitivity {
-                columns,
-                state: vec![[0.0; STATES]; columns.count()],
-                terms: vec![(Target::Spin(0), 0.0); columns.terms.count()],
-            }),
-            Some(normal),
-        ),
+        Some((columns, normal)) => (Some(Sensitivity::new(columns)), Some(normal)),
         None => (None, None),
     };
     for i in 0..segment.len() {
-        let before = out.log_score;
-        filter.update(
-            i,
-            keep,
-            &mut out,
-            sensitivity.as_mut(),
-            normal.as_deref_mut(),
-        );
-        out.by_sample.push(out.log_score - before);
-        if i + 1 < segment.len() {
-            filter.predict(i, sensitivity.as_mut());
-        }
         if let Some(normal) = normal.as_deref_mut() {
-            normal.end_of_sample(segment.log, segment.time_s[i]);
+            normal.begin_sample(segment.log, segment.time_s[i]);
+        }
+        let seen = filter.seen(i, filter.mean, false);
+        if let Some(s) = sensitivity.as_mut() {
+            s.look(&seen);
+        }
+        let taken = filter.update(&seen, keep, &mut out);
+        if let (Some(s), Some(normal)) = (sensitivity.as_mut(), normal.as_deref_mut()) {
+            s.take(&taken, |row, t| normal.add_row(row, t.nu * t.weight.sqrt()));
+        }
+        let (keep, process) = if i + 1 < segment.len() {
+            filter.predict(i, sensitivity.as_mut())
+        } else {
+            ([[0.0; STATES]; STATES], [0.0; STATES])
+        };
+        if let Some(steps) = steps.as_deref_mut() {
+            steps.push(Step {
+                taken,
+                keep,
+                process,
+            });
         }
     }
     out
@@ -187,48 +219,35 @@ fn wrapped(angle: f64) -> f64 {
     (angle + PI).rem_euclid(TAU) - PI
 }
 
-impl Filter<'_> {
-    /// Derivatives of the readings by the error states, row by row.
-    fn observation(&self, i: usize, at_mean: &[f64; CHANNELS]) -> [Error; CHANNELS] {
-        let mut h = [[0.0; STATES]; CHANNELS];
-        // Disturbing angular acceleration is felt later only, disturbing force at once.
-        for k in (0..12).chain(SMOOTHED_LATERAL..STATES) {
-            let mut d = [0.0; STATES];
-            let step = if (3..9).contains(&k) { 1e-5 } else { 1e-4 };
-            d[k] = step;
-            let read = self.world.sense(self.segment, i, &moved(&self.mean, &d));
-            for c in 0..CHANNELS {
-                let change = read[c] - at_mean[c];
-                let change = if is_angle(c) { wrapped(change) } else { change };
-                h[c][k] = change / step;
-            }
+impl<'a> Filter<'a> {
+    /// `mean` at sample `i`, or in the mean of the way after it.
+    fn seen(&self, i: usize, mean: Mean, on_the_way: bool) -> Seen<'a> {
+        let (segment, world) = (self.segment, self.world);
+        let controls = world.controls(i, on_the_way);
+        let around = world.around(i, &mean);
+        let felt = world.felt(segment, i, &mean.body.rate, &around, &controls);
+        Seen {
+            segment,
+            world,
+            i,
+            on_the_way,
+            mean,
+            controls,
+            around,
+            felt,
         }
-        for k in 0..3 {
-            h[at::FORCE + k][15 + k] = 1.0;
-        }
-        for k in 0..2 {
-            h[at::ROLL + k][LEAN + k] = 1.0;
-        }
-        h
     }
 
-    fn update(
-        &mut self,
-        i: usize,
-        keep: bool,
-        out: &mut Pass,
-        mut sensitivity: Option<&mut Sensitivity<'_, '_>>,
-        mut normal: Option<&mut Normal>,
-    ) {
-        let expected = self.world.sense(self.segment, i, &self.mean);
-        let h = self.observation(i, &expected);
-        let direct = sensitivity
-            .as_deref_mut()
-            .map(|s| s.direct(self, i, &expected));
+    /// Takes the readings of sample `i`.
+    fn update(&mut self, seen: &Seen<'_>, keep: bool, out: &mut Pass) -> Vec<Taken> {
+        let i = seen.i;
+        let expected = self
+            .world
+            .sense_felt(self.segment, i, &seen.mean, &seen.around, &seen.felt);
+        let h = seen.observation();
         let mut d = [0.0; STATES];
-        let mut standardised = [f64::NAN; CHANNELS];
+        let mut all = Vec::with_capacity(CHANNELS);
         let mut innovations = [0.0; CHANNELS];
-        let mut row = vec![0.0; sensitivity.as_ref().map_or(0, |s| s.state.len())];
         for c in 0..CHANNELS {
             let measured = self.segment.measured[i][c];
             if measured.is_nan() {
@@ -238,87 +257,80 @@ impl Filter<'_> {
             innovations[c] = if is_angle(c) { wrapped(away) } else { away };
             let taken = self.take(c, &h[c], innovations[c], &mut d);
             out.log_score += taken.log_score;
-            standardised[c] = taken.nu;
-            if let (Some(s), Some(direct)) = (sensitivity.as_deref_mut(), &direct) {
-                s.take(c, &h[c], &taken, direct, &mut row);
-                if let Some(normal) = normal.as_deref_mut() {
-                    normal.add_row(&row, taken.nu * taken.weight.sqrt());
-                }
-            }
             out.count[c] += 1;
+            all.push(taken);
         }
-        for c in 0..CHANNELS {
-            if standardised[c].is_finite() {
-                // Beyond Huber's bound a reading tells of outliers, not of noise.
-                let weight = huber(standardised[c]).1;
-                out.left[c] += weight * innovations[c] * (innovations[c] - dot(&h[c], &d));
-            }
+        for t in &all {
+            // Beyond Huber's bound a reading tells of outliers, not of noise.
+            let away = innovations[t.channel];
+            out.left[t.channel] += t.weight * away * (away - dot(&h[t.channel], &d));
         }
         self.mean = moved(&self.mean, &d);
         if keep {
+            let mut standardised = [f64::NAN; CHANNELS];
+            for t in &all {
+                standardised[t.channel] = t.nu;
+            }
             out.standardised.push(standardised);
             out.means.push(self.mean);
         }
+        all
     }
 
     /// Takes the reading of channel `c`, whose derivatives are `h` and whose departure from what
     /// was expected before this sample is `away`: moves `d` and the covariance.
     fn take(&mut self, c: usize, h: &Error, away: f64, d: &mut Error) -> Taken {
         let e = away - dot(h, d);
-        let gain: Error = times(&self.p, h);
+        let gain = times(&self.p, h);
         let r = self.noise.sensor[c].powi(2);
         let known = dot(h, &gain).max(0.0);
         let variance = known + r;
         let nu = e / variance.sqrt();
         let (loss, weight) = huber(nu);
         // An outlier counts as one with a larger noise.
-        let used = known + r / (weight * weight);
+        let noise = r / (weight * weight);
+        let used = known + noise;
         for k in 0..STATES {
             d[k] += gain[k] * e / used;
-            let g = gain[k] / used;
-            for l in 0..STATES {
-                self.p[k][l] -= g * gain[l];
-            }
         }
+        take_off(&mut self.p, &gain, used);
+        let mut told = Vec::with_capacity(STATES);
+        told.extend((0..STATES).map(|k| (k, h[k])).filter(|of| of.1 != 0.0));
         Taken {
+            channel: c,
+            told,
             gain,
+            used,
+            away: e,
+            noise,
+            scale: (weight / variance).sqrt(),
             nu,
             weight,
-            variance,
-            used,
             log_score: -0.5 * (loss + (std::f64::consts::TAU * variance).ln()),
         }
     }
 
-    fn predict(&mut self, i: usize, sensitivity: Option<&mut Sensitivity<'_, '_>>) {
+    /// Goes on to the next sample: what errors are then, and variances that the way adds.
+    fn predict(
+        &mut self,
+        i: usize,
+        sensitivity: Option<&mut Sensitivity<'_, '_>>,
+    ) -> (Matrix, Error) {
         let dt = self.segment.time_s[i + 1] - self.segment.time_s[i];
         let next = self.world.step(self.segment, i, &self.mean);
-        let f = self.transition(i, dt, &next);
+        // Derivatives in the middle of the step hold to its second order.
+        let middle = self.seen(i, self.mean.midway(&next), true);
+        let step = Transition::of(
+            &middle.slopes(),
+            dt,
+            self.world.parts_of(i),
+            sensitivity.is_some(),
+        );
         if let Some(s) = sensitivity {
-            s.predict(self, i, dt, &next, &f);
+            s.predict(&middle, &step);
         }
-        // F P, then (F P) F'.
-        let fp: Matrix = std::array::from_fn(|c| times(&f, &self.p[c]));
-        let mut p = [[0.0; STATES]; STATES];
-        // fp[k] is column k of F P; column c of F P F' is their sum weighted by F's row c.
-        for c in 0..STATES {
-            for k in 0..STATES {
-                let weight = f[k][c];
-                if weight != 0.0 {
-                    for r in 0..STATES {
-                        p[c][r] += fp[k][r] * weight;
-                    }
-                }
-            }
-        }
-        for c in 0..STATES {
-            for r in 0..c {
-                let mean = 0.5 * (p[c][r] + p[r][c]);
-                (p[c][r], p[r][c]) = (mean, mean);
-            }
-            p[c][c] = p[c][c].max(0.0) + self.noise.process(c, dt);
-        }
-        self.p = p;
+        let process = std::array::from_fn(|k| self.noise.process(k, dt));
+        propagate(&mut self.p, &step.keep, &process);
         self.mean = next;
         let finite = self.p.iter().flatten().all(|v| v.is_finite());
         if !(self.mean.is_sane() && finite) {
@@ -326,110 +338,180 @@ impl Filter<'_> {
             let (mean, sd) = start(self.segment, self.world, i + 1);
             self.mean = mean;
             self.p = uncertain(&sd, self.noise);
+            return ([[0.0; STATES]; STATES], [0.0; STATES]);
         }
-    }
-
-    /// Derivatives of the next state by the errors of this one, column by column.
-    fn transition(&self, i: usize, dt: f64, next: &Mean) -> Matrix {
-        let mut f = [[0.0; STATES]; STATES];
-        for k in (0..12).chain(SMOOTHED_LATERAL..STATES) {
-            let mut d = [0.0; STATES];
-            let step = if (3..9).contains(&k) { 1e-5 } else { 1e-4 };
-            d[k] = step;
-            let other = self.world.step(self.segment, i, &moved(&self.mean, &d));
-            f[k] = difference(next, &other).map(|v| v / step);
-        }
-        let m = fdm::dynamics::rotation(&self.mean.body.attitude);
-        let keep = (-dt / DISTURBANCE_S).exp();
-        for k in 0..3 {
-            f[12 + k][6 + k] = dt;
-            f[12 + k][12 + k] = keep;
-            for r in 0..3 {
-                f[15 + k][r] = dt * m[r][k];
-            }
-            f[15 + k][15 + k] = keep;
-        }
-        for column in LEAN..SMOOTHED_LATERAL {
-            f[column][column] = (-dt / LEAN_S).exp();
-        }
-        f
+        (step.keep, process)
     }
 }
 
-impl Sensitivity<'_, '_> {
-    /// Moves the derivatives by one reading and writes those of its innovation into `row`.
-    fn take(
-        &mut self,
-        c: usize,
-        h: &Error,
-        taken: &Taken,
-        direct: &[[f64; CHANNELS]],
-        row: &mut [f64],
-    ) {
-        let scale = taken.weight.sqrt() / taken.variance.sqrt();
-        for (j, state) in self.state.iter_mut().enumerate() {
-            let of_e = -direct[j][c] - dot(h, state);
-            row[j] = of_e * scale;
-            let moved = of_e / taken.used;
-            for k in 0..STATES {
-                state[k] += taken.gain[k] * moved;
-            }
+/// A sample as seen from a state.
+pub struct Seen<'a> {
+    /// The flight.
+    pub segment: &'a Segment,
+    /// Its world.
+    pub world: &'a World,
+    /// Which sample.
+    pub i: usize,
+    /// Whether it is the way after it.
+    on_the_way: bool,
+    /// The state.
+    pub mean: Mean,
+    /// Surfaces and motor.
+    pub controls: Controls,
+    /// The air there.
+    pub around: Around,
+    /// What is felt there.
+    pub felt: Felt,
+}
+
+impl Seen<'_> {
+    /// What nameless terms are made from.
+    pub fn meets(&self) -> Meeting {
+        let flow = World::flow(&self.around.air);
+        self.world.meets(self.segment, self.i, &flow)
+    }
+
+    /// What is felt in a world a step aside.
+    pub fn felt_in(&self, aside: &Aside) -> Felt {
+        let world = &aside.world;
+        let controls = if world.shares_controls_with(self.world) {
+            self.controls
+        } else {
+            world.controls(self.i, self.on_the_way)
+        };
+        let rate = &self.mean.body.rate;
+        let felt = |around| world.felt(self.segment, self.i, rate, around, &controls);
+        if aside.same_air {
+            felt(&self.around)
+        } else {
+            felt(&world.around(self.i, &self.mean))
         }
     }
 
-    /// Derivatives of the readings by the columns at a fixed state.
-    fn direct(
-        &mut self,
-        filter: &Filter<'_>,
-        i: usize,
-        expected: &[f64; CHANNELS],
-    ) -> Vec<[f64; CHANNELS]> {
-        let segment = filter.segment;
-        let mut out = Vec::with_capacity(self.state.len());
-        for (world, step, _) in &self.columns.worlds {
-            let read = world.sense(segment, i, &filter.mean);
-            out.push(std::array::from_fn(|c| (read[c] - expected[c]) / step));
-        }
-        let met = filter.world.meets(segment, i, &filter.mean);
-        for (column, (target, value)) in self.terms.iter_mut().zip(self.columns.terms.at(&met)) {
-            let mut read = [0.0; CHANNELS];
-            match target {
-                Target::Push(k) => read[at::FORCE + k] = value,
-                Target::Sensor(c) => read[c] = value,
-                Target::Surface(_) | Target::Spin(_) => {}
+    /// Derivatives by the error states of what is felt, and of the fresh part of the gusts.
+    fn by_states(&self) -> ([Felt; STATES], [[f64; 2]; STATES]) {
+        let rate = &self.mean.body.rate;
+        let (segment, around) = (self.segment, &self.around);
+        let by = self
+            .world
+            .derivatives(segment, self.i, rate, around, &self.controls, &self.felt);
+        let free = self.world.gyroscopic(rate);
+        let axes = rotation(&self.mean.body.attitude);
+        let mut felt = [[0.0; 9]; STATES];
+        let mut fresh = [[0.0; 2]; STATES];
+        for state in (0..12).chain(SMOOTHED_LATERAL..SMOOTHED_LATERAL + 2) {
+            let k = state % 3;
+            let (mut air, mut gust, mut own) = ([0.0; 3], [0.0; 3], [0.0; 3]);
+            let mut smoothed = [0.0; 2];
+            match state {
+                0..3 => air = axes[k],
+                3..6 => (air, gust) = (turned(&around.air, k), turned(&around.gust, k)),
+                6..9 => own[k] = 1.0,
+                9..12 => (air, gust) = (axes[k].map(|v| -v), axes[k]),
+                _ => smoothed[state - SMOOTHED_LATERAL] = 1.0,
             }
-            *column = (target, value);
-            out.push(read);
+            fresh[state] = [gust[1] - smoothed[0], gust[2] - smoothed[1]];
+            let turn = self.world.gradient().turn(fresh[state]);
+            for k in 0..3 {
+                for n in 0..9 {
+                    felt[state][n] += by[k][n] * air[k] + by[3 + k][n] * (own[k] + turn[k]);
+                }
+                for n in 0..3 {
+                    felt[state][SPIN + n] += free[k][n] * own[k];
+                }
+            }
         }
-        out
+        (felt, fresh)
     }
 
-    fn predict(&mut self, filter: &Filter<'_>, i: usize, dt: f64, next: &Mean, f: &Matrix) {
-        let m = fdm::dynamics::rotation(&filter.mean.body.attitude);
-        for (state, (world, step, moves)) in self.state.iter_mut().zip(&self.columns.worlds) {
-            *state = times(f, state);
-            if *moves {
-                let other = world.step(filter.segment, i, &filter.mean);
-                let change = difference(next, &other);
-                for k in 0..STATES {
-                    state[k] += change[k] / step;
-                }
+    /// Derivatives of the readings by the error states, row by row.
+    fn observation(&self) -> [Error; CHANNELS] {
+        let (felt, _) = self.by_states();
+        let [airspeed, alpha] = self.world.factors();
+        let mut h = [[0.0; STATES]; CHANNELS];
+        for (state, felt) in felt.iter().enumerate() {
+            h[at::AIRSPEED][state] = airspeed * felt[0];
+            h[at::ALPHA][state] = alpha * felt[1];
+            h[at::BETA][state] = felt[2];
+            for k in 0..3 {
+                h[at::FORCE + k][state] = felt[FORCE + k];
             }
         }
-        let nameless = &mut self.state[self.columns.worlds.len()..];
-        for (state, &(target, value)) in nameless.iter_mut().zip(&self.terms) {
-            *state = times(f, state);
-            match target {
-                Target::Spin(k) | Target::Surface(k) => state[6 + k] += dt * value,
-                Target::Push(k) => {
-                    for r in 0..3 {
-                        state[r] += dt * m[r][k] * value;
-                    }
-                }
-                Target::Sensor(_) => {}
-            }
+        let of_angles = of_angles(&rotation(&self.mean.body.attitude));
+        for k in 0..3 {
+            h[at::ROLL + k][3..6].copy_from_slice(&of_angles[k]);
+            h[at::ROLL_RATE + k][6 + k] = 1.0;
+            h[at::VELOCITY + k][k] = 1.0;
+            // Disturbing angular acceleration is felt later only, disturbing force at once.
+            h[at::FORCE + k][15 + k] = 1.0;
         }
+        for k in 0..2 {
+            h[at::ROLL + k][LEAN + k] = 1.0;
+        }
+        h
     }
+
+    /// Slopes of the error states in time by the error states, column by column.
+    fn slopes(&self) -> Matrix {
+        let (felt, fresh) = self.by_states();
+        let axes = rotation(&self.mean.body.attitude);
+        let towards = |f: &[f64; 3]| axes.map(|row| row[0] * f[0] + row[1] * f[1] + row[2] * f[2]);
+        let ways_m = self.world.gradient().ways_m();
+        let airspeed = self.felt[0].max(SLOWEST_M_S);
+        let mut a = [[0.0; STATES]; STATES];
+        for state in 0..STATES {
+            let felt = &felt[state];
+            a[state][..3].copy_from_slice(&towards(&std::array::from_fn(|k| felt[FORCE + k])));
+            a[state][6..9].copy_from_slice(&felt[SPIN..]);
+            for k in 0..2 {
+                let change = fresh[state][k] * airspeed + self.around.fresh[k] * felt[0];
+                a[state][SMOOTHED_LATERAL + k] = change / ways_m[k];
+            }
+        }
+        let force = std::array::from_fn(|k| self.felt[FORCE + k] + self.mean.push[k]);
+        let decay = |state: usize| -1.0 / correlation_s(state);
+        for k in 0..3 {
+            // An error of attitude, in body axes, turns the force and is carried round by the rates.
+            let aside = towards(&turned(&force, k).map(|f| -f));
+            for r in 0..3 {
+                a[3 + k][r] += aside[r];
+                a[15 + k][r] = axes[r][k];
+            }
+            a[3 + k][3..6].copy_from_slice(&turned(&self.mean.body.rate, k).map(|r| -r));
+            a[6 + k][3 + k] = 1.0;
+            a[12 + k][6 + k] = 1.0;
+            for state in [9 + k, 12 + k, 15 + k] {
+                a[state][state] = decay(state);
+            }
+        }
+        for state in LEAN..SMOOTHED_LATERAL {
+            a[state][state] = decay(state);
+        }
+        a
+    }
+}
+
+/// What a turn about the body's axis `k` makes of a vector fixed in space, in body axes and for
+/// small angles: the vector crossed by the axis.
+fn turned(v: &[f64; 3], k: usize) -> [f64; 3] {
+    match k {
+        0 => [0.0, v[2], -v[1]],
+        1 => [-v[2], 0.0, v[0]],
+        _ => [v[1], -v[0], 0.0],
+    }
+}
+
+/// Derivatives of roll, pitch and yaw by small turns about the body's axes.
+fn of_angles(axes: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
+    let sin_pitch = -axes[2][0];
+    let level = axes[2][1].hypot(axes[2][2]).max(LEAST_LEVEL);
+    let (sin_roll, cos_roll) = (axes[2][1] / level, axes[2][2] / level);
+    let steep = sin_pitch / level;
+    [
+        [1.0, steep * sin_roll, steep * cos_roll],
+        [0.0, cos_roll, -sin_roll],
+        [0.0, sin_roll / level, cos_roll / level],
+    ]
 }
 
 fn is_angle(channel: usize) -> bool {
@@ -445,22 +527,37 @@ fn dot(a: &Error, b: &Error) -> f64 {
     sum[0] + sum[1]
 }
 
-/// Matrix (column by column) times vector.
-fn times(m: &Matrix, v: &Error) -> Error {
-    let mut out = [0.0; STATES];
-    for (column, weight) in m.iter().zip(v) {
-        for k in 0..STATES {
-            out[k] += column[k] * weight;
-        }
-    }
-    out
-}
-
 /// Correlation time of a state that remembers and is driven, s.
 pub fn correlation_s(state: usize) -> f64 {
     match state {
         ..12 => GUST_S[state - 9],
         12..18 => DISTURBANCE_S,
         _ => LEAN_S,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against small turns of the quaternion itself.
+    #[test]
+    fn derivatives_of_angles_are_those_of_small_turns() {
+        let angles =
+            |mean: &Mean| fdm::dynamics::euler(&fdm::dynamics::rotation(&mean.body.attitude));
+        for (roll, pitch, yaw) in [(0.1, 0.2, -0.5), (-1.0, 0.9, 2.0), (2.5, -0.7, 0.0)] {
+            let mean = Mean::still(fdm::quaternion(roll, pitch, yaw));
+            let axes = fdm::dynamics::rotation(&mean.body.attitude);
+            let told = of_angles(&axes);
+            for k in 0..3 {
+                let mut d = [0.0; STATES];
+                d[3 + k] = 1e-6;
+                let (there, here) = (angles(&moved(&mean, &d)), angles(&mean));
+                for c in 0..3 {
+                    let seen = (there[c] - here[c]) / 1e-6;
+                    assert!((told[c][k] - seen).abs() < 1e-4, "{c} {k}: {told:?} {seen}");
+                }
+            }
+        }
     }
 }

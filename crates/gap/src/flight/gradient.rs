@@ -5,7 +5,7 @@
 use std::f64::consts::PI;
 
 /// Least airspeed that the way through a gust is reckoned with, m/s.
-const SLOWEST_M_S: f64 = 5.0;
+pub const SLOWEST_M_S: f64 = 5.0;
 /// Share of a gust's gradient that turns the aircraft, pitch and yaw: by the standard all of it;
 /// a wing far ahead of a small tail meets less.
 pub const USUAL_SHARE: f64 = 0.5;
@@ -22,28 +22,25 @@ pub struct Gradient {
 }
 
 impl Gradient {
-    /// Smoothing times of the lateral gust (yaw) and the vertical gust (pitch), s.
-    fn smoothing_s(&self, airspeed_m_s: f64) -> [f64; 2] {
-        let span_s = self.span_m / airspeed_m_s.max(SLOWEST_M_S);
-        [3.0 * span_s / PI, 4.0 * span_s / PI]
+    /// Ways over which the lateral gust (yaw) and the vertical gust (pitch) are smoothed, m.
+    pub fn ways_m(&self) -> [f64; 2] {
+        [3.0 * self.span_m / PI, 4.0 * self.span_m / PI]
     }
 
-    /// Smoothed lateral and vertical gust (body axes, m/s) after `dt_s` in the gust `now`.
-    pub fn smoothed(&self, before: [f64; 2], now: [f64; 2], airspeed: f64, dt_s: f64) -> [f64; 2] {
-        let times = self.smoothing_s(airspeed);
-        std::array::from_fn(|k| now[k] + (before[k] - now[k]) * (-dt_s / times[k]).exp())
+    /// What of the difference to the smoothed lateral and vertical gust is left after `dt_s`.
+    pub fn kept(&self, airspeed_m_s: f64, dt_s: f64) -> [f64; 2] {
+        let way_m = airspeed_m_s.max(SLOWEST_M_S) * dt_s;
+        self.ways_m().map(|w| (-way_m / w).exp())
     }
 
-    /// How the aircraft turns relative to the air beyond its own rates in the gust `now` (lateral,
-    /// vertical; body axes, m/s): roll, pitch, yaw, rad/s.
-    pub fn turn(&self, smoothed: [f64; 2], now: [f64; 2], airspeed: f64) -> [f64; 3] {
-        let way_m = self
-            .smoothing_s(airspeed)
-            .map(|t| t * airspeed.max(SLOWEST_M_S));
+    /// How the aircraft turns relative to the air beyond its own rates where so much of the
+    /// lateral and the vertical gust (body axes, m/s) is `fresh`: roll, pitch, yaw, rad/s.
+    pub fn turn(&self, fresh: [f64; 2]) -> [f64; 3] {
+        let [lateral_m, vertical_m] = self.ways_m();
         [
             0.0,
-            self.share[0] * (now[1] - smoothed[1]) / way_m[1],
-            -self.share[1] * (now[0] - smoothed[0]) / way_m[0],
+            self.share[0] * fresh[1] / vertical_m,
+            -self.share[1] * fresh[0] / lateral_m,
         ]
     }
 }
@@ -63,11 +60,12 @@ mod tests {
         let (speed, growth, dt) = (18.0, 2.0, 1e-3);
         let mut smoothed = [0.0; 2];
         let mut now = [0.0; 2];
+        let kept = ULTRA_STICK.kept(speed, dt);
         for k in 0..2000 {
-            smoothed = ULTRA_STICK.smoothed(smoothed, now, speed, dt);
+            smoothed = std::array::from_fn(|n| now[n] + (smoothed[n] - now[n]) * kept[n]);
             now = [growth * dt * f64::from(k), -growth * dt * f64::from(k)];
         }
-        let turn = ULTRA_STICK.turn(smoothed, now, speed);
+        let turn = ULTRA_STICK.turn(std::array::from_fn(|n| now[n] - smoothed[n]));
         assert!((turn[1] + growth / speed).abs() < 2e-3, "{turn:?}");
         assert!((turn[2] + growth / speed).abs() < 2e-3, "{turn:?}");
     }
@@ -75,8 +73,8 @@ mod tests {
     #[test]
     fn a_gust_that_stands_does_not_turn() {
         let now = [1.5, -0.7];
-        let smoothed = ULTRA_STICK.smoothed([0.0; 2], now, 18.0, 5.0);
-        let turn = ULTRA_STICK.turn(smoothed, now, 18.0);
+        let kept = ULTRA_STICK.kept(18.0, 5.0);
+        let turn = ULTRA_STICK.turn(std::array::from_fn(|n| now[n] * kept[n]));
         assert!(turn.iter().all(|t| t.abs() < 1e-9), "{turn:?}");
     }
 }

@@ -13,9 +13,9 @@ use super::parameters::{Parameter, applied};
 use super::rival::{Meeting, Nameless};
 
 /// Number of error states: velocity, attitude, rate, gust, disturbing angular acceleration and
-/// specific force, three of each; two slow errors of the logged roll and pitch angle; and two
-/// smoothed gusts.
-pub const STATES: usize = 22;
+/// specific force, three of each; two slow errors of the logged roll and pitch angle; two smoothed
+/// gusts; and two that are always nil, so that a row fills whole registers.
+pub const STATES: usize = 24;
 /// The first of the slow errors of angles.
 pub const LEAN: usize = 18;
 /// The lateral gust as smoothed.
@@ -50,14 +50,26 @@ pub struct Mean {
 /// Surfaces and motor at the beginning, middle and end of each substep of one sample interval.
 type Substeps = Vec<[Controls; 3]>;
 
-/// The air around the aircraft at one instant.
-struct Around {
-    flow: Flow,
-    /// Lateral and vertical gust, body axes, m/s.
-    gust: [f64; 2],
+/// The air around the aircraft at one instant, body axes.
+#[derive(Debug, Clone, Copy)]
+pub struct Around {
+    /// Velocity through the air, m/s.
+    pub air: [f64; 3],
+    /// Gust, m/s.
+    pub gust: [f64; 3],
+    /// How much of the lateral and the vertical gust is not yet in the smoothed one, m/s.
+    pub fresh: [f64; 2],
     /// Rates relative to the air, rad/s.
-    rate: [f64; 3],
+    pub rate: [f64; 3],
 }
+
+/// What is felt at one instant: airspeed (m/s), angle of attack and sideslip (rad), specific force
+/// (m/s²) and angular acceleration (rad/s²), each with a place here.
+pub type Felt = [f64; 9];
+/// Place of the specific force.
+pub const FORCE: usize = 3;
+/// Place of the angular acceleration.
+pub const SPIN: usize = 6;
 
 /// One flight under one set of parameters.
 #[derive(Debug, Clone)]
@@ -122,9 +134,13 @@ impl World {
         self
     }
 
-    /// The flow at sample `i`, what turns the body, and the dynamic pressure (Pa).
-    pub fn meets(&self, segment: &Segment, i: usize, mean: &Mean) -> Meeting {
-        let flow = self.around(i, mean).flow;
+    /// Whether both fly in the same air and feel its gusts alike.
+    pub fn shares_air_with(&self, other: &Self) -> bool {
+        self.gradient == other.gradient && self.wind == other.wind
+    }
+
+    /// What the aircraft meets at sample `i` in this flow.
+    pub fn meets(&self, segment: &Segment, i: usize, flow: &Flow) -> Meeting {
         let controls = self.controls_at(i);
         Meeting {
             time_s: segment.time_s[i],
@@ -136,22 +152,33 @@ impl World {
     }
 
     /// The air around the aircraft at sample `i`.
-    fn around(&self, i: usize, mean: &Mean) -> Around {
+    pub fn around(&self, i: usize, mean: &Mean) -> Around {
         let axes = rotation(&mean.body.attitude);
-        let wind = std::array::from_fn(|k| self.wind[i][k] + mean.gust[k]);
-        let flow = flow(&axes, &mean.body.vel_ned, &wind);
-        // Lateral and vertical gust in body axes.
-        let gust = std::array::from_fn(|k| {
-            (0..3)
-                .map(|row| axes[row][k + 1] * mean.gust[row])
-                .sum::<f64>()
-        });
-        let turn = self.gradient.turn(mean.smoothed, gust, flow.airspeed);
+        let into = |v: &[f64; 3]| -> [f64; 3] {
+            std::array::from_fn(|k| axes[0][k] * v[0] + axes[1][k] * v[1] + axes[2][k] * v[2])
+        };
+        let through: [f64; 3] =
+            std::array::from_fn(|k| mean.body.vel_ned[k] - self.wind[i][k] - mean.gust[k]);
+        let gust = into(&mean.gust);
+        let fresh = std::array::from_fn(|k| gust[k + 1] - mean.smoothed[k]);
+        let turn = self.gradient.turn(fresh);
         Around {
-            flow,
+            air: into(&through),
             gust,
+            fresh,
             rate: std::array::from_fn(|k| mean.body.rate[k] + turn[k]),
         }
+    }
+
+    /// How gusts turn the aircraft.
+    pub fn gradient(&self) -> &Gradient {
+        &self.gradient
+    }
+
+    /// The flow of this velocity through the air, body axes.
+    pub fn flow(air: &[f64; 3]) -> Flow {
+        const BODY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        flow(&BODY, air, &[0.0; 3])
     }
 
     /// What the air's own turning adds: angular acceleration (rad/s²) and specific force (m/s²).
@@ -162,7 +189,8 @@ impl World {
         controls: &Controls,
         density: f64,
     ) -> ([f64; 3], [f64; 3]) {
-        let load = |rate| self.dynamics.load(&around.flow, rate, controls, density);
+        let flow = Self::flow(&around.air);
+        let load = |rate| self.dynamics.load(&flow, rate, controls, density);
         let ((force, moment), (calm_force, calm_moment)) = (load(&around.rate), load(rate));
         let moment = std::array::from_fn(|k| moment[k] - calm_moment[k]);
         (
@@ -185,64 +213,181 @@ impl World {
         let around = self.around(i, mean);
         let (mut spin, mut push) =
             self.turned(&around, &mean.body.rate, &substeps[0][0], air.density);
+        let keep = (-dt / DISTURBANCE_S).exp();
+        // What a disturbance that fades is in the mean of the interval.
+        let through = DISTURBANCE_S * (1.0 - keep) / dt;
         for k in 0..3 {
-            spin[k] += mean.spin[k];
-            push[k] += mean.push[k];
+            spin[k] += through * mean.spin[k];
+            push[k] += through * mean.push[k];
         }
         if let Some(nameless) = &self.nameless {
-            nameless.disturb(&self.meets(segment, i, mean), &mut spin, &mut push);
+            let met = self.meets(segment, i, &Self::flow(&around.air));
+            nameless.disturb(&met, &mut spin, &mut push);
         }
         for controls in substeps {
+            // Half before and half after the rigid body's step (Strang 1968): of second order.
+            kick(&mut next.body, &spin, &push, 0.5 * part);
             next.body = self.dynamics.rk4(&next.body, controls, &air, part).0;
-            let m = rotation(&next.body.attitude);
-            for k in 0..3 {
-                next.body.rate[k] += part * spin[k];
-                next.body.vel_ned[k] +=
-                    part * (m[k][0] * push[0] + m[k][1] * push[1] + m[k][2] * push[2]);
-            }
+            kick(&mut next.body, &spin, &push, 0.5 * part);
         }
-        let keep = (-dt / DISTURBANCE_S).exp();
         for k in 0..3 {
             next.gust[k] *= (-dt / GUST_S[k]).exp();
             next.spin[k] *= keep;
             next.push[k] *= keep;
         }
         next.lean = mean.lean.map(|l| l * (-dt / LEAN_S).exp());
-        let airspeed = around.flow.airspeed;
-        next.smoothed = self
-            .gradient
-            .smoothed(mean.smoothed, around.gust, airspeed, dt);
+        let kept = self.gradient.kept(Self::flow(&around.air).airspeed, dt);
+        let [_, lateral, vertical] = around.gust;
+        next.smoothed = [
+            lateral - around.fresh[0] * kept[0],
+            vertical - around.fresh[1] * kept[1],
+        ];
         next
+    }
+
+    /// What the aircraft feels at sample `i`, which turns at `rate`, in the air `around` with
+    /// surfaces at `controls`; without disturbances.
+    pub fn felt(
+        &self,
+        segment: &Segment,
+        i: usize,
+        rate: &[f64; 3],
+        around: &Around,
+        controls: &Controls,
+    ) -> Felt {
+        let flow = Self::flow(&around.air);
+        let density = segment.density[i];
+        let (force, moment) = self.dynamics.load(&flow, &around.rate, controls, density);
+        let mut force = force.map(|f| f / self.dynamics.mass_kg());
+        let mut spin = self.dynamics.angular_acceleration(rate, &moment);
+        if let Some(nameless) = &self.nameless {
+            nameless.disturb(&self.meets(segment, i, &flow), &mut spin, &mut force);
+        }
+        let ([x, y, z], [l, m, n]) = (force, spin);
+        [flow.airspeed, flow.alpha, flow.beta, x, y, z, l, m, n]
+    }
+
+    /// Derivatives of what is felt by the velocity through the air and by the rates relative to
+    /// it; `here` is what is felt.
+    pub fn derivatives(
+        &self,
+        segment: &Segment,
+        i: usize,
+        rate: &[f64; 3],
+        around: &Around,
+        controls: &Controls,
+        here: &Felt,
+    ) -> [Felt; 6] {
+        const STEP: f64 = 1e-5;
+        std::array::from_fn(|k| {
+            let mut aside = *around;
+            if k < 3 {
+                aside.air[k] += STEP;
+            } else {
+                aside.rate[k - 3] += STEP;
+            }
+            let there = self.felt(segment, i, rate, &aside, controls);
+            std::array::from_fn(|n| (there[n] - here[n]) / STEP)
+        })
+    }
+
+    /// Angular acceleration of a body that turns at `rate` and is left alone, by that rate.
+    pub fn gyroscopic(&self, rate: &[f64; 3]) -> [[f64; 3]; 3] {
+        const STEP: f64 = 1e-5;
+        let free = |rate: &[f64; 3]| self.dynamics.angular_acceleration(rate, &[0.0; 3]);
+        let here = free(rate);
+        std::array::from_fn(|k| {
+            let mut aside = *rate;
+            aside[k] += STEP;
+            let there = free(&aside);
+            std::array::from_fn(|n| (there[n] - here[n]) / STEP)
+        })
+    }
+
+    /// What the sensors read of what is felt: factors on airspeed and angle of attack.
+    pub fn factors(&self) -> [f64; 2] {
+        [self.sensors.airspeed_factor, self.sensors.alpha_factor]
+    }
+
+    /// What the sensors read of `felt`, but for angles, velocity and nameless errors, SI.
+    pub fn read(&self, mean: &Mean, felt: &Felt) -> [f64; CHANNELS] {
+        let s = &self.sensors;
+        let mut read = [0.0; CHANNELS];
+        read[at::AIRSPEED] = felt[0] * s.airspeed_factor;
+        read[at::ALPHA] = felt[1] * s.alpha_factor + s.alpha_offset_rad;
+        read[at::BETA] = felt[2];
+        for k in 0..3 {
+            read[at::ROLL_RATE + k] = mean.body.rate[k] + s.gyro_bias_rad_s[k];
+            read[at::FORCE + k] = felt[FORCE + k] + mean.push[k] + s.accelerometer_bias_m_s2[k];
+        }
+        read
     }
 
     /// What the sensors read at sample `i`, SI.
     pub fn sense(&self, segment: &Segment, i: usize, mean: &Mean) -> [f64; CHANNELS] {
-        let body = &mean.body;
-        let Around { flow, rate, .. } = self.around(i, mean);
-        let controls = self.controls_at(i);
-        let (force, _) = self
-            .dynamics
-            .load(&flow, &rate, &controls, segment.density[i]);
-        let mass = self.dynamics.mass_kg();
-        let s = &self.sensors;
-        let mut read = [0.0; CHANNELS];
-        read[at::AIRSPEED] = flow.airspeed * s.airspeed_factor;
-        read[at::ALPHA] = flow.alpha * s.alpha_factor + s.alpha_offset_rad;
-        read[at::BETA] = flow.beta;
-        let attitude = euler(&rotation(&body.attitude));
-        read[at::ROLL..at::ROLL_RATE].copy_from_slice(&attitude);
+        let around = self.around(i, mean);
+        let felt = self.felt(segment, i, &mean.body.rate, &around, &self.controls_at(i));
+        self.sense_felt(segment, i, mean, &around, &felt)
+    }
+
+    /// The same of what is `felt` there.
+    pub fn sense_felt(
+        &self,
+        segment: &Segment,
+        i: usize,
+        mean: &Mean,
+        around: &Around,
+        felt: &Felt,
+    ) -> [f64; CHANNELS] {
+        let mut read = self.read(mean, felt);
+        let attitude = euler(&rotation(&mean.body.attitude));
+        read[at::ROLL..at::ROLL + 3].copy_from_slice(&attitude);
+        read[at::VELOCITY..].copy_from_slice(&mean.body.vel_ned);
         for k in 0..2 {
             read[at::ROLL + k] += mean.lean[k];
         }
-        for k in 0..3 {
-            read[at::ROLL_RATE + k] = body.rate[k] + s.gyro_bias_rad_s[k];
-            read[at::FORCE + k] = force[k] / mass + mean.push[k] + s.accelerometer_bias_m_s2[k];
-            read[at::VELOCITY + k] = body.vel_ned[k];
-        }
         if let Some(nameless) = &self.nameless {
-            nameless.misread(&self.meets(segment, i, mean), &mut read);
+            let met = self.meets(segment, i, &Self::flow(&around.air));
+            nameless.misread(&met, &mut read);
         }
         read
+    }
+
+    /// Whether the surfaces of both move alike.
+    pub fn shares_controls_with(&self, other: &Self) -> bool {
+        std::rc::Rc::ptr_eq(&self.controls, &other.controls)
+    }
+
+    /// Surfaces and motor at sample `i`, or in the mean of the way after it.
+    pub fn controls(&self, i: usize, on_the_way: bool) -> Controls {
+        if on_the_way {
+            self.controls_through(i)
+        } else {
+            self.controls_at(i)
+        }
+    }
+
+    fn controls_through(&self, i: usize) -> Controls {
+        let substeps = &self.controls[i];
+        let share = 1.0 / substeps.len() as f64;
+        let mean = |of: fn(&Controls) -> f64| {
+            // Simpson's rule, as in the step.
+            let each = substeps
+                .iter()
+                .map(|[a, b, c]| (of(a) + 4.0 * of(b) + of(c)) / 6.0);
+            share * each.sum::<f64>()
+        };
+        Controls {
+            elevator: mean(|c| c.elevator),
+            aileron: mean(|c| c.aileron),
+            rudder: mean(|c| c.rudder),
+            throttle: mean(|c| c.throttle),
+        }
+    }
+
+    /// Parts in which the interval after sample `i` is integrated.
+    pub fn parts_of(&self, i: usize) -> usize {
+        self.controls[i].len()
     }
 
     /// Surfaces and motor at sample `i`.
@@ -273,6 +418,16 @@ impl World {
     /// Mean wind at sample `i`, NED, m/s.
     pub fn wind(&self, i: usize) -> [f64; 3] {
         self.wind[i]
+    }
+}
+
+/// Moves `body` by an angular acceleration (rad/s²) and a specific force (body axes, m/s²) for
+/// `dt_s`.
+fn kick(body: &mut Body, spin: &[f64; 3], push: &[f64; 3], dt_s: f64) {
+    let m = rotation(&body.attitude);
+    for k in 0..3 {
+        body.rate[k] += dt_s * spin[k];
+        body.vel_ned[k] += dt_s * (m[k][0] * push[0] + m[k][1] * push[1] + m[k][2] * push[2]);
     }
 }
 
@@ -362,43 +517,51 @@ impl<'a> Told<'a> {
 }
 
 impl Mean {
+    /// Half-way to `next`, a short step later.
+    pub fn midway(&self, next: &Self) -> Self {
+        let mut middle = *self;
+        let halve = |a: &mut [f64], b: &[f64]| {
+            for (a, b) in a.iter_mut().zip(b) {
+                *a = 0.5 * (*a + b);
+            }
+        };
+        let (body, there) = (&mut middle.body, &next.body);
+        halve(&mut body.vel_ned, &there.vel_ned);
+        halve(&mut body.rate, &there.rate);
+        halve(&mut body.attitude, &there.attitude);
+        let norm = body.attitude.iter().map(|c| c * c).sum::<f64>().sqrt();
+        body.attitude = body.attitude.map(|c| c / norm);
+        halve(&mut middle.gust, &next.gust);
+        halve(&mut middle.spin, &next.spin);
+        halve(&mut middle.push, &next.push);
+        halve(&mut middle.smoothed, &next.smoothed);
+        middle
+    }
+
+    /// At rest with this attitude, in still air.
+    #[cfg(test)]
+    pub fn still(attitude: [f64; 4]) -> Self {
+        Self {
+            body: Body {
+                pos_ned: [0.0; 3],
+                vel_ned: [0.0; 3],
+                attitude,
+                rate: [0.0; 3],
+            },
+            gust: [0.0; 3],
+            spin: [0.0; 3],
+            push: [0.0; 3],
+            lean: [0.0; 2],
+            smoothed: [0.0; 2],
+        }
+    }
+
     /// Whether the state is one that an aircraft can have.
     pub fn is_sane(&self) -> bool {
         let rate = self.body.rate.iter().all(|r| r.abs() < 20.0);
         let speed = self.body.vel_ned.iter().all(|v| v.abs() < 300.0);
         rate && speed && self.gust.iter().all(|g| g.abs() < 60.0)
     }
-}
-
-/// The error between two states in the filter's coordinates, `b` minus `a`.
-pub fn difference(a: &Mean, b: &Mean) -> [f64; STATES] {
-    let [aw, ax, ay, az] = a.body.attitude;
-    let [bw, bx, by, bz] = b.body.attitude;
-    // Vector part of the quaternion from a to b, body axes of a.
-    let turn = [
-        aw * bx - ax * bw - ay * bz + az * by,
-        aw * by + ax * bz - ay * bw - az * bx,
-        aw * bz - ax * by + ay * bx - az * bw,
-    ];
-    let sign = if aw * bw + ax * bx + ay * by + az * bz < 0.0 {
-        -2.0
-    } else {
-        2.0
-    };
-    let mut d = [0.0; STATES];
-    for k in 0..3 {
-        d[k] = b.body.vel_ned[k] - a.body.vel_ned[k];
-        d[3 + k] = sign * turn[k];
-        d[6 + k] = b.body.rate[k] - a.body.rate[k];
-        d[9 + k] = b.gust[k] - a.gust[k];
-        d[12 + k] = b.spin[k] - a.spin[k];
-        d[15 + k] = b.push[k] - a.push[k];
-    }
-    for k in 0..2 {
-        d[LEAN + k] = b.lean[k] - a.lean[k];
-        d[SMOOTHED_LATERAL + k] = b.smoothed[k] - a.smoothed[k];
-    }
-    d
 }
 
 /// The state moved by `d`.

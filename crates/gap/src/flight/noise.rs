@@ -2,9 +2,10 @@
 //! disturbances of force and moment that remember.
 
 use super::channel::{ALL, CHANNELS};
-use super::filter::{Pass, correlation_s, run};
+use super::filter::{Pass, Step, correlation_s, run, steps};
 use super::gate::Segment;
-use super::motion::{LEAN, SMOOTHED_LATERAL, SMOOTHED_VERTICAL, World};
+use super::motion::{LEAN, SMOOTHED_LATERAL, SMOOTHED_VERTICAL, STATES, World};
+use super::transition::{Error, Matrix, across, between, times};
 use serde::Serialize;
 
 /// Sizes of the noise, one standard deviation each.
@@ -22,20 +23,21 @@ pub struct Noise {
     pub lean_rad: f64,
 }
 
-/// Number of sizes that are searched for (the sensors' are found by a fixed point).
-const SEARCHED: usize = 9;
+/// Number of sizes: of the sensors, and of gusts, disturbances and slow errors.
+const SIZES: usize = CHANNELS + 9;
 /// Axes that disturbances act about and along.
 pub const AXES: usize = 6;
 /// Part of a disturbance that is tried in its place.
 pub const QUIETER: f64 = 0.5;
-/// Most such steps of one disturbance in a round.
-const RIDGE_STEPS: usize = 3;
+/// Farthest step of the logarithm of a size.
+const FARTHEST: f64 = 1.0;
+/// Power of the sure step that is tried first, and by how much more after one that gained.
+const FIRST_POWER: f64 = 2.0;
+const FASTER: f64 = 1.3;
+/// Gain of a step, nats, below which the noise has settled.
+const SETTLED_NATS: f64 = 2.0;
 /// Prior of the logarithm of every size: wide.
 const LOG_SD: f64 = 1.2;
-/// Samples on which the noise is fitted at most.
-const FIT_SAMPLES: usize = 800;
-/// Length of a stretch of them.
-const STRETCH: usize = 200;
 
 impl Noise {
     /// Before anything is known: the middle of the priors.
@@ -64,29 +66,59 @@ impl Noise {
         quieter
     }
 
-    fn searched(&self) -> [f64; SEARCHED] {
-        let [h, v] = self.gust_m_s;
-        let [l, m, n] = self.spin_rad_s2;
-        let [x, y, z] = self.push_m_s2;
-        [h, v, l, m, n, x, y, z, self.lean_rad]
+    fn sizes(&self) -> [f64; SIZES] {
+        let mut sizes = [self.lean_rad; SIZES];
+        sizes[..CHANNELS].copy_from_slice(&self.sensor);
+        sizes[CHANNELS..CHANNELS + 2].copy_from_slice(&self.gust_m_s);
+        sizes[CHANNELS + 2..CHANNELS + 5].copy_from_slice(&self.spin_rad_s2);
+        sizes[CHANNELS + 5..CHANNELS + 8].copy_from_slice(&self.push_m_s2);
+        sizes
     }
 
-    fn with_searched(&self, s: [f64; SEARCHED]) -> Self {
+    fn of_sizes(sizes: &[f64; SIZES]) -> Self {
+        let three = |k: usize| [sizes[k], sizes[k + 1], sizes[k + 2]];
         Self {
-            sensor: self.sensor,
-            gust_m_s: [s[0], s[1]],
-            spin_rad_s2: [s[2], s[3], s[4]],
-            push_m_s2: [s[5], s[6], s[7]],
-            lean_rad: s[8],
+            sensor: std::array::from_fn(|c| sizes[c]),
+            gust_m_s: [sizes[CHANNELS], sizes[CHANNELS + 1]],
+            spin_rad_s2: three(CHANNELS + 2),
+            push_m_s2: three(CHANNELS + 5),
+            lean_rad: sizes[CHANNELS + 8],
         }
+    }
+
+    /// Place among the sizes of what drives a state; none of what has no memory of its own.
+    fn size_of(state: usize) -> Option<usize> {
+        match state {
+            9 | 10 => Some(CHANNELS),
+            11..18 => Some(CHANNELS + state - 10),
+            LEAN..SMOOTHED_LATERAL => Some(CHANNELS + 8),
+            _ => None,
+        }
+    }
+
+    /// Logarithm of each size over its usual one, in prior standard deviations.
+    fn departures(&self) -> [f64; SIZES] {
+        let (here, usual) = (self.sizes(), Self::usual().sizes());
+        std::array::from_fn(|k| (here[k] / usual[k]).ln() / LOG_SD)
+    }
+
+    /// The disturbance that is larger than usual by most, and by how many prior standard deviations.
+    pub fn most_disturbed(&self) -> (usize, f64) {
+        let departures = self.departures();
+        let all = departures[CHANNELS + 2..].iter().copied().take(AXES);
+        all.enumerate()
+            .max_by(|a, b| a.1.total_cmp(&b.1))
+            .unwrap_or((0, 0.0))
+    }
+
+    /// The same with a disturbance smaller by so many prior standard deviations.
+    pub fn less_disturbed(&self, axis: usize, sds: f64) -> Self {
+        self.quieter(axis, (-sds * LOG_SD).exp())
     }
 
     /// Log prior density, up to a constant.
     pub fn log_prior(&self) -> f64 {
-        let usual = Self::usual();
-        let part = |a: f64, b: f64| -0.5 * ((a / b).ln() / LOG_SD).powi(2);
-        let searched = self.searched().into_iter().zip(usual.searched());
-        searched.map(|(a, b)| part(a, b)).sum()
+        self.departures().iter().map(|d| -0.5 * d * d).sum()
     }
 
     /// Stationary standard deviation of a state that remembers, places as in the filter.
@@ -112,20 +144,20 @@ impl Noise {
     }
 }
 
-/// Stretches of the data on which the noise is fitted, evenly through them.
-pub fn stretches(segments: &[Segment]) -> Vec<Segment> {
+/// At most so many stretches of so many samples, evenly through the data; all data where they are
+/// fewer.
+pub fn stretches(segments: &[Segment], most: usize, samples: usize) -> Vec<Segment> {
     let total: usize = segments.iter().map(Segment::len).sum();
-    if total <= FIT_SAMPLES {
+    if total <= most * samples {
         return segments.to_vec();
     }
-    let wanted = FIT_SAMPLES / STRETCH;
     let mut out = Vec::new();
-    for k in 0..wanted {
+    for k in 0..most {
         // Middle of the k-th of so many equal parts.
-        let mut middle = (2 * k + 1) * total / (2 * wanted);
+        let mut middle = (2 * k + 1) * total / (2 * most);
         for s in segments {
             if middle < s.len() {
-                let length = STRETCH.min(s.len());
+                let length = samples.min(s.len());
                 let from = middle.saturating_sub(length / 2).min(s.len() - length);
                 out.push(cut(s, from, from + length));
                 break;
@@ -157,71 +189,103 @@ fn score(flights: &[(Segment, World)], noise: &Noise) -> (f64, Vec<Pass>) {
     (sum, passes)
 }
 
-/// Fits the noise to `flights`, from `noise`: in turn the sensors' by what is left after the
-/// update (Desroziers et al. 2005: innovation times rest has the noise's variance as mean), and
-/// the others by a Newton step each on the log likelihood. `rounds` is how often.
-pub fn fit(flights: &[(Segment, World)], noise: Noise, rounds: usize) -> Noise {
-    const STEP: f64 = 0.25;
-    const FARTHEST: f64 = 1.2;
-    let mut noise = noise;
-    for round in 0..rounds {
-        for _ in 0..if round == 0 { 3 } else { 2 } {
-            let (_, passes) = score(flights, &noise);
-            noise = with_sensors(&noise, &passes);
-        }
-        let sizes = noise.searched();
-        let middle = score(flights, &noise).0;
-        let mut moved = sizes;
-        for k in 0..SEARCHED {
-            let at = |log: f64| {
-                let mut sizes = sizes;
-                sizes[k] *= log.exp();
-                score(flights, &noise.with_searched(sizes)).0
-            };
-            let (up, down) = (at(STEP), at(-STEP));
-            let slope = (up - down) / (2.0 * STEP);
-            let bend = (up + down - 2.0 * middle) / (STEP * STEP);
-            let step = if bend < -1e-3 {
-                (-slope / bend).clamp(-FARTHEST, FARTHEST)
-            } else {
-                FARTHEST.copysign(slope) * 0.5
-            };
-            moved[k] *= step.exp();
-        }
-        let next = noise.with_searched(moved);
-        // All at once may go too far: half the way then.
-        noise = if score(flights, &next).0 > middle {
-            next
-        } else {
-            let half: [f64; SEARCHED] = std::array::from_fn(|k| (sizes[k] * moved[k]).sqrt());
-            let half = noise.with_searched(half);
-            if score(flights, &half).0 > middle {
-                half
-            } else {
-                noise
-            }
-        };
-        noise = along_the_ridge(flights, noise);
-    }
-    settled(flights, &noise)
-}
-
-/// Where a disturbance is too large a rate's or an accelerometer's white noise is found too small,
-/// and neither leads back alone: both are moved together, as long as that is more likely.
-fn along_the_ridge(flights: &[(Segment, World)], noise: Noise) -> Noise {
-    let mut best = settled(flights, &noise);
-    let mut most = score(flights, &best).0;
-    for axis in 0..AXES {
-        for _ in 0..RIDGE_STEPS {
-            let next = settled(flights, &best.quieter(axis, QUIETER));
-            let there = score(flights, &next).0;
-            if there <= most {
+/// Fits the noise to `flights`, from `noise`, in so many steps. Each moves the logarithms of all sizes
+/// by what is seen of their squares over what is expected: the square root of that ratio leads
+/// uphill for sure (Zhou et al. 2019), and a power of it mostly further.
+pub fn fit(flights: &[(Segment, World)], noise: Noise, steps: usize) -> Noise {
+    let mut power = FIRST_POWER;
+    let mut at = (looked(flights, &noise), noise);
+    for _ in 0..steps {
+        let (Looked { ratio, .. }, noise) = &at;
+        let sizes = noise.sizes();
+        let step = |k: usize| (0.25 * power * ratio[k].ln()).clamp(-FARTHEST, FARTHEST);
+        let next = Noise::of_sizes(&std::array::from_fn(|k| sizes[k] * step(k).exp()));
+        let there = looked(flights, &next);
+        let gained = there.score - at.0.score;
+        if gained > 0.0 {
+            at = (there, next);
+            power *= FASTER;
+            if gained < SETTLED_NATS {
                 break;
             }
-            (best, most) = (next, there);
+        } else {
+            power = (0.5 * power).max(1.0);
         }
     }
-    best
+    at.1
+}
+
+/// What flights say of the noise that they are followed with.
+struct Looked {
+    score: f64,
+    /// Of each size's square what is seen over what is expected.
+    ratio: [f64; SIZES],
+}
+
+fn looked(flights: &[(Segment, World)], noise: &Noise) -> Looked {
+    let mut score = noise.log_prior();
+    let mut sums = [[0.0; 2]; SIZES];
+    for (segment, world) in flights {
+        let (log_score, steps) = steps(segment, world, noise);
+        score += log_score;
+        add_slopes(&mut sums, &steps, noise);
+    }
+    for (sums, departure) in sums.iter_mut().zip(noise.departures()) {
+        sums[usize::from(departure > 0.0)] += departure.abs() / LOG_SD;
+    }
+    // One that is not told of is as expected.
+    let ratio = sums.map(|[seen, expected]| (seen + 1e-9) / (expected + 1e-9));
+    Looked { score, ratio }
+}
+
+/// Adds to `slope` the slope of the log likelihood by the logarithms of all sizes: what is seen and, to
+/// be taken off, what is expected of each, by one way back through the flight (Koopman and
+/// Shephard 1992). `r` and `n` are how the rest of the flight depends on the state.
+fn add_slopes(slope: &mut [[f64; 2]; SIZES], steps: &[Step], noise: &Noise) {
+    let mut r = [0.0; STATES];
+    let mut n = [[0.0; STATES]; STATES];
+    for step in steps.iter().rev() {
+        add_driven(slope, &r, &n, |state| step.process[state]);
+        r = across(&step.keep, &r);
+        n = between(&n, &step.keep);
+        for taken in step.taken.iter().rev() {
+            let gain = taken.gain.map(|g| g / taken.used);
+            let v = times(&n, &gain);
+            let dot = |a: &Error, b: &Error| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            let u = taken.away / taken.used - dot(&gain, &r);
+            let d = 1.0 / taken.used + dot(&gain, &v);
+            slope[taken.channel][0] += u * u * taken.noise;
+            slope[taken.channel][1] += d * taken.noise;
+            for &(k, h) in &taken.told {
+                r[k] += h * u;
+                for l in 0..STATES {
+                    n[k][l] -= h * v[l];
+                    n[l][k] -= h * v[l];
+                }
+            }
+            for &(k, h) in &taken.told {
+                for &(l, other) in &taken.told {
+                    n[k][l] += d * h * other;
+                }
+            }
+        }
+    }
+    add_driven(slope, &r, &n, |state| noise.stationary(state).powi(2));
+}
+
+/// Adds what states that are driven by so much variance add to the slope.
+fn add_driven(
+    slope: &mut [[f64; 2]; SIZES],
+    r: &Error,
+    n: &Matrix,
+    variance: impl Fn(usize) -> f64,
+) {
+    for state in 9..SMOOTHED_LATERAL {
+        if let Some(size) = Noise::size_of(state) {
+            slope[size][0] += r[state] * r[state] * variance(state);
+            slope[size][1] += n[state][state] * variance(state);
+        }
+    }
 }
 
 /// `noise` with the sensors' part as `flights` then tell it.

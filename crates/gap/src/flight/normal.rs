@@ -2,9 +2,6 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// Rows gathered before they are added.
-const ROWS: usize = 96;
-
 /// One block of time.
 #[derive(Debug, Clone)]
 pub struct Block {
@@ -40,33 +37,20 @@ impl Normal {
             columns,
             block_s,
             blocks: Vec::new(),
-            rows: Vec::with_capacity(ROWS * columns),
-            innovations: Vec::with_capacity(ROWS),
+            rows: Vec::new(),
+            innovations: Vec::new(),
         }
     }
 
-    /// One innovation (in standard deviations) with its derivatives.
-    pub fn add_row(&mut self, row: &[f64], innovation: f64) {
-        self.rows.extend_from_slice(row);
-        self.innovations.push(innovation);
-        if self.innovations.len() >= ROWS {
-            self.flush();
-        }
-    }
-
-    /// Says that a sample of `log` at `time_s` is complete.
-    pub fn end_of_sample(&mut self, log: usize, time_s: f64) {
-        let open = self.blocks.last().is_some_and(|b| {
-            b.log == log && time_s >= b.from_s && time_s < b.from_s + self.block_s
-        });
-        if open {
-            if let Some(block) = self.blocks.last_mut() {
-                block.to_s = time_s;
-            }
+    /// Says that what follows is of a sample of `log` at `time_s`.
+    pub fn begin_sample(&mut self, log: usize, time_s: f64) {
+        let is_open =
+            |b: &&mut Block| b.log == log && time_s >= b.from_s && time_s < b.from_s + self.block_s;
+        if let Some(block) = self.blocks.last_mut().filter(is_open) {
+            block.to_s = time_s;
             return;
         }
-        // What was gathered belongs to the block before.
-        self.flush();
+        self.close();
         self.blocks.push(Block {
             log,
             from_s: time_s,
@@ -78,16 +62,16 @@ impl Normal {
         });
     }
 
-    fn flush(&mut self) {
+    /// One innovation (in standard deviations) with its derivatives.
+    pub fn add_row(&mut self, row: &[f64], innovation: f64) {
+        self.rows.extend_from_slice(row);
+        self.innovations.push(innovation);
+    }
+
+    /// Adds what was gathered to the block that it belongs to.
+    fn close(&mut self) {
         let n = self.innovations.len();
-        if n == 0 {
-            return;
-        }
-        if self.blocks.is_empty() {
-            // The first sample opens the first block after its rows.
-            return;
-        }
-        if let Some(block) = self.blocks.last_mut() {
+        if let Some(block) = self.blocks.last_mut().filter(|_| n > 0) {
             let g = DMatrix::from_column_slice(self.columns, n, &self.rows);
             let nu = DVector::from_column_slice(&self.innovations);
             block.a.gemm(1.0, &g, &g.transpose(), 1.0);
@@ -101,7 +85,7 @@ impl Normal {
 
     /// The blocks.
     pub fn finish(mut self) -> Vec<Block> {
-        self.flush();
+        self.close();
         self.blocks
     }
 }

@@ -30,6 +30,12 @@ impl Coordinate {
     }
 }
 
+const ALL_COORDINATES: [Coordinate; 3] = [
+    Coordinate::Time,
+    Coordinate::Airspeed,
+    Coordinate::AngleOfAttack,
+];
+
 /// What a smooth term acts on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Target {
@@ -56,18 +62,24 @@ pub struct Group {
     pub scale: f64,
 }
 
+impl Target {
+    /// In words.
+    pub fn words(self) -> String {
+        let axis = |k: usize| ["roll", "pitch", "yaw"][k];
+        match self {
+            Self::Spin(k) => format!("{} acceleration", axis(k)),
+            Self::Surface(k) => format!("{} acceleration by its surface", axis(k)),
+            Self::Push(k) => ALL[at::FORCE + k].label.to_owned(),
+            Self::Sensor(k) => format!("reading of {}", ALL[k].label),
+        }
+    }
+}
+
 impl Group {
     /// The term in words.
     pub fn words(&self) -> String {
-        let axis = |k: usize| ["roll", "pitch", "yaw"][k];
-        let what = match self.target {
-            Target::Spin(k) => format!("{} acceleration", axis(k)),
-            Target::Surface(k) => format!("{} acceleration by its surface", axis(k)),
-            Target::Push(k) => ALL[at::FORCE + k].label.to_owned(),
-            Target::Sensor(k) => format!("reading of {}", ALL[k].label),
-        };
         let along = self.coordinate.as_str().replace('_', " ");
-        format!("{what}, smooth in {along}")
+        format!("{}, smooth in {along}", self.target.words())
     }
 }
 
@@ -118,10 +130,16 @@ impl Terms {
     /// What one standard deviation of each column is at an instant, SI, with what it acts on.
     pub fn at(&self, met: &Meeting) -> impl Iterator<Item = (Target, f64)> {
         let met = *met;
+        let along = |coordinate| {
+            let basis = self
+                .ranges
+                .basis(coordinate, met.time_s, met.airspeed, met.alpha);
+            (coordinate, basis)
+        };
+        let bases = ALL_COORDINATES.map(along);
         self.groups.iter().flat_map(move |group| {
-            let mut basis =
-                self.ranges
-                    .basis(group.coordinate, met.time_s, met.airspeed, met.alpha);
+            let along = bases.iter().find(|b| b.0 == group.coordinate);
+            let mut basis = along.map_or([0.0; 4], |b| b.1);
             let mut power = 1.0;
             if let Target::Surface(k) = group.target {
                 power = self.power[k] * met.pressure * met.angles[k];
@@ -172,13 +190,11 @@ impl Nameless {
         }
     }
 
-    /// Adds what sensors read of it.
+    /// Adds what is wrong in what sensors read.
     pub fn misread(&self, met: &Meeting, read: &mut [f64; CHANNELS]) {
         for (target, value) in self.each(met) {
-            match target {
-                Target::Push(k) => read[at::FORCE + k] += value,
-                Target::Sensor(c) => read[c] += value,
-                Target::Spin(_) | Target::Surface(_) => {}
+            if let Target::Sensor(c) = target {
+                read[c] += value;
             }
         }
     }
@@ -196,11 +212,7 @@ fn groups(aircraft: &Aircraft, gated: &Gated, ranges: &Ranges) -> Vec<Group> {
     let spin = control_spin(aircraft);
     let push = [0.3, 0.3, 0.8];
     let mut all = Vec::new();
-    for coordinate in [
-        Coordinate::Time,
-        Coordinate::Airspeed,
-        Coordinate::AngleOfAttack,
-    ] {
+    for coordinate in ALL_COORDINATES {
         let columns = match coordinate {
             Coordinate::Time => TIME_TERMS,
             Coordinate::Airspeed => AIRSPEED_TERMS,

@@ -1,17 +1,19 @@
 //! What may be said where the whole fits roughly: names then follow tests that need no model of
-//! the rest, and sizes that nothing real has are not said.
+//! the rest, and a disturbance that no air makes is something that is not explained.
 
 use fdm::mechanism::spec;
 
 use super::answer::{Answer, p_value};
 use super::equation_error::{EquationError, Lift};
+use super::rival::Target;
 use super::study::{Linear, Study};
 use crate::verdict::{Cause, Evidence, Parameter, Unexplained, Verdict};
 
 /// Dispersion beyond which the model fits roughly.
 const ROUGH: f64 = 4.0;
-/// Prior standard deviations beyond which a size is not that of a mechanism.
-const PLAUSIBLE_SD: f64 = 3.0;
+/// Prior standard deviations by which a disturbance is larger than usual where it stands for what the
+/// model lacks.
+const DISTURBED_SD: f64 = 2.0;
 /// Standard errors by which a delay must differ from the published servo's lag.
 const PLAIN_SE: f64 = 3.0;
 /// Delay and lag: at the frequencies of flight the one is as late as the other.
@@ -24,10 +26,13 @@ pub fn restrain(
     last: &Linear,
     equation_error: &EquationError,
 ) {
-    if last.word.dispersion <= ROUGH {
+    let (axis, sds) = last.noise.most_disturbed();
+    if last.word.dispersion <= ROUGH && sds <= DISTURBED_SD {
         return;
     }
-    drop_implausible(answer, study, last);
+    if answer.unexplained.is_none() && sds > DISTURBED_SD {
+        answer.unexplained = Some(disturbed(study, last, axis, sds - DISTURBED_SD));
+    }
     if let Some(lift) = &equation_error.lift {
         keep_together(answer, lift);
     }
@@ -37,45 +42,26 @@ pub fn restrain(
     answer.verdict = Verdict::of(&answer.causes, answer.unexplained.is_some());
 }
 
-/// A cause of a size that nothing real has stands for something else, which has no name.
-fn drop_implausible(answer: &mut Answer, study: &Study<'_>, last: &Linear) {
-    let (kept, dropped): (Vec<Cause>, Vec<Cause>) = std::mem::take(&mut answer.causes)
-        .into_iter()
-        .partition(|c| c.parameters.iter().all(plausible));
-    answer.causes = kept;
-    answer.set.retain(|&k| {
-        let stated = |c: &Cause| c.mechanisms.first().is_some_and(|m| m == study.ids[k]);
-        !study.is_named(k) || !dropped.iter().any(stated)
-    });
-    let Some(strongest) = dropped.first() else {
-        return;
+/// What a disturbance stands for that is larger than is tolerated by so many prior standard deviations:
+/// what the data lose without the excess.
+fn disturbed(study: &Study<'_>, last: &Linear, axis: usize, sds: f64) -> Unexplained {
+    let without = study.log_score(&last.theta, &last.noise.less_disturbed(axis, sds));
+    let target = match axis {
+        0..3 => Target::Spin(axis),
+        _ => Target::Push(axis - 3),
     };
-    let evidence = strongest.evidence.delta_log_evidence;
-    let stronger = |u: &Unexplained| u.delta_log_evidence >= evidence;
-    if answer.unexplained.as_ref().is_some_and(stronger) {
-        return;
-    }
-    let sizes: Vec<String> = dropped
-        .iter()
-        .flat_map(|c| &c.parameters)
-        .filter(|p| !plausible(p))
-        .map(|p| format!("{}.{} of {:.2}", p.mechanism, p.name, p.value))
-        .collect();
-    answer.unexplained = Some(Unexplained {
+    Unexplained {
         coordinate: "time".to_owned(),
-        term: format!("as if by the implausible {}", sizes.join(" and ")),
+        term: format!(
+            "{}, a disturbance larger than air and workmanship make",
+            target.words()
+        ),
         from_s: last.blocks.first().map_or(f64::NAN, |b| b.from_s),
         to_s: last.blocks.last().map_or(f64::NAN, |b| b.to_s),
         platforms: Vec::new(),
-        delta_log_evidence: evidence,
+        delta_log_evidence: (last.log_score - without) / last.word.dispersion,
         candidates: Vec::new(),
-    });
-}
-
-fn plausible(parameter: &Parameter) -> bool {
-    let known = spec(&parameter.mechanism);
-    let p = known.and_then(|s| s.parameters.iter().find(|p| p.name == parameter.name));
-    p.is_none_or(|p| (parameter.value - p.neutral).abs() <= PLAUSIBLE_SD * p.prior_sd)
+    }
 }
 
 /// Keeps vane and lift slope together as a set where lift against the vane cannot tell them

@@ -9,7 +9,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use super::channel::at;
 use super::equation_error::EquationError;
 use super::evidence::{Candidate, Model, Word, beyond_chance, dispersion, search, sum};
-use super::filter::{Columns, Pass, run, run_with_columns};
+use super::filter::{Aside, Columns, Pass, run, run_with_columns};
 use super::gate::{Gated, Segment};
 use super::motion::World;
 use super::noise::{self, Noise};
@@ -23,6 +23,9 @@ use crate::GapError;
 const MECHANISM_LOG_PRIOR: f64 = -5.5;
 /// Log prior of a nameless term: a name is to be preferred where both do.
 const RIVAL_LOG_PRIOR: f64 = -8.0;
+/// Prior standard deviations beyond which a size is not that of a mechanism: three, less what the
+/// tolerance adds.
+const PLAUSIBLE_SD: f64 = 2.9;
 /// Blocks that a flight is cut into at least; they are not shorter than [`BLOCK_S`].
 const BLOCKS: f64 = 40.0;
 /// Shortest block, s.
@@ -35,6 +38,15 @@ const ROUNDS: usize = 3;
 const RIVALS: usize = 3;
 /// Part of its gain by which a rival may seem worse than the best and still be looked at.
 const RIVAL_PART: f64 = 0.5;
+
+/// Most steps of a fit of the noise from nothing, from what it was nearby, and from what a share of
+/// the data told.
+const NOISE_STEPS: [usize; 3] = [12, 4, 2];
+/// Most stretches that the search looks at, and samples of each: at 50 Hz a minute and a half, by
+/// which effects that are worth a name show many times over, in pieces long against the gusts.
+const SEARCH_STRETCHES: [usize; 2] = [5, 900];
+/// The same of what tells whether to look closer.
+const PROBE_STRETCHES: [usize; 2] = [10, 200];
 
 /// Gain of a step, nats, after which the base has settled.
 const SETTLED_NATS: f64 = 5.0;
@@ -57,6 +69,8 @@ pub struct Study<'a> {
     pub candidates: Vec<Candidate>,
     /// Id of each mechanism among the candidates.
     pub ids: Vec<&'static str>,
+    /// How many times the data are what is looked at.
+    stand_for: f64,
 }
 
 /// The data seen from one point.
@@ -104,6 +118,7 @@ impl<'a> Study<'a> {
                     .collect(),
                 columns,
                 one_sided: spec.parameters[0].low >= spec.parameters[0].neutral,
+                plausible_sd: PLAUSIBLE_SD,
                 log_prior: MECHANISM_LOG_PRIOR,
             });
         }
@@ -113,6 +128,7 @@ impl<'a> Study<'a> {
                 columns: (at_column..at_column + group.columns).collect(),
                 prior_sd: vec![1.0; group.columns],
                 one_sided: false,
+                plausible_sd: f64::INFINITY,
                 log_prior: RIVAL_LOG_PRIOR,
             });
             at_column += group.columns;
@@ -124,6 +140,29 @@ impl<'a> Study<'a> {
             terms,
             candidates,
             ids,
+            stand_for: 1.0,
+        }
+    }
+
+    /// At most so many stretches of so many samples of the data.
+    fn thinned(&self, [most, samples]: [usize; 2]) -> Gated {
+        Gated {
+            segments: noise::stretches(&self.gated.segments, most, samples),
+            ..self.gated.clone()
+        }
+    }
+
+    /// The same question put to the share `thin` of the data, which is taken to say what all would.
+    fn of_share<'b>(&'b self, thin: &'b Gated) -> Study<'b> {
+        let count = |gated: &Gated| gated.segments.iter().map(Segment::len).sum::<usize>() as f64;
+        Study {
+            aircraft: self.aircraft,
+            gated: thin,
+            parameters: self.parameters.clone(),
+            terms: self.terms.clone(),
+            candidates: self.candidates.clone(),
+            ids: self.ids.clone(),
+            stand_for: count(self.gated) / count(thin),
         }
     }
 
@@ -163,19 +202,14 @@ impl<'a> Study<'a> {
     }
 
     /// Fits the noise at `theta`.
-    pub fn noise(&self, theta: &[f64], from: Noise, rounds: usize) -> Noise {
-        noise::fit(&self.stretches(theta), from, rounds)
+    pub fn noise(&self, theta: &[f64], from: Noise, steps: usize) -> Noise {
+        noise::fit(&self.flown(theta), from, steps)
     }
 
-    /// What the noise is fitted to, flown at `theta`.
-    fn stretches(&self, theta: &[f64]) -> Vec<(Segment, World)> {
-        noise::stretches(&self.gated.segments)
-            .into_iter()
-            .map(|s| {
-                let world = self.world(&s, theta);
-                (s, world)
-            })
-            .collect()
+    /// All data, flown at `theta`.
+    fn flown(&self, theta: &[f64]) -> Vec<(Segment, World)> {
+        let flown = |s: &Segment| (s.clone(), self.world(s, theta));
+        self.gated.segments.iter().map(flown).collect()
     }
 
     /// Passes over all segments at `theta`, with what was predicted.
@@ -191,7 +225,8 @@ impl<'a> Study<'a> {
         let segments = self.gated.segments.iter();
         segments
             .map(|s| run(s, &self.world(s, theta), noise, false).log_score)
-            .sum()
+            .sum::<f64>()
+            * self.stand_for
     }
 
     fn columns<'b>(&'b self, segment: &Segment, theta: &[f64], base: &World) -> Columns<'b> {
@@ -201,7 +236,12 @@ impl<'a> Study<'a> {
             aside[j] += parameter.step;
             let like = (!parameter.servo).then_some(base);
             let world = self.world_like(segment, &aside, like);
-            worlds.push((world, parameter.step, parameter.moves));
+            worlds.push(Aside {
+                same_air: world.shares_air_with(base),
+                world,
+                step: parameter.step,
+                moves: parameter.moves,
+            });
         }
         Columns {
             worlds,
@@ -225,6 +265,7 @@ impl<'a> Study<'a> {
             let columns = self.columns(segment, &theta, &world);
             log_score += run_with_columns(segment, &world, &noise, &columns, &mut normal).log_score;
         }
+        log_score *= self.stand_for;
         let mut blocks = normal.finish();
         let here = DVector::from_column_slice(&theta);
         for block in &mut blocks {
@@ -236,6 +277,12 @@ impl<'a> Study<'a> {
         let (a, b) = sum(&blocks, None);
         let fitted = self.solve(&a, &b, &[]);
         let dispersion = dispersion(&blocks, &fitted, self.parameters.len());
+        for block in &mut blocks {
+            block.a *= self.stand_for;
+            block.b *= self.stand_for;
+            block.squares *= self.stand_for;
+        }
+        let (a, b) = (a * self.stand_for, b * self.stand_for);
         let spread = beyond_chance(dispersion, blocks.len());
         let tolerance = self.tolerances();
         let word = Word::new(&a, &b, &tolerance, spread);
@@ -329,7 +376,8 @@ impl<'a> Study<'a> {
     }
 
     /// Looks at the base first, then goes where the best model leads and looks again, until it
-    /// stays. Returns the first and the last view.
+    /// stays. Returns the first and the last view. Of a long flight a share is looked at on the
+    /// way, and all of it at the end.
     ///
     /// # Errors
     /// [`GapError::Data`] when the filter leaves the finite numbers at the base.
@@ -338,11 +386,27 @@ impl<'a> Study<'a> {
         equation_error: &EquationError,
         progress: &mut dyn FnMut(f64),
     ) -> Result<(Linear, Linear), GapError> {
+        let thin = self.thinned(SEARCH_STRETCHES);
+        let share = self.of_share(&thin);
+        let (first, last) = share.search(equation_error, &mut |part| progress(0.75 * part))?;
+        if share.stand_for <= 1.0 {
+            return Ok((first, last));
+        }
+        let noise = self.noise(&last.theta, last.noise.clone(), NOISE_STEPS[2]);
+        progress(0.9);
+        Ok((first, self.linearise(last.theta, noise)))
+    }
+
+    fn search(
+        &self,
+        equation_error: &EquationError,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<(Linear, Linear), GapError> {
         let mut theta = self.start();
-        let mut noise = self.noise(&theta, Noise::usual(), 3);
+        let mut noise = self.noise(&theta, Noise::usual(), NOISE_STEPS[0]);
         progress(0.2);
         if let Some(far) = self.far_start(&theta, equation_error) {
-            let other = self.noise(&far, noise.clone(), 3);
+            let other = self.noise(&far, noise.clone(), NOISE_STEPS[1]);
             if self.log_score(&far, &other) > self.log_score(&theta, &noise) {
                 (theta, noise) = (far, other);
             }
@@ -366,7 +430,7 @@ impl<'a> Study<'a> {
             }
             progress(0.4 + 0.15 * (k + 1) as f64);
         }
-        Ok((first, self.quieter(last)))
+        Ok((first, self.quieter(self.refitted(last))))
     }
 
     /// The base where it fits best, with the noise that it has there.
@@ -374,7 +438,7 @@ impl<'a> Study<'a> {
         let mut base = from;
         for _ in 0..ROUNDS {
             let theta = self.step_towards(&base, &[]);
-            let noise = self.noise(&theta, base.noise.clone(), 1);
+            let noise = self.noise(&theta, base.noise.clone(), NOISE_STEPS[1]);
             let next = self.linearise(theta, noise);
             let gained = next.log_posterior - base.log_posterior;
             if gained > 0.0 {
@@ -389,18 +453,25 @@ impl<'a> Study<'a> {
 
     /// The view `from` with less disturbance of forces and moments, as far as causes then tell the
     /// data better: a noise that is fitted to the base alone grows until it hides what the base
-    /// lacks.
+    /// lacks. What promises that on a share of the data is tried on all.
     fn quieter(&self, from: Linear) -> Linear {
-        let stretches = self.stretches(&from.theta);
+        let thin = self.thinned(PROBE_STRETCHES);
+        let probe = self.of_share(&thin);
+        let flown = probe.flown(&from.theta);
+        let whole = |v: &Linear| v.log_posterior + v.noise.log_prior();
         let mut best = from;
+        let mut probed = whole(&probe.linearise(best.theta.clone(), best.noise.clone()));
         for _ in 0..QUIETER_SWEEPS {
             let before = best.log_posterior;
             for axis in 0..noise::AXES {
-                let noise = noise::settled(&stretches, &best.noise.quieter(axis, noise::QUIETER));
+                let noise = noise::settled(&flown, &best.noise.quieter(axis, noise::QUIETER));
+                let promised = whole(&probe.linearise(best.theta.clone(), noise.clone()));
+                if promised <= probed {
+                    continue;
+                }
                 let view = self.linearise(best.theta.clone(), noise);
-                let whole = |v: &Linear| v.log_posterior + v.noise.log_prior();
                 if whole(&view) > whole(&best) {
-                    best = view;
+                    (best, probed) = (view, promised);
                 }
             }
             if best.log_posterior < before + QUIETER_NATS {
@@ -417,15 +488,7 @@ impl<'a> Study<'a> {
         let mut last: Option<Linear> = None;
         for _ in 0..ROUNDS {
             let now = last.as_ref().unwrap_or(from);
-            let theta = self.step_towards(now, &best);
-            let noise = self.noise(&theta, now.noise.clone(), 1);
-            let kept = self.linearise(theta.clone(), now.noise.clone());
-            let next = self.linearise(theta, noise);
-            let next = if kept.log_posterior > next.log_posterior {
-                kept
-            } else {
-                next
-            };
+            let next = self.linearise(self.step_towards(now, &best), now.noise.clone());
             if !next.log_score.is_finite() {
                 break;
             }
@@ -437,6 +500,17 @@ impl<'a> Study<'a> {
             }
         }
         last
+    }
+
+    /// The same point with the noise fitted there, where that is better.
+    fn refitted(&self, from: Linear) -> Linear {
+        let noise = self.noise(&from.theta, from.noise.clone(), NOISE_STEPS[1]);
+        let fitted = self.linearise(from.theta.clone(), noise);
+        if fitted.log_posterior > from.log_posterior {
+            fitted
+        } else {
+            from
+        }
     }
 
     /// Where the published moments are far off, the point to which equation error leads: steps

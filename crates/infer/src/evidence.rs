@@ -104,7 +104,11 @@ pub(crate) struct Known {
 impl Known {
     /// Precisions of all columns but the tried ones and the misfit under `sizes`, where weights belong to
     /// `coordinates`.
-    fn precision_under(&self, sizes: &Sizes, coordinates: impl Iterator<Item = usize>) -> Vec<f64> {
+    pub fn precision_under(
+        &self,
+        sizes: &Sizes,
+        coordinates: impl Iterator<Item = usize>,
+    ) -> Vec<f64> {
         let mut out = vec![0.0; self.layout.tried];
         for (place, c) in self.layout.weights.iter().zip(coordinates) {
             out[*place] = precision_of(sizes[c]);

@@ -11,6 +11,8 @@ use std::ops::Range;
 /// A name makes left-out passes significantly worse where that many of the draws say so: one side of
 /// 95 %.
 const WORSE: f64 = 0.975;
+/// A set that is less likely by this, nats, is no rival however passes are drawn: one in 3,000.
+const RIVAL_NATS: f64 = 8.0;
 /// Sets of passes drawn anew.
 const DRAWS: usize = 40;
 
@@ -172,19 +174,23 @@ impl Question<'_> {
             && cause.worse.iter().all(|w| *w < WORSE)
     }
 
-    /// Standard deviations by which the `k`-th name of a set departs from doing nothing.
-    fn departs_sd<M: Catalogue>(&self, set: &Found<M>, k: usize) -> Result<f64, InferError> {
+    /// Standard deviations by which the `k`-th name of a set departs from doing nothing, and by what
+    /// these are larger for the scatter from pass to pass.
+    fn departs_sd<M: Catalogue>(&self, set: &Found<M>, k: usize) -> Result<(f64, f64), InferError> {
         let posterior = self.posterior(set)?;
         let (mean, covariance) = (posterior.mean(), posterior.covariance());
         let unknowns = |n: &M::Tried| M::start(n).nothing.len();
         let behind: usize = set.names[k..].iter().map(unknowns).sum();
         let first = mean.len() - behind;
         let nothing = &M::start(&set.names[k]).nothing;
-        let departs = |(n, nothing): (usize, &f64)| {
+        let (mut departs_sd, mut widening) = (0.0f64, 1.0f64);
+        for (n, nothing) in nothing.iter().enumerate() {
             let i = first + n;
-            (mean[i] - nothing).abs() / covariance[(i, i)].sqrt()
-        };
-        Ok(nothing.iter().enumerate().map(departs).fold(0.0, f64::max))
+            let departs = (mean[i] - nothing).abs() / covariance[(i, i)].sqrt();
+            departs_sd = departs_sd.max(departs);
+            widening = widening.max(posterior.widening_of(i));
+        }
+        Ok((departs_sd, widening))
     }
 
     fn cause<M: Catalogue>(
@@ -204,7 +210,7 @@ impl Question<'_> {
             .map(|(_, n)| n)
             .collect();
         let top = set.ln_score();
-        let mut rivals: Vec<(M::Tried, f64)> = Vec::new();
+        let mut rivals: Vec<(&M::Tried, &Found<M>)> = Vec::new();
         for f in found.iter().filter(|f| f.names.len() == set.names.len()) {
             if !others.iter().all(|o| f.has(o)) {
                 continue;
@@ -214,33 +220,44 @@ impl Question<'_> {
                 .iter()
                 .find(|n| !others.iter().any(|o| M::same_cause(o, n)));
             let Some(own) = own else { continue };
-            if rivals.iter().all(|r| !M::same_cause(&r.0, own)) {
-                rivals.push((own.clone(), f.ln_score() - top));
+            if rivals.iter().all(|r| !M::same_cause(r.0, own)) {
+                rivals.push((own, f));
             }
         }
-        rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
         // The name of the set itself stands first, whatever else is as likely.
-        if let Some(own) = rivals
+        rivals.sort_by_key(|r| !M::same_cause(r.0, &set.names[k]));
+        let (departs_sd, widening) = self.departs_sd(set, k)?;
+        // Readings that scatter together tell less than as many independent ones (Ribatet and others 2012).
+        let gain = top - without.ln_score() - (set.ln_prior - without.ln_prior);
+        let too_much = gain.max(0.0) * (1.0 - widening.powi(-2));
+        let without_ln = without.ln_score() + too_much;
+        let dropped = (without_ln - top).exp();
+        let ln = |f: &Found<M>| f.ln_score() - top;
+        let all: f64 = rivals.iter().map(|r| ln(r.1).exp()).sum();
+        let probability = all / (all + dropped);
+        type Rivals<'f, M> = Vec<(&'f <M as Catalogue>::Tried, &'f Found<M>)>;
+        let (near, far): (Rivals<'_, M>, Rivals<'_, M>) =
+            rivals.into_iter().partition(|r| ln(r.1) > -RIVAL_NATS);
+        let by_pass: Vec<ByPass> = near
             .iter()
-            .position(|r| M::same_cause(&r.0, &set.names[k]))
-        {
-            let own = rivals.remove(own);
-            rivals.insert(0, own);
-        }
-        let dropped = (without.ln_score() - top).exp();
-        let all: f64 = rivals.iter().map(|r| r.1.exp()).sum();
-        let mut names = Vec::new();
-        let mut held = 0.0;
-        let mut nats_to_next = top - without.ln_score();
-        for (name, ln) in rivals {
-            if names.is_empty() || held < self.policy.named * all {
-                held += ln.exp();
-                names.push((name, ln.exp() / (all + dropped)));
+            .map(|r| self.by_pass(r.1, passes))
+            .collect::<Result<_, _>>()?;
+        let share = shares(&by_pass, draws);
+        let mut order: Vec<usize> = (1..near.len()).collect();
+        order.sort_by(|a, b| share[*b].total_cmp(&share[*a]));
+        let mut names = vec![(near[0].0.clone(), probability * share[0])];
+        let (mut held, mut beyond) = (share[0], far);
+        for r in order {
+            if held < self.policy.named {
+                held += share[r];
+                names.push((near[r].0.clone(), probability * share[r]));
             } else {
-                nats_to_next = nats_to_next.min(-ln);
+                beyond.push(near[r]);
             }
         }
-        let (own, less) = (self.by_pass(set, passes)?, self.by_pass(without, passes)?);
+        let nearest = beyond.iter().map(|r| ln(r.1).abs());
+        let nats_to_next = nearest.fold(top - without_ln, f64::min);
+        let (own, less) = (&by_pass[0], self.by_pass(without, passes)?);
         let gains: Vec<f64> = own
             .left_out()
             .iter()
@@ -248,18 +265,18 @@ impl Question<'_> {
             .map(|(a, b)| a - b)
             .collect();
         let drawn = draws.iter().map(|times| {
-            let odds = own.ln(times) - less.ln(times);
+            let odds = own.ln(times) - less.ln(times) - too_much;
             1.0 / (1.0 + (-odds).exp())
         });
         let drawn_again = drawn.sum::<f64>() / draws.len() as f64;
         let mut cause = Cause {
             names,
-            probability: all / (all + dropped),
-            gain: top - without.ln_score() - (set.ln_prior - without.ln_prior),
+            probability,
+            gain: gain - too_much,
             nats_to_next,
             left_out: sum_and_low(&gains),
             drawn_again,
-            departs_sd: self.departs_sd(set, k)?,
+            departs_sd,
             worse: [0.0; 2],
         };
         if self.stands(&cause) {
@@ -309,15 +326,7 @@ impl Question<'_> {
             .iter()
             .map(|f| self.by_pass(f, passes))
             .collect::<Result<_, _>>()?;
-        let mut share = vec![0.0; plain.len()];
-        for times in draws {
-            let ln: Vec<f64> = by_pass.iter().map(|b| b.ln(times)).collect();
-            let top = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            let all: f64 = ln.iter().map(|l| (l - top).exp()).sum();
-            for (share, ln) in share.iter_mut().zip(&ln) {
-                *share += (ln - top).exp() / all / draws.len() as f64;
-            }
-        }
+        let share = shares(&by_pass, draws);
         let mut order: Vec<usize> = (0..plain.len()).collect();
         order.sort_by(|a, b| share[*b].total_cmp(&share[*a]));
         let mut out = Vec::new();
@@ -357,6 +366,20 @@ impl Question<'_> {
         }
         Ok(out)
     }
+}
+
+/// The probability of each of several sets against the others, on the average over draws of passes.
+fn shares(by_pass: &[ByPass], draws: &[Vec<f64>]) -> Vec<f64> {
+    let mut share = vec![0.0; by_pass.len()];
+    for times in draws {
+        let ln: Vec<f64> = by_pass.iter().map(|b| b.ln(times)).collect();
+        let top = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let all: f64 = ln.iter().map(|l| (l - top).exp()).sum();
+        for (share, ln) in share.iter_mut().zip(&ln) {
+            *share += (ln - top).exp() / all / draws.len() as f64;
+        }
+    }
+    share
 }
 
 /// The likeliest set that was found with none but the names of `set` without the one at `k`.

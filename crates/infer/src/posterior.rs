@@ -7,7 +7,7 @@ use crate::fit::{Fit, Point, Problem};
 use crate::form::{Basis, COORDINATES, Sizes};
 use crate::noise::Noise;
 use crate::rows::{ForwardModel, PlumePlace};
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, Dyn};
 
 /// Fluctuation and wander are tried smaller and larger by this factor until the evidence falls.
 const SIZE_FACTOR: f64 = 2.0;
@@ -59,7 +59,9 @@ struct Part {
 #[derive(Debug, Clone)]
 pub struct Posterior {
     fit: Fit,
+    /// The likeliest first.
     parts: Vec<Part>,
+    scatter: Scatter,
     layout: Layout,
     unknowns: usize,
     ln_evidence: f64,
@@ -398,13 +400,61 @@ impl<M: ForwardModel> Problem<'_, M> {
         if parts.is_empty() {
             return Err(InferError::NoPosterior);
         }
+        let scatter = self.scatter(&found, &parts[0])?;
         Ok(Posterior {
+            scatter,
             ln_evidence: found.ln_evidence,
             unknowns: self.unknowns(),
             parts,
             layout,
             fit: found.fit,
         })
+    }
+}
+
+impl<M: ForwardModel> Problem<'_, M> {
+    fn scatter(&self, found: &Weighed, likeliest: &Part) -> Result<Scatter, InferError> {
+        let passes = self.passes(&found.fit)?;
+        let (known, by_pass) = self.products(&found.fit, &[], &passes)?;
+        let (n, columns) = (known.layout.tried, known.layout.columns);
+        let pull = |products: &Products| -> DVector<f64> {
+            let all = DMatrixView::from_slice(&products.values, columns, columns);
+            let misfit = all.view((0, columns - 1), (n, 1)).column(0).into_owned();
+            misfit - all.view((0, 0), (n, n)) * &likeliest.step
+        };
+        let coordinates = found.fit.basis.coordinates();
+        Ok(Scatter {
+            pulls: by_pass.iter().map(pull).collect(),
+            precision: known.precision_under(&likeliest.sizes, coordinates),
+        })
+    }
+}
+
+/// By how much passes pull elsewhere than all of them together, each its own way. Noise that is common to
+/// all platforms, or lasts longer than it is taken to, makes this more than independent readings would
+/// (White 1982).
+#[derive(Debug, Clone)]
+struct Scatter {
+    pulls: Vec<DVector<f64>>,
+    /// What is known beforehand of every column, which does not scatter.
+    precision: Vec<f64>,
+}
+
+impl Scatter {
+    /// Factor on the standard deviation of a linear function, for which the posterior's covariance
+    /// gives the column `worth`: at least one.
+    fn widening(&self, function: &DVector<f64>, worth: &DVector<f64>) -> f64 {
+        let count = self.pulls.len() as f64;
+        let told: f64 = self.pulls.iter().map(|g| g.dot(worth).powi(2)).sum();
+        let known = self.precision.iter().zip(worth.iter());
+        let beforehand: f64 = known.map(|(p, h)| p * h * h).sum();
+        let scattered = told * count / (count - 1.0) + beforehand;
+        let factor = (scattered / function.dot(worth)).sqrt();
+        if factor.is_finite() {
+            factor.max(1.0)
+        } else {
+            1.0
+        }
     }
 }
 
@@ -504,7 +554,26 @@ impl Posterior {
             let solved = part.precision.solve(&functions.transpose());
             out += part.weight * (functions * solved + &off * off.transpose());
         }
+        for k in 0..n {
+            let widening = self.widening(&functions.row(k).transpose());
+            out.row_mut(k).scale_mut(widening);
+            out.column_mut(k).scale_mut(widening);
+        }
         out
+    }
+
+    /// By what standard deviations of a linear function of all columns are larger for the scatter from
+    /// pass to pass.
+    fn widening(&self, function: &DVector<f64>) -> f64 {
+        let worth = self.parts[0].precision.solve(function);
+        self.scatter.widening(function, &worth)
+    }
+
+    /// The same of an unknown.
+    pub(crate) fn widening_of(&self, unknown: usize) -> f64 {
+        let mut function = DVector::zeros(self.layout.tried);
+        function[self.layout.unknowns + unknown] = 1.0;
+        self.widening(&function)
     }
 
     /// Turn of the axis at a time, degrees clockwise, as it is most probable.
@@ -564,7 +633,7 @@ impl Posterior {
             .sum();
         Estimate {
             value: here + mean,
-            sd: variance.max(0.0).sqrt(),
+            sd: variance.max(0.0).sqrt() * self.widening(&slope),
         }
     }
 }

@@ -278,6 +278,8 @@ fn counted_from_near_zero(
 /// The rules for these data: a wind that nobody logs may swing as its stability class lets it.
 fn policy_of(setup: &Setup, data: &Data, policy: &Policy) -> Policy {
     let mut policy = policy.clone();
+    // A turn that grows has a name.
+    policy.swing_slope_deg = policy.swing_slope_deg.min(policy.swing_mean_deg);
     if !data.on_board_wind {
         let swing_deg = setup.base.stability.sigma_theta_deg();
         let tolerated = &mut policy.noise_tolerated;

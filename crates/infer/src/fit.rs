@@ -42,8 +42,8 @@ pub struct Problem<'a, M> {
     pub(crate) swing_bumps: Vec<f64>,
     /// When the first air that was met left the source, s.
     swing_from_s: f64,
-    /// Their means over the rows.
-    swing_mean: Vec<f64>,
+    /// Their means over the rows, and their slopes over time.
+    swing_steady: [Vec<f64>; STEADY],
 }
 
 /// Values of all that is unknown but the noise.
@@ -132,6 +132,25 @@ fn factors_of(bumps: &[f64], active: &Active, point: &Point, rows: usize) -> Vec
         .collect()
 }
 
+/// What is steady of a swing: its mean and its slope.
+const STEADY: usize = 2;
+
+/// Means of bumps over rows, and the standard deviations over rows of the straight lines through them.
+fn steady(time_s: &[f64], bumps: &[f64], count: usize) -> [Vec<f64>; STEADY] {
+    let rows = time_s.len().max(1) as f64;
+    let middle_s = time_s.iter().sum::<f64>() / rows;
+    let square: f64 = time_s.iter().map(|t| (t - middle_s).powi(2)).sum();
+    let spread_s = (square / rows).sqrt().max(f64::MIN_POSITIVE);
+    let (mut mean, mut slope) = (vec![0.0; count], vec![0.0; count]);
+    for (bumps, time_s) in bumps.chunks_exact(count.max(1)).zip(time_s) {
+        for ((mean, slope), bump) in mean.iter_mut().zip(&mut slope).zip(bumps) {
+            *mean += bump / rows;
+            *slope += bump * (time_s - middle_s) / spread_s / rows;
+        }
+    }
+    [mean, slope]
+}
+
 /// Whether rows stick out of those before and after them: a plume that is not expected comes and goes,
 /// and must not be taken for one spike after the other.
 fn stands_out(misfit: &[f64], series: Range<usize>, rows: Range<usize>) -> bool {
@@ -161,13 +180,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         for (row, out) in swing_bumps.chunks_exact_mut(swing.len()).enumerate() {
             swing.fill_swing_since(rows.time_s()[row], model.under_way_s(row), out);
         }
-        let count = rows.len().max(1) as f64;
-        let mut swing_mean = vec![0.0; swing.len()];
-        for bumps in swing_bumps.chunks_exact(swing.len()) {
-            for (mean, bump) in swing_mean.iter_mut().zip(bumps) {
-                *mean += bump / count;
-            }
-        }
+        let swing_steady = steady(rows.time_s(), &swing_bumps, swing.len());
         Self {
             model,
             rows,
@@ -177,7 +190,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             swing,
             swing_bumps,
             swing_from_s,
-            swing_mean,
+            swing_steady,
         }
     }
 
@@ -270,17 +283,27 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         out
     }
 
-    /// The mean turn of the swing over its standard deviation, and what each weight adds to it: a swing
-    /// turns to both sides, and a steady turn is a wind from elsewhere.
-    fn mean_turn(&self, basis: &Basis, weights: &[f64]) -> f64 {
+    /// The mean turn of the swing and its slope over their standard deviations: a swing turns to both
+    /// sides and back, a steady turn is a wind from elsewhere, and one that grows a wind that veers.
+    fn steady_turns(&self, basis: &Basis, weights: &[f64]) -> [f64; STEADY] {
         let swing = &weights[basis.of_form()..];
-        let sum: f64 = self.swing_mean.iter().zip(swing).map(|(m, w)| m * w).sum();
-        sum / self.policy.swing_mean_deg
+        let sd_deg = self.swing_steady_deg();
+        [0, 1].map(|s| {
+            let turns = self.swing_steady[s].iter().zip(swing).map(|(m, w)| m * w);
+            turns.sum::<f64>() / sd_deg[s]
+        })
     }
 
-    fn mean_turn_by(&self, basis: &Basis, weight: usize) -> f64 {
+    /// What a weight adds to them.
+    fn steady_turns_by(&self, basis: &Basis, weight: usize) -> [f64; STEADY] {
         let swing = weight.checked_sub(basis.of_form());
-        swing.map_or(0.0, |k| self.swing_mean[k]) / self.policy.swing_mean_deg
+        let of = |steady: &Vec<f64>| swing.map_or(0.0, |k| steady[k]);
+        let sd_deg = self.swing_steady_deg();
+        [0, 1].map(|s| of(&self.swing_steady[s]) / sd_deg[s])
+    }
+
+    fn swing_steady_deg(&self) -> [f64; STEADY] {
+        [self.policy.swing_mean_deg, self.policy.swing_slope_deg]
     }
 
     /// The most probable point from `start` under `noise` and `sizes`.
@@ -534,8 +557,9 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let mut misfit = self.misfit(&there, &factors);
         metric.whitener.whiten(self.rows, &mut misfit, 1);
         let square: f64 = misfit.iter().map(|w| w * w).sum();
-        let turn = self.mean_turn(shape.basis, &next.weights);
-        let cost = 0.5 * (square + turn * turn) + self.prior_cost(next, shape);
+        let [mean, slope] = self.steady_turns(shape.basis, &next.weights);
+        let square = square + mean * mean + slope * slope;
+        let cost = 0.5 * square + self.prior_cost(next, shape);
         cost.is_finite().then_some(cost)
     }
 
@@ -635,13 +659,16 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             misfit,
         } = self.columns(point, shape.basis, &shape.active, &metric.loadings, columns)?;
         metric.whitener.whiten(self.rows, &mut matrix, columns);
-        let mut turned = vec![0.0; columns];
         let unknowns = self.unknowns();
-        for (column, k) in turned[unknowns..].iter_mut().zip(shape.active.weights()) {
-            *column = self.mean_turn_by(shape.basis, k);
+        let steady = self.steady_turns(shape.basis, &point.weights);
+        for (s, steady) in steady.into_iter().enumerate() {
+            let mut turned = vec![0.0; columns];
+            for (column, k) in turned[unknowns..].iter_mut().zip(shape.active.weights()) {
+                *column = self.steady_turns_by(shape.basis, k)[s];
+            }
+            turned[columns - 1] = -steady;
+            matrix.extend(turned);
         }
-        turned[columns - 1] = -self.mean_turn(shape.basis, &point.weights);
-        matrix.extend(turned);
         let products = Products::of(&matrix, columns, metric.whitener.ln_normalisation);
         let misfit_sq = products.values[columns * columns - 1];
         Ok(Linearised {
@@ -766,11 +793,14 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         }
         drop(matrix);
         whitener.whiten(self.rows, &mut placed, layout.columns);
-        let mut turned = vec![0.0; layout.columns];
-        for (k, place) in layout.weights.iter().enumerate() {
-            turned[*place] = self.mean_turn_by(&fit.basis, k);
+        let mut turned = vec![0.0; STEADY * layout.columns];
+        let steady = self.steady_turns(&fit.basis, &fit.point.weights);
+        for (s, row) in turned.chunks_exact_mut(layout.columns).enumerate() {
+            for (k, place) in layout.weights.iter().enumerate() {
+                row[*place] = self.steady_turns_by(&fit.basis, k)[s];
+            }
+            row[layout.columns - 1] = -steady[s];
         }
-        turned[layout.columns - 1] = -self.mean_turn(&fit.basis, &fit.point.weights);
         let turned = Products::of(&turned, layout.columns, 0.0);
         let of_block = |ranges: &Vec<Range<usize>>| {
             let part: Vec<f64> = ranges

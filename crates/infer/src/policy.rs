@@ -36,6 +36,9 @@ pub struct Policy {
     pub swing_sizes_deg: [f64; 2],
     /// Standard deviation of the swing's mean over a record, degrees: a steady turn is no swing.
     pub swing_mean_deg: f64,
+    /// Standard deviation of the straight line through a swing over a record, degrees; infinite where no
+    /// cause stands for a turn that grows.
+    pub swing_slope_deg: f64,
     /// Probability beforehand that a coordinate has no error of form: a third then have none at all.
     pub form_none: f64,
     /// What is known of the noise beforehand: median of each size and memory, sizes of white and
@@ -108,6 +111,7 @@ impl Default for Policy {
             form_least: 0.01,
             swing_sizes_deg: [3.0, 15.0],
             swing_mean_deg: 0.3,
+            swing_slope_deg: f64::INFINITY,
             form_none: 0.75,
             noise_median: Noise {
                 white: 1.0,

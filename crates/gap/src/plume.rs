@@ -120,6 +120,8 @@ const ROWS_OF_A_LIVE_SEARCH: usize = 200;
 /// The sensor's noise where the scenario states none, in parts of the smallest difference between
 /// readings: rounding.
 const ROUNDING: f64 = 0.3;
+/// ... and at least this part of the highest reading: no sensor tells a millionth.
+const LEAST_PART: f64 = 1e-6;
 /// Readings follow the plume where passes gain at least this part there of what they gain in
 /// whatever direction: half.
 const FOLLOWED: f64 = 0.5;
@@ -344,8 +346,9 @@ pub fn sensor_sd(base: &::plume::DispersionSpec, readings: impl Iterator<Item = 
     read.sort_by(f64::total_cmp);
     let steps = read.windows(2).map(|w| w[1] - w[0]).filter(|s| *s > 0.0);
     let least = steps.fold(f64::INFINITY, f64::min);
+    let highest = read.last().copied().unwrap_or_default().abs();
     if least.is_finite() {
-        ROUNDING * least
+        (ROUNDING * least).max(LEAST_PART * highest)
     } else {
         1.0
     }

@@ -115,8 +115,8 @@ impl Default for Policy {
             form_none: 0.75,
             noise_median: Noise {
                 white: 1.0,
-                slow: 0.4,
-                slow_s: 60.0,
+                slow: 0.3,
+                slow_s: 100.0,
                 fluctuation: 0.1,
                 fluctuation_s: 5.0,
                 wander_deg: 1.0,

@@ -26,6 +26,9 @@ const IN_PLUME: f64 = 0.02;
 const NO_PLUME: f64 = 1e-9;
 /// A spike's neighbours are off by less than this part of it.
 const OUT_OF_ITS_NEIGHBOURS: f64 = 0.5;
+/// White noise is at least this part of the sensor's own: none is a hundred times better than it is said to
+/// be, and readings without any would leave nothing to divide by.
+const LEAST_WHITE: f64 = 0.01;
 /// Most steps of one search for the noise.
 const NOISE_STEPS: usize = 25;
 
@@ -364,6 +367,11 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         within: impl Fn(&Noise) -> Noise,
     ) -> Result<Fit, InferError> {
         let prior = self.noise_prior();
+        let within = |noise: &Noise| {
+            let noise = within(noise);
+            let white = noise.white.max(LEAST_WHITE * self.sensor_sd);
+            Noise { white, ..noise }
+        };
         let used = self.rows.used_count() as f64;
         // The white noise is known to every reading, the rest to few.
         let curvature =

@@ -114,7 +114,7 @@ fn an_ambiguous_answer_proposes_a_flight_that_keeps_its_promise() {
 
 #[test]
 fn what_is_light_proposes_none() {
-    let o = observe(&[("sigma-y-scale", &[("factor", 1.5)], &[])], 20);
+    let o = observe(&[("sigma-y-scale", &[("factor", 1.5)], &[])], 22);
     let light = run(&o, false);
     assert_eq!(light.verdict, Verdict::Ambiguous, "{}", light.summary);
     assert!(light.next_flight.is_none());

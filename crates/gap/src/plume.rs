@@ -25,6 +25,7 @@ pub use fixes::without_jitter;
 pub use model::{PlumeModel, Unknown, plume_place};
 pub use report::{GapReport, Series};
 
+use ::plume::stability::Stability;
 use infer::{Contact, ForwardModel, Found, InferError, Judgement, Policy, Question, Rows};
 use scenario::observations::Observations;
 
@@ -39,7 +40,8 @@ use model::Scale;
 pub struct Options {
     /// Seed of the draws of passes; the same seed gives the same answer.
     pub seed: u64,
-    /// Whether to measure the gain on data left out, say what could be seen and propose a next flight.
+    /// Whether to try all winds of a log, measure the gain on data left out, say what could be seen and propose
+    /// a next flight.
     pub complete: bool,
     /// About how many rows are enough to find the plume and the wind that carries it, from where all are
     /// fitted.
@@ -120,14 +122,12 @@ const ROWS_OF_A_LIVE_SEARCH: usize = 200;
 /// The sensor's noise where the scenario states none, in parts of the smallest difference between
 /// readings: rounding.
 const ROUNDING: f64 = 0.3;
-/// ... and at least this part of the highest reading: no sensor tells a millionth.
-const LEAST_PART: f64 = 1e-6;
 /// Readings follow the plume where passes gain at least this part there of what they gain in
 /// whatever direction: half.
 const FOLLOWED: f64 = 0.5;
 /// Passes point in one direction where their scatter is no more than that of the wind in the most
-/// unsteady air, degrees: class A's ([`::plume::stability::Stability::sigma_theta_deg`]).
-const ONE_DIRECTION_DEG: f64 = 25.0;
+/// unsteady air, degrees.
+const ONE_DIRECTION_DEG: f64 = Stability::A.sigma_theta_deg();
 
 /// Shows what is wrong, names it, extends the model and measures the gain.
 ///
@@ -223,9 +223,10 @@ fn counted_from_near_zero(
         ..question
     };
     let before = before.filter(|b| b.carried.is_some() == data.on_board_wind);
+    let in_flight = !options.complete;
     let carried = match before {
         Some(before) => before.carried,
-        None => wind::chosen(setup, first, &first_question, scale, !options.complete)?,
+        None => wind::chosen(setup, first, &first_question, scale, in_flight)?,
     };
     let first_track = wind::carrying(setup, first, carried);
     let track = wind::carrying(setup, &data, carried);
@@ -233,7 +234,6 @@ fn counted_from_near_zero(
     let (first_base, swing) = match before {
         Some(before) => (before.base.clone(), before.swing),
         None => {
-            let in_flight = !options.complete;
             let (found, swing) = wind::swinging(&first_question, &first_model, carried, in_flight)?;
             (found.fit().clone(), swing)
         }
@@ -346,9 +346,8 @@ pub fn sensor_sd(base: &::plume::DispersionSpec, readings: impl Iterator<Item = 
     read.sort_by(f64::total_cmp);
     let steps = read.windows(2).map(|w| w[1] - w[0]).filter(|s| *s > 0.0);
     let least = steps.fold(f64::INFINITY, f64::min);
-    let highest = read.last().copied().unwrap_or_default().abs();
     if least.is_finite() {
-        (ROUNDING * least).max(LEAST_PART * highest)
+        ROUNDING * least
     } else {
         1.0
     }

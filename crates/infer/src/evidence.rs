@@ -74,6 +74,11 @@ impl Products {
         }
     }
 
+    /// As a matrix.
+    pub fn matrix(&self, columns: usize) -> DMatrixView<'_, f64> {
+        DMatrixView::from_slice(&self.values, columns, columns)
+    }
+
     /// Nothing.
     pub fn zero(columns: usize) -> Self {
         Self {
@@ -120,8 +125,7 @@ impl Known {
     /// What the unknowns alone are told by `products` and beforehand: their precision.
     pub fn of_unknowns(&self, products: &Products) -> Option<Cholesky<f64, Dyn>> {
         let (first, n) = (self.layout.unknowns, self.precision.len());
-        let columns = self.layout.columns;
-        let products = DMatrixView::from_slice(&products.values, columns, columns);
+        let products = products.matrix(self.layout.columns);
         let mut information = products.view((first, first), (n, n)).into_owned();
         for (k, precision) in self.precision.iter().enumerate() {
             information[(k, k)] += precision;
@@ -137,7 +141,7 @@ impl Known {
         coordinates: impl Iterator<Item = usize>,
     ) -> Option<(DVector<f64>, Cholesky<f64, Dyn>)> {
         let (n, columns) = (self.layout.tried, self.layout.columns);
-        let products = DMatrixView::from_slice(&products.values, columns, columns);
+        let products = products.matrix(columns);
         let precision = self.precision_under(sizes, coordinates);
         let mut information = products.view((0, 0), (n, n)).into_owned();
         let mut pull = products

@@ -9,7 +9,7 @@ use crate::maximise::maximise;
 use crate::noise::{Loadings, Noise, Whitener, log_likelihood};
 use crate::policy::Policy;
 use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
-use nalgebra::{Cholesky, DMatrixView, DVector};
+use nalgebra::{Cholesky, DVector};
 use std::ops::Range;
 
 /// Differences for derivatives: part of a prior's standard deviation, and degrees of the axis.
@@ -305,6 +305,28 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         [0, 1].map(|s| of(&self.swing_steady[s]) / sd_deg[s])
     }
 
+    /// Rows of `columns` that say so, beside those of the readings: `places` gives weights with their columns.
+    fn steady_rows(
+        &self,
+        basis: &Basis,
+        weights: &[f64],
+        columns: usize,
+        places: impl Iterator<Item = (usize, usize)>,
+    ) -> Vec<f64> {
+        let mut rows = vec![0.0; STEADY * columns];
+        for (k, place) in places {
+            let by = self.steady_turns_by(basis, k);
+            for (row, by) in rows.chunks_exact_mut(columns).zip(by) {
+                row[place] = by;
+            }
+        }
+        let steady = self.steady_turns(basis, weights);
+        for (row, steady) in rows.chunks_exact_mut(columns).zip(steady) {
+            row[columns - 1] = -steady;
+        }
+        rows
+    }
+
     fn swing_steady_deg(&self) -> [f64; STEADY] {
         [self.policy.swing_mean_deg, self.policy.swing_slope_deg]
     }
@@ -505,7 +527,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         here: &Linearised,
     ) -> Option<Point> {
         let n = here.columns - 1;
-        let products = DMatrixView::from_slice(&here.products.values, here.columns, here.columns);
+        let products = here.products.matrix(here.columns);
         let mut information = products.view((0, 0), (n, n)).into_owned();
         let mut pull = products.view((0, n), (n, 1)).column(0).into_owned();
         let offset = self.offset_of(point, shape);
@@ -668,15 +690,8 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         } = self.columns(point, shape.basis, &shape.active, &metric.loadings, columns)?;
         metric.whitener.whiten(self.rows, &mut matrix, columns);
         let unknowns = self.unknowns();
-        let steady = self.steady_turns(shape.basis, &point.weights);
-        for (s, steady) in steady.into_iter().enumerate() {
-            let mut turned = vec![0.0; columns];
-            for (column, k) in turned[unknowns..].iter_mut().zip(shape.active.weights()) {
-                *column = self.steady_turns_by(shape.basis, k)[s];
-            }
-            turned[columns - 1] = -steady;
-            matrix.extend(turned);
-        }
+        let places = shape.active.weights().zip(unknowns..);
+        matrix.extend(self.steady_rows(shape.basis, &point.weights, columns, places));
         let products = Products::of(&matrix, columns, metric.whitener.ln_normalisation);
         let misfit_sq = products.values[columns * columns - 1];
         Ok(Linearised {
@@ -801,15 +816,9 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         }
         drop(matrix);
         whitener.whiten(self.rows, &mut placed, layout.columns);
-        let mut turned = vec![0.0; STEADY * layout.columns];
-        let steady = self.steady_turns(&fit.basis, &fit.point.weights);
-        for (s, row) in turned.chunks_exact_mut(layout.columns).enumerate() {
-            for (k, place) in layout.weights.iter().enumerate() {
-                row[*place] = self.steady_turns_by(&fit.basis, k)[s];
-            }
-            row[layout.columns - 1] = -steady[s];
-        }
-        let turned = Products::of(&turned, layout.columns, 0.0);
+        let places = layout.weights.iter().copied().enumerate();
+        let steady = self.steady_rows(&fit.basis, &fit.point.weights, layout.columns, places);
+        let turned = Products::of(&steady, layout.columns, 0.0);
         let of_block = |ranges: &Vec<Range<usize>>| {
             let part: Vec<f64> = ranges
                 .iter()

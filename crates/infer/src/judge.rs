@@ -4,6 +4,7 @@
 use crate::InferError;
 use crate::left_out::{ByPass, Expected};
 use crate::names::{Catalogue, Found, Question};
+use crate::posterior::Posterior;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::ops::Range;
@@ -102,11 +103,7 @@ impl Question<'_> {
         let (mut dropped, mut is_doubted) = (Vec::new(), false);
         let mut causes: Vec<Cause<M::Tried>>;
         loop {
-            causes = Vec::new();
-            for k in 0..set.names.len() {
-                let without = best_without(found, &set, k);
-                causes.push(self.cause(found, &set, without, k, &passes, &draws)?);
-            }
+            causes = self.causes(found, &set, &passes, &draws)?;
             let weakest = (0..causes.len())
                 .filter(|&k| !self.stands(&causes[k]))
                 .min_by(|a, b| causes[*a].strength().total_cmp(&causes[*b].strength()));
@@ -174,34 +171,34 @@ impl Question<'_> {
             && cause.worse.iter().all(|w| *w < WORSE)
     }
 
-    /// Standard deviations by which the `k`-th name of a set departs from doing nothing, and by what
-    /// these are larger for the scatter from pass to pass.
-    fn departs_sd<M: Catalogue>(&self, set: &Found<M>, k: usize) -> Result<(f64, f64), InferError> {
-        let posterior = self.posterior(set)?;
-        let (mean, covariance) = (posterior.mean(), posterior.covariance());
-        let unknowns = |n: &M::Tried| M::start(n).nothing.len();
-        let behind: usize = set.names[k..].iter().map(unknowns).sum();
-        let first = mean.len() - behind;
-        let nothing = &M::start(&set.names[k]).nothing;
-        let (mut departs_sd, mut widening) = (0.0f64, 1.0f64);
-        for (n, nothing) in nothing.iter().enumerate() {
-            let i = first + n;
-            let departs = (mean[i] - nothing).abs() / covariance[(i, i)].sqrt();
-            departs_sd = departs_sd.max(departs);
-            widening = widening.max(posterior.widening_of(i));
+    /// The names of a set, each with what it is worth.
+    fn causes<M: Catalogue>(
+        &self,
+        found: &[Found<M>],
+        set: &Found<M>,
+        passes: &[Vec<Range<usize>>],
+        draws: &[Vec<f64>],
+    ) -> Result<Vec<Cause<M::Tried>>, InferError> {
+        if set.names.is_empty() {
+            return Ok(Vec::new());
         }
-        Ok((departs_sd, widening))
+        let departures = departures(set, &self.posterior(set)?);
+        let of = |(k, departure)| self.cause(found, (set, k), departure, passes, draws);
+        departures.into_iter().enumerate().map(of).collect()
     }
 
     fn cause<M: Catalogue>(
         &self,
         found: &[Found<M>],
-        set: &Found<M>,
-        without: &Found<M>,
-        k: usize,
+        (set, k): (&Found<M>, usize),
+        Departure {
+            departs_sd,
+            widening,
+        }: Departure,
         passes: &[Vec<Range<usize>>],
         draws: &[Vec<f64>],
     ) -> Result<Cause<M::Tried>, InferError> {
+        let without = best_without(found, set, k);
         let others: Vec<&M::Tried> = set
             .names
             .iter()
@@ -226,7 +223,6 @@ impl Question<'_> {
         }
         // The name of the set itself stands first, whatever else is as likely.
         rivals.sort_by_key(|r| !M::same_cause(r.0, &set.names[k]));
-        let (departs_sd, widening) = self.departs_sd(set, k)?;
         // Readings that scatter together tell less than as many independent ones (Ribatet and others 2012).
         let gain = top - without.ln_score() - (set.ln_prior - without.ln_prior);
         let too_much = gain.max(0.0) * (1.0 - widening.powi(-2));
@@ -366,6 +362,35 @@ impl Question<'_> {
         }
         Ok(out)
     }
+}
+
+/// How far a name departs from doing nothing.
+struct Departure {
+    /// Standard deviations.
+    departs_sd: f64,
+    /// By what these are larger for the scatter from pass to pass.
+    widening: f64,
+}
+
+/// Of each name of a set.
+fn departures<M: Catalogue>(set: &Found<M>, posterior: &Posterior) -> Vec<Departure> {
+    let (mean, covariance) = (posterior.mean(), posterior.covariance());
+    let unknowns = |n: &M::Tried| M::start(n).nothing.len();
+    let mut next = mean.len() - set.names.iter().map(unknowns).sum::<usize>();
+    let of = |name: &M::Tried| {
+        let mut departure = Departure {
+            departs_sd: 0.0,
+            widening: 1.0,
+        };
+        for nothing in &M::start(name).nothing {
+            let departs_sd = (mean[next] - nothing).abs() / covariance[(next, next)].sqrt();
+            departure.departs_sd = departure.departs_sd.max(departs_sd);
+            departure.widening = departure.widening.max(posterior.widening_of(next));
+            next += 1;
+        }
+        departure
+    };
+    set.names.iter().map(of).collect()
 }
 
 /// The probability of each of several sets against the others, on the average over draws of passes.

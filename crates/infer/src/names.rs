@@ -248,8 +248,12 @@ impl<'a> Question<'a> {
     ///
     /// # Errors
     /// A problem that has no posterior.
-    pub fn nearest<M: Catalogue>(&self, of: &Found<M>) -> Result<Nearest, InferError> {
-        self.problem(&of.model).nearest(&self.posterior(of)?)
+    pub fn nearest<M: Catalogue>(
+        &self,
+        of: &Found<M>,
+        believed: &Posterior,
+    ) -> Result<Nearest, InferError> {
+        self.problem(&of.model).nearest(believed)
     }
 
     /// Turn of the axis at every row in a set, degrees clockwise.

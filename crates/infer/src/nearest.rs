@@ -6,12 +6,12 @@
 //! stands has to be this one.
 
 use crate::InferError;
-use crate::evidence::Products;
+use crate::evidence::{Known, Products};
 use crate::fit::{Fit, Problem};
 use crate::passes::passes;
 use crate::posterior::Posterior;
 use crate::rows::ForwardModel;
-use nalgebra::{DMatrix, DMatrixView, DVector};
+use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
 /// The unknowns of the nearest plume.
@@ -32,17 +32,14 @@ impl<M: ForwardModel> Problem<'_, M> {
     /// Values that the model refuses.
     pub fn nearest(&self, to: &Posterior) -> Result<Nearest, InferError> {
         let fit = to.fit();
-        let passes = self.passes(fit)?;
-        let (known, by_pass) = self.products(fit, &[], &passes)?;
+        let (known, by_pass) = self.by_pass(fit)?;
         let layout = &known.layout;
         let (first, n) = (layout.unknowns, self.unknowns());
         let mut whole = Products::zero(layout.columns);
         by_pass.iter().for_each(|p| whole.add(p, 1.0));
         let precision = known.of_unknowns(&whole).ok_or(InferError::NoPosterior)?;
         let rows_of = |products: &Products| -> DMatrix<f64> {
-            DMatrixView::from_slice(&products.values, layout.columns, layout.columns)
-                .rows(first, n)
-                .into_owned()
+            products.matrix(layout.columns).rows(first, n).into_owned()
         };
         // What each column changes at the readings, in units of the unknowns.
         let change = rows_of(&whole);
@@ -86,6 +83,11 @@ impl<M: ForwardModel> Problem<'_, M> {
             mean: DVector::from_column_slice(&fit.point.at) + nearest,
             covariance,
         })
+    }
+
+    /// Products of all columns at a fit, pass by pass.
+    pub(crate) fn by_pass(&self, fit: &Fit) -> Result<(Known, Vec<Products>), InferError> {
+        self.products(fit, &[], &self.passes(fit)?)
     }
 
     /// Cuts the record into passes by how far readings stand out beside a fit.

@@ -7,7 +7,7 @@ use crate::fit::{Fit, Point, Problem};
 use crate::form::{Basis, COORDINATES, Sizes};
 use crate::noise::Noise;
 use crate::rows::{ForwardModel, PlumePlace};
-use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Fluctuation and wander are tried smaller and larger by this factor until the evidence falls.
 const SIZE_FACTOR: f64 = 2.0;
@@ -414,11 +414,10 @@ impl<M: ForwardModel> Problem<'_, M> {
 
 impl<M: ForwardModel> Problem<'_, M> {
     fn scatter(&self, found: &Weighed, likeliest: &Part) -> Result<Scatter, InferError> {
-        let passes = self.passes(&found.fit)?;
-        let (known, by_pass) = self.products(&found.fit, &[], &passes)?;
+        let (known, by_pass) = self.by_pass(&found.fit)?;
         let (n, columns) = (known.layout.tried, known.layout.columns);
         let pull = |products: &Products| -> DVector<f64> {
-            let all = DMatrixView::from_slice(&products.values, columns, columns);
+            let all = products.matrix(columns);
             let misfit = all.view((0, columns - 1), (n, 1)).column(0).into_owned();
             misfit - all.view((0, 0), (n, n)) * &likeliest.step
         };

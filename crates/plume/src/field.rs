@@ -155,6 +155,21 @@ impl Transport {
         }
     }
 
+    /// Towards `east` and `north`, of any length; none where both are nothing.
+    pub fn towards(east: f64, north: f64, speed_m_s: f64) -> Option<Self> {
+        let length = east.hypot(north);
+        (length > 0.0).then(|| Self {
+            east: east / length,
+            north: north / length,
+            speed_m_s,
+        })
+    }
+
+    /// How long air is under way for so many metres, s; in a calm as at [`LEAST_TRANSPORT_M_S`].
+    pub fn under_way_s(&self, way_m: f64) -> f64 {
+        way_m / self.speed_m_s.max(LEAST_TRANSPORT_M_S)
+    }
+
     /// The same turned clockwise, seen from above, by degrees.
     pub fn turned(self, clockwise_deg: f64) -> Self {
         rotate(self, cos_sin(clockwise_deg))

@@ -34,7 +34,7 @@ impl Stability {
     ];
 
     /// Position in [`Stability::ALL`], 0 for A to 5 for F.
-    pub fn index(self) -> usize {
+    pub const fn index(self) -> usize {
         self as usize
     }
 
@@ -46,7 +46,7 @@ impl Stability {
 
     /// Standard deviation of the wind's direction over a quarter of an hour, degrees: the middle of the
     /// class (US EPA 2000, EPA-454/R-99-005, table 6-8a).
-    pub fn sigma_theta_deg(self) -> f64 {
+    pub const fn sigma_theta_deg(self) -> f64 {
         [25.0, 20.0, 15.0, 10.0, 5.0, 2.5][self.index()]
     }
 

@@ -10,9 +10,7 @@ use crate::PlumeError;
 use crate::effects::{SensorAir, SensorEffects};
 use air::geo::Enu;
 
-use crate::field::{
-    DispersionModel, DispersionSpec, InPlume, LEAST_TRANSPORT_M_S, Place, Transport,
-};
+use crate::field::{DispersionModel, DispersionSpec, InPlume, Place, Transport};
 use crate::lag;
 use crate::sample_points::{SamplePoint, SamplePoints};
 
@@ -130,7 +128,7 @@ impl Track {
     /// How long the air of row `i` has been under way from a place, in the row's wind, s.
     pub fn under_way_s(&self, i: usize, from: Enu) -> f64 {
         let far_m = (self.east_m[i] - from.east_m).hypot(self.north_m[i] - from.north_m);
-        far_m / self.transport[i].speed_m_s.max(LEAST_TRANSPORT_M_S)
+        self.transport[i].under_way_s(far_m)
     }
 
     /// The same track in a wind that is turned clockwise by a number of degrees at every row.

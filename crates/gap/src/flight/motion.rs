@@ -12,6 +12,9 @@ use super::gradient::Gradient;
 use super::parameters::{Parameter, applied};
 use super::rival::{Meeting, Nameless};
 
+/// Step of differences for derivatives: m/s and rad/s.
+const DIFFERENCE: f64 = 1e-5;
+
 /// Number of error states: velocity, attitude, rate, gust, disturbing angular acceleration and
 /// specific force, three of each; two slow errors of the logged roll and pitch angle; two smoothed
 /// gusts; and two that are always nil, so that a row fills whole registers.
@@ -278,29 +281,27 @@ impl World {
         controls: &Controls,
         here: &Felt,
     ) -> [Felt; 6] {
-        const STEP: f64 = 1e-5;
         std::array::from_fn(|k| {
             let mut aside = *around;
             if k < 3 {
-                aside.air[k] += STEP;
+                aside.air[k] += DIFFERENCE;
             } else {
-                aside.rate[k - 3] += STEP;
+                aside.rate[k - 3] += DIFFERENCE;
             }
             let there = self.felt(segment, i, rate, &aside, controls);
-            std::array::from_fn(|n| (there[n] - here[n]) / STEP)
+            std::array::from_fn(|n| (there[n] - here[n]) / DIFFERENCE)
         })
     }
 
     /// Angular acceleration of a body that turns at `rate` and is left alone, by that rate.
     pub fn gyroscopic(&self, rate: &[f64; 3]) -> [[f64; 3]; 3] {
-        const STEP: f64 = 1e-5;
         let free = |rate: &[f64; 3]| self.dynamics.angular_acceleration(rate, &[0.0; 3]);
         let here = free(rate);
         std::array::from_fn(|k| {
             let mut aside = *rate;
-            aside[k] += STEP;
+            aside[k] += DIFFERENCE;
             let there = free(&aside);
-            std::array::from_fn(|n| (there[n] - here[n]) / STEP)
+            std::array::from_fn(|n| (there[n] - here[n]) / DIFFERENCE)
         })
     }
 

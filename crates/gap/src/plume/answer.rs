@@ -8,7 +8,7 @@ use infer::{Cause as Named, Found, InferError, SWING};
 use super::catalogue::Tried;
 use super::data::{Data, Setup, mean_transport};
 use super::gain::{Gained, gain};
-use super::model::{PlumeModel, fitted, from_coordinate};
+use super::model::{PlumeModel, fitted};
 use super::report::{GapReport, report};
 use super::{
     Analysis, Begun, FEWEST_READINGS, FOLLOWED, ONE_DIRECTION_DEG, Options, Study, gate, residual,
@@ -188,16 +188,13 @@ fn parameters(
             .iter()
             .flat_map(|i| all.iter().map(|j| covariance(*i, *j)))
             .sum();
-        let value = from_coordinate(spec, at);
+        let value = spec.from_coordinate(at);
         let sd = variance.max(0.0).sqrt();
         out.push(Parameter {
             mechanism: id.as_str().to_string(),
             name: spec.name.to_string(),
             value: value.clamp(spec.low, spec.high),
-            sd: match spec.coordinate {
-                Coordinate::Linear => sd,
-                Coordinate::Log => value * sd,
-            },
+            sd: spec.sd_of(value, sd),
             unit: spec.unit.to_string(),
         });
     }
@@ -432,10 +429,10 @@ fn detectable(study: &Study<'_>) -> Result<Vec<Detectable>, InferError> {
         let amplitude = (2.0 * DETECTABLE_NATS / s.information).sqrt();
         let (value, bend) = if spec.neutral.is_finite() {
             let at = tried.start.at(&vec![amplitude; tried.start.ends.len()]);
-            let value = from_coordinate(spec, at[which.min(at.len() - 1)]);
+            let value = spec.from_coordinate(at[which.min(at.len() - 1)]);
             ((value - spec.neutral).abs(), amplitude.ln().abs())
         } else if amplitude <= 1.0 {
-            let limit = from_coordinate(spec, tried.start.ends[0][0]);
+            let limit = spec.from_coordinate(tried.start.ends[0][0]);
             (limit, -limit)
         } else {
             continue;
@@ -484,7 +481,7 @@ fn base_parameters(
     set: &Found<PlumeModel<'_>>,
 ) -> Result<Vec<BaseParameter>, InferError> {
     let believed = study.question.posterior(set)?;
-    let nearest = study.question.nearest(set)?;
+    let nearest = study.question.nearest(set, &believed)?;
     let infer::Nearest { mean, covariance } = set.model.stated(nearest, &believed)?;
     let wind_from_deg = met_wind(study, set).0;
     let of = |(part, prior): (usize, &super::Prior)| {

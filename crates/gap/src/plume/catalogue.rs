@@ -6,7 +6,7 @@ use ::plume::mechanism::{Family, MechanismId, Steps};
 use infer::{Catalogue, ForwardModel, InferError, Prediction, Start};
 
 use super::data::Setup;
-use super::model::{Part, PlumeModel, Scale, fitted, from_coordinate, neutral, to_coordinate};
+use super::model::{Part, PlumeModel, Scale, fitted, neutral};
 
 /// A mechanism that is tried, and a start of its search.
 #[derive(Debug, Clone)]
@@ -22,7 +22,7 @@ fn set(part: &Part, at: &[f64]) -> Part {
     let mut out = part.clone();
     for (k, x) in fitted(part.id).zip(at) {
         let spec = &part.id.spec().parameters[k];
-        out.values[k] = from_coordinate(spec, *x).clamp(spec.low, spec.high);
+        out.values[k] = spec.from_coordinate(*x).clamp(spec.low, spec.high);
     }
     out
 }
@@ -148,14 +148,7 @@ fn is_known(setup: &Setup, model: &PlumeModel<'_>, id: MechanismId) -> bool {
 /// Whether the scenario says that it knows nothing of what a mechanism moves.
 fn is_flat(setup: &Setup, id: MechanismId) -> bool {
     let stated = setup.priors.iter().find(|p| p.id == id);
-    stated.is_some_and(|p| {
-        let spec = &id.spec().parameters[0];
-        let sd = match spec.coordinate {
-            ::plume::mechanism::Coordinate::Log => p.sd / p.value.abs().max(f64::MIN_POSITIVE),
-            ::plume::mechanism::Coordinate::Linear => p.sd,
-        };
-        sd > FLAT * spec.prior_sd
-    })
+    stated.is_some_and(|p| p.unknown().prior.sd > FLAT * id.spec().parameters[0].prior_sd)
 }
 
 /// Settings and starts of a mechanism.
@@ -186,8 +179,8 @@ fn starts(
 /// A step of the first parameter alone.
 fn line(id: MechanismId, value: f64, scale: Scale) -> Start {
     let spec = &id.spec().parameters[0];
-    let end = to_coordinate(spec, value);
-    let nothing = to_coordinate(spec, spec.neutral);
+    let end = spec.to_coordinate(value);
+    let nothing = spec.to_coordinate(spec.neutral);
     let step = if nothing.is_finite() {
         end - nothing
     } else {

@@ -38,7 +38,7 @@ pub struct Prior {
 
 impl Prior {
     /// The same in the coordinate of the catalogue.
-    fn unknown(&self) -> Unknown {
+    pub(crate) fn unknown(&self) -> Unknown {
         let coordinate = self.id.spec().parameters[0].coordinate;
         let (mean, sd) = match (coordinate, self.id) {
             (Coordinate::Log, _) => (0.0, self.sd / self.value.abs().max(f64::MIN_POSITIVE)),
@@ -287,30 +287,29 @@ impl Data {
     }
 }
 
+/// What a row adds to a mean of winds: east and north, in m/s, speed, and itself.
+pub(crate) fn summand(t: &Transport) -> [f64; 4] {
+    [
+        t.east * t.speed_m_s,
+        t.north * t.speed_m_s,
+        t.speed_m_s,
+        1.0,
+    ]
+}
+
 /// The wind that carries the plume to the rows of a track in the mean, each row with its `weight`; over all
 /// alike where none has one.
 pub(crate) fn mean_transport(of: &[Transport], weight: &[f64]) -> Transport {
-    let sum = of.iter().zip(weight).fold([0.0; 4], |s, (t, w)| {
-        let own = [
-            t.east * t.speed_m_s,
-            t.north * t.speed_m_s,
-            t.speed_m_s,
-            1.0,
-        ];
-        [0, 1, 2, 3].map(|k| s[k] + w * own[k])
-    });
-    let length = sum[0].hypot(sum[1]);
-    if length <= 0.0 && weight.iter().any(|w| *w != 1.0) {
-        return mean_transport(of, &vec![1.0; weight.len()]);
-    }
-    if length <= 0.0 {
-        return of[0];
-    }
-    Transport {
-        east: sum[0] / length,
-        north: sum[1] / length,
-        speed_m_s: sum[2] / sum[3],
-    }
+    let weighted = |weight: &dyn Fn(usize) -> f64| {
+        let [east, north, speed, count] = of.iter().enumerate().fold([0.0; 4], |sum, (i, t)| {
+            let own = summand(t);
+            std::array::from_fn(|k| sum[k] + weight(i) * own[k])
+        });
+        Transport::towards(east, north, speed / count)
+    };
+    weighted(&|i| weight[i])
+        .or_else(|| weighted(&|_| 1.0))
+        .unwrap_or(of[0])
 }
 
 /// Every so many rows of each platform's range, and its last: about `most` in all. None where there are no

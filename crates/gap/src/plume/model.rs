@@ -4,7 +4,7 @@
 
 use ::plume::effects::SensorAir;
 use ::plume::field::{DispersionModel, DispersionSpec, InPlume, Place};
-use ::plume::mechanism::{Coordinate, Mechanism, MechanismId, ParameterSpec};
+use ::plume::mechanism::{Mechanism, MechanismId, ParameterSpec};
 use ::plume::track::Track;
 use infer::{ForwardModel, InferError, PlumePlace, Prediction};
 
@@ -109,25 +109,9 @@ impl Scale {
             spec.prior_centre
         };
         infer::Prior {
-            mean: to_coordinate(spec, centre),
+            mean: spec.to_coordinate(centre),
             sd: spec.prior_sd * self.on(spec),
         }
-    }
-}
-
-/// A value in the coordinate in which its prior is normal.
-pub(crate) fn to_coordinate(spec: &ParameterSpec, value: f64) -> f64 {
-    match spec.coordinate {
-        Coordinate::Linear => value,
-        Coordinate::Log => value.ln(),
-    }
-}
-
-/// A parameter's value from its coordinate.
-pub(crate) fn from_coordinate(spec: &ParameterSpec, at: f64) -> f64 {
-    match spec.coordinate {
-        Coordinate::Linear => at,
-        Coordinate::Log => at.exp(),
     }
 }
 
@@ -236,7 +220,7 @@ impl<'a> PlumeModel<'a> {
         for (unknown, x) in self.unknowns.iter().zip(at) {
             let part = &mut parts[unknown.part];
             let spec = &part.id.spec().parameters[unknown.parameter];
-            part.values[unknown.parameter] = from_coordinate(spec, *x);
+            part.values[unknown.parameter] = spec.from_coordinate(*x);
         }
         parts
     }

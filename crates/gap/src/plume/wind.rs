@@ -1,11 +1,11 @@
 //! The wind that carried the plume: a log is noisy, but the wind it shows may also really change.
 
-use ::plume::field::Transport;
+use ::plume::field::{LEAST_TRANSPORT_M_S, Transport};
 use ::plume::track::Track;
 use infer::{ForwardModel, Found, InferError, Question, SWING};
 
 use super::catalogue;
-use super::data::{Data, Setup};
+use super::data::{Data, Setup, summand};
 use super::elsewhere;
 use super::model::{PlumeModel, Scale, Swing};
 
@@ -40,8 +40,6 @@ const TRIED_IN_FLIGHT: [Carried; 4] = [
     Carried::About(f64::INFINITY),
     Carried::OnItsWay(30.0),
 ];
-/// The air's way is reckoned with at least this wind, m/s: a calm carries nothing.
-const LEAST_WIND_M_S: f64 = 0.5;
 /// Before the log begins the wind was as in this time of it, s.
 const BEGINNING_S: f64 = 60.0;
 /// Steps of the air's way back to the source, s, and the most of them: an hour.
@@ -70,13 +68,7 @@ impl History {
         order.sort_by(|a, b| times[*a].total_cmp(&times[*b]));
         let mut sums = vec![[0.0; 4]];
         for &i in &order {
-            let t = track.transport()[i];
-            let own = [
-                t.east * t.speed_m_s,
-                t.north * t.speed_m_s,
-                t.speed_m_s,
-                1.0,
-            ];
+            let own = summand(&track.transport()[i]);
             let last = sums[sums.len() - 1];
             sums.push(std::array::from_fn(|k| last[k] + own[k]));
         }
@@ -89,15 +81,10 @@ impl History {
     /// Means of east, north and speed from `from_s` to `to_s`, m/s; of the row before where there is none,
     /// and of the record's beginning before it.
     fn mean(&self, from_s: f64, to_s: f64) -> [f64; 3] {
-        let begun_s = self.time_s.first().map_or(to_s, |t| t + BEGINNING_S);
-        let to_s = if from_s < begun_s - BEGINNING_S {
-            to_s.max(begun_s)
-        } else {
-            to_s
-        };
-        let before = |time_s: f64| self.time_s.partition_point(|t| *t < time_s);
+        let begins_s = self.time_s.first().filter(|t| from_s < **t);
+        let to_s = begins_s.map_or(to_s, |t| to_s.max(t + BEGINNING_S));
         let end = self.time_s.partition_point(|t| *t <= to_s).max(1);
-        let first = before(from_s).min(end - 1);
+        let first = self.time_s.partition_point(|t| *t < from_s).min(end - 1);
         let [east, north, speed, count] =
             std::array::from_fn(|k| self.sums[end][k] - self.sums[first][k]);
         [east, north, speed].map(|sum| sum / count)
@@ -106,7 +93,7 @@ impl History {
     /// The wind that is the mean of what was logged from `half_s` before a time to `half_s` after it.
     fn about(&self, time_s: f64, half_s: f64) -> Option<Transport> {
         let [east, north, speed_m_s] = self.mean(time_s - half_s, time_s + half_s);
-        towards(east, north, speed_m_s)
+        Transport::towards(east, north, speed_m_s)
     }
 
     /// The wind that carried air from a source `far_m` away to where it is at `time_s`: towards where it
@@ -117,7 +104,7 @@ impl History {
         for _ in 0..MOST_STEPS {
             let [east, north, speed] = self.mean(left_s - STEP_S - half_s, left_s + half_s);
             let step_s =
-                STEP_S.min((far_m - f64::hypot(east_m, north_m)) / speed.max(LEAST_WIND_M_S));
+                STEP_S.min((far_m - f64::hypot(east_m, north_m)) / speed.max(LEAST_TRANSPORT_M_S));
             east_m += step_s * east;
             north_m += step_s * north;
             left_s -= step_s;
@@ -127,17 +114,8 @@ impl History {
         }
         let half_s = half_s.max(DILUTED_OVER_S);
         let [_, _, speed_m_s] = self.mean(left_s - half_s, left_s + half_s);
-        towards(east_m, north_m, speed_m_s)
+        Transport::towards(east_m, north_m, speed_m_s)
     }
-}
-
-fn towards(east: f64, north: f64, speed_m_s: f64) -> Option<Transport> {
-    let length = east.hypot(north);
-    (length > 0.0).then(|| Transport {
-        east: east / length,
-        north: north / length,
-        speed_m_s,
-    })
 }
 
 /// What of a log carries the plume where the base fits its readings best; none without a log.

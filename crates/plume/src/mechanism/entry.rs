@@ -62,6 +62,32 @@ pub struct ParameterSpec {
     pub default: Option<f64>,
 }
 
+impl ParameterSpec {
+    /// A value in the parameter's coordinate.
+    pub fn to_coordinate(&self, value: f64) -> f64 {
+        match self.coordinate {
+            Coordinate::Linear => value,
+            Coordinate::Log => value.ln(),
+        }
+    }
+
+    /// The value at `at` in the parameter's coordinate.
+    pub fn from_coordinate(&self, at: f64) -> f64 {
+        match self.coordinate {
+            Coordinate::Linear => at,
+            Coordinate::Log => at.exp(),
+        }
+    }
+
+    /// Standard deviation of `value`, to first order, where its coordinate has `sd`.
+    pub fn sd_of(&self, value: f64, sd: f64) -> f64 {
+        match self.coordinate {
+            Coordinate::Linear => sd,
+            Coordinate::Log => value * sd,
+        }
+    }
+}
+
 /// How a mechanism enters the equations, given its parameters in the catalogue's order.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Action {

@@ -38,8 +38,6 @@ const MOST_ROWS: usize = 4000;
 /// A correction is worth its time when there are more rows by this factor: fewer change standard
 /// deviations by about a tenth.
 const GROWN: f64 = 1.25;
-/// Air is under way from the source with at least this wind, m/s.
-const LEAST_WIND_M_S: f64 = 0.5;
 /// A row is in the plume if the plume's part of it is above this share of the strongest.
 const IN_PLUME_SHARE: f64 = 0.02;
 
@@ -305,8 +303,8 @@ impl Calibrator {
                 let rest = model.background_ppm(place, self.met_s);
                 let plume = model.mean_ppm(place, self.met_s) - rest;
                 let there = model.in_first_plume(place, self.met_s, model.transport());
-                let speed_m_s = model.transport().speed_m_s.max(LEAST_WIND_M_S);
-                let under_way_s = there.map_or(0.0, |p| p.distance_m / speed_m_s);
+                let wind = model.transport();
+                let under_way_s = there.map_or(0.0, |p| wind.under_way_s(p.distance_m));
                 (rest, plume, plume_place(there, self.met_s, under_way_s))
             });
         Some(Estimate {

@@ -5,7 +5,6 @@ use air::wind::{WindProfile, towards_deg};
 use gap::plume::{Setup, Unknown};
 use infer::Prior;
 use nalgebra::{DMatrix, DVector};
-use plume::mechanism::Coordinate;
 use plume::{DispersionModel, DispersionSpec, Mechanism, MechanismId, Strength};
 use protocol::message::Estimate;
 
@@ -122,11 +121,11 @@ impl Unknowns {
         covariance: &DMatrix<f64>,
     ) -> Option<Estimate> {
         let k = self.index(id, platform)?;
-        let value = value(id, at[k]);
-        let sd = covariance[(k, k)].sqrt();
+        let spec = &id.spec().parameters[0];
+        let value = spec.from_coordinate(at[k]);
         Some(Estimate {
             value,
-            sd: if is_log(id) { value * sd } else { sd },
+            sd: spec.sd_of(value, covariance[(k, k)].sqrt()),
         })
     }
 
@@ -137,7 +136,7 @@ impl Unknowns {
         let mut spec = base.clone();
         let mut factor = 1.0;
         for (unknown, x) in self.list.iter().zip(at.iter()) {
-            let v = value(unknown.id, *x);
+            let v = unknown.id.spec().parameters[0].from_coordinate(*x);
             match (unknown.id, unknown.platform) {
                 (M::BackgroundOffset, _) => {
                     spec.background_ppm = (spec.background_ppm + v).max(0.0);
@@ -256,15 +255,6 @@ impl Unknowns {
             distance_m,
         )
     }
-}
-
-fn is_log(id: MechanismId) -> bool {
-    id.spec().parameters[0].coordinate == Coordinate::Log
-}
-
-/// A mechanism's parameter from its coordinate.
-fn value(id: MechanismId, at: f64) -> f64 {
-    if is_log(id) { at.exp() } else { at }
 }
 
 /// A wind that is faster by a factor; as it is where no such wind blows.

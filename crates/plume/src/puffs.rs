@@ -55,14 +55,15 @@ pub struct UnsteadySpec {
 }
 
 impl Default for UnsteadySpec {
-    /// Half and more of the spread near a source is meander; its time scale is that of the boundary layer
-    /// some hundred metres up (Hanna 1982: 0.15 h/σ_v for h = 500 m and σ_v = 0.6 m/s); in a plume's core
-    /// the intensity is some 0.3 to 0.5 (Fackrell and Robins 1982).
+    /// Half of the variance near a source is meander, so that passes differ by a factor of two; its time scale
+    /// leaves most of it within ten minutes, for which the classes' spread was measured (Gifford 1959;
+    /// Hanna 1982: T_L of some 0.15 h/σ_v, 60 s for h of 250 m and σ_v of 0.6 m/s); in a plume's core the
+    /// intensity is some 0.3 to 0.5 (Fackrell and Robins 1982).
     fn default() -> Self {
         Self {
-            meander_share: 0.6,
-            lagrangian_time_s: 120.0,
-            fluctuation_intensity: 0.4,
+            meander_share: 0.5,
+            lagrangian_time_s: 60.0,
+            fluctuation_intensity: 0.3,
             fluctuation_time_s: 5.0,
         }
     }

@@ -303,6 +303,7 @@ pub struct Model {
     /// The highest concentration where set-points may go; none before anything was read.
     pub peak: Option<Peak>,
     /// What the sources emit, as far as the readings tell.
+    #[serde(default)]
     pub flux: Vec<Flux>,
 }
 
@@ -394,7 +395,7 @@ pub struct Assignment {
 }
 
 /// How far readings stand behind a peak.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum PeakStatus {
     /// Real crossings there read what is predicted for them, within the combined uncertainty.
@@ -402,6 +403,7 @@ pub enum PeakStatus {
     /// Too few crossings there, but the plume reads as predicted where it was crossed.
     Supported,
     /// Readings contradict it, or it is hardly known.
+    #[default]
     Doubtful,
     /// Nothing of a plume was read.
     NotFound,
@@ -421,8 +423,10 @@ pub struct Peak {
     /// One standard deviation of `co2_ppm`, the model's error of form included.
     pub sd_ppm: f64,
     /// Mission time for which it holds: when the plume was last met, s.
+    #[serde(default)]
     pub time_s: f64,
-    /// How far readings stand behind it.
+    /// How far readings stand behind it; doubtful where nobody asked.
+    #[serde(default)]
     pub status: PeakStatus,
 }
 
@@ -452,6 +456,7 @@ pub struct Extension {
     /// Verdict: none, named, ambiguous, unexplained or insufficient.
     pub verdict: String,
     /// What may be the cause, the likeliest first.
+    #[serde(default)]
     pub causes: Vec<GapCause>,
     /// Mechanisms to add.
     pub mechanisms: Vec<MechanismSetting>,

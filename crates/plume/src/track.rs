@@ -5,12 +5,15 @@
 //! prediction is one pass over memory, because a fit asks for hundreds of them.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use crate::PlumeError;
 use crate::effects::{SensorAir, SensorEffects};
 use air::geo::Enu;
 
-use crate::field::{DispersionModel, DispersionSpec, InPlume, Place, Transport};
+use crate::field::along::RowColumns;
+use crate::field::batch::PlaceColumns;
+use crate::field::{DispersionModel, DispersionSpec, InPlume, Place, Transport, cos_sin, rotate};
 use crate::lag;
 use crate::sample_points::{SamplePoint, SamplePoints};
 
@@ -33,16 +36,17 @@ pub struct Row {
 /// Rows of all platforms as columns.
 #[derive(Debug, Clone)]
 pub struct Track {
-    platforms: Vec<String>,
-    ranges: Vec<Range<usize>>,
-    samples: SamplePoints,
-    time_s: Vec<f64>,
-    east_m: Vec<f64>,
-    north_m: Vec<f64>,
-    height_m: Vec<f64>,
+    platforms: Arc<[String]>,
+    ranges: Arc<[Range<usize>]>,
+    samples: Arc<SamplePoints>,
+    time_s: Arc<[f64]>,
+    east_m: Arc<[f64]>,
+    north_m: Arc<[f64]>,
+    height_m: Arc<[f64]>,
+    /// All that differs between winds, for which tracks are made by the hundred.
     transport: Vec<Transport>,
-    ppm_per_mol_m3: Vec<f64>,
-    air: Vec<SensorAir>,
+    ppm_per_mol_m3: Arc<[f64]>,
+    air: Arc<[SensorAir]>,
 }
 
 impl Track {
@@ -60,9 +64,9 @@ impl Track {
         let spec = model.spec();
         let transport: Vec<Transport> = rows.iter().map(|r| row_transport(spec, r)).collect();
         Ok(Self {
-            platforms: platforms.to_vec(),
-            samples: SamplePoints::new(model, &ranges, rows, &transport),
-            ranges,
+            platforms: platforms.into(),
+            samples: SamplePoints::new(model, &ranges, rows, &transport).into(),
+            ranges: ranges.into(),
             time_s: rows.iter().map(|r| r.time_s).collect(),
             east_m: rows.iter().map(|r| r.place.east_m).collect(),
             north_m: rows.iter().map(|r| r.place.north_m).collect(),
@@ -135,8 +139,13 @@ impl Track {
     #[must_use]
     pub fn turned(&self, clockwise_deg: &[f64]) -> Self {
         let mut out = self.clone();
+        // Mostly all rows turn by the same: one sine and cosine.
+        let (mut last_deg, mut turn) = (f64::NAN, (1.0, 0.0));
         for (transport, deg) in out.transport.iter_mut().zip(clockwise_deg) {
-            *transport = transport.turned(*deg);
+            if *deg != last_deg {
+                (last_deg, turn) = (*deg, cos_sin(*deg));
+            }
+            *transport = rotate(*transport, turn);
         }
         out
     }
@@ -206,6 +215,10 @@ impl Track {
         out: &mut [f64],
     ) {
         let clock_shifted = effects.clock_s != 0.0;
+        let is_displaced = effects.position_m.iter().any(|m| *m != 0.0);
+        if !clock_shifted && !is_displaced && model.fill_excess(&self.columns(range.clone()), out) {
+            return;
+        }
         let mut cursor = range.start;
         for (i, value) in range.clone().zip(out.iter_mut()) {
             let time_s = self.time_s[i];
@@ -218,7 +231,21 @@ impl Track {
         }
     }
 
-    /// The same at its points between rows.
+    /// Rows of a platform in columns.
+    fn columns(&self, range: Range<usize>) -> RowColumns<'_> {
+        RowColumns {
+            places: PlaceColumns {
+                east_m: &self.east_m[range.clone()],
+                north_m: &self.north_m[range.clone()],
+                height_agl_m: &self.height_m[range.clone()],
+            },
+            time_s: &self.time_s[range.clone()],
+            wind: &self.transport[range.clone()],
+            ppm_per_mol_m3: &self.ppm_per_mol_m3[range],
+        }
+    }
+
+    /// The plumes' part of the air at the points between rows of a platform, ppm.
     fn excess_between(
         &self,
         model: &DispersionModel,

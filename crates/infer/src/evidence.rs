@@ -9,6 +9,8 @@ use std::collections::BTreeMap;
 /// Coordinates in the order in which their weights are integrated out: swing and time have the
 /// most weights.
 const ORDER: [usize; COORDINATES] = [4, 3, 2, 1, 0];
+/// Columns whose products are taken at once.
+const BLOCK: usize = 32;
 /// Coordinates after which the rest is kept for the next sizes.
 const KEPT: usize = 2;
 
@@ -67,11 +69,25 @@ impl Products {
     pub fn of(matrix: &[f64], columns: usize, ln_normalisation: f64) -> Self {
         let rows = matrix.len() / columns;
         let whitened = DMatrixView::from_slice(matrix, columns, rows);
-        let products: DMatrix<f64> = whitened * whitened.transpose();
-        Self {
-            values: products.as_slice().to_vec(),
-            ln_normalisation,
+        let (down, right) = (Dyn(columns), Dyn(1));
+        let turned: DMatrixView<'_, f64, Dyn, Dyn> =
+            DMatrixView::from_slice_with_strides_generic(matrix, Dyn(rows), down, down, right);
+        let mut out = Self::zero(columns);
+        out.ln_normalisation = ln_normalisation;
+        // Products are symmetric: only what lies on one side of the diagonal, block by block.
+        for first in (0..columns).step_by(BLOCK) {
+            let count = BLOCK.min(columns - first);
+            let part: DMatrix<f64> =
+                whitened.rows(first, columns - first) * turned.columns(first, count);
+            for (k, column) in part.column_iter().enumerate() {
+                for (j, value) in column.iter().enumerate().skip(k) {
+                    let (k, j) = (first + k, first + j);
+                    out.values[k * columns + j] = *value;
+                    out.values[j * columns + k] = *value;
+                }
+            }
         }
+        out
     }
 
     /// As a matrix.

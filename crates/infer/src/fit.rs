@@ -11,6 +11,7 @@ use crate::policy::Policy;
 use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
 use nalgebra::{Cholesky, DVector};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Differences for derivatives: part of a prior's standard deviation, and degrees of the axis.
 const DIFFERENCE_SD: f64 = 1e-3;
@@ -39,14 +40,38 @@ pub struct Problem<'a, M> {
     pub(crate) rows: &'a Rows,
     pub(crate) policy: &'a Policy,
     pub(crate) sensor_sd: f64,
-    asked: &'a [PlumePlace],
+    pub(crate) asked: &'a [PlumePlace],
+    pub(crate) turning: Arc<Turning>,
+}
+
+/// How a swing turns the rows: the same for all models of them that differ in names alone.
+#[derive(Debug)]
+pub(crate) struct Turning {
     /// Bumps of a swing alone, which those of every basis end with, and their values, row after row.
-    pub(crate) swing: Basis,
-    pub(crate) swing_bumps: Vec<f64>,
+    pub swing: Basis,
+    pub bumps: Vec<f64>,
     /// When the first air that was met left the source, s.
-    swing_from_s: f64,
+    from_s: f64,
     /// Their means over the rows, and their slopes over time.
-    swing_steady: [Vec<f64>; STEADY],
+    steady: [Vec<f64>; STEADY],
+}
+
+impl Turning {
+    fn new(model: &impl ForwardModel, rows: &Rows, policy: &Policy) -> Self {
+        let left_s = |row: usize| rows.time_s()[row] - model.under_way_s(row);
+        let from_s = (0..rows.len()).map(left_s).fold(f64::INFINITY, f64::min);
+        let swing = Basis::of_swing(rows.time_s(), from_s, policy);
+        let mut bumps = vec![0.0; rows.len() * swing.len()];
+        for (row, out) in bumps.chunks_exact_mut(swing.len()).enumerate() {
+            swing.fill_swing_since(rows.time_s()[row], model.under_way_s(row), out);
+        }
+        Self {
+            steady: steady(rows.time_s(), &bumps, swing.len()),
+            swing,
+            bumps,
+            from_s,
+        }
+    }
 }
 
 /// Values of all that is unknown but the noise.
@@ -176,24 +201,13 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         sensor_sd: f64,
         asked: &'a [PlumePlace],
     ) -> Self {
-        let left_s = |row: usize| rows.time_s()[row] - model.under_way_s(row);
-        let swing_from_s = (0..rows.len()).map(left_s).fold(f64::INFINITY, f64::min);
-        let swing = Basis::of_swing(rows.time_s(), swing_from_s, policy);
-        let mut swing_bumps = vec![0.0; rows.len() * swing.len()];
-        for (row, out) in swing_bumps.chunks_exact_mut(swing.len()).enumerate() {
-            swing.fill_swing_since(rows.time_s()[row], model.under_way_s(row), out);
-        }
-        let swing_steady = steady(rows.time_s(), &swing_bumps, swing.len());
         Self {
+            turning: Turning::new(model, rows, policy).into(),
             model,
             rows,
             policy,
             sensor_sd,
             asked,
-            swing,
-            swing_bumps,
-            swing_from_s,
-            swing_steady,
         }
     }
 
@@ -254,20 +268,20 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         Ok(Basis::over(
             read.chain(asked),
             self.rows.time_s(),
-            self.swing_from_s,
+            self.turning.from_s,
             self.policy,
         ))
     }
 
     /// Turn of the axis at every row, degrees: the swing's weights are always the last.
     pub(crate) fn turns(&self, point: &Point) -> Vec<f64> {
-        let n = self.swing.len();
+        let n = self.turning.swing.len();
         let weights = &point.weights[point.weights.len().saturating_sub(n)..];
         if weights.iter().all(|w| *w == 0.0) {
             return vec![0.0; self.rows.len()];
         }
         let turn = |bumps: &[f64]| bumps.iter().zip(weights).map(|(b, w)| b * w).sum();
-        self.swing_bumps.chunks_exact(n).map(turn).collect()
+        self.turning.bumps.chunks_exact(n).map(turn).collect()
     }
 
     /// A fit to other rows with the bumps of a swing over these, whose turns are as near as may be.
@@ -280,7 +294,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                     .turn_since_deg(self.rows.time_s()[row], under_way_s, &fit.point.weights);
         }
         let mut out = fit.clone();
-        out.basis = fit.basis.with_swing_of(&self.swing);
+        out.basis = fit.basis.with_swing_of(&self.turning.swing);
         out.point.weights.truncate(fit.basis.of_form());
         out.point.weights.extend(self.smoothed(&turns));
         out
@@ -292,7 +306,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let swing = &weights[basis.of_form()..];
         let sd_deg = self.swing_steady_deg();
         [0, 1].map(|s| {
-            let turns = self.swing_steady[s].iter().zip(swing).map(|(m, w)| m * w);
+            let turns = self.turning.steady[s].iter().zip(swing).map(|(m, w)| m * w);
             turns.sum::<f64>() / sd_deg[s]
         })
     }
@@ -302,7 +316,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let swing = weight.checked_sub(basis.of_form());
         let of = |steady: &Vec<f64>| swing.map_or(0.0, |k| steady[k]);
         let sd_deg = self.swing_steady_deg();
-        [0, 1].map(|s| of(&self.swing_steady[s]) / sd_deg[s])
+        [0, 1].map(|s| of(&self.turning.steady[s]) / sd_deg[s])
     }
 
     /// Rows of `columns` that say so, beside those of the readings: `places` gives weights with their columns.
@@ -770,7 +784,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let mut out = vec![0.0; self.rows.len() * n];
         let most = plume.iter().fold(0.0f64, |m, p| m.max(p.abs()));
         let places = self.model.places(&point.at)?;
-        let swing = self.swing_bumps.chunks_exact(self.swing.len());
+        let swing = self.turning.bumps.chunks_exact(self.turning.swing.len());
         let form = active.of_form();
         let rows = out.chunks_exact_mut(n).zip(swing);
         for (((row, swing), place), plume) in rows.zip(&places).zip(plume) {
@@ -819,27 +833,16 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let places = layout.weights.iter().copied().enumerate();
         let steady = self.steady_rows(&fit.basis, &fit.point.weights, layout.columns, places);
         let turned = Products::of(&steady, layout.columns, 0.0);
+        let of_rows = |r: &Range<usize>| {
+            let part = &placed[r.start * layout.columns..r.end * layout.columns];
+            Products::of(part, layout.columns, whitener.ln_normalisation_of(r))
+        };
         let of_block = |ranges: &Vec<Range<usize>>| {
-            let part: Vec<f64> = ranges
-                .iter()
-                .flat_map(|r| &placed[r.start * layout.columns..r.end * layout.columns])
-                .copied()
-                .collect();
-            Products::of(&part, layout.columns, whitener.ln_normalisation_of(ranges))
+            let mut sum = Products::zero(layout.columns);
+            ranges.iter().for_each(|r| sum.add(&of_rows(r), 1.0));
+            sum
         };
-        let products = if let [only] = blocks
-            && only.len() == 1
-            && only[0] == (0..self.rows.len())
-        {
-            vec![Products::of(
-                &placed,
-                layout.columns,
-                whitener.ln_normalisation,
-            )]
-        } else {
-            blocks.iter().map(of_block).collect()
-        };
-        let mut products = products;
+        let mut products: Vec<Products> = blocks.iter().map(of_block).collect();
         // What is known of the swing belongs to no pass: each has its part.
         let part = 1.0 / products.len().max(1) as f64;
         products.iter_mut().for_each(|p| p.add(&turned, part));

@@ -150,9 +150,10 @@ impl Whitener {
     }
 
     /// The normalisation of some rows alone.
-    pub fn ln_normalisation_of(&self, ranges: &[std::ops::Range<usize>]) -> f64 {
-        let rows = ranges.iter().flat_map(|r| &self.steps[r.clone()]);
-        let told = rows.filter(|s| s.inverse_sd > 0.0);
+    pub fn ln_normalisation_of(&self, rows: &std::ops::Range<usize>) -> f64 {
+        let told = self.steps[rows.clone()]
+            .iter()
+            .filter(|s| s.inverse_sd > 0.0);
         told.map(|s| s.inverse_sd.ln() - HALF_LN_TAU).sum()
     }
 

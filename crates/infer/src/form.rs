@@ -287,10 +287,6 @@ impl Active {
         basis.those(|_| true)
     }
 
-    pub fn len(&self) -> usize {
-        self.weights.len()
-    }
-
     /// Those of the error of form, which stand first.
     pub fn of_form(&self) -> usize {
         self.coordinates().filter(|c| *c != SWING).count()

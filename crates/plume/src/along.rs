@@ -5,6 +5,7 @@
 //! evaluated row by row.
 
 use multiversion::multiversion;
+use std::ops::Range;
 
 use super::batch::{PlaceColumns, exp_near};
 use super::{
@@ -32,11 +33,25 @@ pub(crate) struct RowColumns<'a> {
     pub ppm_per_mol_m3: &'a [f64],
 }
 
+impl RowColumns<'_> {
+    /// The true place of a row.
+    fn place(&self, i: usize, [east_m, north_m, up_m]: [f64; 3]) -> Place {
+        Place {
+            east_m: self.places.east_m[i] - east_m,
+            north_m: self.places.north_m[i] - north_m,
+            height_agl_m: self.places.height_agl_m[i] - up_m,
+        }
+    }
+}
+
 /// One plume with what changes its shape along the way.
 #[derive(Debug)]
 struct Kernel {
-    /// East, north and height of the axis' origin, m.
-    source: [f64; 3],
+    /// East and north of the axis' origin where a sensor would log it, m.
+    source: [f64; 2],
+    /// Height of the axis there, and depth of its image below the ground, m.
+    axis: f64,
+    image: f64,
     /// (1/a², b) of σy.
     y: [f64; 2],
     /// (1/a², b) of σz.
@@ -59,10 +74,16 @@ struct Winds {
 }
 
 impl DispersionModel {
-    /// The plumes' part of the air at `rows`, ppm; false where the kernel does not know one of them.
-    pub(crate) fn fill_excess(&self, rows: &RowColumns<'_>, out: &mut [f64]) -> bool {
+    /// The plumes' part of the air at `rows`, ppm. What is logged is the true place plus `offset_m`; the
+    /// air is that of the true one.
+    pub(crate) fn fill_excess(&self, rows: &RowColumns<'_>, offset_m: [f64; 3], out: &mut [f64]) {
         let Some((curve_y, curve_z)) = self.kernel_curves() else {
-            return false;
+            for (i, value) in out.iter_mut().enumerate() {
+                let place = rows.place(i, offset_m);
+                let (molar, direct) = self.excess(&place, rows.time_s[i], rows.wind[i]);
+                *value = molar * rows.ppm_per_mol_m3[i] + direct;
+            }
+            return;
         };
         out.fill(0.0);
         let mut winds = Winds {
@@ -72,16 +93,15 @@ impl DispersionModel {
             strength: [0.0; CHUNK],
         };
         for plume in &self.plumes {
-            let kernel = self.kernel(plume, curve_y, curve_z);
+            let kernel = self.kernel(plume, curve_y, curve_z, offset_m);
             for (k, out) in out.chunks_mut(CHUNK).enumerate() {
                 let from = k * CHUNK;
-                self.fill_winds(plume, rows, from, &mut winds, out.len());
+                self.fill_winds(plume, rows, offset_m, from..from + out.len(), &mut winds);
                 let p = &rows.places;
                 let columns = [p.east_m, p.north_m, p.height_agl_m, rows.time_s];
                 add(&kernel, &winds, columns.map(|c| &c[from..]), out);
             }
         }
-        true
     }
 
     /// The curves of σy and σz where the kernel knows all plumes.
@@ -94,12 +114,20 @@ impl DispersionModel {
         (!unknown && matches!(curves.0.power, Power::MinusHalf)).then_some(curves)
     }
 
-    fn kernel(&self, plume: &Plume, curve_y: Curve, curve_z: Curve) -> Kernel {
+    fn kernel(
+        &self,
+        plume: &Plume,
+        curve_y: Curve,
+        curve_z: Curve,
+        [east_m, north_m, up_m]: [f64; 3],
+    ) -> Kernel {
         let e = &self.effects;
         let scale_y = self.spec.sigma_y_scale * e.sigma_y_factor;
         let scale_z = self.spec.sigma_z_scale * e.sigma_z_factor;
         Kernel {
-            source: [plume.east_m, plume.north_m, plume.height_m],
+            source: [plume.east_m + east_m, plume.north_m + north_m],
+            axis: plume.height_m + up_m,
+            image: plume.height_m - up_m,
             y: [1.0 / (curve_y.a * scale_y).powi(2), curve_y.b],
             z: [1.0 / (curve_z.a * scale_z).powi(2), curve_z.b],
             power_z: curve_z.power,
@@ -115,17 +143,12 @@ impl DispersionModel {
         &self,
         plume: &Plume,
         rows: &RowColumns<'_>,
-        from: usize,
+        offset_m: [f64; 3],
+        range: Range<usize>,
         winds: &mut Winds,
-        count: usize,
     ) {
-        for k in 0..count {
-            let i = from + k;
-            let place = Place {
-                east_m: rows.places.east_m[i],
-                north_m: rows.places.north_m[i],
-                height_agl_m: rows.places.height_agl_m[i],
-            };
+        for (k, i) in range.enumerate() {
+            let place = rows.place(i, offset_m);
             let wind = self.veered(plume, &place, self.turned(rows.wind[i], rows.time_s[i]));
             let speed_m_s = (wind.speed_m_s * self.effects.speed_factor * plume.speed_ratio)
                 .max(LEAST_TRANSPORT_M_S);
@@ -163,7 +186,7 @@ fn add_form(
     let [east, north, height, time_s] = columns.map(|c| &c[..count]);
     let (to_east, to_north) = (&winds.east[..count], &winds.north[..count]);
     let (speed_m_s, strength) = (&winds.speed_m_s[..count], &winds.strength[..count]);
-    let [from_east, from_north, axis] = kernel.source;
+    let [from_east, from_north] = kernel.source;
     for i in 0..count {
         let (de, dn) = (east[i] - from_east, north[i] - from_north);
         let along = de * to_east[i] + dn * to_north[i];
@@ -186,8 +209,8 @@ fn add_form(
         let under_way_s = x / speed_m_s[i];
         let grown = kernel.growth_s * (time_s[i] - under_way_s) - kernel.decay_s * under_way_s;
         let grown = grown.clamp(-MOST_GROWTH, MOST_GROWTH);
-        let up = height[i] - axis;
-        let image = height[i] + axis;
+        let up = height[i] - kernel.axis;
+        let image = height[i] + kernel.image;
         let shape = gauss(across + 0.5 * (up * up) * precision_z, grown)
             + kernel.ground * gauss(across + 0.5 * (image * image) * precision_z, grown);
         let value = strength[i] * inverse.sqrt() * shape;
@@ -253,9 +276,11 @@ mod tests {
                 ppm_per_mol_m3: &ppm_per_mol_m3,
             };
             let mut out = vec![f64::NAN; rows.len()];
-            prop_assert!(model.fill_excess(&columns, &mut out));
+            let offset_m = if turned { [30.0, -20.0, 9.0] } else { [0.0; 3] };
+            prop_assert!(model.kernel_curves().is_some());
+            model.fill_excess(&columns, offset_m, &mut out);
             for (i, value) in out.iter().enumerate() {
-                let place = Place { east_m: east_m[i], north_m: north_m[i], height_agl_m: height_agl_m[i] };
+                let place = columns.place(i, offset_m);
                 let (molar, direct) = model.excess(&place, time_s[i], wind[i]);
                 let plain = molar * ppm_per_mol_m3[i] + direct;
                 prop_assert!((value - plain).abs() <= 1e-10 * plain.abs() + 1e-12, "{} {}", value, plain);

@@ -9,35 +9,40 @@ const AVERAGING_S: f64 = 60.0;
 #[derive(Debug, Clone)]
 pub struct WorldWind {
     scenario: WindProfile,
-    series: Option<WindSeries>,
-    reported: Option<Reported>,
+    /// At the profile's reference height.
+    slow: WindSeries,
+    known_by: KnownBy,
 }
 
-#[derive(Debug, Clone, Copy)]
-struct Reported {
-    wind: Option<WindVector>,
-    height_agl_m: f64,
-    time_s: f64,
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum KnownBy {
+    /// The scenario's own numbers.
+    Scenario,
+    /// A measured series.
+    Series,
+    /// Reports, of which the last came at a time; none yet.
+    Reports(Option<f64>),
 }
 
 impl WorldWind {
     /// The scenario's wind, its series if it has one, and whether reports override both.
     pub fn new(scenario: WindProfile, series: Option<WindSeries>, follow_reports: bool) -> Self {
-        let reported = follow_reports.then_some(Reported {
-            wind: None,
-            height_agl_m: scenario.reference_height_agl_m(),
-            time_s: 0.0,
-        });
+        let known_by = match &series {
+            _ if follow_reports => KnownBy::Reports(None),
+            Some(_) => KnownBy::Series,
+            None => KnownBy::Scenario,
+        };
+        let own = || WindSeries::constant(scenario.at(scenario.reference_height_agl_m()));
         Self {
             scenario,
-            series,
-            reported,
+            slow: series.unwrap_or_else(own),
+            known_by,
         }
     }
 
     /// Takes in a wind that a real vehicle reports at `height_agl_m`.
     pub fn report(&mut self, time_s: f64, height_agl_m: f64, wind: WindVector) {
-        let Some(reported) = &mut self.reported else {
+        let KnownBy::Reports(last_s) = self.known_by else {
             return;
         };
         // Averaged at the reference height, so that vehicles at different heights agree.
@@ -51,41 +56,41 @@ impl WorldWind {
             east_m_s: wind.east_m_s * carried,
             north_m_s: wind.north_m_s * carried,
         };
-        let share = match reported.wind {
-            None => 1.0,
-            Some(_) => 1.0 - (-(time_s - reported.time_s).max(0.0) / AVERAGING_S).exp(),
-        };
-        let old = reported.wind.unwrap_or(wind);
-        reported.wind = Some(WindVector {
-            east_m_s: old.east_m_s + share * (wind.east_m_s - old.east_m_s),
-            north_m_s: old.north_m_s + share * (wind.north_m_s - old.north_m_s),
-        });
-        reported.time_s = time_s;
+        match last_s {
+            // What blew before nobody has said: as now.
+            None => self.slow = WindSeries::constant(wind),
+            Some(last_s) => {
+                let share = 1.0 - (-(time_s - last_s).max(0.0) / AVERAGING_S).exp();
+                let old = self.slow.at(last_s);
+                let averaged = WindVector {
+                    east_m_s: old.east_m_s + share * (wind.east_m_s - old.east_m_s),
+                    north_m_s: old.north_m_s + share * (wind.north_m_s - old.north_m_s),
+                };
+                self.slow.push(time_s, averaged);
+            }
+        }
+        self.known_by = KnownBy::Reports(Some(time_s.max(last_s.unwrap_or(time_s))));
     }
 
-    /// Whether the direction comes from measurements of the wind itself, so that a correction
-    /// of the plume's axis is a correction on top of them.
+    /// Whether it is one wind for all times, so that a correction of the plume's axis corrects the wind.
     pub(crate) fn is_constant(&self) -> bool {
-        self.series.is_none() && self.reported.is_none()
+        matches!(self.known_by, KnownBy::Scenario | KnownBy::Reports(None))
+    }
+
+    /// The wind over time at the scenario's reference height.
+    pub(crate) fn slow(&self) -> &WindSeries {
+        &self.slow
     }
 
     /// The wind profile at `time_s`, turned clockwise by `turn_deg`.
     pub fn at(&self, time_s: f64, turn_deg: f64) -> WindProfile {
-        let measured = match (&self.reported, &self.series) {
-            (
-                Some(Reported {
-                    wind: Some(wind),
-                    height_agl_m,
-                    ..
-                }),
-                _,
-            ) => Some((*wind, *height_agl_m)),
-            (_, Some(series)) => Some((series.at(time_s), self.scenario.reference_height_agl_m())),
-            _ => None,
+        let base = if self.is_constant() {
+            self.scenario
+        } else {
+            let reference_m = self.scenario.reference_height_agl_m();
+            let measured = self.scenario.through(self.slow.at(time_s), reference_m);
+            measured.unwrap_or(self.scenario)
         };
-        let base = measured
-            .and_then(|(wind, height)| self.scenario.through(wind, height).ok())
-            .unwrap_or(self.scenario);
         if turn_deg == 0.0 {
             return base;
         }

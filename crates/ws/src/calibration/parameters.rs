@@ -222,7 +222,7 @@ impl Unknowns {
         }
     }
 
-    /// c_MAX at its distance: the model's own concentration on the axis there, with the standard
+    /// c_MAX that states the model's strength at its distance, with the standard
     /// deviation that the unknowns' covariance gives it to first order (JCGM 100:2008, equation 13).
     fn c_max(
         &self,
@@ -234,7 +234,7 @@ impl Unknowns {
         // 0 for values that make no model.
         let value = |at: &DVector<f64>| {
             DispersionModel::new(self.folded(base, at))
-                .map_or(0.0, |model| model.axis_excess_ppm(distance_m))
+                .map_or(0.0, |model| model.stated_c_max_ppm(distance_m))
         };
         let here = value(at);
         let slope = DVector::from_fn(self.list.len(), |k, _| {

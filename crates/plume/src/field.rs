@@ -332,13 +332,20 @@ impl DispersionModel {
     /// Concentration above background on the first source's axis at `distance_m` in the scenario's
     /// wind at time 0, ppm: where the mechanisms have the axis.
     pub fn axis_excess_ppm(&self, distance_m: f64) -> f64 {
-        let (plume, wind) = (&self.plumes[0], self.turned(self.scenario_wind, 0.0));
-        let place = Place {
+        let on_first = self.on_axes(distance_m, 0.0).next();
+        on_first.map_or(0.0, |place| {
+            self.mean_ppm(&place, 0.0) - self.background_ppm(&place, 0.0)
+        })
+    }
+
+    /// The place on the axis of each plume at a distance from its source, in the scenario's wind.
+    pub fn on_axes(&self, distance_m: f64, time_s: f64) -> impl Iterator<Item = Place> {
+        let wind = self.turned(self.scenario_wind, time_s);
+        self.plumes.iter().map(move |plume| Place {
             east_m: plume.east_m + distance_m * wind.east,
             north_m: plume.north_m + distance_m * wind.north,
             height_agl_m: plume.height_m,
-        };
-        self.mean_ppm(&place, 0.0) - self.background_ppm(&place, 0.0)
+        })
     }
 
     /// The c_MAX that states the first source's strength at `distance_m`, ppm: with it instead of its own
@@ -354,6 +361,27 @@ impl DispersionModel {
             }
         };
         per_shape / self.effects.emission_factor * self.shape_on_axis(distance_m, plume.height_m)
+    }
+
+    /// What the scenario's source at an index emits, kg/s, if air goes by its axis at `speed_m_s`: the ratio of
+    /// emission to wind is what the model holds. None where there is no such source, or of another gas
+    /// than the first.
+    pub fn emission_kg_s(&self, source: usize, speed_m_s: f64) -> Option<f64> {
+        let spec = self.spec.sources.get(source)?;
+        let first = self.spec.sources[0].gas;
+        if spec.gas != first {
+            return None;
+        }
+        let before = self.spec.sources[..source].iter();
+        let plume = &self.plumes[before.filter(|s| s.gas == first).count()];
+        let own_m_s = (self.scenario_wind.speed_m_s * plume.speed_ratio).max(LEAST_TRANSPORT_M_S);
+        let mol_s_per_m_s = match plume.source_term {
+            SourceTerm::MolarRate(rate) => rate / own_m_s,
+            SourceTerm::AxisConcentration(strength) => {
+                strength / self.ppm_per_mol_m3(plume.height_m)
+            }
+        };
+        Some(std::f64::consts::TAU * mol_s_per_m_s * speed_m_s * first.molar_mass_kg_mol())
     }
 
     /// The same mole fraction in another wind of the moment.

@@ -309,6 +309,19 @@ impl DispersionModel {
         ways.iter().enumerate().map(puff).collect()
     }
 
+    /// Centres of the puffs of all plumes.
+    pub fn puff_centres(&self, puffs: &Puffs) -> Vec<Place> {
+        let plumes = self.plumes.iter().zip(&puffs.of_plume);
+        let centres = plumes.flat_map(|(plume, of_plume)| {
+            of_plume.iter().map(|puff| Place {
+                east_m: plume.east_m + puff.east_m,
+                north_m: plume.north_m + puff.north_m,
+                height_agl_m: puff.height_m,
+            })
+        });
+        centres.collect()
+    }
+
     /// Mole fraction at a place among `puffs` of this model, ppm.
     pub fn ppm_among(&self, puffs: &Puffs, place: &Place) -> f64 {
         let (mut molar, mut direct) = (0.0, 0.0);

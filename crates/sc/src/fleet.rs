@@ -8,15 +8,13 @@ use protocol::key::Name;
 use protocol::message::{Assignment, PathKind, Setpoint, State};
 use protocol::{Message, Outbox, SimTime, Topic};
 
-use crate::airspace::Airspace;
 use crate::route_graph::RouteGraph;
 use crate::separation::{Corridor, Separation};
+use scenario::airspace::Airspace;
+pub use scenario::airspace::SETPOINT_MARGIN_M as MARGIN_M;
 
 /// Radius of the orbit at a setpoint, m: 18 m/s in 10 m/s of wind at 45° of bank takes 80 m.
 pub const ORBIT_M: f64 = 80.0;
-/// Clearance of setpoints and legs from fence and keep-out, m: room for the orbit and for the
-/// turn towards the next setpoint.
-pub const MARGIN_M: f64 = 120.0;
 /// A setpoint counts as reached at this distance, m: before the orbit around it begins.
 const REACHED_M: f64 = ORBIT_M + 40.0;
 /// A vehicle of which nothing has been received for this long is not counted on, s.

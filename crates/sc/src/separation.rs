@@ -7,8 +7,8 @@
 
 use csea::Position;
 
-use crate::airspace::distance_between_segments_m;
 use air::area::distance_to_segment_m;
+use scenario::airspace::distance_between_segments_m;
 
 /// What two vehicles keep between them.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -11,19 +11,24 @@ use air::wind::{WindProfile, WindSeries, WindVector, towards_deg};
 use plume::{DispersionModel, Place, Puffs, UnsteadyAir};
 use protocol::key::Name;
 use protocol::message::{
-    Ambient, Estimate, Extension, MechanismSetting, Model, Observation, Severity, State,
+    Ambient, Estimate, Extension, Flux, FluxMethod, MechanismSetting, Model, Observation, Peak,
+    PeakStatus, Severity, State,
 };
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
 use rand::rngs::ChaCha8Rng;
 use scenario::Scenario;
+use scenario::airspace::{Airspace, SETPOINT_MARGIN_M};
 use scenario::random::stream;
 use scenario::tables::{VehicleKind, WindFollows};
+use scenario::uncertain::Uncertain;
 use std::collections::BTreeMap;
 
 /// Time between two ambients of a vehicle, s.
 const AMBIENT_S: f64 = 0.1;
 /// Time between two corrections of the model, s.
 const CORRECTION_S: f64 = 10.0;
+/// One standard deviation of a scenario's wind speed where it states none, as a part of it: that of a forecast.
+const WIND_SPEED_SD: f64 = 0.2;
 /// Height of the wind to which MIL-F-8785C refers turbulence: 20 ft.
 const TURBULENCE_WIND_HEIGHT_M: f64 = 6.096;
 /// Ratio of vertical gust to wind in MIL-F-8785C.
@@ -59,8 +64,11 @@ pub struct WorldSimulator {
     unsteady: Option<UnsteadyAir>,
     intensity: f64,
     calibrator: Calibrator,
-    /// Nearest distance from the source at which something is asked of the plume, m.
-    keep_out_m: f64,
+    airspace: Airspace,
+    /// The peak of the model as it was corrected last.
+    peak: Option<Peak>,
+    /// One standard deviation of the scenario's wind speed, m/s.
+    wind_sd_m_s: f64,
     /// Index of each real vehicle in the calibrator.
     real: BTreeMap<String, usize>,
     simulated: Vec<SimulatedVehicle>,
@@ -110,7 +118,11 @@ impl WorldSimulator {
             unsteady: scenario.unsteady_weather().map(|u| u.around(&world)),
             world,
             calibrator,
-            keep_out_m: scenario.fence.keep_out_radius_m,
+            airspace: Airspace::of(scenario)?,
+            peak: None,
+            wind_sd_m_s: scenario
+                .prior_sd(Uncertain::WindSpeed)
+                .unwrap_or(WIND_SPEED_SD * scenario.weather.wind_speed_m_s),
             real: real
                 .into_iter()
                 .enumerate()
@@ -153,14 +165,18 @@ impl WorldSimulator {
         if is_due && self.calibrator.taken() > self.readings_used {
             self.readings_used = self.calibrator.taken();
             let calibrated = if is_last {
-                self.calibrator.conclude(self.keep_out_m)
+                self.calibrator
+                    .conclude(self.airspace.keep_out_m() + SETPOINT_MARGIN_M)
             } else {
                 self.calibrator.update()
             };
             let corrected = calibrated
                 .and_then(|()| Ok(DispersionModel::new(self.calibrator.corrected_spec())?));
             match corrected {
-                Ok(world) => self.world = world,
+                Ok(world) => {
+                    self.world = world;
+                    self.peak = self.calibrator.peak(&self.airspace);
+                }
                 Err(e) => out.event(
                     &self.id,
                     Severity::Error,
@@ -190,7 +206,24 @@ impl WorldSimulator {
             wind_speed_m_s: wind.speed_at_m_s(spec.sources[0].effective_height_agl_m),
             observations: self.calibrator.taken(),
             mechanisms: self.extensions.clone(),
+            peak: self.peak,
+            flux: self.flux(),
         }
+    }
+
+    /// What the sources emit, as far as readings tell; nothing before them.
+    fn flux(&self) -> Vec<Flux> {
+        if self.peak.is_none_or(|p| p.status == PeakStatus::NotFound) {
+            return Vec::new();
+        }
+        let wind = self.wind.reported_speed(self.wind_sd_m_s);
+        let found = self.calibrator.flux(wind).into_iter();
+        let said = |(source, kg_s)| Flux {
+            source,
+            method: FluxMethod::Inference,
+            kg_s,
+        };
+        found.map(said).collect()
     }
 
     /// Where the axis runs, and the wind: by the correction alone, or by what is known of the wind of the

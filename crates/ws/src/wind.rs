@@ -1,9 +1,15 @@
 //! The wind that the world follows: constant, a measured series, or what real vehicles report.
 
 use air::wind::{WindProfile, WindSeries, WindVector};
+use protocol::message::Estimate;
 
 /// Time constant with which reported winds are averaged, s.
 const AVERAGING_S: f64 = 60.0;
+/// Errors of a reported wind, and the eddies in it, are independent after about this time, s.
+const MEMORY_S: f64 = 180.0;
+/// One standard deviation of what the law of wind with height is off from where vehicles flew to the plume's
+/// axis, as a part of the speed.
+const LAW: f64 = 0.03;
 
 /// The world's mean wind over time.
 #[derive(Debug, Clone)]
@@ -12,6 +18,40 @@ pub struct WorldWind {
     /// At the profile's reference height.
     slow: WindSeries,
     known_by: KnownBy,
+    reports: Reports,
+}
+
+/// Mean and scatter of the reported speeds at the reference height (Welford 1962).
+#[derive(Debug, Clone, Copy, Default)]
+struct Reports {
+    count: f64,
+    mean_m_s: f64,
+    squares: f64,
+    first_s: f64,
+    last_s: f64,
+}
+
+impl Reports {
+    fn take(&mut self, time_s: f64, speed_m_s: f64) {
+        if self.count == 0.0 {
+            self.first_s = time_s;
+        }
+        self.last_s = self.last_s.max(time_s);
+        self.count += 1.0;
+        let off = speed_m_s - self.mean_m_s;
+        self.mean_m_s += off / self.count;
+        self.squares += off * (speed_m_s - self.mean_m_s);
+    }
+
+    /// Mean with its standard deviation; none before two reports.
+    fn mean(&self) -> Option<Estimate> {
+        let independent = ((self.last_s - self.first_s) / MEMORY_S).max(1.0);
+        let variance = self.squares / (self.count - 1.0) / independent;
+        (self.count >= 2.0).then(|| Estimate {
+            value: self.mean_m_s,
+            sd: variance.sqrt().hypot(LAW * self.mean_m_s),
+        })
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,14 +77,12 @@ impl WorldWind {
             scenario,
             slow: series.unwrap_or_else(own),
             known_by,
+            reports: Reports::default(),
         }
     }
 
     /// Takes in a wind that a real vehicle reports at `height_agl_m`.
     pub fn report(&mut self, time_s: f64, height_agl_m: f64, wind: WindVector) {
-        let KnownBy::Reports(last_s) = self.known_by else {
-            return;
-        };
         // Averaged at the reference height, so that vehicles at different heights agree.
         let there = self.scenario.speed_at_m_s(height_agl_m);
         let carried = if there > 0.0 {
@@ -55,6 +93,10 @@ impl WorldWind {
         let wind = WindVector {
             east_m_s: wind.east_m_s * carried,
             north_m_s: wind.north_m_s * carried,
+        };
+        self.reports.take(time_s, wind.speed_m_s());
+        let KnownBy::Reports(last_s) = self.known_by else {
+            return;
         };
         match last_s {
             // What blew before nobody has said: as now.
@@ -70,6 +112,15 @@ impl WorldWind {
             }
         }
         self.known_by = KnownBy::Reports(Some(time_s.max(last_s.unwrap_or(time_s))));
+    }
+
+    /// Speed at the scenario's reference height as vehicles have reported it; the scenario's, with the
+    /// standard deviation `unknown_m_s`, where none has.
+    pub(crate) fn reported_speed(&self, unknown_m_s: f64) -> Estimate {
+        self.reports.mean().unwrap_or(Estimate {
+            value: self.scenario.reference_speed_m_s(),
+            sd: unknown_m_s,
+        })
     }
 
     /// Whether it is one wind for all times, so that a correction of the plume's axis corrects the wind.

@@ -10,7 +10,7 @@ use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-const SCENARIO: &str = "../scenarios/as-pontes.toml";
+const SCENARIO: &str = "../scenarios/as-pontes-steady.toml";
 
 fn plumage(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_plumage"))

@@ -13,7 +13,8 @@ use csea::{
 use plume::{DispersionModel, DispersionSpec};
 use protocol::key::Name;
 use protocol::message::{
-    Mode, Model, Observation, Peak, Phase, Plan, Population, Reading, Severity, VehicleKind as Kind,
+    ControlWish, Mode, Model, Observation, Peak, Phase, Plan, Population, Reading, Severity,
+    VehicleKind as Kind,
 };
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Message, Outbox, SimTime, Topic};
 use rand::rngs::ChaCha8Rng;
@@ -55,6 +56,8 @@ pub struct SquadronController {
     base: DispersionSpec,
     model: Option<Model>,
     range: PassRange,
+    /// Heights above home at which vehicles wait for their landing, from the lowest.
+    levels_amsl_m: Vec<f64>,
     search: SearchTable,
     duration_s: f64,
     phase: Phase,
@@ -116,7 +119,10 @@ impl SquadronController {
                 separation,
                 airspeed_m_s: scenario.search.airspeed_m_s,
                 vehicles,
+                passes: Vec::new(),
+                ways_down: Vec::new(),
             },
+            levels_amsl_m: scenario.levels_amsl_m(),
             world: DispersionModel::new(base.clone()).ok(),
             base,
             model: None,
@@ -215,6 +221,11 @@ impl SquadronController {
                 self.handle_reading(name, reading, envelope.time, out);
             }
             (Topic::Mode(name), Message::Mode(mode)) => self.handle_mode(name, mode, out),
+            (Topic::Control(name), Message::Control(control)) => {
+                if let Some(index) = self.fleet.index_of(name) {
+                    self.tasks.called[index] |= control.wish == ControlWish::Home;
+                }
+            }
             (Topic::Model, Message::Model(model)) => self.handle_model(model),
             _ => {}
         }
@@ -295,6 +306,7 @@ impl SquadronController {
             };
             out.event(&self.id, severity, code, format!("vehicle {name} {words}"));
         }
+        self.recall(now);
         if let Some(next) = self.next_phase(now) {
             self.enter_phase(next, out);
         }
@@ -302,7 +314,10 @@ impl SquadronController {
             self.fleet.advance(index, out);
         }
         self.direct(now, out);
-        let searches = matches!(self.phase, Phase::Search | Phase::Characterise);
+        let searches = matches!(
+            self.phase,
+            Phase::Preliminary | Phase::Search | Phase::Characterise
+        );
         if searches && now >= self.next_population {
             self.next_population = SimTime::from_s(now.s() + self.search.step_s);
             self.search_step(out);
@@ -325,6 +340,8 @@ impl SquadronController {
             if let Ok(strategy) = self.new_strategy() {
                 self.strategy = Some(strategy);
             }
+            // What simulated vehicles read so far was of a plume that is known better now.
+            self.forget_simulated_readings();
         }
         if phase == Phase::Home {
             self.publish_findings(out);
@@ -333,6 +350,20 @@ impl SquadronController {
             self.publish_gap(out);
         }
         self.tasks.start_phase(phase, &self.fleet);
+        if phase == Phase::Home {
+            self.recall_all();
+        }
+    }
+
+    fn forget_simulated_readings(&mut self) {
+        let Ok(mut archive) = Archive::new(ArchiveOptions::default()) else {
+            return;
+        };
+        for &sample in self.real_archive.samples() {
+            // It was finite when it came in.
+            let _finite = archive.push(sample);
+        }
+        self.archive = archive;
     }
 
     fn search_step(&mut self, out: &mut Outbox) {
@@ -480,12 +511,17 @@ impl Agent for SquadronController {
     }
 
     fn interests(&self) -> Vec<Interest> {
-        vec![
+        let controls = self.fleet.vehicles.iter();
+        let controls = controls.map(|v| Interest::One(Topic::Control(v.name.clone())));
+        [
             Interest::AllStates,
             Interest::AllReadings,
             Interest::AllModes,
             Interest::One(Topic::Model),
         ]
+        .into_iter()
+        .chain(controls)
+        .collect()
     }
 
     fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {

@@ -48,7 +48,7 @@ pub fn of(setup: &Setup) -> Result<SiteMap> {
     let base = scenario.dispersion_spec()?;
     let ground = scenario.site.ground_amsl_m;
     let field = move |model: &Model, points: &[MapPoint]| -> Vec<f64> {
-        let corrected: Option<DispersionModel> = sc::peak::corrected(&base, model);
+        let corrected: Option<DispersionModel> = ws::model::corrected(&base, model);
         let ppm = |point| {
             corrected
                 .as_ref()
@@ -79,8 +79,9 @@ pub fn of(setup: &Setup) -> Result<SiteMap> {
         field: Arc::new(field),
         reality,
         true_peak: has_reality
-            .then(|| truth::reachable_peak(scenario))
-            .transpose()?,
+            .then(|| truth::true_peak(setup))
+            .transpose()?
+            .and_then(|truth| truth.0(0.0)),
     })
 }
 

@@ -5,6 +5,7 @@ use plume::MechanismId;
 use protocol::message::Peak;
 use record::files;
 use scenario::Scenario;
+use scenario::airspace::Airspace;
 use scenario::uncertain::Uncertain;
 use serde_json::json;
 use std::path::PathBuf;
@@ -57,9 +58,6 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     let mut document = document(&offline, &observations.platforms, reference);
     let peak = peak(&setup.scenario, &offline);
     document["peak"] = json!(peak);
-    if peak.is_some() {
-        document["peak"]["time_s"] = json!(offline.calibrator.met_s());
-    }
     write("calibration.json", &format!("{:#}\n", document))?;
     measured::tell_flaws(&offline.data_quality);
     println!(
@@ -119,26 +117,11 @@ fn document(
     })
 }
 
-/// The highest concentration inside fence and height band and outside every keep-out, as it was when
-/// the plume was last met; none where the fence leaves no such place.
+/// The highest concentration where set-points may go, as it was when the plume was last met; none where the
+/// fence leaves no such place.
 fn peak(scenario: &Scenario, offline: &OfflineCalibration) -> Option<Peak> {
-    let airspace = sc::Airspace::of(scenario).ok()?;
-    let calibrator = &offline.calibrator;
-    let model = plume::DispersionModel::new(calibrator.latest_spec()).ok()?;
-    let highest = sc::peak::highest(&model, &airspace, calibrator.met_s())?.position;
-    let met = calibrator.mean_ppm(&plume::Place {
-        east_m: highest.at.east_m,
-        north_m: highest.at.north_m,
-        height_agl_m: highest.height_m - scenario.site.ground_amsl_m,
-    })?;
-    let at = airspace.frame().to_geodetic(highest.at);
-    Some(Peak {
-        lat_deg: at.lat_deg,
-        lon_deg: at.lon_deg,
-        alt_amsl_m: highest.height_m,
-        co2_ppm: met.value,
-        sd_ppm: met.sd,
-    })
+    let airspace = Airspace::of(scenario).ok()?;
+    offline.calibrator.peak(&airspace)
 }
 
 /// The uncertain values before and after.

@@ -38,11 +38,12 @@
 //! # }
 //! ```
 //!
-//! [`wind::WindSeries`] is a wind that changes in time, [`dryden`] the gusts on top of it,
-//! [`terrain`] the ground from an SRTM tile, and [`area`] what lies inside a fence.
+//! [`wind::WindSeries`] is a wind that changes in time, [`eddies`] what makes it meander over minutes,
+//! [`dryden`] the gusts on top of both, [`terrain`] the ground from an SRTM tile, and [`area`] what lies inside a fence.
 
 pub mod area;
 pub mod dryden;
+pub mod eddies;
 pub mod geo;
 pub mod isa;
 pub mod terrain;

@@ -163,6 +163,50 @@ impl WindProfile {
 #[derive(Debug, Clone, PartialEq)]
 pub struct WindSeries {
     rows: Vec<(f64, WindVector)>,
+    /// Way of the air from the first row to each.
+    ways: Vec<Way>,
+}
+
+/// The way that air took.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Way {
+    /// Metres east of where it was.
+    pub east_m: f64,
+    /// Metres north of where it was.
+    pub north_m: f64,
+    /// Length of the way, m: more than the distance where the wind turned.
+    pub length_m: f64,
+}
+
+impl Way {
+    /// The way of air that moves with `wind` for a time; negative: back.
+    fn with(wind: WindVector, for_s: f64) -> Self {
+        Self {
+            east_m: wind.east_m_s * for_s,
+            north_m: wind.north_m_s * for_s,
+            length_m: wind.speed_m_s() * for_s,
+        }
+    }
+
+    /// This way and then another.
+    #[must_use]
+    pub fn and(self, then: Self) -> Self {
+        Self {
+            east_m: self.east_m + then.east_m,
+            north_m: self.north_m + then.north_m,
+            length_m: self.length_m + then.length_m,
+        }
+    }
+
+    /// This way made with another speed and turned clockwise, as (cos, sin) of the turn.
+    #[must_use]
+    pub fn turned(self, (cos, sin): (f64, f64)) -> Self {
+        Self {
+            east_m: self.east_m * cos + self.north_m * sin,
+            north_m: self.north_m * cos - self.east_m * sin,
+            ..self
+        }
+    }
 }
 
 impl WindSeries {
@@ -203,7 +247,48 @@ impl WindSeries {
                 WindVector::from_speed_and_direction(speed_m_s, direction_deg),
             ));
         }
-        Ok(Self { rows: out })
+        let mut series = Self {
+            rows: Vec::with_capacity(out.len()),
+            ways: Vec::with_capacity(out.len()),
+        };
+        for (time_s, wind) in out {
+            series.push(time_s, wind);
+        }
+        Ok(series)
+    }
+
+    /// A wind that is always the same, until more is known.
+    pub fn constant(wind: WindVector) -> Self {
+        Self {
+            rows: vec![(0.0, wind)],
+            ways: vec![Way::default()],
+        }
+    }
+
+    /// Appends the wind of a later time; one that is not later is left out.
+    pub fn push(&mut self, time_s: f64, wind: WindVector) {
+        let Some(&(last_s, last)) = self.rows.last() else {
+            self.rows.push((time_s, wind));
+            self.ways.push(Way::default());
+            return;
+        };
+        if time_s > last_s {
+            let on = Way::with(midway(last, wind), time_s - last_s);
+            self.ways.push(self.ways[self.ways.len() - 1].and(on));
+            self.rows.push((time_s, wind));
+        }
+    }
+
+    /// Way of the air from the series' beginning to `time_s`: of two times the difference counts.
+    pub fn way(&self, time_s: f64) -> Way {
+        let after = self.rows.partition_point(|row| row.0 <= time_s);
+        let (from_s, from) = self.rows[after.max(1) - 1];
+        let mean = if after == 0 || after == self.rows.len() {
+            from
+        } else {
+            midway(from, self.at(time_s))
+        };
+        self.ways[after.max(1) - 1].and(Way::with(mean, time_s - from_s))
     }
 
     /// The wind at `time_s`.
@@ -224,9 +309,33 @@ impl WindSeries {
     }
 }
 
+fn midway(a: WindVector, b: WindVector) -> WindVector {
+    WindVector {
+        east_m_s: 0.5 * (a.east_m_s + b.east_m_s),
+        north_m_s: 0.5 * (a.north_m_s + b.north_m_s),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_way_is_the_integral_of_the_series() {
+        let series =
+            WindSeries::new(&[(0.0, 4.0, 270.0), (60.0, 8.0, 270.0), (120.0, 8.0, 180.0)]).unwrap();
+        let between = |from_s: f64, to_s: f64| {
+            let (a, b) = (series.way(from_s), series.way(to_s));
+            [b.east_m - a.east_m, b.north_m - a.north_m]
+        };
+        // 4 m/s before, 4 to 8 m/s over a minute, then from west to south, both ends 8 m/s.
+        let near = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]) < 1e-9;
+        assert!(near(between(-10.0, 0.0), [40.0, 0.0]));
+        assert!(near(between(0.0, 60.0), [360.0, 0.0]));
+        assert!(near(between(0.0, 30.0), [150.0, 0.0]));
+        assert!(near(between(60.0, 120.0), [240.0, 240.0]));
+        assert!(near(between(120.0, 130.0), [0.0, 80.0]));
+    }
 
     #[test]
     fn westerly_blows_east() {

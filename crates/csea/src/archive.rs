@@ -13,7 +13,7 @@ use std::ops::Range;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
 use crate::error::{CseaError, setting};
-use crate::position::Position;
+use air::geo::Position;
 
 /// Samples that may wait unindexed.
 const TAIL: usize = 64;

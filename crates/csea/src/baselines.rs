@@ -7,8 +7,8 @@ use rand_distr::StandardNormal;
 use crate::archive::{Archive, Neighbour};
 use crate::domain::Domain;
 use crate::error::{CseaError, setting};
-use crate::position::Position;
 use crate::strategy::{PromisingPoint, SearchStrategy};
+use air::geo::Position;
 
 /// Places drawn evenly from the domain, whatever has been sensed.
 #[derive(Debug)]

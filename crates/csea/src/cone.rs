@@ -4,8 +4,8 @@ use air::geo::wrap_signed_deg;
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 
-use crate::position::Position;
 use crate::strategy::PromisingPoint;
+use air::geo::Position;
 
 /// A random one of `points` whose bearing from `position` is within `cone_deg` (half angle,
 /// 0…180) of `heading_deg` (degrees clockwise from north): a fast sampler that cannot turn on

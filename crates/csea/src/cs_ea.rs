@@ -30,8 +30,8 @@ use crate::archive::{Archive, Neighbour, SmoothingKernel};
 use crate::differential_evolution::DifferentialEvolution;
 use crate::domain::Domain;
 use crate::error::{CseaError, setting};
-use crate::position::Position;
 use crate::strategy::{PromisingPoint, SearchStrategy};
+use air::geo::Position;
 
 /// Settings of [`CsEa`].
 #[derive(Debug, Clone, Copy, PartialEq)]

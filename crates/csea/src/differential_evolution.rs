@@ -6,7 +6,7 @@ use rand::rngs::ChaCha8Rng;
 
 use crate::domain::Domain;
 use crate::error::{CseaError, setting};
-use crate::position::Position;
+use air::geo::Position;
 
 /// Weights of DE/rand/1/bin.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -7,7 +7,7 @@ use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 
 use crate::error::CseaError;
-use crate::position::Position;
+use air::geo::Position;
 
 /// Random places tried before a domain is called empty.
 const TRIES: usize = 4096;

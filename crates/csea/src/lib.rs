@@ -35,9 +35,9 @@ mod cs_ea;
 mod differential_evolution;
 mod domain;
 mod error;
-mod position;
 mod strategy;
 
+pub use air::geo::Position;
 pub use archive::{Archive, ArchiveOptions, FieldEstimate, Neighbour, Sample, SmoothingKernel};
 pub use baselines::{Ascent, RandomPoints, Sweep};
 pub use by_name::{STRATEGIES, strategy_by_name};
@@ -46,5 +46,4 @@ pub use cs_ea::{CsEa, CsEaOptions};
 pub use differential_evolution::DifferentialEvolution;
 pub use domain::Domain;
 pub use error::CseaError;
-pub use position::Position;
 pub use strategy::{PromisingPoint, SearchStrategy};

@@ -3,7 +3,7 @@
 use rand::rngs::ChaCha8Rng;
 
 use crate::archive::Archive;
-use crate::position::Position;
+use air::geo::Position;
 
 /// A place that is worth a flight.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -17,15 +17,19 @@ pub fn summary_context(setup: &Setup) -> Result<SummaryContext, MissionError> {
     let reality = has_reality
         .then(|| truth::reality_numbers(scenario))
         .transpose()?;
-    let peak = has_reality
-        .then(|| truth::reachable_peak(scenario))
-        .transpose()?;
+    let true_peak = has_reality.then(|| truth::true_peak(setup)).transpose()?;
+    let true_flux = if has_reality {
+        truth::true_flux(scenario)?
+    } else {
+        Vec::new()
+    };
     Ok(SummaryContext {
         seed: scenario.mission.seed,
         frame: setup.frame()?,
         before: truth::numbers(scenario)?,
         reality,
-        peak,
+        true_peak,
+        true_flux,
     })
 }
 

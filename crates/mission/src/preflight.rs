@@ -6,9 +6,10 @@ use crate::{MissionError, Setup};
 use air::geo::{Enu, Geodetic};
 use fdm::Aircraft;
 use fdm::dynamics::Dynamics;
+use sc::SquadronController;
 use sc::fleet::{MARGIN_M, ORBIT_M};
-use sc::{Airspace, SquadronController};
 use scenario::Scenario;
+use scenario::airspace::Airspace;
 use scenario::tables::VehicleTable;
 
 /// Speed over ground against the wind that a vehicle is to have at least, m/s: the squadron

@@ -1,19 +1,16 @@
 //! What is known of the stand-ins' reality: its numbers, and the highest concentration that the
 //! team may reach in it. The team never sees this; the summary holds its result against it.
 
-use crate::MissionError;
-use air::geo::Enu;
+use crate::{MissionError, Setup};
 use air::wind::towards_deg;
 use plume::{DispersionModel, Place};
-use protocol::message::{Estimate, Peak};
-use record::summary::ModelNumbers;
+use protocol::message::Estimate;
+use record::summary::{ModelNumbers, PlaceOfPeak, TruePeak};
 use scenario::Scenario;
+use scenario::airspace::{Airspace, SETPOINT_MARGIN_M};
+use scenario::peak::{highest, highest_of};
 use scenario::tables::VehicleKind;
-
-/// First grid of the search for the peak, m.
-const COARSE_M: f64 = 40.0;
-/// Last grid of the search for the peak, m.
-const FINE_M: f64 = 1.0;
+use std::sync::Arc;
 
 /// Whether a vehicle of the team stands in for a real one, so that there is a reality.
 pub fn has_stand_in(scenario: &Scenario) -> bool {
@@ -71,150 +68,100 @@ pub(crate) fn reality_numbers(scenario: &Scenario) -> Result<ModelNumbers, Missi
     })
 }
 
-/// The maximum of the reality's mean field inside the fence and the height band and outside the
-/// keep-out radius of every stack, by grids of falling spacing over all of it.
+/// The maximum of the reality's mean field where set-points may go, at any time: where the wind of a series
+/// has carried the plume by then, and with the mechanisms of the time.
 ///
 /// # Errors
 /// A reality that describes no world, or a fence with nowhere to fly.
-pub fn reachable_peak(scenario: &Scenario) -> Result<Peak, MissionError> {
-    let model = scenario.in_reality().dispersion_model()?;
-    let frame = scenario.frame()?;
-    let region = Region::new(scenario, &model)?;
-    let mut best: Option<(f64, Place)> = None;
-    // A grid rather than a gradient: with several sources, a lid or a fence the field has several local
-    // maxima, and the truth that results are held against must not depend on a starting point.
-    let mut spacing_m = COARSE_M;
-    let mut bounds = region.bounds();
-    loop {
-        best = region.best_on_grid(&model, &bounds, spacing_m, best);
-        let Some((_, at)) = best else {
-            return Err(MissionError::Request(
-                "the fence leaves nowhere to fly".to_owned(),
-            ));
-        };
-        if spacing_m <= FINE_M {
-            break;
-        }
-        let reach = 2.0 * spacing_m;
-        let axes = [at.east_m, at.north_m, at.height_agl_m];
-        bounds = axes.map(|centre| (centre - reach, centre + reach));
-        spacing_m = (spacing_m / 4.0).max(FINE_M);
-    }
-    let (ppm, at) = best.unwrap_or_default();
-    let geodetic = frame.to_geodetic(Enu {
-        east_m: at.east_m,
-        north_m: at.north_m,
-    });
-    Ok(Peak {
-        lat_deg: geodetic.lat_deg,
-        lon_deg: geodetic.lon_deg,
-        alt_amsl_m: frame.ground_amsl_m + at.height_agl_m,
-        co2_ppm: ppm,
-        sd_ppm: 0.0,
-    })
-}
-
-/// Where the team may fly.
-struct Region {
-    polygon: Vec<Enu>,
-    floor_m: f64,
-    ceiling_m: f64,
-    stacks: Vec<Enu>,
-    keep_out_m: f64,
-}
-
-impl Region {
-    fn new(scenario: &Scenario, model: &DispersionModel) -> Result<Self, MissionError> {
-        Ok(Self {
-            polygon: scenario.fence_polygon()?,
-            floor_m: scenario.fence.floor_agl_m,
-            ceiling_m: scenario.fence.ceiling_agl_m,
-            stacks: model.spec().sources.iter().map(|s| s.place).collect(),
-            keep_out_m: scenario.fence.keep_out_radius_m,
-        })
-    }
-
-    fn bounds(&self) -> [(f64, f64); 3] {
-        let span = |of: fn(&Enu) -> f64| {
-            let values = self.polygon.iter().map(of);
-            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
-                (l.min(v), h.max(v))
-            })
-        };
-        [
-            span(|c| c.east_m),
-            span(|c| c.north_m),
-            (self.floor_m, self.ceiling_m),
-        ]
-    }
-
-    fn allows(&self, at: Enu) -> bool {
-        air::area::is_inside(&self.polygon, at)
-            && self
-                .stacks
-                .iter()
-                .all(|s| s.distance_m(at) >= self.keep_out_m)
-    }
-
-    fn best_on_grid(
-        &self,
-        model: &DispersionModel,
-        bounds: &[(f64, f64); 3],
-        spacing_m: f64,
-        mut best: Option<(f64, Place)>,
-    ) -> Option<(f64, Place)> {
-        let grid = |(low, high): (f64, f64)| {
-            let n = ((high - low) / spacing_m).ceil().max(0.0) as usize;
-            (0..=n).map(move |k| (low + k as f64 * spacing_m).min(high))
-        };
-        for east_m in grid(bounds[0]) {
-            for north_m in grid(bounds[1]) {
-                if !self.allows(Enu { east_m, north_m }) {
-                    continue;
-                }
-                for height_agl_m in grid(bounds[2]) {
-                    let height_agl_m = height_agl_m.clamp(self.floor_m, self.ceiling_m);
-                    let place = Place {
-                        east_m,
-                        north_m,
-                        height_agl_m,
-                    };
-                    let ppm = model.mean_ppm(&place, 0.0);
-                    if best.is_none_or(|(highest, _)| ppm > highest) {
-                        best = Some((ppm, place));
-                    }
-                }
+pub fn true_peak(setup: &Setup) -> Result<TruePeak, MissionError> {
+    let model = setup.scenario.in_reality().dispersion_model()?;
+    let airspace = Airspace::of(&setup.scenario)?;
+    let series = setup.reality_wind_series.clone();
+    Ok(TruePeak(Arc::new(move |time_s| {
+        let highest = match &series {
+            None => highest_of(&model, &airspace, SETPOINT_MARGIN_M, time_s),
+            Some(series) => {
+                let puffs = model.puffs(series, 0.0, None, time_s);
+                let axes = model.puff_centres(&puffs);
+                let ppm = |p: &Place| model.ppm_among(&puffs, p);
+                highest(&ppm, &axes, &airspace, SETPOINT_MARGIN_M)
             }
-        }
-        best
-    }
+        }?;
+        let at = airspace.frame().to_geodetic(highest.position.at);
+        Some(PlaceOfPeak {
+            lat_deg: at.lat_deg,
+            lon_deg: at.lon_deg,
+            alt_amsl_m: highest.position.height_m,
+            co2_ppm: highest.co2_ppm,
+        })
+    })))
+}
+
+/// What the sources of the reality emit in its own wind, kg/s, by name.
+///
+/// # Errors
+/// A reality that describes no world.
+pub(crate) fn true_flux(scenario: &Scenario) -> Result<Vec<(String, f64)>, MissionError> {
+    let model = scenario.in_reality().dispersion_model()?;
+    let spec = model.spec();
+    let of = |k: usize| {
+        let source = &spec.sources[k];
+        let speed_m_s = spec.wind.speed_at_m_s(source.effective_height_agl_m);
+        Some((source.name.clone(), model.emission_kg_s(k, speed_m_s)?))
+    };
+    Ok((0..spec.sources.len()).filter_map(of).collect())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use air::geo::{Enu, Geodetic};
 
-    #[test]
-    fn the_peak_of_as_pontes_lies_on_the_axis_at_the_keep_out() {
-        // On the axis c = c_MAX σy σz(2400)/σy σz(1000): with Briggs D that factor is 3.9994
-        // (python: (.08*2400/1.24**.5*.06*2400/4.6**.5)/(.08*1000/1.1**.5*.06*1000/2.5**.5)),
-        // so 446 + 500 × 3.9994 = 2445.7 ppm at 1000 m towards 72°, 540 m above ground.
-        let text = include_str!("../../../scenarios/as-pontes.toml");
-        let scenario = Scenario::parse("s", text).unwrap();
-        let peak = reachable_peak(&scenario).unwrap();
-        let at = scenario.frame().unwrap().to_enu(air::geo::Geodetic {
+    fn peak(text: &str, time_s: f64) -> (Enu, PlaceOfPeak) {
+        let nothing = |_: &str| Err("no such file".to_owned());
+        let setup = Setup::load("s.toml", text, &nothing).unwrap();
+        let peak = true_peak(&setup).unwrap().0(time_s).unwrap();
+        let frame = setup.frame().unwrap();
+        let at = Geodetic {
             lat_deg: peak.lat_deg,
             lon_deg: peak.lon_deg,
-        });
+        };
+        (frame.to_enu(at), peak)
+    }
+
+    #[test]
+    fn the_peak_of_as_pontes_lies_on_the_axis_where_set_points_may_go() {
+        // On the axis c = c_MAX σy σz(2400)/σy σz(1120): with Briggs D that factor is 3.3191
+        // (python: s=lambda x:.08*x/(1+1e-4*x)**.5*.06*x/(1+1.5e-3*x)**.5; s(2400)/s(1120)),
+        // so 446 + 500 × 3.3191 = 2105.5 ppm at 1120 m towards 72°, 540 m above ground.
+        let (at, peak) = peak(include_str!("../../../scenarios/as-pontes.toml"), 0.0);
         assert!(
-            (Enu::default().distance_m(at) - 1000.0).abs() < 2.0,
+            (Enu::default().distance_m(at) - 1120.0).abs() < 1.0,
             "{at:?}"
         );
         assert!(
-            (Enu::default().bearing_deg(at) - 72.0).abs() < 0.2,
+            (Enu::default().bearing_deg(at) - 72.0).abs() < 0.1,
             "{at:?}"
         );
-        assert!((peak.alt_amsl_m - 880.0).abs() < 1.5, "{peak:?}");
-        assert!((peak.co2_ppm - 2445.7).abs() < 5.0, "{peak:?}");
+        assert!((peak.alt_amsl_m - 880.0).abs() < 0.5, "{peak:?}");
+        assert!((peak.co2_ppm - 2105.5).abs() < 1.0, "{peak:?}");
+    }
+
+    #[test]
+    fn a_thin_plume_is_not_missed_and_the_mechanisms_of_the_time_count() {
+        // Class F at 620 m: σz is 8 m, less than a third of the grid's steps in height.
+        // python: s=lambda x:.04*x/(1+1e-4*x)**.5*.016*x/(1+3e-4*x); 400*s(2400)/s(620)+400 = 4224.8
+        let text = "[site]\nlat_deg=43.4\nlon_deg=-7.8\nground_amsl_m=340\n[weather]\nstability=\"F\"\n\
+            [background]\nco2_ppm=400\n[fence]\nkeep_out_radius_m=500\n[[source]]\nlat_deg=43.4\nlon_deg=-7.8\n\
+            effective_height_m=307\nc_max_ppm=400\nc_max_distance_m=2400\n[[reality.mechanism]]\n\
+            id=\"wind-direction-drift\"\nrate_deg_per_h=60\n";
+        for (time_s, bearing_deg) in [(0.0, 90.0), (1800.0, 120.0)] {
+            let (at, peak) = peak(text, time_s);
+            assert!(
+                (Enu::default().bearing_deg(at) - bearing_deg).abs() < 0.1,
+                "{at:?}"
+            );
+            assert!((peak.co2_ppm - 4224.8).abs() < 4.0, "{peak:?}");
+        }
     }
 }

@@ -274,6 +274,7 @@ impl DispersionModel {
         let first_height = self.spec.sources[0].effective_height_agl_m;
         let reference = self.spec.wind.speed_at_m_s(first_height);
         let factor = ratio * self.effects.emission_factor;
+        let height_m = (base_height + self.effects.height_offset_m).max(0.0);
         let source_term = match source.strength {
             Strength::EmissionKgS(q) => SourceTerm::MolarRate(
                 q * factor / (std::f64::consts::TAU * source.gas.molar_mass_kg_mol()),
@@ -281,15 +282,14 @@ impl DispersionModel {
             Strength::CMax {
                 excess_ppm,
                 distance_m,
-            } => {
-                let (y, z) = self.sigmas_m(distance_m);
-                SourceTerm::AxisConcentration(excess_ppm * factor * y * z)
-            }
+            } => SourceTerm::AxisConcentration(
+                excess_ppm * factor / self.shape_on_axis(distance_m, height_m),
+            ),
         };
         Plume {
             east_m: source.place.east_m + east + self.effects.source_east_m,
             north_m: source.place.north_m + north + self.effects.source_north_m,
-            height_m: (base_height + self.effects.height_offset_m).max(0.0),
+            height_m,
             // By the heights that the scenario states: an offset found from readings moves the axis
             // and leaves the wind that was stated or logged for it.
             speed_ratio: if reference > 0.0 && base_height != first_height {
@@ -300,6 +300,12 @@ impl DispersionModel {
             source_term,
             depletion: None,
         }
+    }
+
+    /// V/(σy σz) on an axis at a height, images and all, 1/m².
+    fn shape_on_axis(&self, distance_m: f64, height_m: f64) -> f64 {
+        let (y, z) = self.sigmas_m(distance_m);
+        self.reflection.profile(height_m, height_m, z, 0.0) / (y * z)
     }
 
     /// The specification this model was made from.
@@ -324,18 +330,58 @@ impl DispersionModel {
     }
 
     /// Concentration above background on the first source's axis at `distance_m` in the scenario's
-    /// wind at time 0, ppm.
+    /// wind at time 0, ppm: where the mechanisms have the axis.
     pub fn axis_excess_ppm(&self, distance_m: f64) -> f64 {
-        let source = &self.spec.sources[0];
-        let on_axis = source
-            .place
-            .displaced(towards_deg(self.spec.wind.from_deg()), distance_m);
-        let place = Place {
-            east_m: on_axis.east_m,
-            north_m: on_axis.north_m,
-            height_agl_m: source.effective_height_agl_m,
+        let on_first = self.on_axes(distance_m, 0.0).next();
+        on_first.map_or(0.0, |place| {
+            self.mean_ppm(&place, 0.0) - self.background_ppm(&place, 0.0)
+        })
+    }
+
+    /// The place on the axis of each plume at a distance from its source, in the scenario's wind.
+    pub fn on_axes(&self, distance_m: f64, time_s: f64) -> impl Iterator<Item = Place> {
+        let wind = self.turned(self.scenario_wind, time_s);
+        self.plumes.iter().map(move |plume| Place {
+            east_m: plume.east_m + distance_m * wind.east,
+            north_m: plume.north_m + distance_m * wind.north,
+            height_agl_m: plume.height_m,
+        })
+    }
+
+    /// The c_MAX that states the first source's strength at `distance_m`, ppm: with it instead of its own
+    /// strength, and the same mechanisms, the model is the same. It knows the spread with all
+    /// mechanisms, and nothing of those that change the emission, the axis or what is lost on the way.
+    pub fn stated_c_max_ppm(&self, distance_m: f64) -> f64 {
+        let plume = &self.plumes[0];
+        let per_shape = match plume.source_term {
+            SourceTerm::AxisConcentration(strength) => strength,
+            SourceTerm::MolarRate(rate) => {
+                let speed = self.scenario_wind.speed_m_s.max(LEAST_TRANSPORT_M_S);
+                rate / speed * self.ppm_per_mol_m3(plume.height_m)
+            }
         };
-        self.mean_ppm(&place, 0.0) - self.background_ppm(&place, 0.0)
+        per_shape / self.effects.emission_factor * self.shape_on_axis(distance_m, plume.height_m)
+    }
+
+    /// What the scenario's source at an index emits, kg/s, if air goes by its axis at `speed_m_s`: the ratio of
+    /// emission to wind is what the model holds. None where there is no such source, or of another gas
+    /// than the first.
+    pub fn emission_kg_s(&self, source: usize, speed_m_s: f64) -> Option<f64> {
+        let spec = self.spec.sources.get(source)?;
+        let first = self.spec.sources[0].gas;
+        if spec.gas != first {
+            return None;
+        }
+        let before = self.spec.sources[..source].iter();
+        let plume = &self.plumes[before.filter(|s| s.gas == first).count()];
+        let own_m_s = (self.scenario_wind.speed_m_s * plume.speed_ratio).max(LEAST_TRANSPORT_M_S);
+        let mol_s_per_m_s = match plume.source_term {
+            SourceTerm::MolarRate(rate) => rate / own_m_s,
+            SourceTerm::AxisConcentration(strength) => {
+                strength / self.ppm_per_mol_m3(plume.height_m)
+            }
+        };
+        Some(std::f64::consts::TAU * mol_s_per_m_s * speed_m_s * first.molar_mass_kg_mol())
     }
 
     /// The same mole fraction in another wind of the moment.
@@ -667,6 +713,9 @@ fn validate(spec: &DispersionSpec) -> Result<(), PlumeError> {
 
 #[path = "batch.rs"]
 pub mod batch;
+
+#[path = "puffs.rs"]
+pub mod puffs;
 
 #[path = "reflection.rs"]
 mod reflection;

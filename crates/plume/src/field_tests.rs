@@ -336,3 +336,49 @@ proptest::proptest! {
         proptest::prop_assert!((a - b).abs() < 1e-8 * b);
     }
 }
+
+#[test]
+fn c_max_is_what_is_on_the_axis_whatever_sends_the_plume_back() {
+    // 400 ppm at 2400 m, 50 m above a ground that reflects: the image adds a third there, and c_MAX has it.
+    let mut s = spec(Strength::CMax {
+        excess_ppm: 400.0,
+        distance_m: 2400.0,
+    });
+    s.sources[0].effective_height_agl_m = 50.0;
+    s.ground_reflection = true;
+    for lid_m in [None, Some(120.0)] {
+        s.mixing_height_m = lid_m;
+        let model = DispersionModel::new(s.clone()).unwrap();
+        let axis = excess(&model, at(2400.0, 0.0, 50.0));
+        assert!((axis - 400.0).abs() < 1e-9, "{axis}");
+        assert!((model.axis_excess_ppm(2400.0) - 400.0).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn the_stated_c_max_makes_the_same_model_with_any_mechanism() {
+    for (id, p) in [
+        ("wind-direction-offset", &[("offset_deg", 12.0)][..]),
+        ("sigma-y-scale", &[("factor", 1.6)]),
+        ("first-order-decay", &[("rate_per_s", 0.002)]),
+        ("emission-scale", &[("factor", 1.4)]),
+        ("effective-height-offset", &[("offset_m", 40.0)]),
+    ] {
+        let emission = model(id, p);
+        let mut s = emission.spec().clone();
+        s.sources[0].strength = Strength::CMax {
+            excess_ppm: emission.stated_c_max_ppm(1000.0),
+            distance_m: 1000.0,
+        };
+        let stated = DispersionModel::new(s).unwrap();
+        assert!(
+            (stated.stated_c_max_ppm(1000.0) / emission.stated_c_max_ppm(1000.0) - 1.0).abs()
+                < 1e-12
+        );
+        // Along the axis where the mechanism has it, where the air is as dense.
+        for x_m in [500.0, 1000.0, 3000.0] {
+            let (a, b) = (stated.axis_excess_ppm(x_m), emission.axis_excess_ppm(x_m));
+            assert!((a / b - 1.0).abs() < 1e-9, "{id} at {x_m} m: {a} for {b}");
+        }
+    }
+}

@@ -90,6 +90,7 @@ pub mod track;
 pub mod units;
 
 pub use field::batch::{self, PlaceColumns};
+pub use field::puffs::{self, Puffs, UnsteadyAir, UnsteadySpec};
 pub use field::{DispersionModel, DispersionSpec, InPlume, Place, SourceSpec, Strength};
 pub use mechanism::{Mechanism, MechanismId};
 pub use sensor::{Sensor, SensorSpec};

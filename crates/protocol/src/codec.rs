@@ -1,7 +1,7 @@
 //! Bytes of an envelope. The one place that knows bincode, so that it can be replaced.
 
 use crate::ProtocolError;
-use crate::envelope::{Envelope, WIRE_VERSION};
+use crate::envelope::{Envelope, OLDEST_JSON_VERSION, WIRE_VERSION};
 use crate::key::{AgentId, Topic};
 use crate::message::Message;
 use crate::time::SimTime;
@@ -85,7 +85,7 @@ pub(crate) fn decode_json(topic: &Topic, text: &str) -> Result<Envelope, Protoco
         });
     }
     let json: JsonEnvelope = serde_json::from_str(text).map_err(garbage)?;
-    if json.wire_version != WIRE_VERSION {
+    if !(OLDEST_JSON_VERSION..=WIRE_VERSION).contains(&json.wire_version) {
         return Err(ProtocolError::WireVersion {
             theirs: json.wire_version,
             ours: WIRE_VERSION,

@@ -8,7 +8,10 @@ use serde::{Deserialize, Serialize};
 
 /// Version of the wire format: the first byte of every binary payload and a field of the JSON.
 /// It rises whenever a message changes its meaning or layout.
-pub const WIRE_VERSION: u8 = 1;
+pub const WIRE_VERSION: u8 = 2;
+/// The oldest version whose JSON is still read, so that recordings stay readable: what a message lacked then is
+/// filled with what it meant.
+pub const OLDEST_JSON_VERSION: u8 = 1;
 
 /// One message with who sent it, in which order, and when in simulated time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

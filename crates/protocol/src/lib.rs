@@ -65,7 +65,7 @@ pub mod message;
 pub mod time;
 
 pub use agent::{Agent, Event, Outbox};
-pub use envelope::{Envelope, WIRE_VERSION};
+pub use envelope::{Envelope, OLDEST_JSON_VERSION, WIRE_VERSION};
 pub use key::{AgentId, AgentKind, Interest, Topic};
 pub use message::Message;
 pub use time::SimTime;

@@ -302,6 +302,32 @@ pub struct Model {
     pub observations: u64,
     /// Extensions in force.
     pub mechanisms: Vec<MechanismSetting>,
+    /// The highest concentration where set-points may go; none before anything was read.
+    pub peak: Option<Peak>,
+    /// What the sources emit, as far as the readings tell.
+    #[serde(default)]
+    pub flux: Vec<Flux>,
+}
+
+/// What a source emits.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Flux {
+    /// The source's name.
+    pub source: String,
+    /// How it was found.
+    pub method: FluxMethod,
+    /// Emission, kg/s.
+    pub kg_s: Estimate,
+}
+
+/// How a flux was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FluxMethod {
+    /// From the corrected model and the wind that was measured.
+    Inference,
+    /// From the balance of what flows through a curtain of passes downwind.
+    MassBalance,
 }
 
 /// A place worth flying to.
@@ -370,7 +396,22 @@ pub struct Assignment {
     pub purpose: String,
 }
 
-/// The place of the highest concentration, as far as is known.
+/// How far readings stand behind a peak.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum PeakStatus {
+    /// Real crossings there read what is predicted for them, within the combined uncertainty.
+    Confirmed,
+    /// Too few crossings there, but the plume reads as predicted where it was crossed.
+    Supported,
+    /// Readings contradict it, or it is hardly known.
+    #[default]
+    Doubtful,
+    /// Nothing of a plume was read.
+    NotFound,
+}
+
+/// The place of the highest concentration where set-points may go, as far as is known.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Peak {
     /// Latitude, degrees (WGS84).
@@ -381,8 +422,14 @@ pub struct Peak {
     pub alt_amsl_m: f64,
     /// CO2 mole fraction there, background included, ppm.
     pub co2_ppm: f64,
-    /// One standard deviation of `co2_ppm`.
+    /// One standard deviation of `co2_ppm`, the model's error of form included.
     pub sd_ppm: f64,
+    /// Mission time for which it holds: when the plume was last met, s.
+    #[serde(default)]
+    pub time_s: f64,
+    /// How far readings stand behind it; doubtful where nobody asked.
+    #[serde(default)]
+    pub status: PeakStatus,
 }
 
 /// The squadron controller's plan (`sc/main/plan`).
@@ -396,11 +443,23 @@ pub struct Plan {
     pub peak: Option<Peak>,
 }
 
+/// A cause that the reality gap considers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct GapCause {
+    /// Mechanisms that the readings cannot tell from each other: one of them.
+    pub mechanisms: Vec<String>,
+    /// How probable it is, 0 to 1.
+    pub probability: f64,
+}
+
 /// What the reality gap says of the model, and whether it shall be adopted (`sc/main/extension`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Extension {
-    /// Verdict: none, named, ambiguous or unexplained.
+    /// Verdict: none, named, ambiguous, unexplained or insufficient.
     pub verdict: String,
+    /// What may be the cause, the likeliest first.
+    #[serde(default)]
+    pub causes: Vec<GapCause>,
     /// Mechanisms to add.
     pub mechanisms: Vec<MechanismSetting>,
     /// Whether the world simulator shall fly with them from now on.

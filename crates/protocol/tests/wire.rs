@@ -38,7 +38,7 @@ fn ambient() -> Envelope {
 /// little endian); variant 6; ten doubles, little endian.
 #[test]
 fn golden_bytes() {
-    let mut expected = vec![1u8, 7];
+    let mut expected = vec![2u8, 7];
     expected.extend(b"ws/main");
     expected.push(7);
     expected.push(0xfc);
@@ -56,7 +56,7 @@ fn golden_bytes() {
 #[test]
 fn json_reads_as_the_readme_shows_and_back() {
     let json: serde_json::Value = serde_json::from_str(&ambient().to_json()).unwrap();
-    assert_eq!(json["wire_version"], 1);
+    assert_eq!(json["wire_version"], 2);
     assert_eq!(json["sender"], "ws/main");
     assert_eq!(json["time_ns"], 20_000_000);
     assert_eq!(json["message"]["co2_ppm"], 449.0);
@@ -102,7 +102,7 @@ fn another_wire_version_is_named() {
     );
     let json = ambient()
         .to_json()
-        .replace("\"wire_version\":1", "\"wire_version\":9");
+        .replace("\"wire_version\":2", "\"wire_version\":9");
     assert!(matches!(
         Envelope::from_json(&topic(), &json),
         Err(ProtocolError::WireVersion { theirs: 9, .. })
@@ -230,4 +230,18 @@ proptest! {
         prop_assume!(keep < bytes.len());
         prop_assert!(Envelope::from_bytes(&topic(), &bytes[..keep]).is_err());
     }
+}
+
+#[test]
+fn json_of_the_version_before_is_still_read() {
+    let text = r#"{"wire_version":1,"sender":"sc/main","sequence":1,"time_ns":0,"message":{"phase":"search",
+        "assignments":[],"peak":{"lat_deg":43.4,"lon_deg":-7.8,"alt_amsl_m":800.0,"co2_ppm":900.0,"sd_ppm":9.0}}}"#;
+    let envelope = Envelope::from_json(&Topic::Plan, text).unwrap();
+    let Message::Plan(plan) = envelope.message else {
+        panic!("{envelope:?}")
+    };
+    assert_eq!(
+        plan.peak.unwrap().status,
+        protocol::message::PeakStatus::Doubtful
+    );
 }

@@ -7,7 +7,7 @@ use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use protocol::digest::Digest;
 use protocol::key::Name;
-use protocol::{AgentId, Envelope, SimTime, Topic, WIRE_VERSION};
+use protocol::{AgentId, Envelope, OLDEST_JSON_VERSION, SimTime, Topic, WIRE_VERSION};
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::io::{BufReader, Read as _};
@@ -103,9 +103,11 @@ fn run_info(
             .ok_or_else(|| format!("its metadata lacks {name}"))
     };
     let wire = take("wire_version")?;
-    if wire != WIRE_VERSION.to_string() {
+    let read = OLDEST_JSON_VERSION..=WIRE_VERSION;
+    if !wire.parse().is_ok_and(|v| read.contains(&v)) {
         return Err(format!(
-            "its messages are of wire version {wire} and this program reads {WIRE_VERSION}"
+            "its messages are of wire version {wire} and this program reads {OLDEST_JSON_VERSION} to \
+             {WIRE_VERSION}"
         ));
     }
     let mission = take("mission")?;

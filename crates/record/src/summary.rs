@@ -1,10 +1,13 @@
 //! `summary.json`: what a mission found, built from its messages in bounded memory.
 
 use air::geo::{Geodetic, LocalFrame, wrap_signed_deg};
-use protocol::message::{Estimate, Message, Model, Peak, Reading, State, VehicleKind};
+use protocol::message::{
+    Estimate, Flux, GapCause, Message, Model, Peak, PeakStatus, Reading, State, VehicleKind,
+};
 use protocol::{Envelope, SimTime, Topic};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// The schema that `summary.json` names.
 pub const SCHEMA: &str = "plumage.summary/1";
@@ -157,14 +160,63 @@ pub struct VehicleSummary {
 }
 
 /// The peak: found, true, and how far apart.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PeakSummary {
-    /// The squadron controller's last estimate.
+    /// How far readings stand behind the estimate.
+    pub status: PeakStatus,
+    /// The last estimate; none where no plume was read.
     pub estimate: Option<Peak>,
-    /// The maximum of the reality's mean field that the team may reach, where it is known.
-    pub truth: Option<Peak>,
-    /// Distance between them, m.
+    /// The highest reading of a real vehicle; none without one.
+    pub highest_reading: Option<HighestReading>,
+    /// The maximum of the reality's mean field where set-points may go, in its slow wind at the
+    /// estimate's time, where it is known.
+    pub truth: Option<PlaceOfPeak>,
+    /// Distance between estimate and truth, m.
     pub error_m: Option<f64>,
+}
+
+/// A place and the mole fraction there.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct PlaceOfPeak {
+    /// Latitude, degrees (WGS84).
+    pub lat_deg: f64,
+    /// Longitude, degrees (WGS84).
+    pub lon_deg: f64,
+    /// Altitude, m above mean sea level.
+    pub alt_amsl_m: f64,
+    /// CO2 mole fraction there, background included, ppm.
+    pub co2_ppm: f64,
+}
+
+/// The highest reading of all real vehicles.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct HighestReading {
+    /// Who read it.
+    pub vehicle: String,
+    /// Mission time, s.
+    pub time_s: f64,
+    /// Where, and what.
+    #[serde(flatten)]
+    pub place: PlaceOfPeak,
+}
+
+/// What the readings show of the model.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GapSummary {
+    /// none, named, ambiguous, unexplained or insufficient.
+    pub verdict: String,
+    /// What may be the cause, the likeliest first.
+    pub causes: Vec<GapCause>,
+}
+
+/// What a source emits, and where it is known what it really does.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FluxSummary {
+    /// What was found.
+    #[serde(flatten)]
+    pub found: Flux,
+    /// Emission of the stand-in's reality, kg/s, where it is known.
+    pub truth_kg_s: Option<f64>,
 }
 
 /// The model before and after the mission, and the stand-in's reality where it is known.
@@ -197,6 +249,10 @@ pub struct MissionSummary {
     pub vehicles: Vec<VehicleSummary>,
     /// The peak.
     pub peak: PeakSummary,
+    /// What the sources emit; empty where no plume was read.
+    pub flux: Vec<FluxSummary>,
+    /// What real readings show of the model; none where nobody looked.
+    pub gap: Option<GapSummary>,
     /// The model.
     pub model: ModelSummary,
 }
@@ -220,8 +276,20 @@ pub struct SummaryContext {
     pub before: ModelNumbers,
     /// The stand-in's reality, if there is one.
     pub reality: Option<ModelNumbers>,
-    /// The maximum of the reality's mean field that the team may reach, if it is known.
-    pub peak: Option<Peak>,
+    /// The maximum of the reality's mean field where set-points may go, at a time, if it is known.
+    pub true_peak: Option<TruePeak>,
+    /// What the sources of the reality emit, kg/s, by name.
+    pub true_flux: Vec<(String, f64)>,
+}
+
+/// The true peak at a mission time in s.
+#[derive(Clone)]
+pub struct TruePeak(pub Arc<dyn Fn(f64) -> Option<PlaceOfPeak> + Send + Sync>);
+
+impl std::fmt::Debug for TruePeak {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("TruePeak(..)")
+    }
 }
 
 /// Builds a [`MissionSummary`] from the messages of a run as they come.
@@ -231,6 +299,8 @@ pub struct Summariser {
     last: SimTime,
     vehicles: BTreeMap<String, Vehicle>,
     peak: Option<Peak>,
+    flux: Vec<Flux>,
+    gap: Option<GapSummary>,
     after: ModelNumbers,
 }
 
@@ -252,6 +322,8 @@ impl Summariser {
             last: SimTime::ZERO,
             vehicles: BTreeMap::new(),
             peak: None,
+            flux: Vec::new(),
+            gap: None,
             after: context.before,
             context,
         }
@@ -272,8 +344,17 @@ impl Summariser {
                 self.vehicle(id.as_str(), reading.kind)
                     .read(envelope.time, reading);
             }
-            (Topic::Plan, Message::Plan(plan)) => self.peak = plan.peak.or(self.peak),
-            (Topic::Model, Message::Model(model)) => self.after = model.as_ref().into(),
+            (Topic::Model, Message::Model(model)) => {
+                self.after = model.as_ref().into();
+                self.peak = model.peak.or(self.peak);
+                self.flux.clone_from(&model.flux);
+            }
+            (Topic::Extension, Message::Extension(said)) => {
+                self.gap = Some(GapSummary {
+                    verdict: said.verdict.clone(),
+                    causes: said.causes.clone(),
+                });
+            }
             _ => {}
         }
     }
@@ -294,12 +375,6 @@ impl Summariser {
     /// The summary of what was taken in so far.
     pub fn summary(&self, digest: &str, wall_s: f64) -> MissionSummary {
         let sim_s = self.last.s();
-        let error_m = match (self.peak, self.context.peak) {
-            (Some(found), Some(truth)) => {
-                Some(peak_distance_m(&self.context.frame, &found, &truth))
-            }
-            _ => None,
-        };
         MissionSummary {
             schema: SCHEMA,
             seed: self.context.seed,
@@ -312,16 +387,63 @@ impl Summariser {
                 .iter()
                 .map(|(id, v)| v.summary(id, self.last))
                 .collect(),
-            peak: PeakSummary {
-                estimate: self.peak,
-                truth: self.context.peak,
-                error_m,
-            },
+            peak: self.peak_summary(),
+            flux: self.flux.iter().map(|f| self.flux_summary(f)).collect(),
+            gap: self.gap.clone(),
             model: ModelSummary {
                 before: self.context.before,
                 after: self.after,
                 reality: self.context.reality,
             },
+        }
+    }
+}
+
+impl Summariser {
+    fn peak_summary(&self) -> PeakSummary {
+        let found = self.peak;
+        let estimate = found.filter(|p| p.status != PeakStatus::NotFound);
+        let time_s = found.map_or(self.last.s(), |p| p.time_s);
+        let truth = self.context.true_peak.as_ref().and_then(|t| t.0(time_s));
+        let error_m = estimate
+            .zip(truth)
+            .map(|(found, truth)| distance_m(&self.context.frame, &found, &truth));
+        PeakSummary {
+            status: found.map_or(PeakStatus::NotFound, |p| p.status),
+            estimate,
+            highest_reading: self.highest_reading(),
+            truth,
+            error_m,
+        }
+    }
+
+    fn highest_reading(&self) -> Option<HighestReading> {
+        let real = self
+            .vehicles
+            .iter()
+            .filter(|(_, v)| v.kind == VehicleKind::Real);
+        let read = real.filter_map(|(id, v)| Some((id, v.peak.as_ref()?)));
+        let highest = read.max_by(|a, b| a.1.1.co2_ppm.total_cmp(&b.1.1.co2_ppm));
+        highest.map(|(id, (time, reading))| HighestReading {
+            vehicle: id.clone(),
+            time_s: time.s(),
+            place: PlaceOfPeak {
+                lat_deg: reading.lat_deg,
+                lon_deg: reading.lon_deg,
+                alt_amsl_m: reading.alt_amsl_m,
+                co2_ppm: reading.co2_ppm,
+            },
+        })
+    }
+
+    fn flux_summary(&self, found: &Flux) -> FluxSummary {
+        let known = self.context.true_flux.iter();
+        FluxSummary {
+            truth_kg_s: known
+                .clone()
+                .find(|(name, _)| *name == found.source)
+                .map(|k| k.1),
+            found: found.clone(),
         }
     }
 }
@@ -379,13 +501,10 @@ impl Vehicle {
     }
 }
 
-/// Distance between two peaks, height included, m.
-fn peak_distance_m(frame: &LocalFrame, a: &Peak, b: &Peak) -> f64 {
-    let enu = |p: &Peak| {
-        frame.to_enu(Geodetic {
-            lat_deg: p.lat_deg,
-            lon_deg: p.lon_deg,
-        })
-    };
-    enu(a).distance_m(enu(b)).hypot(a.alt_amsl_m - b.alt_amsl_m)
+/// Distance from a peak to the true one, height included, m.
+fn distance_m(frame: &LocalFrame, found: &Peak, truth: &PlaceOfPeak) -> f64 {
+    let enu = |lat_deg: f64, lon_deg: f64| frame.to_enu(Geodetic { lat_deg, lon_deg });
+    enu(found.lat_deg, found.lon_deg)
+        .distance_m(enu(truth.lat_deg, truth.lon_deg))
+        .hypot(found.alt_amsl_m - truth.alt_amsl_m)
 }

@@ -1,7 +1,10 @@
 //! A summary in words, for the terminal.
 
-use crate::summary::{CORRECTED, MissionSummary, ModelNumber, ModelSummary, PeakSummary};
-use protocol::message::{Estimate, VehicleKind};
+use crate::summary::{
+    CORRECTED, FluxSummary, GapSummary, HighestReading, MissionSummary, ModelNumber, ModelSummary,
+    PeakSummary,
+};
+use protocol::message::{Estimate, Flux, FluxMethod, Peak, PeakStatus, VehicleKind};
 use std::fmt::Write as _;
 
 /// What was found, and how far the model was and is from the stand-in's reality.
@@ -26,6 +29,12 @@ pub fn summary(summary: &MissionSummary) -> String {
         ),
     );
     line(&mut text, format_args!("{}", peak(&summary.peak)));
+    for found in &summary.flux {
+        line(&mut text, format_args!("{}", flux(found)));
+    }
+    if let Some(found) = &summary.gap {
+        line(&mut text, format_args!("{}", gap(found)));
+    }
     model(&mut text, &summary.model, real);
     text
 }
@@ -68,26 +77,114 @@ pub fn place(lat_deg: f64, lon_deg: f64, alt_amsl_m: f64) -> String {
     )
 }
 
-/// The peak in one sentence or two.
+/// The peak, how far readings stand behind it, and what it is held against.
 pub fn peak(peak: &PeakSummary) -> String {
-    let Some(found) = peak.estimate else {
-        return "Found: no peak; the mission ended before its search had one.".to_owned();
+    let mut text = match (peak.status, &peak.estimate) {
+        (PeakStatus::NotFound, _) | (_, None) => {
+            "Not found: no plume was read, and so there is no peak.".to_owned()
+        }
+        (PeakStatus::Confirmed, Some(p)) => format!(
+            "Found and confirmed: a peak of {}. Real crossings there read what is predicted for them.",
+            estimate(p)
+        ),
+        (PeakStatus::Supported, Some(p)) => format!(
+            "Found: a peak of {}. Real readings support it; too few crossings were there to confirm it.",
+            estimate(p)
+        ),
+        (PeakStatus::Doubtful, Some(p)) => format!(
+            "Doubtful: a peak of {}. Real readings contradict it, or leave it hardly known.",
+            estimate(p)
+        ),
     };
-    let mut text = format!(
-        "Found: a peak of {:.0} ± {:.0} ppm at {}.",
-        found.co2_ppm,
-        found.sd_ppm,
-        place(found.lat_deg, found.lon_deg, found.alt_amsl_m)
-    );
-    if let (Some(truth), Some(error_m)) = (peak.truth, peak.error_m) {
+    if let Some(HighestReading { place: at, .. }) = &peak.highest_reading {
         let _ = write!(
             text,
-            " That is {error_m:.0} m from the highest reachable point of the stand-in's reality \
-             ({:.0} ppm).",
+            " The highest real reading was {:.0} ppm at {}.",
+            at.co2_ppm,
+            place(at.lat_deg, at.lon_deg, at.alt_amsl_m)
+        );
+    }
+    if let Some(truth) = &peak.truth {
+        let away = peak
+            .error_m
+            .map_or(String::new(), |m| format!(", {m:.0} m from there"));
+        let _ = write!(
+            text,
+            " The stand-in's reality, which is no real aircraft's, has {:.0} ppm at its highest such place{away}.",
             truth.co2_ppm
         );
     }
     text
+}
+
+/// How far readings stand behind a peak, in a word.
+pub fn status(status: PeakStatus) -> &'static str {
+    match status {
+        PeakStatus::Confirmed => "confirmed",
+        PeakStatus::Supported => "supported",
+        PeakStatus::Doubtful => "doubtful",
+        PeakStatus::NotFound => "not found",
+    }
+}
+
+fn estimate(peak: &Peak) -> String {
+    format!(
+        "{:.0} ± {:.0} ppm at {}, the highest where set-points may go",
+        peak.co2_ppm,
+        peak.sd_ppm,
+        place(peak.lat_deg, peak.lon_deg, peak.alt_amsl_m)
+    )
+}
+
+/// What a source emits.
+pub fn flux(flux: &FluxSummary) -> String {
+    let Flux {
+        source,
+        method,
+        kg_s,
+    } = &flux.found;
+    let method = match method {
+        FluxMethod::Inference => "the corrected model",
+        FluxMethod::MassBalance => "the mass balance of passes",
+    };
+    let reality = flux.truth_kg_s.map_or(String::new(), |q| {
+        format!("; {} in the stand-in's reality", significant(q))
+    });
+    format!(
+        "Flux of {source}: {} ± {} kg/s by {method}{reality}.",
+        significant(kg_s.value),
+        significant(kg_s.sd)
+    )
+}
+
+/// Three digits that count.
+fn significant(value: f64) -> String {
+    let digits = (2.0 - value.abs().max(1e-9).log10().floor()).clamp(0.0, 9.0) as usize;
+    format!("{value:.digits$}")
+}
+
+/// What real readings show of the model.
+pub fn gap(gap: &GapSummary) -> String {
+    let says = match gap.verdict.as_str() {
+        "none" => "nothing beyond its own uncertainty",
+        "insufficient" => "too little to tell",
+        "unexplained" => "something that is not explained",
+        "named" => "a cause",
+        _ => "several possible causes",
+    };
+    let causes: Vec<String> = gap
+        .causes
+        .iter()
+        .map(|c| c.mechanisms.join(" or "))
+        .collect();
+    let causes = match &causes[..] {
+        [] => String::new(),
+        causes => format!(": {}", causes.join(", ")),
+    };
+    format!(
+        "Gap between model and real readings, in flight: {} ({says}{causes}).",
+        gap.verdict
+    )
 }
 
 fn model(text: &mut String, model: &ModelSummary, real: usize) {

@@ -5,12 +5,15 @@ mod synthetic;
 
 use kml::{Kml, KmlReader};
 use protocol::key::Name;
-use protocol::message::{Message, Peak, VehicleKind};
+use protocol::message::{Message, Peak, PeakStatus, VehicleKind};
 use protocol::{Envelope, SimTime, Topic};
 use record::kml::{MapFeatures, StackMarker, document};
-use record::summary::{CORRECTED, ModelNumbers, Outcome, Summariser, SummaryContext};
+use record::summary::{
+    CORRECTED, ModelNumbers, Outcome, PlaceOfPeak, Summariser, SummaryContext, TruePeak,
+};
 use record::text;
 use record::tracks::Tracks;
+use std::sync::Arc;
 
 fn numbers(axis_deg: f64, height_m: f64) -> ModelNumbers {
     ModelNumbers::from(&synthetic::model(axis_deg, height_m, 410.0, 0))
@@ -22,13 +25,27 @@ fn known() -> SummaryContext {
         frame: synthetic::frame(),
         before: numbers(130.0, 450.0),
         reality: Some(numbers(118.0, 486.0)),
-        peak: Some(Peak {
-            lat_deg: 43.4365,
-            lon_deg: -7.8498,
-            alt_amsl_m: 826.0,
-            co2_ppm: 1025.0,
-            sd_ppm: 0.0,
-        }),
+        true_peak: Some(TruePeak(Arc::new(|_| {
+            Some(PlaceOfPeak {
+                lat_deg: 43.4365,
+                lon_deg: -7.8498,
+                alt_amsl_m: 826.0,
+                co2_ppm: 1025.0,
+            })
+        }))),
+        true_flux: Vec::new(),
+    }
+}
+
+fn peak() -> Peak {
+    Peak {
+        lat_deg: 43.4365,
+        lon_deg: -7.8498,
+        alt_amsl_m: 826.0,
+        co2_ppm: 1025.0,
+        sd_ppm: 0.0,
+        time_s: 600.0,
+        status: PeakStatus::Confirmed,
     }
 }
 
@@ -48,7 +65,7 @@ fn the_summary_has_the_fields_of_its_schema() {
     let expect = |text: &str| -> Vec<String> { text.split(' ').map(str::to_owned).collect() };
     assert_eq!(
         keys(&json),
-        expect("digest model peak real_time_factor schema seed sim_s vehicles wall_s")
+        expect("digest flux gap model peak real_time_factor schema seed sim_s vehicles wall_s")
     );
     assert_eq!(
         keys(&json["vehicles"][0]),
@@ -57,7 +74,10 @@ fn the_summary_has_the_fields_of_its_schema() {
              peak_time_s"
         )
     );
-    assert_eq!(keys(&json["peak"]), expect("error_m estimate truth"));
+    assert_eq!(
+        keys(&json["peak"]),
+        expect("error_m estimate highest_reading status truth")
+    );
     assert_eq!(keys(&json["model"]), expect("after before reality"));
     assert_eq!(
         keys(&json["model"]["after"]),
@@ -162,7 +182,8 @@ fn an_angle_is_compared_the_short_way_round() {
 fn a_mission_without_real_vehicle_or_peak_has_words_and_nulls() {
     let summary = Summariser::new(SummaryContext {
         reality: None,
-        peak: None,
+        true_peak: None,
+        true_flux: Vec::new(),
         ..known()
     })
     .summary("", 0.0);
@@ -170,7 +191,7 @@ fn a_mission_without_real_vehicle_or_peak_has_words_and_nulls() {
     assert!(json["model"]["reality"].is_null() && json["real_time_factor"].is_null());
     let text = text::summary(&summary);
     assert!(
-        text.contains("no peak") && text.contains("no real vehicle"),
+        text.contains("there is no peak") && text.contains("no real vehicle"),
         "{text}"
     );
 }
@@ -192,7 +213,7 @@ fn kml_reads_back_with_a_folder_a_vehicle() {
         }],
         fence: vec![(43.40, -7.90), (43.40, -7.80), (43.47, -7.80)],
         fence_top_amsl_m: 1200.0,
-        peak: known().peak,
+        peak: Some(peak()),
     };
     let text = document(&tracks, &around).unwrap();
     assert!(!text.contains("NaN"));

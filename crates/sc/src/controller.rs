@@ -10,11 +10,11 @@ use csea::{
     Archive, ArchiveOptions, CsEaOptions, Domain, Position, Sample, SearchStrategy,
     strategy_by_name,
 };
-use plume::{DispersionModel, DispersionSpec};
+use plume::DispersionSpec;
 use protocol::key::Name;
 use protocol::message::{
-    ControlWish, Mode, Model, Observation, Peak, Phase, Plan, Population, Reading, Severity,
-    VehicleKind as Kind,
+    ControlWish, Mode, Model, Observation, Peak, PeakStatus, Phase, Plan, Population, Reading,
+    Severity, VehicleKind as Kind,
 };
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Message, Outbox, SimTime, Topic};
 use rand::rngs::ChaCha8Rng;
@@ -23,16 +23,15 @@ use scenario::random::stream;
 use scenario::tables::{SearchTable, VehicleKind};
 use scenario::world::OFF_HEIGHT_M;
 
-use crate::airspace::Airspace;
 use crate::error::ScError;
 use crate::fleet::{Fleet, MARGIN_M, TeamVehicle};
 use crate::live_gap::LiveGap;
 use crate::passes::PassRange;
-use crate::peak::{self, FieldMaximum};
 use crate::plume_estimate::PlumeEstimate;
 use crate::route_graph::RouteGraph;
 use crate::separation::Separation;
 use crate::tasks::Tasks;
+use scenario::airspace::Airspace;
 
 /// Time between two decisions, s.
 const DECISION_S: f64 = 1.0;
@@ -45,8 +44,6 @@ const SEARCH_BEYOND_M: f64 = 600.0;
 const SEARCH_SECTOR_DEG: f64 = 60.0;
 /// Half height of the search around the axis, in σz at the far end of the passes.
 const SEARCH_SIGMAS: f64 = 2.5;
-/// Readings within this distance of the peak are compared with the model there, m.
-const ASSESS_RADIUS_M: f64 = 200.0;
 
 /// The squadron controller.
 pub struct SquadronController {
@@ -64,11 +61,7 @@ pub struct SquadronController {
     rng: ChaCha8Rng,
     strategy: Option<Box<dyn SearchStrategy>>,
     archive: Archive,
-    /// Readings of real vehicles alone, by which the peak is assessed.
-    real_archive: Archive,
     gap: Option<LiveGap>,
-    world: Option<DispersionModel>,
-    peak: Option<FieldMaximum>,
     generation: u64,
     next_decision: SimTime,
     next_population: SimTime,
@@ -123,7 +116,6 @@ impl SquadronController {
                 ways_down: Vec::new(),
             },
             levels_amsl_m: scenario.levels_amsl_m(),
-            world: DispersionModel::new(base.clone()).ok(),
             base,
             model: None,
             range,
@@ -133,8 +125,6 @@ impl SquadronController {
             rng: stream(scenario.mission.seed, "sc"),
             strategy: None,
             archive: Archive::new(ArchiveOptions::default())?,
-            real_archive: Archive::new(ArchiveOptions::default())?,
-            peak: None,
             generation: 0,
             next_decision: SimTime::ZERO,
             next_population: SimTime::ZERO,
@@ -149,9 +139,11 @@ impl SquadronController {
         self.phase
     }
 
-    /// The running estimate of the peak.
-    pub fn peak(&self) -> Option<FieldMaximum> {
-        self.peak
+    /// The running estimate of the peak; none before the search, while it is only what the
+    /// scenario supposes, and none where no plume was read.
+    pub fn peak(&self) -> Option<Peak> {
+        let found = self.model.as_ref().and_then(|m| m.peak);
+        found.filter(|p| self.phase >= Phase::Search && p.status != PeakStatus::NotFound)
     }
 
     /// Where the plume is estimated to be; none before the first model.
@@ -246,11 +238,13 @@ impl SquadronController {
             },
             value: reading.co2_ppm,
         };
+        let real = reading.kind == Kind::Real;
+        // Of a plume that real vehicles are still to show, simulated ones read nothing worth knowing.
+        let too_early = self.phase == Phase::Preliminary && !real;
         // A reading that is not finite is left out.
-        if self.archive.push(sample).is_err() || reading.kind != Kind::Real {
+        if too_early || self.archive.push(sample).is_err() || !real {
             return;
         }
-        let _finite = self.real_archive.push(sample);
         let observation = Observation {
             vehicle: name.to_string(),
             time_ns: time.ns(),
@@ -276,19 +270,8 @@ impl SquadronController {
     }
 
     fn handle_model(&mut self, model: &Model) {
-        if self.model.as_ref() == Some(model) {
-            return;
-        }
-        if let Some(world) = peak::corrected(&self.base, model) {
-            self.world = Some(world);
+        if self.model.as_ref() != Some(model) {
             self.model = Some(model.clone());
-            self.find_peak(SimTime::ZERO);
-        }
-    }
-
-    fn find_peak(&mut self, now: SimTime) {
-        if let Some(world) = &self.world {
-            self.peak = peak::highest(world, &self.fleet.airspace, now.s());
         }
     }
 
@@ -340,8 +323,6 @@ impl SquadronController {
             if let Ok(strategy) = self.new_strategy() {
                 self.strategy = Some(strategy);
             }
-            // What simulated vehicles read so far was of a plume that is known better now.
-            self.forget_simulated_readings();
         }
         if phase == Phase::Home {
             self.publish_findings(out);
@@ -353,17 +334,6 @@ impl SquadronController {
         if phase == Phase::Home {
             self.recall_all();
         }
-    }
-
-    fn forget_simulated_readings(&mut self) {
-        let Ok(mut archive) = Archive::new(ArchiveOptions::default()) else {
-            return;
-        };
-        for &sample in self.real_archive.samples() {
-            // It was finite when it came in.
-            let _finite = archive.push(sample);
-        }
-        self.archive = archive;
     }
 
     fn search_step(&mut self, out: &mut Outbox) {
@@ -392,61 +362,46 @@ impl SquadronController {
         self.follow(&points, out);
     }
 
-    /// The peak as it is published; none before the search, while it is only what the
-    /// scenario supposes.
-    fn peak_message(&self) -> Option<Peak> {
-        let FieldMaximum { position, co2_ppm } =
-            self.peak.filter(|_| self.phase >= Phase::Search)?;
-        let Geodetic { lat_deg, lon_deg } = self.fleet.airspace.frame().to_geodetic(position.at);
-        let sd_ppm = self.model.as_ref().map_or(f64::NAN, |m| {
-            let excess_ppm = co2_ppm - m.background_ppm.value;
-            (excess_ppm * m.c_max_ppm.sd / m.c_max_ppm.value.max(1.0)).hypot(m.background_ppm.sd)
-        });
-        Some(Peak {
-            lat_deg,
-            lon_deg,
-            alt_amsl_m: position.height_m,
-            co2_ppm,
-            sd_ppm: if sd_ppm.is_finite() { sd_ppm } else { co2_ppm },
-        })
-    }
-
     /// Publishes the plan at every decision, changed or not: vehicles take it as the sign that
     /// somebody is in command, and go home without it.
     fn publish_plan(&self, out: &mut Outbox) {
         let plan = Plan {
             phase: self.phase,
             assignments: self.fleet.assignments(),
-            peak: self.peak_message(),
+            peak: self.peak(),
         };
         out.say(Topic::Plan, Message::Plan(plan));
     }
 
-    /// Publishes what was found, and whether the samples support it.
+    /// Publishes what was found, and how far readings stand behind it.
     fn publish_findings(&self, out: &mut Outbox) {
-        let (Some(found), Some(peak)) = (self.peak, self.peak_message()) else {
-            return;
+        let Some(model) = &self.model else { return };
+        let Some(peak) = self.peak() else {
+            let words = "no plume was read".to_owned();
+            return out.event(&self.id, Severity::Warning, "peak-not-found", words);
         };
-        let mut text = format!(
-            "peak {:.0} ± {:.0} ppm at {:.5}, {:.5}, {:.0} m AMSL",
-            peak.co2_ppm, peak.sd_ppm, peak.lat_deg, peak.lon_deg, peak.alt_amsl_m
+        let text = format!(
+            "peak {:.0} ± {:.0} ppm at {:.5}, {:.5}, {:.0} m AMSL; H {:.0} ± {:.0} m AGL, axis towards \
+             {:.1} ± {:.1} degrees, c_max {:.0} ± {:.0} ppm above background at {:.0} m",
+            peak.co2_ppm,
+            peak.sd_ppm,
+            peak.lat_deg,
+            peak.lon_deg,
+            peak.alt_amsl_m,
+            model.effective_height_agl_m.value,
+            model.effective_height_agl_m.sd,
+            model.axis_deg.value,
+            model.axis_deg.sd,
+            model.c_max_ppm.value,
+            model.c_max_ppm.sd,
+            model.c_max_distance_m.value
         );
-        if let Some(m) = &self.model {
-            text += &format!(
-                "; H {:.0} ± {:.0} m AGL, axis towards {:.1} ± {:.1} degrees, c_max {:.0} ± {:.0} ppm \
-                 above background at {:.0} m",
-                m.effective_height_agl_m.value,
-                m.effective_height_agl_m.sd,
-                m.axis_deg.value,
-                m.axis_deg.sd,
-                m.c_max_ppm.value,
-                m.c_max_ppm.sd,
-                m.c_max_distance_m.value
-            );
-        }
-        out.event(&self.id, Severity::Info, "peak", text);
-        let (severity, code, words) = self.assess_peak(found);
-        out.event(&self.id, severity, code, words);
+        let (severity, code) = match peak.status {
+            PeakStatus::Confirmed => (Severity::Info, "peak-confirmed"),
+            PeakStatus::Supported => (Severity::Info, "peak-supported"),
+            PeakStatus::Doubtful | PeakStatus::NotFound => (Severity::Warning, "peak-doubtful"),
+        };
+        out.event(&self.id, severity, code, text);
     }
 
     /// Publishes what the readings so far show of the model, and hands over what is to be adopted.
@@ -454,34 +409,6 @@ impl SquadronController {
         if let Some((extension, words)) = self.gap.as_mut().and_then(LiveGap::judge) {
             out.event(&self.id, Severity::Info, "reality-gap", words);
             out.say(Topic::Extension, Message::Extension(extension));
-        }
-    }
-
-    /// Compares the readings of real vehicles near the peak with the model there.
-    fn assess_peak(&self, found: FieldMaximum) -> (Severity, &'static str, String) {
-        let mut near = Vec::new();
-        self.real_archive
-            .nearest(found.position, 200, ASSESS_RADIUS_M, &mut near);
-        let Some(world) = self.world.as_ref().filter(|_| !near.is_empty()) else {
-            let words = format!("no real reading within {ASSESS_RADIUS_M:.0} m of the peak");
-            return (Severity::Warning, "peak-unvisited", words);
-        };
-        let (mut read, mut expected) = (0.0, 0.0);
-        for n in &near {
-            let sample = self.real_archive.samples()[n.index];
-            let there = peak::mean_ppm(world, &self.fleet.airspace, sample.position, 0.0);
-            read += sample.value / near.len() as f64;
-            expected += there / near.len() as f64;
-        }
-        let words = format!(
-            "near the peak real vehicles read {read:.0} ppm in the mean, the model has {expected:.0}"
-        );
-        let background_ppm = self.base.background_ppm.min(expected);
-        let ratio = (read - background_ppm) / (expected - background_ppm).max(1.0);
-        if (0.6..=1.6).contains(&ratio) {
-            (Severity::Info, "peak-supported", words)
-        } else {
-            (Severity::Warning, "peak-doubtful", words)
         }
     }
 }

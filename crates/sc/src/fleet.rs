@@ -9,15 +9,13 @@ use protocol::message::{Assignment, PathKind, Setpoint, State};
 use protocol::{Message, Outbox, SimTime, Topic};
 use scenario::world::OFF_HEIGHT_M;
 
-use crate::airspace::Airspace;
 use crate::route_graph::RouteGraph;
 use crate::separation::{Corridor, Separation};
+use scenario::airspace::Airspace;
+pub use scenario::airspace::SETPOINT_MARGIN_M as MARGIN_M;
 
 /// Radius of the orbit at a setpoint, m: 18 m/s in 10 m/s of wind at 45° of bank takes 80 m.
 pub const ORBIT_M: f64 = 80.0;
-/// Clearance of setpoints and legs from fence and keep-out, m: room for the orbit and for the
-/// turn towards the next setpoint.
-pub const MARGIN_M: f64 = 120.0;
 /// Radius within which a vehicle that turns or circles is kept apart from the others, m: simulated
 /// vehicles circle at the loiter radius of `fdm`, and gusts carry them off it.
 pub(crate) const CIRCLE_M: f64 = 105.0;

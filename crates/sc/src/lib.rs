@@ -6,13 +6,12 @@
 //! height and strength), search (the whole team follows a [`csea::SearchStrategy`] over all
 //! readings), characterisation (real vehicles pass across and along the peak found) and home.
 //!
-//! - [`airspace`]: fence, height band and keep-outs; [`route_graph`]: routes around them;
+//! - [`route_graph`]: routes around fence and keep-outs;
 //! - [`separation`]: vehicles keep apart in height or distance;
 //! - [`fleet`]: the vehicles, where they are and where they are sent;
 //! - [`live_gap`]: what real readings tell of the model, in flight;
 //! - [`plume_estimate`]: where the plume is, as far as is known;
 //! - [`passes`]: straight passes through the plume;
-//! - [`peak`]: the highest place of a model that may be flown to;
 //! - [`controller`]: the agent and its phases.
 //!
 //! At every decision it publishes a plan, by which the vehicles know that it is alive:
@@ -36,19 +35,16 @@
 //!
 //! Pure: no clock, file, socket, environment or global random number.
 
-pub mod airspace;
 pub mod controller;
 mod error;
 pub mod fleet;
 pub mod live_gap;
 pub mod passes;
-pub mod peak;
 pub mod plume_estimate;
 pub mod route_graph;
 pub mod separation;
 mod tasks;
 
-pub use airspace::Airspace;
 pub use controller::SquadronController;
 pub use error::ScError;
 pub use separation::Separation;

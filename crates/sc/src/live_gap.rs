@@ -7,7 +7,7 @@
 use gap::plume::{Analysis, Begun, Options, Setup, analyse_from};
 use gap::verdict::Verdict;
 use protocol::SimTime;
-use protocol::message::{Extension, MechanismSetting, Reading};
+use protocol::message::{Extension, GapCause, MechanismSetting, Reading};
 use scenario::Scenario;
 use scenario::observations::{ObservationRow, Observations};
 
@@ -134,7 +134,8 @@ impl LiveGap {
             Ok(analysis) => analysis,
             Err(e) => {
                 let nothing = Extension {
-                    verdict: "none".to_owned(),
+                    verdict: name(Verdict::Insufficient).to_owned(),
+                    causes: Vec::new(),
                     mechanisms: Vec::new(),
                     adopt: false,
                 };
@@ -156,8 +157,13 @@ impl LiveGap {
             .collect();
         let summary = summary(&analysis, self.observations.rows.len());
         let verdict = name(analysis.json.verdict).to_owned();
+        let causes = analysis.json.causes.iter().map(|c| GapCause {
+            mechanisms: c.mechanisms.clone(),
+            probability: c.probability,
+        });
         let extension = Extension {
             verdict,
+            causes: causes.collect(),
             mechanisms,
             // Nothing found is adopted too: what was adopted before may have been wrong.
             adopt: self.adopt,

@@ -9,8 +9,8 @@ use air::geo::Enu;
 use csea::Position;
 use plume::DispersionSpec;
 
-use crate::airspace::Airspace;
 use crate::plume_estimate::PlumeEstimate;
+use scenario::airspace::Airspace;
 
 /// Shortest half width of a pass, m: a fast vehicle is across any narrower plume in seconds.
 const LEAST_HALF_WIDTH_M: f64 = 220.0;

@@ -3,7 +3,7 @@
 
 use air::geo::Enu;
 
-use crate::airspace::Airspace;
+use scenario::airspace::Airspace;
 
 /// Via-points of an airspace and which of the legs between them are clear, worked out once.
 #[derive(Debug, Clone)]

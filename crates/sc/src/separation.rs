@@ -9,8 +9,8 @@
 use air::geo::{Enu, wrap_signed_deg};
 use csea::Position;
 
-use crate::airspace::distance_between_segments_m;
 use air::area::distance_to_segment_m;
+use scenario::airspace::distance_between_segments_m;
 
 /// What two vehicles keep between them.
 #[derive(Debug, Clone, Copy, PartialEq)]

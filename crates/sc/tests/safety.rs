@@ -7,10 +7,11 @@ use air::geo::Enu;
 use common::{Miniature, as_pontes, assert_apart, assert_safe};
 use csea::Position;
 use proptest::prelude::*;
+use sc::Separation;
 use sc::route_graph::RouteGraph;
 use sc::separation::Corridor;
-use sc::{Airspace, Separation};
 use scenario::Scenario;
+use scenario::airspace::Airspace;
 
 /// A fence around the site whose corners lie in order around it at random distances: often not
 /// convex.

@@ -244,6 +244,34 @@ fn weather(weather: &WeatherTable) -> Checked {
         0.0,
         1.0,
         "0 to 1",
+    )?;
+    within(
+        "weather.meander_share",
+        weather.meander_share,
+        0.0,
+        0.95,
+        "0 to 0.95",
+    )?;
+    within(
+        "weather.lagrangian_time_s",
+        weather.lagrangian_time_s,
+        1.0,
+        3600.0,
+        "s, 1 to 3600",
+    )?;
+    within(
+        "weather.fluctuation_intensity",
+        weather.fluctuation_intensity,
+        0.0,
+        3.0,
+        "0 to 3",
+    )?;
+    within(
+        "weather.fluctuation_time_s",
+        weather.fluctuation_time_s,
+        0.1,
+        600.0,
+        "s, 0.1 to 600",
     )
 }
 

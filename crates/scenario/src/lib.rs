@@ -57,8 +57,10 @@
 //! # }
 //! ```
 
+pub mod airspace;
 pub mod check;
 pub mod observations;
+pub mod peak;
 pub mod random;
 pub mod reality;
 pub mod tables;

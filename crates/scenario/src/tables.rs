@@ -2,9 +2,9 @@
 //!
 //! Every table says what serde `expecting` of it, or the name of its type would stand in messages.
 
-use plume::Gas;
 use plume::sigma::Setting;
 use plume::stability::Stability;
+use plume::{Gas, UnsteadySpec};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -137,6 +137,26 @@ pub struct WeatherTable {
     pub series: Option<String>,
     /// Whether the world's wind is the scenario's or what real vehicles report.
     pub follow: WindFollows,
+    /// Whether the plume is the mean one, or moves and fluctuates as air does.
+    pub air: AirKind,
+    /// Part of the plume's variance that is meander, where it has most; of unsteady air.
+    pub meander_share: f64,
+    /// Lagrangian time scale of the horizontal eddies, s; of unsteady air.
+    pub lagrangian_time_s: f64,
+    /// Standard deviation of the concentration in the plume over its mean; of unsteady air.
+    pub fluctuation_intensity: f64,
+    /// Time over which the concentration fluctuates in air that passes by, s; of unsteady air.
+    pub fluctuation_time_s: f64,
+}
+
+/// What the air does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AirKind {
+    /// The plume is the mean one of the wind.
+    Steady,
+    /// The wind meanders, carries the plume as puffs, and concentrations fluctuate in it.
+    Unsteady,
 }
 
 impl Default for WeatherTable {
@@ -154,6 +174,11 @@ impl Default for WeatherTable {
             turbulence_intensity: 0.1,
             series: None,
             follow: WindFollows::Scenario,
+            air: AirKind::Steady,
+            meander_share: UnsteadySpec::default().meander_share,
+            lagrangian_time_s: UnsteadySpec::default().lagrangian_time_s,
+            fluctuation_intensity: UnsteadySpec::default().fluctuation_intensity,
+            fluctuation_time_s: UnsteadySpec::default().fluctuation_time_s,
         }
     }
 }

@@ -1,11 +1,15 @@
 //! The world that a scenario describes: its frame, air, wind and plume model.
 
 use crate::check::Refusal;
-use crate::tables::{HomeTable, MechanismTable, Scenario, SourceTable, VehicleKind};
+use crate::random::stream;
+use crate::tables::{AirKind, HomeTable, MechanismTable, Scenario, SourceTable, VehicleKind};
 use air::geo::{Enu, Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::wind::WindProfile;
-use plume::{DispersionModel, DispersionSpec, PlumeError, SensorSpec, SourceSpec, Strength};
+use plume::{
+    DispersionModel, DispersionSpec, PlumeError, SensorSpec, SourceSpec, Strength, UnsteadyAir,
+    UnsteadySpec,
+};
 
 /// Homes that a scenario does not give lie in a row this far upwind of the site, m …
 const HOME_UPWIND_M: f64 = 1100.0;
@@ -43,7 +47,36 @@ impl From<PlumeError> for WorldError {
     }
 }
 
+/// The unsteady air of a scenario: who makes it twice has the same air twice.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UnsteadyWeather {
+    spec: UnsteadySpec,
+    seed: u64,
+}
+
+impl UnsteadyWeather {
+    /// The air around the plume of `model`.
+    pub fn around(&self, model: &DispersionModel) -> UnsteadyAir {
+        let rng = |name| stream(self.seed, name);
+        UnsteadyAir::new(model, self.spec, rng("air/eddies"), rng("air/fluctuation"))
+    }
+}
+
 impl Scenario {
+    /// The scenario's air where it is unsteady.
+    pub fn unsteady_weather(&self) -> Option<UnsteadyWeather> {
+        let w = &self.weather;
+        (w.air == AirKind::Unsteady).then(|| UnsteadyWeather {
+            spec: UnsteadySpec {
+                meander_share: w.meander_share,
+                lagrangian_time_s: w.lagrangian_time_s,
+                fluctuation_intensity: w.fluctuation_intensity,
+                fluctuation_time_s: w.fluctuation_time_s,
+            },
+            seed: self.mission.seed,
+        })
+    }
+
     /// The local frame around the site's origin.
     ///
     /// # Errors

@@ -10,6 +10,7 @@ use fdm::Aircraft;
 use mav_bridge::signing::SigningConfig;
 use plume::DispersionModel;
 use scenario::Scenario;
+use scenario::world::UnsteadyWeather;
 
 /// Everything a stand-in is made from.
 #[derive(Debug, Clone)]
@@ -36,6 +37,8 @@ pub struct StandInConfig {
     pub terrain: Terrain,
     /// Wind over time at the profile's height; none: the world's own, constant.
     pub wind_series: Option<WindSeries>,
+    /// What meanders and fluctuates on top; none in steady air.
+    pub unsteady: Option<UnsteadyWeather>,
     /// Settings as ArduPlane's.
     pub parameters: AutopilotParameters,
     /// Whether a landing sequence at home is on board.
@@ -83,6 +86,7 @@ impl StandInConfig {
             turbulence_intensity: reality.weather.turbulence_intensity,
             terrain: Terrain::Flat(home_amsl_m),
             wind_series: None,
+            unsteady: reality.unsteady_weather(),
             parameters: AutopilotParameters::new(
                 limits.airspeed_min_m_s * eas_over_tas,
                 limits.airspeed_max_m_s * eas_over_tas,

@@ -8,7 +8,7 @@ use air::wind::{WindProfile, WindSeries, WindVector};
 use fdm::{AirAround, FlightState};
 use plume::effects::SensorAir;
 use plume::sensor::Sensor;
-use plume::{DispersionModel, Place};
+use plume::{DispersionModel, Place, UnsteadyAir};
 use rand::rngs::ChaCha8Rng;
 
 /// Height at which MIL-F-8785C takes the wind that makes turbulence, m (20 ft).
@@ -19,18 +19,23 @@ const STANDARD_INTENSITY: f64 = 0.1;
 pub(crate) const HUMIDITY_PCT: f64 = 70.0;
 
 /// The world around one stand-in.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(crate) struct Reality {
     pub model: DispersionModel,
     pub frame: LocalFrame,
     terrain: Terrain,
-    series: Option<WindSeries>,
+    /// The slow wind at the profile's reference height.
+    slow: WindSeries,
+    /// Whether it changes.
+    slow_changes: bool,
+    unsteady: Option<UnsteadyAir>,
     /// Scale of the standard's turbulence.
     turbulence_scale: f64,
     gust: Dryden,
     turbulence: Turbulence,
     profile: WindProfile,
-    mean: WindVector,
+    /// The wind without gusts, north, east and down, m/s.
+    mean_ned_m_s: [f64; 3],
     air: Air,
     around: AirAround,
     sensor: Sensor,
@@ -42,6 +47,7 @@ impl Reality {
         frame: LocalFrame,
         terrain: Terrain,
         series: Option<WindSeries>,
+        unsteady: Option<UnsteadyAir>,
         turbulence_intensity: f64,
         platform: &str,
     ) -> Self {
@@ -49,7 +55,12 @@ impl Reality {
         let air = spec.atmosphere.at(spec.ground_amsl_m);
         Self {
             profile: spec.wind,
-            mean: spec.wind.at(0.0),
+            mean_ned_m_s: [0.0; 3],
+            slow_changes: series.is_some(),
+            slow: series.unwrap_or_else(|| {
+                WindSeries::constant(spec.wind.at(spec.wind.reference_height_agl_m()))
+            }),
+            unsteady,
             turbulence: Turbulence::mil_f_8785c(0.0, 0.0, 0.0),
             sensor: Sensor::new(&spec.sensor, &spec.mechanisms, platform),
             around: AirAround {
@@ -60,7 +71,6 @@ impl Reality {
             model,
             frame,
             terrain,
-            series,
             turbulence_scale: turbulence_intensity / STANDARD_INTENSITY,
             gust: Dryden::new(),
         }
@@ -85,15 +95,21 @@ impl Reality {
     pub(crate) fn update_mean_air(&mut self, state: &FlightState, time_s: f64) {
         let height = (state.alt_amsl_m - self.ground_amsl_m(state)).max(0.0);
         let spec = self.model.spec();
-        if let Some(series) = &self.series {
-            let wind = series.at(time_s);
+        if self.slow_changes {
+            let wind = self.slow.at(time_s);
             let reference_m = spec.wind.reference_height_agl_m();
             // A series was checked when it was read: its speeds make profiles.
             if let Ok(profile) = spec.wind.through(wind, reference_m) {
                 self.profile = profile;
             }
         }
-        self.mean = self.profile.at(height);
+        let WindVector {
+            east_m_s,
+            north_m_s,
+        } = self.profile.at(height);
+        let eddies = self.unsteady.as_mut();
+        let [east, north, up] = eddies.map_or([0.0; 3], |air| air.wind_m_s(time_s, height));
+        self.mean_ned_m_s = [north_m_s + north, east_m_s + east, -up];
         // MIL-F-8785C scales low-altitude turbulence by the wind at 20 ft.
         let wind_20ft = self.profile.speed_at_m_s(REFERENCE_HEIGHT_M);
         self.turbulence = Turbulence::mil_f_8785c(height, wind_20ft, self.turbulence_scale);
@@ -108,18 +124,19 @@ impl Reality {
         rng: &mut ChaCha8Rng,
     ) -> AirAround {
         let [along, right, down] = self.gust.step(dt_s, airspeed_m_s, &self.turbulence, rng);
-        let speed = self.mean.speed_m_s();
+        let [mean_north, mean_east, mean_down] = self.mean_ned_m_s;
+        let speed = mean_north.hypot(mean_east);
         // Gusts come along and across the mean wind; in calm air any axes will do.
         let (north, east) = if speed > 0.0 {
-            (self.mean.north_m_s / speed, self.mean.east_m_s / speed)
+            (mean_north / speed, mean_east / speed)
         } else {
             (1.0, 0.0)
         };
         self.around = AirAround {
             wind_ned_m_s: [
-                self.mean.north_m_s + along * north - right * east,
-                self.mean.east_m_s + along * east + right * north,
-                down,
+                mean_north + along * north - right * east,
+                mean_east + along * east + right * north,
+                mean_down + down,
             ],
             density_kg_m3: self.air.density_kg_m3(),
         };
@@ -149,17 +166,24 @@ impl Reality {
             north_m: state.north_m,
             height_agl_m: self.height_agl_m(state),
         };
-        let true_ppm = if self.series.is_some() {
-            self.model.mean_ppm_in(&place, time_s, &self.profile)
-        } else {
-            self.model.mean_ppm(&place, time_s)
-        };
+        let true_ppm = self.true_ppm(&place, time_s);
         let ambient = SensorAir {
             temperature_c: self.air.temperature_k - air::isa::ZERO_CELSIUS_K,
             relative_humidity_pct: HUMIDITY_PCT,
             pressure_hpa: self.air.pressure_pa / 100.0,
         };
         self.sensor.read_in(true_ppm, &ambient, dt_s, rng)
+    }
+
+    /// Mole fraction at a place, ppm: of the mean plume where nothing moves it, and else of the one that
+    /// the wind has carried so far.
+    fn true_ppm(&mut self, place: &Place, time_s: f64) -> f64 {
+        if !self.slow_changes && self.unsteady.is_none() {
+            return self.model.mean_ppm(place, time_s);
+        }
+        let unsteady = self.unsteady.as_mut();
+        let puffs = self.model.puffs(&self.slow, 0.0, unsteady, time_s);
+        self.model.ppm_among(&puffs, place)
     }
 
     /// Place and time as the sensor's platform logs them, with the errors of its mechanisms.

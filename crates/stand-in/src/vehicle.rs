@@ -55,12 +55,14 @@ impl StandIn {
             heading_deg: config.launch_heading_deg,
         };
         let flight = FlightController::new(&config.aircraft, home, &mut rng)?;
+        let unsteady = config.unsteady.map(|u| u.around(&config.model));
         Ok(Self {
             reality: Reality::new(
                 config.model,
                 config.frame,
                 config.terrain,
                 config.wind_series,
+                unsteady,
                 config.turbulence_intensity,
                 &config.platform,
             ),

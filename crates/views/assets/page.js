@@ -313,7 +313,7 @@ function fillPeak() {
   const from = site.stacks[0];
   const d = from ? Math.hypot(p.e - from.e, p.n - from.n) : NaN;
   const agl = p.alt - site.ground_amsl_m;
-  rest.textContent = `${number(d, 0)} m from the stack, ${agl.toFixed(0)} m AGL`;
+  rest.textContent = `${p.status}; ${number(d, 0)} m from the stack, ${agl.toFixed(0)} m AGL`;
   box.replaceChildren(big, rest);
 }
 

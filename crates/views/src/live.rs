@@ -168,7 +168,8 @@ impl LiveState {
             "peak": self.peak.map(|p| {
                 let at = self.site.enu(p.lat_deg, p.lon_deg);
                 json!({"e": at.east_m, "n": at.north_m, "alt": p.alt_amsl_m,
-                       "ppm": p.co2_ppm, "sd": p.sd_ppm})
+                       "ppm": p.co2_ppm, "sd": p.sd_ppm,
+                       "status": record::text::status(p.status)})
             }),
             "extension": self.extension,
             "events": self.events.iter().map(|(time, who, severity, text)| {

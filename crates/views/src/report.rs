@@ -10,6 +10,7 @@ use protocol::{Envelope, SimTime, Topic};
 use record::summary::{CORRECTED, MissionSummary, ModelNumbers};
 use record::text;
 use record::tracks::{DecimatedSeries, Tracks, VehicleTrack};
+use scenario::airspace::SETPOINT_MARGIN_M;
 use std::sync::Arc;
 
 /// Points of one track in the report.
@@ -101,7 +102,10 @@ impl Report {
     pub fn html(&self, summary: &MissionSummary) -> String {
         let mut page = Document::new("Plumage mission report", &self.site.mission);
         let expected = self.expected();
-        page.lead(&[lead(summary), text::peak(&summary.peak)]);
+        let mut first = vec![lead(summary), text::peak(&summary.peak)];
+        first.extend(summary.flux.iter().map(text::flux));
+        first.extend(summary.gap.as_ref().map(text::gap));
+        page.lead(&first);
         page.figures(&cards(summary));
         self.mission(&mut page, summary);
         self.map(&mut page, summary);
@@ -275,9 +279,9 @@ impl Report {
             });
             if let Some(distance) = distance {
                 page.paragraph(&format!(
-                    "It lies {distance:.0} m from the stack, where the keep-out cylinder ends at \
-                     {:.0} m: nearer the stack the axis is more concentrated still, and no vehicle \
-                     may fly there.",
+                    "It lies {distance:.0} m from the stack. Set-points keep {SETPOINT_MARGIN_M:.0} m from the \
+                     keep-out cylinder of {:.0} m: nearer the stack the axis is more concentrated still, \
+                     and no vehicle may fly there.",
                     self.site.keep_out_radius_m
                 ));
             }
@@ -405,7 +409,8 @@ fn lead(summary: &MissionSummary) -> String {
 fn cards(summary: &MissionSummary) -> Vec<(String, &'static str, String)> {
     let mut cards = Vec::new();
     if let Some(peak) = summary.peak.estimate {
-        cards.push((number(peak.co2_ppm, 0), "ppm", "peak found".to_owned()));
+        let label = format!("peak, {}", text::status(summary.peak.status));
+        cards.push((number(peak.co2_ppm, 0), "ppm", label));
     }
     if let Some(error_m) = summary.peak.error_m {
         cards.push((number(error_m, 0), "m", "from the true peak".to_owned()));

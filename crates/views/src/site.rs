@@ -1,8 +1,9 @@
 //! The site on the map, and the plume on a grid of it.
 
 use air::geo::{Enu, Geodetic, LocalFrame};
-use protocol::message::{Model, Peak};
+use protocol::message::Model;
 use record::kml::StackMarker;
+use record::summary::PlaceOfPeak;
 use record::tracks::Tracks;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -40,8 +41,8 @@ pub struct SiteMap {
     pub field: ModelField,
     /// The stand-in's reality, where it is known: for the report, never for the page.
     pub reality: Option<RealityField>,
-    /// The stand-in's true peak, where it is known.
-    pub true_peak: Option<Peak>,
+    /// The true peak of the stand-in's reality at the mission's beginning, where it is known.
+    pub true_peak: Option<PlaceOfPeak>,
 }
 
 /// A rectangle of the map, metres east and north.

@@ -32,7 +32,7 @@ fn it_is_one_page_that_needs_no_network() {
 #[test]
 fn a_mission_that_did_nothing_still_has_a_report() {
     let (page, _) = made_up::report(0);
-    assert!(page.contains("no peak") && page.contains("No real vehicle flew"));
+    assert!(page.contains("there is no peak") && page.contains("No real vehicle flew"));
 }
 
 #[test]

@@ -7,23 +7,28 @@ use air::dryden::{Dryden, Turbulence};
 use air::geo::{Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::terrain::Terrain;
-use air::wind::{WindProfile, WindSeries, WindVector};
-use plume::{DispersionModel, Place};
+use air::wind::{WindProfile, WindSeries, WindVector, towards_deg};
+use plume::{DispersionModel, Place, Puffs, UnsteadyAir};
 use protocol::key::Name;
 use protocol::message::{
-    Ambient, Estimate, Extension, MechanismSetting, Model, Observation, Severity, State,
+    Ambient, Estimate, Extension, Flux, FluxMethod, MechanismSetting, Model, Observation, Peak,
+    PeakStatus, Severity, State,
 };
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
 use rand::rngs::ChaCha8Rng;
 use scenario::Scenario;
+use scenario::airspace::{Airspace, SETPOINT_MARGIN_M};
 use scenario::random::stream;
 use scenario::tables::{VehicleKind, WindFollows};
+use scenario::uncertain::Uncertain;
 use std::collections::BTreeMap;
 
 /// Time between two ambients of a vehicle, s.
 const AMBIENT_S: f64 = 0.1;
 /// Time between two corrections of the model, s.
 const CORRECTION_S: f64 = 10.0;
+/// One standard deviation of a scenario's wind speed where it states none, as a part of it: that of a forecast.
+const WIND_SPEED_SD: f64 = 0.2;
 /// Height of the wind to which MIL-F-8785C refers turbulence: 20 ft.
 const TURBULENCE_WIND_HEIGHT_M: f64 = 6.096;
 /// Ratio of vertical gust to wind in MIL-F-8785C.
@@ -56,10 +61,14 @@ pub struct WorldSimulator {
     atmosphere: Atmosphere,
     terrain: Terrain,
     wind: WorldWind,
+    unsteady: Option<UnsteadyAir>,
     intensity: f64,
     calibrator: Calibrator,
-    /// Nearest distance from the source at which something is asked of the plume, m.
-    keep_out_m: f64,
+    airspace: Airspace,
+    /// The peak of the model as it was corrected last.
+    peak: Option<Peak>,
+    /// One standard deviation of the scenario's wind speed, m/s.
+    wind_sd_m_s: f64,
     /// Index of each real vehicle in the calibrator.
     real: BTreeMap<String, usize>,
     simulated: Vec<SimulatedVehicle>,
@@ -98,6 +107,7 @@ impl WorldSimulator {
             })
             .collect::<Result<_, WsError>>()?;
         let follow = scenario.weather.follow == WindFollows::Reported;
+        let world = DispersionModel::new(calibrator.corrected_spec())?;
         Ok(Self {
             id: AgentId::ws(),
             frame: scenario.frame()?,
@@ -105,9 +115,14 @@ impl WorldSimulator {
             terrain: config.terrain,
             wind: WorldWind::new(scenario.wind_profile()?, config.wind_series, follow),
             intensity: scenario.weather.turbulence_intensity / STANDARD_INTENSITY,
-            world: DispersionModel::new(calibrator.corrected_spec())?,
+            unsteady: scenario.unsteady_weather().map(|u| u.around(&world)),
+            world,
             calibrator,
-            keep_out_m: scenario.fence.keep_out_radius_m,
+            airspace: Airspace::of(scenario)?,
+            peak: None,
+            wind_sd_m_s: scenario
+                .prior_sd(Uncertain::WindSpeed)
+                .unwrap_or(WIND_SPEED_SD * scenario.weather.wind_speed_m_s),
             real: real
                 .into_iter()
                 .enumerate()
@@ -145,19 +160,23 @@ impl WorldSimulator {
     }
 
     /// Corrects the model where that is due, or where it is the last time and there are new readings.
-    fn correct(&mut self, is_last: bool, out: &mut Outbox) {
+    fn correct(&mut self, is_last: bool, now_s: f64, out: &mut Outbox) {
         let is_due = is_last || self.calibrator.is_due();
         if is_due && self.calibrator.taken() > self.readings_used {
             self.readings_used = self.calibrator.taken();
             let calibrated = if is_last {
-                self.calibrator.conclude(self.keep_out_m)
+                self.calibrator
+                    .conclude(self.airspace.keep_out_m() + SETPOINT_MARGIN_M)
             } else {
                 self.calibrator.update()
             };
             let corrected = calibrated
                 .and_then(|()| Ok(DispersionModel::new(self.calibrator.corrected_spec())?));
             match corrected {
-                Ok(world) => self.world = world,
+                Ok(world) => {
+                    self.world = world;
+                    self.peak = self.calibrator.peak(&self.airspace);
+                }
                 Err(e) => out.event(
                     &self.id,
                     Severity::Error,
@@ -166,16 +185,17 @@ impl WorldSimulator {
                 ),
             }
         }
-        out.say(Topic::Model, Message::Model(Box::new(self.model())));
+        out.say(Topic::Model, Message::Model(Box::new(self.model(now_s))));
     }
 
-    fn model(&self) -> Model {
+    fn model(&self, now_s: f64) -> Model {
         let found = self.calibrator.calibrated();
         let spec = self.world.spec();
+        let (axis, wind) = self.axis_and_wind(now_s);
         Model {
             background_ppm: found.background_ppm,
             effective_height_agl_m: found.effective_height_agl_m,
-            axis_deg: found.axis_deg,
+            axis_deg: axis,
             c_max_ppm: found.c_max_ppm,
             c_max_distance_m: Estimate {
                 value: found.c_max_distance_m,
@@ -183,12 +203,42 @@ impl WorldSimulator {
             },
             sigma_y_scale: found.sigma_y_scale,
             sigma_z_scale: found.sigma_z_scale,
-            wind_speed_m_s: spec
-                .wind
-                .speed_at_m_s(spec.sources[0].effective_height_agl_m),
+            wind_speed_m_s: wind.speed_at_m_s(spec.sources[0].effective_height_agl_m),
             observations: self.calibrator.taken(),
             mechanisms: self.extensions.clone(),
+            peak: self.peak,
+            flux: self.flux(),
         }
+    }
+
+    /// What the sources emit, as far as readings tell; nothing before them.
+    fn flux(&self) -> Vec<Flux> {
+        if self.peak.is_none_or(|p| p.status == PeakStatus::NotFound) {
+            return Vec::new();
+        }
+        let wind = self.wind.reported_speed(self.wind_sd_m_s);
+        let found = self.calibrator.flux(wind).into_iter();
+        let said = |(source, kg_s)| Flux {
+            source,
+            method: FluxMethod::Inference,
+            kg_s,
+        };
+        found.map(said).collect()
+    }
+
+    /// Where the axis runs, and the wind: by the correction alone, or by what is known of the wind of the
+    /// moment with the correction on top.
+    fn axis_and_wind(&self, now_s: f64) -> (Estimate, WindProfile) {
+        let corrected = self.calibrator.calibrated().axis_deg;
+        if self.wind.is_constant() {
+            return (corrected, self.world.spec().wind);
+        }
+        let wind = self.wind.at(now_s, self.calibrator.turn_deg());
+        let axis = Estimate {
+            value: towards_deg(wind.from_deg()),
+            ..corrected
+        };
+        (axis, wind)
     }
 
     fn extend(&mut self, extension: &Extension, out: &mut Outbox) {
@@ -233,8 +283,30 @@ impl WorldSimulator {
         }
     }
 
+    /// The plume as the wind has carried it so far; none where nothing moves it.
+    fn plume_in_motion(&mut self, now_s: f64) -> Option<Puffs> {
+        let unsteady = self.unsteady.as_mut();
+        if !self.wind.is_constant() {
+            let turn_deg = self.calibrator.turn_deg();
+            return Some(
+                self.world
+                    .puffs(self.wind.slow(), turn_deg, unsteady, now_s),
+            );
+        }
+        let wind = &self.world.spec().wind;
+        let slow = WindSeries::constant(wind.at(wind.reference_height_agl_m()));
+        unsteady.map(|air| self.world.puffs(&slow, 0.0, Some(air), now_s))
+    }
+
     fn publish_ambients(&mut self, now_s: f64, out: &mut Outbox) {
         let wind = self.wind.at(now_s, self.calibrator.turn_deg());
+        let is_due = |v: &SimulatedVehicle| now_s + 1e-9 >= v.next_s && v.state.is_some();
+        let puffs = self
+            .simulated
+            .iter()
+            .any(is_due)
+            .then(|| self.plume_in_motion(now_s))
+            .flatten();
         for vehicle in &mut self.simulated {
             // Ticks are whole nanoseconds; the margin is for their sum as seconds.
             if now_s + 1e-9 < vehicle.next_s {
@@ -253,6 +325,13 @@ impl WorldSimulator {
             let above_ground_m = (state.alt_amsl_m - ground_amsl_m).max(0.0);
             let air = self.atmosphere.at(state.alt_amsl_m);
             let mean = wind.at(above_ground_m);
+            let eddies = self.unsteady.as_mut();
+            let [east, north, up] =
+                eddies.map_or([0.0; 3], |air| air.wind_m_s(now_s, above_ground_m));
+            let co2_ppm = match &puffs {
+                None => self.world.mean_ppm(&place, now_s),
+                Some(puffs) => self.world.ppm_among(puffs, &place),
+            };
             let gust_ned_m_s = gust(
                 vehicle,
                 state.airspeed_m_s,
@@ -261,11 +340,11 @@ impl WorldSimulator {
                 self.intensity,
             );
             let ambient = Ambient {
-                wind_ned_m_s: [mean.north_m_s, mean.east_m_s, 0.0],
+                wind_ned_m_s: [mean.north_m_s + north, mean.east_m_s + east, -up],
                 gust_ned_m_s,
                 temperature_k: air.temperature_k,
                 pressure_pa: air.pressure_pa,
-                co2_ppm: self.world.mean_ppm_in(&place, now_s, &wind),
+                co2_ppm,
                 ground_amsl_m,
             };
             out.say(
@@ -328,11 +407,11 @@ impl Agent for WorldSimulator {
             Event::Tick => {
                 if now.s() + 1e-9 >= self.next_correction_s {
                     self.next_correction_s = now.s() + CORRECTION_S;
-                    self.correct(false, out);
+                    self.correct(false, now.s(), out);
                 }
                 self.publish_ambients(now.s(), out);
             }
-            Event::Stop => self.correct(true, out),
+            Event::Stop => self.correct(true, now.s(), out),
         }
     }
 }

@@ -6,6 +6,7 @@
 //! - [`agent`]: the state machine on the bus;
 //! - [`calibration`]: base level, plume height, axis, strength and spread from readings, with
 //!   uncertainties; used in flight by the agent and off-line on files;
+//! - [`model`]: the corrected model as others read it off the bus;
 //! - [`wind`]: the wind that the world follows.
 //!
 //! # Example
@@ -65,6 +66,7 @@
 
 pub mod agent;
 pub mod calibration;
+pub mod model;
 pub mod wind;
 
 pub use agent::{WorldSimulator, WorldSimulatorConfig};

@@ -1,45 +1,88 @@
 //! The wind that the world follows: constant, a measured series, or what real vehicles report.
 
 use air::wind::{WindProfile, WindSeries, WindVector};
+use protocol::message::Estimate;
 
 /// Time constant with which reported winds are averaged, s.
 const AVERAGING_S: f64 = 60.0;
+/// Errors of a reported wind, and the eddies in it, are independent after about this time, s.
+const MEMORY_S: f64 = 180.0;
+/// One standard deviation of what the law of wind with height is off from where vehicles flew to the plume's
+/// axis, as a part of the speed.
+const LAW: f64 = 0.03;
 
 /// The world's mean wind over time.
 #[derive(Debug, Clone)]
 pub struct WorldWind {
     scenario: WindProfile,
-    series: Option<WindSeries>,
-    reported: Option<Reported>,
+    /// At the profile's reference height.
+    slow: WindSeries,
+    known_by: KnownBy,
+    reports: Reports,
 }
 
-#[derive(Debug, Clone, Copy)]
-struct Reported {
-    wind: Option<WindVector>,
-    height_agl_m: f64,
-    time_s: f64,
+/// Mean and scatter of the reported speeds at the reference height (Welford 1962).
+#[derive(Debug, Clone, Copy, Default)]
+struct Reports {
+    count: f64,
+    mean_m_s: f64,
+    squares: f64,
+    first_s: f64,
+    last_s: f64,
+}
+
+impl Reports {
+    fn take(&mut self, time_s: f64, speed_m_s: f64) {
+        if self.count == 0.0 {
+            self.first_s = time_s;
+        }
+        self.last_s = self.last_s.max(time_s);
+        self.count += 1.0;
+        let off = speed_m_s - self.mean_m_s;
+        self.mean_m_s += off / self.count;
+        self.squares += off * (speed_m_s - self.mean_m_s);
+    }
+
+    /// Mean with its standard deviation; none before two reports.
+    fn mean(&self) -> Option<Estimate> {
+        let independent = ((self.last_s - self.first_s) / MEMORY_S).max(1.0);
+        let variance = self.squares / (self.count - 1.0) / independent;
+        (self.count >= 2.0).then(|| Estimate {
+            value: self.mean_m_s,
+            sd: variance.sqrt().hypot(LAW * self.mean_m_s),
+        })
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum KnownBy {
+    /// The scenario's own numbers.
+    Scenario,
+    /// A measured series.
+    Series,
+    /// Reports, of which the last came at a time; none yet.
+    Reports(Option<f64>),
 }
 
 impl WorldWind {
     /// The scenario's wind, its series if it has one, and whether reports override both.
     pub fn new(scenario: WindProfile, series: Option<WindSeries>, follow_reports: bool) -> Self {
-        let reported = follow_reports.then_some(Reported {
-            wind: None,
-            height_agl_m: scenario.reference_height_agl_m(),
-            time_s: 0.0,
-        });
+        let known_by = match &series {
+            _ if follow_reports => KnownBy::Reports(None),
+            Some(_) => KnownBy::Series,
+            None => KnownBy::Scenario,
+        };
+        let own = || WindSeries::constant(scenario.at(scenario.reference_height_agl_m()));
         Self {
             scenario,
-            series,
-            reported,
+            slow: series.unwrap_or_else(own),
+            known_by,
+            reports: Reports::default(),
         }
     }
 
     /// Takes in a wind that a real vehicle reports at `height_agl_m`.
     pub fn report(&mut self, time_s: f64, height_agl_m: f64, wind: WindVector) {
-        let Some(reported) = &mut self.reported else {
-            return;
-        };
         // Averaged at the reference height, so that vehicles at different heights agree.
         let there = self.scenario.speed_at_m_s(height_agl_m);
         let carried = if there > 0.0 {
@@ -51,41 +94,54 @@ impl WorldWind {
             east_m_s: wind.east_m_s * carried,
             north_m_s: wind.north_m_s * carried,
         };
-        let share = match reported.wind {
-            None => 1.0,
-            Some(_) => 1.0 - (-(time_s - reported.time_s).max(0.0) / AVERAGING_S).exp(),
+        self.reports.take(time_s, wind.speed_m_s());
+        let KnownBy::Reports(last_s) = self.known_by else {
+            return;
         };
-        let old = reported.wind.unwrap_or(wind);
-        reported.wind = Some(WindVector {
-            east_m_s: old.east_m_s + share * (wind.east_m_s - old.east_m_s),
-            north_m_s: old.north_m_s + share * (wind.north_m_s - old.north_m_s),
-        });
-        reported.time_s = time_s;
+        match last_s {
+            // What blew before nobody has said: as now.
+            None => self.slow = WindSeries::constant(wind),
+            Some(last_s) => {
+                let share = 1.0 - (-(time_s - last_s).max(0.0) / AVERAGING_S).exp();
+                let old = self.slow.at(last_s);
+                let averaged = WindVector {
+                    east_m_s: old.east_m_s + share * (wind.east_m_s - old.east_m_s),
+                    north_m_s: old.north_m_s + share * (wind.north_m_s - old.north_m_s),
+                };
+                self.slow.push(time_s, averaged);
+            }
+        }
+        self.known_by = KnownBy::Reports(Some(time_s.max(last_s.unwrap_or(time_s))));
     }
 
-    /// Whether the direction comes from measurements of the wind itself, so that a correction
-    /// of the plume's axis is a correction on top of them.
+    /// Speed at the scenario's reference height as vehicles have reported it; the scenario's, with the
+    /// standard deviation `unknown_m_s`, where none has.
+    pub(crate) fn reported_speed(&self, unknown_m_s: f64) -> Estimate {
+        self.reports.mean().unwrap_or(Estimate {
+            value: self.scenario.reference_speed_m_s(),
+            sd: unknown_m_s,
+        })
+    }
+
+    /// Whether it is one wind for all times, so that a correction of the plume's axis corrects the wind.
     pub(crate) fn is_constant(&self) -> bool {
-        self.series.is_none() && self.reported.is_none()
+        matches!(self.known_by, KnownBy::Scenario | KnownBy::Reports(None))
+    }
+
+    /// The wind over time at the scenario's reference height.
+    pub(crate) fn slow(&self) -> &WindSeries {
+        &self.slow
     }
 
     /// The wind profile at `time_s`, turned clockwise by `turn_deg`.
     pub fn at(&self, time_s: f64, turn_deg: f64) -> WindProfile {
-        let measured = match (&self.reported, &self.series) {
-            (
-                Some(Reported {
-                    wind: Some(wind),
-                    height_agl_m,
-                    ..
-                }),
-                _,
-            ) => Some((*wind, *height_agl_m)),
-            (_, Some(series)) => Some((series.at(time_s), self.scenario.reference_height_agl_m())),
-            _ => None,
+        let base = if self.is_constant() {
+            self.scenario
+        } else {
+            let reference_m = self.scenario.reference_height_agl_m();
+            let measured = self.scenario.through(self.slow.at(time_s), reference_m);
+            measured.unwrap_or(self.scenario)
         };
-        let base = measured
-            .and_then(|(wind, height)| self.scenario.through(wind, height).ok())
-            .unwrap_or(self.scenario);
         if turn_deg == 0.0 {
             return base;
         }

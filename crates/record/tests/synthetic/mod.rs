@@ -32,6 +32,8 @@ pub fn model(axis_deg: f64, height_m: f64, c_max_ppm: f64, observations: u64) ->
         wind_speed_m_s: 7.0,
         observations,
         mechanisms: Vec::new(),
+        peak: None,
+        flux: Vec::new(),
     }
 }
 
@@ -58,12 +60,15 @@ pub fn tick(n: u64) -> Vec<(Topic, Envelope)> {
     let mut said: Vec<(Topic, Message)> = Vec::new();
     let reality = model(118.0, 486.0, 410.0, 0);
     let share = (t / 600.0).min(1.0);
-    let now = model(
-        130.0 - 12.0 * share,
-        450.0 + 35.0 * share,
-        330.0 + 78.0 * share,
-        n,
-    );
+    let now = Model {
+        peak: peak(t),
+        ..model(
+            130.0 - 12.0 * share,
+            450.0 + 35.0 * share,
+            330.0 + 78.0 * share,
+            n,
+        )
+    };
     if n.is_multiple_of(10) {
         said.push((Topic::Plan, Message::Plan(plan(t))));
     }
@@ -198,14 +203,21 @@ fn plan(t: f64) -> Plan {
                 purpose: "promising point".to_owned(),
             })
             .collect(),
-        peak: (t > 100.0).then_some(Peak {
-            lat_deg: at.lat_deg,
-            lon_deg: at.lon_deg,
-            alt_amsl_m: 826.0,
-            co2_ppm: 1020.0,
-            sd_ppm: 14.0,
-        }),
+        peak: peak(t),
     }
+}
+
+fn peak(t: f64) -> Option<Peak> {
+    let at = frame().to_geodetic(Enu::default().displaced(118.0, 1220.0));
+    (t > 100.0).then_some(Peak {
+        lat_deg: at.lat_deg,
+        lon_deg: at.lon_deg,
+        alt_amsl_m: 826.0,
+        co2_ppm: 1020.0,
+        sd_ppm: 14.0,
+        time_s: t,
+        status: PeakStatus::Confirmed,
+    })
 }
 
 fn population(n: u64) -> Population {

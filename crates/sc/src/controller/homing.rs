@@ -10,9 +10,9 @@ use protocol::{Outbox, SimTime};
 
 use super::SquadronController;
 use super::dispatch::BETWEEN_TAKE_OFFS_S;
-use crate::airspace::distance_between_segments_m;
 use crate::fleet::{CIRCLE_M, MARGIN_M, TeamVehicle};
 use crate::tasks::VehicleTask;
+use scenario::airspace::distance_between_segments_m;
 
 /// Where the circle beside the approach is, m downwind of home and to the left of the approach: that
 /// of the landing in `fdm` with its default gains (an approach of 4 degrees from 40 m, two loiter

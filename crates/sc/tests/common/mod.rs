@@ -8,11 +8,14 @@ use csea::Position;
 use plume::DispersionModel;
 use protocol::key::Name;
 use protocol::message::{
-    ControlLevel, Estimate, Mode, Model, PathKind, Phase, Reading, Setpoint, State, VehicleKind,
+    ControlLevel, Estimate, Mode, Model, PathKind, Peak, PeakStatus, Phase, Reading, Setpoint,
+    State, VehicleKind,
 };
 use protocol::{Agent, AgentId, Envelope, Event, Message, Outbox, SimTime, Topic};
-use sc::{Airspace, SquadronController};
+use sc::SquadronController;
 use scenario::Scenario;
+use scenario::airspace::{Airspace, SETPOINT_MARGIN_M};
+use scenario::peak::highest_of;
 
 pub const TURN_DEG_S: f64 = 22.0;
 pub const CLIMB_M_S: f64 = 2.5;
@@ -173,6 +176,25 @@ impl Miniature {
     }
 
     /// The scenario's model, going over to the reality's while real readings come in.
+    /// The reality's own peak, supported once enough was read.
+    fn peak(&self, seen: f64) -> Option<Peak> {
+        let highest = highest_of(&self.reality, &self.airspace, SETPOINT_MARGIN_M, 0.0)?;
+        let at = self.airspace.frame().to_geodetic(highest.position.at);
+        Some(Peak {
+            lat_deg: at.lat_deg,
+            lon_deg: at.lon_deg,
+            alt_amsl_m: highest.position.height_m,
+            co2_ppm: highest.co2_ppm,
+            sd_ppm: 30.0,
+            time_s: self.time_s,
+            status: if seen < 1.0 {
+                PeakStatus::Doubtful
+            } else {
+                PeakStatus::Supported
+            },
+        })
+    }
+
     fn model(&self) -> Model {
         let (prior, reality) = (&self.scenario, self.scenario.in_reality());
         let seen = (self.observations as f64 / 400.0).min(1.0);
@@ -200,6 +222,8 @@ impl Miniature {
             wind_speed_m_s: prior.weather.wind_speed_m_s.max(0.5),
             observations: self.observations as u64,
             mechanisms: Vec::new(),
+            peak: self.peak(seen),
+            flux: Vec::new(),
         }
     }
 

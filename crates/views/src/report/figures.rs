@@ -4,7 +4,7 @@ use super::Expected;
 use crate::plot::{panel_title, rounded};
 use crate::site::{Area, Grid, SiteMap};
 use air::geo::{Enu, wrap_signed_deg};
-use protocol::message::{Model, Peak, VehicleKind};
+use protocol::message::{Model, VehicleKind};
 use record::colour;
 use record::summary::{CORRECTED, MissionSummary, ModelNumbers};
 use record::tracks::{Tracks, VehicleTrack};
@@ -35,16 +35,18 @@ pub(super) fn map(
     }
     data.extend(track_traces(site, tracks));
     data.extend(surroundings(site));
-    let peak = |peak: &Peak, name: &str, symbol: &str, colour: &str| {
-        let at = site.enu(peak.lat_deg, peak.lon_deg);
+    let peak = |[lat_deg, lon_deg, ppm]: [f64; 3], name: &str, symbol: &str, colour: &str| {
+        let at = site.enu(lat_deg, lon_deg);
         json!({"type": "scatter", "mode": "markers", "name": name, "x": [km(at.east_m)],
                "y": [km(at.north_m)], "marker": {"symbol": symbol, "size": 15, "color": colour,
                "line": {"width": 2, "color": colour}},
-               "hovertemplate": format!("{name}: {:.0} ppm<extra></extra>", peak.co2_ppm)})
+               "hovertemplate": format!("{name}: {ppm:.0} ppm<extra></extra>")})
     };
     let found = summary.peak.estimate.as_ref();
+    let found = found.map(|p| [p.lat_deg, p.lon_deg, p.co2_ppm]);
     data.extend(found.map(|p| peak(p, "peak found", "circle-open", "#d3131f")));
     let truth = summary.peak.truth.as_ref();
+    let truth = truth.map(|p| [p.lat_deg, p.lon_deg, p.co2_ppm]);
     data.extend(truth.map(|p| peak(p, "true peak", "cross-thin-open", "#16181d")));
     json!({"data": data, "layout": {
         "xaxis": {"title": {"text": "east, km"}, "range": [km(area.low.east_m), km(area.high.east_m)],

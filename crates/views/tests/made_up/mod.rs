@@ -5,9 +5,10 @@ pub mod gap;
 #[path = "../../../record/tests/synthetic/mod.rs"]
 pub mod synthetic;
 
-use protocol::message::Peak;
 use record::kml::StackMarker;
-use record::summary::{MissionSummary, ModelNumbers, Summariser, SummaryContext};
+use record::summary::{
+    MissionSummary, ModelNumbers, PlaceOfPeak, Summariser, SummaryContext, TruePeak,
+};
 use std::sync::Arc;
 use views::site::SiteMap;
 
@@ -58,13 +59,15 @@ pub fn known() -> SummaryContext {
         frame: synthetic::frame(),
         before: numbers(130.0, 450.0, 330.0),
         reality: Some(numbers(118.0, 486.0, 410.0)),
-        peak: Some(Peak {
-            lat_deg: 43.4362,
-            lon_deg: -7.8503,
-            alt_amsl_m: 826.0,
-            co2_ppm: 1025.0,
-            sd_ppm: 0.0,
-        }),
+        true_peak: Some(TruePeak(Arc::new(|_| {
+            Some(PlaceOfPeak {
+                lat_deg: 43.4362,
+                lon_deg: -7.8503,
+                alt_amsl_m: 826.0,
+                co2_ppm: 1025.0,
+            })
+        }))),
+        true_flux: Vec::new(),
     }
 }
 

@@ -15,6 +15,7 @@
 
 pub mod offline;
 mod parameters;
+mod peak;
 
 pub use parameters::Calibrated;
 
@@ -63,6 +64,8 @@ struct AveragingBin {
 pub struct Calibrator {
     /// The scenario's world.
     base: DispersionSpec,
+    /// How many of its mechanisms, the first, are the scenario's own.
+    own_mechanisms: usize,
     /// The same as it is fitted.
     setup: Setup,
     unknowns: Unknowns,
@@ -78,6 +81,7 @@ pub struct Calibrator {
     posterior: Option<Posterior>,
     /// When the plume was last met, s.
     met_s: f64,
+    predicted: peak::Predicted,
 }
 
 impl Calibrator {
@@ -99,6 +103,7 @@ impl Calibrator {
         Ok(Self {
             estimate: unknowns.prior_mean(),
             covariance: DMatrix::from_diagonal(&unknowns.prior_sd().map(|sd| sd * sd)),
+            own_mechanisms: base.mechanisms.len(),
             base,
             setup,
             unknowns,
@@ -109,6 +114,7 @@ impl Calibrator {
             fitted_rows: 0,
             posterior: None,
             met_s: 0.0,
+            predicted: peak::Predicted::default(),
         })
     }
 
@@ -163,13 +169,19 @@ impl Calibrator {
         self.taken
     }
 
-    /// Replaces the extensions of the base model.
+    /// Replaces the extensions of the base model, beside the scenario's own mechanisms.
     ///
     /// # Errors
     /// Mechanisms that the plume model refuses.
     pub fn extend(&mut self, mechanisms: Vec<plume::Mechanism>) -> Result<(), WsError> {
+        let own = self
+            .base
+            .mechanisms
+            .iter()
+            .take(self.own_mechanisms)
+            .cloned();
         let extended = DispersionSpec {
-            mechanisms,
+            mechanisms: own.chain(mechanisms).collect(),
             ..self.base.clone()
         };
         DispersionModel::new(extended.clone())?;
@@ -272,6 +284,7 @@ impl Calibrator {
         let nearest = model.stated(problem.nearest(&posterior)?, &posterior)?;
         (self.estimate, self.covariance) = (nearest.mean, nearest.covariance);
         self.met_s = model.last_met_s(self.estimate.as_slice())?;
+        self.predicted = peak::Predicted::of(&model, &track, readings, &self.estimate, &posterior)?;
         self.fitted_rows = self.row_count();
         self.posterior = Some(posterior);
         Ok(())
@@ -406,6 +419,13 @@ impl Calibrator {
     pub fn calibrated(&self) -> Calibrated {
         self.unknowns
             .calibrated(&self.base, &self.estimate, &self.covariance)
+    }
+
+    /// What the scenario's sources of the sensor's gas emit, kg/s, by name, if the wind at the scenario's
+    /// reference height is `wind_m_s`: readings tell the ratio of emission to wind.
+    pub fn flux(&self, wind_m_s: Estimate) -> Vec<(String, Estimate)> {
+        self.unknowns
+            .flux(&self.base, &self.estimate, &self.covariance, wind_m_s)
     }
 
     /// Value and standard deviation of a mechanism's parameter that is unknown, of one platform's sensor or

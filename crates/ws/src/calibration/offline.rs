@@ -7,6 +7,7 @@ use air::wind::WindVector;
 use plume::{Mechanism, MechanismId, Place};
 use protocol::message::Estimate;
 use scenario::Scenario;
+use scenario::airspace::SETPOINT_MARGIN_M;
 use scenario::observations::{DataQuality, ObservationRow, Observations, checks};
 use scenario::uncertain::Uncertain;
 
@@ -63,7 +64,7 @@ pub fn calibrate(
         Some(best) => best,
         None => Calibrator::new(scenario, &observations.platforms, reference)?,
     };
-    calibrator.conclude(scenario.fence.keep_out_radius_m)?;
+    calibrator.conclude(scenario.fence.keep_out_radius_m + SETPOINT_MARGIN_M)?;
     if let Some(from_deg) = logged_from_deg(observations) {
         calibrator.set_wind_from(from_deg);
     }

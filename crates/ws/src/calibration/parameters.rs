@@ -222,8 +222,7 @@ impl Unknowns {
         }
     }
 
-    /// c_MAX at its distance: the model's own concentration on the axis there, with the standard
-    /// deviation that the unknowns' covariance gives it to first order (JCGM 100:2008, equation 13).
+    /// c_MAX that states the model's strength at its distance.
     fn c_max(
         &self,
         base: &DispersionSpec,
@@ -231,10 +230,50 @@ impl Unknowns {
         covariance: &DMatrix<f64>,
     ) -> (Estimate, f64) {
         let distance_m = base.sources[0].strength.c_max_distance_m();
+        let value = |model: &DispersionModel| model.stated_c_max_ppm(distance_m);
+        (self.of_model(base, at, covariance, &value), distance_m)
+    }
+
+    /// What each source of the sensor's gas emits if `wind_m_s` blows at the reference height.
+    pub fn flux(
+        &self,
+        base: &DispersionSpec,
+        at: &DVector<f64>,
+        covariance: &DMatrix<f64>,
+        wind_m_s: Estimate,
+    ) -> Vec<(String, Estimate)> {
+        let of = |k: usize| {
+            let per_m_s = |model: &DispersionModel| {
+                let wind = &model.spec().wind;
+                let axis_m = model.spec().sources[k].effective_height_agl_m;
+                let law =
+                    wind.speed_at_m_s(axis_m) / wind.reference_speed_m_s().max(f64::MIN_POSITIVE);
+                model.emission_kg_s(k, law).unwrap_or(f64::NAN)
+            };
+            let ratio = self.of_model(base, at, covariance, &per_m_s);
+            let kg_s = Estimate {
+                value: ratio.value * wind_m_s.value,
+                // Of a product of independent factors, to first order.
+                sd: (ratio.sd * wind_m_s.value).hypot(ratio.value * wind_m_s.sd),
+            };
+            let is_read = kg_s.value.is_finite() && kg_s.sd.is_finite();
+            is_read.then(|| (base.sources[k].name.clone(), kg_s))
+        };
+        (0..base.sources.len()).filter_map(of).collect()
+    }
+
+    /// What `value` is of the model at these values, with the standard deviation that the unknowns'
+    /// covariance gives it to first order (JCGM 100:2008, equation 13).
+    fn of_model(
+        &self,
+        base: &DispersionSpec,
+        at: &DVector<f64>,
+        covariance: &DMatrix<f64>,
+        value: &dyn Fn(&DispersionModel) -> f64,
+    ) -> Estimate {
         // 0 for values that make no model.
         let value = |at: &DVector<f64>| {
-            DispersionModel::new(self.folded(base, at))
-                .map_or(0.0, |model| model.axis_excess_ppm(distance_m))
+            DispersionModel::new(self.folded(base, at)).map_or(0.0, |model| value(&model))
         };
         let here = value(at);
         let slope = DVector::from_fn(self.list.len(), |k, _| {
@@ -247,13 +286,10 @@ impl Unknowns {
             (value(&aside) - here) / step
         });
         let variance = (slope.transpose() * covariance * &slope)[(0, 0)];
-        (
-            Estimate {
-                value: here,
-                sd: variance.max(0.0).sqrt(),
-            },
-            distance_m,
-        )
+        Estimate {
+            value: here,
+            sd: variance.max(0.0).sqrt(),
+        }
     }
 }
 

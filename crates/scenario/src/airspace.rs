@@ -1,16 +1,16 @@
 //! Where the team may fly: geofence, height band and a keep-out cylinder around every stack.
 //!
 //! A setpoint is safe when it lies inside all of them by a margin that leaves room for the turn
-//! and the orbit around it, and when the straight leg to it is safe too;
-//! [`crate::route_graph::RouteGraph`] goes around what stands in the way.
+//! and the orbit around it, and when the straight leg to it is safe too.
 
+use crate::Scenario;
+use crate::world::WorldError;
 use air::area::{distance_to_segment_m, edges, is_inside};
-use air::geo::{Enu, Geodetic, LocalFrame};
-use csea::Position;
-use scenario::Scenario;
+use air::geo::{Enu, Geodetic, LocalFrame, Position};
 
-use crate::error::ScError;
-
+/// Set-points keep this far from every edge of the fence and from every keep-out, m: room for a turn and
+/// for the orbit around the set-point.
+pub const SETPOINT_MARGIN_M: f64 = 120.0;
 /// Corners of the polygon of via-points around a keep-out circle.
 const CIRCLE_CORNERS: usize = 16;
 /// How much farther than the margin via-points lie, so that legs between them are not on the
@@ -33,10 +33,10 @@ impl Airspace {
     ///
     /// # Errors
     /// A fence that leaves nothing outside the keep-out, or a site outside the frame's validity.
-    pub fn of(scenario: &Scenario) -> Result<Self, ScError> {
+    pub fn of(scenario: &Scenario) -> Result<Self, WorldError> {
         let frame = scenario.frame()?;
         let fence = &scenario.fence;
-        let stack = |s: &scenario::tables::SourceTable| {
+        let stack = |s: &crate::tables::SourceTable| {
             frame.to_enu(Geodetic {
                 lat_deg: s.lat_deg,
                 lon_deg: s.lon_deg,
@@ -130,7 +130,7 @@ impl Airspace {
     }
 
     /// Corners around every keep-out, and inside every corner of the fence, that keep `margin_m`.
-    pub(crate) fn via_points(&self, margin_m: f64) -> Vec<Enu> {
+    pub fn via_points(&self, margin_m: f64) -> Vec<Enu> {
         // A polygon around the circle: its corners lie farther out, so that its edges keep the
         // margin.
         let radius_m = (self.keep_out_m + margin_m + SLACK_M)
@@ -169,7 +169,7 @@ impl Airspace {
 }
 
 /// Distance between the segments `a`…`b` and `c`…`d`, m; 0 where they cross.
-pub(crate) fn distance_between_segments_m(a: Enu, b: Enu, c: Enu, d: Enu) -> f64 {
+pub fn distance_between_segments_m(a: Enu, b: Enu, c: Enu, d: Enu) -> f64 {
     let side = |p: Enu, q: Enu, r: Enu| {
         (q.east_m - p.east_m) * (r.north_m - p.north_m)
             - (q.north_m - p.north_m) * (r.east_m - p.east_m)

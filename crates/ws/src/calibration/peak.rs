@@ -1,0 +1,220 @@
+//! The highest concentration where set-points may go, and how far readings stand behind it.
+
+use super::{AveragedReading, Calibrator};
+use air::geo::Position;
+use gap::plume::PlumeModel;
+use infer::ForwardModel;
+use nalgebra::DVector;
+use plume::track::Track;
+use plume::{DispersionModel, Place};
+use protocol::message::{Estimate, Peak, PeakStatus};
+use scenario::airspace::{Airspace, SETPOINT_MARGIN_M};
+use scenario::peak::highest_of;
+
+/// Rows that are predicted to meet this part of the peak's excess are there: within a standard deviation of
+/// its axis, or near it downwind.
+const THERE: f64 = 0.5;
+/// ... and this part is in the same plume.
+const IN_PLUME: f64 = 0.1;
+/// Rows farther apart than this belong to different crossings, s.
+const BETWEEN_CROSSINGS_S: f64 = 10.0;
+/// Crossings at which a mean and its scatter can be told.
+const LEAST_CROSSINGS: usize = 2;
+/// One crossing alone may be off by so much of its prediction, one standard deviation: plumes of power plants
+/// vary by a factor of two from pass to pass.
+const ONE_CROSSING: f64 = 0.5;
+/// What agrees does so within so many standard deviations.
+const AGREES_SD: f64 = 2.0;
+/// A peak of which less is known than this part of its excess, one standard deviation, is hardly known.
+const HARDLY_KNOWN: f64 = 0.5;
+/// A plume was read where it explains the squares of so many standard deviations of the sensor.
+const READ_SD: f64 = 5.0;
+
+/// A crossing of the plume: what was read in it above the background, and what is predicted.
+#[derive(Debug, Clone, Copy, Default)]
+struct Crossing {
+    read: f64,
+    predicted: f64,
+}
+
+/// What the corrected model, without an error of form, predicts for the rows of the last fit.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Predicted {
+    /// Platform and time of each row.
+    at: Vec<(usize, f64)>,
+    /// Reading beyond what is predicted besides the plume, ppm.
+    read: Vec<f64>,
+    /// The plume's part, ppm.
+    plume: Vec<f64>,
+    /// The sensor's white noise as the fit found it, ppm.
+    white_ppm: f64,
+}
+
+impl Predicted {
+    pub fn of(
+        model: &PlumeModel<'_>,
+        track: &Track,
+        readings: &[AveragedReading],
+        estimate: &DVector<f64>,
+        posterior: &infer::Posterior,
+    ) -> Result<Self, infer::InferError> {
+        let times = track.time_s().iter();
+        let turns: Vec<f64> = times.map(|t| posterior.turn_deg(*t)).collect();
+        let said = model.predict(estimate.as_slice(), &turns)?;
+        let rows = readings.iter().zip(&said.reading).zip(&said.plume);
+        Ok(Self {
+            at: readings
+                .iter()
+                .map(|r| (r.row.platform, r.row.time_s))
+                .collect(),
+            read: rows
+                .map(|((r, reading), plume)| r.ppm - (reading - plume))
+                .collect(),
+            plume: said.plume,
+            white_ppm: posterior.fit().noise.white,
+        })
+    }
+
+    /// Whether readings show that there is a plume at all: by how much less they are off with it than
+    /// without.
+    fn shows_a_plume(&self) -> bool {
+        let rows = self.read.iter().zip(&self.plume);
+        let gain: f64 = rows.map(|(r, p)| r * r - (r - p) * (r - p)).sum();
+        gain > (READ_SD * self.white_ppm).powi(2)
+    }
+
+    /// Crossings by the rows that are predicted to meet at least `least_ppm`.
+    fn crossings(&self, least_ppm: f64) -> Vec<Crossing> {
+        let mut all: Vec<Crossing> = Vec::new();
+        let mut last = None;
+        for (k, &(platform, time_s)) in self.at.iter().enumerate() {
+            if self.plume[k] < least_ppm {
+                continue;
+            }
+            let goes_on = last.is_some_and(|(p, t): (usize, f64)| {
+                p == platform && time_s - t < BETWEEN_CROSSINGS_S
+            });
+            if !goes_on {
+                all.push(Crossing::default());
+            }
+            if let Some(crossing) = all.last_mut() {
+                crossing.read += self.read[k];
+                crossing.predicted += self.plume[k];
+            }
+            last = Some((platform, time_s));
+        }
+        all
+    }
+}
+
+/// Whether what was read in crossings is in the mean what is predicted, of which `predicted_sd` is the
+/// relative standard deviation; none without a crossing.
+fn agree(crossings: &[Crossing], predicted_sd: f64) -> Option<bool> {
+    let n = crossings.len() as f64;
+    let ratio = |c: &Crossing| c.read / c.predicted;
+    let mean = crossings.iter().map(ratio).sum::<f64>() / n;
+    let scatter = if crossings.len() < LEAST_CROSSINGS {
+        ONE_CROSSING
+    } else {
+        let squares = crossings.iter().map(|c| (ratio(c) - mean).powi(2));
+        (squares.sum::<f64>() / (n - 1.0) / n).sqrt()
+    };
+    let within = AGREES_SD * scatter.hypot(predicted_sd);
+    (!crossings.is_empty()).then_some((mean - 1.0).abs() <= within)
+}
+
+impl Calibrator {
+    /// The highest concentration where set-points may go when the plume was last met; none before a fit, or
+    /// where they may go nowhere.
+    pub fn peak(&self, airspace: &Airspace) -> Option<Peak> {
+        let model = DispersionModel::new(self.latest_spec()).ok()?;
+        let time_s = self.met_s();
+        let found = highest_of(&model, airspace, SETPOINT_MARGIN_M, time_s)?;
+        let Position { at, height_m } = found.position;
+        let place = Place {
+            east_m: at.east_m,
+            north_m: at.north_m,
+            height_agl_m: height_m - airspace.frame().ground_amsl_m,
+        };
+        let there = self.mean_ppm(&place)?;
+        let excess_ppm = there.value - model.background_ppm(&place, time_s);
+        let geodetic = airspace.frame().to_geodetic(at);
+        Some(Peak {
+            lat_deg: geodetic.lat_deg,
+            lon_deg: geodetic.lon_deg,
+            alt_amsl_m: height_m,
+            co2_ppm: there.value,
+            sd_ppm: there.sd,
+            time_s,
+            status: self.status(&there, excess_ppm),
+        })
+    }
+
+    fn status(&self, there: &Estimate, excess_ppm: f64) -> PeakStatus {
+        if !self.predicted.shows_a_plume() {
+            return PeakStatus::NotFound;
+        }
+        let relative_sd = there.sd / excess_ppm;
+        // A comparison that is not made by a number that is not one.
+        if !(relative_sd >= 0.0 && relative_sd < HARDLY_KNOWN) {
+            return PeakStatus::Doubtful;
+        }
+        let near = self.predicted.crossings(THERE * excess_ppm);
+        let all = self.predicted.crossings(IN_PLUME * excess_ppm);
+        match (agree(&near, relative_sd), agree(&all, relative_sd)) {
+            (Some(true), _) if near.len() >= LEAST_CROSSINGS => PeakStatus::Confirmed,
+            (Some(true), _) => PeakStatus::Supported,
+            (None, Some(true)) if all.len() >= LEAST_CROSSINGS => PeakStatus::Supported,
+            _ => PeakStatus::Doubtful,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn crossing(read: f64) -> Crossing {
+        Crossing {
+            read,
+            predicted: 1.0,
+        }
+    }
+
+    #[test]
+    fn crossings_agree_by_their_mean_and_its_scatter() {
+        let of =
+            |read: &[f64], sd| agree(&read.iter().map(|r| crossing(*r)).collect::<Vec<_>>(), sd);
+        assert_eq!(of(&[], 0.1), None);
+        // A factor of two from pass to pass about the prediction, and the same passes half as strong.
+        assert_eq!(of(&[0.6, 1.7, 0.7, 1.2], 0.05), Some(true));
+        assert_eq!(of(&[0.3, 0.5, 0.35, 0.6], 0.05), Some(false));
+        // What is known to a third only is not contradicted by that.
+        assert_eq!(of(&[0.3, 0.5, 0.35, 0.6], 0.33), Some(true));
+        // One alone may be off by the whole of itself.
+        assert_eq!(
+            (of(&[0.2], 0.0), of(&[2.2], 0.0)),
+            (Some(true), Some(false))
+        );
+    }
+
+    #[test]
+    fn noise_is_no_plume() {
+        let rows = 2000;
+        let noise = |k: usize| if k * k % 7 < 3 { 3.0 } else { -3.0 };
+        let with = |plume_ppm: f64| {
+            let plume = |k: usize| if k % 400 < 20 { plume_ppm } else { 0.0 };
+            Predicted {
+                at: (0..rows).map(|k| (0, k as f64)).collect(),
+                read: (0..rows).map(|k| noise(k) + plume(k)).collect(),
+                plume: (0..rows)
+                    .map(|k| if k % 400 < 20 { 30.0 } else { 0.0 })
+                    .collect(),
+                white_ppm: 3.0,
+            }
+        };
+        assert!(!with(0.0).shows_a_plume());
+        assert!(with(30.0).shows_a_plume());
+        assert_eq!(with(30.0).crossings(10.0).len(), 5);
+    }
+}

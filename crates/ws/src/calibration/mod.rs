@@ -42,6 +42,20 @@ const GROWN: f64 = 1.25;
 /// A row is in the plume if the plume's part of it is above this share of the strongest.
 const IN_PLUME_SHARE: f64 = 0.02;
 
+/// A plume is stated as it is in the mean over this time, s, for which the spread of the stability classes
+/// holds: ten minutes. What turns over longer is a wind that turns, and is followed.
+pub const AVERAGED_S: f64 = 600.0;
+/// Moments of that mean.
+const MOMENTS: usize = 11;
+
+/// A moment of a mean.
+#[derive(Debug, Clone, Copy)]
+struct Moment {
+    time_s: f64,
+    /// How far the slow wind has turned from the middle of the mean until then, degrees.
+    slow_deg: f64,
+}
+
 /// One averaged reading.
 #[derive(Debug, Clone, Copy)]
 struct AveragedReading {
@@ -296,34 +310,64 @@ impl Calibrator {
         self.base.wind = self.base.wind.turned(from_deg - self.base.wind.from_deg());
     }
 
-    /// When the plume was last met, s: what it did afterwards nobody has read.
-    pub fn met_s(&self) -> f64 {
-        self.met_s
+    /// The mean mole fraction at a place over the last [`AVERAGED_S`] in which the plume was met, ppm, with the
+    /// error of form that the readings showed, in the slow wind of their middle; none before a fit.
+    pub fn mean_ppm(&self, place: &Place) -> Option<Estimate> {
+        let posterior = self.posterior.as_ref()?;
+        let moments = self.moments();
+        let n = moments.len() as f64;
+        let (mut value, mut sd) = (0.0, 0.0);
+        for Moment { time_s, slow_deg } in moments {
+            let there = posterior.at_place(time_s, |at, turn_deg| {
+                let at = DVector::from_column_slice(at);
+                self.there(place, time_s, at, turn_deg - slow_deg)
+            });
+            // What is not known is the same at all moments, for the most part.
+            (value, sd) = (value + there.value / n, sd + there.sd / n);
+        }
+        Some(Estimate { value, sd })
     }
 
-    /// The mean mole fraction at a place when the plume was last met, ppm, with the error of form
-    /// that the readings showed; none before a fit.
-    pub fn mean_ppm(&self, place: &Place) -> Option<Estimate> {
-        let nowhere = (f64::NAN, f64::NAN, PlumePlace::default());
-        let found = self
-            .posterior
-            .as_ref()?
-            .at_place(self.met_s, |at, turn_deg| {
-                let spec = self.swung_spec(DVector::from_column_slice(at), turn_deg);
-                let Ok(model) = DispersionModel::new(spec) else {
-                    return nowhere;
-                };
-                let rest = model.background_ppm(place, self.met_s);
-                let plume = model.mean_ppm(place, self.met_s) - rest;
-                let there = model.in_first_plume(place, self.met_s, model.transport());
-                let wind = model.transport();
-                let under_way_s = there.map_or(0.0, |p| wind.under_way_s(p.distance_m));
-                (rest, plume, plume_place(there, self.met_s, under_way_s))
-            });
-        Some(Estimate {
-            value: found.value,
-            sd: found.sd,
-        })
+    /// What there is at a place and time besides the plume and of it, ppm, and where in the plume that is.
+    fn there(
+        &self,
+        place: &Place,
+        time_s: f64,
+        at: DVector<f64>,
+        turn_deg: f64,
+    ) -> (f64, f64, PlumePlace) {
+        let Ok(model) = DispersionModel::new(self.swung_spec(at, turn_deg)) else {
+            return (f64::NAN, f64::NAN, PlumePlace::default());
+        };
+        let rest = model.background_ppm(place, time_s);
+        let wind = model.transport();
+        let there = model.in_first_plume(place, time_s, wind);
+        let under_way_s = there.map_or(0.0, |p| wind.under_way_s(p.distance_m));
+        let plume = model.mean_ppm(place, time_s) - rest;
+        (rest, plume, plume_place(there, time_s, under_way_s))
+    }
+
+    /// Moments over which the plume is averaged.
+    fn moments(&self) -> Vec<Moment> {
+        let turn = |time_s| self.posterior.as_ref().map_or(0.0, |p| p.turn_deg(time_s));
+        let part = |k: usize| k as f64 / (MOMENTS - 1) as f64 - 0.5;
+        let time = |k: usize| self.stated_s() + AVERAGED_S * part(k);
+        // The straight line through the turns, by least squares.
+        let (mut product, mut square) = (0.0, 0.0);
+        for k in 0..MOMENTS {
+            product += part(k) * turn(time(k));
+            square += part(k) * part(k);
+        }
+        let moment = |k| Moment {
+            time_s: time(k),
+            slow_deg: product / square * part(k),
+        };
+        (0..MOMENTS).map(moment).collect()
+    }
+
+    /// The time for which the plume is stated, s: the middle of those over which it is averaged.
+    pub fn stated_s(&self) -> f64 {
+        (self.met_s - 0.5 * AVERAGED_S).max(0.0)
     }
 
     /// What the readings were found to be like; none before a fit.
@@ -394,10 +438,14 @@ impl Calibrator {
         self.unknowns.folded(&self.base, &self.estimate)
     }
 
-    /// The corrected model, its axis as it lay when the plume was last met.
+    /// The corrected model, its axis as it lay in the mean of the last [`AVERAGED_S`] in which the plume was met.
     pub fn latest_spec(&self) -> DispersionSpec {
-        let posterior = self.posterior.as_ref();
-        let turn_deg = posterior.map_or(0.0, |p| p.turn_deg(self.met_s));
+        let moments = self.moments();
+        let turn = |p: &Posterior| {
+            let turns = moments.iter().map(|m| p.turn_deg(m.time_s));
+            turns.sum::<f64>() / moments.len() as f64
+        };
+        let turn_deg = self.posterior.as_ref().map_or(0.0, turn);
         self.swung_spec(self.estimate.clone(), turn_deg)
     }
 

@@ -124,11 +124,12 @@ fn agree(crossings: &[Crossing], predicted_sd: f64) -> Option<bool> {
 }
 
 impl Calibrator {
-    /// The highest concentration where set-points may go when the plume was last met; none before a fit, or
+    /// The highest concentration where set-points may go, in the mean of the last minutes in which the plume was met;
+    /// none before a fit, or
     /// where they may go nowhere.
     pub fn peak(&self, airspace: &Airspace) -> Option<Peak> {
         let model = DispersionModel::new(self.latest_spec()).ok()?;
-        let time_s = self.met_s();
+        let time_s = self.stated_s();
         let found = highest_of(&model, airspace, SETPOINT_MARGIN_M, time_s)?;
         let Position { at, height_m } = found.position;
         let place = Place {

@@ -147,6 +147,28 @@ fn a_hundred_vehicles_keep_apart_in_turns_too() {
 }
 
 #[test]
+fn a_team_lands_on_ground_that_is_higher_than_the_site() {
+    let text = AS_PONTES.replace(
+        "ground_amsl_m = 340.0",
+        "ground_amsl_m = 340.0\nterrain = \"N43W008.hgt\"",
+    );
+    // A plateau 60 m above what the scenario says.
+    let read = |file: &str| match file {
+        "N43W008.hgt" => Ok((0..1201 * 1201)
+            .flat_map(|_| 400i16.to_be_bytes())
+            .collect()),
+        other => no_files(other),
+    };
+    let mut setup = Setup::load("high.toml", &text, &read).unwrap();
+    setup.scenario.vehicles.drain(..3);
+    setup.scenario.mission.duration_s = 1500.0;
+    let flown = fly(&setup, 200.0);
+    assert!(flown.airborne.is_empty(), "{:?}", flown.airborne);
+    // One after the other, not one after the other's standstill: 100 s apart.
+    assert!(flown.last_up_s < 1100.0, "{:.0} s", flown.last_up_s);
+}
+
+#[test]
 fn one_word_of_the_operator_brings_all_home() {
     let setup = team_of(3, true);
     let flown = fly(&setup, 300.0);

@@ -134,6 +134,16 @@ impl SquadronController {
         Ok(controller)
     }
 
+    /// The same controller over terrain: the ground at each vehicle's home, m above mean sea level, in
+    /// the team's order.
+    #[must_use]
+    pub fn over(mut self, homes_amsl_m: impl IntoIterator<Item = f64>) -> Self {
+        for (vehicle, ground_amsl_m) in self.fleet.vehicles.iter_mut().zip(homes_amsl_m) {
+            vehicle.home.height_m = ground_amsl_m;
+        }
+        self
+    }
+
     /// The phase of the mission.
     pub fn phase(&self) -> Phase {
         self.phase

@@ -44,14 +44,15 @@ const SINK_M_S: (f64, f64) = (2.0, 2.4);
 const LAND_FROM_M: f64 = 60.0;
 /// How long a vehicle that goes round again keeps the next from landing, s.
 const ROUND_AGAIN_S: f64 = 90.0;
-/// Time kept in reserve for that, s.
-const RESERVE_S: f64 = 120.0;
+/// Time kept in reserve for that, s, and for each vehicle of the team: in a large one each waits for
+/// many.
+const RESERVE_S: (f64, f64) = (60.0, 7.0);
 /// Time that the way home may take longer than planned, s, and for each vehicle that may be in the
 /// way (measured: teams of 6 lose up to 80 s, of 30 up to 220 s).
 const DETOUR_S: (f64, f64) = (45.0, 4.0);
 /// Factor on the times of ways home and between landings: for turns, for what stands in the way, and
 /// for landings from higher up.
-const DETOUR: f64 = 1.2;
+const DETOUR: f64 = 1.25;
 /// Slowest speed over ground that is counted on, m/s.
 const OVER_GROUND_M_S: f64 = 3.0;
 /// Shortest work worth a take-off, s.
@@ -198,7 +199,8 @@ impl SquadronController {
         let mut starts: Vec<(usize, f64)> = Vec::new();
         for index in order {
             let low_m = self.lowest_wait_m(index);
-            let last_s = self.duration_s - RESERVE_S - circle_left_s(low_m) - FINAL_S;
+            let reserve_s = RESERVE_S.0 + RESERVE_S.1 * team.len() as f64;
+            let last_s = self.duration_s - reserve_s - circle_left_s(low_m) - FINAL_S;
             let between_s = DETOUR * (circle_left_s(low_m) - self.circle_reached_s(low_m));
             let later = starts
                 .iter()

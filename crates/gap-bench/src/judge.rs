@@ -310,6 +310,20 @@ pub fn judge(task: &Task, judging: &Judging) -> Outcome {
             ..Outcome::new(task)
         };
     };
+    let options = Options {
+        seed: task.seed,
+        ..Options::default()
+    };
+    judge_made(task, &made, judging, &options)
+}
+
+/// The same of a case that is made, with a finder of other options.
+pub(crate) fn judge_made(
+    task: &Task,
+    made: &Made,
+    judging: &Judging,
+    options: &Options,
+) -> Outcome {
     let truth = &made.case.truth;
     let hidden = truth.effects.iter().zip(&made.nats);
     let mut outcome = Outcome {
@@ -320,7 +334,7 @@ pub fn judge(task: &Task, judging: &Judging) -> Outcome {
         ..Outcome::new(task)
     };
     let start_s = (judging.clock_s)();
-    let found = find(task.seed, &made.case.scenario_toml, &made.case.observations);
+    let found = find_with(options, &made.case.scenario_toml, &made.case.observations);
     outcome.seconds = (judging.clock_s)() - start_s;
     let judged = found.and_then(|json| {
         let as_text = serde_json::to_value(&json).map_err(|e| e.to_string())?;
@@ -329,7 +343,7 @@ pub fn judge(task: &Task, judging: &Judging) -> Outcome {
     match judged {
         Ok((said, json)) => {
             if judging.fly_on && said.verdict == "ambiguous" {
-                outcome.next_flight = fly_on(task, &made, &outcome.truth, &json);
+                outcome.next_flight = fly_on(task, made, &outcome.truth, &json);
             }
             outcome.said = Some(said);
         }
@@ -361,12 +375,20 @@ pub fn read(
 /// # Errors
 /// What the reader or the finder says of them.
 pub fn find(seed: u64, scenario_toml: &str, files: &[(String, String)]) -> Result<GapJson, String> {
-    let (setup, observations) = read(scenario_toml, files)?;
     let options = Options {
         seed,
         ..Options::default()
     };
-    let analysis = analyse(&setup, &observations, &options, &mut |_| {});
+    find_with(&options, scenario_toml, files)
+}
+
+fn find_with(
+    options: &Options,
+    scenario_toml: &str,
+    files: &[(String, String)],
+) -> Result<GapJson, String> {
+    let (setup, observations) = read(scenario_toml, files)?;
+    let analysis = analyse(&setup, &observations, options, &mut |_| {});
     analysis.map(|a| a.json).map_err(|e| e.to_string())
 }
 

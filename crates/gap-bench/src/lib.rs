@@ -12,6 +12,7 @@ mod judge;
 mod made;
 mod plan;
 mod rates;
+mod sensitivity;
 mod summary;
 
 use std::sync::Mutex;
@@ -23,6 +24,7 @@ pub use judge::{
 pub use made::{Made, make};
 pub use plan::{Kind, Task, plan, share_of};
 pub use rates::{Rate, clopper_pearson};
+pub use sensitivity::sensitivity;
 pub use summary::Summary;
 
 /// How the benchmark is run.

@@ -26,6 +26,9 @@ struct Arguments {
     /// Only so many plume cases, spread over all kinds: a look of some minutes
     #[arg(long, value_name = "COUNT", conflicts_with = "flight")]
     quick: Option<usize>,
+    /// What moves when each number of the finder's policy is halved and doubled, on the cases of --quick
+    #[arg(long, requires = "quick")]
+    sensitivity: bool,
     /// Threads, each with a case of its own; as many as there are where none is given
     #[arg(long, value_name = "COUNT")]
     threads: Option<usize>,
@@ -60,6 +63,10 @@ fn main() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
     if let (Some(seed), Some(folder)) = (arguments.case, &arguments.into) {
         return one_case::write(seed, arguments.first_seed, folder);
+    }
+    if let (true, Some(count)) = (arguments.sensitivity, arguments.quick) {
+        gap_bench::sensitivity(count, arguments.first_seed, &mut |line| println!("{line}"));
+        return Ok(());
     }
     let (page, usual) = if arguments.flight {
         (of_flight(&arguments)?, "docs/gap-flight-benchmark.md")

@@ -279,7 +279,7 @@ mod tests {
                 sensor_sd: 1.0,
                 asked: &[],
             },
-            basis: problem.swing.clone(),
+            basis: problem.turning.swing.clone(),
             sizes: [0.0; COORDINATES],
             noise: NOISE,
             loadings: none,

@@ -2,6 +2,7 @@
 //! held against the direction in which the model has it.
 
 use crate::InferError;
+use crate::at_once::at_once;
 use crate::fit::Problem;
 use crate::passes::passes;
 use crate::posterior::Estimate;
@@ -47,22 +48,29 @@ impl<M: ForwardModel> Problem<'_, M> {
         let of = |scores: &[f64], pass: &[std::ops::Range<usize>]| -> f64 {
             pass.iter().flat_map(|r| &scores[r.clone()]).sum()
         };
-        let steps = (360.0 / SPACING_DEG) as usize;
-        let mut best = vec![(0.0, 0.0); passes.len()];
-        let mut own = vec![0.0; passes.len()];
-        for k in 0..steps {
-            let turn_deg = f64::from(k as u32) * SPACING_DEG;
-            let there = self.model.predict(at, &vec![turn_deg; n])?;
+        let steps = (360.0 / SPACING_DEG) as u32;
+        let turns_deg: Vec<f64> = (0..steps).map(|k| f64::from(k) * SPACING_DEG).collect();
+        let gains = |turn_deg: &f64| -> Result<Vec<f64>, InferError> {
+            let there = self.model.predict(at, &vec![*turn_deg; n])?;
+            let mut gains = vec![f64::NEG_INFINITY; passes.len()];
             for strength in STRENGTHS {
                 let scores = self.rough_scores(&self.levelled(&there, strength));
-                for (p, pass) in passes.iter().enumerate() {
-                    let gain = of(&nothing, pass) - of(&scores, pass);
-                    if gain > best[p].0 {
-                        best[p] = (gain, turn_deg);
-                    }
-                    if turn_deg.min(360.0 - turn_deg) <= self.policy.noise_tolerated.wander_deg {
-                        own[p] = f64::max(own[p], gain);
-                    }
+                for (gain, pass) in gains.iter_mut().zip(&passes) {
+                    *gain = gain.max(of(&nothing, pass) - of(&scores, pass));
+                }
+            }
+            Ok(gains)
+        };
+        let mut best = vec![(0.0, 0.0); passes.len()];
+        let mut own = vec![0.0; passes.len()];
+        for (turn_deg, gains) in turns_deg.iter().zip(at_once(&turns_deg, gains)) {
+            let is_own = turn_deg.min(360.0 - turn_deg) <= self.policy.noise_tolerated.wander_deg;
+            for (p, gain) in gains?.into_iter().enumerate() {
+                if gain > best[p].0 {
+                    best[p] = (gain, *turn_deg);
+                }
+                if is_own {
+                    own[p] = f64::max(own[p], gain);
                 }
             }
         }

@@ -3,12 +3,14 @@
 //! change least often first, so that what was done is kept for the next.
 
 use crate::form::{COORDINATES, Sizes, precision_of};
-use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DMatrixView, DMatrixViewMut, DVector, Dyn};
 use std::collections::BTreeMap;
 
 /// Coordinates in the order in which their weights are integrated out: swing and time have the
 /// most weights.
 const ORDER: [usize; COORDINATES] = [4, 3, 2, 1, 0];
+/// Columns whose products are taken at once.
+const BLOCK: usize = 32;
 /// Coordinates after which the rest is kept for the next sizes.
 const KEPT: usize = 2;
 
@@ -65,12 +67,36 @@ pub(crate) struct Products {
 impl Products {
     /// Products of the columns of `matrix`, which stands row after row.
     pub fn of(matrix: &[f64], columns: usize, ln_normalisation: f64) -> Self {
+        let mut out = Self::zero(columns);
+        out.ln_normalisation = ln_normalisation;
+        out.add_rows(matrix, columns);
+        out.mirror(columns);
+        out
+    }
+
+    /// Adds the products of further rows. They are symmetric: only what lies on one side of the diagonal is
+    /// added, block by block; [`Products::mirror`] ends it.
+    pub fn add_rows(&mut self, matrix: &[f64], columns: usize) {
         let rows = matrix.len() / columns;
         let whitened = DMatrixView::from_slice(matrix, columns, rows);
-        let products: DMatrix<f64> = whitened * whitened.transpose();
-        Self {
-            values: products.as_slice().to_vec(),
-            ln_normalisation,
+        let (down, right) = (Dyn(columns), Dyn(1));
+        let turned: DMatrixView<'_, f64, Dyn, Dyn> =
+            DMatrixView::from_slice_with_strides_generic(matrix, Dyn(rows), down, down, right);
+        let mut sum = DMatrixViewMut::from_slice(&mut self.values, columns, columns);
+        for first in (0..columns).step_by(BLOCK) {
+            let (count, left) = (BLOCK.min(columns - first), columns - first);
+            let mut part = sum.view_mut((first, first), (left, count));
+            let (a, b) = (whitened.rows(first, left), turned.columns(first, count));
+            part.gemm(1.0, &a, &b, 1.0);
+        }
+    }
+
+    /// Makes both sides of the diagonal the same.
+    pub fn mirror(&mut self, columns: usize) {
+        for k in 0..columns {
+            for j in k + 1..columns {
+                self.values[j * columns + k] = self.values[k * columns + j];
+            }
         }
     }
 

@@ -6,11 +6,12 @@ use crate::InferError;
 use crate::evidence::{Known, Layout, Products};
 use crate::form::{Active, Basis, SWING, Sizes, precision_of};
 use crate::maximise::maximise;
-use crate::noise::{Loadings, Noise, Whitener, log_likelihood};
+use crate::noise::{Loadings, Means, Noise, Whitener, log_likelihood};
 use crate::policy::Policy;
-use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
+use crate::rows::{ForwardModel, PlumePlace, Prediction, Prior, Rows};
 use nalgebra::{Cholesky, DVector};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Differences for derivatives: part of a prior's standard deviation, and degrees of the axis.
 const DIFFERENCE_SD: f64 = 1e-3;
@@ -29,6 +30,8 @@ const OUT_OF_ITS_NEIGHBOURS: f64 = 0.5;
 /// White noise is at least this part of the sensor's own: none is a hundred times better than it is said to
 /// be, and readings without any would leave nothing to divide by.
 const LEAST_WHITE: f64 = 0.01;
+/// Rows whose columns are whitened at once: with a hundred columns they stay in a second-level cache.
+const ROWS_AT_ONCE: usize = 256;
 /// Most steps of one search for the noise.
 const NOISE_STEPS: usize = 25;
 
@@ -39,14 +42,38 @@ pub struct Problem<'a, M> {
     pub(crate) rows: &'a Rows,
     pub(crate) policy: &'a Policy,
     pub(crate) sensor_sd: f64,
-    asked: &'a [PlumePlace],
+    pub(crate) asked: &'a [PlumePlace],
+    pub(crate) turning: Arc<Turning>,
+}
+
+/// How a swing turns the rows: the same for all models of them that differ in names alone.
+#[derive(Debug)]
+pub(crate) struct Turning {
     /// Bumps of a swing alone, which those of every basis end with, and their values, row after row.
-    pub(crate) swing: Basis,
-    pub(crate) swing_bumps: Vec<f64>,
+    pub swing: Basis,
+    pub bumps: Vec<f64>,
     /// When the first air that was met left the source, s.
-    swing_from_s: f64,
+    from_s: f64,
     /// Their means over the rows, and their slopes over time.
-    swing_steady: [Vec<f64>; STEADY],
+    steady: [Vec<f64>; STEADY],
+}
+
+impl Turning {
+    fn new(model: &impl ForwardModel, rows: &Rows, policy: &Policy) -> Self {
+        let left_s = |row: usize| rows.time_s()[row] - model.under_way_s(row);
+        let from_s = (0..rows.len()).map(left_s).fold(f64::INFINITY, f64::min);
+        let swing = Basis::of_swing(rows.time_s(), from_s, policy);
+        let mut bumps = vec![0.0; rows.len() * swing.len()];
+        for (row, out) in bumps.chunks_exact_mut(swing.len()).enumerate() {
+            swing.fill_swing_since(rows.time_s()[row], model.under_way_s(row), out);
+        }
+        Self {
+            steady: steady(rows.time_s(), &bumps, swing.len()),
+            swing,
+            bumps,
+            from_s,
+        }
+    }
 }
 
 /// Values of all that is unknown but the noise.
@@ -88,20 +115,28 @@ struct Linearised {
     /// Products of the columns of unknowns, weights that may differ from zero, and misfit.
     products: Products,
     columns: usize,
-    /// The values of the bumps that may have weights, row after row.
+    /// The values of the bumps of the error of form that may have weights, row after row.
     bumps: Vec<f64>,
     misfit: Vec<f64>,
     /// Minus the density of the point, nats, up to a constant.
     cost: f64,
 }
 
-/// Columns of a problem that is linear at a point.
-struct Columns {
-    /// Row after row; the last column is the misfit.
-    matrix: Vec<f64>,
-    /// The values of the bumps that may have weights, row after row.
+/// A model near a point, row by row.
+struct Local {
+    /// What each unknown changes at every row.
+    slopes: Vec<Vec<f64>>,
+    /// The plume with its error of form.
+    plume: Vec<f64>,
+    /// The values of the bumps of the error of form that may have weights, row after row.
     bumps: Vec<f64>,
     misfit: Vec<f64>,
+}
+
+/// Columns of the first unknown and of the weights that may differ from zero.
+struct Places<'p> {
+    unknowns: usize,
+    weights: &'p [usize],
 }
 
 /// Bumps with their sizes: which may have weights, and precisions of unknowns and these weights.
@@ -120,15 +155,11 @@ impl Shape<'_> {
 
 /// What the error of form makes of the plume at every row.
 fn factors_of(bumps: &[f64], active: &Active, point: &Point, rows: usize) -> Vec<f64> {
-    let n = active.len();
-    if active.of_form() == 0 {
+    let n = active.of_form();
+    if n == 0 {
         return vec![1.0; rows];
     }
-    let weights: Vec<f64> = active
-        .weights()
-        .take(active.of_form())
-        .map(|k| point.weights[k])
-        .collect();
+    let weights: Vec<f64> = active.weights().take(n).map(|k| point.weights[k]).collect();
     bumps
         .chunks_exact(n)
         .map(|b| Basis::factor(b, &weights))
@@ -176,24 +207,13 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         sensor_sd: f64,
         asked: &'a [PlumePlace],
     ) -> Self {
-        let left_s = |row: usize| rows.time_s()[row] - model.under_way_s(row);
-        let swing_from_s = (0..rows.len()).map(left_s).fold(f64::INFINITY, f64::min);
-        let swing = Basis::of_swing(rows.time_s(), swing_from_s, policy);
-        let mut swing_bumps = vec![0.0; rows.len() * swing.len()];
-        for (row, out) in swing_bumps.chunks_exact_mut(swing.len()).enumerate() {
-            swing.fill_swing_since(rows.time_s()[row], model.under_way_s(row), out);
-        }
-        let swing_steady = steady(rows.time_s(), &swing_bumps, swing.len());
         Self {
+            turning: Turning::new(model, rows, policy).into(),
             model,
             rows,
             policy,
             sensor_sd,
             asked,
-            swing,
-            swing_bumps,
-            swing_from_s,
-            swing_steady,
         }
     }
 
@@ -254,20 +274,20 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         Ok(Basis::over(
             read.chain(asked),
             self.rows.time_s(),
-            self.swing_from_s,
+            self.turning.from_s,
             self.policy,
         ))
     }
 
     /// Turn of the axis at every row, degrees: the swing's weights are always the last.
     pub(crate) fn turns(&self, point: &Point) -> Vec<f64> {
-        let n = self.swing.len();
+        let n = self.turning.swing.len();
         let weights = &point.weights[point.weights.len().saturating_sub(n)..];
         if weights.iter().all(|w| *w == 0.0) {
             return vec![0.0; self.rows.len()];
         }
         let turn = |bumps: &[f64]| bumps.iter().zip(weights).map(|(b, w)| b * w).sum();
-        self.swing_bumps.chunks_exact(n).map(turn).collect()
+        self.turning.bumps.chunks_exact(n).map(turn).collect()
     }
 
     /// A fit to other rows with the bumps of a swing over these, whose turns are as near as may be.
@@ -280,7 +300,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
                     .turn_since_deg(self.rows.time_s()[row], under_way_s, &fit.point.weights);
         }
         let mut out = fit.clone();
-        out.basis = fit.basis.with_swing_of(&self.swing);
+        out.basis = fit.basis.with_swing_of(&self.turning.swing);
         out.point.weights.truncate(fit.basis.of_form());
         out.point.weights.extend(self.smoothed(&turns));
         out
@@ -292,7 +312,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let swing = &weights[basis.of_form()..];
         let sd_deg = self.swing_steady_deg();
         [0, 1].map(|s| {
-            let turns = self.swing_steady[s].iter().zip(swing).map(|(m, w)| m * w);
+            let turns = self.turning.steady[s].iter().zip(swing).map(|(m, w)| m * w);
             turns.sum::<f64>() / sd_deg[s]
         })
     }
@@ -302,7 +322,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let swing = weight.checked_sub(basis.of_form());
         let of = |steady: &Vec<f64>| swing.map_or(0.0, |k| steady[k]);
         let sd_deg = self.swing_steady_deg();
-        [0, 1].map(|s| of(&self.swing_steady[s]) / sd_deg[s])
+        [0, 1].map(|s| of(&self.turning.steady[s]) / sd_deg[s])
     }
 
     /// Rows of `columns` that say so, beside those of the readings: `places` gives weights with their columns.
@@ -683,79 +703,132 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         metric: &Metric,
     ) -> Result<Linearised, InferError> {
         let columns = shape.precision.len() + 1;
-        let Columns {
-            mut matrix,
-            bumps,
-            misfit,
-        } = self.columns(point, shape.basis, &shape.active, &metric.loadings, columns)?;
-        metric.whitener.whiten(self.rows, &mut matrix, columns);
+        let local = self.local(point, shape.basis, &shape.active)?;
         let unknowns = self.unknowns();
+        let weights: Vec<usize> = (unknowns..columns - 1).collect();
+        let places = Places {
+            unknowns: 0,
+            weights: &weights,
+        };
+        let of_form = shape.active.of_form();
+        let per_degree = &metric.loadings.per_degree;
+        let whole = [self.rows.whole()];
+        let by_block = self.products_of(&metric.whitener, columns, &whole, |i, row| {
+            self.fill_row(&local, of_form, per_degree, &places, i, row);
+        });
         let places = shape.active.weights().zip(unknowns..);
-        matrix.extend(self.steady_rows(shape.basis, &point.weights, columns, places));
-        let products = Products::of(&matrix, columns, metric.whitener.ln_normalisation);
+        let steady = self.steady_rows(shape.basis, &point.weights, columns, places);
+        let mut products = Products::of(&steady, columns, 0.0);
+        by_block.iter().for_each(|p| products.add(p, 1.0));
         let misfit_sq = products.values[columns * columns - 1];
         Ok(Linearised {
             cost: 0.5 * misfit_sq + self.prior_cost(point, shape),
             products,
             columns,
-            bumps,
-            misfit,
+            bumps: local.bumps,
+            misfit: local.misfit,
         })
     }
 
-    /// What unknowns and active weights change at every row, and the misfit as the last of `columns`.
-    fn columns(
+    /// Products of columns that `fill` gives row by row, whitened, for each of `blocks`, which hold every row
+    /// once. No table of all rows is made: it would not fit into a cache.
+    fn products_of(
         &self,
-        point: &Point,
-        basis: &Basis,
-        active: &Active,
-        loadings: &Loadings,
+        whitener: &Whitener,
         columns: usize,
-    ) -> Result<Columns, InferError> {
-        let (n, unknowns) = (self.rows.len(), self.unknowns());
+        blocks: &[Vec<Range<usize>>],
+        fill: impl Fn(usize, &mut [f64]),
+    ) -> Vec<Products> {
+        let mut out = vec![Products::zero(columns); blocks.len()];
+        let mut part = vec![0.0; ROWS_AT_ONCE * columns];
+        for series in self.rows.series() {
+            let within = |r: &Range<usize>| r.start.max(series.start)..r.end.min(series.end);
+            let of_block = |(b, ranges): (usize, &Vec<Range<usize>>)| -> Vec<_> {
+                ranges.iter().map(|r| (within(r), b)).collect()
+            };
+            let mut stretches: Vec<(Range<usize>, usize)> =
+                blocks.iter().enumerate().flat_map(of_block).collect();
+            stretches.retain(|s| !s.0.is_empty());
+            stretches.sort_by_key(|s| s.0.start);
+            let mut means = Means::new(columns);
+            for (stretch, block) in stretches {
+                for from in stretch.clone().step_by(ROWS_AT_ONCE) {
+                    let rows = from..stretch.end.min(from + ROWS_AT_ONCE);
+                    let part = &mut part[..rows.len() * columns];
+                    for (i, row) in rows.clone().zip(part.chunks_exact_mut(columns)) {
+                        fill(i, row);
+                    }
+                    whitener.whiten_next(rows, &mut means, part);
+                    out[block].add_rows(part, columns);
+                }
+                out[block].ln_normalisation += whitener.ln_normalisation_of(&stretch);
+            }
+        }
+        out.iter_mut().for_each(|p| p.mirror(columns));
+        out
+    }
+
+    /// The model near a point.
+    fn local(&self, point: &Point, basis: &Basis, active: &Active) -> Result<Local, InferError> {
+        let n = self.rows.len();
         let turns = self.turns(point);
         let here = self.model.predict(&point.at, &turns)?;
         let bumps = self.bumps(point, basis, active, &here.plume)?;
         let factors = factors_of(&bumps, active, point, n);
-        let grown =
-            |there: &Prediction, i: usize| there.reading[i] + there.plume[i] * (factors[i] - 1.0);
-        let mut matrix = vec![0.0; n * columns];
-        for (k, prior) in self.model.priors().iter().enumerate() {
+        let slope = |(k, prior): (usize, &Prior)| -> Result<Vec<f64>, InferError> {
             let difference = DIFFERENCE_SD * prior.sd.min(1.0 + point.at[k].abs());
             let mut aside = point.at.clone();
             aside[k] += difference;
             let there = self.model.predict(&aside, &turns)?;
-            for i in 0..n {
-                matrix[i * columns + k] = (grown(&there, i) - grown(&here, i)) / difference;
-            }
-        }
-        let misfit = self.misfit(&here, &factors);
-        let weights = active.len();
-        for i in 0..n {
-            let row = &mut matrix[i * columns..(i + 1) * columns];
-            let values = &bumps[i * weights..(i + 1) * weights];
-            let plume = here.plume[i] * factors[i];
-            let slopes = active.weights().map(|k| {
-                if k < basis.of_form() {
-                    plume
-                } else {
-                    loadings.per_degree[i]
-                }
-            });
-            for ((column, bump), slope) in row[unknowns..].iter_mut().zip(values).zip(slopes) {
-                *column = slope * bump;
-            }
-            row[columns - 1] = misfit[i];
-        }
-        Ok(Columns {
-            matrix,
+            let change = |i: usize| {
+                let grown = (there.plume[i] - here.plume[i]) * (factors[i] - 1.0);
+                (there.reading[i] - here.reading[i] + grown) / difference
+            };
+            Ok((0..n).map(change).collect())
+        };
+        let slopes = self.model.priors().iter().enumerate().map(slope);
+        Ok(Local {
+            slopes: slopes.collect::<Result<_, _>>()?,
+            misfit: self.misfit(&here, &factors),
+            plume: here
+                .plume
+                .iter()
+                .zip(&factors)
+                .map(|(p, f)| p * f)
+                .collect(),
             bumps,
-            misfit,
         })
     }
 
-    /// The values of active bumps at every row; none of the error of form where there is no plume to
-    /// speak of.
+    /// What unknowns and weights change at row `i`, and the misfit as the last; the first `of_form` of the
+    /// weights are of the error of form, the others of the swing.
+    fn fill_row(
+        &self,
+        local: &Local,
+        of_form: usize,
+        per_degree: &[f64],
+        places: &Places<'_>,
+        i: usize,
+        row: &mut [f64],
+    ) {
+        for (k, slope) in local.slopes.iter().enumerate() {
+            row[places.unknowns + k] = slope[i];
+        }
+        let (form, swing) = places.weights.split_at(of_form);
+        let bumps = &local.bumps[i * of_form..(i + 1) * of_form];
+        for (place, bump) in form.iter().zip(bumps) {
+            row[*place] = local.plume[i] * bump;
+        }
+        let count = self.turning.swing.len();
+        let bumps = &self.turning.bumps[i * count..(i + 1) * count];
+        for (place, bump) in swing.iter().zip(bumps) {
+            row[*place] = per_degree[i] * bump;
+        }
+        row[row.len() - 1] = local.misfit[i];
+    }
+
+    /// The values of active bumps of the error of form at every row; none where there is no plume to speak
+    /// of.
     fn bumps(
         &self,
         point: &Point,
@@ -763,23 +836,16 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         active: &Active,
         plume: &[f64],
     ) -> Result<Vec<f64>, InferError> {
-        let n = active.len();
+        let n = active.of_form();
         if n == 0 {
             return Ok(Vec::new());
         }
         let mut out = vec![0.0; self.rows.len() * n];
         let most = plume.iter().fold(0.0f64, |m, p| m.max(p.abs()));
         let places = self.model.places(&point.at)?;
-        let swing = self.swing_bumps.chunks_exact(self.swing.len());
-        let form = active.of_form();
-        let rows = out.chunks_exact_mut(n).zip(swing);
-        for (((row, swing), place), plume) in rows.zip(&places).zip(plume) {
-            let (of_form, of_swing) = row.split_at_mut(form);
-            if !of_swing.is_empty() {
-                of_swing.copy_from_slice(swing);
-            }
+        for ((row, place), plume) in out.chunks_exact_mut(n).zip(&places).zip(plume) {
             if plume.abs() > NO_PLUME * most {
-                basis.fill_form(active, place, of_form);
+                basis.fill_form(active, place, row);
             }
         }
         Ok(out)
@@ -796,50 +862,23 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let coordinates: Vec<usize> = fit.basis.coordinates().collect();
         let layout = Layout::new(&coordinates, self.unknowns(), tried.len());
         let all = Active::all(&fit.basis);
-        let own = self.unknowns() + all.len() + 1;
-        let matrix = self
-            .columns(&fit.point, &fit.basis, &all, &fit.loadings, own)?
-            .matrix;
+        let local = self.local(&fit.point, &fit.basis, &all)?;
         let whitener = Whitener::new(self.rows, &fit.noise, &fit.loadings, &fit.inflation);
-        let mut placed = vec![0.0; self.rows.len() * layout.columns];
-        let rows = placed.chunks_exact_mut(layout.columns);
-        for (i, (row, from)) in rows.zip(matrix.chunks_exact(own)).enumerate() {
-            let (unknowns, weights) = from[..own - 1].split_at(self.unknowns());
-            row[layout.unknowns..layout.tried].copy_from_slice(unknowns);
-            for (place, value) in layout.weights.iter().zip(weights) {
-                row[*place] = *value;
-            }
+        let places = Places {
+            unknowns: layout.unknowns,
+            weights: &layout.weights,
+        };
+        let of_form = all.of_form();
+        let per_degree = &fit.loadings.per_degree;
+        let mut products = self.products_of(&whitener, layout.columns, blocks, |i, row| {
             for (column, value) in row[layout.tried..].iter_mut().zip(tried) {
                 *column = value[i];
             }
-            row[layout.columns - 1] = from[own - 1];
-        }
-        drop(matrix);
-        whitener.whiten(self.rows, &mut placed, layout.columns);
+            self.fill_row(&local, of_form, per_degree, &places, i, row);
+        });
         let places = layout.weights.iter().copied().enumerate();
         let steady = self.steady_rows(&fit.basis, &fit.point.weights, layout.columns, places);
         let turned = Products::of(&steady, layout.columns, 0.0);
-        let of_block = |ranges: &Vec<Range<usize>>| {
-            let part: Vec<f64> = ranges
-                .iter()
-                .flat_map(|r| &placed[r.start * layout.columns..r.end * layout.columns])
-                .copied()
-                .collect();
-            Products::of(&part, layout.columns, whitener.ln_normalisation_of(ranges))
-        };
-        let products = if let [only] = blocks
-            && only.len() == 1
-            && only[0] == (0..self.rows.len())
-        {
-            vec![Products::of(
-                &placed,
-                layout.columns,
-                whitener.ln_normalisation,
-            )]
-        } else {
-            blocks.iter().map(of_block).collect()
-        };
-        let mut products = products;
         // What is known of the swing belongs to no pass: each has its part.
         let part = 1.0 / products.len().max(1) as f64;
         products.iter_mut().for_each(|p| p.add(&turned, part));

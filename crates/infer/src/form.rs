@@ -73,9 +73,15 @@ impl Bumps {
         // A cast of what is below zero or not a number is zero.
         let from = (place - reach).ceil() as usize;
         let to = ((place + reach).floor() + 1.0) as usize;
-        for k in from..to.min(out.len()) {
-            let d = (at - self.first - self.spacing * k as f64) / self.width;
-            out[k] = self.scale * (-0.5 * d * d).exp();
+        // From one bump to the next the exponential changes by a factor that itself changes by a constant one.
+        let d = SPACING_OVER_WIDTH * (place - from as f64);
+        let mut bump = self.scale * (-0.5 * d * d).exp();
+        let mut factor = (SPACING_OVER_WIDTH * (d - 0.5 * SPACING_OVER_WIDTH)).exp();
+        let to = to.min(out.len());
+        for out in out.iter_mut().take(to).skip(from) {
+            *out = bump;
+            bump *= factor;
+            factor *= NEXT_FACTOR;
         }
     }
 }
@@ -91,6 +97,9 @@ const MOST_STEPS: usize = 40;
 /// Distance of neighbouring bumps over their width: at .75 the sum of their squares ripples by
 /// less than a thousandth.
 const SPACING_OVER_WIDTH: f64 = 0.75;
+
+/// exp(−.75²): by what the factor from one bump to the next changes.
+const NEXT_FACTOR: f64 = 0.569_782_824_730_923;
 
 /// The bumps of all coordinates.
 #[derive(Debug, Clone, PartialEq)]
@@ -285,10 +294,6 @@ impl Active {
     /// All weights of a basis.
     pub fn all(basis: &Basis) -> Self {
         basis.those(|_| true)
-    }
-
-    pub fn len(&self) -> usize {
-        self.weights.len()
     }
 
     /// Those of the error of form, which stand first.

@@ -2,6 +2,7 @@
 //! to be chosen again when passes are drawn anew, and to leave no error of form that says more.
 
 use crate::InferError;
+use crate::at_once::at_once;
 use crate::left_out::{ByPass, Expected};
 use crate::names::{Catalogue, Found, Question};
 use crate::posterior::Posterior;
@@ -74,7 +75,7 @@ impl Question<'_> {
         &self,
         of: &Found<M>,
     ) -> Result<Vec<Vec<Range<usize>>>, InferError> {
-        self.problem(&of.model).passes(of.fit())
+        self.beside(of, &of.model).passes(of.fit())
     }
 
     /// Judges sets that a search found, the likeliest first and the base among them; `seed` draws
@@ -234,9 +235,8 @@ impl Question<'_> {
         type Rivals<'f, M> = Vec<(&'f <M as Catalogue>::Tried, &'f Found<M>)>;
         let (near, far): (Rivals<'_, M>, Rivals<'_, M>) =
             rivals.into_iter().partition(|r| ln(r.1) > -RIVAL_NATS);
-        let by_pass: Vec<ByPass> = near
-            .iter()
-            .map(|r| self.by_pass(r.1, passes))
+        let by_pass: Vec<ByPass> = at_once(&near, |r| self.by_pass(r.1, passes))
+            .into_iter()
             .collect::<Result<_, _>>()?;
         let share = shares(&by_pass, draws);
         let mut order: Vec<usize> = (1..near.len()).collect();
@@ -318,9 +318,8 @@ impl Question<'_> {
         if plain.is_empty() {
             return Ok(Vec::new());
         }
-        let by_pass: Vec<ByPass> = plain
-            .iter()
-            .map(|f| self.by_pass(f, passes))
+        let by_pass: Vec<ByPass> = at_once(plain, |f| self.by_pass(f, passes))
+            .into_iter()
             .collect::<Result<_, _>>()?;
         let share = shares(&by_pass, draws);
         let mut order: Vec<usize> = (0..plain.len()).collect();
@@ -349,18 +348,18 @@ impl Question<'_> {
         let plain = self.plain(of)?;
         let mut screened = self.screen(&plain, tried)?;
         screened.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-        let mut out: Vec<Found<M>> = Vec::new();
-        for s in screened {
+        let mut chosen: Vec<(&M::Tried, &[f64])> = Vec::new();
+        for s in screened.iter().take_while(|s| s.gain >= 0.0) {
             let name = &tried[s.tried];
-            if out.len() >= self.policy.beam_fits || s.gain < 0.0 {
-                break;
+            if !chosen.iter().any(|c| M::same_cause(c.0, name)) && !of.has(name) {
+                chosen.push((name, &s.amplitudes));
             }
-            if out.iter().any(|f| f.has(name)) || of.has(name) {
-                continue;
-            }
-            out.push(self.extended_plainly(&plain, name, &s.amplitudes)?);
         }
-        Ok(out)
+        chosen.truncate(self.policy.beam_fits);
+        let fitted = |(name, amplitudes): &(&M::Tried, &[f64])| {
+            self.extended_plainly(&plain, name, amplitudes)
+        };
+        at_once(&chosen, fitted).into_iter().collect()
     }
 }
 

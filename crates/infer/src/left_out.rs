@@ -1,9 +1,11 @@
 //! What the other passes say of one that was left out: what is expected there, and how well.
 
 use crate::InferError;
+use crate::at_once::at_once;
 use crate::evidence::{Evidence, Known, Products};
 use crate::form::{SWING, Sizes};
 use crate::names::{Catalogue, Found, Question};
+use crate::rows::Prediction;
 use std::ops::Range;
 
 /// A left-out pass meets a plume that swings anywhere: turns over which its mean is taken, to so many
@@ -78,7 +80,7 @@ impl Question<'_> {
         of: &Found<M>,
         passes: &[Vec<Range<usize>>],
     ) -> Result<ByPass, InferError> {
-        let problem = self.problem(&of.model);
+        let problem = self.beside(of, &of.model);
         let (known, products) = problem.products(of.fit(), &[], passes)?;
         let sizes = of.likeliest_sizes();
         let noise = problem.ln_noise_prior(&of.fit().noise);
@@ -122,13 +124,17 @@ impl Question<'_> {
             plume: vec![0.0; n],
             ln: by_pass.left_out(),
         };
-        for (k, pass) in passes.iter().enumerate() {
+        let steps: Vec<usize> = (0..passes.len()).collect();
+        let predicted = |k: &usize| -> Result<Vec<Prediction>, InferError> {
             let mut at = fit.point.at.clone();
-            if let Some(step) = by_pass.step_without(k, &coordinates) {
+            if let Some(step) = by_pass.step_without(*k, &coordinates) {
                 at.iter_mut().zip(step).for_each(|(x, s)| *x += s);
             }
-            for (turn_deg, weight) in &turns {
-                let there = of.model.predict(&at, &vec![*turn_deg; n])?;
+            let turned = turns.iter().map(|t| of.model.predict(&at, &vec![t.0; n]));
+            turned.collect()
+        };
+        for (pass, predicted) in passes.iter().zip(at_once(&steps, predicted)) {
+            for ((_, weight), there) in turns.iter().zip(predicted?) {
                 for i in pass.iter().cloned().flatten() {
                     out.reading[i] += weight / total * there.reading[i];
                     out.plume[i] += weight / total * there.plume[i];

@@ -70,6 +70,7 @@
 //! Pure: no clock, file, socket, environment or random number.
 
 mod ahead;
+mod at_once;
 mod contact;
 mod evidence;
 mod fit;
@@ -87,6 +88,7 @@ mod rows;
 mod start;
 
 pub use ahead::{Ahead, Believed};
+pub use at_once::at_once;
 pub use contact::Contact;
 pub use fit::{Fit, Point, Problem};
 pub use form::{Basis, COORDINATES, SWING, Sizes};

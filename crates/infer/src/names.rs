@@ -6,6 +6,7 @@
 //! looked for (a beam search).
 
 use crate::InferError;
+use crate::at_once::at_once;
 use crate::contact::Contact;
 use crate::evidence::{Evidence, Reduced};
 use crate::fit::{Fit, Point, Problem};
@@ -34,9 +35,9 @@ pub struct Start {
 }
 
 /// A model that can be extended by causes.
-pub trait Catalogue: ForwardModel + Clone {
+pub trait Catalogue: ForwardModel + Clone + Send {
     /// A cause with a start of its search.
-    type Tried: Clone;
+    type Tried: Clone + Send + Sync;
 
     /// Where the search starts.
     fn start(tried: &Self::Tried) -> &Start;
@@ -143,6 +144,21 @@ impl<'a> Question<'a> {
         Problem::new(model, self.rows, self.policy, self.sensor_sd, self.asked)
     }
 
+    /// The problem of a model that is that of a set, or differs from it in names.
+    pub(crate) fn beside<'m, M: Catalogue>(&self, found: &Found<M>, model: &'m M) -> Problem<'m, M>
+    where
+        'a: 'm,
+    {
+        Problem {
+            model,
+            rows: self.rows,
+            policy: self.policy,
+            sensor_sd: self.sensor_sd,
+            asked: self.asked,
+            turning: found.weighed.turning.clone(),
+        }
+    }
+
     /// Log evidence of a model without any error of form, after a quick fit: to choose between winds.
     ///
     /// # Errors
@@ -207,7 +223,7 @@ impl<'a> Question<'a> {
     /// # Errors
     /// Values that the model refuses.
     pub fn plain<M: Catalogue>(&self, of: &Found<M>) -> Result<Found<M>, InferError> {
-        let problem = self.problem(&of.model);
+        let problem = self.beside(of, &of.model);
         let sizes = self.policy.tolerated_sizes(&of.likeliest_sizes());
         let fit = of.fit();
         let noise = problem.tolerated(&fit.noise);
@@ -241,7 +257,7 @@ impl<'a> Question<'a> {
     /// # Errors
     /// A problem that has no posterior.
     pub fn posterior<M: Catalogue>(&self, of: &Found<M>) -> Result<Posterior, InferError> {
-        self.problem(&of.model).concluded(of.weighed.clone())
+        self.beside(of, &of.model).concluded(of.weighed.clone())
     }
 
     /// The unknowns of the plume without an error of form that is nearest to what a set believes.
@@ -253,19 +269,19 @@ impl<'a> Question<'a> {
         of: &Found<M>,
         believed: &Posterior,
     ) -> Result<Nearest, InferError> {
-        self.problem(&of.model).nearest(believed)
+        self.beside(of, &of.model).nearest(believed)
     }
 
     /// Turn of the axis at every row in a set, degrees clockwise.
     pub fn turns_deg<M: Catalogue>(&self, of: &Found<M>) -> Vec<f64> {
-        self.problem(&of.model).turns(&of.fit().point)
+        self.beside(of, &of.model).turns(&of.fit().point)
     }
 
     /// `column` of one number a row as independent normal ones under a set's noise: its misfit so is a
     /// sum of squares.
     pub fn whitened<M: Catalogue>(&self, of: &Found<M>, column: &[f64]) -> Vec<f64> {
         let mut out = column.to_vec();
-        self.problem(&of.model).whiten(of.fit(), &mut out);
+        self.beside(of, &of.model).whiten(of.fit(), &mut out);
         out
     }
 
@@ -278,24 +294,25 @@ impl<'a> Question<'a> {
         found: &Found<M>,
         tried: &[M::Tried],
     ) -> Result<Vec<Screened>, InferError> {
-        let problem = self.problem(&found.model);
+        let problem = self.beside(found, &found.model);
         let fit = &found.weighed.fit;
         let turns = problem.turns(&fit.point);
         let here = found.model.predict(&fit.point.at, &turns)?;
         let factors = problem.factors(fit)?;
-        let mut columns = Vec::new();
-        for tried in tried {
-            for end in &M::start(tried).ends {
-                let there = found
-                    .model
-                    .predict_with(&fit.point.at, &turns, tried, end)?;
-                let change = |i: usize| {
-                    there.reading[i] - here.reading[i]
-                        + (there.plume[i] - here.plume[i]) * (factors[i] - 1.0)
-                };
-                columns.push((0..self.rows.len()).map(change).collect::<Vec<f64>>());
-            }
-        }
+        let ends = |tried| M::start(tried).ends.iter().map(move |end| (tried, end));
+        let directions: Vec<(&M::Tried, &Vec<f64>)> = tried.iter().flat_map(ends).collect();
+        let column = |(tried, end): &(&M::Tried, &Vec<f64>)| -> Result<Vec<f64>, InferError> {
+            let there = found
+                .model
+                .predict_with(&fit.point.at, &turns, tried, end)?;
+            let change = |i: usize| {
+                there.reading[i] - here.reading[i]
+                    + (there.plume[i] - here.plume[i]) * (factors[i] - 1.0)
+            };
+            Ok((0..self.rows.len()).map(change).collect())
+        };
+        let columns = at_once(&directions, column);
+        let columns = columns.into_iter().collect::<Result<Vec<_>, _>>()?;
         let all = [self.rows.whole()];
         let (known, products) = problem.products(fit, &columns, &all)?;
         let mut evidence = Evidence::new(&products[0], &known);
@@ -372,7 +389,7 @@ impl<'a> Question<'a> {
         amplitudes: &[f64],
     ) -> Result<Found<M>, InferError> {
         let model = found.model.with(tried);
-        let problem = self.problem(&model);
+        let problem = self.beside(found, &model);
         let fit = &found.weighed.fit;
         let start = M::start(tried);
         let mut point = fit.point.clone();
@@ -405,7 +422,7 @@ impl<'a> Question<'a> {
         let mut point = fit.point.clone();
         point.at.extend(M::start(tried).at(amplitudes));
         let weighed = {
-            let problem = self.problem(&model);
+            let problem = self.beside(found, &model);
             let first = problem.fit(&point, &fit.basis, fit.noise, fit.sizes)?;
             let mut weighed = problem.around(problem.refit_noise_tolerated(&first)?)?;
             weighed.ln_evidence = weighed.only(&fit.sizes, self.policy, &problem);
@@ -511,7 +528,7 @@ struct Next {
 impl Question<'_> {
     /// The base under little noise and no swing: these may have taken up what a name explains.
     pub fn quiet<M: Catalogue>(&self, base: &Found<M>) -> Result<Found<M>, InferError> {
-        let problem = self.problem(&base.model);
+        let problem = self.beside(base, &base.model);
         let sizes = self.policy.nearest_sizes(0.0, 0.0);
         let fit = base.fit();
         let noise = problem.quiet_noise();
@@ -533,7 +550,7 @@ impl Question<'_> {
         for left in (0..=NEW_BASES).rev() {
             let quiet = self.quiet(&base)?;
             // A base that began with a swing may be better without.
-            let problem = self.problem(&base.model);
+            let problem = self.beside(&base, &base.model);
             let calm = self.settled(&problem, &quiet.fit().point, quiet.fit(), REFITS)?;
             if calm.ln_evidence > base.ln_evidence() {
                 base.weighed = calm;
@@ -570,7 +587,7 @@ impl Question<'_> {
         if set.ln_evidence() < base.ln_evidence() + BETTER_BASE_NATS {
             return Ok(None);
         }
-        let problem = self.problem(&base.model);
+        let problem = self.beside(base, &base.model);
         let mut point = set.fit().point.clone();
         point.at.truncate(base.at().len());
         let weighed = self.settled(&problem, &point, set.fit(), 1)?;
@@ -625,25 +642,28 @@ impl Question<'_> {
         least: f64,
         [most, most_of_parent]: [usize; 2],
     ) -> Result<Vec<Found<M>>, InferError> {
-        let mut out: Vec<Found<M>> = Vec::new();
+        let mut chosen: Vec<&Next> = Vec::new();
         let mut of_parent = vec![0; level.len()];
+        let parts = |n: &Next| (&level[n.parent], &tried[n.screened.tried]);
+        let is_same_set = |a: &Next, b: &Next| {
+            let ((a, last), (b, other)) = (parts(a), parts(b));
+            let has = |n| a.has(n) || M::same_cause(last, n);
+            a.names.len() == b.names.len() && b.names.iter().chain([other]).all(has)
+        };
         for n in next.iter().take_while(|n| n.ln_score > least) {
-            if of_parent[n.parent] >= most_of_parent {
-                continue;
+            if of_parent[n.parent] < most_of_parent && !chosen.iter().any(|c| is_same_set(c, n)) {
+                of_parent[n.parent] += 1;
+                chosen.push(n);
             }
-            let name = &tried[n.screened.tried];
-            let mut names = level[n.parent].names.clone();
-            names.push(name.clone());
-            if out.iter().any(|f| f.is_same_set(&names)) {
-                continue;
-            }
-            out.push(self.extended(&level[n.parent], name, &n.screened.amplitudes)?);
-            of_parent[n.parent] += 1;
-            if out.len() >= most {
+            if chosen.len() >= most {
                 break;
             }
         }
-        Ok(out)
+        let fitted = |n: &&Next| {
+            let (parent, name) = parts(n);
+            self.extended(parent, name, &n.screened.amplitudes)
+        };
+        at_once(&chosen, fitted).into_iter().collect()
     }
 }
 

@@ -10,6 +10,7 @@
 
 use crate::rows::Rows;
 use multiversion::multiversion;
+use std::ops::Range;
 
 /// Processes with memory: slow wander of the zero, fluctuation, wander of the axis.
 const PROCESSES: usize = 3;
@@ -118,25 +119,16 @@ pub(crate) struct Whitener {
     steps: Vec<Step>,
     /// The noise it is for.
     pub noise: Noise,
-    /// Sum over rows of ln(inverse sd) - ln(2π)/2: the density's normalisation.
-    pub ln_normalisation: f64,
 }
 
 impl Whitener {
     /// The filter for `noise`. `inflation` multiplies the variance of a row's own white noise.
     pub fn new(rows: &Rows, noise: &Noise, loadings: &Loadings, inflation: &[f64]) -> Self {
         let mut steps = Vec::with_capacity(rows.len());
-        let mut ln_normalisation = 0.0;
-        run(rows, noise, loadings, inflation, |_, step| {
-            if step.inverse_sd > 0.0 {
-                ln_normalisation += step.inverse_sd.ln() - HALF_LN_TAU;
-            }
-            steps.push(step);
-        });
+        run(rows, noise, loadings, inflation, |_, step| steps.push(step));
         Self {
             steps,
             noise: *noise,
-            ln_normalisation,
         }
     }
 
@@ -145,20 +137,68 @@ impl Whitener {
     pub fn whiten(&self, rows: &Rows, matrix: &mut [f64], columns: usize) {
         for range in rows.series() {
             let part = &mut matrix[range.start * columns..range.end * columns];
-            whiten_series(part, &self.steps[range.clone()], columns);
+            self.whiten_next(range, &mut Means::new(columns), part);
         }
     }
 
-    /// The normalisation of some rows alone.
-    pub fn ln_normalisation_of(&self, ranges: &[std::ops::Range<usize>]) -> f64 {
-        let rows = ranges.iter().flat_map(|r| &self.steps[r.clone()]);
-        let told = rows.filter(|s| s.inverse_sd > 0.0);
-        told.map(|s| s.inverse_sd.ln() - HALF_LN_TAU).sum()
+    /// Whitens further rows of a series, up to which the filter's `means` have come.
+    pub fn whiten_next(&self, rows: Range<usize>, means: &mut Means, part: &mut [f64]) {
+        whiten_part(part, &self.steps[rows], means);
+    }
+
+    /// Sum over rows of ln(inverse sd) - ln(2π)/2: the density's normalisation.
+    pub fn ln_normalisation_of(&self, rows: &Range<usize>) -> f64 {
+        let mut density = LnProduct::ONE;
+        let steps = self.steps[rows.clone()].iter();
+        let told = steps.filter(|s| s.inverse_sd > 0.0);
+        told.for_each(|s| density.times(s.inverse_sd));
+        density.normalisation()
     }
 
     /// Standard deviation of a row's innovation, infinite where the row is not used.
     pub fn innovation_sd(&self, row: usize) -> f64 {
         1.0 / self.steps[row].inverse_sd
+    }
+}
+
+/// The filter's means of all processes at a row, for each of several columns.
+pub(crate) struct Means([Vec<f64>; PROCESSES]);
+
+impl Means {
+    /// Those before the first row of a series.
+    pub fn new(columns: usize) -> Self {
+        Self(std::array::from_fn(|_| vec![0.0; columns]))
+    }
+}
+
+/// The logarithm of a product, taken once for several factors.
+struct LnProduct {
+    ln: f64,
+    factors: f64,
+    count: u32,
+}
+
+impl LnProduct {
+    /// So many factors neither overflow nor vanish.
+    const AT_ONCE: u32 = 8;
+    const ONE: Self = Self {
+        ln: 0.0,
+        factors: 1.0,
+        count: 0,
+    };
+
+    fn times(&mut self, factor: f64) {
+        self.factors *= factor;
+        self.count += 1;
+        if self.count.is_multiple_of(Self::AT_ONCE) {
+            self.ln += self.factors.ln();
+            self.factors = 1.0;
+        }
+    }
+
+    /// The density's normalisation where the factors are inverse standard deviations.
+    fn normalisation(&self) -> f64 {
+        self.ln + self.factors.ln() - HALF_LN_TAU * f64::from(self.count)
     }
 }
 
@@ -171,7 +211,7 @@ pub(crate) fn log_likelihood(
     misfit: &[f64],
 ) -> f64 {
     let mut mean = [0.0; PROCESSES];
-    let mut total = 0.0;
+    let (mut square, mut density) = (0.0, LnProduct::ONE);
     run(rows, noise, loadings, inflation, |row, step| {
         if row.is_first {
             mean = [0.0; PROCESSES];
@@ -187,10 +227,11 @@ pub(crate) fn log_likelihood(
                 *mean += gain * innovation;
             }
             let z = innovation * step.inverse_sd;
-            total += step.inverse_sd.ln() - HALF_LN_TAU - 0.5 * z * z;
+            square += z * z;
+            density.times(step.inverse_sd);
         }
     });
-    total
+    density.normalisation() - 0.5 * square
 }
 
 /// A row on the filter's way.
@@ -280,12 +321,10 @@ impl Covariance {
 
 /// The filter's means for all columns at once.
 #[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2"))]
-fn whiten_series(matrix: &mut [f64], steps: &[Step], columns: usize) {
-    let mut slow = vec![0.0; columns];
-    let mut fluctuation = vec![0.0; columns];
-    let mut wander = vec![0.0; columns];
-    for (row, s) in matrix.chunks_exact_mut(columns).zip(steps) {
-        let states = slow.iter_mut().zip(&mut fluctuation).zip(&mut wander);
+fn whiten_part(matrix: &mut [f64], steps: &[Step], means: &mut Means) {
+    let [slow, fluctuation, wander] = &mut means.0;
+    for (row, s) in matrix.chunks_exact_mut(slow.len()).zip(steps) {
+        let states = slow.iter_mut().zip(&mut *fluctuation).zip(&mut *wander);
         for (value, ((slow, fluctuation), wander)) in row.iter_mut().zip(states) {
             *slow *= s.keep[SLOW];
             *fluctuation *= s.keep[FLUCTUATION];
@@ -385,7 +424,7 @@ mod tests {
         let mut matrix: Vec<f64> = misfit.iter().flat_map(|m| [*m, 2.0 * m]).collect();
         whitener.whiten(&rows, &mut matrix, 2);
         let square: f64 = matrix.chunks_exact(2).map(|w| w[0] * w[0]).sum();
-        assert!((whitener.ln_normalisation - 0.5 * square - dense).abs() < 1e-9);
+        assert!((whitener.ln_normalisation_of(&(0..8)) - 0.5 * square - dense).abs() < 1e-9);
         assert!(
             matrix
                 .chunks_exact(2)

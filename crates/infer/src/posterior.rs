@@ -2,12 +2,14 @@
 //! noises, each with the weight that its evidence gives it.
 
 use crate::InferError;
+use crate::at_once::at_once;
 use crate::evidence::{Evidence, Known, Layout, Products};
-use crate::fit::{Fit, Point, Problem};
+use crate::fit::{Fit, Point, Problem, Turning};
 use crate::form::{Basis, COORDINATES, Sizes};
 use crate::noise::Noise;
 use crate::rows::{ForwardModel, PlumePlace};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use std::sync::Arc;
 
 /// Fluctuation and wander are tried smaller and larger by this factor until the evidence falls.
 const SIZE_FACTOR: f64 = 2.0;
@@ -79,6 +81,8 @@ pub(crate) struct Weighed {
     promising: (f64, Sizes),
     known: Known,
     products: Products,
+    /// Of the problem that it was found in.
+    pub turning: Arc<Turning>,
 }
 
 impl<M: ForwardModel> Problem<'_, M> {
@@ -151,12 +155,22 @@ impl<M: ForwardModel> Problem<'_, M> {
             weights: swing,
         };
         let basis = self.basis(&point)?;
-        let carried = self.settled(&point, &basis, (before.noise, before.sizes), REFITS)?;
         // With its noise and error of form a wrong valley explains itself: without them more readings may
         // lead out of it.
-        let weights = vec![0.0; self.swing.len()];
-        let at = point.at;
-        let anew = self.quick_from(&Point { at, weights })?;
+        let bare = Point {
+            at: point.at.clone(),
+            weights: vec![0.0; self.turning.swing.len()],
+        };
+        let mut both = at_once(&[true, false], |is_carried| {
+            if *is_carried {
+                self.settled(&point, &basis, (before.noise, before.sizes), REFITS)
+            } else {
+                self.quick_from(&bare)
+            }
+        })
+        .into_iter();
+        let mut next = || both.next().unwrap_or(Err(InferError::NoPosterior));
+        let (carried, anew) = (next()?, next()?);
         if anew.ln_evidence < carried.ln_evidence {
             return Ok(carried);
         }
@@ -190,12 +204,14 @@ impl<M: ForwardModel> Problem<'_, M> {
             let (known, products) = self.products(&fit, &[], &[self.rows.whole()])?;
             Ok(Evidence::new(&products[0], &known).ln(&sizes) + self.ln_noise_prior(&noise))
         };
+        let evidence = |noise: &Noise| evidence(*noise);
         let mut noise = of.fit.noise;
         for scaled in [scale_fluctuation, scale_wander] {
             let step = POLISH_FACTOR.ln();
-            let here = evidence(noise)?;
-            let more = evidence(scaled(noise, POLISH_FACTOR))? - here;
-            let less = evidence(scaled(noise, 1.0 / POLISH_FACTOR))? - here;
+            let tried = [1.0, POLISH_FACTOR, 1.0 / POLISH_FACTOR].map(|by| scaled(noise, by));
+            let found: Result<Vec<f64>, _> = at_once(&tried, evidence).into_iter().collect();
+            let found = found?;
+            let (more, less) = (found[1] - found[0], found[2] - found[0]);
             let bend = more + less;
             let way = if bend < 0.0 {
                 (0.5 * (less - more) / bend).clamp(-1.0, 1.0)
@@ -231,18 +247,14 @@ impl<M: ForwardModel> Problem<'_, M> {
     pub(crate) fn weighed(&self) -> Result<Weighed, InferError> {
         let mut found = self.first_fits()?;
         sort(&mut found);
-        let mut best: Option<Weighed> = None;
-        for first in found.into_iter().take(FOLLOWED) {
+        found.truncate(FOLLOWED);
+        let followed = at_once(&found, |first| {
             let fit = self.refit_noise(&self.refit_noise(&first.fit)?)?;
-            let found = self.climb(self.settle_sizes(fit)?)?;
-            if best
-                .as_ref()
-                .is_none_or(|b| found.ln_evidence > b.ln_evidence)
-            {
-                best = Some(found);
-            }
-        }
-        best.ok_or(InferError::NoPosterior)
+            self.climb(self.settle_sizes(fit)?)
+        });
+        let mut found = followed.into_iter().collect::<Result<Vec<_>, _>>()?;
+        sort(&mut found);
+        found.into_iter().next().ok_or(InferError::NoPosterior)
     }
 
     /// Posteriors from several starts, noises and sizes of the error of form: the likelihood has
@@ -257,7 +269,7 @@ impl<M: ForwardModel> Problem<'_, M> {
             let swing_deg = swing_deg.max(least_deg);
             points.push((self.rough_fit(&swung, swing_deg)?, swing_deg));
         }
-        let mut found = Vec::new();
+        let mut firsts = Vec::new();
         for (point, swing_deg) in &points {
             let basis = self.basis(point)?;
             for form in [0.0, FIRST_SIZE] {
@@ -268,17 +280,21 @@ impl<M: ForwardModel> Problem<'_, M> {
                         wander_deg: beforehand.wander_deg * wander,
                         ..beforehand
                     };
-                    found.push(self.around(self.fit(point, &basis, noise, sizes)?)?);
+                    firsts.push((point, basis.clone(), noise, sizes));
                 }
             }
         }
+        let found = at_once(&firsts, |(point, basis, noise, sizes)| {
+            self.around(self.fit(point, basis, *noise, *sizes)?)
+        });
+        let mut found = found.into_iter().collect::<Result<Vec<_>, _>>()?;
         found.sort_by(|a, b| b.promising.0.total_cmp(&a.promising.0));
         found.truncate(REFINED);
-        let refined = found.iter().map(|f| {
+        let refined = at_once(&found, |f| {
             let fit = self.refit_noise(&f.fit)?;
             self.settle_sizes(fit)
         });
-        refined.collect()
+        refined.into_iter().collect()
     }
 
     /// The fit with the sizes of fluctuation and wander that have the largest evidence from `best` on.
@@ -288,11 +304,13 @@ impl<M: ForwardModel> Problem<'_, M> {
         for _ in 0..MOST_TRIES {
             let before = best.ln_evidence;
             for scaled in [scale_fluctuation, scale_wander] {
-                for by in [SIZE_FACTOR, 1.0 / SIZE_FACTOR] {
-                    let fit = &best.fit;
-                    let noise = scaled(fit.noise, by);
-                    let fit = self.fit(&fit.point, &fit.basis, noise, fit.sizes)?;
-                    let tried = self.settle_sizes(fit)?;
+                let fit = &best.fit;
+                let tried = at_once(&[SIZE_FACTOR, 1.0 / SIZE_FACTOR], |by| {
+                    let noise = scaled(fit.noise, *by);
+                    self.settle_sizes(self.fit(&fit.point, &fit.basis, noise, fit.sizes)?)
+                });
+                for tried in tried {
+                    let tried = tried?;
                     if tried.ln_evidence > best.ln_evidence {
                         best = tried;
                     }
@@ -378,6 +396,7 @@ impl<M: ForwardModel> Problem<'_, M> {
             fit,
             known,
             products,
+            turning: self.turning.clone(),
         })
     }
 

@@ -152,7 +152,7 @@ pub struct PlumePlace {
 }
 
 /// A model of readings with unknowns.
-pub trait ForwardModel {
+pub trait ForwardModel: Sync {
     /// What is known of each unknown beforehand.
     fn priors(&self) -> &[Prior];
 

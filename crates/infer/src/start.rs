@@ -53,7 +53,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         let at = best.map_or_else(Vec::new, |b| b.1);
         Ok(Point {
             at,
-            weights: vec![0.0; self.swing.len()],
+            weights: vec![0.0; self.turning.swing.len()],
         })
     }
 
@@ -96,7 +96,7 @@ impl<M: ForwardModel> Problem<'_, M> {
             fluctuation: FLICKER * beforehand.fluctuation,
             ..beforehand
         };
-        let basis = self.swing.clone();
+        let basis = self.turning.swing.clone();
         let inflation = vec![1.0; self.rows.len()];
         let mut point = start.clone();
         for _ in 0..ROUNDS {
@@ -178,8 +178,8 @@ impl<M: ForwardModel> Problem<'_, M> {
     pub(crate) fn smoothed(&self, path: &[f64]) -> Vec<f64> {
         // Keeps bumps that no row tells apart at rest.
         const RIDGE: f64 = 1e-3;
-        let n = self.swing.len();
-        let bumps = DMatrix::from_column_slice(n, path.len(), &self.swing_bumps);
+        let n = self.turning.swing.len();
+        let bumps = DMatrix::from_column_slice(n, path.len(), &self.turning.bumps);
         let ridge = DMatrix::identity(n, n) * RIDGE * path.len().max(1) as f64;
         let square = &bumps * bumps.transpose() + ridge;
         let product = bumps * DVector::from_column_slice(path);

@@ -326,7 +326,7 @@ fn gauss(exponent: f64) -> f64 {
 /// exp(t) for |t| < 700 without a branch: t = k ln 2 + r, |r| ≤ ln 2 / 2, a Taylor polynomial of
 /// degree 11 in r (remainder 6e-15) and k added to the exponent's bits.
 #[inline(always)]
-fn exp_near(t: f64) -> f64 {
+pub(super) fn exp_near(t: f64) -> f64 {
     /// 1.5 · 2^52: adding it rounds to a whole number that stands in the low bits.
     const ROUND: f64 = 6_755_399_441_055_744.0;
     /// ln 2 in two parts; the first has trailing zeros, so that its product with k is exact

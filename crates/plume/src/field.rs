@@ -620,7 +620,7 @@ fn downwind_m(plume: &Plume, place: &Place, wind: Transport) -> Option<(f64, f64
 /// (cos, sin) of a turn of the from-direction, clockwise positive. No turn is exactly none, and the
 /// common case costs no sine.
 #[inline]
-fn cos_sin(deg: f64) -> (f64, f64) {
+pub(crate) fn cos_sin(deg: f64) -> (f64, f64) {
     if deg == 0.0 {
         return (1.0, 0.0);
     }
@@ -631,7 +631,7 @@ fn cos_sin(deg: f64) -> (f64, f64) {
 /// The wind turned clockwise, seen from above: east and north stand left-handed to a compass's
 /// angle, hence the signs.
 #[inline]
-fn rotate(wind: Transport, (cos, sin): (f64, f64)) -> Transport {
+pub(crate) fn rotate(wind: Transport, (cos, sin): (f64, f64)) -> Transport {
     Transport {
         east: wind.east * cos + wind.north * sin,
         north: wind.north * cos - wind.east * sin,
@@ -710,6 +710,9 @@ fn validate(spec: &DispersionSpec) -> Result<(), PlumeError> {
     }
     spec.sensor.validate()
 }
+
+#[path = "along.rs"]
+pub(crate) mod along;
 
 #[path = "batch.rs"]
 pub mod batch;

@@ -14,7 +14,7 @@
 //! its images. A wind of long ago has carried the far puffs, and that of a moment ago the near ones: a
 //! plume in a turning wind is bent. Everything else, losses, trends, further sources, is as in the
 //! steady model. Inside the puffs the concentration fluctuates, by a factor with mean 1 that moves with
-//! the air ([`Fluctuation`]).
+//! the air.
 //!
 //! A source given by its c_MAX emits what makes that concentration in the scenario's wind; in a faster one
 //! the plume is thinner.

@@ -5,12 +5,15 @@
 //! prediction is one pass over memory, because a fit asks for hundreds of them.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use crate::PlumeError;
 use crate::effects::{SensorAir, SensorEffects};
 use air::geo::Enu;
 
-use crate::field::{DispersionModel, DispersionSpec, InPlume, Place, Transport};
+use crate::field::along::RowColumns;
+use crate::field::batch::PlaceColumns;
+use crate::field::{DispersionModel, DispersionSpec, InPlume, Place, Transport, cos_sin, rotate};
 use crate::lag;
 use crate::sample_points::{SamplePoint, SamplePoints};
 
@@ -33,16 +36,17 @@ pub struct Row {
 /// Rows of all platforms as columns.
 #[derive(Debug, Clone)]
 pub struct Track {
-    platforms: Vec<String>,
-    ranges: Vec<Range<usize>>,
-    samples: SamplePoints,
-    time_s: Vec<f64>,
-    east_m: Vec<f64>,
-    north_m: Vec<f64>,
-    height_m: Vec<f64>,
+    platforms: Arc<[String]>,
+    ranges: Arc<[Range<usize>]>,
+    samples: Arc<SamplePoints>,
+    time_s: Arc<[f64]>,
+    east_m: Arc<[f64]>,
+    north_m: Arc<[f64]>,
+    height_m: Arc<[f64]>,
+    /// All that differs between winds, for which tracks are made by the hundred.
     transport: Vec<Transport>,
-    ppm_per_mol_m3: Vec<f64>,
-    air: Vec<SensorAir>,
+    ppm_per_mol_m3: Arc<[f64]>,
+    air: Arc<[SensorAir]>,
 }
 
 impl Track {
@@ -60,9 +64,9 @@ impl Track {
         let spec = model.spec();
         let transport: Vec<Transport> = rows.iter().map(|r| row_transport(spec, r)).collect();
         Ok(Self {
-            platforms: platforms.to_vec(),
-            samples: SamplePoints::new(model, &ranges, rows, &transport),
-            ranges,
+            platforms: platforms.into(),
+            samples: SamplePoints::new(model, &ranges, rows, &transport).into(),
+            ranges: ranges.into(),
             time_s: rows.iter().map(|r| r.time_s).collect(),
             east_m: rows.iter().map(|r| r.place.east_m).collect(),
             north_m: rows.iter().map(|r| r.place.north_m).collect(),
@@ -135,8 +139,13 @@ impl Track {
     #[must_use]
     pub fn turned(&self, clockwise_deg: &[f64]) -> Self {
         let mut out = self.clone();
+        // Mostly all rows turn by the same: one sine and cosine.
+        let (mut last_deg, mut turn) = (f64::NAN, (1.0, 0.0));
         for (transport, deg) in out.transport.iter_mut().zip(clockwise_deg) {
-            *transport = transport.turned(*deg);
+            if *deg != last_deg {
+                (last_deg, turn) = (*deg, cos_sin(*deg));
+            }
+            *transport = rotate(*transport, turn);
         }
         out
     }
@@ -205,17 +214,23 @@ impl Track {
         range: Range<usize>,
         out: &mut [f64],
     ) {
-        let clock_shifted = effects.clock_s != 0.0;
-        let mut cursor = range.start;
-        for (i, value) in range.clone().zip(out.iter_mut()) {
-            let time_s = self.time_s[i];
-            *value = if clock_shifted {
-                self.clock_shifted_ppm(model, effects, range.clone(), &mut cursor, time_s)
-            } else {
-                let of_row = |column: &[f64]| column[i];
-                self.sampled_ppm(model, effects, time_s, self.transport[i], of_row)
-            };
+        if effects.clock_s != 0.0 {
+            let times_s = self.time_s[range.clone()].iter().copied();
+            let met = self.met(effects, range, times_s);
+            model.fill_excess(&met.columns(), effects.position_m, out);
+            return;
         }
+        let rows = RowColumns {
+            places: PlaceColumns {
+                east_m: &self.east_m[range.clone()],
+                north_m: &self.north_m[range.clone()],
+                height_agl_m: &self.height_m[range.clone()],
+            },
+            time_s: &self.time_s[range.clone()],
+            wind: &self.transport[range.clone()],
+            ppm_per_mol_m3: &self.ppm_per_mol_m3[range],
+        };
+        model.fill_excess(&rows, effects.position_m, out);
     }
 
     /// The same at its points between rows.
@@ -225,52 +240,37 @@ impl Track {
         effects: &SensorEffects,
         which: usize,
     ) -> Vec<f64> {
-        let range = self.ranges[which].clone();
-        let mut cursor = range.start;
-        let at = |s: SamplePoint| {
-            self.clock_shifted_ppm(model, effects, range.clone(), &mut cursor, s.time_s)
-        };
-        self.samples.between(which).map(at).collect()
+        let times_s = self.samples.between(which).map(|s| s.time_s);
+        let met = self.met(effects, self.ranges[which].clone(), times_s);
+        let mut out = vec![0.0; met.time_s.len()];
+        model.fill_excess(&met.columns(), effects.position_m, &mut out);
+        out
     }
 
-    /// The plumes' part of the air that the sensor sampled when its clock said `clock_time_s`, ppm, on
-    /// the path between two rows of `range`, searched from `cursor`, which moves there.
-    fn clock_shifted_ppm(
+    /// What the sensor of the rows `range` met when its clock said each of `clock_times_s`, which grow, on
+    /// the path between two rows.
+    fn met(
         &self,
-        model: &DispersionModel,
         effects: &SensorEffects,
         range: Range<usize>,
-        cursor: &mut usize,
-        clock_time_s: f64,
-    ) -> f64 {
-        let time_s = clock_time_s - effects.clock_s;
-        *cursor = self.seek(range.clone(), *cursor, time_s);
-        let (row, share) = (*cursor, self.share(range, *cursor, time_s));
-        let wind = self.transport_on(row, share);
-        let between = |column: &[f64]| interpolated(column, row, share);
-        self.sampled_ppm(model, effects, time_s, wind, between)
-    }
-
-    /// The plumes' part of the air sampled at `time_s`, ppm, where `at` gives every column's value: on a
-    /// row, which most are, or between two.
-    #[inline]
-    fn sampled_ppm(
-        &self,
-        model: &DispersionModel,
-        effects: &SensorEffects,
-        time_s: f64,
-        wind: Transport,
-        at: impl Fn(&[f64]) -> f64,
-    ) -> f64 {
-        // The log says the true place plus the offset; the air is that of the true one.
-        let [east, north, up] = effects.position_m;
-        let place = Place {
-            east_m: at(&self.east_m) - east,
-            north_m: at(&self.north_m) - north,
-            height_agl_m: at(&self.height_m) - up,
-        };
-        let (molar, direct) = model.excess(&place, time_s, wind);
-        molar * at(&self.ppm_per_mol_m3) + direct
+        clock_times_s: impl Iterator<Item = f64>,
+    ) -> Met {
+        let mut met = Met::default();
+        let mut row = range.start;
+        for clock_time_s in clock_times_s {
+            let time_s = clock_time_s - effects.clock_s;
+            row = self.seek(range.clone(), row, time_s);
+            let share = self.share(range.clone(), row, time_s);
+            let place = self.place_on(row, share);
+            met.east_m.push(place.east_m);
+            met.north_m.push(place.north_m);
+            met.height_m.push(place.height_agl_m);
+            met.time_s.push(time_s);
+            met.wind.push(self.transport_on(row, share));
+            let ppm = interpolated(&self.ppm_per_mol_m3, row, share);
+            met.ppm_per_mol_m3.push(ppm);
+        }
+        met
     }
 
     /// The row at or before `time_s` in `range`, searched from `cursor`.
@@ -350,6 +350,32 @@ impl Track {
                 reading += effects.cross_ppm(&self.air[i]);
             }
             *value = reading.min(effects.limit_ppm);
+        }
+    }
+}
+
+/// What a sensor met at some times, in columns.
+#[derive(Default)]
+struct Met {
+    east_m: Vec<f64>,
+    north_m: Vec<f64>,
+    height_m: Vec<f64>,
+    time_s: Vec<f64>,
+    wind: Vec<Transport>,
+    ppm_per_mol_m3: Vec<f64>,
+}
+
+impl Met {
+    fn columns(&self) -> RowColumns<'_> {
+        RowColumns {
+            places: PlaceColumns {
+                east_m: &self.east_m,
+                north_m: &self.north_m,
+                height_agl_m: &self.height_m,
+            },
+            time_s: &self.time_s,
+            wind: &self.wind,
+            ppm_per_mol_m3: &self.ppm_per_mol_m3,
         }
     }
 }

@@ -63,20 +63,6 @@ impl UnsteadyWeather {
 }
 
 impl Scenario {
-    /// The scenario's air where it is unsteady.
-    pub fn unsteady_weather(&self) -> Option<UnsteadyWeather> {
-        let w = &self.weather;
-        (w.air == AirKind::Unsteady).then(|| UnsteadyWeather {
-            spec: UnsteadySpec {
-                meander_share: w.meander_share,
-                lagrangian_time_s: w.lagrangian_time_s,
-                fluctuation_intensity: w.fluctuation_intensity,
-                fluctuation_time_s: w.fluctuation_time_s,
-            },
-            seed: self.mission.seed,
-        })
-    }
-
     /// The local frame around the site's origin.
     ///
     /// # Errors
@@ -87,6 +73,20 @@ impl Scenario {
             self.site.lon_deg,
             self.site.ground_amsl_m,
         )?)
+    }
+
+    /// The scenario's air where it is unsteady.
+    pub fn unsteady_weather(&self) -> Option<UnsteadyWeather> {
+        let w = &self.weather;
+        (w.air == AirKind::Unsteady).then_some(UnsteadyWeather {
+            spec: UnsteadySpec {
+                meander_share: w.meander_share,
+                lagrangian_time_s: w.lagrangian_time_s,
+                fluctuation_intensity: w.fluctuation_intensity,
+                fluctuation_time_s: w.fluctuation_time_s,
+            },
+            seed: self.mission.seed,
+        })
     }
 
     /// Temperature and pressure with height, through those at the site's ground.

@@ -11,8 +11,8 @@ use air::wind::{WindProfile, WindSeries, WindVector, towards_deg};
 use plume::{DispersionModel, Place, Puffs, UnsteadyAir};
 use protocol::key::Name;
 use protocol::message::{
-    Ambient, Estimate, Extension, Flux, FluxMethod, MechanismSetting, Model, Observation, Peak,
-    PeakStatus, Severity, State,
+    Ambient, Estimate, Extension, Flux, FluxMethod, GapCause, MechanismSetting, Model, Observation,
+    Peak, PeakStatus, Severity, State,
 };
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
 use rand::rngs::ChaCha8Rng;
@@ -74,6 +74,8 @@ pub struct WorldSimulator {
     simulated: Vec<SimulatedVehicle>,
     world: DispersionModel,
     extensions: Vec<MechanismSetting>,
+    /// Whether readings have named a fault of a sensor that the model does not hold.
+    sensor_is_named: bool,
     next_correction_s: f64,
     readings_used: u64,
 }
@@ -130,6 +132,7 @@ impl WorldSimulator {
                 .collect(),
             simulated,
             extensions: Vec::new(),
+            sensor_is_named: false,
             next_correction_s: 0.0,
             readings_used: 0,
         })
@@ -206,9 +209,24 @@ impl WorldSimulator {
             wind_speed_m_s: wind.speed_at_m_s(spec.sources[0].effective_height_agl_m),
             observations: self.calibrator.taken(),
             mechanisms: self.extensions.clone(),
-            peak: self.peak,
+            peak: self.peak(),
             flux: self.flux(),
         }
+    }
+
+    /// The peak as it was corrected last. Readings of a sensor of which a fault was named, and is not in the
+    /// model, stand behind nothing.
+    fn peak(&self) -> Option<Peak> {
+        let found = self.peak?;
+        let stands = !self.sensor_is_named || found.status == PeakStatus::NotFound;
+        Some(if stands {
+            found
+        } else {
+            Peak {
+                status: PeakStatus::Doubtful,
+                ..found
+            }
+        })
     }
 
     /// What the sources emit, as far as readings tell; nothing before them.
@@ -242,6 +260,10 @@ impl WorldSimulator {
     }
 
     fn extend(&mut self, extension: &Extension, out: &mut Outbox) {
+        let is_sensor = |c: &GapCause| c.mechanisms.iter().all(|m| of_a_sensor(m));
+        self.sensor_is_named = extension.verdict == "named"
+            && !extension.adopt
+            && extension.causes.iter().any(is_sensor);
         if !extension.adopt || extension.mechanisms == self.extensions {
             return;
         }
@@ -353,6 +375,12 @@ impl WorldSimulator {
             );
         }
     }
+}
+
+/// Whether a mechanism is one of a sensor, by which the same air reads otherwise.
+fn of_a_sensor(id: &str) -> bool {
+    let known = plume::MechanismId::from_name(id);
+    known.is_some_and(|id| id.spec().family == plume::mechanism::Family::Sensor)
 }
 
 /// The next gust on a vehicle, north, east, down. Dryden's components are along and across the mean

@@ -84,7 +84,7 @@ pub struct World {
     /// Mean wind sample by sample, NED, m/s.
     wind: Vec<[f64; 3]>,
     /// Surfaces through each interval.
-    controls: std::rc::Rc<Vec<Substeps>>,
+    controls: std::sync::Arc<Vec<Substeps>>,
     /// Smooth disturbances without a name.
     nameless: Option<Nameless>,
 }
@@ -115,7 +115,7 @@ impl World {
             })
             .collect();
         let controls = like.map_or_else(
-            || std::rc::Rc::new(surfaces(&dynamics, segment)),
+            || std::sync::Arc::new(surfaces(&dynamics, segment)),
             |like| like.controls.clone(),
         );
         Self {
@@ -356,7 +356,7 @@ impl World {
 
     /// Whether the surfaces of both move alike.
     pub fn shares_controls_with(&self, other: &Self) -> bool {
-        std::rc::Rc::ptr_eq(&self.controls, &other.controls)
+        std::sync::Arc::ptr_eq(&self.controls, &other.controls)
     }
 
     /// Surfaces and motor at sample `i`, or in the mean of the way after it.

@@ -158,13 +158,13 @@ impl Terms {
 /// Nameless terms at work, in standard deviations of their priors.
 #[derive(Debug, Clone)]
 pub struct Nameless {
-    terms: std::rc::Rc<Terms>,
+    terms: std::sync::Arc<Terms>,
     values: Vec<f64>,
 }
 
 impl Nameless {
     /// The terms with these values; none where all are nil.
-    pub fn new(terms: &std::rc::Rc<Terms>, values: &[f64]) -> Option<Self> {
+    pub fn new(terms: &std::sync::Arc<Terms>, values: &[f64]) -> Option<Self> {
         values.iter().any(|v| *v != 0.0).then(|| Self {
             terms: terms.clone(),
             values: values.to_vec(),

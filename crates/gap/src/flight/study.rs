@@ -1,6 +1,6 @@
 //! One question put to the data: linearise, search, go there, linearise again.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use fdm::Aircraft;
 use fdm::mechanism::CATALOGUE;
@@ -64,7 +64,7 @@ pub struct Study<'a> {
     /// Parameters of mechanisms, tolerances and winds.
     pub parameters: Vec<Parameter>,
     /// Nameless terms.
-    pub terms: Rc<Terms>,
+    pub terms: Arc<Terms>,
     /// Mechanisms, then nameless terms.
     pub candidates: Vec<Candidate>,
     /// Id of each mechanism among the candidates.
@@ -99,7 +99,7 @@ impl<'a> Study<'a> {
     /// Prepares the question.
     pub fn new(aircraft: &'a Aircraft, gated: &'a Gated, logs: usize) -> Self {
         let parameters = all(aircraft, gated, logs);
-        let terms = Rc::new(Terms::of(aircraft, gated));
+        let terms = Arc::new(Terms::of(aircraft, gated));
         let mut ids = Vec::new();
         let mut candidates = Vec::new();
         for (m, spec) in CATALOGUE.iter().enumerate() {
@@ -230,19 +230,20 @@ impl<'a> Study<'a> {
     }
 
     fn columns<'b>(&'b self, segment: &Segment, theta: &[f64], base: &World) -> Columns<'b> {
-        let mut worlds = Vec::with_capacity(self.parameters.len());
-        for (j, parameter) in self.parameters.iter().enumerate() {
+        let aside = |(j, parameter): &(usize, &Parameter)| {
             let mut aside = theta.to_vec();
-            aside[j] += parameter.step;
+            aside[*j] += parameter.step;
             let like = (!parameter.servo).then_some(base);
             let world = self.world_like(segment, &aside, like);
-            worlds.push(Aside {
+            Aside {
                 same_air: world.shares_air_with(base),
                 world,
                 step: parameter.step,
                 moves: parameter.moves,
-            });
-        }
+            }
+        };
+        let parameters: Vec<(usize, &Parameter)> = self.parameters.iter().enumerate().collect();
+        let worlds = infer::at_once(&parameters, aside);
         Columns {
             worlds,
             terms: &self.terms,
@@ -422,8 +423,9 @@ impl<'a> Study<'a> {
         }
         progress(0.4);
         let mut last = first.clone();
-        for (k, set) in rivals(&first).into_iter().enumerate() {
-            if let Some(next) = self.descend(&first, &set)
+        let descents = infer::at_once(&rivals(&first), |set| self.descend(&first, set));
+        for (k, next) in descents.into_iter().enumerate() {
+            if let Some(next) = next
                 && (k == 0 || next.log_posterior > last.log_posterior)
             {
                 last = next;

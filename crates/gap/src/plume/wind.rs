@@ -134,22 +134,25 @@ pub(crate) fn chosen(
     let beforehand: Vec<f64> = still.priors().iter().map(|p| p.mean).collect();
     let contact = question.contact(&still, &beforehand)?;
     let aim_deg = contact.filter(elsewhere).map(|c| c.turn_deg.value);
-    let mut best: Option<(f64, Carried)> = None;
     let tried = if in_flight {
         &TRIED_IN_FLIGHT[..]
     } else {
         &TRIED
     };
-    for &carried in tried {
-        let track = carrying(setup, data, Some(carried));
+    let evidences = infer::at_once(tried, |carried| {
+        let track = carrying(setup, data, Some(*carried));
         let model = PlumeModel::of(setup, &track, scale);
         let model = aim_deg.map_or_else(
             || model.clone(),
             |deg| model.aimed(&catalogue::aimed(deg, scale).part, deg),
         );
-        let evidence = question.quick(&model)?;
+        question.quick(&model)
+    });
+    let mut best: Option<(f64, Carried)> = None;
+    for (carried, evidence) in tried.iter().zip(evidences) {
+        let evidence = evidence?;
         if best.is_none_or(|b| evidence > b.0) {
-            best = Some((evidence, carried));
+            best = Some((evidence, *carried));
         }
     }
     Ok(best.map(|b| b.1))
@@ -171,16 +174,16 @@ pub(crate) fn swinging<'a>(
             return Ok((at_once, Swing::AtOnce));
         }
     }
-    let as_air_does = base(Swing::Carried)?;
-    if matches!(carried, Some(Carried::OnItsWay(_))) {
-        return Ok((as_air_does, Swing::Carried));
-    }
-    let at_once = base(Swing::AtOnce)?;
-    Ok(if as_air_does.ln_evidence() > at_once.ln_evidence() {
-        (as_air_does, Swing::Carried)
-    } else {
-        (at_once, Swing::AtOnce)
-    })
+    let possible = match carried {
+        Some(Carried::OnItsWay(_)) => &[Swing::Carried][..],
+        _ => &[Swing::AtOnce, Swing::Carried],
+    };
+    let found = infer::at_once(possible, |swing| Ok((base(*swing)?, *swing)));
+    let found = found.into_iter().collect::<Result<Vec<_>, InferError>>()?;
+    let best = found
+        .into_iter()
+        .max_by(|a, b| a.0.ln_evidence().total_cmp(&b.0.ln_evidence()));
+    best.ok_or(InferError::NoPosterior)
 }
 
 /// The track of `data` in what of its log carries the plume; in the scenario's wind where that is

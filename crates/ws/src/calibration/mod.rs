@@ -47,6 +47,8 @@ const IN_PLUME_SHARE: f64 = 0.02;
 pub const AVERAGED_S: f64 = 600.0;
 /// Moments of that mean.
 const MOMENTS: usize = 11;
+/// Where the plume's width is taken as an angle, m: near a source it grows in proportion to distance.
+const WIDTH_AT_M: f64 = 1000.0;
 
 /// A moment of a mean.
 #[derive(Debug, Clone, Copy)]
@@ -347,27 +349,51 @@ impl Calibrator {
         (rest, plume, plume_place(there, time_s, under_way_s))
     }
 
-    /// Moments over which the plume is averaged.
+    /// Moments over which the plume is averaged: the last ten minutes in which it was met, with the straight
+    /// line through its turns as the slow wind; the last moment alone where its axis leaves that line by more
+    /// than the plume is wide, as no meander within the class's spread does.
     fn moments(&self) -> Vec<Moment> {
         let turn = |time_s| self.posterior.as_ref().map_or(0.0, |p| p.turn_deg(time_s));
         let part = |k: usize| k as f64 / (MOMENTS - 1) as f64 - 0.5;
-        let time = |k: usize| self.stated_s() + AVERAGED_S * part(k);
-        // The straight line through the turns, by least squares.
+        let time = |k: usize| (self.met_s - 0.5 * AVERAGED_S).max(0.0) + AVERAGED_S * part(k);
+        let turns: Vec<f64> = (0..MOMENTS).map(|k| turn(time(k))).collect();
+        let mean = turns.iter().sum::<f64>() / MOMENTS as f64;
+        // By least squares.
         let (mut product, mut square) = (0.0, 0.0);
-        for k in 0..MOMENTS {
-            product += part(k) * turn(time(k));
+        for (k, turn) in turns.iter().enumerate() {
+            product += part(k) * turn;
             square += part(k) * part(k);
+        }
+        let slow_deg = |k: usize| product / square * part(k);
+        let off = turns
+            .iter()
+            .enumerate()
+            .map(|(k, t)| (t - mean - slow_deg(k)).powi(2));
+        if (off.sum::<f64>() / MOMENTS as f64).sqrt() > self.width_deg() {
+            return vec![Moment {
+                time_s: self.met_s,
+                slow_deg: 0.0,
+            }];
         }
         let moment = |k| Moment {
             time_s: time(k),
-            slow_deg: product / square * part(k),
+            slow_deg: slow_deg(k),
         };
         (0..MOMENTS).map(moment).collect()
     }
 
+    /// How wide the corrected plume is as seen from its source, one standard deviation, degrees.
+    fn width_deg(&self) -> f64 {
+        let model = DispersionModel::new(self.corrected_spec());
+        let width =
+            |m: DispersionModel| (m.sigmas_m(WIDTH_AT_M).0 / WIDTH_AT_M).atan().to_degrees();
+        model.map_or(f64::INFINITY, width)
+    }
+
     /// The time for which the plume is stated, s: the middle of those over which it is averaged.
     pub fn stated_s(&self) -> f64 {
-        (self.met_s - 0.5 * AVERAGED_S).max(0.0)
+        let moments = self.moments();
+        moments.iter().map(|m| m.time_s).sum::<f64>() / moments.len() as f64
     }
 
     /// What the readings were found to be like; none before a fit.

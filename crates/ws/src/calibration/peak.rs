@@ -156,8 +156,8 @@ impl Calibrator {
             return PeakStatus::NotFound;
         }
         let relative_sd = there.sd / excess_ppm;
-        // A comparison that is not made by a number that is not one.
-        if !(relative_sd >= 0.0 && relative_sd < HARDLY_KNOWN) {
+        // What is not a number lies in no range.
+        if !(0.0..HARDLY_KNOWN).contains(&relative_sd) {
             return PeakStatus::Doubtful;
         }
         let near = self.predicted.crossings(THERE * excess_ppm);

@@ -50,8 +50,11 @@ const RESERVE_S: (f64, f64) = (60.0, 7.0);
 /// Time that the way home may take longer than planned, s, and for each vehicle that may be in the
 /// way (measured: teams of 6 lose up to 80 s, of 30 up to 220 s).
 const DETOUR_S: (f64, f64) = (45.0, 4.0);
-/// Factor on the times of ways home and between landings: for turns, for what stands in the way, and
-/// for landings from higher up.
+/// Factor on the time between two landings in each other's way, and what each vehicle of the team adds
+/// to it: the more there are, the higher up the next one still is when its turn comes (measured: teams
+/// of 6 need up to 1.2 of what one after the other from the lowest level would, of 27 up to 1.5).
+const BETWEEN: (f64, f64) = (1.15, 0.015);
+/// Factor on the time of the way home: for turns, and around what stands in the way.
 const DETOUR: f64 = 1.25;
 /// Slowest speed over ground that is counted on, m/s.
 const OVER_GROUND_M_S: f64 = 3.0;
@@ -201,7 +204,8 @@ impl SquadronController {
             let low_m = self.lowest_wait_m(index);
             let reserve_s = RESERVE_S.0 + RESERVE_S.1 * team.len() as f64;
             let last_s = self.duration_s - reserve_s - circle_left_s(low_m) - FINAL_S;
-            let between_s = DETOUR * (circle_left_s(low_m) - self.circle_reached_s(low_m));
+            let factor = BETWEEN.0 + BETWEEN.1 * team.len() as f64;
+            let between_s = factor * (circle_left_s(low_m) - self.circle_reached_s(low_m));
             let later = starts
                 .iter()
                 .filter(|(other, _)| self.share_approach(index, *other));

@@ -340,15 +340,15 @@ impl Fleet {
         // Those who wait go down below each other.
         let waits = self.ways_down.iter().any(|(other, _)| *other == index);
         let ways_down = self.ways_down.iter().filter(|_| !waits).map(|(_, way)| way);
-        // Who is in the way of a pass already may leave.
         let v = &self.vehicles[index];
+        let passes = self.passes.iter().filter(|_| !v.real);
+        // Who is in the way already may leave.
         let here = v
             .track
             .map(|s| Corridor::straight(s.position, s.position, 0.0));
         let outside =
-            |pass: &&Corridor| here.is_some_and(|here| self.separation.apart(&here, pass));
-        let passes = self.passes.iter().filter(|_| !v.real).filter(outside);
-        let mut kept_free = ways_down.chain(passes);
+            |kept: &&Corridor| here.is_some_and(|here| self.separation.apart(&here, kept));
+        let mut kept_free = ways_down.chain(passes).filter(outside);
         kept_free.all(|kept| self.separation.apart(own, kept)) && self.is_free(index, own, |_| true)
     }
 

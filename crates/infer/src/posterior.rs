@@ -599,6 +599,26 @@ impl Posterior {
         self.fit.basis.turn_deg(time_s, &self.fit.point.weights)
     }
 
+    /// What is to be met at a place at the fit's most probable point; see [`Posterior::at_place`].
+    pub fn value_at(
+        &self,
+        time_s: f64,
+        value: impl Fn(&[f64], f64) -> (f64, f64, PlumePlace),
+    ) -> f64 {
+        let (rest, plume, _) = self.with_form(value(&self.fit.point.at, self.turn_deg(time_s)));
+        rest + plume
+    }
+
+    /// What is at a place with the error of form of the fit's point, and the values of the bumps there.
+    fn with_form(&self, (rest, plume, place): (f64, f64, PlumePlace)) -> (f64, f64, Vec<f64>) {
+        let (basis, weights) = (&self.fit.basis, &self.fit.point.weights);
+        let form = basis.of_form();
+        let mut bumps = vec![0.0; basis.len()];
+        basis.fill(&place, &mut bumps);
+        let factor = Basis::factor(&bumps[..form], &weights[..form]);
+        (rest, plume * factor, bumps)
+    }
+
     /// What is to be met at a place: `value` gives for the unknowns and a turn of the axis in degrees
     /// what is there besides the plume and the plume, both in the unit of the readings, and where in
     /// the plume the place lies. The axis is turned as it was at `time_s`.
@@ -607,19 +627,9 @@ impl Posterior {
         time_s: f64,
         value: impl Fn(&[f64], f64) -> (f64, f64, PlumePlace),
     ) -> Estimate {
-        let fit = &self.fit;
-        let basis = &fit.basis;
+        let (fit, basis) = (&self.fit, &self.fit.basis);
         let form = basis.of_form();
-        let mut bumps = vec![0.0; basis.len()];
-        let mut met = |at: &[f64], turn_deg: f64| {
-            let (rest, plume, place) = value(at, turn_deg);
-            basis.fill(&place, &mut bumps);
-            (
-                rest,
-                plume * Basis::factor(&bumps[..form], &fit.point.weights[..form]),
-                bumps.clone(),
-            )
-        };
+        let met = |at: &[f64], turn_deg: f64| self.with_form(value(at, turn_deg));
         let at = &fit.point.at;
         let turn_deg = basis.turn_deg(time_s, &fit.point.weights);
         let (rest, plume, here_bumps) = met(at, turn_deg);

@@ -16,7 +16,9 @@ const DIRECTIONS: usize = 360;
 const HEIGHTS: usize = 25;
 /// Nearest distance to a stack that is looked at where there is no keep-out, m.
 const NEAREST_M: f64 = 20.0;
-/// The refinement ends at steps of this, m.
+/// The refinement begins at steps of this, m …
+const FIRST_STEP_M: f64 = 40.0;
+/// … and ends at steps of this, m.
 const FINEST_M: f64 = 0.1;
 
 /// A place and the mean mole fraction there.
@@ -54,8 +56,39 @@ pub fn highest(
     stacks
         .flat_map(|&stack| [best(search.grid(stack)), best(search.along(stack, axes))])
         .flatten()
-        .map(|point| search.refine(point))
+        .map(|point| search.refine(point, FINEST_M))
         .max_by(|a, b| a.co2_ppm.total_cmp(&b.co2_ppm))
+}
+
+/// The highest place that uphill steps lead to from another, to `finest_m`; that place itself where no
+/// set-point may go there.
+pub fn climb(
+    ppm: &dyn Fn(&Place) -> f64,
+    from: Position,
+    airspace: &Airspace,
+    margin_m: f64,
+    finest_m: f64,
+) -> FieldMaximum {
+    let search = Search {
+        ppm,
+        airspace,
+        margin_m,
+    };
+    let stack = airspace.stacks().first().copied().unwrap_or_default();
+    let start = GridPoint {
+        stack,
+        bearing_deg: stack.bearing_deg(from.at),
+        radius_m: stack.distance_m(from.at),
+        height_m: from.height_m,
+        co2_ppm: f64::NEG_INFINITY,
+    };
+    let nowhere = FieldMaximum {
+        position: from,
+        co2_ppm: f64::NEG_INFINITY,
+    };
+    search
+        .valued(start)
+        .map_or(nowhere, |start| search.refine(start, finest_m))
 }
 
 /// The same of a model's mean field at a time.
@@ -165,10 +198,10 @@ impl Search<'_> {
         axes.iter().filter_map(of).collect()
     }
 
-    fn refine(&self, first: GridPoint) -> FieldMaximum {
+    fn refine(&self, first: GridPoint, finest_m: f64) -> FieldMaximum {
         let mut best = first;
-        let mut step_m = 40.0;
-        while step_m > FINEST_M {
+        let mut step_m = FIRST_STEP_M;
+        while step_m > finest_m {
             let turn_deg = (step_m / best.radius_m).to_degrees();
             let moves = [
                 (turn_deg, 0.0, 0.0),

@@ -115,7 +115,7 @@ fn mission(root: &Path) -> anyhow::Result<BTreeMap<String, Figure>> {
             "run",
         ]);
         cargo.args([
-            "scenarios/as-pontes.toml",
+            "scenarios/as-pontes-steady.toml",
             "--speed",
             "max",
             "--no-serve",

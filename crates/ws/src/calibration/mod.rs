@@ -330,6 +330,16 @@ impl Calibrator {
         Some(Estimate { value, sd })
     }
 
+    /// The same at one moment, without what is not known of it; nothing before a fit.
+    fn ppm_at(&self, place: &Place, time_s: f64) -> f64 {
+        let there = |p: &Posterior| {
+            p.value_at(time_s, |at, turn_deg| {
+                self.there(place, time_s, DVector::from_column_slice(at), turn_deg)
+            })
+        };
+        self.posterior.as_ref().map_or(0.0, there)
+    }
+
     /// What there is at a place and time besides the plume and of it, ppm, and where in the plume that is.
     fn there(
         &self,

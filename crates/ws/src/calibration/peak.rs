@@ -9,8 +9,10 @@ use plume::track::Track;
 use plume::{DispersionModel, Place};
 use protocol::message::{Estimate, Peak, PeakStatus};
 use scenario::airspace::{Airspace, SETPOINT_MARGIN_M};
-use scenario::peak::highest_of;
+use scenario::peak::{climb, highest_of};
 
+/// The place of the peak is looked for to this, m: as well as a vehicle flies to it.
+const FINEST_M: f64 = 5.0;
 /// Rows that are predicted to meet this part of the peak's excess are there: within a standard deviation of
 /// its axis, or near it downwind.
 const THERE: f64 = 0.5;
@@ -131,6 +133,9 @@ impl Calibrator {
         let model = DispersionModel::new(self.latest_spec()).ok()?;
         let time_s = self.stated_s();
         let found = highest_of(&model, airspace, SETPOINT_MARGIN_M, time_s)?;
+        // The model beside its error of form shows where to look; the readings may know better.
+        let ppm = |place: &Place| self.ppm_at(place, time_s);
+        let found = climb(&ppm, found.position, airspace, SETPOINT_MARGIN_M, FINEST_M);
         let Position { at, height_m } = found.position;
         let place = Place {
             east_m: at.east_m,

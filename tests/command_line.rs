@@ -121,6 +121,26 @@ fn a_recording_cut_short_still_reads_and_one_that_differs_is_told() {
 }
 
 #[test]
+fn a_mission_that_cannot_be_flown_is_refused_before_anything_is_written() {
+    let dir = folder("gale");
+    let (file, out) = (dir.join("gale.toml"), dir.join("out"));
+    let good = std::fs::read_to_string(SCENARIO).unwrap();
+    let gale = good.replace("wind_speed_m_s = 7.0", "wind_speed_m_s = 20.0");
+    std::fs::write(&file, gale).unwrap();
+    let run = ["run", text(&file), "--no-serve", "--out", text(&out)];
+    refused(
+        &plumage(&run),
+        2,
+        &[
+            "refused before take-off: wind",
+            "16.2 m/s at 120 m",
+            "expected",
+        ],
+    );
+    assert!(!out.exists());
+}
+
+#[test]
 fn wrong_scenarios_exit_with_2_and_say_where() {
     let dir = folder("wrong");
     let good = std::fs::read_to_string(SCENARIO).unwrap();

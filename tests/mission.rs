@@ -359,7 +359,7 @@ fn calm_wind_is_flown_in() {
         .replace("wind_speed_m_s = 7.0", "wind_speed_m_s = 0.0")
         .replace("wind_speed_m_s = 8.0", "wind_speed_m_s = 0.0");
     let mut setup = Setup::load("calm.toml", &text, &no_files).unwrap();
-    setup.scenario.mission.duration_s = 600.0;
+    setup.scenario.mission.duration_s = 1500.0;
     let summary = campaign::fly(&setup).unwrap();
     assert!(
         summary.vehicles.iter().all(|v| v.distance_m > 1_000.0),

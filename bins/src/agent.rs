@@ -1,7 +1,7 @@
 //! One agent in a process of its own, on the bus over Zenoh.
 
 use crate::flightgear::{self, Viewer};
-use crate::{Failure, mission_files, presence, tls};
+use crate::{Failure, mission_files, preflight, presence, tls};
 use anyhow::Context as _;
 use mav_bridge::link::{Link, LinkAddress};
 use mav_bridge::signing::SigningConfig;
@@ -237,6 +237,7 @@ pub fn run(
     make: impl FnOnce(&Setup) -> Result<Vec<HostedMember>, Failure>,
 ) -> Result<(), Failure> {
     let setup = arguments.setup()?;
+    preflight::check(&setup)?;
     let hosted = make(&setup)?;
     let linked = hosted.iter().find(|a| a.link.is_some());
     if let Some(linked) = linked.filter(|_| arguments.lockstep) {

@@ -11,6 +11,7 @@ pub mod outputs;
 pub mod outside;
 pub mod pace;
 pub mod page;
+pub mod preflight;
 pub mod presence;
 pub mod site;
 pub mod tls;

@@ -1,7 +1,7 @@
 //! `plumage campaign`: one scenario with many seeds, and a table.
 
 use crate::commands::run::interrupt_flag;
-use crate::{Failure, mission_files};
+use crate::{Failure, mission_files, preflight};
 use indicatif::ProgressBar;
 use mission::campaign::{self, Campaign};
 use record::files;
@@ -34,6 +34,7 @@ pub fn campaign(arguments: &CampaignArguments) -> Result<(), Failure> {
     if let Some(count) = arguments.real_stand_ins {
         setup = setup.with_stand_ins(count).map_err(Failure::input)?;
     }
+    preflight::check(&setup)?;
     let bar = ProgressBar::new(arguments.seeds);
     bar.tick();
     let stop = interrupt_flag()?;

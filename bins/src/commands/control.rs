@@ -1,4 +1,5 @@
-//! `plumage control`: who shall fly a vehicle of a mission that runs in processes.
+//! `plumage control`: who shall fly a vehicle of a mission that runs in processes, and whether it
+//! comes home.
 
 use crate::{Failure, agent};
 use clap::ValueEnum;
@@ -20,6 +21,8 @@ pub enum Wish {
     HandBack,
     /// Take simulated vehicles over: they are held level until handed back
     TakeOver,
+    /// Bring vehicles home: they land in turn, and those on the ground stay there
+    Home,
 }
 
 /// Arguments of `plumage control`.
@@ -55,6 +58,7 @@ pub fn control(arguments: &ControlArguments) -> Result<(), Failure> {
         wish: match arguments.wish {
             Wish::HandBack => ControlWish::HandBack,
             Wish::TakeOver => ControlWish::TakeOver,
+            Wish::Home => ControlWish::Home,
         },
         sticks: None,
     };

@@ -4,11 +4,11 @@ use crate::outputs::{Outputs, fresh_folder};
 use crate::outside::Outside;
 use crate::pace::{Pace, Speed};
 use crate::page::{LivePage, Serve};
-use crate::{Failure, mission_files, site};
+use crate::{Failure, mission_files, preflight, site};
 use anyhow::Context as _;
 use indicatif::{ProgressBar, ProgressStyle};
 use mission::{Run, Setup};
-use protocol::message::{Message, Phase};
+use protocol::message::{Control, ControlWish, Message, Phase};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -84,6 +84,7 @@ impl RunArguments {
 /// Wrong input, or a run that failed; what was recorded until then stays.
 pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let setup = arguments.setup()?;
+    preflight::check(&setup)?;
     let folder = arguments
         .out
         .clone()
@@ -109,6 +110,12 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         phase: None,
         stop: interrupt_flag()?,
         outside,
+        team: setup
+            .scenario
+            .vehicles
+            .iter()
+            .map(|v| v.id.clone())
+            .collect(),
         run,
         outputs,
         page,
@@ -151,6 +158,8 @@ struct Flight {
     phase: Option<Phase>,
     stop: Arc<AtomicBool>,
     outside: Outside,
+    /// Ids of all vehicles.
+    team: Vec<String>,
 }
 
 impl Flight {
@@ -215,6 +224,15 @@ impl Flight {
                 // A real vehicle knows no other time than the wall's.
                 PageCommand::Speed(_) if !self.outside.links.is_empty() => continue,
                 PageCommand::Speed(factor) => Speed(factor),
+                PageCommand::Home => {
+                    for vehicle in &self.team {
+                        let wish = ControlWish::Home;
+                        let control = Control { wish, sticks: None };
+                        // The scenario's ids were checked when it was read.
+                        let _ = self.run.operate(vehicle, control);
+                    }
+                    continue;
+                }
                 PageCommand::Control(vehicle, control) => {
                     // A vehicle that is not in the team has no agent that would listen.
                     let _ = self.run.operate(&vehicle, control);

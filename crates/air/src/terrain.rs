@@ -23,14 +23,25 @@ pub enum Terrain {
 
 impl Terrain {
     /// Reads an SRTM tile from the bytes of a file named by its south-west corner, such as
-    /// `N43W008.hgt`.
+    /// `N43W008.hgt`, `n43w008.hgt` or `N43W008.SRTMGL1.hgt`, for a site at `site`.
     ///
     /// # Errors
-    /// A name that gives no corner, or bytes that are no 1- or 3-arc-second tile.
-    pub fn from_hgt(name: &str, bytes: &[u8], fallback_amsl_m: f64) -> Result<Self, AirError> {
+    /// A name that gives no corner, bytes that are no 1- or 3-arc-second tile, or a tile that does
+    /// not hold the site.
+    pub fn from_hgt(
+        name: &str,
+        bytes: &[u8],
+        site: Geodetic,
+        fallback_amsl_m: f64,
+    ) -> Result<Self, AirError> {
         let refuse = |why: String| AirError::Terrain(format!("{name}: {why}"));
-        let (lat, lon) = Tile::get_lat_lon(name)
-            .map_err(|_| refuse("expected a name like N43W008.hgt".to_owned()))?;
+        let (lat, lon) = corner_of(name).ok_or_else(|| {
+            refuse(
+                "expected a name that begins with the tile's south-west corner, such as \
+                 N43W008.hgt or N43W008.SRTMGL1.hgt"
+                    .to_owned(),
+            )
+        })?;
         let resolution = Resolution::try_from(bytes.len() as u64).map_err(|_| {
             refuse(format!(
                 "{} bytes; expected 25934402 (1 arc-second) or 2884802 (3 arc-seconds)",
@@ -38,33 +49,90 @@ impl Terrain {
             ))
         })?;
         let data = Tile::parse_hgt(bytes, resolution).map_err(|e| refuse(e.to_string()))?;
+        let tile = Tile::new(lat, lon, resolution, data);
+        if post_of(&tile, site).is_none() {
+            return Err(refuse(format!(
+                "a tile from {} to the next degree north and east, which does not hold the site at \
+                 {:.4}, {:.4}; expected {}.hgt",
+                corner_name(f64::from(lat), f64::from(lon)),
+                site.lat_deg,
+                site.lon_deg,
+                corner_name(site.lat_deg.floor(), site.lon_deg.floor()),
+            )));
+        }
         Ok(Self::Srtm {
-            tile: Box::new(Tile::new(lat, lon, resolution, data)),
+            tile: Box::new(tile),
             fallback_amsl_m,
         })
     }
 
+    /// Height of the ground at `at` as far as it is known, m above mean sea level: none outside the
+    /// tile and in its voids.
+    pub fn known_amsl_m(&self, at: Geodetic) -> Option<f64> {
+        match self {
+            Self::Flat(height) => Some(*height),
+            Self::Srtm { tile, .. } => bilinear(tile, at),
+        }
+    }
+
     /// Height of the ground at `at`, m above mean sea level, bilinear between the tile's posts.
     pub fn ground_amsl_m(&self, at: Geodetic) -> f64 {
-        match self {
+        let fallback_amsl_m = match self {
             Self::Flat(height) => *height,
             Self::Srtm {
-                tile,
-                fallback_amsl_m,
-            } => bilinear(tile, at).unwrap_or(*fallback_amsl_m),
-        }
+                fallback_amsl_m, ..
+            } => *fallback_amsl_m,
+        };
+        self.known_amsl_m(at).unwrap_or(fallback_amsl_m)
     }
 }
 
-fn bilinear(tile: &Tile, at: Geodetic) -> Option<f64> {
-    // A tile is a square of posts, rows from north to south, with both edges included.
-    let side = (tile.data.len() as f64).sqrt() as usize;
-    let steps = (side - 1) as f64;
-    let column = (at.lon_deg - f64::from(tile.longitude)) * steps;
-    let row = (f64::from(tile.latitude) + 1.0 - at.lat_deg) * steps;
-    if !(0.0..=steps).contains(&column) || !(0.0..=steps).contains(&row) {
+/// South-west corner, degrees, in the name of a tile's file: in capitals or not, with or without
+/// the product after it, as in NASA's `N43W008.SRTMGL1.hgt`.
+fn corner_of(name: &str) -> Option<(i8, i16)> {
+    let file = name.rsplit(['/', '\\']).next()?.to_ascii_uppercase();
+    let (corner, rest) = (file.get(..7)?, file.get(7..)?);
+    if !(rest.is_empty() || rest.starts_with('.')) {
         return None;
     }
+    let signed = |part: &str, plus: char, minus: char| -> Option<i16> {
+        let digits = part.get(1..)?;
+        let value: i16 = digits.parse().ok()?;
+        let all_digits = digits.bytes().all(|b| b.is_ascii_digit());
+        match part.chars().next()? {
+            sign if sign == plus && all_digits => Some(value),
+            sign if sign == minus && all_digits => Some(-value),
+            _ => None,
+        }
+    };
+    let (lat, lon) = (
+        signed(corner.get(..3)?, 'N', 'S')?,
+        signed(corner.get(3..)?, 'E', 'W')?,
+    );
+    let on_earth = (-90..90).contains(&lat) && (-180..180).contains(&lon);
+    on_earth.then_some((i8::try_from(lat).ok()?, lon))
+}
+
+/// How a tile with this south-west corner, degrees, is called.
+fn corner_name(lat_deg: f64, lon_deg: f64) -> String {
+    let ns = if lat_deg < 0.0 { 'S' } else { 'N' };
+    let ew = if lon_deg < 0.0 { 'W' } else { 'E' };
+    format!("{ns}{:02.0}{ew}{:03.0}", lat_deg.abs(), lon_deg.abs())
+}
+
+/// Row and column of `at` among the tile's posts, rows from north to south, with both edges
+/// included; none outside the tile.
+fn post_of(tile: &Tile, at: Geodetic) -> Option<(f64, f64)> {
+    let steps = ((tile.data.len() as f64).sqrt() as usize - 1) as f64;
+    let column = (at.lon_deg - f64::from(tile.longitude)) * steps;
+    let row = (f64::from(tile.latitude) + 1.0 - at.lat_deg) * steps;
+    let inside = (0.0..=steps).contains(&column) && (0.0..=steps).contains(&row);
+    inside.then_some((row, column))
+}
+
+fn bilinear(tile: &Tile, at: Geodetic) -> Option<f64> {
+    let side = (tile.data.len() as f64).sqrt() as usize;
+    let (row, column) = post_of(tile, at)?;
     let post = |r: usize, c: usize| -> Option<f64> {
         let height = *tile.data.get(r.min(side - 1) * side + c.min(side - 1))?;
         (height > VOID_M).then(|| f64::from(height))
@@ -80,6 +148,11 @@ fn bilinear(tile: &Tile, at: Geodetic) -> Option<f64> {
 mod tests {
     use super::*;
 
+    const SITE: Geodetic = Geodetic {
+        lat_deg: 43.44,
+        lon_deg: -7.86,
+    };
+
     /// A 3-arc-second tile that rises one metre a row southwards and two a column eastwards.
     fn ramp() -> Vec<u8> {
         (0..1201i32 * 1201)
@@ -89,7 +162,7 @@ mod tests {
 
     #[test]
     fn bilinear_on_a_ramp_is_exact() {
-        let terrain = Terrain::from_hgt("N43W008.hgt", &ramp(), 12.0).unwrap();
+        let terrain = Terrain::from_hgt("N43W008.hgt", &ramp(), SITE, 12.0).unwrap();
         // 0.25 of the tile south of its north edge is row 300, 0.1 east is column 120.
         let at = Geodetic {
             lat_deg: 43.75 - 0.5 / 1200.0,
@@ -107,7 +180,7 @@ mod tests {
     fn voids_fall_back() {
         let mut bytes = ramp();
         bytes[..2].copy_from_slice(&i16::MIN.to_be_bytes());
-        let terrain = Terrain::from_hgt("N43W008.hgt", &bytes, 12.0).unwrap();
+        let terrain = Terrain::from_hgt("N43W008.hgt", &bytes, SITE, 12.0).unwrap();
         assert_eq!(
             terrain.ground_amsl_m(Geodetic {
                 lat_deg: 44.0,
@@ -119,7 +192,47 @@ mod tests {
 
     #[test]
     fn wrong_size_and_name_are_refused() {
-        assert!(Terrain::from_hgt("N43W008.hgt", &[0; 100], 0.0).is_err());
-        assert!(Terrain::from_hgt("galicia.hgt", &ramp(), 0.0).is_err());
+        assert!(Terrain::from_hgt("N43W008.hgt", &[0; 100], SITE, 0.0).is_err());
+        for name in [
+            "galicia.hgt",
+            "N43W0080.hgt",
+            "N4",
+            "X43W008.hgt",
+            "N43W190.hgt",
+            "N+3W008.hgt",
+            "Ñ43W008.hgt",
+            "",
+        ] {
+            assert!(
+                Terrain::from_hgt(name, &ramp(), SITE, 0.0).is_err(),
+                "{name}"
+            );
+        }
+    }
+
+    #[test]
+    fn names_in_small_letters_and_with_the_product_are_read() {
+        let capitals = Terrain::from_hgt("N43W008.hgt", &ramp(), SITE, 0.0).unwrap();
+        for name in [
+            "n43w008.hgt",
+            "N43W008.HGT",
+            "N43W008.SRTMGL1.hgt",
+            "tiles/n43w008.SRTMGL1.hgt",
+        ] {
+            let other = Terrain::from_hgt(name, &ramp(), SITE, 0.0).unwrap();
+            assert_eq!(other, capitals, "{name}");
+        }
+        assert_eq!(corner_of("s05e010.hgt"), Some((-5, 10)));
+    }
+
+    #[test]
+    fn a_tile_that_does_not_hold_the_site_is_refused_with_the_one_that_does() {
+        let message = Terrain::from_hgt("N43W009.hgt", &ramp(), SITE, 0.0)
+            .unwrap_err()
+            .to_string();
+        for part in ["N43W009.hgt", "43.4400, -7.8600", "expected N43W008.hgt"] {
+            assert!(message.contains(part), "{message}");
+        }
+        assert_eq!(corner_name(-5.0, 10.0), "S05E010");
     }
 }

@@ -5,6 +5,7 @@
 //! Pure: files come in through a closure, time through ticks.
 //!
 //! - [`setup`]: a scenario with all the files it names;
+//! - [`preflight`]: what speaks against taking off;
 //! - [`team`]: the agents;
 //! - [`real_vehicle`]: a real vehicle's agent with bridge and stand-in in one;
 //! - [`run`]: a mission in virtual time;
@@ -57,6 +58,7 @@
 //! ```
 
 pub mod campaign;
+pub mod preflight;
 pub mod real_vehicle;
 pub mod run;
 pub mod setup;

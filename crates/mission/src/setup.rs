@@ -1,7 +1,7 @@
 //! A scenario with all the files it names, read and checked.
 
 use crate::MissionError;
-use air::geo::LocalFrame;
+use air::geo::{Geodetic, LocalFrame};
 use air::terrain::Terrain;
 use air::wind::WindSeries;
 use fdm::Aircraft;
@@ -95,13 +95,17 @@ impl Setup {
             None => None,
             Some(name) => Some(series(name, "reality.weather.series")?),
         };
-        // Outside the tile, and in its voids, the ground is that of the site's origin.
+        // Beyond the tile, and in its voids, the ground is that of the site's origin.
         let ground = scenario.site.ground_amsl_m;
+        let site = Geodetic {
+            lat_deg: scenario.site.lat_deg,
+            lon_deg: scenario.site.lon_deg,
+        };
         let terrain = match &scenario.site.terrain {
             None => Terrain::Flat(ground),
             Some(name) => read(name)
                 .and_then(|bytes| {
-                    Terrain::from_hgt(name, &bytes, ground).map_err(|e| e.to_string())
+                    Terrain::from_hgt(name, &bytes, site, ground).map_err(|e| e.to_string())
                 })
                 .map_err(|why| refuse(name, "site.terrain", why))?,
         };

@@ -39,9 +39,11 @@ impl Member {
     /// # Errors
     /// A scenario that it refuses.
     pub fn controller(setup: &Setup) -> Result<Self, MissionError> {
-        Ok(Self::Controller(Box::new(SquadronController::new(
-            &setup.scenario,
-        )?)))
+        let team = 0..setup.scenario.vehicles.len();
+        let homes: Result<Vec<f64>, MissionError> =
+            team.map(|index| setup.ground_at_home_m(index)).collect();
+        let controller = SquadronController::new(&setup.scenario)?.over(homes?);
+        Ok(Self::Controller(Box::new(controller)))
     }
 
     /// The vehicle at `index` of the team; a `mavlink` vehicle's link is the caller's to serve.

@@ -97,6 +97,8 @@ pub enum ControlWish {
     TakeOver,
     /// The vehicle is given back to automatic flight.
     HandBack,
+    /// The vehicle is to come home and land; one on the ground stays there.
+    Home,
 }
 
 /// Positions of a remote control's sticks, fly by wire.
@@ -113,7 +115,7 @@ pub struct Sticks {
 /// Who shall fly a vehicle (`va/<id>/control`).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Control {
-    /// Takeover or hand-back.
+    /// Takeover, hand-back or the way home.
     pub wish: ControlWish,
     /// The sticks of a takeover. None: held level at a little more than half power for as long
     /// as nobody sends any; once sent they have to be repeated, for their silence is a lost

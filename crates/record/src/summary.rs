@@ -118,6 +118,24 @@ pub const CORRECTED: [ModelNumber; 6] = [
     },
 ];
 
+/// A vehicle that was in the air and has not been heard for this long at the end is lost, s: the
+/// squadron controller counts on it no more.
+const LOST_S: f64 = 10.0;
+
+/// How a vehicle's mission ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Outcome {
+    /// On the ground after a flight.
+    Landed,
+    /// Still in the air.
+    Airborne,
+    /// In the air when it was last heard, and not heard at the end.
+    Lost,
+    /// Never in the air.
+    NeverFlew,
+}
+
 /// What one vehicle did.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct VehicleSummary {
@@ -125,6 +143,8 @@ pub struct VehicleSummary {
     pub id: String,
     /// Simulated or real.
     pub kind: VehicleKind,
+    /// How its mission ended.
+    pub outcome: Outcome,
     /// Way flown, m.
     pub distance_m: f64,
     /// Highest reading, ppm; none without a reading.
@@ -290,6 +310,9 @@ struct Vehicle {
     distance_m: f64,
     last_counted: Option<(Geodetic, f64)>,
     peak: Option<(SimTime, Reading)>,
+    flew: bool,
+    /// Whether it was in the air when its state was last heard, and when that was.
+    airborne: (bool, SimTime),
 }
 
 impl Summariser {
@@ -312,7 +335,10 @@ impl Summariser {
         match (topic, &envelope.message) {
             (Topic::State(id), Message::State(state)) => {
                 let frame = self.context.frame;
-                self.vehicle(id.as_str(), state.kind).moved(&frame, state);
+                let vehicle = self.vehicle(id.as_str(), state.kind);
+                vehicle.moved(&frame, state);
+                vehicle.flew |= state.airborne;
+                vehicle.airborne = (state.airborne, envelope.time);
             }
             (Topic::Reading(id), Message::Reading(reading)) => {
                 self.vehicle(id.as_str(), reading.kind)
@@ -339,6 +365,8 @@ impl Summariser {
             distance_m: 0.0,
             last_counted: None,
             peak: None,
+            flew: false,
+            airborne: (false, SimTime::ZERO),
         });
         vehicle.kind = kind;
         vehicle
@@ -354,7 +382,11 @@ impl Summariser {
             sim_s,
             wall_s,
             real_time_factor: sim_s / wall_s,
-            vehicles: self.vehicles.iter().map(|(id, v)| v.summary(id)).collect(),
+            vehicles: self
+                .vehicles
+                .iter()
+                .map(|(id, v)| v.summary(id, self.last))
+                .collect(),
             peak: self.peak_summary(),
             flux: self.flux.iter().map(|f| self.flux_summary(f)).collect(),
             gap: self.gap.clone(),
@@ -444,11 +476,21 @@ impl Vehicle {
         }
     }
 
-    fn summary(&self, id: &str) -> VehicleSummary {
+    fn outcome(&self, end: SimTime) -> Outcome {
+        match self.airborne {
+            _ if !self.flew => Outcome::NeverFlew,
+            (true, heard) if end.since_s(heard) > LOST_S => Outcome::Lost,
+            (true, _) => Outcome::Airborne,
+            (false, _) => Outcome::Landed,
+        }
+    }
+
+    fn summary(&self, id: &str, end: SimTime) -> VehicleSummary {
         let peak = self.peak.as_ref();
         VehicleSummary {
             id: id.to_owned(),
             kind: self.kind,
+            outcome: self.outcome(end),
             distance_m: self.distance_m,
             peak_ppm: peak.map(|(_, r)| r.co2_ppm),
             peak_time_s: peak.map(|(t, _)| t.s()),

@@ -8,7 +8,9 @@ use protocol::key::Name;
 use protocol::message::{Message, Peak, PeakStatus, VehicleKind};
 use protocol::{Envelope, SimTime, Topic};
 use record::kml::{MapFeatures, StackMarker, document};
-use record::summary::{CORRECTED, ModelNumbers, PlaceOfPeak, Summariser, SummaryContext, TruePeak};
+use record::summary::{
+    CORRECTED, ModelNumbers, Outcome, PlaceOfPeak, Summariser, SummaryContext, TruePeak,
+};
 use record::text;
 use record::tracks::Tracks;
 use std::sync::Arc;
@@ -67,7 +69,10 @@ fn the_summary_has_the_fields_of_its_schema() {
     );
     assert_eq!(
         keys(&json["vehicles"][0]),
-        expect("distance_m id kind peak_alt_amsl_m peak_lat_deg peak_lon_deg peak_ppm peak_time_s")
+        expect(
+            "distance_m id kind outcome peak_alt_amsl_m peak_lat_deg peak_lon_deg peak_ppm \
+             peak_time_s"
+        )
     );
     assert_eq!(
         keys(&json["peak"]),
@@ -133,6 +138,37 @@ fn the_way_is_the_way_flown() {
     }
     let way = summariser.summary("", 1.0).vehicles[0].distance_m;
     assert!((way - 1800.0).abs() < 0.1 * 1800.0, "{way}");
+}
+
+#[test]
+fn the_summary_tells_how_each_vehicle_ended() {
+    let mut summariser = Summariser::new(known());
+    // Until when each is in the air, and until when it is heard, s.
+    let fates = [
+        ("1", 30, 60, Outcome::Landed),
+        ("2", 60, 60, Outcome::Airborne),
+        ("3", 60, 40, Outcome::Lost),
+        ("4", 0, 60, Outcome::NeverFlew),
+        ("5", 60, 52, Outcome::Airborne),
+        ("6", 30, 40, Outcome::Landed),
+    ];
+    for (topic, mut envelope) in synthetic::mission(600) {
+        if let (Topic::State(id), Message::State(state)) = (&topic, &mut envelope.message) {
+            let t = envelope.time.s();
+            let fate = fates.iter().find(|f| f.0 == id.as_str()).unwrap();
+            if t > f64::from(fate.2) {
+                continue;
+            }
+            state.airborne = t < f64::from(fate.1);
+        }
+        summariser.take(&topic, &envelope);
+    }
+    let ended = summariser.summary("", 1.0).vehicles;
+    for (vehicle, fate) in ended.iter().zip(&fates) {
+        assert_eq!((vehicle.id.as_str(), vehicle.outcome), (fate.0, fate.3));
+    }
+    let json = serde_json::to_value(ended[3].outcome).unwrap();
+    assert_eq!(json, "never-flew");
 }
 
 #[test]

@@ -199,7 +199,7 @@ fn another_wire_version_is_named() {
         "what a caller says of versions cannot spoil the recording"
     );
     let bytes = fs::read(&path).unwrap();
-    let needle = b"\x0c\x00\x00\x00wire_version\x01\x00\x00\x001";
+    let needle = b"\x0c\x00\x00\x00wire_version\x01\x00\x00\x002";
     let at = bytes
         .windows(needle.len())
         .position(|w| w == needle)

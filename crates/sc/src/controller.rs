@@ -13,8 +13,8 @@ use csea::{
 use plume::DispersionSpec;
 use protocol::key::Name;
 use protocol::message::{
-    Mode, Model, Observation, Peak, PeakStatus, Phase, Plan, Population, Reading, Severity,
-    VehicleKind as Kind,
+    ControlWish, Mode, Model, Observation, Peak, PeakStatus, Phase, Plan, Population, Reading,
+    Severity, VehicleKind as Kind,
 };
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Message, Outbox, SimTime, Topic};
 use rand::rngs::ChaCha8Rng;
@@ -53,6 +53,8 @@ pub struct SquadronController {
     base: DispersionSpec,
     model: Option<Model>,
     range: PassRange,
+    /// Heights above home at which vehicles wait for their landing, from the lowest.
+    levels_amsl_m: Vec<f64>,
     search: SearchTable,
     duration_s: f64,
     phase: Phase,
@@ -110,7 +112,10 @@ impl SquadronController {
                 separation,
                 airspeed_m_s: scenario.search.airspeed_m_s,
                 vehicles,
+                passes: Vec::new(),
+                ways_down: Vec::new(),
             },
+            levels_amsl_m: scenario.levels_amsl_m(),
             base,
             model: None,
             range,
@@ -127,6 +132,16 @@ impl SquadronController {
         // A strategy that cannot be is found out now, not in flight.
         controller.strategy = Some(controller.new_strategy()?);
         Ok(controller)
+    }
+
+    /// The same controller over terrain: the ground at each vehicle's home, m above mean sea level, in
+    /// the team's order.
+    #[must_use]
+    pub fn over(mut self, homes_amsl_m: impl IntoIterator<Item = f64>) -> Self {
+        for (vehicle, ground_amsl_m) in self.fleet.vehicles.iter_mut().zip(homes_amsl_m) {
+            vehicle.home.height_m = ground_amsl_m;
+        }
+        self
     }
 
     /// The phase of the mission.
@@ -208,6 +223,11 @@ impl SquadronController {
                 self.handle_reading(name, reading, envelope.time, out);
             }
             (Topic::Mode(name), Message::Mode(mode)) => self.handle_mode(name, mode, out),
+            (Topic::Control(name), Message::Control(control)) => {
+                if let Some(index) = self.fleet.index_of(name) {
+                    self.tasks.called[index] |= control.wish == ControlWish::Home;
+                }
+            }
             (Topic::Model, Message::Model(model)) => self.handle_model(model),
             _ => {}
         }
@@ -228,8 +248,11 @@ impl SquadronController {
             },
             value: reading.co2_ppm,
         };
+        let real = reading.kind == Kind::Real;
+        // Of a plume that real vehicles are still to show, simulated ones read nothing worth knowing.
+        let too_early = self.phase == Phase::Preliminary && !real;
         // A reading that is not finite is left out.
-        if self.archive.push(sample).is_err() || reading.kind != Kind::Real {
+        if too_early || self.archive.push(sample).is_err() || !real {
             return;
         }
         let observation = Observation {
@@ -276,6 +299,7 @@ impl SquadronController {
             };
             out.event(&self.id, severity, code, format!("vehicle {name} {words}"));
         }
+        self.recall(now);
         if let Some(next) = self.next_phase(now) {
             self.enter_phase(next, out);
         }
@@ -283,7 +307,10 @@ impl SquadronController {
             self.fleet.advance(index, out);
         }
         self.direct(now, out);
-        let searches = matches!(self.phase, Phase::Search | Phase::Characterise);
+        let searches = matches!(
+            self.phase,
+            Phase::Preliminary | Phase::Search | Phase::Characterise
+        );
         if searches && now >= self.next_population {
             self.next_population = SimTime::from_s(now.s() + self.search.step_s);
             self.search_step(out);
@@ -314,6 +341,9 @@ impl SquadronController {
             self.publish_gap(out);
         }
         self.tasks.start_phase(phase, &self.fleet);
+        if phase == Phase::Home {
+            self.recall_all();
+        }
     }
 
     fn search_step(&mut self, out: &mut Outbox) {
@@ -418,12 +448,17 @@ impl Agent for SquadronController {
     }
 
     fn interests(&self) -> Vec<Interest> {
-        vec![
+        let controls = self.fleet.vehicles.iter();
+        let controls = controls.map(|v| Interest::One(Topic::Control(v.name.clone())));
+        [
             Interest::AllStates,
             Interest::AllReadings,
             Interest::AllModes,
             Interest::One(Topic::Model),
         ]
+        .into_iter()
+        .chain(controls)
+        .collect()
     }
 
     fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {

@@ -7,6 +7,7 @@ use csea::Position;
 use protocol::key::Name;
 use protocol::message::{Assignment, PathKind, Setpoint, State};
 use protocol::{Message, Outbox, SimTime, Topic};
+use scenario::world::OFF_HEIGHT_M;
 
 use crate::route_graph::RouteGraph;
 use crate::separation::{Corridor, Separation};
@@ -15,6 +16,9 @@ pub use scenario::airspace::SETPOINT_MARGIN_M as MARGIN_M;
 
 /// Radius of the orbit at a setpoint, m: 18 m/s in 10 m/s of wind at 45° of bank takes 80 m.
 pub const ORBIT_M: f64 = 80.0;
+/// Radius within which a vehicle that turns or circles is kept apart from the others, m: simulated
+/// vehicles circle at the loiter radius of `fdm`, and gusts carry them off it.
+pub(crate) const CIRCLE_M: f64 = 105.0;
 /// A setpoint counts as reached at this distance, m: before the orbit around it begins.
 const REACHED_M: f64 = ORBIT_M + 40.0;
 /// A vehicle of which nothing has been received for this long is not counted on, s.
@@ -61,6 +65,8 @@ pub struct TeamVehicle {
     pub follows_setpoints: bool,
     /// Its last order.
     pub order: Option<Order>,
+    /// Centre of the circle beside its approach, while it lands.
+    approach: Option<Enu>,
     /// The legs that follow, around what stands in the way.
     route: VecDeque<Position>,
     silent: bool,
@@ -77,6 +83,7 @@ impl TeamVehicle {
             track: None,
             follows_setpoints: true,
             order: None,
+            approach: None,
             route: VecDeque::new(),
             silent: false,
         }
@@ -97,22 +104,67 @@ impl TeamVehicle {
         }
     }
 
+    /// Height above its home, m; none while nothing has been received.
+    pub(crate) fn above_home_m(&self) -> Option<f64> {
+        Some(self.track?.position.height_m - self.home.height_m)
+    }
+
+    /// Where it may be: on the way to its setpoint and around it, or, landing, down to the ground.
     fn corridor(&self) -> Option<Corridor> {
         let track = self.track.filter(|s| s.airborne)?;
-        let order = self.order.filter(|_| self.follows_setpoints);
-        let (from, to) = match order {
-            // The climb after take-off goes in turns, each vehicle to a layer of its own; coming
-            // down again likewise.
-            Some(order) if order.path == PathKind::TakeOff => (order.to, order.to),
-            Some(order) if order.path == PathKind::Land => return None,
-            Some(order) => (track.position, order.to),
-            None => (track.position, track.position),
+        let here = track.position;
+        let Some(order) = self.order.filter(|_| self.follows_setpoints) else {
+            return Some(Corridor::straight(here, here, CIRCLE_M));
         };
-        Some(Corridor {
-            from,
-            to,
-            orbit_m: ORBIT_M,
+        Some(match (order.path, self.approach) {
+            (PathKind::Land, Some(approach)) => self.landing(approach)?,
+            (PathKind::Land, None) => Corridor::straight(here, order.to, CIRCLE_M),
+            // Those who circle already turn no more.
+            _ if self.is_at(order.to) => Corridor::straight(
+                Position {
+                    height_m: here.height_m,
+                    ..order.to
+                },
+                order.to,
+                CIRCLE_M,
+            ),
+            _ => Corridor::turning(here, track.course_deg, order.to, CIRCLE_M),
         })
+    }
+
+    /// Whether it circles at a corner of its way, since the next leg is not free.
+    pub(crate) fn is_held_up(&self) -> bool {
+        !self.route.is_empty() && self.order.is_some_and(|order| self.is_at(order.to))
+    }
+
+    /// Whether it is at the height of its order.
+    pub(crate) fn is_level(&self) -> bool {
+        let off_m = |order: Order| Some((self.track?.position.height_m - order.to.height_m).abs());
+        self.order
+            .and_then(off_m)
+            .is_some_and(|off_m| off_m < OFF_HEIGHT_M)
+    }
+
+    /// Whether it circles at `to`.
+    pub(crate) fn is_at(&self, to: Position) -> bool {
+        self.track
+            .is_some_and(|track| track.position.at.distance_m(to.at) <= CIRCLE_M)
+    }
+
+    /// Where it may be while it lands by the circle around `approach`: all the heights down to
+    /// its home.
+    pub(crate) fn landing(&self, approach: Enu) -> Option<Corridor> {
+        let track = self.track?;
+        let down = Position {
+            at: approach,
+            height_m: self.home.height_m,
+        };
+        Some(Corridor::turning(
+            track.position,
+            track.course_deg,
+            down,
+            CIRCLE_M,
+        ))
     }
 }
 
@@ -129,6 +181,11 @@ pub struct Fleet {
     pub airspeed_m_s: f64,
     /// The vehicles in the scenario's order.
     pub vehicles: Vec<TeamVehicle>,
+    /// Passes that real vehicles fly now and next: those who fly none keep clear of them.
+    pub(crate) passes: Vec<Corridor>,
+    /// Ways down of those who wait for their landing, with whose they are: who does not wait keeps
+    /// clear.
+    pub(crate) ways_down: Vec<(usize, Corridor)>,
 }
 
 impl Fleet {
@@ -218,15 +275,17 @@ impl Fleet {
         let Some(way) = self.routes.route(&self.airspace, track.position.at, at) else {
             return false;
         };
-        // Only the first leg is checked against the others: later legs are checked when they are
-        // flown, for by then all have moved.
+        // The first leg is checked against the others, and where it ends up against where they end
+        // up: later legs are checked when they are flown, for by then all have moved.
         let free = heights_amsl_m.iter().copied().find(|&height_m| {
             let first = Position {
                 at: way[0],
                 height_m,
             };
             let end = Position { at, height_m };
-            self.airspace.contains(end, MARGIN_M) && self.is_apart(index, first)
+            self.airspace.contains(end, MARGIN_M)
+                && self.is_apart(index, first)
+                && self.is_end_free(index, end)
         });
         let Some(height_m) = free else {
             return false;
@@ -244,37 +303,101 @@ impl Fleet {
         true
     }
 
+    /// Whether a vehicle could go to `to` if it were at `height_amsl_m` already.
+    pub(crate) fn is_level_way_free(&self, index: usize, to: Enu, height_amsl_m: f64) -> bool {
+        let Some(track) = self.vehicles[index].track else {
+            return false;
+        };
+        let at_height = |at: Enu| Position {
+            at,
+            height_m: height_amsl_m,
+        };
+        let here = track.position.at;
+        let Some(way) = self.routes.route(&self.airspace, here, to) else {
+            return false;
+        };
+        let leg = Corridor::turning(
+            at_height(here),
+            track.course_deg,
+            at_height(way[0]),
+            CIRCLE_M,
+        );
+        self.is_kept_free(index, &leg) && self.is_end_free(index, at_height(to))
+    }
+
     /// Whether the leg from where a vehicle is to `to` is apart from all others.
     pub fn is_apart(&self, index: usize, to: Position) -> bool {
         let Some(track) = self.vehicles[index].track else {
             return false;
         };
-        self.is_free_for(index, track.position, to)
+        let own = Corridor::turning(track.position, track.course_deg, to, CIRCLE_M);
+        self.is_kept_free(index, &own)
     }
 
-    /// Whether nobody is in the way of a vehicle at its layer above home.
-    pub fn is_layer_free(&self, index: usize) -> bool {
+    /// Whether a corridor of the vehicle at `index` is apart from all others and from what is kept
+    /// free.
+    fn is_kept_free(&self, index: usize, own: &Corridor) -> bool {
+        // Those who wait go down below each other.
+        let waits = self.ways_down.iter().any(|(other, _)| *other == index);
+        let ways_down = self.ways_down.iter().filter(|_| !waits).map(|(_, way)| way);
+        let v = &self.vehicles[index];
+        let passes = self.passes.iter().filter(|_| !v.real);
+        // Who is in the way already may leave.
+        let here = v
+            .track
+            .map(|s| Corridor::straight(s.position, s.position, 0.0));
+        let outside =
+            |kept: &&Corridor| here.is_some_and(|here| self.separation.apart(&here, kept));
+        let mut kept_free = ways_down.chain(passes).filter(outside);
+        kept_free.all(|kept| self.separation.apart(own, kept)) && self.is_free(index, own, |_| true)
+    }
+
+    /// Whether nobody else is, or is on the way to be, where a vehicle is to circle.
+    fn is_end_free(&self, index: usize, end: Position) -> bool {
+        let circle = Corridor::straight(end, end, CIRCLE_M);
+        let others = self.vehicles.iter().enumerate();
+        let mut ends = others
+            .filter(|(other, v)| *other != index && v.is_commandable())
+            .filter_map(|(_, v)| v.route.back())
+            .map(|&end| Corridor::straight(end, end, CIRCLE_M));
+        ends.all(|other| self.separation.apart(&circle, &other))
+            && self.is_free(index, &circle, |_| true)
+    }
+
+    /// Whether nobody is in the way of a vehicle that climbs from its home to its layer, but those
+    /// who climb themselves (`climbs`): each of them to a layer above, in turn.
+    pub(crate) fn is_climb_free(&self, index: usize, climbs: impl Fn(usize) -> bool) -> bool {
         let v = &self.vehicles[index];
         let at = self.airspace.nearest_allowed(v.home.at, MARGIN_M);
         at.is_some_and(|at| {
             let height_m = v.layer_amsl_m;
-            let above = Position { at, height_m };
-            self.is_free_for(index, above, above)
+            let climb = Corridor::straight(v.home, Position { at, height_m }, CIRCLE_M);
+            self.is_free(index, &climb, |other| {
+                !climbs(other) || self.vehicles[other].layer_amsl_m <= height_m
+            })
         })
     }
 
-    fn is_free_for(&self, index: usize, from: Position, to: Position) -> bool {
-        let own = Corridor {
-            from,
-            to,
-            orbit_m: ORBIT_M,
-        };
-        self.vehicles
-            .iter()
-            .enumerate()
-            .filter(|(other, _)| *other != index)
-            .filter_map(|(_, v)| v.corridor())
-            .all(|other| self.separation.apart(&own, &other))
+    /// Whether the way down from where a vehicle is, by the circle around `approach`, is free of all
+    /// that `counts`.
+    pub(crate) fn is_way_down_free(
+        &self,
+        index: usize,
+        approach: Enu,
+        counts: impl Fn(usize) -> bool,
+    ) -> bool {
+        let way = self.vehicles[index].landing(approach);
+        way.is_some_and(|way| self.is_free(index, &way, counts))
+    }
+
+    /// Whether a corridor of the vehicle at `index` is apart from those of all others that
+    /// `counts`.
+    fn is_free(&self, index: usize, own: &Corridor, counts: impl Fn(usize) -> bool) -> bool {
+        let others = self.vehicles.iter().enumerate();
+        let mut corridors = others
+            .filter(|(other, _)| *other != index && counts(*other))
+            .filter_map(|(_, v)| v.corridor());
+        corridors.all(|other| self.separation.apart(own, &other))
     }
 
     /// Gives the next leg of its way to a vehicle that has flown one.
@@ -310,9 +433,10 @@ impl Fleet {
         self.order(index, order, out);
     }
 
-    /// Sends a vehicle down to its home.
-    pub fn land(&mut self, index: usize, out: &mut Outbox) {
+    /// Sends a vehicle down to its home, by the circle around `approach`.
+    pub(crate) fn land(&mut self, index: usize, approach: Enu, out: &mut Outbox) {
         self.vehicles[index].route.clear();
+        self.vehicles[index].approach = Some(approach);
         let order = Order {
             path: PathKind::Land,
             to: self.vehicles[index].home,

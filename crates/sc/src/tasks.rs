@@ -19,20 +19,20 @@ pub(crate) enum VehicleTask {
     Approaching(Pass, Option<SimTime>),
     /// Flying a pass.
     OnPass(Pass),
-    /// Waiting out of the way.
-    Holding,
     /// Following the search.
     Searching,
-    /// On the way to above home.
+    /// On the way to above home, or waiting there for its landing.
     Returning,
-    /// Ordered to land, since.
-    Landing(SimTime),
+    /// Ordered to land, since; and low in the circle beside its approach, since.
+    Landing(SimTime, Option<SimTime>),
 }
 
 /// The tasks of all vehicles and the progress of the passes.
 #[derive(Debug)]
 pub(crate) struct Tasks {
     pub each: Vec<VehicleTask>,
+    /// Whom the operator has called home.
+    pub called: Vec<bool>,
     pub next_pass: usize,
     pub passes_flown: usize,
     /// Times in a row that nobody could be sent to the next pass.
@@ -43,6 +43,7 @@ impl Tasks {
     pub(crate) fn new(vehicles: &[TeamVehicle]) -> Self {
         Self {
             each: vec![VehicleTask::Parked; vehicles.len()],
+            called: vec![false; vehicles.len()],
             next_pass: 0,
             passes_flown: 0,
             refused: 0,
@@ -57,7 +58,10 @@ impl Tasks {
         for (task, vehicle) in self.each.iter_mut().zip(&fleet.vehicles) {
             let in_work = !matches!(
                 task,
-                VehicleTask::Parked | VehicleTask::TakingOff(_) | VehicleTask::Landing(_)
+                VehicleTask::Parked
+                    | VehicleTask::TakingOff(_)
+                    | VehicleTask::Returning
+                    | VehicleTask::Landing(..)
             );
             let changes = phase != Phase::Characterise || vehicle.real;
             if in_work && changes {

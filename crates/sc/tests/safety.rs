@@ -88,7 +88,7 @@ proptest! {
     ) {
         let separation = Separation { distance_m: 150.0, height_m: 30.0 };
         let p: Vec<Position> = ends.iter().map(|e| Position::new(e.0, e.1, e.2)).collect();
-        let corridor = |from, to| Corridor { from, to, orbit_m: 0.0 };
+        let corridor = |from, to| Corridor::straight(from, to, 0.0);
         let (a, b) = (corridor(p[0], p[1]), corridor(p[2], p[3]));
         prop_assert_eq!(separation.apart(&a, &b), separation.apart(&b, &a));
         let along = |c: &Corridor, t: f64| Position::new(

@@ -12,14 +12,18 @@ use plume::{
 };
 
 /// Homes that a scenario does not give lie in a row this far upwind of the site, m …
-const HOME_UPWIND_M: f64 = 600.0;
-/// … beyond the keep-out, and this far from each other, m.
+const HOME_UPWIND_M: f64 = 1100.0;
+/// … beyond the keep-out, so that a landing stays out of it (its circle reaches 980 m downwind of
+/// home), and this far from each other, m.
 const HOME_SPACING_M: f64 = 60.0;
 /// Half side of the square fence of a scenario that gives none, m.
 const DEFAULT_FENCE_M: f64 = 5000.0;
 /// Vehicles are planned farther apart in height than they must stay, by how far they may be off
 /// it, m.
 pub const OFF_HEIGHT_M: f64 = 6.0;
+/// Vehicles whose homes are this far from each other may have the same layer, m: two circles of the
+/// Guardian (120 m) with the separation of 150 m between them.
+const LAYER_SHARED_FROM_M: f64 = 400.0;
 /// The lowest layer lies this far above the fence's floor, m.
 const LOWEST_LAYER_M: f64 = 10.0;
 
@@ -194,25 +198,57 @@ impl Scenario {
         Ok(frame.to_geodetic(at))
     }
 
-    /// Heights above mean sea level that belong to one vehicle of the team each, m, in the
-    /// team's order: where it climbs after take-off and where its Guardian circles. Real vehicles
-    /// have the highest. They are apart by the separation and by what vehicles may be off their
-    /// height; a band too low for the team uses its layers again.
-    pub fn layers_amsl_m(&self) -> Vec<f64> {
+    /// Heights above mean sea level at which vehicles wait, from the lowest, m: apart by the
+    /// separation and by what vehicles may be off their height.
+    pub fn levels_amsl_m(&self) -> Vec<f64> {
         let fence = &self.fence;
         let lowest_m = (fence.floor_agl_m + LOWEST_LAYER_M).min(fence.ceiling_agl_m);
         // Two neighbours may be off towards each other, each by the whole tolerance.
         let step_m = fence.separation_height_m + 2.0 * OFF_HEIGHT_M;
-        let levels = ((fence.ceiling_agl_m - lowest_m) / step_m).floor() as usize + 1;
+        let above = ((fence.ceiling_agl_m - lowest_m) / step_m).floor() as usize;
+        let level = |k: usize| self.site.ground_amsl_m + lowest_m + k as f64 * step_m;
+        (0..=above).map(level).collect()
+    }
+
+    /// Heights above mean sea level that belong to one vehicle among its neighbours each, m, in
+    /// the team's order: where it climbs after take-off and where its Guardian circles. The lowest
+    /// are taken first, from the end of the team, and real vehicles have the highest. Where homes are
+    /// far apart, or the band is too low for all neighbours, layers are used again.
+    pub fn layers_amsl_m(&self) -> Vec<f64> {
+        let (levels, homes) = (self.levels_amsl_m(), self.homes());
         let count = self.vehicles.len();
         let simulated = |k: usize| self.vehicles[k].kind == VehicleKind::Simulated;
-        let before = |a: usize, b: usize| (simulated(a), a) < (simulated(b), b);
-        let layer = |k: usize| {
-            let rank = (0..count).filter(|&other| before(other, k)).count();
-            let level = (count - 1 - rank) % levels;
-            self.site.ground_amsl_m + lowest_m + level as f64 * step_m
-        };
-        (0..count).map(layer).collect()
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by_key(|&k| std::cmp::Reverse((simulated(k), k)));
+        let mut taken: Vec<Option<usize>> = vec![None; count];
+        for &k in &order {
+            let near = |other: &usize| match (homes[k], homes[*other]) {
+                (Some(a), Some(b)) => a.distance_m(b) < LAYER_SHARED_FROM_M,
+                _ => true,
+            };
+            let mut used = vec![0; levels.len()];
+            let others = (0..count).filter(near).filter_map(|other| taken[other]);
+            others.for_each(|level| used[level] += 1);
+            let highest_used = used.iter().rposition(|&n| n > 0);
+            let above = highest_used.map_or(0, |level| level + 1);
+            let first_free = (0..levels.len()).min_by_key(|&level| used[level]);
+            let level = if !simulated(k) && above < levels.len() {
+                above
+            } else {
+                first_free.unwrap_or(0)
+            };
+            taken[k] = Some(level);
+        }
+        taken
+            .into_iter()
+            .map(|level| levels[level.unwrap_or(0)])
+            .collect()
+    }
+
+    /// Homes in the local frame; none where there is no frame.
+    fn homes(&self) -> Vec<Option<Enu>> {
+        let home = |k: usize| Some(self.frame().ok()?.to_enu(self.home(k).ok()?));
+        (0..self.vehicles.len()).map(home).collect()
     }
 
     /// Corners of the fence in the local frame.

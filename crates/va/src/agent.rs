@@ -80,6 +80,14 @@ impl VirtualAircraft {
             (VehicleBackend::Simulated(backend), ControlWish::TakeOver) => {
                 backend.take_over(control.sticks, now)
             }
+            // The squadron controller brings it home: whoever else has it here gives it back.
+            (VehicleBackend::Simulated(backend), ControlWish::Home) => {
+                if !backend.follows_setpoints() {
+                    backend.handle_control(ControlEvent::HandBack);
+                }
+            }
+            // A real vehicle's pilot keeps it until he hands it back himself.
+            (VehicleBackend::Bridged(_), ControlWish::Home) => {}
             (VehicleBackend::Bridged(backend), ControlWish::HandBack) => {
                 backend.handle_control(ControlEvent::HandBack)
             }

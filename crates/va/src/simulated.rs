@@ -208,6 +208,11 @@ impl SimulatedVehicle {
         self.handle_control(ControlEvent::Takeover);
     }
 
+    /// Whether it flies by itself.
+    pub(crate) fn follows_setpoints(&self) -> bool {
+        self.control.level() == ControlLevel::Automatic
+    }
+
     /// Something happens to the control level.
     pub(crate) fn handle_control(&mut self, event: ControlEvent) {
         let before = self.control.level();

@@ -347,6 +347,7 @@ function fillHeader() {
   $("progress").firstElementChild.style.width = Math.min(100, 100 * live.time_s / site.duration_s) + "%";
   $("pause").textContent = live.paused ? "Resume" : "Pause";
   $("pause").setAttribute("aria-pressed", live.paused);
+  $("home").onclick = () => send({ command: "home" });
   for (const b of document.querySelectorAll("[data-factor]")) {
     const factor = b.dataset.factor ? Number(b.dataset.factor) : null;
     b.setAttribute("aria-pressed", factor === live.speed);

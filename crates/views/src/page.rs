@@ -39,17 +39,21 @@ pub enum PageCommand {
     Speed(f64),
     /// The vehicle of this id is taken over or handed back.
     Control(String, Control),
+    /// All vehicles come home.
+    Home,
 }
 
 impl PageCommand {
     /// Reads a command of the page: `{"command":"pause"}`, `{"command":"resume"}` or
     /// `{"command":"speed","factor":10}`, factor null for as fast as possible;
-    /// `{"command":"hand-back","vehicle":"3"}`, `{"command":"take-over","vehicle":"3"}`.
+    /// `{"command":"hand-back","vehicle":"3"}`, `{"command":"take-over","vehicle":"3"}`;
+    /// `{"command":"home"}` for all vehicles.
     fn parse(text: &str) -> Option<Self> {
         let value: serde_json::Value = serde_json::from_str(text).ok()?;
         match value.get("command")?.as_str()? {
             "pause" => Some(Self::Pause),
             "resume" => Some(Self::Resume),
+            "home" => Some(Self::Home),
             "speed" => match value.get("factor") {
                 None | Some(serde_json::Value::Null) => Some(Self::Speed(f64::INFINITY)),
                 Some(factor) => {
@@ -301,6 +305,7 @@ mod tests {
         let parse = PageCommand::parse;
         assert_eq!(parse(r#"{"command":"pause"}"#), Some(Pause));
         assert_eq!(parse(r#"{"command":"resume"}"#), Some(Resume));
+        assert_eq!(parse(r#"{"command":"home"}"#), Some(Home));
         assert_eq!(
             parse(r#"{"command":"speed","factor":10}"#),
             Some(Speed(10.0))

@@ -1,12 +1,14 @@
 //! The order of each vehicle in a phase, decided once a second.
 
-use csea::{Position, PromisingPoint, choose_within_cone};
+use air::geo::Enu;
+use csea::{PromisingPoint, choose_within_cone};
 use protocol::message::Phase;
 use protocol::{Outbox, SimTime};
 
 use super::SquadronController;
-use crate::fleet::MARGIN_M;
+use crate::fleet::{CIRCLE_M, MARGIN_M};
 use crate::passes::{self, CHARACTERISE, PRELIMINARY, PassKind};
+use crate::separation::Corridor;
 use crate::tasks::VehicleTask;
 
 /// A vehicle is at its height when it is this near to it, m.
@@ -14,11 +16,15 @@ const AT_HEIGHT_M: f64 = 12.0;
 /// Longest wait for the height at the beginning of a pass, s.
 const WAIT_FOR_HEIGHT_S: f64 = 75.0;
 /// Least time between two take-offs, s: the next climbs below the one before.
-const BETWEEN_TAKE_OFFS_S: f64 = 8.0;
+pub(super) const BETWEEN_TAKE_OFFS_S: f64 = 8.0;
+/// A neighbour takes off when the one before is this far above the separation in height, m.
+const CLEAR_OF_NEXT_M: f64 = 15.0;
 /// A vehicle that has not left the ground this long after its order does not hold up the next, s.
 const STUCK_S: f64 = 60.0;
 /// Seconds that a pass may be refused because others are in the way before the next kind is tried.
 const REFUSALS: usize = 60;
+/// Coming passes that are kept free.
+const RESERVED_PASSES: usize = 3;
 /// Draws of a promising point before a vehicle keeps its last one.
 const DRAWS: usize = 12;
 /// Heights tried above and below a promising point, in steps of the vertical separation.
@@ -28,68 +34,92 @@ impl SquadronController {
     /// Gives every vehicle that has nothing to do, or has done it, its next order.
     pub(super) fn direct(&mut self, now: SimTime, out: &mut Outbox) {
         self.launch(now, out);
+        self.reserve_passes();
+        self.reserve_ways_down();
         for index in 0..self.fleet.vehicles.len() {
             self.update_climb(index);
             if !self.fleet.vehicles[index].is_commandable() {
                 continue;
             }
             match self.phase {
-                Phase::TakeOff => {}
+                _ if self.tasks.each[index] == VehicleTask::Returning => {
+                    self.bring_home(index, out);
+                }
+                Phase::TakeOff | Phase::Home => {}
                 Phase::Preliminary | Phase::Characterise if self.fleet.vehicles[index].real => {
                     self.fly_passes(index, now, out);
                 }
-                Phase::Preliminary => self.hold(index, out),
-                Phase::Search | Phase::Characterise => {
+                Phase::Preliminary | Phase::Search | Phase::Characterise => {
                     if self.tasks.each[index] == VehicleTask::Idle {
                         self.tasks.each[index] = VehicleTask::Searching;
                     }
                 }
-                Phase::Home => self.bring_home(index, out),
             }
         }
-        if self.phase == Phase::Home {
-            self.land_in_turn(now, out);
-        }
+        self.land_in_turn(now, out);
     }
 
-    /// Lets the vehicles rise one after the other, real ones and higher layers first.
+    /// Lets the vehicles rise, neighbours one after the other, real ones and higher layers first.
     fn launch(&mut self, now: SimTime, out: &mut Outbox) {
         if self.phase == Phase::Home {
             return;
         }
         let vehicles = &self.fleet.vehicles;
-        let step_m = self.fleet.separation.height_m;
-        let busy = (0..vehicles.len()).any(|index| {
-            let VehicleTask::TakingOff(since) = self.tasks.each[index] else {
-                return false;
-            };
-            let climbed_m = vehicles[index].track.map_or(0.0, |s| {
-                if s.airborne {
-                    s.position.height_m - vehicles[index].home.height_m
-                } else {
-                    0.0
-                }
-            });
-            let waited_s = now.since_s(since);
-            waited_s < BETWEEN_TAKE_OFFS_S || (climbed_m < step_m + 15.0 && waited_s < STUCK_S)
-        });
-        let ready = |index: &usize| {
-            let v = &vehicles[*index];
-            let parked = self.tasks.each[*index] == VehicleTask::Parked && v.follows_setpoints;
-            // In a low band several share a layer: the next rises when the last has left it.
-            let up = v.track.is_some_and(|s| s.airborne);
-            parked && v.track.is_some() && (up || self.fleet.is_layer_free(*index))
-        };
-        let key = |index: &usize| (!vehicles[*index].real, *index);
-        let Some(next) = (0..vehicles.len()).filter(ready).min_by_key(key) else {
-            return;
-        };
-        if vehicles[next].track.is_some_and(|s| s.airborne) {
-            self.tasks.each[next] = VehicleTask::Idle;
-        } else if !busy {
-            self.tasks.each[next] = VehicleTask::TakingOff(now);
-            self.fleet.take_off(next, out);
+        let parked: Vec<usize> = (0..vehicles.len())
+            .filter(|&index| {
+                let v = &vehicles[index];
+                let parked = self.tasks.each[index] == VehicleTask::Parked;
+                let may = v.follows_setpoints && !self.tasks.called[index];
+                parked && may && v.track.is_some()
+            })
+            .collect();
+        for next in self.launch_order(parked) {
+            if self.fleet.vehicles[next].track.is_some_and(|s| s.airborne) {
+                self.tasks.each[next] = VehicleTask::Idle;
+            } else if self.may_take_off(next, now) {
+                self.tasks.each[next] = VehicleTask::TakingOff(now);
+                self.fleet.take_off(next, out);
+            }
         }
+    }
+
+    /// Real vehicles first, then the highest layers.
+    pub(super) fn launch_order(&self, mut team: Vec<usize>) -> Vec<usize> {
+        let vehicles = &self.fleet.vehicles;
+        team.sort_by(|&a, &b| {
+            let layer = |k: usize| vehicles[k].layer_amsl_m;
+            let real_first = vehicles[b].real.cmp(&vehicles[a].real);
+            real_first.then(layer(b).total_cmp(&layer(a)))
+        });
+        team
+    }
+
+    /// Whether no neighbour is still near the ground, the climb is free, and there is time to come
+    /// down again.
+    fn may_take_off(&self, next: usize, now: SimTime) -> bool {
+        let climbs = |other: usize| matches!(self.tasks.each[other], VehicleTask::TakingOff(_));
+        let in_the_way = (0..self.fleet.vehicles.len()).any(|other| {
+            // Those who come down have their turn for good.
+            let comes_home = matches!(
+                self.tasks.each[other],
+                VehicleTask::Returning | VehicleTask::Landing(..)
+            );
+            self.are_neighbours(next, other) && (comes_home || self.has_just_left(other, now))
+        });
+        !in_the_way && self.fleet.is_climb_free(next, climbs) && self.has_time_for(next, now)
+    }
+
+    /// Whether a vehicle that takes off is not yet well above the ground.
+    fn has_just_left(&self, index: usize, now: SimTime) -> bool {
+        let VehicleTask::TakingOff(since) = self.tasks.each[index] else {
+            return false;
+        };
+        let v = &self.fleet.vehicles[index];
+        let airborne = v.track.is_some_and(|s| s.airborne);
+        let climbed_m = v.above_home_m().filter(|_| airborne).unwrap_or(0.0);
+        let waited_s = now.since_s(since);
+        let low = climbed_m < self.fleet.separation.height_m + CLEAR_OF_NEXT_M;
+        waited_s < BETWEEN_TAKE_OFFS_S || (low && waited_s < STUCK_S)
     }
 
     fn update_climb(&mut self, index: usize) {
@@ -102,30 +132,30 @@ impl SquadronController {
         }
     }
 
-    /// Sends a vehicle out of the way, abeam of the axis, each at its own layer.
-    fn hold(&mut self, index: usize, out: &mut Outbox) {
-        if self.tasks.each[index] != VehicleTask::Idle {
-            return;
-        }
-        let Some(estimate) = self.estimate() else {
-            return;
+    /// Keeps the passes that are flown now and next free of those who fly none.
+    fn reserve_passes(&mut self) {
+        let (kinds, coming): (&[PassKind], usize) = match self.phase {
+            Phase::Preliminary => (&PRELIMINARY, RESERVED_PASSES),
+            Phase::Characterise => (&CHARACTERISE, RESERVED_PASSES),
+            _ => (&PRELIMINARY, 0),
         };
-        // Alternately left and right of the axis, so that the holding places do not crowd.
-        let side = if index.is_multiple_of(2) { 1.0 } else { -1.0 };
-        let beyond_m = 150.0 + 200.0 * (index / 2) as f64;
-        let wanted = estimate.source.displaced(
-            estimate.axis_deg + side * 75.0,
-            self.range.near_m + beyond_m,
-        );
-        let at = self.fleet.airspace.nearest_allowed(wanted, MARGIN_M);
-        let height_m = self.fleet.vehicles[index].layer_amsl_m;
-        if let Some(at) = at
-            && self
-                .fleet
-                .send(index, Position { at, height_m }, "hold", out)
-        {
-            self.tasks.each[index] = VehicleTask::Holding;
-        }
+        let under_way = self.tasks.each.iter().filter_map(|task| match task {
+            VehicleTask::Approaching(pass, _) | VehicleTask::OnPass(pass) => Some(*pass),
+            _ => None,
+        });
+        let next = (0..coming).filter_map(|k| {
+            let kind = kinds[(self.tasks.next_pass + k) % kinds.len()];
+            self.plan_pass(kind, self.estimate()?.source)
+        });
+        let corridor = |pass: passes::Pass| Corridor::straight(pass.from, pass.to, CIRCLE_M);
+        self.fleet.passes = under_way.chain(next).map(corridor).collect();
+    }
+
+    /// A pass planned on the estimate of now, begun at the end that is nearer to `here`.
+    fn plan_pass(&self, kind: PassKind, here: Enu) -> Option<passes::Pass> {
+        let (estimate, airspace) = (self.estimate()?, &self.fleet.airspace);
+        let range = self.range;
+        passes::plan(kind, &estimate, &self.base, airspace, range, MARGIN_M, here)
     }
 
     fn fly_passes(&mut self, index: usize, now: SimTime, out: &mut Outbox) {
@@ -147,16 +177,16 @@ impl SquadronController {
                 self.tasks.each[index] = VehicleTask::Idle;
                 self.next_pass(index, out);
             }
-            VehicleTask::Idle | VehicleTask::Holding | VehicleTask::Searching => {
-                self.next_pass(index, out)
-            }
+            VehicleTask::Idle | VehicleTask::Searching => self.next_pass(index, out),
             _ => {}
         }
     }
 
     /// Plans the next pass on the estimate of now, and sends the vehicle to its beginning.
     fn next_pass(&mut self, index: usize, out: &mut Outbox) {
-        let (Some(estimate), Some(track)) = (self.estimate(), self.fleet.vehicles[index].track)
+        let Some(track) = self.fleet.vehicles[index]
+            .track
+            .filter(|_| self.model.is_some())
         else {
             return;
         };
@@ -166,12 +196,7 @@ impl SquadronController {
             &CHARACTERISE
         };
         let kind = kinds[self.tasks.next_pass % kinds.len()];
-        let airspace = &self.fleet.airspace;
-        let here = track.position.at;
-        let pass = passes::plan(
-            kind, &estimate, &self.base, airspace, self.range, MARGIN_M, here,
-        );
-        match pass {
+        match self.plan_pass(kind, track.position.at) {
             // Each kind shows something of its own: with others in the way, it waits its turn.
             Some(pass) if self.fleet.send(index, pass.from, "to the next pass", out) => {
                 self.tasks.next_pass += 1;

@@ -1,53 +1,230 @@
-//! When the team must turn home, the way there, and the landings one after the other.
+//! When each vehicle must turn home, the way there, and the landings, neighbours one after the
+//! other.
+//!
+//! A landing goes by a circle beside its approach, downwind of home. Those whose circles and
+//! approaches are apart land at the same time, others one after the other; planned from the
+//! mission's end backwards, that says when each is to begin, and so when it is called home.
 
+use air::geo::{Enu, wrap_signed_deg};
 use protocol::{Outbox, SimTime};
 
 use super::SquadronController;
-use crate::fleet::{MARGIN_M, TeamVehicle};
+use super::dispatch::BETWEEN_TAKE_OFFS_S;
+use crate::fleet::{CIRCLE_M, MARGIN_M, TeamVehicle};
 use crate::tasks::VehicleTask;
+use scenario::airspace::distance_between_segments_m;
 
-/// A vehicle is at its layer when it is this near to it, m: layers are close to each other.
-const AT_LAYER_M: f64 = 3.0;
-/// A mission goes home no earlier than this part of it.
-const HOME_FROM: f64 = 0.55;
-/// Time between the orders of two landings at least, s.
-const BETWEEN_LANDINGS_S: f64 = 25.0;
-/// Time of a landing without its descent from the vehicle's layer, s: to the circle beside the
-/// approach and the last turn in it, and the final.
-const LANDING_S: (f64, f64) = (30.0, 55.0);
-/// Height of that circle above home, and below which a vehicle has left it, m.
-const CIRCLE_M: (f64, f64) = (40.0, 33.0);
-/// Fastest descent of a vehicle that lands, m/s.
-const SINK_M_S: f64 = 3.0;
+/// Where the circle beside the approach is, m downwind of home and to the left of the approach: that
+/// of the landing in `fdm` with its default gains (an approach of 4 degrees from 40 m, two loiter
+/// radii before it, and one to the side).
+const APPROACH_CIRCLE_M: (f64, f64) = (772.0, 100.0);
+/// A vehicle that takes off may come this far from its home before it circles above it, m
+/// (measured: 190 in 7 m/s of wind).
+const TAKE_OFF_M: f64 = 210.0;
+/// Height of that circle above home; at which a vehicle counts as come down to it; and below which
+/// it has left it for good, m.
+const CIRCLE_HEIGHT_M: (f64, f64, f64) = (40.0, 48.0, 33.0);
+/// Longest time from coming down to the circle until a vehicle has left it, s: a turn in it and
+/// the level part of the final (measured: 47 to 62).
+const IN_CIRCLE_S: f64 = 65.0;
+/// From there to the ground, s (measured: 42 to 50).
+const FINAL_S: f64 = 55.0;
+/// A vehicle that leaves its circle above home for the one beside its approach may turn out of it by
+/// this, m: the width of one turn.
+const TURN_OUT_M: f64 = CIRCLE_M;
+/// A vehicle this far from the middle of the circle on a course within this of the approach's has left
+/// it for its final, m and degrees …
+const ON_FINAL: (f64, f64) = (150.0, 45.0);
+/// … and from there is out of the way of the next within this, s (against 7 m/s of wind).
+const FINAL_CLEAR_S: f64 = 20.0;
+/// Slowest and fastest descent of a vehicle that is on its way down, m/s (measured: 2.0 to 2.3).
+const SINK_M_S: (f64, f64) = (2.0, 2.4);
+/// A vehicle comes down above its home to this far above the lowest level before it lands, m: a
+/// landing from higher up would keep its neighbours from theirs all the while.
+const LAND_FROM_M: f64 = 60.0;
 /// How long a vehicle that goes round again keeps the next from landing, s.
 const ROUND_AGAIN_S: f64 = 90.0;
-/// Time kept in reserve for that, and for those who come home by stages, s.
-const RESERVE_S: f64 = 60.0;
-/// A vehicle that lands may come this far from its home on its approach, m.
-const APPROACH_M: f64 = 1200.0;
-/// Vertical speed that a vehicle is counted on to have, m/s.
+/// Time kept in reserve for that, s, and for each vehicle of the team: in a large one each waits for
+/// many.
+const RESERVE_S: (f64, f64) = (60.0, 7.0);
+/// Time that the way home may take longer than planned, s, and for each vehicle that may be in the
+/// way (measured: teams of 6 lose up to 80 s, of 30 up to 220 s).
+const DETOUR_S: (f64, f64) = (45.0, 4.0);
+/// Factor on the time between two landings in each other's way, and what each vehicle of the team adds
+/// to it: the more there are, the higher up the next one still is when its turn comes (measured: teams
+/// of 6 need up to 1.2 of what one after the other from the lowest level would, of 27 up to 1.5).
+const BETWEEN: (f64, f64) = (1.15, 0.015);
+/// Factor on the time of the way home: for turns, and around what stands in the way.
+const DETOUR: f64 = 1.25;
+/// Slowest speed over ground that is counted on, m/s.
+const OVER_GROUND_M_S: f64 = 3.0;
+/// Shortest work worth a take-off, s.
+const LEAST_WORK_S: f64 = 60.0;
+/// Climb that is counted on, m/s.
 const CLIMB_M_S: f64 = 2.0;
-/// Purpose of a leg towards home that ends elsewhere.
+/// A mission that is too short for one vehicle to come down again goes home no earlier than this
+/// part of it.
+const HOME_FROM: f64 = 0.55;
+/// Purpose of an order that brings a vehicle above its home.
+const HOME: &str = "home";
+/// Purpose of an order that brings it to another height first.
 const BY_STAGES: &str = "home by stages";
-/// Places at which a vehicle may go down to its layer on its way home: this far from where it
-/// is, m …
-const STAGES_M: [f64; 4] = [0.0, 300.0, 600.0, 1000.0];
-/// … and this much off the direction of home, degrees.
-const STAGE_BEARINGS_DEG: [f64; 8] = [0.0, 40.0, -40.0, 80.0, -80.0, 120.0, -120.0, 180.0];
 
 impl SquadronController {
-    /// When the team must turn home to be down at the mission's end, s.
+    /// When the last vehicle at work must turn home, s.
     pub(super) fn home_time_s(&self) -> f64 {
-        let flying = self.fleet.vehicles.iter().filter(|v| v.is_commandable());
-        // The whole team turns home together, when the farthest must.
-        let slowest_s = flying.map(|v| self.way_home_s(v)).fold(0.0, f64::max);
-        (self.duration_s - slowest_s - self.landing_s()).max(HOME_FROM * self.duration_s)
+        let at_work = self.calls_s().into_iter().filter(|c| self.works(c.0));
+        at_work.fold(f64::NEG_INFINITY, |last_s, (_, call_s)| last_s.max(call_s))
     }
 
-    /// Time that a vehicle needs to above its home, s.
+    /// Whether all that have risen were called home.
+    pub(super) fn all_come_home(&self) -> bool {
+        let home = |t: &VehicleTask| matches!(t, VehicleTask::Returning | VehicleTask::Landing(..));
+        let tasks = &self.tasks.each;
+        let rest = |t: &VehicleTask| home(t) || *t == VehicleTask::Parked;
+        tasks.iter().any(home) && tasks.iter().all(rest)
+    }
+
+    /// Calls home those for whom it is time, or whom the operator calls.
+    pub(super) fn recall(&mut self, now: SimTime) {
+        for (index, call_s) in self.calls_s() {
+            if (now.s() >= call_s || self.tasks.called[index]) && self.works(index) {
+                self.tasks.each[index] = VehicleTask::Returning;
+            }
+        }
+    }
+
+    /// Calls all home that are in the air.
+    pub(super) fn recall_all(&mut self) {
+        for index in 0..self.fleet.vehicles.len() {
+            if self.works(index) {
+                self.tasks.each[index] = VehicleTask::Returning;
+            }
+        }
+    }
+
+    /// In the air, and neither climbing nor called home.
+    fn works(&self, index: usize) -> bool {
+        !matches!(
+            self.tasks.each[index],
+            VehicleTask::Parked
+                | VehicleTask::TakingOff(_)
+                | VehicleTask::Returning
+                | VehicleTask::Landing(..)
+        )
+    }
+
+    /// Whether a vehicle that takes off now has time to work before it must turn home, with all
+    /// others still landing in time. In a mission too short for anybody, all fly.
+    pub(super) fn has_time_for(&self, next: usize, now: SimTime) -> bool {
+        let climb_s = |v: &TeamVehicle| {
+            let low_m = v.track.map_or(v.home.height_m, |s| s.position.height_m);
+            (v.layer_amsl_m - low_m).max(0.0) / CLIMB_M_S
+        };
+        let team: Vec<usize> = (0..self.fleet.vehicles.len())
+            .filter(|&k| k == next || self.is_up(k))
+            .collect();
+        let starts = self.landing_starts_s(&team);
+        self.is_too_short()
+            || starts.into_iter().all(|(index, start_s)| {
+                let v = &self.fleet.vehicles[index];
+                let begun = matches!(
+                    self.tasks.each[index],
+                    VehicleTask::Returning | VehicleTask::Landing(..)
+                );
+                let work_s = if index == next { LEAST_WORK_S } else { 0.0 };
+                let least_s = climb_s(v) + work_s + self.way_home_s(v);
+                begun && start_s >= now.s() || start_s >= now.s() + least_s
+            })
+    }
+
+    /// How many of the team, in the order in which they rise, have time to take off one after the
+    /// other, work and land by the mission's end; and how long a mission would have to be for all, s.
+    /// As far as can be told on the ground.
+    pub fn time_for_team(&self) -> (usize, f64) {
+        let order = self.launch_order((0..self.fleet.vehicles.len()).collect());
+        let missing_s = |count: usize| {
+            let starts = self.landing_starts_s(&order[..count]);
+            let each = starts.into_iter().map(|(index, start_s)| {
+                let v = &self.fleet.vehicles[index];
+                let climb_s = (v.layer_amsl_m - v.home.height_m) / CLIMB_M_S;
+                let way_s = DETOUR_S.0 + DETOUR_S.1 * count as f64;
+                climb_s + LEAST_WORK_S + way_s - start_s
+            });
+            let rises_s = BETWEEN_TAKE_OFFS_S * count as f64;
+            rises_s + each.fold(f64::NEG_INFINITY, f64::max)
+        };
+        let fits = (1..=order.len()).take_while(|&count| missing_s(count) <= 0.0);
+        (fits.count(), self.duration_s + missing_s(order.len()))
+    }
+
+    fn is_up(&self, index: usize) -> bool {
+        let climbs = matches!(self.tasks.each[index], VehicleTask::TakingOff(_));
+        climbs || self.fleet.vehicles[index].is_commandable()
+    }
+
+    /// Whether the mission ends before one vehicle alone could rise, work and come down.
+    fn is_too_short(&self) -> bool {
+        let vehicles = self.fleet.vehicles.iter().enumerate();
+        let mut least_s = vehicles.map(|(index, v)| {
+            let climb_s = (v.layer_amsl_m - v.home.height_m) / CLIMB_M_S;
+            let down_s = self.duration_s - self.landing_starts_s(&[index])[0].1;
+            climb_s + LEAST_WORK_S + down_s + DETOUR_S.0
+        });
+        least_s.all(|least_s| least_s > self.duration_s)
+    }
+
+    /// When each vehicle in the air must turn home to be down in time, s.
+    fn calls_s(&self) -> Vec<(usize, f64)> {
+        let team: Vec<usize> = (0..self.fleet.vehicles.len())
+            .filter(|&k| self.is_up(k))
+            .collect();
+        let earliest_s = if self.is_too_short() {
+            HOME_FROM * self.duration_s
+        } else {
+            0.0
+        };
+        let starts = self.landing_starts_s(&team).into_iter();
+        starts
+            .map(|(index, start_s)| {
+                let way_s = self.way_home_s(&self.fleet.vehicles[index]);
+                (index, (start_s - way_s).max(earliest_s))
+            })
+            .collect()
+    }
+
+    /// When each of `team` is to begin its landing at the latest, s: planned backwards from the
+    /// mission's end, the highest layer last, those that are in each other's way one after the other.
+    fn landing_starts_s(&self, team: &[usize]) -> Vec<(usize, f64)> {
+        let mut order = team.to_vec();
+        let layer = |k: usize| self.fleet.vehicles[k].layer_amsl_m;
+        order.sort_by(|&a, &b| layer(b).total_cmp(&layer(a)));
+        let mut starts: Vec<(usize, f64)> = Vec::new();
+        for index in order {
+            let low_m = self.lowest_wait_m(index);
+            let reserve_s = RESERVE_S.0 + RESERVE_S.1 * team.len() as f64;
+            let last_s = self.duration_s - reserve_s - circle_left_s(low_m) - FINAL_S;
+            let factor = BETWEEN.0 + BETWEEN.1 * team.len() as f64;
+            let between_s = factor * (circle_left_s(low_m) - self.circle_reached_s(low_m));
+            let later = starts
+                .iter()
+                .filter(|(other, _)| self.share_approach(index, *other));
+            let start_s = later.fold(last_s, |s, (_, other_s)| s.min(other_s - between_s));
+            starts.push((index, start_s));
+        }
+        starts
+    }
+
+    /// Lowest height above its home at which a vehicle waits for its landing, m.
+    fn lowest_wait_m(&self, index: usize) -> f64 {
+        let home_m = self.fleet.vehicles[index].home.height_m;
+        self.levels_amsl_m[0] - home_m
+    }
+
+    /// Time that a vehicle needs to above its home and down to where it waits, s.
     fn way_home_s(&self, vehicle: &TeamVehicle) -> f64 {
-        let Some(track) = vehicle.track else {
-            return 0.0;
+        let Some(track) = vehicle.track.filter(|s| s.airborne) else {
+            return self.detour_s();
         };
         let here = track.position;
         let distance_m = here.at.distance_m(vehicle.home.at);
@@ -59,140 +236,214 @@ impl SquadronController {
         // The wind triangle: what is left of the airspeed after holding against the crosswind, plus
         // the wind along the way.
         let over_ground = (airspeed.powi(2) - across.powi(2)).max(1.0).sqrt() + along;
-        let level_s = 1.15 * distance_m / over_ground.max(3.0);
-        // Some go down to their layer first and home then, where others are in the way.
-        level_s + 0.6 * (here.height_m - vehicle.layer_amsl_m).abs() / CLIMB_M_S
+        let level_s = DETOUR * distance_m / over_ground.max(OVER_GROUND_M_S);
+        let down_s = (here.height_m - self.levels_amsl_m[0]).max(0.0) / SINK_M_S.0;
+        level_s + down_s + self.detour_s()
     }
 
-    /// Time that the team needs from above home to the ground, s: in turn from the lowest layer.
-    fn landing_s(&self) -> f64 {
-        let mut team: Vec<&TeamVehicle> = self.fleet.vehicles.iter().collect();
-        team.sort_by(|a, b| a.layer_amsl_m.total_cmp(&b.layer_amsl_m));
-        let (mut order_s, mut down_s) = (0.0, 0.0_f64);
-        for (k, vehicle) in team.iter().enumerate() {
-            if k > 0 {
-                let free_s = self.circle_left_s(team[k - 1]) - self.circle_reached_s(vehicle);
-                order_s += free_s.max(BETWEEN_LANDINGS_S);
-            }
-            down_s = down_s.max(order_s + self.circle_left_s(vehicle) + LANDING_S.1);
-        }
-        down_s + RESERVE_S
+    fn detour_s(&self) -> f64 {
+        let up = (0..self.fleet.vehicles.len()).filter(|&k| self.is_up(k));
+        DETOUR_S.0 + DETOUR_S.1 * up.count() as f64
     }
 
-    /// Time after its order to land at which a vehicle has left the circle beside the approach at
-    /// the latest, s.
-    fn circle_left_s(&self, vehicle: &TeamVehicle) -> f64 {
-        LANDING_S.0 + (vehicle.layer_amsl_m - vehicle.home.height_m).max(0.0) / CLIMB_M_S
+    /// Centre of the circle beside a vehicle's approach, as far as the wind is known.
+    fn approach_of(&self, index: usize) -> Enu {
+        let axis_deg = self.estimate().map(|e| e.axis_deg);
+        let downwind_deg =
+            axis_deg.unwrap_or_else(|| air::wind::towards_deg(self.base.wind.from_deg()));
+        let (downwind_m, left_m) = APPROACH_CIRCLE_M;
+        // The approach is against the wind: its left is to the right of where the wind goes.
+        self.fleet.vehicles[index]
+            .home
+            .at
+            .displaced(downwind_deg, downwind_m)
+            .displaced(downwind_deg + 90.0, left_m)
     }
 
-    /// Time after its order to land before which a vehicle is well above that circle, s.
-    fn circle_reached_s(&self, vehicle: &TeamVehicle) -> f64 {
-        let above_m = vehicle.layer_amsl_m - vehicle.home.height_m - CIRCLE_M.0;
-        (above_m - self.fleet.separation.height_m).max(0.0) / SINK_M_S
+    /// Whether the landings of two vehicles are in each other's way.
+    fn share_approach(&self, a: usize, b: usize) -> bool {
+        let home = |k: usize| self.fleet.vehicles[k].home.at;
+        let (from_a, from_b) = (self.approach_of(a), self.approach_of(b));
+        let apart_m = distance_between_segments_m(home(a), from_a, home(b), from_b);
+        apart_m < self.fleet.separation.distance_m + 2.0 * CIRCLE_M + TURN_OUT_M
     }
 
-    /// Brings a vehicle above its home at its own layer: straight, or, where others are in the
-    /// way, down to its layer at a free place first. Once all are at layers of their own, all
-    /// ways home are free.
+    /// Whether two vehicles are in each other's way where they take off.
+    pub(super) fn are_neighbours(&self, a: usize, b: usize) -> bool {
+        let home = |k: usize| self.fleet.vehicles[k].home.at;
+        let apart_m = self.fleet.separation.distance_m + 2.0 * TAKE_OFF_M;
+        a != b && home(a).distance_m(home(b)) < apart_m
+    }
+
+    /// Time before which a vehicle at a height above home, ordered to land, is well above the circle,
+    /// s.
+    fn circle_reached_s(&self, above_home_m: f64) -> f64 {
+        let above_m = above_home_m - CIRCLE_HEIGHT_M.0 - self.fleet.separation.height_m;
+        above_m.max(0.0) / SINK_M_S.1
+    }
+
+    /// Brings a vehicle above its home, as near to its own height as it is free to come: those who wait
+    /// are lower. There it goes lower and lower, as those below it land.
     pub(super) fn bring_home(&mut self, index: usize, out: &mut Outbox) {
         let v = &self.fleet.vehicles[index];
-        let (Some(track), VehicleTask::Idle) = (v.track, self.tasks.each[index]) else {
+        let (Some(track), Some(at)) = (
+            v.track,
+            self.fleet.airspace.nearest_allowed(v.home.at, MARGIN_M),
+        ) else {
             return;
         };
-        let (layer_m, home) = (v.layer_amsl_m, v.home.at);
-        let off_layer = (track.position.height_m - layer_m).abs() > AT_LAYER_M;
-        let by_stages = v.order.is_some_and(|o| o.purpose == BY_STAGES);
-        let Some(at) = self.fleet.airspace.nearest_allowed(home, MARGIN_M) else {
-            return;
-        };
-        if self
+        let here_m = track.position.height_m;
+        let mut heights = self.levels_amsl_m.clone();
+        let waits = self.waits_above_home(index);
+        match v.order {
+            Some(order) if waits => {
+                let lower_m = order.to.height_m - self.fleet.separation.height_m;
+                heights.retain(|&h| h < lower_m);
+            }
+            Some(order) if order.purpose == HOME && !v.is_held_up() => return,
+            _ => {
+                heights.push(self.fleet.airspace.clamp_height_m(here_m));
+                let off_m = |h: &f64| (h - here_m).abs();
+                heights.sort_by(|a, b| off_m(a).total_cmp(&off_m(b)));
+            }
+        }
+        let sent = self
             .fleet
-            .send_at_free_height(index, at, &[layer_m], "home", out)
-        {
-            self.tasks.each[index] = VehicleTask::Returning;
-            return;
+            .send_at_free_height(index, at, &heights, HOME, out);
+        if !sent && !waits {
+            self.change_height(index, at, &heights, out);
         }
-        if by_stages && off_layer {
+    }
+
+    /// Lets a vehicle whose way home is free at none of the heights between climb or go down where it
+    /// is, to the first of `heights_amsl_m` at which the way is free.
+    fn change_height(&mut self, index: usize, home: Enu, heights_amsl_m: &[f64], out: &mut Outbox) {
+        let v = &self.fleet.vehicles[index];
+        let under_way = v.order.is_some_and(|o| o.purpose == BY_STAGES) && !v.is_level();
+        let Some(track) = v.track.filter(|_| !under_way) else {
             return;
-        }
-        let here = track.position.at;
-        // Near places first, and at each distance those towards home: the detour stays short.
-        let homeward_deg = here.bearing_deg(home);
-        let aside = |distance_m: f64| {
-            STAGE_BEARINGS_DEG.map(|off_deg| here.displaced(homeward_deg + off_deg, distance_m))
         };
-        let places = STAGES_M.into_iter().flat_map(aside).collect::<Vec<_>>();
-        for place in places {
-            if self
-                .fleet
-                .send_at_free_height(index, place, &[layer_m], BY_STAGES, out)
-            {
-                return;
+        let here = match v.order {
+            Some(order) if v.is_at(order.to) => order.to.at,
+            _ => track.position.at,
+        };
+        let free = |h: &&f64| self.fleet.is_level_way_free(index, home, **h);
+        if let Some(&height_m) = heights_amsl_m.iter().find(free) {
+            self.fleet
+                .send_at_free_height(index, here, &[height_m], BY_STAGES, out);
+        }
+    }
+
+    /// Keeps the ways down of those above home free.
+    pub(super) fn reserve_ways_down(&mut self) {
+        let way = |index: usize| {
+            let v = &self.fleet.vehicles[index];
+            Some((index, v.landing(self.approach_of(index))?))
+        };
+        self.fleet.ways_down = self.wait_above_home().into_iter().filter_map(way).collect();
+    }
+
+    /// Those above home that wait for their landing, the lowest first.
+    fn wait_above_home(&self) -> Vec<usize> {
+        let height_m = |index: usize| {
+            let track = self.fleet.vehicles[index].track;
+            track.map_or(f64::INFINITY, |s| s.position.height_m)
+        };
+        let mut waiting: Vec<usize> = (0..self.fleet.vehicles.len())
+            .filter(|&index| self.waits_above_home(index))
+            .collect();
+        waiting.sort_by(|&a, &b| height_m(a).total_cmp(&height_m(b)));
+        waiting
+    }
+
+    /// Whether a vehicle was called home and circles there.
+    fn waits_above_home(&self, index: usize) -> bool {
+        let v = &self.fleet.vehicles[index];
+        let returning = self.tasks.each[index] == VehicleTask::Returning;
+        let home = self.fleet.airspace.nearest_allowed(v.home.at, MARGIN_M);
+        let there = v.order.is_some_and(|order| Some(order.to.at) == home);
+        returning && there && v.has_arrived() && v.is_commandable()
+    }
+
+    /// Those above home land, the lowest first, each when its way down is free.
+    pub(super) fn land_in_turn(&mut self, now: SimTime, out: &mut Outbox) {
+        self.note_low(now);
+        for next in self.wait_above_home() {
+            if self.may_land(next, now) {
+                self.tasks.each[next] = VehicleTask::Landing(now, None);
+                let approach = self.approach_of(next);
+                self.fleet.land(next, approach, out);
             }
         }
     }
 
-    /// Whether nobody flies at a lower layer near the home of a vehicle, but those who land.
-    fn way_down_is_free(&self, index: usize) -> bool {
-        let own = &self.fleet.vehicles[index];
-        let in_the_way = |(other, v): (usize, &TeamVehicle)| {
-            let near = v
-                .track
-                .is_some_and(|s| s.airborne && s.position.at.distance_m(own.home.at) < APPROACH_M);
-            let landing = matches!(self.tasks.each[other], VehicleTask::Landing(_));
-            near && !landing && v.layer_amsl_m < own.layer_amsl_m
-        };
-        !self.fleet.vehicles.iter().enumerate().any(in_the_way)
-    }
-
-    /// Those above home land one after the other, the lowest layer first.
-    pub(super) fn land_in_turn(&mut self, now: SimTime, out: &mut Outbox) {
-        let step_m = self.fleet.separation.height_m;
-        let there = |index: &usize| {
-            let v = &self.fleet.vehicles[*index];
-            let low = v
-                .track
-                .is_some_and(|s| (s.position.height_m - v.layer_amsl_m).abs() < step_m);
-            let returned = self.tasks.each[*index] == VehicleTask::Returning && v.has_arrived();
-            returned && low && v.is_commandable() && self.way_down_is_free(*index)
-        };
-        let layer = |index: &usize| self.fleet.vehicles[*index].layer_amsl_m;
-        let lowest = (0..self.fleet.vehicles.len())
-            .filter(there)
-            .min_by(|a, b| layer(a).total_cmp(&layer(b)));
-        let Some(next) = lowest else { return };
-        let busy = self.tasks.each.iter().enumerate().any(|(index, task)| {
-            let vehicle = &self.fleet.vehicles[next];
-            matches!(*task, VehicleTask::Landing(since) if self.holds_the_circle(index, since, vehicle, now))
-        });
-        if !busy {
-            self.tasks.each[next] = VehicleTask::Landing(now);
-            self.fleet.land(next, out);
+    /// Notes who has come down to the circle beside its approach.
+    fn note_low(&mut self, now: SimTime) {
+        for (task, v) in self.tasks.each.iter_mut().zip(&self.fleet.vehicles) {
+            if let VehicleTask::Landing(_, low @ None) = task
+                && v.above_home_m().is_some_and(|h| h < CIRCLE_HEIGHT_M.1)
+            {
+                *low = Some(now);
+            }
         }
     }
 
-    /// Whether a vehicle that was ordered to land at `since` may still be in the circle when `next`,
-    /// ordered now, could reach it.
-    fn holds_the_circle(
-        &self,
-        index: usize,
-        since: SimTime,
-        next: &TeamVehicle,
-        now: SimTime,
-    ) -> bool {
-        let vehicle = &self.fleet.vehicles[index];
-        let high = vehicle.track.is_some_and(|s| {
-            s.airborne && s.position.height_m > vehicle.home.height_m + CIRCLE_M.1
-        });
-        let (waited_s, left_s) = (now.since_s(since), self.circle_left_s(vehicle));
-        // Two may be in the descent at once as long as the second cannot reach the circle before
-        // the first has left it.
-        let meets = if waited_s <= left_s {
-            waited_s + self.circle_reached_s(next) < left_s
-        } else {
-            // It should have left: it goes round again.
-            waited_s < left_s + ROUND_AGAIN_S
-        };
-        waited_s < BETWEEN_LANDINGS_S || (high && meets)
+    /// Whether nobody is in the way down, and those who land before will have left the circle.
+    fn may_land(&self, next: usize, now: SimTime) -> bool {
+        let height_m = self.fleet.vehicles[next].above_home_m();
+        if height_m.is_none_or(|h| h > self.lowest_wait_m(next) + LAND_FROM_M) {
+            return false;
+        }
+        let lands = |other: usize| matches!(self.tasks.each[other], VehicleTask::Landing(..));
+        let in_turn = (0..self.fleet.vehicles.len())
+            .filter(|&other| lands(other) && self.share_approach(next, other))
+            .all(|other| self.leaves_in_time(other, next, now));
+        let approach = self.approach_of(next);
+        let apart = |other: usize| !lands(other) || !self.share_approach(next, other);
+        in_turn && self.fleet.is_way_down_free(next, approach, apart)
     }
+
+    /// Whether a vehicle that is low has left the circle beside its approach towards home.
+    fn is_on_final(&self, landing: usize) -> bool {
+        let (circle, v) = (self.approach_of(landing), &self.fleet.vehicles[landing]);
+        v.track.is_some_and(|s| {
+            let home_deg = s.position.at.bearing_deg(v.home.at);
+            let off_deg = wrap_signed_deg(home_deg - s.course_deg).abs();
+            s.position.at.distance_m(circle) > ON_FINAL.0 && off_deg < ON_FINAL.1
+        })
+    }
+
+    /// Whether a vehicle that lands has left the circle before `next`, ordered now, can reach it.
+    fn leaves_in_time(&self, landing: usize, next: usize, now: SimTime) -> bool {
+        let VehicleTask::Landing(since, low) = self.tasks.each[landing] else {
+            return true;
+        };
+        let v = &self.fleet.vehicles[landing];
+        let (Some(height_m), Some(next_m)) =
+            (v.above_home_m(), self.fleet.vehicles[next].above_home_m())
+        else {
+            return true;
+        };
+        let airborne = v.track.is_some_and(|s| s.airborne);
+        if !airborne || (low.is_some() && height_m < CIRCLE_HEIGHT_M.2) {
+            return true;
+        }
+        let left_s = match low {
+            None => circle_left_s(height_m),
+            Some(_) if self.is_on_final(landing) => FINAL_CLEAR_S,
+            Some(low) => IN_CIRCLE_S - now.since_s(low),
+        };
+        if left_s <= 0.0 {
+            // It should have left: it goes round again.
+            return now.since_s(since) > circle_left_s(next_m) + ROUND_AGAIN_S;
+        }
+        let above_m = next_m - height_m;
+        above_m >= self.fleet.separation.height_m && self.circle_reached_s(next_m) >= left_s
+    }
+}
+
+/// Time after its order to land at which a vehicle at a height above home has left the circle
+/// beside its approach at the latest, s.
+fn circle_left_s(above_home_m: f64) -> f64 {
+    (above_home_m - CIRCLE_HEIGHT_M.1).max(0.0) / SINK_M_S.0 + IN_CIRCLE_S
 }

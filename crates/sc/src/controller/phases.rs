@@ -26,13 +26,8 @@ impl SquadronController {
             .iter()
             .filter(|v| v.real && flying(v))
             .count();
-        let up = self
-            .tasks
-            .each
-            .iter()
-            .any(|t| !matches!(t, VehicleTask::Parked | VehicleTask::TakingOff(_)));
-        let home_s = self.home_time_s();
-        if self.phase < Phase::Home && up && now.s() >= home_s {
+        let all_called = self.tasks.called.iter().all(|&called| called);
+        if self.phase < Phase::Home && (self.all_come_home() || all_called) {
             return Some(Phase::Home);
         }
         match self.phase {
@@ -47,7 +42,7 @@ impl SquadronController {
                 (sharp || late || flown >= most || real == 0).then_some(Phase::Search)
             }
             Phase::Search => {
-                let due = now.s() >= home_s - CHARACTERISE_PART * self.duration_s;
+                let due = now.s() >= self.home_time_s() - CHARACTERISE_PART * self.duration_s;
                 (due && real > 0 && self.model.is_some()).then_some(Phase::Characterise)
             }
             Phase::Characterise | Phase::Home => None,

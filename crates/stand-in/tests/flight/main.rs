@@ -338,7 +338,11 @@ fn it_stands_and_lands_on_its_terrain() {
     let bytes: Vec<u8> = (0..1201 * 1201)
         .flat_map(|_| 520i16.to_be_bytes())
         .collect();
-    let terrain = air::terrain::Terrain::from_hgt("N43W008.hgt", &bytes, 340.0).unwrap();
+    let site = air::geo::Geodetic {
+        lat_deg: 43.4417,
+        lon_deg: -7.8631,
+    };
+    let terrain = air::terrain::Terrain::from_hgt("N43W008.hgt", &bytes, site, 340.0).unwrap();
     let mut pair = Pair::with(stand_in_config().over(terrain), 19);
     pair.run(1.0);
     assert!((pair.vehicle.truth().alt_amsl_m - 520.0).abs() < 1.0);

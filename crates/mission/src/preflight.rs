@@ -1,0 +1,433 @@
+//! The check before take-off: what of a mission cannot be flown, and what is doubtful, in words
+//! with numbers. It looks at what the team believes; what a stand-in's reality is like, nobody on
+//! the ground knows.
+
+use crate::{MissionError, Setup};
+use air::geo::{Enu, Geodetic};
+use fdm::Aircraft;
+use fdm::dynamics::Dynamics;
+use sc::SquadronController;
+use sc::fleet::{MARGIN_M, ORBIT_M};
+use scenario::Scenario;
+use scenario::airspace::Airspace;
+use scenario::tables::VehicleTable;
+
+/// Speed over ground against the wind that a vehicle is to have at least, m/s: the squadron
+/// controller counts on it when it works out the ways home.
+const LEAST_OVER_GROUND_M_S: f64 = 3.0;
+/// A wind above this part of the airspeed is doubtful: gusts of the tenth part of it, three times
+/// their standard deviation (MIL-F-8785C), then reach the airspeed less the least speed over ground.
+const DOUBTFUL_WIND: f64 = 0.6;
+/// Time between two looks at a wind series, s.
+const WIND_STEP_S: f64 = 10.0;
+/// Share of the battery at which the Guardian takes a vehicle home (`va`).
+const BATTERY_LOW: f64 = 0.2;
+/// Shortest flight that is one: up to a layer and down again, s.
+const LEAST_FLIGHT_S: f64 = 300.0;
+/// A vehicle this far from its home is in the fence or breaks it (`va`), m.
+const HOME_M: f64 = 500.0;
+/// Two vehicles on the ground are apart by this, m: each may touch down half of it off its home,
+/// where the approach is given up (`fdm`).
+const HOMES_APART_M: f64 = 30.0;
+/// Heights of SRTM are right to this in nine of ten cases, m (Farr et al. 2007, the mission's goal).
+const TERRAIN_M: f64 = 16.0;
+/// Ground within this distance of a home is looked at, m: the circle above home and the climb to it.
+const NEAR_HOME_M: f64 = 500.0;
+/// Height over the ground that the Guardian keeps (`va`), m.
+const OVER_GROUND_M: f64 = 100.0;
+/// Step of looking at the ground and at the room inside the fence, m: SRTM has a post every 90 m.
+const GRID_M: f64 = 100.0;
+/// A fence is looked at by no more than this many steps a side.
+const GRID_STEPS: usize = 200;
+
+/// How bad a finding is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// The mission must not start.
+    Refused,
+    /// It may, if whoever answers for it agrees.
+    Warned,
+}
+
+/// Something that was found before take-off.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Finding {
+    /// How bad it is.
+    pub verdict: Verdict,
+    /// What it is about, such as `wind`.
+    pub about: &'static str,
+    /// What, where, and what would be right.
+    pub words: String,
+}
+
+fn refused(about: &'static str, words: String) -> Finding {
+    let verdict = Verdict::Refused;
+    Finding {
+        verdict,
+        about,
+        words,
+    }
+}
+
+fn warned(about: &'static str, words: String) -> Finding {
+    let verdict = Verdict::Warned;
+    Finding {
+        verdict,
+        about,
+        words,
+    }
+}
+
+/// Everything that speaks against taking off.
+///
+/// # Errors
+/// A scenario that describes no world.
+pub fn check(setup: &Setup) -> Result<Vec<Finding>, MissionError> {
+    let airspace = Airspace::of(&setup.scenario)?;
+    let mut found = Vec::new();
+    for (name, aircraft) in &setup.aircraft {
+        found.extend(endurance(setup, name, aircraft)?);
+    }
+    found.extend(wind(setup)?);
+    found.extend(homes(setup, &airspace)?);
+    found.extend(ground(setup, &airspace)?);
+    found.extend(room(&setup.scenario, &airspace));
+    found.extend(time(&setup.scenario)?);
+    Ok(found)
+}
+
+/// Whether there is time for all to rise, work and land.
+fn time(scenario: &Scenario) -> Result<Option<Finding>, MissionError> {
+    let (fits, needed_s) = SquadronController::new(scenario)?.time_for_team();
+    let (team, duration_s) = (scenario.vehicles.len(), scenario.mission.duration_s);
+    let words = |what: &str| {
+        format!(
+            "mission.duration_s = {duration_s}: {what}; expected {needed_s:.0} s or more for all {team}"
+        )
+    };
+    Ok(match fits {
+        0 => Some(warned(
+            "time",
+            words(
+                "too short for a vehicle to take off, work and land, so that it ends with vehicles in the air",
+            ),
+        )),
+        fits if fits < team => Some(warned(
+            "time",
+            words(&format!(
+                "time for about {fits} vehicles to take off, work and land by the end; others may have to \
+                 stay on the ground"
+            )),
+        )),
+        _ => None,
+    })
+}
+
+/// Whether an aircraft can fly at the team's airspeed, and how long its battery lasts.
+fn endurance(
+    setup: &Setup,
+    name: &str,
+    aircraft: &Aircraft,
+) -> Result<Option<Finding>, MissionError> {
+    let scenario = &setup.scenario;
+    let (airspeed_m_s, limits) = (scenario.search.airspeed_m_s, &aircraft.limits);
+    let (slowest_m_s, fastest_m_s) = (limits.airspeed_min_m_s, limits.airspeed_max_m_s);
+    if !(slowest_m_s..=fastest_m_s).contains(&airspeed_m_s) {
+        return Ok(Some(refused(
+            "airspeed",
+            format!(
+                "search.airspeed_m_s = {airspeed_m_s} is none that {name} flies: expected \
+                 {slowest_m_s} to {fastest_m_s} m/s"
+            ),
+        )));
+    }
+    let ground_amsl_m = scenario.site.ground_amsl_m;
+    let middle_amsl_m =
+        ground_amsl_m + 0.5 * (scenario.fence.floor_agl_m + scenario.fence.ceiling_agl_m);
+    let density_kg_m3 = scenario.atmosphere()?.at(middle_amsl_m).density_kg_m3();
+    let trim = match fdm::trim::level(&Dynamics::new(aircraft), airspeed_m_s, density_kg_m3) {
+        Ok(trim) => trim,
+        Err(e) => return Ok(Some(refused("airspeed", format!("{name}: {e}")))),
+    };
+    let Some(battery) = aircraft.battery else {
+        return Ok(None);
+    };
+    let power_w = battery.power_w(
+        &aircraft.propulsion,
+        airspeed_m_s,
+        trim.throttle,
+        density_kg_m3,
+    );
+    let lasts_s = (1.0 - BATTERY_LOW) * battery.capacity_wh * 3600.0 / power_w;
+    let words = |then: &str| {
+        format!(
+            "the battery of {name} ({:.0} Wh) lasts for {lasts_s:.0} s of level flight at \
+             {airspeed_m_s} m/s ({power_w:.0} W) down to {:.0} %, at which the Guardian brings a \
+             vehicle home; {then}",
+            battery.capacity_wh,
+            100.0 * BATTERY_LOW
+        )
+    };
+    let duration_s = scenario.mission.duration_s;
+    Ok(if lasts_s < LEAST_FLIGHT_S {
+        let then = format!("up and down again takes {LEAST_FLIGHT_S:.0} s: expected a larger one");
+        Some(refused("battery", words(&then)))
+    } else if lasts_s < duration_s {
+        let then = format!(
+            "expected a larger one, or mission.duration_s = {duration_s} to be {lasts_s:.0} at most"
+        );
+        Some(warned("battery", words(&then)))
+    } else {
+        None
+    })
+}
+
+/// Whether the team makes way against the wind.
+fn wind(setup: &Setup) -> Result<Option<Finding>, MissionError> {
+    let scenario = &setup.scenario;
+    let profile = scenario.wind_profile()?;
+    let steps = (scenario.mission.duration_s / WIND_STEP_S) as usize;
+    let reference_m_s = setup.wind_series.as_ref().map_or_else(
+        || profile.reference_speed_m_s(),
+        |series| {
+            let at = |k: usize| series.at(k as f64 * WIND_STEP_S).speed_m_s();
+            (0..=steps).map(at).fold(0.0, f64::max)
+        },
+    );
+    let at_height_m_s = |agl_m: f64| {
+        let calm = profile.reference_speed_m_s() == 0.0;
+        let ratio = if calm {
+            1.0
+        } else {
+            profile.speed_at_m_s(agl_m) / profile.reference_speed_m_s()
+        };
+        reference_m_s * ratio
+    };
+    let (low_m, high_m) = (scenario.fence.floor_agl_m, scenario.fence.ceiling_agl_m);
+    let (low_m_s, high_m_s) = (at_height_m_s(low_m), at_height_m_s(high_m));
+    let airspeed_m_s = scenario.search.airspeed_m_s;
+    let words = |speed_m_s: f64, agl_m: f64, then: String| {
+        format!(
+            "up to {speed_m_s:.1} m/s at {agl_m:.0} m above ground, where the team flies at \
+             {airspeed_m_s} m/s through the air: {then}"
+        )
+    };
+    let most_m_s = airspeed_m_s - LEAST_OVER_GROUND_M_S;
+    Ok(if low_m_s > most_m_s {
+        let then = format!("nobody comes home against it; expected {most_m_s:.1} m/s at most");
+        Some(refused("wind", words(low_m_s, low_m, then)))
+    } else if high_m_s > DOUBTFUL_WIND * airspeed_m_s {
+        let left_m_s = airspeed_m_s - high_m_s;
+        let then = format!(
+            "{left_m_s:.1} m/s is left over ground against it, and gusts take from that; expected \
+             {:.1} m/s at most",
+            DOUBTFUL_WIND * airspeed_m_s
+        );
+        Some(warned("wind", words(high_m_s, high_m, then)))
+    } else {
+        None
+    })
+}
+
+/// Whether homes are where vehicles may fly, and apart.
+fn homes(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionError> {
+    let scenario = &setup.scenario;
+    let mut found = Vec::new();
+    let mut before: Vec<(&VehicleTable, Enu)> = Vec::new();
+    for (index, vehicle) in scenario.vehicles.iter().enumerate() {
+        let home = airspace.frame().to_enu(scenario.home(index)?);
+        let id = &vehicle.id;
+        let inside_m = air::area::clearance_m(airspace.polygon(), home);
+        if inside_m < -HOME_M {
+            found.push(refused(
+                "home",
+                format!(
+                    "the home of vehicle {id} is {:.0} m outside the fence, which it would break on \
+                     its way: expected a home inside, or {HOME_M:.0} m outside at most",
+                    -inside_m
+                ),
+            ));
+        } else if inside_m < 0.0 {
+            found.push(warned(
+                "home",
+                format!(
+                    "the home of vehicle {id} is {:.0} m outside the fence: it takes off and lands \
+                     there",
+                    -inside_m
+                ),
+            ));
+        }
+        let nearest_m = airspace
+            .stacks()
+            .iter()
+            .map(|s| s.distance_m(home))
+            .fold(f64::INFINITY, f64::min);
+        if nearest_m < airspace.keep_out_m() {
+            found.push(refused(
+                "home",
+                format!(
+                    "the home of vehicle {id} is {nearest_m:.0} m from a stack, inside the keep-out: \
+                     expected {:.0} m or more, or a smaller fence.keep_out_radius_m",
+                    airspace.keep_out_m()
+                ),
+            ));
+        }
+        for (other, there) in &before {
+            let apart_m = there.distance_m(home);
+            let span_m = setup.aircraft_of(index)?.wing.span_m;
+            let words = format!(
+                "the homes of vehicles {} and {id} are {apart_m:.0} m apart: expected \
+                 {HOMES_APART_M:.0} m, so that neither touches down on the other",
+                other.id
+            );
+            if apart_m < span_m {
+                found.push(refused("home", words));
+            } else if apart_m < HOMES_APART_M {
+                found.push(warned("home", words));
+            }
+        }
+        before.push((vehicle, home));
+    }
+    Ok(found)
+}
+
+/// Whether the terrain is what the scenario says, and whether layers and floor are above it.
+fn ground(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionError> {
+    let scenario = &setup.scenario;
+    let Some(tile) = &scenario.site.terrain else {
+        return Ok(Vec::new());
+    };
+    let mut found = Vec::new();
+    let site = airspace.frame().origin();
+    let stated_m = scenario.site.ground_amsl_m;
+    match setup.terrain.known_amsl_m(site) {
+        None => found.push(warned(
+            "terrain",
+            format!("{tile} has no height at the site: {stated_m} m of site.ground_amsl_m stand in"),
+        )),
+        Some(ground_m) if (ground_m - stated_m).abs() > TERRAIN_M => found.push(warned(
+            "terrain",
+            format!(
+                "site.ground_amsl_m = {stated_m}, and {tile} has {ground_m:.0} m there: expected them \
+                 within {TERRAIN_M:.0} m; fence, layers and plume count from site.ground_amsl_m"
+            ),
+        )),
+        Some(_) => {}
+    }
+    found.extend(layers(setup, airspace)?);
+    let places = || grid(airspace).filter(|&at| air::area::is_inside(airspace.polygon(), at));
+    let heights = places().map(|at| setup.terrain.known_amsl_m(airspace.frame().to_geodetic(at)));
+    let unknown = heights.clone().filter(Option::is_none).count();
+    if unknown > 0 {
+        let share = 100.0 * unknown as f64 / places().count() as f64;
+        found.push(warned(
+            "terrain",
+            format!(
+                "{tile} has no height for {share:.0} % of the fence: {stated_m} m of \
+                 site.ground_amsl_m stand in there; expected a fence inside the tile"
+            ),
+        ));
+    }
+    let highest = places()
+        .zip(heights)
+        .filter_map(|(at, height_m)| Some((at, height_m?)))
+        .max_by(|a, b| a.1.total_cmp(&b.1));
+    let (floor_amsl_m, _) = airspace.height_band_amsl_m();
+    if let Some((at, height_m)) = highest
+        && height_m > floor_amsl_m
+    {
+        let Geodetic { lat_deg, lon_deg } = airspace.frame().to_geodetic(at);
+        found.push(warned(
+            "terrain",
+            format!(
+                "the ground rises to {height_m:.0} m at {lat_deg:.4}, {lon_deg:.4} inside the fence, \
+                 above the lowest setpoints at {floor_amsl_m:.0} m: expected fence.floor_agl_m = {:.0} \
+                 or a fence that leaves that place out",
+                (height_m - stated_m + OVER_GROUND_M).ceil()
+            ),
+        ));
+    }
+    Ok(found)
+}
+
+/// Whether each vehicle's layer is above the ground around its home.
+fn layers(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionError> {
+    let scenario = &setup.scenario;
+    let mut found = Vec::new();
+    for (index, layer_amsl_m) in scenario.layers_amsl_m().into_iter().enumerate() {
+        let home = airspace.frame().to_enu(scenario.home(index)?);
+        let around = (0..8).map(|k| home.displaced(45.0 * f64::from(k), NEAR_HOME_M));
+        let highest_m = std::iter::once(home)
+            .chain(around)
+            .map(|at| {
+                setup
+                    .terrain
+                    .ground_amsl_m(airspace.frame().to_geodetic(at))
+            })
+            .fold(f64::NEG_INFINITY, f64::max);
+        let above_m = layer_amsl_m - highest_m;
+        let words = format!(
+            "vehicle {} waits at {layer_amsl_m:.0} m above home, {above_m:.0} m over the highest ground \
+             within {NEAR_HOME_M:.0} m ({highest_m:.0} m): expected {OVER_GROUND_M:.0} m over it, by \
+             another home or fence.floor_agl_m = {:.0}",
+            scenario.vehicles[index].id,
+            (scenario.fence.floor_agl_m + OVER_GROUND_M - above_m).ceil()
+        );
+        if above_m <= 0.0 {
+            found.push(refused("layer", words));
+        } else if above_m < OVER_GROUND_M {
+            found.push(warned("layer", words));
+        }
+    }
+    Ok(found)
+}
+
+/// Whether fence and keep-out leave room for all to wait at once, each in its own circle.
+fn room(scenario: &Scenario, airspace: &Airspace) -> Option<Finding> {
+    let team = scenario.vehicles.len();
+    let levels = scenario.levels_amsl_m().len();
+    let side_m = 2.0 * ORBIT_M + scenario.fence.separation_m;
+    let step_m = grid_step_m(airspace);
+    let free = grid(airspace).filter(|&at| airspace.clearance_m(at) >= MARGIN_M);
+    let area_m2 = free.count() as f64 * step_m * step_m;
+    let places = (area_m2 / (side_m * side_m)).max(1.0) as usize * levels;
+    let words = format!(
+        "fence and keep-out leave {:.2} km2 to fly in, and the height band {levels} heights: room for \
+         {places} circles of {side_m:.0} m, for {team} vehicles",
+        area_m2 / 1e6
+    );
+    if places < team {
+        let words = format!("{words}; expected a larger fence, a higher ceiling or fewer vehicles");
+        Some(refused("room", words))
+    } else if places < 2 * team {
+        Some(warned(
+            "room",
+            format!("{words}: they will wait for each other"),
+        ))
+    } else {
+        None
+    }
+}
+
+/// Step of the grid over the fence, m.
+fn grid_step_m(airspace: &Airspace) -> f64 {
+    let (low, high) = airspace.bounds();
+    let widest_m = (high.at.east_m - low.at.east_m).max(high.at.north_m - low.at.north_m);
+    GRID_M.max(widest_m / GRID_STEPS as f64)
+}
+
+/// Places over the box around the fence.
+fn grid(airspace: &Airspace) -> impl Iterator<Item = Enu> + Clone {
+    let (low, high) = airspace.bounds();
+    let step_m = grid_step_m(airspace);
+    let count = |from_m: f64, to_m: f64| ((to_m - from_m) / step_m) as usize;
+    let (columns, rows) = (
+        count(low.at.east_m, high.at.east_m),
+        count(low.at.north_m, high.at.north_m),
+    );
+    let place = move |row: usize, column: usize| Enu {
+        east_m: low.at.east_m + step_m * (0.5 + column as f64),
+        north_m: low.at.north_m + step_m * (0.5 + row as f64),
+    };
+    (0..=rows).flat_map(move |row| (0..=columns).map(move |column| place(row, column)))
+}

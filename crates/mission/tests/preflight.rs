@@ -1,0 +1,169 @@
+//! The check before take-off says what cannot be flown, with numbers.
+#![allow(clippy::unwrap_used)]
+
+use mission::Setup;
+use mission::preflight::{Finding, Verdict, check};
+
+const AS_PONTES: &str = include_str!("../../../scenarios/as-pontes.toml");
+const X8: &str = include_str!("../../../aircraft/x8.toml");
+
+/// What is found in the reference mission with the texts `changes` in the place of others, over a
+/// tile of `plateau_m` all over.
+fn found_over(plateau_m: i16, changes: &[(&str, &str)]) -> Vec<Finding> {
+    let mut text = AS_PONTES.to_owned();
+    for (from, to) in changes {
+        assert!(text.contains(from), "{from}");
+        text = text.replace(from, to);
+    }
+    let read = |file: &str| match file {
+        "n43w008.SRTMGL1.hgt" => Ok((0..1201 * 1201)
+            .flat_map(|_| plateau_m.to_be_bytes())
+            .collect()),
+        "aircraft/tired.toml" => Ok(X8.replace("237.0", "60.0").into_bytes()),
+        "aircraft/weak.toml" => Ok(X8.replace("237.0", "10.0").into_bytes()),
+        "storm.csv" => Ok(b"time_s,wind_speed_m_s,wind_from_deg\n0,5,240\n900,17,240\n".to_vec()),
+        _ => Err("no such file".to_owned()),
+    };
+    check(&Setup::load("s.toml", &text, &read).unwrap()).unwrap()
+}
+
+fn found(changes: &[(&str, &str)]) -> Vec<Finding> {
+    found_over(0, changes)
+}
+
+/// That there is a finding of this kind whose words hold `parts`.
+fn says(findings: &[Finding], verdict: Verdict, about: &str, parts: &[&str]) {
+    let of_kind = |f: &&Finding| f.verdict == verdict && f.about == about;
+    let holds = |f: &Finding| parts.iter().all(|part| f.words.contains(part));
+    assert!(
+        findings.iter().filter(of_kind).any(holds),
+        "{about} {parts:?}: {findings:#?}"
+    );
+}
+
+const WIND: &str = "wind_speed_m_s = 7.0";
+const AIRCRAFT: &str = "aircraft/x8.toml";
+const GROUND: &str = "ground_amsl_m = 340.0";
+const TILE: &str = "ground_amsl_m = 340.0\nterrain = \"n43w008.SRTMGL1.hgt\"";
+
+#[test]
+fn the_reference_mission_may_take_off() {
+    assert_eq!(found(&[]), []);
+    assert_eq!(found_over(345, &[(GROUND, TILE)]), []);
+}
+
+#[test]
+fn wind_is_held_against_the_airspeed() {
+    let gale = found(&[(WIND, "wind_speed_m_s = 20.0")]);
+    says(
+        &gale,
+        Verdict::Refused,
+        "wind",
+        &["16.2 m/s at 120 m", "18 m/s"],
+    );
+    let strong = found(&[(WIND, "wind_speed_m_s = 11.0")]);
+    says(&strong, Verdict::Warned, "wind", &["12.1 m/s at 900 m"]);
+    let storm = found(&[("wind_exponent", "series = \"storm.csv\"\nwind_exponent")]);
+    says(&storm, Verdict::Warned, "wind", &["at 900 m"]);
+}
+
+#[test]
+fn batteries_and_airspeeds_are_held_against_the_mission() {
+    let tired = found(&[(AIRCRAFT, "aircraft/tired.toml")]);
+    says(
+        &tired,
+        Verdict::Warned,
+        "battery",
+        &["60 Wh", "20 %", "2100"],
+    );
+    let weak = found(&[(AIRCRAFT, "aircraft/weak.toml")]);
+    says(&weak, Verdict::Refused, "battery", &["10 Wh", "300 s"]);
+    let slow = found(&[("airspeed_m_s = 18.0", "airspeed_m_s = 9.0")]);
+    says(
+        &slow,
+        Verdict::Refused,
+        "airspeed",
+        &["expected 12 to 28 m/s"],
+    );
+}
+
+#[test]
+fn homes_are_inside_the_fence_off_the_stacks_and_apart() {
+    let home = "lat_deg = 43.4300, lon_deg = -7.8420";
+    let beyond = found(&[(home, "lat_deg = 43.4300, lon_deg = -7.7800")]);
+    says(
+        &beyond,
+        Verdict::Refused,
+        "home",
+        &["vehicle 1", "outside the fence"],
+    );
+    let near = found(&[(home, "lat_deg = 43.4420, lon_deg = -7.8631")]);
+    says(
+        &near,
+        Verdict::Refused,
+        "home",
+        &["vehicle 1", "inside the keep-out"],
+    );
+    let same = found(&[(home, "lat_deg = 43.4300, lon_deg = -7.8412")]);
+    says(
+        &same,
+        Verdict::Refused,
+        "home",
+        &["vehicles 1 and 2", "0 m apart"],
+    );
+    let close = found(&[(home, "lat_deg = 43.4300, lon_deg = -7.8414")]);
+    says(
+        &close,
+        Verdict::Warned,
+        "home",
+        &["vehicles 1 and 2", "16 m apart"],
+    );
+}
+
+#[test]
+fn terrain_is_held_against_the_site_and_the_layers() {
+    let off = found_over(370, &[(GROUND, TILE)]);
+    says(&off, Verdict::Warned, "terrain", &["340", "370 m", "16 m"]);
+    let high = found_over(520, &[(GROUND, TILE)]);
+    says(
+        &high,
+        Verdict::Refused,
+        "layer",
+        &["vehicle 5", "470 m", "520 m"],
+    );
+    says(
+        &high,
+        Verdict::Warned,
+        "terrain",
+        &["above the lowest setpoints at 460 m"],
+    );
+    let void = found_over(i16::MIN, &[(GROUND, TILE)]);
+    says(
+        &void,
+        Verdict::Warned,
+        "terrain",
+        &["no height at the site"],
+    );
+}
+
+#[test]
+fn a_team_needs_room_and_time() {
+    let narrow = found(&[
+        ("ceiling_agl_m = 900.0", "ceiling_agl_m = 170.0"),
+        ("keep_out_radius_m = 1000.0", "keep_out_radius_m = 900.0"),
+        (
+            "[[43.405, -7.905], [43.405, -7.800], [43.480, -7.800], [43.480, -7.905]]",
+            "[[43.427, -7.846], [43.427, -7.836], [43.434, -7.836], [43.434, -7.846]]",
+        ),
+    ]);
+    says(&narrow, Verdict::Refused, "room", &["for 6 vehicles"]);
+    let short = found(&[("duration_s = 2100.0", "duration_s = 300.0")]);
+    says(&short, Verdict::Warned, "time", &["300", "for all 6"]);
+    let shorter = found(&[("duration_s = 2100.0", "duration_s = 1000.0")]);
+    says(
+        &shorter,
+        Verdict::Warned,
+        "time",
+        &["time for about", "for all 6"],
+    );
+}

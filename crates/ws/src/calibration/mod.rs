@@ -13,6 +13,7 @@
 //! about the wrong one cannot look back. Until the axis is located, every correction in flight
 //! searches; from then on it goes on from the last one.
 
+mod meander;
 pub mod offline;
 mod parameters;
 mod peak;
@@ -22,6 +23,7 @@ pub use parameters::Calibrated;
 use crate::WsError;
 use gap::plume::{PlumeModel, ROWS_OF_A_SEARCH, Setup, every, plume_place, without_jitter};
 use infer::{InferError, PlumePlace, Posterior};
+use meander::Meander;
 use nalgebra::{DMatrix, DVector};
 use parameters::Unknowns;
 use plume::effects::SensorAir;
@@ -300,7 +302,9 @@ impl Calibrator {
         let nearest = model.stated(problem.nearest(&posterior)?, &posterior)?;
         (self.estimate, self.covariance) = (nearest.mean, nearest.covariance);
         self.met_s = model.last_met_s(self.estimate.as_slice())?;
-        self.predicted = peak::Predicted::of(&model, &track, readings, &self.estimate, &posterior)?;
+        let spec = self.unknowns.folded(&self.base, &self.estimate);
+        self.predicted =
+            peak::Predicted::of(&model, &track, readings, &self.estimate, spec, &posterior)?;
         self.fitted_rows = self.row_count();
         self.posterior = Some(posterior);
         Ok(())
@@ -394,7 +398,7 @@ impl Calibrator {
 
     /// How wide the corrected plume is as seen from its source, one standard deviation, degrees.
     fn width_deg(&self) -> f64 {
-        let model = DispersionModel::new(self.corrected_spec());
+        let model = DispersionModel::new(self.unknowns.folded(&self.base, &self.estimate));
         let width =
             |m: DispersionModel| (m.sigmas_m(WIDTH_AT_M).0 / WIDTH_AT_M).atan().to_degrees();
         model.map_or(f64::INFINITY, width)
@@ -469,9 +473,18 @@ impl Calibrator {
         self.posterior.as_ref().map_or(0.0, |p| -p.ln_evidence())
     }
 
-    /// The corrected model for one platform or all.
+    /// The corrected model in the mean over meanders.
     pub fn corrected_spec(&self) -> DispersionSpec {
-        self.unknowns.folded(&self.base, &self.estimate)
+        self.unknowns.folded(&self.base, &self.in_the_mean().0)
+    }
+
+    /// The unknowns and their covariance in the mean over meanders.
+    fn in_the_mean(&self) -> (DVector<f64>, DMatrix<f64>) {
+        let (mut at, mut covariance) = (self.estimate.clone(), self.covariance.clone());
+        if let Some(meander) = Meander::of(&self.predicted, self.width_deg()) {
+            meander.in_the_mean(&self.unknowns, &self.base, &mut at, &mut covariance);
+        }
+        (at, covariance)
     }
 
     /// The corrected model, its axis as it lay in the mean of the last [`AVERAGED_S`] in which the plume was met.
@@ -501,22 +514,22 @@ impl Calibrator {
 
     /// The corrected parameters with their standard deviations.
     pub fn calibrated(&self) -> Calibrated {
-        self.unknowns
-            .calibrated(&self.base, &self.estimate, &self.covariance)
+        let (at, covariance) = self.in_the_mean();
+        self.unknowns.calibrated(&self.base, &at, &covariance)
     }
 
     /// What the scenario's sources of the sensor's gas emit, kg/s, by name, if the wind at the scenario's
     /// reference height is `wind_m_s`: readings tell the ratio of emission to wind.
     pub fn flux(&self, wind_m_s: Estimate) -> Vec<(String, Estimate)> {
-        self.unknowns
-            .flux(&self.base, &self.estimate, &self.covariance, wind_m_s)
+        let (at, covariance) = self.in_the_mean();
+        self.unknowns.flux(&self.base, &at, &covariance, wind_m_s)
     }
 
     /// Value and standard deviation of a mechanism's parameter that is unknown, of one platform's sensor or
     /// of all.
     pub fn parameter(&self, id: MechanismId, platform: Option<usize>) -> Option<Estimate> {
-        self.unknowns
-            .parameter((id, platform), &self.estimate, &self.covariance)
+        let (at, covariance) = self.in_the_mean();
+        self.unknowns.parameter((id, platform), &at, &covariance)
     }
 }
 

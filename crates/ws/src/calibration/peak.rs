@@ -1,7 +1,7 @@
 //! The highest concentration where set-points may go, and how far readings stand behind it.
 
 use super::{AveragedReading, Calibrator};
-use air::geo::Position;
+use air::geo::{Enu, Position};
 use gap::plume::PlumeModel;
 use infer::ForwardModel;
 use nalgebra::DVector;
@@ -48,8 +48,14 @@ pub(super) struct Predicted {
     read: Vec<f64>,
     /// The plume's part, ppm.
     plume: Vec<f64>,
+    /// How far the axis is turned, degrees.
+    turn_deg: Vec<f64>,
+    /// The plume's height, one standard deviation, m, in the mean of what was met.
+    sigma_z_m: f64,
     /// The sensor's white noise as the fit found it, ppm.
     white_ppm: f64,
+    /// Wander of the axis that the fit took for noise, one standard deviation, degrees.
+    wander_deg: f64,
 }
 
 impl Predicted {
@@ -58,13 +64,24 @@ impl Predicted {
         track: &Track,
         readings: &[AveragedReading],
         estimate: &DVector<f64>,
+        spec: plume::DispersionSpec,
         posterior: &infer::Posterior,
     ) -> Result<Self, infer::InferError> {
         let times = track.time_s().iter();
         let turns: Vec<f64> = times.map(|t| posterior.turn_deg(*t)).collect();
         let said = model.predict(estimate.as_slice(), &turns)?;
         let rows = readings.iter().zip(&said.reading).zip(&said.plume);
+        let places = model.places(estimate.as_slice())?;
+        let (mut met, mut ln_distance) = (0.0, 0.0);
+        for (place, plume) in places.iter().zip(&said.plume) {
+            if place.ln_distance.is_finite() {
+                (met, ln_distance) = (met + plume, ln_distance + plume * place.ln_distance);
+            }
+        }
+        let world = DispersionModel::new(spec);
         Ok(Self {
+            sigma_z_m: world.map_or(f64::NAN, |w| w.sigmas_m((ln_distance / met).exp()).1),
+            turn_deg: turns,
             at: readings
                 .iter()
                 .map(|r| (r.row.platform, r.row.time_s))
@@ -74,7 +91,33 @@ impl Predicted {
                 .collect(),
             plume: said.plume,
             white_ppm: posterior.fit().noise.white,
+            wander_deg: posterior.fit().noise.wander_deg,
         })
+    }
+
+    /// The plume's height where it was met, one standard deviation, m.
+    pub fn sigma_z_m(&self) -> f64 {
+        self.sigma_z_m
+    }
+
+    /// Wander of the axis that the fit took for noise, one standard deviation, degrees.
+    pub fn wander_deg(&self) -> f64 {
+        self.wander_deg
+    }
+
+    /// Time and turn of the axis of each crossing of the plume, s and degrees.
+    pub fn turns(&self) -> Vec<(f64, f64)> {
+        let most = self.plume.iter().copied().fold(0.0, f64::max);
+        let mean = |rows: &[usize]| {
+            let of = |each: &dyn Fn(usize) -> f64| {
+                rows.iter().map(|k| each(*k)).sum::<f64>() / rows.len() as f64
+            };
+            (of(&|k| self.at[k].1), of(&|k| self.turn_deg[k]))
+        };
+        self.rows_of_crossings(IN_PLUME * most)
+            .iter()
+            .map(|rows| mean(rows))
+            .collect()
     }
 
     /// Whether readings show that there is a plume at all: by how much less they are off with it than
@@ -87,23 +130,29 @@ impl Predicted {
 
     /// Crossings by the rows that are predicted to meet at least `least_ppm`.
     fn crossings(&self, least_ppm: f64) -> Vec<Crossing> {
-        let mut all: Vec<Crossing> = Vec::new();
-        let mut last = None;
-        for (k, &(platform, time_s)) in self.at.iter().enumerate() {
-            if self.plume[k] < least_ppm {
-                continue;
+        let of = |rows: &Vec<usize>| Crossing {
+            read: rows.iter().map(|k| self.read[*k]).sum(),
+            predicted: rows.iter().map(|k| self.plume[*k]).sum(),
+        };
+        self.rows_of_crossings(least_ppm).iter().map(of).collect()
+    }
+
+    fn rows_of_crossings(&self, least_ppm: f64) -> Vec<Vec<usize>> {
+        let mut all: Vec<Vec<usize>> = Vec::new();
+        let inside = (0..self.at.len()).filter(|k| self.plume[*k] >= least_ppm);
+        for k in inside {
+            let (platform, time_s) = self.at[k];
+            match all.last_mut() {
+                Some(rows)
+                    if rows.last().is_some_and(|last| {
+                        let (p, t) = self.at[*last];
+                        p == platform && time_s - t < BETWEEN_CROSSINGS_S
+                    }) =>
+                {
+                    rows.push(k);
+                }
+                _ => all.push(vec![k]),
             }
-            let goes_on = last.is_some_and(|(p, t): (usize, f64)| {
-                p == platform && time_s - t < BETWEEN_CROSSINGS_S
-            });
-            if !goes_on {
-                all.push(Crossing::default());
-            }
-            if let Some(crossing) = all.last_mut() {
-                crossing.read += self.read[k];
-                crossing.predicted += self.plume[k];
-            }
-            last = Some((platform, time_s));
         }
         all
     }
@@ -134,7 +183,25 @@ impl Calibrator {
         let time_s = self.stated_s();
         let found = highest_of(&model, airspace, SETPOINT_MARGIN_M, time_s)?;
         // The model beside its error of form shows where to look; the readings may know better.
-        let ppm = |place: &Place| self.ppm_at(place, time_s);
+        // Not farther out, though: along the axis a plume thins out, whatever an error of form makes of it.
+        let far_m = |at: &Enu| {
+            airspace
+                .stacks()
+                .iter()
+                .map(|s| s.distance_m(*at))
+                .fold(f64::MAX, f64::min)
+        };
+        let most_m = far_m(&found.position.at) + FINEST_M;
+        let ppm = |place: &Place| {
+            let at = Enu {
+                east_m: place.east_m,
+                north_m: place.north_m,
+            };
+            if far_m(&at) > most_m {
+                return f64::NEG_INFINITY;
+            }
+            self.ppm_at(place, time_s)
+        };
         let found = climb(&ppm, found.position, airspace, SETPOINT_MARGIN_M, FINEST_M);
         let Position { at, height_m } = found.position;
         let place = Place {
@@ -217,6 +284,7 @@ mod tests {
                     .map(|k| if k % 400 < 20 { 30.0 } else { 0.0 })
                     .collect(),
                 white_ppm: 3.0,
+                ..Predicted::default()
             }
         };
         assert!(!with(0.0).shows_a_plume());

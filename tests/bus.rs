@@ -10,7 +10,7 @@
 use net::{Net, NetOptions};
 use protocol::key::Name;
 use protocol::message::{EventMessage, Severity};
-use protocol::{AgentId, Envelope, Interest, Message, ProtocolError, SimTime};
+use protocol::{AgentId, Envelope, Interest, Message, ProtocolError, SimTime, WIRE_VERSION};
 use std::net::TcpListener;
 use std::time::Duration;
 use tokio::task::JoinSet;
@@ -68,7 +68,10 @@ async fn garbage_on_a_key_is_an_error_and_what_follows_is_heard() {
     newer[0] += 1;
     let key = "plumage/m/sc/main/event";
     tokio::time::sleep(Duration::from_millis(500)).await;
-    stranger.put(key, b"\x01garbage".to_vec()).await.unwrap();
+    stranger
+        .put(key, [&[WIRE_VERSION], &b"garbage"[..]].concat())
+        .await
+        .unwrap();
     assert!(matches!(
         next(&mut net).await,
         Err(ProtocolError::Garbage { .. })
@@ -76,7 +79,7 @@ async fn garbage_on_a_key_is_an_error_and_what_follows_is_heard() {
     stranger.put(key, newer).await.unwrap();
     assert!(matches!(
         next(&mut net).await,
-        Err(ProtocolError::WireVersion { theirs: 2, ours: 1 })
+        Err(ProtocolError::WireVersion { theirs, ours: WIRE_VERSION }) if theirs == WIRE_VERSION + 1
     ));
     stranger
         .put("plumage/m/ws/main/event", event("forged").to_bytes())

@@ -399,7 +399,7 @@ fn lead(summary: &MissionSummary) -> String {
             )
         });
         text += &format!(
-            " What the real ones measured brought the model's error against their reality down: {}.",
+            " With what the real ones measured the model's error against their reality went: {}.",
             errors.collect::<Vec<_>>().join(", ")
         );
     }

@@ -81,7 +81,7 @@ pub fn place(lat_deg: f64, lon_deg: f64, alt_amsl_m: f64) -> String {
 pub fn peak(peak: &PeakSummary) -> String {
     let mut text = match (peak.status, &peak.estimate) {
         (PeakStatus::NotFound, _) | (_, None) => {
-            "Not found: no plume was read, and so there is no peak.".to_owned()
+            "Not found: no real vehicle read a plume, and so there is no peak.".to_owned()
         }
         (PeakStatus::Confirmed, Some(p)) => format!(
             "Found and confirmed: a peak of {}. Real crossings there read what is predicted for them.",

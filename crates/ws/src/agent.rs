@@ -443,3 +443,50 @@ impl Agent for WorldSimulator {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocol::Envelope;
+    use protocol::message::{Reading, VehicleKind as Kind};
+
+    #[test]
+    fn the_axis_of_the_model_follows_the_wind_that_is_reported() {
+        // Stated from the west; reported from 300°: the axis runs towards 120°.
+        let text = "[site]\nlat_deg=43.4\nlon_deg=-7.8\nground_amsl_m=340\n[weather]\nwind_from_deg=270\n\
+            follow=\"reported\"\n[[source]]\nlat_deg=43.4\nlon_deg=-7.8\nemission_kg_s=300\n\
+            [[vehicle]]\nid=\"6\"\nkind=\"stand-in\"\n";
+        let scenario = Scenario::parse("s.toml", text).unwrap();
+        let mut ws = WorldSimulator::new(WorldSimulatorConfig {
+            terrain: Terrain::Flat(340.0),
+            wind_series: None,
+            scenario,
+        })
+        .unwrap();
+        let mut out = Outbox::default();
+        let reading = Reading {
+            kind: Kind::Real,
+            lat_deg: 43.41,
+            lon_deg: -7.8,
+            alt_amsl_m: 700.0,
+            co2_ppm: 400.0,
+            wind_speed_m_s: Some(6.0),
+            wind_from_deg: Some(300.0),
+            temperature_c: None,
+            pressure_hpa: None,
+        };
+        let observation = Envelope {
+            sender: AgentId::sc(),
+            sequence: 1,
+            time: SimTime::ZERO,
+            message: Message::Observation(Observation {
+                vehicle: "6".to_owned(),
+                time_ns: 0,
+                reading,
+            }),
+        };
+        let heard = Event::Message(&Topic::Observation, &observation);
+        ws.handle(heard, SimTime::ZERO, &mut out);
+        assert!((ws.model(1.0).axis_deg.value - 120.0).abs() < 1e-6);
+    }
+}

@@ -391,7 +391,11 @@ impl DispersionModel {
     }
 
     fn ppm(&self, place: &Place, time_s: f64, wind: Transport) -> f64 {
-        let (molar, direct) = self.excess(place, time_s, wind);
+        self.with_background(self.excess(place, time_s, wind), place, time_s)
+    }
+
+    /// Mole fraction where plumes add (mol/m³ of those given by emission, ppm of those given by c_MAX), ppm.
+    fn with_background(&self, (molar, direct): (f64, f64), place: &Place, time_s: f64) -> f64 {
         let mut excess = direct;
         if molar > 0.0 {
             excess += molar * self.ppm_per_mol_m3(place.height_agl_m);

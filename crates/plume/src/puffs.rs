@@ -20,8 +20,7 @@
 //! the plume is thinner.
 
 use super::{
-    DispersionModel, HOUR_S, LEAST_TRANSPORT_M_S, MAX_EXPONENT, MAX_MOLE_FRACTION_PPM, Place,
-    Plume, SourceTerm, cos_sin,
+    DispersionModel, HOUR_S, LEAST_TRANSPORT_M_S, MAX_EXPONENT, Place, Plume, SourceTerm, cos_sin,
 };
 use air::eddies::{Eddies, EddySpec, LONGEST_WAY_S};
 use air::wind::{Way, WindSeries};
@@ -35,6 +34,8 @@ const LAST_M: f64 = 30_000.0;
 /// Way from puff to puff over their relative spread. The sum differs from the integral by
 /// 2 exp(−2π²/h²): 5e-9 at 1 (Poisson's sum of a Gaussian).
 const SPACING_SIGMAS: f64 = 1.0;
+/// Part of the variance that a puff has about its own centre at least: that of the largest share of meander.
+const LEAST_RELATIVE: f64 = 0.05;
 /// Waves whose sum is the fluctuation: its distribution is then normal within a percent.
 const WAVES: usize = 24;
 /// Fluctuations change across the plume over this part of its relative spread (Wilson 1995: eddies that
@@ -220,6 +221,7 @@ impl DispersionModel {
             1.0
         };
         let here = slow.way(time_s);
+        let eddies_here = unsteady.as_mut().map(|air| air.eddies.way_m(time_s));
         let ways: Vec<(f64, Way, [f64; 3], [f64; 3])> = self
             .ages()
             .map(|(_, age_s)| {
@@ -230,11 +232,10 @@ impl DispersionModel {
                     north_m: (here.north_m - then.north_m) * factor,
                     length_m: (here.length_m - then.length_m) * factor,
                 };
-                let (eddies_m, variance_m2) = match &mut unsteady {
+                let (eddies_m, variance_m2) = match unsteady.as_mut().zip(eddies_here) {
                     None => ([0.0; 3], [0.0; 3]),
-                    Some(air) => {
-                        let (to, from) =
-                            (air.eddies.way_m(time_s), air.eddies.way_m(time_s - age_s));
+                    Some((air, to)) => {
+                        let from = air.eddies.way_m(time_s - age_s);
                         (
                             std::array::from_fn(|k| to[k] - from[k]),
                             air.eddies.spec().way_variance_m2(age_s),
@@ -278,7 +279,9 @@ impl DispersionModel {
             // Where the spread of the moment is less than the eddies', as with a source's own mechanisms, the
             // puff keeps a part of it.
             let relative = |sigma: f64, meander: f64| {
-                (sigma * sigma - meander).max(0.05 * sigma * sigma).sqrt()
+                (sigma * sigma - meander)
+                    .max(LEAST_RELATIVE * sigma * sigma)
+                    .sqrt()
             };
             let (sigma_y_m, sigma_z_m) = (relative(y, variance_y), relative(z, variance_z));
             let mut height_m = plume.height_m + up_m;
@@ -332,11 +335,7 @@ impl DispersionModel {
                 SourceTerm::AxisConcentration(_) => direct += sum,
             }
         }
-        let mut excess = direct;
-        if molar > 0.0 {
-            excess += molar * self.ppm_per_mol_m3(place.height_agl_m);
-        }
-        self.background_ppm(place, puffs.time_s) + excess.min(MAX_MOLE_FRACTION_PPM)
+        self.with_background((molar, direct), place, puffs.time_s)
     }
 
     fn sum(&self, plume: &Plume, of_plume: &[Puff], puffs: &Puffs, place: &Place) -> f64 {

@@ -235,13 +235,19 @@ impl WorldSimulator {
             return Vec::new();
         }
         let wind = self.wind.reported_speed(self.wind_sd_m_s);
-        let found = self.calibrator.flux(wind).into_iter();
-        let said = |(source, kg_s)| Flux {
-            source,
-            method: FluxMethod::Inference,
-            kg_s,
+        let said = |method| {
+            move |(source, kg_s)| Flux {
+                source,
+                method,
+                kg_s,
+            }
         };
-        found.map(said).collect()
+        let inferred = self.calibrator.flux(wind).into_iter();
+        let weighed = self.calibrator.curtain_flux(wind).into_iter();
+        inferred
+            .map(said(FluxMethod::Inference))
+            .chain(weighed.map(said(FluxMethod::MassBalance)))
+            .collect()
     }
 
     /// Where the axis runs, and the wind: by the correction alone, or by what is known of the wind of the

@@ -95,6 +95,11 @@ pub struct Calibrator {
     taken: u64,
     estimate: DVector<f64>,
     covariance: DMatrix<f64>,
+    /// How far the axis lay from that of the estimate in the mean of [`Calibrator::moments`], and how far both
+    /// together may be off; none before a fit.
+    turn: Option<infer::Estimate>,
+    /// The estimate and its covariance in the mean over meanders.
+    in_the_mean: (DVector<f64>, DMatrix<f64>),
     /// Rows that there were at the last fit.
     fitted_rows: usize,
     posterior: Option<Posterior>,
@@ -119,9 +124,13 @@ impl Calibrator {
         // The time constant is fitted as a whole, from none.
         setup.base.sensor.time_constant_s = 0.0;
         let unknowns = Unknowns::new(&setup, &base, platforms, reference);
+        let estimate = unknowns.prior_mean();
+        let covariance = DMatrix::from_diagonal(&unknowns.prior_sd().map(|sd| sd * sd));
         Ok(Self {
-            estimate: unknowns.prior_mean(),
-            covariance: DMatrix::from_diagonal(&unknowns.prior_sd().map(|sd| sd * sd)),
+            in_the_mean: (estimate.clone(), covariance.clone()),
+            estimate,
+            covariance,
+            turn: None,
             own_mechanisms: base.mechanisms.len(),
             base,
             setup,
@@ -308,6 +317,8 @@ impl Calibrator {
             peak::Predicted::of(&model, &track, readings, &self.estimate, spec, &posterior)?;
         self.fitted_rows = self.row_count();
         self.posterior = Some(posterior);
+        self.turn = self.mean_turn();
+        self.in_the_mean = self.averaged();
         Ok(())
     }
 
@@ -475,13 +486,12 @@ impl Calibrator {
 
     /// The corrected model in the mean over meanders.
     pub fn corrected_spec(&self) -> DispersionSpec {
-        self.unknowns.folded(&self.base, &self.in_the_mean().0)
+        self.unknowns.folded(&self.base, &self.in_the_mean.0)
     }
 
-    /// The unknowns and their covariance in the mean over meanders.
-    fn in_the_mean(&self) -> (DVector<f64>, DMatrix<f64>) {
+    fn averaged(&self) -> (DVector<f64>, DMatrix<f64>) {
         let (mut at, mut covariance) = (self.estimate.clone(), self.covariance.clone());
-        if let Some((k, turn)) = self.axis_index().zip(self.mean_turn()) {
+        if let Some((k, turn)) = self.axis_index().zip(self.turn) {
             at[k] += turn.value;
             let grown = turn.sd / covariance[(k, k)].sqrt();
             if grown.is_finite() {
@@ -499,8 +509,6 @@ impl Calibrator {
         self.unknowns.index(MechanismId::WindDirectionOffset, None)
     }
 
-    /// How far the axis lay from that of the unknowns in the mean of [`Calibrator::moments`], and how far both
-    /// together may be off; none before a fit.
     fn mean_turn(&self) -> Option<infer::Estimate> {
         let times_s: Vec<f64> = self.moments().iter().map(|m| m.time_s).collect();
         let posterior = self.posterior.as_ref()?;
@@ -509,8 +517,8 @@ impl Calibrator {
 
     /// The corrected model, its axis as it lay in the mean of [`Calibrator::moments`].
     pub fn latest_spec(&self) -> DispersionSpec {
-        let turn = self.mean_turn();
-        self.swung_spec(self.estimate.clone(), turn.map_or(0.0, |t| t.value))
+        let turn_deg = self.turn.map_or(0.0, |t| t.value);
+        self.swung_spec(self.estimate.clone(), turn_deg)
     }
 
     /// The model at these values of the unknowns, its axis turned by `turn_deg` besides.
@@ -523,21 +531,20 @@ impl Calibrator {
 
     /// How far the wind is turned clockwise from the scenario's, degrees.
     pub fn turn_deg(&self) -> f64 {
-        let (k, turn) = (self.axis_index(), self.mean_turn());
-        k.map_or(0.0, |k| self.estimate[k]) + turn.map_or(0.0, |t| t.value)
+        self.axis_index().map_or(0.0, |k| self.in_the_mean.0[k])
     }
 
     /// The corrected parameters with their standard deviations.
     pub fn calibrated(&self) -> Calibrated {
-        let (at, covariance) = self.in_the_mean();
-        self.unknowns.calibrated(&self.base, &at, &covariance)
+        let (at, covariance) = &self.in_the_mean;
+        self.unknowns.calibrated(&self.base, at, covariance)
     }
 
     /// What the scenario's sources of the sensor's gas emit, kg/s, by name, if the wind at the scenario's
     /// reference height is `wind_m_s`: readings tell the ratio of emission to wind.
     pub fn flux(&self, wind_m_s: Estimate) -> Vec<(String, Estimate)> {
-        let (at, covariance) = self.in_the_mean();
-        self.unknowns.flux(&self.base, &at, &covariance, wind_m_s)
+        let (at, covariance) = &self.in_the_mean;
+        self.unknowns.flux(&self.base, at, covariance, wind_m_s)
     }
 
     /// What all sources emit together, kg/s, if the wind at the scenario's reference height is `wind_m_s`, by the
@@ -582,8 +589,8 @@ impl Calibrator {
     /// Value and standard deviation of a mechanism's parameter that is unknown, of one platform's sensor or
     /// of all.
     pub fn parameter(&self, id: MechanismId, platform: Option<usize>) -> Option<Estimate> {
-        let (at, covariance) = self.in_the_mean();
-        self.unknowns.parameter((id, platform), &at, &covariance)
+        let (at, covariance) = &self.in_the_mean;
+        self.unknowns.parameter((id, platform), at, covariance)
     }
 }
 

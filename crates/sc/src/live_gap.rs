@@ -1,7 +1,7 @@
 //! The reality gap in flight: what the readings of real vehicles so far show of the model.
 //!
-//! At the start of the search, of the characterisation and of the way home the readings are
-//! analysed as `plumage gap plume` would analyse them from a file, only lighter: each goes on from the one
+//! At the start of the search and of the way home, and of each phase between them where what is found is to be
+//! adopted, the readings are analysed as `plumage gap plume` would analyse them from a file, only lighter: each goes on from the one
 //! before. The verdict is published, and, where the mission is to adopt what is found, handed to the world simulator.
 
 use gap::plume::{Analysis, Begun, Options, Setup, analyse_from};
@@ -54,6 +54,11 @@ impl LiveGap {
             taken: 0,
             said: None,
         }))
+    }
+
+    /// Whether what is found is to be adopted.
+    pub fn adopts(&self) -> bool {
+        self.adopt
     }
 
     /// Takes in a reading of the real vehicle `platform`.

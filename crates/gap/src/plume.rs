@@ -145,7 +145,7 @@ pub fn analyse(
     analyse_from(None, setup, observations, options, progress)
 }
 
-/// The same of more of the readings of an analysis before: from there where nothing is named, which
+/// The same of more of the readings of an analysis before: from there where nothing else is found, which
 /// takes a fraction of the time.
 ///
 /// # Errors
@@ -160,9 +160,7 @@ pub fn analyse_from(
     let (observations, zero_s) = observations.counted_from_near_zero()?;
     let mut of = |before| counted_from_near_zero(before, setup, &observations, options, progress);
     let mut analysis = of(before.filter(|b| b.zero_s == zero_s))?;
-    // A name from there may be one that a wrong valley gives.
-    let is_name = matches!(analysis.json.verdict, Verdict::Named | Verdict::Ambiguous);
-    if before.is_some() && is_name {
+    if before.is_some() && analysis.json.verdict != Verdict::None {
         analysis = of(None)?;
     }
     zero::told_from(&mut analysis, zero_s);

@@ -4,7 +4,7 @@
 
 use crate::InferError;
 use crate::evidence::{Known, Layout, Products};
-use crate::form::{Active, Basis, SWING, Sizes, precision_of};
+use crate::form::{Active, Basis, Growth, SWING, Sizes, precision_of};
 use crate::maximise::maximise;
 use crate::noise::{Loadings, Means, Noise, Whitener, log_likelihood};
 use crate::policy::Policy;
@@ -126,8 +126,8 @@ struct Linearised {
 struct Local {
     /// What each unknown changes at every row.
     slopes: Vec<Vec<f64>>,
-    /// The plume with its error of form.
-    plume: Vec<f64>,
+    /// What a change of the error of form's exponent changes at every row.
+    per_form: Vec<f64>,
     /// The values of the bumps of the error of form that may have weights, row after row.
     bumps: Vec<f64>,
     misfit: Vec<f64>,
@@ -148,21 +148,21 @@ struct Shape<'b> {
 }
 
 impl Shape<'_> {
-    fn factors(&self, bumps: &[f64], point: &Point, rows: usize) -> Vec<f64> {
-        factors_of(bumps, &self.active, point, rows)
+    fn growth(&self, bumps: &[f64], point: &Point, rows: usize) -> Vec<Growth> {
+        growth_of(bumps, &self.active, point, rows)
     }
 }
 
 /// What the error of form makes of the plume at every row.
-fn factors_of(bumps: &[f64], active: &Active, point: &Point, rows: usize) -> Vec<f64> {
+fn growth_of(bumps: &[f64], active: &Active, point: &Point, rows: usize) -> Vec<Growth> {
     let n = active.of_form();
     if n == 0 {
-        return vec![1.0; rows];
+        return vec![Growth::NONE; rows];
     }
     let weights: Vec<f64> = active.weights().take(n).map(|k| point.weights[k]).collect();
     bumps
         .chunks_exact(n)
-        .map(|b| Basis::factor(b, &weights))
+        .map(|b| Basis::growth(b, &weights))
         .collect()
 }
 
@@ -603,8 +603,8 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         here: &Linearised,
     ) -> Option<f64> {
         let there = self.model.predict(&next.at, &self.turns(next)).ok()?;
-        let factors = shape.factors(&here.bumps, next, self.rows.len());
-        let mut misfit = self.misfit(&there, &factors);
+        let growth = shape.growth(&here.bumps, next, self.rows.len());
+        let mut misfit = self.misfit(&there, &growth);
         metric.whitener.whiten(self.rows, &mut misfit, 1);
         let square: f64 = misfit.iter().map(|w| w * w).sum();
         let [mean, slope] = self.steady_turns(shape.basis, &next.weights);
@@ -627,16 +627,17 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
             .predict(&fit.point.at, &self.turns(&fit.point))?
             .plume;
         let bumps = self.bumps(&fit.point, &fit.basis, &active, &plume)?;
-        Ok(factors_of(&bumps, &active, &fit.point, self.rows.len()))
+        let growth = growth_of(&bumps, &active, &fit.point, self.rows.len());
+        Ok(growth.iter().map(|g| g.factor).collect())
     }
 
-    /// What the rows read beyond a prediction whose plume grows by `factors`.
-    fn misfit(&self, there: &Prediction, factors: &[f64]) -> Vec<f64> {
+    /// What the rows read beyond a prediction whose plume has grown.
+    fn misfit(&self, there: &Prediction, growth: &[Growth]) -> Vec<f64> {
         let of = |i: usize| {
             if !self.rows.is_used(i) {
                 return 0.0;
             }
-            self.rows.measured()[i] - there.reading[i] - there.plume[i] * (factors[i] - 1.0)
+            self.rows.measured()[i] - there.reading[i] - there.plume[i] * (growth[i].factor - 1.0)
         };
         (0..self.rows.len()).map(of).collect()
     }
@@ -685,13 +686,13 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let mut plume: Vec<f64> = plume_sq.into_iter().map(f64::sqrt).collect();
         let active = basis.weighted(&point.weights);
         let bumps = self.bumps(point, basis, &active, &plume)?;
-        let factors = factors_of(&bumps, &active, point, rows);
+        let growth = growth_of(&bumps, &active, point, rows);
         let mut per_degree = Vec::with_capacity(rows);
         for i in 0..rows {
-            let grown = (right.plume[i] - left.plume[i]) * (factors[i] - 1.0);
+            let grown = (right.plume[i] - left.plume[i]) * (growth[i].factor - 1.0);
             let slope = right.reading[i] - left.reading[i] + grown;
             per_degree.push(slope / (2.0 * DIFFERENCE_DEG));
-            plume[i] *= factors[i];
+            plume[i] *= growth[i].factor;
         }
         Ok(Loadings { plume, per_degree })
     }
@@ -774,14 +775,14 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let turns = self.turns(point);
         let here = self.model.predict(&point.at, &turns)?;
         let bumps = self.bumps(point, basis, active, &here.plume)?;
-        let factors = factors_of(&bumps, active, point, n);
+        let growth = growth_of(&bumps, active, point, n);
         let slope = |(k, prior): (usize, &Prior)| -> Result<Vec<f64>, InferError> {
             let difference = DIFFERENCE_SD * prior.sd.min(1.0 + point.at[k].abs());
             let mut aside = point.at.clone();
             aside[k] += difference;
             let there = self.model.predict(&aside, &turns)?;
             let change = |i: usize| {
-                let grown = (there.plume[i] - here.plume[i]) * (factors[i] - 1.0);
+                let grown = (there.plume[i] - here.plume[i]) * (growth[i].factor - 1.0);
                 (there.reading[i] - here.reading[i] + grown) / difference
             };
             Ok((0..n).map(change).collect())
@@ -789,12 +790,12 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let slopes = self.model.priors().iter().enumerate().map(slope);
         Ok(Local {
             slopes: slopes.collect::<Result<_, _>>()?,
-            misfit: self.misfit(&here, &factors),
-            plume: here
+            misfit: self.misfit(&here, &growth),
+            per_form: here
                 .plume
                 .iter()
-                .zip(&factors)
-                .map(|(p, f)| p * f)
+                .zip(&growth)
+                .map(|(p, g)| p * g.slope)
                 .collect(),
             bumps,
         })
@@ -817,7 +818,7 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let (form, swing) = places.weights.split_at(of_form);
         let bumps = &local.bumps[i * of_form..(i + 1) * of_form];
         for (place, bump) in form.iter().zip(bumps) {
-            row[*place] = local.plume[i] * bump;
+            row[*place] = local.per_form[i] * bump;
         }
         let count = self.turning.swing.len();
         let bumps = &self.turning.bumps[i * count..(i + 1) * count];

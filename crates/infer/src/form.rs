@@ -19,8 +19,35 @@ pub const COORDINATES: usize = 5;
 const TIME: usize = 3;
 /// See above.
 pub const SWING: usize = 4;
-/// The exponent g is kept within this, so that no step of a search overflows: a factor of seven.
+/// The exponent g comes to this at most, so that no step of a search overflows: a factor of seven.
 const MOST_EXPONENT: f64 = 2.0;
+
+/// What an error of form makes of a plume.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Growth {
+    /// exp(g).
+    pub factor: f64,
+    /// What a change of the sum of weighted bumps changes the factor by.
+    pub slope: f64,
+}
+
+impl Growth {
+    pub const NONE: Self = Self {
+        factor: 1.0,
+        slope: 1.0,
+    };
+
+    /// That of a sum of weighted bumps, which bends towards the largest exponent rather than to stop there: where
+    /// a slope ends, a search leans on rows that cannot follow.
+    fn of(sum: f64) -> Self {
+        let part = (sum / MOST_EXPONENT).tanh();
+        let factor = (MOST_EXPONENT * part).exp();
+        Self {
+            factor,
+            slope: factor * (1.0 - part * part),
+        }
+    }
+}
 
 /// Size along each coordinate: standard deviation of g's part, and of the swing in degrees.
 pub type Sizes = [f64; COORDINATES];
@@ -261,10 +288,10 @@ impl Basis {
         out
     }
 
-    /// exp(g) for bumps of the error of form of these values and weights; more values are left alone.
-    pub(crate) fn factor(values: &[f64], weights: &[f64]) -> f64 {
-        let g = dot(values, weights);
-        g.clamp(-MOST_EXPONENT, MOST_EXPONENT).exp()
+    /// What bumps of the error of form of these values and weights make of a plume; more values are left
+    /// alone.
+    pub(crate) fn growth(values: &[f64], weights: &[f64]) -> Growth {
+        Growth::of(dot(values, weights))
     }
 
     /// Turn of the axis at a time, degrees clockwise.
@@ -444,7 +471,7 @@ mod tests {
         assert!(bumps[..basis.of_form()].iter().all(|b| *b == 0.0));
         assert!(bumps[basis.of_form()..].iter().any(|b| *b > 0.1));
         assert_eq!(
-            Basis::factor(&bumps[..basis.of_form()], &vec![1.0; basis.of_form()]),
+            Basis::growth(&bumps[..basis.of_form()], &vec![1.0; basis.of_form()]).factor,
             1.0
         );
     }

@@ -5,7 +5,7 @@ use crate::InferError;
 use crate::at_once::at_once;
 use crate::evidence::{Evidence, Known, Layout, Products};
 use crate::fit::{Fit, Point, Problem, Turning};
-use crate::form::{Basis, COORDINATES, Sizes};
+use crate::form::{Basis, COORDINATES, Growth, Sizes};
 use crate::noise::Noise;
 use crate::rows::{ForwardModel, PlumePlace};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -628,18 +628,17 @@ impl Posterior {
         time_s: f64,
         value: impl Fn(&[f64], f64) -> (f64, f64, PlumePlace),
     ) -> f64 {
-        let (rest, plume, _) = self.with_form(value(&self.fit.point.at, self.turn_deg(time_s)));
-        rest + plume
+        let (rest, plume, place) = value(&self.fit.point.at, self.turn_deg(time_s));
+        rest + plume * self.growth(&place).0.factor
     }
 
-    /// What is at a place with the error of form of the fit's point, and the values of the bumps there.
-    fn with_form(&self, (rest, plume, place): (f64, f64, PlumePlace)) -> (f64, f64, Vec<f64>) {
+    /// The error of form of the fit's point at a place, and the values of the bumps there.
+    fn growth(&self, place: &PlumePlace) -> (Growth, Vec<f64>) {
         let (basis, weights) = (&self.fit.basis, &self.fit.point.weights);
         let form = basis.of_form();
         let mut bumps = vec![0.0; basis.len()];
-        basis.fill(&place, &mut bumps);
-        let factor = Basis::factor(&bumps[..form], &weights[..form]);
-        (rest, plume * factor, bumps)
+        basis.fill(place, &mut bumps);
+        (Basis::growth(&bumps[..form], &weights[..form]), bumps)
     }
 
     /// What is to be met at a place: `value` gives for the unknowns and a turn of the axis in degrees
@@ -652,11 +651,15 @@ impl Posterior {
     ) -> Estimate {
         let (fit, basis) = (&self.fit, &self.fit.basis);
         let form = basis.of_form();
-        let met = |at: &[f64], turn_deg: f64| self.with_form(value(at, turn_deg));
+        let met = |at: &[f64], turn_deg: f64| {
+            let (rest, plume, place) = value(at, turn_deg);
+            rest + plume * self.growth(&place).0.factor
+        };
         let at = &fit.point.at;
         let turn_deg = basis.turn_deg(time_s, &fit.point.weights);
-        let (rest, plume, here_bumps) = met(at, turn_deg);
-        let here = rest + plume;
+        let (rest, plume, place) = value(at, turn_deg);
+        let (growth, here_bumps) = self.growth(&place);
+        let here = rest + plume * growth.factor;
         let mut slope = DVector::zeros(self.layout.tried);
         let sds = self.covariance().diagonal();
         for k in 0..self.unknowns {
@@ -664,14 +667,16 @@ impl Posterior {
             if difference > 0.0 {
                 let mut aside = at.clone();
                 aside[k] += difference;
-                let (rest, plume, _) = met(&aside, turn_deg);
-                slope[self.layout.unknowns + k] = (rest + plume - here) / difference;
+                slope[self.layout.unknowns + k] = (met(&aside, turn_deg) - here) / difference;
             }
         }
-        let (rest, turned, _) = met(at, turn_deg + DIFFERENCE_DEG);
-        let per_degree = (rest + turned - here) / DIFFERENCE_DEG;
+        let per_degree = (met(at, turn_deg + DIFFERENCE_DEG) - here) / DIFFERENCE_DEG;
         for (k, (bump, place)) in here_bumps.iter().zip(&self.layout.weights).enumerate() {
-            let each = if k < form { plume } else { per_degree };
+            let each = if k < form {
+                plume * growth.slope
+            } else {
+                per_degree
+            };
             slope[*place] = each * bump;
         }
         let moments = self.parts.iter().map(|p| {

@@ -74,6 +74,8 @@ pub struct Posterior {
 pub(crate) struct Weighed {
     pub fit: Fit,
     pub ln_evidence: f64,
+    /// Log evidence of the fit's own sizes alone.
+    ln_own: f64,
     /// Logarithms of the shares of sizes, the largest first. Where an error of form or a swing was fitted,
     /// the linear problem does not say how well none would do.
     pub sizes: Vec<(f64, Sizes)>,
@@ -324,21 +326,24 @@ impl<M: ForwardModel> Problem<'_, M> {
     }
 
     /// The fit under the same noise whose point has the sizes of the error of form that are likeliest
-    /// there: what a linear problem says of sizes far from those of its point is not to be believed.
+    /// there: what a linear problem says of sizes far from those of its point is not to be believed, and where a fit
+    /// with them does not keep what they promised, those of the point are the only ones that count.
     pub(crate) fn settle_sizes(&self, fit: Fit) -> Result<Weighed, InferError> {
         let mut best = self.around(fit)?;
         for _ in 0..MOST_ROUNDS {
             let sizes = best.promising.1;
             if sizes == best.fit.sizes {
-                break;
+                return Ok(best);
             }
             let fit = &best.fit;
             let next = self.around(self.fit(&fit.point, &fit.basis, fit.noise, sizes)?)?;
-            if next.ln_evidence < best.ln_evidence {
+            if next.ln_own < best.ln_own {
                 break;
             }
             best = next;
         }
+        let own = best.fit.sizes;
+        best.ln_evidence = best.only(&own, self.policy, self);
         Ok(best)
     }
 
@@ -350,6 +355,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         let mut scored = |sizes: Sizes| (evidence.ln(&sizes) + self.policy.ln_sizes(&sizes), sizes);
         // What differs from the likeliest sizes on more than two coordinates weighs nothing.
         let mut likeliest = scored(fit.sizes);
+        let of_point = likeliest.0;
         let mut sizes: Vec<(f64, Sizes)>;
         loop {
             sizes = self
@@ -391,6 +397,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         }
         Ok(Weighed {
             ln_evidence: top + total + ln_noise,
+            ln_own: of_point + ln_noise,
             sizes,
             promising,
             fit,

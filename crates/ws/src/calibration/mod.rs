@@ -136,6 +136,15 @@ impl Calibrator {
         })
     }
 
+    /// One more platform, whose sensor is as all others; its index.
+    pub fn add_platform(&mut self, name: &str) -> usize {
+        self.platforms.push(name.to_owned());
+        self.unknowns.add_platform(name);
+        self.bins.push(AveragingBin::default());
+        self.readings.push(Vec::new());
+        self.bins.len() - 1
+    }
+
     /// Takes in one reading of the platform at index `platform`; `wind` is speed and
     /// from-direction at the place, where it is known better than by the scenario.
     pub fn observe(

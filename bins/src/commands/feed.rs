@@ -1,5 +1,6 @@
 //! `plumage feed`: observations into a mission that runs in processes in real time.
 
+use crate::commands::control::LEAVE_MS;
 use crate::feeding::{FeedFiles, FeedOptions, LineFeed, Start};
 use crate::pace::Speed;
 use crate::{Failure, agent, presence};
@@ -10,6 +11,7 @@ use net::realtime::{self, MissionClock};
 use protocol::{AgentId, SimTime};
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::sync::Notify;
 
 /// Arguments of `plumage feed`.
@@ -65,6 +67,7 @@ pub fn feed(arguments: &FeedArguments) -> Result<(), Failure> {
         }
         let fed = source.feed(&setup, &options, &mut net, clock).await?;
         watch.abort();
+        tokio::time::sleep(Duration::from_millis(LEAVE_MS)).await;
         net.close().await?;
         println!("{fed}");
         Ok(())
@@ -74,7 +77,7 @@ pub fn feed(arguments: &FeedArguments) -> Result<(), Failure> {
 /// Where rows come from.
 enum Source {
     Files(FeedFiles),
-    Lines(FedVehicle, LineFeed),
+    Lines(Box<LineFeed>),
 }
 
 impl Source {
@@ -82,14 +85,13 @@ impl Source {
         if !options.is_stream() {
             return Ok(Self::Files(FeedFiles::open(setup, options)?));
         }
-        let lines = LineFeed::new(setup, options)?;
-        Ok(Self::Lines(lines.vehicle(setup)?, lines))
+        Ok(Self::Lines(Box::new(LineFeed::new(setup, options)?)))
     }
 
     fn ids(&self) -> &[String] {
         match self {
             Self::Files(files) => files.ids(),
-            Self::Lines(_, lines) => std::slice::from_ref(lines.id()),
+            Self::Lines(lines) => std::slice::from_ref(lines.id()),
         }
     }
 
@@ -104,7 +106,7 @@ impl Source {
         let ids = self.ids().join(", ");
         let (mut vehicles, mut lines) = match self {
             Self::Files(files) => (files.vehicles(setup, options, clock.now())?.0, None),
-            Self::Lines(vehicle, lines) => (vec![vehicle], Some(lines)),
+            Self::Lines(lines) => (vec![lines.vehicle(setup)?], Some(lines)),
         };
         let until = SimTime::from_s(setup.scenario.mission.duration_s);
         let finished = Arc::new(Notify::new());
@@ -113,11 +115,11 @@ impl Source {
         let run = realtime::run(net, &mut vehicles, clock, setup.tick_ns(), until, {
             let (finished, lines, wrong) = (Arc::clone(&finished), &mut lines, &mut wrong);
             move |k, vehicle: &mut FedVehicle| {
-                if let Some(lines) = lines {
-                    if let Err(failure) = lines.serve(vehicle, clock.now()) {
-                        *wrong = Some(failure);
-                        finished.notify_one();
-                    }
+                if let Some(lines) = lines
+                    && let Err(failure) = lines.serve(vehicle, clock.now())
+                {
+                    *wrong = Some(failure);
+                    finished.notify_one();
                 }
                 // Asked before a tick: what was said in the last one has gone out.
                 let more = lines.as_ref().is_some_and(|l| !l.has_ended());

@@ -6,7 +6,7 @@ use air::geo::{Enu, Geodetic, LocalFrame};
 use air::terrain::Terrain;
 use air::wind::WindVector;
 use protocol::key::Name;
-use protocol::message::{ControlLevel, Mode, Reading, State, VehicleKind};
+use protocol::message::{ControlLevel, Mode, Reading, Severity, State, VehicleKind};
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
 use scenario::observations::ObservationRow;
 use std::collections::VecDeque;
@@ -194,12 +194,14 @@ impl Agent for FedVehicle {
     }
 
     fn interests(&self) -> Vec<Interest> {
-        Vec::new()
+        vec![Interest::One(Topic::Control(self.name.clone()))]
     }
 
     fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
         if let Event::Message(..) = event {
-            return;
+            let words =
+                "it is not of the team: nobody here can take it over, hand it back or call it home";
+            return out.event(&self.id, Severity::Warning, "control-refused", words);
         }
         while let Some((_, message)) = self.waiting.pop_front_if(|(said, _)| *said <= now) {
             let topic = match &message {

@@ -76,6 +76,7 @@
 //! # }
 //! ```
 
+pub mod curtain;
 pub mod effects;
 pub mod field;
 mod lag;

@@ -357,7 +357,9 @@ impl SquadronController {
         if phase == Phase::Home {
             self.publish_findings(out);
         }
-        if phase.has_searched() {
+        // What is found is stated at the end; what is to be adopted changes the world on the way.
+        let adopts = self.gap.as_ref().is_some_and(LiveGap::adopts);
+        if matches!(phase, Phase::Search | Phase::Home) || (phase.has_searched() && adopts) {
             self.publish_gap(out);
         }
         self.tasks.start_phase(phase, &self.fleet);

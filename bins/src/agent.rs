@@ -1,6 +1,7 @@
 //! One agent in a process of its own, on the bus over Zenoh.
 
 use crate::flightgear::{self, Viewer};
+use crate::weather_file::WeatherFile;
 use crate::{Failure, mission_files, preflight, presence, tls};
 use anyhow::Context as _;
 use mav_bridge::link::{Link, LinkAddress};
@@ -163,6 +164,16 @@ pub struct HostedMember {
     signing_key: Option<SigningKey>,
     /// Where FlightGear shows it.
     flightgear: Option<String>,
+    /// The file of reported weather that the world goes by.
+    weather: Option<WeatherFile>,
+}
+
+impl HostedMember {
+    /// The same, the world of which goes by a file of reported weather.
+    #[must_use]
+    pub fn with_weather(self, weather: Option<WeatherFile>) -> Self {
+        Self { weather, ..self }
+    }
 }
 
 impl From<Member> for HostedMember {
@@ -172,6 +183,7 @@ impl From<Member> for HostedMember {
             link: None,
             signing_key: None,
             flightgear: None,
+            weather: None,
         }
     }
 }
@@ -221,6 +233,7 @@ pub fn vehicles(
             link,
             signing_key: options.signing_key.clone().or_else(of_scenario),
             flightgear,
+            weather: None,
         });
     }
     Ok(hosted)
@@ -276,9 +289,11 @@ async fn fly_in_real_time(
     let mut links = Vec::new();
     let mut viewers = Vec::new();
     let mut keys = Vec::new();
+    let mut weather = Vec::new();
     for a in hosted {
         members.push(a.member);
         keys.push(a.signing_key);
+        weather.push(a.weather);
         links.push(match &a.link {
             Some(address) => Some(Link::open(address).await.map_err(Failure::input)?),
             None => None,
@@ -309,6 +324,11 @@ async fn fly_in_real_time(
                     obey(&word, vehicle);
                 }
                 serve_link(link, vehicle);
+            }
+            if let (Some(file), Member::World(world)) = (&mut weather[k], &mut *member)
+                && let Some(news) = file.poll(clock.now())
+            {
+                world.set_weather(news);
             }
             if let Some(viewer) = &mut viewers[k] {
                 viewer.show(member);

@@ -4,6 +4,7 @@
 pub mod agent;
 pub mod commands;
 pub mod failure;
+pub mod feeding;
 pub mod flightgear;
 pub mod measured;
 pub mod mission_files;
@@ -15,5 +16,6 @@ pub mod preflight;
 pub mod presence;
 pub mod site;
 pub mod tls;
+pub mod weather_file;
 
 pub use failure::Failure;

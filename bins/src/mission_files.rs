@@ -44,22 +44,31 @@ pub fn load_changed(
     Ok(setup)
 }
 
+/// Where a file that a scenario in `folder` names may be.
+fn places(file: &str, folder: &Path) -> [PathBuf; 3] {
+    // The shipped scenarios name `aircraft/x8.toml`, which is beside their folder, not in it.
+    let above = folder.parent().unwrap_or(Path::new(""));
+    [folder, above, Path::new("")].map(|f| f.join(file))
+}
+
+/// Where a file that a scenario in `folder` names is, if it is anywhere.
+pub fn find(file: &str, folder: &Path) -> Option<PathBuf> {
+    places(file, folder).into_iter().find(|p| p.is_file())
+}
+
 /// The same for a scenario's text that came from `name`; its files are looked for from `folder`.
 ///
 /// # Errors
 /// As [`load`].
 pub fn load_text(name: &str, text: &str, folder: &Path) -> Result<Setup, Failure> {
-    let above = folder.parent().unwrap_or(Path::new("")).to_owned();
-    // The shipped scenarios name `aircraft/x8.toml`, which is beside their folder, not in it.
-    let folders = [folder.to_owned(), above, PathBuf::new()];
     let read = |file: &str| -> Result<Vec<u8>, String> {
-        let tried = folders.iter().map(|f| f.join(file));
-        match tried.clone().find(|p| p.is_file()) {
+        match find(file, folder) {
             Some(found) => {
                 std::fs::read(&found).map_err(|e| format!("cannot read {}: {e}", found.display()))
             }
             None => {
-                let tried: Vec<String> = tried.map(|p| p.display().to_string()).collect();
+                let tried = places(file, folder);
+                let tried: Vec<String> = tried.iter().map(|p| p.display().to_string()).collect();
                 Err(format!("no such file; looked for {}", tried.join(", ")))
             }
         }

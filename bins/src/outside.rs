@@ -3,14 +3,17 @@
 
 use crate::Failure;
 use crate::agent::{serve_link, signing_from};
+use crate::feeding::{FeedFiles, FeedOptions, LineFeed};
 use crate::flightgear::{self, Viewer};
 use crate::pace::Speed;
+use crate::weather_file::WeatherFile;
 use mav_bridge::link::{Link, LinkAddress};
 use mission::setup::SigningKey;
 use mission::{Member, Run, Setup};
 use protocol::{Agent as _, AgentId, SimTime};
 use scenario::tables::VehicleKind;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// A real vehicle's link.
 pub struct Served {
@@ -23,6 +26,8 @@ pub struct Outside {
     /// The links by the vehicles' ids.
     pub links: BTreeMap<AgentId, Served>,
     viewers: BTreeMap<AgentId, Viewer>,
+    lines: Option<LineFeed>,
+    weather: Option<WeatherFile>,
     /// The links live on it.
     _runtime: Option<tokio::runtime::Runtime>,
 }
@@ -41,6 +46,8 @@ impl Outside {
         let mut outside = Self {
             links: BTreeMap::new(),
             viewers: BTreeMap::new(),
+            lines: None,
+            weather: None,
             _runtime: None,
         };
         for (id, address) in ids.iter().zip(addresses) {
@@ -82,15 +89,81 @@ impl Outside {
         Ok(outside)
     }
 
-    /// Carries bytes and shows vehicles before the next tick of `run`.
-    pub fn serve(&mut self, run: &mut Run) {
-        if self.links.is_empty() && self.viewers.is_empty() {
-            return;
+    /// The same with what is fed into `run`, which flies at `speed`; nothing where no files are named.
+    ///
+    /// # Errors
+    /// Files that are no observations, ids that cannot be, or standard input at another speed than its own.
+    pub fn with_feed(
+        mut self,
+        setup: &Setup,
+        options: &FeedOptions<'_>,
+        speed: Speed,
+        run: &mut Run,
+    ) -> Result<Self, Failure> {
+        if options.files.is_empty() {
+            return Ok(self);
         }
+        if options.is_stream() {
+            if speed != Speed(1.0) {
+                return Err(Failure::usage(
+                    "--feed -: standard input comes in its own time: expected --speed real",
+                ));
+            }
+            self.lines = Some(LineFeed::new(setup, options)?);
+        }
+        let vehicles = match &self.lines {
+            Some(lines) => vec![lines.vehicle(setup)?],
+            None => {
+                FeedFiles::open(setup, options)?
+                    .vehicles(setup, options, run.now())?
+                    .0
+            }
+        };
+        for vehicle in vehicles {
+            run.join(vehicle).map_err(Failure::input)?;
+        }
+        Ok(self)
+    }
+
+    /// The same with the file of reported weather of the scenario at `path`, which is looked at again where the
+    /// run flies in real time.
+    ///
+    /// # Errors
+    /// A scenario that describes no wind.
+    pub fn with_weather(
+        mut self,
+        setup: &Setup,
+        path: &Path,
+        speed: Speed,
+    ) -> Result<Self, Failure> {
+        if speed == Speed(1.0) {
+            self.weather = WeatherFile::of(setup, path)?;
+        }
+        Ok(self)
+    }
+
+    /// Carries bytes, lines and weather and shows vehicles before the next tick of `run`.
+    ///
+    /// # Errors
+    /// Lines that are no observations.
+    pub fn serve(&mut self, run: &mut Run) -> Result<(), Failure> {
         let now = run.now();
+        let mut weather = self.weather.as_mut().and_then(|file| file.poll(now));
+        let nothing = self.links.is_empty() && self.viewers.is_empty() && self.lines.is_none();
+        if nothing && weather.is_none() {
+            return Ok(());
+        }
         for member in run.members_mut() {
             if let Some(viewer) = self.viewers.get_mut(member.id()) {
                 viewer.show(member);
+            }
+            if let Member::World(world) = &mut *member
+                && let Some(weather) = weather.take()
+            {
+                world.set_weather(weather);
+            }
+            if let (Some(lines), Member::Fed(vehicle)) = (&mut self.lines, &mut *member) {
+                lines.serve(vehicle, now)?;
             }
             let Some(served) = self.links.get_mut(member.id()) else {
                 continue;
@@ -104,5 +177,6 @@ impl Outside {
                 serve_link(&mut served.link, vehicle);
             }
         }
+        Ok(())
     }
 }

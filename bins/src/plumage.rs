@@ -1,7 +1,7 @@
 //! The one command a newcomer needs.
 
 use clap::{Parser, Subcommand};
-use programs::commands::{calibrate, campaign, conduct, control, gap, replay, run, tune};
+use programs::commands::{calibrate, campaign, conduct, control, feed, gap, replay, run, tune};
 use programs::failure;
 use std::process::ExitCode;
 
@@ -26,6 +26,8 @@ enum Command {
     Conduct(conduct::ConductArguments),
     /// Hand vehicles back or take them over in a mission that runs in processes
     Control(control::ControlArguments),
+    /// Pass observations into a mission that runs in processes, as a real vehicle's
+    Feed(feed::FeedArguments),
     /// Read a recording and, with --verify, fly it again and compare
     Replay(replay::ReplayArguments),
     /// Fly one scenario with many seeds and tabulate what was found
@@ -41,6 +43,7 @@ fn main() -> ExitCode {
         Command::Gap(command) => gap::gap(command),
         Command::Conduct(arguments) => conduct::conduct(arguments),
         Command::Control(arguments) => control::control(arguments),
+        Command::Feed(arguments) => feed::feed(arguments),
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Campaign(arguments) => campaign::campaign(arguments),
         Command::Tune(arguments) => tune::tune(arguments),

@@ -2,6 +2,8 @@
 
 use clap::Parser;
 use mission::Member;
+use programs::agent::HostedMember;
+use programs::weather_file::WeatherFile;
 use programs::{Failure, agent, failure};
 use std::process::ExitCode;
 
@@ -17,6 +19,7 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     failure::exit(agent::run(&arguments.bus, false, |setup| {
         let member = Member::world(setup).map_err(Failure::input)?;
-        Ok(vec![member.into()])
+        let weather = WeatherFile::of(setup, &arguments.bus.scenario)?;
+        Ok(vec![HostedMember::from(member).with_weather(weather)])
     }))
 }

@@ -11,8 +11,8 @@ use std::time::Duration;
 
 /// How long the vehicles may take to appear, s.
 const PATIENCE_S: u64 = 10;
-/// Time for the message to leave before the connection is closed, ms.
-const LEAVE_MS: u64 = 300;
+/// Time for messages to leave before the connection is closed, ms.
+pub(crate) const LEAVE_MS: u64 = 300;
 
 /// What to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]

@@ -1,9 +1,12 @@
 //! `plumage replay`: a recording flown again, and whether it comes out the same.
 
 use crate::{Failure, mission_files};
-use mission::Run;
+use mission::fed_vehicle::FedVehicle;
+use mission::{Member, Run};
+use protocol::key::Name;
+use protocol::message::Weather;
 use protocol::{Message, Topic};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `plumage replay`.
@@ -40,13 +43,39 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     let setup = mission_files::load_text(&name, &recording.info.scenario_toml, folder)?;
     let mut run = Run::new(&setup).map_err(Failure::input)?;
     let mut last = None;
-    let mut operated = VecDeque::new();
+    let (mut operated, mut weather) = (VecDeque::new(), VecDeque::new());
+    let mut fed: BTreeMap<Name, FedVehicle> = BTreeMap::new();
     for envelope in recording.in_order().map_err(Failure::input)? {
         let (topic, envelope) = envelope.map_err(Failure::input)?;
         last = Some(envelope.time);
-        if let (Topic::Control(vehicle), Message::Control(control)) = (topic, &envelope.message) {
-            operated.push_back((envelope.time, vehicle, *control));
+        match topic {
+            Topic::Control(vehicle) => {
+                if let Message::Control(control) = &envelope.message {
+                    operated.push_back((envelope.time, vehicle, *control));
+                }
+            }
+            Topic::Weather => {
+                if let Message::Weather(news) = envelope.message {
+                    weather.push_back((envelope.time, news));
+                }
+            }
+            // What was fed in comes from nowhere else than the recording.
+            Topic::State(name) | Topic::Reading(name) | Topic::Mode(name)
+                if setup.index_of(name.as_str()).is_err() =>
+            {
+                if !fed.contains_key(&name) {
+                    let vehicle = FedVehicle::new(&setup, name.as_str()).map_err(Failure::input)?;
+                    fed.insert(name.clone(), vehicle);
+                }
+                if let Some(vehicle) = fed.get_mut(&name) {
+                    vehicle.repeat(envelope.time, envelope.message);
+                }
+            }
+            _ => {}
         }
+    }
+    for vehicle in fed.into_values() {
+        run.join(vehicle).map_err(Failure::input)?;
     }
     // A recording cut short is compared as far as it goes.
     while last.is_some_and(|last| run.now() <= last) && !run.ended() {
@@ -54,6 +83,10 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
         while let Some((_, vehicle, control)) = operated.pop_front_if(|o| o.0 <= run.now()) {
             run.operate(vehicle.as_str(), control)
                 .map_err(Failure::input)?;
+        }
+        // What the world learnt of the weather then it learns again.
+        while let Some((_, news)) = weather.pop_front_if(|w| w.0 <= run.now()) {
+            set_weather(&mut run, news);
         }
         run.step();
     }
@@ -67,4 +100,14 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     }
     println!("the same, bit for bit");
     Ok(())
+}
+
+fn set_weather(run: &mut Run, weather: Weather) {
+    let world = run.members_mut().find_map(|member| match member {
+        Member::World(world) => Some(world),
+        _ => None,
+    });
+    if let Some(world) = world {
+        world.set_weather(weather);
+    }
 }

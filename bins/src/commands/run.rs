@@ -1,5 +1,6 @@
 //! `plumage run`: a mission in one process.
 
+use crate::feeding::{FeedOptions, Start};
 use crate::outputs::{Outputs, fresh_folder};
 use crate::outside::Outside;
 use crate::pace::{Pace, Speed};
@@ -50,6 +51,16 @@ pub struct RunArguments {
     /// FlightGear that shows a vehicle, 50 packets a second; may be repeated
     #[arg(long, value_name = "ID=HOST:PORT")]
     pub flightgear: Vec<String>,
+    /// Observations (CSV, MCAP, or - for lines on standard input, with --speed real) that count as those of a
+    /// real vehicle which is not of the team; may be repeated
+    #[arg(long, value_name = "OBS")]
+    pub feed: Vec<PathBuf>,
+    /// Id of that vehicle; the platform's own if not given, and "feed" of standard input
+    #[arg(long, value_name = "ID", requires = "feed")]
+    pub feed_id: Option<String>,
+    /// Mission time of the first row, s, or file: the rows' own times; at once if not given
+    #[arg(long, value_name = "S|file", requires = "feed")]
+    pub feed_start: Option<Start>,
     /// Make the last N vehicles of the team stand-ins for real ones, the others simulated
     #[arg(long, value_name = "N")]
     pub real_stand_ins: Option<usize>,
@@ -66,6 +77,16 @@ impl RunArguments {
         match self.real_stand_ins {
             Some(count) => setup.with_stand_ins(count).map_err(Failure::input),
             None => Ok(setup),
+        }
+    }
+
+    /// What is fed in; rows are said as fast as they were read.
+    fn feed_options(&self) -> FeedOptions<'_> {
+        FeedOptions {
+            files: &self.feed,
+            id: self.feed_id.as_deref(),
+            start: self.feed_start,
+            speed: Speed(1.0),
         }
     }
 
@@ -95,7 +116,10 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     } else {
         Run::with_links(&setup)
     };
-    let run = run.map_err(Failure::input)?;
+    let mut run = run.map_err(Failure::input)?;
+    let outside = outside.with_weather(&setup, &arguments.scenario, arguments.speed)?;
+    let outside =
+        outside.with_feed(&setup, &arguments.feed_options(), arguments.speed, &mut run)?;
     let site = Arc::new(site::of(&setup)?);
     let page = LivePage::open(&arguments.serve_at(), Arc::clone(&site))?;
     let outputs = Outputs::open(&folder, arguments.force, &setup, site)?;
@@ -173,7 +197,7 @@ impl Flight {
                 continue;
             }
             self.keep_pace()?;
-            self.outside.serve(&mut self.run);
+            self.outside.serve(&mut self.run)?;
             let said = self.run.step();
             self.outputs.take(said)?;
             if let Some(page) = &mut self.page {

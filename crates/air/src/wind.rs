@@ -279,6 +279,34 @@ impl WindSeries {
         }
     }
 
+    /// The rows: times in s and the wind then.
+    pub fn rows(&self) -> &[(f64, WindVector)] {
+        &self.rows
+    }
+
+    /// A series of rows in order of time; none of no rows. A row that is not later than the one before is
+    /// left out.
+    pub fn of_rows(rows: impl IntoIterator<Item = (f64, WindVector)>) -> Option<Self> {
+        let mut series = Self {
+            rows: Vec::new(),
+            ways: Vec::new(),
+        };
+        for (time_s, wind) in rows {
+            series.push(time_s, wind);
+        }
+        (!series.rows.is_empty()).then_some(series)
+    }
+
+    /// What is known now: of the times before the first row of `newer` what was known before, and from there
+    /// on what it says.
+    #[must_use]
+    pub fn followed_by(&self, newer: &Self) -> Self {
+        let from_s = newer.rows[0].0;
+        let before = self.rows.iter().take_while(|row| row.0 < from_s);
+        let all = before.chain(&newer.rows).copied();
+        Self::of_rows(all).unwrap_or_else(|| newer.clone())
+    }
+
     /// Way of the air from the series' beginning to `time_s`: of two times the difference counts.
     pub fn way(&self, time_s: f64) -> Way {
         let after = self.rows.partition_point(|row| row.0 <= time_s);
@@ -371,6 +399,20 @@ mod tests {
         assert!(!(0.001..=359.999).contains(&from), "{from}");
         assert_eq!(series.at(-5.0), series.at(0.0));
         assert_eq!(series.at(99.0), series.at(10.0));
+    }
+
+    #[test]
+    fn a_newer_series_stands_from_its_first_row_on() {
+        let old = WindSeries::new(&[(-600.0, 4.0, 270.0), (0.0, 5.0, 270.0), (600.0, 9.0, 270.0)])
+            .unwrap();
+        let newer = WindSeries::new(&[(300.0, 6.0, 180.0), (900.0, 6.0, 180.0)]).unwrap();
+        let now = old.followed_by(&newer);
+        assert_eq!(now.rows().len(), 4);
+        assert_eq!(now.at(-600.0), old.at(-600.0));
+        assert_eq!(now.at(600.0), newer.at(600.0));
+        // Half of 5 m/s from west and half of 6 m/s from south: hypot(2.5, 3) m/s.
+        assert!((now.at(150.0).speed_m_s() - 2.5_f64.hypot(3.0)).abs() < 1e-9);
+        assert_eq!(old.followed_by(&old), old);
     }
 
     #[test]

@@ -176,6 +176,7 @@ impl Telemetry {
             temperature_c: fresh(&self.hygrometer, now, WEATHER_LASTS_S)
                 .map(|h| f64::from(h.temperature) / 100.0),
             pressure_hpa: self.pressure_hpa(now),
+            time_ns: None,
         })
     }
 }

@@ -29,6 +29,7 @@ pub fn summary_context(setup: &Setup) -> Result<SummaryContext, MissionError> {
     };
     Ok(SummaryContext {
         seed: scenario.mission.seed,
+        team: scenario.vehicles.iter().map(|v| v.id.clone()).collect(),
         frame: setup.frame()?,
         before: truth::numbers(scenario)?,
         reality,

@@ -8,6 +8,7 @@
 //! - [`preflight`]: what speaks against taking off;
 //! - [`team`]: the agents;
 //! - [`real_vehicle`]: a real vehicle's agent with bridge and stand-in in one;
+//! - [`fed_vehicle`]: one that is not of the team, and of which there are only observations;
 //! - [`run`]: a mission in virtual time;
 //! - [`truth`]: the reality's numbers and its highest reachable concentration;
 //! - [`campaign`]: many seeds and what they show.
@@ -58,6 +59,7 @@
 //! ```
 
 pub mod campaign;
+pub mod fed_vehicle;
 pub mod preflight;
 pub mod real_vehicle;
 pub mod run;

@@ -1,12 +1,13 @@
 //! A mission in one process in virtual time.
 
+use crate::fed_vehicle::FedVehicle;
 use crate::team::Member;
 use crate::{MissionError, Setup};
 use protocol::bus::{Conductor, Publication};
 use protocol::digest::Digest;
 use protocol::key::Name;
 use protocol::message::Control;
-use protocol::{Message, SimTime, Topic};
+use protocol::{Agent as _, Message, SimTime, Topic};
 use scenario::tables::VehicleKind;
 
 /// A mission under way.
@@ -44,6 +45,23 @@ impl Run {
             digest: Digest::new(),
             ticks: setup.ticks(),
         })
+    }
+
+    /// Lets a vehicle that is not of the team take part, before the first tick.
+    ///
+    /// # Errors
+    /// A mission under way, or a vehicle that is there already.
+    pub fn join(&mut self, vehicle: FedVehicle) -> Result<(), MissionError> {
+        if self.conductor.next_tick() > 0 {
+            let why = format!("{}: the mission is under way already", vehicle.id());
+            return Err(MissionError::Request(why));
+        }
+        if self.members().any(|m| m.id() == vehicle.id()) {
+            let why = format!("{} is in the mission already", vehicle.id());
+            return Err(MissionError::Request(why));
+        }
+        self.conductor.join(Member::Fed(Box::new(vehicle)));
+        Ok(())
     }
 
     /// Simulated time of the tick to come.

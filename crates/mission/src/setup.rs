@@ -2,11 +2,13 @@
 
 use crate::MissionError;
 use air::geo::{Geodetic, LocalFrame};
+use air::isa::Atmosphere;
 use air::terrain::Terrain;
 use air::wind::WindSeries;
 use fdm::Aircraft;
 use scenario::Scenario;
 use scenario::tables::{BUILT_IN_AIRCRAFT, VehicleKind};
+use scenario::weather::WeatherReports;
 use stand_in::StandInConfig;
 use std::collections::BTreeMap;
 
@@ -67,7 +69,7 @@ impl Setup {
     /// # Errors
     /// What is wrong in which file, and what was expected.
     pub fn load(file: &str, text: &str, read: ReadFile<'_>) -> Result<Self, MissionError> {
-        let scenario = Scenario::parse(file, text)?;
+        let mut scenario = Scenario::parse(file, text)?;
         let mut aircraft = BTreeMap::new();
         for vehicle in &scenario.vehicles {
             let name = &vehicle.aircraft;
@@ -81,19 +83,27 @@ impl Setup {
             why,
             named_by: format!("{key} of {file}"),
         };
-        let series = |name: &String, key: &str| {
-            read(name)
-                .and_then(|bytes| parse_wind_series(&bytes))
-                .map_err(|why| refuse(name, key, why))
+        let weather = |of: &Scenario, name: &String, key: &str| {
+            let whole = read(name).and_then(|bytes| weather_of(of, bytes));
+            whole.map_err(|why| refuse(name, key, why))
         };
-        let named = &scenario.weather.series;
-        let wind_series = named.as_ref().map(|name| series(name, "weather.series"));
-        let wind_series = wind_series.transpose()?;
-        let in_reality = scenario.in_reality().weather.series;
-        let reality_wind_series = match &in_reality {
+        let named = scenario.weather.series.clone();
+        let mut reality = scenario.in_reality();
+        let own = named
+            .as_ref()
+            .map(|name| weather(&scenario, name, "weather.series"));
+        let wind_series = own
+            .transpose()?
+            .map(|(series, (temperature_c, pressure_hpa))| {
+                let stated = &mut scenario.weather;
+                stated.temperature_c = temperature_c.unwrap_or(stated.temperature_c);
+                stated.pressure_hpa = pressure_hpa.or(stated.pressure_hpa);
+                series
+            });
+        let reality_wind_series = match reality.weather.series.take() {
             own if own == named => wind_series.clone(),
             None => None,
-            Some(name) => Some(series(name, "reality.weather.series")?),
+            Some(name) => Some(weather(&reality, &name, "reality.weather.series")?.0),
         };
         // Beyond the tile, and in its voids, the ground is that of the site's origin.
         let ground = scenario.site.ground_amsl_m;
@@ -236,6 +246,33 @@ impl Setup {
     }
 }
 
+/// A pressure that there is, where only a temperature is reported, hPa.
+const SOME_PRESSURE_HPA: f64 = 1000.0;
+
+/// Wind over time by a text of reported weather, and temperature, °C, and pressure at the ground, hPa, at the
+/// mission's start where they are reported. The text is taken as made for the mission's start.
+type Weather = (WindSeries, (Option<f64>, Option<f64>));
+
+fn weather_of(scenario: &Scenario, bytes: Vec<u8>) -> Result<Weather, String> {
+    let text = String::from_utf8(bytes).map_err(|e| e.to_string())?;
+    let profile = scenario.wind_profile().map_err(|e| e.to_string())?;
+    let height_agl_m = profile.reference_height_agl_m();
+    let reports = WeatherReports::parse(&text, height_agl_m, None).map_err(|e| e.to_string())?;
+    let series = reports.series(&profile, None).map_err(|e| e.to_string())?;
+    let ground_amsl_m = scenario.site.ground_amsl_m;
+    let air = reports.air_at_start(ground_amsl_m, None);
+    let (temperature_c, pressure_hpa) = air;
+    // What is no air is refused here rather than later as the scenario's own.
+    let known = temperature_c.unwrap_or(scenario.weather.temperature_c);
+    Atmosphere::through(
+        ground_amsl_m,
+        known,
+        pressure_hpa.unwrap_or(SOME_PRESSURE_HPA),
+    )
+    .map_err(|e| e.to_string())?;
+    Ok((series, air))
+}
+
 fn load_aircraft(name: &str, named_by: &str, read: ReadFile<'_>) -> Result<Aircraft, MissionError> {
     let refuse = |why: String| MissionError::File {
         file: name.to_owned(),
@@ -249,40 +286,6 @@ fn load_aircraft(name: &str, named_by: &str, read: ReadFile<'_>) -> Result<Aircr
         Err(why) => return Err(refuse(why)),
     };
     Aircraft::from_toml(name, &text).map_err(|e| refuse(e.to_string()))
-}
-
-/// Reads `time_s, wind_speed_m_s, wind_from_deg` rows; the header is fixed, its order free.
-fn parse_wind_series(bytes: &[u8]) -> Result<WindSeries, String> {
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .from_reader(bytes);
-    let header = reader.headers().map_err(|e| e.to_string())?.clone();
-    let column = |name: &str| {
-        header.iter().position(|h| h == name).ok_or_else(|| {
-            format!("no column {name}; expected time_s, wind_speed_m_s, wind_from_deg")
-        })
-    };
-    let columns = [
-        column("time_s")?,
-        column("wind_speed_m_s")?,
-        column("wind_from_deg")?,
-    ];
-    let mut rows = Vec::new();
-    for record in reader.records() {
-        let record = record.map_err(|e| e.to_string())?;
-        let line = record.position().map_or(0, csv::Position::line);
-        let number = |k: usize| {
-            let cell = record.get(columns[k]).unwrap_or_default();
-            cell.parse::<f64>().map_err(|_| {
-                format!(
-                    "line {line}, column {}: '{cell}' is not a number",
-                    &header[columns[k]]
-                )
-            })
-        };
-        rows.push((number(0)?, number(1)?, number(2)?));
-    }
-    WindSeries::new(&rows).map_err(|e| e.to_string())
 }
 
 #[cfg(test)]

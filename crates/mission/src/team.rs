@@ -1,5 +1,6 @@
 //! The agents that a scenario asks for.
 
+use crate::fed_vehicle::FedVehicle;
 use crate::real_vehicle::RealVehicle;
 use crate::{MissionError, Setup};
 use protocol::{Agent, AgentId, Event, Interest, Outbox, SimTime};
@@ -18,6 +19,8 @@ pub enum Member {
     Simulated(Box<VirtualAircraft>),
     /// A real vehicle, or a stand-in for one.
     Real(Box<RealVehicle>),
+    /// A vehicle that is not of the team, and of which there is only what it read.
+    Fed(Box<FedVehicle>),
 }
 
 impl Member {
@@ -90,7 +93,7 @@ impl Member {
     /// The vehicle that this member is, as the team sees it.
     pub fn aircraft(&self) -> Option<&VirtualAircraft> {
         match self {
-            Self::World(_) | Self::Controller(_) => None,
+            Self::World(_) | Self::Controller(_) | Self::Fed(_) => None,
             Self::Simulated(vehicle) => Some(vehicle),
             Self::Real(vehicle) => Some(vehicle.aircraft()),
         }
@@ -114,6 +117,7 @@ impl Member {
             Self::Controller(agent) => agent.as_ref(),
             Self::Simulated(agent) => agent.as_ref(),
             Self::Real(agent) => agent.as_ref(),
+            Self::Fed(agent) => agent.as_ref(),
         }
     }
 }
@@ -145,6 +149,7 @@ impl Agent for Member {
             Self::Controller(agent) => agent.handle(event, now, out),
             Self::Simulated(agent) => agent.handle(event, now, out),
             Self::Real(agent) => agent.handle(event, now, out),
+            Self::Fed(agent) => agent.handle(event, now, out),
         }
     }
 }

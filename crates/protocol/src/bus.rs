@@ -56,6 +56,17 @@ impl<A: Agent> Conductor<A> {
         }
     }
 
+    /// Takes in one more agent; before the first tick, for whoever joins later has missed something.
+    pub fn join(&mut self, agent: A) {
+        let at = self.members.partition_point(|m| m.agent.id() <= agent.id());
+        let member = Member {
+            interests: agent.interests(),
+            agent,
+            sequence: 0,
+        };
+        self.members.insert(at, member);
+    }
+
     /// Number of the tick to come.
     pub fn next_tick(&self) -> u64 {
         self.tick

@@ -215,6 +215,8 @@ pub enum Topic {
     Ambient(Name),
     /// `ws/main/model`
     Model,
+    /// `ws/main/weather`
+    Weather,
     /// `sc/main/population`
     Population,
     /// `sc/main/observation`
@@ -243,6 +245,7 @@ impl Topic {
             Self::MavlinkTx(va) => format!("va/{va}/mavlink/tx"),
             Self::Ambient(va) => format!("ws/main/ambient/{va}"),
             Self::Model => "ws/main/model".to_owned(),
+            Self::Weather => "ws/main/weather".to_owned(),
             Self::Population => "sc/main/population".to_owned(),
             Self::Observation => "sc/main/observation".to_owned(),
             Self::Plan => "sc/main/plan".to_owned(),
@@ -273,6 +276,7 @@ impl Topic {
             ["va", id, "mavlink", "tx"] => Self::MavlinkTx(Name::new(id)?),
             ["ws", "main", "ambient", id] => Self::Ambient(Name::new(id)?),
             ["ws", "main", "model"] => Self::Model,
+            ["ws", "main", "weather"] => Self::Weather,
             ["sc", "main", "population"] => Self::Population,
             ["sc", "main", "observation"] => Self::Observation,
             ["sc", "main", "plan"] => Self::Plan,
@@ -310,7 +314,7 @@ impl Topic {
             Self::State(id) | Self::Reading(id) | Self::Mode(id) => va(id),
             Self::MavlinkRx(id) | Self::MavlinkTx(id) => va(id),
             Self::Event(agent) | Self::Done(agent) => agent.clone(),
-            Self::Ambient(_) | Self::Model => AgentId::ws(),
+            Self::Ambient(_) | Self::Model | Self::Weather => AgentId::ws(),
             Self::Setpoint(_)
             | Self::Population
             | Self::Observation
@@ -388,6 +392,7 @@ mod tests {
             Topic::MavlinkTx(va.clone()),
             Topic::Ambient(va),
             Topic::Model,
+            Topic::Weather,
             Topic::Population,
             Topic::Observation,
             Topic::Plan,

@@ -1,6 +1,7 @@
 //! The messages, one type a topic.
 
 use crate::key::{AgentId, Topic};
+use crate::time::SimTime;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -63,6 +64,16 @@ pub struct Reading {
     pub temperature_c: Option<f64>,
     /// Static pressure, hPa.
     pub pressure_hpa: Option<f64>,
+    /// When it was read, ns since the mission's start, where that is not when it is said.
+    #[serde(default)]
+    pub time_ns: Option<i64>,
+}
+
+impl Reading {
+    /// When it was read, if it was said at `said`.
+    pub fn read_at(&self, said: SimTime) -> SimTime {
+        self.time_ns.map_or(said, SimTime::from_ns)
+    }
 }
 
 /// Who flies a vehicle.
@@ -309,6 +320,23 @@ pub struct Model {
     pub flux: Vec<Flux>,
 }
 
+/// The wind that the world goes by from now on, where what is known of it has changed (`ws/main/weather`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Weather {
+    /// The wind over time at the scenario's `wind_height_agl_m`, in order of time: between two rows the vector
+    /// changes evenly, before the first and after the last it stays.
+    pub wind: Vec<WindRow>,
+}
+
+/// The wind of one time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct WindRow {
+    /// Mission time, s; before the mission's start negative.
+    pub time_s: f64,
+    /// Wind as a vector towards, north, east, m/s.
+    pub wind_ne_m_s: [f64; 2],
+}
+
 /// What a source emits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Flux {
@@ -535,6 +563,8 @@ pub enum Message {
     Done(Done),
     /// On [`Topic::Control`].
     Control(Control),
+    /// On [`Topic::Weather`].
+    Weather(Weather),
 }
 
 /// Writes the matches that go through all kinds of messages once.
@@ -585,6 +615,7 @@ for_each_kind! {
     Tick, Tick, "Tick", Topic::Tick,
     Done, Done, "Done", Topic::Done(_),
     Control, Control, "Control", Topic::Control(_),
+    Weather, Weather, "Weather", Topic::Weather,
 }
 
 impl Message {

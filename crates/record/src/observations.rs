@@ -27,7 +27,7 @@ pub fn of_recording(
         let (topic, envelope) = message?;
         match (&topic, &envelope.message) {
             (Topic::Reading(id), Message::Reading(reading)) => {
-                own.push(id.as_str(), envelope.time, reading);
+                own.push(id.as_str(), reading.read_at(envelope.time), reading);
             }
             (Topic::Observation, Message::Observation(o)) => {
                 passed_on.push(&o.vehicle, SimTime::from_ns(o.time_ns), &o.reading);

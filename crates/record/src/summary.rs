@@ -134,6 +134,8 @@ pub enum Outcome {
     Lost,
     /// Never in the air.
     NeverFlew,
+    /// Not of the team: it was fed in, and how it ends is not this mission's.
+    Fed,
 }
 
 /// What one vehicle did.
@@ -270,6 +272,8 @@ impl MissionSummary {
 pub struct SummaryContext {
     /// Seed of the run.
     pub seed: u64,
+    /// Ids of the team's vehicles.
+    pub team: Vec<String>,
     /// The site's frame.
     pub frame: LocalFrame,
     /// The model as the scenario has it before the preliminary flight.
@@ -342,7 +346,7 @@ impl Summariser {
             }
             (Topic::Reading(id), Message::Reading(reading)) => {
                 self.vehicle(id.as_str(), reading.kind)
-                    .read(envelope.time, reading);
+                    .read(reading.read_at(envelope.time), reading);
             }
             (Topic::Model, Message::Model(model)) => {
                 self.after = model.as_ref().into();
@@ -385,7 +389,7 @@ impl Summariser {
             vehicles: self
                 .vehicles
                 .iter()
-                .map(|(id, v)| v.summary(id, self.last))
+                .map(|(id, v)| v.summary(id, self.outcome(id, v)))
                 .collect(),
             peak: self.peak_summary(),
             flux: self.flux.iter().map(|f| self.flux_summary(f)).collect(),
@@ -400,6 +404,14 @@ impl Summariser {
 }
 
 impl Summariser {
+    fn outcome(&self, id: &str, vehicle: &Vehicle) -> Outcome {
+        if self.context.team.iter().any(|own| own == id) {
+            vehicle.outcome(self.last)
+        } else {
+            Outcome::Fed
+        }
+    }
+
     fn peak_summary(&self) -> PeakSummary {
         let found = self.peak;
         let estimate = found.filter(|p| p.status != PeakStatus::NotFound);
@@ -485,12 +497,12 @@ impl Vehicle {
         }
     }
 
-    fn summary(&self, id: &str, end: SimTime) -> VehicleSummary {
+    fn summary(&self, id: &str, outcome: Outcome) -> VehicleSummary {
         let peak = self.peak.as_ref();
         VehicleSummary {
             id: id.to_owned(),
             kind: self.kind,
-            outcome: self.outcome(end),
+            outcome,
             distance_m: self.distance_m,
             peak_ppm: peak.map(|(_, r)| r.co2_ppm),
             peak_time_s: peak.map(|(t, _)| t.s()),

@@ -22,6 +22,7 @@ fn numbers(axis_deg: f64, height_m: f64) -> ModelNumbers {
 fn known() -> SummaryContext {
     SummaryContext {
         seed: 7,
+        team: (1..=6).map(|k| k.to_string()).collect(),
         frame: synthetic::frame(),
         before: numbers(130.0, 450.0),
         reality: Some(numbers(118.0, 486.0)),

@@ -14,7 +14,7 @@ use plume::DispersionSpec;
 use protocol::key::Name;
 use protocol::message::{
     ControlWish, Mode, Model, Observation, Peak, PeakStatus, Phase, Plan, Population, Reading,
-    Severity, VehicleKind as Kind,
+    Severity, State, VehicleKind as Kind,
 };
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Message, Outbox, SimTime, Topic};
 use rand::rngs::ChaCha8Rng;
@@ -22,6 +22,7 @@ use scenario::Scenario;
 use scenario::random::stream;
 use scenario::tables::{SearchTable, VehicleKind};
 use scenario::world::OFF_HEIGHT_M;
+use std::collections::BTreeMap;
 
 use crate::error::ScError;
 use crate::fleet::{Fleet, MARGIN_M, TeamVehicle};
@@ -115,6 +116,7 @@ impl SquadronController {
                 vehicles,
                 passes: Vec::new(),
                 ways_down: Vec::new(),
+                others: BTreeMap::new(),
             },
             levels_amsl_m: scenario.levels_amsl_m(),
             base,
@@ -216,9 +218,7 @@ impl SquadronController {
     fn handle_message(&mut self, topic: &Topic, envelope: &Envelope, out: &mut Outbox) {
         match (topic, &envelope.message) {
             (Topic::State(name), Message::State(state)) => {
-                if let Some(index) = self.fleet.index_of(name) {
-                    self.fleet.observe(index, state, envelope.time);
-                }
+                self.handle_state(name, state, envelope.time, out);
             }
             (Topic::Reading(name), Message::Reading(reading)) => {
                 self.handle_reading(name, reading, envelope.time, out);
@@ -234,10 +234,25 @@ impl SquadronController {
         }
     }
 
-    fn handle_reading(&mut self, name: &Name, reading: &Reading, time: SimTime, out: &mut Outbox) {
-        if self.fleet.index_of(name).is_none() {
+    fn handle_state(&mut self, name: &Name, state: &State, time: SimTime, out: &mut Outbox) {
+        if let Some(index) = self.fleet.index_of(name) {
+            self.fleet.observe(index, state, time);
+        } else if state.kind == Kind::Real && self.fleet.observe_other(name, state, time) {
+            let words = format!(
+                "vehicle {name}, not of the team, is heard: its readings count, and the team keeps clear of it"
+            );
+            out.event(&self.id, Severity::Info, "other-heard", words);
+        }
+    }
+
+    fn handle_reading(&mut self, name: &Name, reading: &Reading, said: SimTime, out: &mut Outbox) {
+        let real = reading.kind == Kind::Real;
+        // A real vehicle need not be of the team to tell how the air is; a simulated one would tell of
+        // nobody knows which world.
+        if self.fleet.index_of(name).is_none() && !real {
             return;
         }
+        let time = reading.read_at(said);
         let at = self.fleet.airspace.frame().to_enu(Geodetic {
             lat_deg: reading.lat_deg,
             lon_deg: reading.lon_deg,
@@ -249,7 +264,6 @@ impl SquadronController {
             },
             value: reading.co2_ppm,
         };
-        let real = reading.kind == Kind::Real;
         // Of a plume that real vehicles are still to show, simulated ones read nothing worth knowing.
         let too_early = self.phase == Phase::Preliminary && !real;
         // A reading that is not finite is left out.
@@ -299,6 +313,10 @@ impl SquadronController {
                 (Severity::Info, "vehicle-heard", "is heard again")
             };
             out.event(&self.id, severity, code, format!("vehicle {name} {words}"));
+        }
+        for name in self.fleet.others_gone(now) {
+            let words = format!("vehicle {name}, not of the team, is heard no more");
+            out.event(&self.id, Severity::Info, "other-silent", words);
         }
         self.recall(now);
         if let Some(next) = self.next_phase(now) {

@@ -1,6 +1,6 @@
 //! The vehicles: where they are, where they are sent, and that every order is safe.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use air::geo::{Enu, Geodetic};
 use csea::Position;
@@ -186,6 +186,9 @@ pub struct Fleet {
     /// Ways down of those who wait for their landing, with whose they are: who does not wait keeps
     /// clear.
     pub(crate) ways_down: Vec<(usize, Corridor)>,
+    /// Real aircraft that are not of the team, as last heard: nobody sends them anywhere, and all keep
+    /// clear of them.
+    pub(crate) others: BTreeMap<Name, VehicleTrack>,
 }
 
 impl Fleet {
@@ -196,6 +199,29 @@ impl Fleet {
 
     /// Takes in a vehicle's state; one that is not finite is passed over.
     pub fn observe(&mut self, index: usize, state: &State, time: SimTime) {
+        if let Some(track) = self.track(state, time) {
+            self.vehicles[index].track = Some(track);
+        }
+    }
+
+    /// Takes in the state of a real aircraft that is not of the team; says whether it was not known.
+    pub(crate) fn observe_other(&mut self, name: &Name, state: &State, time: SimTime) -> bool {
+        let track = self.track(state, time);
+        track.is_some_and(|track| self.others.insert(name.clone(), track).is_none())
+    }
+
+    /// Those of the others that have fallen silent: nobody knows where they are, and so they keep nobody
+    /// from anything any more.
+    pub(crate) fn others_gone(&mut self, now: SimTime) -> Vec<Name> {
+        let silent = |track: &VehicleTrack| now.since_s(track.time) > SILENT_S;
+        let gone = self.others.iter().filter(|(_, track)| silent(track));
+        let gone: Vec<Name> = gone.map(|(name, _)| name.clone()).collect();
+        self.others.retain(|_, track| !silent(track));
+        gone
+    }
+
+    /// Where a vehicle is by its state; none by one that is not finite.
+    fn track(&self, state: &State, time: SimTime) -> Option<VehicleTrack> {
         let [north, east, _] = state.vel_ned_m_s;
         let at = self.airspace.frame().to_enu(Geodetic {
             lat_deg: state.lat_deg,
@@ -214,7 +240,7 @@ impl Fleet {
             state.heading_deg,
         ];
         if numbers.iter().any(|n| !n.is_finite()) {
-            return;
+            return None;
         }
         // Hardly moving, the course over ground is noise; the nose is not.
         let course_deg = if north.hypot(east) > 3.0 {
@@ -225,12 +251,12 @@ impl Fleet {
         } else {
             state.heading_deg
         };
-        self.vehicles[index].track = Some(VehicleTrack {
+        Some(VehicleTrack {
             position,
             course_deg,
             airborne: state.airborne,
             time,
-        });
+        })
     }
 
     /// Vehicles that have just fallen silent (`true`) or are received again (`false`).
@@ -398,6 +424,20 @@ impl Fleet {
             .filter(|(other, _)| *other != index && counts(*other))
             .filter_map(|(_, v)| v.corridor());
         corridors.all(|other| self.separation.apart(own, &other))
+            && self.is_clear_of_others(index, own)
+    }
+
+    /// Whether a corridor of the vehicle at `index` is apart from the aircraft that are not of the team.
+    /// These know of no plan and may come near by themselves: who is in their way already may leave.
+    fn is_clear_of_others(&self, index: usize, own: &Corridor) -> bool {
+        let here = self.vehicles[index].track;
+        let here = here.map(|s| Corridor::straight(s.position, s.position, 0.0));
+        let airborne = self.others.values().filter(|track| track.airborne);
+        let mut circles = airborne.map(|s| Corridor::straight(s.position, s.position, CIRCLE_M));
+        circles.all(|circle| {
+            self.separation.apart(own, &circle)
+                || here.is_some_and(|here| !self.separation.apart(&here, &circle))
+        })
     }
 
     /// Gives the next leg of its way to a vehicle that has flown one.

@@ -117,7 +117,7 @@ fn the_same_seed_gives_the_same_setpoints() {
 }
 
 #[test]
-fn readings_that_are_not_finite_and_strangers_are_passed_over() {
+fn readings_that_are_not_finite_and_simulated_strangers_are_passed_over() {
     use protocol::{AgentId, Message, Topic};
     let mut mini = Miniature::new(as_pontes(1));
     mini.second();
@@ -133,13 +133,14 @@ fn readings_that_are_not_finite_and_strangers_are_passed_over() {
         wind_from_deg: None,
         temperature_c: None,
         pressure_hpa: None,
+        time_ns: None,
     };
     let va = AgentId::va("stranger").unwrap();
-    mini.hand(
-        Topic::Reading(stranger),
-        va,
-        Message::Reading(reading.clone()),
-    );
+    let simulated = protocol::message::Reading {
+        kind: protocol::message::VehicleKind::Simulated,
+        ..reading.clone()
+    };
+    mini.hand(Topic::Reading(stranger), va, Message::Reading(simulated));
     let own = mini.team[5].name.clone();
     let va = AgentId::va(own.as_str()).unwrap();
     for bad in [f64::NAN, f64::INFINITY] {
@@ -178,4 +179,55 @@ fn a_scenario_that_cannot_be_flown_says_why() {
         error.contains("expected one of cs-ea, random, sweep, ascent"),
         "{error}"
     );
+}
+
+/// A real aircraft that is not of the team hovers until 900 s where the team's real vehicle would be at 500 s,
+/// then falls silent.
+#[test]
+fn the_team_keeps_clear_of_an_aircraft_that_is_not_of_it_and_comes_home_without_it() {
+    use protocol::message::{State, VehicleKind};
+    use protocol::{AgentId, Message, Topic};
+    let mut alone = Miniature::new(as_pontes(1));
+    while alone.time_s < 500.0 {
+        alone.second();
+    }
+    let there = alone.team[5].at;
+    assert!(alone.team[5].airborne);
+    let mut mini = Miniature::new(as_pontes(1));
+    let name = protocol::key::Name::new("feed").unwrap();
+    let place = mini.airspace.frame().to_geodetic(there.at);
+    let state = State {
+        kind: VehicleKind::Real,
+        lat_deg: place.lat_deg,
+        lon_deg: place.lon_deg,
+        alt_amsl_m: there.height_m,
+        vel_ned_m_s: [0.0; 3],
+        roll_deg: 0.0,
+        pitch_deg: 0.0,
+        heading_deg: 0.0,
+        airspeed_m_s: 7.0,
+        throttle: 0.5,
+        airborne: true,
+    };
+    while mini.time_s < mini.scenario.mission.duration_s {
+        if mini.time_s < 900.0 {
+            let (va, topic) = (AgentId::va("feed").unwrap(), Topic::State(name.clone()));
+            mini.hand(topic, va, Message::State(state.clone()));
+        }
+        mini.second();
+        for p in mini.team.iter().filter(|p| p.airborne) {
+            let apart_m = p.at.at.distance_m(there.at);
+            let near = apart_m < 150.0 && (p.at.height_m - there.height_m).abs() < 30.0;
+            assert!(
+                !near || mini.time_s > 910.0,
+                "{} at {} s",
+                p.name,
+                mini.time_s
+            );
+        }
+    }
+    let told = |code: &str| mini.events.iter().filter(|e| e.starts_with(code)).count();
+    assert_eq!((told("other-heard"), told("other-silent")), (1, 1));
+    let down = mini.team.iter().filter(|p| !p.airborne).count();
+    assert_eq!(down, 6, "phases {:?}", mini.phases);
 }

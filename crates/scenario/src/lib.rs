@@ -10,6 +10,7 @@
 //! - [`world`]: the plume model that a scenario describes;
 //! - [`uncertain`]: the priors of the parameters that the scenario marks as uncertain;
 //! - [`observations`]: measured rows;
+//! - [`weather`]: reported weather;
 //! - [`random`]: the streams of random numbers of a run.
 //!
 //! # Example
@@ -65,6 +66,7 @@ pub mod random;
 pub mod reality;
 pub mod tables;
 pub mod uncertain;
+pub mod weather;
 pub mod world;
 
 pub use tables::Scenario;

@@ -19,17 +19,19 @@ use csv::{ReaderBuilder, StringRecord, Trim, WriterBuilder};
 pub mod checks;
 mod error;
 mod quality;
+mod stream;
 mod zero;
 
 pub use error::ObservationError;
 pub use quality::{DataQuality, Flaw};
+pub use stream::{ObservationStream, Streamed};
 
 /// What is right in a cell of numbers, and in one of times.
 const A_NUMBER: &str = "a finite number with a decimal point, or nothing";
 const A_TIME: &str = "a time in seconds as a finite number with a decimal point";
 
 /// The columns that every file has.
-const REQUIRED: [&str; 6] = [
+pub const REQUIRED: [&str; 6] = [
     "time_s",
     "platform",
     "lat_deg",
@@ -39,7 +41,7 @@ const REQUIRED: [&str; 6] = [
 ];
 
 /// The columns that a file may have.
-const OPTIONAL: [&str; 6] = [
+pub const OPTIONAL: [&str; 6] = [
     "wind_speed_m_s",
     "wind_from_deg",
     "temperature_c",
@@ -118,6 +120,7 @@ pub fn parse(files: &[(&str, &str)]) -> Result<Observations, ObservationError> {
 }
 
 /// A row on its way into [`Observations`], with where it stood.
+#[derive(Debug)]
 struct LocatedRow {
     row: ObservationRow,
     file: usize,
@@ -125,7 +128,7 @@ struct LocatedRow {
     extra: Vec<(usize, String)>,
 }
 
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct FileJoin {
     rows: Vec<LocatedRow>,
     platforms: Vec<String>,
@@ -135,6 +138,7 @@ struct FileJoin {
 }
 
 /// Where the columns of one file are.
+#[derive(Debug)]
 struct Columns {
     required: [usize; 6],
     optional: [Option<usize>; 6],

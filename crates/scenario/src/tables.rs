@@ -132,7 +132,7 @@ pub struct WeatherTable {
     /// Strength of the gusts: standard deviation of the vertical gust over the wind at 20 ft,
     /// 0.1 is that of MIL-F-8785C.
     pub turbulence_intensity: f64,
-    /// CSV with `time_s, wind_speed_m_s, wind_from_deg` at `wind_height_agl_m`.
+    /// File of reported weather over time ([`crate::weather`]).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub series: Option<String>,
     /// Whether the world's wind is the scenario's or what real vehicles report.

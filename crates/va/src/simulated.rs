@@ -455,6 +455,7 @@ impl SimulatedVehicle {
                 wind_from_deg: Some(air::wind::from_deg(east, north)),
                 temperature_c: Some(air.temperature_c),
                 pressure_hpa: Some(air.pressure_hpa),
+                time_ns: None,
             });
         }
     }

@@ -12,7 +12,7 @@ use plume::{DispersionModel, Place, Puffs, UnsteadyAir};
 use protocol::key::Name;
 use protocol::message::{
     Ambient, Estimate, Extension, Flux, FluxMethod, GapCause, MechanismSetting, Model, Observation,
-    Peak, PeakStatus, Severity, State,
+    Peak, PeakStatus, Severity, State, Weather, WindRow,
 };
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
 use rand::rngs::ChaCha8Rng;
@@ -80,6 +80,8 @@ pub struct WorldSimulator {
     sensor_is_named: bool,
     next_correction_s: f64,
     readings_used: u64,
+    /// Weather that is not said yet.
+    news: Option<Weather>,
 }
 
 impl WorldSimulator {
@@ -138,12 +140,33 @@ impl WorldSimulator {
             sensor_is_named: false,
             next_correction_s: 0.0,
             readings_used: 0,
+            news: None,
         })
     }
 
+    /// What is known of the wind over time is this from the next tick on; the world says so. Nothing where the
+    /// scenario has no series, or follows what vehicles report.
+    pub fn set_weather(&mut self, weather: Weather) {
+        let vector = |row: &WindRow| WindVector {
+            east_m_s: row.wind_ne_m_s[1],
+            north_m_s: row.wind_ne_m_s[0],
+        };
+        let rows = weather.wind.iter().map(|row| (row.time_s, vector(row)));
+        let series = WindSeries::of_rows(rows);
+        if series.is_some_and(|series| self.wind.set_series(series)) {
+            self.news = Some(weather);
+        }
+    }
+
     fn observe(&mut self, observation: &Observation) {
-        let Some(&platform) = self.real.get(&observation.vehicle) else {
-            return;
+        let platform = match self.real.get(&observation.vehicle) {
+            Some(&platform) => platform,
+            // One that joined in flight.
+            None => {
+                let platform = self.calibrator.add_platform(&observation.vehicle);
+                self.real.insert(observation.vehicle.clone(), platform);
+                platform
+            }
         };
         let reading = &observation.reading;
         let at = Geodetic {
@@ -163,6 +186,18 @@ impl WorldSimulator {
         });
         self.calibrator
             .observe(platform, time_s, place, wind, reading.co2_ppm);
+    }
+
+    fn say_weather(&self, weather: Weather, now_s: f64, out: &mut Outbox) {
+        let wind = self.wind.at(now_s, 0.0);
+        let words = format!(
+            "wind {:.1} m/s from {:.0}° at {:.0} m AGL",
+            wind.reference_speed_m_s(),
+            wind.from_deg(),
+            wind.reference_height_agl_m()
+        );
+        out.say(Topic::Weather, Message::Weather(weather));
+        out.event(&self.id, Severity::Info, "weather", words);
     }
 
     /// Corrects the model where that is due, or where it is the last time and there are new readings.
@@ -443,6 +478,9 @@ impl Agent for WorldSimulator {
                 _ => {}
             },
             Event::Tick => {
+                if let Some(weather) = self.news.take() {
+                    self.say_weather(weather, now.s(), out);
+                }
                 if now.s() + 1e-9 >= self.next_correction_s {
                     self.next_correction_s = now.s() + CORRECTION_S;
                     self.correct(false, now.s(), out);
@@ -484,6 +522,7 @@ mod tests {
             wind_from_deg: Some(300.0),
             temperature_c: None,
             pressure_hpa: None,
+            time_ns: None,
         };
         let observation = Envelope {
             sender: AgentId::sc(),

@@ -81,6 +81,15 @@ impl WorldWind {
         }
     }
 
+    /// From now on the series is this one; says whether it counts, as it does where it was a series before.
+    pub fn set_series(&mut self, series: WindSeries) -> bool {
+        let counts = self.known_by == KnownBy::Series;
+        if counts {
+            self.slow = series;
+        }
+        counts
+    }
+
     /// Takes in a wind that a real vehicle reports at `height_agl_m`.
     pub fn report(&mut self, time_s: f64, height_agl_m: f64, wind: WindVector) {
         // Averaged at the reference height, so that vehicles at different heights agree.
@@ -170,6 +179,16 @@ mod tests {
         let wind = WorldWind::new(profile(), Some(series), false);
         assert!((wind.at(30.0, 0.0).speed_at_m_s(10.0) - 6.0).abs() < 1e-9);
         assert!((wind.at(30.0, 0.0).from_deg() - 200.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_newer_series_counts_where_a_series_did() {
+        let series = |speed| WindSeries::new(&[(0.0, speed, 200.0)]).unwrap();
+        let mut wind = WorldWind::new(profile(), Some(series(4.0)), false);
+        assert!(wind.set_series(series(8.0)));
+        assert!((wind.at(30.0, 0.0).speed_at_m_s(10.0) - 8.0).abs() < 1e-9);
+        let mut own = WorldWind::new(profile(), None, false);
+        assert!(!own.set_series(series(8.0)) && own.at(0.0, 0.0) == profile());
     }
 
     #[test]

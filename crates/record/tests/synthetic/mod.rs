@@ -179,6 +179,7 @@ fn vehicle(k: u32, t: f64, world: &Model) -> (State, Reading) {
         wind_from_deg: (k == 6).then_some(297.0),
         temperature_c: Some(11.0),
         pressure_hpa: Some(918.0),
+        time_ns: None,
     };
     (state, reading)
 }

@@ -269,6 +269,7 @@ impl Miniature {
             wind_from_deg: None,
             temperature_c: None,
             pressure_hpa: None,
+            time_ns: None,
         };
         (state, reading)
     }

@@ -56,6 +56,7 @@ pub fn known() -> SummaryContext {
         |axis, height, c_max| ModelNumbers::from(&synthetic::model(axis, height, c_max, 0));
     SummaryContext {
         seed: 7,
+        team: (1..=6).map(|k| k.to_string()).collect(),
         frame: synthetic::frame(),
         before: numbers(130.0, 450.0, 330.0),
         reality: Some(numbers(118.0, 486.0, 410.0)),

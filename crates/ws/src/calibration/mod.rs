@@ -146,6 +146,15 @@ impl Calibrator {
         })
     }
 
+    /// One more platform, whose sensor is as all others; its index.
+    pub fn add_platform(&mut self, name: &str) -> usize {
+        self.platforms.push(name.to_owned());
+        self.unknowns.add_platform(name);
+        self.bins.push(AveragingBin::default());
+        self.readings.push(Vec::new());
+        self.bins.len() - 1
+    }
+
     /// Takes in one reading of the platform at index `platform`; `wind` is speed and
     /// from-direction at the place, where it is known better than by the scenario.
     pub fn observe(
@@ -328,7 +337,7 @@ impl Calibrator {
         self.base.wind = self.base.wind.turned(from_deg - self.base.wind.from_deg());
     }
 
-    /// The mean mole fraction at a place over [`Calibrator::moments`], ppm, with the error of form that the readings
+    /// The mean mole fraction at a place over `Calibrator::moments`, ppm, with the error of form that the readings
     /// showed, in the slow wind of their middle; none before a fit.
     pub fn mean_ppm(&self, place: &Place) -> Option<Estimate> {
         let posterior = self.posterior.as_ref()?;
@@ -515,7 +524,7 @@ impl Calibrator {
         Some(posterior.mean_turn(&times_s, self.axis_index()))
     }
 
-    /// The corrected model, its axis as it lay in the mean of [`Calibrator::moments`].
+    /// The corrected model, its axis as it lay in the mean of `Calibrator::moments`.
     pub fn latest_spec(&self) -> DispersionSpec {
         let turn_deg = self.turn.map_or(0.0, |t| t.value);
         self.swung_spec(self.estimate.clone(), turn_deg)

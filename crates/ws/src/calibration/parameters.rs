@@ -94,6 +94,11 @@ impl Unknowns {
         }
     }
 
+    /// One more platform, that is not held against a reference.
+    pub fn add_platform(&mut self, name: &str) {
+        self.platforms.push(name.to_owned());
+    }
+
     /// As a forward model wants them.
     pub fn list(&self) -> &[Unknown] {
         &self.list

@@ -59,7 +59,8 @@ struct Kernel {
     power_z: Power,
     ground: f64,
     meander_var_rad2: f64,
-    wake_var_m2: f64,
+    /// Variances with which the plume begins, across and up, m².
+    start_var_m2: [f64; 2],
     /// Growth of the emission, 1/s.
     growth_s: f64,
     decay_s: f64,
@@ -92,7 +93,7 @@ impl DispersionModel {
             speed_m_s: [0.0; CHUNK],
             strength: [0.0; CHUNK],
         };
-        for plume in &self.plumes {
+        for plume in &self.cells {
             let kernel = self.kernel(plume, curve_y, curve_z, offset_m);
             for (k, out) in out.chunks_mut(CHUNK).enumerate() {
                 let from = k * CHUNK;
@@ -133,7 +134,10 @@ impl DispersionModel {
             power_z: curve_z.power,
             ground: self.reflection.ground,
             meander_var_rad2: e.meander_var_rad2.max(0.0),
-            wake_var_m2: e.wake_var_m2.max(0.0),
+            start_var_m2: [
+                plume.start_var_m2 + e.wake_var_m2.max(0.0),
+                e.wake_var_m2.max(0.0),
+            ],
             growth_s: e.emission_trend_h / HOUR_S,
             decay_s: e.decay_s.max(0.0),
         }
@@ -201,8 +205,8 @@ fn add_form(
         let bracket_z = 1.0 + kernel.z[1] * x;
         let var_y = x_sq / (kernel.y[0] * (1.0 + kernel.y[1] * x))
             + x_sq * kernel.meander_var_rad2
-            + kernel.wake_var_m2;
-        let var_z = x_sq / (kernel.z[0] * shape_z(bracket_z)) + kernel.wake_var_m2;
+            + kernel.start_var_m2[0];
+        let var_z = x_sq / (kernel.z[0] * shape_z(bracket_z)) + kernel.start_var_m2[1];
         let inverse = 1.0 / (var_y * var_z);
         let (precision_y, precision_z) = (var_z * inverse, var_y * inverse);
         let across = 0.5 * (y * y) * precision_y;

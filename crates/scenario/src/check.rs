@@ -1,7 +1,8 @@
 //! What a scenario must hold, checked once, with the line of what is wrong.
 
 use crate::tables::{
-    FenceTable, MissionTable, Scenario, SourceTable, VehicleKind, VehicleTable, WeatherTable,
+    FenceTable, MissionTable, Scenario, SourceShape, SourceTable, VehicleKind, VehicleTable,
+    WeatherTable,
 };
 use crate::{ScenarioError, line_and_column, uncertain};
 use std::collections::BTreeSet;
@@ -305,6 +306,7 @@ fn check_source(k: usize, source: &SourceTable) -> Checked {
         5000.0,
         "m above ground, 0 to 5000",
     )?;
+    check_area(k, source)?;
     match (
         source.emission_kg_s,
         source.c_max_ppm,
@@ -344,6 +346,58 @@ fn check_source(k: usize, source: &SourceTable) -> Checked {
             ))
         }
     }
+}
+
+/// What only an area has, and what it cannot have.
+fn check_area(k: usize, source: &SourceTable) -> Checked {
+    let sides = [(source.length_m, "length_m"), (source.width_m, "width_m")];
+    if source.shape == SourceShape::Point {
+        let more = [
+            (source.outline.is_some(), "outline"),
+            (source.axis_deg.is_some(), "axis_deg"),
+        ];
+        let given = sides.map(|(side, name)| (side.is_some(), name));
+        return match given
+            .into_iter()
+            .chain(more)
+            .find(|(is_there, _)| *is_there)
+        {
+            Some((_, name)) => Err(Refusal::new(
+                format!("source.{k}.{name}"),
+                "a source without shape = \"area\"",
+                "shape = \"area\" with this key",
+            )),
+            None => Ok(()),
+        };
+    }
+    for (side, name) in sides {
+        let expected = "m, .1 to 20000, and no side a hundred times the other";
+        let other_m = sides.iter().filter_map(|s| s.0).fold(0.0, f64::max);
+        let low_m = (other_m / 100.0).max(0.1);
+        within(
+            format!("source.{k}.{name}"),
+            side.unwrap_or(f64::NAN),
+            low_m,
+            20_000.0,
+            expected,
+        )?;
+    }
+    let axis_deg = source.axis_deg.unwrap_or_default();
+    within(
+        format!("source.{k}.axis_deg"),
+        axis_deg,
+        -360.0,
+        720.0,
+        "degrees, 0 to 360",
+    )?;
+    if source.emission_kg_s.is_none() {
+        return Err(Refusal::new(
+            format!("source.{k}"),
+            "an area without emission_kg_s",
+            "emission_kg_s of the whole area; c_max_ppm states a stack's strength",
+        ));
+    }
+    Ok(())
 }
 
 fn vehicles(vehicles: &[VehicleTable]) -> Checked {

@@ -4,7 +4,7 @@
 
 use plume::sigma::Setting;
 use plume::stability::Stability;
-use plume::{Gas, UnsteadySpec};
+use plume::{AreaSpec, Gas, Outline, UnsteadySpec};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -183,6 +183,23 @@ impl Default for WeatherTable {
     }
 }
 
+/// What emits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SourceShape {
+    /// A stack.
+    #[default]
+    Point,
+    /// Ground of some length and width.
+    Area,
+}
+
+impl SourceShape {
+    fn is_point(&self) -> bool {
+        *self == Self::Point
+    }
+}
+
 /// `[[source]]`: either `emission_kg_s`, or `c_max_ppm` with `c_max_distance_m`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table")]
@@ -193,10 +210,25 @@ pub struct SourceTable {
     /// Gas.
     #[serde(default = "default_gas")]
     pub gas: Gas,
-    /// Latitude of the stack, degrees (WGS84).
+    /// A stack or an area.
+    #[serde(default, skip_serializing_if = "SourceShape::is_point")]
+    pub shape: SourceShape,
+    /// Latitude of the stack, or of the middle of the area, degrees (WGS84).
     pub lat_deg: f64,
-    /// Longitude of the stack, degrees (WGS84).
+    /// Longitude of the same, degrees (WGS84).
     pub lon_deg: f64,
+    /// Outline of an area; a rectangle where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outline: Option<Outline>,
+    /// Length of an area along `axis_deg`, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub length_m: Option<f64>,
+    /// Width of an area, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub width_m: Option<f64>,
+    /// Direction of an area's length, degrees from north, clockwise; 0 where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub axis_deg: Option<f64>,
     /// Height of the stack above ground, m.
     #[serde(default)]
     pub stack_height_m: f64,
@@ -218,6 +250,16 @@ impl SourceTable {
     /// Height of the plume's axis above ground, m.
     pub fn axis_height_agl_m(&self) -> f64 {
         self.effective_height_m.unwrap_or(self.stack_height_m)
+    }
+
+    /// The ground that emits; none for a stack.
+    pub fn area(&self) -> Option<AreaSpec> {
+        (self.shape == SourceShape::Area).then(|| AreaSpec {
+            outline: self.outline.unwrap_or_default(),
+            length_m: self.length_m.unwrap_or_default(),
+            width_m: self.width_m.unwrap_or_default(),
+            axis_deg: self.axis_deg.unwrap_or_default(),
+        })
     }
 }
 

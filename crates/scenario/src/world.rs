@@ -369,6 +369,7 @@ fn source_spec(frame: &LocalFrame, source: &SourceTable) -> SourceSpec {
             lat_deg: source.lat_deg,
             lon_deg: source.lon_deg,
         }),
+        area: source.area(),
         stack_height_m: source.stack_height_m,
         effective_height_agl_m: source.axis_height_agl_m(),
         strength,

@@ -47,6 +47,8 @@ impl RowColumns<'_> {
 /// One plume with what changes its shape along the way.
 #[derive(Debug)]
 struct Kernel {
+    /// Part of its source's emission.
+    share: f64,
     /// East and north of the axis' origin where a sensor would log it, m.
     source: [f64; 2],
     /// Height of the axis there, and depth of its image below the ground, m.
@@ -93,14 +95,19 @@ impl DispersionModel {
             speed_m_s: [0.0; CHUNK],
             strength: [0.0; CHUNK],
         };
-        for plume in &self.cells {
-            let kernel = self.kernel(plume, curve_y, curve_z, offset_m);
+        for plume in &self.plumes {
+            let kernel = |cell| self.kernel(cell, curve_y, curve_z, offset_m);
+            let cells = self.cells[plume.cells.clone()].iter();
+            let kernels: Vec<Kernel> = cells.map(kernel).collect();
             for (k, out) in out.chunks_mut(CHUNK).enumerate() {
                 let from = k * CHUNK;
+                // Of all cells of a source: they are at one height.
                 self.fill_winds(plume, rows, offset_m, from..from + out.len(), &mut winds);
                 let p = &rows.places;
                 let columns = [p.east_m, p.north_m, p.height_agl_m, rows.time_s];
-                add(&kernel, &winds, columns.map(|c| &c[from..]), out);
+                for kernel in &kernels {
+                    add(kernel, &winds, columns.map(|c| &c[from..]), out);
+                }
             }
         }
     }
@@ -126,6 +133,7 @@ impl DispersionModel {
         let scale_y = self.spec.sigma_y_scale * e.sigma_y_factor;
         let scale_z = self.spec.sigma_z_scale * e.sigma_z_factor;
         Kernel {
+            share: plume.share,
             source: [plume.east_m + east_m, plume.north_m + north_m],
             axis: plume.height_m + up_m,
             image: plume.height_m - up_m,
@@ -217,7 +225,7 @@ fn add_form(
         let image = height[i] + kernel.image;
         let shape = gauss(across + 0.5 * (up * up) * precision_z, grown)
             + kernel.ground * gauss(across + 0.5 * (image * image) * precision_z, grown);
-        let value = strength[i] * inverse.sqrt() * shape;
+        let value = kernel.share * strength[i] * inverse.sqrt() * shape;
         out[i] += if along < LEAST_DISTANCE_M { 0.0 } else { value };
     }
 }

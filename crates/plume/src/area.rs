@@ -122,7 +122,7 @@ impl AreaSpec {
         let (mut a, mut b, mut inside) = (0.0, 0.0, 0.0);
         for (la, lb) in (0..LOOKS).flat_map(|la| (0..LOOKS).map(move |lb| (la, lb))) {
             let (pa, pb) = (place(i, la, counts.0), place(j, lb, counts.1));
-            if self.outline == Outline::Rectangle || pa.hypot(pb) <= 0.5 {
+            if self.outline == Outline::Rectangle || pa * pa + pb * pb <= 0.25 {
                 a += pa;
                 b += pb;
                 inside += 1.0;

@@ -178,6 +178,8 @@ struct Puff {
     /// What multiplies exp(−r²/2σ²) V(z): in mol/m³ or ppm as the source has it.
     strength: f64,
     age_s: f64,
+    /// How far it is from its source, at least [`FIRST_M`], m.
+    far_m: f64,
 }
 
 /// What a place has of the puffs of one source: the sum, and sums weighted by it of age and of place in the puff
@@ -305,9 +307,11 @@ impl DispersionModel {
                 SourceTerm::AxisConcentration(c) => (c, reference_m_s * ratio),
             };
             let left = self.surviving_fraction(plume, x_m, x_m / age_s);
+            let (east_m, north_m) = (way.east_m * ratio + east_m, way.north_m * ratio + north_m);
             Puff {
-                east_m: way.east_m * ratio + east_m,
-                north_m: way.north_m * ratio + north_m,
+                east_m,
+                north_m,
+                far_m: east_m.hypot(north_m).max(FIRST_M),
                 height_m,
                 sigma_y_m,
                 sigma_z_m,
@@ -388,8 +392,8 @@ impl DispersionModel {
             let part = cell.share * puff.strength * shape;
             met.total += part;
             met.age_s += part * puff.age_s;
-            met.across += part * (de * puff.north_m - dn * puff.east_m)
-                / (puff.sigma_y_m * puff.east_m.hypot(puff.north_m).max(FIRST_M));
+            met.across +=
+                part * (de * puff.north_m - dn * puff.east_m) / (puff.sigma_y_m * puff.far_m);
             met.above += part * (place.height_agl_m - puff.height_m) / puff.sigma_z_m;
         }
     }

@@ -1,17 +1,21 @@
 //! A scenario with all the files it names, read and checked.
 
 use crate::MissionError;
-use air::geo::{Geodetic, LocalFrame};
+use air::geo::{Enu, Geodetic, LocalFrame};
 use air::terrain::Terrain;
 use air::wind::WindSeries;
 use fdm::Aircraft;
 use scenario::Scenario;
+use scenario::airspace::Airspace;
 use scenario::tables::{BUILT_IN_AIRCRAFT, VehicleKind};
 use stand_in::StandInConfig;
 use std::collections::BTreeMap;
 
 /// The aircraft that every installation has.
 const BUILT_IN: &str = include_str!("../../../aircraft/x8.toml");
+
+/// Ground within this distance of a home is looked at, m: the circle above home and the climb to it.
+pub(crate) const NEAR_HOME_M: f64 = 500.0;
 
 /// Reads a file named by the scenario: its bytes, or what went wrong in words.
 pub type ReadFile<'a> = &'a dyn Fn(&str) -> Result<Vec<u8>, String>;
@@ -67,7 +71,7 @@ impl Setup {
     /// # Errors
     /// What is wrong in which file, and what was expected.
     pub fn load(file: &str, text: &str, read: ReadFile<'_>) -> Result<Self, MissionError> {
-        let scenario = Scenario::parse(file, text)?;
+        let mut scenario = Scenario::parse(file, text)?;
         let mut aircraft = BTreeMap::new();
         for vehicle in &scenario.vehicles {
             let name = &vehicle.aircraft;
@@ -105,10 +109,13 @@ impl Setup {
             None => Terrain::Flat(ground),
             Some(name) => read(name)
                 .and_then(|bytes| {
-                    Terrain::from_hgt(name, &bytes, site, ground).map_err(|e| e.to_string())
+                    Terrain::read(name, &bytes, site, ground).map_err(|e| e.to_string())
                 })
                 .map_err(|why| refuse(name, "site.terrain", why))?,
         };
+        if scenario.fence.follows_terrain {
+            follow(&mut scenario, &terrain)?;
+        }
         let mut signing_keys = BTreeMap::new();
         for vehicle in &scenario.vehicles {
             let Some(name) = &vehicle.signing_key else {
@@ -234,6 +241,29 @@ impl Setup {
     pub fn ticks(&self) -> u64 {
         (self.scenario.mission.duration_s / self.scenario.mission.tick_s).round() as u64
     }
+}
+
+/// Writes into the fence what of it counts from one height for all, where it follows the terrain.
+fn follow(scenario: &mut Scenario, terrain: &Terrain) -> Result<(), MissionError> {
+    let frame = scenario.frame()?;
+    let mut highest_m = f64::NEG_INFINITY;
+    for index in 0..scenario.vehicles.len() {
+        let home = frame.to_enu(scenario.home(index)?);
+        highest_m = highest_m.max(highest_near_home_m(terrain, &frame, home));
+    }
+    let (_, top_amsl_m) = Airspace::of(scenario)?.over(terrain).height_band_amsl_m();
+    scenario.fence.home_ground_amsl_m.get_or_insert(highest_m);
+    scenario.fence.top_amsl_m.get_or_insert(top_amsl_m);
+    Ok(())
+}
+
+/// Highest ground within [`NEAR_HOME_M`] of a home, m above mean sea level.
+pub(crate) fn highest_near_home_m(terrain: &Terrain, frame: &LocalFrame, home: Enu) -> f64 {
+    let around = (0..8).map(|k| home.displaced(45.0 * f64::from(k), NEAR_HOME_M));
+    std::iter::once(home)
+        .chain(around)
+        .map(|at| terrain.ground_amsl_m(frame.to_geodetic(at)))
+        .fold(f64::NEG_INFINITY, f64::max)
 }
 
 fn load_aircraft(name: &str, named_by: &str, read: ReadFile<'_>) -> Result<Aircraft, MissionError> {

@@ -73,7 +73,7 @@ const fn across(part: f64, step: f64) -> PassKind {
 pub struct Pass {
     /// Where it begins.
     pub from: Position,
-    /// Where it ends, at the same height.
+    /// Where it ends, at the same height unless terrain is followed.
     pub to: Position,
 }
 
@@ -124,13 +124,16 @@ pub fn plan(
     let sigma_z_m = estimate.sigmas_m(base, middle_m.max(1.0)).1;
     // As long as H is hardly known, the steps must reach as far as it may be off.
     let off_m = (OFF_AXIS_SIGMAS * sigma_z_m).max(estimate.height_sd_m.min(2.0 * sigma_z_m));
-    let height_m = airspace.clamp_height_m(estimate.height_amsl_m + step * off_m);
+    let wanted_m = estimate.height_amsl_m + step * off_m;
     let [mut from, mut to] = ends;
     // Flown from the nearer end; either direction shows the same.
     if here.distance_m(to) < here.distance_m(from) {
         std::mem::swap(&mut from, &mut to);
     }
-    let at = |at: Enu| Position { at, height_m };
+    let at = |at: Enu| Position {
+        at,
+        height_m: airspace.clamp_at_m(at, wanted_m),
+    };
     Some(Pass {
         from: at(from),
         to: at(to),

@@ -95,6 +95,13 @@ impl Scenario {
         uncertain::check(&self.uncertain)?;
         vehicles(&self.vehicles)?;
         fence(&self.fence)?;
+        if self.fence.follows_terrain && self.site.terrain.is_none() {
+            return Err(Refusal::new(
+                "fence.follows_terrain",
+                "true without site.terrain",
+                "site.terrain, a file with the heights of the ground",
+            ));
+        }
         self.check_search()?;
         self.check_world()
     }
@@ -522,6 +529,21 @@ fn fence(fence: &FenceTable) -> Checked {
         10_000.0,
         "m above ground, at least 50 m above the floor, to 10000",
     )?;
+    let amsl = [
+        ("fence.home_ground_amsl_m", fence.home_ground_amsl_m),
+        ("fence.top_amsl_m", fence.top_amsl_m),
+    ];
+    for (key, value) in amsl {
+        if let Some(height_m) = value {
+            within(
+                key,
+                height_m,
+                -500.0,
+                20_000.0,
+                "m above mean sea level, -500 to 20000",
+            )?;
+        }
+    }
     not_negative("fence.keep_out_radius_m", fence.keep_out_radius_m)?;
     not_negative("fence.separation_m", fence.separation_m)?;
     not_negative("fence.separation_height_m", fence.separation_height_m)

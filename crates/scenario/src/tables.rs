@@ -90,7 +90,7 @@ pub struct SiteTable {
     pub lon_deg: f64,
     /// Height of the ground at the origin, m above mean sea level.
     pub ground_amsl_m: f64,
-    /// SRTM tile (`N43W008.hgt`) for the ground elsewhere; flat where left out.
+    /// SRTM tile (`N43W008.hgt`) or ESRI ASCII grid (`.asc`) for the ground elsewhere; flat where left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub terrain: Option<String>,
 }
@@ -440,10 +440,20 @@ pub struct HomeTable {
 pub struct FenceTable {
     /// Corners as `[lat_deg, lon_deg]`; a square of ±5 km around the site where empty.
     pub polygon: Vec<[f64; 2]>,
-    /// Lowest height of a setpoint above the site's ground, m.
+    /// Lowest height of a setpoint above ground, m: the site's, or that below it.
     pub floor_agl_m: f64,
-    /// Highest height of a setpoint above the site's ground, m.
+    /// Highest height of a setpoint above ground, m.
     pub ceiling_agl_m: f64,
+    /// Whether floor and ceiling follow the terrain.
+    pub follows_terrain: bool,
+    /// Ground from which the heights count at which vehicles wait above home, m above mean sea level; where left
+    /// out that of the site, or of terrain that is followed the highest near a home.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub home_ground_amsl_m: Option<f64>,
+    /// Height above which the fence ends everywhere, m above mean sea level; where left out the ceiling over the
+    /// site's ground, or over the highest terrain that is followed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub top_amsl_m: Option<f64>,
     /// Radius around every stack that no leg may enter, m.
     pub keep_out_radius_m: f64,
     /// Vehicles keep this distance from each other, m, or else …
@@ -458,6 +468,9 @@ impl Default for FenceTable {
             polygon: Vec::new(),
             floor_agl_m: 120.0,
             ceiling_agl_m: 900.0,
+            follows_terrain: false,
+            home_ground_amsl_m: None,
+            top_amsl_m: None,
             keep_out_radius_m: 500.0,
             separation_m: 150.0,
             separation_height_m: 30.0,

@@ -114,13 +114,13 @@ impl WorldSimulator {
             id: AgentId::ws(),
             frame: scenario.frame()?,
             atmosphere: scenario.atmosphere()?,
+            airspace: Airspace::of(scenario)?.over(&config.terrain),
             terrain: config.terrain,
             wind: WorldWind::new(scenario.wind_profile()?, config.wind_series, follow),
             intensity: scenario.weather.turbulence_intensity / STANDARD_INTENSITY,
             unsteady: scenario.unsteady_weather().map(|u| u.around(&world)),
             world,
             calibrator,
-            airspace: Airspace::of(scenario)?,
             peak: None,
             wind_sd_m_s: scenario
                 .prior_sd(Uncertain::WindSpeed)

@@ -1,7 +1,7 @@
 //! The one command a newcomer needs.
 
 use clap::{Parser, Subcommand};
-use programs::commands::{calibrate, campaign, conduct, control, gap, replay, run, tune};
+use programs::commands::{calibrate, campaign, conduct, control, gap, plan, replay, run, tune};
 use programs::failure;
 use std::process::ExitCode;
 
@@ -30,6 +30,8 @@ enum Command {
     Replay(replay::ReplayArguments),
     /// Fly one scenario with many seeds and tabulate what was found
     Campaign(campaign::CampaignArguments),
+    /// Tell before a flight what the team could detect, and with what ±
+    Plan(plan::PlanArguments),
     /// Find an aircraft's gains in simulation and judge them
     Tune(tune::TuneArguments),
 }
@@ -43,6 +45,7 @@ fn main() -> ExitCode {
         Command::Control(arguments) => control::control(arguments),
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Campaign(arguments) => campaign::campaign(arguments),
+        Command::Plan(arguments) => plan::plan(arguments),
         Command::Tune(arguments) => tune::tune(arguments),
     })
 }

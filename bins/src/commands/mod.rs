@@ -5,6 +5,7 @@ pub mod campaign;
 pub mod conduct;
 pub mod control;
 pub mod gap;
+pub mod plan;
 pub mod replay;
 pub mod run;
 pub mod tune;

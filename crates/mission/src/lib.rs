@@ -58,6 +58,7 @@
 //! ```
 
 pub mod campaign;
+pub mod plan;
 pub mod preflight;
 pub mod real_vehicle;
 pub mod run;

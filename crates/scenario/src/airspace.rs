@@ -179,14 +179,15 @@ impl Airspace {
         let mut start = from;
         for &corner in corners {
             let count = (start.distance_m(corner) / LOOK_M).ceil().max(1.0);
-            for k in 1..=count as usize {
+            for k in 1..count as usize {
                 let share = k as f64 / count;
                 let at = Enu {
                     east_m: start.east_m + share * (corner.east_m - start.east_m),
                     north_m: start.north_m + share * (corner.north_m - start.north_m),
                 };
-                looks.push(look(at, k == count as usize));
+                looks.push(look(at, false));
             }
+            looks.push(look(corner, true));
             start = corner;
         }
         // Looking ahead: high enough here to be high enough there.

@@ -19,6 +19,7 @@ mod parameters;
 mod peak;
 
 pub use parameters::Calibrated;
+pub use peak::READ_SD;
 
 use crate::WsError;
 use gap::plume::{PlumeModel, ROWS_OF_A_SEARCH, Setup, every, plume_place, without_jitter};

@@ -78,7 +78,7 @@ pub struct Detectable {
     pub from_m: f64,
     /// Farthest, m; none for what is beyond all bands.
     pub to_m: Option<f64>,
-    /// Lowest and highest reading, m above the site's ground.
+    /// Heights between which nine of ten readings were made, m above the site's ground.
     pub heights_agl_m: (f64, f64),
     /// Readings of real vehicles there, in the median.
     pub readings: f64,
@@ -300,16 +300,15 @@ fn band(flights: &[Flight], from_m: f64, to_m: f64) -> Option<Detectable> {
     if readings < LEAST_READINGS as f64 {
         return None;
     }
-    let heights = flights.iter().flat_map(|f| f.met.iter().filter(inside));
-    let heights = heights.map(|m| m.height_agl_m);
+    let read = flights.iter().flat_map(|f| f.met.iter().filter(inside));
+    let mut heights: Vec<f64> = read.map(|m| m.height_agl_m).collect();
+    heights.sort_by(f64::total_cmp);
+    let at = |share: f64| heights[(share * (heights.len() - 1) as f64) as usize];
     let least = |f: &Flight| least_kg_s(f.emission_kg_s, f.met.iter().filter(inside));
     Some(Detectable {
         from_m,
         to_m: to_m.is_finite().then_some(to_m),
-        heights_agl_m: (
-            heights.clone().fold(f64::INFINITY, f64::min),
-            heights.fold(f64::NEG_INFINITY, f64::max),
-        ),
+        heights_agl_m: (at(0.05), at(0.95)),
         readings,
         least_kg_s: median(flights.iter().filter_map(least).collect()),
     })

@@ -32,6 +32,8 @@ const HOME_M: f64 = 500.0;
 const HOMES_APART_M: f64 = 30.0;
 /// Heights of SRTM are right to this in nine of ten cases, m (Farr et al. 2007, the mission's goal).
 const TERRAIN_M: f64 = 16.0;
+/// Ground near a home may be this much higher, m: half the height of the circle beside an approach (`fdm`).
+const SLOPE_M: f64 = 20.0;
 /// Height over the ground that the Guardian keeps (`va`), m.
 const OVER_GROUND_M: f64 = 100.0;
 /// Step of looking at the ground and at the room inside the fence, m: SRTM has a post every 90 m.
@@ -358,6 +360,18 @@ fn layers(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionErr
         let home = airspace.frame().to_enu(scenario.home(index)?);
         let highest_m = highest_near_home_m(&setup.terrain, airspace.frame(), home);
         let above_m = layer_amsl_m - highest_m;
+        let home_m = setup.ground_at_home_m(index)?;
+        if highest_m - home_m > SLOPE_M {
+            found.push(warned(
+                "home",
+                format!(
+                    "the ground within {NEAR_HOME_M:.0} m of the home of vehicle {} rises to {highest_m:.0} m, \
+                     {:.0} m above it: expected {SLOPE_M:.0} m at most, or a landing may find no approach",
+                    scenario.vehicles[index].id,
+                    highest_m - home_m
+                ),
+            ));
+        }
         let words = format!(
             "vehicle {} waits at {layer_amsl_m:.0} m above home, {above_m:.0} m over the highest ground \
              within {NEAR_HOME_M:.0} m ({highest_m:.0} m): expected {OVER_GROUND_M:.0} m over it, by \

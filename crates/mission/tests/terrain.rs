@@ -21,8 +21,8 @@ fn read(file: &str) -> Result<Vec<u8>, String> {
 }
 
 fn mountains() -> Setup {
-    // Half as long: search and landings are in it all the same.
-    let text = MOUNTAINS.replace("duration_s = 2100.0", "duration_s = 1100.0");
+    // Shorter: search and landings are in it all the same.
+    let text = MOUNTAINS.replace("duration_s = 2100.0", "duration_s = 1500.0");
     let mut setup = Setup::load("mountains.toml", &text, &read).unwrap();
     setup.scenario.gap.live = false;
     setup

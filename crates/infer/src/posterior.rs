@@ -599,6 +599,29 @@ impl Posterior {
         self.fit.basis.turn_deg(time_s, &self.fit.point.weights)
     }
 
+    /// Mean turn of the axis at these times, degrees clockwise, with how far it may be off, together with the
+    /// unknown that turns the axis for good, if there is one.
+    pub fn mean_turn(&self, times_s: &[f64], beside: Option<usize>) -> Estimate {
+        let swing = &self.layout.weights[self.fit.basis.of_form()..];
+        let mut bumps = vec![0.0; swing.len()];
+        let mut function = DMatrix::zeros(1, self.layout.tried);
+        let (count, mut value) = (times_s.len() as f64, 0.0);
+        for time_s in times_s {
+            self.fit.basis.fill_swing(*time_s, &mut bumps);
+            for (place, bump) in swing.iter().zip(&bumps) {
+                function[(0, *place)] += bump / count;
+            }
+            value += self.turn_deg(*time_s) / count;
+        }
+        if let Some(k) = beside {
+            function[(0, self.layout.unknowns + k)] = 1.0;
+        }
+        Estimate {
+            value,
+            sd: self.covariance_of(&function)[(0, 0)].max(0.0).sqrt(),
+        }
+    }
+
     /// What is to be met at a place at the fit's most probable point; see [`Posterior::at_place`].
     pub fn value_at(
         &self,

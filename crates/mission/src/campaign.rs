@@ -1,7 +1,11 @@
 //! One scenario flown with many seeds, and what the missions show together.
 
 use crate::{MissionError, Run, Setup, truth};
-use record::summary::{CORRECTED, MissionSummary, Summariser, SummaryContext};
+use protocol::message::{Flux, PeakStatus};
+use record::summary::{
+    CORRECTED, MissionSummary, ModelNumber, Outcome, Summariser, SummaryContext,
+};
+use record::text;
 use std::fmt::Write as _;
 
 /// A found peak within this distance of the truth counts as found, m.
@@ -59,16 +63,9 @@ impl Campaign {
     /// Errors left over errors before, one a mission, of the n-th of the corrected numbers;
     /// only where there was an error before.
     pub fn remaining(&self, number: usize) -> Vec<f64> {
-        self.missions
-            .iter()
-            .filter_map(|m| {
-                let reality = (CORRECTED[number].of)(m.model.reality.as_ref()?).value;
-                let model_error = |v: f64| CORRECTED[number].error(v, reality).abs();
-                let before = model_error((CORRECTED[number].of)(&m.model.before).value);
-                let after = model_error((CORRECTED[number].of)(&m.model.after).value);
-                (before > 0.0).then_some(after / before)
-            })
-            .collect()
+        let all = self.missions.iter().flat_map(stated);
+        let those = all.filter(|s| s.name == CORRECTED[number].name);
+        those.filter_map(|s| s.left).collect()
     }
 
     /// Missions whose peak was found, and missions in which there was one to find.
@@ -119,15 +116,135 @@ impl Campaign {
         let (found, of) = self.found();
         let _ = writeln!(
             text,
-            "\n\nPeak found within {FOUND_WITHIN_M:.0} m: {found} of {of}.\n"
+            "\n\nPeak found within {FOUND_WITHIN_M:.0} m: {found} of {of}. {}\n",
+            self.endings()
         );
-        text.push_str("| number | median error left, share of the error before |\n|---|---|\n");
-        for (k, number) in CORRECTED.iter().enumerate() {
-            let left = median(self.remaining(k)).map_or("-".to_owned(), |m| format!("{m:.3}"));
-            let _ = writeln!(text, "| {} | {left} |", number.name);
-        }
+        text.push_str(&self.stated_table());
         text
     }
+
+    /// How missions ended, in words: what stands behind their peaks, and where their vehicles are.
+    fn endings(&self) -> String {
+        let is = |status: PeakStatus| {
+            let those = self.missions.iter().filter(|m| m.peak.status == status);
+            those.count()
+        };
+        let vehicles = || self.missions.iter().flat_map(|m| &m.vehicles);
+        let landed = vehicles().filter(|v| v.outcome == Outcome::Landed).count();
+        format!(
+            "{} confirmed, {} supported, {} doubtful, {} not found. {landed} of {} vehicles landed.",
+            is(PeakStatus::Confirmed),
+            is(PeakStatus::Supported),
+            is(PeakStatus::Doubtful),
+            is(PeakStatus::NotFound),
+            vehicles().count(),
+        )
+    }
+
+    /// What missions state with a standard deviation against the reality of their stand-ins.
+    fn stated_table(&self) -> String {
+        let all: Vec<Stated> = self.missions.iter().flat_map(stated).collect();
+        let mut names: Vec<&str> = Vec::new();
+        for s in &all {
+            if !names.contains(&s.name.as_str()) {
+                names.push(&s.name);
+            }
+        }
+        let mut text = String::from(
+            "| number | truth within 2 sd | median error | median of the error before that is left |\n|---|---|---|---|\n",
+        );
+        let within = |those: &[&Stated]| those.iter().filter(|s| s.holds()).count();
+        for name in names {
+            let those: Vec<&Stated> = all.iter().filter(|s| s.name == name).collect();
+            let error = median(those.iter().map(|s| s.error.abs()).collect()).unwrap_or(f64::NAN);
+            let left = median(those.iter().filter_map(|s| s.left).collect());
+            let _ = writeln!(
+                text,
+                "| {name} | {} of {} | {error:.digits$} {} | {} |",
+                within(&those),
+                those.len(),
+                those[0].unit,
+                left.map_or("-".to_owned(), |l| format!("{l:.3}")),
+                digits = those[0].digits,
+            );
+        }
+        let every: Vec<&Stated> = all.iter().collect();
+        let _ = writeln!(
+            text,
+            "\nAll together: {} of {} within two standard deviations.",
+            within(&every),
+            every.len()
+        );
+        text
+    }
+}
+
+/// A number that a mission states, against the truth.
+struct Stated {
+    name: String,
+    unit: &'static str,
+    digits: usize,
+    error: f64,
+    sd: f64,
+    /// Error over that before the mission, where there was one.
+    left: Option<f64>,
+}
+
+impl Stated {
+    fn holds(&self) -> bool {
+        self.error.abs() <= 2.0 * self.sd
+    }
+}
+
+/// What a mission states of which the truth is known.
+fn stated(mission: &MissionSummary) -> Vec<Stated> {
+    let mut out = Vec::new();
+    if let (Some(estimate), Some(truth)) = (&mission.peak.estimate, &mission.peak.truth) {
+        out.push(Stated {
+            name: "peak".to_owned(),
+            unit: "ppm",
+            digits: 0,
+            error: estimate.co2_ppm - truth.co2_ppm,
+            sd: estimate.sd_ppm,
+            left: None,
+        });
+    }
+    if let Some(reality) = &mission.model.reality {
+        let of = |number: &ModelNumber| {
+            let truth = (number.of)(reality).value;
+            let after = (number.of)(&mission.model.after);
+            let error = number.error(after.value, truth);
+            let before = number.error((number.of)(&mission.model.before).value, truth);
+            Stated {
+                name: number.name.to_owned(),
+                unit: number.unit,
+                digits: number.digits,
+                error,
+                sd: after.sd,
+                left: (before != 0.0).then_some((error / before).abs()),
+            }
+        };
+        out.extend(CORRECTED.iter().map(of));
+    }
+    for flux in &mission.flux {
+        let Some(truth) = flux.truth_kg_s.filter(|q| *q > 0.0) else {
+            continue;
+        };
+        let Flux {
+            source,
+            method,
+            kg_s,
+        } = &flux.found;
+        out.push(Stated {
+            name: format!("flux of {source} by {}", text::flux_method(*method)),
+            unit: "%",
+            digits: 0,
+            error: 100.0 * (kg_s.value / truth - 1.0),
+            sd: 100.0 * kg_s.sd / truth,
+            left: None,
+        });
+    }
+    out
 }
 
 /// Median; none of nothing.

@@ -78,6 +78,7 @@
 //! ```
 
 mod area;
+pub mod curtain;
 pub mod effects;
 pub mod field;
 mod lag;

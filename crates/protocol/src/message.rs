@@ -312,12 +312,17 @@ pub struct Model {
 /// What a source emits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Flux {
-    /// The source's name.
+    /// The source's name; of several that were weighed together all names, with [`Flux::AND`] between them.
     pub source: String,
     /// How it was found.
     pub method: FluxMethod,
     /// Emission, kg/s.
     pub kg_s: Estimate,
+}
+
+impl Flux {
+    /// Between the names of sources that were weighed together.
+    pub const AND: &str = " + ";
 }
 
 /// How a flux was found.
@@ -364,9 +369,7 @@ pub struct Observation {
 }
 
 /// Phase of a mission.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Phase {
     /// Taking off and climbing.
@@ -379,6 +382,16 @@ pub enum Phase {
     Characterise,
     /// Coming home.
     Home,
+    /// A curtain of passes downwind, by which an emission is weighed; after the passes through the peak,
+    /// and last here because phases are numbered in recordings.
+    Flux,
+}
+
+impl Phase {
+    /// Whether the plume was looked for long enough that its peak can be told.
+    pub fn has_searched(self) -> bool {
+        !matches!(self, Self::TakeOff | Self::Preliminary)
+    }
 }
 
 /// Where one vehicle is sent and why.

@@ -437,12 +437,12 @@ impl Summariser {
     }
 
     fn flux_summary(&self, found: &Flux) -> FluxSummary {
-        let known = self.context.true_flux.iter();
+        let truth_of = |source: &str| {
+            let mut known = self.context.true_flux.iter();
+            known.find(|(name, _)| name == source).map(|k| k.1)
+        };
         FluxSummary {
-            truth_kg_s: known
-                .clone()
-                .find(|(name, _)| *name == found.source)
-                .map(|k| k.1),
+            truth_kg_s: found.source.split(Flux::AND).map(truth_of).sum(),
             found: found.clone(),
         }
     }

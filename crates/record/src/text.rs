@@ -136,6 +136,14 @@ fn estimate(peak: &Peak) -> String {
     )
 }
 
+/// How a flux was found, in words.
+pub fn flux_method(method: FluxMethod) -> &'static str {
+    match method {
+        FluxMethod::Inference => "the corrected model",
+        FluxMethod::MassBalance => "the mass balance of passes",
+    }
+}
+
 /// What a source emits.
 pub fn flux(flux: &FluxSummary) -> String {
     let Flux {
@@ -143,10 +151,7 @@ pub fn flux(flux: &FluxSummary) -> String {
         method,
         kg_s,
     } = &flux.found;
-    let method = match method {
-        FluxMethod::Inference => "the corrected model",
-        FluxMethod::MassBalance => "the mass balance of passes",
-    };
+    let method = flux_method(*method);
     let reality = flux.truth_kg_s.map_or(String::new(), |q| {
         format!("; {} in the stand-in's reality", significant(q))
     });

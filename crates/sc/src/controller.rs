@@ -92,7 +92,8 @@ impl SquadronController {
         };
         let source = &scenario.sources[0];
         let stated_m = source.c_max_distance_m.unwrap_or(0.0);
-        let range = PassRange::of(&airspace, MARGIN_M, stated_m);
+        let lag_m = scenario.search.airspeed_m_s * scenario.sensor.time_constant_s;
+        let range = PassRange::of(&airspace, MARGIN_M, stated_m, lag_m);
         let keep_out_m = airspace.keep_out_m();
         let no_airspace = ScError::NoAirspace {
             margin_m: MARGIN_M,
@@ -160,7 +161,7 @@ impl SquadronController {
     /// scenario supposes, and none where no plume was read.
     pub fn peak(&self) -> Option<Peak> {
         let found = self.model.as_ref().and_then(|m| m.peak);
-        found.filter(|p| self.phase >= Phase::Search && p.status != PeakStatus::NotFound)
+        found.filter(|p| self.phase.has_searched() && p.status != PeakStatus::NotFound)
     }
 
     /// Where the plume is estimated to be; none before the first model.
@@ -316,7 +317,7 @@ impl SquadronController {
         self.direct(now, out);
         let searches = matches!(
             self.phase,
-            Phase::Preliminary | Phase::Search | Phase::Characterise
+            Phase::Preliminary | Phase::Search | Phase::Characterise | Phase::Flux
         );
         if searches && now >= self.next_population {
             self.next_population = SimTime::from_s(now.s() + self.search.step_s);
@@ -332,6 +333,7 @@ impl SquadronController {
             Phase::Preliminary => "preliminary flight: real vehicles pass through the plume",
             Phase::Search => "search: the team looks for the peak",
             Phase::Characterise => "characterise: real vehicles pass through the peak",
+            Phase::Flux => "flux: real vehicles fly a curtain of passes downwind",
             Phase::Home => "home",
         };
         out.event(&self.id, Severity::Info, "phase", words);
@@ -344,7 +346,9 @@ impl SquadronController {
         if phase == Phase::Home {
             self.publish_findings(out);
         }
-        if phase >= Phase::Search {
+        // What is found is stated at the end; what is to be adopted changes the world on the way.
+        let adopts = self.gap.as_ref().is_some_and(LiveGap::adopts);
+        if matches!(phase, Phase::Search | Phase::Home) || (phase.has_searched() && adopts) {
             self.publish_gap(out);
         }
         self.tasks.start_phase(phase, &self.fleet);

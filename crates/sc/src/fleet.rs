@@ -20,7 +20,7 @@ pub const ORBIT_M: f64 = 80.0;
 /// vehicles circle at the loiter radius of `fdm`, and gusts carry them off it.
 pub(crate) const CIRCLE_M: f64 = 105.0;
 /// A setpoint counts as reached at this distance, m: before the orbit around it begins.
-const REACHED_M: f64 = ORBIT_M + 40.0;
+pub(crate) const REACHED_M: f64 = ORBIT_M + 40.0;
 /// A vehicle of which nothing has been received for this long is not counted on, s.
 const SILENT_S: f64 = 10.0;
 

@@ -1,8 +1,9 @@
 //! The reality gap in flight: what the readings of real vehicles so far show of the model.
 //!
-//! At the start of the search, of the characterisation and of the way home the readings are
-//! analysed as `plumage gap plume` would analyse them from a file, only lighter: each goes on from the one
-//! before. The verdict is published, and, where the mission is to adopt what is found, handed to the world simulator.
+//! At the start of the search and of the way home, and of each phase between them where what is found is to be
+//! adopted, the readings are analysed as `plumage gap plume` would analyse them from a file, only lighter. Where
+//! nothing was found, the next look goes on from there. The verdict is published, and, where the mission is to adopt
+//! what is found, handed to the world simulator.
 
 use gap::plume::{Analysis, Begun, Options, Setup, analyse_from};
 use gap::verdict::Verdict;
@@ -54,6 +55,11 @@ impl LiveGap {
             taken: 0,
             said: None,
         }))
+    }
+
+    /// Whether what is found is to be adopted.
+    pub fn adopts(&self) -> bool {
+        self.adopt
     }
 
     /// Takes in a reading of the real vehicle `platform`.
@@ -142,7 +148,9 @@ impl LiveGap {
                 return (nothing, format!("the readings so far tell nothing: {e}"));
             }
         };
-        self.begun.clone_from(&analysis.begun);
+        // Where something was found, more readings are looked at as if for the first time.
+        let is_none = analysis.json.verdict == Verdict::None;
+        self.begun = analysis.begun.clone().filter(|_| is_none);
         let mechanisms: Vec<MechanismSetting> = analysis
             .extension
             .iter()

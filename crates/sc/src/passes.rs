@@ -8,7 +8,9 @@
 use air::geo::Enu;
 use csea::Position;
 use plume::DispersionSpec;
+use protocol::message::Phase;
 
+use crate::fleet::REACHED_M;
 use crate::plume_estimate::PlumeEstimate;
 use scenario::airspace::Airspace;
 
@@ -23,49 +25,63 @@ const SHORTEN_M: f64 = 25.0;
 /// Height of passes off the axis in σz: where a Gaussian's slope is steepest is 1.
 const OFF_AXIS_SIGMAS: f64 = 1.0;
 
-/// What a pass shall show.
+/// Where a pass crosses the plume.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum PassKind {
-    /// Across the plume at a distance (0: nearest, 1: farthest of the mission's range) and a
-    /// height off the axis in steps (−1, 0, 1).
-    Across {
-        /// Part of the way from the nearest to the farthest distance.
-        part: f64,
-        /// Steps above the axis.
-        step: f64,
-    },
-    /// Along the axis, at a height off it in steps.
-    Along {
-        /// Steps above the axis.
-        step: f64,
-    },
+pub struct Crossing {
+    /// Part of the way from the nearest to the farthest distance of the mission's range.
+    pub part: f64,
+    /// Height above the axis in steps of about the plume's own height.
+    pub step: f64,
 }
 
-/// Preliminary passes, in order; from the fourth on they repeat.
-pub const PRELIMINARY: [PassKind; 9] = [
-    across(0.35, 0.0),
-    across(0.1, 1.0),
-    across(0.1, -1.0),
-    across(0.9, 0.0),
-    across(0.1, 0.0),
-    across(0.9, 1.0),
-    across(0.9, -1.0),
-    across(0.4, 1.0),
-    across(0.4, -1.0),
+/// Preliminary passes, in order; they repeat. From one to the next the height changes by one step at
+/// most: a climb of two takes longer than a pass.
+const PRELIMINARY: [Crossing; 10] = [
+    at(0.35, 0.0),
+    at(0.1, 1.0),
+    at(0.1, 0.0),
+    at(0.1, -1.0),
+    at(0.9, -1.0),
+    at(0.9, 0.0),
+    at(0.9, 1.0),
+    at(0.4, 1.0),
+    at(0.4, 0.0),
+    at(0.4, -1.0),
 ];
 
-/// Passes around a peak that has been found, in order; they repeat.
-pub const CHARACTERISE: [PassKind; 6] = [
-    across(0.0, 0.0),
-    PassKind::Along { step: 0.0 },
-    across(0.0, 1.0),
-    across(0.0, -1.0),
-    across(0.6, 0.0),
-    across(1.0, 0.0),
+/// Passes around a peak that has been found, in order; they repeat. A plume that meanders is another
+/// at each crossing: most of them are where the peak is.
+const CHARACTERISE: [Crossing; 6] = [
+    at(0.0, 0.0),
+    at(0.0, 1.0),
+    at(0.0, 0.0),
+    at(0.0, -1.0),
+    at(0.6, 0.0),
+    at(1.0, 0.0),
 ];
 
-const fn across(part: f64, step: f64) -> PassKind {
-    PassKind::Across { part, step }
+/// A curtain near the peak, from above the plume to below it; the passes through the peak before are part
+/// of it.
+const FLUX: [Crossing; 5] = [
+    at(0.0, 2.0),
+    at(0.0, 1.0),
+    at(0.0, 0.0),
+    at(0.0, -1.0),
+    at(0.0, -2.0),
+];
+
+/// The passes of a phase.
+pub fn of(phase: Phase) -> &'static [Crossing] {
+    match phase {
+        Phase::Preliminary => &PRELIMINARY,
+        Phase::Characterise => &CHARACTERISE,
+        Phase::Flux => &FLUX,
+        Phase::TakeOff | Phase::Search | Phase::Home => &[],
+    }
+}
+
+const fn at(part: f64, step: f64) -> Crossing {
+    Crossing { part, step }
 }
 
 /// A straight pass.
@@ -84,24 +100,31 @@ pub struct PassRange {
     pub near_m: f64,
     /// Farthest, m.
     pub far_m: f64,
+    /// How far a pass is planned beyond the plume where it leaves it, m: a vehicle turns before the end of its
+    /// way, and its sensor has to come back to clean air.
+    pub beyond_m: f64,
 }
+
+/// Time constants after which a sensor reads clean air again, to 5 %.
+const BACK_TO_CLEAN: f64 = 3.0;
 
 impl PassRange {
     /// From the edge of the keep-out, with the margin for turns, to the distance at which c_MAX
-    /// is stated, at least half as far again.
-    pub fn of(airspace: &Airspace, margin_m: f64, stated_m: f64) -> Self {
+    /// is stated, at least half as far again; for a sensor that lags by `lag_m` on its way.
+    pub fn of(airspace: &Airspace, margin_m: f64, stated_m: f64, lag_m: f64) -> Self {
         let near_m = (airspace.keep_out_m() + margin_m).max(200.0) + 5.0;
         Self {
             near_m,
             far_m: stated_m.max(1.5 * near_m),
+            beyond_m: REACHED_M + BACK_TO_CLEAN * lag_m,
         }
     }
 }
 
-/// Plans the pass `kind` for a vehicle that is at `here`, so that it begins at the nearer end;
+/// Plans a pass for a vehicle that is at `here`, so that it begins at the nearer end;
 /// shortened to what the airspace allows with `margin_m`. `None` where nothing of it is left.
 pub fn plan(
-    kind: PassKind,
+    crossing: Crossing,
     estimate: &PlumeEstimate,
     base: &DispersionSpec,
     airspace: &Airspace,
@@ -109,27 +132,24 @@ pub fn plan(
     margin_m: f64,
     here: Enu,
 ) -> Option<Pass> {
-    let (step, ends) = match kind {
-        PassKind::Across { part, step } => {
-            let distance_m = range.near_m + part * (range.far_m - range.near_m);
-            (
-                step,
-                across_ends(estimate, base, airspace, distance_m, margin_m)?,
-            )
-        }
-        PassKind::Along { step } => (step, along_ends(estimate, airspace, range, margin_m)?),
-    };
-    let middle_m =
-        0.5 * (estimate.source.distance_m(ends[0]) + estimate.source.distance_m(ends[1]));
-    let sigma_z_m = estimate.sigmas_m(base, middle_m.max(1.0)).1;
+    let distance_m = range.near_m + crossing.part * (range.far_m - range.near_m);
+    let ends = across_ends(estimate, base, airspace, distance_m, margin_m)?;
+    let sigma_z_m = estimate.sigmas_m(base, distance_m).1;
     // As long as H is hardly known, the steps must reach as far as it may be off.
     let off_m = (OFF_AXIS_SIGMAS * sigma_z_m).max(estimate.height_sd_m.min(2.0 * sigma_z_m));
-    let wanted_m = estimate.height_amsl_m + step * off_m;
+    let wanted_m = estimate.height_amsl_m + crossing.step * off_m;
     let [mut from, mut to] = ends;
     // Flown from the nearer end; either direction shows the same.
     if here.distance_m(to) < here.distance_m(from) {
         std::mem::swap(&mut from, &mut to);
     }
+    let bearing_deg = from.bearing_deg(to);
+    let beyond = |m: f64| to.displaced(bearing_deg, m);
+    let mut beyond_m = range.beyond_m;
+    while beyond_m > 0.0 && !airspace.leg_is_clear(from, beyond(beyond_m), margin_m) {
+        beyond_m -= SHORTEN_M;
+    }
+    to = beyond(beyond_m.max(0.0));
     let at = |at: Enu| Position {
         at,
         height_m: airspace.clamp_at_m(at, wanted_m),
@@ -165,22 +185,4 @@ fn across_ends(
     airspace
         .leg_is_clear(ends[0], ends[1], margin_m)
         .then_some(ends)
-}
-
-fn along_ends(
-    estimate: &PlumeEstimate,
-    airspace: &Airspace,
-    range: PassRange,
-    margin_m: f64,
-) -> Option<[Enu; 2]> {
-    let near = estimate.place(range.near_m, 0.0);
-    let mut far_m = range.far_m;
-    while far_m > range.near_m + 2.0 * SHORTEN_M {
-        let far = estimate.place(far_m, 0.0);
-        if airspace.clearance_m(far) >= margin_m && airspace.leg_is_clear(near, far, margin_m) {
-            return Some([near, far]);
-        }
-        far_m -= SHORTEN_M;
-    }
-    None
 }

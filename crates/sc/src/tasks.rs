@@ -63,7 +63,7 @@ impl Tasks {
                     | VehicleTask::Returning
                     | VehicleTask::Landing(..)
             );
-            let changes = phase != Phase::Characterise || vehicle.real;
+            let changes = !matches!(phase, Phase::Characterise | Phase::Flux) || vehicle.real;
             if in_work && changes {
                 *task = VehicleTask::Idle;
             }

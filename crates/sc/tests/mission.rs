@@ -14,10 +14,10 @@ fn phases(mini: &Miniature) -> Vec<Phase> {
 fn a_mission_with_one_real_vehicle_goes_through_all_phases_and_finds_the_peak() {
     let mut mini = Miniature::new(as_pontes(1));
     mini.run();
-    use Phase::{Characterise, Home, Preliminary, Search, TakeOff};
+    use Phase::{Characterise, Flux, Home, Preliminary, Search, TakeOff};
     assert_eq!(
         phases(&mini),
-        [TakeOff, Preliminary, Search, Characterise, Home]
+        [TakeOff, Preliminary, Search, Characterise, Flux, Home]
     );
     assert_safe(&mini);
     assert_apart(&mini);

@@ -3,7 +3,7 @@
 
 const $ = id => document.getElementById(id);
 const PHASES = [["take-off", "Take-off"], ["preliminary", "Preliminary"], ["search", "Search"],
-  ["characterise", "Characterise"], ["home", "Home"]];
+  ["characterise", "Characterise"], ["flux", "Flux"], ["home", "Home"]];
 const NUMBERS = [["axis_deg", "axis, towards °", 1], ["effective_height_agl_m", "height H, m AGL", 0],
   ["c_max_ppm", "c_MAX, ppm", 0], ["sigma_y_scale", "σy scale", 2], ["sigma_z_scale", "σz scale", 2],
   ["background_ppm", "background, ppm", 1]];

@@ -370,6 +370,7 @@ fn phase_name(phase: Phase) -> &'static str {
         Phase::Preliminary => "preliminary flight",
         Phase::Search => "search",
         Phase::Characterise => "characterisation",
+        Phase::Flux => "weighing of the flux",
         Phase::Home => "way home",
     }
 }

@@ -67,6 +67,8 @@ pub struct WorldSimulator {
     airspace: Airspace,
     /// The peak of the model as it was corrected last.
     peak: Option<Peak>,
+    /// What the sources emit, as it was found last.
+    flux: Vec<Flux>,
     /// One standard deviation of the scenario's wind speed, m/s.
     wind_sd_m_s: f64,
     /// Index of each real vehicle in the calibrator.
@@ -122,6 +124,7 @@ impl WorldSimulator {
             world,
             calibrator,
             peak: None,
+            flux: Vec::new(),
             wind_sd_m_s: scenario
                 .prior_sd(Uncertain::WindSpeed)
                 .unwrap_or(WIND_SPEED_SD * scenario.weather.wind_speed_m_s),
@@ -179,6 +182,7 @@ impl WorldSimulator {
                 Ok(world) => {
                     self.world = world;
                     self.peak = self.calibrator.peak(&self.airspace);
+                    self.flux = self.weighed();
                 }
                 Err(e) => out.event(
                     &self.id,
@@ -210,7 +214,7 @@ impl WorldSimulator {
             observations: self.calibrator.taken(),
             mechanisms: self.extensions.clone(),
             peak: self.peak(),
-            flux: self.flux(),
+            flux: self.flux.clone(),
         }
     }
 
@@ -230,18 +234,24 @@ impl WorldSimulator {
     }
 
     /// What the sources emit, as far as readings tell; nothing before them.
-    fn flux(&self) -> Vec<Flux> {
+    fn weighed(&self) -> Vec<Flux> {
         if self.peak.is_none_or(|p| p.status == PeakStatus::NotFound) {
             return Vec::new();
         }
         let wind = self.wind.reported_speed(self.wind_sd_m_s);
-        let found = self.calibrator.flux(wind).into_iter();
-        let said = |(source, kg_s)| Flux {
-            source,
-            method: FluxMethod::Inference,
-            kg_s,
+        let said = |method| {
+            move |(source, kg_s)| Flux {
+                source,
+                method,
+                kg_s,
+            }
         };
-        found.map(said).collect()
+        let inferred = self.calibrator.flux(wind).into_iter();
+        let weighed = self.calibrator.curtain_flux(wind).into_iter();
+        inferred
+            .map(said(FluxMethod::Inference))
+            .chain(weighed.map(said(FluxMethod::MassBalance)))
+            .collect()
     }
 
     /// Where the axis runs, and the wind: by the correction alone, or by what is known of the wind of the

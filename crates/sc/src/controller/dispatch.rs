@@ -7,7 +7,7 @@ use protocol::{Outbox, SimTime};
 
 use super::SquadronController;
 use crate::fleet::{CIRCLE_M, MARGIN_M};
-use crate::passes::{self, CHARACTERISE, PRELIMINARY, PassKind};
+use crate::passes::{self, Crossing};
 use crate::separation::Corridor;
 use crate::tasks::VehicleTask;
 
@@ -21,7 +21,7 @@ pub(super) const BETWEEN_TAKE_OFFS_S: f64 = 8.0;
 const CLEAR_OF_NEXT_M: f64 = 15.0;
 /// A vehicle that has not left the ground this long after its order does not hold up the next, s.
 const STUCK_S: f64 = 60.0;
-/// Seconds that a pass may be refused because others are in the way before the next kind is tried.
+/// Seconds that a pass may be refused because others are in the way before the next pass is tried.
 const REFUSALS: usize = 60;
 /// Coming passes that are kept free.
 const RESERVED_PASSES: usize = 3;
@@ -46,10 +46,12 @@ impl SquadronController {
                     self.bring_home(index, out);
                 }
                 Phase::TakeOff | Phase::Home => {}
-                Phase::Preliminary | Phase::Characterise if self.fleet.vehicles[index].real => {
+                Phase::Preliminary | Phase::Characterise | Phase::Flux
+                    if self.fleet.vehicles[index].real =>
+                {
                     self.fly_passes(index, now, out);
                 }
-                Phase::Preliminary | Phase::Search | Phase::Characterise => {
+                Phase::Preliminary | Phase::Search | Phase::Characterise | Phase::Flux => {
                     if self.tasks.each[index] == VehicleTask::Idle {
                         self.tasks.each[index] = VehicleTask::Searching;
                     }
@@ -134,28 +136,27 @@ impl SquadronController {
 
     /// Keeps the passes that are flown now and next free of those who fly none.
     fn reserve_passes(&mut self) {
-        let (kinds, coming): (&[PassKind], usize) = match self.phase {
-            Phase::Preliminary => (&PRELIMINARY, RESERVED_PASSES),
-            Phase::Characterise => (&CHARACTERISE, RESERVED_PASSES),
-            _ => (&PRELIMINARY, 0),
-        };
+        let crossings = passes::of(self.phase);
+        let coming = RESERVED_PASSES.min(crossings.len());
         let under_way = self.tasks.each.iter().filter_map(|task| match task {
             VehicleTask::Approaching(pass, _) | VehicleTask::OnPass(pass) => Some(*pass),
             _ => None,
         });
         let next = (0..coming).filter_map(|k| {
-            let kind = kinds[(self.tasks.next_pass + k) % kinds.len()];
-            self.plan_pass(kind, self.estimate()?.source)
+            let crossing = crossings[(self.tasks.next_pass + k) % crossings.len()];
+            self.plan_pass(crossing, self.estimate()?.source)
         });
         let corridor = |pass: passes::Pass| Corridor::straight(pass.from, pass.to, CIRCLE_M);
         self.fleet.passes = under_way.chain(next).map(corridor).collect();
     }
 
     /// A pass planned on the estimate of now, begun at the end that is nearer to `here`.
-    fn plan_pass(&self, kind: PassKind, here: Enu) -> Option<passes::Pass> {
+    fn plan_pass(&self, crossing: Crossing, here: Enu) -> Option<passes::Pass> {
         let (estimate, airspace) = (self.estimate()?, &self.fleet.airspace);
         let range = self.range;
-        passes::plan(kind, &estimate, &self.base, airspace, range, MARGIN_M, here)
+        passes::plan(
+            crossing, &estimate, &self.base, airspace, range, MARGIN_M, here,
+        )
     }
 
     fn fly_passes(&mut self, index: usize, now: SimTime, out: &mut Outbox) {
@@ -190,14 +191,12 @@ impl SquadronController {
         else {
             return;
         };
-        let kinds: &[PassKind] = if self.phase == Phase::Preliminary {
-            &PRELIMINARY
-        } else {
-            &CHARACTERISE
+        let crossings = passes::of(self.phase);
+        let Some(crossing) = crossings.get(self.tasks.next_pass % crossings.len().max(1)) else {
+            return;
         };
-        let kind = kinds[self.tasks.next_pass % kinds.len()];
-        match self.plan_pass(kind, track.position.at) {
-            // Each kind shows something of its own: with others in the way, it waits its turn.
+        match self.plan_pass(*crossing, track.position.at) {
+            // Each shows something of its own: with others in the way, it waits its turn.
             Some(pass) if self.fleet.send(index, pass.from, "to the next pass", out) => {
                 self.tasks.next_pass += 1;
                 self.tasks.each[index] = VehicleTask::Approaching(pass, None);

@@ -10,11 +10,12 @@ use crate::tasks::VehicleTask;
 /// Take-off is over for those who are still on the ground after this, s.
 const LONGEST_TAKE_OFF_S: f64 = 240.0;
 /// The preliminary flight ends at this part of the mission at the latest.
-const PRELIMINARY_UNTIL: f64 = 0.45;
+const PRELIMINARY_UNTIL: f64 = 0.3;
 /// Passes of a preliminary flight, at least and at most.
 const PRELIMINARY_PASSES: (usize, usize) = (5, 18);
-/// Part of the mission kept for characterisation.
-const CHARACTERISE_PART: f64 = 0.15;
+/// Parts of the mission before the way home at which characterisation and the curtain of the flux begin.
+const CHARACTERISE_FROM: f64 = 0.25;
+const FLUX_FROM: f64 = 0.16;
 
 impl SquadronController {
     /// The phase that is due, if it is another.
@@ -27,9 +28,10 @@ impl SquadronController {
             .filter(|v| v.real && flying(v))
             .count();
         let all_called = self.tasks.called.iter().all(|&called| called);
-        if self.phase < Phase::Home && (self.all_come_home() || all_called) {
+        if self.phase != Phase::Home && (self.all_come_home() || all_called) {
             return Some(Phase::Home);
         }
+        let due = |part: f64| now.s() >= self.home_time_s() - part * self.duration_s;
         match self.phase {
             Phase::TakeOff => self.after_take_off(now, real),
             Phase::Preliminary => {
@@ -41,11 +43,10 @@ impl SquadronController {
                 let late = now.s() >= PRELIMINARY_UNTIL * self.duration_s;
                 (sharp || late || flown >= most || real == 0).then_some(Phase::Search)
             }
-            Phase::Search => {
-                let due = now.s() >= self.home_time_s() - CHARACTERISE_PART * self.duration_s;
-                (due && real > 0 && self.model.is_some()).then_some(Phase::Characterise)
-            }
-            Phase::Characterise | Phase::Home => None,
+            Phase::Search => (due(CHARACTERISE_FROM) && real > 0 && self.model.is_some())
+                .then_some(Phase::Characterise),
+            Phase::Characterise => due(FLUX_FROM).then_some(Phase::Flux),
+            Phase::Flux | Phase::Home => None,
         }
     }
 

@@ -8,12 +8,79 @@
 //! both directions.
 
 use super::parameters::Unknowns;
-use super::peak::Predicted;
+use super::peak::{AtCrossing, Predicted};
 use nalgebra::{DMatrix, DVector};
 use plume::{DispersionSpec, MechanismId, Strength};
 
 /// Crossings below which no meander can be told.
 const LEAST_CROSSINGS: usize = 4;
+/// Of a series a mean and a slope are taken, so that fewer independent crossings than these would leave nothing.
+const LEAST_INDEPENDENT: f64 = 3.0;
+
+/// A slope that is not zero by so many standard deviations is a wind that turns.
+const TURNS_SD: f64 = 3.0;
+
+/// The straight line through the turns of the axis at crossings, by least squares.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Line {
+    mean_s: f64,
+    mean_deg: f64,
+    deg_s: f64,
+    deg_s_sd: f64,
+    /// Sum of the squares of what the turns are off it.
+    off_sq_deg2: f64,
+}
+
+impl Line {
+    pub fn through(crossings: &[AtCrossing]) -> Self {
+        let n = crossings.len() as f64;
+        let mean = |of: fn(&AtCrossing) -> f64| crossings.iter().map(of).sum::<f64>() / n;
+        let (mean_s, mean_deg) = (mean(|c| c.time_s), mean(|c| c.turn_deg));
+        let sum = |of: &dyn Fn(&AtCrossing) -> f64| crossings.iter().map(of).sum::<f64>();
+        let square = sum(&|c| (c.time_s - mean_s).powi(2)).max(f64::MIN_POSITIVE);
+        let deg_s = sum(&|c| (c.time_s - mean_s) * (c.turn_deg - mean_deg)) / square;
+        let off_sq_deg2 = sum(&|c| (c.turn_deg - mean_deg - deg_s * (c.time_s - mean_s)).powi(2));
+        Self {
+            mean_s,
+            mean_deg,
+            deg_s,
+            deg_s_sd: (off_sq_deg2 / (n - 2.0).max(1.0) / square).sqrt(),
+            off_sq_deg2,
+        }
+    }
+
+    /// How far the line has turned from its middle until a time, degrees.
+    pub fn turned_deg(&self, time_s: f64) -> f64 {
+        self.deg_s * (time_s - self.mean_s)
+    }
+
+    /// Whether it is more than chance makes of a meander.
+    pub fn is_a_turn(&self) -> bool {
+        self.deg_s.abs() > TURNS_SD * self.deg_s_sd
+    }
+
+    /// How many of the crossings are as good as independent ones, as a part of them: a meander that lasts from one to
+    /// the next is met twice. That of an autoregressive process, (1 − r) / (1 + r) (Bayley and Hammersley
+    /// 1946), with the correlation of neighbours, of which short series show too little (Marriott and Pope 1954).
+    /// At least three remain.
+    fn independent_part(&self, crossings: &[AtCrossing]) -> f64 {
+        let n = crossings.len() as f64;
+        let off: Vec<f64> = crossings.iter().map(|c| self.off_deg(c)).collect();
+        let product: f64 = off.windows(2).map(|pair| pair[0] * pair[1]).sum();
+        let seen = product / self.off_sq_deg2.max(f64::MIN_POSITIVE);
+        let r = (seen + (1.0 + 4.0 * seen) / n).clamp(0.0, 1.0);
+        ((1.0 - r) / (1.0 + r)).max(LEAST_INDEPENDENT / n)
+    }
+
+    fn off_deg(&self, crossing: &AtCrossing) -> f64 {
+        crossing.turn_deg - self.mean_deg - self.turned_deg(crossing.time_s)
+    }
+
+    /// Root mean square of what the turns of its crossings are off it, degrees.
+    pub fn rms_off_deg(&self, crossings: &[AtCrossing]) -> f64 {
+        (self.off_sq_deg2 / crossings.len() as f64).sqrt()
+    }
+}
 
 /// The meander that crossings show.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,8 +89,11 @@ pub(super) struct Meander {
     pub sd_deg: f64,
     /// The same over the plume's own width.
     pub ratio: f64,
-    /// From how many crossings.
-    pub crossings: f64,
+    /// How many crossings that follow each other after any time would tell as much of the axis as these do.
+    pub independent: f64,
+    /// The same of its height: the strength at a crossing tells of it in proportion to how far it was from the
+    /// axis, and is off by as much.
+    pub independent_in_height: f64,
     /// The plume's own height where it was crossed, one standard deviation, m.
     pub sigma_z_m: f64,
 }
@@ -32,28 +102,25 @@ impl Meander {
     /// None where there are too few crossings, or where the axis turns by more than the plume is wide: that is a
     /// wind that turns. What turns steadily is a wind too.
     pub fn of(predicted: &Predicted, width_deg: f64) -> Option<Self> {
-        let turns = predicted.turns();
-        let n = turns.len() as f64;
-        if turns.len() < LEAST_CROSSINGS {
+        let crossings = predicted.axis();
+        let n = crossings.len() as f64;
+        if crossings.len() < LEAST_CROSSINGS {
             return None;
         }
-        let mean = |of: fn(&(f64, f64)) -> f64| turns.iter().map(of).sum::<f64>() / n;
-        let (mean_s, mean_deg) = (mean(|t| t.0), mean(|t| t.1));
-        let (mut product, mut square) = (0.0, 0.0);
-        for (time_s, turn_deg) in &turns {
-            product += (time_s - mean_s) * (turn_deg - mean_deg);
-            square += (time_s - mean_s).powi(2);
-        }
-        let slope = product / square.max(f64::MIN_POSITIVE);
-        let off = |(time_s, turn_deg): &(f64, f64)| turn_deg - mean_deg - slope * (time_s - mean_s);
-        // A mean and a slope are taken from them.
-        let variance = turns.iter().map(|t| off(t).powi(2)).sum::<f64>() / (n - 2.0);
+        let line = Line::through(crossings);
+        let part = line.independent_part(crossings);
+        // A mean and a slope are taken from them, each as much as one independent crossing; what a turn is known
+        // for leaves the rest of its variance to what it may be off.
+        let seen = line.off_sq_deg2 / (n - 2.0 / part);
+        let own = |c: &AtCrossing| c.turn_sd_deg.powi(2);
+        let variance = seen + crossings.iter().map(own).sum::<f64>() / n;
         // What wanders within a crossing is no turn of it, and of the mean spread all the same.
         let sd_deg = variance.sqrt().hypot(predicted.wander_deg());
-        (variance > 0.0 && sd_deg < width_deg).then_some(Self {
+        (seen > 0.0 && sd_deg < width_deg).then_some(Self {
             sd_deg,
             ratio: sd_deg / width_deg,
-            crossings: n,
+            independent: part * n,
+            independent_in_height: (part * off_axis(crossings)).max(1.0),
             sigma_z_m: predicted.sigma_z_m(),
         })
     }
@@ -70,20 +137,22 @@ impl Meander {
         let squared = self.ratio * self.ratio;
         let ln_wider = 0.5 * squared.ln_1p();
         // A standard deviation of n values is known to 1/√2n of itself.
-        let ln_wider_sd = squared / (1.0 + squared) / (2.0 * (self.crossings - 1.0)).sqrt();
+        let ln_wider_sd =
+            squared / (1.0 + squared) / (2.0 * (self.independent - 2.0).max(1.0)).sqrt();
         // Across, the plume followed is as strong as it is narrow; in height, crossings have met its mean. What is
         // stated on the axis falls with the width across, and an emission holds what the height adds.
         let ln_strength = match base.sources[0].strength {
             Strength::CMax { .. } => -ln_wider,
             Strength::EmissionKgS(_) => ln_wider,
         };
-        let of_mean = 1.0 / self.crossings.sqrt();
+        let of_mean = 1.0 / self.independent.sqrt();
+        let of_height = 1.0 / self.independent_in_height.sqrt();
         for (id, shift, sd) in [
             (M::WindDirectionOffset, 0.0, self.sd_deg * of_mean),
             (
                 M::EffectiveHeightOffset,
                 0.0,
-                self.ratio * self.sigma_z_m * of_mean,
+                self.ratio * self.sigma_z_m * of_height,
             ),
             (M::SigmaYScale, ln_wider, ln_wider_sd),
             (
@@ -102,5 +171,75 @@ impl Meander {
                 covariance[(k, k)] += sd * sd;
             }
         }
+    }
+}
+
+/// Weighted least squares of ln c = … + a δ/σz with a deviation a h/σz of each crossing: its variance is that of
+/// h times Σa⁴ / (Σa²)².
+fn off_axis(crossings: &[AtCrossing]) -> f64 {
+    let sum = |power: i32| -> f64 { crossings.iter().map(|c| c.above_sigmas.powi(power)).sum() };
+    sum(2).powi(2) / sum(4)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn crossings(turns_deg: &[f64]) -> Vec<AtCrossing> {
+        let of = |(k, turn_deg): (usize, &f64)| AtCrossing {
+            time_s: 60.0 * k as f64,
+            turn_deg: *turn_deg,
+            ..AtCrossing::default()
+        };
+        turns_deg.iter().enumerate().map(of).collect()
+    }
+
+    /// 400 values of an autoregressive process with r = .6 have the mean of 100 independent ones:
+    /// (1 − .6) / (1 + .6) = 1/4.
+    #[test]
+    fn a_meander_that_lasts_counts_for_fewer_crossings() {
+        // Uniform noise of a linear congruential generator (Numerical Recipes, 1992, section 7.1).
+        let mut state = 1u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(state) / f64::from(u32::MAX) - 0.5
+        };
+        let mut turn = 0.0;
+        let mut turns = |r: f64| -> Vec<f64> {
+            (0..400)
+                .map(|_| {
+                    turn = r * turn + noise();
+                    turn
+                })
+                .collect()
+        };
+        for (r, part) in [(0.0, 1.0), (0.6, 0.25)] {
+            let all = crossings(&turns(r));
+            let found = Line::through(&all).independent_part(&all);
+            assert!((found / part - 1.0).abs() < 0.25, "{r}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_steady_turn_is_told_from_a_meander() {
+        let meander = [3.0, -2.0, 1.0, -3.0, 2.0, 0.0, -1.0, 2.0];
+        let all = crossings(&meander);
+        assert!(!Line::through(&all).is_a_turn());
+        let turning: Vec<f64> = (0..8).map(|k| meander[k] + 4.0 * k as f64).collect();
+        let all = crossings(&turning);
+        let line = Line::through(&all);
+        assert!(line.is_a_turn());
+        assert!((line.turned_deg(420.0) - line.turned_deg(0.0) - 28.0).abs() < 3.0);
+    }
+
+    /// Three heights of one plume's own height apart: those on the axis tell nothing of its height.
+    #[test]
+    fn crossings_on_the_axis_do_not_tell_its_height() {
+        let at = |above_sigmas| AtCrossing {
+            above_sigmas,
+            ..AtCrossing::default()
+        };
+        let all = [-1.0, 0.0, 1.0, -1.0, 0.0, 1.0].map(at);
+        assert!((off_axis(&all) - 4.0).abs() < 1e-12);
     }
 }

@@ -22,15 +22,18 @@ pub use parameters::Calibrated;
 pub use peak::READ_SD;
 
 use crate::WsError;
+use air::wind::WindVector;
 use gap::plume::{PlumeModel, ROWS_OF_A_SEARCH, Setup, every, plume_place, without_jitter};
 use infer::{InferError, PlumePlace, Posterior};
-use meander::Meander;
+use meander::{Line, Meander};
 use nalgebra::{DMatrix, DVector};
 use parameters::Unknowns;
+use peak::AtCrossing;
+use plume::curtain::{Sample, Site, mass_balance};
 use plume::effects::SensorAir;
 use plume::track::{Row, Track};
 use plume::{DispersionModel, DispersionSpec, MechanismId, Place};
-use protocol::message::Estimate;
+use protocol::message::{Estimate, Flux};
 use scenario::Scenario;
 use std::ops::Range;
 
@@ -48,8 +51,6 @@ const IN_PLUME_SHARE: f64 = 0.02;
 /// A plume is stated as it is in the mean over this time, s, for which the spread of the stability classes
 /// holds: ten minutes. What turns over longer is a wind that turns, and is followed.
 pub const AVERAGED_S: f64 = 600.0;
-/// Moments of that mean.
-const MOMENTS: usize = 11;
 /// Where the plume's width is taken as an angle, m: near a source it grows in proportion to distance.
 const WIDTH_AT_M: f64 = 1000.0;
 
@@ -95,6 +96,11 @@ pub struct Calibrator {
     taken: u64,
     estimate: DVector<f64>,
     covariance: DMatrix<f64>,
+    /// How far the axis lay from that of the estimate in the mean of [`Calibrator::moments`], and how far both
+    /// together may be off; none before a fit.
+    turn: Option<infer::Estimate>,
+    /// The estimate and its covariance in the mean over meanders.
+    in_the_mean: (DVector<f64>, DMatrix<f64>),
     /// Rows that there were at the last fit.
     fitted_rows: usize,
     posterior: Option<Posterior>,
@@ -119,9 +125,13 @@ impl Calibrator {
         // The time constant is fitted as a whole, from none.
         setup.base.sensor.time_constant_s = 0.0;
         let unknowns = Unknowns::new(&setup, &base, platforms, reference);
+        let estimate = unknowns.prior_mean();
+        let covariance = DMatrix::from_diagonal(&unknowns.prior_sd().map(|sd| sd * sd));
         Ok(Self {
-            estimate: unknowns.prior_mean(),
-            covariance: DMatrix::from_diagonal(&unknowns.prior_sd().map(|sd| sd * sd)),
+            in_the_mean: (estimate.clone(), covariance.clone()),
+            estimate,
+            covariance,
+            turn: None,
             own_mechanisms: base.mechanisms.len(),
             base,
             setup,
@@ -308,6 +318,8 @@ impl Calibrator {
             peak::Predicted::of(&model, &track, readings, &self.estimate, spec, &posterior)?;
         self.fitted_rows = self.row_count();
         self.posterior = Some(posterior);
+        self.turn = self.mean_turn();
+        self.in_the_mean = self.averaged();
         Ok(())
     }
 
@@ -317,8 +329,8 @@ impl Calibrator {
         self.base.wind = self.base.wind.turned(from_deg - self.base.wind.from_deg());
     }
 
-    /// The mean mole fraction at a place over the last [`AVERAGED_S`] in which the plume was met, ppm, with the
-    /// error of form that the readings showed, in the slow wind of their middle; none before a fit.
+    /// The mean mole fraction at a place over [`Calibrator::moments`], ppm, with the error of form that the readings
+    /// showed, in the slow wind of their middle; none before a fit.
     pub fn mean_ppm(&self, place: &Place) -> Option<Estimate> {
         let posterior = self.posterior.as_ref()?;
         let moments = self.moments();
@@ -364,37 +376,36 @@ impl Calibrator {
         (rest, plume, plume_place(there, time_s, under_way_s))
     }
 
-    /// Moments over which the plume is averaged: the last ten minutes in which it was met, with the straight
-    /// line through its turns as the slow wind; the last moment alone where its axis leaves that line by more
-    /// than the plume is wide, as no meander within the class's spread does.
+    /// Moments over which the plume is averaged: its crossings, or those of the last ten minutes where the axis
+    /// turned for good, with the straight line through the turns as the slow wind; the last moment alone where
+    /// the axis leaves that line by more than the plume is wide, as no meander within the class's spread does.
     fn moments(&self) -> Vec<Moment> {
-        let turn = |time_s| self.posterior.as_ref().map_or(0.0, |p| p.turn_deg(time_s));
-        let part = |k: usize| k as f64 / (MOMENTS - 1) as f64 - 0.5;
-        let time = |k: usize| (self.met_s - 0.5 * AVERAGED_S).max(0.0) + AVERAGED_S * part(k);
-        let turns: Vec<f64> = (0..MOMENTS).map(|k| turn(time(k))).collect();
-        let mean = turns.iter().sum::<f64>() / MOMENTS as f64;
-        // By least squares.
-        let (mut product, mut square) = (0.0, 0.0);
-        for (k, turn) in turns.iter().enumerate() {
-            product += part(k) * turn;
-            square += part(k) * part(k);
-        }
-        let slow_deg = |k: usize| product / square * part(k);
-        let off = turns
-            .iter()
-            .enumerate()
-            .map(|(k, t)| (t - mean - slow_deg(k)).powi(2));
-        if (off.sum::<f64>() / MOMENTS as f64).sqrt() > self.width_deg() {
+        let crossings = self.predicted.axis();
+        let last = crossings.partition_point(|c| c.time_s < self.met_s - AVERAGED_S);
+        let steady = |over: &&[AtCrossing]| {
+            let line = Line::through(over);
+            !line.is_a_turn() && line.rms_off_deg(over) <= self.width_deg()
+        };
+        let turning =
+            |over: &&[AtCrossing]| Line::through(over).rms_off_deg(over) <= self.width_deg();
+        let all = Some(crossings).filter(steady);
+        let over = all.or_else(|| Some(&crossings[last..]).filter(turning));
+        let Some(over) = over.filter(|over| !over.is_empty()) else {
             return vec![Moment {
                 time_s: self.met_s,
                 slow_deg: 0.0,
             }];
-        }
-        let moment = |k| Moment {
-            time_s: time(k),
-            slow_deg: slow_deg(k),
         };
-        (0..MOMENTS).map(moment).collect()
+        let line = Line::through(over);
+        let moment = |c: &AtCrossing| Moment {
+            time_s: c.time_s,
+            slow_deg: if all.is_some() {
+                0.0
+            } else {
+                line.turned_deg(c.time_s)
+            },
+        };
+        over.iter().map(moment).collect()
     }
 
     /// How wide the corrected plume is as seen from its source, one standard deviation, degrees.
@@ -476,32 +487,44 @@ impl Calibrator {
 
     /// The corrected model in the mean over meanders.
     pub fn corrected_spec(&self) -> DispersionSpec {
-        self.unknowns.folded(&self.base, &self.in_the_mean().0)
+        self.unknowns.folded(&self.base, &self.in_the_mean.0)
     }
 
-    /// The unknowns and their covariance in the mean over meanders.
-    fn in_the_mean(&self) -> (DVector<f64>, DMatrix<f64>) {
+    fn averaged(&self) -> (DVector<f64>, DMatrix<f64>) {
         let (mut at, mut covariance) = (self.estimate.clone(), self.covariance.clone());
+        if let Some((k, turn)) = self.axis_index().zip(self.turn) {
+            at[k] += turn.value;
+            let grown = turn.sd / covariance[(k, k)].sqrt();
+            if grown.is_finite() {
+                covariance.row_mut(k).scale_mut(grown);
+                covariance.column_mut(k).scale_mut(grown);
+            }
+        }
         if let Some(meander) = Meander::of(&self.predicted, self.width_deg()) {
             meander.in_the_mean(&self.unknowns, &self.base, &mut at, &mut covariance);
         }
         (at, covariance)
     }
 
-    /// The corrected model, its axis as it lay in the mean of the last [`AVERAGED_S`] in which the plume was met.
+    fn axis_index(&self) -> Option<usize> {
+        self.unknowns.index(MechanismId::WindDirectionOffset, None)
+    }
+
+    fn mean_turn(&self) -> Option<infer::Estimate> {
+        let times_s: Vec<f64> = self.moments().iter().map(|m| m.time_s).collect();
+        let posterior = self.posterior.as_ref()?;
+        Some(posterior.mean_turn(&times_s, self.axis_index()))
+    }
+
+    /// The corrected model, its axis as it lay in the mean of [`Calibrator::moments`].
     pub fn latest_spec(&self) -> DispersionSpec {
-        let moments = self.moments();
-        let turn = |p: &Posterior| {
-            let turns = moments.iter().map(|m| p.turn_deg(m.time_s));
-            turns.sum::<f64>() / moments.len() as f64
-        };
-        let turn_deg = self.posterior.as_ref().map_or(0.0, turn);
+        let turn_deg = self.turn.map_or(0.0, |t| t.value);
         self.swung_spec(self.estimate.clone(), turn_deg)
     }
 
     /// The model at these values of the unknowns, its axis turned by `turn_deg` besides.
     fn swung_spec(&self, mut at: DVector<f64>, turn_deg: f64) -> DispersionSpec {
-        if let Some(k) = self.unknowns.index(MechanismId::WindDirectionOffset, None) {
+        if let Some(k) = self.axis_index() {
             at[k] += turn_deg;
         }
         self.unknowns.folded(&self.base, &at)
@@ -509,28 +532,66 @@ impl Calibrator {
 
     /// How far the wind is turned clockwise from the scenario's, degrees.
     pub fn turn_deg(&self) -> f64 {
-        let k = self.unknowns.index(MechanismId::WindDirectionOffset, None);
-        k.map_or(0.0, |k| self.estimate[k])
+        self.axis_index().map_or(0.0, |k| self.in_the_mean.0[k])
     }
 
     /// The corrected parameters with their standard deviations.
     pub fn calibrated(&self) -> Calibrated {
-        let (at, covariance) = self.in_the_mean();
-        self.unknowns.calibrated(&self.base, &at, &covariance)
+        let (at, covariance) = &self.in_the_mean;
+        self.unknowns.calibrated(&self.base, at, covariance)
     }
 
     /// What the scenario's sources of the sensor's gas emit, kg/s, by name, if the wind at the scenario's
     /// reference height is `wind_m_s`: readings tell the ratio of emission to wind.
     pub fn flux(&self, wind_m_s: Estimate) -> Vec<(String, Estimate)> {
-        let (at, covariance) = self.in_the_mean();
-        self.unknowns.flux(&self.base, &at, &covariance, wind_m_s)
+        let (at, covariance) = &self.in_the_mean;
+        self.unknowns.flux(&self.base, at, covariance, wind_m_s)
+    }
+
+    /// What all sources emit together, kg/s, if the wind at the scenario's reference height is `wind_m_s`, by the
+    /// balance of mass of the passes that were flown, whatever the model; none where no curtain was flown.
+    pub fn curtain_flux(&self, wind_m_s: Estimate) -> Option<(String, Estimate)> {
+        let base = &self.base;
+        let first = base.sources.first()?;
+        let site = Site {
+            source: first.place,
+            ground_amsl_m: base.ground_amsl_m,
+            gas: first.gas,
+            atmosphere: base.atmosphere,
+        };
+        let sample = |r: &AveragedReading| Sample {
+            platform: r.row.platform,
+            time_s: r.row.time_s,
+            place: r.row.place,
+            ppm: r.ppm,
+        };
+        let samples: Vec<Sample> = self.readings.iter().flatten().map(sample).collect();
+        let reference = base.wind.turned(self.turn_deg());
+        let faster = wind_m_s.value / reference.reference_speed_m_s();
+        let wind = |height_agl_m: f64| {
+            let speed = faster * reference.speed_at_m_s(height_agl_m);
+            WindVector::from_speed_and_direction(speed, reference.from_deg())
+        };
+        let found = mass_balance(&samples, &site, &wind)?;
+        let names: Vec<&str> = base
+            .sources
+            .iter()
+            .filter(|s| s.gas == first.gas)
+            .map(|s| s.name.as_str())
+            .collect();
+        let relative_sd = (found.sd_kg_s / found.kg_s).hypot(wind_m_s.sd / wind_m_s.value);
+        let kg_s = Estimate {
+            value: found.kg_s,
+            sd: found.kg_s * relative_sd,
+        };
+        Some((names.join(Flux::AND), kg_s))
     }
 
     /// Value and standard deviation of a mechanism's parameter that is unknown, of one platform's sensor or
     /// of all.
     pub fn parameter(&self, id: MechanismId, platform: Option<usize>) -> Option<Estimate> {
-        let (at, covariance) = self.in_the_mean();
-        self.unknowns.parameter((id, platform), &at, &covariance)
+        let (at, covariance) = &self.in_the_mean;
+        self.unknowns.parameter((id, platform), at, covariance)
     }
 }
 

@@ -3,7 +3,7 @@
 use super::{AveragedReading, Calibrator};
 use air::geo::{Enu, Position};
 use gap::plume::PlumeModel;
-use infer::ForwardModel;
+use infer::{ForwardModel, PlumePlace};
 use nalgebra::DVector;
 use plume::track::Track;
 use plume::{DispersionModel, Place};
@@ -39,6 +39,17 @@ struct Crossing {
     predicted: f64,
 }
 
+/// The axis at a crossing of the plume.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct AtCrossing {
+    pub time_s: f64,
+    /// Turn of the axis, and how far that may be off.
+    pub turn_deg: f64,
+    pub turn_sd_deg: f64,
+    /// Height of the crossing above the axis over the plume's own height.
+    pub above_sigmas: f64,
+}
+
 /// What the corrected model, without an error of form, predicts for the rows of the last fit.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Predicted {
@@ -48,8 +59,8 @@ pub(super) struct Predicted {
     read: Vec<f64>,
     /// The plume's part, ppm.
     plume: Vec<f64>,
-    /// How far the axis is turned, degrees.
-    turn_deg: Vec<f64>,
+    /// The axis at each crossing of the plume, in order of time.
+    axis: Vec<AtCrossing>,
     /// The plume's height, one standard deviation, m, in the mean of what was met.
     sigma_z_m: f64,
     /// The sensor's white noise as the fit found it, ppm.
@@ -79,9 +90,9 @@ impl Predicted {
             }
         }
         let world = DispersionModel::new(spec);
-        Ok(Self {
+        let mut predicted = Self {
             sigma_z_m: world.map_or(f64::NAN, |w| w.sigmas_m((ln_distance / met).exp()).1),
-            turn_deg: turns,
+            axis: Vec::new(),
             at: readings
                 .iter()
                 .map(|r| (r.row.platform, r.row.time_s))
@@ -92,7 +103,9 @@ impl Predicted {
             plume: said.plume,
             white_ppm: posterior.fit().noise.white,
             wander_deg: posterior.fit().noise.wander_deg,
-        })
+        };
+        predicted.axis = predicted.axis_by(posterior, &places);
+        Ok(predicted)
     }
 
     /// The plume's height where it was met, one standard deviation, m.
@@ -105,19 +118,28 @@ impl Predicted {
         self.wander_deg
     }
 
-    /// Time and turn of the axis of each crossing of the plume, s and degrees.
-    pub fn turns(&self) -> Vec<(f64, f64)> {
+    /// The axis at each crossing of the plume.
+    pub fn axis(&self) -> &[AtCrossing] {
+        &self.axis
+    }
+
+    fn axis_by(&self, posterior: &infer::Posterior, places: &[PlumePlace]) -> Vec<AtCrossing> {
         let most = self.plume.iter().copied().fold(0.0, f64::max);
-        let mean = |rows: &[usize]| {
-            let of = |each: &dyn Fn(usize) -> f64| {
-                rows.iter().map(|k| each(*k)).sum::<f64>() / rows.len() as f64
-            };
-            (of(&|k| self.at[k].1), of(&|k| self.turn_deg[k]))
+        let of = |rows: &Vec<usize>| {
+            let time_s = rows.iter().map(|k| self.at[*k].1).sum::<f64>() / rows.len() as f64;
+            let turn = posterior.mean_turn(&[time_s], None);
+            let above = rows.iter().map(|k| places[*k].above_sigmas);
+            AtCrossing {
+                time_s,
+                turn_deg: turn.value,
+                turn_sd_deg: turn.sd,
+                above_sigmas: above.sum::<f64>() / rows.len() as f64,
+            }
         };
-        self.rows_of_crossings(IN_PLUME * most)
-            .iter()
-            .map(|rows| mean(rows))
-            .collect()
+        let crossings = self.rows_of_crossings(IN_PLUME * most);
+        let mut axis: Vec<AtCrossing> = crossings.iter().map(of).collect();
+        axis.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        axis
     }
 
     /// Whether readings show that there is a plume at all: by how much less they are off with it than

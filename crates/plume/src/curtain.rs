@@ -1,0 +1,449 @@
+//! What flows through a curtain of passes downwind: an emission by the balance of mass, without a model of
+//! the plume (as in White et al. 1976 and, with unmanned aircraft, Nathan et al. 2015).
+//!
+//! A pass across the wind at one height carries ∫ (c − c₀) u⊥ dl through each metre of height, where c₀ is
+//! the straight line between the clean air at its two ends and u⊥ the wind across the track. Passes of several
+//! heights at about one distance are a curtain; integrated over height it is what the sources upwind
+//! emit, if the wind holds. A sensor's lag moves a plume along a pass and takes nothing from the
+//! integral.
+//!
+//! ```
+//! use plume::curtain::{Site, Sample, mass_balance};
+//! # use plume::{Gas, Place};
+//! # use air::{geo::Enu, isa::Atmosphere, wind::WindVector};
+//! let site = Site {
+//!     source: Enu::default(),
+//!     ground_amsl_m: 340.0,
+//!     gas: Gas::Co2,
+//!     atmosphere: Atmosphere::standard(),
+//! };
+//! let wind = |_height_agl_m: f64| WindVector::from_speed_and_direction(8.0, 270.0);
+//! let none: [Sample; 0] = [];
+//! assert!(mass_balance(&none, &site, &wind).is_none());
+//! ```
+
+use crate::field::Place;
+use crate::units::Gas;
+use air::geo::{Enu, wrap_signed_deg};
+use air::isa::Atmosphere;
+use air::wind::WindVector;
+
+/// A pass keeps within this of its height, m: as well as an aircraft holds it in turbulence.
+const SAME_LEVEL_M: f64 = 15.0;
+/// Samples farther apart than this belong to different passes, s.
+const BETWEEN_PASSES_S: f64 = 10.0;
+/// A track is across the wind while the sine of the angle between them is at least this: 45 degrees.
+const ACROSS: f64 = 0.7;
+/// Part of a pass at each end that is clean air.
+const END_PART: f64 = 0.1;
+/// Fewest samples at an end.
+const LEAST_AT_END: usize = 3;
+/// The ends of a pass may differ by this part of its highest excess: more, and one of them is in the plume.
+const ENDS_DIFFER: f64 = 0.25;
+/// A pass must cover the plume's bearing from the source and so many standard deviations to both sides: 95 %
+/// of a normal distribution.
+const COVERED_SD: f64 = 2.0;
+/// Passes of one curtain are at distances that differ by less than this factor: over it a plume's spread
+/// grows by a quarter or less.
+const SAME_DISTANCE: f64 = 1.25;
+/// Fewest heights of a curtain: a middle and what is above and below.
+const LEAST_LEVELS: usize = 3;
+/// Scatter of passes at one height beforehand, as a part of them, and how many passes it counts for: plumes
+/// of power plants vary by a factor of two from pass to pass.
+const SCATTER_BEFOREHAND: (f64, f64) = (0.5, 3.0);
+/// Of what lies beyond the lowest and highest pass as much is not known, one standard deviation.
+const EDGE_SD: f64 = 0.5;
+
+/// A reading on the way.
+#[derive(Debug, Clone, Copy)]
+pub struct Sample {
+    /// Index of the platform.
+    pub platform: usize,
+    /// Time, s; it grows from sample to sample of a platform.
+    pub time_s: f64,
+    /// Where.
+    pub place: Place,
+    /// Reading, ppm.
+    pub ppm: f64,
+}
+
+/// Where the curtain hangs.
+#[derive(Debug, Clone)]
+pub struct Site {
+    /// The first source.
+    pub source: Enu,
+    /// Ground, m above mean sea level.
+    pub ground_amsl_m: f64,
+    /// The gas that is read.
+    pub gas: Gas,
+    /// The air, by which ppm become kg/m³.
+    pub atmosphere: Atmosphere,
+}
+
+/// What flows through a curtain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CurtainFlux {
+    /// Emission of all sources upwind, kg/s.
+    pub kg_s: f64,
+    /// One standard deviation, from the scatter of passes and what lies beyond the lowest and highest; the wind's
+    /// is not in it.
+    pub sd_kg_s: f64,
+    /// Distance from the source, m.
+    pub distance_m: f64,
+    /// Number of heights.
+    pub levels: usize,
+    /// Number of passes.
+    pub passes: usize,
+}
+
+/// A straight way across the wind at one height.
+#[derive(Debug, Clone)]
+struct Pass {
+    height_agl_m: f64,
+    distance_m: f64,
+    /// What flows through each metre of height, kg/(s m).
+    kg_s_m: f64,
+    /// Bearing from the source of each part with what flows there, degrees and kg/(s m).
+    parts: Vec<(f64, f64)>,
+}
+
+/// A height of a curtain.
+#[derive(Debug, Clone, Copy)]
+struct Level {
+    height_agl_m: f64,
+    kg_s_m: f64,
+    passes: f64,
+    /// Squares of what its passes are off their mean.
+    off_sq: f64,
+}
+
+/// The balance of mass of the curtain with the most heights among `samples`, which stand platform by platform
+/// in order of time; `wind` is that of a height above ground, m. None where no curtain was flown, or nothing
+/// flows through it.
+pub fn mass_balance(
+    samples: &[Sample],
+    site: &Site,
+    wind: &dyn Fn(f64) -> WindVector,
+) -> Option<CurtainFlux> {
+    let passes: Vec<Pass> = stretches(samples, wind)
+        .into_iter()
+        .filter_map(|s| Pass::of(s, site, wind))
+        .collect();
+    let curtains = passes.iter().map(|nearest| {
+        let far_m = SAME_DISTANCE * nearest.distance_m;
+        let within = |p: &&Pass| (nearest.distance_m..=far_m).contains(&p.distance_m);
+        covering(passes.iter().filter(within).collect())
+    });
+    let with_levels = curtains.map(|passes| (levels(&passes), passes));
+    let (levels, passes) =
+        with_levels.max_by_key(|(levels, passes)| (levels.len(), passes.len()))?;
+    let distance_m = passes.iter().map(|p| p.distance_m).sum::<f64>() / passes.len() as f64;
+    let (kg_s, sd_kg_s) = integral(&levels)?;
+    Some(CurtainFlux {
+        kg_s,
+        sd_kg_s,
+        distance_m,
+        levels: levels.len(),
+        passes: passes.len(),
+    })
+}
+
+/// Stretches at one height across the wind, in one direction.
+fn stretches<'a>(samples: &'a [Sample], wind: &dyn Fn(f64) -> WindVector) -> Vec<&'a [Sample]> {
+    let side = |a: &Sample, b: &Sample| {
+        let (east, north) = step_m(a, b);
+        let there = wind(a.place.height_agl_m);
+        let across = east * there.north_m_s - north * there.east_m_s;
+        let sine = across / (east.hypot(north) * there.speed_m_s());
+        if sine.abs() >= ACROSS {
+            sine.signum()
+        } else {
+            0.0
+        }
+    };
+    let mut out = Vec::new();
+    let mut first = 0;
+    for k in 1..=samples.len() {
+        let goes_on = samples.get(k).is_some_and(|next| {
+            let (last, from) = (&samples[k - 1], &samples[first]);
+            let way = side(last, next);
+            let turns = k > first + 1 && way != side(from, &samples[first + 1]);
+            next.platform == last.platform
+                && next.time_s - last.time_s <= BETWEEN_PASSES_S
+                && (next.place.height_agl_m - from.place.height_agl_m).abs() <= SAME_LEVEL_M
+                && way != 0.0
+                && !turns
+        });
+        if !goes_on {
+            out.push(&samples[first..k]);
+            first = k;
+        }
+    }
+    out
+}
+
+/// From one sample to the next, m east and north.
+fn step_m(a: &Sample, b: &Sample) -> (f64, f64) {
+    (
+        b.place.east_m - a.place.east_m,
+        b.place.north_m - a.place.north_m,
+    )
+}
+
+impl Pass {
+    /// None where its ends are not in clean air.
+    fn of(samples: &[Sample], site: &Site, wind: &dyn Fn(f64) -> WindVector) -> Option<Self> {
+        let at_end = ((END_PART * samples.len() as f64) as usize).max(LEAST_AT_END);
+        if samples.len() < 4 * at_end {
+            return None;
+        }
+        let n = samples.len() as f64;
+        let before = mean(&samples[..at_end]);
+        let after = mean(&samples[samples.len() - at_end..]);
+        // The line goes through the middles of the ends.
+        let slope = (after - before) / (samples.len() - at_end) as f64;
+        let middle = 0.5 * (at_end - 1) as f64;
+        let excess_of = |k: usize| samples[k].ppm - before - slope * (k as f64 - middle);
+        let excess: Vec<f64> = (0..samples.len()).map(excess_of).collect();
+        let most = excess.iter().copied().fold(0.0, f64::max);
+        let height_agl_m = samples.iter().map(|s| s.place.height_agl_m).sum::<f64>() / n;
+        if (after - before).abs() > ENDS_DIFFER * most {
+            return None;
+        }
+        let air = site.atmosphere.at(site.ground_amsl_m + height_agl_m);
+        let there = wind(height_agl_m);
+        let part = |k: usize| {
+            let (a, b) = (&samples[k], &samples[k + 1]);
+            let (east, north) = step_m(a, b);
+            let across_m2_s = (east * there.north_m_s - north * there.east_m_s).abs();
+            let kg_m3 = site.gas.kg_m3(0.5 * (excess[k] + excess[k + 1]), air);
+            let at = Enu {
+                east_m: a.place.east_m + 0.5 * east,
+                north_m: a.place.north_m + 0.5 * north,
+            };
+            (at, kg_m3 * across_m2_s)
+        };
+        let flows: Vec<(Enu, f64)> = (0..samples.len() - 1).map(part).collect();
+        let distance_m = flows
+            .iter()
+            .map(|f| site.source.distance_m(f.0))
+            .sum::<f64>();
+        Some(Self {
+            height_agl_m,
+            distance_m: distance_m / flows.len() as f64,
+            kg_s_m: flows.iter().map(|f| f.1).sum(),
+            parts: flows
+                .iter()
+                .map(|(at, kg_s_m)| (site.source.bearing_deg(*at), *kg_s_m))
+                .collect(),
+        })
+    }
+
+    /// Whether it crosses all bearings within so many degrees of one.
+    fn covers(&self, bearing_deg: f64, within_deg: f64) -> bool {
+        let off = |p: &(f64, f64)| wrap_signed_deg(p.0 - bearing_deg);
+        let (low, high) = self
+            .parts
+            .iter()
+            .map(off)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), off| {
+                (low.min(off), high.max(off))
+            });
+        low <= -within_deg && high >= within_deg
+    }
+}
+
+fn mean(samples: &[Sample]) -> f64 {
+    samples.iter().map(|s| s.ppm).sum::<f64>() / samples.len() as f64
+}
+
+/// Those of passes that cross the whole plume: where it lies is what flows through all of them.
+fn covering(passes: Vec<&Pass>) -> Vec<&Pass> {
+    let parts = || passes.iter().flat_map(|p| &p.parts);
+    let highest = parts()
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .map_or(0.0, |p| p.0);
+    let (mut sum, mut first, mut second) = (0.0, 0.0, 0.0);
+    for (bearing_deg, kg_s_m) in parts().filter(|p| p.1 > 0.0) {
+        let off = wrap_signed_deg(bearing_deg - highest);
+        sum += kg_s_m;
+        first += kg_s_m * off;
+        second += kg_s_m * off * off;
+    }
+    let off = first / sum;
+    let within_deg = COVERED_SD * (second / sum - off * off).max(0.0).sqrt();
+    let covers = |p: &&Pass| p.covers(highest + off, within_deg);
+    passes.iter().copied().filter(covers).collect()
+}
+
+/// Passes of one height together, the lowest first.
+fn levels(passes: &[&Pass]) -> Vec<Level> {
+    let mut sorted = passes.to_vec();
+    sorted.sort_by(|a, b| a.height_agl_m.total_cmp(&b.height_agl_m));
+    let of = |same: &[&Pass]| {
+        let n = same.len() as f64;
+        let kg_s_m = same.iter().map(|p| p.kg_s_m).sum::<f64>() / n;
+        Level {
+            height_agl_m: same.iter().map(|p| p.height_agl_m).sum::<f64>() / n,
+            kg_s_m,
+            passes: n,
+            off_sq: same.iter().map(|p| (p.kg_s_m - kg_s_m).powi(2)).sum(),
+        }
+    };
+    sorted
+        .chunk_by(|a, b| b.height_agl_m - a.height_agl_m < SAME_LEVEL_M)
+        .map(of)
+        .collect()
+}
+
+/// The integral over height by trapezoids, down to nothing over one more spacing at both ends, or to the ground;
+/// with its standard deviation. None below three heights, or where nothing flows.
+fn integral(levels: &[Level]) -> Option<(f64, f64)> {
+    if levels.len() < LEAST_LEVELS {
+        return None;
+    }
+    let last = levels.len() - 1;
+    let gap_m = |k: usize| levels[k + 1].height_agl_m - levels[k].height_agl_m;
+    // Half the spacing to both sides; beyond the ends a triangle, and what the ground cuts off it is reflected.
+    let above_ground_m = levels[0].height_agl_m.max(0.0);
+    let edges_m = [0.5 * gap_m(0), 0.5 * gap_m(last - 1)];
+    let weight_m = |k: usize| match k {
+        0 => 0.5 * gap_m(0) + edges_m[0].min(above_ground_m),
+        k if k == last => 0.5 * gap_m(last - 1) + edges_m[1],
+        k => 0.5 * (gap_m(k - 1) + gap_m(k)),
+    };
+    let kg_s: f64 = (0..=last).map(|k| weight_m(k) * levels[k].kg_s_m).sum();
+    if kg_s <= 0.0 {
+        return None;
+    }
+    let (beforehand, count) = SCATTER_BEFOREHAND;
+    let seen: f64 = levels.iter().map(|l| l.off_sq).sum();
+    let of_mean: f64 = levels
+        .iter()
+        .map(|l| (l.passes - 1.0).max(0.0) * l.kg_s_m.powi(2))
+        .sum();
+    let freedom: f64 = levels.iter().map(|l| l.passes - 1.0).sum();
+    let relative_sq = if of_mean > 0.0 {
+        freedom * seen / of_mean
+    } else {
+        0.0
+    };
+    let scatter_sq = (relative_sq + count * beforehand.powi(2)) / (freedom + count);
+    let own = |k: usize| (weight_m(k) * levels[k].kg_s_m).powi(2) * scatter_sq / levels[k].passes;
+    let edge = |k: usize, edge_m: f64| (EDGE_SD * edge_m * levels[k].kg_s_m).powi(2);
+    let variance = (0..=last).map(own).sum::<f64>()
+        + edge(0, edges_m[0].min(above_ground_m))
+        + edge(last, edges_m[1]);
+    Some((kg_s, variance.sqrt()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const Q_KG_S: f64 = 500.0;
+    const SIGMA_Y_M: f64 = 90.0;
+    const SIGMA_Z_M: f64 = 50.0;
+    const AXIS_AGL_M: f64 = 500.0;
+    const WIND_M_S: f64 = 8.0;
+
+    fn site() -> Site {
+        Site {
+            source: Enu::default(),
+            ground_amsl_m: 340.0,
+            gas: Gas::Co2,
+            atmosphere: Atmosphere::standard(),
+        }
+    }
+
+    fn wind(_height_agl_m: f64) -> WindVector {
+        WindVector::from_speed_and_direction(WIND_M_S, 270.0)
+    }
+
+    /// Passes at 1100 m east of a source, 20 m apart, in a Gaussian plume whose flux is Q by its formula
+    /// c = Q / (2π u σy σz) exp(−y²/2σy² − z²/2σz²), far above the ground.
+    fn flown(heights_agl_m: &[f64], strength: impl Fn(usize) -> f64) -> Vec<Sample> {
+        let mut samples = Vec::new();
+        for (pass, height_agl_m) in heights_agl_m.iter().enumerate() {
+            let air = site().atmosphere.at(340.0 + height_agl_m);
+            for k in 0..=40 {
+                let north_m = -400.0 + 20.0 * f64::from(k);
+                let off = (north_m / SIGMA_Y_M).powi(2)
+                    + ((height_agl_m - AXIS_AGL_M) / SIGMA_Z_M).powi(2);
+                let kg_m3 = Q_KG_S / (std::f64::consts::TAU * WIND_M_S * SIGMA_Y_M * SIGMA_Z_M)
+                    * (-0.5 * off).exp();
+                samples.push(Sample {
+                    platform: 0,
+                    time_s: 100.0 * pass as f64 + f64::from(k),
+                    place: Place {
+                        east_m: 1100.0,
+                        north_m: if pass % 2 == 0 { north_m } else { -north_m },
+                        height_agl_m: *height_agl_m,
+                    },
+                    ppm: 420.0 + 0.05 * f64::from(k) + strength(pass) * Gas::Co2.ppm(kg_m3, air),
+                });
+            }
+        }
+        samples
+    }
+
+    const STEPS: [f64; 5] = [400.0, 450.0, 500.0, 550.0, 600.0];
+
+    /// Trapezoids a standard deviation apart over a Gaussian are right to a hundredth
+    /// (`50*sum(exp(-.5*k*k) for k in range(-2,3))/sqrt(2*pi)/50` = .991, and the triangles add .054/2 at both ends).
+    #[test]
+    fn what_was_emitted_flows_through_the_curtain() {
+        let samples = flown(&STEPS, |_| 1.0);
+        let found = mass_balance(&samples, &site(), &wind).unwrap();
+        assert!((found.kg_s / Q_KG_S - 1.0).abs() < 0.02, "{found:?}");
+        assert_eq!((found.levels, found.passes), (5, 5));
+        assert!((found.distance_m - 1100.0).abs() < 60.0);
+        assert!(
+            (0.1..0.4).contains(&(found.sd_kg_s / found.kg_s)),
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn all_scales_with_the_wind_and_the_readings() {
+        let twice = |height: f64| {
+            let w = wind(height);
+            WindVector::from_speed_and_direction(2.0 * w.speed_m_s(), 270.0)
+        };
+        let of = |strength: f64, wind: &dyn Fn(f64) -> WindVector| {
+            mass_balance(&flown(&STEPS, |_| strength), &site(), wind).unwrap()
+        };
+        let (one, faster, stronger) = (of(1.0, &wind), of(1.0, &twice), of(3.0, &wind));
+        assert!((faster.kg_s / one.kg_s - 2.0).abs() < 1e-9);
+        assert!((stronger.kg_s / one.kg_s - 3.0).abs() < 1e-6);
+        assert!((stronger.sd_kg_s / one.sd_kg_s - 3.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_curtain_has_three_heights_and_whole_passes() {
+        let two = flown(&STEPS[1..3], |_| 1.0);
+        assert_eq!(mass_balance(&two, &site(), &wind), None);
+        // Half of each pass: one end is in the plume.
+        let half: Vec<Sample> = flown(&STEPS, |_| 1.0)
+            .into_iter()
+            .filter(|s| s.place.north_m < 50.0)
+            .collect();
+        assert_eq!(mass_balance(&half, &site(), &wind), None);
+        // Along the wind nothing is crossed.
+        let along = |_: f64| WindVector::from_speed_and_direction(WIND_M_S, 0.0);
+        assert_eq!(mass_balance(&flown(&STEPS, |_| 1.0), &site(), &along), None);
+    }
+
+    /// Passes that agree make it surer, passes that do not less sure.
+    #[test]
+    fn the_scatter_of_passes_is_in_the_standard_deviation() {
+        let twice: Vec<f64> = STEPS.iter().chain(&STEPS).copied().collect();
+        let of = |strength: fn(usize) -> f64| {
+            let found = mass_balance(&flown(&twice, strength), &site(), &wind).unwrap();
+            found.sd_kg_s / found.kg_s
+        };
+        let alike = of(|_| 1.0);
+        let unlike = of(|pass| if pass < 5 { 0.3 } else { 1.7 });
+        assert!(alike < 0.2 && unlike > 1.5 * alike, "{alike} {unlike}");
+    }
+}

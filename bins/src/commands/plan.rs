@@ -21,9 +21,9 @@ pub enum Air {
 /// Arguments of `plumage plan`.
 #[derive(Debug, clap::Args)]
 pub struct PlanArguments {
-    /// Scenario to plan (TOML); its [reality] is not looked at
+    /// Scenario to plan (TOML); its table reality is not looked at
     pub scenario: PathBuf,
-    /// Realities to fly, drawn from [uncertain]
+    /// Realities to fly, drawn from the table uncertain
     #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub flights: u64,
     /// Air to fly them in; that of the scenario if not given

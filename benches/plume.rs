@@ -34,6 +34,7 @@ fn world() -> DispersionModel {
             name: "stack".into(),
             gas: Gas::Co2,
             place: Enu::default(),
+            area: None,
             stack_height_m: 356.0,
             effective_height_agl_m: AXIS_M,
             strength: Strength::CMax {

@@ -1,7 +1,9 @@
 //! The one command a newcomer needs.
 
 use clap::{Parser, Subcommand};
-use programs::commands::{calibrate, campaign, conduct, control, feed, gap, replay, run, tune};
+use programs::commands::{
+    calibrate, campaign, conduct, control, feed, gap, plan, replay, run, tune,
+};
 use programs::failure;
 use std::process::ExitCode;
 
@@ -32,6 +34,8 @@ enum Command {
     Replay(replay::ReplayArguments),
     /// Fly one scenario with many seeds and tabulate what was found
     Campaign(campaign::CampaignArguments),
+    /// Tell before a flight what the team could detect, and with what ±
+    Plan(plan::PlanArguments),
     /// Find an aircraft's gains in simulation and judge them
     Tune(tune::TuneArguments),
 }
@@ -46,6 +50,7 @@ fn main() -> ExitCode {
         Command::Feed(arguments) => feed::feed(arguments),
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Campaign(arguments) => campaign::campaign(arguments),
+        Command::Plan(arguments) => plan::plan(arguments),
         Command::Tune(arguments) => tune::tune(arguments),
     })
 }

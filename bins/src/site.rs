@@ -95,7 +95,7 @@ pub fn surroundings(setup: &Setup) -> Result<MapFeatures> {
         mission: scenario.mission.name.clone(),
         stacks: stacks(setup),
         fence: fence(setup)?,
-        fence_top_amsl_m: scenario.site.ground_amsl_m + scenario.fence.ceiling_agl_m,
+        fence_top_amsl_m: scenario.fence_top_amsl_m(),
         peak: None,
     })
 }

@@ -42,6 +42,7 @@
 //! [`dryden`] the gusts on top of both, [`terrain`] the ground from an SRTM tile, and [`area`] what lies inside a fence.
 
 pub mod area;
+pub mod ascii_grid;
 pub mod dryden;
 pub mod eddies;
 pub mod geo;

@@ -1,6 +1,7 @@
-//! Height of the ground: flat, or an SRTM `.hgt` tile.
+//! Height of the ground: flat, an SRTM `.hgt` tile, or an ESRI ASCII grid.
 
 use crate::AirError;
+use crate::ascii_grid::AsciiGrid;
 use crate::geo::Geodetic;
 use srtm_reader::{Resolution, Tile};
 
@@ -19,9 +20,46 @@ pub enum Terrain {
         /// Height used where the tile has none, m above mean sea level.
         fallback_amsl_m: f64,
     },
+    /// A grid of heights; elsewhere the fallback height holds.
+    Grid {
+        /// The grid.
+        grid: Box<AsciiGrid>,
+        /// Height used where the grid has none, m above mean sea level.
+        fallback_amsl_m: f64,
+    },
 }
 
 impl Terrain {
+    /// Reads the ground from the bytes of a file: an ESRI ASCII grid where its name ends in `.asc`, else an SRTM
+    /// tile as [`Terrain::from_hgt`] does.
+    ///
+    /// # Errors
+    /// A file that is neither, or that does not hold the site.
+    pub fn read(
+        name: &str,
+        bytes: &[u8],
+        site: Geodetic,
+        fallback_amsl_m: f64,
+    ) -> Result<Self, AirError> {
+        if !name.to_ascii_lowercase().ends_with(".asc") {
+            return Self::from_hgt(name, bytes, site, fallback_amsl_m);
+        }
+        let refuse = |why: String| AirError::Terrain(format!("{name}: {why}"));
+        let grid = AsciiGrid::parse(&String::from_utf8_lossy(bytes)).map_err(refuse)?;
+        if grid.post_of(site).is_none() {
+            let [(south, west), (north, east)] = grid.corners_deg();
+            return Err(refuse(format!(
+                "a grid from {south:.4}, {west:.4} to {north:.4}, {east:.4}, which does not hold the site \
+                 at {:.4}, {:.4}; expected one around it",
+                site.lat_deg, site.lon_deg
+            )));
+        }
+        Ok(Self::Grid {
+            grid: Box::new(grid),
+            fallback_amsl_m,
+        })
+    }
+
     /// Reads an SRTM tile from the bytes of a file named by its south-west corner, such as
     /// `N43W008.hgt`, `n43w008.hgt` or `N43W008.SRTMGL1.hgt`, for a site at `site`.
     ///
@@ -71,7 +109,8 @@ impl Terrain {
     pub fn known_amsl_m(&self, at: Geodetic) -> Option<f64> {
         match self {
             Self::Flat(height) => Some(*height),
-            Self::Srtm { tile, .. } => bilinear(tile, at),
+            Self::Srtm { tile, .. } => bilinear(post_of(tile, at)?, |r, c| height_of(tile, r, c)),
+            Self::Grid { grid, .. } => bilinear(grid.post_of(at)?, |r, c| grid.height_amsl_m(r, c)),
         }
     }
 
@@ -80,6 +119,9 @@ impl Terrain {
         let fallback_amsl_m = match self {
             Self::Flat(height) => *height,
             Self::Srtm {
+                fallback_amsl_m, ..
+            }
+            | Self::Grid {
                 fallback_amsl_m, ..
             } => *fallback_amsl_m,
         };
@@ -130,13 +172,17 @@ fn post_of(tile: &Tile, at: Geodetic) -> Option<(f64, f64)> {
     inside.then_some((row, column))
 }
 
-fn bilinear(tile: &Tile, at: Geodetic) -> Option<f64> {
+/// Height of a tile's post; the last ones stand in for those beyond.
+fn height_of(tile: &Tile, row: usize, column: usize) -> Option<f64> {
     let side = (tile.data.len() as f64).sqrt() as usize;
-    let (row, column) = post_of(tile, at)?;
-    let post = |r: usize, c: usize| -> Option<f64> {
-        let height = *tile.data.get(r.min(side - 1) * side + c.min(side - 1))?;
-        (height > VOID_M).then(|| f64::from(height))
-    };
+    let height = *tile
+        .data
+        .get(row.min(side - 1) * side + column.min(side - 1))?;
+    (height > VOID_M).then(|| f64::from(height))
+}
+
+/// The height at a row and column between posts.
+fn bilinear((row, column): (f64, f64), post: impl Fn(usize, usize) -> Option<f64>) -> Option<f64> {
     let (r, c) = (row as usize, column as usize);
     let (dr, dc) = (row - r as f64, column - c as f64);
     let north = post(r, c)? * (1.0 - dc) + post(r, c + 1)? * dc;
@@ -174,6 +220,27 @@ mod tests {
             lon_deg: -7.9,
         };
         assert_eq!(terrain.ground_amsl_m(outside), 12.0);
+    }
+
+    #[test]
+    fn a_grid_around_the_site_is_read_and_another_refused() {
+        let text = "ncols 2\nnrows 2\nxllcenter -8\nyllcenter 43\ncellsize 1\n0 100\n200 300\n";
+        let terrain = Terrain::read("site.asc", text.as_bytes(), SITE, 12.0).unwrap();
+        // Bilinear: 200 at the south-west post, falling 200 a degree northwards, rising 100 eastwards.
+        let expected = 200.0 - 200.0 * 0.44 + 100.0 * 0.14;
+        assert!((terrain.ground_amsl_m(SITE) - expected).abs() < 1e-6);
+        let elsewhere = Geodetic {
+            lat_deg: 50.0,
+            ..SITE
+        };
+        assert_eq!(terrain.ground_amsl_m(elsewhere), 12.0);
+        let refused = Terrain::read("site.asc", text.as_bytes(), elsewhere, 12.0).unwrap_err();
+        assert!(
+            refused
+                .to_string()
+                .contains("43.0000, -8.0000 to 44.0000, -7.0000"),
+            "{refused}"
+        );
     }
 
     #[test]

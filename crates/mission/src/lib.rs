@@ -60,6 +60,7 @@
 
 pub mod campaign;
 pub mod fed_vehicle;
+pub mod plan;
 pub mod preflight;
 pub mod real_vehicle;
 pub mod run;

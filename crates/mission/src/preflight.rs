@@ -2,6 +2,7 @@
 //! with numbers. It looks at what the team believes; what a stand-in's reality is like, nobody on
 //! the ground knows.
 
+use crate::setup::{NEAR_HOME_M, highest_near_home_m};
 use crate::{MissionError, Setup};
 use air::geo::{Enu, Geodetic};
 use fdm::Aircraft;
@@ -31,8 +32,8 @@ const HOME_M: f64 = 500.0;
 const HOMES_APART_M: f64 = 30.0;
 /// Heights of SRTM are right to this in nine of ten cases, m (Farr et al. 2007, the mission's goal).
 const TERRAIN_M: f64 = 16.0;
-/// Ground within this distance of a home is looked at, m: the circle above home and the climb to it.
-const NEAR_HOME_M: f64 = 500.0;
+/// Ground near a home may be this much higher, m: half the height of the circle beside an approach (`fdm`).
+const SLOPE_M: f64 = 20.0;
 /// Height over the ground that the Guardian keeps (`va`), m.
 const OVER_GROUND_M: f64 = 100.0;
 /// Step of looking at the ground and at the room inside the fence, m: SRTM has a post every 90 m.
@@ -83,7 +84,7 @@ fn warned(about: &'static str, words: String) -> Finding {
 /// # Errors
 /// A scenario that describes no world.
 pub fn check(setup: &Setup) -> Result<Vec<Finding>, MissionError> {
-    let airspace = Airspace::of(&setup.scenario)?;
+    let airspace = Airspace::of(&setup.scenario)?.over(&setup.terrain);
     let mut found = Vec::new();
     for (name, aircraft) in &setup.aircraft {
         found.extend(endurance(setup, name, aircraft)?);
@@ -335,6 +336,7 @@ fn ground(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionErr
     let (floor_amsl_m, _) = airspace.height_band_amsl_m();
     if let Some((at, height_m)) = highest
         && height_m > floor_amsl_m
+        && !scenario.fence.follows_terrain
     {
         let Geodetic { lat_deg, lon_deg } = airspace.frame().to_geodetic(at);
         found.push(warned(
@@ -356,16 +358,20 @@ fn layers(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionErr
     let mut found = Vec::new();
     for (index, layer_amsl_m) in scenario.layers_amsl_m().into_iter().enumerate() {
         let home = airspace.frame().to_enu(scenario.home(index)?);
-        let around = (0..8).map(|k| home.displaced(45.0 * f64::from(k), NEAR_HOME_M));
-        let highest_m = std::iter::once(home)
-            .chain(around)
-            .map(|at| {
-                setup
-                    .terrain
-                    .ground_amsl_m(airspace.frame().to_geodetic(at))
-            })
-            .fold(f64::NEG_INFINITY, f64::max);
+        let highest_m = highest_near_home_m(&setup.terrain, airspace.frame(), home);
         let above_m = layer_amsl_m - highest_m;
+        let home_m = setup.ground_at_home_m(index)?;
+        if highest_m - home_m > SLOPE_M {
+            found.push(warned(
+                "home",
+                format!(
+                    "the ground within {NEAR_HOME_M:.0} m of the home of vehicle {} rises to {highest_m:.0} m, \
+                     {:.0} m above it: expected {SLOPE_M:.0} m at most, or a landing may find no approach",
+                    scenario.vehicles[index].id,
+                    highest_m - home_m
+                ),
+            ));
+        }
         let words = format!(
             "vehicle {} waits at {layer_amsl_m:.0} m above home, {above_m:.0} m over the highest ground \
              within {NEAR_HOME_M:.0} m ({highest_m:.0} m): expected {OVER_GROUND_M:.0} m over it, by \

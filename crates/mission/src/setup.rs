@@ -1,12 +1,13 @@
 //! A scenario with all the files it names, read and checked.
 
 use crate::MissionError;
-use air::geo::{Geodetic, LocalFrame};
+use air::geo::{Enu, Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::terrain::Terrain;
 use air::wind::WindSeries;
 use fdm::Aircraft;
 use scenario::Scenario;
+use scenario::airspace::Airspace;
 use scenario::tables::{BUILT_IN_AIRCRAFT, VehicleKind};
 use scenario::weather::WeatherReports;
 use stand_in::StandInConfig;
@@ -14,6 +15,9 @@ use std::collections::BTreeMap;
 
 /// The aircraft that every installation has.
 const BUILT_IN: &str = include_str!("../../../aircraft/x8.toml");
+
+/// Ground within this distance of a home is looked at, m: the circle above home and the climb to it.
+pub(crate) const NEAR_HOME_M: f64 = 500.0;
 
 /// Reads a file named by the scenario: its bytes, or what went wrong in words.
 pub type ReadFile<'a> = &'a dyn Fn(&str) -> Result<Vec<u8>, String>;
@@ -115,10 +119,13 @@ impl Setup {
             None => Terrain::Flat(ground),
             Some(name) => read(name)
                 .and_then(|bytes| {
-                    Terrain::from_hgt(name, &bytes, site, ground).map_err(|e| e.to_string())
+                    Terrain::read(name, &bytes, site, ground).map_err(|e| e.to_string())
                 })
                 .map_err(|why| refuse(name, "site.terrain", why))?,
         };
+        if scenario.fence.follows_terrain {
+            follow(&mut scenario, &terrain)?;
+        }
         let mut signing_keys = BTreeMap::new();
         for vehicle in &scenario.vehicles {
             let Some(name) = &vehicle.signing_key else {
@@ -271,6 +278,29 @@ fn weather_of(scenario: &Scenario, bytes: Vec<u8>) -> Result<Weather, String> {
     )
     .map_err(|e| e.to_string())?;
     Ok((series, air))
+}
+
+/// Writes into the fence what of it counts from one height for all, where it follows the terrain.
+fn follow(scenario: &mut Scenario, terrain: &Terrain) -> Result<(), MissionError> {
+    let frame = scenario.frame()?;
+    let mut highest_m = f64::NEG_INFINITY;
+    for index in 0..scenario.vehicles.len() {
+        let home = frame.to_enu(scenario.home(index)?);
+        highest_m = highest_m.max(highest_near_home_m(terrain, &frame, home));
+    }
+    let (_, top_amsl_m) = Airspace::of(scenario)?.over(terrain).height_band_amsl_m();
+    scenario.fence.home_ground_amsl_m.get_or_insert(highest_m);
+    scenario.fence.top_amsl_m.get_or_insert(top_amsl_m);
+    Ok(())
+}
+
+/// Highest ground within [`NEAR_HOME_M`] of a home, m above mean sea level.
+pub(crate) fn highest_near_home_m(terrain: &Terrain, frame: &LocalFrame, home: Enu) -> f64 {
+    let around = (0..8).map(|k| home.displaced(45.0 * f64::from(k), NEAR_HOME_M));
+    std::iter::once(home)
+        .chain(around)
+        .map(|at| terrain.ground_amsl_m(frame.to_geodetic(at)))
+        .fold(f64::NEG_INFINITY, f64::max)
 }
 
 fn load_aircraft(name: &str, named_by: &str, read: ReadFile<'_>) -> Result<Aircraft, MissionError> {

@@ -42,10 +42,7 @@ impl Member {
     /// # Errors
     /// A scenario that it refuses.
     pub fn controller(setup: &Setup) -> Result<Self, MissionError> {
-        let team = 0..setup.scenario.vehicles.len();
-        let homes: Result<Vec<f64>, MissionError> =
-            team.map(|index| setup.ground_at_home_m(index)).collect();
-        let controller = SquadronController::new(&setup.scenario)?.over(homes?);
+        let controller = SquadronController::new(&setup.scenario)?.over(&setup.terrain)?;
         Ok(Self::Controller(Box::new(controller)))
     }
 

@@ -75,7 +75,7 @@ pub(crate) fn reality_numbers(scenario: &Scenario) -> Result<ModelNumbers, Missi
 /// A reality that describes no world, or a fence with nowhere to fly.
 pub fn true_peak(setup: &Setup) -> Result<TruePeak, MissionError> {
     let model = setup.scenario.in_reality().dispersion_model()?;
-    let airspace = Airspace::of(&setup.scenario)?;
+    let airspace = Airspace::of(&setup.scenario)?.over(&setup.terrain);
     let series = setup.reality_wind_series.clone();
     Ok(TruePeak(Arc::new(move |time_s| {
         let highest = match &series {

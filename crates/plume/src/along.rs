@@ -47,6 +47,8 @@ impl RowColumns<'_> {
 /// One plume with what changes its shape along the way.
 #[derive(Debug)]
 struct Kernel {
+    /// Part of its source's emission.
+    share: f64,
     /// East and north of the axis' origin where a sensor would log it, m.
     source: [f64; 2],
     /// Height of the axis there, and depth of its image below the ground, m.
@@ -59,7 +61,8 @@ struct Kernel {
     power_z: Power,
     ground: f64,
     meander_var_rad2: f64,
-    wake_var_m2: f64,
+    /// Variances with which the plume begins, across and up, m².
+    start_var_m2: [f64; 2],
     /// Growth of the emission, 1/s.
     growth_s: f64,
     decay_s: f64,
@@ -93,13 +96,18 @@ impl DispersionModel {
             strength: [0.0; CHUNK],
         };
         for plume in &self.plumes {
-            let kernel = self.kernel(plume, curve_y, curve_z, offset_m);
+            let kernel = |cell| self.kernel(cell, curve_y, curve_z, offset_m);
+            let cells = self.cells[plume.cells.clone()].iter();
+            let kernels: Vec<Kernel> = cells.map(kernel).collect();
             for (k, out) in out.chunks_mut(CHUNK).enumerate() {
                 let from = k * CHUNK;
+                // Of all cells of a source: they are at one height.
                 self.fill_winds(plume, rows, offset_m, from..from + out.len(), &mut winds);
                 let p = &rows.places;
                 let columns = [p.east_m, p.north_m, p.height_agl_m, rows.time_s];
-                add(&kernel, &winds, columns.map(|c| &c[from..]), out);
+                for kernel in &kernels {
+                    add(kernel, &winds, columns.map(|c| &c[from..]), out);
+                }
             }
         }
     }
@@ -125,6 +133,7 @@ impl DispersionModel {
         let scale_y = self.spec.sigma_y_scale * e.sigma_y_factor;
         let scale_z = self.spec.sigma_z_scale * e.sigma_z_factor;
         Kernel {
+            share: plume.share,
             source: [plume.east_m + east_m, plume.north_m + north_m],
             axis: plume.height_m + up_m,
             image: plume.height_m - up_m,
@@ -133,7 +142,10 @@ impl DispersionModel {
             power_z: curve_z.power,
             ground: self.reflection.ground,
             meander_var_rad2: e.meander_var_rad2.max(0.0),
-            wake_var_m2: e.wake_var_m2.max(0.0),
+            start_var_m2: [
+                plume.start_var_m2 + e.wake_var_m2.max(0.0),
+                e.wake_var_m2.max(0.0),
+            ],
             growth_s: e.emission_trend_h / HOUR_S,
             decay_s: e.decay_s.max(0.0),
         }
@@ -201,8 +213,8 @@ fn add_form(
         let bracket_z = 1.0 + kernel.z[1] * x;
         let var_y = x_sq / (kernel.y[0] * (1.0 + kernel.y[1] * x))
             + x_sq * kernel.meander_var_rad2
-            + kernel.wake_var_m2;
-        let var_z = x_sq / (kernel.z[0] * shape_z(bracket_z)) + kernel.wake_var_m2;
+            + kernel.start_var_m2[0];
+        let var_z = x_sq / (kernel.z[0] * shape_z(bracket_z)) + kernel.start_var_m2[1];
         let inverse = 1.0 / (var_y * var_z);
         let (precision_y, precision_z) = (var_z * inverse, var_y * inverse);
         let across = 0.5 * (y * y) * precision_y;
@@ -213,7 +225,7 @@ fn add_form(
         let image = height[i] + kernel.image;
         let shape = gauss(across + 0.5 * (up * up) * precision_z, grown)
             + kernel.ground * gauss(across + 0.5 * (image * image) * precision_z, grown);
-        let value = strength[i] * inverse.sqrt() * shape;
+        let value = kernel.share * strength[i] * inverse.sqrt() * shape;
         out[i] += if along < LEAST_DISTANCE_M { 0.0 } else { value };
     }
 }

@@ -10,8 +10,11 @@
 use air::geo::{Enu, Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::wind::{WindProfile, towards_deg};
+use std::ops::Range;
+use std::sync::Arc;
 
 use self::reflection::Reflection;
+use crate::area::{AreaSpec, Cell};
 use crate::effects::{DispersionEffects, HOUR_S};
 use crate::mechanism::Mechanism;
 use crate::sensor::SensorSpec;
@@ -82,15 +85,17 @@ impl Strength {
     }
 }
 
-/// A stack.
+/// A stack, or an area.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SourceSpec {
     /// Its name in messages.
     pub name: String,
     /// What it emits.
     pub gas: Gas,
-    /// Where it stands.
+    /// Where it stands; of an area its middle.
     pub place: Enu,
+    /// The ground that emits; `None`: a stack.
+    pub area: Option<AreaSpec>,
     /// Height of its mouth above ground, m.
     pub stack_height_m: f64,
     /// Height at which its plume levels off above ground, m.
@@ -187,7 +192,7 @@ pub struct InPlume {
     pub above_sigmas: f64,
 }
 
-/// A source with all mechanisms applied.
+/// A source, or a cell of one, with all mechanisms applied.
 #[derive(Debug, Clone)]
 struct Plume {
     east_m: f64,
@@ -196,7 +201,27 @@ struct Plume {
     /// Transport speed at this source's height over that at the first one's.
     speed_ratio: f64,
     source_term: SourceTerm,
-    depletion: Option<Depletion>,
+    depletion: Option<Arc<Depletion>>,
+    /// Part of its source's emission.
+    share: f64,
+    /// Variance across the wind with which the plume begins, m²: that of an area.
+    start_var_m2: f64,
+    /// Of a source: where its cells stand among the model's.
+    cells: Range<usize>,
+}
+
+impl Plume {
+    /// The plume of a cell.
+    fn of_cell(&self, cell: &Cell, variance_m2: f64) -> Self {
+        Self {
+            east_m: self.east_m + cell.east_m,
+            north_m: self.north_m + cell.north_m,
+            source_term: self.source_term.times(cell.share),
+            share: cell.share,
+            start_var_m2: variance_m2,
+            ..self.clone()
+        }
+    }
 }
 
 /// The part of the formula that does not depend on the place.
@@ -208,12 +233,24 @@ enum SourceTerm {
     AxisConcentration(f64),
 }
 
+impl SourceTerm {
+    fn times(self, factor: f64) -> Self {
+        match self {
+            Self::MolarRate(rate) => Self::MolarRate(rate * factor),
+            Self::AxisConcentration(strength) => Self::AxisConcentration(strength * factor),
+        }
+    }
+}
+
 /// A validated model: the mean field at any place and time.
 #[derive(Debug, Clone)]
 pub struct DispersionModel {
     spec: DispersionSpec,
     effects: DispersionEffects,
+    /// One for each source.
     plumes: Vec<Plume>,
+    /// What the field is the sum of: the plume of each stack and of each cell of an area.
+    cells: Vec<Plume>,
     spread: Spread,
     reflection: Reflection,
     rotation: (f64, f64),
@@ -243,6 +280,7 @@ impl DispersionModel {
             rotation: cos_sin(effects.direction_offset_deg),
             scenario_wind: transport(&spec.wind, first_height),
             plumes: Vec::with_capacity(spec.sources.len() + effects.second_sources.len()),
+            cells: Vec::new(),
             notices: notices(&spec),
             spec,
             effects,
@@ -252,21 +290,43 @@ impl DispersionModel {
         for i in 0..model.spec.sources.len() {
             if model.spec.sources[i].gas == first_gas {
                 let plume = model.plume(&model.spec.sources[i], 0.0, 0.0, 0.0, 1.0);
-                model.plumes.push(plume);
+                model.add(plume, model.spec.sources[i].area);
             }
         }
-        for s in &model.effects.second_sources {
+        let area = model.spec.sources[0].area;
+        for i in 0..model.effects.second_sources.len() {
+            let s = &model.effects.second_sources[i];
             let first = &model.spec.sources[0];
             let plume = model.plume(first, s.east_m, s.north_m, s.height_offset_m, s.ratio);
-            model.plumes.push(plume);
+            model.add(plume, area);
         }
         // Last, since what is lost depends on the sigmas and the reflection of the whole model.
         if model.effects.deposition_m_s > 0.0 {
             for i in 0..model.plumes.len() {
-                model.plumes[i].depletion = Some(Depletion::new(&model, &model.plumes[i]));
+                let depletion = Some(Arc::new(Depletion::new(&model, &model.plumes[i])));
+                for cell in &mut model.cells[model.plumes[i].cells.clone()] {
+                    cell.depletion.clone_from(&depletion);
+                }
+                model.plumes[i].depletion = depletion;
             }
         }
         Ok(model)
+    }
+
+    /// Takes up a source's plume, with its cells.
+    fn add(&mut self, mut plume: Plume, area: Option<AreaSpec>) {
+        let first = self.cells.len();
+        match area {
+            None => self.cells.push(plume.clone()),
+            Some(area) => {
+                let variance_m2 = area.cell_variance_m2();
+                let of = |cell: &Cell| plume.of_cell(cell, variance_m2);
+                self.cells.extend(area.cells().iter().map(of));
+                plume.start_var_m2 = area.variance_m2();
+            }
+        }
+        plume.cells = first..self.cells.len();
+        self.plumes.push(plume);
     }
 
     fn plume(&self, source: &SourceSpec, east: f64, north: f64, up: f64, ratio: f64) -> Plume {
@@ -299,10 +359,13 @@ impl DispersionModel {
             },
             source_term,
             depletion: None,
+            share: 1.0,
+            start_var_m2: 0.0,
+            cells: 0..0,
         }
     }
 
-    /// V/(σy σz) on an axis at a height, images and all, 1/m².
+    /// V/(σy σz) on a stack's axis at a height, images and all, 1/m².
     fn shape_on_axis(&self, distance_m: f64, height_m: f64) -> f64 {
         let (y, z) = self.sigmas_m(distance_m);
         self.reflection.profile(height_m, height_m, z, 0.0) / (y * z)
@@ -360,7 +423,29 @@ impl DispersionModel {
                 rate / speed * self.ppm_per_mol_m3(plume.height_m)
             }
         };
-        per_shape / self.effects.emission_factor * self.shape_on_axis(distance_m, plume.height_m)
+        per_shape / self.effects.emission_factor * self.shape_on_axis_of(plume, distance_m)
+    }
+
+    /// V/(σy σz) of all cells of a source, by their shares, on the axis from its middle in the scenario's wind,
+    /// 1/m².
+    fn shape_on_axis_of(&self, plume: &Plume, distance_m: f64) -> f64 {
+        let cells = &self.cells[plume.cells.clone()];
+        if cells.len() == 1 {
+            return self.shape_on_axis(distance_m, plume.height_m);
+        }
+        let wind = self.scenario_wind;
+        let place = Place {
+            east_m: plume.east_m + distance_m * wind.east,
+            north_m: plume.north_m + distance_m * wind.north,
+            height_agl_m: plume.height_m,
+        };
+        let of = |cell: &Plume| {
+            let at = downwind_m(cell, &place, wind);
+            at.map_or(0.0, |(x, y)| {
+                cell.share * self.cross_section(cell, &place, x, y)
+            })
+        };
+        cells.iter().map(of).sum()
     }
 
     /// What the scenario's source at an index emits, kg/s, if air goes by its axis at `speed_m_s`: the ratio of
@@ -441,6 +526,16 @@ impl DispersionModel {
         (y, z)
     }
 
+    /// The spread of a plume, which may begin with that of an area.
+    #[inline(always)]
+    fn sigmas_of_m(&self, plume: &Plume, x_m: f64) -> (f64, f64) {
+        let (y, z) = self.sigmas_m(x_m);
+        if plume.start_var_m2 == 0.0 {
+            return (y, z);
+        }
+        ((y * y + plume.start_var_m2).sqrt(), z)
+    }
+
     /// Where a place is from each source that it is downwind of: along the wind and across, m.
     pub(crate) fn downwind_of_sources_m(
         &self,
@@ -448,7 +543,7 @@ impl DispersionModel {
         wind: Transport,
     ) -> impl Iterator<Item = (f64, f64)> {
         let of = move |plume: &Plume| downwind_m(plume, place, wind);
-        self.plumes.iter().filter_map(of)
+        self.cells.iter().filter_map(of)
     }
 
     /// The scenario's wind at the first source's effective height.
@@ -462,7 +557,7 @@ impl DispersionModel {
         let plume = self.plumes.first()?;
         let wind = self.veered(plume, place, self.turned(wind, time_s));
         let (distance_m, across_m) = downwind_m(plume, place, wind)?;
-        let (sigma_y_m, sigma_z_m) = self.sigmas_m(distance_m);
+        let (sigma_y_m, sigma_z_m) = self.sigmas_of_m(plume, distance_m);
         Some(InPlume {
             distance_m,
             across_sigmas: across_m / sigma_y_m,
@@ -486,7 +581,7 @@ impl DispersionModel {
         let mut turned = self.turned(wind, time_s);
         turned.speed_m_s *= self.effects.speed_factor;
         let mut sum = (0.0, 0.0);
-        for plume in &self.plumes {
+        for plume in &self.cells {
             let (shape, x, speed) = self.shape_with_losses(plume, place, turned);
             // The air here at time_s passed the source one travel time x/u before.
             let shape = shape * self.emission_growth(time_s - x / speed);
@@ -548,16 +643,21 @@ impl DispersionModel {
         let Some((x, y)) = downwind_m(plume, place, wind) else {
             return (0.0, 0.0, speed);
         };
-        let (sigma_y, sigma_z) = self.sigmas_m(x);
+        (self.cross_section(plume, place, x, y), x, speed)
+    }
+
+    /// exp() V(z) / (σy σz) at a distance downwind and across, m.
+    #[inline(always)]
+    fn cross_section(&self, plume: &Plume, place: &Place, x: f64, y: f64) -> f64 {
+        let (sigma_y, sigma_z) = self.sigmas_of_m(plume, x);
         let across = 0.5 * (y / sigma_y) * (y / sigma_y);
         if across > MAX_EXPONENT {
-            return (0.0, x, speed);
+            return 0.0;
         }
-        let value = self
+        let vertical = self
             .reflection
-            .profile(place.height_agl_m, plume.height_m, sigma_z, across)
-            / (sigma_y * sigma_z);
-        (value, x, speed)
+            .profile(place.height_agl_m, plume.height_m, sigma_z, across);
+        vertical / (sigma_y * sigma_z)
     }
 }
 
@@ -690,6 +790,9 @@ fn validate(spec: &DispersionSpec) -> Result<(), PlumeError> {
     in_range("lid_edge_m", spec.lid_edge_m, 0.0, 1000.0)?;
     for s in &spec.sources {
         let of = |what: &str| format!("{what} of source \"{}\"", s.name);
+        if let Some(area) = &s.area {
+            area.validate(&s.name)?;
+        }
         in_range(&of("east_m"), s.place.east_m, -1e6, 1e6)?;
         in_range(&of("north_m"), s.place.north_m, -1e6, 1e6)?;
         in_range(&of("stack_height_m"), s.stack_height_m, 0.0, 1000.0)?;

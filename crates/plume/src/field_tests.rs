@@ -17,6 +17,7 @@ pub(crate) fn spec(strength: Strength) -> DispersionSpec {
             name: "stack".into(),
             gas: Gas::Co2,
             place: Enu::default(),
+            area: None,
             stack_height_m: 356.0,
             effective_height_agl_m: 486.0,
             strength,

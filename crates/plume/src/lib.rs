@@ -42,6 +42,7 @@
 //!         name: "stack".to_owned(),
 //!         gas: Gas::Co2,
 //!         place: Enu::default(),
+//!         area: None,
 //!         stack_height_m: 356.0,
 //!         effective_height_agl_m: 486.0,
 //!         strength: Strength::EmissionKgS(352.0),
@@ -76,6 +77,7 @@
 //! # }
 //! ```
 
+mod area;
 pub mod curtain;
 pub mod effects;
 pub mod field;
@@ -90,6 +92,7 @@ pub mod stability;
 pub mod track;
 pub mod units;
 
+pub use area::{AreaSpec, Outline};
 pub use field::batch::{self, PlaceColumns};
 pub use field::puffs::{self, Puffs, UnsteadyAir, UnsteadySpec};
 pub use field::{DispersionModel, DispersionSpec, InPlume, Place, SourceSpec, Strength};

@@ -178,6 +178,18 @@ struct Puff {
     /// What multiplies exp(−r²/2σ²) V(z): in mol/m³ or ppm as the source has it.
     strength: f64,
     age_s: f64,
+    /// How far it is from its source, at least [`FIRST_M`], m.
+    far_m: f64,
+}
+
+/// What a place has of the puffs of one source: the sum, and sums weighted by it of age and of place in the puff
+/// in relative spreads.
+#[derive(Debug, Default)]
+struct Met {
+    total: f64,
+    age_s: f64,
+    across: f64,
+    above: f64,
 }
 
 /// The plumes of a model at one moment.
@@ -263,6 +275,7 @@ impl DispersionModel {
         time_s: f64,
     ) -> Vec<Puff> {
         let lid_m = self.reflection.lid_m;
+        let start_var_m2 = self.cells[plume.cells.start].start_var_m2;
         let duration = |k: usize| {
             let before = if k == 0 { 0.0 } else { ways[k - 1].0 };
             let after = ways.get(k + 1).map_or(ways[k].0, |w| w.0);
@@ -278,12 +291,12 @@ impl DispersionModel {
             let (y, z) = self.sigmas_m(x_m);
             // Where the spread of the moment is less than the eddies', as with a source's own mechanisms, the
             // puff keeps a part of it.
-            let relative = |sigma: f64, meander: f64| {
-                (sigma * sigma - meander)
-                    .max(LEAST_RELATIVE * sigma * sigma)
-                    .sqrt()
+            let relative_m2 = |sigma: f64, meander: f64| {
+                (sigma * sigma - meander).max(LEAST_RELATIVE * sigma * sigma)
             };
-            let (sigma_y_m, sigma_z_m) = (relative(y, variance_y), relative(z, variance_z));
+            // Each cell of an area has this row of puffs, round as the cell is.
+            let sigma_y_m = (relative_m2(y, variance_y) + start_var_m2).sqrt();
+            let sigma_z_m = relative_m2(z, variance_z).sqrt();
             let mut height_m = plume.height_m + up_m;
             // The lid sends a puff that reaches it back.
             if plume.height_m < lid_m && height_m > lid_m {
@@ -294,9 +307,11 @@ impl DispersionModel {
                 SourceTerm::AxisConcentration(c) => (c, reference_m_s * ratio),
             };
             let left = self.surviving_fraction(plume, x_m, x_m / age_s);
+            let (east_m, north_m) = (way.east_m * ratio + east_m, way.north_m * ratio + north_m);
             Puff {
-                east_m: way.east_m * ratio + east_m,
-                north_m: way.north_m * ratio + north_m,
+                east_m,
+                north_m,
+                far_m: east_m.hypot(north_m).max(FIRST_M),
                 height_m,
                 sigma_y_m,
                 sigma_z_m,
@@ -339,17 +354,30 @@ impl DispersionModel {
     }
 
     fn sum(&self, plume: &Plume, of_plume: &[Puff], puffs: &Puffs, place: &Place) -> f64 {
-        let (mut east_m, mut north_m) =
-            (place.east_m - plume.east_m, place.north_m - plume.north_m);
+        let mut met = Met::default();
+        for cell in &self.cells[plume.cells.clone()] {
+            self.add_met(cell, of_plume, place, &mut met);
+        }
+        match &puffs.fluctuation {
+            Some(fluctuation) if met.total > 0.0 => {
+                let emitted_s = puffs.time_s - met.age_s / met.total;
+                let (across, above) = (met.across / met.total, met.above / met.total);
+                met.total * fluctuation.factor(emitted_s, across, above)
+            }
+            _ => met.total,
+        }
+    }
+
+    /// Adds what a cell's share of its source's row of puffs makes at a place.
+    fn add_met(&self, cell: &Plume, row: &[Puff], place: &Place, met: &mut Met) {
+        let (mut east_m, mut north_m) = (place.east_m - cell.east_m, place.north_m - cell.north_m);
         if self.effects.veer_deg_100m != 0.0 {
             // The wind at this height turns the plume; here the place is turned back instead.
-            let up_m = place.height_agl_m - plume.height_m;
+            let up_m = place.height_agl_m - cell.height_m;
             let (cos, sin) = cos_sin(-self.effects.veer_deg_100m * up_m / 100.0);
             (east_m, north_m) = (east_m * cos + north_m * sin, north_m * cos - east_m * sin);
         }
-        let mut total = 0.0;
-        let (mut age_s, mut across, mut above) = (0.0, 0.0, 0.0);
-        for puff in of_plume {
+        for puff in row {
             let (de, dn) = (east_m - puff.east_m, north_m - puff.north_m);
             let horizontal = 0.5 * (de * de + dn * dn) / (puff.sigma_y_m * puff.sigma_y_m);
             if horizontal > MAX_EXPONENT {
@@ -361,19 +389,12 @@ impl DispersionModel {
                 puff.sigma_z_m,
                 horizontal,
             );
-            let part = puff.strength * shape;
-            total += part;
-            age_s += part * puff.age_s;
-            across += part * (de * puff.north_m - dn * puff.east_m)
-                / (puff.sigma_y_m * puff.east_m.hypot(puff.north_m).max(FIRST_M));
-            above += part * (place.height_agl_m - puff.height_m) / puff.sigma_z_m;
-        }
-        match &puffs.fluctuation {
-            Some(fluctuation) if total > 0.0 => {
-                let emitted_s = puffs.time_s - age_s / total;
-                total * fluctuation.factor(emitted_s, across / total, above / total)
-            }
-            _ => total,
+            let part = cell.share * puff.strength * shape;
+            met.total += part;
+            met.age_s += part * puff.age_s;
+            met.across +=
+                part * (de * puff.north_m - dn * puff.east_m) / (puff.sigma_y_m * puff.far_m);
+            met.above += part * (place.height_agl_m - puff.height_m) / puff.sigma_z_m;
         }
     }
 }

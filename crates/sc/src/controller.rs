@@ -6,6 +6,7 @@ mod homing;
 mod phases;
 
 use air::geo::{Geodetic, wrap_signed_deg};
+use air::terrain::Terrain;
 use csea::{
     Archive, ArchiveOptions, CsEaOptions, Domain, Position, Sample, SearchStrategy,
     strategy_by_name,
@@ -137,14 +138,20 @@ impl SquadronController {
         Ok(controller)
     }
 
-    /// The same controller over terrain: the ground at each vehicle's home, m above mean sea level, in
-    /// the team's order.
-    #[must_use]
-    pub fn over(mut self, homes_amsl_m: impl IntoIterator<Item = f64>) -> Self {
-        for (vehicle, ground_amsl_m) in self.fleet.vehicles.iter_mut().zip(homes_amsl_m) {
-            vehicle.home.height_m = ground_amsl_m;
+    /// The same controller over terrain.
+    ///
+    /// # Errors
+    /// A search that has nowhere to look between floor and ceiling.
+    pub fn over(mut self, terrain: &Terrain) -> Result<Self, ScError> {
+        self.fleet.airspace = self.fleet.airspace.over(terrain);
+        let frame = self.fleet.airspace.frame();
+        for vehicle in &mut self.fleet.vehicles {
+            vehicle.home.height_m = terrain.ground_amsl_m(frame.to_geodetic(vehicle.home.at));
         }
-        self
+        if self.fleet.airspace.follows_terrain() {
+            self.strategy = Some(self.new_strategy()?);
+        }
+        Ok(self)
     }
 
     /// The phase of the mission.

@@ -67,8 +67,10 @@ pub struct TeamVehicle {
     pub order: Option<Order>,
     /// Centre of the circle beside its approach, while it lands.
     approach: Option<Enu>,
-    /// The legs that follow, around what stands in the way.
+    /// The parts of legs that follow, around what stands in the way.
     route: VecDeque<Position>,
+    /// How many of them belong to this leg, to the next, and so on: over terrain a leg has several.
+    parts: VecDeque<usize>,
     silent: bool,
 }
 
@@ -85,7 +87,39 @@ impl TeamVehicle {
             order: None,
             approach: None,
             route: VecDeque::new(),
+            parts: VecDeque::new(),
             silent: false,
+        }
+    }
+
+    /// The parts that follow of this leg, or all of the next one where this has no more.
+    fn coming_parts(&self) -> impl Iterator<Item = Position> {
+        let count = self.parts.iter().copied().find(|&count| count > 0);
+        self.route.iter().copied().take(count.unwrap_or(0))
+    }
+
+    /// Where it may be in the parts that follow of this leg.
+    fn later_parts(&self) -> impl Iterator<Item = Corridor> {
+        let count = self
+            .parts
+            .front()
+            .copied()
+            .filter(|_| self.is_commandable());
+        let parts = self.route.iter().copied().take(count.unwrap_or(0));
+        let starts = self.order.into_iter().map(|order| order.to);
+        let starts = starts.chain(parts.clone());
+        starts
+            .zip(parts)
+            .map(|(from, to)| Corridor::straight(from, to, CIRCLE_M))
+    }
+
+    /// Counts off the part that begins.
+    fn begin_part(&mut self) {
+        while self.parts.front() == Some(&0) {
+            self.parts.pop_front();
+        }
+        if let Some(count) = self.parts.front_mut() {
+            *count -= 1;
         }
     }
 
@@ -304,26 +338,23 @@ impl Fleet {
         // The first leg is checked against the others, and where it ends up against where they end
         // up: later legs are checked when they are flown, for by then all have moved.
         let free = heights_amsl_m.iter().copied().find(|&height_m| {
-            let first = Position {
-                at: way[0],
-                height_m,
-            };
             let end = Position { at, height_m };
             self.airspace.contains(end, MARGIN_M)
-                && self.is_apart(index, first)
+                && self.is_leg_apart(index, &self.airspace.way(track.position, &way, height_m)[0])
                 && self.is_end_free(index, end)
         });
         let Some(height_m) = free else {
             return false;
         };
-        let mut way: VecDeque<Position> = way
-            .into_iter()
-            .map(|at| Position { at, height_m })
-            .collect();
+        let legs = self.airspace.way(track.position, &way, height_m);
+        let parts = legs.iter().map(Vec::len).collect();
+        let mut way: VecDeque<Position> = legs.into_iter().flatten().collect();
         let Some(to) = way.pop_front() else {
             return false;
         };
         self.vehicles[index].route = way;
+        self.vehicles[index].parts = parts;
+        self.vehicles[index].begin_part();
         let path = PathKind::GoTo;
         self.order(index, Order { path, to, purpose }, out);
         true
@@ -358,6 +389,15 @@ impl Fleet {
         };
         let own = Corridor::turning(track.position, track.course_deg, to, CIRCLE_M);
         self.is_kept_free(index, &own)
+    }
+
+    /// Whether all parts of a leg are apart from all others.
+    fn is_leg_apart(&self, index: usize, leg: &[Position]) -> bool {
+        let first = leg.first().is_some_and(|&to| self.is_apart(index, to));
+        let mut later = leg
+            .windows(2)
+            .map(|ends| Corridor::straight(ends[0], ends[1], CIRCLE_M));
+        first && later.all(|part| self.is_kept_free(index, &part))
     }
 
     /// Whether a corridor of the vehicle at `index` is apart from all others and from what is kept
@@ -422,7 +462,7 @@ impl Fleet {
         let others = self.vehicles.iter().enumerate();
         let mut corridors = others
             .filter(|(other, _)| *other != index && counts(*other))
-            .filter_map(|(_, v)| v.corridor());
+            .flat_map(|(_, v)| v.corridor().into_iter().chain(v.later_parts()));
         corridors.all(|other| self.separation.apart(own, &other))
             && self.is_clear_of_others(index, own)
     }
@@ -446,12 +486,19 @@ impl Fleet {
         let (Some(track), Some(order), Some(&next)) = (v.track, v.order, v.route.front()) else {
             return;
         };
-        let reached = track.position.at.distance_m(order.to.at) <= REACHED_M;
+        let here = track.position;
+        let reached = here.at.distance_m(order.to.at) <= REACHED_M
+            && self.airspace.is_high_enough(here.height_m, order.to);
         // Not yet free: it circles at the corner until it is.
-        if !v.is_commandable() || !reached || !self.is_apart(index, next) {
+        if !v.is_commandable() || !reached {
+            return;
+        }
+        let leg: Vec<Position> = v.coming_parts().collect();
+        if !self.is_leg_apart(index, &leg) {
             return;
         }
         self.vehicles[index].route.pop_front();
+        self.vehicles[index].begin_part();
         self.order(index, Order { to: next, ..order }, out);
     }
 
@@ -476,6 +523,7 @@ impl Fleet {
     /// Sends a vehicle down to its home, by the circle around `approach`.
     pub(crate) fn land(&mut self, index: usize, approach: Enu, out: &mut Outbox) {
         self.vehicles[index].route.clear();
+        self.vehicles[index].parts.clear();
         self.vehicles[index].approach = Some(approach);
         let order = Order {
             path: PathKind::Land,

@@ -89,7 +89,7 @@ const fn at(part: f64, step: f64) -> Crossing {
 pub struct Pass {
     /// Where it begins.
     pub from: Position,
-    /// Where it ends, at the same height.
+    /// Where it ends, at the same height unless terrain is followed.
     pub to: Position,
 }
 
@@ -137,7 +137,7 @@ pub fn plan(
     let sigma_z_m = estimate.sigmas_m(base, distance_m).1;
     // As long as H is hardly known, the steps must reach as far as it may be off.
     let off_m = (OFF_AXIS_SIGMAS * sigma_z_m).max(estimate.height_sd_m.min(2.0 * sigma_z_m));
-    let height_m = airspace.clamp_height_m(estimate.height_amsl_m + crossing.step * off_m);
+    let wanted_m = estimate.height_amsl_m + crossing.step * off_m;
     let [mut from, mut to] = ends;
     // Flown from the nearer end; either direction shows the same.
     if here.distance_m(to) < here.distance_m(from) {
@@ -150,7 +150,10 @@ pub fn plan(
         beyond_m -= SHORTEN_M;
     }
     to = beyond(beyond_m.max(0.0));
-    let at = |at: Enu| Position { at, height_m };
+    let at = |at: Enu| Position {
+        at,
+        height_m: airspace.clamp_at_m(at, wanted_m),
+    };
     Some(Pass {
         from: at(from),
         to: at(to),

@@ -1,12 +1,16 @@
-//! Where the team may fly: geofence, height band and a keep-out cylinder around every stack.
+//! Where the team may fly: geofence, height band, which may follow the terrain, and a keep-out cylinder around
+//! every stack.
 //!
 //! A setpoint is safe when it lies inside all of them by a margin that leaves room for the turn
 //! and the orbit around it, and when the straight leg to it is safe too.
 
 use crate::Scenario;
+use crate::ground::Ground;
 use crate::world::WorldError;
 use air::area::{distance_to_segment_m, edges, is_inside};
 use air::geo::{Enu, Geodetic, LocalFrame, Position};
+use air::terrain::Terrain;
+use std::sync::Arc;
 
 /// Set-points keep this far from every edge of the fence and from every keep-out, m: room for a turn and
 /// for the orbit around the set-point.
@@ -16,14 +20,28 @@ const CIRCLE_CORNERS: usize = 16;
 /// How much farther than the margin via-points lie, so that legs between them are not on the
 /// very edge, m.
 const SLACK_M: f64 = 1.0;
+/// A way over terrain is looked at in steps of this, m.
+const LOOK_M: f64 = 60.0;
+/// Shortest level part of a way over terrain, m: setpoints count as reached 120 m before them (`sc`).
+const LEAST_PART_M: f64 = 240.0;
+/// Climb over the way made, which every vehicle is able to: 2 m/s at 28 m/s over ground.
+const CLIMB_GRADIENT: f64 = 0.07;
+/// A vehicle this far below where it has to be climbs where it is before it goes on, m.
+const TOO_LOW_M: f64 = 12.0;
 
 /// Where the team may fly. Heights are metres above mean sea level.
 #[derive(Debug, Clone)]
 pub struct Airspace {
     frame: LocalFrame,
     polygon: Vec<Enu>,
+    /// Over the site's ground, or over the lowest and the highest of terrain.
     floor_amsl_m: f64,
     ceiling_amsl_m: f64,
+    floor_agl_m: f64,
+    ceiling_agl_m: f64,
+    follows_terrain: bool,
+    /// Where the height band follows the terrain.
+    ground: Option<Arc<Ground>>,
     stacks: Vec<Enu>,
     keep_out_m: f64,
 }
@@ -48,9 +66,138 @@ impl Airspace {
             polygon: scenario.fence_polygon()?,
             floor_amsl_m: ground + fence.floor_agl_m,
             ceiling_amsl_m: ground + fence.ceiling_agl_m,
+            floor_agl_m: fence.floor_agl_m,
+            ceiling_agl_m: fence.ceiling_agl_m,
+            follows_terrain: fence.follows_terrain,
+            ground: None,
             stacks: scenario.sources.iter().map(stack).collect(),
             keep_out_m: fence.keep_out_radius_m,
         })
+    }
+
+    /// The same airspace over terrain: where the fence follows it, the height band does so from now on.
+    #[must_use]
+    pub fn over(mut self, terrain: &Terrain) -> Self {
+        if !self.follows_terrain {
+            return self;
+        }
+        let (low, high) = self.bounds();
+        let ground = Ground::new(terrain, &self.frame, low.at, high.at, SETPOINT_MARGIN_M);
+        let (lowest_m, highest_m) = ground.range_amsl_m();
+        self.floor_amsl_m = lowest_m + self.floor_agl_m;
+        self.ceiling_amsl_m = highest_m + self.ceiling_agl_m;
+        self.ground = Some(Arc::new(ground));
+        self
+    }
+
+    /// Whether floor and ceiling follow the terrain.
+    pub fn follows_terrain(&self) -> bool {
+        self.ground.is_some()
+    }
+
+    /// Lowest and highest height of a setpoint at a place, m above mean sea level. Where they follow the terrain
+    /// the floor counts from the highest ground within [`SETPOINT_MARGIN_M`], and goes before the ceiling.
+    pub fn heights_at_amsl_m(&self, at: Enu) -> (f64, f64) {
+        let Some(ground) = &self.ground else {
+            return (self.floor_amsl_m, self.ceiling_amsl_m);
+        };
+        let (here_m, highest_m) = ground.at_amsl_m(at);
+        let floor_m = highest_m + self.floor_agl_m;
+        (floor_m, floor_m.max(here_m + self.ceiling_agl_m))
+    }
+
+    /// `height_amsl_m` brought between floor and ceiling at a place.
+    pub fn clamp_at_m(&self, at: Enu, height_amsl_m: f64) -> f64 {
+        let (floor_m, ceiling_m) = self.heights_at_amsl_m(at);
+        height_amsl_m.clamp(floor_m, ceiling_m)
+    }
+
+    /// Whether who is ordered to `to` and is at a height there may go on to the next part of a way: over terrain
+    /// only from high enough.
+    pub fn is_high_enough(&self, height_amsl_m: f64, to: Position) -> bool {
+        self.ground.is_none() || height_amsl_m > to.height_m - TOO_LOW_M
+    }
+
+    /// The setpoints of a way from `from` along `corners` to its end at `height_amsl_m`, leg by leg: each corner at
+    /// that height, and over terrain level parts that keep between floor and ceiling all along, each begun so
+    /// early that a vehicle that climbs 7 m in 100 is never below the floor. Who is too low climbs first where
+    /// it is.
+    pub fn way(&self, from: Position, corners: &[Enu], height_amsl_m: f64) -> Vec<Vec<Position>> {
+        let level = |at: &Enu| Position {
+            at: *at,
+            height_m: height_amsl_m,
+        };
+        if self.ground.is_none() {
+            return corners.iter().map(|at| vec![level(at)]).collect();
+        }
+        let looks = self.looks(from.at, corners);
+        let mut legs = Vec::new();
+        let mut leg = Vec::new();
+        if from.height_m < looks[0].floor_m - TOO_LOW_M {
+            leg.push(Position {
+                at: from.at,
+                height_m: looks[0].floor_m,
+            });
+        }
+        let mut part = Part::default();
+        for (before, look) in looks.iter().zip(&looks[1..]) {
+            let longer = part.with(before).with(look);
+            let fits = longer.floor_m <= longer.ceiling_m;
+            if !fits && part.length_m >= LEAST_PART_M {
+                leg.push(part.end(before.at, height_amsl_m));
+                part = Part::default().with(before).with(look);
+            } else {
+                part = longer;
+            }
+            part.length_m += before.at.distance_m(look.at);
+            if look.is_corner {
+                leg.push(part.end(look.at, height_amsl_m));
+                legs.push(std::mem::take(&mut leg));
+                part = Part::default();
+            }
+        }
+        // At the end it comes to the height that is wanted there.
+        if let (Some(last), Some(end)) = (legs.last_mut(), corners.last()) {
+            let arrives = last.last().is_some_and(|p| p.height_m == height_amsl_m);
+            last.extend((!arrives).then(|| level(end)));
+        }
+        legs
+    }
+
+    /// Places along a way with what is asked of the height at each.
+    fn looks(&self, from: Enu, corners: &[Enu]) -> Vec<Look> {
+        let look = |at: Enu, is_corner: bool| {
+            let (floor_m, ceiling_m) = self.heights_at_amsl_m(at);
+            Look {
+                at,
+                floor_m,
+                ceiling_m,
+                is_corner,
+            }
+        };
+        let mut looks = vec![look(from, false)];
+        let mut start = from;
+        for &corner in corners {
+            let count = (start.distance_m(corner) / LOOK_M).ceil().max(1.0);
+            for k in 1..count as usize {
+                let share = k as f64 / count;
+                let at = Enu {
+                    east_m: start.east_m + share * (corner.east_m - start.east_m),
+                    north_m: start.north_m + share * (corner.north_m - start.north_m),
+                };
+                looks.push(look(at, false));
+            }
+            looks.push(look(corner, true));
+            start = corner;
+        }
+        // Looking ahead: high enough here to be high enough there.
+        for k in (1..looks.len()).rev() {
+            let climb_m = CLIMB_GRADIENT * looks[k - 1].at.distance_m(looks[k].at);
+            let floor_m = looks[k - 1].floor_m.max(looks[k].floor_m - climb_m);
+            looks[k - 1].floor_m = floor_m;
+            looks[k - 1].ceiling_m = looks[k - 1].ceiling_m.max(floor_m);
+        }
+        looks
     }
 
     /// The local frame.
@@ -73,7 +220,7 @@ impl Airspace {
         self.keep_out_m
     }
 
-    /// Lowest and highest height of a setpoint, m above mean sea level.
+    /// Lowest and highest height of a setpoint anywhere, m above mean sea level.
     pub fn height_band_amsl_m(&self) -> (f64, f64) {
         (self.floor_amsl_m, self.ceiling_amsl_m)
     }
@@ -94,7 +241,7 @@ impl Airspace {
         )
     }
 
-    /// `height_amsl_m` brought into the band.
+    /// `height_amsl_m` brought into the band of all places.
     pub fn clamp_height_m(&self, height_amsl_m: f64) -> f64 {
         height_amsl_m.clamp(self.floor_amsl_m, self.ceiling_amsl_m)
     }
@@ -112,7 +259,8 @@ impl Airspace {
     /// Whether `position` is inside fence and height band and outside every keep-out, by at
     /// least `margin_m` horizontally.
     pub fn contains(&self, position: Position, margin_m: f64) -> bool {
-        (self.floor_amsl_m..=self.ceiling_amsl_m).contains(&position.height_m)
+        let (floor_m, ceiling_m) = self.heights_at_amsl_m(position.at);
+        (floor_m..=ceiling_m).contains(&position.height_m)
             && self.clearance_m(position.at) >= margin_m
     }
 
@@ -165,6 +313,49 @@ impl Airspace {
             radius_m *= 1.1;
         }
         None
+    }
+}
+
+/// A place on a way over terrain.
+#[derive(Debug, Clone, Copy)]
+struct Look {
+    at: Enu,
+    floor_m: f64,
+    ceiling_m: f64,
+    is_corner: bool,
+}
+
+/// A level part of a way, with what its places ask of its height.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    length_m: f64,
+    floor_m: f64,
+    ceiling_m: f64,
+}
+
+impl Default for Part {
+    fn default() -> Self {
+        Self {
+            length_m: 0.0,
+            floor_m: f64::NEG_INFINITY,
+            ceiling_m: f64::INFINITY,
+        }
+    }
+}
+
+impl Part {
+    fn with(mut self, look: &Look) -> Self {
+        self.floor_m = self.floor_m.max(look.floor_m);
+        self.ceiling_m = self.ceiling_m.min(look.ceiling_m);
+        self
+    }
+
+    /// Its end, as near to the height that is wanted as floor and then ceiling allow.
+    fn end(&self, at: Enu, wanted_m: f64) -> Position {
+        Position {
+            at,
+            height_m: wanted_m.min(self.ceiling_m).max(self.floor_m),
+        }
     }
 }
 

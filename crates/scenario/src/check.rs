@@ -1,7 +1,8 @@
 //! What a scenario must hold, checked once, with the line of what is wrong.
 
 use crate::tables::{
-    FenceTable, MissionTable, Scenario, SourceTable, VehicleKind, VehicleTable, WeatherTable,
+    FenceTable, MissionTable, Scenario, SourceShape, SourceTable, VehicleKind, VehicleTable,
+    WeatherTable,
 };
 use crate::{ScenarioError, line_and_column, uncertain};
 use std::collections::BTreeSet;
@@ -94,6 +95,13 @@ impl Scenario {
         uncertain::check(&self.uncertain)?;
         vehicles(&self.vehicles)?;
         fence(&self.fence)?;
+        if self.fence.follows_terrain && self.site.terrain.is_none() {
+            return Err(Refusal::new(
+                "fence.follows_terrain",
+                "true without site.terrain",
+                "site.terrain, a file with the heights of the ground",
+            ));
+        }
         self.check_search()?;
         self.check_world()
     }
@@ -305,6 +313,7 @@ fn check_source(k: usize, source: &SourceTable) -> Checked {
         5000.0,
         "m above ground, 0 to 5000",
     )?;
+    check_area(k, source)?;
     match (
         source.emission_kg_s,
         source.c_max_ppm,
@@ -344,6 +353,58 @@ fn check_source(k: usize, source: &SourceTable) -> Checked {
             ))
         }
     }
+}
+
+/// What only an area has, and what it cannot have.
+fn check_area(k: usize, source: &SourceTable) -> Checked {
+    let sides = [(source.length_m, "length_m"), (source.width_m, "width_m")];
+    if source.shape == SourceShape::Point {
+        let more = [
+            (source.outline.is_some(), "outline"),
+            (source.axis_deg.is_some(), "axis_deg"),
+        ];
+        let given = sides.map(|(side, name)| (side.is_some(), name));
+        return match given
+            .into_iter()
+            .chain(more)
+            .find(|(is_there, _)| *is_there)
+        {
+            Some((_, name)) => Err(Refusal::new(
+                format!("source.{k}.{name}"),
+                "a source without shape = \"area\"",
+                "shape = \"area\" with this key",
+            )),
+            None => Ok(()),
+        };
+    }
+    for (side, name) in sides {
+        let expected = "m, .1 to 20000, and no side a hundred times the other";
+        let other_m = sides.iter().filter_map(|s| s.0).fold(0.0, f64::max);
+        let low_m = (other_m / 100.0).max(0.1);
+        within(
+            format!("source.{k}.{name}"),
+            side.unwrap_or(f64::NAN),
+            low_m,
+            20_000.0,
+            expected,
+        )?;
+    }
+    let axis_deg = source.axis_deg.unwrap_or_default();
+    within(
+        format!("source.{k}.axis_deg"),
+        axis_deg,
+        -360.0,
+        720.0,
+        "degrees, 0 to 360",
+    )?;
+    if source.emission_kg_s.is_none() {
+        return Err(Refusal::new(
+            format!("source.{k}"),
+            "an area without emission_kg_s",
+            "emission_kg_s of the whole area; c_max_ppm states a stack's strength",
+        ));
+    }
+    Ok(())
 }
 
 fn vehicles(vehicles: &[VehicleTable]) -> Checked {
@@ -468,6 +529,21 @@ fn fence(fence: &FenceTable) -> Checked {
         10_000.0,
         "m above ground, at least 50 m above the floor, to 10000",
     )?;
+    let amsl = [
+        ("fence.home_ground_amsl_m", fence.home_ground_amsl_m),
+        ("fence.top_amsl_m", fence.top_amsl_m),
+    ];
+    for (key, value) in amsl {
+        if let Some(height_m) = value {
+            within(
+                key,
+                height_m,
+                -500.0,
+                20_000.0,
+                "m above mean sea level, -500 to 20000",
+            )?;
+        }
+    }
     not_negative("fence.keep_out_radius_m", fence.keep_out_radius_m)?;
     not_negative("fence.separation_m", fence.separation_m)?;
     not_negative("fence.separation_height_m", fence.separation_height_m)

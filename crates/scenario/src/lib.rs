@@ -60,6 +60,7 @@
 
 pub mod airspace;
 pub mod check;
+mod ground;
 pub mod observations;
 pub mod peak;
 pub mod random;

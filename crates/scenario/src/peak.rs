@@ -151,25 +151,25 @@ impl Search<'_> {
     }
 
     fn grid(&self, stack: Enu) -> Vec<GridPoint> {
-        let (floor_m, ceiling_m) = self.airspace.height_band_amsl_m();
-        let height = |k: usize| floor_m + (ceiling_m - floor_m) * k as f64 / (HEIGHTS - 1) as f64;
         let mut points = Vec::new();
         for beyond_m in BEYOND_M {
             for k in 0..DIRECTIONS {
-                let at_floor = GridPoint {
+                let bare = GridPoint {
                     stack,
                     bearing_deg: 360.0 * k as f64 / DIRECTIONS as f64,
                     radius_m: self.nearest_m() + beyond_m + 1e-6,
-                    height_m: floor_m,
+                    height_m: 0.0,
                     co2_ppm: f64::NEG_INFINITY,
                 };
+                let at = bare.position().at;
                 // Fence and keep-out are the same at all heights.
-                if self.airspace.clearance_m(at_floor.position().at) < self.margin_m {
+                if self.airspace.clearance_m(at) < self.margin_m {
                     continue;
                 }
-                let at_height = |level| GridPoint {
-                    height_m: height(level),
-                    ..at_floor
+                let (floor_m, ceiling_m) = self.airspace.heights_at_amsl_m(at);
+                let at_height = |level: usize| GridPoint {
+                    height_m: floor_m + (ceiling_m - floor_m) * level as f64 / (HEIGHTS - 1) as f64,
+                    ..bare
                 };
                 points.extend((0..HEIGHTS).filter_map(|level| self.valued(at_height(level))));
             }
@@ -190,7 +190,7 @@ impl Search<'_> {
                 bearing_deg: stack.bearing_deg(at),
                 // On the edge itself where the axis begins inside the keep-out.
                 radius_m: stack.distance_m(at).max(self.nearest_m() + 1e-6),
-                height_m: self.airspace.clamp_height_m(ground_m + place.height_agl_m),
+                height_m: self.airspace.clamp_at_m(at, ground_m + place.height_agl_m),
                 co2_ppm: f64::NEG_INFINITY,
             };
             self.valued(point)
@@ -216,7 +216,8 @@ impl Search<'_> {
                 let mut next = best;
                 next.bearing_deg += turn;
                 next.radius_m = (next.radius_m + out).max(NEAREST_M);
-                next.height_m = self.airspace.clamp_height_m(next.height_m + up);
+                let at = next.position().at;
+                next.height_m = self.airspace.clamp_at_m(at, next.height_m + up);
                 best = self
                     .valued(next)
                     .filter(|n| n.co2_ppm > best.co2_ppm)

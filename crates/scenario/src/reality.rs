@@ -3,6 +3,9 @@
 
 use crate::check::Refusal;
 use crate::tables::Scenario;
+use crate::uncertain::Uncertain;
+use rand::Rng;
+use rand_distr::{Distribution, StandardNormal};
 use toml::{Table, Value};
 
 /// Tables that a reality may change.
@@ -15,7 +18,37 @@ const REALITY_TABLES: [&str; 6] = [
     "mechanism",
 ];
 
+/// Draws from a prior end here, in standard deviations: beyond, factors and amounts would soon be none.
+const FARTHEST_DRAW_SD: f64 = 2.0;
+
 impl Scenario {
+    /// The same scenario with a reality as it may be for all that the team knows: each number of `[uncertain]` drawn
+    /// from its prior, a normal distribution cut off at two standard deviations. What `[reality]` says is left out.
+    pub fn with_drawn_reality(&self, rng: &mut impl Rng) -> Self {
+        let mut drawn = Self {
+            reality: None,
+            ..self.clone()
+        };
+        for key in Uncertain::ALL {
+            if let (Some(value), Some(sd)) = (self.value(key), self.prior_sd(key)) {
+                let z: f64 = loop {
+                    let z: f64 = StandardNormal.sample(rng);
+                    if z.abs() <= FARTHEST_DRAW_SD {
+                        break z;
+                    }
+                };
+                drawn.set(key, value + z * sd);
+            }
+        }
+        // A scenario writes itself: there is nothing to refuse.
+        let mut reality = Table::try_from(&drawn).unwrap_or_default();
+        reality.retain(|name, _| REALITY_TABLES.contains(&name));
+        Self {
+            reality: Some(reality),
+            ..self.clone()
+        }
+    }
+
     /// The scenario as the stand-ins' reality has it; the scenario itself where it names none.
     pub(crate) fn reality_scenario(&self) -> Result<Scenario, Refusal> {
         let Some(differences) = &self.reality else {

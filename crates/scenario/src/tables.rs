@@ -4,7 +4,7 @@
 
 use plume::sigma::Setting;
 use plume::stability::Stability;
-use plume::{Gas, UnsteadySpec};
+use plume::{AreaSpec, Gas, Outline, UnsteadySpec};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -90,7 +90,7 @@ pub struct SiteTable {
     pub lon_deg: f64,
     /// Height of the ground at the origin, m above mean sea level.
     pub ground_amsl_m: f64,
-    /// SRTM tile (`N43W008.hgt`) for the ground elsewhere; flat where left out.
+    /// SRTM tile (`N43W008.hgt`) or ESRI ASCII grid (`.asc`) for the ground elsewhere; flat where left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub terrain: Option<String>,
 }
@@ -183,6 +183,23 @@ impl Default for WeatherTable {
     }
 }
 
+/// What emits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SourceShape {
+    /// A stack.
+    #[default]
+    Point,
+    /// Ground of some length and width.
+    Area,
+}
+
+impl SourceShape {
+    fn is_point(&self) -> bool {
+        *self == Self::Point
+    }
+}
+
 /// `[[source]]`: either `emission_kg_s`, or `c_max_ppm` with `c_max_distance_m`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table")]
@@ -193,10 +210,25 @@ pub struct SourceTable {
     /// Gas.
     #[serde(default = "default_gas")]
     pub gas: Gas,
-    /// Latitude of the stack, degrees (WGS84).
+    /// A stack or an area.
+    #[serde(default, skip_serializing_if = "SourceShape::is_point")]
+    pub shape: SourceShape,
+    /// Latitude of the stack, or of the middle of the area, degrees (WGS84).
     pub lat_deg: f64,
-    /// Longitude of the stack, degrees (WGS84).
+    /// Longitude of the same, degrees (WGS84).
     pub lon_deg: f64,
+    /// Outline of an area; a rectangle where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outline: Option<Outline>,
+    /// Length of an area along `axis_deg`, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub length_m: Option<f64>,
+    /// Width of an area, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub width_m: Option<f64>,
+    /// Direction of an area's length, degrees from north, clockwise; 0 where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub axis_deg: Option<f64>,
     /// Height of the stack above ground, m.
     #[serde(default)]
     pub stack_height_m: f64,
@@ -218,6 +250,16 @@ impl SourceTable {
     /// Height of the plume's axis above ground, m.
     pub fn axis_height_agl_m(&self) -> f64 {
         self.effective_height_m.unwrap_or(self.stack_height_m)
+    }
+
+    /// The ground that emits; none for a stack.
+    pub fn area(&self) -> Option<AreaSpec> {
+        (self.shape == SourceShape::Area).then(|| AreaSpec {
+            outline: self.outline.unwrap_or_default(),
+            length_m: self.length_m.unwrap_or_default(),
+            width_m: self.width_m.unwrap_or_default(),
+            axis_deg: self.axis_deg.unwrap_or_default(),
+        })
     }
 }
 
@@ -398,10 +440,20 @@ pub struct HomeTable {
 pub struct FenceTable {
     /// Corners as `[lat_deg, lon_deg]`; a square of ±5 km around the site where empty.
     pub polygon: Vec<[f64; 2]>,
-    /// Lowest height of a setpoint above the site's ground, m.
+    /// Lowest height of a setpoint above ground, m: the site's, or that below it.
     pub floor_agl_m: f64,
-    /// Highest height of a setpoint above the site's ground, m.
+    /// Highest height of a setpoint above ground, m.
     pub ceiling_agl_m: f64,
+    /// Whether floor and ceiling follow the terrain.
+    pub follows_terrain: bool,
+    /// Ground from which the heights count at which vehicles wait above home, m above mean sea level; where left
+    /// out that of the site, or of terrain that is followed the highest near a home.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub home_ground_amsl_m: Option<f64>,
+    /// Height above which the fence ends everywhere, m above mean sea level; where left out the ceiling over the
+    /// site's ground, or over the highest terrain that is followed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub top_amsl_m: Option<f64>,
     /// Radius around every stack that no leg may enter, m.
     pub keep_out_radius_m: f64,
     /// Vehicles keep this distance from each other, m, or else …
@@ -416,6 +468,9 @@ impl Default for FenceTable {
             polygon: Vec::new(),
             floor_agl_m: 120.0,
             ceiling_agl_m: 900.0,
+            follows_terrain: false,
+            home_ground_amsl_m: None,
+            top_amsl_m: None,
             keep_out_radius_m: 500.0,
             separation_m: 150.0,
             separation_height_m: 30.0,

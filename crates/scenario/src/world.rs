@@ -198,6 +198,14 @@ impl Scenario {
         Ok(frame.to_geodetic(at))
     }
 
+    /// Height above which the fence ends everywhere, m above mean sea level.
+    pub fn fence_top_amsl_m(&self) -> f64 {
+        let fence = &self.fence;
+        fence
+            .top_amsl_m
+            .unwrap_or(self.site.ground_amsl_m + fence.ceiling_agl_m)
+    }
+
     /// Heights above mean sea level at which vehicles wait, from the lowest, m: apart by the
     /// separation and by what vehicles may be off their height.
     pub fn levels_amsl_m(&self) -> Vec<f64> {
@@ -206,7 +214,8 @@ impl Scenario {
         // Two neighbours may be off towards each other, each by the whole tolerance.
         let step_m = fence.separation_height_m + 2.0 * OFF_HEIGHT_M;
         let above = ((fence.ceiling_agl_m - lowest_m) / step_m).floor() as usize;
-        let level = |k: usize| self.site.ground_amsl_m + lowest_m + k as f64 * step_m;
+        let ground_m = fence.home_ground_amsl_m.unwrap_or(self.site.ground_amsl_m);
+        let level = |k: usize| ground_m + lowest_m + k as f64 * step_m;
         (0..=above).map(level).collect()
     }
 
@@ -369,6 +378,7 @@ fn source_spec(frame: &LocalFrame, source: &SourceTable) -> SourceSpec {
             lat_deg: source.lat_deg,
             lon_deg: source.lon_deg,
         }),
+        area: source.area(),
         stack_height_m: source.stack_height_m,
         effective_height_agl_m: source.axis_height_agl_m(),
         strength,

@@ -220,3 +220,39 @@ proptest::proptest! {
         let _ = Scenario::parse("s.toml", &AS_PONTES[..keep.unwrap_or(0)]);
     }
 }
+
+#[test]
+fn an_area_is_refused_with_what_would_be_right() {
+    let text = include_str!("../../../scenarios/area-source.toml");
+    let scenario = Scenario::parse("a.toml", text).unwrap();
+    let area = scenario.sources[0].area().unwrap();
+    assert_eq!(
+        (area.length_m, area.width_m, area.axis_deg),
+        (400.0, 250.0, 30.0)
+    );
+    // A reality changes the emission and keeps the area.
+    assert_eq!(scenario.in_reality().sources[0].area(), Some(area));
+    for (from, to, words) in [
+        (
+            "emission_kg_s = 5.0 ",
+            "c_max_ppm = 5.0\nc_max_distance_m = 300.0 #",
+            "emission_kg_s of the whole area",
+        ),
+        ("shape = \"area\"\n", "", "shape = \"area\" with this key"),
+        ("width_m = 250.0\n", "", "no side a hundred times the other"),
+        (
+            "width_m = 250.0",
+            "width_m = 2.0",
+            "no side a hundred times the other",
+        ),
+        ("outline = \"ellipse\"", "outline = \"disc\"", "ellipse"),
+    ] {
+        let broken = text.replacen(from, to, 1);
+        assert_ne!(broken, text, "{from}");
+        let refused = Scenario::parse("a.toml", &broken).unwrap_err().to_string();
+        assert!(
+            refused.contains(words) && refused.contains("a.toml"),
+            "{refused}"
+        );
+    }
+}

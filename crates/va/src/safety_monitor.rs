@@ -101,7 +101,7 @@ impl SafetyMonitor {
         Ok(Self {
             home: frame.to_enu(scenario.home(index)?),
             fence: scenario.fence_polygon()?,
-            ceiling_amsl_m: frame.ground_amsl_m + scenario.fence.ceiling_agl_m,
+            ceiling_amsl_m: scenario.fence_top_amsl_m(),
             frame,
             real,
             controller: Watchdog::new(Danger::SquadronController, CONTROLLER_S),

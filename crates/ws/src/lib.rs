@@ -70,7 +70,7 @@ pub mod model;
 pub mod wind;
 
 pub use agent::{WorldSimulator, WorldSimulatorConfig};
-pub use calibration::Calibrator;
+pub use calibration::{Calibrator, READ_SD};
 
 /// Why the world simulator refuses to work.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -228,11 +228,11 @@ impl SquadronController {
                 let drawn =
                     choose_within_cone(points, here, track.course_deg, cone_deg, &mut self.rng);
                 let Some(drawn) = drawn else { break };
+                let at = drawn.position.at;
                 let heights = HEIGHT_STEPS.map(|step| {
                     let wanted_m = drawn.position.height_m + step * step_m;
-                    self.fleet.airspace.clamp_height_m(wanted_m)
+                    self.fleet.airspace.clamp_at_m(at, wanted_m)
                 });
-                let at = drawn.position.at;
                 let purpose = "promising point";
                 if self
                     .fleet

@@ -302,7 +302,7 @@ impl SquadronController {
             }
             Some(order) if order.purpose == HOME && !v.is_held_up() => return,
             _ => {
-                heights.push(self.fleet.airspace.clamp_height_m(here_m));
+                heights.push(self.fleet.airspace.clamp_at_m(at, here_m));
                 let off_m = |h: &f64| (h - here_m).abs();
                 heights.sort_by(|a, b| off_m(a).total_cmp(&off_m(b)));
             }

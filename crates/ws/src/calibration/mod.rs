@@ -19,6 +19,7 @@ mod parameters;
 mod peak;
 
 pub use parameters::Calibrated;
+pub use peak::READ_SD;
 
 use crate::WsError;
 use air::wind::WindVector;
@@ -95,7 +96,7 @@ pub struct Calibrator {
     taken: u64,
     estimate: DVector<f64>,
     covariance: DMatrix<f64>,
-    /// How far the axis lay from that of the estimate in the mean of [`Calibrator::moments`], and how far both
+    /// How far the axis lay from that of the estimate in the mean of `moments`, and how far both
     /// together may be off; none before a fit.
     turn: Option<infer::Estimate>,
     /// The estimate and its covariance in the mean over meanders.

@@ -30,7 +30,7 @@ const AGREES_SD: f64 = 2.0;
 /// A peak of which less is known than this part of its excess, one standard deviation, is hardly known.
 const HARDLY_KNOWN: f64 = 0.5;
 /// A plume was read where it explains the squares of so many standard deviations of the sensor.
-const READ_SD: f64 = 5.0;
+pub const READ_SD: f64 = 5.0;
 
 /// A crossing of the plume: what was read in it above the background, and what is predicted.
 #[derive(Debug, Clone, Copy, Default)]

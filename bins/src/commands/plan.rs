@@ -1,0 +1,175 @@
+//! `plumage plan`: what a mission could find, before it is flown.
+
+use crate::commands::run::interrupt_flag;
+use crate::{Failure, mission_files, preflight};
+use indicatif::ProgressBar;
+use mission::plan::{self, Flight, Forecast};
+use record::files;
+use scenario::tables::AirKind;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Air in the realities that are flown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Air {
+    /// The plume is the mean one
+    Steady,
+    /// It meanders and fluctuates
+    Unsteady,
+}
+
+/// Arguments of `plumage plan`.
+#[derive(Debug, clap::Args)]
+pub struct PlanArguments {
+    /// Scenario to plan (TOML); its table reality is not looked at
+    pub scenario: PathBuf,
+    /// Realities to fly, drawn from the table uncertain
+    #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub flights: u64,
+    /// Air to fly them in; that of the scenario if not given
+    #[arg(long, value_enum)]
+    pub air: Option<Air>,
+    /// Print plan.json instead of words
+    #[arg(long)]
+    pub json: bool,
+    /// Folder for plan.json
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Write into a folder that is not empty
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// Flies the scenario in realities that may be, and tells what to expect of it.
+///
+/// # Errors
+/// Wrong input, or a mission that cannot be flown.
+pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
+    if let Some(folder) = &arguments.out {
+        files::check_folder(folder, arguments.force).map_err(Failure::input)?;
+    }
+    let mut setup = mission_files::load(&arguments.scenario)?;
+    if let Some(air) = arguments.air {
+        setup.scenario.weather.air = match air {
+            Air::Steady => AirKind::Steady,
+            Air::Unsteady => AirKind::Unsteady,
+        };
+    }
+    preflight::check(&setup)?;
+    let flights = fly_all(&setup, arguments.flights)?;
+    let forecast = plan::forecast(&flights);
+    let json = serde_json::to_string_pretty(&forecast)? + "\n";
+    if let Some(folder) = &arguments.out {
+        files::prepare_folder(folder, arguments.force).map_err(Failure::input)?;
+        files::write_whole(&folder.join("plan.json"), json.as_bytes())?;
+    }
+    if arguments.json {
+        print!("{json}");
+    } else {
+        tell(&forecast);
+    }
+    Ok(())
+}
+
+/// Flies on all processors.
+fn fly_all(setup: &mission::Setup, count: u64) -> Result<Vec<Flight>, Failure> {
+    let (bar, stop) = (ProgressBar::new(count), interrupt_flag()?);
+    bar.tick();
+    let next = AtomicU64::new(1);
+    let fly_some = || {
+        let mut flown = Vec::new();
+        loop {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            if number > count || stop.load(Ordering::Relaxed) {
+                return Ok(flown);
+            }
+            flown.push((number, plan::fly(setup, number)?));
+            bar.inc(1);
+        }
+    };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut flights = std::thread::scope(|scope| -> Result<Vec<(u64, Flight)>, Failure> {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(fly_some)).collect();
+        let mut flights = Vec::new();
+        for worker in workers {
+            let flown: Result<_, mission::MissionError> = worker
+                .join()
+                .map_err(|_| Failure::usage("a mission ended unexpectedly"))?;
+            let flown: Vec<(u64, Flight)> = flown.map_err(Failure::input)?;
+            flights.extend(flown);
+        }
+        Ok(flights)
+    })?;
+    bar.finish_and_clear();
+    if flights.is_empty() {
+        return Err(Failure::usage("no mission was flown to its end"));
+    }
+    flights.sort_by_key(|f| f.0);
+    Ok(flights.into_iter().map(|f| f.1).collect())
+}
+
+fn tell(forecast: &Forecast) {
+    let f = forecast;
+    let kg_s = |least: Option<f64>| {
+        least.map_or("nothing".to_owned(), |least| {
+            format!("{} kg/s", digits(least))
+        })
+    };
+    println!(
+        "From {} missions in realities that may be, drawn from [uncertain]:",
+        f.missions
+    );
+    println!(
+        "Detected with a chance of {:.0} %: {} and more.",
+        100.0 * f.chance,
+        kg_s(f.least_kg_s)
+    );
+    for band in &f.detectable {
+        let to = band
+            .to_m
+            .map_or("on".to_owned(), |to| format!("to {to:.0}"));
+        println!(
+            "  from readings {:.0} m {to} from the source, {:.0} to {:.0} m above ground: {}",
+            band.from_m,
+            band.heights_agl_m.0,
+            band.heights_agl_m.1,
+            kg_s(band.least_kg_s)
+        );
+    }
+    let status: Vec<String> = f
+        .status
+        .iter()
+        .map(|(word, n)| format!("{word} in {n}"))
+        .collect();
+    let off = f
+        .peak_off_m
+        .map_or(String::new(), |m| format!("; {m:.0} m off in the median"));
+    println!("Peak: {}{off}.", status.join(", "));
+    println!(
+        "Expected ±, one standard deviation, as stated in the median and as missions were off:"
+    );
+    for e in &f.expected {
+        println!(
+            "  {:18} ± {:>6} {:4} off {:>6} {}",
+            e.name,
+            digits(e.sd),
+            e.unit,
+            digits(e.error),
+            e.unit
+        );
+    }
+    let known = f
+        .known_s
+        .map_or("never".to_owned(), |s| format!("after {s:.0} s"));
+    println!(
+        "Time: the peak is confirmed or supported for good {known} in the median; the last vehicle is down after \
+         {:.0} s; all landed in {} of {}.",
+        f.down_s, f.all_landed, f.missions
+    );
+}
+
+/// A number with three digits that count.
+fn digits(value: f64) -> String {
+    let places = (2.0 - value.abs().max(1e-9).log10().floor()).clamp(0.0, 6.0);
+    format!("{value:.*}", places as usize)
+}

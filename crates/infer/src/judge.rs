@@ -276,11 +276,8 @@ impl Question<'_> {
             worse: [0.0; 2],
         };
         if self.stands(&cause) {
-            // Both for an axis that is as unknown: else the one that follows a swing is blurred alone.
-            let sd_deg = self.unseen_deg(set).max(self.unseen_deg(without));
-            let with = self.expected(set, passes, sd_deg)?;
-            let before = self.expected(without, passes, sd_deg)?;
-            cause.worse = self.worse(&before, &with, passes, draws);
+            let [before, after] = self.compared(without, set, passes)?;
+            cause.worse = self.worse(&before, &after, passes, draws);
         }
         Ok(cause)
     }

@@ -92,8 +92,27 @@ impl Question<'_> {
         })
     }
 
+    /// What sets without and with a name expect of every pass when they have seen only the others: both for an
+    /// axis that is as unknown as with the name. Else a set that follows a swing would be blurred alone, or one
+    /// that explains a swing for the other's sake.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn compared<M: Catalogue>(
+        &self,
+        without: &Found<M>,
+        with: &Found<M>,
+        passes: &[Vec<Range<usize>>],
+    ) -> Result<[Expected; 2], InferError> {
+        let sd_deg = self.unseen_deg(with);
+        Ok([
+            self.expected(without, passes, sd_deg)?,
+            self.expected(with, passes, sd_deg)?,
+        ])
+    }
+
     /// How much the axis may be off in a pass that nobody has seen: its swing and its wander, degrees.
-    pub fn unseen_deg<M: Catalogue>(&self, of: &Found<M>) -> f64 {
+    fn unseen_deg<M: Catalogue>(&self, of: &Found<M>) -> f64 {
         of.likeliest_sizes()[SWING].hypot(of.fit().noise.wander_deg)
     }
 
@@ -102,7 +121,7 @@ impl Question<'_> {
     ///
     /// # Errors
     /// Values that the model refuses.
-    pub fn expected<M: Catalogue>(
+    fn expected<M: Catalogue>(
         &self,
         of: &Found<M>,
         passes: &[Vec<Range<usize>>],

@@ -140,11 +140,16 @@ impl<M: ForwardModel> Problem<'_, M> {
         let none = self.policy.nearest_sizes(0.0, 0.0);
         let fit = &best.fit;
         let calm = self.settled(&fit.point, &fit.basis, (calm, none), REFITS)?;
-        if calm.ln_evidence > best.ln_evidence {
-            self.polished(calm)
-        } else {
-            Ok(best)
+        // Noise that is not polished yet may cost it as much as sizes that do not count.
+        if calm.ln_evidence < best.ln_evidence - NEAR_NATS {
+            return Ok(best);
         }
+        let calm = self.polished(calm)?;
+        Ok(if calm.ln_evidence > best.ln_evidence {
+            calm
+        } else {
+            best
+        })
     }
 
     fn carried(&self, before: &Fit) -> Result<Weighed, InferError> {
@@ -327,7 +332,7 @@ impl<M: ForwardModel> Problem<'_, M> {
 
     /// The fit under the same noise whose point has the sizes of the error of form that are likeliest
     /// there: what a linear problem says of sizes far from those of its point is not to be believed, and where a fit
-    /// with them does not keep what they promised, those of the point are the only ones that count.
+    /// with them does not keep what they promised, none counts that promises more than the point's own.
     pub(crate) fn settle_sizes(&self, fit: Fit) -> Result<Weighed, InferError> {
         let mut best = self.around(fit)?;
         for _ in 0..MOST_ROUNDS {
@@ -342,8 +347,7 @@ impl<M: ForwardModel> Problem<'_, M> {
             }
             best = next;
         }
-        let own = best.fit.sizes;
-        best.ln_evidence = best.only(&own, self.policy, self);
+        best.drop_promises();
         Ok(best)
     }
 
@@ -487,6 +491,27 @@ impl Weighed {
     /// The sizes of the error of form that are most probable.
     pub fn likeliest_sizes(&self) -> Sizes {
         self.sizes.first().map_or([0.0; COORDINATES], |s| s.1)
+    }
+
+    /// Leaves out sizes that promise more than those of the fit's point.
+    fn drop_promises(&mut self) {
+        let own = self.fit.sizes;
+        self.promising = (self.ln_own, own);
+        let Some(kept) = self.sizes.iter().find(|s| s.1 == own).map(|s| s.0) else {
+            self.sizes = vec![(0.0, own)];
+            self.ln_evidence = self.ln_own;
+            return;
+        };
+        self.sizes.retain(|s| s.0 <= kept);
+        let total = kept
+            + self
+                .sizes
+                .iter()
+                .map(|s| (s.0 - kept).exp())
+                .sum::<f64>()
+                .ln();
+        self.ln_evidence += total;
+        self.sizes.iter_mut().for_each(|s| s.0 -= total);
     }
 
     /// Log evidence where these sizes alone are possible, nats; they become the only ones.

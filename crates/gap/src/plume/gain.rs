@@ -23,12 +23,7 @@ pub(crate) struct Gained {
 pub(crate) fn gain(study: &Study<'_>, seed: u64) -> Result<Gained, InferError> {
     let passes = &study.judged.passes;
     let (base, set) = (&study.base, &study.judged.set);
-    let sd_deg = study
-        .question
-        .unseen_deg(base)
-        .max(study.question.unseen_deg(set));
-    let before = study.question.expected(base, passes, sd_deg)?;
-    let after = study.question.expected(set, passes, sd_deg)?;
+    let [before, after] = study.question.compared(base, set, passes)?;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let square = |of: &Expected, k: usize| -> (f64, f64) {
         let used = passes[k]

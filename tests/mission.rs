@@ -166,7 +166,8 @@ fn thrice(setup: &Setup, readings: &[Observation]) -> Vec<(&'static str, [(f64, 
 fn good(missions: Vec<Flown>) {
     for flown in &missions {
         let seed = flown.summary.seed;
-        assert_eq!(flown.verdicts, ["none"; 3], "seed {seed}");
+        // Looked at when the search begins and on the way home.
+        assert_eq!(flown.verdicts, ["none"; 2], "seed {seed}");
     }
     let count = missions.len();
     let missions = missions.into_iter().map(|f| f.summary).collect();

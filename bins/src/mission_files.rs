@@ -44,10 +44,15 @@ pub fn load_changed(
     Ok(setup)
 }
 
+/// The folder that holds `folder`; of the working folder, whose path is empty, the one above it.
+fn above(folder: &Path) -> &Path {
+    folder.parent().unwrap_or(Path::new(".."))
+}
+
 /// Where a file that a scenario in `folder` names may be.
 fn places(file: &str, folder: &Path) -> [PathBuf; 3] {
     // The shipped scenarios name `aircraft/x8.toml`, which is beside their folder, not in it.
-    let above = folder.parent().unwrap_or(Path::new(""));
+    let above = above(folder);
     [folder, above, Path::new("")].map(|f| f.join(file))
 }
 
@@ -80,7 +85,7 @@ pub fn load_text(name: &str, text: &str, folder: &Path) -> Result<Setup, Failure
 /// written: those that were found beside that one or above it get their whole path.
 pub fn keep_files(scenario: &mut Scenario, path: &Path) {
     let folder = path.parent().unwrap_or(Path::new(""));
-    let above = folder.parent().unwrap_or(Path::new(""));
+    let above = above(folder);
     let keep = |file: &mut String| {
         let found = [folder, above].map(|f| f.join(&*file));
         let found = found.iter().find(|p| p.is_file());

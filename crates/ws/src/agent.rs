@@ -306,9 +306,8 @@ impl WorldSimulator {
 
     fn extend(&mut self, extension: &Extension, out: &mut Outbox) {
         let is_sensor = |c: &GapCause| c.mechanisms.iter().all(|m| of_a_sensor(m));
-        self.sensor_is_named = extension.verdict == "named"
-            && !extension.adopt
-            && extension.causes.iter().any(is_sensor);
+        // A name that stands does so whatever else is not explained.
+        self.sensor_is_named = !extension.adopt && extension.causes.iter().any(is_sensor);
         if !extension.adopt || extension.mechanisms == self.extensions {
             return;
         }

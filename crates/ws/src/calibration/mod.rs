@@ -501,7 +501,9 @@ impl Calibrator {
 
     fn averaged(&self) -> (DVector<f64>, DMatrix<f64>) {
         let (mut at, mut covariance) = (self.estimate.clone(), self.covariance.clone());
-        if let Some((k, turn)) = self.axis_index().zip(self.turn) {
+        // Without a swing the axis is the unknown alone, as the gap has it.
+        let turn = self.turn.filter(|turn| turn.value != 0.0);
+        if let Some((k, turn)) = self.axis_index().zip(turn) {
             at[k] += turn.value;
             let grown = turn.sd / covariance[(k, k)].sqrt();
             if grown.is_finite() {

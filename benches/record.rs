@@ -27,6 +27,7 @@ fn ours(path: &Path, said: &[(Topic, Envelope)]) -> u64 {
     let info = RunInfo {
         mission: Name::new("bench").unwrap(),
         scenario_toml: String::new(),
+        gas: plume::Gas::Co2,
         seed: 1,
         versions: BTreeMap::new(),
     };

@@ -11,6 +11,7 @@ use mission::setup::SigningKey;
 use mission::{Member, Setup, team};
 use net::realtime::MissionClock;
 use net::{DEFAULT_ENDPOINT, Net, NetOptions, TlsFiles, lockstep, realtime};
+use plume::Gas;
 use protocol::key::Name;
 use protocol::{Agent as _, SimTime};
 use scenario::tables::VehicleKind;
@@ -30,6 +31,9 @@ pub struct BusArguments {
     /// Length of the mission in simulated seconds, instead of the scenario's
     #[arg(long, value_name = "S")]
     pub duration: Option<f64>,
+    /// Gas that is read: that of the first source if not given
+    #[arg(long, value_name = "GAS")]
+    pub gas: Option<Gas>,
     /// Tick by tick under a conductor (plumage conduct) instead of by the wall clock
     #[arg(long)]
     pub lockstep: bool,
@@ -69,7 +73,8 @@ impl BusArguments {
         if self.tls_ca.is_some() {
             tls::in_one_thread()?;
         }
-        mission_files::load_changed(&self.scenario, self.seed, self.duration)
+        let setup = mission_files::load_changed(&self.scenario, self.seed, self.duration)?;
+        mission_files::for_gas(setup, self.gas)
     }
 
     /// How to join; `listens` where a process that is told nothing else listens.

@@ -5,10 +5,11 @@ use crate::pace::Speed;
 use crate::{Failure, measured};
 use mission::Setup;
 use mission::fed_vehicle::{FedVehicle, FeedTimes};
+use plume::{Gas, Unit};
 use protocol::SimTime;
 use scenario::Scenario;
 use scenario::observations::{
-    OPTIONAL, ObservationStream, Observations, REQUIRED, Streamed, checks,
+    OPTIONAL, ObservationStream, Observations, REQUIRED, SD_PPB, Streamed, checks,
 };
 use std::io::BufRead as _;
 use std::path::{Path, PathBuf};
@@ -95,7 +96,7 @@ impl FeedFiles {
     /// # Errors
     /// Files that are no observations, of which nothing is left, or whose platforms cannot be vehicles.
     pub fn open(setup: &Setup, options: &FeedOptions<'_>) -> Result<Self, Failure> {
-        let raw = measured::load(options.files)?;
+        let raw = measured::load(options.files, setup.scenario.gas())?;
         measured::tell(&raw.notices);
         let scenario = &setup.scenario;
         let base = scenario.dispersion_spec().map_err(Failure::input)?;
@@ -185,7 +186,8 @@ pub struct LineFeed {
 /// How lines are read, once the first is known.
 struct LineForm {
     stream: ObservationStream,
-    json: bool,
+    /// Of a stream of objects.
+    columns: Option<Vec<String>>,
 }
 
 impl LineFeed {
@@ -263,7 +265,7 @@ impl LineFeed {
         let Some(form) = &mut self.form else {
             let form = self.form.insert(LineForm::new(&self.scenario, line)?);
             // A header is no row; an object is.
-            return if form.json {
+            return if form.columns.is_some() {
                 self.line(vehicle, now, line)
             } else {
                 Ok(())
@@ -315,42 +317,63 @@ impl LineFeed {
 
 impl LineForm {
     fn new(scenario: &Scenario, first: &str) -> Result<Self, Failure> {
-        let json = first.trim_start().starts_with('{');
         let base = scenario.dispersion_spec().map_err(Failure::input)?;
         let frame = scenario.frame().map_err(Failure::input)?;
-        let all = || columns().collect::<Vec<_>>().join(",");
-        let header = if json { all() } else { first.to_owned() };
-        let stream = ObservationStream::new("standard input", &header, base, frame);
+        let columns = columns_of_json(first, scenario.gas());
+        let header = columns.as_ref().map(|names| names.join(","));
+        let header = header.as_deref().unwrap_or(first);
+        let stream = ObservationStream::new("standard input", header, base, frame);
         let stream = stream.map_err(Failure::input)?;
         measured::tell(stream.notices());
-        Ok(Self { stream, json })
+        Ok(Self { stream, columns })
     }
 
     fn take(&mut self, line: &str) -> anyhow::Result<Option<Streamed>> {
-        if !self.json {
+        let Some(columns) = &self.columns else {
             return Ok(self.stream.take(line)?);
-        }
-        Ok(self.stream.take(&cells_of_json(line)?)?)
+        };
+        Ok(self.stream.take(&cells_of_json(line, columns)?)?)
     }
 }
 
-/// All columns that a row may have.
-fn columns() -> impl Iterator<Item = &'static str> {
-    REQUIRED.into_iter().chain(OPTIONAL)
+/// The columns of a stream of objects, by the first of them: all that a row may have, and the readings that
+/// it names, or else those of `gas` in ppm. None where it is no object.
+fn columns_of_json(first: &str, gas: Gas) -> Option<Vec<String>> {
+    if !first.trim_start().starts_with('{') {
+        return None;
+    }
+    let object = object(first).unwrap_or_default();
+    let readings = object.keys().filter(|name| Gas::of_column(name).is_some());
+    let mut columns: Vec<String> = REQUIRED.map(str::to_owned).to_vec();
+    columns.extend(readings.cloned());
+    if columns.len() == REQUIRED.len() {
+        columns.push(gas.column(Unit::Ppm).to_owned());
+    }
+    let sd = if object.contains_key(SD_PPB) {
+        SD_PPB
+    } else {
+        "sd_ppm"
+    };
+    let optional = OPTIONAL.into_iter().filter(|name| *name != "sd_ppm");
+    columns.extend(optional.chain([sd]).map(str::to_owned));
+    Some(columns)
+}
+
+fn object(line: &str) -> anyhow::Result<serde_json::Map<String, serde_json::Value>> {
+    serde_json::from_str(line).map_err(|e| {
+        anyhow::anyhow!("standard input: {line}: {e}; expected an object of columns and values")
+    })
 }
 
 /// An object with the columns' names as the cells of a row; other names are passed over.
-fn cells_of_json(line: &str) -> anyhow::Result<String> {
-    let object: serde_json::Map<String, serde_json::Value> =
-        serde_json::from_str(line).map_err(|e| {
-            anyhow::anyhow!("standard input: {line}: {e}; expected an object of columns and values")
-        })?;
-    let cell = |name: &str| match object.get(name) {
+fn cells_of_json(line: &str, columns: &[String]) -> anyhow::Result<String> {
+    let object = object(line)?;
+    let cell = |name: &String| match object.get(name) {
         None | Some(serde_json::Value::Null) => String::new(),
         Some(serde_json::Value::String(text)) => format!("\"{}\"", text.replace('"', "\"\"")),
         Some(other) => other.to_string(),
     };
-    let cells: Vec<String> = columns().map(cell).collect();
+    let cells: Vec<String> = columns.iter().map(cell).collect();
     Ok(cells.join(","))
 }
 
@@ -388,9 +411,14 @@ mod tests {
     fn an_object_is_a_row_of_cells() {
         let line = r#"{"time_s": 1.5, "platform": "a,b", "lat_deg": 43.4, "lon_deg": -7.8,
             "alt_amsl_m": 700, "co2_ppm": null, "battery": 3}"#;
-        let cells = cells_of_json(line).unwrap();
+        let columns = columns_of_json(line, Gas::Co2).unwrap();
+        let cells = cells_of_json(line, &columns).unwrap();
         assert_eq!(cells, "1.5,\"a,b\",43.4,-7.8,700,,,,,,,");
-        assert!(cells_of_json("[1]").is_err());
+        assert!(cells_of_json("[1]", &columns).is_err());
+        assert_eq!(columns_of_json("time_s,platform", Gas::Co2), None);
+        // Readings are as the first object names them.
+        let ppb = columns_of_json(r#"{"ch4_ppb": 1950, "sd_ppb": 2}"#, Gas::Ch4).unwrap();
+        assert_eq!((ppb[5].as_str(), ppb[11].as_str()), ("ch4_ppb", "sd_ppb"));
     }
 
     #[test]

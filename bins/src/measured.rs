@@ -6,6 +6,7 @@ use anyhow::Context as _;
 use fdm::Aircraft;
 use gap::flight::log::FlightLog;
 use mission::Setup;
+use plume::Gas;
 use scenario::observations::{self, DataQuality, ObservationRow, Observations};
 use scenario::world::WorldError;
 use std::path::{Path, PathBuf};
@@ -14,11 +15,11 @@ use ws::wind::WorldWind;
 /// Readings of a recording are taken at most this often, s: closer ones say little more.
 const RECORDING_INTERVAL_S: f64 = 1.0;
 
-/// Reads all `files` as one set of observations.
+/// Reads the readings of `gas` in all `files` as one set of observations.
 ///
 /// # Errors
 /// A file that cannot be read or holds no observations, with line and column.
-pub fn load(files: &[PathBuf]) -> Result<Observations, Failure> {
+pub fn load(files: &[PathBuf], gas: Gas) -> Result<Observations, Failure> {
     let mut texts = Vec::with_capacity(files.len());
     let mut notices = Vec::new();
     for file in files {
@@ -30,7 +31,7 @@ pub fn load(files: &[PathBuf]) -> Result<Observations, Failure> {
         .iter()
         .map(|(n, t)| (n.as_str(), t.as_str()))
         .collect();
-    let mut all = observations::parse(&named).map_err(Failure::input)?;
+    let mut all = observations::parse(&named, gas).map_err(Failure::input)?;
     all.notices.extend(notices);
     Ok(all)
 }

@@ -3,6 +3,7 @@
 use crate::Failure;
 use anyhow::Context as _;
 use mission::Setup;
+use plume::Gas;
 use scenario::Scenario;
 use std::path::{Path, PathBuf};
 
@@ -42,6 +43,18 @@ pub fn load_changed(
         )));
     }
     Ok(setup)
+}
+
+/// The same read for `gas`, where one is asked for: `--gas`.
+///
+/// # Errors
+/// A gas that no source of the scenario emits.
+pub fn for_gas(setup: Setup, gas: Option<Gas>) -> Result<Setup, Failure> {
+    let Some(gas) = gas else { return Ok(setup) };
+    let scenario = setup.scenario.of_gas(gas);
+    let scenario =
+        scenario.map_err(|why| Failure::usage(format!("--gas {}: {why}", gas.as_str())))?;
+    Ok(Setup { scenario, ..setup })
 }
 
 /// The folder that holds `folder`; of the working folder, whose path is empty, the one above it.

@@ -35,6 +35,7 @@ pub fn run_info(setup: &Setup) -> Result<RunInfo> {
     Ok(RunInfo {
         mission: Name::new(&setup.scenario.mission.name)?,
         scenario_toml: setup.scenario.to_toml(),
+        gas: setup.scenario.gas(),
         seed: setup.scenario.mission.seed,
         versions: BTreeMap::from([("plumage".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]),
     })

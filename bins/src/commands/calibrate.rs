@@ -1,7 +1,7 @@
 //! `plumage calibrate`: the scenario corrected by measured observations, off-line.
 
 use crate::{Failure, measured, mission_files};
-use plume::MechanismId;
+use plume::{Gas, MechanismId};
 use protocol::message::Peak;
 use record::files;
 use scenario::Scenario;
@@ -21,6 +21,9 @@ pub struct CalibrateArguments {
     /// Scenario to correct (TOML)
     #[arg(long, value_name = "FILE")]
     pub scenario: PathBuf,
+    /// Gas that is read: that of the first source if not given
+    #[arg(long, value_name = "GAS")]
+    pub gas: Option<Gas>,
     /// Platform whose sensor the others are held against
     #[arg(long, value_name = "PLATFORM")]
     pub reference: Option<String>,
@@ -38,7 +41,8 @@ pub struct CalibrateArguments {
 /// Wrong input, or outputs that cannot be written.
 pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     let setup = mission_files::load(&arguments.scenario)?;
-    let observations = measured::load(&arguments.observations)?;
+    let setup = mission_files::for_gas(setup, arguments.gas)?;
+    let observations = measured::load(&arguments.observations, setup.scenario.gas())?;
     measured::tell(&observations.notices);
     let reference = arguments.reference.as_deref();
     if let Some(reference) = reference
@@ -131,7 +135,7 @@ fn tell_changes(before: &Scenario, after: &Scenario) {
             let sd = after
                 .prior_sd(key)
                 .map_or(String::new(), |sd| format!(" ± {sd:.3}"));
-            println!("{:32} {was:10.3} -> {is:10.3}{sd}", key.key());
+            println!("{:32} {was:10.3} -> {is:10.3}{sd}", key.key(after.gas()));
         }
     }
 }

@@ -4,6 +4,7 @@ use crate::commands::run::interrupt_flag;
 use crate::{Failure, mission_files, preflight};
 use indicatif::ProgressBar;
 use mission::campaign::{self, Campaign};
+use plume::Gas;
 use record::files;
 use std::path::PathBuf;
 use std::sync::Mutex;
@@ -14,6 +15,9 @@ use std::sync::atomic::Ordering;
 pub struct CampaignArguments {
     /// Scenario to fly (TOML)
     pub scenario: PathBuf,
+    /// Gas that is read: that of the first source if not given
+    #[arg(long, value_name = "GAS")]
+    pub gas: Option<Gas>,
     /// Number of seeds, from 1
     #[arg(long, default_value_t = 20)]
     pub seeds: u64,
@@ -30,7 +34,8 @@ pub struct CampaignArguments {
 /// # Errors
 /// Wrong input, or a mission that cannot be flown.
 pub fn campaign(arguments: &CampaignArguments) -> Result<(), Failure> {
-    let mut setup = mission_files::load(&arguments.scenario)?;
+    let setup = mission_files::load(&arguments.scenario)?;
+    let mut setup = mission_files::for_gas(setup, arguments.gas)?;
     if let Some(count) = arguments.real_stand_ins {
         setup = setup.with_stand_ins(count).map_err(Failure::input)?;
     }

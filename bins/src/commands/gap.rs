@@ -30,6 +30,9 @@ pub struct PlumeArguments {
     /// Scenario that describes the site and the base model (TOML)
     #[arg(long, value_name = "FILE")]
     pub scenario: PathBuf,
+    /// Gas that is read: that of the first source if not given
+    #[arg(long, value_name = "GAS")]
+    pub gas: Option<::plume::Gas>,
     /// Where the answers go
     #[command(flatten)]
     pub output: OutputArguments,
@@ -80,7 +83,8 @@ pub fn gap(command: &GapCommand) -> Result<(), Failure> {
 
 fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
     let setup = mission_files::load(&arguments.scenario)?;
-    let mut observations = measured::load(&arguments.observations)?;
+    let setup = mission_files::for_gas(setup, arguments.gas)?;
+    let mut observations = measured::load(&arguments.observations, setup.scenario.gas())?;
     let by_series = measured::fill_wind(&mut observations, &setup).map_err(Failure::input)?;
     measured::tell(&observations.notices);
     let base = plume::Setup::new(&setup.scenario).map_err(Failure::input)?;

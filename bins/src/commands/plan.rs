@@ -4,6 +4,7 @@ use crate::commands::run::interrupt_flag;
 use crate::{Failure, mission_files, preflight};
 use indicatif::ProgressBar;
 use mission::plan::{self, Flight, Forecast};
+use plume::Gas;
 use record::files;
 use scenario::tables::AirKind;
 use std::path::PathBuf;
@@ -29,6 +30,9 @@ pub struct PlanArguments {
     /// Air to fly them in; that of the scenario if not given
     #[arg(long, value_enum)]
     pub air: Option<Air>,
+    /// Gas that is read: that of the first source if not given
+    #[arg(long, value_name = "GAS")]
+    pub gas: Option<Gas>,
     /// Print plan.json instead of words
     #[arg(long)]
     pub json: bool,
@@ -48,7 +52,8 @@ pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
     if let Some(folder) = &arguments.out {
         files::check_folder(folder, arguments.force).map_err(Failure::input)?;
     }
-    let mut setup = mission_files::load(&arguments.scenario)?;
+    let setup = mission_files::load(&arguments.scenario)?;
+    let mut setup = mission_files::for_gas(setup, arguments.gas)?;
     if let Some(air) = arguments.air {
         setup.scenario.weather.air = match air {
             Air::Steady => AirKind::Steady,

@@ -9,6 +9,7 @@ use crate::{Failure, mission_files, preflight, site};
 use anyhow::Context as _;
 use indicatif::{ProgressBar, ProgressStyle};
 use mission::{Run, Setup};
+use plume::Gas;
 use protocol::message::{Control, ControlWish, Message, Phase};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -30,6 +31,9 @@ pub struct RunArguments {
     /// Length of the mission in simulated seconds, instead of the scenario's
     #[arg(long, value_name = "S")]
     pub duration: Option<f64>,
+    /// Gas that is read: that of the first source if not given
+    #[arg(long, value_name = "GAS")]
+    pub gas: Option<Gas>,
     /// Folder for the outputs; a new one under out/ if not given
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -72,7 +76,8 @@ impl RunArguments {
     /// # Errors
     /// Wrong input, with what was expected.
     pub fn setup(&self) -> Result<Setup, Failure> {
-        let mut setup = mission_files::load_changed(&self.scenario, self.seed, self.duration)?;
+        let setup = mission_files::load_changed(&self.scenario, self.seed, self.duration)?;
+        let mut setup = mission_files::for_gas(setup, self.gas)?;
         setup.scenario.gap.adopt |= self.adopt;
         match self.real_stand_ins {
             Some(count) => setup.with_stand_ins(count).map_err(Failure::input),

@@ -366,7 +366,7 @@ pub fn read(
         .iter()
         .map(|(n, t)| (n.as_str(), t.as_str()))
         .collect();
-    let observations = observations::parse(&texts).map_err(|e| e.to_string())?;
+    let observations = observations::parse(&texts, scenario.gas()).map_err(|e| e.to_string())?;
     Ok((setup, observations))
 }
 

@@ -221,7 +221,11 @@ fn prairie_grass_says_what_is_known_of_it(data: &Path) {
 fn answer(data: &Path, log: &str, world: &str) -> GapJson {
     let scenario = Scenario::parse(world, world).unwrap();
     let setup = gap::plume::Setup::new(&scenario).unwrap();
-    let log = parse(&[(log, &text(data, &format!("cases/{log}")))]).unwrap();
+    let log = parse(
+        &[(log, &text(data, &format!("cases/{log}")))],
+        scenario.gas(),
+    )
+    .unwrap();
     let options = gap::plume::Options::live();
     gap::plume::analyse(&setup, &log, &options, &mut |_| ())
         .unwrap()

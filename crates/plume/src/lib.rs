@@ -98,7 +98,7 @@ pub use field::puffs::{self, Puffs, UnsteadyAir, UnsteadySpec};
 pub use field::{DispersionModel, DispersionSpec, InPlume, Place, SourceSpec, Strength};
 pub use mechanism::{Mechanism, MechanismId};
 pub use sensor::{Sensor, SensorSpec};
-pub use units::Gas;
+pub use units::{Gas, Unit};
 
 /// What this crate refuses: what, where, and what would be right.
 #[derive(Debug, thiserror::Error, PartialEq)]

@@ -36,6 +36,7 @@ pub fn of_recording(
         }
     }
     let mut observations = if own.rows.is_empty() { passed_on } else { own }.finish();
+    observations.gas = recording.info.gas;
     if observations.rows.is_empty() {
         return Err(RecordError::NothingReal {
             path: recording.path().to_owned(),

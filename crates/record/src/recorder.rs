@@ -8,6 +8,7 @@
 use crate::RecordError;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, WriteOptions};
+use plume::Gas;
 use protocol::key::Name;
 use protocol::{Envelope, SimTime, Topic, WIRE_VERSION};
 use std::borrow::Cow;
@@ -40,6 +41,8 @@ pub struct RunInfo {
     pub mission: Name,
     /// The resolved scenario, TOML.
     pub scenario_toml: String,
+    /// The gas that was read: `co2_ppm` of all messages is its mole fraction.
+    pub gas: Gas,
     /// Seed of the run.
     pub seed: u64,
     /// Versions of what ran, by name: `plumage`, `git`, …
@@ -237,6 +240,7 @@ impl Recorder {
 fn write_front(writer: &mut mcap::Writer<BufWriter<File>>, info: &RunInfo) -> mcap::McapResult<()> {
     let mut entries = info.versions.clone();
     entries.insert("mission".to_owned(), info.mission.to_string());
+    entries.insert("gas".to_owned(), info.gas.as_str().to_owned());
     entries.insert("seed".to_owned(), info.seed.to_string());
     entries.insert("wire_version".to_owned(), WIRE_VERSION.to_string());
     writer.write_metadata(&Metadata {

@@ -5,6 +5,7 @@ use crate::recorder::{END_METADATA, RUN_METADATA, RunInfo, SCENARIO_ATTACHMENT};
 use mcap::McapError;
 use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use plume::Gas;
 use protocol::digest::Digest;
 use protocol::key::Name;
 use protocol::{AgentId, Envelope, OLDEST_JSON_VERSION, SimTime, Topic, WIRE_VERSION};
@@ -112,9 +113,14 @@ fn run_info(
     }
     let mission = take("mission")?;
     let seed = take("seed")?;
+    // Recordings of earlier versions, which read nothing but CO2, do not say it.
+    let gas = take("gas").unwrap_or_else(|_| Gas::Co2.as_str().to_owned());
     Ok(RunInfo {
         mission: Name::new(&mission).map_err(|e| e.to_string())?,
         scenario_toml,
+        gas: gas
+            .parse()
+            .map_err(|e| format!("its gas is '{gas}': {e}"))?,
         seed: seed.parse().map_err(|_| format!("its seed is '{seed}'"))?,
         versions: entries,
     })

@@ -17,6 +17,7 @@ fn info() -> RunInfo {
     RunInfo {
         mission: Name::new("as-pontes").unwrap(),
         scenario_toml: "[mission]\nname = \"as-pontes\"\n".to_owned(),
+        gas: plume::Gas::Ch4,
         seed: 7,
         versions: BTreeMap::from([("plumage".to_owned(), "0.1.0".to_owned())]),
     }
@@ -317,7 +318,7 @@ fn real_readings_become_observations() {
     assert_eq!(read, said);
     // As a file of the same rows would say it.
     let text = all.to_csv();
-    let parsed = scenario::observations::parse(&[("mission.csv", &text)]).unwrap();
+    let parsed = scenario::observations::parse(&[("mission.csv", &text)], plume::Gas::Ch4).unwrap();
     assert_eq!(parsed.rows, all.rows);
 
     let each_second = record::observations::of_recording(&recording, 1.0).unwrap();

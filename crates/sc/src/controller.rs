@@ -93,7 +93,7 @@ impl SquadronController {
         };
         let source = &scenario.sources[0];
         let stated_m = source.c_max_distance_m.unwrap_or(0.0);
-        let lag_m = scenario.search.airspeed_m_s * scenario.sensor.time_constant_s;
+        let lag_m = scenario.search.airspeed_m_s * scenario.sensor().time_constant_s;
         let range = PassRange::of(&airspace, MARGIN_M, stated_m, lag_m);
         let keep_out_m = airspace.keep_out_m();
         let no_airspace = ScError::NoAirspace {

@@ -1,10 +1,11 @@
 //! What a scenario must hold, checked once, with the line of what is wrong.
 
 use crate::tables::{
-    FenceTable, MissionTable, Scenario, SourceShape, SourceTable, VehicleKind, VehicleTable,
-    WeatherTable,
+    BackgroundTable, FenceTable, MissionTable, Scenario, SensorTable, SensorTables, SourceShape,
+    SourceTable, VehicleKind, VehicleTable, WeatherTable,
 };
 use crate::{ScenarioError, line_and_column, uncertain};
+use plume::{Gas, Unit};
 use std::collections::BTreeSet;
 use toml::de::{DeTable, DeValue};
 
@@ -37,13 +38,14 @@ impl Scenario {
     /// # Errors
     /// Anything that is not a scenario, with line, column and what was expected.
     pub fn parse(file: &str, text: &str) -> Result<Self, ScenarioError> {
-        let scenario: Self = toml::from_str(text).map_err(|e| syntax(file, text, &e))?;
+        let mut scenario: Self = toml::from_str(text).map_err(|e| syntax(file, text, &e))?;
         let world = scenario.check().and_then(|()| {
             // The reality is checked as the whole scenario that it makes: its keys may be right by
             // themselves and wrong beside those that the scenario keeps.
             scenario.reality_scenario()?.check()
         });
         world.map_err(|refusal| place(file, text, refusal))?;
+        scenario.write_out_gases();
         Ok(scenario)
     }
 
@@ -84,14 +86,9 @@ impl Scenario {
         }
         positive("plume.sigma_y_scale", self.plume.sigma_y_scale)?;
         positive("plume.sigma_z_scale", self.plume.sigma_z_scale)?;
-        within(
-            "background.co2_ppm",
-            self.background.co2_ppm,
-            0.0,
-            1e5,
-            "ppm, 0 to 100000",
-        )?;
-        self.check_sensor()?;
+        background(&self.background)?;
+        sensors(&self.sensor)?;
+        self.check_gases()?;
         uncertain::check(&self.uncertain)?;
         vehicles(&self.vehicles)?;
         fence(&self.fence)?;
@@ -104,28 +101,6 @@ impl Scenario {
         }
         self.check_search()?;
         self.check_world()
-    }
-
-    fn check_sensor(&self) -> Checked {
-        let sensor = &self.sensor;
-        not_negative("sensor.time_constant_s", sensor.time_constant_s)?;
-        not_negative("sensor.noise_sd_ppm", sensor.noise_sd_ppm)?;
-        not_negative("sensor.resolution_ppm", sensor.resolution_ppm)?;
-        positive("sensor.gain", sensor.gain)?;
-        within(
-            "sensor.offset_ppm",
-            sensor.offset_ppm,
-            -1e4,
-            1e4,
-            "ppm, -10000 to 10000",
-        )?;
-        within(
-            "sensor.drift_ppm_per_h",
-            sensor.drift_ppm_per_h,
-            -1e4,
-            1e4,
-            "ppm/h, -10000 to 10000",
-        )
     }
 
     fn check_search(&self) -> Checked {
@@ -280,6 +255,83 @@ fn weather(weather: &WeatherTable) -> Checked {
         0.1,
         600.0,
         "s, 0.1 to 600",
+    )
+}
+
+/// Every key names a gas and a unit, and every gas once.
+fn background(background: &BackgroundTable) -> Checked {
+    for (name, &value) in &background.0 {
+        let key = format!("background.{name}");
+        let Some((gas, unit)) = Gas::of_column(name) else {
+            let known = Gas::ALL.map(|gas| gas.column(Unit::Ppm)).join(", ");
+            return Err(Refusal::new(
+                key,
+                value,
+                format!("one of the keys {known}, or one of them in _ppb"),
+            ));
+        };
+        let high = unit.of_ppm(1e5);
+        within(
+            key.clone(),
+            value,
+            0.0,
+            high,
+            &format!("{}, 0 to {high}", unit.as_str()),
+        )?;
+        if unit == Unit::Ppb && background.0.contains_key(gas.column(Unit::Ppm)) {
+            let other = gas.column(Unit::Ppm);
+            return Err(Refusal::new(
+                key,
+                value,
+                format!("this key or {other}, not both"),
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn sensors(sensors: &SensorTables) -> Checked {
+    let mut seen = BTreeSet::new();
+    for (k, sensor) in sensors.0.iter().enumerate() {
+        let [one] = &sensors.0[..] else {
+            if !seen.insert(sensor.gas) {
+                let found = sensor.gas.map_or("no gas", Gas::as_str);
+                return Err(Refusal::new(
+                    format!("sensor.{k}"),
+                    found,
+                    "a gas that no other [[sensor]] reads",
+                ));
+            }
+            check_sensor(&format!("sensor.{k}"), sensor)?;
+            continue;
+        };
+        check_sensor("sensor", one)?;
+    }
+    Ok(())
+}
+
+fn check_sensor(table: &str, sensor: &SensorTable) -> Checked {
+    let key = |name: &str| format!("{table}.{name}");
+    not_negative(&key("time_constant_s"), sensor.time_constant_s)?;
+    not_negative(
+        &key("noise_sd_ppm"),
+        sensor.noise_sd_ppm.unwrap_or_default(),
+    )?;
+    not_negative(&key("resolution_ppm"), sensor.resolution_ppm)?;
+    positive(&key("gain"), sensor.gain)?;
+    within(
+        key("offset_ppm"),
+        sensor.offset_ppm,
+        -1e4,
+        1e4,
+        "ppm, -10000 to 10000",
+    )?;
+    within(
+        key("drift_ppm_per_h"),
+        sensor.drift_ppm_per_h,
+        -1e4,
+        1e4,
+        "ppm/h, -10000 to 10000",
     )
 }
 

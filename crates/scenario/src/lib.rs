@@ -52,7 +52,7 @@
 //! let csv = "time_s,platform,lat_deg,lon_deg,alt_amsl_m,co2_ppm\n\
 //!            0.0,uav,43.45,-7.85,820,455.5\n\
 //!            1.0,uav,43.45,-7.85,821,\n";
-//! let observations = scenario::observations::parse(&[("flight.csv", csv)])?;
+//! let observations = scenario::observations::parse(&[("flight.csv", csv)], scenario.gas())?;
 //! assert_eq!((observations.rows.len(), observations.readings()), (2, 1));
 //! # Ok(())
 //! # }
@@ -60,6 +60,7 @@
 
 pub mod airspace;
 pub mod check;
+mod gases;
 mod ground;
 pub mod observations;
 pub mod peak;

@@ -1,8 +1,10 @@
 //! Observations: what was read, where and when, as CSV text.
 //!
 //! Header names are fixed, their order is free. Required columns are `time_s`, `platform`,
-//! `lat_deg`, `lon_deg`, `alt_amsl_m` and `co2_ppm`; optional ones are `wind_speed_m_s`,
-//! `wind_from_deg`, `temperature_c`, `relative_humidity_pct`, `pressure_hpa` and `sd_ppm`.
+//! `lat_deg`, `lon_deg`, `alt_amsl_m` and the readings of the gas that is asked for, `co2_ppm` or
+//! `co2_ppb` and so on ([`Gas::column`]); optional ones are `wind_speed_m_s`, `wind_from_deg`,
+//! `temperature_c`, `relative_humidity_pct`, `pressure_hpa` and `sd_ppm` or `sd_ppb`. Readings of
+//! other gases are kept aside.
 //! An empty cell, or one that says `nan`, is missing. Any other column is kept as text
 //! ([`Observations::extra`]) and a notice says so.
 //!
@@ -15,6 +17,7 @@
 use std::collections::BTreeMap;
 
 use csv::{ReaderBuilder, StringRecord, Trim, WriterBuilder};
+use plume::{Gas, Unit};
 
 pub mod checks;
 mod error;
@@ -30,15 +33,8 @@ pub use stream::{ObservationStream, Streamed};
 const A_NUMBER: &str = "a finite number with a decimal point, or nothing";
 const A_TIME: &str = "a time in seconds as a finite number with a decimal point";
 
-/// The columns that every file has.
-pub const REQUIRED: [&str; 6] = [
-    "time_s",
-    "platform",
-    "lat_deg",
-    "lon_deg",
-    "alt_amsl_m",
-    "co2_ppm",
-];
+/// The columns that every file has beside its readings.
+pub const REQUIRED: [&str; 5] = ["time_s", "platform", "lat_deg", "lon_deg", "alt_amsl_m"];
 
 /// The columns that a file may have.
 pub const OPTIONAL: [&str; 6] = [
@@ -49,6 +45,11 @@ pub const OPTIONAL: [&str; 6] = [
     "pressure_hpa",
     "sd_ppm",
 ];
+
+/// Place of `sd_ppm` in [`OPTIONAL`].
+const SD: usize = 5;
+/// `sd_ppm` in the other unit.
+pub const SD_PPB: &str = "sd_ppb";
 
 /// One row: a reading, or the place where one is missing.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,7 +64,7 @@ pub struct ObservationRow {
     pub lon_deg: f64,
     /// Altitude above mean sea level, m.
     pub alt_amsl_m: f64,
-    /// Mole fraction of CO2 as read, ppm.
+    /// Mole fraction of [`Observations::gas`] as read, ppm.
     pub co2_ppm: Option<f64>,
     /// Wind speed at the platform's place and height, m/s.
     pub wind_speed_m_s: Option<f64>,
@@ -91,6 +92,10 @@ pub struct ExtraColumn {
 /// All rows of one or several files, in order of time, then of platform.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Observations {
+    /// The gas that was read.
+    pub gas: Gas,
+    /// The unit in which messages say readings: that of the first file. Inside all are in ppm.
+    pub unit: Unit,
     /// The rows.
     pub rows: Vec<ObservationRow>,
     /// Names of the platforms, in order of their first appearance.
@@ -101,18 +106,18 @@ pub struct Observations {
     pub extra: Vec<ExtraColumn>,
 }
 
-/// Parses and joins the CSV texts of `files`, each a (name, text) pair; the name serves the
-/// messages only.
+/// Parses and joins the readings of `gas` in the CSV texts of `files`, each a (name, text) pair; the
+/// name serves the messages only.
 ///
 /// Rows without place are left out and exact repetitions of a row dropped, both with a notice.
 ///
 /// # Errors
 /// [`ObservationError`] says file, line, column and what would be right.
-pub fn parse(files: &[(&str, &str)]) -> Result<Observations, ObservationError> {
+pub fn parse(files: &[(&str, &str)], gas: Gas) -> Result<Observations, ObservationError> {
     if files.is_empty() {
         return Err(ObservationError::NoFile);
     }
-    let mut join = FileJoin::default();
+    let mut join = FileJoin::of(gas);
     for (index, (name, text)) in files.iter().enumerate() {
         join.file(index, name, text)?;
     }
@@ -130,6 +135,9 @@ struct LocatedRow {
 
 #[derive(Debug, Default)]
 struct FileJoin {
+    gas: Gas,
+    /// That of the first file.
+    unit: Option<Unit>,
     rows: Vec<LocatedRow>,
     platforms: Vec<String>,
     platform_index: BTreeMap<String, usize>,
@@ -140,13 +148,22 @@ struct FileJoin {
 /// Where the columns of one file are.
 #[derive(Debug)]
 struct Columns {
-    required: [usize; 6],
+    required: [usize; 5],
+    reading: (usize, Unit),
     optional: [Option<usize>; 6],
+    sd_unit: Unit,
     /// (cell of the record, index into the extra columns)
     extra: Vec<(usize, usize)>,
 }
 
 impl FileJoin {
+    fn of(gas: Gas) -> Self {
+        Self {
+            gas,
+            ..Self::default()
+        }
+    }
+
     fn file(&mut self, index: usize, name: &str, text: &str) -> Result<(), ObservationError> {
         // Spreadsheet programs begin UTF-8 files with a byte order mark; it is no part of the header.
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
@@ -210,16 +227,24 @@ impl FileJoin {
                 });
             }
         }
-        let mut required = [0; 6];
+        let mut required = [0; 5];
         for (slot, name) in required.iter_mut().zip(REQUIRED) {
             *slot = *at
                 .get(name)
-                .ok_or_else(|| missing_column(file, line, name, header))?;
+                .ok_or_else(|| missing_column(file, line, name, self.gas, header))?;
         }
-        let optional = OPTIONAL.map(|name| at.get(name).copied());
+        let place = |file_line: (&str, u64), names| in_one_unit(file_line, names, &at);
+        let names = Unit::ALL.map(|unit| self.gas.column(unit));
+        let reading = place((file, line), names)?
+            .ok_or_else(|| missing_reading(file, line, self.gas, header))?;
+        let sd = place((file, line), [OPTIONAL[SD], SD_PPB])?;
+        let mut optional = OPTIONAL.map(|name| at.get(name).copied());
+        optional[SD] = sd.map(|(cell, _)| cell);
+        self.unit.get_or_insert(reading.1);
         let mut extra = Vec::new();
         for (cell, name) in header.iter().enumerate() {
-            if REQUIRED.contains(&name) || OPTIONAL.contains(&name) {
+            let known = [names[0], names[1], SD_PPB];
+            if REQUIRED.contains(&name) || OPTIONAL.contains(&name) || known.contains(&name) {
                 continue;
             }
             let known = self.extra_names.iter().position(|n| n == name);
@@ -228,13 +253,22 @@ impl FileJoin {
                 self.extra_names.len() - 1
             });
             extra.push((cell, index));
-            self.notices.push(format!(
-                "{file}: column \"{name}\" is not one of the contract's and is kept aside unused"
-            ));
+            self.notices.push(match Gas::of_column(name) {
+                Some((other, _)) => format!(
+                    "{file}: column \"{name}\" is kept aside: {} is asked for (--gas {} reads it)",
+                    self.gas.formula(),
+                    other.as_str()
+                ),
+                None => format!(
+                    "{file}: column \"{name}\" is not one of the contract's and is kept aside unused"
+                ),
+            });
         }
         Ok(Columns {
             required,
+            reading,
             optional,
+            sd_unit: sd.map_or(Unit::Ppm, |(_, unit)| unit),
             extra,
         })
     }
@@ -246,7 +280,8 @@ impl FileJoin {
         tally: &mut Tally,
         last: &mut BTreeMap<usize, f64>,
     ) -> Result<Option<ObservationRow>, ObservationError> {
-        let [time, platform, lat, lon, alt, co2] = columns.required;
+        let [time, platform, lat, lon, alt] = columns.required;
+        let (cell, unit) = columns.reading;
         let time_s = cells
             .number(time, "time_s", A_TIME, tally)?
             .ok_or_else(|| cells.error(time, "time_s", A_TIME))?;
@@ -267,7 +302,7 @@ impl FileJoin {
         let lat_deg = cells.number(lat, "lat_deg", A_NUMBER, tally)?;
         let lon_deg = cells.number(lon, "lon_deg", A_NUMBER, tally)?;
         let alt_amsl_m = cells.number(alt, "alt_amsl_m", A_NUMBER, tally)?;
-        let co2_ppm = cells.number(co2, "co2_ppm", A_NUMBER, tally)?;
+        let reading = cells.number(cell, self.gas.column(unit), A_NUMBER, tally)?;
         let more = cells.optional(columns, tally)?;
         let (Some(lat_deg), Some(lon_deg), Some(alt_amsl_m)) = (lat_deg, lon_deg, alt_amsl_m)
         else {
@@ -281,7 +316,7 @@ impl FileJoin {
             temperature_c,
             relative_humidity_pct,
             pressure_hpa,
-            sd_ppm,
+            sd,
         ] = more;
         Ok(Some(ObservationRow {
             time_s,
@@ -289,13 +324,13 @@ impl FileJoin {
             lat_deg,
             lon_deg,
             alt_amsl_m,
-            co2_ppm,
+            co2_ppm: reading.map(|value| unit.to_ppm(value)),
             wind_speed_m_s,
             wind_from_deg,
             temperature_c,
             relative_humidity_pct,
             pressure_hpa,
-            sd_ppm,
+            sd_ppm: sd.map(|value| columns.sd_unit.to_ppm(value)),
         }))
     }
 
@@ -321,8 +356,10 @@ impl FileJoin {
         });
         self.drop_repeated(files)?;
         if self.rows.iter().all(|p| p.row.co2_ppm.is_none()) {
+            let unit = self.unit.unwrap_or_default();
             return Err(ObservationError::NoReading {
                 files: names(),
+                column: self.gas.column(unit),
                 rows: self.rows.len(),
             });
         }
@@ -340,6 +377,8 @@ impl FileJoin {
             }
         }
         Ok(Observations {
+            gas: self.gas,
+            unit: self.unit.unwrap_or_default(),
             rows: self.rows.into_iter().map(|p| p.row).collect(),
             platforms: self.platforms,
             notices: self.notices,
@@ -425,7 +464,9 @@ impl RecordCells<'_> {
         let mut values = [None; 6];
         for (k, cell) in columns.optional.iter().enumerate() {
             if let Some(cell) = *cell {
-                values[k] = self.number(cell, OPTIONAL[k], A_NUMBER, tally)?;
+                let in_ppb = k == SD && columns.sd_unit == Unit::Ppb;
+                let name = if in_ppb { SD_PPB } else { OPTIONAL[k] };
+                values[k] = self.number(cell, name, A_NUMBER, tally)?;
             }
         }
         Ok(values)
@@ -463,8 +504,63 @@ impl RecordCells<'_> {
     }
 }
 
-fn missing_column(file: &str, line: u64, name: &str, header: &StringRecord) -> ObservationError {
-    let mut expected = format!("expected the header to name {}", REQUIRED.join(", "));
+/// Cell and unit of what may be given in either unit, by its names in ppm and in ppb.
+fn in_one_unit(
+    (file, line): (&str, u64),
+    names: [&str; 2],
+    at: &BTreeMap<&str, usize>,
+) -> Result<Option<(usize, Unit)>, ObservationError> {
+    match names.map(|name| at.get(name)) {
+        [Some(_), Some(_)] => Err(ObservationError::Header {
+            file: file.into(),
+            line,
+            column: names[1].into(),
+            what: format!("beside {}", names[0]),
+            expected: "expected one of the two".into(),
+        }),
+        [Some(cell), None] => Ok(Some((*cell, Unit::Ppm))),
+        [None, Some(cell)] => Ok(Some((*cell, Unit::Ppb))),
+        [None, None] => Ok(None),
+    }
+}
+
+/// The refusal of a header without readings of `gas`; it says what to write where another was read.
+fn missing_reading(file: &str, line: u64, gas: Gas, header: &StringRecord) -> ObservationError {
+    let (ppm, ppb) = (gas.column(Unit::Ppm), gas.column(Unit::Ppb));
+    let others = header
+        .iter()
+        .filter_map(|name| Some((name, Gas::of_column(name)?.0)));
+    let others: Vec<(&str, Gas)> = others.collect();
+    let Some(&(_, other)) = others.first() else {
+        return missing_column(file, line, ppm, gas, header);
+    };
+    let names: Vec<&str> = others.iter().map(|o| o.0).collect();
+    let (formula, other) = (gas.formula(), other.as_str());
+    ObservationError::Header {
+        file: file.into(),
+        line,
+        column: ppm.into(),
+        what: format!(
+            "missing: the source emits {formula}, and the file has {}",
+            names.join(", ")
+        ),
+        expected: format!(
+            "expected the readings as {ppm} or {ppb} if they are of {formula}, else gas = \"{other}\" in \
+             the scenario's [[source]] (--gas {other} where another source there emits it)"
+        ),
+    }
+}
+
+fn missing_column(
+    file: &str,
+    line: u64,
+    name: &str,
+    gas: Gas,
+    header: &StringRecord,
+) -> ObservationError {
+    let required = REQUIRED.join(", ");
+    let [ppm, ppb] = Unit::ALL.map(|unit| gas.column(unit));
+    let mut expected = format!("expected the header to name {required}, {ppm} (or {ppb})");
     let semicolons = header.iter().any(|h| h.contains(';') || h.contains('\t'));
     if semicolons {
         expected.push_str(", separated by commas");
@@ -515,6 +611,7 @@ impl Observations {
             .filter(|&i| self.rows.iter().any(|r| optional[i](r).is_some()))
             .collect();
         let mut header: Vec<&str> = REQUIRED.to_vec();
+        header.push(self.gas.column(Unit::Ppm));
         header.extend(present.iter().map(|&i| OPTIONAL[i]));
         header.extend(self.extra.iter().map(|a| a.name.as_str()));
         // Memory takes every write and every line has the header's length, so nothing is lost
@@ -539,7 +636,12 @@ impl Observations {
         String::from_utf8(out.into_inner().unwrap_or_default()).unwrap_or_default()
     }
 
-    /// Number of rows that carry a reading of CO2.
+    /// A mole fraction in the unit of these observations, with the unit.
+    pub fn said(&self, ppm: f64) -> String {
+        format!("{} {}", self.unit.text(ppm), self.unit.as_str())
+    }
+
+    /// Number of rows that carry a reading.
     pub fn readings(&self) -> usize {
         self.rows.iter().filter(|r| r.co2_ppm.is_some()).count()
     }

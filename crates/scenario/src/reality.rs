@@ -4,6 +4,7 @@
 use crate::check::Refusal;
 use crate::tables::Scenario;
 use crate::uncertain::Uncertain;
+use plume::{Gas, Unit};
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 use toml::{Table, Value};
@@ -103,8 +104,47 @@ fn merge_table(base: &mut Table, differences: &Table) {
                     }
                 }
             }
+            (Some(Value::Array(old)), new) if key == "sensor" => merge_sensors(old, new),
+            (Some(old @ Value::Table(_)), Value::Array(_)) if key == "sensor" => {
+                // The one for all gases stays that of the gases that the reality does not name.
+                let mut all = vec![old.clone()];
+                merge_sensors(&mut all, new);
+                *old = Value::Array(all);
+            }
             _ => {
                 base.insert(key.clone(), new.clone());
+            }
+        }
+    }
+}
+
+/// Changes the sensors of a list: one by its gas, all by a table that names none.
+fn merge_sensors(sensors: &mut Vec<Value>, differences: &Value) {
+    let Value::Array(differences) = differences else {
+        return merge_sensors(sensors, &Value::Array(vec![differences.clone()]));
+    };
+    let gas_of = |sensor: &Value| sensor.get("gas").cloned();
+    for difference in differences {
+        let Value::Table(new) = difference else {
+            sensors.push(difference.clone());
+            continue;
+        };
+        let gas = gas_of(difference);
+        if gas.is_some() && !sensors.iter().any(|s| gas_of(s) == gas) {
+            // It is what the gas had so far, but for what is said.
+            let before = sensors.iter().find(|s| gas_of(s).is_none()).cloned();
+            sensors.push(before.unwrap_or_else(|| Value::Table(Table::new())));
+            if let Some(Value::Table(own)) = sensors.last_mut() {
+                merge_table(own, new);
+            }
+            continue;
+        }
+        for sensor in sensors
+            .iter_mut()
+            .filter(|s| gas.is_none() || gas_of(s) == gas)
+        {
+            if let Value::Table(old) = sensor {
+                merge_table(old, new);
             }
         }
     }
@@ -118,6 +158,11 @@ fn remove_alternative(old: &mut Table, new: &Table) {
         old.remove("c_max_distance_m");
     } else if new.contains_key("c_max_ppm") {
         old.remove("emission_kg_s");
+    }
+    // A background given in one unit may be given in the other.
+    for (gas, unit) in new.keys().filter_map(|key| Gas::of_column(key)) {
+        let others = Unit::ALL.into_iter().filter(|other| *other != unit);
+        others.for_each(|other| drop(old.remove(gas.column(other))));
     }
     let by_numbers = ["wind_speed_m_s", "wind_from_deg"].map(|key| new.contains_key(key));
     if by_numbers.contains(&true) {

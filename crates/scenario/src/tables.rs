@@ -4,7 +4,7 @@
 
 use plume::sigma::Setting;
 use plume::stability::Stability;
-use plume::{AreaSpec, Gas, Outline, UnsteadySpec};
+use plume::{AreaSpec, Gas, Outline, Unit, UnsteadySpec};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -29,9 +29,9 @@ pub struct Scenario {
     /// The air without the sources.
     #[serde(default)]
     pub background: BackgroundTable,
-    /// The gas sensor of the vehicles.
+    /// The gas sensors of the vehicles; [`Scenario::sensor`] is that of its gas.
     #[serde(default)]
-    pub sensor: SensorTable,
+    pub sensor: SensorTables,
     /// Extensions of world, sensor or aircraft.
     #[serde(default, rename = "mechanism", skip_serializing_if = "Vec::is_empty")]
     pub mechanisms: Vec<MechanismTable>,
@@ -293,17 +293,48 @@ impl Default for PlumeTable {
     }
 }
 
-/// `[background]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "a table")]
-pub struct BackgroundTable {
-    /// CO2 of the air without the sources, ppm.
-    pub co2_ppm: f64,
+/// `[background]`: the air without the sources, `<gas>_ppm` or `<gas>_ppb` of each gas.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct BackgroundTable(pub BTreeMap<String, f64>);
+
+impl BackgroundTable {
+    /// Mole fraction of a gas, ppm; its usual one where none is given.
+    pub fn ppm(&self, gas: Gas) -> f64 {
+        self.given_ppm(gas)
+            .unwrap_or_else(|| usual_background_ppm(gas))
+    }
+
+    fn given_ppm(&self, gas: Gas) -> Option<f64> {
+        let given = |unit: Unit| Some(unit.to_ppm(*self.0.get(gas.column(unit))?));
+        Unit::ALL.into_iter().find_map(given)
+    }
+
+    /// Sets the mole fraction of a gas, ppm, whatever unit it was given in.
+    pub fn set_ppm(&mut self, gas: Gas, ppm: f64) {
+        self.0.remove(gas.column(Unit::Ppb));
+        self.0.insert(gas.column(Unit::Ppm).to_owned(), ppm);
+    }
+
+    /// Writes out what is not given of a gas.
+    pub(crate) fn write_out(&mut self, gas: Gas) {
+        if self.given_ppm(gas).is_none() {
+            self.set_ppm(gas, usual_background_ppm(gas));
+        }
+    }
 }
 
-impl Default for BackgroundTable {
-    fn default() -> Self {
-        Self { co2_ppm: 420.0 }
+/// Mole fraction in air far from sources, ppm. CO2, CH4 and SF6: about the global means of NOAA's Global
+/// Monitoring Laboratory for 2024 (422 ppm, 1.93 ppm, 11.8 ppt). The others: of the size that rural air has
+/// (Seinfeld and Pandis 2016, chapter 2).
+fn usual_background_ppm(gas: Gas) -> f64 {
+    match gas {
+        Gas::Co2 => 420.0,
+        Gas::Ch4 => 1.93,
+        Gas::Co => 0.12,
+        Gas::So2 | Gas::No2 | Gas::Nh3 => 1e-3,
+        Gas::H2s => 1e-4,
+        Gas::Sf6 => 1.2e-5,
     }
 }
 
@@ -311,10 +342,14 @@ impl Default for BackgroundTable {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, expecting = "a table")]
 pub struct SensorTable {
+    /// The gas that it reads; every gas that no other reads where left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gas: Option<Gas>,
     /// Time constant of the first-order lag, s.
     pub time_constant_s: f64,
-    /// Standard deviation of white noise on a reading, ppm.
-    pub noise_sd_ppm: f64,
+    /// Standard deviation of white noise on a reading, ppm; as usual for its gas where left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise_sd_ppm: Option<f64>,
     /// Added to every reading, ppm.
     pub offset_ppm: f64,
     /// Factor on the true value.
@@ -328,13 +363,93 @@ pub struct SensorTable {
 impl Default for SensorTable {
     fn default() -> Self {
         Self {
+            gas: None,
             time_constant_s: 0.0,
-            noise_sd_ppm: 3.0,
+            noise_sd_ppm: None,
             offset_ppm: 0.0,
             gain: 1.0,
             drift_ppm_per_h: 0.0,
             resolution_ppm: 0.0,
         }
+    }
+}
+
+impl SensorTable {
+    /// Standard deviation of white noise on a reading of `gas`, ppm.
+    pub fn noise_sd_ppm(&self, gas: Gas) -> f64 {
+        self.noise_sd_ppm.unwrap_or_else(|| usual_noise_sd_ppm(gas))
+    }
+}
+
+/// White noise of a sensor that small aircraft carry, ppm. CO2: infrared, 3 ppm (Reuter et al. 2021, doi
+/// 10.5194/amt-14-153-2021). CH4: laser at 1 Hz, 1 ppb (Dooley et al. 2024, doi 10.5194/amt-17-5091-2024), and
+/// as much again for what the aircraft does to it. SF6: fast analyser of tracer trials, 10 ppt (Benner and Lamb
+/// 1985, doi 10.1175/1520-0426(1985)002<0582:AFRCAF>2.0.CO;2). The others: electrochemical cells, some ppb
+/// (Mead et al. 2013, doi 10.1016/j.atmosenv.2012.11.060).
+fn usual_noise_sd_ppm(gas: Gas) -> f64 {
+    match gas {
+        Gas::Co2 => 3.0,
+        Gas::Ch4 => 2e-3,
+        Gas::Co | Gas::So2 | Gas::No2 | Gas::Nh3 | Gas::H2s => 5e-3,
+        Gas::Sf6 => 1e-5,
+    }
+}
+
+/// `[sensor]`, or one `[[sensor]]` a gas.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SensorTables(pub Vec<SensorTable>);
+
+impl Default for SensorTables {
+    fn default() -> Self {
+        Self(vec![SensorTable::default()])
+    }
+}
+
+impl SensorTables {
+    /// Place of the sensor that reads `gas`: its own, else the one that names no gas.
+    pub(crate) fn index(&self, gas: Gas) -> Option<usize> {
+        let of = |wanted: Option<Gas>| self.0.iter().position(|s| s.gas == wanted);
+        of(Some(gas)).or_else(|| of(None))
+    }
+}
+
+impl Serialize for SensorTables {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match &self.0[..] {
+            [one] if one.gas.is_none() => one.serialize(serializer),
+            several => several.serialize(serializer),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for SensorTables {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct OneOrMore;
+        impl<'de> serde::de::Visitor<'de> for OneOrMore {
+            type Value = SensorTables;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("a table, or a list of tables")
+            }
+
+            fn visit_map<A: serde::de::MapAccess<'de>>(
+                self,
+                map: A,
+            ) -> Result<SensorTables, A::Error> {
+                let one =
+                    SensorTable::deserialize(serde::de::value::MapAccessDeserializer::new(map));
+                Ok(SensorTables(vec![one?]))
+            }
+
+            fn visit_seq<A: serde::de::SeqAccess<'de>>(
+                self,
+                list: A,
+            ) -> Result<SensorTables, A::Error> {
+                Vec::deserialize(serde::de::value::SeqAccessDeserializer::new(list))
+                    .map(SensorTables)
+            }
+        }
+        deserializer.deserialize_any(OneOrMore)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Priors of the parameters that a scenario marks as uncertain.
 
 use crate::check::{Refusal, within};
+use plume::{Gas, Unit};
 use std::collections::BTreeMap;
 
 /// A parameter of the base model that may be marked uncertain.
@@ -16,7 +17,7 @@ pub enum Uncertain {
     Emission,
     /// `source.c_max_ppm`
     CMax,
-    /// `background.co2_ppm`
+    /// `background.<gas>_ppm` of the scenario's gas
     Background,
     /// `plume.sigma_y_scale`
     SigmaYScale,
@@ -46,15 +47,24 @@ impl Uncertain {
         Self::SensorGain,
     ];
 
-    /// The dotted key in `[uncertain]`.
-    pub fn key(self) -> &'static str {
+    /// The dotted key in `[uncertain]` of a scenario of `gas`.
+    pub fn key(self, gas: Gas) -> &'static str {
         match self {
             Self::WindSpeed => "weather.wind_speed_m_s",
             Self::WindFrom => "weather.wind_from_deg",
             Self::EffectiveHeight => "source.effective_height_m",
             Self::Emission => "source.emission_kg_s",
             Self::CMax => "source.c_max_ppm",
-            Self::Background => "background.co2_ppm",
+            Self::Background => match gas {
+                Gas::Co2 => "background.co2_ppm",
+                Gas::So2 => "background.so2_ppm",
+                Gas::Ch4 => "background.ch4_ppm",
+                Gas::Co => "background.co_ppm",
+                Gas::No2 => "background.no2_ppm",
+                Gas::Nh3 => "background.nh3_ppm",
+                Gas::H2s => "background.h2s_ppm",
+                Gas::Sf6 => "background.sf6_ppm",
+            },
             Self::SigmaYScale => "plume.sigma_y_scale",
             Self::SigmaZScale => "plume.sigma_z_scale",
             Self::SensorTimeConstant => "sensor.time_constant_s",
@@ -67,14 +77,33 @@ impl Uncertain {
 impl crate::Scenario {
     /// The prior standard deviation of `parameter`, if the scenario marks it uncertain.
     pub fn prior_sd(&self, parameter: Uncertain) -> Option<f64> {
-        self.uncertain.get(parameter.key()).copied()
+        let key = parameter.key(self.gas());
+        let stated = self.uncertain.get(key).copied();
+        stated.or_else(|| {
+            let ppb = self.uncertain.get(&in_ppb(key)?)?;
+            Some(Unit::Ppb.to_ppm(*ppb))
+        })
     }
+}
+
+/// The key of the same background in ppb; none of what is no background.
+fn in_ppb(key: &str) -> Option<String> {
+    let column = key.strip_prefix(BACKGROUND)?;
+    Some(format!("{BACKGROUND}{}ppb", column.strip_suffix("ppm")?))
+}
+
+/// Before the name of a background's column.
+const BACKGROUND: &str = "background.";
+
+fn is_known(key: &str) -> bool {
+    let background = || key.strip_prefix(BACKGROUND).and_then(Gas::of_column);
+    Uncertain::ALL.iter().any(|u| u.key(Gas::Co2) == key) || background().is_some()
 }
 
 pub(crate) fn check(uncertain: &BTreeMap<String, f64>) -> Result<(), Refusal> {
     for (key, &sd) in uncertain {
-        if !Uncertain::ALL.iter().any(|u| u.key() == key) {
-            let known: Vec<&str> = Uncertain::ALL.iter().map(|u| u.key()).collect();
+        if !is_known(key) {
+            let known: Vec<&str> = Uncertain::ALL.iter().map(|u| u.key(Gas::Co2)).collect();
             return Err(Refusal::new(
                 format!("uncertain.{key}"),
                 sd,
@@ -100,6 +129,7 @@ impl crate::Scenario {
         // A fit's estimate may lie beyond what a scenario accepts: a normal posterior has no ends.
         let amount = value.max(0.0);
         let factor = value.max(f64::MIN_POSITIVE);
+        let gas = self.gas();
         let source = &mut self.sources[0];
         match parameter {
             Uncertain::WindSpeed => self.weather.wind_speed_m_s = amount,
@@ -110,12 +140,12 @@ impl crate::Scenario {
             }
             Uncertain::CMax if source.c_max_ppm.is_some() => source.c_max_ppm = Some(amount),
             Uncertain::Emission | Uncertain::CMax => {}
-            Uncertain::Background => self.background.co2_ppm = amount,
+            Uncertain::Background => self.background.set_ppm(gas, amount),
             Uncertain::SigmaYScale => self.plume.sigma_y_scale = factor,
             Uncertain::SigmaZScale => self.plume.sigma_z_scale = factor,
-            Uncertain::SensorTimeConstant => self.sensor.time_constant_s = amount,
-            Uncertain::SensorOffset => self.sensor.offset_ppm = value,
-            Uncertain::SensorGain => self.sensor.gain = factor,
+            Uncertain::SensorTimeConstant => self.sensor_mut().time_constant_s = amount,
+            Uncertain::SensorOffset => self.sensor_mut().offset_ppm = value,
+            Uncertain::SensorGain => self.sensor_mut().gain = factor,
         }
     }
 
@@ -123,7 +153,11 @@ impl crate::Scenario {
     pub fn set_with_sd(&mut self, parameter: Uncertain, value: f64, sd: f64) {
         self.set(parameter, value);
         if sd.is_finite() && sd > 0.0 {
-            self.uncertain.insert(parameter.key().to_owned(), sd);
+            let key = parameter.key(self.gas());
+            if let Some(ppb) = in_ppb(key) {
+                self.uncertain.remove(&ppb);
+            }
+            self.uncertain.insert(key.to_owned(), sd);
         }
     }
 
@@ -153,12 +187,12 @@ impl crate::Scenario {
             Uncertain::EffectiveHeight => Some(source.axis_height_agl_m()),
             Uncertain::Emission => source.emission_kg_s,
             Uncertain::CMax => source.c_max_ppm,
-            Uncertain::Background => Some(self.background.co2_ppm),
+            Uncertain::Background => Some(self.background.ppm(self.gas())),
             Uncertain::SigmaYScale => Some(self.plume.sigma_y_scale),
             Uncertain::SigmaZScale => Some(self.plume.sigma_z_scale),
-            Uncertain::SensorTimeConstant => Some(self.sensor.time_constant_s),
-            Uncertain::SensorOffset => Some(self.sensor.offset_ppm),
-            Uncertain::SensorGain => Some(self.sensor.gain),
+            Uncertain::SensorTimeConstant => Some(self.sensor().time_constant_s),
+            Uncertain::SensorOffset => Some(self.sensor().offset_ppm),
+            Uncertain::SensorGain => Some(self.sensor().gain),
         }
     }
 }

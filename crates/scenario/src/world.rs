@@ -133,7 +133,7 @@ impl Scenario {
             ground_reflection: self.plume.ground_reflection,
             mixing_height_m: self.weather.mixing_height_m,
             lid_edge_m: 0.0,
-            background_ppm: self.background.co2_ppm,
+            background_ppm: self.background.ppm(self.gas()),
             sources: self
                 .sources
                 .iter()
@@ -155,10 +155,10 @@ impl Scenario {
     }
 
     fn sensor_spec(&self) -> SensorSpec {
-        let s = &self.sensor;
+        let s = self.sensor();
         SensorSpec {
             time_constant_s: s.time_constant_s,
-            noise_sd_ppm: s.noise_sd_ppm,
+            noise_sd_ppm: s.noise_sd_ppm(self.gas()),
             offset_ppm: s.offset_ppm,
             gain: s.gain,
             drift_ppm_per_h: s.drift_ppm_per_h,

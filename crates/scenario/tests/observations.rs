@@ -1,12 +1,13 @@
 //! Observations as CSV: what is read, joined, told and refused.
 
+use plume::Gas;
 use proptest::prelude::*;
 use scenario::observations::{ObservationError, ObservationRow, Observations, parse};
 
 const HEADER: &str = "time_s,platform,lat_deg,lon_deg,alt_amsl_m,co2_ppm";
 
 fn one(text: &str) -> Result<Observations, ObservationError> {
-    parse(&[("a.csv", text)])
+    parse(&[("a.csv", text)], Gas::Co2)
 }
 
 fn with_rows(rows: &str) -> Result<Observations, ObservationError> {
@@ -58,13 +59,69 @@ fn unknown_columns_are_kept_aside_and_said_so() {
     assert!(got.notices[0].contains("a.csv") && got.notices[0].contains("battery_v"));
 }
 
+/// The same two rows of methane with white noise, in ppm and in ppb.
+const IN_PPM: &str = "time_s,platform,lat_deg,lon_deg,alt_amsl_m,ch4_ppm,sd_ppm\n\
+    0,a,43,-7,500,1.952,0.003\n1,a,43,-7,500,2.034,0.003\n";
+const IN_PPB: &str = "time_s,platform,lat_deg,lon_deg,alt_amsl_m,ch4_ppb,sd_ppb\n\
+    0,a,43,-7,500,1952,3\n1,a,43,-7,500,2034,3\n";
+
+#[test]
+fn ppb_and_ppm_are_the_same_readings() {
+    let [ppm, ppb] = [IN_PPM, IN_PPB].map(|text| parse(&[("a.csv", text)], Gas::Ch4).unwrap());
+    assert_eq!(ppm.rows, ppb.rows);
+    assert_eq!((ppm.gas, ppm.rows[1].co2_ppm), (Gas::Ch4, Some(2.034)));
+    assert_eq!(
+        (ppm.said(2.034), ppb.said(2.034)),
+        ("2.034 ppm".into(), "2034 ppb".into())
+    );
+    // Written, they are in ppm under their own gas's name.
+    assert!(
+        ppb.to_csv()
+            .starts_with("time_s,platform,lat_deg,lon_deg,alt_amsl_m,ch4_ppm,sd_ppm")
+    );
+    assert_eq!(
+        parse(&[("b", &ppb.to_csv())], Gas::Ch4).unwrap().rows,
+        ppm.rows
+    );
+}
+
+#[test]
+fn several_gases_are_one_file_of_which_one_is_read() {
+    let text = format!("{HEADER},ch4_ppb\n0,a,43,-7,500,450,1952\n1,a,43,-7,500,451,1953\n");
+    let co2 = one(&text).unwrap();
+    assert_eq!(co2.rows[0].co2_ppm, Some(450.0));
+    assert!(co2.notices[0].contains("ch4_ppb") && co2.notices[0].contains("--gas ch4"));
+    let ch4 = parse(&[("a.csv", &text)], Gas::Ch4).unwrap();
+    assert_eq!(ch4.rows[0].co2_ppm, Some(1.952));
+    assert_eq!(ch4.extra[0].cells, ["450", "451"]);
+}
+
+#[test]
+fn another_gas_than_the_sources_is_refused_with_what_to_write() {
+    let refused = |text: &str, gas| parse(&[("a.csv", text)], gas).unwrap_err().to_string();
+    let co2 = refused(&format!("{HEADER}\n0,a,43,-7,500,450\n"), Gas::Ch4);
+    for part in [
+        "a.csv: line 1, column ch4_ppm",
+        "the source emits CH4, and the file has co2_ppm",
+        "ch4_ppm or ch4_ppb",
+        "gas = \"co2\" in the scenario's [[source]]",
+    ] {
+        assert!(co2.contains(part), "{co2}");
+    }
+    assert!(refused(IN_PPB, Gas::Co2).contains("gas = \"ch4\""));
+    let both = IN_PPB.replace("sd_ppb", "ch4_ppm");
+    assert!(refused(&both, Gas::Ch4).contains("column ch4_ppb: beside ch4_ppm; expected one of"));
+    let none = refused("time_s,platform,lat_deg,lon_deg,alt_amsl_m\n", Gas::H2s);
+    assert!(none.contains("h2s_ppm (or h2s_ppb)"), "{none}");
+}
+
 #[test]
 fn files_are_joined_in_order_of_time() {
     let a = format!("{HEADER}\n0,a,43,-7,500,450\n4,a,43,-7,500,452\n");
     let b = format!("{HEADER}\n2,b,43,-7,500,451\n4,b,43,-7,500,453\n");
     // The same platform goes on in a third file, before and after.
     let c = format!("{HEADER}\n3,a,43,-7,500,454\n9,a,43,-7,500,455\n");
-    let got = parse(&[("a", &a), ("b", &b), ("c", &c)]).unwrap();
+    let got = parse(&[("a", &a), ("b", &b), ("c", &c)], Gas::Co2).unwrap();
     assert_eq!(got.platforms, ["a", "b"]);
     let order: Vec<_> = got.rows.iter().map(|r| (r.time_s, r.platform)).collect();
     assert_eq!(
@@ -98,7 +155,7 @@ fn an_exact_repetition_is_dropped_aloud() {
 
 #[test]
 fn empty_files_are_refused() {
-    assert_eq!(parse(&[]), Err(ObservationError::NoFile));
+    assert_eq!(parse(&[], Gas::Co2), Err(ObservationError::NoFile));
     assert!(message(" \n").contains("a.csv: line 1: the file is empty"));
     assert!(message(HEADER).contains("a.csv: line 2: no rows below the header"));
 }
@@ -219,7 +276,7 @@ proptest! {
         }
         let platforms = vec!["a".to_owned(), "b \"q\"".to_owned(), "c,d".to_owned()];
         let written = Observations { rows, platforms, ..Observations::default() };
-        let read = parse(&[("x", &written.to_csv())]).unwrap();
+        let read = parse(&[("x", &written.to_csv())], Gas::Co2).unwrap();
         prop_assert_eq!(read.rows.len(), written.rows.len());
         for (r, w) in read.rows.iter().zip(&written.rows) {
             prop_assert_eq!(&read.platforms[r.platform], &written.platforms[w.platform]);
@@ -229,7 +286,7 @@ proptest! {
 
     #[test]
     fn no_text_makes_it_panic(text in ".{0,200}", rows in "[0-9,.a\n-]{0,200}") {
-        let _ = parse(&[("x", &text)]);
-        let _ = parse(&[("x", &format!("{HEADER}\n{rows}"))]);
+        let _ = parse(&[("x", &text)], Gas::Co2);
+        let _ = parse(&[("x", &format!("{HEADER}\n{rows}"))], Gas::Co2);
     }
 }

@@ -49,7 +49,7 @@ proptest! {
             let miss = air::geo::wrap_signed_deg(Enu::default().bearing_deg(at) - from_deg - 180.0);
             prop_assert!(miss.abs() < 0.2, "{miss}");
         }
-        prop_assert!(co2_ppm >= s.background.co2_ppm);
+        prop_assert!(co2_ppm >= s.background.ppm(s.gas()));
     }
 
     /// No place drawn from the airspace is higher.

@@ -6,6 +6,7 @@
     reason = "a test may fail by a panic"
 )]
 
+use plume::Gas;
 use scenario::Scenario;
 use scenario::tables::VehicleKind;
 use scenario::uncertain::Uncertain;
@@ -85,10 +86,121 @@ fn reality_may_give_the_source_by_its_emission() {
 
 #[test]
 fn the_resolved_scenario_reads_back_as_itself() {
-    for text in [LEAST, AS_PONTES] {
+    for text in [LEAST, AS_PONTES, TWO_GASES] {
         let s = Scenario::parse("s.toml", text).unwrap();
         assert_eq!(Scenario::parse("again.toml", &s.to_toml()).unwrap(), s);
     }
+}
+
+/// Methane beside CO2, each with a sensor of its own and a background in its own unit.
+const TWO_GASES: &str = "\
+[site]
+lat_deg = 43.4417
+lon_deg = -7.8631
+ground_amsl_m = 340.0
+
+[[source]]
+name = \"stack\"
+lat_deg = 43.4417
+lon_deg = -7.8631
+emission_kg_s = 352.0
+
+[[source]]
+name = \"leak\"
+gas = \"ch4\"
+lat_deg = 43.4427
+lon_deg = -7.8631
+emission_kg_s = 0.02
+
+[background]
+co2_ppm = 430
+ch4_ppb = 1950
+
+[[sensor]]
+gas = \"co2\"
+time_constant_s = 2.0
+
+[[sensor]]
+gas = \"ch4\"
+noise_sd_ppm = 0.001
+
+[uncertain]
+\"background.ch4_ppb\" = 20
+
+[[reality.source]]
+emission_kg_s = 300.0
+
+[[reality.source]]
+emission_kg_s = 0.03
+
+[reality.background]
+ch4_ppm = 1.97
+
+[[reality.sensor]]
+gas = \"ch4\"
+offset_ppm = 0.01
+";
+
+#[test]
+fn a_scenario_is_read_for_one_of_its_gases() {
+    let co2 = Scenario::parse("s.toml", TWO_GASES).unwrap();
+    assert_eq!(co2.gas(), Gas::Co2);
+    let ch4 = co2.of_gas(Gas::Ch4).unwrap();
+    let spec = ch4.dispersion_spec().unwrap();
+    assert_eq!(spec.sources[0].name, "leak");
+    // The stack keeps its keep-out, but emits nothing that is read.
+    assert_eq!(spec.sources[1].gas, Gas::Co2);
+    assert_eq!(
+        (spec.background_ppm, spec.sensor.noise_sd_ppm),
+        (1.95, 0.001)
+    );
+    assert_eq!(ch4.prior_sd(Uncertain::Background), Some(0.02));
+    assert_eq!(co2.prior_sd(Uncertain::Background), None);
+    let stated = co2.dispersion_spec().unwrap();
+    assert_eq!(
+        (stated.background_ppm, stated.sensor.noise_sd_ppm),
+        (430.0, 3.0)
+    );
+    let reality = ch4.in_reality();
+    assert_eq!(reality.sources[0].emission_kg_s, Some(0.03));
+    let spec = reality.dispersion_spec().unwrap();
+    assert_eq!((spec.background_ppm, spec.sensor.offset_ppm), (1.97, 0.01));
+    assert_eq!(spec.sensor.noise_sd_ppm, 0.001);
+    assert_eq!(co2.in_reality().sources[0].emission_kg_s, Some(300.0));
+    assert!(co2.of_gas(Gas::So2).unwrap_err().contains("gas = \"so2\""));
+}
+
+#[test]
+fn what_a_gas_leaves_out_is_as_usual_for_it() {
+    for gas in Gas::ALL {
+        let text = LEAST.replace(
+            "[[source]]",
+            &format!("[[source]]\ngas = \"{}\"", gas.as_str()),
+        );
+        let s = Scenario::parse("s.toml", &text).unwrap();
+        let spec = s.dispersion_spec().unwrap();
+        assert!(spec.background_ppm > 0.0 && spec.sensor.noise_sd_ppm > 0.0);
+        let written = s.to_toml();
+        assert!(written.contains(gas.column(plume::Unit::Ppm)), "{written}");
+        assert!(written.contains("noise_sd_ppm"), "{written}");
+        // What is shown of the background tells it from none.
+        let shown = format!("{:.*}", gas.digits(), spec.background_ppm);
+        assert!(shown.parse::<f64>().unwrap() > 0.0, "{gas:?}: {shown}");
+    }
+}
+
+#[test]
+fn a_reality_may_single_out_a_sensor() {
+    let text = format!(
+        "{LEAST}\n[sensor]\ntime_constant_s = 2\n[[reality.sensor]]\ngas = \"co2\"\ngain = 1.1\n"
+    );
+    let s = Scenario::parse("s.toml", &text).unwrap();
+    assert_eq!(s.sensor().gain, 1.0);
+    let real = s.in_reality();
+    assert_eq!(
+        (real.sensor().gain, real.sensor().time_constant_s),
+        (1.1, 2.0)
+    );
 }
 
 #[test]
@@ -129,6 +241,31 @@ fn values_that_cannot_be_point_at_their_line_and_say_what_can() {
             "[sensor]\nnoise_sd_ppm = -2",
             "sensor.noise_sd_ppm = -2",
             "zero or more",
+        ),
+        (
+            "[background]\nch5_ppm = 2",
+            "s.toml:12:11: background.ch5_ppm = 2",
+            "ch4_ppm",
+        ),
+        (
+            "[background]\nch4_ppm = 1.95\nch4_ppb = 1950",
+            "background.ch4_ppb = 1950",
+            "not both",
+        ),
+        (
+            "[[sensor]]\ngas = \"ch4\"",
+            "sensor = none for co2",
+            "gas = \"co2\"",
+        ),
+        (
+            "[[sensor]]\ngas = \"co2\"\n[[sensor]]\ngas = \"co2\"",
+            "sensor.1 = co2",
+            "no other",
+        ),
+        (
+            "[[sensor]]\ngas = \"co2\"\n[[sensor]]\ngain = 0",
+            "sensor.1.gain = 0",
+            "positive",
         ),
         (
             "[mission]\ntick_s = 0",

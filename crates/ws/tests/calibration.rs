@@ -413,7 +413,7 @@ fn a_logged_wind_carries_the_answer_too() {
             TRUTH.towards_deg + 180.0
         );
     }
-    let observations = scenario::observations::parse(&[("o.csv", &text)]).unwrap();
+    let observations = scenario::observations::parse(&[("o.csv", &text)], plume::Gas::Co2).unwrap();
     let found = ws::calibration::offline::calibrate(&scenario, &observations, None).unwrap();
     let axis_deg = found.calibrated.axis_deg;
     let off_deg = (axis_deg.value - TRUTH.towards_deg).abs();

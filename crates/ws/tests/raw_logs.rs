@@ -68,7 +68,7 @@ fn text(path: &Path) -> String {
 }
 
 fn observations(folder: &Path, name: &str) -> Observations {
-    parse(&[(name, &text(&folder.join(name)))]).unwrap()
+    parse(&[(name, &text(&folder.join(name)))], plume::Gas::Co2).unwrap()
 }
 
 fn scenario(folder: &Path, name: &str) -> Scenario {

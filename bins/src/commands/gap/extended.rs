@@ -16,7 +16,10 @@ pub(super) fn extended(scenario: &Scenario, analysis: &Analysis, by_series: bool
         out.weather.series = None;
     }
     for (key, value, sd) in &analysis.base {
-        let Some(parameter) = Uncertain::ALL.into_iter().find(|u| u.key() == key) else {
+        let Some(parameter) = Uncertain::ALL
+            .into_iter()
+            .find(|u| u.key(scenario.gas()) == key)
+        else {
             continue;
         };
         let series_deg = analysis.logged_wind.filter(|_| by_series).map(|w| w.0);
@@ -31,9 +34,9 @@ pub(super) fn extended(scenario: &Scenario, analysis: &Analysis, by_series: bool
             }
             Uncertain::SensorGain => {
                 // The slope that was fitted takes what was added before it along.
-                let slope = value / scenario.sensor.gain;
-                out.sensor.offset_ppm *= slope;
-                out.sensor.drift_ppm_per_h *= slope;
+                let slope = value / scenario.sensor().gain;
+                out.sensor_mut().offset_ppm *= slope;
+                out.sensor_mut().drift_ppm_per_h *= slope;
                 *value
             }
             _ => *value,
@@ -90,7 +93,7 @@ mod tests {
         base: &[(&str, f64, f64)],
     ) -> Analysis {
         let row = "time_s,platform,lat_deg,lon_deg,alt_amsl_m,co2_ppm\n0,a,43.0,-7.0,200,420\n";
-        let rows = observations::parse(&[("o.csv", row)]).unwrap();
+        let rows = observations::parse(&[("o.csv", row)], scenario.gas()).unwrap();
         let setup = Setup::new(scenario).unwrap();
         let mut analysis = analyse(&setup, &rows, &Options::default(), &mut |_| ()).unwrap();
         let own = |(key, value, sd): &(&str, f64, f64)| ((*key).to_owned(), *value, *sd);
@@ -139,8 +142,8 @@ mod tests {
             &found(&own, None, &[("sensor.gain", 1.2, 0.1)]),
             false,
         );
-        assert_eq!(out.sensor.gain, 1.2);
-        assert!((out.sensor.offset_ppm - 12.0).abs() < 1e-12);
+        assert_eq!(out.sensor().gain, 1.2);
+        assert!((out.sensor().offset_ppm - 12.0).abs() < 1e-12);
     }
 
     #[test]

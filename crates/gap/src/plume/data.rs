@@ -157,7 +157,7 @@ fn prior(base: &DispersionSpec, which: Uncertain, sd: f64) -> Option<Prior> {
         Uncertain::SensorGain => (M::SensorGain, base.sensor.gain),
     };
     Some(Prior {
-        key: which.key().to_string(),
+        key: which.key(base.sources.first()?.gas).to_string(),
         id,
         value,
         sd,
@@ -210,7 +210,7 @@ impl Data {
         logged::bridge_air(&mut rows);
         let wind_log = logged::wind_log(&mut rows, &mut notices);
         if order.iter().all(|o| o.co2_ppm.is_none()) {
-            return Err(nothing("all readings (co2_ppm) are missing"));
+            return Err(nothing("all readings are missing"));
         }
         let world = DispersionModel::new(setup.base.clone())?;
         let track = Track::new(&world, &observations.platforms, &rows)?;
@@ -366,7 +366,7 @@ fn nothing(problem: &str) -> GapError {
     GapError::Data {
         what: "observations".to_string(),
         problem: problem.to_string(),
-        expected: "rows with time_s, platform, lat_deg, lon_deg, alt_amsl_m and co2_ppm"
+        expected: "rows with time_s, platform, lat_deg, lon_deg, alt_amsl_m and readings"
             .to_string(),
     }
 }

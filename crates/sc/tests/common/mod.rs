@@ -209,7 +209,11 @@ impl Miniature {
         let c_max = |s: &scenario::tables::SourceTable| s.c_max_ppm.unwrap_or(400.0);
         let distance_m = a.c_max_distance_m.unwrap_or(2000.0);
         Model {
-            background_ppm: mix(prior.background.co2_ppm, reality.background.co2_ppm, 4.0),
+            background_ppm: mix(
+                prior.background.ppm(prior.gas()),
+                reality.background.ppm(reality.gas()),
+                4.0,
+            ),
             effective_height_agl_m: mix(a.axis_height_agl_m(), b.axis_height_agl_m(), 50.0),
             axis_deg: mix(toward(prior), toward(prior) + turn_deg, 12.0),
             c_max_ppm: mix(c_max(&a), c_max(&b), 100.0),

@@ -96,6 +96,8 @@ impl Log {
                 .collect(),
         });
         Observations {
+            gas: observations.gas,
+            unit: observations.unit,
             rows: (0..self.rows.len())
                 .filter(left)
                 .map(|i| self.rows[i])

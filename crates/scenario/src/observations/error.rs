@@ -9,7 +9,7 @@ pub enum ObservationError {
     /// A file has no header.
     #[error(
         "{file}: line 1: the file is empty; expected a header with the columns time_s, platform, \
-         lat_deg, lon_deg, alt_amsl_m, co2_ppm"
+         lat_deg, lon_deg, alt_amsl_m and the readings, such as co2_ppm or ch4_ppb"
     )]
     Empty {
         /// Name of the file.
@@ -95,13 +95,13 @@ pub enum ObservationError {
         /// File and line of the first row of this time.
         first: String,
     },
-    /// No row has a reading of CO2.
-    #[error(
-        "{files}: column co2_ppm: missing in all {rows} rows; expected at least one reading in ppm"
-    )]
+    /// No row has a reading.
+    #[error("{files}: column {column}: missing in all {rows} rows; expected at least one reading")]
     NoReading {
         /// Names of the files.
         files: String,
+        /// Name of the column.
+        column: &'static str,
         /// Number of rows.
         rows: usize,
     },

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use air::geo::LocalFrame;
 use csv::{ReaderBuilder, StringRecord, Trim};
-use plume::DispersionSpec;
+use plume::{DispersionSpec, Gas};
 
 use super::{
     Columns, DataQuality, FileJoin, ObservationError, ObservationRow, Observations, RecordCells,
@@ -44,7 +44,7 @@ pub struct ObservationStream {
 }
 
 impl ObservationStream {
-    /// A stream called `name` whose first line is `header`, checked against the world of a scenario: its
+    /// A stream called `name` of readings of the gas of the first source of `base`, whose first line is `header`, checked against the world of a scenario: its
     /// `base` in its local `frame`.
     ///
     /// # Errors
@@ -56,7 +56,7 @@ impl ObservationStream {
         frame: LocalFrame,
     ) -> Result<Self, ObservationError> {
         let header = header.strip_prefix('\u{feff}').unwrap_or(header);
-        let mut join = FileJoin::default();
+        let mut join = FileJoin::of(base.sources.first().map_or_else(Gas::default, |s| s.gas));
         let cells = cells_of(name, 1, header)?;
         let columns = join.columns(name, 1, &cells)?;
         Ok(Self {
@@ -120,6 +120,8 @@ impl ObservationStream {
             self.recent.pop_front();
         }
         let recent = Observations {
+            gas: self.join.gas,
+            unit: self.columns.reading.1,
             rows: self.recent.iter().copied().collect(),
             platforms: self.join.platforms.clone(),
             ..Observations::default()
@@ -194,7 +196,7 @@ mod tests {
             "2,drone,43.4102,-7.8,700,,5,271",
         ];
         let text = format!("{HEADER}\n{}\n", lines.join("\n"));
-        let file = super::super::parse(&[("f.csv", text.as_str())]).unwrap();
+        let file = super::super::parse(&[("f.csv", text.as_str())], Gas::Co2).unwrap();
         let mut stream = stream(HEADER).unwrap();
         for (line, row) in lines.iter().zip(&file.rows) {
             let streamed = stream.take(line).unwrap().unwrap();

@@ -147,12 +147,12 @@ fn corrected(
     let offset = own(
         MechanismId::SensorOffset,
         std::ops::Add::add,
-        scenario.sensor.offset_ppm,
+        scenario.sensor().offset_ppm,
     );
     let gain = own(
         MechanismId::SensorGain,
         std::ops::Mul::mul,
-        scenario.sensor.gain,
+        scenario.sensor().gain,
     );
     for (key, value, sd) in [
         (Uncertain::WindFrom, turned, found.axis_deg.sd),
@@ -284,7 +284,9 @@ mod tests {
         let read = |winds: [&str; 2]| {
             let [a, b] = winds;
             let text = format!("{header}\n1,a,43.4,-7.8,700,450,{a}\n2,a,43.4,-7.8,700,451,{b}\n");
-            logged_from_deg(&scenario::observations::parse(&[("a.csv", &text)]).unwrap())
+            logged_from_deg(
+                &scenario::observations::parse(&[("a.csv", &text)], plume::Gas::Co2).unwrap(),
+            )
         };
         // 6 m/s from 350° and 6 m/s from 20°: the mean blows from 5°, not from 185°.
         assert!((read(["6,350", "6,20"]).unwrap() - 5.0).abs() < 1e-9);

@@ -65,5 +65,5 @@ pub(super) const A_PRESSURE: Range =
 pub(super) const A_SPREAD: Range = range(
     f64::MIN_POSITIVE,
     f64::MAX,
-    "a standard deviation above 0 ppm, or nothing",
+    "a standard deviation above 0, or nothing",
 );

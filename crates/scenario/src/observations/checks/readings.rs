@@ -1,8 +1,9 @@
 //! Readings in another unit, that stand still, that stop at a limit, or that are missing.
 
-use plume::DispersionSpec;
+use plume::{DispersionSpec, Unit};
 
 use super::super::Observations;
+use super::values::BELOW_ZERO_SD;
 use super::{Ceiling, Flaw, OfPlatform, middle};
 
 /// A reading this many times too large or too small is in another unit.
@@ -31,36 +32,49 @@ const SHORTEST_GAP_S: f64 = 5.0;
 impl OfPlatform<'_> {
     /// Leaves out and says readings that tell nothing; `raw` is what was there before any check.
     pub(super) fn readings(&mut self, base: &DispersionSpec, raw: &Observations) {
-        self.units(base.background_ppm);
+        self.units(base, raw);
         // A ceiling is met again and again; what stands still does so once, wherever it is.
-        let ceiling = self.clipped(FEWEST_VISITS);
-        self.frozen(base.sensor.noise_sd_ppm);
+        let ceiling = self.clipped(FEWEST_VISITS, raw);
+        self.frozen(base.sensor.noise_sd_ppm, raw);
         if !ceiling {
-            self.clipped(1);
+            self.clipped(1, raw);
         }
         self.gaps(raw);
     }
 
-    fn units(&mut self, background_ppm: f64) {
+    fn units(&mut self, base: &DispersionSpec, raw: &Observations) {
+        let background_ppm = base.background_ppm;
+        // A background that noise hides says nothing of the unit.
+        if background_ppm <= BELOW_ZERO_SD * base.sensor.noise_sd_ppm {
+            return;
+        }
         let (rows, mut readings) = self.read();
         // The lower quartile is clean air or nearly so.
         let Some(low) = super::quantile(&mut readings, 0.25) else {
             return;
         };
         let ratio = low / background_ppm;
-        if background_ppm <= 0.0 || (1.0 / UNIT_FACTOR..=UNIT_FACTOR).contains(&ratio) {
+        if (1.0 / UNIT_FACTOR..=UNIT_FACTOR).contains(&ratio) {
             return;
         }
         let message = format!(
-            "readings of about {low:.4} against a background of {background_ppm} ppm, {ratio:.3} \
-             times as much: is co2_ppm in another unit (ppb, %, fraction)?"
+            "readings of about {:.4} against a background of {}, {ratio:.3} times as much: is {} in \
+             another unit ({}%, fraction)?",
+            raw.unit.of_ppm(low),
+            raw.said(background_ppm),
+            raw.gas.column(raw.unit),
+            if raw.unit == Unit::Ppm {
+                "ppb, "
+            } else {
+                "ppm, "
+            }
         );
         self.say(Flaw::Unit, &rows, message);
         self.drop_readings(&rows);
     }
 
     /// Runs of equal readings too long for the readings' resolution.
-    fn frozen(&mut self, stated_sd_ppm: f64) {
+    fn frozen(&mut self, stated_sd_ppm: f64, raw: &Observations) {
         let (rows, readings) = self.read();
         let mut runs: Vec<(usize, usize)> = Vec::new();
         for run in readings.chunk_by(|a, b| a == b) {
@@ -86,7 +100,7 @@ impl OfPlatform<'_> {
         for (start, length) in frozen {
             let value = readings[start];
             let run = &rows[start..start + length];
-            let message = format!("{length} readings in a row of {value} ppm");
+            let message = format!("{length} readings in a row of {}", raw.said(value));
             self.say(Flaw::Frozen, run, message);
             // The first of them was still measured.
             self.drop_readings(&run[1..]);
@@ -94,7 +108,7 @@ impl OfPlatform<'_> {
     }
 
     /// Many readings at the very top of the range, in at least so many visits. Whether it is so.
-    fn clipped(&mut self, least_visits: usize) -> bool {
+    fn clipped(&mut self, least_visits: usize, raw: &Observations) -> bool {
         let (rows, readings) = self.read();
         let Some(top) = limit(&readings, least_visits) else {
             return false;
@@ -102,8 +116,9 @@ impl OfPlatform<'_> {
         let held = rows.iter().zip(&readings).filter(|r| *r.1 == top);
         let held: Vec<usize> = held.map(|r| *r.0).collect();
         let message = format!(
-            "{} readings at exactly {top} ppm, the highest of all",
-            held.len()
+            "{} readings at exactly {}, the highest of all",
+            held.len(),
+            raw.said(top)
         );
         self.log.ceilings.push(Ceiling {
             platform: self.platform,

@@ -1,6 +1,6 @@
 use super::*;
 use crate::Scenario;
-use plume::Strength;
+use plume::{Gas, Strength, Unit};
 use proptest::prelude::*;
 use rand::RngExt;
 
@@ -628,6 +628,38 @@ fn damage_row(which: usize, row: &mut ObservationRow, at_s: f64) {
         5 => row.co2_ppm = row.co2_ppm.map(|c| c.min(500.0)),
         _ => row.co2_ppm = Some(-50.0 - 0.1 * (row.time_s - at_s)),
     }
+}
+
+#[test]
+fn a_background_that_noise_hides_tells_no_unit() {
+    // SO2 by a cell whose noise is five times the background, in a plume for most of the time.
+    let mut sulphur = log();
+    for row in &mut sulphur.rows {
+        row.co2_ppm = row.co2_ppm.map(|c| 1e-3 * (c - 380.0));
+    }
+    let mut cell = base();
+    (cell.background_ppm, cell.sensor.noise_sd_ppm) = (1e-3, 5e-3);
+    assert_eq!(check(&sulphur, &cell, &frame()).flaws, Vec::new());
+}
+
+#[test]
+fn what_is_said_is_in_the_unit_of_the_file() {
+    let mut ppb = log();
+    (ppb.gas, ppb.unit) = (Gas::Ch4, Unit::Ppb);
+    for (k, row) in ppb.rows.iter_mut().enumerate() {
+        row.co2_ppm = if k % 50 == 7 {
+            Some(-9.999)
+        } else {
+            row.co2_ppm.map(|c| 1e-3 * c)
+        };
+    }
+    let mut air = base();
+    (air.background_ppm, air.sensor.noise_sd_ppm) = (0.42, 1e-3);
+    let said = &check(&ppb, &air, &frame()).flaws[0].message;
+    assert!(
+        said.contains("values of -9999 in column ch4_ppb, a code"),
+        "{said}"
+    );
 }
 
 proptest! {

@@ -1,6 +1,6 @@
 //! Cells that hold what cannot be, or a code for none: -999, 9999, 99.9 and their like.
 
-use plume::DispersionSpec;
+use plume::{DispersionSpec, Unit};
 
 use super::super::Observations;
 use super::range::{
@@ -21,7 +21,7 @@ const NINES_OF_ONE: usize = 4;
 const NINES_OF_LONE: usize = 3;
 /// Readings below zero, and below the lower quartile, by so many standard deviations of noise are
 /// none: further than noise with heavy tails reaches.
-const BELOW_ZERO_SD: f64 = 8.0;
+pub(super) const BELOW_ZERO_SD: f64 = 8.0;
 /// Median of |a - b| of two normal numbers, standard deviations.
 const MEDIAN_STEP_SD: f64 = 0.954;
 /// Part of a column beyond which what cannot be is rather another unit.
@@ -29,6 +29,7 @@ const MOST: f64 = 0.5;
 
 /// A column as far as its values alone tell.
 struct Column {
+    /// Empty for the readings, whose name says their gas.
     name: &'static str,
     range: Range,
     get: fn(&ObservationRow) -> Option<f64>,
@@ -80,7 +81,7 @@ const COLUMNS: [Column; 10] = [
         other: "mm, or feet?",
     },
     Column {
-        name: "co2_ppm",
+        name: "",
         range: A_READING,
         get: |r| r.co2_ppm,
         clear: Some(|r| r.co2_ppm = None),
@@ -137,6 +138,31 @@ const COLUMNS: [Column; 10] = [
     },
 ];
 
+/// How messages name a column and its values: as the file has them.
+struct Said {
+    name: &'static str,
+    unit: Unit,
+}
+
+impl Said {
+    fn of(column: &Column, raw: &Observations) -> Self {
+        if column.name.is_empty() {
+            return Self {
+                name: raw.gas.column(raw.unit),
+                unit: raw.unit,
+            };
+        }
+        Self {
+            name: column.name,
+            unit: Unit::Ppm,
+        }
+    }
+
+    fn value(&self, value: f64) -> String {
+        self.unit.text(value)
+    }
+}
+
 impl OfPlatform<'_> {
     /// Leaves out and says what no cell of its column can hold.
     pub(super) fn values(&mut self, base: &DispersionSpec, raw: &Observations) {
@@ -146,8 +172,9 @@ impl OfPlatform<'_> {
                 Codes::OfReading => column.range.from(least_ppm),
                 _ => column.range,
             };
-            self.impossible(column, range);
-            self.codes(column);
+            let said = Said::of(column, raw);
+            self.impossible(column, range, &said);
+            self.codes(column, &said);
         }
         self.half_winds(raw);
     }
@@ -181,7 +208,7 @@ impl OfPlatform<'_> {
     }
 
     /// What lies outside a column's `range`: usual codes one by one, and the rest together.
-    fn impossible(&mut self, column: &Column, range: Range) {
+    fn impossible(&mut self, column: &Column, range: Range, said: &Said) {
         let (rows, values) = self.cells(column);
         let outside = |v: f64| !(range.low..=range.high).contains(&v);
         let mut bad: Vec<(usize, f64)> = rows.into_iter().zip(values.iter().copied()).collect();
@@ -198,16 +225,16 @@ impl OfPlatform<'_> {
         codes.dedup();
         for code in codes {
             let own = bad.iter().filter(|b| b.1 == code).map(|b| b.0).collect();
-            self.leave_out_code(column, code, own);
+            self.leave_out_code(column, code, own, said);
         }
         bad.retain(|b| nines(b.1) < NINES);
         let own: Vec<usize> = bad.iter().map(|b| b.0).collect();
         let low = bad.iter().map(|b| b.1).fold(f64::INFINITY, f64::min);
         let high = bad.iter().map(|b| b.1).fold(f64::NEG_INFINITY, f64::max);
         let seen = if low == high {
-            format!("{low}")
+            said.value(low)
         } else {
-            format!("{low} to {high}")
+            format!("{} to {}", said.value(low), said.value(high))
         };
         let most = own.len() as f64 > MOST * values.len() as f64 && !column.other.is_empty();
         let (kind, asked) = if most {
@@ -222,24 +249,25 @@ impl OfPlatform<'_> {
         let message = format!(
             "{} values of {seen} in column {} are left out: expected {expected}{asked}",
             own.len(),
-            column.name
+            said.name
         );
         self.say(kind, &own, message);
         self.clear(column, &own);
     }
 
-    fn leave_out_code(&mut self, column: &Column, code: f64, rows: Vec<usize>) {
+    fn leave_out_code(&mut self, column: &Column, code: f64, rows: Vec<usize>, said: &Said) {
         let message = format!(
-            "{} values of {code} in column {}, a code for none, are left out",
+            "{} values of {} in column {}, a code for none, are left out",
             rows.len(),
-            column.name
+            said.value(code),
+            said.name
         );
         self.say(Flaw::Outlier, &rows, message);
         self.clear(column, &rows);
     }
 
     /// Codes that the column's range leaves open: its lowest or highest value, if it stands apart.
-    fn codes(&mut self, column: &Column) {
+    fn codes(&mut self, column: &Column, said: &Said) {
         if column.codes == Codes::None {
             return;
         }
@@ -248,7 +276,7 @@ impl OfPlatform<'_> {
             let (rows, values) = self.cells(column);
             let own = rows.into_iter().zip(values).filter(|c| c.1 == code);
             let own: Vec<usize> = own.map(|c| c.0).collect();
-            self.leave_out_code(column, code, own);
+            self.leave_out_code(column, code, own, said);
         }
     }
 

@@ -4,6 +4,7 @@ use anyhow::Result;
 use mission::{Setup, truth};
 use plume::{DispersionModel, Place};
 use protocol::message::Model;
+use record::colour::Shown;
 use record::kml::{MapFeatures, StackMarker};
 use std::sync::Arc;
 use views::site::{MapPoint, SiteMap};
@@ -71,6 +72,7 @@ pub fn of(setup: &Setup) -> Result<SiteMap> {
     };
     Ok(SiteMap {
         mission: scenario.mission.name.clone(),
+        shown: Shown::of(scenario)?,
         duration_s: scenario.mission.duration_s,
         frame: setup.frame()?,
         stacks: stacks(setup),
@@ -93,6 +95,7 @@ pub fn surroundings(setup: &Setup) -> Result<MapFeatures> {
     let scenario = &setup.scenario;
     Ok(MapFeatures {
         mission: scenario.mission.name.clone(),
+        shown: Shown::of(scenario)?,
         stacks: stacks(setup),
         fence: fence(setup)?,
         fence_top_amsl_m: scenario.fence_top_amsl_m(),

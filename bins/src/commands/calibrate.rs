@@ -4,6 +4,7 @@ use crate::{Failure, measured, mission_files};
 use plume::{Gas, MechanismId};
 use protocol::message::Peak;
 use record::files;
+use record::summary::with_gas;
 use scenario::Scenario;
 use scenario::airspace::Airspace;
 use scenario::uncertain::Uncertain;
@@ -62,7 +63,12 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     let mut document = document(&offline, &observations.platforms, reference);
     let peak = peak(&setup.scenario, &offline);
     document["peak"] = json!(peak);
-    write("calibration.json", &format!("{:#}\n", document))?;
+    let gas = setup.scenario.gas();
+    document["gas"] = json!(gas);
+    write(
+        "calibration.json",
+        &with_gas(&format!("{:#}\n", document), gas),
+    )?;
     measured::tell_flaws(&offline.data_quality);
     println!(
         "{} readings of {} platforms",
@@ -71,10 +77,16 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     );
     tell_changes(&setup.scenario, &offline.scenario);
     if let Some(peak) = &peak {
-        let digits = if peak.sd_ppm < 10.0 { 2 } else { 0 };
+        let digits = gas.digits() + if peak.sd_ppm < 10.0 { 2 } else { 0 };
         println!(
-            "{:32} {:.digits$} ± {:.digits$} ppm at {:.5}, {:.5}, {:.0} m AMSL, where vehicles may fly",
-            "peak", peak.co2_ppm, peak.sd_ppm, peak.lat_deg, peak.lon_deg, peak.alt_amsl_m
+            "{:32} {:.digits$} ± {:.digits$} ppm {} at {:.5}, {:.5}, {:.0} m AMSL, where vehicles may fly",
+            "peak",
+            peak.co2_ppm,
+            peak.sd_ppm,
+            gas.formula(),
+            peak.lat_deg,
+            peak.lon_deg,
+            peak.alt_amsl_m
         );
     }
     println!(

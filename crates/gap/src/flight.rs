@@ -178,6 +178,7 @@ impl<'a> Finding<'a> {
         }
         let gap = GapJson {
             schema: SCHEMA,
+            gas: None,
             verdict: answer.verdict,
             summary,
             residual: residual::bins(&study, &first),

@@ -272,6 +272,7 @@ fn gap_json(
     notices.splice(0..0, suspicions.flaws.into_iter().map(|f| f.message));
     let json = GapJson {
         schema: SCHEMA,
+        gas: None,
         verdict,
         summary,
         ranking,

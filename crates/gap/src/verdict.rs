@@ -1,6 +1,7 @@
 //! The verdict as `gap.json` has it (schema "plumage.gap/2"): one set of types for plume,
 //! tracer and flight. What is not finite is written as null.
 
+use plume::Gas;
 pub use scenario::observations::{DataQuality, Flaw};
 use serde::{Deserialize, Serialize};
 
@@ -320,6 +321,9 @@ pub struct Discrepancy {
 pub struct GapJson {
     /// [`SCHEMA`].
     pub schema: &'static str,
+    /// The gas whose readings these are; absent where none was read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gas: Option<Gas>,
     /// The answer.
     pub verdict: Verdict,
     /// The answer in words.

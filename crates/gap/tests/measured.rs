@@ -53,6 +53,10 @@ fn main() -> ExitCode {
             prairie_grass_says_what_is_known_of_it,
         ),
         on_data(
+            "methane_in_ppm_and_in_ppb_has_one_answer",
+            methane_in_ppm_and_in_ppb_has_one_answer,
+        ),
+        on_data(
             "flaws_of_raw_logs_change_no_answer",
             flaws_of_raw_logs_change_no_answer,
         ),
@@ -217,15 +221,69 @@ fn prairie_grass_says_what_is_known_of_it(data: &Path) {
     }
 }
 
+/// Methane measured by others, in ppm as it was logged and in ppb: the same answers, in every digit.
+fn methane_in_ppm_and_in_ppb_has_one_answer(data: &Path) {
+    for name in ["metec/event", "ginninderra/neutral", "ginninderra/stable"] {
+        let read =
+            |end: &str| text(data, &format!("field/{name}.{end}")).replace("co2_ppm", "ch4_ppm");
+        let (log, world) = (read("csv"), read("toml"));
+        let [ppm, ppb] = [
+            (log.clone(), world.clone()),
+            (in_ppb(&log), world_in_ppb(&world)),
+        ]
+        .map(|(log, world)| answer_of(&log, &world));
+        assert_eq!(ppm.gas, Some(plume::Gas::Ch4));
+        let said = |json: &GapJson| {
+            let mut value = serde_json::to_value(json).unwrap();
+            // Of raw data is said what the file has, in its unit.
+            value.as_object_mut().unwrap().remove("data_quality");
+            value
+        };
+        assert_eq!(said(&ppm), said(&ppb), "{name}");
+    }
+}
+
+/// A log of methane in ppm with its readings in ppb.
+fn in_ppb(log: &str) -> String {
+    let mut lines = log.lines();
+    let header = lines.next().unwrap();
+    let column = header.split(',').position(|c| c == "ch4_ppm").unwrap();
+    let mut out = header.replace("ch4_ppm", "ch4_ppb");
+    for line in lines {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if !cells[column].is_empty() {
+            let ppb = 1e3 * cells[column].parse::<f64>().unwrap();
+            cells[column] = ((ppb * 1e6).round() / 1e6).to_string();
+        }
+        out = out + "\n" + &cells.join(",");
+    }
+    out + "\n"
+}
+
+/// The world of such a log with background and prior in ppb.
+fn world_in_ppb(world: &str) -> String {
+    let in_ppb = |line: &str| match line.split_once("ch4_ppm") {
+        None => line.to_owned(),
+        Some((before, rest)) => {
+            let (between, value) = rest.split_once('=').unwrap();
+            let ppb = 1e3 * value.trim().parse::<f64>().unwrap();
+            format!("{before}ch4_ppb{between}= {}", (ppb * 1e6).round() / 1e6)
+        }
+    };
+    let lines: Vec<String> = world.lines().map(in_ppb).collect();
+    lines.join("\n")
+}
+
 /// The answer for a log and a world of the folder of cases.
 fn answer(data: &Path, log: &str, world: &str) -> GapJson {
-    let scenario = Scenario::parse(world, world).unwrap();
+    answer_of(&text(data, &format!("cases/{log}")), world)
+}
+
+/// The answer for the text of a log and that of a world.
+fn answer_of(log: &str, world: &str) -> GapJson {
+    let scenario = Scenario::parse("world", world).unwrap();
     let setup = gap::plume::Setup::new(&scenario).unwrap();
-    let log = parse(
-        &[(log, &text(data, &format!("cases/{log}")))],
-        scenario.gas(),
-    )
-    .unwrap();
+    let log = parse(&[("log", log)], scenario.gas()).unwrap();
     let options = gap::plume::Options::live();
     gap::plume::analyse(&setup, &log, &options, &mut |_| ())
         .unwrap()

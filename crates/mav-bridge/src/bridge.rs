@@ -14,6 +14,7 @@ use crate::wire::signing::{Signing, SigningConfig};
 use crate::wire::{FrameDecoder, FrameEncoder, LinkStatistics};
 use air::isa::Atmosphere;
 use mavlink::MessageData;
+use plume::Gas;
 use protocol::SimTime;
 use protocol::control_level::{ControlEvent, ControlOutcome, ControlState};
 use protocol::message::{ControlLevel, EventMessage, PathKind, Reading, Setpoint, Severity, State};
@@ -32,6 +33,8 @@ pub struct BridgeConfig {
     pub vehicle_system_id: Option<u8>,
     /// The site's atmosphere, for true airspeed.
     pub atmosphere: Atmosphere,
+    /// The gas whose readings count: those named as its formula in ppm ("CH4"), or with "_PPB" after it in ppb.
+    pub gas: Gas,
     /// Whether the bridge may arm the motor at take-off. Off by default: a person does that.
     pub may_arm: bool,
     /// Rate of position, attitude and airspeed asked for, 1/s (1 to 50).
@@ -56,6 +59,7 @@ impl Default for BridgeConfig {
             component_id: 190, // MAV_COMP_ID_MISSIONPLANNER: a ground station
             vehicle_system_id: None,
             atmosphere: Atmosphere::standard(),
+            gas: Gas::Co2,
             may_arm: false,
             telemetry_hz: 10.0,
             link_timeout_s: 5.0,

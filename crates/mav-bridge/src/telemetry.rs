@@ -2,8 +2,8 @@
 
 use crate::dialect::{
     ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA,
-    HYGROMETER_SENSOR_DATA, MavLandedState, MavModeFlag, MavState, NAMED_VALUE_FLOAT_DATA,
-    SCALED_PRESSURE_DATA, VFR_HUD_DATA, WIND_DATA,
+    HYGROMETER_SENSOR_DATA, MavLandedState, MavModeFlag, MavState, SCALED_PRESSURE_DATA,
+    VFR_HUD_DATA, WIND_DATA,
 };
 use air::geo::wrap_deg;
 use air::isa::{Air, Atmosphere};
@@ -143,18 +143,14 @@ impl Telemetry {
         })
     }
 
-    /// The reading in `gas`, at the place where the vehicle was when it was taken: the last
+    /// A reading at the place where the vehicle was when it was taken, by the vehicle's own clock: the last
     /// position carried on by its velocity over the difference of the two messages' own times.
-    pub(crate) fn reading(&self, gas: &NAMED_VALUE_FLOAT_DATA, now: SimTime) -> Option<Reading> {
-        let co2_ppm = f64::from(gas.value);
-        if !(0.0..=1e6).contains(&co2_ppm) {
-            return None;
-        }
+    pub(crate) fn reading(&self, co2_ppm: f64, time_boot_ms: u32, now: SimTime) -> Option<Reading> {
         let position = fresh(&self.position, now, POSITION_LASTS_S)?;
         if !plausible(position) {
             return None;
         }
-        let later_s = (i64::from(gas.time_boot_ms) - i64::from(position.time_boot_ms)) as f64 / 1e3;
+        let later_s = (i64::from(time_boot_ms) - i64::from(position.time_boot_ms)) as f64 / 1e3;
         let dt_s = if later_s.abs() <= POSITION_LASTS_S {
             later_s
         } else {

@@ -390,6 +390,45 @@ fn an_unanswered_command_is_repeated_and_given_up() {
 }
 
 #[test]
+fn the_gas_that_counts_is_read_in_both_units_and_no_other() {
+    let mut encoder = FrameEncoder::new(1, 1);
+    let config = BridgeConfig {
+        gas: plume::Gas::Ch4,
+        ..BridgeConfig::default()
+    };
+    let mut bridge = Bridge::new(config).unwrap();
+    let position = GLOBAL_POSITION_INT_DATA {
+        lat: 434_400_000,
+        lon: -78_600_000,
+        alt: 500_000,
+        ..GLOBAL_POSITION_INT_DATA::default()
+    };
+    let frames = [
+        heartbeat(&mut encoder, GUIDED, MavState::MAV_STATE_ACTIVE, true),
+        encoder.encode(&position, None, s(0.0)),
+    ];
+    bridge.receive(&frames.concat(), s(0.0), &mut BridgeOutput::default());
+    let mut read = |name: &str, value: f32| {
+        let named = NAMED_VALUE_FLOAT_DATA {
+            value,
+            name: name.into(),
+            ..NAMED_VALUE_FLOAT_DATA::default()
+        };
+        let mut out = BridgeOutput::default();
+        bridge.receive(&encoder.encode(&named, None, s(0.0)), s(0.0), &mut out);
+        out.reading.map(|r| r.co2_ppm)
+    };
+    assert_eq!(read("CH4", 2.0), Some(2.0));
+    assert_eq!(read("CH4_PPB", 1950.0), Some(1.95));
+    assert_eq!(
+        (read("CO2", 420.0), read("CH4_PPT", 1.0), read("H4", 1.0)),
+        (None, None, None)
+    );
+    // Noise about nothing goes below zero; a code for none does not count.
+    assert_eq!((read("CH4", -0.5), read("CH4", -999.0)), (Some(-0.5), None));
+}
+
+#[test]
 fn nonsense_in_the_configuration_is_refused() {
     for config in [
         BridgeConfig {

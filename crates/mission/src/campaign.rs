@@ -28,6 +28,7 @@ pub fn summary_context(setup: &Setup) -> Result<SummaryContext, MissionError> {
         Vec::new()
     };
     Ok(SummaryContext {
+        gas: scenario.gas(),
         seed: scenario.mission.seed,
         team: scenario.vehicles.iter().map(|v| v.id.clone()).collect(),
         frame: setup.frame()?,
@@ -102,11 +103,13 @@ impl Campaign {
                     text.push_str(" - |");
                     continue;
                 };
-                let digits = number.digits;
+                let digits = number.digits(mission.gas);
                 let _ = write!(
                     text,
                     " {:+.digits$} → {:+.digits$} {} |",
-                    errors.before, errors.after, number.unit
+                    errors.before,
+                    errors.after,
+                    number.unit_of(mission.gas)
                 );
             }
         }
@@ -201,7 +204,7 @@ impl NumberErrors {
 /// A number that a mission states, against the truth.
 struct Stated {
     name: String,
-    unit: &'static str,
+    unit: String,
     digits: usize,
     error: f64,
     sd: f64,
@@ -221,8 +224,8 @@ fn stated(mission: &MissionSummary) -> Vec<Stated> {
     if let (Some(estimate), Some(truth)) = (&mission.peak.estimate, &mission.peak.truth) {
         out.push(Stated {
             name: "peak".to_owned(),
-            unit: "ppm",
-            digits: 0,
+            unit: record::summary::ppm_of(mission.gas),
+            digits: mission.gas.digits(),
             error: estimate.co2_ppm - truth.co2_ppm,
             sd: estimate.sd_ppm,
             left: None,
@@ -232,8 +235,8 @@ fn stated(mission: &MissionSummary) -> Vec<Stated> {
         let NumberErrors { before, after, sd } = NumberErrors::of(mission, number)?;
         Some(Stated {
             name: number.name.to_owned(),
-            unit: number.unit,
-            digits: number.digits,
+            unit: number.unit_of(mission.gas),
+            digits: number.digits(mission.gas),
             error: after,
             sd,
             left: (before != 0.0).then_some((after / before).abs()),
@@ -251,7 +254,7 @@ fn stated(mission: &MissionSummary) -> Vec<Stated> {
         } = &flux.found;
         out.push(Stated {
             name: format!("flux of {source} by {}", text::flux_method(*method)),
-            unit: "%",
+            unit: "%".to_owned(),
             digits: 0,
             error: 100.0 * (kg_s.value / truth - 1.0),
             sd: 100.0 * kg_s.sd / truth,

@@ -11,7 +11,7 @@ use crate::{MissionError, Run, Setup, campaign};
 use air::geo::Geodetic;
 use plume::effects::SensorAir;
 use plume::track::{Row, Track};
-use plume::{DispersionModel, Place};
+use plume::{DispersionModel, Gas, Place};
 use protocol::message::{Estimate, Message, PeakStatus, Reading, VehicleKind as Kind};
 use protocol::{SimTime, Topic};
 use record::summary::{CORRECTED, MissionSummary, Outcome, Summariser};
@@ -344,8 +344,9 @@ fn expected(flights: &[Flight]) -> Vec<Expected> {
         let (Estimate { value, sd }, truth) = (flux.found.kg_s, flux.truth_kg_s?);
         Some((100.0 * sd / value, 100.0 * (value - truth) / truth))
     });
+    let gas = flights.first().map_or(Gas::Co2, |f| f.summary.gas);
     for number in &CORRECTED {
-        add(number.name, number.unit, &|f| {
+        add(number.name, &number.unit_of(gas), &|f| {
             let errors = NumberErrors::of(&f.summary, number)?;
             Some((errors.sd, errors.after))
         });

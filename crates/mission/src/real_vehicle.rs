@@ -187,6 +187,7 @@ impl RealVehicle {
 fn bridge_config(setup: &Setup) -> Result<BridgeConfig, MissionError> {
     Ok(BridgeConfig {
         atmosphere: setup.scenario.atmosphere()?,
+        gas: setup.scenario.gas(),
         ..BridgeConfig::default()
     })
 }

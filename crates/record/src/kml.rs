@@ -1,10 +1,10 @@
-//! Tracks as KML for map viewers: one folder a vehicle, lines coloured by CO2 with time spans,
+//! Tracks as KML for map viewers: one folder a vehicle, lines coloured by what was read with time spans,
 //! the peak, the stacks and the fence.
 //!
 //! KML wants dates and a mission has only simulated time: it starts at 2000-01-01T00:00:00Z.
 
 use crate::RecordError;
-use crate::colour;
+use crate::colour::Shown;
 use crate::text;
 use crate::tracks::{TrackPoint, Tracks, VehicleTrack};
 use ::kml::types::{
@@ -35,10 +35,12 @@ pub struct StackMarker {
 }
 
 /// What stands on the map beside the tracks.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct MapFeatures {
     /// Name of the mission.
     pub mission: String,
+    /// How readings are shown.
+    pub shown: Shown,
     /// The stacks.
     pub stacks: Vec<StackMarker>,
     /// Corners of the fence, latitude and longitude in degrees; none for no fence.
@@ -58,16 +60,17 @@ pub fn document(tracks: &Tracks, features: &MapFeatures) -> Result<String, Recor
         "name",
         &format!("Plumage: {}", features.mission),
     )];
-    elements.extend((0..COLOURS).map(line_style));
+    let shown = &features.shown;
+    elements.extend((0..COLOURS).map(|index| line_style(shown, index)));
     elements.push(fence_style());
     elements.extend([
         icon_style("peak", "ff00d7ff", 1.3),
         icon_style("stack", "ff606060", 1.0),
     ]);
     for (id, track) in tracks.by_vehicle() {
-        elements.push(Kml::Folder(folder(id, track)));
+        elements.push(Kml::Folder(folder(shown, id, track)));
     }
-    elements.extend(features.peak.as_ref().map(peak));
+    elements.extend(features.peak.as_ref().map(|found| peak(shown, found)));
     elements.extend(features.stacks.iter().map(stack));
     if features.fence.len() >= 3 {
         elements.push(fence(features));
@@ -109,13 +112,18 @@ fn kml_colour([r, g, b]: [u8; 3]) -> String {
     format!("ff{b:02x}{g:02x}{r:02x}")
 }
 
-fn line_style(index: usize) -> Kml {
+/// Id of the style of a colour: "co2-3".
+fn style(shown: &Shown, index: usize) -> String {
+    format!("{}-{index}", shown.gas.as_str())
+}
+
+fn line_style(shown: &Shown, index: usize) -> Kml {
     let along = index as f64 / (COLOURS - 1) as f64;
-    let ppm = colour::GREY_PPM + along * (colour::RED_PPM - colour::GREY_PPM);
+    let ppm = shown.grey_ppm + along * (shown.red_ppm - shown.grey_ppm);
     Kml::Style(Style {
-        id: Some(format!("co2-{index}")),
+        id: Some(style(shown, index)),
         line: Some(LineStyle {
-            color: kml_colour(colour::of_reading(ppm)),
+            color: kml_colour(shown.colour(ppm)),
             width: 3.0,
             ..LineStyle::default()
         }),
@@ -155,31 +163,30 @@ fn icon_style(id: &str, colour: &str, scale: f64) -> Kml {
     })
 }
 
-fn folder(id: &str, track: &VehicleTrack) -> Folder {
+fn folder(shown: &Shown, id: &str, track: &VehicleTrack) -> Folder {
     Folder {
         name: Some(format!("Vehicle {id} ({})", text::vehicle_kind(track.kind))),
-        elements: segments(track.points.items())
+        elements: segments(shown, track.points.items())
             .into_iter()
-            .map(|(index, points)| Kml::Placemark(segment(index, points)))
+            .map(|(index, points)| Kml::Placemark(segment(shown, index, points)))
             .collect(),
         ..Folder::default()
     }
 }
 
-fn colour_index(ppm: f64) -> usize {
-    let along = (ppm - colour::GREY_PPM) / (colour::RED_PPM - colour::GREY_PPM);
-    (along.clamp(0.0, 1.0) * (COLOURS - 1) as f64).round() as usize
+fn colour_index(shown: &Shown, ppm: f64) -> usize {
+    (shown.along(ppm) * (COLOURS - 1) as f64).round() as usize
 }
 
 /// The track in segments of one colour that share their ends, so that no gap shows between them. A
 /// segment's colour is that of the readings at which its legs end.
-fn segments(points: &[TrackPoint]) -> Vec<(usize, &[TrackPoint])> {
+fn segments<'a>(shown: &Shown, points: &'a [TrackPoint]) -> Vec<(usize, &'a [TrackPoint])> {
     let mut segments = Vec::new();
     let mut from = 0;
     for end in 1..points.len() {
-        let index = colour_index(points[end].co2_ppm);
+        let index = colour_index(shown, points[end].co2_ppm);
         let last = end + 1 == points.len();
-        let changes = !last && colour_index(points[end + 1].co2_ppm) != index;
+        let changes = !last && colour_index(shown, points[end + 1].co2_ppm) != index;
         let long = points[end].time_s - points[from].time_s >= MAX_SEGMENT_S;
         if last || changes || long {
             segments.push((index, &points[from..=end]));
@@ -189,7 +196,7 @@ fn segments(points: &[TrackPoint]) -> Vec<(usize, &[TrackPoint])> {
     segments
 }
 
-fn segment(index: usize, points: &[TrackPoint]) -> Placemark {
+fn segment(shown: &Shown, index: usize, points: &[TrackPoint]) -> Placemark {
     let highest = points.iter().map(|p| p.co2_ppm).fold(f64::NAN, f64::max);
     let span = element(
         "TimeSpan",
@@ -205,8 +212,8 @@ fn segment(index: usize, points: &[TrackPoint]) -> Placemark {
         ..LineString::default()
     };
     Placemark {
-        name: Some(format!("{highest:.0} ppm")),
-        style_url: Some(format!("#co2-{index}")),
+        name: Some(said(shown, highest)),
+        style_url: Some(format!("#{}", style(shown, index))),
         geometry: Some(Geometry::LineString(line)),
         children: vec![span],
         ..Placemark::default()
@@ -242,13 +249,19 @@ fn point_placemark(
     })
 }
 
-fn peak(peak: &Peak) -> Kml {
+/// A reading with unit and gas.
+fn said(shown: &Shown, ppm: f64) -> String {
+    format!("{} ppm {}", shown.number(ppm), shown.gas.formula())
+}
+
+fn peak(shown: &Shown, peak: &Peak) -> Kml {
     point_placemark(
-        format!("Peak: {:.0} ppm", peak.co2_ppm),
+        format!("Peak: {}", said(shown, peak.co2_ppm)),
         "peak",
         format!(
-            "{:.0} ± {:.0} ppm CO2, background included",
-            peak.co2_ppm, peak.sd_ppm
+            "{} ± {}, background included",
+            shown.number(peak.co2_ppm),
+            said(shown, peak.sd_ppm)
         ),
         Coord::new(peak.lon_deg, peak.lat_deg, Some(peak.alt_amsl_m)),
         AltitudeMode::Absolute,
@@ -318,7 +331,7 @@ mod tests {
                 co2_ppm: 450.0 + 200.0 * (f64::from(i) / 9.0).sin().abs(),
             })
             .collect();
-        let segments = segments(&points);
+        let segments = segments(&Shown::CO2, &points);
         assert_eq!(segments[0].1[0], points[0]);
         assert_eq!(
             segments.last().map(|p| p.1[p.1.len() - 1]),
@@ -332,6 +345,6 @@ mod tests {
     }
 
     fn count(points: &[TrackPoint]) -> usize {
-        segments(points).len()
+        segments(&Shown::CO2, points).len()
     }
 }

@@ -1,6 +1,7 @@
 //! `summary.json`: what a mission found, built from its messages in bounded memory.
 
 use air::geo::{Geodetic, LocalFrame, wrap_signed_deg};
+use plume::{Gas, Unit};
 use protocol::message::{
     Estimate, Flux, GapCause, Message, Model, Peak, PeakStatus, Reading, State, VehicleKind,
 };
@@ -18,7 +19,7 @@ const MIN_LEG_M: f64 = 10.0;
 /// The numbers of a plume model, each with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ModelNumbers {
-    /// Background CO2, ppm.
+    /// Background, ppm.
     pub background_ppm: Estimate,
     /// Height of the axis above ground at the first source, m.
     pub effective_height_agl_m: Estimate,
@@ -53,15 +54,45 @@ pub struct ModelNumber {
     /// Name for people.
     pub name: &'static str,
     /// Unit; empty for a ratio.
-    pub unit: &'static str,
-    /// Digits after the point that are worth showing.
-    pub digits: usize,
+    unit: &'static str,
+    /// Digits after the point that are worth showing of CO2.
+    digits: usize,
     /// Where it stands.
     pub of: fn(&ModelNumbers) -> Estimate,
     turns: bool,
 }
 
+/// A ppm of a gas in words; of CO2, where nothing else is said, it is plain.
+pub fn ppm_of(gas: Gas) -> String {
+    match gas {
+        Gas::Co2 => PPM.to_owned(),
+        _ => format!("{PPM} {}", gas.formula()),
+    }
+}
+
+/// The unit of mole fractions.
+const PPM: &str = "ppm";
+
 impl ModelNumber {
+    /// Its unit, with the gas where it is a mole fraction of another gas than CO2; empty for a ratio.
+    pub fn unit_of(&self, gas: Gas) -> String {
+        match self.unit {
+            PPM => ppm_of(gas),
+            unit => unit.to_owned(),
+        }
+    }
+
+    /// Whether it is an angle, which goes round.
+    pub fn turns(&self) -> bool {
+        self.turns
+    }
+
+    /// Digits after the point that are worth showing.
+    pub fn digits(&self, gas: Gas) -> usize {
+        let more = if self.unit == PPM { gas.digits() } else { 0 };
+        self.digits + more
+    }
+
     /// How far `value` is from `truth`, signed; angles the short way round.
     pub fn error(&self, value: f64, truth: f64) -> f64 {
         if self.turns {
@@ -90,7 +121,7 @@ pub const CORRECTED: [ModelNumber; 6] = [
     },
     ModelNumber {
         name: "c_MAX",
-        unit: "ppm",
+        unit: PPM,
         digits: 0,
         of: |m| m.c_max_ppm,
         turns: false,
@@ -111,7 +142,7 @@ pub const CORRECTED: [ModelNumber; 6] = [
     },
     ModelNumber {
         name: "background",
-        unit: "ppm",
+        unit: PPM,
         digits: 1,
         of: |m| m.background_ppm,
         turns: false,
@@ -186,7 +217,7 @@ pub struct PlaceOfPeak {
     pub lon_deg: f64,
     /// Altitude, m above mean sea level.
     pub alt_amsl_m: f64,
-    /// CO2 mole fraction there, background included, ppm.
+    /// Mole fraction there, background included, ppm; `<gas>_ppm` of a mission of another gas.
     pub co2_ppm: f64,
 }
 
@@ -237,6 +268,8 @@ pub struct ModelSummary {
 pub struct MissionSummary {
     /// [`SCHEMA`].
     pub schema: &'static str,
+    /// The gas that was read.
+    pub gas: Gas,
     /// Seed of the run.
     pub seed: u64,
     /// Digest of the run.
@@ -263,13 +296,23 @@ impl MissionSummary {
     /// The text of `summary.json`.
     pub fn to_json(&self) -> String {
         // Plain structs, numbers and text: serde_json has nothing to refuse here.
-        serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
+        let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
+        with_gas(&text, self.gas)
     }
+}
+
+/// The text of a JSON document in which the field `co2_ppm` has the name of the gas that it is of.
+pub fn with_gas(json: &str, gas: Gas) -> String {
+    // Quotes and colon make it a field's name: within a text the quotes would be escaped.
+    let field = |gas: Gas| format!("\"{}\":", gas.column(Unit::Ppm));
+    json.replace(&field(Gas::Co2), &field(gas))
 }
 
 /// What a summary needs and no message says.
 #[derive(Debug, Clone)]
 pub struct SummaryContext {
+    /// The gas that is read.
+    pub gas: Gas,
     /// Seed of the run.
     pub seed: u64,
     /// Ids of the team's vehicles.
@@ -381,6 +424,7 @@ impl Summariser {
         let sim_s = self.last.s();
         MissionSummary {
             schema: SCHEMA,
+            gas: self.context.gas,
             seed: self.context.seed,
             digest: digest.to_owned(),
             sim_s,

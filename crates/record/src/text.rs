@@ -1,9 +1,10 @@
 //! A summary in words, for the terminal.
 
+use crate::colour::number;
 use crate::summary::{
-    CORRECTED, FluxSummary, GapSummary, HighestReading, MissionSummary, ModelNumber, ModelSummary,
-    PeakSummary,
+    CORRECTED, FluxSummary, GapSummary, HighestReading, MissionSummary, ModelNumber, ppm_of,
 };
+use plume::Gas;
 use protocol::message::{Estimate, Flux, FluxMethod, Peak, PeakStatus, VehicleKind};
 use std::fmt::Write as _;
 
@@ -28,14 +29,14 @@ pub fn summary(summary: &MissionSummary) -> String {
             summary.real_time_factor
         ),
     );
-    line(&mut text, format_args!("{}", peak(&summary.peak)));
+    line(&mut text, format_args!("{}", peak(summary)));
     for found in &summary.flux {
         line(&mut text, format_args!("{}", flux(found)));
     }
     if let Some(found) = &summary.gap {
         line(&mut text, format_args!("{}", gap(found)));
     }
-    model(&mut text, &summary.model, real);
+    model(&mut text, summary, real);
     text
 }
 
@@ -78,7 +79,9 @@ pub fn place(lat_deg: f64, lon_deg: f64, alt_amsl_m: f64) -> String {
 }
 
 /// The peak, how far readings stand behind it, and what it is held against.
-pub fn peak(peak: &PeakSummary) -> String {
+pub fn peak(summary: &MissionSummary) -> String {
+    let (peak, gas) = (&summary.peak, summary.gas);
+    let estimate = |p: &Peak| estimate(gas, p);
     let mut text = match (peak.status, &peak.estimate) {
         (PeakStatus::NotFound, _) | (_, None) => {
             "Not found: no real vehicle read a plume, and so there is no peak.".to_owned()
@@ -99,8 +102,9 @@ pub fn peak(peak: &PeakSummary) -> String {
     if let Some(HighestReading { place: at, .. }) = &peak.highest_reading {
         let _ = write!(
             text,
-            " The highest real reading was {:.0} ppm at {}.",
-            at.co2_ppm,
+            " The highest real reading was {} {} at {}.",
+            number(gas, at.co2_ppm),
+            ppm_of(gas),
             place(at.lat_deg, at.lon_deg, at.alt_amsl_m)
         );
     }
@@ -110,8 +114,9 @@ pub fn peak(peak: &PeakSummary) -> String {
             .map_or(String::new(), |m| format!(", {m:.0} m from there"));
         let _ = write!(
             text,
-            " The stand-in's reality, which is no real aircraft's, has {:.0} ppm at its highest such place{away}.",
-            truth.co2_ppm
+            " The stand-in's reality, which is no real aircraft's, has {} {} at its highest such place{away}.",
+            number(gas, truth.co2_ppm),
+            ppm_of(gas)
         );
     }
     text
@@ -127,11 +132,12 @@ pub fn status(status: PeakStatus) -> &'static str {
     }
 }
 
-fn estimate(peak: &Peak) -> String {
+fn estimate(gas: Gas, peak: &Peak) -> String {
     format!(
-        "{:.0} ± {:.0} ppm at {}, the highest where set-points may go",
-        peak.co2_ppm,
-        peak.sd_ppm,
+        "{} ± {} {} at {}, the highest where set-points may go",
+        number(gas, peak.co2_ppm),
+        number(gas, peak.sd_ppm),
+        ppm_of(gas),
         place(peak.lat_deg, peak.lon_deg, peak.alt_amsl_m)
     )
 }
@@ -192,9 +198,10 @@ pub fn gap(gap: &GapSummary) -> String {
     )
 }
 
-fn model(text: &mut String, model: &ModelSummary, real: usize) {
+fn model(text: &mut String, summary: &MissionSummary, real: usize) {
+    let (model, gas) = (&summary.model, summary.gas);
     let Some(reality) = &model.reality else {
-        line(text, format_args!("{}", without_reality(model, real)));
+        line(text, format_args!("{}", without_reality(summary, real)));
         return;
     };
     line(
@@ -209,30 +216,36 @@ fn model(text: &mut String, model: &ModelSummary, real: usize) {
             format_args!(
                 "  {:<17} {:>7} -> {:>7}   reality {:>7}   error {:>7} -> {:>7} {}",
                 number.name,
-                figure(number, before.value),
-                figure(number, after.value),
-                figure(number, truth.value),
-                figure(number, number.error(before.value, truth.value).abs()),
-                figure(number, number.error(after.value, truth.value).abs()),
-                number.unit
+                figure(number, gas, before.value),
+                figure(number, gas, after.value),
+                figure(number, gas, truth.value),
+                figure(number, gas, number.error(before.value, truth.value).abs()),
+                figure(number, gas, number.error(after.value, truth.value).abs()),
+                number.unit_of(gas)
             ),
         );
     }
 }
 
-fn figure(number: &ModelNumber, value: f64) -> String {
-    format!("{value:.*}", number.digits)
+fn figure(number: &ModelNumber, gas: Gas, value: f64) -> String {
+    format!("{value:.*}", number.digits(gas))
 }
 
-fn without_reality(model: &ModelSummary, real: usize) -> String {
+fn without_reality(summary: &MissionSummary, real: usize) -> String {
+    let (model, gas) = (&summary.model, summary.gas);
     if real == 0 {
         return "Model: no real vehicle flew, so nothing corrected it.".to_owned();
     }
     let mut text = "Model after the mission:".to_owned();
     for number in &CORRECTED {
         let Estimate { value, sd } = (number.of)(&model.after);
-        let (v, s) = (figure(number, value), figure(number, sd));
-        let _ = write!(text, "\n  {:<17} {v:>7} ± {s} {}", number.name, number.unit);
+        let (v, s) = (figure(number, gas, value), figure(number, gas, sd));
+        let _ = write!(
+            text,
+            "\n  {:<17} {v:>7} ± {s} {}",
+            number.name,
+            number.unit_of(gas)
+        );
     }
     text
 }

@@ -22,6 +22,7 @@ fn numbers(axis_deg: f64, height_m: f64) -> ModelNumbers {
 fn known() -> SummaryContext {
     SummaryContext {
         seed: 7,
+        gas: plume::Gas::Co2,
         team: (1..=6).map(|k| k.to_string()).collect(),
         frame: synthetic::frame(),
         before: numbers(130.0, 450.0),
@@ -206,6 +207,7 @@ fn kml_reads_back_with_a_folder_a_vehicle() {
     // A name that XML would trip over.
     let around = MapFeatures {
         mission: "a < b & \"c\"".to_owned(),
+        shown: record::colour::Shown::CO2,
         stacks: vec![StackMarker {
             name: "As Pontes".to_owned(),
             lat_deg: 43.4417,

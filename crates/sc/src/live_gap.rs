@@ -48,7 +48,10 @@ impl LiveGap {
         Ok(Some(Self {
             setup: Setup::new(scenario)?,
             adopt: scenario.gap.adopt,
-            observations: Observations::default(),
+            observations: Observations {
+                gas: scenario.gas(),
+                ..Observations::default()
+            },
             interval_s: ROW_S,
             last_s: Vec::new(),
             begun: None,

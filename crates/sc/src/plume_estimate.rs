@@ -33,6 +33,8 @@ pub struct PlumeEstimate {
 impl PlumeEstimate {
     /// From a corrected model.
     pub fn of(model: &Model, base: &DispersionSpec) -> Self {
+        // A third of the sensor's noise: 1 ppm of CO2.
+        let least_ppm = (base.sensor.noise_sd_ppm / 3.0).max(f64::MIN_POSITIVE);
         let [y, z] = [&model.sigma_y_scale, &model.sigma_z_scale]
             .map(|s| (s.value + s.sd).clamp(LEAST_FACTOR, GREATEST_FACTOR));
         Self {
@@ -41,7 +43,7 @@ impl PlumeEstimate {
             axis_sd_deg: model.axis_deg.sd.clamp(0.0, 30.0),
             height_amsl_m: base.ground_amsl_m + model.effective_height_agl_m.value,
             height_sd_m: model.effective_height_agl_m.sd.clamp(0.0, 200.0),
-            strength_sd: model.c_max_ppm.sd / model.c_max_ppm.value.max(1.0),
+            strength_sd: model.c_max_ppm.sd / model.c_max_ppm.value.max(least_ppm),
             sigma_factors: (y, z),
         }
     }

@@ -62,11 +62,12 @@ impl Scenario {
         Ok(out)
     }
 
-    /// A sensor for every gas that a source emits.
+    /// A sensor for every gas that a source emits, and backgrounds of no others.
     ///
     /// # Errors
-    /// The gas that none reads.
+    /// The gas that none reads, or that none emits.
     pub(crate) fn check_gases(&self) -> Result<(), Refusal> {
+        self.check_backgrounds()?;
         match self
             .sources
             .iter()
@@ -82,6 +83,38 @@ impl Scenario {
                 ),
             )),
         }
+    }
+
+    /// A background of a gas that nothing emits is that of another by mistake.
+    fn check_backgrounds(&self) -> Result<(), Refusal> {
+        const TABLE: &str = "background.";
+        let emits = |gas: Gas| self.sources.iter().any(|s| s.gas == gas);
+        let stated = self
+            .background
+            .0
+            .iter()
+            .map(|(name, v)| (name.as_str(), "", *v));
+        let priors = self.uncertain.iter();
+        let priors = priors.filter_map(|(k, v)| Some((k.strip_prefix(TABLE)?, "uncertain.", *v)));
+        for (name, table, value) in stated.chain(priors) {
+            let Some((gas, unit)) = Gas::of_column(name) else {
+                continue;
+            };
+            if !emits(gas) {
+                let own = self.gas();
+                return Err(Refusal::new(
+                    format!("{table}{TABLE}{name}"),
+                    value,
+                    format!(
+                        "{TABLE}{}, or gas = \"{}\" in a [[source]]: none emits {}",
+                        own.column(unit),
+                        gas.as_str(),
+                        gas.formula()
+                    ),
+                ));
+            }
+        }
+        Ok(())
     }
 
     /// Writes out backgrounds and noise that are as usual for their gases.

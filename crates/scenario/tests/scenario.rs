@@ -248,9 +248,19 @@ fn values_that_cannot_be_point_at_their_line_and_say_what_can() {
             "ch4_ppm",
         ),
         (
-            "[background]\nch4_ppm = 1.95\nch4_ppb = 1950",
-            "background.ch4_ppb = 1950",
+            "[background]\nco2_ppm = 450\nco2_ppb = 450000",
+            "background.co2_ppb = 450000",
             "not both",
+        ),
+        (
+            "[background]\nch4_ppm = 1.95",
+            "s.toml:12:11: background.ch4_ppm = 1.95",
+            "background.co2_ppm, or gas = \"ch4\" in a [[source]]",
+        ),
+        (
+            "[uncertain]\n\"background.ch4_ppb\" = 20",
+            "s.toml:12:24: uncertain.background.ch4_ppb = 20",
+            "background.co2_ppb",
         ),
         (
             "[[sensor]]\ngas = \"ch4\"",

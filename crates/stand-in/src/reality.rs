@@ -8,7 +8,7 @@ use air::wind::{WindProfile, WindSeries, WindVector};
 use fdm::{AirAround, FlightState};
 use plume::effects::SensorAir;
 use plume::sensor::Sensor;
-use plume::{DispersionModel, Place, UnsteadyAir};
+use plume::{DispersionModel, Gas, Place, UnsteadyAir};
 use rand::rngs::ChaCha8Rng;
 
 /// Height at which MIL-F-8785C takes the wind that makes turbulence, m (20 ft).
@@ -42,6 +42,11 @@ pub(crate) struct Reality {
 }
 
 impl Reality {
+    /// The gas that its sensor reads.
+    pub(crate) fn gas(&self) -> Gas {
+        self.model.spec().sources[0].gas
+    }
+
     pub(crate) fn new(
         model: DispersionModel,
         frame: LocalFrame,

@@ -7,6 +7,10 @@ const PHASES = [["take-off", "Take-off"], ["preliminary", "Preliminary"], ["sear
 const NUMBERS = [["axis_deg", "axis, towards °", 1], ["effective_height_agl_m", "height H, m AGL", 0],
   ["c_max_ppm", "c_MAX, ppm", 0], ["sigma_y_scale", "σy scale", 2], ["sigma_z_scale", "σz scale", 2],
   ["background_ppm", "background, ppm", 1]];
+// Digits that a mole fraction of the mission's gas needs beside those of CO2.
+const more = key => key.endsWith("_ppm") ? site.digits : 0;
+// What counts as much as a ppm of CO2, as far as colours and shades go.
+const unit = () => (site.red_ppm - site.grey_ppm) / 390;
 const LEVELS = { automatic: "automatic", pilot: "PILOT", guardian: "Guardian" };
 
 let site = null, live = null, socket = null, drawn = null;
@@ -118,14 +122,14 @@ function drawPlume(box) {
     const excess = Math.max(0, p.ppm[r * p.columns + c] - back);
     const at = 4 * ((p.rows - 1 - r) * p.columns + c);
     image.data[at] = 47; image.data[at + 1] = 111; image.data[at + 2] = 159;
-    image.data[at + 3] = 165 * (1 - Math.exp(-excess / 160));
+    image.data[at + 3] = 165 * (1 - Math.exp(-excess / (160 * unit())));
   }
   paint.putImageData(image, 0, 0);
   const half = p.step / 2;
   const [x, y] = place(box, p.e - half, p.n + (p.rows - 1) * p.step + half);
   ctx.imageSmoothingEnabled = true; ctx.imageSmoothingQuality = "high";
   ctx.drawImage(patch, x, y, p.columns * p.step * view.scale, p.rows * p.step * view.scale);
-  for (const level of [20, 50, 100, 200, 400, 800]) contour(box, p, back + level, level);
+  for (const level of site.levels_ppm) contour(box, p, back + level, level);
 }
 
 // Marching squares: each cell gives at most two pieces of the line.
@@ -150,7 +154,7 @@ function contour(box, p, value, level) {
   ctx.lineWidth = 1; ctx.strokeStyle = "rgba(36,88,130,.55)"; ctx.stroke();
   if (furthest) {
     ctx.font = "10.5px system-ui, sans-serif"; ctx.textAlign = "center";
-    label("+" + level, furthest[1][0], furthest[1][1] + 3, "#245882");
+    label("+" + Number(level.toPrecision(2)), furthest[1][0], furthest[1][1] + 3, "#245882");
   }
 }
 
@@ -281,7 +285,7 @@ function fillTeam() {
     row.cells[1].title = v.reason || "";
     row.cells[2].textContent = number(v.agl, 0);
     row.cells[3].textContent = number(v.airspeed, 1);
-    row.cells[4].textContent = number(v.ppm, 0);
+    row.cells[4].textContent = number(v.ppm, site.digits);
     button.dataset.wish = automatic ? "take-over" : "hand-back";
     button.textContent = automatic ? "take over" : "hand back";
     button.title = automatic ? "hold it level until it is handed back" : v.reason || "";
@@ -297,9 +301,10 @@ function fillModel() {
   for (const [key, name, digits] of NUMBERS) {
     const row = body.insertRow();
     cell(row, name);
-    cell(row, number(live.before[key][0], digits));
-    cell(row, number(live.model[key][0], digits));
-    cell(row, number(live.model[key][1], digits + 1));
+    const shown = digits + more(key);
+    cell(row, number(live.before[key][0], shown));
+    cell(row, number(live.model[key][0], shown));
+    cell(row, number(live.model[key][1], shown + 1));
   }
   $("taken").textContent = `${live.model.observations} real readings taken in`;
   $("mechanisms").textContent = live.model.mechanisms.length ? "Extended by " + live.model.mechanisms.join(", ") : "";
@@ -309,7 +314,7 @@ function fillPeak() {
   const p = live.peak, box = $("peak");
   if (!p) return;
   const big = document.createElement("b"), rest = document.createElement("span");
-  big.textContent = `${p.ppm.toFixed(0)} ± ${p.sd.toFixed(0)} ppm`;
+  big.textContent = `${p.ppm.toFixed(site.digits)} ± ${p.sd.toFixed(site.digits)} ppm`;
   const from = site.stacks[0];
   const d = from ? Math.hypot(p.e - from.e, p.n - from.n) : NaN;
   const agl = p.alt - site.ground_amsl_m;
@@ -368,7 +373,7 @@ function drawChart() {
     const flat = live.tracks[v.id] || [], t = [], y = [];
     for (let i = 0; i < flat.length; i += 4) { t.push(flat[i] / 60); y.push(flat[i + 3]); }
     return {
-      x: t, y, name: v.id + (v.real ? " real" : ""), mode: "lines", hovertemplate: "%{y:.0f} ppm",
+      x: t, y, name: v.id + (v.real ? " real" : ""), mode: "lines", hovertemplate: `%{y:.${site.digits}f} ppm`,
       line: { color: v.real ? "#d3131f" : SHADES[shade++ % SHADES.length], width: v.real ? 1.8 : 1 },
     };
   }).sort((a, b) => a.line.width - b.line.width);
@@ -435,8 +440,12 @@ async function start() {
   site = await (await fetch("site.json")).json();
   document.title = "Plumage: " + site.mission;
   $("mission").textContent = site.mission;
-  $("scale-ppm-low").textContent = "≤ " + site.grey_ppm;
-  $("scale-ppm-high").textContent = "≥ " + site.red_ppm;
+  $("scale-ppm-low").textContent = "≤ " + number(site.grey_ppm, site.digits);
+  $("scale-ppm-high").textContent = "≥ " + number(site.red_ppm, site.digits);
+  // CO₂ for CO2.
+  const formula = site.gas.replace(/\d/g, d => String.fromCharCode(0x2080 + Number(d)));
+  $("scale-gas").textContent = `ppm ${formula} as read`;
+  $("chart-gas").textContent = `${formula} as read, ppm`;
   $("scale-bar").style.background = `linear-gradient(90deg, ${site.colours.map(([at, c]) => `${c} ${100 * at}%`).join(",")})`;
   listen(); drawMap(); drawWind(); connect();
 }

@@ -11,6 +11,7 @@ pub use tracer::tracer;
 use crate::html::{Document, number};
 use gap::plume::{GapReport, Series};
 use gap::verdict::{Cause, GapJson, HeldOut, NextFlight, Verdict};
+use plume::Gas;
 
 /// Rows of the ranking that are listed.
 const RANKED: usize = 15;
@@ -20,7 +21,7 @@ const DETECTABLE: usize = 30;
 /// The report of an analysis of concentrations along tracks. `title` names the data.
 pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
     let mut page = opening("Plumage gap report: plume and sensors", title, json);
-    measured(&mut page, report);
+    measured(&mut page, json, report);
     page.section("Where the simulation departs from the data");
     if let Some(series) = report
         .series
@@ -29,7 +30,7 @@ pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
     {
         page.plot(
             430,
-            figures::series(series),
+            figures::series(series, gas(json)),
             &format!(
                 "Above: platform {}, which departs most from the base, as it read, and as the base \
                  and the extended model predict it. Below: the misfit in standard deviations of the \
@@ -57,7 +58,7 @@ pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
         let rows: Vec<Vec<String>> = report
             .noise
             .iter()
-            .map(|(name, value, unit)| vec![name.clone(), number(*value, 3), unit.clone()])
+            .map(|(name, value, unit)| vec![name.clone(), size(*value, unit, json), unit.clone()])
             .collect();
         page.table(
             "The noise fitted with the base.",
@@ -78,9 +79,22 @@ pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
     page.finish()
 }
 
+/// The gas that was read.
+fn gas(json: &GapJson) -> Gas {
+    json.gas.unwrap_or_default()
+}
+
+/// The size of a term of the noise.
+fn size(value: f64, unit: &str, json: &GapJson) -> String {
+    let more = if unit == "ppm" { gas(json).digits() } else { 0 };
+    number(value, 3 + more)
+}
+
 /// What was measured: who read how much, when and where.
-fn measured(page: &mut Document, report: &GapReport) {
-    let rows: Vec<Vec<String>> = report.series.iter().filter_map(measured_row).collect();
+fn measured(page: &mut Document, json: &GapJson, report: &GapReport) {
+    let digits = gas(json).digits();
+    let series = report.series.iter();
+    let rows: Vec<Vec<String>> = series.filter_map(|s| measured_row(s, digits)).collect();
     if rows.is_empty() {
         return;
     }
@@ -94,13 +108,13 @@ fn measured(page: &mut Document, report: &GapReport) {
             "used",
             "time, s",
             "height above ground, m",
-            "lowest and highest, ppm",
+            &format!("lowest and highest, ppm {}", gas(json).formula()),
         ],
         &rows,
     );
 }
 
-fn measured_row(series: &Series) -> Option<Vec<String>> {
+fn measured_row(series: &Series, digits: usize) -> Option<Vec<String>> {
     let range = |values: &[f64], digits: usize| {
         let finite = || values.iter().copied().filter(|v| v.is_finite());
         let low = finite().fold(f64::INFINITY, f64::min);
@@ -115,7 +129,7 @@ fn measured_row(series: &Series) -> Option<Vec<String>> {
             series.used.iter().filter(|u| **u).count().to_string(),
             range(&series.time_s, 0),
             range(&series.height_agl_m, 0),
-            range(&series.measured_ppm, 0),
+            range(&series.measured_ppm, digits),
         ]
     })
 }

@@ -62,10 +62,10 @@ impl Document {
     }
 
     /// Large figures in a row: value, unit, label.
-    pub(crate) fn figures(&mut self, figures: &[(String, &str, String)]) {
+    pub(crate) fn figures<U: AsRef<str>>(&mut self, figures: &[(String, U, String)]) {
         self.body.push_str("<div class=\"cards\">");
         for (value, unit, label) in figures {
-            let (value, unit, label) = (escape(value), escape(unit), escape(label));
+            let (value, unit, label) = (escape(value), escape(unit.as_ref()), escape(label));
             self.push(format_args!(
                 "<div class=\"card\"><b>{value}<small> {unit}</small></b><span>{label}</span></div>"
             ));

@@ -1,5 +1,6 @@
 //! What the page shows while a mission flies, kept small from the messages on the bus.
 
+use crate::plot::rounded;
 use crate::site::{Grid, SiteMap};
 use protocol::message::{
     ControlLevel, Estimate, Extension, Message, Mode, Model, Peak, Phase, PromisingPoint, Reading,
@@ -160,7 +161,7 @@ impl LiveState {
             "tracks": self.tracks_json(),
             "stars": self.promising.iter().map(|p| {
                 let at = self.site.enu(p.lat_deg, p.lon_deg);
-                json!([whole(at.east_m), whole(at.north_m), tenths(p.fitness_ppm)])
+                json!([whole(at.east_m), whole(at.north_m), self.tenths(p.fitness_ppm)])
             }).collect::<Vec<_>>(),
             "before": self.before.as_deref().map(model_json),
             "model": self.model.as_deref().map(model_json),
@@ -205,7 +206,7 @@ impl LiveState {
             .collect()
     }
 
-    /// Each track as one flat list of time, east, north and ppm: whole numbers keep it small.
+    /// Each track as one flat list of time, east, north and ppm: rounded numbers keep it small.
     fn tracks_json(&self) -> BTreeMap<&str, Vec<Value>> {
         self.tracks
             .by_vehicle()
@@ -213,7 +214,8 @@ impl LiveState {
             .map(|(id, track)| {
                 let flat = track.points.items().iter().flat_map(|p| {
                     let at = self.site.enu(p.lat_deg, p.lon_deg);
-                    [p.time_s, at.east_m, at.north_m, p.co2_ppm].map(whole)
+                    let [time, east, north] = [p.time_s, at.east_m, at.north_m].map(whole);
+                    [time, east, north, self.shown(p.co2_ppm)]
                 });
                 (id.as_str(), flat.collect())
             })
@@ -236,8 +238,23 @@ impl LiveState {
             "columns": grid.east_m.len(),
             "rows": grid.north_m.len(),
             "agl": grid.alt_amsl_m - self.site.frame.ground_amsl_m,
-            "ppm": grid.ppm.iter().map(|&p| tenths(p)).collect::<Vec<_>>(),
+            "ppm": grid.ppm.iter().map(|&p| self.tenths(p)).collect::<Vec<_>>(),
         })
+    }
+}
+
+impl LiveState {
+    /// ppm with the digits that are shown, as a whole number where there are none.
+    fn shown(&self, ppm: f64) -> Value {
+        match self.site.shown.gas.digits() {
+            0 => whole(ppm),
+            _ => rounded(ppm, self.site.shown.steps_per_ppm()),
+        }
+    }
+
+    /// ppm with a digit more than is shown.
+    fn tenths(&self, ppm: f64) -> Value {
+        rounded(ppm, 10.0 * self.site.shown.steps_per_ppm())
     }
 }
 
@@ -264,11 +281,7 @@ fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
-/// Rounded to whole metres, seconds or ppm.
+/// Rounded to whole metres, seconds or ppm of CO2.
 fn whole(value: f64) -> Value {
     json!(value.round() as i64)
-}
-
-fn tenths(value: f64) -> Value {
-    finite((value * 10.0).round() / 10.0).map_or(Value::Null, |v| json!(v))
 }

@@ -7,7 +7,7 @@ use crate::html::{Document, number};
 use crate::site::{MapPoint, SiteMap};
 use protocol::message::{ControlLevel, Message, Model, Phase, Severity, VehicleKind};
 use protocol::{Envelope, SimTime, Topic};
-use record::summary::{CORRECTED, MissionSummary, ModelNumbers};
+use record::summary::{CORRECTED, MissionSummary, ModelNumbers, ppm_of};
 use record::text;
 use record::tracks::{DecimatedSeries, Tracks, VehicleTrack};
 use scenario::airspace::SETPOINT_MARGIN_M;
@@ -102,7 +102,7 @@ impl Report {
     pub fn html(&self, summary: &MissionSummary) -> String {
         let mut page = Document::new("Plumage mission report", &self.site.mission);
         let expected = self.expected();
-        let mut first = vec![lead(summary), text::peak(&summary.peak)];
+        let mut first = vec![lead(summary), text::peak(summary)];
         first.extend(summary.flux.iter().map(text::flux));
         first.extend(summary.gap.as_ref().map(text::gap));
         page.lead(&first);
@@ -140,7 +140,7 @@ impl Report {
                     v.id.clone(),
                     text::vehicle_kind(v.kind).to_owned(),
                     number(v.distance_m / 1000.0, 1),
-                    number(v.peak_ppm.unwrap_or(f64::NAN), 0),
+                    number(v.peak_ppm.unwrap_or(f64::NAN), summary.gas.digits()),
                     v.peak_time_s.map_or_else(|| "–".to_owned(), text::duration),
                     number(
                         v.peak_alt_amsl_m.unwrap_or(f64::NAN) - self.site.frame.ground_amsl_m,
@@ -149,11 +149,12 @@ impl Report {
                 ]
             })
             .collect();
+        let highest = format!("highest reading, ppm {}", summary.gas.formula());
         let head = [
             "vehicle",
             "kind",
             "way, km",
-            "highest reading, ppm",
+            &highest,
             "read at",
             "height AGL, m",
         ];
@@ -173,12 +174,19 @@ impl Report {
             620,
             plot,
             &format!(
-                "Tracks coloured by the CO2 read on them, in km from the site's origin. Blue: the \
+                "Tracks coloured by the {} read on them, in km from the site's origin. Blue: the \
                  plume of the model as the mission left it, at the height of its axis, with lines \
                  at {} ppm above background.{reality}",
-                figures::LEVELS_PPM.map(|l| number(l, 0)).join(", ")
+                self.site.shown.gas.formula(),
+                self.levels()
             ),
         );
+    }
+
+    /// The contour lines, ppm, in words.
+    fn levels(&self) -> String {
+        let shown = &self.site.shown;
+        shown.levels_ppm().map(|l| shown.number(l)).join(", ")
     }
 
     fn learned(&self, page: &mut Document, summary: &MissionSummary) {
@@ -193,14 +201,15 @@ impl Report {
         let rows: Vec<Vec<String>> = CORRECTED
             .iter()
             .map(|n| {
+                let digits = n.digits(summary.gas);
                 let (before, after) = ((n.of)(&model.before), (n.of)(&model.after));
-                let figure = |v: f64, sd: f64| {
-                    format!("{} ± {}", number(v, n.digits), number(sd, n.digits + 1))
-                };
-                let name = if n.unit.is_empty() {
+                let figure =
+                    |v: f64, sd: f64| format!("{} ± {}", number(v, digits), number(sd, digits + 1));
+                let unit = n.unit_of(summary.gas);
+                let name = if unit.is_empty() {
                     n.name.to_owned()
                 } else {
-                    format!("{}, {}", n.name, n.unit)
+                    format!("{}, {unit}", n.name)
                 };
                 let mut row = vec![
                     name,
@@ -209,9 +218,9 @@ impl Report {
                 ];
                 if let Some(reality) = &model.reality {
                     let truth = (n.of)(reality).value;
-                    row.push(number(truth, n.digits));
-                    row.push(number(n.error(before.value, truth), n.digits));
-                    row.push(number(n.error(after.value, truth), n.digits));
+                    row.push(number(truth, digits));
+                    row.push(number(n.error(before.value, truth), digits));
+                    row.push(number(n.error(after.value, truth), digits));
                 }
                 row
             })
@@ -224,7 +233,11 @@ impl Report {
                        has them, ahead of the preliminary flight.";
         page.table(caption, &head, &rows);
         if self.history.items().len() > 1 {
-            let plot = figures::history(self.history.items(), model.reality.as_ref());
+            let plot = figures::history(
+                self.history.items(),
+                model.reality.as_ref(),
+                &self.site.shown,
+            );
             let caption = "The model's numbers along the mission with a band of two standard \
                            deviations. Dashed: the stand-in's reality, where it is known.";
             page.plot(430, plot, caption);
@@ -238,12 +251,16 @@ impl Report {
         page.section("What was read and what was expected");
         page.plot(
             430,
-            figures::readings(expected),
-            "Above: CO2 as the real vehicles read it, and as the model expects it along their \
-             tracks before and after the mission. Below: reading minus expectation. The \
-             expectation is a mean field; gusts move the real plume about it, and the sensor's \
-             lag is not taken out here.",
+            figures::readings(expected, &self.site.shown),
+            &format!(
+                "Above: {} as the real vehicles read it, and as the model expects it along their \
+                 tracks before and after the mission. Below: reading minus expectation. The \
+                 expectation is a mean field; gusts move the real plume about it, and the sensor's \
+                 lag is not taken out here.",
+                self.site.shown.gas.formula()
+            ),
         );
+        let tenths = self.site.shown.gas.digits() + 1;
         let rows: Vec<Vec<String>> = expected
             .iter()
             .map(|e| {
@@ -251,8 +268,8 @@ impl Report {
                 vec![
                     e.id.to_owned(),
                     e.read_ppm.len().to_string(),
-                    number(before, 1),
-                    number(after, 1),
+                    number(before, tenths),
+                    number(after, tenths),
                 ]
             })
             .collect();
@@ -270,7 +287,7 @@ impl Report {
 
     fn peak(&self, page: &mut Document, summary: &MissionSummary) {
         page.section("The peak");
-        page.paragraph(&text::peak(&summary.peak));
+        page.paragraph(&text::peak(summary));
         if let Some(found) = summary.peak.estimate {
             let from = self.site.stacks.first();
             let distance = from.map(|s| {
@@ -292,12 +309,12 @@ impl Report {
         page.section("What remains");
         let mut items = Vec::new();
         if let Some(reality) = &summary.model.reality {
-            items.extend(outside(&summary.model.after, reality));
+            items.extend(outside(summary, reality));
         }
         for e in expected {
-            let rms = e.rms(&e.after_ppm);
+            let rms = number(e.rms(&e.after_ppm), summary.gas.digits() + 1);
             items.push(format!(
-                "Vehicle {}: {rms:.1} ppm (rms) of its readings are not explained by the model's \
+                "Vehicle {}: {rms} ppm (rms) of its readings are not explained by the model's \
                  mean field: turbulence, the sensor's noise and lag, and what the model lacks. \
                  The command plumage gap plume on this mission's recording tells these apart.",
                 e.id
@@ -394,9 +411,9 @@ fn lead(summary: &MissionSummary) -> String {
             format!(
                 "{} from {} to {} {}",
                 n.name,
-                number(error(&summary.model.before), n.digits),
-                number(error(&summary.model.after), n.digits),
-                n.unit
+                number(error(&summary.model.before), n.digits(summary.gas)),
+                number(error(&summary.model.after), n.digits(summary.gas)),
+                n.unit_of(summary.gas)
             )
         });
         text += &format!(
@@ -407,28 +424,43 @@ fn lead(summary: &MissionSummary) -> String {
     text
 }
 
-fn cards(summary: &MissionSummary) -> Vec<(String, &'static str, String)> {
+fn cards(summary: &MissionSummary) -> Vec<(String, String, String)> {
     let mut cards = Vec::new();
     if let Some(peak) = summary.peak.estimate {
         let label = format!("peak, {}", text::status(summary.peak.status));
-        cards.push((number(peak.co2_ppm, 0), "ppm", label));
+        let unit = ppm_of(summary.gas);
+        cards.push((number(peak.co2_ppm, summary.gas.digits()), unit, label));
     }
     if let Some(error_m) = summary.peak.error_m {
-        cards.push((number(error_m, 0), "m", "from the true peak".to_owned()));
+        cards.push((
+            number(error_m, 0),
+            "m".to_owned(),
+            "from the true peak".to_owned(),
+        ));
     }
     for n in CORRECTED.iter().take(3) {
         let after = (n.of)(&summary.model.after);
-        let label = format!("{} ± {}", n.name, number(after.sd, n.digits + 1));
-        cards.push((number(after.value, n.digits), n.unit, label));
+        let label = format!(
+            "{} ± {}",
+            n.name,
+            number(after.sd, n.digits(summary.gas) + 1)
+        );
+        cards.push((
+            number(after.value, n.digits(summary.gas)),
+            n.unit_of(summary.gas),
+            label,
+        ));
     }
     cards
 }
 
-/// Numbers of `after` that are further from `reality` than two standard deviations.
-fn outside(after: &ModelNumbers, reality: &ModelNumbers) -> Vec<String> {
+/// Numbers of the model after the mission that are further from `reality` than two standard deviations.
+fn outside(summary: &MissionSummary, reality: &ModelNumbers) -> Vec<String> {
+    let after = &summary.model.after;
     CORRECTED
         .iter()
         .filter_map(|n| {
+            let digits = n.digits(summary.gas);
             let (found, truth) = ((n.of)(after), (n.of)(reality));
             let error = n.error(found.value, truth.value);
             (error.abs() > 2.0 * found.sd).then(|| {
@@ -436,8 +468,8 @@ fn outside(after: &ModelNumbers, reality: &ModelNumbers) -> Vec<String> {
                     "The {} is off by {}, more than twice the model's own standard deviation of {}: the \
                      model is too sure of it.",
                     n.name,
-                    format!("{} {}", number(error, n.digits), n.unit).trim_end(),
-                    number(found.sd, n.digits + 1)
+                    format!("{} {}", number(error, digits), n.unit_of(summary.gas)).trim_end(),
+                    number(found.sd, digits + 1)
                 )
             })
         })

@@ -2,6 +2,7 @@
 
 use air::geo::{Enu, Geodetic, LocalFrame};
 use protocol::message::Model;
+use record::colour::Shown;
 use record::kml::StackMarker;
 use record::summary::PlaceOfPeak;
 use record::tracks::Tracks;
@@ -17,9 +18,9 @@ pub struct MapPoint {
     pub alt_amsl_m: f64,
 }
 
-/// Mean CO2 in ppm, background included, that a model has at some points; one value a point.
+/// Mean mole fraction in ppm, background included, that a model has at some points; one value a point.
 pub type ModelField = Arc<dyn Fn(&Model, &[MapPoint]) -> Vec<f64> + Send + Sync>;
-/// Mean CO2 in ppm, background included, of the stand-in's reality at some points.
+/// Mean mole fraction in ppm, background included, of the stand-in's reality at some points.
 pub type RealityField = Arc<dyn Fn(&[MapPoint]) -> Vec<f64> + Send + Sync>;
 
 /// What stands on the map whatever the mission does.
@@ -27,6 +28,8 @@ pub type RealityField = Arc<dyn Fn(&[MapPoint]) -> Vec<f64> + Send + Sync>;
 pub struct SiteMap {
     /// Name of the mission.
     pub mission: String,
+    /// How readings are shown.
+    pub shown: Shown,
     /// Planned length of the mission, s.
     pub duration_s: f64,
     /// The site's frame.
@@ -180,6 +183,12 @@ impl SiteMap {
         self.frame.ground_amsl_m + model.effective_height_agl_m.value
     }
 
+    /// Contour lines of the page, ppm above background: those of the report and more between and above.
+    fn levels_ppm(&self) -> [f64; 6] {
+        let [low, _, high] = self.shown.levels_ppm();
+        [low, 2.5 * low, 5.0 * low, 0.5 * high, high, 2.0 * high]
+    }
+
     /// What the page's script needs once.
     pub(crate) fn json(&self) -> Value {
         json!({
@@ -196,8 +205,11 @@ impl SiteMap {
                 [at.east_m, at.north_m]
             }).collect::<Vec<_>>(),
             "colours": record::colour::stops(),
-            "grey_ppm": record::colour::GREY_PPM,
-            "red_ppm": record::colour::RED_PPM,
+            "gas": self.shown.gas.formula(),
+            "digits": self.shown.gas.digits(),
+            "grey_ppm": self.shown.grey_ppm,
+            "red_ppm": self.shown.red_ppm,
+            "levels_ppm": self.levels_ppm(),
         })
     }
 }

@@ -382,9 +382,8 @@ fn too_little_leaves_the_prior() {
 
 /// Readings that carry a wind of their own are carried by it, and so is the peak that is told: the
 /// scenario's wind, 12 degrees off, has no part in it.
-#[test]
-fn a_logged_wind_carries_the_answer_too() {
-    let scenario = Scenario::parse("s.toml", SCENARIO).unwrap();
+/// Passes with the wind of the truth logged, as CSV; the readings times `factor`.
+fn logged(scenario: &Scenario, factor: f64) -> String {
     let frame = scenario.frame().unwrap();
     let mut text =
         "time_s,platform,lat_deg,lon_deg,alt_amsl_m,co2_ppm,wind_speed_m_s,wind_from_deg\n"
@@ -405,14 +404,22 @@ fn a_logged_wind_carries_the_answer_too() {
         });
         let noise = f64::from(k * 7919 % 13) - 6.0;
         text += &format!(
-            "{k},6,{:.7},{:.7},{:.1},{:.1},7,{:.1}\n",
+            "{k},6,{:.7},{:.7},{:.1},{},7,{:.1}\n",
             at.lat_deg,
             at.lon_deg,
             place.height_agl_m + 340.0,
-            TRUTH.ppm(&place) + 0.5 * noise,
+            factor * (10.0 * (TRUTH.ppm(&place) + 0.5 * noise)).round() / 10.0,
             TRUTH.towards_deg + 180.0
         );
     }
+    text
+}
+
+#[test]
+fn a_logged_wind_carries_the_answer_too() {
+    let scenario = Scenario::parse("s.toml", SCENARIO).unwrap();
+    let (s, c) = TRUTH.towards_deg.to_radians().sin_cos();
+    let text = logged(&scenario, 1.0);
     let observations = scenario::observations::parse(&[("o.csv", &text)], plume::Gas::Co2).unwrap();
     let found = ws::calibration::offline::calibrate(&scenario, &observations, None).unwrap();
     let axis_deg = found.calibrated.axis_deg;
@@ -431,4 +438,45 @@ fn a_logged_wind_carries_the_answer_too() {
         "{met:?}"
     );
     assert!(met.sd < 0.05 * met.value, "{met:?}");
+}
+
+/// All concentrations and their settings by a thousandth change the unit alone, with the priors that a
+/// scenario marks and with those that it does not.
+#[test]
+fn a_thousandth_of_the_gas_is_the_same_answer() {
+    let thousandth = SCENARIO
+        .replace("co2_ppm = 449.0", "co2_ppm = 0.449")
+        .replace("noise_sd_ppm = 3.0", "noise_sd_ppm = 0.003")
+        .replace("c_max_ppm = 410.0", "c_max_ppm = 0.41");
+    let unmarked = "\"source.c_max_ppm\" = 120.0\n\"background.co2_ppm\" = 4.0\n";
+    let marked = "\"source.c_max_ppm\" = 0.12\n\"background.co2_ppm\" = 0.004\n";
+    for (own, other) in [
+        (SCENARIO.to_owned(), thousandth.replace(unmarked, marked)),
+        (
+            SCENARIO.replace(unmarked, ""),
+            thousandth.replace(unmarked, ""),
+        ),
+    ] {
+        let found = [(own, 1.0), (other, 1e-3)].map(|(world, factor)| {
+            let scenario = Scenario::parse("s.toml", &world).unwrap();
+            let text = logged(&scenario, factor);
+            let rows = scenario::observations::parse(&[("o.csv", &text)], scenario.gas()).unwrap();
+            let found = ws::calibration::offline::calibrate(&scenario, &rows, None).unwrap();
+            (found.calibrated, factor)
+        });
+        let same = |of: &dyn Fn(&ws::calibration::Calibrated) -> protocol::message::Estimate,
+                    ppm: bool| {
+            let [(a, _), (b, factor)] = &found;
+            let (a, b) = (of(a), of(b));
+            let factor = if ppm { *factor } else { 1.0 };
+            for (a, b) in [(a.value, b.value), (a.sd, b.sd)] {
+                assert!((b / (factor * a) - 1.0).abs() < 1e-3, "{a} {b}");
+            }
+        };
+        same(&|c| c.c_max_ppm, true);
+        same(&|c| c.background_ppm, true);
+        same(&|c| c.axis_deg, false);
+        same(&|c| c.effective_height_agl_m, false);
+        same(&|c| c.sigma_y_scale, false);
+    }
 }

@@ -1,5 +1,6 @@
 //! The answer as `gap.json` has it, and in words.
 
+use ::plume::Gas;
 use ::plume::mechanism::{Coordinate, MechanismId};
 use scenario::observations::Observations;
 
@@ -67,10 +68,13 @@ pub(crate) fn stated(
         "the plume is carried by {}",
         wind::describe(study.carried)
     ));
+    let gas = study.setup.gas();
     let json = GapJson {
         schema: SCHEMA,
+        gas: Some(gas),
         verdict,
         summary: summary(
+            gas,
             verdict,
             &causes,
             unexplained.as_ref(),
@@ -530,6 +534,7 @@ pub(crate) fn nothing_to_tell(
     };
     let json = GapJson {
         schema: SCHEMA,
+        gas: Some(setup.gas()),
         verdict: Verdict::Insufficient,
         summary: reason.clone(),
         causes: Vec::new(),
@@ -561,6 +566,7 @@ pub(crate) fn nothing_to_tell(
 
 /// The answer in a few sentences: first whether the readings follow the plume at all.
 fn summary(
+    gas: Gas,
     verdict: Verdict,
     causes: &[Cause],
     unexplained: Option<&Unexplained>,
@@ -571,13 +577,19 @@ fn summary(
     let contact = contact.map_or("", |c| c.says.as_str());
     let named: Vec<String> = causes.iter().map(cause_words).collect();
     let named = named.join("; ");
+    let digits = 2 + gas.digits();
     let gained = gain.map_or_else(String::new, |g| {
         let h = &g.gain.held_out;
         format!(
-            " On passes left out the log score gains {:.1} nats and the RMSE goes from {:.2} to {:.2} ppm.",
+            " On passes left out the log score gains {:.1} nats and the RMSE goes from {:.digits$} to {:.digits$} ppm{}.",
             h.log_score_after - h.log_score_before,
             h.rmse_before,
-            h.rmse_after
+            h.rmse_after,
+            if gas == Gas::Co2 {
+                String::new()
+            } else {
+                format!(" of {}", gas.formula())
+            }
         )
     });
     let said = match verdict {

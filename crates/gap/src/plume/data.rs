@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use ::plume::Gas;
 use ::plume::effects::SensorAir;
 use ::plume::field::{DispersionModel, DispersionSpec, Place, Strength, Transport};
 use ::plume::mechanism::{Coordinate, Mechanism, MechanismId};
@@ -64,6 +65,13 @@ pub struct Setup {
     pub priors: Vec<Prior>,
     /// Where it lets aircraft fly.
     pub airspace: Airspace,
+}
+
+impl Setup {
+    /// The gas that is read: that of the first source.
+    pub fn gas(&self) -> Gas {
+        self.base.sources.first().map_or(Gas::Co2, |s| s.gas)
+    }
 }
 
 /// Where a scenario lets aircraft fly.

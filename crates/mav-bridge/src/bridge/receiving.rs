@@ -7,17 +7,19 @@ use crate::command_queue::VehicleCommand;
 use crate::dialect::{
     ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA,
     HYGROMETER_SENSOR_DATA, MavAutopilot, MavMessage, MavSeverity, MavState, MavType,
-    PARAM_VALUE_DATA, SCALED_PRESSURE_DATA, SYS_STATUS_DATA, VFR_HUD_DATA, WIND_DATA,
+    NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA, SCALED_PRESSURE_DATA, SYS_STATUS_DATA, VFR_HUD_DATA,
+    WIND_DATA,
 };
 use crate::event::event;
 use crate::wire::RawFrame;
 use mavlink::MessageData;
+use plume::{Gas, Unit};
 use protocol::SimTime;
 use protocol::control_level::{ControlEvent, Danger};
 use protocol::message::Severity;
 
-/// Name under which a gas reading arrives.
-const GAS_NAME: &str = "CO2";
+/// After a gas' formula where its reading is in ppb.
+const IN_PPB: &str = "_PPB";
 /// Bytes that must have come in without a frame before the team is warned.
 const NO_FRAMES_AFTER_BYTES: u64 = 2000;
 /// Telemetry asked for must have come after this long, s.
@@ -201,8 +203,11 @@ impl Bridge {
             MavMessage::SCALED_PRESSURE(m) => received.pressure = Some((now, m)),
             MavMessage::HYGROMETER_SENSOR(m) => received.hygrometer = Some((now, m)),
             MavMessage::EXTENDED_SYS_STATE(m) => received.landed = Some((now, m)),
-            MavMessage::NAMED_VALUE_FLOAT(m) if text(&m.name[..]) == GAS_NAME => {
-                out.reading = self.telemetry.reading(&m, now).or(out.reading.take());
+            MavMessage::NAMED_VALUE_FLOAT(m) => {
+                if let Some(ppm) = self.ppm(&m) {
+                    let taken = self.telemetry.reading(ppm, m.time_boot_ms, now);
+                    out.reading = taken.or(out.reading.take());
+                }
             }
             MavMessage::COMMAND_ACK(m) => {
                 if let Some(outcome) = self.commands.acknowledge(m.command, m.result, now) {
@@ -296,6 +301,26 @@ impl Bridge {
 }
 
 /// The text of a field up to its first zero.
+impl Bridge {
+    /// The reading of the gas that counts, ppm; none of another value, or of what cannot be read.
+    fn ppm(&self, named: &NAMED_VALUE_FLOAT_DATA) -> Option<f64> {
+        let name = text(&named.name[..]);
+        let unit = match name.strip_prefix(self.config.gas.formula())? {
+            "" => Unit::Ppm,
+            IN_PPB => Unit::Ppb,
+            _ => return None,
+        };
+        let ppm = unit.to_ppm(f64::from(named.value));
+        // Air holds so much CO2 that no noise takes a reading below zero; of other gases it may.
+        let least_ppm = if self.config.gas == Gas::Co2 {
+            0.0
+        } else {
+            -1.0
+        };
+        (least_ppm..=1e6).contains(&ppm).then_some(ppm)
+    }
+}
+
 fn text(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|&b| b == 0).unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).into_owned()

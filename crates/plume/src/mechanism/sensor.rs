@@ -56,7 +56,7 @@ pub(super) const DRIFT: MechanismSpec = MechanismSpec {
 pub(super) const SATURATION: MechanismSpec = MechanismSpec {
     name: "sensor-saturation",
     family: Family::Sensor,
-    parameters: &[limit("limit_ppm", "ppm", 800.0, 1.0, 1e6)],
+    parameters: &[limit("limit_ppm", "ppm", 800.0, 1e-6, 1e6)],
     sign: "no reading above this limit",
     action: Action::OnSensor(|e, v| e.limit_ppm = e.limit_ppm.min(v[0])),
     steps: Steps::PartsOfRange,

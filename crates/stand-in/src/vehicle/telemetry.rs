@@ -310,7 +310,7 @@ impl StandIn {
         NAMED_VALUE_FLOAT_DATA {
             time_boot_ms: boot_ms(time_s),
             value: ppm as f32,
-            name: "CO2".into(),
+            name: self.reality.gas().formula().into(),
         }
     }
 

@@ -4,6 +4,7 @@ use crate::plot::{panel_title, rounded, stride};
 use gap::plume::{GapReport, Series};
 use gap::tracer::ArcDetail;
 use gap::verdict::{Ranked, ResidualBin};
+use plume::Gas;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
@@ -22,7 +23,8 @@ fn list(values: &[f64], step: usize, per_unit: f64) -> Vec<Value> {
 }
 
 /// Readings and predictions of one platform, with the standardised misfit below.
-pub(super) fn series(s: &Series) -> Value {
+pub(super) fn series(s: &Series, gas: Gas) -> Value {
+    let tenths = 10f64.powi(1 + i32::try_from(gas.digits()).unwrap_or_default());
     let step = stride(s.time_s.len(), POINTS);
     let time = list(&s.time_s, step, 10.0);
     let line = |name: &str, values: &[f64], axis: &str, colour: &str, per_unit: f64| {
@@ -31,14 +33,14 @@ pub(super) fn series(s: &Series) -> Value {
                "showlegend": axis == "y", "line": {"color": colour, "width": 1.4}})
     };
     json!({"data": [
-        line("read", &s.measured_ppm, "y", MEASURED, 10.0),
-        line("base", &s.before_ppm, "y", BASE, 10.0),
-        line("extended model", &s.after_ppm, "y", EXTENDED, 10.0),
+        line("read", &s.measured_ppm, "y", MEASURED, tenths),
+        line("base", &s.before_ppm, "y", BASE, tenths),
+        line("extended model", &s.after_ppm, "y", EXTENDED, tenths),
         line("base", &s.before_standardised, "y2", BASE, 100.0),
         line("extended model", &s.after_standardised, "y2", EXTENDED, 100.0),
     ], "layout": {
         "xaxis": {"title": {"text": "time, s"}, "anchor": "y2"},
-        "yaxis": {"title": {"text": "CO2, ppm"}, "domain": [0.42, 1.0]},
+        "yaxis": {"title": {"text": format!("{}, ppm", gas.formula())}, "domain": [0.42, 1.0]},
         "yaxis2": {"title": {"text": "misfit, sd"}, "domain": [0.0, 0.34]},
     }})
 }

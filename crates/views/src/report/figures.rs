@@ -5,17 +5,13 @@ use crate::plot::{panel_title, rounded};
 use crate::site::{Area, Grid, SiteMap};
 use air::geo::{Enu, wrap_signed_deg};
 use protocol::message::{Model, VehicleKind};
-use record::colour;
+use record::colour::{Shown, stops};
 use record::summary::{CORRECTED, MissionSummary, ModelNumbers};
 use record::tracks::{Tracks, VehicleTrack};
 use serde_json::{Value, json};
 
 /// Columns of the grid of a contour.
 const COLUMNS: usize = 110;
-/// Contour lines, ppm above background.
-pub(super) const LEVELS_PPM: [f64; 3] = [20.0, 100.0, 400.0];
-/// Excess at which the shade of the plume is darkest, ppm.
-const DARKEST_PPM: f64 = 700.0;
 
 fn km(value_m: f64) -> Value {
     rounded(value_m / 1000.0, 1e4)
@@ -40,7 +36,7 @@ pub(super) fn map(
         json!({"type": "scatter", "mode": "markers", "name": name, "x": [km(at.east_m)],
                "y": [km(at.north_m)], "marker": {"symbol": symbol, "size": 15, "color": colour,
                "line": {"width": 2, "color": colour}},
-               "hovertemplate": format!("{name}: {ppm:.0} ppm<extra></extra>")})
+               "hovertemplate": format!("{name}: {} ppm<extra></extra>", site.shown.number(ppm))})
     };
     let found = summary.peak.estimate.as_ref();
     let found = found.map(|p| [p.lat_deg, p.lon_deg, p.co2_ppm]);
@@ -73,7 +69,12 @@ fn plumes(site: &SiteMap, model: &Model, area: Area) -> Vec<Value> {
     for (grid, (name, colour, dash)) in fields.iter().zip(styles) {
         let Some(grid) = grid else { continue };
         let excess = |shown: fn(f64) -> f64| -> Vec<Vec<Value>> {
-            let cell = |p: &f64| rounded(shown((p - background).max(0.0)), 1e2);
+            let cell = |p: &f64| {
+                rounded(
+                    shown((p - background).max(0.0)),
+                    1e2 * site.shown.steps_per_ppm(),
+                )
+            };
             grid.rows()
                 .map(|row| row.iter().map(cell).collect())
                 .collect()
@@ -83,12 +84,12 @@ fn plumes(site: &SiteMap, model: &Model, area: Area) -> Vec<Value> {
         if name == "model" {
             traces.push(
                 json!({"type": "heatmap", "x": x, "y": y, "z": excess(f64::sqrt),
-                "zsmooth": "best", "showscale": false, "hoverinfo": "skip", "zmin": 0, "zmax": DARKEST_PPM.sqrt(),
+                "zsmooth": "best", "showscale": false, "hoverinfo": "skip", "zmin": 0, "zmax": site.shown.darkest_ppm().sqrt(),
                 "colorscale": [[0, "rgba(47,111,159,0)"], [1, "rgba(47,111,159,.55)"]]}),
             );
         }
         // One trace a level: contour levels grow by a factor, which one trace cannot do.
-        for (i, level) in LEVELS_PPM.iter().enumerate() {
+        for (i, level) in site.shown.levels_ppm().iter().enumerate() {
             traces.push(
                 json!({"type": "contour", "x": x, "y": y, "z": excess(|p| p),
                 "name": name, "legendgroup": name, "showlegend": i == 0, "showscale": false,
@@ -102,10 +103,7 @@ fn plumes(site: &SiteMap, model: &Model, area: Area) -> Vec<Value> {
 }
 
 fn track_traces(site: &SiteMap, tracks: &Tracks) -> Vec<Value> {
-    let scale: Vec<Value> = colour::stops()
-        .into_iter()
-        .map(|(at, c)| json!([at, c]))
-        .collect();
+    let scale: Vec<Value> = stops().into_iter().map(|(at, c)| json!([at, c])).collect();
     let simulated = |t: &VehicleTrack| t.kind == VehicleKind::Simulated;
     let mut by_vehicle = tracks.by_vehicle().iter();
     let first_simulated = by_vehicle.find(|(_, t)| simulated(t)).map(|(id, _)| id);
@@ -125,22 +123,21 @@ fn track_traces(site: &SiteMap, tracks: &Tracks) -> Vec<Value> {
                 "y": places.iter().map(|p| km(p.north_m)).collect::<Vec<_>>(),
                 "text": points.iter().map(|p| format!("{:.0} s, {:.0} m AMSL", p.time_s, p.alt_amsl_m))
                     .collect::<Vec<_>>(),
-                "hovertemplate": format!("vehicle {id}, %{{text}}<br>%{{marker.color:.0f}} ppm<extra></extra>"),
-                "marker": {"size": points.iter().map(|p| size(real, p.co2_ppm)).collect::<Vec<_>>(),
+                "hovertemplate": format!("vehicle {id}, %{{text}}<br>%{{marker.color:.{}f}} ppm<extra></extra>", site.shown.gas.digits()),
+                "marker": {"size": points.iter().map(|p| size(real, site.shown.along(p.co2_ppm))).collect::<Vec<_>>(),
                     "line": {"width": 0}, "symbol": if real { "diamond" } else { "circle" },
-                    "color": points.iter().map(|p| rounded(p.co2_ppm, 10.0)).collect::<Vec<_>>(),
-                    "colorscale": scale, "cmin": colour::GREY_PPM, "cmax": colour::RED_PPM,
+                    "color": points.iter().map(|p| rounded(p.co2_ppm, 10.0 * site.shown.steps_per_ppm())).collect::<Vec<_>>(),
+                    "colorscale": scale, "cmin": site.shown.grey_ppm, "cmax": site.shown.red_ppm,
                     "showscale": i == 0,
-                    "colorbar": {"title": {"text": "ppm"}, "thickness": 12, "len": 0.6}}})
+                    "colorbar": {"title": {"text": site.shown.axis()}, "thickness": 12, "len": 0.6}}})
         })
         .collect()
 }
 
 /// Size of a point, px: clean air must not hide the plume.
-fn size(real: bool, co2_ppm: f64) -> Value {
-    let along = (co2_ppm - colour::GREY_PPM) / (colour::RED_PPM - colour::GREY_PPM);
+fn size(real: bool, along: f64) -> Value {
     let least = if real { 2.6 } else { 1.8 };
-    rounded(least + 3.2 * along.clamp(0.0, 1.0), 10.0)
+    rounded(least + 3.2 * along, 10.0)
 }
 
 fn surroundings(site: &SiteMap) -> Vec<Value> {
@@ -174,11 +171,16 @@ fn outline(points: &[Enu], name: &str, dash: &str) -> Value {
 }
 
 /// The model's numbers along the mission: two rows of three panels.
-pub(super) fn history(history: &[(f64, Box<Model>)], reality: Option<&ModelNumbers>) -> Value {
+pub(super) fn history(
+    history: &[(f64, Box<Model>)],
+    reality: Option<&ModelNumbers>,
+    shown: &Shown,
+) -> Value {
     let minutes: Vec<Value> = history
         .iter()
         .map(|(t, _)| rounded(t / 60.0, 1e3))
         .collect();
+    let steps = 1e3 * shown.steps_per_ppm();
     let numbers: Vec<ModelNumbers> = history.iter().map(|(_, m)| m.as_ref().into()).collect();
     let mut data = Vec::new();
     let mut layout = json!({"showlegend": false, "annotations": [], "margin": {"t": 30}});
@@ -197,11 +199,16 @@ pub(super) fn history(history: &[(f64, Box<Model>)], reality: Option<&ModelNumbe
         layout[format!("xaxis{suffix}")] =
             json!({"domain": [left, left + 0.28], "anchor": yaxis, "title": {"text": title}});
         layout[format!("yaxis{suffix}")] = json!({"domain": [foot, foot + 0.42], "anchor": xaxis});
-        titles.push(panel_title(n.name, n.unit, left, foot + 0.42));
+        titles.push(panel_title(
+            n.name,
+            &n.unit_of(shown.gas),
+            left,
+            foot + 0.42,
+        ));
         // An angle is drawn around the last one, so that north is no cliff.
         let last = numbers.last().map_or(0.0, |m| (n.of)(m).value);
         let turned = |v: f64| {
-            if n.unit == "°" {
+            if n.turns() {
                 last + wrap_signed_deg(v - last)
             } else {
                 v
@@ -211,7 +218,7 @@ pub(super) fn history(history: &[(f64, Box<Model>)], reality: Option<&ModelNumbe
         let spread: Vec<f64> = numbers.iter().map(|m| 2.0 * (n.of)(m).sd).collect();
         let line = |sign: f64| -> Vec<Value> {
             let pairs = values.iter().zip(&spread);
-            pairs.map(|(v, s)| rounded(v + sign * s, 1e3)).collect()
+            pairs.map(|(v, s)| rounded(v + sign * s, steps)).collect()
         };
         let trace = |y: Vec<Value>, style: Value| {
             let mut trace = json!({"type": "scatter", "mode": "lines", "x": minutes, "y": y,
@@ -233,7 +240,7 @@ pub(super) fn history(history: &[(f64, Box<Model>)], reality: Option<&ModelNumbe
             json!({"line": {"width": 2, "color": "#2f6f9f"}}),
         ));
         if let Some(reality) = reality {
-            let truth = vec![rounded(turned((n.of)(reality).value), 1e3); minutes.len()];
+            let truth = vec![rounded(turned((n.of)(reality).value), steps); minutes.len()];
             let dashed = json!({"line": {"width": 1.5, "color": "#3a3f48", "dash": "dash"}});
             data.push(trace(truth, dashed));
         }
@@ -243,16 +250,17 @@ pub(super) fn history(history: &[(f64, Box<Model>)], reality: Option<&ModelNumbe
 }
 
 /// Readings of real vehicles with what was expected, and the difference.
-pub(super) fn readings(expected: &[Expected<'_>]) -> Value {
+pub(super) fn readings(expected: &[Expected<'_>], shown: &Shown) -> Value {
+    let tenths = 10.0 * shown.steps_per_ppm();
     let mut data = Vec::new();
     for (i, e) in expected.iter().enumerate() {
         let minutes: Vec<Value> = e.time_s.iter().map(|t| rounded(t / 60.0, 1e3)).collect();
-        let ppm = |v: &[f64]| v.iter().map(|&p| rounded(p, 10.0)).collect::<Vec<_>>();
+        let ppm = |v: &[f64]| v.iter().map(|&p| rounded(p, tenths)).collect::<Vec<_>>();
         let rest = |of: &[f64]| -> Vec<Value> {
             e.read_ppm
                 .iter()
                 .zip(of)
-                .map(|(r, x)| rounded(r - x, 10.0))
+                .map(|(r, x)| rounded(r - x, tenths))
                 .collect()
         };
         let mut line = |name: &str, y: Vec<Value>, axis: &str, colour: &str, width: f64| {
@@ -273,7 +281,7 @@ pub(super) fn readings(expected: &[Expected<'_>]) -> Value {
     }
     json!({"data": data, "layout": {
         "xaxis": {"title": {"text": "min"}, "anchor": "y2"},
-        "yaxis": {"title": {"text": "CO2, ppm"}, "domain": [0.42, 1.0]},
+        "yaxis": {"title": {"text": shown.axis()}, "domain": [0.42, 1.0]},
         "yaxis2": {"title": {"text": "rest, ppm"}, "domain": [0.0, 0.34]},
     }})
 }

@@ -23,6 +23,7 @@ pub fn site() -> Arc<SiteMap> {
     ];
     Arc::new(SiteMap {
         mission: "as-pontes".to_owned(),
+        shown: record::colour::Shown::CO2,
         duration_s: 600.0,
         frame,
         stacks: vec![StackMarker {
@@ -55,6 +56,7 @@ pub fn known() -> SummaryContext {
     let numbers =
         |axis, height, c_max| ModelNumbers::from(&synthetic::model(axis, height, c_max, 0));
     SummaryContext {
+        gas: record::colour::Shown::CO2.gas,
         seed: 7,
         team: (1..=6).map(|k| k.to_string()).collect(),
         frame: synthetic::frame(),

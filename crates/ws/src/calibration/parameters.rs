@@ -31,6 +31,11 @@ pub struct Calibrated {
     pub strength_factor: Estimate,
 }
 
+/// The noise, and the background, of the sensor for which the concentrations below are meant, ppm; of another gas
+/// or sensor they are as many times as large, by that of the two which makes them larger.
+const NOISE_PPM: f64 = 3.0;
+const BACKGROUND_PPM: f64 = 450.0;
+
 /// What is always unknown, with the standard deviation that it has where the scenario marks nothing: how
 /// far a preliminary flight's estimates are usually off.
 const DEFAULTS: [(MechanismId, f64); 7] = [
@@ -63,6 +68,24 @@ impl Unknowns {
         reference: Option<&str>,
     ) -> Self {
         let marked = setup.unknowns();
+        let [noise, background] = [
+            base.sensor.noise_sd_ppm / NOISE_PPM,
+            base.background_ppm / BACKGROUND_PPM,
+        ];
+        let scale = noise.max(background);
+        let scaled = |id: MechanismId, sd: f64| {
+            let is_ppm = id
+                .spec()
+                .parameters
+                .iter()
+                .any(|p| p.unit == "ppm" && p.default.is_none());
+            // Clean air and a perfect sensor say nothing of the size.
+            if is_ppm && scale > 0.0 {
+                scale * sd
+            } else {
+                sd
+            }
+        };
         let of = |(id, sd): (MechanismId, f64), platform: Option<usize>| {
             let own = marked.iter().find(|u| u.id == id);
             let mean = match id {
@@ -74,7 +97,10 @@ impl Unknowns {
                 ..own.copied().unwrap_or(Unknown {
                     id,
                     platform,
-                    prior: Prior { mean, sd },
+                    prior: Prior {
+                        mean,
+                        sd: scaled(id, sd),
+                    },
                 })
             }
         };

@@ -188,6 +188,7 @@ impl<'a> Finding<'a> {
             base: answer::base(&study, &last, &answer.set),
             unexplained: answer.unexplained,
             insufficient: None,
+            pairs: Vec::new(),
             contact: None,
             discrepancy: None,
             data_quality: study.gated.data_quality.clone(),

@@ -15,6 +15,7 @@ mod gate;
 mod logged;
 mod model;
 mod next_flight;
+mod pair;
 mod report;
 mod residual;
 mod wind;
@@ -27,7 +28,7 @@ pub use report::{GapReport, Series};
 
 use ::plume::stability::Stability;
 use infer::{Contact, ForwardModel, Found, InferError, Judgement, Policy, Question, Rows};
-use scenario::observations::Observations;
+use scenario::observations::{Observations, checks};
 
 use crate::GapError;
 use crate::verdict::{GapJson, Verdict};
@@ -142,7 +143,18 @@ pub fn analyse(
     options: &Options,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Analysis, GapError> {
-    analyse_from(None, setup, observations, options, progress)
+    // Two sensors that fly together tell of each other what no plume has to explain.
+    let checked = checks::check(observations, &setup.base, &setup.frame).observations;
+    let pairs = if options.complete {
+        pair::pairs(&checked, &setup.frame)
+    } else {
+        Vec::new()
+    };
+    let late = pair::late(&pairs, &options.policy);
+    let own = pair::with_late(setup, &late);
+    let mut analysis = analyse_from(None, &own, observations, options, progress)?;
+    pair::told(&mut analysis, pairs, late);
+    Ok(analysis)
 }
 
 /// The same of more of the readings of an analysis before: from there where nothing else is found, which

@@ -287,6 +287,7 @@ fn gap_json(
         base: Vec::new(),
         unexplained,
         insufficient: None,
+        pairs: Vec::new(),
         contact: None,
         discrepancy: None,
         data_quality,

@@ -268,6 +268,48 @@ pub struct Measured {
     pub sd: f64,
 }
 
+/// Two sensors on one platform, held against each other without any plume: the first reads
+/// `zero + gain × (what the second read, late)`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Pair {
+    /// Who follows, and whom.
+    pub platforms: [String; 2],
+    /// Readings of the follower that were compared.
+    pub rows: usize,
+    /// Time constant of a first-order lag behind the other, s.
+    pub time_constant_s: Measured,
+    /// Delay behind the other, s.
+    pub delay_s: Measured,
+    /// Factor on what the other reads.
+    pub gain: Measured,
+    /// Reading where the other reads zero, ppm.
+    pub zero_ppm: Measured,
+    /// Correlation of the two as read.
+    pub correlation_before: f64,
+    /// The same with lag and delay.
+    pub correlation_after: f64,
+    /// Evidence for lag and delay over a sensor that differs by gain, zero and noise alone, nats.
+    pub evidence_nats: f64,
+}
+
+impl Pair {
+    /// It in a sentence.
+    pub fn says(&self) -> String {
+        let [follower, leader] = &self.platforms;
+        let (lag, delay) = (self.time_constant_s, self.delay_s);
+        format!(
+            "{follower} follows {leader} with a time constant of {:.1} ± {:.1} s and a delay of {:.1} ± {:.1} s \
+             (correlation {:.2} as read, {:.2} with them).",
+            lag.value,
+            lag.sd,
+            delay.value,
+            delay.sd,
+            self.correlation_before,
+            self.correlation_after
+        )
+    }
+}
+
 /// Whether the readings follow the plume at all.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Contact {
@@ -348,6 +390,9 @@ pub struct GapJson {
     pub insufficient: Option<Insufficient>,
     /// Whether the readings follow the plume at all; null where that is not asked.
     pub contact: Option<Contact>,
+    /// Platforms that carry two sensors, held against each other; empty where none does.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub pairs: Vec<Pair>,
     /// The error of the model's form; null where that is not asked.
     pub discrepancy: Option<Discrepancy>,
     /// Flaws of the raw data.

@@ -48,7 +48,7 @@ pub(crate) fn apply(times: &[f64], time_constant_s: f64, values: &mut [f64]) {
 /// One exact step of a first-order lag over `dt_s` while the input goes straight from
 /// `before` to `now`: dy/dt = (u - y)/τ.
 #[inline]
-pub(crate) fn lag_step(output: f64, before: f64, now: f64, dt_s: f64, time_constant_s: f64) -> f64 {
+pub fn lag_step(output: f64, before: f64, now: f64, dt_s: f64, time_constant_s: f64) -> f64 {
     if time_constant_s <= 0.0 {
         return now;
     }

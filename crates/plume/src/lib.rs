@@ -96,6 +96,7 @@ pub use area::{AreaSpec, Outline};
 pub use field::batch::{self, PlaceColumns};
 pub use field::puffs::{self, Puffs, UnsteadyAir, UnsteadySpec};
 pub use field::{DispersionModel, DispersionSpec, InPlume, Place, SourceSpec, Strength};
+pub use lag::lag_step;
 pub use mechanism::{Mechanism, MechanismId};
 pub use sensor::{Sensor, SensorSpec};
 pub use units::{Gas, Unit};

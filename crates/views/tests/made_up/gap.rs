@@ -63,6 +63,7 @@ pub fn json() -> GapJson {
         }],
         unexplained: None,
         insufficient: None,
+        pairs: Vec::new(),
         contact: None,
         discrepancy: None,
         data_quality: vec![DataQuality {

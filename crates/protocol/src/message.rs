@@ -54,7 +54,7 @@ pub struct Reading {
     pub lon_deg: f64,
     /// Altitude where it was read, m above mean sea level.
     pub alt_amsl_m: f64,
-    /// CO2 mole fraction as read, ppm.
+    /// Mole fraction of the mission's gas as read, ppm; it keeps its name whatever the gas is.
     pub co2_ppm: f64,
     /// Wind speed estimated on board, m/s.
     pub wind_speed_m_s: Option<f64>,
@@ -264,7 +264,7 @@ pub struct Ambient {
     pub temperature_k: f64,
     /// Static pressure, Pa.
     pub pressure_pa: f64,
-    /// CO2 mole fraction in the air, ppm.
+    /// Mole fraction of the mission's gas in the air, ppm; it keeps its name whatever the gas is.
     pub co2_ppm: f64,
     /// Height of the ground below, m above mean sea level.
     pub ground_amsl_m: f64,
@@ -293,7 +293,7 @@ pub struct MechanismSetting {
 /// The world simulator's model of the plume (`ws/main/model`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Model {
-    /// Background CO2, ppm.
+    /// Background of the mission's gas, ppm.
     pub background_ppm: Estimate,
     /// Height of the plume's axis above ground at the first source, m.
     pub effective_height_agl_m: Estimate,
@@ -461,7 +461,7 @@ pub struct Peak {
     pub lon_deg: f64,
     /// Altitude, m above mean sea level.
     pub alt_amsl_m: f64,
-    /// CO2 mole fraction there, background included, ppm.
+    /// Mole fraction of the mission's gas there, background included, ppm; it keeps its name whatever the gas is.
     pub co2_ppm: f64,
     /// One standard deviation of `co2_ppm`, the model's error of form included.
     pub sd_ppm: f64,

@@ -302,7 +302,7 @@ impl FileJoin {
         let lat_deg = cells.number(lat, "lat_deg", A_NUMBER, tally)?;
         let lon_deg = cells.number(lon, "lon_deg", A_NUMBER, tally)?;
         let alt_amsl_m = cells.number(alt, "alt_amsl_m", A_NUMBER, tally)?;
-        let reading = cells.number(cell, self.gas.column(unit), A_NUMBER, tally)?;
+        let co2_ppm = cells.ppm((cell, unit), self.gas.column(unit), tally)?;
         let more = cells.optional(columns, tally)?;
         let (Some(lat_deg), Some(lon_deg), Some(alt_amsl_m)) = (lat_deg, lon_deg, alt_amsl_m)
         else {
@@ -316,7 +316,7 @@ impl FileJoin {
             temperature_c,
             relative_humidity_pct,
             pressure_hpa,
-            sd,
+            sd_ppm,
         ] = more;
         Ok(Some(ObservationRow {
             time_s,
@@ -324,13 +324,13 @@ impl FileJoin {
             lat_deg,
             lon_deg,
             alt_amsl_m,
-            co2_ppm: reading.map(|value| unit.to_ppm(value)),
+            co2_ppm,
             wind_speed_m_s,
             wind_from_deg,
             temperature_c,
             relative_humidity_pct,
             pressure_hpa,
-            sd_ppm: sd.map(|value| columns.sd_unit.to_ppm(value)),
+            sd_ppm,
         }))
     }
 
@@ -464,12 +464,30 @@ impl RecordCells<'_> {
         let mut values = [None; 6];
         for (k, cell) in columns.optional.iter().enumerate() {
             if let Some(cell) = *cell {
-                let in_ppb = k == SD && columns.sd_unit == Unit::Ppb;
-                let name = if in_ppb { SD_PPB } else { OPTIONAL[k] };
-                values[k] = self.number(cell, name, A_NUMBER, tally)?;
+                values[k] = match (k, columns.sd_unit) {
+                    (SD, Unit::Ppb) => self.ppm((cell, Unit::Ppb), SD_PPB, tally)?,
+                    _ => self.number(cell, OPTIONAL[k], A_NUMBER, tally)?,
+                };
             }
         }
         Ok(values)
+    }
+
+    /// The mole fraction in a cell, ppm. The decimal point is moved in the text, so that 1746.333 ppb and
+    /// 1.746333 ppm are one number.
+    fn ppm(
+        &self,
+        (cell, unit): (usize, Unit),
+        column: &'static str,
+        tally: &mut Tally,
+    ) -> Result<Option<f64>, ObservationError> {
+        let value = self.number(cell, column, A_NUMBER, tally)?;
+        let text = self.record.get(cell).unwrap_or("");
+        let moved = || format!("{text}e-3").parse::<f64>().ok();
+        Ok(value.map(|value| match unit {
+            Unit::Ppm => value,
+            Unit::Ppb => moved().unwrap_or_else(|| unit.to_ppm(value)),
+        }))
     }
 
     fn number(

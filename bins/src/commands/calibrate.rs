@@ -18,6 +18,9 @@ pub struct CalibrateArguments {
     /// Observations (CSV, or MCAP recordings)
     #[arg(required = true)]
     pub observations: Vec<PathBuf>,
+    /// Mapping file by which logs of other kinds are read (plumage import)
+    #[arg(long, value_name = "FILE")]
+    pub map: Option<PathBuf>,
     /// Scenario to correct (TOML)
     #[arg(long, value_name = "FILE")]
     pub scenario: PathBuf,
@@ -38,7 +41,7 @@ pub struct CalibrateArguments {
 /// Wrong input, or outputs that cannot be written.
 pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     let setup = mission_files::load(&arguments.scenario)?;
-    let observations = measured::load(&arguments.observations)?;
+    let observations = measured::load_by(&arguments.observations, arguments.map.as_deref())?;
     measured::tell(&observations.notices);
     let reference = arguments.reference.as_deref();
     if let Some(reference) = reference

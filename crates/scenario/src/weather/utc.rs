@@ -1,11 +1,11 @@
 //! Dates and times of day in UTC as seconds since 1970.
 
 /// Seconds of a day.
-pub(super) const DAY_S: f64 = 86_400.0;
+pub const DAY_S: f64 = 86_400.0;
 
 /// Days from 1970-01-01 to a date of the Gregorian calendar; none of a date that there is not (Hinnant,
 /// *chrono-compatible low-level date algorithms*, `days_from_civil`).
-pub(super) fn days(year: i64, month: i64, day: i64) -> Option<i64> {
+pub fn days(year: i64, month: i64, day: i64) -> Option<i64> {
     let leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
     let length = match month {
         2 => 28 + i64::from(leap),

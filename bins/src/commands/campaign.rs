@@ -1,13 +1,10 @@
 //! `plumage campaign`: one scenario with many seeds, and a table.
 
-use crate::commands::run::interrupt_flag;
+use crate::flights::fly_all;
 use crate::{Failure, mission_files, preflight};
-use indicatif::ProgressBar;
 use mission::campaign::{self, Campaign};
 use record::files;
 use std::path::PathBuf;
-use std::sync::Mutex;
-use std::sync::atomic::Ordering;
 
 /// Arguments of `plumage campaign`.
 #[derive(Debug, clap::Args)]
@@ -35,39 +32,11 @@ pub fn campaign(arguments: &CampaignArguments) -> Result<(), Failure> {
         setup = setup.with_stand_ins(count).map_err(Failure::input)?;
     }
     preflight::check(&setup)?;
-    let bar = ProgressBar::new(arguments.seeds);
-    bar.tick();
-    let stop = interrupt_flag()?;
-    let next = Mutex::new(1..=arguments.seeds);
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let fly_some = || -> Result<Vec<record::summary::MissionSummary>, mission::MissionError> {
-        let mut flown = Vec::new();
-        while !stop.load(Ordering::Relaxed) {
-            let seed = next
-                .lock()
-                .unwrap_or_else(std::sync::PoisonError::into_inner)
-                .next();
-            let Some(seed) = seed else { break };
-            let mut setup = setup.clone();
-            setup.scenario.mission.seed = seed;
-            flown.push(campaign::fly(&setup)?);
-            bar.inc(1);
-        }
-        Ok(flown)
-    };
-    let mut missions = std::thread::scope(|scope| -> Result<_, Failure> {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(fly_some)).collect();
-        let mut missions = Vec::new();
-        for worker in workers {
-            let flown = worker
-                .join()
-                .map_err(|_| Failure::usage("a mission ended unexpectedly"))?;
-            missions.extend(flown.map_err(Failure::input)?);
-        }
-        Ok(missions)
+    let missions = fly_all(arguments.seeds, |seed| {
+        let mut setup = setup.clone();
+        setup.scenario.mission.seed = seed;
+        campaign::fly(&setup)
     })?;
-    bar.finish_and_clear();
-    missions.sort_by_key(|m| m.seed);
     let table = Campaign { missions }.to_markdown();
     match &arguments.out {
         Some(file) => files::write_whole(file, table.as_bytes()).map_err(Failure::input)?,

@@ -1,13 +1,12 @@
 //! `plumage plan`: what a mission could find, before it is flown.
 
-use crate::commands::run::interrupt_flag;
+use crate::flights::fly_all;
 use crate::{Failure, mission_files, preflight};
-use indicatif::ProgressBar;
-use mission::plan::{self, Flight, Forecast};
+use mission::plan::{self, Forecast};
 use record::files;
+use record::text::significant;
 use scenario::tables::AirKind;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Air in the realities that are flown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -56,7 +55,10 @@ pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
         };
     }
     preflight::check(&setup)?;
-    let flights = fly_all(&setup, arguments.flights)?;
+    let flights = fly_all(arguments.flights, |number| plan::fly(&setup, number))?;
+    if flights.is_empty() {
+        return Err(Failure::usage("no mission was flown to its end"));
+    }
     let forecast = plan::forecast(&flights);
     let json = serde_json::to_string_pretty(&forecast)? + "\n";
     if let Some(folder) = &arguments.out {
@@ -71,48 +73,11 @@ pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Flies on all processors.
-fn fly_all(setup: &mission::Setup, count: u64) -> Result<Vec<Flight>, Failure> {
-    let (bar, stop) = (ProgressBar::new(count), interrupt_flag()?);
-    bar.tick();
-    let next = AtomicU64::new(1);
-    let fly_some = || {
-        let mut flown = Vec::new();
-        loop {
-            let number = next.fetch_add(1, Ordering::Relaxed);
-            if number > count || stop.load(Ordering::Relaxed) {
-                return Ok(flown);
-            }
-            flown.push((number, plan::fly(setup, number)?));
-            bar.inc(1);
-        }
-    };
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut flights = std::thread::scope(|scope| -> Result<Vec<(u64, Flight)>, Failure> {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(fly_some)).collect();
-        let mut flights = Vec::new();
-        for worker in workers {
-            let flown: Result<_, mission::MissionError> = worker
-                .join()
-                .map_err(|_| Failure::usage("a mission ended unexpectedly"))?;
-            let flown: Vec<(u64, Flight)> = flown.map_err(Failure::input)?;
-            flights.extend(flown);
-        }
-        Ok(flights)
-    })?;
-    bar.finish_and_clear();
-    if flights.is_empty() {
-        return Err(Failure::usage("no mission was flown to its end"));
-    }
-    flights.sort_by_key(|f| f.0);
-    Ok(flights.into_iter().map(|f| f.1).collect())
-}
-
 fn tell(forecast: &Forecast) {
     let f = forecast;
     let kg_s = |least: Option<f64>| {
         least.map_or("nothing".to_owned(), |least| {
-            format!("{} kg/s", digits(least))
+            format!("{} kg/s", significant(least))
         })
     };
     println!(
@@ -152,9 +117,9 @@ fn tell(forecast: &Forecast) {
         println!(
             "  {:18} ± {:>6} {:4} off {:>6} {}",
             e.name,
-            digits(e.sd),
+            significant(e.sd),
             e.unit,
-            digits(e.error),
+            significant(e.error),
             e.unit
         );
     }
@@ -166,10 +131,4 @@ fn tell(forecast: &Forecast) {
          {:.0} s; all landed in {} of {}.",
         f.down_s, f.all_landed, f.missions
     );
-}
-
-/// A number with three digits that count.
-fn digits(value: f64) -> String {
-    let places = (2.0 - value.abs().max(1e-9).log10().floor()).clamp(0.0, 6.0);
-    format!("{value:.*}", places as usize)
 }

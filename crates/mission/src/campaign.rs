@@ -98,19 +98,15 @@ impl Campaign {
                 .map_or("-".to_owned(), |e| format!("{e:.0}"));
             let _ = write!(text, "\n| {} | {error} |", mission.seed);
             for number in &CORRECTED {
-                let Some(reality) = &mission.model.reality else {
+                let Some(errors) = NumberErrors::of(mission, number) else {
                     text.push_str(" - |");
                     continue;
                 };
-                let truth = (number.of)(reality).value;
-                let model_error = |numbers| number.error((number.of)(numbers).value, truth);
                 let digits = number.digits;
                 let _ = write!(
                     text,
                     " {:+.digits$} → {:+.digits$} {} |",
-                    model_error(&mission.model.before),
-                    model_error(&mission.model.after),
-                    number.unit
+                    errors.before, errors.after, number.unit
                 );
             }
         }
@@ -180,6 +176,28 @@ impl Campaign {
     }
 }
 
+/// How far one of the model's numbers is from that of a stand-in's reality, in its unit.
+pub(crate) struct NumberErrors {
+    before: f64,
+    /// After the mission, with the standard deviation that is stated then.
+    pub after: f64,
+    pub sd: f64,
+}
+
+impl NumberErrors {
+    /// None where there is no stand-in, and so no reality that is known.
+    pub fn of(mission: &MissionSummary, number: &ModelNumber) -> Option<Self> {
+        let model = &mission.model;
+        let truth = (number.of)(model.reality.as_ref()?).value;
+        let [before, after] = [&model.before, &model.after].map(number.of);
+        Some(Self {
+            before: number.error(before.value, truth),
+            after: number.error(after.value, truth),
+            sd: after.sd,
+        })
+    }
+}
+
 /// A number that a mission states, against the truth.
 struct Stated {
     name: String,
@@ -210,23 +228,18 @@ fn stated(mission: &MissionSummary) -> Vec<Stated> {
             left: None,
         });
     }
-    if let Some(reality) = &mission.model.reality {
-        let of = |number: &ModelNumber| {
-            let truth = (number.of)(reality).value;
-            let after = (number.of)(&mission.model.after);
-            let error = number.error(after.value, truth);
-            let before = number.error((number.of)(&mission.model.before).value, truth);
-            Stated {
-                name: number.name.to_owned(),
-                unit: number.unit,
-                digits: number.digits,
-                error,
-                sd: after.sd,
-                left: (before != 0.0).then_some((error / before).abs()),
-            }
-        };
-        out.extend(CORRECTED.iter().map(of));
-    }
+    let of = |number: &ModelNumber| {
+        let NumberErrors { before, after, sd } = NumberErrors::of(mission, number)?;
+        Some(Stated {
+            name: number.name.to_owned(),
+            unit: number.unit,
+            digits: number.digits,
+            error: after,
+            sd,
+            left: (before != 0.0).then_some((after / before).abs()),
+        })
+    };
+    out.extend(CORRECTED.iter().filter_map(of));
     for flux in &mission.flux {
         let Some(truth) = flux.truth_kg_s.filter(|q| *q > 0.0) else {
             continue;

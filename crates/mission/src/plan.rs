@@ -6,7 +6,7 @@
 //! could be detected follows from where the real vehicles came: a plume counts as read when it explains the
 //! squares of [`READ_SD`] standard deviations of the sensor's noise, as in flight.
 
-use crate::campaign::median;
+use crate::campaign::{NumberErrors, median};
 use crate::{MissionError, Run, Setup, campaign};
 use air::geo::Geodetic;
 use plume::effects::SensorAir;
@@ -346,10 +346,8 @@ fn expected(flights: &[Flight]) -> Vec<Expected> {
     });
     for number in &CORRECTED {
         add(number.name, number.unit, &|f| {
-            let model = &f.summary.model;
-            let found = (number.of)(&model.after);
-            let truth = (number.of)(model.reality.as_ref()?).value;
-            Some((found.sd, number.error(found.value, truth)))
+            let errors = NumberErrors::of(&f.summary, number)?;
+            Some((errors.sd, errors.after))
         });
     }
     out

@@ -11,7 +11,7 @@ const MOUNTAINS: &str = include_str!("../../../scenarios/mountains.toml");
 const GROUND: &[u8] = include_bytes!("../../../scenarios/mountains.asc");
 /// Take-off, landing and the circle above home end this far from home, m: that of the approach lies 772 m
 /// downwind.
-const NEAR_HOME_M: f64 = 1300.0;
+const LANDING_M: f64 = 1300.0;
 
 fn read(file: &str) -> Result<Vec<u8>, String> {
     match file {
@@ -66,7 +66,7 @@ fn nobody_is_below_the_floor_over_ground_and_all_land() {
                 lat_deg: state.lat_deg,
                 lon_deg: state.lon_deg,
             };
-            if frame.to_enu(at).distance_m(homes[id.as_str()]) > NEAR_HOME_M {
+            if frame.to_enu(at).distance_m(homes[id.as_str()]) > LANDING_M {
                 let over_ground_m = state.alt_amsl_m - setup.terrain.ground_amsl_m(at);
                 lowest_m = lowest_m.min(over_ground_m);
                 highest_m = highest_m.max(over_ground_m);

@@ -31,7 +31,7 @@ use air::wind::WindVector;
 /// A pass keeps within this of its height, m: as well as an aircraft holds it in turbulence.
 const SAME_LEVEL_M: f64 = 15.0;
 /// Samples farther apart than this belong to different passes, s.
-const BETWEEN_PASSES_S: f64 = 10.0;
+pub const BETWEEN_PASSES_S: f64 = 10.0;
 /// A track is across the wind while the sine of the angle between them is at least this: 45 degrees.
 const ACROSS: f64 = 0.7;
 /// Part of a pass at each end that is clean air.
@@ -48,9 +48,11 @@ const COVERED_SD: f64 = 2.0;
 const SAME_DISTANCE: f64 = 1.25;
 /// Fewest heights of a curtain: a middle and what is above and below.
 const LEAST_LEVELS: usize = 3;
-/// Scatter of passes at one height beforehand, as a part of them, and how many passes it counts for: plumes
-/// of power plants vary by a factor of two from pass to pass.
-const SCATTER_BEFOREHAND: (f64, f64) = (0.5, 3.0);
+/// Scatter of passes through one place, as a part of them: plumes of power plants vary by a factor of two
+/// from pass to pass.
+pub const PASS_SCATTER: f64 = 0.5;
+/// How many passes that counts for beforehand.
+const BEFOREHAND_PASSES: f64 = 3.0;
 /// Passes that follow each other after about eighty seconds meet the same eddies, whose time scale is one to two
 /// minutes: with a correlation r of a third the variance is (1 + r) / (1 − r) times that of independent ones
 /// (Bayley and Hammersley 1946).
@@ -310,21 +312,20 @@ fn integral(levels: &[Level]) -> Option<(f64, f64)> {
     let gap_m = |k: usize| levels[k + 1].height_agl_m - levels[k].height_agl_m;
     // Half the spacing to both sides; beyond the ends a triangle, and what the ground cuts off it is reflected.
     let above_ground_m = levels[0].height_agl_m.max(0.0);
-    let edges_m = [0.5 * gap_m(0), 0.5 * gap_m(last - 1)];
+    let (below_m, above_m) = ((0.5 * gap_m(0)).min(above_ground_m), 0.5 * gap_m(last - 1));
     let weight_m = |k: usize| match k {
-        0 => 0.5 * gap_m(0) + edges_m[0].min(above_ground_m),
-        k if k == last => 0.5 * gap_m(last - 1) + edges_m[1],
+        0 => 0.5 * gap_m(0) + below_m,
+        k if k == last => 0.5 * gap_m(last - 1) + above_m,
         k => 0.5 * (gap_m(k - 1) + gap_m(k)),
     };
     let kg_s: f64 = (0..=last).map(|k| weight_m(k) * levels[k].kg_s_m).sum();
     if kg_s <= 0.0 {
         return None;
     }
-    let (beforehand, count) = SCATTER_BEFOREHAND;
     let seen: f64 = levels.iter().map(|l| l.off_sq).sum();
     let of_mean: f64 = levels
         .iter()
-        .map(|l| (l.passes - 1.0).max(0.0) * l.kg_s_m.powi(2))
+        .map(|l| (l.passes - 1.0) * l.kg_s_m.powi(2))
         .sum();
     let freedom: f64 = levels.iter().map(|l| l.passes - 1.0).sum();
     let relative_sq = if of_mean > 0.0 {
@@ -332,12 +333,12 @@ fn integral(levels: &[Level]) -> Option<(f64, f64)> {
     } else {
         0.0
     };
-    let scatter_sq = (relative_sq + count * beforehand.powi(2)) / (freedom + count);
+    let scatter_sq =
+        (relative_sq + BEFOREHAND_PASSES * PASS_SCATTER.powi(2)) / (freedom + BEFOREHAND_PASSES);
     let own = |k: usize| (weight_m(k) * levels[k].kg_s_m).powi(2) * scatter_sq / levels[k].passes;
     let edge = |k: usize, edge_m: f64| (EDGE_SD * edge_m * levels[k].kg_s_m).powi(2);
-    let variance = SAME_EDDIES * (0..=last).map(own).sum::<f64>()
-        + edge(0, edges_m[0].min(above_ground_m))
-        + edge(last, edges_m[1]);
+    let variance =
+        SAME_EDDIES * (0..=last).map(own).sum::<f64>() + edge(0, below_m) + edge(last, above_m);
     Some((kg_s, variance.sqrt()))
 }
 

@@ -162,8 +162,8 @@ pub fn flux(flux: &FluxSummary) -> String {
     )
 }
 
-/// Three digits that count.
-fn significant(value: f64) -> String {
+/// A number with three digits that count.
+pub fn significant(value: f64) -> String {
     let digits = (2.0 - value.abs().max(1e-9).log10().floor()).clamp(0.0, 9.0) as usize;
     format!("{value:.digits$}")
 }

@@ -333,10 +333,7 @@ impl SquadronController {
             self.fleet.advance(index, out);
         }
         self.direct(now, out);
-        let searches = matches!(
-            self.phase,
-            Phase::Preliminary | Phase::Search | Phase::Characterise | Phase::Flux
-        );
+        let searches = !matches!(self.phase, Phase::TakeOff | Phase::Home);
         if searches && now >= self.next_population {
             self.next_population = SimTime::from_s(now.s() + self.search.step_s);
             self.search_step(out);

@@ -337,16 +337,18 @@ impl Fleet {
         };
         // The first leg is checked against the others, and where it ends up against where they end
         // up: later legs are checked when they are flown, for by then all have moved.
-        let free = heights_amsl_m.iter().copied().find(|&height_m| {
+        let free = heights_amsl_m.iter().find_map(|&height_m| {
             let end = Position { at, height_m };
-            self.airspace.contains(end, MARGIN_M)
-                && self.is_leg_apart(index, &self.airspace.way(track.position, &way, height_m)[0])
-                && self.is_end_free(index, end)
+            if !self.airspace.contains(end, MARGIN_M) {
+                return None;
+            }
+            let legs = self.airspace.way(track.position, &way, height_m);
+            let is_free = self.is_leg_apart(index, &legs[0]) && self.is_end_free(index, end);
+            is_free.then_some(legs)
         });
-        let Some(height_m) = free else {
+        let Some(legs) = free else {
             return false;
         };
-        let legs = self.airspace.way(track.position, &way, height_m);
         let parts = legs.iter().map(Vec::len).collect();
         let mut way: VecDeque<Position> = legs.into_iter().flatten().collect();
         let Some(to) = way.pop_front() else {

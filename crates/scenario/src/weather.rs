@@ -4,7 +4,7 @@
 mod csv_table;
 mod metar;
 mod open_meteo;
-pub mod utc;
+mod utc;
 
 use air::AirError;
 use air::isa::Atmosphere;

@@ -8,7 +8,7 @@ use crate::quantity::Dimension;
 use crate::recognise::Clock;
 use crate::time::{self, DateOrder};
 use crate::unit::{Conversion, Unit};
-use scenario::weather::utc::{DAY_S, days};
+use scenario::calendar::{DAY_S, days};
 
 /// Rows by which a column of times is judged.
 const JUDGED: usize = 200;

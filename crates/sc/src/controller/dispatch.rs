@@ -46,16 +46,13 @@ impl SquadronController {
                     self.bring_home(index, out);
                 }
                 Phase::TakeOff | Phase::Home => {}
-                Phase::Preliminary | Phase::Characterise | Phase::Flux
-                    if self.fleet.vehicles[index].real =>
-                {
+                phase if self.fleet.vehicles[index].real && !passes::of(phase).is_empty() => {
                     self.fly_passes(index, now, out);
                 }
-                Phase::Preliminary | Phase::Search | Phase::Characterise | Phase::Flux => {
-                    if self.tasks.each[index] == VehicleTask::Idle {
-                        self.tasks.each[index] = VehicleTask::Searching;
-                    }
+                _ if self.tasks.each[index] == VehicleTask::Idle => {
+                    self.tasks.each[index] = VehicleTask::Searching;
                 }
+                _ => {}
             }
         }
         self.land_in_turn(now, out);

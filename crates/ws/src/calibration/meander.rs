@@ -27,7 +27,8 @@ pub(super) struct Line {
     mean_deg: f64,
     deg_s: f64,
     deg_s_sd: f64,
-    /// Sum of the squares of what the turns are off it.
+    /// Number of crossings, and the sum of the squares of what their turns are off it.
+    count: f64,
     off_sq_deg2: f64,
 }
 
@@ -39,14 +40,17 @@ impl Line {
         let sum = |of: &dyn Fn(&AtCrossing) -> f64| crossings.iter().map(of).sum::<f64>();
         let square = sum(&|c| (c.time_s - mean_s).powi(2)).max(f64::MIN_POSITIVE);
         let deg_s = sum(&|c| (c.time_s - mean_s) * (c.turn_deg - mean_deg)) / square;
-        let off_sq_deg2 = sum(&|c| (c.turn_deg - mean_deg - deg_s * (c.time_s - mean_s)).powi(2));
-        Self {
+        let mut line = Self {
             mean_s,
             mean_deg,
             deg_s,
-            deg_s_sd: (off_sq_deg2 / (n - 2.0).max(1.0) / square).sqrt(),
-            off_sq_deg2,
-        }
+            deg_s_sd: 0.0,
+            count: n,
+            off_sq_deg2: 0.0,
+        };
+        line.off_sq_deg2 = sum(&|c| line.off_deg(c).powi(2));
+        line.deg_s_sd = (line.off_sq_deg2 / (n - 2.0).max(1.0) / square).sqrt();
+        line
     }
 
     /// How far the line has turned from its middle until a time, degrees.
@@ -64,12 +68,11 @@ impl Line {
     /// 1946), with the correlation of neighbours, of which short series show too little (Marriott and Pope 1954).
     /// At least three remain.
     fn independent_part(&self, crossings: &[AtCrossing]) -> f64 {
-        let n = crossings.len() as f64;
         let off: Vec<f64> = crossings.iter().map(|c| self.off_deg(c)).collect();
         let product: f64 = off.windows(2).map(|pair| pair[0] * pair[1]).sum();
         let seen = product / self.off_sq_deg2.max(f64::MIN_POSITIVE);
-        let r = (seen + (1.0 + 4.0 * seen) / n).clamp(0.0, 1.0);
-        ((1.0 - r) / (1.0 + r)).max(LEAST_INDEPENDENT / n)
+        let r = (seen + (1.0 + 4.0 * seen) / self.count).clamp(0.0, 1.0);
+        ((1.0 - r) / (1.0 + r)).max(LEAST_INDEPENDENT / self.count)
     }
 
     fn off_deg(&self, crossing: &AtCrossing) -> f64 {
@@ -77,8 +80,8 @@ impl Line {
     }
 
     /// Root mean square of what the turns of its crossings are off it, degrees.
-    pub fn rms_off_deg(&self, crossings: &[AtCrossing]) -> f64 {
-        (self.off_sq_deg2 / crossings.len() as f64).sqrt()
+    pub fn rms_off_deg(&self) -> f64 {
+        (self.off_sq_deg2 / self.count).sqrt()
     }
 }
 

@@ -391,30 +391,27 @@ impl Calibrator {
     fn moments(&self) -> Vec<Moment> {
         let crossings = self.predicted.axis();
         let last = crossings.partition_point(|c| c.time_s < self.met_s - AVERAGED_S);
-        let steady = |over: &&[AtCrossing]| {
-            let line = Line::through(over);
-            !line.is_a_turn() && line.rms_off_deg(over) <= self.width_deg()
+        let width_deg = self.width_deg();
+        let moments = |over: &[AtCrossing], slow_deg: &dyn Fn(f64) -> f64| -> Vec<Moment> {
+            let moment = |c: &AtCrossing| Moment {
+                time_s: c.time_s,
+                slow_deg: slow_deg(c.time_s),
+            };
+            over.iter().map(moment).collect()
         };
-        let turning =
-            |over: &&[AtCrossing]| Line::through(over).rms_off_deg(over) <= self.width_deg();
-        let all = Some(crossings).filter(steady);
-        let over = all.or_else(|| Some(&crossings[last..]).filter(turning));
-        let Some(over) = over.filter(|over| !over.is_empty()) else {
-            return vec![Moment {
-                time_s: self.met_s,
-                slow_deg: 0.0,
-            }];
-        };
-        let line = Line::through(over);
-        let moment = |c: &AtCrossing| Moment {
-            time_s: c.time_s,
-            slow_deg: if all.is_some() {
-                0.0
-            } else {
-                line.turned_deg(c.time_s)
-            },
-        };
-        over.iter().map(moment).collect()
+        // Of no crossings nothing is a number, and no comparison holds.
+        let line = Line::through(crossings);
+        if !line.is_a_turn() && line.rms_off_deg() <= width_deg {
+            return moments(crossings, &|_| 0.0);
+        }
+        let line = Line::through(&crossings[last..]);
+        if line.rms_off_deg() <= width_deg {
+            return moments(&crossings[last..], &|time_s| line.turned_deg(time_s));
+        }
+        vec![Moment {
+            time_s: self.met_s,
+            slow_deg: 0.0,
+        }]
     }
 
     /// How wide the corrected plume is as seen from its source, one standard deviation, degrees.

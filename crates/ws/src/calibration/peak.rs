@@ -5,6 +5,7 @@ use air::geo::{Enu, Position};
 use gap::plume::PlumeModel;
 use infer::{ForwardModel, PlumePlace};
 use nalgebra::DVector;
+use plume::curtain::{BETWEEN_PASSES_S, PASS_SCATTER};
 use plume::track::Track;
 use plume::{DispersionModel, Place};
 use protocol::message::{Estimate, Peak, PeakStatus};
@@ -18,13 +19,8 @@ const FINEST_M: f64 = 5.0;
 const THERE: f64 = 0.5;
 /// ... and this part is in the same plume.
 const IN_PLUME: f64 = 0.1;
-/// Rows farther apart than this belong to different crossings, s.
-const BETWEEN_CROSSINGS_S: f64 = 10.0;
 /// Crossings at which a mean and its scatter can be told.
 const LEAST_CROSSINGS: usize = 2;
-/// One crossing alone may be off by so much of its prediction, one standard deviation: plumes of power plants
-/// vary by a factor of two from pass to pass.
-const ONE_CROSSING: f64 = 0.5;
 /// What agrees does so within so many standard deviations.
 const AGREES_SD: f64 = 2.0;
 /// A peak of which less is known than this part of its excess, one standard deviation, is hardly known.
@@ -168,7 +164,7 @@ impl Predicted {
                 Some(rows)
                     if rows.last().is_some_and(|last| {
                         let (p, t) = self.at[*last];
-                        p == platform && time_s - t < BETWEEN_CROSSINGS_S
+                        p == platform && time_s - t < BETWEEN_PASSES_S
                     }) =>
                 {
                     rows.push(k);
@@ -187,7 +183,7 @@ fn agree(crossings: &[Crossing], predicted_sd: f64) -> Option<bool> {
     let ratio = |c: &Crossing| c.read / c.predicted;
     let mean = crossings.iter().map(ratio).sum::<f64>() / n;
     let scatter = if crossings.len() < LEAST_CROSSINGS {
-        ONE_CROSSING
+        PASS_SCATTER
     } else {
         let squares = crossings.iter().map(|c| (ratio(c) - mean).powi(2));
         (squares.sum::<f64>() / (n - 1.0) / n).sqrt()

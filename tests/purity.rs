@@ -9,8 +9,9 @@
 use std::process::Command;
 
 /// The crates that promise it.
-const PURE: [&str; 15] = [
+const PURE: [&str; 16] = [
     "air",
+    "import",
     "infer",
     "plume",
     "fdm",

@@ -48,6 +48,8 @@ impl FromStr for Start {
 pub struct FeedOptions<'a> {
     /// Files, or standard input as `-`.
     pub files: &'a [PathBuf],
+    /// Mapping file by which these are read; none of Plumage's own.
+    pub map: Option<&'a Path>,
     /// Id of the vehicle.
     pub id: Option<&'a str>,
     /// When the first row is said; when it comes where not given.
@@ -96,7 +98,7 @@ impl FeedFiles {
     /// # Errors
     /// Files that are no observations, of which nothing is left, or whose platforms cannot be vehicles.
     pub fn open(setup: &Setup, options: &FeedOptions<'_>) -> Result<Self, Failure> {
-        let raw = measured::load(options.files, setup.scenario.gas())?;
+        let raw = measured::load_by(options.files, setup.scenario.gas(), options.map)?;
         measured::tell(&raw.notices);
         let scenario = &setup.scenario;
         let base = scenario.dispersion_spec().map_err(Failure::input)?;

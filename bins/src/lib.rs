@@ -7,6 +7,7 @@ pub mod failure;
 pub mod feeding;
 pub mod flightgear;
 pub mod flights;
+pub mod importing;
 pub mod measured;
 pub mod mission_files;
 pub mod outputs;

@@ -1,7 +1,7 @@
 //! What was measured, from files: observations (CSV, or recordings wherever CSV is taken), flights,
 //! and the aircraft that flew them.
 
-use crate::Failure;
+use crate::{Failure, importing};
 use anyhow::Context as _;
 use fdm::Aircraft;
 use gap::flight::log::FlightLog;
@@ -33,6 +33,21 @@ pub fn load(files: &[PathBuf], gas: Gas) -> Result<Observations, Failure> {
         .collect();
     let mut all = observations::parse(&named, gas).map_err(Failure::input)?;
     all.notices.extend(notices);
+    Ok(all)
+}
+
+/// Reads the readings of `gas` in all `files` as one set of observations: by the mapping file `map` as logs, or else as Plumage's own.
+///
+/// # Errors
+/// A file that cannot be read or holds no observations, with line and column; a log with what to state.
+pub fn load_by(files: &[PathBuf], gas: Gas, map: Option<&Path>) -> Result<Observations, Failure> {
+    let Some(map) = map else {
+        return load(files, gas);
+    };
+    let (text, said) = importing::text(files, map)?;
+    let mut all =
+        observations::parse(&[("the imported rows", &text)], gas).map_err(Failure::input)?;
+    all.notices.extend(said);
     Ok(all)
 }
 
@@ -133,6 +148,21 @@ pub fn flight(file: &Path) -> Result<FlightLog, Failure> {
         }));
     }
     FlightLog::parse(&name, &read(file, "flight")?).map_err(Failure::input)
+}
+
+/// Reads a measured flight: by the mapping file `map` as a log, or else as Plumage's own.
+///
+/// # Errors
+/// As [`flight`]; a log with what to state.
+pub fn flight_by(file: &Path, map: Option<&Path>) -> Result<FlightLog, Failure> {
+    let Some(map) = map else {
+        return flight(file);
+    };
+    let (text, said) = importing::text(&[file.to_owned()], map)?;
+    let name = file.display().to_string();
+    let mut log = FlightLog::parse(&name, &text).map_err(Failure::input)?;
+    log.notices.extend(said);
+    Ok(log)
 }
 
 /// Tells what was noticed in the data, on standard error.

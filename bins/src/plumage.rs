@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 use programs::commands::{
-    calibrate, campaign, conduct, control, feed, gap, plan, replay, run, tune,
+    calibrate, campaign, conduct, control, feed, gap, import, plan, replay, run, tune,
 };
 use programs::failure;
 use std::process::ExitCode;
@@ -24,6 +24,8 @@ enum Command {
     /// Show what a model gets wrong, name the cause, extend it and measure the gain
     #[command(subcommand)]
     Gap(gap::GapCommand),
+    /// Make observations or a flight of logs as people have them
+    Import(import::ImportArguments),
     /// Conduct a lockstep run whose agents are processes of their own
     Conduct(conduct::ConductArguments),
     /// Hand vehicles back or take them over in a mission that runs in processes
@@ -45,6 +47,7 @@ fn main() -> ExitCode {
         Command::Run(arguments) => run::run(arguments),
         Command::Calibrate(arguments) => calibrate::calibrate(arguments),
         Command::Gap(command) => gap::gap(command),
+        Command::Import(arguments) => import::import(arguments),
         Command::Conduct(arguments) => conduct::conduct(arguments),
         Command::Control(arguments) => control::control(arguments),
         Command::Feed(arguments) => feed::feed(arguments),

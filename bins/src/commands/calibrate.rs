@@ -19,6 +19,9 @@ pub struct CalibrateArguments {
     /// Observations (CSV, or MCAP recordings)
     #[arg(required = true)]
     pub observations: Vec<PathBuf>,
+    /// Mapping file by which logs of other kinds are read (plumage import)
+    #[arg(long, value_name = "FILE")]
+    pub map: Option<PathBuf>,
     /// Scenario to correct (TOML)
     #[arg(long, value_name = "FILE")]
     pub scenario: PathBuf,
@@ -43,7 +46,11 @@ pub struct CalibrateArguments {
 pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     let setup = mission_files::load(&arguments.scenario)?;
     let setup = mission_files::for_gas(setup, arguments.gas)?;
-    let observations = measured::load(&arguments.observations, setup.scenario.gas())?;
+    let observations = measured::load_by(
+        &arguments.observations,
+        setup.scenario.gas(),
+        arguments.map.as_deref(),
+    )?;
     measured::tell(&observations.notices);
     let reference = arguments.reference.as_deref();
     if let Some(reference) = reference

@@ -20,6 +20,9 @@ pub struct FeedArguments {
     /// Observations (CSV, or MCAP recordings), or - for lines of CSV or JSON objects on standard input
     #[arg(required = true, value_name = "OBS")]
     pub observations: Vec<PathBuf>,
+    /// Mapping file by which logs of other kinds are read (plumage import)
+    #[arg(long, value_name = "FILE")]
+    pub map: Option<PathBuf>,
     /// Id of the vehicle in the mission; the platform's own if not given, and "feed" of standard input
     #[arg(long)]
     pub id: Option<String>,
@@ -46,10 +49,16 @@ pub fn feed(arguments: &FeedArguments) -> Result<(), Failure> {
     }
     let options = FeedOptions {
         files: &arguments.observations,
+        map: arguments.map.as_deref(),
         id: arguments.id.as_deref(),
         start: arguments.start,
         speed: arguments.speed,
     };
+    if options.is_stream() && options.map.is_some() {
+        return Err(Failure::usage(
+            "--map is for files: expected lines of standard input to be Plumage's own columns",
+        ));
+    }
     // Wrong input is told before anybody is waited for.
     let source = Source::open(&setup, &options)?;
     agent::block_on(async {

@@ -27,6 +27,9 @@ pub struct PlumeArguments {
     /// Observations (CSV, or MCAP recordings)
     #[arg(required = true)]
     pub observations: Vec<PathBuf>,
+    /// Mapping file by which logs of other kinds are read (plumage import)
+    #[arg(long, value_name = "FILE")]
+    pub map: Option<PathBuf>,
     /// Scenario that describes the site and the base model (TOML)
     #[arg(long, value_name = "FILE")]
     pub scenario: PathBuf,
@@ -84,7 +87,11 @@ pub fn gap(command: &GapCommand) -> Result<(), Failure> {
 fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
     let setup = mission_files::load(&arguments.scenario)?;
     let setup = mission_files::for_gas(setup, arguments.gas)?;
-    let mut observations = measured::load(&arguments.observations, setup.scenario.gas())?;
+    let mut observations = measured::load_by(
+        &arguments.observations,
+        setup.scenario.gas(),
+        arguments.map.as_deref(),
+    )?;
     let by_series = measured::fill_wind(&mut observations, &setup).map_err(Failure::input)?;
     measured::tell(&observations.notices);
     let base = plume::Setup::new(&setup.scenario).map_err(Failure::input)?;

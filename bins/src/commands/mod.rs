@@ -6,6 +6,7 @@ pub mod conduct;
 pub mod control;
 pub mod feed;
 pub mod gap;
+pub mod import;
 pub mod plan;
 pub mod replay;
 pub mod run;

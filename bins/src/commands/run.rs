@@ -89,6 +89,7 @@ impl RunArguments {
     fn feed_options(&self) -> FeedOptions<'_> {
         FeedOptions {
             files: &self.feed,
+            map: None,
             id: self.feed_id.as_deref(),
             start: self.feed_start,
             speed: Speed(1.0),

@@ -99,6 +99,14 @@ impl Atmosphere {
             pressure_pa: self.reference.pressure_pa * ratio.powf(exponent),
         }
     }
+
+    /// The altitude above mean sea level at which the pressure is `pressure_pa`, m: the inverse of [`at`](Self::at),
+    /// valid in the troposphere.
+    pub fn altitude_of_amsl_m(&self, pressure_pa: f64) -> f64 {
+        let exponent = -GAS_CONSTANT_AIR_J_KG_K * LAPSE_RATE_K_M / STANDARD_GRAVITY_M_S2;
+        let ratio = (pressure_pa / self.reference.pressure_pa).powf(exponent);
+        self.reference_amsl_m + self.reference.temperature_k * (ratio - 1.0) / LAPSE_RATE_K_M
+    }
 }
 
 #[cfg(test)]
@@ -118,6 +126,9 @@ mod tests {
             assert!((air.temperature_k - t).abs() < 1e-9);
             assert!((air.pressure_pa / 100.0 / p - 1.0).abs() < 1e-5);
             assert!((air.density_kg_m3() / rho - 1.0).abs() < 1e-5);
+            // The table's pressures have six digits: half a unit of the last is at most 0.05 m.
+            let back = Atmosphere::standard().altitude_of_amsl_m(p * 100.0);
+            assert!((back - alt).abs() < 0.06, "{p} hPa: {back} m");
         }
     }
 

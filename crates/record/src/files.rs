@@ -98,6 +98,61 @@ pub fn write_set(files: &[(PathBuf, &[u8])]) -> Result<(), RecordError> {
     done
 }
 
+/// A file that is written piece by piece and is there whole once it is [placed](Self::place), or not at all.
+#[derive(Debug)]
+pub struct WholeFile {
+    path: PathBuf,
+    file: fs::File,
+    placed: bool,
+}
+
+impl WholeFile {
+    /// Begins the file that will be at `path`.
+    ///
+    /// # Errors
+    /// [`RecordError::File`].
+    pub fn create(path: &Path) -> Result<Self, RecordError> {
+        let file = fs::File::create(beside(path)).map_err(failed(path, "write"))?;
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            placed: false,
+        })
+    }
+
+    /// Puts what was written in its place.
+    ///
+    /// # Errors
+    /// [`RecordError::File`].
+    pub fn place(mut self) -> Result<(), RecordError> {
+        let synced = self.file.sync_all();
+        synced
+            .and_then(|()| fs::rename(beside(&self.path), &self.path))
+            .map_err(failed(&self.path, "write"))?;
+        self.placed = true;
+        Ok(())
+    }
+}
+
+impl std::io::Write for WholeFile {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Drop for WholeFile {
+    fn drop(&mut self) {
+        if !self.placed {
+            // What is left of it is of no use; its removal may fail as well.
+            let _ = fs::remove_file(beside(&self.path));
+        }
+    }
+}
+
 fn beside(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(format!(".{}.tmp", std::process::id()));
@@ -126,6 +181,23 @@ mod tests {
         let dir = std::env::temp_dir().join(format!("plumage-files-{name}-{}", std::process::id()));
         let _ = fs::remove_dir_all(&dir);
         dir
+    }
+
+    #[test]
+    fn a_file_in_pieces_is_there_whole_or_not_at_all() {
+        let dir = empty_folder("pieces");
+        fs::create_dir_all(&dir).unwrap();
+        let path = dir.join("x");
+        let mut file = WholeFile::create(&path).unwrap();
+        file.write_all(b"one").unwrap();
+        drop(file);
+        assert_eq!(fs::read_dir(&dir).unwrap().count(), 0);
+        let mut file = WholeFile::create(&path).unwrap();
+        file.write_all(b"one").unwrap();
+        file.place().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"one");
+        assert_eq!(fs::read_dir(&dir).unwrap().count(), 1);
+        fs::remove_dir_all(dir).unwrap();
     }
 
     #[test]

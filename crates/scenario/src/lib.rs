@@ -59,6 +59,7 @@
 //! ```
 
 pub mod airspace;
+pub mod calendar;
 pub mod check;
 mod gases;
 mod ground;

@@ -15,6 +15,9 @@ pub struct FlightArguments {
     /// Flight files (CSV), one a flight
     #[arg(required = true)]
     pub flights: Vec<PathBuf>,
+    /// Mapping file by which logs of other kinds are read (plumage import)
+    #[arg(long, value_name = "FILE")]
+    pub map: Option<PathBuf>,
     /// The aircraft that flew, as the simulator has it (TOML)
     #[arg(long, value_name = "FILE")]
     pub aircraft: PathBuf,
@@ -29,7 +32,7 @@ pub(super) fn of_flight(arguments: &FlightArguments) -> Result<(), Failure> {
     let logs: Result<Vec<FlightLog>, Failure> = arguments
         .flights
         .iter()
-        .map(|file| measured::flight(file))
+        .map(|file| measured::flight_by(file, arguments.map.as_deref()))
         .collect();
     let logs = logs?;
     files::check_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;

@@ -1,0 +1,419 @@
+//! How the text of a log is laid out: what parts cells, where the header is, what stands around it.
+
+use crate::decode::letters;
+use crate::map::LogMap;
+use crate::number;
+use crate::recognise::Header;
+use crate::{ImportError, unit};
+
+/// A header is looked for in so many lines: preambles of instruments are shorter.
+const HEADER_WITHIN: usize = 200;
+/// Lines between a header and its first row of numbers: units, kinds of mean, a repetition, a rule.
+const BELOW_HEADER: usize = 6;
+
+/// What stands between cells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Delimiter {
+    /// One byte.
+    Byte(u8),
+    /// Any number of blanks and tabs.
+    Space,
+}
+
+impl Delimiter {
+    /// As mapping files name it.
+    pub fn name(self) -> String {
+        match self {
+            Self::Byte(b'\t') => "tab".to_owned(),
+            Self::Byte(byte) => char::from(byte).to_string(),
+            Self::Space => "space".to_owned(),
+        }
+    }
+
+    fn named(name: &str) -> Option<Self> {
+        match name {
+            "tab" | "\t" => Some(Self::Byte(b'\t')),
+            "space" | " " => Some(Self::Space),
+            _ => match name.as_bytes() {
+                [byte] if byte.is_ascii_punctuation() => Some(Self::Byte(*byte)),
+                _ => None,
+            },
+        }
+    }
+}
+
+/// A line of the head of a log.
+#[derive(Debug, Clone, Copy)]
+pub struct Line<'a> {
+    /// Number of the line, from 1.
+    pub number: u64,
+    /// Where it begins.
+    pub at: usize,
+    /// Its bytes, without its end.
+    pub bytes: &'a [u8],
+}
+
+/// How a log is laid out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layout {
+    /// What parts cells.
+    pub delimiter: Delimiter,
+    /// The columns.
+    pub headers: Vec<Header>,
+    /// Cells of the header as bytes, to know it where it is repeated.
+    pub header_cells: Vec<Vec<u8>>,
+    /// Line of the header, from 1; 0 where it is stated.
+    pub header_line: u64,
+    /// Units of the columns as a row below the header has them; empty without one.
+    pub units: Vec<String>,
+    /// Byte at which the first row below header and units begins.
+    pub rows_at: usize,
+    /// Line of that row, from 1.
+    pub rows_line: u64,
+    /// Whether numbers have a decimal comma.
+    pub decimal_comma: bool,
+    /// What was passed over.
+    pub notices: Vec<String>,
+}
+
+/// Lines of `head`, without one that is cut off at its end unless the log `ended` there.
+pub fn lines(head: &[u8], ended: bool) -> Vec<Line<'_>> {
+    let mut lines = Vec::new();
+    let (mut at, mut number) = (0, 1);
+    while at < head.len() {
+        let end = head[at..].iter().position(|b| *b == b'\n').map(|n| at + n);
+        let Some(stop) = end.or(ended.then_some(head.len())) else {
+            break;
+        };
+        let bytes = head[at..stop]
+            .strip_suffix(b"\r")
+            .unwrap_or(&head[at..stop]);
+        lines.push(Line { number, at, bytes });
+        at = stop + 1;
+        number += 1;
+    }
+    lines
+}
+
+/// The cells of a line, without blanks and quotes around them.
+pub fn split(line: &[u8], delimiter: Delimiter) -> Vec<Vec<u8>> {
+    match delimiter {
+        Delimiter::Space => line
+            .split(u8::is_ascii_whitespace)
+            .filter(|cell| !cell.is_empty())
+            .map(<[u8]>::to_vec)
+            .collect(),
+        Delimiter::Byte(byte) => {
+            let mut reader = csv::ReaderBuilder::new()
+                .delimiter(byte)
+                .has_headers(false)
+                .flexible(true)
+                .trim(csv::Trim::All)
+                .from_reader(line);
+            let record = reader.byte_records().next().and_then(Result::ok);
+            record.map_or_else(Vec::new, |r| r.iter().map(<[u8]>::to_vec).collect())
+        }
+    }
+}
+
+/// Whether a cell could stand in a row of measurements: a number.
+fn is_number(cell: &[u8]) -> bool {
+    number::parse(cell, false).is_some() || number::has_decimal_comma(cell)
+}
+
+/// A candidate for the header.
+struct Candidate {
+    delimiter: Delimiter,
+    line: usize,
+    cells: Vec<Vec<u8>>,
+    known: usize,
+}
+
+/// Finds the layout of a log from its head's `lines`. Names in `map` count as known.
+///
+/// # Errors
+/// A log in which no header is found, or a stated one that cannot be.
+pub fn find(name: &str, lines: &[Line<'_>], map: &LogMap) -> Result<Layout, ImportError> {
+    let delimiters = stated_delimiters(name, map)?;
+    if !map.header.is_empty() {
+        return without_header(name, lines, map, &delimiters);
+    }
+    let best = match map.header_line {
+        Some(line) => header_at(name, lines, line, &delimiters, map)?,
+        None => delimiters
+            .iter()
+            .flat_map(|d| candidates(lines, *d, map))
+            // The first of those that know most; one that parts more cells is no better.
+            .reduce(|best, next| if next.known > best.known { next } else { best })
+            .filter(|c| c.known >= 2 || (c.known == 1 && c.cells.len() <= 3))
+            .ok_or_else(|| no_header(name, lines))?,
+    };
+    Ok(below(lines, best))
+}
+
+fn stated_delimiters(name: &str, map: &LogMap) -> Result<Vec<Delimiter>, ImportError> {
+    let Some(stated) = &map.delimiter else {
+        // Blanks last: they are inside of cells too.
+        let bytes = [b',', b';', b'\t', b'|'].map(Delimiter::Byte);
+        return Ok(bytes.into_iter().chain([Delimiter::Space]).collect());
+    };
+    let todo = "state delimiter as one of , ; | tab space";
+    let named = Delimiter::named(stated);
+    named
+        .map(|d| vec![d])
+        .ok_or_else(|| ImportError::log(name, format!("delimiter \"{stated}\""), todo))
+}
+
+fn no_header(name: &str, lines: &[Line<'_>]) -> ImportError {
+    let first = lines.iter().find(|l| !l.bytes.is_empty());
+    let seen = first.map_or_else(
+        || "the file is empty".to_owned(),
+        |l| {
+            let text: String = letters(l.bytes).chars().take(80).collect();
+            format!("line {} has \"{text}\"", l.number)
+        },
+    );
+    ImportError::log(
+        name,
+        format!("no header found that names a time, a place or a gas; {seen}"),
+        "state header_line, or the columns' names as header = [...], in a mapping file (--map)",
+    )
+}
+
+/// How many cells of a possible header are known.
+fn known(cells: &[Vec<u8>], map: &LogMap) -> usize {
+    let stated: Vec<&String> = map
+        .column
+        .values()
+        .filter_map(|c| c.from.as_ref())
+        .chain(map.time.as_ref())
+        .flat_map(|n| n.all())
+        .collect();
+    let is_known = |cell: &Vec<u8>| {
+        let header = Header::new(&letters(cell));
+        !is_number(cell) && (stated.iter().any(|s| header.is_nearly(s)) || header.is_known())
+    };
+    cells.iter().filter(|cell| is_known(cell)).count()
+}
+
+fn candidates(lines: &[Line<'_>], delimiter: Delimiter, map: &LogMap) -> Vec<Candidate> {
+    let mut found = Vec::new();
+    for (line, text) in lines.iter().take(HEADER_WITHIN).enumerate() {
+        let cells = split(
+            text.bytes.strip_prefix(b"#").unwrap_or(text.bytes),
+            delimiter,
+        );
+        if cells.len() < 2 || cells.iter().filter(|c| is_number(c)).count() * 2 > cells.len() {
+            continue;
+        }
+        let known = known(&cells, map);
+        if known == 0 || !has_row(&lines[line + 1..], delimiter, cells.len()) {
+            continue;
+        }
+        found.push(Candidate {
+            delimiter,
+            line,
+            cells,
+            known,
+        });
+    }
+    found
+}
+
+/// Whether one of the next lines is a row of about so many cells, with numbers.
+fn has_row(below: &[Line<'_>], delimiter: Delimiter, cells: usize) -> bool {
+    below.iter().take(BELOW_HEADER).any(|line| {
+        let row = split(line.bytes, delimiter);
+        // Lines of numbers often end in a delimiter, and times may hold a blank.
+        row.len() + 1 >= cells && row.len() <= cells + 2 && row.iter().any(|c| is_number(c))
+    })
+}
+
+fn header_at(
+    name: &str,
+    lines: &[Line<'_>],
+    line: u64,
+    delimiters: &[Delimiter],
+    map: &LogMap,
+) -> Result<Candidate, ImportError> {
+    let at = lines.iter().position(|l| l.number == line);
+    let place = || format!("{name}: line {line}");
+    let at = at.ok_or_else(|| {
+        ImportError::log(
+            place(),
+            "there is no such line near the beginning",
+            "state another header_line",
+        )
+    })?;
+    let of = |delimiter: &Delimiter| {
+        let bytes = lines[at].bytes;
+        let cells = split(bytes.strip_prefix(b"#").unwrap_or(bytes), *delimiter);
+        let known = known(&cells, map);
+        Candidate {
+            delimiter: *delimiter,
+            line: at,
+            cells,
+            known,
+        }
+    };
+    let best = delimiters.iter().map(of).reduce(|a, b| {
+        let more =
+            (b.known, b.cells.len()) > (a.known, a.cells.len()) && b.delimiter != Delimiter::Space;
+        if more || b.known > a.known { b } else { a }
+    });
+    best.filter(|c| c.cells.len() >= 2).ok_or_else(|| {
+        ImportError::log(
+            place(),
+            "the line has a single cell",
+            "state header_line and delimiter",
+        )
+    })
+}
+
+fn without_header(
+    name: &str,
+    lines: &[Line<'_>],
+    map: &LogMap,
+    delimiters: &[Delimiter],
+) -> Result<Layout, ImportError> {
+    let count = map.header.len();
+    let row = delimiters.iter().find_map(|d| {
+        let fits = |line: &&Line<'_>| {
+            let cells = split(line.bytes, *d);
+            cells.len() == count && cells.iter().any(|c| is_number(c))
+        };
+        lines.iter().find(fits).map(|line| (*d, *line))
+    });
+    let (delimiter, row) = row.ok_or_else(|| {
+        ImportError::log(
+            name,
+            format!("no line has the {count} cells that header names"),
+            "state as many names in header as there are columns",
+        )
+    })?;
+    let headers: Vec<Header> = map.header.iter().map(|h| Header::new(h)).collect();
+    let mut layout = Layout {
+        delimiter,
+        header_cells: map.header.iter().map(|h| h.clone().into_bytes()).collect(),
+        headers,
+        header_line: 0,
+        units: Vec::new(),
+        rows_at: row.at,
+        rows_line: row.number,
+        decimal_comma: false,
+        notices: Vec::new(),
+    };
+    layout.decimal_comma = has_commas(lines, &layout);
+    Ok(layout)
+}
+
+/// What stands below the header: units and other rows that are no measurements.
+fn below(lines: &[Line<'_>], header: Candidate) -> Layout {
+    let number = lines[header.line].number;
+    let headers: Vec<Header> = header
+        .cells
+        .iter()
+        .map(|c| Header::new(&letters(c)))
+        .collect();
+    let mut layout = Layout {
+        delimiter: header.delimiter,
+        headers,
+        header_cells: header.cells,
+        header_line: number,
+        units: Vec::new(),
+        rows_at: lines[header.line].at + lines[header.line].bytes.len(),
+        rows_line: number,
+        decimal_comma: false,
+        notices: Vec::new(),
+    };
+    if number > 1 {
+        layout.notices.push(format!(
+            "lines 1 to {} before the header are passed over",
+            number - 1
+        ));
+    }
+    for line in lines[header.line + 1..].iter().take(BELOW_HEADER) {
+        (layout.rows_at, layout.rows_line) = (line.at, line.number);
+        let bytes = line.bytes.strip_prefix(b"#").unwrap_or(line.bytes);
+        let cells = split(bytes, layout.delimiter);
+        if line.bytes.first() != Some(&b'#') && cells.iter().any(|c| is_number(c)) {
+            break;
+        }
+        let texts: Vec<String> = cells.iter().map(|c| letters(c)).collect();
+        let units = texts
+            .iter()
+            .filter(|t| !t.is_empty() && unit::Unit::is_any(t))
+            .count();
+        if layout.units.is_empty() && units > 0 && texts.len() <= layout.headers.len() + 1 {
+            layout.units = texts;
+        } else if cells.iter().any(|c| !c.is_empty()) {
+            layout.notices.push(format!(
+                "line {} below the header is passed over",
+                line.number
+            ));
+        }
+    }
+    layout.decimal_comma = has_commas(lines, &layout);
+    layout
+}
+
+/// Whether numbers have decimal commas: more cells of the first rows that only so are numbers than are with a point.
+fn has_commas(lines: &[Line<'_>], layout: &Layout) -> bool {
+    let (mut commas, mut points) = (0, 0);
+    for line in lines
+        .iter()
+        .filter(|l| l.number >= layout.rows_line)
+        .take(HEADER_WITHIN)
+    {
+        for cell in split(line.bytes, layout.delimiter) {
+            commas += usize::from(number::has_decimal_comma(&cell));
+            points += usize::from(cell.contains(&b'.') && number::parse(&cell, false).is_some());
+        }
+    }
+    commas > points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn layout(text: &str) -> Layout {
+        let lines = lines(text.as_bytes(), true);
+        find("a.csv", &lines, &LogMap::default()).unwrap()
+    }
+
+    #[test]
+    fn a_header_is_found_below_a_preamble_with_units_under_it() {
+        let text = "Instrument: X, serial 12\n\nTimestamp;Latitude;Longitude;CH4\n;deg;deg;ppb\n\
+            2024-05-01 10:00:00;43,1;-7,8;1901,5\n";
+        let found = layout(text);
+        assert_eq!(found.delimiter, Delimiter::Byte(b';'));
+        assert_eq!((found.header_line, found.rows_line), (3, 5));
+        assert_eq!(found.units[3], "ppb");
+        assert!(found.decimal_comma);
+        assert_eq!(found.notices.len(), 1);
+    }
+
+    #[test]
+    fn blanks_part_cells_only_where_nothing_else_does() {
+        let spaced =
+            "DATE       TIME      EPOCH_TIME    CH4_dry\n2024-05-01 10:00:00  1714557600.1  1.95\n";
+        assert_eq!(layout(spaced).delimiter, Delimiter::Space);
+        let tabbed = "Date Time\tWind Speed (m/s)\tCO2 (ppm)\n2024-05-01 10:00:00\t3.1\t421\n";
+        let found = layout(tabbed);
+        assert_eq!(found.delimiter, Delimiter::Byte(b'\t'));
+        assert_eq!(found.headers.len(), 3);
+    }
+
+    #[test]
+    fn a_log_without_names_is_refused_in_words() {
+        let lines = lines(b"1,2,3\n4,5,6\n", true);
+        let error = find("a.csv", &lines, &LogMap::default())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("a.csv: no header found") && error.contains("header = [...]"),
+            "{error}"
+        );
+    }
+}

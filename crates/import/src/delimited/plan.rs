@@ -1,0 +1,707 @@
+//! Which of a log's columns become which of Plumage's, and how.
+
+use super::clock::{self, LogClock};
+use super::layout::Layout;
+use crate::ImportError;
+use crate::decode::letters;
+use crate::height::{Datum, Reduction};
+use crate::map::{ColumnMap, LogMap, Names};
+use crate::number;
+use crate::quantity::{Dimension, FLIGHT, GASES, OBSERVATION, Quantity};
+use crate::unit::{Conversion, Unit};
+use std::collections::BTreeMap;
+
+/// Temperature to which masses in a volume refer unless stated, °C (EU directive 2008/50/EC, annex VI).
+const MASS_TEMPERATURE_C: f64 = 20.0;
+/// Pressure to which they refer, hPa (the same).
+const MASS_PRESSURE_HPA: f64 = 1013.0;
+
+/// Where a column's values come from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Source {
+    /// This cell of a row, from 0.
+    Cell(usize),
+    /// One value for all rows.
+    Value(f64),
+}
+
+/// How a cell is read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reads {
+    /// As a number.
+    Number,
+    /// As degrees, minutes and seconds.
+    DegreesMinutesSeconds,
+    /// As degrees and minutes of NMEA.
+    Nmea,
+}
+
+/// One of Plumage's columns and how its values are made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// What it is.
+    pub quantity: &'static Quantity,
+    /// Where its values come from.
+    pub source: Source,
+    /// The cell beside it that says N, S, E or W, if there is one.
+    pub side: Option<usize>,
+    reads: Reads,
+    factor: f64,
+    offset: f64,
+    reduction: Option<Reduction>,
+}
+
+impl Column {
+    fn new(quantity: &'static Quantity, source: Source) -> Self {
+        Self {
+            quantity,
+            source,
+            side: None,
+            reads: Reads::Number,
+            factor: 1.0,
+            offset: 0.0,
+            reduction: None,
+        }
+    }
+
+    /// The value of a cell in the column's unit; none where the cell holds no number.
+    pub fn value(&self, cell: &[u8], decimal_comma: bool) -> Option<f64> {
+        let raw = match self.reads {
+            Reads::Number => number::parse(cell, decimal_comma)?,
+            Reads::DegreesMinutesSeconds => number::degrees_minutes_seconds(cell, decimal_comma)?,
+            Reads::Nmea => number::nmea(cell, decimal_comma)?,
+        };
+        Some(self.of_number(raw))
+    }
+
+    /// The value of a number of the log in the column's unit, rounded to its decimals where anything is converted.
+    pub fn of_number(&self, raw: f64) -> f64 {
+        if self.factor == 1.0
+            && self.offset == 0.0
+            && self.reduction.is_none()
+            && self.reads == Reads::Number
+        {
+            return raw;
+        }
+        let value = raw * self.factor + self.offset;
+        let value = self.reduction.map_or(value, |r| r.amsl_m(value));
+        number::rounded(value, self.quantity.decimals)
+    }
+}
+
+/// What becomes of a log.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Its clock.
+    pub clock: LogClock,
+    /// Its columns, observations before what flights have besides.
+    pub columns: Vec<Column>,
+    /// The cell that names the platform, if there is one.
+    pub platform: Option<usize>,
+    /// What was found and assumed, in words.
+    pub said: Vec<String>,
+    /// What of a mapping file says the same.
+    pub map: LogMap,
+}
+
+/// The cell of the column that is called `wanted`.
+///
+/// # Errors
+/// No column is called so.
+pub fn column(name: &str, layout: &Layout, wanted: &str) -> Result<usize, ImportError> {
+    optional(layout, wanted).ok_or_else(|| {
+        let there: Vec<&str> = layout.headers.iter().map(|h| h.text.as_str()).collect();
+        ImportError::log(
+            format!("{name}: line {}", layout.header_line),
+            format!("no column is called \"{wanted}\""),
+            format!("state one of {}", there.join(", ")),
+        )
+    })
+}
+
+fn optional(layout: &Layout, wanted: &str) -> Option<usize> {
+    let exact = layout.headers.iter().position(|h| h.is(wanted));
+    exact.or_else(|| layout.headers.iter().position(|h| h.is_nearly(wanted)))
+}
+
+type Rows = [Vec<Vec<u8>>];
+
+/// Plans how the log `name` is read, by its `layout`, its first `rows` and what is stated in `map`; times count from
+/// `zero_s` after 1970.
+///
+/// # Errors
+/// What is missing or cannot be told, with what to state.
+pub fn plan(
+    name: &str,
+    layout: &Layout,
+    rows: &Rows,
+    map: &LogMap,
+    zero_s: f64,
+) -> Result<Plan, ImportError> {
+    let (clock, found) = clock::find(name, layout, rows, map, zero_s)?;
+    let mut planner = Planner {
+        name,
+        layout,
+        rows,
+        map,
+        columns: Vec::new(),
+        said: found.said,
+        made: BTreeMap::new(),
+    };
+    planner.all()?;
+    let platform = planner.platform()?;
+    planner.say_what_is_left(&clock, platform);
+    let map = LogMap {
+        preset: None,
+        name: map.name.clone(),
+        delimiter: Some(layout.delimiter.name()),
+        decimal: Some(if layout.decimal_comma { "," } else { "." }.to_owned()),
+        header_line: (layout.header_line > 0).then_some(layout.header_line),
+        header: map.header.clone(),
+        missing: map.missing.clone(),
+        platform: map.platform.clone(),
+        platform_column: platform.map(|c| layout.headers[c].text.clone()),
+        undulation_m: map.undulation_m,
+        qnh_hpa: map.qnh_hpa,
+        base_amsl_m: map.base_amsl_m,
+        mass_temperature_c: map.mass_temperature_c,
+        mass_pressure_hpa: map.mass_pressure_hpa,
+        column: planner.made,
+        ..found.map
+    };
+    Ok(Plan {
+        clock,
+        columns: planner.columns,
+        platform,
+        said: planner.said,
+        map,
+    })
+}
+
+struct Planner<'a> {
+    name: &'a str,
+    layout: &'a Layout,
+    rows: &'a Rows,
+    map: &'a LogMap,
+    columns: Vec<Column>,
+    said: Vec<String>,
+    made: BTreeMap<String, ColumnMap>,
+}
+
+impl Planner<'_> {
+    fn error(&self, what: impl Into<String>, todo: impl Into<String>) -> ImportError {
+        ImportError::log(self.name, what, todo)
+    }
+
+    fn header(&self, cell: usize) -> &str {
+        &self.layout.headers[cell].text
+    }
+
+    fn all(&mut self) -> Result<(), ImportError> {
+        for (name, stated) in &self.map.column {
+            if stated.skip == Some(true) {
+                self.made.insert(name.clone(), stated.clone());
+            }
+        }
+        for quantity in OBSERVATION.iter().chain(FLIGHT[..23].iter()) {
+            match quantity.name {
+                "alt_amsl_m" => self.height(quantity)?,
+                _ if quantity.is_gas() => {}
+                _ => self.plain(quantity)?,
+            }
+        }
+        for gas in GASES {
+            self.gas(gas)?;
+        }
+        let order = |c: &Column| OBSERVATION.iter().position(|q| q.name == c.quantity.name);
+        self.columns
+            .sort_by_key(|c| order(c).unwrap_or(OBSERVATION.len()));
+        Ok(())
+    }
+
+    fn stated(&self, name: &str) -> Option<&ColumnMap> {
+        self.map.column.get(name)
+    }
+
+    /// What is stated of a column's source; the inner none where nothing is.
+    fn stated_source(&self, stated: &ColumnMap) -> Result<Option<Option<Source>>, ImportError> {
+        if stated.skip == Some(true) {
+            return Ok(Some(None));
+        }
+        if let Some(value) = stated.value {
+            return Ok(Some(Some(Source::Value(value))));
+        }
+        match &stated.from {
+            None => Ok(None),
+            Some(Names::One(name)) => {
+                column(self.name, self.layout, name).map(|cell| Some(Some(Source::Cell(cell))))
+            }
+            Some(Names::Many(names)) => {
+                let there = names.iter().find_map(|n| optional(self.layout, n));
+                Ok(there.map(|cell| Some(Source::Cell(cell))))
+            }
+        }
+    }
+
+    /// The cell whose header names `quantity` best, with the unit that the header says.
+    fn recognised(&self, quantity: &Quantity) -> Option<(usize, Option<Unit>)> {
+        let headers = self.layout.headers.iter().enumerate();
+        let named = headers
+            .filter_map(|(cell, h)| h.quantity(quantity).map(|(rank, unit)| (rank, cell, unit)));
+        let free = named.filter(|(_, cell, _)| !self.is_empty(*cell));
+        free.min_by_key(|(rank, cell, _)| (*rank, *cell))
+            .map(|(_, cell, unit)| (cell, unit))
+    }
+
+    /// Whether a column holds nothing in the first rows.
+    fn is_empty(&self, cell: usize) -> bool {
+        !self.rows.is_empty() && self.numbers(cell, Reads::Number).is_empty() && {
+            let dms = self.numbers(cell, Reads::DegreesMinutesSeconds);
+            dms.is_empty()
+        }
+    }
+
+    fn numbers(&self, cell: usize, reads: Reads) -> Vec<f64> {
+        let comma = self.layout.decimal_comma;
+        let cells = self.rows.iter().filter_map(|r| r.get(cell));
+        let cells = cells.filter(|c| !self.is_missing(c));
+        let read = |c: &Vec<u8>| match reads {
+            Reads::Number => number::parse(c, comma),
+            Reads::DegreesMinutesSeconds => number::degrees_minutes_seconds(c, comma),
+            Reads::Nmea => number::nmea(c, comma),
+        };
+        cells.filter_map(read).collect()
+    }
+
+    fn is_missing(&self, cell: &[u8]) -> bool {
+        number::is_none(cell) || self.map.missing.iter().any(|m| m.as_bytes() == cell)
+    }
+
+    /// The middle one of a column's first values.
+    fn middle(&self, cell: usize) -> Option<f64> {
+        let mut values = self.numbers(cell, Reads::Number);
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied()
+    }
+
+    /// The unit of a cell: as stated, by its header, by the row of units, or none.
+    fn unit(
+        &self,
+        stated: Option<&ColumnMap>,
+        cell: usize,
+        of_header: Option<Unit>,
+        d: Dimension,
+    ) -> Option<Unit> {
+        let by_map = stated.and_then(|s| s.unit.as_deref());
+        let by_row = || self.layout.units.get(cell).and_then(|u| Unit::parse(d, u));
+        by_map
+            .and_then(|u| Unit::parse(d, u))
+            .or(of_header)
+            .or_else(by_row)
+    }
+
+    /// A quantity that is neither a gas nor the height.
+    fn plain(&mut self, quantity: &'static Quantity) -> Result<(), ImportError> {
+        let stated = self.stated(quantity.name).cloned();
+        let source = match &stated {
+            Some(s) => self.stated_source(s)?,
+            None => None,
+        };
+        let (source, of_header) = match source {
+            Some(None) => return Ok(()),
+            Some(Some(Source::Cell(cell))) => {
+                let unit = self.layout.headers[cell].quantity(quantity);
+                (Source::Cell(cell), unit.and_then(|(_, unit)| unit))
+            }
+            Some(Some(value)) => (value, None),
+            None => match self.recognised(quantity) {
+                Some((cell, unit)) => (Source::Cell(cell), unit),
+                None => return Ok(()),
+            },
+        };
+        let unit = match source {
+            Source::Value(_) => Unit::own(quantity.dimension),
+            Source::Cell(cell) => {
+                let unit = self.unit(stated.as_ref(), cell, of_header, quantity.dimension);
+                unit.unwrap_or_else(|| self.assumed_unit(quantity, cell))
+            }
+        };
+        self.add(quantity, source, unit, stated.as_ref(), None)
+    }
+
+    /// The unit of a column that none is stated of, by the size of its values.
+    fn assumed_unit(&mut self, quantity: &Quantity, cell: usize) -> Unit {
+        let dimension = quantity.dimension;
+        let middle = self.middle(cell);
+        let named = |name: &str| Unit::parse(dimension, name);
+        let by_size = match (dimension, middle) {
+            // No air is at 150 °C, and none at 150 K.
+            (Dimension::Temperature, Some(v)) if v > 150.0 => named("K"),
+            // The air at the ground has 500 to 1100 hPa.
+            (Dimension::Pressure, Some(v)) if v > 11_000.0 => named("Pa"),
+            (Dimension::Pressure, Some(v)) if (30.0..150.0).contains(&v) => named("kPa"),
+            (Dimension::Place, None) => named("dms"),
+            (Dimension::Place, Some(v)) if v.abs() > 1e6 => named("1e-7 deg"),
+            (Dimension::Place, Some(v)) if v.abs() > 180.0 => named("ddmm.mmmm"),
+            _ => None,
+        };
+        let unit = by_size.unwrap_or_else(|| Unit::own(dimension));
+        if dimension != Dimension::Place || by_size.is_some() {
+            self.said.push(format!(
+                "assumed: \"{}\" states no unit and is read in {}",
+                self.header(cell),
+                unit.name
+            ));
+        }
+        unit
+    }
+
+    /// A gas: in ppb where the log has it so, but for CO2.
+    fn gas(&mut self, gas: &str) -> Result<(), ImportError> {
+        let of = |unit: &str| Quantity::named(&format!("{gas}_{unit}"));
+        let (Some(ppm), Some(ppb)) = (of("ppm"), of("ppb")) else {
+            return Ok(());
+        };
+        for quantity in [ppm, ppb] {
+            let Some(stated) = self.stated(quantity.name).cloned() else {
+                continue;
+            };
+            match self.stated_source(&stated)? {
+                Some(None) => return Ok(()),
+                Some(Some(Source::Cell(cell))) => {
+                    let of_header = self.layout.headers[cell].quantity(ppm).and_then(|(_, u)| u);
+                    return self.gas_in(quantity, cell, of_header, Some(&stated));
+                }
+                Some(Some(value)) => {
+                    let unit = Unit::own(quantity.dimension);
+                    return self.add(quantity, value, unit, Some(&stated), None);
+                }
+                None => {
+                    if let Some((cell, of_header)) = self.recognised(ppm) {
+                        return self.gas_in(quantity, cell, of_header, Some(&stated));
+                    }
+                }
+            }
+        }
+        let Some((cell, of_header)) = self.recognised(ppm) else {
+            return Ok(());
+        };
+        let unit = self.unit(None, cell, of_header, ppm.dimension);
+        let in_ppb = unit.is_some_and(|u| ["ppb", "ppt", "ug/m3"].contains(&u.name));
+        let by_size =
+            unit.is_none() && gas == "ch4" && self.middle(cell).is_some_and(|v| v > 1000.0);
+        let quantity = if (in_ppb || by_size) && gas != "co2" {
+            ppb
+        } else {
+            ppm
+        };
+        self.gas_in(quantity, cell, of_header, None)
+    }
+
+    fn gas_in(
+        &mut self,
+        quantity: &'static Quantity,
+        cell: usize,
+        of_header: Option<Unit>,
+        stated: Option<&ColumnMap>,
+    ) -> Result<(), ImportError> {
+        let of_header = of_header.and_then(|u| Unit::parse(quantity.dimension, u.name));
+        let unit = match self.unit(stated, cell, of_header, quantity.dimension) {
+            Some(unit) => unit,
+            None => self.assumed_gas_unit(quantity, cell)?,
+        };
+        self.add(quantity, Source::Cell(cell), unit, stated, None)
+    }
+
+    /// The unit of a gas that none is stated of: by the size of what is in all air, for CO2 and CH4 only.
+    fn assumed_gas_unit(&mut self, quantity: &Quantity, cell: usize) -> Result<Unit, ImportError> {
+        let middle = self.middle(cell).unwrap_or(f64::NAN);
+        // All air has 400 ppm of CO2 and 1.9 ppm of CH4, whatever a plume adds.
+        let name = match quantity.gas() {
+            Some("co2") if (300.0..20_000.0).contains(&middle) => Some("ppm"),
+            Some("co2") if (0.03..2.0).contains(&middle) => Some("%"),
+            Some("ch4") if (1.5..100.0).contains(&middle) => Some("ppm"),
+            Some("ch4") if (1500.0..100_000.0).contains(&middle) => Some("ppb"),
+            _ => None,
+        };
+        let header = self.header(cell).to_owned();
+        let unit = name.and_then(|n| Unit::parse(quantity.dimension, n));
+        let gas = quantity.gas().unwrap_or("");
+        let unit = unit.ok_or_else(|| {
+            self.error(
+                format!("column \"{header}\": {gas} without a unit"),
+                format!(
+                    "state it in a mapping file (--map): [[log]] and below it [log.column.{gas}_ppb] with \
+                     from = \"{header}\" and unit = \"ppb\" (or ppm, %, ug/m3, mg/m3), or skip = true"
+                ),
+            )
+        })?;
+        self.said.push(format!(
+            "assumed: \"{header}\" states no unit and is read in {}, by the size of {middle} (air has 400 ppm of \
+             CO2 and 1.9 ppm of CH4)",
+            unit.name
+        ));
+        Ok(unit)
+    }
+
+    /// The height: as stated, else above mean sea level, else what the statements suffice for.
+    fn height(&mut self, quantity: &'static Quantity) -> Result<(), ImportError> {
+        let stated = self.stated(quantity.name).cloned().unwrap_or_default();
+        match self.stated_source(&stated)? {
+            Some(None) => return Ok(()),
+            Some(Some(value @ Source::Value(_))) => {
+                let unit = Unit::own(quantity.dimension);
+                return self.add(quantity, value, unit, Some(&stated), None);
+            }
+            Some(Some(Source::Cell(cell))) => {
+                let known = self.layout.headers[cell].height();
+                let datum = stated
+                    .datum
+                    .or(known.map(|(datum, ..)| datum))
+                    .unwrap_or(Datum::Amsl);
+                let clear = stated.datum.is_some() || known.is_some_and(|(_, clear, _)| clear);
+                let of_header = known.and_then(|(_, _, unit)| unit);
+                return self.height_in(quantity, (cell, datum, clear, of_header), &stated);
+            }
+            None => {}
+        }
+        let headers = self.layout.headers.iter().enumerate();
+        let heights: Vec<(usize, Datum, bool, Option<Unit>)> = headers
+            .filter_map(|(cell, h)| {
+                h.height()
+                    .map(|(datum, clear, unit)| (cell, datum, clear, unit))
+            })
+            .filter(|(cell, ..)| !self.is_empty(*cell))
+            .collect();
+        let by_map = self.map.heights();
+        let wanted = |(_, datum, ..): &&(usize, Datum, bool, Option<Unit>)| {
+            stated.datum.is_none_or(|s| s == *datum)
+        };
+        let worth = |(cell, datum, clear, _): &&(usize, Datum, bool, Option<Unit>)| {
+            let usable = datum.reduction(&by_map).is_ok();
+            let needs = *datum != Datum::Amsl;
+            // Above the sea as it says; of what a statement was made for; above the sea as may be.
+            (!usable, if *clear { usize::from(needs) } else { 2 }, *cell)
+        };
+        match heights.iter().filter(wanted).min_by_key(worth) {
+            Some(best) => self.height_in(quantity, *best, &stated),
+            None => Ok(()),
+        }
+    }
+
+    fn height_in(
+        &mut self,
+        quantity: &'static Quantity,
+        (cell, datum, clear, of_header): (usize, Datum, bool, Option<Unit>),
+        stated: &ColumnMap,
+    ) -> Result<(), ImportError> {
+        let header = self.header(cell).to_owned();
+        let reduction = datum
+            .reduction(&self.map.heights())
+            .map_err(|(key, what)| {
+                let option = key.replace('_', "-");
+                self.error(
+                    format!(
+                        "column \"{header}\": heights {}, and none above mean sea level",
+                        datum.words()
+                    ),
+                    format!("state --{option}: {what}"),
+                )
+            })?;
+        let dimension = match datum {
+            Datum::Pressure => Dimension::Pressure,
+            _ => quantity.dimension,
+        };
+        let unit = match self.unit(Some(stated), cell, of_header, dimension) {
+            Some(unit) => unit,
+            None => {
+                let unit = Unit::own(dimension);
+                self.said.push(format!(
+                    "assumed: \"{header}\" states no unit and is read in {}",
+                    unit.name
+                ));
+                unit
+            }
+        };
+        if !clear {
+            self.said.push(format!(
+                "assumed: \"{header}\" is above mean sea level; it does not say (else state the datum of \
+                 alt_amsl_m in a mapping file)"
+            ));
+        }
+        let stated = ColumnMap {
+            datum: Some(datum),
+            ..stated.clone()
+        };
+        let reduction = (datum != Datum::Amsl).then_some(reduction);
+        self.add(quantity, Source::Cell(cell), unit, Some(&stated), reduction)
+    }
+
+    fn add(
+        &mut self,
+        quantity: &'static Quantity,
+        source: Source,
+        unit: Unit,
+        stated: Option<&ColumnMap>,
+        reduction: Option<Reduction>,
+    ) -> Result<(), ImportError> {
+        let mut column = Column::new(quantity, source);
+        column.reduction = reduction;
+        column.side = self.side(quantity, source);
+        let (factor, offset) = match unit.conversion {
+            Conversion::Linear { factor, offset } => (factor, offset),
+            Conversion::Mass { kg_m3 } => (self.ppm_of_mass(quantity, kg_m3, source), 0.0),
+            Conversion::DegreesMinutesSeconds => {
+                column.reads = Reads::DegreesMinutesSeconds;
+                (1.0, 0.0)
+            }
+            Conversion::Nmea => {
+                column.reads = Reads::Nmea;
+                (1.0, 0.0)
+            }
+        };
+        let (scale, before) = stated.map_or((1.0, 0.0), |s| {
+            (s.scale.unwrap_or(1.0), s.offset.unwrap_or(0.0))
+        });
+        column.factor = scale * factor;
+        column.offset = before * factor + offset;
+        let (datum, from, value) = (
+            stated.and_then(|s| s.datum),
+            match source {
+                Source::Cell(cell) => Some(Names::One(self.header(cell).to_owned())),
+                Source::Value(_) => None,
+            },
+            match source {
+                Source::Cell(_) => None,
+                Source::Value(value) => Some(value),
+            },
+        );
+        let counted = datum.filter(|d| *d != Datum::Amsl);
+        self.said.push(match (source, counted) {
+            (Source::Value(value), _) => {
+                format!("{} is {value} in all rows, as stated", quantity.name)
+            }
+            (Source::Cell(cell), None) => {
+                format!(
+                    "{} from \"{}\" in {}",
+                    quantity.name,
+                    self.header(cell),
+                    unit.name
+                )
+            }
+            (Source::Cell(cell), Some(datum)) => format!(
+                "{} from \"{}\" in {}, {}, with what is stated",
+                quantity.name,
+                self.header(cell),
+                unit.name,
+                datum.words()
+            ),
+        });
+        let made = ColumnMap {
+            from,
+            value,
+            unit: value.is_none().then(|| unit.name.to_owned()),
+            scale: stated.and_then(|s| s.scale),
+            offset: stated.and_then(|s| s.offset),
+            datum,
+            skip: None,
+        };
+        self.made.insert(quantity.name.to_owned(), made);
+        self.columns.push(column);
+        Ok(())
+    }
+
+    /// The column beside a latitude or longitude that says its side, as in logs of NMEA sentences.
+    fn side(&self, quantity: &Quantity, source: Source) -> Option<usize> {
+        let (Dimension::Place, Source::Cell(cell)) = (quantity.dimension, source) else {
+            return None;
+        };
+        let cells = self.rows.iter().filter_map(|r| r.get(cell + 1));
+        let mut letters = cells.filter(|c| !c.is_empty()).peekable();
+        letters.peek()?;
+        let is_side = |c: &Vec<u8>| matches!(c[..], [b'N' | b'S' | b'E' | b'W']);
+        letters.all(is_side).then_some(cell + 1)
+    }
+
+    /// Mole fraction in the column's unit of one unit of mass in a volume.
+    fn ppm_of_mass(&mut self, quantity: &Quantity, kg_m3: f64, source: Source) -> f64 {
+        let Dimension::Gas { g_mol, per_ppm } = quantity.dimension else {
+            return f64::NAN;
+        };
+        let temperature_c = self.map.mass_temperature_c.unwrap_or(MASS_TEMPERATURE_C);
+        let pressure_hpa = self.map.mass_pressure_hpa.unwrap_or(MASS_PRESSURE_HPA);
+        let air = air::isa::Air {
+            temperature_k: temperature_c + air::isa::ZERO_CELSIUS_K,
+            pressure_pa: pressure_hpa * 100.0,
+        };
+        let header = match source {
+            Source::Cell(cell) => self.header(cell),
+            Source::Value(_) => quantity.name,
+        };
+        let is_stated =
+            self.map.mass_temperature_c.is_some() && self.map.mass_pressure_hpa.is_some();
+        let said = format!(
+            "{}\"{header}\" is mass in a volume of air at {temperature_c} °C and {pressure_hpa} hPa",
+            if is_stated { "" } else { "assumed: " }
+        );
+        self.said.push(said);
+        kg_m3 / (g_mol / 1000.0) / air.molar_density_mol_m3() * 1e6 * per_ppm
+    }
+
+    fn platform(&mut self) -> Result<Option<usize>, ImportError> {
+        if let Some(name) = &self.map.platform_column {
+            return column(self.name, self.layout, name).map(Some);
+        }
+        if self.map.platform.is_some() {
+            return Ok(None);
+        }
+        let known = self
+            .layout
+            .headers
+            .iter()
+            .position(crate::recognise::Header::is_platform);
+        if let Some(cell) = known {
+            self.said
+                .push(format!("platform from \"{}\"", self.header(cell)));
+        }
+        Ok(known)
+    }
+
+    /// Says which columns nobody takes.
+    fn say_what_is_left(&mut self, clock: &LogClock, platform: Option<usize>) {
+        let mut used: Vec<usize> = self
+            .columns
+            .iter()
+            .filter_map(|c| match c.source {
+                Source::Cell(cell) => Some(cell),
+                Source::Value(_) => None,
+            })
+            .chain(platform)
+            .chain(self.columns.iter().filter_map(|c| c.side))
+            .collect();
+        match &clock.cells {
+            clock::TimeCells::Stamp(c)
+            | clock::TimeCells::OfDay(c)
+            | clock::TimeCells::Count(c, _, None) => {
+                used.push(*c);
+            }
+            clock::TimeCells::DateAndTime(a, b) | clock::TimeCells::Count(a, _, Some(b)) => {
+                used.extend([*a, *b])
+            }
+            clock::TimeCells::Parts(all) => used.extend(all),
+        }
+        let headers = self.layout.headers.iter().enumerate();
+        let left: Vec<&str> = headers
+            .filter(|(cell, header)| !used.contains(cell) && !header.text.is_empty())
+            .map(|(_, header)| header.text.as_str())
+            .collect();
+        if !left.is_empty() {
+            self.said.push(format!("left out: {}", left.join(", ")));
+        }
+    }
+}
+
+/// A cell's text, for messages.
+pub fn shown(cell: &[u8]) -> String {
+    letters(cell).chars().take(40).collect()
+}

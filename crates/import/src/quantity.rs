@@ -1,0 +1,471 @@
+//! What Plumage's observation and flight files hold, and what other people call it.
+
+/// What kind of number a quantity is: which units it may have.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Dimension {
+    /// Latitude or longitude, °.
+    Place,
+    /// Height or distance, m.
+    Length,
+    /// Speed, m/s.
+    Speed,
+    /// Direction or angle, °.
+    Angle,
+    /// Temperature, °C.
+    Temperature,
+    /// Share in hundred, %.
+    Percent,
+    /// Pressure, hPa.
+    Pressure,
+    /// Mole fraction of a gas of this molar mass in g/mol, ppm or ppb by the column.
+    Gas {
+        /// Molar mass, g/mol.
+        g_mol: f64,
+        /// Parts of a million in one unit of the column: 1, or 1000 where it is ppb.
+        per_ppm: f64,
+    },
+    /// Angular rate, °/s.
+    Rate,
+    /// Acceleration, m/s².
+    Acceleration,
+    /// Share of one.
+    Share,
+    /// Time, s.
+    Duration,
+}
+
+/// A column of Plumage's files.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quantity {
+    /// Its name there, with the unit.
+    pub name: &'static str,
+    /// What kind of number it is.
+    pub dimension: Dimension,
+    /// Decimals to which converted values are written.
+    pub decimals: u8,
+    /// Other people's names for it: small letters and digits only, without the unit.
+    pub(crate) aliases: &'static [&'static str],
+}
+
+const fn quantity(
+    name: &'static str,
+    dimension: Dimension,
+    decimals: u8,
+    aliases: &'static [&'static str],
+) -> Quantity {
+    Quantity {
+        name,
+        dimension,
+        decimals,
+        aliases,
+    }
+}
+
+const fn ppm(name: &'static str, g_mol: f64, aliases: &'static [&'static str]) -> Quantity {
+    let per_ppm = 1.0;
+    quantity(name, Dimension::Gas { g_mol, per_ppm }, 9, aliases)
+}
+
+const fn ppb(name: &'static str, g_mol: f64) -> Quantity {
+    let per_ppm = 1000.0;
+    quantity(name, Dimension::Gas { g_mol, per_ppm }, 6, &[])
+}
+
+/// Molar masses, g/mol (IUPAC 2021 atomic weights).
+const CO2: f64 = 44.009;
+const CH4: f64 = 16.043;
+const SO2: f64 = 64.06;
+const CO: f64 = 28.010;
+const NO2: f64 = 46.005;
+const NH3: f64 = 17.031;
+const H2S: f64 = 34.08;
+const SF6: f64 = 146.05;
+
+use Dimension::{
+    Acceleration, Angle, Duration, Length, Percent, Place, Pressure, Rate, Share, Speed,
+    Temperature,
+};
+
+/// Columns of observations, in the order in which they are written. Time and platform stand before them.
+pub const OBSERVATION: [Quantity; 26] = [
+    quantity(
+        "lat_deg",
+        Place,
+        9,
+        &[
+            "lat",
+            "latitude",
+            "latdd",
+            "latdeg",
+            "ylat",
+            "gpsabslat",
+            "osdlatitude",
+            "纬度",
+        ],
+    ),
+    quantity(
+        "lon_deg",
+        Place,
+        9,
+        &[
+            "lon",
+            "long",
+            "lng",
+            "longitude",
+            "londd",
+            "xlon",
+            "gpsabslong",
+            "gpsabslon",
+            "osdlongitude",
+            "经度",
+        ],
+    ),
+    quantity(
+        "alt_amsl_m",
+        Length,
+        4,
+        &[
+            "altamsl",
+            "alt",
+            "altitude",
+            "elevation",
+            "elev",
+            "ele",
+            "altmsl",
+            "mslalt",
+            "msl",
+            "altitudemsl",
+            "altitudeamsl",
+            "amsl",
+            "altitudeabovesealevel",
+            "heightamsl",
+            "heightmsl",
+            "altitudeasl",
+            "altasl",
+            "masl",
+            "hmsl",
+            "zamsl",
+            "海拔高度",
+            "海拔",
+        ],
+    ),
+    ppm(
+        "co2_ppm",
+        CO2,
+        &[
+            "co2",
+            "carbondioxide",
+            "xco2",
+            "co2dry",
+            "co2conc",
+            "co2concentration",
+            "co2molefraction",
+        ],
+    ),
+    ppb("co2_ppb", CO2),
+    ppm(
+        "ch4_ppm",
+        CH4,
+        &[
+            "ch4",
+            "methane",
+            "xch4",
+            "ch4dry",
+            "ch4conc",
+            "ch4concentration",
+            "ch4molefraction",
+        ],
+    ),
+    ppb("ch4_ppb", CH4),
+    ppm(
+        "so2_ppm",
+        SO2,
+        &[
+            "so2",
+            "sulfurdioxide",
+            "sulphurdioxide",
+            "so2conc",
+            "so2concentration",
+        ],
+    ),
+    ppb("so2_ppb", SO2),
+    ppm(
+        "co_ppm",
+        CO,
+        &["co", "carbonmonoxide", "codry", "coconc", "coconcentration"],
+    ),
+    ppb("co_ppb", CO),
+    ppm(
+        "no2_ppm",
+        NO2,
+        &["no2", "nitrogendioxide", "no2conc", "no2concentration"],
+    ),
+    ppb("no2_ppb", NO2),
+    ppm(
+        "nh3_ppm",
+        NH3,
+        &["nh3", "ammonia", "nh3dry", "nh3conc", "nh3concentration"],
+    ),
+    ppb("nh3_ppb", NH3),
+    ppm(
+        "h2s_ppm",
+        H2S,
+        &[
+            "h2s",
+            "hydrogensulfide",
+            "hydrogensulphide",
+            "h2sconc",
+            "h2sconcentration",
+        ],
+    ),
+    ppb("h2s_ppb", H2S),
+    ppm(
+        "sf6_ppm",
+        SF6,
+        &[
+            "sf6",
+            "sulfurhexafluoride",
+            "sulphurhexafluoride",
+            "sf6conc",
+        ],
+    ),
+    ppb("sf6_ppb", SF6),
+    quantity(
+        "wind_speed_m_s",
+        Speed,
+        4,
+        &[
+            "windspeed",
+            "ws",
+            "wspd",
+            "windspd",
+            "wndspd",
+            "windvel",
+            "windvelocity",
+            "windspeedscalar",
+            "wswvt",
+            "metspd",
+        ],
+    ),
+    quantity(
+        "wind_from_deg",
+        Angle,
+        3,
+        &[
+            "winddir",
+            "winddirection",
+            "windfrom",
+            "wd",
+            "wdir",
+            "wdirdeg",
+            "winddirectionfrom",
+            "wnddir",
+            "windbearing",
+            "winddird1wvt",
+            "winddird1",
+            "wdtrue",
+            "winddirtrue",
+            "metdir",
+        ],
+    ),
+    quantity(
+        "temperature_c",
+        Temperature,
+        4,
+        &[
+            "temperature",
+            "temp",
+            "airtemperature",
+            "airtemp",
+            "tair",
+            "ta",
+            "ambienttemperature",
+            "ambienttemp",
+            "atmp",
+            "airt",
+            "airtc",
+            "t2m",
+            "outsidetemperature",
+            "oat",
+            "温度",
+        ],
+    ),
+    quantity(
+        "relative_humidity_pct",
+        Percent,
+        4,
+        &[
+            "relativehumidity",
+            "rh",
+            "humidity",
+            "relhum",
+            "relhumidity",
+            "hum",
+            "湿度",
+        ],
+    ),
+    quantity(
+        "pressure_hpa",
+        Pressure,
+        5,
+        &[
+            "pressure",
+            "press",
+            "airpressure",
+            "baro",
+            "bp",
+            "barometricpressure",
+            "atmosphericpressure",
+            "baropressure",
+            "pres",
+            "patm",
+            "ambientpressure",
+            "ambientpress",
+            "staticpressure",
+            "bpavg",
+            "baropress",
+            "pair",
+            "气压",
+        ],
+    ),
+    quantity(
+        "sd_ppm",
+        Dimension::Gas {
+            g_mol: 28.97,
+            per_ppm: 1.0,
+        },
+        6,
+        &["sd"],
+    ),
+    quantity("averaging_s", Duration, 3, &["averaging", "averagingtime"]),
+];
+
+/// Columns of flights, in the order in which they are written. Time stands before them.
+pub const FLIGHT: [Quantity; 25] = [
+    quantity(
+        "airspeed_m_s",
+        Speed,
+        4,
+        &[
+            "airspeed",
+            "aspd",
+            "tas",
+            "ias",
+            "trueairspeed",
+            "trueairspeedms",
+        ],
+    ),
+    quantity(
+        "angle_of_attack_deg",
+        Angle,
+        4,
+        &["angleofattack", "aoa", "alpha"],
+    ),
+    quantity(
+        "sideslip_deg",
+        Angle,
+        4,
+        &["sideslip", "ssa", "beta", "aos"],
+    ),
+    quantity(
+        "roll_deg",
+        Angle,
+        4,
+        &["roll", "phi", "rollangle", "osdroll"],
+    ),
+    quantity(
+        "pitch_deg",
+        Angle,
+        4,
+        &["pitch", "theta", "pitchangle", "osdpitch"],
+    ),
+    quantity(
+        "yaw_deg",
+        Angle,
+        4,
+        &["yaw", "psi", "heading", "compassheading", "osdyaw", "hdg"],
+    ),
+    quantity(
+        "roll_rate_deg_s",
+        Rate,
+        4,
+        &["rollrate", "rollspeed", "p", "gyrx", "gyrox"],
+    ),
+    quantity(
+        "pitch_rate_deg_s",
+        Rate,
+        4,
+        &["pitchrate", "pitchspeed", "q", "gyry", "gyroy"],
+    ),
+    quantity(
+        "yaw_rate_deg_s",
+        Rate,
+        4,
+        &["yawrate", "yawspeed", "r", "gyrz", "gyroz"],
+    ),
+    quantity("accel_x_m_s2", Acceleration, 5, &["accelx", "accx", "ax"]),
+    quantity("accel_y_m_s2", Acceleration, 5, &["accely", "accy", "ay"]),
+    quantity("accel_z_m_s2", Acceleration, 5, &["accelz", "accz", "az"]),
+    quantity("elevator_deg", Angle, 4, &["elevator"]),
+    quantity(
+        "aileron_left_deg",
+        Angle,
+        4,
+        &["aileronleft", "leftaileron"],
+    ),
+    quantity(
+        "aileron_right_deg",
+        Angle,
+        4,
+        &["aileronright", "rightaileron"],
+    ),
+    quantity("rudder_deg", Angle, 4, &["rudder"]),
+    quantity("elevon_left_deg", Angle, 4, &["elevonleft", "leftelevon"]),
+    quantity(
+        "elevon_right_deg",
+        Angle,
+        4,
+        &["elevonright", "rightelevon"],
+    ),
+    quantity("throttle", Share, 5, &["throttle", "thr"]),
+    quantity(
+        "vel_north_m_s",
+        Speed,
+        4,
+        &["velnorth", "vn", "velocitynorth", "northvelocity"],
+    ),
+    quantity(
+        "vel_east_m_s",
+        Speed,
+        4,
+        &["veleast", "ve", "velocityeast", "eastvelocity"],
+    ),
+    quantity("vel_down_m_s", Speed, 4, &["veldown", "vd", "velocitydown"]),
+    quantity("baro_height_m", Length, 4, &["baroheight", "baroalt"]),
+    OBSERVATION[19],
+    OBSERVATION[20],
+];
+
+/// Gases whose columns are read.
+pub const GASES: [&str; 8] = ["co2", "ch4", "so2", "co", "no2", "nh3", "h2s", "sf6"];
+
+impl Quantity {
+    /// The quantity of a column of Plumage's files; none where there is no such.
+    pub fn named(name: &str) -> Option<&'static Self> {
+        OBSERVATION
+            .iter()
+            .chain(FLIGHT.iter())
+            .find(|q| q.name == name)
+    }
+
+    /// Whether it is a gas that a platform reads.
+    pub fn is_gas(&self) -> bool {
+        matches!(self.dimension, Dimension::Gas { .. }) && self.name != "sd_ppm"
+    }
+
+    /// The gas's name; none where it is none.
+    pub fn gas(&self) -> Option<&'static str> {
+        let (gas, _) = self.name.split_once("_pp")?;
+        GASES.into_iter().find(|g| *g == gas)
+    }
+}

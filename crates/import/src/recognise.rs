@@ -1,0 +1,398 @@
+//! What a column's header says: which quantity, in which unit, from which datum.
+
+use crate::height::Datum;
+use crate::quantity::{Dimension, Quantity};
+use crate::unit::{self, Unit};
+
+/// Words in headers that say nothing about the quantity.
+const NOISE: [&str; 14] = [
+    "gps", "gnss", "avg", "mean", "sync", "smp", "value", "val", "reading", "sensor", "measured",
+    "current", "osd", "filtered",
+];
+
+/// Names of heights by what they are counted from; small letters and digits.
+const HEIGHTS: [(Datum, &[&str]); 4] = [
+    (
+        Datum::Home,
+        &[
+            "height",
+            "heightabovetakeoff",
+            "relativealtitude",
+            "relalt",
+            "altrel",
+            "relativeheight",
+            "heightabovehome",
+            "altitudeabovetakeoff",
+            "heightrelative",
+            "altituderelative",
+            "relheight",
+            "相对高度",
+        ],
+    ),
+    (
+        Datum::Ground,
+        &[
+            "agl",
+            "heightagl",
+            "altagl",
+            "altitudeagl",
+            "heightaboveground",
+            "heightabovegroundatdronelocation",
+            "altitudeaboveground",
+            "measurementheight",
+            "inletheight",
+        ],
+    ),
+    (
+        Datum::Ellipsoid,
+        &[
+            "hae",
+            "heightaboveellipsoid",
+            "ellipsoidalheight",
+            "ellipsoidheight",
+            "altellipsoid",
+            "altitudehae",
+            "althae",
+            "altwgs84",
+            "altitudewgs84",
+            "heightellipsoid",
+            "ellipsoidalaltitude",
+            "altitudeellipsoidal",
+        ],
+    ),
+    (
+        Datum::PressureAltitude,
+        &[
+            "pressurealtitude",
+            "pressalt",
+            "palt",
+            "barometricaltitude",
+            "baroaltitude",
+            "altbaro",
+            "pressurealt",
+        ],
+    ),
+];
+
+/// Names of heights that do not say from what they are counted.
+const UNCLEAR_HEIGHTS: [&str; 6] = ["alt", "altitude", "elevation", "elev", "ele", "z"];
+
+/// Names of columns with times or dates; small letters and digits.
+const TIMES: [&str; 49] = [
+    "time",
+    "datetime",
+    "timestamp",
+    "timedate",
+    "dateandtime",
+    "epoch",
+    "epochtime",
+    "epochtimestamp",
+    "unixtime",
+    "unixtimestamp",
+    "unix",
+    "posixtime",
+    "timeepoch",
+    "systemtime",
+    "recordtime",
+    "samplingtime",
+    "sampletime",
+    "logtime",
+    "secs",
+    "seconds",
+    "sec",
+    "elapsedtime",
+    "elapsed",
+    "timesincestart",
+    "timeelapsed",
+    "tmstamp",
+    "measurementtime",
+    "updatetime",
+    "customupdatetime",
+    "customdate",
+    "date",
+    "day",
+    "systemdate",
+    "hhmmss",
+    "timeofday",
+    "ts",
+    "t",
+    "clock",
+    "pctime",
+    "pcdatetime",
+    "recordedat",
+    "createdat",
+    "isotime",
+    "datetimestamp",
+    "flytime",
+    "采样点时间",
+    "时间",
+    "采样时间",
+    "日期",
+];
+
+/// Names of columns with platforms.
+const PLATFORMS: [&str; 9] = [
+    "platform",
+    "drone",
+    "vehicle",
+    "uav",
+    "station",
+    "site",
+    "stationid",
+    "sensorid",
+    "instrument",
+];
+
+/// What a header says of its clock.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Clock {
+    /// UTC.
+    Utc,
+    /// Local time of an unstated place.
+    Local,
+}
+
+/// A header, taken apart.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Header {
+    /// As it stands in the log.
+    pub text: String,
+    words: Vec<String>,
+    bracket: Option<String>,
+}
+
+impl Header {
+    /// Takes a header apart.
+    pub fn new(text: &str) -> Self {
+        let text = text
+            .trim()
+            .trim_matches('"')
+            .trim_start_matches(['#', '\u{feff}'])
+            .trim();
+        let (name, bracket) = split_bracket(text);
+        let words = name
+            .split(|c: char| !c.is_alphanumeric() && c != '%')
+            .filter(|w| !w.is_empty())
+            .map(str::to_lowercase)
+            .collect();
+        Self {
+            text: text.to_owned(),
+            words,
+            bracket: bracket.map(str::to_owned),
+        }
+    }
+
+    /// The quantity's unit if this header names it: the inner none where it names no unit.
+    fn names(&self, aliases: &[&str], dimension: Dimension) -> Option<(usize, Option<Unit>)> {
+        let all: Vec<&str> = self.words.iter().map(String::as_str).collect();
+        let plain: Vec<&str> = all.iter().copied().filter(|w| !NOISE.contains(w)).collect();
+        for words in [all, plain] {
+            for tail in 0..=words.len().saturating_sub(1).min(3) {
+                let (name, unit) = words.split_at(words.len() - tail);
+                let name = name.concat();
+                let Some(rank) = aliases.iter().position(|a| *a == name) else {
+                    continue;
+                };
+                if tail == 0 {
+                    let unit = self.bracket.as_deref();
+                    return Some((rank, unit.and_then(|u| Unit::parse(dimension, u))));
+                }
+                let unit = Unit::parse(dimension, &unit.concat())
+                    .or_else(|| Unit::parse(dimension, &unit.join("/")));
+                if unit.is_some() {
+                    return Some((rank, unit));
+                }
+            }
+        }
+        None
+    }
+
+    /// How well it names `quantity` (0 is best), and in which unit if it says one.
+    pub fn quantity(&self, quantity: &Quantity) -> Option<(usize, Option<Unit>)> {
+        self.names(quantity.aliases, quantity.dimension)
+    }
+
+    /// Which height it names, whether it says from what that is counted, and in which unit if it says one.
+    pub fn height(&self) -> Option<(Datum, bool, Option<Unit>)> {
+        for (datum, aliases) in HEIGHTS {
+            if let Some((_, unit)) = self.names(aliases, Dimension::Length) {
+                return Some((datum, true, unit));
+            }
+        }
+        let amsl = Quantity::named("alt_amsl_m")?;
+        if let Some((_, unit)) = self.names(&UNCLEAR_HEIGHTS, Dimension::Length) {
+            return Some((Datum::Amsl, false, unit));
+        }
+        let (_, unit) = self.quantity(amsl)?;
+        Some((Datum::Amsl, true, unit))
+    }
+
+    /// Whether it may be a time or date: its rank, unit of time and clock, where it says them.
+    pub fn time(&self) -> Option<(usize, Option<Unit>, Option<Clock>)> {
+        let mut clock = None;
+        let mut rest = self.clone();
+        let hints = rest.bracket.iter().map(|b| b.to_lowercase());
+        for word in self.words.iter().cloned().chain(hints) {
+            match word.as_str() {
+                "utc" | "gmt" => clock = Some(Clock::Utc),
+                "local" | "lst" | "lt" => clock = Some(Clock::Local),
+                _ => {}
+            }
+        }
+        rest.words.retain(|w| {
+            !["utc", "gmt", "local", "lst", "lt", "iso", "iso8601"].contains(&w.as_str())
+        });
+        if rest.words.is_empty() && clock.is_some() {
+            return Some((TIMES.len(), None, clock));
+        }
+        let (rank, unit) = rest.names(&TIMES, Dimension::Duration)?;
+        Some((rank, unit, clock))
+    }
+
+    /// Whether it names platforms.
+    pub fn is_platform(&self) -> bool {
+        PLATFORMS.contains(&self.words.concat().as_str())
+    }
+
+    /// Whether it says days as the unit of a time.
+    pub fn is_in_days(&self) -> bool {
+        let bracket = self.bracket.iter().map(String::as_str);
+        let mut words = self.words.iter().map(String::as_str).chain(bracket);
+        words.any(|w| ["days", "doy", "d"].contains(&w.to_lowercase().as_str()))
+    }
+
+    /// Whether this is the column that somebody calls `name`.
+    pub fn is(&self, name: &str) -> bool {
+        self.text == name.trim()
+    }
+
+    /// The same in any case of letters.
+    pub fn is_nearly(&self, name: &str) -> bool {
+        self.text.to_lowercase() == name.trim().to_lowercase()
+    }
+
+    /// Whether something is known of it.
+    pub fn is_known(&self) -> bool {
+        self.time().is_some()
+            || self.height().is_some()
+            || crate::quantity::OBSERVATION
+                .iter()
+                .chain(crate::quantity::FLIGHT.iter())
+                .any(|q| self.quantity(q).is_some())
+    }
+}
+
+/// A header's name and what stands in its last brackets, or behind its last space if that is a unit.
+fn split_bracket(text: &str) -> (&str, Option<&str>) {
+    for (open, close) in [('(', ')'), ('[', ']'), ('{', '}')] {
+        if let Some(at) = text.find(open)
+            && let Some(length) = text[at..].find(close)
+            && at > 0
+        {
+            return (&text[..at], Some(&text[at + 1..at + length]));
+        }
+    }
+    if let Some((name, unit)) = text.rsplit_once([' ', ',', '/'])
+        && (unit.contains(['/', '°', 'µ', 'μ', '%', '℃']) && unit::Unit::is_any(unit))
+    {
+        return (name.trim_end_matches([' ', ',']), Some(unit));
+    }
+    (text, None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn quantity(header: &str) -> Option<(&'static str, Option<&'static str>)> {
+        let header = Header::new(header);
+        let mut found = crate::quantity::OBSERVATION.iter().filter_map(|q| {
+            let (_, unit) = header.quantity(q)?;
+            Some((q.name, unit.map(|u| u.name)))
+        });
+        found.next()
+    }
+
+    // Headers as AirData UAV, Aeris MIRA, LI-COR LI-850 and LI-7810, Picarro, Campbell Scientific, Sniffer4D Mapper
+    // and Plumage write them.
+    #[test]
+    fn headers_of_instruments_are_known() {
+        for (header, expected) in [
+            ("latitude", Some(("lat_deg", None))),
+            (
+                "altitude_above_seaLevel(feet)",
+                Some(("alt_amsl_m", Some("ft"))),
+            ),
+            ("CH4 (ppm)", Some(("ch4_ppm", Some("ppm")))),
+            ("CO2_(µmol⁄mol)", Some(("co2_ppm", Some("ppm")))),
+            ("CO2_(umol_mol-1)", Some(("co2_ppm", Some("ppm")))),
+            ("CH4_dry_sync", Some(("ch4_ppm", None))),
+            ("CH4_dry", Some(("ch4_ppm", None))),
+            ("GPS_ABS_LAT", Some(("lat_deg", None))),
+            ("WindDir", Some(("wind_from_deg", None))),
+            ("wind_speed_m_s", Some(("wind_speed_m_s", Some("m/s")))),
+            ("Wind Speed (km/h)", Some(("wind_speed_m_s", Some("km/h")))),
+            ("AirTC_Avg", Some(("temperature_c", None))),
+            ("SO2 μg/m3", Some(("so2_ppm", Some("ug/m3")))),
+            ("温度 ℃", Some(("temperature_c", Some("C")))),
+            ("pressure_hpa", Some(("pressure_hpa", Some("hPa")))),
+            (
+                "relative_humidity_pct",
+                Some(("relative_humidity_pct", Some("%"))),
+            ),
+            ("CavityPressure", None),
+            ("Cell_Temperature_(°C)", None),
+            ("T0 (degC)", None),
+            ("battery_temperature(f)", None),
+            ("CO2_Absorption", None),
+        ] {
+            assert_eq!(quantity(header), expected, "{header}");
+        }
+    }
+
+    #[test]
+    fn heights_say_from_what_they_count() {
+        let height = |text| {
+            Header::new(text)
+                .height()
+                .map(|(d, clear, u)| (d, clear, u.map(|u| u.name)))
+        };
+        assert_eq!(
+            height("height_above_takeoff(feet)"),
+            Some((Datum::Home, true, Some("ft")))
+        );
+        assert_eq!(
+            height("OSD.height [ft]"),
+            Some((Datum::Home, true, Some("ft")))
+        );
+        assert_eq!(height("alt_amsl_m"), Some((Datum::Amsl, true, Some("m"))));
+        assert_eq!(height("Altitude"), Some((Datum::Amsl, false, None)));
+        assert_eq!(height("HAE (m)"), Some((Datum::Ellipsoid, true, Some("m"))));
+        assert_eq!(
+            height("pressure_altitude_ft"),
+            Some((Datum::PressureAltitude, true, Some("ft")))
+        );
+        assert_eq!(height("max_altitude(feet)"), None);
+    }
+
+    #[test]
+    fn times_say_their_unit_and_clock() {
+        let time = |text| {
+            Header::new(text)
+                .time()
+                .map(|(_, u, c)| (u.map(|u| u.name), c))
+        };
+        assert_eq!(time("time(millisecond)"), Some((Some("ms"), None)));
+        assert_eq!(time("datetime(utc)"), Some((None, Some(Clock::Utc))));
+        assert_eq!(time("time_s"), Some((Some("s"), None)));
+        assert_eq!(time("EPOCH_TIME"), Some((None, None)));
+        assert_eq!(
+            time("CUSTOM.updateTime [local]"),
+            Some((None, Some(Clock::Local)))
+        );
+        assert_eq!(time("UTC"), Some((None, Some(Clock::Utc))));
+        assert_eq!(time("System_Time_(h:m:s)"), Some((None, None)));
+        assert_eq!(time("timezone"), None);
+        assert_eq!(time("DasTemp"), None);
+    }
+}

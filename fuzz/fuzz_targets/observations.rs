@@ -3,6 +3,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
+use plume::Gas;
 use scenario::observations::{ObservationRow, Observations, parse};
 
 /// The rows with their platforms' names. Platforms are numbered as they appear, and rows of one time
@@ -24,9 +25,12 @@ fn rows(of: &Observations) -> Vec<(String, String)> {
 }
 
 fuzz_target!(|text: &str| {
-    if let Ok(read) = parse(&[("fuzz.csv", text)]) {
+    for gas in Gas::ALL {
+        let Ok(read) = parse(&[("fuzz.csv", text)], gas) else {
+            continue;
+        };
         let written = read.to_csv();
-        match parse(&[("written.csv", &written)]) {
+        match parse(&[("written.csv", &written)], gas) {
             Ok(again) => assert_eq!(rows(&again), rows(&read)),
             Err(refused) => panic!("{refused}:\n{written}"),
         }

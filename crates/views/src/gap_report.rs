@@ -10,7 +10,7 @@ pub use tracer::tracer;
 
 use crate::html::{Document, number};
 use gap::plume::{GapReport, Series};
-use gap::verdict::{Cause, GapJson, HeldOut, NextFlight, Verdict};
+use gap::verdict::{Cause, GapJson, HeldOut, Measured, NextFlight, Pair, Verdict};
 use plume::Gas;
 
 /// Rows of the ranking that are listed.
@@ -22,6 +22,7 @@ const DETECTABLE: usize = 30;
 pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
     let mut page = opening("Plumage gap report: plume and sensors", title, json);
     measured(&mut page, json, report);
+    pairs(&mut page, json);
     page.section("Where the simulation departs from the data");
     if let Some(series) = report
         .series
@@ -111,6 +112,44 @@ fn measured(page: &mut Document, json: &GapJson, report: &GapReport) {
             &format!("lowest and highest, ppm {}", gas(json).formula()),
         ],
         &rows,
+    );
+}
+
+/// Two sensors on one platform, held against each other.
+fn pairs(page: &mut Document, json: &GapJson) {
+    let stated = |m: &Measured| format!("{} ± {}", figure(m.value), figure(m.sd));
+    let row = |p: &Pair| {
+        vec![
+            p.platforms[0].clone(),
+            p.platforms[1].clone(),
+            stated(&p.time_constant_s),
+            stated(&p.delay_s),
+            stated(&p.gain),
+            stated(&p.zero_ppm),
+            number(p.correlation_before, 2),
+            number(p.correlation_after, 2),
+            number(p.evidence_nats, 1),
+        ]
+    };
+    if json.pairs.is_empty() {
+        return;
+    }
+    page.table(
+        "Platforms that are one, each reading against that of the other, without any plume: the first reads zero + \
+         gain × what the second read, late by a first-order lag and a delay. Correlation as read and with lag \
+         and delay; evidence for these two over a sensor that differs by gain, zero and noise alone.",
+        &[
+            "follows",
+            "whom",
+            "time constant, s",
+            "delay, s",
+            "gain",
+            &format!("zero, ppm {}", gas(json).formula()),
+            "correlation",
+            "with them",
+            "evidence, nats",
+        ],
+        &json.pairs.iter().map(row).collect::<Vec<_>>(),
     );
 }
 

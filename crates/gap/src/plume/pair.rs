@@ -16,9 +16,10 @@ use scenario::observations::{ObservationRow, Observations};
 use super::{Analysis, Setup};
 use crate::verdict::{Cause, Evidence, Measured, Pair, Parameter, Verdict};
 
-/// Two sensors are on one platform where their logged places are so near at the same times, m: what two position
-/// fixes of one aircraft differ by.
-const NEAR_M: f64 = 10.0;
+/// Two sensors are on one platform where their logged places are so near at the same times, m, along the ground
+/// and in height: what two position fixes of one aircraft differ by, and less than steps of a mast.
+const NEAR_M: f64 = 5.0;
+const NEAR_HEIGHT_M: f64 = 3.0;
 /// Fewest rows of the follower at which the leader is known, and what part of all its rows they are at least.
 const LEAST_ROWS: usize = 60;
 const LEAST_PART: f64 = 0.8;
@@ -62,7 +63,21 @@ struct Series {
     name: String,
     time_s: Vec<f64>,
     ppm: Vec<f64>,
-    at: Vec<Enu>,
+    at: Vec<Position>,
+}
+
+/// Where a reading was made.
+#[derive(Clone, Copy)]
+struct Position {
+    at: Enu,
+    alt_amsl_m: f64,
+}
+
+impl Position {
+    fn is_near(self, other: Self) -> bool {
+        let apart_m = self.at.distance_m(other.at);
+        apart_m <= NEAR_M && (self.alt_amsl_m - other.alt_amsl_m).abs() <= NEAR_HEIGHT_M
+    }
 }
 
 impl Series {
@@ -75,11 +90,12 @@ impl Series {
             .collect();
         own.sort_by(|a, b| a.0.time_s.total_cmp(&b.0.time_s));
         own.dedup_by(|b, a| a.0.time_s == b.0.time_s);
-        let place = |row: &ObservationRow| {
-            frame.to_enu(Geodetic {
+        let place = |row: &ObservationRow| Position {
+            at: frame.to_enu(Geodetic {
                 lat_deg: row.lat_deg,
                 lon_deg: row.lon_deg,
-            })
+            }),
+            alt_amsl_m: row.alt_amsl_m,
         };
         Self {
             name: observations.platforms[platform].clone(),
@@ -98,6 +114,21 @@ impl Series {
         }
         let step_s = self.time_s.get(after)? - self.time_s[k];
         (step_s <= longest_s).then(|| (k, (time_s - self.time_s[k]) / step_s))
+    }
+
+    /// Where it was between two rows.
+    fn place(&self, at: (usize, f64)) -> Position {
+        let of = |value: fn(&Position) -> f64| {
+            let values = [at.0, (at.0 + 1).min(self.at.len() - 1)].map(|k| value(&self.at[k]));
+            values[0] + at.1 * (values[1] - values[0])
+        };
+        Position {
+            at: Enu {
+                east_m: of(|p| p.at.east_m),
+                north_m: of(|p| p.at.north_m),
+            },
+            alt_amsl_m: of(|p| p.alt_amsl_m),
+        }
     }
 
     /// Longest time between two readings that is bridged, s.
@@ -150,18 +181,8 @@ impl<'a> Way<'a> {
     fn new(leader: &'a Series, follower: &'a Series) -> Option<Self> {
         let longest_s = leader.bridged_s();
         let near = |k: &usize| {
-            let Some(at) = leader.between(follower.time_s[*k], longest_s) else {
-                return false;
-            };
-            let (a, b) = (
-                leader.at[at.0],
-                leader.at.get(at.0 + 1).copied().unwrap_or(leader.at[at.0]),
-            );
-            let there = Enu {
-                east_m: a.east_m + at.1 * (b.east_m - a.east_m),
-                north_m: a.north_m + at.1 * (b.north_m - a.north_m),
-            };
-            there.distance_m(follower.at[*k]) <= NEAR_M
+            let at = leader.between(follower.time_s[*k], longest_s);
+            at.is_some_and(|at| leader.place(at).is_near(follower.at[*k]))
         };
         let rows: Vec<usize> = (0..follower.time_s.len()).filter(near).collect();
         let enough = rows.len() >= LEAST_ROWS
@@ -261,13 +282,20 @@ impl Way<'_> {
         // A delay takes rows at the beginning; all shapes are compared on the rest.
         let from_s = self.leader.time_s[0] + DELAYS_S[DELAYS_S.len() - 1];
         let at_once = LAGS_S.map(|over_s| Form::Averaged { over_s });
-        let late: Vec<Form> = LAGS_S
-            .into_iter()
-            .flat_map(|lag_s| DELAYS_S.map(|delay_s| Form::Late { lag_s, delay_s }))
-            .collect();
         let (_, plain) = self.likeliest(&at_once, from_s)?;
-        let (best, fit) = self.likeliest(&late, from_s)?;
-        self.pair(best, &fit, fit.ln_likelihood - plain.ln_likelihood, from_s)
+        // Lag and delay do much the same, and readings between rows are made up: the likelihood has several tops.
+        let tops: Vec<(Shape, Fit)> = DELAYS_S
+            .into_iter()
+            .filter_map(|delay_s| {
+                let late = LAGS_S.map(|lag_s| Form::Late { lag_s, delay_s });
+                self.likeliest(&late, from_s)
+            })
+            .collect();
+        let likelier =
+            |a: &&(Shape, Fit), b: &&(Shape, Fit)| a.1.ln_likelihood.total_cmp(&b.1.ln_likelihood);
+        let (best, fit) = tops.iter().max_by(likelier)?;
+        let nats = fit.ln_likelihood - plain.ln_likelihood;
+        self.pair(*best, fit, nats, from_s, spread(&tops, *best, fit))
     }
 
     /// The fit where no step to either side is better, by steps that shrink.
@@ -287,7 +315,14 @@ impl Way<'_> {
         (shape, fit)
     }
 
-    fn pair(&self, shape: Shape, fit: &Fit, nats: f64, from_s: f64) -> Option<Pair> {
+    fn pair(
+        &self,
+        shape: Shape,
+        fit: &Fit,
+        nats: f64,
+        from_s: f64,
+        spread_s: [f64; 2],
+    ) -> Option<Pair> {
         let Form::Late { lag_s, delay_s } = shape.form else {
             return None;
         };
@@ -304,8 +339,8 @@ impl Way<'_> {
         Some(Pair {
             platforms: [self.follower.name.clone(), self.leader.name.clone()],
             rows: rows.len(),
-            time_constant_s: measured(lag_s, sd[3]),
-            delay_s: measured(delay_s, sd[4]),
+            time_constant_s: measured(lag_s, sd[3].hypot(spread_s[0])),
+            delay_s: measured(delay_s, sd[4].hypot(spread_s[1])),
             gain: measured(gain, sd[1]),
             zero_ppm: measured(fit.linear[0], sd[0]),
             correlation_before: correlation(before),
@@ -370,6 +405,23 @@ impl Way<'_> {
             if norms[j] > 0.0 { sd(j) } else { 0.0 }
         }))
     }
+}
+
+/// How far lag and delay of other tops lie from those of the best, s, each top with its likelihood.
+fn spread(tops: &[(Shape, Fit)], best: Shape, fit: &Fit) -> [f64; 2] {
+    let late = |shape: Shape| match shape.form {
+        Form::Late { lag_s, delay_s } => [lag_s, delay_s],
+        Form::Averaged { .. } => [0.0; 2],
+    };
+    let weight = |top: &Fit| (top.ln_likelihood - fit.ln_likelihood).exp();
+    let all: f64 = tops.iter().map(|(_, top)| weight(top)).sum();
+    std::array::from_fn(|k| {
+        let off = |shape: &Shape| late(*shape)[k] - late(best)[k];
+        let squares = tops
+            .iter()
+            .map(|(shape, top)| weight(top) * off(shape).powi(2));
+        (squares.sum::<f64>() / all).sqrt()
+    })
 }
 
 /// A sensor that differs by gain and zero alone.

@@ -19,6 +19,7 @@ struct Made {
     zero_ppm: f64,
     noise_ppm: [f64; 2],
     apart_m: f64,
+    above_m: f64,
     unit: f64,
 }
 
@@ -29,6 +30,7 @@ const ALIKE: Made = Made {
     zero_ppm: 0.0,
     noise_ppm: [1.0, 1.0],
     apart_m: 0.0,
+    above_m: 0.0,
     unit: 1.0,
 };
 
@@ -76,7 +78,7 @@ fn made(of: Made, seed: u64) -> Observations {
                 platform,
                 lat_deg: FRAME.0 + degrees * platform as f64,
                 lon_deg: FRAME.1,
-                alt_amsl_m: 50.0,
+                alt_amsl_m: 50.0 + of.above_m * platform as f64,
                 co2_ppm: Some(of.unit * ppm),
                 wind_speed_m_s: None,
                 wind_from_deg: None,
@@ -150,12 +152,18 @@ fn sensors_that_differ_by_noise_gain_and_zero_are_not_late() {
 
 #[test]
 fn sensors_apart_are_no_pair() {
-    let of = Made {
+    let late = Made {
         lag_s: 12.0,
-        apart_m: 40.0,
         ..ALIKE
     };
-    assert!(named(of, 1).0.is_empty());
+    for (apart_m, above_m, count) in [(40.0, 0.0, 0), (0.0, 10.0, 0), (3.0, 1.0, 1)] {
+        let of = Made {
+            apart_m,
+            above_m,
+            ..late
+        };
+        assert_eq!(named(of, 1).0.len(), count, "{apart_m} {above_m}");
+    }
 }
 
 #[test]

@@ -129,6 +129,28 @@ pub(crate) fn fitted(id: MechanismId) -> impl Iterator<Item = usize> {
         .map(|(k, _)| k)
 }
 
+/// Priors of a mechanism's fitted parameters about its own values, as wide as the catalogue's.
+pub fn priors_about(mechanism: &Mechanism) -> Vec<infer::Prior> {
+    let spec = mechanism.id().spec();
+    let of = |k: usize| infer::Prior {
+        mean: spec.parameters[k].to_coordinate(mechanism.values()[k]),
+        sd: spec.parameters[k].prior_sd,
+    };
+    fitted(mechanism.id()).map(of).collect()
+}
+
+/// The same mechanism with other coordinates of its fitted parameters.
+pub fn at_coordinates(mechanism: &Mechanism, coordinates: &[f64]) -> Mechanism {
+    let parameters = mechanism.id().spec().parameters;
+    let mut values = mechanism.values().to_vec();
+    for (k, x) in fitted(mechanism.id()).zip(coordinates) {
+        values[k] = parameters[k]
+            .from_coordinate(*x)
+            .clamp(parameters[k].low, parameters[k].high);
+    }
+    Mechanism::from_values(mechanism.id(), &values)
+}
+
 impl<'a> PlumeModel<'a> {
     /// The model of `base` on a track with its unknowns.
     pub fn new(base: &'a DispersionSpec, unknowns: &[Unknown], track: &'a Track) -> Self {
@@ -159,6 +181,20 @@ impl<'a> PlumeModel<'a> {
             scale,
             ..Self::new(&setup.base, &setup.unknowns(), track)
         }
+    }
+
+    /// The model with mechanisms whose parameters are unknown about their values.
+    #[must_use]
+    pub fn with_unknown(mut self, mechanisms: &[Mechanism]) -> Self {
+        for mechanism in mechanisms {
+            let part = Part {
+                id: mechanism.id(),
+                platform: None,
+                values: mechanism.values().to_vec(),
+            };
+            self.add(part, &priors_about(mechanism));
+        }
+        self
     }
 
     /// Adds a part, of whose fitted parameters the first few have these priors.

@@ -394,9 +394,10 @@ const ANY_TURN_DEG: f64 = 104.0;
 const AIM_REACH_DEG: f64 = 30.0;
 
 /// Reach in prior standard deviations, and points on each side, of the search for direction and
-/// height: in direction the points must lie closer than the plume is wide.
+/// height: in direction the points must lie closer than the plume is wide, and need reach no farther than all round.
 const SEARCH_REACH_SD: f64 = 3.0;
 const SEARCH_DIRECTIONS: i32 = 18;
+const SEARCH_STEP_DEG: f64 = 3.0;
 const SEARCH_HEIGHTS: i32 = 2;
 
 impl ForwardModel for PlumeModel<'_> {
@@ -410,16 +411,16 @@ impl ForwardModel for PlumeModel<'_> {
 
     fn starts(&self) -> Vec<Vec<f64>> {
         let mean: Vec<f64> = self.priors.iter().map(|p| p.mean).collect();
-        let along = |unknown: Option<usize>, steps: i32| -> Vec<Option<(usize, f64)>> {
+        let along = |unknown: Option<usize>, reach: f64, steps: i32| -> Vec<Option<(usize, f64)>> {
             let Some(k) = unknown else { return vec![None] };
-            let step =
-                |n: i32| SEARCH_REACH_SD * self.priors[k].sd * f64::from(n) / f64::from(steps);
+            let step = |n: i32| reach * f64::from(n) / f64::from(steps);
             (-steps..=steps).map(|n| Some((k, step(n)))).collect()
         };
-        let mut directions = along(
-            self.unknown(MechanismId::WindDirectionOffset),
-            SEARCH_DIRECTIONS,
-        );
+        let reach = |k: Option<usize>| k.map_or(0.0, |k| SEARCH_REACH_SD * self.priors[k].sd);
+        let direction = self.unknown(MechanismId::WindDirectionOffset);
+        let reach_deg = reach(direction).min(180.0);
+        let least = (reach_deg / SEARCH_STEP_DEG).ceil() as i32;
+        let mut directions = along(direction, reach_deg, SEARCH_DIRECTIONS.max(least));
         if let Some((k, turn_deg)) = self.aim {
             let part = |n: i32| f64::from(n) / f64::from(SEARCH_DIRECTIONS);
             let steps = -SEARCH_DIRECTIONS..=SEARCH_DIRECTIONS;
@@ -427,10 +428,8 @@ impl ForwardModel for PlumeModel<'_> {
                 .map(|n| Some((k, turn_deg + AIM_REACH_DEG * part(n))))
                 .collect();
         }
-        let heights = along(
-            self.unknown(MechanismId::EffectiveHeightOffset),
-            SEARCH_HEIGHTS,
-        );
+        let height = self.unknown(MechanismId::EffectiveHeightOffset);
+        let heights = along(height, reach(height), SEARCH_HEIGHTS);
         let mut out = Vec::new();
         for direction in &directions {
             for height in &heights {

@@ -28,6 +28,7 @@ fn ours(path: &Path, said: &[(Topic, Envelope)]) -> u64 {
         mission: Name::new("bench").unwrap(),
         scenario_toml: String::new(),
         gas: plume::Gas::Co2,
+        files: BTreeMap::new(),
         seed: 1,
         versions: BTreeMap::new(),
     };

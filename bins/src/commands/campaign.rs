@@ -16,7 +16,7 @@ pub struct CampaignArguments {
     #[arg(long, value_name = "GAS")]
     pub gas: Option<Gas>,
     /// Number of seeds, from 1
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     pub seeds: u64,
     /// Make the last N vehicles of the team stand-ins for real ones, the others simulated
     #[arg(long, value_name = "N")]

@@ -24,6 +24,7 @@
 //!     mission: Name::new("try")?,
 //!     scenario_toml: String::new(),
 //!     gas: plume::Gas::Co2,
+//!     files: Default::default(),
 //!     seed: 1,
 //!     versions: Default::default(),
 //! };

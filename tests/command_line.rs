@@ -82,6 +82,61 @@ fn a_run_leaves_its_outputs_and_verifies() {
     );
 }
 
+/// Methane comes over MAVLink by its own name and unit, and is said by them in all outputs.
+#[test]
+fn a_mission_of_methane_says_methane() {
+    let out = folder("methane");
+    let scenario = "../scenarios/landfill.toml";
+    let output = plumage(&[
+        "run",
+        scenario,
+        "--duration",
+        "90",
+        "--no-serve",
+        "--out",
+        text(&out),
+    ]);
+    let told = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        output.status.success() && told.contains("ppm CH4"),
+        "{told}"
+    );
+    let read = |name: &str| std::fs::read_to_string(out.join(name)).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&read("summary.json")).unwrap();
+    assert_eq!(summary["gas"], "ch4");
+    let highest = &summary["peak"]["highest_reading"];
+    // Clean air of the reality has 1.965 ppm.
+    assert!(
+        (1.95..10.0).contains(&highest["ch4_ppm"].as_f64().unwrap()),
+        "{highest}"
+    );
+    assert!(!read("summary.json").contains("co2_ppm"));
+    assert!(read("report.html").contains("CH4, ppm"));
+    assert!(read("tracks.kml").contains("ppm CH4") && read("tracks.kml").contains("#ch4-0"));
+    assert!(read("scenario.toml").contains("ch4_ppb"));
+    // The recording knows its gas, and is no log of another.
+    let recording = out.join("mission.mcap");
+    let gap = |scenario: &str| {
+        let to = folder("methane-gap");
+        plumage(&[
+            "gap",
+            "plume",
+            text(&recording),
+            "--scenario",
+            scenario,
+            "--out",
+            text(&to),
+        ])
+    };
+    refused(&gap(SCENARIO), 2, &["ch4_ppm", "gas = \"ch4\""]);
+    let own = gap(scenario);
+    assert!(
+        own.status.success(),
+        "{}",
+        String::from_utf8_lossy(&own.stderr)
+    );
+}
+
 #[test]
 fn the_resolved_scenario_flies_the_same_mission() {
     let (first, second) = (folder("resolved-1"), folder("resolved-2"));

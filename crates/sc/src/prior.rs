@@ -13,8 +13,6 @@ const LN_STRENGTH_SD: f64 = 0.4;
 const LN_SPREAD_SD: f64 = 0.3;
 const HEIGHT_SD_M: f64 = 40.0;
 const AXIS_SD_DEG: f64 = 10.0;
-/// Background that is uncertain by nobody's word, ppm.
-const BACKGROUND_SD_PPM: f64 = 3.0;
 /// How long a meander lasts, s: eddies that move a plume of some hundred metres.
 const MEANDER_S: f64 = 120.0;
 /// Meander about the mean of ten minutes as a part of σθ, whose other part is the plume's own spread.
@@ -45,7 +43,11 @@ pub(crate) fn of(scenario: &Scenario, base: &DispersionSpec) -> PlumePrior {
         ln_spread_sd: LN_SPREAD_SD,
         background_ppm: Unsure {
             value: base.background_ppm,
-            sd: sd(Uncertain::Background, BACKGROUND_SD_PPM),
+            sd: sd(
+                Uncertain::Background,
+                // By nobody's word as uncertain as a reading, or by a thousandth.
+                base.sensor.noise_sd_ppm.max(1e-3 * base.background_ppm),
+            ),
         },
         noise_ppm: base
             .sensor

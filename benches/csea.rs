@@ -3,11 +3,29 @@
 #![allow(missing_docs, clippy::expect_used)]
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
+use csea::Sampler;
 use csea::{Archive, ArchiveOptions, CsEaOptions, Domain, Position, STRATEGIES, Sample};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
+#[path = "../crates/csea/tests/common/mod.rs"]
+#[allow(clippy::unwrap_used)]
+mod common;
+
 const SAMPLES: usize = 100_000;
+const TEAM: usize = 6;
+
+fn team() -> Vec<Sampler> {
+    let of = |id: usize| Sampler {
+        id,
+        position: Position::new(2000.0, 100.0 * id as f64, 500.0),
+        heading_deg: 0.0,
+        speed_m_s: 18.0,
+        turn_radius_m: 60.0,
+        climb_m_s: 3.0,
+    };
+    (0..TEAM).map(of).collect()
+}
 
 fn domain() -> Domain {
     Domain::of_box(
@@ -62,10 +80,20 @@ fn steps(c: &mut Criterion) {
     assert_eq!(archive.len(), SAMPLES);
     let mut group = c.benchmark_group("step with 100,000 samples");
     for name in STRATEGIES {
-        let mut strategy =
-            csea::strategy_by_name(name, domain(), CsEaOptions::default()).expect("known");
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        group.bench_function(name, |b| b.iter(|| strategy.step(&archive, &mut rng).len()));
+        let options = CsEaOptions::default();
+        let mut strategy =
+            csea::strategy_by_name(name, domain(), options, &common::prior(180.0), &mut rng)
+                .expect("known");
+        for (k, sample) in samples.iter().enumerate() {
+            strategy.sense(k as f64 / 60.0, k % TEAM, sample, &mut rng);
+        }
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                strategy.step(&archive, &mut rng);
+                strategy.direct(&team(), 45.0, &mut rng).len()
+            });
+        });
     }
     group.finish();
 }

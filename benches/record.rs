@@ -27,6 +27,7 @@ fn ours(path: &Path, said: &[(Topic, Envelope)]) -> u64 {
     let info = RunInfo {
         mission: Name::new("bench").unwrap(),
         scenario_toml: String::new(),
+        files: BTreeMap::new(),
         seed: 1,
         versions: BTreeMap::new(),
     };

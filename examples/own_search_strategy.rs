@@ -12,8 +12,8 @@
 use air::geo::Enu;
 use anyhow::{Context, Result};
 use csea::{
-    Archive, ArchiveOptions, CsEaOptions, Domain, Position, PromisingPoint, Sample, SearchStrategy,
-    choose_within_cone, strategy_by_name,
+    Archive, ArchiveOptions, Ascent, CsEa, CsEaOptions, Domain, Position, PromisingPoint,
+    RandomPoints, Sample, Sampler, SearchStrategy,
 };
 use plume::{DispersionModel, Place};
 use rand::rngs::ChaCha8Rng;
@@ -73,6 +73,17 @@ fn concentration_ppm(model: &DispersionModel, position: Position) -> f64 {
     model.mean_ppm(&place, 0.0)
 }
 
+fn sampler(id: usize, position: Position) -> Sampler {
+    Sampler {
+        id,
+        position,
+        heading_deg: 0.0,
+        speed_m_s: SPEED_M_S,
+        turn_radius_m: 60.0,
+        climb_m_s: 3.0,
+    }
+}
+
 /// The highest concentration that the samplers have met in the domain, ppm.
 fn search(
     strategy: &mut dyn SearchStrategy,
@@ -82,31 +93,32 @@ fn search(
 ) -> Result<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut archive = Archive::new(ArchiveOptions::default())?;
-    let mut team = [(Position::new(1700.0, -1300.0, 300.0), 0.0); SAMPLERS];
+    let home = Position::new(1700.0, -1300.0, 300.0);
+    let mut team: Vec<Sampler> = (0..SAMPLERS).map(|id| sampler(id, home)).collect();
     let mut highest_ppm = 0.0_f64;
-    for _ in 0..STEPS {
-        let points = strategy.step(&archive, &mut rng);
-        for (position, heading_deg) in &mut team {
-            // 45°: a fast sampler takes what lies ahead of it.
-            let Some(goal) = choose_within_cone(points, *position, *heading_deg, 45.0, &mut rng)
-            else {
-                continue;
-            };
-            let goal = goal.position;
-            *heading_deg = position.at.bearing_deg(goal.at);
-            for _ in 0..STEP_S {
+    for step in 0..STEPS {
+        strategy.step(&archive, &mut rng);
+        // 45°: a fast sampler takes what lies ahead of it.
+        let orders = strategy.direct(&team, 45.0, &mut rng);
+        for second in 0..STEP_S {
+            for (member, goal) in team.iter_mut().zip(&orders) {
+                let position = &mut member.position;
+                member.heading_deg = position.at.bearing_deg(goal.at);
                 let way_m = SPEED_M_S.min(position.at.distance_m(goal.at));
-                position.at = position.at.displaced(*heading_deg, way_m);
+                position.at = position.at.displaced(member.heading_deg, way_m);
                 position.height_m += (goal.height_m - position.height_m).clamp(-3.0, 3.0);
                 if !domain.contains(*position) {
                     continue;
                 }
                 let value = concentration_ppm(model, *position);
                 highest_ppm = highest_ppm.max(value);
-                archive.push(Sample {
+                let sample = Sample {
                     position: *position,
                     value,
-                })?;
+                };
+                archive.push(sample)?;
+                let time_s = (step * STEP_S + second) as f64;
+                strategy.sense(time_s, member.id, &sample, &mut rng);
             }
         }
     }
@@ -128,7 +140,7 @@ fn main() -> Result<()> {
     println!(
         "mean of the highest concentration met in 15 min, {SEEDS} searches by {SAMPLERS} samplers:"
     );
-    for name in ["near-the-best", "cs-ea", "ascent", "sweep", "random"] {
+    for name in ["near-the-best", "cs-ea", "ascent", "random"] {
         let mut sum_ppm = 0.0;
         for seed in 1..=SEEDS {
             let mut strategy: Box<dyn SearchStrategy> = match name {
@@ -136,7 +148,9 @@ fn main() -> Result<()> {
                     domain: domain.clone(),
                     points: Vec::new(),
                 }),
-                built_in => strategy_by_name(built_in, domain.clone(), CsEaOptions::default())?,
+                "cs-ea" => Box::new(CsEa::new(domain.clone(), CsEaOptions::default())?),
+                "ascent" => Box::new(Ascent::new(domain.clone(), 100, 100.0)?),
+                _ => Box::new(RandomPoints::new(domain.clone(), 100)?),
             };
             sum_ppm += search(strategy.as_mut(), &domain, &model, seed)?;
         }

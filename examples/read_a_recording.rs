@@ -74,6 +74,7 @@ fn record_two_minutes(path: &Path) -> Result<()> {
     let info = RunInfo {
         mission: Name::new(&setup.scenario.mission.name)?,
         scenario_toml: setup.scenario.to_toml(),
+        files: BTreeMap::clone(&setup.files),
         seed: setup.scenario.mission.seed,
         versions: BTreeMap::from([("example".to_owned(), "read_a_recording".to_owned())]),
     };

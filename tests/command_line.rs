@@ -101,6 +101,48 @@ fn the_resolved_scenario_flies_the_same_mission() {
 }
 
 #[test]
+fn outputs_hold_the_files_that_the_scenario_names() {
+    let (theirs, out) = (folder("theirs"), folder("kept"));
+    for file in ["swinging-wind.toml", "swinging-wind.csv"] {
+        std::fs::copy(Path::new("../scenarios").join(file), theirs.join(file)).unwrap();
+    }
+    let aircraft = theirs.join("aircraft");
+    std::fs::create_dir(&aircraft).unwrap();
+    std::fs::copy("../aircraft/x8.toml", aircraft.join("mine.toml")).unwrap();
+    let scenario = theirs.join("swinging-wind.toml");
+    let own = std::fs::read_to_string(&scenario).unwrap();
+    std::fs::write(
+        &scenario,
+        own.replace("aircraft/x8.toml", "aircraft/mine.toml"),
+    )
+    .unwrap();
+    let fly = |scenario: &Path, out: &Path| {
+        let flown = plumage(&[
+            "run",
+            text(scenario),
+            "--duration",
+            "10",
+            "--no-serve",
+            "--out",
+            text(out),
+        ]);
+        refused(&flown, 0, &[]);
+        let json = std::fs::read_to_string(out.join("summary.json")).unwrap();
+        serde_json::from_str::<serde_json::Value>(&json).unwrap()["digest"].clone()
+    };
+    let first = fly(&scenario, &out.join("first"));
+    std::fs::remove_dir_all(&theirs).unwrap();
+    assert_eq!(
+        first,
+        fly(&out.join("first/scenario.toml"), &out.join("again"))
+    );
+    let moved = out.join("moved.mcap");
+    std::fs::rename(out.join("first/mission.mcap"), &moved).unwrap();
+    std::fs::remove_dir_all(out.join("first")).unwrap();
+    refused(&plumage(&["replay", text(&moved), "--verify"]), 0, &[]);
+}
+
+#[test]
 fn a_recording_cut_short_still_reads_and_one_that_differs_is_told() {
     let out = folder("cut");
     assert!(fly(&out, "30", &[]).status.success());

@@ -241,6 +241,39 @@ fn without_a_plume_in_reality_nothing_is_found() {
 /// Realities of another form than the model's: what is said of the peak holds within two standard
 /// deviations, or is said to be doubtful, in nine of ten.
 #[test]
+fn a_second_source_is_found_and_weighed_beside_the_first() {
+    let second = "\n[[reality.mechanism]]\nid = \"second-source\"\neast_m = 300.0\nnorth_m = -250.0\nratio = 0.5\n";
+    let text = format!("{AS_PONTES}{second}");
+    let mut setup = Setup::load("two.toml", &text, &no_files).unwrap();
+    setup.scenario.mission.seed = 2;
+    let summary = fly(&setup).summary;
+    let [found] = &summary.mechanisms[..] else {
+        panic!("{:?}", summary.mechanisms)
+    };
+    for (name, truth, within) in [
+        ("east_m", 300.0, 30.0),
+        ("north_m", -250.0, 30.0),
+        ("ratio", 0.5, 0.05),
+    ] {
+        let off = found.parameters[name] - truth;
+        assert!(off.abs() < within, "{name} is {off} off");
+    }
+    let weighed: Vec<_> = summary.flux.iter().collect();
+    let of = |source: &str| weighed.iter().find(|f| f.found.source == source).unwrap();
+    let (first, second) = (of("stack"), of("second-source"));
+    // Half as much, by the reality's own number.
+    let truth = [first, second].map(|f| f.truth_kg_s.unwrap());
+    assert!((truth[1] / truth[0] - 0.5).abs() < 1e-9);
+    for flux in [first, second] {
+        let Estimate { value, sd } = flux.found.kg_s;
+        let off = (value - flux.truth_kg_s.unwrap()).abs();
+        assert!(off < 2.0 * sd && sd < 0.2 * value, "{flux:?}");
+    }
+    let axis = summary.model.after.axis_deg;
+    assert!((axis.value - 72.0).abs() < 0.2, "{axis:?}");
+}
+
+#[test]
 #[ignore = "second tier: nine missions"]
 fn in_realities_of_another_form_the_peak_holds_or_is_doubtful() {
     let mechanism = |id: &str, parameter: &str| {

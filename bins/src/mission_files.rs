@@ -3,6 +3,7 @@
 use crate::Failure;
 use anyhow::Context as _;
 use mission::Setup;
+use record::Recording;
 use scenario::Scenario;
 use std::path::{Path, PathBuf};
 
@@ -15,11 +16,9 @@ pub fn load(path: &Path) -> Result<Setup, Failure> {
     let text = std::fs::read_to_string(path)
         .with_context(|| format!("{}: cannot read the scenario", path.display()))
         .map_err(Failure::Input)?;
-    load_text(
-        &path.display().to_string(),
-        &text,
-        path.parent().unwrap_or(Path::new("")),
-    )
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let named = |file: &str| read(file, folder);
+    Setup::load(&path.display().to_string(), &text, &named).map_err(Failure::input)
 }
 
 /// The same, with another seed and another length where given.
@@ -61,24 +60,28 @@ pub fn find(file: &str, folder: &Path) -> Option<PathBuf> {
     places(file, folder).into_iter().find(|p| p.is_file())
 }
 
-/// The same for a scenario's text that came from `name`; its files are looked for from `folder`.
+/// What the file holds that a scenario in `folder` names.
+fn read(file: &str, folder: &Path) -> Result<Vec<u8>, String> {
+    let Some(found) = find(file, folder) else {
+        let tried = places(file, folder).map(|p| p.display().to_string());
+        return Err(format!("no such file; looked for {}", tried.join(", ")));
+    };
+    std::fs::read(&found).map_err(|e| format!("cannot read {}: {e}", found.display()))
+}
+
+/// The scenario of a recording with the files that it holds; those that it lacks, as keys, are looked for beside it.
 ///
 /// # Errors
 /// As [`load`].
-pub fn load_text(name: &str, text: &str, folder: &Path) -> Result<Setup, Failure> {
-    let read = |file: &str| -> Result<Vec<u8>, String> {
-        match find(file, folder) {
-            Some(found) => {
-                std::fs::read(&found).map_err(|e| format!("cannot read {}: {e}", found.display()))
-            }
-            None => {
-                let tried = places(file, folder);
-                let tried: Vec<String> = tried.iter().map(|p| p.display().to_string()).collect();
-                Err(format!("no such file; looked for {}", tried.join(", ")))
-            }
-        }
+pub fn load_recorded(recording: &Recording) -> Result<Setup, Failure> {
+    let (path, info) = (recording.path(), &recording.info);
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let kept = |file: &str| match info.files.get(file) {
+        Some(bytes) => Ok(bytes.clone()),
+        None => read(file, folder),
     };
-    Setup::load(name, text, &read).map_err(Failure::input)
+    let name = format!("scenario in {}", path.display());
+    Setup::load(&name, &info.scenario_toml, &kept).map_err(Failure::input)
 }
 
 /// Lets a scenario that was made from the one at `path` name the same files from wherever it is

@@ -9,7 +9,7 @@ use record::summary::{MissionSummary, Summariser};
 use record::tracks::Tracks;
 use record::{RunInfo, ThreadedRecorder, files, kml};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use views::report::Report;
 use views::site::SiteMap;
@@ -35,6 +35,7 @@ pub fn run_info(setup: &Setup) -> Result<RunInfo> {
     Ok(RunInfo {
         mission: Name::new(&setup.scenario.mission.name)?,
         scenario_toml: setup.scenario.to_toml(),
+        files: BTreeMap::clone(&setup.files),
         seed: setup.scenario.mission.seed,
         versions: BTreeMap::from([("plumage".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]),
     })
@@ -46,6 +47,22 @@ pub fn fresh_folder(mission: &str) -> PathBuf {
         .map(|n| Path::new("out").join(format!("{mission}-{n}")))
         .find(|p| !p.exists())
         .unwrap_or_else(|| PathBuf::from("out"))
+}
+
+/// Keeps a file that the scenario names beside the written one, where that looks first. A name that leads out
+/// of the folder is found where it is.
+fn keep(folder: &Path, name: &str, bytes: &[u8]) -> Result<(), Failure> {
+    let is_inside = |c: Component<'_>| matches!(c, Component::Normal(_) | Component::CurDir);
+    if !Path::new(name).components().all(is_inside) {
+        return Ok(());
+    }
+    let path = folder.join(name);
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("{}: cannot make the folder", folder.display()))
+            .map_err(Failure::Input)?;
+    }
+    files::write_whole(&path, bytes).map_err(Failure::input)
 }
 
 impl Outputs {
@@ -66,6 +83,9 @@ impl Outputs {
             setup.scenario.to_toml().as_bytes(),
         )
         .map_err(Failure::input)?;
+        for (name, bytes) in setup.files.iter() {
+            keep(folder, name, bytes)?;
+        }
         let recorder = ThreadedRecorder::create(&folder.join("mission.mcap"), &run_info(setup)?)
             .map_err(Failure::input)?;
         Ok(Self {

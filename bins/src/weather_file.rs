@@ -2,6 +2,7 @@
 //! weather into it gives the mission real-time weather.
 
 use crate::{Failure, mission_files};
+use air::geo::LocalFrame;
 use air::wind::{WindProfile, WindSeries};
 use mission::Setup;
 use protocol::SimTime;
@@ -21,6 +22,7 @@ type Stamp = (SystemTime, u64);
 pub struct WeatherFile {
     path: PathBuf,
     profile: WindProfile,
+    frame: LocalFrame,
     /// When the mission began, s since 1970, once it has.
     start_unix_s: Option<f64>,
     next: Option<Instant>,
@@ -44,13 +46,15 @@ impl WeatherFile {
         let folder = scenario_path.parent().unwrap_or(Path::new(""));
         let profile = setup.scenario.wind_profile().map_err(Failure::input)?;
         let path = mission_files::find(name, folder);
-        Ok(path.map(|path| Self::new(path, profile)))
+        let frame = setup.scenario.frame().map_err(Failure::input)?;
+        Ok(path.map(|path| Self::new(path, profile, frame)))
     }
 
-    fn new(path: PathBuf, profile: WindProfile) -> Self {
+    fn new(path: PathBuf, profile: WindProfile, frame: LocalFrame) -> Self {
         Self {
             path,
             profile,
+            frame,
             start_unix_s: None,
             next: None,
             seen: None,
@@ -111,6 +115,9 @@ impl WeatherFile {
         let height_agl_m = self.profile.reference_height_agl_m();
         let reports =
             WeatherReports::parse(text, height_agl_m, Some(unix_s)).map_err(|e| e.to_string())?;
+        reports
+            .check_place(&self.frame)
+            .map_err(|e| e.to_string())?;
         if self
             .known
             .as_ref()
@@ -154,6 +161,7 @@ mod tests {
             Self(WeatherFile::new(
                 path,
                 WindProfile::new(5.0, 10.0, 270.0, 0.15).unwrap(),
+                LocalFrame::new(43.44, -7.86, 340.0).unwrap(),
             ))
         }
 

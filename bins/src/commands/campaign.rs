@@ -12,7 +12,7 @@ pub struct CampaignArguments {
     /// Scenario to fly (TOML)
     pub scenario: PathBuf,
     /// Number of seeds, from 1
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     pub seeds: u64,
     /// Make the last N vehicles of the team stand-ins for real ones, the others simulated
     #[arg(long, value_name = "N")]

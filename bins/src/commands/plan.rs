@@ -77,7 +77,7 @@ fn tell(forecast: &Forecast) {
     let f = forecast;
     let kg_s = |least: Option<f64>| {
         least.map_or("nothing".to_owned(), |least| {
-            format!("{} kg/s", significant(least))
+            format!("{} kg/s and more", significant(least))
         })
     };
     println!(
@@ -85,7 +85,7 @@ fn tell(forecast: &Forecast) {
         f.missions
     );
     println!(
-        "Detected with a chance of {:.0} %: {} and more.",
+        "Detected with a chance of {:.0} %: {}.",
         100.0 * f.chance,
         kg_s(f.least_kg_s)
     );

@@ -7,7 +7,7 @@ use protocol::key::Name;
 use protocol::message::Weather;
 use protocol::{Message, Topic};
 use std::collections::{BTreeMap, VecDeque};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Arguments of `plumage replay`.
 #[derive(Debug, clap::Args)]
@@ -38,9 +38,7 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     if !arguments.verify {
         return Ok(());
     }
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let name = format!("scenario in {}", path.display());
-    let setup = mission_files::load_text(&name, &recording.info.scenario_toml, folder)?;
+    let setup = mission_files::load_recorded(&recording)?;
     let mut run = Run::new(&setup).map_err(Failure::input)?;
     let mut last = None;
     let (mut operated, mut weather) = (VecDeque::new(), VecDeque::new());

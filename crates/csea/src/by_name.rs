@@ -1,37 +1,57 @@
 //! Strategies by the names that scenarios give them.
 
-use crate::baselines::{Ascent, RandomPoints, Sweep};
+use crate::baselines::{Ascent, RandomPoints};
+use crate::belief::PlumePrior;
 use crate::cs_ea::{CsEa, CsEaOptions};
 use crate::domain::Domain;
 use crate::error::CseaError;
+use crate::infotaxis::Infotaxis;
+use crate::legs::{Arcs, Lawnmower};
+use crate::particle_swarm::ParticleSwarm;
+use crate::posterior::ByPosterior;
 use crate::strategy::SearchStrategy;
+use rand::rngs::ChaCha8Rng;
 
-/// Names that [`strategy_by_name`] knows.
-pub const STRATEGIES: [&str; 4] = ["cs-ea", "random", "sweep", "ascent"];
+/// Names that [`strategy_by_name`] knows; `sweep` is another one of `lawnmower`.
+pub const STRATEGIES: [&str; 8] = [
+    "posterior",
+    "lawnmower",
+    "arcs",
+    "infotaxis",
+    "particle-swarm",
+    "cs-ea",
+    "ascent",
+    "random",
+];
 
-/// The strategy of that name over `domain`. `options` holds the settings of CS-EA; the rivals
-/// take its population and kernel length (lines of the sweep lie a kernel's reach apart, three
-/// lengths), so that all are compared at equal size.
+/// The strategy of that name over `domain`. `options` holds the settings of CS-EA; others take its population and kernel
+/// length. `prior` is what is known of the plume: the pattern flights take source, direction and height from it, `posterior` and
+/// `infotaxis` begin their belief with it.
 ///
 /// # Errors
-/// An unknown name, or options outside their ranges.
+/// An unknown name, options outside their ranges, or a prior that describes no plume.
 pub fn strategy_by_name(
     name: &str,
     domain: Domain,
     options: CsEaOptions,
+    prior: &PlumePrior,
+    rng: &mut ChaCha8Rng,
 ) -> Result<Box<dyn SearchStrategy>, CseaError> {
-    match name {
-        "cs-ea" => Ok(Box::new(CsEa::new(domain, options)?)),
-        "random" => Ok(Box::new(RandomPoints::new(domain, options.population)?)),
-        "sweep" => Ok(Box::new(Sweep::new(domain, 3.0 * options.kernel.length_m)?)),
-        "ascent" => Ok(Box::new(Ascent::new(
-            domain,
-            options.population,
-            options.kernel.length_m,
-        )?)),
-        other => Err(CseaError::UnknownStrategy {
-            name: other.to_owned(),
-            known: STRATEGIES.join(", "),
-        }),
-    }
+    let count = options.population;
+    Ok(match name {
+        "posterior" => Box::new(ByPosterior::new(domain, prior.clone(), count, rng)?),
+        "lawnmower" | "sweep" => Box::new(Lawnmower::new(&domain, prior)),
+        "arcs" => Box::new(Arcs::new(&domain, prior)),
+        "infotaxis" => Box::new(Infotaxis::new(domain, prior.clone(), count, rng)?),
+        "particle-swarm" => Box::new(ParticleSwarm::new(domain)),
+        "cs-ea" => Box::new(CsEa::new(domain, options)?),
+        "ascent" => Box::new(Ascent::new(domain, count, options.kernel.length_m)?),
+        "random" => Box::new(RandomPoints::new(domain, count)?),
+        other => {
+            return Err(CseaError::UnknownStrategy {
+                name: other.to_owned(),
+                known: STRATEGIES.join(", "),
+            });
+        }
+    })
 }

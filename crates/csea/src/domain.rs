@@ -101,6 +101,11 @@ impl Domain {
         Position::from_coordinates(self.high)
     }
 
+    /// A place that is allowed.
+    pub fn inside(&self) -> Position {
+        self.fallback
+    }
+
     /// A place drawn evenly from the feasible part of the box.
     pub fn draw(&self, rng: &mut ChaCha8Rng) -> Position {
         for _ in 0..TRIES {

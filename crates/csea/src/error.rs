@@ -24,6 +24,9 @@ pub enum CseaError {
     /// The search box is empty or no feasible place was found in it.
     #[error("search domain: {0}")]
     Domain(String),
+    /// The plume that is supposed to be is none.
+    #[error("the plume that the search supposes: {0}")]
+    Plume(String),
     /// A sample that is not finite.
     #[error("sample is not finite; expected finite metres and a finite value")]
     NotFinite,

@@ -2,7 +2,8 @@
 
 use rand::rngs::ChaCha8Rng;
 
-use crate::archive::Archive;
+use crate::archive::{Archive, Sample};
+use crate::cone::choose_within_cone;
 use air::geo::Position;
 
 /// A place that is worth a flight.
@@ -15,10 +16,31 @@ pub struct PromisingPoint {
     pub fitness: f64,
 }
 
+/// One of the team, as it flies now.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sampler {
+    /// Its number in the team, from 0: that under which its readings are taken in.
+    pub id: usize,
+    /// Where it is.
+    pub position: Position,
+    /// Where it flies to, degrees clockwise from north.
+    pub heading_deg: f64,
+    /// Speed over ground, m/s.
+    pub speed_m_s: f64,
+    /// Radius of its turns, m.
+    pub turn_radius_m: f64,
+    /// How fast it climbs and descends, m/s.
+    pub climb_m_s: f64,
+}
+
 /// A way to turn what has been sensed into places worth a flight.
 pub trait SearchStrategy: Send {
     /// The name by which a scenario chooses the strategy.
     fn name(&self) -> &'static str;
+
+    /// Takes in what the `sampler`-th of the team has read at a time: for strategies that learn more of it than the
+    /// archive keeps.
+    fn sense(&mut self, _time_s: f64, _sampler: usize, _sample: &Sample, _rng: &mut ChaCha8Rng) {}
 
     /// Makes the next population of promising points from the last one and all samples so far.
     /// Every point lies inside the strategy's [`crate::Domain`]. The slice is never empty.
@@ -26,4 +48,15 @@ pub trait SearchStrategy: Send {
 
     /// The population of the last step; empty before the first.
     fn population(&self) -> &[PromisingPoint];
+
+    /// Where each of the team flies to until the next step: unless the strategy knows better, to a promising point that
+    /// lies ahead of it ([`choose_within_cone`]). `team` may be a part of the whole, as one whose order cannot be followed.
+    fn direct(&mut self, team: &[Sampler], cone_deg: f64, rng: &mut ChaCha8Rng) -> Vec<Position> {
+        let points = self.population();
+        let choose = |s: &Sampler| {
+            let chosen = choose_within_cone(points, s.position, s.heading_deg, cone_deg, rng);
+            chosen.map_or(s.position, |p| p.position)
+        };
+        team.iter().map(choose).collect()
+    }
 }

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests are not test functions themselves
 
+mod common;
+
 use air::geo::wrap_signed_deg;
 use csea::{
     Archive, ArchiveOptions, CsEaOptions, CseaError, DifferentialEvolution, Domain, Position,
@@ -117,7 +119,7 @@ proptest! {
         let domain = Domain::new(low, high, keep_out, &mut rng).unwrap();
         let archive = archive(&positions, Some(20.0));
         for name in STRATEGIES {
-            let mut strategy = strategy_by_name(name, domain.clone(), CsEaOptions::default()).unwrap();
+            let mut strategy = strategy_by_name(name, domain.clone(), CsEaOptions::default(), &common::prior(180.0), &mut rng).unwrap();
             for _ in 0..3 {
                 let points = strategy.step(&archive, &mut rng).to_vec();
                 prop_assert!(!points.is_empty());
@@ -193,19 +195,27 @@ fn what_is_not_finite_is_refused_and_changes_nothing() {
 #[test]
 fn wrong_settings_say_what_would_be_right() {
     let domain = Domain::of_box(Position::default(), Position::new(1.0, 1.0, 1.0)).unwrap();
-    let unknown = strategy_by_name("genetic", domain.clone(), CsEaOptions::default());
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let unknown = strategy_by_name(
+        "genetic",
+        domain.clone(),
+        CsEaOptions::default(),
+        &common::prior(12.0),
+        &mut rng,
+    );
     let Err(unknown) = unknown else {
         panic!("an unknown strategy was taken")
     };
     assert_eq!(
         unknown.to_string(),
-        "search.strategy is \"genetic\"; expected one of cs-ea, random, sweep, ascent"
+        "search.strategy is \"genetic\"; expected one of posterior, lawnmower, arcs, infotaxis, particle-swarm, cs-ea, ascent, random"
     );
     let options = CsEaOptions {
         population: 3,
         ..CsEaOptions::default()
     };
-    let Err(small) = strategy_by_name("cs-ea", domain, options) else {
+    let Err(small) = strategy_by_name("cs-ea", domain, options, &common::prior(12.0), &mut rng)
+    else {
         panic!("NP 3 was taken")
     };
     assert_eq!(

@@ -2,10 +2,12 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests are not test functions themselves
 
+mod common;
+
 use air::geo::wrap_signed_deg;
 use csea::{
-    Archive, ArchiveOptions, CsEaOptions, Domain, Position, Sample, SearchStrategy,
-    choose_within_cone, strategy_by_name,
+    Archive, ArchiveOptions, CsEaOptions, Domain, Position, Sample, Sampler, SearchStrategy,
+    strategy_by_name,
 };
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -74,13 +76,23 @@ fn fly(strategy: &mut dyn SearchStrategy, seed: u64, duration_s: f64) -> f64 {
     let mut best = 0.0f64;
     for second in 0..duration_s as usize {
         if second % STEP_S as usize == 0 {
-            let points = strategy.step(&archive, &mut rng).to_vec();
-            for (at, heading_deg, goal) in &mut team {
-                let chosen = choose_within_cone(&points, *at, *heading_deg, 45.0, &mut rng);
-                *goal = chosen.unwrap().position;
+            strategy.step(&archive, &mut rng);
+            let of =
+                |(id, (position, heading_deg, _)): (usize, &(Position, f64, Position))| Sampler {
+                    id,
+                    position: *position,
+                    heading_deg: *heading_deg,
+                    speed_m_s: SPEED_M_S,
+                    turn_radius_m: SPEED_M_S / TURN_DEG_S.to_radians(),
+                    climb_m_s: CLIMB_M_S,
+                };
+            let samplers: Vec<Sampler> = team.iter().enumerate().map(of).collect();
+            let orders = strategy.direct(&samplers, 45.0, &mut rng);
+            for (member, order) in team.iter_mut().zip(orders) {
+                member.2 = order;
             }
         }
-        for (at, heading_deg, goal) in &mut team {
+        for (id, (at, heading_deg, goal)) in team.iter_mut().enumerate() {
             let wanted = at.at.bearing_deg(goal.at);
             let turn = wrap_signed_deg(wanted - *heading_deg);
             *heading_deg += turn.clamp(-TURN_DEG_S, TURN_DEG_S);
@@ -92,12 +104,12 @@ fn fly(strategy: &mut dyn SearchStrategy, seed: u64, duration_s: f64) -> f64 {
             }
             let noise: f64 = rng.sample(StandardNormal);
             let value = 449.0 + truth + 3.0 * noise;
-            archive
-                .push(Sample {
-                    position: *at,
-                    value,
-                })
-                .unwrap();
+            let sample = Sample {
+                position: *at,
+                value,
+            };
+            archive.push(sample).unwrap();
+            strategy.sense(second as f64, id, &sample, &mut rng);
         }
     }
     best / plume.peak()
@@ -106,7 +118,10 @@ fn fly(strategy: &mut dyn SearchStrategy, seed: u64, duration_s: f64) -> f64 {
 fn scores(name: &str, seeds: std::ops::Range<u64>, duration_s: f64) -> Vec<f64> {
     let mut out: Vec<f64> = seeds
         .map(|seed| {
-            let mut strategy = strategy_by_name(name, domain(), CsEaOptions::default()).unwrap();
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let options = CsEaOptions::default();
+            let prior = common::prior(180.0);
+            let mut strategy = strategy_by_name(name, domain(), options, &prior, &mut rng).unwrap();
             fly(strategy.as_mut(), seed, duration_s)
         })
         .collect();
@@ -121,15 +136,25 @@ fn cs_ea_finds_the_peak_better_than_its_rivals() {
     let mean = |name| scores(name, 0..20, 600.0).iter().sum::<f64>() / 20.0;
     let cs_ea = mean("cs-ea");
     assert!(cs_ea > 0.65, "CS-EA flew through {cs_ea} of the peak");
-    for rival in ["random", "sweep", "ascent"] {
+    for rival in ["random", "lawnmower", "ascent"] {
         let other = mean(rival);
         assert!(cs_ea > other + 0.1, "CS-EA {cs_ea}, {rival} {other}");
     }
 }
 
 #[test]
+fn the_belief_finds_what_it_does_not_know_the_direction_of() {
+    // The plume of these tests is 3 % off Briggs' for its belief, and lies anywhere: in five minutes.
+    let all = scores("posterior", 0..20, 300.0);
+    let near = all.iter().filter(|share| **share > 0.8).count();
+    assert!(near >= 18, "{all:?}");
+}
+
+#[test]
 fn the_same_seed_repeats_the_search_bit_for_bit() {
-    assert_eq!(scores("cs-ea", 3..5, 120.0), scores("cs-ea", 3..5, 120.0));
+    for name in csea::STRATEGIES {
+        assert_eq!(scores(name, 3..5, 60.0), scores(name, 3..5, 60.0), "{name}");
+    }
 }
 
 #[test]

@@ -22,7 +22,7 @@ pub(crate) mod zero;
 
 pub use data::{Prior, Setup, every};
 pub use fixes::without_jitter;
-pub use model::{PlumeModel, Unknown, plume_place};
+pub use model::{PlumeModel, Unknown, at_coordinates, plume_place, priors_about};
 pub use report::{GapReport, Series};
 
 use ::plume::stability::Stability;
@@ -104,12 +104,16 @@ pub struct Analysis {
     pub begun: Option<Begun>,
 }
 
-/// Where an analysis came to: the wind that carried the plume, and the fit of the base.
+/// Where an analysis came to: the wind that carried the plume, the fit of the base, and what was named beside it.
 #[derive(Debug, Clone)]
 pub struct Begun {
     carried: Option<wind::Carried>,
     swing: model::Swing,
     base: infer::Fit,
+    /// Whether nothing at all was found beyond the base, so that it is where to go on.
+    is_all: bool,
+    /// The set that was named.
+    named: Option<(Vec<Tried>, infer::Fit)>,
     zero_s: f64,
 }
 
@@ -145,8 +149,8 @@ pub fn analyse(
     analyse_from(None, setup, observations, options, progress)
 }
 
-/// The same of more of the readings of an analysis before: from there where nothing else is found, which
-/// takes a fraction of the time.
+/// The same of more of the readings of an analysis before: from there where nothing was found before nor is
+/// now, which takes a fraction of the time. A set that was named before is among those that are judged.
 ///
 /// # Errors
 /// As of [`analyse`].
@@ -160,7 +164,7 @@ pub fn analyse_from(
     let (observations, zero_s) = observations.counted_from_near_zero()?;
     let mut of = |before| counted_from_near_zero(before, setup, &observations, options, progress);
     let mut analysis = of(before.filter(|b| b.zero_s == zero_s))?;
-    if before.is_some() && analysis.json.verdict != Verdict::None {
+    if before.is_some_and(|b| b.is_all) && analysis.json.verdict != Verdict::None {
         analysis = of(None)?;
     }
     zero::told_from(&mut analysis, zero_s);
@@ -223,6 +227,8 @@ fn counted_from_near_zero(
         ..question
     };
     let before = before.filter(|b| b.carried.is_some() == data.on_board_wind);
+    let named_before = before.and_then(|b| b.named.as_ref());
+    let before = before.filter(|b| b.is_all);
     let in_flight = !options.complete;
     let carried = match before {
         Some(before) => before.carried,
@@ -240,13 +246,19 @@ fn counted_from_near_zero(
     };
     let first_model = first_model.following(swing);
     let model = PlumeModel::of(setup, &track, scale).following(swing);
-    let base = question.base_from(&model, &first_base)?;
+    let base = question.set_from(&model, Vec::new(), &first_base)?;
     tell(0.25, "asking whether the readings follow the plume");
     let contact = first_question.contact(&first_model, base.at())?;
-    let named = match aimed(&first_question, &first_model, &model, contact.as_ref())? {
-        Some((found, aimed)) => vec![question.refined(&aimed, &found)?],
+    let mut named = match aimed(&first_question, &first_model, &model, contact.as_ref())? {
+        Some((found, aimed)) => {
+            vec![question.set_from(&aimed, found.names.clone(), found.fit())?]
+        }
         None => Vec::new(),
     };
+    if let Some((names, fit)) = named_before {
+        let with_names = names.iter().fold(model.clone(), |m, n| m.with(&n.part));
+        named.push(question.set_from(&with_names, names.clone(), fit)?);
+    }
     tell(0.35, "searching for causes");
     let here = base.model.predict(base.at(), &question.turns_deg(&base))?;
     let world = base.model.world(base.at())?;

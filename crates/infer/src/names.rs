@@ -180,17 +180,34 @@ impl<'a> Question<'a> {
         })
     }
 
-    /// The base from where a fit of some of the same readings came to.
+    /// A set from where a fit of some of the same readings came to; `model` has the unknowns of its names as its
+    /// last. The base is the set without names.
     ///
     /// # Errors
     /// Values that the model refuses.
-    pub fn base_from<M: Catalogue>(&self, model: &M, before: &Fit) -> Result<Found<M>, InferError> {
+    pub fn set_from<M: Catalogue>(
+        &self,
+        model: &M,
+        names: Vec<M::Tried>,
+        before: &Fit,
+    ) -> Result<Found<M>, InferError> {
         Ok(Found {
-            names: Vec::new(),
             weighed: self.problem(model).refined(before)?,
             model: model.clone(),
-            ln_prior: 0.0,
+            ln_prior: names.iter().map(|n| self.ln_prior::<M>(n)).sum(),
+            names,
         })
+    }
+
+    /// How probable a name is beforehand, in the sense of its directions that has a meaning.
+    fn ln_prior<M: Catalogue>(&self, name: &M::Tried) -> f64 {
+        let start = M::start(name);
+        let sides = if start.one_sided {
+            std::f64::consts::LN_2
+        } else {
+            0.0
+        };
+        start.ln_prior + sides + self.policy.ln_name
     }
 
     /// A set whose one name is in `model` already, fitted from that model's own starts.
@@ -202,7 +219,7 @@ impl<'a> Question<'a> {
             names: vec![name.clone()],
             weighed: self.problem(model).weighed()?,
             model: model.clone(),
-            ln_prior: M::start(name).ln_prior + self.policy.ln_name,
+            ln_prior: self.ln_prior::<M>(name),
         })
     }
 
@@ -361,23 +378,6 @@ impl<'a> Question<'a> {
         Ok(out)
     }
 
-    /// A set that was found on some of the rows, on all of them.
-    ///
-    /// # Errors
-    /// Values that the model refuses.
-    pub fn refined<M: Catalogue>(
-        &self,
-        model: &M,
-        found: &Found<M>,
-    ) -> Result<Found<M>, InferError> {
-        Ok(Found {
-            weighed: self.problem(model).refined(found.fit())?,
-            names: found.names.clone(),
-            model: model.clone(),
-            ln_prior: found.ln_prior,
-        })
-    }
-
     /// A set with one more name, fitted.
     ///
     /// # Errors
@@ -438,19 +438,13 @@ impl<'a> Question<'a> {
         model: M,
         best: Weighed,
     ) -> Found<M> {
-        let start = M::start(tried);
         let mut names = found.names.clone();
         names.push(tried.clone());
-        let sides = if start.one_sided {
-            std::f64::consts::LN_2
-        } else {
-            0.0
-        };
         Found {
             names,
             weighed: best,
             model,
-            ln_prior: found.ln_prior + start.ln_prior + sides + self.policy.ln_name,
+            ln_prior: found.ln_prior + self.ln_prior::<M>(tried),
         }
     }
 

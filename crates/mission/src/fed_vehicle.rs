@@ -74,7 +74,7 @@ impl FedVehicle {
             .collect();
         if team.contains(&name) {
             return Err(MissionError::Request(format!(
-                "vehicle {name} is of the team ({}): expected another --id for one that is fed in",
+                "vehicle {name} is of the team ({}): expected another id for one that is fed in",
                 team.join(", ")
             )));
         }

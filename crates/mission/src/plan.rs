@@ -130,14 +130,17 @@ pub fn fly(setup: &Setup, number: u64) -> Result<Flight, MissionError> {
         }
     }
     let model = setup.scenario.in_reality().dispersion_model()?;
-    let source = &model.spec().sources[0];
-    let wind_m_s = model
-        .spec()
-        .wind
-        .speed_at_m_s(source.effective_height_agl_m);
+    let emission_kg_s = model.emissions_kg_s()[0].1;
+    if emission_kg_s <= 0.0 {
+        return Err(MissionError::Request(
+            "a source that emits nothing tells nothing of what would be detected: expected emission_kg_s or \
+             c_max_ppm above 0, of which the least that is detected is a part"
+                .to_owned(),
+        ));
+    }
     Ok(Flight {
         background_ppm: model.spec().background_ppm,
-        emission_kg_s: model.emission_kg_s(0, wind_m_s).unwrap_or(f64::NAN),
+        emission_kg_s,
         met: met(&setup, &model, &watch.readings)?,
         summary: summariser.summary(&run.digest(), 0.0),
         known_s: watch.known_s,
@@ -303,7 +306,8 @@ fn band(flights: &[Flight], from_m: f64, to_m: f64) -> Option<Detectable> {
     let read = flights.iter().flat_map(|f| f.met.iter().filter(inside));
     let mut heights: Vec<f64> = read.map(|m| m.height_agl_m).collect();
     heights.sort_by(f64::total_cmp);
-    let at = |share: f64| heights[(share * (heights.len() - 1) as f64) as usize];
+    // On the ground a barometer may be a little below it.
+    let at = |share: f64| heights[(share * (heights.len() - 1) as f64) as usize].max(0.0);
     let least = |f: &Flight| least_kg_s(f.emission_kg_s, f.met.iter().filter(inside));
     Some(Detectable {
         from_m,

@@ -11,7 +11,9 @@ use scenario::airspace::Airspace;
 use scenario::tables::{BUILT_IN_AIRCRAFT, VehicleKind};
 use scenario::weather::WeatherReports;
 use stand_in::StandInConfig;
+use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// The aircraft that every installation has.
 const BUILT_IN: &str = include_str!("../../../aircraft/x8.toml");
@@ -35,6 +37,8 @@ pub struct Setup {
     pub reality_wind_series: Option<WindSeries>,
     /// The ground.
     pub terrain: Terrain,
+    /// What the scenario's files hold, by the names that it gives them; but for keys, which are nobody else's.
+    pub files: Arc<BTreeMap<String, Vec<u8>>>,
     /// Keys shared with real vehicles, by the vehicle's id.
     pub signing_keys: BTreeMap<String, SigningKey>,
 }
@@ -74,6 +78,13 @@ impl Setup {
     /// What is wrong in which file, and what was expected.
     pub fn load(file: &str, text: &str, read: ReadFile<'_>) -> Result<Self, MissionError> {
         let mut scenario = Scenario::parse(file, text)?;
+        let files = RefCell::new(BTreeMap::new());
+        let read_key = read;
+        let read: ReadFile<'_> = &|name| {
+            let bytes = read(name)?;
+            files.borrow_mut().insert(name.to_owned(), bytes.clone());
+            Ok(bytes)
+        };
         let mut aircraft = BTreeMap::new();
         for vehicle in &scenario.vehicles {
             let name = &vehicle.aircraft;
@@ -131,12 +142,13 @@ impl Setup {
             let Some(name) = &vehicle.signing_key else {
                 continue;
             };
-            let key = read(name)
+            let key = read_key(name)
                 .and_then(|bytes| SigningKey::from_text(&String::from_utf8_lossy(&bytes)))
                 .map_err(|why| refuse(name, &format!("vehicle {}", vehicle.id), why))?;
             signing_keys.insert(vehicle.id.clone(), key);
         }
         Ok(Self {
+            files: Arc::new(files.into_inner()),
             signing_keys,
             scenario,
             aircraft,
@@ -265,6 +277,8 @@ fn weather_of(scenario: &Scenario, bytes: Vec<u8>) -> Result<Weather, String> {
     let profile = scenario.wind_profile().map_err(|e| e.to_string())?;
     let height_agl_m = profile.reference_height_agl_m();
     let reports = WeatherReports::parse(&text, height_agl_m, None).map_err(|e| e.to_string())?;
+    let frame = scenario.frame().map_err(|e| e.to_string())?;
+    reports.check_place(&frame).map_err(|e| e.to_string())?;
     let series = reports.series(&profile, None).map_err(|e| e.to_string())?;
     let ground_amsl_m = scenario.site.ground_amsl_m;
     let air = reports.air_at_start(ground_amsl_m, None);

@@ -3,7 +3,7 @@
 
 use crate::{MissionError, Setup};
 use air::wind::towards_deg;
-use plume::{DispersionModel, Place};
+use plume::{DispersionModel, MechanismId, Place};
 use protocol::message::Estimate;
 use record::summary::{ModelNumbers, PlaceOfPeak, TruePeak};
 use scenario::Scenario;
@@ -47,7 +47,7 @@ pub fn numbers(scenario: &Scenario) -> Result<ModelNumbers, MissionError> {
 /// # Errors
 /// A reality that describes no world.
 pub(crate) fn reality_numbers(scenario: &Scenario) -> Result<ModelNumbers, MissionError> {
-    let spec = scenario.in_reality().dispersion_spec()?;
+    let mut spec = scenario.in_reality().dispersion_spec()?;
     let distance_m = scenario.dispersion_spec()?.sources[0]
         .strength
         .c_max_distance_m();
@@ -56,6 +56,10 @@ pub(crate) fn reality_numbers(scenario: &Scenario) -> Result<ModelNumbers, Missi
     let height_m = source.effective_height_agl_m;
     let exactly = |value: f64| Estimate { value, sd: 0.0 };
     let (background, y, z) = (spec.background_ppm, spec.sigma_y_scale, spec.sigma_z_scale);
+    // c_MAX is the first source's own.
+    spec.sources.truncate(1);
+    spec.mechanisms
+        .retain(|m| m.id() != MechanismId::SecondSource);
     let model = DispersionModel::new(spec).map_err(scenario::world::WorldError::from)?;
     Ok(ModelNumbers {
         background_ppm: exactly(background),
@@ -102,14 +106,7 @@ pub fn true_peak(setup: &Setup) -> Result<TruePeak, MissionError> {
 /// # Errors
 /// A reality that describes no world.
 pub(crate) fn true_flux(scenario: &Scenario) -> Result<Vec<(String, f64)>, MissionError> {
-    let model = scenario.in_reality().dispersion_model()?;
-    let spec = model.spec();
-    let of = |k: usize| {
-        let source = &spec.sources[k];
-        let speed_m_s = spec.wind.speed_at_m_s(source.effective_height_agl_m);
-        Some((source.name.clone(), model.emission_kg_s(k, speed_m_s)?))
-    };
-    Ok((0..spec.sources.len()).filter_map(of).collect())
+    Ok(scenario.in_reality().dispersion_model()?.emissions_kg_s())
 }
 
 #[cfg(test)]

@@ -448,25 +448,27 @@ impl DispersionModel {
         cells.iter().map(of).sum()
     }
 
-    /// What the scenario's source at an index emits, kg/s, if air goes by its axis at `speed_m_s`: the ratio of
-    /// emission to wind is what the model holds. None where there is no such source, or of another gas
-    /// than the first.
-    pub fn emission_kg_s(&self, source: usize, speed_m_s: f64) -> Option<f64> {
-        let spec = self.spec.sources.get(source)?;
-        let first = self.spec.sources[0].gas;
-        if spec.gas != first {
-            return None;
-        }
-        let before = self.spec.sources[..source].iter();
-        let plume = &self.plumes[before.filter(|s| s.gas == first).count()];
-        let own_m_s = (self.scenario_wind.speed_m_s * plume.speed_ratio).max(LEAST_TRANSPORT_M_S);
-        let mol_s_per_m_s = match plume.source_term {
-            SourceTerm::MolarRate(rate) => rate / own_m_s,
-            SourceTerm::AxisConcentration(strength) => {
-                strength / self.ppm_per_mol_m3(plume.height_m)
-            }
+    /// What the sources of the first one's gas emit in the model's wind, kg/s, by name: the scenario's in its
+    /// order, then those that mechanisms add, under the mechanism's name. What the model holds is the ratio of
+    /// emission to wind.
+    pub fn emissions_kg_s(&self) -> Vec<(String, f64)> {
+        let gas = self.spec.sources[0].gas;
+        let stated = self.spec.sources.iter().filter(|s| s.gas == gas);
+        let added = 1..=self.effects.second_sources.len();
+        let names = stated
+            .map(|s| s.name.clone())
+            .chain(added.map(added_source));
+        let of = |plume: &Plume| {
+            let mol_s = match plume.source_term {
+                SourceTerm::MolarRate(rate) => rate,
+                SourceTerm::AxisConcentration(strength) => {
+                    let own_m_s = self.scenario_wind.speed_m_s * plume.speed_ratio;
+                    strength * own_m_s / self.ppm_per_mol_m3(plume.height_m)
+                }
+            };
+            std::f64::consts::TAU * mol_s * gas.molar_mass_kg_mol()
         };
-        Some(std::f64::consts::TAU * mol_s_per_m_s * speed_m_s * first.molar_mass_kg_mol())
+        names.zip(self.plumes.iter().map(of)).collect()
     }
 
     /// The same mole fraction in another wind of the moment.
@@ -745,6 +747,16 @@ pub(crate) fn rotate(wind: Transport, (cos, sin): (f64, f64)) -> Transport {
 
 fn transport(wind: &WindProfile, height_m: f64) -> Transport {
     Transport::new(wind.from_deg(), wind.speed_at_m_s(height_m))
+}
+
+/// Name of the `n`-th source that a mechanism adds.
+fn added_source(n: usize) -> String {
+    let name = crate::MechanismId::SecondSource.as_str();
+    if n == 1 {
+        name.to_owned()
+    } else {
+        format!("{name} {n}")
+    }
 }
 
 fn notices(spec: &DispersionSpec) -> Vec<String> {

@@ -290,6 +290,23 @@ pub struct MechanismSetting {
     pub parameters: BTreeMap<String, f64>,
 }
 
+impl MechanismSetting {
+    /// From what the catalogue has: an id, platforms, and parameters by name.
+    pub fn new<'a>(
+        id: &str,
+        platforms: &[String],
+        parameters: impl Iterator<Item = (&'a str, f64)>,
+    ) -> Self {
+        Self {
+            id: id.to_owned(),
+            platforms: platforms.to_vec(),
+            parameters: parameters
+                .map(|(name, value)| (name.to_owned(), value))
+                .collect(),
+        }
+    }
+}
+
 /// The world simulator's model of the plume (`ws/main/model`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Model {

@@ -23,6 +23,7 @@
 //! let info = RunInfo {
 //!     mission: Name::new("try")?,
 //!     scenario_toml: String::new(),
+//!     files: Default::default(),
 //!     seed: 1,
 //!     versions: Default::default(),
 //! };

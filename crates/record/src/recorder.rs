@@ -30,6 +30,8 @@ const CHUNK_BYTES: u64 = 1 << 20;
 pub(crate) const RUN_METADATA: &str = "plumage.run";
 /// Name of the metadata record at the end of a finished recording.
 pub(crate) const END_METADATA: &str = "plumage.end";
+/// Names of the attachments that hold the files which the scenario names begin with this.
+pub(crate) const FILE_ATTACHMENT: &str = "files/";
 /// Name of the attachment that holds the resolved scenario.
 pub(crate) const SCENARIO_ATTACHMENT: &str = "scenario.toml";
 
@@ -40,6 +42,8 @@ pub struct RunInfo {
     pub mission: Name,
     /// The resolved scenario, TOML.
     pub scenario_toml: String,
+    /// The files that the scenario names, by the names that it gives them.
+    pub files: BTreeMap<String, Vec<u8>>,
     /// Seed of the run.
     pub seed: u64,
     /// Versions of what ran, by name: `plumage`, `git`, …
@@ -243,13 +247,22 @@ fn write_front(writer: &mut mcap::Writer<BufWriter<File>>, info: &RunInfo) -> mc
         name: RUN_METADATA.to_owned(),
         metadata: entries,
     })?;
-    writer.attach(&Attachment {
-        log_time: 0,
-        create_time: 0,
-        name: SCENARIO_ATTACHMENT.to_owned(),
-        media_type: "application/toml".to_owned(),
-        data: Cow::Borrowed(info.scenario_toml.as_bytes()),
-    })?;
+    let mut attach = |name: String, media_type: &str, data: &[u8]| {
+        writer.attach(&Attachment {
+            log_time: 0,
+            create_time: 0,
+            name,
+            media_type: media_type.to_owned(),
+            data: Cow::Borrowed(data),
+        })
+    };
+    for (name, bytes) in &info.files {
+        let name = format!("{FILE_ATTACHMENT}{name}");
+        attach(name, "application/octet-stream", bytes)?;
+    }
+    // Last: who has read it has all of the front.
+    let scenario = info.scenario_toml.as_bytes();
+    attach(SCENARIO_ATTACHMENT.to_owned(), "application/toml", scenario)?;
     writer.flush()
 }
 

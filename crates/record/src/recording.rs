@@ -1,7 +1,7 @@
 //! A recording read back, also one cut short, with the run's digest.
 
 use crate::RecordError;
-use crate::recorder::{END_METADATA, RUN_METADATA, RunInfo, SCENARIO_ATTACHMENT};
+use crate::recorder::{END_METADATA, FILE_ATTACHMENT, RUN_METADATA, RunInfo, SCENARIO_ATTACHMENT};
 use mcap::McapError;
 use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -72,12 +72,18 @@ pub fn read_mcap(path: &Path) -> Result<Recording, RecordError> {
     let mut records = Records::open(path)?;
     let mut entries: Option<BTreeMap<String, String>> = None;
     let mut scenario: Option<String> = None;
+    let mut files = BTreeMap::new();
     while entries.is_none() || scenario.is_none() {
         match records.next()? {
             Some(Record::Metadata(m)) if m.name == RUN_METADATA => entries = Some(m.metadata),
             Some(Record::Attachment { header, data, .. }) if header.name == SCENARIO_ATTACHMENT => {
                 let text = String::from_utf8(data.into_owned());
                 scenario = Some(text.map_err(|_| refuse("its scenario is not UTF-8".to_owned()))?);
+            }
+            Some(Record::Attachment { header, data, .. }) => {
+                if let Some(name) = header.name.strip_prefix(FILE_ATTACHMENT) {
+                    files.insert(name.to_owned(), data.into_owned());
+                }
             }
             Some(Record::Message { .. } | Record::DataEnd(_)) => {
                 return Err(refuse("it holds no run and no scenario".to_owned()));
@@ -89,7 +95,10 @@ pub fn read_mcap(path: &Path) -> Result<Recording, RecordError> {
     let info = run_info(entries.unwrap_or_default(), scenario.unwrap_or_default());
     Ok(Recording {
         path: path.to_owned(),
-        info: info.map_err(refuse)?,
+        info: RunInfo {
+            files,
+            ..info.map_err(refuse)?
+        },
     })
 }
 
@@ -115,6 +124,7 @@ fn run_info(
     Ok(RunInfo {
         mission: Name::new(&mission).map_err(|e| e.to_string())?,
         scenario_toml,
+        files: BTreeMap::new(),
         seed: seed.parse().map_err(|_| format!("its seed is '{seed}'"))?,
         versions: entries,
     })

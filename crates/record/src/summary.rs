@@ -2,7 +2,8 @@
 
 use air::geo::{Geodetic, LocalFrame, wrap_signed_deg};
 use protocol::message::{
-    Estimate, Flux, GapCause, Message, Model, Peak, PeakStatus, Reading, State, VehicleKind,
+    Estimate, Flux, FluxMethod, GapCause, MechanismSetting, Message, Model, Peak, PeakStatus,
+    Reading, State, VehicleKind,
 };
 use protocol::{Envelope, SimTime, Topic};
 use serde::Serialize;
@@ -257,6 +258,8 @@ pub struct MissionSummary {
     pub gap: Option<GapSummary>,
     /// The model.
     pub model: ModelSummary,
+    /// Extensions in force at the end, further sources that were found among them.
+    pub mechanisms: Vec<MechanismSetting>,
 }
 
 impl MissionSummary {
@@ -304,6 +307,7 @@ pub struct Summariser {
     vehicles: BTreeMap<String, Vehicle>,
     peak: Option<Peak>,
     flux: Vec<Flux>,
+    mechanisms: Vec<MechanismSetting>,
     gap: Option<GapSummary>,
     after: ModelNumbers,
 }
@@ -327,6 +331,7 @@ impl Summariser {
             vehicles: BTreeMap::new(),
             peak: None,
             flux: Vec::new(),
+            mechanisms: Vec::new(),
             gap: None,
             after: context.before,
             context,
@@ -352,6 +357,7 @@ impl Summariser {
                 self.after = model.as_ref().into();
                 self.peak = model.peak.or(self.peak);
                 self.flux.clone_from(&model.flux);
+                self.mechanisms.clone_from(&model.mechanisms);
             }
             (Topic::Extension, Message::Extension(said)) => {
                 self.gap = Some(GapSummary {
@@ -399,6 +405,7 @@ impl Summariser {
                 after: self.after,
                 reality: self.context.reality,
             },
+            mechanisms: self.mechanisms.clone(),
         }
     }
 }
@@ -449,12 +456,14 @@ impl Summariser {
     }
 
     fn flux_summary(&self, found: &Flux) -> FluxSummary {
-        let truth_of = |source: &str| {
-            let mut known = self.context.true_flux.iter();
-            known.find(|(name, _)| name == source).map(|k| k.1)
+        let known = &self.context.true_flux;
+        let truth_kg_s = match found.method {
+            FluxMethod::Inference => known.iter().find(|k| k.0 == found.source).map(|k| k.1),
+            // Passes weigh what goes through them, whatever the model knows of.
+            FluxMethod::MassBalance => (!known.is_empty()).then(|| known.iter().map(|k| k.1).sum()),
         };
         FluxSummary {
-            truth_kg_s: found.source.split(Flux::AND).map(truth_of).sum(),
+            truth_kg_s,
             found: found.clone(),
         }
     }

@@ -4,7 +4,9 @@ use crate::summary::{
     CORRECTED, FluxSummary, GapSummary, HighestReading, MissionSummary, ModelNumber, ModelSummary,
     PeakSummary,
 };
-use protocol::message::{Estimate, Flux, FluxMethod, Peak, PeakStatus, VehicleKind};
+use protocol::message::{
+    Estimate, Flux, FluxMethod, MechanismSetting, Peak, PeakStatus, VehicleKind,
+};
 use std::fmt::Write as _;
 
 /// What was found, and how far the model was and is from the stand-in's reality.
@@ -29,8 +31,8 @@ pub fn summary(summary: &MissionSummary) -> String {
         ),
     );
     line(&mut text, format_args!("{}", peak(&summary.peak)));
-    for found in &summary.flux {
-        line(&mut text, format_args!("{}", flux(found)));
+    for said in fluxes(summary) {
+        line(&mut text, format_args!("{said}"));
     }
     if let Some(found) = &summary.gap {
         line(&mut text, format_args!("{}", gap(found)));
@@ -144,8 +146,41 @@ pub fn flux_method(method: FluxMethod) -> &'static str {
     }
 }
 
+/// What is emitted, a sentence for each source and way to find it.
+pub fn fluxes(summary: &MissionSummary) -> Vec<String> {
+    let added = summary.mechanisms.iter().filter_map(added_source);
+    let mut said: Vec<String> = added.chain(summary.flux.iter().map(flux)).collect();
+    let is = |method: FluxMethod| summary.flux.iter().any(|f| f.found.method == method);
+    if summary.peak.status == PeakStatus::Doubtful && is(FluxMethod::Inference) {
+        said.push(
+            "What the corrected model says of the flux is as doubtful as its peak.".to_owned(),
+        );
+    }
+    if is(FluxMethod::Inference) && !is(FluxMethod::MassBalance) {
+        said.push(
+            "No mass balance: the passes cross the plume from side to side at too few heights."
+                .to_owned(),
+        );
+    }
+    said
+}
+
+/// Where a source lies that readings showed beside the scenario's; nothing of another mechanism.
+fn added_source(mechanism: &MechanismSetting) -> Option<String> {
+    let of = |name: &str| mechanism.parameters.get(name).copied();
+    let (east_m, north_m, ratio) = (of("east_m")?, of("north_m")?, of("ratio")?);
+    let side = |m: f64, plus: &str, minus: &str| {
+        format!("{:.0} m {}", m.abs(), if m < 0.0 { minus } else { plus })
+    };
+    Some(format!(
+        "A further source: {} and {} of the first, with {ratio:.2} of its strength.",
+        side(east_m, "east", "west"),
+        side(north_m, "north", "south")
+    ))
+}
+
 /// What a source emits.
-pub fn flux(flux: &FluxSummary) -> String {
+fn flux(flux: &FluxSummary) -> String {
     let Flux {
         source,
         method,

@@ -66,7 +66,9 @@ fn the_summary_has_the_fields_of_its_schema() {
     let expect = |text: &str| -> Vec<String> { text.split(' ').map(str::to_owned).collect() };
     assert_eq!(
         keys(&json),
-        expect("digest flux gap model peak real_time_factor schema seed sim_s vehicles wall_s")
+        expect(
+            "digest flux gap mechanisms model peak real_time_factor schema seed sim_s vehicles wall_s"
+        )
     );
     assert_eq!(
         keys(&json["vehicles"][0]),

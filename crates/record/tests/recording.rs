@@ -17,6 +17,7 @@ fn info() -> RunInfo {
     RunInfo {
         mission: Name::new("as-pontes").unwrap(),
         scenario_toml: "[mission]\nname = \"as-pontes\"\n".to_owned(),
+        files: [("aircraft/mine.toml".to_owned(), b"name = 1".to_vec())].into(),
         seed: 7,
         versions: BTreeMap::from([("plumage".to_owned(), "0.1.0".to_owned())]),
     }

@@ -8,7 +8,7 @@ mod phases;
 use air::geo::{Geodetic, wrap_signed_deg};
 use air::terrain::Terrain;
 use csea::{
-    Archive, ArchiveOptions, CsEaOptions, Domain, Position, Sample, SearchStrategy,
+    Archive, ArchiveOptions, CsEaOptions, Domain, PlumePrior, Position, Sample, SearchStrategy,
     strategy_by_name,
 };
 use plume::DispersionSpec;
@@ -44,6 +44,9 @@ const OFF_TRACK_M: f64 = 25.0;
 const SEARCH_BEYOND_M: f64 = 600.0;
 /// The search goes this far to both sides of the axis, degrees.
 const SEARCH_SECTOR_DEG: f64 = 60.0;
+/// A direction that is known no better than to this, degrees, is looked for: passes across it would be longer than the
+/// plume is wide by far.
+const LOCATED_DEG: f64 = 15.0;
 /// Half height of the search around the axis, in σz at the far end of the passes.
 const SEARCH_SIGMAS: f64 = 2.5;
 
@@ -58,6 +61,8 @@ pub struct SquadronController {
     /// Heights above home at which vehicles wait for their landing, from the lowest.
     levels_amsl_m: Vec<f64>,
     search: SearchTable,
+    /// What the scenario supposes of the plume.
+    prior: PlumePrior,
     duration_s: f64,
     phase: Phase,
     rng: ChaCha8Rng,
@@ -120,6 +125,7 @@ impl SquadronController {
                 others: BTreeMap::new(),
             },
             levels_amsl_m: scenario.levels_amsl_m(),
+            prior: crate::prior::of(scenario, &base),
             base,
             model: None,
             range,
@@ -182,7 +188,24 @@ impl SquadronController {
             ..CsEaOptions::default()
         };
         let domain = self.search_domain()?;
-        Ok(strategy_by_name(&self.search.strategy, domain, options)?)
+        let mut prior = self.prior.clone();
+        if let Some(model) = &self.model {
+            crate::prior::by_model(&mut prior, model);
+        }
+        let name = &self.search.strategy;
+        Ok(strategy_by_name(
+            name,
+            domain,
+            options,
+            &prior,
+            &mut self.rng,
+        )?)
+    }
+
+    /// Whether it is known where the plume lies, well enough for passes across it.
+    fn is_located(&self) -> bool {
+        let model = self.model.as_ref();
+        model.map_or(self.prior.axis_deg.sd, |m| m.axis_deg.sd) <= LOCATED_DEG
     }
 
     fn search_domain(&mut self) -> Result<Domain, ScError> {
@@ -204,9 +227,14 @@ impl SquadronController {
         };
         let (low, high) = (corner(-1.0, low_m), corner(1.0, high_m));
         let everywhere = airspace.clone();
+        let sector_deg = if self.is_located() {
+            SEARCH_SECTOR_DEG
+        } else {
+            180.0
+        };
         let allowed = move |p: Position| {
             let off_deg = wrap_signed_deg(centre.bearing_deg(p.at) - estimate.axis_deg).abs();
-            off_deg <= SEARCH_SECTOR_DEG
+            off_deg <= sector_deg
                 && centre.distance_m(p.at) <= reach_m
                 && airspace.contains(p, MARGIN_M)
         };
@@ -274,7 +302,11 @@ impl SquadronController {
         // Of a plume that real vehicles are still to show, simulated ones read nothing worth knowing.
         let too_early = self.phase == Phase::Preliminary && !real;
         // A reading that is not finite is left out.
-        if too_early || self.archive.push(sample).is_err() || !real {
+        if too_early || self.archive.push(sample).is_err() {
+            return;
+        }
+        self.sense(name, time, &sample, real);
+        if !real {
             return;
         }
         let observation = Observation {
@@ -285,6 +317,20 @@ impl SquadronController {
         out.say(Topic::Observation, Message::Observation(observation));
         if let Some(gap) = &mut self.gap {
             gap.take(name.as_str(), time, reading);
+        }
+    }
+
+    /// Lets the strategy learn what a vehicle of the team read: where there are real ones, theirs alone tell of the air that
+    /// is searched.
+    fn sense(&mut self, name: &Name, time: SimTime, sample: &Sample, real: bool) {
+        let vehicles = &self.fleet.vehicles;
+        if !real && vehicles.iter().any(|v| v.real) {
+            return;
+        }
+        // What was fed in counts as the reading of one more.
+        let id = self.fleet.index_of(name).unwrap_or(vehicles.len());
+        if let Some(strategy) = &mut self.strategy {
+            strategy.sense(time.s(), id, sample, &mut self.rng);
         }
     }
 
@@ -393,9 +439,8 @@ impl SquadronController {
             points: said.collect(),
         };
         out.say(Topic::Population, Message::Population(population));
-        let points = points.to_vec();
+        self.follow(strategy.as_mut(), out);
         self.strategy = Some(strategy);
-        self.follow(&points, out);
     }
 
     /// Publishes the plan at every decision, changed or not: vehicles take it as the sign that

@@ -41,6 +41,7 @@ pub mod fleet;
 pub mod live_gap;
 pub mod passes;
 pub mod plume_estimate;
+mod prior;
 pub mod route_graph;
 pub mod separation;
 mod tasks;

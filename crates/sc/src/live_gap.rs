@@ -148,20 +148,11 @@ impl LiveGap {
                 return (nothing, format!("the readings so far tell nothing: {e}"));
             }
         };
-        // Where something was found, more readings are looked at as if for the first time.
-        let is_none = analysis.json.verdict == Verdict::None;
-        self.begun = analysis.begun.clone().filter(|_| is_none);
+        self.begun.clone_from(&analysis.begun);
         let mechanisms: Vec<MechanismSetting> = analysis
             .extension
             .iter()
-            .map(|m| MechanismSetting {
-                id: m.id().as_str().to_owned(),
-                platforms: m.platforms().to_vec(),
-                parameters: m
-                    .parameters()
-                    .map(|(name, value)| (name.to_owned(), value))
-                    .collect(),
-            })
+            .map(|m| MechanismSetting::new(m.id().as_str(), m.platforms(), m.parameters()))
             .collect();
         let summary = summary(&analysis, self.observations.rows.len());
         let verdict = name(analysis.json.verdict).to_owned();

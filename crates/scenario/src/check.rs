@@ -381,13 +381,11 @@ fn check_area(k: usize, source: &SourceTable) -> Checked {
         let expected = "m, .1 to 20000, and no side a hundred times the other";
         let other_m = sides.iter().filter_map(|s| s.0).fold(0.0, f64::max);
         let low_m = (other_m / 100.0).max(0.1);
-        within(
-            format!("source.{k}.{name}"),
-            side.unwrap_or(f64::NAN),
-            low_m,
-            20_000.0,
-            expected,
-        )?;
+        let key = format!("source.{k}.{name}");
+        let Some(side) = side else {
+            return Err(Refusal::new(key, "nothing", expected));
+        };
+        within(key, side, low_m, 20_000.0, expected)?;
     }
     let axis_deg = source.axis_deg.unwrap_or_default();
     within(

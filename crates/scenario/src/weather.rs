@@ -7,11 +7,16 @@ mod open_meteo;
 mod utc;
 
 use air::AirError;
+use air::geo::{Enu, Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::wind::{WindProfile, WindSeries};
 
 /// Standard temperature at mean sea level, by which a QNH is reduced, °C (ICAO Doc 7488).
 const QNH_TEMPERATURE_C: f64 = 15.0;
+
+/// Weather of a place farther than this from the site is not its own, m: two cells of the coarsest global model that
+/// Open-Meteo serves (0.25°).
+pub const FARTHEST_M: f64 = 55_000.0;
 
 /// Why a text is no weather, without the name of its file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -88,6 +93,8 @@ pub struct WeatherReport {
 pub struct WeatherReports {
     /// What the times count from.
     pub scale: TimeScale,
+    /// Where it is the weather of, if it says so.
+    pub place: Option<Geodetic>,
     /// The time for which the text was made, s: its last observation, or the moment of a forecast.
     pub as_of_s: f64,
     /// The reports.
@@ -122,6 +129,29 @@ impl WeatherReports {
                 .dedup_by(|later, kept| later.time_s == kept.time_s);
         }
         Ok(read)
+    }
+
+    /// Refuses the weather of another place than the site of `frame`.
+    ///
+    /// # Errors
+    /// A place farther than [`FARTHEST_M`] from it.
+    pub fn check_place(&self, frame: &LocalFrame) -> Result<(), WeatherError> {
+        let Some(place) = self.place else {
+            return Ok(());
+        };
+        let off_m = frame.to_enu(place).distance_m(Enu::default());
+        if off_m <= FARTHEST_M {
+            return Ok(());
+        }
+        let site = frame.origin();
+        Err(WeatherError::new(
+            format!("latitude {}, longitude {}", place.lat_deg, place.lon_deg),
+            format!("{:.0} km from the site", off_m / 1000.0),
+            format!(
+                "{:.3}, {:.3}, or a place near it",
+                site.lat_deg, site.lon_deg
+            ),
+        ))
     }
 
     /// Mission time of a report's `time_s` in a mission that began at `start_unix_s`; where that is not
@@ -218,6 +248,7 @@ mod tests {
         };
         let reports = WeatherReports {
             scale: TimeScale::Unix,
+            place: None,
             as_of_s: 5000.0,
             reports: vec![at(6.0, Some(200.0), 4000.0), at(3.0, None, 5000.0)],
         };
@@ -242,6 +273,7 @@ mod tests {
         };
         let reports = WeatherReports {
             scale: TimeScale::Mission,
+            place: None,
             as_of_s: 0.0,
             reports: vec![WeatherReport {
                 pressure: Some(ReportedPressure::SeaLevel(1013.25)),
@@ -255,6 +287,24 @@ mod tests {
             (pressure_hpa.unwrap() - 898.75).abs() < 0.02,
             "{pressure_hpa:?}"
         );
+    }
+
+    #[test]
+    fn weather_of_another_place_is_refused() {
+        let at = |lat_deg| WeatherReports {
+            scale: TimeScale::Unix,
+            place: Some(Geodetic {
+                lat_deg,
+                lon_deg: -7.86,
+            }),
+            as_of_s: 0.0,
+            reports: Vec::new(),
+        };
+        let site = LocalFrame::new(43.44, -7.86, 0.0).unwrap();
+        assert!(at(43.5).check_place(&site).is_ok());
+        // A degree of latitude is 111.1 km there (WGS 84).
+        let why = at(44.44).check_place(&site).unwrap_err().to_string();
+        assert!(why.contains("111 km from the site"), "{why}");
     }
 
     #[test]

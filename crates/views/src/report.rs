@@ -7,7 +7,7 @@ use crate::html::{Document, number};
 use crate::site::{MapPoint, SiteMap};
 use protocol::message::{ControlLevel, Message, Model, Phase, Severity, VehicleKind};
 use protocol::{Envelope, SimTime, Topic};
-use record::summary::{CORRECTED, MissionSummary, ModelNumbers};
+use record::summary::{CORRECTED, MissionSummary, ModelNumbers, Outcome};
 use record::text;
 use record::tracks::{DecimatedSeries, Tracks, VehicleTrack};
 use scenario::airspace::SETPOINT_MARGIN_M;
@@ -103,7 +103,7 @@ impl Report {
         let mut page = Document::new("Plumage mission report", &self.site.mission);
         let expected = self.expected();
         let mut first = vec![lead(summary), text::peak(&summary.peak)];
-        first.extend(summary.flux.iter().map(text::flux));
+        first.extend(text::fluxes(summary));
         first.extend(summary.gap.as_ref().map(text::gap));
         page.lead(&first);
         page.figures(&cards(summary));
@@ -278,12 +278,16 @@ impl Report {
                 stack.distance_m(self.site.enu(found.lat_deg, found.lon_deg))
             });
             if let Some(distance) = distance {
-                page.paragraph(&format!(
-                    "It lies {distance:.0} m from the stack. Set-points keep {SETPOINT_MARGIN_M:.0} m from the \
-                     keep-out cylinder of {:.0} m: nearer the stack the axis is more concentrated still, \
-                     and no vehicle may fly there.",
-                    self.site.keep_out_radius_m
-                ));
+                let keep_out_m = self.site.keep_out_radius_m;
+                let near = if keep_out_m > 0.0 {
+                    format!(
+                        " Set-points keep {SETPOINT_MARGIN_M:.0} m from the keep-out cylinder of {keep_out_m:.0} m: \
+                         nearer the source the axis is more concentrated still, and no vehicle may fly there."
+                    )
+                } else {
+                    String::new()
+                };
+                page.paragraph(&format!("It lies {distance:.0} m from the source.{near}"));
             }
         }
     }
@@ -445,11 +449,24 @@ fn outside(after: &ModelNumbers, reality: &ModelNumbers) -> Vec<String> {
 }
 
 fn repeat(page: &mut Document, summary: &MissionSummary) {
+    let fed = summary
+        .vehicles
+        .iter()
+        .filter(|v| v.outcome == Outcome::Fed);
+    let fed: Vec<&str> = fed.map(|v| v.id.as_str()).collect();
+    let fed = if fed.is_empty() {
+        String::new()
+    } else {
+        format!(
+            ", with the rows that were fed in as {}; a new run needs them by --feed",
+            fed.join(", ")
+        )
+    };
     page.section("To repeat this");
     page.paragraph(&format!(
         "Run the scenario.toml beside this report with seed {}: plumage run scenario.toml --seed {} \
          --out again. The same program gives the same messages, with the digest {}. \
-         plumage replay mission.mcap --verify does so and compares.",
+         plumage replay mission.mcap --verify does so and compares{fed}.",
         summary.seed, summary.seed, summary.digest
     ));
 }

@@ -247,10 +247,20 @@ impl WorldSimulator {
             sigma_z_scale: found.sigma_z_scale,
             wind_speed_m_s: wind.speed_at_m_s(spec.sources[0].effective_height_agl_m),
             observations: self.calibrator.taken(),
-            mechanisms: self.extensions.clone(),
+            mechanisms: self.in_force(),
             peak: self.peak(),
             flux: self.flux.clone(),
         }
+    }
+
+    /// The extensions, further sources as they are believed to be now.
+    fn in_force(&self) -> Vec<MechanismSetting> {
+        let fixed = self.extensions.iter().filter(|m| !is_a_source(m)).cloned();
+        let added = self.calibrator.added_sources();
+        let setting = |m: &plume::Mechanism| {
+            MechanismSetting::new(m.id().as_str(), m.platforms(), m.parameters())
+        };
+        fixed.chain(added.iter().map(setting)).collect()
     }
 
     /// The peak as it was corrected last. Readings of a sensor of which a fault was named, and is not in the
@@ -308,11 +318,17 @@ impl WorldSimulator {
         let is_sensor = |c: &GapCause| c.mechanisms.iter().all(|m| of_a_sensor(m));
         // A name that stands does so whatever else is not explained.
         self.sensor_is_named = !extension.adopt && extension.causes.iter().any(is_sensor);
-        if !extension.adopt || extension.mechanisms == self.extensions {
+        // Further sources are part of what is asked for, whether or not other mechanisms are to be adopted.
+        let taken: Vec<MechanismSetting> = extension
+            .mechanisms
+            .iter()
+            .filter(|m| extension.adopt || is_a_source(m))
+            .cloned()
+            .collect();
+        if taken == self.extensions {
             return;
         }
-        let made: Result<Vec<plume::Mechanism>, plume::PlumeError> = extension
-            .mechanisms
+        let made: Result<Vec<plume::Mechanism>, plume::PlumeError> = taken
             .iter()
             .map(|m| {
                 let parameters: Vec<(&str, f64)> = m
@@ -328,9 +344,8 @@ impl WorldSimulator {
             .and_then(|m| self.calibrator.extend(m));
         match done {
             Ok(()) => {
-                self.extensions = extension.mechanisms.clone();
                 self.readings_used = 0;
-                let ids: Vec<&str> = extension.mechanisms.iter().map(|m| m.id.as_str()).collect();
+                let ids: Vec<&str> = taken.iter().map(|m| m.id.as_str()).collect();
                 let (code, words) = match ids[..] {
                     [] => (
                         "extension-withdrawn",
@@ -339,6 +354,7 @@ impl WorldSimulator {
                     _ => ("extension-adopted", ids.join(", ")),
                 };
                 out.event(&self.id, Severity::Info, code, words);
+                self.extensions = taken;
             }
             Err(e) => out.event(
                 &self.id,
@@ -421,6 +437,11 @@ impl WorldSimulator {
     }
 }
 
+/// Whether an extension is a further source.
+fn is_a_source(setting: &MechanismSetting) -> bool {
+    setting.id == plume::MechanismId::SecondSource.as_str()
+}
+
 /// Whether a mechanism is one of a sensor, by which the same air reads otherwise.
 fn of_a_sensor(id: &str) -> bool {
     let known = plume::MechanismId::from_name(id);
@@ -496,6 +517,53 @@ mod tests {
     use super::*;
     use protocol::Envelope;
     use protocol::message::{Reading, VehicleKind as Kind};
+
+    #[test]
+    fn further_sources_come_and_go_as_readings_show_them() {
+        let text = "[site]\nlat_deg=43.4\nlon_deg=-7.8\nground_amsl_m=340\n\
+            [[source]]\nname=\"stack\"\nlat_deg=43.4\nlon_deg=-7.8\nemission_kg_s=300\n";
+        let mut ws = WorldSimulator::new(WorldSimulatorConfig {
+            terrain: Terrain::Flat(340.0),
+            wind_series: None,
+            scenario: Scenario::parse("s.toml", text).unwrap(),
+        })
+        .unwrap();
+        let second = [("east_m", 300.0), ("north_m", -250.0), ("ratio", 0.5)];
+        let second = MechanismSetting::new("second-source", &[], second.into_iter());
+        let lag = MechanismSetting::new("sensor-lag", &[], [("time_constant_s", 5.0)].into_iter());
+        let mut say = |mechanisms: &[&MechanismSetting]| {
+            let extension = Extension {
+                verdict: "named".to_owned(),
+                causes: Vec::new(),
+                mechanisms: mechanisms.iter().copied().cloned().collect(),
+                adopt: false,
+            };
+            ws.extend(&extension, &mut Outbox::default());
+            let wind = Estimate {
+                value: 5.0,
+                sd: 0.0,
+            };
+            let flux: Vec<(String, f64)> = ws
+                .calibrator
+                .flux(wind)
+                .into_iter()
+                .map(|(name, q)| (name, q.value))
+                .collect();
+            let ids: Vec<String> = ws.model(0.0).mechanisms.into_iter().map(|m| m.id).collect();
+            (ids, flux)
+        };
+        let (ids, flux) = say(&[&second, &lag]);
+        assert_eq!(
+            ids,
+            ["second-source"],
+            "other mechanisms only where they are adopted"
+        );
+        assert_eq!(flux[0].0, "stack");
+        assert_eq!(flux[1].0, "second-source");
+        assert!((flux[1].1 / flux[0].1 - 0.5).abs() < 1e-9, "{flux:?}");
+        let (ids, flux) = say(&[]);
+        assert!(ids.is_empty() && flux.len() == 1);
+    }
 
     #[test]
     fn the_axis_of_the_model_follows_the_wind_that_is_reported() {

@@ -104,6 +104,9 @@ pub(crate) fn stated(
             carried: study.carried,
             swing: study.base.model.swing(),
             base: study.base.fit().clone(),
+            is_all: verdict == Verdict::None,
+            named: (named && !judged.set.names.is_empty())
+                .then(|| (judged.set.names.clone(), judged.set.fit().clone())),
             zero_s: 0.0,
         }),
     })

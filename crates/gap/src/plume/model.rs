@@ -129,6 +129,28 @@ pub(crate) fn fitted(id: MechanismId) -> impl Iterator<Item = usize> {
         .map(|(k, _)| k)
 }
 
+/// Priors of a mechanism's fitted parameters about its own values, as wide as the catalogue's.
+pub fn priors_about(mechanism: &Mechanism) -> Vec<infer::Prior> {
+    let spec = mechanism.id().spec();
+    let of = |k: usize| infer::Prior {
+        mean: spec.parameters[k].to_coordinate(mechanism.values()[k]),
+        sd: spec.parameters[k].prior_sd,
+    };
+    fitted(mechanism.id()).map(of).collect()
+}
+
+/// The same mechanism with other coordinates of its fitted parameters.
+pub fn at_coordinates(mechanism: &Mechanism, coordinates: &[f64]) -> Mechanism {
+    let parameters = mechanism.id().spec().parameters;
+    let mut values = mechanism.values().to_vec();
+    for (k, x) in fitted(mechanism.id()).zip(coordinates) {
+        values[k] = parameters[k]
+            .from_coordinate(*x)
+            .clamp(parameters[k].low, parameters[k].high);
+    }
+    Mechanism::from_values(mechanism.id(), &values)
+}
+
 impl<'a> PlumeModel<'a> {
     /// The model of `base` on a track with its unknowns.
     pub fn new(base: &'a DispersionSpec, unknowns: &[Unknown], track: &'a Track) -> Self {
@@ -159,6 +181,20 @@ impl<'a> PlumeModel<'a> {
             scale,
             ..Self::new(&setup.base, &setup.unknowns(), track)
         }
+    }
+
+    /// The model with mechanisms whose parameters are unknown about their values.
+    #[must_use]
+    pub fn with_unknown(mut self, mechanisms: &[Mechanism]) -> Self {
+        for mechanism in mechanisms {
+            let part = Part {
+                id: mechanism.id(),
+                platform: None,
+                values: mechanism.values().to_vec(),
+            };
+            self.add(part, &priors_about(mechanism));
+        }
+        self
     }
 
     /// Adds a part, of whose fitted parameters the first few have these priors.
@@ -358,9 +394,10 @@ const ANY_TURN_DEG: f64 = 104.0;
 const AIM_REACH_DEG: f64 = 30.0;
 
 /// Reach in prior standard deviations, and points on each side, of the search for direction and
-/// height: in direction the points must lie closer than the plume is wide.
+/// height: in direction the points must lie closer than the plume is wide, and need reach no farther than all round.
 const SEARCH_REACH_SD: f64 = 3.0;
 const SEARCH_DIRECTIONS: i32 = 18;
+const SEARCH_STEP_DEG: f64 = 3.0;
 const SEARCH_HEIGHTS: i32 = 2;
 
 impl ForwardModel for PlumeModel<'_> {
@@ -374,16 +411,16 @@ impl ForwardModel for PlumeModel<'_> {
 
     fn starts(&self) -> Vec<Vec<f64>> {
         let mean: Vec<f64> = self.priors.iter().map(|p| p.mean).collect();
-        let along = |unknown: Option<usize>, steps: i32| -> Vec<Option<(usize, f64)>> {
+        let along = |unknown: Option<usize>, reach: f64, steps: i32| -> Vec<Option<(usize, f64)>> {
             let Some(k) = unknown else { return vec![None] };
-            let step =
-                |n: i32| SEARCH_REACH_SD * self.priors[k].sd * f64::from(n) / f64::from(steps);
+            let step = |n: i32| reach * f64::from(n) / f64::from(steps);
             (-steps..=steps).map(|n| Some((k, step(n)))).collect()
         };
-        let mut directions = along(
-            self.unknown(MechanismId::WindDirectionOffset),
-            SEARCH_DIRECTIONS,
-        );
+        let reach = |k: Option<usize>| k.map_or(0.0, |k| SEARCH_REACH_SD * self.priors[k].sd);
+        let direction = self.unknown(MechanismId::WindDirectionOffset);
+        let reach_deg = reach(direction).min(180.0);
+        let least = (reach_deg / SEARCH_STEP_DEG).ceil() as i32;
+        let mut directions = along(direction, reach_deg, SEARCH_DIRECTIONS.max(least));
         if let Some((k, turn_deg)) = self.aim {
             let part = |n: i32| f64::from(n) / f64::from(SEARCH_DIRECTIONS);
             let steps = -SEARCH_DIRECTIONS..=SEARCH_DIRECTIONS;
@@ -391,10 +428,8 @@ impl ForwardModel for PlumeModel<'_> {
                 .map(|n| Some((k, turn_deg + AIM_REACH_DEG * part(n))))
                 .collect();
         }
-        let heights = along(
-            self.unknown(MechanismId::EffectiveHeightOffset),
-            SEARCH_HEIGHTS,
-        );
+        let height = self.unknown(MechanismId::EffectiveHeightOffset);
+        let heights = along(height, reach(height), SEARCH_HEIGHTS);
         let mut out = Vec::new();
         for direction in &directions {
             for height in &heights {

@@ -1,12 +1,12 @@
 //! The order of each vehicle in a phase, decided once a second.
 
 use air::geo::Enu;
-use csea::{PromisingPoint, choose_within_cone};
+use csea::{Position, Sampler, SearchStrategy};
 use protocol::message::Phase;
 use protocol::{Outbox, SimTime};
 
 use super::SquadronController;
-use crate::fleet::{CIRCLE_M, MARGIN_M};
+use crate::fleet::{CIRCLE_M, MARGIN_M, TeamVehicle};
 use crate::passes::{self, Crossing};
 use crate::separation::Corridor;
 use crate::tasks::VehicleTask;
@@ -27,6 +27,9 @@ const REFUSALS: usize = 60;
 const RESERVED_PASSES: usize = 3;
 /// Draws of a promising point before a vehicle keeps its last one.
 const DRAWS: usize = 12;
+/// Turns and climbs that a strategy reckons with: of a small flying wing at a bank of 30°.
+const TURN_RADIUS_M: f64 = 60.0;
+const CLIMB_M_S: f64 = 2.5;
 /// Heights tried above and below a promising point, in steps of the vertical separation.
 const HEIGHT_STEPS: [f64; 7] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0];
 
@@ -46,7 +49,11 @@ impl SquadronController {
                     self.bring_home(index, out);
                 }
                 Phase::TakeOff | Phase::Home => {}
-                phase if self.fleet.vehicles[index].real && !passes::of(phase).is_empty() => {
+                phase
+                    if self.fleet.vehicles[index].real
+                        && self.is_located()
+                        && !passes::of(phase).is_empty() =>
+                {
                     self.fly_passes(index, now, out);
                 }
                 _ if self.tasks.each[index] == VehicleTask::Idle => {
@@ -206,38 +213,60 @@ impl SquadronController {
         }
     }
 
-    /// Each searching vehicle takes a promising point ahead of it to which it may be sent.
-    pub(super) fn follow(&mut self, points: &[PromisingPoint], out: &mut Outbox) {
-        let step_m = self.fleet.separation.height_m;
-        for index in 0..self.fleet.vehicles.len() {
-            let v = &self.fleet.vehicles[index];
-            let (Some(track), VehicleTask::Searching) = (v.track, self.tasks.each[index]) else {
-                continue;
-            };
-            if !v.is_commandable() {
-                continue;
-            }
-            // A point whose way is taken by another vehicle is drawn again; after a few draws the
-            // old order stands, which is safe.
+    /// Each searching vehicle flies where the strategy directs it, if it may be sent there.
+    pub(super) fn follow(&mut self, strategy: &mut dyn SearchStrategy, out: &mut Outbox) {
+        let team: Vec<Sampler> = self.searching();
+        let cone_deg = self.search.cone_deg;
+        let orders = strategy.direct(&team, cone_deg, &mut self.rng);
+        for (sampler, first) in team.iter().zip(orders) {
+            let mut order = first;
+            // A place whose way is taken by another vehicle is chosen again; after a few times, or where the strategy
+            // has no other, the old order stands, which is safe.
             for _ in 0..DRAWS {
-                let cone_deg = self.search.cone_deg;
-                let here = track.position;
-                let drawn =
-                    choose_within_cone(points, here, track.course_deg, cone_deg, &mut self.rng);
-                let Some(drawn) = drawn else { break };
-                let at = drawn.position.at;
-                let heights = HEIGHT_STEPS.map(|step| {
-                    let wanted_m = drawn.position.height_m + step * step_m;
-                    self.fleet.airspace.clamp_at_m(at, wanted_m)
-                });
-                let purpose = "promising point";
-                if self
-                    .fleet
-                    .send_at_free_height(index, at, &heights, purpose, out)
-                {
+                if self.send_near(sampler.id, order, out) {
                     break;
+                }
+                let again = strategy.direct(std::slice::from_ref(sampler), cone_deg, &mut self.rng);
+                match again.first() {
+                    Some(other) if *other != order => order = *other,
+                    _ => break,
                 }
             }
         }
+    }
+
+    /// Those who search, as they fly now.
+    fn searching(&self) -> Vec<Sampler> {
+        let speed_m_s = self.search.airspeed_m_s;
+        let of = |(id, v): (usize, &TeamVehicle)| {
+            let searches = self.tasks.each[id] == VehicleTask::Searching && v.is_commandable();
+            let track = v.track.filter(|_| searches)?;
+            Some(Sampler {
+                id,
+                position: track.position,
+                heading_deg: track.course_deg,
+                speed_m_s,
+                turn_radius_m: TURN_RADIUS_M,
+                climb_m_s: CLIMB_M_S,
+            })
+        };
+        self.fleet
+            .vehicles
+            .iter()
+            .enumerate()
+            .filter_map(of)
+            .collect()
+    }
+
+    /// Sends a vehicle to a place, or above or below it.
+    fn send_near(&mut self, index: usize, to: Position, out: &mut Outbox) -> bool {
+        let step_m = self.fleet.separation.height_m;
+        let heights = HEIGHT_STEPS.map(|step| {
+            let wanted_m = to.height_m + step * step_m;
+            self.fleet.airspace.clamp_at_m(to.at, wanted_m)
+        });
+        let purpose = "promising point";
+        self.fleet
+            .send_at_free_height(index, to.at, &heights, purpose, out)
     }
 }

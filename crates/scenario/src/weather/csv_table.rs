@@ -44,6 +44,7 @@ pub(super) fn parse(text: &str) -> Result<WeatherReports, WeatherError> {
         .reduce(f64::max)
         .ok_or_else(|| WeatherError::new("line 2", "no rows below the header", "at least one"))?;
     Ok(WeatherReports {
+        place: None,
         scale,
         as_of_s,
         reports,

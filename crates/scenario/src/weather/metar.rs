@@ -34,6 +34,7 @@ pub(super) fn parse(text: &str, near_unix_s: Option<f64>) -> Result<WeatherRepor
         .collect();
     let mut near_s = near_unix_s.unwrap_or(SOME_DAY_S);
     let mut reports = Vec::new();
+    let mut station = None;
     let mut why = WeatherError::new(
         "the text",
         "no report",
@@ -64,6 +65,20 @@ pub(super) fn parse(text: &str, near_unix_s: Option<f64>) -> Result<WeatherRepor
             );
             continue;
         };
+        if let Some(own) = start
+            .checked_sub(1)
+            .map(|k| groups[k])
+            .filter(|g| is_station(g))
+        {
+            if station.is_some_and(|first| first != own) {
+                return Err(WeatherError::new(
+                    format!("{own} {}", groups[start]),
+                    format!("another aerodrome than {}", station.unwrap_or_default()),
+                    "reports of one aerodrome",
+                ));
+            }
+            station = Some(own);
+        }
         near_s = time_s;
         reports.push(WeatherReport {
             time_s,
@@ -82,9 +97,18 @@ pub(super) fn parse(text: &str, near_unix_s: Option<f64>) -> Result<WeatherRepor
         .ok_or(why)?;
     Ok(WeatherReports {
         scale: TimeScale::Unix,
+        place: None,
         as_of_s,
         reports,
     })
+}
+
+/// A location indicator, as `LEST`.
+fn is_station(group: &str) -> bool {
+    group.len() == 4
+        && group
+            .bytes()
+            .all(|b| b.is_ascii_uppercase() || b.is_ascii_digit())
 }
 
 /// Day of the month, hour and minute.
@@ -269,6 +293,10 @@ mod tests {
             ("LEST 271230Z ////KT", "no wind"),
             ("LEST 391230Z 24010KT", "no report"),
             ("TAF", "no report"),
+            (
+                "LEST 271230Z 24010KT\nLECO 271230Z 25010KT",
+                "LECO 271230Z: another aerodrome than LEST",
+            ),
         ] {
             let why = parse(text, near()).unwrap_err().to_string();
             assert!(why.contains(words), "{text}: {why}");

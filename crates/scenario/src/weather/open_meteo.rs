@@ -5,6 +5,7 @@ use super::utc::iso_8601;
 use super::{
     ReportedPressure, ReportedWind, TimeScale, WeatherError, WeatherReport, WeatherReports,
 };
+use air::geo::Geodetic;
 use serde_json::{Map, Value};
 
 type Object = Map<String, Value>;
@@ -67,7 +68,11 @@ pub(super) fn parse(text: &str, height_agl_m: f64) -> Result<WeatherReports, Wea
             "at least one",
         ));
     };
+    let degrees = |key: &str| whole.get(key).and_then(Value::as_f64);
     Ok(WeatherReports {
+        place: degrees("latitude")
+            .zip(degrees("longitude"))
+            .map(|(lat_deg, lon_deg)| Geodetic { lat_deg, lon_deg }),
         scale: TimeScale::Unix,
         as_of_s,
         reports,

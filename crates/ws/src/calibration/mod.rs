@@ -207,11 +207,15 @@ impl Calibrator {
         self.taken
     }
 
-    /// Replaces the extensions of the base model, beside the scenario's own mechanisms.
+    /// Replaces the extensions of the base model, beside the scenario's own mechanisms. Of a further source
+    /// place and strength are unknown about those that it comes with; other mechanisms stay as they are.
     ///
     /// # Errors
     /// Mechanisms that the plume model refuses.
     pub fn extend(&mut self, mechanisms: Vec<plume::Mechanism>) -> Result<(), WsError> {
+        let (sources, mechanisms): (Vec<_>, Vec<_>) = mechanisms
+            .into_iter()
+            .partition(|m| m.id() == MechanismId::SecondSource);
         let own = self
             .base
             .mechanisms
@@ -226,7 +230,36 @@ impl Calibrator {
         self.setup.base.mechanisms.clone_from(&extended.mechanisms);
         self.base = extended;
         self.fitted_rows = 0;
+        if sources != self.unknowns.added_sources() {
+            self.add_sources(sources);
+        }
         Ok(())
+    }
+
+    /// Takes other sources beside the scenario's; what is believed of everything else stays until the next fit,
+    /// which searches anew.
+    fn add_sources(&mut self, sources: Vec<plume::Mechanism>) {
+        self.unknowns.set_added_sources(sources);
+        let (mean, sd) = (self.unknowns.prior_mean(), self.unknowns.prior_sd());
+        let stated = self.unknowns.list().len();
+        let with_priors = |at: &DVector<f64>, covariance: &DMatrix<f64>| {
+            let mut all = mean.clone();
+            all.rows_mut(0, stated).copy_from(&at.rows(0, stated));
+            let mut variances = DMatrix::from_diagonal(&sd.map(|sd| sd * sd));
+            let shape = (stated, stated);
+            let known = covariance.view((0, 0), shape);
+            variances.view_mut((0, 0), shape).copy_from(&known);
+            (all, variances)
+        };
+        let mean_over_meanders = with_priors(&self.in_the_mean.0, &self.in_the_mean.1);
+        (self.estimate, self.covariance) = with_priors(&self.estimate, &self.covariance);
+        self.in_the_mean = mean_over_meanders;
+        self.posterior = None;
+    }
+
+    /// Sources beside the scenario's, as they are believed to be.
+    pub fn added_sources(&self) -> Vec<plume::Mechanism> {
+        self.unknowns.added_sources_at(&self.in_the_mean.0)
     }
 
     /// Whether there is so much more to fit than at the last fit that a correction is worth its time.
@@ -314,7 +347,8 @@ impl Calibrator {
             vec![f64::NAN; n],
             vec![true; n],
         )?;
-        let model = PlumeModel::new(&self.setup.base, self.unknowns.list(), &track);
+        let model = PlumeModel::new(&self.setup.base, self.unknowns.list(), &track)
+            .with_unknown(self.unknowns.added_sources());
         let policy = infer::Policy::default();
         let sensor_sd = gap::plume::sensor_sd(&self.base, readings.iter().map(|r| r.ppm));
         let problem = infer::Problem::new(&model, &measured, &policy, sensor_sd, asked);
@@ -581,12 +615,7 @@ impl Calibrator {
             WindVector::from_speed_and_direction(speed, reference.from_deg())
         };
         let found = mass_balance(&samples, &site, &wind)?;
-        let names: Vec<&str> = base
-            .sources
-            .iter()
-            .filter(|s| s.gas == first.gas)
-            .map(|s| s.name.as_str())
-            .collect();
+        let names = self.unknowns.source_names(base, &self.in_the_mean.0);
         let relative_sd = (found.sd_kg_s / found.kg_s).hypot(wind_m_s.sd / wind_m_s.value);
         let kg_s = Estimate {
             value: found.kg_s,

@@ -2,7 +2,7 @@
 
 use air::geo::wrap_deg;
 use air::wind::{WindProfile, towards_deg};
-use gap::plume::{Setup, Unknown};
+use gap::plume::{Setup, Unknown, at_coordinates, priors_about};
 use infer::Prior;
 use nalgebra::{DMatrix, DVector};
 use plume::{DispersionModel, DispersionSpec, Mechanism, MechanismId, Strength};
@@ -53,6 +53,8 @@ const SENSOR_DEFAULTS: [(MechanismId, f64); 2] = [
 pub(crate) struct Unknowns {
     list: Vec<Unknown>,
     platforms: Vec<String>,
+    /// Sources that readings showed beside the scenario's; their parameters come after the list.
+    added_sources: Vec<Mechanism>,
 }
 
 impl Unknowns {
@@ -91,7 +93,29 @@ impl Unknowns {
         Self {
             list,
             platforms: platforms.to_vec(),
+            added_sources: Vec::new(),
         }
+    }
+
+    /// Other sources beside the scenario's.
+    pub fn set_added_sources(&mut self, sources: Vec<Mechanism>) {
+        self.added_sources = sources;
+    }
+
+    /// Sources beside the scenario's, about which their parameters are unknown.
+    pub fn added_sources(&self) -> &[Mechanism] {
+        &self.added_sources
+    }
+
+    /// The same at these values of the unknowns; as they were added where `at` is older than they.
+    pub fn added_sources_at(&self, at: &DVector<f64>) -> Vec<Mechanism> {
+        let mut rest = &at.as_slice()[self.list.len()..];
+        let of = |source: &Mechanism| {
+            let (own, after) = rest.split_at(rest.len().min(priors_about(source).len()));
+            rest = after;
+            at_coordinates(source, own)
+        };
+        self.added_sources.iter().map(of).collect()
     }
 
     /// One more platform, that is not held against a reference.
@@ -104,12 +128,17 @@ impl Unknowns {
         &self.list
     }
 
+    fn priors(&self) -> impl Iterator<Item = Prior> {
+        let added = self.added_sources.iter().flat_map(priors_about);
+        self.list.iter().map(|u| u.prior).chain(added)
+    }
+
     pub fn prior_mean(&self) -> DVector<f64> {
-        DVector::from_iterator(self.list.len(), self.list.iter().map(|u| u.prior.mean))
+        DVector::from_vec(self.priors().map(|p| p.mean).collect())
     }
 
     pub fn prior_sd(&self) -> DVector<f64> {
-        DVector::from_iterator(self.list.len(), self.list.iter().map(|u| u.prior.sd))
+        DVector::from_vec(self.priors().map(|p| p.sd).collect())
     }
 
     pub fn index(&self, id: MechanismId, platform: Option<usize>) -> Option<usize> {
@@ -166,6 +195,7 @@ impl Unknowns {
                 (id, None) => spec.mechanisms.push(Mechanism::from_values(id, &[v])),
             }
         }
+        spec.mechanisms.extend(self.added_sources_at(at));
         // A plume at another height is carried by the wind that the scenario has at its own: what is told of
         // an emission is its ratio to the wind.
         let speed = |of: &DispersionSpec, k: usize| {
@@ -247,13 +277,10 @@ impl Unknowns {
         covariance: &DMatrix<f64>,
         wind_m_s: Estimate,
     ) -> Vec<(String, Estimate)> {
-        let of = |k: usize| {
+        let of = |(k, name): (usize, String)| {
             let per_m_s = |model: &DispersionModel| {
-                let wind = &model.spec().wind;
-                let axis_m = model.spec().sources[k].effective_height_agl_m;
-                let law =
-                    wind.speed_at_m_s(axis_m) / wind.reference_speed_m_s().max(f64::MIN_POSITIVE);
-                model.emission_kg_s(k, law).unwrap_or(f64::NAN)
+                let reference_m_s = model.spec().wind.reference_speed_m_s();
+                model.emissions_kg_s()[k].1 / reference_m_s.max(f64::MIN_POSITIVE)
             };
             let ratio = self.of_model(base, at, covariance, &per_m_s);
             let kg_s = Estimate {
@@ -262,9 +289,17 @@ impl Unknowns {
                 sd: (ratio.sd * wind_m_s.value).hypot(ratio.value * wind_m_s.sd),
             };
             let is_read = kg_s.value.is_finite() && kg_s.sd.is_finite();
-            is_read.then(|| (base.sources[k].name.clone(), kg_s))
+            is_read.then_some((name, kg_s))
         };
-        (0..base.sources.len()).filter_map(of).collect()
+        let names = self.source_names(base, at).into_iter().enumerate();
+        names.filter_map(of).collect()
+    }
+
+    /// Names of the sources of the sensor's gas.
+    pub fn source_names(&self, base: &DispersionSpec, at: &DVector<f64>) -> Vec<String> {
+        let model = DispersionModel::new(self.folded(base, at));
+        let emissions = model.map_or_else(|_| Vec::new(), |m| m.emissions_kg_s());
+        emissions.into_iter().map(|(name, _)| name).collect()
     }
 
     /// What `value` is of the model at these values, with the standard deviation that the unknowns'
@@ -281,7 +316,7 @@ impl Unknowns {
             DispersionModel::new(self.folded(base, at)).map_or(0.0, |model| value(&model))
         };
         let here = value(at);
-        let slope = DVector::from_fn(self.list.len(), |k, _| {
+        let slope = DVector::from_fn(at.len(), |k, _| {
             let step = 0.01 * covariance[(k, k)].sqrt();
             if step == 0.0 {
                 return 0.0;

@@ -1,4 +1,4 @@
-# The recording of crates/import/tests/data: pip install mcap==1.6.0 mcap-ros2-support==0.6.0; python3 ros2_recording.py ros2.mcap
+# The recording of crates/import/tests/data: pip install mcap==1.6.0 mcap-ros2-support==0.6.0; python3 ros2_recording.py ros2-recording
 # A recording of ROS 2 by the packages mcap 1.6.0 and mcap-ros2-support 0.6.0.
 import sys
 from mcap_ros2.writer import Writer

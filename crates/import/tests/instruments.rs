@@ -204,7 +204,7 @@ fn netcdf_by_the_cf_conventions() {
 // tests/oracle/ros2_recording.py
 #[test]
 fn a_recording_of_ros_2() {
-    let log = include_bytes!("data/ros2.mcap");
+    let log = include_bytes!("data/ros2-recording");
     let error = import(&[("r.mcap", log)], "").unwrap_err().to_string();
     assert!(
         error.contains("above the WGS84 ellipsoid") && error.contains("--undulation-m"),
@@ -234,7 +234,7 @@ fn damaged_files_make_nothing_panic() {
     let files: [&[u8]; 3] = [
         include_bytes!("data/trajectory.nc"),
         include_bytes!("data/trajectory-5.nc"),
-        include_bytes!("data/ros2.mcap"),
+        include_bytes!("data/ros2-recording"),
     ];
     for whole in files {
         for k in 0..400 {

@@ -22,7 +22,7 @@ pub fn map(file: Option<&Path>) -> Result<Map, Failure> {
 }
 
 /// Reads `files` with what is stated in `map` and, before it, in `stated`, and writes Plumage's file into what
-/// `out` makes. Rows that run back in time are sorted, in memory.
+/// `out` makes. `offset_s` is added to the times of readings that are joined with a track. Rows that run back in time are sorted, in memory.
 ///
 /// # Errors
 /// Logs that cannot be read, with what to state; outputs that cannot be written.
@@ -30,6 +30,7 @@ pub fn read<W: Write>(
     files: &[PathBuf],
     map: &Map,
     stated: &LogMap,
+    offset_s: Option<f64>,
     mut out: impl FnMut() -> Result<W, Failure>,
 ) -> Result<(Report, W), Failure> {
     let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
@@ -41,6 +42,7 @@ pub fn read<W: Write>(
         open: &open,
         map,
         stated,
+        offset_s,
         sorts,
     };
     let mut writer = out()?;
@@ -61,7 +63,7 @@ pub fn read<W: Write>(
 /// As `read`.
 pub fn text(files: &[PathBuf], mapping: &Path) -> Result<(String, Vec<String>), Failure> {
     let map = map(Some(mapping))?;
-    let (report, bytes) = read(files, &map, &LogMap::default(), || Ok(Vec::new()))?;
+    let (report, bytes) = read(files, &map, &LogMap::default(), None, || Ok(Vec::new()))?;
     let text = String::from_utf8(bytes).context("the imported rows are no text")?;
     Ok((text, report.said))
 }

@@ -23,6 +23,9 @@ pub struct ImportArguments {
     /// Mapping file: which column is what (TOML)
     #[arg(long, value_name = "FILE")]
     pub map: Option<PathBuf>,
+    /// Read text as that of an instrument: airdata, dji, sniffer4d, picarro, licor-7810, licor-850, aeris, ndbc, toa5
+    #[arg(long = "as", value_name = "PRESET")]
+    pub preset: Option<String>,
     /// Replace an earlier output
     #[arg(long)]
     pub force: bool,
@@ -35,6 +38,9 @@ pub struct ImportArguments {
     /// Dates whose year is not first: dmy or mdy
     #[arg(long, value_name = "ORDER")]
     pub date_order: Option<String>,
+    /// Of readings that are joined with a track: what is added to their times, s; told from both if not given
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    pub offset_s: Option<f64>,
     /// What time_s counts from, such as a mission's start; 1970 if not given
     #[arg(long, value_name = "RFC3339")]
     pub zero: Option<String>,
@@ -64,6 +70,9 @@ pub fn import(arguments: &ImportArguments) -> Result<(), Failure> {
             out.display()
         )));
     }
+    if arguments.files.iter().all(|f| is_own_recording(f)) {
+        return recordings(arguments);
+    }
     let mut map = importing::map(arguments.map.as_deref())?;
     map.zero = arguments.zero.clone().or(map.zero);
     let stated = stated(arguments)?;
@@ -71,7 +80,8 @@ pub fn import(arguments: &ImportArguments) -> Result<(), Failure> {
         let file = WholeFile::create(out).map_err(Failure::input)?;
         Ok(BufWriter::with_capacity(BUFFER, file))
     };
-    let (report, mut writer) = importing::read(&arguments.files, &map, &stated, create)?;
+    let (report, mut writer) =
+        importing::read(&arguments.files, &map, &stated, arguments.offset_s, create)?;
     writer.flush()?;
     let file = writer.into_inner().map_err(|e| e.into_error())?;
     let how = how(out);
@@ -88,6 +98,25 @@ pub fn import(arguments: &ImportArguments) -> Result<(), Failure> {
         report.columns.join(", ")
     );
     println!("Outputs: {}, {}", out.display(), how.display());
+    Ok(())
+}
+
+/// Whether a file is a recording of Plumage's own.
+fn is_own_recording(file: &Path) -> bool {
+    file.extension().is_some_and(|e| e == "mcap") && record::read_mcap(file).is_ok()
+}
+
+/// What real vehicles read in recorded missions: nothing has to be assumed of it.
+fn recordings(arguments: &ImportArguments) -> Result<(), Failure> {
+    let observations = measured::load(&arguments.files)?;
+    write_whole(&arguments.out, observations.to_csv().as_bytes())?;
+    measured::tell(&observations.notices);
+    println!(
+        "{} rows of {}",
+        observations.rows.len(),
+        observations.platforms.join(", ")
+    );
+    println!("Outputs: {}", arguments.out.display());
     Ok(())
 }
 
@@ -120,6 +149,7 @@ fn remarks(arguments: &ImportArguments, report: &Report) -> Vec<String> {
 /// What the options state of all logs.
 fn stated(arguments: &ImportArguments) -> Result<LogMap, Failure> {
     let mut stated = LogMap {
+        preset: arguments.preset.clone(),
         platform: arguments.platform.clone(),
         zone: arguments.zone.clone(),
         date_order: arguments.date_order.clone(),

@@ -12,6 +12,7 @@ use crate::ImportError;
 use crate::decode;
 use crate::in_order::{InOrder, Stamps};
 use crate::map::LogMap;
+use crate::preset::Preset;
 use crate::quantity::Quantity;
 use crate::sink::Sink;
 use layout::Layout;
@@ -69,7 +70,13 @@ impl<'a> Delimited<'a> {
         let got = text.by_ref().take(HEAD_BYTES).read_to_end(&mut head);
         let ended = (got.map_err(failed())? as u64) < HEAD_BYTES;
         let lines = layout::lines(&head, ended);
-        let mut layout = layout::find(name, &lines, map)?;
+        let forced = map.preset.as_deref().and_then(|p| Preset::named(p).ok());
+        let forced_map = forced.map(Preset::states).transpose()?;
+        let with_forced =
+            forced_map.map_or_else(|| map.clone(), |states| map.clone().over(&states));
+        let mut layout = layout::find(name, &lines, &with_forced)?;
+        let preset = forced.or_else(|| Preset::of(&layout.headers, &head));
+        let map = &by_preset(map, preset, &layout)?;
         if let Some(decimal) = &map.decimal {
             layout.decimal_comma = decimal == ",";
         }
@@ -81,6 +88,12 @@ impl<'a> Delimited<'a> {
             .filter(|row| *row != layout.header_cells)
             .collect();
         let mut plan = plan::plan(name, &layout, &first, map, zero_s)?;
+        if let Some(preset) = preset {
+            plan.said.insert(
+                0,
+                format!("read as {} (preset {})", preset.what, preset.name),
+            );
+        }
         if let Some(encoding) = encoding {
             plan.said.insert(0, format!("text in {encoding}"));
         } else if std::str::from_utf8(&head[..head.len().saturating_sub(4)])
@@ -159,7 +172,11 @@ impl<'a> Delimited<'a> {
                     Source::Cell(at) => {
                         let cell = cells.get(at);
                         match column.value(cell, self.layout.decimal_comma) {
-                            _ if self.missing.iter().any(|m| m == cell) => f64::NAN,
+                            _ if self.missing.iter().any(|m| m == cell)
+                                || column.is_missing(cell) =>
+                            {
+                                f64::NAN
+                            }
                             Some(value) => {
                                 column.side.map_or(value, |s| sided(value, cells.get(s)))
                             }
@@ -182,6 +199,28 @@ impl<'a> Delimited<'a> {
         outcome.platforms = platforms;
         Ok(outcome)
     }
+}
+
+/// What is stated of a log, and below it what its preset states.
+fn by_preset(
+    map: &LogMap,
+    preset: Option<&Preset>,
+    layout: &Layout,
+) -> Result<LogMap, ImportError> {
+    let Some(preset) = preset else {
+        return Ok(map.clone());
+    };
+    let mut states = preset.states()?;
+    // Some versions of an instrument lack a column of the time: then it is told as of any log.
+    let is_there = |name: &String| layout.headers.iter().any(|h| h.is(name));
+    if states
+        .time
+        .as_ref()
+        .is_some_and(|t| !t.all().iter().all(is_there))
+    {
+        states.time = None;
+    }
+    Ok(map.clone().over(&states))
 }
 
 /// How the first rows are stamped.

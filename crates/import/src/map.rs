@@ -141,6 +141,9 @@ pub struct ColumnMap {
     /// From what a height is counted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub datum: Option<Datum>,
+    /// Further texts that mean that there is no value, besides those of the log.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub missing: Vec<String>,
     /// True to leave the column out although the log has it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub skip: Option<bool>,
@@ -207,6 +210,10 @@ impl LogMap {
     pub fn check(&self) -> Result<(), String> {
         self.date_order()?;
         self.ahead_s()?;
+        self.preset
+            .as_deref()
+            .map(crate::preset::Preset::named)
+            .transpose()?;
         for (name, column) in &self.column {
             let Some(quantity) = Quantity::named(name) else {
                 return Err(format!(
@@ -268,6 +275,12 @@ impl LogMap {
     pub fn over(self, under: &Self) -> Self {
         let mut column = under.column.clone();
         for (name, of_this) in self.column {
+            // A gas comes out once: what is stated in ppb stands for what was stated in ppm below.
+            if let Some(gas) = Quantity::named(&name).and_then(Quantity::gas) {
+                column.retain(|n, _| {
+                    *n == name || Quantity::named(n).and_then(Quantity::gas) != Some(gas)
+                });
+            }
             let merged = match column.remove(&name) {
                 Some(below) => of_this.over(below),
                 None => of_this,
@@ -310,6 +323,11 @@ impl ColumnMap {
             scale: self.scale.or(under.scale),
             offset: self.offset.or(under.offset),
             datum: self.datum.or(under.datum),
+            missing: if self.missing.is_empty() {
+                under.missing
+            } else {
+                self.missing
+            },
             skip: self.skip.or(under.skip),
         }
     }

@@ -55,6 +55,7 @@ const HEIGHTS: [(Datum, &[&str]); 4] = [
             "althae",
             "altwgs84",
             "altitudewgs84",
+            "heightabovereferenceellipsoid",
             "heightellipsoid",
             "ellipsoidalaltitude",
             "altitudeellipsoidal",
@@ -182,6 +183,21 @@ impl Header {
         }
     }
 
+    /// The header of a series that is called `topic.field`, of which only gases are recognised: the fields of an
+    /// autopilot's log have the names of everything. Other names are headers.
+    pub fn of_series(name: &str) -> Self {
+        let Some((_, field)) = name.rsplit_once('.') else {
+            return Self::new(name);
+        };
+        let field = Self::new(field);
+        let is_gas = |q: &&Quantity| q.is_gas() && field.quantity(q).is_some();
+        let is_gas = crate::quantity::OBSERVATION.iter().any(|q| is_gas(&q));
+        Self {
+            text: name.to_owned(),
+            ..if is_gas { field } else { Self::default() }
+        }
+    }
+
     /// The quantity's unit if this header names it: the inner none where it names no unit.
     fn names(&self, aliases: &[&str], dimension: Dimension) -> Option<(usize, Option<Unit>)> {
         let all: Vec<&str> = self.words.iter().map(String::as_str).collect();
@@ -259,6 +275,11 @@ impl Header {
         let bracket = self.bracket.iter().map(String::as_str);
         let mut words = self.words.iter().map(String::as_str).chain(bracket);
         words.any(|w| ["days", "doy", "d"].contains(&w.to_lowercase().as_str()))
+    }
+
+    /// Whether its text is `name`, in these letters.
+    pub fn is_called(&self, name: &str) -> bool {
+        self.text == name
     }
 
     /// Whether this is the column that somebody calls `name`.

@@ -2,10 +2,14 @@
 
 use crate::ImportError;
 use crate::delimited::Delimited;
+use crate::in_order::Stamps;
+use crate::join;
+use crate::logs::Format;
 use crate::map::{LogMap, Map, Output};
 use crate::quantity::{FLIGHT, OBSERVATION, Quantity};
+use crate::series_log::PlannedSeries;
 use crate::sink::{CsvSink, Table};
-use std::io::{self, Read, Write};
+use std::io::{self, Cursor, Read, Write};
 
 /// The logs that belong together, and what is stated of them.
 pub struct Request<'a> {
@@ -17,6 +21,8 @@ pub struct Request<'a> {
     pub map: &'a Map,
     /// What is stated of all logs on the command line; it counts before the mapping file.
     pub stated: &'a LogMap,
+    /// What is added to the times of readings that are joined with a track, s; told from both if not given.
+    pub offset_s: Option<f64>,
     /// Whether rows that run back in time are sorted, in memory.
     pub sorts: bool,
 }
@@ -38,6 +44,35 @@ pub struct Report {
     pub platforms: Vec<String>,
 }
 
+/// A log that is open and planned.
+enum Log<'a> {
+    Text(Box<Delimited<'a>>),
+    Series(Box<PlannedSeries>),
+}
+
+impl Log<'_> {
+    fn columns(&self) -> Vec<&'static Quantity> {
+        match self {
+            Self::Text(log) => log.columns(),
+            Self::Series(log) => log.columns(),
+        }
+    }
+
+    fn said(&self) -> &[String] {
+        match self {
+            Self::Text(log) => &log.plan.said,
+            Self::Series(log) => &log.said,
+        }
+    }
+
+    fn map(&self) -> &LogMap {
+        match self {
+            Self::Text(log) => &log.plan.map,
+            Self::Series(log) => &log.map,
+        }
+    }
+}
+
 /// Reads the logs of `request` and writes Plumage's file to `out`.
 ///
 /// # Errors
@@ -51,13 +86,13 @@ pub fn run<W: Write>(request: &Request<'_>, out: W) -> Result<Report, ImportErro
     }
     let output = output(request, &logs)?;
     let mut said = Vec::new();
-    for log in &logs {
-        said.extend(log.plan.said.iter().map(|s| format!("{}: {s}", log.name())));
+    for (log, name) in logs.iter().zip(request.names) {
+        said.extend(log.said().iter().map(|s| format!("{name}: {s}")));
     }
     let map = Map {
         output: Some(output),
         zero: request.map.zero.clone(),
-        log: logs.iter().map(|log| log.plan.map.clone()).collect(),
+        log: logs.iter().map(|log| log.map().clone()).collect(),
     };
     let mut report = Report {
         said,
@@ -67,15 +102,13 @@ pub fn run<W: Write>(request: &Request<'_>, out: W) -> Result<Report, ImportErro
         rows: 0,
         platforms: Vec::new(),
     };
-    match <[Delimited<'_>; 1]>::try_from(logs) {
-        Ok([log]) => single(request, log, &mut report, out)?,
-        Err(_) => {
-            return Err(ImportError::log(
-                request.names.join(", "),
-                "several logs",
-                "give one",
-            ));
+    match logs.pop() {
+        Some(Log::Text(log)) if logs.is_empty() => single(request, *log, &mut report, out)?,
+        Some(last) => {
+            logs.push(last);
+            several(request, logs, &mut report, out)?;
         }
+        None => {}
     }
     Ok(report)
 }
@@ -90,28 +123,47 @@ fn open<'a>(
     index: usize,
     name: &str,
     zero_s: f64,
-) -> Result<Delimited<'a>, ImportError> {
-    let bytes = (request.open)(index).map_err(ImportError::bytes(name))?;
+) -> Result<Log<'a>, ImportError> {
+    let mut bytes = (request.open)(index).map_err(ImportError::bytes(name))?;
     let map = request.stated.clone().over(&request.map.of(name));
     let platform = map
         .platform
         .clone()
         .unwrap_or_else(|| stem(name).to_owned());
-    Delimited::open(name, bytes, &map, &platform, zero_s)
+    let mut head = Vec::new();
+    let got = bytes
+        .by_ref()
+        .take(crate::logs::TELLING_BYTES)
+        .read_to_end(&mut head);
+    got.map_err(ImportError::bytes(name))?;
+    let format = Format::of(name, &head)?;
+    let all: Box<dyn Read> = Box::new(Cursor::new(head).chain(bytes));
+    if format == Format::Text {
+        return Delimited::open(name, all, &map, &platform, zero_s)
+            .map(|log| Log::Text(Box::new(log)));
+    }
+    PlannedSeries::open(name, format, all, &map, &platform, zero_s)
+        .map(|log| Log::Series(Box::new(log)))
+}
+
+/// The name of a file without folders.
+fn base(name: &str) -> &str {
+    name.rsplit(['/', '\\']).next().unwrap_or(name)
 }
 
 /// The name of a file without folders and ending.
 fn stem(name: &str) -> &str {
-    let base = name.rsplit(['/', '\\']).next().unwrap_or(name);
-    base.rsplit_once('.').map_or(base, |(stem, _)| stem)
+    base(name)
+        .rsplit_once('.')
+        .map_or(base(name), |(stem, _)| stem)
 }
 
 /// What comes out: as stated, else observations where a gas is there, else a flight where its angles are.
-fn output(request: &Request<'_>, logs: &[Delimited<'_>]) -> Result<Output, ImportError> {
+fn output(request: &Request<'_>, logs: &[Log<'_>]) -> Result<Output, ImportError> {
     if let Some(output) = request.map.output {
         return Ok(output);
     }
-    let columns: Vec<&Quantity> = logs.iter().flat_map(Delimited::columns).collect();
+    let columns: Vec<&Quantity> = logs.iter().flat_map(Log::columns).collect();
     let has = |name: &str| columns.iter().any(|c| c.name == name);
     if columns.iter().any(|c| c.is_gas()) {
         return Ok(Output::Observations);
@@ -130,7 +182,7 @@ fn output(request: &Request<'_>, logs: &[Delimited<'_>]) -> Result<Output, Impor
                 .join(", ")
         ),
         "state which column is the gas in a mapping file (--map): [[log]] and below it [log.column.ch4_ppb] with from \
-         and unit",
+         and unit, or give the log of the gas as a further file",
     ))
 }
 
@@ -177,8 +229,7 @@ fn single<W: Write>(
 ) -> Result<(), ImportError> {
     let name = log.name().to_owned();
     let there = log.columns();
-    let wanted = of_output(report.output);
-    let taken: Vec<usize> = wanted
+    let taken: Vec<usize> = of_output(report.output)
         .iter()
         .filter_map(|w| there.iter().position(|c| c.name == w.name))
         .collect();
@@ -207,4 +258,224 @@ fn single<W: Write>(
     report.rows = outcome.rows;
     report.platforms = outcome.platforms;
     Ok(())
+}
+
+/// A log's rows in memory, with its name.
+struct Rows<'a> {
+    name: &'a str,
+    table: Table,
+    /// Whether an offset of its clock is stated.
+    is_set: bool,
+}
+
+impl Rows<'_> {
+    fn has(&self, name: &str) -> bool {
+        self.table.columns.iter().any(|c| c.name == name)
+    }
+
+    /// Whether it has what a file of this kind is about.
+    fn is_about(&self, output: Output) -> bool {
+        match output {
+            Output::Observations => self.table.columns.iter().any(|c| c.is_gas()),
+            Output::Flight => self.has("roll_deg"),
+        }
+    }
+
+    fn times_s(&self) -> (f64, f64) {
+        let times = &self.table.time_s;
+        let first = times.iter().copied().fold(f64::INFINITY, f64::min);
+        (
+            first,
+            times.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        )
+    }
+}
+
+/// Several logs, or one that is no text: readings one after the other, with what the others know of their times.
+fn several<W: Write>(
+    request: &Request<'_>,
+    logs: Vec<Log<'_>>,
+    report: &mut Report,
+    out: W,
+) -> Result<(), ImportError> {
+    let mut all = Vec::new();
+    for (log, name) in logs.into_iter().zip(request.names) {
+        let is_set = log.map().offset_s.is_some();
+        let table = in_memory(log, report)?;
+        all.push(Rows {
+            name,
+            table,
+            is_set,
+        });
+    }
+    let output = report.output;
+    let names: Vec<&str> = all.iter().map(|r| r.name).collect();
+    let (mut readings, others): (Vec<Rows<'_>>, Vec<Rows<'_>>) =
+        all.into_iter().partition(|r| r.is_about(output));
+    for rows in &mut readings {
+        let offset_s = completed(request, rows, &others, &mut report.said)?;
+        if let (Some(offset_s), Some(at)) = (offset_s, names.iter().position(|n| *n == rows.name)) {
+            let before_s = report.map.log[at].offset_s.unwrap_or(0.0);
+            report.map.log[at].offset_s = Some(before_s + offset_s);
+        }
+    }
+    let tables: Vec<Table> = readings.into_iter().map(|r| r.table).collect();
+    let table = join::appended(&tables, &of_output(output));
+    check(&request.names.join(", "), output, &table.columns)?;
+    name_logs(&names, &mut report.map.log);
+    report.columns = table.columns.iter().map(|c| c.name).collect();
+    report.rows = table.len();
+    report.platforms.clone_from(&table.platforms);
+    let mut sink = CsvSink::new(out, output, &table.columns)?;
+    table.write(Stamps::AS_THEY_ARE, &mut sink)?;
+    sink.finish()?;
+    Ok(())
+}
+
+/// All rows of a log in order of time, those of one stamp spread.
+fn in_memory(log: Log<'_>, report: &mut Report) -> Result<Table, ImportError> {
+    match log {
+        Log::Text(log) => {
+            let (name, stamps, columns) = (log.name().to_owned(), log.stamps(), log.columns());
+            let taken: Vec<usize> = (0..columns.len()).collect();
+            let mut table = Table::new(columns.clone());
+            let outcome = log.rows(&taken, true, &mut table)?;
+            let mut sorted = Table::new(columns);
+            let done = table.write(stamps, &mut sorted)?;
+            let said = outcome.said.into_iter().chain(done.said(stamps));
+            report.said.extend(said.map(|s| format!("{name}: {s}")));
+            Ok(sorted)
+        }
+        Log::Series(log) => {
+            let (table, said) = log.table(report.output);
+            report
+                .said
+                .extend(said.iter().map(|s| format!("{}: {s}", log.name)));
+            Ok(table)
+        }
+    }
+}
+
+/// Adds to `rows` what they lack and `others` have. The offset that was told or stated, if there was one.
+fn completed(
+    request: &Request<'_>,
+    rows: &mut Rows<'_>,
+    others: &[Rows<'_>],
+    said: &mut Vec<String>,
+) -> Result<Option<f64>, ImportError> {
+    let mut set_s = None;
+    for other in others {
+        let platform = platform(rows, other)?;
+        let track = join::series(&other.table, platform);
+        let has_place = other.has("lat_deg") && other.has("lon_deg");
+        let mut offset_s = 0.0;
+        if has_place && set_s.is_none() {
+            offset_s = clock_offset(request, rows, other, &track, said);
+            set_s = Some(offset_s);
+        }
+        let times = rows.times_s();
+        let whole = join::fill(&mut rows.table, &track, offset_s);
+        said.push(format!(
+            "{}: {whole} of {} rows lie within the times of {}",
+            rows.name,
+            rows.table.len(),
+            other.name
+        ));
+        if whole == 0 {
+            return Err(apart(rows, times, other));
+        }
+        if !has_place && other.has("wind_speed_m_s") {
+            said.push(format!(
+                "assumed: the wind of {} is that at the platform's place and height",
+                other.name
+            ));
+        }
+    }
+    Ok(set_s.filter(|s| *s != 0.0))
+}
+
+/// The platform of `other` that `rows` are of.
+fn platform(rows: &Rows<'_>, other: &Rows<'_>) -> Result<usize, ImportError> {
+    let names = &other.table.platforms;
+    let same = names.iter().position(|n| rows.table.platforms.contains(n));
+    match (names.len(), same) {
+        (..=1, _) => Ok(0),
+        (_, Some(same)) if rows.table.platforms.len() == 1 => Ok(same),
+        _ => Err(ImportError::log(
+            other.name,
+            format!(
+                "the platforms {}, and none is that of {}",
+                names.join(", "),
+                rows.name
+            ),
+            "state the platform of the readings by --platform, or import one platform after the other",
+        )),
+    }
+}
+
+/// What is added to the times of `rows`: as stated, as both logs tell it, or nothing.
+fn clock_offset(
+    request: &Request<'_>,
+    rows: &Rows<'_>,
+    other: &Rows<'_>,
+    track: &[(&'static Quantity, crate::series::Series)],
+    said: &mut Vec<String>,
+) -> f64 {
+    let mut say = |what: &str| said.push(format!("{}: {what}", rows.name));
+    if let Some(offset_s) = request.offset_s {
+        say(&format!("{offset_s} s are added to its times, as stated"));
+        return offset_s;
+    }
+    if rows.is_set || other.is_set {
+        return 0.0;
+    }
+    let own = join::series(&rows.table, 0);
+    match join::offset(&own, track) {
+        Some(told) => {
+            say(&format!(
+                "assumed: {} with {}; it is added (else state --offset-s)",
+                told.said, other.name
+            ));
+            told.offset_s
+        }
+        None => {
+            say(&format!(
+                "assumed: its clock is that of {}; nothing that both measure tells otherwise (else state --offset-s)",
+                other.name
+            ));
+            0.0
+        }
+    }
+}
+
+/// Two logs that share no time.
+fn apart(rows: &Rows<'_>, (from_s, to_s): (f64, f64), other: &Rows<'_>) -> ImportError {
+    let (first_s, last_s) = other.times_s();
+    ImportError::log(
+        format!("{}, {}", rows.name, other.name),
+        format!(
+            "the logs share no time: {from_s} to {to_s} s and {first_s} to {last_s} s; what they are apart is \
+             {:.2} h",
+            (first_s - from_s) / 3600.0
+        ),
+        "state --zone of the one that has local times (in a mapping file where they differ), or --offset-s",
+    )
+}
+
+/// Names the tables of several logs: by their endings where these tell them apart.
+fn name_logs(names: &[&str], logs: &mut [LogMap]) {
+    if names.len() < 2 {
+        return;
+    }
+    let ending = |name: &str| base(name).rsplit_once('.').map(|(_, e)| format!("*.{e}"));
+    let mut endings: Vec<String> = names.iter().filter_map(|n| ending(n)).collect();
+    endings.sort();
+    endings.dedup();
+    for (name, log) in names.iter().zip(logs) {
+        let by_ending = (endings.len() == names.len())
+            .then(|| ending(name))
+            .flatten();
+        log.name
+            .get_or_insert(by_ending.unwrap_or_else(|| base(name).to_owned()));
+    }
 }

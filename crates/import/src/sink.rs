@@ -161,8 +161,9 @@ impl Table {
     }
 }
 
-impl Sink for Table {
-    fn row(&mut self, time_s: f64, platform: &str, values: &[f64]) -> Result<(), ImportError> {
+impl Table {
+    /// Adds a row.
+    pub fn push(&mut self, time_s: f64, platform: &str, values: &[f64]) {
         let known = self.platforms.iter().rposition(|p| p == platform);
         let index = known.unwrap_or_else(|| {
             self.platforms.push(platform.to_owned());
@@ -171,6 +172,12 @@ impl Sink for Table {
         self.time_s.push(time_s);
         self.platform.push(index);
         self.values.extend_from_slice(values);
+    }
+}
+
+impl Sink for Table {
+    fn row(&mut self, time_s: f64, platform: &str, values: &[f64]) -> Result<(), ImportError> {
+        self.push(time_s, platform, values);
         Ok(())
     }
 }

@@ -58,7 +58,11 @@ const PLACE: [Known; 5] = [
             "dd",
             "decimaldegrees",
             "degn",
+            "degreesnorth",
+            "degreeseast",
             "dege",
+            "degreesnorth",
+            "degreeseast",
             "ddeg",
         ],
     ),
@@ -237,6 +241,8 @@ const GAS: [Known; 8] = [
         &[
             "ppm",
             "ppmv",
+            "1e-6",
+            "10-6",
             "umol/mol",
             "umolmol-1",
             "umolmol",
@@ -249,6 +255,8 @@ const GAS: [Known; 8] = [
         linear("ppb", 1e-3, 0.0),
         &[
             "ppb",
+            "1e-9",
+            "10-9",
             "ppbv",
             "nmol/mol",
             "nmolmol-1",
@@ -262,7 +270,7 @@ const GAS: [Known; 8] = [
         linear("%", 1e4, 0.0),
         &["%", "pct", "percent", "vol%", "%vol", "volpct"],
     ),
-    (linear("mol/mol", 1e6, 0.0), &["mol/mol", "molmol-1"]),
+    (linear("mol/mol", 1e6, 0.0), &["mol/mol", "molmol-1", "1"]),
     (linear("mmol/mol", 1e3, 0.0), &["mmol/mol", "mmolmol-1"]),
     (
         Unit {

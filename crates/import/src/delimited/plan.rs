@@ -45,6 +45,7 @@ pub struct Column {
     pub source: Source,
     /// The cell beside it that says N, S, E or W, if there is one.
     pub side: Option<usize>,
+    missing: Vec<String>,
     reads: Reads,
     factor: f64,
     offset: f64,
@@ -57,11 +58,17 @@ impl Column {
             quantity,
             source,
             side: None,
+            missing: Vec::new(),
             reads: Reads::Number,
             factor: 1.0,
             offset: 0.0,
             reduction: None,
         }
+    }
+
+    /// Whether a cell means that there is no value, by what is stated of its column.
+    pub fn is_missing(&self, cell: &[u8]) -> bool {
+        self.missing.iter().any(|m| m.as_bytes() == cell)
     }
 
     /// The value of a cell in the column's unit; none where the cell holds no number.
@@ -126,8 +133,65 @@ fn optional(layout: &Layout, wanted: &str) -> Option<usize> {
 
 type Rows = [Vec<Vec<u8>>];
 
-/// Plans how the log `name` is read, by its `layout`, its first `rows` and what is stated in `map`; times count from
-/// `zero_s` after 1970.
+/// What becomes of a log's columns, without its clock.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Planned {
+    /// The columns, observations before what flights have besides.
+    pub columns: Vec<Column>,
+    /// The cell that names the platform, if there is one.
+    pub platform: Option<usize>,
+    /// What was found and assumed, in words.
+    pub said: Vec<String>,
+    /// What of a mapping file says the same.
+    pub map: LogMap,
+}
+
+/// Plans what the columns of the log `name` become, by its `layout`, its first `rows` and what is stated in `map`.
+///
+/// # Errors
+/// What cannot be told, with what to state.
+pub fn columns(
+    name: &str,
+    layout: &Layout,
+    rows: &Rows,
+    map: &LogMap,
+) -> Result<Planned, ImportError> {
+    let mut planner = Planner {
+        name,
+        layout,
+        rows,
+        map,
+        columns: Vec::new(),
+        said: Vec::new(),
+        made: BTreeMap::new(),
+    };
+    planner.all()?;
+    let platform = planner.platform()?;
+    let map = LogMap {
+        name: map.name.clone(),
+        header: map.header.clone(),
+        missing: map.missing.clone(),
+        platform: map.platform.clone(),
+        platform_column: platform.map(|c| layout.headers[c].text.clone()),
+        offset_s: map.offset_s,
+        undulation_m: map.undulation_m,
+        qnh_hpa: map.qnh_hpa,
+        base_amsl_m: map.base_amsl_m,
+        mass_temperature_c: map.mass_temperature_c,
+        mass_pressure_hpa: map.mass_pressure_hpa,
+        column: planner.made,
+        ..LogMap::default()
+    };
+    Ok(Planned {
+        columns: planner.columns,
+        platform,
+        said: planner.said,
+        map,
+    })
+}
+
+/// Plans how the log `name` of text is read, by its `layout`, its first `rows` and what is stated in `map`; times
+/// count from `zero_s` after 1970.
 ///
 /// # Errors
 /// What is missing or cannot be told, with what to state.
@@ -139,41 +203,21 @@ pub fn plan(
     zero_s: f64,
 ) -> Result<Plan, ImportError> {
     let (clock, found) = clock::find(name, layout, rows, map, zero_s)?;
-    let mut planner = Planner {
-        name,
-        layout,
-        rows,
-        map,
-        columns: Vec::new(),
-        said: found.said,
-        made: BTreeMap::new(),
-    };
-    planner.all()?;
-    let platform = planner.platform()?;
-    planner.say_what_is_left(&clock, platform);
+    let planned = columns(name, layout, rows, map)?;
+    let mut said = found.said;
+    said.extend(planned.said);
+    said.extend(left_out(layout, &planned.columns, &clock, planned.platform));
     let map = LogMap {
-        preset: None,
-        name: map.name.clone(),
         delimiter: Some(layout.delimiter.name()),
         decimal: Some(if layout.decimal_comma { "," } else { "." }.to_owned()),
         header_line: (layout.header_line > 0).then_some(layout.header_line),
-        header: map.header.clone(),
-        missing: map.missing.clone(),
-        platform: map.platform.clone(),
-        platform_column: platform.map(|c| layout.headers[c].text.clone()),
-        undulation_m: map.undulation_m,
-        qnh_hpa: map.qnh_hpa,
-        base_amsl_m: map.base_amsl_m,
-        mass_temperature_c: map.mass_temperature_c,
-        mass_pressure_hpa: map.mass_pressure_hpa,
-        column: planner.made,
-        ..found.map
+        ..planned.map.over(&found.map)
     };
     Ok(Plan {
         clock,
-        columns: planner.columns,
-        platform,
-        said: planner.said,
+        columns: planned.columns,
+        platform: planned.platform,
+        said,
         map,
     })
 }
@@ -340,6 +384,8 @@ impl Planner<'_> {
             // The air at the ground has 500 to 1100 hPa.
             (Dimension::Pressure, Some(v)) if v > 11_000.0 => named("Pa"),
             (Dimension::Pressure, Some(v)) if (30.0..150.0).contains(&v) => named("kPa"),
+            // Of one a share is all there is; a percentage is hardly ever that small.
+            (Dimension::Share, Some(v)) if v.abs() > 1.5 => named("%"),
             (Dimension::Place, None) => named("dms"),
             (Dimension::Place, Some(v)) if v.abs() > 1e6 => named("1e-7 deg"),
             (Dimension::Place, Some(v)) if v.abs() > 180.0 => named("ddmm.mmmm"),
@@ -548,6 +594,7 @@ impl Planner<'_> {
         let mut column = Column::new(quantity, source);
         column.reduction = reduction;
         column.side = self.side(quantity, source);
+        column.missing = stated.map_or_else(Vec::new, |s| s.missing.clone());
         let (factor, offset) = match unit.conversion {
             Conversion::Linear { factor, offset } => (factor, offset),
             Conversion::Mass { kg_m3 } => (self.ppm_of_mass(quantity, kg_m3, source), 0.0),
@@ -604,6 +651,7 @@ impl Planner<'_> {
             scale: stated.and_then(|s| s.scale),
             offset: stated.and_then(|s| s.offset),
             datum,
+            missing: column.missing.clone(),
             skip: None,
         };
         self.made.insert(quantity.name.to_owned(), made);
@@ -666,39 +714,36 @@ impl Planner<'_> {
         }
         Ok(known)
     }
+}
 
-    /// Says which columns nobody takes.
-    fn say_what_is_left(&mut self, clock: &LogClock, platform: Option<usize>) {
-        let mut used: Vec<usize> = self
-            .columns
-            .iter()
-            .filter_map(|c| match c.source {
-                Source::Cell(cell) => Some(cell),
-                Source::Value(_) => None,
-            })
-            .chain(platform)
-            .chain(self.columns.iter().filter_map(|c| c.side))
-            .collect();
-        match &clock.cells {
-            clock::TimeCells::Stamp(c)
-            | clock::TimeCells::OfDay(c)
-            | clock::TimeCells::Count(c, _, None) => {
-                used.push(*c);
-            }
-            clock::TimeCells::DateAndTime(a, b) | clock::TimeCells::Count(a, _, Some(b)) => {
-                used.extend([*a, *b])
-            }
-            clock::TimeCells::Parts(all) => used.extend(all),
+/// Which columns nobody takes, in words.
+fn left_out(
+    layout: &Layout,
+    columns: &[Column],
+    clock: &LogClock,
+    platform: Option<usize>,
+) -> Option<String> {
+    let cells = columns.iter().filter_map(|c| match c.source {
+        Source::Cell(cell) => Some(cell),
+        Source::Value(_) => None,
+    });
+    let sides = columns.iter().filter_map(|c| c.side);
+    let mut used: Vec<usize> = cells.chain(sides).chain(platform).collect();
+    match &clock.cells {
+        clock::TimeCells::Stamp(c)
+        | clock::TimeCells::OfDay(c)
+        | clock::TimeCells::Count(c, _, None) => used.push(*c),
+        clock::TimeCells::DateAndTime(a, b) | clock::TimeCells::Count(a, _, Some(b)) => {
+            used.extend([*a, *b])
         }
-        let headers = self.layout.headers.iter().enumerate();
-        let left: Vec<&str> = headers
-            .filter(|(cell, header)| !used.contains(cell) && !header.text.is_empty())
-            .map(|(_, header)| header.text.as_str())
-            .collect();
-        if !left.is_empty() {
-            self.said.push(format!("left out: {}", left.join(", ")));
-        }
+        clock::TimeCells::Parts(all) => used.extend(all),
     }
+    let headers = layout.headers.iter().enumerate();
+    let left: Vec<&str> = headers
+        .filter(|(cell, header)| !used.contains(cell) && !header.text.is_empty())
+        .map(|(_, header)| header.text.as_str())
+        .collect();
+    (!left.is_empty()).then(|| format!("left out: {}", left.join(", ")))
 }
 
 /// A cell's text, for messages.

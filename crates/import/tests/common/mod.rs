@@ -25,6 +25,7 @@ pub fn import(logs: &[(&str, &[u8])], map: &str) -> Result<(String, Report), Imp
         open: &open,
         map: &map,
         stated: &stated,
+        offset_s: None,
         sorts,
     };
     let mut out = Vec::new();

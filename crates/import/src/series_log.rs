@@ -1,0 +1,174 @@
+//! A log of series, planned: which of them is what, and their rows at one time each.
+
+use crate::ImportError;
+use crate::delimited::layout::{Delimiter, Layout};
+use crate::delimited::plan::{self, Column, Source};
+use crate::logs::{Format, Wanted};
+use crate::map::{LogMap, Output};
+use crate::quantity::Quantity;
+use crate::recognise::Header;
+use crate::series::Series;
+use crate::sink::Table;
+use std::io::Read;
+
+/// Values by which a series is judged.
+const JUDGED: usize = 200;
+/// Rows of a flight are no closer than this, s: 50 a second are more than its gap analysis asks for.
+const FLIGHT_STEP_S: f64 = 0.02;
+
+/// A log of series, planned.
+#[derive(Debug, Clone)]
+pub struct PlannedSeries {
+    /// Its name.
+    pub name: String,
+    /// What was found and assumed, in words.
+    pub said: Vec<String>,
+    /// What of a mapping file says the same.
+    pub map: LogMap,
+    columns: Vec<(Column, Option<Series>)>,
+    platform: String,
+}
+
+impl PlannedSeries {
+    /// Reads the log `name` of a `format` with what is stated in `map`; times count from `zero_s` after 1970 where they
+    /// are of the calendar.
+    ///
+    /// # Errors
+    /// What cannot be read or told, with what to state.
+    pub fn open(
+        name: &str,
+        format: Format,
+        bytes: Box<dyn Read + '_>,
+        map: &LogMap,
+        platform: &str,
+        zero_s: f64,
+    ) -> Result<Self, ImportError> {
+        let map = map.clone().over(&format.known());
+        let mut log = format.read(name, bytes, &Wanted::of(&map))?;
+        let zero_s = if log.is_absolute { zero_s } else { 0.0 };
+        let shift_s = map.offset_s.unwrap_or(0.0) - zero_s;
+        for series in &mut log.series {
+            for time_s in &mut series.time_s {
+                *time_s += shift_s;
+            }
+        }
+        let planned = plan::columns(name, &layout(&log.series), &rows(&log.series), &map)?;
+        let column = |column: Column| {
+            let series = match column.source {
+                Source::Value(_) => None,
+                Source::Cell(at) => {
+                    let mut series = log.series[at].clone();
+                    for value in &mut series.values {
+                        *value = column.of_number(*value);
+                    }
+                    Some(series)
+                }
+            };
+            (column, series)
+        };
+        let columns = planned.columns.into_iter().map(column).collect();
+        let mut said = log.said;
+        said.extend(planned.said);
+        Ok(Self {
+            name: name.to_owned(),
+            said,
+            map: planned.map,
+            columns,
+            platform: platform.to_owned(),
+        })
+    }
+
+    /// What it has.
+    pub fn columns(&self) -> Vec<&'static Quantity> {
+        self.columns.iter().map(|(c, _)| c.quantity).collect()
+    }
+
+    /// The series at whose times the rows are: of the gas, of the roll, or else of the place.
+    fn base(&self, output: Output) -> Option<&Series> {
+        let of = |is: &dyn Fn(&Quantity) -> bool| {
+            let mut columns = self.columns.iter();
+            columns.find_map(|(c, s)| s.as_ref().filter(|_| is(c.quantity)))
+        };
+        let about = match output {
+            Output::Observations => of(&Quantity::is_gas),
+            Output::Flight => of(&|q| q.name == "roll_deg"),
+        };
+        about
+            .or_else(|| of(&|q| q.name == "lat_deg"))
+            .or_else(|| of(&|_| true))
+    }
+
+    /// Its rows, at the times of what the output is about, and what is to be said of them.
+    pub fn table(&self, output: Output) -> (Table, Vec<String>) {
+        let mut table = Table::new(self.columns());
+        let Some(base) = self.base(output) else {
+            return (table, Vec::new());
+        };
+        let mut readers: Vec<_> = self
+            .columns
+            .iter()
+            .map(|(c, s)| (c, s.as_ref().map(|s| s.reader(c.quantity))))
+            .collect();
+        let mut last_s = f64::NEG_INFINITY;
+        for time_s in &base.time_s {
+            // A thousandth below, for steps that are no binary fractions.
+            if output == Output::Flight && time_s - last_s < FLIGHT_STEP_S * 0.999 {
+                continue;
+            }
+            last_s = *time_s;
+            let values: Vec<f64> = readers
+                .iter_mut()
+                .map(|(column, reader)| match (column.source, reader) {
+                    (Source::Value(value), _) => value,
+                    (_, Some(reader)) => {
+                        crate::number::rounded(reader.at(*time_s), column.quantity.decimals)
+                    }
+                    (_, None) => f64::NAN,
+                })
+                .collect();
+            table.push(*time_s, &self.platform, &values);
+        }
+        let said = format!(
+            "rows are at the times of {} ({} of {}); the others are interpolated",
+            base.name,
+            table.len(),
+            base.time_s.len()
+        );
+        (table, vec![said])
+    }
+}
+
+/// The series as a table's columns.
+fn layout(series: &[Series]) -> Layout {
+    Layout {
+        delimiter: Delimiter::Space,
+        headers: series.iter().map(|s| Header::of_series(&s.name)).collect(),
+        header_cells: Vec::new(),
+        header_line: 0,
+        units: series.iter().map(|s| s.unit.clone()).collect(),
+        rows_at: 0,
+        rows_line: 0,
+        decimal_comma: false,
+        notices: Vec::new(),
+    }
+}
+
+/// The first values of all series as a table's rows.
+fn rows(series: &[Series]) -> Vec<Vec<Vec<u8>>> {
+    let most = series
+        .iter()
+        .map(|s| s.values.len())
+        .max()
+        .unwrap_or(0)
+        .min(JUDGED);
+    // Evenly through each series: its first values may be from before take-off.
+    let cell = |s: &Series, k: usize| {
+        let at = k * s.values.len() / most.max(1);
+        s.values
+            .get(at)
+            .map_or_else(Vec::new, |v| v.to_string().into_bytes())
+    };
+    (0..most)
+        .map(|k| series.iter().map(|s| cell(s, k)).collect())
+        .collect()
+}

@@ -120,6 +120,33 @@ impl Campaign {
         text
     }
 
+    /// What the missions show in one row of [`compared`].
+    fn row(&self, name: &str) -> String {
+        let m = || self.missions.iter();
+        let (found, of) = self.found();
+        let known: Vec<f64> = m().filter_map(|m| m.peak.known_s).collect();
+        let count = known.len();
+        let whole = |v: Option<f64>| v.map_or("-".to_owned(), |v| format!("{v:.0}"));
+        // A mission that never knew its peak took longer than any that did.
+        let never = vec![f64::INFINITY; self.missions.len() - count];
+        let known_s = median(known.into_iter().chain(never).collect());
+        let off_m = median(m().filter_map(|m| m.peak.error_m).collect());
+        let flux_percent = m().flat_map(stated).filter(|s| s.name.starts_with(FLUX));
+        let flux_percent = median(flux_percent.map(|s| s.error.abs()).collect());
+        let km = median(
+            m().map(|m| m.vehicles.iter().map(|v| v.distance_m).sum::<f64>() / 1000.0)
+                .collect(),
+        );
+        format!(
+            "| {name} | {found} of {of} | {count} of {} | {} | {} | {} | {} |",
+            self.missions.len(),
+            whole(known_s.filter(|s| s.is_finite())),
+            whole(off_m),
+            whole(flux_percent),
+            whole(km)
+        )
+    }
+
     /// How missions ended, in words: what stands behind their peaks, and where their vehicles are.
     fn endings(&self) -> String {
         let is = |status: PeakStatus| {
@@ -176,6 +203,18 @@ impl Campaign {
     }
 }
 
+/// Campaigns of the same missions beside each other, by name: a table in Markdown.
+pub fn compared(campaigns: &[(String, Campaign)]) -> String {
+    let mut text = format!(
+        "| strategy | peak within {FOUND_WITHIN_M:.0} m | confirmed or supported at the end | since, s (median) | \
+         peak off, m (median) | flux off, % (median) | flown, km (median) |\n|---|---|---|---|---|---|---|\n"
+    );
+    for (name, campaign) in campaigns {
+        let _ = writeln!(text, "{}", campaign.row(name));
+    }
+    text
+}
+
 /// How far one of the model's numbers is from that of a stand-in's reality, in its unit.
 pub(crate) struct NumberErrors {
     before: f64,
@@ -197,6 +236,9 @@ impl NumberErrors {
         })
     }
 }
+
+/// How names of fluxes begin.
+const FLUX: &str = "flux of";
 
 /// A number that a mission states, against the truth.
 struct Stated {
@@ -250,7 +292,7 @@ fn stated(mission: &MissionSummary) -> Vec<Stated> {
             kg_s,
         } = &flux.found;
         out.push(Stated {
-            name: format!("flux of {source} by {}", text::flux_method(*method)),
+            name: format!("{FLUX} {source} by {}", text::flux_method(*method)),
             unit: "%",
             digits: 0,
             error: 100.0 * (kg_s.value / truth - 1.0),

@@ -42,8 +42,6 @@ pub struct Flight {
     background_ppm: f64,
     /// Strength of the first source in this reality, kg/s.
     emission_kg_s: f64,
-    /// When the peak was confirmed or supported for good, s.
-    known_s: Option<f64>,
     /// When the last vehicle was in the air, s.
     last_up_s: f64,
     met: Vec<Met>,
@@ -143,7 +141,6 @@ pub fn fly(setup: &Setup, number: u64) -> Result<Flight, MissionError> {
         emission_kg_s,
         met: met(&setup, &model, &watch.readings)?,
         summary: summariser.summary(&run.digest(), 0.0),
-        known_s: watch.known_s,
         last_up_s: watch.last_up_s,
     })
 }
@@ -177,7 +174,6 @@ fn in_a_reality(setup: &Setup, number: u64) -> Result<Setup, MissionError> {
 #[derive(Default)]
 struct Watch {
     readings: BTreeMap<String, Vec<(f64, Reading)>>,
-    known_s: Option<f64>,
     last_up_s: f64,
 }
 
@@ -189,13 +185,6 @@ impl Watch {
                 of.push((time.s(), reading.clone()));
             }
             (_, Message::State(state)) if state.airborne => self.last_up_s = time.s(),
-            (_, Message::Plan(plan)) => {
-                let stands = |p: protocol::message::Peak| {
-                    matches!(p.status, PeakStatus::Confirmed | PeakStatus::Supported)
-                };
-                let known = plan.peak.is_some_and(stands);
-                self.known_s = known.then(|| self.known_s.unwrap_or(time.s()));
-            }
             _ => {}
         }
     }
@@ -286,7 +275,7 @@ pub fn forecast(flights: &[Flight]) -> Forecast {
         status,
         peak_off_m: of(&|f| f.summary.peak.error_m),
         expected: expected(flights),
-        known_s: of(&|f| f.known_s),
+        known_s: of(&|f| f.summary.peak.known_s),
         down_s: flights.iter().map(|f| f.last_up_s).fold(0.0, f64::max),
         all_landed: flights.iter().filter(landed).count(),
     }

@@ -176,6 +176,8 @@ pub struct PeakSummary {
     pub truth: Option<PlaceOfPeak>,
     /// Distance between estimate and truth, m.
     pub error_m: Option<f64>,
+    /// Mission time from which on the peak was confirmed or supported until the end, s; none where it was not.
+    pub known_s: Option<f64>,
 }
 
 /// A place and the mole fraction there.
@@ -308,6 +310,7 @@ pub struct Summariser {
     peak: Option<Peak>,
     flux: Vec<Flux>,
     mechanisms: Vec<MechanismSetting>,
+    known_s: Option<f64>,
     gap: Option<GapSummary>,
     after: ModelNumbers,
 }
@@ -332,6 +335,7 @@ impl Summariser {
             peak: None,
             flux: Vec::new(),
             mechanisms: Vec::new(),
+            known_s: None,
             gap: None,
             after: context.before,
             context,
@@ -358,6 +362,12 @@ impl Summariser {
                 self.peak = model.peak.or(self.peak);
                 self.flux.clone_from(&model.flux);
                 self.mechanisms.clone_from(&model.mechanisms);
+            }
+            (Topic::Plan, Message::Plan(plan)) => {
+                let stands =
+                    |p: Peak| matches!(p.status, PeakStatus::Confirmed | PeakStatus::Supported);
+                let known = plan.peak.is_some_and(stands);
+                self.known_s = known.then(|| self.known_s.unwrap_or(envelope.time.s()));
             }
             (Topic::Extension, Message::Extension(said)) => {
                 self.gap = Some(GapSummary {
@@ -433,6 +443,7 @@ impl Summariser {
             highest_reading: self.highest_reading(),
             truth,
             error_m,
+            known_s: self.known_s,
         }
     }
 

@@ -8,6 +8,7 @@ pub mod track;
 pub mod ulog;
 
 use crate::ImportError;
+use crate::height::Datum;
 use crate::map::{ColumnMap, LogMap, Names};
 use crate::quantity::Quantity;
 use crate::recognise::Header;
@@ -120,11 +121,14 @@ impl Format {
             Self::Text => &[],
         };
         let mut map = LogMap::default();
+        // Autopilots say in their documents that these altitudes are above the sea.
+        let is_autopilot = matches!(self, Self::Ulog | Self::DataFlash | Self::Tlog);
         for (column, from, unit) in columns {
             let from: Vec<String> = from.split(' ').map(str::to_owned).collect();
             let known = ColumnMap {
                 from: Some(Names::Many(from)),
                 unit: Some((*unit).to_owned()).filter(|u| !u.is_empty()),
+                datum: Some(Datum::Amsl).filter(|_| is_autopilot && *column == "alt_amsl_m"),
                 ..ColumnMap::default()
             };
             map.column.insert((*column).to_owned(), known);

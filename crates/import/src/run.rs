@@ -2,6 +2,7 @@
 
 use crate::ImportError;
 use crate::delimited::Delimited;
+use crate::delimited::plan::Column;
 use crate::in_order::Stamps;
 use crate::join;
 use crate::logs::Format;
@@ -58,11 +59,38 @@ impl Log<'_> {
         }
     }
 
-    fn said(&self) -> &[String] {
-        match self {
-            Self::Text(log) => &log.plan.said,
-            Self::Series(log) => &log.said,
+    /// What was found and assumed of it, but for columns that the output does not have.
+    fn said(&self, output: Output) -> Vec<String> {
+        let (mut said, columns): (Vec<String>, Vec<&Column>) = match self {
+            Self::Text(log) => (log.plan.said.clone(), log.plan.columns.iter().collect()),
+            Self::Series(log) => (log.said.clone(), log.plan().collect()),
+        };
+        let wanted = of_output(output);
+        let is_wanted = |c: &&&Column| wanted.iter().any(|w| w.name == c.quantity.name);
+        said.extend(
+            columns
+                .iter()
+                .filter(is_wanted)
+                .flat_map(|c| c.said.iter().cloned()),
+        );
+        let others = columns.iter().filter(|c| !is_wanted(c));
+        let others: Vec<&str> = others.map(|c| c.quantity.name).collect();
+        if !others.is_empty() {
+            said.push(format!(
+                "known and no part of this output: {}",
+                others.join(", ")
+            ));
         }
+        said
+    }
+
+    /// The mapping that does the same, but for columns that the output does not have.
+    fn map_of(&self, output: Output) -> LogMap {
+        let wanted = of_output(output);
+        let mut map = self.map().clone();
+        map.column
+            .retain(|name, c| c.skip == Some(true) || wanted.iter().any(|w| w.name == name));
+        map
     }
 
     fn map(&self) -> &LogMap {
@@ -87,12 +115,12 @@ pub fn run<W: Write>(request: &Request<'_>, out: W) -> Result<Report, ImportErro
     let output = output(request, &logs)?;
     let mut said = Vec::new();
     for (log, name) in logs.iter().zip(request.names) {
-        said.extend(log.said().iter().map(|s| format!("{name}: {s}")));
+        said.extend(log.said(output).iter().map(|s| format!("{name}: {s}")));
     }
     let map = Map {
         output: Some(output),
         zero: request.map.zero.clone(),
-        log: logs.iter().map(|log| log.map().clone()).collect(),
+        log: logs.iter().map(|log| log.map_of(output)).collect(),
     };
     let mut report = Report {
         said,

@@ -83,6 +83,11 @@ impl PlannedSeries {
         self.columns.iter().map(|(c, _)| c.quantity).collect()
     }
 
+    /// How its columns are read.
+    pub fn plan(&self) -> impl Iterator<Item = &Column> {
+        self.columns.iter().map(|(c, _)| c)
+    }
+
     /// The series at whose times the rows are: of the gas, of the roll, or else of the place.
     fn base(&self, output: Output) -> Option<&Series> {
         let of = |is: &dyn Fn(&Quantity) -> bool| {

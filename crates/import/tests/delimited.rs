@@ -221,6 +221,11 @@ fn what_cannot_be_read_is_refused_with_where_and_what_to_do() {
             "no column is called \"clock\"",
         ),
         (
+            "time,lat,lon,alt_amsl_m,co2_ppm\n45413.41666,43,-7,340,421\n45413.41667,43,-7,340,421\n",
+            "",
+            "a spreadsheet's days",
+        ),
+        (
             "time_s,lat,lon,alt_amsl_m,co2_ppm\n0,43,-7,340,421\n1,43,-7,340,over\n",
             "",
             "line 3: 1 cells for co2_ppm are no numbers, as \"over\"",

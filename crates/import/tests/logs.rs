@@ -409,6 +409,15 @@ fn an_ardupilot_log_gives_observations_in_utc() {
         said.contains("UTC by the GPS") && said.contains("5 bytes are no records"),
         "{said}"
     );
+    // The autopilot's altitude is above the sea by its documents, and angles are no part of observations.
+    assert!(
+        !said.contains("does not say") && !said.contains("roll_deg from"),
+        "{said}"
+    );
+    assert!(
+        said.contains("known and no part of this output: roll_deg, pitch_deg"),
+        "{said}"
+    );
     let (csv, _) = import(&[("1.bin", &dataflash())], "output = \"flight\"\n").unwrap();
     assert_eq!(
         (cell(&csv, 3, "roll_deg"), cell(&csv, 3, "pitch_deg")),

@@ -13,6 +13,11 @@ use scenario::calendar::{DAY_S, days};
 /// Rows by which a column of times is judged.
 const JUDGED: usize = 200;
 
+/// Numbers of the days in which spreadsheets count (since 1900), of 1954 to 2119.
+const SPREADSHEET_DAYS: std::ops::Range<f64> = 20_000.0..80_000.0;
+/// Rows are closer than this in days (3 min), and nobody logs 500 in a second.
+const SPREADSHEET_STEP: f64 = 0.002;
+
 /// How the time of a row is read. Cells are counted from 0.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TimeCells {
@@ -344,6 +349,12 @@ impl Finder<'_> {
         };
         let names: Vec<String> = columns.iter().map(|c| self.header(*c).to_owned()).collect();
         let is_count = matches!(cells, TimeCells::Count(..));
+        if kind == Kind::Count && self.is_in_spreadsheet_days(columns[0]) {
+            return Err(self.error(
+                format!("column \"{}\" looks like a spreadsheet's days", names[0]),
+                "give it the format of a date and time in the spreadsheet and save it again (or state time_unit)",
+            ));
+        }
         let order = match cells {
             TimeCells::Stamp(c) | TimeCells::DateAndTime(c, _) => self.order(c)?,
             _ => None,
@@ -390,6 +401,25 @@ impl Finder<'_> {
             is_absolute,
         };
         Ok((clock, found))
+    }
+
+    /// Whether a column's numbers, whose unit is stated nowhere, are a spreadsheet's days.
+    fn is_in_spreadsheet_days(&self, cell: usize) -> bool {
+        let numbers: Vec<f64> = self
+            .cells(cell)
+            .into_iter()
+            .filter_map(|c| self.number(c))
+            .collect();
+        let mut steps: Vec<f64> = numbers
+            .windows(2)
+            .map(|w| w[1] - w[0])
+            .filter(|s| *s > 0.0)
+            .collect();
+        steps.sort_by(f64::total_cmp);
+        let usual = steps.get(steps.len() / 2);
+        numbers.iter().all(|n| SPREADSHEET_DAYS.contains(n))
+            && usual.is_some_and(|s| *s < SPREADSHEET_STEP)
+            && !self.per_second(cell).1
     }
 
     /// The zone of times that are stated nowhere, and its name unless the times say theirs.

@@ -45,6 +45,8 @@ pub struct Column {
     pub source: Source,
     /// The cell beside it that says N, S, E or W, if there is one.
     pub side: Option<usize>,
+    /// How it is read, and what was assumed of it, in words.
+    pub said: Vec<String>,
     missing: Vec<String>,
     reads: Reads,
     factor: f64,
@@ -58,6 +60,7 @@ impl Column {
             quantity,
             source,
             side: None,
+            said: Vec::new(),
             missing: Vec::new(),
             reads: Reads::Number,
             factor: 1.0,
@@ -483,9 +486,10 @@ impl Planner<'_> {
             )
         })?;
         self.said.push(format!(
-            "assumed: \"{header}\" states no unit and is read in {}, by the size of {middle} (air has 400 ppm of \
+            "assumed: \"{header}\" states no unit and is read in {}, by the size of {:.6} (air has 400 ppm of \
              CO2 and 1.9 ppm of CH4)",
-            unit.name
+            unit.name,
+            middle
         ));
         Ok(unit)
     }
@@ -624,7 +628,9 @@ impl Planner<'_> {
             },
         );
         let counted = datum.filter(|d| *d != Datum::Amsl);
-        self.said.push(match (source, counted) {
+        // What has been said since the last column was of this one.
+        column.said = std::mem::take(&mut self.said);
+        column.said.push(match (source, counted) {
             (Source::Value(value), _) => {
                 format!("{} is {value} in all rows, as stated", quantity.name)
             }

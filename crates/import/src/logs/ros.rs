@@ -30,6 +30,8 @@ const CALLED_BY_TYPE: [&str; 4] = [
     "RelativeHumidity",
     "FluidPressure",
 ];
+/// The series of NavSatFix's altitudes.
+const ELLIPSOIDAL: &str = "ellipsoidal_height";
 /// Longer arrays are images and clouds.
 const LONGEST_ARRAY: usize = 16;
 /// Types within types at most: definitions that hold themselves are damage.
@@ -390,13 +392,16 @@ fn take(
     for (path, value) in found {
         let name = match (path.as_str(), kind) {
             // The message's altitude is above the ellipsoid (sensor_msgs/NavSatFix).
-            ("altitude", "NavSatFix") => "ellipsoidal_height".to_owned(),
+            ("altitude", "NavSatFix") => ELLIPSOIDAL.to_owned(),
             // A number alone is called as its topic.
             ("data", _) => topic.trim_start_matches('/').replace('/', "."),
             _ => format!("{called}.{path}"),
         };
-        if wanted.keeps(&name) || name == "ellipsoidal_height" {
+        if wanted.keeps(&name) || name == ELLIPSOIDAL {
             series.push(&name, time_s, *value);
+            if name == ELLIPSOIDAL {
+                series.unit(&name, "m");
+            }
         }
     }
 }

@@ -1,11 +1,12 @@
-//! PX4's ULog (`.ulg`), by the parser of the PX4 project.
+//! PX4's ULog (`.ulg`): messages of topics whose fields are given by messages before them.
+//!
+//! Layout (docs.px4.io, *ULog File Format*): a head of 16 bytes, then messages of a size (2 bytes), a type (1 byte) and
+//! as many bytes, little endian. `F` gives a format (`name:type field;...`), `A` binds a number to one, `D` is data.
 
 use super::{Collected, Known, SeriesLog, Wanted, middle};
 use crate::ImportError;
-use px4_ulog::stream_parser::LogParser;
-use px4_ulog::stream_parser::model::{DataMessage, FlattenedField, FlattenedFieldType};
 use std::collections::BTreeMap;
-use std::io::Read;
+use std::io::{BufReader, Read};
 
 /// What the series of these logs are.
 pub const KNOWN: &[Known] = &[
@@ -85,116 +86,245 @@ pub const KNOWN: &[Known] = &[
 
 /// Receivers' topics.
 const RECEIVERS: [&str; 2] = ["sensor_gps", "vehicle_gps_position"];
-/// Bytes that are read at a time.
-const PIECE: usize = 1 << 18;
+/// Bytes before the first message.
+const HEAD_BYTES: usize = 16;
+/// Formats within formats at most: definitions that hold themselves are damage.
+const DEEPEST: usize = 8;
+/// Fields of a topic at most.
+const MOST_FIELDS: usize = 4096;
 /// 2001-09-09, s since 1970: times of receivers without a fix lie before.
 const FIRST_FIX_S: f64 = 1e9;
 
-/// The fields of a topic that are kept, by their series' names.
-type Kept = Vec<(FlattenedField, String, f64)>;
+/// A number in a message.
+#[derive(Debug, Clone)]
+struct Field {
+    name: String,
+    kind: String,
+    at: usize,
+}
+
+/// A topic that is logged, or a further instance of one.
+#[derive(Debug, Clone)]
+struct Topic {
+    name: String,
+    instance: u8,
+    fields: Vec<Field>,
+    /// Of the fields that are kept: which, the name of the series, and the factor.
+    kept: Vec<(usize, String, f64)>,
+}
 
 #[derive(Default)]
 struct Gathered {
     series: Collected,
-    kept: BTreeMap<(String, u8), Kept>,
+    formats: BTreeMap<String, String>,
+    topics: BTreeMap<u16, Topic>,
     ahead_s: Vec<f64>,
     messages: usize,
 }
 
+/// Bytes of a number of this kind; none of a kind that is no number.
+fn width(kind: &str) -> Option<usize> {
+    Some(match kind {
+        "int8_t" | "uint8_t" | "bool" | "char" => 1,
+        "int16_t" | "uint16_t" => 2,
+        "int32_t" | "uint32_t" | "float" => 4,
+        "int64_t" | "uint64_t" | "double" => 8,
+        _ => return None,
+    })
+}
+
 /// The number in a field; NaN where the message is too short.
-fn number(field: &FlattenedField, data: &[u8]) -> f64 {
-    let at = usize::from(field.offset);
-    let bytes = |n: usize| data.get(at..at + n);
+fn number(field: &Field, data: &[u8]) -> f64 {
     macro_rules! little_endian {
         ($kind:ty) => {
-            bytes(size_of::<$kind>())
+            data.get(field.at..field.at + size_of::<$kind>())
                 .and_then(|b| b.try_into().ok())
                 .map_or(f64::NAN, |b| <$kind>::from_le_bytes(b) as f64)
         };
     }
-    match field.field_type {
-        FlattenedFieldType::Int8 => little_endian!(i8),
-        FlattenedFieldType::UInt8 | FlattenedFieldType::Bool | FlattenedFieldType::Char => {
-            little_endian!(u8)
-        }
-        FlattenedFieldType::Int16 => little_endian!(i16),
-        FlattenedFieldType::UInt16 => little_endian!(u16),
-        FlattenedFieldType::Int32 => little_endian!(i32),
-        FlattenedFieldType::UInt32 => little_endian!(u32),
-        FlattenedFieldType::Int64 => little_endian!(i64),
-        FlattenedFieldType::UInt64 => little_endian!(u64),
-        FlattenedFieldType::Float => little_endian!(f32),
-        FlattenedFieldType::Double => little_endian!(f64),
+    match field.kind.as_str() {
+        "int8_t" => little_endian!(i8),
+        "uint8_t" | "bool" | "char" => little_endian!(u8),
+        "int16_t" => little_endian!(i16),
+        "uint16_t" => little_endian!(u16),
+        "int32_t" => little_endian!(i32),
+        "uint32_t" => little_endian!(u32),
+        "int64_t" => little_endian!(i64),
+        "uint64_t" => little_endian!(u64),
+        "float" => little_endian!(f32),
+        "double" => little_endian!(f64),
+        _ => f64::NAN,
     }
 }
 
 /// What a field's number is multiplied by: receivers' integers are 1e-7 degrees and millimetres.
-fn factor(topic: &str, field: &FlattenedField) -> f64 {
-    let is_integer = field.field_type == FlattenedFieldType::Int32;
-    match field.flattened_field_name.as_str() {
+fn factor(topic: &str, field: &Field) -> f64 {
+    let is_integer = field.kind == "int32_t";
+    match field.name.as_str() {
         "lat" | "lon" if is_integer && RECEIVERS.contains(&topic) => 1e-7,
         "alt" if is_integer && RECEIVERS.contains(&topic) => 1e-3,
         _ => 1.0,
     }
 }
 
+/// Adds the fields of the format `name`, which begins at `at`, under `path`. Where it ends; none of a format that is not
+/// given, or of damage.
+fn flatten(
+    formats: &BTreeMap<String, String>,
+    name: &str,
+    path: &str,
+    mut at: usize,
+    depth: usize,
+    fields: &mut Vec<Field>,
+) -> Option<usize> {
+    if depth == DEEPEST {
+        return None;
+    }
+    for field in formats
+        .get(name)?
+        .split(';')
+        .filter(|f| !f.trim().is_empty())
+    {
+        let (kind, field) = field.trim().split_once(' ')?;
+        let (kind, count) = match kind.split_once('[') {
+            Some((kind, count)) => (
+                kind,
+                Some(count.trim_end_matches(']').parse::<usize>().ok()?),
+            ),
+            None => (kind, None),
+        };
+        for k in 0..count.unwrap_or(1) {
+            let own = match count {
+                Some(_) => format!("{path}{field}[{k}]"),
+                None => format!("{path}{field}"),
+            };
+            if let Some(width) = width(kind) {
+                let kind = kind.to_owned();
+                fields.push(Field {
+                    name: own,
+                    kind,
+                    at,
+                });
+                at += width;
+            } else {
+                at = flatten(formats, kind, &format!("{own}."), at, depth + 1, fields)?;
+            }
+            if fields.len() > MOST_FIELDS || k > MOST_FIELDS {
+                return None;
+            }
+        }
+    }
+    Some(at)
+}
+
 impl Gathered {
-    fn take(&mut self, message: &DataMessage<'_>, wanted: &Wanted) {
-        let topic = message.flattened_format.message_name();
+    /// Takes a message of a type in; false of one that there is not.
+    fn take(&mut self, kind: u8, bytes: &[u8], wanted: &Wanted) -> bool {
+        match kind {
+            b'F' => {
+                let text = crate::decode::letters(bytes);
+                if let Some((name, fields)) = text.split_once(':') {
+                    self.formats.insert(name.to_owned(), fields.to_owned());
+                }
+            }
+            b'A' => {
+                if let Some((id, topic)) = self.topic(bytes, wanted) {
+                    self.topics.insert(id, topic);
+                }
+            }
+            b'D' => {
+                if let Some((id, data)) = bytes.split_first_chunk() {
+                    self.data(u16::from_le_bytes(*id), data);
+                }
+            }
+            // Information, parameters, texts, dropouts, marks, flags and the end of a topic.
+            b'B' | b'I' | b'M' | b'P' | b'Q' | b'R' | b'L' | b'C' | b'S' | b'O' => {}
+            _ => return false,
+        }
+        true
+    }
+
+    fn topic(&self, bytes: &[u8], wanted: &Wanted) -> Option<(u16, Topic)> {
+        let (head, name) = bytes.split_first_chunk::<3>()?;
+        let (instance, name) = (head[0], crate::decode::letters(name));
+        let mut fields = Vec::new();
+        flatten(&self.formats, &name, "", 0, 0, &mut fields)?;
+        let series = |f: &Field| match instance {
+            0 => format!("{name}.{}", f.name),
+            i => format!("{name}[{i}].{}", f.name),
+        };
+        let all = fields
+            .iter()
+            .enumerate()
+            .map(|(k, f)| (k, series(f), factor(&name, f)));
+        let kept = all.filter(|(_, series, _)| wanted.keeps(series)).collect();
+        let id = u16::from_le_bytes([head[1], head[2]]);
+        Some((
+            id,
+            Topic {
+                name,
+                instance,
+                fields,
+                kept,
+            },
+        ))
+    }
+
+    fn data(&mut self, id: u16, data: &[u8]) {
+        // Taken out, so that the series can be added to.
+        let Some(topic) = self.topics.remove(&id) else {
+            return;
+        };
+        self.values(&topic, data);
+        self.topics.insert(id, topic);
+    }
+
+    fn values(&mut self, topic: &Topic, data: &[u8]) {
         let value = |name: &str| {
-            let field = message
-                .flattened_format
-                .field_iter()
-                .find(|f| f.flattened_field_name == name);
-            field.map(|f| number(f, message.data))
+            let field = topic.fields.iter().find(|f| f.name == name);
+            field.map(|f| number(f, data))
         };
         let Some(time_s) = value("timestamp").map(|us| us * 1e-6) else {
             return;
         };
         self.messages += 1;
-        let instance = message.multi_id.value();
-        let key = (topic.to_owned(), instance);
-        let kept = self
-            .kept
-            .entry(key)
-            .or_insert_with(|| kept(message, instance, wanted));
-        for (field, name, factor) in kept.iter() {
+        for (field, name, factor) in &topic.kept {
             self.series
-                .push(name, time_s, number(field, message.data) * factor);
+                .push(name, time_s, number(&topic.fields[*field], data) * factor);
         }
-        if instance > 0 {
+        if topic.instance > 0 {
             return;
         }
-        match topic {
+        match topic.name.as_str() {
             "vehicle_attitude" => {
                 let q = [0, 1, 2, 3].map(|k| value(&format!("q[{k}]")).unwrap_or(f64::NAN));
                 for (name, angle) in ["roll", "pitch", "yaw"].into_iter().zip(angles_deg(q)) {
-                    self.series.push(&format!("{topic}.{name}"), time_s, angle);
+                    self.series
+                        .push(&format!("vehicle_attitude.{name}"), time_s, angle);
                 }
             }
             "wind" | "wind_estimate" => {
                 if let (Some(north), Some(east)) =
                     (value("windspeed_north"), value("windspeed_east"))
                 {
-                    super::push_wind(&mut self.series, topic, time_s, north, east);
+                    super::push_wind(&mut self.series, &topic.name, time_s, north, east);
                 }
             }
-            _ if RECEIVERS.contains(&topic) => {
+            name if RECEIVERS.contains(&name) => {
                 let utc_s = value("time_utc_usec").map(|us| us * 1e-6);
                 self.ahead_s
                     .extend(utc_s.filter(|t| *t > FIRST_FIX_S).map(|t| t - time_s));
             }
-            "debug_key_value" => self.named(message, time_s, value("value")),
+            "debug_key_value" => self.named(topic, data, time_s, value("value")),
             _ => {}
         }
     }
 
     /// A value with a name of its own, as gas sensors are often logged.
-    fn named(&mut self, message: &DataMessage<'_>, time_s: f64, value: Option<f64>) {
-        let letters = message.flattened_format.field_iter();
-        let letters = letters.filter(|f| f.flattened_field_name.starts_with("key["));
+    fn named(&mut self, topic: &Topic, data: &[u8], time_s: f64, value: Option<f64>) {
+        let letters = topic.fields.iter().filter(|f| f.name.starts_with("key["));
         let name: String = letters
-            .map(|f| number(f, message.data))
+            .map(|f| number(f, data))
             .take_while(|c| *c > 0.0)
             .map(|c| char::from(c as u8))
             .collect();
@@ -203,17 +333,6 @@ impl Gathered {
                 .push(&format!("debug_key_value.{name}"), time_s, value);
         }
     }
-}
-
-fn kept(message: &DataMessage<'_>, instance: u8, wanted: &Wanted) -> Kept {
-    let topic = message.flattened_format.message_name();
-    let named = |f: &FlattenedField| match instance {
-        0 => format!("{topic}.{}", f.flattened_field_name),
-        i => format!("{topic}[{i}].{}", f.flattened_field_name),
-    };
-    let fields = message.flattened_format.field_iter();
-    let all = fields.map(|f| (f.clone(), named(f), factor(topic, f)));
-    all.filter(|(_, name, _)| wanted.keeps(name)).collect()
 }
 
 /// Roll, pitch and yaw of a rotation from body to north-east-down (Z-Y-X; Diebel 2006, eq. 290), degrees.
@@ -230,30 +349,28 @@ fn angles_deg([w, x, y, z]: [f64; 4]) -> [f64; 3] {
 /// Bytes that hold no messages, or that cannot be read.
 pub fn read(
     name: &str,
-    mut bytes: Box<dyn Read + '_>,
+    bytes: Box<dyn Read + '_>,
     wanted: &Wanted,
 ) -> Result<SeriesLog, ImportError> {
+    let mut reader = BufReader::with_capacity(1 << 18, bytes);
     let mut gathered = Gathered::default();
-    let mut at = 0_usize;
+    let mut at = HEAD_BYTES;
     let mut broken = None;
-    {
-        let mut take = |message: &DataMessage<'_>| gathered.take(message, wanted);
-        let mut parser = LogParser::default();
-        parser.set_data_message_callback(&mut take);
-        let mut piece = vec![0; PIECE];
-        loop {
-            let count = bytes.read(&mut piece).map_err(ImportError::bytes(name))?;
-            if count == 0 {
-                break;
-            }
-            if let Err(error) = parser.consume_bytes(&piece[..count]) {
-                broken = Some(format!(
-                    "cannot be read beyond byte {at}, or somewhat later: {error}"
-                ));
-                break;
-            }
-            at += count;
+    let mut message = vec![0; HEAD_BYTES];
+    let mut head = [0; 3];
+    // A log that is cut short ends with a part of a message.
+    let mut goes_on = reader.read_exact(&mut message).is_ok();
+    while goes_on && reader.read_exact(&mut head).is_ok() {
+        let size = usize::from(u16::from_le_bytes([head[0], head[1]]));
+        message.resize(size, 0);
+        goes_on = reader.read_exact(&mut message).is_ok();
+        if goes_on && !gathered.take(head[2], &message, wanted) {
+            broken = Some(format!(
+                "damaged at byte {at}: no message of ULog; what follows is left out"
+            ));
+            break;
         }
+        at += head.len() + size;
     }
     if gathered.messages == 0 {
         let what = broken.unwrap_or_else(|| "a ULog without data".to_owned());

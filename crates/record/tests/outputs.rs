@@ -68,7 +68,7 @@ fn the_summary_has_the_fields_of_its_schema() {
     assert_eq!(
         keys(&json),
         expect(
-            "digest flux gap mechanisms model peak real_time_factor schema seed sim_s vehicles wall_s"
+            "digest flux gap gas mechanisms model peak real_time_factor schema seed sim_s vehicles wall_s"
         )
     );
     assert_eq!(

@@ -127,7 +127,7 @@ fn tell(forecast: &Forecast) {
         .known_s
         .map_or("never".to_owned(), |s| format!("after {s:.0} s"));
     println!(
-        "Time: the peak is confirmed or supported for good {known} in the median; the last vehicle is down after \
+        "Time: the peak is first confirmed or supported {known} in the median; the last vehicle is down after \
          {:.0} s; all landed in {} of {}.",
         f.down_s, f.all_landed, f.missions
     );

@@ -206,7 +206,7 @@ impl Campaign {
 /// Campaigns of the same missions beside each other, by name: a table in Markdown.
 pub fn compared(campaigns: &[(String, Campaign)]) -> String {
     let mut text = format!(
-        "| strategy | peak within {FOUND_WITHIN_M:.0} m | confirmed or supported at the end | since, s (median) | \
+        "| strategy | peak within {FOUND_WITHIN_M:.0} m | confirmed or supported | first at, s (median) | \
          peak off, m (median) | flux off, % (median) | flown, km (median) |\n|---|---|---|---|---|---|---|\n"
     );
     for (name, campaign) in campaigns {

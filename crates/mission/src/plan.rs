@@ -103,7 +103,7 @@ pub struct Forecast {
     pub peak_off_m: Option<f64>,
     /// Peak and flux in % of their excess and size, then the model's numbers.
     pub expected: Vec<Expected>,
-    /// When the peak is confirmed or supported for good, s, in the median of those missions in which it is.
+    /// When the peak is first confirmed or supported, s, in the median of those missions in which it is.
     pub known_s: Option<f64>,
     /// When the last vehicle is down, s, at the latest.
     pub down_s: f64,

@@ -176,7 +176,7 @@ pub struct PeakSummary {
     pub truth: Option<PlaceOfPeak>,
     /// Distance between estimate and truth, m.
     pub error_m: Option<f64>,
-    /// Mission time from which on the peak was confirmed or supported until the end, s; none where it was not.
+    /// Mission time at which the peak was first confirmed or supported, s; none where it never was.
     pub known_s: Option<f64>,
 }
 
@@ -362,12 +362,11 @@ impl Summariser {
                 self.peak = model.peak.or(self.peak);
                 self.flux.clone_from(&model.flux);
                 self.mechanisms.clone_from(&model.mechanisms);
-            }
-            (Topic::Plan, Message::Plan(plan)) => {
                 let stands =
                     |p: Peak| matches!(p.status, PeakStatus::Confirmed | PeakStatus::Supported);
-                let known = plan.peak.is_some_and(stands);
-                self.known_s = known.then(|| self.known_s.unwrap_or(envelope.time.s()));
+                if self.known_s.is_none() && model.peak.is_some_and(stands) {
+                    self.known_s = Some(envelope.time.s());
+                }
             }
             (Topic::Extension, Message::Extension(said)) => {
                 self.gap = Some(GapSummary {

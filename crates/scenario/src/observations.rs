@@ -388,34 +388,35 @@ impl FileJoin {
 
     /// After sorting: drops rows that say the same twice, refuses those that disagree.
     fn drop_repeated(&mut self, files: &[(&str, &str)]) -> Result<(), ObservationError> {
-        let mut kept: Vec<LocatedRow> = Vec::with_capacity(self.rows.len());
-        let mut dropped = 0_usize;
-        for located in std::mem::take(&mut self.rows) {
-            let Some(before) = kept.last().filter(|k| {
-                k.row.time_s == located.row.time_s && k.row.platform == located.row.platform
-            }) else {
-                kept.push(located);
-                continue;
-            };
-            if before.row == located.row {
-                dropped += 1;
-                continue;
-            }
+        // In place: a second list of a long log would double what it needs.
+        let is_same = |a: &LocatedRow, b: &LocatedRow| {
+            a.row.time_s == b.row.time_s && a.row.platform == b.row.platform
+        };
+        let differ = |w: &[LocatedRow]| is_same(&w[0], &w[1]) && w[0].row != w[1].row;
+        if let Some(at) = self.rows.windows(2).position(differ) {
+            let (before, located) = (&self.rows[at], &self.rows[at + 1]);
+            let alike = self.rows[..at]
+                .iter()
+                .rev()
+                .take_while(|r| is_same(r, before));
+            let first = alike.last().unwrap_or(before);
             return Err(ObservationError::TimeRepeated {
                 file: files[located.file].0.into(),
                 line: located.line,
                 platform: self.platforms[located.row.platform].clone(),
                 time_s: located.row.time_s.to_string(),
-                first: format!("{}, line {}", files[before.file].0, before.line),
+                first: format!("{}, line {}", files[first.file].0, first.line),
             });
         }
+        let read = self.rows.len();
+        self.rows.dedup_by(|later, kept| is_same(later, kept));
+        let dropped = read - self.rows.len();
         if dropped > 0 {
             self.notices.push(format!(
                 "{dropped} rows repeat the row before them exactly (same platform, time and \
                  values) and were dropped"
             ));
         }
-        self.rows = kept;
         Ok(())
     }
 }

@@ -4,6 +4,7 @@ use crate::{Failure, importing, measured};
 use import::map::{ColumnMap, LogMap};
 use import::quantity::Quantity;
 use import::run::Report;
+use plume::Gas;
 use record::files::{WholeFile, write_whole};
 use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
@@ -108,7 +109,11 @@ fn is_own_recording(file: &Path) -> bool {
 
 /// What real vehicles read in recorded missions: nothing has to be assumed of it.
 fn recordings(arguments: &ImportArguments) -> Result<(), Failure> {
-    let observations = measured::load(&arguments.files)?;
+    // Recordings of several gases are refused by the first one's.
+    let first = arguments.files.first().map(|file| record::read_mcap(file));
+    let first = first.transpose().map_err(Failure::input)?;
+    let gas = first.map_or_else(Gas::default, |recording| recording.info.gas);
+    let observations = measured::load(&arguments.files, gas)?;
     write_whole(&arguments.out, observations.to_csv().as_bytes())?;
     measured::tell(&observations.notices);
     println!(

@@ -95,6 +95,9 @@ pub const OBSERVATION: [Quantity; 26] = [
         &[
             "lat",
             "latitude",
+            "breite",
+            "breitengrad",
+            "latitud",
             "latdd",
             "latdeg",
             "ylat",
@@ -112,6 +115,11 @@ pub const OBSERVATION: [Quantity; 26] = [
             "long",
             "lng",
             "longitude",
+            "länge",
+            "laenge",
+            "längengrad",
+            "laengengrad",
+            "longitud",
             "londd",
             "xlon",
             "gpsabslong",
@@ -126,6 +134,9 @@ pub const OBSERVATION: [Quantity; 26] = [
         4,
         &[
             "altamsl",
+            "höheübernn",
+            "hoeheuebernn",
+            "höheübernhn",
             "alt",
             "altitude",
             "elevation",
@@ -155,6 +166,8 @@ pub const OBSERVATION: [Quantity; 26] = [
         &[
             "co2",
             "carbondioxide",
+            "carbondioxideco2",
+            "co2mixingratio",
             "xco2",
             "co2dry",
             "co2conc",
@@ -169,6 +182,8 @@ pub const OBSERVATION: [Quantity; 26] = [
         &[
             "ch4",
             "methane",
+            "methanech4",
+            "ch4mixingratio",
             "xch4",
             "ch4dry",
             "ch4conc",
@@ -183,6 +198,8 @@ pub const OBSERVATION: [Quantity; 26] = [
         &[
             "so2",
             "sulfurdioxide",
+            "sulfurdioxideso2",
+            "so2mixingratio",
             "sulphurdioxide",
             "so2conc",
             "so2concentration",
@@ -192,19 +209,39 @@ pub const OBSERVATION: [Quantity; 26] = [
     ppm(
         "co_ppm",
         CO,
-        &["co", "carbonmonoxide", "codry", "coconc", "coconcentration"],
+        &[
+            "co",
+            "carbonmonoxide",
+            "carbonmonoxideco",
+            "codry",
+            "coconc",
+            "coconcentration",
+        ],
     ),
     ppb("co_ppb", CO),
     ppm(
         "no2_ppm",
         NO2,
-        &["no2", "nitrogendioxide", "no2conc", "no2concentration"],
+        &[
+            "no2",
+            "nitrogendioxide",
+            "nitrogendioxideno2",
+            "no2conc",
+            "no2concentration",
+        ],
     ),
     ppb("no2_ppb", NO2),
     ppm(
         "nh3_ppm",
         NH3,
-        &["nh3", "ammonia", "nh3dry", "nh3conc", "nh3concentration"],
+        &[
+            "nh3",
+            "ammonia",
+            "ammonianh3",
+            "nh3dry",
+            "nh3conc",
+            "nh3concentration",
+        ],
     ),
     ppb("nh3_ppb", NH3),
     ppm(
@@ -213,6 +250,7 @@ pub const OBSERVATION: [Quantity; 26] = [
         &[
             "h2s",
             "hydrogensulfide",
+            "hydrogensulfideh2s",
             "hydrogensulphide",
             "h2sconc",
             "h2sconcentration",
@@ -236,6 +274,7 @@ pub const OBSERVATION: [Quantity; 26] = [
         4,
         &[
             "windspeed",
+            "windgeschwindigkeit",
             "ws",
             "wspd",
             "windspd",
@@ -253,6 +292,7 @@ pub const OBSERVATION: [Quantity; 26] = [
         3,
         &[
             "winddir",
+            "windrichtung",
             "winddirection",
             "windfrom",
             "wd",
@@ -274,6 +314,9 @@ pub const OBSERVATION: [Quantity; 26] = [
         4,
         &[
             "temperature",
+            "temperatur",
+            "lufttemperatur",
+            "temperatura",
             "temp",
             "airtemperature",
             "airtemp",
@@ -296,6 +339,9 @@ pub const OBSERVATION: [Quantity; 26] = [
         4,
         &[
             "relativehumidity",
+            "luftfeuchte",
+            "luftfeuchtigkeit",
+            "humedad",
             "rh",
             "humidity",
             "relhum",
@@ -310,6 +356,8 @@ pub const OBSERVATION: [Quantity; 26] = [
         5,
         &[
             "pressure",
+            "luftdruck",
+            "druck",
             "press",
             "airpressure",
             "baro",

@@ -76,10 +76,51 @@ const HEIGHTS: [(Datum, &[&str]); 4] = [
 ];
 
 /// Names of heights that do not say from what they are counted.
-const UNCLEAR_HEIGHTS: [&str; 6] = ["alt", "altitude", "elevation", "elev", "ele", "z"];
+const UNCLEAR_HEIGHTS: [&str; 9] = [
+    "höhe",
+    "hoehe",
+    "altitud",
+    "alt",
+    "altitude",
+    "elevation",
+    "elev",
+    "ele",
+    "z",
+];
+
+/// Words beside a height's name that say from what it is counted.
+const DATUM_WORDS: [(&str, Datum); 8] = [
+    ("asl", Datum::Amsl),
+    ("amsl", Datum::Amsl),
+    ("msl", Datum::Amsl),
+    ("hae", Datum::Ellipsoid),
+    ("ellipsoid", Datum::Ellipsoid),
+    ("ellipsoidal", Datum::Ellipsoid),
+    ("agl", Datum::Ground),
+    ("ato", Datum::Home),
+];
 
 /// Names of columns with times or dates; small letters and digits.
-const TIMES: [&str; 49] = [
+const TIMES: [&str; 68] = [
+    "gpstime",
+    "gpsdatetime",
+    "gpsdate",
+    "utctime",
+    "utcdatetime",
+    "utcdate",
+    "datetimeutc",
+    "timeutc",
+    "millis",
+    "datum",
+    "uhrzeit",
+    "zeit",
+    "zeitstempel",
+    "datumuhrzeit",
+    "fecha",
+    "hora",
+    "fechahora",
+    "heure",
+    "horodatage",
     "time",
     "datetime",
     "timestamp",
@@ -145,10 +186,12 @@ const PLATFORMS: [&str; 9] = [
 ];
 
 /// What a header says of its clock.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Clock {
     /// UTC.
     Utc,
+    /// A clock that is so many seconds ahead of UTC.
+    Ahead(f64),
     /// Local time of an unstated place.
     Local,
 }
@@ -230,6 +273,12 @@ impl Header {
 
     /// Which height it names, whether it says from what that is counted, and in which unit if it says one.
     pub fn height(&self) -> Option<(Datum, bool, Option<Unit>)> {
+        if let Some((datum, rest)) = self.without_datum() {
+            let named = [&UNCLEAR_HEIGHTS[..], HEIGHTS[0].1].concat();
+            return rest
+                .names(&named, Dimension::Length)
+                .map(|(_, unit)| (datum, true, unit));
+        }
         for (datum, aliases) in HEIGHTS {
             if let Some((_, unit)) = self.names(aliases, Dimension::Length) {
                 return Some((datum, true, unit));
@@ -243,8 +292,44 @@ impl Header {
         Some((Datum::Amsl, true, unit))
     }
 
+    /// The datum that a word of it says, and the header without that word; none where none does, or where the
+    /// word is part of a name that is known as a whole.
+    fn without_datum(&self) -> Option<(Datum, Self)> {
+        let bracket = self.bracket.as_deref().unwrap_or("").to_lowercase();
+        let in_bracket = || bracket.split([' ', '_', ',', '.']);
+        let (word, datum) = DATUM_WORDS.into_iter().find(|(word, _)| {
+            self.words.iter().any(|w| w == word) || in_bracket().any(|w| w == *word)
+        })?;
+        let mut rest = self.clone();
+        rest.words.retain(|w| w != word);
+        let unit: Vec<&str> = in_bracket().filter(|w| *w != word).collect();
+        rest.bracket = self.bracket.is_some().then(|| unit.concat());
+        (!rest.words.is_empty()).then_some((datum, rest))
+    }
+
+    /// What stands in its brackets.
+    pub fn bracket(&self) -> Option<&str> {
+        self.bracket.as_deref()
+    }
+
+    /// The zone that it says as `GMT+01:00`, what its clock is ahead of UTC in seconds, and what stands before that.
+    fn zone(&self) -> Option<(f64, &str)> {
+        let at = ["GMT", "UTC"].into_iter().find_map(|name| {
+            let at = self.text.find(name)?;
+            let sign = self.text.as_bytes().get(at + name.len())?;
+            b"+-".contains(sign).then_some(at)
+        })?;
+        let zone = self.text[at..].trim_end_matches([')', ']', ' ']);
+        Some((crate::time::zone(zone)?, &self.text[..at]))
+    }
+
     /// Whether it may be a time or date: its rank, unit of time and clock, where it says them.
     pub fn time(&self) -> Option<(usize, Option<Unit>, Option<Clock>)> {
+        if let Some((ahead_s, before)) = self.zone() {
+            let (rank, unit, _) =
+                Self::new(before.trim_end_matches(['(', '[', ' ', ','])).time()?;
+            return Some((rank, unit, Some(Clock::Ahead(ahead_s))));
+        }
         let mut clock = None;
         let mut rest = self.clone();
         let hints = rest.bracket.iter().map(|b| b.to_lowercase());
@@ -252,6 +337,7 @@ impl Header {
             match word.as_str() {
                 "utc" | "gmt" => clock = Some(Clock::Utc),
                 "local" | "lst" | "lt" => clock = Some(Clock::Local),
+                _ if word.starts_with("utc") || word.ends_with("utc") => clock = Some(Clock::Utc),
                 _ => {}
             }
         }
@@ -262,6 +348,12 @@ impl Header {
             return Some((TIMES.len(), None, clock));
         }
         let (rank, unit) = rest.names(&TIMES, Dimension::Duration)?;
+        let millis = || Unit::parse(Dimension::Duration, "ms");
+        let unit = if TIMES[rank] == "millis" {
+            millis()
+        } else {
+            unit
+        };
         Some((rank, unit, clock))
     }
 
@@ -394,6 +486,19 @@ mod tests {
             Some((Datum::PressureAltitude, true, Some("ft")))
         );
         assert_eq!(height("max_altitude(feet)"), None);
+        assert_eq!(height("alt_m_asl"), Some((Datum::Amsl, true, Some("m"))));
+        assert_eq!(
+            height("Height (m HAE)"),
+            Some((Datum::Ellipsoid, true, Some("m")))
+        );
+        assert_eq!(
+            height("height_agl_m"),
+            Some((Datum::Ground, true, Some("m")))
+        );
+        assert_eq!(
+            height("Höhe über NN [m]"),
+            Some((Datum::Amsl, true, Some("m")))
+        );
     }
 
     #[test]
@@ -414,6 +519,13 @@ mod tests {
         assert_eq!(time("UTC"), Some((None, Some(Clock::Utc))));
         assert_eq!(time("System_Time_(h:m:s)"), Some((None, None)));
         assert_eq!(time("timezone"), None);
+        assert_eq!(
+            time("Date Time, GMT+01:00"),
+            Some((None, Some(Clock::Ahead(3600.0))))
+        );
+        assert_eq!(time("UTCDateTime"), Some((None, Some(Clock::Utc))));
+        assert_eq!(time("millis"), Some((Some("ms"), None)));
+        assert_eq!(time("Uhrzeit"), Some((None, None)));
         assert_eq!(time("DasTemp"), None);
     }
 }

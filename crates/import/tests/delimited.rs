@@ -203,7 +203,7 @@ fn what_cannot_be_read_is_refused_with_where_and_what_to_do() {
         (
             "time_s,lat,lon,alt_amsl_m,SO2\n0,43,-7,340,5\n",
             "",
-            "so2 without a unit",
+            "so2 without a unit that is known",
         ),
         (
             "time_s,lat,lon,alt_amsl_m,speed\n0,43,-7,340,5\n",

@@ -246,3 +246,31 @@ fn damaged_files_make_nothing_panic() {
         }
     }
 }
+
+#[test]
+fn a_hobo_logger_with_its_zone_in_the_header() {
+    let log = "\"Plot Title: mast\"\n\"#\",\"Date Time, GMT+01:00\",\"Wind Speed, m/s (LGR S/N: 1)\",\"CO2, ppm (LGR S/N: 1)\"\n\
+        1,05/13/24 02:00:00 PM,3.2,421\n";
+    let (csv, _) = import(&[("a.csv", log.as_bytes())], &format!("[[log]]\n{PLACE}")).unwrap();
+    // date -u -d '2024-05-13T14:00:00+01:00' +%s = 1715605200
+    assert_eq!(row(&csv, 1), "1715605200,a,43.5,-7.5,340,421,3.2");
+}
+
+#[test]
+fn a_german_spreadsheet_that_says_its_delimiter() {
+    let log = "sep=;\nDatum;Uhrzeit;Breitengrad;L\u{e4}ngengrad;H\u{f6}he \u{fc}ber NN [m];CO2 [ppm]\n01.05.2024;10:00:00;43,1;-7,1;340;421\n";
+    let (csv, _) = import(&[("a.csv", log.as_bytes())], "").unwrap();
+    assert_eq!(row(&csv, 1), "1714557600,a,43.1,-7.1,340,421");
+}
+
+#[test]
+fn a_gas_in_volts_is_refused() {
+    let log = "time_s,CO2 (mV),lat,lon,alt_amsl_m\n0,421,43,-7,340\n";
+    let error = import(&[("a.csv", log.as_bytes())], "")
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("\"CO2 (mV)\": co2 without a unit that is known"),
+        "{error}"
+    );
+}

@@ -438,6 +438,21 @@ impl Finder<'_> {
         if written {
             return (0.0, None);
         }
+        let ahead = clocks.iter().find_map(|c| match c {
+            Clock::Ahead(ahead_s) => Some(*ahead_s),
+            _ => None,
+        });
+        if let Some(ahead_s) = ahead {
+            let minutes = (ahead_s.abs() / 60.0).round();
+            let sign = if ahead_s < 0.0 { '-' } else { '+' };
+            let zone = format!(
+                "{sign}{:02}:{:02}",
+                (minutes / 60.0).floor(),
+                minutes % 60.0
+            );
+            said.push(format!("\"{}\" is of the zone {zone}", self.header(last)));
+            return (ahead_s, Some(zone));
+        }
         if clocks.contains(&Clock::Local) {
             said.push(format!(
                 "assumed: \"{}\" is local time of no stated zone and is read as UTC (state --zone +HH:MM)",

@@ -340,10 +340,13 @@ impl Planner<'_> {
         d: Dimension,
     ) -> Option<Unit> {
         let by_map = stated.and_then(|s| s.unit.as_deref());
+        let in_brackets = || self.layout.headers[cell].bracket();
+        let by_brackets = || in_brackets().and_then(|u| Unit::parse(d, u));
         let by_row = || self.layout.units.get(cell).and_then(|u| Unit::parse(d, u));
         by_map
             .and_then(|u| Unit::parse(d, u))
             .or(of_header)
+            .or_else(by_brackets)
             .or_else(by_row)
     }
 
@@ -474,11 +477,13 @@ impl Planner<'_> {
             _ => None,
         };
         let header = self.header(cell).to_owned();
+        // What stands in brackets is a unit that is not known (mV), or no unit: then size tells nothing.
+        let name = name.filter(|_| self.layout.headers[cell].bracket().is_none());
         let unit = name.and_then(|n| Unit::parse(quantity.dimension, n));
         let gas = quantity.gas().unwrap_or("");
         let unit = unit.ok_or_else(|| {
             self.error(
-                format!("column \"{header}\": {gas} without a unit"),
+                format!("column \"{header}\": {gas} without a unit that is known"),
                 format!(
                     "state it in a mapping file (--map): [[log]] and below it [log.column.{gas}_ppb] with \
                      from = \"{header}\" and unit = \"ppb\" (or ppm, %, ug/m3, mg/m3), or skip = true"

@@ -98,7 +98,7 @@ impl SquadronController {
         };
         let source = &scenario.sources[0];
         let stated_m = source.c_max_distance_m.unwrap_or(0.0);
-        let lag_m = scenario.search.airspeed_m_s * scenario.sensor().time_constant_s;
+        let lag_m = scenario.search.airspeed_m_s * scenario.sensor.time_constant_s;
         let range = PassRange::of(&airspace, MARGIN_M, stated_m, lag_m);
         let keep_out_m = airspace.keep_out_m();
         let no_airspace = ScError::NoAirspace {
@@ -461,13 +461,11 @@ impl SquadronController {
             let words = "no plume was read".to_owned();
             return out.event(&self.id, Severity::Warning, "peak-not-found", words);
         };
-        let digits = self.base.sources[0].gas.digits();
-        let ppm = |value: f64| format!("{value:.digits$}");
         let text = format!(
-            "peak {} ± {} ppm at {:.5}, {:.5}, {:.0} m AMSL; H {:.0} ± {:.0} m AGL, axis towards \
-             {:.1} ± {:.1} degrees, c_max {} ± {} ppm above background at {:.0} m",
-            ppm(peak.co2_ppm),
-            ppm(peak.sd_ppm),
+            "peak {:.0} ± {:.0} ppm at {:.5}, {:.5}, {:.0} m AMSL; H {:.0} ± {:.0} m AGL, axis towards \
+             {:.1} ± {:.1} degrees, c_max {:.0} ± {:.0} ppm above background at {:.0} m",
+            peak.co2_ppm,
+            peak.sd_ppm,
             peak.lat_deg,
             peak.lon_deg,
             peak.alt_amsl_m,
@@ -475,8 +473,8 @@ impl SquadronController {
             model.effective_height_agl_m.sd,
             model.axis_deg.value,
             model.axis_deg.sd,
-            ppm(model.c_max_ppm.value),
-            ppm(model.c_max_ppm.sd),
+            model.c_max_ppm.value,
+            model.c_max_ppm.sd,
             model.c_max_distance_m.value
         );
         let (severity, code) = match peak.status {

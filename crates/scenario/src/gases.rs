@@ -28,6 +28,11 @@ impl Scenario {
         self.sensor.index(self.gas()).unwrap_or_default()
     }
 
+    fn put_sensor_first(&mut self) {
+        let k = self.sensor_index();
+        self.sensor.0[..=k].rotate_right(1);
+    }
+
     /// The same scenario read for another gas: the sources of that gas come first.
     ///
     /// # Errors
@@ -45,6 +50,7 @@ impl Scenario {
         }
         let mut out = self.clone();
         out.sources = order.iter().map(|&k| self.sources[k].clone()).collect();
+        out.put_sensor_first();
         // The n-th [[reality.source]] changes the n-th [[source]].
         if let Some(Value::Array(changes)) = out.reality.as_mut().and_then(|r| r.get_mut("source"))
         {
@@ -119,6 +125,7 @@ impl Scenario {
 
     /// Writes out backgrounds and noise that are as usual for their gases.
     pub(crate) fn write_out_gases(&mut self) {
+        self.put_sensor_first();
         let first = self.gas();
         for source in &self.sources {
             self.background.write_out(source.gas);

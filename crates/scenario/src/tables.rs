@@ -413,6 +413,15 @@ impl SensorTables {
     }
 }
 
+/// The first sensor, which parsing and [`Scenario::of_gas`] make that of the gas that is read.
+impl std::ops::Deref for SensorTables {
+    type Target = SensorTable;
+
+    fn deref(&self) -> &SensorTable {
+        &self.0[0]
+    }
+}
+
 impl Serialize for SensorTables {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match &self.0[..] {

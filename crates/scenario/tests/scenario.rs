@@ -154,6 +154,7 @@ fn a_scenario_is_read_for_one_of_its_gases() {
         (spec.background_ppm, spec.sensor.noise_sd_ppm),
         (1.95, 0.001)
     );
+    assert_eq!(ch4.sensor.noise_sd_ppm, Some(0.001));
     assert_eq!(ch4.prior_sd(Uncertain::Background), Some(0.02));
     assert_eq!(co2.prior_sd(Uncertain::Background), None);
     let stated = co2.dispersion_spec().unwrap();

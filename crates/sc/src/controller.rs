@@ -202,10 +202,13 @@ impl SquadronController {
         )?)
     }
 
-    /// Whether it is known where the plume lies, well enough for passes across it.
+    /// Whether it is known where the plume lies, well enough for passes across it: from the start, or because it was
+    /// read. A fit to clean air may be sure of a direction too.
     fn is_located(&self) -> bool {
-        let model = self.model.as_ref();
-        model.map_or(self.prior.axis_deg.sd, |m| m.axis_deg.sd) <= LOCATED_DEG
+        let is_known = |sd_deg: f64| sd_deg <= LOCATED_DEG;
+        let read = |m: &&Model| m.peak.is_some_and(|p| p.status != PeakStatus::NotFound);
+        let found = self.model.as_ref().filter(read);
+        is_known(self.prior.axis_deg.sd) || found.is_some_and(|m| is_known(m.axis_deg.sd))
     }
 
     fn search_domain(&mut self) -> Result<Domain, ScError> {
@@ -398,7 +401,7 @@ impl SquadronController {
             Phase::Home => "home",
         };
         out.event(&self.id, Severity::Info, "phase", words);
-        if phase == Phase::Search {
+        if phase == Phase::Search && self.is_located() {
             // Now that the plume is better known, the sector is drawn anew.
             if let Ok(strategy) = self.new_strategy() {
                 self.strategy = Some(strategy);

@@ -141,7 +141,12 @@ impl SquadronController {
     /// Keeps the passes that are flown now and next free of those who fly none.
     fn reserve_passes(&mut self) {
         let crossings = passes::of(self.phase);
-        let coming = RESERVED_PASSES.min(crossings.len());
+        // Nobody flies passes before it is known where.
+        let coming = if self.is_located() {
+            RESERVED_PASSES.min(crossings.len())
+        } else {
+            0
+        };
         let under_way = self.tasks.each.iter().filter_map(|task| match task {
             VehicleTask::Approaching(pass, _) | VehicleTask::OnPass(pass) => Some(*pass),
             _ => None,

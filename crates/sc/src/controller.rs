@@ -464,11 +464,13 @@ impl SquadronController {
             let words = "no plume was read".to_owned();
             return out.event(&self.id, Severity::Warning, "peak-not-found", words);
         };
+        let digits = self.base.sources[0].gas.digits();
+        let ppm = |value: f64| format!("{value:.digits$}");
         let text = format!(
-            "peak {:.0} ± {:.0} ppm at {:.5}, {:.5}, {:.0} m AMSL; H {:.0} ± {:.0} m AGL, axis towards \
-             {:.1} ± {:.1} degrees, c_max {:.0} ± {:.0} ppm above background at {:.0} m",
-            peak.co2_ppm,
-            peak.sd_ppm,
+            "peak {} ± {} ppm at {:.5}, {:.5}, {:.0} m AMSL; H {:.0} ± {:.0} m AGL, axis towards \
+             {:.1} ± {:.1} degrees, c_max {} ± {} ppm above background at {:.0} m",
+            ppm(peak.co2_ppm),
+            ppm(peak.sd_ppm),
             peak.lat_deg,
             peak.lon_deg,
             peak.alt_amsl_m,
@@ -476,8 +478,8 @@ impl SquadronController {
             model.effective_height_agl_m.sd,
             model.axis_deg.value,
             model.axis_deg.sd,
-            model.c_max_ppm.value,
-            model.c_max_ppm.sd,
+            ppm(model.c_max_ppm.value),
+            ppm(model.c_max_ppm.sd),
             model.c_max_distance_m.value
         );
         let (severity, code) = match peak.status {

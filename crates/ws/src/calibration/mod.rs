@@ -467,8 +467,12 @@ impl Calibrator {
         self.posterior.as_ref()
     }
 
-    /// Whether the axis is known well enough that a local search finds the best fit.
+    /// Whether the plume was read and its axis is known well enough that a local search finds the best fit. A fit to
+    /// clean air is sure only of where nobody has been.
     fn axis_is_located(&self) -> bool {
+        if !self.predicted.shows_a_plume() {
+            return false;
+        }
         let (estimate, prior) = (&self.covariance, self.unknowns.prior_sd());
         self.unknowns
             .index(MechanismId::WindDirectionOffset, None)

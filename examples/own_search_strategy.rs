@@ -99,7 +99,10 @@ fn search(
     for step in 0..STEPS {
         strategy.step(&archive, &mut rng);
         // 45°: a fast sampler takes what lies ahead of it.
-        let orders = strategy.direct(&team, 45.0, &mut rng);
+        let orders: Vec<Position> = team
+            .iter()
+            .map(|member| strategy.direct(member, 45.0, &mut rng))
+            .collect();
         for second in 0..STEP_S {
             for (member, goal) in team.iter_mut().zip(&orders) {
                 let position = &mut member.position;

@@ -119,7 +119,9 @@ fn thrice(setup: &Setup, readings: &[Observation]) -> Vec<(&'static str, [(f64, 
         flown.observe(row.platform, row.time_s, place, None, row.co2_ppm.unwrap());
     }
     flown.finish();
-    flown.conclude(scenario.fence.keep_out_radius_m).unwrap();
+    flown
+        .conclude(scenario.fence.keep_out_radius_m + scenario::airspace::SETPOINT_MARGIN_M)
+        .unwrap();
     let filed = ws::calibration::offline::calibrate(scenario, &observed, None).unwrap();
     let gap = gap::plume::analyse(
         &gap::plume::Setup::new(scenario).unwrap(),

@@ -279,7 +279,9 @@ fn search(name: Option<&str>, case: Case, seed: u64) -> Result<Option<usize>, Er
             }
             if second % STEP_S == 0 {
                 strategy.step(&archive, &mut rng);
-                orders = strategy.direct(&team, CONE_DEG, &mut rng);
+                for (order, sampler) in orders.iter_mut().zip(&team) {
+                    *order = strategy.direct(sampler, CONE_DEG, &mut rng);
+                }
             }
         }
         for (sampler, order) in team.iter_mut().zip(&orders) {

@@ -20,7 +20,7 @@ const TURNS_DEG: [f64; 9] = [0.0, 20.0, -20.0, 45.0, -45.0, 90.0, -90.0, 135.0, 
 /// A move lasts this long, s.
 const MOVE_S: f64 = 15.0;
 /// Plumes that stand for the belief.
-const DRAWN: usize = 96;
+const DRAWN: usize = 64;
 
 /// The strategy.
 #[derive(Debug)]
@@ -81,29 +81,25 @@ impl SearchStrategy for Infotaxis {
         self.inner.population()
     }
 
-    fn direct(&mut self, team: &[Sampler], _cone_deg: f64, rng: &mut ChaCha8Rng) -> Vec<Position> {
+    fn direct(&mut self, sampler: &Sampler, _cone_deg: f64, rng: &mut ChaCha8Rng) -> Position {
         let drawn = self.inner.belief().draw(DRAWN, rng);
         let peak = |g| self.inner.belief().peak(g, &self.domain);
         let peaks: Vec<Position> = drawn.iter().filter_map(peak).collect();
-        let mut orders = Vec::with_capacity(team.len());
-        for sampler in team {
-            let way_m = MOVE_S * sampler.speed_m_s;
-            let mut best: Option<(f64, Position)> = None;
-            for to in self.moves(sampler) {
-                let told = self.inner.told(&drawn, &flight(sampler.position, to));
-                let left_bits = ((DRAWN as f64).ln() - entropy(&told)) / std::f64::consts::LN_2;
-                let far =
-                    peaks.iter().map(|p| off_m(*p, to)).sum::<f64>() / peaks.len().max(1) as f64;
-                let cost = (far / way_m + (left_bits - 1.0).exp2() - 0.5)
-                    .max(f64::MIN_POSITIVE)
-                    .log2();
-                if best.is_none_or(|b| cost < b.0) {
-                    best = Some((cost, to));
-                }
+        let way_m = MOVE_S * sampler.speed_m_s;
+        let mut best: Option<(f64, Position)> = None;
+        for to in self.moves(sampler) {
+            let told = self.inner.told(&drawn, &flight(sampler.position, to));
+            let left_bits = ((DRAWN as f64).ln() - entropy(&told)) / std::f64::consts::LN_2;
+            let far_m =
+                peaks.iter().map(|p| off_m(*p, to)).sum::<f64>() / peaks.len().max(1) as f64;
+            let cost = (far_m / way_m + (left_bits - 1.0).exp2() - 0.5)
+                .max(f64::MIN_POSITIVE)
+                .log2();
+            if best.is_none_or(|b| cost < b.0) {
+                best = Some((cost, to));
             }
-            // Outside the domain there is no move: back into it.
-            orders.push(best.map_or_else(|| self.domain.inside(), |b| b.1));
         }
-        orders
+        // Outside the domain there is no move: back into it.
+        best.map_or_else(|| self.domain.inside(), |b| b.1)
     }
 }

@@ -70,23 +70,19 @@ impl Legs {
         &self.points
     }
 
-    fn direct(&mut self, team: &[Sampler]) -> Vec<Position> {
-        let mut orders = Vec::with_capacity(team.len());
-        for sampler in team {
-            let (k, here) = (sampler.id, sampler.position);
-            if self.before.len() <= k {
-                self.before.resize(k + 1, Vec::new());
-            }
-            let reached = |p: &Position| here.at.distance_m(p.at) < REACHED_M;
-            while self.before[k].last().is_some_and(reached) {
-                self.before[k].pop();
-            }
-            if self.before[k].is_empty() {
-                self.before[k] = self.line_from(here.at);
-            }
-            orders.push(self.before[k].last().copied().unwrap_or(here));
+    fn direct(&mut self, sampler: &Sampler) -> Position {
+        let (k, here) = (sampler.id, sampler.position);
+        if self.before.len() <= k {
+            self.before.resize(k + 1, Vec::new());
         }
-        orders
+        let reached = |p: &Position| here.at.distance_m(p.at) < REACHED_M;
+        while self.before[k].last().is_some_and(reached) {
+            self.before[k].pop();
+        }
+        if self.before[k].is_empty() {
+            self.before[k] = self.line_from(here.at);
+        }
+        self.before[k].last().copied().unwrap_or(here)
     }
 
     /// The next line, begun at the end that is nearer.
@@ -148,8 +144,8 @@ impl SearchStrategy for Lawnmower {
         &self.0.points
     }
 
-    fn direct(&mut self, team: &[Sampler], _cone_deg: f64, _rng: &mut ChaCha8Rng) -> Vec<Position> {
-        self.0.direct(team)
+    fn direct(&mut self, sampler: &Sampler, _cone_deg: f64, _rng: &mut ChaCha8Rng) -> Position {
+        self.0.direct(sampler)
     }
 }
 
@@ -205,8 +201,8 @@ impl SearchStrategy for Arcs {
         &self.0.points
     }
 
-    fn direct(&mut self, team: &[Sampler], _cone_deg: f64, _rng: &mut ChaCha8Rng) -> Vec<Position> {
-        self.0.direct(team)
+    fn direct(&mut self, sampler: &Sampler, _cone_deg: f64, _rng: &mut ChaCha8Rng) -> Position {
+        self.0.direct(sampler)
     }
 }
 

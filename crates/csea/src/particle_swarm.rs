@@ -97,31 +97,28 @@ impl SearchStrategy for ParticleSwarm {
         &self.points
     }
 
-    fn direct(&mut self, team: &[Sampler], _cone_deg: f64, rng: &mut ChaCha8Rng) -> Vec<Position> {
-        let count = team.iter().map(|s| s.id + 1).max().unwrap_or(0);
-        if self.best.len() < count {
-            self.best.resize(count, None);
-        }
+    fn direct(&mut self, sampler: &Sampler, _cone_deg: f64, rng: &mut ChaCha8Rng) -> Position {
+        let count = self.best.len().max(sampler.id + 1);
+        self.best.resize(count, None);
         let (low, high) = (
             self.domain.low().coordinates(),
             self.domain.high().coordinates(),
         );
         while self.velocity.len() < count {
-            let part = |axis: usize, rng: &mut ChaCha8Rng| {
+            let mut part = |axis: usize| {
                 let drawn: f64 = rng.random();
                 MOST_PART * (2.0 * drawn - 1.0) * (high[axis] - low[axis])
             };
-            let velocity = [part(0, rng), part(1, rng), part(2, rng)];
+            let velocity = [part(0), part(1), part(2)];
             self.velocity.push(velocity);
         }
-        self.points.clear();
-        let mut orders = Vec::with_capacity(team.len());
-        for sampler in team {
-            let position = self.moved(sampler.id, sampler.position, rng);
-            let fitness = self.best[sampler.id].map_or(0.0, |b| b.value);
-            self.points.push(PromisingPoint { position, fitness });
-            orders.push(position);
+        let position = self.moved(sampler.id, sampler.position, rng);
+        let fitness = self.best[sampler.id].map_or(0.0, |b| b.value);
+        let point = PromisingPoint { position, fitness };
+        if self.points.len() <= sampler.id {
+            self.points.resize(sampler.id + 1, point);
         }
-        orders
+        self.points[sampler.id] = point;
+        position
     }
 }

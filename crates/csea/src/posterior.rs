@@ -45,6 +45,11 @@ pub struct ByPosterior {
     belief: Belief,
     count: usize,
     points: Vec<PromisingPoint>,
+    /// Plumes that stand for the belief until the next step, and their peaks.
+    drawn: Vec<PlumeGuess>,
+    peaks: Vec<Option<Position>>,
+    /// What the flights ordered since the last step will tell of them, by sampler.
+    told_by: BTreeMap<usize, Vec<u64>>,
     /// Of each sampler what it read in the present second.
     reading: Vec<Reading>,
 }
@@ -74,6 +79,9 @@ impl ByPosterior {
             belief: Belief::new(prior, rng)?,
             count,
             points: Vec::new(),
+            drawn: Vec::new(),
+            peaks: Vec::new(),
+            told_by: BTreeMap::new(),
             reading: Vec::new(),
         })
     }
@@ -127,55 +135,36 @@ impl ByPosterior {
         excess.chunks(places.len()).map(of).collect()
     }
 
-    /// Orders of the team, one after the other, each beside those already given.
-    fn orders(&mut self, team: &[Sampler], rng: &mut ChaCha8Rng) -> Vec<Position> {
-        let drawn = self.belief.draw(DRAWN, rng);
-        let peaks: Vec<Option<Position>> = drawn
-            .iter()
-            .map(|g| self.belief.peak(g, &self.domain))
-            .collect();
-        let known: Vec<Position> = peaks.iter().flatten().copied().collect();
-        let mut classes = vec![0u64; DRAWN];
-        let mut orders = Vec::with_capacity(team.len());
-        for sampler in team {
-            let (target, told) = self
-                .best_flight(sampler, (&drawn, &peaks, &known), &classes, rng)
-                .unwrap_or_else(|| (self.domain.draw(rng), vec![0; DRAWN]));
-            for (class, told) in classes.iter_mut().zip(told) {
-                *class = joined(*class, told);
-            }
-            orders.push(target);
-        }
-        orders
-    }
-
+    /// The best of some flights of a sampler beside those that the others fly, and what it tells of the plumes drawn.
     fn best_flight(
         &mut self,
         sampler: &Sampler,
-        (drawn, peaks, known): (&[PlumeGuess], &[Option<Position>], &[Position]),
-        classes: &[u64],
         rng: &mut ChaCha8Rng,
     ) -> Option<(Position, Vec<u64>)> {
-        let before = entropy(classes);
+        let drawn = std::mem::take(&mut self.drawn);
+        let known: Vec<Position> = self.peaks.iter().flatten().copied().collect();
+        let mut classes = vec![0; drawn.len()];
+        for (_, told) in self.told_by.iter().filter(|(id, _)| **id != sampler.id) {
+            join(&mut classes, told);
+        }
+        let before = entropy(&classes);
         let mut best: Option<(f64, Position, Vec<u64>)> = None;
         for _ in 0..CANDIDATES.min(known.len()) {
             let target = known[rng.random_range(0..known.len())];
             let places = flight(sampler.position, target);
-            let told = self.told(drawn, &places);
-            let both: Vec<u64> = classes
-                .iter()
-                .zip(&told)
-                .map(|(c, t)| joined(*c, *t))
-                .collect();
+            let told = self.told(&drawn, &places);
+            let mut both = classes.clone();
+            join(&mut both, &told);
             let end = places.last().copied().unwrap_or(target);
             let near = |p: &&Option<Position>| p.is_some_and(|p| off_m(p, end) < FOUND_M);
-            let found = peaks.iter().filter(near).count() as f64 / peaks.len() as f64;
+            let found = self.peaks.iter().filter(near).count() as f64 / self.peaks.len() as f64;
             let nats = entropy(&both) - before + FOUND_NATS * found;
             let score = nats / (ORDER_S + sampler.time_to_s(end));
             if best.as_ref().is_none_or(|b| score > b.0) {
                 best = Some((score, target, told));
             }
         }
+        self.drawn = drawn;
         best.map(|(_, target, told)| (target, told))
     }
 }
@@ -184,11 +173,15 @@ pub(crate) fn off_m(a: Position, b: Position) -> f64 {
     a.at.distance_m(b.at).hypot(a.height_m - b.height_m)
 }
 
-/// A class of both partitions, by the mixing of splitmix64 (Steele, Lea and Flood 2014).
-fn joined(a: u64, b: u64) -> u64 {
-    let mut z = a.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(b);
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z ^ (z >> 27)
+/// Makes of a partition that by another one as well, by the mixing of splitmix64 (Steele, Lea and Flood 2014).
+fn join(classes: &mut [u64], other: &[u64]) {
+    for (class, told) in classes.iter_mut().zip(other) {
+        let mut z = class
+            .wrapping_mul(0x9E37_79B9_7F4A_7C15)
+            .wrapping_add(*told);
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        *class = z ^ (z >> 27);
+    }
 }
 
 impl SearchStrategy for ByPosterior {
@@ -223,6 +216,10 @@ impl SearchStrategy for ByPosterior {
     }
 
     fn step(&mut self, _archive: &Archive, rng: &mut ChaCha8Rng) -> &[PromisingPoint] {
+        self.drawn = self.belief.draw(DRAWN, rng);
+        let peak = |g| self.belief.peak(g, &self.domain);
+        self.peaks = self.drawn.iter().map(peak).collect();
+        self.told_by.clear();
         let drawn = self.belief.draw(self.count, rng);
         self.points.clear();
         for guess in drawn {
@@ -240,8 +237,14 @@ impl SearchStrategy for ByPosterior {
         &self.points
     }
 
-    fn direct(&mut self, team: &[Sampler], _cone_deg: f64, rng: &mut ChaCha8Rng) -> Vec<Position> {
-        self.orders(team, rng)
+    fn direct(&mut self, sampler: &Sampler, _cone_deg: f64, rng: &mut ChaCha8Rng) -> Position {
+        match self.best_flight(sampler, rng) {
+            Some((target, told)) => {
+                self.told_by.insert(sampler.id, told);
+                target
+            }
+            None => self.domain.draw(rng),
+        }
     }
 }
 

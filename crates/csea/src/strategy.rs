@@ -49,14 +49,12 @@ pub trait SearchStrategy: Send {
     /// The population of the last step; empty before the first.
     fn population(&self) -> &[PromisingPoint];
 
-    /// Where each of the team flies to until the next step: unless the strategy knows better, to a promising point that
-    /// lies ahead of it ([`choose_within_cone`]). `team` may be a part of the whole, as one whose order cannot be followed.
-    fn direct(&mut self, team: &[Sampler], cone_deg: f64, rng: &mut ChaCha8Rng) -> Vec<Position> {
-        let points = self.population();
-        let choose = |s: &Sampler| {
-            let chosen = choose_within_cone(points, s.position, s.heading_deg, cone_deg, rng);
-            chosen.map_or(s.position, |p| p.position)
-        };
-        team.iter().map(choose).collect()
+    /// Where one of the team flies to until the next step: unless the strategy knows better, to a promising point that lies
+    /// ahead of it ([`choose_within_cone`]). Asked for the same one again, where it cannot be sent there, the strategy may choose
+    /// another place.
+    fn direct(&mut self, sampler: &Sampler, cone_deg: f64, rng: &mut ChaCha8Rng) -> Position {
+        let (here, heading_deg) = (sampler.position, sampler.heading_deg);
+        let chosen = choose_within_cone(self.population(), here, heading_deg, cone_deg, rng);
+        chosen.map_or(here, |p| p.position)
     }
 }

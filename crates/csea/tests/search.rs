@@ -87,9 +87,8 @@ fn fly(strategy: &mut dyn SearchStrategy, seed: u64, duration_s: f64) -> f64 {
                     climb_m_s: CLIMB_M_S,
                 };
             let samplers: Vec<Sampler> = team.iter().enumerate().map(of).collect();
-            let orders = strategy.direct(&samplers, 45.0, &mut rng);
-            for (member, order) in team.iter_mut().zip(orders) {
-                member.2 = order;
+            for (member, sampler) in team.iter_mut().zip(&samplers) {
+                member.2 = strategy.direct(sampler, 45.0, &mut rng);
             }
         }
         for (id, (at, heading_deg, goal)) in team.iter_mut().enumerate() {

@@ -176,7 +176,7 @@ fn a_scenario_that_cannot_be_flown_says_why() {
         .unwrap_err()
         .to_string();
     assert!(
-        error.contains("expected one of cs-ea, random, sweep, ascent"),
+        error.contains("expected one of posterior, lawnmower, arcs, infotaxis, particle-swarm, cs-ea, ascent, random"),
         "{error}"
     );
 }

@@ -6,7 +6,7 @@ use protocol::message::Phase;
 use protocol::{Outbox, SimTime};
 
 use super::SquadronController;
-use crate::fleet::{CIRCLE_M, MARGIN_M, TeamVehicle};
+use crate::fleet::{CIRCLE_M, MARGIN_M};
 use crate::passes::{self, Crossing};
 use crate::separation::Corridor;
 use crate::tasks::VehicleTask;
@@ -220,47 +220,37 @@ impl SquadronController {
 
     /// Each searching vehicle flies where the strategy directs it, if it may be sent there.
     pub(super) fn follow(&mut self, strategy: &mut dyn SearchStrategy, out: &mut Outbox) {
-        let team: Vec<Sampler> = self.searching();
         let cone_deg = self.search.cone_deg;
-        let orders = strategy.direct(&team, cone_deg, &mut self.rng);
-        for (sampler, first) in team.iter().zip(orders) {
-            let mut order = first;
-            // A place whose way is taken by another vehicle is chosen again; after a few times, or where the strategy
-            // has no other, the old order stands, which is safe.
+        for index in 0..self.fleet.vehicles.len() {
+            let Some(sampler) = self.searching(index) else {
+                continue;
+            };
+            // A place whose way is taken by another vehicle is chosen again; after a few times the old order stands,
+            // which is safe.
+            let mut refused = None;
             for _ in 0..DRAWS {
-                if self.send_near(sampler.id, order, out) {
+                let order = strategy.direct(&sampler, cone_deg, &mut self.rng);
+                if refused != Some(order) && self.send_near(index, order, out) {
                     break;
                 }
-                let again = strategy.direct(std::slice::from_ref(sampler), cone_deg, &mut self.rng);
-                match again.first() {
-                    Some(other) if *other != order => order = *other,
-                    _ => break,
-                }
+                refused = Some(order);
             }
         }
     }
 
-    /// Those who search, as they fly now.
-    fn searching(&self) -> Vec<Sampler> {
-        let speed_m_s = self.search.airspeed_m_s;
-        let of = |(id, v): (usize, &TeamVehicle)| {
-            let searches = self.tasks.each[id] == VehicleTask::Searching && v.is_commandable();
-            let track = v.track.filter(|_| searches)?;
-            Some(Sampler {
-                id,
-                position: track.position,
-                heading_deg: track.course_deg,
-                speed_m_s,
-                turn_radius_m: TURN_RADIUS_M,
-                climb_m_s: CLIMB_M_S,
-            })
-        };
-        self.fleet
-            .vehicles
-            .iter()
-            .enumerate()
-            .filter_map(of)
-            .collect()
+    /// A vehicle that searches, as it flies now.
+    fn searching(&self, index: usize) -> Option<Sampler> {
+        let v = &self.fleet.vehicles[index];
+        let searches = self.tasks.each[index] == VehicleTask::Searching && v.is_commandable();
+        let track = v.track.filter(|_| searches)?;
+        Some(Sampler {
+            id: index,
+            position: track.position,
+            heading_deg: track.course_deg,
+            speed_m_s: self.search.airspeed_m_s,
+            turn_radius_m: TURN_RADIUS_M,
+            climb_m_s: CLIMB_M_S,
+        })
     }
 
     /// Sends a vehicle to a place, or above or below it.

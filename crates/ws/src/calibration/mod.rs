@@ -470,13 +470,27 @@ impl Calibrator {
     /// Whether the plume was read and its axis is known well enough that a local search finds the best fit. A fit to
     /// clean air is sure only of where nobody has been.
     fn axis_is_located(&self) -> bool {
-        if !self.predicted.shows_a_plume() {
+        if !self.has_read_a_plume() {
             return false;
         }
         let (estimate, prior) = (&self.covariance, self.unknowns.prior_sd());
         self.unknowns
             .index(MechanismId::WindDirectionOffset, None)
             .is_none_or(|k| estimate[(k, k)].sqrt() < 0.2 * prior[k])
+    }
+
+    /// Whether a reading stands out of the others, whatever the model makes of it.
+    fn has_read_a_plume(&self) -> bool {
+        let all = self.readings.iter().flatten().map(|r| r.ppm);
+        let mut sorted: Vec<f64> = all.collect();
+        sorted.sort_by(f64::total_cmp);
+        let noise_ppm = gap::plume::sensor_sd(&self.base, sorted.iter().copied());
+        let middle = sorted.get(sorted.len() / 2);
+        let highest = sorted
+            .last()
+            .zip(middle)
+            .map_or(0.0, |(high, middle)| high - middle);
+        highest > peak::READ_SD * noise_ppm
     }
 
     /// At most about `most` rows for a fit: all of them, or those in the plume and a part of the others.

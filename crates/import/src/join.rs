@@ -5,6 +5,7 @@ use crate::quantity::{Dimension, Quantity};
 use crate::series::Series;
 use crate::sink::Table;
 use air::isa::Atmosphere;
+use plume::score;
 
 /// Offsets between two clocks are sought so far to both sides, s.
 const SOUGHT_S: f64 = 300.0;
@@ -177,24 +178,16 @@ fn correlation(
     step_s: f64,
 ) -> Option<f64> {
     let mut reader = other.reader(plain);
-    let (mut n, mut sx, mut sy, mut sxx, mut syy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-    // Values are taken from a middle one: squares of pressures lose digits.
-    let (x0, y0) = (points.first()?.1, *other.values.first()?);
-    for (time_s, x) in points {
+    let both = points.iter().filter_map(|(time_s, x)| {
         let y = reader.at(time_s + lag_s);
-        if y.is_finite() {
-            let (x, y) = (x - x0, y - y0);
-            n += 1.0;
-            sx += x;
-            sy += y;
-            sxx += x * x;
-            syy += y * y;
-            sxy += x * y;
-        }
-    }
-    let (vx, vy) = (sxx - sx * sx / n, syy - sy * sy / n);
+        y.is_finite().then_some((*x, y))
+    });
+    let both: Vec<(f64, f64)> = both.collect();
+    let n = both.len() as f64;
     let shares = n * step_s >= LEAST_SHARED_S && n * 2.0 >= points.len() as f64;
-    (shares && vx > 0.0 && vy > 0.0).then(|| (sxy - sx * sy / n) / (vx * vy).sqrt())
+    shares
+        .then(|| score::correlation(both.iter().copied()))
+        .flatten()
 }
 
 /// Rows of several tables one after the other, with the columns that any of them has in the order of `columns`.

@@ -1,5 +1,7 @@
 //! What Plumage's observation and flight files hold, and what other people call it.
 
+use plume::units::{Gas, Unit};
+
 /// What kind of number a quantity is: which units it may have.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Dimension {
@@ -17,12 +19,12 @@ pub enum Dimension {
     Percent,
     /// Pressure, hPa.
     Pressure,
-    /// Mole fraction of a gas of this molar mass in g/mol, ppm or ppb by the column.
+    /// Mole fraction.
     Gas {
-        /// Molar mass, g/mol.
-        g_mol: f64,
-        /// Parts of a million in one unit of the column: 1, or 1000 where it is ppb.
-        per_ppm: f64,
+        /// Of which gas; none where it is that of another column.
+        gas: Option<Gas>,
+        /// Unit of the column.
+        unit: Unit,
     },
     /// Angular rate, °/s.
     Rate,
@@ -61,25 +63,26 @@ const fn quantity(
     }
 }
 
-const fn ppm(name: &'static str, g_mol: f64, aliases: &'static [&'static str]) -> Quantity {
-    let per_ppm = 1.0;
-    quantity(name, Dimension::Gas { g_mol, per_ppm }, 9, aliases)
+const fn ppm(gas: Gas, aliases: &'static [&'static str]) -> Quantity {
+    mole_fraction(gas, Unit::Ppm, 9, aliases)
 }
 
-const fn ppb(name: &'static str, g_mol: f64) -> Quantity {
-    let per_ppm = 1000.0;
-    quantity(name, Dimension::Gas { g_mol, per_ppm }, 6, &[])
+const fn ppb(gas: Gas) -> Quantity {
+    mole_fraction(gas, Unit::Ppb, 6, &[])
 }
 
-/// Molar masses, g/mol (IUPAC 2021 atomic weights).
-const CO2: f64 = 44.009;
-const CH4: f64 = 16.043;
-const SO2: f64 = 64.06;
-const CO: f64 = 28.010;
-const NO2: f64 = 46.005;
-const NH3: f64 = 17.031;
-const H2S: f64 = 34.08;
-const SF6: f64 = 146.05;
+const fn mole_fraction(
+    gas: Gas,
+    unit: Unit,
+    decimals: u8,
+    aliases: &'static [&'static str],
+) -> Quantity {
+    let dimension = Dimension::Gas {
+        gas: Some(gas),
+        unit,
+    };
+    quantity(gas.column(unit), dimension, decimals, aliases)
+}
 
 use Dimension::{
     Acceleration, Angle, Duration, Length, Percent, Place, Pressure, Rate, Share, Speed,
@@ -161,8 +164,7 @@ pub const OBSERVATION: [Quantity; 26] = [
         ],
     ),
     ppm(
-        "co2_ppm",
-        CO2,
+        Gas::Co2,
         &[
             "co2",
             "carbondioxide",
@@ -175,10 +177,9 @@ pub const OBSERVATION: [Quantity; 26] = [
             "co2molefraction",
         ],
     ),
-    ppb("co2_ppb", CO2),
+    ppb(Gas::Co2),
     ppm(
-        "ch4_ppm",
-        CH4,
+        Gas::Ch4,
         &[
             "ch4",
             "methane",
@@ -191,10 +192,9 @@ pub const OBSERVATION: [Quantity; 26] = [
             "ch4molefraction",
         ],
     ),
-    ppb("ch4_ppb", CH4),
+    ppb(Gas::Ch4),
     ppm(
-        "so2_ppm",
-        SO2,
+        Gas::So2,
         &[
             "so2",
             "sulfurdioxide",
@@ -205,10 +205,9 @@ pub const OBSERVATION: [Quantity; 26] = [
             "so2concentration",
         ],
     ),
-    ppb("so2_ppb", SO2),
+    ppb(Gas::So2),
     ppm(
-        "co_ppm",
-        CO,
+        Gas::Co,
         &[
             "co",
             "carbonmonoxide",
@@ -218,10 +217,9 @@ pub const OBSERVATION: [Quantity; 26] = [
             "coconcentration",
         ],
     ),
-    ppb("co_ppb", CO),
+    ppb(Gas::Co),
     ppm(
-        "no2_ppm",
-        NO2,
+        Gas::No2,
         &[
             "no2",
             "nitrogendioxide",
@@ -230,10 +228,9 @@ pub const OBSERVATION: [Quantity; 26] = [
             "no2concentration",
         ],
     ),
-    ppb("no2_ppb", NO2),
+    ppb(Gas::No2),
     ppm(
-        "nh3_ppm",
-        NH3,
+        Gas::Nh3,
         &[
             "nh3",
             "ammonia",
@@ -243,10 +240,9 @@ pub const OBSERVATION: [Quantity; 26] = [
             "nh3concentration",
         ],
     ),
-    ppb("nh3_ppb", NH3),
+    ppb(Gas::Nh3),
     ppm(
-        "h2s_ppm",
-        H2S,
+        Gas::H2s,
         &[
             "h2s",
             "hydrogensulfide",
@@ -256,10 +252,9 @@ pub const OBSERVATION: [Quantity; 26] = [
             "h2sconcentration",
         ],
     ),
-    ppb("h2s_ppb", H2S),
+    ppb(Gas::H2s),
     ppm(
-        "sf6_ppm",
-        SF6,
+        Gas::Sf6,
         &[
             "sf6",
             "sulfurhexafluoride",
@@ -267,7 +262,7 @@ pub const OBSERVATION: [Quantity; 26] = [
             "sf6conc",
         ],
     ),
-    ppb("sf6_ppb", SF6),
+    ppb(Gas::Sf6),
     quantity(
         "wind_speed_m_s",
         Speed,
@@ -379,8 +374,8 @@ pub const OBSERVATION: [Quantity; 26] = [
     quantity(
         "sd_ppm",
         Dimension::Gas {
-            g_mol: 28.97,
-            per_ppm: 1.0,
+            gas: None,
+            unit: Unit::Ppm,
         },
         6,
         &["sd"],
@@ -494,9 +489,6 @@ pub const FLIGHT: [Quantity; 25] = [
     OBSERVATION[20],
 ];
 
-/// Gases whose columns are read.
-pub const GASES: [&str; 8] = ["co2", "ch4", "so2", "co", "no2", "nh3", "h2s", "sf6"];
-
 impl Quantity {
     /// The quantity of a column of Plumage's files; none where there is no such.
     pub fn named(name: &str) -> Option<&'static Self> {
@@ -508,12 +500,14 @@ impl Quantity {
 
     /// Whether it is a gas that a platform reads.
     pub fn is_gas(&self) -> bool {
-        matches!(self.dimension, Dimension::Gas { .. }) && self.name != "sd_ppm"
+        self.gas().is_some()
     }
 
-    /// The gas's name; none where it is none.
-    pub fn gas(&self) -> Option<&'static str> {
-        let (gas, _) = self.name.split_once("_pp")?;
-        GASES.into_iter().find(|g| *g == gas)
+    /// The gas; none where it is none.
+    pub fn gas(&self) -> Option<Gas> {
+        match self.dimension {
+            Dimension::Gas { gas, .. } => gas,
+            _ => None,
+        }
     }
 }

@@ -318,7 +318,10 @@ impl Unit {
     /// The unit in which the column itself is.
     pub fn own(dimension: Dimension) -> Self {
         let unit = match dimension {
-            Dimension::Gas { per_ppm, .. } if per_ppm > 1.0 => GAS[1].0,
+            Dimension::Gas {
+                unit: plume::units::Unit::Ppb,
+                ..
+            } => GAS[1].0,
             _ => known(dimension)[0].0,
         };
         unit.in_column(dimension)
@@ -352,16 +355,16 @@ impl Unit {
     }
 
     fn in_column(self, dimension: Dimension) -> Self {
-        let (Dimension::Gas { per_ppm, .. }, Conversion::Linear { factor, offset }) =
+        let (Dimension::Gas { unit, .. }, Conversion::Linear { factor, offset }) =
             (dimension, self.conversion)
         else {
             return self;
         };
         // ppb in a column of ppb is what it is, without a rounding.
-        let factor = if per_ppm > 1.0 && self.name == "ppb" {
+        let factor = if self.name == unit.as_str() {
             1.0
         } else {
-            factor * per_ppm
+            factor * unit.per_ppm()
         };
         linear(self.name, factor, offset)
     }

@@ -35,6 +35,21 @@ pub struct WithInterval {
 /// A pair (measured, predicted).
 pub type Pair = (f64, f64);
 
+/// Correlation of pairs (Pearson); none where either side does not vary.
+pub fn correlation(pairs: impl Iterator<Item = Pair> + Clone) -> Option<f64> {
+    let n = pairs.clone().count() as f64;
+    let sums = pairs
+        .clone()
+        .fold((0.0, 0.0), |sum, p| (sum.0 + p.0, sum.1 + p.1));
+    let (mean_a, mean_b) = (sums.0 / n, sums.1 / n);
+    let [both, aa, bb] = pairs.fold([0.0; 3], |[ab, aa, bb], (a, b)| {
+        let (a, b) = (a - mean_a, b - mean_b);
+        [ab + a * b, aa + a * a, bb + b * b]
+    });
+    let size = (aa * bb).sqrt();
+    (size > 0.0).then(|| both / size)
+}
+
 /// Sums that give the scores; those of groups add up.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
@@ -174,6 +189,16 @@ mod tests {
     use rand::rngs::ChaCha8Rng;
 
     const PAIRS: [Pair; 4] = [(1.0, 2.0), (2.0, 2.0), (4.0, 1.0), (8.0, 10.0)];
+
+    #[test]
+    fn correlation_is_numpys() {
+        // python3: numpy.corrcoef([1, 2, 3, 5], [2, 1, 4, 6])[0, 1]
+        let pairs = [(1.0, 2.0), (2.0, 1.0), (3.0, 4.0), (5.0, 6.0)];
+        let found = correlation(pairs.into_iter()).unwrap();
+        assert!((found - 0.902_243_638_678_106_1).abs() < 1e-12, "{found}");
+        let flat = pairs.map(|p| (p.0, 3.0));
+        assert_eq!(correlation(flat.into_iter()), None);
+    }
 
     // python3: co=[1,2,4,8]; cp=[2,2,1,10]; FB=2*(15-15)/30=0; NMSE=mean((co-cp)^2)/(3.75^2)
     // = 3.5/14.0625; MG=exp(mean(log(co/cp)))=1.124683; VG=exp(mean(log(co/cp)^2))=1.843745.

@@ -86,7 +86,7 @@ impl Gas {
     }
 
     /// Name of the column, or of the key, of its mole fraction in a unit: "ch4_ppb".
-    pub fn column(self, unit: Unit) -> &'static str {
+    pub const fn column(self, unit: Unit) -> &'static str {
         let [ppm, ppb] = match self {
             Gas::Co2 => ["co2_ppm", "co2_ppb"],
             Gas::So2 => ["so2_ppm", "so2_ppb"],

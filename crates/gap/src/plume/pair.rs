@@ -7,8 +7,9 @@
 //! law in all of them. What a noisy leader is to a quiet sensor is its average to both sides of each time, which is no
 //! lag: a follower has to be likelier than that. No tolerance is a concentration.
 
+use ::plume::score::correlation;
 use ::plume::{Mechanism, MechanismId, lag_step};
-use air::geo::{Enu, Geodetic, LocalFrame};
+use air::geo::{Enu, Geodetic, LocalFrame, Position};
 use infer::Policy;
 use nalgebra::{DMatrix, DVector};
 use scenario::observations::{ObservationRow, Observations};
@@ -66,18 +67,8 @@ struct Series {
     at: Vec<Position>,
 }
 
-/// Where a reading was made.
-#[derive(Clone, Copy)]
-struct Position {
-    at: Enu,
-    alt_amsl_m: f64,
-}
-
-impl Position {
-    fn is_near(self, other: Self) -> bool {
-        let apart_m = self.at.distance_m(other.at);
-        apart_m <= NEAR_M && (self.alt_amsl_m - other.alt_amsl_m).abs() <= NEAR_HEIGHT_M
-    }
+fn is_near(a: Position, b: Position) -> bool {
+    a.at.distance_m(b.at) <= NEAR_M && (a.height_m - b.height_m).abs() <= NEAR_HEIGHT_M
 }
 
 impl Series {
@@ -95,7 +86,7 @@ impl Series {
                 lat_deg: row.lat_deg,
                 lon_deg: row.lon_deg,
             }),
-            alt_amsl_m: row.alt_amsl_m,
+            height_m: row.alt_amsl_m,
         };
         Self {
             name: observations.platforms[platform].clone(),
@@ -127,7 +118,7 @@ impl Series {
                 east_m: of(|p| p.at.east_m),
                 north_m: of(|p| p.at.north_m),
             },
-            alt_amsl_m: of(|p| p.alt_amsl_m),
+            height_m: of(|p| p.height_m),
         }
     }
 
@@ -182,7 +173,7 @@ impl<'a> Way<'a> {
         let longest_s = leader.bridged_s();
         let near = |k: &usize| {
             let at = leader.between(follower.time_s[*k], longest_s);
-            at.is_some_and(|at| leader.place(at).is_near(follower.at[*k]))
+            at.is_some_and(|at| is_near(leader.place(at), follower.at[*k]))
         };
         let rows: Vec<usize> = (0..follower.time_s.len()).filter(near).collect();
         let enough = rows.len() >= LEAST_ROWS
@@ -343,8 +334,8 @@ impl Way<'_> {
             delay_s: measured(delay_s, sd[4].hypot(spread_s[1])),
             gain: measured(gain, sd[1]),
             zero_ppm: measured(fit.linear[0], sd[0]),
-            correlation_before: correlation(before),
-            correlation_after: correlation(said),
+            correlation_before: correlation(before).unwrap_or(f64::NAN),
+            correlation_after: correlation(said).unwrap_or(f64::NAN),
             evidence_nats: nats - 0.5 * MORE_PARAMETERS * (rows.len() as f64).ln(),
         })
     }
@@ -506,16 +497,6 @@ fn whitened(rows: &[Row], memory_s: f64) -> (Vec<Row>, f64) {
 fn step_of(memories: f64) -> (f64, f64) {
     let kept = (-memories).exp();
     (kept, (-(-2.0 * memories).exp_m1()).sqrt())
-}
-
-fn correlation(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
-    let n = pairs.clone().count() as f64;
-    let mean = |of: fn(&(f64, f64)) -> f64| pairs.clone().map(|p| of(&p)).sum::<f64>() / n;
-    let (a, b) = (mean(|p| p.0), mean(|p| p.1));
-    let sum =
-        |of: &dyn Fn(f64, f64) -> f64| pairs.clone().map(|p| of(p.0 - a, p.1 - b)).sum::<f64>();
-    let norm = (sum(&|x, _| x * x) * sum(&|_, y| y * y)).sqrt();
-    sum(&|x, y| x * y) / norm
 }
 
 /// What follows of the pairs for a scenario: who is late, by what.

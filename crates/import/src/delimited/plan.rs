@@ -7,8 +7,9 @@ use crate::decode::letters;
 use crate::height::{Datum, Reduction};
 use crate::map::{ColumnMap, LogMap, Names};
 use crate::number;
-use crate::quantity::{Dimension, FLIGHT, GASES, OBSERVATION, Quantity};
+use crate::quantity::{Dimension, FLIGHT, OBSERVATION, Quantity};
 use crate::unit::{Conversion, Unit};
+use plume::units::{self, Gas};
 use std::collections::BTreeMap;
 
 /// Temperature to which masses in a volume refer unless stated, °C (EU directive 2008/50/EC, annex VI).
@@ -257,7 +258,7 @@ impl Planner<'_> {
                 _ => self.plain(quantity)?,
             }
         }
-        for gas in GASES {
+        for gas in Gas::ALL {
             self.gas(gas)?;
         }
         let order = |c: &Column| OBSERVATION.iter().position(|q| q.name == c.quantity.name);
@@ -409,9 +410,9 @@ impl Planner<'_> {
     }
 
     /// A gas: in ppb where the log has it so, but for CO2.
-    fn gas(&mut self, gas: &str) -> Result<(), ImportError> {
-        let of = |unit: &str| Quantity::named(&format!("{gas}_{unit}"));
-        let (Some(ppm), Some(ppb)) = (of("ppm"), of("ppb")) else {
+    fn gas(&mut self, gas: Gas) -> Result<(), ImportError> {
+        let of = |unit| Quantity::named(gas.column(unit));
+        let (Some(ppm), Some(ppb)) = (of(units::Unit::Ppm), of(units::Unit::Ppb)) else {
             return Ok(());
         };
         for quantity in [ppm, ppb] {
@@ -441,8 +442,8 @@ impl Planner<'_> {
         let unit = self.unit(None, cell, of_header, ppm.dimension);
         let in_ppb = unit.is_some_and(|u| ["ppb", "ppt", "ug/m3"].contains(&u.name));
         let by_size =
-            unit.is_none() && gas == "ch4" && self.middle(cell).is_some_and(|v| v > 1000.0);
-        let quantity = if (in_ppb || by_size) && gas != "co2" {
+            unit.is_none() && gas == Gas::Ch4 && self.middle(cell).is_some_and(|v| v > 1000.0);
+        let quantity = if (in_ppb || by_size) && gas != Gas::Co2 {
             ppb
         } else {
             ppm
@@ -470,17 +471,17 @@ impl Planner<'_> {
         let middle = self.middle(cell).unwrap_or(f64::NAN);
         // All air has 400 ppm of CO2 and 1.9 ppm of CH4, whatever a plume adds.
         let name = match quantity.gas() {
-            Some("co2") if (300.0..20_000.0).contains(&middle) => Some("ppm"),
-            Some("co2") if (0.03..2.0).contains(&middle) => Some("%"),
-            Some("ch4") if (1.5..100.0).contains(&middle) => Some("ppm"),
-            Some("ch4") if (1500.0..100_000.0).contains(&middle) => Some("ppb"),
+            Some(Gas::Co2) if (300.0..20_000.0).contains(&middle) => Some("ppm"),
+            Some(Gas::Co2) if (0.03..2.0).contains(&middle) => Some("%"),
+            Some(Gas::Ch4) if (1.5..100.0).contains(&middle) => Some("ppm"),
+            Some(Gas::Ch4) if (1500.0..100_000.0).contains(&middle) => Some("ppb"),
             _ => None,
         };
         let header = self.header(cell).to_owned();
         // What stands in brackets is a unit that is not known (mV), or no unit: then size tells nothing.
         let name = name.filter(|_| self.layout.headers[cell].bracket().is_none());
         let unit = name.and_then(|n| Unit::parse(quantity.dimension, n));
-        let gas = quantity.gas().unwrap_or("");
+        let gas = quantity.gas().map_or("", Gas::as_str);
         let unit = unit.ok_or_else(|| {
             self.error(
                 format!("column \"{header}\": {gas} without a unit that is known"),
@@ -606,7 +607,7 @@ impl Planner<'_> {
         column.missing = stated.map_or_else(Vec::new, |s| s.missing.clone());
         let (factor, offset) = match unit.conversion {
             Conversion::Linear { factor, offset } => (factor, offset),
-            Conversion::Mass { kg_m3 } => (self.ppm_of_mass(quantity, kg_m3, source), 0.0),
+            Conversion::Mass { kg_m3 } => (self.of_mass(quantity, kg_m3, source)?, 0.0),
             Conversion::DegreesMinutesSeconds => {
                 column.reads = Reads::DegreesMinutesSeconds;
                 (1.0, 0.0)
@@ -683,9 +684,24 @@ impl Planner<'_> {
     }
 
     /// Mole fraction in the column's unit of one unit of mass in a volume.
-    fn ppm_of_mass(&mut self, quantity: &Quantity, kg_m3: f64, source: Source) -> f64 {
-        let Dimension::Gas { g_mol, per_ppm } = quantity.dimension else {
-            return f64::NAN;
+    fn of_mass(
+        &mut self,
+        quantity: &Quantity,
+        kg_m3: f64,
+        source: Source,
+    ) -> Result<f64, ImportError> {
+        let Dimension::Gas {
+            gas: Some(gas),
+            unit,
+        } = quantity.dimension
+        else {
+            return Err(self.error(
+                format!(
+                    "{} as mass in a volume, of which gas nobody says",
+                    quantity.name
+                ),
+                "state it in ppm, ppb or %, or skip = true",
+            ));
         };
         let temperature_c = self.map.mass_temperature_c.unwrap_or(MASS_TEMPERATURE_C);
         let pressure_hpa = self.map.mass_pressure_hpa.unwrap_or(MASS_PRESSURE_HPA);
@@ -704,7 +720,7 @@ impl Planner<'_> {
             if is_stated { "" } else { "assumed: " }
         );
         self.said.push(said);
-        kg_m3 / (g_mol / 1000.0) / air.molar_density_mol_m3() * 1e6 * per_ppm
+        Ok(gas.ppm(kg_m3, air) * unit.per_ppm())
     }
 
     fn platform(&mut self) -> Result<Option<usize>, ImportError> {

@@ -147,14 +147,6 @@ fn correlation(track: &Track, model: &DispersionModel, readings: &[f64], turn_de
     let track = track.turned(&vec![turn_deg; track.len()]);
     let mut predicted = vec![0.0; track.len()];
     track.predict(model, &mut predicted);
-    let n = readings.len() as f64;
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / n;
-    let (mean_a, mean_b) = (mean(readings), mean(&predicted));
-    let pairs = readings.iter().zip(&predicted);
-    let [both, aa, bb] = pairs.fold([0.0; 3], |[ab, aa, bb], (a, b)| {
-        let (a, b) = (a - mean_a, b - mean_b);
-        [ab + a * b, aa + a * a, bb + b * b]
-    });
-    let size = (aa * bb).sqrt();
-    if size > 0.0 { both / size } else { 0.0 }
+    let pairs = readings.iter().copied().zip(predicted.iter().copied());
+    plume::score::correlation(pairs).unwrap_or(0.0)
 }

@@ -6,38 +6,9 @@
     reason = "a test may fail by a panic"
 )]
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod program;
 
-const SCENARIO: &str = "../scenarios/as-pontes-steady.toml";
-
-fn plumage(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_plumage"))
-        .args(arguments)
-        .output()
-        .unwrap()
-}
-
-/// An empty folder of this test's own.
-fn folder(name: &str) -> PathBuf {
-    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = std::fs::remove_dir_all(&path);
-    std::fs::create_dir_all(&path).unwrap();
-    path
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
-
-/// Checks for an exit code and words on standard error.
-fn refused(output: &Output, code: i32, words: &[&str]) {
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{told}");
-    for word in words {
-        assert!(told.contains(word), "'{word}' is not in: {told}");
-    }
-}
+use program::{SCENARIO, folder, plumage, refused, text};
 
 #[test]
 fn a_log_is_imported_and_its_mapping_does_it_again() {

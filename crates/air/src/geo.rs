@@ -159,6 +159,13 @@ pub struct Position {
 }
 
 impl Position {
+    /// Straight distance to `other`, m.
+    pub fn distance_m(self, other: Self) -> f64 {
+        self.at
+            .distance_m(other.at)
+            .hypot(self.height_m - other.height_m)
+    }
+
     /// The place `east_m`, `north_m` of the origin at `height_m`.
     pub fn new(east_m: f64, north_m: f64, height_m: f64) -> Self {
         Self {

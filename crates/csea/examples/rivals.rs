@@ -21,8 +21,8 @@ use air::geo::{Enu, Position, wrap_signed_deg};
 use air::isa::Atmosphere;
 use air::wind::WindProfile;
 use csea::{
-    Archive, ArchiveOptions, CsEaOptions, Domain, PlumePrior, STRATEGIES, Sample, Sampler, Unsure,
-    strategy_by_name,
+    Archive, ArchiveOptions, CsEaOptions, Domain, Estimate, PlumePrior, STRATEGIES, Sample,
+    Sampler, strategy_by_name,
 };
 use plume::sigma::Setting;
 use plume::stability::Stability;
@@ -194,18 +194,18 @@ fn prior(case: Case) -> Result<PlumePrior, Error> {
     let towards_deg = air::wind::towards_deg(base.wind.from_deg());
     let axis_sd_deg = if case == Case::Sector { 12.0 } else { 180.0 };
     Ok(PlumePrior {
-        axis_deg: Unsure {
+        axis_deg: Estimate {
             value: towards_deg,
             sd: axis_sd_deg,
         },
-        height_amsl_m: Unsure {
+        height_amsl_m: Estimate {
             value: base.sources[0].effective_height_agl_m,
             sd: 50.0,
         },
         base,
         ln_strength_sd: 0.3,
         ln_spread_sd: 0.2,
-        background_ppm: Unsure {
+        background_ppm: Estimate {
             value: BACKGROUND_PPM,
             sd: 1.0,
         },
@@ -286,12 +286,7 @@ fn search(name: Option<&str>, case: Case, seed: u64) -> Result<Option<usize>, Er
         }
         for (sampler, order) in team.iter_mut().zip(&orders) {
             fly(sampler, *order);
-            let p = sampler.position;
-            if p.at
-                .distance_m(truth.peak.at)
-                .hypot(p.height_m - truth.peak.height_m)
-                < FOUND_M
-            {
+            if sampler.position.distance_m(truth.peak) < FOUND_M {
                 return Ok(Some(second + 1));
             }
         }

@@ -10,6 +10,7 @@
 //! height and spread a shift and a stretch of it. So all of them are worked out by one model, many at a time.
 
 use air::geo::{Enu, Position};
+use infer::Estimate;
 use plume::{DispersionModel, DispersionSpec, Place, PlaceColumns};
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
@@ -36,30 +37,21 @@ const ALL_ROUND_DEG: f64 = 100.0;
 /// Steps at which the nearest allowed place on an axis is looked for, m.
 const AXIS_STEP_M: f64 = 25.0;
 
-/// A number that is not known exactly.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Unsure {
-    /// The likeliest value, or the median.
-    pub value: f64,
-    /// One standard deviation, in the same unit.
-    pub sd: f64,
-}
-
 /// What is known of the plume before the search.
 #[derive(Debug, Clone)]
 pub struct PlumePrior {
     /// The plume as it is supposed to be; of its sources the first counts.
     pub base: DispersionSpec,
     /// Direction towards which its axis runs, degrees; with 100° or more nothing is known of it.
-    pub axis_deg: Unsure,
+    pub axis_deg: Estimate,
     /// Height of the axis, m above mean sea level.
-    pub height_amsl_m: Unsure,
+    pub height_amsl_m: Estimate,
     /// Standard deviation of ln of the strength.
     pub ln_strength_sd: f64,
     /// Standard deviation of ln of the spread across, and in height.
     pub ln_spread_sd: f64,
     /// Background, ppm.
-    pub background_ppm: Unsure,
+    pub background_ppm: Estimate,
     /// Noise of a reading, one standard deviation, ppm.
     pub noise_ppm: f64,
     /// Meander of the axis: one standard deviation, degrees, and how long it lasts, s.
@@ -250,11 +242,7 @@ impl Belief {
         let height_m = lift.clamp(low.height_m, high.height_m);
         let source = self.source();
         let bearing_deg = self.prior.axis_deg.value + guess.turn_deg;
-        let reach_m = [low, high]
-            .iter()
-            .map(|p| p.at.distance_m(source))
-            .fold(0.0, f64::max);
-        let steps = (reach_m / AXIS_STEP_M) as usize;
+        let steps = (domain.reach_m(source) / AXIS_STEP_M) as usize;
         let place = |k: usize| Position {
             at: source.displaced(bearing_deg, AXIS_STEP_M * k as f64),
             height_m,
@@ -263,14 +251,14 @@ impl Belief {
     }
 
     /// Mean and standard deviation of the direction in which the axis runs, degrees, on the circle.
-    pub fn axis_deg(&self) -> Unsure {
+    pub fn axis_deg(&self) -> Estimate {
         let (mut sin, mut cos) = (0.0, 0.0);
         for (guess, weight) in self.guesses.iter().zip(self.weights()) {
             let (s, c) = guess.turn_deg.to_radians().sin_cos();
             (sin, cos) = (sin + weight * s, cos + weight * c);
         }
         let length = sin.hypot(cos).min(1.0);
-        Unsure {
+        Estimate {
             value: air::geo::wrap_deg(self.prior.axis_deg.value + sin.atan2(cos).to_degrees()),
             // Mardia and Jupp (2000), equation 2.3.14.
             sd: (-2.0 * length.ln()).sqrt().to_degrees(),

@@ -6,7 +6,7 @@ use crate::cs_ea::{CsEa, CsEaOptions};
 use crate::domain::Domain;
 use crate::error::CseaError;
 use crate::infotaxis::Infotaxis;
-use crate::legs::{Arcs, Lawnmower};
+use crate::legs::PatternFlight;
 use crate::particle_swarm::ParticleSwarm;
 use crate::posterior::ByPosterior;
 use crate::strategy::SearchStrategy;
@@ -40,8 +40,8 @@ pub fn strategy_by_name(
     let count = options.population;
     Ok(match name {
         "posterior" => Box::new(ByPosterior::new(domain, prior.clone(), count, rng)?),
-        "lawnmower" | "sweep" => Box::new(Lawnmower::new(&domain, prior)),
-        "arcs" => Box::new(Arcs::new(&domain, prior)),
+        "lawnmower" | "sweep" => Box::new(PatternFlight::lawnmower(&domain, prior)),
+        "arcs" => Box::new(PatternFlight::arcs(&domain, prior)),
         "infotaxis" => Box::new(Infotaxis::new(domain, prior.clone(), count, rng)?),
         "particle-swarm" => Box::new(ParticleSwarm::new(domain)),
         "cs-ea" => Box::new(CsEa::new(domain, options)?),

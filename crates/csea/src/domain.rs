@@ -7,7 +7,7 @@ use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 
 use crate::error::CseaError;
-use air::geo::Position;
+use air::geo::{Enu, Position};
 
 /// Random places tried before a domain is called empty.
 const TRIES: usize = 4096;
@@ -99,6 +99,13 @@ impl Domain {
     /// The corner of greatest east, north and height.
     pub fn high(&self) -> Position {
         Position::from_coordinates(self.high)
+    }
+
+    /// How far the farthest corner of the box is from a place, m.
+    pub fn reach_m(&self, from: Enu) -> f64 {
+        let [east_m, north_m] = [(0, from.east_m), (1, from.north_m)]
+            .map(|(axis, c)| (self.low[axis] - c).abs().max((self.high[axis] - c).abs()));
+        east_m.hypot(north_m)
     }
 
     /// A place that is allowed.

@@ -12,7 +12,7 @@ use crate::archive::{Archive, Sample};
 use crate::belief::PlumePrior;
 use crate::domain::Domain;
 use crate::error::CseaError;
-use crate::posterior::{ByPosterior, entropy, flight, off_m};
+use crate::posterior::{ByPosterior, entropy, flight};
 use crate::strategy::{PromisingPoint, Sampler, SearchStrategy};
 
 /// Directions of a move, from the heading, degrees.
@@ -91,7 +91,7 @@ impl SearchStrategy for Infotaxis {
             let told = self.inner.told(&drawn, &flight(sampler.position, to));
             let left_bits = ((DRAWN as f64).ln() - entropy(&told)) / std::f64::consts::LN_2;
             let far_m =
-                peaks.iter().map(|p| off_m(*p, to)).sum::<f64>() / peaks.len().max(1) as f64;
+                peaks.iter().map(|p| p.distance_m(to)).sum::<f64>() / peaks.len().max(1) as f64;
             let cost = (far_m / way_m + (left_bits - 1.0).exp2() - 0.5)
                 .max(f64::MIN_POSITIVE)
                 .log2();

@@ -1,6 +1,6 @@
 //! Patterns that are flown whatever is read: lines that a team shares out.
 //!
-//! [`Lawnmower`]: parallel legs across the wind over the whole box, as in survey flights. [`Arcs`]: arcs about the source
+//! A lawnmower flies parallel legs across the wind over the whole box, as survey flights do; arcs lie about the source
 //! across the wind, near ones first, as plumes of known sources are sampled from roads and aircraft.
 
 use air::geo::{Enu, Position};
@@ -23,12 +23,15 @@ const HEIGHTS_APART_SIGMAS: f64 = 1.0;
 const ARC_SD: f64 = 2.5;
 /// Most lines of a pattern.
 const MOST_LINES: usize = 2000;
+/// Beginnings of lines that a step shows.
+const SHOWN: usize = 12;
 /// Shortest line that is flown, places.
 const LEAST_PLACES: usize = 2;
 
 /// Lines shared out in a team.
 #[derive(Debug)]
-struct Legs {
+pub struct PatternFlight {
+    name: &'static str,
     lines: Vec<Vec<Position>>,
     next: usize,
     /// What each sampler still has before it, the next place last.
@@ -36,53 +39,32 @@ struct Legs {
     points: Vec<PromisingPoint>,
 }
 
-impl Legs {
-    fn new(lines: Vec<Vec<Position>>, domain: &Domain) -> Self {
-        let mut lines: Vec<_> = lines
-            .into_iter()
-            .filter(|l| l.len() >= LEAST_PLACES)
-            .collect();
+impl PatternFlight {
+    /// A lawnmower: legs over `domain` across the axis that `prior` supposes, at the heights between floor and ceiling
+    /// that the spread at the middle of the box asks for.
+    pub fn lawnmower(domain: &Domain, prior: &PlumePrior) -> Self {
+        Self::new("lawnmower", legs(domain, prior), domain)
+    }
+
+    /// Arcs over `domain` about the source of `prior`, as far to both sides of its axis as that may be off, near ones
+    /// first, and of one distance the height that is likeliest.
+    pub fn arcs(domain: &Domain, prior: &PlumePrior) -> Self {
+        Self::new("arcs", arcs(domain, prior), domain)
+    }
+
+    fn new(name: &'static str, mut lines: Vec<Vec<Position>>, domain: &Domain) -> Self {
+        lines.retain(|line| line.len() >= LEAST_PLACES);
         lines.truncate(MOST_LINES);
         if lines.is_empty() {
             lines.push(vec![domain.inside()]);
         }
         Self {
+            name,
             lines,
             next: 0,
             before: Vec::new(),
             points: Vec::new(),
         }
-    }
-
-    /// The beginnings of the next lines.
-    fn step(&mut self) -> &[PromisingPoint] {
-        let lines = self
-            .lines
-            .iter()
-            .cycle()
-            .skip(self.next)
-            .take(self.lines.len().min(12));
-        self.points.clear();
-        self.points.extend(lines.map(|l| PromisingPoint {
-            position: l[0],
-            fitness: 0.0,
-        }));
-        &self.points
-    }
-
-    fn direct(&mut self, sampler: &Sampler) -> Position {
-        let (k, here) = (sampler.id, sampler.position);
-        if self.before.len() <= k {
-            self.before.resize(k + 1, Vec::new());
-        }
-        let reached = |p: &Position| here.at.distance_m(p.at) < REACHED_M;
-        while self.before[k].last().is_some_and(reached) {
-            self.before[k].pop();
-        }
-        if self.before[k].is_empty() {
-            self.before[k] = self.line_from(here.at);
-        }
-        self.before[k].last().copied().unwrap_or(here)
     }
 
     /// The next line, begun at the end that is nearer.
@@ -98,112 +80,88 @@ impl Legs {
     }
 }
 
-/// Parallel legs across the wind.
-#[derive(Debug)]
-pub struct Lawnmower(Legs);
-
-impl Lawnmower {
-    /// Legs over `domain` across the axis that `prior` supposes, at the heights between floor and ceiling that the spread
-    /// at the middle of the box asks for.
-    pub fn new(domain: &Domain, prior: &PlumePrior) -> Self {
-        let (low, high) = (domain.low(), domain.high());
-        let centre = Enu {
-            east_m: 0.5 * (low.at.east_m + high.at.east_m),
-            north_m: 0.5 * (low.at.north_m + high.at.north_m),
-        };
-        let reach_m = 0.5 * low.at.distance_m(high.at);
-        let axis_deg = prior.axis_deg.value;
-        let count = (2.0 * reach_m / APART_M).ceil() as usize;
-        let mut lines = Vec::new();
-        for height_m in heights(domain, prior, 0.5 * reach_m) {
-            for leg in 0..=count {
-                let along_m = leg as f64 * APART_M - reach_m;
-                let middle = centre.displaced(axis_deg, along_m);
-                let places = (2.0 * reach_m / ALONG_M).ceil() as usize;
-                let at = |k: usize| Position {
-                    at: middle.displaced(axis_deg + 90.0, k as f64 * ALONG_M - reach_m),
-                    height_m,
-                };
-                lines.extend(inside(domain, (0..=places).map(at)));
-            }
-        }
-        Self(Legs::new(lines, domain))
-    }
-}
-
-impl SearchStrategy for Lawnmower {
+impl SearchStrategy for PatternFlight {
     fn name(&self) -> &'static str {
-        "lawnmower"
+        self.name
     }
 
+    /// The beginnings of the next lines.
     fn step(&mut self, _archive: &Archive, _rng: &mut ChaCha8Rng) -> &[PromisingPoint] {
-        self.0.step()
+        let next = self.lines.iter().cycle().skip(self.next % self.lines.len());
+        let shown = next.take(self.lines.len().min(SHOWN));
+        self.points.clear();
+        self.points.extend(shown.map(|line| PromisingPoint {
+            position: line[0],
+            fitness: 0.0,
+        }));
+        &self.points
     }
 
     fn population(&self) -> &[PromisingPoint] {
-        &self.0.points
+        &self.points
     }
 
     fn direct(&mut self, sampler: &Sampler, _cone_deg: f64, _rng: &mut ChaCha8Rng) -> Position {
-        self.0.direct(sampler)
+        let (k, here) = (sampler.id, sampler.position);
+        if self.before.len() <= k {
+            self.before.resize(k + 1, Vec::new());
+        }
+        let reached = |p: &Position| here.at.distance_m(p.at) < REACHED_M;
+        while self.before[k].last().is_some_and(reached) {
+            self.before[k].pop();
+        }
+        if self.before[k].is_empty() {
+            self.before[k] = self.line_from(here.at);
+        }
+        self.before[k].last().copied().unwrap_or(here)
     }
+}
+
+/// Legs across the supposed wind over the whole box.
+fn legs(domain: &Domain, prior: &PlumePrior) -> Vec<Vec<Position>> {
+    let (low, high) = (domain.low(), domain.high());
+    let centre = Enu {
+        east_m: 0.5 * (low.at.east_m + high.at.east_m),
+        north_m: 0.5 * (low.at.north_m + high.at.north_m),
+    };
+    let reach_m = domain.reach_m(centre);
+    let axis_deg = prior.axis_deg.value;
+    let count = (2.0 * reach_m / APART_M).ceil() as usize;
+    let places = (2.0 * reach_m / ALONG_M).ceil() as usize;
+    let mut lines = Vec::new();
+    for height_m in heights(domain, prior, 0.5 * reach_m) {
+        for leg in 0..=count {
+            let middle = centre.displaced(axis_deg, leg as f64 * APART_M - reach_m);
+            let at = |k: usize| Position {
+                at: middle.displaced(axis_deg + 90.0, k as f64 * ALONG_M - reach_m),
+                height_m,
+            };
+            lines.extend(inside(domain, (0..=places).map(at)));
+        }
+    }
+    lines
 }
 
 /// Arcs about the source.
-#[derive(Debug)]
-pub struct Arcs(Legs);
-
-impl Arcs {
-    /// Arcs over `domain` about the source of `prior`, as far to both sides of its axis as that may be off, near ones
-    /// first, and of one distance the height that is likeliest.
-    pub fn new(domain: &Domain, prior: &PlumePrior) -> Self {
-        let source = prior
-            .base
-            .sources
-            .first()
-            .map_or(Enu::default(), |s| s.place);
-        let half_deg = (ARC_SD * prior.axis_deg.sd).clamp(5.0, 180.0);
-        let corners = [domain.low(), domain.high()];
-        let reach_m = corners
-            .iter()
-            .map(|p| p.at.distance_m(source))
-            .fold(0.0, f64::max);
-        let mut lines = Vec::new();
-        for ring in 1..=(reach_m / APART_M) as usize {
-            let radius_m = ring as f64 * APART_M;
-            for height_m in heights(domain, prior, radius_m) {
-                let step_deg = (ALONG_M / radius_m).to_degrees();
-                let places = (2.0 * half_deg / step_deg).ceil() as usize;
-                let at = |k: usize| Position {
-                    at: source.displaced(
-                        prior.axis_deg.value - half_deg + k as f64 * step_deg,
-                        radius_m,
-                    ),
-                    height_m,
-                };
-                lines.extend(inside(domain, (0..=places).map(at)));
-            }
+fn arcs(domain: &Domain, prior: &PlumePrior) -> Vec<Vec<Position>> {
+    let first = prior.base.sources.first();
+    let source = first.map_or(Enu::default(), |s| s.place);
+    let half_deg = (ARC_SD * prior.axis_deg.sd).clamp(5.0, 180.0);
+    let from_deg = prior.axis_deg.value - half_deg;
+    let mut lines = Vec::new();
+    for ring in 1..=(domain.reach_m(source) / APART_M) as usize {
+        let radius_m = ring as f64 * APART_M;
+        let step_deg = (ALONG_M / radius_m).to_degrees();
+        let places = (2.0 * half_deg / step_deg).ceil() as usize;
+        for height_m in heights(domain, prior, radius_m) {
+            let at = |k: usize| Position {
+                at: source.displaced(from_deg + k as f64 * step_deg, radius_m),
+                height_m,
+            };
+            lines.extend(inside(domain, (0..=places).map(at)));
         }
-        Self(Legs::new(lines, domain))
     }
-}
-
-impl SearchStrategy for Arcs {
-    fn name(&self) -> &'static str {
-        "arcs"
-    }
-
-    fn step(&mut self, _archive: &Archive, _rng: &mut ChaCha8Rng) -> &[PromisingPoint] {
-        self.0.step()
-    }
-
-    fn population(&self) -> &[PromisingPoint] {
-        &self.0.points
-    }
-
-    fn direct(&mut self, sampler: &Sampler, _cone_deg: f64, _rng: &mut ChaCha8Rng) -> Position {
-        self.0.direct(sampler)
-    }
+    lines
 }
 
 /// Heights of a pattern, the likeliest first: within two standard deviations of the plume's height, and in the domain.

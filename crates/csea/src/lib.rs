@@ -5,7 +5,7 @@
 //! [`Domain`]; each sampler flies to one of those that lie ahead of it ([`choose_within_cone`])
 //! until the next step. Plumage's own strategy is the constrained-sampling evolutionary
 //! algorithm [`CsEa`] (Varela et al. 2014, doi 10.1016/j.neucom.2013.03.060). [`ByPosterior`] flies by a
-//! [`Belief`] of the plume; [`Infotaxis`], [`ParticleSwarm`], [`Lawnmower`], [`Arcs`], [`Ascent`] and
+//! [`Belief`] of the plume; [`Infotaxis`], [`ParticleSwarm`], [`PatternFlight`], [`Ascent`] and
 //! [`RandomPoints`] are rivals behind the same trait, chosen by name with [`strategy_by_name`].
 //!
 //! ```
@@ -45,15 +45,16 @@ mod strategy;
 pub use air::geo::Position;
 pub use archive::{Archive, ArchiveOptions, FieldEstimate, Neighbour, Sample, SmoothingKernel};
 pub use baselines::{Ascent, RandomPoints};
-pub use belief::{Belief, PlumeGuess, PlumePrior, Unsure};
+pub use belief::{Belief, PlumeGuess, PlumePrior};
 pub use by_name::{STRATEGIES, strategy_by_name};
 pub use cone::choose_within_cone;
 pub use cs_ea::{CsEa, CsEaOptions};
 pub use differential_evolution::DifferentialEvolution;
 pub use domain::Domain;
 pub use error::CseaError;
+pub use infer::Estimate;
 pub use infotaxis::Infotaxis;
-pub use legs::{Arcs, Lawnmower};
+pub use legs::PatternFlight;
 pub use particle_swarm::ParticleSwarm;
 pub use posterior::ByPosterior;
 pub use strategy::{PromisingPoint, Sampler, SearchStrategy};

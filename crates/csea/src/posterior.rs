@@ -156,7 +156,7 @@ impl ByPosterior {
             let mut both = classes.clone();
             join(&mut both, &told);
             let end = places.last().copied().unwrap_or(target);
-            let near = |p: &&Option<Position>| p.is_some_and(|p| off_m(p, end) < FOUND_M);
+            let near = |p: &&Option<Position>| p.is_some_and(|p| p.distance_m(end) < FOUND_M);
             let found = self.peaks.iter().filter(near).count() as f64 / self.peaks.len() as f64;
             let nats = entropy(&both) - before + FOUND_NATS * found;
             let score = nats / (ORDER_S + sampler.time_to_s(end));
@@ -167,10 +167,6 @@ impl ByPosterior {
         self.drawn = drawn;
         best.map(|(_, target, told)| (target, told))
     }
-}
-
-pub(crate) fn off_m(a: Position, b: Position) -> f64 {
-    a.at.distance_m(b.at).hypot(a.height_m - b.height_m)
 }
 
 /// Makes of a partition that by another one as well, by the mixing of splitmix64 (Steele, Lea and Flood 2014).

@@ -1,18 +1,12 @@
 //! What the search supposes of the plume: by the scenario, and later by the corrected model.
 
 use air::wind::towards_deg;
-use csea::{PlumePrior, Unsure};
+use csea::{Estimate, PlumePrior};
 use plume::DispersionSpec;
-use protocol::message::{Estimate, Model};
+use protocol::message::{self, Model};
 use scenario::Scenario;
-use scenario::uncertain::Uncertain;
+use scenario::uncertain::{Uncertain, usual};
 
-/// Standard deviations where the scenario states none: of ln of strength and spread, the height, m, and the direction,
-/// degrees. Those of a preliminary estimate.
-const LN_STRENGTH_SD: f64 = 0.4;
-const LN_SPREAD_SD: f64 = 0.3;
-const HEIGHT_SD_M: f64 = 40.0;
-const AXIS_SD_DEG: f64 = 10.0;
 /// How long a meander lasts, s: eddies that move a plume of some hundred metres.
 const MEANDER_S: f64 = 120.0;
 /// Meander about the mean of ten minutes as a part of σθ, whose other part is the plume's own spread.
@@ -29,19 +23,19 @@ pub(crate) fn of(scenario: &Scenario, base: &DispersionSpec) -> PlumePrior {
         _ => None,
     };
     PlumePrior {
-        axis_deg: Unsure {
+        axis_deg: Estimate {
             value: towards_deg(base.wind.from_deg()),
-            sd: sd(Uncertain::WindFrom, AXIS_SD_DEG),
+            sd: sd(Uncertain::WindFrom, usual::AXIS_SD_DEG),
         },
-        height_amsl_m: Unsure {
+        height_amsl_m: Estimate {
             value: base.ground_amsl_m + source.effective_height_agl_m,
-            sd: sd(Uncertain::EffectiveHeight, HEIGHT_SD_M),
+            sd: sd(Uncertain::EffectiveHeight, usual::HEIGHT_SD_M),
         },
         ln_strength_sd: strength_sd
             .filter(|s| s.is_finite())
-            .unwrap_or(LN_STRENGTH_SD),
-        ln_spread_sd: LN_SPREAD_SD,
-        background_ppm: Unsure {
+            .unwrap_or(usual::LN_STRENGTH_SD),
+        ln_spread_sd: usual::LN_SPREAD_SD,
+        background_ppm: Estimate {
             value: base.background_ppm,
             sd: sd(
                 Uncertain::Background,
@@ -61,17 +55,17 @@ pub(crate) fn of(scenario: &Scenario, base: &DispersionSpec) -> PlumePrior {
 
 /// What readings have corrected.
 pub(crate) fn by_model(prior: &mut PlumePrior, model: &Model) {
-    let unsure = |e: &Estimate| Unsure {
+    let believed = |e: &message::Estimate| Estimate {
         value: e.value,
         sd: e.sd,
     };
-    prior.axis_deg = unsure(&model.axis_deg);
-    let height = unsure(&model.effective_height_agl_m);
-    prior.height_amsl_m = Unsure {
+    prior.axis_deg = believed(&model.axis_deg);
+    let height = believed(&model.effective_height_agl_m);
+    prior.height_amsl_m = Estimate {
         value: prior.base.ground_amsl_m + height.value,
         ..height
     };
-    prior.background_ppm = unsure(&model.background_ppm);
+    prior.background_ppm = believed(&model.background_ppm);
     let c_max = &model.c_max_ppm;
     prior.ln_strength_sd = prior
         .ln_strength_sd

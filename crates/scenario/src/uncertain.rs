@@ -74,6 +74,18 @@ impl Uncertain {
     }
 }
 
+/// How far a preliminary flight's estimates are usually off, one standard deviation: of what a scenario does not mark.
+pub mod usual {
+    /// Direction of the plume's axis, degrees.
+    pub const AXIS_SD_DEG: f64 = 10.0;
+    /// Effective height, m.
+    pub const HEIGHT_SD_M: f64 = 40.0;
+    /// ln of the strength.
+    pub const LN_STRENGTH_SD: f64 = 0.4;
+    /// ln of σy and of σz.
+    pub const LN_SPREAD_SD: f64 = 0.3;
+}
+
 impl crate::Scenario {
     /// The prior standard deviation of `parameter`, if the scenario marks it uncertain.
     pub fn prior_sd(&self, parameter: Uncertain) -> Option<f64> {

@@ -3,7 +3,7 @@
 use air::geo::Enu;
 use air::isa::Atmosphere;
 use air::wind::WindProfile;
-use csea::{PlumePrior, Unsure};
+use csea::{Estimate, PlumePrior};
 use plume::sigma::Setting;
 use plume::stability::Stability;
 use plume::{DispersionSpec, Gas, SensorSpec, SourceSpec, Strength};
@@ -38,7 +38,7 @@ pub fn prior(axis_sd_deg: f64) -> PlumePrior {
         mechanisms: Vec::new(),
         sensor: SensorSpec::default(),
     };
-    let unsure = |value: f64, sd: f64| Unsure { value, sd };
+    let unsure = |value: f64, sd: f64| Estimate { value, sd };
     PlumePrior {
         axis_deg: unsure(60.0, axis_sd_deg),
         height_amsl_m: unsure(500.0, 50.0),

@@ -7,6 +7,7 @@ use infer::Prior;
 use nalgebra::{DMatrix, DVector};
 use plume::{DispersionModel, DispersionSpec, Mechanism, MechanismId, Strength};
 use protocol::message::Estimate;
+use scenario::uncertain::usual;
 
 /// What a calibration found.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,11 +41,11 @@ const BACKGROUND_PPM: f64 = 450.0;
 /// far a preliminary flight's estimates are usually off.
 const DEFAULTS: [(MechanismId, f64); 7] = [
     (MechanismId::BackgroundOffset, 5.0),
-    (MechanismId::EffectiveHeightOffset, 40.0),
-    (MechanismId::WindDirectionOffset, 10.0),
-    (MechanismId::EmissionScale, 0.4),
-    (MechanismId::SigmaYScale, 0.3),
-    (MechanismId::SigmaZScale, 0.3),
+    (MechanismId::EffectiveHeightOffset, usual::HEIGHT_SD_M),
+    (MechanismId::WindDirectionOffset, usual::AXIS_SD_DEG),
+    (MechanismId::EmissionScale, usual::LN_STRENGTH_SD),
+    (MechanismId::SigmaYScale, usual::LN_SPREAD_SD),
+    (MechanismId::SigmaZScale, usual::LN_SPREAD_SD),
     (MechanismId::SensorLag, 0.5),
 ];
 /// The same of a sensor that is held against a reference.
@@ -133,11 +134,11 @@ impl Unknowns {
         &self.added_sources
     }
 
-    /// The same at these values of the unknowns; as they were added where `at` is older than they.
+    /// The same at these values of the unknowns.
     pub fn added_sources_at(&self, at: &DVector<f64>) -> Vec<Mechanism> {
         let mut rest = &at.as_slice()[self.list.len()..];
         let of = |source: &Mechanism| {
-            let (own, after) = rest.split_at(rest.len().min(priors_about(source).len()));
+            let (own, after) = rest.split_at(priors_about(source).len());
             rest = after;
             at_coordinates(source, own)
         };

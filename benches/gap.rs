@@ -71,6 +71,8 @@ fn observations(setup: &Setup, seconds: usize) -> Observations {
                 relative_humidity_pct: Some(60.0 + normal()),
                 pressure_hpa: Some(930.0 + 0.1 * normal()),
                 sd_ppm: None,
+                averaging_s: None,
+                line_end: None,
             });
         }
     }

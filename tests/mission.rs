@@ -89,6 +89,8 @@ fn observations(readings: &[Observation]) -> Observations {
             relative_humidity_pct: None,
             pressure_hpa: None,
             sd_ppm: None,
+            averaging_s: None,
+            line_end: None,
         }
     };
     Observations {

@@ -64,6 +64,8 @@
 //!         relative_humidity_pct: None,
 //!         pressure_hpa: None,
 //!         sd_ppm: None,
+//!         averaging_s: None,
+//!         line_end: None,
 //!     }
 //! });
 //! let observations = Observations {

@@ -351,7 +351,8 @@ fn rows(data: &Data) -> Result<Rows, InferError> {
         data.reading_ppm.iter().map(known).collect(),
         data.sd_ppm.clone(),
         data.used.clone(),
-    )
+    )?
+    .averaged_over(data.averaging_s())
 }
 
 /// The highest reading, ppm.

@@ -58,6 +58,8 @@ fn flown(next: &NextFlight, (id, p): (&str, &[(&str, f64)]), seed: u64) -> Vec<O
                 relative_humidity_pct: None,
                 pressure_hpa: None,
                 sd_ppm: None,
+                averaging_s: None,
+                line_end: None,
             });
         }
     }

@@ -90,7 +90,7 @@ use Dimension::{
 };
 
 /// Columns of observations, in the order in which they are written. Time and platform stand before them.
-pub const OBSERVATION: [Quantity; 26] = [
+pub const OBSERVATION: [Quantity; 29] = [
     quantity(
         "lat_deg",
         Place,
@@ -381,6 +381,9 @@ pub const OBSERVATION: [Quantity; 26] = [
         &["sd"],
     ),
     quantity("averaging_s", Duration, 3, &["averaging", "averagingtime"]),
+    quantity("lat2_deg", Place, 9, &["lat2", "latitude2"]),
+    quantity("lon2_deg", Place, 9, &["lon2", "longitude2"]),
+    quantity("alt2_amsl_m", Length, 4, &["alt2amsl"]),
 ];
 
 /// Columns of flights, in the order in which they are written. Time stands before them.

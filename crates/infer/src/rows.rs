@@ -12,6 +12,8 @@ pub struct Rows {
     measured: Vec<f64>,
     stated_sd: Vec<f64>,
     used: Vec<bool>,
+    /// Time of which each reading is the mean, s; empty where all are of a moment.
+    averaging_s: Vec<f64>,
 }
 
 impl Rows {
@@ -69,7 +71,31 @@ impl Rows {
             measured,
             stated_sd,
             used,
+            averaging_s: Vec::new(),
         })
+    }
+
+    /// The same rows whose readings are means over these times, s, of which `time_s` is the middle.
+    ///
+    /// # Errors
+    /// Another number of times than of rows, or one that is negative or not finite.
+    pub fn averaged_over(mut self, averaging_s: Vec<f64>) -> Result<Self, InferError> {
+        if averaging_s.len() != self.len() {
+            return Err(InferError::Rows("columns of different lengths".into()));
+        }
+        if let Some(k) = averaging_s.iter().position(|t| !t.is_finite() || *t < 0.0) {
+            let problem = format!("row {k} is a mean over {} s", averaging_s[k]);
+            return Err(InferError::Rows(problem));
+        }
+        if averaging_s.iter().any(|t| *t > 0.0) {
+            self.averaging_s = averaging_s;
+        }
+        Ok(self)
+    }
+
+    /// Time of which the reading of a row is the mean, s; 0 where it is of a moment.
+    pub fn averaging_s(&self, row: usize) -> f64 {
+        self.averaging_s.get(row).copied().unwrap_or(0.0)
     }
 
     /// Number of rows, used or not.

@@ -240,6 +240,8 @@ mod tests {
             relative_humidity_pct: None,
             pressure_hpa: None,
             sd_ppm: None,
+            averaging_s: None,
+            line_end: None,
         }
     }
 

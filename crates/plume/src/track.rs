@@ -15,6 +15,7 @@ use crate::field::along::RowColumns;
 use crate::field::batch::PlaceColumns;
 use crate::field::{DispersionModel, DispersionSpec, InPlume, Place, Transport, cos_sin, rotate};
 use crate::lag;
+use crate::means::{Means, Span, middles};
 use crate::sample_points::{SamplePoint, SamplePoints};
 
 /// One row of an observation track.
@@ -47,6 +48,8 @@ pub struct Track {
     transport: Vec<Transport>,
     ppm_per_mol_m3: Arc<[f64]>,
     air: Arc<[SensorAir]>,
+    /// What readings are means over, where some are.
+    means: Option<Box<Means>>,
 }
 
 impl Track {
@@ -77,7 +80,36 @@ impl Track {
                 .map(|r| model.ppm_per_mol_m3(r.place.height_agl_m))
                 .collect(),
             air: rows.iter().map(|r| r.air).collect(),
+            means: None,
         })
+    }
+
+    /// The same of rows whose readings are means over `spans`, one for each. A row then stands at the middle of its
+    /// time and line, and has its wind and air in the mean over them.
+    ///
+    /// # Errors
+    /// As of [`Track::new`], and another number of spans than of rows, or a time of a span that is not finite.
+    pub fn of_means(
+        model: &DispersionModel,
+        platforms: &[String],
+        rows: &[Row],
+        spans: &[Span],
+    ) -> Result<Self, PlumeError> {
+        let is_known = |s: &Span| s.averaging_s.is_finite();
+        if spans.len() != rows.len() || !spans.iter().all(is_known) {
+            return Err(PlumeError::Shape {
+                what: "observation track",
+                problem: format!("{} finite spans of {} rows", spans.len(), rows.len()),
+            });
+        }
+        if spans.iter().all(Span::is_a_point) {
+            return Self::new(model, platforms, rows);
+        }
+        ranges(platforms.len(), rows)?;
+        let mut track = Self::new(model, platforms, &middles(rows, spans))?;
+        let means = Means::new(model, &track, rows, spans)?;
+        track.means = Some(Box::new(means));
+        Ok(track)
     }
 
     /// Number of rows.
@@ -124,9 +156,19 @@ impl Track {
         &self.transport
     }
 
-    /// The same, to be replaced by a smoothed one.
+    /// The same, to be replaced by a smoothed one; of means over a time or a line only that of their middles.
     pub fn transport_mut(&mut self) -> &mut [Transport] {
         &mut self.transport
+    }
+
+    /// Lets other winds carry the plume, of which `wind` tells each by place, time and what has carried it there.
+    pub fn carry(&mut self, wind: &mut dyn FnMut(Place, f64, Transport) -> Transport) {
+        for i in 0..self.len() {
+            self.transport[i] = wind(self.place(i), self.time_s[i], self.transport[i]);
+        }
+        if let Some(means) = &mut self.means {
+            means.carry(wind);
+        }
     }
 
     /// How long the air of row `i` has been under way from a place, in the row's wind, s.
@@ -139,6 +181,9 @@ impl Track {
     #[must_use]
     pub fn turned(&self, clockwise_deg: &[f64]) -> Self {
         let mut out = self.clone();
+        if let Some(means) = &mut out.means {
+            **means = means.turned(clockwise_deg);
+        }
         // Mostly all rows turn by the same: one sine and cosine.
         let (mut last_deg, mut turn) = (f64::NAN, (1.0, 0.0));
         for (transport, deg) in out.transport.iter_mut().zip(clockwise_deg) {
@@ -152,6 +197,9 @@ impl Track {
 
     /// Where every row lies in the plume of the first source; none upwind of it.
     pub fn in_first_plume(&self, model: &DispersionModel) -> Vec<Option<InPlume>> {
+        if let Some(means) = &self.means {
+            return means.in_first_plume(model);
+        }
         (0..self.len())
             .map(|i| model.in_first_plume(&self.place(i), self.time_s[i], self.transport[i]))
             .collect()
@@ -170,6 +218,10 @@ impl Track {
         readings: &mut [f64],
         mut plume_part: Option<&mut [f64]>,
     ) {
+        if let Some(means) = &self.means {
+            means.predict(model, readings, plume_part);
+            return;
+        }
         let spec = model.spec();
         for (which, platform) in self.platforms.iter().enumerate() {
             let range = self.ranges[which].clone();

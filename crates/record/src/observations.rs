@@ -108,5 +108,7 @@ fn row(platform: usize, time: SimTime, reading: &Reading) -> ObservationRow {
         relative_humidity_pct: None,
         pressure_hpa: reading.pressure_hpa,
         sd_ppm: None,
+        averaging_s: None,
+        line_end: None,
     }
 }

@@ -95,6 +95,8 @@ impl LiveGap {
             relative_humidity_pct: None,
             pressure_hpa: reading.pressure_hpa,
             sd_ppm: None,
+            averaging_s: None,
+            line_end: None,
         });
         if self.observations.rows.len() > MOST_ROWS {
             self.thin_out();

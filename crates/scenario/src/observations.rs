@@ -3,8 +3,9 @@
 //! Header names are fixed, their order is free. Required columns are `time_s`, `platform`,
 //! `lat_deg`, `lon_deg`, `alt_amsl_m` and the readings of the gas that is asked for, `co2_ppm` or
 //! `co2_ppb` and so on ([`Gas::column`]); optional ones are `wind_speed_m_s`, `wind_from_deg`,
-//! `temperature_c`, `relative_humidity_pct`, `pressure_hpa` and `sd_ppm` or `sd_ppb`. Readings of
-//! other gases are kept aside.
+//! `temperature_c`, `relative_humidity_pct`, `pressure_hpa`, `sd_ppm` or `sd_ppb`, and what a reading is the mean over:
+//! `averaging_s`, a time that ends at `time_s`, and `lat2_deg`, `lon2_deg` and `alt2_amsl_m`, the other end of a straight
+//! line. Readings of other gases are kept aside.
 //! An empty cell, or one that says `nan`, is missing. Any other column is kept as text
 //! ([`Observations::extra`]) and a notice says so.
 //!
@@ -16,8 +17,9 @@
 
 use std::collections::BTreeMap;
 
+use air::geo::{Geodetic, LocalFrame};
 use csv::{ReaderBuilder, StringRecord, Trim, WriterBuilder};
-use plume::{Gas, Unit};
+use plume::{Gas, Place, Span, Unit};
 
 pub mod checks;
 mod error;
@@ -37,14 +39,19 @@ const A_TIME: &str = "a time in seconds as a finite number with a decimal point"
 pub const REQUIRED: [&str; 5] = ["time_s", "platform", "lat_deg", "lon_deg", "alt_amsl_m"];
 
 /// The columns that a file may have.
-pub const OPTIONAL: [&str; 6] = [
+pub const OPTIONAL: [&str; 7] = [
     "wind_speed_m_s",
     "wind_from_deg",
     "temperature_c",
     "relative_humidity_pct",
     "pressure_hpa",
     "sd_ppm",
+    "averaging_s",
 ];
+
+/// The columns of the other end of the line over which readings are means: all three or none.
+pub const LINE_END: [&str; 3] = ["lat2_deg", "lon2_deg", "alt2_amsl_m"];
+const A_LINE: &str = "lat2_deg, lon2_deg and alt2_amsl_m together, or none of them";
 
 /// Place of `sd_ppm` in [`OPTIONAL`].
 const SD: usize = 5;
@@ -52,7 +59,7 @@ const SD: usize = 5;
 pub const SD_PPB: &str = "sd_ppb";
 
 /// One row: a reading, or the place where one is missing.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ObservationRow {
     /// Time shared by all files of one call, s; finite, any zero.
     pub time_s: f64,
@@ -78,6 +85,38 @@ pub struct ObservationRow {
     pub pressure_hpa: Option<f64>,
     /// White 1-sigma noise of `co2_ppm`, ppm.
     pub sd_ppm: Option<f64>,
+    /// Time that ends at `time_s` over which `co2_ppm`, and the wind, are means, s; none of a moment.
+    pub averaging_s: Option<f64>,
+    /// The other end of the straight line from the row's place over which `co2_ppm` is the mean; none of a point.
+    pub line_end: Option<LineEnd>,
+}
+
+/// The other end of a line over which a reading is the mean.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LineEnd {
+    /// WGS84 latitude, degrees.
+    pub lat_deg: f64,
+    /// WGS84 longitude, degrees.
+    pub lon_deg: f64,
+    /// Altitude above mean sea level, m.
+    pub alt_amsl_m: f64,
+}
+
+impl ObservationRow {
+    /// What its reading is the mean over, in the frame of a site.
+    pub fn span(&self, frame: &LocalFrame) -> Span {
+        let end = |end: LineEnd| {
+            let at = Geodetic {
+                lat_deg: end.lat_deg,
+                lon_deg: end.lon_deg,
+            };
+            Place::from_geodetic(frame, at, end.alt_amsl_m)
+        };
+        Span {
+            averaging_s: self.averaging_s.unwrap_or(0.0),
+            to: self.line_end.map(end),
+        }
+    }
 }
 
 /// A column that the contract does not name, as text.
@@ -150,7 +189,8 @@ struct FileJoin {
 struct Columns {
     required: [usize; 5],
     reading: (usize, Unit),
-    optional: [Option<usize>; 6],
+    optional: [Option<usize>; 7],
+    line_end: Option<[usize; 3]>,
     sd_unit: Unit,
     /// (cell of the record, index into the extra columns)
     extra: Vec<(usize, usize)>,
@@ -233,6 +273,20 @@ impl FileJoin {
                 .get(name)
                 .ok_or_else(|| missing_column(file, line, name, self.gas, header))?;
         }
+        if let Some((name, gas)) = header.iter().find_map(|n| Some((n, column_density(n)?))) {
+            return Err(ObservationError::Header {
+                file: file.into(),
+                line,
+                column: name.into(),
+                what: "a mole fraction times a length (ppm m)".into(),
+                expected: format!(
+                    "expected the mean along the line as {}: divide by the line's length in m, and state its ends by \
+                     lat_deg, lon_deg, alt_amsl_m and {}",
+                    gas.column(Unit::Ppm),
+                    LINE_END.join(", ")
+                ),
+            });
+        }
         let place = |file_line: (&str, u64), names| in_one_unit(file_line, names, &at);
         let names = Unit::ALL.map(|unit| self.gas.column(unit));
         let reading = place((file, line), names)?
@@ -240,11 +294,27 @@ impl FileJoin {
         let sd = place((file, line), [OPTIONAL[SD], SD_PPB])?;
         let mut optional = OPTIONAL.map(|name| at.get(name).copied());
         optional[SD] = sd.map(|(cell, _)| cell);
+        let ends = LINE_END.map(|name| at.get(name).copied());
+        let line_end = match ends {
+            [Some(lat), Some(lon), Some(alt)] => Some([lat, lon, alt]),
+            [None, None, None] => None,
+            _ => {
+                let missing = ends.iter().position(Option::is_none).unwrap_or(0);
+                return Err(ObservationError::Header {
+                    file: file.into(),
+                    line,
+                    column: LINE_END[missing].into(),
+                    what: "missing".into(),
+                    expected: format!("expected {A_LINE}"),
+                });
+            }
+        };
         self.unit.get_or_insert(reading.1);
         let mut extra = Vec::new();
         for (cell, name) in header.iter().enumerate() {
             let known = [names[0], names[1], SD_PPB];
-            if REQUIRED.contains(&name) || OPTIONAL.contains(&name) || known.contains(&name) {
+            let fixed = [&REQUIRED[..], &OPTIONAL, &LINE_END, &known].concat();
+            if fixed.contains(&name) {
                 continue;
             }
             let known = self.extra_names.iter().position(|n| n == name);
@@ -268,6 +338,7 @@ impl FileJoin {
             required,
             reading,
             optional,
+            line_end,
             sd_unit: sd.map_or(Unit::Ppm, |(_, unit)| unit),
             extra,
         })
@@ -304,6 +375,7 @@ impl FileJoin {
         let alt_amsl_m = cells.number(alt, "alt_amsl_m", A_NUMBER, tally)?;
         let co2_ppm = cells.ppm((cell, unit), self.gas.column(unit), tally)?;
         let more = cells.optional(columns, tally)?;
+        let line_end = cells.line_end(columns, tally)?;
         let (Some(lat_deg), Some(lon_deg), Some(alt_amsl_m)) = (lat_deg, lon_deg, alt_amsl_m)
         else {
             tally.without_place += 1;
@@ -317,6 +389,7 @@ impl FileJoin {
             relative_humidity_pct,
             pressure_hpa,
             sd_ppm,
+            averaging_s,
         ] = more;
         Ok(Some(ObservationRow {
             time_s,
@@ -331,6 +404,8 @@ impl FileJoin {
             relative_humidity_pct,
             pressure_hpa,
             sd_ppm,
+            averaging_s,
+            line_end,
         }))
     }
 
@@ -461,8 +536,8 @@ impl RecordCells<'_> {
         &self,
         columns: &Columns,
         tally: &mut Tally,
-    ) -> Result<[Option<f64>; 6], ObservationError> {
-        let mut values = [None; 6];
+    ) -> Result<[Option<f64>; 7], ObservationError> {
+        let mut values = [None; 7];
         for (k, cell) in columns.optional.iter().enumerate() {
             if let Some(cell) = *cell {
                 values[k] = match (k, columns.sd_unit) {
@@ -472,6 +547,33 @@ impl RecordCells<'_> {
             }
         }
         Ok(values)
+    }
+
+    /// The other end of the line of a row, if it has one.
+    fn line_end(
+        &self,
+        columns: &Columns,
+        tally: &mut Tally,
+    ) -> Result<Option<LineEnd>, ObservationError> {
+        let Some(cells) = columns.line_end else {
+            return Ok(None);
+        };
+        let mut at = [None; 3];
+        for (k, cell) in cells.into_iter().enumerate() {
+            at[k] = self.number(cell, LINE_END[k], A_NUMBER, tally)?;
+        }
+        match at {
+            [Some(lat_deg), Some(lon_deg), Some(alt_amsl_m)] => Ok(Some(LineEnd {
+                lat_deg,
+                lon_deg,
+                alt_amsl_m,
+            })),
+            [None, None, None] => Ok(None),
+            _ => {
+                let k = at.iter().position(Option::is_none).unwrap_or(0);
+                Err(self.error(cells[k], LINE_END[k], A_LINE))
+            }
+        }
     }
 
     /// The mole fraction in a cell, ppm. The decimal point is moved in the text, so that 1746.333 ppb and
@@ -570,6 +672,19 @@ fn missing_reading(file: &str, line: u64, gas: Gas, header: &StringRecord) -> Ob
     }
 }
 
+/// The gas whose mole fraction times a length a column has, by its name: `ch4_ppm_m`, `CH4 (ppm·m)`.
+fn column_density(name: &str) -> Option<Gas> {
+    let letters = |c: &char| c.is_ascii_alphanumeric();
+    let plain: String = name.to_ascii_lowercase().chars().filter(letters).collect();
+    let of = |gas: &Gas| {
+        let rest = plain.strip_prefix(gas.as_str())?;
+        ["ppmm", "ppbm", "ppmmeter", "ppmmetre"]
+            .contains(&rest)
+            .then_some(*gas)
+    };
+    Gas::ALL.iter().find_map(of)
+}
+
 fn missing_column(
     file: &str,
     line: u64,
@@ -618,20 +733,24 @@ impl Observations {
     /// These observations as CSV text that [`parse`] reads back to the same rows. Optional
     /// columns appear only where some row has them; extra columns come last.
     pub fn to_csv(&self) -> String {
-        let optional: [fn(&ObservationRow) -> Option<f64>; 6] = [
+        let optional: [fn(&ObservationRow) -> Option<f64>; 7] = [
             |r| r.wind_speed_m_s,
             |r| r.wind_from_deg,
             |r| r.temperature_c,
             |r| r.relative_humidity_pct,
             |r| r.pressure_hpa,
             |r| r.sd_ppm,
+            |r| r.averaging_s,
         ];
+        let line: [fn(&LineEnd) -> f64; 3] = [|e| e.lat_deg, |e| e.lon_deg, |e| e.alt_amsl_m];
+        let has_lines = self.rows.iter().any(|r| r.line_end.is_some());
         let present: Vec<usize> = (0..OPTIONAL.len())
             .filter(|&i| self.rows.iter().any(|r| optional[i](r).is_some()))
             .collect();
         let mut header: Vec<&str> = REQUIRED.to_vec();
         header.push(self.gas.column(Unit::Ppm));
         header.extend(present.iter().map(|&i| OPTIONAL[i]));
+        header.extend(LINE_END.iter().filter(|_| has_lines));
         header.extend(self.extra.iter().map(|a| a.name.as_str()));
         // Memory takes every write and every line has the header's length, so nothing is lost
         // by not asking.
@@ -648,6 +767,8 @@ impl Observations {
                 cell_text(row.co2_ppm),
             ];
             cells.extend(present.iter().map(|&i| cell_text(optional[i](row))));
+            let end = |of: &fn(&LineEnd) -> f64| cell_text(row.line_end.as_ref().map(of));
+            cells.extend(line.iter().filter(|_| has_lines).map(end));
             let extra = |a: &ExtraColumn| a.cells.get(index).cloned().unwrap_or_default();
             cells.extend(self.extra.iter().map(extra));
             let _ = out.write_record(&cells);

@@ -2,7 +2,7 @@
 
 use plume::Gas;
 use proptest::prelude::*;
-use scenario::observations::{ObservationError, ObservationRow, Observations, parse};
+use scenario::observations::{LineEnd, ObservationError, ObservationRow, Observations, parse};
 
 const HEADER: &str = "time_s,platform,lat_deg,lon_deg,alt_amsl_m,co2_ppm";
 
@@ -246,11 +246,49 @@ fn times_out_of_order_or_repeated_are_refused() {
     );
 }
 
+#[test]
+fn means_over_a_time_and_a_line_are_read() {
+    let text = format!(
+        "{HEADER},averaging_s,lat2_deg,lon2_deg,alt2_amsl_m\n1,a,43,-7,500,450,300,43.01,-7.01,520\n\
+         2,b,43,-7,500,451,,,,\n"
+    );
+    let read = one(&text).unwrap();
+    assert!(read.notices.is_empty() && read.extra.is_empty(), "{read:?}");
+    let [mean, point] = [read.rows[0], read.rows[1]];
+    assert_eq!(mean.averaging_s, Some(300.0));
+    let end = LineEnd {
+        lat_deg: 43.01,
+        lon_deg: -7.01,
+        alt_amsl_m: 520.0,
+    };
+    assert_eq!(mean.line_end, Some(end));
+    assert_eq!((point.averaging_s, point.line_end), (None, None));
+
+    let half = message(&format!(
+        "{HEADER},lat2_deg,lon2_deg\n1,a,43,-7,500,450,43,-7\n"
+    ));
+    assert!(half.contains("column alt2_amsl_m: missing"), "{half}");
+    let cell = message(&text.replace("-7.01,520", ",520"));
+    assert!(
+        cell.contains("line 2, column lon2_deg") && cell.contains("together"),
+        "{cell}"
+    );
+    for name in ["ch4_ppm_m", "CH4 (ppm·m)", "co2_ppb_m"] {
+        let density = message(&format!("{HEADER},{name}\n1,a,43,-7,500,450,90\n"));
+        assert!(
+            density.contains("divide by the line's length in m"),
+            "{density}"
+        );
+    }
+}
+
 fn observation() -> impl Strategy<Value = ObservationRow> {
     let some = |low: f64, high: f64| proptest::option::of(low..high);
     let place = (0..3_usize, -90.0..90.0, -180.0..180.0, -400.0..9000.0);
     let more = (some(0.0, 90.0), some(0.0, 360.0), some(-40.0, 40.0));
-    let last = (some(0.0, 100.0), some(300.0, 1100.0), some(0.1, 9.0));
+    let line = proptest::option::of((-90.0..90.0, -180.0..180.0, -400.0..9000.0));
+    let mean = (some(0.0, 3600.0), line);
+    let last = (some(0.0, 100.0), some(300.0, 1100.0), some(0.1, 9.0), mean);
     (place, 1.0..2000.0_f64, more, last).prop_map(|(place, co2_ppm, more, last)| ObservationRow {
         time_s: 0.0,
         platform: place.0,
@@ -264,6 +302,12 @@ fn observation() -> impl Strategy<Value = ObservationRow> {
         relative_humidity_pct: last.0,
         pressure_hpa: last.1,
         sd_ppm: last.2,
+        averaging_s: last.3.0,
+        line_end: last.3.1.map(|(lat_deg, lon_deg, alt_amsl_m)| LineEnd {
+            lat_deg,
+            lon_deg,
+            alt_amsl_m,
+        }),
     })
 }
 

@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-use ::plume::Gas;
 use ::plume::effects::SensorAir;
 use ::plume::field::{DispersionModel, DispersionSpec, Place, Strength, Transport};
 use ::plume::mechanism::{Coordinate, Mechanism, MechanismId};
 use ::plume::track::{Row, Track};
+use ::plume::{Gas, Span};
 use air::geo::{Enu, Geodetic, LocalFrame};
 use infer::InferError;
 use scenario::Scenario;
@@ -206,6 +206,8 @@ fn prior(base: &DispersionSpec, which: Uncertain, sd: f64) -> Option<Prior> {
 pub(crate) struct Data {
     pub track: Track,
     rows: Vec<Row>,
+    /// What each reading is the mean over.
+    spans: Vec<Span>,
     /// Readings, ppm; not a number where missing.
     pub reading_ppm: Vec<f64>,
     /// Rows that the fit uses.
@@ -250,7 +252,9 @@ impl Data {
             return Err(nothing("all readings are missing"));
         }
         let world = DispersionModel::new(setup.base.clone())?;
-        let track = Track::new(&world, &observations.platforms, &rows)?;
+        let spans: Vec<Span> = order.iter().map(|o| o.span(&setup.frame)).collect();
+        notices.extend(means_said(&spans));
+        let track = Track::of_means(&world, &observations.platforms, &rows, &spans)?;
         let wind: Vec<_> = rows.iter().map(|r| r.wind).collect();
         let reading_ppm: Vec<f64> = order
             .iter()
@@ -267,6 +271,7 @@ impl Data {
             reading_ppm,
             track,
             rows,
+            spans,
             wind,
             notices,
         })
@@ -283,8 +288,9 @@ impl Data {
             return Ok(None);
         };
         let rows: Vec<Row> = kept.iter().map(|i| self.rows[*i]).collect();
+        let spans: Vec<Span> = kept.iter().map(|i| self.spans[*i]).collect();
         let world = DispersionModel::new(setup.base.clone())?;
-        let mut track = Track::new(&world, self.track.platforms(), &rows)?;
+        let mut track = Track::of_means(&world, self.track.platforms(), &rows, &spans)?;
         for (transport, i) in track.transport_mut().iter_mut().zip(&kept) {
             *transport = self.track.transport()[*i];
         }
@@ -292,6 +298,7 @@ impl Data {
         Ok(Some(Self {
             track,
             rows,
+            spans,
             reading_ppm: pick(&self.reading_ppm),
             used: kept.iter().map(|i| self.used[*i]).collect(),
             sd_ppm: pick(&self.sd_ppm),
@@ -344,12 +351,22 @@ impl Data {
         let platforms = self.track.platforms().len();
         let level_sd = setup.level_sd(scale);
         let spec = &setup.base;
-        let own = own_zeros(spec, platforms, &self.rows, &excess, sensor_sd, level_sd);
+        let middle = |(i, row): (usize, &Row)| Row {
+            place: self.track.place(i),
+            ..*row
+        };
+        let rows: Vec<Row> = self.rows.iter().enumerate().map(middle).collect();
+        let own = own_zeros(spec, platforms, &rows, &excess, sensor_sd, level_sd);
         Ok(own)
     }
 
     pub fn used_count(&self) -> usize {
         self.used.iter().filter(|u| **u).count()
+    }
+
+    /// The time of which each reading is the mean, s.
+    pub fn averaging_s(&self) -> Vec<f64> {
+        self.spans.iter().map(|s| s.averaging_s).collect()
     }
 
     pub fn ranges(&self) -> &[Range<usize>] {
@@ -361,14 +378,6 @@ impl Data {
             .iter()
             .position(|r| r.contains(&row))
             .unwrap_or(0)
-    }
-
-    /// Horizontal distance of every row from a place, m.
-    pub fn distance_m(&self, from: Enu) -> impl Iterator<Item = f64> {
-        (0..self.len()).map(move |i| {
-            let p = self.track.place(i);
-            (p.east_m - from.east_m).hypot(p.north_m - from.north_m)
-        })
     }
 }
 
@@ -454,6 +463,32 @@ fn nothing(problem: &str) -> GapError {
         expected: "rows with time_s, platform, lat_deg, lon_deg, alt_amsl_m and readings"
             .to_string(),
     }
+}
+
+/// What is to be said of readings that are means.
+fn means_said(spans: &[Span]) -> Vec<String> {
+    let over = spans.iter().map(|s| s.averaging_s).filter(|s| *s > 0.0);
+    let (mut least_s, mut most_s, mut count) = (f64::INFINITY, 0.0, 0);
+    for averaging_s in over {
+        (least_s, most_s) = (averaging_s.min(least_s), averaging_s.max(most_s));
+        count += 1;
+    }
+    let mut said = Vec::new();
+    if count > 0 {
+        let time = if least_s == most_s {
+            format!("{most_s} s")
+        } else {
+            format!("{least_s} to {most_s} s")
+        };
+        said.push(format!(
+            "{count} rows are means over the {time} before them, their winds too"
+        ));
+    }
+    let lines = spans.iter().filter(|s| s.to.is_some()).count();
+    if lines > 0 {
+        said.push(format!("{lines} rows are means along straight lines"));
+    }
+    said
 }
 
 fn row(setup: &Setup, o: &ObservationRow) -> Row {

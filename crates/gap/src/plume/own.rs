@@ -50,14 +50,21 @@ pub fn own_zeros(
     sensor_sd: f64,
     level_sd: f64,
 ) -> Vec<Unknown> {
-    let standing: Vec<Option<Place>> = (0..platforms)
-        .map(|p| stands_at(rows.iter().filter(|r| r.platform == p)))
-        .collect();
+    // Of who reads: a mast that logs the wind has no zero.
+    let read_by = |p: usize| {
+        let own = rows.iter().zip(excess);
+        own.filter(move |(r, c)| r.platform == p && c.is_finite())
+            .map(|(r, _)| r)
+    };
+    let standing: Vec<Option<Place>> = (0..platforms).map(|p| stands_at(read_by(p))).collect();
     if standing.iter().flatten().count() < FEWEST {
         return Vec::new();
     }
     let mut out = Vec::new();
     for (platform, at) in standing.into_iter().enumerate() {
+        if read_by(platform).next().is_none() {
+            continue;
+        }
         let of = |id, setting, mean, sd| Unknown {
             id,
             platform: Some(platform),

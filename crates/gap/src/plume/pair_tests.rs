@@ -86,6 +86,8 @@ fn made(of: Made, seed: u64) -> Observations {
                 relative_humidity_pct: None,
                 pressure_hpa: None,
                 sd_ppm: None,
+                averaging_s: None,
+                line_end: None,
             });
         }
     }

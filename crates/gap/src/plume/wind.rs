@@ -195,15 +195,14 @@ pub(crate) fn carrying(setup: &Setup, data: &Data, carried: Option<Carried>) -> 
             let history = History::of(data);
             let source = setup.base.sources[0].place;
             let mut track = data.track.clone();
-            let times: Vec<f64> = track.time_s().to_vec();
-            let ways = data.distance_m(source).zip(times);
-            for (own, (far_m, time_s)) in track.transport_mut().iter_mut().zip(ways) {
+            track.carry(&mut |place, time_s, own| {
+                let far_m = (place.east_m - source.east_m).hypot(place.north_m - source.north_m);
                 let wind = match carried {
                     Carried::About(half_s) => history.about(time_s, half_s),
                     Carried::OnItsWay(half_s) => history.on_its_way(time_s, far_m, half_s),
                 };
-                *own = wind.unwrap_or(*own);
-            }
+                wind.unwrap_or(own)
+            });
             track
         }
     }

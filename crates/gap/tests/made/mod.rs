@@ -110,6 +110,8 @@ pub fn observe_in(mechanisms: &[Hidden<'_>], seed: u64, turns_deg: f64) -> Obser
                 relative_humidity_pct: None,
                 pressure_hpa: None,
                 sd_ppm: None,
+                averaging_s: None,
+                line_end: None,
             });
         }
     }

@@ -34,7 +34,7 @@ use peak::AtCrossing;
 use plume::curtain::{Sample, Site, mass_balance};
 use plume::effects::SensorAir;
 use plume::track::{Row, Track};
-use plume::{DispersionModel, DispersionSpec, MechanismId, Place};
+use plume::{DispersionModel, DispersionSpec, MechanismId, Place, Span};
 use protocol::message::{Estimate, Flux};
 use scenario::Scenario;
 use std::ops::Range;
@@ -68,6 +68,8 @@ struct Moment {
 #[derive(Debug, Clone, Copy)]
 struct AveragedReading {
     row: Row,
+    /// What it was the mean over when it came.
+    span: Span,
     ppm: f64,
 }
 
@@ -194,13 +196,45 @@ impl Calibrator {
         bin.wind = wind;
     }
 
+    /// The same of a reading that is a mean over `span`, which is not averaged further.
+    pub fn observe_mean(
+        &mut self,
+        platform: usize,
+        time_s: f64,
+        (place, span): (Place, Span),
+        wind: Option<(f64, f64)>,
+        ppm: f64,
+    ) {
+        if span.is_a_point() {
+            return self.observe(platform, time_s, place, wind, ppm);
+        }
+        if platform >= self.bins.len() || !time_s.is_finite() || !ppm.is_finite() {
+            return;
+        }
+        self.finish_of(platform);
+        self.taken += 1;
+        let row = Row {
+            platform,
+            time_s,
+            place,
+            wind,
+            air: SensorAir::UNKNOWN,
+        };
+        let last = self.readings[platform].last();
+        if last.is_none_or(|l| l.row.time_s < time_s) {
+            self.readings[platform].push(AveragedReading { row, span, ppm });
+        }
+    }
+
     /// Takes the readings being averaged as they are: no more will come.
     pub fn finish(&mut self) {
-        for platform in 0..self.bins.len() {
-            let bin = std::mem::take(&mut self.bins[platform]);
-            if bin.count > 0.0 {
-                self.readings[platform].push(bin.finish(platform));
-            }
+        (0..self.bins.len()).for_each(|platform| self.finish_of(platform));
+    }
+
+    fn finish_of(&mut self, platform: usize) {
+        let bin = std::mem::take(&mut self.bins[platform]);
+        if bin.count > 0.0 {
+            self.readings[platform].push(bin.finish(platform));
         }
     }
 
@@ -216,7 +250,7 @@ impl Calibrator {
             return Ok(Vec::new());
         }
         let world = DispersionModel::new(self.setup.base.clone())?;
-        let track = Track::new(&world, &self.platforms, &rows)?;
+        let track = self.track(&world, &readings)?;
         let model = PlumeModel::new(&self.setup.base, self.unknowns.list(), &track);
         let clean = model.clean_beforehand()?;
         let excess: Vec<f64> = readings.iter().zip(clean).map(|(r, c)| r.ppm - c).collect();
@@ -385,6 +419,16 @@ impl Calibrator {
         }
     }
 
+    fn track(
+        &self,
+        world: &DispersionModel,
+        readings: &[AveragedReading],
+    ) -> Result<Track, WsError> {
+        let rows: Vec<Row> = readings.iter().map(|r| r.row).collect();
+        let spans: Vec<Span> = readings.iter().map(|r| r.span).collect();
+        Ok(Track::of_means(world, &self.platforms, &rows, &spans)?)
+    }
+
     /// Fits `readings`, where there are any.
     fn fit(
         &mut self,
@@ -395,17 +439,17 @@ impl Calibrator {
         if readings.is_empty() {
             return Ok(());
         }
-        let rows: Vec<Row> = readings.iter().map(|r| r.row).collect();
         let world = DispersionModel::new(self.setup.base.clone())?;
-        let track = Track::new(&world, &self.platforms, &rows)?;
-        let n = rows.len();
+        let track = self.track(&world, readings)?;
+        let n = readings.len();
         let measured = infer::Rows::new(
             track.ranges().to_vec(),
             track.time_s().to_vec(),
             readings.iter().map(|r| r.ppm).collect(),
             vec![f64::NAN; n],
             vec![true; n],
-        )?;
+        )?
+        .averaged_over(readings.iter().map(|r| r.span.averaging_s).collect())?;
         let model = PlumeModel::new(&self.setup.base, self.unknowns.list(), &track)
             .with_unknown(self.unknowns.added_sources());
         let policy = infer::Policy::default();
@@ -684,7 +728,13 @@ impl Calibrator {
             place: r.row.place,
             ppm: r.ppm,
         };
-        let samples: Vec<Sample> = self.readings.iter().flatten().map(sample).collect();
+        // A curtain is flown: means over a time or a line are of no one place.
+        let of_places = self
+            .readings
+            .iter()
+            .flatten()
+            .filter(|r| r.span.is_a_point());
+        let samples: Vec<Sample> = of_places.map(sample).collect();
         let reference = base.wind.turned(self.turn_deg());
         let faster = wind_m_s.value / reference.reference_speed_m_s();
         let wind = |height_agl_m: f64| {
@@ -738,6 +788,7 @@ impl AveragingBin {
                 wind: self.wind,
                 air: SensorAir::UNKNOWN,
             },
+            span: Span::default(),
             ppm: self.ppm / n,
         }
     }

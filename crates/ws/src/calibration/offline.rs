@@ -113,7 +113,8 @@ fn read(
         };
         let place = Place::from_geodetic(&frame, at, row.alt_amsl_m);
         let wind = wind.map(|w| (w.speed_m_s(), w.from_deg()));
-        calibrator.observe(row.platform, row.time_s, place, wind, ppm);
+        let span = row.span(&frame);
+        calibrator.observe_mean(row.platform, row.time_s, (place, span), wind, ppm);
     }
     calibrator.finish();
     Ok(calibrator)

@@ -91,7 +91,8 @@ impl Predicted {
             axis: Vec::new(),
             at: readings
                 .iter()
-                .map(|r| (r.row.platform, r.row.time_s))
+                .zip(track.time_s())
+                .map(|(r, time_s)| (r.row.platform, *time_s))
                 .collect(),
             read: rows
                 .map(|((r, reading), plume)| r.ppm - (reading - plume))

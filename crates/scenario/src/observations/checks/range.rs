@@ -62,6 +62,12 @@ pub(super) const A_HUMIDITY: Range = range(
 );
 pub(super) const A_PRESSURE: Range =
     range(1.0, 1200.0, "a pressure from 1 to 1200 hPa, or nothing");
+/// A day: what is the mean of longer says nothing of a plume.
+pub(super) const AN_AVERAGING: Range = range(
+    0.0,
+    86_400.0,
+    "an averaging time from 0 to 86400 s, or nothing",
+);
 pub(super) const A_SPREAD: Range = range(
     f64::MIN_POSITIVE,
     f64::MAX,

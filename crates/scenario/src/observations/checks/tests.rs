@@ -81,6 +81,8 @@ fn log() -> Observations {
                 relative_humidity_pct: Some(60.0 + noise(2.0)),
                 pressure_hpa: Some(938.0 + noise(0.2)),
                 sd_ppm: Some(3.0),
+                averaging_s: None,
+                line_end: None,
             });
         }
     }

@@ -5,7 +5,7 @@ use plume::{DispersionSpec, Unit};
 use super::super::Observations;
 use super::range::{
     A_DIRECTION, A_HUMIDITY, A_LATITUDE, A_LONGITUDE, A_PRESSURE, A_READING, A_SPEED, A_SPREAD,
-    A_TEMPERATURE, AN_ALTITUDE, Range,
+    A_TEMPERATURE, AN_ALTITUDE, AN_AVERAGING, Range,
 };
 use super::{Flaw, ObservationRow, OfPlatform, middle, quantile};
 
@@ -54,8 +54,13 @@ enum Codes {
     None,
 }
 
+fn without_line(row: &mut ObservationRow) {
+    row.co2_ppm = None;
+    row.line_end = None;
+}
+
 /// The columns of a row.
-const COLUMNS: [Column; 10] = [
+const COLUMNS: [Column; 14] = [
     Column {
         name: "lat_deg",
         range: A_LATITUDE,
@@ -135,6 +140,42 @@ const COLUMNS: [Column; 10] = [
         clear: Some(|r| r.sd_ppm = None),
         codes: Codes::None,
         other: "",
+    },
+    // A reading of which nobody knows over what it is the mean says nothing.
+    Column {
+        name: "averaging_s",
+        range: AN_AVERAGING,
+        get: |r| r.averaging_s,
+        clear: Some(|r| {
+            r.co2_ppm = None;
+            r.averaging_s = None;
+        }),
+        codes: Codes::None,
+        other: "ms?",
+    },
+    Column {
+        name: "lat2_deg",
+        range: A_LATITUDE,
+        get: |r| r.line_end.map(|e| e.lat_deg),
+        clear: Some(without_line),
+        codes: Codes::None,
+        other: "degrees times 1e7, or radians?",
+    },
+    Column {
+        name: "lon2_deg",
+        range: A_LONGITUDE,
+        get: |r| r.line_end.map(|e| e.lon_deg),
+        clear: Some(without_line),
+        codes: Codes::None,
+        other: "degrees times 1e7, or radians?",
+    },
+    Column {
+        name: "alt2_amsl_m",
+        range: AN_ALTITUDE,
+        get: |r| r.line_end.map(|e| e.alt_amsl_m),
+        clear: Some(without_line),
+        codes: Codes::None,
+        other: "mm, or feet?",
     },
 ];
 

@@ -37,6 +37,7 @@ fn world() -> DispersionModel {
             area: None,
             stack_height_m: 356.0,
             effective_height_agl_m: AXIS_M,
+            schedule: None,
             strength: Strength::CMax {
                 excess_ppm: 410.0,
                 distance_m: 2400.0,

@@ -415,12 +415,12 @@ mod tests {
             "alt_amsl_m": 700, "co2_ppm": null, "battery": 3}"#;
         let columns = columns_of_json(line, Gas::Co2).unwrap();
         let cells = cells_of_json(line, &columns).unwrap();
-        assert_eq!(cells, "1.5,\"a,b\",43.4,-7.8,700,,,,,,,");
+        assert_eq!(cells, "1.5,\"a,b\",43.4,-7.8,700,,,,,,,,");
         assert!(cells_of_json("[1]", &columns).is_err());
         assert_eq!(columns_of_json("time_s,platform", Gas::Co2), None);
         // Readings are as the first object names them.
         let ppb = columns_of_json(r#"{"ch4_ppb": 1950, "sd_ppb": 2}"#, Gas::Ch4).unwrap();
-        assert_eq!((ppb[5].as_str(), ppb[11].as_str()), ("ch4_ppb", "sd_ppb"));
+        assert_eq!((ppb[5].as_str(), ppb[12].as_str()), ("ch4_ppb", "sd_ppb"));
     }
 
     #[test]

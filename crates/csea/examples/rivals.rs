@@ -77,6 +77,7 @@ fn supposed() -> Result<DispersionSpec, Error> {
             area: None,
             stack_height_m: 356.0,
             effective_height_agl_m: 486.0,
+            schedule: None,
             strength: Strength::CMax {
                 excess_ppm: 450.0,
                 distance_m: 2400.0,

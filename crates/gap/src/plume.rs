@@ -124,6 +124,8 @@ pub struct Begun {
 const FEWEST_READINGS: usize = 30;
 /// About how many rows are enough to find the plume and its wander.
 pub const ROWS_OF_A_SEARCH: usize = 800;
+/// Most rows that are fitted: what more of them would tell, months of them, costs time and memory in proportion.
+const MOST_ROWS: usize = 20_000;
 /// The same where little time is to be had.
 const ROWS_OF_A_LIVE_SEARCH: usize = 200;
 /// The sensor's noise where the scenario states none, in parts of the smallest difference between
@@ -176,6 +178,7 @@ pub fn analyse_from(
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Analysis, GapError> {
     let (observations, zero_s) = observations.counted_from_near_zero()?;
+    let setup = &setup.counted_from(zero_s);
     let mut of = |before| counted_from_near_zero(before, setup, &observations, options, progress);
     let mut analysis = of(before.filter(|b| b.zero_s == zero_s))?;
     if before.is_some_and(|b| b.is_all) && analysis.json.verdict != Verdict::None {
@@ -214,13 +217,22 @@ fn counted_from_near_zero(
     let mut tell = |part: f64, doing: &'static str| progress(Progress { part, doing });
     tell(0.0, "looking at the raw data");
     let (passed, quality) = gate::passed(setup, observations)?;
-    let data = match passed {
+    let mut data = match passed {
         Some(data) if data.used_count() >= FEWEST_READINGS => data,
         left => {
             let answer = answer::nothing_to_tell(setup, observations, left.as_ref(), quality);
             return Ok(answer);
         }
     };
+    let rows_before = data.len();
+    if let Some(mut part) = data.thinned(setup, MOST_ROWS)? {
+        part.notices.push(format!(
+            "{} of {rows_before} rows are fitted, evenly taken from each platform's",
+            part.len()
+        ));
+        data = part;
+    }
+    let data = data;
     tell(0.05, "fitting the base");
     let rows = rows(&data)?;
     let sensor_sd = sensor_sd(&setup.base, used_readings(&data));

@@ -59,6 +59,11 @@ fn world() -> String {
 /// A log of four sensors round the source, with these zeros and gains, of a row each minute while the wind turns
 /// by 2° each minute.
 fn log(zeros_ppm: [f64; 4], gains: [f64; 4]) -> String {
+    log_of(zeros_ppm, gains, &|_| 1.0)
+}
+
+/// The same of a source whose emission is at each time so many times `EMISSION_KG_S`.
+fn log_of(zeros_ppm: [f64; 4], gains: [f64; 4], emitted: &dyn Fn(f64) -> f64) -> String {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut out = String::from(
         "time_s,platform,lat_deg,lon_deg,alt_amsl_m,ch4_ppm,wind_speed_m_s,wind_from_deg\n",
@@ -71,7 +76,10 @@ fn log(zeros_ppm: [f64; 4], gains: [f64; 4]) -> String {
             let bearing = 90.0 * k as f64;
             let off_deg = (from_deg + 180.0 - bearing + 180.0).rem_euclid(360.0) - 180.0;
             let noise: f64 = StandardNormal.sample(&mut rng);
-            let read = zeros_ppm[k] + gains[k] * plume_ppm(off_deg) + NOISE_PPM * noise;
+            // Air is under way for as long as it takes to where it is read, straight downwind.
+            let left_s = f64::from(60 * minute) - FAR_M * off_deg.to_radians().cos() / SPEED_M_S;
+            let plume = emitted(left_s) * plume_ppm(off_deg);
+            let read = zeros_ppm[k] + gains[k] * plume + NOISE_PPM * noise;
             let (lat, lon) = (40.0 + north_m / 111_035.0, -105.0 + east_m / 85_394.0);
             out += &format!(
                 "{},s{k},{lat},{lon},{SENSOR_M},{read:.4},{SPEED_M_S},{from_deg}\n",
@@ -187,4 +195,49 @@ fn a_laser_that_states_means_tells_the_emission() {
         "{}",
         taken_for_moments.summary
     );
+}
+
+/// On for an hour and off for half of one, in turn, as a release is: 1.5 times the mean, of which the scenario states
+/// twice as much.
+#[test]
+fn a_release_by_a_schedule_is_told_as_a_factor_on_it() {
+    let is_on = |time_s: f64| time_s.max(0.0).rem_euclid(5400.0) < 3600.0;
+    let emitted = |time_s: f64| if is_on(time_s) { 1.5 } else { 0.0 };
+    let rows: Vec<String> = (0..4)
+        .map(|k| format!("[{}, 1.0], [{}, 0.0]", 5400 * k, 5400 * k + 3600))
+        .chain(["[21600, 0.0]".to_owned()])
+        .collect();
+    let stated = format!(
+        "emission_kg_s = {}\nemission_table = [{}]\n",
+        2.0 * EMISSION_KG_S,
+        rows.join(", ")
+    );
+    let text = world().replace(&format!("emission_kg_s = {EMISSION_KG_S}\n"), &stated);
+    let text = text.replace(
+        "\"source.emission_kg_s\" = 0.0003",
+        "\"source.emission_kg_s\" = 0.001",
+    );
+    let zeros = [1.9; 4];
+    let told = |text: &str| {
+        let scenario = Scenario::parse("release", text).unwrap();
+        let setup = Setup::new(&scenario).unwrap();
+        let log = log_of(zeros, [1.0; 4], &emitted);
+        let observations = parse(&[("log", &log)], Gas::Ch4).unwrap();
+        let options = Options::default();
+        analyse(&setup, &observations, &options, &mut |_| ())
+            .unwrap()
+            .json
+    };
+    let json = told(&text);
+    let emission = json.base.iter().find(|b| b.name == "source.emission_kg_s");
+    let emission = emission.unwrap();
+    assert!(
+        (emission.value - EMISSION_KG_S).abs() < 3.0 * emission.sd
+            && emission.sd < 0.1 * EMISSION_KG_S,
+        "{emission:?}"
+    );
+    assert_eq!(json.verdict, Verdict::None, "{}", json.summary);
+    // A steady source of the same mean is none of it.
+    let steady = text.replace("emission_table", "#");
+    assert_ne!(told(&steady).verdict, Verdict::None);
 }

@@ -85,6 +85,16 @@ impl Setup {
             files.borrow_mut().insert(name.to_owned(), bytes.clone());
             Ok(bytes)
         };
+        let text_of = |name: &str| {
+            read(name).and_then(|bytes| String::from_utf8(bytes).map_err(|e| e.to_string()))
+        };
+        scenario
+            .read_emission_series(&text_of)
+            .map_err(|refused| MissionError::File {
+                file: refused.file,
+                why: refused.why,
+                named_by: format!("{} of {file}", refused.key),
+            })?;
         let mut aircraft = BTreeMap::new();
         for vehicle in &scenario.vehicles {
             let name = &vehicle.aircraft;

@@ -171,6 +171,13 @@ impl DispersionModel {
                 SourceTerm::MolarRate(q) => q / speed_m_s * rows.ppm_per_mol_m3[i],
                 SourceTerm::AxisConcentration(s) => s,
             };
+            // An area's cells are so near to its middle that one factor serves all.
+            if let Some(schedule) = &plume.schedule {
+                let along_m = (place.east_m - plume.east_m) * wind.east
+                    + (place.north_m - plume.north_m) * wind.north;
+                let under_way_s = along_m.max(LEAST_DISTANCE_M) / speed_m_s;
+                winds.strength[k] *= schedule.at(rows.time_s[i] - under_way_s);
+            }
         }
     }
 }

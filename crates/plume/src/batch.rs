@@ -152,6 +152,7 @@ impl DispersionModel {
             || e.decay_s > 0.0
             || e.deposition_m_s > 0.0
             || e.emission_trend_h != 0.0
+            || self.plumes.iter().any(|p| p.schedule.is_some())
             || self.reflection.lid_m.is_finite()
             || self.spec.sources.iter().any(|s| s.area.is_some());
         let (curve_y, curve_z) = self.spread.of_one_class()?;

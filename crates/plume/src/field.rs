@@ -17,6 +17,7 @@ use self::reflection::Reflection;
 use crate::area::{AreaSpec, Cell};
 use crate::effects::{DispersionEffects, HOUR_S};
 use crate::mechanism::Mechanism;
+use crate::schedule::Schedule;
 use crate::sensor::SensorSpec;
 use crate::sigma::{Setting, Spread};
 use crate::stability::Stability;
@@ -100,8 +101,10 @@ pub struct SourceSpec {
     pub stack_height_m: f64,
     /// Height at which its plume levels off above ground, m.
     pub effective_height_agl_m: f64,
-    /// How strong it is.
+    /// How strong it is; with a schedule in the mean of its time.
     pub strength: Strength,
+    /// How its emission changes over time; none where it is steady.
+    pub schedule: Option<Schedule>,
 }
 
 /// All that a mean field, and the sensor that reads it, depend on.
@@ -202,6 +205,8 @@ struct Plume {
     speed_ratio: f64,
     source_term: SourceTerm,
     depletion: Option<Arc<Depletion>>,
+    /// Its emission over time, over that of its source term.
+    schedule: Option<Schedule>,
     /// Part of its source's emission.
     share: f64,
     /// Variance across the wind with which the plume begins, m²: that of an area.
@@ -359,6 +364,7 @@ impl DispersionModel {
             },
             source_term,
             depletion: None,
+            schedule: source.schedule.clone(),
             share: 1.0,
             start_var_m2: 0.0,
             cells: 0..0,
@@ -586,7 +592,7 @@ impl DispersionModel {
         for plume in &self.cells {
             let (shape, x, speed) = self.shape_with_losses(plume, place, turned);
             // The air here at time_s passed the source one travel time x/u before.
-            let shape = shape * self.emission_growth(time_s - x / speed);
+            let shape = shape * self.emission_growth(plume, time_s - x / speed);
             match plume.source_term {
                 SourceTerm::MolarRate(strength) => sum.0 += strength * shape / speed,
                 SourceTerm::AxisConcentration(strength) => sum.1 += strength * shape,
@@ -595,13 +601,14 @@ impl DispersionModel {
         sum
     }
 
-    /// Emission of all sources at a time over that at time 0.
+    /// Emission of a source at a time over that which its strength states.
     #[inline]
-    fn emission_growth(&self, emitted_s: f64) -> f64 {
-        match self.effects.emission_trend_h {
+    fn emission_growth(&self, plume: &Plume, emitted_s: f64) -> f64 {
+        let grown = match self.effects.emission_trend_h {
             0.0 => 1.0,
             rate => (rate * emitted_s / HOUR_S).exp(),
-        }
+        };
+        grown * plume.schedule.as_ref().map_or(1.0, |s| s.at(emitted_s))
     }
 
     /// exp() V(z) losses / (σy σz), the distance downwind and the transport speed.

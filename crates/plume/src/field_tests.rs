@@ -20,6 +20,7 @@ pub(crate) fn spec(strength: Strength) -> DispersionSpec {
             area: None,
             stack_height_m: 356.0,
             effective_height_agl_m: 486.0,
+            schedule: None,
             strength,
         }],
         sigma_y_scale: 1.0,

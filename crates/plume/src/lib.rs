@@ -46,6 +46,7 @@
 //!         stack_height_m: 356.0,
 //!         effective_height_agl_m: 486.0,
 //!         strength: Strength::EmissionKgS(352.0),
+//!         schedule: None,
 //!     }],
 //!     sigma_y_scale: 1.0,
 //!     sigma_z_scale: 1.0,
@@ -86,6 +87,7 @@ mod means;
 pub mod mechanism;
 pub mod rise;
 mod sample_points;
+pub mod schedule;
 pub mod score;
 pub mod sensor;
 pub mod sigma;
@@ -100,6 +102,7 @@ pub use field::{DispersionModel, DispersionSpec, InPlume, Place, SourceSpec, Str
 pub use lag::lag_step;
 pub use means::Span;
 pub use mechanism::{Mechanism, MechanismId};
+pub use schedule::Schedule;
 pub use sensor::{Sensor, SensorSpec};
 pub use units::{Gas, Unit};
 

@@ -319,7 +319,7 @@ impl DispersionModel {
                     * per_s
                     * duration(k)
                     * left
-                    * self.emission_growth(time_s - age_s)
+                    * self.emission_growth(plume, time_s - age_s)
                     / (TAU.sqrt() * sigma_y_m * sigma_y_m * sigma_z_m),
                 age_s,
             }

@@ -17,7 +17,7 @@ pub(crate) fn of(scenario: &Scenario, base: &DispersionSpec) -> PlumePrior {
     let sd = |key: Uncertain, default: f64| scenario.prior_sd(key).unwrap_or(default);
     let source = &base.sources[0];
     let table = &scenario.sources[0];
-    let strength_sd = match (table.c_max_ppm, table.emission_kg_s) {
+    let strength_sd = match (table.c_max_ppm, table.mean_emission_kg_s()) {
         (Some(c_max), _) => scenario.prior_sd(Uncertain::CMax).map(|sd| sd / c_max),
         (_, Some(q)) => scenario.prior_sd(Uncertain::Emission).map(|sd| sd / q),
         _ => None,

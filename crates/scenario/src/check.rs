@@ -366,13 +366,15 @@ fn check_source(k: usize, source: &SourceTable) -> Checked {
         "m above ground, 0 to 5000",
     )?;
     check_area(k, source)?;
+    check_schedule(k, source)?;
     match (
         source.emission_kg_s,
         source.c_max_ppm,
         source.c_max_distance_m,
     ) {
         (Some(q), None, None) => within(key("emission_kg_s"), q, 0.0, 1e6, "kg/s, 0 to 1000000"),
-        (None, Some(c), Some(d)) => {
+        (None, None, None) if changes(source) => Ok(()),
+        (None, Some(c), Some(d)) if !changes(source) => {
             within(
                 key("c_max_ppm"),
                 c,
@@ -388,11 +390,9 @@ fn check_source(k: usize, source: &SourceTable) -> Checked {
                 (c, "c_max_ppm"),
                 (d, "c_max_distance_m"),
             ];
-            let found: Vec<&str> = named
-                .iter()
-                .filter(|n| n.0.is_some())
-                .map(|n| n.1)
-                .collect();
+            let series = changes(source).then_some("emission_series or emission_table");
+            let stated = named.iter().filter(|n| n.0.is_some()).map(|n| n.1);
+            let found: Vec<&str> = stated.chain(series).collect();
             let found = if found.is_empty() {
                 "no strength".to_owned()
             } else {
@@ -401,10 +401,40 @@ fn check_source(k: usize, source: &SourceTable) -> Checked {
             Err(Refusal::new(
                 format!("source.{k}"),
                 found,
-                "either emission_kg_s, or c_max_ppm with c_max_distance_m",
+                "either emission_kg_s or emission_series, or c_max_ppm with c_max_distance_m",
             ))
         }
     }
+}
+
+/// Whether a source's emission changes over time.
+fn changes(source: &SourceTable) -> bool {
+    source.emission_series.is_some() || source.emission_table.is_some()
+}
+
+/// One table of what a source emits over time, which is a schedule.
+fn check_schedule(k: usize, source: &SourceTable) -> Checked {
+    if source.emission_series.is_some() && source.emission_table.is_some() {
+        return Err(Refusal::new(
+            format!("source.{k}"),
+            "emission_series with emission_table",
+            "one of them",
+        ));
+    }
+    if source.emission_between.is_some() && !changes(source) {
+        return Err(Refusal::new(
+            format!("source.{k}.emission_between"),
+            "a source whose emission does not change",
+            "emission_series or emission_table with this key",
+        ));
+    }
+    source.schedule().map(|_| ()).map_err(|e| {
+        Refusal::new(
+            format!("source.{k}.emission_table"),
+            e.to_string(),
+            "rows of time, s, which grow, and emission, kg/s, 0 or more",
+        )
+    })
 }
 
 /// What only an area has, and what it cannot have.
@@ -447,7 +477,7 @@ fn check_area(k: usize, source: &SourceTable) -> Checked {
         720.0,
         "degrees, 0 to 360",
     )?;
-    if source.emission_kg_s.is_none() {
+    if source.emission_kg_s.is_none() && !changes(source) {
         return Err(Refusal::new(
             format!("source.{k}"),
             "an area without emission_kg_s",

@@ -61,6 +61,7 @@
 pub mod airspace;
 pub mod calendar;
 pub mod check;
+pub mod emission;
 mod gases;
 mod ground;
 pub mod observations;

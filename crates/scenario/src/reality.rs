@@ -153,11 +153,20 @@ fn merge_sensors(sensors: &mut Vec<Value>, differences: &Value) {
 /// A source given by its emission in one world may be given by its maximum in the other, and a
 /// wind given by a series in one by numbers in the other.
 fn remove_alternative(old: &mut Table, new: &Table) {
-    if new.contains_key("emission_kg_s") {
+    const TABLES: [&str; 2] = ["emission_series", "emission_table"];
+    let changes = TABLES.iter().any(|key| new.contains_key(*key));
+    if new.contains_key("emission_kg_s") || changes {
         old.remove("c_max_ppm");
         old.remove("c_max_distance_m");
     } else if new.contains_key("c_max_ppm") {
         old.remove("emission_kg_s");
+        TABLES.iter().for_each(|key| drop(old.remove(*key)));
+        old.remove("emission_between");
+    }
+    if changes {
+        // Another course of the emission is in kg/s of its own, unless its mean is stated beside it.
+        old.remove("emission_kg_s");
+        TABLES.iter().for_each(|key| drop(old.remove(*key)));
     }
     // A background given in one unit may be given in the other.
     for (gas, unit) in new.keys().filter_map(|key| Gas::of_column(key)) {

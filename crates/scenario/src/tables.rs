@@ -2,6 +2,7 @@
 //!
 //! Every table says what serde `expecting` of it, or the name of its type would stand in messages.
 
+use plume::schedule::Between;
 use plume::sigma::Setting;
 use plume::stability::Stability;
 use plume::{AreaSpec, Gas, Outline, Unit, UnsteadySpec};
@@ -235,9 +236,18 @@ pub struct SourceTable {
     /// Height of the plume's axis above ground, m; the stack's where left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effective_height_m: Option<f64>,
-    /// Emission of the gas, kg/s.
+    /// Emission of the gas, kg/s; where it changes, in the mean of its table's time, which it scales.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emission_kg_s: Option<f64>,
+    /// File of the emission over time: `time_s`, `emission_kg_s`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emission_series: Option<String>,
+    /// The same in place: rows of time since the mission's start, s, and emission, kg/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emission_table: Option<Vec<[f64; 2]>>,
+    /// What holds between two rows; steps where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emission_between: Option<Between>,
     /// Concentration above background on the axis at `c_max_distance_m`, ppm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub c_max_ppm: Option<f64>,

@@ -147,7 +147,7 @@ impl crate::Scenario {
             Uncertain::WindSpeed => self.weather.wind_speed_m_s = amount,
             Uncertain::WindFrom => self.weather.wind_from_deg = air::geo::wrap_deg(value),
             Uncertain::EffectiveHeight => source.effective_height_m = Some(amount),
-            Uncertain::Emission if source.emission_kg_s.is_some() => {
+            Uncertain::Emission if source.mean_emission_kg_s().is_some() => {
                 source.emission_kg_s = Some(amount)
             }
             Uncertain::CMax if source.c_max_ppm.is_some() => source.c_max_ppm = Some(amount),
@@ -197,7 +197,7 @@ impl crate::Scenario {
             Uncertain::WindSpeed => Some(self.weather.wind_speed_m_s),
             Uncertain::WindFrom => Some(self.weather.wind_from_deg),
             Uncertain::EffectiveHeight => Some(source.axis_height_agl_m()),
-            Uncertain::Emission => source.emission_kg_s,
+            Uncertain::Emission => source.mean_emission_kg_s(),
             Uncertain::CMax => source.c_max_ppm,
             Uncertain::Background => Some(self.background.ppm(self.gas())),
             Uncertain::SigmaYScale => Some(self.plume.sigma_y_scale),

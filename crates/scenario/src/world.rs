@@ -138,7 +138,7 @@ impl Scenario {
                 .sources
                 .iter()
                 .map(|s| source_spec(&frame, s))
-                .collect(),
+                .collect::<Result<_, _>>()?,
             sigma_y_scale: self.plume.sigma_y_scale,
             sigma_z_scale: self.plume.sigma_z_scale,
             mechanisms: self.plume_mechanisms()?,
@@ -313,7 +313,14 @@ impl Scenario {
             })?;
         }
         let refuse = |e: WorldError| Refusal::new("site", "this world", format!("another: {e}"));
-        let spec = self.dispersion_spec().map_err(refuse)?;
+        // What a file will say of an emission is checked when it is read.
+        let mut known = self.clone();
+        for source in &mut known.sources {
+            if source.emission_series.take().is_some() {
+                source.emission_kg_s.get_or_insert(0.0);
+            }
+        }
+        let spec = known.dispersion_spec().map_err(refuse)?;
         DispersionModel::new(spec).map_err(|e| refuse(e.into()))?;
         Ok(())
     }
@@ -359,9 +366,15 @@ impl MechanismTable {
     }
 }
 
-fn source_spec(frame: &LocalFrame, source: &SourceTable) -> SourceSpec {
+fn source_spec(frame: &LocalFrame, source: &SourceTable) -> Result<SourceSpec, WorldError> {
+    if let Some(file) = &source.emission_series {
+        return Err(WorldError::Plume(format!(
+            "source {}: emission_series {file} has not been read",
+            source.name
+        )));
+    }
     let strength = match (
-        source.emission_kg_s,
+        source.mean_emission_kg_s(),
         source.c_max_ppm,
         source.c_max_distance_m,
     ) {
@@ -371,7 +384,8 @@ fn source_spec(frame: &LocalFrame, source: &SourceTable) -> SourceSpec {
         },
         (emission, _, _) => Strength::EmissionKgS(emission.unwrap_or_default()),
     };
-    SourceSpec {
+    Ok(SourceSpec {
+        schedule: source.schedule()?,
         name: source.name.clone(),
         gas: source.gas,
         place: frame.to_enu(Geodetic {
@@ -382,5 +396,5 @@ fn source_spec(frame: &LocalFrame, source: &SourceTable) -> SourceSpec {
         stack_height_m: source.stack_height_m,
         effective_height_agl_m: source.axis_height_agl_m(),
         strength,
-    }
+    })
 }

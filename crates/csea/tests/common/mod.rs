@@ -17,6 +17,7 @@ pub fn prior(axis_sd_deg: f64) -> PlumePrior {
         area: None,
         stack_height_m: 356.0,
         effective_height_agl_m: 500.0,
+        schedule: None,
         strength: Strength::CMax {
             excess_ppm: 1400.0,
             distance_m: 2400.0,

@@ -156,6 +156,15 @@ impl Setup {
         stated.chain(self.own.iter().copied()).collect()
     }
 
+    /// The same with what happens by a schedule counted from `zero_s`.
+    pub(crate) fn counted_from(&self, zero_s: f64) -> Self {
+        let mut out = self.clone();
+        for schedule in out.base.sources.iter_mut().flat_map(|s| &mut s.schedule) {
+            *schedule = schedule.counted_from(zero_s);
+        }
+        out
+    }
+
     /// Standard deviation of what a sensor's readings may be off all along beforehand, ppm: background and zero.
     pub(crate) fn level_sd(&self, scale: Scale) -> f64 {
         let stated = self.priors.iter().filter(|p| LEVELS.contains(&p.id));
@@ -263,6 +272,16 @@ impl Data {
         let mut used: Vec<bool> = reading_ppm.iter().map(|c| c.is_finite()).collect();
         if let WindLog::Followed(known) = &wind_log {
             used.iter_mut().zip(known).for_each(|(u, k)| *u &= *k);
+            let source = setup.base.sources[0].place;
+            let astray = logged::on_no_straight_way(&track, &rows, source);
+            let lost = used.iter().zip(&astray).filter(|(u, a)| **u && **a).count();
+            used.iter_mut().zip(&astray).for_each(|(u, a)| *u &= !*a);
+            if lost > 0 {
+                notices.push(format!(
+                    "{lost} readings are left out: the wind that is logged while their air was under way from the \
+                     source blows from anywhere, so that no straight way leads there"
+                ));
+            }
         }
         Ok(Self {
             on_board_wind: wind_log != WindLog::Absent,

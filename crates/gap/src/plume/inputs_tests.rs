@@ -55,13 +55,13 @@ fn a_record_may_count_from_elsewhere() {
 }
 
 #[test]
-fn times_a_month_apart_are_refused() {
+fn times_years_apart_are_refused() {
     let mut far = observe(&[], 3);
     far.rows.last_mut().unwrap().time_s = 1e10;
     let refused = analyse(&setup(), &far, &Options::default(), &mut |_| ());
     let message = refused.unwrap_err().to_string();
     assert!(
-        message.contains("time_s") && message.contains("30 days"),
+        message.contains("time_s") && message.contains("400 days"),
         "{message}"
     );
 }

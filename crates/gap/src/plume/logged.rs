@@ -1,7 +1,8 @@
 //! What is logged beside the readings, wind and air, where it is logged less often than they are.
 
 use ::plume::effects::SensorAir;
-use ::plume::track::Row;
+use ::plume::track::{Row, Track};
+use air::geo::Enu;
 
 /// A row this near in time to a logged wind knows it, s: the smoothing of the log bridges that.
 const WIND_KNOWN_S: f64 = 30.0;
@@ -53,6 +54,41 @@ pub(crate) fn wind_log(rows: &mut [Row], notices: &mut Vec<String>) -> WindLog {
     });
     rows.iter_mut().for_each(|r| r.wind = None);
     WindLog::Absent
+}
+
+/// Standard deviation of the direction on the air's way beyond which no way is straight, degrees: more than in the
+/// most unsteady air (25° in class A, US EPA 2000, table 6-8a) by so much that the air may as well have come back.
+const STRAIGHT_DEG: f64 = 60.0;
+/// Fewest logged winds on a way that tell their scatter.
+const FEWEST_ON_WAY: usize = 3;
+
+/// Which rows have air that is on no straight way from `source`: while it was under way, the wind as all platforms log
+/// it blew from anywhere.
+pub(crate) fn on_no_straight_way(track: &Track, rows: &[Row], source: Enu) -> Vec<bool> {
+    let logged = |i: &usize| rows[*i].wind.is_some();
+    let mut order: Vec<usize> = (0..rows.len()).filter(logged).collect();
+    order.sort_by(|a, b| track.time_s()[*a].total_cmp(&track.time_s()[*b]));
+    let times_s: Vec<f64> = order.iter().map(|i| track.time_s()[*i]).collect();
+    let mut sums = vec![[0.0; 2]];
+    for &i in &order {
+        let [east, north] = sums[sums.len() - 1];
+        let wind = track.transport()[i];
+        sums.push([east + wind.east, north + wind.north]);
+    }
+    let scatters = |i: usize| {
+        let time_s = track.time_s()[i];
+        let from = times_s.partition_point(|t| *t < time_s - track.under_way_s(i, source));
+        let end = times_s.partition_point(|t| *t <= time_s);
+        if end.saturating_sub(from) < FEWEST_ON_WAY {
+            return false;
+        }
+        let [east, north] = [0, 1].map(|k| sums[end][k] - sums[from][k]);
+        // Mardia and Jupp (2000), equation 2.3.11: the circular standard deviation.
+        let length = east.hypot(north) / (end - from) as f64;
+        let sd = (-2.0 * length.clamp(1e-9, 1.0).ln()).sqrt();
+        sd.to_degrees() > STRAIGHT_DEG
+    };
+    (0..rows.len()).map(scatters).collect()
 }
 
 /// Fills in the air at rows without it, straight in time between those of the platform that have it
@@ -137,6 +173,37 @@ mod tests {
         };
         assert_eq!(known.iter().filter(|k| **k).count(), 230);
         assert!(notices[1].starts_with("170 readings"), "{notices:?}");
+    }
+
+    // 600 m in 2 m/s are five minutes: of a wind that turns by 2° a minute they are straight, of one that blows from
+    // anywhere they are not, and 60 m still are.
+    #[test]
+    fn a_way_in_a_wind_from_anywhere_is_not_straight() {
+        let text = "[site]\nlat_deg=40\nlon_deg=-105\nground_amsl_m=0\n[weather]\nwind_exponent=0.0\n\
+            [[source]]\nlat_deg=40\nlon_deg=-105\nemission_kg_s=1\neffective_height_m=2\n";
+        let spec = scenario::Scenario::parse("s", text)
+            .unwrap()
+            .dispersion_spec()
+            .unwrap();
+        let source = spec.sources[0].place;
+        let model = ::plume::DispersionModel::new(spec).unwrap();
+        let told = |far_m: f64, turn_deg: f64| {
+            let wind = |k: usize| Some((2.0, turn_deg * k as f64));
+            let at = |k: usize| Row {
+                place: Place {
+                    east_m: far_m,
+                    north_m: 0.0,
+                    height_agl_m: 2.0,
+                },
+                ..row(60.0 * k as f64, wind(k), 1000.0)
+            };
+            let rows: Vec<Row> = (0..100).map(at).collect();
+            let track = Track::new(&model, &["a".to_owned()], &rows).unwrap();
+            let none = on_no_straight_way(&track, &rows, source);
+            none.iter().filter(|n| **n).count()
+        };
+        assert_eq!([told(600.0, 2.0), told(60.0, 80.0)], [0, 0]);
+        assert!(told(600.0, 80.0) > 90);
     }
 
     #[test]

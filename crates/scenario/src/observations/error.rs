@@ -108,7 +108,7 @@ pub enum ObservationError {
     /// Times too far apart to be those of one record.
     #[error(
         "observations, column time_s: times from {from_s} to {to_s} s; expected one record, in seconds \
-         of one clock, shorter than 30 days"
+         of one clock, shorter than 400 days"
     )]
     TimeSpan {
         /// First time, s, as printed.

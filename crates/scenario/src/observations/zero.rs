@@ -10,15 +10,15 @@ use super::{ObservationError, Observations};
 
 /// A record that begins so much after time 0, or before it, counts from elsewhere, s.
 const NEAR_S: f64 = 3600.0;
-/// A record longer than this is none of one occasion, s: 30 days.
-const LONGEST_S: f64 = 30.0 * 86_400.0;
+/// A record longer than this is none of one occasion, s: 400 days, more than a year of a network.
+const LONGEST_S: f64 = 400.0 * 86_400.0;
 
 impl Observations {
     /// These observations counted from their own beginning where time 0 is not near it, with a notice,
     /// and that beginning in their own time, s; zero where they stay as they are.
     ///
     /// # Errors
-    /// Times that are 30 days and more apart.
+    /// Times that are 400 days and more apart.
     pub fn counted_from_near_zero(&self) -> Result<(Cow<'_, Self>, f64), ObservationError> {
         let times = || self.rows.iter().map(|r| r.time_s);
         let first_s = times().fold(f64::INFINITY, f64::min);

@@ -46,8 +46,10 @@ pub fn calibrate(
     if checked.observations.readings() == 0 {
         return Err(nothing_left(observations, &checked.flaws));
     }
-    let (observations, _) = checked.observations.counted_from_near_zero()?;
+    let (observations, zero_s) = checked.observations.counted_from_near_zero()?;
     let observations = observations.as_ref();
+    let stated = scenario;
+    let scenario = &stated.counted_from(zero_s);
     let mut best: Option<Calibrator> = None;
     // When a sensor is in clean air tells the wind as it was logged.
     let as_logged = read(
@@ -79,7 +81,7 @@ pub fn calibrate(
         calibrator.set_wind_from(from_deg);
     }
     let calibrated = calibrator.calibrated();
-    let corrected = corrected(scenario, &calibrator, &calibrated, observations);
+    let corrected = corrected(stated, &calibrator, &calibrated, observations);
     Ok(OfflineCalibration {
         scenario: corrected,
         calibrated,
@@ -173,8 +175,8 @@ fn corrected(
         ),
         (
             Uncertain::Emission,
-            strength(source.emission_kg_s),
-            strength_sd(source.emission_kg_s),
+            strength(source.mean_emission_kg_s()),
+            strength_sd(source.mean_emission_kg_s()),
         ),
         (
             Uncertain::CMax,

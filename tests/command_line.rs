@@ -345,3 +345,99 @@ fn calibration_writes_a_scenario_that_flies() {
     ]);
     refused(&reference, 2, &["expected one of 6"]);
 }
+
+/// Trials that give one maximum an arc, and an earlier finding by hand: Briggs' vertical spread is half of what
+/// it should be, sure enough. At twice the spread concentrations near the ground are half.
+#[test]
+fn an_extension_is_scored_on_trials_with_maxima_alone_and_one_of_another_kind_refused() {
+    let dir = folder("apply");
+    std::fs::create_dir_all(&dir).unwrap();
+    let write = |name: &str, text: &str| {
+        let path = dir.join(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    };
+    let mut trials = String::from(
+        "trial,source_rate_g_s,source_height_agl_m,wind_speed_m_s,wind_height_m,obukhov_length_m,roughness_length_m\n",
+    );
+    let mut receptors = String::from("trial,east_m,north_m,height_agl_m,concentration_mg_m3\n");
+    for trial in 1..=5 {
+        trials += &format!("{trial},100,0.5,{},2,-30,0.006\n", 4 + trial);
+        for (x_m, c) in [
+            (50, 200.0),
+            (100, 60.0),
+            (200, 16.0),
+            (400, 4.2),
+            (800, 1.1),
+        ] {
+            let c = c / f64::from(4 + trial) * 3.0;
+            receptors += &format!("{trial},0,{x_m},1.5,{c}\n");
+        }
+    }
+    let (trials, receptors) = (
+        write("trials.csv", &trials),
+        write("receptors.csv", &receptors),
+    );
+    let model = |factor: f64| {
+        format!(
+            r#"{{"mechanisms":["sigma-z-scale"],"delta_log_score":9,"delta_log_evidence":8,"probability":1,
+            "held_out_gain":7,"held_out_gain_se":1,"parameters":[{{"mechanism":"sigma-z-scale","name":"factor",
+            "value":{factor},"sd":0.1,"unit":"1"}}]}}"#
+        )
+    };
+    let cause = r#"{"mechanisms":["sigma-z-scale"],"probability":0.99,"platforms":["unstable"],"nats_to_next":null,
+        "evidence":{"delta_log_score":9,"delta_log_evidence":8,"p_value":0.001},
+        "parameters":[{"mechanism":"sigma-z-scale","name":"factor","value":2,"sd":0.1,"unit":"1"}]}"#;
+    let finding = |kind: &str| {
+        format!(r#"{{"schema":"plumage.gap/2","verdict":"named","causes":[{cause}],{kind}}}"#)
+    };
+    let tracer = finding(&format!(
+        r#""tracer":{{"relative_to":[[]],"groups":[{{"group":"unstable","trials":["1","99"],
+        "vertical":[{}],"lateral":[],"lateral_without_azimuth":[]}}]}}"#,
+        model(2.0)
+    ));
+    let of = |name: &str, finding: &str| {
+        let earlier = write(name, finding);
+        let out = dir.join(name.replace(".json", ""));
+        let output = plumage(&[
+            "gap",
+            "tracer",
+            "--receptors",
+            text(&receptors),
+            "--trials",
+            text(&trials),
+            "--apply",
+            text(&earlier),
+            "--out",
+            text(&out),
+        ]);
+        (output, out)
+    };
+    let (refusal, _) = of("flight.json", &finding(r#""flight":{}"#));
+    refused(
+        &refusal,
+        2,
+        &["flight.json", "plumage gap flight", "plumage gap tracer"],
+    );
+    let (output, out) = of("tracer.json", &tracer);
+    let told = String::from_utf8_lossy(&output.stdout);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    for words in [
+        "sigma-z-scale in unstable air",
+        "Fitted to these data: nothing",
+    ] {
+        assert!(told.contains(words), "{words}: {told}");
+    }
+    for words in ["25 of 25 arcs have one sampler", "no hold-out (1)"] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    assert!(!out.join("extended.toml").exists() && out.join("report.html").exists());
+    let json = std::fs::read_to_string(out.join("gap.json")).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let arc = &json["tracer"]["arcs"][4];
+    let ratio =
+        arc["base_max_mg_m3"].as_f64().unwrap() / arc["held_out_max_mg_m3"].as_f64().unwrap();
+    assert!((ratio - 2.0).abs() < 1e-3, "{arc}");
+    assert_eq!(json["applied"]["scores"][0]["what"], "maximum");
+}

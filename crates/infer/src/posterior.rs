@@ -65,6 +65,8 @@ pub struct Posterior {
     parts: Vec<Part>,
     scatter: Scatter,
     layout: Layout,
+    /// Weights of error of form and swing in the mean over the parts.
+    mean_weights: Vec<f64>,
     unknowns: usize,
     ln_evidence: f64,
 }
@@ -431,7 +433,10 @@ impl<M: ForwardModel> Problem<'_, M> {
             return Err(InferError::NoPosterior);
         }
         let scatter = self.scatter(&found, &parts[0])?;
+        let step = mean_step(&parts, layout.tried);
+        let places = layout.weights.iter().zip(&found.fit.point.weights);
         Ok(Posterior {
+            mean_weights: places.map(|(place, w)| w + step[*place]).collect(),
             scatter,
             ln_evidence: found.ln_evidence,
             unknowns: self.unknowns(),
@@ -548,6 +553,11 @@ fn scale_wander(noise: Noise, by: f64) -> Noise {
     }
 }
 
+fn mean_step(parts: &[Part], tried: usize) -> DVector<f64> {
+    let none = DVector::zeros(tried);
+    parts.iter().fold(none, |sum, p| sum + p.weight * &p.step)
+}
+
 impl Posterior {
     /// The fit around which it was made.
     pub fn fit(&self) -> &Fit {
@@ -588,10 +598,7 @@ impl Posterior {
 
     /// Mean of the steps from the fit's point.
     pub(crate) fn step(&self) -> DVector<f64> {
-        let none = DVector::zeros(self.layout.tried);
-        self.parts
-            .iter()
-            .fold(none, |sum, p| sum + p.weight * &p.step)
+        mean_step(&self.parts, self.layout.tried)
     }
 
     /// Covariance of linear functions, row by row, of all columns.
@@ -626,9 +633,10 @@ impl Posterior {
         self.widening(&function)
     }
 
-    /// Turn of the axis at a time, degrees clockwise, as it is most probable.
+    /// Turn of the axis at a time, degrees clockwise, beside the means of the unknowns: what of a steady turn
+    /// the mean lays on the unknown axis it takes from here.
     pub fn turn_deg(&self, time_s: f64) -> f64 {
-        self.fit.basis.turn_deg(time_s, &self.fit.point.weights)
+        self.fit.basis.turn_deg(time_s, &self.mean_weights)
     }
 
     /// Mean turn of the axis at these times, degrees clockwise, with how far it may be off, together with the
@@ -660,7 +668,9 @@ impl Posterior {
         time_s: f64,
         value: impl Fn(&[f64], f64) -> (f64, f64, PlumePlace),
     ) -> f64 {
-        let (rest, plume, place) = value(&self.fit.point.at, self.turn_deg(time_s));
+        let fit = &self.fit;
+        let turn_deg = fit.basis.turn_deg(time_s, &fit.point.weights);
+        let (rest, plume, place) = value(&fit.point.at, turn_deg);
         rest + plume * self.growth(&place).0.factor
     }
 

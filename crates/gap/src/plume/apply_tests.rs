@@ -1,12 +1,9 @@
 //! Causes held against other readings: what helped where it was found helps where it is at work again, hurts
 //! where it is not, and is what the scenario is unsure of no more.
 
-#[path = "../../tests/made/mod.rs"]
-mod made;
-
 use super::*;
 use crate::applied::Outcome;
-use made::{observe, setup};
+use crate::plume::tests::made::{self, observe, setup};
 
 const LAG: made::Hidden<'_> = ("sensor-lag", &[("time_constant_s", 2.5)], &[]);
 

@@ -468,9 +468,9 @@ impl Calibrator {
     }
 
     /// Whether the plume was read and its axis is known well enough that a local search finds the best fit. A fit to
-    /// clean air is sure only of where nobody has been.
+    /// clean air is sure only of where nobody has been, and one that leads away from the plume that was read is lost.
     fn axis_is_located(&self) -> bool {
-        if !self.has_read_a_plume() {
+        if !self.has_read_a_plume() || !self.predicted.shows_a_plume() {
             return false;
         }
         let (estimate, prior) = (&self.covariance, self.unknowns.prior_sd());

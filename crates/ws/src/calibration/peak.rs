@@ -140,7 +140,7 @@ impl Predicted {
 
     /// Whether readings show that there is a plume at all: by how much less they are off with it than
     /// without.
-    fn shows_a_plume(&self) -> bool {
+    pub fn shows_a_plume(&self) -> bool {
         let rows = self.read.iter().zip(&self.plume);
         let gain: f64 = rows.map(|(r, p)| r * r - (r - p) * (r - p)).sum();
         gain > (READ_SD * self.white_ppm).powi(2)

@@ -83,6 +83,12 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
         observations.platforms.len()
     );
     tell_changes(&setup.scenario, &offline.scenario);
+    for (k, platform) in observations.platforms.iter().enumerate() {
+        if let Some(zero) = offline.calibrator.zero_ppm(k) {
+            let label = format!("zero_ppm of {platform}");
+            println!("{label:32} {:.4} ± {:.4}", zero.value, zero.sd);
+        }
+    }
     if let Some(peak) = &peak {
         let digits = gas.digits() + if peak.sd_ppm < 10.0 { 2 } else { 0 };
         println!(
@@ -118,7 +124,8 @@ fn document(
             Some(json!({
                 "platform": platform,
                 "offset_ppm": of(MechanismId::SensorOffset)?,
-                "gain": of(MechanismId::SensorGain)?,
+                "gain": of(MechanismId::SensorGain),
+                "zero_ppm": offline.calibrator.zero_ppm(k),
             }))
         })
         .collect();
@@ -153,8 +160,18 @@ fn tell_changes(before: &Scenario, after: &Scenario) {
         if let (Some(was), Some(is)) = (before.value(key), after.value(key)) {
             let sd = after
                 .prior_sd(key)
-                .map_or(String::new(), |sd| format!(" ± {sd:.3}"));
-            println!("{:32} {was:10.3} -> {is:10.3}{sd}", key.key(after.gas()));
+                .map_or(String::new(), |sd| format!(" ± {}", figure(sd)));
+            let (was, is) = (figure(was), figure(is));
+            println!("{:32} {was:>10} -> {is:>10}{sd}", key.key(after.gas()));
         }
+    }
+}
+
+/// Three decimals, or as many figures of what is smaller.
+fn figure(value: f64) -> String {
+    if value == 0.0 || value.abs() >= 0.1 {
+        format!("{value:.3}")
+    } else {
+        format!("{value:.3e}")
     }
 }

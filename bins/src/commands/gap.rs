@@ -214,6 +214,11 @@ fn tell(json: &gap::verdict::GapJson, platforms: &str, folder: &Path) {
     );
     println!("  {}", json.summary);
     tell_causes(&json.causes, platforms);
+    let own = json.base.iter().filter(|b| b.platform.is_some());
+    for parameter in own {
+        let (label, value, sd) = (parameter.label(), parameter.value, parameter.sd);
+        println!("  {label:32} {value:.4} ± {sd:.4}");
+    }
     println!(
         "Outputs in {}: gap.json, report.html, extended.toml",
         folder.display()

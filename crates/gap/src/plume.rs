@@ -16,6 +16,7 @@ mod gate;
 mod logged;
 mod model;
 mod next_flight;
+mod own;
 mod pair;
 mod report;
 mod residual;
@@ -25,7 +26,8 @@ pub(crate) mod zero;
 pub use apply::apply;
 pub use data::{Prior, Setup, every};
 pub use fixes::without_jitter;
-pub use model::{PlumeModel, Unknown, at_coordinates, plume_place, priors_about};
+pub use model::{LEVELS, PlumeModel, Unknown, at_coordinates, plume_place, priors_about};
+pub use own::{HELD, own_zeros};
 pub use report::{GapReport, Series};
 
 use ::plume::stability::Stability;
@@ -225,6 +227,8 @@ fn counted_from_near_zero(
     let rows = rows(&data)?;
     let sensor_sd = sensor_sd(&setup.base, used_readings(&data));
     let scale = Scale::of(sensor_sd, highest(&data));
+    // In flight vehicles that wait on the ground are no network.
+    let setup = &data.told_of(setup, sensor_sd, scale, options.complete)?;
     let policy = policy_of(setup, &data, &options.policy);
     let question = Question {
         rows: &rows,
@@ -240,6 +244,8 @@ fn counted_from_near_zero(
         rows: &first_rows,
         ..question
     };
+    let alike = |b: &&Begun| b.base.point.at.len() == setup.unknowns().len();
+    let before = before.filter(alike);
     let before = before.filter(|b| b.carried.is_some() == data.on_board_wind);
     let named_before = before.and_then(|b| b.named.as_ref());
     let before = before.filter(|b| b.is_all);

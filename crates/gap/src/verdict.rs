@@ -250,14 +250,25 @@ pub struct NextFlight {
 /// A parameter of the base.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BaseParameter {
-    /// Dotted key of the scenario.
+    /// Dotted key of the scenario; of one sensor of a network `zero_ppm`, what it reads in clean air, or `gain`.
     pub name: String,
+    /// Whose sensor it is of, where it is of one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub platform: Option<String>,
     /// Estimate.
     pub value: f64,
     /// One standard deviation.
     pub sd: f64,
     /// One standard deviation of the prior.
     pub prior: f64,
+}
+
+impl BaseParameter {
+    /// Its name, and whose it is.
+    pub fn label(&self) -> String {
+        let of = |platform: &String| format!("{} of {platform}", self.name);
+        self.platform.as_ref().map_or(self.name.clone(), of)
+    }
 }
 
 /// Where a misfit without a name lives.

@@ -67,6 +67,10 @@ fn main() -> ExitCode {
             methane_in_ppm_and_in_ppb_has_one_answer,
         ),
         on_data(
+            "each_sensor_round_a_metered_leak_has_its_own_zero",
+            each_sensor_round_a_metered_leak_has_its_own_zero,
+        ),
+        on_data(
             "flaws_of_raw_logs_change_no_answer",
             flaws_of_raw_logs_change_no_answer,
         ),
@@ -328,6 +332,43 @@ fn methane_in_ppm_and_in_ppb_has_one_answer(data: &Path) {
         };
         assert_eq!(said(&ppm), said(&ppb), "{name}");
     }
+}
+
+/// Eight methane sensors round a leak of METEC. What each reads in clean air: the tenth percentile of its readings in
+/// minutes when the wind blew more than 60° past it, by Python with numpy (rows with a reading, `off` = wind_from_deg +
+/// 180 - bearing of the sensor from the leak, `numpy.quantile(readings[abs(off) > 60], .1)`).
+fn each_sensor_round_a_metered_leak_has_its_own_zero(data: &Path) {
+    let read =
+        |end: &str| text(data, &format!("field/metec/event.{end}")).replace("co2_ppm", "ch4_ppm");
+    let scenario = Scenario::parse("world", &read("toml")).unwrap();
+    let setup = gap::plume::Setup::new(&scenario).unwrap();
+    let log = parse(&[("log", &read("csv"))], scenario.gas()).unwrap();
+    let options = gap::plume::Options::default();
+    let json = gap::plume::analyse(&setup, &log, &options, &mut |_| ())
+        .unwrap()
+        .json;
+    let known = [
+        ("E", 1.893),
+        ("N", 1.921),
+        ("NE", 1.748),
+        ("NW", 1.800),
+        ("S", 1.680),
+        ("SE", 2.074),
+        ("SW", 2.120),
+        ("W", 1.958),
+    ];
+    for (platform, zero_ppm) in known {
+        let is_its = |b: &&gap::verdict::BaseParameter| {
+            b.name == "zero_ppm" && b.platform.as_deref() == Some(platform)
+        };
+        let found = json.base.iter().find(is_its).unwrap();
+        assert!(
+            (found.value - zero_ppm).abs() < 0.05 && found.sd < 0.05,
+            "{platform}: {found:?}"
+        );
+    }
+    // A leak of 949 g/h in a wind that turns all day: nothing is named.
+    assert_eq!(json.verdict, Verdict::Unexplained, "{}", json.summary);
 }
 
 /// One of a drone's two sensors is late against the other. By least squares on a grid of lags and delays, with an

@@ -8,13 +8,13 @@ use crate::form::{Active, Basis, Growth, SWING, Sizes, precision_of};
 use crate::maximise::maximise;
 use crate::noise::{Loadings, Means, Noise, Whitener, log_likelihood};
 use crate::policy::Policy;
-use crate::rows::{ForwardModel, PlumePlace, Prediction, Prior, Rows};
+use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
+use crate::slopes::slopes;
 use nalgebra::{Cholesky, DVector};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Differences for derivatives: part of a prior's standard deviation, and degrees of the axis.
-const DIFFERENCE_SD: f64 = 1e-3;
+/// Difference for derivatives, degrees of the axis.
 const DIFFERENCE_DEG: f64 = 0.05;
 /// Longest step of a weight, in its own standard deviations.
 const LONGEST_WEIGHT_SD: f64 = 2.0;
@@ -776,20 +776,9 @@ impl<'a, M: ForwardModel> Problem<'a, M> {
         let here = self.model.predict(&point.at, &turns)?;
         let bumps = self.bumps(point, basis, active, &here.plume)?;
         let growth = growth_of(&bumps, active, point, n);
-        let slope = |(k, prior): (usize, &Prior)| -> Result<Vec<f64>, InferError> {
-            let difference = DIFFERENCE_SD * prior.sd.min(1.0 + point.at[k].abs());
-            let mut aside = point.at.clone();
-            aside[k] += difference;
-            let there = self.model.predict(&aside, &turns)?;
-            let change = |i: usize| {
-                let grown = (there.plume[i] - here.plume[i]) * (growth[i].factor - 1.0);
-                (there.reading[i] - here.reading[i] + grown) / difference
-            };
-            Ok((0..n).map(change).collect())
-        };
-        let slopes = self.model.priors().iter().enumerate().map(slope);
+        let slopes = slopes(self.model, &point.at, &turns, &here, |i| growth[i].factor)?;
         Ok(Local {
-            slopes: slopes.collect::<Result<_, _>>()?,
+            slopes,
             misfit: self.misfit(&here, &growth),
             per_form: here
                 .plume

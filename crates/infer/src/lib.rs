@@ -85,6 +85,7 @@ mod passes;
 mod policy;
 mod posterior;
 mod rows;
+mod slopes;
 mod start;
 
 pub use ahead::{Ahead, Believed};

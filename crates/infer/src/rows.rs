@@ -175,6 +175,11 @@ pub trait ForwardModel: Sync {
         0.0
     }
 
+    /// The rows that an unknown moves, where they are not all of them: those of one sensor.
+    fn rows_of(&self, _unknown: usize) -> Option<Range<usize>> {
+        None
+    }
+
     /// Standard deviation of what a sensor's readings may be off all along, in the unit of the readings:
     /// background and zero.
     fn level_sd(&self) -> f64 {

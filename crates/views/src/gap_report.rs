@@ -376,14 +376,7 @@ fn extended(page: &mut Document, json: &GapJson) {
         let rows: Vec<Vec<String>> = json
             .base
             .iter()
-            .map(|b| {
-                vec![
-                    b.name.clone(),
-                    figure(b.value),
-                    figure(b.sd),
-                    figure(b.prior),
-                ]
-            })
+            .map(|b| vec![b.label(), figure(b.value), figure(b.sd), figure(b.prior)])
             .collect();
         page.table(
             "The base, fitted with it.",

@@ -59,6 +59,10 @@ fn main() -> ExitCode {
             one_code_is_said_and_left_out,
         ),
         on_cases("field_data_lose_no_row", field_data_lose_no_row),
+        on_cases(
+            "a_calibrated_network_has_its_zeros_and_no_absurd_name",
+            a_calibrated_network_has_its_zeros_and_no_absurd_name,
+        ),
     ];
     libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
 }
@@ -175,6 +179,37 @@ fn one_code_is_said_and_left_out(cases: &Path) {
         found.data_quality
     );
     assert_eq!(found.calibrator.taken(), 300);
+}
+
+/// The zeros are those of `crates/gap/tests/measured.rs`. With them in the scenario no sensor is said to end its range
+/// at 2 ppm, as one was, that has read 129.
+fn a_calibrated_network_has_its_zeros_and_no_absurd_name(cases: &Path) {
+    let field = cases.parent().unwrap().join("field");
+    let (log, scenario) = of_field(&field, "metec/event.csv", "metec/event.toml");
+    let found = calibrate(&scenario, &log, None).unwrap();
+    let known = [1.893, 1.921, 1.748, 1.800, 1.680, 2.074, 2.120, 1.958];
+    assert_eq!(log.platforms, ["E", "N", "NE", "NW", "S", "SE", "SW", "W"]);
+    for (k, zero_ppm) in known.into_iter().enumerate() {
+        let zero = found.calibrator.zero_ppm(k).unwrap();
+        assert!(
+            (zero.value - zero_ppm).abs() < 0.05 && zero.sd < 0.05,
+            "{}: {zero:?}",
+            log.platforms[k]
+        );
+    }
+    // The air's background is in the zeros: nothing more is known of it.
+    assert!((found.calibrated.background_ppm.sd - 0.2).abs() < 1e-3);
+    let setup = gap::plume::Setup::new(&found.scenario).unwrap();
+    let options = gap::plume::Options::default();
+    let analysis = gap::plume::analyse(&setup, &log, &options, &mut |_| ()).unwrap();
+    let json = analysis.json;
+    assert_eq!(json.verdict, gap::verdict::Verdict::Unexplained);
+    let candidates = json.unexplained.unwrap().candidates;
+    let absurd = |m: &String| m == "sensor-saturation";
+    assert!(
+        !candidates.iter().flat_map(|c| &c.mechanisms).any(absurd),
+        "{candidates:?}"
+    );
 }
 
 fn field_data_lose_no_row(cases: &Path) {

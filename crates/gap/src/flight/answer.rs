@@ -245,6 +245,7 @@ pub fn base(study: &Study<'_>, last: &Linear, set: &[usize]) -> Vec<BaseParamete
         .enumerate()
         .filter(|(_, p)| p.prior_sd.is_none())
         .map(|(j, p)| BaseParameter {
+            platform: None,
             name: p.name.clone(),
             value: values[j],
             sd: covariance[(j, j)].sqrt(),

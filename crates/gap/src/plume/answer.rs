@@ -2,6 +2,7 @@
 
 use ::plume::Gas;
 use ::plume::mechanism::{Coordinate, MechanismId};
+use nalgebra::DMatrix;
 use scenario::observations::Observations;
 
 use infer::{Cause as Named, Found, InferError, SWING};
@@ -9,7 +10,8 @@ use infer::{Cause as Named, Found, InferError, SWING};
 use super::catalogue::Tried;
 use super::data::{Data, Setup, mean_transport};
 use super::gain::{Gained, gain};
-use super::model::{PlumeModel, fitted};
+use super::model::{LEVELS, PlumeModel, Unknown, fitted};
+use super::own::HELD;
 use super::report::{GapReport, report};
 use super::{
     Analysis, Begun, FEWEST_READINGS, FOLLOWED, ONE_DIRECTION_DEG, Options, Study, gate, residual,
@@ -103,7 +105,11 @@ pub(crate) fn stated(
     Ok(Analysis {
         json,
         extension: set.model.mechanisms(&extension),
-        base: base.into_iter().map(|b| (b.name, b.value, b.sd)).collect(),
+        base: base
+            .into_iter()
+            .filter(|b| b.platform.is_none())
+            .map(|b| (b.name, b.value, b.sd))
+            .collect(),
         logged_wind: study.data.on_board_wind.then(|| met_wind(study, set)),
         report: report(study, gained.as_ref()),
         begun: Some(Begun {
@@ -186,7 +192,7 @@ fn distinct(names: impl Iterator<Item = String>) -> Vec<String> {
     out
 }
 
-/// Parameters of the `k`-th name of a set. What the scenario is unsure of and a name move the same
+/// Parameters of the `k`-th name of a set. What is unknown of the base and a name move the same
 /// thing: their sum is stated.
 fn parameters(
     study: &Study<'_>,
@@ -195,15 +201,13 @@ fn parameters(
     mean: &[f64],
     covariance: impl Fn(usize, usize) -> f64,
 ) -> Vec<Parameter> {
-    let part = study.setup.priors.len() + k;
+    let unknowns = study.setup.unknowns();
+    let part = unknowns.len() + k;
     let own: Vec<usize> = set.model.unknowns_of(part).collect();
     let tried = &set.names[k];
     let id = tried.part.id;
-    let stated = study
-        .setup
-        .priors
-        .iter()
-        .position(|p| p.id == id && tried.part.platform.is_none());
+    let moves_it = |u: &Unknown| u.id == id && u.platform == tried.part.platform;
+    let stated = unknowns.iter().position(moves_it);
     let base: Vec<usize> = stated.map_or_else(Vec::new, |p| set.model.unknowns_of(p).collect());
     let mut out = Vec::new();
     for (n, parameter) in fitted(id).enumerate() {
@@ -512,8 +516,11 @@ pub(super) fn base_parameters(
     let wind_from_deg = met_wind(study, set).0;
     let of = |(part, prior): (usize, &super::Prior)| {
         let k = set.model.unknowns_of(part).next();
+        // Of what is held nothing is told.
+        let is_held = !study.setup.own.is_empty() && LEVELS.contains(&prior.id);
+        let widened = if is_held { 1.0 / HELD } else { 1.0 };
         let (at, sd) = k.map_or((f64::NAN, f64::NAN), |k| {
-            (mean[k], covariance[(k, k)].sqrt())
+            (mean[k], widened * covariance[(k, k)].sqrt())
         });
         let log = prior.id.spec().parameters[0].coordinate == Coordinate::Log;
         let (value, sd) = match (log, prior.id) {
@@ -524,13 +531,73 @@ pub(super) fn base_parameters(
         };
         BaseParameter {
             name: prior.key.clone(),
+            platform: None,
             value,
             sd,
             prior: prior.sd,
         }
     };
-    Ok(study.setup.priors.iter().enumerate().map(of).collect())
+    let stated = study.setup.priors.iter().enumerate().map(of);
+    let mut out: Vec<BaseParameter> = stated.collect();
+    out.extend(own_parameters(study, set, mean.as_slice(), &covariance)?);
+    Ok(out)
 }
+
+/// What each sensor of a network has of its own: what it reads in clean air, in the mean over its rows, and its
+/// gain where the readings tell it.
+fn own_parameters(
+    study: &Study<'_>,
+    set: &Found<PlumeModel<'_>>,
+    mean: &[f64],
+    covariance: &DMatrix<f64>,
+) -> Result<Vec<BaseParameter>, InferError> {
+    let setup = study.setup;
+    if setup.own.is_empty() {
+        return Ok(Vec::new());
+    }
+    let levels = set.model.levels(mean)?;
+    let mut slopes = DMatrix::zeros(levels.len(), mean.len());
+    for k in 0..mean.len() {
+        let step = STEP_SD * covariance[(k, k)].sqrt();
+        if step > 0.0 {
+            let mut aside = mean.to_vec();
+            aside[k] += step;
+            for (p, level) in set.model.levels(&aside)?.into_iter().enumerate() {
+                slopes[(p, k)] = (level - levels[p]) / step;
+            }
+        }
+    }
+    let variances = &slopes * covariance * slopes.transpose();
+    let mut out = Vec::new();
+    for (k, own) in setup.own.iter().enumerate() {
+        let Some(p) = own.platform else { continue };
+        let k = setup.priors.len() + k;
+        let parameter = |name: &str, value, sd| BaseParameter {
+            name: name.to_string(),
+            platform: Some(study.data.track.platforms()[p].clone()),
+            value,
+            sd,
+            prior: own.prior.sd,
+        };
+        let sd = covariance[(k, k)].sqrt();
+        match own.id {
+            MechanismId::SensorOffset => {
+                out.push(parameter("zero_ppm", levels[p], variances[(p, p)].sqrt()));
+            }
+            // What is told of a gain is told about as well by what was known beforehand.
+            _ if sd < GAIN_TOLD * own.prior.sd => {
+                out.push(parameter("gain", mean[k].exp(), mean[k].exp() * sd));
+            }
+            _ => {}
+        }
+    }
+    Ok(out)
+}
+
+/// Difference by which slopes of levels are taken, in standard deviations.
+const STEP_SD: f64 = 0.01;
+/// A gain is told where the readings leave less than this part of the standard deviation that it had beforehand.
+const GAIN_TOLD: f64 = 0.5;
 
 /// The answer where too few readings are usable.
 pub(crate) fn nothing_to_tell(
@@ -550,6 +617,7 @@ pub(crate) fn nothing_to_tell(
     notices.push(reason.clone());
     let prior = |p: &super::Prior| BaseParameter {
         name: p.key.clone(),
+        platform: None,
         value: p.value,
         sd: p.sd,
         prior: p.sd,

@@ -35,7 +35,6 @@ pub fn apply(
     let mut tell = |part: f64, doing: &'static str| progress(Progress { part, doing });
     let (observations, zero_s) = observations.counted_from_near_zero()?;
     let (extension, mut notices) = extension(earlier, &observations)?;
-    let extended = extended(setup, &extension);
     tell(0.0, "looking at the raw data");
     let (passed, quality) = gate::passed(setup, &observations)?;
     let data = passed
@@ -46,6 +45,8 @@ pub fn apply(
             expected: format!("at least {FEWEST_READINGS} that pass the checks"),
         })?;
     let records = Records::new(setup, &data, options)?;
+    let setup = &data.told_of(setup, records.sensor_sd, records.scale, true)?;
+    let extended = extended(setup, &extension, data.track.platforms());
     tell(0.1, "fitting the base");
     let carried = records.carried(setup)?;
     let tracks = records.tracks(setup, carried);
@@ -167,15 +168,19 @@ fn mechanism(
     Ok(Mechanism::new(id, &values)?.for_platforms(&cause.platforms))
 }
 
-/// The setup with the extension: what it moves for all platforms is no longer uncertain, since a cause's
-/// parameters hold what the scenario was unsure of as well.
-fn extended(setup: &Setup, extension: &[Mechanism]) -> Setup {
+/// The setup with the extension: what it moves is no longer uncertain, since a cause's parameters hold what
+/// the scenario was unsure of as well.
+fn extended(setup: &Setup, extension: &[Mechanism], platforms: &[String]) -> Setup {
     let mut out = setup.clone();
-    let moves = |id: MechanismId| {
-        let of_all = |m: &&Mechanism| m.id() == id && m.platforms().is_empty();
-        extension.iter().find(of_all).is_some()
+    let moves = |id: MechanismId, of: &[String]| {
+        let mut same = extension.iter().filter(|m| m.id() == id);
+        same.any(|m| m.platforms() == of)
     };
-    out.priors.retain(|p| !moves(p.id));
+    out.priors.retain(|p| !moves(p.id, &[]));
+    out.own.retain(|u| {
+        let own = u.platform.map_or(&[][..], |p| &platforms[p..=p]);
+        !moves(u.id, own)
+    });
     out.base.mechanisms.extend(extension.iter().cloned());
     out
 }
@@ -272,6 +277,9 @@ fn applied(extended: &Setup, gain: &crate::verdict::Gain, from: &str) -> Applied
         scores_in_words(h, &format!("ppm of {}", gas.formula()), 2 + gas.digits())
     );
     let mut fitted: Vec<String> = extended.priors.iter().map(|p| p.key.clone()).collect();
+    if !extended.own.is_empty() {
+        fitted.push("each sensor's own zero and gain".into());
+    }
     fitted.push("noise, error of form and swing".into());
     Applied {
         from: from.to_owned(),

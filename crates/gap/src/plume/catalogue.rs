@@ -6,7 +6,7 @@ use ::plume::mechanism::{Family, MechanismId, Steps};
 use infer::{Catalogue, ForwardModel, InferError, Prediction, Start};
 
 use super::data::Setup;
-use super::model::{Part, PlumeModel, Scale, fitted, neutral};
+use super::model::{LEVELS, Part, PlumeModel, Scale, fitted, neutral};
 
 /// A mechanism that is tried, and a start of its search.
 #[derive(Debug, Clone)]
@@ -78,7 +78,7 @@ pub(crate) fn tried(
     let platforms = model.track().platforms().len();
     let mut out = Vec::new();
     for &id in MechanismId::ALL {
-        if !is_known(setup, model, id) || is_flat(setup, id) {
+        if !is_known(setup, model, id) || is_flat(setup, id) || is_own(setup, id) {
             continue;
         }
         let starts = starts(setup, model, base, world, id);
@@ -149,6 +149,11 @@ fn is_known(setup: &Setup, model: &PlumeModel<'_>, id: MechanismId) -> bool {
 fn is_flat(setup: &Setup, id: MechanismId) -> bool {
     let stated = setup.priors.iter().find(|p| p.id == id);
     stated.is_some_and(|p| p.unknown().prior.sd > FLAT * id.spec().parameters[0].prior_sd)
+}
+
+/// Whether it moves the levels of a network's sensors, whose zeros are fitted, not named.
+fn is_own(setup: &Setup, id: MechanismId) -> bool {
+    !setup.own.is_empty() && LEVELS.contains(&id)
 }
 
 /// Settings and starts of a mechanism.

@@ -8,18 +8,25 @@ use ::plume::field::{DispersionModel, DispersionSpec, Place, Strength, Transport
 use ::plume::mechanism::{Coordinate, Mechanism, MechanismId};
 use ::plume::track::{Row, Track};
 use air::geo::{Enu, Geodetic, LocalFrame};
+use infer::InferError;
 use scenario::Scenario;
 use scenario::observations::{ObservationRow, Observations};
 use scenario::uncertain::Uncertain;
 
 use super::fixes;
 use super::logged::{self, WindLog};
-use super::model::Unknown;
+use super::model::{LEVELS, PlumeModel, Scale, Unknown};
+use super::own::{HELD, own_zeros};
 use crate::GapError;
 
 /// How well logged heights are known, m: where a track touches a lid, one reading would otherwise
 /// tell the lid's height exactly.
 const HEIGHT_SD_M: f64 = 1.0;
+
+/// So many readings above the end of a sensor's range are strays, and so many standard deviations of its noise are
+/// noise.
+const STRAY: usize = 2;
+const READ_SDS: f64 = 4.0;
 
 /// Most platforms of one analysis.
 const MOST_PLATFORMS: usize = 64;
@@ -49,6 +56,7 @@ impl Prior {
         Unknown {
             id: self.id,
             platform: None,
+            setting: None,
             prior: infer::Prior { mean, sd },
         }
     }
@@ -63,6 +71,10 @@ pub struct Setup {
     pub frame: LocalFrame,
     /// What it marks uncertain.
     pub priors: Vec<Prior>,
+    /// Zeros and gains of the sensors of a network, once its readings are known.
+    pub own: Vec<Unknown>,
+    /// What the sensor of each platform has read, ppm, once that is known: its range ends no lower.
+    pub(crate) has_read: Vec<f64>,
     /// Where it lets aircraft fly.
     pub airspace: Airspace,
 }
@@ -125,12 +137,29 @@ impl Setup {
             base,
             frame,
             priors,
+            own: Vec::new(),
+            has_read: Vec::new(),
         })
     }
 
-    /// What the scenario marks uncertain, as unknowns of a model.
+    /// What is unknown of the base: what the scenario marks uncertain, then what sensors of a network have of
+    /// their own.
     pub fn unknowns(&self) -> Vec<Unknown> {
-        self.priors.iter().map(Prior::unknown).collect()
+        let is_held = |u: &Unknown| !self.own.is_empty() && LEVELS.contains(&u.id);
+        let stated = self.priors.iter().map(|p| {
+            let mut unknown = p.unknown();
+            if is_held(&unknown) {
+                unknown.prior.sd *= HELD;
+            }
+            unknown
+        });
+        stated.chain(self.own.iter().copied()).collect()
+    }
+
+    /// Standard deviation of what a sensor's readings may be off all along beforehand, ppm: background and zero.
+    pub(crate) fn level_sd(&self, scale: Scale) -> f64 {
+        let stated = self.priors.iter().filter(|p| LEVELS.contains(&p.id));
+        scale.level_sd(stated.map(|p| p.unknown().prior.sd))
     }
 
     /// Time constant of the sensors as the scenario has it, s.
@@ -269,6 +298,54 @@ impl Data {
             wind: kept.iter().map(|i| self.wind[*i]).collect(),
             ..self.clone()
         }))
+    }
+
+    /// The same setup with what the readings of sensors of this noise say before any fit: how high each has read and,
+    /// if asked, what the sensors of a network have of their own.
+    pub fn told_of(
+        &self,
+        setup: &Setup,
+        sensor_sd: f64,
+        scale: Scale,
+        own: bool,
+    ) -> Result<Setup, InferError> {
+        let own = if own {
+            self.own(setup, sensor_sd, scale)?
+        } else {
+            Vec::new()
+        };
+        let has_read = self.ranges().iter().map(|range| {
+            let mut read: Vec<f64> = range
+                .clone()
+                .filter(|i| self.used[*i])
+                .map(|i| self.reading_ppm[i])
+                .collect();
+            read.sort_by(|a, b| b.total_cmp(a));
+            read.get(STRAY)
+                .map_or(f64::NEG_INFINITY, |c| c - READ_SDS * sensor_sd)
+        });
+        Ok(Setup {
+            own,
+            has_read: has_read.collect(),
+            ..setup.clone()
+        })
+    }
+
+    fn own(&self, setup: &Setup, sensor_sd: f64, scale: Scale) -> Result<Vec<Unknown>, InferError> {
+        let clean = PlumeModel::of(setup, &self.track, scale).clean_beforehand()?;
+        let excess = |i: usize| {
+            if self.used[i] {
+                self.reading_ppm[i] - clean[i]
+            } else {
+                f64::NAN
+            }
+        };
+        let excess: Vec<f64> = (0..self.len()).map(excess).collect();
+        let platforms = self.track.platforms().len();
+        let level_sd = setup.level_sd(scale);
+        let spec = &setup.base;
+        let own = own_zeros(spec, platforms, &self.rows, &excess, sensor_sd, level_sd);
+        Ok(own)
     }
 
     pub fn used_count(&self) -> usize {

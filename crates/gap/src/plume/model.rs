@@ -27,6 +27,8 @@ pub struct Unknown {
     pub id: MechanismId,
     /// Index of the one platform it applies to; none for all.
     pub platform: Option<usize>,
+    /// Value of its second parameter, which is a setting; none for the catalogue's.
+    pub setting: Option<f64>,
     /// What is known of it beforehand.
     pub prior: infer::Prior,
 }
@@ -53,6 +55,8 @@ pub struct PlumeModel<'a> {
     scale: Scale,
     /// How the plume follows a swing.
     swing: Swing,
+    /// What the sensor of each platform has read, where that is known.
+    has_read: &'a [f64],
 }
 
 /// How the plume follows a swing of the wind that no log shows.
@@ -74,6 +78,9 @@ pub struct Scale {
     pub highest: f64,
 }
 
+/// What moves the level of all of a sensor's readings.
+pub const LEVELS: [MechanismId; 2] = [MechanismId::BackgroundOffset, MechanismId::SensorOffset];
+
 /// The noise for which the catalogue's concentrations are meant, ppm.
 const CATALOGUE_NOISE_PPM: f64 = 2.0;
 
@@ -90,6 +97,13 @@ impl Scale {
             factor: sensor_sd / CATALOGUE_NOISE_PPM,
             highest,
         }
+    }
+
+    /// Standard deviation of what a sensor's readings may be off all along, where this much is known of
+    /// background and zeros: of a sensor of this scale.
+    pub(crate) fn level_sd(&self, stated: impl Iterator<Item = f64>) -> f64 {
+        let spec = &MechanismId::SensorOffset.spec().parameters[0];
+        stated.fold(spec.prior_sd * self.on(spec), f64::hypot)
     }
 
     /// Factor on a parameter: of what has concentrations in its unit.
@@ -163,12 +177,17 @@ impl<'a> PlumeModel<'a> {
             aim: None,
             scale: Scale::CATALOGUE,
             swing: Swing::AtOnce,
+            has_read: &[],
         };
         for unknown in unknowns {
+            let mut values = neutral(unknown.id);
+            if let (Some(setting), Some(value)) = (unknown.setting, values.get_mut(1)) {
+                *value = setting;
+            }
             let part = Part {
                 id: unknown.id,
                 platform: unknown.platform,
-                values: neutral(unknown.id),
+                values,
             };
             model.add(part, &[unknown.prior]);
         }
@@ -179,6 +198,7 @@ impl<'a> PlumeModel<'a> {
     pub(crate) fn of(setup: &'a Setup, track: &'a Track, scale: Scale) -> Self {
         Self {
             scale,
+            has_read: &setup.has_read,
             ..Self::new(&setup.base, &setup.unknowns(), track)
         }
     }
@@ -258,7 +278,22 @@ impl<'a> PlumeModel<'a> {
             let spec = &part.id.spec().parameters[unknown.parameter];
             part.values[unknown.parameter] = spec.from_coordinate(*x);
         }
+        for part in parts
+            .iter_mut()
+            .filter(|p| p.id == MechanismId::SensorSaturation)
+        {
+            part.values[0] = part.values[0].max(self.read_by(part.platform));
+        }
         parts
+    }
+
+    /// What the sensor of a platform, or any sensor, has read: no range ends below it.
+    fn read_by(&self, platform: Option<usize>) -> f64 {
+        let of = match platform {
+            Some(p) => self.has_read.get(p..=p).unwrap_or_default(),
+            None => self.has_read,
+        };
+        of.iter().copied().fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// The unknowns of a part: indices among all.
@@ -370,6 +405,32 @@ impl<'a> PlumeModel<'a> {
         Ok(world.mean_ppm(&place, 0.0) - world.background_ppm(&place, 0.0))
     }
 
+    /// What each row reads without the plume, ppm.
+    fn clean(&self, at: &[f64]) -> Result<Vec<f64>, InferError> {
+        let there = self.predict(at, &vec![0.0; self.track.len()])?;
+        let clean = there.reading.iter().zip(&there.plume).map(|(r, p)| r - p);
+        Ok(clean.collect())
+    }
+
+    /// The same where all unknowns are as most probable before any reading.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    pub fn clean_beforehand(&self) -> Result<Vec<f64>, InferError> {
+        let mean: Vec<f64> = self.priors.iter().map(|p| p.mean).collect();
+        self.clean(&mean)
+    }
+
+    /// What each platform's sensor reads without the plume, in the mean over its rows, ppm; not a number of one
+    /// without rows.
+    pub(crate) fn levels(&self, at: &[f64]) -> Result<Vec<f64>, InferError> {
+        let clean = self.clean(at)?;
+        let of = |range: &std::ops::Range<usize>| {
+            clean[range.clone()].iter().sum::<f64>() / range.len() as f64
+        };
+        Ok(self.track.ranges().iter().map(of).collect())
+    }
+
     /// What concentrations of the catalogue are multiplied by.
     pub(crate) fn scale(&self) -> Scale {
         self.scale
@@ -407,6 +468,11 @@ impl ForwardModel for PlumeModel<'_> {
 
     fn ln_strength(&self) -> Option<usize> {
         self.unknown(MechanismId::EmissionScale)
+    }
+
+    fn rows_of(&self, unknown: usize) -> Option<std::ops::Range<usize>> {
+        let platform = self.parts[self.unknowns[unknown].part].platform?;
+        Some(self.track.ranges()[platform].clone())
     }
 
     fn starts(&self) -> Vec<Vec<f64>> {
@@ -469,12 +535,8 @@ impl ForwardModel for PlumeModel<'_> {
     }
 
     fn level_sd(&self) -> f64 {
-        let zero = MechanismId::SensorOffset;
-        let spec = &zero.spec().parameters[0];
-        let own = spec.prior_sd * self.scale.on(spec);
-        let stated = [MechanismId::BackgroundOffset, zero].map(|id| self.unknown(id));
-        let stated = stated.into_iter().flatten().map(|k| self.priors[k].sd);
-        stated.fold(own, f64::hypot)
+        let stated = LEVELS.map(|id| self.unknown(id)).into_iter().flatten();
+        self.scale.level_sd(stated.map(|k| self.priors[k].sd))
     }
 
     fn places(&self, at: &[f64]) -> Result<Vec<PlumePlace>, InferError> {

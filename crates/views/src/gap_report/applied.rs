@@ -156,14 +156,7 @@ fn what(page: &mut Document, json: &GapJson, applied: &Applied) {
     let rows: Vec<Vec<String>> = json
         .base
         .iter()
-        .map(|b| {
-            vec![
-                b.name.clone(),
-                figure(b.value),
-                figure(b.sd),
-                figure(b.prior),
-            ]
-        })
+        .map(|b| vec![b.label(), figure(b.value), figure(b.sd), figure(b.prior)])
         .collect();
     if !rows.is_empty() {
         page.table(

@@ -59,6 +59,7 @@ pub fn json() -> GapJson {
         }),
         base: vec![BaseParameter {
             name: "background.co2_ppm".into(),
+            platform: None,
             value: 448.9,
             sd: 0.1,
             prior: 5.0,

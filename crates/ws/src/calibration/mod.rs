@@ -23,7 +23,9 @@ pub use peak::READ_SD;
 
 use crate::WsError;
 use air::wind::WindVector;
-use gap::plume::{PlumeModel, ROWS_OF_A_SEARCH, Setup, every, plume_place, without_jitter};
+use gap::plume::{
+    PlumeModel, ROWS_OF_A_SEARCH, Setup, Unknown, every, own_zeros, plume_place, without_jitter,
+};
 use infer::{InferError, PlumePlace, Posterior};
 use meander::{Line, Meander};
 use nalgebra::{DMatrix, DVector};
@@ -200,6 +202,63 @@ impl Calibrator {
                 self.readings[platform].push(bin.finish(platform));
             }
         }
+    }
+
+    /// The zeros of the sensors of a network, and gains of those that stand still, by the readings so far and the wind
+    /// that they came with.
+    ///
+    /// # Errors
+    /// The plume model refuses the scenario's values.
+    fn own_zeros(&self) -> Result<Vec<Unknown>, WsError> {
+        let readings: Vec<AveragedReading> = self.readings.iter().flatten().copied().collect();
+        let rows: Vec<Row> = readings.iter().map(|r| r.row).collect();
+        if rows.is_empty() {
+            return Ok(Vec::new());
+        }
+        let world = DispersionModel::new(self.setup.base.clone())?;
+        let track = Track::new(&world, &self.platforms, &rows)?;
+        let model = PlumeModel::new(&self.setup.base, self.unknowns.list(), &track);
+        let clean = model.clean_beforehand()?;
+        let excess: Vec<f64> = readings.iter().zip(clean).map(|(r, c)| r.ppm - c).collect();
+        Ok(own_zeros(
+            &self.setup.base,
+            self.platforms.len(),
+            &rows,
+            &excess,
+            gap::plume::sensor_sd(&self.base, readings.iter().map(|r| r.ppm)),
+            self.unknowns.level_sd(),
+        ))
+    }
+
+    /// Makes these zeros and gains unknown, but those of a `reference`. To be asked before the first fit.
+    fn give_own_zeros(&mut self, own: Vec<Unknown>, reference: Option<&str>) {
+        self.unknowns.set_own(own, reference);
+        self.estimate = self.unknowns.prior_mean();
+        self.covariance = DMatrix::from_diagonal(&self.unknowns.prior_sd().map(|sd| sd * sd));
+        self.in_the_mean = (self.estimate.clone(), self.covariance.clone());
+    }
+
+    /// What is unknown of single sensors, as it is believed to be: mechanisms in the order in which they act.
+    pub fn of_sensors(&self) -> Vec<plume::Mechanism> {
+        self.unknowns.of_sensors(&self.in_the_mean.0)
+    }
+
+    /// What the sensor of a platform reads in clean air, ppm, where it has a zero of its own.
+    pub fn zero_ppm(&self, platform: usize) -> Option<Estimate> {
+        let (at, covariance) = &self.in_the_mean;
+        let zero = self
+            .unknowns
+            .index(MechanismId::SensorOffset, Some(platform))?;
+        let background = self.unknowns.index(MechanismId::BackgroundOffset, None)?;
+        let both = [zero, background];
+        let variance: f64 = both
+            .iter()
+            .flat_map(|i| both.iter().map(|j| covariance[(*i, *j)]))
+            .sum();
+        Some(Estimate {
+            value: self.base.background_ppm + at[zero] + at[background],
+            sd: variance.max(0.0).sqrt(),
+        })
     }
 
     /// Readings taken in so far.

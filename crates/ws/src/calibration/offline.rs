@@ -4,7 +4,7 @@ use super::{Calibrated, Calibrator};
 use crate::WsError;
 use air::geo::{Geodetic, wrap_deg};
 use air::wind::WindVector;
-use plume::{Mechanism, MechanismId, Place};
+use plume::{MechanismId, Place};
 use protocol::message::Estimate;
 use scenario::Scenario;
 use scenario::airspace::SETPOINT_MARGIN_M;
@@ -49,10 +49,20 @@ pub fn calibrate(
     let (observations, _) = checked.observations.counted_from_near_zero()?;
     let observations = observations.as_ref();
     let mut best: Option<Calibrator> = None;
+    // When a sensor is in clean air tells the wind as it was logged.
+    let as_logged = read(
+        scenario,
+        observations,
+        reference,
+        &averaged_winds(observations, 0.0),
+    )?;
+    let own = as_logged.own_zeros()?;
     for averaged_s in WIND_AVERAGED_S {
         let winds = averaged_winds(observations, averaged_s);
         let nothing_logged = winds.iter().all(Option::is_none);
-        let calibrator = calibrated_in_winds(scenario, observations, reference, &winds)?;
+        let mut calibrator = read(scenario, observations, reference, &winds)?;
+        calibrator.give_own_zeros(own.clone(), reference);
+        calibrator.glance()?;
         if best.as_ref().is_none_or(|b| calibrator.cost() < b.cost()) {
             best = Some(calibrator);
         }
@@ -86,8 +96,8 @@ fn nothing_left(observations: &Observations, flaws: &[DataQuality]) -> WsError {
     }
 }
 
-/// A rough calibration in which each row's plume is carried by its wind of `winds`.
-fn calibrated_in_winds(
+/// A calibrator that has read all rows, each of which has its wind of `winds`.
+fn read(
     scenario: &Scenario,
     observations: &Observations,
     reference: Option<&str>,
@@ -106,7 +116,6 @@ fn calibrated_in_winds(
         calibrator.observe(row.platform, row.time_s, place, wind, ppm);
     }
     calibrator.finish();
-    calibrator.glance()?;
     Ok(calibrator)
 }
 
@@ -199,14 +208,7 @@ fn corrected(
             corrected.set_with_sd(key, value, sd);
         }
     }
-    for (k, platform) in observations.platforms.iter().enumerate() {
-        let only = std::slice::from_ref(platform);
-        for id in [MechanismId::SensorOffset, MechanismId::SensorGain] {
-            if let Some(found) = calibrator.parameter(id, Some(k)) {
-                corrected.extend(&[Mechanism::from_values(id, &[found.value]).for_platforms(only)]);
-            }
-        }
-    }
+    corrected.extend(&calibrator.of_sensors());
     corrected
 }
 

@@ -2,7 +2,7 @@
 
 use air::geo::wrap_deg;
 use air::wind::{WindProfile, towards_deg};
-use gap::plume::{Setup, Unknown, at_coordinates, priors_about};
+use gap::plume::{HELD, LEVELS, Setup, Unknown, at_coordinates, priors_about};
 use infer::Prior;
 use nalgebra::{DMatrix, DVector};
 use plume::{DispersionModel, DispersionSpec, Mechanism, MechanismId, Strength};
@@ -59,6 +59,10 @@ const SENSOR_DEFAULTS: [(MechanismId, f64); 2] = [
 pub(crate) struct Unknowns {
     list: Vec<Unknown>,
     platforms: Vec<String>,
+    /// What the sizes of concentrations above are multiplied by.
+    scale: f64,
+    /// Whether zeros of single sensors hold what is known of the levels of all.
+    levels_held: bool,
     /// Sources that readings showed beside the scenario's; their parameters come after the list.
     added_sources: Vec<Mechanism>,
 }
@@ -76,18 +80,15 @@ impl Unknowns {
             base.background_ppm / BACKGROUND_PPM,
         ];
         let scale = noise.max(background);
+        // Clean air and a perfect sensor say nothing of the size.
+        let scale = if scale > 0.0 { scale } else { 1.0 };
         let scaled = |id: MechanismId, sd: f64| {
             let is_ppm = id
                 .spec()
                 .parameters
                 .iter()
                 .any(|p| p.unit == "ppm" && p.default.is_none());
-            // Clean air and a perfect sensor say nothing of the size.
-            if is_ppm && scale > 0.0 {
-                scale * sd
-            } else {
-                sd
-            }
+            if is_ppm { scale * sd } else { sd }
         };
         let of = |(id, sd): (MechanismId, f64), platform: Option<usize>| {
             let own = marked.iter().find(|u| u.id == id);
@@ -100,6 +101,7 @@ impl Unknowns {
                 ..own.copied().unwrap_or(Unknown {
                     id,
                     platform,
+                    setting: None,
                     prior: Prior {
                         mean,
                         sd: scaled(id, sd),
@@ -120,6 +122,8 @@ impl Unknowns {
         Self {
             list,
             platforms: platforms.to_vec(),
+            scale,
+            levels_held: false,
             added_sources: Vec::new(),
         }
     }
@@ -143,6 +147,64 @@ impl Unknowns {
             at_coordinates(source, own)
         };
         self.added_sources.iter().map(of).collect()
+    }
+
+    /// Zeros and gains of the sensors of a network, in place of what else is unknown of these sensors; a
+    /// `reference` has none.
+    pub fn set_own(&mut self, mut own: Vec<Unknown>, reference: Option<&str>) {
+        let reference = self
+            .platforms
+            .iter()
+            .position(|p| Some(p.as_str()) == reference);
+        let is_zero = |u: &&mut Unknown| u.id == MechanismId::SensorOffset;
+        if let Some(k) = reference {
+            // The reference's zero is the background's.
+            let of_reference =
+                |u: &&Unknown| u.id == MechanismId::SensorOffset && u.platform == Some(k);
+            let zero = own.iter().find(of_reference).map(|u| u.prior);
+            let background = self.index(MechanismId::BackgroundOffset, None);
+            if let (Some(zero), Some(background)) = (zero, background) {
+                self.list[background].prior = zero;
+                own.iter_mut()
+                    .filter(is_zero)
+                    .for_each(|u| u.prior.mean -= zero.mean);
+            }
+            own.retain(|u| u.platform != Some(k));
+        } else if !own.is_empty() {
+            self.levels_held = true;
+            let held = |u: &&mut Unknown| u.platform.is_none() && LEVELS.contains(&u.id);
+            self.list
+                .iter_mut()
+                .filter(held)
+                .for_each(|u| u.prior.sd *= HELD);
+        }
+        self.list
+            .retain(|u| u.platform.is_none() || own.iter().all(|o| o.platform != u.platform));
+        self.list.extend(own);
+    }
+
+    /// Standard deviation of what a sensor's readings may be off all along beforehand, ppm: background and zero.
+    pub fn level_sd(&self) -> f64 {
+        let background = self.index(MechanismId::BackgroundOffset, None);
+        let background_sd = background.map_or(0.0, |k| self.list[k].prior.sd);
+        background_sd.hypot(self.scale * SENSOR_DEFAULTS[0].1)
+    }
+
+    /// What is unknown of single sensors, as mechanisms at these values, in the order in which they act.
+    pub fn of_sensors(&self, at: &DVector<f64>) -> Vec<Mechanism> {
+        let own = self.list.iter().zip(at.iter());
+        own.filter_map(|(unknown, x)| {
+            let platform = unknown.platform?;
+            let value = unknown.id.spec().parameters[0].from_coordinate(*x);
+            Some(self.of_sensor(unknown, value, platform))
+        })
+        .collect()
+    }
+
+    fn of_sensor(&self, unknown: &Unknown, value: f64, platform: usize) -> Mechanism {
+        let setting = unknown.setting.unwrap_or(f64::NAN);
+        Mechanism::from_values(unknown.id, &[value, setting])
+            .for_platforms(&self.platforms[platform..=platform])
     }
 
     /// One more platform, that is not held against a reference.
@@ -184,9 +246,11 @@ impl Unknowns {
         let k = self.index(id, platform)?;
         let spec = &id.spec().parameters[0];
         let value = spec.from_coordinate(at[k]);
+        let is_held = self.levels_held && platform.is_none() && LEVELS.contains(&id);
+        let widened = if is_held { 1.0 / HELD } else { 1.0 };
         Some(Estimate {
             value,
-            sd: spec.sd_of(value, covariance[(k, k)].sqrt()),
+            sd: widened * spec.sd_of(value, covariance[(k, k)].sqrt()),
         })
     }
 
@@ -216,9 +280,7 @@ impl Unknowns {
                 (M::SensorLag, _) => spec.sensor.time_constant_s = v.max(0.0),
                 (M::SensorOffset, None) => spec.sensor.offset_ppm += v,
                 (M::SensorGain, None) => spec.sensor.gain *= v,
-                (id, Some(p)) => spec
-                    .mechanisms
-                    .push(Mechanism::from_values(id, &[v]).for_platforms(&self.platforms[p..=p])),
+                (_, Some(p)) => spec.mechanisms.push(self.of_sensor(unknown, v, p)),
                 (id, None) => spec.mechanisms.push(Mechanism::from_values(id, &[v])),
             }
         }

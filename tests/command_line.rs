@@ -345,3 +345,188 @@ fn calibration_writes_a_scenario_that_flies() {
     ]);
     refused(&reference, 2, &["expected one of 6"]);
 }
+
+/// Trials that give one maximum an arc, and an earlier finding by hand: Briggs' vertical spread is half of what
+/// it should be, sure enough. At twice the spread concentrations near the ground are half.
+#[test]
+fn an_extension_is_scored_on_trials_with_maxima_alone_and_one_of_another_kind_refused() {
+    let dir = folder("apply");
+    std::fs::create_dir_all(&dir).unwrap();
+    let write = |name: &str, text: &str| {
+        let path = dir.join(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    };
+    let mut trials = String::from(
+        "trial,source_rate_g_s,source_height_agl_m,wind_speed_m_s,wind_height_m,obukhov_length_m,roughness_length_m\n",
+    );
+    let mut receptors = String::from("trial,east_m,north_m,height_agl_m,concentration_mg_m3\n");
+    for trial in 1..=5 {
+        trials += &format!("{trial},100,0.5,{},2,-30,0.006\n", 4 + trial);
+        for (x_m, c) in [
+            (50, 200.0),
+            (100, 60.0),
+            (200, 16.0),
+            (400, 4.2),
+            (800, 1.1),
+        ] {
+            let c = c / f64::from(4 + trial) * 3.0;
+            receptors += &format!("{trial},0,{x_m},1.5,{c}\n");
+        }
+    }
+    let (trials, receptors) = (
+        write("trials.csv", &trials),
+        write("receptors.csv", &receptors),
+    );
+    let model = |factor: f64| {
+        format!(
+            r#"{{"mechanisms":["sigma-z-scale"],"delta_log_score":9,"delta_log_evidence":8,"probability":1,
+            "held_out_gain":7,"held_out_gain_se":1,"parameters":[{{"mechanism":"sigma-z-scale","name":"factor",
+            "value":{factor},"sd":0.1,"unit":"1"}}]}}"#
+        )
+    };
+    let cause = r#"{"mechanisms":["sigma-z-scale"],"probability":0.99,"platforms":["unstable"],"nats_to_next":null,
+        "evidence":{"delta_log_score":9,"delta_log_evidence":8,"p_value":0.001},
+        "parameters":[{"mechanism":"sigma-z-scale","name":"factor","value":2,"sd":0.1,"unit":"1"}]}"#;
+    let finding = |kind: &str| {
+        format!(r#"{{"schema":"plumage.gap/2","verdict":"named","causes":[{cause}],{kind}}}"#)
+    };
+    let tracer = finding(&format!(
+        r#""tracer":{{"relative_to":[[]],"groups":[{{"group":"unstable","trials":["1","99"],
+        "vertical":[{}],"lateral":[],"lateral_without_azimuth":[]}}]}}"#,
+        model(2.0)
+    ));
+    let of = |name: &str, finding: &str| {
+        let earlier = write(name, finding);
+        let out = dir.join(name.replace(".json", ""));
+        let output = plumage(&[
+            "gap",
+            "tracer",
+            "--receptors",
+            text(&receptors),
+            "--trials",
+            text(&trials),
+            "--apply",
+            text(&earlier),
+            "--out",
+            text(&out),
+        ]);
+        (output, out)
+    };
+    let (refusal, _) = of("flight.json", &finding(r#""flight":{}"#));
+    refused(
+        &refusal,
+        2,
+        &["flight.json", "plumage gap flight", "plumage gap tracer"],
+    );
+    let (output, out) = of("tracer.json", &tracer);
+    let told = String::from_utf8_lossy(&output.stdout);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    for words in [
+        "sigma-z-scale in unstable air",
+        "Fitted to these data: nothing",
+    ] {
+        assert!(told.contains(words), "{words}: {told}");
+    }
+    for words in ["25 of 25 arcs have one sampler", "no hold-out (1)"] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    assert!(!out.join("extended.toml").exists() && out.join("report.html").exists());
+    let json = std::fs::read_to_string(out.join("gap.json")).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let arc = &json["tracer"]["arcs"][4];
+    let ratio =
+        arc["base_max_mg_m3"].as_f64().unwrap() / arc["held_out_max_mg_m3"].as_f64().unwrap();
+    assert!((ratio - 2.0).abs() < 1e-3, "{arc}");
+    assert_eq!(json["applied"]["scores"][0]["what"], "maximum");
+}
+
+/// Two strategies in two realities, in which a team of one does not even take off: what counts here are the files.
+fn campaign(more: &[&str]) -> Output {
+    let asked = [
+        "campaign",
+        "../scenarios/as-pontes.toml",
+        "--realities",
+        "steady,none+gain",
+        "--strategies",
+    ];
+    let short = [
+        "cs-ea,random",
+        "--vehicles",
+        "1",
+        "--seeds",
+        "3,5",
+        "--duration",
+        "40",
+    ];
+    plumage(&[&asked[..], &short, more].concat())
+}
+
+#[test]
+fn a_campaign_in_parts_merges_into_the_same_as_at_once() {
+    let out = folder("campaign");
+    let part = |name: &str| text(&out.join(name)).to_owned();
+    let whole = campaign(&["--out", &part("whole")]);
+    assert!(
+        whole.status.success(),
+        "{}",
+        String::from_utf8_lossy(&whole.stderr)
+    );
+    for shard in ["1/3", "2/3", "3/3"] {
+        let done = campaign(&["--shard", shard, "--out", &part(&shard[..1])]);
+        assert!(
+            done.status.success(),
+            "{}",
+            String::from_utf8_lossy(&done.stderr)
+        );
+    }
+    let merge = |parts: &[&str]| {
+        let parts: Vec<String> = parts.iter().map(|p| part(p)).collect();
+        let mut arguments = vec!["campaign", "merge"];
+        arguments.extend(parts.iter().map(String::as_str));
+        let to = part("merged");
+        arguments.extend(["--out", &to]);
+        plumage(&arguments)
+    };
+    refused(
+        &merge(&["1", "3"]),
+        2,
+        &["of 8 missions", "give all shards"],
+    );
+    assert!(merge(&["3", "1", "2"]).status.success());
+    for file in [
+        "missions.csv",
+        "missions.parquet",
+        "campaign.md",
+        "campaign.html",
+    ] {
+        let [a, b] = ["whole", "merged"].map(|f| std::fs::read(out.join(f).join(file)).unwrap());
+        assert!(a == b, "{file}");
+    }
+    let table = std::fs::read_to_string(out.join("whole/missions.csv")).unwrap();
+    assert_eq!(table.lines().count(), 9);
+    assert!(table.contains("none+gain,random,1,1,5,"), "{table}");
+    // What is there is not flown again, and what a killed program had not ended is.
+    let missions = out.join("whole/missions.jsonl");
+    let kept = std::fs::read_to_string(&missions).unwrap();
+    std::fs::write(&missions, &kept[..kept.len() - 30]).unwrap();
+    let again = campaign(&["--out", &part("whole")]);
+    let told = String::from_utf8_lossy(&again.stderr);
+    assert!(told.contains("7 of 8 missions are there already"), "{told}");
+    assert_eq!(
+        std::fs::read_to_string(out.join("whole/missions.csv")).unwrap(),
+        table
+    );
+    refused(
+        &campaign(&["--seeds", "9", "--out", &part("whole")]),
+        2,
+        &["cannot be used multiple times"],
+    );
+    refused(&campaign(&["--shard", "1/2"]), 2, &["--out DIR"]);
+    refused(
+        &campaign(&["--shard", "3/2", "--out", &part("x")]),
+        2,
+        &["k from 1 to n"],
+    );
+}

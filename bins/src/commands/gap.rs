@@ -1,5 +1,6 @@
 //! `plumage gap`: what the simulation gets wrong, why, and what mending it gains.
 
+mod applied;
 mod extended;
 pub(super) mod flight;
 
@@ -36,6 +37,9 @@ pub struct PlumeArguments {
     /// Gas that is read: that of the first source if not given
     #[arg(long, value_name = "GAS")]
     pub gas: Option<::plume::Gas>,
+    /// gap.json of other readings: the causes that it names are scored on these, and not fitted
+    #[arg(long, value_name = "GAP_JSON")]
+    pub apply: Option<PathBuf>,
     /// Where the answers go
     #[command(flatten)]
     pub output: OutputArguments,
@@ -53,6 +57,9 @@ pub struct TracerArguments {
     /// Samplers on towers: towers.csv
     #[arg(long, value_name = "FILE")]
     pub towers: Option<PathBuf>,
+    /// gap.json of other trials: its extension is scored on these, and nothing is fitted
+    #[arg(long, value_name = "GAP_JSON")]
+    pub apply: Option<PathBuf>,
     /// Where the answers go
     #[command(flatten)]
     pub output: OutputArguments,
@@ -95,18 +102,31 @@ fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
     let by_series = measured::fill_wind(&mut observations, &setup).map_err(Failure::input)?;
     measured::tell(&observations.notices);
     let base = plume::Setup::new(&setup.scenario).map_err(Failure::input)?;
+    let earlier = arguments.apply.as_deref().map(applied::earlier);
+    let earlier = earlier.transpose()?;
     files::check_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
     let bar = progress_bar();
     let options = plume::Options {
         seed: arguments.output.seed,
         ..plume::Options::default()
     };
-    let analysis = plume::analyse(&base, &observations, &options, &mut |progress| {
+    let mut progress = |progress: plume::Progress| {
         bar.set_position((progress.part * 100.0) as u64);
         bar.set_message(progress.doing);
-    })
+    };
+    let analysis = match &earlier {
+        Some(earlier) => plume::apply(&base, &observations, earlier, &options, &mut progress),
+        None => plume::analyse(&base, &observations, &options, &mut progress),
+    }
     .map_err(Failure::input)?;
     bar.finish_and_clear();
+    if earlier.is_some() {
+        return applied::of_plume(
+            &analysis,
+            &names(&arguments.observations),
+            &arguments.output,
+        );
+    }
     let mut extended = extended::extended(&setup.scenario, &analysis, by_series);
     mission_files::keep_files(&mut extended, &arguments.scenario);
     let title = names(&arguments.observations);
@@ -118,7 +138,7 @@ fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
         &extended.to_toml(),
     )?;
     measured::tell_flaws(&analysis.json.data_quality);
-    tell(&analysis.json, &arguments.output.out);
+    tell(&analysis.json, "", &arguments.output.out);
     Ok(())
 }
 
@@ -135,6 +155,10 @@ fn of_tracer(arguments: &TracerArguments) -> Result<(), Failure> {
         towers.as_ref().map(|t| (t.0.as_str(), t.1.as_str())),
     )
     .map_err(Failure::input)?;
+    let title = names(&[arguments.receptors.clone(), arguments.trials.clone()]);
+    if let Some(file) = &arguments.apply {
+        return applied::to_tracer(&tables, file, &title, &arguments.output);
+    }
     files::check_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
     let bar = progress_bar();
     let report = tracer::analyse(&tables, arguments.output.seed, &mut |part| {
@@ -142,7 +166,6 @@ fn of_tracer(arguments: &TracerArguments) -> Result<(), Failure> {
     })
     .map_err(Failure::input)?;
     bar.finish_and_clear();
-    let title = names(&[arguments.receptors.clone(), arguments.trials.clone()]);
     let page = views::gap_report::tracer(&title, &report);
     write(
         &arguments.output.out,
@@ -150,7 +173,7 @@ fn of_tracer(arguments: &TracerArguments) -> Result<(), Failure> {
         &page,
         &report.extended_toml,
     )?;
-    tell(&report.gap, &arguments.output.out);
+    tell(&report.gap, "air", &arguments.output.out);
     Ok(())
 }
 
@@ -181,16 +204,36 @@ fn write(folder: &Path, json: &str, report: &str, extended: &str) -> Result<(), 
     Ok(files::write_set(&outputs)?)
 }
 
-fn tell(json: &gap::verdict::GapJson, folder: &Path) {
+/// Tells the verdict and its causes; `platforms` is what those to which a cause applies are called, such
+/// as a kind of air.
+fn tell(json: &gap::verdict::GapJson, platforms: &str, folder: &Path) {
     let verdict = serde_json::to_value(json.verdict).ok();
     println!(
         "verdict: {}",
         verdict.as_ref().and_then(|v| v.as_str()).unwrap_or("?")
     );
     println!("  {}", json.summary);
-    for cause in &json.causes {
+    tell_causes(&json.causes, platforms);
+    let own = json.base.iter().filter(|b| b.platform.is_some());
+    for parameter in own {
+        let (label, value, sd) = (parameter.label(), parameter.value, parameter.sd);
+        println!("  {label:32} {value:.4} ± {sd:.4}");
+    }
+    println!(
+        "Outputs in {}: gap.json, report.html, extended.toml",
+        folder.display()
+    );
+}
+
+fn tell_causes(causes: &[gap::verdict::Cause], platforms: &str) {
+    for cause in causes {
+        let of = match &cause.platforms[..] {
+            [] => String::new(),
+            own if platforms.is_empty() => format!(" of {}", own.join(", ")),
+            own => format!(" in {} {platforms}", own.join(", ")),
+        };
         println!(
-            "  {} (probability {:.2})",
+            "  {}{of} (probability {:.2})",
             cause.mechanisms.join(" or "),
             cause.probability
         );
@@ -204,13 +247,4 @@ fn tell(json: &gap::verdict::GapJson, folder: &Path) {
             );
         }
     }
-    let own = json.base.iter().filter(|b| b.platform.is_some());
-    for parameter in own {
-        let (label, value, sd) = (parameter.label(), parameter.value, parameter.sd);
-        println!("  {label:32} {value:.4} ± {sd:.4}");
-    }
-    println!(
-        "Outputs in {}: gap.json, report.html, extended.toml",
-        folder.display()
-    );
 }

@@ -191,6 +191,7 @@ impl<'a> Finding<'a> {
             pairs: Vec::new(),
             contact: None,
             discrepancy: None,
+            applied: None,
             data_quality: study.gated.data_quality.clone(),
             notices,
             ranking: answer.ranking,

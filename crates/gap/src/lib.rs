@@ -3,7 +3,8 @@
 //!
 //! - [`plume`]: concentrations along tracks against the plume model;
 //! - [`tracer`]: fixed samplers over many trials of a tracer experiment;
-//! - [`verdict`]: the answer, as `gap.json` has it.
+//! - [`verdict`]: the answer, as `gap.json` has it;
+//! - [`applied`]: an extension found before, on other data.
 //!
 //! Pure: no clock, file, socket, environment or global random number; seeds are arguments, and
 //! results do not depend on the number of threads.
@@ -86,6 +87,7 @@
 //! `analysis.extension` holds the same as mechanisms of the plume model, which
 //! [`scenario::Scenario::extend`] adds to the scenario: what was found is then simulated.
 
+pub mod applied;
 pub mod flight;
 pub mod plume;
 pub mod tracer;

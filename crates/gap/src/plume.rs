@@ -7,6 +7,7 @@
 //! method, with its equations, sources and limits, is in `docs/gap.md`.
 
 mod answer;
+mod apply;
 mod catalogue;
 pub(crate) mod data;
 mod fixes;
@@ -22,6 +23,7 @@ mod residual;
 mod wind;
 pub(crate) mod zero;
 
+pub use apply::apply;
 pub use data::{Prior, Setup, every};
 pub use fixes::without_jitter;
 pub use model::{LEVELS, PlumeModel, Unknown, at_coordinates, plume_place, priors_about};

@@ -10,6 +10,7 @@
 //!
 //! Pure: texts in, report out.
 
+mod apply;
 pub mod arcs;
 mod checks;
 mod detail;
@@ -32,6 +33,7 @@ use crate::verdict::{
     Cause, DataQuality, Detectable, Flaw, Gain, GapJson, NextFlight, Ranked, ResidualBin, SCHEMA,
     Unexplained, Verdict,
 };
+pub use apply::apply;
 use arcs::TrialArcs;
 use checks::Suspicions;
 pub use detail::{ArcDetail, ClassLimit, GroupDetail};
@@ -290,6 +292,7 @@ fn gap_json(
         pairs: Vec::new(),
         contact: None,
         discrepancy: None,
+        applied: None,
         data_quality,
         notices,
         causes,

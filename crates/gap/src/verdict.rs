@@ -3,7 +3,9 @@
 
 use plume::Gas;
 pub use scenario::observations::{DataQuality, Flaw};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
+
+use crate::applied::Applied;
 
 /// Value of `schema`.
 pub const SCHEMA: &str = "plumage.gap/2";
@@ -40,27 +42,37 @@ impl Verdict {
     }
 }
 
+/// Reads a number that is null where it is not finite.
+pub(crate) fn number_or_null<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::NAN))
+}
+
 /// How strongly the data speak for a cause.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
     /// Gain of the maximal log score, nats.
+    #[serde(deserialize_with = "number_or_null")]
     pub delta_log_score: f64,
     /// Gain of the log evidence, nats, after paying for parameters.
+    #[serde(deserialize_with = "number_or_null")]
     pub delta_log_evidence: f64,
     /// Probability of so large a best score where nothing is hidden.
+    #[serde(deserialize_with = "number_or_null")]
     pub p_value: f64,
 }
 
 /// A fitted parameter.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Parameter {
     /// Mechanism it belongs to.
     pub mechanism: String,
     /// Name, as in `docs/mechanisms.md`.
     pub name: String,
     /// Estimate.
+    #[serde(deserialize_with = "number_or_null")]
     pub value: f64,
     /// One standard deviation.
+    #[serde(deserialize_with = "number_or_null")]
     pub sd: f64,
     /// Unit.
     pub unit: String,
@@ -77,19 +89,27 @@ impl Parameter {
 }
 
 /// One cause: a mechanism, or a set that the data cannot tell apart.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Cause {
     /// Mechanism ids, the most probable first.
     pub mechanisms: Vec<String>,
     /// Probability that the true cause is in the set.
+    #[serde(deserialize_with = "number_or_null")]
     pub probability: f64,
     /// How strongly the data speak for it.
     pub evidence: Evidence,
     /// Parameters of the first mechanism.
     pub parameters: Vec<Parameter>,
+    /// Its settings: numbers that it needs and that are not fitted; their standard deviation is 0.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub settings: Vec<Parameter>,
     /// Platforms it applies to; empty for all.
     pub platforms: Vec<String>,
+    /// When it set in, s; null where it was there from the beginning or that is not asked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub onset_s: Option<Measured>,
     /// Nats to the nearest rival outside the set.
+    #[serde(deserialize_with = "number_or_null")]
     pub nats_to_next: f64,
 }
 
@@ -271,11 +291,13 @@ pub struct Unexplained {
 }
 
 /// A number and how far it may be off.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// Estimate.
+    #[serde(deserialize_with = "number_or_null")]
     pub value: f64,
     /// One standard deviation.
+    #[serde(deserialize_with = "number_or_null")]
     pub sd: f64,
 }
 
@@ -406,6 +428,10 @@ pub struct GapJson {
     pub pairs: Vec<Pair>,
     /// The error of the model's form; null where that is not asked.
     pub discrepancy: Option<Discrepancy>,
+    /// Where an extension found before was applied: verdict and causes are those of that finding,
+    /// and `gain` is that on these data.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub applied: Option<Applied>,
     /// Flaws of the raw data.
     pub data_quality: Vec<DataQuality>,
     /// What a user should know besides.

@@ -15,11 +15,12 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use fdm::Aircraft;
+use gap::applied::{Earlier, Outcome};
 use gap::flight::log::FlightLog;
 use gap::flight::study::Study;
 use gap::flight::{equation_error, gate};
 use gap::tracer::TracerReport;
-use gap::tracer::table::Tables;
+use gap::tracer::table::{Receptor, Tables};
 use gap::verdict::{GapJson, Verdict};
 use libtest_mimic::{Arguments, Completion, Trial};
 use scenario::Scenario;
@@ -52,6 +53,11 @@ fn main() -> ExitCode {
             "prairie_grass_says_what_is_known_of_it",
             prairie_grass_says_what_is_known_of_it,
         ),
+        on_data(
+            "an_extension_holds_on_prairie_grass_trials_that_it_was_not_found_on",
+            an_extension_holds_on_prairie_grass_trials_that_it_was_not_found_on,
+        ),
+        on_data("arc_maxima_alone_are_scored", arc_maxima_alone_are_scored),
         on_data(
             "two_sensors_of_one_drone_are_held_against_each_other",
             two_sensors_of_one_drone_are_held_against_each_other,
@@ -227,6 +233,83 @@ fn prairie_grass_says_what_is_known_of_it(data: &Path) {
         assert!(json["gain"]["held_out"]["fac2_after"].as_f64().unwrap() >= 0.90);
         assert_eq!(json["schema"], "plumage.gap/2");
     }
+}
+
+/// Those of the trials that `keep` wants.
+fn some(all: &Tables, keep: impl Fn(&str) -> bool) -> Tables {
+    let mut out = all.clone();
+    out.trials.retain(|t| keep(&t.trial));
+    out.receptors.retain(|r| keep(&r.trial));
+    out.towers.retain(|r| keep(&r.trial));
+    out
+}
+
+/// A third of the trials with weather, taken in three ways, predicted from the others: 108 trials. Of
+/// the base FAC2 is .79 and NMSE .69 however one counts; reached are .90 and .43. Where the others hold one or two trials
+/// of class F the narrow plumes of that class, and the two nights of drainage flow (39 and 40), are predicted badly.
+fn an_extension_holds_on_prairie_grass_trials_that_it_was_not_found_on(data: &Path) {
+    let all = prairie_grass(data, true);
+    let weather = all.trials.iter().filter(|t| t.obukhov_length_m.is_some());
+    let names: Vec<String> = weather.map(|t| t.trial.clone()).collect();
+    let mut pairs: Vec<(f64, f64)> = Vec::new();
+    for (run, part) in [1, 4, 12]
+        .into_iter()
+        .flat_map(|run| (0..3).map(move |p| (run, p)))
+    {
+        let place = |trial: &str| names.iter().position(|n| n == trial);
+        let is_new = |trial: &str| place(trial).is_some_and(|k| (k / run) % 3 == part);
+        let found = report(&some(&all, |t| !is_new(t)));
+        let earlier = Earlier::parse("gap.json", &found.to_json().unwrap()).unwrap();
+        let applied = gap::tracer::apply(&some(&all, is_new), &earlier, 1).unwrap();
+        let said = applied.gap.applied.as_ref().unwrap();
+        assert!(
+            said.fitted.is_empty() && said.outcome != Outcome::Hurts,
+            "{}",
+            said.says
+        );
+        let arcs = applied.tracer.arcs.iter();
+        pairs.extend(arcs.map(|a| (a.max_mg_m3, a.held_out_max_mg_m3)));
+    }
+    let scores = plume::score::scores(&pairs, 1e-3).unwrap();
+    println!("{} arcs: {scores:?}", pairs.len());
+    assert!(scores.fac2 > 0.88 && scores.nmse < 0.50, "{scores:?}");
+}
+
+/// Of trials that give the maximum of each arc alone the same maxima are predicted, and nothing is said of
+/// integrals and widths.
+fn arc_maxima_alone_are_scored(data: &Path) {
+    let all = prairie_grass(data, true);
+    let late = |t: &str| t.parse::<u32>().is_ok_and(|n| n >= 40);
+    let found = report(&some(&all, |t| !late(t)));
+    let earlier = Earlier::parse("gap.json", &found.to_json().unwrap()).unwrap();
+    let whole = gap::tracer::apply(&some(&all, late), &earlier, 1).unwrap();
+    let mut tables = some(&all, late);
+    let arcs = whole.tracer.arcs.iter();
+    tables.receptors = arcs
+        .map(|a| Receptor {
+            trial: a.trial.clone(),
+            east_m: 0.0,
+            north_m: a.distance_m,
+            height_agl_m: 1.5,
+            concentration_mg_m3: Some(a.max_mg_m3),
+            evaporation_factor: None,
+        })
+        .collect();
+    let maxima = gap::tracer::apply(&tables, &earlier, 1).unwrap();
+    let (a, b) = (
+        &whole.gap.gain.unwrap().held_out,
+        &maxima.gap.gain.unwrap().held_out,
+    );
+    for (a, b) in [
+        (a.fac2_after, b.fac2_after),
+        (a.nmse_after, b.nmse_after),
+        (a.rmse_before, b.rmse_before),
+    ] {
+        assert!((a - b).abs() < 1e-9, "{a} {b}");
+    }
+    let told = maxima.gap.applied.unwrap().scores;
+    assert!(!told.is_empty() && told.iter().all(|s| s.what == "maximum"));
+    assert!(maxima.gap.notices.iter().any(|n| n.contains("one sampler")));
 }
 
 /// Methane measured by others, in ppm as it was logged and in ppb: the same answers, in every digit.

@@ -1,10 +1,12 @@
 //! `report.html` of a gap analysis: it shows what is wrong, names it, extends the model, gives
 //! the gain, and says what remains.
 
+mod applied;
 mod figures;
 mod flight;
 mod tracer;
 
+pub use applied::{applied_plume, applied_tracer};
 pub use flight::flight;
 pub use tracer::tracer;
 
@@ -24,36 +26,9 @@ pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
     measured(&mut page, json, report);
     pairs(&mut page, json);
     page.section("Where the simulation departs from the data");
-    if let Some(series) = report
-        .series
-        .iter()
-        .max_by(|a, b| misfit(a).total_cmp(&misfit(b)))
-    {
-        page.plot(
-            430,
-            figures::series(series, gas(json)),
-            &format!(
-                "Above: platform {}, which departs most from the base, as it read, and as the base \
-                 and the extended model predict it. Below: the misfit in standard deviations of the \
-                 fitted noise; what is explained stays within about two.",
-                series.platform
-            ),
-        );
-    }
-    if !report.series.is_empty() {
-        page.plot(
-            470,
-            figures::maps(report),
-            "Standardised misfit on the map, base on the left and extended model on the right: \
-             red where more was read than predicted, blue where less. Square: the first source.",
-        );
-        page.plot(
-            300,
-            figures::autocorrelation(report),
-            "Memory of the misfit: correlation of a residual with the one so many readings later. \
-             A model with nothing missing leaves none.",
-        );
-    }
+    departs_most(&mut page, json, report);
+    maps(&mut page, report);
+    autocorrelation(&mut page, report);
     bins(&mut page, json);
     if !report.noise.is_empty() {
         let rows: Vec<Vec<String>> = report
@@ -78,6 +53,52 @@ pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
     }
     remains(&mut page, json);
     page.finish()
+}
+
+/// The readings of the platform that departs most from the base.
+fn departs_most(page: &mut Document, json: &GapJson, report: &GapReport) {
+    if let Some(series) = report
+        .series
+        .iter()
+        .max_by(|a, b| misfit(a).total_cmp(&misfit(b)))
+    {
+        page.plot(
+            430,
+            figures::series(series, gas(json)),
+            &format!(
+                "Above: platform {}, which departs most from the base, as it read, and as the base \
+                 and the extended model predict it. Below: the misfit in standard deviations of the \
+                 fitted noise; what is explained stays within about two.",
+                series.platform
+            ),
+        );
+    }
+}
+
+/// The misfit on the map.
+fn maps(page: &mut Document, report: &GapReport) {
+    if report.series.is_empty() {
+        return;
+    }
+    page.plot(
+        470,
+        figures::maps(report),
+        "Standardised misfit on the map, base on the left and extended model on the right: \
+         red where more was read than predicted, blue where less. Square: the first source.",
+    );
+}
+
+/// The memory of the misfit.
+fn autocorrelation(page: &mut Document, report: &GapReport) {
+    if report.series.is_empty() {
+        return;
+    }
+    page.plot(
+        300,
+        figures::autocorrelation(report),
+        "Memory of the misfit: correlation of a residual with the one so many readings later. \
+         A model with nothing missing leaves none.",
+    );
 }
 
 /// The gas that was read.

@@ -42,7 +42,7 @@ pub(super) fn of_flight(arguments: &FlightArguments) -> Result<(), Failure> {
     let extended = report.extended.to_toml().map_err(Failure::input)?;
     write(&arguments.output.out, &report.to_json()?, &page, &extended)?;
     println!("{}", report.gap.summary);
-    tell(&report.gap, &arguments.output.out);
+    tell(&report.gap, "", &arguments.output.out);
     Ok(())
 }
 

@@ -137,6 +137,8 @@ fn cause(study: &Study<'_>, last: &Linear, evidence: Evidence, rivals: &[(usize,
         probability,
         evidence,
         platforms: Vec::new(),
+        settings: Vec::new(),
+        onset_s: None,
         nats_to_next: next.map_or(f64::NAN, |n| top - n.1),
         mechanisms,
     }

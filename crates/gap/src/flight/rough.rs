@@ -112,6 +112,8 @@ fn late_surfaces(
             unit: parameter.unit.to_owned(),
         }],
         platforms: Vec::new(),
+        settings: Vec::new(),
+        onset_s: None,
         nats_to_next: f64::NAN,
     })
 }

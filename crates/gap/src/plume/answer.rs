@@ -96,6 +96,7 @@ pub(crate) fn stated(
         contact,
         pairs: Vec::new(),
         discrepancy: Some(discrepancy(study)),
+        applied: None,
         data_quality: quality,
         notices,
     };
@@ -158,10 +159,27 @@ fn causes(study: &Study<'_>) -> Result<Vec<Cause>, InferError> {
                 covariance[(i, j)]
             }),
             platforms: label(study, first).1.into_iter().collect(),
+            settings: settings(first),
+            onset_s: None,
             nats_to_next: named.nats_to_next,
         }
     };
     Ok(judged.causes.iter().enumerate().map(cause).collect())
+}
+
+/// Settings of a name: numbers of its mechanism that are not fitted.
+fn settings(tried: &Tried) -> Vec<Parameter> {
+    let id = tried.part.id;
+    let all = id.spec().parameters.iter().zip(&tried.part.values);
+    all.filter(|(p, _)| p.default.is_some())
+        .map(|(p, value)| Parameter {
+            mechanism: id.as_str().to_string(),
+            name: p.name.to_string(),
+            value: *value,
+            sd: 0.0,
+            unit: p.unit.to_string(),
+        })
+        .collect()
 }
 
 fn distinct(names: impl Iterator<Item = String>) -> Vec<String> {
@@ -349,7 +367,7 @@ fn discrepancy(study: &Study<'_>) -> Discrepancy {
 }
 
 /// Whether the readings follow the plume, in degrees of the wind and in words.
-fn contact(study: &Study<'_>) -> Option<Contact> {
+pub(super) fn contact(study: &Study<'_>) -> Option<Contact> {
     let Some(found) = &study.contact else {
         return Some(Contact {
             share: f64::NAN,
@@ -488,7 +506,7 @@ fn met_wind(study: &Study<'_>, set: &Found<PlumeModel<'_>>) -> (f64, f64) {
 
 /// The scenario's uncertain keys, fitted, of the plume without an error of form: the extended scenario has
 /// none. The wind's direction is that of the wind against which it was fitted, and the turn.
-fn base_parameters(
+pub(super) fn base_parameters(
     study: &Study<'_>,
     set: &Found<PlumeModel<'_>>,
 ) -> Result<Vec<BaseParameter>, InferError> {
@@ -624,6 +642,7 @@ pub(crate) fn nothing_to_tell(
         pairs: Vec::new(),
         contact: None,
         discrepancy: None,
+        applied: None,
         data_quality: quality,
         notices,
     };

@@ -550,6 +550,8 @@ fn cause(id: MechanismId, found: Measured, pair: &Pair, probability: f64) -> Cau
             unit: parameter.unit.to_owned(),
         }],
         platforms: vec![pair.platforms[0].clone()],
+        settings: Vec::new(),
+        onset_s: None,
         nats_to_next: f64::NAN,
     }
 }

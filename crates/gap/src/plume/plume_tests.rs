@@ -2,7 +2,7 @@
 //! check the machine; whether it finds what another model hid is measured by `gap-bench`.
 
 #[path = "../../tests/made/mod.rs"]
-mod made;
+pub(super) mod made;
 
 use super::*;
 use crate::verdict::{Flaw, Verdict};

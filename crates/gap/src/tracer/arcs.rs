@@ -148,7 +148,7 @@ pub fn trials(tables: &Tables) -> (Vec<TrialArcs>, Vec<String>) {
 }
 
 /// The first names, and how many more.
-fn listed(names: &[&str]) -> String {
+pub(super) fn listed(names: &[&str]) -> String {
     const MOST: usize = 20;
     let mut text = names[..names.len().min(MOST)].join(", ");
     if names.len() > MOST {

@@ -1,11 +1,11 @@
 //! The tables behind a tracer verdict, and the verdict in words.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use plume::stability::Stability;
 
 use super::Answer;
-use super::arcs::class_limits_per_m;
+use super::arcs::{Arc, Weather, class_limits_per_m};
 use super::findings::{Finding, TriedModel};
 use super::ladder::{LateralModel, VerticalModel, Widths};
 use super::model;
@@ -24,7 +24,7 @@ pub struct ClassLimit {
 }
 
 /// One kind of air.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GroupDetail {
     /// "unstable" or "stable".
     pub group: String,
@@ -138,37 +138,50 @@ pub(super) fn arcs(answers: &[Answer<'_>]) -> Vec<ArcDetail> {
             let asked = answer.lateral_of(widths);
             for arc in &trial.arcs {
                 let x = arc.distance_m;
-                let base_integrated = model::log_integrated(w, arc, &[], &[]);
-                let base_width = model::log_width(w, x, &[], &[]).unwrap_or(f64::NAN);
                 let integrated = averaged(&answer.vertical.scored, i, |m, theta| {
                     Some(model::log_integrated(w, arc, &vertical[m].changes, theta))
                 });
-                let width = asked.map_or(base_width, |q| {
+                let base_width = || model::log_width(w, x, &[], &[]).unwrap_or(f64::NAN);
+                let width = asked.map_or_else(base_width, |q| {
                     averaged(&q.scored, i, |m, theta| {
                         model::log_width(w, x, &lateral[m].changes, theta)
                     })
                 });
-                out.push(ArcDetail {
-                    trial: w.trial.clone(),
-                    group: answer.name.to_owned(),
-                    class: w.class.letter(),
-                    distance_m: x,
-                    samplers: arc.samplers,
-                    whole: arc.whole,
-                    max_mg_m3: arc.max_mg_m3,
-                    integrated_mg_m2: arc.integrated_mg_m2,
-                    width_m: arc.width_m,
-                    base_max_mg_m3: model::log_peak(base_integrated, base_width).exp(),
-                    base_integrated_mg_m2: base_integrated.exp(),
-                    base_width_m: base_width.exp(),
-                    held_out_max_mg_m3: model::log_peak(integrated, width).exp(),
-                    held_out_integrated_mg_m2: integrated.exp(),
-                    held_out_width_m: width.exp(),
-                });
+                out.push(self::arc(w, answer.name, arc, integrated, width));
             }
         }
     }
     out
+}
+
+/// An arc in air of kind `group` with the base's prediction, and that of logarithms of integral, mg/m²,
+/// and width, m.
+pub(super) fn arc(
+    w: &Weather,
+    group: &str,
+    arc: &Arc,
+    log_integrated: f64,
+    log_width: f64,
+) -> ArcDetail {
+    let base_integrated = model::log_integrated(w, arc, &[], &[]);
+    let base_width = model::log_width(w, arc.distance_m, &[], &[]).unwrap_or(f64::NAN);
+    ArcDetail {
+        trial: w.trial.clone(),
+        group: group.to_owned(),
+        class: w.class.letter(),
+        distance_m: arc.distance_m,
+        samplers: arc.samplers,
+        whole: arc.whole,
+        max_mg_m3: arc.max_mg_m3,
+        integrated_mg_m2: arc.integrated_mg_m2,
+        width_m: arc.width_m,
+        base_max_mg_m3: model::log_peak(base_integrated, base_width).exp(),
+        base_integrated_mg_m2: base_integrated.exp(),
+        base_width_m: base_width.exp(),
+        held_out_max_mg_m3: model::log_peak(log_integrated, log_width).exp(),
+        held_out_integrated_mg_m2: log_integrated.exp(),
+        held_out_width_m: log_width.exp(),
+    }
 }
 
 /// The verdict in a few sentences.

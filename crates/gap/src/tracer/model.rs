@@ -61,6 +61,17 @@ const fn prior(name: &'static str, sd: f64) -> Prior {
 }
 
 impl Vertical {
+    /// All of them.
+    pub const ALL: [Self; 7] = [
+        Self::PlumeWind,
+        Self::Continuum,
+        Self::Scale,
+        Self::Growth,
+        Self::Deposition,
+        Self::Decay,
+        Self::Emission,
+    ];
+
     /// Its id in `gap.json`.
     pub fn id(self) -> &'static str {
         match self {
@@ -108,6 +119,9 @@ impl Vertical {
 }
 
 impl Lateral {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Azimuth, Self::Scale, Self::Growth];
+
     /// Its id in `gap.json`.
     pub fn id(self) -> &'static str {
         match self {

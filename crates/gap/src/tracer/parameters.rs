@@ -104,9 +104,62 @@ fn values(ids: &[&'static str], theta: &[f64]) -> Vec<Value> {
     out
 }
 
+/// The fitted numbers behind parameters in the catalogue's words; none where one is missing or has no
+/// logarithm.
+pub fn fitted(ids: &[String], parameters: &[Parameter]) -> Option<Vec<f64>> {
+    let of = |mechanism: &str| {
+        let own = parameters.iter().find(|p| p.mechanism == mechanism)?;
+        own.value.is_finite().then_some(own.value)
+    };
+    let log = |mechanism: &str| of(mechanism).filter(|f| *f > 0.0).map(f64::ln);
+    let mut out = Vec::new();
+    for id in ids {
+        match id.as_str() {
+            "sigma-z-growth" | "sigma-y-growth" => {
+                let exponent = of(id)?;
+                let at_1_km = log(&id.replace("growth", "scale"))?;
+                out.push(at_1_km - exponent * (1000.0 / PIVOT_M).ln());
+                out.push(exponent);
+            }
+            "sigma-z-scale" | "sigma-y-scale" | "emission-scale" => out.push(log(id)?),
+            "dry-deposition" | "first-order-decay" => out.push(of(id)?),
+            _ => {}
+        }
+    }
+    Some(out)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn fitted_numbers_come_back() {
+        for ids in [
+            &["wind-at-plume-height", "sigma-z-growth", "dry-deposition"][..],
+            &["sigma-y-from-azimuth", "sigma-y-scale"],
+            &["first-order-decay"],
+            &["emission-scale"],
+        ] {
+            let theta = &[0.2, -0.3, 0.004][..ids.len().min(3)];
+            let parameters: Vec<Parameter> = values(ids, theta)
+                .into_iter()
+                .map(|v| Parameter {
+                    mechanism: v.mechanism.into(),
+                    name: v.name.into(),
+                    value: v.value,
+                    sd: 0.1,
+                    unit: v.unit.into(),
+                })
+                .collect();
+            let ids: Vec<String> = ids.iter().map(|id| (*id).to_owned()).collect();
+            let back = fitted(&ids, &parameters).unwrap();
+            for (a, b) in back.iter().zip(theta) {
+                assert!((a - b).abs() < 1e-12, "{ids:?}: {back:?}");
+            }
+            assert_eq!(fitted(&ids, &[]).is_some(), back.is_empty());
+        }
+    }
 
     // The jackknife of a mean is its standard error: of 1, 2, 6 it is 7^½ / 3^½ = 1.527525.
     #[test]

@@ -11,7 +11,7 @@ use crate::GapError;
 use crate::verdict::{Gain, HeldOut};
 
 /// Smallest concentration that counts in ratios, as a part of the lowest arc maximum.
-const FLOOR_PART: f64 = 1e-3;
+pub(super) const FLOOR_PART: f64 = 1e-3;
 /// Bootstrap samples over trials.
 const RESAMPLES: usize = 2000;
 
@@ -21,20 +21,29 @@ pub(super) fn gain(
     arcs: &[ArcDetail],
     seed: u64,
 ) -> Result<Gain, GapError> {
-    let (before, after) = by_trial(arcs);
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let lowest = arcs.iter().map(|a| a.max_mg_m3).fold(f64::MAX, f64::min);
-    let mut scored = |groups: &[Vec<Pair>]| {
-        let slices: Vec<&[Pair]> = groups.iter().map(Vec::as_slice).collect();
-        with_interval(&slices, FLOOR_PART * lowest, RESAMPLES, &mut rng)
-    };
-    let (b, a) = (scored(&before)?, scored(&after)?);
     let mut logs: (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
     for answer in answers {
         for question in answer.questions() {
             log_scores(&question.scored, &mut logs);
         }
     }
+    gain_on(arcs, &logs, seed)
+}
+
+/// The same from log scores of parts of the data, none of which need be known.
+pub(super) fn gain_on(
+    arcs: &[ArcDetail],
+    logs: &(Vec<f64>, Vec<f64>),
+    seed: u64,
+) -> Result<Gain, GapError> {
+    let (before, after) = by_trial(arcs);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let floor = floor_mg_m3(arcs);
+    let mut scored = |groups: &[Vec<Pair>]| {
+        let slices: Vec<&[Pair]> = groups.iter().map(Vec::as_slice).collect();
+        with_interval(&slices, floor, RESAMPLES, &mut rng)
+    };
+    let (b, a) = (scored(&before)?, scored(&after)?);
     let (log_low, log_high) = interval(&logs.0, &logs.1, &mut rng);
     let rmse = |groups: &[Vec<Pair>]| {
         let all = groups.iter().flatten();
@@ -45,8 +54,8 @@ pub(super) fn gain(
     Ok(Gain {
         blocks: before.len(),
         held_out: HeldOut {
-            log_score_before: logs.0.iter().sum(),
-            log_score_after: logs.1.iter().sum(),
+            log_score_before: sum(&logs.0),
+            log_score_after: sum(&logs.1),
             log_score_gain_low: log_low,
             log_score_gain_high: log_high,
             rmse_before: rmse(&before),
@@ -67,6 +76,41 @@ pub(super) fn gain(
             intervals_after: intervals(&a),
         },
     })
+}
+
+/// Smallest concentration that counts in ratios, mg/m³.
+fn floor_mg_m3(arcs: &[ArcDetail]) -> f64 {
+    let lowest = arcs.iter().map(|a| a.max_mg_m3).fold(f64::MAX, f64::min);
+    FLOOR_PART * lowest
+}
+
+/// Sum of log scores; not a number where none is known.
+fn sum(logs: &[f64]) -> f64 {
+    if logs.is_empty() {
+        f64::NAN
+    } else {
+        logs.iter().sum()
+    }
+}
+
+/// 95 % interval over trials of the change of the mean square of ln(measured / predicted) of arc maxima.
+pub(super) fn log_square_change(arcs: &[ArcDetail], seed: u64) -> [f64; 2] {
+    let (before, after) = by_trial(arcs);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let floor = floor_mg_m3(arcs);
+    let square = |(m, p): &Pair| (m.max(floor) / p.max(floor)).ln().powi(2);
+    let sums = |group: &Vec<Pair>| group.iter().map(square).sum::<f64>();
+    let each: Vec<(f64, f64)> = before
+        .iter()
+        .zip(&after)
+        .map(|(b, a)| (sums(a) - sums(b), b.len() as f64))
+        .collect();
+    let (low, high) = quantiles((0..RESAMPLES).map(|_| {
+        let drawn = (0..each.len()).map(|_| each[rng.random_range(0..each.len())]);
+        let (change, n) = drawn.fold((0.0, 0.0), |s, d| (s.0 + d.0, s.1 + d.1));
+        change / n
+    }));
+    [low, high]
 }
 
 /// (measured, predicted) arc maxima of each trial, by the base and from the other trials.
@@ -115,6 +159,9 @@ fn log_scores(question: &[(usize, Scored)], logs: &mut (Vec<f64>, Vec<f64>)) {
 
 /// 95 % bootstrap interval of the sum of paired gains.
 fn interval(before: &[f64], after: &[f64], rng: &mut ChaCha8Rng) -> (f64, f64) {
+    if before.is_empty() {
+        return (f64::NAN, f64::NAN);
+    }
     let gains: Vec<f64> = after.iter().zip(before).map(|(a, b)| a - b).collect();
     quantiles((0..RESAMPLES).map(|_| {
         (0..gains.len())

@@ -28,6 +28,8 @@ pub fn json() -> GapJson {
             evidence,
             parameters: vec![parameter],
             platforms: vec!["6".into()],
+            settings: Vec::new(),
+            onset_s: None,
             nats_to_next: 7.4,
         }],
         ranking: ranking(),
@@ -67,6 +69,7 @@ pub fn json() -> GapJson {
         pairs: Vec::new(),
         contact: None,
         discrepancy: None,
+        applied: None,
         data_quality: vec![DataQuality {
             platform: "6".into(),
             kind: Flaw::Frozen,

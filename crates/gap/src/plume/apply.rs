@@ -34,6 +34,7 @@ pub fn apply(
 ) -> Result<Analysis, GapError> {
     let mut tell = |part: f64, doing: &'static str| progress(Progress { part, doing });
     let (observations, zero_s) = observations.counted_from_near_zero()?;
+    let setup = &setup.counted_from(zero_s);
     let (extension, mut notices) = extension(earlier, &observations)?;
     tell(0.0, "looking at the raw data");
     let (passed, quality) = gate::passed(setup, &observations)?;

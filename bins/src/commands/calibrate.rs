@@ -61,8 +61,8 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
             "--reference {reference}: expected one of {known}"
         )));
     }
-    let offline =
-        offline::calibrate(&setup.scenario, &observations, reference).map_err(Failure::input)?;
+    let offline = offline::calibrate_in(&setup.scenario, &setup.classes, &observations, reference)
+        .map_err(Failure::input)?;
     files::prepare_folder(&arguments.out, arguments.force).map_err(Failure::input)?;
     let write =
         |name: &str, text: &str| files::write_whole(&arguments.out.join(name), text.as_bytes());

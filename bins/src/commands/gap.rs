@@ -101,7 +101,8 @@ fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
     )?;
     let by_series = measured::fill_wind(&mut observations, &setup).map_err(Failure::input)?;
     measured::tell(&observations.notices);
-    let base = plume::Setup::new(&setup.scenario).map_err(Failure::input)?;
+    let mut base = plume::Setup::new(&setup.scenario).map_err(Failure::input)?;
+    base.classes.clone_from(&setup.classes);
     let earlier = arguments.apply.as_deref().map(applied::earlier);
     let earlier = earlier.transpose()?;
     files::check_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;

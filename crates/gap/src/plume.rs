@@ -24,7 +24,7 @@ mod wind;
 pub(crate) mod zero;
 
 pub use apply::apply;
-pub use data::{Prior, Setup, every};
+pub use data::{Prior, Setup, every, in_classes};
 pub use fixes::without_jitter;
 pub use model::{LEVELS, PlumeModel, Unknown, at_coordinates, plume_place, priors_about};
 pub use own::{HELD, own_zeros};

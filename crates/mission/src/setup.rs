@@ -6,6 +6,7 @@ use air::isa::Atmosphere;
 use air::terrain::Terrain;
 use air::wind::WindSeries;
 use fdm::Aircraft;
+use plume::stability::Stability;
 use scenario::Scenario;
 use scenario::airspace::Airspace;
 use scenario::tables::{BUILT_IN_AIRCRAFT, VehicleKind};
@@ -33,6 +34,8 @@ pub struct Setup {
     pub aircraft: BTreeMap<String, Aircraft>,
     /// Measured wind, where the scenario names a series.
     pub wind_series: Option<WindSeries>,
+    /// Stability classes of that series with the times from which they hold, s; missions fly in the scenario's.
+    pub classes: Vec<(f64, Stability)>,
     /// The same of the stand-ins' reality: its own, or the scenario's.
     pub reality_wind_series: Option<WindSeries>,
     /// The ground.
@@ -117,9 +120,11 @@ impl Setup {
         let own = named
             .as_ref()
             .map(|name| weather(&scenario, name, "weather.series"));
+        let mut classes = Vec::new();
         let wind_series = own
             .transpose()?
-            .map(|(series, (temperature_c, pressure_hpa))| {
+            .map(|(series, (temperature_c, pressure_hpa), own)| {
+                classes = own;
                 let stated = &mut scenario.weather;
                 stated.temperature_c = temperature_c.unwrap_or(stated.temperature_c);
                 stated.pressure_hpa = pressure_hpa.or(stated.pressure_hpa);
@@ -163,6 +168,7 @@ impl Setup {
             scenario,
             aircraft,
             wind_series,
+            classes,
             reality_wind_series,
             terrain,
         })
@@ -279,8 +285,12 @@ impl Setup {
 const SOME_PRESSURE_HPA: f64 = 1000.0;
 
 /// Wind over time by a text of reported weather, and temperature, °C, and pressure at the ground, hPa, at the
-/// mission's start where they are reported. The text is taken as made for the mission's start.
-type Weather = (WindSeries, (Option<f64>, Option<f64>));
+/// mission's start where they are reported, and stability classes. The text is taken as made for the mission's start.
+type Weather = (
+    WindSeries,
+    (Option<f64>, Option<f64>),
+    Vec<(f64, Stability)>,
+);
 
 fn weather_of(scenario: &Scenario, bytes: Vec<u8>) -> Result<Weather, String> {
     let text = String::from_utf8(bytes).map_err(|e| e.to_string())?;
@@ -301,7 +311,7 @@ fn weather_of(scenario: &Scenario, bytes: Vec<u8>) -> Result<Weather, String> {
         pressure_hpa.unwrap_or(SOME_PRESSURE_HPA),
     )
     .map_err(|e| e.to_string())?;
-    Ok((series, air))
+    Ok((series, air, reports.classes(None)))
 }
 
 /// Writes into the fence what of it counts from one height for all, where it follows the terrain.

@@ -10,6 +10,7 @@ use air::geo::Enu;
 
 use crate::PlumeError;
 use crate::field::{DispersionModel, InPlume, Place, Transport};
+use crate::stability::Stability;
 use crate::track::{Row, Track};
 
 /// What a reading is the mean over.
@@ -266,6 +267,14 @@ impl Means {
     /// Lets other winds carry the plume to the points.
     pub fn carry(&mut self, wind: &mut dyn FnMut(Place, f64, Transport) -> Transport) {
         self.points.carry(wind);
+    }
+
+    /// The same in air whose stability class is `class` at each time.
+    pub fn in_classes(self, class: &dyn Fn(f64) -> Stability) -> Self {
+        Self {
+            points: self.points.in_classes(class),
+            ..self
+        }
     }
 
     /// The same in a wind turned clockwise by some degrees at every row.

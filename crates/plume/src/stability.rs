@@ -50,6 +50,14 @@ impl Stability {
         [25.0, 20.0, 15.0, 10.0, 5.0, 2.5][self.index()]
     }
 
+    /// The class of a standard deviation of the wind's direction over a quarter of an hour, degrees (US EPA 2000,
+    /// EPA-454/R-99-005, table 6-8a, without its corrections by wind speed, which differ between day and night).
+    pub fn from_sigma_theta(sigma_theta_deg: f64) -> Self {
+        const LOWER_DEG: [f64; 5] = [22.5, 17.5, 12.5, 7.5, 3.8];
+        let class = LOWER_DEG.iter().position(|low| sigma_theta_deg >= *low);
+        Self::ALL[class.unwrap_or(5)]
+    }
+
     /// Its letter.
     pub fn letter(self) -> char {
         ['A', 'B', 'C', 'D', 'E', 'F'][self.index()]
@@ -131,6 +139,16 @@ pub fn pasquill(wind_10m_m_s: f64, sky: Sky) -> Result<(Stability, Stability), P
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    // The table's middles are of their classes, its limits of the upper one.
+    #[test]
+    fn classes_by_the_scatter_of_the_direction() {
+        for class in Stability::ALL {
+            assert_eq!(Stability::from_sigma_theta(class.sigma_theta_deg()), class);
+        }
+        assert_eq!(Stability::from_sigma_theta(22.5), Stability::A);
+        assert_eq!(Stability::from_sigma_theta(7.4), Stability::E);
+    }
 
     #[test]
     fn pasquill_table() {

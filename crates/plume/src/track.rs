@@ -17,6 +17,7 @@ use crate::field::{DispersionModel, DispersionSpec, InPlume, Place, Transport, c
 use crate::lag;
 use crate::means::{Means, Span, middles};
 use crate::sample_points::{SamplePoint, SamplePoints};
+use crate::stability::Stability;
 
 /// One row of an observation track.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,6 +49,8 @@ pub struct Track {
     transport: Vec<Transport>,
     ppm_per_mol_m3: Arc<[f64]>,
     air: Arc<[SensorAir]>,
+    /// The stability class of the air of each row, where it changes.
+    classes: Option<Arc<[Stability]>>,
     /// What readings are means over, where some are.
     means: Option<Box<Means>>,
 }
@@ -80,6 +83,7 @@ impl Track {
                 .map(|r| model.ppm_per_mol_m3(r.place.height_agl_m))
                 .collect(),
             air: rows.iter().map(|r| r.air).collect(),
+            classes: None,
             means: None,
         })
     }
@@ -171,6 +175,56 @@ impl Track {
         }
     }
 
+    /// The same track in air whose stability class is `class` at each time, instead of the model's.
+    #[must_use]
+    pub fn in_classes(mut self, class: &dyn Fn(f64) -> Stability) -> Self {
+        self.classes = Some(self.time_s.iter().map(|t| class(*t)).collect());
+        self.means = self.means.map(|m| Box::new(m.in_classes(class)));
+        self
+    }
+
+    /// The models of the classes that the rows have; the model alone where they have its own.
+    fn models(&self, model: &DispersionModel) -> Vec<(Stability, DispersionModel)> {
+        let Some(classes) = &self.classes else {
+            return Vec::new();
+        };
+        let present = Stability::ALL.into_iter().filter(|c| classes.contains(c));
+        let of = |stability| {
+            let spec = DispersionSpec {
+                stability,
+                ..model.spec().clone()
+            };
+            // A class makes of a model that holds one that holds.
+            Some((stability, DispersionModel::new(spec).ok()?))
+        };
+        present.filter_map(of).collect()
+    }
+
+    /// Fills in the plumes' part of the air at rows or points, each in its own class.
+    fn fill(
+        &self,
+        (model, models): (&DispersionModel, &[(Stability, DispersionModel)]),
+        met: &Met,
+        of_rows: &[usize],
+        offset_m: [f64; 3],
+        out: &mut [f64],
+    ) {
+        let Some(classes) = &self.classes else {
+            model.fill_excess(&met.columns(), offset_m, out);
+            return;
+        };
+        for (class, model) in models {
+            let own = (0..of_rows.len()).filter(|k| classes[of_rows[*k]] == *class);
+            let own: Vec<usize> = own.collect();
+            let part = met.some(&own);
+            let mut values = vec![0.0; own.len()];
+            model.fill_excess(&part.columns(), offset_m, &mut values);
+            own.iter()
+                .zip(values)
+                .for_each(|(k, value)| out[*k] = value);
+        }
+    }
+
     /// How long the air of row `i` has been under way from a place, in the row's wind, s.
     pub fn under_way_s(&self, i: usize, from: Enu) -> f64 {
         let far_m = (self.east_m[i] - from.east_m).hypot(self.north_m[i] - from.north_m);
@@ -223,12 +277,13 @@ impl Track {
             return;
         }
         let spec = model.spec();
+        let models = self.models(model);
         for (which, platform) in self.platforms.iter().enumerate() {
             let range = self.ranges[which].clone();
             let effects = spec.sensor.effects(&spec.mechanisms, platform);
             let excess = &mut readings[range.clone()];
-            self.excess(model, &effects, range.clone(), excess);
-            let mut between = self.excess_between(model, &effects, which);
+            self.excess((model, &models), &effects, range.clone(), excess);
+            let mut between = self.excess_between((model, &models), &effects, which);
             if let Some(parts) = plume_part.as_deref_mut() {
                 // The lag is linear, so that the plume's part and the background may pass it apart.
                 let part = &mut parts[range.clone()];
@@ -261,15 +316,16 @@ impl Track {
     /// The plumes' part of the air at the rows of a platform, ppm.
     fn excess(
         &self,
-        model: &DispersionModel,
+        (model, models): (&DispersionModel, &[(Stability, DispersionModel)]),
         effects: &SensorEffects,
         range: Range<usize>,
         out: &mut [f64],
     ) {
-        if effects.clock_s != 0.0 {
+        if effects.clock_s != 0.0 || self.classes.is_some() {
             let times_s = self.time_s[range.clone()].iter().copied();
+            let of_rows: Vec<usize> = range.clone().collect();
             let met = self.met(effects, range, times_s);
-            model.fill_excess(&met.columns(), effects.position_m, out);
+            self.fill((model, models), &met, &of_rows, effects.position_m, out);
             return;
         }
         let rows = RowColumns {
@@ -288,14 +344,15 @@ impl Track {
     /// The same at its points between rows.
     fn excess_between(
         &self,
-        model: &DispersionModel,
+        models: (&DispersionModel, &[(Stability, DispersionModel)]),
         effects: &SensorEffects,
         which: usize,
     ) -> Vec<f64> {
         let times_s = self.samples.between(which).map(|s| s.time_s);
         let met = self.met(effects, self.ranges[which].clone(), times_s);
         let mut out = vec![0.0; met.time_s.len()];
-        model.fill_excess(&met.columns(), effects.position_m, &mut out);
+        let of_rows: Vec<usize> = self.samples.between(which).map(|s| s.row).collect();
+        self.fill(models, &met, &of_rows, effects.position_m, &mut out);
         out
     }
 
@@ -418,6 +475,19 @@ struct Met {
 }
 
 impl Met {
+    /// Some of them.
+    fn some(&self, which: &[usize]) -> Self {
+        let of = |column: &[f64]| which.iter().map(|k| column[*k]).collect();
+        Self {
+            east_m: of(&self.east_m),
+            north_m: of(&self.north_m),
+            height_m: of(&self.height_m),
+            time_s: of(&self.time_s),
+            wind: which.iter().map(|k| self.wind[*k]).collect(),
+            ppm_per_mol_m3: of(&self.ppm_per_mol_m3),
+        }
+    }
+
     fn columns(&self) -> RowColumns<'_> {
         RowColumns {
             places: PlaceColumns {

@@ -50,6 +50,44 @@ fn predict(mechanisms: &[Mechanism]) -> Vec<f64> {
     out
 }
 
+// Each row is read by the model of its own class, clock and lag and all.
+#[test]
+fn classes_that_change_are_each_rows_own() {
+    let list = [Mechanism::new("clock-offset", &[("offset_s", 2.0)]).unwrap()];
+    for mechanisms in [&list[..0], &list] {
+        let [neutral, stable] = [Stability::D, Stability::F].map(|stability| {
+            let spec = DispersionSpec {
+                stability,
+                ..model(mechanisms).spec().clone()
+            };
+            DispersionModel::new(spec).unwrap()
+        });
+        let read = |track: &Track, model: &DispersionModel| {
+            let mut out = vec![0.0; track.len()];
+            track.predict(model, &mut out);
+            out
+        };
+        let track = Track::new(&neutral, &names(), &rows()).unwrap();
+        let (by_day, by_night) = (read(&track, &neutral), read(&track, &stable));
+        let changing = track.in_classes(&|t| {
+            if t < 150.0 {
+                Stability::D
+            } else {
+                Stability::F
+            }
+        });
+        let both = read(&changing, &neutral);
+        for (i, value) in both.iter().enumerate() {
+            let expected = if changing.time_s()[i] < 150.0 {
+                by_day[i]
+            } else {
+                by_night[i]
+            };
+            assert!((value - expected).abs() < 1e-9, "{i}: {value} {expected}");
+        }
+    }
+}
+
 #[test]
 fn a_plain_track_reads_the_field() {
     let model = model(&[]);

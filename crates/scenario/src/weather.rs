@@ -10,6 +10,7 @@ use air::AirError;
 use air::geo::{Enu, Geodetic, LocalFrame};
 use air::isa::Atmosphere;
 use air::wind::{WindProfile, WindSeries};
+use plume::stability::Stability;
 
 /// Standard temperature at mean sea level, by which a QNH is reduced, °C (ICAO Doc 7488).
 const QNH_TEMPERATURE_C: f64 = 15.0;
@@ -86,6 +87,8 @@ pub struct WeatherReport {
     pub temperature_c: Option<f64>,
     /// Pressure.
     pub pressure: Option<ReportedPressure>,
+    /// Stability class.
+    pub stability: Option<Stability>,
 }
 
 /// All reports of a text, in order of time; at least one.
@@ -195,6 +198,12 @@ impl WeatherReports {
         Ok(WindSeries::new(&rows)?)
     }
 
+    /// Times, s, and the stability classes that are reported to hold from then on.
+    pub fn classes(&self, start_unix_s: Option<f64>) -> Vec<(f64, Stability)> {
+        let of = |r: &WeatherReport| Some((self.mission_s(r.time_s, start_unix_s), r.stability?));
+        self.reports.iter().filter_map(of).collect()
+    }
+
     /// Temperature, °C, and pressure at the ground, hPa, at the mission's start, where they are reported:
     /// by the last report until then, or the first after.
     pub fn air_at_start(
@@ -232,6 +241,7 @@ mod tests {
             wind,
             temperature_c: None,
             pressure: None,
+            stability: None,
         }
     }
 

@@ -5,6 +5,7 @@ use std::ops::Range;
 use ::plume::effects::SensorAir;
 use ::plume::field::{DispersionModel, DispersionSpec, Place, Strength, Transport};
 use ::plume::mechanism::{Coordinate, Mechanism, MechanismId};
+use ::plume::stability::Stability;
 use ::plume::track::{Row, Track};
 use ::plume::{Gas, Span};
 use air::geo::{Enu, Geodetic, LocalFrame};
@@ -71,6 +72,8 @@ pub struct Setup {
     pub frame: LocalFrame,
     /// What it marks uncertain.
     pub priors: Vec<Prior>,
+    /// Stability classes with the times from which they hold, s; the first holds before them too. Empty: the base's own.
+    pub classes: Vec<(f64, Stability)>,
     /// Zeros and gains of the sensors of a network, once its readings are known.
     pub own: Vec<Unknown>,
     /// What the sensor of each platform has read, ppm, once that is known: its range ends no lower.
@@ -137,6 +140,7 @@ impl Setup {
             base,
             frame,
             priors,
+            classes: Vec::new(),
             own: Vec::new(),
             has_read: Vec::new(),
         })
@@ -162,6 +166,7 @@ impl Setup {
         for schedule in out.base.sources.iter_mut().flat_map(|s| &mut s.schedule) {
             *schedule = schedule.counted_from(zero_s);
         }
+        out.classes.iter_mut().for_each(|c| c.0 -= zero_s);
         out
     }
 
@@ -264,6 +269,7 @@ impl Data {
         let spans: Vec<Span> = order.iter().map(|o| o.span(&setup.frame)).collect();
         notices.extend(means_said(&spans));
         let track = Track::of_means(&world, &observations.platforms, &rows, &spans)?;
+        let track = in_classes(track, &setup.classes);
         let wind: Vec<_> = rows.iter().map(|r| r.wind).collect();
         let reading_ppm: Vec<f64> = order
             .iter()
@@ -309,7 +315,8 @@ impl Data {
         let rows: Vec<Row> = kept.iter().map(|i| self.rows[*i]).collect();
         let spans: Vec<Span> = kept.iter().map(|i| self.spans[*i]).collect();
         let world = DispersionModel::new(setup.base.clone())?;
-        let mut track = Track::of_means(&world, self.track.platforms(), &rows, &spans)?;
+        let track = Track::of_means(&world, self.track.platforms(), &rows, &spans)?;
+        let mut track = in_classes(track, &setup.classes);
         for (transport, i) in track.transport_mut().iter_mut().zip(&kept) {
             *transport = self.track.transport()[*i];
         }
@@ -482,6 +489,17 @@ fn nothing(problem: &str) -> GapError {
         expected: "rows with time_s, platform, lat_deg, lon_deg, alt_amsl_m and readings"
             .to_string(),
     }
+}
+
+/// A track in air of these stability classes, each from its time on; in the model's own where there are none.
+pub fn in_classes(track: Track, classes: &[(f64, Stability)]) -> Track {
+    let Some(first) = classes.first() else {
+        return track;
+    };
+    track.in_classes(&|time_s| {
+        let next = classes.partition_point(|c| c.0 <= time_s);
+        next.checked_sub(1).map_or(first.1, |k| classes[k].1)
+    })
 }
 
 /// What is to be said of readings that are means.

@@ -1,5 +1,6 @@
 //! Weather as CSV: `time_s` (since the mission's start) or `time_utc`, `wind_speed_m_s`, `wind_from_deg`, and
-//! optionally `wind_height_agl_m`, `temperature_c`, `pressure_hpa` (at the ground). The header's order is free,
+//! optionally `wind_height_agl_m`, `temperature_c`, `pressure_hpa` (at the ground), and of the stability one of `stability`
+//! (A to F), `obukhov_length_m`, `sigma_theta_deg`, in that order of preference. The header's order is free,
 //! other columns are passed over, and what is optional may be empty.
 
 use super::utc::iso_8601;
@@ -7,8 +8,12 @@ use super::{
     ReportedPressure, ReportedWind, TimeScale, WeatherError, WeatherReport, WeatherReports,
 };
 use csv::StringRecord;
+use plume::stability::Stability;
 
 const EXPECTED: &str = "time_s (or time_utc), wind_speed_m_s, wind_from_deg";
+
+/// Roughness of the ground by which an Obukhov length tells a class, m: open country with hedges.
+const ROUGHNESS_M: f64 = 0.1;
 
 pub(super) fn parse(text: &str) -> Result<WeatherReports, WeatherError> {
     let mut reader = csv::ReaderBuilder::new()
@@ -128,7 +133,22 @@ impl Table<'_> {
             pressure: self
                 .optional(record, "pressure_hpa")?
                 .map(ReportedPressure::Ground),
+            stability: self.stability(record)?,
         })
+    }
+
+    fn stability(&self, record: &StringRecord) -> Result<Option<Stability>, WeatherError> {
+        let letter = self.cell(record, "stability");
+        if !letter.is_empty() {
+            let class = Stability::from_letter(letter);
+            let refused = || Self::wrong(record, "stability", letter, "a letter from A to F");
+            return class.map(Some).ok_or_else(refused);
+        }
+        if let Some(length_m) = self.optional(record, "obukhov_length_m")? {
+            return Ok(Some(Stability::from_obukhov(length_m, ROUGHNESS_M)));
+        }
+        let sigma_deg = self.optional(record, "sigma_theta_deg")?;
+        Ok(sigma_deg.map(Stability::from_sigma_theta))
     }
 }
 
@@ -153,6 +173,23 @@ mod tests {
         assert_eq!(
             (second.wind.height_agl_m, second.temperature_c),
             (None, None)
+        );
+    }
+
+    // Golder (1972), figure 5, at a roughness of .1 m: 1/L = -.067 is B, .067 F; US EPA (2000), table 6-8a: 8° are D.
+    #[test]
+    fn stability_is_a_letter_a_length_or_a_scatter() {
+        let text = "time_s,wind_speed_m_s,wind_from_deg,sigma_theta_deg,obukhov_length_m,stability\n\
+            0,5,270,8,-15,E\n1,5,270,8,-15,\n2,5,270,8,15,\n3,5,270,8,,\n4,5,270,,,\n";
+        let classes = parse(text).unwrap().classes(None);
+        let letters: Vec<(f64, char)> = classes.iter().map(|(t, c)| (*t, c.letter())).collect();
+        assert_eq!(letters, [(0.0, 'E'), (1.0, 'B'), (2.0, 'F'), (3.0, 'D')]);
+        let refused =
+            parse("time_s,wind_speed_m_s,wind_from_deg,stability\n0,5,270,G\n").unwrap_err();
+        assert!(
+            refused
+                .to_string()
+                .contains("line 2, column stability: 'G'")
         );
     }
 

@@ -88,6 +88,7 @@ pub(super) fn parse(text: &str, near_unix_s: Option<f64>) -> Result<WeatherRepor
                 .iter()
                 .find_map(|g| qnh_hpa(g))
                 .map(ReportedPressure::SeaLevel),
+            stability: None,
         });
     }
     let as_of_s = reports

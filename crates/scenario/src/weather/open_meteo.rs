@@ -186,6 +186,7 @@ impl<'a> Block<'a> {
                 },
                 temperature_c: at(&temperatures, k),
                 pressure: of_ground.or(at(&sea_level, k).map(ReportedPressure::SeaLevel)),
+                stability: None,
             })
         };
         Ok(self

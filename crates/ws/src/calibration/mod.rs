@@ -24,7 +24,8 @@ pub use peak::READ_SD;
 use crate::WsError;
 use air::wind::WindVector;
 use gap::plume::{
-    PlumeModel, ROWS_OF_A_SEARCH, Setup, Unknown, every, own_zeros, plume_place, without_jitter,
+    PlumeModel, ROWS_OF_A_SEARCH, Setup, Unknown, every, in_classes, own_zeros, plume_place,
+    without_jitter,
 };
 use infer::{InferError, PlumePlace, Posterior};
 use meander::{Line, Meander};
@@ -33,6 +34,7 @@ use parameters::Unknowns;
 use peak::AtCrossing;
 use plume::curtain::{Sample, Site, mass_balance};
 use plume::effects::SensorAir;
+use plume::stability::Stability;
 use plume::track::{Row, Track};
 use plume::{DispersionModel, DispersionSpec, MechanismId, Place, Span};
 use protocol::message::{Estimate, Flux};
@@ -149,6 +151,11 @@ impl Calibrator {
             met_s: 0.0,
             predicted: peak::Predicted::default(),
         })
+    }
+
+    /// Lets the air have these stability classes, each from its time on, s.
+    fn set_classes(&mut self, classes: Vec<(f64, Stability)>) {
+        self.setup.classes = classes;
     }
 
     /// One more platform, whose sensor is as all others; its index.
@@ -289,8 +296,16 @@ impl Calibrator {
             .iter()
             .flat_map(|i| both.iter().map(|j| covariance[(*i, *j)]))
             .sum();
+        let name = &self.platforms[platform];
+        let is_its = |m: &&plume::Mechanism| {
+            m.id() == MechanismId::SensorOffset
+                && (m.platforms().is_empty() || m.platforms().contains(name))
+        };
+        let stated = self.base.mechanisms.iter().filter(is_its);
+        let stated: f64 = stated.map(|m| m.values()[0]).sum();
+        let clean = self.base.background_ppm + self.base.sensor.offset_ppm + stated;
         Some(Estimate {
-            value: self.base.background_ppm + at[zero] + at[background],
+            value: clean + at[zero] + at[background],
             sd: variance.max(0.0).sqrt(),
         })
     }
@@ -426,7 +441,8 @@ impl Calibrator {
     ) -> Result<Track, WsError> {
         let rows: Vec<Row> = readings.iter().map(|r| r.row).collect();
         let spans: Vec<Span> = readings.iter().map(|r| r.span).collect();
-        Ok(Track::of_means(world, &self.platforms, &rows, &spans)?)
+        let track = Track::of_means(world, &self.platforms, &rows, &spans)?;
+        Ok(in_classes(track, &self.setup.classes))
     }
 
     /// Fits `readings`, where there are any.

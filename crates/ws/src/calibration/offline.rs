@@ -4,6 +4,7 @@ use super::{Calibrated, Calibrator};
 use crate::WsError;
 use air::geo::{Geodetic, wrap_deg};
 use air::wind::WindVector;
+use plume::stability::Stability;
 use plume::{MechanismId, Place};
 use protocol::message::Estimate;
 use scenario::Scenario;
@@ -38,6 +39,19 @@ pub fn calibrate(
     observations: &Observations,
     reference: Option<&str>,
 ) -> Result<OfflineCalibration, WsError> {
+    calibrate_in(scenario, &[], observations, reference)
+}
+
+/// The same in air of these stability classes, each from its time on, s; in the scenario's where there are none.
+///
+/// # Errors
+/// As of [`calibrate`].
+pub fn calibrate_in(
+    scenario: &Scenario,
+    classes: &[(f64, Stability)],
+    observations: &Observations,
+    reference: Option<&str>,
+) -> Result<OfflineCalibration, WsError> {
     let checked = checks::check(
         observations,
         &scenario.dispersion_spec()?,
@@ -50,6 +64,7 @@ pub fn calibrate(
     let observations = observations.as_ref();
     let stated = scenario;
     let scenario = &stated.counted_from(zero_s);
+    let classes: Vec<_> = classes.iter().map(|(t, c)| (t - zero_s, *c)).collect();
     let mut best: Option<Calibrator> = None;
     // When a sensor is in clean air tells the wind as it was logged.
     let as_logged = read(
@@ -64,6 +79,7 @@ pub fn calibrate(
         let nothing_logged = winds.iter().all(Option::is_none);
         let mut calibrator = read(scenario, observations, reference, &winds)?;
         calibrator.give_own_zeros(own.clone(), reference);
+        calibrator.set_classes(classes.clone());
         calibrator.glance()?;
         if best.as_ref().is_none_or(|b| calibrator.cost() < b.cost()) {
             best = Some(calibrator);

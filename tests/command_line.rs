@@ -441,3 +441,92 @@ fn an_extension_is_scored_on_trials_with_maxima_alone_and_one_of_another_kind_re
     assert!((ratio - 2.0).abs() < 1e-3, "{arc}");
     assert_eq!(json["applied"]["scores"][0]["what"], "maximum");
 }
+
+/// Two strategies in two realities, in which a team of one does not even take off: what counts here are the files.
+fn campaign(more: &[&str]) -> Output {
+    let asked = [
+        "campaign",
+        "../scenarios/as-pontes.toml",
+        "--realities",
+        "steady,none+gain",
+        "--strategies",
+    ];
+    let short = [
+        "cs-ea,random",
+        "--vehicles",
+        "1",
+        "--seeds",
+        "3,5",
+        "--duration",
+        "40",
+    ];
+    plumage(&[&asked[..], &short, more].concat())
+}
+
+#[test]
+fn a_campaign_in_parts_merges_into_the_same_as_at_once() {
+    let out = folder("campaign");
+    let part = |name: &str| text(&out.join(name)).to_owned();
+    let whole = campaign(&["--out", &part("whole")]);
+    assert!(
+        whole.status.success(),
+        "{}",
+        String::from_utf8_lossy(&whole.stderr)
+    );
+    for shard in ["1/3", "2/3", "3/3"] {
+        let done = campaign(&["--shard", shard, "--out", &part(&shard[..1])]);
+        assert!(
+            done.status.success(),
+            "{}",
+            String::from_utf8_lossy(&done.stderr)
+        );
+    }
+    let merge = |parts: &[&str]| {
+        let parts: Vec<String> = parts.iter().map(|p| part(p)).collect();
+        let mut arguments = vec!["campaign", "merge"];
+        arguments.extend(parts.iter().map(String::as_str));
+        let to = part("merged");
+        arguments.extend(["--out", &to]);
+        plumage(&arguments)
+    };
+    refused(
+        &merge(&["1", "3"]),
+        2,
+        &["of 8 missions", "give all shards"],
+    );
+    assert!(merge(&["3", "1", "2"]).status.success());
+    for file in [
+        "missions.csv",
+        "missions.parquet",
+        "campaign.md",
+        "campaign.html",
+    ] {
+        let [a, b] = ["whole", "merged"].map(|f| std::fs::read(out.join(f).join(file)).unwrap());
+        assert!(a == b, "{file}");
+    }
+    let table = std::fs::read_to_string(out.join("whole/missions.csv")).unwrap();
+    assert_eq!(table.lines().count(), 9);
+    assert!(table.contains("none+gain,random,1,1,5,"), "{table}");
+    // What is there is not flown again, and what a killed program had not ended is.
+    let missions = out.join("whole/missions.jsonl");
+    let kept = std::fs::read_to_string(&missions).unwrap();
+    std::fs::write(&missions, &kept[..kept.len() - 30]).unwrap();
+    let again = campaign(&["--out", &part("whole")]);
+    let told = String::from_utf8_lossy(&again.stderr);
+    assert!(told.contains("7 of 8 missions are there already"), "{told}");
+    assert_eq!(
+        std::fs::read_to_string(out.join("whole/missions.csv")).unwrap(),
+        table
+    );
+    refused(
+        &campaign(&["--seeds", "9", "--out", &part("whole")]),
+        2,
+        &["cannot be used multiple times"],
+    );
+    refused(&campaign(&["--shard", "1/2"]), 2, &["--out DIR"]);
+    refused(
+        &campaign(&["--shard", "3/2", "--out", &part("x")]),
+        2,
+        &["k from 1 to n"],
+    );
+}

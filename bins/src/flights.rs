@@ -3,7 +3,6 @@
 use crate::Failure;
 use crate::commands::run::interrupt_flag;
 use indicatif::ProgressBar;
-use mission::MissionError;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// What `fly` makes of each number from 1 to `count`, in their order, with a bar of progress; those that were flown
@@ -13,7 +12,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// A mission that cannot be flown.
 pub fn fly_all<T: Send>(
     count: u64,
-    fly: impl Fn(u64) -> Result<T, MissionError> + Sync,
+    fly: impl Fn(u64) -> Result<T, Failure> + Sync,
 ) -> Result<Vec<T>, Failure> {
     let (bar, stop) = (ProgressBar::new(count), interrupt_flag()?);
     bar.tick();
@@ -34,11 +33,10 @@ pub fn fly_all<T: Send>(
         let workers: Vec<_> = (0..threads).map(|_| scope.spawn(fly_some)).collect();
         let mut flights = Vec::new();
         for worker in workers {
-            let flown: Result<_, MissionError> = worker
+            let flown: Result<Vec<(u64, T)>, Failure> = worker
                 .join()
                 .map_err(|_| Failure::usage("a mission ended unexpectedly"))?;
-            let flown: Vec<(u64, T)> = flown.map_err(Failure::input)?;
-            flights.extend(flown);
+            flights.extend(flown?);
         }
         Ok(flights)
     })?;

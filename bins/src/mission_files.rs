@@ -74,7 +74,10 @@ pub fn find(file: &str, folder: &Path) -> Option<PathBuf> {
 }
 
 /// What the file holds that a scenario in `folder` names.
-fn read(file: &str, folder: &Path) -> Result<Vec<u8>, String> {
+///
+/// # Errors
+/// In words, where it is not or cannot be read.
+pub fn read(file: &str, folder: &Path) -> Result<Vec<u8>, String> {
     let Some(found) = find(file, folder) else {
         let tried = places(file, folder).map(|p| p.display().to_string());
         return Err(format!("no such file; looked for {}", tried.join(", ")));

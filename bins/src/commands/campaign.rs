@@ -1,73 +1,359 @@
-//! `plumage campaign`: one scenario with many seeds, and a table.
+//! `plumage campaign`: many missions of one scenario, and what they show beside each other.
 
 use crate::flights::fly_all;
 use crate::{Failure, mission_files, preflight};
-use mission::Run;
-use mission::campaign::{self, Campaign};
+use anyhow::Context as _;
+use mission::{Run, Setup, campaign};
 use plume::Gas;
+use record::campaign::folder::{self, CampaignFolder};
+use record::campaign::{
+    MissionKey, MissionRow, Question, Reality, SCHEMA, Shard, columns, file_digest, table,
+};
 use record::files;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::Mutex;
+use views::campaign_report;
 
 /// Arguments of `plumage campaign`.
 #[derive(Debug, clap::Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct CampaignArguments {
+    /// What else it does.
+    #[command(subcommand)]
+    pub then: Option<CampaignCommand>,
     /// Scenario to fly (TOML)
-    pub scenario: PathBuf,
+    #[arg(required = true)]
+    pub scenario: Option<PathBuf>,
     /// Gas that is read: that of the first source if not given
     #[arg(long, value_name = "GAS")]
     pub gas: Option<Gas>,
-    /// Number of seeds, from 1
-    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=100_000))]
-    pub seeds: u64,
-    /// Search strategies to hold against each other, with commas between them, instead of the scenario's one
+    /// Seeds: how many, from 1, or which, as 5..12 or 1,4,9
+    #[arg(long, default_value = "20", value_name = "SEEDS")]
+    pub seeds: Seeds,
+    /// Search strategies, with commas between them, instead of the scenario's one
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub strategies: Vec<String>,
+    /// Realities, with commas between them, instead of the scenario's own: names of docs/campaign.md, joined by +, or
+    /// files (TOML) with the tables of a [reality]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub realities: Vec<String>,
+    /// Sizes of the team, with commas between them, instead of the scenario's own
+    #[arg(long, value_name = "COUNTS", value_delimiter = ',')]
+    pub vehicles: Vec<usize>,
     /// Make the last N vehicles of the team stand-ins for real ones, the others simulated
     #[arg(long, value_name = "N")]
     pub real_stand_ins: Option<usize>,
-    /// File for the table (Markdown); standard output if not given
-    #[arg(long, value_name = "FILE")]
+    /// Length of the missions instead of the scenario's, simulated s
+    #[arg(long, value_name = "S")]
+    pub duration: Option<f64>,
+    /// Fly only a part of the missions, k of n parts; `campaign merge` puts them together
+    #[arg(long, value_name = "K/N")]
+    pub shard: Option<Shard>,
+    /// Folder for missions, tables and report; one that holds a part of this campaign goes on. Or a file (.md) for the
+    /// table alone, which is printed if nothing is given
+    #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Write into a folder that holds something else
+    #[arg(long)]
+    pub force: bool,
 }
 
-/// Flies the scenario with every seed and tells what they show together.
+/// What else `plumage campaign` does.
+#[derive(Debug, clap::Subcommand)]
+pub enum CampaignCommand {
+    /// Put the shards of a campaign together
+    Merge(MergeArguments),
+}
+
+/// Arguments of `plumage campaign merge`.
+#[derive(Debug, clap::Args)]
+pub struct MergeArguments {
+    /// Folders of all shards
+    #[arg(required = true)]
+    pub folders: Vec<PathBuf>,
+    /// Folder for missions, tables and report
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Write into a folder that holds something else
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// Most seeds of a campaign.
+const MOST_SEEDS: u64 = 100_000;
+
+/// Seeds of a campaign.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Seeds(pub Vec<u64>);
+
+impl FromStr for Seeds {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |text: &str| text.trim().parse::<u64>().ok();
+        let seeds = if let Some((from, to)) = text.split_once("..") {
+            let ends = number(from).zip(number(to.trim_start_matches('=')));
+            ends.filter(|(from, to)| from <= to && to - from < MOST_SEEDS)
+                .map(|(from, to)| (from..=to).collect())
+        } else if text.contains(',') {
+            text.split(',').map(number).collect()
+        } else {
+            let count = number(text).filter(|n| (1..=MOST_SEEDS).contains(n));
+            count.map(|count| (1..=count).collect())
+        };
+        let seeds: Vec<u64> = seeds.ok_or_else(|| {
+            format!(
+                "expected a number of seeds, 1 to {MOST_SEEDS}, or seeds such as 5..12 or 1,4,9"
+            )
+        })?;
+        twice(&seeds).map_or(Ok(Self(seeds.clone())), |seed| {
+            Err(format!("seed {seed} stands twice"))
+        })
+    }
+}
+
+/// What a list holds twice.
+fn twice<T: PartialEq>(list: &[T]) -> Option<&T> {
+    let earlier = |k: usize| list[..k].contains(&list[k]);
+    (0..list.len()).find(|k| earlier(*k)).map(|k| &list[k])
+}
+
+/// Flies the missions that are asked for, and tells what they show together.
 ///
 /// # Errors
 /// Wrong input, or a mission that cannot be flown.
 pub fn campaign(arguments: &CampaignArguments) -> Result<(), Failure> {
-    let setup = mission_files::load(&arguments.scenario)?;
+    if let Some(CampaignCommand::Merge(arguments)) = &arguments.then {
+        return merge(arguments);
+    }
+    let Some(file) = &arguments.scenario else {
+        return Err(Failure::usage("expected a scenario"));
+    };
+    let setup = mission_files::load_changed(file, None, arguments.duration)?;
     let mut setup = mission_files::for_gas(setup, arguments.gas)?;
     if let Some(count) = arguments.real_stand_ins {
         setup = setup.with_stand_ins(count).map_err(Failure::input)?;
     }
-    preflight::check(&setup)?;
-    let fly = |strategy: &str| -> Result<Campaign, Failure> {
-        let missions = fly_all(arguments.seeds, |seed| {
-            let mut setup = setup.clone();
-            setup.scenario.mission.seed = seed;
-            setup.scenario.search.strategy = strategy.to_owned();
-            campaign::fly(&setup)
-        })?;
-        Ok(Campaign { missions })
+    let question = question(arguments, &setup)?;
+    let fleet = Fleet {
+        setup,
+        question,
+        scenario: file,
     };
-    let table = if arguments.strategies.is_empty() {
-        fly(&setup.scenario.search.strategy)?.to_markdown()
-    } else {
-        // A name that is none is found out before the first mission.
-        for strategy in &arguments.strategies {
-            let mut setup = setup.clone();
-            setup.scenario.search.strategy = strategy.clone();
+    fleet.check()?;
+    let is_table = |out: &&PathBuf| out.extension().is_some_and(|e| e == "md");
+    let folder = arguments.out.as_ref().filter(|out| !is_table(out));
+    let Some(folder) = folder else {
+        if arguments.shard.is_some() {
+            return Err(Failure::usage(
+                "--shard: expected a folder for its missions too, --out DIR, from which campaign merge reads them",
+            ));
+        }
+        let rows = fleet.fly(&fleet.question.missions(), &|_| Ok(()))?;
+        let table = table::to_markdown(&fleet.question, &rows);
+        match &arguments.out {
+            Some(file) => files::write_whole(file, table.as_bytes()).map_err(Failure::input)?,
+            None => print!("{table}"),
+        }
+        return Ok(());
+    };
+    let shard = arguments.shard.unwrap_or(Shard::WHOLE);
+    fleet.fly_into(folder, shard, arguments.force)
+}
+
+fn question(arguments: &CampaignArguments, setup: &Setup) -> Result<Question, Failure> {
+    let scenario = &setup.scenario;
+    let or_own = |given: &[String], own: &str| match given {
+        [] => vec![own.to_owned()],
+        given => given.to_vec(),
+    };
+    let strategies = or_own(&arguments.strategies, &scenario.search.strategy);
+    let realities = or_own(&arguments.realities, OWN);
+    let vehicles = match arguments.vehicles.as_slice() {
+        [] => vec![scenario.vehicles.len()],
+        given => given.to_vec(),
+    };
+    let stands_twice = |what: String| Failure::usage(format!("{what} stands twice"));
+    if let Some(name) = twice(&strategies) {
+        return Err(stands_twice(format!("--strategies: {name}")));
+    }
+    if let Some(name) = twice(&realities) {
+        return Err(stands_twice(format!("--realities: {name}")));
+    }
+    if let Some(count) = twice(&vehicles) {
+        return Err(stands_twice(format!("--vehicles: {count}")));
+    }
+    let realities: Result<Vec<Reality>, Failure> = realities.into_iter().map(reality).collect();
+    Ok(Question {
+        schema: SCHEMA.to_owned(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        mission: scenario.mission.name.clone(),
+        gas: scenario.gas(),
+        scenario: scenario.to_toml(),
+        files: setup
+            .files
+            .iter()
+            .map(|(name, bytes)| (name.clone(), file_digest(bytes)))
+            .collect(),
+        realities: realities?,
+        strategies,
+        vehicles,
+        real_stand_ins: arguments.real_stand_ins,
+        seeds: arguments.seeds.0.clone(),
+    })
+}
+
+/// The reality that a scenario has.
+const OWN: &str = "own";
+
+/// A reality by its name, or from a file.
+fn reality(name: String) -> Result<Reality, Failure> {
+    let is_file = Path::new(&name).extension().is_some_and(|e| e == "toml");
+    let text = is_file.then(|| std::fs::read_to_string(&name));
+    let text = text
+        .transpose()
+        .with_context(|| format!("{name}: cannot read the reality"))
+        .map_err(Failure::Input)?;
+    Ok(Reality { name, text })
+}
+
+/// The missions of a campaign, ready to fly.
+struct Fleet<'a> {
+    setup: Setup,
+    question: Question,
+    /// File of the scenario, beside which files are looked for.
+    scenario: &'a Path,
+}
+
+impl Fleet<'_> {
+    fn in_case(
+        &self,
+        reality: &Reality,
+        strategy: &str,
+        vehicles: usize,
+    ) -> Result<Setup, Failure> {
+        let folder = self.scenario.parent().unwrap_or(Path::new(""));
+        let read = |file: &str| mission_files::read(file, folder);
+        campaign::in_case(&self.setup, reality, strategy, vehicles, &read).map_err(Failure::input)
+    }
+
+    /// Finds out before the first mission what cannot be flown.
+    fn check(&self) -> Result<(), Failure> {
+        let Question {
+            realities,
+            strategies,
+            vehicles,
+            ..
+        } = &self.question;
+        let (reality, strategy) = (&realities[0], &strategies[0]);
+        for count in vehicles {
+            preflight::check(&self.in_case(reality, strategy, *count)?)?;
+        }
+        for strategy in strategies {
+            let setup = self.in_case(reality, strategy, vehicles[0])?;
             Run::new(&setup).map_err(Failure::input)?;
         }
-        let mut campaigns = Vec::new();
-        for strategy in &arguments.strategies {
-            campaigns.push((strategy.clone(), fly(strategy)?));
+        for reality in realities {
+            self.in_case(reality, strategy, vehicles[0])?;
         }
-        campaign::compared(&campaigns)
-    };
-    match &arguments.out {
-        Some(file) => files::write_whole(file, table.as_bytes()).map_err(Failure::input)?,
-        None => print!("{table}"),
+        Ok(())
     }
+
+    /// Flies missions, and keeps each as it is done.
+    fn fly(
+        &self,
+        missions: &[MissionKey],
+        keep: &(impl Fn(&MissionRow) -> Result<(), Failure> + Sync),
+    ) -> Result<Vec<MissionRow>, Failure> {
+        let of = |key: &MissionKey| -> Result<MissionRow, Failure> {
+            let known = self
+                .question
+                .realities
+                .iter()
+                .find(|r| r.name == key.reality);
+            let reality =
+                known.ok_or_else(|| Failure::usage("a reality that was not asked for"))?;
+            let setup = self.in_case(reality, &key.strategy, key.vehicles)?;
+            let row = campaign::fly_row(&setup, key.clone()).map_err(Failure::input)?;
+            keep(&row)?;
+            Ok(row)
+        };
+        fly_all(missions.len() as u64, |number| {
+            of(&missions[number as usize - 1])
+        })
+    }
+
+    fn fly_into(&self, path: &Path, shard: Shard, force: bool) -> Result<(), Failure> {
+        let opened = CampaignFolder::open(path, &self.question, shard, force);
+        let (folder, mut rows) = opened.map_err(Failure::input)?;
+        let is_flown = |key: &MissionKey| rows.iter().any(|row| row.key == *key);
+        let missions = self.question.missions_of(shard);
+        let of = missions.len();
+        let missing: Vec<MissionKey> = missions.into_iter().filter(|k| !is_flown(k)).collect();
+        if missing.len() < of {
+            eprintln!("{} of {of} missions are there already.", of - missing.len());
+        }
+        let folder = Mutex::new(folder);
+        let keep = |row: &MissionRow| -> Result<(), Failure> {
+            let mut folder = folder
+                .lock()
+                .map_err(|_| Failure::usage("a mission ended unexpectedly"))?;
+            Ok(folder.add(row)?)
+        };
+        rows.extend(self.fly(&missing, &keep)?);
+        if rows.len() < of {
+            eprintln!(
+                "Stopped with {} of {of} missions; the same command goes on with the others.",
+                rows.len()
+            );
+        }
+        let (rows, _) = folder::in_order(&self.question, rows.iter());
+        results(path, &self.question, &rows)
+    }
+}
+
+/// Writes tables and report of the missions that there are.
+fn results(folder: &Path, question: &Question, rows: &[MissionRow]) -> Result<(), Failure> {
+    let table = table::to_markdown(question, rows);
+    let page = campaign_report::page(question, rows);
+    let (csv, parquet) = (columns::csv(rows)?, columns::parquet(rows)?);
+    files::write_set(&[
+        (folder.join("missions.csv"), &csv),
+        (folder.join("missions.parquet"), &parquet),
+        (folder.join("campaign.md"), table.as_bytes()),
+        (folder.join("campaign.html"), page.as_bytes()),
+    ])?;
+    let first = table.split("\n\n").next().unwrap_or_default();
+    println!("{first}\n\nOutputs in {}", folder.display());
     Ok(())
+}
+
+fn merge(arguments: &MergeArguments) -> Result<(), Failure> {
+    let read = |path: &PathBuf| Ok((path.clone(), folder::read(path).map_err(Failure::input)?));
+    let parts: Result<Vec<_>, Failure> = arguments.folders.iter().map(read).collect();
+    let (question, rows) = folder::merged(&parts?).map_err(Failure::usage)?;
+    let opened = CampaignFolder::open(&arguments.out, &question, Shard::WHOLE, arguments.force);
+    let (mut folder, there) = opened.map_err(Failure::input)?;
+    for row in rows.iter().filter(|row| !there.contains(row)) {
+        folder.add(row)?;
+    }
+    results(&arguments.out, &question, &rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seeds_are_a_number_a_range_or_a_list() {
+        let seeds = |text: &str| text.parse::<Seeds>().map(|s| s.0);
+        assert_eq!(seeds("3"), Ok(vec![1, 2, 3]));
+        assert_eq!(seeds("5..7"), Ok(vec![5, 6, 7]));
+        assert_eq!(seeds("1..=2"), Ok(vec![1, 2]));
+        assert_eq!(seeds("9, 1,4"), Ok(vec![9, 1, 4]));
+        for wrong in ["0", "", "a", "7..5", "1,,2", "1,2,1", "-3", "200000"] {
+            assert!(seeds(wrong).is_err(), "{wrong}");
+        }
+    }
 }

@@ -60,7 +60,9 @@ pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
         };
     }
     preflight::check(&setup)?;
-    let flights = fly_all(arguments.flights, |number| plan::fly(&setup, number))?;
+    let flights = fly_all(arguments.flights, |number| {
+        plan::fly(&setup, number).map_err(Failure::input)
+    })?;
     if flights.is_empty() {
         return Err(Failure::usage("no mission was flown to its end"));
     }

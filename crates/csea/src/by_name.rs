@@ -7,12 +7,13 @@ use crate::domain::Domain;
 use crate::error::CseaError;
 use crate::infotaxis::Infotaxis;
 use crate::legs::PatternFlight;
+use crate::outside::Outside;
 use crate::particle_swarm::ParticleSwarm;
 use crate::posterior::ByPosterior;
 use crate::strategy::SearchStrategy;
 use rand::rngs::ChaCha8Rng;
 
-/// Names that [`strategy_by_name`] knows; `sweep` is another one of `lawnmower`.
+/// Names of strategies of its own that [`strategy_by_name`] knows; `sweep` is another one of `lawnmower`.
 pub const STRATEGIES: [&str; 8] = [
     "posterior",
     "lawnmower",
@@ -23,6 +24,9 @@ pub const STRATEGIES: [&str; 8] = [
     "ascent",
     "random",
 ];
+
+/// The name of the strategy that follows somebody outside the program.
+pub const OUTSIDE: &str = "outside";
 
 /// The strategy of that name over `domain`. `options` holds the settings of CS-EA; others take its population and kernel
 /// length. `prior` is what is known of the plume: the pattern flights take source, direction and height from it, `posterior` and
@@ -47,10 +51,11 @@ pub fn strategy_by_name(
         "cs-ea" => Box::new(CsEa::new(domain, options)?),
         "ascent" => Box::new(Ascent::new(domain, count, options.kernel.length_m)?),
         "random" => Box::new(RandomPoints::new(domain, count)?),
+        OUTSIDE => Box::new(Outside::new(&domain)),
         other => {
             return Err(CseaError::UnknownStrategy {
                 name: other.to_owned(),
-                known: STRATEGIES.join(", "),
+                known: format!("{}, {OUTSIDE}", STRATEGIES.join(", ")),
             });
         }
     })

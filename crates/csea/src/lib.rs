@@ -6,7 +6,8 @@
 //! until the next step. Plumage's own strategy is the constrained-sampling evolutionary
 //! algorithm [`CsEa`] (Varela et al. 2014, doi 10.1016/j.neucom.2013.03.060). [`ByPosterior`] flies by a
 //! [`Belief`] of the plume; [`Infotaxis`], [`ParticleSwarm`], [`PatternFlight`], [`Ascent`] and
-//! [`RandomPoints`] are rivals behind the same trait, chosen by name with [`strategy_by_name`].
+//! [`RandomPoints`] are rivals behind the same trait, chosen by name with [`strategy_by_name`]; [`Outside`] follows
+//! a program of somebody's own.
 //!
 //! ```
 //! use csea::{Archive, ArchiveOptions, CsEa, CsEaOptions, Domain, Position, Sample, SearchStrategy};
@@ -38,6 +39,7 @@ mod domain;
 mod error;
 mod infotaxis;
 mod legs;
+mod outside;
 mod particle_swarm;
 mod posterior;
 mod strategy;
@@ -46,7 +48,7 @@ pub use air::geo::Position;
 pub use archive::{Archive, ArchiveOptions, FieldEstimate, Neighbour, Sample, SmoothingKernel};
 pub use baselines::{Ascent, RandomPoints};
 pub use belief::{Belief, PlumeGuess, PlumePrior};
-pub use by_name::{STRATEGIES, strategy_by_name};
+pub use by_name::{OUTSIDE, STRATEGIES, strategy_by_name};
 pub use cone::choose_within_cone;
 pub use cs_ea::{CsEa, CsEaOptions};
 pub use differential_evolution::DifferentialEvolution;
@@ -55,6 +57,7 @@ pub use error::CseaError;
 pub use infer::Estimate;
 pub use infotaxis::Infotaxis;
 pub use legs::PatternFlight;
+pub use outside::Outside;
 pub use particle_swarm::ParticleSwarm;
 pub use posterior::ByPosterior;
 pub use strategy::{PromisingPoint, Sampler, SearchStrategy};

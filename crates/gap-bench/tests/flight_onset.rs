@@ -31,6 +31,7 @@ fn sets_in(toml: &str, seed: u64, effect: FlightEffect, strength: f64, onset_s: 
     };
     assert_eq!(cause.mechanisms, [effect.id()]);
     let onset = cause.onset_s.unwrap();
+    println!("{effect:?}, seed {seed}: {onset:?}, truth {onset_s}");
     assert!(
         (onset.value - onset_s).abs() < 3.0 && onset.sd < 3.0,
         "{onset:?}"

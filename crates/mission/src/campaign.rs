@@ -1,15 +1,14 @@
-//! One scenario flown with many seeds, and what the missions show together.
+//! Missions of a campaign: the scenario flown in other realities, by other strategies, with other teams and seeds, and
+//! what came of each.
 
 use crate::{MissionError, Run, Setup, truth};
-use protocol::message::{Flux, PeakStatus};
-use record::summary::{
-    CORRECTED, MissionSummary, ModelNumber, Outcome, Summariser, SummaryContext,
-};
-use record::text;
-use std::fmt::Write as _;
-
-/// A found peak within this distance of the truth counts as found, m.
-pub const FOUND_WITHIN_M: f64 = 150.0;
+use air::geo::{Enu, Geodetic, LocalFrame};
+use protocol::message::{Message, Model, State};
+use protocol::{Envelope, SimTime, Topic};
+use record::campaign::{MissionKey, MissionRow, Moment, NEAR_M, Reality};
+use record::summary::{MissionSummary, Summariser, SummaryContext, TruePeak};
+use scenario::Scenario;
+use scenario::tables::{HomeTable, VehicleKind};
 
 /// What a summary needs to know of a scenario beside its messages.
 ///
@@ -44,275 +43,286 @@ pub fn summary_context(setup: &Setup) -> Result<SummaryContext, MissionError> {
 /// # Errors
 /// A mission that cannot be flown.
 pub fn fly(setup: &Setup) -> Result<MissionSummary, MissionError> {
+    flown(setup, &mut |_, _, _| ())
+}
+
+/// The same, with what `watch` makes of each message after the summariser has taken it.
+fn flown(
+    setup: &Setup,
+    watch: &mut impl FnMut(&Topic, &Envelope, &Summariser),
+) -> Result<MissionSummary, MissionError> {
     let mut run = Run::new(setup)?;
     let mut summariser = Summariser::new(summary_context(setup)?);
     while !run.ended() {
         for (topic, envelope) in run.step() {
             summariser.take(topic, envelope);
+            watch(topic, envelope, &summariser);
         }
     }
     Ok(summariser.summary(&run.digest(), 0.0))
 }
 
-/// Summaries of missions with different seeds.
-#[derive(Debug, Clone, Default)]
-pub struct Campaign {
-    /// One summary a seed.
-    pub missions: Vec<MissionSummary>,
-}
-
-impl Campaign {
-    /// Errors left over errors before, one a mission, of the n-th of the corrected numbers;
-    /// only where there was an error before.
-    pub fn remaining(&self, number: usize) -> Vec<f64> {
-        let all = self.missions.iter().flat_map(stated);
-        let those = all.filter(|s| s.name == CORRECTED[number].name);
-        those.filter_map(|s| s.left).collect()
-    }
-
-    /// Missions whose peak was found, and missions in which there was one to find.
-    pub fn found(&self) -> (usize, usize) {
-        let errors: Vec<f64> = self
-            .missions
-            .iter()
-            .filter(|m| m.peak.truth.is_some())
-            .map(|m| m.peak.error_m.unwrap_or(f64::INFINITY))
-            .collect();
-        (
-            errors.iter().filter(|e| **e <= FOUND_WITHIN_M).count(),
-            errors.len(),
-        )
-    }
-
-    /// The campaign as a table in Markdown.
-    pub fn to_markdown(&self) -> String {
-        let mut text = String::from("| seed | peak error, m |");
-        for number in &CORRECTED {
-            let _ = write!(text, " {} before → after |", number.name);
-        }
-        text.push_str("\n|---|---|");
-        text.push_str(&"---|".repeat(CORRECTED.len()));
-        for mission in &self.missions {
-            let error = mission
-                .peak
-                .error_m
-                .map_or("-".to_owned(), |e| format!("{e:.0}"));
-            let _ = write!(text, "\n| {} | {error} |", mission.seed);
-            for number in &CORRECTED {
-                let Some(errors) = NumberErrors::of(mission, number) else {
-                    text.push_str(" - |");
-                    continue;
-                };
-                let digits = number.digits(mission.gas);
-                let _ = write!(
-                    text,
-                    " {:+.digits$} → {:+.digits$} {} |",
-                    errors.before,
-                    errors.after,
-                    number.unit_of(mission.gas)
-                );
-            }
-        }
-        let (found, of) = self.found();
-        let _ = writeln!(
-            text,
-            "\n\nPeak found within {FOUND_WITHIN_M:.0} m: {found} of {of}. {}\n",
-            self.endings()
-        );
-        text.push_str(&self.stated_table());
-        text
-    }
-
-    /// What the missions show in one row of [`compared`].
-    fn row(&self, name: &str) -> String {
-        let m = || self.missions.iter();
-        let (found, of) = self.found();
-        let known: Vec<f64> = m().filter_map(|m| m.peak.known_s).collect();
-        let count = known.len();
-        let whole = |v: Option<f64>| v.map_or("-".to_owned(), |v| format!("{v:.0}"));
-        // A mission that never knew its peak took longer than any that did.
-        let never = vec![f64::INFINITY; self.missions.len() - count];
-        let known_s = median(known.into_iter().chain(never).collect());
-        let off_m = median(m().filter_map(|m| m.peak.error_m).collect());
-        let flux_percent = m().flat_map(stated).filter(|s| s.name.starts_with(FLUX));
-        let flux_percent = median(flux_percent.map(|s| s.error.abs()).collect());
-        let km = median(
-            m().map(|m| m.vehicles.iter().map(|v| v.distance_m).sum::<f64>() / 1000.0)
-                .collect(),
-        );
-        format!(
-            "| {name} | {found} of {of} | {count} of {} | {} | {} | {} | {} |",
-            self.missions.len(),
-            whole(known_s.filter(|s| s.is_finite())),
-            whole(off_m),
-            whole(flux_percent),
-            whole(km)
-        )
-    }
-
-    /// How missions ended, in words: what stands behind their peaks, and where their vehicles are.
-    fn endings(&self) -> String {
-        let is = |status: PeakStatus| {
-            let those = self.missions.iter().filter(|m| m.peak.status == status);
-            those.count()
-        };
-        let vehicles = || self.missions.iter().flat_map(|m| &m.vehicles);
-        let landed = vehicles().filter(|v| v.outcome == Outcome::Landed).count();
-        format!(
-            "{} confirmed, {} supported, {} doubtful, {} not found. {landed} of {} vehicles landed.",
-            is(PeakStatus::Confirmed),
-            is(PeakStatus::Supported),
-            is(PeakStatus::Doubtful),
-            is(PeakStatus::NotFound),
-            vehicles().count(),
-        )
-    }
-
-    /// What missions state with a standard deviation against the reality of their stand-ins.
-    fn stated_table(&self) -> String {
-        let all: Vec<Stated> = self.missions.iter().flat_map(stated).collect();
-        let mut names: Vec<&str> = Vec::new();
-        for s in &all {
-            if !names.contains(&s.name.as_str()) {
-                names.push(&s.name);
-            }
-        }
-        let mut text = String::from(
-            "| number | truth within 2 sd | median error | median of the error before that is left |\n|---|---|---|---|\n",
-        );
-        let within = |those: &[&Stated]| those.iter().filter(|s| s.holds()).count();
-        for name in names {
-            let those: Vec<&Stated> = all.iter().filter(|s| s.name == name).collect();
-            let error = median(those.iter().map(|s| s.error.abs()).collect()).unwrap_or(f64::NAN);
-            let left = median(those.iter().filter_map(|s| s.left).collect());
-            let _ = writeln!(
-                text,
-                "| {name} | {} of {} | {error:.digits$} {} | {} |",
-                within(&those),
-                those.len(),
-                those[0].unit,
-                left.map_or("-".to_owned(), |l| format!("{l:.3}")),
-                digits = those[0].digits,
-            );
-        }
-        let every: Vec<&Stated> = all.iter().collect();
-        let _ = writeln!(
-            text,
-            "\nAll together: {} of {} within two standard deviations.",
-            within(&every),
-            every.len()
-        );
-        text
-    }
-}
-
-/// Campaigns of the same missions beside each other, by name: a table in Markdown.
-pub fn compared(campaigns: &[(String, Campaign)]) -> String {
-    let mut text = format!(
-        "| strategy | peak within {FOUND_WITHIN_M:.0} m | confirmed or supported | first at, s (median) | \
-         peak off, m (median) | flux off, % (median) | flown, km (median) |\n|---|---|---|---|---|---|---|\n"
-    );
-    for (name, campaign) in campaigns {
-        let _ = writeln!(text, "{}", campaign.row(name));
-    }
-    text
-}
-
-/// How far one of the model's numbers is from that of a stand-in's reality, in its unit.
-pub(crate) struct NumberErrors {
-    before: f64,
-    /// After the mission, with the standard deviation that is stated then.
-    pub after: f64,
-    pub sd: f64,
-}
-
-impl NumberErrors {
-    /// None where there is no stand-in, and so no reality that is known.
-    pub fn of(mission: &MissionSummary, number: &ModelNumber) -> Option<Self> {
-        let model = &mission.model;
-        let truth = (number.of)(model.reality.as_ref()?).value;
-        let [before, after] = [&model.before, &model.after].map(number.of);
-        Some(Self {
-            before: number.error(before.value, truth),
-            after: number.error(after.value, truth),
-            sd: after.sd,
-        })
-    }
-}
-
-/// How names of fluxes begin.
-const FLUX: &str = "flux of";
-
-/// A number that a mission states, against the truth.
-struct Stated {
-    name: String,
-    unit: String,
-    digits: usize,
-    error: f64,
-    sd: f64,
-    /// Error over that before the mission, where there was one.
-    left: Option<f64>,
-}
-
-impl Stated {
-    fn holds(&self) -> bool {
-        self.error.abs() <= 2.0 * self.sd
-    }
-}
-
-/// What a mission states of which the truth is known.
-fn stated(mission: &MissionSummary) -> Vec<Stated> {
-    let mut out = Vec::new();
-    if let (Some(estimate), Some(truth)) = (&mission.peak.estimate, &mission.peak.truth) {
-        out.push(Stated {
-            name: "peak".to_owned(),
-            unit: record::summary::ppm_of(mission.gas),
-            digits: mission.gas.digits(),
-            error: estimate.co2_ppm - truth.co2_ppm,
-            sd: estimate.sd_ppm,
-            left: None,
-        });
-    }
-    let of = |number: &ModelNumber| {
-        let NumberErrors { before, after, sd } = NumberErrors::of(mission, number)?;
-        Some(Stated {
-            name: number.name.to_owned(),
-            unit: number.unit_of(mission.gas),
-            digits: number.digits(mission.gas),
-            error: after,
-            sd,
-            left: (before != 0.0).then_some((after / before).abs()),
-        })
+/// Flies the mission of `key`, whose setup is that of [`in_case`], and tells what came of it.
+///
+/// # Errors
+/// A mission that cannot be flown.
+pub fn fly_row(setup: &Setup, key: MissionKey) -> Result<MissionRow, MissionError> {
+    let mut setup = setup.clone();
+    setup.scenario.mission.seed = key.seed;
+    let context = summary_context(&setup)?;
+    let has_peak = context.true_flux.iter().any(|(_, kg_s)| *kg_s > 0.0);
+    let mut watch = Watch {
+        frame: context.frame,
+        peak: context.true_peak.filter(|_| has_peak),
+        is_steady: truth::is_steady(&setup),
+        peak_at: None,
+        near: None,
+        known: None,
+        model: None,
     };
-    out.extend(CORRECTED.iter().filter_map(of));
-    for flux in &mission.flux {
-        let Some(truth) = flux.truth_kg_s.filter(|q| *q > 0.0) else {
-            continue;
-        };
-        let Flux {
-            source,
-            method,
-            kg_s,
-        } = &flux.found;
-        out.push(Stated {
-            name: format!("{FLUX} {source} by {}", text::flux_method(*method)),
-            unit: "%".to_owned(),
-            digits: 0,
-            error: 100.0 * (kg_s.value / truth - 1.0),
-            sd: 100.0 * kg_s.sd / truth,
-            left: None,
-        });
-    }
-    out
+    let summary = flown(&setup, &mut |topic, envelope, so_far| {
+        watch.take(topic, envelope, so_far);
+    })?;
+    let time_s = summary.peak.estimate.map_or(summary.sim_s, |p| p.time_s);
+    let map = match watch.model.filter(|_| truth::has_stand_in(&setup.scenario)) {
+        Some(model) => truth::map_error(&setup, &model, time_s)?,
+        None => None,
+    };
+    let vehicles = setup.scenario.vehicles.iter();
+    let real = vehicles
+        .filter(|v| v.kind != VehicleKind::Simulated)
+        .count();
+    let moments = [watch.near, watch.known];
+    Ok(MissionRow::new(
+        key,
+        (real, has_peak),
+        &summary,
+        moments,
+        map,
+    ))
 }
 
-/// Median; none of nothing.
-pub fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    match n {
-        0 => None,
-        _ if n % 2 == 1 => Some(values[n / 2]),
-        _ => Some(f64::midpoint(values[n / 2 - 1], values[n / 2])),
+/// The true peak is looked for anew after this time where it moves, s.
+const PEAK_MOVES_S: f64 = 60.0;
+
+/// What of a mission's messages tells how fast it was.
+struct Watch {
+    frame: LocalFrame,
+    peak: Option<TruePeak>,
+    is_steady: bool,
+    /// When the true peak was last looked for, s, and where it was: height above mean sea level.
+    peak_at: Option<(f64, Option<(Enu, f64)>)>,
+    near: Option<Moment>,
+    known: Option<Moment>,
+    model: Option<Box<Model>>,
+}
+
+impl Watch {
+    fn take(&mut self, topic: &Topic, envelope: &Envelope, so_far: &Summariser) {
+        let moment = |time: SimTime| Moment {
+            time_s: time.s(),
+            flown_km: so_far.flown_m() / 1000.0,
+        };
+        match (topic, &envelope.message) {
+            (Topic::State(_), Message::State(state))
+                if self.near.is_none()
+                    && state.airborne
+                    && self.is_near(state, envelope.time.s()) =>
+            {
+                self.near = Some(moment(envelope.time));
+            }
+            (Topic::Model, Message::Model(model)) => {
+                if self.known.is_none() && so_far.known_s().is_some() {
+                    self.known = Some(moment(envelope.time));
+                }
+                self.model = Some(model.clone());
+            }
+            _ => {}
+        }
+    }
+
+    fn is_near(&mut self, state: &State, time_s: f64) -> bool {
+        let Some((at, alt_amsl_m)) = self.peak_at(time_s) else {
+            return false;
+        };
+        let here = self.frame.to_enu(Geodetic {
+            lat_deg: state.lat_deg,
+            lon_deg: state.lon_deg,
+        });
+        here.distance_m(at).hypot(state.alt_amsl_m - alt_amsl_m) <= NEAR_M
+    }
+
+    fn peak_at(&mut self, time_s: f64) -> Option<(Enu, f64)> {
+        let is_old = |from_s: f64| !self.is_steady && time_s - from_s >= PEAK_MOVES_S;
+        if self.peak_at.is_none_or(|(from_s, _)| is_old(from_s)) {
+            let found = self.peak.as_ref().and_then(|p| p.0(time_s)).map(|p| {
+                let at = Geodetic {
+                    lat_deg: p.lat_deg,
+                    lon_deg: p.lon_deg,
+                };
+                (self.frame.to_enu(at), p.alt_amsl_m)
+            });
+            self.peak_at = Some((time_s, found));
+        }
+        self.peak_at.and_then(|(_, at)| at)
+    }
+}
+
+/// The setup of `strategy` with a team of `vehicles` in a reality. `read` reads files that the reality names.
+///
+/// # Errors
+/// A reality, a strategy or a team that cannot be.
+pub fn in_case(
+    setup: &Setup,
+    reality: &Reality,
+    strategy: &str,
+    vehicles: usize,
+    read: crate::setup::ReadFile<'_>,
+) -> Result<Setup, MissionError> {
+    let scenario = &setup.scenario;
+    let scenario = match &reality.text {
+        Some(text) => scenario.in_reality_of(&reality.name, text)?,
+        None => scenario.in_other_reality(&reality.name)?,
+    };
+    let mut scenario = with_team_of(&scenario, vehicles)?;
+    scenario.search.strategy = strategy.to_owned();
+    let kept = |name: &str| match setup.files.get(name) {
+        Some(bytes) => Ok(bytes.clone()),
+        None => read(name),
+    };
+    Setup::load(&reality.name, &scenario.to_toml(), &kept)
+}
+
+/// Homes of vehicles that a scenario does not have lie beside those that it has, this far from them, m.
+const ROW_OF_HOMES_M: f64 = 150.0;
+
+/// The scenario with a team of `count`: those that are not simulated first, then simulated ones as they come. Of more
+/// than there are the simulated ones are repeated, their homes in further rows away from the first source.
+///
+/// # Errors
+/// A team of nobody, or one that needs simulated vehicles of a scenario without any.
+fn with_team_of(scenario: &Scenario, count: usize) -> Result<Scenario, MissionError> {
+    let is_simulated = |k: &usize| scenario.vehicles[*k].kind == VehicleKind::Simulated;
+    let (simulated, real): (Vec<usize>, Vec<usize>) =
+        (0..scenario.vehicles.len()).partition(is_simulated);
+    let more = count.saturating_sub(real.len());
+    if count == 0 || (simulated.is_empty() && more > 0) {
+        return Err(MissionError::Request(format!(
+            "a team of {count}: expected 1 to {} vehicles{}",
+            if simulated.is_empty() {
+                real.len()
+            } else {
+                100
+            },
+            if simulated.is_empty() {
+                ", as none of them is simulated and may be repeated"
+            } else {
+                ""
+            },
+        )));
+    }
+    let mut chosen: Vec<usize> = real.into_iter().rev().take(count).collect();
+    chosen.extend(simulated.iter().copied().take(more));
+    chosen.sort_unstable();
+    let mut team: Vec<_> = chosen
+        .iter()
+        .map(|k| scenario.vehicles[*k].clone())
+        .collect();
+    let frame = scenario.frame()?;
+    let source = &scenario.sources[0];
+    let source = frame.to_enu(Geodetic {
+        lat_deg: source.lat_deg,
+        lon_deg: source.lon_deg,
+    });
+    for k in simulated.len()..more {
+        let like = simulated[k % simulated.len()];
+        let home = frame.to_enu(scenario.home(like)?);
+        let row = (k / simulated.len()) as f64;
+        let away = home.displaced(source.bearing_deg(home), ROW_OF_HOMES_M * row);
+        let at = frame.to_geodetic(away);
+        let mut vehicle = scenario.vehicles[like].clone();
+        vehicle.home = Some(HomeTable {
+            lat_deg: at.lat_deg,
+            lon_deg: at.lon_deg,
+        });
+        let number = team.len() + 1;
+        let taken = |id: &str| team.iter().any(|v| v.id == id);
+        vehicle.id = (number..)
+            .map(|n| n.to_string())
+            .find(|id| !taken(id))
+            .unwrap_or_default();
+        team.push(vehicle);
+    }
+    Ok(Scenario {
+        vehicles: team,
+        ..scenario.clone()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn as_pontes() -> Setup {
+        let text = include_str!("../../../scenarios/as-pontes.toml");
+        let nothing = |_: &str| Err("no such file".to_owned());
+        Setup::load("as-pontes.toml", text, &nothing).unwrap()
+    }
+
+    #[test]
+    fn teams_of_any_size_keep_the_real_ones() {
+        let scenario = as_pontes().scenario;
+        let frame = scenario.frame().unwrap();
+        for count in [1, 2, 6, 12, 30] {
+            let team = with_team_of(&scenario, count).unwrap();
+            assert_eq!(team.vehicles.len(), count);
+            let real = team
+                .vehicles
+                .iter()
+                .filter(|v| v.kind == VehicleKind::StandIn);
+            assert_eq!(real.count(), 1);
+            let home = |k: usize| frame.to_enu(team.home(k).unwrap());
+            for a in 0..count {
+                for b in 0..a {
+                    assert_ne!(team.vehicles[a].id, team.vehicles[b].id);
+                    assert!(home(a).distance_m(home(b)) > 40.0, "{count}: {a} and {b}");
+                }
+            }
+        }
+        assert_eq!(with_team_of(&scenario, 6).unwrap(), scenario);
+        assert!(with_team_of(&scenario, 0).is_err());
+        let all_real = as_pontes().with_stand_ins(6).unwrap().scenario;
+        let refused = with_team_of(&all_real, 7).unwrap_err().to_string();
+        assert!(refused.contains("1 to 6"), "{refused}");
+    }
+
+    #[test]
+    fn a_row_tells_what_the_mission_came_to() {
+        let reality = Reality {
+            name: "steady".to_owned(),
+            text: None,
+        };
+        let nothing = |_: &str| Err("no such file".to_owned());
+        let mut setup = in_case(&as_pontes(), &reality, "posterior", 2, &nothing).unwrap();
+        setup.scenario.mission.duration_s = 600.0;
+        let key = MissionKey {
+            reality: reality.name,
+            strategy: "posterior".to_owned(),
+            vehicles: 2,
+            seed: 3,
+        };
+        let row = fly_row(&setup, key.clone()).unwrap();
+        assert_eq!((row.key.clone(), row.real, row.has_peak), (key, 1, true));
+        // The same mission as it is flown alone.
+        setup.scenario.mission.seed = 3;
+        let alone = fly(&setup).unwrap();
+        assert_eq!(row.digest, alone.digest);
+        assert_eq!(row.known.map(|m| m.time_s), alone.peak.known_s);
+        assert_eq!(row.peak_off_m, alone.peak.error_m);
+        let known = row.known.expect("known within ten minutes");
+        assert!(known.flown_km > 0.0 && known.flown_km < row.flown_km);
+        // A map without a plume would be off by the plume itself.
+        let map = row.map.unwrap();
+        assert!(map.rmse_ppm < 0.5 * map.plume_rms_ppm, "{map:?}");
     }
 }

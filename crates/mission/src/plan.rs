@@ -6,7 +6,6 @@
 //! could be detected follows from where the real vehicles came: a plume counts as read when it explains the
 //! squares of [`READ_SD`] standard deviations of the sensor's noise, as in flight.
 
-use crate::campaign::{NumberErrors, median};
 use crate::{MissionError, Run, Setup, campaign};
 use air::geo::Geodetic;
 use plume::effects::SensorAir;
@@ -14,6 +13,8 @@ use plume::track::{Row, Track};
 use plume::{DispersionModel, Gas, Place};
 use protocol::message::{Estimate, Message, PeakStatus, Reading, VehicleKind as Kind};
 use protocol::{SimTime, Topic};
+use record::campaign::stated_number;
+use record::campaign::table::median;
 use record::summary::{CORRECTED, MissionSummary, Outcome, Summariser};
 use scenario::random::stream;
 use scenario::tables::VehicleKind;
@@ -340,8 +341,8 @@ fn expected(flights: &[Flight]) -> Vec<Expected> {
     let gas = flights.first().map_or(Gas::Co2, |f| f.summary.gas);
     for number in &CORRECTED {
         add(number.name, &number.unit_of(gas), &|f| {
-            let errors = NumberErrors::of(&f.summary, number)?;
-            Some((errors.sd, errors.after))
+            let stated = stated_number(&f.summary, number)?;
+            Some((stated.sd.unwrap_or(f64::INFINITY), stated.error))
         });
     }
     out

@@ -2,9 +2,11 @@
 //! team may reach in it. The team never sees this; the summary holds its result against it.
 
 use crate::{MissionError, Setup};
+use air::geo::{Enu, Position};
 use air::wind::towards_deg;
 use plume::{DispersionModel, MechanismId, Place};
-use protocol::message::Estimate;
+use protocol::message::{Estimate, Model};
+use record::campaign::MapError;
 use record::summary::{ModelNumbers, PlaceOfPeak, TruePeak};
 use scenario::Scenario;
 use scenario::airspace::{Airspace, SETPOINT_MARGIN_M};
@@ -79,7 +81,7 @@ pub(crate) fn reality_numbers(scenario: &Scenario) -> Result<ModelNumbers, Missi
 /// A reality that describes no world, or a fence with nowhere to fly.
 pub fn true_peak(setup: &Setup) -> Result<TruePeak, MissionError> {
     let model = setup.scenario.in_reality().dispersion_model()?;
-    let airspace = Airspace::of(&setup.scenario)?.over(&setup.terrain);
+    let airspace = airspace(setup)?;
     let series = setup.reality_wind_series.clone();
     Ok(TruePeak(Arc::new(move |time_s| {
         let highest = match &series {
@@ -101,6 +103,81 @@ pub fn true_peak(setup: &Setup) -> Result<TruePeak, MissionError> {
     })))
 }
 
+/// The airspace of a mission, over its ground.
+fn airspace(setup: &Setup) -> Result<Airspace, MissionError> {
+    Ok(Airspace::of(&setup.scenario)?.over(&setup.terrain))
+}
+
+/// Whether the reality's mean field is the same at all times.
+pub(crate) fn is_steady(setup: &Setup) -> bool {
+    setup.reality_wind_series.is_none() && setup.scenario.in_reality().mechanisms.is_empty()
+}
+
+/// Points on a side of the grid on which maps are compared, and its levels.
+const MAP_POINTS: usize = 40;
+const MAP_LEVELS: usize = 12;
+
+/// How far a corrected `model` is from the reality's mean field of its time `time_s` inside the fence: on a grid of
+/// the box of the airspace, where vehicles may be. None where there is nothing of the plume.
+///
+/// # Errors
+/// A scenario or a reality that describes no world.
+pub(crate) fn map_error(
+    setup: &Setup,
+    model: &Model,
+    time_s: f64,
+) -> Result<Option<MapError>, MissionError> {
+    let base = setup.scenario.dispersion_spec()?;
+    let reality = setup.scenario.in_reality().dispersion_model()?;
+    let airspace = airspace(setup)?;
+    let Some(corrected) = ws::model::corrected(&base, model) else {
+        return Ok(None);
+    };
+    let series = &setup.reality_wind_series;
+    let puffs = series.as_ref().map(|s| reality.puffs(s, 0.0, None, time_s));
+    let truth = |place: &Place| match &puffs {
+        Some(puffs) => reality.ppm_among(puffs, place),
+        None => reality.mean_ppm(place, time_s),
+    };
+    let (mut count, mut off, mut plume) = (0.0, 0.0, 0.0);
+    for position in map_points(&airspace) {
+        let place = Place {
+            east_m: position.at.east_m,
+            north_m: position.at.north_m,
+            height_agl_m: position.height_m - airspace.frame().ground_amsl_m,
+        };
+        let there = truth(&place);
+        count += 1.0;
+        off += (corrected.mean_ppm(&place, time_s) - there).powi(2);
+        plume += (there - reality.background_ppm(&place, time_s)).powi(2);
+    }
+    let rms = |sum: f64| f64::sqrt(sum / count);
+    let error = MapError {
+        rmse_ppm: rms(off),
+        plume_rms_ppm: rms(plume),
+    };
+    Ok((error.rmse_ppm.is_finite() && error.plume_rms_ppm > 0.0).then_some(error))
+}
+
+fn map_points(airspace: &Airspace) -> impl Iterator<Item = Position> {
+    let (low, high) = airspace.bounds();
+    let along = |low: f64, high: f64, k: usize, of: usize| {
+        low + (high - low) * (k as f64 + 0.5) / of as f64
+    };
+    let points = (0..MAP_POINTS * MAP_POINTS * MAP_LEVELS).map(move |k| {
+        let (level, k) = (k / (MAP_POINTS * MAP_POINTS), k % (MAP_POINTS * MAP_POINTS));
+        let (row, column) = (k / MAP_POINTS, k % MAP_POINTS);
+        Position {
+            at: Enu {
+                east_m: along(low.at.east_m, high.at.east_m, column, MAP_POINTS),
+                north_m: along(low.at.north_m, high.at.north_m, row, MAP_POINTS),
+            },
+            height_m: along(low.height_m, high.height_m, level, MAP_LEVELS),
+        }
+    });
+    points.filter(|position| airspace.contains(*position, 0.0))
+}
+
 /// What the sources of the reality emit in its own wind, kg/s, by name.
 ///
 /// # Errors
@@ -112,7 +189,7 @@ pub(crate) fn true_flux(scenario: &Scenario) -> Result<Vec<(String, f64)>, Missi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use air::geo::{Enu, Geodetic};
+    use air::geo::Geodetic;
 
     fn peak(text: &str, time_s: f64) -> (Enu, PlaceOfPeak) {
         let nothing = |_: &str| Err("no such file".to_owned());

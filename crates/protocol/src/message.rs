@@ -134,6 +134,18 @@ pub struct Control {
     pub sticks: Option<Sticks>,
 }
 
+/// Where a search strategy outside the program wants a vehicle to look next (`va/<id>/destination`): the squadron
+/// controller sends it there, within its own rules, while `search.strategy` is `outside`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Destination {
+    /// Latitude, degrees (WGS84).
+    pub lat_deg: f64,
+    /// Longitude, degrees (WGS84).
+    pub lon_deg: f64,
+    /// Altitude, m above mean sea level.
+    pub alt_amsl_m: f64,
+}
+
 /// How much an event matters.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
@@ -582,6 +594,8 @@ pub enum Message {
     Control(Control),
     /// On [`Topic::Weather`].
     Weather(Weather),
+    /// On [`Topic::Destination`].
+    Destination(Destination),
 }
 
 /// Writes the matches that go through all kinds of messages once.
@@ -633,6 +647,7 @@ for_each_kind! {
     Done, Done, "Done", Topic::Done(_),
     Control, Control, "Control", Topic::Control(_),
     Weather, Weather, "Weather", Topic::Weather,
+    Destination, Destination, "Destination", Topic::Destination(_),
 }
 
 impl Message {

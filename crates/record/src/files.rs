@@ -17,7 +17,10 @@ const OUTPUTS: [&str; 8] = [
     "campaign.csv",
 ];
 
-fn failed(path: &Path, what: &'static str) -> impl FnOnce(std::io::Error) -> RecordError {
+pub(crate) fn failed(
+    path: &Path,
+    what: &'static str,
+) -> impl FnOnce(std::io::Error) -> RecordError {
     let path = path.to_owned();
     move |source| RecordError::File { path, what, source }
 }

@@ -8,6 +8,7 @@
 //! - [`observations`]: what real vehicles read, as rows for calibration and gap analysis;
 //! - [`tracks`]: tracks coloured by reading for KML, the report and the page;
 //! - [`summary`]: `summary.json`, and the same in words;
+//! - [`campaign`]: many missions, kept as they are flown, and what they show beside each other;
 //! - [`files`]: output folders, and files renamed into place.
 //!
 //! # Example
@@ -48,6 +49,7 @@
 //! # }
 //! ```
 
+pub mod campaign;
 pub mod colour;
 pub mod files;
 pub mod kml;
@@ -83,6 +85,16 @@ pub enum RecordError {
         path: PathBuf,
         /// What is there.
         what: &'static str,
+    },
+    /// A folder that cannot take the missions of a campaign, or holds none.
+    #[error(
+        "{path}: {why}; expected a folder of the same campaign, an empty or a new one, or --force"
+    )]
+    Campaign {
+        /// The folder or a file in it.
+        path: PathBuf,
+        /// What is there.
+        why: String,
     },
     /// The file is no recording of a mission.
     #[error("{path}: {why}; expected an MCAP recording written by Plumage")]

@@ -434,6 +434,16 @@ impl Summariser {
         vehicle
     }
 
+    /// What all vehicles together have flown so far, m.
+    pub fn flown_m(&self) -> f64 {
+        self.vehicles.values().map(|v| v.distance_m).sum()
+    }
+
+    /// When the peak was first confirmed or supported, s.
+    pub fn known_s(&self) -> Option<f64> {
+        self.known_s
+    }
+
     /// The summary of what was taken in so far.
     pub fn summary(&self, digest: &str, wall_s: f64) -> MissionSummary {
         let sim_s = self.last.s();

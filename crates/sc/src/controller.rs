@@ -14,8 +14,8 @@ use csea::{
 use plume::DispersionSpec;
 use protocol::key::Name;
 use protocol::message::{
-    ControlWish, Mode, Model, Observation, Peak, PeakStatus, Phase, Plan, Population, Reading,
-    Severity, State, VehicleKind as Kind,
+    ControlWish, Destination, Mode, Model, Observation, Peak, PeakStatus, Phase, Plan, Population,
+    Reading, Severity, State, VehicleKind as Kind,
 };
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Message, Outbox, SimTime, Topic};
 use rand::rngs::ChaCha8Rng;
@@ -267,8 +267,26 @@ impl SquadronController {
                     self.tasks.called[index] |= control.wish == ControlWish::Home;
                 }
             }
+            (Topic::Destination(name), Message::Destination(wished)) => self.wish(name, wished),
             (Topic::Model, Message::Model(model)) => self.handle_model(model),
             _ => {}
+        }
+    }
+
+    /// Lets the strategy know where somebody outside the program wants a vehicle to look.
+    fn wish(&mut self, name: &Name, wished: &Destination) {
+        let at = self.fleet.airspace.frame().to_enu(Geodetic {
+            lat_deg: wished.lat_deg,
+            lon_deg: wished.lon_deg,
+        });
+        let height_m = wished.alt_amsl_m;
+        let is_place = [at.east_m, at.north_m, height_m]
+            .iter()
+            .all(|v| v.is_finite());
+        if let (Some(index), Some(strategy), true) =
+            (self.fleet.index_of(name), &mut self.strategy, is_place)
+        {
+            strategy.wish(index, Position { at, height_m });
         }
     }
 
@@ -524,8 +542,11 @@ impl Agent for SquadronController {
     }
 
     fn interests(&self) -> Vec<Interest> {
-        let controls = self.fleet.vehicles.iter();
-        let controls = controls.map(|v| Interest::One(Topic::Control(v.name.clone())));
+        let vehicles = self.fleet.vehicles.iter();
+        let to_vehicles = vehicles.flat_map(|v| {
+            let name = || v.name.clone();
+            [Topic::Control(name()), Topic::Destination(name())].map(Interest::One)
+        });
         [
             Interest::AllStates,
             Interest::AllReadings,
@@ -533,7 +554,7 @@ impl Agent for SquadronController {
             Interest::One(Topic::Model),
         ]
         .into_iter()
-        .chain(controls)
+        .chain(to_vehicles)
         .collect()
     }
 

@@ -631,7 +631,7 @@ pub(crate) fn syntax(file: &str, text: &str, error: &toml::de::Error) -> Scenari
     }
 }
 
-fn place(file: &str, text: &str, refusal: Refusal) -> ScenarioError {
+pub(crate) fn place(file: &str, text: &str, refusal: Refusal) -> ScenarioError {
     let offset = offset_of(text, &refusal.key);
     let (line, column) = offset.map_or((0, 0), |at| line_and_column(text, at));
     ScenarioError::Value {

@@ -7,6 +7,7 @@
 //! - [`tables`]: the TOML tables, one struct each, with units and defaults;
 //! - [`check`]: what is refused;
 //! - [`reality`]: the stand-ins' own world, as differences from the scenario's;
+//! - [`realities`]: other ones, by name;
 //! - [`world`]: the plume model that a scenario describes;
 //! - [`uncertain`]: the priors of the parameters that the scenario marks as uncertain;
 //! - [`observations`]: measured rows;
@@ -66,6 +67,7 @@ mod ground;
 pub mod observations;
 pub mod peak;
 pub mod random;
+pub mod realities;
 pub mod reality;
 pub mod tables;
 pub mod uncertain;
@@ -104,6 +106,14 @@ pub enum ScenarioError {
         found: String,
         /// What would be right.
         expected: String,
+    },
+    /// A reality that nobody knows.
+    #[error("no reality '{name}': expected one of {known}, or several of them with + between")]
+    Reality {
+        /// The name.
+        name: String,
+        /// The names there are.
+        known: String,
     },
 }
 

@@ -84,7 +84,7 @@ impl Scenario {
     }
 }
 
-fn merge_table(base: &mut Table, differences: &Table) {
+pub(crate) fn merge_table(base: &mut Table, differences: &Table) {
     for (key, new) in differences {
         match (base.get_mut(key), new) {
             (Some(Value::Table(old)), Value::Table(new)) => {

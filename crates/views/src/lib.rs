@@ -30,9 +30,11 @@
 //! - [`page`]: the web server of the page;
 //! - [`report`]: `report.html` of a mission;
 //! - [`gap_report`]: `report.html` of a gap analysis;
+//! - [`campaign_report`]: `campaign.html` of many missions;
 //! - [`tune_report`]: `report.html` of a tuning;
 //! - [`site`]: the map they share.
 
+pub mod campaign_report;
 pub mod gap_report;
 mod html;
 pub mod live;

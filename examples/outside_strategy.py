@@ -1,0 +1,125 @@
+"""A search strategy outside the program: climb from the best reading so far.
+
+Needs `pip install eclipse-zenoh` and a mission in real time whose scenario has `search.strategy = "outside"` and whose
+processes run with `--json`. Each vehicle that has come near its destination, or has had it for a minute, gets another: around the
+best reading so far, the nearer the better that is known, or anywhere downwind as long as nothing was read.
+
+    python3 outside_strategy.py --mission as-pontes --connect tcp/127.0.0.1:7447
+"""
+
+import argparse
+import json
+import math
+import random
+import threading
+import time
+
+import zenoh
+
+METRES_PER_DEGREE = 111_195.0
+NEAR_M = 150.0
+PATIENCE_S = 60.0
+
+
+def displaced(lat_deg, lon_deg, east_m, north_m):
+    east_deg = east_m / (METRES_PER_DEGREE * math.cos(math.radians(lat_deg)))
+    return lat_deg + north_m / METRES_PER_DEGREE, lon_deg + east_deg
+
+
+def distance_m(a, b):
+    east = (b[1] - a[1]) * math.cos(math.radians(a[0]))
+    return METRES_PER_DEGREE * math.hypot(b[0] - a[0], east)
+
+
+class Climb:
+    """Destinations around the best reading, in a circle that shrinks with every visit."""
+
+    def __init__(self, arguments):
+        self.site = (arguments.lat, arguments.lon, arguments.alt)
+        self.radius_m = arguments.radius
+        self.best = None  # ppm, (lat, lon, alt)
+        self.lock = threading.Lock()
+        self.destinations = {}  # vehicle: (place, since)
+
+    def read(self, message):
+        place = (message["lat_deg"], message["lon_deg"], message["alt_amsl_m"])
+        with self.lock:
+            if self.best is None or message["co2_ppm"] > self.best[0]:
+                self.best = (message["co2_ppm"], place)
+
+    def destination(self, vehicle, here):
+        """The vehicle's next place, if it is time for one."""
+        with self.lock:
+            place, since = self.destinations.get(vehicle, (None, 0.0))
+            if place and distance_m(here, place) > NEAR_M and time.monotonic() - since < PATIENCE_S:
+                return None
+            lat, lon, alt = self.best[1] if self.best else self.site
+            spread_m = self.radius_m
+            self.radius_m = max(NEAR_M, 0.95 * self.radius_m)
+            lat, lon = displaced(lat, lon, random.gauss(0, spread_m), random.gauss(0, spread_m))
+            place = (lat, lon, alt + random.gauss(0, 0.05 * spread_m))
+            self.destinations[vehicle] = (place, time.monotonic())
+            return place
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--mission", default="as-pontes")
+    parser.add_argument("--connect", default="tcp/127.0.0.1:7447")
+    parser.add_argument("--seconds", type=float, default=math.inf)
+    parser.add_argument("--lat", type=float, default=43.4467, help="where to begin")
+    parser.add_argument("--lon", type=float, default=-7.8480)
+    parser.add_argument("--alt", type=float, default=850.0, help="m above mean sea level")
+    parser.add_argument("--radius", type=float, default=1000.0, help="how far about it, m")
+    arguments = parser.parse_args()
+
+    config = zenoh.Config()
+    config.insert_json5("connect/endpoints", json.dumps([arguments.connect]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    root = f"plumage/{arguments.mission}/va"
+    climb = Climb(arguments)
+    sequence = 0
+
+    with zenoh.open(config) as session:
+
+        def heard(sample):
+            nonlocal sequence
+            vehicle, topic = str(sample.key_expr).split("/")[-2:]
+            envelope = json.loads(sample.payload.to_string())
+            message = envelope["message"]
+            if topic == "reading":
+                climb.read(message)
+                return
+            if not message["airborne"]:
+                return
+            place = climb.destination(vehicle, (message["lat_deg"], message["lon_deg"]))
+            if place is None:
+                return
+            sequence += 1
+            told = {
+                "wire_version": envelope["wire_version"],
+                "sender": "op/main",
+                "sequence": sequence,
+                "time_ns": envelope["time_ns"],
+                "message": dict(zip(("lat_deg", "lon_deg", "alt_amsl_m"), place)),
+            }
+            session.put(
+                f"{root}/{vehicle}/destination",
+                json.dumps(told),
+                encoding=zenoh.Encoding.APPLICATION_JSON,
+            )
+            print(f"{envelope['time_ns'] * 1e-9:7.1f} s: {vehicle} to {place[0]:.4f}, {place[1]:.4f}, {place[2]:.0f} m")
+
+        subscribers = [session.declare_subscriber(f"{root}/*/{topic}", heard) for topic in ("reading", "state")]
+        end = time.monotonic() + arguments.seconds
+        try:
+            while time.monotonic() < end:
+                time.sleep(0.2)
+        except KeyboardInterrupt:
+            pass
+        for subscriber in subscribers:
+            subscriber.undeclare()
+
+
+if __name__ == "__main__":
+    main()

@@ -46,6 +46,9 @@ pub struct FlightSpec {
     pub duration_s: f64,
     /// What is hidden, with strengths in typical sizes.
     pub hidden: Vec<(FlightEffect, f64)>,
+    /// When what is hidden sets in, s; from the beginning if not given. What changes with time by its
+    /// own law does so from the beginning.
+    pub onset_s: Option<f64>,
     /// Whether laws differ from the catalogue's.
     pub law: FlightLaw,
     /// Noise.
@@ -61,6 +64,7 @@ impl FlightSpec {
             seed,
             duration_s: 90.0,
             hidden: Vec::new(),
+            onset_s: None,
             law: FlightLaw::Catalogue,
             noise: FlightNoise::Usual,
             manoeuvres: true,
@@ -96,10 +100,17 @@ pub struct FlightCase {
 /// the text lacks a number.
 pub fn make(spec: &FlightSpec, aircraft_toml: &str) -> Option<FlightCase> {
     let published = Airframe::read(aircraft_toml)?;
+    let mut plain = published.clone();
+    plain.vary_within_tolerance(&mut stream(spec.seed, "flight/scatter"));
     let mut hidden = InjectedEffects::new(spec, &published);
-    let mut frame = published.clone();
-    frame.vary_within_tolerance(&mut stream(spec.seed, "flight/scatter"));
+    let mut frame = plain.clone();
     hidden.apply(&mut frame);
+    let sound = FlightSpec {
+        hidden: Vec::new(),
+        ..spec.clone()
+    };
+    let sound = InjectedEffects::new(&sound, &published);
+    let onset_s = spec.onset_s.unwrap_or(f64::NEG_INFINITY);
     let mut scene = stream(spec.seed, "flight/scene");
     let height = between(&mut scene, 80.0, 400.0);
     let heading = between(&mut scene, -3.0, 3.0);
@@ -114,24 +125,34 @@ pub fn make(spec: &FlightSpec, aircraft_toml: &str) -> Option<FlightCase> {
     let mut gusts = Gusts::new(height, intensity, speed, published.span_m, spec.seed);
     let mut pilot = CaseAutopilot::new(spec, &published, speed, height, rho);
     let mut sensors = Sensors::new(spec);
-    let mut x = initial_state(&frame, &hidden, speed, height, heading, wind, rho);
+    let (first, first_hidden) = if onset_s > 0.0 {
+        (&plain, &sound)
+    } else {
+        (&frame, &hidden)
+    };
+    let mut x = initial_state(first, first_hidden, speed, height, heading, wind, rho);
     let mut csv = sensors.header(&published);
     let mut commands = Commands::default();
     let mut gust = gusts.step(STEP_S, speed);
     let mut flown = true;
     for k in 0..(spec.duration_s / LOG_S) as usize {
         let time = k as f64 * LOG_S;
-        hidden.now(&mut frame, time);
+        let (frame, hidden) = if time < onset_s {
+            (&mut plain, &sound)
+        } else {
+            (&mut frame, &hidden)
+        };
+        hidden.now(frame, time);
         let flow = frame.flow(&x, &gust, wind);
         let command = pilot.command(time, &x, &flow);
         commands.queued.push_back((time, command));
         let force = frame.derivatives(&x, &gust, wind, rho, &command).force;
         sensors.log(
-            &mut csv, time, &x, &flow, &force, &command, &published, &hidden,
+            &mut csv, time, &x, &flow, &force, &command, &published, hidden,
         );
         for step in 0..(LOG_S / STEP_S).round() as usize {
             let now = time + (step as f64 + 0.5) * STEP_S;
-            let standing = commands.standing(now, &command, &hidden);
+            let standing = commands.standing(now, &command, hidden);
             x = frame.step(&x, &gust, wind, rho, &standing, STEP_S);
             if step % 2 == 1 {
                 gust = gusts.step(2.0 * STEP_S, speed);

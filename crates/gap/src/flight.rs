@@ -4,7 +4,8 @@
 //! what accelerations tell (delays, moments, lift), and [`study`] follows the flight with an
 //! extended Kalman filter that has the measured commands as input, wind and disturbances as
 //! states, and every mechanism of the catalogue as an extension. Evidence is in closed form from
-//! one pass that carries the derivatives of all innovations ([`filter`], [`evidence`]).
+//! one pass that carries the derivatives of all innovations ([`filter`], [`evidence`]). What sets in during
+//! the flight is looked for in `onset`.
 //!
 //! Pure: texts in, report out.
 
@@ -30,6 +31,7 @@ pub mod motion;
 mod next_flight;
 pub mod noise;
 pub mod normal;
+mod onset;
 pub mod parameters;
 mod residual;
 pub mod rival;
@@ -141,7 +143,9 @@ impl<'a> Finding<'a> {
         };
         let equation_error = equation_error::analyse(segments, &worlds, aircraft);
         progress(0.03);
-        let (first, last) = study.look(&equation_error, &mut |part| progress(0.03 + 0.9 * part))?;
+        let (first, last) = study.look(&equation_error, &mut |part| progress(0.03 + 0.8 * part))?;
+        let (study, first, last) = onset::look(study, first, last);
+        progress(0.93);
         let mut answer = answer::judge(&study, &last);
         rough::restrain(&mut answer, &study, &last, &equation_error);
         Ok(Self {
@@ -169,6 +173,12 @@ impl<'a> Finding<'a> {
         let histories = told(&study, &last, &base_theta, &theta);
         let mut notices = study.gated.notices.clone();
         let extended = extend(study.aircraft, &answer, &mut notices);
+        if answer.causes.iter().any(|c| c.onset_s.is_some()) {
+            notices.push(
+                "the extended aircraft is that at the end: an aircraft file does not say when something sets in"
+                    .into(),
+            );
+        }
         notices.extend(equation_error.moments.iter().map(|m| m.words.clone()));
         notices.extend(equation_error.lift.iter().map(|l| l.words.clone()));
         let motion = windows::errors(&histories);
@@ -231,7 +241,8 @@ pub fn doing(done: f64) -> &'static str {
         ..0.03 => "accelerations",
         0.03..0.23 => "noise",
         0.23..0.3 => "the aircraft of the file",
-        0.3..0.93 => "causes",
+        0.3..0.83 => "causes",
+        0.83..0.93 => "onsets",
         _ => "histories",
     }
 }
@@ -272,7 +283,12 @@ fn summary(answer: &Answer, equation_error: &EquationError) -> String {
     let sets: Vec<String> = answer
         .causes
         .iter()
-        .map(|c| c.mechanisms.join(" or "))
+        .map(|c| {
+            let from = c.onset_s.map_or_else(String::new, |at| {
+                format!(" from {:.1} ± {:.1} s on", at.value, at.sd)
+            });
+            c.mechanisms.join(" or ") + &from
+        })
         .collect();
     let mut text = match answer.verdict {
         Verdict::Insufficient => "These flights could not have shown anything.".to_owned(),

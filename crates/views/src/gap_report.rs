@@ -261,6 +261,9 @@ fn set(cause: &Cause) -> String {
     if !cause.platforms.is_empty() {
         text += &format!(" ({})", cause.platforms.join(", "));
     }
+    if let Some(onset) = cause.onset_s {
+        text += &format!(" from {:.1} ± {:.1} s on", onset.value, onset.sd);
+    }
     text
 }
 

@@ -15,6 +15,8 @@ use crate::verdict::{
 const LARGEST_P: f64 = 0.01;
 /// Nats at which an effect is seen almost surely.
 const VISIBLE_NATS: f64 = 20.0;
+/// Times so far apart are different onsets, s.
+const ONSETS_APART_S: f64 = 2.0;
 /// Nats for each of which the evidence is taken to be a hundredth less sure: no law of the
 /// catalogue is exactly that of the aircraft.
 const NATS_PER_DOUBT: f64 = 60.0;
@@ -63,10 +65,17 @@ pub fn judge(study: &Study<'_>, last: &Linear) -> Answer {
         let without = fit(study, last, &rest);
         let gain = best.fit.log_score - without.log_score;
         let columns = study.candidates[item].columns.len();
+        let (columns, tried) = if study.has_late(&[item]) {
+            // Its onset is one number more, and could be at so many times.
+            let times = (study.flown_s() / ONSETS_APART_S).max(1.0);
+            (columns + 1, study.candidates.len() * times as usize)
+        } else {
+            (columns, study.candidates.len())
+        };
         let evidence = Evidence {
             delta_log_score: gain,
             delta_log_evidence: best.fit.log_evidence - without.log_evidence,
-            p_value: p_value(gain, columns, study.candidates.len()),
+            p_value: p_value(gain, columns, tried),
         };
         if evidence.p_value > LARGEST_P {
             continue;
@@ -88,7 +97,7 @@ pub fn judge(study: &Study<'_>, last: &Linear) -> Answer {
             .delta_log_evidence
             .total_cmp(&a.evidence.delta_log_evidence)
     });
-    causes.dedup_by(|b, a| a.mechanisms == b.mechanisms);
+    causes.dedup_by(|b, a| a.mechanisms == b.mechanisms && a.onset_s == b.onset_s);
     Answer {
         verdict: Verdict::of(&causes, unexplained.is_some()),
         causes,
@@ -127,7 +136,10 @@ fn cause(study: &Study<'_>, last: &Linear, evidence: Evidence, rivals: &[(usize,
             break;
         }
         probability += weight(value) / total;
-        mechanisms.push(study.ids[k].to_owned());
+        let id = study.ids[k].to_owned();
+        if !mechanisms.contains(&id) {
+            mechanisms.push(id);
+        }
     }
     let inside =
         |k: usize| study.is_named(k) && mechanisms.iter().any(|m| m.as_str() == study.ids[k]);
@@ -138,7 +150,7 @@ fn cause(study: &Study<'_>, last: &Linear, evidence: Evidence, rivals: &[(usize,
         evidence,
         platforms: Vec::new(),
         settings: Vec::new(),
-        onset_s: None,
+        onset_s: study.onset_s.filter(|_| study.has_late(&[first])),
         nats_to_next: next.map_or(f64::NAN, |n| top - n.1),
         mechanisms,
     }
@@ -220,15 +232,21 @@ fn parameters(study: &Study<'_>, last: &Linear, set: &[usize], of: usize) -> Vec
         .columns
         .iter()
         .filter_map(|&j| {
-            let Effect::Mechanism(m, k) = study.parameters[j].effect else {
-                return None;
+            // From an onset on what was there before stays.
+            let (before, m, k) = match study.parameters[j].effect {
+                Effect::Mechanism(m, k) => (None, m, k),
+                Effect::Later(place, m, k) => (Some(place), m, k),
+                _ => return None,
             };
+            let of = |i: usize| covariance[(i, i)] + 2.0 * covariance[(i, j)];
+            let variance = covariance[(j, j)] + before.map_or(0.0, of);
             let p = &CATALOGUE[m].parameters[k];
+            let value = values[j] + before.map_or(0.0, |i| values[i]);
             Some(Parameter {
                 mechanism: CATALOGUE[m].id.to_owned(),
                 name: p.name.to_owned(),
-                value: (p.neutral + values[j]).clamp(p.low, p.high),
-                sd: covariance[(j, j)].sqrt().hypot(study.parameters[j].law_sd),
+                value: (p.neutral + value).clamp(p.low, p.high),
+                sd: variance.sqrt().hypot(study.parameters[j].law_sd),
                 unit: p.unit.to_owned(),
             })
         })
@@ -275,10 +293,17 @@ pub fn detectable(study: &Study<'_>, last: &Linear) -> Vec<Detectable> {
         .collect()
 }
 
-/// The mechanisms of the first name of each cause, for an aircraft file.
+/// The mechanisms of the first name of each cause, for an aircraft file: as they are once all have set in.
 pub fn extension(causes: &[Cause]) -> Vec<Mechanism> {
+    let later = |cause: &Cause| {
+        let same = causes
+            .iter()
+            .filter(|c| c.mechanisms.first() == cause.mechanisms.first());
+        cause.onset_s.is_none() && same.into_iter().any(|c| c.onset_s.is_some())
+    };
     causes
         .iter()
+        .filter(|cause| !later(cause))
         .filter_map(|cause| {
             let id = cause.mechanisms.first()?;
             let spec = spec(id)?;

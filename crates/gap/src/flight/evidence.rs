@@ -210,14 +210,16 @@ const BEAM: usize = 12;
 /// Largest set.
 pub const LARGEST_SET: usize = 7;
 
+/// What each cause beyond the first is charged, nats.
+pub fn charge(word: &Word, candidates: &[Candidate]) -> f64 {
+    let single = candidates.iter().map(|c| word.fit(&[c]).log_score);
+    FURTHER_PART * single.fold(0.0, f64::max)
+}
+
 /// The best sets of candidates up to [`LARGEST_SET`], the best first. All pairs with one of the
 /// strongest dozen are tried, and so on, so that one may stand for two and two for one.
 pub fn search(word: &Word, candidates: &[Candidate]) -> Vec<Model> {
-    let strongest = candidates
-        .iter()
-        .map(|c| word.fit(&[c]).log_score)
-        .fold(0.0, f64::max);
-    let charge = FURTHER_PART * strongest;
+    let charge = charge(word, candidates);
     let judge = |set: Vec<usize>| {
         let chosen: Vec<&Candidate> = set.iter().map(|&k| &candidates[k]).collect();
         let fit = word.fit(&chosen);

@@ -143,7 +143,7 @@ fn pass(
     columns: Option<(&Columns<'_>, &mut Normal)>,
     mut steps: Option<&mut Vec<Step>>,
 ) -> Pass {
-    let (mean, sd) = start(segment, world, 0);
+    let (mean, sd) = start(segment, world.at(0), 0);
     let p = uncertain(&sd, noise);
     let mut filter = Filter {
         segment,
@@ -222,7 +222,7 @@ fn wrapped(angle: f64) -> f64 {
 impl<'a> Filter<'a> {
     /// `mean` at sample `i`, or in the mean of the way after it.
     fn seen(&self, i: usize, mean: Mean, on_the_way: bool) -> Seen<'a> {
-        let (segment, world) = (self.segment, self.world);
+        let (segment, world) = (self.segment, self.world.at(i));
         let controls = world.controls(i, on_the_way);
         let around = world.around(i, &mean);
         let felt = world.felt(segment, i, &mean.body.rate, &around, &controls);
@@ -241,7 +241,7 @@ impl<'a> Filter<'a> {
     /// Takes the readings of sample `i`.
     fn update(&mut self, seen: &Seen<'_>, keep: bool, out: &mut Pass) -> Vec<Taken> {
         let i = seen.i;
-        let expected = self
+        let expected = seen
             .world
             .sense_felt(self.segment, i, &seen.mean, &seen.around, &seen.felt);
         let h = seen.observation();
@@ -317,13 +317,13 @@ impl<'a> Filter<'a> {
         sensitivity: Option<&mut Sensitivity<'_, '_>>,
     ) -> (Matrix, Error) {
         let dt = self.segment.time_s[i + 1] - self.segment.time_s[i];
-        let next = self.world.step(self.segment, i, &self.mean);
+        let next = self.world.at(i).step(self.segment, i, &self.mean);
         // Derivatives in the middle of the step hold to its second order.
         let middle = self.seen(i, self.mean.midway(&next), true);
         let step = Transition::of(
             &middle.slopes(),
             dt,
-            self.world.parts_of(i),
+            self.world.at(i).parts_of(i),
             sensitivity.is_some(),
         );
         if let Some(s) = sensitivity {
@@ -335,7 +335,7 @@ impl<'a> Filter<'a> {
         let finite = self.p.iter().flatten().all(|v| v.is_finite());
         if !(self.mean.is_sane() && finite) {
             // The model has lost the flight: it begins anew from what the sensors tell.
-            let (mean, sd) = start(self.segment, self.world, i + 1);
+            let (mean, sd) = start(self.segment, self.world.at(i + 1), i + 1);
             self.mean = mean;
             self.p = uncertain(&sd, self.noise);
             return ([[0.0; STATES]; STATES], [0.0; STATES]);
@@ -373,7 +373,7 @@ impl Seen<'_> {
 
     /// What is felt in a world a step aside.
     pub fn felt_in(&self, aside: &Aside) -> Felt {
-        let world = &aside.world;
+        let world = aside.world.at(self.i);
         let controls = if world.shares_controls_with(self.world) {
             self.controls
         } else {

@@ -56,9 +56,9 @@ pub fn simulate(segment: &Segment, world: &World, means: &[Mean]) -> Vec<[f64; C
         if starts.next_if_eq(&i).is_some() {
             state = undisturbed(&means[i]);
         }
-        out.push(world.sense(segment, i, &state));
+        out.push(world.at(i).sense(segment, i, &state));
         if i + 1 < segment.len() {
-            state = world.step(segment, i, &state);
+            state = world.at(i).step(segment, i, &state);
         }
     }
     out

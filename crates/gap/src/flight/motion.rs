@@ -87,6 +87,8 @@ pub struct World {
     controls: std::sync::Arc<Vec<Substeps>>,
     /// Smooth disturbances without a name.
     nameless: Option<Nameless>,
+    /// What flies from this sample on.
+    later: Option<(usize, std::sync::Arc<Self>)>,
 }
 
 impl World {
@@ -128,7 +130,27 @@ impl World {
             wind,
             controls,
             nameless: None,
+            later: None,
         }
+    }
+
+    /// The same until sample `from`, and `later` from there on.
+    pub fn until(mut self, from: usize, later: Self) -> Self {
+        self.later = Some((from, std::sync::Arc::new(later)));
+        self
+    }
+
+    /// What flies at sample `i`.
+    pub fn at(&self, i: usize) -> &Self {
+        match &self.later {
+            Some((from, later)) if i >= *from => later,
+            _ => self,
+        }
+    }
+
+    /// What flies at the end.
+    pub fn last(&self) -> &Self {
+        self.later.as_ref().map_or(self, |(_, later)| later)
     }
 
     /// The same with smooth disturbances, if there are any.
@@ -139,7 +161,8 @@ impl World {
 
     /// Whether both fly in the same air and feel its gusts alike.
     pub fn shares_air_with(&self, other: &Self) -> bool {
-        self.gradient == other.gradient && self.wind == other.wind
+        let alike = |a: &Self, b: &Self| a.gradient == b.gradient && a.wind == b.wind;
+        alike(self, other) && alike(self.last(), other.last())
     }
 
     /// What the aircraft meets at sample `i` in this flow.

@@ -21,6 +21,9 @@ const TOLERANCE_PART: f64 = 0.04;
 pub enum Effect {
     /// Parameter of a mechanism: places in the catalogue.
     Mechanism(usize, usize),
+    /// What a parameter of a mechanism changes by at an onset: its place among the parameters, and those
+    /// in the catalogue.
+    Later(usize, usize, usize),
     /// Place in `COEFFICIENTS`.
     Coefficient(usize),
     /// Mean wind of one log towards north (0) or east (1).
@@ -210,6 +213,41 @@ fn mechanisms(gated: &Gated) -> Vec<Parameter> {
     parameters
 }
 
+/// A fault is larger than what differs between an aircraft and its file, by this factor: a surface may
+/// come off.
+const FAULT_FACTOR: f64 = 3.0;
+/// Tolerance of what changes in flight, as a part of its prior: nothing does without a fault.
+const LATE_TOLERANCE_PART: f64 = 1e-3;
+
+/// What the mechanisms among `parameters` may change by at an onset.
+pub fn later(parameters: &[Parameter]) -> Vec<Parameter> {
+    let of = |(place, p): (usize, &Parameter)| {
+        let (Effect::Mechanism(m, k), Some(sd)) = (p.effect, p.prior_sd) else {
+            return None;
+        };
+        let prior_sd = FAULT_FACTOR * sd;
+        Some(Parameter {
+            name: format!("{} from the onset", p.name),
+            effect: Effect::Later(place, m, k),
+            tolerance: LATE_TOLERANCE_PART * prior_sd,
+            prior_sd: Some(prior_sd),
+            ..p.clone()
+        })
+    };
+    parameters.iter().enumerate().filter_map(of).collect()
+}
+
+/// The departures from the onset on: what changes there on top of what was there before.
+pub fn after_onset(parameters: &[Parameter], theta: &[f64]) -> Vec<f64> {
+    let mut after = theta.to_vec();
+    for (parameter, value) in parameters.iter().zip(theta) {
+        if let Effect::Later(place, ..) = parameter.effect {
+            after[place] += value;
+        }
+    }
+    after
+}
+
 /// What flies with all departures at work.
 pub struct Applied {
     /// The aircraft and its sensors.
@@ -236,7 +274,7 @@ pub fn applied(
             Effect::Coefficient(k) => *(COEFFICIENTS[k].place)(&mut base) += value,
             Effect::Wind(log, axis) => winds[log][axis] += value,
             Effect::GustShare(axis) => gust_shares[axis] += value,
-            Effect::Mechanism(..) => {}
+            Effect::Mechanism(..) | Effect::Later(..) => {}
         }
     }
     let mut extended = ExtendedAircraft {

@@ -63,7 +63,7 @@ impl<'a, 'b> Sensitivity<'a, 'b> {
             } else {
                 seen.felt
             };
-            let there = aside.world.read(&seen.mean, &felt);
+            let there = aside.world.at(seen.i).read(&seen.mean, &felt);
             let (panel, l) = self.at(j);
             for c in 0..CHANNELS {
                 panel.read[c * WIDTH + l] = (there[c] - here[c]) / aside.step;

@@ -14,15 +14,20 @@ use super::gate::{Gated, Segment};
 use super::motion::World;
 use super::noise::{self, Noise};
 use super::normal::{Block, Normal};
-use super::parameters::{Effect, Parameter, all};
+use super::parameters::{Effect, Parameter, after_onset, all, later};
 use super::rival::{Nameless, Terms};
 use crate::GapError;
+use crate::verdict::Measured;
 
 /// Log prior of a mechanism's being at work: what keeps false alarms below a hundredth with the
 /// length of the catalogue.
 const MECHANISM_LOG_PRIOR: f64 = -5.5;
 /// Log prior of a nameless term: a name is to be preferred where both do.
 const RIVAL_LOG_PRIOR: f64 = -8.0;
+/// Log prior of its beginning in flight rather than being there from the beginning.
+const LATE_LOG_PRIOR: f64 = -std::f64::consts::LN_2;
+/// What an onset costs before it is known how well the data tell it: as if to a hundredth of the flight.
+const ONSET_LOG_PRICE: f64 = -4.6;
 /// Prior standard deviations beyond which a size is not that of a mechanism: three, less what the
 /// tolerance adds.
 const PLAUSIBLE_SD: f64 = 2.9;
@@ -55,7 +60,17 @@ const QUIETER_SWEEPS: usize = 3;
 /// Gain of a round, nats, below which there is no other.
 const QUIETER_NATS: f64 = 3.0;
 
+/// When something set in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Onset {
+    /// In which log.
+    pub log: usize,
+    /// Time, s.
+    pub at_s: f64,
+}
+
 /// The data and all that may be asked of them.
+#[derive(Clone)]
 pub struct Study<'a> {
     /// The aircraft of the file.
     pub aircraft: &'a Aircraft,
@@ -67,8 +82,12 @@ pub struct Study<'a> {
     pub terms: Arc<Terms>,
     /// Mechanisms, then nameless terms.
     pub candidates: Vec<Candidate>,
-    /// Id of each mechanism among the candidates.
+    /// Id of each mechanism among the candidates; those from the beginning, then those from the onset on.
     pub ids: Vec<&'static str>,
+    /// When those that begin in flight do.
+    pub onset: Option<Onset>,
+    /// The same with what it may be off by, once the data have told it.
+    pub onset_s: Option<Measured>,
     /// How many times the data are what is looked at.
     stand_for: f64,
 }
@@ -100,31 +119,54 @@ impl<'a> Study<'a> {
     pub fn new(aircraft: &'a Aircraft, gated: &'a Gated, logs: usize) -> Self {
         let parameters = all(aircraft, gated, logs);
         let terms = Arc::new(Terms::of(aircraft, gated));
-        let mut ids = Vec::new();
-        let mut candidates = Vec::new();
-        for (m, spec) in CATALOGUE.iter().enumerate() {
-            let of = |p: &Parameter| matches!(p.effect, Effect::Mechanism(k, _) if k == m);
-            let columns: Vec<usize> = (0..parameters.len())
-                .filter(|&j| of(&parameters[j]))
-                .collect();
-            if columns.is_empty() {
-                continue;
+        let mut study = Self {
+            aircraft,
+            gated,
+            parameters,
+            terms,
+            candidates: Vec::new(),
+            ids: Vec::new(),
+            onset: None,
+            onset_s: None,
+            stand_for: 1.0,
+        };
+        study.ask();
+        study
+    }
+
+    /// Lists what may be at work, from what the parameters are.
+    fn ask(&mut self) {
+        (self.ids, self.candidates) = (Vec::new(), Vec::new());
+        for late in [false, true] {
+            for (m, spec) in CATALOGUE.iter().enumerate() {
+                let of = |p: &Parameter| match p.effect {
+                    Effect::Mechanism(k, _) => k == m && !late,
+                    Effect::Later(_, k, _) => k == m && late,
+                    _ => false,
+                };
+                let columns: Vec<usize> = (0..self.parameters.len())
+                    .filter(|&j| of(&self.parameters[j]))
+                    .collect();
+                if columns.is_empty() {
+                    continue;
+                }
+                let late_price = LATE_LOG_PRIOR + ONSET_LOG_PRICE;
+                self.ids.push(spec.id);
+                self.candidates.push(Candidate {
+                    prior_sd: columns
+                        .iter()
+                        .filter_map(|&j| self.parameters[j].prior_sd)
+                        .collect(),
+                    columns,
+                    one_sided: spec.parameters[0].low >= spec.parameters[0].neutral,
+                    plausible_sd: PLAUSIBLE_SD,
+                    log_prior: MECHANISM_LOG_PRIOR + if late { late_price } else { 0.0 },
+                });
             }
-            ids.push(spec.id);
-            candidates.push(Candidate {
-                prior_sd: columns
-                    .iter()
-                    .filter_map(|&j| parameters[j].prior_sd)
-                    .collect(),
-                columns,
-                one_sided: spec.parameters[0].low >= spec.parameters[0].neutral,
-                plausible_sd: PLAUSIBLE_SD,
-                log_prior: MECHANISM_LOG_PRIOR,
-            });
         }
-        let mut at_column = parameters.len();
-        for group in &terms.groups {
-            candidates.push(Candidate {
+        let mut at_column = self.parameters.len();
+        for group in &self.terms.groups {
+            self.candidates.push(Candidate {
                 columns: (at_column..at_column + group.columns).collect(),
                 prior_sd: vec![1.0; group.columns],
                 one_sided: false,
@@ -133,15 +175,76 @@ impl<'a> Study<'a> {
             });
             at_column += group.columns;
         }
-        Self {
-            aircraft,
-            gated,
-            parameters,
-            terms,
-            candidates,
-            ids,
-            stand_for: 1.0,
+    }
+
+    /// The same question with mechanisms that begin at `onset` besides, in place of those of another
+    /// onset.
+    pub fn with_onset(&self, onset: Onset) -> Self {
+        let mut with = self.clone();
+        with.onset = Some(onset);
+        if self.onset.is_none() {
+            with.parameters.extend(later(&self.parameters));
+            with.ask();
         }
+        with
+    }
+
+    /// Says when the onset is and what that costs: the logarithm of the part of the flight that it is
+    /// known to be in.
+    pub fn pay(&mut self, onset_s: Measured, log_price: f64) {
+        self.onset_s = Some(onset_s);
+        for k in self.late() {
+            self.candidates[k].log_prior = MECHANISM_LOG_PRIOR + LATE_LOG_PRIOR + log_price;
+        }
+    }
+
+    /// The mechanisms that begin at the onset, among the candidates.
+    pub fn late(&self) -> std::ops::Range<usize> {
+        let is_late = |k: &usize| {
+            let first = self.candidates[*k].columns[0];
+            matches!(self.parameters[first].effect, Effect::Later(..))
+        };
+        let from = (0..self.ids.len()).find(is_late);
+        from.unwrap_or(self.ids.len())..self.ids.len()
+    }
+
+    /// Whether something of `set` begins at the onset.
+    pub fn has_late(&self, set: &[usize]) -> bool {
+        let late = self.late();
+        set.iter().any(|k| late.contains(k))
+    }
+
+    /// Departures of the question without an onset as those of this one, where nothing sets in.
+    pub fn extended(&self, theta: &[f64]) -> Vec<f64> {
+        let more = self.width() - theta.len();
+        let known = self.parameters.len() - more;
+        let mut out = theta[..known].to_vec();
+        out.resize(known + more, 0.0);
+        out.extend_from_slice(&theta[known..]);
+        out
+    }
+
+    /// Candidates of the question without an onset as those of this one.
+    pub fn mapped(&self, set: &[usize]) -> Vec<usize> {
+        let late = self.late();
+        let of = |k: &usize| if *k < late.start { *k } else { k + late.len() };
+        set.iter().map(of).collect()
+    }
+
+    /// First and last time of a log at which something may set in with `side_s` flown before and after, s.
+    pub fn onsets_s(&self, log: usize, side_s: f64) -> [f64; 2] {
+        let of_log = self.gated.segments.iter().filter(|s| s.log == log);
+        let [from_s, to_s] = of_log.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], s| {
+            [a.min(s.time_s[0]), b.max(s.time_s[s.len() - 1])]
+        });
+        let from_s = from_s + side_s;
+        [from_s, (to_s - side_s).max(from_s)]
+    }
+
+    /// How long was flown, s.
+    pub fn flown_s(&self) -> f64 {
+        let segments = self.gated.segments.iter();
+        segments.map(|s| s.time_s[s.len() - 1] - s.time_s[0]).sum()
     }
 
     /// At most so many stretches of so many samples of the data.
@@ -156,13 +259,9 @@ impl<'a> Study<'a> {
     fn of_share<'b>(&'b self, thin: &'b Gated) -> Study<'b> {
         let count = |gated: &Gated| gated.segments.iter().map(Segment::len).sum::<usize>() as f64;
         Study {
-            aircraft: self.aircraft,
             gated: thin,
-            parameters: self.parameters.clone(),
-            terms: self.terms.clone(),
-            candidates: self.candidates.clone(),
-            ids: self.ids.clone(),
             stand_for: count(self.gated) / count(thin),
+            ..self.clone()
         }
     }
 
@@ -178,8 +277,32 @@ impl<'a> Study<'a> {
 
     /// The same; `like` lends its surfaces.
     fn world_like(&self, segment: &Segment, theta: &[f64], like: Option<&World>) -> World {
-        let nameless = Nameless::new(&self.terms, &theta[self.parameters.len()..]);
-        World::new(self.aircraft, &self.parameters, theta, segment, like).with(nameless)
+        let flown = |theta: &[f64], like| {
+            let nameless = Nameless::new(&self.terms, &theta[self.parameters.len()..]);
+            World::new(self.aircraft, &self.parameters, theta, segment, like).with(nameless)
+        };
+        let early = flown(theta, like);
+        let is_late = |p: &Parameter| matches!(p.effect, Effect::Later(..));
+        let mut sets_in = self
+            .parameters
+            .iter()
+            .zip(theta)
+            .filter(|(p, v)| is_late(p) && **v != 0.0);
+        let Some(onset) = self.onset.filter(|o| o.log == segment.log) else {
+            return early;
+        };
+        let from = segment.time_s.partition_point(|t| *t < onset.at_s);
+        if from >= segment.len() || sets_in.clone().next().is_none() {
+            return early;
+        }
+        // Surfaces move as before unless what moves them sets in.
+        let like = if sets_in.any(|(p, _)| p.servo) {
+            like.map(World::last)
+        } else {
+            Some(&early)
+        };
+        let late = flown(&after_onset(&self.parameters, theta), like);
+        early.until(from, late)
     }
 
     /// Number of columns: parameters and nameless terms.
@@ -250,31 +373,32 @@ impl<'a> Study<'a> {
         }
     }
 
-    /// The data seen from `theta` with `noise`.
-    pub fn linearise(&self, theta: Vec<f64>, noise: Noise) -> Linear {
-        let flown: f64 = self
-            .gated
-            .segments
-            .iter()
-            .map(|s| s.time_s[s.len() - 1] - s.time_s[0])
-            .sum();
-        let width = self.width();
-        let mut normal = Normal::new(width, (flown / BLOCKS).max(BLOCK_S));
+    /// The normal equations at `theta` in blocks of `block_s`, their score as at zero, and the log score.
+    pub fn blocks(&self, theta: &[f64], noise: &Noise, block_s: f64) -> (Vec<Block>, f64) {
+        let mut normal = Normal::new(self.width(), block_s);
         let mut log_score = 0.0;
         for segment in &self.gated.segments {
-            let world = self.world(segment, &theta);
-            let columns = self.columns(segment, &theta, &world);
-            log_score += run_with_columns(segment, &world, &noise, &columns, &mut normal).log_score;
+            let world = self.world(segment, theta);
+            let columns = self.columns(segment, theta, &world);
+            log_score += run_with_columns(segment, &world, noise, &columns, &mut normal).log_score;
         }
-        log_score *= self.stand_for;
         let mut blocks = normal.finish();
-        let here = DVector::from_column_slice(&theta);
+        let here = DVector::from_column_slice(theta);
         for block in &mut blocks {
             // As if linearised at zero: the score there is that here plus information times way.
             let moved = &block.a * &here;
             block.squares += here.dot(&moved) + 2.0 * here.dot(&block.b);
             block.b += moved;
         }
+        (blocks, log_score)
+    }
+
+    /// The data seen from `theta` with `noise`.
+    pub fn linearise(&self, theta: Vec<f64>, noise: Noise) -> Linear {
+        let block_s = (self.flown_s() / BLOCKS).max(BLOCK_S);
+        let (mut blocks, mut log_score) = self.blocks(&theta, &noise, block_s);
+        log_score *= self.stand_for;
+        let here = DVector::from_column_slice(&theta);
         let (a, b) = sum(&blocks, None);
         let fitted = self.solve(&a, &b, &[]);
         let dispersion = dispersion(&blocks, &fitted, self.parameters.len());
@@ -367,11 +491,15 @@ impl<'a> Study<'a> {
     pub fn theta_of(&self, linear: &Linear, set: &[usize]) -> Vec<f64> {
         let (a, b) = sum(&linear.blocks, None);
         let mut values = self.solve(&a, &b, set);
-        for (value, p) in values.iter_mut().zip(&self.parameters) {
-            if let Effect::Mechanism(m, k) = p.effect {
-                let spec = &CATALOGUE[m].parameters[k];
-                *value = value.clamp(spec.low - spec.neutral, spec.high - spec.neutral);
-            }
+        for (j, p) in self.parameters.iter().enumerate() {
+            let (m, k, before) = match p.effect {
+                Effect::Mechanism(m, k) => (m, k, 0.0),
+                Effect::Later(place, m, k) => (m, k, values[place]),
+                _ => continue,
+            };
+            let spec = &CATALOGUE[m].parameters[k];
+            let [low, high] = [spec.low, spec.high].map(|end| end - spec.neutral - before);
+            values[j] = values[j].clamp(low, high);
         }
         values.iter().copied().collect()
     }
@@ -456,7 +584,7 @@ impl<'a> Study<'a> {
     /// The view `from` with less disturbance of forces and moments, as far as causes then tell the
     /// data better: a noise that is fitted to the base alone grows until it hides what the base
     /// lacks. What promises that on a share of the data is tried on all.
-    fn quieter(&self, from: Linear) -> Linear {
+    pub fn quieter(&self, from: Linear) -> Linear {
         let thin = self.thinned(PROBE_STRETCHES);
         let probe = self.of_share(&thin);
         let flown = probe.flown(&from.theta);
@@ -505,7 +633,7 @@ impl<'a> Study<'a> {
     }
 
     /// The same point with the noise fitted there, where that is better.
-    fn refitted(&self, from: Linear) -> Linear {
+    pub fn refitted(&self, from: Linear) -> Linear {
         let noise = self.noise(&from.theta, from.noise.clone(), NOISE_STEPS[1]);
         let fitted = self.linearise(from.theta.clone(), noise);
         if fitted.log_posterior > from.log_posterior {
@@ -549,7 +677,7 @@ impl<'a> Study<'a> {
     }
 
     /// As far towards the best point of `set` as the log score grows.
-    fn step_towards(&self, now: &Linear, set: &[usize]) -> Vec<f64> {
+    pub fn step_towards(&self, now: &Linear, set: &[usize]) -> Vec<f64> {
         let target = self.theta_of(now, set);
         let mut part = 1.0;
         for _ in 0..3 {

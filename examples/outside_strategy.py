@@ -19,6 +19,8 @@ import zenoh
 METRES_PER_DEGREE = 111_195.0
 NEAR_M = 150.0
 PATIENCE_S = 60.0
+# A reading this far above the lowest is of a plume.
+STANDS_OUT_PPM = 20.0
 
 
 def displaced(lat_deg, lon_deg, east_m, north_m):
@@ -37,6 +39,7 @@ class Climb:
     def __init__(self, arguments):
         self.site = (arguments.lat, arguments.lon, arguments.alt)
         self.radius_m = arguments.radius
+        self.lowest_ppm = math.inf
         self.best = None  # ppm, (lat, lon, alt)
         self.lock = threading.Lock()
         self.destinations = {}  # vehicle: (place, since)
@@ -44,8 +47,11 @@ class Climb:
     def read(self, message):
         place = (message["lat_deg"], message["lon_deg"], message["alt_amsl_m"])
         with self.lock:
-            if self.best is None or message["co2_ppm"] > self.best[0]:
-                self.best = (message["co2_ppm"], place)
+            ppm = message["co2_ppm"]
+            self.lowest_ppm = min(self.lowest_ppm, ppm)
+            least = self.best[0] if self.best else self.lowest_ppm + STANDS_OUT_PPM
+            if ppm > least:
+                self.best = (ppm, place)
 
     def destination(self, vehicle, here):
         """The vehicle's next place, if it is time for one."""
@@ -55,7 +61,8 @@ class Climb:
                 return None
             lat, lon, alt = self.best[1] if self.best else self.site
             spread_m = self.radius_m
-            self.radius_m = max(NEAR_M, 0.95 * self.radius_m)
+            if self.best:
+                self.radius_m = max(NEAR_M, 0.95 * self.radius_m)
             lat, lon = displaced(lat, lon, random.gauss(0, spread_m), random.gauss(0, spread_m))
             place = (lat, lon, alt + random.gauss(0, 0.05 * spread_m))
             self.destinations[vehicle] = (place, time.monotonic())

@@ -11,11 +11,18 @@ use super::parameters::Unknowns;
 use super::peak::{AtCrossing, Predicted};
 use nalgebra::{DMatrix, DVector};
 use plume::{DispersionSpec, MechanismId, Strength};
+use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
 /// Crossings below which no meander can be told.
 const LEAST_CROSSINGS: usize = 4;
 /// Of a series a mean and a slope are taken, so that fewer independent crossings than these would leave nothing.
 const LEAST_INDEPENDENT: f64 = 3.0;
+
+/// Where a plume meanders, its meander is expected to be about as large as the plume itself (Gifford 1959;
+/// [`plume::puffs::UnsteadySpec`]); that is worth so many independent squares: it may be twice or half.
+const WORTH: f64 = 2.0;
+/// What a normal distribution holds below two standard deviations.
+const WITHIN_2_SD: f64 = 0.977_25;
 
 /// A slope that is not zero by so many standard deviations is a wind that turns.
 const TURNS_SD: f64 = 3.0;
@@ -92,6 +99,8 @@ pub(super) struct Meander {
     pub sd_deg: f64,
     /// The same over the plume's own width.
     pub ratio: f64,
+    /// What it is known from, in independent squares.
+    pub freedoms: f64,
     /// How many crossings that follow each other after any time would tell as much of the axis as these do.
     pub independent: f64,
     /// The same of its height: the strength at a crossing tells of it in proportion to how far it was from the
@@ -102,8 +111,8 @@ pub(super) struct Meander {
 }
 
 impl Meander {
-    /// None where there are too few crossings, or where the axis turns by more than the plume is wide: that is a
-    /// wind that turns. What turns steadily is a wind too.
+    /// None where there are too few crossings, or where they leave their line by more than the plume is wide: that is a
+    /// wind that turns, and the plume is stated as of its last moment. What turns steadily is a wind too.
     pub fn of(predicted: &Predicted, width_deg: f64) -> Option<Self> {
         let crossings = predicted.axis();
         let n = crossings.len() as f64;
@@ -114,18 +123,34 @@ impl Meander {
         let part = line.independent_part(crossings);
         // A mean and a slope are taken from them, each as much as one independent crossing; what a turn is known
         // for leaves the rest of its variance to what it may be off.
+        let freedoms = part * n - 2.0;
         let seen = line.off_sq_deg2 / (n - 2.0 / part);
-        let own = |c: &AtCrossing| c.turn_sd_deg.powi(2);
-        let variance = seen + crossings.iter().map(own).sum::<f64>() / n;
+        let own = crossings.iter().map(|c| c.turn_sd_deg.powi(2)).sum::<f64>() / n;
         // What wanders within a crossing is no turn of it, and of the mean spread all the same.
-        let sd_deg = variance.sqrt().hypot(predicted.wander_deg());
-        (seen > 0.0 && sd_deg < width_deg).then_some(Self {
+        let seen = seen + own + predicted.wander_deg().powi(2);
+        // Crossings that lie off their line by no more than they are known for may be those of a steady plume.
+        let is_meander = line.rms_off_deg().powi(2) > own;
+        let variance = if is_meander {
+            (freedoms * seen + WORTH * width_deg.powi(2)) / (freedoms + WORTH)
+        } else {
+            seen
+        };
+        let sd_deg = variance.sqrt();
+        (line.off_sq_deg2 > 0.0 && line.rms_off_deg() <= width_deg).then_some(Self {
             sd_deg,
             ratio: sd_deg / width_deg,
+            freedoms: freedoms + WORTH,
             independent: part * n,
             independent_in_height: (part * off_axis(crossings)).max(1.0),
             sigma_z_m: predicted.sigma_z_m(),
         })
+    }
+
+    /// By what standard deviations that rest on few crossings are larger than those of a normal distribution, so that
+    /// two of them hold as much.
+    fn few(&self) -> f64 {
+        let student = StudentsT::new(0.0, 1.0, self.freedoms);
+        student.map_or(1.0, |t| t.inverse_cdf(WITHIN_2_SD) / 2.0)
     }
 
     /// The unknowns and their covariance in the mean over meanders.
@@ -140,16 +165,15 @@ impl Meander {
         let squared = self.ratio * self.ratio;
         let ln_wider = 0.5 * squared.ln_1p();
         // A standard deviation of n values is known to 1/√2n of itself.
-        let ln_wider_sd =
-            squared / (1.0 + squared) / (2.0 * (self.independent - 2.0).max(1.0)).sqrt();
+        let ln_wider_sd = self.few() * squared / (1.0 + squared) / (2.0 * self.freedoms).sqrt();
         // Across, the plume followed is as strong as it is narrow; in height, crossings have met its mean. What is
         // stated on the axis falls with the width across, and an emission holds what the height adds.
         let ln_strength = match base.sources[0].strength {
             Strength::CMax { .. } => -ln_wider,
             Strength::EmissionKgS(_) => ln_wider,
         };
-        let of_mean = 1.0 / self.independent.sqrt();
-        let of_height = 1.0 / self.independent_in_height.sqrt();
+        let of_mean = self.few() / self.independent.sqrt();
+        let of_height = self.few() / self.independent_in_height.sqrt();
         for (id, shift, sd) in [
             (M::WindDirectionOffset, 0.0, self.sd_deg * of_mean),
             (

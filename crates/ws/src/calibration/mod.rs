@@ -476,8 +476,15 @@ impl Calibrator {
         (self.estimate, self.covariance) = (nearest.mean, nearest.covariance);
         self.met_s = model.last_met_s(self.estimate.as_slice())?;
         let spec = self.unknowns.folded(&self.base, &self.estimate);
-        self.predicted =
-            peak::Predicted::of(&model, &track, readings, &self.estimate, spec, &posterior)?;
+        self.predicted = peak::Predicted::of(
+            &model,
+            &track,
+            readings,
+            &self.estimate,
+            spec,
+            &posterior,
+            self.axis_index(),
+        )?;
         self.fitted_rows = self.row_count();
         self.posterior = Some(posterior);
         self.turn = self.mean_turn();
@@ -509,14 +516,18 @@ impl Calibrator {
         Some(Estimate { value, sd })
     }
 
-    /// The same at one moment, without what is not known of it; nothing before a fit.
-    fn ppm_at(&self, place: &Place, time_s: f64) -> f64 {
-        let there = |p: &Posterior| {
-            p.value_at(time_s, |at, turn_deg| {
-                self.there(place, time_s, DVector::from_column_slice(at), turn_deg)
+    /// The same over `moments` without what is not known of it; nothing before a fit.
+    fn most_probable_ppm(&self, place: &Place, moments: &[Moment]) -> f64 {
+        let Some(posterior) = self.posterior.as_ref() else {
+            return 0.0;
+        };
+        let at_moment = |m: &Moment| {
+            posterior.value_at(m.time_s, |at, turn_deg| {
+                let at = DVector::from_column_slice(at);
+                self.there(place, m.time_s, at, turn_deg - m.slow_deg)
             })
         };
-        self.posterior.as_ref().map_or(0.0, there)
+        moments.iter().map(at_moment).sum::<f64>() / moments.len() as f64
     }
 
     /// What there is at a place and time besides the plume and of it, ppm, and where in the plume that is.

@@ -39,7 +39,7 @@ struct Crossing {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct AtCrossing {
     pub time_s: f64,
-    /// Turn of the axis, and how far that may be off.
+    /// Turn of the axis, and how far the axis may be off there.
     pub turn_deg: f64,
     pub turn_sd_deg: f64,
     /// Height of the crossing above the axis over the plume's own height.
@@ -73,6 +73,7 @@ impl Predicted {
         estimate: &DVector<f64>,
         spec: plume::DispersionSpec,
         posterior: &infer::Posterior,
+        axis: Option<usize>,
     ) -> Result<Self, infer::InferError> {
         let times = track.time_s().iter();
         let turns: Vec<f64> = times.map(|t| posterior.turn_deg(*t)).collect();
@@ -101,7 +102,7 @@ impl Predicted {
             white_ppm: posterior.fit().noise.white,
             wander_deg: posterior.fit().noise.wander_deg,
         };
-        predicted.axis = predicted.axis_by(posterior, &places);
+        predicted.axis = predicted.axis_by(posterior, &places, axis);
         Ok(predicted)
     }
 
@@ -120,11 +121,18 @@ impl Predicted {
         &self.axis
     }
 
-    fn axis_by(&self, posterior: &infer::Posterior, places: &[PlumePlace]) -> Vec<AtCrossing> {
+    /// `axis` is the unknown that turns the axis for good: what is not known of it, and with it of all turns alike, is no
+    /// meander.
+    fn axis_by(
+        &self,
+        posterior: &infer::Posterior,
+        places: &[PlumePlace],
+        axis: Option<usize>,
+    ) -> Vec<AtCrossing> {
         let most = self.plume.iter().copied().fold(0.0, f64::max);
         let of = |rows: &Vec<usize>| {
             let time_s = rows.iter().map(|k| self.at[*k].1).sum::<f64>() / rows.len() as f64;
-            let turn = posterior.mean_turn(&[time_s], None);
+            let turn = posterior.mean_turn(&[time_s], axis);
             let above = rows.iter().map(|k| places[*k].above_sigmas);
             AtCrossing {
                 time_s,
@@ -211,6 +219,7 @@ impl Calibrator {
                 .fold(f64::MAX, f64::min)
         };
         let most_m = far_m(&found.position.at) + FINEST_M;
+        let moments = self.moments();
         let ppm = |place: &Place| {
             let at = Enu {
                 east_m: place.east_m,
@@ -219,7 +228,7 @@ impl Calibrator {
             if far_m(&at) > most_m {
                 return f64::NEG_INFINITY;
             }
-            self.ppm_at(place, time_s)
+            self.most_probable_ppm(place, &moments)
         };
         let found = climb(&ppm, found.position, airspace, SETPOINT_MARGIN_M, FINEST_M);
         let Position { at, height_m } = found.position;

@@ -633,6 +633,12 @@ impl Posterior {
         self.widening(&function)
     }
 
+    /// Whether a swing was fitted.
+    pub fn has_swing(&self) -> bool {
+        let swing = &self.fit.point.weights[self.fit.basis.of_form()..];
+        swing.iter().any(|weight| *weight != 0.0)
+    }
+
     /// Turn of the axis at a time, degrees clockwise, beside the means of the unknowns: what of a steady turn
     /// the mean lays on the unknown axis it takes from here.
     pub fn turn_deg(&self, time_s: f64) -> f64 {

@@ -198,7 +198,7 @@ pub struct VehicleSummary {
 pub struct PeakSummary {
     /// How far readings stand behind the estimate.
     pub status: PeakStatus,
-    /// The last estimate; none where no plume was read.
+    /// The last estimate; none where the readings follow no plume.
     pub estimate: Option<Peak>,
     /// The highest reading of a real vehicle; none without one.
     pub highest_reading: Option<HighestReading>,
@@ -287,7 +287,7 @@ pub struct MissionSummary {
     pub vehicles: Vec<VehicleSummary>,
     /// The peak.
     pub peak: PeakSummary,
-    /// What the sources emit; empty where no plume was read.
+    /// What the sources emit; empty where the readings follow no plume.
     pub flux: Vec<FluxSummary>,
     /// What real readings show of the model; none where nobody looked.
     pub gap: Option<GapSummary>,

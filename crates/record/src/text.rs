@@ -86,7 +86,7 @@ pub fn peak(summary: &MissionSummary) -> String {
     let estimate = |p: &Peak| estimate(gas, p);
     let mut text = match (peak.status, &peak.estimate) {
         (PeakStatus::NotFound, _) | (_, None) => {
-            "Not found: no real vehicle read a plume, and so there is no peak.".to_owned()
+            "Not found: the real readings follow no plume that the model could have, and so there is no peak.".to_owned()
         }
         (PeakStatus::Confirmed, Some(p)) => format!(
             "Found and confirmed: a peak of {}. Real crossings there read what is predicted for them.",

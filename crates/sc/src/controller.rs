@@ -166,7 +166,7 @@ impl SquadronController {
     }
 
     /// The running estimate of the peak; none before the search, while it is only what the
-    /// scenario supposes, and none where no plume was read.
+    /// scenario supposes, and none where the readings follow no plume.
     pub fn peak(&self) -> Option<Peak> {
         let found = self.model.as_ref().and_then(|m| m.peak);
         found.filter(|p| self.phase.has_searched() && p.status != PeakStatus::NotFound)
@@ -479,7 +479,7 @@ impl SquadronController {
     fn publish_findings(&self, out: &mut Outbox) {
         let Some(model) = &self.model else { return };
         let Some(peak) = self.peak() else {
-            let words = "no plume was read".to_owned();
+            let words = "the real readings follow no plume".to_owned();
             return out.event(&self.id, Severity::Warning, "peak-not-found", words);
         };
         let digits = self.base.sources[0].gas.digits();

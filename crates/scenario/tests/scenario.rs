@@ -335,7 +335,7 @@ fn values_that_cannot_be_point_at_their_line_and_say_what_can() {
 #[test]
 fn a_source_needs_one_strength() {
     let none = LEAST.replace("emission_kg_s = 352.0", "");
-    assert!(refused(&none).contains("either emission_kg_s, or c_max_ppm"));
+    assert!(refused(&none).contains("either emission_kg_s or emission_series, or c_max_ppm"));
     let half = LEAST.replace("emission_kg_s = 352.0", "c_max_ppm = 400.0");
     assert!(refused(&half).contains("c_max_distance_m"));
 }

@@ -95,12 +95,17 @@ impl Line {
 /// The meander that crossings show.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Meander {
-    /// Its standard deviation as seen from the source, degrees.
-    pub sd_deg: f64,
-    /// The same over the plume's own width.
-    pub ratio: f64,
+    /// Its variance over that of the plume's own width, as crossings show it.
+    pub seen: f64,
+    /// The same as it may be, beside what is expected of a meander.
+    pub may_be: f64,
+    /// The plume's own width as seen from the source, degrees.
+    pub width_deg: f64,
     /// What it is known from, in independent squares.
     pub freedoms: f64,
+    /// By what standard deviations that rest on so few are larger than those of a normal distribution, so that two of
+    /// them hold as much.
+    pub few: f64,
     /// How many crossings that follow each other after any time would tell as much of the axis as these do.
     pub independent: f64,
     /// The same of its height: the strength at a crossing tells of it in proportion to how far it was from the
@@ -125,32 +130,34 @@ impl Meander {
         // for leaves the rest of its variance to what it may be off.
         let freedoms = part * n - 2.0;
         let seen = line.off_sq_deg2 / (n - 2.0 / part);
-        let own = crossings.iter().map(|c| c.turn_sd_deg.powi(2)).sum::<f64>() / n;
+        let known = crossings.iter().map(|c| c.turn_sd_deg.powi(2)).sum::<f64>() / n;
+        // What is not known of the axis of all crossings is no meander of them.
+        let own = (known - predicted.mean_axis_sd_deg().powi(2)).max(0.0);
         // What wanders within a crossing is no turn of it, and of the mean spread all the same.
-        let seen = seen + own + predicted.wander_deg().powi(2);
+        let seen = (seen + own + predicted.wander_deg().powi(2)) / width_deg.powi(2);
         // Crossings that lie off their line by no more than they are known for may be those of a steady plume.
-        let is_meander = line.rms_off_deg().powi(2) > own;
-        let variance = if is_meander {
-            (freedoms * seen + WORTH * width_deg.powi(2)) / (freedoms + WORTH)
-        } else {
-            seen
-        };
-        let sd_deg = variance.sqrt();
-        (line.off_sq_deg2 > 0.0 && line.rms_off_deg() <= width_deg).then_some(Self {
-            sd_deg,
-            ratio: sd_deg / width_deg,
+        let off = line.rms_off_deg();
+        (off.powi(2) > known && off <= width_deg).then_some(Self {
+            seen,
+            may_be: (freedoms * seen + WORTH) / (freedoms + WORTH),
+            width_deg,
             freedoms: freedoms + WORTH,
+            few: few(freedoms + WORTH),
             independent: part * n,
             independent_in_height: (part * off_axis(crossings)).max(1.0),
             sigma_z_m: predicted.sigma_z_m(),
         })
     }
 
-    /// By what standard deviations that rest on few crossings are larger than those of a normal distribution, so that
-    /// two of them hold as much.
-    fn few(&self) -> f64 {
-        let student = StudentsT::new(0.0, 1.0, self.freedoms);
-        student.map_or(1.0, |t| t.inverse_cdf(WITHIN_2_SD) / 2.0)
+    /// The same by the crossings alone, as in flight: there the next passes are laid by it, and those that are laid
+    /// wider than the plume tell less of it.
+    pub fn as_seen(self) -> Self {
+        Self {
+            may_be: self.seen,
+            freedoms: (self.freedoms - WORTH).max(1.0),
+            few: 1.0,
+            ..self
+        }
     }
 
     /// The unknowns and their covariance in the mean over meanders.
@@ -162,35 +169,36 @@ impl Meander {
         covariance: &mut DMatrix<f64>,
     ) {
         use MechanismId as M;
-        let squared = self.ratio * self.ratio;
-        let ln_wider = 0.5 * squared.ln_1p();
+        let ln_wider = 0.5 * self.seen.ln_1p();
+        let ratio = self.may_be.sqrt();
         // A standard deviation of n values is known to 1/√2n of itself.
-        let ln_wider_sd = self.few() * squared / (1.0 + squared) / (2.0 * self.freedoms).sqrt();
+        let ln_wider_sd =
+            self.few * self.may_be / (1.0 + self.may_be) / (2.0 * self.freedoms).sqrt();
         // Across, the plume followed is as strong as it is narrow; in height, crossings have met its mean. What is
         // stated on the axis falls with the width across, and an emission holds what the height adds.
         let ln_strength = match base.sources[0].strength {
             Strength::CMax { .. } => -ln_wider,
             Strength::EmissionKgS(_) => ln_wider,
         };
-        let of_mean = self.few() / self.independent.sqrt();
-        let of_height = self.few() / self.independent_in_height.sqrt();
+        let of_mean = self.few / self.independent.sqrt();
+        let of_height = self.few / self.independent_in_height.sqrt();
         for (id, shift, sd) in [
-            (M::WindDirectionOffset, 0.0, self.sd_deg * of_mean),
+            (
+                M::WindDirectionOffset,
+                0.0,
+                ratio * self.width_deg * of_mean,
+            ),
             (
                 M::EffectiveHeightOffset,
                 0.0,
-                self.ratio * self.sigma_z_m * of_height,
+                ratio * self.sigma_z_m * of_height,
             ),
             (M::SigmaYScale, ln_wider, ln_wider_sd),
-            (
-                M::SigmaZScale,
-                ln_wider,
-                ln_wider_sd.hypot(self.ratio * of_mean),
-            ),
+            (M::SigmaZScale, ln_wider, ln_wider_sd.hypot(ratio * of_mean)),
             (
                 M::EmissionScale,
                 ln_strength,
-                ln_wider_sd.hypot(self.ratio * of_mean),
+                ln_wider_sd.hypot(ratio * of_mean),
             ),
         ] {
             if let Some(k) = unknowns.index(id, None) {
@@ -199,6 +207,12 @@ impl Meander {
             }
         }
     }
+}
+
+/// Student's factor for so many squares.
+fn few(freedoms: f64) -> f64 {
+    let student = StudentsT::new(0.0, 1.0, freedoms);
+    student.map_or(1.0, |t| t.inverse_cdf(WITHIN_2_SD) / 2.0)
 }
 
 /// Weighted least squares of ln c = … + a δ/σz with a deviation a h/σz of each crossing: its variance is that of

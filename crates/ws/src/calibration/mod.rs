@@ -110,6 +110,8 @@ pub struct Calibrator {
     /// Rows that there were at the last fit.
     fitted_rows: usize,
     posterior: Option<Posterior>,
+    /// Whether all is read, and what is found is stated.
+    concludes: bool,
     /// When the plume was last met, s.
     met_s: f64,
     predicted: peak::Predicted,
@@ -148,6 +150,7 @@ impl Calibrator {
             taken: 0,
             fitted_rows: 0,
             posterior: None,
+            concludes: false,
             met_s: 0.0,
             predicted: peak::Predicted::default(),
         })
@@ -416,6 +419,7 @@ impl Calibrator {
             emitted_s: f64::NAN,
             ..PlumePlace::default()
         };
+        self.concludes = true;
         let all = self.thinned(MOST_ROWS)?;
         self.searched(&all, &[asked])
     }
@@ -681,7 +685,8 @@ impl Calibrator {
     fn averaged(&self) -> (DVector<f64>, DMatrix<f64>) {
         let (mut at, mut covariance) = (self.estimate.clone(), self.covariance.clone());
         // Without a swing the axis is the unknown alone, as the gap has it.
-        let turn = self.turn.filter(|turn| turn.value != 0.0);
+        let has_swing = self.posterior.as_ref().is_some_and(Posterior::has_swing);
+        let turn = self.turn.filter(|_| has_swing);
         if let Some((k, turn)) = self.axis_index().zip(turn) {
             at[k] += turn.value;
             let grown = turn.sd / covariance[(k, k)].sqrt();
@@ -690,7 +695,9 @@ impl Calibrator {
                 covariance.column_mut(k).scale_mut(grown);
             }
         }
-        if let Some(meander) = Meander::of(&self.predicted, self.width_deg()) {
+        let meander = Meander::of(&self.predicted, self.width_deg());
+        let meander = meander.map(|m| if self.concludes { m } else { m.as_seen() });
+        if let Some(meander) = meander {
             meander.in_the_mean(&self.unknowns, &self.base, &mut at, &mut covariance);
         }
         (at, covariance)

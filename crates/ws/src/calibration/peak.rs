@@ -57,6 +57,8 @@ pub(super) struct Predicted {
     plume: Vec<f64>,
     /// The axis at each crossing of the plume, in order of time.
     axis: Vec<AtCrossing>,
+    /// How far the axis may be off in the mean over them, degrees.
+    mean_axis_sd_deg: f64,
     /// The plume's height, one standard deviation, m, in the mean of what was met.
     sigma_z_m: f64,
     /// The sensor's white noise as the fit found it, ppm.
@@ -90,6 +92,7 @@ impl Predicted {
         let mut predicted = Self {
             sigma_z_m: world.map_or(f64::NAN, |w| w.sigmas_m((ln_distance / met).exp()).1),
             axis: Vec::new(),
+            mean_axis_sd_deg: 0.0,
             at: readings
                 .iter()
                 .zip(track.time_s())
@@ -103,6 +106,10 @@ impl Predicted {
             wander_deg: posterior.fit().noise.wander_deg,
         };
         predicted.axis = predicted.axis_by(posterior, &places, axis);
+        let times_s: Vec<f64> = predicted.axis.iter().map(|c| c.time_s).collect();
+        if !times_s.is_empty() {
+            predicted.mean_axis_sd_deg = posterior.mean_turn(&times_s, axis).sd;
+        }
         Ok(predicted)
     }
 
@@ -114,6 +121,11 @@ impl Predicted {
     /// Wander of the axis that the fit took for noise, one standard deviation, degrees.
     pub fn wander_deg(&self) -> f64 {
         self.wander_deg
+    }
+
+    /// How far the axis may be off in the mean over all crossings, degrees.
+    pub fn mean_axis_sd_deg(&self) -> f64 {
+        self.mean_axis_sd_deg
     }
 
     /// The axis at each crossing of the plume.

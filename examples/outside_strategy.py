@@ -2,7 +2,8 @@
 
 Needs `pip install eclipse-zenoh` and a mission in real time whose scenario has `search.strategy = "outside"` and whose
 processes run with `--json`. Each vehicle that has come near its destination, or has had it for a minute, gets another: around the
-best reading so far, the nearer the better that is known, or anywhere downwind as long as nothing was read.
+best reading so far, ever nearer to it, or around the place where the search begins as long as nothing stands out. That place, and how
+far a reading must stand out, are those of as-pontes unless stated.
 
     python3 outside_strategy.py --mission as-pontes --connect tcp/127.0.0.1:7447
 """
@@ -19,8 +20,6 @@ import zenoh
 METRES_PER_DEGREE = 111_195.0
 NEAR_M = 150.0
 PATIENCE_S = 60.0
-# A reading this far above the lowest is of a plume.
-STANDS_OUT_PPM = 20.0
 
 
 def displaced(lat_deg, lon_deg, east_m, north_m):
@@ -39,6 +38,7 @@ class Climb:
     def __init__(self, arguments):
         self.site = (arguments.lat, arguments.lon, arguments.alt)
         self.radius_m = arguments.radius
+        self.stands_out_ppm = arguments.stands_out
         self.lowest_ppm = math.inf
         self.best = None  # ppm, (lat, lon, alt)
         self.lock = threading.Lock()
@@ -49,7 +49,7 @@ class Climb:
         with self.lock:
             ppm = message["co2_ppm"]
             self.lowest_ppm = min(self.lowest_ppm, ppm)
-            least = self.best[0] if self.best else self.lowest_ppm + STANDS_OUT_PPM
+            least = self.best[0] if self.best else self.lowest_ppm + self.stands_out_ppm
             if ppm > least:
                 self.best = (ppm, place)
 
@@ -78,6 +78,7 @@ def main():
     parser.add_argument("--lon", type=float, default=-7.8480)
     parser.add_argument("--alt", type=float, default=850.0, help="m above mean sea level")
     parser.add_argument("--radius", type=float, default=1000.0, help="how far about it, m")
+    parser.add_argument("--stands-out", type=float, default=20.0, help="so far above the lowest a reading is of a plume, ppm")
     arguments = parser.parse_args()
 
     config = zenoh.Config()

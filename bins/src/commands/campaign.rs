@@ -35,7 +35,7 @@ pub struct CampaignArguments {
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub strategies: Vec<String>,
     /// Realities, with commas between them, instead of the scenario's own: names of docs/campaign.md, joined by +, or
-    /// files (TOML) with the tables of a [reality]
+    /// files (TOML) with the tables of a `[reality]`
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub realities: Vec<String>,
     /// Sizes of the team, with commas between them, instead of the scenario's own
@@ -178,13 +178,15 @@ fn question(arguments: &CampaignArguments, setup: &Setup) -> Result<Question, Fa
     if let Some(name) = twice(&strategies) {
         return Err(stands_twice(format!("--strategies: {name}")));
     }
-    if let Some(name) = twice(&realities) {
-        return Err(stands_twice(format!("--realities: {name}")));
-    }
     if let Some(count) = twice(&vehicles) {
         return Err(stands_twice(format!("--vehicles: {count}")));
     }
     let realities: Result<Vec<Reality>, Failure> = realities.into_iter().map(reality).collect();
+    let realities = realities?;
+    let names: Vec<&String> = realities.iter().map(|r| &r.name).collect();
+    if let Some(name) = twice(&names) {
+        return Err(stands_twice(format!("--realities: {name}")));
+    }
     Ok(Question {
         schema: SCHEMA.to_owned(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -196,7 +198,7 @@ fn question(arguments: &CampaignArguments, setup: &Setup) -> Result<Question, Fa
             .iter()
             .map(|(name, bytes)| (name.clone(), file_digest(bytes)))
             .collect(),
-        realities: realities?,
+        realities,
         strategies,
         vehicles,
         real_stand_ins: arguments.real_stand_ins,
@@ -215,6 +217,9 @@ fn reality(name: String) -> Result<Reality, Failure> {
         .transpose()
         .with_context(|| format!("{name}: cannot read the reality"))
         .map_err(Failure::Input)?;
+    // The same file may lie elsewhere on another machine.
+    let file = Path::new(&name).file_name().filter(|_| is_file);
+    let name = file.map_or(name.clone(), |file| file.to_string_lossy().into_owned());
     Ok(Reality { name, text })
 }
 
@@ -302,14 +307,15 @@ impl Fleet<'_> {
             Ok(folder.add(row)?)
         };
         rows.extend(self.fly(&missing, &keep)?);
-        if rows.len() < of {
-            eprintln!(
-                "Stopped with {} of {of} missions; the same command goes on with the others.",
-                rows.len()
-            );
-        }
         let (rows, _) = folder::in_order(&self.question, rows.iter());
-        results(path, &self.question, &rows)
+        results(path, &self.question, &rows)?;
+        if rows.len() < of {
+            return Err(Failure::Run(anyhow::anyhow!(
+                "stopped with {} of {of} missions; the same command goes on with the others",
+                rows.len()
+            )));
+        }
+        Ok(())
     }
 }
 

@@ -103,7 +103,8 @@ fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
     measured::tell(&observations.notices);
     let mut base = plume::Setup::new(&setup.scenario).map_err(Failure::input)?;
     base.classes.clone_from(&setup.classes);
-    let earlier = arguments.apply.as_deref().map(applied::earlier);
+    let apply = arguments.apply.as_deref();
+    let earlier = apply.map(|file| applied::earlier(file, &arguments.output.out));
     let earlier = earlier.transpose()?;
     files::check_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
     let bar = progress_bar();

@@ -1,6 +1,7 @@
 //! An extension that was found before, held against data that had no part in finding it: what of an
 //! earlier `gap.json` is needed, and what an application comes to.
 
+use ::plume::Gas;
 use serde::{Deserialize, Serialize};
 
 use crate::GapError;
@@ -91,6 +92,8 @@ pub struct Earlier {
     #[serde(skip)]
     pub name: String,
     schema: String,
+    /// The gas that it was found on; none of tracers and flights.
+    gas: Option<Gas>,
     /// What it said.
     pub verdict: Verdict,
     /// The causes that it names.
@@ -136,6 +139,26 @@ impl Earlier {
         }
         earlier.name = name.to_owned();
         Ok(earlier)
+    }
+
+    /// Checks that the readings are of the gas that the extension was found on: its numbers are of that sensor and
+    /// that source.
+    ///
+    /// # Errors
+    /// Another gas, or a finding that does not say it.
+    pub(crate) fn check_gas(&self, gas: Gas) -> Result<(), GapError> {
+        if self.gas == Some(gas) {
+            return Ok(());
+        }
+        let said = self.gas.map_or("no gas", Gas::formula);
+        Err(GapError::Data {
+            what: self.name.clone(),
+            problem: format!(
+                "it tells of {said}, and the readings are of {}",
+                gas.formula()
+            ),
+            expected: format!("a finding from readings of {}", gas.formula()),
+        })
     }
 
     fn kind(&self) -> &'static str {

@@ -40,6 +40,13 @@ impl Run {
     /// # Errors
     /// A member that cannot be made.
     pub fn with_links(setup: &Setup) -> Result<Self, MissionError> {
+        if setup.scenario.search.strategy == sc::OUTSIDE {
+            return Err(MissionError::Request(
+                "search.strategy = \"outside\": nobody can tell a mission in one process where to look; expected sc, ws \
+                 and va as processes of their own, in real time"
+                    .to_owned(),
+            ));
+        }
         Ok(Self {
             conductor: Conductor::new(Member::all(setup)?, setup.tick_ns()),
             digest: Digest::new(),

@@ -27,7 +27,7 @@ pub const NEAR_M: f64 = 100.0;
 /// A reality in which missions are flown.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Reality {
-    /// Its name, or the file that describes it.
+    /// Its name, or that of the file that describes it, without its folder.
     pub name: String,
     /// What that file holds; nothing of a name.
     pub text: Option<String>,
@@ -229,7 +229,12 @@ impl MissionRow {
             near,
             known,
             map,
-            stated: stated(summary),
+            // Of a plume that is not there nothing is true.
+            stated: if has_peak {
+                stated(summary)
+            } else {
+                Vec::new()
+            },
             flown_km: vehicles.iter().map(|v| v.distance_m).sum::<f64>() / 1000.0,
             landed: vehicles
                 .iter()

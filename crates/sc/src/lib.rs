@@ -47,5 +47,6 @@ pub mod separation;
 mod tasks;
 
 pub use controller::SquadronController;
+pub use csea::OUTSIDE;
 pub use error::ScError;
 pub use separation::Separation;

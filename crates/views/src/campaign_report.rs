@@ -18,24 +18,32 @@ pub fn page(question: &Question, rows: &[MissionRow]) -> String {
     page.table(table::LEGEND, &head, &cells);
     let names: Vec<String> = groups.iter().map(|g| g.name(question)).collect();
     let height_px = 140 + 34 * groups.len() as u32;
-    let known = dots(&groups, &names, "mission time, s", |r| {
-        r.known.map(|m| m.time_s)
-    });
+    let known = dots(
+        &groups,
+        &names,
+        "mission time, s",
+        |r| r.known.map(|m| m.time_s),
+        true,
+    );
     page.plot(
         height_px,
         known,
-        "When the peak was first confirmed or supported, a dot a mission, the median a line; missions that never knew it \
+        "When the peak was first confirmed or supported, a dot a mission, the median of all missions a line; those that never knew it \
          are left out.",
     );
-    let near = dots(&groups, &names, "mission time, s", |r| {
-        r.near.map(|m| m.time_s)
-    });
+    let near = dots(
+        &groups,
+        &names,
+        "mission time, s",
+        |r| r.near.map(|m| m.time_s),
+        true,
+    );
     page.plot(
         height_px,
         near,
         &format!("When a vehicle was first within {NEAR_M:.0} m of the true peak, likewise."),
     );
-    let off = dots(&groups, &names, "distance, m", |r| r.peak_off_m);
+    let off = dots(&groups, &names, "distance, m", |r| r.peak_off_m, false);
     page.plot(
         height_px,
         off,
@@ -71,12 +79,14 @@ fn lead(question: &Question, rows: &[MissionRow]) -> Vec<String> {
 const DOT: &str = "#2f6f9f";
 const LINE: &str = "#16181d";
 
-/// A row of dots a group, with its median; what a mission does not tell is left out of the dots.
+/// A row of dots a group, with its median: of all missions, those to which it never happened as later than any, where
+/// `counts_all`, else of those that tell it.
 fn dots(
     groups: &[Group<'_>],
     names: &[String],
     title: &str,
     of: fn(&MissionRow) -> Option<f64>,
+    counts_all: bool,
 ) -> Value {
     let mut data = Vec::new();
     let mut medians = Vec::new();
@@ -88,7 +98,12 @@ fn dots(
         data.push(json!({"type": "scatter", "mode": "markers", "showlegend": false,
             "x": x, "y": vec![k; x.len()], "text": seeds, "hovertemplate": "%{x}, %{text}<extra></extra>",
             "marker": {"color": DOT, "size": 8, "opacity": 0.55}}));
-        if let Some(all) = group.median_of(of) {
+        let all = if counts_all {
+            group.median_until(of)
+        } else {
+            group.median_of(of)
+        };
+        if let Some(all) = all.filter(|all| all.median.is_finite()) {
             let m = rounded(all.median, 10.0);
             medians.push(
                 json!({"type": "line", "x0": m, "x1": m, "y0": k as f64 - 0.32,
@@ -99,5 +114,5 @@ fn dots(
     let ticks: Vec<usize> = (0..names.len()).collect();
     json!({"data": data, "layout": {"shapes": medians, "margin": {"l": 190, "t": 10},
         "xaxis": {"title": {"text": title}, "rangemode": "tozero"},
-        "yaxis": {"tickvals": ticks, "ticktext": names, "autorange": "reversed", "zeroline": false}}})
+        "yaxis": {"tickvals": ticks, "ticktext": names, "range": [names.len() as f64 - 0.5, -0.5], "zeroline": false}}})
 }

@@ -13,8 +13,20 @@ use std::path::Path;
 ///
 /// # Errors
 /// A file that cannot be read or is no `gap.json` of a finding.
-pub(super) fn earlier(file: &Path) -> Result<Earlier, Failure> {
+pub(super) fn earlier(file: &Path, out: &Path) -> Result<Earlier, Failure> {
     let text = measured::read(file, "gap.json")?;
+    let whole = |path: &Path| path.canonicalize().ok();
+    let beside = whole(file)
+        .as_deref()
+        .and_then(Path::parent)
+        .map(Path::to_owned);
+    if beside.is_some() && beside == whole(out) {
+        return Err(Failure::usage(format!(
+            "--out {}: holds the finding {} that is applied; expected another folder",
+            out.display(),
+            file.display()
+        )));
+    }
     Earlier::parse(&file.display().to_string(), &text).map_err(Failure::input)
 }
 
@@ -25,7 +37,7 @@ pub(super) fn to_tracer(
     title: &str,
     output: &OutputArguments,
 ) -> Result<(), Failure> {
-    let earlier = earlier(file)?;
+    let earlier = earlier(file, &output.out)?;
     let report = gap::tracer::apply(tables, &earlier, output.seed).map_err(Failure::input)?;
     let page = views::gap_report::applied_tracer(title, &report);
     write(output, &report.to_json()?, &page)?;

@@ -36,6 +36,7 @@ pub fn apply(
     let (observations, zero_s) = observations.counted_from_near_zero()?;
     let setup = &setup.counted_from(zero_s);
     let (extension, mut notices) = extension(earlier, &observations)?;
+    earlier.check_gas(setup.gas())?;
     tell(0.0, "looking at the raw data");
     let (passed, quality) = gate::passed(setup, &observations)?;
     let data = passed

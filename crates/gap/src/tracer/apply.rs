@@ -233,7 +233,7 @@ fn applied(arcs: &[ArcDetail], gain: &Gain, from: &str, seed: u64) -> Result<App
         Outcome::of(&[change, scores::log_square_change(arcs, seed)])
     };
     let says = format!(
-        "{}: arc maxima of {} trials that it was not found on, {} arcs: {}.{}",
+        "{}: arc maxima of {} trials, {} arcs: {}.{}",
         outcome.says(),
         gain.blocks,
         arcs.len(),

@@ -285,6 +285,10 @@ pub fn to_markdown(question: &Question, rows: &[MissionRow]) -> String {
     let groups = groups(rows);
     let cells: Vec<Vec<String>> = groups.iter().map(Group::cells).collect();
     let mut text = markdown(&head(), &cells) + "\n" + LEGEND + "\n";
+    let of = question.missions().len();
+    if rows.len() < of {
+        let _ = writeln!(text, "\n{} of {of} missions are flown so far.", rows.len());
+    }
     for group in &groups {
         let what = if groups.len() > 1 {
             format!("## {}", group.name(question))

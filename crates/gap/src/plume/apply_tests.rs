@@ -8,7 +8,9 @@ use crate::plume::tests::made::{self, observe, setup};
 const LAG: made::Hidden<'_> = ("sensor-lag", &[("time_constant_s", 2.5)], &[]);
 
 fn earlier(causes: &str) -> Earlier {
-    let text = format!(r#"{{"schema":"plumage.gap/2","verdict":"named","causes":[{causes}]}}"#);
+    let text = format!(
+        r#"{{"schema":"plumage.gap/2","gas":"co2","verdict":"named","causes":[{causes}]}}"#
+    );
     Earlier::parse("gap.json", &text).unwrap()
 }
 
@@ -70,4 +72,19 @@ fn a_fault_of_a_platform_that_did_not_fly_is_refused() {
         error.contains("platform \"z\"") && error.contains("gap.json"),
         "{error}"
     );
+}
+
+#[test]
+fn an_extension_of_another_gas_is_refused() {
+    let cause = cause("sensor-lag", "time_constant_s", 2.5, "");
+    for (gas, said) in [(r#""gas":"ch4","#, "CH4"), ("", "no gas")] {
+        let text =
+            format!(r#"{{"schema":"plumage.gap/2",{gas}"verdict":"named","causes":[{cause}]}}"#);
+        let earlier = Earlier::parse("gap.json", &text).unwrap();
+        let refused = run(&observe(&[], 23), &earlier).unwrap_err().to_string();
+        assert!(
+            refused.contains(said) && refused.contains("CO2"),
+            "{refused}"
+        );
+    }
 }

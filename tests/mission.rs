@@ -305,10 +305,7 @@ fn in_realities_of_another_form_the_peak_holds_or_is_doubtful() {
     ];
     let of = |setup: &Setup| {
         let summary = fly(setup).summary;
-        let claimed = matches!(
-            summary.peak.status,
-            PeakStatus::Confirmed | PeakStatus::Supported
-        );
+        let claimed = summary.peak.status.stands();
         (claimed, summary.peak.estimate.map(|_| z(&summary)))
     };
     let said: Vec<_> = realities.iter().map(of).collect();

@@ -10,6 +10,7 @@ use record::campaign::{
     MissionKey, MissionRow, Question, Reality, SCHEMA, Shard, columns, file_digest, table,
 };
 use record::files;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Mutex;
@@ -114,9 +115,9 @@ impl FromStr for Seeds {
 }
 
 /// What a list holds twice.
-fn twice<T: PartialEq>(list: &[T]) -> Option<&T> {
-    let earlier = |k: usize| list[..k].contains(&list[k]);
-    (0..list.len()).find(|k| earlier(*k)).map(|k| &list[k])
+fn twice<T: Ord>(list: &[T]) -> Option<&T> {
+    let mut earlier = BTreeSet::new();
+    list.iter().find(|one| !earlier.insert(*one))
 }
 
 /// Flies the missions that are asked for, and tells what they show together.
@@ -292,10 +293,10 @@ impl Fleet<'_> {
     fn fly_into(&self, path: &Path, shard: Shard, force: bool) -> Result<(), Failure> {
         let opened = CampaignFolder::open(path, &self.question, shard, force);
         let (folder, mut rows) = opened.map_err(Failure::input)?;
-        let is_flown = |key: &MissionKey| rows.iter().any(|row| row.key == *key);
-        let missions = self.question.missions_of(shard);
-        let of = missions.len();
-        let missing: Vec<MissionKey> = missions.into_iter().filter(|k| !is_flown(k)).collect();
+        let flown: BTreeSet<&MissionKey> = rows.iter().map(|row| &row.key).collect();
+        let mut missing = self.question.missions_of(shard);
+        let of = missing.len();
+        missing.retain(|key| !flown.contains(key));
         if missing.len() < of {
             eprintln!("{} of {of} missions are there already.", of - missing.len());
         }
@@ -341,7 +342,8 @@ fn merge(arguments: &MergeArguments) -> Result<(), Failure> {
     let (question, rows) = folder::merged(&parts?).map_err(Failure::usage)?;
     let opened = CampaignFolder::open(&arguments.out, &question, Shard::WHOLE, arguments.force);
     let (mut folder, there) = opened.map_err(Failure::input)?;
-    for row in rows.iter().filter(|row| !there.contains(row)) {
+    let there: BTreeSet<&MissionKey> = there.iter().map(|row| &row.key).collect();
+    for row in rows.iter().filter(|row| !there.contains(&row.key)) {
         folder.add(row)?;
     }
     results(&arguments.out, &question, &rows)

@@ -234,12 +234,10 @@ fn tell_causes(causes: &[gap::verdict::Cause], platforms: &str) {
             own if platforms.is_empty() => format!(" of {}", own.join(", ")),
             own => format!(" in {} {platforms}", own.join(", ")),
         };
-        let from = cause.onset_s.map_or_else(String::new, |at| {
-            format!(" from {:.1} ± {:.1} s on", at.value, at.sd)
-        });
         println!(
-            "  {}{of}{from} (probability {:.2})",
+            "  {}{of}{} (probability {:.2})",
             cause.mechanisms.join(" or "),
+            cause.onset_after(),
             cause.probability
         );
         for p in &cause.parameters {

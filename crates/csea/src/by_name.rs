@@ -7,7 +7,7 @@ use crate::domain::Domain;
 use crate::error::CseaError;
 use crate::infotaxis::Infotaxis;
 use crate::legs::PatternFlight;
-use crate::outside::Outside;
+use crate::outside::{OUTSIDE, Outside};
 use crate::particle_swarm::ParticleSwarm;
 use crate::posterior::ByPosterior;
 use crate::strategy::SearchStrategy;
@@ -24,9 +24,6 @@ pub const STRATEGIES: [&str; 8] = [
     "ascent",
     "random",
 ];
-
-/// The name of the strategy that follows somebody outside the program.
-pub const OUTSIDE: &str = "outside";
 
 /// The strategy of that name over `domain`. `options` holds the settings of CS-EA; others take its population and kernel
 /// length. `prior` is what is known of the plume: the pattern flights take source, direction and height from it, `posterior` and

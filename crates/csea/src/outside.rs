@@ -7,6 +7,9 @@ use crate::archive::Archive;
 use crate::domain::Domain;
 use crate::strategy::{PromisingPoint, Sampler, SearchStrategy};
 
+/// The name of the strategy that follows somebody outside the program.
+pub const OUTSIDE: &str = "outside";
+
 /// Follows wishes. One of whom nothing was wished yet stays where it is.
 #[derive(Debug)]
 pub struct Outside {
@@ -34,7 +37,7 @@ impl Outside {
 
 impl SearchStrategy for Outside {
     fn name(&self) -> &'static str {
-        "outside"
+        OUTSIDE
     }
 
     fn wish(&mut self, sampler: usize, place: Position) {

@@ -283,12 +283,7 @@ fn summary(answer: &Answer, equation_error: &EquationError) -> String {
     let sets: Vec<String> = answer
         .causes
         .iter()
-        .map(|c| {
-            let from = c.onset_s.map_or_else(String::new, |at| {
-                format!(" from {:.1} ± {:.1} s on", at.value, at.sd)
-            });
-            c.mechanisms.join(" or ") + &from
-        })
+        .map(|c| c.mechanisms.join(" or ") + &c.onset_after())
         .collect();
     let mut text = match answer.verdict {
         Verdict::Insufficient => "These flights could not have shown anything.".to_owned(),

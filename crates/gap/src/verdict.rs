@@ -113,6 +113,15 @@ pub struct Cause {
     pub nats_to_next: f64,
 }
 
+impl Cause {
+    /// When it set in, in words that follow its name; empty where it was there from the beginning or that is not asked.
+    pub fn onset_after(&self) -> String {
+        self.onset_s.map_or_else(String::new, |at| {
+            format!(" from {:.1} ± {:.1} s on", at.value, at.sd)
+        })
+    }
+}
+
 /// A model that was tried.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Ranked {

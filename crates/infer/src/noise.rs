@@ -253,27 +253,27 @@ fn run(
     let memories_s = noise.memories_s();
     for range in rows.series() {
         let mut covariance = Covariance::stationary(size_sq);
-        let (mut last, mut keep) = ((f64::NAN, 0.0), [1.0; PROCESSES]);
+        // What lasts of each process from row to row, and what is left of it in a mean; computed where they change.
+        let (mut keep, mut left) = ([1.0; PROCESSES], [1.0; PROCESSES]);
+        let (mut last_dt, mut last_averaging_s) = (f64::NAN, 0.0);
         for index in range.clone() {
             let is_first = index == range.start;
+            let averaging_s = rows.averaging_s(index);
+            let is_other_mean = averaging_s != last_averaging_s;
+            if is_other_mean {
+                left = memories_s.map(|m| left_of_means(m, averaging_s));
+                last_averaging_s = averaging_s;
+            }
             if !is_first {
                 let dt = rows.time_s()[index] - rows.time_s()[index - 1];
-                let averaging_s = rows.averaging_s(index);
-                if (dt, averaging_s) != last {
+                if dt != last_dt || is_other_mean {
                     keep = memories_s.map(|m| (-dt / memory_of_means_s(m, averaging_s)).exp());
-                    last = (dt, averaging_s);
+                    last_dt = dt;
                 }
                 covariance.forget(keep, size_sq);
             }
-            let mut loading = loadings.of(index);
-            let averaging_s = rows.averaging_s(index);
-            if averaging_s > 0.0 {
-                let left = memories_s.map(|m| left_of_means(m, averaging_s));
-                loading
-                    .iter_mut()
-                    .zip(left)
-                    .for_each(|(l, left)| *l *= left);
-            }
+            let own = loadings.of(index);
+            let loading = std::array::from_fn(|k| own[k] * left[k]);
             let mut step = Step {
                 keep: if is_first { [1.0; PROCESSES] } else { keep },
                 loading,

@@ -43,16 +43,17 @@ pub fn summary_context(setup: &Setup) -> Result<SummaryContext, MissionError> {
 /// # Errors
 /// A mission that cannot be flown.
 pub fn fly(setup: &Setup) -> Result<MissionSummary, MissionError> {
-    flown(setup, &mut |_, _, _| ())
+    flown(setup, summary_context(setup)?, &mut |_, _, _| ())
 }
 
 /// The same, with what `watch` makes of each message after the summariser has taken it.
 fn flown(
     setup: &Setup,
+    context: SummaryContext,
     watch: &mut impl FnMut(&Topic, &Envelope, &Summariser),
 ) -> Result<MissionSummary, MissionError> {
     let mut run = Run::new(setup)?;
-    let mut summariser = Summariser::new(summary_context(setup)?);
+    let mut summariser = Summariser::new(context);
     while !run.ended() {
         for (topic, envelope) in run.step() {
             summariser.take(topic, envelope);
@@ -73,14 +74,14 @@ pub fn fly_row(setup: &Setup, key: MissionKey) -> Result<MissionRow, MissionErro
     let has_peak = context.true_flux.iter().any(|(_, kg_s)| *kg_s > 0.0);
     let mut watch = Watch {
         frame: context.frame,
-        peak: context.true_peak.filter(|_| has_peak),
+        peak: context.true_peak.clone().filter(|_| has_peak),
         is_steady: truth::is_steady(&setup),
         peak_at: None,
         near: None,
         known: None,
         model: None,
     };
-    let summary = flown(&setup, &mut |topic, envelope, so_far| {
+    let summary = flown(&setup, context, &mut |topic, envelope, so_far| {
         watch.take(topic, envelope, so_far);
     })?;
     let time_s = summary.peak.estimate.map_or(summary.sim_s, |p| p.time_s);

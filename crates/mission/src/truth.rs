@@ -110,7 +110,9 @@ fn airspace(setup: &Setup) -> Result<Airspace, MissionError> {
 
 /// Whether the reality's mean field is the same at all times.
 pub(crate) fn is_steady(setup: &Setup) -> bool {
-    setup.reality_wind_series.is_none() && setup.scenario.in_reality().mechanisms.is_empty()
+    let reality = setup.scenario.in_reality();
+    let emits_alike = reality.sources.iter().all(|s| s.emission_table.is_none());
+    setup.reality_wind_series.is_none() && reality.mechanisms.is_empty() && emits_alike
 }
 
 /// Points on a side of the grid on which maps are compared, and its levels.

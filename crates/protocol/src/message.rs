@@ -481,6 +481,13 @@ pub enum PeakStatus {
     NotFound,
 }
 
+impl PeakStatus {
+    /// Whether real readings stand behind the peak: confirmed or supported.
+    pub fn stands(self) -> bool {
+        matches!(self, Self::Confirmed | Self::Supported)
+    }
+}
+
 /// The place of the highest concentration where set-points may go, as far as is known.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Peak {

@@ -249,11 +249,6 @@ impl MissionRow {
         self.peak_off_m.is_some_and(|m| m <= FOUND_WITHIN_M)
     }
 
-    /// Whether the peak is confirmed or supported at the end.
-    pub fn is_known(&self) -> bool {
-        matches!(self.status, PeakStatus::Confirmed | PeakStatus::Supported)
-    }
-
     /// What was stated under a name.
     pub fn stated_of(&self, name: &str) -> Option<&Stated> {
         self.stated.iter().find(|s| s.name == name)

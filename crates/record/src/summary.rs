@@ -405,9 +405,8 @@ impl Summariser {
                 self.peak = model.peak.or(self.peak);
                 self.flux.clone_from(&model.flux);
                 self.mechanisms.clone_from(&model.mechanisms);
-                let stands =
-                    |p: Peak| matches!(p.status, PeakStatus::Confirmed | PeakStatus::Supported);
-                if self.known_s.is_none() && model.peak.is_some_and(stands) {
+                let stands = model.peak.is_some_and(|p| p.status.stands());
+                if self.known_s.is_none() && stands {
                     self.known_s = Some(envelope.time.s());
                 }
             }

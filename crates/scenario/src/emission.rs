@@ -24,18 +24,11 @@ impl SourceTable {
     /// Emission, kg/s: as stated, or the mean of the table; none for a strength that is no emission.
     pub fn mean_emission_kg_s(&self) -> Option<f64> {
         let of_table = || {
-            let mean = mean_kg_s(
-                &self.emission_rows(),
-                self.emission_between.unwrap_or_default(),
-            );
+            let rows = pairs(self.emission_table.as_deref()?);
+            let mean = mean_kg_s(&rows, self.emission_between.unwrap_or_default());
             mean.is_finite().then_some(mean)
         };
         self.emission_kg_s.or_else(of_table)
-    }
-
-    fn emission_rows(&self) -> Vec<(f64, f64)> {
-        let table = self.emission_table.iter().flatten();
-        table.map(|[time_s, kg_s]| (*time_s, *kg_s)).collect()
     }
 
     /// Its emission over time; none where it is steady.
@@ -43,11 +36,9 @@ impl SourceTable {
     /// # Errors
     /// A table that is no schedule.
     pub(crate) fn schedule(&self) -> Result<Option<Schedule>, PlumeError> {
-        if self.emission_table.is_none() {
-            return Ok(None);
-        }
         let between = self.emission_between.unwrap_or_default();
-        Schedule::new(&self.emission_rows(), between).map(Some)
+        let of = |rows: &Vec<[f64; 2]>| Schedule::new(&pairs(rows), between);
+        self.emission_table.as_ref().map(of).transpose()
     }
 }
 

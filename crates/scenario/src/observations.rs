@@ -311,9 +311,8 @@ impl FileJoin {
         };
         self.unit.get_or_insert(reading.1);
         let mut extra = Vec::new();
+        let fixed = [&REQUIRED[..], &OPTIONAL, &LINE_END, &names, &[SD_PPB]].concat();
         for (cell, name) in header.iter().enumerate() {
-            let known = [names[0], names[1], SD_PPB];
-            let fixed = [&REQUIRED[..], &OPTIONAL, &LINE_END, &known].concat();
             if fixed.contains(&name) {
                 continue;
             }

@@ -12,7 +12,7 @@ pub use tracer::tracer;
 
 use crate::html::{Document, number};
 use gap::plume::{GapReport, Series};
-use gap::verdict::{Cause, GapJson, HeldOut, Measured, NextFlight, Pair, Verdict};
+use gap::verdict::{BaseParameter, Cause, GapJson, HeldOut, Measured, NextFlight, Pair, Verdict};
 use plume::Gas;
 
 /// Rows of the ranking that are listed.
@@ -261,10 +261,7 @@ fn set(cause: &Cause) -> String {
     if !cause.platforms.is_empty() {
         text += &format!(" ({})", cause.platforms.join(", "));
     }
-    if let Some(onset) = cause.onset_s {
-        text += &format!(" from {:.1} ± {:.1} s on", onset.value, onset.sd);
-    }
-    text
+    text + &cause.onset_after()
 }
 
 fn bins(page: &mut Document, json: &GapJson) {
@@ -376,17 +373,15 @@ fn extended(page: &mut Document, json: &GapJson) {
         );
     }
     if !json.base.is_empty() {
-        let rows: Vec<Vec<String>> = json
-            .base
-            .iter()
-            .map(|b| vec![b.label(), figure(b.value), figure(b.sd), figure(b.prior)])
-            .collect();
-        page.table(
-            "The base, fitted with it.",
-            &["key", "value", "± 1 sd", "prior sd"],
-            &rows,
-        );
+        base_table(page, json, "The base, fitted with it.");
     }
+}
+
+/// What was fitted of the base.
+fn base_table(page: &mut Document, json: &GapJson, caption: &str) {
+    let row = |b: &BaseParameter| vec![b.label(), figure(b.value), figure(b.sd), figure(b.prior)];
+    let rows: Vec<Vec<String>> = json.base.iter().map(row).collect();
+    page.table(caption, &["key", "value", "± 1 sd", "prior sd"], &rows);
 }
 
 /// Three significant digits.

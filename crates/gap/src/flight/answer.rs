@@ -15,7 +15,8 @@ use crate::verdict::{
 const LARGEST_P: f64 = 0.01;
 /// Nats at which an effect is seen almost surely.
 const VISIBLE_NATS: f64 = 20.0;
-/// Times so far apart are different onsets, s.
+/// Times so far apart are different onsets, s: nearer ones the readings tell apart only by the answer of speed and attitude, which
+/// takes about as long.
 const ONSETS_APART_S: f64 = 2.0;
 /// Nats for each of which the evidence is taken to be a hundredth less sure: no law of the
 /// catalogue is exactly that of the aircraft.

@@ -10,26 +10,28 @@
 use super::evidence::{Candidate, Fit, Model, Word, sum};
 use super::noise::Noise;
 use super::normal::Block;
-use super::parameters::Effect;
 use super::study::{Linear, Onset, Study};
 use crate::verdict::Measured;
 use nalgebra::{DMatrix, DVector};
 
-/// Most blocks of time from which on mechanisms are tried.
+/// Most blocks of time from which on mechanisms are tried: each costs a small linear problem a mechanism, and the filter
+/// moves the onset by more than a block of a flight of 20 minutes ([`REACH_S`]).
 const MOST_EDGES: f64 = 240.0;
-/// Shortest of them, s.
+/// Shortest of them, s: the filter tells what lies within.
 const EDGE_S: f64 = 1.0;
 /// Time before and after an onset that must have been flown, s: less tells of no before and after.
 const LEAST_SIDE_S: f64 = 5.0;
-/// Nats that an onset must promise over the best model without one to be looked at with the filter.
+/// Nats that an onset must promise over the best model without one to be looked at with the filter: odds of 20.
 const PROMISING_NATS: f64 = 3.0;
-/// Most onsets that are looked at, and how far apart they are at least, s; what promises less than this part of
-/// the best is not.
+/// Most onsets that are looked at, as each costs a search with the filter, and how far apart they are at least, s: nearer ones
+/// lie within its reach of each other. What promises less than this part of the best is not looked at: so far the linear view
+/// may be off.
 const LOOKED_AT: usize = 3;
 const APART_S: f64 = 5.0;
 const PROMISING_PART: f64 = 0.7;
 /// Shortest change that is told from a sudden one, s: speed and height answer a change of force over seconds, which the
-/// linear view, whose answer is that of the whole flight, does not have. And nats by which a sudden one must be more probable than any that is.
+/// linear view, whose answer is that of the whole flight, does not have. And nats by which a sudden one must be more probable than
+/// any gradual one: about what a mechanism has to pay beforehand, as being sudden is a statement of its own.
 const GRADUAL_S: f64 = 20.0;
 const SUDDEN_NATS: f64 = 5.0;
 /// Times at which a gradual change may begin and end.
@@ -75,12 +77,7 @@ pub fn look<'a>(study: Study<'a>, first: Linear, last: Linear) -> (Study<'a>, Li
 
 /// The most promising onsets, the best first, with gains over the best model without one.
 fn promises(study: &Study<'_>, first: &Linear) -> Vec<Promise> {
-    let flown_s = study.flown_s();
-    let (blocks, _) = study.blocks(
-        &first.theta,
-        &first.noise,
-        (flown_s / MOST_EDGES).max(EDGE_S),
-    );
+    let (blocks, _) = study.blocks(&first.theta, &first.noise, edge_s(study));
     let (a, b) = sum(&blocks, None);
     let whole = Word::new(&a, &b, &study.tolerances(), first.word.dispersion);
     let plain = super::evidence::search(&whole, &study.candidates);
@@ -103,6 +100,11 @@ fn promises(study: &Study<'_>, first: &Linear) -> Vec<Promise> {
         }
     }
     kept
+}
+
+/// How long the blocks of time are from which on mechanisms are tried, s.
+fn edge_s(study: &Study<'_>) -> f64 {
+    (study.flown_s() / MOST_EDGES).max(EDGE_S)
 }
 
 /// Blocks at whose beginning something may set in.
@@ -170,7 +172,7 @@ fn is_sudden(with: &Study<'_>, now: &Linear, late: usize) -> bool {
     let Some(onset) = with.onset else {
         return false;
     };
-    let block_s = (with.flown_s() / MOST_EDGES).max(EDGE_S);
+    let block_s = edge_s(with);
     let (blocks, _) = with.blocks(&now.theta, &now.noise, block_s);
     let rest: Vec<usize> = now.models[0]
         .set
@@ -181,9 +183,12 @@ fn is_sudden(with: &Study<'_>, now: &Linear, late: usize) -> bool {
     let value = |grown: &dyn Fn(f64) -> f64| {
         let weights: Vec<f64> = blocks
             .iter()
-            .map(|b| match b.log == onset.log {
-                true => grown(0.5 * (b.from_s + b.to_s)),
-                false => 0.0,
+            .map(|b| {
+                if b.log == onset.log {
+                    grown(0.5 * (b.from_s + b.to_s))
+                } else {
+                    0.0
+                }
             })
             .collect();
         grown_evidence(with, &blocks, &weights, late, &rest, now.word.dispersion)
@@ -218,10 +223,7 @@ fn grown_evidence(
     let places: Vec<usize> = candidate
         .columns
         .iter()
-        .filter_map(|&j| match with.parameters[j].effect {
-            Effect::Later(place, ..) => Some(place),
-            _ => None,
-        })
+        .filter_map(|&j| with.parameters[j].effect.later_than())
         .collect();
     let p = places.len();
     let (mut a, mut b) = (DMatrix::zeros(n + p, n + p), DVector::zeros(n + p));
@@ -268,14 +270,11 @@ fn augmented<'b>(
         late_b += &block.b;
     }
     // Place of each column among the old ones, and whether it counts late.
-    let late = |p: &super::parameters::Parameter| match p.effect {
-        Effect::Later(place, ..) => Some(place),
-        _ => None,
-    };
-    let known = with.parameters.iter().filter(|p| late(p).is_none()).count();
+    let late = with.parameters.iter().filter_map(|p| p.effect.later_than());
+    let known = with.parameters.len() - late.clone().count();
     let columns: Vec<(usize, bool)> = (0..known)
         .map(|j| (j, false))
-        .chain(with.parameters.iter().filter_map(late).map(|j| (j, true)))
+        .chain(late.map(|j| (j, true)))
         .chain((known..b.len()).map(|j| (j, false)))
         .collect();
     let n = columns.len();

@@ -32,6 +32,16 @@ pub enum Effect {
     GustShare(usize),
 }
 
+impl Effect {
+    /// Of what a parameter of a mechanism changes by at an onset, the place of that parameter.
+    pub fn later_than(self) -> Option<usize> {
+        match self {
+            Self::Later(place, ..) => Some(place),
+            _ => None,
+        }
+    }
+}
+
 /// One parameter, as a departure from its neutral value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
@@ -241,7 +251,7 @@ pub fn later(parameters: &[Parameter]) -> Vec<Parameter> {
 pub fn after_onset(parameters: &[Parameter], theta: &[f64]) -> Vec<f64> {
     let mut after = theta.to_vec();
     for (parameter, value) in parameters.iter().zip(theta) {
-        if let Effect::Later(place, ..) = parameter.effect {
+        if let Some(place) = parameter.effect.later_than() {
             after[place] += value;
         }
     }

@@ -24,7 +24,7 @@ use crate::verdict::Measured;
 const MECHANISM_LOG_PRIOR: f64 = -5.5;
 /// Log prior of a nameless term: a name is to be preferred where both do.
 const RIVAL_LOG_PRIOR: f64 = -8.0;
-/// Log prior of its beginning in flight rather than being there from the beginning.
+/// Log prior of a mechanism's beginning in flight rather than being there from the beginning: the one as probable as the other.
 const LATE_LOG_PRIOR: f64 = -std::f64::consts::LN_2;
 /// What an onset costs before it is known how well the data tell it: as if to a hundredth of the flight.
 const ONSET_LOG_PRICE: f64 = -4.6;
@@ -202,7 +202,7 @@ impl<'a> Study<'a> {
     pub fn late(&self) -> std::ops::Range<usize> {
         let is_late = |k: &usize| {
             let first = self.candidates[*k].columns[0];
-            matches!(self.parameters[first].effect, Effect::Later(..))
+            self.parameters[first].effect.later_than().is_some()
         };
         let from = (0..self.ids.len()).find(is_late);
         from.unwrap_or(self.ids.len())..self.ids.len()
@@ -282,7 +282,7 @@ impl<'a> Study<'a> {
             World::new(self.aircraft, &self.parameters, theta, segment, like).with(nameless)
         };
         let early = flown(theta, like);
-        let is_late = |p: &Parameter| matches!(p.effect, Effect::Later(..));
+        let is_late = |p: &Parameter| p.effect.later_than().is_some();
         let mut sets_in = self
             .parameters
             .iter()

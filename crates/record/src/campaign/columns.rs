@@ -2,7 +2,7 @@
 
 use super::{MissionRow, PEAK, Stated};
 use crate::summary::CORRECTED;
-use crate::text;
+use crate::text::status;
 use parquet::basic::{LogicalType, Repetition, Type as Physical};
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
@@ -12,23 +12,39 @@ use parquet::schema::types::Type;
 use protocol::message::FluxMethod;
 use std::sync::Arc;
 
+/// A number of each mission, where it is known.
+type NumberOf = Box<dyn Fn(&MissionRow) -> Option<f64>>;
+
 /// What stands in a column.
-#[derive(Debug, Clone, PartialEq)]
-enum Cell {
-    Text(String),
-    Whole(i64),
-    Number(Option<f64>),
+enum Cells {
+    Text(fn(&MissionRow) -> String),
+    Whole(fn(&MissionRow) -> i64),
+    Number(NumberOf),
 }
 
 struct Column {
     name: String,
-    of: Box<dyn Fn(&MissionRow) -> Cell>,
+    cells: Cells,
 }
 
-fn column(name: impl Into<String>, of: impl Fn(&MissionRow) -> Cell + 'static) -> Column {
+fn text(name: &str, of: fn(&MissionRow) -> String) -> Column {
+    Column {
+        name: name.to_owned(),
+        cells: Cells::Text(of),
+    }
+}
+
+fn whole(name: &str, of: fn(&MissionRow) -> i64) -> Column {
+    Column {
+        name: name.to_owned(),
+        cells: Cells::Whole(of),
+    }
+}
+
+fn number(name: impl Into<String>, of: impl Fn(&MissionRow) -> Option<f64> + 'static) -> Column {
     Column {
         name: name.into(),
-        of: Box::new(of),
+        cells: Cells::Number(Box::new(of)),
     }
 }
 
@@ -39,11 +55,11 @@ fn errors(
     find: impl Fn(&MissionRow) -> Option<&Stated> + Copy + 'static,
 ) -> [Column; 2] {
     [
-        column(format!("{name}_error{unit}"), move |row| {
-            Cell::Number(find(row).map(|s| s.error))
+        number(format!("{name}_error{unit}"), move |row| {
+            find(row).map(|s| s.error)
         }),
-        column(format!("{name}_sd{unit}"), move |row| {
-            Cell::Number(find(row).and_then(|s| s.sd))
+        number(format!("{name}_sd{unit}"), move |row| {
+            find(row).and_then(|s| s.sd)
         }),
     ]
 }
@@ -59,15 +75,13 @@ const NUMBERS: [(&str, &str); 6] = [
 ];
 
 fn columns() -> Vec<Column> {
-    let number =
-        |name, of: fn(&MissionRow) -> Option<f64>| column(name, move |row| Cell::Number(of(row)));
     let mut all = vec![
-        column("reality", |r| Cell::Text(r.key.reality.clone())),
-        column("strategy", |r| Cell::Text(r.key.strategy.clone())),
-        column("vehicles", |r| Cell::Whole(r.key.vehicles as i64)),
-        column("real", |r| Cell::Whole(r.real as i64)),
-        column("seed", |r| Cell::Whole(r.key.seed.cast_signed())),
-        column("status", |r| Cell::Text(text::status(r.status).to_owned())),
+        text("reality", |r| r.key.reality.clone()),
+        text("strategy", |r| r.key.strategy.clone()),
+        whole("vehicles", |r| r.key.vehicles as i64),
+        whole("real", |r| r.real as i64),
+        whole("seed", |r| r.key.seed.cast_signed()),
+        text("status", |r| status(r.status).to_owned()),
         number("near_s", |r| r.near.map(|m| m.time_s)),
         number("near_km", |r| r.near.map(|m| m.flown_km)),
         number("known_s", |r| r.known.map(|m| m.time_s)),
@@ -87,9 +101,9 @@ fn columns() -> Vec<Column> {
     all.extend(errors("flux_mass_balance", "_pct", move |r| {
         r.flux_by(balance)
     }));
-    all.push(column("flown_km", |r| Cell::Number(Some(r.flown_km))));
-    all.push(column("landed", |r| Cell::Whole(r.landed as i64)));
-    all.push(column("digest", |r| Cell::Text(r.digest.clone())));
+    all.push(number("flown_km", |r| Some(r.flown_km)));
+    all.push(whole("landed", |r| r.landed as i64));
+    all.push(text("digest", |r| r.digest.clone()));
     all
 }
 
@@ -102,10 +116,10 @@ pub fn csv(rows: &[MissionRow]) -> Result<Vec<u8>, csv::Error> {
     let mut out = csv::Writer::from_writer(Vec::new());
     out.write_record(columns.iter().map(|c| &c.name))?;
     for row in rows {
-        out.write_record(columns.iter().map(|c| match (c.of)(row) {
-            Cell::Text(text) => text,
-            Cell::Whole(whole) => whole.to_string(),
-            Cell::Number(number) => number.map_or(String::new(), |v| v.to_string()),
+        out.write_record(columns.iter().map(|c| match &c.cells {
+            Cells::Text(of) => of(row),
+            Cells::Whole(of) => of(row).to_string(),
+            Cells::Number(of) => of(row).map_or(String::new(), |v| v.to_string()),
         }))?;
     }
     out.into_inner().map_err(|e| e.into_error().into())
@@ -117,76 +131,64 @@ pub fn csv(rows: &[MissionRow]) -> Result<Vec<u8>, csv::Error> {
 /// None that is not a defect: the rows are in memory.
 pub fn parquet(rows: &[MissionRow]) -> Result<Vec<u8>, ParquetError> {
     let columns = columns();
-    let cells: Vec<Vec<Cell>> = columns
-        .iter()
-        .map(|c| rows.iter().map(|row| (c.of)(row)).collect())
-        .collect();
-    let fields = columns.iter().zip(&cells).map(|(column, cells)| {
-        let (physical, logical, repetition) = match cells.first() {
-            Some(Cell::Text(_)) => (
-                Physical::BYTE_ARRAY,
-                Some(LogicalType::String),
-                Repetition::REQUIRED,
-            ),
-            Some(Cell::Whole(_)) => (Physical::INT64, None, Repetition::REQUIRED),
-            Some(Cell::Number(_)) | None => (Physical::DOUBLE, None, Repetition::OPTIONAL),
-        };
-        let field = Type::primitive_type_builder(&column.name, physical)
-            .with_logical_type(logical)
-            .with_repetition(repetition);
-        Ok(Arc::new(field.build()?))
-    });
-    let fields = fields.collect::<Result<Vec<_>, ParquetError>>()?;
+    let fields: Result<Vec<_>, ParquetError> = columns.iter().map(field).collect();
     let schema = Type::group_type_builder("mission")
-        .with_fields(fields)
+        .with_fields(fields?)
         .build()?;
     let mut bytes = Vec::new();
     let properties = Arc::new(WriterProperties::builder().build());
     let mut file = SerializedFileWriter::new(&mut bytes, Arc::new(schema), properties)?;
     let mut group = file.next_row_group()?;
-    for cells in &cells {
-        write(&mut group, cells)?;
+    for column in &columns {
+        write(&mut group, &column.cells, rows)?;
     }
     group.close()?;
     file.close()?;
     Ok(bytes)
 }
 
+/// A column in the schema.
+fn field(column: &Column) -> Result<Arc<Type>, ParquetError> {
+    let (physical, logical, repetition) = match column.cells {
+        Cells::Text(_) => (
+            Physical::BYTE_ARRAY,
+            Some(LogicalType::String),
+            Repetition::REQUIRED,
+        ),
+        Cells::Whole(_) => (Physical::INT64, None, Repetition::REQUIRED),
+        Cells::Number(_) => (Physical::DOUBLE, None, Repetition::OPTIONAL),
+    };
+    let field = Type::primitive_type_builder(&column.name, physical)
+        .with_logical_type(logical)
+        .with_repetition(repetition);
+    Ok(Arc::new(field.build()?))
+}
+
 /// The next column of a group.
 fn write(
     group: &mut SerializedRowGroupWriter<'_, &mut Vec<u8>>,
-    cells: &[Cell],
+    cells: &Cells,
+    rows: &[MissionRow],
 ) -> Result<(), ParquetError> {
     let Some(mut column) = group.next_column()? else {
         return Ok(());
     };
-    match cells.first() {
-        Some(Cell::Text(_)) => {
-            let texts = cells.iter().filter_map(|c| match c {
-                Cell::Text(text) => Some(ByteArray::from(text.as_str())),
-                _ => None,
-            });
+    match cells {
+        Cells::Text(of) => {
+            let texts = rows.iter().map(|row| ByteArray::from(of(row).as_str()));
             let texts: Vec<ByteArray> = texts.collect();
             column
                 .typed::<ByteArrayType>()
                 .write_batch(&texts, None, None)?;
         }
-        Some(Cell::Whole(_)) => {
-            let wholes = cells.iter().filter_map(|c| match c {
-                Cell::Whole(whole) => Some(*whole),
-                _ => None,
-            });
-            let wholes: Vec<i64> = wholes.collect();
+        Cells::Whole(of) => {
+            let wholes: Vec<i64> = rows.iter().map(of).collect();
             column
                 .typed::<Int64Type>()
                 .write_batch(&wholes, None, None)?;
         }
-        Some(Cell::Number(_)) | None => {
-            let number = |c: &Cell| match c {
-                Cell::Number(number) => *number,
-                _ => None,
-            };
-            let numbers: Vec<Option<f64>> = cells.iter().map(number).collect();
+        Cells::Number(of) => {
+            let numbers: Vec<Option<f64>> = rows.iter().map(of).collect();
             let known: Vec<i16> = numbers.iter().map(|n| i16::from(n.is_some())).collect();
             let numbers: Vec<f64> = numbers.into_iter().flatten().collect();
             column

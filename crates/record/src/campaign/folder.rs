@@ -7,6 +7,7 @@ use super::{MissionKey, MissionRow, Question, Shard};
 use crate::files::failed;
 use crate::{RecordError, files};
 use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -114,7 +115,11 @@ pub fn read(path: &Path) -> Result<Flown, RecordError> {
         .map_err(|e| no_campaign(&file, format!("is no campaign of this version: {e}")))?;
     let file = path.join(MISSIONS);
     let text = std::fs::read_to_string(&file).map_err(failed(&file, "read"))?;
-    let expected = asked.question.missions_of(asked.shard);
+    let expected: BTreeSet<MissionKey> = asked
+        .question
+        .missions_of(asked.shard)
+        .into_iter()
+        .collect();
     let rows = text.lines().filter_map(|l| serde_json::from_str(l).ok());
     let rows = rows.filter(|row: &MissionRow| expected.contains(&row.key));
     Ok(Flown {
@@ -164,8 +169,7 @@ pub fn in_order<'a>(
     question: &Question,
     rows: impl Iterator<Item = &'a MissionRow>,
 ) -> (Vec<MissionRow>, Vec<MissionKey>) {
-    let by_key: std::collections::BTreeMap<&MissionKey, &MissionRow> =
-        rows.map(|row| (&row.key, row)).collect();
+    let by_key: BTreeMap<&MissionKey, &MissionRow> = rows.map(|row| (&row.key, row)).collect();
     let (mut found, mut missing) = (Vec::new(), Vec::new());
     for key in question.missions() {
         match by_key.get(&key) {

@@ -148,7 +148,7 @@ impl Group<'_> {
         cells.extend(until(|r| r.near));
         cells.extend(until(|r| r.known));
         cells.extend([
-            share(self.count(MissionRow::is_known), of),
+            share(self.count(|r| r.status.stands()), of),
             share(self.count(MissionRow::is_found), self.count(|r| r.has_peak)),
             interval(self.median_of(|r| r.peak_off_m)),
             interval(self.median_of(map)),

@@ -1,6 +1,8 @@
 //! The report of an extension found before, on data that had no part in finding it.
 
-use super::{autocorrelation, departs_most, figure, figures, gain_table, gas, maps, set};
+use super::{
+    autocorrelation, base_table, departs_most, figure, figures, gain_table, gas, maps, set,
+};
 use crate::html::{Document, number};
 use gap::applied::{Applied, AppliedScore, Outcome};
 use gap::plume::GapReport;
@@ -153,19 +155,9 @@ fn what(page: &mut Document, json: &GapJson, applied: &Applied) {
             applied.fitted.join(", ")
         )
     });
-    let rows: Vec<Vec<String>> = json
-        .base
-        .iter()
-        .map(|b| vec![b.label(), figure(b.value), figure(b.sd), figure(b.prior)])
-        .collect();
-    if !rows.is_empty() {
-        page.table(
-            &format!(
-                "The base as it was fitted with the extension (gas: {}).",
-                gas(json).formula()
-            ),
-            &["key", "value", "± 1 sd", "prior sd"],
-            &rows,
-        );
+    if !json.base.is_empty() {
+        let gas = gas(json).formula();
+        let caption = format!("The base as it was fitted with the extension (gas: {gas}).");
+        base_table(page, json, &caption);
     }
 }

@@ -103,7 +103,7 @@ pub struct Calibrator {
     estimate: DVector<f64>,
     covariance: DMatrix<f64>,
     /// How far the axis lay from that of the estimate in the mean of `moments`, and how far both
-    /// together may be off; none before a fit.
+    /// together may be off; none before a fit, and without a swing.
     turn: Option<infer::Estimate>,
     /// The estimate and its covariance in the mean over meanders.
     in_the_mean: (DVector<f64>, DMatrix<f64>),
@@ -685,9 +685,7 @@ impl Calibrator {
     fn averaged(&self) -> (DVector<f64>, DMatrix<f64>) {
         let (mut at, mut covariance) = (self.estimate.clone(), self.covariance.clone());
         // Without a swing the axis is the unknown alone, as the gap has it.
-        let has_swing = self.posterior.as_ref().is_some_and(Posterior::has_swing);
-        let turn = self.turn.filter(|_| has_swing);
-        if let Some((k, turn)) = self.axis_index().zip(turn) {
+        if let Some((k, turn)) = self.axis_index().zip(self.turn) {
             at[k] += turn.value;
             let grown = turn.sd / covariance[(k, k)].sqrt();
             if grown.is_finite() {
@@ -709,7 +707,7 @@ impl Calibrator {
 
     fn mean_turn(&self) -> Option<infer::Estimate> {
         let times_s: Vec<f64> = self.moments().iter().map(|m| m.time_s).collect();
-        let posterior = self.posterior.as_ref()?;
+        let posterior = self.posterior.as_ref().filter(|p| p.has_swing())?;
         Some(posterior.mean_turn(&times_s, self.axis_index()))
     }
 

@@ -42,7 +42,10 @@
 mod config;
 mod error;
 mod estimator;
+mod fence;
 mod flight;
+mod item_list;
+mod mission_run;
 mod parameters;
 mod reality;
 mod streams;

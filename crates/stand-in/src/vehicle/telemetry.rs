@@ -15,12 +15,13 @@ use mav_bridge::dialect::{
     AVAILABLE_MODES_DATA, BATTERY_STATUS_DATA, CURRENT_MODE_DATA, EKF_STATUS_REPORT_DATA,
     EXTENDED_SYS_STATE_DATA, FENCE_STATUS_DATA, GLOBAL_POSITION_INT_DATA, GPS_GLOBAL_ORIGIN_DATA,
     GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA, HOME_POSITION_DATA, HYGROMETER_SENSOR_DATA,
-    LOCAL_POSITION_NED_DATA, MEMINFO_DATA, MISSION_CURRENT_DATA, MavAutopilot, MavDataStream,
-    MavLandedState, MavModeFlag, MavProtocolCapability, MavSeverity, MavState, MavSysStatusSensor,
-    MavType, NAMED_VALUE_FLOAT_DATA, NAV_CONTROLLER_OUTPUT_DATA, PARAM_VALUE_DATA,
-    POSITION_TARGET_GLOBAL_INT_DATA, POWER_STATUS_DATA, PROTOCOL_VERSION_DATA, RAW_IMU_DATA,
-    RC_CHANNELS_DATA, SCALED_PRESSURE_DATA, SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA,
-    SYS_STATUS_DATA, SYSTEM_TIME_DATA, VFR_HUD_DATA, VIBRATION_DATA, WIND_DATA,
+    LOCAL_POSITION_NED_DATA, MEMINFO_DATA, MISSION_CURRENT_DATA, MavAutopilot, MavBatteryFault,
+    MavDataStream, MavLandedState, MavModeFlag, MavProtocolCapability, MavSeverity, MavState,
+    MavSysStatusSensor, MavSysStatusSensorExtended, MavType, NAMED_VALUE_FLOAT_DATA,
+    NAV_CONTROLLER_OUTPUT_DATA, PARAM_VALUE_DATA, POSITION_TARGET_GLOBAL_INT_DATA,
+    POWER_STATUS_DATA, PROTOCOL_VERSION_DATA, RAW_IMU_DATA, RC_CHANNELS_DATA, SCALED_PRESSURE_DATA,
+    SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, SYSTEM_TIME_DATA, VFR_HUD_DATA,
+    VIBRATION_DATA, WIND_DATA,
 };
 use mav_bridge::wire::MessageData;
 use protocol::SimTime;
@@ -432,6 +433,10 @@ impl StandIn {
             voltage_battery: battery_mv,
             current_battery: -1,
             battery_remaining: left_pct,
+            // The dialect's default is the first bit of a set, not the empty one.
+            onboard_control_sensors_present_extended: MavSysStatusSensorExtended::empty(),
+            onboard_control_sensors_enabled_extended: MavSysStatusSensorExtended::empty(),
+            onboard_control_sensors_health_extended: MavSysStatusSensorExtended::empty(),
             ..SYS_STATUS_DATA::default()
         }
     }
@@ -447,6 +452,7 @@ impl StandIn {
             temperature: i16::MAX,
             current_battery: -1,
             battery_remaining: left_pct,
+            fault_bitmask: MavBatteryFault::empty(),
             ..BATTERY_STATUS_DATA::default()
         }
     }

@@ -216,7 +216,18 @@ impl Setup {
     /// # Errors
     /// There is no such vehicle, or a scenario or aircraft that the stand-in refuses.
     pub fn stand_in_config(&self, index: usize) -> Result<StandInConfig, MissionError> {
-        let aircraft = self.aircraft_of(index)?.clone();
+        self.stand_in_config_of(index, self.aircraft_of(index)?.clone())
+    }
+
+    /// The same with an aircraft of the caller's in place of that vehicle's.
+    ///
+    /// # Errors
+    /// As [`Self::stand_in_config`].
+    pub fn stand_in_config_of(
+        &self,
+        index: usize,
+        aircraft: Aircraft,
+    ) -> Result<StandInConfig, MissionError> {
         let config = StandInConfig::from_scenario(&self.scenario, index, aircraft)?;
         Ok(StandInConfig {
             wind_series: self.reality_wind_series.clone(),

@@ -45,6 +45,7 @@ mod estimator;
 mod fence;
 mod flight;
 mod item_list;
+pub mod json_backend;
 mod mission_run;
 mod parameters;
 mod reality;

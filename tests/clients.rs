@@ -50,9 +50,10 @@ fn stand_in(port: &str, ended: &AtomicBool) {
         let speed = if flies_mission { SPEED } else { 1.0 };
         time_s += speed * before.elapsed().as_secs_f64();
         before = Instant::now();
-        let frames: Vec<Vec<u8>> =
-            std::iter::from_fn(|| Some(datagram[..socket.recv(&mut datagram).ok()?].to_vec()))
-                .collect();
+        let mut frames = Vec::new();
+        while let Ok(length) = socket.recv(&mut datagram) {
+            frames.push(datagram[..length].to_vec());
+        }
         let now = SimTime::from_ns((time_s * 1e9) as i64);
         for frame in vehicle.step(now, &frames) {
             // Nobody listens yet, at first.

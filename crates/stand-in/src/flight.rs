@@ -400,7 +400,7 @@ impl FlightController {
                 MissionEvent::Mode(mode) => {
                     self.set_mode(mode, orders.parameters);
                 }
-                MissionEvent::Speed(kind, m_s) if kind == 0.0 => {
+                MissionEvent::Speed(0.0, m_s) => {
                     let eas_over_tas = reality.eas_over_tas();
                     self.set_airspeed(f64::from(m_s), eas_over_tas, orders.parameters);
                 }

@@ -90,17 +90,20 @@ impl StandIn {
                 self.acknowledge_mission(result, m.mission_type, from, now);
             }
             MavMessage::MISSION_SET_CURRENT(m) if self.is_addressed(m.target_system) => {
-                if self.go_on_with(m.seq) {
-                    // A ground station waits for its own number, even if that is none to be flown.
-                    let seq = m.seq;
-                    let current = MISSION_CURRENT_DATA {
-                        seq,
-                        ..self.mission_current()
-                    };
-                    self.send(&current, now);
-                }
+                self.set_current(m.seq, now);
             }
             _ => {}
+        }
+    }
+
+    /// A ground station waits for its own number, even if that is none to be flown.
+    fn set_current(&mut self, seq: u16, now: SimTime) {
+        if self.go_on_with(seq) {
+            let current = MISSION_CURRENT_DATA {
+                seq,
+                ..self.mission_current()
+            };
+            self.send(&current, now);
         }
     }
 

@@ -48,6 +48,8 @@ pub mod json_backend;
 mod mission_run;
 mod parameters;
 mod reality;
+mod report;
+mod speaker;
 mod streams;
 mod vehicle;
 

@@ -35,6 +35,8 @@ pub(crate) struct Speaker {
     encoder: FrameEncoder,
     signing: Option<Signing>,
     streams: Vec<Stream>,
+    /// The modes that it has, with their names.
+    modes: &'static [(u32, &'static str)],
     /// Messages asked for once, each with what is asked of it.
     requested: Vec<(u32, u32)>,
     out: Vec<Vec<u8>>,
@@ -45,6 +47,7 @@ impl Speaker {
         system_id: u8,
         parameters: AutopilotParameters,
         streams: Vec<Stream>,
+        modes: &'static [(u32, &'static str)],
         signing: Option<Signing>,
     ) -> Self {
         Self {
@@ -54,6 +57,7 @@ impl Speaker {
             system_id,
             signing,
             streams,
+            modes,
             requested: Vec::new(),
             out: Vec::new(),
         }

@@ -9,7 +9,7 @@ mod telemetry;
 use crate::config::StandInConfig;
 use crate::error::StandInError;
 use crate::fence::Fence;
-use crate::flight::{FlightController, HomePosition, Orders};
+use crate::flight::{FlightController, HomePosition, MODES, Orders};
 use crate::item_list::ItemList;
 use crate::reality::Reality;
 use crate::speaker::Speaker;
@@ -65,6 +65,7 @@ impl StandIn {
                 config.system_id,
                 config.parameters,
                 default_streams(),
+                &MODES,
                 config.signing.map(Signing::new),
             ),
             origin: home,

@@ -27,6 +27,9 @@ struct TelemetryLog {
 
 impl TelemetryLog {
     fn create(path: &Path, force: bool) -> Result<Self, Failure> {
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder)?;
+        }
         let file = if force {
             File::create(path)
         } else {

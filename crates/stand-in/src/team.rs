@@ -250,7 +250,8 @@ impl TeamVehicle {
                 self.speaker
                     .acknowledge(SET_MODE_DATA::ID as u16, result, now);
             }
-            MavMessage::MANUAL_CONTROL(m) if self.speaker.is_addressed(m.target) => {
+            // Sticks are for one vehicle, never for all.
+            MavMessage::MANUAL_CONTROL(m) if m.target == self.speaker.system_id => {
                 let share = |v: i16| f64::from(v) / 1000.0;
                 self.fly_by(Sticks {
                     roll: share(m.y),

@@ -38,11 +38,14 @@ impl StandIn {
         self.speaker.is_addressed(target)
     }
 
+    /// Whether the frame is of the ground station that it listens to.
+    fn is_its_ground_station(&self, frame: &RawFrame) -> bool {
+        f64::from(frame.system_id()) == self.speaker.parameters.get(MAV_GCS_SYSID)
+    }
+
     fn handle_message(&mut self, frame: &RawFrame, message: MavMessage, now: SimTime) {
         match message {
-            MavMessage::HEARTBEAT(_)
-                if f64::from(frame.system_id()) == self.speaker.parameters.get(MAV_GCS_SYSID) =>
-            {
+            MavMessage::HEARTBEAT(_) if self.is_its_ground_station(frame) => {
                 self.gcs_heartbeat_at = Some(now);
             }
             MavMessage::COMMAND_LONG(m) if self.is_addressed(m.target_system) => {
@@ -54,14 +57,15 @@ impl StandIn {
             MavMessage::SET_POSITION_TARGET_GLOBAL_INT(m) if self.is_addressed(m.target_system) => {
                 self.altitude_target(&m);
             }
-            MavMessage::MANUAL_CONTROL(m) if self.is_addressed(m.target) => {
+            // Sticks are for one vehicle, and of the ground station that it listens to.
+            MavMessage::MANUAL_CONTROL(m)
+                if m.target == self.speaker.system_id && self.is_its_ground_station(frame) =>
+            {
                 let share = |v: i16| f64::from(v) / 1000.0;
                 self.move_sticks(Some(share(m.y)), Some(-share(m.x)), Some(share(m.z)));
             }
             MavMessage::RC_CHANNELS_OVERRIDE(m)
-                if self.is_addressed(m.target_system)
-                    && f64::from(frame.system_id())
-                        == self.speaker.parameters.get(MAV_GCS_SYSID) =>
+                if self.is_addressed(m.target_system) && self.is_its_ground_station(frame) =>
             {
                 self.override_sticks(&m);
             }

@@ -7,9 +7,9 @@ use mav_bridge::link::{Link, LinkAddress};
 use mav_bridge::wire::FrameDecoder;
 use mission::Setup;
 use protocol::bus::Publication;
-use protocol::message::{Control, Message};
+use protocol::message::Message;
 use protocol::{SimTime, Topic};
-use stand_in::TeamVehicle;
+use stand_in::{TeamVehicle, TeamWish};
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::Path;
@@ -140,7 +140,7 @@ impl GroundStation {
     ///
     /// # Errors
     /// The log cannot be written.
-    pub fn serve(&mut self, now: SimTime) -> Result<Vec<(String, Control)>, Failure> {
+    pub fn serve(&mut self, now: SimTime) -> Result<Vec<(String, TeamWish)>, Failure> {
         let link = &mut self.link;
         let heard: Vec<Vec<u8>> =
             std::iter::from_fn(|| link.as_mut().and_then(Link::try_receive)).collect();
@@ -166,7 +166,7 @@ impl GroundStation {
                 }
             }
             let wanted = vehicle.take_wishes().into_iter();
-            wishes.extend(wanted.map(|control| (id.clone(), control)));
+            wishes.extend(wanted.map(|wish| (id.clone(), wish)));
         }
         Ok(wishes)
     }

@@ -6,7 +6,7 @@
     python tests/oracle/mavlink_team.py log team.tlog
 
 `link` listens to six vehicles, takes over the second by FBWA, flies it by sticks, gives it back, is
-refused the sixth, which is a real one, and calls the third home. Both print each position that they hear:
+refused the sixth, which is a real one, sends the fifth to a place and calls the third home. Both print each position that they hear:
 system, time (ms), latitude, longitude (1e-7 deg), altitude (mm). Ends with 0 if all was as it must be. Written
 for pymavlink 2.4.
 """
@@ -20,7 +20,7 @@ from pymavlink import mavutil  # noqa: E402
 
 m = mavutil.mavlink
 TEAM = {1, 2, 3, 4, 5, 6}
-MANUAL, FBWA, RTL, GUIDED = 0, 5, 11, 15
+MANUAL, FBWA, RTL, LOITER, GUIDED = 0, 5, 11, 12, 15
 failures = []
 
 
@@ -62,6 +62,7 @@ def by_link(port):
 
     flies = lambda h: h.system_status in (m.MAV_STATE_ACTIVE, m.MAV_STATE_CRITICAL)
     expect("the second flies", come(2, "HEARTBEAT", flies, 60) is not None)
+    expect("the fifth flies", come(5, "HEARTBEAT", flies, 60) is not None)
     expect("six vehicles, each of its own", set(heard) == TEAM, heard.keys())
     usual = {"HEARTBEAT", "GLOBAL_POSITION_INT", "ATTITUDE", "VFR_HUD", "SYS_STATUS", "NAMED_VALUE_FLOAT"}
     for system in TEAM:
@@ -73,6 +74,15 @@ def by_link(port):
         come(2, "ATTITUDE", within_s=1)
     expect("it banks by the stick", come(2, "ATTITUDE", lambda a: a.roll > 0.15, 3) is not None)
     expect("others fly on", come(1, "HEARTBEAT", lambda h: h.custom_mode == GUIDED) is not None)
+    # Sent a kilometre away, the fifth comes nearer.
+    start = come(5, "GLOBAL_POSITION_INT")
+    place = (start.lat + 90_000, start.lon, start.alt / 1000 + 20)
+    link.mav.command_int_send(5, 1, m.MAV_FRAME_GLOBAL, m.MAV_CMD_DO_REPOSITION, 0, 0, -1, 0, 0, 0, *place)
+    ack = come(5, "COMMAND_ACK", lambda ack: ack.command == m.MAV_CMD_DO_REPOSITION)
+    expect("it is sent to a place", ack is not None and ack.result == 0, ack)
+    near = lambda p: abs(p.lat - place[0]) < 20_000 and abs(p.lon - place[1]) < 30_000
+    expect("and comes there", come(5, "GLOBAL_POSITION_INT", near, 20) is not None)
+    expect("in LOITER", come(5, "HEARTBEAT", lambda h: h.custom_mode == LOITER) is not None)
     expect("hand-back", mode(2, GUIDED) == 0)
     expect("it is shown, too", come(2, "HEARTBEAT", lambda h: h.custom_mode == GUIDED) is not None)
     expect("a real one has a pilot of its own", mode(6, MANUAL) == m.MAV_RESULT_FAILED)

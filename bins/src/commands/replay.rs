@@ -47,10 +47,8 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
         let (topic, envelope) = envelope.map_err(Failure::input)?;
         last = Some(envelope.time);
         match topic {
-            Topic::Control(vehicle) => {
-                if let Message::Control(control) = &envelope.message {
-                    operated.push_back((envelope.time, vehicle, *control));
-                }
+            Topic::Control(_) | Topic::Destination(_) => {
+                operated.push_back((envelope.time, topic, envelope.message));
             }
             Topic::Weather => {
                 if let Message::Weather(news) = envelope.message {
@@ -78,8 +76,8 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     // A recording cut short is compared as far as it goes.
     while last.is_some_and(|last| run.now() <= last) && !run.ended() {
         // What an operator did then is done again.
-        while let Some((_, vehicle, control)) = operated.pop_front_if(|o| o.0 <= run.now()) {
-            run.operate(vehicle.as_str(), control)
+        while let Some((_, topic, message)) = operated.pop_front_if(|o| o.0 <= run.now()) {
+            run.say_as_operator(topic, message)
                 .map_err(Failure::input)?;
         }
         // What the world learnt of the weather then it learns again.

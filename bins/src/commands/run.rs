@@ -13,6 +13,7 @@ use mav_bridge::link::LinkAddress;
 use mission::{Run, Setup};
 use plume::Gas;
 use protocol::message::{Control, ControlWish, Message, Phase};
+use stand_in::TeamWish;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -265,9 +266,12 @@ impl Flight {
         let Some(station) = &mut self.ground_station else {
             return Ok(());
         };
-        for (vehicle, control) in station.serve(self.run.now())? {
+        for (vehicle, wish) in station.serve(self.run.now())? {
             // The scenario's ids were checked when it was read.
-            let _ = self.run.operate(&vehicle, control);
+            let _ = match wish {
+                TeamWish::Control(control) => self.run.operate(&vehicle, control),
+                TeamWish::SendTo(place) => self.run.send_to(&vehicle, place),
+            };
         }
         Ok(())
     }

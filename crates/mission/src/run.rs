@@ -6,7 +6,7 @@ use crate::{MissionError, Setup};
 use protocol::bus::{Conductor, Publication};
 use protocol::digest::Digest;
 use protocol::key::Name;
-use protocol::message::Control;
+use protocol::message::{Control, Destination};
 use protocol::{Agent as _, Message, SimTime, Topic};
 use scenario::tables::VehicleKind;
 
@@ -111,7 +111,24 @@ impl Run {
     /// A name that cannot be part of a key.
     pub fn operate(&mut self, vehicle: &str, control: Control) -> Result<(), MissionError> {
         let topic = Topic::Control(Name::new(vehicle)?);
-        Ok(self.conductor.operate(topic, Message::Control(control))?)
+        self.say_as_operator(topic, Message::Control(control))
+    }
+
+    /// The operator sends `vehicle`, which he has taken over, to a place in the tick to come.
+    ///
+    /// # Errors
+    /// A name that cannot be part of a key.
+    pub fn send_to(&mut self, vehicle: &str, place: Destination) -> Result<(), MissionError> {
+        let topic = Topic::Destination(Name::new(vehicle)?);
+        self.say_as_operator(topic, Message::Destination(place))
+    }
+
+    /// Says in the operator's name, in the tick to come, what he has said before.
+    ///
+    /// # Errors
+    /// A topic that is not his.
+    pub fn say_as_operator(&mut self, topic: Topic, message: Message) -> Result<(), MissionError> {
+        Ok(self.conductor.operate(topic, message)?)
     }
 
     /// Digest of all that was said so far.

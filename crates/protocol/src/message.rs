@@ -135,7 +135,9 @@ pub struct Control {
 }
 
 /// Where a search strategy outside the program wants a vehicle to look next (`va/<id>/destination`): the squadron
-/// controller sends it there, within its own rules, while `search.strategy` is `outside`.
+/// controller sends it there, within its own rules, while `search.strategy` is `outside`. A simulated vehicle that
+/// an operator has taken over flies there itself, and circles there until its sticks are moved or it is handed
+/// back.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Destination {
     /// Latitude, degrees (WGS84).

@@ -61,5 +61,5 @@ pub use config::StandInConfig;
 pub use error::StandInError;
 pub use fdm::autopilot::Sticks;
 pub use parameters::AutopilotParameters;
-pub use team::TeamVehicle;
+pub use team::{TeamVehicle, TeamWish};
 pub use vehicle::StandIn;

@@ -3,7 +3,7 @@
 
 use crate::flight::{Guidance, HomePosition, is_manual};
 use crate::item_list::Item;
-use crate::mission_run::Place;
+use crate::mission_run::{Place, altitude_amsl_m};
 use crate::parameters::AutopilotParameters;
 use crate::report::{Report, boot_ms};
 use crate::speaker::Speaker;
@@ -12,7 +12,7 @@ use air::geo::{Enu, Geodetic, LocalFrame, wrap_signed_deg};
 use air::isa::Atmosphere;
 use fdm::autopilot::Sensed;
 use fdm::{FlightFlags, FlightPhase, FlightState};
-use mav_bridge::arduplane::{AUTO, FBWA, GUIDED, MANUAL, RTL};
+use mav_bridge::arduplane::{AUTO, FBWA, GUIDED, LOITER, MANUAL, RTL};
 use mav_bridge::dialect::{
     COMMAND_INT_DATA, MISSION_ACK_DATA, MISSION_COUNT_DATA, MISSION_CURRENT_DATA, MavCmd,
     MavMessage, MavMissionResult, MavMissionType, MavResult, MavSeverity, NAMED_VALUE_FLOAT_DATA,
@@ -22,7 +22,7 @@ use mav_bridge::wire::{MessageData as _, RawFrame};
 use plume::Gas;
 use protocol::SimTime;
 use protocol::message::{
-    Control, ControlLevel, ControlWish, Mode, Reading, State, Sticks, VehicleKind,
+    Control, ControlLevel, ControlWish, Destination, Mode, Reading, State, Sticks, VehicleKind,
 };
 use scenario::Scenario;
 
@@ -39,6 +39,15 @@ const MODES: [(u32, &str); 5] = [
     (RTL, "RTL"),
     (GUIDED, "Guided"),
 ];
+/// What a ground station wants of a vehicle of the team.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum TeamWish {
+    /// Who shall fly it.
+    Control(Control),
+    /// Where it shall fly, once it has been taken over.
+    SendTo(Destination),
+}
+
 /// Sticks let go: level flight at a little more than half power.
 const CENTRED: Sticks = Sticks {
     roll: 0.0,
@@ -50,7 +59,7 @@ const CENTRED: Sticks = Sticks {
 ///
 /// It is told what the bus says of the vehicle, and tells what ground stations want of it, as the
 /// controls that the page and `plumage control` send too. While the squadron controller flies it it is
-/// in GUIDED; a pilot's mode is FBWA, the Guardian's RTL.
+/// in GUIDED; a pilot's mode is FBWA, and LOITER where he has sent it somewhere; the Guardian's is RTL.
 #[derive(Debug)]
 pub struct TeamVehicle {
     speaker: Speaker,
@@ -63,7 +72,9 @@ pub struct TeamVehicle {
     reading: Option<Reading>,
     level: ControlLevel,
     sticks: Sticks,
-    wishes: Vec<Control>,
+    wishes: Vec<TeamWish>,
+    /// It was sent somewhere when it was taken over.
+    sent: bool,
 }
 
 impl TeamVehicle {
@@ -102,6 +113,7 @@ impl TeamVehicle {
             level: ControlLevel::Automatic,
             sticks: CENTRED,
             wishes: Vec::new(),
+            sent: false,
         })
     }
 
@@ -121,7 +133,7 @@ impl TeamVehicle {
     }
 
     /// What ground stations want of it since the last call.
-    pub fn take_wishes(&mut self) -> Vec<Control> {
+    pub fn take_wishes(&mut self) -> Vec<TeamWish> {
         std::mem::take(&mut self.wishes)
     }
 
@@ -169,6 +181,7 @@ impl TeamVehicle {
     fn custom_mode(&self) -> u32 {
         match self.level {
             ControlLevel::Automatic => GUIDED,
+            ControlLevel::Pilot if self.sent => LOITER,
             ControlLevel::Pilot => FBWA,
             ControlLevel::Guardian => RTL,
         }
@@ -232,6 +245,11 @@ impl TeamVehicle {
     fn handle(&mut self, frame: &RawFrame, message: &MavMessage, now: SimTime) {
         match message {
             MavMessage::COMMAND_LONG(m) if self.speaker.is_addressed(m.target_system) => {
+                // A place in whole numbers is exact; one in floats is not.
+                if m.command == MavCmd::MAV_CMD_DO_REPOSITION {
+                    let result = MavResult::MAV_RESULT_COMMAND_INT_ONLY;
+                    return self.speaker.acknowledge(m.command as u16, result, now);
+                }
                 let whole = COMMAND_INT_DATA {
                     param1: m.param1,
                     param2: m.param2,
@@ -272,15 +290,13 @@ impl TeamVehicle {
             MavCmd::MAV_CMD_DO_SET_MODE if m.param1 as u8 & 1 == 0 => DENIED,
             MavCmd::MAV_CMD_DO_SET_MODE => self.change_mode(m.param2 as u32, now),
             MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH => self.change_mode(RTL, now),
-            // Where it flies is the squadron controller's to say, and so is its motor.
-            MavCmd::MAV_CMD_DO_REPOSITION
-            | MavCmd::MAV_CMD_DO_CHANGE_SPEED
+            MavCmd::MAV_CMD_DO_REPOSITION => self.reposition(m, now),
+            // Its speed and its motor are the squadron controller's.
+            MavCmd::MAV_CMD_DO_CHANGE_SPEED
             | MavCmd::MAV_CMD_COMPONENT_ARM_DISARM
             | MavCmd::MAV_CMD_MISSION_START
             | MavCmd::MAV_CMD_DO_LAND_START => {
-                let text = "Flown by the squadron controller: take over by FBWA";
-                let warning = MavSeverity::MAV_SEVERITY_WARNING;
-                self.speaker.send_text(warning, text, now);
+                self.warn("Flown by the squadron controller: take over by FBWA", now);
                 FAILED
             }
             _ => self.speaker.obey(m, now).unwrap_or(UNSUPPORTED),
@@ -288,23 +304,63 @@ impl TeamVehicle {
         self.speaker.acknowledge(m.command as u16, result, now);
     }
 
+    fn warn(&mut self, text: &str, now: SimTime) {
+        let warning = MavSeverity::MAV_SEVERITY_WARNING;
+        self.speaker.send_text(warning, text, now);
+    }
+
+    /// Whether nobody but its own pilot takes it over; said, if so.
+    fn is_out_of_reach(&mut self, now: SimTime) -> bool {
+        let is_real = self.state.as_ref().map(|s| s.kind) == Some(VehicleKind::Real);
+        if is_real {
+            self.warn("A real one: its own remote control takes over", now);
+        }
+        is_real
+    }
+
+    /// Takes it over and sends it to a place on Earth above its home, where it then circles.
+    fn reposition(&mut self, m: &COMMAND_INT_DATA, now: SimTime) -> MavResult {
+        let on_earth = m.x.abs() <= 900_000_000 && i64::from(m.y).abs() <= 1_800_000_000;
+        let ground_amsl_m = self.home.ground_amsl_m;
+        let alt_amsl_m = altitude_amsl_m(m.frame as u8, m.z, self.home, || ground_amsl_m);
+        let Some(alt_amsl_m) = alt_amsl_m.filter(|alt_m| *alt_m > ground_amsl_m) else {
+            return DENIED;
+        };
+        if !on_earth || (m.x, m.y) == (0, 0) {
+            return DENIED;
+        }
+        if self.is_out_of_reach(now) {
+            return FAILED;
+        }
+        if self.level != ControlLevel::Pilot {
+            self.wish(ControlWish::TakeOver);
+        }
+        self.sent = true;
+        self.wishes.push(TeamWish::SendTo(Destination {
+            lat_deg: f64::from(m.x) / 1e7,
+            lon_deg: f64::from(m.y) / 1e7,
+            alt_amsl_m,
+        }));
+        ACCEPTED
+    }
+
+    fn wish(&mut self, wish: ControlWish) {
+        self.sticks = CENTRED;
+        self.sent = false;
+        self.wishes
+            .push(TeamWish::Control(Control { wish, sticks: None }));
+    }
+
     /// A mode of the sticks takes it over, RTL calls it home, GUIDED or AUTO gives it back.
     fn change_mode(&mut self, mode: u32, now: SimTime) -> MavResult {
-        let is_real = self.state.as_ref().map(|s| s.kind) == Some(VehicleKind::Real);
         let wish = match mode {
             GUIDED | AUTO => ControlWish::HandBack,
             RTL => ControlWish::Home,
-            mode if is_manual(mode) && is_real => {
-                let warning = MavSeverity::MAV_SEVERITY_WARNING;
-                let text = "A real one: its own remote control takes over";
-                self.speaker.send_text(warning, text, now);
-                return FAILED;
-            }
+            mode if is_manual(mode) && self.is_out_of_reach(now) => return FAILED,
             mode if is_manual(mode) => ControlWish::TakeOver,
             _ => return FAILED,
         };
-        self.sticks = CENTRED;
-        self.wishes.push(Control { wish, sticks: None });
+        self.wish(wish);
         ACCEPTED
     }
 
@@ -312,10 +368,11 @@ impl TeamVehicle {
     fn fly_by(&mut self, sticks: Sticks) {
         if self.level == ControlLevel::Pilot {
             self.sticks = sticks;
-            self.wishes.push(Control {
+            self.sent = false;
+            self.wishes.push(TeamWish::Control(Control {
                 wish: ControlWish::TakeOver,
                 sticks: Some(sticks),
-            });
+            }));
         }
     }
 

@@ -159,6 +159,7 @@ impl Agent for VirtualAircraft {
         vec![
             Interest::One(Topic::Setpoint(self.name.clone())),
             Interest::One(Topic::Control(self.name.clone())),
+            Interest::One(Topic::Destination(self.name.clone())),
             Interest::One(world),
             Interest::One(Topic::Plan),
         ]
@@ -171,6 +172,11 @@ impl Agent for VirtualAircraft {
                 match &envelope.message {
                     Message::Setpoint(setpoint) => self.setpoint(setpoint),
                     Message::Control(control) => self.control(control, now),
+                    Message::Destination(place) => {
+                        if let VehicleBackend::Simulated(backend) = &mut self.backend {
+                            backend.send_to(place);
+                        }
+                    }
                     Message::Ambient(ambient) => {
                         if let VehicleBackend::Simulated(backend) = &mut self.backend {
                             backend.ambient(ambient);

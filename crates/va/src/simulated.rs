@@ -16,8 +16,8 @@ use plume::effects::SensorAir;
 use protocol::SimTime;
 use protocol::control_level::{ControlEvent, ControlOutcome, ControlState, Danger};
 use protocol::message::{
-    Ambient, ControlLevel, EventMessage, Mode, PathKind, Reading, Setpoint, Severity, State,
-    VehicleKind,
+    Ambient, ControlLevel, Destination, EventMessage, Mode, PathKind, Reading, Setpoint, Severity,
+    State, VehicleKind,
 };
 use rand::rngs::ChaCha8Rng;
 use scenario::Scenario;
@@ -74,6 +74,8 @@ pub struct SimulatedVehicle {
     sticks: Sticks,
     /// When sticks came last, if they have to be repeated.
     sticks_at: Option<SimTime>,
+    /// Where the pilot sends it instead of flying it by sticks.
+    sent_to: Option<Destination>,
     battery: Option<(Battery, StateOfCharge)>,
     events: Vec<EventMessage>,
     last_reading_s: f64,
@@ -126,6 +128,7 @@ impl SimulatedVehicle {
             published: None,
             sticks: CENTRED,
             sticks_at: None,
+            sent_to: None,
             events: Vec::new(),
             last_reading_s: 0.0,
             climbed_out: false,
@@ -205,7 +208,18 @@ impl SimulatedVehicle {
             }
         });
         self.sticks_at = sticks.map(|_| now);
+        self.sent_to = None;
         self.handle_control(ControlEvent::Takeover);
+    }
+
+    /// The operator who has taken it over sends it to a place.
+    pub(crate) fn send_to(&mut self, place: &Destination) {
+        let numbers = [place.lat_deg, place.lon_deg, place.alt_amsl_m];
+        let is_somewhere = numbers.iter().all(|v| v.is_finite());
+        if is_somewhere && self.control.level() == ControlLevel::Pilot {
+            self.sent_to = Some(*place);
+            self.sticks_at = None;
+        }
     }
 
     /// Whether it flies by itself.
@@ -228,6 +242,7 @@ impl SimulatedVehicle {
         }
         if level != ControlLevel::Pilot {
             self.sticks_at = None;
+            self.sent_to = None;
         }
         self.events.push(EventMessage {
             severity: if level == ControlLevel::Automatic {
@@ -305,8 +320,12 @@ impl SimulatedVehicle {
             if state.phase == FlightPhase::OnGround {
                 return;
             }
-            self.autopilot
-                .fly_by_wire(self.tick_s, &sensed, &self.sticks)
+            match self.pilots_demand() {
+                Some(demand) => self.autopilot.command(self.tick_s, &sensed, &demand),
+                None => self
+                    .autopilot
+                    .fly_by_wire(self.tick_s, &sensed, &self.sticks),
+            }
         } else {
             let Some(demand) = self.demand(&state) else {
                 return;
@@ -336,6 +355,20 @@ impl SimulatedVehicle {
         if low && !self.control.has(Danger::Battery) {
             self.handle_control(ControlEvent::Begins(Danger::Battery));
         }
+    }
+
+    /// What the autopilot shall do for a pilot; nothing where his sticks fly.
+    fn pilots_demand(&self) -> Option<Demand> {
+        let place = self.sent_to?;
+        let Enu { east_m, north_m } = self.frame.to_enu(Geodetic {
+            lat_deg: place.lat_deg,
+            lon_deg: place.lon_deg,
+        });
+        Some(Demand {
+            path: Path::GoTo { north_m, east_m },
+            alt_amsl_m: place.alt_amsl_m,
+            airspeed_m_s: self.speed_m_s,
+        })
     }
 
     /// What the autopilot shall do; nothing while the vehicle waits on its launcher.

@@ -3,13 +3,16 @@
 use crate::station::{X8, long, scenario};
 use mav_bridge::arduplane::{FBWA, GUIDED, LOITER, MANUAL, RTL};
 use mav_bridge::dialect::{
-    AVAILABLE_MODES_DATA, COMMAND_LONG_DATA, MANUAL_CONTROL_DATA, MISSION_COUNT_DATA,
-    MISSION_REQUEST_LIST_DATA, MavCmd, MavMessage, MavMissionResult, MavResult,
+    AVAILABLE_MODES_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, MANUAL_CONTROL_DATA,
+    MISSION_COUNT_DATA, MISSION_REQUEST_LIST_DATA, MavCmd, MavFrame, MavMessage, MavMissionResult,
+    MavResult,
 };
 use mav_bridge::wire::{FrameDecoder, FrameEncoder, MessageData};
 use protocol::SimTime;
-use protocol::message::{ControlLevel, ControlWish, Mode, State, VehicleKind};
-use stand_in::TeamVehicle;
+use protocol::message::{
+    Control, ControlLevel, ControlWish, Destination, Mode, State, VehicleKind,
+};
+use stand_in::{TeamVehicle, TeamWish};
 
 const SYSTEM: u8 = 3;
 const ACCEPTED: MavResult = MavResult::MAV_RESULT_ACCEPTED;
@@ -94,7 +97,12 @@ impl Watched {
     }
 
     fn wishes(&mut self) -> Vec<ControlWish> {
-        self.vehicle.take_wishes().iter().map(|c| c.wish).collect()
+        let wishes = self.vehicle.take_wishes().into_iter();
+        let control = |wish| match wish {
+            TeamWish::Control(control) => control.wish,
+            TeamWish::SendTo(place) => panic!("{place:?}"),
+        };
+        wishes.map(control).collect()
     }
 
     fn flown_by(&mut self, level: ControlLevel) {
@@ -162,7 +170,7 @@ fn modes_are_levels_of_control_and_wishes_for_them() {
     assert_eq!(watched.mode(LOITER), FAILED);
     for command in [
         MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-        MavCmd::MAV_CMD_DO_REPOSITION,
+        MavCmd::MAV_CMD_DO_CHANGE_SPEED,
         MavCmd::MAV_CMD_MISSION_START,
     ] {
         assert_eq!(watched.command(command, &[1.0]), FAILED);
@@ -197,14 +205,74 @@ fn sticks_are_heard_after_a_takeover_alone() {
     assert_eq!(watched.wishes(), []);
     watched.flown_by(ControlLevel::Pilot);
     watched.ask(&sticks);
-    let wishes = watched.vehicle.take_wishes();
-    let flown = wishes[0].sticks.unwrap();
+    let TeamWish::Control(control) = watched.vehicle.take_wishes()[0] else {
+        panic!("no control");
+    };
+    let flown = control.sticks.unwrap();
     assert_eq!((flown.roll, flown.pitch, flown.throttle), (0.5, 0.0, 0.6));
     // A real one has a remote control of its own.
     let mut real = Watched::new(VehicleKind::Real);
     assert_eq!(real.mode(FBWA), FAILED);
     assert_eq!(real.mode(RTL), ACCEPTED);
     assert_eq!(real.wishes(), [ControlWish::Home]);
+}
+
+/// A place takes it over and sends it there; one at 0, 0 or on the ground does neither.
+#[test]
+fn it_is_sent_to_a_place() {
+    let mut watched = Watched::new(VehicleKind::Simulated);
+    let there = COMMAND_INT_DATA {
+        command: MavCmd::MAV_CMD_DO_REPOSITION,
+        x: 434_500_000,
+        y: -78_400_000,
+        z: 150.0,
+        frame: MavFrame::MAV_FRAME_GLOBAL_RELATIVE_ALT,
+        target_system: SYSTEM,
+        ..COMMAND_INT_DATA::default()
+    };
+    let result = |heard: &[MavMessage]| {
+        let answers = heard.iter().find_map(|m| match m {
+            MavMessage::COMMAND_ACK(m) => Some(m.result),
+            _ => None,
+        });
+        answers.unwrap()
+    };
+    for (x, y, z) in [
+        (0, 0, 150.0),
+        (there.x, there.y, 0.0),
+        (910_000_000, there.y, 150.0),
+    ] {
+        let wrong = COMMAND_INT_DATA {
+            x,
+            y,
+            z,
+            ..there.clone()
+        };
+        assert_eq!(result(&watched.ask(&wrong)), MavResult::MAV_RESULT_DENIED);
+    }
+    assert_eq!(watched.wishes(), []);
+    assert_eq!(result(&watched.ask(&there)), ACCEPTED);
+    let place = Destination {
+        lat_deg: 43.45,
+        lon_deg: -7.84,
+        alt_amsl_m: 490.0,
+    };
+    let taken_over = TeamWish::Control(Control {
+        wish: ControlWish::TakeOver,
+        sticks: None,
+    });
+    assert_eq!(
+        watched.vehicle.take_wishes(),
+        [taken_over, TeamWish::SendTo(place)]
+    );
+    watched.flown_by(ControlLevel::Pilot);
+    let heard = watched.ask(&there);
+    let shown = |m: &MavMessage| matches!(m, MavMessage::HEARTBEAT(m) if m.custom_mode == LOITER);
+    assert!(heard.iter().any(shown));
+    // Already taken over, it is only sent.
+    assert_eq!(watched.vehicle.take_wishes(), [TeamWish::SendTo(place)]);
+    let mut real = Watched::new(VehicleKind::Real);
+    assert_eq!(result(&real.ask(&there)), FAILED);
 }
 
 #[test]

@@ -8,6 +8,7 @@ pub mod feeding;
 pub mod flightgear;
 pub mod flights;
 pub mod importing;
+pub mod links;
 pub mod measured;
 pub mod mission_files;
 pub mod outputs;

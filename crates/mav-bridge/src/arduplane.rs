@@ -18,6 +18,8 @@ pub const LOITER: u32 = PlaneMode::PLANE_MODE_LOITER as u32;
 pub const TAKEOFF: u32 = PlaneMode::PLANE_MODE_TAKEOFF as u32;
 /// Flight mode GUIDED: flies to the ground station's targets.
 pub const GUIDED: u32 = PlaneMode::PLANE_MODE_GUIDED as u32;
+/// Flight mode AUTOLAND: lands by itself where it took off.
+pub const AUTOLAND: u32 = 26;
 /// Flight mode INITIALISING: still starting up.
 pub const INITIALISING: u32 = PlaneMode::PLANE_MODE_INITIALIZING as u32;
 
@@ -27,6 +29,9 @@ pub const FS_GCS_ENABL: &str = "FS_GCS_ENABL";
 pub const FS_LONG_ACTN: &str = "FS_LONG_ACTN";
 /// Parameter: altitude above home to which mode TAKEOFF climbs, m.
 pub const TKOFF_ALT: &str = "TKOFF_ALT";
+
+/// Parameter: system id of the ground station whose heartbeat counts, before ArduPlane 4.7.
+pub const SYSID_MYGCS: &str = "SYSID_MYGCS";
 
 /// A flight mode with its number, for people.
 pub fn mode_name(custom_mode: u32) -> String {
@@ -48,7 +53,7 @@ pub fn mode_name(custom_mode: u32) -> String {
         GUIDED => "GUIDED",
         INITIALISING => "INITIALISING",
         24 => "THERMAL",
-        26 => "AUTOLAND",
+        AUTOLAND => "AUTOLAND",
         _ => return format!("mode {custom_mode}"),
     };
     format!("{name} ({custom_mode})")

@@ -91,8 +91,8 @@ impl VehicleCommand {
         }
     }
 
-    /// The message to the component 1 of `system`; `sent` is how often it was sent before.
-    pub(crate) fn message(&self, system: u8, sent: u32) -> CommandMessage {
+    /// The message to a system and its component; `sent` is how often it was sent before.
+    pub(crate) fn message(&self, (system, component): (u8, u8), sent: u32) -> CommandMessage {
         let long = |p: [f32; 3]| {
             CommandMessage::Long(COMMAND_LONG_DATA {
                 param1: p[0],
@@ -100,7 +100,7 @@ impl VehicleCommand {
                 param3: p[2],
                 command: self.kind().unwrap_or_default(),
                 target_system: system,
-                target_component: 1,
+                target_component: component,
                 confirmation: sent.min(255) as u8,
                 ..COMMAND_LONG_DATA::default()
             })
@@ -132,14 +132,14 @@ impl VehicleCommand {
                 z: alt_amsl_m,
                 command: MavCmd::MAV_CMD_DO_REPOSITION,
                 target_system: system,
-                target_component: 1,
+                target_component: component,
                 frame: MavFrame::MAV_FRAME_GLOBAL,
                 ..COMMAND_INT_DATA::default()
             }),
             Self::Parameter(name) => CommandMessage::Read(PARAM_REQUEST_READ_DATA {
                 param_index: -1,
                 target_system: system,
-                target_component: 1,
+                target_component: component,
                 param_id: name.into(),
             }),
         }
@@ -179,6 +179,13 @@ impl CommandQueue {
     pub(crate) fn drop_steering(&mut self) {
         self.waiting.retain(|c| !c.steers());
         self.pending.retain(|p| !p.command.steers());
+    }
+
+    /// Drops the modes that are asked for: the vehicle has gone on to another.
+    pub(crate) fn drop_modes(&mut self) {
+        let mode = |c: &VehicleCommand| matches!(c, VehicleCommand::Mode { .. });
+        self.waiting.retain(|c| !mode(c));
+        self.pending.retain(|p| !mode(&p.command));
     }
 
     /// Drops everything.
@@ -269,6 +276,12 @@ impl CommandQueue {
                 refused,
             )),
         }
+    }
+
+    /// Whether a place is on its way to the vehicle.
+    pub(crate) fn repositions(&self) -> bool {
+        let place = |c: &VehicleCommand| matches!(c, VehicleCommand::Reposition { .. });
+        self.waiting.iter().any(place) || self.pending.iter().any(|p| place(&p.command))
     }
 
     /// The vehicle shows `mode`: that is an answer, too.

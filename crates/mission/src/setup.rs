@@ -6,6 +6,7 @@ use air::isa::Atmosphere;
 use air::terrain::Terrain;
 use air::wind::WindSeries;
 use fdm::Aircraft;
+use mav_bridge::arduplane::SYSID_MYGCS;
 use plume::stability::Stability;
 use scenario::Scenario;
 use scenario::airspace::Airspace;
@@ -192,9 +193,7 @@ impl Setup {
             } else {
                 VehicleKind::Simulated
             };
-            vehicle.link = None;
-            vehicle.may_arm = false;
-            vehicle.signing_key = None;
+            vehicle.forget_link();
         }
         Ok(self)
     }
@@ -217,7 +216,12 @@ impl Setup {
     /// There is no such vehicle, or a scenario or aircraft that the stand-in refuses.
     pub fn stand_in_config(&self, index: usize) -> Result<StandInConfig, MissionError> {
         let aircraft = self.aircraft_of(index)?.clone();
-        let config = StandInConfig::from_scenario(&self.scenario, index, aircraft)?;
+        let mut config = StandInConfig::from_scenario(&self.scenario, index, aircraft)?;
+        let vehicle = &self.scenario.vehicles[index];
+        config.system_id = vehicle.system_id.unwrap_or(config.system_id);
+        if let Some(station) = vehicle.gcs_system_id {
+            config.parameters.set(SYSID_MYGCS, f32::from(station));
+        }
         Ok(StandInConfig {
             wind_series: self.reality_wind_series.clone(),
             ..config.over(self.terrain.clone())

@@ -1,5 +1,6 @@
 //! The parameters that the stand-in shares with an ArduPlane, by the same names.
 
+pub(crate) use mav_bridge::arduplane::SYSID_MYGCS;
 use mav_bridge::arduplane::{FS_GCS_ENABL, FS_LONG_ACTN, TKOFF_ALT};
 use mav_bridge::dialect::MavParamType;
 
@@ -11,7 +12,6 @@ pub struct AutopilotParameters {
 }
 
 pub(crate) const FS_LONG_TIMEOUT: &str = "FS_LONG_TIMEOUT";
-pub(crate) const SYSID_MYGCS: &str = "SYSID_MYGCS";
 pub(crate) const RTL_ALTITUDE: &str = "RTL_ALTITUDE";
 pub(crate) const WP_LOITER_RAD: &str = "WP_LOITER_RAD";
 pub(crate) const AIRSPEED_MIN: &str = "AIRSPEED_MIN";

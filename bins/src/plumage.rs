@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 use programs::commands::{
-    calibrate, campaign, conduct, control, feed, gap, import, plan, replay, run, tune,
+    calibrate, campaign, conduct, control, fdm_server, feed, gap, import, plan, replay, run, tune,
 };
 use programs::failure;
 use std::process::ExitCode;
@@ -40,6 +40,8 @@ enum Command {
     Plan(plan::PlanArguments),
     /// Find an aircraft's gains in simulation and judge them
     Tune(tune::TuneArguments),
+    /// Fly an aircraft for an autopilot that runs elsewhere
+    FdmServer(fdm_server::FdmServerArguments),
 }
 
 fn main() -> ExitCode {
@@ -55,5 +57,6 @@ fn main() -> ExitCode {
         Command::Campaign(arguments) => campaign::campaign(arguments),
         Command::Plan(arguments) => plan::plan(arguments),
         Command::Tune(arguments) => tune::tune(arguments),
+        Command::FdmServer(arguments) => fdm_server::fdm_server(arguments),
     })
 }

@@ -4,6 +4,7 @@ pub mod calibrate;
 pub mod campaign;
 pub mod conduct;
 pub mod control;
+pub mod fdm_server;
 pub mod feed;
 pub mod gap;
 pub mod import;

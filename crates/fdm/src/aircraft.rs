@@ -13,6 +13,7 @@ mod airframe;
 mod battery;
 mod control;
 mod propulsion;
+mod servos;
 mod surfaces;
 
 pub use aerodynamics::{DragPolar, LateralDerivatives, LiftDerivatives};
@@ -20,6 +21,7 @@ pub use airframe::{GroundHandling, Limits, MassProperties, Wing};
 pub use battery::{Battery, StateOfCharge};
 pub use control::ControlGains;
 pub use propulsion::{PropellerLaw, Propulsion};
+pub use servos::Servos;
 pub use surfaces::{Layout, Surfaces};
 
 use serde::{Deserialize, Serialize};
@@ -52,6 +54,9 @@ pub struct Aircraft {
     pub yaw: LateralDerivatives,
     /// Control surfaces and their servos.
     pub surfaces: Surfaces,
+    /// Outputs of an autopilot that moves them; none: those of ArduPlane's usual order.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub servos: Option<Servos>,
     /// Motor and propeller.
     pub propulsion: Propulsion,
     /// What drives the motor; none: the flight has no end by its battery.
@@ -86,6 +91,7 @@ impl Aircraft {
         self.check_lateral()?;
         self.check_equipment()?;
         self.check_limits()?;
+        self.servos.map_or(Ok(()), |servos| servos.check())?;
         self.control.check()
     }
 

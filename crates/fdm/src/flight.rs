@@ -78,6 +78,7 @@ impl FlightSim {
             aircraft.ground.launch_pitch_deg.to_radians(),
             sim.launch_heading_rad,
         );
+        sim.specific_force = sim.force_at_rest();
         sim.flags.on_ground = true;
         Ok(sim)
     }

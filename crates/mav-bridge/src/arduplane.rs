@@ -30,7 +30,9 @@ pub const FS_LONG_ACTN: &str = "FS_LONG_ACTN";
 /// Parameter: altitude above home to which mode TAKEOFF climbs, m.
 pub const TKOFF_ALT: &str = "TKOFF_ALT";
 
-/// Parameter: system id of the ground station whose heartbeat counts, before ArduPlane 4.7.
+/// Parameter: system id of the ground station whose heartbeat counts, since ArduPlane 4.7.
+pub const MAV_GCS_SYSID: &str = "MAV_GCS_SYSID";
+/// Parameter: the same before that.
 pub const SYSID_MYGCS: &str = "SYSID_MYGCS";
 
 /// A flight mode with its number, for people.

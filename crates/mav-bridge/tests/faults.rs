@@ -526,13 +526,26 @@ fn a_hand_back_during_take_off_changes_nothing() {
     let mut take_off = go_to(0.0);
     take_off.path = PathKind::TakeOff;
     bench.run(2.0, |b| {
-        b.hear(&mut vehicle, &heartbeat(MANUAL, MavState::MAV_STATE_STANDBY));
+        b.hear(
+            &mut vehicle,
+            &heartbeat(MANUAL, MavState::MAV_STATE_STANDBY),
+        );
         b.setpoint(&take_off);
     });
-    bench.run(2.0, |b| b.hear(&mut vehicle, &heartbeat(TAKEOFF, MavState::MAV_STATE_ACTIVE)));
+    bench.run(2.0, |b| {
+        b.hear(
+            &mut vehicle,
+            &heartbeat(TAKEOFF, MavState::MAV_STATE_ACTIVE),
+        )
+    });
     bench.out.clear();
     bench.bridge.hand_back(&mut bench.out);
-    bench.run(2.0, |b| b.hear(&mut vehicle, &heartbeat(TAKEOFF, MavState::MAV_STATE_ACTIVE)));
+    bench.run(2.0, |b| {
+        b.hear(
+            &mut vehicle,
+            &heartbeat(TAKEOFF, MavState::MAV_STATE_ACTIVE),
+        )
+    });
     assert_eq!(bench.commands(), []);
     assert!(bench.said("hand-back")[0].contains("without effect"));
 }

@@ -6,7 +6,7 @@ use air::isa::Atmosphere;
 use air::terrain::Terrain;
 use air::wind::WindSeries;
 use fdm::Aircraft;
-use mav_bridge::arduplane::SYSID_MYGCS;
+use mav_bridge::arduplane::{MAV_GCS_SYSID, SYSID_MYGCS};
 use plume::stability::Stability;
 use scenario::Scenario;
 use scenario::airspace::Airspace;
@@ -215,12 +215,26 @@ impl Setup {
     /// # Errors
     /// There is no such vehicle, or a scenario or aircraft that the stand-in refuses.
     pub fn stand_in_config(&self, index: usize) -> Result<StandInConfig, MissionError> {
-        let aircraft = self.aircraft_of(index)?.clone();
+        self.stand_in_config_of(index, self.aircraft_of(index)?.clone())
+    }
+
+    /// The same with an aircraft of the caller's in place of that vehicle's.
+    ///
+    /// # Errors
+    /// As [`Self::stand_in_config`].
+    pub fn stand_in_config_of(
+        &self,
+        index: usize,
+        aircraft: Aircraft,
+    ) -> Result<StandInConfig, MissionError> {
         let mut config = StandInConfig::from_scenario(&self.scenario, index, aircraft)?;
         let vehicle = &self.scenario.vehicles[index];
         config.system_id = vehicle.system_id.unwrap_or(config.system_id);
         if let Some(station) = vehicle.gcs_system_id {
-            config.parameters.set(SYSID_MYGCS, f32::from(station));
+            // It has the one or the other, as the ArduPlane that it emulates.
+            for name in [MAV_GCS_SYSID, SYSID_MYGCS] {
+                config.parameters.set(name, f32::from(station));
+            }
         }
         Ok(StandInConfig {
             wind_series: self.reality_wind_series.clone(),

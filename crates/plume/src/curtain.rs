@@ -124,8 +124,8 @@ struct Level {
 }
 
 /// The balance of mass of the curtain with the most heights among `samples`, which stand platform by platform
-/// in order of time; `wind` is that of a height above ground, m. None where no curtain was flown, or nothing
-/// flows through it.
+/// in order of time; `wind` is that of a height above ground, m. None where no curtain was flown that has the plume
+/// inside, or nothing flows through it.
 pub fn mass_balance(
     samples: &[Sample],
     site: &Site,
@@ -141,8 +141,9 @@ pub fn mass_balance(
         covering(passes.iter().filter(within).collect())
     });
     let with_levels = curtains.map(|passes| (levels(&passes), passes));
-    let (levels, passes) =
-        with_levels.max_by_key(|(levels, passes)| (levels.len(), passes.len()))?;
+    let (levels, passes) = with_levels
+        .filter(|(levels, _)| holds_the_plume(levels))
+        .max_by_key(|(levels, passes)| (levels.len(), passes.len()))?;
     let distance_m = passes.iter().map(|p| p.distance_m).sum::<f64>() / passes.len() as f64;
     let (kg_s, sd_kg_s) = integral(&levels)?;
     Some(CurtainFlux {
@@ -302,12 +303,21 @@ fn levels(passes: &[&Pass]) -> Vec<Level> {
         .collect()
 }
 
-/// The integral over height by trapezoids, down to nothing over one more spacing at both ends, or to the ground;
-/// with its standard deviation. None below three heights, or where nothing flows.
-fn integral(levels: &[Level]) -> Option<(f64, f64)> {
+/// Whether passes above and below the height of the most flow carry less: else more may flow beyond the curtain than
+/// through it. Below a plume that lies on the ground there is nothing.
+fn holds_the_plume(levels: &[Level]) -> bool {
     if levels.len() < LEAST_LEVELS {
-        return None;
+        return false;
     }
+    let flow = |k: &usize| levels[*k].kg_s_m;
+    let most = (0..levels.len()).max_by(|a, b| flow(a).total_cmp(&flow(b)));
+    let on_ground = levels[0].height_agl_m <= levels[1].height_agl_m - levels[0].height_agl_m;
+    most.is_some_and(|most| most + 1 < levels.len() && (most > 0 || on_ground))
+}
+
+/// The integral over height by trapezoids, down to nothing over one more spacing at both ends, or to the ground;
+/// with its standard deviation. None where nothing flows.
+fn integral(levels: &[Level]) -> Option<(f64, f64)> {
     let last = levels.len() - 1;
     let gap_m = |k: usize| levels[k + 1].height_agl_m - levels[k].height_agl_m;
     // Half the spacing to both sides; beyond the ends a triangle, and what the ground cuts off it is reflected.
@@ -437,6 +447,28 @@ mod tests {
         // Along the wind nothing is crossed.
         let along = |_: f64| WindVector::from_speed_and_direction(WIND_M_S, 0.0);
         assert_eq!(mass_balance(&flown(&STEPS, |_| 1.0), &site(), &along), None);
+    }
+
+    /// Beyond a height that carries the most the plume may go on: 12 kg/s were weighed for 528 so.
+    #[test]
+    fn a_curtain_with_the_plume_at_its_edge_weighs_nothing_but_one_on_the_ground_does() {
+        let of = |heights: &[f64]| mass_balance(&flown(heights, |_| 1.0), &site(), &wind);
+        assert!(of(&STEPS[1..4]).is_some());
+        assert_eq!(of(&STEPS[2..]), None);
+        assert_eq!(of(&STEPS[..3]), None);
+        // The same with the plume's axis on the ground.
+        let grounded = |samples: Vec<Sample>| -> Vec<Sample> {
+            let down = |s: Sample| Sample {
+                place: Place {
+                    height_agl_m: s.place.height_agl_m - AXIS_AGL_M,
+                    ..s.place
+                },
+                ..s
+            };
+            samples.into_iter().map(down).collect()
+        };
+        let low = grounded(flown(&STEPS[2..], |_| 1.0));
+        assert!(mass_balance(&low, &site(), &wind).is_some());
     }
 
     /// Passes that agree make it surer, passes that do not less sure.

@@ -431,11 +431,11 @@ pub struct Observation {
 pub enum Phase {
     /// Taking off and climbing.
     TakeOff,
-    /// Real vehicles look for axis, height and strength of the plume.
+    /// Real vehicles look for the plume, of which nothing was read yet.
     Preliminary,
-    /// The team looks for the peak.
+    /// The plume was read: real vehicles fly passes until they show where it lies, the others look for the peak.
     Search,
-    /// Passes through the peak that was found.
+    /// Passes through the peak of the plume that was located.
     Characterise,
     /// Coming home.
     Home,

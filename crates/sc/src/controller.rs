@@ -61,6 +61,8 @@ pub struct SquadronController {
     /// Heights above home at which vehicles wait for their landing, from the lowest.
     levels_amsl_m: Vec<f64>,
     search: SearchTable,
+    /// The standard deviation of each flux, as a part of it, at which the team may go home.
+    flux_within: Option<f64>,
     /// What the scenario supposes of the plume.
     prior: PlumePrior,
     duration_s: f64,
@@ -130,6 +132,7 @@ impl SquadronController {
             model: None,
             range,
             search: scenario.search.clone(),
+            flux_within: scenario.mission.flux_within,
             duration_s: scenario.mission.duration_s,
             phase: Phase::TakeOff,
             rng: stream(scenario.mission.seed, "sc"),
@@ -206,9 +209,14 @@ impl SquadronController {
     /// read. A fit to clean air may be sure of a direction too.
     fn is_located(&self) -> bool {
         let is_known = |sd_deg: f64| sd_deg <= LOCATED_DEG;
-        let read = |m: &&Model| m.peak.is_some_and(|p| p.status != PeakStatus::NotFound);
-        let found = self.model.as_ref().filter(read);
+        let found = self.model.as_ref().filter(|_| self.has_read_plume());
         is_known(self.prior.axis_deg.sd) || found.is_some_and(|m| is_known(m.axis_deg.sd))
+    }
+
+    /// Whether real readings have shown a plume.
+    fn has_read_plume(&self) -> bool {
+        let peak = self.model.as_ref().and_then(|m| m.peak);
+        peak.is_some_and(|p| p.status != PeakStatus::NotFound)
     }
 
     fn search_domain(&mut self) -> Result<Domain, ScError> {
@@ -412,14 +420,14 @@ impl SquadronController {
         self.phase = phase;
         let words = match phase {
             Phase::TakeOff => "take-off",
-            Phase::Preliminary => "preliminary flight: real vehicles pass through the plume",
+            Phase::Preliminary => "preliminary flight: real vehicles look for the plume",
             Phase::Search => "search: the team looks for the peak",
             Phase::Characterise => "characterise: real vehicles pass through the peak",
             Phase::Flux => "flux: real vehicles fly a curtain of passes downwind",
             Phase::Home => "home",
         };
         out.event(&self.id, Severity::Info, "phase", words);
-        if phase == Phase::Search && self.is_located() {
+        if matches!(phase, Phase::Search | Phase::Characterise) && self.is_located() {
             // Now that the plume is better known, the sector is drawn anew.
             if let Ok(strategy) = self.new_strategy() {
                 self.strategy = Some(strategy);
@@ -430,7 +438,7 @@ impl SquadronController {
         }
         // What is found is stated at the end; what is to be adopted changes the world on the way.
         let adopts = self.gap.as_ref().is_some_and(LiveGap::adopts);
-        if matches!(phase, Phase::Search | Phase::Home) || (phase.has_searched() && adopts) {
+        if matches!(phase, Phase::Characterise | Phase::Home) || (phase.has_searched() && adopts) {
             self.publish_gap(out);
         }
         self.tasks.start_phase(phase, &self.fleet);

@@ -2,9 +2,11 @@
 //! safe, passes what real vehicles read on to the world simulator, and publishes where the peak is.
 //!
 //! [`SquadronController`] is an agent of the bus: a pure state machine. A mission goes through
-//! take-off, preliminary flight (real vehicles fly crosswind passes that show the plume's axis,
-//! height and strength), search (the whole team follows a [`csea::SearchStrategy`] over all
-//! readings), characterisation (real vehicles pass across and along the peak found) and home.
+//! take-off, preliminary flight (real vehicles look for the plume, by passes or, where its direction
+//! is not known, by the [`csea::SearchStrategy`]), search (from the first reading of the plume on:
+//! real vehicles fly crosswind passes that show its axis, height and strength, the others follow the
+//! strategy over all readings), characterisation (real vehicles pass through the peak), flux (a
+//! curtain of passes) and home. Each begins as soon as the belief allows it.
 //!
 //! - [`route_graph`]: routes around fence and keep-outs;
 //! - [`separation`]: vehicles keep apart in height or distance;

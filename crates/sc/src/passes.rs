@@ -34,9 +34,9 @@ pub struct Crossing {
     pub step: f64,
 }
 
-/// Preliminary passes, in order; they repeat. From one to the next the height changes by one step at
+/// Passes that show where the plume is, in order; they repeat. From one to the next the height changes by one step at
 /// most: a climb of two takes longer than a pass.
-const PRELIMINARY: [Crossing; 10] = [
+const LOCATE: [Crossing; 10] = [
     at(0.35, 0.0),
     at(0.1, 1.0),
     at(0.1, 0.0),
@@ -73,10 +73,10 @@ const FLUX: [Crossing; 5] = [
 /// The passes of a phase.
 pub fn of(phase: Phase) -> &'static [Crossing] {
     match phase {
-        Phase::Preliminary => &PRELIMINARY,
+        Phase::Preliminary | Phase::Search => &LOCATE,
         Phase::Characterise => &CHARACTERISE,
         Phase::Flux => &FLUX,
-        Phase::TakeOff | Phase::Search | Phase::Home => &[],
+        Phase::TakeOff | Phase::Home => &[],
     }
 }
 

@@ -50,8 +50,11 @@ impl Tasks {
         }
     }
 
-    /// Frees those whose work the new phase ends.
+    /// Frees those whose work the new phase ends: the search goes on with the passes that are flown before it.
     pub(crate) fn start_phase(&mut self, phase: Phase, fleet: &Fleet) {
+        if phase == Phase::Search {
+            return;
+        }
         self.next_pass = 0;
         self.passes_flown = 0;
         self.refused = 0;

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{Miniature, as_pontes, assert_apart, assert_safe};
-use protocol::message::{PathKind, Phase};
+use protocol::message::{PathKind, PeakStatus, Phase};
 
 fn phases(mini: &Miniature) -> Vec<Phase> {
     mini.phases.iter().map(|p| p.1).collect()
@@ -31,11 +31,45 @@ fn a_mission_with_one_real_vehicle_goes_through_all_phases_and_finds_the_peak() 
     assert_eq!(down, 6, "phases {:?}", mini.phases);
 }
 
+fn since(mini: &Miniature, phase: Phase) -> f64 {
+    mini.phases.iter().find(|p| p.1 == phase).unwrap().0
+}
+
 #[test]
-fn preliminary_passes_cross_the_plume_on_both_sides_and_at_three_heights() {
+fn the_search_begins_with_the_first_reading_of_the_plume_and_passes_go_on_through_it() {
     let mut mini = Miniature::new(as_pontes(1));
     mini.run();
-    let until = mini.phases.iter().find(|p| p.1 == Phase::Search).unwrap().0;
+    let [looks_s, search_s] = [Phase::Preliminary, Phase::Search].map(|p| since(&mini, p));
+    // A pass through the nearest part of the plume and back takes a minute and a half.
+    assert!(search_s - looks_s < 240.0, "{:?}", mini.phases);
+    let passes = |t: &&common::SentSetpoint| t.vehicle == 5 && t.time_s >= search_s;
+    let first = mini.sent.iter().find(passes).unwrap();
+    assert!(first.time_s < search_s + 120.0);
+}
+
+#[test]
+fn the_team_goes_home_early_once_peak_and_flux_are_known_as_asked() {
+    let home_s = |within: Option<f64>, status: PeakStatus| {
+        let mut scenario = as_pontes(1);
+        scenario.mission.flux_within = within;
+        let mut mini = Miniature::new(scenario);
+        mini.status = status;
+        mini.run();
+        since(&mini, Phase::Home)
+    };
+    let all = home_s(None, PeakStatus::Confirmed);
+    let early = home_s(Some(0.05), PeakStatus::Confirmed);
+    assert!(early < 0.7 * all, "home after {early} s and {all} s");
+    // The flux is known to 2 % at the best, and a peak that is no more than supported is not known.
+    assert_eq!(home_s(Some(0.01), PeakStatus::Confirmed), all);
+    assert_eq!(home_s(Some(0.05), PeakStatus::Supported), all);
+}
+
+#[test]
+fn passes_that_locate_the_plume_cross_it_on_both_sides_and_at_three_heights() {
+    let mut mini = Miniature::new(as_pontes(1));
+    mini.run();
+    let until = since(&mini, Phase::Characterise);
     let real: Vec<_> = mini
         .sent
         .iter()

@@ -170,7 +170,11 @@ fn mission(mission: &MissionTable) -> Checked {
         0.001,
         0.1,
         "s, 0.001 to 0.1",
-    )
+    )?;
+    mission.flux_within.map_or(Ok(()), |part| {
+        let key = "mission.flux_within";
+        within(key, part, 0.01, 1.0, "a part of the flux, 0.01 to 1")
+    })
 }
 
 fn weather(weather: &WeatherTable) -> Checked {

@@ -68,6 +68,9 @@ pub struct MissionTable {
     pub duration_s: f64,
     /// Length of a tick, s.
     pub tick_s: f64,
+    /// The team goes home before its time is up once the peak is confirmed and each source's flux is known to this
+    /// part of it, one standard deviation; none for a mission that takes the time it has.
+    pub flux_within: Option<f64>,
 }
 
 impl Default for MissionTable {
@@ -77,6 +80,7 @@ impl Default for MissionTable {
             seed: 1,
             duration_s: 1800.0,
             tick_s: 0.02,
+            flux_within: None,
         }
     }
 }

@@ -1,6 +1,6 @@
-//! Why a stand-in cannot be made.
+//! Why a stand-in cannot be made, or a packet not be flown.
 
-/// Why a stand-in cannot be made.
+/// Why a stand-in cannot be made, or a packet not be flown.
 #[derive(Debug, thiserror::Error)]
 pub enum StandInError {
     /// The scenario has no vehicle at this place.
@@ -12,4 +12,7 @@ pub enum StandInError {
     /// The aircraft cannot stand on its launcher at home.
     #[error("the stand-in's aircraft: {0}")]
     Aircraft(#[from] fdm::FdmError),
+    /// A datagram that is no packet of servo outputs.
+    #[error("no packet of servo outputs as ArduPilot's JSON interface sends them: {0}")]
+    ServoPacket(String),
 }

@@ -1,5 +1,6 @@
 //! The stand-in's flight: modes as ArduPlane has them, flown by Plumage's flight dynamics.
 
+use crate::config::StandInConfig;
 use crate::estimator::Estimator;
 use crate::parameters::{AutopilotParameters, RTL_ALTITUDE, WP_LOITER_RAD};
 use crate::reality::Reality;
@@ -24,6 +25,16 @@ pub(crate) struct HomePosition {
     pub at: Enu,
     pub ground_amsl_m: f64,
     pub heading_deg: f64,
+}
+
+impl HomePosition {
+    pub(crate) fn of(config: &StandInConfig) -> Self {
+        Self {
+            at: config.frame.to_enu(config.home),
+            ground_amsl_m: config.home_amsl_m,
+            heading_deg: config.launch_heading_deg,
+        }
+    }
 }
 
 /// The vehicle in flight.

@@ -43,6 +43,7 @@ mod config;
 mod error;
 mod estimator;
 mod flight;
+pub mod json_backend;
 mod parameters;
 mod reality;
 mod streams;

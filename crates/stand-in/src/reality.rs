@@ -1,5 +1,6 @@
 //! The stand-in's own world: its wind with gusts, its air, its plume and its gas sensor.
 
+use crate::config::StandInConfig;
 use air::dryden::{Dryden, Turbulence};
 use air::geo::{Enu, LocalFrame};
 use air::isa::Air;
@@ -47,37 +48,30 @@ impl Reality {
         self.model.spec().sources[0].gas
     }
 
-    pub(crate) fn new(
-        model: DispersionModel,
-        frame: LocalFrame,
-        terrain: Terrain,
-        series: Option<WindSeries>,
-        unsteady: Option<UnsteadyAir>,
-        turbulence_intensity: f64,
-        platform: &str,
-    ) -> Self {
+    /// The reality that a stand-in is made for.
+    pub(crate) fn of(config: &StandInConfig) -> Self {
+        let model = config.model.clone();
         let spec = model.spec();
         let air = spec.atmosphere.at(spec.ground_amsl_m);
+        let constant = || WindSeries::constant(spec.wind.at(spec.wind.reference_height_agl_m()));
         Self {
             profile: spec.wind,
             mean_ned_m_s: [0.0; 3],
-            slow_changes: series.is_some(),
-            slow: series.unwrap_or_else(|| {
-                WindSeries::constant(spec.wind.at(spec.wind.reference_height_agl_m()))
-            }),
-            unsteady,
+            slow_changes: config.wind_series.is_some(),
+            slow: config.wind_series.clone().unwrap_or_else(constant),
+            unsteady: config.unsteady.map(|u| u.around(&model)),
             turbulence: Turbulence::mil_f_8785c(0.0, 0.0, 0.0),
-            sensor: Sensor::new(&spec.sensor, &spec.mechanisms, platform),
+            sensor: Sensor::new(&spec.sensor, &spec.mechanisms, &config.platform),
             around: AirAround {
                 wind_ned_m_s: [0.0; 3],
                 density_kg_m3: air.density_kg_m3(),
             },
             air,
-            model,
-            frame,
-            terrain,
-            turbulence_scale: turbulence_intensity / STANDARD_INTENSITY,
+            frame: config.frame,
+            terrain: config.terrain.clone(),
+            turbulence_scale: config.turbulence_intensity / STANDARD_INTENSITY,
             gust: Dryden::new(),
+            model,
         }
     }
 

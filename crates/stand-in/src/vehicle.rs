@@ -49,23 +49,10 @@ impl StandIn {
     /// # Errors
     /// [`StandInError::Aircraft`].
     pub fn new(config: StandInConfig, mut rng: ChaCha8Rng) -> Result<Self, StandInError> {
-        let home = HomePosition {
-            at: config.frame.to_enu(config.home),
-            ground_amsl_m: config.home_amsl_m,
-            heading_deg: config.launch_heading_deg,
-        };
+        let home = HomePosition::of(&config);
         let flight = FlightController::new(&config.aircraft, home, &mut rng)?;
-        let unsteady = config.unsteady.map(|u| u.around(&config.model));
         Ok(Self {
-            reality: Reality::new(
-                config.model,
-                config.frame,
-                config.terrain,
-                config.wind_series,
-                unsteady,
-                config.turbulence_intensity,
-                &config.platform,
-            ),
+            reality: Reality::of(&config),
             flight,
             decoder: FrameDecoder::new(),
             encoder: FrameEncoder::new(config.system_id, AUTOPILOT),

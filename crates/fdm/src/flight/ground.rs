@@ -18,6 +18,11 @@ impl FlightSim {
         -(self.ground_amsl_m + self.dynamics.aircraft.ground.rest_height_m)
     }
 
+    /// What an accelerometer shows of the ground that carries the aircraft, body, m/s².
+    pub(super) fn force_at_rest(&self) -> [f64; 3] {
+        rotation(&self.body.attitude)[2].map(|down| -air::STANDARD_GRAVITY_M_S2 * down)
+    }
+
     pub(super) fn touch_down(&mut self) {
         let depth = self.body.pos_ned[2] - self.rest_down();
         // Climbing out from the launcher, or into a slope?
@@ -59,7 +64,7 @@ impl FlightSim {
         if left == 0.0 {
             self.phase = FlightPhase::OnGround;
             self.launch_heading_rad = yaw;
-            self.specific_force = [0.0, 0.0, -air::STANDARD_GRAVITY_M_S2];
+            self.specific_force = self.force_at_rest();
         }
     }
 
@@ -69,6 +74,7 @@ impl FlightSim {
         self.body.pos_ned[2] = self.rest_down();
         self.body.vel_ned = [0.0; 3];
         self.body.rate = [0.0; 3];
+        self.specific_force = self.force_at_rest();
         if command.launch {
             let pitch = self.dynamics.aircraft.ground.launch_pitch_deg.to_radians();
             self.body.attitude = quaternion(0.0, pitch, self.launch_heading_rad);

@@ -49,17 +49,10 @@ impl SquadronController {
                     self.bring_home(index, out);
                 }
                 Phase::TakeOff | Phase::Home => {}
-                phase
-                    if self.fleet.vehicles[index].real
-                        && self.is_located()
-                        && !passes::of(phase).is_empty() =>
-                {
+                _ if self.fleet.vehicles[index].real && !self.passes().is_empty() => {
                     self.fly_passes(index, now, out);
                 }
-                _ if self.tasks.each[index] == VehicleTask::Idle => {
-                    self.tasks.each[index] = VehicleTask::Searching;
-                }
-                _ => {}
+                _ => self.search_on(index),
             }
         }
         self.land_in_turn(now, out);
@@ -128,6 +121,15 @@ impl SquadronController {
         waited_s < BETWEEN_TAKE_OFFS_S || (low && waited_s < STUCK_S)
     }
 
+    /// Lets a vehicle search that has no pass to fly.
+    fn search_on(&mut self, index: usize) {
+        use VehicleTask::{Approaching, Idle, OnPass};
+        let task = &mut self.tasks.each[index];
+        if matches!(task, Idle | Approaching(..) | OnPass(_)) {
+            *task = VehicleTask::Searching;
+        }
+    }
+
     fn update_climb(&mut self, index: usize) {
         let v = &self.fleet.vehicles[index];
         let high = v
@@ -138,15 +140,20 @@ impl SquadronController {
         }
     }
 
+    /// The passes that real vehicles fly now: none before it is known where, nor in a search that has read nothing.
+    fn passes(&self) -> &'static [Crossing] {
+        let crossings = passes::of(self.phase);
+        let mut team = self.fleet.vehicles.iter();
+        let flown = team.any(|v| v.real && v.is_commandable())
+            && self.is_located()
+            && (self.phase != Phase::Search || self.has_read_plume());
+        if flown { crossings } else { &[] }
+    }
+
     /// Keeps the passes that are flown now and next free of those who fly none.
     fn reserve_passes(&mut self) {
-        let crossings = passes::of(self.phase);
-        // Nobody flies passes before it is known where.
-        let coming = if self.is_located() {
-            RESERVED_PASSES.min(crossings.len())
-        } else {
-            0
-        };
+        let crossings = self.passes();
+        let coming = RESERVED_PASSES.min(crossings.len());
         let under_way = self.tasks.each.iter().filter_map(|task| match task {
             VehicleTask::Approaching(pass, _) | VehicleTask::OnPass(pass) => Some(*pass),
             _ => None,
@@ -200,7 +207,7 @@ impl SquadronController {
         else {
             return;
         };
-        let crossings = passes::of(self.phase);
+        let crossings = self.passes();
         let Some(crossing) = crossings.get(self.tasks.next_pass % crossings.len().max(1)) else {
             return;
         };

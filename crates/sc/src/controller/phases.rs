@@ -1,7 +1,7 @@
-//! When the mission goes on to its next phase.
+//! When the mission goes on to its next phase: as soon as the belief allows it, and when time asks for it.
 
 use protocol::SimTime;
-use protocol::message::Phase;
+use protocol::message::{Flux, FluxMethod, PeakStatus, Phase};
 
 use super::SquadronController;
 use crate::fleet::TeamVehicle;
@@ -11,8 +11,9 @@ use crate::tasks::VehicleTask;
 const LONGEST_TAKE_OFF_S: f64 = 240.0;
 /// The preliminary flight ends at this part of the mission at the latest.
 const PRELIMINARY_UNTIL: f64 = 0.3;
-/// Passes of a preliminary flight, at least and at most.
-const PRELIMINARY_PASSES: (usize, usize) = (5, 18);
+/// Passes at different heights and distances before a plume is held to be located, at the least: with fewer its two
+/// spreads and its height stand for each other.
+const LOCATING_PASSES: usize = 5;
 /// Parts of the mission before the way home at which characterisation and the curtain of the flux begin.
 const CHARACTERISE_FROM: f64 = 0.25;
 const FLUX_FROM: f64 = 0.16;
@@ -28,26 +29,40 @@ impl SquadronController {
             .filter(|v| v.real && flying(v))
             .count();
         let all_called = self.tasks.called.iter().all(|&called| called);
-        if self.phase != Phase::Home && (self.all_come_home() || all_called) {
+        let done = self.all_come_home() || all_called || self.knows_enough();
+        if self.phase != Phase::Home && done {
             return Some(Phase::Home);
         }
         let due = |part: f64| now.s() >= self.home_time_s() - part * self.duration_s;
         match self.phase {
             Phase::TakeOff => self.after_take_off(now, real),
             Phase::Preliminary => {
-                let (least, most) = PRELIMINARY_PASSES;
-                let flown = self.tasks.passes_flown;
-                // Enough passes, and an estimate that is good enough for the search's sector: more
-                // would take time from the search.
-                let sharp = flown >= least && self.estimate().is_some_and(|b| b.is_precise());
                 let late = now.s() >= PRELIMINARY_UNTIL * self.duration_s;
-                (sharp || late || flown >= most || real == 0).then_some(Phase::Search)
+                (self.has_read_plume() || late || real == 0).then_some(Phase::Search)
             }
-            Phase::Search => (due(CHARACTERISE_FROM) && real > 0 && self.model.is_some())
-                .then_some(Phase::Characterise),
+            Phase::Search => {
+                let located = self.tasks.passes_flown >= LOCATING_PASSES
+                    && self.estimate().is_some_and(|e| e.is_precise());
+                let passes = real > 0 && self.model.is_some();
+                (passes && (located || due(CHARACTERISE_FROM))).then_some(Phase::Characterise)
+            }
             Phase::Characterise => due(FLUX_FROM).then_some(Phase::Flux),
             Phase::Flux | Phase::Home => None,
         }
+    }
+
+    /// Whether all that the mission is for is known: the peak is confirmed, and what the sources emit to what the
+    /// scenario asks for. Never where it asks for nothing.
+    fn knows_enough(&self) -> bool {
+        let (Some(within), Some(model)) = (self.flux_within, &self.model) else {
+            return false;
+        };
+        let inferred = |f: &&Flux| f.method == FluxMethod::Inference;
+        let mut fluxes = model.flux.iter().filter(inferred).peekable();
+        let confirmed = model
+            .peak
+            .is_some_and(|p| p.status == PeakStatus::Confirmed);
+        confirmed && fluxes.peek().is_some() && fluxes.all(|f| f.kg_s.sd <= within * f.kg_s.value)
     }
 
     fn after_take_off(&self, now: SimTime, real: usize) -> Option<Phase> {

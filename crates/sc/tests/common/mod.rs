@@ -8,8 +8,8 @@ use csea::Position;
 use plume::DispersionModel;
 use protocol::key::Name;
 use protocol::message::{
-    ControlLevel, Estimate, Mode, Model, PathKind, Peak, PeakStatus, Phase, Reading, Setpoint,
-    State, VehicleKind,
+    ControlLevel, Estimate, Flux, FluxMethod, Mode, Model, PathKind, Peak, PeakStatus, Phase,
+    Reading, Setpoint, State, VehicleKind,
 };
 use protocol::{Agent, AgentId, Envelope, Event, Message, Outbox, SimTime, Topic};
 use sc::SquadronController;
@@ -19,6 +19,8 @@ use scenario::peak::highest_of;
 
 pub const TURN_DEG_S: f64 = 22.0;
 pub const CLIMB_M_S: f64 = 2.5;
+/// Above the background by this a reading is of the plume, ppm.
+const PLUME_PPM: f64 = 30.0;
 
 /// A point that flies.
 pub struct Point {
@@ -50,7 +52,10 @@ pub struct Miniature {
     pub phases: Vec<(f64, Phase)>,
     pub events: Vec<String>,
     pub observations: usize,
+    /// How far readings stand behind the peak once enough was read.
+    pub status: PeakStatus,
     pub time_s: f64,
+    read_plume: bool,
     sequence: u64,
 }
 
@@ -82,7 +87,9 @@ impl Miniature {
             phases: vec![(0.0, Phase::TakeOff)],
             events: Vec::new(),
             observations: 0,
+            status: PeakStatus::Supported,
             time_s: 0.0,
+            read_plume: false,
             sequence: 0,
             scenario,
         }
@@ -149,6 +156,8 @@ impl Miniature {
         for k in 0..self.team.len() {
             self.fly(k);
             let (state, reading) = self.words(k);
+            let clean_ppm = self.scenario.background.ppm(self.scenario.gas());
+            self.read_plume |= self.team[k].real && reading.co2_ppm > clean_ppm + PLUME_PPM;
             let name = self.team[k].name.clone();
             let va = AgentId::va(name.as_str()).unwrap();
             self.hand(
@@ -175,8 +184,7 @@ impl Miniature {
         }
     }
 
-    /// The scenario's model, going over to the reality's while real readings come in.
-    /// The reality's own peak, supported once enough was read.
+    /// The reality's own peak, as it stands once enough was read.
     fn peak(&self, seen: f64) -> Option<Peak> {
         let highest = highest_of(&self.reality, &self.airspace, SETPOINT_MARGIN_M, 0.0)?;
         let at = self.airspace.frame().to_geodetic(highest.position.at);
@@ -187,14 +195,15 @@ impl Miniature {
             co2_ppm: highest.co2_ppm,
             sd_ppm: 30.0,
             time_s: self.time_s,
-            status: if seen < 1.0 {
-                PeakStatus::Doubtful
-            } else {
-                PeakStatus::Supported
+            status: match seen {
+                _ if !self.read_plume && self.team.iter().any(|p| p.real) => PeakStatus::NotFound,
+                seen if seen < 1.0 => PeakStatus::Doubtful,
+                _ => self.status,
             },
         })
     }
 
+    /// The scenario's model, going over to the reality's while real readings come in.
     fn model(&self) -> Model {
         let (prior, reality) = (&self.scenario, self.scenario.in_reality());
         let seen = (self.observations as f64 / 400.0).min(1.0);
@@ -227,7 +236,11 @@ impl Miniature {
             observations: self.observations as u64,
             mechanisms: Vec::new(),
             peak: self.peak(seen),
-            flux: Vec::new(),
+            flux: vec![Flux {
+                source: a.name.clone(),
+                method: FluxMethod::Inference,
+                kg_s: mix(100.0, 100.0, 100.0),
+            }],
         }
     }
 

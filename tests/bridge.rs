@@ -6,14 +6,13 @@
     reason = "a test may fail by a panic"
 )]
 
-mod program;
-
-use program::SCENARIO;
 use std::io::Read as _;
 use std::net::{TcpListener, UdpSocket};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
+
+const SCENARIO: &str = "../scenarios/as-pontes-steady.toml";
 
 /// A process that ends with the test.
 struct Ends(Child);

@@ -35,6 +35,25 @@ pub const MAV_GCS_SYSID: &str = "MAV_GCS_SYSID";
 /// Parameter: the same before that.
 pub const SYSID_MYGCS: &str = "SYSID_MYGCS";
 
+/// Parameter: whether the fence on board is kept (0 off).
+pub const FENCE_ENABLE: &str = "FENCE_ENABLE";
+/// Parameter: what the vehicle does outside it.
+pub const FENCE_ACTION: &str = "FENCE_ACTION";
+/// Parameter: altitude above home at which RTL flies, m; below 0 the one where it is.
+pub const RTL_ALTITUDE: &str = "RTL_ALTITUDE";
+/// Parameter: the same before ArduPlane 4.5, cm.
+pub const ALT_HOLD_RTL: &str = "ALT_HOLD_RTL";
+/// Parameter: whether RTL goes on to a landing sequence (0 no).
+pub const RTL_AUTOLAND: &str = "RTL_AUTOLAND";
+/// Parameter: lowest equivalent airspeed of the automatic modes, m/s.
+pub const AIRSPEED_MIN: &str = "AIRSPEED_MIN";
+/// Parameter: highest equivalent airspeed of the automatic modes, m/s.
+pub const AIRSPEED_MAX: &str = "AIRSPEED_MAX";
+/// Parameter: AIRSPEED_MIN before ArduPlane 4.5.
+pub const ARSPD_FBW_MIN: &str = "ARSPD_FBW_MIN";
+/// Parameter: AIRSPEED_MAX before ArduPlane 4.5.
+pub const ARSPD_FBW_MAX: &str = "ARSPD_FBW_MAX";
+
 /// A flight mode with its number, for people.
 pub fn mode_name(custom_mode: u32) -> String {
     let name = match custom_mode {

@@ -1,6 +1,7 @@
 //! The bridge itself: what comes in, what goes out, when.
 
 mod causes;
+pub(crate) mod checklist;
 pub(crate) mod gas;
 mod identity;
 mod paths;
@@ -10,6 +11,7 @@ mod receiving;
 mod steering;
 
 use self::causes::Causes;
+use self::checklist::{Checklist, Expectation};
 use self::gas::{GasHeard, GasInput};
 use self::identity::Identity;
 use self::paths::Paths;
@@ -30,7 +32,7 @@ use plume::Gas;
 use protocol::control_level::{ControlEvent, ControlOutcome, ControlState};
 use protocol::message::{ControlLevel, EventMessage, PathKind, Reading, Setpoint, Severity, State};
 use protocol::{Pauses, SimTime};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Period of the ground station's heartbeat, ns: what a vehicle's failsafe listens for.
 const HEARTBEAT_NS: i64 = 1_000_000_000;
@@ -52,8 +54,14 @@ pub struct BridgeConfig {
     pub gas: Gas,
     /// What its readings are called; where empty as its formula in ppm ("CH4"), or with "_PPB" after it in ppb.
     pub gas_inputs: Vec<GasInput>,
+    /// What the mission expects of the vehicle, for the checklist before anything is commanded; none: no list.
+    pub expectation: Option<Expectation>,
     /// Nothing at all is sent: no heartbeat, no request, no command.
     pub listen_only: bool,
+    /// Nothing but questions for parameters is sent; what else would be is told.
+    pub dry_run: bool,
+    /// Whether parameters that the checklist finds wrong are set on board.
+    pub set_parameters: bool,
     /// Whether the bridge may arm the motor at take-off. Off by default: a person does that.
     pub may_arm: bool,
     /// Rate of position, attitude and airspeed asked for, 1/s (1 to 50).
@@ -81,7 +89,10 @@ impl Default for BridgeConfig {
             atmosphere: Atmosphere::standard(),
             gas: Gas::Co2,
             gas_inputs: Vec::new(),
+            expectation: None,
             listen_only: false,
+            dry_run: false,
+            set_parameters: false,
             may_arm: false,
             telemetry_hz: 10.0,
             link_timeout_s: 5.0,
@@ -172,6 +183,7 @@ struct Warned {
     signature: bool,
     unsigned: bool,
     waits_for_arming: bool,
+    take_off_refused: bool,
     mission_over: bool,
 }
 
@@ -188,6 +200,7 @@ pub struct Bridge {
     identity: Identity,
     gas: GasHeard,
     causes: Causes,
+    checklist: Checklist,
     rates: Rates,
     placement: Placement,
     /// Frames that could not be read or were refused.
@@ -216,6 +229,8 @@ pub struct Bridge {
     /// Parameters as the vehicle has told them.
     parameters: BTreeMap<String, f64>,
     last_text: Option<(String, SimTime)>,
+    /// Frames that a dry run has told of.
+    shown: BTreeSet<Vec<u8>>,
     warned: Warned,
 }
 
@@ -240,6 +255,7 @@ impl Bridge {
             identity: Identity::new(&config),
             gas: GasHeard::new(&config),
             causes: Causes::default(),
+            checklist: Checklist::new(&config),
             rates: Rates::default(),
             placement: Placement::default(),
             lost: LinkStatistics::default(),
@@ -259,6 +275,7 @@ impl Bridge {
             takeoff_altitude_m: None,
             parameters: BTreeMap::new(),
             last_text: None,
+            shown: BTreeSet::new(),
             warned: Warned::default(),
             config,
         })
@@ -299,6 +316,7 @@ impl Bridge {
         self.level() == ControlLevel::Automatic
             && self.authority.link_up()
             && self.identity.is_certain()
+            && self.checklist.is_done()
     }
 
     /// Whether GUIDED has been asked for upon a hand-back and the vehicle has not shown it yet;
@@ -341,11 +359,16 @@ impl Bridge {
         self.check_timeouts(now, out);
         self.check_placement(now, out);
         self.report_link(now, out);
+        self.go_through_checklist(now, out);
         self.continue_phase(now, out);
         if now >= self.next_heartbeat {
             self.next_heartbeat = SimTime::from_ns(now.ns().saturating_add(HEARTBEAT_NS));
             let heartbeat = ground_station_heartbeat();
-            self.send(&heartbeat, now, out);
+            if self.config.dry_run {
+                self.show("HEARTBEAT, every second", &heartbeat, now, out);
+            } else {
+                self.send(&heartbeat, now, out);
+            }
         }
         self.check_rates(now, out);
         self.send_commands(now, out);
@@ -384,11 +407,15 @@ impl Bridge {
             let why = "it is still listened for a second vehicle on this link";
             return self.ignore(setpoint, "setpoint-ignored", why, out);
         }
+        if !self.checklist.is_done() && self.authority.phase() != BridgePhase::Watched {
+            let why = "the checklist comes first";
+            return self.ignore(setpoint, "setpoint-ignored", why, out);
+        }
         match (self.authority.phase(), setpoint.path) {
-            (BridgePhase::Ground, PathKind::TakeOff) => self.take_off(setpoint, out),
+            (BridgePhase::Ground, PathKind::TakeOff) => self.take_off(setpoint, now, out),
             // Handed back on the ground, as after a restart, it joins the others by a take-off.
             (BridgePhase::Ground, PathKind::GoTo | PathKind::Orbit) if self.rejoins => {
-                self.take_off(setpoint, out);
+                self.take_off(setpoint, now, out);
             }
             (BridgePhase::Ground, _) => {
                 let why = "the vehicle is on the ground; a hand-back lets it take off";
@@ -535,6 +562,27 @@ impl Bridge {
     fn clear_target(&mut self) {
         (self.target, self.ignored, self.speed_sent) = (None, None, None);
         self.retry_at = None;
+    }
+
+    /// Tells of a frame that is not sent, once of each.
+    fn show<D: MessageData>(
+        &mut self,
+        name: &str,
+        message: &D,
+        now: SimTime,
+        out: &mut BridgeOutput,
+    ) {
+        if self.config.listen_only {
+            return;
+        }
+        // Not by the encoder that sends: numbers and signatures would be missing there.
+        let frame = FrameEncoder::new(self.config.system_id, self.config.component_id)
+            .encode(message, None, now);
+        if self.shown.insert(frame.clone()) {
+            let hex: String = frame.iter().map(|b| format!("{b:02x}")).collect();
+            let text = format!("dry run: would send {name}: {hex}");
+            out.events.push(event(Severity::Info, "would-send", text));
+        }
     }
 
     fn send<D: MessageData>(&mut self, message: &D, now: SimTime, out: &mut BridgeOutput) {

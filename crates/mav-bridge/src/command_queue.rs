@@ -5,7 +5,8 @@
 
 use crate::arduplane;
 use crate::dialect::{
-    COMMAND_INT_DATA, COMMAND_LONG_DATA, MavCmd, MavFrame, MavResult, PARAM_REQUEST_READ_DATA,
+    COMMAND_INT_DATA, COMMAND_LONG_DATA, MavCmd, MavFrame, MavParamType, MavResult,
+    PARAM_REQUEST_READ_DATA, PARAM_SET_DATA,
 };
 use protocol::SimTime;
 use std::collections::VecDeque;
@@ -34,6 +35,10 @@ pub(crate) enum VehicleCommand {
         hz: f64,
     },
     Parameter(&'static str),
+    SetParameter {
+        name: &'static str,
+        value: f64,
+    },
 }
 
 /// The MAVLink message of a command.
@@ -41,6 +46,7 @@ pub(crate) enum CommandMessage {
     Long(COMMAND_LONG_DATA),
     Int(COMMAND_INT_DATA),
     Read(PARAM_REQUEST_READ_DATA),
+    Set(PARAM_SET_DATA),
 }
 
 impl VehicleCommand {
@@ -53,13 +59,16 @@ impl VehicleCommand {
             Self::Reposition { .. } => MavCmd::MAV_CMD_DO_REPOSITION,
             Self::Speed { .. } => MavCmd::MAV_CMD_DO_CHANGE_SPEED,
             Self::Interval { .. } => MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
-            Self::Parameter(_) => return None,
+            Self::Parameter(_) | Self::SetParameter { .. } => return None,
         })
     }
 
     /// Whether it steers the vehicle, so that it must not be sent once a pilot flies.
     pub(crate) fn steers(&self) -> bool {
-        !matches!(self, Self::Interval { .. } | Self::Parameter(_))
+        !matches!(
+            self,
+            Self::Interval { .. } | Self::Parameter(_) | Self::SetParameter { .. }
+        )
     }
 
     /// Whether `other` is an older command of the same purpose.
@@ -88,6 +97,7 @@ impl VehicleCommand {
             Self::Speed { .. } => "an airspeed (DO_CHANGE_SPEED)".into(),
             Self::Interval { message_id, .. } => format!("the rate of message {message_id}"),
             Self::Parameter(name) => format!("parameter {name}"),
+            Self::SetParameter { name, value } => format!("parameter {name} = {value}"),
         }
     }
 
@@ -135,6 +145,14 @@ impl VehicleCommand {
                 target_component: component,
                 frame: MavFrame::MAV_FRAME_GLOBAL,
                 ..COMMAND_INT_DATA::default()
+            }),
+            // ArduPilot knows the types of its parameters and takes any.
+            Self::SetParameter { name, value } => CommandMessage::Set(PARAM_SET_DATA {
+                param_value: value as f32,
+                target_system: system,
+                target_component: component,
+                param_id: name.into(),
+                param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
             }),
             Self::Parameter(name) => CommandMessage::Read(PARAM_REQUEST_READ_DATA {
                 param_index: -1,
@@ -290,9 +308,17 @@ impl CommandQueue {
             .retain(|p| !matches!(p.command, VehicleCommand::Mode { mode, .. } if mode == shown));
     }
 
-    /// A parameter has come.
-    pub(crate) fn parameter_seen(&mut self, name: &str) {
-        self.pending
-            .retain(|p| !matches!(p.command, VehicleCommand::Parameter(n) if n == name));
+    /// A parameter has come with its value.
+    pub(crate) fn parameter_seen(&mut self, seen: &str, is: f64) {
+        self.pending.retain(|p| match p.command {
+            VehicleCommand::Parameter(name) => name != seen,
+            VehicleCommand::SetParameter { name, value } => (name, value) != (seen, is),
+            _ => true,
+        });
+    }
+
+    /// Forgets a command that was not sent after all.
+    pub(crate) fn forget(&mut self, command: &VehicleCommand) {
+        self.pending.retain(|p| p.command != *command);
     }
 }

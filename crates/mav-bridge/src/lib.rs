@@ -51,6 +51,7 @@ pub mod link;
 mod telemetry;
 pub mod wire;
 
+pub use bridge::checklist::Expectation;
 pub use bridge::gas::{GasClock, GasInput};
 pub use bridge::{Bridge, BridgeConfig, BridgeOutput};
 pub use error::BridgeError;

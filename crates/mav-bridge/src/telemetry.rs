@@ -5,14 +5,14 @@ use crate::dialect::{
     HEARTBEAT_DATA, HYGROMETER_SENSOR_DATA, MavLandedState, MavModeFlag, MavState,
     SCALED_PRESSURE_DATA, VFR_HUD_DATA, WIND_DATA,
 };
-use air::geo::wrap_deg;
+use air::geo::{Geodetic, wrap_deg};
 use air::isa::{Air, Atmosphere};
 use protocol::SimTime;
 use protocol::message::{Reading, State, VehicleKind};
 use std::collections::VecDeque;
 
 /// Metres in a degree of latitude (mean), to carry a position over a fraction of a second.
-pub(crate) const METRES_PER_DEGREE: f64 = 111_195.0;
+const METRES_PER_DEGREE: f64 = 111_195.0;
 /// A position older than this is no place of a reading, s.
 const POSITION_LASTS_S: f64 = 2.0;
 /// A wind, pressure or temperature older than this is left out, s.
@@ -272,4 +272,10 @@ fn plausible(position: &GLOBAL_POSITION_INT_DATA) -> bool {
         && (-1_800_000_000..=1_800_000_000).contains(&position.lon)
         && (-500_000..=11_000_000).contains(&position.alt);
     on_earth && (position.lat, position.lon) != (0, 0)
+}
+
+/// Distance of two places that are near each other, m.
+pub(crate) fn distance_m(a: Geodetic, b: Geodetic) -> f64 {
+    let east_deg = (b.lon_deg - a.lon_deg) * a.lat_deg.to_radians().cos();
+    METRES_PER_DEGREE * (b.lat_deg - a.lat_deg).hypot(east_deg)
 }

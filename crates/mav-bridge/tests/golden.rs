@@ -125,8 +125,9 @@ fn commands_as_pymavlink_writes_them() {
     let mut out = BridgeOutput::default();
     bridge.setpoint(&land, s(0.04), &mut out);
     bridge.tick(s(0.04), &mut out);
-    let sent = without_number(&out.frames_to_vehicle[0]);
-    assert_eq!(sent, without_number(&frame("to-vehicle", "land")));
+    let mut sent = out.frames_to_vehicle.iter().map(|f| without_number(f));
+    let golden = without_number(&frame("to-vehicle", "land"));
+    assert!(sent.any(|f| f == golden));
 }
 
 #[test]

@@ -2,9 +2,9 @@
 //! hardware is, the stand-in behind that link, all in one process and in step with the mission.
 //! The team sees of it what any real aircraft would show.
 
-use crate::{MissionError, Setup};
+use crate::{MissionError, Setup, preflight};
 use mav_bridge::signing::SigningConfig;
-use mav_bridge::{Bridge, BridgeConfig, BridgeOutput, GasClock, GasInput};
+use mav_bridge::{Bridge, BridgeConfig, BridgeOutput, Expectation, GasClock, GasInput};
 use protocol::control_level::{ControlEvent, Danger};
 use protocol::key::Name;
 use protocol::message::{EventMessage, MavlinkFrame, Mode};
@@ -42,6 +42,10 @@ pub struct LinkOptions {
     pub may_arm: bool,
     /// Nothing at all is sent to the vehicle.
     pub listen_only: bool,
+    /// Nothing but questions is sent to it; what else would be is told.
+    pub dry_run: bool,
+    /// Whether parameters that the checklist finds wrong are set on board.
+    pub set_parameters: bool,
     /// MAVLink system of the vehicle.
     pub system_id: Option<u8>,
     /// MAVLink component of its autopilot.
@@ -95,6 +99,9 @@ impl RealVehicle {
         let bridge = BridgeConfig {
             may_arm: options.may_arm || of_scenario.may_arm,
             listen_only: options.listen_only,
+            dry_run: options.dry_run,
+            set_parameters: options.set_parameters,
+            expectation: Some(expectation(setup, index)?),
             vehicle_system_id: options.system_id.or(of_scenario.vehicle_system_id),
             vehicle_component_id: options
                 .component_id
@@ -233,6 +240,19 @@ impl RealVehicle {
             out.say(Topic::MavlinkTx(self.name.clone()), frame);
         }
     }
+}
+
+/// What the mission expects of the vehicle at `index`.
+fn expectation(setup: &Setup, index: usize) -> Result<Expectation, MissionError> {
+    let scenario = &setup.scenario;
+    let stacks = scenario.sources.iter().map(|s| s.stack_height_m);
+    Ok(Expectation {
+        home: scenario.home(index)?,
+        home_amsl_m: setup.ground_at_home_m(index)?,
+        airspeed_m_s: scenario.search.airspeed_m_s,
+        wind_m_s: preflight::strongest_wind_m_s(setup)?.1,
+        stack_top_amsl_m: scenario.site.ground_amsl_m + stacks.fold(0.0, f64::max),
+    })
 }
 
 /// How the bridge of the vehicle at `index` behaves by the scenario.

@@ -2,7 +2,7 @@
 //! elsewhere: in GUIDED the mode does not tell.
 
 use crate::dialect::POSITION_TARGET_GLOBAL_INT_DATA;
-use crate::telemetry::METRES_PER_DEGREE;
+use crate::telemetry::distance_m;
 use air::geo::Geodetic;
 use protocol::SimTime;
 
@@ -43,11 +43,6 @@ pub(super) struct Placement {
     placed: Option<Placed>,
     elsewhere: u32,
     target_at: Option<SimTime>,
-}
-
-fn distance_m(a: Geodetic, b: Geodetic) -> f64 {
-    let east_deg = (b.lon_deg - a.lon_deg) * a.lat_deg.to_radians().cos();
-    METRES_PER_DEGREE * (b.lat_deg - a.lat_deg).hypot(east_deg)
 }
 
 impl Placement {

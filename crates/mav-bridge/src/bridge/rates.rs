@@ -1,10 +1,12 @@
-//! The messages that the vehicle is asked for: all at once, and again those that do not come as often as
-//! asked. Acknowledgements do not tell which message they are about, arrivals do.
+//! The messages that the vehicle is asked for: one a tick, so that no radio is flooded, without waiting for the
+//! answer to another; and again those that do not come as often as asked. Acknowledgements do not tell
+//! which message they are about, arrivals do.
 
 use crate::command_queue::VehicleCommand;
 use crate::dialect::MavMessage;
 use mavlink::Message as _;
 use protocol::SimTime;
+use std::collections::VecDeque;
 
 /// Time in which arrivals are counted before what is missing is asked for again, s.
 const WINDOW_S: f64 = 3.0;
@@ -25,6 +27,7 @@ struct Rate {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Rates {
     asked: Vec<Rate>,
+    waiting: VecDeque<VehicleCommand>,
     round: u32,
     since: SimTime,
 }
@@ -32,8 +35,8 @@ pub(super) struct Rates {
 /// What is due.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Due {
-    /// Messages to ask for.
-    pub ask: Vec<VehicleCommand>,
+    /// A message to ask for.
+    pub ask: Option<VehicleCommand>,
     /// Those that are given up, with how often they come, in words.
     pub given_up: Option<String>,
 }
@@ -49,6 +52,7 @@ impl Rates {
         };
         *self = Self {
             asked: wanted.iter().map(rate).collect(),
+            waiting: VecDeque::new(),
             round: 0,
             since: now,
         };
@@ -66,9 +70,18 @@ impl Rates {
 
     /// What is to be done at `now`.
     pub(super) fn due(&mut self, now: SimTime) -> Due {
+        let given_up = self.next_round(now);
+        Due {
+            ask: self.waiting.pop_front(),
+            given_up,
+        }
+    }
+
+    /// Begins the next round if it is time: what is asked for in it; or words on what is given up.
+    fn next_round(&mut self, now: SimTime) -> Option<String> {
         let window_s = now.since_s(self.since);
         if self.asked.is_empty() || self.round > ROUNDS || (self.round > 0 && window_s < WINDOW_S) {
-            return Due::default();
+            return None;
         }
         if self.round > 0 {
             for rate in &mut self.asked {
@@ -82,7 +95,7 @@ impl Rates {
         }
         if missing.is_empty() {
             self.round = ROUNDS + 1;
-            return Due::default();
+            return None;
         }
         if self.round > ROUNDS {
             let words = missing.iter().map(|r| {
@@ -91,21 +104,14 @@ impl Rates {
                 let comes_hz = f64::from(r.arrived) / window_s;
                 format!("{name} ({comes_hz:.1} of {} per second)", r.hz)
             });
-            return Due {
-                given_up: Some(words.collect::<Vec<_>>().join(", ")),
-                ask: Vec::new(),
-            };
+            return Some(words.collect::<Vec<_>>().join(", "));
         }
-        Due {
-            ask: missing
-                .iter()
-                .map(|r| VehicleCommand::Interval {
-                    message_id: r.message_id,
-                    hz: r.hz,
-                })
-                .collect(),
-            given_up: None,
-        }
+        let ask = |r: &Rate| VehicleCommand::Interval {
+            message_id: r.message_id,
+            hz: r.hz,
+        };
+        self.waiting = missing.iter().map(ask).collect();
+        None
     }
 }
 
@@ -114,12 +120,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_at_once_and_again_what_does_not_come() {
+    fn all_without_waiting_and_again_what_does_not_come() {
         let mut rates = Rates::default();
         let at = SimTime::from_s;
+        // Twenty ticks a second.
+        let ask = |rates: &mut Rates, from_s: f64, to_s: f64| -> (Vec<u32>, Vec<String>) {
+            let (mut ids, mut told) = (Vec::new(), Vec::new());
+            for k in 0..((to_s - from_s) * 20.0).round() as u32 {
+                let due = rates.due(at(from_s + f64::from(k) / 20.0));
+                ids.extend(due.ask.map(|command| match command {
+                    VehicleCommand::Interval { message_id, .. } => message_id,
+                    other => panic!("{other:?}"),
+                }));
+                told.extend(due.given_up);
+            }
+            (ids, told)
+        };
         rates.start(&[(33, 10.0), (30, 10.0)], at(0.0));
-        assert_eq!(rates.due(at(0.0)).ask.len(), 2);
-        assert_eq!(rates.due(at(1.0)), Due::default());
+        assert_eq!(ask(&mut rates, 0.0, 0.1).0, [33, 30]);
+        assert!(ask(&mut rates, 0.1, 2.9).0.is_empty());
         // Two thirds of the one come, 1 in a second of the other.
         for k in 0..20 {
             rates.arrived(33);
@@ -127,17 +146,9 @@ mod tests {
                 rates.arrived(30);
             }
         }
-        let again = rates.due(at(3.0)).ask;
-        assert!(matches!(
-            again[..],
-            [VehicleCommand::Interval { message_id: 30, .. }]
-        ));
-        let later = [6.0, 9.0, 12.0, 15.0].map(|s| rates.due(at(s)));
-        assert_eq!(later.iter().map(|due| due.ask.len()).sum::<usize>(), 2);
-        let told: Vec<&String> = later
-            .iter()
-            .filter_map(|due| due.given_up.as_ref())
-            .collect();
+        assert_eq!(ask(&mut rates, 3.0, 3.5).0, [30]);
+        let (ids, told) = ask(&mut rates, 3.5, 20.0);
+        assert_eq!(ids, [30, 30]);
         assert_eq!(told, ["ATTITUDE (0.0 of 10 per second)"]);
     }
 }

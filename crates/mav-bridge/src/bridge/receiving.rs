@@ -1,16 +1,17 @@
 //! What comes from the vehicle.
 
+use super::checklist::{self, PARAMETERS};
 use super::identity::Found;
-use super::{Bridge, BridgeOutput};
+use super::{Bridge, BridgeOutput, Checklist};
 use crate::arduplane::{FS_GCS_ENABL, FS_LONG_ACTN, TKOFF_ALT, mode_name};
 use crate::authority::{BridgePhase, HeartbeatState};
 use crate::command_queue::VehicleCommand;
 use crate::dialect::{
     AIRSPEED_DATA, ATTITUDE_DATA, EKF_STATUS_REPORT_DATA, EXTENDED_SYS_STATE_DATA,
     FENCE_STATUS_DATA, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, HEARTBEAT_DATA,
-    HYGROMETER_SENSOR_DATA, MavAutopilot, MavMessage, MavSeverity, MavState, MavType,
-    PARAM_VALUE_DATA, POSITION_TARGET_GLOBAL_INT_DATA, SCALED_PRESSURE_DATA, SYS_STATUS_DATA,
-    VFR_HUD_DATA, WIND_DATA,
+    HOME_POSITION_DATA, HYGROMETER_SENSOR_DATA, MavAutopilot, MavMessage, MavSeverity, MavState,
+    MavType, PARAM_VALUE_DATA, POSITION_TARGET_GLOBAL_INT_DATA, SCALED_PRESSURE_DATA,
+    SYS_STATUS_DATA, VFR_HUD_DATA, WIND_DATA,
 };
 use crate::event::event;
 use crate::wire::RawFrame;
@@ -25,6 +26,8 @@ const NO_FRAMES_AFTER_BYTES: u64 = 2000;
 const TELEMETRY_WITHIN_S: f64 = 10.0;
 /// Battery level at which the team is warned, per cent.
 const BATTERY_LOW_PCT: i8 = 20;
+/// Rate of the home position, which changes once, 1/s.
+const HOME_HZ: f64 = 0.5;
 /// Rate of what changes slowly, 1/s.
 const SLOW_HZ: f64 = 2.0;
 /// A vehicle whose clock goes back by this has started anew, ms: frames of several links overtake each other by less.
@@ -228,6 +231,9 @@ impl Bridge {
         self.placement.forget();
         self.speed_sent = None;
         self.takeoff_altitude_m = None;
+        self.parameters.clear();
+        self.checklist = Checklist::new(&self.config);
+        self.connected_at = now;
         self.request_telemetry(now);
         let text = "the vehicle has started anew; what it was told before is forgotten on board";
         out.events.push(event(Severity::Warning, "restarted", text));
@@ -289,18 +295,53 @@ impl Bridge {
             (VFR_HUD_DATA::ID, fast),
             (WIND_DATA::ID, SLOW_HZ),
             (SCALED_PRESSURE_DATA::ID, SLOW_HZ),
-            (AIRSPEED_DATA::ID, SLOW_HZ),
             (HYGROMETER_SENSOR_DATA::ID, SLOW_HZ),
             (EXTENDED_SYS_STATE_DATA::ID, SLOW_HZ),
-            (POSITION_TARGET_GLOBAL_INT_DATA::ID, SLOW_HZ),
             (SYS_STATUS_DATA::ID, 1.0),
+            (AIRSPEED_DATA::ID, SLOW_HZ),
+            (POSITION_TARGET_GLOBAL_INT_DATA::ID, SLOW_HZ),
             (GPS_RAW_INT_DATA::ID, 1.0),
             (EKF_STATUS_REPORT_DATA::ID, 1.0),
             (FENCE_STATUS_DATA::ID, 1.0),
         ];
+        let home = (HOME_POSITION_DATA::ID, HOME_HZ);
+        let home = self.checklist.is_kept().then_some(home);
+        let wanted: Vec<(u32, f64)> = wanted.into_iter().chain(home).collect();
         self.rates.start(&wanted, now);
-        for name in [FS_GCS_ENABL, FS_LONG_ACTN, TKOFF_ALT] {
+        let names: &[&str] = if self.checklist.is_kept() {
+            &PARAMETERS
+        } else {
+            &[FS_GCS_ENABL, FS_LONG_ACTN, TKOFF_ALT]
+        };
+        for name in names {
             self.commands.push(VehicleCommand::Parameter(name));
+        }
+    }
+
+    /// Goes through the checklist when it is due.
+    pub(super) fn go_through_checklist(&mut self, now: SimTime, out: &mut BridgeOutput) {
+        let heard = self.heartbeat_at.is_some() && self.authority.link_up();
+        if !heard || self.checklist.is_done() {
+            return;
+        }
+        if let Some((_, heartbeat)) = &self.telemetry.heartbeat {
+            self.checklist.told.custom_mode = heartbeat.custom_mode;
+        }
+        let altitude = self.telemetry.position.as_ref().map(|(_, p)| p.alt);
+        let alt_amsl_m = f64::from(altitude.unwrap_or_default()) / 1e3;
+        self.checklist.told.eas_over_tas = self.telemetry.eas_over_tas(alt_amsl_m, now);
+        let due = self.checklist.due(&self.parameters, self.connected_at, now);
+        let Some(points) = due else { return };
+        out.events.extend(checklist::events(&points));
+        let on_ground = self
+            .authority
+            .shown()
+            .is_some_and(|s| !s.airborne && !s.armed);
+        if self.config.set_parameters && on_ground {
+            for (name, value) in self.checklist.wrong_parameters(&self.parameters) {
+                self.commands
+                    .push(VehicleCommand::SetParameter { name, value });
+            }
         }
     }
 
@@ -310,7 +351,7 @@ impl Bridge {
             return;
         };
         let due = self.rates.due(now);
-        for command in due.ask {
+        if let Some(command) = due.ask {
             self.send_command(&command, 0, to, now, out);
         }
         if let Some(words) = due.given_up {
@@ -343,6 +384,9 @@ impl Bridge {
             MavMessage::WIND(m) => received.wind = Some((now, m)),
             MavMessage::SCALED_PRESSURE(m) => received.pressure = Some((now, m)),
             MavMessage::AIRSPEED(m) => received.airspeed = Some((now, m)),
+            MavMessage::GPS_RAW_INT(m) => self.checklist.told.gps = Some(m),
+            MavMessage::EKF_STATUS_REPORT(m) => self.checklist.told.ekf = Some(m),
+            MavMessage::HOME_POSITION(m) => self.checklist.told.home = Some(m),
             MavMessage::FENCE_STATUS(m) => self.causes.fence(m.breach_status != 0, now),
             MavMessage::POSITION_TARGET_GLOBAL_INT(m) => self.on_target(&m, now, out),
             MavMessage::EXTENDED_SYS_STATE(m) => received.landed = Some((now, m)),
@@ -363,6 +407,7 @@ impl Bridge {
             MavMessage::SYS_STATUS(m) => {
                 self.causes.status(&m, now);
                 self.on_battery(m.battery_remaining, out);
+                self.checklist.told.status = Some(m);
             }
             MavMessage::BATTERY_STATUS(m) => self.on_battery(m.battery_remaining, out),
             _ => {}
@@ -395,9 +440,22 @@ impl Bridge {
     fn on_parameter(&mut self, parameter: &PARAM_VALUE_DATA, out: &mut BridgeOutput) {
         let name = text(&parameter.param_id[..]);
         let value = f64::from(parameter.param_value);
-        self.commands.parameter_seen(&name);
-        // Another link may bring it again.
-        if self.parameters.insert(name.clone(), value) == Some(value) {
+        self.commands.parameter_seen(&name, value);
+        match self.parameters.insert(name.clone(), value) {
+            // Another link may bring it again.
+            Some(old) if old == value => return,
+            Some(old) => {
+                let text = format!("parameter {name} was {old} and is {value}");
+                out.events
+                    .push(event(Severity::Info, "parameter-changed", text));
+            }
+            None => {}
+        }
+        if name == TKOFF_ALT && value.is_finite() && value > 0.0 {
+            self.takeoff_altitude_m = Some(value);
+        }
+        // The checklist says the same with all else.
+        if self.checklist.is_kept() {
             return;
         }
         let warning = match name.as_str() {
@@ -407,10 +465,6 @@ impl Bridge {
             FS_LONG_ACTN if value == 0.0 => {
                 "FS_LONG_ACTN is 0: on loss of this link in GUIDED the vehicle flies on; \
                  set it to 1 to bring it home"
-            }
-            TKOFF_ALT if value.is_finite() && value > 0.0 => {
-                self.takeoff_altitude_m = Some(value);
-                return;
             }
             _ => return,
         };

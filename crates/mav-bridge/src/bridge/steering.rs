@@ -20,12 +20,23 @@ const PAUSE_NS: i64 = 5_000_000_000;
 
 impl Bridge {
     /// Asks for mode TAKEOFF; arming follows when the vehicle shows the mode.
-    pub(super) fn take_off(&mut self, setpoint: &Setpoint, out: &mut BridgeOutput) {
+    pub(super) fn take_off(&mut self, setpoint: &Setpoint, now: SimTime, out: &mut BridgeOutput) {
         if self.target.as_ref() == Some(setpoint) {
             return; // refused before: tried again after a pause
         }
         self.clear_target();
         self.target = Some(setpoint.clone());
+        if let Some(words) = self.checklist.refusals(&self.parameters) {
+            // Looked at again after a pause.
+            self.retry_at = pause(now);
+            if !std::mem::replace(&mut self.warned.take_off_refused, true) {
+                let text = format!("no take-off: {words}");
+                out.events
+                    .push(event(Severity::Error, "take-off-refused", text));
+            }
+            return;
+        }
+        self.warned.take_off_refused = false;
         self.authority.take_off(TAKEOFF);
         self.send_mode();
         let text = "take-off asked for";
@@ -115,7 +126,7 @@ impl Bridge {
             BridgePhase::Ground if self.retry_at.is_some() && !pausing => {
                 self.retry_at = None;
                 if let Some(target) = self.target.take() {
-                    self.take_off(&target, out);
+                    self.take_off(&target, now, out);
                 }
             }
             BridgePhase::TakeOff if seen.custom_mode == TAKEOFF && !seen.armed && !pausing => {
@@ -174,6 +185,12 @@ impl Bridge {
         now: SimTime,
         out: &mut BridgeOutput,
     ) {
+        // A parameter that it does not have stands in the checklist as not told.
+        if let CommandOutcome::Unanswered(VehicleCommand::Parameter(_)) = &outcome
+            && self.checklist.is_kept()
+        {
+            return;
+        }
         let (command, why) = match outcome {
             CommandOutcome::Accepted(VehicleCommand::Reposition {
                 lat_1e7, lon_1e7, ..
@@ -241,6 +258,7 @@ impl Bridge {
                 (Severity::Warning, "speed-failed", "")
             }
             VehicleCommand::Interval { .. } => (Severity::Info, "rate-failed", ""),
+            VehicleCommand::SetParameter { .. } => (Severity::Warning, "parameter-failed", ""),
             VehicleCommand::Parameter(name) => {
                 let then = match *name {
                     FS_GCS_ENABL => "; whether a lost link brings it home is not known",
@@ -278,10 +296,23 @@ impl Bridge {
         now: SimTime,
         out: &mut BridgeOutput,
     ) {
-        match command.message(to, sent) {
+        let message = command.message(to, sent);
+        // A question changes nothing on board.
+        if self.config.dry_run && !matches!(message, CommandMessage::Read(_)) {
+            self.commands.forget(command);
+            let name = command.name();
+            return match message {
+                CommandMessage::Long(message) => self.show(&name, &message, now, out),
+                CommandMessage::Int(message) => self.show(&name, &message, now, out),
+                CommandMessage::Read(message) => self.show(&name, &message, now, out),
+                CommandMessage::Set(message) => self.show(&name, &message, now, out),
+            };
+        }
+        match message {
             CommandMessage::Long(message) => self.send(&message, now, out),
             CommandMessage::Int(message) => self.send(&message, now, out),
             CommandMessage::Read(message) => self.send(&message, now, out),
+            CommandMessage::Set(message) => self.send(&message, now, out),
         }
     }
 

@@ -143,7 +143,6 @@ pub fn campaign(arguments: &CampaignArguments) -> Result<(), Failure> {
         scenario: file,
     };
     fleet.check()?;
-    let is_table = |out: &&PathBuf| out.extension().is_some_and(|e| e == "md");
     let folder = arguments.out.as_ref().filter(|out| !is_table(out));
     let Some(folder) = folder else {
         if arguments.shard.is_some() {
@@ -161,6 +160,11 @@ pub fn campaign(arguments: &CampaignArguments) -> Result<(), Failure> {
     };
     let shard = arguments.shard.unwrap_or(Shard::WHOLE);
     fleet.fly_into(folder, shard, arguments.force)
+}
+
+/// Whether `--out` names a table alone rather than a folder.
+fn is_table(out: &Path) -> bool {
+    out.extension().is_some_and(|e| e == "md")
 }
 
 fn question(arguments: &CampaignArguments, setup: &Setup) -> Result<Question, Failure> {
@@ -337,6 +341,12 @@ fn results(folder: &Path, question: &Question, rows: &[MissionRow]) -> Result<()
 }
 
 fn merge(arguments: &MergeArguments) -> Result<(), Failure> {
+    if is_table(&arguments.out) {
+        return Err(Failure::usage(format!(
+            "--out {}: expected a folder; the table is in its campaign.md",
+            arguments.out.display()
+        )));
+    }
     let read = |path: &PathBuf| Ok((path.clone(), folder::read(path).map_err(Failure::input)?));
     let parts: Result<Vec<_>, Failure> = arguments.folders.iter().map(read).collect();
     let (question, rows) = folder::merged(&parts?).map_err(Failure::usage)?;

@@ -18,6 +18,7 @@ pub mod answer;
 pub mod channel;
 mod derived;
 pub mod equation_error;
+pub mod estimate;
 pub mod evidence;
 pub mod filter;
 pub mod gain;

@@ -402,7 +402,14 @@ fn split_bracket(text: &str) -> (&str, Option<&str>) {
             && let Some(length) = text[at..].find(close)
             && at > 0
         {
-            return (&text[..at], Some(&text[at + 1..at + length]));
+            // Behind brackets that hold a maker or a place the unit may follow a stroke.
+            let behind = text[at + length + close.len_utf8()..].trim();
+            let unit = behind.strip_prefix('/').map(str::trim);
+            let unit = unit.filter(|u| unit::Unit::is_any(u));
+            return (
+                &text[..at],
+                Some(unit.unwrap_or(&text[at + 1..at + length])),
+            );
         }
     }
     if let Some((name, unit)) = text.rsplit_once([' ', ',', '/'])
@@ -437,6 +444,7 @@ mod tests {
                 Some(("alt_amsl_m", Some("ft"))),
             ),
             ("CH4 (ppm)", Some(("ch4_ppm", Some("ppm")))),
+            ("CO2 (smartGAS) / ppm", Some(("co2_ppm", Some("ppm")))),
             ("CO2_(µmol⁄mol)", Some(("co2_ppm", Some("ppm")))),
             ("CO2_(umol_mol-1)", Some(("co2_ppm", Some("ppm")))),
             ("CH4_dry_sync", Some(("ch4_ppm", None))),

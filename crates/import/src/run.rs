@@ -237,12 +237,18 @@ fn check(name: &str, output: Output, columns: &[&Quantity]) -> Result<(), Import
         return Ok(());
     }
     let sets: Vec<String> = missing.iter().map(|m| format!("--set {m}=VALUE")).collect();
+    let has_pressure = columns.iter().any(|c| c.name == "pressure_hpa");
+    let by_pressure = if missing == ["alt_amsl_m"] && has_pressure {
+        ", or --qnh-hpa, the altimeter setting, for heights by the log's pressure"
+    } else {
+        ""
+    };
     Err(ImportError::log(
         name,
         format!("no column for {}", missing.join(", ")),
         format!(
             "name the columns in a mapping file (--map), give the track as a further file, or, of what stands still, \
-             state {}",
+             state {}{by_pressure}",
             sets.join(" ")
         ),
     ))

@@ -108,6 +108,18 @@ pub enum ScenarioError {
         /// What would be right.
         expected: String,
     },
+    /// Realities that cannot hold together.
+    #[error(
+        "reality '{names}': {one} and {other} cannot hold together; expected one of the two, once"
+    )]
+    Realities {
+        /// As they were asked for.
+        names: String,
+        /// One.
+        one: &'static str,
+        /// The other.
+        other: &'static str,
+    },
     /// A reality that nobody knows.
     #[error("no reality '{name}': expected one of {known}, or several of them with + between")]
     Reality {

@@ -98,6 +98,12 @@ const fn reality(name: &'static str, what: &'static str, changes: &'static str) 
 }
 
 impl NamedReality {
+    /// Whether it cannot be joined with another: with itself, and one kind of air with the other.
+    fn excludes(&self, other: &Self) -> bool {
+        let sets_air = |r: &Self| r.changes.starts_with("[weather]");
+        self.name == other.name || (sets_air(self) && sets_air(other))
+    }
+
     /// Its changes as TOML.
     fn text(&self, of: &Scenario) -> String {
         if self.name == NOTHING {
@@ -121,9 +127,10 @@ impl Scenario {
     /// The scenario whose stand-ins fly in another reality: `names` of [`REALITIES`], several with [`AND`] between them.
     ///
     /// # Errors
-    /// A name that is none, or a reality that the scenario cannot have.
+    /// A name that is none, two that cannot hold together, or a reality that the scenario cannot have.
     pub fn in_other_reality(&self, names: &str) -> Result<Self, ScenarioError> {
         let mut other = self.clone();
+        let mut joined: Vec<NamedReality> = Vec::new();
         for name in names.split(AND) {
             let known = REALITIES.iter().find(|r| r.name == name.trim());
             let Some(known) = known else {
@@ -133,6 +140,14 @@ impl Scenario {
                     known: all.join(", "),
                 });
             };
+            if let Some(before) = joined.iter().find(|before| before.excludes(known)) {
+                return Err(ScenarioError::Realities {
+                    names: names.to_owned(),
+                    one: before.name,
+                    other: known.name,
+                });
+            }
+            joined.push(*known);
             let changes = known.text(&other);
             other = other.in_reality_of(&format!("reality {}", known.name), &changes)?;
         }
@@ -205,6 +220,10 @@ mod tests {
     #[test]
     fn names_join_and_the_unknown_is_refused() {
         let scenario = as_pontes();
+        for wrong in ["steady+unsteady", "growth+growth"] {
+            let told = scenario.in_other_reality(wrong).unwrap_err().to_string();
+            assert!(told.contains("cannot hold together"), "{told}");
+        }
         let both = scenario.in_other_reality("steady+growth+decay").unwrap();
         let world = both.in_reality();
         assert_eq!(world.mechanisms.len(), 2);

@@ -4,8 +4,8 @@ use super::{OutputArguments, names, progress_bar, tell, write};
 use crate::Failure;
 use crate::measured::{self, AircraftFile};
 use fdm::Aircraft;
-use gap::flight::FlightReport;
 use gap::flight::log::FlightLog;
+use gap::flight::{FlightReport, estimate};
 use record::files;
 use std::path::PathBuf;
 
@@ -21,6 +21,10 @@ pub struct FlightArguments {
     /// The aircraft that flew, as the simulator has it (TOML)
     #[arg(long, value_name = "FILE")]
     pub aircraft: PathBuf,
+    /// Estimate the coefficients of an aircraft of which none are published: mass, inertia and lengths are those of
+    /// the file, its coefficients a start (those of an aircraft that flies alike)
+    #[arg(long)]
+    pub estimate: bool,
     /// Where the answers go
     #[command(flatten)]
     pub output: OutputArguments,
@@ -36,6 +40,9 @@ pub(super) fn of_flight(arguments: &FlightArguments) -> Result<(), Failure> {
         .collect();
     let logs = logs?;
     files::check_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
+    if arguments.estimate {
+        return estimated(&logs, &aircraft, arguments);
+    }
     let report = analysed(&logs, &aircraft)?;
     let title = format!("{} of {}", names(&arguments.flights), aircraft.name);
     let page = views::gap_report::flight(&title, &report);
@@ -43,6 +50,49 @@ pub(super) fn of_flight(arguments: &FlightArguments) -> Result<(), Failure> {
     write(&arguments.output.out, &report.to_json()?, &page, &extended)?;
     println!("{}", report.gap.summary);
     tell(&report.gap, "", &arguments.output.out);
+    Ok(())
+}
+
+/// Estimates the aircraft that flew.
+fn estimated(
+    logs: &[FlightLog],
+    aircraft: &Aircraft,
+    arguments: &FlightArguments,
+) -> Result<(), Failure> {
+    let bar = progress_bar();
+    let found = estimate::estimate(logs, aircraft, &mut |part| {
+        bar.set_position((part * 100.0) as u64);
+        bar.set_message("coefficients");
+    });
+    bar.finish_and_clear();
+    let found = found.map_err(Failure::input)?;
+    let (out, force) = (&arguments.output.out, arguments.output.force);
+    files::prepare_folder(out, force).map_err(Failure::input)?;
+    let (json, toml) = (
+        found.to_json()?,
+        found.aircraft.to_toml().map_err(Failure::input)?,
+    );
+    let outputs = [("estimate.json", json), ("aircraft.toml", toml)];
+    let outputs: Vec<_> = outputs
+        .iter()
+        .map(|(name, text)| (out.join(name), text.as_bytes()))
+        .collect();
+    files::write_set(&outputs)?;
+    measured::tell_flaws(&found.data_quality);
+    measured::tell(&found.notices);
+    println!("{}", found.summary);
+    println!(
+        "  {:<28} {:>9} {:>9}   of the file",
+        "coefficient", "estimate", "±"
+    );
+    for c in &found.coefficients {
+        let told = if c.told { "" } else { "   not told" };
+        println!(
+            "  {:<28} {:9.4} {:9.4} {:9.4}{told}",
+            c.name, c.value, c.sd, c.start
+        );
+    }
+    println!("Outputs in {}: aircraft.toml, estimate.json", out.display());
     Ok(())
 }
 

@@ -240,7 +240,8 @@ pub fn search(word: &Word, candidates: &[Candidate]) -> Vec<Model> {
             .collect();
         grown.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
         let best = all.iter().map(|m| m.log_posterior).fold(f64::MIN, f64::max);
-        let still = grown[0].log_posterior > best - 6.0 - charge;
+        let Some(next) = grown.first() else { break };
+        let still = next.log_posterior > best - 6.0 - charge;
         all.extend(grown.iter().cloned());
         grown.truncate(BEAM);
         front = grown;

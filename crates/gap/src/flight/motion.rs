@@ -101,7 +101,7 @@ impl World {
         segment: &Segment,
         like: Option<&Self>,
     ) -> Self {
-        let applied = applied(aircraft, parameters, theta, segment.log + 1);
+        let applied = applied(aircraft, parameters, theta);
         let extended = applied.extended;
         let dynamics = Dynamics::new(&extended.aircraft);
         let bias = extended.wind_bias_ned_m_s;

@@ -168,7 +168,8 @@ pub fn stretches(segments: &[Segment], most: usize, samples: usize) -> Vec<Segme
     out
 }
 
-fn cut(s: &Segment, from: usize, to: usize) -> Segment {
+/// Part of a stretch.
+pub fn cut(s: &Segment, from: usize, to: usize) -> Segment {
     Segment {
         log: s.log,
         time_s: s.time_s[from..to].to_vec(),

@@ -14,7 +14,7 @@ use super::gate::{Gated, Segment};
 use super::motion::World;
 use super::noise::{self, Noise};
 use super::normal::{Block, Normal};
-use super::parameters::{Effect, Parameter, after_onset, all, later};
+use super::parameters::{Effect, Parameter, after_onset, all, later, unknown};
 use super::rival::{Nameless, Terms};
 use crate::GapError;
 use crate::verdict::Measured;
@@ -43,6 +43,9 @@ const ROUNDS: usize = 3;
 const RIVALS: usize = 3;
 /// Part of its gain by which a rival may seem worse than the best and still be looked at.
 const RIVAL_PART: f64 = 0.5;
+
+/// Loss of a step, nats, from which on the filter has lost the flight.
+const LOST_NATS: f64 = 30.0;
 
 /// Most steps of a fit of the noise from nothing, from what it was nearby, and from what a share of
 /// the data told.
@@ -132,6 +135,65 @@ impl<'a> Study<'a> {
         };
         study.ask();
         study
+    }
+
+    /// The same of an aircraft without published coefficients: all of them are free, and nothing else is asked for.
+    pub fn of_unknown(aircraft: &'a Aircraft, gated: &'a Gated, logs: usize) -> Self {
+        let mut terms = Terms::of(aircraft, gated);
+        terms.groups.clear();
+        Self {
+            aircraft,
+            gated,
+            parameters: unknown(aircraft, gated, logs),
+            terms: Arc::new(terms),
+            candidates: Vec::new(),
+            ids: Vec::new(),
+            onset: None,
+            onset_s: None,
+            stand_for: 1.0,
+        }
+    }
+
+    /// The data seen from the best of `starts`, each with the noise that it has.
+    pub fn seen_from_start(&self, starts: &[Vec<f64>]) -> Linear {
+        let mut best: Option<(f64, &Vec<f64>, Noise)> = None;
+        for theta in starts {
+            let noise = self.noise(theta, Noise::usual(), NOISE_STEPS[0]);
+            let score = self.log_score(theta, &noise);
+            let better = best.as_ref().is_none_or(|(known, ..)| score > *known);
+            if better {
+                best = Some((score, theta, noise));
+            }
+        }
+        let (theta, noise) = best.map_or_else(
+            || (self.start(), Noise::usual()),
+            |(_, theta, noise)| (theta.clone(), noise),
+        );
+        self.linearise(theta, noise)
+    }
+
+    /// The data seen from `theta`, with the noise that they have there, near `noise`.
+    pub fn seen_with_own_noise(&self, theta: Vec<f64>, noise: Noise) -> Linear {
+        let noise = self.noise(&theta, noise, NOISE_STEPS[1]);
+        self.linearise(theta, noise)
+    }
+
+    /// The data seen from where those of `from` lead, whose score is then nil; half the way, and so on, where the filter
+    /// loses the flight on it.
+    pub fn on_towards(&self, from: &Linear) -> Linear {
+        let target = self.theta_of(from, &[]);
+        let mut part = 1.0;
+        let mut theta = from.theta.clone();
+        for _ in 0..4 {
+            let way = from.theta.iter().zip(&target);
+            theta = way.map(|(from, to)| from + part * (to - from)).collect();
+            let score = self.log_score(&theta, &from.noise);
+            if score > from.log_score - LOST_NATS {
+                break;
+            }
+            part *= 0.5;
+        }
+        self.seen_with_own_noise(theta, from.noise.clone())
     }
 
     /// Lists what may be at work, from what the parameters are.

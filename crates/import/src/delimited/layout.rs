@@ -145,7 +145,7 @@ pub fn find(name: &str, lines: &[Line<'_>], map: &LogMap) -> Result<Layout, Impo
             .flat_map(|d| candidates(lines, *d, map))
             // The first of those that know most; one that parts more cells is no better.
             .reduce(|best, next| if next.known > best.known { next } else { best })
-            .filter(|c| c.known >= 2 || (c.known == 1 && c.cells.len() <= 3))
+            .filter(|c| c.known >= 2 || c.cells.len() <= 3 || names_a_time(&c.cells))
             .ok_or_else(|| no_header(name, lines))?,
     };
     Ok(below(lines, best))
@@ -194,6 +194,13 @@ fn known(cells: &[Vec<u8>], map: &LogMap) -> usize {
         !is_number(cell) && (stated.iter().any(|s| header.is_nearly(s)) || header.is_known())
     };
     cells.iter().filter(|cell| is_known(cell)).count()
+}
+
+/// Whether a cell names a time: a log without place and gas has one.
+fn names_a_time(cells: &[Vec<u8>]) -> bool {
+    cells
+        .iter()
+        .any(|cell| Header::new(&letters(cell)).time().is_some())
 }
 
 fn candidates(lines: &[Line<'_>], delimiter: Delimiter, map: &LogMap) -> Vec<Candidate> {

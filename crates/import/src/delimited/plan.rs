@@ -301,6 +301,41 @@ impl Planner<'_> {
             .map(|(_, cell, unit)| (cell, unit))
     }
 
+    /// The cell of a gas: of several columns that name it a mole fraction rather than a mass in a volume, and that
+    /// rather than what is in a unit that is not known. Says which others there are of the same kind.
+    fn recognised_gas(&mut self, quantity: &Quantity) -> Option<(usize, Option<Unit>)> {
+        let worth = |cell: usize, of_header: Option<Unit>| {
+            let unit = self.unit(None, cell, of_header, quantity.dimension);
+            match unit.map(|u| u.conversion) {
+                Some(Conversion::Mass { .. }) => 2,
+                Some(_) => 0,
+                None if self.layout.headers[cell].bracket().is_none() => 1,
+                None => 3,
+            }
+        };
+        let headers = self.layout.headers.iter().enumerate();
+        let named = headers.filter_map(|(cell, h)| h.quantity(quantity).map(|(r, u)| (cell, r, u)));
+        let mut columns: Vec<_> = named
+            .filter(|(cell, ..)| !self.is_empty(*cell))
+            .map(|(cell, rank, unit)| ((worth(cell, unit), rank), cell, unit))
+            .collect();
+        columns.sort_by_key(|(worth, cell, _)| (*worth, *cell));
+        let (best, cell, unit) = *columns.first()?;
+        let alike = columns.iter().skip(1).filter(|(worth, ..)| *worth == best);
+        let others: Vec<String> = alike
+            .map(|(_, c, _)| format!("\"{}\"", self.header(*c)))
+            .collect();
+        if !others.is_empty() {
+            self.said.push(format!(
+                "assumed: of several columns \"{}\" is taken, not {} (else state from of {} in a mapping file)",
+                self.header(cell),
+                others.join(", "),
+                quantity.name
+            ));
+        }
+        Some((cell, unit))
+    }
+
     /// Whether a column holds nothing in the first rows.
     fn is_empty(&self, cell: usize) -> bool {
         !self.rows.is_empty() && self.numbers(cell, Reads::Number).is_empty() && {
@@ -436,7 +471,7 @@ impl Planner<'_> {
                 }
             }
         }
-        let Some((cell, of_header)) = self.recognised(ppm) else {
+        let Some((cell, of_header)) = self.recognised_gas(ppm) else {
             return Ok(());
         };
         let unit = self.unit(None, cell, of_header, ppm.dimension);
@@ -539,8 +574,15 @@ impl Planner<'_> {
             // Above the sea as it says; of what a statement was made for; above the sea as may be.
             (!usable, if *clear { usize::from(needs) } else { 2 }, *cell)
         };
-        match heights.iter().filter(wanted).min_by_key(worth) {
-            Some(best) => self.height_in(quantity, *best, &stated),
+        if let Some(best) = heights.iter().filter(wanted).min_by_key(worth) {
+            return self.height_in(quantity, *best, &stated);
+        }
+        // Of a log without heights the pressure tells them, if it is stated what it is at the sea.
+        let pressure = by_map.qnh_hpa.and(Quantity::named("pressure_hpa"));
+        match pressure.and_then(|p| self.recognised(p)) {
+            Some((cell, unit)) => {
+                self.height_in(quantity, (cell, Datum::Pressure, true, unit), &stated)
+            }
             None => Ok(()),
         }
     }

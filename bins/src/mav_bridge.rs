@@ -30,8 +30,8 @@ struct BridgeArguments {
     /// their system_id
     #[arg(long, value_name = "ID", value_delimiter = ',', required = true)]
     vehicle: Vec<String>,
-    /// Where the vehicle is: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or tcpin:HOST:PORT; repeated for
-    /// one that is heard over several links [default: the vehicle's link in the scenario]
+    /// Where the vehicle is: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or
+    /// serial:PATH:BAUD; repeated for one that is heard over several links [default: the vehicle's link in the scenario]
     #[arg(long)]
     link: Vec<LinkAddress>,
     /// MAVLink system of the vehicle [default: its system_id in the scenario, else the one that is heard]

@@ -3,7 +3,7 @@
 //!
 //! [`Bridge`] is pure: bytes and the time come in as arguments, frames and messages go out in a
 //! [`BridgeOutput`]. It knows no socket, clock, file, environment or global random number. Behind
-//! the feature `link` (off by default), the module `link` carries bytes over UDP and TCP.
+//! the feature `link` (off by default), the module `link` carries bytes over UDP, TCP and serial ports.
 //! [`wire`] finds, writes and signs frames; [`arduplane`] holds what is ArduPlane's own.
 //!
 //! A bridge presents itself as a ground station before anything is heard:

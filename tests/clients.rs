@@ -1,5 +1,5 @@
-//! Clients that are not ours fly the stand-in over UDP, in real time: ignored, with the reason, where
-//! they are not installed.
+//! Clients that are not ours ask and fly the stand-in over UDP: ignored, with the reason, where they
+//! are not installed.
 
 #![allow(
     clippy::unwrap_used,
@@ -8,11 +8,21 @@
 )]
 
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
+use mav_bridge::arduplane::AUTO;
+use protocol::SimTime;
+use scenario::random::stream;
+use stand_in::StandIn;
 use std::net::UdpSocket;
+use std::path::Path;
 use std::process::{Child, Command, ExitCode, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 const SCENARIO: &str = "../scenarios/as-pontes.toml";
 const SCRIPT: &str = "../tests/oracle/mavlink_clients.py";
+const LADDER: &str = "../tests/oracle/mavlink_ladder.py";
+/// How many times faster than the clock a mission is flown.
+const SPEED: f64 = 15.0;
 
 /// A process that ends with its owner.
 struct Ends(Child);
@@ -22,6 +32,72 @@ impl Drop for Ends {
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
+}
+
+/// The stand-in in this process, at the clock's pace on the ground and in every mode but AUTO, where
+/// nobody asks and it flies its mission at [`SPEED`].
+fn stand_in(port: &str, ended: &AtomicBool) {
+    let setup = programs::mission_files::load(Path::new(SCENARIO)).expect("the scenario");
+    let config = setup.stand_in_config(5).unwrap();
+    let mut vehicle = StandIn::new(config, stream(7, "stand-in/6")).unwrap();
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    socket.connect(format!("127.0.0.1:{port}")).unwrap();
+    socket.set_nonblocking(true).unwrap();
+    let (mut time_s, mut before) = (0.0, Instant::now());
+    let mut datagram = [0; 2048];
+    while !ended.load(Ordering::Relaxed) {
+        let flies_mission = vehicle.is_armed() && vehicle.custom_mode() == AUTO;
+        let speed = if flies_mission { SPEED } else { 1.0 };
+        time_s += speed * before.elapsed().as_secs_f64();
+        before = Instant::now();
+        let mut frames = Vec::new();
+        while let Ok(length) = socket.recv(&mut datagram) {
+            frames.push(datagram[..length].to_vec());
+        }
+        let now = SimTime::from_ns((time_s * 1e9) as i64);
+        for frame in vehicle.step(now, &frames) {
+            // Nobody listens yet, at first.
+            let _ = socket.send(&frame);
+        }
+        std::thread::sleep(Duration::from_millis(4));
+    }
+}
+
+fn free_port() -> String {
+    let free = UdpSocket::bind("127.0.0.1:0").unwrap();
+    free.local_addr().unwrap().port().to_string()
+}
+
+/// Runs a script to its end; what it said is the reason if it fails.
+fn succeeds(arguments: &[&str]) -> Result<Completion, Failed> {
+    let said = Command::new("python3").args(arguments).output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    if said.status.success() {
+        Ok(Completion::Completed)
+    } else {
+        Err((text(&said.stdout) + &text(&said.stderr)).into())
+    }
+}
+
+fn not_installed(client: &str, module: &str) -> Option<Completion> {
+    let reason = format!("needs a python3 with {module} (pip install {client})");
+    (!installed(module)).then(|| Completion::ignored_with(reason))
+}
+
+/// Every question that a ground station asks, and a mission uploaded, read back and flown.
+fn climbs_the_ladder() -> Result<Completion, Failed> {
+    if let Some(ignored) = not_installed("pymavlink", "pymavlink.mavutil") {
+        return Ok(ignored);
+    }
+    let port = free_port();
+    let ended = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let vehicle = scope.spawn(|| stand_in(&port, &ended));
+        let asked = succeeds(&[LADDER, &port, &SPEED.to_string()]);
+        ended.store(true, Ordering::Relaxed);
+        vehicle.join().unwrap();
+        asked
+    })
 }
 
 fn installed(module: &str) -> bool {
@@ -34,13 +110,10 @@ fn installed(module: &str) -> bool {
 }
 
 fn flies_by(client: &str, module: &str) -> Result<Completion, Failed> {
-    if !installed(module) {
-        let reason = format!("needs a python3 with {module} (pip install {client})");
-        return Ok(Completion::ignored_with(reason));
+    if let Some(ignored) = not_installed(client, module) {
+        return Ok(ignored);
     }
-    let free = UdpSocket::bind("127.0.0.1:0").unwrap();
-    let port = free.local_addr().unwrap().port().to_string();
-    drop(free);
+    let port = free_port();
     let link = format!("udpout:127.0.0.1:{port}");
     let stand_in = Command::new(env!("CARGO_BIN_EXE_mav-bridge"))
         .args(["stand-in", "--scenario", SCENARIO, "--vehicle", "6"])
@@ -50,18 +123,7 @@ fn flies_by(client: &str, module: &str) -> Result<Completion, Failed> {
         .spawn()
         .unwrap();
     let _stand_in = Ends(stand_in);
-    let said = Command::new("python3")
-        .args([SCRIPT, client, &port])
-        .output()
-        .unwrap();
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    assert!(
-        said.status.success(),
-        "{}{}",
-        text(&said.stdout),
-        text(&said.stderr)
-    );
-    Ok(Completion::Completed)
+    succeeds(&[SCRIPT, client, &port])
 }
 
 fn main() -> ExitCode {
@@ -73,6 +135,10 @@ fn main() -> ExitCode {
         Trial::ignorable_test("mavsdk_flies_the_stand_in", || {
             flies_by("mavsdk", "mavsdk.asyncio")
         }),
+        Trial::ignorable_test("mavproxy_flies_the_stand_in", || {
+            flies_by("mavproxy", "MAVProxy.mavproxy")
+        }),
+        Trial::ignorable_test("the_ladder_of_questions", climbs_the_ladder),
     ];
     libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
 }

@@ -1,18 +1,23 @@
-"""Flies the stand-in by clients that are not ours: pymavlink, or MAVSDK.
+"""Flies the stand-in by clients that are not ours: pymavlink, MAVSDK or MAVProxy.
 
-    pip install pymavlink mavsdk
-    mav-bridge stand-in --scenario scenarios/as-pontes.toml --vehicle 6 &
-    python tests/oracle/mavlink_clients.py pymavlink 14550      # or: mavsdk
+    pip install pymavlink mavsdk pyserial; pip install --no-deps MAVProxy
+    mav-bridge stand-in --scenario scenarios/as-pontes.toml --vehicle 6 --hands-off &
+    python tests/oracle/mavlink_clients.py pymavlink 14550      # or: mavsdk, mavproxy
 
 The client connects, reads what a ground station shows, asks for parameters and missions, takes off,
 and flies by commands. Ends with 0 if all came and every command was answered as it must be; tells
-what did not. Written for pymavlink 2.4 and mavsdk 4.
+what did not. Written for pymavlink 2.4, mavsdk 4 and MAVProxy 1.8.
+The whole ladder of questions is in mavlink_ladder.py.
 """
 
 import asyncio
 import json
 import math
+import os
+import subprocess
 import sys
+import tempfile
+import threading
 import time
 
 GOTO = (43.4350, -7.8450, 450.0)
@@ -74,7 +79,7 @@ def by_pymavlink(port):
     told = link.recv_match(type="MESSAGE_INTERVAL", blocking=True, timeout=3)
     expect("interval told", told is not None and told.interval_us == 100_000, told)
     # Nothing is met with silence, not even a number that no dialect knows.
-    for number in [m.MAV_CMD_NAV_TAKEOFF, m.MAV_CMD_DO_SET_HOME, 40_404]:
+    for number in [m.MAV_CMD_DO_DIGICAM_CONTROL, m.MAV_CMD_DO_SET_ROI, 40_404]:
         for whole in (False, True):
             result = command(number, whole=whole)
             expect(f"command {number}, whole={whole}", result == m.MAV_RESULT_UNSUPPORTED, result)
@@ -90,17 +95,6 @@ def by_pymavlink(port):
             break
         parameters[p.param_id], count = p.param_value, p.param_count
     expect("all parameters", len(parameters) >= 9 and "TKOFF_ALT" in parameters, parameters)
-    for kind in (0, 1, 2):
-        link.mav.mission_request_list_send(*me, kind)
-        answer = link.recv_match(type="MISSION_COUNT", blocking=True, timeout=3)
-        expect(f"download of mission type {kind}", answer is not None and answer.count == 0)
-    link.mav.mission_count_send(*me, 1)
-    answer = link.recv_match(type="MISSION_ACK", blocking=True, timeout=3)
-    expect("upload refused", answer is not None and answer.type == m.MAV_MISSION_UNSUPPORTED)
-    link.mav.mission_clear_all_send(*me)
-    answer = link.recv_match(type="MISSION_ACK", blocking=True, timeout=3)
-    expect("clear", answer is not None and answer.type == m.MAV_MISSION_ACCEPTED)
-
     link.mav.request_data_stream_send(*me, m.MAV_DATA_STREAM_ALL, 10, 1)
     start, positions = time.time(), 0
     while time.time() < start + 3:
@@ -143,9 +137,13 @@ async def by_mavsdk(port):
     from mavsdk.asyncio.plugins.action import ActionAsync
     from mavsdk.asyncio.plugins.info import InfoAsync
     from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync, MavlinkMessage
-    from mavsdk.asyncio.plugins.mission_raw import MissionRawAsync
+    from mavsdk.asyncio.plugins.mission_raw import MissionItem, MissionRawAsync
     from mavsdk.asyncio.plugins.param import ParamAsync
     from mavsdk.asyncio.plugins.telemetry import FlightMode, LandedState, TelemetryAsync
+
+    def item(seq, command, north_m, east_m, up_m, p=(0.0, 0.0, 0.0, 0.0), kind=0):
+        x, y = (round(v * 1e7) for v in (GOTO[0] + north_m / 111_195, GOTO[1] + east_m / 80_750))
+        return MissionItem(seq, 3, command, int(seq == 0), 1, *map(float, p), x, y, float(up_m), kind)
 
     sdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     await sdk.add_any_connection(f"udpin://127.0.0.1:{port}")
@@ -194,12 +192,22 @@ async def by_mavsdk(port):
     await answered("integer parameter", parameters.get_param_int("FS_GCS_ENABL"))
     await answered("set parameter", parameters.set_param_int("TKOFF_ALT", 50))
     raw = MissionRawAsync(vehicle)
-    expect("no mission", await answered("download", raw.download_mission()) == [])
+    aboard = await answered("download of the landing sequence", raw.download_mission())
+    expect("home, a landing start and a landing", [i.command for i in aboard or []] == [16, 189, 21])
+    mission = [item(seq, *what) for seq, what in enumerate([(16, 0, 0, 0), (22, 0, 0, 60), (16, 500, 0, 90)])]
+    await answered("upload", raw.upload_mission(mission))
+    back = await answered("download", raw.download_mission())
+    what = lambda i: (i.seq, i.command, i.x, i.y, i.z)
+    expect("mission read back", [what(i) for i in (back or [])[1:]] == [what(i) for i in mission[1:]], back)
+    fence = [item(seq, 5001, n, e, 0, (4, 0, 0, 0), 1) for seq, (n, e) in enumerate(
+        [(3000, 3000), (3000, -3000), (-3000, -3000), (-3000, 3000)])]
+    await answered("upload of a fence", raw.upload_geofence(fence))
+    back = await answered("download of the fence", raw.download_geofence())
+    expect("fence read back", [(i.x, i.y) for i in back or []] == [(i.x, i.y) for i in fence], back)
     # To clear, MAVSDK uploads one item to an ArduPilot.
-    await answered("no upload", raw.clear_mission(), "UNSUPPORTED")
-    await answered("start without mission", raw.start_mission(), "origin")
+    await answered("clear", raw.clear_mission())
 
-    await answered("take-off of a multicopter", action.takeoff(), "UNSUPPORTED")
+    await answered("take-off of a multicopter", action.takeoff(), "FAILED")
     mode = dict(target_system=0, target_component=1, command=176, confirmation=0, param1=1,
                 param2=TAKEOFF, param3=0, param4=0, param5=0, param6=0, param7=0)
     await direct.send_message(MavlinkMessage("COMMAND_LONG", 245, 190, 0, 1, json.dumps(mode)))
@@ -219,9 +227,66 @@ async def by_mavsdk(port):
     await come("mode RTL", telemetry.subscribe_flight_mode(), lambda m: m == FlightMode.RETURN_TO_LAUNCH)
 
 
+# MAVProxy ----------------------------------------------------------------------------------------
+
+WAYPOINTS = """QGC WPL 110
+0 0 0 16 0 0 0 0 43.4294 -7.8404 340 1
+1 0 3 22 0 0 0 0 43.4294 -7.8404 60 1
+2 0 3 16 0 0 0 0 43.4340 -7.8404 80 1
+3 0 3 16 0 0 0 0 43.4340 -7.8350 100 1
+""".replace(" ", "\t").replace("QGC\tWPL\t110", "QGC WPL 110")
+
+
+def by_mavproxy(port):
+    with tempfile.TemporaryDirectory() as folder:
+        with open(os.path.join(folder, "tour.txt"), "w") as file:
+            file.write(WAYPOINTS)
+        program = [sys.executable, "-u", "-m", "MAVProxy.mavproxy", f"--master=udpin:127.0.0.1:{port}",
+                   "--state-basedir=" + folder, "--default-modules=cmdlong,wp,mode,arm,param,fence,rally"]
+        session = subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                                   stderr=subprocess.STDOUT, text=True, bufsize=1, cwd=folder)
+        # A line that never comes must not hold up the rest.
+        guard = threading.Timer(120, session.kill)
+        guard.start()
+        said = []
+
+        def after(command, answer, within_s=20):
+            """Gives a command and waits for a line with the answer."""
+            if command:
+                session.stdin.write(command + "\n")
+            end = time.time() + within_s
+            while time.time() < end:
+                line = session.stdout.readline()
+                if not line:
+                    break
+                said.append(line)
+                if answer in line:
+                    return expect(f"{command or 'at start'}: {answer}", True)
+            expect(f"{command or 'at start'}: {answer}", False, said[-5:])
+
+        try:
+            after("", "Detected vehicle 6:1")
+            after("", "Received 18 parameters")
+            after("wp load tour.txt", "Got MISSION_ACK: TYPE_MISSION: ACCEPTED")
+            after("wp list", "Saved 4 waypoints")
+            after("mode LOITER", "Mode LOITER")
+            after("mode AUTO", "Mode AUTO")
+            after("arm throttle", "Throttle armed")
+            after("", "AP: Takeoff complete", 60)
+            after("wp set 2", "waypoint 2")
+            after("mode RTL", "Mode RTL")
+            # What MAVProxy says of a vehicle whose SYS_STATUS has no word on its fence.
+            expect("no fence breach", not any("fence breach" in line for line in said), said)
+        finally:
+            guard.cancel()
+            session.kill()
+
+
 if __name__ == "__main__":
     if sys.argv[1] == "mavsdk":
         asyncio.run(by_mavsdk(int(sys.argv[2])))
+    elif sys.argv[1] == "mavproxy":
+        by_mavproxy(int(sys.argv[2]))
     else:
         by_pymavlink(int(sys.argv[2]))
     print(len(failures), "failures", failures)

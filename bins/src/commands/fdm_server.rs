@@ -44,7 +44,7 @@ const PACKET_BYTES: usize = 512;
 ///
 /// Serves ArduPilot's JSON interface for simulators: start ArduPlane's SITL with --model JSON:HOST, where HOST is this
 /// machine. Each packet of servo outputs is answered by the motion that comes of it, step by step. With a scenario the
-/// aircraft flies in its [reality], with wind, gusts and gas; without one in still air.
+/// aircraft flies in its `[reality]`, with wind, gusts and gas; without one in still air.
 #[derive(Debug, Parser)]
 pub struct FdmServerArguments {
     /// Scenario file

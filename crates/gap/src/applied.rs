@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::GapError;
 use crate::tracer::GroupDetail;
-use crate::verdict::{Cause, HeldOut, SCHEMA, Verdict};
+use crate::verdict::{Cause, HeldOut, Readings, SCHEMA, Verdict};
 
 /// Whether an extension helps on data that had no part in finding it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -94,6 +94,8 @@ pub struct Earlier {
     schema: String,
     /// The gas that it was found on; none of tracers and flights.
     gas: Option<Gas>,
+    /// The readings that it was found in.
+    readings: Option<Readings>,
     /// What it said.
     pub verdict: Verdict,
     /// The causes that it names.
@@ -139,6 +141,17 @@ impl Earlier {
         }
         earlier.name = name.to_owned();
         Ok(earlier)
+    }
+
+    /// A warning where the readings are those that the extension was found in: it helps there by its making.
+    pub(crate) fn was_found_in(&self, readings: &Readings) -> Option<String> {
+        let same = self.readings.is_some_and(|r| r.are(readings));
+        same.then(|| {
+            format!(
+                "these are the readings that {} was found in: that it helps them says nothing of other readings",
+                self.name
+            )
+        })
     }
 
     /// Checks that the readings are of the gas that the extension was found on: its numbers are of that sensor and

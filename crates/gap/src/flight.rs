@@ -190,6 +190,7 @@ impl<'a> Finding<'a> {
         let gap = GapJson {
             schema: SCHEMA,
             gas: None,
+            readings: None,
             verdict: answer.verdict,
             summary,
             residual: residual::bins(&study, &first),

@@ -35,7 +35,7 @@ use infer::{Contact, ForwardModel, Found, InferError, Judgement, Policy, Questio
 use scenario::observations::{Observations, checks};
 
 use crate::GapError;
-use crate::verdict::{GapJson, Verdict};
+use crate::verdict::{GapJson, Readings, Verdict};
 use catalogue::Tried;
 use data::Data;
 use model::Scale;
@@ -179,6 +179,7 @@ pub fn analyse_from(
     options: &Options,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Analysis, GapError> {
+    let readings = Readings::of(observations);
     let (observations, zero_s) = observations.counted_from_near_zero()?;
     let setup = &setup.counted_from(zero_s);
     let mut of = |before| counted_from_near_zero(before, setup, &observations, options, progress);
@@ -187,6 +188,7 @@ pub fn analyse_from(
         analysis = of(None)?;
     }
     zero::told_from(&mut analysis, zero_s);
+    analysis.json.readings = Some(readings);
     if let Some(begun) = &mut analysis.begun {
         begun.zero_s = zero_s;
     }

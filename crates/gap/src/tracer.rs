@@ -275,6 +275,7 @@ fn gap_json(
     let json = GapJson {
         schema: SCHEMA,
         gas: None,
+        readings: None,
         verdict,
         summary,
         ranking,

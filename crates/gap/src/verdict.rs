@@ -2,6 +2,7 @@
 //! tracer and flight. What is not finite is written as null.
 
 use plume::Gas;
+use scenario::observations::Observations;
 pub use scenario::observations::{DataQuality, Flaw};
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -408,6 +409,9 @@ pub struct GapJson {
     /// The gas whose readings these are; absent where none was read.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gas: Option<Gas>,
+    /// Which readings these are; absent of tracers and flights.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub readings: Option<Readings>,
     /// The answer.
     pub verdict: Verdict,
     /// The answer in words.
@@ -445,6 +449,50 @@ pub struct GapJson {
     pub data_quality: Vec<DataQuality>,
     /// What a user should know besides.
     pub notices: Vec<String>,
+}
+
+/// By what readings are known again.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Readings {
+    /// How many there are.
+    pub count: usize,
+    /// Time of the first, s.
+    pub from_s: f64,
+    /// Time of the last, s.
+    pub to_s: f64,
+    /// Their mean, ppm.
+    pub mean_ppm: f64,
+}
+
+impl Readings {
+    /// Those of the rows that hold one.
+    pub fn of(observations: &Observations) -> Self {
+        let rows = observations.rows.iter();
+        let read = rows.filter_map(|r| r.co2_ppm.map(|ppm| (r.time_s, ppm)));
+        let mut of = Self {
+            count: 0,
+            from_s: f64::INFINITY,
+            to_s: f64::NEG_INFINITY,
+            mean_ppm: 0.0,
+        };
+        for (time_s, ppm) in read {
+            of.count += 1;
+            of.from_s = of.from_s.min(time_s);
+            of.to_s = of.to_s.max(time_s);
+            of.mean_ppm += ppm;
+        }
+        of.mean_ppm /= of.count.max(1) as f64;
+        of
+    }
+
+    /// Whether they are the same, but for the rounding of a file.
+    pub fn are(&self, other: &Self) -> bool {
+        let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * a.abs().max(1.0);
+        self.count == other.count
+            && near(self.from_s, other.from_s)
+            && near(self.to_s, other.to_s)
+            && near(self.mean_ppm, other.mean_ppm)
+    }
 }
 
 impl GapJson {

@@ -37,13 +37,14 @@ pub const SYSID_MYGCS: &str = "SYSID_MYGCS";
 
 /// Parameter: whether the fence on board is kept (0 off).
 pub const FENCE_ENABLE: &str = "FENCE_ENABLE";
-/// Parameter: what the vehicle does outside it.
+/// Parameter: what the vehicle does outside it: 0 tells, 1 flies home.
 pub const FENCE_ACTION: &str = "FENCE_ACTION";
 /// Parameter: altitude above home at which RTL flies, m; below 0 the one where it is.
 pub const RTL_ALTITUDE: &str = "RTL_ALTITUDE";
 /// Parameter: the same before ArduPlane 4.5, cm.
 pub const ALT_HOLD_RTL: &str = "ALT_HOLD_RTL";
-/// Parameter: whether RTL goes on to a landing sequence (0 no).
+/// Parameter: whether a landing sequence is used: 0 no, and no arming with one on board; 1 and 2 after RTL;
+/// 3 for DO_LAND_START alone.
 pub const RTL_AUTOLAND: &str = "RTL_AUTOLAND";
 /// Parameter: lowest equivalent airspeed of the automatic modes, m/s.
 pub const AIRSPEED_MIN: &str = "AIRSPEED_MIN";

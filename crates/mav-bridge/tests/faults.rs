@@ -173,6 +173,7 @@ fn says(text: &str) -> STATUSTEXT_DATA {
     STATUSTEXT_DATA {
         severity: MavSeverity::MAV_SEVERITY_WARNING,
         text: text.into(),
+        ..STATUSTEXT_DATA::default()
     }
 }
 

@@ -276,6 +276,7 @@ impl World {
                 let text = STATUSTEXT_DATA {
                     severity: MavSeverity::MAV_SEVERITY_WARNING,
                     text: said.into(),
+                    ..STATUSTEXT_DATA::default()
                 };
                 let frame = self.encoder.encode(&text, None, now);
                 self.bridge.receive(&frame, now, &mut out);

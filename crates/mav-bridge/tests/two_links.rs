@@ -82,8 +82,20 @@ impl Flight {
             ..GLOBAL_POSITION_INT_DATA::default()
         };
         self.say(&position, &mut out);
-        self.say(&ATTITUDE_DATA { time_boot_ms: boot_ms(k), ..ATTITUDE_DATA::default() }, &mut out);
-        self.say(&VFR_HUD_DATA { airspeed: 18.0, ..VFR_HUD_DATA::default() }, &mut out);
+        self.say(
+            &ATTITUDE_DATA {
+                time_boot_ms: boot_ms(k),
+                ..ATTITUDE_DATA::default()
+            },
+            &mut out,
+        );
+        self.say(
+            &VFR_HUD_DATA {
+                airspeed: 18.0,
+                ..VFR_HUD_DATA::default()
+            },
+            &mut out,
+        );
         for before in (0..times).filter(|before| *before <= k) {
             let read = k - before;
             let gas = NAMED_VALUE_FLOAT_DATA {
@@ -134,7 +146,10 @@ fn lost(times: u32) -> f64 {
     }
     for reading in &flight.readings {
         let read = (reading.lat_deg - 43.44) / 1.8e-5;
-        assert!((read - read.round()).abs() < 0.1, "between two readings: {read}");
+        assert!(
+            (read - read.round()).abs() < 0.1,
+            "between two readings: {read}"
+        );
         let ppm = 400.0 + (read.round() as u32 % 1000) as f64 / 10.0;
         assert!((reading.co2_ppm - ppm).abs() < 1e-4, "{reading:?}");
     }
@@ -183,18 +198,33 @@ fn commands_go_over_the_link_that_is_heard() {
         flight.up = [k < 200, true];
         if k % 50 == 0 {
             let now = SimTime::from_s(flight.time_s);
-            flight.bridge.setpoint(&setpoint(k), now, &mut BridgeOutput::default());
+            flight
+                .bridge
+                .setpoint(&setpoint(k), now, &mut BridgeOutput::default());
         }
         flight.tick(k, 1);
         if k == 230 {
             flight.sent.clear();
         }
     }
-    let beats = |link: usize| flight.sent.iter().filter(|(l, f)| *l == link && f[7] == 0).count();
-    assert!(beats(0) >= 16 && beats(0) == beats(1), "heartbeats over both");
+    let beats = |link: usize| {
+        flight
+            .sent
+            .iter()
+            .filter(|(l, f)| *l == link && f[7] == 0)
+            .count()
+    };
+    assert!(
+        beats(0) >= 16 && beats(0) == beats(1),
+        "heartbeats over both"
+    );
     let repositions = |link: usize| {
         let is = |f: &[u8]| f[7] == 75 && f[38] == 192;
-        flight.sent.iter().filter(|(l, f)| *l == link && is(f)).count()
+        flight
+            .sent
+            .iter()
+            .filter(|(l, f)| *l == link && is(f))
+            .count()
     };
     assert!(repositions(0) == 0 && repositions(1) > 0);
 }
@@ -216,7 +246,9 @@ fn a_late_heartbeat_is_no_takeover_and_a_real_one_is_seen() {
     assert_eq!(flight.bridge.level(), ControlLevel::Automatic);
     let now = SimTime::from_s(flight.time_s);
     let late = flight.ports[1].encode(&heartbeat(FBWA), None, now);
-    flight.bridge.receive_over(1, &late, now, &mut BridgeOutput::default());
+    flight
+        .bridge
+        .receive_over(1, &late, now, &mut BridgeOutput::default());
     assert_eq!(flight.bridge.level(), ControlLevel::Automatic);
     for k in 25..40 {
         flight.tick(k, 1);
@@ -238,6 +270,10 @@ fn a_text_over_both_links_is_said_once() {
         ..STATUSTEXT_DATA::default()
     };
     flight.say(&text, &mut out);
-    let said = out.events.iter().filter(|e| e.code == "vehicle-says").count();
+    let said = out
+        .events
+        .iter()
+        .filter(|e| e.code == "vehicle-says")
+        .count();
     assert_eq!(said, 1);
 }

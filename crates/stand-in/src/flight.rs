@@ -2,7 +2,11 @@
 
 use crate::config::StandInConfig;
 use crate::estimator::Estimator;
-use crate::parameters::{AutopilotParameters, RTL_ALTITUDE, WP_LOITER_RAD};
+use crate::item_list::{Item, ItemList};
+use crate::mission_run::{MissionEvent, MissionRun, Place, Surroundings};
+use crate::parameters::{
+    AIRSPEED_MAX, AIRSPEED_MIN, AutopilotParameters, MIN_GROUNDSPEED, RTL_ALTITUDE, WP_LOITER_RAD,
+};
 use crate::reality::Reality;
 use air::geo::Enu;
 use fdm::autopilot::{Autopilot, Demand, Path, Sensed, Sticks};
@@ -18,6 +22,41 @@ const LOOP_S: f64 = 0.02;
 const LONGEST_PAUSE_S: f64 = 10.0;
 /// Height below TKOFF_ALT at which the climb of mode TAKEOFF is done, m.
 const CLIMB_DONE_M: f64 = 5.0;
+
+/// Farthest rally point that it returns to, m.
+const RALLY_WITHIN_M: f64 = 5000.0;
+
+/// What the ground has told it to fly by.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Orders<'a> {
+    pub parameters: &'a AutopilotParameters,
+    pub mission: &'a [Item],
+    pub rally: &'a [Item],
+}
+
+impl<'a> Orders<'a> {
+    pub(crate) fn new(parameters: &'a AutopilotParameters, lists: &'a [ItemList; 3]) -> Self {
+        Self {
+            parameters,
+            mission: lists[0].items(),
+            rally: lists[2].items(),
+        }
+    }
+}
+
+/// What guides it now.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Guidance {
+    /// Bank and pitch asked for, rad.
+    pub bank_rad: f64,
+    pub pitch_rad: f64,
+    /// Where it flies to, or around; none by hand and in TAKEOFF.
+    pub target: Option<Place>,
+    /// Distance from the line that it follows, m.
+    pub across_m: f64,
+    /// True airspeed asked for, m/s.
+    pub airspeed_m_s: f64,
+}
 
 /// Where it took off and comes home to.
 #[derive(Debug, Clone, Copy)]
@@ -45,6 +84,9 @@ pub(crate) struct FlightController {
     estimator: Estimator,
     sensed: Sensed,
     home: HomePosition,
+    mission: MissionRun,
+    /// What its mission has to say to the ground.
+    events: Vec<MissionEvent>,
     slow_s: f64,
     mode: u32,
     armed: bool,
@@ -55,6 +97,8 @@ pub(crate) struct FlightController {
     airspeed_m_s: f64,
     cruise_m_s: f64,
     climbing: bool,
+    /// Where RTL leads.
+    return_to: Option<Place>,
 }
 
 impl FlightController {
@@ -78,6 +122,8 @@ impl FlightController {
             estimator,
             sensed,
             home,
+            mission: MissionRun::new(),
+            events: Vec::new(),
             slow_s: SLOW_S,
             mode: MANUAL,
             armed: false,
@@ -92,6 +138,7 @@ impl FlightController {
             airspeed_m_s: cruise_m_s,
             cruise_m_s,
             climbing: false,
+            return_to: None,
             sim,
         })
     }
@@ -126,10 +173,70 @@ impl FlightController {
         self.home
     }
 
+    pub(crate) fn set_home(&mut self, place: Place) {
+        self.home.at = place.at;
+        self.home.ground_amsl_m = place.alt_amsl_m;
+    }
+
+    /// Where it is, as it estimates.
+    pub(crate) fn here(&self) -> Place {
+        Place {
+            at: Enu {
+                east_m: self.sensed.east_m,
+                north_m: self.sensed.north_m,
+            },
+            alt_amsl_m: self.sensed.alt_amsl_m,
+        }
+    }
+
+    /// How far its mission has been flown.
+    pub(crate) fn mission(&self) -> &MissionRun {
+        &self.mission
+    }
+
+    /// What its mission did since the last call.
+    pub(crate) fn take_events(&mut self) -> Vec<MissionEvent> {
+        std::mem::take(&mut self.events)
+    }
+
+    /// What guides it now.
+    pub(crate) fn guidance(&self) -> Guidance {
+        let status = self.autopilot.status();
+        let target = match (self.mode, self.target.path) {
+            (AUTO, _) => self.mission.target(),
+            (RTL, _) => self.return_to,
+            (TAKEOFF, _) => None,
+            (
+                _,
+                Path::Orbit {
+                    north_m, east_m, ..
+                },
+            ) if !is_manual(self.mode) => Some(Place {
+                at: Enu { east_m, north_m },
+                alt_amsl_m: self.target.alt_amsl_m,
+            }),
+            _ => None,
+        };
+        Guidance {
+            bank_rad: status.bank_command_rad,
+            pitch_rad: status.pitch_command_rad,
+            target,
+            across_m: self.mission.across_m(self.here().at),
+            airspeed_m_s: self.airspeed_m_s,
+        }
+    }
+
+    pub(crate) fn sticks(&self) -> Sticks {
+        self.sticks
+    }
+
     pub(crate) fn set_armed(&mut self, armed: bool) {
         self.armed = armed;
         if !armed {
             self.autopilot.reset();
+            if self.mode == AUTO {
+                self.mission.reset();
+            }
         }
     }
 
@@ -139,20 +246,29 @@ impl FlightController {
 
     /// Enters a mode; false if it has no such mode.
     pub(crate) fn set_mode(&mut self, mode: u32, parameters: &AutopilotParameters) -> bool {
-        let known = matches!(mode, RTL | TAKEOFF | GUIDED | LOITER | CIRCLE) || is_manual(mode);
+        let known = MODES.iter().any(|&(m, _)| m == mode);
         if known && mode != self.mode {
+            if mode == AUTO {
+                self.mission.start_or_resume();
+            } else {
+                self.mission.stop();
+            }
             self.mode = mode;
             self.airspeed_m_s = self.cruise_m_s;
             self.climbing = mode == TAKEOFF;
+            self.return_to = None;
             self.loiter_here(parameters);
         }
         known
     }
 
-    /// Flies the landing sequence at home.
-    pub(crate) fn land(&mut self) {
-        self.mode = AUTO;
-        self.airspeed_m_s = self.cruise_m_s;
+    /// Goes on with another item of its mission; false if there is none of that number.
+    pub(crate) fn set_mission_item(&mut self, index: usize, orders: &Orders) -> bool {
+        let found = self.mission.set_current(index, orders.mission);
+        if found && self.mode == AUTO {
+            self.mission.start_or_resume();
+        }
+        found
     }
 
     fn loiter_here(&mut self, parameters: &AutopilotParameters) {
@@ -162,8 +278,8 @@ impl FlightController {
                 east_m: here.east_m,
                 north_m: here.north_m,
             },
-            parameters.get(WP_LOITER_RAD),
-            true,
+            parameters.get(WP_LOITER_RAD).abs(),
+            parameters.get(WP_LOITER_RAD) >= 0.0,
         );
         self.target.alt_amsl_m = here.alt_amsl_m;
     }
@@ -183,9 +299,32 @@ impl FlightController {
         self.target.alt_amsl_m = alt_amsl_m;
     }
 
-    /// Gives the automatic modes their true airspeed, until the mode changes.
-    pub(crate) fn set_airspeed(&mut self, airspeed_m_s: f64) {
-        self.airspeed_m_s = airspeed_m_s;
+    /// Gives GUIDED a course over ground or a heading instead of a place, degrees.
+    pub(crate) fn set_direction(&mut self, deg: f64, over_ground: bool) {
+        self.target.path = if over_ground {
+            Path::Course { deg }
+        } else {
+            Path::Heading { deg }
+        };
+    }
+
+    /// Gives GUIDED and AUTO their equivalent airspeed, m/s, until the mode changes; -2 is the usual
+    /// one. False outside the limits.
+    pub(crate) fn set_airspeed(
+        &mut self,
+        eas_m_s: f64,
+        eas_over_tas: f64,
+        parameters: &AutopilotParameters,
+    ) -> bool {
+        let limits = parameters.get(AIRSPEED_MIN)..=parameters.get(AIRSPEED_MAX);
+        if eas_m_s == -2.0 {
+            self.airspeed_m_s = self.cruise_m_s;
+        } else if limits.contains(&eas_m_s) {
+            self.airspeed_m_s = eas_m_s / eas_over_tas;
+        } else {
+            return false;
+        }
+        true
     }
 
     /// Flies for `dt_s` up to `time_s`.
@@ -194,7 +333,7 @@ impl FlightController {
         dt_s: f64,
         time_s: f64,
         reality: &mut Reality,
-        parameters: &AutopilotParameters,
+        orders: &Orders,
         rng: &mut ChaCha8Rng,
     ) {
         let span_s = dt_s.clamp(0.0, LONGEST_PAUSE_S);
@@ -202,7 +341,7 @@ impl FlightController {
         // The autopilot's loops are tuned for 50 Hz: a longer tick is flown in several steps.
         let steps = (span_s / LOOP_S - 1e-6).ceil().max(0.0);
         for _ in 0..steps as usize {
-            self.step(span_s / steps, time_s, reality, parameters, rng);
+            self.step(span_s / steps, time_s, reality, orders, rng);
         }
     }
 
@@ -211,7 +350,7 @@ impl FlightController {
         dt_s: f64,
         time_s: f64,
         reality: &mut Reality,
-        parameters: &AutopilotParameters,
+        orders: &Orders,
         rng: &mut ChaCha8Rng,
     ) {
         let state = self.sim.state();
@@ -228,31 +367,104 @@ impl FlightController {
         self.sensed = self
             .estimator
             .sensed(&self.sim.sensed(), around.density_kg_m3);
-        let command = self.command(dt_s, parameters);
+        let mission_path = self.fly_mission(time_s, reality, orders);
+        let command = self.command(dt_s, mission_path, reality, orders);
         self.sim.step(dt_s, &around, &command);
-        if self.mode == AUTO && self.armed && self.sim.state().phase == FlightPhase::OnGround {
+        let landed = self.sim.state().phase == FlightPhase::OnGround;
+        let landing = self.mode == AUTO && self.mission.is_landing(orders.mission);
+        if landing && self.armed && landed {
             self.set_armed(false);
         }
     }
 
-    fn command(&mut self, dt_s: f64, parameters: &AutopilotParameters) -> SurfaceCommand {
+    /// The path of its mission at this moment; none in any mode but AUTO.
+    fn fly_mission(
+        &mut self,
+        time_s: f64,
+        reality: &Reality,
+        orders: &Orders,
+    ) -> Option<(Path, f64)> {
+        if self.mode != AUTO {
+            return None;
+        }
+        let path = self.mission.fly(&Surroundings {
+            items: orders.mission,
+            sensed: &self.sensed,
+            home: self.home,
+            parameters: orders.parameters,
+            reality,
+            time_s,
+        });
+        for event in self.mission.take_events() {
+            match event {
+                MissionEvent::Mode(mode) => {
+                    self.set_mode(mode, orders.parameters);
+                }
+                MissionEvent::Speed(0.0, m_s) => {
+                    let eas_over_tas = reality.eas_over_tas();
+                    self.set_airspeed(f64::from(m_s), eas_over_tas, orders.parameters);
+                }
+                MissionEvent::Home(place) => {
+                    self.set_home(place.unwrap_or(self.here()));
+                    self.events.push(MissionEvent::Home(None));
+                }
+                event => self.events.push(event),
+            }
+        }
+        path
+    }
+
+    fn command(
+        &mut self,
+        dt_s: f64,
+        mission_path: Option<(Path, f64)>,
+        reality: &Reality,
+        orders: &Orders,
+    ) -> SurfaceCommand {
         if !self.armed {
             return SurfaceCommand::default();
         }
         if is_manual(self.mode) {
             return self.autopilot.fly_by_wire(dt_s, &self.sensed, &self.sticks);
         }
-        let demand = self.demand(parameters);
+        let demand = self.demand(mission_path, reality, orders);
         self.autopilot.command(dt_s, &self.sensed, &demand)
     }
 
-    fn demand(&mut self, parameters: &AutopilotParameters) -> Demand {
+    /// Where RTL leads: to the nearest rally point, else home.
+    fn place_of_return(&mut self, reality: &Reality, orders: &Orders) -> Place {
+        if let Some(place) = self.return_to {
+            return place;
+        }
+        let here = self.here().at;
+        let distance_m = |place: &Place| place.at.distance_m(here);
+        let home = Place {
+            at: self.home.at,
+            alt_amsl_m: self.home.ground_amsl_m + orders.parameters.get(RTL_ALTITUDE),
+        };
+        let rally = orders.rally.iter().map(|point| Place {
+            at: crate::fence::local((point.x, point.y), &reality.frame),
+            alt_amsl_m: self.home.ground_amsl_m + f64::from(point.z),
+        });
+        let nearest = rally
+            .filter(|place| distance_m(place) <= RALLY_WITHIN_M)
+            .min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)));
+        *self.return_to.insert(nearest.unwrap_or(home))
+    }
+
+    fn demand(
+        &mut self,
+        mission_path: Option<(Path, f64)>,
+        reality: &Reality,
+        orders: &Orders,
+    ) -> Demand {
         let home = self.home;
-        let circle_home = Path::Orbit {
-            north_m: home.at.north_m,
-            east_m: home.at.east_m,
-            radius_m: parameters.get(WP_LOITER_RAD),
-            clockwise: true,
+        let parameters = orders.parameters;
+        let circle = |at: Enu| Path::Orbit {
+            north_m: at.north_m,
+            east_m: at.east_m,
+            radius_m: parameters.get(WP_LOITER_RAD).abs(),
+            clockwise: parameters.get(WP_LOITER_RAD) >= 0.0,
         };
         let (path, alt_amsl_m) = match self.mode {
             TAKEOFF => {
@@ -261,29 +473,37 @@ impl FlightController {
                 let ahead = Path::TakeOff {
                     heading_deg: home.heading_deg,
                 };
-                let path = if self.climbing { ahead } else { circle_home };
+                let path = if self.climbing {
+                    ahead
+                } else {
+                    circle(home.at)
+                };
                 (path, up_m)
             }
-            RTL => (
-                circle_home,
-                home.ground_amsl_m + parameters.get(RTL_ALTITUDE),
-            ),
-            AUTO => {
-                let land = Path::Land {
-                    north_m: home.at.north_m,
-                    east_m: home.at.east_m,
-                    ground_amsl_m: home.ground_amsl_m,
-                    course_deg: None,
-                };
-                (land, self.sensed.alt_amsl_m)
+            RTL => {
+                let place = self.place_of_return(reality, orders);
+                (circle(place.at), place.alt_amsl_m)
             }
+            AUTO => mission_path.unwrap_or((self.target.path, self.target.alt_amsl_m)),
             _ => (self.target.path, self.target.alt_amsl_m),
         };
         Demand {
             path,
             alt_amsl_m,
-            airspeed_m_s: self.airspeed_m_s,
+            airspeed_m_s: self.airspeed_m_s + self.slow_over_ground_m_s(reality, parameters),
         }
+    }
+
+    /// What the airspeed lacks for the least ground speed asked for, m/s, as far as the airframe's
+    /// limit goes.
+    fn slow_over_ground_m_s(&self, reality: &Reality, parameters: &AutopilotParameters) -> f64 {
+        let least_m_s = parameters.get(MIN_GROUNDSPEED);
+        if least_m_s <= 0.0 {
+            return 0.0;
+        }
+        let [north, east, _] = self.sensed.vel_ned_m_s;
+        let fastest_m_s = parameters.get(AIRSPEED_MAX) / reality.eas_over_tas();
+        (least_m_s - north.hypot(east)).clamp(0.0, (fastest_m_s - self.airspeed_m_s).max(0.0))
     }
 }
 
@@ -294,8 +514,25 @@ const CENTRED: Sticks = Sticks {
     throttle: 0.55,
 };
 
+/// The modes that it has, with their names as AVAILABLE_MODES tells them.
+pub(crate) const MODES: [(u32, &str); 14] = [
+    (MANUAL, "Manual"),
+    (CIRCLE, "Circle"),
+    (2, "Stabilize"),
+    (3, "Training"),
+    (4, "Acro"),
+    (FBWA, "FBWA"),
+    (6, "FBWB"),
+    (7, "Cruise"),
+    (8, "Autotune"),
+    (AUTO, "Auto"),
+    (RTL, "RTL"),
+    (LOITER, "Loiter"),
+    (GUIDED, "Guided"),
+    (TAKEOFF, "Takeoff"),
+];
+
 /// Modes in which a pilot's sticks fly; all of them with stabilisation here.
 pub(crate) fn is_manual(mode: u32) -> bool {
-    // STABILIZE, FBWB and CRUISE beside the named ones.
-    matches!(mode, MANUAL | FBWA | 2 | 6 | 7)
+    matches!(mode, MANUAL | FBWA) || (2..=4).contains(&mode) || (6..=8).contains(&mode)
 }

@@ -31,19 +31,21 @@
 //! (`time_boot_ms` counts from the mission's start), the random numbers come from the generator
 //! it is made with; the same seed and the same frames in give the same frames out, bit for bit.
 //!
-//! What it does as ArduPlane does: modes MANUAL, FBWA and their like (flown by sticks), LOITER,
-//! CIRCLE, TAKEOFF, GUIDED, RTL, and AUTO for its landing sequence at home; commands and their
-//! answers (DO_SET_MODE, NAV_RETURN_TO_LAUNCH, NAV_LOITER_UNLIM, COMPONENT_ARM_DISARM,
-//! DO_REPOSITION, DO_CHANGE_SPEED, DO_LAND_START, REQUEST_MESSAGE, SET_MESSAGE_INTERVAL and their
-//! older forms; every other one is answered with UNSUPPORTED); parameters by name; the failsafe on
-//! loss of the ground station. What it does not: missions (none is on board, none is taken),
-//! calibration, terrain following, quadplanes.
+//! What it does as ArduPlane 4.8 does: its fixed-wing modes, AUTO with an uploaded mission among them;
+//! missions, fences and rally points by the mission protocol; the usual streams, single messages,
+//! parameters, clock, ping; commands with their answers and refusals, every one answered; the fence
+//! and the failsafe on loss of the ground station. `docs/mavlink.md` has the list, and what it does
+//! not do. Inside, `vehicle` speaks, `item_list` carries missions over, `mission_run` flies them by
+//! `flight`.
 
 mod config;
 mod error;
 mod estimator;
+mod fence;
 mod flight;
+mod item_list;
 pub mod json_backend;
+mod mission_run;
 mod parameters;
 mod reality;
 mod streams;

@@ -1,6 +1,9 @@
 //! The parameters that the stand-in shares with an ArduPlane, by the same names.
 
-pub(crate) use mav_bridge::arduplane::SYSID_MYGCS;
+pub(crate) use mav_bridge::arduplane::{
+    AIRSPEED_MAX, AIRSPEED_MIN, FENCE_ACTION, FENCE_ENABLE, MAV_GCS_SYSID, RTL_ALTITUDE,
+    RTL_AUTOLAND,
+};
 use mav_bridge::arduplane::{FS_GCS_ENABL, FS_LONG_ACTN, TKOFF_ALT};
 use mav_bridge::dialect::MavParamType;
 
@@ -8,29 +11,43 @@ use mav_bridge::dialect::MavParamType;
 /// ArduPlane's own, they bring the vehicle home when the ground station falls silent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AutopilotParameters {
-    values: [(&'static str, f32); 9],
+    values: Vec<(&'static str, f32)>,
 }
 
 pub(crate) const FS_LONG_TIMEOUT: &str = "FS_LONG_TIMEOUT";
-pub(crate) const RTL_ALTITUDE: &str = "RTL_ALTITUDE";
+/// Its own system id; SYSID_THISMAV before ArduPlane 4.7.
+const MAV_SYSID: &str = "MAV_SYSID";
 pub(crate) const WP_LOITER_RAD: &str = "WP_LOITER_RAD";
-pub(crate) const AIRSPEED_MIN: &str = "AIRSPEED_MIN";
-pub(crate) const AIRSPEED_MAX: &str = "AIRSPEED_MAX";
+/// Distance at which a waypoint counts as reached, m.
+pub(crate) const WP_RADIUS: &str = "WP_RADIUS";
+/// Ground speed below which airspeed is added, m/s; 0: off.
+pub(crate) const MIN_GROUNDSPEED: &str = "MIN_GROUNDSPEED";
+/// How many items of each kind are on board; not to be set by hand.
+pub(crate) const TOTALS: [&str; 3] = ["MIS_TOTAL", "FENCE_TOTAL", "RALLY_TOTAL"];
 
 impl AutopilotParameters {
     /// Those of an airframe that flies between two equivalent airspeeds, m/s.
     pub fn new(airspeed_min_m_s: f64, airspeed_max_m_s: f64, loiter_radius_m: f64) -> Self {
         Self {
-            values: [
+            values: vec![
                 (AIRSPEED_MAX, airspeed_max_m_s as f32),
                 (AIRSPEED_MIN, airspeed_min_m_s as f32),
+                (FENCE_ACTION, 1.0),
+                (FENCE_ENABLE, 0.0),
+                (TOTALS[1], 0.0),
                 (FS_GCS_ENABL, 1.0),
                 (FS_LONG_ACTN, 1.0),
                 (FS_LONG_TIMEOUT, 5.0),
+                (MAV_GCS_SYSID, 255.0),
+                (MAV_SYSID, 1.0),
+                (MIN_GROUNDSPEED, 0.0),
+                (TOTALS[0], 0.0),
+                (TOTALS[2], 0.0),
                 (RTL_ALTITUDE, 100.0),
-                (SYSID_MYGCS, 255.0),
+                (RTL_AUTOLAND, 3.0),
                 (TKOFF_ALT, 50.0),
                 (WP_LOITER_RAD, loiter_radius_m as f32),
+                (WP_RADIUS, 90.0),
             ],
         }
     }
@@ -52,6 +69,17 @@ impl AutopilotParameters {
         }
     }
 
+    /// Those of the system of this id.
+    pub(crate) fn of_system(mut self, system_id: u8) -> Self {
+        self.set(MAV_SYSID, f32::from(system_id));
+        self
+    }
+
+    /// Whether a ground station may set the parameter of this name.
+    pub(crate) fn is_open(name: &str) -> bool {
+        name != MAV_SYSID && !TOTALS.contains(&name)
+    }
+
     /// All of them, in order of name.
     pub fn all(&self) -> &[(&'static str, f32)] {
         &self.values
@@ -60,8 +88,13 @@ impl AutopilotParameters {
     /// The type that ArduPlane has for the parameter of this name.
     pub(crate) fn kind(name: &str) -> MavParamType {
         match name {
-            FS_GCS_ENABL | FS_LONG_ACTN => MavParamType::MAV_PARAM_TYPE_INT8,
-            SYSID_MYGCS | TKOFF_ALT => MavParamType::MAV_PARAM_TYPE_INT16,
+            FS_GCS_ENABL | FS_LONG_ACTN | RTL_AUTOLAND | FENCE_ENABLE | FENCE_ACTION => {
+                MavParamType::MAV_PARAM_TYPE_INT8
+            }
+            MAV_GCS_SYSID | MAV_SYSID | TKOFF_ALT | WP_RADIUS | MIN_GROUNDSPEED => {
+                MavParamType::MAV_PARAM_TYPE_INT16
+            }
+            name if TOTALS.contains(&name) => MavParamType::MAV_PARAM_TYPE_INT16,
             _ => MavParamType::MAV_PARAM_TYPE_REAL32,
         }
     }

@@ -3,7 +3,7 @@
 use crate::config::StandInConfig;
 use air::dryden::{Dryden, Turbulence};
 use air::geo::{Enu, LocalFrame};
-use air::isa::Air;
+use air::isa::{Air, Atmosphere};
 use air::terrain::Terrain;
 use air::wind::{WindProfile, WindSeries, WindVector};
 use fdm::{AirAround, FlightState};
@@ -81,13 +81,24 @@ impl Reality {
 
     /// Height of the ground below, m above mean sea level.
     pub(crate) fn ground_amsl_m(&self, state: &FlightState) -> f64 {
+        self.ground_at_amsl_m(Enu {
+            east_m: state.east_m,
+            north_m: state.north_m,
+        })
+    }
+
+    /// Height of the ground at a place, m above mean sea level.
+    pub(crate) fn ground_at_amsl_m(&self, at: Enu) -> f64 {
         match &self.terrain {
             Terrain::Flat(ground_amsl_m) => *ground_amsl_m,
-            terrain => terrain.ground_amsl_m(self.frame.to_geodetic(Enu {
-                east_m: state.east_m,
-                north_m: state.north_m,
-            })),
+            terrain => terrain.ground_amsl_m(self.frame.to_geodetic(at)),
         }
+    }
+
+    /// Equivalent over true airspeed in the air at the vehicle.
+    pub(crate) fn eas_over_tas(&self) -> f64 {
+        let sea_level = Atmosphere::standard().at(0.0).density_kg_m3();
+        (self.air.density_kg_m3() / sea_level).sqrt()
     }
 
     /// What changes slowly: mean wind, turbulence and air at the vehicle's height.

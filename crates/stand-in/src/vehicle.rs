@@ -1,17 +1,24 @@
 //! The vehicle: what it does when time passes and frames come in.
 
 mod commands;
+mod fencing;
+mod missions;
 mod receiving;
+mod status;
 mod telemetry;
 
 use crate::config::StandInConfig;
 use crate::error::StandInError;
-use crate::flight::{FlightController, HomePosition};
+use crate::fence::Fence;
+use crate::flight::{FlightController, HomePosition, Orders};
+use crate::item_list::ItemList;
 use crate::parameters::AutopilotParameters;
 use crate::reality::Reality;
 use crate::streams::{Stream, default_streams};
 use fdm::FlightState;
 use fdm::autopilot::Sticks;
+use fencing::Breach;
+use mav_bridge::dialect::MavMissionType;
 use mav_bridge::signing::Signing;
 use mav_bridge::wire::{FrameDecoder, FrameEncoder, LinkStatistics};
 use protocol::SimTime;
@@ -25,7 +32,12 @@ const AUTOPILOT: u8 = 1;
 pub struct StandIn {
     system_id: u8,
     parameters: AutopilotParameters,
-    has_landing_sequence: bool,
+    /// Where it was switched on, which is the origin of its filter.
+    origin: HomePosition,
+    /// Mission, fence and rally points on board.
+    lists: [ItemList; 3],
+    fence: Fence,
+    breach: Option<Breach>,
     rng: ChaCha8Rng,
     reality: Reality,
     flight: FlightController,
@@ -33,8 +45,10 @@ pub struct StandIn {
     encoder: FrameEncoder,
     signing: Option<Signing>,
     streams: Vec<Stream>,
-    /// Messages asked for once.
-    requested: Vec<u32>,
+    /// Messages asked for once, each with what is asked of it.
+    requested: Vec<(u32, u32)>,
+    /// The mission item that it last told as the current one.
+    told_item: u16,
     out: Vec<Vec<u8>>,
     last: Option<SimTime>,
     gas_sampled_at: Option<SimTime>,
@@ -51,6 +65,11 @@ impl StandIn {
     pub fn new(config: StandInConfig, mut rng: ChaCha8Rng) -> Result<Self, StandInError> {
         let home = HomePosition::of(&config);
         let flight = FlightController::new(&config.aircraft, home, &mut rng)?;
+        let mission = if config.has_landing_sequence {
+            missions::landing_at(config.home)
+        } else {
+            Vec::new()
+        };
         Ok(Self {
             reality: Reality::of(&config),
             flight,
@@ -58,11 +77,19 @@ impl StandIn {
             encoder: FrameEncoder::new(config.system_id, AUTOPILOT),
             signing: config.signing.map(Signing::new),
             system_id: config.system_id,
-            parameters: config.parameters,
-            has_landing_sequence: config.has_landing_sequence,
+            parameters: config.parameters.of_system(config.system_id),
+            origin: home,
+            lists: [
+                ItemList::new(MavMissionType::MAV_MISSION_TYPE_MISSION, mission),
+                ItemList::new(MavMissionType::MAV_MISSION_TYPE_FENCE, Vec::new()),
+                ItemList::new(MavMissionType::MAV_MISSION_TYPE_RALLY, Vec::new()),
+            ],
+            fence: Fence::default(),
+            breach: None,
             rng,
             streams: default_streams(),
             requested: Vec::new(),
+            told_item: 0,
             out: Vec::new(),
             last: None,
             gas_sampled_at: None,
@@ -77,20 +104,23 @@ impl StandIn {
     /// backwards stands still.
     pub fn step(&mut self, now: SimTime, frames_in: &[Vec<u8>]) -> Vec<Vec<u8>> {
         self.receive(frames_in, now);
+        self.remind_uploads(now);
         self.check_gcs_failsafe(now);
+        self.check_fence(now);
         let dt_s = self.last.map_or(0.0, |last| now.since_s(last));
         if dt_s > 0.0 {
             self.flight.advance(
                 dt_s,
                 now.s(),
                 &mut self.reality,
-                &self.parameters,
+                &Orders::new(&self.parameters, &self.lists),
                 &mut self.rng,
             );
             if self.flight.armed() {
                 self.armed_s += dt_s;
             }
         }
+        self.tell_mission(now);
         self.last = Some(self.last.map_or(now, |last| last.max(now)));
         self.send_due(now);
         std::mem::take(&mut self.out)

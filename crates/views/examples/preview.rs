@@ -14,7 +14,7 @@ use tokio::sync::{mpsc, watch};
 use views::live::LiveState;
 use views::page::{self, PageCommand};
 
-#[tokio::main]
+#[tokio::main(flavor = "current_thread")]
 async fn main() {
     let folder = std::env::args()
         .nth(1)

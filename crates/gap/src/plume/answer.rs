@@ -74,6 +74,7 @@ pub(crate) fn stated(
     let json = GapJson {
         schema: SCHEMA,
         gas: Some(gas),
+        readings: None,
         verdict,
         summary: summary(
             gas,
@@ -625,6 +626,7 @@ pub(crate) fn nothing_to_tell(
     let json = GapJson {
         schema: SCHEMA,
         gas: Some(setup.gas()),
+        readings: None,
         verdict: Verdict::Insufficient,
         summary: reason.clone(),
         causes: Vec::new(),

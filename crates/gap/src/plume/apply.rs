@@ -16,7 +16,7 @@ use super::{
 };
 use crate::GapError;
 use crate::applied::{Applied, Earlier, Outcome, scores_in_words};
-use crate::verdict::{Cause, GapJson, SCHEMA};
+use crate::verdict::{Cause, GapJson, Readings, SCHEMA};
 
 /// Holds the causes of `earlier` against readings that had no part in finding them: scores of base and
 /// extension on passes of the new readings, of which the other passes have fitted what the scenario marks
@@ -33,9 +33,11 @@ pub fn apply(
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Analysis, GapError> {
     let mut tell = |part: f64, doing: &'static str| progress(Progress { part, doing });
+    let readings = Readings::of(observations);
     let (observations, zero_s) = observations.counted_from_near_zero()?;
     let setup = &setup.counted_from(zero_s);
     let (extension, mut notices) = extension(earlier, &observations)?;
+    notices.extend(earlier.was_found_in(&readings));
     earlier.check_gas(setup.gas())?;
     tell(0.0, "looking at the raw data");
     let (passed, quality) = gate::passed(setup, &observations)?;
@@ -93,6 +95,7 @@ pub fn apply(
     let json = GapJson {
         schema: SCHEMA,
         gas: Some(setup.gas()),
+        readings: Some(readings),
         verdict: earlier.verdict,
         summary: applied.says.clone(),
         causes: earlier.causes.clone(),

@@ -42,10 +42,14 @@ fn a_lag_found_in_one_flight_helps_in_another_and_hurts_where_there_is_none() {
     );
     let text = found.unwrap().json.to_json().unwrap();
     let earlier = Earlier::parse("gap.json", &text).unwrap();
+    let warned = |a: &Analysis| a.json.notices.iter().any(|n| n.contains("was found in"));
+    // It helps where it was found, of course.
+    assert!(warned(&run(&observe(&[LAG], 11), &earlier).unwrap()));
     for (hidden, outcome) in [(&[LAG][..], Outcome::Helps), (&[], Outcome::Hurts)] {
         let a = run(&observe(hidden, 21), &earlier).unwrap();
         let said = a.json.applied.as_ref().unwrap();
         assert_eq!(said.outcome, outcome, "{}", said.says);
+        assert!(!warned(&a));
         assert_eq!(a.json.causes[0].parameters, earlier.causes[0].parameters);
         assert!(said.fitted.contains(&"source.emission_kg_s".to_owned()));
         assert_eq!(a.json.base.len(), 3);

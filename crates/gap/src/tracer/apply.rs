@@ -82,6 +82,7 @@ pub fn apply(tables: &Tables, earlier: &Earlier, seed: u64) -> Result<TracerRepo
         gap: GapJson {
             schema: SCHEMA,
             gas: None,
+            readings: None,
             verdict: earlier.verdict,
             summary: applied.says.clone(),
             causes: earlier.causes.clone(),

@@ -56,7 +56,8 @@ impl RawFrame {
         self.bytes[2] & FLAG_SIGNED != 0
     }
 
-    fn payload(&self) -> &[u8] {
+    /// The payload; zeros at its end are not sent.
+    pub fn payload(&self) -> &[u8] {
         &self.bytes[HEADER_LEN..HEADER_LEN + usize::from(self.bytes[1])]
     }
 

@@ -2,22 +2,22 @@
 //! command is answered, those it does not know too.
 #![allow(deprecated, reason = "ground stations still send the older forms")]
 
+mod flying;
+
 use super::StandIn;
-use crate::flight::is_manual;
-use crate::parameters::{AIRSPEED_MAX, AIRSPEED_MIN, WP_LOITER_RAD};
-use air::geo::Geodetic;
-use mav_bridge::arduplane::{GUIDED, LOITER, RTL};
+use mav_bridge::arduplane::{AUTO, LOITER, MANUAL, RTL};
 use mav_bridge::dialect::{
     AUTOPILOT_VERSION_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, GPS_GLOBAL_ORIGIN_DATA,
-    HOME_POSITION_DATA, MESSAGE_INTERVAL_DATA, MavCmd, MavFrame, MavResult, MavSeverity,
+    HOME_POSITION_DATA, MESSAGE_INTERVAL_DATA, MISSION_CURRENT_DATA, MavCmd, MavFrame, MavResult,
+    MavSeverity, PROTOCOL_VERSION_DATA,
 };
 use mav_bridge::wire::{CommandAck, MessageData as _};
 use protocol::SimTime;
 
 use MavResult::{
     MAV_RESULT_ACCEPTED as ACCEPTED, MAV_RESULT_COMMAND_INT_ONLY as COMMAND_INT_ONLY,
-    MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME as UNSUPPORTED_FRAME, MAV_RESULT_DENIED as DENIED,
-    MAV_RESULT_FAILED as FAILED, MAV_RESULT_UNSUPPORTED as UNSUPPORTED,
+    MAV_RESULT_DENIED as DENIED, MAV_RESULT_FAILED as FAILED,
+    MAV_RESULT_TEMPORARILY_REJECTED as NOT_NOW, MAV_RESULT_UNSUPPORTED as UNSUPPORTED,
 };
 
 /// Time after start-up before which it does not arm, s: its filter settles.
@@ -36,47 +36,105 @@ impl StandIn {
         self.acknowledge(command, UNSUPPORTED, now);
     }
 
+    /// The older form, with its place in floats.
     pub(crate) fn command_long(&mut self, m: &COMMAND_LONG_DATA, now: SimTime) {
-        let result = match m.command {
-            // A place in whole numbers is exact; one in floats is not.
-            MavCmd::MAV_CMD_DO_REPOSITION => COMMAND_INT_ONLY,
-            _ => self.command(m.command, [m.param1, m.param2], now),
+        // A place in whole numbers is exact; one in floats is not.
+        if m.command == MavCmd::MAV_CMD_DO_REPOSITION {
+            return self.acknowledge(m.command as u16, COMMAND_INT_ONLY, now);
+        }
+        let (x, y, z, frame) = match m.command {
+            MavCmd::MAV_CMD_DO_SET_HOME => {
+                let whole = |deg: f32| (f64::from(deg) * 1e7).round() as i32;
+                let frame = MavFrame::MAV_FRAME_GLOBAL;
+                (whole(m.param5), whole(m.param6), m.param7, frame)
+            }
+            // A multicopter's, upwards from where it is.
+            MavCmd::MAV_CMD_NAV_TAKEOFF => (0, 0, -m.param7, MavFrame::MAV_FRAME_LOCAL_OFFSET_NED),
+            _ => {
+                let frame = MavFrame::MAV_FRAME_GLOBAL_RELATIVE_ALT;
+                (m.param5 as i32, m.param6 as i32, m.param7, frame)
+            }
         };
-        self.acknowledge(m.command as u16, result, now);
+        let whole = COMMAND_INT_DATA {
+            param1: m.param1,
+            param2: m.param2,
+            param3: m.param3,
+            param4: m.param4,
+            x,
+            y,
+            z,
+            command: m.command,
+            target_system: m.target_system,
+            target_component: m.target_component,
+            frame,
+            ..COMMAND_INT_DATA::default()
+        };
+        self.command_int(&whole, now);
     }
 
     pub(crate) fn command_int(&mut self, m: &COMMAND_INT_DATA, now: SimTime) {
-        let result = match m.command {
-            MavCmd::MAV_CMD_DO_REPOSITION => self.reposition(m),
-            _ => self.command(m.command, [m.param1, m.param2], now),
-        };
+        let result = self.obey(m, now);
         self.acknowledge(m.command as u16, result, now);
     }
 
-    /// Commands without a place, of either form.
-    fn command(&mut self, command: MavCmd, [p1, p2]: [f32; 2], now: SimTime) -> MavResult {
-        match command {
+    /// Commands that change how it flies, or what it is asked for.
+    fn obey(&mut self, m: &COMMAND_INT_DATA, now: SimTime) -> MavResult {
+        let (p1, p2) = (m.param1, m.param2);
+        match m.command {
             MavCmd::MAV_CMD_DO_SET_MODE if p1 as u8 & 1 == 0 => DENIED,
             MavCmd::MAV_CMD_DO_SET_MODE => self.change_mode(p2 as u32),
             MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH => self.change_mode(RTL),
             MavCmd::MAV_CMD_NAV_LOITER_UNLIM => self.change_mode(LOITER),
+            MavCmd::MAV_CMD_MISSION_START if p1 != 0.0 || p2 != 0.0 => DENIED,
+            MavCmd::MAV_CMD_MISSION_START => self.change_mode(AUTO),
             MavCmd::MAV_CMD_COMPONENT_ARM_DISARM => self.arm(p1 == 1.0, p2, now),
-            MavCmd::MAV_CMD_DO_CHANGE_SPEED => self.change_speed(p1, p2),
-            MavCmd::MAV_CMD_DO_LAND_START if !self.has_landing_sequence => FAILED,
-            MavCmd::MAV_CMD_DO_LAND_START => {
-                self.flight.land();
-                ACCEPTED
-            }
+            MavCmd::MAV_CMD_DO_REPOSITION => self.reposition(m),
+            MavCmd::MAV_CMD_DO_CHANGE_ALTITUDE => self.change_altitude(p1, p2),
+            MavCmd::MAV_CMD_DO_CHANGE_SPEED => self.change_speed(p1, p2, now),
+            MavCmd::MAV_CMD_GUIDED_CHANGE_SPEED
+            | MavCmd::MAV_CMD_GUIDED_CHANGE_ALTITUDE
+            | MavCmd::MAV_CMD_GUIDED_CHANGE_HEADING => self.guide(m),
+            MavCmd::MAV_CMD_DO_LAND_START => self.land_start(now),
+            MavCmd::MAV_CMD_DO_SET_MISSION_CURRENT => self.set_mission_current(p1, p2),
+            MavCmd::MAV_CMD_DO_SET_HOME => self.change_home(m, now),
+            MavCmd::MAV_CMD_DO_FENCE_ENABLE => self.enable_fence(p1),
+            // Neither a landing to be broken off nor a way back is ever marked; and a take-off
+            // by command is a quadplane's.
+            MavCmd::MAV_CMD_DO_GO_AROUND | MavCmd::MAV_CMD_DO_RETURN_PATH_START => FAILED,
+            MavCmd::MAV_CMD_NAV_TAKEOFF => match m.frame {
+                MavFrame::MAV_FRAME_LOCAL_OFFSET_NED => FAILED,
+                _ => DENIED,
+            },
+            _ => self.answer(m, now),
+        }
+    }
+
+    /// Commands that ask for something, or that concern the vehicle on the ground.
+    fn answer(&mut self, m: &COMMAND_INT_DATA, now: SimTime) -> MavResult {
+        let (p1, p2) = (m.param1, m.param2);
+        match m.command {
             MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL => self.change_rate(p1, p2, now),
             MavCmd::MAV_CMD_GET_MESSAGE_INTERVAL => self.send_interval(p1, now),
-            MavCmd::MAV_CMD_REQUEST_MESSAGE => self.request_once(p1 as u32),
+            MavCmd::MAV_CMD_REQUEST_MESSAGE => self.request_once(p1 as u32, p2 as u32),
+            MavCmd::MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES if p1 != 1.0 => DENIED,
             MavCmd::MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES => {
-                self.request_once(AUTOPILOT_VERSION_DATA::ID)
+                self.request_once(AUTOPILOT_VERSION_DATA::ID, 0)
+            }
+            MavCmd::MAV_CMD_REQUEST_PROTOCOL_VERSION => {
+                self.request_once(PROTOCOL_VERSION_DATA::ID, 0)
             }
             MavCmd::MAV_CMD_GET_HOME_POSITION => {
-                self.request_once(GPS_GLOBAL_ORIGIN_DATA::ID);
-                self.request_once(HOME_POSITION_DATA::ID)
+                self.request_once(GPS_GLOBAL_ORIGIN_DATA::ID, 0);
+                self.request_once(HOME_POSITION_DATA::ID, 0)
             }
+            MavCmd::MAV_CMD_DO_SEND_BANNER => {
+                self.send_banner(now);
+                ACCEPTED
+            }
+            MavCmd::MAV_CMD_RUN_PREARM_CHECKS if self.flight.armed() => NOT_NOW,
+            MavCmd::MAV_CMD_RUN_PREARM_CHECKS => ACCEPTED,
+            MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION => self.calibrate(m),
+            MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN => self.reboot(p1),
             _ => UNSUPPORTED,
         }
     }
@@ -90,12 +148,14 @@ impl StandIn {
     }
 
     fn arm(&mut self, arm: bool, force: f32, now: SimTime) -> MavResult {
-        if arm && now.s() < READY_AFTER_S {
-            self.send_text(
-                MavSeverity::MAV_SEVERITY_CRITICAL,
-                "Arm: AHRS not ready",
-                now,
-            );
+        let settles = now.s() < READY_AFTER_S;
+        let unready =
+            settles.then_some((MavSeverity::MAV_SEVERITY_CRITICAL, "Arm: AHRS not ready"));
+        if let Some((severity, why)) = unready.or_else(|| self.mission_forbids_arming())
+            && arm
+            && force != FORCE
+        {
+            self.send_text(severity, why, now);
             return FAILED;
         }
         if !arm && self.flight.flying() && force != FORCE {
@@ -111,20 +171,39 @@ impl StandIn {
         ACCEPTED
     }
 
-    /// `kind` 0 is airspeed, which ArduPlane takes as equivalent airspeed.
-    fn change_speed(&mut self, kind: f32, speed_m_s: f32) -> MavResult {
-        let (low, high) = (
-            self.parameters.get(AIRSPEED_MIN),
-            self.parameters.get(AIRSPEED_MAX),
-        );
-        if kind != 0.0 || is_manual(self.flight.mode()) {
+    fn land_start(&mut self, now: SimTime) -> MavResult {
+        let (text, result) = if self.begin_landing() {
+            ("Landing sequence start", ACCEPTED)
+        } else {
+            ("Unable to start landing sequence", FAILED)
+        };
+        self.send_text(MavSeverity::MAV_SEVERITY_INFO, text, now);
+        result
+    }
+
+    /// param2 = 1 forgets how often jumps have been made.
+    fn set_mission_current(&mut self, item: f32, from_new: f32) -> MavResult {
+        let whole = item.is_finite() && (0.0..=f32::from(u16::MAX)).contains(&item);
+        if !whole {
             return DENIED;
         }
-        if !(low..=high).contains(&f64::from(speed_m_s)) {
+        if from_new == 1.0 && !self.go_on_with(0) {
             return FAILED;
         }
-        let true_m_s = f64::from(speed_m_s) / self.eas_over_tas();
-        self.flight.set_airspeed(true_m_s);
+        if !self.go_on_with(item as u16) {
+            return FAILED;
+        }
+        self.request_once(MISSION_CURRENT_DATA::ID, 0)
+    }
+
+    fn enable_fence(&mut self, action: f32) -> MavResult {
+        let on = match action {
+            0.0 => false,
+            1.0 if !self.fence.is_empty() => true,
+            _ => return FAILED,
+        };
+        let value = f32::from(u8::from(on));
+        self.parameters.set(crate::parameters::FENCE_ENABLE, value);
         ACCEPTED
     }
 
@@ -165,53 +244,40 @@ impl StandIn {
 
     /// Has a message sent once, after the answer to the command that asked for it: who waits for
     /// both waits for the answer first.
-    fn request_once(&mut self, message_id: u32) -> MavResult {
+    pub(super) fn request_once(&mut self, message_id: u32, which: u32) -> MavResult {
         if !self.streams.iter().any(|s| s.message_id == message_id) {
             return FAILED;
         }
-        self.requested.push(message_id);
+        self.requested.push((message_id, which));
         ACCEPTED
     }
 
-    pub(crate) fn altitude_amsl_m(&self, frame: MavFrame, z_m: f32) -> Option<f64> {
-        let z_m = f64::from(z_m);
-        match frame as u8 {
-            // GLOBAL and GLOBAL_INT
-            0 | 5 => Some(z_m),
-            // GLOBAL_RELATIVE_ALT and its INT form
-            3 | 6 => Some(z_m + self.flight.home().ground_amsl_m),
-            _ => None,
-        }
+    fn send_banner(&mut self, now: SimTime) {
+        let info = MavSeverity::MAV_SEVERITY_INFO;
+        self.send_text(info, "ArduPlane V4.8.0-dev (stand-in)", now);
     }
 
-    fn reposition(&mut self, m: &COMMAND_INT_DATA) -> MavResult {
-        let Some(alt_amsl_m) = self.altitude_amsl_m(m.frame, m.z) else {
-            return UNSUPPORTED_FRAME;
-        };
-        let at = Geodetic {
-            lat_deg: f64::from(m.x) / 1e7,
-            lon_deg: f64::from(m.y) / 1e7,
-        };
-        let on_earth = at.lat_deg.abs() <= 90.0 && at.lon_deg.abs() <= 180.0;
-        if !on_earth || !alt_amsl_m.is_finite() {
-            return DENIED;
-        }
-        // MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
-        if m.param2 as u8 & 1 != 0 {
-            self.change_mode(GUIDED);
-        }
-        if self.flight.mode() != GUIDED {
+    /// Gyroscopes and barometer, which have nothing to be found here; not while armed. The others
+    /// need hands to turn the vehicle.
+    fn calibrate(&mut self, m: &COMMAND_INT_DATA) -> MavResult {
+        let asked = m.param1 == 1.0 || m.param3 == 1.0;
+        if self.flight.armed() || !asked {
             return FAILED;
         }
-        let radius_m = if m.param3 > 0.0 {
-            f64::from(m.param3)
-        } else {
-            self.parameters.get(WP_LOITER_RAD)
-        };
-        let clockwise = m.param4.is_nan() || m.param4 == 0.0;
-        let place = self.reality.frame.to_enu(at);
-        self.flight.set_orbit(place, radius_m, clockwise);
-        self.flight.set_altitude(alt_amsl_m);
         ACCEPTED
+    }
+
+    /// A new start, which keeps parameters and missions; not while armed.
+    fn reboot(&mut self, what: f32) -> MavResult {
+        if self.flight.armed() {
+            return FAILED;
+        }
+        if what != 1.0 {
+            return UNSUPPORTED;
+        }
+        self.streams = crate::streams::default_streams();
+        self.requested.clear();
+        self.gcs_heartbeat_at = None;
+        self.change_mode(MANUAL)
     }
 }

@@ -7,17 +7,21 @@ use crate::flight::is_manual;
 use crate::parameters::AutopilotParameters;
 use crate::reality::HUMIDITY_PCT;
 use air::geo::{Enu, wrap_deg};
-use air::isa::{Atmosphere, ZERO_CELSIUS_K};
+use air::isa::ZERO_CELSIUS_K;
 use air::wind::from_deg;
-use mav_bridge::arduplane::{AUTO, GUIDED};
+use mav_bridge::arduplane::MANUAL;
 use mav_bridge::dialect::{
-    ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, AUTOPILOT_VERSION_DATA, BATTERY_STATUS_DATA,
-    EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA, GPS_GLOBAL_ORIGIN_DATA, GPS_RAW_INT_DATA,
-    GpsFixType, HEARTBEAT_DATA, HOME_POSITION_DATA, HYGROMETER_SENSOR_DATA,
-    LOCAL_POSITION_NED_DATA, MavAutopilot, MavDataStream, MavLandedState, MavModeFlag,
-    MavProtocolCapability, MavSeverity, MavState, MavSysStatusSensor, MavType,
-    NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA, SCALED_PRESSURE_DATA, STATUSTEXT_DATA,
-    SYS_STATUS_DATA, VFR_HUD_DATA, WIND_DATA,
+    AHRS_DATA, AHRS2_DATA, ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, AUTOPILOT_VERSION_DATA,
+    AVAILABLE_MODES_DATA, BATTERY_STATUS_DATA, CURRENT_MODE_DATA, EKF_STATUS_REPORT_DATA,
+    EXTENDED_SYS_STATE_DATA, FENCE_STATUS_DATA, GLOBAL_POSITION_INT_DATA, GPS_GLOBAL_ORIGIN_DATA,
+    GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA, HOME_POSITION_DATA, HYGROMETER_SENSOR_DATA,
+    LOCAL_POSITION_NED_DATA, MEMINFO_DATA, MISSION_CURRENT_DATA, MavAutopilot, MavBatteryFault,
+    MavDataStream, MavLandedState, MavModeFlag, MavProtocolCapability, MavSeverity, MavState,
+    MavSysStatusSensor, MavSysStatusSensorExtended, MavType, NAMED_VALUE_FLOAT_DATA,
+    NAV_CONTROLLER_OUTPUT_DATA, PARAM_VALUE_DATA, POSITION_TARGET_GLOBAL_INT_DATA,
+    POWER_STATUS_DATA, PROTOCOL_VERSION_DATA, RAW_IMU_DATA, RC_CHANNELS_DATA, SCALED_PRESSURE_DATA,
+    SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, SYSTEM_TIME_DATA, VFR_HUD_DATA,
+    VIBRATION_DATA, WIND_DATA,
 };
 use mav_bridge::wire::MessageData;
 use protocol::SimTime;
@@ -34,7 +38,7 @@ const HDOP_1E2: u16 = 80;
 const SATELLITES: u8 = 14;
 /// Major, minor and patch number of the ArduPlane that it emulates; the last byte marks that it is
 /// no release.
-const EMULATED_VERSION: [u8; 4] = [4, 5, 0, 0];
+const EMULATED_VERSION: [u8; 4] = [4, 8, 0, 0];
 
 impl StandIn {
     pub(crate) fn send<D: MessageData>(&mut self, message: &D, now: SimTime) {
@@ -58,8 +62,12 @@ impl StandIn {
             };
             self.send_stream(stream.message_id, now);
         }
-        for message_id in std::mem::take(&mut self.requested) {
-            self.send_stream(message_id, now);
+        for (message_id, which) in std::mem::take(&mut self.requested) {
+            if message_id == AVAILABLE_MODES_DATA::ID {
+                self.send_modes(which, now);
+            } else {
+                self.send_stream(message_id, now);
+            }
         }
     }
 
@@ -107,18 +115,51 @@ impl StandIn {
             HOME_POSITION_DATA::ID => self.send(&self.home(), now),
             GPS_GLOBAL_ORIGIN_DATA::ID => self.send(&self.origin(), now),
             AUTOPILOT_VERSION_DATA::ID => self.send(&self.version(), now),
+            AVAILABLE_MODES_DATA::ID => self.send_modes(0, now),
+            CURRENT_MODE_DATA::ID => self.send(&self.current_mode(), now),
+            PROTOCOL_VERSION_DATA::ID => self.send(&self.protocol_version(), now),
+            MISSION_CURRENT_DATA::ID => self.send(&self.mission_current(), now),
+            _ => self.send_status(message_id, now),
+        }
+    }
+
+    /// Sends a message that tells of its inside.
+    fn send_status(&mut self, message_id: u32, now: SimTime) {
+        match message_id {
+            SYSTEM_TIME_DATA::ID => self.send(&self.system_time(now), now),
+            RC_CHANNELS_DATA::ID => self.send(&self.rc_channels(now), now),
+            SERVO_OUTPUT_RAW_DATA::ID => self.send(&self.servos(now), now),
+            RAW_IMU_DATA::ID => self.send(&self.raw_imu(now), now),
+            NAV_CONTROLLER_OUTPUT_DATA::ID => self.send(&self.navigation(), now),
+            POSITION_TARGET_GLOBAL_INT_DATA::ID => {
+                if let Some(target) = self.position_target(now) {
+                    self.send(&target, now);
+                }
+            }
+            FENCE_STATUS_DATA::ID => {
+                if let Some(status) = self.fence_status() {
+                    self.send(&status, now);
+                }
+            }
+            POWER_STATUS_DATA::ID => self.send(&self.power(), now),
+            MEMINFO_DATA::ID => self.send(&self.memory(), now),
+            EKF_STATUS_REPORT_DATA::ID => self.send(&self.filter_status(), now),
+            VIBRATION_DATA::ID => self.send(&self.vibration(now), now),
+            AHRS_DATA::ID => self.send(&self.attitude_filter(), now),
+            AHRS2_DATA::ID => self.send(&self.second_attitude(now), now),
             _ => {}
         }
     }
 
     fn heartbeat(&self) -> HEARTBEAT_DATA {
         let mode = self.flight.mode();
+        // Sticks are mixed in in every mode, as is ArduPlane's default.
         let mut base_mode = MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-            | MavModeFlag::MAV_MODE_FLAG_STABILIZE_ENABLED;
-        if is_manual(mode) {
-            base_mode |= MavModeFlag::MAV_MODE_FLAG_MANUAL_INPUT_ENABLED;
+            | MavModeFlag::MAV_MODE_FLAG_MANUAL_INPUT_ENABLED;
+        if mode != MANUAL {
+            base_mode |= MavModeFlag::MAV_MODE_FLAG_STABILIZE_ENABLED;
         }
-        if mode == GUIDED || mode == AUTO {
+        if !is_manual(mode) {
             base_mode |= MavModeFlag::MAV_MODE_FLAG_GUIDED_ENABLED;
         }
         if self.flight.armed() {
@@ -142,7 +183,7 @@ impl StandIn {
     }
 
     /// The position that it reports: place and altitude above mean sea level, m.
-    fn reported_position(&self, now: SimTime) -> (Enu, f64) {
+    pub(super) fn reported_position(&self, now: SimTime) -> (Enu, f64) {
         let sensed = self.flight.sensed();
         let ground_amsl_m = self.reality.model.spec().ground_amsl_m;
         let reported_position = plume::Place {
@@ -176,16 +217,16 @@ impl StandIn {
         }
     }
 
-    /// Relative to home, which is the filter's origin.
+    /// Relative to the filter's origin.
     fn local_position(&self, now: SimTime) -> LOCAL_POSITION_NED_DATA {
         let (at, alt_amsl_m) = self.reported_position(now);
-        let home = self.flight.home();
+        let origin = self.origin;
         let [vx, vy, vz] = self.flight.sensed().vel_ned_m_s.map(|v| v as f32);
         LOCAL_POSITION_NED_DATA {
             time_boot_ms: boot_ms(now.s()),
-            x: (at.north_m - home.at.north_m) as f32,
-            y: (at.east_m - home.at.east_m) as f32,
-            z: (home.ground_amsl_m - alt_amsl_m) as f32,
+            x: (at.north_m - origin.at.north_m) as f32,
+            y: (at.east_m - origin.at.east_m) as f32,
+            z: (origin.ground_amsl_m - alt_amsl_m) as f32,
             vx,
             vy,
             vz,
@@ -207,16 +248,17 @@ impl StandIn {
             cog: (wrap_deg(east.atan2(north).to_degrees()) * 100.0) as u16,
             fix_type: GpsFixType::GPS_FIX_TYPE_3D_FIX,
             satellites_visible: SATELLITES,
+            ..GPS_RAW_INT_DATA::default()
         }
     }
 
-    fn degrees_1e7(&self, at: Enu) -> (i32, i32) {
+    pub(super) fn degrees_1e7(&self, at: Enu) -> (i32, i32) {
         let at = self.reality.frame.to_geodetic(at);
         let whole = |deg: f64| (deg * 1e7).round() as i32;
         (whole(at.lat_deg), whole(at.lon_deg))
     }
 
-    fn home(&self) -> HOME_POSITION_DATA {
+    pub(super) fn home(&self) -> HOME_POSITION_DATA {
         let home = self.flight.home();
         let (latitude, longitude) = self.degrees_1e7(home.at);
         HOME_POSITION_DATA {
@@ -229,19 +271,23 @@ impl StandIn {
     }
 
     fn origin(&self) -> GPS_GLOBAL_ORIGIN_DATA {
-        let home = self.flight.home();
-        let (latitude, longitude) = self.degrees_1e7(home.at);
+        let (latitude, longitude) = self.degrees_1e7(self.origin.at);
         GPS_GLOBAL_ORIGIN_DATA {
             latitude,
             longitude,
-            altitude: millimetres(home.ground_amsl_m),
+            altitude: millimetres(self.origin.ground_amsl_m),
+            ..GPS_GLOBAL_ORIGIN_DATA::default()
         }
     }
 
     fn version(&self) -> AUTOPILOT_VERSION_DATA {
         AUTOPILOT_VERSION_DATA {
-            capabilities: MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+            capabilities: MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MISSION_FLOAT
+                | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+                | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
                 | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MISSION_INT
+                | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+                | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
                 | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_COMMAND_INT
                 | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
                 | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2,
@@ -279,6 +325,7 @@ impl StandIn {
             rollspeed,
             pitchspeed,
             yawspeed,
+            ..ATTITUDE_QUATERNION_DATA::default()
         }
     }
 
@@ -286,19 +333,13 @@ impl StandIn {
         let sensed = self.flight.sensed();
         let [north, east, down] = sensed.vel_ned_m_s;
         VFR_HUD_DATA {
-            airspeed: (sensed.airspeed_m_s * self.eas_over_tas()) as f32,
+            airspeed: (sensed.airspeed_m_s * self.reality.eas_over_tas()) as f32,
             groundspeed: north.hypot(east) as f32,
             alt: sensed.alt_amsl_m as f32,
             climb: -down as f32,
             heading: wrap_deg(sensed.yaw_rad.to_degrees()) as i16,
             throttle: (self.flight.state().throttle * 100.0).round() as u16,
         }
-    }
-
-    /// Equivalent over true airspeed in the stand-in's own air.
-    pub(crate) fn eas_over_tas(&self) -> f64 {
-        let sea_level = Atmosphere::standard().at(0.0).density_kg_m3();
-        (self.reality.air().density_kg_m3() / sea_level).sqrt()
     }
 
     fn gas(&mut self, now: SimTime) -> NAMED_VALUE_FLOAT_DATA {
@@ -332,6 +373,7 @@ impl StandIn {
             press_abs: (air.pressure_pa / 100.0 + PRESSURE_SD_HPA * white) as f32,
             press_diff: (0.5 * air.density_kg_m3() * v * v / 100.0) as f32,
             temperature: centi_celsius(air.temperature_k + CASE_WARMTH_C),
+            ..SCALED_PRESSURE_DATA::default()
         }
     }
 
@@ -345,12 +387,19 @@ impl StandIn {
 
     fn landed(&self) -> EXTENDED_SYS_STATE_DATA {
         EXTENDED_SYS_STATE_DATA {
-            landed_state: if self.flight.flying() {
-                MavLandedState::MAV_LANDED_STATE_IN_AIR
-            } else {
-                MavLandedState::MAV_LANDED_STATE_ON_GROUND
-            },
+            landed_state: self.landed_state(),
             ..EXTENDED_SYS_STATE_DATA::default()
+        }
+    }
+
+    fn landed_state(&self) -> MavLandedState {
+        let mission = self.flight.mission();
+        if !self.flight.flying() {
+            MavLandedState::MAV_LANDED_STATE_ON_GROUND
+        } else if mission.is_landing(self.lists[0].items()) {
+            MavLandedState::MAV_LANDED_STATE_LANDING
+        } else {
+            MavLandedState::MAV_LANDED_STATE_IN_AIR
         }
     }
 
@@ -362,16 +411,32 @@ impl StandIn {
             | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
             | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
             | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_GPS
+            | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_RC_RECEIVER
+            | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY
             | MavSysStatusSensor::MAV_SYS_STATUS_AHRS
             | MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
+        // A fence that is not there counts as healthy: without this bit a ground station shows a
+        // breach.
+        let fence = MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE;
+        let fence_if = |holds: bool| {
+            if holds {
+                fence
+            } else {
+                MavSysStatusSensor::empty()
+            }
+        };
         SYS_STATUS_DATA {
-            onboard_control_sensors_present: sensors,
-            onboard_control_sensors_enabled: sensors,
-            onboard_control_sensors_health: sensors,
+            onboard_control_sensors_present: sensors | fence_if(!self.fence.is_empty()),
+            onboard_control_sensors_enabled: sensors | fence_if(self.fence_is_on()),
+            onboard_control_sensors_health: sensors | fence_if(!self.is_outside_fence()),
             load: 300,
             voltage_battery: battery_mv,
             current_battery: -1,
             battery_remaining: left_pct,
+            // The dialect's default is the first bit of a set, not the empty one.
+            onboard_control_sensors_present_extended: MavSysStatusSensorExtended::empty(),
+            onboard_control_sensors_enabled_extended: MavSysStatusSensorExtended::empty(),
+            onboard_control_sensors_health_extended: MavSysStatusSensorExtended::empty(),
             ..SYS_STATUS_DATA::default()
         }
     }
@@ -387,6 +452,7 @@ impl StandIn {
             temperature: i16::MAX,
             current_battery: -1,
             battery_remaining: left_pct,
+            fault_bitmask: MavBatteryFault::empty(),
             ..BATTERY_STATUS_DATA::default()
         }
     }
@@ -403,6 +469,7 @@ impl StandIn {
         let text = STATUSTEXT_DATA {
             severity,
             text: text.into(),
+            ..STATUSTEXT_DATA::default()
         };
         self.send(&text, now);
     }
@@ -425,11 +492,11 @@ impl StandIn {
     }
 }
 
-fn boot_ms(time_s: f64) -> u32 {
+pub(super) fn boot_ms(time_s: f64) -> u32 {
     (time_s * 1000.0).round().max(0.0) as u32
 }
 
-fn millimetres(m: f64) -> i32 {
+pub(super) fn millimetres(m: f64) -> i32 {
     (m * 1000.0).round() as i32
 }
 

@@ -19,6 +19,7 @@ pub fn json() -> GapJson {
     GapJson {
         schema: SCHEMA,
         gas: None,
+        readings: None,
         verdict: Verdict::Named,
         summary: "The misfit is a sensor-lag of 8.0 ± 0.2 s on platform 6 (probability .99)."
             .into(),

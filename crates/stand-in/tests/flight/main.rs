@@ -3,6 +3,7 @@
 
 mod link;
 mod pair;
+mod shared;
 
 use air::geo::Enu;
 use mav_bridge::arduplane::{FBWA, GUIDED, RTL};

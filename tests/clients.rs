@@ -9,7 +9,8 @@
 
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
 use mav_bridge::arduplane::AUTO;
-use protocol::SimTime;
+use protocol::message::Message;
+use protocol::{SimTime, Topic};
 use scenario::random::stream;
 use stand_in::StandIn;
 use std::net::UdpSocket;
@@ -20,6 +21,7 @@ use std::time::{Duration, Instant};
 
 const SCENARIO: &str = "../scenarios/as-pontes.toml";
 const SCRIPT: &str = "../tests/oracle/mavlink_clients.py";
+const TEAM: &str = "../tests/oracle/mavlink_team.py";
 const LADDER: &str = "../tests/oracle/mavlink_ladder.py";
 /// How many times faster than the clock a mission is flown.
 const SPEED: f64 = 15.0;
@@ -68,15 +70,19 @@ fn free_port() -> String {
     free.local_addr().unwrap().port().to_string()
 }
 
-/// Runs a script to its end; what it said is the reason if it fails.
-fn succeeds(arguments: &[&str]) -> Result<Completion, Failed> {
+/// Runs a script to its end: what it said, which is the reason if it fails.
+fn says(arguments: &[&str]) -> Result<String, Failed> {
     let said = Command::new("python3").args(arguments).output().unwrap();
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     if said.status.success() {
-        Ok(Completion::Completed)
+        Ok(text(&said.stdout))
     } else {
         Err((text(&said.stdout) + &text(&said.stderr)).into())
     }
+}
+
+fn succeeds(arguments: &[&str]) -> Result<Completion, Failed> {
+    says(arguments).map(|_| Completion::Completed)
 }
 
 fn not_installed(client: &str, module: &str) -> Option<Completion> {
@@ -98,6 +104,101 @@ fn climbs_the_ladder() -> Result<Completion, Failed> {
         vehicle.join().unwrap();
         asked
     })
+}
+
+/// A position as it was heard: system, time (ms), latitude and longitude (1e-7 degrees), altitude (mm).
+type Heard = [i64; 5];
+
+fn positions(said: &str) -> Vec<Heard> {
+    let row = |line: &str| {
+        let numbers: Vec<i64> = line.split(' ').map_while(|n| n.parse().ok()).collect();
+        numbers.try_into().ok()
+    };
+    said.lines().filter_map(row).collect()
+}
+
+/// Whether every position that was heard is one that the record has from no more than `late_ms` before.
+fn are_recorded(heard: &[Heard], recording: &record::Recording, late_ms: i64) {
+    let said = recording.in_order().unwrap().filter_map(|said| {
+        let (topic, envelope) = said.unwrap();
+        let (Topic::State(name), Message::State(state)) = (topic, envelope.message) else {
+            return None;
+        };
+        let whole = |value: f64, unit: f64| (value / unit).round() as i64;
+        let place = [
+            whole(state.lat_deg, 1e-7),
+            whole(state.lon_deg, 1e-7),
+            whole(state.alt_amsl_m, 1e-3),
+        ];
+        Some((
+            name.as_str().parse().unwrap(),
+            envelope.time.ns() / 1_000_000,
+            place,
+        ))
+    });
+    let said: Vec<(i64, i64, [i64; 3])> = said.collect();
+    for &[system, time_ms, lat, lon, alt] in heard {
+        let near = |a: i64, b: i64| (a - b).abs() <= 1;
+        let agrees = said.iter().any(|&(id, at_ms, place)| {
+            id == system
+                && (0..=late_ms).contains(&(time_ms - at_ms))
+                && near(place[0], lat)
+                && near(place[1], lon)
+                && near(place[2], alt)
+        });
+        assert!(
+            agrees,
+            "vehicle {system} at {time_ms} ms is nowhere in the record"
+        );
+    }
+}
+
+/// A mission whose team a ground station watches, takes over and calls home, and the log of it.
+fn sees_the_team() -> Result<Completion, Failed> {
+    if let Some(ignored) = not_installed("pymavlink", "pymavlink.mavutil") {
+        return Ok(ignored);
+    }
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("team-on-a-link");
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).unwrap();
+    let (out, log) = (folder.join("out"), folder.join("team.tlog"));
+    let port = free_port();
+    let mission = Command::new(env!("CARGO_BIN_EXE_plumage"))
+        .args([
+            "run",
+            SCENARIO,
+            "--speed",
+            "10",
+            "--duration",
+            "300",
+            "--no-serve",
+        ])
+        .args(["--gcs", &format!("udpout:127.0.0.1:{port}"), "--tlog"])
+        .args([log.as_os_str(), "--out".as_ref(), out.as_os_str()])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut mission = Ends(mission);
+    let live = says(&[TEAM, "link", &port])?;
+    assert!(mission.0.wait().unwrap().success());
+    let logged = says(&[TEAM, "log", log.to_str().unwrap()])?;
+    let recording = record::read_mcap(&out.join("mission.mcap")).unwrap();
+    let (live, logged) = (positions(&live), positions(&logged));
+    assert!(live.len() > 500 && logged.len() > live.len());
+    // Simulated vehicles say ten times a second where they are.
+    are_recorded(&live, &recording, 150);
+    are_recorded(&logged, &recording, 150);
+    let replayed = Command::new(env!("CARGO_BIN_EXE_plumage"))
+        .args([
+            "replay".as_ref(),
+            out.join("mission.mcap").as_os_str(),
+            "--verify".as_ref(),
+        ])
+        .output()
+        .unwrap();
+    assert!(replayed.status.success(), "{replayed:?}");
+    Ok(Completion::Completed)
 }
 
 fn installed(module: &str) -> bool {
@@ -139,6 +240,7 @@ fn main() -> ExitCode {
             flies_by("mavproxy", "MAVProxy.mavproxy")
         }),
         Trial::ignorable_test("the_ladder_of_questions", climbs_the_ladder),
+        Trial::ignorable_test("the_team_on_a_link_and_in_its_log", sees_the_team),
     ];
     libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
 }

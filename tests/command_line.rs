@@ -253,6 +253,16 @@ fn wrong_scenarios_exit_with_2_and_say_where() {
         &["duration"],
     );
     refused(
+        &plumage(&["run", SCENARIO, "--tlog", SCENARIO, "--no-serve"]),
+        2,
+        &["as-pontes-steady.toml", "--force replaces one"],
+    );
+    refused(
+        &plumage(&["run", SCENARIO, "--gcs", "127.0.0.1:14550", "--no-serve"]),
+        2,
+        &["--gcs", "expected udpin:HOST:PORT"],
+    );
+    refused(
         &plumage(&["run", SCENARIO, "--real-stand-ins", "9", "--no-serve"]),
         2,
         &["0 to 6"],

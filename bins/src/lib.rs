@@ -7,6 +7,7 @@ pub mod failure;
 pub mod feeding;
 pub mod flightgear;
 pub mod flights;
+pub mod ground_station;
 pub mod importing;
 pub mod links;
 pub mod measured;

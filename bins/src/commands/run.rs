@@ -1,6 +1,7 @@
 //! `plumage run`: a mission in one process.
 
 use crate::feeding::{FeedOptions, Start};
+use crate::ground_station::GroundStation;
 use crate::outputs::{Outputs, fresh_folder};
 use crate::outside::Outside;
 use crate::pace::{Pace, Speed};
@@ -8,6 +9,7 @@ use crate::page::{LivePage, Serve};
 use crate::{Failure, mission_files, preflight, site};
 use anyhow::Context as _;
 use indicatif::{ProgressBar, ProgressStyle};
+use mav_bridge::link::LinkAddress;
 use mission::{Run, Setup};
 use plume::Gas;
 use protocol::message::{Control, ControlWish, Message, Phase};
@@ -65,6 +67,13 @@ pub struct RunArguments {
     /// Mission time of the first row, s, or file: the rows' own times; at once if not given
     #[arg(long, value_name = "S|file", requires = "feed")]
     pub feed_start: Option<Start>,
+    /// Ground stations (QGroundControl, MAVProxy, MAVSDK) that see every vehicle of the team as an ArduPlane
+    /// of its own, its number in the scenario as system id: udpout:HOST:PORT, udpin:, tcp: or tcpin:
+    #[arg(long, value_name = "LINK")]
+    pub gcs: Option<LinkAddress>,
+    /// Telemetry log of what is said to ground stations and by them, which they can play
+    #[arg(long, value_name = "FILE")]
+    pub tlog: Option<PathBuf>,
     /// Make the last N vehicles of the team stand-ins for real ones, the others simulated
     #[arg(long, value_name = "N")]
     pub real_stand_ins: Option<usize>,
@@ -127,6 +136,12 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let outside =
         outside.with_feed(&setup, &arguments.feed_options(), arguments.speed, &mut run)?;
     let site = Arc::new(site::of(&setup)?);
+    let ground_station = GroundStation::open(
+        &setup,
+        arguments.gcs.as_ref(),
+        arguments.tlog.as_deref(),
+        arguments.force,
+    )?;
     let page = LivePage::open(&arguments.serve_at(), Arc::clone(&site))?;
     let outputs = Outputs::open(&folder, arguments.force, &setup, site)?;
     if let Some(page) = &page {
@@ -147,6 +162,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         at_once,
         comes_down: false,
         outside,
+        ground_station,
         team: setup
             .scenario
             .vehicles
@@ -199,6 +215,7 @@ struct Flight {
     /// It was interrupted, and real vehicles come down.
     comes_down: bool,
     outside: Outside,
+    ground_station: Option<GroundStation>,
     /// Ids of all vehicles.
     team: Vec<String>,
 }
@@ -218,7 +235,11 @@ impl Flight {
             }
             self.keep_pace()?;
             self.outside.serve(&mut self.run)?;
+            self.serve_ground_station()?;
             let said = self.run.step();
+            if let Some(station) = &mut self.ground_station {
+                station.take(said);
+            }
             self.outputs.take(said)?;
             if let Some(page) = &mut self.page {
                 page.take(said);
@@ -280,6 +301,18 @@ impl Flight {
         }
         if !wait.is_zero() {
             std::thread::sleep(wait);
+        }
+        Ok(())
+    }
+
+    /// What a ground station wants is what the page may want, too.
+    fn serve_ground_station(&mut self) -> Result<(), Failure> {
+        let Some(station) = &mut self.ground_station else {
+            return Ok(());
+        };
+        for (vehicle, control) in station.serve(self.run.now())? {
+            // The scenario's ids were checked when it was read.
+            let _ = self.run.operate(&vehicle, control);
         }
         Ok(())
     }

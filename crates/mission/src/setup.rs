@@ -12,7 +12,7 @@ use scenario::Scenario;
 use scenario::airspace::Airspace;
 use scenario::tables::{BUILT_IN_AIRCRAFT, VehicleKind};
 use scenario::weather::WeatherReports;
-use stand_in::StandInConfig;
+use stand_in::{StandInConfig, TeamVehicle};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -239,6 +239,21 @@ impl Setup {
         Ok(StandInConfig {
             wind_series: self.reality_wind_series.clone(),
             ..config.over(self.terrain.clone())
+        })
+    }
+
+    /// The vehicle at `index` of the team as ground stations see it.
+    ///
+    /// # Errors
+    /// There is no such vehicle, or more than MAVLink has system ids for.
+    pub fn team_vehicle(&self, index: usize) -> Result<TeamVehicle, MissionError> {
+        let aircraft = self.aircraft_of(index)?;
+        let home_amsl_m = self.ground_at_home_m(index)?;
+        TeamVehicle::new(&self.scenario, index, aircraft, home_amsl_m).ok_or_else(|| {
+            MissionError::Request(format!(
+                "vehicle number {}: MAVLink has system ids for 254 vehicles",
+                index + 1
+            ))
         })
     }
 

@@ -35,8 +35,11 @@
 //! missions, fences and rally points by the mission protocol; the usual streams, single messages,
 //! parameters, clock, ping; commands with their answers and refusals, every one answered; the fence
 //! and the failsafe on loss of the ground station. `docs/mavlink.md` has the list, and what it does
-//! not do. Inside, `vehicle` speaks, `item_list` carries missions over, `mission_run` flies them by
-//! `flight`.
+//! not do.
+//!
+//! How an ArduPlane speaks (`speaker`, and `report` for what its messages tell) is apart from what flies
+//! it: in the stand-in `flight`, and `mission_run` for missions that `item_list` has carried over;
+//! in a [`TeamVehicle`], by which ground stations see any vehicle of a team, whatever the bus says.
 
 mod config;
 mod error;
@@ -48,11 +51,15 @@ pub mod json_backend;
 mod mission_run;
 mod parameters;
 mod reality;
+mod report;
+mod speaker;
 mod streams;
+mod team;
 mod vehicle;
 
 pub use config::StandInConfig;
 pub use error::StandInError;
 pub use fdm::autopilot::Sticks;
 pub use parameters::AutopilotParameters;
+pub use team::TeamVehicle;
 pub use vehicle::StandIn;

@@ -32,6 +32,30 @@ use MavDataStream::{
     MAV_DATA_STREAM_RC_CHANNELS as CHANNELS,
 };
 
+/// The streams of a vehicle of which there is only what the bus tells.
+pub(crate) fn team_streams() -> Vec<Stream> {
+    // Of its inside, sensors, servos and filter, the bus tells nothing.
+    let inside = [
+        SCALED_PRESSURE_DATA::ID,
+        HYGROMETER_SENSOR_DATA::ID,
+        RC_CHANNELS_DATA::ID,
+        SERVO_OUTPUT_RAW_DATA::ID,
+        RAW_IMU_DATA::ID,
+        NAV_CONTROLLER_OUTPUT_DATA::ID,
+        POSITION_TARGET_GLOBAL_INT_DATA::ID,
+        FENCE_STATUS_DATA::ID,
+        POWER_STATUS_DATA::ID,
+        MEMINFO_DATA::ID,
+        EKF_STATUS_REPORT_DATA::ID,
+        VIBRATION_DATA::ID,
+        AHRS_DATA::ID,
+        AHRS2_DATA::ID,
+    ];
+    let mut streams = default_streams();
+    streams.retain(|stream| !inside.contains(&stream.message_id));
+    streams
+}
+
 /// The streams before anybody asks for other rates; those of 0 Hz are sent on request only. The
 /// order is that within one tick: a gas reading follows the position at which it was taken.
 pub(crate) fn default_streams() -> Vec<Stream> {

@@ -4,34 +4,29 @@ mod commands;
 mod fencing;
 mod missions;
 mod receiving;
-mod status;
 mod telemetry;
 
 use crate::config::StandInConfig;
 use crate::error::StandInError;
 use crate::fence::Fence;
-use crate::flight::{FlightController, HomePosition, Orders};
+use crate::flight::{FlightController, HomePosition, MODES, Orders};
 use crate::item_list::ItemList;
-use crate::parameters::AutopilotParameters;
 use crate::reality::Reality;
-use crate::streams::{Stream, default_streams};
+use crate::speaker::Speaker;
+use crate::streams::default_streams;
 use fdm::FlightState;
 use fdm::autopilot::Sticks;
 use fencing::Breach;
 use mav_bridge::dialect::MavMissionType;
 use mav_bridge::signing::Signing;
-use mav_bridge::wire::{FrameDecoder, FrameEncoder, LinkStatistics};
+use mav_bridge::wire::LinkStatistics;
 use protocol::SimTime;
 use rand::rngs::ChaCha8Rng;
-
-/// Component id of an autopilot.
-const AUTOPILOT: u8 = 1;
 
 /// The vehicle.
 #[derive(Debug)]
 pub struct StandIn {
-    system_id: u8,
-    parameters: AutopilotParameters,
+    speaker: Speaker,
     /// Where it was switched on, which is the origin of its filter.
     origin: HomePosition,
     /// Mission, fence and rally points on board.
@@ -41,15 +36,8 @@ pub struct StandIn {
     rng: ChaCha8Rng,
     reality: Reality,
     flight: FlightController,
-    decoder: FrameDecoder,
-    encoder: FrameEncoder,
-    signing: Option<Signing>,
-    streams: Vec<Stream>,
-    /// Messages asked for once, each with what is asked of it.
-    requested: Vec<(u32, u32)>,
     /// The mission item that it last told as the current one.
     told_item: u16,
-    out: Vec<Vec<u8>>,
     last: Option<SimTime>,
     gas_sampled_at: Option<SimTime>,
     gcs_heartbeat_at: Option<SimTime>,
@@ -73,11 +61,13 @@ impl StandIn {
         Ok(Self {
             reality: Reality::of(&config),
             flight,
-            decoder: FrameDecoder::new(),
-            encoder: FrameEncoder::new(config.system_id, AUTOPILOT),
-            signing: config.signing.map(Signing::new),
-            system_id: config.system_id,
-            parameters: config.parameters.of_system(config.system_id),
+            speaker: Speaker::new(
+                config.system_id,
+                config.parameters,
+                default_streams(),
+                &MODES,
+                config.signing.map(Signing::new),
+            ),
             origin: home,
             lists: [
                 ItemList::new(MavMissionType::MAV_MISSION_TYPE_MISSION, mission),
@@ -87,10 +77,7 @@ impl StandIn {
             fence: Fence::default(),
             breach: None,
             rng,
-            streams: default_streams(),
-            requested: Vec::new(),
             told_item: 0,
-            out: Vec::new(),
             last: None,
             gas_sampled_at: None,
             gcs_heartbeat_at: None,
@@ -113,7 +100,7 @@ impl StandIn {
                 dt_s,
                 now.s(),
                 &mut self.reality,
-                &Orders::new(&self.parameters, &self.lists),
+                &Orders::new(&self.speaker.parameters, &self.lists),
                 &mut self.rng,
             );
             if self.flight.armed() {
@@ -123,14 +110,14 @@ impl StandIn {
         self.tell_mission(now);
         self.last = Some(self.last.map_or(now, |last| last.max(now)));
         self.send_due(now);
-        std::mem::take(&mut self.out)
+        self.speaker.take_frames()
     }
 
     /// Its safety pilot flips the mode switch to `custom_mode` and holds the sticks so; false if
     /// there is no such mode. Not over MAVLink: a pilot has a radio of his own.
     pub fn pilot(&mut self, custom_mode: u32, sticks: Sticks) -> bool {
         self.flight.set_sticks(sticks);
-        self.flight.set_mode(custom_mode, &self.parameters)
+        self.flight.set_mode(custom_mode, &self.speaker.parameters)
     }
 
     /// Its safety pilot arms or disarms the motor.
@@ -145,7 +132,7 @@ impl StandIn {
 
     /// Its MAVLink system.
     pub fn system_id(&self) -> u8 {
-        self.system_id
+        self.speaker.system_id
     }
 
     /// The flight mode it is in, as in its heartbeat.
@@ -160,6 +147,6 @@ impl StandIn {
 
     /// What came over its link.
     pub fn link_statistics(&self) -> LinkStatistics {
-        self.decoder.statistics()
+        self.speaker.statistics()
     }
 }

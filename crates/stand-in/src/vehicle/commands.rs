@@ -5,13 +5,13 @@
 mod flying;
 
 use super::StandIn;
+use crate::streams::default_streams;
 use mav_bridge::arduplane::{AUTO, LOITER, MANUAL, RTL};
 use mav_bridge::dialect::{
-    AUTOPILOT_VERSION_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, GPS_GLOBAL_ORIGIN_DATA,
-    HOME_POSITION_DATA, MESSAGE_INTERVAL_DATA, MISSION_CURRENT_DATA, MavCmd, MavFrame, MavResult,
-    MavSeverity, PROTOCOL_VERSION_DATA,
+    COMMAND_INT_DATA, COMMAND_LONG_DATA, MISSION_CURRENT_DATA, MavCmd, MavFrame, MavResult,
+    MavSeverity,
 };
-use mav_bridge::wire::{CommandAck, MessageData as _};
+use mav_bridge::wire::MessageData as _;
 use protocol::SimTime;
 
 use MavResult::{
@@ -28,7 +28,7 @@ const FORCE: f32 = 21196.0;
 impl StandIn {
     /// Answers to a command by its number, which the dialect may not know.
     pub(crate) fn acknowledge(&mut self, command: u16, result: MavResult, now: SimTime) {
-        self.send(&CommandAck { command, result }, now);
+        self.speaker.acknowledge(command, result, now);
     }
 
     /// As ArduPlane answers a number that it does not know.
@@ -111,36 +111,20 @@ impl StandIn {
 
     /// Commands that ask for something, or that concern the vehicle on the ground.
     fn answer(&mut self, m: &COMMAND_INT_DATA, now: SimTime) -> MavResult {
-        let (p1, p2) = (m.param1, m.param2);
+        if let Some(result) = self.speaker.obey(m, now) {
+            return result;
+        }
         match m.command {
-            MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL => self.change_rate(p1, p2, now),
-            MavCmd::MAV_CMD_GET_MESSAGE_INTERVAL => self.send_interval(p1, now),
-            MavCmd::MAV_CMD_REQUEST_MESSAGE => self.request_once(p1 as u32, p2 as u32),
-            MavCmd::MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES if p1 != 1.0 => DENIED,
-            MavCmd::MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES => {
-                self.request_once(AUTOPILOT_VERSION_DATA::ID, 0)
-            }
-            MavCmd::MAV_CMD_REQUEST_PROTOCOL_VERSION => {
-                self.request_once(PROTOCOL_VERSION_DATA::ID, 0)
-            }
-            MavCmd::MAV_CMD_GET_HOME_POSITION => {
-                self.request_once(GPS_GLOBAL_ORIGIN_DATA::ID, 0);
-                self.request_once(HOME_POSITION_DATA::ID, 0)
-            }
-            MavCmd::MAV_CMD_DO_SEND_BANNER => {
-                self.send_banner(now);
-                ACCEPTED
-            }
             MavCmd::MAV_CMD_RUN_PREARM_CHECKS if self.flight.armed() => NOT_NOW,
             MavCmd::MAV_CMD_RUN_PREARM_CHECKS => ACCEPTED,
             MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION => self.calibrate(m),
-            MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN => self.reboot(p1),
+            MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN => self.reboot(m.param1),
             _ => UNSUPPORTED,
         }
     }
 
     pub(crate) fn change_mode(&mut self, mode: u32) -> MavResult {
-        if self.flight.set_mode(mode, &self.parameters) {
+        if self.flight.set_mode(mode, &self.speaker.parameters) {
             ACCEPTED
         } else {
             FAILED
@@ -193,7 +177,7 @@ impl StandIn {
         if !self.go_on_with(item as u16) {
             return FAILED;
         }
-        self.request_once(MISSION_CURRENT_DATA::ID, 0)
+        self.speaker.request_once(MISSION_CURRENT_DATA::ID, 0)
     }
 
     fn enable_fence(&mut self, action: f32) -> MavResult {
@@ -203,58 +187,10 @@ impl StandIn {
             _ => return FAILED,
         };
         let value = f32::from(u8::from(on));
-        self.parameters.set(crate::parameters::FENCE_ENABLE, value);
+        self.speaker
+            .parameters
+            .set(crate::parameters::FENCE_ENABLE, value);
         ACCEPTED
-    }
-
-    fn change_rate(&mut self, message_id: f32, interval_us: f32, now: SimTime) -> MavResult {
-        let Some(stream) = self
-            .streams
-            .iter_mut()
-            .find(|s| s.message_id == message_id as u32)
-        else {
-            return FAILED;
-        };
-        stream.interval_ns = match interval_us {
-            rate if rate < 0.0 => 0,
-            // 0 is the default rate; faster than 50 Hz is not to be had.
-            rate if rate < 20_000.0 => 100_000_000,
-            rate => (f64::from(rate) * 1000.0) as i64,
-        };
-        stream.due_ns = now.ns();
-        ACCEPTED
-    }
-
-    fn send_interval(&mut self, message_id: f32, now: SimTime) -> MavResult {
-        let wanted = message_id as u32;
-        let Some(stream) = self.streams.iter().find(|s| s.message_id == wanted) else {
-            return FAILED;
-        };
-        let interval_us = match stream.interval_ns / 1000 {
-            0 => -1,
-            interval_us => i32::try_from(interval_us).unwrap_or(i32::MAX),
-        };
-        let report = MESSAGE_INTERVAL_DATA {
-            interval_us,
-            message_id: wanted as u16,
-        };
-        self.send(&report, now);
-        ACCEPTED
-    }
-
-    /// Has a message sent once, after the answer to the command that asked for it: who waits for
-    /// both waits for the answer first.
-    pub(super) fn request_once(&mut self, message_id: u32, which: u32) -> MavResult {
-        if !self.streams.iter().any(|s| s.message_id == message_id) {
-            return FAILED;
-        }
-        self.requested.push((message_id, which));
-        ACCEPTED
-    }
-
-    fn send_banner(&mut self, now: SimTime) {
-        let info = MavSeverity::MAV_SEVERITY_INFO;
-        self.send_text(info, "ArduPlane V4.8.0-dev (stand-in)", now);
     }
 
     /// Gyroscopes and barometer, which have nothing to be found here; not while armed. The others
@@ -275,8 +211,7 @@ impl StandIn {
         if what != 1.0 {
             return UNSUPPORTED;
         }
-        self.streams = crate::streams::default_streams();
-        self.requested.clear();
+        self.speaker.restart(default_streams());
         self.gcs_heartbeat_at = None;
         self.change_mode(MANUAL)
     }

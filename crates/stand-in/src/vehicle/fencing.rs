@@ -18,7 +18,7 @@ pub(super) struct Breach {
 impl StandIn {
     /// Whether the fence is watched.
     pub(super) fn fence_is_on(&self) -> bool {
-        self.parameters.get(FENCE_ENABLE) != 0.0 && !self.fence.is_empty()
+        self.speaker.parameters.get(FENCE_ENABLE) != 0.0 && !self.fence.is_empty()
     }
 
     pub(super) fn is_outside_fence(&self) -> bool {
@@ -46,8 +46,8 @@ impl StandIn {
         });
         let notice = MavSeverity::MAV_SEVERITY_NOTICE;
         self.send_text(notice, "Polygon fence breached", now);
-        if self.parameters.get(FENCE_ACTION) == 1.0 {
-            self.flight.set_mode(RTL, &self.parameters);
+        if self.speaker.parameters.get(FENCE_ACTION) == 1.0 {
+            self.flight.set_mode(RTL, &self.speaker.parameters);
         }
     }
 
@@ -56,7 +56,7 @@ impl StandIn {
         self.fence_is_on().then(|| FENCE_STATUS_DATA {
             breach_time: self
                 .breach
-                .map_or(0, |b| super::telemetry::boot_ms(b.since.s())),
+                .map_or(0, |b| crate::report::boot_ms(b.since.s())),
             breach_count: self.breach.map_or(0, |b| b.count),
             breach_status: u8::from(self.is_outside_fence()),
             breach_type: if self.is_outside_fence() {

@@ -27,15 +27,21 @@ const KIND_AT: usize = 37;
 const FLY_THERE: u8 = 2;
 const FLY_AT_ITS_ALTITUDE: u8 = 3;
 
+/// A place in 1e-7 degrees.
+fn whole_degrees_of(at: Geodetic) -> (i32, i32) {
+    let whole = |deg: f64| (deg * 1e7).round() as i32;
+    (whole(at.lat_deg), whole(at.lon_deg))
+}
+
 /// The landing sequence of a careful owner: its start, and a landing at home.
 pub(super) fn landing_at(home: Geodetic) -> Vec<Item> {
-    let whole = |deg: f64| (deg * 1e7).round() as i32;
+    let (x, y) = whole_degrees_of(home);
     let item = |seq, command| Item {
         seq,
         command,
         frame: MavFrame::MAV_FRAME_GLOBAL_RELATIVE_ALT,
-        x: whole(home.lat_deg),
-        y: whole(home.lon_deg),
+        x,
+        y,
         autocontinue: 1,
         ..Item::default()
     };
@@ -117,7 +123,7 @@ impl StandIn {
         let Some(list) = self.lists.get_mut(usize::from(byte(KIND_AT))) else {
             return;
         };
-        if ![0, self.system_id].contains(&byte(TARGET_AT)) {
+        if ![0, self.speaker.system_id].contains(&byte(TARGET_AT)) {
             return;
         }
         let seq = u16::from_le_bytes([byte(SEQUENCE_AT), byte(SEQUENCE_AT + 1)]);
@@ -202,7 +208,7 @@ impl StandIn {
     /// Keeps what depends on the lists in step with them.
     pub(super) fn count_items(&mut self) {
         for (list, name) in self.lists.iter().zip(TOTALS) {
-            self.parameters.set(name, list.items().len() as f32);
+            self.speaker.parameters.set(name, list.items().len() as f32);
         }
         self.fence = Fence::from_items(self.lists[1].items()).unwrap_or_default();
     }
@@ -309,13 +315,14 @@ impl StandIn {
 
     /// Home as item 0 of every mission.
     fn home_item(&self) -> Item {
-        let home = self.home();
+        let home = self.flight.home();
+        let (x, y) = whole_degrees_of(self.reality.frame.to_geodetic(home.at));
         Item {
             command: MavCmd::MAV_CMD_NAV_WAYPOINT,
             frame: MavFrame::MAV_FRAME_GLOBAL,
-            x: home.latitude,
-            y: home.longitude,
-            z: home.altitude as f32 / 1000.0,
+            x,
+            y,
+            z: home.ground_amsl_m as f32,
             autocontinue: 1,
             ..Item::default()
         }
@@ -323,7 +330,7 @@ impl StandIn {
 
     /// Goes on with the mission's item of this number; false if there is none.
     pub(super) fn go_on_with(&mut self, seq: u16) -> bool {
-        let orders = Orders::new(&self.parameters, &self.lists);
+        let orders = Orders::new(&self.speaker.parameters, &self.lists);
         self.flight.set_mission_item(usize::from(seq), &orders)
     }
 
@@ -339,7 +346,7 @@ impl StandIn {
         let Some((index, _)) = nearest else {
             return false;
         };
-        self.go_on_with(index as u16) && self.flight.set_mode(AUTO, &self.parameters)
+        self.go_on_with(index as u16) && self.flight.set_mode(AUTO, &self.speaker.parameters)
     }
 
     pub(super) fn mission_current(&self) -> MISSION_CURRENT_DATA {
@@ -362,12 +369,16 @@ impl StandIn {
                 MissionEvent::Reached(seq) => self.send(&MISSION_ITEM_REACHED_DATA { seq }, now),
                 MissionEvent::Text(severity, text) => self.send_text(severity, &text, now),
                 MissionEvent::Fence(on) => {
-                    self.parameters.set(FENCE_ENABLE, f32::from(u8::from(on)));
+                    self.speaker
+                        .parameters
+                        .set(FENCE_ENABLE, f32::from(u8::from(on)));
                 }
                 MissionEvent::Speed(_, m_s) => {
-                    self.parameters.set(MIN_GROUNDSPEED, m_s);
+                    self.speaker.parameters.set(MIN_GROUNDSPEED, m_s);
                 }
-                MissionEvent::Home(_) => self.requested.push((HOME_POSITION_DATA::ID, 0)),
+                MissionEvent::Home(_) => {
+                    self.speaker.request_once(HOME_POSITION_DATA::ID, 0);
+                }
                 MissionEvent::Mode(_) => {}
             }
         }
@@ -384,7 +395,7 @@ impl StandIn {
             .items()
             .iter()
             .any(|item| item.command == MavCmd::MAV_CMD_DO_LAND_START);
-        let unused = self.parameters.get(crate::parameters::RTL_AUTOLAND) == 0.0;
+        let unused = self.speaker.parameters.get(crate::parameters::RTL_AUTOLAND) == 0.0;
         (has_landing && unused).then_some((
             MavSeverity::MAV_SEVERITY_CRITICAL,
             "Arm: DO_LAND_START set and RTL_AUTOLAND disabled",

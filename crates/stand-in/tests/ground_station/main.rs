@@ -5,3 +5,4 @@
 mod missions;
 mod questions;
 mod station;
+mod team;

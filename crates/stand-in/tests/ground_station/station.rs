@@ -17,7 +17,7 @@ pub const SYSTEM: u8 = 6;
 pub const MISSION: MavMissionType = MavMissionType::MAV_MISSION_TYPE_MISSION;
 pub const FENCE: MavMissionType = MavMissionType::MAV_MISSION_TYPE_FENCE;
 pub const RALLY: MavMissionType = MavMissionType::MAV_MISSION_TYPE_RALLY;
-const X8: &str = include_str!("../../../../aircraft/x8.toml");
+pub const X8: &str = include_str!("../../../../aircraft/x8.toml");
 const AS_PONTES: &str = include_str!("../../../../scenarios/as-pontes.toml");
 
 pub type Item = MISSION_ITEM_INT_DATA;

@@ -46,7 +46,7 @@ impl StandIn {
 
     /// Has GUIDED circle a place; radius 0 is the usual one.
     pub(in crate::vehicle) fn fly_around(&mut self, at: Enu, radius_m: f64, clockwise: bool) {
-        let usual_m = self.parameters.get(WP_LOITER_RAD).abs();
+        let usual_m = self.speaker.parameters.get(WP_LOITER_RAD).abs();
         let radius_m = if radius_m > 0.0 { radius_m } else { usual_m };
         self.flight.set_orbit(at, radius_m, clockwise);
     }
@@ -112,7 +112,7 @@ impl StandIn {
             self.send_text(info, &format!("Set airspeed {speed_m_s:.0} m/s"), now);
             return ACCEPTED;
         }
-        if kind == GROUND_SPEED && self.parameters.set(MIN_GROUNDSPEED, speed_m_s) {
+        if kind == GROUND_SPEED && self.speaker.parameters.set(MIN_GROUNDSPEED, speed_m_s) {
             self.send_text(info, &format!("Set groundspeed {speed_m_s:.0}"), now);
             return ACCEPTED;
         }
@@ -122,7 +122,7 @@ impl StandIn {
     fn set_airspeed(&mut self, eas_m_s: f32) -> bool {
         let eas_over_tas = self.reality.eas_over_tas();
         self.flight
-            .set_airspeed(f64::from(eas_m_s), eas_over_tas, &self.parameters)
+            .set_airspeed(f64::from(eas_m_s), eas_over_tas, &self.speaker.parameters)
     }
 
     /// The commands that GUIDED has of its own.
@@ -165,7 +165,7 @@ impl StandIn {
         self.flight.set_home(place);
         let info = MavSeverity::MAV_SEVERITY_INFO;
         self.send_text(info, "Home set", now);
-        self.request_once(HOME_POSITION_DATA::ID, 0)
+        self.speaker.request_once(HOME_POSITION_DATA::ID, 0)
     }
 
     /// Sticks moved by a ground station, each from -1 to 1 or throttle from 0 to 1; none leaves one

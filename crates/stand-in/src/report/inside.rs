@@ -1,16 +1,13 @@
-//! What the stand-in tells of its inside: sensors, servos, filter, navigation, modes.
+//! Messages of what goes on inside: sensors, servos, filter, navigation, modes.
 #![allow(deprecated, reason = "ground stations still send the older forms")]
 
-use super::StandIn;
-use super::telemetry::{boot_ms, millimetres};
-use crate::flight::MODES;
+use super::{Report, boot_ms, millimetres};
 use air::geo::{wrap_deg, wrap_signed_deg};
 use mav_bridge::dialect::{
-    AHRS_DATA, AHRS2_DATA, AVAILABLE_MODES_DATA, CURRENT_MODE_DATA, EKF_STATUS_REPORT_DATA,
-    EkfStatusFlags, MEMINFO_DATA, MavFrame, MavModeProperty, MavPowerStatus,
-    NAV_CONTROLLER_OUTPUT_DATA, POSITION_TARGET_GLOBAL_INT_DATA, POWER_STATUS_DATA,
-    PROTOCOL_VERSION_DATA, PositionTargetTypemask, RAW_IMU_DATA, RC_CHANNELS_DATA,
-    SERVO_OUTPUT_RAW_DATA, SYSTEM_TIME_DATA, VIBRATION_DATA,
+    AHRS_DATA, AHRS2_DATA, CURRENT_MODE_DATA, EKF_STATUS_REPORT_DATA, EkfStatusFlags, MEMINFO_DATA,
+    MavFrame, MavPowerStatus, NAV_CONTROLLER_OUTPUT_DATA, POSITION_TARGET_GLOBAL_INT_DATA,
+    POWER_STATUS_DATA, PROTOCOL_VERSION_DATA, PositionTargetTypemask, RAW_IMU_DATA,
+    RC_CHANNELS_DATA, SERVO_OUTPUT_RAW_DATA, SYSTEM_TIME_DATA, VIBRATION_DATA,
 };
 use protocol::SimTime;
 
@@ -40,20 +37,20 @@ fn boot_us(now: SimTime) -> u64 {
     u64::from(boot_ms(now.s())) * 1000
 }
 
-impl StandIn {
+impl Report {
     /// No receiver tells it the date: the time since it was switched on alone.
-    pub(super) fn system_time(&self, now: SimTime) -> SYSTEM_TIME_DATA {
+    pub(crate) fn system_time(&self) -> SYSTEM_TIME_DATA {
         SYSTEM_TIME_DATA {
             time_unix_usec: 0,
-            time_boot_ms: boot_ms(now.s()),
+            time_boot_ms: boot_ms(self.now.s()),
         }
     }
 
-    pub(super) fn rc_channels(&self, now: SimTime) -> RC_CHANNELS_DATA {
-        let sticks = self.flight.sticks();
+    pub(crate) fn rc_channels(&self) -> RC_CHANNELS_DATA {
+        let sticks = self.sticks;
         let unused = u16::MAX;
         RC_CHANNELS_DATA {
-            time_boot_ms: boot_ms(now.s()),
+            time_boot_ms: boot_ms(self.now.s()),
             chan1_raw: pulse_us(sticks.roll),
             chan2_raw: pulse_us(sticks.pitch),
             chan3_raw: throttle_us(sticks.throttle),
@@ -78,11 +75,11 @@ impl StandIn {
     }
 
     /// Elevons left and right on outputs 1 and 2, the motor on 3.
-    pub(super) fn servos(&self, now: SimTime) -> SERVO_OUTPUT_RAW_DATA {
-        let state = self.flight.state();
+    pub(crate) fn servos(&self) -> SERVO_OUTPUT_RAW_DATA {
+        let state = self.state;
         let elevon = |rad: f64| pulse_us(rad / ELEVON_END_RAD);
         SERVO_OUTPUT_RAW_DATA {
-            time_usec: boot_us(now) as u32,
+            time_usec: boot_us(self.now) as u32,
             servo1_raw: elevon(state.elevator_rad + state.aileron_rad),
             servo2_raw: elevon(state.elevator_rad - state.aileron_rad),
             servo3_raw: throttle_us(state.throttle),
@@ -90,18 +87,18 @@ impl StandIn {
         }
     }
 
-    pub(super) fn navigation(&self) -> NAV_CONTROLLER_OUTPUT_DATA {
-        let guidance = self.flight.guidance();
-        let here = self.flight.here();
+    pub(crate) fn navigation(&self) -> NAV_CONTROLLER_OUTPUT_DATA {
+        let guidance = self.guidance;
+        let here = self.here;
         let target = guidance.target.unwrap_or(here);
         let bearing_deg = here.at.bearing_deg(target.at);
-        let tas_m_s = self.flight.sensed().airspeed_m_s;
+        let tas_m_s = self.sensed.airspeed_m_s;
         let whole = |deg: f64| wrap_signed_deg(deg).round() as i16;
         NAV_CONTROLLER_OUTPUT_DATA {
             nav_roll: guidance.bank_rad.to_degrees() as f32,
             nav_pitch: guidance.pitch_rad.to_degrees() as f32,
             alt_error: (target.alt_amsl_m - here.alt_amsl_m) as f32,
-            aspd_error: ((guidance.airspeed_m_s - tas_m_s) * self.reality.eas_over_tas()) as f32,
+            aspd_error: ((guidance.airspeed_m_s - tas_m_s) * self.eas_over_tas) as f32,
             xtrack_error: guidance.across_m as f32,
             nav_bearing: whole(bearing_deg),
             target_bearing: whole(bearing_deg),
@@ -110,15 +107,15 @@ impl StandIn {
     }
 
     /// Where it flies to; none where it flies to no place.
-    pub(super) fn position_target(&self, now: SimTime) -> Option<POSITION_TARGET_GLOBAL_INT_DATA> {
-        let target = self.flight.guidance().target?;
+    pub(crate) fn position_target(&self) -> Option<POSITION_TARGET_GLOBAL_INT_DATA> {
+        let target = self.guidance.target?;
         let (lat_int, lon_int) = self.degrees_1e7(target.at);
         let place = PositionTargetTypemask::POSITION_TARGET_TYPEMASK_X_IGNORE
             | PositionTargetTypemask::POSITION_TARGET_TYPEMASK_Y_IGNORE
             | PositionTargetTypemask::POSITION_TARGET_TYPEMASK_Z_IGNORE
             | PositionTargetTypemask::POSITION_TARGET_TYPEMASK_FORCE_SET;
         Some(POSITION_TARGET_GLOBAL_INT_DATA {
-            time_boot_ms: boot_ms(now.s()),
+            time_boot_ms: boot_ms(self.now.s()),
             lat_int,
             lon_int,
             alt: target.alt_amsl_m as f32,
@@ -129,15 +126,15 @@ impl StandIn {
     }
 
     /// An airframe without vibration, whose accelerometers never reach their end.
-    pub(super) fn vibration(&self, now: SimTime) -> VIBRATION_DATA {
+    pub(crate) fn vibration(&self) -> VIBRATION_DATA {
         VIBRATION_DATA {
-            time_usec: boot_us(now),
+            time_usec: boot_us(self.now),
             ..VIBRATION_DATA::default()
         }
     }
 
     /// A filter that is content with its sensors, above the ground or on it.
-    pub(super) fn filter_status(&self) -> EKF_STATUS_REPORT_DATA {
+    pub(crate) fn filter_status(&self) -> EKF_STATUS_REPORT_DATA {
         let content = 0.05;
         EKF_STATUS_REPORT_DATA {
             velocity_variance: content,
@@ -156,13 +153,13 @@ impl StandIn {
         }
     }
 
-    pub(super) fn raw_imu(&self, now: SimTime) -> RAW_IMU_DATA {
-        let state = self.flight.state();
+    pub(crate) fn raw_imu(&self) -> RAW_IMU_DATA {
+        let state = self.state;
         let acc = state.specific_force_m_s2.map(|f| (f / MILLI_G_M_S2) as i16);
         let gyro = state.rate_rad_s.map(|rate| (rate * 1000.0) as i16);
         let mag = in_body(state.attitude, FIELD_MGAUSS).map(|field| field as i16);
         RAW_IMU_DATA {
-            time_usec: boot_us(now),
+            time_usec: boot_us(self.now),
             xacc: acc[0],
             yacc: acc[1],
             zacc: acc[2],
@@ -176,7 +173,7 @@ impl StandIn {
         }
     }
 
-    pub(super) fn power(&self) -> POWER_STATUS_DATA {
+    pub(crate) fn power(&self) -> POWER_STATUS_DATA {
         POWER_STATUS_DATA {
             Vcc: 5000,
             Vservo: 5000,
@@ -185,7 +182,7 @@ impl StandIn {
         }
     }
 
-    pub(super) fn memory(&self) -> MEMINFO_DATA {
+    pub(crate) fn memory(&self) -> MEMINFO_DATA {
         MEMINFO_DATA {
             freemem: FREE_MEMORY,
             freemem32: u32::from(FREE_MEMORY),
@@ -194,13 +191,13 @@ impl StandIn {
     }
 
     /// A filter whose gyroscopes have no bias.
-    pub(super) fn attitude_filter(&self) -> AHRS_DATA {
+    pub(crate) fn attitude_filter(&self) -> AHRS_DATA {
         AHRS_DATA::default()
     }
 
-    pub(super) fn second_attitude(&self, now: SimTime) -> AHRS2_DATA {
-        let sensed = self.flight.sensed();
-        let (at, alt_amsl_m) = self.reported_position(now);
+    pub(crate) fn second_attitude(&self) -> AHRS2_DATA {
+        let sensed = self.sensed;
+        let (at, alt_amsl_m) = self.reported;
         let (lat, lng) = self.degrees_1e7(at);
         AHRS2_DATA {
             roll: sensed.roll_rad as f32,
@@ -212,7 +209,7 @@ impl StandIn {
         }
     }
 
-    pub(super) fn protocol_version(&self) -> PROTOCOL_VERSION_DATA {
+    pub(crate) fn protocol_version(&self) -> PROTOCOL_VERSION_DATA {
         PROTOCOL_VERSION_DATA {
             version: MAVLINK_2,
             min_version: MAVLINK_2,
@@ -221,30 +218,12 @@ impl StandIn {
         }
     }
 
-    pub(super) fn current_mode(&self) -> CURRENT_MODE_DATA {
-        let mode = self.flight.mode();
+    pub(crate) fn current_mode(&self) -> CURRENT_MODE_DATA {
+        let mode = self.mode;
         CURRENT_MODE_DATA {
             custom_mode: mode,
             intended_custom_mode: mode,
             ..CURRENT_MODE_DATA::default()
-        }
-    }
-
-    /// Tells one of the modes that it has, counted from 1; with 0 all of them.
-    pub(super) fn send_modes(&mut self, wanted: u32, now: SimTime) {
-        for (index, (custom_mode, name)) in (1..).zip(MODES) {
-            if wanted != 0 && wanted != index {
-                continue;
-            }
-            let mode = AVAILABLE_MODES_DATA {
-                custom_mode,
-                properties: MavModeProperty::empty(),
-                number_modes: MODES.len() as u8,
-                mode_index: index as u8,
-                mode_name: name.into(),
-                ..AVAILABLE_MODES_DATA::default()
-            };
-            self.send(&mode, now);
         }
     }
 }

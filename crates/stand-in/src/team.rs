@@ -1,0 +1,393 @@
+//! A vehicle of the team as any ground station sees it: an ArduPlane of its own, whatever flies it.
+#![allow(deprecated, reason = "ground stations still send the older forms")]
+
+use crate::flight::{Guidance, HomePosition, is_manual};
+use crate::item_list::Item;
+use crate::mission_run::Place;
+use crate::parameters::AutopilotParameters;
+use crate::report::{Report, boot_ms};
+use crate::speaker::Speaker;
+use crate::streams::team_streams;
+use air::geo::{Enu, Geodetic, LocalFrame, wrap_signed_deg};
+use air::isa::Atmosphere;
+use fdm::autopilot::Sensed;
+use fdm::{FlightFlags, FlightPhase, FlightState};
+use mav_bridge::arduplane::{AUTO, FBWA, GUIDED, MANUAL, RTL};
+use mav_bridge::dialect::{
+    COMMAND_INT_DATA, MISSION_ACK_DATA, MISSION_COUNT_DATA, MISSION_CURRENT_DATA, MavCmd,
+    MavMessage, MavMissionResult, MavMissionType, MavResult, MavSeverity, NAMED_VALUE_FLOAT_DATA,
+    SET_MODE_DATA,
+};
+use mav_bridge::wire::{MessageData as _, RawFrame};
+use plume::Gas;
+use protocol::SimTime;
+use protocol::message::{
+    Control, ControlLevel, ControlWish, Mode, Reading, State, Sticks, VehicleKind,
+};
+use scenario::Scenario;
+
+use MavResult::{
+    MAV_RESULT_ACCEPTED as ACCEPTED, MAV_RESULT_DENIED as DENIED, MAV_RESULT_FAILED as FAILED,
+    MAV_RESULT_UNSUPPORTED as UNSUPPORTED,
+};
+
+/// Modes that a ground station may choose: by hand, back to the squadron controller, home.
+const MODES: [(u32, &str); 5] = [
+    (MANUAL, "Manual"),
+    (FBWA, "FBWA"),
+    (AUTO, "Auto"),
+    (RTL, "RTL"),
+    (GUIDED, "Guided"),
+];
+/// Sticks let go: level flight at a little more than half power.
+const CENTRED: Sticks = Sticks {
+    roll: 0.0,
+    pitch: 0.0,
+    throttle: 0.55,
+};
+
+/// A vehicle of the team, simulated or real, as an ArduPlane on a link.
+///
+/// It is told what the bus says of the vehicle, and tells what ground stations want of it, as the
+/// controls that the page and `plumage control` send too. While the squadron controller flies it it is
+/// in GUIDED; a pilot's mode is FBWA, the Guardian's RTL.
+#[derive(Debug)]
+pub struct TeamVehicle {
+    speaker: Speaker,
+    frame: LocalFrame,
+    home: HomePosition,
+    atmosphere: Atmosphere,
+    cruise_m_s: f64,
+    gas: Gas,
+    state: Option<State>,
+    reading: Option<Reading>,
+    level: ControlLevel,
+    sticks: Sticks,
+    wishes: Vec<Control>,
+}
+
+impl TeamVehicle {
+    /// The vehicle at `index` of the scenario's team, whose number, counted from 1, is its system id;
+    /// `home_amsl_m` is the ground at its home. None where there is no such vehicle, or no system id
+    /// left for it.
+    pub fn new(
+        scenario: &Scenario,
+        index: usize,
+        aircraft: &fdm::Aircraft,
+        home_amsl_m: f64,
+    ) -> Option<Self> {
+        let system_id = u8::try_from(index + 1).ok().filter(|&id| id < 255)?;
+        let frame = scenario.frame().ok()?;
+        let atmosphere = scenario.atmosphere().ok()?;
+        let limits = aircraft.limits;
+        let eas_over_tas = eas_over_tas(&atmosphere, home_amsl_m);
+        let parameters = AutopilotParameters::new(
+            limits.airspeed_min_m_s * eas_over_tas,
+            limits.airspeed_max_m_s * eas_over_tas,
+            aircraft.control.loiter_radius_m,
+        );
+        Some(Self {
+            speaker: Speaker::new(system_id, parameters, team_streams(), &MODES, None),
+            home: HomePosition {
+                at: frame.to_enu(scenario.home(index).ok()?),
+                ground_amsl_m: home_amsl_m,
+                heading_deg: 0.0,
+            },
+            frame,
+            atmosphere,
+            cruise_m_s: limits.airspeed_cruise_m_s,
+            gas: scenario.gas(),
+            state: None,
+            reading: None,
+            level: ControlLevel::Automatic,
+            sticks: CENTRED,
+            wishes: Vec::new(),
+        })
+    }
+
+    /// The bus says where it is.
+    pub fn state(&mut self, state: &State) {
+        self.state = Some(state.clone());
+    }
+
+    /// The bus says what it reads.
+    pub fn reading(&mut self, reading: &Reading) {
+        self.reading = Some(reading.clone());
+    }
+
+    /// The bus says who flies it.
+    pub fn mode(&mut self, mode: &Mode) {
+        self.level = mode.level;
+    }
+
+    /// What ground stations want of it since the last call.
+    pub fn take_wishes(&mut self) -> Vec<Control> {
+        std::mem::take(&mut self.wishes)
+    }
+
+    /// Answers `frames_in`, of which others may be meant, with the frames that it sends; nothing
+    /// before its first state is known.
+    pub fn step(&mut self, now: SimTime, frames_in: &[Vec<u8>]) -> Vec<Vec<u8>> {
+        for frame in self.speaker.hear(frames_in, now) {
+            if let Some(message) = frame.message() {
+                self.handle(&frame, &message, now);
+            } else if let Some((target, command)) = frame.command_number()
+                && self.speaker.is_addressed(target)
+            {
+                self.speaker.acknowledge(command, UNSUPPORTED, now);
+            }
+        }
+        if let Some(state) = self.state.clone() {
+            let due = self.speaker.due(now);
+            if !due.is_empty() {
+                self.tell(&due, &state, now);
+            }
+        }
+        self.speaker.take_frames()
+    }
+
+    fn tell(&mut self, due: &[(u32, u32)], state: &State, now: SimTime) {
+        let report = self.report(state, now);
+        for &(message_id, which) in due {
+            if message_id != NAMED_VALUE_FLOAT_DATA::ID {
+                self.speaker.tell(message_id, which, &report);
+                continue;
+            }
+            let Some(reading) = &self.reading else {
+                continue;
+            };
+            let gas = NAMED_VALUE_FLOAT_DATA {
+                time_boot_ms: boot_ms(reading.read_at(now).s()),
+                value: reading.co2_ppm as f32,
+                name: self.gas.formula().into(),
+            };
+            self.speaker.send(&gas, now);
+        }
+    }
+
+    /// Number of the mode that it is shown in.
+    fn custom_mode(&self) -> u32 {
+        match self.level {
+            ControlLevel::Automatic => GUIDED,
+            ControlLevel::Pilot => FBWA,
+            ControlLevel::Guardian => RTL,
+        }
+    }
+
+    fn report(&self, state: &State, now: SimTime) -> Report {
+        let air = self.atmosphere.at(state.alt_amsl_m);
+        let at = self.frame.to_enu(Geodetic {
+            lat_deg: state.lat_deg,
+            lon_deg: state.lon_deg,
+        });
+        let flight = flight_state(state, at);
+        let wind_m_s = self.reading.as_ref().and_then(|reading| {
+            let speed_m_s = reading.wind_speed_m_s?;
+            let (sin, cos) = reading.wind_from_deg?.to_radians().sin_cos();
+            Some([-speed_m_s * cos, -speed_m_s * sin])
+        });
+        Report {
+            now,
+            system_id: self.speaker.system_id,
+            frame: self.frame,
+            mode: self.custom_mode(),
+            armed: state.airborne || state.throttle > 0.0,
+            flying: state.airborne,
+            landing: false,
+            failsafe: self.level == ControlLevel::Guardian,
+            sensed: Sensed::perfect(&flight, air.density_kg_m3()),
+            state: flight,
+            reported: (at, state.alt_amsl_m),
+            here: Place {
+                at,
+                alt_amsl_m: state.alt_amsl_m,
+            },
+            home: self.home,
+            origin: self.home,
+            wind_m_s,
+            eas_over_tas: eas_over_tas(&self.atmosphere, state.alt_amsl_m),
+            air,
+            sticks: fdm::autopilot::Sticks {
+                roll: self.sticks.roll,
+                pitch: self.sticks.pitch,
+                throttle: self.sticks.throttle,
+            },
+            guidance: Guidance {
+                bank_rad: state.roll_deg.to_radians(),
+                pitch_rad: state.pitch_deg.to_radians(),
+                target: None,
+                across_m: 0.0,
+                airspeed_m_s: self.cruise_m_s,
+            },
+            // Not said on the bus.
+            charge: (u16::MAX, -1),
+            fence_present: false,
+            fence_on: false,
+            fence_breached: false,
+            fence_status: None,
+            mission_current: MISSION_CURRENT_DATA::default(),
+        }
+    }
+
+    fn handle(&mut self, frame: &RawFrame, message: &MavMessage, now: SimTime) {
+        match message {
+            MavMessage::COMMAND_LONG(m) if self.speaker.is_addressed(m.target_system) => {
+                let whole = COMMAND_INT_DATA {
+                    param1: m.param1,
+                    param2: m.param2,
+                    param3: m.param3,
+                    param4: m.param4,
+                    command: m.command,
+                    ..COMMAND_INT_DATA::default()
+                };
+                self.command(&whole, now);
+            }
+            MavMessage::COMMAND_INT(m) if self.speaker.is_addressed(m.target_system) => {
+                self.command(m, now);
+            }
+            MavMessage::SET_MODE(m) if self.speaker.is_addressed(m.target_system) => {
+                let result = self.change_mode(m.custom_mode, now);
+                self.speaker
+                    .acknowledge(SET_MODE_DATA::ID as u16, result, now);
+            }
+            // Sticks are for one vehicle, never for all.
+            MavMessage::MANUAL_CONTROL(m) if m.target == self.speaker.system_id => {
+                let share = |v: i16| f64::from(v) / 1000.0;
+                self.fly_by(Sticks {
+                    roll: share(m.y),
+                    pitch: -share(m.x),
+                    throttle: share(m.z),
+                });
+            }
+            message => {
+                if !self.speaker.answer(frame, message, now) {
+                    self.refuse_missions(frame, message, now);
+                }
+            }
+        }
+    }
+
+    fn command(&mut self, m: &COMMAND_INT_DATA, now: SimTime) {
+        let result = match m.command {
+            MavCmd::MAV_CMD_DO_SET_MODE if m.param1 as u8 & 1 == 0 => DENIED,
+            MavCmd::MAV_CMD_DO_SET_MODE => self.change_mode(m.param2 as u32, now),
+            MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH => self.change_mode(RTL, now),
+            // Where it flies is the squadron controller's to say, and so is its motor.
+            MavCmd::MAV_CMD_DO_REPOSITION
+            | MavCmd::MAV_CMD_DO_CHANGE_SPEED
+            | MavCmd::MAV_CMD_COMPONENT_ARM_DISARM
+            | MavCmd::MAV_CMD_MISSION_START
+            | MavCmd::MAV_CMD_DO_LAND_START => {
+                let text = "Flown by the squadron controller: take over by FBWA";
+                let warning = MavSeverity::MAV_SEVERITY_WARNING;
+                self.speaker.send_text(warning, text, now);
+                FAILED
+            }
+            _ => self.speaker.obey(m, now).unwrap_or(UNSUPPORTED),
+        };
+        self.speaker.acknowledge(m.command as u16, result, now);
+    }
+
+    /// A mode of the sticks takes it over, RTL calls it home, GUIDED or AUTO gives it back.
+    fn change_mode(&mut self, mode: u32, now: SimTime) -> MavResult {
+        let is_real = self.state.as_ref().map(|s| s.kind) == Some(VehicleKind::Real);
+        let wish = match mode {
+            GUIDED | AUTO => ControlWish::HandBack,
+            RTL => ControlWish::Home,
+            mode if is_manual(mode) && is_real => {
+                let warning = MavSeverity::MAV_SEVERITY_WARNING;
+                let text = "A real one: its own remote control takes over";
+                self.speaker.send_text(warning, text, now);
+                return FAILED;
+            }
+            mode if is_manual(mode) => ControlWish::TakeOver,
+            _ => return FAILED,
+        };
+        self.sticks = CENTRED;
+        self.wishes.push(Control { wish, sticks: None });
+        ACCEPTED
+    }
+
+    /// Sticks fly it once it has been taken over.
+    fn fly_by(&mut self, sticks: Sticks) {
+        if self.level == ControlLevel::Pilot {
+            self.sticks = sticks;
+            self.wishes.push(Control {
+                wish: ControlWish::TakeOver,
+                sticks: Some(sticks),
+            });
+        }
+    }
+
+    /// There are no missions, fences and rally points, and none are taken.
+    fn refuse_missions(&mut self, frame: &RawFrame, message: &MavMessage, now: SimTime) {
+        let (target_system, target_component) = (frame.system_id(), frame.component_id());
+        let here = |target: u8| self.speaker.is_addressed(target);
+        let (kind, asked) = match message {
+            MavMessage::MISSION_REQUEST_LIST(m) if here(m.target_system) => (m.mission_type, true),
+            MavMessage::MISSION_COUNT(m) if here(m.target_system) => (m.mission_type, false),
+            MavMessage::MISSION_CLEAR_ALL(m) if here(m.target_system) => (m.mission_type, false),
+            MavMessage::MISSION_ITEM_INT(m) if here(m.target_system) => {
+                let item: &Item = m;
+                (item.mission_type, false)
+            }
+            _ => return,
+        };
+        if asked {
+            let none = MISSION_COUNT_DATA {
+                target_system,
+                target_component,
+                mission_type: kind,
+                ..MISSION_COUNT_DATA::default()
+            };
+            return self.speaker.send(&none, now);
+        }
+        let kind: MavMissionType = kind;
+        let ack = MISSION_ACK_DATA {
+            target_system,
+            target_component,
+            mavtype: MavMissionResult::MAV_MISSION_DENIED,
+            mission_type: kind,
+            ..MISSION_ACK_DATA::default()
+        };
+        self.speaker.send(&ack, now);
+    }
+}
+
+/// Equivalent over true airspeed.
+fn eas_over_tas(atmosphere: &Atmosphere, alt_amsl_m: f64) -> f64 {
+    let sea_level = Atmosphere::standard().at(0.0).density_kg_m3();
+    (atmosphere.at(alt_amsl_m).density_kg_m3() / sea_level).sqrt()
+}
+
+/// As much of a flight as the bus tells.
+fn flight_state(state: &State, at: Enu) -> FlightState {
+    let roll_rad = state.roll_deg.to_radians();
+    let pitch_rad = state.pitch_deg.to_radians();
+    let yaw_rad = wrap_signed_deg(state.heading_deg).to_radians();
+    FlightState {
+        north_m: at.north_m,
+        east_m: at.east_m,
+        alt_amsl_m: state.alt_amsl_m,
+        vel_ned_m_s: state.vel_ned_m_s,
+        roll_rad,
+        pitch_rad,
+        yaw_rad,
+        attitude: fdm::quaternion(roll_rad, pitch_rad, yaw_rad),
+        rate_rad_s: [0.0; 3],
+        airspeed_m_s: state.airspeed_m_s,
+        alpha_rad: 0.0,
+        beta_rad: 0.0,
+        elevator_rad: 0.0,
+        aileron_rad: 0.0,
+        rudder_rad: 0.0,
+        throttle: state.throttle,
+        specific_force_m_s2: [0.0; 3],
+        phase: if state.airborne {
+            FlightPhase::Flying
+        } else {
+            FlightPhase::OnGround
+        },
+        flags: FlightFlags::default(),
+    }
+}

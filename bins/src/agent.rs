@@ -1,12 +1,13 @@
 //! One agent in a process of its own, on the bus over Zenoh.
 
 use crate::flightgear::{self, Viewer};
+use crate::links::{self, Links};
 use crate::weather_file::WeatherFile;
 use crate::{Failure, mission_files, preflight, presence, tls};
 use anyhow::Context as _;
-use mav_bridge::link::{Link, LinkAddress};
+use mav_bridge::link::LinkAddress;
 use mav_bridge::signing::SigningConfig;
-use mission::real_vehicle::RealVehicle;
+use mission::real_vehicle::{LinkOptions, RealVehicle};
 use mission::setup::SigningKey;
 use mission::{Member, Setup, team};
 use net::realtime::MissionClock;
@@ -16,6 +17,7 @@ use protocol::key::Name;
 use protocol::{Agent as _, SimTime};
 use scenario::tables::VehicleKind;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -139,21 +141,38 @@ impl BusArguments {
     }
 }
 
-/// Runs `work` on a runtime that Zenoh can use.
+/// Runs `work` on a runtime that Zenoh can use, until it is done or interrupted.
 ///
 /// # Errors
 /// No runtime, or those of `work`.
 pub fn block_on(work: impl Future<Output = Result<(), Failure>>) -> Result<(), Failure> {
+    block_on_until(work, None)
+}
+
+/// The same; with a flag an interrupt raises it, and only a second one ends the work at once.
+fn block_on_until(
+    work: impl Future<Output = Result<(), Failure>>,
+    interrupted: Option<&AtomicBool>,
+) -> Result<(), Failure> {
     tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .enable_all()
         .build()
         .context("cannot start the runtime")?
         .block_on(async {
+            tokio::pin!(work);
             tokio::select! {
-                done = work => done,
+                done = &mut work => return done,
+                _ = tokio::signal::ctrl_c() => eprintln!("interrupted"),
+            }
+            let Some(flag) = interrupted else {
+                return Ok(());
+            };
+            flag.store(true, Ordering::Relaxed);
+            tokio::select! {
+                done = &mut work => done,
                 _ = tokio::signal::ctrl_c() => {
-                    eprintln!("interrupted");
+                    eprintln!("interrupted again: the vehicle is left to its own failsafe");
                     Ok(())
                 }
             }
@@ -163,8 +182,8 @@ pub fn block_on(work: impl Future<Output = Result<(), Failure>>) -> Result<(), F
 /// A member of the team in this process, with what is not a bus around it.
 pub struct HostedMember {
     member: Member,
-    /// The link of a real vehicle.
-    link: Option<LinkAddress>,
+    /// The links of a real vehicle.
+    links: Vec<LinkAddress>,
     /// The key shared with it.
     signing_key: Option<SigningKey>,
     /// Where FlightGear shows it.
@@ -185,7 +204,7 @@ impl From<Member> for HostedMember {
     fn from(member: Member) -> Self {
         Self {
             member,
-            link: None,
+            links: Vec::new(),
             signing_key: None,
             flightgear: None,
             weather: None,
@@ -198,10 +217,10 @@ impl From<Member> for HostedMember {
 pub struct VehicleOptions {
     /// `--flightgear` arguments.
     pub flightgear: Vec<String>,
-    /// Link of the one vehicle, whatever its kind.
-    pub link: Option<LinkAddress>,
-    /// Whether the bridge may arm its motor.
-    pub may_arm: bool,
+    /// Links of the vehicles, whatever their kind; where empty those of the scenario.
+    pub links: Vec<LinkAddress>,
+    /// What else is otherwise about a link.
+    pub link_options: LinkOptions,
     /// The key shared with it.
     pub signing_key: Option<SigningKey>,
 }
@@ -220,22 +239,20 @@ pub fn vehicles(
     for (id, flightgear) in ids.iter().zip(addresses) {
         let index = setup.index_of(id).map_err(Failure::input)?;
         let vehicle = &setup.scenario.vehicles[index];
-        let link = match (&options.link, &vehicle.link) {
-            (Some(link), _) => Some(link.clone()),
-            (None, Some(text)) if vehicle.kind == VehicleKind::Mavlink => {
-                Some(text.parse().map_err(Failure::input)?)
-            }
-            _ => None,
+        let links = match vehicle.kind {
+            _ if !options.links.is_empty() => options.links.clone(),
+            VehicleKind::Mavlink => links::addresses(&vehicle.link)?,
+            _ => Vec::new(),
         };
-        let member = if link.is_some() {
-            Member::linked(setup, index, options.may_arm || vehicle.may_arm)
-        } else {
+        let member = if links.is_empty() {
             Member::vehicle(setup, index)
+        } else {
+            Member::linked(setup, index, &options.link_options)
         };
         let of_scenario = || setup.signing_keys.get(*id).cloned();
         hosted.push(HostedMember {
             member: member.map_err(Failure::input)?,
-            link,
+            links,
             signing_key: options.signing_key.clone().or_else(of_scenario),
             flightgear,
             weather: None,
@@ -257,7 +274,7 @@ pub fn run(
     let setup = arguments.setup()?;
     preflight::check(&setup)?;
     let hosted = make(&setup)?;
-    let linked = hosted.iter().find(|a| a.link.is_some());
+    let linked = hosted.iter().find(|a| !a.links.is_empty());
     if let Some(linked) = linked.filter(|_| arguments.lockstep) {
         return Err(Failure::usage(format!(
             "{}: a real vehicle cannot fly in lockstep; expected no --lockstep",
@@ -266,22 +283,27 @@ pub fn run(
     }
     let ids: Vec<String> = hosted.iter().map(|a| a.member.id().to_string()).collect();
     let who = ids.join(", ");
-    block_on(async {
-        let mut net = arguments.open(&setup, keeps_time).await?;
-        eprintln!("{who} joins mission {}", setup.scenario.mission.name);
-        let watch = presence::watch(&net, &setup, &ids, arguments.connected_to(keeps_time))?;
-        if arguments.lockstep {
-            let team = team::agent_ids(&setup).map_err(Failure::input)?;
-            let mut members: Vec<Member> = hosted.into_iter().map(|a| a.member).collect();
-            lockstep::run(&mut net, &mut members, &team, setup.tick_ns()).await?;
-        } else {
-            fly_in_real_time(&mut net, hosted, &setup, keeps_time).await?;
-        }
-        watch.abort();
-        eprintln!("{who} has finished");
-        net.close().await?;
-        Ok(())
-    })
+    let interrupted = AtomicBool::new(false);
+    let stays = linked.is_some().then_some(&interrupted);
+    block_on_until(
+        async {
+            let mut net = arguments.open(&setup, keeps_time).await?;
+            eprintln!("{who} joins mission {}", setup.scenario.mission.name);
+            let watch = presence::watch(&net, &setup, &ids, arguments.connected_to(keeps_time))?;
+            if arguments.lockstep {
+                let team = team::agent_ids(&setup).map_err(Failure::input)?;
+                let mut members: Vec<Member> = hosted.into_iter().map(|a| a.member).collect();
+                lockstep::run(&mut net, &mut members, &team, setup.tick_ns()).await?;
+            } else {
+                fly_in_real_time(&mut net, hosted, &setup, keeps_time, &interrupted).await?;
+            }
+            watch.abort();
+            eprintln!("{who} has finished");
+            net.close().await?;
+            Ok(())
+        },
+        stays,
+    )
 }
 
 async fn fly_in_real_time(
@@ -289,23 +311,30 @@ async fn fly_in_real_time(
     hosted: Vec<HostedMember>,
     setup: &Setup,
     keeps_time: bool,
+    interrupted: &AtomicBool,
 ) -> Result<(), Failure> {
     let mut members = Vec::new();
-    let mut links = Vec::new();
+    let mut links = Links::default();
+    let mut served = Vec::new();
     let mut viewers = Vec::new();
     let mut keys = Vec::new();
     let mut weather = Vec::new();
     for a in hosted {
+        served.push(match a.member.aircraft().map(|va| va.id().to_string()) {
+            Some(id) if !a.links.is_empty() => {
+                let id = id.trim_start_matches("va/");
+                Some(links.add(id, &a.links).await?)
+            }
+            _ => None,
+        });
         members.push(a.member);
         keys.push(a.signing_key);
         weather.push(a.weather);
-        links.push(match &a.link {
-            Some(address) => Some(Link::open(address).await.map_err(Failure::input)?),
-            None => None,
-        });
         viewers.push(a.flightgear.as_deref().map(Viewer::open).transpose()?);
     }
-    let typed = links.iter().any(Option::is_some).then(typed_commands);
+    let typed = served.iter().any(Option::is_some).then(typed_commands);
+    let first_served = served.iter().position(Option::is_some);
+    let mut words: Vec<String> = Vec::new();
     let clock = if keeps_time {
         MissionClock::keep(net).await?
     } else {
@@ -322,13 +351,21 @@ async fn fly_in_real_time(
         &mut members,
         clock,
         setup.tick_ns(),
-        until,
+        |due, members| {
+            let over = due >= until || interrupted.load(Ordering::Relaxed);
+            over && all_down(members)
+        },
         |k, member| {
-            if let (Some(link), Member::Real(vehicle)) = (&mut links[k], &mut *member) {
-                while let Some(word) = typed.as_ref().and_then(|t| t.try_recv().ok()) {
-                    obey(&word, vehicle);
+            if let (Some(user), Member::Real(vehicle)) = (served[k], &mut *member) {
+                if Some(k) == first_served {
+                    words = typed
+                        .as_ref()
+                        .map_or_else(Vec::new, |t| t.try_iter().collect());
                 }
-                serve_link(link, vehicle);
+                for word in &words {
+                    obey(word, vehicle);
+                }
+                links.serve(user, vehicle);
             }
             if let (Some(file), Member::World(world)) = (&mut weather[k], &mut *member)
                 && let Some(news) = file.poll(clock.now())
@@ -342,6 +379,18 @@ async fn fly_in_real_time(
     )
     .await?;
     Ok(())
+}
+
+/// Whether no vehicle behind a link is in the air or armed; those that are are told that the mission is over.
+fn all_down(members: &mut [Member]) -> bool {
+    let mut down = true;
+    for member in members {
+        if let Member::Real(vehicle) = member {
+            vehicle.mission_over();
+            down &= !vehicle.is_up();
+        }
+    }
+    down
 }
 
 fn obey(word: &str, vehicle: &mut RealVehicle) {
@@ -378,19 +427,5 @@ pub fn signing_from(key: &SigningKey, now: SimTime) -> SigningConfig {
         key: key.0,
         link_id: 0,
         epoch_10us: wall_10us.saturating_add_signed(-now.ns() / 10_000),
-    }
-}
-
-/// Moves bytes between a link and the bridge of `vehicle`.
-pub fn serve_link(link: &mut Link, vehicle: &mut RealVehicle) {
-    let Some(buffers) = vehicle.link() else {
-        return;
-    };
-    while let Some(bytes) = link.try_receive() {
-        buffers.from_vehicle.push(bytes);
-    }
-    for frame in buffers.to_vehicle.drain(..) {
-        // A link that does not keep up loses frames, as any radio does; commands are repeated.
-        let _ = link.send(frame);
     }
 }

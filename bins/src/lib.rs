@@ -9,6 +9,7 @@ pub mod flightgear;
 pub mod flights;
 pub mod ground_station;
 pub mod importing;
+pub mod links;
 pub mod measured;
 pub mod mission_files;
 pub mod outputs;

@@ -6,6 +6,7 @@ use clap::Parser;
 use mav_bridge::arduplane::TAKEOFF;
 use mav_bridge::link::{Link, LinkAddress};
 use mission::Setup;
+use mission::real_vehicle::LinkOptions;
 use mission::setup::SigningKey;
 use programs::agent::{self, VehicleOptions, signing_from};
 use programs::{Failure, failure, mission_files};
@@ -25,13 +26,35 @@ use std::time::{Duration, Instant};
 struct BridgeArguments {
     #[command(flatten)]
     bus: agent::BusArguments,
-    /// Id of the vehicle in the scenario
+    /// Ids of the vehicles in the scenario, apart by commas; several share the links, and are told apart by
+    /// their system_id
+    #[arg(long, value_name = "ID", value_delimiter = ',', required = true)]
+    vehicle: Vec<String>,
+    /// Where the vehicle is: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or
+    /// serial:PATH:BAUD; repeated for one that is heard over several links [default: the vehicle's link in the scenario]
     #[arg(long)]
-    vehicle: String,
-    /// Where the vehicle is: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or tcpin:HOST:PORT
-    /// [default: the vehicle's link in the scenario]
+    link: Vec<LinkAddress>,
+    /// MAVLink system of the vehicle [default: its system_id in the scenario, else the one that is heard]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..))]
+    system_id: Option<u8>,
+    /// MAVLink component of its autopilot [default: its component_id in the scenario, else 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..))]
+    component_id: Option<u8>,
+    /// MAVLink system of this bridge as a ground station; the vehicle's MAV_GCS_SYSID (SYSID_MYGCS before 4.7)
+    /// must be the same [default: the vehicle's gcs_system_id in the scenario, else 255]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..))]
+    gcs_id: Option<u8>,
+    /// Send nothing at all, no heartbeat and no request either: what the vehicle sends by itself is taken in
     #[arg(long)]
-    link: Option<LinkAddress>,
+    listen_only: bool,
+    /// Send nothing but questions for parameters, and say every other frame that would be sent: no heartbeat, no
+    /// rate, no mode, no setpoint
+    #[arg(long, conflicts_with = "listen_only")]
+    dry_run: bool,
+    /// Set the parameters that the checklist finds wrong, on the ground: FS_GCS_ENABL and FS_LONG_ACTN to 1,
+    /// MAV_GCS_SYSID (SYSID_MYGCS before 4.7) to --gcs-id; without it none is ever written
+    #[arg(long, conflicts_with = "listen_only")]
+    set_parameters: bool,
     /// Let the bridge arm the motor at take-off; else a person does
     #[arg(long)]
     may_arm: bool,
@@ -105,23 +128,57 @@ fn serve(arguments: &BridgeArguments) -> Result<(), Failure> {
         .as_deref()
         .map(signing_key)
         .transpose()?;
+    let ids: Vec<&str> = arguments.vehicle.iter().map(String::as_str).collect();
+    if ids.len() > 1 && arguments.system_id.is_some() {
+        return Err(Failure::usage(
+            "--system-id: expected one vehicle, or the system_id of each in the scenario",
+        ));
+    }
     let options = VehicleOptions {
         flightgear: arguments.flightgear.iter().cloned().collect(),
-        link: arguments.link.clone(),
-        may_arm: arguments.may_arm,
+        links: arguments.link.clone(),
+        link_options: LinkOptions {
+            may_arm: arguments.may_arm,
+            listen_only: arguments.listen_only,
+            dry_run: arguments.dry_run,
+            set_parameters: arguments.set_parameters,
+            system_id: arguments.system_id,
+            component_id: arguments.component_id,
+            gcs_system_id: arguments.gcs_id,
+        },
         signing_key,
     };
     agent::run(&arguments.bus, false, |setup| {
-        let id = arguments.vehicle.as_str();
+        check_vehicles(setup, &ids, !options.links.is_empty())?;
+        eprintln!(
+            "'hand-back' and Enter gives vehicle {} back to automatic flight",
+            ids.join(" and ")
+        );
+        agent::vehicles(setup, &ids, &options)
+    })
+}
+
+/// Whether each of the vehicles has a link, and those that are to `share` one are told apart.
+fn check_vehicles(setup: &Setup, ids: &[&str], share: bool) -> Result<(), Failure> {
+    let mut systems = Vec::new();
+    for id in ids {
         let index = setup.index_of(id).map_err(Failure::input)?;
-        if options.link.is_none() && setup.scenario.vehicles[index].link.is_none() {
+        let vehicle = &setup.scenario.vehicles[index];
+        if !share && vehicle.link.is_empty() {
             return Err(Failure::usage(format!(
                 "vehicle {id} has no link in the scenario: expected --link"
             )));
         }
-        eprintln!("'hand-back' and Enter gives vehicle {id} back to automatic flight");
-        agent::vehicles(setup, &[id], &options)
-    })
+        let known = vehicle.system_id.filter(|system| !systems.contains(system));
+        if share && ids.len() > 1 && known.is_none() {
+            return Err(Failure::usage(format!(
+                "vehicles {} share --link: expected a system_id of vehicle {id} in the scenario that no other has",
+                ids.join(" and ")
+            )));
+        }
+        systems.extend(known);
+    }
+    Ok(())
 }
 
 fn signing_key(file: &Path) -> Result<SigningKey, Failure> {

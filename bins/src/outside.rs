@@ -2,12 +2,12 @@
 //! FlightGears that show some.
 
 use crate::Failure;
-use crate::agent::{serve_link, signing_from};
+use crate::agent::signing_from;
 use crate::feeding::{FeedFiles, FeedOptions, LineFeed};
 use crate::flightgear::{self, Viewer};
+use crate::links::{self, Links};
 use crate::pace::Speed;
 use crate::weather_file::WeatherFile;
-use mav_bridge::link::{Link, LinkAddress};
 use mission::setup::SigningKey;
 use mission::{Member, Run, Setup};
 use protocol::{Agent as _, AgentId, SimTime};
@@ -15,16 +15,17 @@ use scenario::tables::VehicleKind;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A real vehicle's link.
-pub struct Served {
-    link: Link,
+/// A real vehicle on its links.
+struct Served {
+    user: usize,
     key: Option<SigningKey>,
 }
 
 /// Links and viewers of a run.
 pub struct Outside {
-    /// The links by the vehicles' ids.
-    pub links: BTreeMap<AgentId, Served>,
+    links: Links,
+    /// The real vehicles.
+    served: BTreeMap<AgentId, Served>,
     viewers: BTreeMap<AgentId, Viewer>,
     lines: Option<LineFeed>,
     weather: Option<WeatherFile>,
@@ -44,7 +45,8 @@ impl Outside {
         let ids: Vec<&str> = scenario.vehicles.iter().map(|v| v.id.as_str()).collect();
         let addresses = flightgear::addresses(shown, &ids, scenario)?;
         let mut outside = Self {
-            links: BTreeMap::new(),
+            links: Links::default(),
+            served: BTreeMap::new(),
             viewers: BTreeMap::new(),
             lines: None,
             weather: None,
@@ -76,14 +78,11 @@ impl Outside {
             .enable_all()
             .build()?;
         for vehicle in linked {
-            let address = vehicle.link.as_deref().unwrap_or_default();
-            let address: LinkAddress = address.parse().map_err(Failure::input)?;
-            let link = runtime
-                .block_on(Link::open(&address))
-                .map_err(Failure::input)?;
+            let addresses = links::addresses(&vehicle.link)?;
+            let user = runtime.block_on(outside.links.add(&vehicle.id, &addresses))?;
             let key = setup.signing_keys.get(&vehicle.id).cloned();
             let id = AgentId::va(&vehicle.id).map_err(Failure::input)?;
-            outside.links.insert(id, Served { link, key });
+            outside.served.insert(id, Served { user, key });
         }
         outside._runtime = Some(runtime);
         Ok(outside)
@@ -142,6 +141,11 @@ impl Outside {
         Ok(self)
     }
 
+    /// Whether real vehicles fly in this run.
+    pub fn has_links(&self) -> bool {
+        !self.served.is_empty()
+    }
+
     /// Carries bytes, lines and weather and shows vehicles before the next tick of `run`.
     ///
     /// # Errors
@@ -149,7 +153,7 @@ impl Outside {
     pub fn serve(&mut self, run: &mut Run) -> Result<(), Failure> {
         let now = run.now();
         let mut weather = self.weather.as_mut().and_then(|file| file.poll(now));
-        let nothing = self.links.is_empty() && self.viewers.is_empty() && self.lines.is_none();
+        let nothing = self.served.is_empty() && self.viewers.is_empty() && self.lines.is_none();
         if nothing && weather.is_none() {
             return Ok(());
         }
@@ -165,7 +169,7 @@ impl Outside {
             if let (Some(lines), Member::Fed(vehicle)) = (&mut self.lines, &mut *member) {
                 lines.serve(vehicle, now)?;
             }
-            let Some(served) = self.links.get_mut(member.id()) else {
+            let Some(served) = self.served.get_mut(member.id()) else {
                 continue;
             };
             if let Member::Real(vehicle) = member {
@@ -174,7 +178,7 @@ impl Outside {
                 {
                     vehicle.sign(signing_from(key, now));
                 }
-                serve_link(&mut served.link, vehicle);
+                self.links.serve(served.user, vehicle);
             }
         }
         Ok(())

@@ -3,14 +3,19 @@
 
 use crate::{Failure, agent};
 use clap::ValueEnum;
+use net::Net;
 use net::realtime::MissionClock;
 use protocol::key::Name;
+use protocol::message::EventMessage;
 use protocol::message::{Control, ControlWish};
-use protocol::{AgentId, Envelope, Message, Topic};
+use protocol::{AgentId, Envelope, Interest, Message, Topic};
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 /// How long the vehicles may take to appear, s.
 const PATIENCE_S: u64 = 10;
+/// How long a vehicle may take to answer a hand-back, s: a real one shows GUIDED a heartbeat or two later.
+const ANSWER_S: u64 = 8;
 /// Time for messages to leave before the connection is closed, ms.
 pub(crate) const LEAVE_MS: u64 = 300;
 
@@ -40,7 +45,7 @@ pub struct ControlArguments {
 /// Says it on the bus.
 ///
 /// # Errors
-/// Vehicles that the scenario does not have, or that are not present.
+/// Vehicles that the scenario does not have, that are not present, or that refuse a hand-back.
 pub fn control(arguments: &ControlArguments) -> Result<(), Failure> {
     let setup = arguments.bus.setup()?;
     let ids: Vec<String> = if arguments.vehicles.is_empty() {
@@ -79,6 +84,11 @@ pub fn control(arguments: &ControlArguments) -> Result<(), Failure> {
                  for missions in real time"
             )
         })??;
+        let answers: Vec<Interest> = names
+            .iter()
+            .map(|name| Interest::One(Topic::Event(name.clone())))
+            .collect();
+        net.subscribe(&answers).await?;
         for (k, id) in ids.iter().enumerate() {
             let envelope = Envelope {
                 sender: AgentId::operator(),
@@ -89,6 +99,11 @@ pub fn control(arguments: &ControlArguments) -> Result<(), Failure> {
             let topic = Topic::Control(Name::new(id).map_err(Failure::input)?);
             net.publish(&topic, &envelope).await?;
         }
+        if arguments.wish == Wish::HandBack {
+            let refused = print_answers(&mut net, &names).await;
+            net.close().await?;
+            return refused;
+        }
         tokio::time::sleep(Duration::from_millis(LEAVE_MS)).await;
         net.close().await?;
         let wish = arguments.wish.to_possible_value();
@@ -96,4 +111,49 @@ pub fn control(arguments: &ControlArguments) -> Result<(), Failure> {
         println!("Told {}: {wish}", ids.join(", "));
         Ok(())
     })
+}
+
+/// Prints what each vehicle answers to a hand-back.
+///
+/// # Errors
+/// One that refuses, or does not answer.
+async fn print_answers(net: &mut Net, names: &[AgentId]) -> Result<(), Failure> {
+    let deadline = tokio::time::Instant::now() + Duration::from_secs(ANSWER_S);
+    let mut answers: BTreeMap<AgentId, (bool, String)> = BTreeMap::new();
+    while answers.len() < names.len() {
+        let Ok(Some(received)) = tokio::time::timeout_at(deadline, net.receive()).await else {
+            break;
+        };
+        let Ok((_, envelope)) = received else {
+            continue;
+        };
+        let Message::Event(event) = &envelope.message else {
+            continue;
+        };
+        if let Some(taken) = answer(event) {
+            let last = (taken, event.text.clone());
+            answers.entry(envelope.sender.clone()).or_insert(last);
+        }
+    }
+    let mut refused = Vec::new();
+    for name in names {
+        match answers.get(name) {
+            Some((true, text)) => println!("{name}: {text}"),
+            Some((false, text)) => refused.push(format!("{name}: {text}")),
+            None => refused.push(format!("{name}: no answer within {ANSWER_S} s")),
+        }
+    }
+    if refused.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Run(anyhow::anyhow!(refused.join("; "))))
+}
+
+/// Whether an event answers a hand-back, and whether it was taken.
+fn answer(event: &EventMessage) -> Option<bool> {
+    match event.code.as_str() {
+        "hand-back" | "guided" => Some(true),
+        "hand-back-refused" | "hand-back-failed" => Some(false),
+        _ => None,
+    }
 }

@@ -121,7 +121,8 @@ impl Source {
         let finished = Arc::new(Notify::new());
         let mut wrong = None;
         let (last, mut all_said) = (vehicles.len() - 1, true);
-        let run = realtime::run(net, &mut vehicles, clock, setup.tick_ns(), until, {
+        let ends = |due: SimTime, _: &mut [FedVehicle]| due >= until;
+        let run = realtime::run(net, &mut vehicles, clock, setup.tick_ns(), ends, {
             let (finished, lines, wrong) = (Arc::clone(&finished), &mut lines, &mut wrong);
             move |k, vehicle: &mut FedVehicle| {
                 if let Some(lines) = lines

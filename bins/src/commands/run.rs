@@ -127,7 +127,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         .clone()
         .unwrap_or_else(|| fresh_folder(&setup.scenario.mission.name));
     let outside = Outside::open(&setup, &arguments.flightgear, arguments.speed)?;
-    let run = if outside.links.is_empty() {
+    let run = if !outside.has_links() {
         Run::new(&setup)
     } else {
         Run::with_links(&setup)
@@ -148,13 +148,20 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     if let Some(page) = &page {
         eprintln!("live page: http://{}/", page.address);
     }
+    let (stop, at_once) = if outside.has_links() {
+        interrupt_flags().map(|[stop, at_once]| (stop, at_once))?
+    } else {
+        (interrupt_flag()?, Arc::default())
+    };
     let mut flight = Flight {
         bar: progress_bar(&setup),
         pace: Pace::new(arguments.speed, 0.0),
         paused: false,
         started: Instant::now(),
         phase: None,
-        stop: interrupt_flag()?,
+        stop,
+        at_once,
+        comes_down: false,
         outside,
         ground_station,
         team: setup
@@ -204,6 +211,10 @@ struct Flight {
     started: Instant,
     phase: Option<Phase>,
     stop: Arc<AtomicBool>,
+    /// Interrupted again: real vehicles are not waited for.
+    at_once: Arc<AtomicBool>,
+    /// It was interrupted, and real vehicles come down.
+    comes_down: bool,
     outside: Outside,
     ground_station: Option<GroundStation>,
     /// Ids of all vehicles.
@@ -212,7 +223,10 @@ struct Flight {
 
 impl Flight {
     fn fly(&mut self) -> Result<(), Failure> {
-        while !self.run.ended() && !self.stop.load(Ordering::Relaxed) {
+        while !self.run.ended() {
+            if self.stop.load(Ordering::Relaxed) && !self.comes_down_first() {
+                break;
+            }
             self.obey();
             if self.paused {
                 self.outputs.flush()?;
@@ -250,6 +264,37 @@ impl Flight {
         Ok(())
     }
 
+    /// Whether the run goes on after an interrupt, since a real vehicle is not down; the others are called home
+    /// with it.
+    fn comes_down_first(&mut self) -> bool {
+        if !self.run.is_anybody_up() {
+            return false;
+        }
+        if self.at_once.load(Ordering::Relaxed) {
+            eprintln!("interrupted again: real vehicles are left to their own failsafe");
+            return false;
+        }
+        if std::mem::replace(&mut self.comes_down, true) {
+            return true;
+        }
+        eprintln!(
+            "interrupted: real vehicles are in the air or armed, and come home first; interrupted again it ends at \
+             once, and leaves them to their own failsafe"
+        );
+        self.call_home();
+        self.run.end();
+        true
+    }
+
+    fn call_home(&mut self) {
+        for vehicle in &self.team {
+            let wish = ControlWish::Home;
+            let control = Control { wish, sticks: None };
+            // The scenario's ids were checked when it was read.
+            let _ = self.run.operate(vehicle, control);
+        }
+    }
+
     fn keep_pace(&mut self) -> Result<(), Failure> {
         let wait = self.pace.wait(self.run.now().s());
         if wait > Duration::from_millis(500) {
@@ -281,7 +326,7 @@ impl Flight {
         for command in page.commands() {
             let speed = match command {
                 PageCommand::Pause => {
-                    self.paused = self.outside.links.is_empty();
+                    self.paused = !self.outside.has_links();
                     continue;
                 }
                 PageCommand::Resume => {
@@ -289,15 +334,10 @@ impl Flight {
                     self.pace.speed()
                 }
                 // A real vehicle knows no other time than the wall's.
-                PageCommand::Speed(_) if !self.outside.links.is_empty() => continue,
+                PageCommand::Speed(_) if self.outside.has_links() => continue,
                 PageCommand::Speed(factor) => Speed(factor),
                 PageCommand::Home => {
-                    for vehicle in &self.team {
-                        let wish = ControlWish::Home;
-                        let control = Control { wish, sticks: None };
-                        // The scenario's ids were checked when it was read.
-                        let _ = self.run.operate(vehicle, control);
-                    }
+                    self.call_home();
                     continue;
                 }
                 PageCommand::Control(vehicle, control) => {
@@ -344,22 +384,29 @@ fn progress_bar(setup: &Setup) -> ProgressBar {
 /// # Errors
 /// The system takes no handler.
 pub fn interrupt_flag() -> Result<Arc<AtomicBool>, Failure> {
-    let flag = Arc::new(AtomicBool::new(false));
-    let raised = Arc::clone(&flag);
+    let [flag] = interrupt_flags()?;
+    Ok(flag)
+}
+
+/// Flags that interrupts raise, one each; one more ends the program at once.
+fn interrupt_flags<const N: usize>() -> Result<[Arc<AtomicBool>; N], Failure> {
+    let flags: [Arc<AtomicBool>; N] = std::array::from_fn(|_| Arc::default());
+    let raised = flags.clone();
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
     std::thread::Builder::new()
         .name("interrupt".to_owned())
         .spawn(move || {
-            if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
-                raised.store(true, Ordering::Relaxed);
+            for flag in raised {
+                if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
+                    flag.store(true, Ordering::Relaxed);
+                }
             }
-            // A second interrupt ends the program at once.
             if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
                 std::process::exit(130);
             }
         })
         .context("cannot watch for interrupts")?;
-    Ok(flag)
+    Ok(flags)
 }

@@ -5,13 +5,15 @@
 //! over: by its own failsafe if it says so (or if its link has just come back and it is on its
 //! way home), else by a pilot. Either keeps it until an explicit hand-back.
 
-use crate::arduplane::{self, AUTO, CIRCLE, GUIDED, RTL, mode_name};
+use crate::arduplane::{self, AUTO, AUTOLAND, CIRCLE, GUIDED, RTL, mode_name};
 use crate::event::event;
 use protocol::control_level::{ControlEvent, ControlOutcome, ControlState, Danger};
 use protocol::message::{ControlLevel, EventMessage, Severity};
 
-/// Mode AUTOLAND of newer ArduPlane.
-const AUTOLAND: u32 = 26;
+/// In the place of a mode that was asked for where none was: nobody is in it.
+const NO_MODE: u32 = u32::MAX;
+/// Heartbeats after a takeover within which the vehicle may still tell that it was none.
+const CAUSE_WITHIN: u8 = 3;
 
 /// What the bridge is about while the level is automatic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,8 +48,8 @@ pub(crate) enum BridgePhase {
     HandingBack,
     /// It is on its way home, by its own failsafe or by the bridge's command.
     Guardian,
-    /// Not an ArduPlane: watched, never commanded.
-    Unsupported,
+    /// Watched, never commanded.
+    Watched,
 }
 
 /// What a heartbeat reports that bears on who flies.
@@ -57,6 +59,10 @@ pub(crate) struct HeartbeatState {
     pub armed: bool,
     pub airborne: bool,
     pub failsafe: bool,
+    /// Why it goes home by itself, if it says so.
+    pub cause: Option<Danger>,
+    /// It says that it is outside the fence on board.
+    pub fence_broken: bool,
 }
 
 /// Keeps the level and the task.
@@ -64,7 +70,14 @@ pub(crate) struct HeartbeatState {
 pub(crate) struct Authority {
     control: ControlState,
     task: BridgeTask,
-    unsupported: bool,
+    /// Why it is watched and never commanded, if so.
+    watched: Option<&'static str>,
+    /// Whether it is another ground station that has taken it over.
+    by_station: bool,
+    /// Whether the fence danger that lasts is that of the fence on board.
+    own_fence: bool,
+    /// Heartbeats since the last takeover, as far as they are counted.
+    since_takeover: u8,
     /// The mode from which the last one was asked for.
     mode_before: u32,
     /// The mode asked for last.
@@ -83,7 +96,10 @@ impl Authority {
         Self {
             control: ControlState::new(),
             task: BridgeTask::Ground,
-            unsupported: false,
+            watched: None,
+            by_station: false,
+            own_fence: false,
+            since_takeover: CAUSE_WITHIN,
             mode_before: arduplane::INITIALISING,
             mode_requested: arduplane::INITIALISING,
             earlier: None,
@@ -100,7 +116,7 @@ impl Authority {
 
     pub(crate) fn phase(&self) -> BridgePhase {
         match (self.control.level(), self.task) {
-            _ if self.unsupported => BridgePhase::Unsupported,
+            _ if self.watched.is_some() => BridgePhase::Watched,
             (_, BridgeTask::HandingBack) => BridgePhase::HandingBack,
             (ControlLevel::Pilot, _) => BridgePhase::Pilot,
             (ControlLevel::Guardian, _) => BridgePhase::Guardian,
@@ -130,6 +146,9 @@ impl Authority {
         let mode = self
             .shown
             .map_or_else(|| "mode unknown".into(), |s| mode_name(s.custom_mode));
+        if let Some(why) = self.watched {
+            return format!("{why}: watched, not commanded");
+        }
         if !self.link_up {
             return "no heartbeat from the vehicle: it relies on its own failsafe".into();
         }
@@ -138,10 +157,13 @@ impl Authority {
             BridgePhase::TakeOff => "taking off".into(),
             BridgePhase::Guided => "flies to setpoints".into(),
             BridgePhase::Landing => "coming home to land".into(),
+            BridgePhase::Pilot if self.by_station => {
+                "another ground station has it until an explicit hand-back".into()
+            }
             BridgePhase::Pilot => format!("the pilot has it in {mode} until an explicit hand-back"),
             BridgePhase::HandingBack => format!("handed back, GUIDED asked for, still {mode}"),
             BridgePhase::Guardian => format!("goes home in {mode}"),
-            BridgePhase::Unsupported => "not an ArduPlane: watched, not commanded".into(),
+            BridgePhase::Watched => String::new(),
         }
     }
 
@@ -188,9 +210,8 @@ impl Authority {
 
     /// A hand-back on the ground, which nobody has to confirm.
     pub(crate) fn hand_back_on_ground(&mut self) -> ControlOutcome {
-        if let Some(shown) = self.shown {
-            self.request_mode(shown.custom_mode);
-        }
+        // Whoever flies it off the ground in the mode it stands in has taken it over.
+        (self.mode_requested, self.confirmed) = (NO_MODE, true);
         self.task = BridgeTask::Ground;
         self.control.handle(ControlEvent::HandBack)
     }
@@ -199,6 +220,11 @@ impl Authority {
     /// done when GUIDED is shown.
     pub(crate) fn hand_back(&mut self) -> ControlOutcome {
         if self.control.dangers().next().is_some() {
+            // Until the Guardian has asked for its own, it may stay in the mode in which it was given.
+            if self.control.level() == ControlLevel::Pilot {
+                let mode = self.shown.map_or(NO_MODE, |s| s.custom_mode);
+                (self.mode_requested, self.confirmed) = (mode, true);
+            }
             return self.control.handle(ControlEvent::HandBack);
         }
         self.task = BridgeTask::HandingBack;
@@ -218,6 +244,9 @@ impl Authority {
 
     /// The mode asked for was refused; what was before remains.
     pub(crate) fn refused(&mut self) {
+        if self.confirmed {
+            return; // what was asked for is past
+        }
         // The vehicle stays as it was: what had been begun is taken back, so that the next setpoint
         // may try again.
         self.task = match self.task {
@@ -229,10 +258,17 @@ impl Authority {
         self.confirmed = true;
     }
 
-    pub(crate) fn unsupported(&mut self) {
+    /// From now on it is watched and never commanded; `why` is for people.
+    pub(crate) fn watch(&mut self, why: &'static str) {
         // Counted as flown by a pilot: every command is then withheld by the same rule.
-        self.unsupported = true;
+        self.watched = Some(why);
         self.control.handle(ControlEvent::Takeover);
+    }
+
+    /// Another ground station has sent it elsewhere in GUIDED.
+    pub(crate) fn taken_by_station(&mut self) {
+        self.takeover();
+        self.by_station = true;
     }
 
     /// The link has timed out.
@@ -255,10 +291,28 @@ impl Authority {
         if shown.custom_mode == self.mode_requested {
             self.confirmed = true;
         }
+        // The earlier of two requests has come true: there is no way back behind it.
+        if !self.confirmed && Some(shown.custom_mode) == self.earlier {
+            (self.mode_before, self.earlier) = (shown.custom_mode, None);
+        }
         // A heartbeat proves the link, whatever its content.
         self.control.handle(ControlEvent::Ends(Danger::Link));
         if !shown.failsafe {
-            self.control.handle(ControlEvent::Ends(Danger::Bridge));
+            for danger in [Danger::Bridge, Danger::Remote, Danger::Failsafe] {
+                self.control.handle(ControlEvent::Ends(danger));
+            }
+        }
+        if self.own_fence && !shown.fence_broken {
+            self.own_fence = false;
+            self.control.handle(ControlEvent::Ends(Danger::Fence));
+        }
+        self.since_takeover = self.since_takeover.saturating_add(1);
+        // A mode that was the Guardian's and was left is his no more, nor one that he has asked for
+        // once the vehicle shows a third one.
+        if !self.is_as_requested(shown.custom_mode)
+            && self.control.level() == ControlLevel::Guardian
+        {
+            (self.mode_requested, self.confirmed) = (NO_MODE, true);
         }
         self.follow(shown);
         let phase = self.phase();
@@ -275,7 +329,10 @@ impl Authority {
             BridgePhase::Guardian => (
                 Severity::Warning,
                 "guardian",
-                format!("the vehicle's own failsafe has taken over in {mode}"),
+                format!(
+                    "the vehicle's own failsafe has taken over in {mode}: {}",
+                    self.cause(shown).description()
+                ),
             ),
             BridgePhase::Guided => (
                 Severity::Info,
@@ -298,7 +355,7 @@ impl Authority {
     /// failsafe, or a pilot.
     fn follow(&mut self, shown: HeartbeatState) {
         let mode = shown.custom_mode;
-        if self.unsupported {
+        if self.watched.is_some() {
             return;
         }
         // Down and disarmed, the flight is over whatever the mode.
@@ -311,7 +368,11 @@ impl Authority {
         self.confirm_hand_back();
         match (self.control.level(), self.task) {
             // Its pilot's remote control is silent, and its own failsafe has it.
-            (ControlLevel::Pilot, _) if shown.failsafe && is_homeward(mode) => {
+            (ControlLevel::Pilot, _)
+                if is_homeward(mode)
+                    && (shown.failsafe
+                        || (shown.cause.is_some() && self.since_takeover < CAUSE_WITHIN)) =>
+            {
                 self.control.handle(ControlEvent::RemoteLost);
                 self.failsafe(shown);
             }
@@ -319,14 +380,16 @@ impl Authority {
                 self.task = BridgeTask::Guided;
                 self.taken_over(shown);
             }
-            (ControlLevel::Pilot, _) | (_, BridgeTask::HandingBack) => {}
+            (_, BridgeTask::HandingBack) => {}
+            // Whatever comes after him, a mode that he has left is nobody's.
+            (ControlLevel::Pilot, _) => (self.mode_requested, self.confirmed) = (NO_MODE, true),
             (ControlLevel::Guardian, _) if self.is_as_requested(mode) || is_homeward(mode) => {}
             (ControlLevel::Guardian, _) if !shown.airborne && !shown.armed => {}
-            (ControlLevel::Guardian, _) => self.takeover(mode),
+            (ControlLevel::Guardian, _) => self.takeover(),
             (ControlLevel::Automatic, BridgeTask::Ground) if !shown.airborne => {}
             // Found in the air: in GUIDED it awaits setpoints, in any other mode it is not ours.
             (ControlLevel::Automatic, BridgeTask::Ground) if mode == GUIDED => self.guided(),
-            (ControlLevel::Automatic, BridgeTask::Ground) => self.takeover(mode),
+            (ControlLevel::Automatic, BridgeTask::Ground) => self.takeover(),
             (ControlLevel::Automatic, BridgeTask::TakeOff)
                 if mode == GUIDED && self.mode_requested == GUIDED =>
             {
@@ -342,27 +405,46 @@ impl Authority {
         (self.mode_requested, self.confirmed) = (GUIDED, true);
     }
 
-    /// Somebody else has changed the mode.
+    /// Somebody else has changed the mode: the vehicle itself only if that mode brings it home, for a
+    /// failsafe may last while its pilot flies in a mode of his own.
     fn taken_over(&mut self, shown: HeartbeatState) {
-        if shown.failsafe || (self.link_returned && is_homeward(shown.custom_mode)) {
+        let by_itself = shown.failsafe || shown.cause.is_some() || self.link_returned;
+        if by_itself && is_homeward(shown.custom_mode) {
             self.failsafe(shown);
         } else {
-            self.takeover(shown.custom_mode);
+            self.takeover();
         }
+    }
+
+    /// Why the vehicle goes home by itself: what it says, or what is likely.
+    fn cause(&self, shown: HeartbeatState) -> Danger {
+        let silent = if self.link_returned {
+            Danger::Bridge
+        } else {
+            Danger::Failsafe
+        };
+        shown.cause.unwrap_or(silent)
     }
 
     fn failsafe(&mut self, shown: HeartbeatState) {
         (self.mode_requested, self.confirmed) = (shown.custom_mode, true);
-        self.control.handle(ControlEvent::Begins(Danger::Bridge));
-        if !shown.failsafe {
+        let danger = self.cause(shown);
+        self.control.handle(ControlEvent::Begins(danger));
+        self.own_fence = danger == Danger::Fence && shown.fence_broken;
+        let lasts = match danger {
+            Danger::Fence => self.own_fence,
+            _ => shown.failsafe,
+        };
+        if !lasts {
             // It is over already, but only a hand-back ends its flight home.
-            self.control.handle(ControlEvent::Ends(Danger::Bridge));
+            self.control.handle(ControlEvent::Ends(danger));
         }
     }
 
     /// From here on every mode is the pilot's own.
-    fn takeover(&mut self, mode: u32) {
-        (self.mode_requested, self.confirmed) = (mode, true);
+    fn takeover(&mut self) {
+        (self.mode_requested, self.confirmed) = (NO_MODE, true);
+        (self.by_station, self.since_takeover) = (false, 0);
         self.control.handle(ControlEvent::Takeover);
     }
 }

@@ -1,8 +1,22 @@
 //! The bridge itself: what comes in, what goes out, when.
 
+mod causes;
+pub(crate) mod checklist;
+pub(crate) mod gas;
+mod identity;
+mod paths;
+mod placement;
+mod rates;
 mod receiving;
 mod steering;
 
+use self::causes::Causes;
+use self::checklist::{Checklist, Expectation};
+use self::gas::{GasHeard, GasInput};
+use self::identity::Identity;
+use self::paths::Paths;
+use self::placement::Placement;
+use self::rates::Rates;
 use crate::arduplane::GUIDED;
 use crate::authority::{Authority, BridgePhase};
 use crate::command_queue::{CommandQueue, VehicleCommand};
@@ -11,13 +25,14 @@ use crate::error::BridgeError;
 use crate::event::event;
 use crate::telemetry::Telemetry;
 use crate::wire::signing::{Signing, SigningConfig};
-use crate::wire::{FrameDecoder, FrameEncoder, LinkStatistics};
+use crate::wire::{FrameEncoder, LinkStatistics};
 use air::isa::Atmosphere;
 use mavlink::MessageData;
 use plume::Gas;
-use protocol::SimTime;
 use protocol::control_level::{ControlEvent, ControlOutcome, ControlState};
 use protocol::message::{ControlLevel, EventMessage, PathKind, Reading, Setpoint, Severity, State};
+use protocol::{Pauses, SimTime};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Period of the ground station's heartbeat, ns: what a vehicle's failsafe listens for.
 const HEARTBEAT_NS: i64 = 1_000_000_000;
@@ -29,12 +44,24 @@ pub struct BridgeConfig {
     pub system_id: u8,
     /// Own component id.
     pub component_id: u8,
-    /// System id of the vehicle; none takes the first autopilot received.
+    /// System id of the vehicle; none takes the one that is heard, and commands none where two are.
     pub vehicle_system_id: Option<u8>,
+    /// Component id of its autopilot.
+    pub vehicle_component_id: u8,
     /// The site's atmosphere, for true airspeed.
     pub atmosphere: Atmosphere,
-    /// The gas whose readings count: those named as its formula in ppm ("CH4"), or with "_PPB" after it in ppb.
+    /// The gas whose readings count.
     pub gas: Gas,
+    /// What its readings are called; where empty as its formula in ppm ("CH4"), or with "_PPB" after it in ppb.
+    pub gas_inputs: Vec<GasInput>,
+    /// What the mission expects of the vehicle, for the checklist before anything is commanded; none: no list.
+    pub expectation: Option<Expectation>,
+    /// Nothing at all is sent: no heartbeat, no request, no command.
+    pub listen_only: bool,
+    /// Nothing but questions for parameters is sent; what else would be is told.
+    pub dry_run: bool,
+    /// Whether parameters that the checklist finds wrong are set on board.
+    pub set_parameters: bool,
     /// Whether the bridge may arm the motor at take-off. Off by default: a person does that.
     pub may_arm: bool,
     /// Rate of position, attitude and airspeed asked for, 1/s (1 to 50).
@@ -58,8 +85,14 @@ impl Default for BridgeConfig {
             system_id: 255,
             component_id: 190, // MAV_COMP_ID_MISSIONPLANNER: a ground station
             vehicle_system_id: None,
+            vehicle_component_id: 1, // MAV_COMP_ID_AUTOPILOT1
             atmosphere: Atmosphere::standard(),
             gas: Gas::Co2,
+            gas_inputs: Vec::new(),
+            expectation: None,
+            listen_only: false,
+            dry_run: false,
+            set_parameters: false,
             may_arm: false,
             telemetry_hz: 10.0,
             link_timeout_s: 5.0,
@@ -124,8 +157,8 @@ pub struct BridgeOutput {
     pub frames_from_vehicle: Vec<Vec<u8>>,
     /// The vehicle's state, if a new position came; the last of several.
     pub state: Option<State>,
-    /// What its sensor reads, if a new reading came; the last of several.
-    pub reading: Option<Reading>,
+    /// What its sensor reads, as far as new readings came, in order.
+    pub readings: Vec<Reading>,
     /// What happened.
     pub events: Vec<EventMessage>,
 }
@@ -135,8 +168,9 @@ impl BridgeOutput {
     pub fn clear(&mut self) {
         self.frames_to_vehicle.clear();
         self.frames_from_vehicle.clear();
+        self.readings.clear();
         self.events.clear();
-        (self.state, self.reading) = (None, None);
+        self.state = None;
     }
 }
 
@@ -147,24 +181,43 @@ struct Warned {
     silent_telemetry: bool,
     battery: bool,
     signature: bool,
+    unsigned: bool,
     waits_for_arming: bool,
+    take_off_refused: bool,
+    mission_over: bool,
 }
 
 /// A vehicle on the other side of a MAVLink link.
 #[derive(Debug, Clone)]
 pub struct Bridge {
     config: BridgeConfig,
-    decoder: FrameDecoder,
+    paths: Paths,
     encoder: FrameEncoder,
     signing: Option<Signing>,
     telemetry: Telemetry,
     authority: Authority,
     commands: CommandQueue,
-    vehicle: Option<u8>,
-    last_sequence: Option<u8>,
+    identity: Identity,
+    gas: GasHeard,
+    causes: Causes,
+    checklist: Checklist,
+    rates: Rates,
+    placement: Placement,
+    /// Frames that could not be read or were refused.
     lost: LinkStatistics,
+    /// What was told of the link last, and when.
+    told: (SimTime, LinkStatistics),
     next_heartbeat: SimTime,
     heartbeat_at: Option<SimTime>,
+    /// Since when there is no heartbeat, the pauses of this host left out.
+    silent_since: SimTime,
+    /// The mode that the vehicle has left last, and when.
+    mode_left: Option<(u32, SimTime)>,
+    /// The vehicle's own time when it was last told, ms.
+    boot_ms: u32,
+    /// A hand-back on the ground: the next setpoint may begin with a take-off.
+    rejoins: bool,
+    pauses: Pauses,
     connected_at: SimTime,
     /// The setpoint followed, or to be followed after take-off.
     target: Option<Setpoint>,
@@ -173,6 +226,11 @@ pub struct Bridge {
     /// When something refused or unanswered may be asked for again.
     retry_at: Option<SimTime>,
     takeoff_altitude_m: Option<f64>,
+    /// Parameters as the vehicle has told them.
+    parameters: BTreeMap<String, f64>,
+    last_text: Option<(String, SimTime)>,
+    /// Frames that a dry run has told of.
+    shown: BTreeSet<Vec<u8>>,
     warned: Warned,
 }
 
@@ -183,24 +241,41 @@ impl Bridge {
     /// [`BridgeError::OutOfRange`].
     pub fn new(config: BridgeConfig) -> Result<Self, BridgeError> {
         let config = config.validated()?;
+        let mut authority = Authority::new();
+        if config.listen_only {
+            authority.watch("listened to only");
+        }
         Ok(Self {
-            decoder: FrameDecoder::new(),
+            paths: Paths::default(),
             encoder: FrameEncoder::new(config.system_id, config.component_id),
             signing: config.signing.clone().map(Signing::new),
             telemetry: Telemetry::new(config.atmosphere),
-            authority: Authority::new(),
+            authority,
             commands: CommandQueue::default(),
-            vehicle: config.vehicle_system_id,
-            last_sequence: None,
+            identity: Identity::new(&config),
+            gas: GasHeard::new(&config),
+            causes: Causes::default(),
+            checklist: Checklist::new(&config),
+            rates: Rates::default(),
+            placement: Placement::default(),
             lost: LinkStatistics::default(),
+            told: (SimTime::ZERO, LinkStatistics::default()),
             next_heartbeat: SimTime::from_ns(i64::MIN),
             heartbeat_at: None,
+            silent_since: SimTime::ZERO,
+            mode_left: None,
+            boot_ms: 0,
+            rejoins: false,
+            pauses: Pauses::default(),
             connected_at: SimTime::ZERO,
             target: None,
             ignored: None,
             speed_sent: None,
             retry_at: None,
             takeoff_altitude_m: None,
+            parameters: BTreeMap::new(),
+            last_text: None,
+            shown: BTreeSet::new(),
             warned: Warned::default(),
             config,
         })
@@ -213,17 +288,11 @@ impl Bridge {
 
     /// What has gone over the link so far.
     pub fn statistics(&self) -> LinkStatistics {
-        let LinkStatistics {
-            lost_frames,
-            unreadable_frames,
-            refused_frames,
-            ..
-        } = self.lost;
         LinkStatistics {
-            lost_frames,
-            unreadable_frames,
-            refused_frames,
-            ..self.decoder.statistics()
+            unreadable_frames: self.lost.unreadable_frames,
+            refused_frames: self.lost.refused_frames,
+            duplicate_frames: self.lost.duplicate_frames,
+            ..self.paths.statistics()
         }
     }
 
@@ -244,7 +313,10 @@ impl Bridge {
 
     /// Whether setpoints go through now.
     pub fn follows_setpoints(&self) -> bool {
-        self.level() == ControlLevel::Automatic && self.authority.link_up()
+        self.level() == ControlLevel::Automatic
+            && self.authority.link_up()
+            && self.identity.is_certain()
+            && self.checklist.is_done()
     }
 
     /// Whether GUIDED has been asked for upon a hand-back and the vehicle has not shown it yet;
@@ -255,20 +327,50 @@ impl Bridge {
 
     /// Takes in `bytes` from the link: a datagram, or a piece of a stream cut anywhere.
     pub fn receive(&mut self, bytes: &[u8], now: SimTime, out: &mut BridgeOutput) {
-        self.decoder.push(bytes);
+        self.receive_over(0, bytes, now, out);
+    }
+
+    /// The same from one of several links to the vehicle, counted from 0: what comes over more than one of them
+    /// counts once.
+    pub fn receive_over(
+        &mut self,
+        link: usize,
+        bytes: &[u8],
+        now: SimTime,
+        out: &mut BridgeOutput,
+    ) {
+        self.paths.push(link, bytes);
         self.process_frames(now, out);
+    }
+
+    /// Which of several links frames for the vehicle are to be sent over; those that
+    /// [`crate::goes_over_all_links`] are for all of them.
+    pub fn best_link(&mut self, now: SimTime) -> usize {
+        self.paths.best(now)
     }
 
     /// Lets time pass: heartbeat, commands to repeat, silence. To be called every tick.
     pub fn tick(&mut self, now: SimTime, out: &mut BridgeOutput) {
         self.process_frames(now, out);
+        self.identity.tick(now);
+        let pause_ns = self.pauses.tick(now);
+        self.silent_since = self.silent_since.later(pause_ns).min(now);
+        self.gas.pause(pause_ns, now);
         self.check_timeouts(now, out);
+        self.check_placement(now, out);
+        self.report_link(now, out);
+        self.go_through_checklist(now, out);
         self.continue_phase(now, out);
         if now >= self.next_heartbeat {
             self.next_heartbeat = SimTime::from_ns(now.ns().saturating_add(HEARTBEAT_NS));
             let heartbeat = ground_station_heartbeat();
-            self.send(&heartbeat, now, out);
+            if self.config.dry_run {
+                self.show("HEARTBEAT, every second", &heartbeat, now, out);
+            } else {
+                self.send(&heartbeat, now, out);
+            }
         }
+        self.check_rates(now, out);
         self.send_commands(now, out);
     }
 
@@ -301,15 +403,23 @@ impl Bridge {
         if !self.authority.link_up() {
             return self.ignore(setpoint, "setpoint-ignored", "no link to the vehicle", out);
         }
+        if !self.identity.is_certain() && self.authority.phase() != BridgePhase::Watched {
+            let why = "it is still listened for a second vehicle on this link";
+            return self.ignore(setpoint, "setpoint-ignored", why, out);
+        }
+        if !self.checklist.is_done() && self.authority.phase() != BridgePhase::Watched {
+            let why = "the checklist comes first";
+            return self.ignore(setpoint, "setpoint-ignored", why, out);
+        }
         match (self.authority.phase(), setpoint.path) {
-            (BridgePhase::Ground, PathKind::TakeOff) => self.take_off(setpoint, out),
+            (BridgePhase::Ground, PathKind::TakeOff) => self.take_off(setpoint, now, out),
+            // Handed back on the ground, as after a restart, it joins the others by a take-off.
+            (BridgePhase::Ground, PathKind::GoTo | PathKind::Orbit) if self.rejoins => {
+                self.take_off(setpoint, now, out);
+            }
             (BridgePhase::Ground, _) => {
-                self.ignore(
-                    setpoint,
-                    "setpoint-ignored",
-                    "the vehicle is on the ground",
-                    out,
-                );
+                let why = "the vehicle is on the ground; a hand-back lets it take off";
+                self.ignore(setpoint, "setpoint-ignored", why, out);
             }
             (BridgePhase::TakeOff, PathKind::Land) | (BridgePhase::Guided, PathKind::Land) => {
                 self.land(setpoint);
@@ -329,7 +439,7 @@ impl Bridge {
                 let why = match phase {
                     BridgePhase::HandingBack => "the vehicle is not in GUIDED yet",
                     BridgePhase::Guardian => "the Guardian flies",
-                    BridgePhase::Unsupported => "the vehicle is no ArduPlane",
+                    BridgePhase::Watched => "the vehicle is watched only",
                     _ => "a pilot flies",
                 };
                 self.ignore(setpoint, "setpoint-ignored", why, out);
@@ -338,22 +448,31 @@ impl Bridge {
     }
 
     /// The pilot, or whoever answers for the vehicle, gives it back to automatic flight: GUIDED
-    /// is asked for once, and setpoints go through when the vehicle shows it.
+    /// is asked for once, and setpoints go through when the vehicle shows it. The answer is an event:
+    /// `hand-back` or `guided` if it is done, `hand-back-refused` or `hand-back-failed` if not.
     pub fn hand_back(&mut self, out: &mut BridgeOutput) {
+        let mut say = |severity, code, text: &str| out.events.push(event(severity, code, text));
         let Some(seen) = self.authority.shown().filter(|_| self.authority.link_up()) else {
-            let text = "hand-back without effect: no link to the vehicle";
-            return out.events.push(event(Severity::Warning, "hand-back", text));
+            let text = "hand-back refused: no link to the vehicle";
+            return say(Severity::Warning, "hand-back-refused", text);
         };
         match self.authority.phase() {
-            BridgePhase::Unsupported
-            | BridgePhase::Ground
+            BridgePhase::Watched => {
+                let text = format!("hand-back refused: {}", self.authority.doing());
+                say(Severity::Warning, "hand-back-refused", &text);
+            }
+            phase @ (BridgePhase::Ground
+            | BridgePhase::TakeOff
             | BridgePhase::Guided
-            | BridgePhase::Landing => {
-                let text = "hand-back without effect: no pilot has taken over";
-                out.events.push(event(Severity::Info, "hand-back", text));
+            | BridgePhase::Landing) => {
+                self.rejoins |= phase == BridgePhase::Ground;
+                let text = "hand-back without effect: it flies automatically already";
+                say(Severity::Info, "hand-back", text);
             }
             _ if !seen.airborne && !seen.armed => {
+                self.commands.drop_steering();
                 let outcome = self.authority.hand_back_on_ground();
+                self.rejoins = self.authority.phase() == BridgePhase::Ground;
                 self.report_hand_back(
                     outcome,
                     "handed back on the ground: waits for take-off",
@@ -365,20 +484,55 @@ impl Bridge {
                 let outcome = self.authority.hand_back();
                 let phase = self.authority.phase();
                 self.on_phase(phase);
-                if phase == BridgePhase::HandingBack {
-                    // Once only: a repetition could cross the pilot's next change of mind.
-                    self.commands.push(VehicleCommand::Mode {
-                        mode: GUIDED,
-                        attempts: 1,
-                    });
+                match phase {
+                    BridgePhase::HandingBack => {
+                        // Once only: a repetition could cross the pilot's next change of mind.
+                        self.commands.push(VehicleCommand::Mode {
+                            mode: GUIDED,
+                            attempts: 1,
+                        });
+                        let text = "handed back: GUIDED asked for";
+                        out.events
+                            .push(event(Severity::Info, "hand-back-pending", text));
+                    }
+                    BridgePhase::Guardian if outcome == ControlOutcome::Taken => {
+                        let text =
+                            "handed back to the Guardian, not to automatic flight: a danger lasts";
+                        out.events
+                            .push(event(Severity::Warning, "hand-back-refused", text));
+                    }
+                    _ => self.report_hand_back(outcome, "handed back to automatic flight", out),
                 }
-                let text = match phase {
-                    BridgePhase::Guardian => "handed back to the Guardian: a danger lasts",
-                    _ => "handed back to automatic flight",
-                };
-                self.report_hand_back(outcome, text, out);
             }
         }
+    }
+
+    /// Whether the vehicle is in the air or its motor may run, as far as it was heard.
+    pub fn is_up(&self) -> bool {
+        self.authority
+            .shown()
+            .is_some_and(|s| s.airborne || s.armed)
+    }
+
+    /// The mission is over. A vehicle that the bridge flies comes home to land; one that somebody else flies is
+    /// left to him. Whoever owns the bridge keeps it until the vehicle is down ([`Bridge::is_up`]).
+    pub fn mission_over(&mut self, out: &mut BridgeOutput) {
+        if !self.is_up() || std::mem::replace(&mut self.warned.mission_over, true) {
+            return;
+        }
+        let then = match self.authority.phase() {
+            BridgePhase::TakeOff | BridgePhase::Guided => {
+                self.come_down();
+                "it comes home to land"
+            }
+            BridgePhase::Landing => "it comes home to land",
+            BridgePhase::Guardian => "the Guardian brings it home; a pilot or a hand-back lands it",
+            BridgePhase::Watched => "it is watched only",
+            _ => "its pilot lands it",
+        };
+        let text = format!("the mission is over and the vehicle is not down yet: {then}");
+        out.events
+            .push(event(Severity::Warning, "mission-over", text));
     }
 
     fn report_hand_back(&self, outcome: ControlOutcome, done: &str, out: &mut BridgeOutput) {
@@ -410,7 +564,31 @@ impl Bridge {
         self.retry_at = None;
     }
 
+    /// Tells of a frame that is not sent, once of each.
+    fn show<D: MessageData>(
+        &mut self,
+        name: &str,
+        message: &D,
+        now: SimTime,
+        out: &mut BridgeOutput,
+    ) {
+        if self.config.listen_only {
+            return;
+        }
+        // Not by the encoder that sends: numbers and signatures would be missing there.
+        let frame = FrameEncoder::new(self.config.system_id, self.config.component_id)
+            .encode(message, None, now);
+        if self.shown.insert(frame.clone()) {
+            let hex: String = frame.iter().map(|b| format!("{b:02x}")).collect();
+            let text = format!("dry run: would send {name}: {hex}");
+            out.events.push(event(Severity::Info, "would-send", text));
+        }
+    }
+
     fn send<D: MessageData>(&mut self, message: &D, now: SimTime, out: &mut BridgeOutput) {
+        if self.config.listen_only {
+            return;
+        }
         let frame = self.encoder.encode(message, self.signing.as_mut(), now);
         out.frames_to_vehicle.push(frame);
     }

@@ -5,7 +5,8 @@
 
 use crate::arduplane;
 use crate::dialect::{
-    COMMAND_INT_DATA, COMMAND_LONG_DATA, MavCmd, MavFrame, MavResult, PARAM_REQUEST_READ_DATA,
+    COMMAND_INT_DATA, COMMAND_LONG_DATA, MavCmd, MavFrame, MavParamType, MavResult,
+    PARAM_REQUEST_READ_DATA, PARAM_SET_DATA,
 };
 use protocol::SimTime;
 use std::collections::VecDeque;
@@ -34,6 +35,10 @@ pub(crate) enum VehicleCommand {
         hz: f64,
     },
     Parameter(&'static str),
+    SetParameter {
+        name: &'static str,
+        value: f64,
+    },
 }
 
 /// The MAVLink message of a command.
@@ -41,6 +46,7 @@ pub(crate) enum CommandMessage {
     Long(COMMAND_LONG_DATA),
     Int(COMMAND_INT_DATA),
     Read(PARAM_REQUEST_READ_DATA),
+    Set(PARAM_SET_DATA),
 }
 
 impl VehicleCommand {
@@ -53,13 +59,16 @@ impl VehicleCommand {
             Self::Reposition { .. } => MavCmd::MAV_CMD_DO_REPOSITION,
             Self::Speed { .. } => MavCmd::MAV_CMD_DO_CHANGE_SPEED,
             Self::Interval { .. } => MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
-            Self::Parameter(_) => return None,
+            Self::Parameter(_) | Self::SetParameter { .. } => return None,
         })
     }
 
     /// Whether it steers the vehicle, so that it must not be sent once a pilot flies.
     pub(crate) fn steers(&self) -> bool {
-        !matches!(self, Self::Interval { .. } | Self::Parameter(_))
+        !matches!(
+            self,
+            Self::Interval { .. } | Self::Parameter(_) | Self::SetParameter { .. }
+        )
     }
 
     /// Whether `other` is an older command of the same purpose.
@@ -88,11 +97,12 @@ impl VehicleCommand {
             Self::Speed { .. } => "an airspeed (DO_CHANGE_SPEED)".into(),
             Self::Interval { message_id, .. } => format!("the rate of message {message_id}"),
             Self::Parameter(name) => format!("parameter {name}"),
+            Self::SetParameter { name, value } => format!("parameter {name} = {value}"),
         }
     }
 
-    /// The message to the component 1 of `system`; `sent` is how often it was sent before.
-    pub(crate) fn message(&self, system: u8, sent: u32) -> CommandMessage {
+    /// The message to a system and its component; `sent` is how often it was sent before.
+    pub(crate) fn message(&self, (system, component): (u8, u8), sent: u32) -> CommandMessage {
         let long = |p: [f32; 3]| {
             CommandMessage::Long(COMMAND_LONG_DATA {
                 param1: p[0],
@@ -100,7 +110,7 @@ impl VehicleCommand {
                 param3: p[2],
                 command: self.kind().unwrap_or_default(),
                 target_system: system,
-                target_component: 1,
+                target_component: component,
                 confirmation: sent.min(255) as u8,
                 ..COMMAND_LONG_DATA::default()
             })
@@ -132,14 +142,22 @@ impl VehicleCommand {
                 z: alt_amsl_m,
                 command: MavCmd::MAV_CMD_DO_REPOSITION,
                 target_system: system,
-                target_component: 1,
+                target_component: component,
                 frame: MavFrame::MAV_FRAME_GLOBAL,
                 ..COMMAND_INT_DATA::default()
+            }),
+            // ArduPilot knows the types of its parameters and takes any.
+            Self::SetParameter { name, value } => CommandMessage::Set(PARAM_SET_DATA {
+                param_value: value as f32,
+                target_system: system,
+                target_component: component,
+                param_id: name.into(),
+                param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
             }),
             Self::Parameter(name) => CommandMessage::Read(PARAM_REQUEST_READ_DATA {
                 param_index: -1,
                 target_system: system,
-                target_component: 1,
+                target_component: component,
                 param_id: name.into(),
             }),
         }
@@ -179,6 +197,13 @@ impl CommandQueue {
     pub(crate) fn drop_steering(&mut self) {
         self.waiting.retain(|c| !c.steers());
         self.pending.retain(|p| !p.command.steers());
+    }
+
+    /// Drops the modes that are asked for: the vehicle has gone on to another.
+    pub(crate) fn drop_modes(&mut self) {
+        let mode = |c: &VehicleCommand| matches!(c, VehicleCommand::Mode { .. });
+        self.waiting.retain(|c| !mode(c));
+        self.pending.retain(|p| !mode(&p.command));
     }
 
     /// Drops everything.
@@ -271,15 +296,29 @@ impl CommandQueue {
         }
     }
 
+    /// Whether a place is on its way to the vehicle.
+    pub(crate) fn repositions(&self) -> bool {
+        let place = |c: &VehicleCommand| matches!(c, VehicleCommand::Reposition { .. });
+        self.waiting.iter().any(place) || self.pending.iter().any(|p| place(&p.command))
+    }
+
     /// The vehicle shows `mode`: that is an answer, too.
     pub(crate) fn mode_seen(&mut self, shown: u32) {
         self.pending
             .retain(|p| !matches!(p.command, VehicleCommand::Mode { mode, .. } if mode == shown));
     }
 
-    /// A parameter has come.
-    pub(crate) fn parameter_seen(&mut self, name: &str) {
-        self.pending
-            .retain(|p| !matches!(p.command, VehicleCommand::Parameter(n) if n == name));
+    /// A parameter has come with its value.
+    pub(crate) fn parameter_seen(&mut self, seen: &str, is: f64) {
+        self.pending.retain(|p| match p.command {
+            VehicleCommand::Parameter(name) => name != seen,
+            VehicleCommand::SetParameter { name, value } => (name, value) != (seen, is),
+            _ => true,
+        });
+    }
+
+    /// Forgets a command that was not sent after all.
+    pub(crate) fn forget(&mut self, command: &VehicleCommand) {
+        self.pending.retain(|p| p.command != *command);
     }
 }

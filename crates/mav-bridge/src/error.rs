@@ -5,7 +5,7 @@
 pub enum BridgeError {
     /// A link as nobody writes it.
     #[error(
-        "link '{0}': expected udpin:HOST:PORT (listen), udpout:HOST:PORT or tcp:HOST:PORT (connect), tcpin:HOST:PORT (wait for a client)"
+        "link '{0}': expected udpin:HOST:PORT (listen), udpout:HOST:PORT or tcp:HOST:PORT (connect), tcpin:HOST:PORT (wait for a client), serial:PATH:BAUD"
     )]
     BadLink(String),
     /// A number in the configuration that cannot work.

@@ -3,7 +3,7 @@
 //!
 //! [`Bridge`] is pure: bytes and the time come in as arguments, frames and messages go out in a
 //! [`BridgeOutput`]. It knows no socket, clock, file, environment or global random number. Behind
-//! the feature `link` (off by default), the module `link` carries bytes over UDP and TCP.
+//! the feature `link` (off by default), the module `link` carries bytes over UDP, TCP and serial ports.
 //! [`wire`] finds, writes and signs frames; [`arduplane`] holds what is ArduPlane's own.
 //!
 //! A bridge presents itself as a ground station before anything is heard:
@@ -32,7 +32,8 @@
 //! by √(ρ/ρ₀), with the density ρ from the vehicle's static pressure (SCALED_PRESSURE; the
 //! site's atmosphere if it sends none) and the temperature of the site's atmosphere at its
 //! altitude, ρ₀ = 1.225 kg/m³. Setpoints go the same way back. The temperature of a reading is
-//! that of a HYGROMETER_SENSOR; the barometer's own sits in a warm case and is not used.
+//! that of a HYGROMETER_SENSOR, else of the airspeed sensor (AIRSPEED), else of the barometer, which
+//! sits in a warm case and is not used for the density.
 //!
 //! Who flies is decided by [`protocol::control_level`], from what the vehicle shows and what
 //! is given to [`Bridge::handle`]. The bridge never changes the mode of a vehicle that a pilot flies:
@@ -50,8 +51,10 @@ pub mod link;
 mod telemetry;
 pub mod wire;
 
+pub use bridge::checklist::Expectation;
+pub use bridge::gas::{GasClock, GasInput};
 pub use bridge::{Bridge, BridgeConfig, BridgeOutput};
 pub use error::BridgeError;
 /// The MAVLink dialect spoken: ArduPilot's, generated from its XML.
 pub use mavlink::dialects::ardupilotmega as dialect;
-pub use wire::signing;
+pub use wire::{goes_over_all_links, signing};

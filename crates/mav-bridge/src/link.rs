@@ -1,14 +1,15 @@
-//! Bytes over UDP and TCP: the thin tokio side of a bridge.
+//! Bytes over UDP, TCP and serial ports: the thin tokio side of a bridge.
 //!
 //! A [`Link`] lives on through silence, refused connections and lost ones; what it cannot send
 //! now it drops, for a command is repeated until it is answered and telemetry is soon stale.
 
 use crate::BridgeError;
+use serial2_tokio::SerialPort;
 use std::fmt;
 use std::net::SocketAddr;
 use std::str::FromStr;
 use std::time::Duration;
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UdpSocket, lookup_host};
 use tokio::sync::mpsc::{self, error::TrySendError};
 use tokio::task::JoinHandle;
@@ -35,6 +36,8 @@ pub enum LinkAddress {
     TcpConnect(String),
     /// `tcpin:HOST:PORT`: waits for a client, one at a time.
     TcpListen(String),
+    /// `serial:PATH:BAUD`: a serial port such as `/dev/ttyUSB0`, opened again whenever it is lost.
+    Serial(String, u32),
 }
 
 impl FromStr for LinkAddress {
@@ -44,6 +47,13 @@ impl FromStr for LinkAddress {
         let bad = || BridgeError::BadLink(text.to_owned());
         let (kind, address) = text.split_once(':').ok_or_else(bad)?;
         let (host, port) = address.rsplit_once(':').ok_or_else(bad)?;
+        if kind == "serial" {
+            let baud = port
+                .parse()
+                .ok()
+                .filter(|baud| *baud > 0 && !host.is_empty());
+            return Ok(Self::Serial(host.to_owned(), baud.ok_or_else(bad)?));
+        }
         if host.is_empty() || port.parse::<u16>().is_err() {
             return Err(bad());
         }
@@ -65,6 +75,7 @@ impl fmt::Display for LinkAddress {
             Self::UdpConnect(a) => write!(f, "udpout:{a}"),
             Self::TcpConnect(a) => write!(f, "tcp:{a}"),
             Self::TcpListen(a) => write!(f, "tcpin:{a}"),
+            Self::Serial(path, baud) => write!(f, "serial:{path}:{baud}"),
         }
     }
 }
@@ -85,8 +96,8 @@ struct Ends {
 }
 
 impl Link {
-    /// Opens a link; must be called inside a tokio runtime. A TCP connection is made in the
-    /// background.
+    /// Opens a link; must be called inside a tokio runtime. A TCP connection is made, and a serial port
+    /// opened, in the background.
     ///
     /// # Errors
     /// [`BridgeError::Socket`] if the address cannot be resolved or bound.
@@ -117,6 +128,9 @@ impl Link {
                 let listener = TcpListener::bind(at).await.map_err(refuse)?;
                 let local = listener.local_addr().ok();
                 (local, tokio::spawn(tcp_server(listener, ends)))
+            }
+            LinkAddress::Serial(path, baud) => {
+                (None, tokio::spawn(serial(path.clone(), *baud, ends)))
             }
         };
         Ok(Self {
@@ -245,6 +259,30 @@ async fn tcp_client(to: String, mut ends: Ends) {
     }
 }
 
+async fn serial(path: String, baud: u32, mut ends: Ends) {
+    let mut refused = false;
+    while !ends.incoming.is_closed() {
+        match SerialPort::open(&path, baud) {
+            Ok(port) => {
+                tracing::info!("vehicle link: {path} open at {baud} baud");
+                refused = false;
+                drop_stale(&mut ends);
+                let (reader, writer) = tokio::io::split(port);
+                if !stream(reader, writer, &mut ends).await {
+                    return;
+                }
+                tracing::warn!("vehicle link: lost {path}, opening it again");
+            }
+            Err(error) => {
+                if !std::mem::replace(&mut refused, true) {
+                    tracing::warn!("vehicle link: {path}: {error}; trying again");
+                }
+            }
+        }
+        sleep(RECONNECT).await;
+    }
+}
+
 async fn tcp_server(listener: TcpListener, mut ends: Ends) {
     while !ends.incoming.is_closed() {
         if let Ok((stream, from)) = listener.accept().await {
@@ -266,10 +304,19 @@ fn drop_stale(ends: &mut Ends) {
 }
 
 /// Serves one TCP connection to its end; false once the owner has gone.
-async fn tcp(stream: TcpStream, ends: &mut Ends) -> bool {
+async fn tcp(connection: TcpStream, ends: &mut Ends) -> bool {
     // Frames are small and wanted now.
-    let _ = stream.set_nodelay(true);
-    let (mut reader, mut writer) = stream.into_split();
+    let _ = connection.set_nodelay(true);
+    let (reader, writer) = connection.into_split();
+    stream(reader, writer, ends).await
+}
+
+/// Serves a stream of bytes to its end; false once the owner has gone.
+async fn stream(
+    mut reader: impl AsyncRead + Unpin,
+    mut writer: impl AsyncWrite + Unpin,
+    ends: &mut Ends,
+) -> bool {
     let mut buffer = vec![0; READ_BYTES];
     loop {
         tokio::select! {
@@ -303,6 +350,8 @@ mod tests {
             "udpout:192.168.1.7:14550",
             "tcp:localhost:5760",
             "tcpin:[::1]:5760",
+            "serial:/dev/ttyUSB0:57600",
+            "serial:COM3:115200",
         ] {
             let address: LinkAddress = text.parse().unwrap();
             assert_eq!(address.to_string(), text);
@@ -313,6 +362,9 @@ mod tests {
             "tcp:5760",
             "tcp::5760",
             "udpin:host:99999",
+            "serial:/dev/ttyUSB0",
+            "serial:/dev/ttyUSB0:0",
+            "serial::57600",
         ] {
             let error = text.parse::<LinkAddress>().unwrap_err().to_string();
             assert!(error.contains("expected udpin:"), "{error}");
@@ -343,6 +395,32 @@ mod tests {
         sleep(Duration::from_millis(50)).await;
         vehicle.send(vec![5]);
         assert_eq!(soon(&mut here).await, [5]);
+    }
+
+    /// A pseudo-terminal stands in for a radio at its port.
+    #[cfg(target_os = "linux")]
+    #[tokio::test]
+    async fn a_serial_port_both_ways_whatever_the_bytes() {
+        use std::os::fd::AsRawFd as _;
+        let (radio, port) = serial2::SerialPort::pair().unwrap();
+        let address = format!("serial:/proc/self/fd/{}:57600", port.as_raw_fd());
+        let mut link = Link::open(&address.parse().unwrap()).await.unwrap();
+        // The bytes that a terminal would make something else of are among them.
+        let all: Vec<u8> = (0..=255).collect();
+        radio.write_all(&all).unwrap();
+        let mut back = Vec::new();
+        while back.len() < 256 {
+            back.extend(soon(&mut link).await);
+        }
+        assert_eq!(back, all);
+        link.send(all.clone());
+        let heard = tokio::task::spawn_blocking(move || {
+            let mut heard = vec![0; 256];
+            radio.read_exact(&mut heard).unwrap();
+            heard
+        });
+        let heard = timeout(Duration::from_secs(5), heard).await;
+        assert_eq!(heard.unwrap().unwrap(), all);
     }
 
     #[tokio::test]

@@ -1,14 +1,15 @@
 //! What the vehicle last said of itself, and state and reading made of it.
 
 use crate::dialect::{
-    ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA,
-    HYGROMETER_SENSOR_DATA, MavLandedState, MavModeFlag, MavState, SCALED_PRESSURE_DATA,
-    VFR_HUD_DATA, WIND_DATA,
+    AIRSPEED_DATA, ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA,
+    HEARTBEAT_DATA, HYGROMETER_SENSOR_DATA, MavLandedState, MavModeFlag, MavState,
+    SCALED_PRESSURE_DATA, VFR_HUD_DATA, WIND_DATA,
 };
-use air::geo::wrap_deg;
+use air::geo::{Geodetic, wrap_deg};
 use air::isa::{Air, Atmosphere};
 use protocol::SimTime;
 use protocol::message::{Reading, State, VehicleKind};
+use std::collections::VecDeque;
 
 /// Metres in a degree of latitude (mean), to carry a position over a fraction of a second.
 const METRES_PER_DEGREE: f64 = 111_195.0;
@@ -19,6 +20,14 @@ const WEATHER_LASTS_S: f64 = 10.0;
 /// A landed state older than this is not trusted, s.
 const LANDED_LASTS_S: f64 = 5.0;
 
+/// Positions kept for readings that come late: 10 s of them at 10 Hz.
+const POSITIONS: usize = 100;
+/// A reading that came later than the others of its sensor by this was read before now, s: ticks and links
+/// take some hundredths.
+const LATE_S: f64 = 0.25;
+/// By how much the clocks of vehicle and ground may drift apart, s per s.
+const CLOCK_DRIFT: f64 = 1e-4;
+
 /// A message with when it came.
 type Received<T> = Option<(SimTime, T)>;
 
@@ -28,11 +37,16 @@ pub(crate) struct Telemetry {
     atmosphere: Atmosphere,
     pub heartbeat: Received<HEARTBEAT_DATA>,
     pub position: Received<GLOBAL_POSITION_INT_DATA>,
+    /// The last positions in order of the vehicle's time.
+    positions: VecDeque<GLOBAL_POSITION_INT_DATA>,
+    /// Mission time less the gas sensor's own where it came soonest, and when, both s.
+    gas_clock_s: Option<(f64, f64)>,
     pub attitude: Received<ATTITUDE_DATA>,
     pub hud: Received<VFR_HUD_DATA>,
     pub wind: Received<WIND_DATA>,
     pub pressure: Received<SCALED_PRESSURE_DATA>,
     pub hygrometer: Received<HYGROMETER_SENSOR_DATA>,
+    pub airspeed: Received<AIRSPEED_DATA>,
     pub landed: Received<EXTENDED_SYS_STATE_DATA>,
 }
 
@@ -49,11 +63,14 @@ impl Telemetry {
             atmosphere,
             heartbeat: None,
             position: None,
+            positions: VecDeque::new(),
+            gas_clock_s: None,
             attitude: None,
             hud: None,
             wind: None,
             pressure: None,
             hygrometer: None,
+            airspeed: None,
             landed: None,
         }
     }
@@ -76,6 +93,62 @@ impl Telemetry {
     fn pressure_hpa(&self, now: SimTime) -> Option<f64> {
         let hpa = f64::from(fresh(&self.pressure, now, WEATHER_LASTS_S)?.press_abs);
         (200.0..1100.0).contains(&hpa).then_some(hpa)
+    }
+
+    /// Takes in a position; false if it is not newer, by the vehicle's own time, than the last one.
+    pub(crate) fn take_position(&mut self, m: GLOBAL_POSITION_INT_DATA, now: SimTime) -> bool {
+        let behind = |(_, last): &(SimTime, GLOBAL_POSITION_INT_DATA)| {
+            m.time_boot_ms < last.time_boot_ms
+                || (m.time_boot_ms == last.time_boot_ms && m == *last && m.time_boot_ms != 0)
+        };
+        let newer = !self.position.as_ref().is_some_and(behind);
+        let at = self
+            .positions
+            .partition_point(|p| p.time_boot_ms <= m.time_boot_ms);
+        self.positions.insert(at, m.clone());
+        if self.positions.len() > POSITIONS {
+            self.positions.pop_front();
+        }
+        if newer {
+            self.position = Some((now, m));
+        }
+        newer
+    }
+
+    /// The vehicle has started anew, and its clock with it.
+    pub(crate) fn restarted(&mut self) {
+        self.positions.clear();
+        (self.position, self.attitude, self.gas_clock_s) = (None, None, None);
+    }
+
+    /// Air temperature, °C: a hygrometer's, else that of the airspeed sensor, else that of the barometer,
+    /// which sits in a warm case.
+    fn temperature_c(&self, now: SimTime) -> Option<f64> {
+        let hygrometer = fresh(&self.hygrometer, now, WEATHER_LASTS_S).map(|h| h.temperature);
+        // i16::MAX means that the sensor has none; ArduPlane sends 0 with a sensor that does not measure it.
+        let airspeed = fresh(&self.airspeed, now, WEATHER_LASTS_S).map(|a| a.temperature);
+        let barometer = fresh(&self.pressure, now, WEATHER_LASTS_S).map(|p| p.temperature);
+        let measured = airspeed.filter(|&c| c != i16::MAX && c != 0);
+        let centi = hygrometer.or(measured).or(barometer)?;
+        Some(f64::from(centi) / 100.0)
+    }
+
+    /// When a reading was read, if it came later than the sensor's others; `time_boot_ms` is by the sensor's clock.
+    fn read_at(&mut self, time_boot_ms: u32, now: SimTime) -> Option<SimTime> {
+        let own_s = f64::from(time_boot_ms) / 1e3;
+        let offset_s = now.s() - own_s;
+        let soonest_s = match self.gas_clock_s {
+            Some((offset, at_s)) => offset + CLOCK_DRIFT * (now.s() - at_s).max(0.0),
+            None => offset_s,
+        };
+        // A clock that jumps is another one.
+        let same_clock = offset_s - soonest_s < f64::from(u16::MAX) / 1e3;
+        if offset_s <= soonest_s || !same_clock {
+            self.gas_clock_s = Some((offset_s, now.s()));
+            return None;
+        }
+        let late_s = offset_s - soonest_s;
+        (late_s > LATE_S).then(|| SimTime::from_s(now.s() - late_s))
     }
 
     /// Altitude above home, m.
@@ -143,19 +216,32 @@ impl Telemetry {
         })
     }
 
-    /// A reading at the place where the vehicle was when it was taken, by the vehicle's own clock: the last
-    /// position carried on by its velocity over the difference of the two messages' own times.
-    pub(crate) fn reading(&self, co2_ppm: f64, time_boot_ms: u32, now: SimTime) -> Option<Reading> {
-        let position = fresh(&self.position, now, POSITION_LASTS_S)?;
+    /// A reading at the place where the vehicle was when it was taken, by the vehicle's own clock: the position
+    /// nearest in time carried on by its velocity over the difference of the two messages' own times.
+    /// `time_boot_ms` is none for a sensor without that clock: it was then read when it came.
+    pub(crate) fn reading(
+        &mut self,
+        co2_ppm: f64,
+        time_boot_ms: Option<u32>,
+        now: SimTime,
+    ) -> Option<Reading> {
+        let time_ns = time_boot_ms
+            .and_then(|t| self.read_at(t, now))
+            .map(SimTime::ns);
+        let latest = fresh(&self.position, now, POSITION_LASTS_S)?;
+        let later_s = |p: &GLOBAL_POSITION_INT_DATA, t: u32| {
+            (i64::from(t) - i64::from(p.time_boot_ms)) as f64 / 1e3
+        };
+        // Of two as near the later one, which carries what is known of the way since.
+        let nearest = time_boot_ms.and_then(|t| {
+            let all = self.positions.iter().rev().map(|p| (p, later_s(p, t)));
+            all.min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+                .filter(|(_, dt_s)| dt_s.abs() <= POSITION_LASTS_S)
+        });
+        let (position, dt_s) = nearest.unwrap_or((latest, 0.0));
         if !plausible(position) {
             return None;
         }
-        let later_s = (i64::from(time_boot_ms) - i64::from(position.time_boot_ms)) as f64 / 1e3;
-        let dt_s = if later_s.abs() <= POSITION_LASTS_S {
-            later_s
-        } else {
-            0.0
-        };
         let [north, east, down] = velocity_m_s(position);
         let lat_deg = f64::from(position.lat) / 1e7;
         let east_m_per_degree = METRES_PER_DEGREE * lat_deg.to_radians().cos().max(0.01);
@@ -169,10 +255,9 @@ impl Telemetry {
             co2_ppm,
             wind_speed_m_s: wind.map(|w| f64::from(w.speed)),
             wind_from_deg: wind.map(|w| wrap_deg(f64::from(w.direction))),
-            temperature_c: fresh(&self.hygrometer, now, WEATHER_LASTS_S)
-                .map(|h| f64::from(h.temperature) / 100.0),
+            temperature_c: self.temperature_c(now),
             pressure_hpa: self.pressure_hpa(now),
-            time_ns: None,
+            time_ns,
         })
     }
 }
@@ -187,4 +272,10 @@ fn plausible(position: &GLOBAL_POSITION_INT_DATA) -> bool {
         && (-1_800_000_000..=1_800_000_000).contains(&position.lon)
         && (-500_000..=11_000_000).contains(&position.alt);
     on_earth && (position.lat, position.lon) != (0, 0)
+}
+
+/// Distance of two places that are near each other, m.
+pub(crate) fn distance_m(a: Geodetic, b: Geodetic) -> f64 {
+    let east_deg = (b.lon_deg - a.lon_deg) * a.lat_deg.to_radians().cos();
+    METRES_PER_DEGREE * (b.lat_deg - a.lat_deg).hypot(east_deg)
 }

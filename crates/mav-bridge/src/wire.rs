@@ -14,5 +14,5 @@ pub mod signing;
 pub use command_ack::CommandAck;
 pub use decoder::{FrameDecoder, LinkStatistics};
 pub use encoder::FrameEncoder;
-pub use frame::RawFrame;
+pub use frame::{RawFrame, goes_over_all_links};
 pub use mavlink::MessageData;

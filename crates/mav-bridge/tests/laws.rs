@@ -3,10 +3,11 @@
 
 use mav_bridge::arduplane::{AUTO, FBWA, GUIDED, LOITER, MANUAL, RTL, TAKEOFF};
 use mav_bridge::dialect::{
-    ATTITUDE_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState,
-    MavType, NAMED_VALUE_FLOAT_DATA, VFR_HUD_DATA,
+    ATTITUDE_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavResult,
+    MavSeverity, MavState, MavType, NAMED_VALUE_FLOAT_DATA, POSITION_TARGET_GLOBAL_INT_DATA,
+    STATUSTEXT_DATA, VFR_HUD_DATA,
 };
-use mav_bridge::wire::{FrameDecoder, FrameEncoder};
+use mav_bridge::wire::{CommandAck, FrameDecoder, FrameEncoder};
 use mav_bridge::{Bridge, BridgeConfig, BridgeOutput};
 use proptest::prelude::*;
 use protocol::SimTime;
@@ -130,7 +131,7 @@ proptest! {
         }
         let statistics = bridge.statistics();
         prop_assert!(statistics.skipped_bytes <= statistics.bytes);
-        prop_assert!(out.state.is_none() && out.reading.is_none());
+        prop_assert!(out.state.is_none() && out.readings.is_empty());
     }
 
     #[test]
@@ -166,51 +167,180 @@ proptest! {
             prop_assert!(numbers.iter().all(|n| n.is_finite()), "{state:?}");
             prop_assert!(state.lat_deg.abs() <= 90.0 && state.lon_deg.abs() <= 180.0);
         }
-        if let Some(reading) = out.reading {
+        for reading in out.readings {
             prop_assert!((0.0..=1e6).contains(&reading.co2_ppm));
         }
     }
 
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(10_000))]
+
     #[test]
-    fn nothing_overrides_the_pilot(events in prop::collection::vec(happening(), 1..80)) {
-        let mut encoder = FrameEncoder::new(1, 1);
-        let mut bridge = Bridge::new(BridgeConfig { may_arm: true, ..BridgeConfig::default() }).unwrap();
-        let mut time_s = 0.0;
-        let mut pilot = false;
-        let mut failsafe = false;
+    fn nothing_overrides_the_pilot(events in prop::collection::vec(happening(), 1..60)) {
+        let mut world = World::new();
         for happening in events {
-            let mut out = BridgeOutput::default();
-            match happening {
-                Happening::Heartbeat(mode, status, armed) => {
-                    failsafe = status == MavState::MAV_STATE_CRITICAL && matches!(mode, AUTO | RTL);
-                    let frame = heartbeat(&mut encoder, mode, status, armed);
-                    bridge.receive(&frame, s(time_s), &mut out);
-                }
-                Happening::Setpoint(path, north) => {
-                    bridge.setpoint(&setpoint(path, north), s(time_s), &mut out);
-                }
-                Happening::Danger(event) => bridge.handle(event, &mut out),
-                Happening::HandBack => {
-                    bridge.hand_back(&mut out);
-                    pilot = false;
-                }
-                Happening::Wait(seconds) => time_s += seconds,
-            }
-            time_s += 0.02;
-            bridge.tick(s(time_s), &mut out);
-            if pilot {
-                // Only the vehicle's own failsafe takes it from a pilot whose remote is silent.
-                let lost = failsafe && bridge.level() == ControlLevel::Guardian;
-                prop_assert!(lost || bridge.level() == ControlLevel::Pilot, "taken from the pilot");
-                for frame in &out.frames_to_vehicle {
-                    prop_assert!(!steers(frame), "sent to a pilot's aircraft: {:02x?}", frame);
-                }
-            }
-            for frame in &out.frames_to_vehicle {
-                prop_assert!(!changes_mode_by_reposition(frame));
-            }
-            pilot = bridge.level() == ControlLevel::Pilot && !bridge.hand_back_pending();
+            world.happen(happening)?;
         }
+    }
+}
+
+/// A bridge, the vehicle's side of its link, and who has taken over since the last hand-back.
+struct World {
+    bridge: Bridge,
+    encoder: FrameEncoder,
+    time_s: f64,
+    /// Start of the vehicle's clock, s.
+    boot_s: f64,
+    last: (u32, MavState, bool),
+    pilot: bool,
+    /// A pilot's mode was shown in the air since the last hand-back, whatever the bridge makes of it.
+    taken: bool,
+    /// The mode shown last.
+    beaten: Option<u32>,
+    failsafe: bool,
+    /// When the vehicle has last told of a failsafe.
+    told_at_s: f64,
+}
+
+impl World {
+    fn new() -> Self {
+        let config = BridgeConfig {
+            may_arm: true,
+            vehicle_system_id: Some(1),
+            ..BridgeConfig::default()
+        };
+        Self {
+            bridge: Bridge::new(config).unwrap(),
+            encoder: FrameEncoder::new(1, 1),
+            time_s: 0.0,
+            boot_s: -100.0,
+            last: (MANUAL, MavState::MAV_STATE_STANDBY, false),
+            pilot: false,
+            taken: false,
+            beaten: None,
+            failsafe: false,
+            told_at_s: f64::NEG_INFINITY,
+        }
+    }
+
+    fn happen(&mut self, happening: Happening) -> Result<(), TestCaseError> {
+        let mut out = BridgeOutput::default();
+        let now = s(self.time_s);
+        match happening {
+            Happening::Heartbeat(mode, status, armed) => {
+                self.last = (mode, status, armed);
+                self.beat(&mut out);
+            }
+            Happening::Setpoint(path, north) => {
+                self.bridge.setpoint(&setpoint(path, north), now, &mut out);
+            }
+            Happening::Danger(event) => self.bridge.handle(event, &mut out),
+            Happening::HandBack => {
+                self.bridge.hand_back(&mut out);
+                (self.pilot, self.taken) = (false, false);
+            }
+            // Time that the vehicle is heard in, or is not.
+            Happening::Wait(seconds, heard) => {
+                for k in 0..(seconds * 5.0) as u32 {
+                    self.time_s += 0.2;
+                    if heard && k % 5 == 0 {
+                        self.beat(&mut out);
+                    }
+                    self.check(&mut out)?;
+                }
+            }
+            // The bridge's host stalls.
+            Happening::Stall(seconds) => self.time_s += seconds,
+            Happening::Restart => {
+                self.boot_s = self.time_s;
+                self.last = (MANUAL, MavState::MAV_STATE_STANDBY, false);
+                self.position(43.44, &mut out);
+                self.beat(&mut out);
+            }
+            Happening::Position(lat_deg) => self.position(lat_deg, &mut out),
+            Happening::Target(lat_deg) => {
+                let target = POSITION_TARGET_GLOBAL_INT_DATA {
+                    lat_int: (lat_deg * 1e7) as i32,
+                    lon_int: -78_600_000,
+                    ..POSITION_TARGET_GLOBAL_INT_DATA::default()
+                };
+                let frame = self.encoder.encode(&target, None, now);
+                self.bridge.receive(&frame, now, &mut out);
+            }
+            Happening::Says(said) => {
+                if said.contains("On") || said.contains("breached") {
+                    self.told_at_s = self.time_s;
+                }
+                let text = STATUSTEXT_DATA {
+                    severity: MavSeverity::MAV_SEVERITY_WARNING,
+                    text: said.into(),
+                    ..STATUSTEXT_DATA::default()
+                };
+                let frame = self.encoder.encode(&text, None, now);
+                self.bridge.receive(&frame, now, &mut out);
+            }
+            Happening::Answer(command, result) => {
+                let ack = CommandAck { command, result };
+                let frame = self.encoder.encode(&ack, None, now);
+                self.bridge.receive(&frame, now, &mut out);
+            }
+        }
+        self.time_s += 0.02;
+        self.check(&mut out)
+    }
+
+    fn beat(&mut self, out: &mut BridgeOutput) {
+        let (mode, status, armed) = self.last;
+        // The bridge asks for none of these: in the air somebody else has chosen it.
+        let others = matches!(mode, MANUAL | FBWA | LOITER) && status == MavState::MAV_STATE_ACTIVE;
+        self.taken |= others && self.beaten.is_some_and(|before| before != mode);
+        self.beaten = Some(mode);
+        self.failsafe = status == MavState::MAV_STATE_CRITICAL && matches!(mode, AUTO | RTL);
+        let frame = heartbeat(&mut self.encoder, mode, status, armed);
+        self.bridge.receive(&frame, s(self.time_s), out);
+    }
+
+    fn position(&mut self, lat_deg: f64, out: &mut BridgeOutput) {
+        let position = GLOBAL_POSITION_INT_DATA {
+            time_boot_ms: ((self.time_s - self.boot_s) * 1e3) as u32,
+            lat: (lat_deg * 1e7) as i32,
+            lon: -78_600_000,
+            alt: 700_000,
+            relative_alt: 360_000,
+            ..GLOBAL_POSITION_INT_DATA::default()
+        };
+        let frame = self.encoder.encode(&position, None, s(self.time_s));
+        self.bridge.receive(&frame, s(self.time_s), out);
+    }
+
+    fn check(&mut self, out: &mut BridgeOutput) -> Result<(), TestCaseError> {
+        self.bridge.tick(s(self.time_s), out);
+        if self.pilot {
+            // Only the vehicle's own failsafe takes it from a pilot whose remote is silent.
+            let told = self.time_s - self.told_at_s < 5.0;
+            let own = self.failsafe || (told && matches!(self.last.0, AUTO | RTL));
+            let lost = own && self.bridge.level() == ControlLevel::Guardian;
+            prop_assert!(
+                lost || self.bridge.level() == ControlLevel::Pilot,
+                "taken from the pilot"
+            );
+            for frame in &out.frames_to_vehicle {
+                prop_assert!(!steers(frame), "sent to a pilot's aircraft: {:02x?}", frame);
+            }
+        }
+        for frame in &out.frames_to_vehicle {
+            prop_assert!(!changes_mode_by_reposition(frame));
+            prop_assert!(
+                !self.taken || !steers(frame),
+                "sent after a takeover: {:02x?}",
+                frame
+            );
+        }
+        out.clear();
+        self.pilot = self.bridge.level() == ControlLevel::Pilot && !self.bridge.hand_back_pending();
+        Ok(())
     }
 }
 
@@ -220,7 +350,13 @@ enum Happening {
     Setpoint(PathKind, f64),
     Danger(ControlEvent),
     HandBack,
-    Wait(f64),
+    Wait(f64, bool),
+    Stall(f64),
+    Restart,
+    Position(f64),
+    Target(f64),
+    Says(&'static str),
+    Answer(u16, MavResult),
 }
 
 fn happening() -> impl Strategy<Value = Happening> {
@@ -239,15 +375,40 @@ fn happening() -> impl Strategy<Value = Happening> {
         PathKind::TakeOff,
         PathKind::Land,
     ]);
+    let says = prop::sample::select(vec![
+        "Polygon fence breached",
+        "Fence breach cleared",
+        "RC Long Failsafe On: switched to RTL",
+        "GCS Failsafe On: switched to RTL",
+        "GCS Failsafe cleared",
+        "Throttle armed",
+    ]);
+    let result = prop::sample::select(vec![
+        MavResult::MAV_RESULT_ACCEPTED,
+        MavResult::MAV_RESULT_ACCEPTED,
+        MavResult::MAV_RESULT_FAILED,
+    ]);
+    let command = prop::sample::select(vec![176u16, 178, 189, 192, 400]);
+    let danger = (0..Danger::ALL.len(), any::<bool>()).prop_map(|(k, begins)| {
+        let danger = Danger::ALL[k];
+        Happening::Danger(if begins {
+            ControlEvent::Begins(danger)
+        } else {
+            ControlEvent::Ends(danger)
+        })
+    });
     prop_oneof![
-        4 => (mode, status, any::<bool>()).prop_map(|(m, st, a)| Happening::Heartbeat(m, st, a)),
-        3 => (path, 0.0..1000.0).prop_map(|(p, n)| Happening::Setpoint(p, n)),
-        1 => Just(Happening::HandBack),
-        2 => (0..Danger::ALL.len(), any::<bool>()).prop_map(|(k, begins)| {
-            let danger = Danger::ALL[k];
-            Happening::Danger(if begins { ControlEvent::Begins(danger) } else { ControlEvent::Ends(danger) })
-        }),
-        2 => (0.1..8.0).prop_map(Happening::Wait),
+        8 => (mode, status, any::<bool>()).prop_map(|(m, st, a)| Happening::Heartbeat(m, st, a)),
+        6 => (path, 0.0..1000.0).prop_map(|(p, n)| Happening::Setpoint(p, n)),
+        2 => Just(Happening::HandBack),
+        2 => danger,
+        3 => (0.1..8.0, any::<bool>()).prop_map(|(s, heard)| Happening::Wait(s, heard)),
+        1 => (2.0..20.0).prop_map(Happening::Stall),
+        1 => Just(Happening::Restart),
+        1 => (43.43..43.47).prop_map(Happening::Position),
+        2 => (43.43..43.47).prop_map(Happening::Target),
+        1 => says.prop_map(Happening::Says),
+        4 => (command, result).prop_map(|(c, r)| Happening::Answer(c, r)),
     ]
 }
 
@@ -265,6 +426,16 @@ fn heartbeat(encoder: &mut FrameEncoder, mode: u32, status: MavState, armed: boo
         mavlink_version: 3,
     };
     encoder.encode(&heartbeat, None, s(0.0))
+}
+
+/// A bridge to system 1 and to no other.
+fn asked_for_1() -> Bridge {
+    let vehicle_system_id = Some(1);
+    Bridge::new(BridgeConfig {
+        vehicle_system_id,
+        ..BridgeConfig::default()
+    })
+    .unwrap()
 }
 
 fn setpoint(path: PathKind, north_m: f64) -> Setpoint {
@@ -346,7 +517,7 @@ fn noise_without_frames_is_told() {
 #[test]
 fn a_setpoint_without_numbers_is_refused() {
     let mut encoder = FrameEncoder::new(1, 1);
-    let mut bridge = Bridge::new(BridgeConfig::default()).unwrap();
+    let mut bridge = asked_for_1();
     let mut out = BridgeOutput::default();
     let frame = heartbeat(&mut encoder, GUIDED, MavState::MAV_STATE_ACTIVE, true);
     bridge.receive(&frame, s(0.0), &mut out);
@@ -361,7 +532,7 @@ fn a_setpoint_without_numbers_is_refused() {
 #[test]
 fn an_unanswered_command_is_repeated_and_given_up() {
     let mut encoder = FrameEncoder::new(1, 1);
-    let mut bridge = Bridge::new(BridgeConfig::default()).unwrap();
+    let mut bridge = asked_for_1();
     let mut out = BridgeOutput::default();
     let mut reposition = 0;
     for tick in 0..500 {
@@ -416,7 +587,7 @@ fn the_gas_that_counts_is_read_in_both_units_and_no_other() {
         };
         let mut out = BridgeOutput::default();
         bridge.receive(&encoder.encode(&named, None, s(0.0)), s(0.0), &mut out);
-        out.reading.map(|r| r.co2_ppm)
+        out.readings.first().map(|r| r.co2_ppm)
     };
     assert_eq!(read("CH4", 2.0), Some(2.0));
     assert_eq!(read("CH4_PPB", 1950.0), Some(1.95));

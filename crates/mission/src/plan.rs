@@ -158,7 +158,7 @@ fn in_a_reality(setup: &Setup, number: u64) -> Result<Setup, MissionError> {
     let real = real.filter(|v| v.kind != VehicleKind::Simulated);
     let count = real.map(|v| {
         v.kind = VehicleKind::StandIn;
-        (v.link, v.may_arm, v.signing_key) = (None, false, None);
+        v.forget_link();
     });
     if count.count() == 0 {
         return Err(MissionError::Request(

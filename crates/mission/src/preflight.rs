@@ -183,8 +183,8 @@ fn endurance(
     })
 }
 
-/// Whether the team makes way against the wind.
-fn wind(setup: &Setup) -> Result<Option<Finding>, MissionError> {
+/// The strongest wind of a mission at the fence's floor and at its ceiling, m/s.
+pub(crate) fn strongest_wind_m_s(setup: &Setup) -> Result<(f64, f64), MissionError> {
     let scenario = &setup.scenario;
     let profile = scenario.wind_profile()?;
     let steps = (scenario.mission.duration_s / WIND_STEP_S) as usize;
@@ -204,8 +204,18 @@ fn wind(setup: &Setup) -> Result<Option<Finding>, MissionError> {
         };
         reference_m_s * ratio
     };
+    let fence = &scenario.fence;
+    Ok((
+        at_height_m_s(fence.floor_agl_m),
+        at_height_m_s(fence.ceiling_agl_m),
+    ))
+}
+
+/// Whether the team makes way against the wind.
+fn wind(setup: &Setup) -> Result<Option<Finding>, MissionError> {
+    let scenario = &setup.scenario;
     let (low_m, high_m) = (scenario.fence.floor_agl_m, scenario.fence.ceiling_agl_m);
-    let (low_m_s, high_m_s) = (at_height_m_s(low_m), at_height_m_s(high_m));
+    let (low_m_s, high_m_s) = strongest_wind_m_s(setup)?;
     let airspeed_m_s = scenario.search.airspeed_m_s;
     let words = |speed_m_s: f64, agl_m: f64, then: String| {
         format!(

@@ -2,13 +2,15 @@
 //! hardware is, the stand-in behind that link, all in one process and in step with the mission.
 //! The team sees of it what any real aircraft would show.
 
-use crate::{MissionError, Setup};
+use crate::{MissionError, Setup, preflight};
 use mav_bridge::signing::SigningConfig;
-use mav_bridge::{Bridge, BridgeConfig, BridgeOutput};
+use mav_bridge::{Bridge, BridgeConfig, BridgeOutput, Expectation, GasClock, GasInput};
+use protocol::control_level::{ControlEvent, Danger};
 use protocol::key::Name;
-use protocol::message::{MavlinkFrame, Mode};
+use protocol::message::{EventMessage, MavlinkFrame, Mode};
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
 use scenario::random::stream;
+use scenario::tables::GasTime;
 use stand_in::StandIn;
 use va::{BridgeReport, BridgedVehicle, SafetyMonitor, VehicleBackend, VirtualAircraft};
 
@@ -20,13 +22,36 @@ enum FarEnd {
     Link(LinkBuffers),
 }
 
-/// Bytes on their way between a bridge and a link.
+/// Bytes on their way between a bridge and the links to its vehicle, which the owner counts from 0.
 #[derive(Debug, Default)]
 pub struct LinkBuffers {
-    /// Bytes that came from the vehicle.
-    pub from_vehicle: Vec<Vec<u8>>,
+    /// Bytes that came from the vehicle, with the link over which they came.
+    pub from_vehicle: Vec<(usize, Vec<u8>)>,
     /// Frames to send to the vehicle.
     pub to_vehicle: Vec<Vec<u8>>,
+    /// The link that they go over but for those that go over all ([`mav_bridge::goes_over_all_links`]).
+    pub best_link: usize,
+    /// What happened and a person at the vehicle should know at once.
+    pub news: Vec<EventMessage>,
+}
+
+/// What the owner of a link says otherwise than the scenario.
+#[derive(Debug, Clone, Default)]
+pub struct LinkOptions {
+    /// Whether the bridge may arm the motor; also if the scenario allows it.
+    pub may_arm: bool,
+    /// Nothing at all is sent to the vehicle.
+    pub listen_only: bool,
+    /// Nothing but questions is sent to it; what else would be is told.
+    pub dry_run: bool,
+    /// Whether parameters that the checklist finds wrong are set on board.
+    pub set_parameters: bool,
+    /// MAVLink system of the vehicle.
+    pub system_id: Option<u8>,
+    /// MAVLink component of its autopilot.
+    pub component_id: Option<u8>,
+    /// MAVLink system of the bridge as a ground station.
+    pub gcs_system_id: Option<u8>,
 }
 
 /// A real vehicle of the team.
@@ -37,6 +62,8 @@ pub struct RealVehicle {
     far_end: FarEnd,
     output: BridgeOutput,
     handed_back: bool,
+    /// The mission is over; what is left is to bring the vehicle down.
+    over: bool,
 }
 
 impl RealVehicle {
@@ -53,30 +80,36 @@ impl RealVehicle {
         // Nobody stands beside a stand-in to arm it.
         let bridge = BridgeConfig {
             may_arm: true,
-            ..bridge_config(setup)?
+            vehicle_system_id: Some(stand_in.system_id()),
+            ..bridge_config(setup, index)?
         };
         Self::new(setup, index, bridge, FarEnd::StandIn(Box::new(stand_in)))
     }
 
-    /// The vehicle at `index` of the team behind a link that the owner serves; the bridge arms
-    /// its motor if it `may_arm`.
+    /// The vehicle at `index` of the team behind links that the owner serves.
     ///
     /// # Errors
     /// A scenario that describes no air.
     pub(crate) fn with_link(
         setup: &Setup,
         index: usize,
-        may_arm: bool,
+        options: &LinkOptions,
     ) -> Result<Self, MissionError> {
-        Self::new(
-            setup,
-            index,
-            BridgeConfig {
-                may_arm,
-                ..bridge_config(setup)?
-            },
-            FarEnd::Link(LinkBuffers::default()),
-        )
+        let of_scenario = bridge_config(setup, index)?;
+        let bridge = BridgeConfig {
+            may_arm: options.may_arm || of_scenario.may_arm,
+            listen_only: options.listen_only,
+            dry_run: options.dry_run,
+            set_parameters: options.set_parameters,
+            expectation: Some(expectation(setup, index)?),
+            vehicle_system_id: options.system_id.or(of_scenario.vehicle_system_id),
+            vehicle_component_id: options
+                .component_id
+                .unwrap_or(of_scenario.vehicle_component_id),
+            system_id: options.gcs_system_id.unwrap_or(of_scenario.system_id),
+            ..of_scenario
+        };
+        Self::new(setup, index, bridge, FarEnd::Link(LinkBuffers::default()))
     }
 
     fn new(
@@ -96,6 +129,7 @@ impl RealVehicle {
             far_end,
             output: BridgeOutput::default(),
             handed_back: false,
+            over: false,
         })
     }
 
@@ -122,6 +156,16 @@ impl RealVehicle {
         self.handed_back = true;
     }
 
+    /// The mission is over: the vehicle comes home to land, if it is not down and nobody else flies it.
+    pub fn mission_over(&mut self) {
+        self.over = true;
+    }
+
+    /// Whether there is a vehicle behind a link that is in the air or armed: its bridge must stay until it is not.
+    pub fn is_up(&self) -> bool {
+        matches!(self.far_end, FarEnd::Link(_)) && self.bridge.is_up()
+    }
+
     /// Who flies, as it is said on the bus.
     fn mode(&self) -> Mode {
         let mode = va::control::mode(self.bridge.control(), &self.bridge.doing());
@@ -137,42 +181,56 @@ impl RealVehicle {
         if std::mem::take(&mut self.handed_back) {
             self.bridge.hand_back(&mut self.output);
         }
+        if self.over {
+            self.bridge.mission_over(&mut self.output);
+        }
         if let VehicleBackend::Bridged(body) = self.va.backend_mut() {
             for event in body.take_control_events() {
-                self.bridge.handle(event, &mut self.output);
+                // The others have finished: their silence is no danger.
+                let finished =
+                    [Danger::SquadronController, Danger::World].map(ControlEvent::Begins);
+                if !(self.over && finished.contains(&event)) {
+                    self.bridge.handle(event, &mut self.output);
+                }
             }
             for setpoint in body.take_setpoints() {
                 self.bridge.setpoint(&setpoint, now, &mut self.output);
             }
         }
-        // Frames go out before those of this tick are read: a stand-in answers within the tick, as the
-        // far end of a fast link would, and always in the same order.
-        self.bridge.tick(now, &mut self.output);
-        let to_vehicle = std::mem::take(&mut self.output.frames_to_vehicle);
-        let from_vehicle = match &mut self.far_end {
-            FarEnd::StandIn(stand_in) => stand_in.step(now, &to_vehicle),
+        let to_vehicle = match &mut self.far_end {
+            FarEnd::StandIn(stand_in) => {
+                // Frames go out before those of this tick are read: a stand-in answers within the tick, as the
+                // far end of a fast link would, and always in the same order.
+                self.bridge.tick(now, &mut self.output);
+                let to_vehicle = std::mem::take(&mut self.output.frames_to_vehicle);
+                for bytes in &stand_in.step(now, &to_vehicle) {
+                    self.bridge.receive(bytes, now, &mut self.output);
+                }
+                // Answers to what was just heard go out at the next exchange.
+                let answers = std::mem::take(&mut self.output.frames_to_vehicle);
+                for bytes in &stand_in.step(now, &answers) {
+                    self.bridge.receive(bytes, now, &mut self.output);
+                }
+                [to_vehicle, answers].concat()
+            }
             FarEnd::Link(buffers) => {
+                // What has arrived is heard before a silence is judged.
+                for (link, bytes) in buffers.from_vehicle.drain(..) {
+                    self.bridge
+                        .receive_over(link, &bytes, now, &mut self.output);
+                }
+                self.bridge.tick(now, &mut self.output);
+                let to_vehicle = std::mem::take(&mut self.output.frames_to_vehicle);
+                buffers.best_link = self.bridge.best_link(now);
                 buffers.to_vehicle.extend(to_vehicle.iter().cloned());
-                std::mem::take(&mut buffers.from_vehicle)
+                buffers.news.extend(self.output.events.iter().cloned());
+                to_vehicle
             }
         };
-        for bytes in &from_vehicle {
-            self.bridge.receive(bytes, now, &mut self.output);
-        }
-        // Answers to what was just heard go out at the next exchange.
-        let answers = std::mem::take(&mut self.output.frames_to_vehicle);
-        if let FarEnd::StandIn(stand_in) = &mut self.far_end {
-            let more = stand_in.step(now, &answers);
-            for bytes in &more {
-                self.bridge.receive(bytes, now, &mut self.output);
-            }
-        } else if let FarEnd::Link(buffers) = &mut self.far_end {
-            buffers.to_vehicle.extend(answers.iter().cloned());
-        }
-        self.publish_frames(to_vehicle.into_iter().chain(answers), out);
+        self.publish_frames(to_vehicle, out);
     }
 
-    fn publish_frames(&mut self, to_vehicle: impl Iterator<Item = Vec<u8>>, out: &mut Outbox) {
+    fn publish_frames(&mut self, to_vehicle: Vec<Vec<u8>>, out: &mut Outbox) {
         for bytes in self.output.frames_from_vehicle.drain(..) {
             let frame = Message::Mavlink(MavlinkFrame { bytes });
             out.say(Topic::MavlinkRx(self.name.clone()), frame);
@@ -184,11 +242,50 @@ impl RealVehicle {
     }
 }
 
-fn bridge_config(setup: &Setup) -> Result<BridgeConfig, MissionError> {
+/// What the mission expects of the vehicle at `index`.
+fn expectation(setup: &Setup, index: usize) -> Result<Expectation, MissionError> {
+    let scenario = &setup.scenario;
+    let stacks = scenario.sources.iter().map(|s| s.stack_height_m);
+    Ok(Expectation {
+        home: scenario.home(index)?,
+        home_amsl_m: setup.ground_at_home_m(index)?,
+        airspeed_m_s: scenario.search.airspeed_m_s,
+        wind_m_s: preflight::strongest_wind_m_s(setup)?.1,
+        stack_top_amsl_m: scenario.site.ground_amsl_m + stacks.fold(0.0, f64::max),
+    })
+}
+
+/// How the bridge of the vehicle at `index` behaves by the scenario.
+fn bridge_config(setup: &Setup, index: usize) -> Result<BridgeConfig, MissionError> {
+    let scenario = &setup.scenario;
+    let (vehicle, gas, usual) = (
+        &scenario.vehicles[index],
+        scenario.gas(),
+        BridgeConfig::default(),
+    );
+    let inputs = vehicle
+        .gas
+        .iter()
+        .filter(|input| input.gas.is_none_or(|of| of == gas))
+        .map(|input| GasInput {
+            name: input.name.clone(),
+            component_id: input.component_id,
+            scale: input.scale,
+            offset_ppm: input.offset,
+            clock: match input.time {
+                GasTime::Vehicle => GasClock::Vehicle,
+                GasTime::Arrival => GasClock::Arrival,
+            },
+        });
     Ok(BridgeConfig {
-        atmosphere: setup.scenario.atmosphere()?,
-        gas: setup.scenario.gas(),
-        ..BridgeConfig::default()
+        atmosphere: scenario.atmosphere()?,
+        gas,
+        gas_inputs: inputs.collect(),
+        may_arm: vehicle.may_arm,
+        vehicle_system_id: vehicle.system_id,
+        vehicle_component_id: vehicle.component_id.unwrap_or(usual.vehicle_component_id),
+        system_id: vehicle.gcs_system_id.unwrap_or(usual.system_id),
+        ..usual
     })
 }
 
@@ -206,7 +303,7 @@ impl Agent for RealVehicle {
             self.exchange(now, out);
             let news = BridgeReport {
                 state: self.output.state.take(),
-                reading: self.output.reading.take(),
+                readings: std::mem::take(&mut self.output.readings),
                 mode: Some(self.mode()),
                 events: std::mem::take(&mut self.output.events),
             };

@@ -83,7 +83,12 @@ impl Run {
 
     /// Runs the next tick and returns what was said in it, in order; nothing after the end. The
     /// last tick is the one at the mission's duration, in which the agents say their last words.
+    /// While a vehicle behind a link is not down ([`RealVehicle::is_up`](crate::real_vehicle::RealVehicle::is_up)),
+    /// the mission goes on beyond its duration.
     pub fn step(&mut self) -> &[Publication] {
+        if self.conductor.next_tick() == self.ticks && self.is_anybody_up() {
+            self.ticks += 1;
+        }
         let said = match self.conductor.next_tick().cmp(&self.ticks) {
             std::cmp::Ordering::Less => self.conductor.step(),
             std::cmp::Ordering::Equal => self.conductor.stop(),
@@ -93,6 +98,17 @@ impl Run {
             self.digest.add(topic, envelope);
         }
         said
+    }
+
+    /// Whether a vehicle behind a link is in the air or armed.
+    pub fn is_anybody_up(&self) -> bool {
+        let up = |m: &Member| matches!(m, Member::Real(vehicle) if vehicle.is_up());
+        self.members().any(up)
+    }
+
+    /// The mission ends with the next tick, or when all vehicles behind links are down.
+    pub fn end(&mut self) {
+        self.ticks = self.ticks.min(self.conductor.next_tick());
     }
 
     /// The members, ordered by their ids.

@@ -6,6 +6,7 @@ use air::isa::Atmosphere;
 use air::terrain::Terrain;
 use air::wind::WindSeries;
 use fdm::Aircraft;
+use mav_bridge::arduplane::{MAV_GCS_SYSID, SYSID_MYGCS};
 use plume::stability::Stability;
 use scenario::Scenario;
 use scenario::airspace::Airspace;
@@ -192,9 +193,7 @@ impl Setup {
             } else {
                 VehicleKind::Simulated
             };
-            vehicle.link = None;
-            vehicle.may_arm = false;
-            vehicle.signing_key = None;
+            vehicle.forget_link();
         }
         Ok(self)
     }
@@ -228,7 +227,15 @@ impl Setup {
         index: usize,
         aircraft: Aircraft,
     ) -> Result<StandInConfig, MissionError> {
-        let config = StandInConfig::from_scenario(&self.scenario, index, aircraft)?;
+        let mut config = StandInConfig::from_scenario(&self.scenario, index, aircraft)?;
+        let vehicle = &self.scenario.vehicles[index];
+        config.system_id = vehicle.system_id.unwrap_or(config.system_id);
+        if let Some(station) = vehicle.gcs_system_id {
+            // It has the one or the other, as the ArduPlane that it emulates.
+            for name in [MAV_GCS_SYSID, SYSID_MYGCS] {
+                config.parameters.set(name, f32::from(station));
+            }
+        }
         Ok(StandInConfig {
             wind_series: self.reality_wind_series.clone(),
             ..config.over(self.terrain.clone())

@@ -1,7 +1,7 @@
 //! The agents that a scenario asks for.
 
 use crate::fed_vehicle::FedVehicle;
-use crate::real_vehicle::RealVehicle;
+use crate::real_vehicle::{LinkOptions, RealVehicle};
 use crate::{MissionError, Setup};
 use protocol::{Agent, AgentId, Event, Interest, Outbox, SimTime};
 use sc::SquadronController;
@@ -66,7 +66,7 @@ impl Member {
                 Self::Simulated(Box::new(VirtualAircraft::new(&vehicle.id, body, watch)?))
             }
             VehicleKind::StandIn => Self::Real(Box::new(RealVehicle::with_stand_in(setup, index)?)),
-            VehicleKind::Mavlink => Self::linked(setup, index, vehicle.may_arm)?,
+            VehicleKind::Mavlink => Self::linked(setup, index, &LinkOptions::default())?,
         })
     }
 
@@ -75,7 +75,11 @@ impl Member {
     ///
     /// # Errors
     /// A vehicle whose air and readings the team takes for simulated.
-    pub fn linked(setup: &Setup, index: usize, may_arm: bool) -> Result<Self, MissionError> {
+    pub fn linked(
+        setup: &Setup,
+        index: usize,
+        options: &LinkOptions,
+    ) -> Result<Self, MissionError> {
         let name = setup.name_of(index)?;
         if setup.scenario.vehicles[index].kind == VehicleKind::Simulated {
             return Err(MissionError::Request(format!(
@@ -83,7 +87,7 @@ impl Member {
                  \"stand-in\" for one behind a link"
             )));
         }
-        let vehicle = RealVehicle::with_link(setup, index, may_arm)?;
+        let vehicle = RealVehicle::with_link(setup, index, options)?;
         Ok(Self::Real(Box::new(vehicle)))
     }
 

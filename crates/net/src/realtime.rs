@@ -96,9 +96,9 @@ async fn ask_once(net: &Net) -> Result<(Duration, Instant), NetError> {
     }
 }
 
-/// Runs the agents of this process by the wall clock until `until`, ticking every `tick_ns`.
-/// `between` is called for each before every tick, for what is not a bus (a MAVLink link, a
-/// display).
+/// Runs the agents of this process by the wall clock, ticking every `tick_ns`, until `ends` says so of a tick
+/// that is due then. `between` is called for each before every tick, for what is not a bus (a MAVLink link,
+/// a display).
 ///
 /// # Errors
 /// [`NetError`].
@@ -107,7 +107,7 @@ pub async fn run<A: Agent>(
     agents: &mut [A],
     clock: MissionClock,
     tick_ns: i64,
-    until: SimTime,
+    mut ends: impl FnMut(SimTime, &mut [A]) -> bool,
     mut between: impl FnMut(usize, &mut A),
 ) -> Result<(), NetError> {
     let hosted = Hosted::of(agents);
@@ -121,7 +121,7 @@ pub async fn run<A: Agent>(
     loop {
         let due = SimTime::from_ns(tick * tick_ns);
         tokio::time::sleep_until(clock.instant(due).into()).await;
-        let last = due >= until;
+        let last = ends(due, agents);
         let event = if last { Event::Stop } else { Event::Tick };
         let mut refused = Vec::new();
         let said = take_in(net, &mut refused);

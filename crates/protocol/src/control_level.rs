@@ -27,17 +27,23 @@ pub enum Danger {
     Battery,
     /// The vehicle is outside its fence.
     Fence,
+    /// The vehicle does not hear its pilot's remote control.
+    Remote,
+    /// A failsafe of the vehicle's own, which does not say why.
+    Failsafe,
 }
 
 impl Danger {
     /// Every reason.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 8] = [
         Self::Link,
         Self::SquadronController,
         Self::World,
         Self::Bridge,
         Self::Battery,
         Self::Fence,
+        Self::Remote,
+        Self::Failsafe,
     ];
 
     /// What it is, as text for people.
@@ -49,6 +55,8 @@ impl Danger {
             Self::Bridge => "the vehicle does not hear its bridge",
             Self::Battery => "battery low",
             Self::Fence => "outside the fence",
+            Self::Remote => "the vehicle does not hear its remote control",
+            Self::Failsafe => "the vehicle's own failsafe, for a reason that it does not tell",
         }
     }
 

@@ -68,7 +68,7 @@ pub use agent::{Agent, Event, Outbox};
 pub use envelope::{Envelope, OLDEST_JSON_VERSION, WIRE_VERSION};
 pub use key::{AgentId, AgentKind, Interest, Topic};
 pub use message::Message;
-pub use time::SimTime;
+pub use time::{Pauses, SimTime};
 
 /// Why something on the bus was refused.
 #[derive(Debug, Clone, thiserror::Error, PartialEq)]

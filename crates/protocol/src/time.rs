@@ -52,15 +52,47 @@ impl SimTime {
         Self(n as i64 * tick_ns)
     }
 
+    /// This, `ns` later; at the end of what can be counted no later than that.
+    #[must_use]
+    pub const fn later(self, ns: i64) -> Self {
+        Self(self.0.saturating_add(ns))
+    }
+
     /// Seconds from `earlier` to this.
     pub fn since_s(self, earlier: Self) -> f64 {
         (self.0 - earlier.0) as f64 / NS_PER_S
     }
 }
 
+/// Time between two ticks above which whoever ticks has paused, ns: a host that stalls.
+const PAUSE_NS: i64 = 1_500_000_000;
+
+/// Finds the pauses of whoever ticks. While a host stalls it hears nobody, so that the silence of
+/// others is to be counted without its own pauses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Pauses {
+    last: Option<SimTime>,
+}
+
+impl Pauses {
+    /// Takes in a tick at `now`: how long the pause before it was, ns; 0 if there was none.
+    pub fn tick(&mut self, now: SimTime) -> i64 {
+        let last = self.last.replace(now).unwrap_or(now);
+        let pause_ns = now.ns().saturating_sub(last.ns());
+        if pause_ns > PAUSE_NS { pause_ns } else { 0 }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_tick_is_no_pause_and_a_stall_is_one() {
+        let mut pauses = Pauses::default();
+        let found = [0.0, 0.02, 1.02, 7.02, 7.04].map(|s| pauses.tick(SimTime::from_s(s)));
+        assert_eq!(found, [0, 0, 0, 6_000_000_000, 0]);
+    }
 
     #[test]
     fn ticks_do_not_drift() {

@@ -26,7 +26,7 @@ use scenario::world::OFF_HEIGHT_M;
 use std::collections::BTreeMap;
 
 use crate::error::ScError;
-use crate::fleet::{Fleet, MARGIN_M, TeamVehicle};
+use crate::fleet::{Fleet, LINKED_CIRCLE_M, MARGIN_M, TeamVehicle};
 use crate::live_gap::LiveGap;
 use crate::passes::PassRange;
 use crate::plume_estimate::PlumeEstimate;
@@ -531,15 +531,16 @@ fn team(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<TeamVehicle>, Sc
     let layers = scenario.layers_amsl_m();
     let vehicle = |(k, v): (usize, &scenario::tables::VehicleTable)| {
         let at = airspace.frame().to_enu(scenario.home(k)?);
-        Ok(TeamVehicle::new(
-            Name::new(&v.id)?,
-            v.kind != VehicleKind::Simulated,
-            Position {
-                at,
-                height_m: scenario.site.ground_amsl_m,
-            },
-            layers[k],
-        ))
+        let home = Position {
+            at,
+            height_m: scenario.site.ground_amsl_m,
+        };
+        let real = v.kind != VehicleKind::Simulated;
+        let mut vehicle = TeamVehicle::new(Name::new(&v.id)?, real, home, layers[k]);
+        if v.kind == VehicleKind::Mavlink {
+            vehicle.circle_m = LINKED_CIRCLE_M;
+        }
+        Ok(vehicle)
     };
     scenario.vehicles.iter().enumerate().map(vehicle).collect()
 }

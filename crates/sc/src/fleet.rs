@@ -19,6 +19,9 @@ pub const ORBIT_M: f64 = 80.0;
 /// Radius within which a vehicle that turns or circles is kept apart from the others, m: simulated
 /// vehicles circle at the loiter radius of `fdm`, and gusts carry them off it.
 pub(crate) const CIRCLE_M: f64 = 105.0;
+/// The same for a vehicle behind a MAVLink link, m: an ArduPlane asked for an orbit of [`ORBIT_M`] flew up to 114 m
+/// from its centre in 8 m/s of wind with turbulence.
+pub(crate) const LINKED_CIRCLE_M: f64 = 120.0;
 /// A setpoint counts as reached at this distance, m: before the orbit around it begins.
 pub(crate) const REACHED_M: f64 = ORBIT_M + 40.0;
 /// A vehicle of which nothing has been received for this long is not counted on, s.
@@ -55,6 +58,8 @@ pub struct TeamVehicle {
     pub name: Name,
     /// Behind MAVLink, a stand-in or a real aircraft.
     pub real: bool,
+    /// Radius within which it circles, m.
+    pub circle_m: f64,
     /// Where it takes off and lands, at the ground.
     pub home: Position,
     /// Height of its own above home, that no other vehicle shares, m above mean sea level.
@@ -80,6 +85,7 @@ impl TeamVehicle {
         Self {
             name,
             real,
+            circle_m: CIRCLE_M,
             home,
             layer_amsl_m,
             track: None,
@@ -108,9 +114,10 @@ impl TeamVehicle {
         let parts = self.route.iter().copied().take(count.unwrap_or(0));
         let starts = self.order.into_iter().map(|order| order.to);
         let starts = starts.chain(parts.clone());
+        let circle_m = self.circle_m;
         starts
             .zip(parts)
-            .map(|(from, to)| Corridor::straight(from, to, CIRCLE_M))
+            .map(move |(from, to)| Corridor::straight(from, to, circle_m))
     }
 
     /// Counts off the part that begins.
@@ -148,11 +155,11 @@ impl TeamVehicle {
         let track = self.track.filter(|s| s.airborne)?;
         let here = track.position;
         let Some(order) = self.order.filter(|_| self.follows_setpoints) else {
-            return Some(Corridor::straight(here, here, CIRCLE_M));
+            return Some(Corridor::straight(here, here, self.circle_m));
         };
         Some(match (order.path, self.approach) {
             (PathKind::Land, Some(approach)) => self.landing(approach)?,
-            (PathKind::Land, None) => Corridor::straight(here, order.to, CIRCLE_M),
+            (PathKind::Land, None) => Corridor::straight(here, order.to, self.circle_m),
             // Those who circle already turn no more.
             _ if self.is_at(order.to) => Corridor::straight(
                 Position {
@@ -160,9 +167,9 @@ impl TeamVehicle {
                     ..order.to
                 },
                 order.to,
-                CIRCLE_M,
+                self.circle_m,
             ),
-            _ => Corridor::turning(here, track.course_deg, order.to, CIRCLE_M),
+            _ => Corridor::turning(here, track.course_deg, order.to, self.circle_m),
         })
     }
 
@@ -182,7 +189,7 @@ impl TeamVehicle {
     /// Whether it circles at `to`.
     pub(crate) fn is_at(&self, to: Position) -> bool {
         self.track
-            .is_some_and(|track| track.position.at.distance_m(to.at) <= CIRCLE_M)
+            .is_some_and(|track| track.position.at.distance_m(to.at) <= self.circle_m)
     }
 
     /// Where it may be while it lands by the circle around `approach`: all the heights down to
@@ -197,7 +204,7 @@ impl TeamVehicle {
             track.position,
             track.course_deg,
             down,
-            CIRCLE_M,
+            self.circle_m,
         ))
     }
 }
@@ -379,7 +386,7 @@ impl Fleet {
             at_height(here),
             track.course_deg,
             at_height(way[0]),
-            CIRCLE_M,
+            self.vehicles[index].circle_m,
         );
         self.is_kept_free(index, &leg) && self.is_end_free(index, at_height(to))
     }
@@ -389,16 +396,18 @@ impl Fleet {
         let Some(track) = self.vehicles[index].track else {
             return false;
         };
-        let own = Corridor::turning(track.position, track.course_deg, to, CIRCLE_M);
+        let circle_m = self.vehicles[index].circle_m;
+        let own = Corridor::turning(track.position, track.course_deg, to, circle_m);
         self.is_kept_free(index, &own)
     }
 
     /// Whether all parts of a leg are apart from all others.
     fn is_leg_apart(&self, index: usize, leg: &[Position]) -> bool {
         let first = leg.first().is_some_and(|&to| self.is_apart(index, to));
+        let circle_m = self.vehicles[index].circle_m;
         let mut later = leg
             .windows(2)
-            .map(|ends| Corridor::straight(ends[0], ends[1], CIRCLE_M));
+            .map(|ends| Corridor::straight(ends[0], ends[1], circle_m));
         first && later.all(|part| self.is_kept_free(index, &part))
     }
 
@@ -422,12 +431,12 @@ impl Fleet {
 
     /// Whether nobody else is, or is on the way to be, where a vehicle is to circle.
     fn is_end_free(&self, index: usize, end: Position) -> bool {
-        let circle = Corridor::straight(end, end, CIRCLE_M);
+        let circle = Corridor::straight(end, end, self.vehicles[index].circle_m);
         let others = self.vehicles.iter().enumerate();
         let mut ends = others
             .filter(|(other, v)| *other != index && v.is_commandable())
-            .filter_map(|(_, v)| v.route.back())
-            .map(|&end| Corridor::straight(end, end, CIRCLE_M));
+            .filter_map(|(_, v)| Some((v.route.back()?, v.circle_m)))
+            .map(|(&end, circle_m)| Corridor::straight(end, end, circle_m));
         ends.all(|other| self.separation.apart(&circle, &other))
             && self.is_free(index, &circle, |_| true)
     }
@@ -439,7 +448,7 @@ impl Fleet {
         let at = self.airspace.nearest_allowed(v.home.at, MARGIN_M);
         at.is_some_and(|at| {
             let height_m = v.layer_amsl_m;
-            let climb = Corridor::straight(v.home, Position { at, height_m }, CIRCLE_M);
+            let climb = Corridor::straight(v.home, Position { at, height_m }, v.circle_m);
             self.is_free(index, &climb, |other| {
                 !climbs(other) || self.vehicles[other].layer_amsl_m <= height_m
             })

@@ -518,25 +518,98 @@ fn vehicles(vehicles: &[VehicleTable]) -> Checked {
         }
         equipment(k, vehicle)?;
     }
+    for (k, vehicle) in vehicles.iter().enumerate() {
+        sharing(k, vehicle, &vehicles[..k])?;
+    }
+    Ok(())
+}
+
+/// Whether a vehicle is told apart from those `before` it on the same link.
+fn sharing(k: usize, vehicle: &VehicleTable, before: &[VehicleTable]) -> Checked {
+    let shares = |other: &&VehicleTable| other.link.iter().any(|link| vehicle.link.contains(link));
+    for other in before.iter().filter(shares) {
+        let named = vehicle.system_id.is_some() && other.system_id.is_some();
+        if !named || vehicle.system_id == other.system_id {
+            return Err(Refusal::new(
+                format!("vehicle.{k}.system_id"),
+                vehicle
+                    .system_id
+                    .map_or_else(|| "none".to_owned(), |id| id.to_string()),
+                format!(
+                    "a system_id of each of the vehicles {} and {}, which share a link, and not the same",
+                    other.id, vehicle.id
+                ),
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Whether its MAVLink ids are some that there are, and its own.
+fn mavlink_ids(k: usize, vehicle: &VehicleTable) -> Checked {
+    for (key, id) in [
+        ("system_id", vehicle.system_id),
+        ("component_id", vehicle.component_id),
+        ("gcs_system_id", vehicle.gcs_system_id),
+    ] {
+        if id == Some(0) {
+            return Err(Refusal::new(format!("vehicle.{k}.{key}"), "0", "1 to 255"));
+        }
+    }
+    let own = vehicle.gcs_system_id.unwrap_or(255);
+    if vehicle.system_id == Some(own) {
+        return Err(Refusal::new(
+            format!("vehicle.{k}.system_id"),
+            own.to_string(),
+            "another one than the ground station's (gcs_system_id, 255 where left out)",
+        ));
+    }
     Ok(())
 }
 
 /// What a vehicle has beside its id.
 fn equipment(k: usize, vehicle: &VehicleTable) -> Checked {
-    if vehicle.kind == VehicleKind::Mavlink && vehicle.link.is_none() {
+    if vehicle.kind == VehicleKind::Mavlink && vehicle.link.is_empty() {
         return Err(Refusal::new(
             format!("vehicle.{k}"),
             "a mavlink vehicle without link",
             "link = \"udpin:0.0.0.0:14550\" or the like",
         ));
     }
-    let bridged = vehicle.may_arm || vehicle.signing_key.is_some();
-    if vehicle.kind != VehicleKind::Mavlink && bridged {
+    let keys = [
+        ("may_arm", vehicle.may_arm),
+        ("signing_key", vehicle.signing_key.is_some()),
+        ("system_id", vehicle.system_id.is_some()),
+        ("component_id", vehicle.component_id.is_some()),
+        ("gcs_system_id", vehicle.gcs_system_id.is_some()),
+        ("gas", !vehicle.gas.is_empty()),
+    ];
+    let bridged = keys.iter().find(|(_, given)| *given);
+    if let Some((key, _)) = bridged.filter(|_| vehicle.kind != VehicleKind::Mavlink) {
         return Err(Refusal::new(
             format!("vehicle.{k}"),
-            "may_arm or signing_key",
-            "kind = \"mavlink\" with these keys",
+            *key,
+            "kind = \"mavlink\" with this key",
         ));
+    }
+    mavlink_ids(k, vehicle)?;
+    for gas in &vehicle.gas {
+        let fits = (1..=10).contains(&gas.name.len()) && gas.name.is_ascii();
+        if !fits {
+            return Err(Refusal::new(
+                format!("vehicle.{k}.gas.name"),
+                &gas.name,
+                "1 to 10 letters, as a NAMED_VALUE_FLOAT has",
+            ));
+        }
+        let numbers = gas.scale.is_finite() && gas.scale != 0.0 && gas.offset.is_finite();
+        if !numbers {
+            return Err(Refusal::new(
+                format!("vehicle.{k}.gas.scale"),
+                format!("{}, offset {}", gas.scale, gas.offset),
+                "ppm for 1 of its unit, not 0, and an offset in ppm",
+            ));
+        }
     }
     if let Some(address) = &vehicle.flightgear {
         host_and_port(&format!("vehicle.{k}.flightgear"), address)?;

@@ -517,9 +517,32 @@ pub struct VehicleTable {
     /// Take-off and landing point; beside the others upwind of the site where left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub home: Option<HomeTable>,
-    /// MAVLink address of a `mavlink` vehicle, such as `udpin:0.0.0.0:14550`.
+    /// MAVLink address of a `mavlink` vehicle, such as `udpin:0.0.0.0:14550`, or several, over each of which it
+    /// is heard.
+    #[serde(
+        default,
+        deserialize_with = "one_or_more",
+        serialize_with = "one_or_several",
+        skip_serializing_if = "Vec::is_empty"
+    )]
+    pub link: Vec<String>,
+    /// MAVLink system of a `mavlink` vehicle; the one that is heard where left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub link: Option<String>,
+    pub system_id: Option<u8>,
+    /// MAVLink component of its autopilot; 1 where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub component_id: Option<u8>,
+    /// MAVLink system of the ground station that commands it; 255 where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gcs_system_id: Option<u8>,
+    /// What the readings of a `mavlink` vehicle are called; by the gas' formula where left out.
+    #[serde(
+        default,
+        deserialize_with = "one_or_more",
+        serialize_with = "one_or_several",
+        skip_serializing_if = "Vec::is_empty"
+    )]
+    pub gas: Vec<GasTable>,
     /// Whether the bridge may arm the motor of a `mavlink` vehicle; else a person does.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub may_arm: bool,
@@ -530,6 +553,97 @@ pub struct VehicleTable {
     /// `HOST:PORT` of a FlightGear that shows this vehicle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flightgear: Option<String>,
+}
+
+impl VehicleTable {
+    /// Takes away what only a `mavlink` vehicle has.
+    pub fn forget_link(&mut self) {
+        self.link.clear();
+        self.gas.clear();
+        (self.system_id, self.component_id, self.gcs_system_id) = (None, None, None);
+        (self.may_arm, self.signing_key) = (false, None);
+    }
+}
+
+/// `[vehicle.gas]`, or one `[[vehicle.gas]]` a named value: a reading is `scale` times the value, and `offset`
+/// more, in ppm.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table")]
+pub struct GasTable {
+    /// Name of the NAMED_VALUE_FLOAT.
+    pub name: String,
+    /// The gas that it tells of; the one that is read where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gas: Option<Gas>,
+    /// ppm for 1 of its unit.
+    #[serde(default = "one")]
+    pub scale: f64,
+    /// Added after that, ppm.
+    #[serde(default)]
+    pub offset: f64,
+    /// By which clock it has its time.
+    #[serde(default)]
+    pub time: GasTime,
+    /// MAVLink component that sends it; any of the vehicle's where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub component_id: Option<u8>,
+}
+
+/// By which clock a reading has its time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GasTime {
+    /// That of the vehicle.
+    #[default]
+    Vehicle,
+    /// None that counts: it was read when it comes.
+    Arrival,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// One value, or a list of them.
+fn one_or_more<'de, D, T>(deserializer: D) -> Result<Vec<T>, D::Error>
+where
+    D: serde::Deserializer<'de>,
+    T: Deserialize<'de>,
+{
+    struct OneOrMore<T>(std::marker::PhantomData<T>);
+    impl<'de, T: Deserialize<'de>> serde::de::Visitor<'de> for OneOrMore<T> {
+        type Value = Vec<T>;
+
+        fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+            f.write_str("one, or a list of them")
+        }
+
+        fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<Vec<T>, E> {
+            let one = T::deserialize(serde::de::value::StrDeserializer::new(text));
+            Ok(vec![one?])
+        }
+
+        fn visit_map<A: serde::de::MapAccess<'de>>(self, map: A) -> Result<Vec<T>, A::Error> {
+            let one = T::deserialize(serde::de::value::MapAccessDeserializer::new(map));
+            Ok(vec![one?])
+        }
+
+        fn visit_seq<A: serde::de::SeqAccess<'de>>(self, list: A) -> Result<Vec<T>, A::Error> {
+            Vec::deserialize(serde::de::value::SeqAccessDeserializer::new(list))
+        }
+    }
+    deserializer.deserialize_any(OneOrMore(std::marker::PhantomData))
+}
+
+/// One value without a list around it.
+fn one_or_several<S: serde::Serializer, T: Serialize>(
+    values: &[T],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    match values {
+        [one] => one.serialize(serializer),
+        several => several.serialize(serializer),
+    }
 }
 
 fn default_aircraft() -> String {
@@ -554,7 +668,11 @@ fn default_team() -> Vec<VehicleTable> {
                 VehicleKind::Simulated
             },
             home: None,
-            link: None,
+            link: Vec::new(),
+            system_id: None,
+            component_id: None,
+            gcs_system_id: None,
+            gas: Vec::new(),
             may_arm: false,
             signing_key: None,
             flightgear: None,

@@ -310,6 +310,28 @@ fn values_that_cannot_be_point_at_their_line_and_say_what_can() {
             "udpin",
         ),
         (
+            "[[vehicle]]\nid = \"1\"\nkind = \"mavlink\"\nlink = \"udpin:a:1\"\nsystem_id = 1\n\
+             [[vehicle]]\nid = \"2\"\nkind = \"mavlink\"\nlink = [\"udpin:b:1\", \"udpin:a:1\"]",
+            "vehicle.1.system_id = none",
+            "share a link",
+        ),
+        (
+            "[[vehicle]]\nid = \"1\"\nkind = \"mavlink\"\nlink = \"udpin:a:1\"\nsystem_id = 255",
+            "vehicle.0.system_id = 255",
+            "ground station's",
+        ),
+        (
+            "[[vehicle]]\nid = \"1\"\nsystem_id = 4",
+            "vehicle.0 = system_id",
+            "kind = \"mavlink\"",
+        ),
+        (
+            "[[vehicle]]\nid = \"1\"\nkind = \"mavlink\"\nlink = \"udpin:a:1\"\n\
+             [vehicle.gas]\nname = \"CO2\"\nscale = 0",
+            "vehicle.0.gas.scale = 0",
+            "not 0",
+        ),
+        (
             "[[mechanism]]\nid = \"sensor-lag\"\nlag = 3",
             "mechanism",
             "time_constant_s",
@@ -403,4 +425,37 @@ fn an_area_is_refused_with_what_would_be_right() {
             "{refused}"
         );
     }
+}
+
+#[test]
+fn links_and_gas_sensors_are_one_or_several() {
+    let text = |link: &str, gas: &str| {
+        format!(
+            "{LEAST}\n[[vehicle]]\nid = \"1\"\nkind = \"mavlink\"\nlink = {link}\nsystem_id = 7\n{gas}"
+        )
+    };
+    let parse = |text: &str| Scenario::parse("s.toml", text).unwrap();
+    let one = parse(&text(
+        "\"udpin:a:1\"",
+        "[vehicle.gas]\nname = \"GAS\"\nscale = 0.1",
+    ));
+    assert_eq!(one.vehicles[0].link, ["udpin:a:1"]);
+    assert_eq!(one.vehicles[0].gas[0].scale, 0.1);
+    let several = "[[vehicle.gas]]\nname = \"A\"\ngas = \"ch4\"\n[[vehicle.gas]]\nname = \"B\"\ntime = \"arrival\"";
+    let two = parse(&text("[\"udpin:a:1\", \"tcp:b:2\"]", several));
+    assert_eq!(two.vehicles[0].link, ["udpin:a:1", "tcp:b:2"]);
+    assert_eq!(two.vehicles[0].gas[0].gas, Some(Gas::Ch4));
+    // What is written out is read in as the same.
+    for scenario in [one, two] {
+        let again = toml::to_string(&scenario).unwrap();
+        assert_eq!(parse(&again).vehicles, scenario.vehicles);
+    }
+    let wrong = refused(&text(
+        "\"udpin:a:1\"",
+        "[vehicle.gas]\nname = \"A\"\nfactor = 2",
+    ));
+    assert!(
+        wrong.contains("factor") && wrong.contains("scale"),
+        "{wrong}"
+    );
 }

@@ -1,5 +1,9 @@
 //! The parameters that the stand-in shares with an ArduPlane, by the same names.
 
+pub(crate) use mav_bridge::arduplane::{
+    AIRSPEED_MAX, AIRSPEED_MIN, FENCE_ACTION, FENCE_ENABLE, MAV_GCS_SYSID, RTL_ALTITUDE,
+    RTL_AUTOLAND,
+};
 use mav_bridge::arduplane::{FS_GCS_ENABL, FS_LONG_ACTN, TKOFF_ALT};
 use mav_bridge::dialect::MavParamType;
 
@@ -11,25 +15,13 @@ pub struct AutopilotParameters {
 }
 
 pub(crate) const FS_LONG_TIMEOUT: &str = "FS_LONG_TIMEOUT";
-/// System id of the ground station whose heartbeat counts; SYSID_MYGCS before ArduPlane 4.7.
-pub(crate) const MAV_GCS_SYSID: &str = "MAV_GCS_SYSID";
 /// Its own system id; SYSID_THISMAV before ArduPlane 4.7.
 const MAV_SYSID: &str = "MAV_SYSID";
-pub(crate) const RTL_ALTITUDE: &str = "RTL_ALTITUDE";
-/// Whether the landing sequence is used: 0 refuses to arm with one on board, 3 has it for
-/// DO_LAND_START alone.
-pub(crate) const RTL_AUTOLAND: &str = "RTL_AUTOLAND";
 pub(crate) const WP_LOITER_RAD: &str = "WP_LOITER_RAD";
 /// Distance at which a waypoint counts as reached, m.
 pub(crate) const WP_RADIUS: &str = "WP_RADIUS";
-pub(crate) const AIRSPEED_MIN: &str = "AIRSPEED_MIN";
-pub(crate) const AIRSPEED_MAX: &str = "AIRSPEED_MAX";
 /// Ground speed below which airspeed is added, m/s; 0: off.
 pub(crate) const MIN_GROUNDSPEED: &str = "MIN_GROUNDSPEED";
-/// Whether the uploaded fence is watched.
-pub(crate) const FENCE_ENABLE: &str = "FENCE_ENABLE";
-/// What a breach does: 0 is told, 1 flies home.
-pub(crate) const FENCE_ACTION: &str = "FENCE_ACTION";
 /// How many items of each kind are on board; not to be set by hand.
 pub(crate) const TOTALS: [&str; 3] = ["MIS_TOTAL", "FENCE_TOTAL", "RALLY_TOTAL"];
 

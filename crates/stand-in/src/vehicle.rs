@@ -130,6 +130,11 @@ impl StandIn {
         self.flight.armed()
     }
 
+    /// Its MAVLink system.
+    pub fn system_id(&self) -> u8 {
+        self.speaker.system_id
+    }
+
     /// The flight mode it is in, as in its heartbeat.
     pub fn custom_mode(&self) -> u32 {
         self.flight.mode()

@@ -131,7 +131,7 @@ impl VirtualAircraft {
         if let Some(state) = report.state {
             out.say(Topic::State(self.name.clone()), Message::State(state));
         }
-        if let Some(reading) = report.reading {
+        for reading in report.readings {
             out.say(Topic::Reading(self.name.clone()), Message::Reading(reading));
         }
         if let Some(mode) = report.mode.filter(|m| self.last_mode.as_ref() != Some(m)) {

@@ -10,8 +10,8 @@ use protocol::message::{EventMessage, Mode, Reading, Setpoint, State};
 pub struct BridgeReport {
     /// Latest state, if there is a new one.
     pub state: Option<State>,
-    /// Latest reading, if there is a new one.
-    pub reading: Option<Reading>,
+    /// New readings, in the order in which they came.
+    pub readings: Vec<Reading>,
     /// Who flies.
     pub mode: Option<Mode>,
     /// What happened.
@@ -45,11 +45,11 @@ impl BridgedVehicle {
         &self.surfaces
     }
 
-    /// Takes in a report; newer values replace those not published yet.
+    /// Takes in a report; a newer state and mode replace those not published yet.
     pub fn receive(&mut self, report: BridgeReport) {
         let BridgeReport {
             state,
-            reading,
+            readings,
             mode,
             events,
         } = report;
@@ -57,7 +57,7 @@ impl BridgedVehicle {
             self.last = Some(state.clone());
         }
         self.pending.state = state.or(self.pending.state.take());
-        self.pending.reading = reading.or(self.pending.reading.take());
+        self.pending.readings.extend(readings);
         self.pending.mode = mode.or(self.pending.mode.take());
         self.pending.events.extend(events);
     }
@@ -94,13 +94,13 @@ impl BridgedVehicle {
     pub(crate) fn tick(&mut self) -> TickReport {
         let BridgeReport {
             state,
-            reading,
+            readings,
             mode,
             events,
         } = std::mem::take(&mut self.pending);
         TickReport {
             state,
-            reading,
+            readings,
             mode,
             events,
         }

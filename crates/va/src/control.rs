@@ -32,6 +32,32 @@ pub fn mode(control: &ControlState, doing: &str) -> Mode {
     }
 }
 
+/// The answer to a hand-back that was taken at the level `before`: whose the vehicle is now.
+pub(crate) fn hand_back_event(before: ControlLevel, now: ControlLevel) -> EventMessage {
+    let (severity, code, text) = match (before, now) {
+        (ControlLevel::Automatic, ControlLevel::Automatic) => (
+            Severity::Info,
+            "hand-back",
+            "hand-back without effect: it flies automatically already",
+        ),
+        (_, ControlLevel::Automatic) => (
+            Severity::Info,
+            "hand-back",
+            "handed back to automatic flight",
+        ),
+        _ => (
+            Severity::Warning,
+            "hand-back-refused",
+            "handed back to the Guardian, not to automatic flight: a danger lasts",
+        ),
+    };
+    EventMessage {
+        severity,
+        code: code.to_owned(),
+        text: text.to_owned(),
+    }
+}
+
 /// The event for the outcome of a setpoint or a hand-back; none where nobody needs to know.
 pub(crate) fn outcome_event(outcome: ControlOutcome) -> Option<EventMessage> {
     let (code, text) = match outcome {

@@ -6,7 +6,7 @@ use protocol::message::{EventMessage, Mode, Reading, State};
 #[derive(Debug, Default)]
 pub(crate) struct TickReport {
     pub state: Option<State>,
-    pub reading: Option<Reading>,
+    pub readings: Vec<Reading>,
     pub mode: Option<Mode>,
     pub events: Vec<EventMessage>,
 }

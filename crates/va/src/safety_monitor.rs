@@ -5,7 +5,7 @@ use crate::error::VaError;
 use air::area;
 use air::geo::{Enu, Geodetic, LocalFrame};
 use protocol::control_level::{ControlEvent, Danger};
-use protocol::{Message, SimTime};
+use protocol::{Message, Pauses, SimTime};
 use scenario::Scenario;
 use scenario::tables::VehicleKind;
 
@@ -50,7 +50,9 @@ impl Watchdog {
         }
     }
 
-    fn check(&mut self, now: SimTime, airborne: bool) -> Option<ControlEvent> {
+    /// `pause_ns` is how long this side did not listen before `now`.
+    fn check(&mut self, now: SimTime, pause_ns: i64, airborne: bool) -> Option<ControlEvent> {
+        self.last_received = self.last_received.map(|t| t.later(pause_ns).min(now));
         if airborne && self.last_received.is_none() {
             // Found in the air, as after a restart: the others have their time from now on.
             self.last_received = Some(now);
@@ -84,6 +86,7 @@ pub struct SafetyMonitor {
     controller: Watchdog,
     world: Watchdog,
     fence_broken: bool,
+    pauses: Pauses,
 }
 
 impl SafetyMonitor {
@@ -107,6 +110,7 @@ impl SafetyMonitor {
             controller: Watchdog::new(Danger::SquadronController, CONTROLLER_S),
             world: Watchdog::new(Danger::World, if real { MODEL_S } else { AMBIENT_S }),
             fence_broken: false,
+            pauses: Pauses::default(),
         })
     }
 
@@ -152,9 +156,10 @@ impl SafetyMonitor {
             Some(position) if position.airborne => self.is_outside(&position),
             _ => false,
         };
+        let pause_ns = self.pauses.tick(now);
         [
-            self.controller.check(now, airborne),
-            self.world.check(now, airborne),
+            self.controller.check(now, pause_ns, airborne),
+            self.world.check(now, pause_ns, airborne),
             transition(&mut self.fence_broken, broken, Danger::Fence),
         ]
         .into_iter()

@@ -233,6 +233,9 @@ impl SimulatedVehicle {
         let outcome = self.control.handle(event);
         self.events.extend(control::outcome_event(outcome));
         let level = self.control.level();
+        if (event, outcome) == (ControlEvent::HandBack, ControlOutcome::Taken) {
+            self.events.push(control::hand_back_event(before, level));
+        }
         if level == before {
             return;
         }
@@ -476,7 +479,7 @@ impl SimulatedVehicle {
             let dt_s = (now.s() - self.last_reading_s).max(0.0);
             self.last_reading_s = now.s();
             let [north, east] = self.autopilot.status().wind_estimate_m_s;
-            report.reading = Some(Reading {
+            report.readings.push(Reading {
                 kind: VehicleKind::Simulated,
                 lat_deg: at.lat_deg,
                 lon_deg: at.lon_deg,

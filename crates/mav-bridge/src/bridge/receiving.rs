@@ -1,46 +1,61 @@
 //! What comes from the vehicle.
 
-use super::{Bridge, BridgeOutput};
+use super::checklist::{self, PARAMETERS};
+use super::identity::Found;
+use super::{Bridge, BridgeOutput, Checklist};
 use crate::arduplane::{FS_GCS_ENABL, FS_LONG_ACTN, TKOFF_ALT, mode_name};
 use crate::authority::{BridgePhase, HeartbeatState};
 use crate::command_queue::VehicleCommand;
 use crate::dialect::{
-    ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA,
-    HYGROMETER_SENSOR_DATA, MavAutopilot, MavMessage, MavSeverity, MavState, MavType,
-    NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA, SCALED_PRESSURE_DATA, SYS_STATUS_DATA, VFR_HUD_DATA,
-    WIND_DATA,
+    AIRSPEED_DATA, ATTITUDE_DATA, EKF_STATUS_REPORT_DATA, EXTENDED_SYS_STATE_DATA,
+    FENCE_STATUS_DATA, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, HEARTBEAT_DATA,
+    HOME_POSITION_DATA, HYGROMETER_SENSOR_DATA, MavAutopilot, MavMessage, MavSeverity, MavState,
+    MavType, PARAM_VALUE_DATA, POSITION_TARGET_GLOBAL_INT_DATA, SCALED_PRESSURE_DATA,
+    SYS_STATUS_DATA, VFR_HUD_DATA, WIND_DATA,
 };
 use crate::event::event;
 use crate::wire::RawFrame;
 use mavlink::MessageData;
-use plume::{Gas, Unit};
 use protocol::SimTime;
 use protocol::control_level::{ControlEvent, Danger};
 use protocol::message::Severity;
 
-/// After a gas' formula where its reading is in ppb.
-const IN_PPB: &str = "_PPB";
 /// Bytes that must have come in without a frame before the team is warned.
 const NO_FRAMES_AFTER_BYTES: u64 = 2000;
 /// Telemetry asked for must have come after this long, s.
 const TELEMETRY_WITHIN_S: f64 = 10.0;
 /// Battery level at which the team is warned, per cent.
 const BATTERY_LOW_PCT: i8 = 20;
-/// Component id of an autopilot.
-const AUTOPILOT: u8 = 1;
+/// Rate of the home position, which changes once, 1/s.
+const HOME_HZ: f64 = 0.5;
 /// Rate of what changes slowly, 1/s.
 const SLOW_HZ: f64 = 2.0;
+/// A vehicle whose clock goes back by this has started anew, ms: frames of several links overtake each other by less.
+const RESTARTED_MS: u32 = 5000;
+/// A mode left less than this ago is shown by a heartbeat that another link has delayed, s.
+const MODE_SETTLES_S: f64 = 1.0;
+/// Time between two reports of what the link loses, s.
+const LINK_REPORT_S: f64 = 60.0;
 
 impl Bridge {
-    /// Takes all whole frames out of the decoder.
+    /// Takes all whole frames out of the decoders.
     pub(super) fn process_frames(&mut self, now: SimTime, out: &mut BridgeOutput) {
-        while let Some(frame) = self.decoder.next_frame(now) {
-            self.process_frame(&frame, now, out);
-            out.frames_from_vehicle.push(frame.into_bytes());
+        while let Some((link, frame)) = self.paths.next_frame(now) {
+            self.process_frame(link, &frame, now, out);
+            // What another vehicle says stands in its own record.
+            if !self.identity.of_another(&frame) {
+                out.frames_from_vehicle.push(frame.into_bytes());
+            }
         }
     }
 
-    fn process_frame(&mut self, frame: &RawFrame, now: SimTime, out: &mut BridgeOutput) {
+    fn process_frame(
+        &mut self,
+        link: usize,
+        frame: &RawFrame,
+        now: SimTime,
+        out: &mut BridgeOutput,
+    ) {
         if let Some(signing) = &mut self.signing
             && !signing.accepts(frame, now)
         {
@@ -54,51 +69,112 @@ impl Bridge {
             return;
         }
         let Some(message) = frame.message() else {
-            self.lost.unreadable_frames += 1;
+            // Of another vehicle's frames nobody counts what cannot be read.
+            if !self.identity.of_another(frame) {
+                self.lost.unreadable_frames += 1;
+            }
             return;
         };
-        let from_autopilot = frame.component_id() == AUTOPILOT;
         if let MavMessage::HEARTBEAT(heartbeat) = &message {
-            let candidate = heartbeat.autopilot != MavAutopilot::MAV_AUTOPILOT_INVALID
-                && heartbeat.mavtype != MavType::MAV_TYPE_GCS;
-            if from_autopilot && candidate && self.vehicle.is_none() {
-                self.vehicle = Some(frame.system_id());
+            let idle = matches!(
+                self.authority.phase(),
+                BridgePhase::Ground | BridgePhase::Watched
+            );
+            let committed = self.identity.is_certain() && !idle;
+            let found = self.identity.heartbeat(frame, heartbeat, committed, now);
+            self.on_found(found, out);
+        }
+        let Some(from_autopilot) = self.identity.of_vehicle(frame) else {
+            return;
+        };
+        if from_autopilot {
+            self.paths.count(link, frame.sequence(), now);
+            self.rates.arrived(frame.message_id());
+            if frame.is_signed() && self.signing.is_none() {
+                self.warn_of_signatures(out);
             }
         }
-        if self.vehicle != Some(frame.system_id()) {
-            return;
-        }
-        if from_autopilot {
-            self.count_lost(frame.sequence());
-        }
         match message {
+            // A gas sensor may be a component of its own; so may others, whose positions are not the vehicle's.
+            MavMessage::NAMED_VALUE_FLOAT(m) => {
+                if let Some(read) = self.gas.take(&m, frame.component_id(), now) {
+                    let taken = self.telemetry.reading(read.ppm, read.time_boot_ms, now);
+                    out.readings.extend(taken);
+                }
+            }
+            MavMessage::HYGROMETER_SENSOR(m) => self.telemetry.hygrometer = Some((now, m)),
             MavMessage::HEARTBEAT(heartbeat) if from_autopilot => {
                 self.on_heartbeat(heartbeat, now, out);
             }
-            // A gas sensor may be a component of its own.
-            other => self.on_message(other, now, out),
+            other if from_autopilot => self.on_message(other, now, out),
+            _ => {}
         }
     }
 
-    fn count_lost(&mut self, sequence: u8) {
-        if let Some(last) = self.last_sequence.replace(sequence) {
-            let gap = sequence.wrapping_sub(last).wrapping_sub(1);
-            // A gap of more than half the range is a restart or a frame that came late.
-            if gap < 128 {
-                self.lost.lost_frames += u64::from(gap);
+    fn on_found(&mut self, found: Found, out: &mut BridgeOutput) {
+        let (severity, code, text) = match found {
+            Found::Nothing => return,
+            Found::Another(system) => (
+                Severity::Info,
+                "another-vehicle",
+                format!("system {system} is heard too; it is another vehicle and left alone"),
+            ),
+            Found::Ambiguous(first, second) => {
+                self.authority
+                    .watch("two vehicles are heard and none was asked for");
+                self.commands.clear();
+                self.rates = super::Rates::default();
+                (
+                    Severity::Error,
+                    "two-vehicles",
+                    format!(
+                        "systems {first} and {second} are both heard, and none was asked for: neither is commanded; \
+                         expected system_id = {first} or {second} of the vehicle in the scenario, or --system-id"
+                    ),
+                )
             }
+            Found::SameStation(component) => {
+                let own = self.config.system_id;
+                (
+                    Severity::Warning,
+                    "same-ground-station-id",
+                    format!(
+                        "another ground station with system id {own} is heard (component {component}): while it lives, \
+                         the vehicle's failsafe does not miss this bridge; expected a gcs_system_id (--gcs-id) of its \
+                         own, the same as MAV_GCS_SYSID on board (SYSID_MYGCS before 4.7)"
+                    ),
+                )
+            }
+        };
+        out.events.push(event(severity, code, text));
+    }
+
+    fn warn_of_signatures(&mut self, out: &mut BridgeOutput) {
+        if !std::mem::replace(&mut self.warned.unsigned, true) {
+            let text = "the vehicle signs its frames and may hear none that are not signed: expected its key \
+                        (signing_key of the vehicle in the scenario, or --signing-key)";
+            out.events.push(event(Severity::Error, "key-missing", text));
         }
+    }
+
+    /// Whether a heartbeat shows a mode that a quicker link has shown as left.
+    fn is_stale(&self, custom_mode: u32, now: SimTime) -> bool {
+        let left = self.mode_left.filter(|_| self.paths.are_several());
+        left.is_some_and(|(mode, at)| mode == custom_mode && now.since_s(at) < MODE_SETTLES_S)
     }
 
     fn on_heartbeat(&mut self, heartbeat: HEARTBEAT_DATA, now: SimTime, out: &mut BridgeOutput) {
         let first = self.heartbeat_at.is_none();
         let restored = !first && !self.authority.link_up();
-        self.heartbeat_at = Some(now);
+        let custom_mode = heartbeat.custom_mode;
+        if !first && !restored && self.is_stale(custom_mode, now) {
+            return;
+        }
+        (self.heartbeat_at, self.silent_since) = (Some(now), now);
         let failsafe = matches!(
             heartbeat.system_status,
             MavState::MAV_STATE_CRITICAL | MavState::MAV_STATE_EMERGENCY
         );
-        let custom_mode = heartbeat.custom_mode;
         if first {
             self.identify(&heartbeat, out);
         }
@@ -110,24 +186,57 @@ impl Bridge {
         }
         self.commands.mode_seen(custom_mode);
         let before = self.authority.phase();
+        let asked = self.authority.unconfirmed();
+        let left = self.authority.shown().map(|s| s.custom_mode);
+        if let Some(left) = left.filter(|&left| left != custom_mode) {
+            self.mode_left = Some((left, now));
+        }
         let change = self.authority.observe(HeartbeatState {
             custom_mode,
             armed: self.telemetry.armed(),
             airborne: self.telemetry.airborne(now),
             failsafe,
+            cause: self.causes.at(now, failsafe),
+            fence_broken: self.causes.fence_broken(),
         });
         out.events.extend(change);
+        if asked.is_some_and(|mode| mode != custom_mode) && self.authority.unconfirmed().is_none() {
+            self.commands.drop_modes();
+        }
         let phase = self.authority.phase();
         if phase != before {
             self.on_phase(phase);
         }
         if first || restored {
             self.connected_at = now;
-            self.request_telemetry();
+            self.request_telemetry(now);
             if phase == BridgePhase::Guided {
                 self.retry_at = Some(now);
             }
         }
+    }
+
+    /// Takes in the vehicle's own time; it goes back when the vehicle has started anew.
+    fn on_boot_ms(&mut self, boot_ms: u32, now: SimTime, out: &mut BridgeOutput) {
+        let restarted = boot_ms.saturating_add(RESTARTED_MS) < self.boot_ms;
+        self.boot_ms = if restarted {
+            boot_ms
+        } else {
+            self.boot_ms.max(boot_ms)
+        };
+        if !restarted {
+            return;
+        }
+        self.telemetry.restarted();
+        self.placement.forget();
+        self.speed_sent = None;
+        self.takeoff_altitude_m = None;
+        self.parameters.clear();
+        self.checklist = Checklist::new(&self.config);
+        self.connected_at = now;
+        self.request_telemetry(now);
+        let text = "the vehicle has started anew; what it was told before is forgotten on board";
+        out.events.push(event(Severity::Warning, "restarted", text));
     }
 
     pub(super) fn on_phase(&mut self, phase: BridgePhase) {
@@ -135,8 +244,10 @@ impl Bridge {
             BridgePhase::Pilot | BridgePhase::Guardian | BridgePhase::Ground => {
                 self.commands.drop_steering();
                 self.clear_target();
+                self.rejoins = false;
             }
             BridgePhase::Guided => {
+                self.rejoins = false;
                 // ArduPlane forgets a commanded speed at each change of mode.
                 self.speed_sent = None;
                 self.retry_at = self.heartbeat_at;
@@ -146,17 +257,20 @@ impl Bridge {
     }
 
     fn identify(&mut self, heartbeat: &HEARTBEAT_DATA, out: &mut BridgeOutput) {
-        let system = self.vehicle.unwrap_or_default();
+        let (system, component) = self.identity.address().unwrap_or_default();
         let plane = heartbeat.autopilot == MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA
             && matches!(
                 heartbeat.mavtype,
                 MavType::MAV_TYPE_FIXED_WING | MavType::MAV_TYPE_GENERIC
             );
         if plane {
-            let text = format!("ArduPlane heard as system {system}");
+            let own = self.config.system_id;
+            let text = format!(
+                "ArduPlane heard as system {system}, component {component}; this ground station is system {own}"
+            );
             return out.events.push(event(Severity::Info, "connected", text));
         }
-        self.authority.unsupported();
+        self.authority.watch("not an ArduPlane");
         let what = if heartbeat.autopilot == MavAutopilot::MAV_AUTOPILOT_PX4 {
             "PX4".to_owned()
         } else {
@@ -170,9 +284,12 @@ impl Bridge {
             .push(event(Severity::Error, "not-an-arduplane", text));
     }
 
-    fn request_telemetry(&mut self) {
+    fn request_telemetry(&mut self, now: SimTime) {
+        if self.config.listen_only {
+            return;
+        }
         let fast = self.config.telemetry_hz;
-        for (message_id, hz) in [
+        let wanted = [
             (GLOBAL_POSITION_INT_DATA::ID, fast),
             (ATTITUDE_DATA::ID, fast),
             (VFR_HUD_DATA::ID, fast),
@@ -181,12 +298,65 @@ impl Bridge {
             (HYGROMETER_SENSOR_DATA::ID, SLOW_HZ),
             (EXTENDED_SYS_STATE_DATA::ID, SLOW_HZ),
             (SYS_STATUS_DATA::ID, 1.0),
-        ] {
-            self.commands
-                .push(VehicleCommand::Interval { message_id, hz });
-        }
-        for name in [FS_GCS_ENABL, FS_LONG_ACTN, TKOFF_ALT] {
+            (AIRSPEED_DATA::ID, SLOW_HZ),
+            (POSITION_TARGET_GLOBAL_INT_DATA::ID, SLOW_HZ),
+            (GPS_RAW_INT_DATA::ID, 1.0),
+            (EKF_STATUS_REPORT_DATA::ID, 1.0),
+            (FENCE_STATUS_DATA::ID, 1.0),
+        ];
+        let home = (HOME_POSITION_DATA::ID, HOME_HZ);
+        let home = self.checklist.is_kept().then_some(home);
+        let wanted: Vec<(u32, f64)> = wanted.into_iter().chain(home).collect();
+        self.rates.start(&wanted, now);
+        let names: &[&str] = if self.checklist.is_kept() {
+            &PARAMETERS
+        } else {
+            &[FS_GCS_ENABL, FS_LONG_ACTN, TKOFF_ALT]
+        };
+        for name in names {
             self.commands.push(VehicleCommand::Parameter(name));
+        }
+    }
+
+    /// Goes through the checklist when it is due.
+    pub(super) fn go_through_checklist(&mut self, now: SimTime, out: &mut BridgeOutput) {
+        let heard = self.heartbeat_at.is_some() && self.authority.link_up();
+        if !heard || self.checklist.is_done() {
+            return;
+        }
+        if let Some((_, heartbeat)) = &self.telemetry.heartbeat {
+            self.checklist.told.custom_mode = heartbeat.custom_mode;
+        }
+        let altitude = self.telemetry.position.as_ref().map(|(_, p)| p.alt);
+        let alt_amsl_m = f64::from(altitude.unwrap_or_default()) / 1e3;
+        self.checklist.told.eas_over_tas = self.telemetry.eas_over_tas(alt_amsl_m, now);
+        let due = self.checklist.due(&self.parameters, self.connected_at, now);
+        let Some(points) = due else { return };
+        out.events.extend(checklist::events(&points));
+        let on_ground = self
+            .authority
+            .shown()
+            .is_some_and(|s| !s.airborne && !s.armed);
+        if self.config.set_parameters && on_ground {
+            for (name, value) in self.checklist.wrong_parameters(&self.parameters) {
+                self.commands
+                    .push(VehicleCommand::SetParameter { name, value });
+            }
+        }
+    }
+
+    /// Asks for messages that do not come.
+    pub(super) fn check_rates(&mut self, now: SimTime, out: &mut BridgeOutput) {
+        let Some(to) = self.identity.address().filter(|_| self.authority.link_up()) else {
+            return;
+        };
+        let due = self.rates.due(now);
+        if let Some(command) = due.ask {
+            self.send_command(&command, 0, to, now, out);
+        }
+        if let Some(words) = due.given_up {
+            let text = format!("the vehicle does not send as asked: {words}");
+            out.events.push(event(Severity::Info, "rate-failed", text));
         }
     }
 
@@ -194,21 +364,32 @@ impl Bridge {
         let received = &mut self.telemetry;
         match message {
             MavMessage::GLOBAL_POSITION_INT(m) => {
-                received.position = Some((now, m));
-                out.state = self.telemetry.state(now).or(out.state.take());
+                self.on_boot_ms(m.time_boot_ms, now, out);
+                if self.telemetry.take_position(m, now) {
+                    out.state = self.telemetry.state(now).or(out.state.take());
+                } else {
+                    self.lost.duplicate_frames += 1;
+                }
             }
-            MavMessage::ATTITUDE(m) => received.attitude = Some((now, m)),
+            MavMessage::ATTITUDE(m) => {
+                let behind =
+                    |(_, last): &(SimTime, ATTITUDE_DATA)| m.time_boot_ms < last.time_boot_ms;
+                let old =
+                    self.paths.are_several() && received.attitude.as_ref().is_some_and(behind);
+                if !old {
+                    received.attitude = Some((now, m));
+                }
+            }
             MavMessage::VFR_HUD(m) => received.hud = Some((now, m)),
             MavMessage::WIND(m) => received.wind = Some((now, m)),
             MavMessage::SCALED_PRESSURE(m) => received.pressure = Some((now, m)),
-            MavMessage::HYGROMETER_SENSOR(m) => received.hygrometer = Some((now, m)),
+            MavMessage::AIRSPEED(m) => received.airspeed = Some((now, m)),
+            MavMessage::GPS_RAW_INT(m) => self.checklist.told.gps = Some(m),
+            MavMessage::EKF_STATUS_REPORT(m) => self.checklist.told.ekf = Some(m),
+            MavMessage::HOME_POSITION(m) => self.checklist.told.home = Some(m),
+            MavMessage::FENCE_STATUS(m) => self.causes.fence(m.breach_status != 0, now),
+            MavMessage::POSITION_TARGET_GLOBAL_INT(m) => self.on_target(&m, now, out),
             MavMessage::EXTENDED_SYS_STATE(m) => received.landed = Some((now, m)),
-            MavMessage::NAMED_VALUE_FLOAT(m) => {
-                if let Some(ppm) = self.ppm(&m) {
-                    let taken = self.telemetry.reading(ppm, m.time_boot_ms, now);
-                    out.reading = taken.or(out.reading.take());
-                }
-            }
             MavMessage::COMMAND_ACK(m) => {
                 if let Some(outcome) = self.commands.acknowledge(m.command, m.result, now) {
                     self.on_outcome(outcome, now, out);
@@ -217,13 +398,27 @@ impl Bridge {
             MavMessage::PARAM_VALUE(m) => self.on_parameter(&m, out),
             MavMessage::STATUSTEXT(m) => {
                 let severity = severity(m.severity);
-                let warned = text(&m.text[..]);
-                out.events.push(event(severity, "vehicle-says", warned));
+                let said = text(&m.text[..]);
+                self.causes.text(&said, now);
+                if !self.is_repeated(&said, now) {
+                    out.events.push(event(severity, "vehicle-says", said));
+                }
             }
-            MavMessage::SYS_STATUS(m) => self.on_battery(m.battery_remaining, out),
+            MavMessage::SYS_STATUS(m) => {
+                self.causes.status(&m, now);
+                self.on_battery(m.battery_remaining, out);
+                self.checklist.told.status = Some(m);
+            }
             MavMessage::BATTERY_STATUS(m) => self.on_battery(m.battery_remaining, out),
             _ => {}
         }
+    }
+
+    /// Whether the same text has just come over another link.
+    fn is_repeated(&mut self, said: &str, now: SimTime) -> bool {
+        let last = self.last_text.replace((said.to_owned(), now));
+        self.paths.are_several()
+            && last.is_some_and(|(text, at)| text == said && now.since_s(at) < MODE_SETTLES_S)
     }
 
     /// Takes in what is left in a battery, per cent; −1 if the vehicle does not know.
@@ -245,7 +440,24 @@ impl Bridge {
     fn on_parameter(&mut self, parameter: &PARAM_VALUE_DATA, out: &mut BridgeOutput) {
         let name = text(&parameter.param_id[..]);
         let value = f64::from(parameter.param_value);
-        self.commands.parameter_seen(&name);
+        self.commands.parameter_seen(&name, value);
+        match self.parameters.insert(name.clone(), value) {
+            // Another link may bring it again.
+            Some(old) if old == value => return,
+            Some(old) => {
+                let text = format!("parameter {name} was {old} and is {value}");
+                out.events
+                    .push(event(Severity::Info, "parameter-changed", text));
+            }
+            None => {}
+        }
+        if name == TKOFF_ALT && value.is_finite() && value > 0.0 {
+            self.takeoff_altitude_m = Some(value);
+        }
+        // The checklist says the same with all else.
+        if self.checklist.is_kept() {
+            return;
+        }
         let warning = match name.as_str() {
             FS_GCS_ENABL if value == 0.0 => {
                 "FS_GCS_ENABL is 0: on loss of this link the vehicle flies on; set it to 1"
@@ -253,10 +465,6 @@ impl Bridge {
             FS_LONG_ACTN if value == 0.0 => {
                 "FS_LONG_ACTN is 0: on loss of this link in GUIDED the vehicle flies on; \
                  set it to 1 to bring it home"
-            }
-            TKOFF_ALT if value.is_finite() && value > 0.0 => {
-                self.takeoff_altitude_m = Some(value);
-                return;
             }
             _ => return,
         };
@@ -266,7 +474,7 @@ impl Bridge {
 
     /// Says what is missing: heartbeat, frames among the bytes, telemetry.
     pub(super) fn check_timeouts(&mut self, now: SimTime, out: &mut BridgeOutput) {
-        let statistics = self.decoder.statistics();
+        let statistics = self.paths.statistics();
         if statistics.frames == 0
             && statistics.bytes > NO_FRAMES_AFTER_BYTES
             && !std::mem::replace(&mut self.warned.no_frames, true)
@@ -275,12 +483,13 @@ impl Bridge {
                         SERIALn_PROTOCOL = 2";
             out.events.push(event(Severity::Error, "no-mavlink2", text));
         }
-        let Some(heartbeat_at) = self.heartbeat_at.filter(|_| self.authority.link_up()) else {
+        if self.heartbeat_at.is_none() || !self.authority.link_up() {
             return;
-        };
-        let silent_s = now.since_s(heartbeat_at);
+        }
+        let silent_s = now.since_s(self.silent_since);
         if silent_s > self.config.link_timeout_s {
             self.commands.clear();
+            self.placement.forget();
             self.authority.link_lost();
             self.on_phase(self.authority.phase());
             let text = format!(
@@ -288,7 +497,12 @@ impl Bridge {
                  its own failsafe"
             );
             out.events.push(event(Severity::Warning, "link-lost", text));
-        } else if now.since_s(self.connected_at) > TELEMETRY_WITHIN_S
+            return;
+        }
+        if let Some(words) = self.gas.silence(self.connected_at, now) {
+            out.events.push(event(Severity::Warning, "no-gas", words));
+        }
+        if now.since_s(self.connected_at) > TELEMETRY_WITHIN_S
             && self.telemetry.state(now).is_none()
             && !std::mem::replace(&mut self.warned.silent_telemetry, true)
         {
@@ -298,30 +512,24 @@ impl Bridge {
                 .push(event(Severity::Warning, "telemetry-missing", text));
         }
     }
-}
 
-/// The text of a field up to its first zero.
-impl Bridge {
-    /// The reading of the gas that counts, ppm; none of another value, or of what cannot be read.
-    fn ppm(&self, named: &NAMED_VALUE_FLOAT_DATA) -> Option<f64> {
-        let name = text(&named.name[..]);
-        let unit = match name.strip_prefix(self.config.gas.formula())? {
-            "" => Unit::Ppm,
-            IN_PPB => Unit::Ppb,
-            _ => return None,
-        };
-        let ppm = unit.to_ppm(f64::from(named.value));
-        // Air holds so much CO2 that no noise takes a reading below zero; of other gases it may.
-        let least_ppm = if self.config.gas == Gas::Co2 {
-            0.0
-        } else {
-            -1.0
-        };
-        (least_ppm..=1e6).contains(&ppm).then_some(ppm)
+    /// Says once a minute what the link loses, if it does.
+    pub(super) fn report_link(&mut self, now: SimTime, out: &mut BridgeOutput) {
+        let (told_at, before) = self.told;
+        if now.since_s(told_at) < LINK_REPORT_S {
+            return;
+        }
+        let total = self.statistics();
+        self.told = (now, total);
+        if let Some(words) = total.since(&before) {
+            let text = format!("in the last {LINK_REPORT_S:.0} s: {words}");
+            out.events.push(event(Severity::Info, "link-losses", text));
+        }
     }
 }
 
-fn text(bytes: &[u8]) -> String {
+/// The text of a field up to its first zero.
+pub(super) fn text(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|&b| b == 0).unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).into_owned()
 }

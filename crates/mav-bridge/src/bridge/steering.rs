@@ -1,10 +1,13 @@
 //! What the vehicle is asked to do.
 
+use super::placement::Astray;
 use super::{Bridge, BridgeOutput};
 use crate::arduplane::{AUTO, FS_GCS_ENABL, GUIDED, RTL, TAKEOFF};
 use crate::authority::{BridgePhase, is_homeward};
 use crate::command_queue::{CommandMessage, CommandOutcome, VehicleCommand};
+use crate::dialect::POSITION_TARGET_GLOBAL_INT_DATA;
 use crate::event::event;
+use air::geo::Geodetic;
 use protocol::SimTime;
 use protocol::message::{PathKind, Setpoint, Severity};
 
@@ -17,12 +20,23 @@ const PAUSE_NS: i64 = 5_000_000_000;
 
 impl Bridge {
     /// Asks for mode TAKEOFF; arming follows when the vehicle shows the mode.
-    pub(super) fn take_off(&mut self, setpoint: &Setpoint, out: &mut BridgeOutput) {
+    pub(super) fn take_off(&mut self, setpoint: &Setpoint, now: SimTime, out: &mut BridgeOutput) {
         if self.target.as_ref() == Some(setpoint) {
             return; // refused before: tried again after a pause
         }
         self.clear_target();
         self.target = Some(setpoint.clone());
+        if let Some(words) = self.checklist.refusals(&self.parameters) {
+            // Looked at again after a pause.
+            self.retry_at = pause(now);
+            if !std::mem::replace(&mut self.warned.take_off_refused, true) {
+                let text = format!("no take-off: {words}");
+                out.events
+                    .push(event(Severity::Error, "take-off-refused", text));
+            }
+            return;
+        }
+        self.warned.take_off_refused = false;
         self.authority.take_off(TAKEOFF);
         self.send_mode();
         let text = "take-off asked for";
@@ -38,6 +52,23 @@ impl Bridge {
         self.commands.push(VehicleCommand::LandStart);
     }
 
+    /// Brings it home to land where no setpoint says so.
+    pub(super) fn come_down(&mut self) {
+        let home = Setpoint {
+            path: PathKind::Land,
+            ..self.target.clone().unwrap_or(Setpoint {
+                path: PathKind::Land,
+                lat_deg: 0.0,
+                lon_deg: 0.0,
+                alt_amsl_m: 0.0,
+                airspeed_m_s: 0.0,
+                orbit_radius_m: 0.0,
+            })
+        };
+        // Where it lands is the vehicle's own business.
+        self.land(&home);
+    }
+
     /// Sends where to fly and how fast.
     pub(super) fn guide(&mut self, setpoint: &Setpoint, now: SimTime) {
         if self.target.as_ref() == Some(setpoint) {
@@ -50,6 +81,7 @@ impl Bridge {
 
     fn send_target(&mut self, now: SimTime) {
         self.retry_at = None;
+        self.placement.forget();
         let Some(target) = self.target.clone() else {
             return;
         };
@@ -94,7 +126,7 @@ impl Bridge {
             BridgePhase::Ground if self.retry_at.is_some() && !pausing => {
                 self.retry_at = None;
                 if let Some(target) = self.target.take() {
-                    self.take_off(&target, out);
+                    self.take_off(&target, now, out);
                 }
             }
             BridgePhase::TakeOff if seen.custom_mode == TAKEOFF && !seen.armed && !pausing => {
@@ -153,13 +185,29 @@ impl Bridge {
         now: SimTime,
         out: &mut BridgeOutput,
     ) {
+        // A parameter that it does not have stands in the checklist as not told.
+        if let CommandOutcome::Unanswered(VehicleCommand::Parameter(_)) = &outcome
+            && self.checklist.is_kept()
+        {
+            return;
+        }
         let (command, why) = match outcome {
+            CommandOutcome::Accepted(VehicleCommand::Reposition {
+                lat_1e7, lon_1e7, ..
+            }) if self.authority.phase() == BridgePhase::Guided => {
+                return self.placement.taken(lat_1e7, lon_1e7, now);
+            }
             CommandOutcome::Accepted(_) => return,
             CommandOutcome::Refused(command, result) => {
                 (command, format!("the vehicle refuses: {result:?}"))
             }
             CommandOutcome::Unanswered(command) => {
-                (command, "the vehicle does not answer".to_owned())
+                let why = if self.warned.unsigned {
+                    "the vehicle, which signs its frames, does not answer one that is not signed"
+                } else {
+                    "the vehicle does not answer"
+                };
+                (command, why.to_owned())
             }
         };
         let (severity, code, then) = self.on_failure(&command, now);
@@ -210,6 +258,7 @@ impl Bridge {
                 (Severity::Warning, "speed-failed", "")
             }
             VehicleCommand::Interval { .. } => (Severity::Info, "rate-failed", ""),
+            VehicleCommand::SetParameter { .. } => (Severity::Warning, "parameter-failed", ""),
             VehicleCommand::Parameter(name) => {
                 let then = match *name {
                     FS_GCS_ENABL => "; whether a lost link brings it home is not known",
@@ -222,7 +271,7 @@ impl Bridge {
 
     /// Sends what is due.
     pub(super) fn send_commands(&mut self, now: SimTime, out: &mut BridgeOutput) {
-        let Some(system) = self.vehicle.filter(|_| self.authority.link_up()) else {
+        let Some(to) = self.identity.address().filter(|_| self.authority.link_up()) else {
             return;
         };
         let (send, lost) = self.commands.due(
@@ -232,14 +281,81 @@ impl Bridge {
             self.heartbeat_at,
         );
         for (command, sent) in send {
-            match command.message(system, sent) {
-                CommandMessage::Long(message) => self.send(&message, now, out),
-                CommandMessage::Int(message) => self.send(&message, now, out),
-                CommandMessage::Read(message) => self.send(&message, now, out),
-            }
+            self.send_command(&command, sent, to, now, out);
         }
         for outcome in lost {
             self.on_outcome(outcome, now, out);
+        }
+    }
+
+    pub(super) fn send_command(
+        &mut self,
+        command: &VehicleCommand,
+        sent: u32,
+        to: (u8, u8),
+        now: SimTime,
+        out: &mut BridgeOutput,
+    ) {
+        let message = command.message(to, sent);
+        // A question changes nothing on board.
+        if self.config.dry_run && !matches!(message, CommandMessage::Read(_)) {
+            self.commands.forget(command);
+            let name = command.name();
+            return match message {
+                CommandMessage::Long(message) => self.show(&name, &message, now, out),
+                CommandMessage::Int(message) => self.show(&name, &message, now, out),
+                CommandMessage::Read(message) => self.show(&name, &message, now, out),
+                CommandMessage::Set(message) => self.show(&name, &message, now, out),
+            };
+        }
+        match message {
+            CommandMessage::Long(message) => self.send(&message, now, out),
+            CommandMessage::Int(message) => self.send(&message, now, out),
+            CommandMessage::Read(message) => self.send(&message, now, out),
+            CommandMessage::Set(message) => self.send(&message, now, out),
+        }
+    }
+
+    /// Takes in where the vehicle says it goes: elsewhere, somebody else has sent it there, and has it from now on.
+    /// Two who send it to and fro would fly it nowhere; who has come later has a reason.
+    pub(super) fn on_target(
+        &mut self,
+        target: &POSITION_TARGET_GLOBAL_INT_DATA,
+        now: SimTime,
+        out: &mut BridgeOutput,
+    ) {
+        let guided = self.authority.phase() == BridgePhase::Guided && !self.commands.repositions();
+        let astray = self.placement.target(target, now).filter(|_| guided);
+        let Some(Astray::To(at)) = astray else { return };
+        self.authority.taken_by_station();
+        self.on_phase(BridgePhase::Pilot);
+        let text = format!(
+            "another ground station has sent the vehicle to {:.5}, {:.5} and has it from now on; setpoints are withheld \
+             until a hand-back",
+            at.lat_deg, at.lon_deg
+        );
+        out.events
+            .push(event(Severity::Warning, "other-ground-station", text));
+    }
+
+    /// Looks whether the vehicle flies to where it was sent; one that does not is sent again.
+    pub(super) fn check_placement(&mut self, now: SimTime, out: &mut BridgeOutput) {
+        if self.authority.phase() != BridgePhase::Guided {
+            return self.placement.forget();
+        }
+        let Some((_, position)) = &self.telemetry.position else {
+            return;
+        };
+        let here = Geodetic {
+            lat_deg: f64::from(position.lat) / 1e7,
+            lon_deg: f64::from(position.lon) / 1e7,
+        };
+        if self.placement.look(here, now) == Some(Astray::Away) {
+            let text = "the vehicle flies away from its setpoint, which is sent again: has another ground station sent it \
+                        elsewhere, or is the wind as fast as it flies?";
+            out.events
+                .push(event(Severity::Warning, "off-course", text));
+            self.retry_at = Some(now);
         }
     }
 }

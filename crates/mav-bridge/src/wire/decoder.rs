@@ -27,6 +27,33 @@ pub struct LinkStatistics {
     pub unreadable_frames: u64,
     /// Frames refused because of a missing or wrong signature.
     pub refused_frames: u64,
+    /// Messages that another link had brought already.
+    pub duplicate_frames: u64,
+}
+
+impl LinkStatistics {
+    /// What was lost since `before`, in words; none if nothing was.
+    pub fn since(&self, before: &Self) -> Option<String> {
+        let frames = self.frames - before.frames;
+        let counts = [
+            (self.lost_frames - before.lost_frames, "lost"),
+            (self.bad_frames - before.bad_frames, "spoilt"),
+            (
+                self.unreadable_frames - before.unreadable_frames,
+                "unreadable",
+            ),
+            (
+                self.refused_frames - before.refused_frames,
+                "refused for their signature",
+            ),
+        ];
+        let words: Vec<String> = counts
+            .iter()
+            .filter(|(n, _)| *n > 0)
+            .map(|(n, what)| format!("{n} {what}"))
+            .collect();
+        (!words.is_empty()).then(|| format!("{frames} frames received, {}", words.join(", ")))
+    }
 }
 
 /// Finds frames in a stream that may be cut anywhere and carry garbage anywhere. A candidate
@@ -94,7 +121,7 @@ impl FrameDecoder {
         }
     }
 
-    /// What has been met so far (lost, unreadable and refused frames are not this one's to know).
+    /// What has been met so far (lost, unreadable, refused and duplicate frames are not this one's to know).
     pub fn statistics(&self) -> LinkStatistics {
         self.statistics
     }

@@ -1,6 +1,9 @@
 //! One frame, and where its fields stand.
 
-use crate::dialect::{COMMAND_INT_DATA, COMMAND_LONG_DATA, MavMessage};
+use crate::dialect::{
+    COMMAND_INT_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA, MavCmd, MavMessage,
+    PARAM_REQUEST_READ_DATA,
+};
 use mavlink::{MavlinkVersion, Message as _, MessageData as _};
 
 /// Bytes before the payload.
@@ -74,6 +77,24 @@ impl RawFrame {
         let [low, high, target] = [0, 1, 2].map(|k| byte(COMMAND_AT + k));
         Some((target, u16::from_le_bytes([low, high])))
     }
+}
+
+/// Whether a frame for a vehicle that is on several links goes over all of them, and does no harm there if it
+/// comes late: the ground station's heartbeat, and what asks for messages, which come over the link that they
+/// were asked on. Any other goes over one link: a mode that comes late over a slow one would undo what a pilot has
+/// chosen in between.
+pub fn goes_over_all_links(frame: &[u8]) -> bool {
+    let frame = RawFrame {
+        bytes: frame.to_vec(),
+    };
+    if frame.bytes.len() < HEADER_LEN {
+        return false;
+    }
+    let asks = MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL as u16;
+    [HEARTBEAT_DATA::ID, PARAM_REQUEST_READ_DATA::ID].contains(&frame.message_id())
+        || frame
+            .command_number()
+            .is_some_and(|(_, number)| number == asks)
 }
 
 /// Number of the message in a frame that has a whole header.

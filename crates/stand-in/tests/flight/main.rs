@@ -3,6 +3,7 @@
 
 mod link;
 mod pair;
+mod shared;
 
 use air::geo::Enu;
 use mav_bridge::arduplane::{FBWA, GUIDED, RTL};
@@ -364,4 +365,44 @@ fn home_mode_by_the_pilot_is_the_pilots() {
     assert!(pair.vehicle.pilot(RTL, TURN));
     pair.run(2.0);
     assert_eq!(pair.bridge.level(), ControlLevel::Pilot);
+}
+
+fn mission_over(pair: &mut Pair) {
+    let mut out = BridgeOutput::default();
+    pair.bridge.mission_over(&mut out);
+    pair.events.extend(out.events);
+    pair.setpoint = None;
+}
+
+#[test]
+fn when_the_mission_is_over_it_lands_first() {
+    let mut pair = Pair::new(20);
+    pair.take_off();
+    pair.setpoint = Some(setpoint(PathKind::GoTo, -800.0, 1500.0, 650.0));
+    pair.run(60.0);
+    mission_over(&mut pair);
+    assert!(pair.bridge.is_up());
+    for _ in 0..600 {
+        pair.run(1.0);
+        mission_over(&mut pair);
+        if !pair.bridge.is_up() {
+            break;
+        }
+    }
+    assert!(!pair.bridge.is_up() && !pair.vehicle.is_armed());
+    assert_eq!((pair.said("mission-over"), pair.said("landed")), (1, 1));
+}
+
+#[test]
+fn when_the_mission_is_over_a_pilot_keeps_it() {
+    let mut pair = Pair::new(21);
+    pair.take_off();
+    pair.run(5.0);
+    pair.vehicle.pilot(FBWA, TURN);
+    pair.run(2.0);
+    pair.sent.clear();
+    mission_over(&mut pair);
+    pair.run(10.0);
+    assert!(pair.bridge.is_up());
+    assert_eq!(steering_commands(&pair.sent), 0);
 }

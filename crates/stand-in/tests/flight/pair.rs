@@ -85,7 +85,7 @@ impl Pair {
         }
         self.bridge.tick(now, &mut out);
         self.state = out.state.or(self.state.take());
-        self.readings.extend(out.reading);
+        self.readings.extend(out.readings);
         self.events.extend(out.events);
         self.sent.extend(out.frames_to_vehicle.iter().cloned());
         self.received.extend(out.frames_from_vehicle);

@@ -1,0 +1,101 @@
+//! Why the vehicle goes home by itself. Its heartbeat says at most that some failsafe is on, and of its
+//! fence not even that; its texts, SYS_STATUS and FENCE_STATUS tell which one it is.
+
+use crate::dialect::{MavSysStatusSensor, SYS_STATUS_DATA};
+use protocol::SimTime;
+use protocol::control_level::Danger;
+
+/// How long after it was told a cause explains a change of mode, s: heartbeats come once a second, and one
+/// or two may be lost.
+const LASTS_S: f64 = 4.0;
+
+/// What SYS_STATUS tells of each cause.
+const BITS: [(MavSysStatusSensor, Danger); 3] = [
+    (MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE, Danger::Fence),
+    (
+        MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY,
+        Danger::Battery,
+    ),
+    (
+        MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_RC_RECEIVER,
+        Danger::Remote,
+    ),
+];
+
+/// What the vehicle has told of its failsafes.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Causes {
+    latest: Option<(SimTime, Danger)>,
+    /// Of each of [`BITS`], whether it is enabled and unhealthy; none before the first SYS_STATUS.
+    unhealthy: Option<[bool; 3]>,
+    fence_broken: bool,
+}
+
+impl Causes {
+    /// Takes in a text of the vehicle.
+    pub(super) fn text(&mut self, text: &str, now: SimTime) {
+        let text = text.to_lowercase();
+        let has = |part: &str| text.contains(part);
+        let over = has("clear") || has("failsafe off");
+        let danger = if has("fence") && (has("breach") || has("trigger")) {
+            self.fence_broken = !over;
+            Danger::Fence
+        } else if has("gcs failsafe") {
+            Danger::Bridge
+        } else if has("failsafe") && (has("rc ") || has("throttle") || has("radio")) {
+            Danger::Remote
+        } else if has("battery") && (has("is low") || has("is critical") || has("failsafe")) {
+            Danger::Battery
+        } else {
+            return;
+        };
+        if !over {
+            self.latest = Some((now, danger));
+        }
+    }
+
+    /// Takes in the health of its parts.
+    pub(super) fn status(&mut self, status: &SYS_STATUS_DATA, now: SimTime) {
+        let bad = BITS.map(|(bit, _)| {
+            status.onboard_control_sensors_enabled.contains(bit)
+                && !status.onboard_control_sensors_health.contains(bit)
+        });
+        let before = self.unhealthy.replace(bad);
+        for (k, (_, danger)) in BITS.into_iter().enumerate() {
+            // What was unhealthy all along, as a receiver that nobody has, explains nothing.
+            if bad[k] && before.is_some_and(|before| !before[k]) {
+                self.latest = Some((now, danger));
+            }
+        }
+        if status
+            .onboard_control_sensors_enabled
+            .contains(MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE)
+        {
+            self.fence_broken = bad[0];
+        }
+    }
+
+    /// Takes in FENCE_STATUS.
+    pub(super) fn fence(&mut self, broken: bool, now: SimTime) {
+        if broken && !self.fence_broken {
+            self.latest = Some((now, Danger::Fence));
+        }
+        self.fence_broken = broken;
+    }
+
+    /// Whether it says that it is outside the fence on board.
+    pub(super) fn fence_broken(&self) -> bool {
+        self.fence_broken
+    }
+
+    /// What explains that it goes home at `now`, where its heartbeat shows a `failsafe` or not.
+    pub(super) fn at(&self, now: SimTime, failsafe: bool) -> Option<Danger> {
+        let recent = self.latest.filter(|(at, _)| now.since_s(*at) <= LASTS_S);
+        let unhealthy = || {
+            let bad = self.unhealthy.filter(|_| failsafe)?;
+            let found = BITS.into_iter().zip(bad).find(|(_, bad)| *bad);
+            found.map(|((_, danger), _)| danger)
+        };
+        recent.map(|(_, danger)| danger).or_else(unhealthy)
+    }
+}

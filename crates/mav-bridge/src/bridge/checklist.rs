@@ -1,0 +1,563 @@
+//! What is looked at before anything is commanded, with what was found and what would be right.
+
+use super::BridgeConfig;
+use crate::arduplane::{
+    AIRSPEED_MAX, AIRSPEED_MIN, ALT_HOLD_RTL, ARSPD_FBW_MAX, ARSPD_FBW_MIN, FENCE_ACTION,
+    FENCE_ENABLE, FS_GCS_ENABL, FS_LONG_ACTN, MAV_GCS_SYSID, RTL_ALTITUDE, RTL_AUTOLAND,
+    SYSID_MYGCS, TKOFF_ALT, mode_name,
+};
+use crate::dialect::{
+    EKF_STATUS_REPORT_DATA, EkfStatusFlags, GPS_RAW_INT_DATA, GpsFixType, HOME_POSITION_DATA,
+    MavSysStatusSensor, SYS_STATUS_DATA,
+};
+use crate::event::event;
+use crate::telemetry::distance_m;
+use air::geo::Geodetic;
+use protocol::SimTime;
+use protocol::message::{EventMessage, Severity};
+use std::collections::BTreeMap;
+
+/// How long is waited for what the vehicle tells before the list is made without it, s.
+const WAIT_S: f64 = 4.0;
+/// Fewest satellites that a fix should have.
+const SATELLITES: u8 = 6;
+/// Charge with which a flight may begin, per cent, and with which it should.
+const BATTERY_PCT: (i8, i8) = (20, 50);
+/// Distance of the vehicle's home from the scenario's that is none, and that breaks its fence (`va`), m.
+const HOME_M: (f64, f64) = (50.0, 500.0);
+/// Heights of SRTM are right to this in nine of ten cases, m (Farr et al. 2007, the mission's goal).
+const GROUND_M: f64 = 16.0;
+/// Height over the highest stack at which a vehicle should come home, m.
+const OVER_STACK_M: f64 = 30.0;
+/// Speed over ground against the wind that a vehicle is to have at least, m/s.
+const OVER_GROUND_M_S: f64 = 3.0;
+
+/// Parameters that the list asks for.
+pub(super) const PARAMETERS: [&str; 14] = [
+    FS_GCS_ENABL,
+    FS_LONG_ACTN,
+    TKOFF_ALT,
+    MAV_GCS_SYSID,
+    SYSID_MYGCS,
+    FENCE_ENABLE,
+    RTL_ALTITUDE,
+    ALT_HOLD_RTL,
+    RTL_AUTOLAND,
+    AIRSPEED_MIN,
+    AIRSPEED_MAX,
+    ARSPD_FBW_MIN,
+    ARSPD_FBW_MAX,
+    FENCE_ACTION,
+];
+
+/// What the mission expects of a vehicle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Expectation {
+    /// Its take-off and landing point.
+    pub home: Geodetic,
+    /// The ground there, m above mean sea level.
+    pub home_amsl_m: f64,
+    /// True airspeed at which it is to fly, m/s.
+    pub airspeed_m_s: f64,
+    /// The strongest wind where it flies, m/s.
+    pub wind_m_s: f64,
+    /// Top of the highest stack, m above mean sea level.
+    pub stack_top_amsl_m: f64,
+}
+
+/// What came of one point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Verdict {
+    Right,
+    /// A person should look.
+    Doubtful,
+    /// No take-off while it is so.
+    Refused,
+}
+
+/// One point.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Point {
+    pub about: &'static str,
+    pub verdict: Verdict,
+    pub words: String,
+}
+
+/// What the vehicle has told that the list looks at.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Told {
+    pub gps: Option<GPS_RAW_INT_DATA>,
+    pub ekf: Option<EKF_STATUS_REPORT_DATA>,
+    pub status: Option<SYS_STATUS_DATA>,
+    pub home: Option<HOME_POSITION_DATA>,
+    pub custom_mode: u32,
+    /// Equivalent over true airspeed where it is.
+    pub eas_over_tas: f64,
+}
+
+impl Told {
+    fn is_complete(&self, parameters: &BTreeMap<String, f64>) -> bool {
+        let one_of = |names: &[&str]| names.iter().any(|n| parameters.contains_key(*n));
+        self.gps.is_some()
+            && self.ekf.is_some()
+            && self.status.is_some()
+            && self.home.is_some()
+            && one_of(&[FS_GCS_ENABL])
+            && one_of(&[FS_LONG_ACTN])
+            && one_of(&[MAV_GCS_SYSID, SYSID_MYGCS])
+            && one_of(&[RTL_ALTITUDE, ALT_HOLD_RTL])
+            && one_of(&[RTL_AUTOLAND])
+            && one_of(&[FENCE_ENABLE])
+    }
+}
+
+/// The list of one vehicle.
+#[derive(Debug, Clone)]
+pub(super) struct Checklist {
+    expected: Option<Expectation>,
+    own_id: u8,
+    may_arm: bool,
+    pub told: Told,
+    done: bool,
+}
+
+impl Checklist {
+    pub(super) fn new(config: &BridgeConfig) -> Self {
+        Self {
+            expected: config.expectation,
+            own_id: config.system_id,
+            may_arm: config.may_arm,
+            told: Told {
+                eas_over_tas: 1.0,
+                ..Told::default()
+            },
+            done: config.expectation.is_none(),
+        }
+    }
+
+    /// Whether there is a list.
+    pub(super) fn is_kept(&self) -> bool {
+        self.expected.is_some()
+    }
+
+    /// Whether the list was gone through, or there is none.
+    pub(super) fn is_done(&self) -> bool {
+        self.done
+    }
+
+    /// The list, once all is told or waited for long enough since the vehicle was heard.
+    pub(super) fn due(
+        &mut self,
+        parameters: &BTreeMap<String, f64>,
+        heard: SimTime,
+        now: SimTime,
+    ) -> Option<Vec<Point>> {
+        let waited = now.since_s(heard) >= WAIT_S;
+        if self.done || !(waited || self.told.is_complete(parameters)) {
+            return None;
+        }
+        self.done = true;
+        Some(self.points(parameters))
+    }
+
+    /// What speaks against a take-off now, in words; nothing where nothing is refused.
+    pub(super) fn refusals(&self, parameters: &BTreeMap<String, f64>) -> Option<String> {
+        let points = self.points(parameters);
+        let refused = points.iter().filter(|p| p.verdict == Verdict::Refused);
+        let words: Vec<String> = refused
+            .map(|p| format!("{}: {}", p.about, p.words))
+            .collect();
+        (!words.is_empty()).then(|| words.join("; "))
+    }
+
+    /// Parameters that are not as they should be, with what would be right.
+    pub(super) fn wrong_parameters(
+        &self,
+        parameters: &BTreeMap<String, f64>,
+    ) -> Vec<(&'static str, f64)> {
+        let own = f64::from(self.own_id);
+        [
+            (FS_GCS_ENABL, 1.0),
+            (FS_LONG_ACTN, 1.0),
+            (MAV_GCS_SYSID, own),
+            (SYSID_MYGCS, own),
+        ]
+        .into_iter()
+        .filter(|(name, right)| parameters.get(*name).is_some_and(|is| is != right))
+        .collect()
+    }
+
+    fn points(&self, parameters: &BTreeMap<String, f64>) -> Vec<Point> {
+        let Some(expected) = &self.expected else {
+            return Vec::new();
+        };
+        let parameter = |names: &[&'static str]| {
+            let told = |n: &&'static str| Some((*n, *parameters.get(*n)?));
+            names.iter().find_map(told)
+        };
+        vec![
+            self.gps(),
+            self.ekf(),
+            self.battery(),
+            point("mode", Verdict::Right, mode_name(self.told.custom_mode)),
+            self.arming(),
+            self.home(expected),
+            self.ground(expected),
+            airspeed(
+                expected,
+                self.told.eas_over_tas,
+                parameter(&[AIRSPEED_MIN, ARSPD_FBW_MIN]),
+                parameter(&[AIRSPEED_MAX, ARSPD_FBW_MAX]),
+            ),
+            wind(expected),
+            gcs_failsafe(parameter(&[FS_GCS_ENABL])),
+            long_action(parameter(&[FS_LONG_ACTN])),
+            self.station(parameter(&[MAV_GCS_SYSID, SYSID_MYGCS])),
+            fence(parameter(&[FENCE_ENABLE]), parameter(&[FENCE_ACTION])),
+            self.rtl_altitude(expected, parameter(&[RTL_ALTITUDE, ALT_HOLD_RTL])),
+            autoland(parameter(&[RTL_AUTOLAND])),
+        ]
+    }
+
+    fn gps(&self) -> Point {
+        let Some(gps) = &self.told.gps else {
+            return untold("gps", "GPS_RAW_INT");
+        };
+        let fix = gps.fix_type as u8 >= GpsFixType::GPS_FIX_TYPE_3D_FIX as u8
+            && gps.fix_type != GpsFixType::GPS_FIX_TYPE_STATIC;
+        let satellites = gps.satellites_visible;
+        let (verdict, then) = match fix {
+            false => (Verdict::Refused, "; expected a 3D fix"),
+            true if satellites < SATELLITES => (Verdict::Doubtful, "; expected 6 or more"),
+            true => (Verdict::Right, ""),
+        };
+        let fix = if fix { "3D fix" } else { "no 3D fix" };
+        point(
+            "gps",
+            verdict,
+            format!("{fix}, {satellites} satellites{then}"),
+        )
+    }
+
+    fn ekf(&self) -> Point {
+        let Some(ekf) = &self.told.ekf else {
+            return untold("ekf", "EKF_STATUS_REPORT");
+        };
+        let needed = EkfStatusFlags::EKF_ATTITUDE
+            | EkfStatusFlags::EKF_VELOCITY_HORIZ
+            | EkfStatusFlags::EKF_POS_HORIZ_ABS
+            | EkfStatusFlags::EKF_POS_VERT_ABS;
+        let bad = EkfStatusFlags::EKF_UNINITIALIZED | EkfStatusFlags::EKF_CONST_POS_MODE;
+        if ekf.flags.contains(needed) && !ekf.flags.intersects(bad) {
+            return point(
+                "ekf",
+                Verdict::Right,
+                "attitude, velocity and position are estimated".into(),
+            );
+        }
+        let words = "the filter does not know attitude, velocity and position yet; expected to wait until it does";
+        point("ekf", Verdict::Refused, words.into())
+    }
+
+    fn battery(&self) -> Point {
+        let left = self.told.status.as_ref().map(|s| s.battery_remaining);
+        match left {
+            None => untold("battery", "SYS_STATUS"),
+            Some(left) if left < 0 => {
+                let words = "the vehicle does not know its charge; expected a battery monitor (BATT_MONITOR)";
+                point("battery", Verdict::Doubtful, words.into())
+            }
+            Some(left) => {
+                let (verdict, then) = match left {
+                    left if left <= BATTERY_PCT.0 => (Verdict::Refused, "; expected more"),
+                    left if left < BATTERY_PCT.1 => (Verdict::Doubtful, "; expected a full one"),
+                    _ => (Verdict::Right, ""),
+                };
+                point("battery", verdict, format!("{left} %{then}"))
+            }
+        }
+    }
+
+    /// The vehicle's own checks before arming.
+    fn arming(&self) -> Point {
+        let bit = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
+        let told = self
+            .told
+            .status
+            .as_ref()
+            .filter(|s| s.onboard_control_sensors_enabled.contains(bit));
+        let who = if self.may_arm {
+            "the bridge"
+        } else {
+            "a person"
+        };
+        match told.map(|s| s.onboard_control_sensors_health.contains(bit)) {
+            None => untold("arming", "its checks before arming (SYS_STATUS)"),
+            Some(true) => point(
+                "arming",
+                Verdict::Right,
+                format!("its own checks pass; {who} arms"),
+            ),
+            Some(false) => {
+                let words = format!(
+                    "its own checks do not pass, and it will not be armed; it says why (PreArm). {who} arms"
+                );
+                point("arming", Verdict::Doubtful, words)
+            }
+        }
+    }
+
+    fn home(&self, expected: &Expectation) -> Point {
+        let Some(home) = &self.told.home else {
+            return untold("home", "HOME_POSITION");
+        };
+        let at = Geodetic {
+            lat_deg: f64::from(home.latitude) / 1e7,
+            lon_deg: f64::from(home.longitude) / 1e7,
+        };
+        let off_m = distance_m(at, expected.home);
+        let (verdict, then) = match off_m {
+            off if off <= HOME_M.0 => (Verdict::Right, ""),
+            off if off <= HOME_M.1 => (
+                Verdict::Doubtful,
+                "; it takes off, returns and lands at its own",
+            ),
+            _ => (
+                Verdict::Refused,
+                "; expected the home of this vehicle in the scenario",
+            ),
+        };
+        point(
+            "home",
+            verdict,
+            format!("{off_m:.0} m from the scenario's{then}"),
+        )
+    }
+
+    fn ground(&self, expected: &Expectation) -> Point {
+        let Some(home) = &self.told.home else {
+            return untold("ground", "HOME_POSITION");
+        };
+        let amsl_m = f64::from(home.altitude) / 1e3;
+        let ground_m = expected.home_amsl_m;
+        let (verdict, then) = if (amsl_m - ground_m).abs() <= GROUND_M {
+            (Verdict::Right, "")
+        } else {
+            (
+                Verdict::Doubtful,
+                "; every height would be off by as much: expected the same datum and place",
+            )
+        };
+        let words = format!(
+            "home at {amsl_m:.0} m above mean sea level, the scenario's ground there {ground_m:.0} m{then}"
+        );
+        point("ground", verdict, words)
+    }
+
+    fn station(&self, told: Option<(&'static str, f64)>) -> Point {
+        let own = self.own_id;
+        let Some((name, id)) = told else {
+            return untold("ground station", "MAV_GCS_SYSID or SYSID_MYGCS");
+        };
+        let (verdict, then) = if id == f64::from(own) {
+            (Verdict::Right, String::new())
+        } else {
+            let then = format!(
+                "; the vehicle does not miss this bridge, which is {own}: expected {own}, or --gcs-id {id}"
+            );
+            (Verdict::Doubtful, then)
+        };
+        point("ground station", verdict, format!("{name} is {id}{then}"))
+    }
+
+    fn rtl_altitude(&self, expected: &Expectation, told: Option<(&'static str, f64)>) -> Point {
+        let Some((name, value)) = told else {
+            return untold("way home", "RTL_ALTITUDE or ALT_HOLD_RTL");
+        };
+        let above_home_m = if name == ALT_HOLD_RTL {
+            value / 100.0
+        } else {
+            value
+        };
+        let home_m = self
+            .told
+            .home
+            .as_ref()
+            .map_or(expected.home_amsl_m, |h| f64::from(h.altitude) / 1e3);
+        let needed_m = expected.stack_top_amsl_m + OVER_STACK_M - home_m;
+        let (verdict, then) = match above_home_m {
+            below if below < 0.0 => (
+                Verdict::Doubtful,
+                "; it returns at the height where it is".to_owned(),
+            ),
+            low if low < needed_m => {
+                let then = format!(
+                    "; the highest stack ends {:.0} m above home: expected {needed_m:.0} m or more, or a way home clear of it",
+                    needed_m - OVER_STACK_M
+                );
+                (Verdict::Doubtful, then)
+            }
+            _ => (Verdict::Right, String::new()),
+        };
+        point(
+            "way home",
+            verdict,
+            format!("{name} is {value}: {above_home_m:.0} m above home{then}"),
+        )
+    }
+}
+
+fn point(about: &'static str, verdict: Verdict, words: String) -> Point {
+    Point {
+        about,
+        verdict,
+        words,
+    }
+}
+
+fn untold(about: &'static str, what: &str) -> Point {
+    point(
+        about,
+        Verdict::Doubtful,
+        format!("the vehicle does not tell {what}"),
+    )
+}
+
+fn airspeed(
+    expected: &Expectation,
+    eas_over_tas: f64,
+    low: Option<(&'static str, f64)>,
+    high: Option<(&'static str, f64)>,
+) -> Point {
+    let (Some((low_name, low)), Some((high_name, high))) = (low, high) else {
+        return untold("airspeed", "AIRSPEED_MIN and AIRSPEED_MAX");
+    };
+    let eas_m_s = expected.airspeed_m_s * eas_over_tas;
+    let (verdict, then) = if (low..=high).contains(&eas_m_s) {
+        (Verdict::Right, "")
+    } else {
+        (
+            Verdict::Doubtful,
+            "; it refuses such a speed and flies its own: expected another search.airspeed_m_s",
+        )
+    };
+    let words = format!(
+        "the mission flies at {eas_m_s:.1} m/s equivalent, the vehicle at {low:.1} to {high:.1} ({low_name}, {high_name}){then}"
+    );
+    point("airspeed", verdict, words)
+}
+
+fn wind(expected: &Expectation) -> Point {
+    let (wind_m_s, airspeed_m_s) = (expected.wind_m_s, expected.airspeed_m_s);
+    let words = format!("up to {wind_m_s:.1} m/s expected, {airspeed_m_s:.1} m/s through the air");
+    if airspeed_m_s - wind_m_s >= OVER_GROUND_M_S {
+        return point("wind", Verdict::Right, words);
+    }
+    let words = format!("{words}: expected {OVER_GROUND_M_S} m/s or more to be left against it");
+    point("wind", Verdict::Doubtful, words)
+}
+
+fn gcs_failsafe(told: Option<(&'static str, f64)>) -> Point {
+    let about = "link failsafe";
+    match told {
+        None => untold(about, FS_GCS_ENABL),
+        Some((name, 0.0)) => {
+            let words =
+                format!("{name} is 0: on loss of this link the vehicle flies on; expected 1");
+            point(about, Verdict::Doubtful, words)
+        }
+        Some((name, 3.0)) => {
+            let words =
+                format!("{name} is 3: a lost link counts in AUTO alone, not in GUIDED; expected 1");
+            point(about, Verdict::Doubtful, words)
+        }
+        Some((name, value)) => point(about, Verdict::Right, format!("{name} is {value}")),
+    }
+}
+
+fn long_action(told: Option<(&'static str, f64)>) -> Point {
+    let about = "failsafe's action";
+    match told {
+        None => untold(about, FS_LONG_ACTN),
+        Some((name, 1.0)) => point(about, Verdict::Right, format!("{name} is 1: it comes home")),
+        Some((name, value)) => {
+            let does = match value as i32 {
+                0 => "it flies on in GUIDED",
+                2 => "it glides down",
+                3 => "it opens its parachute",
+                _ => "it does not simply come home",
+            };
+            let words = format!("{name} is {value}: on loss of this link {does}; expected 1");
+            point(about, Verdict::Doubtful, words)
+        }
+    }
+}
+
+fn fence(told: Option<(&'static str, f64)>, action: Option<(&'static str, f64)>) -> Point {
+    let about = "fence on board";
+    match told {
+        None => untold(about, FENCE_ENABLE),
+        Some((name, 0.0)) => {
+            let words = format!(
+                "off ({name} is 0): the mission's fence is kept by the bridge alone, and not without a link"
+            );
+            point(about, Verdict::Doubtful, words)
+        }
+        Some((name, value)) => {
+            let action = action.map_or(String::new(), |(n, v)| format!(", {n} is {v}"));
+            let words = format!("{name} is {value}{action}: it has to hold the mission's own");
+            point(about, Verdict::Right, words)
+        }
+    }
+}
+
+fn autoland(told: Option<(&'static str, f64)>) -> Point {
+    match told {
+        None => untold("landing", RTL_AUTOLAND),
+        Some((name, 0.0)) => {
+            let words = format!(
+                "{name} is 0: it does not land by itself, and refuses to arm with a DO_LAND_START on board; expected 1 or 2 and a landing sequence, or a pilot who lands it"
+            );
+            point("landing", Verdict::Doubtful, words)
+        }
+        Some((name, value)) => point(
+            "landing",
+            Verdict::Right,
+            format!("{name} is {value}: by a landing sequence, if one is on board"),
+        ),
+    }
+}
+
+/// The list as events, one a point, and one for the whole.
+pub(super) fn events(points: &[Point]) -> Vec<EventMessage> {
+    let count = |verdict: Verdict| points.iter().filter(|p| p.verdict == verdict).count();
+    let (doubtful, refused) = (count(Verdict::Doubtful), count(Verdict::Refused));
+    let mut events: Vec<EventMessage> = points
+        .iter()
+        .map(|p| {
+            let (severity, mark) = match p.verdict {
+                Verdict::Right => (Severity::Info, "right"),
+                Verdict::Doubtful => (Severity::Warning, "doubtful"),
+                Verdict::Refused => (Severity::Error, "refused"),
+            };
+            let text = format!("before take-off: {} ({mark}): {}", p.about, p.words);
+            event(severity, "checklist", text)
+        })
+        .collect();
+    let severity = match (doubtful, refused) {
+        (0, 0) => Severity::Info,
+        (_, 0) => Severity::Warning,
+        _ => Severity::Error,
+    };
+    let then = if refused > 0 {
+        "no take-off while it is so"
+    } else {
+        "it may take off"
+    };
+    let text = format!(
+        "before take-off: {} points looked at, {doubtful} doubtful, {refused} refused: {then}",
+        points.len()
+    );
+    events.push(event(severity, "checklist", text));
+    events
+}

@@ -161,6 +161,8 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         stop,
         at_once,
         comes_down: false,
+        duration_s: setup.scenario.mission.duration_s,
+        told_that_it_goes_on: false,
         outside,
         ground_station,
         team: setup
@@ -214,6 +216,9 @@ struct Flight {
     at_once: Arc<AtomicBool>,
     /// It was interrupted, and real vehicles come down.
     comes_down: bool,
+    /// Length of the mission, s.
+    duration_s: f64,
+    told_that_it_goes_on: bool,
     outside: Outside,
     ground_station: Option<GroundStation>,
     /// Ids of all vehicles.
@@ -226,6 +231,7 @@ impl Flight {
             if self.stop.load(Ordering::Relaxed) && !self.comes_down_first() {
                 break;
             }
+            self.tell_that_it_goes_on();
             self.obey();
             if self.paused {
                 self.outputs.flush()?;
@@ -261,6 +267,17 @@ impl Flight {
             );
         }
         Ok(())
+    }
+
+    /// Says once that the mission goes on beyond its time, since a real vehicle is not down.
+    fn tell_that_it_goes_on(&mut self) {
+        let over = self.run.now().s() > self.duration_s;
+        if over && !std::mem::replace(&mut self.told_that_it_goes_on, true) {
+            eprintln!(
+                "the mission's time is over; it goes on until the real vehicles are on the ground and disarmed, and an \
+                 interrupt calls all home"
+            );
+        }
     }
 
     /// Whether the run goes on after an interrupt, since a real vehicle is not down; the others are called home

@@ -87,6 +87,19 @@ impl SimulatedVehicle {
     /// # Errors
     /// A vehicle that the scenario does not have, or an aircraft that cannot fly.
     pub fn new(config: SimulatedConfig<'_>) -> Result<Self, VaError> {
+        Self::of(config, None)
+    }
+
+    /// A vehicle that goes on from `state`, another aircraft's: in the air as that flies, or on the ground where that
+    /// stands.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn taking_over(config: SimulatedConfig<'_>, state: &State) -> Result<Self, VaError> {
+        Self::of(config, Some(state))
+    }
+
+    fn of(config: SimulatedConfig<'_>, from: Option<&State>) -> Result<Self, VaError> {
         let SimulatedConfig {
             scenario,
             index,
@@ -103,13 +116,16 @@ impl SimulatedVehicle {
         let launch_heading_deg = wrap_deg(scenario.weather.wind_from_deg);
         let spec = scenario.dispersion_spec()?;
         Ok(Self {
-            sim: FlightSim::on_ground(
-                aircraft,
-                home.north_m,
-                home.east_m,
-                ground_amsl_m,
-                launch_heading_deg,
-            )?,
+            sim: match from {
+                Some(state) => flown_as(state, aircraft, &frame)?,
+                None => FlightSim::on_ground(
+                    aircraft,
+                    home.north_m,
+                    home.east_m,
+                    ground_amsl_m,
+                    launch_heading_deg,
+                )?,
+            },
             autopilot: Autopilot::new(aircraft),
             sensor: Sensor::new(&spec.sensor, &spec.mechanisms, &vehicle.id),
             rng: stream(scenario.mission.seed, &format!("va/{}/sensor", vehicle.id)),
@@ -128,7 +144,7 @@ impl SimulatedVehicle {
             sticks_at: None,
             events: Vec::new(),
             last_reading_s: 0.0,
-            climbed_out: false,
+            climbed_out: from.is_some_and(|state| state.airborne),
         })
     }
 
@@ -462,6 +478,44 @@ impl SimulatedVehicle {
             });
         }
     }
+}
+
+/// The aircraft in the place of another that is in `state`.
+fn flown_as(state: &State, aircraft: &Aircraft, frame: &LocalFrame) -> Result<FlightSim, VaError> {
+    let at = frame.to_enu(Geodetic {
+        lat_deg: state.lat_deg,
+        lon_deg: state.lon_deg,
+    });
+    let (north_m, east_m, heading_deg) = (at.north_m, at.east_m, state.heading_deg);
+    if !state.airborne {
+        let ground_amsl_m = state.alt_amsl_m - aircraft.ground.rest_height_m;
+        return Ok(FlightSim::on_ground(
+            aircraft,
+            north_m,
+            east_m,
+            ground_amsl_m,
+            heading_deg,
+        )?);
+    }
+    let limits = aircraft.limits;
+    let airspeed_m_s = state
+        .airspeed_m_s
+        .clamp(limits.airspeed_min_m_s, limits.airspeed_max_m_s);
+    let mut sim = FlightSim::airborne(
+        aircraft,
+        north_m,
+        east_m,
+        state.alt_amsl_m,
+        heading_deg,
+        airspeed_m_s,
+    )?;
+    let [roll, pitch, yaw] = [state.roll_deg, state.pitch_deg, heading_deg].map(f64::to_radians);
+    sim.set_motion(
+        state.vel_ned_m_s,
+        fdm::quaternion(roll, pitch, yaw),
+        [0.0; 3],
+    );
+    Ok(sim)
 }
 
 fn density_kg_m3(ambient: &Ambient) -> f64 {

@@ -435,7 +435,7 @@ fn swapped(
     let opened = tokio::task::block_in_place(|| {
         tokio::runtime::Handle::current().block_on(links.add(&name, &[address]))
     });
-    let user = opened.map_err(|e| refuse(e.to_string()))?;
+    let user = opened.map_err(|e| refuse(e.words()))?;
     if let (Member::Real(vehicle), Some(key)) = (&mut next, setup.signing_keys.get(&name)) {
         vehicle.sign(signing_from(key, now));
     }

@@ -549,3 +549,64 @@ fn hold_at(frame: &LocalFrame, state: &FlightState, airspeed_m_s: f64) -> Setpoi
 fn total_wind(ambient: &Ambient) -> [f64; 3] {
     std::array::from_fn(|k| ambient.wind_ned_m_s[k] + ambient.gust_ned_m_s[k])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AS_PONTES: &str = include_str!("../../../scenarios/as-pontes.toml");
+    const X8: &str = include_str!("../../../aircraft/x8.toml");
+
+    /// The first state of a vehicle that takes the place of one in `state`.
+    fn first(state: &State) -> State {
+        let scenario = Scenario::parse("as-pontes.toml", AS_PONTES).unwrap();
+        let aircraft = Aircraft::from_toml("x8.toml", X8).unwrap();
+        let config = SimulatedConfig {
+            scenario: &scenario,
+            index: 2,
+            aircraft: &aircraft,
+            ground_amsl_m: scenario.site.ground_amsl_m,
+        };
+        let mut vehicle = SimulatedVehicle::taking_over(config, state).unwrap();
+        vehicle.tick(SimTime::from_s(700.0), true).state.unwrap()
+    }
+
+    #[test]
+    fn one_that_takes_over_goes_on_where_the_other_was() {
+        let flying = State {
+            kind: VehicleKind::Real,
+            lat_deg: 43.4432,
+            lon_deg: -7.8511,
+            alt_amsl_m: 802.0,
+            vel_ned_m_s: [5.0, 19.0, -1.0],
+            roll_deg: 12.0,
+            pitch_deg: 4.0,
+            heading_deg: 80.0,
+            airspeed_m_s: 18.0,
+            throttle: 0.5,
+            airborne: true,
+        };
+        let next = first(&flying);
+        // A tick later: .02 s at 20 m/s.
+        assert!((next.lat_deg - flying.lat_deg).abs() < 1e-5);
+        assert!((next.lon_deg - flying.lon_deg).abs() < 1e-5);
+        assert!((next.alt_amsl_m - flying.alt_amsl_m).abs() < 0.1);
+        assert!((next.roll_deg - flying.roll_deg).abs() < 2.0);
+        assert!((next.heading_deg - flying.heading_deg).abs() < 1.0);
+        let off = |k: usize| next.vel_ned_m_s[k] - flying.vel_ned_m_s[k];
+        assert!(off(0).hypot(off(1)).hypot(off(2)) < 0.5, "{next:?}");
+        assert!(next.airborne && next.kind == VehicleKind::Simulated);
+
+        let standing = State {
+            alt_amsl_m: 341.0,
+            vel_ned_m_s: [0.0; 3],
+            airborne: false,
+            ..flying
+        };
+        let next = first(&standing);
+        assert!(
+            !next.airborne && (next.alt_amsl_m - 341.0).abs() < 0.01,
+            "{next:?}"
+        );
+    }
+}

@@ -77,6 +77,9 @@ pub struct RunArguments {
     /// Make the last N vehicles of the team stand-ins for real ones, the others simulated
     #[arg(long, value_name = "N")]
     pub real_stand_ins: Option<usize>,
+    /// Let the real aircraft on that link be the vehicle; may be repeated
+    #[arg(long, value_name = "ID=LINK")]
+    pub real: Vec<String>,
 }
 
 impl RunArguments {
@@ -88,10 +91,22 @@ impl RunArguments {
         let setup = mission_files::load_changed(&self.scenario, self.seed, self.duration)?;
         let mut setup = mission_files::for_gas(setup, self.gas)?;
         setup.scenario.gap.adopt |= self.adopt;
-        match self.real_stand_ins {
-            Some(count) => setup.with_stand_ins(count).map_err(Failure::input),
-            None => Ok(setup),
+        if let Some(count) = self.real_stand_ins {
+            setup = setup.with_stand_ins(count).map_err(Failure::input)?;
         }
+        for real in &self.real {
+            let wrong = || {
+                Failure::usage(format!(
+                    "--real {real}: expected ID=LINK, such as 3=udpin:0.0.0.0:14550"
+                ))
+            };
+            let (id, link) = real.split_once('=').ok_or_else(wrong)?;
+            // A link that is none is found out now, not in flight.
+            let link: LinkAddress = link.parse().map_err(Failure::input)?;
+            let index = setup.index_of(id).map_err(Failure::input)?;
+            setup = setup.with_real(index, link.to_string());
+        }
+        Ok(setup)
     }
 
     /// What is fed in; rows are said as fast as they were read.

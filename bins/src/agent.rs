@@ -9,11 +9,12 @@ use mav_bridge::link::LinkAddress;
 use mav_bridge::signing::SigningConfig;
 use mission::real_vehicle::{LinkOptions, RealVehicle};
 use mission::setup::SigningKey;
-use mission::{Member, Setup, team};
+use mission::{Member, MissionError, Setup, team};
 use net::realtime::MissionClock;
 use net::{DEFAULT_ENDPOINT, Net, NetOptions, TlsFiles, lockstep, realtime};
 use plume::Gas;
 use protocol::key::Name;
+use protocol::message::Swap;
 use protocol::{Agent as _, SimTime};
 use scenario::tables::VehicleKind;
 use std::path::PathBuf;
@@ -356,6 +357,10 @@ async fn fly_in_real_time(
             over && all_down(members)
         },
         |k, member| {
+            if let Some(swap) = member.take_swap() {
+                let swapped = swap_now(member, &swap, setup, clock.now(), &mut links);
+                served[k] = swapped.unwrap_or(served[k]);
+            }
             if let (Some(user), Member::Real(vehicle)) = (served[k], &mut *member) {
                 if Some(k) == first_served {
                     words = typed
@@ -379,6 +384,62 @@ async fn fly_in_real_time(
     )
     .await?;
     Ok(())
+}
+
+/// Puts another aircraft in the place of `member`, as the operator wants; gives its number among the links, none for a
+/// simulated one. The outer none where it is refused.
+fn swap_now(
+    member: &mut Member,
+    swap: &Swap,
+    setup: &Setup,
+    now: SimTime,
+    links: &mut Links,
+) -> Option<Option<usize>> {
+    let made = swapped(member, swap, setup, now, links);
+    let words = match &swap.link {
+        Some(link) => format!("a real aircraft on {link} from now on"),
+        None => "a simulated aircraft from now on".to_owned(),
+    };
+    match made {
+        Ok((mut next, user)) => {
+            next.answer_swap(Ok(&words));
+            *member = next;
+            Some(user)
+        }
+        Err(why) => {
+            member.answer_swap(Err(&why));
+            None
+        }
+    }
+}
+
+fn swapped(
+    member: &Member,
+    swap: &Swap,
+    setup: &Setup,
+    now: SimTime,
+    links: &mut Links,
+) -> Result<(Member, Option<usize>), MissionError> {
+    let name = member.id().name().to_string();
+    let index = setup.index_of(&name)?;
+    let mut next = member.swapped(setup, index, swap)?;
+    let Some(link) = &swap.link else {
+        links.forget(&name);
+        return Ok((next, None));
+    };
+    let refuse = |why: String| MissionError::Request(format!("link {link}: {why}"));
+    let address = link
+        .parse()
+        .map_err(|e: mav_bridge::BridgeError| refuse(e.to_string()))?;
+    // A socket is opened in no time; the tick waits for it.
+    let opened = tokio::task::block_in_place(|| {
+        tokio::runtime::Handle::current().block_on(links.add(&name, &[address]))
+    });
+    let user = opened.map_err(|e| refuse(e.words()))?;
+    if let (Member::Real(vehicle), Some(key)) = (&mut next, setup.signing_keys.get(&name)) {
+        vehicle.sign(signing_from(key, now));
+    }
+    Ok((next, Some(user)))
 }
 
 /// Whether no vehicle behind a link is in the air or armed; those that are are told that the mission is over.

@@ -21,6 +21,12 @@ impl Failure {
     pub fn usage(message: impl Into<String>) -> Self {
         Self::Input(anyhow::Error::msg(message.into()))
     }
+
+    /// What went wrong, with its causes.
+    pub fn words(&self) -> String {
+        let (Self::Input(error) | Self::Run(error)) = self;
+        message_with_causes(error)
+    }
 }
 
 impl<E: Into<anyhow::Error>> From<E> for Failure {

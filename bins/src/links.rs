@@ -68,6 +68,14 @@ impl Links {
         Ok(self.users.len() - 1)
     }
 
+    /// Takes the vehicle `id` off its links.
+    pub fn forget(&mut self, id: &str) {
+        for user in self.users.iter_mut().filter(|user| user.id == id) {
+            user.links.clear();
+            user.waiting.clear();
+        }
+    }
+
     /// Moves bytes between the links of the vehicle with the number `user` and its bridge, and says on the
     /// console what a person at the vehicle should know.
     pub fn serve(&mut self, user: usize, vehicle: &mut RealVehicle) {

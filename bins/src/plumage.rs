@@ -2,7 +2,8 @@
 
 use clap::{Parser, Subcommand};
 use programs::commands::{
-    calibrate, campaign, conduct, control, fdm_server, feed, gap, import, plan, replay, run, tune,
+    calibrate, campaign, conduct, control, fdm_server, feed, gap, import, plan, replay, run, swap,
+    tune,
 };
 use programs::failure;
 use std::process::ExitCode;
@@ -30,6 +31,8 @@ enum Command {
     Conduct(conduct::ConductArguments),
     /// Hand vehicles back or take them over in a mission that runs in processes
     Control(control::ControlArguments),
+    /// Put another aircraft in a vehicle's place in a mission that runs in processes
+    Swap(swap::SwapArguments),
     /// Pass observations into a mission that runs in processes, as a real vehicle's
     Feed(feed::FeedArguments),
     /// Read a recording and, with --verify, fly it again and compare
@@ -52,6 +55,7 @@ fn main() -> ExitCode {
         Command::Import(arguments) => import::import(arguments),
         Command::Conduct(arguments) => conduct::conduct(arguments),
         Command::Control(arguments) => control::control(arguments),
+        Command::Swap(arguments) => swap::swap(arguments),
         Command::Feed(arguments) => feed::feed(arguments),
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Campaign(arguments) => campaign::campaign(arguments),

@@ -3,6 +3,7 @@
 
 use crate::{Failure, agent};
 use clap::ValueEnum;
+use mission::Setup;
 use net::Net;
 use net::realtime::MissionClock;
 use protocol::key::Name;
@@ -57,8 +58,6 @@ pub fn control(arguments: &ControlArguments) -> Result<(), Failure> {
         }
         arguments.vehicles.clone()
     };
-    let names: Result<Vec<AgentId>, _> = ids.iter().map(|id| AgentId::va(id)).collect();
-    let names = names.map_err(Failure::input)?;
     let control = Control {
         wish: match arguments.wish {
             Wish::HandBack => ControlWish::HandBack,
@@ -67,14 +66,63 @@ pub fn control(arguments: &ControlArguments) -> Result<(), Failure> {
         },
         sticks: None,
     };
+    let told = |id: &String| {
+        Ok(Told {
+            to: AgentId::va(id).map_err(Failure::input)?,
+            topic: Topic::Control(Name::new(id).map_err(Failure::input)?),
+            message: Message::Control(control),
+        })
+    };
+    let told: Result<Vec<Told>, Failure> = ids.iter().map(told).collect();
+    let answered = arguments.wish == Wish::HandBack;
+    tell(
+        &arguments.bus,
+        &setup,
+        told?,
+        answered.then_some(hand_back_taken),
+    )?;
+    if !answered {
+        let wish = arguments.wish.to_possible_value();
+        let wish = wish.map_or(String::new(), |v| v.get_name().to_owned());
+        println!("Told {}: {wish}", ids.join(", "));
+    }
+    Ok(())
+}
+
+/// What the operator tells a vehicle.
+pub(super) struct Told {
+    /// Whom.
+    pub to: AgentId,
+    /// Where it is said.
+    pub topic: Topic,
+    /// What.
+    pub message: Message,
+}
+
+/// Whether an event answers what was told, and whether that was taken.
+pub(super) type Answer = fn(&EventMessage) -> Option<bool>;
+
+/// Tells vehicles of a mission something in the operator's name; with `answer` their answers are waited for and
+/// printed.
+///
+/// # Errors
+/// Vehicles that are not present, a mission without time, and what is refused or not answered.
+pub(super) fn tell(
+    bus: &agent::BusArguments,
+    setup: &Setup,
+    told: Vec<Told>,
+    answer: Option<Answer>,
+) -> Result<(), Failure> {
+    let names: Vec<AgentId> = told.iter().map(|told| told.to.clone()).collect();
     agent::block_on(async {
-        let mut net = arguments.bus.open(&setup, false).await?;
+        let mut net = bus.open(setup, false).await?;
         let patience = Duration::from_secs(PATIENCE_S);
         let found = tokio::time::timeout(patience, net.wait_for(&names)).await;
         if found.is_err() {
+            let names: Vec<String> = names.iter().map(ToString::to_string).collect();
             return Err(Failure::Run(anyhow::anyhow!(
-                "not all of vehicles {} are on the bus within {PATIENCE_S} s",
-                ids.join(", ")
+                "not all of {} are on the bus within {PATIENCE_S} s",
+                names.join(", ")
             )));
         }
         let asked = tokio::time::timeout(patience, MissionClock::ask(&net)).await;
@@ -89,35 +137,32 @@ pub fn control(arguments: &ControlArguments) -> Result<(), Failure> {
             .map(|name| Interest::One(Topic::Event(name.clone())))
             .collect();
         net.subscribe(&answers).await?;
-        for (k, id) in ids.iter().enumerate() {
+        for (k, told) in told.into_iter().enumerate() {
             let envelope = Envelope {
                 sender: AgentId::operator(),
                 sequence: k as u64 + 1,
                 time: clock.now(),
-                message: Message::Control(control),
+                message: told.message,
             };
-            let topic = Topic::Control(Name::new(id).map_err(Failure::input)?);
-            net.publish(&topic, &envelope).await?;
+            net.publish(&told.topic, &envelope).await?;
         }
-        if arguments.wish == Wish::HandBack {
-            let refused = print_answers(&mut net, &names).await;
-            net.close().await?;
-            return refused;
-        }
-        tokio::time::sleep(Duration::from_millis(LEAVE_MS)).await;
+        let answered = match answer {
+            Some(answer) => print_answers(&mut net, &names, answer).await,
+            None => {
+                tokio::time::sleep(Duration::from_millis(LEAVE_MS)).await;
+                Ok(())
+            }
+        };
         net.close().await?;
-        let wish = arguments.wish.to_possible_value();
-        let wish = wish.map_or(String::new(), |v| v.get_name().to_owned());
-        println!("Told {}: {wish}", ids.join(", "));
-        Ok(())
+        answered
     })
 }
 
-/// Prints what each vehicle answers to a hand-back.
+/// Prints what each vehicle answers.
 ///
 /// # Errors
 /// One that refuses, or does not answer.
-async fn print_answers(net: &mut Net, names: &[AgentId]) -> Result<(), Failure> {
+async fn print_answers(net: &mut Net, names: &[AgentId], answer: Answer) -> Result<(), Failure> {
     let deadline = tokio::time::Instant::now() + Duration::from_secs(ANSWER_S);
     let mut answers: BTreeMap<AgentId, (bool, String)> = BTreeMap::new();
     while answers.len() < names.len() {
@@ -150,7 +195,7 @@ async fn print_answers(net: &mut Net, names: &[AgentId]) -> Result<(), Failure> 
 }
 
 /// Whether an event answers a hand-back, and whether it was taken.
-fn answer(event: &EventMessage) -> Option<bool> {
+fn hand_back_taken(event: &EventMessage) -> Option<bool> {
     match event.code.as_str() {
         "hand-back" | "guided" => Some(true),
         "hand-back-refused" | "hand-back-failed" => Some(false),

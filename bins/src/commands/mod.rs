@@ -11,4 +11,5 @@ pub mod import;
 pub mod plan;
 pub mod replay;
 pub mod run;
+pub mod swap;
 pub mod tune;

@@ -78,6 +78,9 @@ pub struct RunArguments {
     /// Make the last N vehicles of the team stand-ins for real ones, the others simulated
     #[arg(long, value_name = "N")]
     pub real_stand_ins: Option<usize>,
+    /// Let the real aircraft on that link be the vehicle; may be repeated
+    #[arg(long, value_name = "ID=LINK")]
+    pub real: Vec<String>,
 }
 
 impl RunArguments {
@@ -89,10 +92,22 @@ impl RunArguments {
         let setup = mission_files::load_changed(&self.scenario, self.seed, self.duration)?;
         let mut setup = mission_files::for_gas(setup, self.gas)?;
         setup.scenario.gap.adopt |= self.adopt;
-        match self.real_stand_ins {
-            Some(count) => setup.with_stand_ins(count).map_err(Failure::input),
-            None => Ok(setup),
+        if let Some(count) = self.real_stand_ins {
+            setup = setup.with_stand_ins(count).map_err(Failure::input)?;
         }
+        for real in &self.real {
+            let wrong = || {
+                Failure::usage(format!(
+                    "--real {real}: expected ID=LINK, such as 3=udpin:0.0.0.0:14550"
+                ))
+            };
+            let (id, link) = real.split_once('=').ok_or_else(wrong)?;
+            // A link that is none is found out now, not in flight.
+            let link: LinkAddress = link.parse().map_err(Failure::input)?;
+            let index = setup.index_of(id).map_err(Failure::input)?;
+            setup = setup.with_real(index, link.to_string());
+        }
+        Ok(setup)
     }
 
     /// What is fed in; rows are said as fast as they were read.
@@ -162,6 +177,8 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         stop,
         at_once,
         comes_down: false,
+        duration_s: setup.scenario.mission.duration_s,
+        told_that_it_goes_on: false,
         outside,
         ground_station,
         team: setup
@@ -215,6 +232,9 @@ struct Flight {
     at_once: Arc<AtomicBool>,
     /// It was interrupted, and real vehicles come down.
     comes_down: bool,
+    /// Length of the mission, s.
+    duration_s: f64,
+    told_that_it_goes_on: bool,
     outside: Outside,
     ground_station: Option<GroundStation>,
     /// Ids of all vehicles.
@@ -227,6 +247,7 @@ impl Flight {
             if self.stop.load(Ordering::Relaxed) && !self.comes_down_first() {
                 break;
             }
+            self.tell_that_it_goes_on();
             self.obey();
             if self.paused {
                 self.outputs.flush()?;
@@ -262,6 +283,17 @@ impl Flight {
             );
         }
         Ok(())
+    }
+
+    /// Says once that the mission goes on beyond its time, since a real vehicle is not down.
+    fn tell_that_it_goes_on(&mut self) {
+        let over = self.run.now().s() > self.duration_s;
+        if over && !std::mem::replace(&mut self.told_that_it_goes_on, true) {
+            eprintln!(
+                "the mission's time is over; it goes on until the real vehicles are on the ground and disarmed, and an \
+                 interrupt calls all home"
+            );
+        }
     }
 
     /// Whether the run goes on after an interrupt, since a real vehicle is not down; the others are called home

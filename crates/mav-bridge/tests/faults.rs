@@ -195,6 +195,7 @@ fn of_two_vehicles_neither_is_commanded_until_one_is_asked_for() {
         assert_eq!(told.len(), 1);
         assert!(told[0].contains(&format!("systems {} and {}", order[0], order[1])));
         assert!(told[0].contains("expected system_id"));
+        assert!(bench.said("link-lost").is_empty());
     }
 }
 

@@ -143,6 +143,10 @@ impl RealVehicle {
         &self.va
     }
 
+    pub(crate) fn aircraft_mut(&mut self) -> &mut VirtualAircraft {
+        &mut self.va
+    }
+
     /// The owner's end of the link; none where a stand-in is at the far end.
     pub fn link(&mut self) -> Option<&mut LinkBuffers> {
         match &mut self.far_end {

@@ -198,6 +198,16 @@ impl Setup {
         Ok(self)
     }
 
+    /// The same with a real aircraft on `link` as the vehicle at `index` of the team.
+    #[must_use]
+    pub fn with_real(mut self, index: usize, link: String) -> Self {
+        if let Some(vehicle) = self.scenario.vehicles.get_mut(index) {
+            vehicle.kind = VehicleKind::Mavlink;
+            vehicle.link = vec![link];
+        }
+        self
+    }
+
     /// The aircraft of the vehicle at `index` of the team.
     ///
     /// # Errors

@@ -70,23 +70,15 @@ impl Member {
         })
     }
 
-    /// The vehicle at `index` of the team behind a link that the caller serves, whatever the
-    /// scenario says of its kind but simulated.
+    /// The vehicle at `index` of the team behind links that the caller serves, whatever the scenario says of its kind.
     ///
     /// # Errors
-    /// A vehicle whose air and readings the team takes for simulated.
+    /// A scenario that describes no air.
     pub fn linked(
         setup: &Setup,
         index: usize,
         options: &LinkOptions,
     ) -> Result<Self, MissionError> {
-        let name = setup.name_of(index)?;
-        if setup.scenario.vehicles[index].kind == VehicleKind::Simulated {
-            return Err(MissionError::Request(format!(
-                "vehicle {name} is simulated in the scenario: expected kind = \"mavlink\" or \
-                 \"stand-in\" for one behind a link"
-            )));
-        }
         let vehicle = RealVehicle::with_link(setup, index, options)?;
         Ok(Self::Real(Box::new(vehicle)))
     }

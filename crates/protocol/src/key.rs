@@ -207,6 +207,8 @@ pub enum Topic {
     Setpoint(Name),
     /// `va/<id>/control`, written by the operator
     Control(Name),
+    /// `va/<id>/swap`, written by the operator
+    Swap(Name),
     /// `va/<id>/destination`, written by a search strategy outside the program in the operator's name
     Destination(Name),
     /// `va/<id>/mavlink/rx`: raw frames from the vehicle
@@ -243,6 +245,7 @@ impl Topic {
             Self::Event(agent) => format!("{agent}/event"),
             Self::Setpoint(va) => format!("va/{va}/setpoint"),
             Self::Control(va) => format!("va/{va}/control"),
+            Self::Swap(va) => format!("va/{va}/swap"),
             Self::Destination(va) => format!("va/{va}/destination"),
             Self::MavlinkRx(va) => format!("va/{va}/mavlink/rx"),
             Self::MavlinkTx(va) => format!("va/{va}/mavlink/tx"),
@@ -275,6 +278,7 @@ impl Topic {
             ["va", id, "mode"] => Self::Mode(Name::new(id)?),
             ["va", id, "setpoint"] => Self::Setpoint(Name::new(id)?),
             ["va", id, "control"] => Self::Control(Name::new(id)?),
+            ["va", id, "swap"] => Self::Swap(Name::new(id)?),
             ["va", id, "destination"] => Self::Destination(Name::new(id)?),
             ["va", id, "mavlink", "rx"] => Self::MavlinkRx(Name::new(id)?),
             ["va", id, "mavlink", "tx"] => Self::MavlinkTx(Name::new(id)?),
@@ -325,7 +329,7 @@ impl Topic {
             | Self::Plan
             | Self::Extension => AgentId::sc(),
             Self::Tick => AgentId::clock(),
-            Self::Control(_) | Self::Destination(_) => AgentId::operator(),
+            Self::Control(_) | Self::Swap(_) | Self::Destination(_) => AgentId::operator(),
         }
     }
 
@@ -392,6 +396,7 @@ mod tests {
             Topic::Event(AgentId::sc()),
             Topic::Setpoint(va.clone()),
             Topic::Control(va.clone()),
+            Topic::Swap(va.clone()),
             Topic::Destination(va.clone()),
             Topic::MavlinkRx(va.clone()),
             Topic::MavlinkTx(va.clone()),

@@ -134,6 +134,17 @@ pub struct Control {
     pub sticks: Option<Sticks>,
 }
 
+/// What flies a vehicle of the team from now on (`va/<id>/swap`).
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Swap {
+    /// The MAVLink link of the real aircraft that takes its place, such as `udpin:0.0.0.0:14550`; none: a simulated
+    /// one does, from where it is.
+    pub link: Option<String>,
+    /// Whether the bridge may arm the motor of the real one.
+    #[serde(default)]
+    pub may_arm: bool,
+}
+
 /// Where a search strategy outside the program wants a vehicle to look next (`va/<id>/destination`): the squadron
 /// controller sends it there, within its own rules, while `search.strategy` is `outside`. A simulated vehicle that
 /// an operator has taken over flies there itself, and circles there until its sticks are moved or it is handed
@@ -605,6 +616,8 @@ pub enum Message {
     Weather(Weather),
     /// On [`Topic::Destination`].
     Destination(Destination),
+    /// On [`Topic::Swap`].
+    Swap(Swap),
 }
 
 /// Writes the matches that go through all kinds of messages once.
@@ -657,6 +670,7 @@ for_each_kind! {
     Control, Control, "Control", Topic::Control(_),
     Weather, Weather, "Weather", Topic::Weather,
     Destination, Destination, "Destination", Topic::Destination(_),
+    Swap, Swap, "Swap", Topic::Swap(_),
 }
 
 impl Message {

@@ -32,7 +32,7 @@ use crate::passes::PassRange;
 use crate::plume_estimate::PlumeEstimate;
 use crate::route_graph::RouteGraph;
 use crate::separation::Separation;
-use crate::tasks::Tasks;
+use crate::tasks::{Tasks, VehicleTask};
 use scenario::airspace::Airspace;
 
 /// Time between two decisions, s.
@@ -301,12 +301,32 @@ impl SquadronController {
     fn handle_state(&mut self, name: &Name, state: &State, time: SimTime, out: &mut Outbox) {
         if let Some(index) = self.fleet.index_of(name) {
             self.fleet.observe(index, state, time);
+            let real = state.kind == Kind::Real;
+            if self.fleet.vehicles[index].real != real {
+                self.swap(index, real, out);
+            }
         } else if state.kind == Kind::Real && self.fleet.observe_other(name, state, time) {
             let words = format!(
                 "vehicle {name}, not of the team, is heard: its readings count, and the team keeps clear of it"
             );
             out.event(&self.id, Severity::Info, "other-heard", words);
         }
+    }
+
+    /// Goes on with another aircraft in a vehicle's place: a real one for a simulated one, or the other way round. It
+    /// has no orders yet, and where it stands on the ground it has to take off.
+    fn swap(&mut self, index: usize, real: bool, out: &mut Outbox) {
+        self.fleet.swap(index, real);
+        let airborne = self.fleet.vehicles[index].track.is_some_and(|t| t.airborne);
+        self.tasks.each[index] = match (airborne, self.phase) {
+            (false, _) => VehicleTask::Parked,
+            (true, Phase::Home) => VehicleTask::Returning,
+            (true, _) => VehicleTask::Idle,
+        };
+        let what = if real { "a real" } else { "a simulated" };
+        let name = &self.fleet.vehicles[index].name;
+        let words = format!("vehicle {name} is {what} aircraft from now on");
+        out.event(&self.id, Severity::Info, "swapped", words);
     }
 
     fn handle_reading(&mut self, name: &Name, reading: &Reading, said: SimTime, out: &mut Outbox) {

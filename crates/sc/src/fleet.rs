@@ -238,6 +238,17 @@ impl Fleet {
         self.vehicles.iter().position(|v| v.name == *name)
     }
 
+    /// Another aircraft is in the place of one: what that was to do is void.
+    pub(crate) fn swap(&mut self, index: usize, real: bool) {
+        let vehicle = &mut self.vehicles[index];
+        vehicle.real = real;
+        vehicle.circle_m = if real { LINKED_CIRCLE_M } else { CIRCLE_M };
+        vehicle.order = None;
+        vehicle.approach = None;
+        vehicle.route.clear();
+        vehicle.parts.clear();
+    }
+
     /// Takes in a vehicle's state; one that is not finite is passed over.
     pub fn observe(&mut self, index: usize, state: &State, time: SimTime) {
         if let Some(track) = self.track(state, time) {

@@ -135,6 +135,44 @@ fn a_vehicle_that_a_pilot_flies_is_left_alone_and_told_again_when_handed_back() 
 }
 
 #[test]
+fn an_aircraft_that_takes_a_place_in_flight_is_given_orders_and_one_on_the_ground_takes_off() {
+    let mut mini = Miniature::new(as_pontes(1));
+    while mini.time_s < 700.0 {
+        mini.second();
+    }
+    // A real one where a simulated one flew: it passes through the plume with the other.
+    mini.team[2].real = true;
+    let swapped_s = mini.time_s;
+    while mini.time_s < 800.0 {
+        mini.second();
+    }
+    assert!(
+        mini.events
+            .iter()
+            .any(|e| e.starts_with("swapped: vehicle 3 is a real"))
+    );
+    assert!(
+        mini.sent
+            .iter()
+            .any(|t| t.vehicle == 2 && t.time_s > swapped_s)
+    );
+    // One that stands at its home.
+    let home = mini.home_of(3);
+    mini.team[3].real = true;
+    mini.team[3].at = home;
+    mini.team[3].airborne = false;
+    mini.team[3].order = None;
+    let grounded_s = mini.time_s;
+    while mini.time_s < 1000.0 {
+        mini.second();
+    }
+    let takes_off = |t: &&common::SentSetpoint| t.vehicle == 3 && t.time_s > grounded_s;
+    let first = mini.sent.iter().find(takes_off).unwrap();
+    assert_eq!(first.path, PathKind::TakeOff);
+    assert_safe(&mini);
+}
+
+#[test]
 fn the_same_seed_gives_the_same_setpoints() {
     let sent = |seed: u64| {
         let mut scenario = as_pontes(1);

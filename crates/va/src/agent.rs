@@ -6,7 +6,9 @@ use crate::safety_monitor::SafetyMonitor;
 use crate::simulated::SimulatedVehicle;
 use protocol::control_level::ControlEvent;
 use protocol::key::Name;
-use protocol::message::{Control, ControlWish, EventMessage, Mode, Setpoint, Severity};
+use protocol::message::{
+    Control, ControlLevel, ControlWish, EventMessage, Mode, Setpoint, Severity, Swap,
+};
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
 
 /// Time between two states and two readings, s.
@@ -26,6 +28,10 @@ pub struct VirtualAircraft {
     name: Name,
     backend: VehicleBackend,
     monitor: SafetyMonitor,
+    /// What the operator wants in its place.
+    swap: Option<Swap>,
+    /// Events of its host that are not said yet.
+    told: Vec<EventMessage>,
     next_report_s: f64,
     last_mode: Option<Mode>,
 }
@@ -40,11 +46,14 @@ impl VirtualAircraft {
         backend: VehicleBackend,
         monitor: SafetyMonitor,
     ) -> Result<Self, VaError> {
+        let real = matches!(backend, VehicleBackend::Bridged(_));
         Ok(Self {
             id: AgentId::va(name)?,
             name: Name::new(name)?,
             backend,
-            monitor,
+            monitor: monitor.of_kind(real),
+            swap: None,
+            told: Vec::new(),
             next_report_s: 0.0,
             last_mode: None,
         })
@@ -58,6 +67,21 @@ impl VirtualAircraft {
     /// What flies, to hand a bridge's report to it or take its setpoints.
     pub fn backend_mut(&mut self) -> &mut VehicleBackend {
         &mut self.backend
+    }
+
+    /// Who flies it, as it was last said; none before.
+    pub fn level(&self) -> Option<ControlLevel> {
+        self.last_mode.as_ref().map(|mode| mode.level)
+    }
+
+    /// Lets it say an event of its host's at its next tick.
+    pub fn tell(&mut self, event: EventMessage) {
+        self.told.push(event);
+    }
+
+    /// What the operator wants in its place, once.
+    pub fn take_swap(&mut self) -> Option<Swap> {
+        self.swap.take()
     }
 
     pub(crate) fn monitor(&self) -> &SafetyMonitor {
@@ -138,7 +162,7 @@ impl VirtualAircraft {
             self.last_mode = Some(mode.clone());
             out.say(Topic::Mode(self.name.clone()), Message::Mode(mode));
         }
-        for event in report.events {
+        for event in self.told.drain(..).chain(report.events) {
             out.say(Topic::Event(self.id.clone()), Message::Event(event));
         }
     }
@@ -150,17 +174,14 @@ impl Agent for VirtualAircraft {
     }
 
     fn interests(&self) -> Vec<Interest> {
-        // What each kind gets from the world simulator, and so knows it alive by.
-        let world = if self.monitor.is_real() {
-            Topic::Model
-        } else {
-            Topic::Ambient(self.name.clone())
-        };
+        // Another kind of aircraft may take its place: what either gets from the world simulator is heard.
         vec![
             Interest::One(Topic::Setpoint(self.name.clone())),
             Interest::One(Topic::Control(self.name.clone())),
             Interest::One(Topic::Destination(self.name.clone())),
-            Interest::One(world),
+            Interest::One(Topic::Swap(self.name.clone())),
+            Interest::One(Topic::Ambient(self.name.clone())),
+            Interest::One(Topic::Model),
             Interest::One(Topic::Plan),
         ]
     }
@@ -177,6 +198,7 @@ impl Agent for VirtualAircraft {
                             backend.send_to(place);
                         }
                     }
+                    Message::Swap(swap) => self.swap = Some(swap.clone()),
                     Message::Ambient(ambient) => {
                         if let VehicleBackend::Simulated(backend) = &mut self.backend {
                             backend.ambient(ambient);

@@ -78,7 +78,7 @@ impl BridgedVehicle {
     }
 
     /// The last state received.
-    pub(crate) fn last_state(&self) -> Option<&State> {
+    pub fn last_state(&self) -> Option<&State> {
         self.last.as_ref()
     }
 

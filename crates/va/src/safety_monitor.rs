@@ -108,15 +108,11 @@ impl SafetyMonitor {
             frame,
             real,
             controller: Watchdog::new(Danger::SquadronController, CONTROLLER_S),
-            world: Watchdog::new(Danger::World, if real { MODEL_S } else { AMBIENT_S }),
+            world: Watchdog::new(Danger::World, AMBIENT_S),
             fence_broken: false,
             pauses: Pauses::default(),
-        })
-    }
-
-    /// Whether the vehicle is a real one.
-    pub(crate) fn is_real(&self) -> bool {
-        self.real
+        }
+        .of_kind(real))
     }
 
     /// Height of the ground at the site's origin, m above mean sea level.
@@ -136,11 +132,24 @@ impl SafetyMonitor {
         }
     }
 
-    /// Resets the watchdog of whoever has sent `message`.
+    /// The same for a vehicle that is real or simulated, whatever the scenario has in its place.
+    #[must_use]
+    pub(crate) fn of_kind(self, real: bool) -> Self {
+        let world_s = if real { MODEL_S } else { AMBIENT_S };
+        Self {
+            real,
+            world: Watchdog::new(Danger::World, world_s),
+            ..self
+        }
+    }
+
+    /// Resets the watchdog of whoever has sent `message`. A real vehicle knows the world alive by its model, a
+    /// simulated one by its own air.
     pub(crate) fn observe(&mut self, message: &Message, now: SimTime) {
         match message {
             Message::Plan(_) | Message::Setpoint(_) => self.controller.last_received = Some(now),
-            Message::Ambient(_) | Message::Model(_) => self.world.last_received = Some(now),
+            Message::Ambient(_) if !self.real => self.world.last_received = Some(now),
+            Message::Model(_) if self.real => self.world.last_received = Some(now),
             _ => {}
         }
     }

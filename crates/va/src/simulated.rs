@@ -89,6 +89,19 @@ impl SimulatedVehicle {
     /// # Errors
     /// A vehicle that the scenario does not have, or an aircraft that cannot fly.
     pub fn new(config: SimulatedConfig<'_>) -> Result<Self, VaError> {
+        Self::of(config, None)
+    }
+
+    /// A vehicle that goes on from `state`, another aircraft's: in the air as that flies, or on the ground where that
+    /// stands.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn taking_over(config: SimulatedConfig<'_>, state: &State) -> Result<Self, VaError> {
+        Self::of(config, Some(state))
+    }
+
+    fn of(config: SimulatedConfig<'_>, from: Option<&State>) -> Result<Self, VaError> {
         let SimulatedConfig {
             scenario,
             index,
@@ -105,13 +118,16 @@ impl SimulatedVehicle {
         let launch_heading_deg = wrap_deg(scenario.weather.wind_from_deg);
         let spec = scenario.dispersion_spec()?;
         Ok(Self {
-            sim: FlightSim::on_ground(
-                aircraft,
-                home.north_m,
-                home.east_m,
-                ground_amsl_m,
-                launch_heading_deg,
-            )?,
+            sim: match from {
+                Some(state) => flown_as(state, aircraft, &frame)?,
+                None => FlightSim::on_ground(
+                    aircraft,
+                    home.north_m,
+                    home.east_m,
+                    ground_amsl_m,
+                    launch_heading_deg,
+                )?,
+            },
             autopilot: Autopilot::new(aircraft),
             sensor: Sensor::new(&spec.sensor, &spec.mechanisms, &vehicle.id),
             rng: stream(scenario.mission.seed, &format!("va/{}/sensor", vehicle.id)),
@@ -131,7 +147,7 @@ impl SimulatedVehicle {
             sent_to: None,
             events: Vec::new(),
             last_reading_s: 0.0,
-            climbed_out: false,
+            climbed_out: from.is_some_and(|state| state.airborne),
         })
     }
 
@@ -497,6 +513,44 @@ impl SimulatedVehicle {
     }
 }
 
+/// The aircraft in the place of another that is in `state`.
+fn flown_as(state: &State, aircraft: &Aircraft, frame: &LocalFrame) -> Result<FlightSim, VaError> {
+    let at = frame.to_enu(Geodetic {
+        lat_deg: state.lat_deg,
+        lon_deg: state.lon_deg,
+    });
+    let (north_m, east_m, heading_deg) = (at.north_m, at.east_m, state.heading_deg);
+    if !state.airborne {
+        let ground_amsl_m = state.alt_amsl_m - aircraft.ground.rest_height_m;
+        return Ok(FlightSim::on_ground(
+            aircraft,
+            north_m,
+            east_m,
+            ground_amsl_m,
+            heading_deg,
+        )?);
+    }
+    let limits = aircraft.limits;
+    let airspeed_m_s = state
+        .airspeed_m_s
+        .clamp(limits.airspeed_min_m_s, limits.airspeed_max_m_s);
+    let mut sim = FlightSim::airborne(
+        aircraft,
+        north_m,
+        east_m,
+        state.alt_amsl_m,
+        heading_deg,
+        airspeed_m_s,
+    )?;
+    let [roll, pitch, yaw] = [state.roll_deg, state.pitch_deg, heading_deg].map(f64::to_radians);
+    sim.set_motion(
+        state.vel_ned_m_s,
+        fdm::quaternion(roll, pitch, yaw),
+        [0.0; 3],
+    );
+    Ok(sim)
+}
+
 fn density_kg_m3(ambient: &Ambient) -> f64 {
     let air = Air {
         temperature_k: ambient.temperature_k,
@@ -527,4 +581,65 @@ fn hold_at(frame: &LocalFrame, state: &FlightState, airspeed_m_s: f64) -> Setpoi
 
 fn total_wind(ambient: &Ambient) -> [f64; 3] {
     std::array::from_fn(|k| ambient.wind_ned_m_s[k] + ambient.gust_ned_m_s[k])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AS_PONTES: &str = include_str!("../../../scenarios/as-pontes.toml");
+    const X8: &str = include_str!("../../../aircraft/x8.toml");
+
+    /// The first state of a vehicle that takes the place of one in `state`.
+    fn first(state: &State) -> State {
+        let scenario = Scenario::parse("as-pontes.toml", AS_PONTES).unwrap();
+        let aircraft = Aircraft::from_toml("x8.toml", X8).unwrap();
+        let config = SimulatedConfig {
+            scenario: &scenario,
+            index: 2,
+            aircraft: &aircraft,
+            ground_amsl_m: scenario.site.ground_amsl_m,
+        };
+        let mut vehicle = SimulatedVehicle::taking_over(config, state).unwrap();
+        vehicle.tick(SimTime::from_s(700.0), true).state.unwrap()
+    }
+
+    #[test]
+    fn one_that_takes_over_goes_on_where_the_other_was() {
+        let flying = State {
+            kind: VehicleKind::Real,
+            lat_deg: 43.4432,
+            lon_deg: -7.8511,
+            alt_amsl_m: 802.0,
+            vel_ned_m_s: [5.0, 19.0, -1.0],
+            roll_deg: 12.0,
+            pitch_deg: 4.0,
+            heading_deg: 80.0,
+            airspeed_m_s: 18.0,
+            throttle: 0.5,
+            airborne: true,
+        };
+        let next = first(&flying);
+        // A tick later: .02 s at 20 m/s.
+        assert!((next.lat_deg - flying.lat_deg).abs() < 1e-5);
+        assert!((next.lon_deg - flying.lon_deg).abs() < 1e-5);
+        assert!((next.alt_amsl_m - flying.alt_amsl_m).abs() < 0.1);
+        assert!((next.roll_deg - flying.roll_deg).abs() < 2.0);
+        assert!((next.heading_deg - flying.heading_deg).abs() < 1.0);
+        let off = |k: usize| next.vel_ned_m_s[k] - flying.vel_ned_m_s[k];
+        assert!(off(0).hypot(off(1)).hypot(off(2)) < 0.5, "{next:?}");
+        assert!(next.airborne && next.kind == VehicleKind::Simulated);
+
+        let standing = State {
+            alt_amsl_m: 341.0,
+            vel_ned_m_s: [0.0; 3],
+            airborne: false,
+            ..flying
+        };
+        let next = first(&standing);
+        assert!(
+            !next.airborne && (next.alt_amsl_m - 341.0).abs() < 0.01,
+            "{next:?}"
+        );
+    }
 }

@@ -46,7 +46,7 @@ pub struct WorldSimulatorConfig {
 }
 
 /// A vehicle that flies in this world.
-struct SimulatedVehicle {
+struct TeamVehicle {
     name: Name,
     state: Option<State>,
     gust: Dryden,
@@ -73,7 +73,8 @@ pub struct WorldSimulator {
     wind_sd_m_s: f64,
     /// Index of each real vehicle in the calibrator.
     real: BTreeMap<String, usize>,
-    simulated: Vec<SimulatedVehicle>,
+    /// The team; whoever is simulated now gets its air from here.
+    vehicles: Vec<TeamVehicle>,
     world: DispersionModel,
     extensions: Vec<MechanismSetting>,
     /// Whether readings have named a fault of a sensor that the model does not hold.
@@ -98,12 +99,11 @@ impl WorldSimulator {
             .map(|v| v.id.clone())
             .collect();
         let calibrator = Calibrator::new(scenario, &real, None)?;
-        let simulated = scenario
+        let vehicles = scenario
             .vehicles
             .iter()
-            .filter(|v| v.kind == VehicleKind::Simulated)
             .map(|v| {
-                Ok(SimulatedVehicle {
+                Ok(TeamVehicle {
                     name: Name::new(&v.id)?,
                     state: None,
                     gust: Dryden::new(),
@@ -135,7 +135,7 @@ impl WorldSimulator {
                 .enumerate()
                 .map(|(k, name)| (name, k))
                 .collect(),
-            simulated,
+            vehicles,
             extensions: Vec::new(),
             sensor_is_named: false,
             next_correction_s: 0.0,
@@ -382,14 +382,14 @@ impl WorldSimulator {
 
     fn publish_ambients(&mut self, now_s: f64, out: &mut Outbox) {
         let wind = self.wind.at(now_s, self.calibrator.turn_deg());
-        let is_due = |v: &SimulatedVehicle| now_s + 1e-9 >= v.next_s && v.state.is_some();
+        let is_due = |v: &TeamVehicle| now_s + 1e-9 >= v.next_s && v.state.is_some();
         let puffs = self
-            .simulated
+            .vehicles
             .iter()
             .any(is_due)
             .then(|| self.plume_in_motion(now_s))
             .flatten();
-        for vehicle in &mut self.simulated {
+        for vehicle in &mut self.vehicles {
             // Ticks are whole nanoseconds; the margin is for their sum as seconds.
             if now_s + 1e-9 < vehicle.next_s {
                 continue;
@@ -451,7 +451,7 @@ fn of_a_sensor(id: &str) -> bool {
 /// The next gust on a vehicle, north, east, down. Dryden's components are along and across the mean
 /// wind, and the filter runs at the airspeed: the vehicle flies through a frozen field (Taylor 1938).
 fn gust(
-    vehicle: &mut SimulatedVehicle,
+    vehicle: &mut TeamVehicle,
     airspeed_m_s: f64,
     wind: &WindProfile,
     above_ground_m: f64,
@@ -487,9 +487,10 @@ impl Agent for WorldSimulator {
     fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
         match event {
             Event::Message(Topic::State(name), envelope) => {
-                let vehicle = self.simulated.iter_mut().find(|f| f.name == *name);
+                let vehicle = self.vehicles.iter_mut().find(|f| f.name == *name);
                 if let (Some(vehicle), Message::State(state)) = (vehicle, &envelope.message) {
-                    vehicle.state = Some(state.clone());
+                    let simulated = state.kind == protocol::message::VehicleKind::Simulated;
+                    vehicle.state = simulated.then(|| state.clone());
                 }
             }
             Event::Message(_, envelope) => match &envelope.message {

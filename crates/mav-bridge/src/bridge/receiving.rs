@@ -124,6 +124,8 @@ impl Bridge {
                     .watch("two vehicles are heard and none was asked for");
                 self.commands.clear();
                 self.rates = super::Rates::default();
+                // Neither is listened to any more, which is no lost link.
+                self.heartbeat_at = None;
                 (
                     Severity::Error,
                     "two-vehicles",

@@ -95,6 +95,17 @@ impl Miniature {
         }
     }
 
+    /// Where a vehicle of the team is at home.
+    pub fn home_of(&self, vehicle: usize) -> Position {
+        Position {
+            at: self
+                .airspace
+                .frame()
+                .to_enu(self.scenario.home(vehicle).unwrap()),
+            height_m: self.scenario.site.ground_amsl_m,
+        }
+    }
+
     /// Hands one message to the controller.
     pub fn hand(&mut self, topic: Topic, sender: AgentId, message: Message) {
         self.sequence += 1;

@@ -1,0 +1,54 @@
+//! `plumage swap`: another aircraft in a vehicle's place, while a mission runs in processes.
+
+use super::control::{self, Told};
+use crate::{Failure, agent};
+use mav_bridge::link::LinkAddress;
+use protocol::key::Name;
+use protocol::message::{EventMessage, Swap};
+use protocol::{AgentId, Message, Topic};
+
+/// Arguments of `plumage swap`.
+#[derive(Debug, clap::Args)]
+pub struct SwapArguments {
+    /// Id of the vehicle
+    pub vehicle: String,
+    /// Let the real aircraft on this link take its place, such as udpin:0.0.0.0:14550
+    #[arg(long, value_name = "LINK", required_unless_present = "simulated")]
+    real: Option<LinkAddress>,
+    /// Let a simulated aircraft take its place, from where it is
+    #[arg(long, conflicts_with = "real")]
+    simulated: bool,
+    /// Let the bridge arm the motor at take-off; else a person does
+    #[arg(long, requires = "real")]
+    may_arm: bool,
+    #[command(flatten)]
+    bus: agent::BusArguments,
+}
+
+/// Says it on the bus, and what is answered.
+///
+/// # Errors
+/// A vehicle that the scenario does not have, that is not present, or that refuses.
+pub fn swap(arguments: &SwapArguments) -> Result<(), Failure> {
+    let setup = arguments.bus.setup()?;
+    let id = &arguments.vehicle;
+    setup.index_of(id).map_err(Failure::input)?;
+    let told = Told {
+        topic: Topic::Swap(Name::new(id).map_err(Failure::input)?),
+        message: Message::Swap(Swap {
+            link: arguments.real.as_ref().map(ToString::to_string),
+            may_arm: arguments.may_arm,
+        }),
+        to: AgentId::va(id).map_err(Failure::input)?,
+    };
+    control::tell(&arguments.bus, &setup, vec![told], Some(answer))
+}
+
+/// Whether an event answers a swap, and whether it was made.
+fn answer(event: &EventMessage) -> Option<bool> {
+    match event.code.as_str() {
+        "swapped" => Some(true),
+        "swap-refused" => Some(false),
+        _ => None,
+    }
+}

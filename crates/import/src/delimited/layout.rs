@@ -360,8 +360,39 @@ fn below(lines: &[Line<'_>], header: Candidate) -> Layout {
             ));
         }
     }
+    if rows_are_numbered(lines, &layout) {
+        layout.headers.insert(0, Header::default());
+        if !layout.units.is_empty() {
+            layout.units.insert(0, String::new());
+        }
+        layout.notices.push(
+            "rows have a cell more than the header names, the first: it is taken for their number"
+                .to_owned(),
+        );
+    }
     layout.decimal_comma = has_commas(lines, &layout);
     layout
+}
+
+/// Rows by which it is told whether they are numbered, and the fewest.
+const NUMBERED_ROWS: (usize, usize) = (20, 2);
+
+/// Whether all first rows have one cell more than the header, as where row names were written and their column has no
+/// name: read without it every column would be its neighbour.
+fn rows_are_numbered(lines: &[Line<'_>], layout: &Layout) -> bool {
+    if layout.delimiter == Delimiter::Space {
+        return false;
+    }
+    let rows = lines.iter().filter(|l| l.number >= layout.rows_line);
+    let rows: Vec<Vec<Vec<u8>>> = rows
+        .take(NUMBERED_ROWS.0)
+        .map(|l| split(l.bytes, layout.delimiter))
+        .collect();
+    // A row that merely ends in a delimiter has an empty last cell.
+    let is_numbered = |row: &Vec<Vec<u8>>| {
+        row.len() == layout.headers.len() + 1 && row.last().is_some_and(|c| !c.is_empty())
+    };
+    rows.len() >= NUMBERED_ROWS.1 && rows.iter().all(is_numbered)
 }
 
 /// Whether numbers have decimal commas: more cells of the first rows that only so are numbers than are with a point.
@@ -399,6 +430,17 @@ mod tests {
         assert_eq!(found.units[3], "ppb");
         assert!(found.decimal_comma);
         assert_eq!(found.notices.len(), 1);
+    }
+
+    #[test]
+    fn numbered_rows_below_a_header_without_their_name_are_not_shifted() {
+        let numbered =
+            layout("time,lat,lon,CO2 / ppm\n0,10.0,38.4,14.9,420\n1,11.0,38.4,14.9,421\n");
+        assert_eq!(numbered.headers.len(), 5);
+        assert!(numbered.headers[2].is("lat"));
+        // A delimiter at the end of rows is no cell more.
+        let ended = layout("time,lat,lon,CO2 / ppm\n10.0,38.4,14.9,420,\n11.0,38.4,14.9,421,\n");
+        assert_eq!(ended.headers.len(), 4);
     }
 
     #[test]

@@ -106,6 +106,46 @@ pub struct FlightState {
     pub flags: FlightFlags,
 }
 
+impl FlightState {
+    /// What an observer sees of a flight: place (north, east, height above mean sea level, m), velocity over ground, NED,
+    /// m/s, attitude (roll, pitch, yaw, rad), airspeed, m/s, throttle and whether it flies. Rates, flow and surfaces are
+    /// not seen and stand at zero.
+    pub fn seen(
+        [north_m, east_m, alt_amsl_m]: [f64; 3],
+        vel_ned_m_s: [f64; 3],
+        [roll_rad, pitch_rad, yaw_rad]: [f64; 3],
+        airspeed_m_s: f64,
+        throttle: f64,
+        airborne: bool,
+    ) -> Self {
+        Self {
+            north_m,
+            east_m,
+            alt_amsl_m,
+            vel_ned_m_s,
+            roll_rad,
+            pitch_rad,
+            yaw_rad,
+            attitude: crate::quaternion(roll_rad, pitch_rad, yaw_rad),
+            rate_rad_s: [0.0; 3],
+            airspeed_m_s,
+            alpha_rad: 0.0,
+            beta_rad: 0.0,
+            elevator_rad: 0.0,
+            aileron_rad: 0.0,
+            rudder_rad: 0.0,
+            throttle,
+            specific_force_m_s2: [0.0; 3],
+            phase: if airborne {
+                FlightPhase::Flying
+            } else {
+                FlightPhase::OnGround
+            },
+            flags: FlightFlags::default(),
+        }
+    }
+}
+
 /// The command with what is not finite replaced by the last one.
 pub(crate) fn sanitised(command: &SurfaceCommand, last: &SurfaceCommand) -> SurfaceCommand {
     let keep = |new: f64, old: f64| if new.is_finite() { new } else { old };

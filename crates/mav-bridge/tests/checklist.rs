@@ -1,13 +1,16 @@
 //! What is looked at before anything is commanded.
 #![allow(clippy::unwrap_used)]
 
+mod frames;
+
 use air::geo::Geodetic;
+use frames::messages;
 use mav_bridge::dialect::{
     EKF_STATUS_REPORT_DATA, EkfStatusFlags, GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA,
     HOME_POSITION_DATA, MavAutopilot, MavMessage, MavModeFlag, MavState, MavSysStatusSensor,
     MavType, PARAM_VALUE_DATA, SYS_STATUS_DATA,
 };
-use mav_bridge::wire::{FrameDecoder, FrameEncoder, MessageData};
+use mav_bridge::wire::{FrameEncoder, MessageData};
 use mav_bridge::{Bridge, BridgeConfig, BridgeOutput, Expectation};
 use protocol::SimTime;
 use protocol::message::{PathKind, Setpoint, Severity};
@@ -70,6 +73,7 @@ fn expectation() -> Expectation {
         },
         home_amsl_m: 340.0,
         airspeed_m_s: 18.0,
+        least_over_ground_m_s: 3.0,
         wind_m_s: 9.0,
         stack_top_amsl_m: 696.0,
     }
@@ -138,7 +142,7 @@ impl Bench {
             self.bridge.setpoint(&take_off, now, &mut self.out);
             let sent_before = self.out.frames_to_vehicle.len();
             self.bridge.tick(now, &mut self.out);
-            let sent = decode(&self.out.frames_to_vehicle[sent_before..]);
+            let sent = messages(&self.out.frames_to_vehicle[sent_before..]);
             for message in sent {
                 self.answer(&message, ground);
             }
@@ -178,7 +182,7 @@ impl Bench {
     }
 
     fn sent(&self) -> Vec<MavMessage> {
-        decode(&self.out.frames_to_vehicle)
+        messages(&self.out.frames_to_vehicle)
     }
 
     /// Whether mode TAKEOFF was asked for.
@@ -187,13 +191,6 @@ impl Bench {
             .iter()
             .any(|m| matches!(m, MavMessage::COMMAND_LONG(c) if c.command as u16 == 176))
     }
-}
-
-fn decode(frames: &[Vec<u8>]) -> Vec<MavMessage> {
-    let mut decoder = FrameDecoder::new();
-    frames.iter().for_each(|f| decoder.push(f));
-    let found = std::iter::from_fn(|| decoder.next_frame(SimTime::ZERO));
-    found.filter_map(|f| f.message()).collect()
 }
 
 #[test]
@@ -364,9 +361,9 @@ fn a_dry_run_shows_every_frame_and_sends_questions_alone() {
             pairs.map(byte).collect()
         })
         .collect();
-    let messages = decode(&frames);
-    assert_eq!(messages.len(), frames.len());
-    let count = |is: fn(&MavMessage) -> bool| messages.iter().filter(|m| is(m)).count();
+    let told = messages(&frames);
+    assert_eq!(told.len(), frames.len());
+    let count = |is: fn(&MavMessage) -> bool| told.iter().filter(|m| is(m)).count();
     assert_eq!(count(|m| matches!(m, MavMessage::HEARTBEAT(_))), 1);
     assert_eq!(count(|m| matches!(m, MavMessage::PARAM_SET(_))), 1);
     let mode = |m: &MavMessage| matches!(m, MavMessage::COMMAND_LONG(c) if c.command as u16 == 176);

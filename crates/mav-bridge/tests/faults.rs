@@ -1,6 +1,9 @@
 //! What goes wrong between a bridge and real vehicles, and what the bridge makes of it.
 #![allow(clippy::unwrap_used)]
 
+mod frames;
+
+use frames::messages;
 use mav_bridge::arduplane::{FBWA, GUIDED, MANUAL, RTL, TAKEOFF};
 use mav_bridge::dialect::{
     ATTITUDE_DATA, FENCE_STATUS_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA, MavAutopilot,
@@ -675,14 +678,6 @@ fn a_reading_that_comes_late_or_again_is_placed_where_it_was_read_and_counts_onc
         // The clocks may drift apart by 1e-4.
         assert!(off_ns.is_none_or(|off| off < 2_000_000), "{off_ns:?}");
     }
-}
-
-/// The message of each frame.
-fn messages(frames: &[Vec<u8>]) -> Vec<MavMessage> {
-    let mut decoder = FrameDecoder::new();
-    frames.iter().for_each(|f| decoder.push(f));
-    let found = std::iter::from_fn(|| decoder.next_frame(SimTime::ZERO));
-    found.filter_map(|f| f.message()).collect()
 }
 
 #[test]

@@ -8,14 +8,12 @@ use air::geo::{Enu, Geodetic};
 use fdm::Aircraft;
 use fdm::dynamics::Dynamics;
 use sc::SquadronController;
+use sc::controller::LEAST_OVER_GROUND_M_S;
 use sc::fleet::{MARGIN_M, ORBIT_M};
 use scenario::Scenario;
 use scenario::airspace::Airspace;
 use scenario::tables::VehicleTable;
 
-/// Speed over ground against the wind that a vehicle is to have at least, m/s: the squadron
-/// controller counts on it when it works out the ways home.
-const LEAST_OVER_GROUND_M_S: f64 = 3.0;
 /// A wind above this part of the airspeed is doubtful: gusts of the tenth part of it, three times
 /// their standard deviation (MIL-F-8785C), then reach the airspeed less the least speed over ground.
 const DOUBTFUL_WIND: f64 = 0.6;

@@ -254,6 +254,7 @@ fn expectation(setup: &Setup, index: usize) -> Result<Expectation, MissionError>
         home: scenario.home(index)?,
         home_amsl_m: setup.ground_at_home_m(index)?,
         airspeed_m_s: scenario.search.airspeed_m_s,
+        least_over_ground_m_s: sc::controller::LEAST_OVER_GROUND_M_S,
         wind_m_s: preflight::strongest_wind_m_s(setup)?.1,
         stack_top_amsl_m: scenario.site.ground_amsl_m + stacks.fold(0.0, f64::max),
     })

@@ -5,6 +5,8 @@ mod dispatch;
 mod homing;
 mod phases;
 
+pub use homing::LEAST_OVER_GROUND_M_S;
+
 use air::geo::{Geodetic, wrap_signed_deg};
 use air::terrain::Terrain;
 use csea::{

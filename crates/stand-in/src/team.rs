@@ -10,8 +10,8 @@ use crate::speaker::Speaker;
 use crate::streams::team_streams;
 use air::geo::{Enu, Geodetic, LocalFrame, wrap_signed_deg};
 use air::isa::Atmosphere;
+use fdm::FlightState;
 use fdm::autopilot::Sensed;
-use fdm::{FlightFlags, FlightPhase, FlightState};
 use mav_bridge::arduplane::{AUTO, FBWA, GUIDED, LOITER, MANUAL, RTL};
 use mav_bridge::dialect::{
     COMMAND_INT_DATA, MISSION_ACK_DATA, MISSION_COUNT_DATA, MISSION_CURRENT_DATA, MavCmd,
@@ -419,32 +419,13 @@ fn eas_over_tas(atmosphere: &Atmosphere, alt_amsl_m: f64) -> f64 {
 
 /// As much of a flight as the bus tells.
 fn flight_state(state: &State, at: Enu) -> FlightState {
-    let roll_rad = state.roll_deg.to_radians();
-    let pitch_rad = state.pitch_deg.to_radians();
-    let yaw_rad = wrap_signed_deg(state.heading_deg).to_radians();
-    FlightState {
-        north_m: at.north_m,
-        east_m: at.east_m,
-        alt_amsl_m: state.alt_amsl_m,
-        vel_ned_m_s: state.vel_ned_m_s,
-        roll_rad,
-        pitch_rad,
-        yaw_rad,
-        attitude: fdm::quaternion(roll_rad, pitch_rad, yaw_rad),
-        rate_rad_s: [0.0; 3],
-        airspeed_m_s: state.airspeed_m_s,
-        alpha_rad: 0.0,
-        beta_rad: 0.0,
-        elevator_rad: 0.0,
-        aileron_rad: 0.0,
-        rudder_rad: 0.0,
-        throttle: state.throttle,
-        specific_force_m_s2: [0.0; 3],
-        phase: if state.airborne {
-            FlightPhase::Flying
-        } else {
-            FlightPhase::OnGround
-        },
-        flags: FlightFlags::default(),
-    }
+    let heading_deg = wrap_signed_deg(state.heading_deg);
+    FlightState::seen(
+        [at.north_m, at.east_m, state.alt_amsl_m],
+        state.vel_ned_m_s,
+        [state.roll_deg, state.pitch_deg, heading_deg].map(f64::to_radians),
+        state.airspeed_m_s,
+        state.throttle,
+        state.airborne,
+    )
 }

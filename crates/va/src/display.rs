@@ -3,9 +3,8 @@
 use crate::agent::{VehicleBackend, VirtualAircraft};
 use crate::safety_monitor::SafetyMonitor;
 use air::isa::Atmosphere;
+use fdm::FlightState;
 use fdm::flightgear::{NetFdm, PACKET_BYTES};
-use fdm::quaternion;
-use fdm::{FlightFlags, FlightPhase, FlightState};
 use protocol::message::State;
 
 impl VirtualAircraft {
@@ -34,30 +33,12 @@ impl VirtualAircraft {
 fn flight_state(monitor: &SafetyMonitor, state: &State) -> FlightState {
     let place = monitor.locate(state).at;
     let angles = [state.roll_deg, state.pitch_deg, state.heading_deg].map(f64::to_radians);
-    let [roll_rad, pitch_rad, yaw_rad] = angles;
-    FlightState {
-        north_m: place.north_m,
-        east_m: place.east_m,
-        alt_amsl_m: state.alt_amsl_m,
-        vel_ned_m_s: state.vel_ned_m_s,
-        roll_rad,
-        pitch_rad,
-        yaw_rad,
-        attitude: quaternion(roll_rad, pitch_rad, yaw_rad),
-        rate_rad_s: [0.0; 3],
-        airspeed_m_s: state.airspeed_m_s,
-        alpha_rad: 0.0,
-        beta_rad: 0.0,
-        elevator_rad: 0.0,
-        aileron_rad: 0.0,
-        rudder_rad: 0.0,
-        throttle: state.throttle,
-        specific_force_m_s2: [0.0; 3],
-        phase: if state.airborne {
-            FlightPhase::Flying
-        } else {
-            FlightPhase::OnGround
-        },
-        flags: FlightFlags::default(),
-    }
+    FlightState::seen(
+        [place.north_m, place.east_m, state.alt_amsl_m],
+        state.vel_ned_m_s,
+        angles,
+        state.airspeed_m_s,
+        state.throttle,
+        state.airborne,
+    )
 }

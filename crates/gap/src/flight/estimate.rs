@@ -17,7 +17,7 @@ use super::evidence::sum;
 use super::gate::{Gated, Segment};
 use super::log::FlightLog;
 use super::noise::cut;
-use super::parameters::{Effect, Parameter, applied, logs, value_of};
+use super::parameters::{Effect, Parameter, applied, value_of};
 use super::study::{Linear, Study};
 use super::windows::{self, MotionError};
 use super::{gate, told};
@@ -30,13 +30,17 @@ pub const SCHEMA: &str = "plumage.estimate/1";
 const ROUNDS: usize = 15;
 /// It has come to its end when no parameter moves by more than this part of its standard deviation.
 const SETTLED_SD: f64 = 0.1;
-/// A coefficient is told by the flight if its standard deviation has shrunk to this part of what it was before.
+/// A coefficient is told by the flight if its standard deviation has shrunk to this part of what it was before: the
+/// flight then weighs three times what was known.
 const TOLD_PART: f64 = 0.5;
 /// What a coefficient is off by, as a part of it, beside what the filter states: gusts are not as the filter has them.
 /// Flights of a flight model that shares nothing with this one (`gap-bench`, tests/flight_estimate.rs) are off by 2 to
 /// 6 per cent, a wing without a tail more than an aircraft with one.
 const LAW_PART: f64 = 0.05;
-/// Variance inflation above which equation error tells no start.
+/// A start is no farther from the file than so many of its standard deviations.
+const START_SD: f64 = 2.0;
+/// Variance inflation above which equation error tells no start: its error is then ten times that of a regressor that
+/// stands alone.
 const MOST_INFLATION: f64 = 100.0;
 
 /// One coefficient.
@@ -129,7 +133,7 @@ pub fn estimate(
     }
     let widened = widened(&of_halves);
     let coefficients = all.coefficients(widened);
-    let motion = unseen(&halves, &of_halves);
+    let motion = unseen(&of_halves);
     let theta = &all.view.theta;
     let found = applied(aircraft, &all.study.parameters, theta)
         .extended
@@ -242,7 +246,8 @@ fn start(study: &Study<'_>) -> Vec<Vec<f64>> {
             && let Some(refitted) = refitted(&told, &parameter.name)
         {
             let off = refitted - value_of(study.aircraft, place);
-            *value = off.clamp(-2.0 * parameter.tolerance, 2.0 * parameter.tolerance);
+            let most = START_SD * parameter.tolerance;
+            *value = off.clamp(-most, most);
         }
     }
     vec![file, led]
@@ -296,11 +301,10 @@ fn widened(halves: &[Fitted<'_>]) -> f64 {
 }
 
 /// Errors of each half's motion, by the file and by what the other half tells.
-fn unseen(halves: &[Gated; 2], fitted: &[Fitted<'_>]) -> Vec<MotionError> {
+fn unseen(fitted: &[Fitted<'_>]) -> Vec<MotionError> {
     let mut histories = Vec::new();
-    for (k, half) in halves.iter().enumerate() {
-        let (own, other) = (&fitted[k], &fitted[1 - k]);
-        let study = Study::of_unknown(own.study.aircraft, half, logs(&own.study.parameters));
+    for (k, own) in fitted.iter().enumerate() {
+        let (study, other) = (&own.study, &fitted[1 - k]);
         // The air of this half is its own.
         let aircraft_of = |theta: &[f64]| -> Vec<f64> {
             let own_air = own.view.theta.iter().zip(&study.parameters);
@@ -312,7 +316,7 @@ fn unseen(halves: &[Gated; 2], fitted: &[Fitted<'_>]) -> Vec<MotionError> {
         };
         let file = vec![0.0; own.view.theta.len()];
         let [before, after] = [&file, &other.view.theta].map(|theta| aircraft_of(theta));
-        histories.extend(told(&study, &own.view, &before, &after));
+        histories.extend(told(study, &own.view, &before, &after));
     }
     windows::errors(&histories)
 }

@@ -376,7 +376,7 @@ pub struct Applied {
 }
 
 /// Number of logs whose winds are among the parameters.
-pub fn logs(parameters: &[Parameter]) -> usize {
+fn logs(parameters: &[Parameter]) -> usize {
     let of_a_log = |p: &&Parameter| matches!(p.effect, Effect::Wind(_, 0));
     parameters.iter().filter(of_a_log).count()
 }

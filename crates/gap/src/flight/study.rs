@@ -44,7 +44,12 @@ const RIVALS: usize = 3;
 /// Part of its gain by which a rival may seem worse than the best and still be looked at.
 const RIVAL_PART: f64 = 0.5;
 
-/// Loss of a step, nats, from which on the filter has lost the flight.
+/// Parts of a step that are tried, and what one may lose, nats: chance does as much.
+const STEP_TRIES: usize = 3;
+const STEP_NATS: f64 = 1.0;
+/// The same of a step with all coefficients free, thirty at a time: with the gains held the score that is nil at its
+/// end is not the slope of what is scored, and one nat for each may be lost; beyond, the filter has lost the flight.
+const TRIES_WITHOUT_SETS: usize = 4;
 const LOST_NATS: f64 = 30.0;
 
 /// Most steps of a fit of the noise from nothing, from what it was nearby, and from what a share of
@@ -181,18 +186,7 @@ impl<'a> Study<'a> {
     /// The data seen from where those of `from` lead, whose score is then nil; half the way, and so on, where the filter
     /// loses the flight on it.
     pub fn on_towards(&self, from: &Linear) -> Linear {
-        let target = self.theta_of(from, &[]);
-        let mut part = 1.0;
-        let mut theta = from.theta.clone();
-        for _ in 0..4 {
-            let way = from.theta.iter().zip(&target);
-            theta = way.map(|(from, to)| from + part * (to - from)).collect();
-            let score = self.log_score(&theta, &from.noise);
-            if score > from.log_score - LOST_NATS {
-                break;
-            }
-            part *= 0.5;
-        }
+        let (theta, _) = self.part_of_way(from, &[], TRIES_WITHOUT_SETS, LOST_NATS);
         self.seen_with_own_noise(theta, from.noise.clone())
     }
 
@@ -630,8 +624,7 @@ impl<'a> Study<'a> {
         let mut base = from;
         for _ in 0..ROUNDS {
             let theta = self.step_towards(&base, &[]);
-            let noise = self.noise(&theta, base.noise.clone(), NOISE_STEPS[1]);
-            let next = self.linearise(theta, noise);
+            let next = self.seen_with_own_noise(theta, base.noise.clone());
             let gained = next.log_posterior - base.log_posterior;
             if gained > 0.0 {
                 base = next;
@@ -696,8 +689,7 @@ impl<'a> Study<'a> {
 
     /// The same point with the noise fitted there, where that is better.
     pub fn refitted(&self, from: Linear) -> Linear {
-        let noise = self.noise(&from.theta, from.noise.clone(), NOISE_STEPS[1]);
-        let fitted = self.linearise(from.theta.clone(), noise);
+        let fitted = self.seen_with_own_noise(from.theta.clone(), from.noise.clone());
         if fitted.log_posterior > from.log_posterior {
             fitted
         } else {
@@ -740,22 +732,32 @@ impl<'a> Study<'a> {
 
     /// As far towards the best point of `set` as the log score grows.
     pub fn step_towards(&self, now: &Linear, set: &[usize]) -> Vec<f64> {
+        let (theta, kept) = self.part_of_way(now, set, STEP_TRIES, STEP_NATS);
+        if kept { theta } else { now.theta.clone() }
+    }
+
+    /// The way, half of it and so on, to the best point of `set`: the first of so many that loses less than `loss` nats,
+    /// else the last; and whether it does.
+    fn part_of_way(
+        &self,
+        now: &Linear,
+        set: &[usize],
+        tries: usize,
+        loss: f64,
+    ) -> (Vec<f64>, bool) {
         let target = self.theta_of(now, set);
+        let mut theta = now.theta.clone();
         let mut part = 1.0;
-        for _ in 0..3 {
-            let theta: Vec<f64> = now
-                .theta
-                .iter()
-                .zip(&target)
-                .map(|(from, to)| from + part * (to - from))
-                .collect();
+        for _ in 0..tries {
+            let way = now.theta.iter().zip(&target);
+            theta = way.map(|(from, to)| from + part * (to - from)).collect();
             let score = self.log_score(&theta, &now.noise);
-            if score.is_finite() && score > now.log_score - 1.0 {
-                return theta;
+            if score.is_finite() && score > now.log_score - loss {
+                return (theta, true);
             }
             part *= 0.5;
         }
-        now.theta.clone()
+        (theta, false)
     }
 }
 

@@ -17,7 +17,8 @@ use protocol::SimTime;
 use protocol::message::{EventMessage, Severity};
 use std::collections::BTreeMap;
 
-/// How long is waited for what the vehicle tells before the list is made without it, s.
+/// How long is waited for what the vehicle tells before the list is made without it, s: a choice, for a
+/// list that is late is worth more than one that asks in vain.
 const WAIT_S: f64 = 4.0;
 /// Fewest satellites that a fix should have.
 const SATELLITES: u8 = 6;
@@ -27,10 +28,9 @@ const BATTERY_PCT: (i8, i8) = (20, 50);
 const HOME_M: (f64, f64) = (50.0, 500.0);
 /// Heights of SRTM are right to this in nine of ten cases, m (Farr et al. 2007, the mission's goal).
 const GROUND_M: f64 = 16.0;
-/// Height over the highest stack at which a vehicle should come home, m.
+/// Height over the highest stack at which a vehicle should come home, m: a choice, twice the error of the
+/// ground.
 const OVER_STACK_M: f64 = 30.0;
-/// Speed over ground against the wind that a vehicle is to have at least, m/s.
-const OVER_GROUND_M_S: f64 = 3.0;
 
 /// Parameters that the list asks for.
 pub(super) const PARAMETERS: [&str; 14] = [
@@ -59,6 +59,8 @@ pub struct Expectation {
     pub home_amsl_m: f64,
     /// True airspeed at which it is to fly, m/s.
     pub airspeed_m_s: f64,
+    /// Speed over ground that it is to have at least against the wind, m/s.
+    pub least_over_ground_m_s: f64,
     /// The strongest wind where it flies, m/s.
     pub wind_m_s: f64,
     /// Top of the highest stack, m above mean sea level.
@@ -450,10 +452,11 @@ fn airspeed(
 fn wind(expected: &Expectation) -> Point {
     let (wind_m_s, airspeed_m_s) = (expected.wind_m_s, expected.airspeed_m_s);
     let words = format!("up to {wind_m_s:.1} m/s expected, {airspeed_m_s:.1} m/s through the air");
-    if airspeed_m_s - wind_m_s >= OVER_GROUND_M_S {
+    let least_m_s = expected.least_over_ground_m_s;
+    if airspeed_m_s - wind_m_s >= least_m_s {
         return point("wind", Verdict::Right, words);
     }
-    let words = format!("{words}: expected {OVER_GROUND_M_S} m/s or more to be left against it");
+    let words = format!("{words}: expected {least_m_s} m/s or more to be left against it");
     point("wind", Verdict::Doubtful, words)
 }
 

@@ -56,8 +56,8 @@ const DETOUR_S: (f64, f64) = (45.0, 4.0);
 const BETWEEN: (f64, f64) = (1.15, 0.015);
 /// Factor on the time of the way home: for turns, and around what stands in the way.
 const DETOUR: f64 = 1.25;
-/// Slowest speed over ground that is counted on, m/s.
-const OVER_GROUND_M_S: f64 = 3.0;
+/// Speed over ground against the wind that is counted on, and that a vehicle is to have at least, m/s.
+pub const LEAST_OVER_GROUND_M_S: f64 = 3.0;
 /// Shortest work worth a take-off, s.
 const LEAST_WORK_S: f64 = 60.0;
 /// Climb that is counted on, m/s.
@@ -236,7 +236,7 @@ impl SquadronController {
         // The wind triangle: what is left of the airspeed after holding against the crosswind, plus
         // the wind along the way.
         let over_ground = (airspeed.powi(2) - across.powi(2)).max(1.0).sqrt() + along;
-        let level_s = DETOUR * distance_m / over_ground.max(OVER_GROUND_M_S);
+        let level_s = DETOUR * distance_m / over_ground.max(LEAST_OVER_GROUND_M_S);
         let down_s = (here.height_m - self.levels_amsl_m[0]).max(0.0) / SINK_M_S.0;
         level_s + down_s + self.detour_s()
     }

@@ -1,17 +1,19 @@
-//! The live page beside a run: a runtime of its own, so that the run itself waits for nobody.
+//! The page beside a run or a recording: a runtime of its own, so that the run itself waits for nobody.
 
 use crate::Failure;
 use protocol::bus::Publication;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tokio::sync::{mpsc, watch};
-use views::live::LiveState;
-use views::page::{self, DEFAULT_ADDRESS, PageCommand};
+use views::live::{LiveState, RunStatus};
+use views::page::{self, DEFAULT_ADDRESS, Live, Offered, PageCommand, PageOptions};
 use views::site::SiteMap;
+use views::tiles::Tiles;
 
-/// Time between two frames that the run hands over.
-const FRAME: Duration = Duration::from_millis(150);
+/// Clicks that may wait for the run.
+const CLICKS: usize = 64;
 
 /// Where a page is asked for.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -24,14 +26,56 @@ pub enum Serve {
     No,
 }
 
-/// The page of a run.
+impl Serve {
+    /// At the address that is given, else at the default one.
+    pub fn at(address: Option<&String>) -> Self {
+        address.cloned().map_or(Self::Default, Self::At)
+    }
+}
+
+/// Options of a page on the command line.
+#[derive(Debug, Clone, Default, clap::Args)]
+pub struct PageArguments {
+    /// Raster tiles under the page's map: an address with {z}, {x} and {y}, and ${NAME} for a key that is in the
+    /// environment; none are loaded if not given
+    #[arg(long, value_name = "URL")]
+    tiles: Option<String>,
+}
+
+impl PageArguments {
+    /// The tiles asked for.
+    ///
+    /// # Errors
+    /// An address that is none, or a variable that the environment does not have.
+    pub fn tiles(&self) -> Result<Option<Tiles>, Failure> {
+        let Some(text) = &self.tiles else {
+            return Ok(None);
+        };
+        let refused = |why: String| Failure::usage(format!("--tiles {text}: {why}"));
+        let mut address = String::new();
+        let mut rest = text.as_str();
+        while let Some((before, after)) = rest.split_once("${") {
+            let (name, after) = after
+                .split_once('}')
+                .ok_or_else(|| refused("${ without }".to_owned()))?;
+            let value = std::env::var(name)
+                .map_err(|_| refused(format!("{name} is not in the environment")))?;
+            address.push_str(before);
+            address.push_str(&value);
+            rest = after;
+        }
+        address.push_str(rest);
+        address.parse().map(Some).map_err(refused)
+    }
+}
+
+/// The page of a mission.
 pub struct LivePage {
     runtime: tokio::runtime::Runtime,
-    state: LiveState,
-    frames: watch::Sender<Arc<LiveState>>,
+    live: Live,
+    open: watch::Sender<()>,
     commands: mpsc::Receiver<PageCommand>,
     server: tokio::task::JoinHandle<()>,
-    next: Instant,
     /// Where it is.
     pub address: String,
 }
@@ -42,7 +86,11 @@ impl LivePage {
     ///
     /// # Errors
     /// An address that was asked for and is not to be had.
-    pub fn open(serve: &Serve, site: Arc<SiteMap>) -> Result<Option<Self>, Failure> {
+    pub fn open(
+        serve: &Serve,
+        site: Arc<SiteMap>,
+        options: PageOptions,
+    ) -> Result<Option<Self>, Failure> {
         let address = match serve {
             Serve::No => return Ok(None),
             Serve::Default => DEFAULT_ADDRESS,
@@ -63,39 +111,42 @@ impl LivePage {
             Err(e) => return Err(Failure::input(e)),
         };
         let address = listener.local_addr()?.to_string();
-        let state = LiveState::new(site);
-        let (frames, live) = watch::channel(Arc::new(state.clone()));
-        let (commands_sender, commands) = mpsc::channel(16);
+        let live = Live::new(LiveState::new(site));
+        let (open, is_open) = watch::channel(());
+        let (commands_sender, commands) = mpsc::channel(CLICKS);
+        let shown = live.clone();
         let server = runtime.spawn(async move {
-            if let Err(e) = page::serve(listener, live, commands_sender).await {
+            if let Err(e) = page::serve(listener, shown, options, commands_sender, is_open).await {
                 eprintln!("warning: the live page has ended: {e}");
             }
         });
         Ok(Some(Self {
             runtime,
-            state,
-            frames,
+            live,
+            open,
             commands,
             server,
-            next: Instant::now(),
             address,
         }))
     }
 
     /// Takes in what was said in a tick.
     pub fn take(&mut self, said: &[Publication]) {
-        for (topic, envelope) in said {
-            self.state.take(topic, envelope);
-        }
+        self.live.with(|live| {
+            for (topic, envelope) in said {
+                live.take(topic, envelope);
+            }
+        });
     }
 
-    /// Shows how the run goes, if it is time for a new frame or `now` it must be.
-    pub fn show(&mut self, run: views::live::RunStatus, now: bool) {
-        if now || Instant::now() >= self.next {
-            self.next = Instant::now() + FRAME;
-            self.state.run = run;
-            self.frames.send_replace(Arc::new(self.state.clone()));
-        }
+    /// Shows how the run goes.
+    pub fn show(&mut self, run: RunStatus) {
+        self.live.with(|live| live.run = run);
+    }
+
+    /// Does something with what is shown.
+    pub fn with<T>(&self, work: impl FnOnce(&mut LiveState) -> T) -> T {
+        self.live.with(work)
     }
 
     /// What people at the page asked for since the last call.
@@ -103,18 +154,36 @@ impl LivePage {
         std::iter::from_fn(|| self.commands.try_recv().ok()).collect()
     }
 
-    /// Keeps the last frame up until `stop`, then closes the page.
-    pub fn close(self, hold: bool, stop: &AtomicBool) {
-        while hold && !stop.load(Ordering::Relaxed) {
+    /// Keeps the page up until `stop`.
+    pub fn hold(&self, stop: &AtomicBool) {
+        while !stop.load(Ordering::Relaxed) {
             std::thread::sleep(Duration::from_millis(50));
         }
-        drop(self.frames);
-        let grace = tokio::time::Duration::from_secs(2);
+    }
+
+    /// Sends the last news and closes the page.
+    pub fn close(self) {
+        drop(self.open);
+        let grace = Duration::from_secs(2);
         let server = self.server;
         // Whoever still reads the page has this long to get the last frame.
         let _ = self
             .runtime
             .block_on(async move { tokio::time::timeout(grace, server).await });
         self.runtime.shutdown_timeout(Duration::from_millis(200));
+    }
+}
+
+/// The page of a mission that runs here: everything is offered, speed and pause where no real vehicle is linked.
+pub fn options_of_run(has_links: bool, report: PathBuf, tiles: Option<Tiles>) -> PageOptions {
+    PageOptions {
+        offered: Offered {
+            pause: !has_links,
+            speed: !has_links,
+            control: true,
+            timeline_s: None,
+        },
+        tiles,
+        report: Some(report),
     }
 }

@@ -3,7 +3,7 @@
 use clap::{Parser, Subcommand};
 use programs::commands::{
     calibrate, campaign, conduct, control, fdm_server, feed, gap, import, plan, replay, run, swap,
-    tune,
+    tune, watch,
 };
 use programs::failure;
 use std::process::ExitCode;
@@ -35,7 +35,9 @@ enum Command {
     Swap(swap::SwapArguments),
     /// Pass observations into a mission that runs in processes, as a real vehicle's
     Feed(feed::FeedArguments),
-    /// Read a recording and, with --verify, fly it again and compare
+    /// Show the page of a mission that runs in processes
+    Watch(watch::WatchArguments),
+    /// Read a recording and, with --verify, fly it again and compare, or, with --serve, show it on a page
     Replay(replay::ReplayArguments),
     /// Fly one scenario with many seeds and tabulate what was found
     Campaign(campaign::CampaignArguments),
@@ -57,6 +59,7 @@ fn main() -> ExitCode {
         Command::Control(arguments) => control::control(arguments),
         Command::Swap(arguments) => swap::swap(arguments),
         Command::Feed(arguments) => feed::feed(arguments),
+        Command::Watch(arguments) => watch::watch(arguments),
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Campaign(arguments) => campaign::campaign(arguments),
         Command::Plan(arguments) => plan::plan(arguments),

@@ -6,6 +6,7 @@ use plume::{DispersionModel, Place};
 use protocol::message::Model;
 use record::colour::Shown;
 use record::kml::{MapFeatures, StackMarker};
+use scenario::airspace::Airspace;
 use std::sync::Arc;
 use views::site::{MapPoint, SiteMap};
 
@@ -70,14 +71,21 @@ pub fn of(setup: &Setup) -> Result<SiteMap> {
     } else {
         None
     };
+    let frame = setup.frame()?;
+    let terrain = setup.terrain.clone();
     Ok(SiteMap {
         mission: scenario.mission.name.clone(),
         shown: Shown::of(scenario)?,
         duration_s: scenario.mission.duration_s,
-        frame: setup.frame()?,
+        frame,
         stacks: stacks(setup),
         fence: fence(setup)?,
+        height_band_amsl_m: Airspace::of(scenario)?
+            .over(&setup.terrain)
+            .height_band_amsl_m(),
         keep_out_radius_m: scenario.fence.keep_out_radius_m,
+        ground_amsl_m: Arc::new(move |at| terrain.ground_amsl_m(frame.to_geodetic(at))),
+        has_terrain: scenario.site.terrain.is_some(),
         field: Arc::new(field),
         reality,
         true_peak: has_reality

@@ -12,6 +12,7 @@ use protocol::message::{Control, ControlWish};
 use protocol::{AgentId, Envelope, Interest, Message, Topic};
 use std::collections::BTreeMap;
 use std::time::Duration;
+use views::page::PageCommand;
 
 /// How long the vehicles may take to appear, s.
 const PATIENCE_S: u64 = 10;
@@ -87,6 +88,33 @@ pub fn control(arguments: &ControlArguments) -> Result<(), Failure> {
         println!("Told {}: {wish}", ids.join(", "));
     }
     Ok(())
+}
+
+/// What the operator says where somebody at a page wants something of a vehicle, or of all of `team`.
+pub(super) fn told_by_page(wish: PageCommand, team: &[String]) -> Vec<(Topic, Message)> {
+    let to = |id: &str, wish| {
+        let topic = Topic::Control(Name::new(id).ok()?);
+        Some((topic, Message::Control(Control { wish, sticks: None })))
+    };
+    match wish {
+        PageCommand::HandBack(id) => to(&id, ControlWish::HandBack).into_iter().collect(),
+        PageCommand::Home(Some(id)) => to(&id, ControlWish::Home).into_iter().collect(),
+        PageCommand::Home(None) => {
+            let all = team.iter().filter_map(|id| to(id, ControlWish::Home));
+            all.collect()
+        }
+        PageCommand::SendTo(id, place) => {
+            let taken = to(&id, ControlWish::TakeOver);
+            let sent = Name::new(&id).map(|name| {
+                let message = Message::Destination(place);
+                (Topic::Destination(name), message)
+            });
+            taken.into_iter().chain(sent.ok()).collect()
+        }
+        PageCommand::Pause | PageCommand::Resume | PageCommand::Speed(_) | PageCommand::Seek(_) => {
+            Vec::new()
+        }
+    }
 }
 
 /// What the operator tells a vehicle.

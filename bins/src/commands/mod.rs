@@ -13,3 +13,4 @@ pub mod replay;
 pub mod run;
 pub mod swap;
 pub mod tune;
+pub mod watch;

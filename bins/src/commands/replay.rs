@@ -1,4 +1,6 @@
-//! `plumage replay`: a recording flown again, and whether it comes out the same.
+//! `plumage replay`: a recording flown again, and whether it comes out the same; or shown on a page.
+
+mod show;
 
 use crate::{Failure, mission_files};
 use mission::fed_vehicle::FedVehicle;
@@ -15,8 +17,10 @@ pub struct ReplayArguments {
     /// Recording of a mission (MCAP)
     pub recording: PathBuf,
     /// Simulate the mission again and compare digests
-    #[arg(long)]
+    #[arg(long, conflicts_with = "serve")]
     pub verify: bool,
+    #[command(flatten)]
+    show: show::ShowArguments,
 }
 
 /// Reads a recording and, if asked, flies it again.
@@ -26,6 +30,9 @@ pub struct ReplayArguments {
 pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     let path = &arguments.recording;
     let recording = record::read_mcap(path).map_err(Failure::input)?;
+    if arguments.show.serve {
+        return show::show(&recording, &arguments.show);
+    }
     let (recorded, ending) = recording.digest().map_err(Failure::input)?;
     if let Some(loss) = ending.loss() {
         eprintln!("warning: {}: {loss}", path.display());

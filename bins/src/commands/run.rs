@@ -1,11 +1,12 @@
 //! `plumage run`: a mission in one process.
 
+use super::control;
 use crate::feeding::{FeedOptions, Start};
 use crate::ground_station::GroundStation;
 use crate::outputs::{Outputs, fresh_folder};
 use crate::outside::Outside;
 use crate::pace::{Pace, Speed};
-use crate::page::{LivePage, Serve};
+use crate::page::{self, LivePage, PageArguments, Serve};
 use crate::{Failure, mission_files, preflight, site};
 use anyhow::Context as _;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -14,11 +15,17 @@ use mission::{Run, Setup};
 use plume::Gas;
 use protocol::message::{Control, ControlWish, Message, Phase};
 use stand_in::TeamWish;
+use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use views::page::PageCommand;
+
+/// Speed at which a mission of half an hour is watched in a minute, simulated over wall time.
+const WATCHED: f64 = 30.0;
+/// Wall time over which the speed that is shown is measured, s.
+const PACE_OVER_S: f64 = 1.5;
 
 /// Arguments of `plumage run`.
 #[derive(Debug, clap::Args)]
@@ -28,9 +35,10 @@ pub struct RunArguments {
     /// Seed of every random number, instead of the scenario's
     #[arg(long)]
     pub seed: Option<u64>,
-    /// real, a factor of real time, or max
-    #[arg(long, default_value = "max")]
-    pub speed: Speed,
+    /// real, a factor of real time, or max; max if not given, and 30 where a page is watched from a terminal and
+    /// no --out is given
+    #[arg(long)]
+    pub speed: Option<Speed>,
     /// Length of the mission in simulated seconds, instead of the scenario's
     #[arg(long, value_name = "S")]
     pub duration: Option<f64>,
@@ -49,6 +57,9 @@ pub struct RunArguments {
     /// No live page
     #[arg(long)]
     pub no_serve: bool,
+    /// What lies under the map
+    #[command(flatten)]
+    pub page: PageArguments,
     /// Keep the page up after the mission until interrupted
     #[arg(long)]
     pub hold: bool,
@@ -122,11 +133,52 @@ impl RunArguments {
     }
 
     fn serve_at(&self) -> Serve {
-        match (&self.serve, self.no_serve) {
-            (_, true) => Serve::No,
-            (Some(address), _) => Serve::At(address.clone()),
-            (None, _) => Serve::Default,
+        match self.no_serve {
+            true => Serve::No,
+            false => Serve::at(self.serve.as_ref()),
         }
+    }
+
+    /// Whether somebody sits there who may want to watch, and has said neither how fast nor where to.
+    fn is_watched(&self) -> bool {
+        let at_terminal = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
+        at_terminal && !self.no_serve && self.out.is_none() && self.speed.is_none()
+    }
+
+    /// Keeps the page after the end: until an interrupt where that was asked for, until a key is pressed where
+    /// somebody has watched.
+    fn stay(&self, page: &mut LivePage, stop: &Arc<AtomicBool>) -> Result<(), Failure> {
+        if !self.hold && !self.is_watched() {
+            return Ok(());
+        }
+        let until = if self.hold {
+            "until interrupted"
+        } else {
+            let pressed = Arc::clone(stop);
+            let wait = move || {
+                // An error ends the waiting as a key does.
+                let _ = console::Term::stderr().read_key();
+                pressed.store(true, Ordering::Relaxed);
+            };
+            std::thread::Builder::new()
+                .name("key".to_owned())
+                .spawn(wait)
+                .context("cannot watch for a key")?;
+            "until a key is pressed"
+        };
+        eprintln!(
+            "live page and report stay at http://{}/ {until}",
+            page.address
+        );
+        page.hold(stop);
+        Ok(())
+    }
+
+    /// The speed to begin with, if there is a page or not.
+    fn first_speed(&self, has_page: bool) -> Speed {
+        let watched = has_page && self.is_watched();
+        let unasked = if watched { WATCHED } else { f64::INFINITY };
+        self.speed.unwrap_or(Speed(unasked))
     }
 }
 
@@ -141,16 +193,16 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         .out
         .clone()
         .unwrap_or_else(|| fresh_folder(&setup.scenario.mission.name));
-    let outside = Outside::open(&setup, &arguments.flightgear, arguments.speed)?;
+    let speed = arguments.speed.unwrap_or(Speed(f64::INFINITY));
+    let outside = Outside::open(&setup, &arguments.flightgear, speed)?;
     let run = if !outside.has_links() {
         Run::new(&setup)
     } else {
         Run::with_links(&setup)
     };
     let mut run = run.map_err(Failure::input)?;
-    let outside = outside.with_weather(&setup, &arguments.scenario, arguments.speed)?;
-    let outside =
-        outside.with_feed(&setup, &arguments.feed_options(), arguments.speed, &mut run)?;
+    let outside = outside.with_weather(&setup, &arguments.scenario, speed)?;
+    let outside = outside.with_feed(&setup, &arguments.feed_options(), speed, &mut run)?;
     let site = Arc::new(site::of(&setup)?);
     let ground_station = GroundStation::open(
         &setup,
@@ -158,7 +210,12 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         arguments.tlog.as_deref(),
         arguments.force,
     )?;
-    let page = LivePage::open(&arguments.serve_at(), Arc::clone(&site))?;
+    let options = page::options_of_run(
+        outside.has_links(),
+        folder.join("report.html"),
+        arguments.page.tiles()?,
+    );
+    let page = LivePage::open(&arguments.serve_at(), Arc::clone(&site), options)?;
     let outputs = Outputs::open(&folder, arguments.force, &setup, site)?;
     if let Some(page) = &page {
         eprintln!("live page: http://{}/", page.address);
@@ -170,9 +227,11 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     };
     let mut flight = Flight {
         bar: progress_bar(&setup),
-        pace: Pace::new(arguments.speed, 0.0),
+        pace: Pace::new(arguments.first_speed(page.is_some()), 0.0),
         paused: false,
         started: Instant::now(),
+        paced: (Instant::now(), 0.0),
+        factor: f64::NAN,
         phase: None,
         stop,
         at_once,
@@ -194,7 +253,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let failed = flight.fly().err();
     let digest = flight.run.digest();
     let wall_s = flight.started.elapsed().as_secs_f64();
-    flight.show(true);
+    flight.show();
     flight.bar.finish_and_clear();
     let summary = flight.outputs.finish(&digest, wall_s)?;
     print!("{}", record::text::summary(&summary));
@@ -202,14 +261,10 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         "Outputs in {}: report.html, tracks.kml, mission.mcap, summary.json, scenario.toml",
         folder.display()
     );
-    if let Some(page) = flight.page {
-        if arguments.hold {
-            eprintln!(
-                "live page stays at http://{}/ until interrupted",
-                page.address
-            );
-        }
-        page.close(arguments.hold, &flight.stop);
+    if let Some(mut page) = flight.page {
+        page.with(|live| live.run.reported = true);
+        arguments.stay(&mut page, &flight.stop)?;
+        page.close();
     }
     match failed {
         Some(failure) => Err(failure),
@@ -226,6 +281,10 @@ struct Flight {
     pace: Pace,
     paused: bool,
     started: Instant,
+    /// When the speed was last measured, and the mission time then, s.
+    paced: (Instant, f64),
+    /// Speed reached of late.
+    factor: f64,
     phase: Option<Phase>,
     stop: Arc<AtomicBool>,
     /// Interrupted again: real vehicles are not waited for.
@@ -251,7 +310,7 @@ impl Flight {
             self.obey();
             if self.paused {
                 self.outputs.flush()?;
-                self.show(false);
+                self.show();
                 std::thread::sleep(Duration::from_millis(20));
                 continue;
             }
@@ -273,7 +332,7 @@ impl Flight {
             }
             // Showing costs a look at the wall clock: once in ten ticks is often enough.
             if self.run.now().ns() % 200_000_000 == 0 || self.pace.speed().0 < 10.0 {
-                self.show(false);
+                self.show();
             }
         }
         if self.stop.load(Ordering::Relaxed) {
@@ -368,13 +427,10 @@ impl Flight {
                 // A real vehicle knows no other time than the wall's.
                 PageCommand::Speed(_) if self.outside.has_links() => continue,
                 PageCommand::Speed(factor) => Speed(factor),
-                PageCommand::Home => {
-                    self.call_home();
-                    continue;
-                }
-                PageCommand::Control(vehicle, control) => {
-                    // A vehicle that is not in the team has no agent that would listen.
-                    let _ = self.run.operate(&vehicle, control);
+                // Only a recording is wound.
+                PageCommand::Seek(_) => continue,
+                wish => {
+                    self.tell(wish);
                     continue;
                 }
             };
@@ -382,8 +438,22 @@ impl Flight {
         }
     }
 
-    fn show(&mut self, now: bool) {
+    /// Tells vehicles what somebody at the page wants of them.
+    fn tell(&mut self, wish: PageCommand) {
+        for (topic, message) in control::told_by_page(wish, &self.team) {
+            // A vehicle that is not in the team has no agent that would listen.
+            let _ = self.run.say_as_operator(topic, message);
+        }
+    }
+
+    fn show(&mut self) {
         let sim_s = self.run.now().s();
+        let (since, since_sim_s) = self.paced;
+        let over_s = since.elapsed().as_secs_f64();
+        if over_s > PACE_OVER_S {
+            self.factor = (sim_s - since_sim_s) / over_s;
+            self.paced = (Instant::now(), sim_s);
+        }
         self.bar.set_position(sim_s as u64);
         if let Some(phase) = self.phase {
             self.bar.set_message(format!("{phase:?}"));
@@ -391,11 +461,12 @@ impl Flight {
         let run = views::live::RunStatus {
             paused: self.paused,
             speed: self.pace.speed().0,
-            real_time_factor: sim_s / self.started.elapsed().as_secs_f64().max(1e-9),
+            real_time_factor: self.factor,
             ended: self.run.ended(),
+            reported: false,
         };
         if let Some(page) = &mut self.page {
-            page.show(run, now);
+            page.show(run);
         }
     }
 }

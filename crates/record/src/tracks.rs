@@ -12,6 +12,7 @@ pub struct DecimatedSeries<T> {
     capacity: usize,
     interval_ns: i64,
     next: SimTime,
+    halvings: u32,
 }
 
 impl<T> DecimatedSeries<T> {
@@ -22,6 +23,7 @@ impl<T> DecimatedSeries<T> {
             capacity: capacity.max(2),
             interval_ns: SimTime::from_s(interval_s).ns().max(1),
             next: SimTime::ZERO,
+            halvings: 0,
         }
     }
 
@@ -44,9 +46,16 @@ impl<T> DecimatedSeries<T> {
                 keep
             });
             self.interval_ns = self.interval_ns.saturating_mul(2);
+            self.halvings += 1;
         }
         self.items.push(item);
         self.next = SimTime::from_ns(time.ns().saturating_add(self.interval_ns));
+    }
+
+    /// How often every second item has gone, the first of each pair staying: whoever has a copy of the first
+    /// items follows by dropping the same ones as often.
+    pub fn halvings(&self) -> u32 {
+        self.halvings
     }
 
     /// What was kept, in order of time.

@@ -8,11 +8,10 @@ mod made_up;
 
 use made_up::synthetic;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{mpsc, watch};
 use views::live::LiveState;
-use views::page::{self, PageCommand};
+use views::page::{self, Live, Offered, PageCommand, PageOptions};
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() {
@@ -26,33 +25,48 @@ async fn main() {
     record::files::write_whole(&gap, page.as_bytes()).unwrap();
     println!("reports: {} and {}", report.display(), gap.display());
 
-    let mut live = LiveState::new(made_up::site());
-    let (pictures, watched) = watch::channel(Arc::new(live.clone()));
+    let live = Live::new(LiveState::new(made_up::site()));
+    let (open, is_open) = watch::channel(());
     let (commands, mut asked) = mpsc::channel(16);
     let listener = page::listen(page::DEFAULT_ADDRESS).await.unwrap();
     println!("page: http://{}", page::DEFAULT_ADDRESS);
-    let server = tokio::spawn(page::serve(listener, watched, commands));
-    live.run.real_time_factor = 20.0;
-    live.run.speed = 10.0;
+    let options = PageOptions {
+        offered: Offered {
+            pause: true,
+            speed: true,
+            control: true,
+            timeline_s: None,
+        },
+        ..PageOptions::default()
+    };
+    let server = tokio::spawn(page::serve(
+        listener,
+        live.clone(),
+        options,
+        commands,
+        is_open,
+    ));
+    live.with(|live| live.run.real_time_factor = 20.0);
     for n in 0..6000 {
-        for (topic, envelope) in synthetic::tick(n) {
-            live.take(&topic, &envelope);
-        }
-        if n % 700 == 0 {
-            let (topic, envelope) = synthetic::event(n, "a made-up event to look at");
-            live.take(&topic, &envelope);
-        }
+        live.with(|live| {
+            for (topic, envelope) in synthetic::tick(n) {
+                live.take(&topic, &envelope);
+            }
+            if n % 700 == 0 {
+                let (topic, envelope) = synthetic::event(n, "a made-up event to look at");
+                live.take(&topic, &envelope);
+            }
+        });
         while let Ok(command) = asked.try_recv() {
-            live.run.paused = command == PageCommand::Pause;
+            live.with(|live| live.run.paused = command == PageCommand::Pause);
             println!("{command:?}");
         }
         if n % 20 == 0 {
-            pictures.send_replace(Arc::new(live.clone()));
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     }
-    live.run.ended = true;
-    pictures.send_replace(Arc::new(live));
-    // The last picture stays until the program is stopped.
+    live.with(|live| live.run.ended = true);
+    // The page stays until the program is stopped.
     server.await.unwrap().unwrap();
+    drop(open);
 }

@@ -15,14 +15,17 @@
 //!     frame: LocalFrame::new(43.4417, -7.8631, 340.0)?,
 //!     stacks: Vec::new(),
 //!     fence: Vec::new(),
+//!     height_band_amsl_m: (400.0, 1200.0),
 //!     keep_out_radius_m: 1000.0,
+//!     ground_amsl_m: Arc::new(|_| 340.0),
+//!     has_terrain: false,
 //!     field: Arc::new(|_, points| vec![449.0; points.len()]),
 //!     reality: None,
 //!     true_peak: None,
 //! };
-//! // Messages of the bus go in by `take`; the page asks for this.
-//! let page = LiveState::new(Arc::new(site)).to_json();
-//! assert!(page.starts_with('{'));
+//! // Messages of the bus go in by `take`; a page that opens gets this.
+//! let page = LiveState::new(Arc::new(site)).whole();
+//! assert!(page[0].starts_with('{'));
 //! # Ok::<(), air::AirError>(())
 //! ```
 //!
@@ -32,17 +35,20 @@
 //! - [`gap_report`]: `report.html` of a gap analysis;
 //! - [`campaign_report`]: `campaign.html` of many missions;
 //! - [`tune_report`]: `report.html` of a tuning;
+//! - [`tiles`]: raster tiles under the page's map;
 //! - [`site`]: the map they share.
 
 pub mod campaign_report;
 pub mod gap_report;
 mod html;
 pub mod live;
+mod map_data;
 pub mod page;
 mod plot;
 mod plotly_js;
 pub mod report;
 pub mod site;
+pub mod tiles;
 pub mod tune_report;
 
 /// Why a view could not be shown.

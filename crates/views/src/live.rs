@@ -1,7 +1,13 @@
 //! What the page shows while a mission flies, kept small from the messages on the bus.
+//!
+//! A page gets all of it once ([`LiveState::whole`]) and from then on what is new ([`LiveState::news`]): tracks and
+//! events grow, the rest is small and sent again.
+
+mod news;
 
 use crate::plot::rounded;
-use crate::site::{Grid, SiteMap};
+use crate::site::SiteMap;
+use news::{Piece, SentTracks};
 use protocol::message::{
     ControlLevel, Estimate, Extension, Message, Mode, Model, Peak, Phase, PromisingPoint, Reading,
     Severity, State, VehicleKind,
@@ -14,13 +20,14 @@ use std::sync::Arc;
 
 /// Points of one track on the page.
 const TRACK_POINTS: usize = 700;
+/// Time between two of them at first, s: 36 m at 18 m/s, a chord 2 m off an orbit of 80 m.
+const TRACK_STEP_S: f64 = 2.0;
+/// Points of tracks in one message to a page that opens: some 40 kB.
+const POINTS_IN_A_MESSAGE: usize = 1500;
 /// Events on the page.
-const EVENTS: usize = 40;
-/// Columns of the grid on which the plume is drawn.
-const PLUME_COLUMNS: usize = 110;
-/// How far the plume is drawn beyond the area flown in, in parts of its width: wide screens
-/// show more.
-const PLUME_BEYOND: f64 = 0.7;
+const EVENTS: usize = 200;
+/// Events that a page gets which opens.
+const EVENTS_BEFORE: usize = 40;
 
 /// How the run goes: what no message says and the program knows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,10 +36,12 @@ pub struct RunStatus {
     pub paused: bool,
     /// Asked for: 1 is real time, infinite is as fast as the processor allows.
     pub speed: f64,
-    /// Reached: simulated over wall time.
+    /// Reached of late: simulated over wall time.
     pub real_time_factor: f64,
     /// The mission is over.
     pub ended: bool,
+    /// Its report can be read.
+    pub reported: bool,
 }
 
 impl Default for RunStatus {
@@ -42,20 +51,28 @@ impl Default for RunStatus {
             speed: f64::INFINITY,
             real_time_factor: f64::NAN,
             ended: false,
+            reported: false,
         }
     }
 }
 
 #[derive(Debug, Clone, Default)]
 struct Vehicle {
-    state: Option<State>,
+    state: Option<(SimTime, State)>,
     reading: Option<Reading>,
     mode: Option<Mode>,
     purpose: String,
 }
 
-/// What the page shows. Clone it behind an `Arc` to hand it to the page.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
+struct Event {
+    time: SimTime,
+    agent: String,
+    severity: Severity,
+    text: String,
+}
+
+/// What the page shows.
 pub struct LiveState {
     site: Arc<SiteMap>,
     /// How the run goes.
@@ -64,12 +81,19 @@ pub struct LiveState {
     phase: Option<Phase>,
     vehicles: BTreeMap<String, Vehicle>,
     tracks: Tracks,
+    sent_tracks: SentTracks,
     promising: Vec<PromisingPoint>,
-    before: Option<Box<Model>>,
-    model: Option<Box<Model>>,
+    before: Option<Arc<Model>>,
+    model: Option<Arc<Model>>,
+    /// Models taken so far.
+    models: u64,
     peak: Option<Peak>,
     extension: Option<Extension>,
-    events: VecDeque<(SimTime, String, Severity, String)>,
+    events: VecDeque<Event>,
+    /// How many of the last of `events` no page has got.
+    new_events: usize,
+    /// Pages have to begin anew.
+    forgotten: bool,
 }
 
 impl LiveState {
@@ -81,19 +105,47 @@ impl LiveState {
             time: SimTime::ZERO,
             phase: None,
             vehicles: BTreeMap::new(),
-            tracks: Tracks::new(TRACK_POINTS, 1.0),
+            tracks: Tracks::new(TRACK_POINTS, TRACK_STEP_S),
+            sent_tracks: SentTracks::default(),
             promising: Vec::new(),
             before: None,
             model: None,
+            models: 0,
             peak: None,
             extension: None,
             events: VecDeque::new(),
+            new_events: 0,
+            forgotten: false,
         }
     }
 
     /// The site on whose map it is shown.
-    pub fn site(&self) -> &SiteMap {
+    pub fn site(&self) -> &Arc<SiteMap> {
         &self.site
+    }
+
+    /// Mission time of the last message.
+    pub fn time(&self) -> SimTime {
+        self.time
+    }
+
+    /// The model of the plume, once there is one.
+    pub(crate) fn model(&self) -> Option<Arc<Model>> {
+        self.model.clone()
+    }
+
+    /// Where a vehicle is.
+    pub(crate) fn state_of(&self, vehicle: &str) -> Option<&State> {
+        let (_, state) = self.vehicles.get(vehicle)?.state.as_ref()?;
+        Some(state)
+    }
+
+    /// Forgets everything but the site and how the run goes: a recording is shown from another moment on.
+    pub fn forget(&mut self) {
+        let run = self.run;
+        *self = Self::new(Arc::clone(&self.site));
+        self.run = run;
+        self.forgotten = true;
     }
 
     /// Takes in a message.
@@ -102,7 +154,7 @@ impl LiveState {
         self.tracks.take(topic, envelope);
         match (topic, &envelope.message) {
             (Topic::State(id), Message::State(state)) => {
-                self.vehicle(id.as_str()).state = Some(state.clone());
+                self.vehicle(id.as_str()).state = Some((envelope.time, state.clone()));
             }
             (Topic::Reading(id), Message::Reading(reading)) => {
                 self.vehicle(id.as_str()).reading = Some(reading.clone());
@@ -121,22 +173,41 @@ impl LiveState {
             (Topic::Model, Message::Model(model)) => self.take_model(model),
             (Topic::Extension, Message::Extension(e)) => self.extension = Some(e.clone()),
             (Topic::Event(agent), Message::Event(e)) => {
-                if self.events.len() == EVENTS {
-                    self.events.pop_front();
-                }
-                let event = (envelope.time, agent.to_string(), e.severity, e.text.clone());
-                self.events.push_back(event);
+                let event = Event {
+                    time: envelope.time,
+                    agent: agent.to_string(),
+                    severity: e.severity,
+                    text: e.text.clone(),
+                };
+                self.take_event(event);
             }
             _ => {}
         }
     }
 
-    fn take_model(&mut self, model: &Model) {
-        let model = Box::new(model.clone());
-        if self.before.is_none() {
-            self.before = Some(model.clone());
+    /// Says something to who looks, as if an agent had.
+    pub fn tell(&mut self, who: &str, severity: Severity, text: String) {
+        self.take_event(Event {
+            time: self.time,
+            agent: who.to_owned(),
+            severity,
+            text,
+        });
+    }
+
+    fn take_event(&mut self, event: Event) {
+        if self.events.len() == EVENTS {
+            self.events.pop_front();
         }
+        self.events.push_back(event);
+        self.new_events = (self.new_events + 1).min(self.events.len());
+    }
+
+    fn take_model(&mut self, model: &Model) {
+        let model = Arc::new(model.clone());
+        self.before.get_or_insert_with(|| Arc::clone(&model));
         self.model = Some(model);
+        self.models += 1;
     }
 
     fn vehicle(&mut self, id: &str) -> &mut Vehicle {
@@ -147,114 +218,137 @@ impl LiveState {
         self.vehicles.entry(id.to_owned()).or_default()
     }
 
-    /// What the page's script draws, as JSON.
-    pub fn to_json(&self) -> String {
+    /// What pages lack since this was last asked for, as messages of JSON.
+    pub fn news(&mut self) -> Vec<String> {
+        if std::mem::take(&mut self.forgotten) {
+            self.new_events = 0;
+            self.sent_tracks.news(&self.tracks);
+            return self.whole();
+        }
+        let from = self.events.len() - self.new_events;
+        let events = self.events_json(from);
+        self.new_events = 0;
+        let pieces = self.sent_tracks.news(&self.tracks);
+        let tracks: Vec<Value> = pieces.iter().map(|p| self.piece_json(p)).collect();
+        vec![self.picture(false, events, tracks).to_string()]
+    }
+
+    /// All that a page needs which has nothing yet, as messages that it takes one after the other. What is new since
+    /// the last [`news`](Self::news) is in it: send that first to the pages that are there.
+    pub fn whole(&self) -> Vec<String> {
+        let events = self.events_json(self.events.len().saturating_sub(EVENTS_BEFORE));
+        let mut messages = vec![self.picture(true, events, Vec::new()).to_string()];
+        let pieces = SentTracks::all(&self.tracks, POINTS_IN_A_MESSAGE);
+        let (mut tracks, mut points) = (Vec::new(), 0);
+        for piece in &pieces {
+            if points + piece.points.len() > POINTS_IN_A_MESSAGE {
+                messages.push(json!({"tracks": std::mem::take(&mut tracks)}).to_string());
+                points = 0;
+            }
+            points += piece.points.len();
+            tracks.push(self.piece_json(piece));
+        }
+        if !tracks.is_empty() {
+            messages.push(json!({"tracks": tracks}).to_string());
+        }
+        messages
+    }
+
+    fn picture(&self, whole: bool, events: Value, tracks: Vec<Value>) -> Value {
         json!({
+            "whole": whole,
             "time_s": self.time.s(),
-            "area": self.site.area(&self.tracks).ends().map(whole),
             "phase": self.phase,
             "paused": self.run.paused,
             "ended": self.run.ended,
+            "reported": self.run.reported,
             "speed": finite(self.run.speed),
             "factor": finite(self.run.real_time_factor),
             "vehicles": self.vehicles_json(),
-            "tracks": self.tracks_json(),
+            "tracks": tracks,
             "stars": self.promising.iter().map(|p| {
                 let at = self.site.enu(p.lat_deg, p.lon_deg);
-                json!([whole(at.east_m), whole(at.north_m), self.tenths(p.fitness_ppm)])
+                json!([integer(at.east_m), integer(at.north_m)])
             }).collect::<Vec<_>>(),
             "before": self.before.as_deref().map(model_json),
             "model": self.model.as_deref().map(model_json),
-            "plume": self.model.as_deref().map(|m| self.plume_json(m)),
+            "models": self.models,
             "peak": self.peak.map(|p| {
                 let at = self.site.enu(p.lat_deg, p.lon_deg);
                 json!({"e": at.east_m, "n": at.north_m, "alt": p.alt_amsl_m,
+                       "lat": p.lat_deg, "lon": p.lon_deg,
                        "ppm": p.co2_ppm, "sd": p.sd_ppm,
                        "status": record::text::status(p.status)})
             }),
             "extension": self.extension,
-            "events": self.events.iter().map(|(time, who, severity, text)| {
-                json!([time.s(), who, severity, text])
-            }).collect::<Vec<_>>(),
+            "events": events,
         })
-        .to_string()
+    }
+
+    fn events_json(&self, from: usize) -> Value {
+        let events = self.events.iter().skip(from);
+        events
+            .map(|e| json!([e.time.s(), e.agent, e.severity, e.text]))
+            .collect()
     }
 
     fn vehicles_json(&self) -> Vec<Value> {
-        self.vehicles
-            .iter()
-            .filter_map(|(id, vehicle)| {
-                let state = vehicle.state.as_ref()?;
-                let at = self.site.enu(state.lat_deg, state.lon_deg);
-                let mode = vehicle.mode.as_ref();
-                Some(json!({
-                    "id": id,
-                    "real": state.kind == VehicleKind::Real,
-                    "e": at.east_m,
-                    "n": at.north_m,
-                    "agl": state.alt_amsl_m - self.site.frame.ground_amsl_m,
-                    "heading": state.heading_deg,
-                    "airspeed": state.airspeed_m_s,
-                    "airborne": state.airborne,
-                    "ppm": vehicle.reading.as_ref().map(|r| r.co2_ppm),
-                    "level": mode.map_or(ControlLevel::Automatic, |m| m.level),
-                    "reason": mode.map(|m| &m.reason),
-                    "obeyed": mode.is_none_or(|m| m.setpoints_obeyed),
-                    "purpose": vehicle.purpose,
-                }))
-            })
+        let vehicles = self.vehicles.iter();
+        vehicles
+            .filter_map(|(id, vehicle)| self.vehicle_json(id, vehicle))
             .collect()
     }
 
-    /// Each track as one flat list of time, east, north and ppm: rounded numbers keep it small.
-    fn tracks_json(&self) -> BTreeMap<&str, Vec<Value>> {
-        self.tracks
-            .by_vehicle()
-            .iter()
-            .map(|(id, track)| {
-                let flat = track.points.items().iter().flat_map(|p| {
-                    let at = self.site.enu(p.lat_deg, p.lon_deg);
-                    let [time, east, north] = [p.time_s, at.east_m, at.north_m].map(whole);
-                    [time, east, north, self.shown(p.co2_ppm)]
-                });
-                (id.as_str(), flat.collect())
-            })
-            .collect()
-    }
-
-    /// The plume at the height of its axis, where it is strongest, as a grid for contours.
-    fn plume_json(&self, model: &Model) -> Value {
-        let alt = self.site.axis_amsl_m(model);
-        let area = self.site.area(&self.tracks);
-        let area = area.widened(PLUME_BEYOND * (area.high.east_m - area.low.east_m));
-        let grid = Grid::fill(area, PLUME_COLUMNS, alt, |points| {
-            (self.site.field)(model, points)
+    fn vehicle_json(&self, id: &str, vehicle: &Vehicle) -> Option<Value> {
+        let (heard, state) = vehicle.state.as_ref()?;
+        let at = self.site.enu(state.lat_deg, state.lon_deg);
+        let level = vehicle
+            .mode
+            .as_ref()
+            .map_or(ControlLevel::Automatic, |m| m.level);
+        let mut json = json!({
+            "id": id,
+            "real": state.kind == VehicleKind::Real,
+            "e": integer(at.east_m),
+            "n": integer(at.north_m),
+            "alt": integer(state.alt_amsl_m),
+            "agl": integer(state.alt_amsl_m - (self.site.ground_amsl_m)(at)),
+            "heading": integer(state.heading_deg),
+            "airspeed": rounded(state.airspeed_m_s, 10.0),
+            "airborne": state.airborne,
+            "silent_s": integer(self.time.since_s(*heard)),
+            "ppm": vehicle.reading.as_ref().map(|r| self.shown(r.co2_ppm)),
+            "level": level,
+            "purpose": vehicle.purpose,
         });
-        let step = |axis: &[f64]| axis.get(1).zip(axis.first()).map(|(b, a)| b - a);
-        json!({
-            "e": grid.east_m.first(),
-            "n": grid.north_m.first(),
-            "step": step(&grid.east_m),
-            "columns": grid.east_m.len(),
-            "rows": grid.north_m.len(),
-            "agl": grid.alt_amsl_m - self.site.frame.ground_amsl_m,
-            "ppm": grid.ppm.iter().map(|&p| self.tenths(p)).collect::<Vec<_>>(),
-        })
+        // Sent where somebody asks why, not for a hundred vehicles that do as they are told.
+        let reason = vehicle.mode.as_ref().map(|m| &m.reason);
+        if level != ControlLevel::Automatic
+            && let Some(fields) = json.as_object_mut()
+        {
+            fields.insert("reason".to_owned(), json!(reason));
+        }
+        Some(json)
     }
-}
 
-impl LiveState {
+    /// A piece of a track as one flat list of time, east, north, altitude and ppm: rounded numbers keep it small.
+    fn piece_json(&self, piece: &Piece<'_>) -> Value {
+        let flat = piece.points.iter().flat_map(|p| {
+            let at = self.site.enu(p.lat_deg, p.lon_deg);
+            let [time, east, north, alt] =
+                [p.time_s, at.east_m, at.north_m, p.alt_amsl_m].map(integer);
+            [time, east, north, alt, self.shown(p.co2_ppm)]
+        });
+        let points: Vec<Value> = flat.collect();
+        json!({"id": piece.id, "halvings": piece.halvings, "points": points})
+    }
+
     /// ppm with the digits that are shown, as a whole number where there are none.
     fn shown(&self, ppm: f64) -> Value {
         match self.site.shown.gas.digits() {
-            0 => whole(ppm),
+            0 => integer(ppm),
             _ => rounded(ppm, self.site.shown.steps_per_ppm()),
         }
-    }
-
-    /// ppm with a digit more than is shown.
-    fn tenths(&self, ppm: f64) -> Value {
-        rounded(ppm, 10.0 * self.site.shown.steps_per_ppm())
     }
 }
 
@@ -266,6 +360,9 @@ fn model_json(model: &Model) -> Value {
         "c_max_ppm": pair(model.c_max_ppm),
         "sigma_y_scale": pair(model.sigma_y_scale),
         "sigma_z_scale": pair(model.sigma_z_scale),
+        "flux": model.flux.iter().map(|f| json!([
+            f.source, record::text::flux_method(f.method), f.kg_s.value, f.kg_s.sd
+        ])).collect::<Vec<_>>(),
         "wind_speed_m_s": model.wind_speed_m_s,
         "observations": model.observations,
         "mechanisms": model.mechanisms.iter().map(|m| &m.id).collect::<Vec<_>>(),
@@ -281,7 +378,7 @@ fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
-/// Rounded to whole metres, seconds or ppm of CO2.
-fn whole(value: f64) -> Value {
+/// Rounded to whole metres, seconds, degrees or ppm of CO2.
+fn integer(value: f64) -> Value {
     json!(value.round() as i64)
 }

@@ -1,4 +1,4 @@
-//! The page: a web server that shows a running mission and takes its pause and speed buttons.
+//! The page: a web server that shows a mission, running or recorded, and takes what is clicked.
 //!
 //! Everything the page needs comes from this program. It answers only requests that name it by
 //! an address or `localhost`, so that a web site cannot reach it under a name of its own (DNS
@@ -6,27 +6,51 @@
 
 use crate::ViewError;
 use crate::live::LiveState;
-use axum::Router;
-use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
-use axum::extract::{Request, State};
+use crate::map_data::{self, MapView, SectionView};
+use crate::site::SiteMap;
+use crate::tiles::Tiles;
+use air::geo::Enu;
+use axum::extract::ws::{Message, Utf8Bytes, WebSocket, WebSocketUpgrade};
+use axum::extract::{Query, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use axum::{Json, Router};
 use protocol::key::Name;
-use protocol::message::{Control, ControlWish};
+use protocol::message::Destination;
+use serde_json::json;
 use std::net::IpAddr;
-use std::sync::Arc;
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::net::TcpListener;
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{Semaphore, broadcast, mpsc, watch};
 
 /// Where the page is if nobody says otherwise.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8787";
 /// Shortest time between two frames.
 const FRAME: Duration = Duration::from_millis(200);
+/// Frames that a page may be behind before it gets all anew.
+const FRAMES_BEHIND: usize = 64;
 /// Longest command that is read, bytes.
 const LONGEST_COMMAND: usize = 256;
+/// Speeds that may be asked for.
+const FACTORS: RangeInclusive<f64> = 0.01..=1e4;
+/// What the page is made of beside itself.
+const ASSETS: [(&str, &str, &str); 8] = [
+    ("/page.css", CSS, include_str!("../assets/page.css")),
+    ("/page.js", SCRIPT, include_str!("../assets/page.js")),
+    ("/map.js", SCRIPT, include_str!("../assets/map.js")),
+    ("/plume.js", SCRIPT, include_str!("../assets/plume.js")),
+    ("/section.js", SCRIPT, include_str!("../assets/section.js")),
+    ("/team.js", SCRIPT, include_str!("../assets/team.js")),
+    ("/chart.js", SCRIPT, include_str!("../assets/chart.js")),
+    ("/shown.js", SCRIPT, include_str!("../assets/shown.js")),
+];
+const CSS: &str = "text/css; charset=utf-8";
+const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// What somebody at the page asks for.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,52 +61,154 @@ pub enum PageCommand {
     Resume,
     /// Simulated over wall time: 1 is real time, infinite is as fast as the processor allows.
     Speed(f64),
-    /// The vehicle of this id is taken over or handed back.
-    Control(String, Control),
-    /// All vehicles come home.
-    Home,
+    /// A recording is shown from this mission time on, s.
+    Seek(f64),
+    /// The vehicle of this id is handed back.
+    HandBack(String),
+    /// The vehicle of this id is taken over, flies there and circles.
+    SendTo(String, Destination),
+    /// The vehicle of this id comes home, or all do.
+    Home(Option<String>),
 }
 
 impl PageCommand {
     /// Reads a command of the page: `{"command":"pause"}`, `{"command":"resume"}` or
-    /// `{"command":"speed","factor":10}`, factor null for as fast as possible;
-    /// `{"command":"hand-back","vehicle":"3"}`, `{"command":"take-over","vehicle":"3"}`;
-    /// `{"command":"home"}` for all vehicles.
-    fn parse(text: &str) -> Option<Self> {
+    /// `{"command":"speed","factor":10}`, factor null for as fast as possible; `{"command":"seek","time_s":60}` in a
+    /// recording; `{"command":"take-over","vehicle":"3"}` to let it circle where it is,
+    /// `{"command":"go-to","vehicle":"3","e":120,"n":-40,"alt_amsl_m":700}` in metres of the site's frame,
+    /// `{"command":"hand-back","vehicle":"3"}` and `{"command":"home","vehicle":"3"}`, without vehicle for all.
+    fn parse(text: &str, live: &LiveState) -> Option<Self> {
         let value: serde_json::Value = serde_json::from_str(text).ok()?;
+        let vehicle = || {
+            let vehicle = value.get("vehicle")?.as_str()?;
+            Name::new(vehicle).ok()?;
+            Some(vehicle.to_owned())
+        };
+        let number = |key: &str| value.get(key)?.as_f64().filter(|v| v.is_finite());
         match value.get("command")?.as_str()? {
             "pause" => Some(Self::Pause),
             "resume" => Some(Self::Resume),
-            "home" => Some(Self::Home),
             "speed" => match value.get("factor") {
                 None | Some(serde_json::Value::Null) => Some(Self::Speed(f64::INFINITY)),
-                Some(factor) => {
-                    let factor = factor.as_f64()?;
-                    (0.01..=1e4)
-                        .contains(&factor)
-                        .then_some(Self::Speed(factor))
+                Some(_) => {
+                    let factor = number("factor")?;
+                    FACTORS.contains(&factor).then_some(Self::Speed(factor))
                 }
             },
-            wish @ ("hand-back" | "take-over") => {
-                let vehicle = value.get("vehicle")?.as_str()?;
-                Name::new(vehicle).ok()?;
-                let wish = match wish {
-                    "hand-back" => ControlWish::HandBack,
-                    _ => ControlWish::TakeOver,
+            "seek" => Some(Self::Seek(number("time_s")?)),
+            "hand-back" => Some(Self::HandBack(vehicle()?)),
+            "take-over" => {
+                let vehicle = vehicle()?;
+                let here = live.state_of(&vehicle)?;
+                let here = Destination {
+                    lat_deg: here.lat_deg,
+                    lon_deg: here.lon_deg,
+                    alt_amsl_m: here.alt_amsl_m,
                 };
-                let control = Control { wish, sticks: None };
-                Some(Self::Control(vehicle.to_owned(), control))
+                Some(Self::SendTo(vehicle, here))
             }
+            "go-to" => {
+                let at = live.site().frame.to_geodetic(Enu {
+                    east_m: number("e")?,
+                    north_m: number("n")?,
+                });
+                let there = Destination {
+                    lat_deg: at.lat_deg,
+                    lon_deg: at.lon_deg,
+                    alt_amsl_m: number("alt_amsl_m")?,
+                };
+                Some(Self::SendTo(vehicle()?, there))
+            }
+            "home" => match value.get("vehicle") {
+                None => Some(Self::Home(None)),
+                Some(_) => Some(Self::Home(Some(vehicle()?))),
+            },
             _ => None,
         }
     }
 }
 
+/// What the page may offer.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Offered {
+    /// Pause and resume.
+    pub pause: bool,
+    /// Other speeds.
+    pub speed: bool,
+    /// Takeover, go-to, hand-back and the way home.
+    pub control: bool,
+    /// A recording's first and last mission time, s, between which it can be wound.
+    pub timeline_s: Option<(f64, f64)>,
+}
+
+impl Offered {
+    fn json(&self) -> serde_json::Value {
+        let timeline = self.timeline_s.map(|(from, to)| [from, to]);
+        json!({"pause": self.pause, "speed": self.speed, "control": self.control, "timeline_s": timeline})
+    }
+}
+
+/// What the page has beside the mission.
+#[derive(Debug, Clone, Default)]
+pub struct PageOptions {
+    /// What it may offer.
+    pub offered: Offered,
+    /// Where raster tiles for the map are loaded from by the browser.
+    pub tiles: Option<Tiles>,
+    /// The mission's report, once it is written.
+    pub report: Option<PathBuf>,
+}
+
+/// What the page shows, shared by who fills it and the server that sends it.
+#[derive(Clone)]
+pub struct Live(Arc<Mutex<LiveState>>);
+
+impl Live {
+    /// Shares a state.
+    pub fn new(state: LiveState) -> Self {
+        Self(Arc::new(Mutex::new(state)))
+    }
+
+    /// Does something with the state, while nobody else does.
+    pub fn with<T>(&self, work: impl FnOnce(&mut LiveState) -> T) -> T {
+        // A panic elsewhere leaves a state that can still be shown.
+        work(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
 #[derive(Clone)]
 struct Shared {
-    site: Arc<str>,
-    frame: watch::Receiver<Arc<str>>,
+    live: Live,
+    site: Arc<SiteMap>,
+    options: Arc<PageOptions>,
+    frames: broadcast::Sender<Utf8Bytes>,
     commands: mpsc::Sender<PageCommand>,
+    open: watch::Receiver<()>,
+    /// Grids are made one after the other, so that many pages do not hold up the mission.
+    grids: Arc<Semaphore>,
+}
+
+impl Shared {
+    /// Sends to all pages what is new.
+    fn send_news(&self) {
+        // Sent before the state is let go of: who opens a page meanwhile must not get it twice.
+        self.live.with(|live| self.send(live.news()));
+    }
+
+    fn send(&self, messages: Vec<String>) {
+        for message in messages {
+            // No page may be there.
+            let _ = self.frames.send(message.into());
+        }
+    }
+
+    /// All there is, for a page that opens, and what will be new from now on.
+    fn join(&self) -> (Vec<String>, broadcast::Receiver<Utf8Bytes>) {
+        self.live.with(|live| {
+            self.send(live.news());
+            (live.whole(), self.frames.subscribe())
+        })
+    }
 }
 
 /// Listens at `address`.
@@ -98,44 +224,44 @@ pub async fn listen(address: &str) -> Result<TcpListener, ViewError> {
         })
 }
 
-/// Serves the page on `listener` until the sender of `live` is gone and the last frame is
-/// shown; what people ask for goes to `commands`.
+/// Serves the page on `listener` until the sender of `open` is gone and the last news are sent; what people ask for
+/// goes to `commands`.
 ///
 /// # Errors
 /// The server fails.
 pub async fn serve(
     listener: TcpListener,
-    live: watch::Receiver<Arc<LiveState>>,
+    live: Live,
+    options: PageOptions,
     commands: mpsc::Sender<PageCommand>,
+    open: watch::Receiver<()>,
 ) -> Result<(), ViewError> {
-    let first = live.borrow().clone();
-    // A watch channel keeps the newest frame only: a slow browser misses frames, and holds up neither
-    // the run nor other browsers. A frame is made once, however many look.
-    let (frame, frames) = watch::channel::<Arc<str>>(first.to_json().into());
+    let (frames, _) = broadcast::channel(FRAMES_BEHIND);
+    let site = live.with(|live| Arc::clone(live.site()));
     let shared = Shared {
-        site: first.site().json().to_string().into(),
-        frame: frames,
+        live,
+        site,
+        options: Arc::new(options),
+        frames,
         commands,
+        open,
+        grids: Arc::new(Semaphore::new(1)),
     };
-    let app = Router::new()
-        .route(
-            "/",
-            get(|| async { html(include_str!("../assets/page.html")) }),
-        )
-        .route(
-            "/page.css",
-            get(|| async { css(include_str!("../assets/page.css")) }),
-        )
-        .route(
-            "/page.js",
-            get(|| async { js(include_str!("../assets/page.js")) }),
-        )
-        .route("/plotly.js", get(|| async { js(crate::plotly_js::text()) }))
-        .route("/site.json", get(site))
-        .route("/live", get(socket))
+    let mut app = Router::new()
+        .route("/", get(page))
+        .route("/site.json", get(site_json))
+        .route("/plume.json", get(plume))
+        .route("/ground.json", get(ground))
+        .route("/section.json", get(section))
+        .route("/report.html", get(report))
+        .route("/live", get(socket));
+    for (path, kind, text) in ASSETS {
+        app = app.route(path, get(|| async { asset(kind, text) }));
+    }
+    let app = app
         .layer(middleware::from_fn(only_by_address))
-        .with_state(shared);
-    let drawing = tokio::spawn(draw(live, frame));
+        .with_state(shared.clone());
+    let drawing = tokio::spawn(draw(shared));
     let served = axum::serve(listener, app)
         .with_graceful_shutdown(async {
             // A panic in the drawing ends the page as well.
@@ -145,13 +271,13 @@ pub async fn serve(
     served.map_err(ViewError::Server)
 }
 
-/// Turns states into frames, no more often than anybody can see.
-async fn draw(mut live: watch::Receiver<Arc<LiveState>>, frame: watch::Sender<Arc<str>>) {
-    while live.changed().await.is_ok() {
-        let state = live.borrow_and_update().clone();
-        frame.send_replace(state.to_json().into());
-        tokio::time::sleep(FRAME).await;
+/// Sends what is new, no more often than anybody can see.
+async fn draw(shared: Shared) {
+    let mut open = shared.open.clone();
+    while tokio::time::timeout(FRAME, open.changed()).await.is_err() {
+        shared.send_news();
     }
+    shared.send_news();
 }
 
 fn asset(kind: &'static str, text: &'static str) -> Response {
@@ -163,28 +289,90 @@ fn asset(kind: &'static str, text: &'static str) -> Response {
     (headers, text).into_response()
 }
 
-fn html(text: &'static str) -> Response {
-    let mut response = asset("text/html; charset=utf-8", text);
-    // Nothing from elsewhere is loaded, and nobody may frame the page to steal clicks.
-    let policy = "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: \
-                  blob:; frame-ancestors 'none'";
-    let value = header::HeaderValue::from_static(policy);
-    let name = header::CONTENT_SECURITY_POLICY;
-    response.headers_mut().insert(name, value);
+async fn page(State(shared): State<Shared>) -> Response {
+    let mut response = asset(
+        "text/html; charset=utf-8",
+        include_str!("../assets/page.html"),
+    );
+    let tiles = shared.options.tiles.as_ref();
+    // Nothing from elsewhere is loaded but the tiles that somebody asked for, and nobody may frame the page to
+    // steal clicks.
+    let policy = format!(
+        "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob: {}; frame-ancestors 'none'",
+        tiles.map_or("", Tiles::origin)
+    );
+    if let Ok(policy) = header::HeaderValue::from_str(&policy) {
+        let name = header::CONTENT_SECURITY_POLICY;
+        response.headers_mut().insert(name, policy);
+    }
     response
 }
 
-fn css(text: &'static str) -> Response {
-    asset("text/css; charset=utf-8", text)
+async fn site_json(State(shared): State<Shared>) -> Response {
+    let mut site = shared.site.json();
+    if let Some(site) = site.as_object_mut() {
+        site.insert("offered".to_owned(), shared.options.offered.json());
+        let tiles = shared.options.tiles.as_ref();
+        site.insert("tiles".to_owned(), json!(tiles.map(Tiles::template)));
+    }
+    Json(site).into_response()
 }
 
-fn js(text: &'static str) -> Response {
-    asset("text/javascript; charset=utf-8", text)
+async fn report(State(shared): State<Shared>) -> Response {
+    let is_there = shared.live.with(|live| live.run.reported);
+    let path = shared.options.report.clone().filter(|_| is_there);
+    let read = tokio::task::spawn_blocking(move || std::fs::read(path?).ok());
+    match read.await.ok().flatten() {
+        Some(text) => ([(header::CONTENT_TYPE, "text/html; charset=utf-8")], text).into_response(),
+        None => (
+            StatusCode::NOT_FOUND,
+            "the report is written when the mission is over\n",
+        )
+            .into_response(),
+    }
 }
 
-async fn site(State(shared): State<Shared>) -> Response {
-    let headers = [(header::CONTENT_TYPE, "application/json")];
-    (headers, shared.site.to_string()).into_response()
+/// A grid, made beside the server's own work; not found where there is nothing to draw.
+async fn grid(
+    shared: &Shared,
+    make: impl FnOnce() -> Option<serde_json::Value> + Send + 'static,
+) -> Response {
+    let turn = shared.grids.acquire().await;
+    let made = match turn {
+        Ok(_) => tokio::task::spawn_blocking(make).await.ok().flatten(),
+        Err(_) => None,
+    };
+    match made {
+        Some(grid) => Json(grid).into_response(),
+        None => (StatusCode::NOT_FOUND, "nothing to draw there\n").into_response(),
+    }
+}
+
+async fn plume(State(shared): State<Shared>, Query(view): Query<MapView>) -> Response {
+    let (site, model) = (
+        Arc::clone(&shared.site),
+        shared.live.with(|live| live.model()),
+    );
+    grid(&shared, move || {
+        map_data::plume(&site, model?.as_ref(), view)
+    })
+    .await
+}
+
+async fn ground(State(shared): State<Shared>, Query(view): Query<MapView>) -> Response {
+    let site = Arc::clone(&shared.site);
+    grid(&shared, move || map_data::ground(&site, view)).await
+}
+
+async fn section(State(shared): State<Shared>, Query(view): Query<SectionView>) -> Response {
+    let (site, model) = (
+        Arc::clone(&shared.site),
+        shared.live.with(|live| live.model()),
+    );
+    grid(&shared, move || {
+        map_data::section(&site, model.as_deref(), view)
+    })
+    .await
 }
 
 /// Refuses requests that name this server by anything but an address or `localhost`: against DNS
@@ -242,33 +430,56 @@ async fn socket(
         .on_upgrade(move |socket| talk(socket, shared))
 }
 
-/// Sends frames and takes commands until the page leaves or the mission's server ends.
+/// Sends what there is and what is new and takes commands, until the page leaves or the server ends.
 async fn talk(mut socket: WebSocket, mut shared: Shared) {
     loop {
-        let frame = shared.frame.borrow_and_update().clone();
-        if socket
-            .send(Message::Text(frame.as_ref().into()))
-            .await
-            .is_err()
-        {
+        let (whole, mut news) = shared.join();
+        for message in whole {
+            if socket.send(Message::Text(message.into())).await.is_err() {
+                return;
+            }
+        }
+        // A page that falls behind gets the whole again: it holds up neither the mission nor other pages.
+        if !follow(&mut socket, &mut shared, &mut news).await {
             return;
         }
-        loop {
-            tokio::select! {
-                changed = shared.frame.changed() => match changed {
-                    Ok(()) => break,
-                    Err(_) => return,
+    }
+}
+
+/// Passes on what is new until the page leaves (false) or has missed some of it (true).
+async fn follow(
+    socket: &mut WebSocket,
+    shared: &mut Shared,
+    news: &mut broadcast::Receiver<Utf8Bytes>,
+) -> bool {
+    loop {
+        tokio::select! {
+            biased;
+            next = news.recv() => match next {
+                Ok(text) => if socket.send(Message::Text(text)).await.is_err() {
+                    return false;
                 },
-                heard = socket.recv() => match heard {
-                    Some(Ok(Message::Text(text))) => {
-                        if let Some(command) = PageCommand::parse(&text) {
-                            // A full queue means that earlier clicks wait; this one is dropped.
-                            let _ = shared.commands.try_send(command);
-                        }
+                Err(broadcast::error::RecvError::Lagged(_)) => return true,
+                Err(broadcast::error::RecvError::Closed) => return false,
+            },
+            heard = socket.recv() => match heard {
+                Some(Ok(Message::Text(text))) => {
+                    let command = shared.live.with(|live| PageCommand::parse(&text, live));
+                    if let Some(command) = command {
+                        // A full queue means that earlier clicks wait; this one is dropped.
+                        let _ = shared.commands.try_send(command);
                     }
-                    Some(Ok(Message::Close(_)) | Err(_)) | None => return,
-                    Some(Ok(_)) => {}
-                },
+                }
+                Some(Ok(Message::Close(_)) | Err(_)) | None => return false,
+                Some(Ok(_)) => {}
+            },
+            // The last news were sent before; a moment for them to leave.
+            _ = shared.open.changed() => {
+                tokio::time::sleep(FRAME).await;
+                while let Ok(text) = news.try_recv() {
+                    let _ = socket.send(Message::Text(text)).await;
+                }
+                return false;
             }
         }
     }
@@ -296,46 +507,6 @@ mod tests {
             "",
         ] {
             assert!(!is_address(host), "{host}");
-        }
-    }
-
-    #[test]
-    fn commands_and_garbage() {
-        use PageCommand::*;
-        let parse = PageCommand::parse;
-        assert_eq!(parse(r#"{"command":"pause"}"#), Some(Pause));
-        assert_eq!(parse(r#"{"command":"resume"}"#), Some(Resume));
-        assert_eq!(parse(r#"{"command":"home"}"#), Some(Home));
-        assert_eq!(
-            parse(r#"{"command":"speed","factor":10}"#),
-            Some(Speed(10.0))
-        );
-        let fastest = parse(r#"{"command":"speed","factor":null}"#);
-        assert_eq!(fastest, Some(Speed(f64::INFINITY)));
-        let control = |wish| {
-            Some(Control(
-                "3".to_owned(),
-                super::Control { wish, sticks: None },
-            ))
-        };
-        assert_eq!(
-            parse(r#"{"command":"hand-back","vehicle":"3"}"#),
-            control(ControlWish::HandBack)
-        );
-        assert_eq!(
-            parse(r#"{"command":"take-over","vehicle":"3"}"#),
-            control(ControlWish::TakeOver)
-        );
-        for garbage in [
-            r#"{"command":"hand-back"}"#,
-            r#"{"command":"hand-back","vehicle":"a/b"}"#,
-            "",
-            "pause",
-            r#"{"command":"speed","factor":-1}"#,
-            r#"{"command":"speed","factor":"x"}"#,
-            r#"{"command":"rm"}"#,
-        ] {
-            assert_eq!(parse(garbage), None, "{garbage}");
         }
     }
 }

@@ -23,6 +23,9 @@ pub type ModelField = Arc<dyn Fn(&Model, &[MapPoint]) -> Vec<f64> + Send + Sync>
 /// Mean mole fraction in ppm, background included, of the stand-in's reality at some points.
 pub type RealityField = Arc<dyn Fn(&[MapPoint]) -> Vec<f64> + Send + Sync>;
 
+/// Height of the ground at a place, m above mean sea level.
+pub type GroundHeight = Arc<dyn Fn(Enu) -> f64 + Send + Sync>;
+
 /// What stands on the map whatever the mission does.
 #[derive(Clone)]
 pub struct SiteMap {
@@ -38,8 +41,14 @@ pub struct SiteMap {
     pub stacks: Vec<StackMarker>,
     /// Corners of the fence, latitude and longitude in degrees; none for no fence.
     pub fence: Vec<(f64, f64)>,
+    /// Lowest and highest altitude at which vehicles fly, m above mean sea level.
+    pub height_band_amsl_m: (f64, f64),
     /// Radius around each stack into which no vehicle flies, m.
     pub keep_out_radius_m: f64,
+    /// The ground, flat where no terrain is known.
+    pub ground_amsl_m: GroundHeight,
+    /// Whether the ground is that of a terrain tile or grid.
+    pub has_terrain: bool,
     /// The plume of a model, for contours and predictions.
     pub field: ModelField,
     /// The stand-in's reality, where it is known: for the report, never for the page.
@@ -191,19 +200,25 @@ impl SiteMap {
 
     /// What the page's script needs once.
     pub(crate) fn json(&self) -> Value {
+        let origin = self.frame.origin();
         json!({
             "mission": self.mission,
             "duration_s": self.duration_s,
+            "lat": origin.lat_deg,
+            "lon": origin.lon_deg,
             "ground_amsl_m": self.frame.ground_amsl_m,
+            "has_terrain": self.has_terrain,
+            "band_amsl_m": [self.height_band_amsl_m.0, self.height_band_amsl_m.1],
             "keep_out_radius_m": self.keep_out_radius_m,
             "stacks": self.stacks.iter().map(|s| {
                 let at = self.enu(s.lat_deg, s.lon_deg);
-                json!({"name": s.name, "e": at.east_m, "n": at.north_m})
+                json!({"name": s.name, "e": at.east_m, "n": at.north_m, "height_m": s.height_m})
             }).collect::<Vec<_>>(),
             "fence": self.fence.iter().map(|&(lat, lon)| {
                 let at = self.enu(lat, lon);
                 [at.east_m, at.north_m]
             }).collect::<Vec<_>>(),
+            "area": self.area(&Tracks::new(2, 1.0)).ends(),
             "colours": record::colour::stops(),
             "gas": self.shown.gas.formula(),
             "digits": self.shown.gas.digits(),

@@ -4,33 +4,59 @@
 mod made_up;
 
 use made_up::synthetic;
-use std::sync::Arc;
 use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::sync::{mpsc, watch};
 use views::live::LiveState;
-use views::page::{self, PageCommand};
+use views::page::{self, Live, PageCommand, PageOptions};
 
 struct Served {
     address: String,
-    live: watch::Sender<Arc<LiveState>>,
+    live: Live,
+    open: watch::Sender<()>,
     commands: mpsc::Receiver<PageCommand>,
     server: tokio::task::JoinHandle<Result<(), views::ViewError>>,
 }
 
-async fn served() -> Served {
+async fn served_with(options: PageOptions) -> Served {
     let listener = page::listen("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    let (live, watched) = watch::channel(Arc::new(LiveState::new(made_up::site())));
-    let (sender, commands) = mpsc::channel(8);
-    let server = tokio::spawn(page::serve(listener, watched, sender));
+    let live = Live::new(LiveState::new(made_up::site()));
+    let (open, is_open) = watch::channel(());
+    let (sender, commands) = mpsc::channel(16);
+    let server = tokio::spawn(page::serve(
+        listener,
+        live.clone(),
+        options,
+        sender,
+        is_open,
+    ));
     Served {
         address,
         live,
+        open,
         commands,
         server,
     }
+}
+
+async fn served() -> Served {
+    served_with(PageOptions::default()).await
+}
+
+fn fly(live: &Live, ticks: std::ops::Range<u64>) {
+    live.with(|live| {
+        for n in ticks {
+            for (topic, envelope) in synthetic::tick(n) {
+                live.take(&topic, &envelope);
+            }
+            if n % 1000 == 0 {
+                let (topic, envelope) = synthetic::event(n, "something happened");
+                live.take(&topic, &envelope);
+            }
+        }
+    });
 }
 
 async fn ask(address: &str, path: &str, headers: &str) -> String {
@@ -48,18 +74,122 @@ async fn it_serves_everything_itself_and_loads_nothing_from_elsewhere() {
     let host = format!("Host: {}\r\n", served.address);
     let page = ask(&served.address, "/", &host).await;
     assert!(page.starts_with("HTTP/1.1 200"), "{page}");
-    for asset in ["page.css", "page.js", "plotly.js", "site.json"] {
+    let script = ask(&served.address, "/page.js", &host).await;
+    let parts = [
+        "map.js",
+        "plume.js",
+        "section.js",
+        "team.js",
+        "chart.js",
+        "shown.js",
+    ];
+    for asset in ["page.css", "page.js", "site.json"].iter().chain(&parts) {
         let answer = ask(&served.address, &format!("/{asset}"), &host).await;
         assert!(answer.starts_with("HTTP/1.1 200"), "{asset}");
-        if asset != "plotly.js" {
-            assert!(!answer.contains("https://"), "{asset} points elsewhere");
-        }
+        assert!(!answer.contains("https://"), "{asset} points elsewhere");
         if asset.starts_with("page") {
             assert!(page.contains(asset), "{asset} is not used");
+        }
+        if asset.ends_with(".js") && *asset != "page.js" && *asset != "plume.js" {
+            assert!(script.contains(asset), "{asset} is not used");
         }
     }
     assert!(!page.contains("https://"));
     assert!(page.contains("default-src 'self'"));
+}
+
+#[tokio::test]
+async fn tiles_come_from_where_somebody_said_and_the_report_once_it_is_there() {
+    let folder = std::env::temp_dir().join(format!("plumage-page-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let report = folder.join("report.html");
+    std::fs::write(&report, "how it went").unwrap();
+    let tiles = "https://tiles.example/{z}/{x}/{y}.png".parse().unwrap();
+    let served = served_with(PageOptions {
+        tiles: Some(tiles),
+        report: Some(report),
+        ..PageOptions::default()
+    })
+    .await;
+    let host = format!("Host: {}\r\n", served.address);
+    let page = ask(&served.address, "/", &host).await;
+    assert!(
+        page.contains("img-src 'self' data: blob: https://tiles.example;"),
+        "{page}"
+    );
+    assert!(
+        ask(&served.address, "/site.json", &host)
+            .await
+            .contains("tiles.example/{z}")
+    );
+    let early = ask(&served.address, "/report.html", &host).await;
+    assert!(early.starts_with("HTTP/1.1 404"), "{early}");
+    served.live.with(|live| live.run.reported = true);
+    let there = ask(&served.address, "/report.html", &host).await;
+    assert!(
+        there.starts_with("HTTP/1.1 200") && there.contains("how it went"),
+        "{there}"
+    );
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+/// The body of an answer as JSON.
+fn body(answer: &str) -> serde_json::Value {
+    assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+    serde_json::from_str(answer.split("\r\n\r\n").nth(1).unwrap()).unwrap()
+}
+
+#[tokio::test]
+async fn plume_and_section_are_those_of_the_model() {
+    let served = served().await;
+    let host = format!("Host: {}\r\n", served.address);
+    let view = "west=-1000&south=-3000&east=3000&north=1000&columns=40";
+    let nothing = ask(&served.address, &format!("/plume.json?{view}"), &host).await;
+    assert!(
+        nothing.starts_with("HTTP/1.1 404"),
+        "no model yet: {nothing}"
+    );
+    fly(&served.live, 0..300);
+    let plume = body(&ask(&served.address, &format!("/plume.json?{view}"), &host).await);
+    let (columns, rows) = (&plume["grid"]["columns"], &plume["grid"]["rows"]);
+    let (columns, rows) = (columns.as_u64().unwrap(), rows.as_u64().unwrap());
+    assert_eq!((columns, rows), (41, 41));
+    let values = plume["values"].as_array().unwrap();
+    assert_eq!(values.len() as u64, columns * rows);
+    // Upwind of the source there is nothing; far downwind it is strongest where the made-up axis runs, 118° to 130°.
+    let at = |e: i64, n: i64| {
+        values[((n + 3000) / 100 * 41 + (e + 1000) / 100) as usize]
+            .as_f64()
+            .unwrap()
+    };
+    assert!(at(-500, 500).abs() < 1.0);
+    let ring = (0..360).map(|bearing| {
+        let angle = f64::from(bearing).to_radians();
+        let [e, n] =
+            [angle.sin(), angle.cos()].map(|part| (900.0 * part / 100.0).round() as i64 * 100);
+        (bearing, at(e, n))
+    });
+    let (bearing, excess) = ring.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+    assert!(
+        (112..136).contains(&bearing) && excess > 20.0,
+        "{bearing} {excess}"
+    );
+    let section = "from=-500&to=5000&low=300&high=1300&columns=50";
+    let section = body(&ask(&served.address, &format!("/section.json?{section}"), &host).await);
+    assert_eq!(section["ground"].as_array().unwrap().len(), 50);
+    assert_eq!(
+        section["values"].as_array().unwrap().len() as u64,
+        50 * section["rows"].as_u64().unwrap()
+    );
+    let ground = body(&ask(&served.address, &format!("/ground.json?{view}"), &host).await);
+    assert_eq!(ground["values"][7], synthetic::frame().ground_amsl_m);
+    for wrong in [
+        "west=0&south=0&east=-5&north=9&columns=9",
+        "west=nan&south=0&east=5&north=9&columns=9",
+    ] {
+        let answer = ask(&served.address, &format!("/plume.json?{wrong}"), &host).await;
+        assert!(answer.starts_with("HTTP/1.1 40"), "{wrong}: {answer}");
+    }
 }
 
 #[tokio::test]
@@ -126,48 +256,166 @@ impl Socket {
     }
 }
 
+impl Socket {
+    /// Hears until a picture is as wished.
+    async fn hear_until(
+        &mut self,
+        wished: impl Fn(&serde_json::Value) -> bool,
+    ) -> serde_json::Value {
+        for _ in 0..100 {
+            let picture = self.hear().await;
+            if wished(&picture) {
+                return picture;
+            }
+        }
+        panic!("no such picture");
+    }
+}
+
 #[tokio::test]
 async fn pictures_come_and_commands_go() {
     let mut served = served().await;
     let mut socket = Socket::open(&served.address).await;
     assert_eq!(socket.hear().await["vehicles"].as_array().unwrap().len(), 0);
-    let mut live = LiveState::new(made_up::site());
-    for (topic, envelope) in synthetic::mission(300) {
-        live.take(&topic, &envelope);
-    }
-    served.live.send_replace(Arc::new(live));
-    let picture = socket.hear().await;
+    fly(&served.live, 0..300);
+    let picture = socket
+        .hear_until(|p| !p["vehicles"].as_array().unwrap().is_empty())
+        .await;
     assert_eq!(picture["vehicles"].as_array().unwrap().len(), 6);
     assert_eq!(picture["vehicles"][5]["real"], true);
     assert_eq!(picture["phase"], "take-off");
     assert_eq!(picture["stars"].as_array().unwrap().len(), 40);
-    let cells =
-        picture["plume"]["columns"].as_u64().unwrap() * picture["plume"]["rows"].as_u64().unwrap();
-    assert_eq!(
-        picture["plume"]["ppm"].as_array().unwrap().len() as u64,
-        cells
-    );
 
-    socket.say("garbage").await;
-    socket.say(r#"{"command":"pause"}"#).await;
-    socket.say(r#"{"command":"speed","factor":10}"#).await;
+    let says = [
+        "garbage",
+        "",
+        r#"{"command":"hand-back"}"#,
+        r#"{"command":"hand-back","vehicle":"a/b"}"#,
+        r#"{"command":"take-over","vehicle":"nobody"}"#,
+        r#"{"command":"go-to","vehicle":"3","e":1}"#,
+        r#"{"command":"speed","factor":-1}"#,
+        r#"{"command":"rm"}"#,
+        r#"{"command":"pause"}"#,
+        r#"{"command":"resume"}"#,
+        r#"{"command":"speed","factor":10}"#,
+        r#"{"command":"speed","factor":null}"#,
+        r#"{"command":"seek","time_s":60.5}"#,
+        r#"{"command":"hand-back","vehicle":"3"}"#,
+        r#"{"command":"home","vehicle":"3"}"#,
+        r#"{"command":"home"}"#,
+        r#"{"command":"take-over","vehicle":"3"}"#,
+        r#"{"command":"go-to","vehicle":"3","e":0,"n":0,"alt_amsl_m":700}"#,
+    ];
+    for text in says {
+        socket.say(text).await;
+    }
     let wait = Duration::from_secs(10);
-    let first = tokio::time::timeout(wait, served.commands.recv())
-        .await
-        .unwrap();
-    assert_eq!(first, Some(PageCommand::Pause));
-    let second = tokio::time::timeout(wait, served.commands.recv())
-        .await
-        .unwrap();
-    assert_eq!(second, Some(PageCommand::Speed(10.0)));
+    let mut heard = Vec::new();
+    while heard.len() < 10 {
+        let next = tokio::time::timeout(wait, served.commands.recv()).await;
+        heard.push(next.unwrap().unwrap());
+    }
+    let three = || "3".to_owned();
+    let sent_to = |command: &PageCommand| match command {
+        PageCommand::SendTo(id, place) if *id == three() => *place,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(heard[..2], [PageCommand::Pause, PageCommand::Resume]);
+    let speeds = [10.0, f64::INFINITY].map(PageCommand::Speed);
+    assert_eq!(heard[2..4], speeds);
+    assert_eq!(heard[4], PageCommand::Seek(60.5));
+    assert_eq!(heard[5], PageCommand::HandBack(three()));
+    assert_eq!(
+        heard[6..8],
+        [PageCommand::Home(Some(three())), PageCommand::Home(None)]
+    );
+    // Taken over it circles where it is.
+    let (at, there) = (sent_to(&heard[8]), sent_to(&heard[9]));
+    let vehicle = &picture["vehicles"][2];
+    let enu = synthetic::frame().to_enu(air::geo::Geodetic {
+        lat_deg: at.lat_deg,
+        lon_deg: at.lon_deg,
+    });
+    assert!((enu.east_m - vehicle["e"].as_f64().unwrap()).abs() <= 0.5);
+    assert!((at.alt_amsl_m - vehicle["alt"].as_f64().unwrap()).abs() <= 0.5);
+    let origin = synthetic::frame().origin();
+    assert!((there.lat_deg - origin.lat_deg).abs() < 1e-9 && there.alt_amsl_m == 700.0);
 
     // When the mission's side goes, the server ends and says nothing bad.
-    drop(served.live);
+    drop(served.open);
     tokio::time::timeout(wait, served.server)
         .await
         .unwrap()
         .unwrap()
         .unwrap();
+}
+
+/// A page as the script keeps it: the tracks' points by vehicle, and how many events it has.
+#[derive(Default)]
+struct Kept {
+    tracks: std::collections::BTreeMap<String, Vec<i64>>,
+    events: usize,
+}
+
+impl Kept {
+    fn take(&mut self, message: &serde_json::Value) {
+        if message["whole"] == true {
+            *self = Self::default();
+        }
+        self.events += message["events"].as_array().map_or(0, Vec::len);
+        for piece in message["tracks"].as_array().unwrap() {
+            let points = piece["points"].as_array().unwrap();
+            let kept = self
+                .tracks
+                .entry(piece["id"].as_str().unwrap().to_owned())
+                .or_default();
+            for _ in 0..piece["halvings"].as_u64().unwrap() {
+                let every_second = kept.chunks(5).step_by(2).flatten().copied();
+                *kept = every_second.collect();
+            }
+            kept.extend(points.iter().map(|v| v.as_i64().unwrap()));
+        }
+    }
+}
+
+/// Whoever follows from the beginning and whoever opens the page late have the same.
+#[tokio::test]
+async fn early_and_late_pages_have_the_same_tracks() {
+    let served = served().await;
+    let mut early = Socket::open(&served.address).await;
+    let mut follows = Kept::default();
+    for part in 0..12 {
+        fly(&served.live, part * 4000..(part + 1) * 4000);
+        let time_s = ((part + 1) * 4000 - 1) as f64 * 0.02 - 1.0;
+        loop {
+            let message = early.hear().await;
+            follows.take(&message);
+            if message["time_s"].as_f64().is_some_and(|t| t > time_s) {
+                break;
+            }
+        }
+    }
+    let mut late = Socket::open(&served.address).await;
+    let mut opened = Kept::default();
+    while opened.tracks.len() < follows.tracks.len()
+        || opened.tracks.values().map(Vec::len).sum::<usize>()
+            < follows.tracks.values().map(Vec::len).sum()
+    {
+        opened.take(&late.hear().await);
+    }
+    assert_eq!(follows.tracks, opened.tracks);
+    assert_eq!((follows.events, opened.events), (48, 40));
+    // A recording that is wound back begins anew on every page.
+    served.live.with(|live| live.forget());
+    fly(&served.live, 0..100);
+    loop {
+        let message = early.hear().await;
+        follows.take(&message);
+        if message["whole"] == true {
+            break;
+        }
+    }
+    assert!(follows.events <= 1 && follows.tracks.values().all(|t| t.len() <= 100 * 5));
 }
 
 #[tokio::test]
@@ -178,16 +426,19 @@ async fn a_busy_port_is_named() {
 }
 
 #[test]
-fn a_picture_stays_small_however_long_the_mission() {
+fn messages_stay_small_however_long_the_mission() {
     let mut live = LiveState::new(made_up::site());
-    let mut largest = 0;
+    let (mut news, mut whole) = (0, 0);
     for n in 0..40_000 {
         for (topic, envelope) in synthetic::tick(n) {
             live.take(&topic, &envelope);
         }
-        if n % 4000 == 3999 {
-            largest = largest.max(live.to_json().len());
+        if n % 500 == 499 {
+            news = news.max(live.news()[0].len());
         }
     }
-    assert!(largest < 200_000, "{largest} bytes");
+    for message in live.whole() {
+        whole = whole.max(message.len());
+    }
+    assert!(news < 10_000 && whole < 50_000, "{news} and {whole} bytes");
 }

@@ -38,7 +38,10 @@ pub fn site() -> Arc<SiteMap> {
                 (g.lat_deg, g.lon_deg)
             })
             .to_vec(),
+        height_band_amsl_m: (400.0, 1200.0),
         keep_out_radius_m: 1200.0,
+        ground_amsl_m: Arc::new(move |_| frame.ground_amsl_m),
+        has_terrain: false,
         field: Arc::new(|model, points| {
             let ppm = |s: &views::site::MapPoint| synthetic::field(model, s.at, s.alt_amsl_m);
             points.iter().map(ppm).collect()

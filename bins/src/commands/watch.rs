@@ -1,0 +1,114 @@
+//! `plumage watch`: the page of a mission that runs in processes, simulated or real.
+
+use super::control;
+use crate::page::{LivePage, PageArguments, Serve};
+use crate::{Failure, agent, site};
+use net::Net;
+use protocol::{AgentId, Envelope, Interest};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use views::live::RunStatus;
+use views::page::{DEFAULT_ADDRESS, Offered, PageOptions};
+
+/// How often clicks are looked for.
+const CLICKS_EVERY: Duration = Duration::from_millis(50);
+/// Wall time over which the speed that is shown is measured.
+const PACE_OVER: Duration = Duration::from_secs(2);
+
+/// Arguments of `plumage watch`.
+#[derive(Debug, clap::Args)]
+pub struct WatchArguments {
+    #[command(flatten)]
+    bus: agent::BusArguments,
+    /// Address of the page
+    #[arg(long, value_name = "ADDR", default_value = DEFAULT_ADDRESS)]
+    serve: String,
+    #[command(flatten)]
+    page: PageArguments,
+}
+
+/// Shows the mission until it is interrupted.
+///
+/// # Errors
+/// Wrong input, an address that is taken, or a bus that cannot be joined.
+pub fn watch(arguments: &WatchArguments) -> Result<(), Failure> {
+    let setup = arguments.bus.setup()?;
+    let site = Arc::new(site::of(&setup)?);
+    let team: Vec<String> = setup
+        .scenario
+        .vehicles
+        .iter()
+        .map(|v| v.id.clone())
+        .collect();
+    let duration_s = setup.scenario.mission.duration_s;
+    let options = PageOptions {
+        offered: Offered {
+            // In lockstep the conductor alone speaks for the operator.
+            control: !arguments.bus.lockstep,
+            ..Offered::default()
+        },
+        tiles: arguments.page.tiles()?,
+        report: None,
+    };
+    let page = LivePage::open(&Serve::At(arguments.serve.clone()), site, options)?;
+    let Some(mut page) = page else {
+        return Ok(());
+    };
+    eprintln!("live page: http://{}/", page.address);
+    let watched = agent::block_on(async {
+        let mut net = arguments.bus.open(&setup, false).await?;
+        net.subscribe(&[Interest::Everything]).await?;
+        follow(&mut net, &mut page, &team, duration_s).await
+    });
+    page.close();
+    watched
+}
+
+async fn follow(
+    net: &mut Net,
+    page: &mut LivePage,
+    team: &[String],
+    duration_s: f64,
+) -> Result<(), Failure> {
+    let mut sequence = 0;
+    let mut paced = (Instant::now(), 0.0);
+    let mut run = RunStatus {
+        speed: 1.0,
+        ..RunStatus::default()
+    };
+    let mut refused = BTreeSet::new();
+    loop {
+        tokio::time::sleep(CLICKS_EVERY).await;
+        let (heard, wrong): (Vec<_>, Vec<_>) =
+            std::iter::from_fn(|| net.try_receive()).partition(Result::is_ok);
+        let heard: Vec<_> = heard.into_iter().flatten().collect();
+        page.take(&heard);
+        for error in wrong.into_iter().filter_map(Result::err) {
+            // Once each: somebody may say the same wrong thing a thousand times a second.
+            if refused.len() < 100 && refused.insert(error.to_string()) {
+                eprintln!("warning: {error}");
+            }
+        }
+        let now = page.with(|live| live.time());
+        let over = paced.0.elapsed();
+        if over > PACE_OVER {
+            run.real_time_factor = (now.s() - paced.1) / over.as_secs_f64();
+            paced = (Instant::now(), now.s());
+        }
+        run.ended = now.s() >= duration_s;
+        page.show(run);
+        for wish in page.commands() {
+            for (topic, message) in control::told_by_page(wish, team) {
+                sequence += 1;
+                let envelope = Envelope {
+                    sender: AgentId::operator(),
+                    sequence,
+                    time: now,
+                    message,
+                };
+                net.publish(&topic, &envelope).await?;
+            }
+        }
+    }
+}

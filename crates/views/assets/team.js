@@ -1,0 +1,133 @@
+// The team: a table that stays readable with a hundred vehicles, and what can be done with the one that is selected.
+
+import { $, known, clock, degrees, latLon, number } from "./shown.js";
+
+const LEVELS = { automatic: "automatic", pilot: "PILOT", guardian: "Guardian" };
+// Silent for so long a vehicle's link is taken for lost, s: as long as its Guardian waits.
+const SILENT_S = 5;
+const rows = new Map();
+let order = "", say = () => {};
+
+const doing = v => v.silent_s > SILENT_S && v.airborne ? `silent ${clock(v.silent_s)}`
+  : v.level !== "automatic" ? LEVELS[v.level] : v.airborne ? v.purpose || "automatic" : "on the ground";
+
+/** Sets a text only where it is another: a hundred rows are drawn five times a second. */
+function set(node, text) { if (node.textContent !== text) node.textContent = text; }
+
+function makeRow(v) {
+  const row = document.createElement("tr"), name = document.createElement("button");
+  row.dataset.id = v.id;
+  for (let k = 0; k < 5; k++) row.insertCell();
+  name.type = "button"; name.className = "name";
+  name.append(document.createElement("i"), v.id);
+  row.cells[0].append(name);
+  row.addEventListener("click", () => select(known.selected === v.id ? null : v.id));
+  return row;
+}
+
+function fillRow(row, v) {
+  row.className = (v.real ? "real " : "") + (v.level === "automatic" ? "" : "pilot ") + (v.silent_s > SILENT_S && v.airborne ? "silent " : "")
+    + (v.id === known.selected ? "chosen" : "");
+  row.cells[0].firstChild.setAttribute("aria-pressed", v.id === known.selected);
+  row.cells[0].firstChild.title = v.real ? "real" : "simulated";
+  set(row.cells[1], doing(v));
+  if (row.cells[1].title !== (v.reason || "")) row.cells[1].title = v.reason || "";
+  set(row.cells[2], number(v.agl, 0));
+  set(row.cells[3], number(v.airspeed, 1));
+  set(row.cells[4], number(v.ppm ?? NaN, known.site.digits));
+}
+
+/** Whether a vehicle is one of those asked for: by id, kind, level or what it does. */
+function isAsked(v, words) {
+  const text = `${v.id} ${v.real ? "real" : "simulated"} ${LEVELS[v.level]} ${doing(v)}`.toLowerCase();
+  return words.every(word => text.includes(word));
+}
+
+export function fillTeam() {
+  const { live } = known, words = $("filter").value.toLowerCase().split(/\s+/).filter(Boolean);
+  const shown = live.vehicles.filter(v => isAsked(v, words)).sort((a, b) => a.id.localeCompare(b.id, "en", { numeric: true }));
+  const now = shown.map(v => v.id).join();
+  for (const v of shown) if (!rows.has(v.id)) rows.set(v.id, makeRow(v));
+  if (now !== order) { order = now; $("team").tBodies[0].replaceChildren(...shown.map(v => rows.get(v.id))); }
+  for (const v of shown) fillRow(rows.get(v.id), v);
+  const real = live.vehicles.filter(v => v.real).length, up = live.vehicles.filter(v => v.airborne).length;
+  set($("team-count"), `${live.vehicles.length}, ${real} real, ${up} in the air` + (words.length ? `; ${shown.length} shown` : ""));
+  $("filter").hidden = live.vehicles.length <= 8;
+  fillVehicle();
+}
+
+export function select(id) {
+  known.selected = id;
+  if (!id) known.follow = false;
+  going(false);
+  const row = id && rows.get(id);
+  if (row) row.scrollIntoView({ block: "nearest" });
+  say();
+}
+
+// ---- the selected one ----------------------------------------------------------------------
+
+let armed = () => {};
+
+/** Whether the next click on the map says where the selected vehicle goes. */
+function going(on) {
+  armed(on);
+  $("go-to").setAttribute("aria-pressed", on);
+  $("go-to-row").hidden = !on;
+}
+
+function fillVehicle() {
+  const { live, site } = known, v = live.vehicles.find(v => v.id === known.selected);
+  $("vehicle").hidden = !v;
+  if (!v) return;
+  const automatic = v.level === "automatic", can = site.offered.control && !live.ended;
+  set($("vehicle-name"), `${v.id}, ${v.real ? "real" : "simulated"}`);
+  set($("vehicle-doing"), doing(v) + (v.reason ? `: ${v.reason}` : ""));
+  set($("vehicle-where"), `${degrees(latLon(v.e, v.n))}; ${v.alt} m AMSL, ${v.agl} m AGL; ${number(v.airspeed, 1)} m/s, heading ${v.heading}°; last heard ${v.silent_s > 0 ? `${clock(v.silent_s)} ago` : "now"}`);
+  $("follow").setAttribute("aria-pressed", known.follow);
+  // A real vehicle's pilot takes over by a remote control of his own.
+  const flown = can && !v.real && v.airborne;
+  $("take-over").hidden = !flown;
+  set($("take-over"), automatic ? "take over" : "loiter here");
+  $("go-to").hidden = !flown;
+  $("hand-back").hidden = !can || automatic;
+  $("vehicle-home").hidden = !can || !v.airborne;
+}
+
+/** Asks before a vehicle is taken from its automatic flight; no question where a pilot has it already. */
+async function sure(question) {
+  const box = $("sure");
+  $("sure-question").textContent = question;
+  box.returnValue = "";
+  box.showModal();
+  return new Promise(answer => box.addEventListener("close", () => answer(box.returnValue === "yes"), { once: true }));
+}
+
+/** Sends the selected vehicle to a place of the map. */
+export async function goTo(e, n, send) {
+  const v = known.live.vehicles.find(v => v.id === known.selected), alt = Number($("go-to-alt").value);
+  going(false);
+  if (!v || !Number.isFinite(alt)) return;
+  const question = `Send ${v.id} to ${degrees(latLon(e, n), 4)}, ${alt} m AMSL? It circles there until it is handed back.`;
+  if (v.level !== "automatic" || await sure(question)) send({ command: "go-to", vehicle: v.id, e, n, alt_amsl_m: alt });
+}
+
+export function listenTeam(send, arm, changed) {
+  armed = arm; say = changed;
+  const chosen = () => known.live.vehicles.find(v => v.id === known.selected);
+  $("filter").oninput = fillTeam;
+  $("follow").onclick = () => { known.follow = !known.follow; changed(); };
+  $("hand-back").onclick = () => send({ command: "hand-back", vehicle: known.selected });
+  $("vehicle-home").onclick = () => send({ command: "home", vehicle: known.selected });
+  $("vehicle-close").onclick = () => select(null);
+  $("take-over").onclick = async () => {
+    const v = chosen();
+    const question = `Take ${v.id} over? It circles where it is, and follows the search no more until it is handed back.`;
+    if (v.level !== "automatic" || await sure(question)) send({ command: "take-over", vehicle: v.id });
+  };
+  $("go-to").onclick = () => {
+    const on = $("go-to").getAttribute("aria-pressed") !== "true";
+    if (on) $("go-to-alt").value = chosen().alt;
+    going(on);
+  };
+}

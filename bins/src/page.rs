@@ -1,7 +1,11 @@
 //! The page beside a run or a recording: a runtime of its own, so that the run itself waits for nobody.
 
 use crate::Failure;
+use air::geo::{Geodetic, Position};
+use mission::Setup;
 use protocol::bus::Publication;
+use protocol::message::{Destination, Severity};
+use scenario::airspace::Airspace;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -76,18 +80,20 @@ pub struct LivePage {
     open: watch::Sender<()>,
     commands: mpsc::Receiver<PageCommand>,
     server: tokio::task::JoinHandle<()>,
+    airspace: Airspace,
     /// Where it is.
     pub address: String,
 }
 
 impl LivePage {
-    /// Opens the page that `serve` asks for; none if none was asked for or the default address
+    /// Opens the page of a mission that `serve` asks for; none if none was asked for or the default address
     /// is taken, which is a warning.
     ///
     /// # Errors
     /// An address that was asked for and is not to be had.
     pub fn open(
         serve: &Serve,
+        setup: &Setup,
         site: Arc<SiteMap>,
         options: PageOptions,
     ) -> Result<Option<Self>, Failure> {
@@ -111,6 +117,7 @@ impl LivePage {
             Err(e) => return Err(Failure::input(e)),
         };
         let address = listener.local_addr()?.to_string();
+        let airspace = Airspace::of(&setup.scenario).map_err(Failure::input)?;
         let live = Live::new(LiveState::new(site));
         let (open, is_open) = watch::channel(());
         let (commands_sender, commands) = mpsc::channel(CLICKS);
@@ -126,6 +133,7 @@ impl LivePage {
             open,
             commands,
             server,
+            airspace: airspace.over(&setup.terrain),
             address,
         }))
     }
@@ -149,9 +157,38 @@ impl LivePage {
         self.live.with(work)
     }
 
-    /// What people at the page asked for since the last call.
+    /// What people at the page asked for since the last call; what leads out of the airspace is refused there.
     pub fn commands(&mut self) -> Vec<PageCommand> {
-        std::iter::from_fn(|| self.commands.try_recv().ok()).collect()
+        let mut asked: Vec<_> = std::iter::from_fn(|| self.commands.try_recv().ok()).collect();
+        asked.retain(|command| match command {
+            PageCommand::SendTo(id, place) => self.may_be_sent(id, place),
+            _ => true,
+        });
+        asked
+    }
+
+    fn may_be_sent(&self, vehicle: &str, place: &Destination) -> bool {
+        let at = self.airspace.frame().to_enu(Geodetic {
+            lat_deg: place.lat_deg,
+            lon_deg: place.lon_deg,
+        });
+        let to = Position {
+            at,
+            height_m: place.alt_amsl_m,
+        };
+        let inside = self.airspace.contains(to, 0.0);
+        if !inside {
+            let (low, high) = self.airspace.heights_at_amsl_m(at);
+            let text = format!(
+                "{vehicle} is not sent to {}: expected a place within the fence, {:.0} m or more from each stack, {low:.0} \
+                 to {high:.0} m AMSL",
+                record::text::place(place.lat_deg, place.lon_deg, place.alt_amsl_m),
+                self.airspace.keep_out_m()
+            );
+            self.live
+                .with(|live| live.tell("page", Severity::Warning, text));
+        }
+        inside
     }
 
     /// Keeps the page up until `stop`.

@@ -103,7 +103,7 @@ pub(super) fn told_by_page(wish: PageCommand, team: &[String]) -> Vec<(Topic, Me
             let all = team.iter().filter_map(|id| to(id, ControlWish::Home));
             all.collect()
         }
-        PageCommand::SendTo(id, place) => {
+        PageCommand::TakeOver(id, place) | PageCommand::SendTo(id, place) => {
             let taken = to(&id, ControlWish::TakeOver);
             let sent = Name::new(&id).map(|name| {
                 let message = Message::Destination(place);

@@ -215,7 +215,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         folder.join("report.html"),
         arguments.page.tiles()?,
     );
-    let page = LivePage::open(&arguments.serve_at(), Arc::clone(&site), options)?;
+    let page = LivePage::open(&arguments.serve_at(), &setup, Arc::clone(&site), options)?;
     let outputs = Outputs::open(&folder, arguments.force, &setup, site)?;
     if let Some(page) = &page {
         eprintln!("live page: http://{}/", page.address);

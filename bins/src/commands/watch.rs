@@ -51,7 +51,7 @@ pub fn watch(arguments: &WatchArguments) -> Result<(), Failure> {
         tiles: arguments.page.tiles()?,
         report: None,
     };
-    let page = LivePage::open(&Serve::At(arguments.serve.clone()), site, options)?;
+    let page = LivePage::open(&Serve::At(arguments.serve.clone()), &setup, site, options)?;
     let Some(mut page) = page else {
         return Ok(());
     };

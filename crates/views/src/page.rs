@@ -65,6 +65,8 @@ pub enum PageCommand {
     Seek(f64),
     /// The vehicle of this id is handed back.
     HandBack(String),
+    /// The vehicle of this id is taken over and circles there, where it is.
+    TakeOver(String, Destination),
     /// The vehicle of this id is taken over, flies there and circles.
     SendTo(String, Destination),
     /// The vehicle of this id comes home, or all do.
@@ -105,7 +107,7 @@ impl PageCommand {
                     lon_deg: here.lon_deg,
                     alt_amsl_m: here.alt_amsl_m,
                 };
-                Some(Self::SendTo(vehicle, here))
+                Some(Self::TakeOver(vehicle, here))
             }
             "go-to" => {
                 let at = live.site().frame.to_geodetic(Enu {

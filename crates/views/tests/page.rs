@@ -316,10 +316,16 @@ async fn pictures_come_and_commands_go() {
         heard.push(next.unwrap().unwrap());
     }
     let three = || "3".to_owned();
-    let sent_to = |command: &PageCommand| match command {
-        PageCommand::SendTo(id, place) if *id == three() => *place,
+    let place = |command: &PageCommand| match command {
+        PageCommand::TakeOver(id, place) | PageCommand::SendTo(id, place) if *id == three() => {
+            *place
+        }
         other => panic!("{other:?}"),
     };
+    assert!(matches!(
+        heard[8..],
+        [PageCommand::TakeOver(..), PageCommand::SendTo(..)]
+    ));
     assert_eq!(heard[..2], [PageCommand::Pause, PageCommand::Resume]);
     let speeds = [10.0, f64::INFINITY].map(PageCommand::Speed);
     assert_eq!(heard[2..4], speeds);
@@ -330,7 +336,7 @@ async fn pictures_come_and_commands_go() {
         [PageCommand::Home(Some(three())), PageCommand::Home(None)]
     );
     // Taken over it circles where it is.
-    let (at, there) = (sent_to(&heard[8]), sent_to(&heard[9]));
+    let (at, there) = (place(&heard[8]), place(&heard[9]));
     let vehicle = &picture["vehicles"][2];
     let enu = synthetic::frame().to_enu(air::geo::Geodetic {
         lat_deg: at.lat_deg,

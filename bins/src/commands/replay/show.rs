@@ -124,7 +124,10 @@ impl Player {
                 PageCommand::Speed(factor) => self.run.speed = factor,
                 PageCommand::Seek(time_s) => self.wind(time_s.clamp(first_s, last_s)),
                 // Nobody flies in a recording.
-                PageCommand::HandBack(_) | PageCommand::SendTo(..) | PageCommand::Home(_) => {}
+                PageCommand::HandBack(_)
+                | PageCommand::TakeOver(..)
+                | PageCommand::SendTo(..)
+                | PageCommand::Home(_) => {}
             }
         }
     }
@@ -167,7 +170,7 @@ pub fn show(recording: &Recording, arguments: &ShowArguments) -> Result<(), Fail
         tiles: arguments.page.tiles()?,
         report: Some(report.clone()),
     };
-    let page = LivePage::open(&Serve::At(arguments.address.clone()), site, options)?;
+    let page = LivePage::open(&Serve::At(arguments.address.clone()), &setup, site, options)?;
     let Some(page) = page else {
         return Ok(());
     };

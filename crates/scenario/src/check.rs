@@ -171,6 +171,15 @@ fn mission(mission: &MissionTable) -> Checked {
         0.1,
         "s, 0.001 to 0.1",
     )?;
+    if let Some(start) = &mission.start
+        && mission.start_unix_ns().is_none()
+    {
+        return Err(Refusal::new(
+            "mission.start",
+            start,
+            "a time in UTC, such as \"2026-11-27T12:30:00Z\", from 1970 on",
+        ));
+    }
     mission.flux_within.map_or(Ok(()), |part| {
         let key = "mission.flux_within";
         within(key, part, 0.01, 1.0, "a part of the flux, 0.01 to 1")

@@ -66,6 +66,10 @@ pub struct MissionTable {
     pub seed: u64,
     /// Length of the mission, s of simulated time.
     pub duration_s: f64,
+    /// When it begins, UTC (`2026-11-27T12:30:00Z`): the date of recordings and exports, which changes nothing of
+    /// the mission itself; none where that is not said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start: Option<String>,
     /// Length of a tick, s.
     pub tick_s: f64,
     /// The team goes home before its time is up once the peak is confirmed and each source's flux is known to this
@@ -79,9 +83,18 @@ impl Default for MissionTable {
             name: "mission".to_owned(),
             seed: 1,
             duration_s: 1800.0,
+            start: None,
             tick_s: 0.02,
             flux_within: None,
         }
+    }
+}
+
+impl MissionTable {
+    /// When it begins, ns since 1970, where that is said.
+    pub fn start_unix_ns(&self) -> Option<i64> {
+        let unix_s = crate::calendar::iso_8601(self.start.as_deref()?)?;
+        (unix_s >= 0.0).then_some(unix_s as i64 * 1_000_000_000)
     }
 }
 

@@ -4,7 +4,6 @@
 mod csv_table;
 mod metar;
 mod open_meteo;
-mod utc;
 
 use air::AirError;
 use air::geo::{Enu, Geodetic, LocalFrame};

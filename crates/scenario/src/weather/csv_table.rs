@@ -3,10 +3,10 @@
 //! (A to F), `obukhov_length_m`, `sigma_theta_deg`, in that order of preference. The header's order is free,
 //! other columns are passed over, and what is optional may be empty.
 
-use super::utc::iso_8601;
 use super::{
     ReportedPressure, ReportedWind, TimeScale, WeatherError, WeatherReport, WeatherReports,
 };
+use crate::calendar::iso_8601;
 use csv::StringRecord;
 use plume::stability::Stability;
 

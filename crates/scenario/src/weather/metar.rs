@@ -4,10 +4,10 @@
 //! A parser of our own: of the many groups four are needed, and the text around reports, such as the dates
 //! of NOAA's files, is no part of the code form.
 
-use super::utc::{DAY_S, days, month_of};
 use super::{
     ReportedPressure, ReportedWind, TimeScale, WeatherError, WeatherReport, WeatherReports,
 };
+use crate::calendar::{DAY_S, date, days};
 
 /// Height of the wind above ground, m (ICAO Annex 3, 4.1.1.1).
 const WIND_HEIGHT_AGL_M: f64 = 10.0;
@@ -121,7 +121,7 @@ struct DayTime {
 impl DayTime {
     /// The time of this day and hour that is nearest to `near_s`.
     fn nearest(&self, near_s: f64) -> Option<f64> {
-        let month = month_of((near_s / DAY_S).floor() as i64);
+        let month = date((near_s / DAY_S).floor() as i64);
         let near = [-1, 0, 1].into_iter().filter_map(|off| {
             let months = month.0 * 12 + month.1 - 1 + off;
             let day = days(months.div_euclid(12), months.rem_euclid(12) + 1, self.day)?;
@@ -199,8 +199,8 @@ fn all_digits(text: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::utc::iso_8601;
     use super::*;
+    use crate::calendar::iso_8601;
 
     /// 12:00 on 22 November 2026.
     fn near() -> Option<f64> {

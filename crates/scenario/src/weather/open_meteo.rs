@@ -1,10 +1,10 @@
 //! The JSON of [Open-Meteo](https://open-meteo.com/en/docs): `current` and `hourly`, each with its units. Other
 //! services that speak the same form are read too.
 
-use super::utc::iso_8601;
 use super::{
     ReportedPressure, ReportedWind, TimeScale, WeatherError, WeatherReport, WeatherReports,
 };
+use crate::calendar::iso_8601;
 use air::geo::Geodetic;
 use serde_json::{Map, Value};
 

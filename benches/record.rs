@@ -29,6 +29,7 @@ fn ours(path: &Path, said: &[(Topic, Envelope)]) -> u64 {
         scenario_toml: String::new(),
         gas: plume::Gas::Co2,
         files: BTreeMap::new(),
+        start_unix_ns: None,
         seed: 1,
         versions: BTreeMap::new(),
     };

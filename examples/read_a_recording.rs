@@ -49,7 +49,7 @@ fn read(path: &Path) -> Result<()> {
     }
     match messages.ending() {
         RecordingEnd::Complete { .. } => println!("the recording is whole"),
-        cut @ RecordingEnd::Truncated { .. } => println!("{}", cut.loss().unwrap_or_default()),
+        lost => println!("{}", lost.loss().unwrap_or_default()),
     }
 
     // What the real vehicles read, as the rows that calibration and the analysis of the gap take.
@@ -76,6 +76,7 @@ fn record_two_minutes(path: &Path) -> Result<()> {
         scenario_toml: setup.scenario.to_toml(),
         gas: setup.scenario.gas(),
         files: BTreeMap::clone(&setup.files),
+        start_unix_ns: setup.scenario.mission.start_unix_ns(),
         seed: setup.scenario.mission.seed,
         versions: BTreeMap::from([("example".to_owned(), "read_a_recording".to_owned())]),
     };

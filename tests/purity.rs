@@ -9,8 +9,9 @@
 use std::process::Command;
 
 /// The crates that promise it.
-const PURE: [&str; 16] = [
+const PURE: [&str; 17] = [
     "air",
+    "formats",
     "import",
     "infer",
     "plume",

@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use crate::commands::run::interrupt_flag;
-use indicatif::ProgressBar;
+use crate::progress::Bar;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// What `fly` makes of each number from 1 to `count`, in their order, with a bar of progress; those that were flown
@@ -14,8 +14,10 @@ pub fn fly_all<T: Send>(
     count: u64,
     fly: impl Fn(u64) -> Result<T, Failure> + Sync,
 ) -> Result<Vec<T>, Failure> {
-    let (bar, stop) = (ProgressBar::new(count), interrupt_flag()?);
-    bar.tick();
+    let (bar, stop) = (
+        Bar::new("flying missions", count, "{wide_bar} {pos}/{len}"),
+        interrupt_flag()?,
+    );
     let next = AtomicU64::new(1);
     let fly_some = || {
         let mut flown = Vec::new();
@@ -25,7 +27,7 @@ pub fn fly_all<T: Send>(
                 return Ok(flown);
             }
             flown.push((number, fly(number)?));
-            bar.inc(1);
+            bar.inc();
         }
     };
     let threads = std::thread::available_parallelism().map_or(1, usize::from);

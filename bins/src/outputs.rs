@@ -1,10 +1,12 @@
 //! What a run leaves behind: recording, tracks, summary, report and resolved scenario.
 
-use crate::{Failure, site};
+use crate::{Failure, plume_lines, site};
 use anyhow::{Context as _, Result};
 use mission::{Setup, campaign};
+use protocol::Message;
 use protocol::bus::Publication;
 use protocol::key::Name;
+use protocol::message::Model;
 use record::summary::{MissionSummary, Summariser};
 use record::tracks::Tracks;
 use record::{RunInfo, ThreadedRecorder, files, kml};
@@ -15,7 +17,9 @@ use views::report::Report;
 use views::site::SiteMap;
 
 /// Points of one track in KML.
-const TRACK_POINTS: usize = 4000;
+pub const TRACK_POINTS: usize = 4000;
+/// Shortest time between points of a track in KML, s.
+pub const TRACK_INTERVAL_S: f64 = 0.5;
 
 /// Collects a run's outputs as its messages come.
 pub struct Outputs {
@@ -24,6 +28,9 @@ pub struct Outputs {
     summariser: Summariser,
     report: Report,
     tracks: Tracks,
+    /// The model as it was last said.
+    model: Option<Box<Model>>,
+    site: Arc<SiteMap>,
     setup: Setup,
 }
 
@@ -37,6 +44,7 @@ pub fn run_info(setup: &Setup) -> Result<RunInfo> {
         scenario_toml: setup.scenario.to_toml(),
         gas: setup.scenario.gas(),
         files: BTreeMap::clone(&setup.files),
+        start_unix_ns: setup.scenario.mission.start_unix_ns(),
         seed: setup.scenario.mission.seed,
         versions: BTreeMap::from([("plumage".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]),
     })
@@ -93,8 +101,10 @@ impl Outputs {
             folder: folder.to_owned(),
             recorder,
             summariser: Summariser::new(campaign::summary_context(setup)?),
-            report: Report::new(site),
-            tracks: Tracks::new(TRACK_POINTS, 0.5),
+            report: Report::new(Arc::clone(&site)),
+            tracks: Tracks::new(TRACK_POINTS, TRACK_INTERVAL_S),
+            model: None,
+            site,
             setup: setup.clone(),
         })
     }
@@ -109,6 +119,9 @@ impl Outputs {
             self.summariser.take(topic, envelope);
             self.report.take(topic, envelope);
             self.tracks.take(topic, envelope);
+            if let Message::Model(model) = &envelope.message {
+                self.model = Some(model.clone());
+            }
         }
         Ok(())
     }
@@ -147,7 +160,17 @@ impl Outputs {
             peak: summary.peak.estimate,
             ..site::surroundings(&self.setup)?
         };
-        write("tracks.kml", &kml::document(&self.tracks, &around)?)?;
+        let plume = self
+            .model
+            .as_ref()
+            .map(|model| plume_lines::of(&self.site, model));
+        let map = kml::Map {
+            start_unix_ns: self.setup.scenario.mission.start_unix_ns(),
+            tracks: &self.tracks,
+            around: &around,
+            plume: &plume.unwrap_or_default().lines,
+        };
+        write("tracks.kml", &kml::document(&map)?)?;
         write("report.html", &self.report.html(&summary))?;
         Ok(summary)
     }

@@ -1,20 +1,22 @@
 //! The one command a newcomer needs.
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 use programs::commands::{
-    calibrate, campaign, conduct, control, fdm_server, feed, gap, import, plan, replay, run, swap,
-    tune, watch,
+    calibrate, campaign, conduct, control, doctor, export, fdm_server, feed, gap, import, plan,
+    replay, run, shell, swap, tune, watch,
 };
 use programs::failure;
 use std::process::ExitCode;
 
 /// Mixed-reality simulation of UAV teams that find and map the plume of an air-pollution source.
 #[derive(Debug, Parser)]
-#[command(name = "plumage", version, about)]
+#[command(name = "plumage", version, about, after_help = EXIT_CODES)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
 }
+
+const EXIT_CODES: &str = "Exit codes: 0 done; 1 it failed, or a comparison differs; 2 wrong usage or input; 141 nobody read what it said";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -27,6 +29,8 @@ enum Command {
     Gap(gap::GapCommand),
     /// Make observations or a flight of logs as people have them
     Import(import::ImportArguments),
+    /// Write a recording or observations in formats of other people's tools
+    Export(export::ExportArguments),
     /// Conduct a lockstep run whose agents are processes of their own
     Conduct(conduct::ConductArguments),
     /// Hand vehicles back or take them over in a mission that runs in processes
@@ -47,14 +51,21 @@ enum Command {
     Tune(tune::TuneArguments),
     /// Fly an aircraft for an autopilot that runs elsewhere
     FdmServer(fdm_server::FdmServerArguments),
+    /// Look at what this machine has of what missions need
+    Doctor(doctor::DoctorArguments),
+    /// Print the completions of a shell
+    Completions(shell::CompletionsArguments),
+    /// Write the manual pages
+    Man(shell::ManArguments),
 }
 
 fn main() -> ExitCode {
-    failure::exit(match &Arguments::parse().command {
+    failure::exit(match &failure::arguments::<Arguments>().command {
         Command::Run(arguments) => run::run(arguments),
         Command::Calibrate(arguments) => calibrate::calibrate(arguments),
         Command::Gap(command) => gap::gap(command),
         Command::Import(arguments) => import::import(arguments),
+        Command::Export(arguments) => export::export(arguments),
         Command::Conduct(arguments) => conduct::conduct(arguments),
         Command::Control(arguments) => control::control(arguments),
         Command::Swap(arguments) => swap::swap(arguments),
@@ -65,5 +76,8 @@ fn main() -> ExitCode {
         Command::Plan(arguments) => plan::plan(arguments),
         Command::Tune(arguments) => tune::tune(arguments),
         Command::FdmServer(arguments) => fdm_server::fdm_server(arguments),
+        Command::Doctor(arguments) => doctor::doctor(arguments),
+        Command::Completions(arguments) => shell::completions(arguments, Arguments::command()),
+        Command::Man(arguments) => shell::man(arguments, Arguments::command()),
     })
 }

@@ -27,7 +27,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    failure::exit(record(&Arguments::parse()))
+    failure::exit(record(&failure::arguments::<Arguments>()))
 }
 
 fn record(arguments: &Arguments) -> Result<(), Failure> {

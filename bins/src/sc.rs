@@ -15,7 +15,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = failure::arguments::<Arguments>();
     failure::exit(agent::run(&arguments.bus, true, |setup| {
         let member = Member::controller(setup).map_err(Failure::input)?;
         Ok(vec![member.into()])

@@ -21,7 +21,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = failure::arguments::<Arguments>();
     let mut ids: Vec<&str> = arguments.vehicles.iter().map(String::as_str).collect();
     ids.sort_unstable();
     ids.dedup();

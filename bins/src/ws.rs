@@ -16,7 +16,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = failure::arguments::<Arguments>();
     failure::exit(agent::run(&arguments.bus, false, |setup| {
         let member = Member::world(setup).map_err(Failure::input)?;
         let weather = WeatherFile::of(setup, &arguments.bus.scenario)?;

@@ -1,5 +1,6 @@
 //! `plumage calibrate`: the scenario corrected by measured observations, off-line.
 
+use crate::progress::Waiting;
 use crate::{Failure, measured, mission_files};
 use plume::{Gas, MechanismId};
 use protocol::message::Peak;
@@ -61,8 +62,10 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
             "--reference {reference}: expected one of {known}"
         )));
     }
+    let waiting = Waiting::new("correcting the scenario");
     let offline = offline::calibrate_in(&setup.scenario, &setup.classes, &observations, reference)
         .map_err(Failure::input)?;
+    drop(waiting);
     files::prepare_folder(&arguments.out, arguments.force).map_err(Failure::input)?;
     let write =
         |name: &str, text: &str| files::write_whole(&arguments.out.join(name), text.as_bytes());

@@ -1,8 +1,8 @@
 //! `plumage conduct`: the conductor of a lockstep run whose agents are processes of their own.
 
 use crate::outputs::Outputs;
+use crate::progress::Bar;
 use crate::{Failure, agent, site};
-use indicatif::ProgressBar;
 use mission::team;
 use net::lockstep::Conductor;
 use protocol::AgentId;
@@ -44,7 +44,11 @@ pub fn conduct(arguments: &ConductArguments) -> Result<(), Failure> {
             Some(Outputs::open(folder, arguments.force, &setup, site)?)
         }
     };
-    let bar = ProgressBar::new(setup.ticks());
+    let bar = Bar::new(
+        "conducting ticks",
+        setup.ticks(),
+        "{wide_bar} {pos}/{len} {msg}",
+    );
     let mut digest = Digest::new();
     let mut started = Instant::now();
     let conducted = agent::block_on(async {
@@ -61,7 +65,7 @@ pub fn conduct(arguments: &ConductArguments) -> Result<(), Failure> {
                 outputs.take(&said)?;
             }
             for refused in conductor.refused() {
-                bar.println(format!("warning: {refused}"));
+                bar.println(&format!("warning: {refused}"));
             }
             bar.set_position(tick);
         }

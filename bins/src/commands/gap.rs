@@ -4,10 +4,10 @@ mod applied;
 mod extended;
 pub(super) mod flight;
 
+use crate::progress::Bar;
 use crate::{Failure, measured, mission_files};
 use gap::tracer::table::Tables;
 use gap::{plume, tracer};
-use indicatif::{ProgressBar, ProgressStyle};
 use record::files;
 use std::path::{Path, PathBuf};
 
@@ -179,13 +179,12 @@ fn of_tracer(arguments: &TracerArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn progress_bar() -> ProgressBar {
-    let bar = ProgressBar::new(100);
-    if let Ok(style) = ProgressStyle::with_template("{wide_bar} {pos}/{len} {msg}") {
-        bar.set_style(style);
-    }
-    bar.tick();
-    bar
+fn progress_bar() -> Bar {
+    Bar::new(
+        "looking for the gap, %",
+        100,
+        "{wide_bar} {pos}/{len} {msg}",
+    )
 }
 
 fn names(files: &[PathBuf]) -> String {

@@ -1,5 +1,6 @@
 //! `plumage import`: logs as people have them, made observations or a flight.
 
+use crate::progress::Waiting;
 use crate::{Failure, importing, measured};
 use import::map::{ColumnMap, LogMap};
 use import::quantity::Quantity;
@@ -81,8 +82,10 @@ pub fn import(arguments: &ImportArguments) -> Result<(), Failure> {
         let file = WholeFile::create(out).map_err(Failure::input)?;
         Ok(BufWriter::with_capacity(BUFFER, file))
     };
+    let reading = Waiting::new("reading the logs");
     let (report, mut writer) =
         importing::read(&arguments.files, &map, &stated, arguments.offset_s, create)?;
+    drop(reading);
     writer.flush()?;
     let file = writer.into_inner().map_err(|e| e.into_error())?;
     let how = how(out);
@@ -126,7 +129,7 @@ fn recordings(arguments: &ImportArguments) -> Result<(), Failure> {
 }
 
 /// The file that says how `out` was made.
-fn how(out: &Path) -> PathBuf {
+pub(crate) fn how(out: &Path) -> PathBuf {
     let mut name = out.file_name().unwrap_or_default().to_owned();
     name.push(".import.toml");
     out.with_file_name(name)

@@ -2,6 +2,7 @@
 
 mod show;
 
+use crate::progress::Waiting;
 use crate::{Failure, mission_files};
 use mission::fed_vehicle::FedVehicle;
 use mission::{Member, Run};
@@ -33,7 +34,9 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     if arguments.show.serve {
         return show::show(&recording, &arguments.show);
     }
+    let reading = Waiting::new("reading the recording");
     let (recorded, ending) = recording.digest().map_err(Failure::input)?;
+    drop(reading);
     if let Some(loss) = ending.loss() {
         eprintln!("warning: {}: {loss}", path.display());
     }
@@ -45,6 +48,7 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     if !arguments.verify {
         return Ok(());
     }
+    let flying = Waiting::new("flying the mission again");
     let setup = mission_files::load_recorded(&recording)?;
     let mut run = Run::new(&setup).map_err(Failure::input)?;
     let mut last = None;
@@ -93,6 +97,7 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
         }
         run.step();
     }
+    drop(flying);
     let simulated = run.digest();
     println!("digest of the re-simulation {simulated}");
     if simulated != recorded {

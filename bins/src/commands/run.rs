@@ -7,9 +7,9 @@ use crate::outputs::{Outputs, fresh_folder};
 use crate::outside::Outside;
 use crate::pace::{Pace, Speed};
 use crate::page::{self, LivePage, PageArguments, Serve};
+use crate::progress::Bar;
 use crate::{Failure, mission_files, preflight, site};
 use anyhow::Context as _;
-use indicatif::{ProgressBar, ProgressStyle};
 use mav_bridge::link::LinkAddress;
 use mission::{Run, Setup};
 use plume::Gas;
@@ -277,7 +277,7 @@ struct Flight {
     run: Run,
     outputs: Outputs,
     page: Option<LivePage>,
-    bar: ProgressBar,
+    bar: Bar,
     pace: Pace,
     paused: bool,
     started: Instant,
@@ -471,14 +471,11 @@ impl Flight {
     }
 }
 
-fn progress_bar(setup: &Setup) -> ProgressBar {
-    let bar = ProgressBar::new(setup.scenario.mission.duration_s as u64);
+fn progress_bar(setup: &Setup) -> Bar {
     let template = "{msg:>14} {wide_bar} {pos}/{len} s simulated, {eta} left";
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style);
-    }
+    let of = setup.scenario.mission.duration_s as u64;
+    let bar = Bar::new("simulated s", of, template);
     bar.set_message("TakeOff");
-    bar.tick();
     bar
 }
 

@@ -2,9 +2,9 @@
 
 use crate::Failure;
 use crate::measured::{self, AircraftFile};
+use crate::progress::Bar;
 use fdm::Aircraft;
 use fdm::tune::{TuneOrder, TuneReport, tune as search, with_gains};
-use indicatif::ProgressBar;
 use record::files;
 use std::path::{Path, PathBuf};
 
@@ -40,8 +40,8 @@ pub struct TuneArguments {
 pub fn tune(arguments: &TuneArguments) -> Result<(), Failure> {
     let source = source(arguments)?;
     files::prepare_folder(&arguments.out, arguments.force).map_err(Failure::input)?;
-    let bar = ProgressBar::new(arguments.candidates as u64);
-    bar.tick();
+    let of = arguments.candidates as u64;
+    let bar = Bar::new("trying gains", of, "{wide_bar} {pos}/{len}");
     let order = TuneOrder {
         candidates: arguments.candidates,
         ..TuneOrder::new(arguments.seed)

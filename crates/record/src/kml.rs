@@ -1,25 +1,35 @@
-//! Tracks as KML for map viewers: one folder a vehicle, lines coloured by what was read with time spans,
-//! the peak, the stacks and the fence.
+//! Tracks as KML for map viewers: of each vehicle a track that moves with the time slider and lines coloured by
+//! what was read, the plume as lines of one concentration at several heights, the peak, the stacks and the fence.
 //!
-//! KML wants dates and a mission has only simulated time: it starts at 2000-01-01T00:00:00Z.
+//! KML wants dates: a mission whose scenario says no start begins at 2000-01-01T00:00:00Z.
+//!
+//! OGC 07-147r2, *KML 2.2*, whose schema fixes the order of elements; tracks and their readings are Google's
+//! extension of it (`gx`).
+
+mod xml;
 
 use crate::RecordError;
+use crate::antimeridian::{Corner, OnLine, areas, pieces};
 use crate::colour::Shown;
+use crate::contour::PlumeLine;
 use crate::text;
 use crate::tracks::{TrackPoint, Tracks, VehicleTrack};
-use ::kml::types::{
-    AltitudeMode, Coord, Element, Folder, Geometry, Icon, IconStyle, KmlDocument, LineString,
-    LineStyle, LinearRing, Placemark, Point, PolyStyle, Polygon, Style,
-};
-use ::kml::{Kml, KmlVersion, KmlWriter};
 use protocol::message::Peak;
-use std::collections::HashMap;
+use scenario::calendar::rfc_3339;
+use std::fmt::Write as _;
+use xml::{Written, Xml};
 
 /// Number of colours of the lines: KML has no gradients, every colour is a style and every change of
 /// colour a placemark.
 const COLOURS: usize = 24;
 /// Longest segment of a line of one colour, s: so that the time slider moves smoothly.
 const MAX_SEGMENT_S: f64 = 10.0;
+/// The beginning of missions that say none, ns since 1970: 2000-01-01T00:00:00Z.
+pub const NO_START_NS: i64 = 946_684_800_000_000_000;
+/// Rows of the legend.
+const LEGEND_ROWS: usize = 6;
+/// Id of the description of a track's readings.
+const READINGS: &str = "readings";
 
 /// A stack on the map.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,65 +61,175 @@ pub struct MapFeatures {
     pub peak: Option<Peak>,
 }
 
-/// The KML text of `tracks`.
+/// All that is on a map.
+#[derive(Debug, Clone, Copy)]
+pub struct Map<'a> {
+    /// When the mission began, ns since 1970, where that is said.
+    pub start_unix_ns: Option<i64>,
+    /// The tracks.
+    pub tracks: &'a Tracks,
+    /// What stands beside them.
+    pub around: &'a MapFeatures,
+    /// The plume as the model has it.
+    pub plume: &'a [PlumeLine],
+}
+
+/// The KML text of `map`.
 ///
 /// # Errors
 /// [`RecordError::Kml`] if the writer fails.
-pub fn document(tracks: &Tracks, features: &MapFeatures) -> Result<String, RecordError> {
-    let mut elements = vec![text_element(
-        "name",
-        &format!("Plumage: {}", features.mission),
-    )];
-    let shown = &features.shown;
-    elements.extend((0..COLOURS).map(|index| line_style(shown, index)));
-    elements.push(fence_style());
-    elements.extend([
-        icon_style("peak", "ff00d7ff", 1.3),
-        icon_style("stack", "ff606060", 1.0),
-    ]);
-    for (id, track) in tracks.by_vehicle() {
-        elements.push(Kml::Folder(folder(shown, id, track)));
-    }
-    elements.extend(features.peak.as_ref().map(|found| peak(shown, found)));
-    elements.extend(features.stacks.iter().map(stack));
-    if features.fence.len() >= 3 {
-        elements.push(fence(features));
-    }
-    let document = Kml::KmlDocument(KmlDocument {
-        version: KmlVersion::V22,
-        attrs: attribute("xmlns", "http://www.opengis.net/kml/2.2"),
-        elements: vec![Kml::Document {
-            attrs: HashMap::new(),
-            elements,
-        }],
-    });
-    let mut bytes = b"<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n".to_vec();
-    KmlWriter::from_writer(&mut bytes)
-        .write(&document)
-        .map_err(|e| RecordError::Kml(e.to_string()))?;
-    String::from_utf8(bytes).map_err(|e| RecordError::Kml(e.to_string()))
+pub fn document(map: &Map<'_>) -> Result<String, RecordError> {
+    let mut xml = Xml::new();
+    let written = xml.document(|xml| map.write(xml));
+    written.map_err(|e| RecordError::Kml(e.to_string()))?;
+    xml.finish().map_err(|e| RecordError::Kml(e.to_string()))
 }
 
-fn attribute(name: &str, value: &str) -> HashMap<String, String> {
-    HashMap::from([(name.to_owned(), value.to_owned())])
-}
-
-fn element(name: &str, content: Option<String>, children: Vec<Element>) -> Element {
-    Element {
-        name: name.to_owned(),
-        attrs: HashMap::new(),
-        content,
-        children,
+impl Map<'_> {
+    fn write(&self, xml: &mut Xml) -> Written {
+        let shown = &self.around.shown;
+        xml.text("name", &format!("Plumage: {}", self.around.mission))?;
+        xml.text("description", &self.legend())?;
+        styles(xml, shown)?;
+        schema(xml, shown)?;
+        for (id, track) in self.tracks.by_vehicle() {
+            self.vehicle(xml, id, track)?;
+        }
+        plume(xml, shown, self.plume)?;
+        if let Some(found) = &self.around.peak {
+            peak(xml, shown, found)?;
+        }
+        for marker in &self.around.stacks {
+            stack(xml, marker)?;
+        }
+        if self.around.fence.len() >= 3 {
+            fence(xml, self.around)?;
+        }
+        Ok(())
     }
-}
 
-fn text_element(name: &str, text: &str) -> Kml {
-    Kml::Element(element(name, Some(text.to_owned()), Vec::new()))
+    /// The date of a simulated time.
+    fn date(&self, time_s: f64) -> String {
+        let since_ns = (time_s * 1e3).round() as i64 * 1_000_000;
+        rfc_3339(
+            self.start_unix_ns
+                .unwrap_or(NO_START_NS)
+                .saturating_add(since_ns),
+        )
+    }
+
+    /// What the colours mean, and where the dates are from.
+    fn legend(&self) -> String {
+        let shown = &self.around.shown;
+        let mut said = format!("<p>Readings: {}</p><table>", shown.axis());
+        for row in 0..LEGEND_ROWS {
+            let along = row as f64 / (LEGEND_ROWS - 1) as f64;
+            let ppm = shown.grey_ppm + along * (shown.red_ppm - shown.grey_ppm);
+            let [r, g, b] = shown.colour(ppm);
+            let end = match row {
+                0 => " or less",
+                _ if row + 1 == LEGEND_ROWS => " or more",
+                _ => "",
+            };
+            let _ = write!(
+                said,
+                "<tr><td bgcolor=\"#{r:02x}{g:02x}{b:02x}\">&nbsp;&nbsp;&nbsp;</td><td>{}{end}</td></tr>",
+                shown.number(ppm)
+            );
+        }
+        said += "</table>";
+        if !self.plume.is_empty() {
+            said += "<p>Lines of the plume: the model as it was at the end, above background</p>";
+        }
+        if self.start_unix_ns.is_none() {
+            said += "<p>The scenario says no start: dates count from 2000-01-01</p>";
+        }
+        said
+    }
+
+    fn vehicle(&self, xml: &mut Xml, id: &str, track: &VehicleTrack) -> Written {
+        let shown = &self.around.shown;
+        let name = format!("Vehicle {id} ({})", text::vehicle_kind(track.kind));
+        let points = track.points.items();
+        xml.folder(&name, |xml| {
+            xml.placemark(&format!("Track of {id}"), |xml| {
+                xml.text("styleUrl", "#track")?;
+                self.track(xml, &pieces(points))
+            })?;
+            xml.folder(&format!("Readings of {id}"), |xml| {
+                for (index, points) in segments(shown, points) {
+                    for piece in pieces(points) {
+                        self.segment(xml, index, &piece)?;
+                    }
+                }
+                Ok(())
+            })
+        })
+    }
+
+    /// The track with times and readings: one, or several where it is cut.
+    fn track(&self, xml: &mut Xml, pieces: &[Vec<TrackPoint>]) -> Written {
+        if let [whole] = pieces {
+            return self.piece_of_track(xml, whole);
+        }
+        xml.within("gx:MultiTrack", &[], |xml| {
+            xml.text("altitudeMode", "absolute")?;
+            xml.text("gx:interpolate", "0")?;
+            pieces
+                .iter()
+                .try_for_each(|piece| self.piece_of_track(xml, piece))
+        })
+    }
+
+    fn piece_of_track(&self, xml: &mut Xml, points: &[TrackPoint]) -> Written {
+        let shown = &self.around.shown;
+        xml.within("gx:Track", &[], |xml| {
+            xml.text("altitudeMode", "absolute")?;
+            for point in points {
+                xml.text("when", &self.date(point.time_s))?;
+            }
+            for point in points {
+                xml.text("gx:coord", &coordinates(&corner(point), ' '))?;
+            }
+            let schema = format!("#{READINGS}");
+            xml.within("ExtendedData", &[], |xml| {
+                xml.within("SchemaData", &[("schemaUrl", &schema)], |xml| {
+                    let field = field(shown);
+                    xml.within("gx:SimpleArrayData", &[("name", &field)], |xml| {
+                        let mut values = points.iter().map(|p| shown.number(p.co2_ppm));
+                        values.try_for_each(|value| xml.text("gx:value", &value))
+                    })
+                })
+            })
+        })
+    }
+
+    fn segment(&self, xml: &mut Xml, index: usize, points: &[TrackPoint]) -> Written {
+        let shown = &self.around.shown;
+        let highest = points.iter().map(|p| p.co2_ppm).fold(f64::NAN, f64::max);
+        let (Some(first), Some(last)) = (points.first(), points.last()) else {
+            return Ok(());
+        };
+        xml.placemark(&said(shown, highest), |xml| {
+            xml.within("TimeSpan", &[], |xml| {
+                xml.text("begin", &self.date(first.time_s))?;
+                xml.text("end", &self.date(last.time_s))
+            })?;
+            xml.text("styleUrl", &format!("#{}", style(shown, index)))?;
+            xml.data(&[
+                (&format!("highest_{}", field(shown)), &shown.number(highest)),
+                ("from_s", &format!("{:.1}", first.time_s)),
+                ("to_s", &format!("{:.1}", last.time_s)),
+            ])?;
+            let corners: Vec<Corner> = points.iter().map(corner).collect();
+            line(xml, &corners)
+        })
+    }
 }
 
 /// KML writes colours as alpha, blue, green, red.
-fn kml_colour([r, g, b]: [u8; 3]) -> String {
-    format!("ff{b:02x}{g:02x}{r:02x}")
+fn kml_colour(alpha: u8, [r, g, b]: [u8; 3]) -> String {
+    format!("{alpha:02x}{b:02x}{g:02x}{r:02x}")
 }
 
 /// Id of the style of a colour: "co2-3".
@@ -117,61 +237,55 @@ fn style(shown: &Shown, index: usize) -> String {
     format!("{}-{index}", shown.gas.as_str())
 }
 
-fn line_style(shown: &Shown, index: usize) -> Kml {
-    let along = index as f64 / (COLOURS - 1) as f64;
-    let ppm = shown.grey_ppm + along * (shown.red_ppm - shown.grey_ppm);
-    Kml::Style(Style {
-        id: Some(style(shown, index)),
-        line: Some(LineStyle {
-            color: kml_colour(shown.colour(ppm)),
-            width: 3.0,
-            ..LineStyle::default()
-        }),
-        ..Style::default()
-    })
+/// Name of the field of readings: "co2_ppm".
+fn field(shown: &Shown) -> String {
+    format!("{}_ppm", shown.gas.as_str())
 }
 
-fn fence_style() -> Kml {
-    Kml::Style(Style {
-        id: Some("fence".to_owned()),
-        line: Some(LineStyle {
-            color: "ffc08040".to_owned(),
-            width: 2.0,
-            ..LineStyle::default()
-        }),
-        poly: Some(PolyStyle {
-            color: "18c08040".to_owned(),
-            ..PolyStyle::default()
-        }),
-        ..Style::default()
-    })
-}
-
-fn icon_style(id: &str, colour: &str, scale: f64) -> Kml {
-    Kml::Style(Style {
-        id: Some(id.to_owned()),
-        icon: Some(IconStyle {
-            color: colour.to_owned(),
-            scale,
-            icon: Icon {
-                href: "http://maps.google.com/mapfiles/kml/shapes/star.png".to_owned(),
-                attrs: HashMap::new(),
-            },
-            ..IconStyle::default()
-        }),
-        ..Style::default()
-    })
-}
-
-fn folder(shown: &Shown, id: &str, track: &VehicleTrack) -> Folder {
-    Folder {
-        name: Some(format!("Vehicle {id} ({})", text::vehicle_kind(track.kind))),
-        elements: segments(shown, track.points.items())
-            .into_iter()
-            .map(|(index, points)| Kml::Placemark(segment(shown, index, points)))
-            .collect(),
-        ..Folder::default()
+fn styles(xml: &mut Xml, shown: &Shown) -> Written {
+    for index in 0..COLOURS {
+        let along = index as f64 / (COLOURS - 1) as f64;
+        let ppm = shown.grey_ppm + along * (shown.red_ppm - shown.grey_ppm);
+        xml.line_style(
+            &style(shown, index),
+            &kml_colour(0xff, shown.colour(ppm)),
+            3,
+        )?;
     }
+    for (index, excess) in shown.levels_ppm().into_iter().enumerate() {
+        let colour = shown.colour(shown.grey_ppm + excess);
+        xml.line_style(&plume_style(index), &kml_colour(0x90, colour), 1)?;
+    }
+    xml.within("Style", &[("id", "fence")], |xml| {
+        xml.line("ffc08040", 2)?;
+        xml.within("PolyStyle", &[], |xml| xml.text("color", "18c08040"))
+    })?;
+    xml.within("Style", &[("id", "track")], |xml| {
+        xml.icon(
+            "ffffffff",
+            0.7,
+            "http://maps.google.com/mapfiles/kml/shapes/airports.png",
+        )?;
+        xml.line("60ffffff", 1)
+    })?;
+    let star = "http://maps.google.com/mapfiles/kml/shapes/star.png";
+    for (id, colour, scale) in [("peak", "ff00d7ff", 1.3), ("stack", "ff606060", 1.0)] {
+        xml.within("Style", &[("id", id)], |xml| xml.icon(colour, scale, star))?;
+    }
+    Ok(())
+}
+
+fn plume_style(level: usize) -> String {
+    format!("plume-{level}")
+}
+
+fn schema(xml: &mut Xml, shown: &Shown) -> Written {
+    xml.within("Schema", &[("name", READINGS), ("id", READINGS)], |xml| {
+        let field = [("type", "float"), ("name", &*field(shown))];
+        xml.within("gx:SimpleArrayField", &field, |xml| {
+            xml.text("displayName", &shown.axis())
+        })
+    })
 }
 
 fn colour_index(shown: &Shown, ppm: f64) -> usize {
@@ -196,56 +310,69 @@ fn segments<'a>(shown: &Shown, points: &'a [TrackPoint]) -> Vec<(usize, &'a [Tra
     segments
 }
 
-fn segment(shown: &Shown, index: usize, points: &[TrackPoint]) -> Placemark {
-    let highest = points.iter().map(|p| p.co2_ppm).fold(f64::NAN, f64::max);
-    let span = element(
-        "TimeSpan",
-        None,
-        vec![
-            element("begin", points.first().map(|p| date(p.time_s)), Vec::new()),
-            element("end", points.last().map(|p| date(p.time_s)), Vec::new()),
-        ],
-    );
-    let line = LineString {
-        coords: points.iter().map(coordinate).collect(),
-        altitude_mode: AltitudeMode::Absolute,
-        ..LineString::default()
-    };
-    Placemark {
-        name: Some(said(shown, highest)),
-        style_url: Some(format!("#{}", style(shown, index))),
-        geometry: Some(Geometry::LineString(line)),
-        children: vec![span],
-        ..Placemark::default()
-    }
+fn corner(point: &TrackPoint) -> Corner {
+    [point.lon_deg, point.lat_deg, point.alt_amsl_m]
 }
 
-fn coordinate(point: &TrackPoint) -> Coord {
-    // A tenth of a metre (1e-6 of a degree) is finer than any position here and keeps the file small.
+/// A tenth of a metre (1e-6 of a degree) is finer than any position here and keeps the file small.
+fn coordinates([lon_deg, lat_deg, alt_m]: &Corner, apart: char) -> String {
     let round = |value: f64, per_unit: f64| (value * per_unit).round() / per_unit;
-    Coord::new(
-        round(point.lon_deg, 1e6),
-        round(point.lat_deg, 1e6),
-        Some(round(point.alt_amsl_m, 10.0)),
+    format!(
+        "{}{apart}{}{apart}{}",
+        round(*lon_deg, 1e6),
+        round(*lat_deg, 1e6),
+        round(*alt_m, 10.0)
     )
 }
 
+fn all_coordinates(corners: &[Corner]) -> String {
+    let each: Vec<String> = corners.iter().map(|c| coordinates(c, ',')).collect();
+    each.join(" ")
+}
+
+fn line(xml: &mut Xml, corners: &[Corner]) -> Written {
+    xml.within("LineString", &[], |xml| {
+        xml.text("altitudeMode", "absolute")?;
+        xml.text("coordinates", &all_coordinates(corners))
+    })
+}
+
+/// One folder a level, outermost first.
+fn plume(xml: &mut Xml, shown: &Shown, lines: &[PlumeLine]) -> Written {
+    if lines.is_empty() {
+        return Ok(());
+    }
+    xml.folder("Plume", |xml| {
+        for (index, level) in shown.levels_ppm().into_iter().enumerate() {
+            let name = format!("{} above background", said(shown, level));
+            xml.placemark(&name, |xml| {
+                xml.text("styleUrl", &format!("#{}", plume_style(index)))?;
+                xml.data(&[(&format!("excess_{}", field(shown)), &shown.number(level))])?;
+                xml.within("MultiGeometry", &[], |xml| {
+                    let of_level = lines.iter().filter(|l| l.excess_ppm == level);
+                    let mut cut = of_level.flat_map(|l| pieces(&l.corners));
+                    cut.try_for_each(|piece| line(xml, &piece))
+                })
+            })?;
+        }
+        Ok(())
+    })
+}
+
 fn point_placemark(
-    name: String,
-    style: &str,
-    description: String,
-    at: Coord,
-    mode: AltitudeMode,
-) -> Kml {
-    let mut point = Point::from(at);
-    point.altitude_mode = mode;
-    point.extrude = true;
-    Kml::Placemark(Placemark {
-        name: Some(name),
-        description: Some(description),
-        style_url: Some(format!("#{style}")),
-        geometry: Some(Geometry::Point(point)),
-        ..Placemark::default()
+    xml: &mut Xml,
+    (name, description, style): (&str, &str, &str),
+    at: Corner,
+    mode: &str,
+) -> Written {
+    xml.placemark(name, |xml| {
+        xml.text("description", description)?;
+        xml.text("styleUrl", &format!("#{style}"))?;
+        xml.within("Point", &[], |xml| {
+            xml.text("extrude", "1")?;
+            xml.text("altitudeMode", mode)?;
+            xml.text("coordinates", &coordinates(&at, ','))
+        })
     })
 }
 
@@ -254,71 +381,77 @@ fn said(shown: &Shown, ppm: f64) -> String {
     format!("{} ppm {}", shown.number(ppm), shown.gas.formula())
 }
 
-fn peak(shown: &Shown, peak: &Peak) -> Kml {
+fn peak(xml: &mut Xml, shown: &Shown, peak: &Peak) -> Written {
+    let name = format!("Peak: {}", said(shown, peak.co2_ppm));
+    let description = format!(
+        "{} ± {}, background included; {}",
+        shown.number(peak.co2_ppm),
+        said(shown, peak.sd_ppm),
+        text::status(peak.status)
+    );
+    let at = [peak.lon_deg, peak.lat_deg, peak.alt_amsl_m];
+    point_placemark(xml, (&name, &description, "peak"), at, "absolute")
+}
+
+fn stack(xml: &mut Xml, stack: &StackMarker) -> Written {
+    let description = format!("{:.0} m high", stack.height_m);
+    let at = [stack.lon_deg, stack.lat_deg, stack.height_m];
     point_placemark(
-        format!("Peak: {}", said(shown, peak.co2_ppm)),
-        "peak",
-        format!(
-            "{} ± {}, background included",
-            shown.number(peak.co2_ppm),
-            said(shown, peak.sd_ppm)
-        ),
-        Coord::new(peak.lon_deg, peak.lat_deg, Some(peak.alt_amsl_m)),
-        AltitudeMode::Absolute,
+        xml,
+        (&stack.name, &description, "stack"),
+        at,
+        "relativeToGround",
     )
 }
 
-fn stack(stack: &StackMarker) -> Kml {
-    point_placemark(
-        stack.name.clone(),
-        "stack",
-        format!("{:.0} m high", stack.height_m),
-        Coord::new(stack.lon_deg, stack.lat_deg, Some(stack.height_m)),
-        AltitudeMode::RelativeToGround,
-    )
-}
-
-fn fence(features: &MapFeatures) -> Kml {
-    let corners = features.fence.iter().chain(features.fence.first());
-    let outer = LinearRing {
-        coords: corners
-            .map(|&(lat, lon)| Coord::new(lon, lat, Some(features.fence_top_amsl_m)))
-            .collect(),
-        altitude_mode: AltitudeMode::Absolute,
-        ..LinearRing::default()
-    };
-    let mut polygon = Polygon::new(outer, Vec::new());
-    polygon.altitude_mode = AltitudeMode::Absolute;
-    polygon.extrude = true;
-    Kml::Placemark(Placemark {
-        name: Some("Fence".to_owned()),
-        style_url: Some("#fence".to_owned()),
-        geometry: Some(Geometry::Polygon(polygon)),
-        ..Placemark::default()
+fn fence(xml: &mut Xml, features: &MapFeatures) -> Written {
+    let corners = features.fence.iter();
+    let corners: Vec<Corner> = corners
+        .map(|&(lat, lon)| [lon, lat, features.fence_top_amsl_m])
+        .collect();
+    xml.placemark("Fence", |xml| {
+        xml.text("styleUrl", "#fence")?;
+        xml.within("MultiGeometry", &[], |xml| {
+            areas(&corners).into_iter().try_for_each(|mut ring| {
+                ring.extend(ring.first().copied());
+                polygon(xml, &ring)
+            })
+        })
     })
 }
 
-/// The date (xsd:dateTime, as KML asks for it) of a simulated time; a mission longer than a month stays at its end.
-fn date(time_s: f64) -> String {
-    let ms = (time_s.max(0.0) * 1000.0).round() as u64;
-    let (day, ms) = ((ms / 86_400_000).min(30), ms % 86_400_000);
-    let (hour, minute, ms) = (ms / 3_600_000, ms / 60_000 % 60, ms % 60_000);
-    format!(
-        "2000-01-{:02}T{hour:02}:{minute:02}:{:06.3}Z",
-        day + 1,
-        ms as f64 / 1000.0
-    )
+fn polygon(xml: &mut Xml, ring: &[Corner]) -> Written {
+    xml.within("Polygon", &[], |xml| {
+        xml.text("extrude", "1")?;
+        xml.text("altitudeMode", "absolute")?;
+        xml.within("outerBoundaryIs", &[], |xml| {
+            xml.within("LinearRing", &[], |xml| {
+                xml.text("coordinates", &all_coordinates(ring))
+            })
+        })
+    })
+}
+
+impl OnLine for TrackPoint {
+    fn lon_deg(&self) -> f64 {
+        self.lon_deg
+    }
+
+    fn between(&self, next: &Self, share: f64, lon_deg: f64) -> Self {
+        let along = |of: fn(&Self) -> f64| of(self) + share * (of(next) - of(self));
+        Self {
+            time_s: along(|p| p.time_s),
+            lat_deg: along(|p| p.lat_deg),
+            lon_deg,
+            alt_amsl_m: along(|p| p.alt_amsl_m),
+            co2_ppm: along(|p| p.co2_ppm),
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn dates() {
-        assert_eq!(date(0.0), "2000-01-01T00:00:00.000Z");
-        assert_eq!(date(90_061.5), "2000-01-02T01:01:01.500Z");
-    }
 
     #[test]
     fn pieces_share_their_ends_and_cover_the_track() {

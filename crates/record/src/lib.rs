@@ -6,9 +6,11 @@
 //!   readable;
 //! - [`recording`]: such a file read back, also one cut short, with the run's digest;
 //! - [`observations`]: what real vehicles read, as rows for calibration and gap analysis;
+//! - [`kml`], [`kmz`]: a mission for map viewers, with [`contour`] lines of the plume, cut at the [`antimeridian`];
 //! - [`tracks`]: tracks coloured by reading for KML, the report and the page;
 //! - [`summary`]: `summary.json`, and the same in words;
 //! - [`campaign`]: many missions, kept as they are flown, and what they show beside each other;
+//! - [`export`]: what was flown, in formats of other people's tools;
 //! - [`files`]: output folders, and files renamed into place.
 //!
 //! # Example
@@ -26,6 +28,7 @@
 //!     scenario_toml: String::new(),
 //!     gas: plume::Gas::Co2,
 //!     files: Default::default(),
+//!     start_unix_ns: None,
 //!     seed: 1,
 //!     versions: Default::default(),
 //! };
@@ -49,10 +52,14 @@
 //! # }
 //! ```
 
+pub mod antimeridian;
 pub mod campaign;
 pub mod colour;
+pub mod contour;
+pub mod export;
 pub mod files;
 pub mod kml;
+pub mod kmz;
 pub mod observations;
 pub mod recorder;
 pub mod recording;
@@ -150,6 +157,15 @@ pub enum RecordError {
         /// The file.
         path: PathBuf,
     },
+    /// The recording holds nothing that anybody has read.
+    #[error("{path}: no reading; expected at least one va/<id>/reading")]
+    NothingRead {
+        /// The file.
+        path: PathBuf,
+    },
+    /// What was flown could not be written in another format.
+    #[error("cannot export: {0}")]
+    Export(String),
     /// KML could not be written.
     #[error("KML: {0}")]
     Kml(String),

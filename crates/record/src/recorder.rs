@@ -11,6 +11,7 @@ use mcap::{Attachment, Compression, WriteOptions};
 use plume::Gas;
 use protocol::key::Name;
 use protocol::{Envelope, SimTime, Topic, WIRE_VERSION};
+use scenario::calendar::rfc_3339;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -47,6 +48,8 @@ pub struct RunInfo {
     pub gas: Gas,
     /// The files that the scenario names, by the names that it gives them.
     pub files: BTreeMap<String, Vec<u8>>,
+    /// When the mission began, whole s in ns since 1970, where its scenario says so.
+    pub start_unix_ns: Option<i64>,
     /// Seed of the run.
     pub seed: u64,
     /// Versions of what ran, by name: `plumage`, `git`, …
@@ -66,8 +69,11 @@ pub struct RecordingTotals {
 pub struct Recorder {
     path: PathBuf,
     mission: Name,
+    start_unix_ns: i64,
     writer: mcap::Writer<BufWriter<File>>,
     channels: BTreeMap<Topic, Channel>,
+    /// Channels of messages that stand beside the mission's.
+    beside: BTreeMap<String, Channel>,
     chunk: Option<(SimTime, Instant)>,
     totals: RecordingTotals,
 }
@@ -114,8 +120,10 @@ impl Recorder {
         Ok(Self {
             path: path.to_owned(),
             mission: info.mission.clone(),
+            start_unix_ns: info.start_unix_ns.unwrap_or(0),
             writer,
             channels: BTreeMap::new(),
+            beside: BTreeMap::new(),
             chunk: None,
             totals: RecordingTotals::default(),
         })
@@ -134,20 +142,52 @@ impl Recorder {
         }
         self.close_chunk_if_due(envelope.time)?;
         let (id, sequence) = self.channel(topic)?;
-        // Both times are simulated, in the order of time, sender and sequence in which agents handle
-        // messages: MCAP tools sort by log_time, and no wall clock may enter a repeatable file.
-        let time_ns = u64::try_from(envelope.time.ns()).unwrap_or(0);
+        // Both times are simulated, from the start that the scenario says, in the order of time, sender and
+        // sequence in which agents handle messages: MCAP tools sort by log_time, and no wall clock may enter a
+        // repeatable file.
+        self.write((id, sequence), envelope.time, &json)?;
+        self.totals.messages += 1;
+        Ok(())
+    }
+
+    /// Writes JSON of somebody else's `schema` beside the mission's messages, on a `topic` that is not the mission's.
+    ///
+    /// # Errors
+    /// As [`Recorder::record`].
+    pub fn beside(
+        &mut self,
+        topic: &str,
+        schema: (&str, &serde_json::Value),
+        time: SimTime,
+        json: &str,
+    ) -> Result<(), RecordError> {
+        let (id, sequence) = match self.beside.get_mut(topic) {
+            Some(channel) => {
+                channel.sequence = channel.sequence.wrapping_add(1);
+                (channel.id, channel.sequence)
+            }
+            None => {
+                let id = self.add_channel(topic, schema.0, &schema.1.to_string())?;
+                self.beside
+                    .insert(topic.to_owned(), Channel { id, sequence: 1 });
+                (id, 1)
+            }
+        };
+        self.write((id, sequence), time, json)
+    }
+
+    fn write(&mut self, channel: (u16, u32), time: SimTime, json: &str) -> Result<(), RecordError> {
+        let since_ns = time.ns();
+        let time_ns = u64::try_from(self.start_unix_ns.saturating_add(since_ns)).unwrap_or(0);
         let header = MessageHeader {
-            channel_id: id,
-            sequence,
+            channel_id: channel.0,
+            sequence: channel.1,
             log_time: time_ns,
             publish_time: time_ns,
         };
         self.writer
             .write_to_known_channel(&header, json.as_bytes())
-            .map_err(|source| self.failed(source))?;
-        self.totals.messages += 1;
-        Ok(())
+            .map_err(|source| self.failed(source))
     }
 
     /// Hands everything recorded so far to the system.
@@ -220,17 +260,20 @@ impl Recorder {
         let schema = Envelope::json_schema(topic);
         let name = schema["title"].as_str().unwrap_or("plumage").to_owned();
         let key = topic.key(&self.mission);
-        let id = self
-            .writer
-            .add_schema(&name, "jsonschema", schema.to_string().as_bytes())
-            .and_then(|schema| {
-                self.writer
-                    .add_channel(schema, &key, "json", &BTreeMap::new())
-            })
-            .map_err(|source| self.failed(source))?;
+        let id = self.add_channel(&key, &name, &schema.to_string())?;
         self.channels
             .insert(topic.clone(), Channel { id, sequence: 1 });
         Ok((id, 1))
+    }
+
+    fn add_channel(&mut self, key: &str, name: &str, schema: &str) -> Result<u16, RecordError> {
+        self.writer
+            .add_schema(name, "jsonschema", schema.as_bytes())
+            .and_then(|schema| {
+                self.writer
+                    .add_channel(schema, key, "json", &BTreeMap::new())
+            })
+            .map_err(|source| self.failed(source))
     }
 
     fn failed(&self, source: mcap::McapError) -> RecordError {
@@ -246,15 +289,22 @@ fn write_front(writer: &mut mcap::Writer<BufWriter<File>>, info: &RunInfo) -> mc
     entries.insert("mission".to_owned(), info.mission.to_string());
     entries.insert("gas".to_owned(), info.gas.as_str().to_owned());
     entries.insert("seed".to_owned(), info.seed.to_string());
+    if let Some(start) = info.start_unix_ns {
+        entries.insert("start".to_owned(), rfc_3339(start).replace(".000Z", "Z"));
+    }
     entries.insert("wire_version".to_owned(), WIRE_VERSION.to_string());
     writer.write_metadata(&Metadata {
         name: RUN_METADATA.to_owned(),
         metadata: entries,
     })?;
+    let begun_ns = info
+        .start_unix_ns
+        .and_then(|ns| u64::try_from(ns).ok())
+        .unwrap_or(0);
     let mut attach = |name: String, media_type: &str, data: &[u8]| {
         writer.attach(&Attachment {
-            log_time: 0,
-            create_time: 0,
+            log_time: begun_ns,
+            create_time: begun_ns,
             name,
             media_type: media_type.to_owned(),
             data: Cow::Borrowed(data),

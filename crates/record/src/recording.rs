@@ -2,20 +2,25 @@
 
 use crate::RecordError;
 use crate::recorder::{END_METADATA, FILE_ATTACHMENT, RUN_METADATA, RunInfo, SCENARIO_ATTACHMENT};
-use mcap::McapError;
+use formats::mcap_records::{End, Records, RecordsError, flat};
 use mcap::records::Record;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use plume::Gas;
 use protocol::digest::Digest;
 use protocol::key::Name;
 use protocol::{AgentId, Envelope, OLDEST_JSON_VERSION, SimTime, Topic, WIRE_VERSION};
+use scenario::calendar::iso_8601;
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
-use std::io::{BufReader, Read as _};
+use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// Largest record or chunk that is read, bytes: no file can make a reader allocate more.
-const RECORD_LIMIT: usize = 1 << 28;
+/// Bytes of the record that ends a file, with the closing magic.
+const FOOTER_BYTES: usize = 37;
+/// Largest index at a file's end that is read, bytes.
+const SUMMARY_LIMIT: usize = 1 << 28;
+
+type FileRecords = Records<File>;
+
 /// How far messages of several senders may be apart in a file recorded from a network and still
 /// be brought into order, simulated ns. Zenoh keeps the order of one publisher, not across several;
 /// in lockstep they are a tick apart, in real time as far as a link delays them.
@@ -37,12 +42,21 @@ pub enum RecordingEnd {
         /// Digest of the run, if it was known.
         digest: Option<String>,
     },
+    /// It was finished, and is damaged since.
+    Damaged {
+        /// What is damaged, in words.
+        what: String,
+        /// Digest of the run, if it was known and can still be read.
+        digest: Option<String>,
+    },
     /// It was cut short: its program was killed, the disk was full, or a copy broke off.
     Truncated {
         /// Bytes of the file.
         bytes: u64,
         /// Time of the last message that could be read.
         last: SimTime,
+        /// What is damaged before, in words.
+        damage: Option<String>,
     },
 }
 
@@ -51,11 +65,22 @@ impl RecordingEnd {
     pub fn loss(&self) -> Option<String> {
         match self {
             Self::Complete { .. } => None,
-            Self::Truncated { bytes, last } => Some(format!(
-                "the recording was cut short after {bytes} bytes: everything up to {:.2} s of \
-                 simulated time is read, what followed is lost",
-                last.s()
-            )),
+            Self::Damaged { what, .. } => Some(format!("the recording is {what}")),
+            Self::Truncated {
+                bytes,
+                last,
+                damage,
+            } => {
+                let before = damage
+                    .as_ref()
+                    .map(|what| format!("; before that it is {what}"));
+                Some(format!(
+                    "the recording was cut short after {bytes} bytes: everything up to {:.2} s of \
+                     simulated time is read, what followed is lost{}",
+                    last.s(),
+                    before.unwrap_or_default()
+                ))
+            }
         }
     }
 }
@@ -70,12 +95,12 @@ pub fn read_mcap(path: &Path) -> Result<Recording, RecordError> {
         path: path.to_owned(),
         why,
     };
-    let mut records = Records::open(path)?;
+    let mut records = open(path)?.outside_chunks();
     let mut entries: Option<BTreeMap<String, String>> = None;
     let mut scenario: Option<String> = None;
     let mut files = BTreeMap::new();
     while entries.is_none() || scenario.is_none() {
-        match records.next()? {
+        match records.record().map_err(|e| unreadable(path, e))? {
             Some(Record::Metadata(m)) if m.name == RUN_METADATA => entries = Some(m.metadata),
             Some(Record::Attachment { header, data, .. }) if header.name == SCENARIO_ATTACHMENT => {
                 let text = String::from_utf8(data.into_owned());
@@ -86,10 +111,16 @@ pub fn read_mcap(path: &Path) -> Result<Recording, RecordError> {
                     files.insert(name.to_owned(), data.into_owned());
                 }
             }
-            Some(Record::Message { .. } | Record::DataEnd(_)) => {
-                return Err(refuse("it holds no run and no scenario".to_owned()));
-            }
             Some(_) => {}
+            // Other tools that wrote it anew may have put them behind the messages.
+            None if records.end() == End::Whole => {
+                let damage = records
+                    .damage()
+                    .words()
+                    .map(|what| format!("; it is {what}"));
+                let damage = damage.unwrap_or_default();
+                return Err(refuse(format!("it holds no run and no scenario{damage}")));
+            }
             None => return Err(refuse("it ends before its scenario".to_owned())),
         }
     }
@@ -124,6 +155,7 @@ fn run_info(
     let seed = take("seed")?;
     // Recordings of earlier versions, which read nothing but CO2, do not say it.
     let gas = take("gas").unwrap_or_else(|_| Gas::Co2.as_str().to_owned());
+    let start = take("start").ok();
     Ok(RunInfo {
         mission: Name::new(&mission).map_err(|e| e.to_string())?,
         scenario_toml,
@@ -131,9 +163,15 @@ fn run_info(
             .parse()
             .map_err(|e| format!("its gas is '{gas}': {e}"))?,
         files: BTreeMap::new(),
+        start_unix_ns: start.map(|s| start_of(&s)).transpose()?,
         seed: seed.parse().map_err(|_| format!("its seed is '{seed}'"))?,
         versions: entries,
     })
+}
+
+fn start_of(text: &str) -> Result<i64, String> {
+    let unix_s = iso_8601(text).ok_or_else(|| format!("its start is '{text}'"))?;
+    Ok(unix_s as i64 * 1_000_000_000)
 }
 
 impl Recording {
@@ -148,9 +186,11 @@ impl Recording {
     /// The file is gone.
     pub fn envelopes(&self) -> Result<Envelopes, RecordError> {
         Ok(Envelopes {
-            records: Records::open(&self.path)?,
+            records: open(&self.path)?,
+            path: self.path.clone(),
             mission: self.info.mission.clone(),
             channels: BTreeMap::new(),
+            indexed: false,
             index: 0,
             last: SimTime::ZERO,
             digest: None,
@@ -188,9 +228,12 @@ impl Recording {
 
 /// The messages of a recording, in the order of the file.
 pub struct Envelopes {
-    records: Records,
+    records: FileRecords,
+    path: PathBuf,
     mission: Name,
     channels: BTreeMap<u16, Result<Topic, String>>,
+    /// Whether the index at the file's end was asked.
+    indexed: bool,
     index: u64,
     last: SimTime,
     digest: Option<String>,
@@ -201,9 +244,20 @@ impl Envelopes {
     /// How the recording ends, once all messages have been taken; before, as if cut short here.
     pub fn ending(&self) -> RecordingEnd {
         self.ending.clone().unwrap_or(RecordingEnd::Truncated {
-            bytes: self.records.bytes,
+            bytes: self.records.bytes(),
             last: self.last,
+            damage: self.records.damage().words(),
         })
+    }
+
+    /// How it ends once there is no more to read.
+    fn end(&self) -> RecordingEnd {
+        let digest = self.digest.clone();
+        match (self.records.end(), self.records.damage().words()) {
+            (End::Whole, None) => RecordingEnd::Complete { digest },
+            (End::Whole, Some(what)) => RecordingEnd::Damaged { what, digest },
+            _ => self.ending(),
+        }
     }
 
     fn channel(&mut self, channel: mcap::records::Channel) {
@@ -219,9 +273,20 @@ impl Envelopes {
         data: &[u8],
     ) -> Option<Result<(Topic, Envelope), RecordError>> {
         self.index += 1;
+        // A chunk that is lost may have been the one that named it.
+        if !self.channels.contains_key(&channel) && !self.indexed {
+            self.indexed = true;
+            for channel in indexed_channels(&self.path) {
+                if !self.channels.contains_key(&channel.id) {
+                    self.channel(channel);
+                }
+            }
+        }
         let topic = match self.channels.get(&channel) {
             Some(Ok(topic)) => topic.clone(),
             Some(Err(_)) => return None,
+            // What named it is damaged, and counted there.
+            None if self.records.damage().places > 0 => return None,
             None => {
                 return Some(Err(
                     self.broken(format!("channel {channel}"), "no such channel")
@@ -242,7 +307,7 @@ impl Envelopes {
 
     fn broken(&self, key: String, why: &str) -> RecordError {
         RecordError::Message {
-            path: self.records.path.clone(),
+            path: self.path.clone(),
             index: self.index,
             key,
             why: why.to_owned(),
@@ -255,7 +320,7 @@ impl Iterator for Envelopes {
 
     fn next(&mut self) -> Option<Self::Item> {
         while self.ending.is_none() {
-            match self.records.next() {
+            match self.records.record() {
                 Ok(Some(Record::Channel(channel))) => self.channel(channel),
                 Ok(Some(Record::Message { header, data })) => {
                     let message = self.message(header.channel_id, &data);
@@ -266,16 +331,11 @@ impl Iterator for Envelopes {
                 Ok(Some(Record::Metadata(m))) if m.name == END_METADATA => {
                     self.digest = m.metadata.get("digest").cloned();
                 }
-                Ok(Some(Record::DataEnd(_))) => {
-                    self.ending = Some(RecordingEnd::Complete {
-                        digest: self.digest.clone(),
-                    });
-                }
                 Ok(Some(_)) => {}
-                Ok(None) => self.ending = Some(self.ending()),
+                Ok(None) => self.ending = Some(self.end()),
                 Err(e) => {
                     self.ending = Some(self.ending());
-                    return Some(Err(e));
+                    return Some(Err(unreadable(&self.path, e)));
                 }
             }
         }
@@ -302,7 +362,7 @@ impl OrderedEnvelopes {
     fn take(&mut self, topic: Topic, envelope: Envelope) -> Result<(), RecordError> {
         if envelope.time < self.given {
             return Err(RecordError::OutOfOrder {
-                path: self.envelopes.records.path.clone(),
+                path: self.envelopes.path.clone(),
                 sender: envelope.sender.to_string(),
                 sequence: envelope.sequence,
                 late_s: self.envelopes.last.since_s(envelope.time),
@@ -355,72 +415,58 @@ impl Iterator for OrderedEnvelopes {
     }
 }
 
-/// The records of an MCAP file, chunks unpacked. Its end and being cut short are both `None`.
-struct Records {
-    path: PathBuf,
-    file: BufReader<File>,
-    reader: LinearReader,
-    bytes: u64,
-    ended: bool,
-}
-
-impl Records {
-    fn open(path: &Path) -> Result<Self, RecordError> {
-        let file = File::open(path).map_err(|source| RecordError::File {
-            path: path.to_owned(),
-            what: "open",
-            source,
-        })?;
-        let options = LinearReaderOptions::default()
-            // Before a chunk is unpacked: a damaged one is refused whole, not half read.
-            .with_prevalidate_chunk_crcs(true)
-            .with_validate_data_section_crc(true)
-            .with_record_length_limit(RECORD_LIMIT);
-        Ok(Self {
-            path: path.to_owned(),
-            file: BufReader::new(file),
-            reader: LinearReader::new_with_options(options),
-            bytes: 0,
-            ended: false,
-        })
-    }
-
-    fn next(&mut self) -> Result<Option<Record<'static>>, RecordError> {
-        while !self.ended {
-            match self.reader.next_event() {
-                Some(Ok(LinearReadEvent::ReadRequest(need))) => {
-                    let read = self.file.read(self.reader.insert(need));
-                    let read = read.map_err(|source| RecordError::File {
-                        path: self.path.clone(),
-                        what: "read",
-                        source,
-                    })?;
-                    self.bytes += read as u64;
-                    self.reader.notify_read(read);
-                }
-                Some(Ok(LinearReadEvent::Record { data, opcode })) => {
-                    return mcap::parse_record(opcode, data)
-                        .map(|record| Some(record.into_owned()))
-                        .map_err(|e| damaged(&self.path, self.bytes, &e));
-                }
-                Some(Err(McapError::UnexpectedEof)) | None => self.ended = true,
-                Some(Err(e)) => {
-                    self.ended = true;
-                    return Err(damaged(&self.path, self.bytes, &e));
-                }
-            }
-        }
-        Ok(None)
-    }
-}
-
-fn damaged(path: &Path, byte: u64, error: &McapError) -> RecordError {
-    let why = match error {
-        McapError::BadMagic if byte <= 16 => "it does not begin as an MCAP file".to_owned(),
-        other => format!("it is damaged before byte {byte} ({other})"),
-    };
-    RecordError::NotARecording {
+/// The records of the file at `path`.
+fn open(path: &Path) -> Result<FileRecords, RecordError> {
+    let file = File::open(path).map_err(|source| RecordError::File {
         path: path.to_owned(),
-        why,
+        what: "open",
+        source,
+    })?;
+    Records::new(file).map_err(|e| unreadable(path, e))
+}
+
+fn unreadable(path: &Path, error: RecordsError) -> RecordError {
+    let path = path.to_owned();
+    match error {
+        RecordsError::Read(source) => RecordError::File {
+            path,
+            what: "read",
+            source,
+        },
+        none @ RecordsError::NoMcap => RecordError::NotARecording {
+            path,
+            why: none.to_string(),
+        },
     }
+}
+
+/// The channels that the index at the file's end names: of those that a damaged chunk would have told. None where
+/// the file was cut short.
+fn indexed_channels(path: &Path) -> Vec<mcap::records::Channel> {
+    let summary = || {
+        let mut file = File::open(path).ok()?;
+        let footer_bytes = FOOTER_BYTES as u64;
+        let length = file.metadata().ok()?.len();
+        file.seek(SeekFrom::Start(length.checked_sub(footer_bytes)?))
+            .ok()?;
+        let mut footer = [0; FOOTER_BYTES];
+        file.read_exact(&mut footer).ok()?;
+        let Record::Footer(footer) = mcap::parse_record(footer[0], &footer[9..]).ok()? else {
+            return None;
+        };
+        let start = Some(footer.summary_start).filter(|s| *s > 0)?;
+        file.seek(SeekFrom::Start(start)).ok()?;
+        let length = usize::try_from(length.checked_sub(start + footer_bytes)?).ok()?;
+        let mut summary = vec![0; Some(length).filter(|l| *l <= SUMMARY_LIMIT)?];
+        file.read_exact(&mut summary).ok()?;
+        Some(summary)
+    };
+    let Some(summary) = summary() else {
+        return Vec::new();
+    };
+    let channel = |record| match record {
+        Record::Channel(channel) => Some(channel),
+        _ => None,
+    };
+    flat(&summary).filter_map(channel).collect()
 }

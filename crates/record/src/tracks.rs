@@ -125,17 +125,19 @@ impl Tracks {
             return;
         };
         let point = TrackPoint::of(envelope.time, reading);
-        if let Some(track) = self.by_vehicle.get_mut(id.as_str()) {
-            track.kind = reading.kind;
-            track.points.push(envelope.time, point);
+        self.push(id.as_str(), reading.kind, envelope.time, point);
+    }
+
+    /// Takes in a point of the vehicle `id`. Times must not decrease.
+    pub fn push(&mut self, id: &str, kind: VehicleKind, time: SimTime, point: TrackPoint) {
+        if let Some(track) = self.by_vehicle.get_mut(id) {
+            track.kind = kind;
+            track.points.push(time, point);
         } else {
             let mut points = DecimatedSeries::new(self.capacity, self.interval_s);
-            points.push(envelope.time, point);
-            let track = VehicleTrack {
-                kind: reading.kind,
-                points,
-            };
-            self.by_vehicle.insert(id.to_string(), track);
+            points.push(time, point);
+            self.by_vehicle
+                .insert(id.to_owned(), VehicleTrack { kind, points });
         }
     }
 

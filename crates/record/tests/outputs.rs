@@ -3,11 +3,11 @@
 
 mod synthetic;
 
-use kml::{Kml, KmlReader};
 use protocol::key::Name;
 use protocol::message::{Message, Peak, PeakStatus, VehicleKind};
 use protocol::{Envelope, SimTime, Topic};
-use record::kml::{MapFeatures, StackMarker, document};
+use record::contour::PlumeLine;
+use record::kml::{Map, MapFeatures, StackMarker, document};
 use record::summary::{
     CORRECTED, ModelNumbers, Outcome, PlaceOfPeak, Summariser, SummaryContext, TruePeak,
 };
@@ -200,48 +200,166 @@ fn a_mission_without_real_vehicle_or_peak_has_words_and_nulls() {
     );
 }
 
-#[test]
-fn kml_reads_back_with_a_folder_a_vehicle() {
+/// The map of 300 s with a name that XML would trip over, moved east by `east_deg`.
+fn kml_text(east_deg: f64) -> String {
+    let moved = |lon_deg: f64| air::geo::wrap_signed_deg(lon_deg + east_deg);
     let mut tracks = Tracks::new(500, 0.5);
-    for (topic, envelope) in synthetic::mission(3000) {
+    for (topic, mut envelope) in synthetic::mission(3000) {
+        if let Message::Reading(reading) = &mut envelope.message {
+            reading.lon_deg = moved(reading.lon_deg);
+        }
         tracks.take(&topic, &envelope);
     }
-    // A name that XML would trip over.
+    assert_eq!(tracks.by_vehicle()["6"].kind, VehicleKind::Real);
     let around = MapFeatures {
         mission: "a < b & \"c\"".to_owned(),
         shown: record::colour::Shown::CO2,
         stacks: vec![StackMarker {
             name: "As Pontes".to_owned(),
             lat_deg: 43.4417,
-            lon_deg: -7.8631,
+            lon_deg: moved(-7.8631),
             height_m: 356.0,
         }],
-        fence: vec![(43.40, -7.90), (43.40, -7.80), (43.47, -7.80)],
+        fence: [(43.40, -7.90), (43.40, -7.80), (43.47, -7.80)]
+            .map(|(lat, lon)| (lat, moved(lon)))
+            .to_vec(),
         fence_top_amsl_m: 1200.0,
         peak: Some(peak()),
     };
-    let text = document(&tracks, &around).unwrap();
-    assert!(!text.contains("NaN"));
-    let Kml::KmlDocument(read) = KmlReader::<_, f64>::from_string(&text).read().unwrap() else {
-        panic!("no KML document");
+    let line = |excess_ppm: f64| PlumeLine {
+        excess_ppm,
+        corners: [-7.87, -7.84, -7.82, -7.87]
+            .map(|lon| [moved(lon), 43.44, 826.0])
+            .to_vec(),
     };
-    let Kml::Document { elements, .. } = &read.elements[0] else {
-        panic!("no document");
-    };
-    let folders: Vec<_> = elements
-        .iter()
-        .filter_map(|e| match e {
-            Kml::Folder(f) => f.name.clone(),
-            _ => None,
-        })
-        .collect();
-    assert_eq!(folders.len(), 6);
-    assert_eq!(folders[5], "Vehicle 6 (real)");
-    let styles = text.matches("<Style id=\"co2-").count();
-    assert_eq!(styles, 24);
-    assert!(text.matches("<TimeSpan>").count() > 100);
+    document(&Map {
+        start_unix_ns: Some(1_795_782_600_000_000_000),
+        tracks: &tracks,
+        around: &around,
+        plume: &[line(20.0), line(100.0)],
+    })
+    .unwrap()
+}
+
+/// The elements of a document in order, each with its parent's number (of the document itself 0) and its text.
+fn elements(text: &str) -> Vec<(String, usize, String)> {
+    let mut reader = quick_xml::Reader::from_str(text);
+    let mut all: Vec<(String, usize, String)> = Vec::new();
+    let mut open: Vec<usize> = Vec::new();
+    loop {
+        match reader.read_event().unwrap() {
+            quick_xml::events::Event::Start(e) => {
+                let name = String::from_utf8(e.name().as_ref().to_vec()).unwrap();
+                all.push((name, open.last().copied().unwrap_or(0), String::new()));
+                open.push(all.len() - 1);
+            }
+            quick_xml::events::Event::End(_) => {
+                open.pop();
+            }
+            quick_xml::events::Event::Text(t) => {
+                if let Some(at) = open.last() {
+                    all[*at].2 += std::str::from_utf8(&t).unwrap().trim();
+                }
+            }
+            quick_xml::events::Event::Eof => return all,
+            _ => {}
+        }
+    }
+}
+
+/// The order of elements in OGC's schema of KML 2.2 (ogckml22.xsd), as far as they are written here.
+const ORDER: &[(&str, &str)] = &[
+    ("Document", "name description Style Schema Folder Placemark"),
+    ("Folder", "name Folder Placemark"),
+    (
+        "Placemark",
+        "name description TimeSpan styleUrl ExtendedData Point LineString Polygon MultiGeometry gx:Track gx:MultiTrack",
+    ),
+    ("Style", "IconStyle LineStyle PolyStyle"),
+    ("IconStyle", "color scale Icon"),
+    ("LineStyle", "color width"),
+    ("TimeSpan", "begin end"),
+    ("Point", "extrude altitudeMode coordinates"),
+    ("LineString", "altitudeMode coordinates"),
+    ("Polygon", "extrude altitudeMode outerBoundaryIs"),
+    ("gx:Track", "altitudeMode when gx:coord ExtendedData"),
+    ("gx:MultiTrack", "altitudeMode gx:interpolate gx:Track"),
+];
+
+#[test]
+fn kml_keeps_to_the_order_of_its_schema() {
+    for text in [kml_text(0.0), kml_text(-172.1554)] {
+        assert!(!text.contains("NaN"));
+        let all = elements(&text);
+        let mut last = vec![0; all.len()];
+        for (name, parent, _) in &all[1..] {
+            let Some((_, order)) = ORDER.iter().find(|(of, _)| *of == all[*parent].0) else {
+                continue;
+            };
+            // Features may follow each other in any order.
+            let features = |name: &str| matches!(name, "Folder" | "Placemark");
+            let at = order
+                .split(' ')
+                .position(|n| n == name || features(n) && features(name));
+            let at = at.unwrap_or_else(|| panic!("{name} in {}", all[*parent].0));
+            assert!(at >= last[*parent], "{name} too late in {}", all[*parent].0);
+            last[*parent] = at;
+        }
+    }
+}
+
+#[test]
+fn kml_has_a_folder_and_a_track_with_times_and_readings_for_each_vehicle() {
+    let text = kml_text(0.0);
+    let all = elements(&text);
+    let of = |name: &str| all.iter().filter(|e| e.0 == name).count();
+    let named = |name: &str| all.iter().any(|e| e.0 == "name" && e.2 == name);
+    assert!(named("Vehicle 6 (real)") && named("Plume"));
+    assert_eq!(of("gx:Track"), 6);
+    assert!(of("when") == of("gx:coord") && of("when") == of("gx:value"));
+    assert!(of("TimeSpan") > 100);
+    assert_eq!(text.matches("<Style id=\"co2-").count(), 24);
     assert!(text.contains("#co2-0") && text.contains("#co2-23"));
-    assert_eq!(tracks.by_vehicle()["6"].kind, VehicleKind::Real);
+    // 30 s after date -u -d @1795782600.
+    assert!(text.contains("<when>2026-11-27T12:30:30.000Z</when>"));
+    assert!(
+        text.contains("#be0a26") && text.contains("840 or more"),
+        "the legend's last colour"
+    );
+}
+
+#[test]
+fn kml_is_cut_at_the_antimeridian() {
+    // The stack stands at 179.9815° E, 1.5 km before it.
+    let text = kml_text(-172.1554);
+    let all = elements(&text);
+    let (mut east, mut west) = (0, 0);
+    let mut lines: Vec<Vec<f64>> = Vec::new();
+    for (k, (name, _, text)) in all.iter().enumerate() {
+        if name == "coordinates" {
+            let lon = |c: &str| c.split(',').next().unwrap().parse().unwrap();
+            lines.push(text.split_whitespace().map(lon).collect());
+        } else if name == "gx:Track" {
+            let of_track = all.iter().filter(|e| e.0 == "gx:coord" && e.1 == k);
+            lines.push(
+                of_track
+                    .map(|e| e.2.split(' ').next().unwrap().parse().unwrap())
+                    .collect(),
+            );
+        }
+    }
+    for line in &lines {
+        assert!(line.iter().all(|lon| lon.abs() <= 180.0));
+        for pair in line.windows(2) {
+            assert!((pair[1] - pair[0]).abs() < 1.0, "{pair:?}");
+        }
+        east += usize::from(line.iter().all(|lon| *lon > 0.0));
+        west += usize::from(line.iter().all(|lon| *lon < 0.0));
+    }
+    assert!(
+        east > 10 && west > 10 && east + west == lines.len(),
+        "{east} {west}"
+    );
 }
 
 #[test]

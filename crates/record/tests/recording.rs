@@ -19,6 +19,7 @@ fn info() -> RunInfo {
         scenario_toml: "[mission]\nname = \"as-pontes\"\n".to_owned(),
         gas: plume::Gas::Ch4,
         files: [("aircraft/mine.toml".to_owned(), b"name = 1".to_vec())].into(),
+        start_unix_ns: Some(1_795_782_600_000_000_000),
         seed: 7,
         versions: BTreeMap::from([("plumage".to_owned(), "0.1.0".to_owned())]),
     }
@@ -183,6 +184,95 @@ fn no_damage_passes_unsaid() {
         }
     }
     fs::remove_file(path).unwrap();
+}
+
+/// The bytes of the file's chunks in the middle are spoilt one after the other.
+#[test]
+fn a_damaged_chunk_costs_its_own_messages_alone() {
+    let path = fresh("spoilt");
+    record(&path, 200);
+    let whole = fs::read(&path).unwrap();
+    let said: Vec<_> = synthetic::mission(200).collect();
+    let mut lost_most = 0;
+    for part in [3, 5, 8] {
+        let mut bytes = whole.clone();
+        bytes[whole.len() * part / 10] ^= 1;
+        fs::write(&path, &bytes).unwrap();
+        let mut messages = read_mcap(&path).unwrap().in_order().unwrap();
+        let read: Vec<_> = messages.by_ref().map(Result::unwrap).collect();
+        assert!(read.iter().all(|m| said.contains(m)));
+        let RecordingEnd::Damaged { what, digest } = messages.ending() else {
+            panic!("the damage is not told");
+        };
+        assert!(what.contains("in one place") && digest.is_some(), "{what}");
+        lost_most = lost_most.max(said.len() - read.len());
+    }
+    // A chunk holds .4 s, which is 4 of the 200 ticks.
+    assert!(
+        lost_most > 0 && lost_most <= said.len() * 5 / 200,
+        "{lost_most}"
+    );
+    fs::remove_file(path).unwrap();
+}
+
+/// As `mcap compress` and its like leave it: LZ4, and metadata and attachments behind the messages.
+#[test]
+fn a_recording_that_another_tool_wrote_anew_is_read() {
+    let (path, other) = (fresh("own"), fresh("anew"));
+    record(&path, 30);
+    let mut records = formats::mcap_records::Records::new(fs::File::open(&path).unwrap()).unwrap();
+    let options = mcap::WriteOptions::new().compression(Some(mcap::Compression::Lz4));
+    let mut writer = options.create(fs::File::create(&other).unwrap()).unwrap();
+    let (mut channels, mut behind) = (BTreeMap::new(), Vec::new());
+    while let Some(record) = records.record().unwrap() {
+        use mcap::records::Record;
+        match record {
+            Record::Channel(c) => {
+                let id = writer
+                    .add_channel(0, &c.topic, "json", &BTreeMap::new())
+                    .unwrap();
+                channels.insert(c.id, id);
+            }
+            Record::Message { mut header, data } => {
+                // The recorder's times are those of the start that the scenario says.
+                let since_ns = header.log_time - 1_795_782_600_000_000_000;
+                assert!(since_ns < 3_000_000_000 && header.log_time == header.publish_time);
+                header.channel_id = channels[&header.channel_id];
+                writer.write_to_known_channel(&header, &data).unwrap();
+            }
+            other => behind.push(other),
+        }
+    }
+    for record in behind {
+        use mcap::records::Record;
+        match record {
+            Record::Metadata(m) => writer.write_metadata(&m).unwrap(),
+            Record::Attachment { header, data, .. } => writer
+                .attach(&mcap::Attachment {
+                    log_time: header.log_time,
+                    create_time: header.create_time,
+                    name: header.name,
+                    media_type: header.media_type,
+                    data,
+                })
+                .unwrap(),
+            _ => {}
+        }
+    }
+    writer.finish().unwrap();
+    let read = read_mcap(&other).unwrap();
+    assert_eq!(read.info, info());
+    let (digest, end) = read.digest().unwrap();
+    assert_eq!(
+        end,
+        RecordingEnd::Complete {
+            digest: Some(digest.clone())
+        }
+    );
+    assert_eq!(digest, digest_of_mission(30));
+    for path in [path, other] {
+        fs::remove_file(path).unwrap();
+    }
 }
 
 #[test]

@@ -8,6 +8,7 @@ use crate::ImportError;
 use crate::quantity::Dimension;
 use crate::time;
 use crate::unit::{Conversion, Unit};
+use formats::netcdf::width;
 use scenario::calendar::DAY_S;
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -149,17 +150,6 @@ impl Variable {
         }
         value * number("scale_factor").unwrap_or(1.0) + number("add_offset").unwrap_or(0.0)
     }
-}
-
-/// Bytes of a value of this type; none of a type that there is not.
-fn width(kind: u32) -> Option<usize> {
-    Some(match kind {
-        1 | 2 | 7 => 1,
-        3 | 8 => 2,
-        4 | 5 | 9 => 4,
-        6 | 10 | 11 => 8,
-        _ => return None,
-    })
 }
 
 /// The first number of `bytes`; NaN of text and of nothing.

@@ -1,13 +1,13 @@
 //! Recordings of ROS 2 in MCAP: messages in CDR, described by their definitions in the file.
 //!
-//! Formats: mcap.dev, *Specification* and *Well-known encodings*; design.ros2.org, *ROS 2 Message definition*; OMG, *DDS
-//! X-Types 1.3*, 7.4.3 (XCDR1: values are aligned to their own size, behind four bytes that say which end comes first).
+//! Formats: mcap.dev, *Well-known encodings*, and those of [`formats`].
 
 use super::{Collected, Known, SeriesLog, Wanted};
 use crate::ImportError;
+use formats::cdr::{Cdr, Definitions, short};
+use formats::mcap_records::{End, Records, RecordsError};
 use mcap::records::Record;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 
 /// What the series of these recordings are; those of well-known messages are called by their type.
@@ -32,184 +32,9 @@ const CALLED_BY_TYPE: [&str; 4] = [
 ];
 /// The series of NavSatFix's altitudes.
 const ELLIPSOIDAL: &str = "ellipsoidal_height";
-/// Longer arrays are images and clouds.
-const LONGEST_ARRAY: usize = 16;
-/// Types within types at most: definitions that hold themselves are damage.
-const DEEPEST: usize = 12;
-
-/// The fields of the types of a definition, by the types' names without package.
-#[derive(Debug, Default)]
-struct Definitions(BTreeMap<String, Vec<Field>>);
-
-#[derive(Debug, Clone)]
-struct Field {
-    name: String,
-    kind: String,
-    array: Option<Array>,
-}
-
-#[derive(Debug, Clone, Copy)]
-enum Array {
-    Fixed(usize),
-    Counted,
-}
-
-/// A type's name without its package.
-fn short(kind: &str) -> &str {
-    kind.rsplit('/').next().unwrap_or(kind)
-}
-
-impl Definitions {
-    fn parse(root: &str, text: &str) -> Self {
-        let mut all = Self::default();
-        let mut current = short(root).to_owned();
-        all.0.insert(current.clone(), Vec::new());
-        for line in text.lines() {
-            let line = line.split('#').next().unwrap_or("").trim();
-            if line.is_empty() || line.starts_with("===") {
-                continue;
-            }
-            if let Some(kind) = line.strip_prefix("MSG:") {
-                short(kind.trim()).clone_into(&mut current);
-                all.0.entry(current.clone()).or_default();
-                continue;
-            }
-            // A constant has a sign of equality and no place in the bytes.
-            let mut words = line.split_whitespace();
-            if let (Some(kind), Some(name)) = (words.next(), words.next())
-                && !name.contains('=')
-                && words.next() != Some("=")
-            {
-                let (kind, array) = array_of(kind);
-                let field = Field {
-                    name: name.to_owned(),
-                    kind: short(kind.split("<=").next().unwrap_or(kind)).to_owned(),
-                    array,
-                };
-                all.0.entry(current.clone()).or_default().push(field);
-            }
-        }
-        for kind in ["Time", "Duration"] {
-            let part = |name: &str, kind: &str| Field {
-                name: name.to_owned(),
-                kind: kind.to_owned(),
-                array: None,
-            };
-            let parts = || vec![part("sec", "int32"), part("nanosec", "uint32")];
-            all.0.entry(kind.to_owned()).or_insert_with(parts);
-        }
-        all
-    }
-}
-
-fn array_of(kind: &str) -> (&str, Option<Array>) {
-    let Some((kind, count)) = kind.split_once('[') else {
-        return (kind, None);
-    };
-    let count = count.trim_end_matches(']').parse();
-    (kind, Some(count.map_or(Array::Counted, Array::Fixed)))
-}
-
-/// Reads a message's bytes.
-struct Cdr<'a> {
-    bytes: &'a [u8],
-    at: usize,
-    little: bool,
-}
-
-impl<'a> Cdr<'a> {
-    fn new(data: &'a [u8]) -> Option<Self> {
-        let (head, bytes) = data.split_at_checked(4)?;
-        Some(Self {
-            bytes,
-            at: 0,
-            little: head[1] & 1 == 1,
-        })
-    }
-
-    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
-        self.at = self.at.next_multiple_of(N);
-        let mut bytes: [u8; N] = self.bytes.get(self.at..self.at + N)?.try_into().ok()?;
-        self.at += N;
-        if !self.little {
-            bytes.reverse();
-        }
-        Some(bytes)
-    }
-
-    fn number(&mut self, kind: &str) -> Option<f64> {
-        Some(match kind {
-            "bool" | "uint8" | "byte" | "char" => f64::from(u8::from_le_bytes(self.take()?)),
-            "int8" => f64::from(i8::from_le_bytes(self.take()?)),
-            "int16" => f64::from(i16::from_le_bytes(self.take()?)),
-            "uint16" => f64::from(u16::from_le_bytes(self.take()?)),
-            "int32" => f64::from(i32::from_le_bytes(self.take()?)),
-            "uint32" => f64::from(u32::from_le_bytes(self.take()?)),
-            "int64" => i64::from_le_bytes(self.take()?) as f64,
-            "uint64" => u64::from_le_bytes(self.take()?) as f64,
-            "float32" => f64::from(f32::from_le_bytes(self.take()?)),
-            "float64" => f64::from_le_bytes(self.take()?),
-            _ => return None,
-        })
-    }
-
-    fn count(&mut self) -> Option<usize> {
-        let count = u32::from_le_bytes(self.take()?) as usize;
-        (count <= self.bytes.len()).then_some(count)
-    }
-
-    /// All numbers of a `kind` under `path`; none where the bytes end or the type is not described.
-    fn all(
-        &mut self,
-        definitions: &Definitions,
-        kind: &str,
-        path: &str,
-        depth: usize,
-        found: &mut Vec<(String, f64)>,
-    ) -> Option<()> {
-        if kind == "string" {
-            let count = self.count()?;
-            self.at = self.at.checked_add(count)?;
-            return Some(());
-        }
-        if let Some(fields) = definitions.0.get(kind) {
-            if depth == DEEPEST {
-                return None;
-            }
-            for field in fields {
-                let inner = if path.is_empty() {
-                    field.name.clone()
-                } else {
-                    format!("{path}.{}", field.name)
-                };
-                match field.array {
-                    None => self.all(definitions, &field.kind, &inner, depth + 1, found)?,
-                    Some(array) => {
-                        let count = match array {
-                            Array::Fixed(count) => count,
-                            Array::Counted => self.count()?,
-                        };
-                        for k in 0..count {
-                            let at = format!("{inner}[{k}]");
-                            let kept = found.len();
-                            self.all(definitions, &field.kind, &at, depth + 1, found)?;
-                            if k >= LONGEST_ARRAY {
-                                found.truncate(kept);
-                            }
-                        }
-                    }
-                }
-            }
-            return Some(());
-        }
-        let value = self.number(kind)?;
-        found.push((path.to_owned(), value));
-        Some(())
-    }
-}
-
-/// A record at most, bytes: larger ones are damage.
-const RECORD_LIMIT: usize = 1 << 28;
+/// Bytes of messages that are kept until their channel is known: it may stand in the index at the end, if the chunk
+/// that named it is damaged.
+const WAITING_LIMIT: usize = 1 << 26;
 
 /// What is gathered while a recording is read.
 #[derive(Default)]
@@ -218,6 +43,11 @@ struct Gathered {
     /// Names, encodings and texts of the definitions.
     schemas: BTreeMap<u16, (String, String, String)>,
     channels: BTreeMap<u16, Channel>,
+    /// Channels whose messages cannot be read.
+    others: BTreeSet<u16>,
+    /// Messages on channels that nothing has named yet: channel, time, bytes.
+    waiting: Vec<(u16, u64, Vec<u8>)>,
+    waiting_bytes: usize,
     read: usize,
     passed: usize,
 }
@@ -254,6 +84,8 @@ impl Gathered {
                             definitions,
                         },
                     );
+                } else {
+                    self.others.insert(channel.id);
                 }
             }
             Record::Message { header, data } => {
@@ -263,9 +95,25 @@ impl Gathered {
         }
     }
 
+    /// Reads what waited for its channel; what still has none is passed over.
+    fn catch_up(&mut self, wanted: &Wanted) {
+        for (channel, log_time_ns, data) in std::mem::take(&mut self.waiting) {
+            if self.channels.contains_key(&channel) {
+                self.message(channel, log_time_ns, &data, wanted);
+            } else {
+                self.passed += 1;
+            }
+        }
+    }
+
     fn message(&mut self, channel: u16, log_time_ns: u64, data: &[u8], wanted: &Wanted) {
         let Some(channel) = self.channels.get(&channel) else {
-            self.passed += 1;
+            if self.others.contains(&channel) || self.waiting_bytes + data.len() > WAITING_LIMIT {
+                self.passed += 1;
+            } else {
+                self.waiting_bytes += data.len();
+                self.waiting.push((channel, log_time_ns, data.to_vec()));
+            }
             return;
         };
         let mut found = Vec::new();
@@ -293,43 +141,39 @@ impl Gathered {
 /// Bytes that are no MCAP, or hold no messages of ROS 2.
 pub fn read(
     name: &str,
-    mut bytes: Box<dyn Read + '_>,
+    bytes: Box<dyn Read + '_>,
     wanted: &Wanted,
 ) -> Result<SeriesLog, ImportError> {
-    let options = LinearReaderOptions::default()
-        .with_prevalidate_chunk_crcs(true)
-        .with_record_length_limit(RECORD_LIMIT);
-    let mut reader = LinearReader::new_with_options(options);
+    let mut records = Records::new(bytes).map_err(|e| unreadable(name, e))?;
     let mut gathered = Gathered::default();
-    let mut ending = None;
-    while let Some(event) = reader.next_event() {
-        let record = match event {
-            Ok(LinearReadEvent::ReadRequest(need)) => {
-                let count = bytes
-                    .read(reader.insert(need))
-                    .map_err(ImportError::bytes(name))?;
-                reader.notify_read(count);
-                continue;
-            }
-            Ok(LinearReadEvent::Record { data, opcode }) => mcap::parse_record(opcode, data),
-            Err(error) => Err(error),
-        };
-        match record {
-            Ok(record) => gathered.take(record, wanted),
-            Err(error) => {
-                ending = Some(format!("the recording is cut short or damaged: {error}"));
-                break;
-            }
+    while let Some(record) = records.record().map_err(|e| unreadable(name, e))? {
+        gathered.take(record, wanted);
+    }
+    let damage = records
+        .damage()
+        .words()
+        .map(|what| format!("the recording is {what}"));
+    let cut = (records.end() != End::Whole).then(|| "the recording is cut short".to_owned());
+    if damage.is_some() {
+        for record in records.summary().map_err(|e| unreadable(name, e))? {
+            gathered.take(record, wanted);
         }
     }
+    gathered.catch_up(wanted);
+    let ending: Vec<String> = damage.into_iter().chain(cut).collect();
     finish(name, gathered, ending)
 }
 
-fn finish(
-    name: &str,
-    gathered: Gathered,
-    ending: Option<String>,
-) -> Result<SeriesLog, ImportError> {
+fn unreadable(name: &str, error: RecordsError) -> ImportError {
+    match error {
+        RecordsError::Read(source) => ImportError::bytes(name)(source),
+        none @ RecordsError::NoMcap => {
+            ImportError::log(name, none.to_string(), "give an MCAP recording of ROS 2")
+        }
+    }
+}
+
+fn finish(name: &str, gathered: Gathered, ending: Vec<String>) -> Result<SeriesLog, ImportError> {
     let Gathered {
         series,
         read,
@@ -337,11 +181,13 @@ fn finish(
         ..
     } = gathered;
     if read == 0 {
-        let what = ending.unwrap_or_else(|| {
+        let what = if ending.is_empty() {
             format!(
                 "an MCAP recording without messages of ROS 2 that can be read ({passed} others)"
             )
-        });
+        } else {
+            ending.join("; ")
+        };
         return Err(ImportError::log(
             name,
             what,

@@ -3,20 +3,15 @@
 use super::{MissionRow, PEAK, Stated};
 use crate::summary::CORRECTED;
 use crate::text::status;
-use parquet::basic::{LogicalType, Repetition, Type as Physical};
-use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
+use formats::table::{self, Cells};
 use parquet::errors::ParquetError;
-use parquet::file::properties::WriterProperties;
-use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
-use parquet::schema::types::Type;
 use protocol::message::FluxMethod;
-use std::sync::Arc;
 
 /// A number of each mission, where it is known.
 type NumberOf = Box<dyn Fn(&MissionRow) -> Option<f64>>;
 
 /// What stands in a column.
-enum Cells {
+enum Of {
     Text(fn(&MissionRow) -> String),
     Whole(fn(&MissionRow) -> i64),
     Number(NumberOf),
@@ -24,27 +19,27 @@ enum Cells {
 
 struct Column {
     name: String,
-    cells: Cells,
+    cells: Of,
 }
 
 fn text(name: &str, of: fn(&MissionRow) -> String) -> Column {
     Column {
         name: name.to_owned(),
-        cells: Cells::Text(of),
+        cells: Of::Text(of),
     }
 }
 
 fn whole(name: &str, of: fn(&MissionRow) -> i64) -> Column {
     Column {
         name: name.to_owned(),
-        cells: Cells::Whole(of),
+        cells: Of::Whole(of),
     }
 }
 
 fn number(name: impl Into<String>, of: impl Fn(&MissionRow) -> Option<f64> + 'static) -> Column {
     Column {
         name: name.into(),
-        cells: Cells::Number(Box::new(of)),
+        cells: Of::Number(Box::new(of)),
     }
 }
 
@@ -107,22 +102,25 @@ fn columns() -> Vec<Column> {
     all
 }
 
+/// The columns filled with what the rows say.
+fn filled(rows: &[MissionRow]) -> Vec<table::Column> {
+    let filled = columns().into_iter().map(|column| {
+        let cells = match column.cells {
+            Of::Text(of) => Cells::Text(rows.iter().map(of).collect()),
+            Of::Whole(of) => Cells::Whole(rows.iter().map(of).collect()),
+            Of::Number(of) => Cells::Number(rows.iter().map(of).collect()),
+        };
+        table::Column::new(column.name, cells)
+    });
+    filled.collect()
+}
+
 /// The rows as CSV; what is not known is empty.
 ///
 /// # Errors
 /// None that is not a defect: the rows are in memory.
 pub fn csv(rows: &[MissionRow]) -> Result<Vec<u8>, csv::Error> {
-    let columns = columns();
-    let mut out = csv::Writer::from_writer(Vec::new());
-    out.write_record(columns.iter().map(|c| &c.name))?;
-    for row in rows {
-        out.write_record(columns.iter().map(|c| match &c.cells {
-            Cells::Text(of) => of(row),
-            Cells::Whole(of) => of(row).to_string(),
-            Cells::Number(of) => of(row).map_or(String::new(), |v| v.to_string()),
-        }))?;
-    }
-    out.into_inner().map_err(|e| e.into_error().into())
+    table::csv(&filled(rows))
 }
 
 /// The rows as Parquet; what is not known is null.
@@ -130,73 +128,7 @@ pub fn csv(rows: &[MissionRow]) -> Result<Vec<u8>, csv::Error> {
 /// # Errors
 /// None that is not a defect: the rows are in memory.
 pub fn parquet(rows: &[MissionRow]) -> Result<Vec<u8>, ParquetError> {
-    let columns = columns();
-    let fields: Result<Vec<_>, ParquetError> = columns.iter().map(field).collect();
-    let schema = Type::group_type_builder("mission")
-        .with_fields(fields?)
-        .build()?;
-    let mut bytes = Vec::new();
-    let properties = Arc::new(WriterProperties::builder().build());
-    let mut file = SerializedFileWriter::new(&mut bytes, Arc::new(schema), properties)?;
-    let mut group = file.next_row_group()?;
-    for column in &columns {
-        write(&mut group, &column.cells, rows)?;
-    }
-    group.close()?;
-    file.close()?;
-    Ok(bytes)
-}
-
-/// A column in the schema.
-fn field(column: &Column) -> Result<Arc<Type>, ParquetError> {
-    let (physical, logical, repetition) = match column.cells {
-        Cells::Text(_) => (
-            Physical::BYTE_ARRAY,
-            Some(LogicalType::String),
-            Repetition::REQUIRED,
-        ),
-        Cells::Whole(_) => (Physical::INT64, None, Repetition::REQUIRED),
-        Cells::Number(_) => (Physical::DOUBLE, None, Repetition::OPTIONAL),
-    };
-    let field = Type::primitive_type_builder(&column.name, physical)
-        .with_logical_type(logical)
-        .with_repetition(repetition);
-    Ok(Arc::new(field.build()?))
-}
-
-/// The next column of a group.
-fn write(
-    group: &mut SerializedRowGroupWriter<'_, &mut Vec<u8>>,
-    cells: &Cells,
-    rows: &[MissionRow],
-) -> Result<(), ParquetError> {
-    let Some(mut column) = group.next_column()? else {
-        return Ok(());
-    };
-    match cells {
-        Cells::Text(of) => {
-            let texts = rows.iter().map(|row| ByteArray::from(of(row).as_str()));
-            let texts: Vec<ByteArray> = texts.collect();
-            column
-                .typed::<ByteArrayType>()
-                .write_batch(&texts, None, None)?;
-        }
-        Cells::Whole(of) => {
-            let wholes: Vec<i64> = rows.iter().map(of).collect();
-            column
-                .typed::<Int64Type>()
-                .write_batch(&wholes, None, None)?;
-        }
-        Cells::Number(of) => {
-            let numbers: Vec<Option<f64>> = rows.iter().map(of).collect();
-            let known: Vec<i16> = numbers.iter().map(|n| i16::from(n.is_some())).collect();
-            let numbers: Vec<f64> = numbers.into_iter().flatten().collect();
-            column
-                .typed::<DoubleType>()
-                .write_batch(&numbers, Some(&known), None)?;
-        }
-    }
-    column.close()
+    table::parquet("mission", &filled(rows))
 }
 
 #[cfg(test)]

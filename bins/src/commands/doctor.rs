@@ -1,0 +1,252 @@
+//! `plumage doctor`: what this machine has of what missions need.
+
+use crate::{Failure, agent, mission_files};
+use net::{DEFAULT_ENDPOINT, Net, NetOptions};
+use protocol::key::Name;
+use scenario::calendar::rfc_3339;
+use std::net::{TcpListener, UdpSocket};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use views::page::DEFAULT_ADDRESS;
+
+/// Where ground stations and autopilots are listened for by habit (MAVLink).
+const MAVLINK_ADDRESS: &str = "0.0.0.0:14550";
+/// What a mission of an hour with a hundred vehicles may take, bytes.
+const ROOM_BYTES: u64 = 5 << 30;
+/// A clock before this stands wrong: 2026-01-01, s since 1970.
+const NO_EARLIER_S: u64 = 1_767_225_600;
+/// Time after which the bus is taken for blocked.
+const BUS_PATIENCE: Duration = Duration::from_secs(10);
+
+/// Arguments of `plumage doctor`.
+#[derive(Debug, clap::Args)]
+pub struct DoctorArguments {
+    /// Scenario whose files are looked for as well: aircraft, terrain, weather
+    pub scenario: Option<PathBuf>,
+}
+
+/// How something is found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Found {
+    /// As missions need it.
+    Good,
+    /// Not there, and needed by some only.
+    Missing,
+    /// Missions fail by it.
+    Bad,
+}
+
+struct Finding {
+    found: Found,
+    what: &'static str,
+    words: String,
+}
+
+fn finding(found: Found, what: &'static str, words: impl Into<String>) -> Finding {
+    Finding {
+        found,
+        what,
+        words: words.into(),
+    }
+}
+
+/// Looks at everything and tells it, a line each.
+///
+/// # Errors
+/// Something by which missions fail.
+pub fn doctor(arguments: &DoctorArguments) -> Result<(), Failure> {
+    let mut all = vec![
+        processors(),
+        disk(),
+        clock(),
+        port("page", DEFAULT_ADDRESS, |at| {
+            TcpListener::bind(at).map(drop)
+        }),
+        port("bus", DEFAULT_ENDPOINT.trim_start_matches("tcp/"), |at| {
+            TcpListener::bind(at).map(drop)
+        }),
+        port("MAVLink", MAVLINK_ADDRESS, |at| {
+            UdpSocket::bind(at).map(drop)
+        }),
+        bus(),
+        serial(),
+        measured_data(),
+    ];
+    all.extend(arguments.scenario.as_deref().map(scenario_files));
+    println!(
+        "plumage {} on {} {}",
+        env!("CARGO_PKG_VERSION"),
+        std::env::consts::OS,
+        std::env::consts::ARCH
+    );
+    for Finding { found, what, words } in &all {
+        let mark = match found {
+            Found::Good => "ok  ",
+            Found::Missing => "none",
+            Found::Bad => "BAD ",
+        };
+        println!("{mark}  {what:<14} {words}");
+    }
+    let bad = all.iter().filter(|f| f.found == Found::Bad).count();
+    if bad > 0 {
+        return Err(Failure::Run(anyhow::anyhow!(
+            "{bad} of {} are not as missions need them",
+            all.len()
+        )));
+    }
+    Ok(())
+}
+
+fn processors() -> Finding {
+    let count = std::thread::available_parallelism().map_or(1, usize::from);
+    finding(
+        Found::Good,
+        "processors",
+        format!("{count}; campaigns and plans use all of them"),
+    )
+}
+
+/// Free room in the working folder, as `df` tells it.
+fn disk() -> Finding {
+    let probe = Path::new(".plumage-probe");
+    if let Err(error) = std::fs::write(probe, b"").and_then(|()| std::fs::remove_file(probe)) {
+        let words =
+            format!("the working folder cannot be written ({error}): give --out another folder");
+        return finding(Found::Bad, "disk", words);
+    }
+    let told = std::process::Command::new("df").args(["-Pk", "."]).output();
+    let free = told.ok().and_then(|told| {
+        let text = String::from_utf8(told.stdout).ok()?;
+        text.lines()
+            .nth(1)?
+            .split_whitespace()
+            .nth(3)?
+            .parse::<u64>()
+            .ok()
+    });
+    let Some(free) = free.map(|k| k * 1024) else {
+        return finding(
+            Found::Missing,
+            "disk",
+            "can be written; how much is free is not known here",
+        );
+    };
+    let words = format!("{:.1} GB free in the working folder", free as f64 / 1e9);
+    if free < ROOM_BYTES {
+        return finding(
+            Found::Bad,
+            "disk",
+            format!("{words}: an hour of a large team takes up to 5 GB"),
+        );
+    }
+    finding(Found::Good, "disk", words)
+}
+
+fn clock() -> Finding {
+    let since = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default();
+    let said = rfc_3339(i64::try_from(since.as_nanos()).unwrap_or(0));
+    if since.as_secs() < NO_EARLIER_S {
+        let words =
+            format!("{said} cannot be: real aircraft and weather of the day need the right time");
+        return finding(Found::Bad, "clock", words);
+    }
+    finding(Found::Good, "clock", said)
+}
+
+fn port(what: &'static str, at: &str, bind: impl Fn(&str) -> std::io::Result<()>) -> Finding {
+    match bind(at) {
+        Ok(()) => finding(Found::Good, what, format!("{at} is free")),
+        Err(error) => {
+            let words =
+                format!("{at} is taken ({error}): another mission runs, or give another address");
+            finding(Found::Missing, what, words)
+        }
+    }
+}
+
+/// Whether a message goes round on this machine.
+fn bus() -> Finding {
+    let begun = Instant::now();
+    let opened = agent::block_on(async {
+        let options = NetOptions {
+            listen: vec!["tcp/127.0.0.1:0".to_owned()],
+            ..NetOptions::default()
+        };
+        let open = async {
+            let net = Net::open(Name::new("doctor").map_err(Failure::input)?, &options).await;
+            net.map_err(Failure::input)?
+                .close()
+                .await
+                .map_err(Failure::input)
+        };
+        tokio::time::timeout(BUS_PATIENCE, open)
+            .await
+            .unwrap_or_else(|_| Err(Failure::usage("nothing came in ten seconds")))
+    });
+    match opened {
+        Ok(()) => {
+            let ms = begun.elapsed().as_millis();
+            finding(
+                Found::Good,
+                "zenoh",
+                format!("opens and closes on this machine ({ms} ms)"),
+            )
+        }
+        Err(error) => finding(
+            Found::Bad,
+            "zenoh",
+            format!(
+                "{}: missions in one process work, those in several do not",
+                error.words()
+            ),
+        ),
+    }
+}
+
+/// Radios and autopilots on a cable.
+fn serial() -> Finding {
+    let names = std::fs::read_dir("/dev").into_iter().flatten().flatten();
+    let names = names.filter_map(|entry| entry.file_name().into_string().ok());
+    let mut found: Vec<String> = names
+        .filter(|n| n.starts_with("ttyUSB") || n.starts_with("ttyACM"))
+        .map(|n| format!("/dev/{n}"))
+        .collect();
+    found.sort();
+    if found.is_empty() {
+        let words =
+            "no radio or autopilot on a cable: needed for real aircraft on serial links only";
+        return finding(Found::Missing, "serial ports", words);
+    }
+    finding(Found::Good, "serial ports", found.join(", "))
+}
+
+fn measured_data() -> Finding {
+    let Some(folder) = std::env::var_os("PLUMAGE_DATA").map(PathBuf::from) else {
+        let words = "PLUMAGE_DATA is not set: needed for the tests on measured data only";
+        return finding(Found::Missing, "measured data", words);
+    };
+    let words = folder.display().to_string();
+    if folder.is_dir() {
+        return finding(Found::Good, "measured data", words);
+    }
+    finding(
+        Found::Bad,
+        "measured data",
+        format!("PLUMAGE_DATA names {words}, which is no folder"),
+    )
+}
+
+/// The scenario with all that it names.
+fn scenario_files(path: &Path) -> Finding {
+    match mission_files::load(path) {
+        Ok(setup) => {
+            let files: Vec<&str> = setup.files.keys().map(String::as_str).collect();
+            let terrain = setup.scenario.site.terrain.as_deref().unwrap_or("flat");
+            let words = format!("with {}; terrain: {terrain}", files.join(", "));
+            finding(Found::Good, "scenario", words)
+        }
+        Err(error) => finding(Found::Bad, "scenario", error.words()),
+    }
+}

@@ -105,6 +105,9 @@ async fn garbage_on_a_key_is_an_error_and_what_follows_is_heard() {
         .await
         .unwrap();
     assert_eq!(next(&mut net).await.unwrap().1, event("json"));
+    // As a script puts a string that knows of no encodings.
+    stranger.put(key, event("text").to_json()).await.unwrap();
+    assert_eq!(next(&mut net).await.unwrap().1, event("text"));
     stranger.close().await.unwrap();
     net.close().await.unwrap();
 }

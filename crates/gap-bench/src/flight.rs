@@ -193,6 +193,11 @@ impl FlightShare {
             only: only.to_owned(),
         }
     }
+
+    /// Whether there are cases of it: kinds come in turn, all of them in fifteen seeds.
+    pub fn holds_any(&self) -> bool {
+        (0..15).any(|seed| !kinds(seed, self).is_empty())
+    }
 }
 
 /// The cases of one seed.

@@ -21,7 +21,7 @@ struct Arguments {
     #[arg(long)]
     flight: bool,
     /// Seeds a case
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
     seeds: u64,
     /// Only so many plume cases, spread over all kinds: a look of some minutes
     #[arg(long, value_name = "COUNT", conflicts_with = "flight")]
@@ -88,7 +88,15 @@ fn of_plume(arguments: &Arguments) -> anyhow::Result<String> {
         Some(count) => gap_bench::share_of(count, arguments.first_seed),
         None => gap_bench::plan(arguments.seeds, arguments.first_seed),
     };
+    let rows: std::collections::BTreeSet<String> = tasks.iter().map(|t| t.row()).collect();
     tasks.retain(|t| t.row().contains(&arguments.only));
+    if tasks.is_empty() {
+        let rows = rows.into_iter().collect::<Vec<_>>().join(", ");
+        anyhow::bail!(
+            "--only {}: no case is called so; expected a part of one of: {rows}",
+            arguments.only
+        );
+    }
     let mut options = gap_bench::Options::new(tasks);
     options.threads = threads(arguments);
     options.judging = gap_bench::Judging {
@@ -120,6 +128,12 @@ const AIRCRAFT: [&str; 2] = [
 ];
 
 fn of_flight(arguments: &Arguments) -> anyhow::Result<String> {
+    let share = FlightShare::published(&arguments.only);
+    anyhow::ensure!(
+        share.holds_any(),
+        "--only {}: no kind of flight is called so; expected a part of a name in docs/gap-flight-benchmark.md",
+        arguments.only
+    );
     let fleet: Result<Vec<BenchAircraft<'_>>, _> = AIRCRAFT
         .iter()
         .map(|toml| BenchAircraft::new(toml))
@@ -129,7 +143,7 @@ fn of_flight(arguments: &Arguments) -> anyhow::Result<String> {
         &fleet?,
         FIRST_SEED,
         arguments.seeds,
-        &FlightShare::published(&arguments.only),
+        &share,
         threads(arguments),
         &|done, _| bar.set_position(done),
     );

@@ -183,11 +183,17 @@ impl Net {
     }
 }
 
+/// Whether a payload is JSON whatever its encoding says: a script that puts a string need not know of encodings. No
+/// binary envelope begins so: its first byte is the wire version, far below.
+fn looks_like_json(bytes: &[u8]) -> bool {
+    bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{')
+}
+
 fn read(sample: &Sample, mission: &Name) -> Received {
     let topic = Topic::parse_key(sample.key_expr().as_str(), mission)?;
     let bytes = sample.payload().to_bytes();
-    let is_json = matches!(sample.encoding(), e if *e == Encoding::APPLICATION_JSON || *e == Encoding::TEXT_JSON);
-    let envelope = if is_json {
+    let said_json = matches!(sample.encoding(), e if *e == Encoding::APPLICATION_JSON || *e == Encoding::TEXT_JSON);
+    let envelope = if said_json || looks_like_json(&bytes) {
         let text = std::str::from_utf8(&bytes).map_err(|e| ProtocolError::Garbage {
             key: topic.path(),
             why: e.to_string(),

@@ -1,4 +1,4 @@
-//! Clients that are not ours ask and fly the stand-in over UDP: ignored, with the reason, where they
+//! Clients that are not ours ask and fly the stand-in over UDP, and read what missions leave: ignored, with the reason, where they
 //! are not installed.
 
 #![allow(
@@ -23,6 +23,7 @@ const SCENARIO: &str = "../scenarios/as-pontes.toml";
 const SCRIPT: &str = "../tests/oracle/mavlink_clients.py";
 const TEAM: &str = "../tests/oracle/mavlink_team.py";
 const LADDER: &str = "../tests/oracle/mavlink_ladder.py";
+const RECORDS: &str = "../tests/oracle/records.py";
 /// How many times faster than the clock a mission is flown.
 const SPEED: f64 = 15.0;
 
@@ -227,6 +228,54 @@ fn flies_by(client: &str, module: &str) -> Result<Completion, Failed> {
     succeeds(&[SCRIPT, client, &port])
 }
 
+/// A short mission with a start, exported in every format, and each read by the program of others that it is for.
+fn read_what_a_mission_leaves() -> Result<Completion, Failed> {
+    if let Some(ignored) = not_installed(
+        "fastkml lxml pyogrio mcap rosbags xarray netCDF4 pyarrow foxglove-sdk protobuf",
+        "fastkml, lxml, pyogrio, mcap, rosbags, xarray, netCDF4, pyarrow, foxglove, google.protobuf",
+    ) {
+        return Ok(ignored);
+    }
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("records");
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).unwrap();
+    let dated = std::fs::read_to_string(SCENARIO).unwrap();
+    let dated = dated.replacen("[mission]", "[mission]\nstart = \"2026-11-27T12:30:00Z\"", 1);
+    let scenario = folder.join("dated.toml");
+    std::fs::write(&scenario, dated).unwrap();
+    std::fs::create_dir(folder.join("aircraft")).unwrap();
+    std::fs::copy("../aircraft/x8.toml", folder.join("aircraft/x8.toml")).unwrap();
+    let out = folder.join("out");
+    let plumage = |arguments: &[&str]| {
+        let said = Command::new(env!("CARGO_BIN_EXE_plumage")).args(arguments).output().unwrap();
+        assert!(said.status.success(), "{said:?}");
+    };
+    let path = |name: &str| out.join(name).to_str().unwrap().to_owned();
+    let flown = ["run", scenario.to_str().unwrap(), "--duration", "200", "--no-serve", "--out"];
+    plumage(&[&flown[..], &[&path("")]].concat());
+    for (format, name) in [
+        ("csv", "out.csv"),
+        ("geojson", "out.geojson"),
+        ("netcdf", "out.nc"),
+        ("parquet", "out.parquet"),
+        ("kml", "out.kml"),
+        ("kmz", "out.kmz"),
+        ("ros2", "out-ros2"),
+        ("foxglove", "out-foxglove.mcap"),
+    ] {
+        let (recording, to) = (path("mission.mcap"), path(name));
+        plumage(&["export", &recording, "--to", format, "--out", &to, "--undulation-m", "55"]);
+    }
+    // The exported recording is one still.
+    plumage(&["replay", &path("out-foxglove.mcap"), "--verify"]);
+    // What was imported and what was exported are observations, and exported in turn.
+    plumage(&["import", &path("mission.mcap"), "--out", &path("real.csv")]);
+    for (format, name) in [("kml", "real.kml"), ("netcdf", "real.nc"), ("ros2", "real-ros2")] {
+        plumage(&["export", &path("real.csv"), "--to", format, "--out", &path(name)]);
+    }
+    succeeds(&[RECORDS, &path("")])
+}
+
 fn main() -> ExitCode {
     let trials = vec![
         Trial::ignorable_test("pymavlink_flies_the_stand_in", || {
@@ -240,6 +289,7 @@ fn main() -> ExitCode {
             flies_by("mavproxy", "MAVProxy.mavproxy")
         }),
         Trial::ignorable_test("the_ladder_of_questions", climbs_the_ladder),
+        Trial::ignorable_test("what_a_mission_leaves", read_what_a_mission_leaves),
         Trial::ignorable_test("the_team_on_a_link_and_in_its_log", sees_the_team),
     ];
     libtest_mimic::run(&Arguments::from_args(), trials).exit_code()

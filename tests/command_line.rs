@@ -11,7 +11,7 @@ mod program;
 use program::{SCENARIO, folder, plumage, refused, text};
 use std::net::TcpListener;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Command, Output, Stdio};
 
 /// Flies the reference mission for `seconds` into `out`.
 fn fly(out: &Path, seconds: &str, more: &[&str]) -> Output {
@@ -53,6 +53,32 @@ fn a_run_leaves_its_outputs_and_verifies() {
         replay.status.success() && told.contains(summary["digest"].as_str().unwrap()),
         "{told}"
     );
+}
+
+#[test]
+fn options_are_refused_in_words_and_a_broken_pipe_is_no_panic() {
+    let run = |option: &str, value: &str| plumage(&["run", SCENARIO, option, value]);
+    refused(&run("--duration", "soon"), 2, &["--duration", "expected a number"]);
+    refused(&run("--seed", "x"), 2, &["--seed", "expected a whole number"]);
+    let wrong = folder("wrong-toml").join("wrong.toml");
+    std::fs::write(&wrong, "[mission]\nduration_s = \"long\"\nstart = \"today\"\n").unwrap();
+    refused(&plumage(&["run", text(&wrong)]), 2, &["wrong.toml:2:", "expected a number"]);
+    let mut unread = Command::new(env!("CARGO_BIN_EXE_plumage"))
+        .args(["completions", "bash"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(unread.stdout.take());
+    let ended = unread.wait_with_output().unwrap();
+    assert!(ended.stderr.is_empty(), "{ended:?}");
+    let pages = folder("man");
+    refused(&plumage(&["man", text(&pages)]), 0, &[]);
+    assert!(pages.join("plumage-export.1").metadata().unwrap().len() > 0);
+    // How much room and which ports are free is this machine's business.
+    let found = plumage(&["doctor", SCENARIO]);
+    let told = String::from_utf8_lossy(&found.stdout);
+    assert!(told.contains("ok    scenario") && told.contains("aircraft/x8.toml"), "{told}");
 }
 
 /// Methane comes over MAVLink by its own name and unit, and is said by them in all outputs.

@@ -259,8 +259,9 @@ impl<R: Read> Records<R> {
         self.used = 0;
         while self.buffer.len() < count {
             let from = self.buffer.len();
-            self.buffer
-                .resize(from + BLOCK.max(count - from).min(RECORD_LIMIT), 0);
+            // No more than there was already: a length that is damaged costs no memory.
+            let step = (count - from).clamp(BLOCK, BLOCK.max(from));
+            self.buffer.resize(from + step, 0);
             let read = loop {
                 match self.source.read(&mut self.buffer[from..]) {
                     Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}

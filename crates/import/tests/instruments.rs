@@ -173,6 +173,42 @@ fn a_forced_preset_and_one_that_there_is_not() {
     assert!(error.contains("expected one of airdata"), "{error}");
 }
 
+#[test]
+fn trajectories_of_several_platforms_are_not_taken_for_one() {
+    use formats::netcdf::{Values, Variable, file};
+    let variable = |name: &str, over, attributes, values| Variable {
+        name: name.to_owned(),
+        over: vec![over],
+        attributes,
+        values,
+    };
+    let rows = |counts: [i32; 2]| {
+        let time = vec![("units", "seconds since 2024-05-01 10:00:00".into())];
+        let named = |name: &'static str| vec![("standard_name", name.into())];
+        let numbers = |first: f64| Values::Double((0..4).map(|k| first + f64::from(k)).collect());
+        let height = vec![("standard_name", "altitude".into()), ("units", "m".into())];
+        let gas = "mole_fraction_of_methane_in_air";
+        let gas = vec![("standard_name", gas.into()), ("units", "1e-6".into())];
+        let sizes = vec![("sample_dimension", "obs".into())];
+        let variables = [
+            variable("row_size", 0, sizes, Values::Int(counts.to_vec())),
+            variable("time", 1, time, numbers(0.0)),
+            variable("lat", 1, named("latitude"), numbers(43.0)),
+            variable("lon", 1, named("longitude"), numbers(-7.0)),
+            variable("alt", 1, height, numbers(700.0)),
+            variable("ch4", 1, gas, numbers(2.0)),
+        ];
+        file(&[("trajectory", 2), ("obs", 4)], &[], &variables)
+    };
+    let (csv, _) = import(&[("t.nc", &rows([4, 0]))], "").unwrap();
+    assert_eq!(row(&csv, 4), "1714557603,t,46,-4,703,5");
+    let refused = import(&[("t.nc", &rows([2, 2]))], "")
+        .err()
+        .unwrap()
+        .to_string();
+    assert!(refused.contains("2 platforms"), "{refused}");
+}
+
 // tests/oracle/netcdf_trajectory.py
 #[test]
 fn netcdf_by_the_cf_conventions() {

@@ -313,6 +313,19 @@ pub fn read(name: &str, mut bytes: Box<dyn Read + '_>) -> Result<SeriesLog, Impo
         )
     };
     let file = File::read(&all).ok_or_else(damaged)?;
+    // By the conventions several stand one behind the other, and how many rows each has is said here.
+    let counts = file
+        .variables
+        .iter()
+        .find(|v| !v.text("sample_dimension").is_empty());
+    let several = counts.map_or(0, |v| file.values(v).iter().filter(|n| **n > 0.0).count());
+    if several > 1 {
+        return Err(ImportError::log(
+            name,
+            format!("the trajectories of {several} platforms in one file"),
+            "give each platform a file of its own, or all as text with a column platform (plumage export --to csv)",
+        ));
+    }
     let is_time = |v: &&Variable| since(v.text("units")).is_some() && v.dimensions.len() == 1;
     let clock = file.variables.iter().find(is_time).ok_or_else(|| {
         let names: Vec<&str> = file.variables.iter().map(|v| v.name.as_str()).collect();

@@ -240,18 +240,32 @@ fn read_what_a_mission_leaves() -> Result<Completion, Failed> {
     let _ = std::fs::remove_dir_all(&folder);
     std::fs::create_dir_all(&folder).unwrap();
     let dated = std::fs::read_to_string(SCENARIO).unwrap();
-    let dated = dated.replacen("[mission]", "[mission]\nstart = \"2026-11-27T12:30:00Z\"", 1);
+    let dated = dated.replacen(
+        "[mission]",
+        "[mission]\nstart = \"2026-11-27T12:30:00Z\"",
+        1,
+    );
     let scenario = folder.join("dated.toml");
     std::fs::write(&scenario, dated).unwrap();
     std::fs::create_dir(folder.join("aircraft")).unwrap();
     std::fs::copy("../aircraft/x8.toml", folder.join("aircraft/x8.toml")).unwrap();
     let out = folder.join("out");
     let plumage = |arguments: &[&str]| {
-        let said = Command::new(env!("CARGO_BIN_EXE_plumage")).args(arguments).output().unwrap();
+        let said = Command::new(env!("CARGO_BIN_EXE_plumage"))
+            .args(arguments)
+            .output()
+            .unwrap();
         assert!(said.status.success(), "{said:?}");
     };
     let path = |name: &str| out.join(name).to_str().unwrap().to_owned();
-    let flown = ["run", scenario.to_str().unwrap(), "--duration", "200", "--no-serve", "--out"];
+    let flown = [
+        "run",
+        scenario.to_str().unwrap(),
+        "--duration",
+        "200",
+        "--no-serve",
+        "--out",
+    ];
     plumage(&[&flown[..], &[&path("")]].concat());
     for (format, name) in [
         ("csv", "out.csv"),
@@ -264,14 +278,34 @@ fn read_what_a_mission_leaves() -> Result<Completion, Failed> {
         ("foxglove", "out-foxglove.mcap"),
     ] {
         let (recording, to) = (path("mission.mcap"), path(name));
-        plumage(&["export", &recording, "--to", format, "--out", &to, "--undulation-m", "55"]);
+        plumage(&[
+            "export",
+            &recording,
+            "--to",
+            format,
+            "--out",
+            &to,
+            "--undulation-m",
+            "55",
+        ]);
     }
     // The exported recording is one still.
     plumage(&["replay", &path("out-foxglove.mcap"), "--verify"]);
     // What was imported and what was exported are observations, and exported in turn.
     plumage(&["import", &path("mission.mcap"), "--out", &path("real.csv")]);
-    for (format, name) in [("kml", "real.kml"), ("netcdf", "real.nc"), ("ros2", "real-ros2")] {
-        plumage(&["export", &path("real.csv"), "--to", format, "--out", &path(name)]);
+    for (format, name) in [
+        ("kml", "real.kml"),
+        ("netcdf", "real.nc"),
+        ("ros2", "real-ros2"),
+    ] {
+        plumage(&[
+            "export",
+            &path("real.csv"),
+            "--to",
+            format,
+            "--out",
+            &path(name),
+        ]);
     }
     succeeds(&[RECORDS, &path("")])
 }

@@ -58,11 +58,27 @@ fn a_run_leaves_its_outputs_and_verifies() {
 #[test]
 fn options_are_refused_in_words_and_a_broken_pipe_is_no_panic() {
     let run = |option: &str, value: &str| plumage(&["run", SCENARIO, option, value]);
-    refused(&run("--duration", "soon"), 2, &["--duration", "expected a number"]);
-    refused(&run("--seed", "x"), 2, &["--seed", "expected a whole number"]);
+    refused(
+        &run("--duration", "soon"),
+        2,
+        &["--duration", "expected a number"],
+    );
+    refused(
+        &run("--seed", "x"),
+        2,
+        &["--seed", "expected a whole number"],
+    );
     let wrong = folder("wrong-toml").join("wrong.toml");
-    std::fs::write(&wrong, "[mission]\nduration_s = \"long\"\nstart = \"today\"\n").unwrap();
-    refused(&plumage(&["run", text(&wrong)]), 2, &["wrong.toml:2:", "expected a number"]);
+    std::fs::write(
+        &wrong,
+        "[mission]\nduration_s = \"long\"\nstart = \"today\"\n",
+    )
+    .unwrap();
+    refused(
+        &plumage(&["run", text(&wrong)]),
+        2,
+        &["wrong.toml:2:", "expected a number"],
+    );
     let mut unread = Command::new(env!("CARGO_BIN_EXE_plumage"))
         .args(["completions", "bash"])
         .stdout(Stdio::piped())
@@ -78,7 +94,10 @@ fn options_are_refused_in_words_and_a_broken_pipe_is_no_panic() {
     // How much room and which ports are free is this machine's business.
     let found = plumage(&["doctor", SCENARIO]);
     let told = String::from_utf8_lossy(&found.stdout);
-    assert!(told.contains("ok    scenario") && told.contains("aircraft/x8.toml"), "{told}");
+    assert!(
+        told.contains("ok    scenario") && told.contains("aircraft/x8.toml"),
+        "{told}"
+    );
 }
 
 /// Methane comes over MAVLink by its own name and unit, and is said by them in all outputs.

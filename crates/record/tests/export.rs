@@ -126,8 +126,15 @@ fn a_bag_reads_back_by_its_own_definitions() {
                     "Odometry" => {
                         // The synthetic vehicles fly level: the velocity in their own axes is as fast as over ground.
                         let speed = |of: &str| ["x", "y", "z"].map(|k| value(&format!("{of}.{k}")));
-                        let body = speed("twist.twist.linear").map(|v| v * v).iter().sum::<f64>().sqrt();
-                        assert!(body < 17.0 && value("pose.pose.position.z") > 400.0, "{body}");
+                        let body = speed("twist.twist.linear")
+                            .map(|v| v * v)
+                            .iter()
+                            .sum::<f64>()
+                            .sqrt();
+                        assert!(
+                            body < 17.0 && value("pose.pose.position.z") > 400.0,
+                            "{body}"
+                        );
                     }
                     _ => {}
                 }
@@ -140,7 +147,10 @@ fn a_bag_reads_back_by_its_own_definitions() {
     for kind in ["NavSatFix", "Odometry", "TwistStamped", "GasReading"] {
         assert_eq!(counts[kind], each, "{kind}");
     }
-    assert!(bag.metadata.contains(&format!("message_count: {}\n", 4 * each)));
+    assert!(
+        bag.metadata
+            .contains(&format!("message_count: {}\n", 4 * each))
+    );
 }
 
 #[test]
@@ -149,11 +159,25 @@ fn maps_and_trajectories_hold_every_reading() {
     let text = geojson::collection(&flown, Some(&around()), &[]);
     let all: serde_json::Value = serde_json::from_str(&text).unwrap();
     let features = all["features"].as_array().unwrap();
-    let count = |what: &str| features.iter().filter(|f| f["properties"]["what"] == what).count();
-    assert_eq!((count("reading"), count("track"), count("fence")), (720, 6, 1));
-    let fence = features.iter().find(|f| f["properties"]["what"] == "fence").unwrap();
+    let count = |what: &str| {
+        features
+            .iter()
+            .filter(|f| f["properties"]["what"] == what)
+            .count()
+    };
+    assert_eq!(
+        (count("reading"), count("track"), count("fence")),
+        (720, 6, 1)
+    );
+    let fence = features
+        .iter()
+        .find(|f| f["properties"]["what"] == "fence")
+        .unwrap();
     // Anticlockwise, though the corners were given clockwise: 43.40, -7.80 follows the first.
-    assert_eq!(fence["geometry"]["coordinates"][0][0][0], fence["geometry"]["coordinates"][0][0][3]);
+    assert_eq!(
+        fence["geometry"]["coordinates"][0][0][0],
+        fence["geometry"]["coordinates"][0][0][3]
+    );
     let bytes = netcdf::trajectories(&flown);
     assert_eq!(&bytes[..4], b"CDF\x02");
     // Each of its numbers of readings has eight bytes: time, place, gas, wind, air and attitude.
@@ -176,9 +200,17 @@ fn a_recording_with_foxgloves_messages_is_the_same_recording() {
         for said in said.drain(..) {
             let schema = said.kind.json_schema();
             let fields = schema["properties"].as_object().unwrap();
-            assert!(said.json.as_object().unwrap().keys().all(|k| fields.contains_key(k)));
+            assert!(
+                said.json
+                    .as_object()
+                    .unwrap()
+                    .keys()
+                    .all(|k| fields.contains_key(k))
+            );
             let schema = (said.kind.name(), &schema);
-            recorder.beside(&said.topic, schema, said.time, &said.json.to_string()).unwrap();
+            recorder
+                .beside(&said.topic, schema, said.time, &said.json.to_string())
+                .unwrap();
         }
     }
     recorder.finish(Some(&digest.hex())).unwrap();

@@ -6,6 +6,7 @@ use plume::{DispersionModel, Place};
 use protocol::message::Model;
 use record::colour::Shown;
 use record::kml::{MapFeatures, StackMarker};
+use scenario::Scenario;
 use scenario::airspace::Airspace;
 use std::sync::Arc;
 use views::site::{MapPoint, SiteMap};
@@ -39,6 +40,48 @@ fn stacks(setup: &Setup) -> Vec<StackMarker> {
             height_m: s.stack_height_m,
         })
         .collect()
+}
+
+/// Under what conditions a mission is flown, as far as the scenario says.
+fn conditions(scenario: &Scenario) -> Vec<(String, String)> {
+    let (site, weather) = (&scenario.site, &scenario.weather);
+    let mut told = vec![
+        (
+            "place",
+            format!(
+                "{} (ground){}",
+                record::text::place(site.lat_deg, site.lon_deg, site.ground_amsl_m),
+                site.terrain
+                    .as_ref()
+                    .map_or(String::new(), |file| format!(", terrain of {file}")),
+            ),
+        ),
+        (
+            "wind, as known beforehand",
+            format!(
+                "{} m/s from {}° at {} m AGL",
+                weather.wind_speed_m_s, weather.wind_from_deg, weather.wind_height_agl_m
+            ),
+        ),
+        (
+            "air",
+            format!(
+                "stability {:?}, {} °C at the ground",
+                weather.stability, weather.temperature_c
+            ),
+        ),
+    ];
+    if let Some(start) = &scenario.mission.start {
+        told.push(("start", start.clone()));
+    }
+    if let Some(series) = &weather.series {
+        told.push(("weather over time", series.clone()));
+    }
+    let sources = scenario.sources.iter().map(|s| s.name.as_str());
+    told.push(("sources", sources.collect::<Vec<_>>().join(", ")));
+    told.push(("program", format!("Plumage {}", env!("CARGO_PKG_VERSION"))));
+    let owned = told.into_iter().map(|(what, how)| (what.to_owned(), how));
+    owned.collect()
 }
 
 /// The site of a mission.
@@ -76,6 +119,7 @@ pub fn of(setup: &Setup) -> Result<SiteMap> {
     Ok(SiteMap {
         mission: scenario.mission.name.clone(),
         shown: Shown::of(scenario)?,
+        conditions: conditions(scenario),
         duration_s: scenario.mission.duration_s,
         frame,
         stacks: stacks(setup),

@@ -11,6 +11,7 @@
 //! let site = SiteMap {
 //!     mission: "as-pontes".to_owned(),
 //!     shown: record::colour::Shown::CO2,
+//!     conditions: Vec::new(),
 //!     duration_s: 600.0,
 //!     frame: LocalFrame::new(43.4417, -7.8631, 340.0)?,
 //!     stacks: Vec::new(),

@@ -5,7 +5,7 @@ mod figures;
 
 use crate::html::{Document, number};
 use crate::site::{MapPoint, SiteMap};
-use protocol::message::{ControlLevel, Message, Model, Phase, Severity, VehicleKind};
+use protocol::message::{ControlLevel, Message, Model, PeakStatus, Phase, Severity, VehicleKind};
 use protocol::{Envelope, SimTime, Topic};
 use record::summary::{CORRECTED, MissionSummary, ModelNumbers, Outcome, ppm_of};
 use record::text;
@@ -102,9 +102,12 @@ impl Report {
     pub fn html(&self, summary: &MissionSummary) -> String {
         let mut page = Document::new("Plumage mission report", &self.site.mission);
         let expected = self.expected();
-        let mut first = vec![lead(summary), text::peak(summary)];
+        // The answer first, then how it was come by.
+        let mut first = vec![text::peak(summary)];
         first.extend(text::fluxes(summary));
         first.extend(summary.gap.as_ref().map(text::gap));
+        first.push(next(summary));
+        first.push(lead(summary));
         page.lead(&first);
         page.figures(&cards(summary));
         self.mission(&mut page, summary);
@@ -119,6 +122,15 @@ impl Report {
 
     fn mission(&self, page: &mut Document, summary: &MissionSummary) {
         page.section("The mission");
+        let conditions = self.site.conditions.iter();
+        let conditions: Vec<Vec<String>> = conditions
+            .map(|(what, how)| vec![what.clone(), how.clone()])
+            .collect();
+        page.table(
+            "Under what conditions.",
+            &["what", "as planned"],
+            &conditions,
+        );
         let starts: Vec<String> = self
             .phases
             .iter()
@@ -426,6 +438,27 @@ fn lead(summary: &MissionSummary) -> String {
         );
     }
     text
+}
+
+/// What somebody who has this answer does next.
+fn next(summary: &MissionSummary) -> String {
+    let real = summary.vehicles.iter().any(|v| v.kind == VehicleKind::Real);
+    let asks = "plumage gap plume mission.mcap --scenario scenario.toml --out gap, in this folder, asks all readings what the \
+                model lacks";
+    let explained = summary.gap.as_ref().is_none_or(|gap| gap.verdict == "none");
+    let text = match summary.peak.status {
+        _ if !real => "no real vehicle flew, so that nothing here was measured; let one fly".to_owned(),
+        PeakStatus::NotFound => "raise the ± of the wind in [uncertain], or the mission's length, so that more of the site is \
+                                 searched"
+            .to_owned(),
+        PeakStatus::Doubtful => format!("do not rely on the number yet; {asks}"),
+        _ if !explained => asks.to_owned(),
+        PeakStatus::Supported => "let real vehicles cross the peak more often, by a longer mission or more of them, until it is \
+                                  confirmed"
+            .to_owned(),
+        PeakStatus::Confirmed => "more crossings, by a longer mission or more real vehicles, make the ± smaller".to_owned(),
+    };
+    format!("What to do next: {text}.")
 }
 
 fn cards(summary: &MissionSummary) -> Vec<(String, String, String)> {

@@ -33,6 +33,8 @@ pub struct SiteMap {
     pub mission: String,
     /// How readings are shown.
     pub shown: Shown,
+    /// Under what conditions it is flown, as the report tells them: what, and how much of it.
+    pub conditions: Vec<(String, String)>,
     /// Planned length of the mission, s.
     pub duration_s: f64,
     /// The site's frame.

@@ -3,7 +3,7 @@
 use super::Expected;
 use crate::plot::{panel_title, rounded};
 use crate::site::{Area, Grid, SiteMap};
-use air::geo::{Enu, wrap_signed_deg};
+use air::geo::{Enu, wrap_deg, wrap_signed_deg};
 use protocol::message::{Model, VehicleKind};
 use record::colour::{Shown, stops};
 use record::summary::{CORRECTED, MissionSummary, ModelNumbers};
@@ -44,12 +44,35 @@ pub(super) fn map(
     let truth = summary.peak.truth.as_ref();
     let truth = truth.map(|p| [p.lat_deg, p.lon_deg, p.co2_ppm]);
     data.extend(truth.map(|p| peak(p, "true peak", "cross-thin-open", "#16181d")));
+    data.extend(after.map(|model| axis(site, model, area)));
     json!({"data": data, "layout": {
+        "annotations": after.map(|model| wind(model)).into_iter().collect::<Vec<_>>(),
         "xaxis": {"title": {"text": "east, km"}, "range": [km(area.low.east_m), km(area.high.east_m)],
                   "constrain": "domain"},
         "yaxis": {"title": {"text": "north, km"}, "range": [km(area.low.north_m), km(area.high.north_m)],
                   "scaleanchor": "x", "constrain": "domain"},
     }})
+}
+
+/// The model's axis from the first source to beyond the map.
+fn axis(site: &SiteMap, model: &Model, area: Area) -> Value {
+    let source = site.stacks.first();
+    let from = source.map_or(Enu::default(), |s| site.enu(s.lat_deg, s.lon_deg));
+    let far = from.displaced(model.axis_deg.value, area.low.distance_m(area.high));
+    json!({"type": "scatter", "mode": "lines", "name": "the model's axis", "hoverinfo": "skip",
+        "x": [km(from.east_m), km(far.east_m)], "y": [km(from.north_m), km(far.north_m)],
+        "line": {"color": "rgba(47,111,159,.8)", "width": 1.2, "dash": "dashdot"}})
+}
+
+/// The wind in words with an arrow that goes with it, in the map's upper right.
+fn wind(model: &Model) -> Value {
+    let (sin, cos) = model.axis_deg.value.to_radians().sin_cos();
+    let from_deg = wrap_deg(model.axis_deg.value + 180.0);
+    // The arrow's tail is half its length behind the middle of its text, in pixels with y downwards.
+    json!({"xref": "paper", "yref": "paper", "x": 0.97, "y": 0.95, "ax": -44.0 * sin, "ay": 44.0 * cos,
+        "showarrow": true, "arrowhead": 2, "arrowwidth": 2.5, "arrowcolor": "#2f6f9f",
+        "text": format!("wind {:.1} m/s from {from_deg:.0}°", model.wind_speed_m_s),
+        "font": {"color": "#2f6f9f"}, "bgcolor": "rgba(255,255,255,.8)"})
 }
 
 fn plumes(site: &SiteMap, model: &Model, area: Area) -> Vec<Value> {
@@ -198,7 +221,9 @@ pub(super) fn history(
         let title = if row == 1 { "min" } else { "" };
         layout[format!("xaxis{suffix}")] =
             json!({"domain": [left, left + 0.28], "anchor": yaxis, "title": {"text": title}});
-        layout[format!("yaxis{suffix}")] = json!({"domain": [foot, foot + 0.42], "anchor": xaxis});
+        layout[format!("yaxis{suffix}")] = json!({"domain": [foot, foot + 0.42], "anchor": xaxis,
+            // None but an angle goes below nought, whatever its standard deviation.
+            "rangemode": if n.turns() { "normal" } else { "nonnegative" }});
         titles.push(panel_title(
             n.name,
             &n.unit_of(shown.gas),

@@ -24,6 +24,7 @@ pub fn site() -> Arc<SiteMap> {
     Arc::new(SiteMap {
         mission: "as-pontes".to_owned(),
         shown: record::colour::Shown::CO2,
+        conditions: vec![("wind".to_owned(), "7 m/s from 240°".to_owned())],
         duration_s: 600.0,
         frame,
         stacks: vec![StackMarker {

@@ -2,8 +2,8 @@
 
 use clap::{CommandFactory as _, Parser, Subcommand};
 use programs::commands::{
-    calibrate, campaign, conduct, control, doctor, export, fdm_server, feed, gap, import, plan,
-    replay, run, shell, swap, tune, watch,
+    calibrate, campaign, conduct, control, doctor, export, fdm_server, feed, foxglove, gap, import,
+    plan, replay, run, shell, swap, tune, watch,
 };
 use programs::failure;
 use std::process::ExitCode;
@@ -41,6 +41,8 @@ enum Command {
     Feed(feed::FeedArguments),
     /// Show the page of a mission that runs in processes
     Watch(watch::WatchArguments),
+    /// Show a mission that runs in processes live in Foxglove
+    Foxglove(foxglove::FoxgloveArguments),
     /// Read a recording and, with --verify, fly it again and compare, or, with --serve, show it on a page
     Replay(replay::ReplayArguments),
     /// Fly one scenario with many seeds and tabulate what was found
@@ -71,6 +73,7 @@ fn main() -> ExitCode {
         Command::Swap(arguments) => swap::swap(arguments),
         Command::Feed(arguments) => feed::feed(arguments),
         Command::Watch(arguments) => watch::watch(arguments),
+        Command::Foxglove(arguments) => foxglove::foxglove(arguments),
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Campaign(arguments) => campaign::campaign(arguments),
         Command::Plan(arguments) => plan::plan(arguments),

@@ -40,6 +40,7 @@
 //! - [`site`]: the map they share.
 
 pub mod campaign_report;
+pub mod foxglove;
 pub mod gap_report;
 mod html;
 pub mod live;

@@ -1,0 +1,108 @@
+//! `plumage foxglove`: a mission that runs in processes, live in Foxglove.
+
+use crate::{Failure, agent, plume_lines, site};
+use protocol::key::Name;
+use protocol::message::Model;
+use protocol::{Envelope, Interest, Topic};
+use record::export::foxglove::{Converter, Said};
+use std::collections::BTreeSet;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use views::foxglove::{DEFAULT_ADDRESS, Server};
+
+/// How often what was heard is passed on.
+const EVERY: Duration = Duration::from_millis(50);
+/// Different refusals that are told: somebody may say wrong things without end.
+const MOST_TOLD: usize = 100;
+
+/// Arguments of `plumage foxglove`.
+#[derive(Debug, clap::Args)]
+pub struct FoxgloveArguments {
+    #[command(flatten)]
+    bus: agent::BusArguments,
+    /// Address that Foxglove connects to: ws://ADDR
+    #[arg(long, value_name = "ADDR", default_value = DEFAULT_ADDRESS)]
+    serve: String,
+}
+
+/// Serves the mission until it is interrupted.
+///
+/// # Errors
+/// Wrong input, an address that is taken, or a bus that cannot be joined.
+pub fn foxglove(arguments: &FoxgloveArguments) -> Result<(), Failure> {
+    let setup = arguments.bus.setup()?;
+    let site = site::of(&setup)?;
+    let around = site::surroundings(&setup)?;
+    let frame = setup.frame()?;
+    agent::block_on(async {
+        let mut server = Server::open(&arguments.serve, &setup.scenario.mission.name)
+            .await
+            .map_err(Failure::input)?;
+        let mut net = arguments.bus.open(&setup, false).await?;
+        net.subscribe(&[Interest::Everything]).await?;
+        eprintln!("Foxglove: open a connection to ws://{}", arguments.serve);
+        let mission = Name::new(&setup.scenario.mission.name).map_err(Failure::input)?;
+        let mut converter: Option<(i64, Converter<'_>)> = None;
+        let mut refused = BTreeSet::new();
+        loop {
+            tokio::time::sleep(EVERY).await;
+            while let Some(heard) = net.try_receive() {
+                let (topic, envelope) = match heard {
+                    Ok(said) => said,
+                    Err(error) => {
+                        if refused.len() < MOST_TOLD && refused.insert(error.to_string()) {
+                            eprintln!("warning: {error}");
+                        }
+                        continue;
+                    }
+                };
+                let (start, converter) = converter.get_or_insert_with(|| {
+                    let plume = |model: &Model| plume_lines::of(&site, model);
+                    let start = setup.scenario.mission.start_unix_ns();
+                    let start = start.unwrap_or_else(|| begun(&envelope));
+                    let converter = Converter::new(Some(start), frame, around.clone(), plume);
+                    converter
+                        .begin()
+                        .into_iter()
+                        .for_each(|said| tell(&mut server, start, said));
+                    (start, converter)
+                });
+                let start = *start;
+                for said in converter.take(&topic, &envelope) {
+                    tell(&mut server, start, said);
+                }
+                if !matches!(topic, Topic::MavlinkRx(_) | Topic::MavlinkTx(_)) {
+                    let schema = || {
+                        let schema = Envelope::json_schema(&topic);
+                        let name = schema["title"].as_str().unwrap_or("plumage").to_owned();
+                        (name, schema.to_string())
+                    };
+                    let at = unix_ns(start, envelope.time.ns());
+                    server.say(&topic.key(&mission), schema, at, envelope.to_json());
+                }
+            }
+        }
+    })
+}
+
+/// When the mission began by this clock, if somebody says now what `envelope` says, ns since 1970.
+fn begun(envelope: &Envelope) -> i64 {
+    let now = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default();
+    i64::try_from(now.as_nanos()).unwrap_or(0) - envelope.time.ns()
+}
+
+fn unix_ns(start: i64, since_ns: i64) -> u64 {
+    u64::try_from(start.saturating_add(since_ns)).unwrap_or(0)
+}
+
+fn tell(server: &mut Server, start: i64, said: Said) {
+    let schema = || {
+        (
+            said.kind.name().to_owned(),
+            said.kind.json_schema().to_string(),
+        )
+    };
+    let at = unix_ns(start, said.time.ns());
+    server.say(&said.topic, schema, at, said.json.to_string());
+}

@@ -12,6 +12,7 @@ use axum::response::Response;
 use axum::routing::any;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
 use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
@@ -51,6 +52,7 @@ pub struct Server {
     channels: Channels,
     by_topic: BTreeMap<String, usize>,
     said: broadcast::Sender<Arc<Data>>,
+    address: SocketAddr,
     serving: JoinHandle<()>,
 }
 
@@ -68,6 +70,7 @@ impl Server {
     /// The address is in use or not to be had.
     pub async fn open(address: &str, name: &str) -> Result<Self, ViewError> {
         let listener = listen(address).await?;
+        let address = listener.local_addr().map_err(ViewError::Server)?;
         let channels = Channels::default();
         let (said, _) = broadcast::channel(WAITING);
         let shared = Shared {
@@ -84,8 +87,14 @@ impl Server {
             channels,
             by_topic: BTreeMap::new(),
             said,
+            address,
             serving,
         })
+    }
+
+    /// Where viewers find it.
+    pub fn address(&self) -> SocketAddr {
+        self.address
     }
 
     /// Says JSON of a schema (its name and its text, asked for once a topic) on a topic.

@@ -46,7 +46,7 @@ pub(super) fn map(
     data.extend(truth.map(|p| peak(p, "true peak", "cross-thin-open", "#16181d")));
     data.extend(after.map(|model| axis(site, model, area)));
     json!({"data": data, "layout": {
-        "annotations": after.map(|model| wind(model)).into_iter().collect::<Vec<_>>(),
+        "annotations": after.map(wind).into_iter().collect::<Vec<_>>(),
         "xaxis": {"title": {"text": "east, km"}, "range": [km(area.low.east_m), km(area.high.east_m)],
                   "constrain": "domain"},
         "yaxis": {"title": {"text": "north, km"}, "range": [km(area.low.north_m), km(area.high.north_m)],

@@ -120,9 +120,9 @@ fn a_hand_back_is_answered_and_the_bridge_stays_until_its_vehicle_is_down() {
     assert!(said().contains("left to its own failsafe"), "{}", said());
 }
 
-fn swap(options: &[&str], bus: &[&str]) -> Output {
+fn swap(vehicle: &str, options: &[&str], bus: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_plumage"))
-        .args(["swap", "3"])
+        .args(["swap", vehicle])
         .args(options)
         .args(bus)
         .output()
@@ -152,12 +152,12 @@ fn a_real_aircraft_takes_the_place_of_a_simulated_one_and_is_not_let_go_in_the_a
     let _va = spawn(env!("CARGO_BIN_EXE_va"), &team, Stdio::null());
 
     told(
-        &swap(&["--simulated"], &bus),
+        &swap("3", &["--simulated"], &bus),
         1,
         "vehicle 3 is simulated already",
     );
     told(
-        &swap(&["--real", "udpin:256.0.0.1:9"], &bus),
+        &swap("3", &["--real", "udpin:256.0.0.1:9"], &bus),
         1,
         "udpin:256.0.0.1:9",
     );
@@ -175,19 +175,36 @@ fn a_real_aircraft_takes_the_place_of_a_simulated_one_and_is_not_let_go_in_the_a
     ];
     let _aircraft = spawn(env!("CARGO_BIN_EXE_mav-bridge"), &stand_in, Stdio::null());
     let link = format!("udpin:{udp}");
-    let made = swap(&["--real", &link, "--may-arm"], &bus);
+    let made = swap("3", &["--real", &link, "--may-arm"], &bus);
     told(&made, 0, &format!("a real aircraft on {link} from now on"));
     told(
-        &swap(&["--real", &link], &bus),
+        &swap("3", &["--real", &link], &bus),
         1,
         "vehicle 3 is real already",
+    );
+
+    // Nobody is on this link: after 30 s the simulated vehicle 2 goes on.
+    let nobody = UdpSocket::bind(free).unwrap().local_addr().unwrap();
+    let nobody = format!("udpin:{nobody}");
+    let real = format!("a real aircraft on {nobody} from now on");
+    told(&swap("2", &["--real", &nobody], &bus), 0, &real);
+    told(
+        &swap("2", &["--real", &nobody], &bus),
+        1,
+        "vehicle 2 is real already",
     );
 
     // It takes off in its turn; from then on a simulated one is refused: nobody would have the real one.
     wait_s(25);
     told(
-        &swap(&["--simulated"], &bus),
+        &swap("3", &["--simulated"], &bus),
         1,
         "in the air and nobody flies it",
+    );
+    wait_s(6);
+    told(
+        &swap("2", &["--simulated"], &bus),
+        1,
+        "vehicle 2 is simulated already",
     );
 }

@@ -10,7 +10,7 @@ use mav_bridge::signing::SigningConfig;
 use mission::real_vehicle::{LinkOptions, RealVehicle};
 use mission::setup::SigningKey;
 use mission::{Member, MissionError, Setup, team};
-use net::realtime::MissionClock;
+use net::realtime::{MissionClock, Surroundings};
 use net::{DEFAULT_ENDPOINT, Net, NetOptions, TlsFiles, lockstep, realtime};
 use plume::Gas;
 use protocol::key::Name;
@@ -324,7 +324,7 @@ async fn fly_in_real_time(
         served.push(match a.member.aircraft().map(|va| va.id().to_string()) {
             Some(id) if !a.links.is_empty() => {
                 let id = id.trim_start_matches("va/");
-                Some(links.add(id, &a.links).await?)
+                Some(links.add(id, system_of(&a.member), &a.links).await?)
             }
             _ => None,
         });
@@ -333,9 +333,6 @@ async fn fly_in_real_time(
         weather.push(a.weather);
         viewers.push(a.flightgear.as_deref().map(Viewer::open).transpose()?);
     }
-    let typed = served.iter().any(Option::is_some).then(typed_commands);
-    let first_served = served.iter().position(Option::is_some);
-    let mut words: Vec<String> = Vec::new();
     let clock = if keeps_time {
         MissionClock::keep(net).await?
     } else {
@@ -346,73 +343,164 @@ async fn fly_in_real_time(
             vehicle.sign(signing_from(&key, clock.now()));
         }
     }
-    let until = SimTime::from_s(setup.scenario.mission.duration_s);
-    realtime::run(
-        net,
-        &mut members,
+    let mut around = Around {
+        setup,
         clock,
-        setup.tick_ns(),
-        |due, members| {
-            let over = due >= until || interrupted.load(Ordering::Relaxed);
-            over && all_down(members)
-        },
-        |k, member| {
-            if let Some(swap) = member.take_swap() {
-                let swapped = swap_now(member, &swap, setup, clock.now(), &mut links);
-                served[k] = swapped.unwrap_or(served[k]);
-            }
-            if let (Some(user), Member::Real(vehicle)) = (served[k], &mut *member) {
-                if Some(k) == first_served {
-                    words = typed
-                        .as_ref()
-                        .map_or_else(Vec::new, |t| t.try_iter().collect());
-                }
-                for word in &words {
-                    obey(word, vehicle);
-                }
-                links.serve(user, vehicle);
-            }
-            if let (Some(file), Member::World(world)) = (&mut weather[k], &mut *member)
-                && let Some(news) = file.poll(clock.now())
-            {
-                world.set_weather(news);
-            }
-            if let Some(viewer) = &mut viewers[k] {
-                viewer.show(member);
-            }
-        },
-    )
-    .await?;
+        interrupted,
+        until: SimTime::from_s(setup.scenario.mission.duration_s),
+        links,
+        typed: served.iter().any(Option::is_some).then(typed_commands),
+        first_served: served.iter().position(Option::is_some),
+        words: Vec::new(),
+        replaced: members.iter().map(|_| None).collect(),
+        served,
+        weather,
+        viewers,
+    };
+    realtime::run(net, &mut members, clock, setup.tick_ns(), &mut around).await?;
     Ok(())
 }
 
-/// Puts another aircraft in the place of `member`, as the operator wants; gives its number among the links, none for a
-/// simulated one. The outer none where it is refused.
-fn swap_now(
-    member: &mut Member,
-    swap: &Swap,
-    setup: &Setup,
-    now: SimTime,
-    links: &mut Links,
-) -> Option<Option<usize>> {
-    let made = swapped(member, swap, setup, now, links);
-    let words = match &swap.link {
-        Some(link) => format!("a real aircraft on {link} from now on"),
-        None => "a simulated aircraft from now on".to_owned(),
-    };
-    match made {
-        Ok((mut next, user)) => {
-            next.answer_swap(Ok(&words));
-            *member = next;
-            Some(user)
-        }
-        Err(why) => {
-            member.answer_swap(Err(&why));
-            None
+/// How long a real aircraft that was put in a simulated one's place may stay unheard, ns: a radio's search and an
+/// autopilot's start take some 10 s.
+const HEARD_WITHIN_NS: i64 = 30_000_000_000;
+
+/// A simulated member that waits whether the real one in its place is heard.
+struct Replaced {
+    member: Member,
+    link: String,
+    until: SimTime,
+}
+
+/// What is around the members of the team in this process.
+struct Around<'a> {
+    setup: &'a Setup,
+    clock: MissionClock,
+    interrupted: &'a AtomicBool,
+    until: SimTime,
+    links: Links,
+    /// The number of each member among the links.
+    served: Vec<Option<usize>>,
+    /// What a person types, and what he has typed since the last tick, for all vehicles.
+    typed: Option<mpsc::Receiver<String>>,
+    words: Vec<String>,
+    first_served: Option<usize>,
+    /// Simulated members that real ones have replaced and that are not heard yet.
+    replaced: Vec<Option<Replaced>>,
+    weather: Vec<Option<WeatherFile>>,
+    viewers: Vec<Option<Viewer>>,
+}
+
+impl Around<'_> {
+    /// Moves what is on the links of the `k`-th member; true if something has come.
+    fn serve(&mut self, k: usize, member: &mut Member) -> bool {
+        match (self.served[k], member) {
+            (Some(user), Member::Real(vehicle)) => {
+                self.links.serve(user, vehicle, self.clock.now())
+            }
+            _ => false,
         }
     }
 }
 
+impl Around<'_> {
+    /// Puts another aircraft in the place of the `k`-th member, as the operator wants.
+    fn swap(&mut self, k: usize, member: &mut Member, swap: &Swap) {
+        if swap.link.is_none() && self.replaced[k].is_some() {
+            return self.give_back(k, member, "as asked for");
+        }
+        let now = self.clock.now();
+        let made = swapped(member, swap, self.setup, now, &mut self.links);
+        let (mut next, user) = match made {
+            Ok(made) => made,
+            Err(why) => return member.answer_swap(Err(&why)),
+        };
+        let words = match &swap.link {
+            Some(link) => format!("a real aircraft on {link} from now on"),
+            None => "a simulated aircraft from now on".to_owned(),
+        };
+        next.answer_swap(Ok(&words));
+        self.served[k] = user;
+        let before = std::mem::replace(member, next);
+        self.replaced[k] = swap.link.clone().map(|link| Replaced {
+            member: before,
+            link,
+            until: now.later(HEARD_WITHIN_NS),
+        });
+    }
+
+    /// Looks whether a real aircraft that was put in a simulated one's place is heard in time.
+    fn check_replaced(&mut self, k: usize, member: &mut Member) {
+        let heard = matches!(member, Member::Real(vehicle) if vehicle.is_heard());
+        if heard {
+            self.replaced[k] = None;
+        }
+        let late = |replaced: &Replaced| self.clock.now() >= replaced.until;
+        if self.replaced[k].as_ref().is_some_and(late) {
+            let words = format!(
+                "nothing was heard for {} s",
+                HEARD_WITHIN_NS / 1_000_000_000
+            );
+            self.give_back(k, member, &words);
+        }
+    }
+
+    /// Lets the simulated member go on from where it was.
+    fn give_back(&mut self, k: usize, member: &mut Member, why: &str) {
+        let Some(replaced) = self.replaced[k].take() else {
+            return;
+        };
+        let words = format!(
+            "{}: {why}; a simulated aircraft again, from where it was",
+            replaced.link
+        );
+        eprintln!("vehicle {}: {words}", member.id().name());
+        self.links.forget(member.id().name().as_str());
+        self.served[k] = None;
+        *member = replaced.member;
+        member.answer_swap(Ok(&words));
+    }
+}
+
+impl Surroundings<Member> for Around<'_> {
+    fn ends(&mut self, due: SimTime, members: &mut [Member]) -> bool {
+        let over = due >= self.until || self.interrupted.load(Ordering::Relaxed);
+        over && all_down(members)
+    }
+
+    fn before_tick(&mut self, k: usize, member: &mut Member) {
+        if let Some(swap) = member.take_swap() {
+            self.swap(k, member, &swap);
+        }
+        self.check_replaced(k, member);
+        if self.served[k].is_some()
+            && let Member::Real(vehicle) = &mut *member
+        {
+            if Some(k) == self.first_served {
+                let typed = self.typed.as_ref();
+                self.words = typed.map_or_else(Vec::new, |t| t.try_iter().collect());
+            }
+            for word in &self.words {
+                obey(word, vehicle);
+            }
+        }
+        self.serve(k, member);
+        if let (Some(file), Member::World(world)) = (&mut self.weather[k], &mut *member)
+            && let Some(news) = file.poll(self.clock.now())
+        {
+            world.set_weather(news);
+        }
+        if let Some(viewer) = &mut self.viewers[k] {
+            viewer.show(member);
+        }
+    }
+
+    fn has_news(&mut self, k: usize, member: &mut Member) -> bool {
+        self.serve(k, member)
+    }
+}
+
+/// The member that takes the place of `member`, and its number among the links, none for a simulated one.
 fn swapped(
     member: &Member,
     swap: &Swap,
@@ -432,14 +520,22 @@ fn swapped(
         .parse()
         .map_err(|e: mav_bridge::BridgeError| refuse(e.to_string()))?;
     // A socket is opened in no time; the tick waits for it.
-    let opened = tokio::task::block_in_place(|| {
-        tokio::runtime::Handle::current().block_on(links.add(&name, &[address]))
-    });
+    let addresses = [address];
+    let added = links.add(&name, system_of(&next), &addresses);
+    let opened = tokio::task::block_in_place(|| tokio::runtime::Handle::current().block_on(added));
     let user = opened.map_err(|e| refuse(e.words()))?;
     if let (Member::Real(vehicle), Some(key)) = (&mut next, setup.signing_keys.get(&name)) {
         vehicle.sign(signing_from(key, now));
     }
     Ok((next, Some(user)))
+}
+
+/// The MAVLink system of a real vehicle, if one was asked for.
+fn system_of(member: &Member) -> Option<u8> {
+    match member {
+        Member::Real(vehicle) => vehicle.system_id(),
+        _ => None,
+    }
 }
 
 /// Whether no vehicle behind a link is in the air or armed; those that are are told that the mission is over.

@@ -79,7 +79,10 @@ impl Outside {
             .build()?;
         for vehicle in linked {
             let addresses = links::addresses(&vehicle.link)?;
-            let user = runtime.block_on(outside.links.add(&vehicle.id, &addresses))?;
+            let user = outside
+                .links
+                .add(&vehicle.id, vehicle.system_id, &addresses);
+            let user = runtime.block_on(user)?;
             let key = setup.signing_keys.get(&vehicle.id).cloned();
             let id = AgentId::va(&vehicle.id).map_err(Failure::input)?;
             outside.served.insert(id, Served { user, key });
@@ -178,7 +181,7 @@ impl Outside {
                 {
                     vehicle.sign(signing_from(key, now));
                 }
-                self.links.serve(served.user, vehicle);
+                self.links.serve(served.user, vehicle, now);
             }
         }
         Ok(())

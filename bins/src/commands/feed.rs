@@ -122,7 +122,7 @@ impl Source {
         let mut wrong = None;
         let (last, mut all_said) = (vehicles.len() - 1, true);
         let ends = |due: SimTime, _: &mut [FedVehicle]| due >= until;
-        let run = realtime::run(net, &mut vehicles, clock, setup.tick_ns(), ends, {
+        let mut around = (ends, {
             let (finished, lines, wrong) = (Arc::clone(&finished), &mut lines, &mut wrong);
             move |k, vehicle: &mut FedVehicle| {
                 if let Some(lines) = lines
@@ -139,6 +139,7 @@ impl Source {
                 }
             }
         });
+        let run = realtime::run(net, &mut vehicles, clock, setup.tick_ns(), &mut around);
         tokio::select! {
             done = run => done?,
             () = finished.notified() => {}

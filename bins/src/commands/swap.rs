@@ -12,17 +12,26 @@ use protocol::{AgentId, Message, Topic};
 pub struct SwapArguments {
     /// Id of the vehicle
     pub vehicle: String,
-    /// Let the real aircraft on this link take its place, such as udpin:0.0.0.0:14550
-    #[arg(long, value_name = "LINK", required_unless_present = "simulated")]
-    real: Option<LinkAddress>,
-    /// Let a simulated aircraft take its place, from where it is
-    #[arg(long, conflicts_with = "real")]
-    simulated: bool,
+    #[command(flatten)]
+    aircraft: Aircraft,
     /// Let the bridge arm the motor at take-off; else a person does
     #[arg(long, requires = "real")]
     may_arm: bool,
     #[command(flatten)]
     bus: agent::BusArguments,
+}
+
+/// What takes its place.
+#[derive(Debug, clap::Args)]
+#[group(required = true, multiple = false)]
+struct Aircraft {
+    /// Let the real aircraft on this link take its place, such as udpin:0.0.0.0:14550; one that is not heard for
+    /// 30 s gives it back. Or --simulated
+    #[arg(long, value_name = "LINK")]
+    real: Option<LinkAddress>,
+    /// Let a simulated aircraft take its place, from where it is. Or --real
+    #[arg(long)]
+    simulated: bool,
 }
 
 /// Says it on the bus, and what is answered.
@@ -36,7 +45,7 @@ pub fn swap(arguments: &SwapArguments) -> Result<(), Failure> {
     let told = Told {
         topic: Topic::Swap(Name::new(id).map_err(Failure::input)?),
         message: Message::Swap(Swap {
-            link: arguments.real.as_ref().map(ToString::to_string),
+            link: arguments.aircraft.real.as_ref().map(ToString::to_string),
             may_arm: arguments.may_arm,
         }),
         to: AgentId::va(id).map_err(Failure::input)?,

@@ -2,6 +2,10 @@
 
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, SimTime, Topic};
 
+/// A process with more vehicles than this hears what is said to any: every expression that it subscribes to costs
+/// all others some work for each message on the bus.
+const MANY: usize = 8;
+
 /// The agents that one process hosts on one session.
 pub(crate) struct Hosted {
     pub(crate) ids: Vec<AgentId>,
@@ -15,8 +19,14 @@ impl Hosted {
         let interests: Vec<Vec<Interest>> = agents.iter().map(Agent::interests).collect();
         let mut all: Vec<Interest> = Vec::new();
         for interest in interests.iter().flatten() {
-            if !all.contains(interest) {
-                all.push(interest.clone());
+            let wide = match interest {
+                Interest::One(topic) if agents.len() > MANY && topic.vehicle().is_some() => {
+                    Interest::OfAny(topic.clone())
+                }
+                interest => interest.clone(),
+            };
+            if !all.iter().any(|known| covers(known, &wide)) {
+                all.push(wide);
             }
         }
         Self {
@@ -41,5 +51,13 @@ impl Hosted {
                 agent.handle(Event::Message(topic, envelope), now, outbox);
             }
         }
+    }
+}
+
+/// Whether what is wanted is subscribed to already.
+fn covers(known: &Interest, wanted: &Interest) -> bool {
+    match (known, wanted) {
+        (Interest::OfAny(_), Interest::OfAny(topic)) => known.covers(topic),
+        (known, wanted) => known == wanted,
     }
 }

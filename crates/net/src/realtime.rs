@@ -96,9 +96,43 @@ async fn ask_once(net: &Net) -> Result<(Duration, Instant), NetError> {
     }
 }
 
-/// Runs the agents of this process by the wall clock, ticking every `tick_ns`, until `ends` says so of a tick
-/// that is due then. `between` is called for each before every tick, for what is not a bus (a MAVLink link,
-/// a display).
+/// What is around the agents of a process beside the bus: links, displays, and when to end.
+pub trait Surroundings<A> {
+    /// Whether the run ends with the tick that is due then.
+    fn ends(&mut self, due: SimTime, agents: &mut [A]) -> bool;
+
+    /// Called for the `k`-th agent before each of its ticks.
+    fn before_tick(&mut self, k: usize, agent: &mut A);
+
+    /// Called for the `k`-th agent between its ticks: whether something has come for it, as over a MAVLink link,
+    /// for which it is to act at once.
+    fn has_news(&mut self, k: usize, agent: &mut A) -> bool;
+}
+
+/// Two closures, for agents that nothing reaches but the bus.
+impl<A, E, B> Surroundings<A> for (E, B)
+where
+    E: FnMut(SimTime, &mut [A]) -> bool,
+    B: FnMut(usize, &mut A),
+{
+    fn ends(&mut self, due: SimTime, agents: &mut [A]) -> bool {
+        self.0(due, agents)
+    }
+
+    fn before_tick(&mut self, k: usize, agent: &mut A) {
+        self.1(k, agent);
+    }
+
+    fn has_news(&mut self, _: usize, _: &mut A) -> bool {
+        false
+    }
+}
+
+/// Time between two looks for news, ns: a tenth of what a radio's frames are apart at 20 a second, and four to a
+/// tick of 20 ms, so that a frame on its way to the bus waits for 2.5 ms and not for 10 in the mean.
+const LOOK_NS: i64 = 5_000_000;
+
+/// Runs the agents of this process by the wall clock, ticking every `tick_ns`, until `around` ends it.
 ///
 /// # Errors
 /// [`NetError`].
@@ -107,8 +141,7 @@ pub async fn run<A: Agent>(
     agents: &mut [A],
     clock: MissionClock,
     tick_ns: i64,
-    mut ends: impl FnMut(SimTime, &mut [A]) -> bool,
-    mut between: impl FnMut(usize, &mut A),
+    around: &mut impl Surroundings<A>,
 ) -> Result<(), NetError> {
     let hosted = Hosted::of(agents);
     net.subscribe(&hosted.all).await?;
@@ -117,32 +150,57 @@ pub async fn run<A: Agent>(
         presence.push(net.announce(id).await?);
     }
     let mut outbox = Outbox::default();
-    let mut tick = clock.now().ns() / tick_ns + 1;
+    let looks = (tick_ns / LOOK_NS).max(1);
+    let look_ns = tick_ns / looks;
+    let mut look = clock.now().ns() / look_ns + 1;
+    let mut ticks = look / looks - 1;
     loop {
-        let due = SimTime::from_ns(tick * tick_ns);
+        let due = SimTime::from_ns(look * look_ns);
         tokio::time::sleep_until(clock.instant(due).into()).await;
-        let last = ends(due, agents);
-        let event = if last { Event::Stop } else { Event::Tick };
-        let mut refused = Vec::new();
-        let said = take_in(net, &mut refused);
-        for (k, agent) in agents.iter_mut().enumerate() {
-            let own = &hosted.ids[k];
-            if k == 0 {
-                for error in refused.drain(..) {
-                    outbox.event(own, Severity::Warning, "bad-message", error.to_string());
+        if look / looks > ticks {
+            ticks = look / looks;
+            if tick(net, agents, due, &hosted, &mut outbox, around).await? {
+                return Ok(());
+            }
+        } else {
+            for (k, agent) in agents.iter_mut().enumerate() {
+                if around.has_news(k, agent) {
+                    agent.handle(Event::Tick, due, &mut outbox);
+                    net.publish_all(&hosted.ids[k], due, &mut outbox).await?;
                 }
             }
-            hosted.hand_out(k, agent, &said, due, &mut outbox);
-            between(k, agent);
-            agent.handle(event, due, &mut outbox);
-            net.publish_all(own, due, &mut outbox).await?;
-        }
-        if last {
-            return Ok(());
         }
         // A host that fell behind skips the ticks it missed instead of rushing through them.
-        tick = (tick + 1).max(clock.now().ns() / tick_ns);
+        look = (look + 1).max(clock.now().ns() / look_ns);
     }
+}
+
+/// One tick of all agents; true if it was the last.
+async fn tick<A: Agent>(
+    net: &mut Net,
+    agents: &mut [A],
+    due: SimTime,
+    hosted: &Hosted,
+    outbox: &mut Outbox,
+    around: &mut impl Surroundings<A>,
+) -> Result<bool, NetError> {
+    let last = around.ends(due, agents);
+    let event = if last { Event::Stop } else { Event::Tick };
+    let mut refused = Vec::new();
+    let said = take_in(net, &mut refused);
+    for (k, agent) in agents.iter_mut().enumerate() {
+        let own = &hosted.ids[k];
+        if k == 0 {
+            for error in refused.drain(..) {
+                outbox.event(own, Severity::Warning, "bad-message", error.to_string());
+            }
+        }
+        hosted.hand_out(k, agent, &said, due, outbox);
+        around.before_tick(k, agent);
+        agent.handle(event, due, outbox);
+        net.publish_all(own, due, outbox).await?;
+    }
+    Ok(last)
 }
 
 /// How often an observer hands on what it heard.

@@ -261,6 +261,42 @@ impl Topic {
         }
     }
 
+    /// The vehicle that it is about or for; none of what is not a vehicle's.
+    pub fn vehicle(&self) -> Option<&Name> {
+        match self {
+            Self::State(va)
+            | Self::Reading(va)
+            | Self::Mode(va)
+            | Self::Setpoint(va)
+            | Self::Control(va)
+            | Self::Swap(va)
+            | Self::Destination(va)
+            | Self::MavlinkRx(va)
+            | Self::MavlinkTx(va)
+            | Self::Ambient(va) => Some(va),
+            _ => None,
+        }
+    }
+
+    /// The path with any vehicle in the place of its own.
+    fn path_of_any(&self) -> String {
+        let Some(vehicle) = self.vehicle() else {
+            return self.path();
+        };
+        let any = |(k, part): (usize, &str)| {
+            // The first part is the kind of agent, which a vehicle may be called as well.
+            let part = if k > 0 && part == vehicle.as_str() {
+                "*"
+            } else {
+                part
+            };
+            part.to_owned()
+        };
+        let path = self.path();
+        let parts: Vec<String> = path.split('/').enumerate().map(any).collect();
+        parts.join("/")
+    }
+
     /// The whole key expression of this topic in `mission`.
     pub fn key(&self, mission: &Name) -> String {
         format!("plumage/{mission}/{}", self.path())
@@ -347,6 +383,8 @@ impl Topic {
 pub enum Interest {
     /// This topic alone.
     One(Topic),
+    /// This topic of whatever vehicle.
+    OfAny(Topic),
     /// `va/*/state` of all vehicles.
     AllStates,
     /// `va/*/reading` of all vehicles.
@@ -362,6 +400,7 @@ impl Interest {
     pub fn covers(&self, topic: &Topic) -> bool {
         match self {
             Self::One(one) => one == topic,
+            Self::OfAny(one) => std::mem::discriminant(one) == std::mem::discriminant(topic),
             Self::AllStates => matches!(topic, Topic::State(_)),
             Self::AllReadings => matches!(topic, Topic::Reading(_)),
             Self::AllModes => matches!(topic, Topic::Mode(_)),
@@ -373,6 +412,7 @@ impl Interest {
     pub fn key_expression(&self, mission: &Name) -> String {
         match self {
             Self::One(topic) => topic.key(mission),
+            Self::OfAny(topic) => format!("plumage/{mission}/{}", topic.path_of_any()),
             Self::AllStates => format!("plumage/{mission}/va/*/state"),
             Self::AllReadings => format!("plumage/{mission}/va/*/reading"),
             Self::AllModes => format!("plumage/{mission}/va/*/mode"),
@@ -440,6 +480,17 @@ mod tests {
             Topic::Done(AgentId::sc()).key(&mission),
             "plumage/m/clock/main/done/sc/main"
         );
+    }
+
+    #[test]
+    fn a_topic_of_any_vehicle_covers_each_and_no_other() {
+        let mission = Name::new("m").unwrap();
+        let (two, three) = (Name::new("2").unwrap(), Name::new("3").unwrap());
+        let any = Interest::OfAny(Topic::Ambient(two.clone()));
+        assert_eq!(any.key_expression(&mission), "plumage/m/ws/main/ambient/*");
+        assert!(any.covers(&Topic::Ambient(three.clone())) && !any.covers(&Topic::State(two)));
+        let any = Interest::OfAny(Topic::Setpoint(three));
+        assert_eq!(any.key_expression(&mission), "plumage/m/va/*/setpoint");
     }
 
     #[test]

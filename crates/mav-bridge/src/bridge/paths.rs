@@ -46,6 +46,8 @@ impl Path {
 pub(super) struct Paths {
     all: Vec<Path>,
     best: usize,
+    /// What others have found to be no frame.
+    no_frames: LinkStatistics,
 }
 
 impl Default for Paths {
@@ -53,6 +55,7 @@ impl Default for Paths {
         Self {
             all: vec![Path::default()],
             best: 0,
+            no_frames: LinkStatistics::default(),
         }
     }
 }
@@ -75,6 +78,11 @@ impl Paths {
     /// Takes in the number of a frame of the vehicle's autopilot.
     pub(super) fn count(&mut self, link: usize, sequence: u8, now: SimTime) {
         self.all[link].count(sequence, now);
+    }
+
+    /// Takes in what others have found to be no frame so far.
+    pub(super) fn no_frames(&mut self, so_far: LinkStatistics) {
+        self.no_frames = so_far;
     }
 
     /// Whether there are several.
@@ -102,7 +110,7 @@ impl Paths {
 
     /// What has gone over all of them.
     pub(super) fn statistics(&self) -> LinkStatistics {
-        let mut sum = LinkStatistics::default();
+        let mut sum = self.no_frames;
         for path in &self.all {
             let one = path.decoder.statistics();
             sum.bytes += one.bytes;

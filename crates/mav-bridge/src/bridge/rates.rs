@@ -1,4 +1,4 @@
-//! The messages that the vehicle is asked for: one a tick, so that no radio is flooded, without waiting for the
+//! The messages that the vehicle is asked for: fifty a second at most, so that no radio is flooded, without waiting for the
 //! answer to another; and again those that do not come as often as asked. Acknowledgements do not tell
 //! which message they are about, arrivals do.
 
@@ -14,6 +14,8 @@ const WINDOW_S: f64 = 3.0;
 const ENOUGH: f64 = 0.5;
 /// How often a message is asked for.
 const ROUNDS: u32 = 4;
+/// Time between two requests, s: 44 bytes each then take a third of a radio of 57,600 baud.
+const ASK_EVERY_S: f64 = 0.02;
 
 #[derive(Debug, Clone, Copy)]
 struct Rate {
@@ -30,6 +32,8 @@ pub(super) struct Rates {
     waiting: VecDeque<VehicleCommand>,
     round: u32,
     since: SimTime,
+    /// When the last request was made.
+    asked_at: Option<SimTime>,
 }
 
 /// What is due.
@@ -55,6 +59,7 @@ impl Rates {
             waiting: VecDeque::new(),
             round: 0,
             since: now,
+            asked_at: None,
         };
     }
 
@@ -71,10 +76,16 @@ impl Rates {
     /// What is to be done at `now`.
     pub(super) fn due(&mut self, now: SimTime) -> Due {
         let given_up = self.next_round(now);
-        Due {
-            ask: self.waiting.pop_front(),
-            given_up,
+        let rests = |at: SimTime| now.since_s(at) < ASK_EVERY_S - 1e-9;
+        let ask = if self.asked_at.is_some_and(rests) {
+            None
+        } else {
+            self.waiting.pop_front()
+        };
+        if ask.is_some() {
+            self.asked_at = Some(now);
         }
+        Due { ask, given_up }
     }
 
     /// Begins the next round if it is time: what is asked for in it; or words on what is given up.

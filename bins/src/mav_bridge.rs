@@ -47,14 +47,18 @@ struct BridgeArguments {
     /// Send nothing at all, no heartbeat and no request either: what the vehicle sends by itself is taken in
     #[arg(long)]
     listen_only: bool,
-    /// Send nothing but questions for parameters, and say every other frame that would be sent: no heartbeat, no
-    /// rate, no mode, no setpoint
+    /// Send nothing but questions for parameters and the fence, and say every other frame that would be sent: no
+    /// heartbeat, no rate, no mode, no setpoint
     #[arg(long, conflicts_with = "listen_only")]
     dry_run: bool,
     /// Set the parameters that the checklist finds wrong, on the ground: FS_GCS_ENABL and FS_LONG_ACTN to 1,
     /// MAV_GCS_SYSID (SYSID_MYGCS before 4.7) to --gcs-id; without it none is ever written
     #[arg(long, conflicts_with = "listen_only")]
     set_parameters: bool,
+    /// Put the corners of the mission's fence on board where others or none are there, on the ground; without it the
+    /// fence on board is read alone
+    #[arg(long, conflicts_with = "listen_only")]
+    set_fence: bool,
     /// Let the bridge arm the motor at take-off; else a person does
     #[arg(long)]
     may_arm: bool,
@@ -142,6 +146,7 @@ fn serve(arguments: &BridgeArguments) -> Result<(), Failure> {
             listen_only: arguments.listen_only,
             dry_run: arguments.dry_run,
             set_parameters: arguments.set_parameters,
+            set_fence: arguments.set_fence,
             system_id: arguments.system_id,
             component_id: arguments.component_id,
             gcs_system_id: arguments.gcs_id,

@@ -48,6 +48,28 @@ pub struct AutopilotStatus {
     pub protecting: bool,
 }
 
+/// What the outer loops ask of inner loops that fly elsewhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AttitudeDemand {
+    /// Bank angle, rad.
+    pub bank_rad: f64,
+    /// Pitch angle, rad.
+    pub pitch_rad: f64,
+    /// Throttle, 0 to 1.
+    pub throttle: f64,
+}
+
+/// What somebody else holds in place of the outer loops' own; the others stay theirs.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct HeldAttitude {
+    /// Bank angle, rad.
+    pub bank_rad: Option<f64>,
+    /// Pitch angle, rad.
+    pub pitch_rad: Option<f64>,
+    /// Throttle, 0 to 1.
+    pub throttle: Option<f64>,
+}
+
 /// The autopilot of one aircraft: gains, and the memory of its loops.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Autopilot {
@@ -140,6 +162,85 @@ impl Autopilot {
         };
         self.last = command;
         command
+    }
+
+    /// The outer loops alone, for an aircraft whose inner loops fly elsewhere: guidance and total energy as in
+    /// [`Autopilot::command`], the bank limited as there. None on the ground, for take-off and landing, which need more
+    /// than these three, and for sensor values that are not finite. Rates of rotation are not used.
+    pub fn outer_loops(
+        &mut self,
+        dt_s: f64,
+        sensed: &Sensed,
+        demand: &Demand,
+    ) -> Option<AttitudeDemand> {
+        let wanted = self.wanted_attitude(dt_s, sensed, demand, &HeldAttitude::default())?;
+        let air = self.plant.at(sensed);
+        let (plant, gains) = (&self.plant, &self.gains);
+        let bank_rad = self
+            .roll
+            .command(dt_s, sensed, wanted.bank_rad, plant, &air, gains);
+        self.status.bank_command_rad = bank_rad;
+        self.status.pitch_command_rad = wanted.pitch_rad;
+        Some(AttitudeDemand { bank_rad, ..wanted })
+    }
+
+    /// What guidance and total energy want in flight, and what is held in its place.
+    fn wanted_attitude(
+        &mut self,
+        dt_s: f64,
+        sensed: &Sensed,
+        demand: &Demand,
+        held: &HeldAttitude,
+    ) -> Option<AttitudeDemand> {
+        let leaves_ground = matches!(demand.path, Path::TakeOff { .. } | Path::Land { .. });
+        let sound = sensed.is_finite() && dt_s.is_finite() && dt_s > 0.0;
+        if !sound || sensed.on_ground || leaves_ground {
+            return None;
+        }
+        let demand = self.take(demand);
+        self.wind.update(dt_s, sensed);
+        self.status.wind_estimate_m_s = self.wind.vector();
+        self.status.path_done = false;
+        let own_bank_rad = self.bank_for(sensed, &demand);
+        let bank_rad = held.bank_rad.unwrap_or(own_bank_rad);
+        if let (Some(pitch_rad), Some(throttle)) = (held.pitch_rad, held.throttle) {
+            // A loop that nobody obeys must not gather errors; its memory runs along.
+            self.energy.follow(sensed);
+            return Some(AttitudeDemand {
+                bank_rad,
+                pitch_rad,
+                throttle,
+            });
+        }
+        let demand = EnergyDemand::of(&demand);
+        let (plant, gains) = (&self.plant, &self.gains);
+        let own = self.energy.step(dt_s, sensed, &demand, plant, gains);
+        self.status.protecting = own.protecting;
+        Some(AttitudeDemand {
+            bank_rad,
+            pitch_rad: held.pitch_rad.unwrap_or(own.pitch_rad),
+            throttle: held.throttle.unwrap_or(own.throttle),
+        })
+    }
+
+    /// The same as [`Autopilot::command`], with what is `held` in place of what the outer loops want. On the ground,
+    /// in take-off and landing nothing is held.
+    pub fn command_held(
+        &mut self,
+        dt_s: f64,
+        sensed: &Sensed,
+        demand: &Demand,
+        held: &HeldAttitude,
+    ) -> SurfaceCommand {
+        let Some(wanted) = self.wanted_attitude(dt_s, sensed, demand, held) else {
+            return self.command(dt_s, sensed, demand);
+        };
+        let low = self.gains.pitch_min_deg.to_radians();
+        let high = self.gains.pitch_max_deg.to_radians();
+        let pitch_rad = wanted.pitch_rad.clamp(low, high);
+        let throttle = wanted.throttle.clamp(0.0, 1.0);
+        self.last = self.stabilise(dt_s, sensed, wanted.bank_rad, pitch_rad, throttle);
+        self.last
     }
 
     /// Stabilised flight by a pilot's sticks: roll and pitch angles, throttle by hand.

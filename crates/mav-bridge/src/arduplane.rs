@@ -1,6 +1,15 @@
-//! Numbers and names of ArduPlane: flight modes and the parameters this bridge asks for.
+//! ArduPlane: flight modes and the parameters this bridge asks for.
 
-use crate::dialect::PlaneMode;
+use crate::dialect::{
+    EKF_STATUS_REPORT_DATA, FENCE_STATUS_DATA, MavAutopilot, PlaneMode, WIND_DATA,
+};
+use crate::profile::{
+    Commands,
+    Meaning::{Doubtful, Right},
+    Modes, Parameters, Profile, Rule, Saying,
+};
+use mavlink::MessageData;
+use protocol::control_level::Danger;
 
 /// Flight mode MANUAL.
 pub const MANUAL: u32 = PlaneMode::PLANE_MODE_MANUAL as u32;
@@ -55,28 +64,170 @@ pub const ARSPD_FBW_MIN: &str = "ARSPD_FBW_MIN";
 /// Parameter: AIRSPEED_MAX before ArduPlane 4.5.
 pub const ARSPD_FBW_MAX: &str = "ARSPD_FBW_MAX";
 
+/// ArduPlane.
+pub const ARDUPLANE: Profile = Profile {
+    name: "ArduPlane",
+    heartbeat: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+    modes: Modes {
+        starting: INITIALISING,
+        take_off: TAKEOFF,
+        after_take_off: None,
+        places: GUIDED,
+        places_is_pilots: false,
+        attitudes: GUIDED,
+        attitudes_first: false,
+        home: RTL,
+        landing: Some(AUTO),
+        homeward: &[CIRCLE, AUTO, RTL, AUTOLAND],
+        names: &[
+            (MANUAL, "MANUAL"),
+            (CIRCLE, "CIRCLE"),
+            (2, "STABILIZE"),
+            (3, "TRAINING"),
+            (4, "ACRO"),
+            (FBWA, "FBWA"),
+            (6, "FBWB"),
+            (7, "CRUISE"),
+            (8, "AUTOTUNE"),
+            (AUTO, "AUTO"),
+            (RTL, "RTL"),
+            (LOITER, "LOITER"),
+            (TAKEOFF, "TAKEOFF"),
+            (14, "AVOID_ADSB"),
+            (GUIDED, "GUIDED"),
+            (INITIALISING, "INITIALISING"),
+            (24, "THERMAL"),
+            (AUTOLAND, "AUTOLAND"),
+        ],
+        in_parts: false,
+    },
+    commands: Commands {
+        speed_with_place: false,
+        // The way round: clockwise.
+        reposition_4: 0.0,
+        // Bits set are ignored. By its source (`handle_set_attitude_target`) roll and pitch are taken where their rates
+        // are not ignored, and a yaw that is taken is a rudder's deflection: so the attitude's own bit is set, and
+        // that of the yaw rate.
+        attitude_mask: 0x84,
+        parameters_as_bytes: false,
+        active_flies: true,
+    },
+    parameters: Parameters {
+        take_off_altitude: TKOFF_ALT,
+        airspeed_min: &[AIRSPEED_MIN, ARSPD_FBW_MIN],
+        airspeed_max: &[AIRSPEED_MAX, ARSPD_FBW_MAX],
+        home_altitude: &[(RTL_ALTITUDE, 1.0), (ALT_HOLD_RTL, 0.01)],
+        station: &[MAV_GCS_SYSID, SYSID_MYGCS],
+        rules: &[
+            Rule {
+                about: "link failsafe",
+                name: FS_GCS_ENABL,
+                meanings: &[
+                    (
+                        0,
+                        Doubtful("on loss of this link the vehicle flies on; expected 1"),
+                    ),
+                    (
+                        3,
+                        Doubtful("a lost link counts in AUTO alone, not in GUIDED; expected 1"),
+                    ),
+                ],
+                otherwise: Right("a lost link counts"),
+                set_to: Some(1.0),
+                link_failsafe: true,
+            },
+            Rule {
+                about: "failsafe's action",
+                name: FS_LONG_ACTN,
+                meanings: &[
+                    (
+                        0,
+                        Doubtful("on loss of this link it flies on in GUIDED; expected 1"),
+                    ),
+                    (1, Right("it comes home")),
+                    (
+                        2,
+                        Doubtful("on loss of this link it glides down; expected 1"),
+                    ),
+                    (
+                        3,
+                        Doubtful("on loss of this link it opens its parachute; expected 1"),
+                    ),
+                ],
+                otherwise: Doubtful(
+                    "on loss of this link it does not simply come home; expected 1",
+                ),
+                set_to: Some(1.0),
+                link_failsafe: true,
+            },
+            Rule {
+                about: "fence on board",
+                name: FENCE_ENABLE,
+                meanings: &[(
+                    0,
+                    Doubtful(
+                        "the mission's fence is kept by the bridge alone, and not without a link",
+                    ),
+                )],
+                otherwise: Right("it has to hold the mission's own"),
+                set_to: None,
+                link_failsafe: false,
+            },
+            Rule {
+                about: "outside its fence",
+                name: FENCE_ACTION,
+                meanings: &[(0, Doubtful("it tells of its fence alone; expected 1"))],
+                otherwise: Right("it does not fly on"),
+                set_to: None,
+                link_failsafe: false,
+            },
+            Rule {
+                about: "landing",
+                name: RTL_AUTOLAND,
+                meanings: &[(
+                    0,
+                    Doubtful(
+                        "it does not land by itself, and refuses to arm with a DO_LAND_START on board; expected 1 or 2 and \
+                         a landing sequence, or a pilot who lands it",
+                    ),
+                )],
+                otherwise: Right("by a landing sequence, if one is on board"),
+                set_to: None,
+                link_failsafe: false,
+            },
+        ],
+    },
+    causes: &[
+        Saying {
+            all: &["fence"],
+            any: &["breach", "trigger"],
+            danger: Danger::Fence,
+        },
+        Saying {
+            all: &["gcs failsafe"],
+            any: &[],
+            danger: Danger::Bridge,
+        },
+        Saying {
+            all: &["failsafe"],
+            any: &["rc ", "throttle", "radio"],
+            danger: Danger::Remote,
+        },
+        Saying {
+            all: &["battery"],
+            any: &["is low", "is critical", "failsafe"],
+            danger: Danger::Battery,
+        },
+    ],
+    messages: &[
+        (WIND_DATA::ID, 2.0),
+        (EKF_STATUS_REPORT_DATA::ID, 1.0),
+        (FENCE_STATUS_DATA::ID, 1.0),
+    ],
+    caution: "",
+};
+
 /// A flight mode with its number, for people.
 pub fn mode_name(custom_mode: u32) -> String {
-    let name = match custom_mode {
-        MANUAL => "MANUAL",
-        CIRCLE => "CIRCLE",
-        2 => "STABILIZE",
-        3 => "TRAINING",
-        4 => "ACRO",
-        FBWA => "FBWA",
-        6 => "FBWB",
-        7 => "CRUISE",
-        8 => "AUTOTUNE",
-        AUTO => "AUTO",
-        RTL => "RTL",
-        LOITER => "LOITER",
-        TAKEOFF => "TAKEOFF",
-        14 => "AVOID_ADSB",
-        GUIDED => "GUIDED",
-        INITIALISING => "INITIALISING",
-        24 => "THERMAL",
-        AUTOLAND => "AUTOLAND",
-        _ => return format!("mode {custom_mode}"),
-    };
-    format!("{name} ({custom_mode})")
+    ARDUPLANE.modes.name(custom_mode)
 }

@@ -5,8 +5,8 @@
 //! over: by its own failsafe if it says so (or if its link has just come back and it is on its
 //! way home), else by a pilot. Either keeps it until an explicit hand-back.
 
-use crate::arduplane::{self, AUTO, AUTOLAND, CIRCLE, GUIDED, RTL, mode_name};
 use crate::event::event;
+use crate::profile::Modes;
 use protocol::control_level::{ControlEvent, ControlOutcome, ControlState, Danger};
 use protocol::message::{ControlLevel, EventMessage, Severity};
 
@@ -22,11 +22,11 @@ enum BridgeTask {
     Ground,
     /// The bridge has commanded take-off.
     TakeOff,
-    /// GUIDED: setpoints go through.
+    /// In the mode in which setpoints go through.
     Guided,
     /// The bridge has commanded the landing sequence or the return home.
     Landing,
-    /// GUIDED has been asked for upon a hand-back and is not shown yet; the level is still that
+    /// That mode has been asked for upon a hand-back and is not shown yet; the level is still that
     /// from which it is handed back.
     HandingBack,
 }
@@ -38,13 +38,13 @@ pub(crate) enum BridgePhase {
     Ground,
     /// The bridge has commanded take-off.
     TakeOff,
-    /// GUIDED: setpoints go through.
+    /// In the mode in which setpoints go through.
     Guided,
     /// The bridge has commanded the landing sequence or the return home.
     Landing,
     /// A pilot flies.
     Pilot,
-    /// GUIDED has been asked for upon a hand-back.
+    /// The mode for setpoints has been asked for upon a hand-back.
     HandingBack,
     /// It is on its way home, by its own failsafe or by the bridge's command.
     Guardian,
@@ -68,6 +68,9 @@ pub(crate) struct HeartbeatState {
 /// Keeps the level and the task.
 #[derive(Debug, Clone)]
 pub(crate) struct Authority {
+    modes: &'static Modes,
+    /// The mode in which setpoints go through.
+    guided: u32,
     control: ControlState,
     task: BridgeTask,
     /// Why it is watched and never commanded, if so.
@@ -92,22 +95,35 @@ pub(crate) struct Authority {
 }
 
 impl Authority {
-    pub(crate) fn new() -> Self {
+    /// Of a vehicle with these modes; `guided` is the one in which setpoints go through.
+    pub(crate) fn new(modes: &'static Modes, guided: u32) -> Self {
         Self {
+            modes,
+            guided,
             control: ControlState::new(),
             task: BridgeTask::Ground,
             watched: None,
             by_station: false,
             own_fence: false,
             since_takeover: CAUSE_WITHIN,
-            mode_before: arduplane::INITIALISING,
-            mode_requested: arduplane::INITIALISING,
+            mode_before: modes.starting,
+            mode_requested: modes.starting,
             earlier: None,
             confirmed: false,
             link_up: false,
             link_returned: false,
             shown: None,
         }
+    }
+
+    /// Its modes.
+    pub(crate) fn modes(&self) -> &'static Modes {
+        self.modes
+    }
+
+    /// The mode in which setpoints go through.
+    pub(crate) fn guided_mode(&self) -> u32 {
+        self.guided
     }
 
     pub(crate) fn control(&self) -> &ControlState {
@@ -145,7 +161,7 @@ impl Authority {
     pub(crate) fn doing(&self) -> String {
         let mode = self
             .shown
-            .map_or_else(|| "mode unknown".into(), |s| mode_name(s.custom_mode));
+            .map_or_else(|| "mode unknown".into(), |s| self.modes.name(s.custom_mode));
         if let Some(why) = self.watched {
             return format!("{why}: watched, not commanded");
         }
@@ -161,7 +177,10 @@ impl Authority {
                 "another ground station has it until an explicit hand-back".into()
             }
             BridgePhase::Pilot => format!("the pilot has it in {mode} until an explicit hand-back"),
-            BridgePhase::HandingBack => format!("handed back, GUIDED asked for, still {mode}"),
+            BridgePhase::HandingBack => {
+                let guided = self.modes.short_name(self.guided);
+                format!("handed back, {guided} asked for, still {mode}")
+            }
             BridgePhase::Guardian => format!("goes home in {mode}"),
             BridgePhase::Watched => String::new(),
         }
@@ -174,7 +193,7 @@ impl Authority {
         outcome
     }
 
-    /// A danger while a hand-back waits for GUIDED: it is the Guardian's now.
+    /// A danger while a hand-back waits for its mode: it is the Guardian's now.
     fn give_up_hand_back(&mut self) {
         if self.task == BridgeTask::HandingBack && self.control.dangers().next().is_some() {
             self.task = BridgeTask::Guided;
@@ -205,7 +224,7 @@ impl Authority {
 
     /// The Guardian brings it home.
     pub(crate) fn go_home(&mut self) {
-        self.request_mode(RTL);
+        self.request_mode(self.modes.home);
     }
 
     /// A hand-back on the ground, which nobody has to confirm.
@@ -217,7 +236,7 @@ impl Authority {
     }
 
     /// A hand-back in the air: refused, or given to the Guardian, while a danger lasts, else
-    /// done when GUIDED is shown.
+    /// done when the mode for setpoints is shown.
     pub(crate) fn hand_back(&mut self) -> ControlOutcome {
         if self.control.dangers().next().is_some() {
             // Until the Guardian has asked for its own, it may stay in the mode in which it was given.
@@ -228,14 +247,14 @@ impl Authority {
             return self.control.handle(ControlEvent::HandBack);
         }
         self.task = BridgeTask::HandingBack;
-        self.request_mode(GUIDED);
+        self.request_mode(self.guided);
         self.confirm_hand_back();
         ControlOutcome::Taken
     }
 
-    /// Takes the vehicle back if GUIDED is shown after a hand-back.
+    /// Takes the vehicle back if the mode for setpoints is shown after a hand-back.
     fn confirm_hand_back(&mut self) {
-        let guided = self.shown.is_some_and(|s| s.custom_mode == GUIDED);
+        let guided = self.shown.is_some_and(|s| s.custom_mode == self.guided);
         if self.task == BridgeTask::HandingBack && guided {
             self.task = BridgeTask::Guided;
             self.control.handle(ControlEvent::HandBack);
@@ -250,7 +269,7 @@ impl Authority {
         // The vehicle stays as it was: what had been begun is taken back, so that the next setpoint
         // may try again.
         self.task = match self.task {
-            BridgeTask::TakeOff if self.mode_requested != GUIDED => BridgeTask::Ground,
+            BridgeTask::TakeOff if self.mode_requested != self.guided => BridgeTask::Ground,
             BridgeTask::Landing | BridgeTask::HandingBack => BridgeTask::Guided,
             other => other,
         };
@@ -265,7 +284,7 @@ impl Authority {
         self.control.handle(ControlEvent::Takeover);
     }
 
-    /// Another ground station has sent it elsewhere in GUIDED.
+    /// Another ground station has sent it elsewhere in the mode for setpoints.
     pub(crate) fn taken_by_station(&mut self) {
         self.takeover();
         self.by_station = true;
@@ -319,7 +338,7 @@ impl Authority {
         if phase == before {
             return None;
         }
-        let mode = mode_name(shown.custom_mode);
+        let mode = self.modes.name(shown.custom_mode);
         let (severity, code, text) = match phase {
             BridgePhase::Pilot => (
                 Severity::Warning,
@@ -337,7 +356,10 @@ impl Authority {
             BridgePhase::Guided => (
                 Severity::Info,
                 "guided",
-                "in GUIDED: setpoints go through".into(),
+                format!(
+                    "in {}: setpoints go through",
+                    self.modes.short_name(self.guided)
+                ),
             ),
             BridgePhase::Ground => (Severity::Info, "landed", "on the ground, disarmed".into()),
             _ => return None,
@@ -369,7 +391,7 @@ impl Authority {
         match (self.control.level(), self.task) {
             // Its pilot's remote control is silent, and its own failsafe has it.
             (ControlLevel::Pilot, _)
-                if is_homeward(mode)
+                if self.modes.is_homeward(mode)
                     && (shown.failsafe
                         || (shown.cause.is_some() && self.since_takeover < CAUSE_WITHIN)) =>
             {
@@ -383,33 +405,48 @@ impl Authority {
             (_, BridgeTask::HandingBack) => {}
             // Whatever comes after him, a mode that he has left is nobody's.
             (ControlLevel::Pilot, _) => (self.mode_requested, self.confirmed) = (NO_MODE, true),
-            (ControlLevel::Guardian, _) if self.is_as_requested(mode) || is_homeward(mode) => {}
+            (ControlLevel::Guardian, _)
+                if self.is_as_requested(mode) || self.modes.is_homeward(mode) => {}
             (ControlLevel::Guardian, _) if !shown.airborne && !shown.armed => {}
             (ControlLevel::Guardian, _) => self.takeover(),
             (ControlLevel::Automatic, BridgeTask::Ground) if !shown.airborne => {}
-            // Found in the air: in GUIDED it awaits setpoints, in any other mode it is not ours.
-            (ControlLevel::Automatic, BridgeTask::Ground) if mode == GUIDED => self.guided(),
-            (ControlLevel::Automatic, BridgeTask::Ground) => self.takeover(),
-            (ControlLevel::Automatic, BridgeTask::TakeOff)
-                if mode == GUIDED && self.mode_requested == GUIDED =>
+            // Found in the air: in a mode that is for ground stations alone it awaits setpoints, in any other it is
+            // not ours.
+            (ControlLevel::Automatic, BridgeTask::Ground)
+                if mode == self.guided
+                    && !(mode == self.modes.places && self.modes.places_is_pilots) =>
             {
                 self.guided();
             }
+            (ControlLevel::Automatic, BridgeTask::Ground) => self.takeover(),
+            (ControlLevel::Automatic, BridgeTask::TakeOff)
+                if mode == self.guided
+                    && (self.mode_requested == self.guided || self.ends_take_off(mode)) =>
+            {
+                self.guided();
+            }
+            (ControlLevel::Automatic, BridgeTask::TakeOff) if self.ends_take_off(mode) => {}
             (ControlLevel::Automatic, _) if self.is_as_requested(mode) => {}
             (ControlLevel::Automatic, _) => self.taken_over(shown),
         }
     }
 
+    /// Whether the vehicle has gone on by itself to `mode` after the climb of its take-off.
+    fn ends_take_off(&self, mode: u32) -> bool {
+        let climbed = self.confirmed || self.mode_requested == self.guided;
+        climbed && self.modes.after_take_off == Some(mode)
+    }
+
     fn guided(&mut self) {
         self.task = BridgeTask::Guided;
-        (self.mode_requested, self.confirmed) = (GUIDED, true);
+        (self.mode_requested, self.confirmed) = (self.guided, true);
     }
 
     /// Somebody else has changed the mode: the vehicle itself only if that mode brings it home, for a
     /// failsafe may last while its pilot flies in a mode of his own.
     fn taken_over(&mut self, shown: HeartbeatState) {
         let by_itself = shown.failsafe || shown.cause.is_some() || self.link_returned;
-        if by_itself && is_homeward(shown.custom_mode) {
+        if by_itself && self.modes.is_homeward(shown.custom_mode) {
             self.failsafe(shown);
         } else {
             self.takeover();
@@ -447,9 +484,4 @@ impl Authority {
         (self.by_station, self.since_takeover) = (false, 0);
         self.control.handle(ControlEvent::Takeover);
     }
-}
-
-/// Modes in which ArduPlane brings itself home.
-pub(crate) fn is_homeward(mode: u32) -> bool {
-    matches!(mode, CIRCLE | AUTO | RTL | AUTOLAND)
 }

@@ -1,7 +1,9 @@
 //! The bridge itself: what comes in, what goes out, when.
 
+pub(crate) mod attitude;
 mod causes;
 pub(crate) mod checklist;
+mod fence;
 pub(crate) mod gas;
 mod identity;
 mod paths;
@@ -10,19 +12,22 @@ mod rates;
 mod receiving;
 mod steering;
 
+use self::attitude::Stream;
 use self::causes::Causes;
 use self::checklist::{Checklist, Expectation};
+use self::fence::FenceExchange;
 use self::gas::{GasHeard, GasInput};
 use self::identity::Identity;
 use self::paths::Paths;
 use self::placement::Placement;
 use self::rates::Rates;
-use crate::arduplane::GUIDED;
+use crate::arduplane::ARDUPLANE;
 use crate::authority::{Authority, BridgePhase};
-use crate::command_queue::{CommandQueue, VehicleCommand};
+use crate::command_queue::CommandQueue;
 use crate::dialect::{HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType};
 use crate::error::BridgeError;
 use crate::event::event;
+use crate::profile::Profile;
 use crate::telemetry::Telemetry;
 use crate::wire::signing::{Signing, SigningConfig};
 use crate::wire::{FrameEncoder, LinkStatistics};
@@ -40,6 +45,8 @@ const HEARTBEAT_NS: i64 = 1_000_000_000;
 /// How a bridge behaves. [`BridgeConfig::default`] suits a real ArduPlane.
 #[derive(Debug, Clone)]
 pub struct BridgeConfig {
+    /// The autopilot that is commanded; any other is watched.
+    pub profile: &'static Profile,
     /// Own system id, that of a ground station; the vehicle's failsafe listens for this one.
     pub system_id: u8,
     /// Own component id.
@@ -56,12 +63,17 @@ pub struct BridgeConfig {
     pub gas_inputs: Vec<GasInput>,
     /// What the mission expects of the vehicle, for the checklist before anything is commanded; none: no list.
     pub expectation: Option<Expectation>,
+    /// Whether the team's outer loop flies it by attitude and thrust ([`Bridge::attitude`]); else it flies to places by
+    /// its own.
+    pub attitude_targets: bool,
     /// Nothing at all is sent: no heartbeat, no request, no command.
     pub listen_only: bool,
-    /// Nothing but questions for parameters is sent; what else would be is told.
+    /// Nothing but questions for parameters and the fence is sent; what else would be is told.
     pub dry_run: bool,
     /// Whether parameters that the checklist finds wrong are set on board.
     pub set_parameters: bool,
+    /// Whether the mission's fence is put on board where another one or none is there, on the ground.
+    pub set_fence: bool,
     /// Whether the bridge may arm the motor at take-off. Off by default: a person does that.
     pub may_arm: bool,
     /// Rate of position, attitude and airspeed asked for, 1/s (1 to 50).
@@ -72,8 +84,8 @@ pub struct BridgeConfig {
     pub ack_timeout_s: f64,
     /// How often a command is sent before it is given up.
     pub attempts: u32,
-    /// Height above home at which GUIDED follows TAKEOFF if the vehicle does not report its
-    /// TKOFF_ALT, m.
+    /// Height above home at which the mode for setpoints follows the take-off if the vehicle does not report
+    /// the altitude of that, m.
     pub guided_above_home_m: f64,
     /// Key shared with the vehicle: frames out are signed, unsigned ones in are refused.
     pub signing: Option<SigningConfig>,
@@ -82,6 +94,7 @@ pub struct BridgeConfig {
 impl Default for BridgeConfig {
     fn default() -> Self {
         Self {
+            profile: &ARDUPLANE,
             system_id: 255,
             component_id: 190, // MAV_COMP_ID_MISSIONPLANNER: a ground station
             vehicle_system_id: None,
@@ -90,9 +103,11 @@ impl Default for BridgeConfig {
             gas: Gas::Co2,
             gas_inputs: Vec::new(),
             expectation: None,
+            attitude_targets: false,
             listen_only: false,
             dry_run: false,
             set_parameters: false,
+            set_fence: false,
             may_arm: false,
             telemetry_hz: 10.0,
             link_timeout_s: 5.0,
@@ -201,8 +216,12 @@ pub struct Bridge {
     gas: GasHeard,
     causes: Causes,
     checklist: Checklist,
+    fence: FenceExchange,
     rates: Rates,
     placement: Placement,
+    stream: Stream,
+    /// A hand-back waits with its mode until attitudes are there.
+    mode_waits: bool,
     /// Frames that could not be read or were refused.
     lost: LinkStatistics,
     /// What was told of the link last, and when.
@@ -241,7 +260,13 @@ impl Bridge {
     /// [`BridgeError::OutOfRange`].
     pub fn new(config: BridgeConfig) -> Result<Self, BridgeError> {
         let config = config.validated()?;
-        let mut authority = Authority::new();
+        let modes = &config.profile.modes;
+        let guided = if config.attitude_targets {
+            modes.attitudes
+        } else {
+            modes.places
+        };
+        let mut authority = Authority::new(modes, guided);
         if config.listen_only {
             authority.watch("listened to only");
         }
@@ -249,15 +274,18 @@ impl Bridge {
             paths: Paths::default(),
             encoder: FrameEncoder::new(config.system_id, config.component_id),
             signing: config.signing.clone().map(Signing::new),
-            telemetry: Telemetry::new(config.atmosphere),
+            telemetry: Telemetry::new(config.atmosphere, config.profile.commands.active_flies),
             authority,
             commands: CommandQueue::default(),
             identity: Identity::new(&config),
             gas: GasHeard::new(&config),
             causes: Causes::default(),
             checklist: Checklist::new(&config),
+            fence: FenceExchange::new(config.expectation.as_ref().map_or(&[], |e| &e.fence)),
             rates: Rates::default(),
             placement: Placement::default(),
+            stream: Stream::default(),
+            mode_waits: false,
             lost: LinkStatistics::default(),
             told: (SimTime::ZERO, LinkStatistics::default()),
             next_heartbeat: SimTime::from_ns(i64::MIN),
@@ -284,6 +312,22 @@ impl Bridge {
     /// From now on frames out are signed, and frames in that are not are refused.
     pub fn sign(&mut self, config: SigningConfig) {
         self.signing = Some(Signing::new(config));
+    }
+
+    /// The vehicle's system that was asked for.
+    pub fn system_id(&self) -> Option<u8> {
+        self.config.vehicle_system_id
+    }
+
+    /// Whether the vehicle was ever heard.
+    pub fn is_heard(&self) -> bool {
+        self.heartbeat_at.is_some()
+    }
+
+    /// Takes in what has come over its links so far that was no frame, where somebody else has looked for the
+    /// frames and handed on those alone.
+    pub fn no_frames(&mut self, so_far: LinkStatistics) {
+        self.paths.no_frames(so_far);
     }
 
     /// What has gone over the link so far.
@@ -319,7 +363,7 @@ impl Bridge {
             && self.checklist.is_done()
     }
 
-    /// Whether GUIDED has been asked for upon a hand-back and the vehicle has not shown it yet;
+    /// Whether the mode for setpoints has been asked for upon a hand-back and the vehicle has not shown it yet;
     /// until then the level is still the pilot's.
     pub fn hand_back_pending(&self) -> bool {
         self.authority.phase() == BridgePhase::HandingBack
@@ -358,7 +402,9 @@ impl Bridge {
         self.gas.pause(pause_ns, now);
         self.check_timeouts(now, out);
         self.check_placement(now, out);
+        self.check_attitudes(now, out);
         self.report_link(now, out);
+        self.exchange_fence(now, out);
         self.go_through_checklist(now, out);
         self.continue_phase(now, out);
         if now >= self.next_heartbeat {
@@ -437,7 +483,7 @@ impl Bridge {
             }
             (phase, _) => {
                 let why = match phase {
-                    BridgePhase::HandingBack => "the vehicle is not in GUIDED yet",
+                    BridgePhase::HandingBack => "the vehicle has not taken the hand-back yet",
                     BridgePhase::Guardian => "the Guardian flies",
                     BridgePhase::Watched => "the vehicle is watched only",
                     _ => "a pilot flies",
@@ -447,7 +493,7 @@ impl Bridge {
         }
     }
 
-    /// The pilot, or whoever answers for the vehicle, gives it back to automatic flight: GUIDED
+    /// The pilot, or whoever answers for the vehicle, gives it back to automatic flight: the mode for setpoints
     /// is asked for once, and setpoints go through when the vehicle shows it. The answer is an event:
     /// `hand-back` or `guided` if it is done, `hand-back-refused` or `hand-back-failed` if not.
     pub fn hand_back(&mut self, out: &mut BridgeOutput) {
@@ -486,12 +532,11 @@ impl Bridge {
                 self.on_phase(phase);
                 match phase {
                     BridgePhase::HandingBack => {
-                        // Once only: a repetition could cross the pilot's next change of mind.
-                        self.commands.push(VehicleCommand::Mode {
-                            mode: GUIDED,
-                            attempts: 1,
-                        });
-                        let text = "handed back: GUIDED asked for";
+                        // Asked for once it is ready for it.
+                        self.mode_waits = true;
+                        let mode = self.authority.guided_mode();
+                        let name = self.authority.modes().short_name(mode);
+                        let text = format!("handed back: {name} asked for");
                         out.events
                             .push(event(Severity::Info, "hand-back-pending", text));
                     }

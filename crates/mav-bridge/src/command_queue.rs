@@ -3,11 +3,11 @@
 //! An acknowledgement names only the kind of command, so a second command of a kind waits for
 //! the answer to the first; a newer one of the same purpose replaces the one that waits.
 
-use crate::arduplane;
 use crate::dialect::{
     COMMAND_INT_DATA, COMMAND_LONG_DATA, MavCmd, MavFrame, MavParamType, MavResult,
     PARAM_REQUEST_READ_DATA, PARAM_SET_DATA,
 };
+use crate::profile::Profile;
 use protocol::SimTime;
 use std::collections::VecDeque;
 
@@ -26,6 +26,8 @@ pub(crate) enum VehicleCommand {
         lon_1e7: i32,
         alt_amsl_m: f32,
         radius_m: f32,
+        /// Where a place carries it.
+        equivalent_airspeed_m_s: Option<f32>,
     },
     Speed {
         equivalent_airspeed_m_s: f32,
@@ -88,10 +90,10 @@ impl VehicleCommand {
     }
 
     /// Its name, for people.
-    pub(crate) fn name(&self) -> String {
+    pub(crate) fn name(&self, profile: &Profile) -> String {
         match self {
             Self::Arm => "arming".into(),
-            Self::Mode { mode, .. } => format!("mode {}", arduplane::mode_name(*mode)),
+            Self::Mode { mode, .. } => format!("mode {}", profile.modes.name(*mode)),
             Self::LandStart => "the landing sequence".into(),
             Self::Reposition { .. } => "a setpoint (DO_REPOSITION)".into(),
             Self::Speed { .. } => "an airspeed (DO_CHANGE_SPEED)".into(),
@@ -102,7 +104,12 @@ impl VehicleCommand {
     }
 
     /// The message to a system and its component; `sent` is how often it was sent before.
-    pub(crate) fn message(&self, (system, component): (u8, u8), sent: u32) -> CommandMessage {
+    pub(crate) fn message(
+        &self,
+        (system, component): (u8, u8),
+        sent: u32,
+        profile: &Profile,
+    ) -> CommandMessage {
         let long = |p: [f32; 3]| {
             CommandMessage::Long(COMMAND_LONG_DATA {
                 param1: p[0],
@@ -118,7 +125,10 @@ impl VehicleCommand {
         match *self {
             Self::Arm => long([1.0, 0.0, 0.0]),
             // param1: MAV_MODE_FLAG_CUSTOM_MODE_ENABLED.
-            Self::Mode { mode, .. } => long([1.0, mode as f32, 0.0]),
+            Self::Mode { mode, .. } => {
+                let [main, sub] = profile.modes.parameters(mode);
+                long([1.0, main, sub])
+            }
             Self::LandStart => long([0.0; 3]),
             // param1: 0 is airspeed; param3: throttle unchanged.
             Self::Speed {
@@ -132,11 +142,12 @@ impl VehicleCommand {
                 lon_1e7,
                 alt_amsl_m,
                 radius_m,
+                equivalent_airspeed_m_s,
             } => CommandMessage::Int(COMMAND_INT_DATA {
-                param1: -1.0, // speed: as it is
-                param2: 0.0,  // never 1: that would change the mode, against a pilot too
+                param1: equivalent_airspeed_m_s.unwrap_or(-1.0), // below 0: as it is
+                param2: 0.0, // never 1: that would change the mode, against a pilot too
                 param3: radius_m,
-                param4: 0.0, // clockwise
+                param4: profile.commands.reposition_4,
                 x: lat_1e7,
                 y: lon_1e7,
                 z: alt_amsl_m,
@@ -146,14 +157,23 @@ impl VehicleCommand {
                 frame: MavFrame::MAV_FRAME_GLOBAL,
                 ..COMMAND_INT_DATA::default()
             }),
-            // ArduPilot knows the types of its parameters and takes any.
-            Self::SetParameter { name, value } => CommandMessage::Set(PARAM_SET_DATA {
-                param_value: value as f32,
-                target_system: system,
-                target_component: component,
-                param_id: name.into(),
-                param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
-            }),
+            // ArduPilot knows the types of its parameters and takes any; all that are set are whole numbers.
+            Self::SetParameter { name, value } => {
+                let as_bytes = profile.commands.parameters_as_bytes;
+                let (param_value, param_type) = if as_bytes {
+                    let bits = (value as i32).cast_unsigned();
+                    (f32::from_bits(bits), MavParamType::MAV_PARAM_TYPE_INT32)
+                } else {
+                    (value as f32, MavParamType::MAV_PARAM_TYPE_REAL32)
+                };
+                CommandMessage::Set(PARAM_SET_DATA {
+                    param_value,
+                    target_system: system,
+                    target_component: component,
+                    param_id: name.into(),
+                    param_type,
+                })
+            }
             Self::Parameter(name) => CommandMessage::Read(PARAM_REQUEST_READ_DATA {
                 param_index: -1,
                 target_system: system,

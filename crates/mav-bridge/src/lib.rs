@@ -1,10 +1,11 @@
-//! MAVLink 2 frames of an ArduPlane to and from what Plumage's agents say: state, reading,
+//! MAVLink 2 frames of an autopilot to and from what Plumage's agents say: state, reading,
 //! who flies, events; setpoints as commands.
 //!
 //! [`Bridge`] is pure: bytes and the time come in as arguments, frames and messages go out in a
 //! [`BridgeOutput`]. It knows no socket, clock, file, environment or global random number. Behind
 //! the feature `link` (off by default), the module `link` carries bytes over UDP, TCP and serial ports.
-//! [`wire`] finds, writes and signs frames; [`arduplane`] holds what is ArduPlane's own.
+//! [`wire`] finds, writes and signs frames; [`profile`] says in which an autopilot differs from others, and
+//! [`arduplane`] and [`px4`] are the two that can be commanded.
 //!
 //! A bridge presents itself as a ground station before anything is heard:
 //!
@@ -37,8 +38,8 @@
 //!
 //! Who flies is decided by [`protocol::control_level`], from what the vehicle shows and what
 //! is given to [`Bridge::handle`]. The bridge never changes the mode of a vehicle that a pilot flies:
-//! GUIDED is asked for once after TAKEOFF, and again only upon [`Bridge::hand_back`]; a vehicle in
-//! danger that still flies in a mode of the bridge's asking is sent home (RTL).
+//! GUIDED (of PX4 Hold) is asked for once after the take-off, and again only upon [`Bridge::hand_back`]; a vehicle in
+//! danger that still flies in a mode of the bridge's asking is sent home (RTL, of PX4 Return).
 
 pub mod arduplane;
 mod authority;
@@ -48,9 +49,12 @@ mod error;
 mod event;
 #[cfg(feature = "link")]
 pub mod link;
+pub mod profile;
+pub mod px4;
 mod telemetry;
 pub mod wire;
 
+pub use bridge::attitude::AttitudeTarget;
 pub use bridge::checklist::Expectation;
 pub use bridge::gas::{GasClock, GasInput};
 pub use bridge::{Bridge, BridgeConfig, BridgeOutput};

@@ -3,7 +3,7 @@
 use crate::dialect::{
     AIRSPEED_DATA, ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA,
     HEARTBEAT_DATA, HYGROMETER_SENSOR_DATA, MavLandedState, MavModeFlag, MavState,
-    SCALED_PRESSURE_DATA, VFR_HUD_DATA, WIND_DATA,
+    SCALED_PRESSURE_DATA, VFR_HUD_DATA, WIND_COV_DATA, WIND_DATA,
 };
 use air::geo::{Geodetic, wrap_deg};
 use air::isa::{Air, Atmosphere};
@@ -35,6 +35,8 @@ type Received<T> = Option<(SimTime, T)>;
 #[derive(Debug, Clone)]
 pub(crate) struct Telemetry {
     atmosphere: Atmosphere,
+    /// Whether MAV_STATE_ACTIVE means that it flies.
+    active_flies: bool,
     pub heartbeat: Received<HEARTBEAT_DATA>,
     pub position: Received<GLOBAL_POSITION_INT_DATA>,
     /// The last positions in order of the vehicle's time.
@@ -58,9 +60,10 @@ fn fresh<T>(received: &Received<T>, now: SimTime, lasts_s: f64) -> Option<&T> {
 }
 
 impl Telemetry {
-    pub(crate) fn new(atmosphere: Atmosphere) -> Self {
+    pub(crate) fn new(atmosphere: Atmosphere, active_flies: bool) -> Self {
         Self {
             atmosphere,
+            active_flies,
             heartbeat: None,
             position: None,
             positions: VecDeque::new(),
@@ -115,6 +118,18 @@ impl Telemetry {
         newer
     }
 
+    /// Takes in a wind by its velocity.
+    pub(crate) fn take_wind(&mut self, m: &WIND_COV_DATA, now: SimTime) {
+        self.wind = Some((
+            now,
+            WIND_DATA {
+                direction: (-m.wind_y).atan2(-m.wind_x).to_degrees(),
+                speed: m.wind_x.hypot(m.wind_y),
+                speed_z: m.wind_z,
+            },
+        ));
+    }
+
     /// The vehicle has started anew, and its clock with it.
     pub(crate) fn restarted(&mut self) {
         self.positions.clear();
@@ -158,7 +173,7 @@ impl Telemetry {
     }
 
     /// Whether it flies: by EXTENDED_SYS_STATE if it is sent, else by the heartbeat's status
-    /// (ArduPlane: ACTIVE in flight, STANDBY on the ground), else by speed and height.
+    /// (ArduPlane: ACTIVE in flight, STANDBY on the ground; PX4 is ACTIVE when armed), else by speed and height.
     pub(crate) fn airborne(&self, now: SimTime) -> bool {
         if let Some(state) = fresh(&self.landed, now, LANDED_LASTS_S) {
             match state.landed_state {
@@ -172,8 +187,12 @@ impl Telemetry {
             }
         }
         match self.heartbeat.as_ref().map(|(_, h)| h.system_status) {
-            Some(MavState::MAV_STATE_ACTIVE) => true,
-            Some(MavState::MAV_STATE_CRITICAL | MavState::MAV_STATE_EMERGENCY) => {
+            Some(MavState::MAV_STATE_ACTIVE) if self.active_flies => true,
+            Some(
+                MavState::MAV_STATE_ACTIVE
+                | MavState::MAV_STATE_CRITICAL
+                | MavState::MAV_STATE_EMERGENCY,
+            ) => {
                 let speed = self.hud.as_ref().map_or(0.0, |(_, h)| h.groundspeed);
                 speed > 5.0 && self.above_home_m().is_some_and(|h| h > 5.0)
             }

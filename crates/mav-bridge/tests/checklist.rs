@@ -76,6 +76,7 @@ fn expectation() -> Expectation {
         least_over_ground_m_s: 3.0,
         wind_m_s: 9.0,
         stack_top_amsl_m: 696.0,
+        fence: Vec::new(),
     }
 }
 
@@ -199,7 +200,7 @@ fn a_vehicle_that_is_ready_takes_off_at_once() {
     bench.run(2.0, &mut ready());
     assert!(bench.wrong().is_empty(), "{:#?}", bench.out.events);
     let list = bench.out.events.iter().filter(|e| e.code == "checklist");
-    assert_eq!(list.count(), 16, "fifteen points and the whole");
+    assert_eq!(list.count(), 17, "sixteen points and the whole");
     assert!(bench.takes_off());
     let written = |m: &MavMessage| matches!(m, MavMessage::PARAM_SET(_));
     assert!(!bench.sent().iter().any(written));
@@ -208,7 +209,7 @@ fn a_vehicle_that_is_ready_takes_off_at_once() {
 #[test]
 fn each_point_is_told_when_it_is_wrong() {
     type Change = fn(&mut Ground);
-    let cases: [(&str, Change); 12] = [
+    let cases: [(&str, Change); 14] = [
         ("gps", |g| g.gps.satellites_visible = 5),
         ("battery", |g| g.status.battery_remaining = 40),
         ("battery", |g| g.status.battery_remaining = -1),
@@ -222,6 +223,8 @@ fn each_point_is_told_when_it_is_wrong() {
         ("link failsafe", |g| g.parameters[0].1 = 0.0),
         ("failsafe's action", |g| g.parameters[1].1 = 0.0),
         ("ground station", |g| g.parameters[2].1 = 252.0),
+        ("fence on board", |g| g.parameters[3].1 = 0.0),
+        ("outside its fence", |g| g.parameters[4].1 = 0.0),
         // The stack ends 355 m above home.
         ("way home", |g| g.parameters[5].1 = 100.0),
         ("landing", |g| g.parameters[6].1 = 0.0),
@@ -298,10 +301,11 @@ fn what_a_vehicle_does_not_tell_is_doubtful_and_keeps_nobody() {
         bench.wrong(),
         [
             "airspeed",
-            "failsafe's action",
             "ground station",
-            "fence on board",
             "way home",
+            "failsafe's action",
+            "fence on board",
+            "outside its fence",
             "landing"
         ]
     );

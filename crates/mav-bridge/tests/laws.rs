@@ -8,7 +8,7 @@ use mav_bridge::dialect::{
     STATUSTEXT_DATA, VFR_HUD_DATA,
 };
 use mav_bridge::wire::{CommandAck, FrameDecoder, FrameEncoder};
-use mav_bridge::{Bridge, BridgeConfig, BridgeOutput};
+use mav_bridge::{AttitudeTarget, Bridge, BridgeConfig, BridgeOutput};
 use proptest::prelude::*;
 use protocol::SimTime;
 use protocol::control_level::{ControlEvent, Danger};
@@ -178,8 +178,11 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(10_000))]
 
     #[test]
-    fn nothing_overrides_the_pilot(events in prop::collection::vec(happening(), 1..60)) {
-        let mut world = World::new();
+    fn nothing_overrides_the_pilot(
+        attitude_targets in any::<bool>(),
+        events in prop::collection::vec(happening(), 1..60),
+    ) {
+        let mut world = World::new(attitude_targets);
         for happening in events {
             world.happen(happening)?;
         }
@@ -205,8 +208,9 @@ struct World {
 }
 
 impl World {
-    fn new() -> Self {
+    fn new(attitude_targets: bool) -> Self {
         let config = BridgeConfig {
+            attitude_targets,
             may_arm: true,
             vehicle_system_id: Some(1),
             ..BridgeConfig::default()
@@ -316,7 +320,17 @@ impl World {
     }
 
     fn check(&mut self, out: &mut BridgeOutput) -> Result<(), TestCaseError> {
-        self.bridge.tick(s(self.time_s), out);
+        // An outer loop that never rests: the bridge alone says when it counts.
+        let attitude = AttitudeTarget {
+            roll_rad: 0.3,
+            pitch_rad: 0.05,
+            yaw_rad: 1.0,
+            throttle: 0.5,
+        };
+        let now = s(self.time_s);
+        self.bridge.attitude(&attitude, now, out);
+        self.bridge.tick(now, out);
+        self.bridge.attitude(&attitude, now, out);
         if self.pilot {
             // Only the vehicle's own failsafe takes it from a pilot whose remote is silent.
             let told = self.time_s - self.told_at_s < 5.0;
@@ -456,7 +470,8 @@ fn command(frame: &[u8]) -> Option<u16> {
 }
 
 fn steers(frame: &[u8]) -> bool {
-    matches!(command(frame), Some(176 | 178 | 189 | 192 | 400))
+    let attitude = [frame[7], frame[8], frame[9]] == [82, 0, 0];
+    attitude || matches!(command(frame), Some(176 | 178 | 189 | 192 | 400))
 }
 
 fn changes_mode_by_reposition(frame: &[u8]) -> bool {
@@ -477,8 +492,8 @@ fn px4_is_told_apart_and_never_commanded() {
         ..HEARTBEAT_DATA::default()
     };
     bridge.receive(&encoder.encode(&px4, None, s(0.0)), s(0.0), &mut out);
-    let event = out.events.iter().find(|e| e.code == "not-an-arduplane");
-    assert!(event.unwrap().text.contains("PX4"));
+    let event = out.events.iter().find(|e| e.code == "other-autopilot");
+    assert!(event.unwrap().text.contains("autopilot = \"px4\""));
     bridge.setpoint(&setpoint(PathKind::GoTo, 0.0), s(0.1), &mut out);
     bridge.hand_back(&mut out);
     bridge.tick(s(0.2), &mut out);

@@ -3,16 +3,21 @@
 //! The team sees of it what any real aircraft would show.
 
 use crate::{MissionError, Setup, preflight};
+use mav_bridge::arduplane::ARDUPLANE;
+use mav_bridge::px4::PX4;
 use mav_bridge::signing::SigningConfig;
-use mav_bridge::{Bridge, BridgeConfig, BridgeOutput, Expectation, GasClock, GasInput};
+use mav_bridge::wire::LinkStatistics;
+use mav_bridge::{
+    AttitudeTarget, Bridge, BridgeConfig, BridgeOutput, Expectation, GasClock, GasInput,
+};
 use protocol::control_level::{ControlEvent, Danger};
 use protocol::key::Name;
 use protocol::message::{EventMessage, MavlinkFrame, Mode};
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
 use scenario::random::stream;
-use scenario::tables::GasTime;
+use scenario::tables::{AutopilotKind, GasTime, OuterLoopKind};
 use stand_in::StandIn;
-use va::{BridgeReport, BridgedVehicle, SafetyMonitor, VehicleBackend, VirtualAircraft};
+use va::{BridgeReport, BridgedVehicle, OuterLoop, SafetyMonitor, VehicleBackend, VirtualAircraft};
 
 /// What is at the far end of the MAVLink link.
 enum FarEnd {
@@ -31,6 +36,9 @@ pub struct LinkBuffers {
     pub to_vehicle: Vec<Vec<u8>>,
     /// The link that they go over but for those that go over all ([`mav_bridge::goes_over_all_links`]).
     pub best_link: usize,
+    /// What came over a link that several vehicles share and was no frame of anybody's, so that it is not among
+    /// the bytes: so far, and for one of the vehicles alone.
+    pub no_frames: LinkStatistics,
     /// What happened and a person at the vehicle should know at once.
     pub news: Vec<EventMessage>,
 }
@@ -46,6 +54,8 @@ pub struct LinkOptions {
     pub dry_run: bool,
     /// Whether parameters that the checklist finds wrong are set on board.
     pub set_parameters: bool,
+    /// Whether the mission's fence is put on board.
+    pub set_fence: bool,
     /// MAVLink system of the vehicle.
     pub system_id: Option<u8>,
     /// MAVLink component of its autopilot.
@@ -59,6 +69,8 @@ pub struct RealVehicle {
     va: VirtualAircraft,
     name: Name,
     bridge: Bridge,
+    /// Where the team's outer loop flies it.
+    outer_loop: Option<OuterLoop>,
     far_end: FarEnd,
     output: BridgeOutput,
     handed_back: bool,
@@ -101,6 +113,7 @@ impl RealVehicle {
             listen_only: options.listen_only,
             dry_run: options.dry_run,
             set_parameters: options.set_parameters,
+            set_fence: options.set_fence,
             expectation: Some(expectation(setup, index)?),
             vehicle_system_id: options.system_id.or(of_scenario.vehicle_system_id),
             vehicle_component_id: options
@@ -120,17 +133,32 @@ impl RealVehicle {
     ) -> Result<Self, MissionError> {
         let watch = SafetyMonitor::new(&setup.scenario, index)?;
         let name = setup.name_of(index)?;
-        let surfaces = setup.aircraft_of(index)?.surfaces;
-        let body = VehicleBackend::Bridged(Box::new(BridgedVehicle::new(surfaces)));
+        let aircraft = setup.aircraft_of(index)?;
+        let body = BridgedVehicle::new(aircraft.surfaces);
+        let body = VehicleBackend::Bridged(Box::new(body));
+        let outer_loop = bridge
+            .attitude_targets
+            .then(|| OuterLoop::new(&setup.scenario, aircraft));
         Ok(Self {
             va: VirtualAircraft::new(name, body, watch)?,
             name: Name::new(name)?,
             bridge: Bridge::new(bridge)?,
+            outer_loop: outer_loop.transpose()?,
             far_end,
             output: BridgeOutput::default(),
             handed_back: false,
             over: false,
         })
+    }
+
+    /// The MAVLink system that was asked for; none where the one that is heard is taken.
+    pub fn system_id(&self) -> Option<u8> {
+        self.bridge.system_id()
+    }
+
+    /// Whether its autopilot was ever heard.
+    pub fn is_heard(&self) -> bool {
+        self.bridge.is_heard()
     }
 
     /// From now on frames to the vehicle are signed, and unsigned ones from it refused.
@@ -210,6 +238,12 @@ impl RealVehicle {
                 for bytes in &stand_in.step(now, &to_vehicle) {
                     self.bridge.receive(bytes, now, &mut self.output);
                 }
+                steer(
+                    &mut self.bridge,
+                    self.outer_loop.as_mut(),
+                    now,
+                    &mut self.output,
+                );
                 // Answers to what was just heard go out at the next exchange.
                 let answers = std::mem::take(&mut self.output.frames_to_vehicle);
                 for bytes in &stand_in.step(now, &answers) {
@@ -218,11 +252,18 @@ impl RealVehicle {
                 [to_vehicle, answers].concat()
             }
             FarEnd::Link(buffers) => {
+                self.bridge.no_frames(buffers.no_frames);
                 // What has arrived is heard before a silence is judged.
                 for (link, bytes) in buffers.from_vehicle.drain(..) {
                     self.bridge
                         .receive_over(link, &bytes, now, &mut self.output);
                 }
+                steer(
+                    &mut self.bridge,
+                    self.outer_loop.as_mut(),
+                    now,
+                    &mut self.output,
+                );
                 self.bridge.tick(now, &mut self.output);
                 let to_vehicle = std::mem::take(&mut self.output.frames_to_vehicle);
                 buffers.best_link = self.bridge.best_link(now);
@@ -246,10 +287,41 @@ impl RealVehicle {
     }
 }
 
+/// Lets the team's outer loop, where it has the vehicle, answer the state that has just come.
+fn steer(
+    bridge: &mut Bridge,
+    outer_loop: Option<&mut OuterLoop>,
+    now: SimTime,
+    out: &mut BridgeOutput,
+) {
+    let Some(outer_loop) = outer_loop else {
+        return;
+    };
+    if !bridge.takes_attitudes() {
+        return outer_loop.rest();
+    }
+    let Some(state) = &out.state else {
+        return;
+    };
+    let yaw_rad = state.heading_deg.to_radians();
+    let wanted = outer_loop.step(state, bridge.steers_to(), now);
+    if let Some(wanted) = wanted {
+        let target = AttitudeTarget {
+            roll_rad: wanted.bank_rad,
+            pitch_rad: wanted.pitch_rad,
+            yaw_rad,
+            throttle: wanted.throttle,
+        };
+        bridge.attitude(&target, now, out);
+    }
+}
+
 /// What the mission expects of the vehicle at `index`.
 fn expectation(setup: &Setup, index: usize) -> Result<Expectation, MissionError> {
     let scenario = &setup.scenario;
     let stacks = scenario.sources.iter().map(|s| s.stack_height_m);
+    let frame = scenario.frame()?;
+    let corners = scenario.fence_polygon()?;
     Ok(Expectation {
         home: scenario.home(index)?,
         home_amsl_m: setup.ground_at_home_m(index)?,
@@ -257,6 +329,7 @@ fn expectation(setup: &Setup, index: usize) -> Result<Expectation, MissionError>
         least_over_ground_m_s: sc::controller::LEAST_OVER_GROUND_M_S,
         wind_m_s: preflight::strongest_wind_m_s(setup)?.1,
         stack_top_amsl_m: scenario.site.ground_amsl_m + stacks.fold(0.0, f64::max),
+        fence: corners.iter().map(|at| frame.to_geodetic(*at)).collect(),
     })
 }
 
@@ -283,6 +356,11 @@ fn bridge_config(setup: &Setup, index: usize) -> Result<BridgeConfig, MissionErr
             },
         });
     Ok(BridgeConfig {
+        profile: match vehicle.autopilot {
+            AutopilotKind::Ardupilot => &ARDUPLANE,
+            AutopilotKind::Px4 => &PX4,
+        },
+        attitude_targets: vehicle.outer_loop == OuterLoopKind::Plumage,
         atmosphere: scenario.atmosphere()?,
         gas,
         gas_inputs: inputs.collect(),

@@ -10,7 +10,7 @@ use mav_bridge::arduplane::{MAV_GCS_SYSID, SYSID_MYGCS};
 use plume::stability::Stability;
 use scenario::Scenario;
 use scenario::airspace::Airspace;
-use scenario::tables::{BUILT_IN_AIRCRAFT, VehicleKind};
+use scenario::tables::{BUILT_IN_AIRCRAFT, OuterLoopKind, VehicleKind};
 use scenario::weather::WeatherReports;
 use stand_in::{StandInConfig, TeamVehicle};
 use std::cell::RefCell;
@@ -194,6 +194,9 @@ impl Setup {
                 VehicleKind::Simulated
             };
             vehicle.forget_link();
+            if vehicle.kind == VehicleKind::Simulated {
+                vehicle.outer_loop = OuterLoopKind::default();
+            }
         }
         Ok(self)
     }

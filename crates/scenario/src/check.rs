@@ -1,8 +1,8 @@
 //! What a scenario must hold, checked once, with the line of what is wrong.
 
 use crate::tables::{
-    BackgroundTable, FenceTable, MissionTable, Scenario, SensorTable, SensorTables, SourceShape,
-    SourceTable, VehicleKind, VehicleTable, WeatherTable,
+    AutopilotKind, BackgroundTable, FenceTable, MissionTable, OuterLoopKind, Scenario, SensorTable,
+    SensorTables, SourceShape, SourceTable, VehicleKind, VehicleTable, WeatherTable,
 };
 use crate::{ScenarioError, line_and_column, uncertain};
 use plume::{Gas, Unit};
@@ -591,6 +591,7 @@ fn equipment(k: usize, vehicle: &VehicleTable) -> Checked {
         ("system_id", vehicle.system_id.is_some()),
         ("component_id", vehicle.component_id.is_some()),
         ("gcs_system_id", vehicle.gcs_system_id.is_some()),
+        ("autopilot", vehicle.autopilot != AutopilotKind::default()),
         ("gas", !vehicle.gas.is_empty()),
     ];
     let bridged = keys.iter().find(|(_, given)| *given);
@@ -599,6 +600,13 @@ fn equipment(k: usize, vehicle: &VehicleTable) -> Checked {
             format!("vehicle.{k}"),
             *key,
             "kind = \"mavlink\" with this key",
+        ));
+    }
+    if vehicle.kind == VehicleKind::Simulated && vehicle.outer_loop != OuterLoopKind::default() {
+        return Err(Refusal::new(
+            format!("vehicle.{k}"),
+            "outer_loop of a simulated vehicle",
+            "kind = \"mavlink\" or \"stand-in\"; a simulated one is flown by that loop as it is",
         ));
     }
     mavlink_ids(k, vehicle)?;

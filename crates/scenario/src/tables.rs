@@ -515,6 +515,28 @@ pub enum VehicleKind {
     Mavlink,
 }
 
+/// Which autopilot a `mavlink` vehicle has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AutopilotKind {
+    /// ArduPilot's ArduPlane.
+    #[default]
+    Ardupilot,
+    /// PX4 as a fixed wing.
+    Px4,
+}
+
+/// Whose outer loop flies a real vehicle, from set-points to bank, pitch and throttle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OuterLoopKind {
+    /// Its own autopilot's: it is sent places.
+    #[default]
+    Vehicle,
+    /// The one that simulated vehicles have: it is sent attitudes and thrust.
+    Plumage,
+}
+
 /// `[[vehicle]]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table")]
@@ -548,6 +570,12 @@ pub struct VehicleTable {
     /// MAVLink system of the ground station that commands it; 255 where left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gcs_system_id: Option<u8>,
+    /// The autopilot of a `mavlink` vehicle that is commanded; any other is watched.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub autopilot: AutopilotKind,
+    /// Whose outer loop flies a vehicle that is not simulated.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub outer_loop: OuterLoopKind,
     /// What the readings of a `mavlink` vehicle are called; by the gas' formula where left out.
     #[serde(
         default,
@@ -574,6 +602,7 @@ impl VehicleTable {
         self.link.clear();
         self.gas.clear();
         (self.system_id, self.component_id, self.gcs_system_id) = (None, None, None);
+        self.autopilot = AutopilotKind::default();
         (self.may_arm, self.signing_key) = (false, None);
     }
 }
@@ -615,6 +644,10 @@ pub enum GasTime {
 
 fn one() -> f64 {
     1.0
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// One value, or a list of them.
@@ -685,6 +718,8 @@ fn default_team() -> Vec<VehicleTable> {
             system_id: None,
             component_id: None,
             gcs_system_id: None,
+            autopilot: AutopilotKind::default(),
+            outer_loop: OuterLoopKind::default(),
             gas: Vec::new(),
             may_arm: false,
             signing_key: None,

@@ -9,7 +9,7 @@ use crate::parameters::{
 };
 use crate::reality::Reality;
 use air::geo::Enu;
-use fdm::autopilot::{Autopilot, Demand, Path, Sensed, Sticks};
+use fdm::autopilot::{Autopilot, Demand, HeldAttitude, Path, Sensed, Sticks};
 use fdm::{Aircraft, FdmError, FlightPhase, FlightSim, FlightState, SurfaceCommand};
 use mav_bridge::arduplane::{AUTO, CIRCLE, FBWA, GUIDED, LOITER, MANUAL, RTL, TAKEOFF, TKOFF_ALT};
 use rand::rngs::ChaCha8Rng;
@@ -22,6 +22,9 @@ const LOOP_S: f64 = 0.02;
 const LONGEST_PAUSE_S: f64 = 10.0;
 /// Height below TKOFF_ALT at which the climb of mode TAKEOFF is done, m.
 const CLIMB_DONE_M: f64 = 5.0;
+
+/// How long an attitude or a throttle that a ground station sends in GUIDED counts, s (ArduPlane, `mode_guided.cpp`).
+const HELD_S: f64 = 3.0;
 
 /// Farthest rally point that it returns to, m.
 const RALLY_WITHIN_M: f64 = 5000.0;
@@ -99,6 +102,8 @@ pub(crate) struct FlightController {
     climbing: bool,
     /// Where RTL leads.
     return_to: Option<Place>,
+    /// Bank and pitch (rad) and throttle that a ground station holds in GUIDED, with the time at which each came, s.
+    held: [Option<(f64, f64)>; 3],
 }
 
 impl FlightController {
@@ -139,6 +144,7 @@ impl FlightController {
             cruise_m_s,
             climbing: false,
             return_to: None,
+            held: [None; 3],
             sim,
         })
     }
@@ -256,6 +262,7 @@ impl FlightController {
             self.mode = mode;
             self.airspeed_m_s = self.cruise_m_s;
             self.climbing = mode == TAKEOFF;
+            self.held = [None; 3];
             self.return_to = None;
             self.loiter_here(parameters);
         }
@@ -327,6 +334,28 @@ impl FlightController {
         true
     }
 
+    /// Holds bank and pitch, rad, and throttle that a ground station sends in GUIDED; those that are none stay as they are.
+    pub(crate) fn hold(&mut self, sent: [Option<f64>; 3], time_s: f64) {
+        for (held, sent) in self.held.iter_mut().zip(sent) {
+            *held = sent.map(|value| (value, time_s)).or(*held);
+        }
+    }
+
+    /// What is held at `time_s`, if anything is.
+    fn held(&self, time_s: f64) -> Option<HeldAttitude> {
+        let lasts = |held: Option<(f64, f64)>| {
+            held.filter(|(_, at)| time_s - at < HELD_S)
+                .map(|(value, _)| value)
+        };
+        let [bank_rad, pitch_rad, throttle] = self.held.map(lasts);
+        let held = HeldAttitude {
+            bank_rad,
+            pitch_rad,
+            throttle,
+        };
+        (self.mode == GUIDED && held != HeldAttitude::default()).then_some(held)
+    }
+
     /// Flies for `dt_s` up to `time_s`.
     pub(crate) fn advance(
         &mut self,
@@ -368,7 +397,14 @@ impl FlightController {
             .estimator
             .sensed(&self.sim.sensed(), around.density_kg_m3);
         let mission_path = self.fly_mission(time_s, reality, orders);
-        let command = self.command(dt_s, mission_path, reality, orders);
+        let command = match self.held(time_s).filter(|_| self.armed) {
+            Some(held) => {
+                let demand = self.demand(mission_path, reality, orders);
+                self.autopilot
+                    .command_held(dt_s, &self.sensed, &demand, &held)
+            }
+            None => self.command(dt_s, mission_path, reality, orders),
+        };
         self.sim.step(dt_s, &around, &command);
         let landed = self.sim.state().phase == FlightPhase::OnGround;
         let landing = self.mode == AUTO && self.mission.is_landing(orders.mission);

@@ -404,23 +404,12 @@ impl SimulatedVehicle {
             self.setpoint = Some(hold_at(&self.frame, state, self.speed_m_s));
         }
         let setpoint = self.setpoint.as_ref()?;
-        let at = Geodetic {
-            lat_deg: setpoint.lat_deg,
-            lon_deg: setpoint.lon_deg,
-        };
-        let Enu { east_m, north_m } = self.frame.to_enu(at);
         let path = match setpoint.path {
             PathKind::TakeOff if !self.climbed_out => Path::TakeOff {
                 heading_deg: self.launch_heading_deg,
             },
-            PathKind::TakeOff | PathKind::GoTo => Path::GoTo { north_m, east_m },
-            PathKind::Orbit => Path::Orbit {
-                north_m,
-                east_m,
-                radius_m: setpoint.orbit_radius_m,
-                clockwise: true,
-            },
-            PathKind::Land => self.land_at(Enu { east_m, north_m }),
+            PathKind::Land => self.land_at(place_of(setpoint, &self.frame)),
+            _ => path_of(setpoint, &self.frame),
         };
         Some(Demand {
             path,
@@ -576,6 +565,27 @@ fn hold_at(frame: &LocalFrame, state: &FlightState, airspeed_m_s: f64) -> Setpoi
         alt_amsl_m: state.alt_amsl_m,
         airspeed_m_s,
         orbit_radius_m: WAITING_RADIUS_M,
+    }
+}
+
+fn place_of(setpoint: &Setpoint, frame: &LocalFrame) -> Enu {
+    frame.to_enu(Geodetic {
+        lat_deg: setpoint.lat_deg,
+        lon_deg: setpoint.lon_deg,
+    })
+}
+
+/// The path in flight that a setpoint means.
+pub(crate) fn path_of(setpoint: &Setpoint, frame: &LocalFrame) -> Path {
+    let Enu { east_m, north_m } = place_of(setpoint, frame);
+    match setpoint.path {
+        PathKind::Orbit => Path::Orbit {
+            north_m,
+            east_m,
+            radius_m: setpoint.orbit_radius_m,
+            clockwise: true,
+        },
+        _ => Path::GoTo { north_m, east_m },
     }
 }
 

@@ -25,9 +25,9 @@ impl RollLoop {
         self.bank.unwrap_or(0.0)
     }
 
-    /// Aileron, rad. The commanded bank is limited, also by what the airspeed carries, and moves
-    /// no faster than its rate limit; the integral stops at the aileron's stop.
-    pub fn step(
+    /// The bank that is commanded when `bank` is wanted, rad: limited, also by what the airspeed carries, and
+    /// moving no faster than its rate limit.
+    pub fn command(
         &mut self,
         dt: f64,
         sensed: &Sensed,
@@ -44,7 +44,20 @@ impl RollLoop {
         let before = self.bank.unwrap_or(sensed.roll_rad.clamp(-limit, limit));
         let command = before + (wanted - before).clamp(-most, most);
         self.bank = Some(command);
+        command
+    }
 
+    /// Aileron, rad; the integral stops at the aileron's stop.
+    pub fn step(
+        &mut self,
+        dt: f64,
+        sensed: &Sensed,
+        bank: f64,
+        plant: &Plant,
+        at: &OperatingPoint,
+        gains: &ControlGains,
+    ) -> f64 {
+        let command = self.command(dt, sensed, bank, plant, at, gains);
         let error = command - sensed.roll_rad;
         // The loop may roll faster than the command moves, so that it can catch up after a gust.
         let rate_limit = 1.5 * gains.bank_rate_max_deg_s.to_radians();

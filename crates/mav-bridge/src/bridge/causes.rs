@@ -2,6 +2,7 @@
 //! fence not even that; its texts, SYS_STATUS and FENCE_STATUS tell which one it is.
 
 use crate::dialect::{MavSysStatusSensor, SYS_STATUS_DATA};
+use crate::profile::Saying;
 use protocol::SimTime;
 use protocol::control_level::Danger;
 
@@ -32,25 +33,18 @@ pub(super) struct Causes {
 }
 
 impl Causes {
-    /// Takes in a text of the vehicle.
-    pub(super) fn text(&mut self, text: &str, now: SimTime) {
+    /// Takes in a text of the vehicle, whose words for causes are `sayings`.
+    pub(super) fn text(&mut self, text: &str, sayings: &[Saying], now: SimTime) {
         let text = text.to_lowercase();
-        let has = |part: &str| text.contains(part);
-        let over = has("clear") || has("failsafe off");
-        let danger = if has("fence") && (has("breach") || has("trigger")) {
-            self.fence_broken = !over;
-            Danger::Fence
-        } else if has("gcs failsafe") {
-            Danger::Bridge
-        } else if has("failsafe") && (has("rc ") || has("throttle") || has("radio")) {
-            Danger::Remote
-        } else if has("battery") && (has("is low") || has("is critical") || has("failsafe")) {
-            Danger::Battery
-        } else {
+        let over = ["clear", "failsafe off"].iter().any(|w| text.contains(w));
+        let Some(said) = sayings.iter().find(|saying| saying.is_in(&text)) else {
             return;
         };
+        if said.danger == Danger::Fence {
+            self.fence_broken = !over;
+        }
         if !over {
-            self.latest = Some((now, danger));
+            self.latest = Some((now, said.danger));
         }
     }
 

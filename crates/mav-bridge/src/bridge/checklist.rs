@@ -1,16 +1,13 @@
 //! What is looked at before anything is commanded, with what was found and what would be right.
 
 use super::BridgeConfig;
-use crate::arduplane::{
-    AIRSPEED_MAX, AIRSPEED_MIN, ALT_HOLD_RTL, ARSPD_FBW_MAX, ARSPD_FBW_MIN, FENCE_ACTION,
-    FENCE_ENABLE, FS_GCS_ENABL, FS_LONG_ACTN, MAV_GCS_SYSID, RTL_ALTITUDE, RTL_AUTOLAND,
-    SYSID_MYGCS, TKOFF_ALT, mode_name,
-};
+use super::fence::FenceOnBoard;
 use crate::dialect::{
-    EKF_STATUS_REPORT_DATA, EkfStatusFlags, GPS_RAW_INT_DATA, GpsFixType, HOME_POSITION_DATA,
-    MavSysStatusSensor, SYS_STATUS_DATA,
+    EkfStatusFlags, GPS_RAW_INT_DATA, GpsFixType, HOME_POSITION_DATA, MavSysStatusSensor,
+    SYS_STATUS_DATA,
 };
 use crate::event::event;
+use crate::profile::{Meaning, Parameters, Profile, Rule};
 use crate::telemetry::distance_m;
 use air::geo::Geodetic;
 use protocol::SimTime;
@@ -32,26 +29,8 @@ const GROUND_M: f64 = 16.0;
 /// ground.
 const OVER_STACK_M: f64 = 30.0;
 
-/// Parameters that the list asks for.
-pub(super) const PARAMETERS: [&str; 14] = [
-    FS_GCS_ENABL,
-    FS_LONG_ACTN,
-    TKOFF_ALT,
-    MAV_GCS_SYSID,
-    SYSID_MYGCS,
-    FENCE_ENABLE,
-    RTL_ALTITUDE,
-    ALT_HOLD_RTL,
-    RTL_AUTOLAND,
-    AIRSPEED_MIN,
-    AIRSPEED_MAX,
-    ARSPD_FBW_MIN,
-    ARSPD_FBW_MAX,
-    FENCE_ACTION,
-];
-
 /// What the mission expects of a vehicle.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Expectation {
     /// Its take-off and landing point.
     pub home: Geodetic,
@@ -65,6 +44,8 @@ pub struct Expectation {
     pub wind_m_s: f64,
     /// Top of the highest stack, m above mean sea level.
     pub stack_top_amsl_m: f64,
+    /// Corners of the mission's fence; where empty the one on board is not read.
+    pub fence: Vec<Geodetic>,
 }
 
 /// What came of one point.
@@ -89,33 +70,33 @@ pub(super) struct Point {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Told {
     pub gps: Option<GPS_RAW_INT_DATA>,
-    pub ekf: Option<EKF_STATUS_REPORT_DATA>,
+    pub ekf: Option<EkfStatusFlags>,
     pub status: Option<SYS_STATUS_DATA>,
     pub home: Option<HOME_POSITION_DATA>,
+    pub fence: Option<FenceOnBoard>,
     pub custom_mode: u32,
     /// Equivalent over true airspeed where it is.
     pub eas_over_tas: f64,
 }
 
 impl Told {
-    fn is_complete(&self, parameters: &BTreeMap<String, f64>) -> bool {
-        let one_of = |names: &[&str]| names.iter().any(|n| parameters.contains_key(*n));
+    fn is_complete(&self, told: &BTreeMap<String, f64>, known: &Parameters) -> bool {
+        let told = |name: &&str| told.contains_key(*name);
+        let mut altitudes = known.home_altitude.iter().map(|(name, _)| name);
         self.gps.is_some()
             && self.ekf.is_some()
             && self.status.is_some()
             && self.home.is_some()
-            && one_of(&[FS_GCS_ENABL])
-            && one_of(&[FS_LONG_ACTN])
-            && one_of(&[MAV_GCS_SYSID, SYSID_MYGCS])
-            && one_of(&[RTL_ALTITUDE, ALT_HOLD_RTL])
-            && one_of(&[RTL_AUTOLAND])
-            && one_of(&[FENCE_ENABLE])
+            && known.rules.iter().all(|rule| told(&rule.name))
+            && (known.station.is_empty() || known.station.iter().any(told))
+            && altitudes.any(told)
     }
 }
 
 /// The list of one vehicle.
 #[derive(Debug, Clone)]
 pub(super) struct Checklist {
+    profile: &'static Profile,
     expected: Option<Expectation>,
     own_id: u8,
     may_arm: bool,
@@ -126,7 +107,8 @@ pub(super) struct Checklist {
 impl Checklist {
     pub(super) fn new(config: &BridgeConfig) -> Self {
         Self {
-            expected: config.expectation,
+            profile: config.profile,
+            expected: config.expectation.clone(),
             own_id: config.system_id,
             may_arm: config.may_arm,
             told: Told {
@@ -142,6 +124,22 @@ impl Checklist {
         self.expected.is_some()
     }
 
+    /// The parameters that are asked for: those of the list, or those that tell what becomes of the vehicle
+    /// without its bridge.
+    pub(super) fn parameters(&self) -> Vec<&'static str> {
+        let known = &self.profile.parameters;
+        let kept = self.is_kept();
+        let rules = known.rules.iter().filter(|r| kept || r.link_failsafe);
+        let mut names: Vec<&str> = rules.map(|r| r.name).collect();
+        names.push(known.take_off_altitude);
+        if kept {
+            names.extend(known.station);
+            names.extend(known.home_altitude.iter().map(|(name, _)| *name));
+            names.extend(known.airspeed_min.iter().chain(known.airspeed_max));
+        }
+        names
+    }
+
     /// Whether the list was gone through, or there is none.
     pub(super) fn is_done(&self) -> bool {
         self.done
@@ -155,7 +153,8 @@ impl Checklist {
         now: SimTime,
     ) -> Option<Vec<Point>> {
         let waited = now.since_s(heard) >= WAIT_S;
-        if self.done || !(waited || self.told.is_complete(parameters)) {
+        let known = &self.profile.parameters;
+        if self.done || !(waited || self.told.is_complete(parameters, known)) {
             return None;
         }
         self.done = true;
@@ -177,16 +176,14 @@ impl Checklist {
         &self,
         parameters: &BTreeMap<String, f64>,
     ) -> Vec<(&'static str, f64)> {
-        let own = f64::from(self.own_id);
-        [
-            (FS_GCS_ENABL, 1.0),
-            (FS_LONG_ACTN, 1.0),
-            (MAV_GCS_SYSID, own),
-            (SYSID_MYGCS, own),
-        ]
-        .into_iter()
-        .filter(|(name, right)| parameters.get(*name).is_some_and(|is| is != right))
-        .collect()
+        let known = &self.profile.parameters;
+        let stations = known.station.iter();
+        let rules = known.rules.iter();
+        rules
+            .filter_map(|rule| Some((rule.name, rule.set_to?)))
+            .chain(stations.map(|name| (*name, f64::from(self.own_id))))
+            .filter(|(name, right)| parameters.get(*name).is_some_and(|is| is != right))
+            .collect()
     }
 
     fn points(&self, parameters: &BTreeMap<String, f64>) -> Vec<Point> {
@@ -197,28 +194,31 @@ impl Checklist {
             let told = |n: &&'static str| Some((*n, *parameters.get(*n)?));
             names.iter().find_map(told)
         };
-        vec![
+        let known = &self.profile.parameters;
+        let mode = self.profile.modes.name(self.told.custom_mode);
+        let mut points = vec![
             self.gps(),
             self.ekf(),
             self.battery(),
-            point("mode", Verdict::Right, mode_name(self.told.custom_mode)),
+            point("mode", Verdict::Right, mode),
             self.arming(),
             self.home(expected),
             self.ground(expected),
             airspeed(
                 expected,
                 self.told.eas_over_tas,
-                parameter(&[AIRSPEED_MIN, ARSPD_FBW_MIN]),
-                parameter(&[AIRSPEED_MAX, ARSPD_FBW_MAX]),
+                (known.airspeed_min, parameter(known.airspeed_min)),
+                (known.airspeed_max, parameter(known.airspeed_max)),
             ),
             wind(expected),
-            gcs_failsafe(parameter(&[FS_GCS_ENABL])),
-            long_action(parameter(&[FS_LONG_ACTN])),
-            self.station(parameter(&[MAV_GCS_SYSID, SYSID_MYGCS])),
-            fence(parameter(&[FENCE_ENABLE]), parameter(&[FENCE_ACTION])),
-            self.rtl_altitude(expected, parameter(&[RTL_ALTITUDE, ALT_HOLD_RTL])),
-            autoland(parameter(&[RTL_AUTOLAND])),
-        ]
+            self.station(parameter(known.station)),
+            self.way_home(expected, parameters),
+        ];
+        points.extend(known.rules.iter().map(|rule| ruled(rule, parameters)));
+        if !expected.fence.is_empty() {
+            points.push(corners(expected.fence.len(), self.told.fence.as_ref()));
+        }
+        points
     }
 
     fn gps(&self) -> Point {
@@ -243,14 +243,14 @@ impl Checklist {
 
     fn ekf(&self) -> Point {
         let Some(ekf) = &self.told.ekf else {
-            return untold("ekf", "EKF_STATUS_REPORT");
+            return untold("ekf", "EKF_STATUS_REPORT or ESTIMATOR_STATUS");
         };
         let needed = EkfStatusFlags::EKF_ATTITUDE
             | EkfStatusFlags::EKF_VELOCITY_HORIZ
             | EkfStatusFlags::EKF_POS_HORIZ_ABS
             | EkfStatusFlags::EKF_POS_VERT_ABS;
         let bad = EkfStatusFlags::EKF_UNINITIALIZED | EkfStatusFlags::EKF_CONST_POS_MODE;
-        if ekf.flags.contains(needed) && !ekf.flags.intersects(bad) {
+        if ekf.contains(needed) && !ekf.intersects(bad) {
             return point(
                 "ekf",
                 Verdict::Right,
@@ -358,8 +358,13 @@ impl Checklist {
 
     fn station(&self, told: Option<(&'static str, f64)>) -> Point {
         let own = self.own_id;
+        let names = self.profile.parameters.station;
+        if names.is_empty() {
+            let words = "the heartbeat of any counts for its link failsafe";
+            return point("ground station", Verdict::Right, words.into());
+        }
         let Some((name, id)) = told else {
-            return untold("ground station", "MAV_GCS_SYSID or SYSID_MYGCS");
+            return untold("ground station", &names.join(" or "));
         };
         let (verdict, then) = if id == f64::from(own) {
             (Verdict::Right, String::new())
@@ -372,15 +377,16 @@ impl Checklist {
         point("ground station", verdict, format!("{name} is {id}{then}"))
     }
 
-    fn rtl_altitude(&self, expected: &Expectation, told: Option<(&'static str, f64)>) -> Point {
-        let Some((name, value)) = told else {
-            return untold("way home", "RTL_ALTITUDE or ALT_HOLD_RTL");
+    fn way_home(&self, expected: &Expectation, parameters: &BTreeMap<String, f64>) -> Point {
+        let known = self.profile.parameters.home_altitude;
+        let told = known
+            .iter()
+            .find_map(|(name, unit_m)| Some((*name, *parameters.get(*name)?, *unit_m)));
+        let Some((name, value, unit_m)) = told else {
+            let names: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
+            return untold("way home", &names.join(" or "));
         };
-        let above_home_m = if name == ALT_HOLD_RTL {
-            value / 100.0
-        } else {
-            value
-        };
+        let above_home_m = value * unit_m;
         let home_m = self
             .told
             .home
@@ -425,14 +431,13 @@ fn untold(about: &'static str, what: &str) -> Point {
     )
 }
 
-fn airspeed(
-    expected: &Expectation,
-    eas_over_tas: f64,
-    low: Option<(&'static str, f64)>,
-    high: Option<(&'static str, f64)>,
-) -> Point {
-    let (Some((low_name, low)), Some((high_name, high))) = (low, high) else {
-        return untold("airspeed", "AIRSPEED_MIN and AIRSPEED_MAX");
+/// A parameter's name and value, with the names that it may have.
+type Named<'a> = (&'a [&'a str], Option<(&'a str, f64)>);
+
+fn airspeed(expected: &Expectation, eas_over_tas: f64, low: Named, high: Named) -> Point {
+    let ((_, Some((low_name, low))), (_, Some((high_name, high)))) = (low, high) else {
+        let names = [low.0, high.0].map(|names| names.first().copied().unwrap_or_default());
+        return untold("airspeed", &names.join(" and "));
     };
     let eas_m_s = expected.airspeed_m_s * eas_over_tas;
     let (verdict, then) = if (low..=high).contains(&eas_m_s) {
@@ -460,75 +465,39 @@ fn wind(expected: &Expectation) -> Point {
     point("wind", Verdict::Doubtful, words)
 }
 
-fn gcs_failsafe(told: Option<(&'static str, f64)>) -> Point {
-    let about = "link failsafe";
-    match told {
-        None => untold(about, FS_GCS_ENABL),
-        Some((name, 0.0)) => {
-            let words =
-                format!("{name} is 0: on loss of this link the vehicle flies on; expected 1");
+/// The fence on board beside the mission's.
+fn corners(wanted: usize, found: Option<&FenceOnBoard>) -> Point {
+    let about = "corners of the fence";
+    let then = "expected the mission's, with --set-fence or by a ground station";
+    match found {
+        None => untold(about, "its fence"),
+        Some(FenceOnBoard::None) => {
+            let words = format!("none on board, the mission's has {wanted}; {then}");
             point(about, Verdict::Doubtful, words)
         }
-        Some((name, 3.0)) => {
-            let words =
-                format!("{name} is 3: a lost link counts in AUTO alone, not in GUIDED; expected 1");
-            point(about, Verdict::Doubtful, words)
-        }
-        Some((name, value)) => point(about, Verdict::Right, format!("{name} is {value}")),
-    }
-}
-
-fn long_action(told: Option<(&'static str, f64)>) -> Point {
-    let about = "failsafe's action";
-    match told {
-        None => untold(about, FS_LONG_ACTN),
-        Some((name, 1.0)) => point(about, Verdict::Right, format!("{name} is 1: it comes home")),
-        Some((name, value)) => {
-            let does = match value as i32 {
-                0 => "it flies on in GUIDED",
-                2 => "it glides down",
-                3 => "it opens its parachute",
-                _ => "it does not simply come home",
-            };
-            let words = format!("{name} is {value}: on loss of this link {does}; expected 1");
-            point(about, Verdict::Doubtful, words)
-        }
-    }
-}
-
-fn fence(told: Option<(&'static str, f64)>, action: Option<(&'static str, f64)>) -> Point {
-    let about = "fence on board";
-    match told {
-        None => untold(about, FENCE_ENABLE),
-        Some((name, 0.0)) => {
-            let words = format!(
-                "off ({name} is 0): the mission's fence is kept by the bridge alone, and not without a link"
-            );
-            point(about, Verdict::Doubtful, words)
-        }
-        Some((name, value)) => {
-            let action = action.map_or(String::new(), |(n, v)| format!(", {n} is {v}"));
-            let words = format!("{name} is {value}{action}: it has to hold the mission's own");
+        Some(FenceOnBoard::Other(words)) => point(
+            about,
+            Verdict::Doubtful,
+            format!("another one: {words}; {then}"),
+        ),
+        Some(FenceOnBoard::Same) => {
+            let words = format!("the mission's {wanted} are on board");
             point(about, Verdict::Right, words)
         }
     }
 }
 
-fn autoland(told: Option<(&'static str, f64)>) -> Point {
-    match told {
-        None => untold("landing", RTL_AUTOLAND),
-        Some((name, 0.0)) => {
-            let words = format!(
-                "{name} is 0: it does not land by itself, and refuses to arm with a DO_LAND_START on board; expected 1 or 2 and a landing sequence, or a pilot who lands it"
-            );
-            point("landing", Verdict::Doubtful, words)
-        }
-        Some((name, value)) => point(
-            "landing",
-            Verdict::Right,
-            format!("{name} is {value}: by a landing sequence, if one is on board"),
-        ),
-    }
+/// What a parameter means.
+fn ruled(rule: &Rule, parameters: &BTreeMap<String, f64>) -> Point {
+    let Some(value) = parameters.get(rule.name) else {
+        return untold(rule.about, rule.name);
+    };
+    let (verdict, words) = match rule.meaning(*value) {
+        Meaning::Right(words) => (Verdict::Right, words),
+        Meaning::Doubtful(words) => (Verdict::Doubtful, words),
+    };
+    let name = rule.name;
+    point(rule.about, verdict, format!("{name} is {value}: {words}"))
 }
 
 /// The list as events, one a point, and one for the whole.

@@ -1,19 +1,20 @@
 //! What comes from the vehicle.
 
-use super::checklist::{self, PARAMETERS};
+use super::attitude::STEERING_HZ;
+use super::checklist;
 use super::identity::Found;
 use super::{Bridge, BridgeOutput, Checklist};
-use crate::arduplane::{FS_GCS_ENABL, FS_LONG_ACTN, TKOFF_ALT, mode_name};
 use crate::authority::{BridgePhase, HeartbeatState};
 use crate::command_queue::VehicleCommand;
 use crate::dialect::{
-    AIRSPEED_DATA, ATTITUDE_DATA, EKF_STATUS_REPORT_DATA, EXTENDED_SYS_STATE_DATA,
-    FENCE_STATUS_DATA, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, HEARTBEAT_DATA,
-    HOME_POSITION_DATA, HYGROMETER_SENSOR_DATA, MavAutopilot, MavMessage, MavSeverity, MavState,
-    MavType, PARAM_VALUE_DATA, POSITION_TARGET_GLOBAL_INT_DATA, SCALED_PRESSURE_DATA,
-    SYS_STATUS_DATA, VFR_HUD_DATA, WIND_DATA,
+    AIRSPEED_DATA, ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, EkfStatusFlags,
+    GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, HEARTBEAT_DATA, HOME_POSITION_DATA,
+    HYGROMETER_SENSOR_DATA, MavAutopilot, MavMessage, MavParamType, MavSeverity, MavState, MavType,
+    PARAM_VALUE_DATA, POSITION_TARGET_GLOBAL_INT_DATA, SCALED_PRESSURE_DATA, SYS_STATUS_DATA,
+    VFR_HUD_DATA,
 };
 use crate::event::event;
+use crate::profile::Meaning;
 use crate::wire::RawFrame;
 use mavlink::MessageData;
 use protocol::SimTime;
@@ -182,7 +183,8 @@ impl Bridge {
         }
         self.telemetry.heartbeat = Some((now, heartbeat));
         if restored {
-            let text = format!("heartbeat heard again, in {}", mode_name(custom_mode));
+            let mode = self.config.profile.modes.name(custom_mode);
+            let text = format!("heartbeat heard again, in {mode}");
             out.events
                 .push(event(Severity::Info, "link-restored", text));
         }
@@ -250,7 +252,7 @@ impl Bridge {
             }
             BridgePhase::Guided => {
                 self.rejoins = false;
-                // ArduPlane forgets a commanded speed at each change of mode.
+                // A commanded speed is forgotten at each change of mode.
                 self.speed_sent = None;
                 self.retry_at = self.heartbeat_at;
             }
@@ -260,42 +262,59 @@ impl Bridge {
 
     fn identify(&mut self, heartbeat: &HEARTBEAT_DATA, out: &mut BridgeOutput) {
         let (system, component) = self.identity.address().unwrap_or_default();
-        let plane = heartbeat.autopilot == MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA
+        let profile = self.config.profile;
+        let name = profile.name;
+        let plane = heartbeat.autopilot == profile.heartbeat
             && matches!(
                 heartbeat.mavtype,
                 MavType::MAV_TYPE_FIXED_WING | MavType::MAV_TYPE_GENERIC
             );
         if plane {
             let own = self.config.system_id;
+            let caution = match profile.caution {
+                "" => String::new(),
+                words => format!("; {words}"),
+            };
             let text = format!(
-                "ArduPlane heard as system {system}, component {component}; this ground station is system {own}"
+                "{name} heard as system {system}, component {component}; this ground station is system {own}{caution}"
             );
             return out.events.push(event(Severity::Info, "connected", text));
         }
-        self.authority.watch("not an ArduPlane");
-        let what = if heartbeat.autopilot == MavAutopilot::MAV_AUTOPILOT_PX4 {
-            "PX4".to_owned()
-        } else {
-            format!("{:?}, {:?}", heartbeat.autopilot, heartbeat.mavtype)
+        self.authority.watch("another autopilot than asked for");
+        let (what, asking) = match heartbeat.autopilot {
+            MavAutopilot::MAV_AUTOPILOT_PX4 => ("PX4".to_owned(), Some("px4")),
+            MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA => {
+                ("ArduPilot".to_owned(), Some("ardupilot"))
+            }
+            other => (format!("{other:?}"), None),
         };
+        let asking = asking.map_or(String::new(), |asking| {
+            format!(
+                "; a fixed wing of it is commanded with autopilot = \"{asking}\" of the vehicle"
+            )
+        });
         let text = format!(
-            "system {system} is no ArduPlane ({what}): its telemetry is passed on, but it is never \
-             commanded, for its flight modes have other numbers"
+            "system {system} is no {name} ({what}, {:?}): its telemetry is passed on, but it is not \
+             commanded, for its flight modes have other numbers{asking}",
+            heartbeat.mavtype
         );
         out.events
-            .push(event(Severity::Error, "not-an-arduplane", text));
+            .push(event(Severity::Error, "other-autopilot", text));
     }
 
     fn request_telemetry(&mut self, now: SimTime) {
         if self.config.listen_only {
             return;
         }
-        let fast = self.config.telemetry_hz;
+        let fast = if self.config.attitude_targets {
+            self.config.telemetry_hz.max(STEERING_HZ)
+        } else {
+            self.config.telemetry_hz
+        };
         let wanted = [
             (GLOBAL_POSITION_INT_DATA::ID, fast),
             (ATTITUDE_DATA::ID, fast),
             (VFR_HUD_DATA::ID, fast),
-            (WIND_DATA::ID, SLOW_HZ),
             (SCALED_PRESSURE_DATA::ID, SLOW_HZ),
             (HYGROMETER_SENSOR_DATA::ID, SLOW_HZ),
             (EXTENDED_SYS_STATE_DATA::ID, SLOW_HZ),
@@ -303,19 +322,14 @@ impl Bridge {
             (AIRSPEED_DATA::ID, SLOW_HZ),
             (POSITION_TARGET_GLOBAL_INT_DATA::ID, SLOW_HZ),
             (GPS_RAW_INT_DATA::ID, 1.0),
-            (EKF_STATUS_REPORT_DATA::ID, 1.0),
-            (FENCE_STATUS_DATA::ID, 1.0),
         ];
         let home = (HOME_POSITION_DATA::ID, HOME_HZ);
         let home = self.checklist.is_kept().then_some(home);
-        let wanted: Vec<(u32, f64)> = wanted.into_iter().chain(home).collect();
+        let own = self.config.profile.messages.iter().copied();
+        let wanted: Vec<(u32, f64)> = wanted.into_iter().chain(own).chain(home).collect();
         self.rates.start(&wanted, now);
-        let names: &[&str] = if self.checklist.is_kept() {
-            &PARAMETERS
-        } else {
-            &[FS_GCS_ENABL, FS_LONG_ACTN, TKOFF_ALT]
-        };
-        for name in names {
+        self.fence.read();
+        for name in self.checklist.parameters() {
             self.commands.push(VehicleCommand::Parameter(name));
         }
     }
@@ -332,6 +346,10 @@ impl Bridge {
         let altitude = self.telemetry.position.as_ref().map(|(_, p)| p.alt);
         let alt_amsl_m = f64::from(altitude.unwrap_or_default()) / 1e3;
         self.checklist.told.eas_over_tas = self.telemetry.eas_over_tas(alt_amsl_m, now);
+        self.checklist.told.fence = self.fence.found().cloned();
+        if self.fence.is_busy() {
+            return; // it ends by itself, answered or not
+        }
         let due = self.checklist.due(&self.parameters, self.connected_at, now);
         let Some(points) = due else { return };
         out.events.extend(checklist::events(&points));
@@ -387,7 +405,12 @@ impl Bridge {
             MavMessage::SCALED_PRESSURE(m) => received.pressure = Some((now, m)),
             MavMessage::AIRSPEED(m) => received.airspeed = Some((now, m)),
             MavMessage::GPS_RAW_INT(m) => self.checklist.told.gps = Some(m),
-            MavMessage::EKF_STATUS_REPORT(m) => self.checklist.told.ekf = Some(m),
+            MavMessage::WIND_COV(m) => received.take_wind(&m, now),
+            MavMessage::EKF_STATUS_REPORT(m) => self.checklist.told.ekf = Some(m.flags),
+            // The same bits, as far as they are looked at.
+            MavMessage::ESTIMATOR_STATUS(m) => {
+                self.checklist.told.ekf = Some(EkfStatusFlags::from_bits_truncate(m.flags.bits()));
+            }
             MavMessage::HOME_POSITION(m) => self.checklist.told.home = Some(m),
             MavMessage::FENCE_STATUS(m) => self.causes.fence(m.breach_status != 0, now),
             MavMessage::POSITION_TARGET_GLOBAL_INT(m) => self.on_target(&m, now, out),
@@ -401,7 +424,7 @@ impl Bridge {
             MavMessage::STATUSTEXT(m) => {
                 let severity = severity(m.severity);
                 let said = text(&m.text[..]);
-                self.causes.text(&said, now);
+                self.causes.text(&said, self.config.profile.causes, now);
                 if !self.is_repeated(&said, now) {
                     out.events.push(event(severity, "vehicle-says", said));
                 }
@@ -412,7 +435,7 @@ impl Bridge {
                 self.checklist.told.status = Some(m);
             }
             MavMessage::BATTERY_STATUS(m) => self.on_battery(m.battery_remaining, out),
-            _ => {}
+            other => self.on_fence(&other, now, out),
         }
     }
 
@@ -441,7 +464,7 @@ impl Bridge {
 
     fn on_parameter(&mut self, parameter: &PARAM_VALUE_DATA, out: &mut BridgeOutput) {
         let name = text(&parameter.param_id[..]);
-        let value = f64::from(parameter.param_value);
+        let value = self.parameter_value(parameter);
         self.commands.parameter_seen(&name, value);
         match self.parameters.insert(name.clone(), value) {
             // Another link may bring it again.
@@ -453,25 +476,36 @@ impl Bridge {
             }
             None => {}
         }
-        if name == TKOFF_ALT && value.is_finite() && value > 0.0 {
+        let known = &self.config.profile.parameters;
+        if name == known.take_off_altitude && value.is_finite() && value > 0.0 {
             self.takeoff_altitude_m = Some(value);
         }
         // The checklist says the same with all else.
         if self.checklist.is_kept() {
             return;
         }
-        let warning = match name.as_str() {
-            FS_GCS_ENABL if value == 0.0 => {
-                "FS_GCS_ENABL is 0: on loss of this link the vehicle flies on; set it to 1"
-            }
-            FS_LONG_ACTN if value == 0.0 => {
-                "FS_LONG_ACTN is 0: on loss of this link in GUIDED the vehicle flies on; \
-                 set it to 1 to bring it home"
-            }
-            _ => return,
-        };
-        out.events
-            .push(event(Severity::Warning, "failsafe-off", warning));
+        let rule = known
+            .rules
+            .iter()
+            .find(|r| r.link_failsafe && r.name == name);
+        if let Some(Meaning::Doubtful(words)) = rule.map(|r| r.meaning(value)) {
+            let text = format!("{name} is {value}: {words}");
+            out.events
+                .push(event(Severity::Warning, "failsafe-off", text));
+        }
+    }
+
+    /// The number of a parameter, as its autopilot writes it.
+    fn parameter_value(&self, parameter: &PARAM_VALUE_DATA) -> f64 {
+        let whole = matches!(
+            parameter.param_type,
+            MavParamType::MAV_PARAM_TYPE_INT32 | MavParamType::MAV_PARAM_TYPE_UINT32
+        );
+        if whole && self.config.profile.commands.parameters_as_bytes {
+            f64::from(parameter.param_value.to_bits().cast_signed())
+        } else {
+            f64::from(parameter.param_value)
+        }
     }
 
     /// Says what is missing: heartbeat, frames among the bytes, telemetry.

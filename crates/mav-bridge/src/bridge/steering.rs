@@ -2,8 +2,7 @@
 
 use super::placement::Astray;
 use super::{Bridge, BridgeOutput};
-use crate::arduplane::{AUTO, FS_GCS_ENABL, GUIDED, RTL, TAKEOFF};
-use crate::authority::{BridgePhase, is_homeward};
+use crate::authority::BridgePhase;
 use crate::command_queue::{CommandMessage, CommandOutcome, VehicleCommand};
 use crate::dialect::POSITION_TARGET_GLOBAL_INT_DATA;
 use crate::event::event;
@@ -11,7 +10,7 @@ use air::geo::Geodetic;
 use protocol::SimTime;
 use protocol::message::{PathKind, Setpoint, Severity};
 
-/// Share of TKOFF_ALT above which the climb of mode TAKEOFF is done.
+/// Share of the altitude of its take-off above which that climb is done.
 const CLIMBED: f64 = 0.8;
 /// Airspeeds that differ by less are the same, m/s.
 const SAME_SPEED_M_S: f32 = 0.05;
@@ -19,7 +18,7 @@ const SAME_SPEED_M_S: f32 = 0.05;
 const PAUSE_NS: i64 = 5_000_000_000;
 
 impl Bridge {
-    /// Asks for mode TAKEOFF; arming follows when the vehicle shows the mode.
+    /// Asks for the mode that takes off; arming follows when the vehicle shows the mode.
     pub(super) fn take_off(&mut self, setpoint: &Setpoint, now: SimTime, out: &mut BridgeOutput) {
         if self.target.as_ref() == Some(setpoint) {
             return; // refused before: tried again after a pause
@@ -37,19 +36,28 @@ impl Bridge {
             return;
         }
         self.warned.take_off_refused = false;
-        self.authority.take_off(TAKEOFF);
+        self.authority.take_off(self.config.profile.modes.take_off);
         self.send_mode();
         let text = "take-off asked for";
         out.events.push(event(Severity::Info, "take-off", text));
     }
 
-    /// Asks for the landing sequence on board.
+    /// Asks for the landing sequence on board, or for the way home where that ends with a landing.
     pub(super) fn land(&mut self, setpoint: &Setpoint) {
         // A reposition still on its way would pull the vehicle out of its landing.
         self.commands.drop_steering();
         self.target = Some(setpoint.clone());
-        self.authority.land(AUTO);
-        self.commands.push(VehicleCommand::LandStart);
+        let modes = &self.config.profile.modes;
+        match modes.landing {
+            Some(mode) => {
+                self.authority.land(mode);
+                self.commands.push(VehicleCommand::LandStart);
+            }
+            None => {
+                self.authority.land(modes.home);
+                self.send_mode();
+            }
+        }
     }
 
     /// Brings it home to land where no setpoint says so.
@@ -88,15 +96,25 @@ impl Bridge {
         if target.path == PathKind::Land {
             return self.land(&target);
         }
+        let modes = &self.config.profile.modes;
+        if self.config.attitude_targets && modes.attitudes != modes.places {
+            return; // places do not count in that mode
+        }
+        // Where attitudes are sent, a place says where it goes if they stay away.
+        // Autopilots fly equivalent airspeed, the team true airspeed.
+        let ratio = self.telemetry.eas_over_tas(target.alt_amsl_m, now);
+        let speed = (target.airspeed_m_s * ratio) as f32;
+        let with_place = self.config.profile.commands.speed_with_place;
         self.commands.push(VehicleCommand::Reposition {
             lat_1e7: (target.lat_deg * 1e7).round() as i32,
             lon_1e7: (target.lon_deg * 1e7).round() as i32,
             alt_amsl_m: target.alt_amsl_m as f32,
             radius_m: target.orbit_radius_m as f32,
+            equivalent_airspeed_m_s: with_place.then_some(speed),
         });
-        // ArduPlane flies equivalent airspeed, the team true airspeed.
-        let ratio = self.telemetry.eas_over_tas(target.alt_amsl_m, now);
-        let speed = (target.airspeed_m_s * ratio) as f32;
+        if with_place {
+            return;
+        }
         if self
             .speed_sent
             .is_none_or(|sent| (sent - speed).abs() > SAME_SPEED_M_S)
@@ -116,12 +134,14 @@ impl Bridge {
         }
     }
 
-    /// What follows by itself: arming, GUIDED after the climb, a target to be sent again.
+    /// What follows by itself: arming, the mode for setpoints after the climb, a target to be sent again.
     pub(super) fn continue_phase(&mut self, now: SimTime, out: &mut BridgeOutput) {
         let Some(seen) = self.authority.shown().filter(|_| self.authority.link_up()) else {
             return;
         };
         let pausing = self.retry_at.is_some_and(|at| now < at);
+        let modes = &self.config.profile.modes;
+        let climbs = seen.custom_mode == modes.take_off;
         match self.authority.phase() {
             BridgePhase::Ground if self.retry_at.is_some() && !pausing => {
                 self.retry_at = None;
@@ -129,28 +149,36 @@ impl Bridge {
                     self.take_off(&target, now, out);
                 }
             }
-            BridgePhase::TakeOff if seen.custom_mode == TAKEOFF && !seen.armed && !pausing => {
+            BridgePhase::TakeOff if climbs && !seen.armed && !pausing => {
                 self.arm(now, out);
             }
             BridgePhase::TakeOff
-                if seen.custom_mode == TAKEOFF
+                if (climbs || modes.after_take_off == Some(seen.custom_mode))
                     && seen.airborne
                     && !pausing
                     && self.authority.unconfirmed().is_none()
-                    && self.has_climbed() =>
+                    && self.has_climbed()
+                    && self.attitudes_are_there(now) =>
             {
                 self.retry_at = None;
-                self.authority.take_off(GUIDED);
+                self.authority.take_off(self.authority.guided_mode());
                 self.send_mode();
             }
             BridgePhase::Guided if self.retry_at.is_some() && !pausing => self.send_target(now),
+            BridgePhase::HandingBack if self.mode_waits && self.attitudes_are_there(now) => {
+                self.mode_waits = false;
+                // Once only: a repetition could cross the pilot's next change of mind.
+                let mode = self.authority.guided_mode();
+                self.commands
+                    .push(VehicleCommand::Mode { mode, attempts: 1 });
+            }
             // On its way home already, or still climbing away from the ground, it is left alone.
             BridgePhase::Guardian
                 if seen.airborne
-                    && !is_homeward(seen.custom_mode)
-                    && (seen.custom_mode != TAKEOFF || self.has_climbed())
+                    && !modes.is_homeward(seen.custom_mode)
+                    && (!climbs || self.has_climbed())
                     && !pausing
-                    && self.authority.unconfirmed() != Some(RTL) =>
+                    && self.authority.unconfirmed() != Some(modes.home) =>
             {
                 self.retry_at = None;
                 self.authority.go_home();
@@ -165,13 +193,15 @@ impl Bridge {
             self.retry_at = pause(now);
             self.commands.push(VehicleCommand::Arm);
         } else if !std::mem::replace(&mut self.warned.waits_for_arming, true) {
-            let text = "in TAKEOFF: waits for a person to arm the motor";
+            let modes = &self.config.profile.modes;
+            let mode = modes.short_name(modes.take_off);
+            let text = format!("in {mode}: waits for a person to arm the motor");
             out.events
                 .push(event(Severity::Info, "waits-for-arming", text));
         }
     }
 
-    fn has_climbed(&self) -> bool {
+    pub(super) fn has_climbed(&self) -> bool {
         let enough_m = self
             .takeoff_altitude_m
             .map_or(self.config.guided_above_home_m, |alt| CLIMBED * alt);
@@ -211,7 +241,7 @@ impl Bridge {
             }
         };
         let (severity, code, then) = self.on_failure(&command, now);
-        let text = format!("{}: {why}{then}", command.name());
+        let text = format!("{}: {why}{then}", command.name(self.config.profile));
         out.events.push(event(severity, code, text));
     }
 
@@ -229,7 +259,7 @@ impl Bridge {
                 let phase = self.authority.phase();
                 self.authority.refused();
                 match phase {
-                    BridgePhase::TakeOff if asked == Some(GUIDED) => {
+                    BridgePhase::TakeOff if asked == Some(self.authority.guided_mode()) => {
                         (Severity::Error, "guided-failed", "; tried again")
                     }
                     BridgePhase::TakeOff => (Severity::Error, "take-off-failed", "; tried again"),
@@ -243,7 +273,7 @@ impl Bridge {
                 }
             }
             VehicleCommand::LandStart => {
-                self.authority.land(RTL);
+                self.authority.land(self.config.profile.modes.home);
                 self.send_mode();
                 let then = "; it returns home and circles until a pilot lands it";
                 (Severity::Warning, "no-landing-sequence", then)
@@ -260,9 +290,11 @@ impl Bridge {
             VehicleCommand::Interval { .. } => (Severity::Info, "rate-failed", ""),
             VehicleCommand::SetParameter { .. } => (Severity::Warning, "parameter-failed", ""),
             VehicleCommand::Parameter(name) => {
-                let then = match *name {
-                    FS_GCS_ENABL => "; whether a lost link brings it home is not known",
-                    _ => "",
+                let rules = self.config.profile.parameters.rules;
+                let then = if rules.iter().any(|r| r.link_failsafe && r.name == *name) {
+                    "; whether a lost link brings it home is not known"
+                } else {
+                    ""
                 };
                 (Severity::Warning, "parameter-failed", then)
             }
@@ -296,11 +328,11 @@ impl Bridge {
         now: SimTime,
         out: &mut BridgeOutput,
     ) {
-        let message = command.message(to, sent);
+        let message = command.message(to, sent, self.config.profile);
         // A question changes nothing on board.
         if self.config.dry_run && !matches!(message, CommandMessage::Read(_)) {
             self.commands.forget(command);
-            let name = command.name();
+            let name = command.name(self.config.profile);
             return match message {
                 CommandMessage::Long(message) => self.show(&name, &message, now, out),
                 CommandMessage::Int(message) => self.show(&name, &message, now, out),

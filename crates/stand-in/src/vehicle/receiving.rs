@@ -8,9 +8,9 @@ use crate::mission_run::Place;
 use crate::parameters::{FS_LONG_TIMEOUT, MAV_GCS_SYSID};
 use mav_bridge::arduplane::{FS_GCS_ENABL, FS_LONG_ACTN, GUIDED, RTL, mode_name};
 use mav_bridge::dialect::{
-    HOME_POSITION_DATA, MavFrame, MavMessage, MavSeverity, RC_CHANNELS_OVERRIDE_DATA,
-    SET_HOME_POSITION_DATA, SET_MODE_DATA, SET_POSITION_TARGET_GLOBAL_INT_DATA,
-    SET_POSITION_TARGET_LOCAL_NED_DATA,
+    AttitudeTargetTypemask, HOME_POSITION_DATA, MavFrame, MavMessage, MavSeverity,
+    RC_CHANNELS_OVERRIDE_DATA, SET_ATTITUDE_TARGET_DATA, SET_HOME_POSITION_DATA, SET_MODE_DATA,
+    SET_POSITION_TARGET_GLOBAL_INT_DATA, SET_POSITION_TARGET_LOCAL_NED_DATA,
 };
 use mav_bridge::wire::{MessageData as _, RawFrame};
 use protocol::SimTime;
@@ -56,6 +56,9 @@ impl StandIn {
             }
             MavMessage::SET_POSITION_TARGET_GLOBAL_INT(m) if self.is_addressed(m.target_system) => {
                 self.altitude_target(&m);
+            }
+            MavMessage::SET_ATTITUDE_TARGET(m) if self.is_addressed(m.target_system) => {
+                self.hold_attitude(&m, now);
             }
             // Sticks are for one vehicle, and of the ground station that it listens to.
             MavMessage::MANUAL_CONTROL(m)
@@ -132,6 +135,30 @@ impl StandIn {
         {
             self.flight.set_altitude(alt_amsl_m);
         }
+    }
+
+    /// ArduPlane takes roll where the attitude or the roll rate is not ignored, pitch likewise; a yaw would be a rudder's
+    /// deflection, and there is no rudder here.
+    fn hold_attitude(&mut self, m: &SET_ATTITUDE_TARGET_DATA, now: SimTime) {
+        type Mask = AttitudeTargetTypemask;
+        if self.flight.mode() != GUIDED {
+            return;
+        }
+        let taken = |ignored: Mask| !m.type_mask.contains(ignored);
+        let attitude = taken(Mask::ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE);
+        let roll = attitude || taken(Mask::ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE);
+        let pitch = attitude || taken(Mask::ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE);
+        let throttle = taken(Mask::ATTITUDE_TARGET_TYPEMASK_THROTTLE_IGNORE);
+        let [w, x, y, z] = m.q.map(f64::from);
+        let roll_rad = (2.0 * (w * x + y * z)).atan2(1.0 - 2.0 * (x * x + y * y));
+        let pitch_rad = (2.0 * (w * y - z * x)).clamp(-1.0, 1.0).asin();
+        let held = [
+            roll.then_some(roll_rad),
+            pitch.then_some(pitch_rad),
+            throttle.then_some(f64::from(m.thrust)),
+        ];
+        let sound = held.map(|value| value.filter(|v| v.is_finite()));
+        self.flight.hold(sound, now.s());
     }
 
     /// The failsafe on loss of the ground station: home, and circle there. A pilot's modes are

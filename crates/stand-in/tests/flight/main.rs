@@ -5,9 +5,9 @@ mod link;
 mod pair;
 mod shared;
 
-use air::geo::Enu;
+use air::geo::{Enu, Geodetic};
 use mav_bridge::arduplane::{FBWA, GUIDED, RTL};
-use mav_bridge::{Bridge, BridgeConfig, BridgeOutput};
+use mav_bridge::{Bridge, BridgeConfig, BridgeOutput, Expectation};
 use protocol::control_level::{ControlEvent, Danger};
 use protocol::message::{ControlLevel, PathKind, Reading, Setpoint};
 use stand_in::Sticks;
@@ -303,6 +303,88 @@ fn without_a_landing_sequence_it_returns_and_circles() {
     pair.vehicle.pilot(FBWA, TURN);
     pair.run(2.0);
     assert_eq!(pair.bridge.level(), ControlLevel::Pilot);
+}
+
+/// The mission's fence, as the bridge is told of it.
+fn expectation() -> Expectation {
+    let scenario = scenario();
+    let corner = |at: &[f64; 2]| Geodetic {
+        lat_deg: at[0],
+        lon_deg: at[1],
+    };
+    Expectation {
+        home: scenario.home(5).unwrap(),
+        home_amsl_m: scenario.site.ground_amsl_m,
+        airspeed_m_s: 18.0,
+        least_over_ground_m_s: 3.0,
+        wind_m_s: 8.0,
+        stack_top_amsl_m: 696.0,
+        fence: scenario.fence.polygon.iter().map(corner).collect(),
+    }
+}
+
+#[test]
+fn the_fence_on_board_is_read_and_put_there_where_that_is_asked_for() {
+    let told = |pair: &Pair| -> Vec<String> {
+        let lines = pair.events.iter().filter(|e| e.code == "checklist");
+        let about = |text: &&str| text.contains("corners of the fence");
+        let lines = lines.map(|e| e.text.as_str()).filter(about);
+        lines.map(str::to_owned).collect()
+    };
+    let mut pair = Pair::new(11);
+    let config = |set_fence: bool, fence: Vec<Geodetic>| BridgeConfig {
+        vehicle_system_id: Some(pair.vehicle.system_id()),
+        set_fence,
+        expectation: Some(Expectation {
+            fence,
+            ..expectation()
+        }),
+        ..BridgeConfig::default()
+    };
+    let wanted = expectation().fence;
+    let mut other = wanted.clone();
+    // 0.001 degrees of latitude are 111 m.
+    other[2].lat_deg += 0.001;
+    other.rotate_left(1);
+    other.reverse();
+    let bridges = [
+        (
+            config(false, wanted.clone()),
+            "(doubtful): none on board, the mission's has 4",
+        ),
+        (
+            config(true, wanted.clone()),
+            "(right): the mission's 4 are on board",
+        ),
+        (
+            config(false, wanted[..3].to_vec()),
+            "(doubtful): another one: 4 corners, the mission's has 3",
+        ),
+        (
+            config(false, other),
+            "(doubtful): another one: a corner lies 111 m from",
+        ),
+    ];
+    // One bridge after the other, as on four days; a link that loses every fifth datagram each way.
+    let lossy: pair::Link = |tick, frames| {
+        let kept = frames.into_iter().enumerate();
+        kept.filter(|(k, _)| (tick / 50 + tick + *k as u64) % 5 != 0)
+            .map(|(_, f)| f)
+            .collect()
+    };
+    (pair.up, pair.down) = (lossy, lossy);
+    for (config, words) in bridges {
+        pair.bridge = Bridge::new(config).unwrap();
+        pair.events.clear();
+        pair.run(40.0);
+        let lines = told(&pair);
+        assert!(
+            lines.len() == 1 && lines[0].contains(words),
+            "{words}: {lines:?}\n{:#?}",
+            pair.events
+        );
+    }
+    assert!(!pair.vehicle.is_armed());
 }
 
 #[test]

@@ -1,0 +1,111 @@
+//! The outer loop of a real aircraft: guidance and total energy as a simulated vehicle has them, by what the aircraft
+//! tells of itself. Its own autopilot holds the bank, pitch and throttle that come out.
+
+use crate::error::VaError;
+use crate::simulated::path_of;
+use air::geo::{Enu, Geodetic, LocalFrame};
+use air::isa::Atmosphere;
+use fdm::Aircraft;
+use fdm::autopilot::{AttitudeDemand, Autopilot, Demand, Path, Sensed};
+use protocol::SimTime;
+use protocol::message::{Setpoint, State};
+use scenario::Scenario;
+
+/// A state that comes later than this after the one before is a new beginning, s: what the loops remember is no longer so.
+const PAUSE_S: f64 = 1.0;
+
+/// The outer loop of one real vehicle.
+#[derive(Debug, Clone)]
+pub struct OuterLoop {
+    frame: LocalFrame,
+    atmosphere: Atmosphere,
+    autopilot: Autopilot,
+    cruise_m_s: f64,
+    last: Option<SimTime>,
+    /// Where it circles without a setpoint.
+    waits_at: Option<Demand>,
+}
+
+impl OuterLoop {
+    /// For a vehicle of that type in the air of the scenario.
+    ///
+    /// # Errors
+    /// A scenario that describes no air.
+    pub fn new(scenario: &Scenario, aircraft: &Aircraft) -> Result<Self, VaError> {
+        Ok(Self {
+            frame: scenario.frame()?,
+            atmosphere: scenario.atmosphere()?,
+            autopilot: Autopilot::new(aircraft),
+            cruise_m_s: scenario.search.airspeed_m_s,
+            last: None,
+            waits_at: None,
+        })
+    }
+
+    /// The vehicle is not steered now: the next step begins anew.
+    pub fn rest(&mut self) {
+        if self.last.take().is_some() {
+            self.autopilot.reset();
+            self.waits_at = None;
+        }
+    }
+
+    /// What the aircraft shall hold until its next `state`, on its way to `setpoint`; without one it circles where it is.
+    /// None on the ground.
+    pub fn step(
+        &mut self,
+        state: &State,
+        setpoint: Option<&Setpoint>,
+        now: SimTime,
+    ) -> Option<AttitudeDemand> {
+        if self.last.is_some_and(|at| now.since_s(at) > PAUSE_S) {
+            self.rest();
+        }
+        let sensed = self.sensed(state);
+        let dt_s = self.last.map_or(0.0, |at| now.since_s(at));
+        self.last = Some(now);
+        if dt_s <= 0.0 {
+            return None; // the first state has nothing before it
+        }
+        let demand = match setpoint {
+            Some(setpoint) => {
+                self.waits_at = None;
+                Demand {
+                    path: path_of(setpoint, &self.frame),
+                    alt_amsl_m: setpoint.alt_amsl_m,
+                    airspeed_m_s: setpoint.airspeed_m_s,
+                }
+            }
+            None => *self.waits_at.get_or_insert(Demand {
+                path: Path::GoTo {
+                    north_m: sensed.north_m,
+                    east_m: sensed.east_m,
+                },
+                alt_amsl_m: sensed.alt_amsl_m,
+                airspeed_m_s: self.cruise_m_s,
+            }),
+        };
+        self.autopilot.outer_loops(dt_s, &sensed, &demand)
+    }
+
+    fn sensed(&self, state: &State) -> Sensed {
+        let Enu { east_m, north_m } = self.frame.to_enu(Geodetic {
+            lat_deg: state.lat_deg,
+            lon_deg: state.lon_deg,
+        });
+        Sensed {
+            north_m,
+            east_m,
+            alt_amsl_m: state.alt_amsl_m,
+            vel_ned_m_s: state.vel_ned_m_s,
+            roll_rad: state.roll_deg.to_radians(),
+            pitch_rad: state.pitch_deg.to_radians(),
+            yaw_rad: state.heading_deg.to_radians(),
+            // The inner loops alone go by them.
+            rate_rad_s: [0.0; 3],
+            airspeed_m_s: state.airspeed_m_s,
+            density_kg_m3: self.atmosphere.at(state.alt_amsl_m).density_kg_m3(),
+            on_ground: !state.airborne,
+        }
+    }
+}

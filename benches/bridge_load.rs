@@ -11,7 +11,7 @@
 //! another as a router hands them on (`--links one`) or on a link each. All that the process says is heard over
 //! Zenoh, as a recorder hears it: the raw frames too. The time is taken just before a frame is sent and when its
 //! message has come out of the subscription.
-#![allow(missing_docs, clippy::unwrap_used)]
+#![allow(missing_docs, clippy::expect_used, clippy::unwrap_used)]
 
 use clap::{Parser, ValueEnum};
 use mav_bridge::arduplane::GUIDED;

@@ -137,37 +137,39 @@ impl Bridge {
     /// Takes in what the vehicle answers about its fence.
     pub(super) fn on_fence(&mut self, message: &MavMessage, now: SimTime, out: &mut BridgeOutput) {
         let own = (self.config.system_id, self.config.component_id);
-        match message {
+        let read_whole = match message {
             MavMessage::MISSION_COUNT(m)
                 if m.mission_type == FENCE && (m.target_system, m.target_component) == own =>
             {
-                if self.fence.counted(m.count) {
-                    self.thank(now, out);
-                }
+                self.fence.counted(m.count)
             }
             MavMessage::MISSION_ITEM_INT(m)
                 if m.mission_type == FENCE && (m.target_system, m.target_component) == own =>
             {
-                if self.fence.item(m) {
-                    self.thank(now, out);
-                }
+                self.fence.item(m)
             }
             MavMessage::MISSION_REQUEST_INT(m)
                 if m.mission_type == FENCE && (m.target_system, m.target_component) == own =>
             {
                 self.hand_over(m.seq);
+                false
             }
             MavMessage::MISSION_REQUEST(m)
                 if m.mission_type == FENCE && (m.target_system, m.target_component) == own =>
             {
                 self.hand_over(m.seq);
+                false
             }
             MavMessage::MISSION_ACK(m)
                 if m.mission_type == FENCE && (m.target_system, m.target_component) == own =>
             {
                 self.on_fence_taken(m.mavtype, out);
+                false
             }
-            _ => {}
+            _ => false,
+        };
+        if read_whole {
+            self.thank(now, out);
         }
     }
 

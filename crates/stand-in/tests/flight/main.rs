@@ -368,7 +368,7 @@ fn the_fence_on_board_is_read_and_put_there_where_that_is_asked_for() {
     // One bridge after the other, as on four days; a link that loses every fifth datagram each way.
     let lossy: pair::Link = |tick, frames| {
         let kept = frames.into_iter().enumerate();
-        kept.filter(|(k, _)| (tick / 50 + tick + *k as u64) % 5 != 0)
+        kept.filter(|(k, _)| !(tick / 50 + tick + *k as u64).is_multiple_of(5))
             .map(|(_, f)| f)
             .collect()
     };

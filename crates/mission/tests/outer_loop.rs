@@ -86,14 +86,14 @@ fn fly(setup: &Setup) -> Errors {
         for (topic, envelope) in run.step() {
             time_s = envelope.time.s();
             match (&topic, &envelope.message) {
-                (Topic::Setpoint(id), Message::Setpoint(to)) if id.as_str() == "6" => {
-                    if leg.as_ref().is_none_or(|leg| leg.to != *to) {
-                        leg = Some(Leg {
-                            to: to.clone(),
-                            since_s: time_s,
-                            from: None,
-                        });
-                    }
+                (Topic::Setpoint(id), Message::Setpoint(to))
+                    if id.as_str() == "6" && leg.as_ref().is_none_or(|leg| leg.to != *to) =>
+                {
+                    leg = Some(Leg {
+                        to: to.clone(),
+                        since_s: time_s,
+                        from: None,
+                    });
                 }
                 (Topic::State(id), Message::State(state)) if id.as_str() == "6" => {
                     if let Some(leg) = &mut leg {

@@ -401,9 +401,7 @@ impl Around<'_> {
             _ => false,
         }
     }
-}
 
-impl Around<'_> {
     /// Puts another aircraft in the place of the `k`-th member, as the operator wants.
     fn swap(&mut self, k: usize, member: &mut Member, swap: &Swap) {
         if swap.link.is_none() && self.replaced[k].is_some() {

@@ -10,6 +10,7 @@ pub mod flights;
 pub mod ground_station;
 pub mod importing;
 pub mod links;
+pub mod listener;
 pub mod measured;
 pub mod mission_files;
 pub mod outputs;

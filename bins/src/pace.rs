@@ -54,3 +54,44 @@ impl Pace {
         Duration::from_secs_f64(due_s.max(0.0)).saturating_sub(self.since.elapsed())
     }
 }
+
+/// Wall time over which the speed that was reached is measured, s: a figure that a person can read.
+const REACHED_OVER_S: f64 = 1.5;
+
+/// The speed that a run reaches.
+#[derive(Debug)]
+pub struct Reached {
+    since: Instant,
+    since_sim_s: f64,
+    factor: f64,
+}
+
+impl Reached {
+    /// Begins to measure at simulated time 0.
+    pub fn new() -> Self {
+        Self {
+            since: Instant::now(),
+            since_sim_s: 0.0,
+            factor: f64::NAN,
+        }
+    }
+
+    /// Simulated over wall time of late, at `sim_s`; not a number at first.
+    pub fn factor(&mut self, sim_s: f64) -> f64 {
+        let over_s = self.since.elapsed().as_secs_f64();
+        if over_s > REACHED_OVER_S {
+            *self = Self {
+                since: Instant::now(),
+                since_sim_s: sim_s,
+                factor: (sim_s - self.since_sim_s) / over_s,
+            };
+        }
+        self.factor
+    }
+}
+
+impl Default for Reached {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -1,18 +1,16 @@
 //! `plumage foxglove`: a mission that runs in processes, live in Foxglove.
 
+use crate::listener::Listener;
 use crate::{Failure, agent, plume_lines, site};
 use protocol::key::Name;
 use protocol::message::Model;
 use protocol::{Envelope, Interest, Topic};
 use record::export::foxglove::{Converter, Said};
-use std::collections::BTreeSet;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use views::foxglove::{DEFAULT_ADDRESS, Server};
 
 /// How often what was heard is passed on.
 const EVERY: Duration = Duration::from_millis(50);
-/// Different refusals that are told: somebody may say wrong things without end.
-const MOST_TOLD: usize = 100;
 
 /// Arguments of `plumage foxglove`.
 #[derive(Debug, clap::Args)]
@@ -42,19 +40,10 @@ pub fn foxglove(arguments: &FoxgloveArguments) -> Result<(), Failure> {
         eprintln!("Foxglove: open a connection to ws://{}", arguments.serve);
         let mission = Name::new(&setup.scenario.mission.name).map_err(Failure::input)?;
         let mut converter: Option<(i64, Converter<'_>)> = None;
-        let mut refused = BTreeSet::new();
+        let mut listener = Listener::default();
         loop {
             tokio::time::sleep(EVERY).await;
-            while let Some(heard) = net.try_receive() {
-                let (topic, envelope) = match heard {
-                    Ok(said) => said,
-                    Err(error) => {
-                        if refused.len() < MOST_TOLD && refused.insert(error.to_string()) {
-                            eprintln!("warning: {error}");
-                        }
-                        continue;
-                    }
-                };
+            for (topic, envelope) in listener.heard(&mut net) {
                 let (start, converter) = converter.get_or_insert_with(|| {
                     let plume = |model: &Model| plume_lines::of(&site, model);
                     let start = setup.scenario.mission.start_unix_ns();

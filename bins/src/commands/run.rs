@@ -5,7 +5,7 @@ use crate::feeding::{FeedOptions, Start};
 use crate::ground_station::GroundStation;
 use crate::outputs::{Outputs, fresh_folder};
 use crate::outside::Outside;
-use crate::pace::{Pace, Speed};
+use crate::pace::{Pace, Reached, Speed};
 use crate::page::{self, LivePage, PageArguments, Serve};
 use crate::progress::Bar;
 use crate::{Failure, mission_files, preflight, site};
@@ -24,8 +24,6 @@ use views::page::PageCommand;
 
 /// Speed at which a mission of half an hour is watched in a minute, simulated over wall time.
 const WATCHED: f64 = 30.0;
-/// Wall time over which the speed that is shown is measured, s.
-const PACE_OVER_S: f64 = 1.5;
 
 /// Arguments of `plumage run`.
 #[derive(Debug, clap::Args)]
@@ -230,8 +228,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         pace: Pace::new(arguments.first_speed(page.is_some()), 0.0),
         paused: false,
         started: Instant::now(),
-        paced: (Instant::now(), 0.0),
-        factor: f64::NAN,
+        reached: Reached::new(),
         phase: None,
         stop,
         at_once,
@@ -281,10 +278,7 @@ struct Flight {
     pace: Pace,
     paused: bool,
     started: Instant,
-    /// When the speed was last measured, and the mission time then, s.
-    paced: (Instant, f64),
-    /// Speed reached of late.
-    factor: f64,
+    reached: Reached,
     phase: Option<Phase>,
     stop: Arc<AtomicBool>,
     /// Interrupted again: real vehicles are not waited for.
@@ -448,12 +442,6 @@ impl Flight {
 
     fn show(&mut self) {
         let sim_s = self.run.now().s();
-        let (since, since_sim_s) = self.paced;
-        let over_s = since.elapsed().as_secs_f64();
-        if over_s > PACE_OVER_S {
-            self.factor = (sim_s - since_sim_s) / over_s;
-            self.paced = (Instant::now(), sim_s);
-        }
         self.bar.set_position(sim_s as u64);
         if let Some(phase) = self.phase {
             self.bar.set_message(format!("{phase:?}"));
@@ -461,7 +449,7 @@ impl Flight {
         let run = views::live::RunStatus {
             paused: self.paused,
             speed: self.pace.speed().0,
-            real_time_factor: self.factor,
+            real_time_factor: self.reached.factor(sim_s),
             ended: self.run.ended(),
             reported: false,
         };

@@ -1,20 +1,19 @@
 //! `plumage watch`: the page of a mission that runs in processes, simulated or real.
 
 use super::control;
+use crate::listener::Listener;
+use crate::pace::Reached;
 use crate::page::{LivePage, PageArguments, Serve};
 use crate::{Failure, agent, site};
 use net::Net;
 use protocol::{AgentId, Envelope, Interest};
-use std::collections::BTreeSet;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use views::live::RunStatus;
 use views::page::{DEFAULT_ADDRESS, Offered, PageOptions};
 
 /// How often clicks are looked for.
 const CLICKS_EVERY: Duration = Duration::from_millis(50);
-/// Wall time over which the speed that is shown is measured.
-const PACE_OVER: Duration = Duration::from_secs(2);
 
 /// Arguments of `plumage watch`.
 #[derive(Debug, clap::Args)]
@@ -72,30 +71,17 @@ async fn follow(
     duration_s: f64,
 ) -> Result<(), Failure> {
     let mut sequence = 0;
-    let mut paced = (Instant::now(), 0.0);
+    let mut reached = Reached::new();
     let mut run = RunStatus {
         speed: 1.0,
         ..RunStatus::default()
     };
-    let mut refused = BTreeSet::new();
+    let mut listener = Listener::default();
     loop {
         tokio::time::sleep(CLICKS_EVERY).await;
-        let (heard, wrong): (Vec<_>, Vec<_>) =
-            std::iter::from_fn(|| net.try_receive()).partition(Result::is_ok);
-        let heard: Vec<_> = heard.into_iter().flatten().collect();
-        page.take(&heard);
-        for error in wrong.into_iter().filter_map(Result::err) {
-            // Once each: somebody may say the same wrong thing a thousand times a second.
-            if refused.len() < 100 && refused.insert(error.to_string()) {
-                eprintln!("warning: {error}");
-            }
-        }
+        page.take(&listener.heard(net));
         let now = page.with(|live| live.time());
-        let over = paced.0.elapsed();
-        if over > PACE_OVER {
-            run.real_time_factor = (now.s() - paced.1) / over.as_secs_f64();
-            paced = (Instant::now(), now.s());
-        }
+        run.real_time_factor = reached.factor(now.s());
         run.ended = now.s() >= duration_s;
         page.show(run);
         for wish in page.commands() {

@@ -58,8 +58,7 @@ impl Shown {
                     if envelope.time < next {
                         continue;
                     }
-                    let ns = envelope.time.ns().saturating_add(every.ns());
-                    due.insert(topic.clone(), SimTime::from_ns(ns));
+                    due.insert(topic.clone(), envelope.time.later(every.ns()));
                 }
                 Topic::Mode(_)
                 | Topic::Plan

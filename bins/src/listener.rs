@@ -1,0 +1,35 @@
+//! What is said on the bus of a mission, for programs that only listen.
+
+use net::Net;
+use protocol::bus::Publication;
+use std::collections::BTreeSet;
+
+/// Different refusals that are told: somebody may say wrong things without end.
+const MOST_TOLD: usize = 100;
+
+/// Takes in what is said, and tells on standard error what cannot be read, once each.
+#[derive(Debug, Default)]
+pub struct Listener {
+    refused: BTreeSet<String>,
+}
+
+impl Listener {
+    /// What was said since the last call, in the order in which it came.
+    pub fn heard(&mut self, net: &mut Net) -> Vec<Publication> {
+        let mut heard = Vec::new();
+        while let Some(received) = net.try_receive() {
+            match received {
+                Ok(said) => heard.push(said),
+                Err(error) => self.tell(error.to_string()),
+            }
+        }
+        heard
+    }
+
+    fn tell(&mut self, error: String) {
+        if self.refused.len() < MOST_TOLD && !self.refused.contains(&error) {
+            eprintln!("warning: {error}");
+            self.refused.insert(error);
+        }
+    }
+}

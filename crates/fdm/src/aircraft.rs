@@ -12,6 +12,7 @@ mod aerodynamics;
 mod airframe;
 mod battery;
 mod control;
+mod plausible;
 mod propulsion;
 mod servos;
 mod surfaces;
@@ -114,7 +115,41 @@ impl Aircraft {
         within("body.cg_ahead_m", b.cg_ahead_m, -1.0, 1.0)?;
         positive("wing.span_m", self.wing.span_m)?;
         positive("wing.chord_m", self.wing.chord_m)?;
-        positive("wing.area_m2", self.wing.area_m2)
+        positive("wing.area_m2", self.wing.area_m2)?;
+        self.check_units()
+    }
+
+    /// Whether mass, wing and inertia go together: a number in another unit flies in no time step, or not at all.
+    fn check_units(&self) -> Result<(), FdmError> {
+        let (body, wing) = (&self.body, &self.wing);
+        plausible::within(plausible::SPAN_M, "wing.span_m", wing.span_m, 1.0)?;
+        plausible::within(
+            plausible::CHORD_OF_SPAN,
+            "wing.chord_m",
+            wing.chord_m,
+            wing.span_m,
+        )?;
+        plausible::within(
+            plausible::AREA_OF_RECTANGLE,
+            "wing.area_m2",
+            wing.area_m2,
+            wing.span_m * wing.chord_m,
+        )?;
+        plausible::within(
+            plausible::WING_LOADING_KG_M2,
+            "body.mass_kg",
+            body.mass_kg,
+            wing.area_m2,
+        )?;
+        let of_span = body.mass_kg * wing.span_m.powi(2);
+        for (key, inertia) in [
+            ("body.ixx_kg_m2", body.ixx_kg_m2),
+            ("body.iyy_kg_m2", body.iyy_kg_m2),
+            ("body.izz_kg_m2", body.izz_kg_m2),
+        ] {
+            plausible::within(plausible::INERTIA_OF_SPAN, key, inertia, of_span)?;
+        }
+        Ok(())
     }
 
     fn check_longitudinal(&self) -> Result<(), FdmError> {

@@ -82,6 +82,29 @@ const IMPOSSIBLE: &[(&str, &str, &str)] = &[
     ("alpha = 4.0203", "alpha = -4.0203", "lift.alpha is -4.0203"),
     ("zero = 0.01970", "zero = 0.0", "drag.zero is 0"),
     ("span_m = 2.1", "span_m = 0.0", "wing.span_m is 0"),
+    // In mm, cm, cm², g and kg cm².
+    (
+        "span_m = 2.1",
+        "span_m = 2100.0",
+        "wing.span_m is 2100; expected 1.000e-1 to 1.200e2",
+    ),
+    ("span_m = 2.1", "span_m = 210.0", "wing.span_m is 210"),
+    (
+        "chord_m = 0.35714",
+        "chord_m = 35.714",
+        "wing.chord_m is 35.714",
+    ),
+    ("area_m2 = 0.75", "area_m2 = 7500.0", "wing.area_m2 is 7500"),
+    (
+        "mass_kg = 3.364",
+        "mass_kg = 3364.0",
+        "body.mass_kg is 3364; expected 3.750e-2 to 7.500e2",
+    ),
+    (
+        "iyy_kg_m2 = 0.165",
+        "iyy_kg_m2 = 1650.0",
+        "body.iyy_kg_m2 is 1650",
+    ),
     (
         "min_deg = -30.0",
         "min_deg = 30.0",

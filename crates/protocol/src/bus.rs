@@ -10,9 +10,60 @@ use crate::envelope::Envelope;
 use crate::key::{AgentId, Interest, Topic};
 use crate::message::Message;
 use crate::time::SimTime;
+use std::collections::BTreeMap;
 
 /// One message that went over the bus.
 pub type Publication = (Topic, Envelope);
+
+/// What was said in a tick, by who wants to hear it: with a thousand vehicles nobody can look through all of it.
+struct Routes<'a> {
+    heard: &'a [Publication],
+    /// Places in `heard` by topic …
+    by_topic: BTreeMap<&'a Topic, Vec<usize>>,
+    /// … and by interests of several topics.
+    wide: Vec<(&'a Interest, Vec<usize>)>,
+}
+
+impl<'a> Routes<'a> {
+    fn of(heard: &'a [Publication], wide: &'a [Interest]) -> Self {
+        let mut by_topic: BTreeMap<&Topic, Vec<usize>> = BTreeMap::new();
+        for (k, (topic, _)) in heard.iter().enumerate() {
+            by_topic.entry(topic).or_default().push(k);
+        }
+        let covered = |interest: &Interest| {
+            let all = heard.iter().enumerate();
+            all.filter(|(_, (topic, _))| interest.covers(topic))
+                .map(|(k, _)| k)
+                .collect()
+        };
+        Self {
+            heard,
+            by_topic,
+            wide: wide.iter().map(|i| (i, covered(i))).collect(),
+        }
+    }
+
+    fn places(&self, interest: &Interest) -> &[usize] {
+        let places = match interest {
+            Interest::One(topic) => self.by_topic.get(topic),
+            wide => self.wide.iter().find(|(i, _)| *i == wide).map(|(_, p)| p),
+        };
+        places.map_or(&[], Vec::as_slice)
+    }
+
+    /// What `interests` cover, each once, in the order in which it was said.
+    fn wanted(&self, interests: &[Interest]) -> impl Iterator<Item = &'a Publication> + use<'a> {
+        let mut places: Vec<usize> = interests
+            .iter()
+            .flat_map(|interest| self.places(interest))
+            .copied()
+            .collect();
+        places.sort_unstable();
+        places.dedup();
+        let heard = self.heard;
+        places.into_iter().map(move |k| &heard[k])
+    }
+}
 
 struct Member<A> {
     agent: A,
@@ -23,6 +74,8 @@ struct Member<A> {
 /// Agents under a conductor.
 pub struct Conductor<A> {
     members: Vec<Member<A>>,
+    /// The members' interests of several topics, each once.
+    wide: Vec<Interest>,
     tick_ns: i64,
     tick: u64,
     /// Said in the last tick, in order.
@@ -35,25 +88,19 @@ pub struct Conductor<A> {
 
 impl<A: Agent> Conductor<A> {
     /// A conductor of `agents` with ticks of `tick_ns`. Agents are ordered by their id.
-    pub fn new(mut agents: Vec<A>, tick_ns: i64) -> Self {
-        agents.sort_by(|a, b| a.id().cmp(b.id()));
-        let members = agents
-            .into_iter()
-            .map(|agent| Member {
-                interests: agent.interests(),
-                agent,
-                sequence: 0,
-            })
-            .collect();
-        Self {
-            members,
+    pub fn new(agents: Vec<A>, tick_ns: i64) -> Self {
+        let mut conductor = Self {
+            members: Vec::new(),
+            wide: Vec::new(),
             tick_ns,
             tick: 0,
             said: Vec::new(),
             outbox: Outbox::default(),
             operator: Vec::new(),
             operator_sequence: 0,
-        }
+        };
+        agents.into_iter().for_each(|agent| conductor.join(agent));
+        conductor
     }
 
     /// Takes in one more agent; before the first tick, for whoever joins later has missed something.
@@ -64,6 +111,11 @@ impl<A: Agent> Conductor<A> {
             agent,
             sequence: 0,
         };
+        for interest in &member.interests {
+            if !matches!(interest, Interest::One(_)) && !self.wide.contains(interest) {
+                self.wide.push(interest.clone());
+            }
+        }
         self.members.insert(at, member);
     }
 
@@ -122,10 +174,11 @@ impl<A: Agent> Conductor<A> {
             };
             said.push((topic, envelope));
         }
+        let routes = Routes::of(&heard, &self.wide);
         for member in &mut self.members {
             let own = member.agent.id().clone();
-            for (topic, envelope) in &heard {
-                if envelope.sender != own && member.interests.iter().any(|i| i.covers(topic)) {
+            for (topic, envelope) in routes.wanted(&member.interests) {
+                if envelope.sender != own {
                     member
                         .agent
                         .handle(Event::Message(topic, envelope), now, &mut self.outbox);

@@ -97,3 +97,66 @@ fn digest_does_not_depend_on_the_order_of_the_team() {
         digest(["sc/main", "ws/main", "va/3"])
     );
 }
+
+/// Says an event, and remembers the topics of what it heard.
+struct Picky {
+    id: AgentId,
+    interests: Vec<Interest>,
+    heard: Vec<Topic>,
+}
+
+impl Agent for Picky {
+    fn id(&self) -> &AgentId {
+        &self.id
+    }
+    fn interests(&self) -> Vec<Interest> {
+        self.interests.clone()
+    }
+    fn handle(&mut self, event: Event<'_>, _: SimTime, out: &mut Outbox) {
+        match event {
+            Event::Message(topic, _) => self.heard.push(topic.clone()),
+            Event::Tick => out.event(&self.id, Severity::Info, "here", ""),
+            Event::Stop => {}
+        }
+    }
+}
+
+#[test]
+fn everybody_hears_what_its_interests_cover_once_and_in_order() {
+    let event = |id: &str| Topic::Event(AgentId::parse(id).unwrap());
+    let ids = ["sc/main", "va/1", "va/2", "va/3", "ws/main"];
+    for interests in [
+        vec![],
+        vec![Interest::One(event("va/2"))],
+        vec![
+            Interest::One(event("ws/main")),
+            Interest::One(event("sc/main")),
+        ],
+        vec![Interest::Everything],
+        vec![
+            Interest::One(event("va/3")),
+            Interest::Everything,
+            Interest::One(event("va/3")),
+        ],
+        vec![Interest::AllStates, Interest::One(event("va/1"))],
+        vec![Interest::OfAny(event("va/9"))],
+    ] {
+        let picky = |id: &str| Picky {
+            id: AgentId::parse(id).unwrap(),
+            interests: interests.clone(),
+            heard: Vec::new(),
+        };
+        let mut conductor = Conductor::new(ids.into_iter().map(picky).collect(), 20_000_000);
+        conductor.step();
+        conductor.step();
+        for agent in conductor.agents() {
+            let own = Topic::Event(agent.id.clone());
+            let expected: Vec<Topic> = ids
+                .iter()
+                .map(|id| event(id))
+                .filter(|topic| *topic != own && interests.iter().any(|i| i.covers(topic)))
+                .collect();
+            assert_eq!(agent.heard, expected, "{} by {interests:?}", agent.id);
+        }
+    }
+}

@@ -4,6 +4,7 @@ use crate::bridged::BridgedVehicle;
 use crate::error::VaError;
 use crate::safety_monitor::SafetyMonitor;
 use crate::simulated::SimulatedVehicle;
+use air::geo::Geodetic;
 use protocol::control_level::ControlEvent;
 use protocol::key::Name;
 use protocol::message::{
@@ -13,6 +14,9 @@ use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic}
 
 /// Time between two states and two readings, s.
 const REPORT_S: f64 = 0.1;
+
+/// Time between two events that tell of places to which it does not go, s.
+const REFUSAL_S: f64 = 1.0;
 
 /// What flies.
 pub enum VehicleBackend {
@@ -34,6 +38,7 @@ pub struct VirtualAircraft {
     told: Vec<EventMessage>,
     next_report_s: f64,
     last_mode: Option<Mode>,
+    last_refusal: Option<SimTime>,
 }
 
 impl VirtualAircraft {
@@ -56,6 +61,7 @@ impl VirtualAircraft {
             told: Vec::new(),
             next_report_s: 0.0,
             last_mode: None,
+            last_refusal: None,
         })
     }
 
@@ -93,6 +99,25 @@ impl VirtualAircraft {
             VehicleBackend::Simulated(backend) => backend.setpoint(setpoint),
             VehicleBackend::Bridged(backend) => backend.setpoint(setpoint),
         }
+    }
+
+    /// Whether it goes to a place, which it looks at itself, whoever sends it there: the last line of defence. That it
+    /// does not is said.
+    fn goes_to(&mut self, lat_deg: f64, lon_deg: f64, alt_amsl_m: f64, now: SimTime) -> bool {
+        let to = Geodetic { lat_deg, lon_deg };
+        let Some(why) = self.monitor.refuses(to, alt_amsl_m) else {
+            return true;
+        };
+        let told = |last| now.since_s(last) < REFUSAL_S;
+        if !self.last_refusal.is_some_and(told) {
+            self.last_refusal = Some(now);
+            self.told.push(EventMessage {
+                severity: Severity::Warning,
+                code: "setpoint-refused".to_owned(),
+                text: format!("not flown to {lat_deg:.5}, {lon_deg:.5}: {why}"),
+            });
+        }
+        false
     }
 
     /// What the operator wishes.
@@ -191,11 +216,18 @@ impl Agent for VirtualAircraft {
             Event::Message(_, envelope) => {
                 self.monitor.observe(&envelope.message, now);
                 match &envelope.message {
-                    Message::Setpoint(setpoint) => self.setpoint(setpoint),
+                    Message::Setpoint(to)
+                        if self.goes_to(to.lat_deg, to.lon_deg, to.alt_amsl_m, now) =>
+                    {
+                        self.setpoint(to);
+                    }
                     Message::Control(control) => self.control(control, now),
-                    Message::Destination(place) => {
-                        if let VehicleBackend::Simulated(backend) = &mut self.backend {
-                            backend.send_to(place);
+                    Message::Destination(to) => {
+                        if matches!(&self.backend, VehicleBackend::Simulated(b) if b.is_piloted())
+                            && self.goes_to(to.lat_deg, to.lon_deg, to.alt_amsl_m, now)
+                            && let VehicleBackend::Simulated(backend) = &mut self.backend
+                        {
+                            backend.send_to(to);
                         }
                     }
                     Message::Swap(swap) => self.swap = Some(swap.clone()),
@@ -210,5 +242,76 @@ impl Agent for VirtualAircraft {
             Event::Tick => self.tick(now, out),
             Event::Stop => {}
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocol::Envelope;
+    use protocol::message::PathKind;
+    use scenario::Scenario;
+
+    fn setpoint(lat_deg: f64, alt_amsl_m: f64) -> Setpoint {
+        Setpoint {
+            path: PathKind::GoTo,
+            lat_deg,
+            lon_deg: -7.8631,
+            alt_amsl_m,
+            airspeed_m_s: 18.0,
+            orbit_radius_m: 80.0,
+        }
+    }
+
+    /// The reference mission: the fence ends at 43.480° north, and reaches from 460 to 1,240 m AMSL.
+    #[test]
+    fn it_does_not_leave_its_fence_and_height_band_whoever_sends_it() {
+        let text = include_str!("../../../scenarios/as-pontes.toml");
+        let scenario = Scenario::parse("as-pontes.toml", text).unwrap();
+        let aircraft =
+            fdm::Aircraft::from_toml("x8.toml", include_str!("../../../aircraft/x8.toml")).unwrap();
+        let monitor = SafetyMonitor::new(&scenario, 0).unwrap();
+        let top_m = scenario.fence_top_amsl_m();
+        let body = BridgedVehicle::new(aircraft.surfaces);
+        let body = VehicleBackend::Bridged(Box::new(body));
+        let mut va = VirtualAircraft::new("1", body, monitor).unwrap();
+        let topic = Topic::Setpoint(Name::new("1").unwrap());
+        let mut out = Outbox::default();
+        let mut flown = |va: &mut VirtualAircraft, tick: u64, to: Setpoint| {
+            let now = SimTime::of_tick(tick, 20_000_000);
+            let envelope = Envelope {
+                sender: AgentId::sc(),
+                sequence: tick + 1,
+                time: now,
+                message: Message::Setpoint(to),
+            };
+            va.handle(Event::Message(&topic, &envelope), now, &mut out);
+            va.handle(Event::Tick, now, &mut out);
+            let VehicleBackend::Bridged(body) = va.backend_mut() else {
+                panic!("a bridge")
+            };
+            body.take_setpoints().len()
+        };
+        assert_eq!(flown(&mut va, 0, setpoint(43.45, top_m - 50.0)), 1);
+        // 9 km out of it at 2,500 m, as a stranger had it; above it, below it and nowhere.
+        for (k, to) in [
+            setpoint(43.561, 2500.0),
+            setpoint(43.561, top_m - 50.0),
+            setpoint(43.45, top_m + 31.0),
+            setpoint(43.45, 341.0),
+            setpoint(f64::NAN, top_m - 50.0),
+            setpoint(43.45, f64::INFINITY),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            assert_eq!(flown(&mut va, 1 + k as u64, to.clone()), 0, "{to:?}");
+        }
+        assert_eq!(flown(&mut va, 8, setpoint(43.45, top_m - 50.0)), 1);
+        // Six were refused within 0.2 s.
+        let told = out.messages().iter().filter(|(_, message)| {
+            matches!(message, Message::Event(event) if event.code == "setpoint-refused")
+        });
+        assert_eq!(told.count(), 1);
     }
 }

@@ -20,6 +20,10 @@ const MODEL_S: f64 = 25.0;
 const HOME_M: f64 = 500.0;
 /// Height above the ceiling at which the fence is broken, m: setpoints reach up to the ceiling.
 const ABOVE_CEILING_M: f64 = 30.0;
+/// Depth below the floor at which a vehicle does not go, m: setpoints reach down to the floor.
+const BELOW_FLOOR_M: f64 = 30.0;
+/// Distance beyond the edge at which a place counts as outside, m: rounding of degrees.
+const ROUNDING_M: f64 = 1.0;
 /// Hysteresis: a broken fence counts as kept again this far inside, m.
 const BACK_INSIDE_M: f64 = 30.0;
 
@@ -82,6 +86,8 @@ pub struct SafetyMonitor {
     home: Enu,
     fence: Vec<Enu>,
     ceiling_amsl_m: f64,
+    /// None where it follows a terrain, which only the squadron controller has.
+    floor_amsl_m: Option<f64>,
     real: bool,
     controller: Watchdog,
     world: Watchdog,
@@ -105,6 +111,8 @@ impl SafetyMonitor {
             home: frame.to_enu(scenario.home(index)?),
             fence: scenario.fence_polygon()?,
             ceiling_amsl_m: scenario.fence_top_amsl_m(),
+            floor_amsl_m: (!scenario.fence.follows_terrain)
+                .then_some(scenario.site.ground_amsl_m + scenario.fence.floor_agl_m),
             frame,
             real,
             controller: Watchdog::new(Danger::SquadronController, CONTROLLER_S),
@@ -130,6 +138,32 @@ impl SafetyMonitor {
             alt_amsl_m: state.alt_amsl_m,
             airborne: state.airborne,
         }
+    }
+
+    /// Why the vehicle does not go to a place, whoever sends it there; nothing where it may. Near home the height alone
+    /// counts, as it has to take off and land there.
+    pub(crate) fn refuses(&self, to: Geodetic, alt_amsl_m: f64) -> Option<String> {
+        if ![to.lat_deg, to.lon_deg, alt_amsl_m]
+            .iter()
+            .all(|v| v.is_finite())
+        {
+            return Some("the place is not a finite number".to_owned());
+        }
+        let at = self.frame.to_enu(to);
+        let near_home = at.distance_m(self.home) <= HOME_M;
+        let beyond_m = -area::clearance_m(&self.fence, at);
+        if !near_home && (beyond_m.is_nan() || beyond_m > ROUNDING_M) {
+            return Some(format!("it is {beyond_m:.0} m outside the fence"));
+        }
+        let (top_m, height_m) = (self.ceiling_amsl_m + ABOVE_CEILING_M, alt_amsl_m);
+        if height_m > top_m {
+            return Some(format!(
+                "it is at {height_m:.0} m AMSL: expected at most {top_m:.0} m"
+            ));
+        }
+        let low_m = self.floor_amsl_m? - BELOW_FLOOR_M;
+        (!near_home && height_m < low_m)
+            .then(|| format!("it is at {height_m:.0} m AMSL: expected at least {low_m:.0} m"))
     }
 
     /// The same for a vehicle that is real or simulated, whatever the scenario has in its place.

@@ -189,13 +189,7 @@ impl SimulatedVehicle {
     }
 
     pub(crate) fn setpoint(&mut self, setpoint: &Setpoint) {
-        let numbers = [
-            setpoint.lat_deg,
-            setpoint.lon_deg,
-            setpoint.alt_amsl_m,
-            setpoint.airspeed_m_s,
-            setpoint.orbit_radius_m,
-        ];
+        let numbers = [setpoint.airspeed_m_s, setpoint.orbit_radius_m];
         // A broken setpoint is no setpoint: it neither moves the vehicle nor counts as ignored.
         if numbers.iter().any(|v| !v.is_finite()) {
             return;
@@ -228,14 +222,15 @@ impl SimulatedVehicle {
         self.handle_control(ControlEvent::Takeover);
     }
 
-    /// The operator who has taken it over sends it to a place.
+    /// The operator who has taken it over ([`Self::is_piloted`]) sends it to a place.
     pub(crate) fn send_to(&mut self, place: &Destination) {
-        let numbers = [place.lat_deg, place.lon_deg, place.alt_amsl_m];
-        let is_somewhere = numbers.iter().all(|v| v.is_finite());
-        if is_somewhere && self.control.level() == ControlLevel::Pilot {
-            self.sent_to = Some(*place);
-            self.sticks_at = None;
-        }
+        self.sent_to = Some(*place);
+        self.sticks_at = None;
+    }
+
+    /// Whether an operator has taken it over.
+    pub(crate) fn is_piloted(&self) -> bool {
+        self.control.level() == ControlLevel::Pilot
     }
 
     /// Whether it flies by itself.

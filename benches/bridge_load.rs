@@ -20,6 +20,7 @@ use mav_bridge::wire::{FrameDecoder, FrameEncoder, MessageData};
 use mavlink::{MavlinkReader, MavlinkVersion};
 use net::realtime::MissionClock;
 use net::{Net, NetOptions};
+use programs::mission_key;
 use protocol::key::Name;
 use protocol::{Interest, Message, SimTime, Topic};
 use std::net::{SocketAddr, TcpListener, UdpSocket};
@@ -329,8 +330,11 @@ async fn main() {
         .local_addr()
         .unwrap();
     let endpoint = format!("tcp/{bus}");
+    let name = Name::new("as-pontes-steady").unwrap();
+    let key = mission_key::find(&name, None, &[]).unwrap();
     let mut net = Net::open(
-        Name::new("as-pontes-steady").unwrap(),
+        name,
+        key,
         &NetOptions {
             listen: vec![endpoint.clone()],
             ..NetOptions::default()

@@ -3,7 +3,8 @@
 Needs `pip install eclipse-zenoh` and a mission in real time whose scenario has `search.strategy = "outside"` and whose
 processes run with `--json`. Each vehicle that has come near its destination, or has had it for a minute, gets another: around the
 best reading so far, ever nearer to it, or around the place where the search begins as long as nothing stands out. That place, and how
-far a reading must stand out, are those of as-pontes unless stated.
+far a reading must stand out, are those of as-pontes unless stated. On the host of the mission it finds the mission's key by itself;
+elsewhere it is told by --mission-key or PLUMAGE_MISSION_KEY.
 
     python3 outside_strategy.py --mission as-pontes --connect tcp/127.0.0.1:7447
 """
@@ -16,6 +17,8 @@ import threading
 import time
 
 import zenoh
+
+from mission_key import Speaker, find_key
 
 METRES_PER_DEGREE = 111_195.0
 NEAR_M = 150.0
@@ -73,6 +76,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--mission", default="as-pontes")
     parser.add_argument("--connect", default="tcp/127.0.0.1:7447")
+    parser.add_argument("--mission-key", help="file with the mission's key")
     parser.add_argument("--seconds", type=float, default=math.inf)
     parser.add_argument("--lat", type=float, default=43.4467, help="where to begin")
     parser.add_argument("--lon", type=float, default=-7.8480)
@@ -89,6 +93,7 @@ def main():
     sequence = 0
 
     with zenoh.open(config) as session:
+        speaker = Speaker(session, arguments.mission, find_key(arguments.mission, arguments.mission_key))
 
         def heard(sample):
             nonlocal sequence
@@ -111,11 +116,7 @@ def main():
                 "time_ns": envelope["time_ns"],
                 "message": dict(zip(("lat_deg", "lon_deg", "alt_amsl_m"), place)),
             }
-            session.put(
-                f"{root}/{vehicle}/destination",
-                json.dumps(told),
-                encoding=zenoh.Encoding.APPLICATION_JSON,
-            )
+            speaker.put(f"{root}/{vehicle}/destination", told)
             print(f"{envelope['time_ns'] * 1e-9:7.1f} s: {vehicle} to {place[0]:.4f}, {place[1]:.4f}, {place[2]:.0f} m")
 
         subscribers = [session.declare_subscriber(f"{root}/*/{topic}", heard) for topic in ("reading", "state")]

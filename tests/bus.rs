@@ -7,10 +7,14 @@
     reason = "a test may fail by a panic"
 )]
 
-use net::{Net, NetOptions};
+use net::realtime::MissionClock;
+use net::{Introduction, MissionIdentity, Net, NetError, NetOptions};
 use protocol::key::Name;
-use protocol::message::{EventMessage, Severity};
-use protocol::{AgentId, Envelope, Interest, Message, ProtocolError, SimTime, WIRE_VERSION};
+use protocol::message::{
+    Ambient, Control, ControlWish, EventMessage, PathKind, Setpoint, Severity,
+};
+use protocol::seal::{MissionKey, SealFault, Sealer};
+use protocol::{AgentId, Envelope, Interest, Message, ProtocolError, SimTime, Topic, WIRE_VERSION};
 use std::net::TcpListener;
 use std::time::Duration;
 use tokio::task::JoinSet;
@@ -37,6 +41,16 @@ async fn stranger(endpoint: &str) -> zenoh::Session {
     zenoh::open(config).await.unwrap()
 }
 
+fn key() -> MissionKey {
+    MissionKey::new([7; 32])
+}
+
+/// Says `bytes` on `key` as somebody who holds the mission's key.
+async fn put_sealed(session: &zenoh::Session, sealer: &mut Sealer, key: &str, bytes: Vec<u8>) {
+    let seal = sealer.seal(0, key, &bytes);
+    session.put(key, bytes).attachment(seal).await.unwrap();
+}
+
 async fn next(net: &mut Net) -> net::Received {
     tokio::time::timeout(Duration::from_secs(20), net.receive())
         .await
@@ -51,7 +65,10 @@ async fn garbage_on_a_key_is_an_error_and_what_follows_is_heard() {
         listen: vec![endpoint.clone()],
         ..NetOptions::default()
     };
-    let mut net = Net::open(Name::new("m").unwrap(), &options).await.unwrap();
+    let mut net = Net::open(Name::new("m").unwrap(), key(), &options)
+        .await
+        .unwrap();
+    let mut sealer = Sealer::new(key(), 1);
     net.subscribe(&[Interest::Everything]).await.unwrap();
     let stranger = stranger(&endpoint).await;
     let event = |text: &str| Envelope {
@@ -66,50 +83,236 @@ async fn garbage_on_a_key_is_an_error_and_what_follows_is_heard() {
     };
     let mut newer = event("from the future").to_bytes();
     newer[0] += 1;
-    let key = "plumage/m/sc/main/event";
+    let event_key = "plumage/m/sc/main/event";
     tokio::time::sleep(Duration::from_millis(500)).await;
-    stranger
-        .put(key, [&[WIRE_VERSION], &b"garbage"[..]].concat())
-        .await
-        .unwrap();
+    let garbage = [&[WIRE_VERSION], &b"garbage"[..]].concat();
+    put_sealed(&stranger, &mut sealer, event_key, garbage).await;
     assert!(matches!(
         next(&mut net).await,
         Err(ProtocolError::Garbage { .. })
     ));
-    stranger.put(key, newer).await.unwrap();
+    put_sealed(&stranger, &mut sealer, event_key, newer).await;
     assert!(matches!(
         next(&mut net).await,
         Err(ProtocolError::WireVersion { theirs, ours: WIRE_VERSION }) if theirs == WIRE_VERSION + 1
     ));
-    stranger
-        .put("plumage/m/ws/main/event", event("forged").to_bytes())
-        .await
-        .unwrap();
+    let forged = event("forged").to_bytes();
+    put_sealed(&stranger, &mut sealer, "plumage/m/ws/main/event", forged).await;
     assert!(matches!(
         next(&mut net).await,
         Err(ProtocolError::ForeignSender { .. })
     ));
-    stranger
-        .put("plumage/m/no/such/key", b"x".to_vec())
-        .await
-        .unwrap();
+    put_sealed(&stranger, &mut sealer, "plumage/m/no/such/key", vec![1]).await;
     assert!(matches!(
         next(&mut net).await,
         Err(ProtocolError::UnknownKey(_))
     ));
-    stranger.put(key, event("binary").to_bytes()).await.unwrap();
+    let binary = event("binary").to_bytes();
+    put_sealed(&stranger, &mut sealer, event_key, binary).await;
     assert_eq!(next(&mut net).await.unwrap().1, event("binary"));
+    let json = event("json").to_json().into_bytes();
+    let seal = sealer.seal(0, event_key, &json);
     stranger
-        .put(key, event("json").to_json())
+        .put(event_key, json)
         .encoding(zenoh::bytes::Encoding::APPLICATION_JSON)
+        .attachment(seal)
         .await
         .unwrap();
     assert_eq!(next(&mut net).await.unwrap().1, event("json"));
     // As a script puts a string that knows of no encodings.
-    stranger.put(key, event("text").to_json()).await.unwrap();
+    let text = event("text").to_json().into_bytes();
+    put_sealed(&stranger, &mut sealer, event_key, text).await;
     assert_eq!(next(&mut net).await.unwrap().1, event("text"));
+    // A wind that would leave a vehicle without a finite number, by who holds the key.
+    let ambient = Envelope {
+        sender: AgentId::ws(),
+        message: Message::Ambient(Ambient {
+            wind_ned_m_s: [0.0, 1e300, 0.0],
+            gust_ned_m_s: [0.0; 3],
+            temperature_k: 288.0,
+            pressure_pa: 92_000.0,
+            co2_ppm: 449.0,
+            ground_amsl_m: 340.0,
+        }),
+        ..event("")
+    };
+    let ambient_key = "plumage/m/ws/main/ambient/1";
+    put_sealed(&stranger, &mut sealer, ambient_key, ambient.to_bytes()).await;
+    assert!(matches!(
+        next(&mut net).await,
+        Err(ProtocolError::Implausible {
+            field: "wind_ned_m_s",
+            ..
+        })
+    ));
+    assert_eq!(net.refused(), 5);
     stranger.close().await.unwrap();
     net.close().await.unwrap();
+}
+
+/// A stranger without the key says what moves a vehicle, in both encodings, and repeats what was said with it.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn who_does_not_hold_the_key_says_nothing() {
+    let endpoint = free_endpoint();
+    let options = NetOptions {
+        listen: vec![endpoint.clone()],
+        ..NetOptions::default()
+    };
+    let mut net = Net::open(Name::new("m").unwrap(), key(), &options)
+        .await
+        .unwrap();
+    net.subscribe(&[Interest::Everything]).await.unwrap();
+    let stranger = stranger(&endpoint).await;
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    let vehicle = Name::new("1").unwrap();
+    let said = |sender: AgentId, sequence, message| Envelope {
+        sender,
+        sequence,
+        time: SimTime::ZERO,
+        message,
+    };
+    let setpoint = Message::Setpoint(Setpoint {
+        path: PathKind::GoTo,
+        lat_deg: 43.52,
+        lon_deg: -7.86,
+        alt_amsl_m: 2500.0,
+        airspeed_m_s: 18.0,
+        orbit_radius_m: 80.0,
+    });
+    let control = Message::Control(Control {
+        wish: ControlWish::TakeOver,
+        sticks: None,
+    });
+    let mission = Name::new("m").unwrap();
+    let mut guessed = Sealer::new(MissionKey::new([8; 32]), 1);
+    let mut refused = 0;
+    for k in 1..=25 {
+        for (topic, sender, message) in [
+            (Topic::Setpoint(vehicle.clone()), AgentId::sc(), &setpoint),
+            (
+                Topic::Control(vehicle.clone()),
+                AgentId::operator(),
+                &control,
+            ),
+        ] {
+            let (topic_key, envelope) = (topic.key(&mission), said(sender, k, message.clone()));
+            let json = envelope.to_json().into_bytes();
+            for bytes in [json, envelope.to_bytes()] {
+                // One in two without a seal, the others with one by a guessed key.
+                if k % 2 == 0 {
+                    stranger.put(&topic_key, bytes).await.unwrap();
+                } else {
+                    put_sealed(&stranger, &mut guessed, &topic_key, bytes).await;
+                }
+                let fault = if k % 2 == 0 {
+                    SealFault::Missing
+                } else {
+                    SealFault::Wrong
+                };
+                let got = next(&mut net).await;
+                assert!(
+                    matches!(&got, Err(ProtocolError::Seal { fault: f, .. }) if *f == fault),
+                    "{got:?}"
+                );
+                refused += 1;
+            }
+        }
+    }
+    assert_eq!((refused, net.refused()), (100, 100));
+    // The same setpoint by who holds the key is heard, once.
+    let mut sealer = Sealer::new(key(), 1);
+    let topic_key = Topic::Setpoint(vehicle).key(&mission);
+    let bytes = said(AgentId::sc(), 1, setpoint).to_bytes();
+    let seal = sealer.seal(0, &topic_key, &bytes);
+    for _ in 0..2 {
+        let put = stranger.put(&topic_key, bytes.clone());
+        put.attachment(seal.clone()).await.unwrap();
+    }
+    assert!(next(&mut net).await.is_ok());
+    assert!(matches!(
+        next(&mut net).await,
+        Err(ProtocolError::Seal {
+            fault: SealFault::Replayed,
+            ..
+        })
+    ));
+}
+
+fn introduction(agents: &[&str], seed: u64) -> Introduction {
+    Introduction {
+        agents: agents.iter().map(ToString::to_string).collect(),
+        mission: MissionIdentity {
+            scenario_sha256: "0".repeat(64),
+            seed,
+            tick_ns: 20_000_000,
+            site_deg: [43.4417, -7.8631],
+        },
+    }
+}
+
+/// Opens the bus as `agents` of a mission with `seed`.
+async fn opened(options: &NetOptions, agents: &[&str], seed: u64) -> Net {
+    let mut net = Net::open(Name::new("m").unwrap(), key(), options)
+        .await
+        .unwrap();
+    net.introduce(introduction(agents, seed));
+    net
+}
+
+/// Another mission's `va`, a second of the same and a second keeper of the time are told why they are not let in;
+/// a clock that somebody spoofs tells nobody the time.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn who_does_not_belong_is_refused_in_words_and_only_the_keeper_tells_time() {
+    let endpoint = free_endpoint();
+    let listens = NetOptions {
+        listen: vec![endpoint.clone()],
+        ..NetOptions::default()
+    };
+    let connects = NetOptions {
+        connect: vec![endpoint.clone()],
+        ..NetOptions::default()
+    };
+    let sc = opened(&listens, &["sc/main"], 1).await;
+    let _sc_is_there = sc.announce(&AgentId::sc()).await.unwrap();
+    let spoofer = stranger(&endpoint).await;
+    let answer = r#"{"now_ns": 9000000000000, "run": 1, "stream": 1, "number": 1}"#;
+    let clock_key = "plumage/m/clock/main/now";
+    spoofer
+        .declare_queryable(clock_key)
+        .callback(move |query| {
+            let _ = zenoh::Wait::wait(query.reply(clock_key, answer).attachment([0; 32]));
+        })
+        .background()
+        .await
+        .unwrap();
+    let first = opened(&connects, &["va/2"], 1).await;
+    first.wait_for(&[AgentId::sc()]).await;
+    // The spoofer alone has not told it the time; that it waits is shown by a little of its patience.
+    let asked = tokio::time::timeout(Duration::from_secs(2), MissionClock::ask(&first)).await;
+    assert!(asked.is_err(), "a spoofed clock was believed");
+    MissionClock::keep(&sc).await.unwrap();
+    let clock = MissionClock::ask(&first).await.unwrap();
+    assert!(clock.now() < SimTime::from_s(60.0), "{:?}", clock.now());
+    let _first_is_there = first.announce(&AgentId::va("2").unwrap()).await.unwrap();
+
+    let words = |refused: Result<_, NetError>| match refused {
+        Err(NetError::Refused(words)) => words,
+        Err(other) => panic!("{other}"),
+        Ok(_) => panic!("let in"),
+    };
+    let otherwise = opened(&connects, &["va/3"], 2).await;
+    let said = words(MissionClock::ask(&otherwise).await.map(drop));
+    assert!(said.contains("seed 2 for 1"), "{said}");
+    let again = opened(&connects, &["va/2"], 1).await;
+    again.wait_for(&[AgentId::va("2").unwrap()]).await;
+    let said = words(MissionClock::ask(&again).await.map(drop));
+    assert!(said.contains("va/2 is on the bus already"), "{said}");
+    let second = opened(&connects, &["sc/main"], 1).await;
+    let said = words(MissionClock::keep(&second).await.map(drop));
+    assert!(said.contains("sc/main is on the bus already"), "{said}");
+    // Who belongs is let in beside all this, and its own place is not taken.
+    let third = opened(&connects, &["va/3"], 1).await;
+    MissionClock::ask(&third).await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -120,7 +323,8 @@ async fn a_port_that_is_taken_is_refused() {
         listen: vec![endpoint],
         ..NetOptions::default()
     };
-    assert!(Net::open(Name::new("m").unwrap(), &options).await.is_err());
+    let opened = Net::open(Name::new("m").unwrap(), key(), &options).await;
+    assert!(opened.is_err());
 }
 
 /// Joins as vehicle `k` and waits until it sees all of `team`; it is there as long as what comes back.
@@ -129,7 +333,9 @@ async fn meet(
     k: u8,
     team: Vec<AgentId>,
 ) -> (Net, zenoh::liveliness::LivelinessToken) {
-    let net = Net::open(Name::new("m").unwrap(), &options).await.unwrap();
+    let net = Net::open(Name::new("m").unwrap(), key(), &options)
+        .await
+        .unwrap();
     let vehicle = AgentId::va(&k.to_string()).unwrap();
     let token = net.announce(&vehicle).await.unwrap();
     net.wait_for(&team).await;

@@ -9,12 +9,12 @@
 
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
 use mav_bridge::arduplane::AUTO;
-use protocol::message::Message;
-use protocol::{SimTime, Topic};
+use protocol::message::{Control, ControlLevel, ControlWish, Message, PathKind, Setpoint};
+use protocol::{AgentId, SimTime, Topic};
 use scenario::random::stream;
 use stand_in::StandIn;
-use std::net::UdpSocket;
-use std::path::Path;
+use std::net::{TcpListener, UdpSocket};
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -24,6 +24,8 @@ const SCRIPT: &str = "../tests/oracle/mavlink_clients.py";
 const TEAM: &str = "../tests/oracle/mavlink_team.py";
 const LADDER: &str = "../tests/oracle/mavlink_ladder.py";
 const RECORDS: &str = "../tests/oracle/records.py";
+const STRANGER: &str = "../tests/oracle/stranger.py";
+const STRATEGY: &str = "../examples/outside_strategy.py";
 /// How many times faster than the clock a mission is flown.
 const SPEED: f64 = 15.0;
 
@@ -310,6 +312,164 @@ fn read_what_a_mission_leaves() -> Result<Completion, Failed> {
     succeeds(&[RECORDS, &path("")])
 }
 
+/// The team of as-pontes in processes in real time on a port of its own, recorded.
+struct Processes {
+    endpoint: String,
+    out: PathBuf,
+    recorder: Ends,
+    _team: Vec<Ends>,
+}
+
+impl Processes {
+    fn fly(mission: &str, strategy: &str, duration_s: u32) -> Self {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(mission);
+        let _ = std::fs::remove_dir_all(&folder);
+        std::fs::create_dir_all(folder.join("aircraft")).unwrap();
+        std::fs::copy("../aircraft/x8.toml", folder.join("aircraft/x8.toml")).unwrap();
+        let text = std::fs::read_to_string(SCENARIO).unwrap();
+        let text = text
+            .replacen("\"as-pontes\"", &format!("{mission:?}"), 1)
+            .replacen(
+                "duration_s = 2100.0",
+                &format!("duration_s = {duration_s}.0"),
+                1,
+            )
+            .replacen("\"cs-ea\"", &format!("{strategy:?}"), 1);
+        let file = folder.join("mission.toml");
+        std::fs::write(&file, text).unwrap();
+        let port = TcpListener::bind("127.0.0.1:0").unwrap();
+        let endpoint = format!("tcp/{}", port.local_addr().unwrap());
+        drop(port);
+        let (scenario, out) = (file.to_str().unwrap().to_owned(), folder.join("out"));
+        let start = |program: &str, arguments: &[&str]| {
+            let log = std::fs::File::create(
+                folder.join(format!("{}.log", program.rsplit('/').next().unwrap())),
+            );
+            let mut command = Command::new(program);
+            command
+                .args(["--scenario", &scenario, "--json"])
+                .args(arguments);
+            command.stdout(Stdio::null()).stderr(log.unwrap());
+            Ends(command.spawn().unwrap())
+        };
+        let join = ["--connect", &endpoint];
+        let team = vec![
+            start(env!("CARGO_BIN_EXE_sc"), &["--listen", &endpoint]),
+            start(env!("CARGO_BIN_EXE_ws"), &join),
+            start(
+                env!("CARGO_BIN_EXE_va"),
+                &[&join[..], &["--vehicles", "1,2,3,4,5,6"]].concat(),
+            ),
+        ];
+        let record = [&join[..], &["--out", out.to_str().unwrap()]].concat();
+        let recorder = start(env!("CARGO_BIN_EXE_recorder"), &record);
+        Self {
+            endpoint,
+            out,
+            recorder,
+            _team: team,
+        }
+    }
+
+    /// What was said in it.
+    fn recorded(mut self) -> Vec<(Topic, protocol::Envelope)> {
+        assert!(self.recorder.0.wait().unwrap().success());
+        let recording = record::read_mcap(&self.out.join("mission.mcap")).unwrap();
+        let said = recording.in_order().unwrap();
+        said.map(Result::unwrap).collect()
+    }
+}
+
+/// Somebody on the same host who does not hold the mission's key says 100 times what moves a vehicle: nothing of it is
+/// obeyed, or recorded as said, and it is told of at most once a second.
+fn a_stranger_moves_nothing() -> Result<Completion, Failed> {
+    if let Some(ignored) = not_installed("eclipse-zenoh", "zenoh") {
+        return Ok(ignored);
+    }
+    let processes = Processes::fly("strangers", "cs-ea", 40);
+    let said = |sender, message| protocol::Envelope {
+        sender,
+        sequence: 1_000_000,
+        time: SimTime::from_s(10.0),
+        message,
+    };
+    let hex = |envelope: protocol::Envelope| -> String {
+        let bytes = envelope.to_bytes();
+        bytes.iter().map(|b| format!("{b:02x}")).collect()
+    };
+    let setpoint = hex(said(
+        AgentId::sc(),
+        Message::Setpoint(Setpoint {
+            path: PathKind::GoTo,
+            lat_deg: 43.523,
+            lon_deg: -7.8631,
+            alt_amsl_m: 2500.0,
+            airspeed_m_s: 18.0,
+            orbit_radius_m: 80.0,
+        }),
+    ));
+    let control = hex(said(
+        AgentId::operator(),
+        Message::Control(Control {
+            wish: ControlWish::TakeOver,
+            sticks: None,
+        }),
+    ));
+    let heard = says(&[
+        STRANGER,
+        &processes.endpoint,
+        "strangers",
+        &setpoint,
+        &control,
+    ])?;
+    assert!(!heard.contains("\"pilot\""), "{heard}");
+    let recorded = processes.recorded();
+    let (mut refused, mut told_at) = (0, Vec::new());
+    for (topic, envelope) in &recorded {
+        assert!(!matches!(topic, Topic::Control(_)), "{envelope:?}");
+        match &envelope.message {
+            Message::Setpoint(to) => assert!(to.alt_amsl_m < 1300.0, "{to:?}"),
+            Message::Mode(mode) => assert!(mode.level != ControlLevel::Pilot, "{mode:?}"),
+            Message::Event(event) if event.code == "bad-message" => {
+                told_at.push(envelope.time.s());
+                // Its count of all so far, or the first one alone.
+                let words = event.text.split(' ').collect::<Vec<_>>();
+                refused = words.get(3).and_then(|n| n.parse().ok()).unwrap_or(1);
+            }
+            _ => {}
+        }
+    }
+    assert_eq!(refused, 100, "refused of 100");
+    assert!(
+        told_at.windows(2).all(|t| t[1] - t[0] > 0.99),
+        "{told_at:?}"
+    );
+    Ok(Completion::Completed)
+}
+
+/// The search strategy in Python that the documentation shows sends the vehicles somewhere: it finds the key by itself.
+fn a_strategy_outside_is_heard() -> Result<Completion, Failed> {
+    if let Some(ignored) = not_installed("eclipse-zenoh", "zenoh") {
+        return Ok(ignored);
+    }
+    let processes = Processes::fly("outside", "outside", 45);
+    let connect = ["--mission", "outside", "--connect", &processes.endpoint];
+    let printed = says(&[&[STRATEGY][..], &connect, &["--seconds", "40"]].concat())?;
+    assert!(
+        printed.contains("1 to ") && printed.contains("2 to "),
+        "{printed}"
+    );
+    let recorded = processes.recorded();
+    let sent = |id: &str| {
+        let to_it = |topic: &Topic| matches!(topic, Topic::Destination(to) if to.as_str() == id);
+        recorded.iter().any(|(topic, _)| to_it(topic))
+    };
+    assert!(sent("1") && sent("2"), "{printed}");
+    let told_of = |e: &Message| matches!(e, Message::Event(e) if e.code == "bad-message");
+    assert!(!recorded.iter().any(|(_, e)| told_of(&e.message)));
+    Ok(Completion::Completed)
+}
+
 fn main() -> ExitCode {
     let trials = vec![
         Trial::ignorable_test("pymavlink_flies_the_stand_in", || {
@@ -324,6 +484,11 @@ fn main() -> ExitCode {
         }),
         Trial::ignorable_test("the_ladder_of_questions", climbs_the_ladder),
         Trial::ignorable_test("what_a_mission_leaves", read_what_a_mission_leaves),
+        Trial::ignorable_test("a_stranger_on_loopback", a_stranger_moves_nothing),
+        Trial::ignorable_test(
+            "a_strategy_outside_the_program",
+            a_strategy_outside_is_heard,
+        ),
         Trial::ignorable_test("the_team_on_a_link_and_in_its_log", sees_the_team),
     ];
     libtest_mimic::run(&Arguments::from_args(), trials).exit_code()

@@ -9,6 +9,7 @@
 
 use mission::Setup;
 use net::{Net, NetOptions};
+use programs::mission_key;
 use protocol::key::Name;
 use protocol::message::{Message, VehicleKind};
 use protocol::{AgentId, Interest, Topic};
@@ -238,7 +239,8 @@ fn over_the_bus_a_file_and_a_stream_reach_the_model() {
             ..NetOptions::default()
         };
         let name = Name::new(&setup.scenario.mission.name).unwrap();
-        let mut net = Net::open(name, &options).await.unwrap();
+        let key = mission_key::find(&name, None, &[]).unwrap();
+        let mut net = Net::open(name, key, &options).await.unwrap();
         net.subscribe(&[Interest::Everything]).await.unwrap();
         net.wait_for(&[AgentId::va("stream").unwrap()]).await;
         tokio::time::sleep(Duration::from_secs(1)).await;

@@ -1,9 +1,10 @@
 //! One agent in a process of its own, on the bus over Zenoh.
 
+use crate::commands::keys;
 use crate::flightgear::{self, Viewer};
 use crate::links::{self, Links};
 use crate::weather_file::WeatherFile;
-use crate::{Failure, mission_files, preflight, presence, tls};
+use crate::{Failure, mission_files, mission_key, preflight, presence, tls};
 use anyhow::Context as _;
 use mav_bridge::link::LinkAddress;
 use mav_bridge::signing::SigningConfig;
@@ -11,7 +12,9 @@ use mission::real_vehicle::{LinkOptions, RealVehicle};
 use mission::setup::SigningKey;
 use mission::{Member, MissionError, Setup, team};
 use net::realtime::{MissionClock, Surroundings};
-use net::{DEFAULT_ENDPOINT, Net, NetOptions, TlsFiles, lockstep, realtime};
+use net::{
+    DEFAULT_ENDPOINT, Introduction, MissionIdentity, Net, NetOptions, TlsFiles, lockstep, realtime,
+};
 use plume::Gas;
 use protocol::key::Name;
 use protocol::message::Swap;
@@ -58,6 +61,13 @@ pub struct BusArguments {
     /// Own private key for TLS endpoints that listen (PEM)
     #[arg(long, value_name = "FILE", requires = "tls_ca")]
     pub tls_key: Option<String>,
+    /// Folder of this host that `plumage keys new` has written: encryption, who may say what, and the mission's key
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["tls_ca", "mission_key"])]
+    pub keys: Option<PathBuf>,
+    /// File with the mission's key, 64 hexadecimal digits, that only its owner may read: who holds it may command the
+    /// team. Else it is read from PLUMAGE_MISSION_KEY; where all processes are on this host they make one themselves
+    #[arg(long, value_name = "FILE")]
+    pub mission_key: Option<PathBuf>,
     /// User name that this process shows; its password is read from PLUMAGE_PASSWORD
     #[arg(long)]
     pub user: Option<String>,
@@ -73,7 +83,7 @@ impl BusArguments {
     /// # Errors
     /// Wrong input, with what was expected.
     pub fn setup(&self) -> Result<Setup, Failure> {
-        if self.tls_ca.is_some() {
+        if self.tls_ca.is_some() || self.keys.is_some() {
             tls::in_one_thread()?;
         }
         let setup = mission_files::load_changed(&self.scenario, self.seed, self.duration)?;
@@ -86,7 +96,34 @@ impl BusArguments {
     /// A user without a password.
     pub fn net_options(&self, listens: bool) -> Result<NetOptions, Failure> {
         let nothing_said = self.listen.is_empty() && self.connect.is_empty();
-        let default = || vec![DEFAULT_ENDPOINT.to_owned()];
+        let default = || vec![self.default_endpoint()];
+        let (tls, access_control) = match &self.keys {
+            Some(folder) => {
+                let ([root_ca, certificate, private_key], access) = keys::read(folder)?;
+                let tls = TlsFiles {
+                    root_ca,
+                    certificate: Some(certificate),
+                    private_key: Some(private_key),
+                    mutual: true,
+                };
+                (Some(tls), Some(access))
+            }
+            None => {
+                let tls = self.tls_ca.clone().map(|root_ca| TlsFiles {
+                    root_ca,
+                    certificate: self.tls_certificate.clone(),
+                    private_key: self.tls_key.clone(),
+                    mutual: false,
+                });
+                (tls, None)
+            }
+        };
+        let endpoints = || self.listen.iter().chain(&self.connect);
+        if let Some(open) = endpoints().find(|e| self.keys.is_some() && !e.starts_with("tls/")) {
+            return Err(Failure::usage(format!(
+                "{open}: with --keys everything is encrypted: expected an endpoint as tls/192.0.2.1:7447"
+            )));
+        }
         let user_password = match &self.user {
             None => None,
             Some(user) => {
@@ -108,37 +145,88 @@ impl BusArguments {
                 self.connect.clone()
             },
             json: self.json,
-            tls: self.tls_ca.clone().map(|root_ca| TlsFiles {
-                root_ca,
-                certificate: self.tls_certificate.clone(),
-                private_key: self.tls_key.clone(),
-            }),
+            tls,
+            access_control,
             user_password,
             password_file: self.password_file.clone(),
         })
+    }
+
+    /// Where the squadron controller listens where nobody says otherwise.
+    fn default_endpoint(&self) -> String {
+        match &self.keys {
+            Some(_) => DEFAULT_ENDPOINT.replace("tcp/", "tls/"),
+            None => DEFAULT_ENDPOINT.to_owned(),
+        }
     }
 
     /// Where it tries to connect to, for messages.
     pub fn connected_to(&self, listens: bool) -> String {
         match (self.connect.as_slice(), listens) {
             ([], true) => String::new(),
-            ([], false) if self.listen.is_empty() => DEFAULT_ENDPOINT.to_owned(),
+            ([], false) if self.listen.is_empty() => self.default_endpoint(),
             (endpoints, _) => endpoints.join(", "),
         }
     }
 
-    /// Joins the bus.
+    /// Joins the bus, to look on or to speak for the operator.
     ///
     /// # Errors
-    /// Options that Zenoh does not take, or a port that is taken.
+    /// As [`BusArguments::open_as`].
     pub async fn open(&self, setup: &Setup, listens: bool) -> Result<Net, Failure> {
+        self.open_as(setup, listens, &[]).await
+    }
+
+    /// Joins the bus as `agents`.
+    ///
+    /// # Errors
+    /// Options that Zenoh does not take, a port that is taken, or no key for a mission on several hosts.
+    pub async fn open_as(
+        &self,
+        setup: &Setup,
+        listens: bool,
+        agents: &[String],
+    ) -> Result<Net, Failure> {
         let mission = Name::new(&setup.scenario.mission.name).map_err(Failure::input)?;
         if let Some(warning) = presence::unreachable(&self.listen, &self.connect) {
             eprintln!("warning: {warning}");
         }
-        Net::open(mission, &self.net_options(listens)?)
+        let endpoints: Vec<String> = self.listen.iter().chain(&self.connect).cloned().collect();
+        let options = self.net_options(listens)?;
+        let in_folder = self
+            .keys
+            .as_ref()
+            .map(|folder| folder.join(mission_key::FILE));
+        let file = self.mission_key.as_deref().or(in_folder.as_deref());
+        let key = mission_key::find(&mission, file, &endpoints)?;
+        let mut net = Net::open(mission, key, &options)
             .await
-            .map_err(Failure::input)
+            .map_err(Failure::input)?;
+        net.introduce(Introduction {
+            agents: agents.to_vec(),
+            mission: identity(setup),
+        });
+        Ok(net)
+    }
+}
+
+/// What has to be the same in all processes of the mission.
+fn identity(setup: &Setup) -> MissionIdentity {
+    let scenario = &setup.scenario;
+    let mut same = scenario.clone();
+    // Told apart, or of no matter to who only looks on.
+    (same.mission.seed, same.mission.duration_s) = (0, 0.0);
+    let mut bytes = same.to_toml().into_bytes();
+    // Reported weather may be written anew while the team flies.
+    let aircraft = scenario.vehicles.iter().map(|v| &v.aircraft);
+    for name in aircraft.chain(&scenario.site.terrain) {
+        bytes.extend(setup.files.get(name).into_iter().flatten());
+    }
+    MissionIdentity {
+        scenario_sha256: protocol::digest::sha256_hex(&bytes),
+        seed: scenario.mission.seed,
+        tick_ns: setup.tick_ns(),
+        site_deg: [scenario.site.lat_deg, scenario.site.lon_deg],
     }
 }
 
@@ -288,7 +376,7 @@ pub fn run(
     let stays = linked.is_some().then_some(&interrupted);
     block_on_until(
         async {
-            let mut net = arguments.open(&setup, keeps_time).await?;
+            let mut net = arguments.open_as(&setup, keeps_time, &ids).await?;
             eprintln!("{who} joins mission {}", setup.scenario.mission.name);
             let watch = presence::watch(&net, &setup, &ids, arguments.connected_to(keeps_time))?;
             if arguments.lockstep {

@@ -1,6 +1,6 @@
 //! The page beside a run or a recording: a runtime of its own, so that the run itself waits for nobody.
 
-use crate::Failure;
+use crate::{Failure, loopback};
 use air::geo::{Geodetic, Position};
 use mission::Setup;
 use protocol::bus::Publication;
@@ -44,9 +44,34 @@ pub struct PageArguments {
     /// environment; none are loaded if not given
     #[arg(long, value_name = "URL")]
     tiles: Option<String>,
+    /// What a browser has to show to open the page, as http://ADDR/?token=TOKEN; else it is read from
+    /// PLUMAGE_PAGE_TOKEN. Needed where others than those on this host can reach the page
+    #[arg(long, value_name = "TOKEN")]
+    page_token: Option<String>,
 }
 
+/// The environment variable that may hold the token.
+const TOKEN: &str = "PLUMAGE_PAGE_TOKEN";
+
 impl PageArguments {
+    /// The token asked for.
+    ///
+    /// # Errors
+    /// One that no address can hold.
+    pub fn token(&self) -> Result<Option<String>, Failure> {
+        let token = self
+            .page_token
+            .clone()
+            .or_else(|| std::env::var(TOKEN).ok());
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+        match token {
+            Some(token) if token.is_empty() || !token.chars().all(is_plain) => Err(Failure::usage(
+                format!("--page-token or {TOKEN}: expected letters, digits, '-' and '_'"),
+            )),
+            token => Ok(token),
+        }
+    }
+
     /// The tiles asked for.
     ///
     /// # Errors
@@ -102,6 +127,13 @@ impl LivePage {
             Serve::Default => DEFAULT_ADDRESS,
             Serve::At(address) => address,
         };
+        if !loopback::is_address(address) && options.token.is_none() {
+            return Err(Failure::usage(format!(
+                "--serve {address}: others than those on this host can reach it, and could command the team: expected \
+                 --page-token or {TOKEN} with a secret word, with which the page is opened, or an address such as \
+                 {DEFAULT_ADDRESS}"
+            )));
+        }
         let runtime = tokio::runtime::Builder::new_multi_thread()
             // One thread is enough to send some frames a second, and leaves the others to the run.
             .worker_threads(1)
@@ -123,9 +155,7 @@ impl LivePage {
         let (commands_sender, commands) = mpsc::channel(CLICKS);
         let shown = live.clone();
         let server = runtime.spawn(async move {
-            if let Err(e) = page::serve(listener, shown, options, commands_sender, is_open).await {
-                eprintln!("warning: the live page has ended: {e}");
-            }
+            page::serve(listener, shown, options, commands_sender, is_open).await;
         });
         Ok(Some(Self {
             runtime,
@@ -212,15 +242,23 @@ impl LivePage {
 }
 
 /// The page of a mission that runs here: everything is offered, speed and pause where no real vehicle is linked.
-pub fn options_of_run(has_links: bool, report: PathBuf, tiles: Option<Tiles>) -> PageOptions {
-    PageOptions {
+///
+/// # Errors
+/// Wrong options.
+pub fn options_of_run(
+    has_links: bool,
+    report: PathBuf,
+    page: &PageArguments,
+) -> Result<PageOptions, Failure> {
+    Ok(PageOptions {
         offered: Offered {
             pause: !has_links,
             speed: !has_links,
             control: true,
             timeline_s: None,
         },
-        tiles,
+        tiles: page.tiles()?,
         report: Some(report),
-    }
+        token: page.token()?,
+    })
 }

@@ -3,7 +3,7 @@
 use clap::{CommandFactory as _, Parser, Subcommand};
 use programs::commands::{
     calibrate, campaign, conduct, control, doctor, export, fdm_server, feed, foxglove, gap, import,
-    plan, replay, run, shell, swap, tune, watch,
+    keys, plan, replay, run, shell, swap, tune, watch,
 };
 use programs::failure;
 use std::process::ExitCode;
@@ -39,6 +39,9 @@ enum Command {
     Swap(swap::SwapArguments),
     /// Pass observations into a mission that runs in processes, as a real vehicle's
     Feed(feed::FeedArguments),
+    /// Make what lets the hosts of a mission, and nobody else, onto its bus
+    #[command(subcommand)]
+    Keys(keys::KeysCommand),
     /// Show the page of a mission that runs in processes
     Watch(watch::WatchArguments),
     /// Show a mission that runs in processes live in Foxglove
@@ -72,6 +75,7 @@ fn main() -> ExitCode {
         Command::Control(arguments) => control::control(arguments),
         Command::Swap(arguments) => swap::swap(arguments),
         Command::Feed(arguments) => feed::feed(arguments),
+        Command::Keys(command) => keys::keys(command),
         Command::Watch(arguments) => watch::watch(arguments),
         Command::Foxglove(arguments) => foxglove::foxglove(arguments),
         Command::Replay(arguments) => replay::replay(arguments),

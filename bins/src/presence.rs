@@ -1,7 +1,7 @@
 //! Who is missing on the bus, said aloud: a wrong password, a wrong endpoint or a process that was
 //! not started look alike from inside, as silence.
 
-use crate::Failure;
+use crate::{Failure, loopback};
 use mission::{Setup, team};
 use net::Net;
 use std::collections::BTreeSet;
@@ -70,8 +70,12 @@ fn words(present: &BTreeSet<String>, missing: &[&str], connects_to: &str) -> Str
 
 /// Why peers on other hosts cannot reach this process, if that can be told from its endpoints.
 pub fn unreachable(listen: &[String], connect: &[String]) -> Option<String> {
-    let afar = connect.iter().find(|endpoint| !is_loopback(endpoint))?;
-    let hidden = listen.iter().all(|endpoint| is_loopback(endpoint));
+    let afar = connect
+        .iter()
+        .find(|endpoint| !loopback::is_endpoint(endpoint))?;
+    let hidden = listen
+        .iter()
+        .all(|endpoint| loopback::is_endpoint(endpoint));
     hidden.then(|| {
         format!(
             "this process connects to {afar} but listens on loopback only, and peers do not relay: \
@@ -79,13 +83,6 @@ pub fn unreachable(listen: &[String], connect: &[String]) -> Option<String> {
              --listen with an address of this host, such as tcp/192.0.2.2:0"
         )
     })
-}
-
-fn is_loopback(endpoint: &str) -> bool {
-    let address = endpoint.split_once('/').map_or(endpoint, |e| e.1);
-    ["127.", "localhost:", "[::1]"]
-        .iter()
-        .any(|start| address.starts_with(start))
 }
 
 #[cfg(test)]

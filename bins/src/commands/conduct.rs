@@ -52,7 +52,8 @@ pub fn conduct(arguments: &ConductArguments) -> Result<(), Failure> {
     let mut digest = Digest::new();
     let mut started = Instant::now();
     let conducted = agent::block_on(async {
-        let mut net = arguments.bus.open(&setup, false).await?;
+        let own = [AgentId::clock().to_string()];
+        let mut net = arguments.bus.open_as(&setup, false, &own).await?;
         bar.set_message("waiting for the team");
         let mut conductor = Conductor::gather(&mut net, &team, setup.tick_ns()).await?;
         started = Instant::now();

@@ -3,6 +3,7 @@
 use crate::{Failure, agent, mission_files};
 use net::{DEFAULT_ENDPOINT, Net, NetOptions};
 use protocol::key::Name;
+use protocol::seal::MissionKey;
 use scenario::calendar::rfc_3339;
 use std::net::{TcpListener, UdpSocket};
 use std::path::{Path, PathBuf};
@@ -175,7 +176,9 @@ fn bus() -> Finding {
             ..NetOptions::default()
         };
         let open = async {
-            let net = Net::open(Name::new("doctor").map_err(Failure::input)?, &options).await;
+            let name = Name::new("doctor").map_err(Failure::input)?;
+            let key = MissionKey::new(net::random()?);
+            let net = Net::open(name, key, &options).await;
             net.map_err(Failure::input)?
                 .close()
                 .await

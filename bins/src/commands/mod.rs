@@ -11,6 +11,7 @@ pub mod feed;
 pub mod foxglove;
 pub mod gap;
 pub mod import;
+pub mod keys;
 pub mod plan;
 pub mod replay;
 pub mod run;

@@ -211,8 +211,8 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let options = page::options_of_run(
         outside.has_links(),
         folder.join("report.html"),
-        arguments.page.tiles()?,
-    );
+        &arguments.page,
+    )?;
     let page = LivePage::open(&arguments.serve_at(), &setup, Arc::clone(&site), options)?;
     let outputs = Outputs::open(&folder, arguments.force, &setup, site)?;
     if let Some(page) = &page {

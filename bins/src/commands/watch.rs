@@ -6,6 +6,7 @@ use crate::pace::Reached;
 use crate::page::{LivePage, PageArguments, Serve};
 use crate::{Failure, agent, site};
 use net::Net;
+use net::realtime::MissionClock;
 use protocol::{AgentId, Envelope, Interest};
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,6 +15,9 @@ use views::page::{DEFAULT_ADDRESS, Offered, PageOptions};
 
 /// How often clicks are looked for.
 const CLICKS_EVERY: Duration = Duration::from_millis(50);
+
+/// How long the keeper of the mission's time may take to let the page speak for the operator.
+const TOLD_WITHIN: Duration = Duration::from_secs(2);
 
 /// Arguments of `plumage watch`.
 #[derive(Debug, clap::Args)]
@@ -48,6 +52,7 @@ pub fn watch(arguments: &WatchArguments) -> Result<(), Failure> {
             ..Offered::default()
         },
         tiles: arguments.page.tiles()?,
+        token: arguments.page.token()?,
         report: None,
     };
     let page = LivePage::open(&Serve::At(arguments.serve.clone()), &setup, site, options)?;
@@ -71,6 +76,7 @@ async fn follow(
     duration_s: f64,
 ) -> Result<(), Failure> {
     let mut sequence = 0;
+    let mut joined = false;
     let mut reached = Reached::new();
     let mut run = RunStatus {
         speed: 1.0,
@@ -84,7 +90,19 @@ async fn follow(
         run.real_time_factor = reached.factor(now.s());
         run.ended = now.s() >= duration_s;
         page.show(run);
-        for wish in page.commands() {
+        let wishes = page.commands();
+        if !wishes.is_empty() && !joined {
+            // Until somebody clicks the page only listens, from before the mission's time is known.
+            let asked = tokio::time::timeout(TOLD_WITHIN, MissionClock::ask(net)).await;
+            joined = asked.is_ok();
+            match asked {
+                Ok(asked) => drop(asked?),
+                Err(_) => eprintln!(
+                    "warning: nobody tells the mission's time: what was clicked is not said"
+                ),
+            }
+        }
+        for wish in wishes.into_iter().filter(|_| joined) {
             for (topic, message) in control::told_by_page(wish, team) {
                 sequence += 1;
                 let envelope = Envelope {

@@ -6,12 +6,14 @@
 //!
 //! A [`Net`] is one process's session on the bus of one mission, and [`NetOptions`] say how it
 //! joins and who may. [`lockstep`] runs an agent tick by tick under a conductor; [`realtime`] runs
-//! it by the wall clock, with the squadron controller's process keeping the mission's time.
+//! it by the wall clock, with the squadron controller's process keeping the mission's time. Both begin with
+//! [joining](Introduction), and all that is said carries a [seal](protocol::seal) of the mission's key.
 //! [`presence`] says who is there and who is missing.
 //!
 //! ```
 //! use net::{Net, NetOptions};
 //! use protocol::key::Name;
+//! use protocol::seal::MissionKey;
 //!
 //! # #[tokio::main(flavor = "multi_thread")]
 //! # async fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -20,7 +22,8 @@
 //!     listen: vec!["tcp/127.0.0.1:0".to_owned()],
 //!     ..NetOptions::default()
 //! };
-//! let bus = Net::open(Name::new("as-pontes")?, &options).await?;
+//! let key = MissionKey::new(net::random()?);
+//! let bus = Net::open(Name::new("as-pontes")?, key, &options).await?;
 //! assert!(bus.peers().is_empty());
 //! bus.close().await?;
 //! # Ok(())
@@ -30,12 +33,15 @@
 //! Not pure, and for programs only: sockets, threads and the wall clock are what it is about.
 
 mod hosted;
+mod joining;
 pub mod lockstep;
 mod options;
 pub mod presence;
 pub mod realtime;
+mod refusals;
 mod session;
 
+pub use joining::{Introduction, MissionIdentity, random};
 pub use options::{DEFAULT_ENDPOINT, NetOptions, TlsFiles};
 pub use presence::Presence;
 pub use session::{Net, Received};
@@ -56,6 +62,15 @@ pub enum NetError {
     /// Zenoh refused or failed: an endpoint that is taken, a session that is closed.
     #[error("network: {0}")]
     Zenoh(String),
+    /// The mission did not let this process in.
+    #[error("the mission does not let this process in: {0}")]
+    Refused(String),
+    /// Something was to be said before a run was joined.
+    #[error("network: nothing can be said before the mission's time is known")]
+    NotJoined,
+    /// The system has no random numbers.
+    #[error("no random numbers from the system: {0}")]
+    Random(String),
     /// The session ended while something was still awaited.
     #[error("network: the session has closed")]
     Closed,

@@ -4,8 +4,9 @@
 //! of these, since Zenoh keeps no order across publishers.
 
 use crate::hosted::Hosted;
-use crate::{Net, NetError};
-use protocol::message::{Done, LastSequences, Message, Severity, Tick};
+use crate::refusals::Refusals;
+use crate::{Net, NetError, joining};
+use protocol::message::{Done, LastSequences, Message, Tick};
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, ProtocolError, SimTime, Topic};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -58,6 +59,7 @@ pub async fn run<A: Agent>(
     tick_ns: i64,
 ) -> Result<(), NetError> {
     let hosted = Hosted::of(agents);
+    net.tells_for(&hosted.ids);
     net.subscribe(&hosted.all).await?;
     net.subscribe(&[Interest::One(Topic::Tick)]).await?;
     let mut presence = Vec::new();
@@ -71,14 +73,17 @@ pub async fn run<A: Agent>(
         .cloned()
         .collect();
     net.wait_for(&others).await;
+    joining::ask(net).await?;
     for id in &hosted.ids {
         say_done(net, id, SimTime::ZERO, READY, LastSequences::new()).await?;
     }
     let mut inbox = Inbox::default();
     let mut outbox = Outbox::default();
+    let mut refusals = Refusals::default();
     loop {
         let mut refused = Vec::new();
         let tick = next_tick(net, &mut inbox, &hosted.all, &mut refused).await?;
+        refused.into_iter().for_each(|error| refusals.add(error));
         let now = SimTime::of_tick(tick.tick, tick_ns);
         let said = inbox.before(now);
         let event = if tick.last { Event::Stop } else { Event::Tick };
@@ -86,9 +91,7 @@ pub async fn run<A: Agent>(
             let own = &hosted.ids[k];
             if k == 0 {
                 // Garbage is told of, once a process, and otherwise does not exist.
-                for error in refused.drain(..) {
-                    outbox.event(own, Severity::Warning, "bad-message", error.to_string());
-                }
+                refusals.say(own, now, &mut outbox);
             }
             hosted.hand_out(k, agent, &said, now, &mut outbox);
             agent.handle(event, now, &mut outbox);
@@ -165,6 +168,7 @@ pub async fn observe<E: From<NetError>>(
     // Who is seen has heard of the subscription above, so that nothing is missed.
     let others: Vec<AgentId> = team.iter().chain([&AgentId::clock()]).cloned().collect();
     net.wait_for(&others).await;
+    joining::ask(net).await?;
     say_done(net, &own, SimTime::ZERO, READY, LastSequences::new()).await?;
     let mut inbox = Inbox::default();
     let mut ending = false;
@@ -199,6 +203,7 @@ impl Conductor {
     /// # Errors
     /// [`NetError`].
     pub async fn gather(net: &mut Net, team: &[AgentId], tick_ns: i64) -> Result<Self, NetError> {
+        joining::open(net, || 0).await?;
         net.subscribe(&[Interest::Everything]).await?;
         let presence = net.announce(&AgentId::clock()).await?;
         let mut conductor = Self {

@@ -16,6 +16,8 @@ pub struct NetOptions {
     pub json: bool,
     /// PEM files for TLS endpoints: root certificate, own certificate, own private key.
     pub tls: Option<TlsFiles>,
+    /// Who may say what, by the names in certificates: Zenoh's `access_control`, as JSON.
+    pub access_control: Option<String>,
     /// User name and password that every peer must show.
     pub user_password: Option<(String, String)>,
     /// File of `user:password` lines that a listening process accepts.
@@ -32,6 +34,8 @@ pub struct TlsFiles {
     pub certificate: Option<String>,
     /// Own private key, needed to listen.
     pub private_key: Option<String>,
+    /// Both sides show a certificate, also the one that connects.
+    pub mutual: bool,
 }
 
 impl NetOptions {
@@ -53,7 +57,13 @@ impl NetOptions {
         set("scouting/gossip/enabled", true.into())?;
         // A process that only connects still listens on a free loopback port, so that the peers
         // it meets by gossip can reach it: peers do not relay for each other.
-        let loopback = vec!["tcp/127.0.0.1:0".to_owned()];
+        let mutual = self.tls.as_ref().is_some_and(|tls| tls.mutual);
+        let loopback = if mutual {
+            "tls/127.0.0.1:0"
+        } else {
+            "tcp/127.0.0.1:0"
+        };
+        let loopback = vec![loopback.to_owned()];
         let listen = if self.listen.is_empty() {
             &loopback
         } else {
@@ -69,15 +79,27 @@ impl NetOptions {
                 "transport/link/tls/root_ca_certificate",
                 tls.root_ca.clone().into(),
             )?;
-            if let Some(certificate) = &tls.certificate {
-                set(
-                    "transport/link/tls/listen_certificate",
-                    certificate.clone().into(),
-                )?;
+            set("transport/link/tls/enable_mtls", tls.mutual.into())?;
+            let sides = if tls.mutual {
+                &["listen", "connect"][..]
+            } else {
+                &["listen"]
+            };
+            for side in sides {
+                for (what, file) in [
+                    ("certificate", &tls.certificate),
+                    ("private_key", &tls.private_key),
+                ] {
+                    if let Some(file) = file {
+                        let key = format!("transport/link/tls/{side}_{what}");
+                        set(&key, file.clone().into())?;
+                    }
+                }
             }
-            if let Some(key) = &tls.private_key {
-                set("transport/link/tls/listen_private_key", key.clone().into())?;
-            }
+        }
+        if let Some(access) = &self.access_control {
+            let rules = serde_json::from_str(access).map_err(NetError::zenoh)?;
+            set("access_control", rules)?;
         }
         if let Some((user, password)) = &self.user_password {
             // Two peers that show each other a password refuse the second of two connections that they

@@ -3,9 +3,9 @@
 //! the answer with the shortest way (Cristian 1989), so hosts need no synchronised clocks.
 
 use crate::hosted::Hosted;
-use crate::{Net, NetError};
-use protocol::key::Name;
-use protocol::message::Severity;
+use crate::refusals::Refusals;
+use crate::{Net, NetError, joining};
+use protocol::seal::SealFault;
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, ProtocolError, SimTime, Topic};
 use std::time::{Duration, Instant};
 
@@ -18,46 +18,34 @@ pub struct MissionClock {
 /// How often the time is asked for at the start.
 const QUESTIONS: usize = 8;
 
-fn time_key(mission: &Name) -> String {
-    format!("plumage/{mission}/clock/main/now")
-}
-
 impl MissionClock {
-    /// Starts the mission's time now and answers the others for as long as `net` is open.
+    /// Starts the mission's time now, and lets the others in and tells them the time for as long as `net` is open.
     ///
     /// # Errors
-    /// [`NetError`].
+    /// [`NetError`], also where somebody keeps the mission's time already.
     pub async fn keep(net: &Net) -> Result<Self, NetError> {
         let clock = Self {
             start: Instant::now(),
         };
-        let key = time_key(&net.mission);
-        let answer_key = key.clone();
-        net.session
-            .declare_queryable(key)
-            .callback(move |query| {
-                let now_ns = clock.now().ns().to_string();
-                // Who asked has gone if the answer does not arrive; it will ask again.
-                let _ = zenoh::Wait::wait(query.reply(answer_key.clone(), now_ns));
-            })
-            .background()
-            .await
-            .map_err(NetError::zenoh)?;
+        joining::open(net, move || clock.now().ns()).await?;
         Ok(clock)
     }
 
-    /// Asks the keeper of the mission's time, until it answers.
+    /// Asks the keeper of the mission's time, until it answers. With this the process is let in, and can speak.
     ///
     /// # Errors
-    /// [`NetError::Zenoh`].
+    /// [`NetError::Zenoh`]; [`NetError::Refused`] where it is not let in.
     pub async fn ask(net: &Net) -> Result<Self, NetError> {
-        let (mut shortest, mut start) = ask_once(net).await?;
+        let mut best = joining::ask(net).await?;
         for _ in 1..QUESTIONS {
-            let (way, by_this) = ask_once(net).await?;
-            if way < shortest {
-                (shortest, start) = (way, by_this);
+            let told = joining::ask(net).await?;
+            if told.way < best.way {
+                best = told;
             }
         }
+        let half = best.asked + best.way / 2;
+        let now = Duration::from_nanos(best.now_ns.max(0) as u64);
+        let start = half.checked_sub(now).unwrap_or(half);
         Ok(Self { start })
     }
 
@@ -69,30 +57,6 @@ impl MissionClock {
     /// The instant of a mission time.
     fn instant(&self, time: SimTime) -> Instant {
         self.start + Duration::from_nanos(time.ns().max(0) as u64)
-    }
-}
-
-/// One answer of the keeper: how long it took to come, and when the mission started by it.
-async fn ask_once(net: &Net) -> Result<(Duration, Instant), NetError> {
-    loop {
-        let asked = Instant::now();
-        let replies = net
-            .session
-            .get(time_key(&net.mission))
-            .await
-            .map_err(NetError::zenoh)?;
-        let reply = replies.recv_async().await.ok();
-        let way = asked.elapsed();
-        let now_ns = reply
-            .as_ref()
-            .and_then(|r| r.result().ok())
-            .and_then(|sample| sample.payload().try_to_string().ok()?.parse::<u64>().ok());
-        if let Some(now_ns) = now_ns {
-            let half = asked + way / 2;
-            let start = half.checked_sub(Duration::from_nanos(now_ns));
-            return Ok((way, start.unwrap_or(half)));
-        }
-        tokio::time::sleep(Duration::from_millis(100)).await;
     }
 }
 
@@ -144,7 +108,9 @@ pub async fn run<A: Agent>(
     around: &mut impl Surroundings<A>,
 ) -> Result<(), NetError> {
     let hosted = Hosted::of(agents);
+    net.tells_for(&hosted.ids);
     net.subscribe(&hosted.all).await?;
+    let mut refusals = Refusals::default();
     let mut presence = Vec::new();
     for id in &hosted.ids {
         presence.push(net.announce(id).await?);
@@ -159,7 +125,17 @@ pub async fn run<A: Agent>(
         tokio::time::sleep_until(clock.instant(due).into()).await;
         if look / looks > ticks {
             ticks = look / looks;
-            if tick(net, agents, due, &hosted, &mut outbox, around).await? {
+            if tick(
+                net,
+                agents,
+                due,
+                &hosted,
+                &mut refusals,
+                &mut outbox,
+                around,
+            )
+            .await?
+            {
                 return Ok(());
             }
         } else {
@@ -181,19 +157,17 @@ async fn tick<A: Agent>(
     agents: &mut [A],
     due: SimTime,
     hosted: &Hosted,
+    refusals: &mut Refusals,
     outbox: &mut Outbox,
     around: &mut impl Surroundings<A>,
 ) -> Result<bool, NetError> {
     let last = around.ends(due, agents);
     let event = if last { Event::Stop } else { Event::Tick };
-    let mut refused = Vec::new();
-    let said = take_in(net, &mut refused);
+    let said = take_in(net, due, refusals);
     for (k, agent) in agents.iter_mut().enumerate() {
         let own = &hosted.ids[k];
         if k == 0 {
-            for error in refused.drain(..) {
-                outbox.event(own, Severity::Warning, "bad-message", error.to_string());
-            }
+            refusals.say(own, due, outbox);
         }
         hosted.hand_out(k, agent, &said, due, outbox);
         around.before_tick(k, agent);
@@ -233,13 +207,25 @@ pub async fn observe<E: From<NetError>>(
     }
 }
 
-/// What came in by now, in order, and what was refused.
-fn take_in(net: &mut Net, refused: &mut Vec<ProtocolError>) -> Vec<(Topic, Envelope)> {
+/// Age at which what an operator says is not obeyed any more, s: it may have been kept back, and whoever was started
+/// again since has not heard whether it was obeyed already.
+const OPERATOR_S: f64 = 10.0;
+
+/// What came in by `due`, in order; what is refused goes to `refusals`.
+fn take_in(net: &mut Net, due: SimTime, refusals: &mut Refusals) -> Vec<(Topic, Envelope)> {
     let mut heard = Vec::new();
     while let Some(received) = net.try_receive() {
         match received {
+            Ok((topic, said))
+                if said.sender == AgentId::operator() && due.since_s(said.time) > OPERATOR_S =>
+            {
+                refusals.add(ProtocolError::Seal {
+                    key: topic.path(),
+                    fault: SealFault::Late,
+                });
+            }
             Ok(said) => heard.push(said),
-            Err(e) => refused.push(e),
+            Err(e) => refusals.add(e),
         }
     }
     heard.sort_by(|(_, a), (_, b)| a.order().cmp(&b.order()));

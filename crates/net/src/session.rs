@@ -1,11 +1,14 @@
 //! One process's session on the bus of one mission: what it says, and what it hears.
 
 use crate::presence::{self, Presence};
-use crate::{NetError, NetOptions};
+use crate::{Introduction, NetError, NetOptions, random};
 use protocol::key::Name;
 use protocol::message::LastSequences;
+use protocol::seal::{MissionKey, SealCheck, Sealer};
 use protocol::{AgentId, Envelope, Interest, Outbox, ProtocolError, SimTime, Topic};
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use tokio::sync::mpsc;
 use zenoh::bytes::Encoding;
 use zenoh::qos::CongestionControl;
@@ -18,6 +21,20 @@ pub type Received = Result<(Topic, Envelope), ProtocolError>;
 pub struct Net {
     pub(crate) session: zenoh::Session,
     pub(crate) mission: Name,
+    pub(crate) key: MissionKey,
+    /// Who this process is, for whoever lets it in.
+    pub(crate) introduction: Option<Introduction>,
+    /// It connects to somebody by itself.
+    pub(crate) connects: bool,
+    sealer: Arc<Mutex<Sealer>>,
+    check: Arc<Mutex<SealCheck>>,
+    /// The run that was joined.
+    run: Mutex<Option<u64>>,
+    subscribed: AtomicBool,
+    announced: AtomicBool,
+    refused: Arc<AtomicU64>,
+    /// Those for whom this process tells of what is refused; of everything where nobody said.
+    tells_for: Arc<OnceLock<Vec<AgentId>>>,
     json: bool,
     publishers: BTreeMap<Topic, zenoh::pubsub::Publisher<'static>>,
     presence: Presence,
@@ -28,11 +45,16 @@ pub struct Net {
 }
 
 impl Net {
-    /// Joins the bus of `mission`.
+    /// Joins the bus of `mission`, the key of which is `key`.
     ///
     /// # Errors
     /// An option that Zenoh does not take, or a port that is taken.
-    pub async fn open(mission: Name, options: &NetOptions) -> Result<Self, NetError> {
+    pub async fn open(
+        mission: Name,
+        key: MissionKey,
+        options: &NetOptions,
+    ) -> Result<Self, NetError> {
+        let stream = u64::from_be_bytes(random()?);
         let session = zenoh::open(options.configuration()?)
             .await
             .map_err(NetError::zenoh)?;
@@ -41,6 +63,16 @@ impl Net {
         Ok(Self {
             session,
             mission,
+            sealer: Arc::new(Mutex::new(Sealer::new(key.clone(), stream))),
+            check: Arc::new(Mutex::new(SealCheck::new(key.clone()))),
+            key,
+            introduction: None,
+            connects: !options.connect.is_empty(),
+            run: Mutex::default(),
+            subscribed: AtomicBool::new(false),
+            announced: AtomicBool::new(false),
+            refused: Arc::default(),
+            tells_for: Arc::default(),
             json: options.json,
             publishers: BTreeMap::new(),
             presence,
@@ -50,19 +82,70 @@ impl Net {
         })
     }
 
+    /// Who this process is, for whoever lets it in.
+    pub fn introduce(&mut self, introduction: Introduction) {
+        self.introduction = Some(introduction);
+    }
+
+    /// How much was refused of what came in: unreadable, unsealed, or not its sender's to say.
+    pub fn refused(&self) -> u64 {
+        self.refused.load(Ordering::Relaxed)
+    }
+
+    /// Of what is refused only that is told which `agents` are to tell of.
+    pub(crate) fn tells_for(&self, agents: &[AgentId]) {
+        let _ = self.tells_for.set(agents.to_vec());
+    }
+
+    pub(crate) fn has_announced(&self) -> bool {
+        self.announced.load(Ordering::Relaxed)
+    }
+
+    /// How this process numbers what it seals.
+    pub(crate) fn sealer(&self) -> Arc<Mutex<Sealer>> {
+        Arc::clone(&self.sealer)
+    }
+
+    /// From now on it speaks and hears in `run`, kept by a process that has `said` so much.
+    pub(crate) fn set_run(&self, run: u64, said: Option<(u64, u64)>) {
+        *lock(&self.run) = Some(run);
+        let mut check = lock(&self.check);
+        check.only_run(run);
+        // What was on its way when this process began to listen counts.
+        if let Some((stream, number)) = said.filter(|_| !self.subscribed.load(Ordering::Relaxed)) {
+            check.only_after(stream, number);
+        }
+    }
+
     /// Hears everything that `interests` cover. To be called before [`Net::announce`].
     ///
     /// # Errors
     /// [`NetError::Zenoh`].
     pub async fn subscribe(&self, interests: &[Interest]) -> Result<(), NetError> {
+        self.subscribed.store(true, Ordering::Relaxed);
         for interest in interests {
             let sender = self.sender.clone();
             let mission = self.mission.clone();
+            let check = Arc::clone(&self.check);
+            let refused = Arc::clone(&self.refused);
+            let tells_for = Arc::clone(&self.tells_for);
             self.session
                 .declare_subscriber(interest.key_expression(&self.mission))
                 .callback(move |sample| {
+                    let received = read(&sample, &mission, &check);
+                    if received.is_err() {
+                        refused.fetch_add(1, Ordering::Relaxed);
+                        let topic = Topic::parse_key(sample.key_expr().as_str(), &mission);
+                        let teller = topic.ok().and_then(|topic| topic.refusals_told_by());
+                        let others = |own: &Vec<AgentId>| {
+                            teller.is_some_and(|teller| !own.contains(&teller))
+                        };
+                        if tells_for.get().is_some_and(others) {
+                            return;
+                        }
+                    }
                     // Foreign keys and garbage come out as errors for the owner to tell of.
-                    let _ = sender.send(read(&sample, &mission));
+                    let _ = sender.send(received);
                 })
                 .background()
                 .await
@@ -79,6 +162,7 @@ impl Net {
         &self,
         agent: &AgentId,
     ) -> Result<zenoh::liveliness::LivelinessToken, NetError> {
+        self.announced.store(true, Ordering::Relaxed);
         self.session
             .liveliness()
             .declare_token(presence::key(&self.mission, agent))
@@ -117,11 +201,12 @@ impl Net {
         self.receiver.try_recv().ok()
     }
 
-    /// Publishes one envelope.
+    /// Publishes one envelope with a seal.
     ///
     /// # Errors
-    /// [`NetError::Zenoh`].
+    /// [`NetError::Zenoh`]; [`NetError::NotJoined`] before a run was joined.
     pub async fn publish(&mut self, topic: &Topic, envelope: &Envelope) -> Result<(), NetError> {
+        let run = (*lock(&self.run)).ok_or(NetError::NotJoined)?;
         let (payload, encoding) = if self.json {
             (envelope.to_json().into_bytes(), Encoding::APPLICATION_JSON)
         } else {
@@ -140,9 +225,12 @@ impl Net {
         let Some(publisher) = self.publishers.get(topic) else {
             return Ok(());
         };
+        let key = publisher.key_expr().as_str();
+        let seal = lock(&self.sealer).seal(run, key, &payload);
         publisher
             .put(payload)
             .encoding(encoding)
+            .attachment(seal)
             .await
             .map_err(NetError::zenoh)
     }
@@ -189,9 +277,22 @@ fn looks_like_json(bytes: &[u8]) -> bool {
     bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{')
 }
 
-fn read(sample: &Sample, mission: &Name) -> Received {
-    let topic = Topic::parse_key(sample.key_expr().as_str(), mission)?;
+/// What is behind a lock; a panic elsewhere leaves what can still be used.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn read(sample: &Sample, mission: &Name, check: &Mutex<SealCheck>) -> Received {
+    let key = sample.key_expr().as_str();
+    let topic = Topic::parse_key(key, mission)?;
     let bytes = sample.payload().to_bytes();
+    let seal = sample.attachment().map(zenoh::bytes::ZBytes::to_bytes);
+    lock(check)
+        .take(key, &bytes, seal.as_deref())
+        .map_err(|fault| ProtocolError::Seal {
+            key: topic.path(),
+            fault,
+        })?;
     let said_json = matches!(sample.encoding(), e if *e == Encoding::APPLICATION_JSON || *e == Encoding::TEXT_JSON);
     let envelope = if said_json || looks_like_json(&bytes) {
         let text = std::str::from_utf8(&bytes).map_err(|e| ProtocolError::Garbage {
@@ -202,5 +303,6 @@ fn read(sample: &Sample, mission: &Name) -> Received {
     } else {
         Envelope::from_bytes(&topic, &bytes)?
     };
+    envelope.message.check_numbers(&topic)?;
     Ok((topic, envelope))
 }

@@ -26,7 +26,15 @@ impl Digest {
 
     /// The digest so far, 64 hexadecimal digits.
     pub fn hex(&self) -> String {
-        let bytes = self.hash.clone().finalize();
-        bytes.iter().map(|b| format!("{b:02x}")).collect()
+        hex(&self.hash.clone().finalize())
     }
+}
+
+/// The SHA-256 of `bytes`, 64 hexadecimal digits.
+pub fn sha256_hex(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }

@@ -369,6 +369,23 @@ impl Topic {
         }
     }
 
+    /// Of those who hear it the one who tells of what was refused on it, so that it is recorded once; none where
+    /// whoever hears it does.
+    pub fn refusals_told_by(&self) -> Option<AgentId> {
+        match self {
+            Self::Setpoint(id)
+            | Self::Control(id)
+            | Self::Swap(id)
+            | Self::Destination(id)
+            | Self::Ambient(id) => Some(AgentId {
+                kind: AgentKind::Va,
+                name: id.clone(),
+            }),
+            Self::State(_) | Self::Reading(_) | Self::Mode(_) | Self::Model => Some(AgentId::sc()),
+            _ => None,
+        }
+    }
+
     /// Whether messages on it count in a run's digest: all but the clock's and raw MAVLink.
     pub fn is_in_digest(&self) -> bool {
         !matches!(

@@ -62,6 +62,8 @@ pub mod digest;
 pub mod envelope;
 pub mod key;
 pub mod message;
+mod plausible;
+pub mod seal;
 pub mod time;
 
 pub use agent::{Agent, Event, Outbox};
@@ -112,6 +114,31 @@ pub enum ProtocolError {
     /// A key that is none of Plumage's.
     #[error("key '{0}' is not one of plumage/<mission>/<kind>/<id>/<topic>")]
     UnknownKey(String),
+    /// Something without a seal of the mission's key, or with one that does not hold.
+    #[error("{key} refused: {fault}")]
+    Seal {
+        /// Key expression it came in on.
+        key: String,
+        /// What is wrong with it.
+        fault: seal::SealFault,
+    },
+    /// A number that cannot be.
+    #[error("{key}: {field} is {value:?}; expected {low} to {high}")]
+    Implausible {
+        /// Key expression it came in on.
+        key: String,
+        /// The field.
+        field: &'static str,
+        /// What it holds.
+        value: f64,
+        /// The least that is taken.
+        low: f64,
+        /// The most that is taken.
+        high: f64,
+    },
+    /// A text that is no key of a mission.
+    #[error("not the key of a mission: expected 64 hexadecimal digits")]
+    BadKey,
     /// A name that cannot be part of a key.
     #[error("name '{0}': expected 1 to 32 of letters, digits, '-' and '_'")]
     BadName(String),

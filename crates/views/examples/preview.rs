@@ -67,6 +67,6 @@ async fn main() {
     }
     live.with(|live| live.run.ended = true);
     // The page stays until the program is stopped.
-    server.await.unwrap().unwrap();
+    server.await.unwrap();
     drop(open);
 }

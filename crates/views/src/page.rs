@@ -2,7 +2,8 @@
 //!
 //! Everything the page needs comes from this program. It answers only requests that name it by
 //! an address or `localhost`, so that a web site cannot reach it under a name of its own (DNS
-//! rebinding), and takes commands only from pages that it served itself.
+//! rebinding), and takes commands only from pages that it served itself. Where others than those on this host can
+//! reach it, it asks for a token. It holds a bounded number of connections, and none that does not ask for anything.
 
 use crate::ViewError;
 use crate::live::LiveState;
@@ -17,6 +18,9 @@ use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Json, Router};
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
 use protocol::key::Name;
 use protocol::message::Destination;
 use serde_json::json;
@@ -25,8 +29,9 @@ use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use tokio::net::TcpListener;
-use tokio::sync::{Semaphore, broadcast, mpsc, watch};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, mpsc, watch};
+use tokio::task::JoinSet;
 
 /// Where the page is if nobody says otherwise.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8787";
@@ -36,6 +41,15 @@ const FRAME: Duration = Duration::from_millis(200);
 const FRAMES_BEHIND: usize = 64;
 /// Longest command that is read, bytes.
 const LONGEST_COMMAND: usize = 256;
+/// Requests that are served at once, and live pages that are open: of the 256 files that some systems let a process
+/// open they leave half to the mission's outputs. A browser uses up to six connections for a page.
+const CONNECTIONS: usize = 64;
+/// How long a request may take to come, and a connection may stay without one.
+const REQUEST_WITHIN: Duration = Duration::from_secs(10);
+/// Time before the next connection is taken where the system has no file left for one.
+const NO_FILE: Duration = Duration::from_millis(200);
+/// Cookie with the token of a page.
+const COOKIE: &str = "plumage-token";
 /// Speeds that may be asked for.
 const FACTORS: RangeInclusive<f64> = 0.01..=1e4;
 /// What the page is made of beside itself.
@@ -159,6 +173,9 @@ pub struct PageOptions {
     pub tiles: Option<Tiles>,
     /// The mission's report, once it is written.
     pub report: Option<PathBuf>,
+    /// What a request has to show, first as `?token=…` and then as a cookie, for a page that others than those on
+    /// this host can reach.
+    pub token: Option<String>,
 }
 
 /// What the page shows, shared by who fills it and the server that sends it.
@@ -186,6 +203,8 @@ struct Shared {
     frames: broadcast::Sender<Utf8Bytes>,
     commands: mpsc::Sender<PageCommand>,
     open: watch::Receiver<()>,
+    /// Live pages that may still be opened.
+    pages: Arc<Semaphore>,
     /// Grids are made one after the other, so that many pages do not hold up the mission.
     grids: Arc<Semaphore>,
 }
@@ -228,16 +247,13 @@ pub async fn listen(address: &str) -> Result<TcpListener, ViewError> {
 
 /// Serves the page on `listener` until the sender of `open` is gone and the last news are sent; what people ask for
 /// goes to `commands`.
-///
-/// # Errors
-/// The server fails.
 pub async fn serve(
     listener: TcpListener,
     live: Live,
     options: PageOptions,
     commands: mpsc::Sender<PageCommand>,
     open: watch::Receiver<()>,
-) -> Result<(), ViewError> {
+) {
     let (frames, _) = broadcast::channel(FRAMES_BEHIND);
     let site = live.with(|live| Arc::clone(live.site()));
     let shared = Shared {
@@ -247,6 +263,7 @@ pub async fn serve(
         frames,
         commands,
         open,
+        pages: Arc::new(Semaphore::new(CONNECTIONS)),
         grids: Arc::new(Semaphore::new(1)),
     };
     let mut app = Router::new()
@@ -261,16 +278,65 @@ pub async fn serve(
         app = app.route(path, get(|| async { asset(kind, text) }));
     }
     let app = app
+        .layer(middleware::from_fn_with_state(
+            shared.clone(),
+            only_with_token,
+        ))
         .layer(middleware::from_fn(only_by_address))
         .with_state(shared.clone());
-    let drawing = tokio::spawn(draw(shared));
-    let served = axum::serve(listener, app)
-        .with_graceful_shutdown(async {
-            // A panic in the drawing ends the page as well.
-            let _ = drawing.await;
-        })
-        .await;
-    served.map_err(ViewError::Server)
+    // A panic in the drawing ends the page as well.
+    accept(listener, app, tokio::spawn(draw(shared))).await;
+}
+
+/// Serves connections until `drawing` ends, and then those that are still answered.
+async fn accept(listener: TcpListener, app: Router, mut drawing: tokio::task::JoinHandle<()>) {
+    let places = Arc::new(Semaphore::new(CONNECTIONS));
+    let (closing, closes) = watch::channel(());
+    let mut connections = JoinSet::new();
+    loop {
+        let next = async {
+            let place = Arc::clone(&places).acquire_owned().await.ok()?;
+            match listener.accept().await {
+                Ok((stream, _)) => Some((stream, place)),
+                Err(_) => {
+                    tokio::time::sleep(NO_FILE).await;
+                    None
+                }
+            }
+        };
+        tokio::select! {
+            _ = &mut drawing => break,
+            next = next => if let Some((stream, place)) = next {
+                connections.spawn(connection(stream, place, app.clone(), closes.clone()));
+            },
+            Some(_) = connections.join_next() => {}
+        }
+    }
+    drop(closing);
+    while connections.join_next().await.is_some() {}
+}
+
+/// Serves one connection until it ends, has not asked for anything for a while, or the server closes.
+async fn connection(
+    stream: TcpStream,
+    _place: OwnedSemaphorePermit,
+    app: Router,
+    mut closes: watch::Receiver<()>,
+) {
+    let served = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(REQUEST_WITHIN)
+        .serve_connection(TokioIo::new(stream), TowerToHyperService::new(app))
+        .with_upgrades();
+    tokio::pin!(served);
+    // What is wrong with a connection is the other side's business.
+    tokio::select! {
+        _ = &mut served => {}
+        _ = closes.changed() => {
+            served.as_mut().graceful_shutdown();
+            let _ = served.await;
+        }
+    }
 }
 
 /// Sends what is new, no more often than anybody can see.
@@ -392,6 +458,47 @@ async fn only_by_address(request: Request, next: Next) -> Response {
     }
 }
 
+/// Refuses requests without the page's token, where it has one: neither as `?token=…`, which sets the cookie, nor as that.
+async fn only_with_token(State(shared): State<Shared>, request: Request, next: Next) -> Response {
+    let Some(token) = &shared.options.token else {
+        return next.run(request).await;
+    };
+    let named = |pairs: &str, between: char, name: &str| {
+        pairs.split(between).any(|pair| {
+            let pair = pair.trim().split_once('=');
+            pair.is_some_and(|(key, value)| key == name && is_same(value, token))
+        })
+    };
+    let asked = request.uri().query().unwrap_or_default();
+    let cookies = request.headers().get_all(header::COOKIE);
+    let mut cookies = cookies.iter().filter_map(|c| c.to_str().ok());
+    if named(asked, '&', "token") {
+        let mut response = next.run(request).await;
+        let cookie = format!("{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/");
+        if let Ok(cookie) = header::HeaderValue::from_str(&cookie) {
+            response.headers_mut().insert(header::SET_COOKIE, cookie);
+        }
+        return response;
+    }
+    if cookies.any(|cookies| named(cookies, ';', COOKIE)) {
+        return next.run(request).await;
+    }
+    (
+        StatusCode::UNAUTHORIZED,
+        "open this page with its token, as http://ADDRESS/?token=TOKEN\n",
+    )
+        .into_response()
+}
+
+/// Whether two texts are the same, in a time that does not tell where they differ.
+fn is_same(a: &str, b: &str) -> bool {
+    let differs = a
+        .bytes()
+        .zip(b.bytes())
+        .fold(0, |all, (a, b)| all | (a ^ b));
+    a.len() == b.len() && differs == 0
+}
+
 /// Whether `host` (with or without port) is an address or `localhost`, not a name that somebody
 /// else may point here.
 fn is_address(host: &str) -> bool {
@@ -403,15 +510,13 @@ fn is_address(host: &str) -> bool {
     name.eq_ignore_ascii_case("localhost") || bare.parse::<IpAddr>().is_ok()
 }
 
-/// Whether the request comes from a page of this server, or from no page at all. Browsers let any page
+/// Whether the request comes from a page of this server. Browsers let any page
 /// open a WebSocket to any host and only say where the page is from (RFC 6455, section 10.2): without
-/// this any site that the user visits could pause a mission.
+/// this any site that the user visits could pause a mission. Who says nothing of it is no page.
 fn is_own_page(headers: &HeaderMap) -> bool {
-    let Some(origin) = headers.get(header::ORIGIN) else {
-        return true;
-    };
     let host = headers.get(header::HOST).and_then(|h| h.to_str().ok());
-    let origin = origin.to_str().ok().and_then(|o| o.strip_prefix("http://"));
+    let origin = headers.get(header::ORIGIN).and_then(|o| o.to_str().ok());
+    let origin = origin.and_then(|o| o.strip_prefix("http://"));
     host.is_some() && origin == host
 }
 
@@ -427,9 +532,19 @@ async fn socket(
         )
             .into_response();
     }
+    let Ok(place) = Arc::clone(&shared.pages).try_acquire_owned() else {
+        return (
+            StatusCode::SERVICE_UNAVAILABLE,
+            "too many pages are open already\n",
+        )
+            .into_response();
+    };
     upgrade
         .max_message_size(LONGEST_COMMAND)
-        .on_upgrade(move |socket| talk(socket, shared))
+        .on_upgrade(move |socket| async move {
+            talk(socket, shared).await;
+            drop(place);
+        })
 }
 
 /// Sends what there is and what is new and takes commands, until the page leaves or the server ends.

@@ -16,7 +16,7 @@ struct Served {
     live: Live,
     open: watch::Sender<()>,
     commands: mpsc::Receiver<PageCommand>,
-    server: tokio::task::JoinHandle<Result<(), views::ViewError>>,
+    server: tokio::task::JoinHandle<()>,
 }
 
 async fn served_with(options: PageOptions) -> Served {
@@ -213,6 +213,100 @@ async fn a_foreign_name_or_page_is_refused() {
         let answer = ask(&served.address, "/live", &headers).await;
         assert!(answer.starts_with("HTTP/1.1 403"), "{origin}: {answer}");
     }
+    // A program that does not say where it is from is no page either.
+    let headers = format!("{own}Connection: Upgrade\r\n");
+    let answer = ask(&served.address, "/live", &headers).await;
+    assert!(answer.starts_with("HTTP/1.1 403"), "{answer}");
+}
+
+#[tokio::test]
+async fn with_a_token_nothing_is_served_without_it() {
+    let served = served_with(PageOptions {
+        token: Some("open-sesame".to_owned()),
+        ..PageOptions::default()
+    })
+    .await;
+    let host = format!("Host: {}\r\n", served.address);
+    let origin = format!("{host}Origin: http://{}\r\n", served.address);
+    for (path, headers) in [
+        ("/", host.clone()),
+        ("/live", origin),
+        ("/?token=open-sesam", host.clone()),
+        ("/site.json?token=", host.clone()),
+        ("/", format!("{host}Cookie: plumage-token=open-sesame2\r\n")),
+    ] {
+        let answer = ask(&served.address, path, &headers).await;
+        assert!(answer.starts_with("HTTP/1.1 401"), "{path}: {answer}");
+    }
+    let page = ask(&served.address, "/?token=open-sesame", &host).await;
+    assert!(page.starts_with("HTTP/1.1 200"), "{page}");
+    let cookie = "plumage-token=open-sesame";
+    assert!(
+        page.contains(&format!("set-cookie: {cookie}; HttpOnly")),
+        "{page}"
+    );
+    let with_cookie = format!("{host}Cookie: other=1; {cookie}\r\n");
+    let site = ask(&served.address, "/site.json", &with_cookie).await;
+    assert!(site.starts_with("HTTP/1.1 200"), "{site}");
+}
+
+/// 300 connections that never finish their request: the server takes 64, drops them after 10 s, and then serves who
+/// asks.
+#[tokio::test]
+async fn connections_that_never_ask_are_few_and_dropped() {
+    let served = served().await;
+    let mut half_open = Vec::new();
+    for _ in 0..300 {
+        let mut stream = TcpStream::connect(&served.address).await.unwrap();
+        stream
+            .write_all(b"GET / HTTP/1.1\r\nHost: 127.0")
+            .await
+            .unwrap();
+        half_open.push(stream);
+    }
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    let held = |address: &str| {
+        let port: u16 = address.rsplit_once(':').unwrap().1.parse().unwrap();
+        served_by_this_process(port)
+    };
+    if let Some(held) = held(&served.address) {
+        assert!(held <= 64, "{held} connections are held");
+    }
+    // The first of them is told so, or closed, within its time.
+    let mut answer = Vec::new();
+    let first = half_open[0].read_to_end(&mut answer);
+    let first = tokio::time::timeout(Duration::from_secs(15), first).await;
+    assert!(first.is_ok(), "a half-open connection is held for ever");
+    drop(half_open);
+    let host = format!("Host: {}\r\n", served.address);
+    let page = ask(&served.address, "/", &host);
+    let page = tokio::time::timeout(Duration::from_secs(15), page).await;
+    assert!(page.unwrap().starts_with("HTTP/1.1 200"));
+}
+
+/// Sockets that this process has accepted at `port`: those files of it that are sockets connected from there. None
+/// where the system does not tell.
+fn served_by_this_process(port: u16) -> Option<usize> {
+    let inodes: Vec<String> = std::fs::read_dir("/proc/self/fd")
+        .ok()?
+        .filter_map(|file| std::fs::read_link(file.ok()?.path()).ok())
+        .filter_map(|to| {
+            Some(
+                to.to_str()?
+                    .strip_prefix("socket:[")?
+                    .trim_end_matches(']')
+                    .to_owned(),
+            )
+        })
+        .collect();
+    let table = std::fs::read_to_string("/proc/self/net/tcp").ok()?;
+    let local = format!(":{port:04X}");
+    let held = table.lines().skip(1).filter(|line| {
+        let fields: Vec<&str> = line.split_whitespace().collect();
+        // Established, its own end here, and accepted: one that waits has no file.
+        fields[3] == "01" && fields[1].ends_with(&local) && inodes.iter().any(|i| i == fields[9])
+    });
+    Some(held.count())
 }
 
 /// A WebSocket by hand (RFC 6455): one masked text frame out, text frames in.
@@ -351,7 +445,6 @@ async fn pictures_come_and_commands_go() {
     drop(served.open);
     tokio::time::timeout(wait, served.server)
         .await
-        .unwrap()
         .unwrap()
         .unwrap();
 }

@@ -167,6 +167,7 @@ pub fn show(recording: &Recording, arguments: &ShowArguments) -> Result<(), Fail
             timeline_s: Some(shown.span_s()),
         },
         tiles: arguments.page.tiles()?,
+        token: arguments.page.token()?,
         report: Some(report.clone()),
     };
     let page = LivePage::open(&Serve::At(arguments.address.clone()), &setup, site, options)?;

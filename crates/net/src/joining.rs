@@ -1,0 +1,346 @@
+//! Joining a run: one process keeps its time and lets the others in. Who asks shows the mission's key and says who he
+//! is and what he flies; the answer is made for his question alone, so that nobody else can tell the time, and holds
+//! the number of the run, with which all that is said is sealed.
+
+use crate::{Net, NetError};
+use protocol::key::Name;
+use protocol::seal::MissionKey;
+use protocol::{AgentId, WIRE_VERSION};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use zenoh::query::{ConsolidationMode, QueryTarget};
+
+/// How long who was let in may take to show itself, and how long who is cut off is shown: Zenoh's lease of 10 s and
+/// some.
+const LEASE: Duration = Duration::from_secs(12);
+/// Time between two questions.
+const AGAIN: Duration = Duration::from_millis(100);
+/// How long who wants to keep the time looks whether somebody does: a connection on a busy host.
+const LOOK: Duration = Duration::from_secs(1);
+/// How long who keeps the time, and is there, may take to answer until a person is told.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Length of a question, bytes: nobody meets one twice.
+const QUESTION_BYTES: usize = 16;
+
+/// What has to be the same in all processes of a mission.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MissionIdentity {
+    /// SHA-256 of the scenario, without seed and duration, hexadecimal.
+    pub scenario_sha256: String,
+    /// Seed of every random number.
+    pub seed: u64,
+    /// Tick, ns.
+    pub tick_ns: i64,
+    /// Origin of the site: latitude and longitude, degrees.
+    pub site_deg: [f64; 2],
+}
+
+impl MissionIdentity {
+    /// What `other` has otherwise, in words; nothing where it is the same.
+    fn difference(&self, other: &Self) -> Option<String> {
+        let mut words = Vec::new();
+        if self.seed != other.seed {
+            words.push(format!("seed {} for {}", other.seed, self.seed));
+        }
+        if self.tick_ns != other.tick_ns {
+            let ms = |ns: i64| ns as f64 * 1e-6;
+            words.push(format!(
+                "tick of {} ms for {}",
+                ms(other.tick_ns),
+                ms(self.tick_ns)
+            ));
+        }
+        if self.site_deg != other.site_deg {
+            let at = |[lat, lon]: [f64; 2]| format!("{lat}, {lon}");
+            words.push(format!(
+                "site {} for {}",
+                at(other.site_deg),
+                at(self.site_deg)
+            ));
+        }
+        if words.is_empty() && self.scenario_sha256 != other.scenario_sha256 {
+            words.push("another scenario".to_owned());
+        }
+        (!words.is_empty()).then(|| words.join(", "))
+    }
+}
+
+/// Who a process is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Introduction {
+    /// The agents that it hosts, as `kind/name`; none of who only looks or speaks for the operator.
+    pub agents: Vec<String>,
+    /// What it flies.
+    pub mission: MissionIdentity,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Question {
+    /// A random number, hexadecimal.
+    question: String,
+    #[serde(default)]
+    wire_version: Option<u8>,
+    /// The number of the process among those that speak.
+    #[serde(default)]
+    stream: u64,
+    /// It shows itself on the bus already, as after its keeper was started again.
+    #[serde(default)]
+    announced: bool,
+    #[serde(default)]
+    introduction: Option<Introduction>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Answer {
+    now_ns: i64,
+    run: u64,
+    /// The keeper's number among those that speak, and how often it has spoken.
+    stream: u64,
+    number: u64,
+    #[serde(default)]
+    refused: Option<Refused>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Refused {
+    why: String,
+    /// It may be otherwise in a moment.
+    passes: bool,
+}
+
+fn key_of(mission: &Name) -> String {
+    format!("plumage/{mission}/clock/main/now")
+}
+
+/// Random bytes from the system, fit for keys.
+///
+/// # Errors
+/// [`NetError::Random`].
+pub fn random<const N: usize>() -> Result<[u8; N], NetError> {
+    let mut bytes = [0; N];
+    getrandom::fill(&mut bytes).map_err(|e| NetError::Random(e.to_string()))?;
+    Ok(bytes)
+}
+
+/// Who was let in.
+struct Door {
+    key: MissionKey,
+    introduction: Option<Introduction>,
+    admitted: Mutex<BTreeMap<String, (u64, Instant)>>,
+    presence: crate::Presence,
+}
+
+impl Door {
+    /// Why who asks is not let in.
+    fn refuses(&self, question: &Question) -> Option<Refused> {
+        let refused = |passes, why| Some(Refused { why, passes });
+        if let Some(theirs) = question.wire_version.filter(|v| *v != WIRE_VERSION) {
+            let why = format!(
+                "it speaks wire version {theirs}, this mission {WIRE_VERSION}: update the older program"
+            );
+            return refused(false, why);
+        }
+        let asks = question.introduction.as_ref()?;
+        let own = self.introduction.as_ref()?;
+        if let Some(difference) = own.mission.difference(&asks.mission)
+            && !asks.agents.is_empty()
+        {
+            let why = format!(
+                "it has {difference}: expected the scenario and options of the other processes"
+            );
+            return refused(false, why);
+        }
+        let present = self.presence.now();
+        let mut admitted = self.admitted.lock().unwrap_or_else(PoisonError::into_inner);
+        for agent in &asks.agents {
+            let other = admitted.get(agent).filter(|(stream, since)| {
+                *stream != question.stream && (present.contains(agent) || since.elapsed() < LEASE)
+            });
+            let stranger =
+                !admitted.contains_key(agent) && !question.announced && present.contains(agent);
+            if other.is_some() || stranger || own.agents.contains(agent) {
+                return refused(true, format!("{agent} is on the bus already"));
+            }
+        }
+        for agent in &asks.agents {
+            admitted.insert(agent.clone(), (question.stream, Instant::now()));
+        }
+        None
+    }
+
+    /// Words for who keeps the time to tell a person of who only looks.
+    fn differs(&self, question: &Question) -> Option<String> {
+        let (own, asks) = (self.introduction.as_ref()?, question.introduction.as_ref()?);
+        own.mission.difference(&asks.mission)
+    }
+}
+
+/// Opens a run, the time of which is `now_ns`, and lets others in for as long as `net` is open.
+///
+/// # Errors
+/// [`NetError::Refused`] where somebody keeps the mission's time already.
+pub(crate) async fn open(
+    net: &Net,
+    now_ns: impl Fn() -> i64 + Send + Sync + 'static,
+) -> Result<(), NetError> {
+    let own = net.introduction.as_ref().map_or(&[][..], |i| &i.agents[..]);
+    if net.connects {
+        // Whom it is connected to shows itself at once, and for a while after it was cut off.
+        let begun = Instant::now();
+        let mut seen = false;
+        while begun.elapsed() < if seen { LEASE } else { LOOK } {
+            let present = net.presence().now();
+            seen = own.iter().any(|agent| present.contains(agent));
+            tokio::time::sleep(AGAIN).await;
+        }
+        if seen {
+            return Err(NetError::Refused(format!(
+                "{} is on the bus already",
+                own.join(", ")
+            )));
+        }
+    }
+    let run = u64::from_be_bytes(random()?);
+    net.set_run(run, None);
+    let door = Arc::new(Door {
+        key: net.key.clone(),
+        introduction: net.introduction.clone(),
+        admitted: Mutex::default(),
+        presence: net.presence(),
+    });
+    let sealer = net.sealer();
+    let key = key_of(&net.mission);
+    let answer_key = key.clone();
+    net.session
+        .declare_queryable(key)
+        .callback(move |query| {
+            let payload = query
+                .payload()
+                .map(|p| p.to_bytes().to_vec())
+                .unwrap_or_default();
+            let code = query.attachment().map(|a| a.to_bytes().to_vec());
+            if !door.key.is_answer(&[], &payload, &code.unwrap_or_default()) {
+                return;
+            }
+            let Ok(question) = serde_json::from_slice::<Question>(&payload) else {
+                return;
+            };
+            let (stream, number) = sealer
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .so_far();
+            let answer = Answer {
+                now_ns: now_ns(),
+                run,
+                stream,
+                number,
+                refused: door.refuses(&question),
+            };
+            if let (Some(words), None) = (door.differs(&question), &answer.refused) {
+                eprintln!("warning: somebody looks on with {words}");
+            }
+            let Ok(answer) = serde_json::to_vec(&answer) else {
+                return;
+            };
+            let code = door.key.answer_code(question.question.as_bytes(), &answer);
+            // Who asked has gone if the answer does not arrive; it will ask again.
+            let _ = zenoh::Wait::wait(query.reply(answer_key.clone(), answer).attachment(code));
+        })
+        .background()
+        .await
+        .map_err(NetError::zenoh)?;
+    Ok(())
+}
+
+/// What the keeper of the mission's time answered.
+pub(crate) struct Told {
+    /// The mission's time when it answered, ns.
+    pub(crate) now_ns: i64,
+    /// When it was asked, and how long its answer took to come.
+    pub(crate) asked: Instant,
+    pub(crate) way: Duration,
+}
+
+/// Asks the keeper of the mission's time to be let in, until it answers.
+///
+/// # Errors
+/// [`NetError::Refused`] with its words.
+pub(crate) async fn ask(net: &Net) -> Result<Told, NetError> {
+    let begun = Instant::now();
+    loop {
+        let (told, answer) = ask_once(net).await?;
+        match answer.refused {
+            None => {
+                net.set_run(answer.run, Some((answer.stream, answer.number)));
+                return Ok(told);
+            }
+            Some(refused) if refused.passes && begun.elapsed() < LEASE => {}
+            Some(refused) => return Err(NetError::Refused(refused.why)),
+        }
+        tokio::time::sleep(AGAIN).await;
+    }
+}
+
+async fn ask_once(net: &Net) -> Result<(Told, Answer), NetError> {
+    let (begun, mut told) = (Instant::now(), false);
+    let keepers = [AgentId::sc(), AgentId::clock()].map(|id| id.to_string());
+    let (stream, _) = net
+        .sealer()
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .so_far();
+    loop {
+        let number: [u8; QUESTION_BYTES] = random()?;
+        let question = Question {
+            question: number.iter().map(|b| format!("{b:02x}")).collect(),
+            wire_version: Some(WIRE_VERSION),
+            stream,
+            announced: net.has_announced(),
+            introduction: net.introduction.clone(),
+        };
+        let payload = serde_json::to_vec(&question).map_err(NetError::zenoh)?;
+        let code = net.key.answer_code(&[], &payload);
+        let asked = Instant::now();
+        // Strangers may answer as well, and first: theirs do not hold.
+        let replies = net
+            .session
+            .get(key_of(&net.mission))
+            .target(QueryTarget::All)
+            .consolidation(ConsolidationMode::None)
+            .payload(payload)
+            .attachment(code)
+            .await
+            .map_err(NetError::zenoh)?;
+        while let Ok(reply) = replies.recv_async().await {
+            let way = asked.elapsed();
+            let Ok(sample) = reply.result() else { continue };
+            let bytes = sample.payload().to_bytes();
+            let code = sample.attachment().map(|a| a.to_bytes().to_vec());
+            let holds = net.key.is_answer(
+                question.question.as_bytes(),
+                &bytes,
+                &code.unwrap_or_default(),
+            );
+            if let (true, Ok(answer)) = (holds, serde_json::from_slice::<Answer>(&bytes)) {
+                let told = Told {
+                    now_ns: answer.now_ns,
+                    asked,
+                    way,
+                };
+                return Ok((told, answer));
+            }
+        }
+        let present = net.peers();
+        let there = keepers.iter().find(|keeper| present.contains(*keeper));
+        if let Some(keeper) = there.filter(|_| !told && begun.elapsed() > PATIENCE) {
+            told = true;
+            eprintln!(
+                "warning: {keeper} is there and does not let this process in: is the mission's key (--keys, \
+                 --mission-key, PLUMAGE_MISSION_KEY) the same, and is the mission in lockstep if this is?"
+            );
+        }
+        tokio::time::sleep(AGAIN).await;
+    }
+}

@@ -1,39 +1,19 @@
-//! What was measured, from files: observations (CSV, or recordings wherever CSV is taken), flights,
-//! and the aircraft that flew them.
+//! What was measured, from files, as a program wants it: logs by a mapping file too, and what was noticed told.
 
 use crate::{Failure, importing};
-use anyhow::Context as _;
-use fdm::Aircraft;
 use gap::flight::log::FlightLog;
-use mission::Setup;
 use plume::Gas;
-use scenario::observations::{self, DataQuality, ObservationRow, Observations};
-use scenario::world::WorldError;
+use scenario::observations::{self, DataQuality, Observations};
 use std::path::{Path, PathBuf};
-use ws::wind::WorldWind;
+use tasks::measured;
+pub use tasks::measured::{AircraftFile, fill_wind};
 
-/// Readings of a recording are taken at most this often, s: closer ones say little more.
-const RECORDING_INTERVAL_S: f64 = 1.0;
-
-/// Reads the readings of `gas` in all `files` as one set of observations.
+/// As [`measured::load`].
 ///
 /// # Errors
 /// A file that cannot be read or holds no observations, with line and column.
 pub fn load(files: &[PathBuf], gas: Gas) -> Result<Observations, Failure> {
-    let mut texts = Vec::with_capacity(files.len());
-    let mut notices = Vec::new();
-    for file in files {
-        let (text, more) = text_of(file)?;
-        texts.push((file.display().to_string(), text));
-        notices.extend(more);
-    }
-    let named: Vec<(&str, &str)> = texts
-        .iter()
-        .map(|(n, t)| (n.as_str(), t.as_str()))
-        .collect();
-    let mut all = observations::parse(&named, gas).map_err(Failure::input)?;
-    all.notices.extend(notices);
-    Ok(all)
+    measured::load(files, gas).map_err(Failure::input)
 }
 
 /// Reads the readings of `gas` in all `files` as one set of observations: by the mapping file `map` as logs, or else as Plumage's own.
@@ -51,103 +31,18 @@ pub fn load_by(files: &[PathBuf], gas: Gas, map: Option<&Path>) -> Result<Observ
     Ok(all)
 }
 
-/// Where nobody logged the wind and the scenario has a series of it, that is the log: put into every
-/// row, at its height. Whether it was.
-///
-/// # Errors
-/// A scenario that describes no wind.
-pub fn fill_wind(observations: &mut Observations, setup: &Setup) -> Result<bool, WorldError> {
-    let Some(series) = &setup.wind_series else {
-        return Ok(false);
-    };
-    let logged = |row: &ObservationRow| row.wind_from_deg.is_some();
-    if observations.rows.iter().any(logged) {
-        return Ok(false);
-    }
-    // As the world simulator would have it: the same interpolation, or a series that was read and one
-    // that was flown would differ.
-    let wind = WorldWind::new(setup.scenario.wind_profile()?, Some(series.clone()), false);
-    let ground_amsl_m = setup.scenario.site.ground_amsl_m;
-    for row in &mut observations.rows {
-        let now = wind.at(row.time_s, 0.0);
-        row.wind_speed_m_s = Some(now.speed_at_m_s(row.alt_amsl_m - ground_amsl_m));
-        row.wind_from_deg = Some(now.from_deg());
-    }
-    observations
-        .notices
-        .push("no wind columns: the scenario's series is the log of the wind".to_string());
-    Ok(true)
-}
-
-fn text_of(file: &Path) -> Result<(String, Vec<String>), Failure> {
-    if file.extension().is_some_and(|e| e == "mcap") {
-        let recording = record::read_mcap(file).map_err(Failure::input)?;
-        let rows = record::observations::of_recording(&recording, RECORDING_INTERVAL_S)
-            .map_err(Failure::input)?;
-        return Ok((rows.to_csv(), rows.notices));
-    }
-    Ok((read(file, "observations")?, Vec::new()))
-}
-
 /// The text of a file; `what` names it in the message where it cannot be read.
-pub(crate) fn read(file: &Path, what: &str) -> Result<String, Failure> {
-    let bytes = std::fs::read(file)
-        .with_context(|| format!("{}: cannot read the {what}", file.display()))
-        .map_err(Failure::Input)?;
-    String::from_utf8(bytes).map_err(|e| {
-        let good = e.utf8_error().valid_up_to();
-        let lines = e.as_bytes()[..good].iter().filter(|b| **b == b'\n');
-        let line = lines.count() + 1;
-        Failure::Input(anyhow::anyhow!(
-            "{}: line {line}: not UTF-8 text; expected the {what} as text in UTF-8",
-            file.display()
-        ))
-    })
+pub(crate) fn read(file: &Path, what: &'static str) -> Result<String, Failure> {
+    measured::read(file, what).map_err(Failure::input)
 }
 
-/// An aircraft as its file has it.
-#[derive(Debug, Clone)]
-pub struct AircraftFile {
-    /// The file, for messages.
-    pub name: String,
-    /// Its text.
-    pub text: String,
-    /// What it says.
-    pub aircraft: Aircraft,
-}
-
-impl AircraftFile {
-    /// Reads an aircraft file.
-    ///
-    /// # Errors
-    /// A file that cannot be read, or an aircraft that the simulator refuses, with the reason.
-    pub fn read(file: &Path) -> Result<Self, Failure> {
-        let name = file.display().to_string();
-        let text = read(file, "aircraft")?;
-        let aircraft = Aircraft::from_toml(&name, &text).map_err(Failure::input)?;
-        Ok(Self {
-            name,
-            text,
-            aircraft,
-        })
-    }
-}
-
-/// Reads a measured flight.
+/// As [`measured::flight`].
 ///
 /// # Errors
 /// A file that cannot be read or is not a flight, with line and column; a recorded mission, which
 /// has no commands to the surfaces.
 pub fn flight(file: &Path) -> Result<FlightLog, Failure> {
-    let name = file.display().to_string();
-    if file.extension().is_some_and(|e| e == "mcap") {
-        return Err(Failure::input(gap::GapError::Data {
-            what: name,
-            problem: "a recorded mission holds no commands to the surfaces".into(),
-            expected: "the flight log of the autopilot as CSV".into(),
-        }));
-    }
-    FlightLog::parse(&name, &read(file, "flight")?).map_err(Failure::input)
+    measured::flight(file).map_err(Failure::input)
 }
 
 /// Reads a measured flight: by the mapping file `map` as a log, or else as Plumage's own.

@@ -5,14 +5,13 @@ use anyhow::{Context as _, Result};
 use mission::{Setup, campaign};
 use protocol::Message;
 use protocol::bus::Publication;
-use protocol::key::Name;
 use protocol::message::Model;
 use record::summary::{MissionSummary, Summariser};
 use record::tracks::Tracks;
-use record::{RunInfo, ThreadedRecorder, files, kml};
-use std::collections::BTreeMap;
+use record::{ThreadedRecorder, files, kml};
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
+use tasks::mission_record;
 use views::report::Report;
 use views::site::SiteMap;
 
@@ -32,22 +31,6 @@ pub struct Outputs {
     model: Option<Box<Model>>,
     site: Arc<SiteMap>,
     setup: Setup,
-}
-
-/// What a recording says of its run.
-///
-/// # Errors
-/// A mission's name that cannot be part of a key.
-pub fn run_info(setup: &Setup) -> Result<RunInfo> {
-    Ok(RunInfo {
-        mission: Name::new(&setup.scenario.mission.name)?,
-        scenario_toml: setup.scenario.to_toml(),
-        gas: setup.scenario.gas(),
-        files: BTreeMap::clone(&setup.files),
-        start_unix_ns: setup.scenario.mission.start_unix_ns(),
-        seed: setup.scenario.mission.seed,
-        versions: BTreeMap::from([("plumage".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]),
-    })
 }
 
 /// A folder for a run that was given none: `out/<mission>-<n>` with the first free n.
@@ -95,8 +78,11 @@ impl Outputs {
         for (name, bytes) in setup.files.iter() {
             keep(folder, name, bytes)?;
         }
-        let recorder = ThreadedRecorder::create(&folder.join("mission.mcap"), &run_info(setup)?)
-            .map_err(Failure::input)?;
+        let recorder = ThreadedRecorder::create(
+            &folder.join("mission.mcap"),
+            &mission_record::run_info(setup)?,
+        )
+        .map_err(Failure::input)?;
         Ok(Self {
             folder: folder.to_owned(),
             recorder,

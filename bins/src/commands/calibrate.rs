@@ -2,17 +2,11 @@
 
 use crate::progress::Waiting;
 use crate::{Failure, measured, mission_files};
-use plume::{Gas, MechanismId};
-use protocol::message::Peak;
+use plume::Gas;
 use record::files;
-use record::summary::with_gas;
 use scenario::Scenario;
-use scenario::airspace::Airspace;
 use scenario::uncertain::Uncertain;
-use serde_json::json;
 use std::path::PathBuf;
-use ws::calibration::offline;
-use ws::calibration::offline::OfflineCalibration;
 
 /// Arguments of `plumage calibrate`.
 #[derive(Debug, clap::Args)]
@@ -54,31 +48,17 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     )?;
     measured::tell(&observations.notices);
     let reference = arguments.reference.as_deref();
-    if let Some(reference) = reference
-        && !observations.platforms.iter().any(|p| p == reference)
-    {
-        let known = observations.platforms.join(", ");
-        return Err(Failure::usage(format!(
-            "--reference {reference}: expected one of {known}"
-        )));
-    }
     let waiting = Waiting::new("correcting the scenario");
-    let offline = offline::calibrate_in(&setup.scenario, &setup.classes, &observations, reference)
-        .map_err(Failure::input)?;
+    let calibration =
+        tasks::calibration::of(&setup, &observations, reference).map_err(mission_files::option)?;
     drop(waiting);
+    let offline = &calibration.offline;
     files::prepare_folder(&arguments.out, arguments.force).map_err(Failure::input)?;
     let write =
         |name: &str, text: &str| files::write_whole(&arguments.out.join(name), text.as_bytes());
     write("scenario.toml", &offline.scenario.to_toml())?;
-    let mut document = document(&offline, &observations.platforms, reference);
-    let peak = peak(&setup.scenario, &offline);
-    document["peak"] = json!(peak);
-    let gas = setup.scenario.gas();
-    document["gas"] = json!(gas);
-    write(
-        "calibration.json",
-        &with_gas(&format!("{:#}\n", document), gas),
-    )?;
+    write("calibration.json", &calibration.json)?;
+    let (gas, peak) = (setup.scenario.gas(), &calibration.peak);
     measured::tell_flaws(&offline.data_quality);
     println!(
         "{} readings of {} platforms",
@@ -92,7 +72,7 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
             println!("{label:32} {:.4} ± {:.4}", zero.value, zero.sd);
         }
     }
-    if let Some(peak) = &peak {
+    if let Some(peak) = peak {
         let digits = gas.digits() + if peak.sd_ppm < 10.0 { 2 } else { 0 };
         println!(
             "{:32} {:.digits$} ± {:.digits$} ppm {} at {:.5}, {:.5}, {:.0} m AMSL, where vehicles may fly",
@@ -110,51 +90,6 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
         arguments.out.display()
     );
     Ok(())
-}
-
-/// `calibration.json`: what was found of the plume and of every sensor.
-fn document(
-    offline: &OfflineCalibration,
-    platforms: &[String],
-    reference: Option<&str>,
-) -> serde_json::Value {
-    let found = &offline.calibrated;
-    let sensors: Vec<serde_json::Value> = platforms
-        .iter()
-        .enumerate()
-        .filter_map(|(k, platform)| {
-            let of = |id| offline.calibrator.parameter(id, Some(k));
-            Some(json!({
-                "platform": platform,
-                "offset_ppm": of(MechanismId::SensorOffset)?,
-                "gain": of(MechanismId::SensorGain),
-                "zero_ppm": offline.calibrator.zero_ppm(k),
-            }))
-        })
-        .collect();
-    json!({
-        "schema": "plumage.calibration/1",
-        "readings": offline.calibrator.taken(),
-        "background_ppm": found.background_ppm,
-        "effective_height_agl_m": found.effective_height_agl_m,
-        "axis_deg": found.axis_deg,
-        "c_max_ppm": found.c_max_ppm,
-        "c_max_distance_m": found.c_max_distance_m,
-        "sigma_y_scale": found.sigma_y_scale,
-        "sigma_z_scale": found.sigma_z_scale,
-        "sensor_time_constant_s": found.time_constant_s,
-        "strength_factor": found.strength_factor,
-        "reference": reference,
-        "sensors": sensors,
-        "data_quality": offline.data_quality,
-    })
-}
-
-/// The highest concentration where set-points may go, as it was when the plume was last met; none where the
-/// fence leaves no such place.
-fn peak(scenario: &Scenario, offline: &OfflineCalibration) -> Option<Peak> {
-    let airspace = Airspace::of(scenario).ok()?;
-    offline.calibrator.peak(&airspace)
 }
 
 /// The uncertain values before and after.

@@ -1,19 +1,16 @@
 //! `plumage campaign`: many missions of one scenario, and what they show beside each other.
 
 use crate::flights::fly_all;
-use crate::{Failure, mission_files, preflight};
-use anyhow::Context as _;
-use mission::{Run, Setup, campaign};
+use crate::{Failure, mission_files};
 use plume::Gas;
 use record::campaign::folder::{self, CampaignFolder};
-use record::campaign::{
-    MissionKey, MissionRow, Question, Reality, SCHEMA, Shard, columns, file_digest, table,
-};
+use record::campaign::{MissionKey, MissionRow, Question, Shard, table};
 use record::files;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Mutex;
+use tasks::campaign::{Campaign, Varied, tables, twice};
 use views::campaign_report;
 
 /// Arguments of `plumage campaign`.
@@ -114,12 +111,6 @@ impl FromStr for Seeds {
     }
 }
 
-/// What a list holds twice.
-fn twice<T: Ord>(list: &[T]) -> Option<&T> {
-    let mut earlier = BTreeSet::new();
-    list.iter().find(|one| !earlier.insert(*one))
-}
-
 /// Flies the missions that are asked for, and tells what they show together.
 ///
 /// # Errors
@@ -132,17 +123,20 @@ pub fn campaign(arguments: &CampaignArguments) -> Result<(), Failure> {
         return Err(Failure::usage("expected a scenario"));
     };
     let setup = mission_files::load_changed(file, None, arguments.duration)?;
-    let mut setup = mission_files::for_gas(setup, arguments.gas)?;
-    if let Some(count) = arguments.real_stand_ins {
-        setup = setup.with_stand_ins(count).map_err(Failure::input)?;
-    }
-    let question = question(arguments, &setup)?;
-    let fleet = Fleet {
-        setup,
-        question,
-        scenario: file,
+    let setup = mission_files::for_gas(setup, arguments.gas)?;
+    let varied = Varied {
+        strategies: arguments.strategies.clone(),
+        realities: arguments.realities.clone(),
+        vehicles: arguments.vehicles.clone(),
+        real_stand_ins: arguments.real_stand_ins,
+        seeds: arguments.seeds.0.clone(),
     };
-    fleet.check()?;
+    let beside = file.parent().unwrap_or(Path::new(""));
+    let campaign = Campaign::new(setup, beside, &varied).map_err(mission_files::option)?;
+    for warning in campaign.check().map_err(Failure::input)? {
+        eprintln!("warning: before take-off: {warning}");
+    }
+    let fleet = Fleet(campaign);
     let folder = arguments.out.as_ref().filter(|out| !is_table(out));
     let Some(folder) = folder else {
         if arguments.shard.is_some() {
@@ -150,8 +144,8 @@ pub fn campaign(arguments: &CampaignArguments) -> Result<(), Failure> {
                 "--shard: expected a folder for its missions too, --out DIR, from which campaign merge reads them",
             ));
         }
-        let rows = fleet.fly(&fleet.question.missions(), &|_| Ok(()))?;
-        let table = table::to_markdown(&fleet.question, &rows);
+        let rows = fleet.fly(&fleet.0.question.missions(), &|_| Ok(()))?;
+        let table = table::to_markdown(&fleet.0.question, &rows);
         match &arguments.out {
             Some(file) => files::write_whole(file, table.as_bytes()).map_err(Failure::input)?,
             None => print!("{table}"),
@@ -167,109 +161,10 @@ fn is_table(out: &Path) -> bool {
     out.extension().is_some_and(|e| e == "md")
 }
 
-fn question(arguments: &CampaignArguments, setup: &Setup) -> Result<Question, Failure> {
-    let scenario = &setup.scenario;
-    let or_own = |given: &[String], own: &str| match given {
-        [] => vec![own.to_owned()],
-        given => given.to_vec(),
-    };
-    let strategies = or_own(&arguments.strategies, &scenario.search.strategy);
-    let realities = or_own(&arguments.realities, OWN);
-    let vehicles = match arguments.vehicles.as_slice() {
-        [] => vec![scenario.vehicles.len()],
-        given => given.to_vec(),
-    };
-    let stands_twice = |what: String| Failure::usage(format!("{what} stands twice"));
-    if let Some(name) = twice(&strategies) {
-        return Err(stands_twice(format!("--strategies: {name}")));
-    }
-    if let Some(count) = twice(&vehicles) {
-        return Err(stands_twice(format!("--vehicles: {count}")));
-    }
-    let realities: Result<Vec<Reality>, Failure> = realities.into_iter().map(reality).collect();
-    let realities = realities?;
-    let names: Vec<&String> = realities.iter().map(|r| &r.name).collect();
-    if let Some(name) = twice(&names) {
-        return Err(stands_twice(format!("--realities: {name}")));
-    }
-    Ok(Question {
-        schema: SCHEMA.to_owned(),
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        mission: scenario.mission.name.clone(),
-        gas: scenario.gas(),
-        scenario: scenario.to_toml(),
-        files: setup
-            .files
-            .iter()
-            .map(|(name, bytes)| (name.clone(), file_digest(bytes)))
-            .collect(),
-        realities,
-        strategies,
-        vehicles,
-        real_stand_ins: arguments.real_stand_ins,
-        seeds: arguments.seeds.0.clone(),
-    })
-}
+/// The missions of a campaign, flown on all processors.
+struct Fleet(Campaign);
 
-/// The reality that a scenario has.
-const OWN: &str = "own";
-
-/// A reality by its name, or from a file.
-fn reality(name: String) -> Result<Reality, Failure> {
-    let is_file = Path::new(&name).extension().is_some_and(|e| e == "toml");
-    let text = is_file.then(|| std::fs::read_to_string(&name));
-    let text = text
-        .transpose()
-        .with_context(|| format!("{name}: cannot read the reality"))
-        .map_err(Failure::Input)?;
-    // The same file may lie elsewhere on another machine.
-    let file = Path::new(&name).file_name().filter(|_| is_file);
-    let name = file.map_or(name.clone(), |file| file.to_string_lossy().into_owned());
-    Ok(Reality { name, text })
-}
-
-/// The missions of a campaign, ready to fly.
-struct Fleet<'a> {
-    setup: Setup,
-    question: Question,
-    /// File of the scenario, beside which files are looked for.
-    scenario: &'a Path,
-}
-
-impl Fleet<'_> {
-    fn in_case(
-        &self,
-        reality: &Reality,
-        strategy: &str,
-        vehicles: usize,
-    ) -> Result<Setup, Failure> {
-        let folder = self.scenario.parent().unwrap_or(Path::new(""));
-        let read = |file: &str| mission_files::read(file, folder);
-        campaign::in_case(&self.setup, reality, strategy, vehicles, &read).map_err(Failure::input)
-    }
-
-    /// Finds out before the first mission what cannot be flown.
-    fn check(&self) -> Result<(), Failure> {
-        let Question {
-            realities,
-            strategies,
-            vehicles,
-            ..
-        } = &self.question;
-        let (reality, strategy) = (&realities[0], &strategies[0]);
-        for count in vehicles {
-            preflight::check(&self.in_case(reality, strategy, *count)?)?;
-        }
-        for strategy in strategies {
-            let setup = self.in_case(reality, strategy, vehicles[0])?;
-            Run::new(&setup).map_err(Failure::input)?;
-        }
-        for reality in realities {
-            self.in_case(reality, strategy, vehicles[0])?;
-        }
-        Ok(())
-    }
-
+impl Fleet {
     /// Flies missions, and keeps each as it is done.
     fn fly(
         &self,
@@ -277,15 +172,7 @@ impl Fleet<'_> {
         keep: &(impl Fn(&MissionRow) -> Result<(), Failure> + Sync),
     ) -> Result<Vec<MissionRow>, Failure> {
         let of = |key: &MissionKey| -> Result<MissionRow, Failure> {
-            let known = self
-                .question
-                .realities
-                .iter()
-                .find(|r| r.name == key.reality);
-            let reality =
-                known.ok_or_else(|| Failure::usage("a reality that was not asked for"))?;
-            let setup = self.in_case(reality, &key.strategy, key.vehicles)?;
-            let row = campaign::fly_row(&setup, key.clone()).map_err(Failure::input)?;
+            let row = self.0.fly(key).map_err(Failure::input)?;
             keep(&row)?;
             Ok(row)
         };
@@ -295,10 +182,10 @@ impl Fleet<'_> {
     }
 
     fn fly_into(&self, path: &Path, shard: Shard, force: bool) -> Result<(), Failure> {
-        let opened = CampaignFolder::open(path, &self.question, shard, force);
+        let opened = CampaignFolder::open(path, &self.0.question, shard, force);
         let (folder, mut rows) = opened.map_err(Failure::input)?;
         let flown: BTreeSet<&MissionKey> = rows.iter().map(|row| &row.key).collect();
-        let mut missing = self.question.missions_of(shard);
+        let mut missing = self.0.question.missions_of(shard);
         let of = missing.len();
         missing.retain(|key| !flown.contains(key));
         if missing.len() < of {
@@ -312,8 +199,8 @@ impl Fleet<'_> {
             Ok(folder.add(row)?)
         };
         rows.extend(self.fly(&missing, &keep)?);
-        let (rows, _) = folder::in_order(&self.question, rows.iter());
-        results(path, &self.question, &rows)?;
+        let (rows, _) = folder::in_order(&self.0.question, rows.iter());
+        results(path, &self.0.question, &rows)?;
         if rows.len() < of {
             return Err(Failure::Run(anyhow::anyhow!(
                 "stopped with {} of {of} missions; the same command goes on with the others",
@@ -326,15 +213,15 @@ impl Fleet<'_> {
 
 /// Writes tables and report of the missions that there are.
 fn results(folder: &Path, question: &Question, rows: &[MissionRow]) -> Result<(), Failure> {
-    let table = table::to_markdown(question, rows);
+    let tables = tables(question, rows).map_err(Failure::input)?;
     let page = campaign_report::page(question, rows);
-    let (csv, parquet) = (columns::csv(rows)?, columns::parquet(rows)?);
-    files::write_set(&[
-        (folder.join("missions.csv"), &csv),
-        (folder.join("missions.parquet"), &parquet),
-        (folder.join("campaign.md"), table.as_bytes()),
-        (folder.join("campaign.html"), page.as_bytes()),
-    ])?;
+    let named = tables
+        .iter()
+        .map(|(name, bytes)| (folder.join(name), &bytes[..]));
+    let mut all: Vec<(PathBuf, &[u8])> = named.collect();
+    all.push((folder.join("campaign.html"), page.as_bytes()));
+    files::write_set(&all)?;
+    let table = table::to_markdown(question, rows);
     let first = table.split("\n\n").next().unwrap_or_default();
     println!("{first}\n\nOutputs in {}", folder.display());
     Ok(())

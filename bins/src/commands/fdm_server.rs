@@ -136,7 +136,8 @@ fn config(arguments: &FdmServerArguments) -> Result<(StandInConfig, u64), Failur
     let config = match &arguments.aircraft {
         None => setup.stand_in_config(index),
         Some(file) => {
-            let aircraft = AircraftFile::read(file)?.aircraft;
+            let read = AircraftFile::read(file).map_err(Failure::input)?;
+            let aircraft = read.aircraft;
             setup.stand_in_config_of(index, aircraft)
         }
     };

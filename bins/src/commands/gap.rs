@@ -1,7 +1,6 @@
 //! `plumage gap`: what the simulation gets wrong, why, and what mending it gains.
 
 mod applied;
-mod extended;
 pub(super) mod flight;
 
 use crate::progress::Bar;
@@ -101,26 +100,24 @@ fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
     )?;
     let by_series = measured::fill_wind(&mut observations, &setup).map_err(Failure::input)?;
     measured::tell(&observations.notices);
-    let mut base = plume::Setup::new(&setup.scenario).map_err(Failure::input)?;
-    base.classes.clone_from(&setup.classes);
     let apply = arguments.apply.as_deref();
     let earlier = apply.map(|file| applied::earlier(file, &arguments.output.out));
     let earlier = earlier.transpose()?;
     files::check_folder(&arguments.output.out, arguments.output.force).map_err(Failure::input)?;
     let bar = progress_bar();
-    let options = plume::Options {
-        seed: arguments.output.seed,
-        ..plume::Options::default()
-    };
     let mut progress = |progress: plume::Progress| {
         bar.set_position((progress.part * 100.0) as u64);
         bar.set_message(progress.doing);
     };
-    let analysis = match &earlier {
-        Some(earlier) => plume::apply(&base, &observations, earlier, &options, &mut progress),
-        None => plume::analyse(&base, &observations, &options, &mut progress),
-    }
-    .map_err(Failure::input)?;
+    let question = tasks::gap::Question {
+        setup: &setup,
+        observations: &observations,
+        by_series,
+        earlier: earlier.as_ref(),
+        seed: arguments.output.seed,
+    };
+    let (analysis, mut extended) =
+        tasks::gap::of_plume(&question, &mut progress).map_err(Failure::input)?;
     bar.finish_and_clear();
     if earlier.is_some() {
         return applied::of_plume(
@@ -129,7 +126,6 @@ fn of_plume(arguments: &PlumeArguments) -> Result<(), Failure> {
             &arguments.output,
         );
     }
-    let mut extended = extended::extended(&setup.scenario, &analysis, by_series);
     mission_files::keep_files(&mut extended, &arguments.scenario);
     let title = names(&arguments.observations);
     let report = views::gap_report::plume(&title, &analysis.json, &analysis.report);

@@ -50,7 +50,8 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     }
     let flying = Waiting::new("flying the mission again");
     let setup = mission_files::load_recorded(&recording)?;
-    let mut run = Run::new(&setup).map_err(Failure::input)?;
+    // Where somebody outside has said where to look, the recording has it.
+    let mut run = Run::led(&setup).map_err(Failure::input)?;
     let mut last = None;
     let (mut operated, mut weather) = (VecDeque::new(), VecDeque::new());
     let mut fed: BTreeMap<Name, FedVehicle> = BTreeMap::new();

@@ -71,7 +71,7 @@ pub fn tune(arguments: &TuneArguments) -> Result<(), Failure> {
 /// The aircraft that flies, and the text that its new file is made from: that of `--aircraft`; with
 /// `--from`, the one that the flight or that file shows, with the gains of `--aircraft`.
 fn source(arguments: &TuneArguments) -> Result<AircraftFile, Failure> {
-    let base = AircraftFile::read(&arguments.aircraft)?;
+    let base = AircraftFile::read(&arguments.aircraft).map_err(Failure::input)?;
     let Some(from) = &arguments.from else {
         return Ok(base);
     };
@@ -79,7 +79,7 @@ fn source(arguments: &TuneArguments) -> Result<AircraftFile, Failure> {
     if !is_file_of_gap {
         return as_flown(base, from);
     }
-    let mut extended = AircraftFile::read(from)?;
+    let mut extended = AircraftFile::read(from).map_err(Failure::input)?;
     if extended.aircraft.name != base.aircraft.name {
         return Err(Failure::usage(format!(
             "--from {}: it is of \"{}\", and --aircraft of \"{}\"; expected the same aircraft",

@@ -21,8 +21,18 @@ impl Run {
     /// A mission at its start, all of it in this process.
     ///
     /// # Errors
-    /// A member that cannot be made, or a vehicle behind a link that nobody serves.
+    /// A member that cannot be made, a vehicle behind a link that nobody serves, or a strategy of somebody outside.
     pub fn new(setup: &Setup) -> Result<Self, MissionError> {
+        refuse_outside(setup)?;
+        Self::led(setup)
+    }
+
+    /// The same, whose owner tells vehicles where to look, between the ticks, by [`Self::send_to`], where the strategy
+    /// is that of somebody outside the program.
+    ///
+    /// # Errors
+    /// A member that cannot be made, or a vehicle behind a link that nobody serves.
+    pub fn led(setup: &Setup) -> Result<Self, MissionError> {
         let mut vehicles = setup.scenario.vehicles.iter();
         if let Some(linked) = vehicles.find(|v| v.kind == VehicleKind::Mavlink) {
             return Err(MissionError::Request(format!(
@@ -31,22 +41,20 @@ impl Run {
                 linked.id
             )));
         }
-        Self::with_links(setup)
+        Self::begin(setup)
     }
 
     /// A mission at its start whose links to real vehicles the owner serves, between the ticks,
     /// at the members' [`RealVehicle::link`](crate::real_vehicle::RealVehicle::link).
     ///
     /// # Errors
-    /// A member that cannot be made.
+    /// A member that cannot be made, or a strategy of somebody outside.
     pub fn with_links(setup: &Setup) -> Result<Self, MissionError> {
-        if setup.scenario.search.strategy == sc::OUTSIDE {
-            return Err(MissionError::Request(
-                "search.strategy = \"outside\": nobody can tell a mission in one process where to look; expected sc, ws \
-                 and va as processes of their own, in real time"
-                    .to_owned(),
-            ));
-        }
+        refuse_outside(setup)?;
+        Self::begin(setup)
+    }
+
+    fn begin(setup: &Setup) -> Result<Self, MissionError> {
         Ok(Self {
             conductor: Conductor::new(Member::all(setup)?, setup.tick_ns()),
             digest: Digest::new(),
@@ -151,4 +159,15 @@ impl Run {
     pub fn digest(&self) -> String {
         self.digest.hex()
     }
+}
+
+fn refuse_outside(setup: &Setup) -> Result<(), MissionError> {
+    if setup.scenario.search.strategy != sc::OUTSIDE {
+        return Ok(());
+    }
+    Err(MissionError::Request(
+        "search.strategy = \"outside\": nobody can tell a mission in one process where to look; expected sc, ws and va \
+         as processes of their own, in real time, or a strategy in Python"
+            .to_owned(),
+    ))
 }

@@ -69,19 +69,33 @@ impl DispersionModel {
         time_s: f64,
         out: &mut Vec<f64>,
     ) -> Result<(), PlumeError> {
+        out.resize(places.len(), 0.0);
+        self.write_mean_ppm(places, time_s, out)
+    }
+
+    /// The same into what is there already, one number for each place.
+    ///
+    /// # Errors
+    /// Columns of different lengths.
+    pub fn write_mean_ppm(
+        &self,
+        places: PlaceColumns<'_>,
+        time_s: f64,
+        out: &mut [f64],
+    ) -> Result<(), PlumeError> {
         let count = places.len();
-        for (name, column) in [
-            ("north_m", places.north_m),
-            ("height_agl_m", places.height_agl_m),
+        for (name, rows) in [
+            ("north_m", places.north_m.len()),
+            ("height_agl_m", places.height_agl_m.len()),
+            ("the answer", out.len()),
         ] {
-            if column.len() != count {
+            if rows != count {
                 return Err(PlumeError::Shape {
                     what: "columns of places",
-                    problem: format!("east_m has {count} rows, {name} has {}", column.len()),
+                    problem: format!("east_m has {count} rows, {name} has {rows}"),
                 });
             }
         }
-        out.resize(count, 0.0);
         let Some(kernels) = self.kernels(time_s) else {
             for (i, value) in out.iter_mut().enumerate() {
                 *value = self.mean_ppm(&place(&places, i), time_s);

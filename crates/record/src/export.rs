@@ -18,8 +18,8 @@ use crate::RecordError;
 use crate::recording::Recording;
 use crate::tracks::{TrackPoint, Tracks};
 use plume::Gas;
-use protocol::message::{Message, Reading, State, VehicleKind};
-use protocol::{SimTime, Topic};
+use protocol::message::{Message, Model, Reading, State, VehicleKind};
+use protocol::{Envelope, SimTime, Topic};
 use scenario::observations::Observations;
 use std::collections::BTreeMap;
 
@@ -41,6 +41,8 @@ pub struct Flown {
     pub readings: Vec<Read>,
     /// How the vehicles moved, in order of time; none of observations.
     pub motions: Vec<Moved>,
+    /// What was known of the plume from each time on, s; none of observations.
+    pub models: Vec<(f64, Model)>,
     /// What is missing, in words.
     pub notices: Vec<String>,
 }
@@ -92,6 +94,67 @@ pub struct Moved {
     pub state: State,
 }
 
+/// Makes a [`Flown`] of messages as they come.
+#[derive(Debug, Clone)]
+pub struct Heard {
+    flown: Flown,
+    last: BTreeMap<usize, (SimTime, State)>,
+}
+
+impl Heard {
+    /// Nothing heard yet of a mission called `name` in which `gas` is read, and which began at `start_unix_ns`.
+    pub fn new(name: &str, gas: Gas, start_unix_ns: Option<i64>) -> Self {
+        Self {
+            flown: Flown {
+                name: name.to_owned(),
+                gas,
+                start_unix_ns,
+                vehicles: Vec::new(),
+                readings: Vec::new(),
+                motions: Vec::new(),
+                models: Vec::new(),
+                notices: Vec::new(),
+            },
+            last: BTreeMap::new(),
+        }
+    }
+
+    /// Takes in a message; they come in order of time.
+    pub fn take(&mut self, topic: &Topic, envelope: &Envelope) {
+        match (topic, &envelope.message) {
+            (Topic::State(id), Message::State(state)) => {
+                let vehicle = self.flown.vehicle(id.as_str(), state.kind);
+                self.last.insert(vehicle, (envelope.time, state.clone()));
+                self.flown.motions.push(Moved {
+                    time_s: envelope.time.s(),
+                    vehicle,
+                    state: state.clone(),
+                });
+            }
+            (Topic::Reading(id), Message::Reading(reading)) => {
+                let vehicle = self.flown.vehicle(id.as_str(), reading.kind);
+                let time = reading.read_at(envelope.time);
+                let holds = |(at, _): &&(SimTime, State)| time.since_s(*at) <= STATE_HOLDS_S;
+                let state = self.last.get(&vehicle).filter(holds);
+                let state = state.map(|(_, state)| state.clone());
+                let read = Read::of(time, vehicle, reading, state);
+                self.flown.readings.push(read);
+            }
+            (Topic::Model, Message::Model(model)) => {
+                let known = Model::clone(model);
+                self.flown.models.push((envelope.time.s(), known));
+            }
+            _ => {}
+        }
+    }
+
+    /// What was flown.
+    pub fn flown(mut self) -> Flown {
+        self.flown.in_order();
+        self.flown
+    }
+}
+
 impl Flown {
     /// Of a recording.
     ///
@@ -99,51 +162,19 @@ impl Flown {
     /// A message that cannot be read, or a recording in which nobody has read anything.
     pub fn of_recording(recording: &Recording) -> Result<Self, RecordError> {
         let info = &recording.info;
-        let mut flown = Self {
-            name: info.mission.to_string(),
-            gas: info.gas,
-            start_unix_ns: info.start_unix_ns,
-            vehicles: Vec::new(),
-            readings: Vec::new(),
-            motions: Vec::new(),
-            notices: Vec::new(),
-        };
-        let mut last: BTreeMap<usize, (SimTime, State)> = BTreeMap::new();
+        let mut heard = Heard::new(info.mission.as_str(), info.gas, info.start_unix_ns);
         let mut messages = recording.in_order()?;
         for message in messages.by_ref() {
             let (topic, envelope) = message?;
-            match (topic, envelope.message) {
-                (Topic::State(id), Message::State(state)) => {
-                    let vehicle = flown.vehicle(id.as_str(), state.kind);
-                    last.insert(vehicle, (envelope.time, state.clone()));
-                    flown.motions.push(Moved {
-                        time_s: envelope.time.s(),
-                        vehicle,
-                        state,
-                    });
-                }
-                (Topic::Reading(id), Message::Reading(reading)) => {
-                    let vehicle = flown.vehicle(id.as_str(), reading.kind);
-                    let time = reading.read_at(envelope.time);
-                    let holds = |(at, _): &&(SimTime, State)| time.since_s(*at) <= STATE_HOLDS_S;
-                    let state = last
-                        .get(&vehicle)
-                        .filter(holds)
-                        .map(|(_, state)| state.clone());
-                    flown
-                        .readings
-                        .push(Read::of(time, vehicle, &reading, state));
-                }
-                _ => {}
-            }
+            heard.take(&topic, &envelope);
         }
+        let mut flown = heard.flown();
         flown.notices.extend(messages.ending().loss());
         if flown.readings.is_empty() {
             return Err(RecordError::NothingRead {
                 path: recording.path().to_owned(),
             });
         }
-        flown.in_order();
         Ok(flown)
     }
 
@@ -173,6 +204,7 @@ impl Flown {
             vehicles: all.platforms.iter().map(vehicle).collect(),
             readings: all.rows.iter().map(read).collect(),
             motions: Vec::new(),
+            models: Vec::new(),
             notices: all.notices.clone(),
         };
         flown.in_order();

@@ -32,7 +32,8 @@ pub struct FlightArguments {
 
 /// Analyses flights.
 pub(super) fn of_flight(arguments: &FlightArguments) -> Result<(), Failure> {
-    let aircraft = AircraftFile::read(&arguments.aircraft)?.aircraft;
+    let file = AircraftFile::read(&arguments.aircraft).map_err(Failure::input)?;
+    let aircraft = file.aircraft;
     let logs: Result<Vec<FlightLog>, Failure> = arguments
         .flights
         .iter()

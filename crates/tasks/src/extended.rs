@@ -1,6 +1,6 @@
 //! The scenario with what was found about it.
 
-use gap::plume::Analysis;
+use ::gap::plume::Analysis;
 use plume::{Mechanism, MechanismId};
 use scenario::Scenario;
 use scenario::uncertain::Uncertain;
@@ -8,7 +8,7 @@ use scenario::uncertain::Uncertain;
 /// `scenario` with what `analysis` found. Turns of the wind, and its speed, were found against the
 /// logged wind where there is one, so that takes the place of the scenario's own; the scenario's
 /// `series` stays only where it was itself the log (`by_series`).
-pub(super) fn extended(scenario: &Scenario, analysis: &Analysis, by_series: bool) -> Scenario {
+pub fn extended(scenario: &Scenario, analysis: &Analysis, by_series: bool) -> Scenario {
     let mut out = scenario.clone();
     if let Some((from_deg, speed_m_s)) = analysis.logged_wind.filter(|_| !by_series) {
         out.set(Uncertain::WindFrom, from_deg);
@@ -74,7 +74,7 @@ fn mechanism_for_all_sources(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gap::plume::{Options, Setup, analyse};
+    use ::gap::plume::{Options, Setup, analyse};
     use scenario::observations;
 
     const SCENARIO: &str = "[site]\nlat_deg = 43.0\nlon_deg = -7.0\nground_amsl_m = 0.0\n\

@@ -1,0 +1,156 @@
+"""The reality gap, and calibration."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Union
+
+from . import _plumage
+from ._plumage import Aircraft, InputError, Scenario
+from ._scenario import ScenarioLike, scenario_of
+from ._table import Table
+
+#: Something measured: a file, a table of pandas or Arrow (or anything with Arrow's PyCapsule interface).
+Measured = Union[str, "os.PathLike[str]", Table, Any]
+#: Called with the part done, 0 to 1, and what is being done.
+Progress = Callable[[float, str], object]
+
+
+class Finding(dict[str, Any]):
+    """What ``gap.json`` says, and what follows from it."""
+
+    #: The scenario (of ``gap_plume``), its tables as TOML (of ``gap_tracer``) or the aircraft (of ``gap_flight``)
+    #: with what was found.
+    extended: Scenario | Aircraft | str
+    #: What was noticed in the data.
+    notices: list[str]
+
+
+class Calibration(dict[str, Any]):
+    """What ``calibration.json`` says, and the scenario with it."""
+
+    #: The corrected scenario, its new uncertainties included.
+    scenario: Scenario
+    #: What was noticed in the data.
+    notices: list[str]
+
+
+def gap_plume(
+    observations: Measured | Sequence[Measured],
+    scenario: ScenarioLike,
+    *,
+    gas: str | None = None,
+    apply: Mapping[str, Any] | str | os.PathLike[str] | None = None,
+    seed: int = 1,
+    progress: Progress | None = None,
+) -> Finding:
+    """What the plume model of a scenario gets wrong about readings along tracks, and why: as ``plumage gap plume``.
+
+    observations: tables with the columns of docs/gap.md (``time_s``, ``platform``, ``lat_deg``, …), or files
+        (CSV, MCAP), one or several.
+    apply: the finding of other readings (``gap.json``, or what this function gave): it is scored on these, and nothing
+        is fitted.
+    seed: of the bootstrap.
+    """
+    known = scenario_of(scenario).changed(gas=gas)
+    sources = [_source(one, "observations") for one in _listed(observations)]
+    told, extended, notices = _plumage.gap_plume(sources, known, _applied(apply), seed, progress)
+    return _finding(told, extended, notices)
+
+
+def gap_tracer(
+    receptors: Measured,
+    trials: Measured,
+    *,
+    towers: Measured | None = None,
+    apply: Mapping[str, Any] | str | os.PathLike[str] | None = None,
+    seed: int = 1,
+    progress: Progress | None = None,
+) -> Finding:
+    """What the plume model gets wrong about a tracer experiment: as ``plumage gap tracer``; tables or files (CSV)."""
+    told, extended = _plumage.gap_tracer(
+        _source(receptors, "receptors"),
+        _source(trials, "trials"),
+        None if towers is None else _source(towers, "towers"),
+        _applied(apply),
+        seed,
+        progress,
+    )
+    return _finding(told, extended, [])
+
+
+def gap_flight(
+    flights: Measured | Sequence[Measured],
+    aircraft: Aircraft | str | os.PathLike[str] | None = None,
+    *,
+    progress: Progress | None = None,
+) -> Finding:
+    """What an aircraft's description gets wrong about measured flights: as ``plumage gap flight``.
+
+    flights: tables or files (CSV), one a flight.
+    aircraft: the aircraft that flew, or its file; the X8 if not given.
+    """
+    if not isinstance(aircraft, Aircraft):
+        aircraft = Aircraft() if aircraft is None else Aircraft(os.fspath(aircraft))
+    sources = [_source(one, "flight") for one in _listed(flights)]
+    told, extended = _plumage.gap_flight(sources, aircraft, progress)
+    return _finding(told, extended, [])
+
+
+def calibrate(
+    observations: Measured | Sequence[Measured],
+    scenario: ScenarioLike,
+    *,
+    gas: str | None = None,
+    reference: str | None = None,
+) -> Calibration:
+    """A scenario corrected by readings: as ``plumage calibrate``.
+
+    reference: the platform whose sensor the others are held against.
+    """
+    known = scenario_of(scenario).changed(gas=gas)
+    sources = [_source(one, "observations") for one in _listed(observations)]
+    told, corrected, notices = _plumage.calibrate(sources, known, reference)
+    calibration = Calibration(told)
+    calibration.scenario, calibration.notices = corrected, notices
+    return calibration
+
+
+def _finding(told: dict[str, Any], extended: Scenario | Aircraft | str, notices: list[str]) -> Finding:
+    finding = Finding(told)
+    finding.extended, finding.notices = extended, notices
+    return finding
+
+
+def _listed(measured: Measured | Sequence[Measured]) -> Sequence[Measured]:
+    return measured if isinstance(measured, (list, tuple)) else [measured]
+
+
+def _applied(earlier: Mapping[str, Any] | str | os.PathLike[str] | None) -> str | None:
+    if earlier is None or isinstance(earlier, Mapping):
+        return None if earlier is None else json.dumps(earlier)
+    with open(earlier, encoding="utf-8") as file:
+        return file.read()
+
+
+def _source(measured: Measured, name: str) -> str | tuple[str, str]:
+    """A file as it is; a table as its name and the text of its file, in which every number reads back as it was."""
+    if isinstance(measured, (str, os.PathLike)):
+        return os.fspath(measured)
+    if isinstance(measured, Table):
+        return name, measured.to_csv()
+    if hasattr(measured, "to_csv"):
+        return name, measured.to_csv(index=False)
+    if not hasattr(measured, "__arrow_c_stream__"):
+        raise InputError(
+            f"{name}: {type(measured).__name__}; expected a file, or a table of pandas or Arrow"
+        )
+    import pyarrow
+    import pyarrow.csv
+
+    out = io.BytesIO()
+    pyarrow.csv.write_csv(pyarrow.table(measured), out)
+    return name, out.getvalue().decode()

@@ -1,0 +1,73 @@
+"""The mean plume on arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _plumage
+from ._plumage import InputError
+from ._scenario import ScenarioLike, scenario_of
+
+
+class Plume:
+    """The mean concentration of a scenario's gas: the plumes of all its sources on the background.
+
+    scenario: a Scenario, its file, or its tables as a dict.
+    reality: take the stand-ins' own world (``[reality]``) instead of what the team believes.
+    """
+
+    def __init__(self, scenario: ScenarioLike, *, reality: bool = False) -> None:
+        known = scenario_of(scenario)
+        self._plume = _plumage.Plume(known.reality() if reality else known)
+
+    def ppm(
+        self,
+        east_m: ArrayLike,
+        north_m: ArrayLike,
+        height_agl_m: ArrayLike,
+        *,
+        time_s: float = 0.0,
+        out: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
+        """Mole fraction at places, ppm, background included; arrays are broadcast against each other.
+
+        east_m, north_m: metres from the site's origin.
+        height_agl_m: metres above the site's ground.
+        time_s: mission time, s.
+        out: array into which the answer goes, float64 of the answer's shape and in one piece.
+        """
+        columns = np.broadcast_arrays(
+            *(np.asarray(a, dtype=np.float64) for a in (east_m, north_m, height_agl_m))
+        )
+        shape = columns[0].shape
+        if out is None:
+            out = np.empty(shape)
+        elif out.shape != shape or out.dtype != np.float64 or not out.flags.c_contiguous:
+            raise InputError(
+                f"out: {out.dtype} of shape {out.shape}; expected float64 of shape {shape} in one piece"
+            )
+        flat = (np.ascontiguousarray(c).reshape(-1) for c in columns)
+        self._plume.fill_ppm(*flat, time_s, out.reshape(-1))
+        return out
+
+    def ppm_at(
+        self,
+        lat_deg: ArrayLike,
+        lon_deg: ArrayLike,
+        alt_amsl_m: ArrayLike,
+        *,
+        time_s: float = 0.0,
+    ) -> NDArray[np.float64]:
+        """The same at latitudes and longitudes (degrees, WGS84) and altitudes (m above mean sea level)."""
+        lat, lon, alt = np.broadcast_arrays(
+            *(np.asarray(a, dtype=np.float64) for a in (lat_deg, lon_deg, alt_amsl_m))
+        )
+        flat = (np.ascontiguousarray(c).reshape(-1) for c in (lat, lon))
+        east_m, north_m = (c.reshape(lat.shape) for c in self._plume.local(*flat))
+        return self.ppm(east_m, north_m, alt - self._plume.ground_amsl_m, time_s=time_s)
+
+    @property
+    def notices(self) -> list[str]:
+        """What a user should know of the model, such as a calm."""
+        return self._plume.notices

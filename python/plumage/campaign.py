@@ -1,0 +1,156 @@
+"""Many missions of one scenario, flown by threads here or by the workers of a Dask cluster.
+
+Missions, sharding, the folder that is gone on with and the tables are those of ``plumage campaign``: a folder begun by
+the one is finished by the other, and shards are put together by ``plumage campaign merge`` or :func:`merge`.
+
+>>> from dask.distributed import Client                                    # doctest: +SKIP
+>>> result = campaign("scenarios/as-pontes.toml", seeds=range(1, 101), strategies=["cs-ea", "posterior"],
+...                   out="out/campaign", client=Client("tcp://scheduler:8786"))   # doctest: +SKIP
+>>> print(result.table)                                                    # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import functools
+import os
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from . import _plumage
+from ._scenario import ScenarioLike, scenario_of
+
+if TYPE_CHECKING:
+    import pandas
+    from distributed import Client
+
+__all__ = ["CampaignResult", "campaign", "merge"]
+
+
+@dataclass(frozen=True)
+class CampaignResult:
+    """What the missions of a campaign show together."""
+
+    #: The table, as Markdown: that of ``campaign.md``.
+    table: str
+    #: One row a mission, as Parquet: that of ``missions.parquet``.
+    parquet: bytes
+    #: The same as CSV.
+    csv: bytes
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a mission, as a DataFrame; pandas and pyarrow have to be installed."""
+        import io
+
+        import pandas
+
+        return pandas.read_parquet(io.BytesIO(self.parquet))
+
+
+def campaign(
+    scenario: ScenarioLike,
+    *,
+    seeds: int | Iterable[int] = 20,
+    strategies: Iterable[str] = (),
+    realities: Iterable[str | os.PathLike[str]] = (),
+    vehicles: Iterable[int] = (),
+    stand_ins: int | None = None,
+    duration_s: float | None = None,
+    gas: str | None = None,
+    shard: str = "1/1",
+    out: str | os.PathLike[str] | None = None,
+    force: bool = False,
+    client: Client | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> CampaignResult:
+    """Flies every combination of strategies, realities, teams and seeds.
+
+    seeds: how many, from 1, or which.
+    strategies, realities, vehicles: instead of the scenario's own; docs/campaign.md has the names of realities.
+    stand_ins: the last so many of the scenario's team are stand-ins for real vehicles.
+    shard: "k/n" flies only each n-th mission, from the k-th on.
+    out: folder for missions and tables; one that holds a part of this campaign goes on.
+    force: write into a folder that holds something else.
+    client: of Dask; its workers need this package in the same version. Without one, threads fly on all processors.
+    progress: called with the number of missions that are there, and of all.
+    """
+    known = scenario_of(scenario).changed(duration_s=duration_s, gas=gas)
+    ready = _plumage.Campaign(
+        known,
+        list(range(1, seeds + 1)) if isinstance(seeds, int) else list(seeds),
+        list(strategies),
+        [os.fspath(reality) for reality in realities],
+        list(vehicles),
+        stand_ins,
+    )
+    for warning in ready.check():
+        warnings.warn(f"before take-off: {warning}", stacklevel=2)
+    missions = ready.missions(shard)
+    kept = None if out is None else _plumage.Kept(os.fspath(out), ready, shard, force)
+    rows = {} if kept is None else dict(kept.there())
+    missing = [mission for mission in missions if mission not in rows]
+    flown = _by_threads(ready, missing) if client is None else _by_workers(ready, missing, client)
+    for mission, row in flown:
+        rows[mission] = row
+        if kept is not None:
+            kept.add(row)
+        if progress is not None:
+            progress(len(rows), len(missions))
+    tables = ready.tables(list(rows.values()))
+    if kept is not None:
+        kept.finish(tables)
+    return _result(tables)
+
+
+def merge(folders: Iterable[str | os.PathLike[str]]) -> CampaignResult:
+    """Puts the shards of a campaign together; ``plumage campaign merge`` writes the whole into a folder too."""
+    return _result(_plumage.merged_tables([os.fspath(folder) for folder in folders]))
+
+
+def _result(tables: list[tuple[str, bytes]]) -> CampaignResult:
+    named: dict[str, Any] = {name: bytes(text) for name, text in tables}
+    return CampaignResult(
+        table=named["campaign.md"].decode(),
+        parquet=named["missions.parquet"],
+        csv=named["missions.csv"],
+    )
+
+
+def _by_threads(ready: _plumage.Campaign, missions: list[str]) -> Iterator[tuple[str, str]]:
+    pool = concurrent.futures.ThreadPoolExecutor(os.cpu_count())
+    try:
+        futures = {pool.submit(ready.fly, mission): mission for mission in missions}
+        for future in concurrent.futures.as_completed(futures):
+            yield futures[future], future.result()
+    finally:
+        # After an interrupt the missions under way are waited for, and no other begun.
+        pool.shutdown(cancel_futures=True)
+
+
+def _by_workers(
+    ready: _plumage.Campaign, missions: list[str], client: Client
+) -> Iterator[tuple[str, str]]:
+    from distributed import as_completed
+
+    files = tuple(sorted(ready.files().items()))
+    asked = client.scatter((ready.question(), files), broadcast=True)
+    # The same mission flown again is wanted again: nothing is remembered by what it is called with.
+    futures = [client.submit(_fly, asked, mission, pure=False) for mission in missions]
+    try:
+        for _, flown in as_completed(futures, with_results=True):
+            yield flown
+    finally:
+        client.cancel(futures)
+
+
+def _fly(asked: tuple[str, tuple[tuple[str, bytes], ...]], mission: str) -> tuple[str, str]:
+    """On a worker: flies one mission."""
+    return mission, _ready(*asked).fly(mission)
+
+
+@functools.lru_cache(maxsize=4)
+def _ready(question: str, files: tuple[tuple[str, bytes], ...]) -> _plumage.Campaign:
+    """The missions of a question, which a worker reads once."""
+    return _plumage.Campaign.of_question(question, dict(files))

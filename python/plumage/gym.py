@@ -1,0 +1,221 @@
+"""Searches for plumes as environments to learn in.
+
+- :class:`SearchEnv`: one aircraft, for Gymnasium (``gymnasium.make("plumage/Search-v0")`` once this is imported);
+- :func:`parallel_env`: a team, for PettingZoo;
+- :class:`SearchVectorEnv`: many searches side by side, flown in Rust on all processors.
+
+**Scene.** Every seed draws one: a stack at the origin, a wind of 3 to 9 m/s from anywhere, air of class C, D or E, and
+a plume whose axis is turned from the wind by 15° (one standard deviation), lies 200 to 550 m above ground and has 50
+to 500 ppm at 2 km. Aircraft begin upwind of the stack, and fly by the six-degree-of-freedom model and the autopilot
+that missions have. They may not come nearer to the stack than 800 m, nor go farther than 3 km, below 40 m or above
+760 m. With ``air="unsteady"`` eddies swing the plume, carry it as puffs and move the aircraft.
+
+**Action.** Three numbers of −1 to 1: how far to turn from the course over ground (±90°), height (100 to 700 m above
+ground), airspeed (from the slowest of the aircraft to 0.9 of its fastest).
+
+**Observation.** Sixteen numbers of −1 to 1; "along" is downwind of the stack and "across" to the left of that, by the
+wind as the team knows it:
+
+====== ========================================================================================
+0, 1   place along and across, in 3 km
+2      height, −1 at 100 m to 1 at 700 m
+3, 4   direction of flight over ground, along and across
+5      airspeed, in the aircraft's fastest
+6      climb, in 5 m/s
+7      wind speed at this height, in 15 m/s
+8      reading s = ln(1 + excess / noise), in 7; noise is 3 ppm
+9      highest reading s of the team so far
+10–12  where that was: along, across, height
+13     part of the time that is left
+14, 15 the nearest other aircraft, along and across from this one, in 3 km; zeros where there is none
+====== ========================================================================================
+
+**Reward.** ``reward="peak"``: by how much the team's highest reading s grows, and 10 when the place of the highest
+mean concentration outside the keep-out is found (within 60 m on the map and 40 m in height), which ends the episode.
+``reward="information"``: what a reading tells, in nats, of the plume's direction, height and strength beyond the
+readings before: half the growth of the logarithm of the determinant of their information matrix, a reading a second.
+Both: −10 for leaving the allowed space, which ends an aircraft's episode; −1 a second within 50 m of another aircraft.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from ._plumage import Aircraft, Searches
+
+__all__ = ["SearchEnv", "SearchVectorEnv", "parallel_env"]
+
+Reward = Literal["peak", "information"]
+Air = Literal["steady", "unsteady"]
+
+#: Seeds are drawn below this where none is given.
+_SEEDS = 2**63
+
+
+def _observation_space() -> gymnasium.spaces.Box:
+    return gymnasium.spaces.Box(-1.0, 1.0, (Searches.OBSERVED,), np.float32)
+
+
+def _action_space() -> gymnasium.spaces.Box:
+    return gymnasium.spaces.Box(-1.0, 1.0, (Searches.ACTED,), np.float32)
+
+
+def _searches(
+    count: int,
+    agents: int,
+    step_s: float,
+    duration_s: float,
+    reward: Reward,
+    air: Air,
+    aircraft: Aircraft | None,
+    goes_on: bool,
+) -> Searches:
+    return Searches(
+        count,
+        agents=agents,
+        step_s=step_s,
+        duration_s=duration_s,
+        goal=reward,
+        air=air,
+        aircraft=aircraft or Aircraft(),
+        goes_on=goes_on,
+    )
+
+
+def _flat(actions: Any) -> NDArray[np.float32]:
+    return np.ascontiguousarray(actions, dtype=np.float32).reshape(-1)
+
+
+class SearchEnv(gymnasium.Env):
+    """One aircraft that searches one plume; the module says what it observes, does and is rewarded for.
+
+    step_s: simulated time between two actions, s.
+    duration_s: length of an episode, s, after which it is truncated.
+    """
+
+    metadata = {"render_modes": []}
+
+    def __init__(
+        self,
+        *,
+        step_s: float = 1.0,
+        duration_s: float = 600.0,
+        reward: Reward = "peak",
+        air: Air = "steady",
+        aircraft: Aircraft | None = None,
+        render_mode: None = None,
+    ) -> None:
+        self.observation_space = _observation_space()
+        self.action_space = _action_space()
+        self.render_mode = render_mode
+        self._searches = _searches(1, 1, step_s, duration_s, reward, air, aircraft, False)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begins in the scene of ``seed``, or in one that follows from the seeds before."""
+        super().reset(seed=seed)
+        drawn = int(self.np_random.integers(_SEEDS)) if seed is None else seed
+        self._searches.reset([0], [drawn])
+        return self._searches.observe(), {}
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Flies on for ``step_s``."""
+        seen, rewards, terminated, truncated, _ = self._searches.step(_flat(action))
+        info = {"found": self._searches.truth(0)["found"]}
+        return seen, float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
+
+    def truth(self) -> dict[str, Any]:
+        """Wind and peak of the scene, which the aircraft does not know."""
+        return self._searches.truth(0)
+
+
+class SearchVectorEnv(gymnasium.vector.VectorEnv):
+    """Many searches side by side, one aircraft each, flown in Rust on all processors.
+
+    A search that is over begins anew, in the next scene of its seed, in the same step: ``final_obs`` of the info has
+    its last observation.
+    """
+
+    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
+
+    def __init__(
+        self,
+        num_envs: int,
+        *,
+        step_s: float = 1.0,
+        duration_s: float = 600.0,
+        reward: Reward = "peak",
+        air: Air = "steady",
+        aircraft: Aircraft | None = None,
+    ) -> None:
+        self.num_envs = num_envs
+        self.render_mode = None
+        self.single_observation_space = _observation_space()
+        self.single_action_space = _action_space()
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._searches = _searches(num_envs, 1, step_s, duration_s, reward, air, aircraft, True)
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begins all: in the scenes of ``seed``, ``seed`` + 1 and so on, of a list of seeds, or of drawn ones."""
+        if isinstance(seed, (list, tuple)):
+            given = list(seed)
+        elif seed is None:
+            given = [None] * self.num_envs
+        else:
+            super().reset(seed=seed)
+            given = [seed + k for k in range(self.num_envs)]
+        seeds = [int(self.np_random.integers(_SEEDS)) if one is None else one for one in given]
+        self._searches.reset(list(range(self.num_envs)), seeds)
+        return self._observations(self._searches.observe()), {}
+
+    def step(
+        self, actions: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """All fly on for ``step_s``."""
+        seen, rewards, terminated, truncated, last = self._searches.step(_flat(actions))
+        info: dict[str, Any] = {}
+        over = terminated | truncated
+        if over.any():
+            finals = np.full(self.num_envs, None, dtype=object)
+            last = self._observations(last)
+            for k in np.flatnonzero(over):
+                finals[k] = last[k]
+            info = {"final_obs": finals, "_final_obs": over, "final_info": {}, "_final_info": over}
+        return self._observations(seen), rewards, terminated, truncated, info
+
+    def _observations(self, flat: NDArray[np.float32]) -> NDArray[np.float32]:
+        return flat.reshape(self.num_envs, Searches.OBSERVED)
+
+
+def parallel_env(
+    *,
+    agents: int = 3,
+    step_s: float = 1.0,
+    duration_s: float = 600.0,
+    reward: Reward = "peak",
+    air: Air = "steady",
+    aircraft: Aircraft | None = None,
+) -> Any:
+    """A team of ``agents`` (1 to 16) that searches one plume, as an environment of PettingZoo's parallel API.
+
+    All share the highest reading, and each is rewarded for what it adds.
+    """
+    from ._team import TeamEnv
+
+    searches = _searches(1, agents, step_s, duration_s, reward, air, aircraft, False)
+    return TeamEnv(searches, agents)
+
+
+gymnasium.register("plumage/Search-v0", entry_point="plumage.gym:SearchEnv")

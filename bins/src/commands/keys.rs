@@ -254,7 +254,7 @@ fn access(mission: &Name, hosts: &[Host]) -> Value {
     })
 }
 
-/// What a folder of [`make`] holds for the bus: root certificate, certificate, private key, and who may say what.
+/// What a folder of `plumage keys new` holds for the bus: root certificate, certificate, private key, and who may say what.
 ///
 /// # Errors
 /// A file that is not there.

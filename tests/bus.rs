@@ -45,6 +45,20 @@ fn key() -> MissionKey {
     MissionKey::new([7; 32])
 }
 
+fn listening(endpoint: &str) -> NetOptions {
+    NetOptions {
+        listen: vec![endpoint.to_owned()],
+        ..NetOptions::default()
+    }
+}
+
+/// Joins the bus of the mission of all these tests.
+async fn bus(options: &NetOptions) -> Net {
+    Net::open(Name::new("m").unwrap(), key(), options)
+        .await
+        .unwrap()
+}
+
 /// Says `bytes` on `key` as somebody who holds the mission's key.
 async fn put_sealed(session: &zenoh::Session, sealer: &mut Sealer, key: &str, bytes: Vec<u8>) {
     let seal = sealer.seal(0, key, &bytes);
@@ -61,13 +75,7 @@ async fn next(net: &mut Net) -> net::Received {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn garbage_on_a_key_is_an_error_and_what_follows_is_heard() {
     let endpoint = free_endpoint();
-    let options = NetOptions {
-        listen: vec![endpoint.clone()],
-        ..NetOptions::default()
-    };
-    let mut net = Net::open(Name::new("m").unwrap(), key(), &options)
-        .await
-        .unwrap();
+    let mut net = bus(&listening(&endpoint)).await;
     let mut sealer = Sealer::new(key(), 1);
     net.subscribe(&[Interest::Everything]).await.unwrap();
     let stranger = stranger(&endpoint).await;
@@ -154,13 +162,7 @@ async fn garbage_on_a_key_is_an_error_and_what_follows_is_heard() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn who_does_not_hold_the_key_says_nothing() {
     let endpoint = free_endpoint();
-    let options = NetOptions {
-        listen: vec![endpoint.clone()],
-        ..NetOptions::default()
-    };
-    let mut net = Net::open(Name::new("m").unwrap(), key(), &options)
-        .await
-        .unwrap();
+    let mut net = bus(&listening(&endpoint)).await;
     net.subscribe(&[Interest::Everything]).await.unwrap();
     let stranger = stranger(&endpoint).await;
     tokio::time::sleep(Duration::from_millis(500)).await;
@@ -252,9 +254,7 @@ fn introduction(agents: &[&str], seed: u64) -> Introduction {
 
 /// Opens the bus as `agents` of a mission with `seed`.
 async fn opened(options: &NetOptions, agents: &[&str], seed: u64) -> Net {
-    let mut net = Net::open(Name::new("m").unwrap(), key(), options)
-        .await
-        .unwrap();
+    let mut net = bus(options).await;
     net.introduce(introduction(agents, seed));
     net
 }
@@ -319,11 +319,7 @@ async fn who_does_not_belong_is_refused_in_words_and_only_the_keeper_tells_time(
 async fn a_port_that_is_taken_is_refused() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let endpoint = format!("tcp/{}", taken.local_addr().unwrap());
-    let options = NetOptions {
-        listen: vec![endpoint],
-        ..NetOptions::default()
-    };
-    let opened = Net::open(Name::new("m").unwrap(), key(), &options).await;
+    let opened = Net::open(Name::new("m").unwrap(), key(), &listening(&endpoint)).await;
     assert!(opened.is_err());
 }
 
@@ -333,9 +329,7 @@ async fn meet(
     k: u8,
     team: Vec<AgentId>,
 ) -> (Net, zenoh::liveliness::LivelinessToken) {
-    let net = Net::open(Name::new("m").unwrap(), key(), &options)
-        .await
-        .unwrap();
+    let net = bus(&options).await;
     let vehicle = AgentId::va(&k.to_string()).unwrap();
     let token = net.announce(&vehicle).await.unwrap();
     net.wait_for(&team).await;

@@ -12,7 +12,7 @@ mod program;
 use net::realtime::MissionClock;
 use net::{Net, NetOptions, TlsFiles};
 use program::{SCENARIO, folder, plumage, refused, text};
-use programs::{commands::keys, mission_key};
+use programs::{host_keys, mission_key};
 use protocol::key::Name;
 use protocol::message::{Message, PathKind, Setpoint, Severity};
 use protocol::{AgentId, Envelope, Interest, SimTime, Topic};
@@ -125,7 +125,7 @@ async fn a_host_says_only_what_is_its_own() {
     let endpoint = free_endpoint();
     let open = |host: &str, listen: Option<&str>| {
         let folder = out.join("k").join(host);
-        let ([root_ca, certificate, private_key], access) = keys::read(&folder).unwrap();
+        let ([root_ca, certificate, private_key], access) = host_keys::read(&folder).unwrap();
         let key = mission_key::find(
             &Name::new("m").unwrap(),
             Some(&folder.join(mission_key::FILE)),

@@ -1,10 +1,9 @@
 //! One agent in a process of its own, on the bus over Zenoh.
 
-use crate::commands::keys;
 use crate::flightgear::{self, Viewer};
 use crate::links::{self, Links};
 use crate::weather_file::WeatherFile;
-use crate::{Failure, mission_files, mission_key, preflight, presence, tls};
+use crate::{Failure, host_keys, mission_files, mission_key, preflight, presence, tls};
 use anyhow::Context as _;
 use mav_bridge::link::LinkAddress;
 use mav_bridge::signing::SigningConfig;
@@ -99,7 +98,7 @@ impl BusArguments {
         let default = || vec![self.default_endpoint()];
         let (tls, access_control) = match &self.keys {
             Some(folder) => {
-                let ([root_ca, certificate, private_key], access) = keys::read(folder)?;
+                let ([root_ca, certificate, private_key], access) = host_keys::read(folder)?;
                 let tls = TlsFiles {
                     root_ca,
                     certificate: Some(certificate),

@@ -8,6 +8,7 @@ pub mod feeding;
 pub mod flightgear;
 pub mod flights;
 pub mod ground_station;
+pub mod host_keys;
 pub mod importing;
 pub mod links;
 pub mod listener;

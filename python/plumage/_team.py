@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from ._plumage import Searches
+from .gym import _SEEDS, _action_space, _observation_space
 
 
 class TeamEnv(ParallelEnv):
@@ -29,12 +30,12 @@ class TeamEnv(ParallelEnv):
     @functools.cache
     def observation_space(self, agent: str) -> gymnasium.spaces.Box:
         """Sixteen numbers of −1 to 1."""
-        return gymnasium.spaces.Box(-1.0, 1.0, (Searches.OBSERVED,), np.float32)
+        return _observation_space()
 
     @functools.cache
     def action_space(self, agent: str) -> gymnasium.spaces.Box:
         """Turn, height and airspeed, of −1 to 1."""
-        return gymnasium.spaces.Box(-1.0, 1.0, (Searches.ACTED,), np.float32)
+        return _action_space()
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
@@ -42,7 +43,7 @@ class TeamEnv(ParallelEnv):
         """Begins in the scene of ``seed``, or in one that follows from the seeds before."""
         if seed is not None:
             self._seeds = np.random.default_rng(seed)
-        drawn = int(self._seeds.integers(2**63)) if seed is None else seed
+        drawn = int(self._seeds.integers(_SEEDS)) if seed is None else seed
         self.agents = list(self.possible_agents)
         self._searches.reset([0], [drawn])
         return self._by_agent(self._rows(self._searches.observe())), {name: {} for name in self.agents}

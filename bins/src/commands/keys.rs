@@ -1,5 +1,6 @@
 //! `plumage keys`: what lets the hosts of a mission, and nobody else, onto its bus.
 
+use crate::host_keys::{ACCESS, CA, CERTIFICATE, PRIVATE_KEY};
 use crate::{Failure, mission_key};
 use anyhow::Context as _;
 use protocol::key::Name;
@@ -9,17 +10,9 @@ use rcgen::{
 };
 use serde_json::{Value, json};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::str::FromStr;
 
-/// The authority's certificate in a host's folder.
-pub const CA: &str = "ca.pem";
-/// The host's certificate in its folder.
-pub const CERTIFICATE: &str = "host.pem";
-/// The host's private key in its folder.
-pub const PRIVATE_KEY: &str = "host.key";
-/// Who may say what, in a host's folder.
-pub const ACCESS: &str = "access.json";
 /// Every program can be run on the host itself.
 const LOOPBACK: [&str; 2] = ["localhost", "127.0.0.1"];
 
@@ -252,26 +245,6 @@ fn access(mission: &Name, hosts: &[Host]) -> Value {
         "enabled": true, "default_permission": "deny",
         "rules": rules, "subjects": subjects, "policies": policies,
     })
-}
-
-/// What a folder of `plumage keys new` holds for the bus: root certificate, certificate, private key, and who may say what.
-///
-/// # Errors
-/// A file that is not there.
-pub fn read(folder: &Path) -> Result<([String; 3], String), Failure> {
-    let file = |name: &str| {
-        let file = folder.join(name);
-        if !file.is_file() {
-            return Err(Failure::usage(format!(
-                "--keys {}: no {name} there; expected the folder of this host by `plumage keys new`",
-                folder.display()
-            )));
-        }
-        Ok(file)
-    };
-    let path = |name: &str| Ok::<_, Failure>(file(name)?.display().to_string());
-    let access = fs::read_to_string(file(ACCESS)?)?;
-    Ok(([path(CA)?, path(CERTIFICATE)?, path(PRIVATE_KEY)?], access))
 }
 
 #[cfg(test)]

@@ -2,13 +2,15 @@
 //! is and what he flies; the answer is made for his question alone, so that nobody else can tell the time, and holds
 //! the number of the run, with which all that is said is sealed.
 
+use crate::session::lock;
 use crate::{Net, NetError};
+use protocol::digest::hex;
 use protocol::key::Name;
 use protocol::seal::MissionKey;
 use protocol::{AgentId, WIRE_VERSION};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use zenoh::query::{ConsolidationMode, QueryTarget};
 
@@ -153,7 +155,7 @@ impl Door {
             return refused(false, why);
         }
         let present = self.presence.now();
-        let mut admitted = self.admitted.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut admitted = lock(&self.admitted);
         for agent in &asks.agents {
             let other = admitted.get(agent).filter(|(stream, since)| {
                 *stream != question.stream && (present.contains(agent) || since.elapsed() < LEASE)
@@ -227,10 +229,7 @@ pub(crate) async fn open(
             let Ok(question) = serde_json::from_slice::<Question>(&payload) else {
                 return;
             };
-            let (stream, number) = sealer
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .so_far();
+            let (stream, number) = lock(&sealer).so_far();
             let answer = Answer {
                 now_ns: now_ns(),
                 run,
@@ -286,15 +285,11 @@ pub(crate) async fn ask(net: &Net) -> Result<Told, NetError> {
 async fn ask_once(net: &Net) -> Result<(Told, Answer), NetError> {
     let (begun, mut told) = (Instant::now(), false);
     let keepers = [AgentId::sc(), AgentId::clock()].map(|id| id.to_string());
-    let (stream, _) = net
-        .sealer()
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner)
-        .so_far();
+    let (stream, _) = lock(&net.sealer()).so_far();
     loop {
         let number: [u8; QUESTION_BYTES] = random()?;
         let question = Question {
-            question: number.iter().map(|b| format!("{b:02x}")).collect(),
+            question: hex(&number),
             wire_version: Some(WIRE_VERSION),
             stream,
             announced: net.has_announced(),

@@ -81,9 +81,7 @@ pub async fn run<A: Agent>(
     let mut outbox = Outbox::default();
     let mut refusals = Refusals::default();
     loop {
-        let mut refused = Vec::new();
-        let tick = next_tick(net, &mut inbox, &hosted.all, &mut refused).await?;
-        refused.into_iter().for_each(|error| refusals.add(error));
+        let tick = next_tick(net, &mut inbox, &hosted.all, &mut refusals).await?;
         let now = SimTime::of_tick(tick.tick, tick_ns);
         let said = inbox.before(now);
         let event = if tick.last { Event::Stop } else { Event::Tick };
@@ -109,7 +107,7 @@ async fn next_tick(
     net: &mut Net,
     inbox: &mut Inbox,
     interests: &[Interest],
-    refused: &mut Vec<ProtocolError>,
+    refusals: &mut Refusals,
 ) -> Result<Tick, NetError> {
     let mut tick: Option<Tick> = None;
     loop {
@@ -126,7 +124,7 @@ async fn next_tick(
                 },
             ))) => tick = Some(t),
             Some(Ok((topic, envelope))) => inbox.take_in(topic, envelope),
-            Some(Err(e)) => refused.push(e),
+            Some(Err(e)) => refusals.add(e),
         }
     }
 }
@@ -174,7 +172,7 @@ pub async fn observe<E: From<NetError>>(
     let mut ending = false;
     loop {
         // A recorder has nobody to tell of garbage; the agents it came to do.
-        let tick = next_tick(net, &mut inbox, &interests, &mut Vec::new()).await?;
+        let tick = next_tick(net, &mut inbox, &interests, &mut Refusals::default()).await?;
         let now = SimTime::of_tick(tick.tick, tick_ns);
         take(&inbox.before(now))?;
         if ending {

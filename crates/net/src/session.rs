@@ -278,7 +278,7 @@ fn looks_like_json(bytes: &[u8]) -> bool {
 }
 
 /// What is behind a lock; a panic elsewhere leaves what can still be used.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

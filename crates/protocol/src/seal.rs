@@ -5,6 +5,7 @@
 //! It is no part of envelope, digest or recording. It does not hide anything: who is let onto the bus can listen.
 
 use crate::ProtocolError;
+use crate::digest::hex;
 use hmac::{Hmac, KeyInit as _, Mac as _};
 use sha2::Sha256;
 use std::collections::BTreeMap;
@@ -55,7 +56,7 @@ impl MissionKey {
 
     /// The key as [`MissionKey::parse`] reads it.
     pub fn to_hex(&self) -> String {
-        self.0.iter().map(|byte| format!("{byte:02x}")).collect()
+        hex(&self.0)
     }
 
     fn begun(&self, what: &[u8]) -> Option<Hmac<Sha256>> {
@@ -242,9 +243,8 @@ mod tests {
     #[test]
     fn a_seal_is_what_another_implementation_makes() {
         let seal = Sealer::new(key(7), 2).seal(1, "key", b"said");
-        let hex: String = seal[24..].iter().map(|b| format!("{b:02x}")).collect();
         assert_eq!(
-            hex,
+            hex(&seal[24..]),
             "da869052189ace4e6efdc1b34d6e59346b34c5c6f5186246c0dbba3ffbd172b6"
         );
         assert_eq!(seal.len(), SEAL_BYTES);
@@ -314,14 +314,14 @@ mod tests {
 
     #[test]
     fn a_key_reads_back_and_nothing_else_is_one() {
-        let hex = key(0xa7).to_hex();
-        assert_eq!(MissionKey::parse(&format!(" {hex}\n")), Ok(key(0xa7)));
+        let digits = key(0xa7).to_hex();
+        assert_eq!(MissionKey::parse(&format!(" {digits}\n")), Ok(key(0xa7)));
         for wrong in [
             "",
             "a7",
-            &hex[1..],
-            &format!("{hex}0"),
-            &hex.replace('7', "g"),
+            &digits[1..],
+            &format!("{digits}0"),
+            &digits.replace('7', "g"),
         ] {
             assert_eq!(
                 MissionKey::parse(wrong),

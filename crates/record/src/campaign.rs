@@ -14,7 +14,6 @@ use crate::text;
 use plume::Gas;
 use protocol::message::{Flux, FluxMethod, PeakStatus};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
 
 /// The schema that `campaign.json` names.
@@ -58,12 +57,6 @@ pub struct Question {
     pub real_stand_ins: Option<usize>,
     /// Seeds.
     pub seeds: Vec<u64>,
-}
-
-/// SHA-256 of a file, in hexadecimal digits.
-pub fn file_digest(bytes: &[u8]) -> String {
-    let digest = Sha256::digest(bytes);
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Which mission of a campaign.

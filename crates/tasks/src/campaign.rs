@@ -2,9 +2,8 @@
 
 use crate::{TaskError, preflight, scenario_files};
 use mission::{Run, Setup, campaign};
-use record::campaign::{
-    MissionKey, MissionRow, Question, Reality, SCHEMA, columns, file_digest, table,
-};
+use protocol::digest::sha256_hex;
+use record::campaign::{MissionKey, MissionRow, Question, Reality, SCHEMA, columns, table};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -184,7 +183,7 @@ fn question(setup: &Setup, varied: &Varied) -> Result<Question, TaskError> {
         files: setup
             .files
             .iter()
-            .map(|(name, bytes)| (name.clone(), file_digest(bytes)))
+            .map(|(name, bytes)| (name.clone(), sha256_hex(bytes)))
             .collect(),
         realities,
         strategies,

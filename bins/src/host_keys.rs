@@ -1,0 +1,35 @@
+//! The folder of a host that `plumage keys new` writes: which files it holds. The mission's key is one of them too
+//! ([`crate::mission_key::FILE`]).
+
+use crate::Failure;
+use std::fs;
+use std::path::Path;
+
+/// The authority's certificate in a host's folder.
+pub const CA: &str = "ca.pem";
+/// The host's certificate in its folder.
+pub const CERTIFICATE: &str = "host.pem";
+/// The host's private key in its folder.
+pub const PRIVATE_KEY: &str = "host.key";
+/// Who may say what, in a host's folder.
+pub const ACCESS: &str = "access.json";
+
+/// What a folder of `plumage keys new` holds for the bus: root certificate, certificate, private key, and who may say what.
+///
+/// # Errors
+/// A file that is not there.
+pub fn read(folder: &Path) -> Result<([String; 3], String), Failure> {
+    let file = |name: &str| {
+        let file = folder.join(name);
+        if !file.is_file() {
+            return Err(Failure::usage(format!(
+                "--keys {}: no {name} there; expected the folder of this host by `plumage keys new`",
+                folder.display()
+            )));
+        }
+        Ok(file)
+    };
+    let path = |name: &str| Ok::<_, Failure>(file(name)?.display().to_string());
+    let access = fs::read_to_string(file(ACCESS)?)?;
+    Ok(([path(CA)?, path(CERTIFICATE)?, path(PRIVATE_KEY)?], access))
+}

@@ -120,6 +120,11 @@ impl Outputs {
         Ok(self.recorder.flush()?)
     }
 
+    /// The run is in real time: what is said of its repeating is another thing.
+    pub fn is_in_real_time(&mut self) {
+        self.report.is_in_real_time();
+    }
+
     /// The summary so far.
     pub fn summary(&self, digest: &str, wall_s: f64) -> MissionSummary {
         self.summariser.summary(digest, wall_s)

@@ -34,6 +34,9 @@ fn record(arguments: &Arguments) -> Result<(), Failure> {
     let setup = arguments.bus.setup()?;
     let site = Arc::new(site::of(&setup)?);
     let mut outputs = Outputs::open(&arguments.out, arguments.force, &setup, site)?;
+    if !arguments.bus.lockstep {
+        outputs.is_in_real_time();
+    }
     let mut digest = protocol::digest::Digest::new();
     let started = Instant::now();
     let mut take = |said: &[Publication]| -> anyhow::Result<()> {

@@ -128,7 +128,7 @@ pub fn of(setup: &Setup) -> Result<SiteMap> {
             .over(&setup.terrain)
             .height_band_amsl_m(),
         keep_out_radius_m: scenario.fence.keep_out_radius_m,
-        ground_amsl_m: Arc::new(move |at| terrain.ground_amsl_m(frame.to_geodetic(at))),
+        known_ground_amsl_m: Arc::new(move |at| terrain.known_amsl_m(frame.to_geodetic(at))),
         has_terrain: scenario.site.terrain.is_some(),
         field: Arc::new(field),
         reality,

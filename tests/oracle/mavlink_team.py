@@ -6,7 +6,8 @@
     python tests/oracle/mavlink_team.py log team.tlog
 
 `link` listens to six vehicles, takes over the second by FBWA, flies it by sticks, gives it back, is
-refused the sixth, which is a real one, sends the fifth to a place and calls the third home. Both print each position that they hear:
+refused the sixth, which is a real one, sends the fifth to a place, but not out of its fence, and calls the third home.
+Both print each position that they hear:
 system, time (ms), latitude, longitude (1e-7 deg), altitude (mm). Ends with 0 if all was as it must be. Written
 for pymavlink 2.4.
 """
@@ -74,12 +75,18 @@ def by_link(port):
         come(2, "ATTITUDE", within_s=1)
     expect("it banks by the stick", come(2, "ATTITUDE", lambda a: a.roll > 0.15, 3) is not None)
     expect("others fly on", come(1, "HEARTBEAT", lambda h: h.custom_mode == GUIDED) is not None)
-    # Sent a kilometre away, the fifth comes nearer.
+    def send_to(system, lat, lon, alt_amsl_m):
+        """The result of sending a vehicle to a place."""
+        place = (lat, lon, alt_amsl_m)
+        link.mav.command_int_send(system, 1, m.MAV_FRAME_GLOBAL, m.MAV_CMD_DO_REPOSITION, 0, 0, -1, 0, 0, 0, *place)
+        ack = come(system, "COMMAND_ACK", lambda ack: ack.command == m.MAV_CMD_DO_REPOSITION)
+        return None if ack is None else ack.result
+
+    # Not sent out of its fence, which ends at 43.480 degrees north; sent a kilometre away, the fifth comes there.
     start = come(5, "GLOBAL_POSITION_INT")
-    place = (start.lat + 90_000, start.lon, start.alt / 1000 + 20)
-    link.mav.command_int_send(5, 1, m.MAV_FRAME_GLOBAL, m.MAV_CMD_DO_REPOSITION, 0, 0, -1, 0, 0, 0, *place)
-    ack = come(5, "COMMAND_ACK", lambda ack: ack.command == m.MAV_CMD_DO_REPOSITION)
-    expect("it is sent to a place", ack is not None and ack.result == 0, ack)
+    expect("not out of its fence", send_to(5, 435_610_000, start.lon, 600) == m.MAV_RESULT_DENIED)
+    place = (start.lat + 90_000, start.lon)
+    expect("it is sent to a place", send_to(5, *place, 600) == 0)
     near = lambda p: abs(p.lat - place[0]) < 20_000 and abs(p.lon - place[1]) < 30_000
     expect("and comes there", come(5, "GLOBAL_POSITION_INT", near, 20) is not None)
     expect("in LOITER", come(5, "HEARTBEAT", lambda h: h.custom_mode == LOITER) is not None)

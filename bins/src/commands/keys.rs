@@ -82,6 +82,7 @@ impl Role {
                     "state",
                     "reading",
                     "mode",
+                    "health",
                     "event",
                     "mavlink/*",
                     "alive",

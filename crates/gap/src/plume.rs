@@ -10,6 +10,7 @@ mod answer;
 mod apply;
 mod catalogue;
 pub(crate) mod data;
+
 mod fixes;
 mod gain;
 mod gate;
@@ -20,6 +21,7 @@ mod own;
 mod pair;
 mod report;
 mod residual;
+mod second_source;
 mod wind;
 pub(crate) mod zero;
 

@@ -60,6 +60,15 @@ pub trait Catalogue: ForwardModel + Clone + Send {
         tried: &Self::Tried,
         end: &[f64],
     ) -> Result<Prediction, InferError>;
+
+    /// Other values of all unknowns at which the last cause may explain the readings as well as at `at`, as where
+    /// two sources have changed places: a search ends at one of them and sees nothing of the others.
+    ///
+    /// # Errors
+    /// Values that the model refuses.
+    fn exchanged(&self, _at: &[f64]) -> Result<Vec<Vec<f64>>, InferError> {
+        Ok(Vec::new())
+    }
 }
 
 /// What is the same for all sets of names.
@@ -407,7 +416,41 @@ impl<'a> Question<'a> {
                 best = other;
             }
         }
+        let best = self.or_exchanged(&problem, fit, best)?;
         Ok(self.found_with(found, tried, model.clone(), best))
+    }
+
+    /// A fit, or the better one from where its last cause has changed places.
+    fn or_exchanged<M: Catalogue>(
+        &self,
+        problem: &Problem<'_, M>,
+        before: &Fit,
+        mut best: Weighed,
+    ) -> Result<Weighed, InferError> {
+        for at in problem.model.exchanged(&best.fit.point.at)? {
+            let other = self.fitted_anew(problem, before, at)?;
+            if other.ln_evidence > best.ln_evidence {
+                best = other;
+            }
+        }
+        Ok(best)
+    }
+
+    /// A fit that begins at other unknowns than `fit` came to: without its swing and error of form and under little
+    /// noise, which have taken up what those unknowns left.
+    fn fitted_anew<M: ForwardModel>(
+        &self,
+        problem: &Problem<'_, M>,
+        fit: &Fit,
+        at: Vec<f64>,
+    ) -> Result<Weighed, InferError> {
+        let point = Point {
+            weights: vec![0.0; fit.point.weights.len()],
+            at,
+        };
+        let sizes = self.policy.nearest_sizes(0.0, 0.0);
+        let first = problem.fit(&point, &fit.basis, problem.quiet_noise(), sizes)?;
+        self.settled(problem, &first.point, &first, 2)
     }
 
     /// The same without any error of form, and with no more noise than is tolerated.

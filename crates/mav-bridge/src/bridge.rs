@@ -5,6 +5,7 @@ mod causes;
 pub(crate) mod checklist;
 mod fence;
 pub(crate) mod gas;
+mod health;
 mod identity;
 mod paths;
 mod placement;

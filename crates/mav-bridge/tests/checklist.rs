@@ -375,3 +375,42 @@ fn a_dry_run_shows_every_frame_and_sends_questions_alone() {
     let rate = |m: &MavMessage| matches!(m, MavMessage::COMMAND_LONG(c) if c.command as u16 == 511);
     assert_eq!(count(rate), 14);
 }
+
+#[test]
+fn how_the_vehicle_is_is_told_as_it_tells() {
+    let mut ground = ready();
+    ground.status.battery_remaining = 40;
+    ground.status.voltage_battery = 11_100;
+    ground.home.longitude += 12_400;
+    let mut bench = Bench::new(config());
+    let silent = bench.bridge.health(SimTime::ZERO);
+    assert_eq!((silent.system_id, silent.battery_percent), (Some(1), None));
+    assert_eq!((silent.checked, silent.silent_s), (Some(false), None));
+    bench.run(2.0, &mut ground);
+    let health = bench.bridge.health(SimTime::from_s(bench.time_s + 3.0));
+    assert_eq!((health.system_id, health.component_id), (Some(1), Some(1)));
+    assert_eq!(health.flight_mode.as_deref(), Some("MANUAL (0)"));
+    assert_eq!((health.armed, health.satellites), (Some(false), Some(14)));
+    assert_eq!(
+        (health.battery_percent, health.battery_v),
+        (Some(40), Some(11.1))
+    );
+    // The last heartbeat is of a second before the end.
+    assert!((health.silent_s.unwrap() - 4.0).abs() < 0.15);
+    assert_eq!((health.lost_frames, health.refused_frames), (0, 0));
+    let findings: Vec<(&str, bool)> = health
+        .findings
+        .iter()
+        .map(|f| (f.about.as_str(), f.refused))
+        .collect();
+    assert_eq!(findings, [("battery", false), ("home", false)]);
+
+    // What the vehicle does not know is not known.
+    ground.status.battery_remaining = -1;
+    ground.status.voltage_battery = u16::MAX;
+    ground.gps.satellites_visible = u8::MAX;
+    bench.run(2.0, &mut ground);
+    let health = bench.bridge.health(SimTime::from_s(bench.time_s));
+    assert_eq!((health.battery_percent, health.battery_v), (None, None));
+    assert_eq!(health.satellites, None);
+}

@@ -12,7 +12,7 @@ use mav_bridge::{
 };
 use protocol::control_level::{ControlEvent, Danger};
 use protocol::key::Name;
-use protocol::message::{EventMessage, MavlinkFrame, Mode};
+use protocol::message::{EventMessage, Health, MavlinkFrame, Mode};
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
 use scenario::random::stream;
 use scenario::tables::{AutopilotKind, GasTime, OuterLoopKind};
@@ -74,6 +74,8 @@ pub struct RealVehicle {
     far_end: FarEnd,
     output: BridgeOutput,
     handed_back: bool,
+    /// When it is told again how the vehicle is.
+    next_health: SimTime,
     /// The mission is over; what is left is to bring the vehicle down.
     over: bool,
 }
@@ -147,6 +149,7 @@ impl RealVehicle {
             far_end,
             output: BridgeOutput::default(),
             handed_back: false,
+            next_health: SimTime::ZERO,
             over: false,
         })
     }
@@ -205,6 +208,15 @@ impl RealVehicle {
             setpoints_obeyed: self.bridge.follows_setpoints(),
             ..mode
         }
+    }
+
+    /// How the vehicle and its link are, once a second.
+    fn health_if_due(&mut self, now: SimTime) -> Option<Box<Health>> {
+        if now < self.next_health {
+            return None;
+        }
+        self.next_health = SimTime::from_ns(now.ns().saturating_add(HEALTH_NS));
+        Some(Box::new(self.bridge.health(now)))
     }
 
     /// One exchange over the link: what the vehicle said, then what it is told.
@@ -372,6 +384,9 @@ fn bridge_config(setup: &Setup, index: usize) -> Result<BridgeConfig, MissionErr
     })
 }
 
+/// Time between two tellings of how a real vehicle is, ns: its battery and its link change by the second.
+const HEALTH_NS: i64 = 1_000_000_000;
+
 impl Agent for RealVehicle {
     fn id(&self) -> &AgentId {
         self.va.id()
@@ -388,6 +403,7 @@ impl Agent for RealVehicle {
                 state: self.output.state.take(),
                 readings: std::mem::take(&mut self.output.readings),
                 mode: Some(self.mode()),
+                health: self.health_if_due(now),
                 events: std::mem::take(&mut self.output.events),
             };
             if let VehicleBackend::Bridged(body) = self.va.backend_mut() {

@@ -201,6 +201,8 @@ pub enum Topic {
     Reading(Name),
     /// `va/<id>/mode`
     Mode(Name),
+    /// `va/<id>/health`
+    Health(Name),
     /// `va/<id>/event`, `ws/main/event`, `sc/main/event`
     Event(AgentId),
     /// `va/<id>/setpoint`, written by the squadron controller
@@ -242,6 +244,7 @@ impl Topic {
             Self::State(va) => format!("va/{va}/state"),
             Self::Reading(va) => format!("va/{va}/reading"),
             Self::Mode(va) => format!("va/{va}/mode"),
+            Self::Health(va) => format!("va/{va}/health"),
             Self::Event(agent) => format!("{agent}/event"),
             Self::Setpoint(va) => format!("va/{va}/setpoint"),
             Self::Control(va) => format!("va/{va}/control"),
@@ -267,6 +270,7 @@ impl Topic {
             Self::State(va)
             | Self::Reading(va)
             | Self::Mode(va)
+            | Self::Health(va)
             | Self::Setpoint(va)
             | Self::Control(va)
             | Self::Swap(va)
@@ -312,6 +316,7 @@ impl Topic {
             ["va", id, "state"] => Self::State(Name::new(id)?),
             ["va", id, "reading"] => Self::Reading(Name::new(id)?),
             ["va", id, "mode"] => Self::Mode(Name::new(id)?),
+            ["va", id, "health"] => Self::Health(Name::new(id)?),
             ["va", id, "setpoint"] => Self::Setpoint(Name::new(id)?),
             ["va", id, "control"] => Self::Control(Name::new(id)?),
             ["va", id, "swap"] => Self::Swap(Name::new(id)?),
@@ -355,7 +360,7 @@ impl Topic {
             name: name.clone(),
         };
         match self {
-            Self::State(id) | Self::Reading(id) | Self::Mode(id) => va(id),
+            Self::State(id) | Self::Reading(id) | Self::Mode(id) | Self::Health(id) => va(id),
             Self::MavlinkRx(id) | Self::MavlinkTx(id) => va(id),
             Self::Event(agent) | Self::Done(agent) => agent.clone(),
             Self::Ambient(_) | Self::Model | Self::Weather => AgentId::ws(),
@@ -449,6 +454,7 @@ mod tests {
             Topic::State(va.clone()),
             Topic::Reading(va.clone()),
             Topic::Mode(va.clone()),
+            Topic::Health(va.clone()),
             Topic::Event(agent.clone()),
             Topic::Event(AgentId::sc()),
             Topic::Setpoint(va.clone()),

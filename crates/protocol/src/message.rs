@@ -99,6 +99,53 @@ pub struct Mode {
     pub setpoints_obeyed: bool,
 }
 
+/// How a real vehicle and the link to it are, as its autopilot tells (`va/<id>/health`), once a second. What it
+/// has not told is null.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Health {
+    /// MAVLink system of its autopilot.
+    pub system_id: Option<u8>,
+    /// MAVLink component of its autopilot.
+    pub component_id: Option<u8>,
+    /// What people call the autopilot, such as "ArduPlane".
+    pub autopilot: String,
+    /// Its flight mode.
+    pub flight_mode: Option<String>,
+    /// Whether its motor may turn.
+    pub armed: Option<bool>,
+    /// What is left in its battery, percent.
+    pub battery_percent: Option<u8>,
+    /// Voltage of its battery, V.
+    pub battery_v: Option<f64>,
+    /// Satellites that its position comes from.
+    pub satellites: Option<u8>,
+    /// How long it has not been heard, s.
+    pub silent_s: Option<f64>,
+    /// Frames that came whole.
+    pub frames: u64,
+    /// Frames that are missing in its own count.
+    pub lost_frames: u64,
+    /// Frames that came spoilt, or that nobody could read.
+    pub unreadable_frames: u64,
+    /// Frames that were refused for their signature.
+    pub refused_frames: u64,
+    /// Whether the checklist before its take-off was gone through; null where none is kept.
+    pub checked: Option<bool>,
+    /// What of that list is not right.
+    pub findings: Vec<Finding>,
+}
+
+/// A point of the checklist before a take-off that is not right.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Finding {
+    /// What was looked at.
+    pub about: String,
+    /// Whether there is no take-off while it is so; else a person should look.
+    pub refused: bool,
+    /// What was found, and what would be right.
+    pub says: String,
+}
+
 /// What an operator does to a vehicle's control level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -618,6 +665,8 @@ pub enum Message {
     Destination(Destination),
     /// On [`Topic::Swap`].
     Swap(Swap),
+    /// On [`Topic::Health`].
+    Health(Box<Health>),
 }
 
 /// Writes the matches that go through all kinds of messages once.
@@ -671,6 +720,7 @@ for_each_kind! {
     Weather, Weather, "Weather", Topic::Weather,
     Destination, Destination, "Destination", Topic::Destination(_),
     Swap, Swap, "Swap", Topic::Swap(_),
+    Health, Health, "Health", Topic::Health(_),
 }
 
 impl Message {

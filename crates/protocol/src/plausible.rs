@@ -146,7 +146,8 @@ impl Message {
             | Self::Extension(_)
             | Self::Tick(_)
             | Self::Done(_)
-            | Self::Swap(_) => {}
+            | Self::Swap(_)
+            | Self::Health(_) => {}
         }
         looks.fault.map_or(Ok(()), Err)
     }

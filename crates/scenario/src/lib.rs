@@ -60,6 +60,7 @@
 //! ```
 
 pub mod airspace;
+pub mod bounds;
 pub mod calendar;
 pub mod check;
 pub mod emission;

@@ -25,6 +25,7 @@ use protocol::message::{
     Control, ControlLevel, ControlWish, Destination, Mode, Reading, State, Sticks, VehicleKind,
 };
 use scenario::Scenario;
+use scenario::bounds::Bounds;
 
 use MavResult::{
     MAV_RESULT_ACCEPTED as ACCEPTED, MAV_RESULT_DENIED as DENIED, MAV_RESULT_FAILED as FAILED,
@@ -65,6 +66,8 @@ pub struct TeamVehicle {
     speaker: Speaker,
     frame: LocalFrame,
     home: HomePosition,
+    /// Where it goes, as it looks at each place itself.
+    bounds: Bounds,
     atmosphere: Atmosphere,
     cruise_m_s: f64,
     gas: Gas,
@@ -104,6 +107,7 @@ impl TeamVehicle {
                 ground_amsl_m: home_amsl_m,
                 heading_deg: 0.0,
             },
+            bounds: Bounds::of(scenario, index).ok()?,
             frame,
             atmosphere,
             cruise_m_s: limits.airspeed_cruise_m_s,
@@ -332,13 +336,21 @@ impl TeamVehicle {
         if self.is_out_of_reach(now) {
             return FAILED;
         }
+        let to = Geodetic {
+            lat_deg: f64::from(m.x) / 1e7,
+            lon_deg: f64::from(m.y) / 1e7,
+        };
+        if let Some(why) = self.bounds.refuses(to, alt_amsl_m) {
+            self.warn(&format!("Not sent there: {why}"), now);
+            return DENIED;
+        }
         if self.level != ControlLevel::Pilot {
             self.wish(ControlWish::TakeOver);
         }
         self.sent = true;
         self.wishes.push(TeamWish::SendTo(Destination {
-            lat_deg: f64::from(m.x) / 1e7,
-            lon_deg: f64::from(m.y) / 1e7,
+            lat_deg: to.lat_deg,
+            lon_deg: to.lon_deg,
             alt_amsl_m,
         }));
         ACCEPTED

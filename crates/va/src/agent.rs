@@ -187,6 +187,9 @@ impl VirtualAircraft {
             self.last_mode = Some(mode.clone());
             out.say(Topic::Mode(self.name.clone()), Message::Mode(mode));
         }
+        if let Some(health) = report.health {
+            out.say(Topic::Health(self.name.clone()), Message::Health(health));
+        }
         for event in self.told.drain(..).chain(report.events) {
             out.say(Topic::Event(self.id.clone()), Message::Event(event));
         }

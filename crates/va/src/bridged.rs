@@ -3,7 +3,7 @@
 use crate::report::TickReport;
 use fdm::aircraft::Surfaces;
 use protocol::control_level::ControlEvent;
-use protocol::message::{EventMessage, Mode, Reading, Setpoint, State};
+use protocol::message::{EventMessage, Health, Mode, Reading, Setpoint, State};
 
 /// What a bridge reports of a real aircraft.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -14,6 +14,8 @@ pub struct BridgeReport {
     pub readings: Vec<Reading>,
     /// Who flies.
     pub mode: Option<Mode>,
+    /// How it and its link are, when that is to be told again.
+    pub health: Option<Box<Health>>,
     /// What happened.
     pub events: Vec<EventMessage>,
 }
@@ -51,6 +53,7 @@ impl BridgedVehicle {
             state,
             readings,
             mode,
+            health,
             events,
         } = report;
         if let Some(state) = &state {
@@ -59,6 +62,7 @@ impl BridgedVehicle {
         self.pending.state = state.or(self.pending.state.take());
         self.pending.readings.extend(readings);
         self.pending.mode = mode.or(self.pending.mode.take());
+        self.pending.health = health.or(self.pending.health.take());
         self.pending.events.extend(events);
     }
 
@@ -96,12 +100,14 @@ impl BridgedVehicle {
             state,
             readings,
             mode,
+            health,
             events,
         } = std::mem::take(&mut self.pending);
         TickReport {
             state,
             readings,
             mode,
+            health,
             events,
         }
     }

@@ -1,6 +1,6 @@
 //! What comes of a tick.
 
-use protocol::message::{EventMessage, Mode, Reading, State};
+use protocol::message::{EventMessage, Health, Mode, Reading, State};
 
 /// What a vehicle has to publish after a tick.
 #[derive(Debug, Default)]
@@ -8,5 +8,6 @@ pub(crate) struct TickReport {
     pub state: Option<State>,
     pub readings: Vec<Reading>,
     pub mode: Option<Mode>,
+    pub health: Option<Box<Health>>,
     pub events: Vec<EventMessage>,
 }

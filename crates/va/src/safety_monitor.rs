@@ -2,11 +2,11 @@
 //! fence. Dangers begin in the air only; a vehicle on the ground is in none.
 
 use crate::error::VaError;
-use air::area;
-use air::geo::{Enu, Geodetic, LocalFrame};
+use air::geo::{Enu, Geodetic};
 use protocol::control_level::{ControlEvent, Danger};
 use protocol::{Message, Pauses, SimTime};
 use scenario::Scenario;
+use scenario::bounds::Bounds;
 use scenario::tables::VehicleKind;
 
 /// Silence of the squadron controller, which publishes every second, that counts, s.
@@ -15,15 +15,6 @@ const CONTROLLER_S: f64 = 5.0;
 const AMBIENT_S: f64 = 5.0;
 /// Silence of the world simulator towards a real vehicle (a model every 10 s), s.
 const MODEL_S: f64 = 25.0;
-/// Distance from home within which a vehicle is never outside its fence, m: it may have to take
-/// off and land beyond it.
-const HOME_M: f64 = 500.0;
-/// Height above the ceiling at which the fence is broken, m: setpoints reach up to the ceiling.
-const ABOVE_CEILING_M: f64 = 30.0;
-/// Depth below the floor at which a vehicle does not go, m: setpoints reach down to the floor.
-const BELOW_FLOOR_M: f64 = 30.0;
-/// Distance beyond the edge at which a place counts as outside, m: rounding of degrees.
-const ROUNDING_M: f64 = 1.0;
 /// Hysteresis: a broken fence counts as kept again this far inside, m.
 const BACK_INSIDE_M: f64 = 30.0;
 
@@ -82,12 +73,7 @@ fn transition(active: &mut bool, active_now: bool, danger: Danger) -> Option<Con
 /// The watchdogs and the fence of one vehicle of the team.
 #[derive(Debug, Clone)]
 pub struct SafetyMonitor {
-    frame: LocalFrame,
-    home: Enu,
-    fence: Vec<Enu>,
-    ceiling_amsl_m: f64,
-    /// None where it follows a terrain, which only the squadron controller has.
-    floor_amsl_m: Option<f64>,
+    bounds: Bounds,
     real: bool,
     controller: Watchdog,
     world: Watchdog,
@@ -105,15 +91,9 @@ impl SafetyMonitor {
             .vehicles
             .get(index)
             .ok_or_else(|| VaError::NoSuchVehicle(index.to_string()))?;
-        let frame = scenario.frame()?;
         let real = vehicle.kind != VehicleKind::Simulated;
         Ok(Self {
-            home: frame.to_enu(scenario.home(index)?),
-            fence: scenario.fence_polygon()?,
-            ceiling_amsl_m: scenario.fence_top_amsl_m(),
-            floor_amsl_m: (!scenario.fence.follows_terrain)
-                .then_some(scenario.site.ground_amsl_m + scenario.fence.floor_agl_m),
-            frame,
+            bounds: Bounds::of(scenario, index)?,
             real,
             controller: Watchdog::new(Danger::SquadronController, CONTROLLER_S),
             world: Watchdog::new(Danger::World, AMBIENT_S),
@@ -125,13 +105,13 @@ impl SafetyMonitor {
 
     /// Height of the ground at the site's origin, m above mean sea level.
     pub(crate) fn ground_amsl_m(&self) -> f64 {
-        self.frame.ground_amsl_m
+        self.bounds.frame().ground_amsl_m
     }
 
     /// Where `state` is.
     pub(crate) fn locate(&self, state: &protocol::message::State) -> ObservedPosition {
         ObservedPosition {
-            at: self.frame.to_enu(Geodetic {
+            at: self.bounds.frame().to_enu(Geodetic {
                 lat_deg: state.lat_deg,
                 lon_deg: state.lon_deg,
             }),
@@ -140,30 +120,9 @@ impl SafetyMonitor {
         }
     }
 
-    /// Why the vehicle does not go to a place, whoever sends it there; nothing where it may. Near home the height alone
-    /// counts, as it has to take off and land there.
+    /// Why the vehicle does not go to a place, whoever sends it there; nothing where it may.
     pub(crate) fn refuses(&self, to: Geodetic, alt_amsl_m: f64) -> Option<String> {
-        if ![to.lat_deg, to.lon_deg, alt_amsl_m]
-            .iter()
-            .all(|v| v.is_finite())
-        {
-            return Some("the place is not a finite number".to_owned());
-        }
-        let at = self.frame.to_enu(to);
-        let near_home = at.distance_m(self.home) <= HOME_M;
-        let beyond_m = -area::clearance_m(&self.fence, at);
-        if !near_home && (beyond_m.is_nan() || beyond_m > ROUNDING_M) {
-            return Some(format!("it is {beyond_m:.0} m outside the fence"));
-        }
-        let (top_m, height_m) = (self.ceiling_amsl_m + ABOVE_CEILING_M, alt_amsl_m);
-        if height_m > top_m {
-            return Some(format!(
-                "it is at {height_m:.0} m AMSL: expected at most {top_m:.0} m"
-            ));
-        }
-        let low_m = self.floor_amsl_m? - BELOW_FLOOR_M;
-        (!near_home && height_m < low_m)
-            .then(|| format!("it is at {height_m:.0} m AMSL: expected at least {low_m:.0} m"))
+        self.bounds.refuses(to, alt_amsl_m)
     }
 
     /// The same for a vehicle that is real or simulated, whatever the scenario has in its place.
@@ -217,10 +176,7 @@ impl SafetyMonitor {
         } else {
             0.0
         };
-        let too_high = position.alt_amsl_m > self.ceiling_amsl_m + ABOVE_CEILING_M - inside_m;
-        // Near home the polygon does not count: a vehicle may have to take off and land beyond it.
-        let beyond = area::clearance_m(&self.fence, position.at) < inside_m
-            && position.at.distance_m(self.home) > HOME_M - inside_m;
-        too_high || beyond
+        self.bounds
+            .is_outside(position.at, position.alt_amsl_m, inside_m)
     }
 }

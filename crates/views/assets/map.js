@@ -99,9 +99,11 @@ function tile(z, x, y) {
   return tiles.get(url);
 }
 
-/** Light from the north-west, 45° high, as on paper maps. */
+/** Light from the north-west, 45° high, as on paper maps; nothing where the ground is not known. */
 function hillShade(values, r, c, grid) {
-  const at = (c, r) => values[Math.min(grid.rows - 1, Math.max(0, r)) * grid.columns + Math.min(grid.columns - 1, Math.max(0, c))];
+  const own = values[r * grid.columns + c];
+  if (own == null) return [0, 0, 0, 0];
+  const at = (c, r) => values[Math.min(grid.rows - 1, Math.max(0, r)) * grid.columns + Math.min(grid.columns - 1, Math.max(0, c))] ?? own;
   const dx = (at(c + 1, r) - at(c - 1, r)) / (2 * grid.step), dy = (at(c, r + 1) - at(c, r - 1)) / (2 * grid.step);
   const light = (.5 * dx - .5 * dy + .7071) / Math.sqrt(1 + dx * dx + dy * dy) / .7071;
   const tone = Math.max(0, Math.min(255, 120 + 118 * light));
@@ -114,7 +116,7 @@ function drawTerrain(ctx) {
   const { grid, values } = grids.ground, at = onMap(grid);
   shadeGrid(ctx, grid, values, at(0, 0), at(grid.columns - 1, grid.rows - 1), (v, r, c) => hillShade(v, r, c, grid));
   let [low, high] = [Infinity, -Infinity];
-  for (const m of values) { low = Math.min(low, m); high = Math.max(high, m); }
+  for (const m of values) if (m != null) { low = Math.min(low, m); high = Math.max(high, m); }
   const step = niceStep(Math.max(10, (high - low) / 12)), levels = [];
   for (let m = Math.ceil(low / step) * step; m < high; m += step) levels.push(m);
   drawContours(ctx, grid, values, at, levels, {

@@ -28,7 +28,7 @@ function take(message) {
     highest = -Infinity;
     redrawTracks();
   } else if (before) {
-    known.live = "time_s" in message ? { ...message, tracks: before.tracks, events: before.events } : before;
+    known.live = "time_s" in message ? { ...message, tracks: before.tracks, events: before.events, health: { ...before.health, ...message.health } } : before;
   } else return;
   const live = known.live, grown = [];
   for (const { id, halvings, points } of message.tracks) {

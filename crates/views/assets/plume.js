@@ -26,10 +26,12 @@ export const plumeShade = unit => (values, r, c, columns) => {
 
 /** Contour line of one value by marching squares, as pieces between points in columns and rows. */
 export function contour(grid, values, level, piece) {
-  const at = (c, r) => values[r * grid.columns + c] - level;
+  // Through a cell of which a corner is not known goes no line.
+  const at = (c, r) => (values[r * grid.columns + c] ?? NaN) - level;
   const cut = (a, b) => a / (a - b);
   for (let r = 0; r + 1 < grid.rows; r++) for (let c = 0; c + 1 < grid.columns; c++) {
     const sw = at(c, r), se = at(c + 1, r), ne = at(c + 1, r + 1), nw = at(c, r + 1), ends = [];
+    if (Number.isNaN(sw + se + ne + nw)) continue;
     if (sw < 0 !== se < 0) ends.push([c + cut(sw, se), r]);
     if (se < 0 !== ne < 0) ends.push([c + 1, r + cut(se, ne)]);
     if (nw < 0 !== ne < 0) ends.push([c + cut(nw, ne), r + 1]);

@@ -48,11 +48,16 @@ function drawAir(ctx, place) {
     shadeGrid(ctx, grid, data.values, at(0, 0), at(grid.columns - 1, grid.rows - 1), (v, r, c) => shade(v, r, c, grid.columns));
     drawContours(ctx, grid, data.values, at, site.levels_ppm, { line: "rgba(36,88,130,.55)" });
   }
+  // In stretches over which the ground is known.
+  const isKnown = c => data.ground[c] != null;
   ctx.beginPath();
-  ctx.moveTo(...at(0, -1e4 / data.up));
-  data.ground.forEach((alt, c) => ctx.lineTo(...place(data.from + c * data.across, alt)));
-  ctx.lineTo(...at(grid.columns - 1, -1e4 / data.up));
-  ctx.closePath(); ctx.fillStyle = "#d8d5cb"; ctx.fill(); ctx.strokeStyle = "#8f8a78"; ctx.lineWidth = 1; ctx.stroke();
+  data.ground.forEach((alt, c) => {
+    if (!isKnown(c)) return;
+    if (!isKnown(c - 1)) ctx.moveTo(...at(c, -1e4 / data.up));
+    ctx.lineTo(...place(data.from + c * data.across, alt));
+    if (!isKnown(c + 1)) { ctx.lineTo(...at(c, -1e4 / data.up)); ctx.closePath(); }
+  });
+  ctx.fillStyle = "#d8d5cb"; ctx.fill(); ctx.strokeStyle = "#8f8a78"; ctx.lineWidth = 1; ctx.stroke();
   const stack = site.stacks[0];
   if (stack) {
     const foot = data.ground[Math.round(-data.from / data.across)] ?? site.ground_amsl_m;

@@ -5,11 +5,16 @@ import { $, known, clock, degrees, latLon, number } from "./shown.js";
 const LEVELS = { automatic: "automatic", pilot: "PILOT", guardian: "Guardian" };
 // Silent for so long a vehicle's link is taken for lost, s: as long as its Guardian waits.
 const SILENT_S = 5;
+// As the bridge warns, percent.
+const LOW_BATTERY = 20;
 const rows = new Map();
 let order = "", say = () => {};
 
 const doing = v => v.silent_s > SILENT_S && v.airborne ? `silent ${clock(v.silent_s)}`
   : v.level !== "automatic" ? LEVELS[v.level] : v.airborne ? v.purpose || "automatic" : "on the ground";
+
+/** How a vehicle is; nothing of a simulated one, also where a real one had its place before. */
+const healthOf = v => v.real ? known.live.health[v.id] : undefined;
 
 /** Sets a text only where it is another: a hundred rows are drawn five times a second. */
 function set(node, text) { if (node.textContent !== text) node.textContent = text; }
@@ -17,7 +22,8 @@ function set(node, text) { if (node.textContent !== text) node.textContent = tex
 function makeRow(v) {
   const row = document.createElement("tr"), name = document.createElement("button");
   row.dataset.id = v.id;
-  for (let k = 0; k < 5; k++) row.insertCell();
+  for (let k = 0; k < 6; k++) row.insertCell();
+  row.cells[5].className = "battery";
   name.type = "button"; name.className = "name";
   name.append(document.createElement("i"), v.id);
   row.cells[0].append(name);
@@ -35,6 +41,9 @@ function fillRow(row, v) {
   set(row.cells[2], number(v.agl, 0));
   set(row.cells[3], number(v.airspeed, 1));
   set(row.cells[4], number(v.ppm ?? NaN, known.site.digits));
+  const left = healthOf(v)?.battery_percent;
+  set(row.cells[5], left ?? "");
+  row.cells[5].classList.toggle("low", left <= LOW_BATTERY);
 }
 
 /** Whether a vehicle is one of those asked for: by id, kind, level or what it does. */
@@ -53,6 +62,7 @@ export function fillTeam() {
   const real = live.vehicles.filter(v => v.real).length, up = live.vehicles.filter(v => v.airborne).length;
   set($("team-count"), `${live.vehicles.length}, ${real} real, ${up} in the air` + (words.length ? `; ${shown.length} shown` : ""));
   $("filter").hidden = live.vehicles.length <= 8;
+  $("team").classList.toggle("simulated", !live.vehicles.some(healthOf));
   fillVehicle();
 }
 
@@ -84,6 +94,7 @@ function fillVehicle() {
   set($("vehicle-name"), `${v.id}, ${v.real ? "real" : "simulated"}`);
   set($("vehicle-doing"), doing(v) + (v.reason ? `: ${v.reason}` : ""));
   set($("vehicle-where"), `${degrees(latLon(v.e, v.n))}; ${v.alt} m AMSL, ${v.agl} m AGL; ${number(v.airspeed, 1)} m/s, heading ${v.heading}°; last heard ${v.silent_s > 0 ? `${clock(v.silent_s)} ago` : "now"}`);
+  fillHealth(healthOf(v));
   $("follow").setAttribute("aria-pressed", known.follow);
   // A real vehicle's pilot takes over by a remote control of his own.
   const flown = can && !v.real && v.airborne;
@@ -92,6 +103,31 @@ function fillVehicle() {
   $("go-to").hidden = !flown;
   $("hand-back").hidden = !can || automatic;
   $("vehicle-home").hidden = !can || !v.airborne;
+}
+
+/** How a real vehicle is: ids, mode, battery, link, and what of its checklist is not right. */
+function fillHealth(h) {
+  $("vehicle-health").hidden = !h;
+  $("vehicle-findings").hidden = !(h && h.findings.length);
+  if (!h) return;
+  const heard = h.system_id == null ? "not heard yet" : `system ${h.system_id}, component ${h.component_id}`;
+  const part = (value, text) => value == null ? [] : [text];
+  const lost = h.lost_frames + h.unreadable_frames + h.refused_frames;
+  const words = [`${h.autopilot}, ${heard}`, ...part(h.flight_mode, h.flight_mode), ...part(h.armed, h.armed ? "armed" : "disarmed"),
+    ...part(h.battery_percent, `battery ${h.battery_percent} %`), ...part(h.battery_v, `${number(h.battery_v ?? NaN, 1)} V`),
+    ...part(h.satellites, `${h.satellites} satellites`),
+    `${h.frames} frames` + (lost ? ` (${h.lost_frames} lost, ${h.unreadable_frames} unreadable, ${h.refused_frames} refused)` : ""),
+    ...part(h.checked, !h.checked ? "checklist waits" : h.findings.length ? `${h.findings.length} of the checklist not right` : "checklist right")];
+  set($("vehicle-health"), words.join(", "));
+  const says = h.findings.map(f => `${f.about}: ${f.says}`);
+  const list = $("vehicle-findings");
+  if (list.textContent === says.join("")) return;
+  list.replaceChildren(...says.map((text, k) => {
+    const item = document.createElement("li");
+    item.textContent = text;
+    item.className = h.findings[k].refused ? "refused" : "";
+    return item;
+  }));
 }
 
 /** Asks before a vehicle is taken from its automatic flight; no question where a pilot has it already. */

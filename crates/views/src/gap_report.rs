@@ -12,13 +12,18 @@ pub use tracer::tracer;
 
 use crate::html::{Document, number};
 use gap::plume::{GapReport, Series};
-use gap::verdict::{BaseParameter, Cause, GapJson, HeldOut, Measured, NextFlight, Pair, Verdict};
+use gap::verdict::{
+    BaseParameter, Cause, DataQuality, GapJson, HeldOut, Measured, NextFlight, Pair, Parameter,
+    Verdict,
+};
 use plume::Gas;
 
 /// Rows of the ranking that are listed.
 const RANKED: usize = 15;
 /// Mechanisms whose smallest visible effect is listed.
 const DETECTABLE: usize = 30;
+/// No probability is shown as larger: none of models that are all wrong is worth more digits.
+const MOST_SURE_PERCENT: f64 = 99.9;
 
 /// The report of an analysis of concentrations along tracks. `title` names the data.
 pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
@@ -213,13 +218,27 @@ pub fn verdict(kind: &str, title: &str, json: &GapJson) -> String {
     page.finish()
 }
 
-fn word(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::None => "none",
-        Verdict::Named => "named",
-        Verdict::Ambiguous => "ambiguous",
-        Verdict::Unexplained => "unexplained",
-        Verdict::Insufficient => "insufficient",
+/// The verdict as a sentence.
+fn sentence(json: &GapJson) -> String {
+    let causes: Vec<String> = json.causes.iter().map(set).collect();
+    let causes = causes.join("; ");
+    match json.verdict {
+        Verdict::None => "Nothing is missing: the model and its noise explain the data.".to_owned(),
+        Verdict::Named => format!("The model lacks: {causes}."),
+        Verdict::Ambiguous => {
+            format!("The model lacks something that these data cannot tell apart: {causes}.")
+        }
+        Verdict::Unexplained => {
+            let term = json.unexplained.as_ref().map_or("a misfit", |u| &u.term);
+            if causes.is_empty() {
+                format!("Something is there that has no name: {term}.")
+            } else {
+                format!(
+                    "The model lacks: {causes}. Something else is there that has no name: {term}."
+                )
+            }
+        }
+        Verdict::Insufficient => "These data could not have shown anything.".to_owned(),
     }
 }
 
@@ -230,9 +249,14 @@ fn opening(kicker: &str, title: &str, json: &GapJson) -> Document {
     let held_out = json.gain.as_ref().map(|gain| &gain.held_out);
     let known = held_out.filter(|held_out| held_out.rmse_before > 0.0);
     let change = known.map(|held_out| {
-        let part = 100.0 * (held_out.rmse_after / held_out.rmse_before - 1.0);
-        let what = "change of the error (RMSE) there".to_owned();
-        (number(part, 0), "%", what)
+        let (before, after) = (held_out.rmse_before, held_out.rmse_after);
+        let unit = if json.gas.is_some() { "ppm" } else { "" };
+        let what = "error (RMSE) on data left out, before and after".to_owned();
+        (
+            format!("{} → {}", figure(before), figure(after)),
+            unit,
+            what,
+        )
     });
     opening_with(kicker, title, json, change.as_slice())
 }
@@ -240,24 +264,28 @@ fn opening(kicker: &str, title: &str, json: &GapJson) -> Document {
 /// The opening with `change` as what became of the error.
 fn opening_with(kicker: &str, title: &str, json: &GapJson, change: &[Card]) -> Document {
     let mut page = Document::new(kicker, title);
+    page.headline(&sentence(json));
     page.lead(std::slice::from_ref(&json.summary));
-    let mut cards = vec![(word(json.verdict).to_owned(), "", "verdict".to_owned())];
+    let mut cards = Vec::new();
+    if json.gain.is_some() {
+        cards.extend_from_slice(change);
+    }
     for cause in json.causes.iter().take(2) {
-        let probability = number(cause.probability, 3);
-        cards.push((probability, "", format!("probability of {}", set(cause))));
+        let percent = number((100.0 * cause.probability).min(MOST_SURE_PERCENT), 1);
+        cards.push((percent, "%", format!("probability of {}", set(cause))));
     }
     if let Some(gain) = &json.gain {
         let held_out = &gain.held_out;
         let nats = held_out.log_score_after - held_out.log_score_before;
-        cards.push((number(nats, 1), "nats", "gain on data left out".to_owned()));
-        cards.extend_from_slice(change);
+        let what = "gain of the log score on data left out".to_owned();
+        cards.push((number(nats, 1), "nats", what));
     }
     page.figures(&cards);
     page
 }
 
 fn set(cause: &Cause) -> String {
-    let mut text = cause.mechanisms.join(" or ");
+    let mut text = cause.mechanisms.join(" or ").replace('-', " ");
     if !cause.platforms.is_empty() {
         text += &format!(" ({})", cause.platforms.join(", "));
     }
@@ -324,10 +352,10 @@ fn causes(page: &mut Document, json: &GapJson) {
              these data; a name alone needs a probability of .95.",
             &[
                 "cause",
+                "of what size",
                 "probability",
                 "gain, nats",
                 "evidence, nats",
-                "p",
                 "nats to next rival",
             ],
             &json.causes.iter().map(cause_row).collect::<Vec<_>>(),
@@ -402,12 +430,26 @@ fn figure(value: f64) -> String {
 
 fn cause_row(cause: &Cause) -> Vec<String> {
     let evidence = &cause.evidence;
+    let size = |p: &Parameter| {
+        let name = p.name.replace('_', " ");
+        format!(
+            "{name} {} ± {}{}",
+            figure(p.value),
+            figure(p.sd),
+            p.unit_after()
+        )
+    };
     vec![
         set(cause),
+        cause
+            .parameters
+            .iter()
+            .map(size)
+            .collect::<Vec<_>>()
+            .join(", "),
         number(cause.probability, 3),
         number(evidence.delta_log_score, 1),
         number(evidence.delta_log_evidence, 1),
-        figure(evidence.p_value),
         number(cause.nats_to_next, 1),
     ]
 }
@@ -425,29 +467,29 @@ fn scores(h: &HeldOut) -> Vec<Vec<String>> {
         ]
     };
     let mut rows = vec![
-        row(
-            "log score, nats",
-            h.log_score_before,
-            h.log_score_after,
-            "greater is better",
-        ),
         row("RMSE", h.rmse_before, h.rmse_after, "0"),
         row("FAC2", h.fac2_before, h.fac2_after, "1"),
         row("FB", h.fb_before, h.fb_after, "0"),
         row("NMSE", h.nmse_before, h.nmse_after, "0"),
         row("MG", h.mg_before, h.mg_after, "1"),
         row("VG", h.vg_before, h.vg_after, "1"),
+        row(
+            "log score, nats",
+            h.log_score_before,
+            h.log_score_after,
+            "greater is better",
+        ),
     ];
     let range = |[low, high]: [f64; 2]| format!("{} to {}", figure(low), figure(high));
-    for (i, row) in rows.iter_mut().skip(2).enumerate() {
+    for (i, row) in rows.iter_mut().skip(1).take(5).enumerate() {
         row[3] = range(h.intervals_before[i]);
         row[4] = range(h.intervals_after[i]);
     }
-    rows[0][4] = format!(
+    rows[6][4] = format!(
         "gain {}",
         range([h.log_score_gain_low, h.log_score_gain_high])
     );
-    rows[1][4] = format!("change {}", range([h.rmse_change_low, h.rmse_change_high]));
+    rows[0][4] = format!("change {}", range([h.rmse_change_low, h.rmse_change_high]));
     rows
 }
 
@@ -470,23 +512,58 @@ fn remains(page: &mut Document, json: &GapJson) {
             number(u.delta_log_evidence, 1)
         ));
     }
-    for flaw in &json.data_quality {
-        items.push(format!(
-            "Raw data of {} from {} to {} s: {}.",
-            flaw.platform,
-            number(flaw.from_s, 0),
-            number(flaw.to_s, 0),
-            flaw.message
-        ));
-    }
     items.extend(json.notices.iter().cloned());
     if !items.is_empty() {
         page.list(&items);
     }
+    left_out(page, &json.data_quality);
     if let Some(flight) = &json.next_flight {
         next_flight(page, flight);
     }
     detectable(page, json);
+}
+
+/// Stretches of raw data with a flaw, those of one platform that say the same in one row.
+fn left_out(page: &mut Document, flaws: &[DataQuality]) {
+    let mut alike: Vec<Vec<&DataQuality>> = Vec::new();
+    for flaw in flaws {
+        let same = |of: &&mut Vec<&DataQuality>| {
+            of[0].platform == flaw.platform && wording(of[0]) == wording(flaw)
+        };
+        match alike.iter_mut().find(same) {
+            Some(of) => of.push(flaw),
+            None => alike.push(vec![flaw]),
+        }
+    }
+    if alike.is_empty() {
+        return;
+    }
+    let row = |of: &Vec<&DataQuality>| {
+        let first = of.iter().map(|f| f.from_s).fold(f64::INFINITY, f64::min);
+        let last = of.iter().map(|f| f.to_s).fold(f64::NEG_INFINITY, f64::max);
+        let together: f64 = of.iter().map(|f| f.to_s - f.from_s).sum();
+        vec![
+            of[0].platform.clone(),
+            of[0].message.clone(),
+            of.len().to_string(),
+            format!("{} to {}", number(first, 0), number(last, 0)),
+            number(together, 0),
+        ]
+    };
+    page.table(
+        "Raw data with a flaw, which had no part in the answer; gap.json has every stretch. Where several stretches \
+         differ in their numbers alone, the first one's stand here.",
+        &["platform", "what", "stretches", "within, s", "together, s"],
+        &alike.iter().map(row).collect::<Vec<_>>(),
+    );
+}
+
+/// A flaw's message without its numbers.
+fn wording(flaw: &DataQuality) -> String {
+    flaw.message
+        .chars()
+        .filter(|c| !c.is_ascii_digit() && *c != '.')
+        .collect()
 }
 
 fn detectable(page: &mut Document, json: &GapJson) {

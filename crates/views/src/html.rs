@@ -52,6 +52,12 @@ impl Document {
         }
     }
 
+    /// The answer in one sentence, larger than what follows.
+    pub(crate) fn headline(&mut self, sentence: &str) {
+        let sentence = escape(sentence);
+        self.push(format_args!("<p class=\"headline\">{sentence}</p>\n"));
+    }
+
     /// The abstract: one paragraph for each text.
     pub(crate) fn lead(&mut self, paragraphs: &[String]) {
         self.body.push_str("<section class=\"lead\">");

@@ -18,7 +18,7 @@
 //!     fence: Vec::new(),
 //!     height_band_amsl_m: (400.0, 1200.0),
 //!     keep_out_radius_m: 1000.0,
-//!     ground_amsl_m: Arc::new(|_| 340.0),
+//!     known_ground_amsl_m: Arc::new(|_| Some(340.0)),
 //!     has_terrain: false,
 //!     field: Arc::new(|_, points| vec![449.0; points.len()]),
 //!     reality: None,

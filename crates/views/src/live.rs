@@ -9,8 +9,8 @@ use crate::plot::rounded;
 use crate::site::SiteMap;
 use news::{Piece, SentTracks};
 use protocol::message::{
-    ControlLevel, Estimate, Extension, Message, Mode, Model, Peak, Phase, PromisingPoint, Reading,
-    Severity, State, VehicleKind,
+    ControlLevel, Estimate, Extension, Health, Message, Mode, Model, Peak, Phase, PromisingPoint,
+    Reading, Severity, State, VehicleKind,
 };
 use protocol::{Envelope, SimTime, Topic};
 use record::tracks::Tracks;
@@ -61,6 +61,9 @@ struct Vehicle {
     state: Option<(SimTime, State)>,
     reading: Option<Reading>,
     mode: Option<Mode>,
+    health: Option<Box<Health>>,
+    /// No page has got this health.
+    new_health: bool,
     purpose: String,
 }
 
@@ -162,6 +165,11 @@ impl LiveState {
             (Topic::Mode(id), Message::Mode(mode)) => {
                 self.vehicle(id.as_str()).mode = Some(mode.clone());
             }
+            (Topic::Health(id), Message::Health(health)) => {
+                let vehicle = self.vehicle(id.as_str());
+                vehicle.health = Some(health.clone());
+                vehicle.new_health = true;
+            }
             (Topic::Plan, Message::Plan(plan)) => {
                 self.phase = Some(plan.phase);
                 self.peak = plan.peak.or(self.peak);
@@ -230,7 +238,11 @@ impl LiveState {
         self.new_events = 0;
         let pieces = self.sent_tracks.news(&self.tracks);
         let tracks: Vec<Value> = pieces.iter().map(|p| self.piece_json(p)).collect();
-        vec![self.picture(false, events, tracks).to_string()]
+        let picture = self.picture(false, events, tracks).to_string();
+        for vehicle in self.vehicles.values_mut() {
+            vehicle.new_health = false;
+        }
+        vec![picture]
     }
 
     /// All that a page needs which has nothing yet, as messages that it takes one after the other. What is new since
@@ -265,6 +277,7 @@ impl LiveState {
             "speed": finite(self.run.speed),
             "factor": finite(self.run.real_time_factor),
             "vehicles": self.vehicles_json(),
+            "health": self.health_json(whole),
             "tracks": tracks,
             "stars": self.promising.iter().map(|p| {
                 let at = self.site.enu(p.lat_deg, p.lon_deg);
@@ -299,6 +312,13 @@ impl LiveState {
             .collect()
     }
 
+    /// How real vehicles are: all that is known, or what is new.
+    fn health_json(&self, whole: bool) -> Value {
+        let asked = self.vehicles.iter().filter(|(_, v)| whole || v.new_health);
+        let of = |(id, v): (&String, &Vehicle)| Some((id.clone(), json!(v.health.as_deref()?)));
+        Value::Object(asked.filter_map(of).collect())
+    }
+
     fn vehicle_json(&self, id: &str, vehicle: &Vehicle) -> Option<Value> {
         let (heard, state) = vehicle.state.as_ref()?;
         let at = self.site.enu(state.lat_deg, state.lon_deg);
@@ -312,7 +332,7 @@ impl LiveState {
             "e": integer(at.east_m),
             "n": integer(at.north_m),
             "alt": integer(state.alt_amsl_m),
-            "agl": integer(state.alt_amsl_m - (self.site.ground_amsl_m)(at)),
+            "agl": integer(state.alt_amsl_m - self.site.ground_amsl_m(at)),
             "heading": integer(state.heading_deg),
             "airspeed": rounded(state.airspeed_m_s, 10.0),
             "airborne": state.airborne,

@@ -53,10 +53,10 @@ pub(crate) fn plume(site: &SiteMap, model: &Model, view: MapView) -> Option<Valu
     }))
 }
 
-/// Height of the ground, m above mean sea level; none for an area that is none.
+/// Height of the ground, m above mean sea level, null where it is not known; none for an area that is none.
 pub(crate) fn ground(site: &SiteMap, view: MapView) -> Option<Value> {
     let (area, columns) = view.area()?;
-    let height = |points: &[MapPoint]| points.iter().map(|p| (site.ground_amsl_m)(p.at)).collect();
+    let height = |points: &[MapPoint]| points.iter().map(|p| known(site, p.at)).collect();
     let grid = Grid::fill(area, columns, 0.0, height);
     Some(json!({
         "grid": grid_json(&grid),
@@ -103,9 +103,7 @@ pub(crate) fn section(site: &SiteMap, model: Option<&Model>, view: SectionView) 
     let places: Vec<Enu> = (0..columns)
         .map(|i| origin.displaced(axis_deg, view.from + across * i as f64))
         .collect();
-    let ground = places
-        .iter()
-        .map(|&at| rounded((site.ground_amsl_m)(at), 1.0));
+    let ground = places.iter().map(|&at| rounded(known(site, at), 1.0));
     let values = model.map(|model| {
         let rows = (0..SECTION_ROWS).map(|row| view.low + up * row as f64);
         let points: Vec<MapPoint> = rows
@@ -121,6 +119,11 @@ pub(crate) fn section(site: &SiteMap, model: Option<&Model>, view: SectionView) 
         "ground": ground.collect::<Vec<_>>(),
         "values": values,
     }))
+}
+
+/// The ground as far as it is known, m above mean sea level; elsewhere not a number, which is null in JSON.
+fn known(site: &SiteMap, at: Enu) -> f64 {
+    (site.known_ground_amsl_m)(at).unwrap_or(f64::NAN)
 }
 
 /// ppm above the model's background: where there is no plume a nought, which keeps a grid short.

@@ -32,6 +32,9 @@ pub struct Report {
     events: Vec<String>,
     more_events: u64,
     pilot_times: u64,
+    /// Whether anybody outside the scenario said where vehicles go.
+    steered: bool,
+    real_time: bool,
 }
 
 /// What one real vehicle read, and what the model expected there before and after the mission.
@@ -56,7 +59,14 @@ impl Report {
             events: Vec::new(),
             more_events: 0,
             pilot_times: 0,
+            steered: false,
+            real_time: false,
         }
+    }
+
+    /// The mission is flown in real time: another run of it goes a little differently.
+    pub fn is_in_real_time(&mut self) {
+        self.real_time = true;
     }
 
     /// Takes in a message.
@@ -86,6 +96,7 @@ impl Report {
             (Topic::Mode(_), Message::Mode(mode)) if mode.level != ControlLevel::Automatic => {
                 self.pilot_times += 1;
             }
+            (Topic::Control(_) | Topic::Swap(_) | Topic::Destination(_), _) => self.steered = true,
             (Topic::Event(agent), Message::Event(event)) if event.severity > Severity::Info => {
                 if self.events.len() < EVENTS {
                     let at = text::duration(envelope.time.s());
@@ -116,7 +127,7 @@ impl Report {
         self.readings(&mut page, &expected);
         self.peak(&mut page, summary);
         self.remains(&mut page, summary, &expected);
-        repeat(&mut page, summary);
+        self.repeat(&mut page, summary);
         page.finish()
     }
 
@@ -383,6 +394,34 @@ impl Report {
             })
             .collect()
     }
+
+    fn repeat(&self, page: &mut Document, summary: &MissionSummary) {
+        page.section("To repeat this");
+        if self.real_time {
+            page.paragraph(&format!(
+                "This mission was flown in real time, by processes that do not wait for each other: another run of \
+                 it ends a little differently. What can be seen again is the recording: plumage replay \
+                 mission.mcap --serve. Its digest is {}.",
+                summary.digest
+            ));
+            return;
+        }
+        let (seed, digest) = (summary.seed, &summary.digest);
+        let verify = "plumage replay mission.mcap --verify does so and compares";
+        page.paragraph(&if self.steered {
+            format!(
+                "Vehicles were steered from outside the scenario, which a new run does not know of. The recording has \
+                 these orders: plumage replay mission.mcap --verify flies it again with them and compares with the \
+                 digest {digest}."
+            )
+        } else {
+            format!(
+                "Run the scenario.toml beside this report with seed {seed}: plumage run scenario.toml --seed {seed} \
+                 --out again. The same program gives the same messages, with the digest {digest}. {verify}{}.",
+                fed_in(summary)
+            )
+        });
+    }
 }
 
 impl Expected<'_> {
@@ -513,25 +552,19 @@ fn outside(summary: &MissionSummary, reality: &ModelNumbers) -> Vec<String> {
         .collect()
 }
 
-fn repeat(page: &mut Document, summary: &MissionSummary) {
+/// What a new run needs besides, where rows were fed in.
+fn fed_in(summary: &MissionSummary) -> String {
     let fed = summary
         .vehicles
         .iter()
         .filter(|v| v.outcome == Outcome::Fed);
     let fed: Vec<&str> = fed.map(|v| v.id.as_str()).collect();
-    let fed = if fed.is_empty() {
+    if fed.is_empty() {
         String::new()
     } else {
         format!(
             ", with the rows that were fed in as {}; a new run needs them by --feed",
             fed.join(", ")
         )
-    };
-    page.section("To repeat this");
-    page.paragraph(&format!(
-        "Run the scenario.toml beside this report with seed {}: plumage run scenario.toml --seed {} \
-         --out again. The same program gives the same messages, with the digest {}. \
-         plumage replay mission.mcap --verify does so and compares{fed}.",
-        summary.seed, summary.seed, summary.digest
-    ));
+    }
 }

@@ -23,8 +23,8 @@ pub type ModelField = Arc<dyn Fn(&Model, &[MapPoint]) -> Vec<f64> + Send + Sync>
 /// Mean mole fraction in ppm, background included, of the stand-in's reality at some points.
 pub type RealityField = Arc<dyn Fn(&[MapPoint]) -> Vec<f64> + Send + Sync>;
 
-/// Height of the ground at a place, m above mean sea level.
-pub type GroundHeight = Arc<dyn Fn(Enu) -> f64 + Send + Sync>;
+/// Height of the ground at a place, m above mean sea level; none beyond what terrain is known.
+pub type GroundHeight = Arc<dyn Fn(Enu) -> Option<f64> + Send + Sync>;
 
 /// What stands on the map whatever the mission does.
 #[derive(Clone)]
@@ -47,8 +47,8 @@ pub struct SiteMap {
     pub height_band_amsl_m: (f64, f64),
     /// Radius around each stack into which no vehicle flies, m.
     pub keep_out_radius_m: f64,
-    /// The ground, flat where no terrain is known.
-    pub ground_amsl_m: GroundHeight,
+    /// The ground as far as it is known; flat without terrain.
+    pub known_ground_amsl_m: GroundHeight,
     /// Whether the ground is that of a terrain tile or grid.
     pub has_terrain: bool,
     /// The plume of a model, for contours and predictions.
@@ -192,6 +192,11 @@ impl SiteMap {
     /// Altitude of the model's axis at the first source, m above mean sea level.
     pub(crate) fn axis_amsl_m(&self, model: &Model) -> f64 {
         self.frame.ground_amsl_m + model.effective_height_agl_m.value
+    }
+
+    /// Height of the ground, m above mean sea level: that of the site where it is not known.
+    pub fn ground_amsl_m(&self, at: Enu) -> f64 {
+        (self.known_ground_amsl_m)(at).unwrap_or(self.frame.ground_amsl_m)
     }
 
     /// Contour lines of the page, ppm above background: those of the report and more between and above.

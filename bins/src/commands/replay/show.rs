@@ -53,7 +53,7 @@ impl Shown {
         for message in recording.in_order().map_err(Failure::input)? {
             let (topic, envelope) = message.map_err(Failure::input)?;
             match &topic {
-                Topic::State(_) | Topic::Reading(_) => {
+                Topic::State(_) | Topic::Reading(_) | Topic::Health(_) => {
                     let next = due.get(&topic).copied().unwrap_or(SimTime::ZERO);
                     if envelope.time < next {
                         continue;

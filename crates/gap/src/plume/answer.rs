@@ -2,6 +2,7 @@
 
 use ::plume::Gas;
 use ::plume::mechanism::{Coordinate, MechanismId};
+use air::geo::wrap_deg;
 use nalgebra::DMatrix;
 use scenario::observations::Observations;
 
@@ -377,10 +378,7 @@ pub(super) fn contact(study: &Study<'_>) -> Option<Contact> {
             says: "No pass shows a plume, in whatever direction.".to_string(),
         });
     };
-    let at = met_wind(study, &study.base).0;
-    let turned = study.base.model.unknown(MechanismId::WindDirectionOffset);
-    let own = turned.map_or(0.0, |k| study.base.at()[k]);
-    let from_deg = air::geo::wrap_deg(at + own + found.turn_deg.value);
+    let from_deg = wrap_deg(carried_from_deg(study, &study.base) + found.turn_deg.value);
     let says = if found.share >= FOLLOWED {
         "The readings follow the plume.".to_string()
     } else if found.turn_deg.sd < ONE_DIRECTION_DEG {
@@ -485,6 +483,11 @@ fn detectable(study: &Study<'_>) -> Result<Vec<Detectable>, InferError> {
     Ok(out.into_iter().map(|(_, entry)| entry).collect())
 }
 
+/// Direction from which the wind carried the plume of a set where it was met, degrees.
+pub(super) fn carried_from_deg(study: &Study<'_>, set: &Found<PlumeModel<'_>>) -> f64 {
+    wrap_deg(met_wind(study, set).0 + set.model.turned_deg(set.at()))
+}
+
 /// The wind in which the plume was met, before it is turned by what the scenario is unsure of:
 /// direction from, in degrees, and speed at the scenario's height, m/s.
 fn met_wind(study: &Study<'_>, set: &Found<PlumeModel<'_>>) -> (f64, f64) {
@@ -502,7 +505,7 @@ fn met_wind(study: &Study<'_>, set: &Found<PlumeModel<'_>>) -> (f64, f64) {
     let carried = spec.wind.reference_speed_m_s() / at_axis_m_s;
     let finite = if carried.is_finite() { carried } else { 1.0 };
     let from_deg = air::wind::from_deg(wind.east, wind.north);
-    (air::geo::wrap_deg(from_deg), wind.speed_m_s * finite)
+    (wrap_deg(from_deg), wind.speed_m_s * finite)
 }
 
 /// The scenario's uncertain keys, fitted, of the plume without an error of form: the extended scenario has

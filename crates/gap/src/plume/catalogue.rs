@@ -53,6 +53,10 @@ impl Catalogue for PlumeModel<'_> {
         let at: Vec<f64> = at.iter().copied().chain(end.iter().copied()).collect();
         extended.predict(&at, turn_deg)
     }
+
+    fn exchanged(&self, at: &[f64]) -> Result<Vec<Vec<f64>>, InferError> {
+        Ok(self.exchanged_sources(at)?.into_iter().collect())
+    }
 }
 
 /// Parts of the highest reading at which a sensor may have gone no higher.

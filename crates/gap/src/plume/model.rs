@@ -325,6 +325,17 @@ impl<'a> PlumeModel<'a> {
         self.unknowns.iter().position(of)
     }
 
+    /// By how much the unknowns `at` turn the direction from which the wind blows, degrees clockwise: what the
+    /// scenario is unsure of and what is named together.
+    pub(crate) fn turned_deg(&self, at: &[f64]) -> f64 {
+        let turns = |u: &Fitted| {
+            let part = &self.parts[u.part];
+            part.id == MechanismId::WindDirectionOffset && part.platform.is_none()
+        };
+        let turned = self.unknowns.iter().zip(at).filter(|(u, _)| turns(u));
+        turned.map(|(_, deg)| deg).sum()
+    }
+
     /// When the plume of the unknowns `at` was last met, s: what it did afterwards nobody has read. The last
     /// row's time where no row met it.
     ///

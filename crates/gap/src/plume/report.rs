@@ -4,6 +4,7 @@ use infer::Found;
 use serde::Serialize;
 
 use super::Study;
+use super::answer::carried_from_deg;
 use super::gain::Gained;
 use super::model::PlumeModel;
 use super::residual::wind_axes;
@@ -56,6 +57,9 @@ pub struct GapReport {
     pub blocks: Vec<(f64, f64, f64)>,
     /// Source, m east and north.
     pub source_m: (f64, f64),
+    /// Direction from which the wind carries the plume, in the mean where it was met, degrees: by the base and by
+    /// the extended model.
+    pub wind_from_deg: [f64; 2],
 }
 
 /// A set's predictions.
@@ -126,6 +130,7 @@ pub(crate) fn report(study: &Study<'_>, gain: Option<&Gained>) -> GapReport {
         noise: noise_words(&study.base.fit().noise),
         blocks: gain.map_or_else(Vec::new, |g| g.blocks.clone()),
         source_m: (source.east_m, source.north_m),
+        wind_from_deg: [&study.base, &study.judged.set].map(|of| carried_from_deg(study, of)),
     }
 }
 

@@ -186,7 +186,8 @@ impl Checklist {
             .collect()
     }
 
-    fn points(&self, parameters: &BTreeMap<String, f64>) -> Vec<Point> {
+    /// Every point as it is now; none where no list is kept.
+    pub(super) fn points(&self, parameters: &BTreeMap<String, f64>) -> Vec<Point> {
         let Some(expected) = &self.expected else {
             return Vec::new();
         };

@@ -217,7 +217,8 @@ fn sticks_are_heard_after_a_takeover_alone() {
     assert_eq!(real.wishes(), [ControlWish::Home]);
 }
 
-/// A place takes it over and sends it there; one at 0, 0 or on the ground does neither.
+/// A place takes it over and sends it there; one at 0, 0, on the ground or where the vehicle does not go, outside its
+/// fence (43.480° north) and its height band (460 to 1,240 m AMSL, over ground at 340 m), does neither.
 #[test]
 fn it_is_sent_to_a_place() {
     let mut watched = Watched::new(VehicleKind::Simulated);
@@ -241,6 +242,9 @@ fn it_is_sent_to_a_place() {
         (0, 0, 150.0),
         (there.x, there.y, 0.0),
         (910_000_000, there.y, 150.0),
+        (434_900_000, there.y, 150.0),
+        (there.x, there.y, 80.0),
+        (there.x, there.y, 940.0),
     ] {
         let wrong = COMMAND_INT_DATA {
             x,

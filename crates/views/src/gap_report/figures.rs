@@ -1,6 +1,7 @@
 //! The figures of a gap report, as data and layout for the plotting library.
 
-use crate::plot::{panel_title, rounded, stride};
+use crate::plot::{colour_of, panel_title, pauses, rounded, stride, unit_of_time};
+use air::geo::{Enu, wrap_deg};
 use gap::plume::{GapReport, Series};
 use gap::tracer::ArcDetail;
 use gap::verdict::{Ranked, ResidualBin};
@@ -26,23 +27,44 @@ fn list(values: &[f64], step: usize, per_unit: f64) -> Vec<Value> {
 pub(super) fn series(s: &Series, gas: Gas) -> Value {
     let tenths = 10f64.powi(1 + i32::try_from(gas.digits()).unwrap_or_default());
     let step = stride(s.time_s.len(), POINTS);
-    let time = list(&s.time_s, step, 10.0);
-    let line = |name: &str, values: &[f64], axis: &str, colour: &str, per_unit: f64| {
+    let span_s = s.time_s.last().unwrap_or(&0.0) - s.time_s.first().unwrap_or(&0.0);
+    let (unit, seconds) = unit_of_time(span_s);
+    let time: Vec<f64> = s.time_s.iter().step_by(step).map(|t| t / seconds).collect();
+    let breaks = pauses(&time);
+    let time = broken(list(&time, 1, 10.0 * seconds), &breaks);
+    let trace = |name: &str, values: &[f64], axis: &str, colour: &str, per_unit: f64| {
         json!({"type": "scatter", "mode": "lines", "name": name, "x": time,
-               "y": list(values, step, per_unit), "yaxis": axis, "legendgroup": name,
-               "showlegend": axis == "y", "line": {"color": colour, "width": 1.4}})
+               "y": broken(list(values, step, per_unit), &breaks), "yaxis": axis,
+               "legendgroup": name, "showlegend": axis == "y",
+               "line": {"color": colour, "width": 1.4}})
     };
+    let mut read = trace("read", &s.measured_ppm, "y", MEASURED, tenths);
+    // Points, so that neither line hides what was read nor is hidden by it.
+    read["mode"] = json!("markers");
+    read["marker"] = json!({"size": 3.5, "color": MEASURED, "opacity": 0.6});
     json!({"data": [
-        line("read", &s.measured_ppm, "y", MEASURED, tenths),
-        line("base", &s.before_ppm, "y", BASE, tenths),
-        line("extended model", &s.after_ppm, "y", EXTENDED, tenths),
-        line("base", &s.before_standardised, "y2", BASE, 100.0),
-        line("extended model", &s.after_standardised, "y2", EXTENDED, 100.0),
+        read,
+        trace("base", &s.before_ppm, "y", BASE, tenths),
+        trace("extended model", &s.after_ppm, "y", EXTENDED, tenths),
+        trace("base", &s.before_standardised, "y2", BASE, 100.0),
+        trace("extended model", &s.after_standardised, "y2", EXTENDED, 100.0),
     ], "layout": {
-        "xaxis": {"title": {"text": "time, s"}, "anchor": "y2"},
+        "xaxis": {"title": {"text": format!("time, {unit}")}, "anchor": "y2"},
         "yaxis": {"title": {"text": format!("{}, ppm", gas.formula())}, "domain": [0.42, 1.0]},
         "yaxis2": {"title": {"text": "misfit, sd"}, "domain": [0.0, 0.34]},
     }})
+}
+
+/// `values` with a null before each of the `breaks`, where a line ends and begins anew.
+fn broken(values: Vec<Value>, breaks: &[usize]) -> Vec<Value> {
+    let mut out = Vec::with_capacity(values.len() + breaks.len());
+    for (i, value) in values.into_iter().enumerate() {
+        if breaks.binary_search(&i).is_ok() {
+            out.push(Value::Null);
+        }
+        out.push(value);
+    }
+    out
 }
 
 /// The standardised misfit on the map, before and after.
@@ -64,21 +86,52 @@ pub(super) fn maps(report: &GapReport) -> Value {
             );
         }
     }
-    for axis in ["", "2"] {
+    let source = Enu {
+        east_m: report.source_m.0,
+        north_m: report.source_m.1,
+    };
+    let length_m = farthest_m(report, source);
+    let mut winds = Vec::new();
+    for (axis, (wind_from_deg, left)) in ["", "2"].iter().zip([
+        (report.wind_from_deg[0], 0.0),
+        (report.wind_from_deg[1], 0.53),
+    ]) {
+        let far = source.displaced(wind_from_deg + 180.0, length_m);
         data.push(
-            json!({"type": "scatter", "mode": "markers", "x": [rounded(report.source_m.0, 1.0)],
-            "y": [rounded(report.source_m.1, 1.0)], "xaxis": format!("x{axis}"),
-            "yaxis": format!("y{axis}"), "showlegend": false, "hoverinfo": "skip",
-            "marker": {"symbol": "square", "size": 8, "color": "#16181d"}}),
+            json!({"type": "scatter", "mode": "lines+markers", "hoverinfo": "skip",
+            "x": [rounded(source.east_m, 1.0), rounded(far.east_m, 1.0)],
+            "y": [rounded(source.north_m, 1.0), rounded(far.north_m, 1.0)],
+            "xaxis": format!("x{axis}"), "yaxis": format!("y{axis}"), "showlegend": false,
+            "line": {"color": "#16181d", "width": 1.2, "dash": "dashdot"},
+            "marker": {"symbol": ["square", "arrow"], "angleref": "previous", "size": [8, 11],
+                "color": "#16181d"}}),
         );
+        winds.push(panel_title(
+            &format!("wind from {:.0}°", wrap_deg(wind_from_deg)),
+            "",
+            left + 0.28,
+            1.0,
+        ));
     }
     json!({"data": data, "layout": {"margin": {"t": 30},
-        "annotations": [panel_title("base", "", 0.0, 1.0), panel_title("extended model", "", 0.53, 1.0)],
+        "annotations": [panel_title("base", "", 0.0, 1.0), panel_title("extended model", "", 0.53, 1.0),
+            winds[0], winds[1]],
         "xaxis": {"title": {"text": "east, m"}, "domain": [0.0, 0.47], "constrain": "domain"},
         "yaxis": {"title": {"text": "north, m"}, "scaleanchor": "x"},
         "xaxis2": {"title": {"text": "east, m"}, "domain": [0.53, 1.0], "anchor": "y2", "matches": "x"},
         "yaxis2": {"anchor": "x2", "matches": "y"},
     }})
+}
+
+/// Distance of the farthest reading from the source, m: as long as the axis is drawn.
+fn farthest_m(report: &GapReport, source: Enu) -> f64 {
+    let places = report
+        .series
+        .iter()
+        .flat_map(|s| s.east_m.iter().zip(&s.north_m));
+    let distance =
+        |(east_m, north_m): (&f64, &f64)| (east_m - source.east_m).hypot(north_m - source.north_m);
+    places.map(distance).fold(0.0, f64::max)
 }
 
 /// Memory of the misfit.
@@ -108,7 +161,12 @@ pub(super) fn bins(residual: &[ResidualBin]) -> Value {
     }
     let panels = by.len().max(1) as f64;
     let mut data = Vec::new();
-    let mut layout = json!({"showlegend": false, "margin": {"t": 30}});
+    let mut names: Vec<&str> = by.values().flat_map(|of| of.keys().copied()).collect();
+    names.sort_unstable();
+    names.dedup();
+    // The misfit of all together and of each by itself are told apart by colour; one alone needs no legend.
+    let mut layout = json!({"showlegend": names.len() > 1, "legend": legend_below(),
+        "margin": {"t": 30, "b": if names.len() > 1 { 90 } else { 50 }}});
     let mut titles = Vec::new();
     for (i, (coordinate, platforms)) in by.iter().enumerate() {
         let suffix = if i == 0 {
@@ -129,6 +187,8 @@ pub(super) fn bins(residual: &[ResidualBin]) -> Value {
             "title": {"text": if i == 0 { "misfit, sd" } else { "" }}});
         titles.push(panel_title(&coordinate.replace('_', " "), "", left, 1.0));
         for (platform, bins) in platforms {
+            let k = names.iter().position(|name| name == platform).unwrap_or(0);
+            let first = !data.iter().any(|t: &Value| t["name"] == **platform);
             let middle = bins.iter().map(|b| match *coordinate {
                 "platform" => json!(platform),
                 _ => json!(rounded(0.5 * (b.from + b.to), 100.0)),
@@ -138,7 +198,8 @@ pub(super) fn bins(residual: &[ResidualBin]) -> Value {
                 json!({"type": "scatter", "mode": "lines+markers", "name": platform,
                 "x": middle.collect::<Vec<_>>(), "y": misfit.collect::<Vec<_>>(),
                 "xaxis": format!("x{suffix}"), "yaxis": format!("y{suffix}"),
-                "marker": {"size": 5}, "line": {"width": 1.3},
+                "legendgroup": platform, "showlegend": first,
+                "marker": {"size": 5}, "line": {"width": 1.3, "color": colour_of(k)},
                 "hovertemplate": format!("{platform}: %{{y:.2f}} sd<extra></extra>")}),
             );
         }

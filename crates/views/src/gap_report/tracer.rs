@@ -4,7 +4,6 @@ use super::{RANKED, causes, detectable, figure, figures, gain_table, opening, se
 use crate::html::{Document, number};
 use gap::tracer::{GroupDetail, TracerReport, TriedModel};
 use gap::verdict::{Cause, GapJson, Parameter};
-use serde_json::json;
 
 /// The report of an analysis of tracer trials. `title` names the data.
 pub fn tracer(title: &str, report: &TracerReport) -> String {
@@ -20,13 +19,9 @@ pub fn tracer(title: &str, report: &TracerReport) -> String {
          air; diamonds: stable air. One is right.",
     );
     if !json.residual.is_empty() {
-        let mut bins = figures::bins(&json.residual);
-        bins["layout"]["showlegend"] = json!(true);
-        bins["layout"]["legend"] = figures::legend_below();
-        bins["layout"]["margin"] = json!({"t": 30, "b": 90});
         page.plot(
             380,
-            bins,
+            figures::bins(&json.residual),
             "Mean of ln (measured / predicted by the base) of arc maxima at each distance, in its \
              own standard errors over trials, for each kind of air.",
         );

@@ -125,36 +125,66 @@ fn plumes(site: &SiteMap, model: &Model, area: Area) -> Vec<Value> {
     traces
 }
 
+/// Most vehicles of which each has its own name in the map and in the legend.
+const NAMED_VEHICLES: usize = 12;
+
 fn track_traces(site: &SiteMap, tracks: &Tracks) -> Vec<Value> {
     let scale: Vec<Value> = stops().into_iter().map(|(at, c)| json!([at, c])).collect();
     let simulated = |t: &VehicleTrack| t.kind == VehicleKind::Simulated;
     let mut by_vehicle = tracks.by_vehicle().iter();
     let first_simulated = by_vehicle.find(|(_, t)| simulated(t)).map(|(id, _)| id);
-    tracks
-        .by_vehicle()
+    let each = tracks.by_vehicle().len() <= NAMED_VEHICLES;
+    let trace = |(i, (id, track)): (usize, (&String, &VehicleTrack))| {
+        let points = track.points.items();
+        let places: Vec<Enu> = points
+            .iter()
+            .map(|p| site.enu(p.lat_deg, p.lon_deg))
+            .collect();
+        let real = track.kind == VehicleKind::Real;
+        let own = real || each;
+        let kind = if real { "real" } else { "simulated" };
+        json!({"type": "scatter", "mode": "markers",
+            "name": if own { format!("vehicle {id}, {kind}") } else { "simulated vehicles".to_owned() },
+            "legendgroup": if own { id.as_str() } else { "simulated" },
+            "showlegend": own || first_simulated == Some(id),
+            "x": places.iter().map(|p| km(p.east_m)).collect::<Vec<_>>(),
+            "y": places.iter().map(|p| km(p.north_m)).collect::<Vec<_>>(),
+            "text": points.iter().map(|p| format!("{:.0} s, {:.0} m AMSL", p.time_s, p.alt_amsl_m))
+                .collect::<Vec<_>>(),
+            "hovertemplate": format!("vehicle {id}, %{{text}}<br>%{{marker.color:.{}f}} ppm<extra></extra>", site.shown.gas.digits()),
+            "marker": {"size": points.iter().map(|p| size(real, site.shown.along(p.co2_ppm))).collect::<Vec<_>>(),
+                "line": {"width": 0}, "symbol": if real { "diamond" } else { "circle" },
+                "color": points.iter().map(|p| rounded(p.co2_ppm, 10.0 * site.shown.steps_per_ppm())).collect::<Vec<_>>(),
+                "colorscale": scale, "cmin": site.shown.grey_ppm, "cmax": site.shown.red_ppm,
+                "showscale": i == 0,
+                "colorbar": {"title": {"text": site.shown.axis()}, "thickness": 12, "len": 0.6}}})
+    };
+    let mut traces: Vec<Value> = tracks.by_vehicle().iter().enumerate().map(trace).collect();
+    if each {
+        traces.extend(
+            tracks
+                .by_vehicle()
+                .iter()
+                .filter_map(|(id, track)| name(site, id, track)),
+        );
+    }
+    traces
+}
+
+/// The name of a vehicle where it was farthest from its first place: at home they all stand together.
+fn name(site: &SiteMap, id: &str, track: &VehicleTrack) -> Option<Value> {
+    let places = track
+        .points
+        .items()
         .iter()
-        .enumerate()
-        .map(|(i, (id, track))| {
-            let points = track.points.items();
-            let places: Vec<Enu> = points.iter().map(|p| site.enu(p.lat_deg, p.lon_deg)).collect();
-            let real = track.kind == VehicleKind::Real;
-            json!({"type": "scatter", "mode": "markers",
-                "name": if real { format!("vehicle {id}, real") } else { "simulated vehicles".to_owned() },
-                "legendgroup": if real { id.as_str() } else { "simulated" },
-                "showlegend": real || first_simulated == Some(id),
-                "x": places.iter().map(|p| km(p.east_m)).collect::<Vec<_>>(),
-                "y": places.iter().map(|p| km(p.north_m)).collect::<Vec<_>>(),
-                "text": points.iter().map(|p| format!("{:.0} s, {:.0} m AMSL", p.time_s, p.alt_amsl_m))
-                    .collect::<Vec<_>>(),
-                "hovertemplate": format!("vehicle {id}, %{{text}}<br>%{{marker.color:.{}f}} ppm<extra></extra>", site.shown.gas.digits()),
-                "marker": {"size": points.iter().map(|p| size(real, site.shown.along(p.co2_ppm))).collect::<Vec<_>>(),
-                    "line": {"width": 0}, "symbol": if real { "diamond" } else { "circle" },
-                    "color": points.iter().map(|p| rounded(p.co2_ppm, 10.0 * site.shown.steps_per_ppm())).collect::<Vec<_>>(),
-                    "colorscale": scale, "cmin": site.shown.grey_ppm, "cmax": site.shown.red_ppm,
-                    "showscale": i == 0,
-                    "colorbar": {"title": {"text": site.shown.axis()}, "thickness": 12, "len": 0.6}}})
-        })
-        .collect()
+        .map(|p| site.enu(p.lat_deg, p.lon_deg));
+    let home = places.clone().next()?;
+    let at = places.max_by(|a, b| home.distance_m(*a).total_cmp(&home.distance_m(*b)))?;
+    Some(
+        json!({"type": "scatter", "mode": "text", "x": [km(at.east_m)], "y": [km(at.north_m)],
+        "text": [id], "textposition": "top right", "showlegend": false, "legendgroup": id,
+        "hoverinfo": "skip", "textfont": {"size": 13, "color": "#16181d"}}),
+    )
 }
 
 /// Size of a point, px: clean air must not hide the plume.

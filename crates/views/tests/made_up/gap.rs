@@ -185,5 +185,6 @@ pub fn report() -> GapReport {
             })
             .collect(),
         source_m: (0.0, 0.0),
+        wind_from_deg: [240.0, 244.0],
     }
 }

@@ -41,7 +41,7 @@ pub fn site() -> Arc<SiteMap> {
             .to_vec(),
         height_band_amsl_m: (400.0, 1200.0),
         keep_out_radius_m: 1200.0,
-        ground_amsl_m: Arc::new(move |_| frame.ground_amsl_m),
+        known_ground_amsl_m: Arc::new(move |_| Some(frame.ground_amsl_m)),
         has_terrain: false,
         field: Arc::new(|model, points| {
             let ppm = |s: &views::site::MapPoint| synthetic::field(model, s.at, s.alt_amsl_m);

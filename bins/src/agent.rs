@@ -323,6 +323,7 @@ pub fn vehicles(
     options: &VehicleOptions,
 ) -> Result<Vec<HostedMember>, Failure> {
     let addresses = flightgear::addresses(&options.flightgear, ids, &setup.scenario)?;
+    let layers_amsl_m = setup.scenario.layers_amsl_m();
     let mut hosted = Vec::new();
     for (id, flightgear) in ids.iter().zip(addresses) {
         let index = setup.index_of(id).map_err(Failure::input)?;
@@ -333,7 +334,7 @@ pub fn vehicles(
             _ => Vec::new(),
         };
         let member = if links.is_empty() {
-            Member::vehicle(setup, index)
+            Member::vehicle_among(setup, index, &layers_amsl_m)
         } else {
             Member::linked(setup, index, &options.link_options)
         };
@@ -362,6 +363,16 @@ pub fn run(
     let setup = arguments.setup()?;
     preflight::check(&setup)?;
     let hosted = make(&setup)?;
+    run_hosted(arguments, keeps_time, &setup, hosted)
+}
+
+// Apart from `run`, so that the compiler makes it once and not anew in each program.
+fn run_hosted(
+    arguments: &BusArguments,
+    keeps_time: bool,
+    setup: &Setup,
+    hosted: Vec<HostedMember>,
+) -> Result<(), Failure> {
     let linked = hosted.iter().find(|a| !a.links.is_empty());
     if let Some(linked) = linked.filter(|_| arguments.lockstep) {
         return Err(Failure::usage(format!(
@@ -375,15 +386,15 @@ pub fn run(
     let stays = linked.is_some().then_some(&interrupted);
     block_on_until(
         async {
-            let mut net = arguments.open_as(&setup, keeps_time, &ids).await?;
+            let mut net = arguments.open_as(setup, keeps_time, &ids).await?;
             eprintln!("{who} joins mission {}", setup.scenario.mission.name);
-            let watch = presence::watch(&net, &setup, &ids, arguments.connected_to(keeps_time))?;
+            let watch = presence::watch(&net, setup, &ids, arguments.connected_to(keeps_time))?;
             if arguments.lockstep {
-                let team = team::agent_ids(&setup).map_err(Failure::input)?;
+                let team = team::agent_ids(setup).map_err(Failure::input)?;
                 let mut members: Vec<Member> = hosted.into_iter().map(|a| a.member).collect();
                 lockstep::run(&mut net, &mut members, &team, setup.tick_ns()).await?;
             } else {
-                fly_in_real_time(&mut net, hosted, &setup, keeps_time, &interrupted).await?;
+                fly_in_real_time(&mut net, hosted, setup, keeps_time, &interrupted).await?;
             }
             watch.abort();
             eprintln!("{who} has finished");

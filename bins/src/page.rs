@@ -41,8 +41,8 @@ impl Serve {
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct PageArguments {
     /// Raster tiles under the page's map: an address with {z}, {x} and {y}, and ${NAME} for a key that is in the
-    /// environment; none are loaded if not given
-    #[arg(long, value_name = "URL")]
+    /// environment, or an MBTiles file; none are loaded if not given
+    #[arg(long, value_name = "URL|FILE")]
     tiles: Option<String>,
     /// What a browser has to show to open the page, as http://ADDR/?token=TOKEN; else it is read from
     /// PLUMAGE_PAGE_TOKEN. Needed where others than those on this host can reach the page
@@ -75,7 +75,7 @@ impl PageArguments {
     /// The tiles asked for.
     ///
     /// # Errors
-    /// An address that is none, or a variable that the environment does not have.
+    /// An address that is none, a file that cannot be read, or a variable that the environment does not have.
     pub fn tiles(&self) -> Result<Option<Tiles>, Failure> {
         let Some(text) = &self.tiles else {
             return Ok(None);

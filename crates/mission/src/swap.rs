@@ -71,6 +71,7 @@ impl Member {
                     index,
                     aircraft: setup.aircraft_of(index)?,
                     ground_amsl_m: setup.ground_at_home_m(index)?,
+                    layer_amsl_m: setup.scenario.layers_amsl_m()[index],
                 };
                 let body = SimulatedVehicle::taking_over(config, state)?;
                 let body = VehicleBackend::Simulated(Box::new(body));

@@ -51,6 +51,18 @@ impl Member {
     /// # Errors
     /// A vehicle that cannot fly.
     pub fn vehicle(setup: &Setup, index: usize) -> Result<Self, MissionError> {
+        Self::vehicle_among(setup, index, &setup.scenario.layers_amsl_m())
+    }
+
+    /// The same, of a team whose layers ([`Scenario::layers_amsl_m`](scenario::Scenario::layers_amsl_m)) are known.
+    ///
+    /// # Errors
+    /// As [`Self::vehicle`].
+    pub fn vehicle_among(
+        setup: &Setup,
+        index: usize,
+        layers_amsl_m: &[f64],
+    ) -> Result<Self, MissionError> {
         let aircraft = setup.aircraft_of(index)?;
         let vehicle = &setup.scenario.vehicles[index];
         Ok(match vehicle.kind {
@@ -60,6 +72,7 @@ impl Member {
                     index,
                     aircraft,
                     ground_amsl_m: setup.ground_at_home_m(index)?,
+                    layer_amsl_m: layers_amsl_m[index],
                 };
                 let body = VehicleBackend::Simulated(Box::new(SimulatedVehicle::new(config)?));
                 let watch = SafetyMonitor::new(&setup.scenario, index)?;
@@ -98,8 +111,9 @@ impl Member {
     /// The first that cannot be made.
     pub fn all(setup: &Setup) -> Result<Vec<Self>, MissionError> {
         let mut team = vec![Self::world(setup)?, Self::controller(setup)?];
+        let layers_amsl_m = setup.scenario.layers_amsl_m();
         for index in 0..setup.scenario.vehicles.len() {
-            team.push(Self::vehicle(setup, index)?);
+            team.push(Self::vehicle_among(setup, index, &layers_amsl_m)?);
         }
         Ok(team)
     }

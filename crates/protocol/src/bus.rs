@@ -11,91 +11,146 @@ use crate::key::{AgentId, Interest, Topic};
 use crate::message::Message;
 use crate::time::SimTime;
 use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+use std::thread::{available_parallelism, scope};
 
 /// One message that went over the bus.
 pub type Publication = (Topic, Envelope);
 
-/// What was said in a tick, by who wants to hear it: with a thousand vehicles nobody can look through all of it.
-struct Routes<'a> {
-    heard: &'a [Publication],
-    /// Places in `heard` by topic …
-    by_topic: BTreeMap<&'a Topic, Vec<usize>>,
+/// Who wants to hear what: with a thousand vehicles nobody can look through all that is said.
+#[derive(Default)]
+struct Routes {
+    /// Places of members by topic …
+    one: BTreeMap<Topic, Vec<usize>>,
     /// … and by interests of several topics.
-    wide: Vec<(&'a Interest, Vec<usize>)>,
+    wide: Vec<(Interest, Vec<usize>)>,
 }
 
-impl<'a> Routes<'a> {
-    fn of(heard: &'a [Publication], wide: &'a [Interest]) -> Self {
-        let mut by_topic: BTreeMap<&Topic, Vec<usize>> = BTreeMap::new();
-        for (k, (topic, _)) in heard.iter().enumerate() {
-            by_topic.entry(topic).or_default().push(k);
+impl Routes {
+    fn of<A: Agent>(members: &[Member<A>]) -> Self {
+        let mut routes = Self::default();
+        for (place, member) in members.iter().enumerate() {
+            for interest in member.agent.interests() {
+                let to = match interest {
+                    Interest::One(topic) => routes.one.entry(topic).or_default(),
+                    wide => {
+                        let known = routes.wide.iter().position(|(of, _)| *of == wide);
+                        let at = known.unwrap_or_else(|| {
+                            routes.wide.push((wide, Vec::new()));
+                            routes.wide.len() - 1
+                        });
+                        &mut routes.wide[at].1
+                    }
+                };
+                to.push(place);
+            }
         }
-        let covered = |interest: &Interest| {
-            let all = heard.iter().enumerate();
-            all.filter(|(_, (topic, _))| interest.covers(topic))
-                .map(|(k, _)| k)
-                .collect()
-        };
-        Self {
-            heard,
-            by_topic,
-            wide: wide.iter().map(|i| (i, covered(i))).collect(),
-        }
+        routes
     }
 
-    fn places(&self, interest: &Interest) -> &[usize] {
-        let places = match interest {
-            Interest::One(topic) => self.by_topic.get(topic),
-            wide => self.wide.iter().find(|(i, _)| *i == wide).map(|(_, p)| p),
-        };
-        places.map_or(&[], Vec::as_slice)
-    }
-
-    /// What `interests` cover, each once, in the order in which it was said.
-    fn wanted(&self, interests: &[Interest]) -> impl Iterator<Item = &'a Publication> + use<'a> {
-        let mut places: Vec<usize> = interests
-            .iter()
-            .flat_map(|interest| self.places(interest))
-            .copied()
-            .collect();
-        places.sort_unstable();
-        places.dedup();
-        let heard = self.heard;
-        places.into_iter().map(move |k| &heard[k])
+    /// Places of the members who want to hear `topic`, some perhaps twice.
+    fn to(&self, topic: &Topic) -> impl Iterator<Item = usize> {
+        let one = self.one.get(topic).into_iter().flatten();
+        let wide = self.wide.iter().filter(|(of, _)| of.covers(topic));
+        one.chain(wide.flat_map(|(_, to)| to)).copied()
     }
 }
 
 struct Member<A> {
     agent: A,
-    interests: Vec<Interest>,
     sequence: u64,
+    /// Places in what was said of what it hears, in order.
+    hears: Vec<usize>,
+    outbox: Outbox,
+    /// What it says in this tick.
+    says: Vec<Publication>,
+}
+
+impl<A: Agent> Member<A> {
+    /// Hears what it wants of all that was said, and acts.
+    fn act(&mut self, said: &[Publication], event: Event<'_>, now: SimTime) {
+        for &k in &self.hears {
+            let (topic, envelope) = &said[k];
+            if envelope.sender != *self.agent.id() {
+                let event = Event::Message(topic, envelope);
+                self.agent.handle(event, now, &mut self.outbox);
+            }
+        }
+        self.hears.clear();
+        self.agent.handle(event, now, &mut self.outbox);
+        for (topic, message) in self.outbox.drain() {
+            self.sequence += 1;
+            let envelope = Envelope {
+                sender: self.agent.id().clone(),
+                sequence: self.sequence,
+                time: now,
+                message,
+            };
+            self.says.push((topic, envelope));
+        }
+    }
+}
+
+/// Members that a thread takes at a time: a tick of so many vehicles takes longer than to wake a thread, some 50 µs.
+const MEMBERS_AT_A_TIME: usize = 32;
+
+/// All members act, on as many threads as there are processors where they are many. Nobody hears in a tick what is
+/// said in it: what they say does not depend on who acts first.
+fn all_act<A: Agent + Send>(
+    members: &mut [Member<A>],
+    said: &[Publication],
+    event: Event<'_>,
+    now: SimTime,
+) {
+    let threads = available_parallelism().map_or(1, usize::from);
+    let threads = threads.min(members.len() / MEMBERS_AT_A_TIME);
+    if threads < 2 {
+        for member in members {
+            member.act(said, event, now);
+        }
+        return;
+    }
+    // The last is `ws/main`, which has most to do.
+    let parts = Mutex::new(members.chunks_mut(MEMBERS_AT_A_TIME).rev());
+    let next = || parts.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let work = || {
+        while let Some(part) = next() {
+            for member in part {
+                member.act(said, event, now);
+            }
+        }
+    };
+    scope(|scope| {
+        for _ in 1..threads {
+            scope.spawn(work);
+        }
+        work();
+    });
 }
 
 /// Agents under a conductor.
 pub struct Conductor<A> {
     members: Vec<Member<A>>,
-    /// The members' interests of several topics, each once.
-    wide: Vec<Interest>,
+    /// From the first tick on.
+    routes: Option<Routes>,
     tick_ns: i64,
     tick: u64,
     /// Said in the last tick, in order.
     said: Vec<Publication>,
-    outbox: Outbox,
     /// Said by the operator for the tick to come.
     operator: Vec<(Topic, Message)>,
     operator_sequence: u64,
 }
 
-impl<A: Agent> Conductor<A> {
+impl<A: Agent + Send> Conductor<A> {
     /// A conductor of `agents` with ticks of `tick_ns`. Agents are ordered by their id.
     pub fn new(agents: Vec<A>, tick_ns: i64) -> Self {
         let mut conductor = Self {
             members: Vec::new(),
-            wide: Vec::new(),
+            routes: None,
             tick_ns,
             tick: 0,
             said: Vec::new(),
-            outbox: Outbox::default(),
             operator: Vec::new(),
             operator_sequence: 0,
         };
@@ -107,15 +162,13 @@ impl<A: Agent> Conductor<A> {
     pub fn join(&mut self, agent: A) {
         let at = self.members.partition_point(|m| m.agent.id() <= agent.id());
         let member = Member {
-            interests: agent.interests(),
             agent,
             sequence: 0,
+            hears: Vec::new(),
+            outbox: Outbox::default(),
+            says: Vec::new(),
         };
-        for interest in &member.interests {
-            if !matches!(interest, Interest::One(_)) && !self.wide.contains(interest) {
-                self.wide.push(interest.clone());
-            }
-        }
+        self.routes = None;
         self.members.insert(at, member);
     }
 
@@ -174,27 +227,18 @@ impl<A: Agent> Conductor<A> {
             };
             said.push((topic, envelope));
         }
-        let routes = Routes::of(&heard, &self.wide);
-        for member in &mut self.members {
-            let own = member.agent.id().clone();
-            for (topic, envelope) in routes.wanted(&member.interests) {
-                if envelope.sender != own {
-                    member
-                        .agent
-                        .handle(Event::Message(topic, envelope), now, &mut self.outbox);
+        let routes = self.routes.get_or_insert_with(|| Routes::of(&self.members));
+        for (k, (topic, _)) in heard.iter().enumerate() {
+            for place in routes.to(topic) {
+                let hears = &mut self.members[place].hears;
+                if hears.last() != Some(&k) {
+                    hears.push(k);
                 }
             }
-            member.agent.handle(event, now, &mut self.outbox);
-            for (topic, message) in self.outbox.drain() {
-                member.sequence += 1;
-                let envelope = Envelope {
-                    sender: own.clone(),
-                    sequence: member.sequence,
-                    time: now,
-                    message,
-                };
-                said.push((topic, envelope));
-            }
+        }
+        all_act(&mut self.members, &heard, event, now);
+        for member in &mut self.members {
+            said.append(&mut member.says);
         }
         self.tick += 1;
         self.said = said;

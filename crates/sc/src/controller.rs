@@ -123,6 +123,7 @@ impl SquadronController {
                 airspace,
                 separation,
                 airspeed_m_s: scenario.search.airspeed_m_s,
+                places: places(&vehicles),
                 vehicles,
                 passes: Vec::new(),
                 ways_down: Vec::new(),
@@ -565,6 +566,11 @@ fn team(scenario: &Scenario, airspace: &Airspace) -> Result<Vec<TeamVehicle>, Sc
         Ok(vehicle)
     };
     scenario.vehicles.iter().enumerate().map(vehicle).collect()
+}
+
+fn places(vehicles: &[TeamVehicle]) -> BTreeMap<Name, usize> {
+    let names = vehicles.iter().map(|v| v.name.clone());
+    names.zip(0..).collect()
 }
 
 impl Agent for SquadronController {

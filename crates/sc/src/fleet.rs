@@ -222,6 +222,8 @@ pub struct Fleet {
     pub airspeed_m_s: f64,
     /// The vehicles in the scenario's order.
     pub vehicles: Vec<TeamVehicle>,
+    /// Their places by name.
+    pub(crate) places: BTreeMap<Name, usize>,
     /// Passes that real vehicles fly now and next: those who fly none keep clear of them.
     pub(crate) passes: Vec<Corridor>,
     /// Ways down of those who wait for their landing, with whose they are: who does not wait keeps
@@ -235,7 +237,7 @@ pub struct Fleet {
 impl Fleet {
     /// The vehicle of that name.
     pub fn index_of(&self, name: &Name) -> Option<usize> {
-        self.vehicles.iter().position(|v| v.name == *name)
+        self.places.get(name).copied()
     }
 
     /// Another aircraft is in the place of one: what that was to do is void.

@@ -23,18 +23,18 @@ pub(crate) struct Guardian {
 }
 
 impl Guardian {
-    /// The Guardian of the vehicle at `index` of the team.
-    pub(crate) fn new(scenario: &Scenario, index: usize) -> Result<Self, VaError> {
+    /// The Guardian of the vehicle at `index` of the team, whose own layer is `layer_amsl_m`.
+    pub(crate) fn new(
+        scenario: &Scenario,
+        index: usize,
+        layer_amsl_m: f64,
+    ) -> Result<Self, VaError> {
         let frame = scenario.frame()?;
         let home = frame.to_enu(scenario.home(index)?);
         let avoid_m = scenario.fence.keep_out_radius_m + MARGIN_M;
         Ok(Self {
             home,
-            layer_amsl_m: scenario
-                .layers_amsl_m()
-                .get(index)
-                .copied()
-                .ok_or_else(|| VaError::NoSuchVehicle(index.to_string()))?,
+            layer_amsl_m,
             // What home itself is too near to cannot be kept away from.
             stacks: scenario
                 .sources
@@ -103,7 +103,8 @@ mod tests {
     const AS_PONTES: &str = include_str!("../../../scenarios/as-pontes.toml");
 
     fn guardian(index: usize) -> Guardian {
-        Guardian::new(&Scenario::parse("s", AS_PONTES).unwrap(), index).unwrap()
+        let scenario = Scenario::parse("s", AS_PONTES).unwrap();
+        Guardian::new(&scenario, index, scenario.layers_amsl_m()[index]).unwrap()
     }
 
     #[test]

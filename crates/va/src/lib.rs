@@ -19,7 +19,8 @@
 //! let x8 = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../aircraft/x8.toml"));
 //! let aircraft = &fdm::Aircraft::from_toml("x8.toml", x8)?;
 //! let ground_amsl_m = scenario.site.ground_amsl_m;
-//! let config = SimulatedConfig { scenario: &scenario, index: 0, aircraft, ground_amsl_m };
+//! let layer_amsl_m = scenario.layers_amsl_m()[0];
+//! let config = SimulatedConfig { scenario: &scenario, index: 0, aircraft, ground_amsl_m, layer_amsl_m };
 //! let backend = VehicleBackend::Simulated(Box::new(SimulatedVehicle::new(config)?));
 //! let monitor = SafetyMonitor::new(&scenario, 0)?;
 //! let mut vehicle = VirtualAircraft::new("1", backend, monitor)?;

@@ -50,6 +50,9 @@ pub struct SimulatedConfig<'a> {
     pub aircraft: &'a Aircraft,
     /// Height of the ground at its home, m above mean sea level.
     pub ground_amsl_m: f64,
+    /// Height of the layer that it alone has among its neighbours, m above mean sea level
+    /// ([`Scenario::layers_amsl_m`]).
+    pub layer_amsl_m: f64,
 }
 
 /// A simulated vehicle.
@@ -107,6 +110,7 @@ impl SimulatedVehicle {
             index,
             aircraft,
             ground_amsl_m,
+            layer_amsl_m,
         } = config;
         let vehicle = scenario
             .vehicles
@@ -132,7 +136,7 @@ impl SimulatedVehicle {
             sensor: Sensor::new(&spec.sensor, &spec.mechanisms, &vehicle.id),
             rng: stream(scenario.mission.seed, &format!("va/{}/sensor", vehicle.id)),
             frame,
-            guardian: Guardian::new(scenario, index)?,
+            guardian: Guardian::new(scenario, index, layer_amsl_m)?,
             battery: aircraft.battery.map(|b| (b, StateOfCharge::full(&b))),
             launch_heading_deg,
             tick_s: scenario.mission.tick_s,
@@ -604,6 +608,7 @@ mod tests {
             index: 2,
             aircraft: &aircraft,
             ground_amsl_m: scenario.site.ground_amsl_m,
+            layer_amsl_m: scenario.layers_amsl_m()[2],
         };
         let mut vehicle = SimulatedVehicle::taking_over(config, state).unwrap();
         vehicle.tick(SimTime::from_s(700.0), true).state.unwrap()

@@ -69,15 +69,19 @@ function ask() {
 // ---- ground, tiles, plume ------------------------------------------------------------------
 
 const tiles = new Map();
+/** Most tiles drawn at once: where the file's finest are far finer than the screen's pixels nothing is drawn. */
+const MOST_TILES = 400;
 
 function drawTiles(ctx) {
   const mid = latLon(view.e, view.n), cos = Math.cos(mid[0] * Math.PI / 180);
   // As many pixels of a tile as of the screen: 256 of them make 40075017 m · cos / 2^z.
-  const z = Math.max(1, Math.min(19, Math.round(Math.log2(40075017 * cos * view.scale / 256))));
+  const [coarsest, finest] = known.site.tile_zooms;
+  const z = Math.max(coarsest, Math.min(finest, Math.round(Math.log2(40075017 * cos * view.scale / 256))));
   const n = 2 ** z, toX = lon => (lon + 180) / 360 * n;
   const toY = lat => (1 - Math.asinh(Math.tan(lat * Math.PI / 180)) / Math.PI) / 2 * n;
   const toLat = y => Math.atan(Math.sinh(Math.PI * (1 - 2 * y / n))) * 180 / Math.PI;
   const [north, west] = latLon(...there(0, 0)), [south, east] = latLon(...there(box.width, box.height));
+  if ((toX(east) - toX(west)) * (toY(south) - toY(north)) > MOST_TILES) return;
   for (let x = Math.floor(toX(west)); x <= toX(east); x++) for (let y = Math.floor(toY(north)); y <= toY(south); y++) {
     const picture = tile(z, ((x % n) + n) % n, y);
     if (!picture.complete || !picture.naturalWidth) continue;
@@ -90,7 +94,7 @@ function tile(z, x, y) {
   const url = known.site.tiles.replace("{z}", z).replace("{x}", x).replace("{y}", y);
   if (!tiles.has(url)) {
     // The oldest go: a map of a long mission must not fill the memory.
-    if (tiles.size > 400) tiles.delete(tiles.keys().next().value);
+    if (tiles.size > 2 * MOST_TILES) tiles.delete(tiles.keys().next().value);
     const picture = new Image();
     picture.onload = () => { basePending = true; requestAnimationFrame(drawMap); };
     picture.src = url;

@@ -36,7 +36,7 @@
 //! - [`gap_report`]: `report.html` of a gap analysis;
 //! - [`campaign_report`]: `campaign.html` of many missions;
 //! - [`tune_report`]: `report.html` of a tuning;
-//! - [`tiles`]: raster tiles under the page's map;
+//! - [`tiles`]: raster tiles under the page's map, which [`mbtiles`] reads from a file;
 //! - [`site`]: the map they share.
 
 pub mod campaign_report;
@@ -45,6 +45,7 @@ pub mod gap_report;
 mod html;
 pub mod live;
 mod map_data;
+pub mod mbtiles;
 pub mod page;
 mod plot;
 mod plotly_js;

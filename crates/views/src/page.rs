@@ -12,7 +12,7 @@ use crate::site::SiteMap;
 use crate::tiles::Tiles;
 use air::geo::Enu;
 use axum::extract::ws::{Message, Utf8Bytes, WebSocket, WebSocketUpgrade};
-use axum::extract::{Query, Request, State};
+use axum::extract::{Path as UrlPath, Query, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
@@ -169,7 +169,7 @@ impl Offered {
 pub struct PageOptions {
     /// What it may offer.
     pub offered: Offered,
-    /// Where raster tiles for the map are loaded from by the browser.
+    /// Raster tiles for the map.
     pub tiles: Option<Tiles>,
     /// The mission's report, once it is written.
     pub report: Option<PathBuf>,
@@ -273,6 +273,7 @@ pub async fn serve(
         .route("/ground.json", get(ground))
         .route("/section.json", get(section))
         .route("/report.html", get(report))
+        .route("/tiles/{z}/{x}/{y}", get(tile))
         .route("/live", get(socket));
     for (path, kind, text) in ASSETS {
         app = app.route(path, get(|| async { asset(kind, text) }));
@@ -382,6 +383,7 @@ async fn site_json(State(shared): State<Shared>) -> Response {
         site.insert("offered".to_owned(), shared.options.offered.json());
         let tiles = shared.options.tiles.as_ref();
         site.insert("tiles".to_owned(), json!(tiles.map(Tiles::template)));
+        site.insert("tile_zooms".to_owned(), json!(tiles.map(Tiles::zooms)));
     }
     Json(site).into_response()
 }
@@ -397,6 +399,28 @@ async fn report(State(shared): State<Shared>) -> Response {
             "the report is written when the mission is over\n",
         )
             .into_response(),
+    }
+}
+
+async fn tile(
+    State(shared): State<Shared>,
+    UrlPath((z, x, y)): UrlPath<(u8, u32, u32)>,
+) -> Response {
+    let Some(Tiles::File(archive)) = shared.options.tiles.clone() else {
+        return (StatusCode::NOT_FOUND, "no file of tiles is served\n").into_response();
+    };
+    let media_type = archive.media_type;
+    let read = tokio::task::spawn_blocking(move || archive.tile(z, x, y));
+    match read.await.ok().flatten() {
+        Some(picture) => {
+            let headers = [
+                (header::CONTENT_TYPE, media_type),
+                (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+                (header::CACHE_CONTROL, "max-age=3600"),
+            ];
+            (headers, picture).into_response()
+        }
+        None => (StatusCode::NOT_FOUND, "the file has no such tile\n").into_response(),
     }
 }
 

@@ -75,6 +75,8 @@ pub struct WorldSimulator {
     real: BTreeMap<String, usize>,
     /// The team; whoever is simulated now gets its air from here.
     vehicles: Vec<TeamVehicle>,
+    /// Their places by name.
+    places: BTreeMap<Name, usize>,
     world: DispersionModel,
     extensions: Vec<MechanismSetting>,
     /// Whether readings have named a fault of a sensor that the model does not hold.
@@ -111,7 +113,7 @@ impl WorldSimulator {
                     next_s: 0.0,
                 })
             })
-            .collect::<Result<_, WsError>>()?;
+            .collect::<Result<Vec<_>, WsError>>()?;
         let follow = scenario.weather.follow == WindFollows::Reported;
         let world = DispersionModel::new(calibrator.corrected_spec())?;
         Ok(Self {
@@ -135,6 +137,7 @@ impl WorldSimulator {
                 .enumerate()
                 .map(|(k, name)| (name, k))
                 .collect(),
+            places: vehicles.iter().map(|v| v.name.clone()).zip(0..).collect(),
             vehicles,
             extensions: Vec::new(),
             sensor_is_named: false,
@@ -487,7 +490,8 @@ impl Agent for WorldSimulator {
     fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
         match event {
             Event::Message(Topic::State(name), envelope) => {
-                let vehicle = self.vehicles.iter_mut().find(|f| f.name == *name);
+                let place = self.places.get(name).copied();
+                let vehicle = place.and_then(|k| self.vehicles.get_mut(k));
                 if let (Some(vehicle), Message::State(state)) = (vehicle, &envelope.message) {
                     let simulated = state.kind == protocol::message::VehicleKind::Simulated;
                     vehicle.state = simulated.then(|| state.clone());

@@ -73,8 +73,14 @@ impl OfPlatform<'_> {
         self.drop_readings(&rows);
     }
 
-    /// Runs of equal readings too long for the readings' resolution.
+    /// Runs of equal readings too long for the readings' resolution, which the longest of them blur: it is asked again
+    /// without these.
     fn frozen(&mut self, stated_sd_ppm: f64, raw: &Observations) {
+        while self.longest_frozen(stated_sd_ppm, raw) {}
+    }
+
+    /// Whether there were any.
+    fn longest_frozen(&mut self, stated_sd_ppm: f64, raw: &Observations) -> bool {
         let (rows, readings) = self.read();
         let mut runs: Vec<(usize, usize)> = Vec::new();
         for run in readings.chunk_by(|a, b| a == b) {
@@ -97,7 +103,7 @@ impl OfPlatform<'_> {
         let floor = detection_floor(&runs, &readings);
         let stuck = |r: &(usize, usize)| floor != Some(readings[r.0]) && long(r.1);
         let frozen: Vec<(usize, usize)> = runs.iter().copied().filter(stuck).collect();
-        for (start, length) in frozen {
+        for &(start, length) in &frozen {
             let value = readings[start];
             let run = &rows[start..start + length];
             let message = format!("{length} readings in a row of {}", raw.said(value));
@@ -105,6 +111,7 @@ impl OfPlatform<'_> {
             // The first of them was still measured.
             self.drop_readings(&run[1..]);
         }
+        !frozen.is_empty()
     }
 
     /// Many readings at the very top of the range, in at least so many visits. Whether it is so.

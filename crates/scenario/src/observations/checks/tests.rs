@@ -487,6 +487,28 @@ fn another_site_and_swapped_places_leave_nothing() {
     }
 }
 
+/// Twice at one value, for 12 s and for 21: the longer one does not hide behind the other.
+#[test]
+fn what_stands_still_twice_at_one_value_is_found_twice() {
+    let mut own = log();
+    for row in &mut own.rows {
+        if row.time_s < 12.0 || (310.0..331.0).contains(&row.time_s) {
+            row.co2_ppm = Some(430.0);
+        }
+    }
+    let found = checked(&own);
+    let frozen = |platform: &str| -> Vec<(f64, f64)> {
+        let flaws = found.flaws.iter();
+        let own = flaws.filter(|f| f.kind == Flaw::Frozen && f.platform == platform);
+        own.map(|f| (f.from_s, f.to_s)).collect()
+    };
+    for platform in ["A", "B"] {
+        let mut runs = frozen(platform);
+        runs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        assert_eq!(runs, [(0.0, 11.0), (310.0, 330.0)], "{platform}");
+    }
+}
+
 #[test]
 fn what_stands_still_is_left_out_but_for_its_first_reading() {
     let found = damaged(|r| r.co2_ppm = Some(431.0));

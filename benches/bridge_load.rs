@@ -20,7 +20,6 @@ use mav_bridge::wire::{FrameDecoder, FrameEncoder, MessageData};
 use mavlink::{MavlinkReader, MavlinkVersion};
 use net::realtime::MissionClock;
 use net::{Net, NetOptions};
-use programs::mission_key;
 use protocol::key::Name;
 use protocol::{Interest, Message, SimTime, Topic};
 use std::net::{SocketAddr, TcpListener, UdpSocket};
@@ -29,6 +28,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
+use tasks::mission_key;
 
 /// Frames of each fast message a second and vehicle.
 const RATE_HZ: u64 = 50;

@@ -8,7 +8,8 @@
 )]
 
 use net::realtime::MissionClock;
-use net::{Introduction, MissionIdentity, Net, NetError, NetOptions};
+use net::{Net, NetError, NetOptions};
+use protocol::joining::{Introduction, MissionIdentity};
 use protocol::key::Name;
 use protocol::message::{
     Ambient, Control, ControlWish, EventMessage, PathKind, Setpoint, Severity,

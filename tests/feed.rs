@@ -9,7 +9,6 @@
 
 use mission::Setup;
 use net::{Net, NetOptions};
-use programs::mission_key;
 use protocol::key::Name;
 use protocol::message::{Message, VehicleKind};
 use protocol::{AgentId, Interest, Topic};
@@ -19,6 +18,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
+use tasks::mission_key;
 
 /// What the team believes, with one vehicle of its own, and what the readings are made of.
 const BELIEVED: [f64; 3] = [110.0, 450.0, 330.0];

@@ -12,7 +12,7 @@ mod program;
 use net::realtime::MissionClock;
 use net::{Net, NetOptions, TlsFiles};
 use program::{SCENARIO, folder, plumage, refused, text};
-use programs::{host_keys, mission_key};
+use programs::host_keys;
 use protocol::key::Name;
 use protocol::message::{Message, PathKind, Setpoint, Severity};
 use protocol::{AgentId, Envelope, Interest, SimTime, Topic};
@@ -20,6 +20,7 @@ use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
+use tasks::mission_key;
 
 /// A process that ends with its owner.
 struct Ends(Child);

@@ -3,7 +3,7 @@
 use crate::flightgear::{self, Viewer};
 use crate::links::{self, Links};
 use crate::weather_file::WeatherFile;
-use crate::{Failure, host_keys, mission_files, mission_key, preflight, presence, tls};
+use crate::{Failure, host_keys, mission_files, preflight, presence, tls};
 use anyhow::Context as _;
 use mav_bridge::link::LinkAddress;
 use mav_bridge::signing::SigningConfig;
@@ -11,10 +11,9 @@ use mission::real_vehicle::{LinkOptions, RealVehicle};
 use mission::setup::SigningKey;
 use mission::{Member, MissionError, Setup, team};
 use net::realtime::{MissionClock, Surroundings};
-use net::{
-    DEFAULT_ENDPOINT, Introduction, MissionIdentity, Net, NetOptions, TlsFiles, lockstep, realtime,
-};
+use net::{DEFAULT_ENDPOINT, Net, NetOptions, TlsFiles, lockstep, realtime};
 use plume::Gas;
+use protocol::joining::{Introduction, MissionIdentity};
 use protocol::key::Name;
 use protocol::message::Swap;
 use protocol::{Agent as _, SimTime};
@@ -23,6 +22,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::{SystemTime, UNIX_EPOCH};
+use tasks::mission_key;
 
 /// How a process joins the bus of a mission.
 #[derive(Debug, Clone, clap::Args)]
@@ -197,7 +197,7 @@ impl BusArguments {
             .as_ref()
             .map(|folder| folder.join(mission_key::FILE));
         let file = self.mission_key.as_deref().or(in_folder.as_deref());
-        let key = mission_key::find(&mission, file, &endpoints)?;
+        let key = mission_key::find(&mission, file, &endpoints).map_err(Failure::input)?;
         let mut net = Net::open(mission, key, &options)
             .await
             .map_err(Failure::input)?;

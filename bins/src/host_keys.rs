@@ -1,5 +1,5 @@
 //! The folder of a host that `plumage keys new` writes: which files it holds. The mission's key is one of them too
-//! ([`crate::mission_key::FILE`]).
+//! ([`tasks::mission_key::FILE`]).
 
 use crate::Failure;
 use std::fs;

@@ -1,6 +1,6 @@
 //! The page beside a run or a recording: a runtime of its own, so that the run itself waits for nobody.
 
-use crate::{Failure, loopback};
+use crate::Failure;
 use air::geo::{Geodetic, Position};
 use mission::Setup;
 use protocol::bus::Publication;
@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+use tasks::loopback;
 use tokio::sync::{mpsc, watch};
 use views::live::{LiveState, RunStatus};
 use views::page::{self, DEFAULT_ADDRESS, Live, Offered, PageCommand, PageOptions};

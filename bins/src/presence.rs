@@ -1,11 +1,12 @@
 //! Who is missing on the bus, said aloud: a wrong password, a wrong endpoint or a process that was
 //! not started look alike from inside, as silence.
 
-use crate::{Failure, loopback};
+use crate::Failure;
 use mission::{Setup, team};
 use net::Net;
 use std::collections::BTreeSet;
 use std::time::Duration;
+use tasks::loopback;
 use tokio::task::JoinHandle;
 
 /// How long others may take to appear before somebody is told.

@@ -29,7 +29,7 @@ mod _plumage {
     #[pymodule_export]
     use crate::mission::{Flown, read_recording, run};
     #[pymodule_export]
-    use crate::node::{decode, encode, key};
+    use crate::node::{Speaker, decode, key};
     #[pymodule_export]
     use crate::plume_field::Plume;
     #[pymodule_export]

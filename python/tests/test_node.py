@@ -6,6 +6,7 @@ import pathlib
 import socket
 import subprocess
 
+import plumage
 import pytest
 from conftest import AS_PONTES, CLONE
 
@@ -44,3 +45,53 @@ def test_a_node_hears_a_mission(mission):
         first = node.latest("va/1/state", timeout_s=60.0)
         assert first["sender"] == "va/1" and first["message"]["kind"] == "simulated"
         assert node.latest("va/1/state")["time_ns"] > first["time_ns"]
+
+
+def test_a_vehicle_obeys_an_operator(mission):
+    with Node("as-pontes", connect=mission) as node:
+        node.latest("va/1/state", timeout_s=60.0)
+        modes = node.messages("va/1/mode", timeout_s=20.0)
+        node.control("1", "take-over")
+        assert next(e for _, e in modes if e["message"]["level"] == "pilot")["sender"] == "va/1"
+        # It is taken over, so that a place is flown to; a place that nobody may fly to is refused by the vehicle itself.
+        events = node.messages("va/1/event", timeout_s=20.0)
+        node.send_to("1", 43.9, -7.8631, 800.0)
+        assert next(e for _, e in events if e["message"]["code"] == "setpoint-refused")
+        node.control("1", "hand-back")
+        assert next(e for _, e in modes if e["message"]["level"] != "pilot")
+
+
+def test_a_vehicle_does_not_believe_who_has_another_key(mission, tmp_path):
+    other = tmp_path / "other.key"
+    other.write_text("a7" * 32)
+    other.chmod(0o600)
+    with Node("as-pontes", connect=mission, mission_key=other) as stranger:
+        with pytest.raises(TimeoutError, match="is its key another one"):
+            stranger.control("2", "take-over", timeout_s=3.0)
+    # Even with the run's number, which whoever holds the key is told.
+    with Node("as-pontes", connect=mission) as node:
+        node.latest("va/2/state", timeout_s=60.0)
+        # A process says for all of its vehicles what it did not take.
+        heard = node.messages("va/2/mode", "va/*/event", timeout_s=3.0)
+        node.say("va/2/control", {"wish": "home", "sticks": None})
+        key, (payload, _) = node._speaker.say("va/2/control", '{"wish": "take-over", "sticks": null}', 0)
+        node._session.put(key, payload, attachment=bytes(56))
+        said = [envelope["message"] for _, envelope in heard]
+    assert any(m.get("code") == "bad-message" for m in said)
+    assert not any(m.get("level") == "pilot" for m in said)
+
+
+def test_only_what_an_operator_says_is_said(mission):
+    with Node("as-pontes", connect=mission) as node:
+        with pytest.raises(plumage.InputError, match="va/1/state"):
+            node.say("va/1/state", {"wish": "home"})
+        with pytest.raises(plumage.InputError, match="landing"):
+            node.control("1", "landing")
+        with pytest.raises(TimeoutError, match="va/17 is not on the bus"):
+            node.control("17", "home", timeout_s=1.0)
+
+
+def test_another_host_needs_a_key_that_is_given(monkeypatch):
+    monkeypatch.delenv("PLUMAGE_MISSION_KEY", raising=False)
+    with pytest.raises(plumage.InputError, match="is not on this host"):
+        plumage._plumage.Speaker("as-pontes", ["tcp/192.0.2.1:7447"], None)

@@ -1,7 +1,7 @@
 //! `plumage keys`: what lets the hosts of a mission, and nobody else, onto its bus.
 
+use crate::Failure;
 use crate::host_keys::{ACCESS, CA, CERTIFICATE, PRIVATE_KEY};
-use crate::{Failure, mission_key};
 use anyhow::Context as _;
 use protocol::key::Name;
 use rcgen::{
@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use std::fs;
 use std::path::PathBuf;
 use std::str::FromStr;
+use tasks::mission_key;
 
 /// Every program can be run on the host itself.
 const LOOPBACK: [&str; 2] = ["localhost", "127.0.0.1"];
@@ -158,7 +159,7 @@ fn make(arguments: &NewArguments) -> Result<(), Failure> {
         }
     }
     let (ca, issuer) = authority(&mission).context("cannot make the authority's certificate")?;
-    let key = mission_key::new_text()?;
+    let key = mission_key::new_text().map_err(Failure::input)?;
     let access = access(&mission, hosts).to_string();
     for host in hosts {
         let folder = arguments.out.join(host.name.as_str());

@@ -5,10 +5,9 @@
 use crate::session::lock;
 use crate::{Net, NetError};
 use protocol::digest::hex;
-use protocol::key::Name;
+use protocol::joining::{Answer, Introduction, Question, Refused, time_key};
 use protocol::seal::MissionKey;
 use protocol::{AgentId, WIRE_VERSION};
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -25,96 +24,6 @@ const LOOK: Duration = Duration::from_secs(1);
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Length of a question, bytes: nobody meets one twice.
 const QUESTION_BYTES: usize = 16;
-
-/// What has to be the same in all processes of a mission.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct MissionIdentity {
-    /// SHA-256 of the scenario, without seed and duration, hexadecimal.
-    pub scenario_sha256: String,
-    /// Seed of every random number.
-    pub seed: u64,
-    /// Tick, ns.
-    pub tick_ns: i64,
-    /// Origin of the site: latitude and longitude, degrees.
-    pub site_deg: [f64; 2],
-}
-
-impl MissionIdentity {
-    /// What `other` has otherwise, in words; nothing where it is the same.
-    fn difference(&self, other: &Self) -> Option<String> {
-        let mut words = Vec::new();
-        if self.seed != other.seed {
-            words.push(format!("seed {} for {}", other.seed, self.seed));
-        }
-        if self.tick_ns != other.tick_ns {
-            let ms = |ns: i64| ns as f64 * 1e-6;
-            words.push(format!(
-                "tick of {} ms for {}",
-                ms(other.tick_ns),
-                ms(self.tick_ns)
-            ));
-        }
-        if self.site_deg != other.site_deg {
-            let at = |[lat, lon]: [f64; 2]| format!("{lat}, {lon}");
-            words.push(format!(
-                "site {} for {}",
-                at(other.site_deg),
-                at(self.site_deg)
-            ));
-        }
-        if words.is_empty() && self.scenario_sha256 != other.scenario_sha256 {
-            words.push("another scenario".to_owned());
-        }
-        (!words.is_empty()).then(|| words.join(", "))
-    }
-}
-
-/// Who a process is.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Introduction {
-    /// The agents that it hosts, as `kind/name`; none of who only looks or speaks for the operator.
-    pub agents: Vec<String>,
-    /// What it flies.
-    pub mission: MissionIdentity,
-}
-
-#[derive(Debug, Serialize, Deserialize)]
-struct Question {
-    /// A random number, hexadecimal.
-    question: String,
-    #[serde(default)]
-    wire_version: Option<u8>,
-    /// The number of the process among those that speak.
-    #[serde(default)]
-    stream: u64,
-    /// It shows itself on the bus already, as after its keeper was started again.
-    #[serde(default)]
-    announced: bool,
-    #[serde(default)]
-    introduction: Option<Introduction>,
-}
-
-#[derive(Debug, Serialize, Deserialize)]
-struct Answer {
-    now_ns: i64,
-    run: u64,
-    /// The keeper's number among those that speak, and how often it has spoken.
-    stream: u64,
-    number: u64,
-    #[serde(default)]
-    refused: Option<Refused>,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Refused {
-    why: String,
-    /// It may be otherwise in a moment.
-    passes: bool,
-}
-
-fn key_of(mission: &Name) -> String {
-    format!("plumage/{mission}/clock/main/now")
-}
 
 /// Random bytes from the system, fit for keys.
 ///
@@ -213,7 +122,7 @@ pub(crate) async fn open(
         presence: net.presence(),
     });
     let sealer = net.sealer();
-    let key = key_of(&net.mission);
+    let key = time_key(&net.mission);
     let answer_key = key.clone();
     net.session
         .declare_queryable(key)
@@ -223,12 +132,8 @@ pub(crate) async fn open(
                 .map(|p| p.to_bytes().to_vec())
                 .unwrap_or_default();
             let code = query.attachment().map(|a| a.to_bytes().to_vec());
-            if !door.key.is_answer(&[], &payload, &code.unwrap_or_default()) {
-                return;
-            }
-            let Ok(question) = serde_json::from_slice::<Question>(&payload) else {
-                return;
-            };
+            let question = Question::read(&door.key, &payload, &code.unwrap_or_default());
+            let Some(question) = question else { return };
             let (stream, number) = lock(&sealer).so_far();
             let answer = Answer {
                 now_ns: now_ns(),
@@ -240,10 +145,7 @@ pub(crate) async fn open(
             if let (Some(words), None) = (door.differs(&question), &answer.refused) {
                 eprintln!("warning: somebody looks on with {words}");
             }
-            let Ok(answer) = serde_json::to_vec(&answer) else {
-                return;
-            };
-            let code = door.key.answer_code(question.question.as_bytes(), &answer);
+            let (answer, code) = answer.coded(&door.key, &question.question);
             // Who asked has gone if the answer does not arrive; it will ask again.
             let _ = zenoh::Wait::wait(query.reply(answer_key.clone(), answer).attachment(code));
         })
@@ -295,13 +197,12 @@ async fn ask_once(net: &Net) -> Result<(Told, Answer), NetError> {
             announced: net.has_announced(),
             introduction: net.introduction.clone(),
         };
-        let payload = serde_json::to_vec(&question).map_err(NetError::zenoh)?;
-        let code = net.key.answer_code(&[], &payload);
+        let (payload, code) = question.coded(&net.key);
         let asked = Instant::now();
         // Strangers may answer as well, and first: theirs do not hold.
         let replies = net
             .session
-            .get(key_of(&net.mission))
+            .get(time_key(&net.mission))
             .target(QueryTarget::All)
             .consolidation(ConsolidationMode::None)
             .payload(payload)
@@ -313,12 +214,8 @@ async fn ask_once(net: &Net) -> Result<(Told, Answer), NetError> {
             let Ok(sample) = reply.result() else { continue };
             let bytes = sample.payload().to_bytes();
             let code = sample.attachment().map(|a| a.to_bytes().to_vec());
-            let holds = net.key.is_answer(
-                question.question.as_bytes(),
-                &bytes,
-                &code.unwrap_or_default(),
-            );
-            if let (true, Ok(answer)) = (holds, serde_json::from_slice::<Answer>(&bytes)) {
+            let code = code.unwrap_or_default();
+            if let Some(answer) = Answer::read(&net.key, &question.question, &bytes, &code) {
                 let told = Told {
                     now_ns: answer.now_ns,
                     asked,

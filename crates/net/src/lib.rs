@@ -7,7 +7,7 @@
 //! A [`Net`] is one process's session on the bus of one mission, and [`NetOptions`] say how it
 //! joins and who may. [`lockstep`] runs an agent tick by tick under a conductor; [`realtime`] runs
 //! it by the wall clock, with the squadron controller's process keeping the mission's time. Both begin with
-//! [joining](Introduction), and all that is said carries a [seal](protocol::seal) of the mission's key.
+//! [joining](protocol::joining), and all that is said carries a [seal](protocol::seal) of the mission's key.
 //! [`presence`] says who is there and who is missing.
 //!
 //! ```
@@ -41,7 +41,7 @@ pub mod realtime;
 mod refusals;
 mod session;
 
-pub use joining::{Introduction, MissionIdentity, random};
+pub use joining::random;
 pub use options::{DEFAULT_ENDPOINT, NetOptions, TlsFiles};
 pub use presence::Presence;
 pub use session::{Net, Received};

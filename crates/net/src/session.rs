@@ -1,7 +1,8 @@
 //! One process's session on the bus of one mission: what it says, and what it hears.
 
 use crate::presence::{self, Presence};
-use crate::{Introduction, NetError, NetOptions, random};
+use crate::{NetError, NetOptions, random};
+use protocol::joining::Introduction;
 use protocol::key::Name;
 use protocol::message::LastSequences;
 use protocol::seal::{MissionKey, SealCheck, Sealer};

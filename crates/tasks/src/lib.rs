@@ -8,15 +8,20 @@
 //! - [`calibration`]: a scenario corrected by readings;
 //! - [`campaign`]: many missions of one scenario;
 //! - [`mission_record`]: what a recording says of its run;
+//! - [`mission_key`]: the key of a mission, by which its processes know each other's word;
+//! - [`loopback`]: whether an address is on this host alone;
 //! - [`words`]: an error for people.
 //!
-//! Files are this crate's business; it knows no clock, no socket and no terminal.
+//! Files are this crate's business, and for a key one environment variable and the system's random numbers; it knows no clock, no socket
+//! and no terminal.
 
 pub mod calibration;
 pub mod campaign;
 mod extended;
 pub mod gap;
+pub mod loopback;
 pub mod measured;
+pub mod mission_key;
 pub mod mission_record;
 pub mod preflight;
 pub mod scenario_files;
@@ -51,6 +56,17 @@ pub enum TaskError {
     /// A table that cannot be written.
     #[error("cannot write the table: {0}")]
     Table(String),
+    /// A file or folder of keys that cannot be made.
+    #[error("cannot make {} for the mission's key", path.display())]
+    MakeKey {
+        /// Which.
+        path: std::path::PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A system without random numbers.
+    #[error("the system has no random numbers: {0}")]
+    Random(String),
     /// What speaks against taking off.
     #[error("refused before take-off: {0}")]
     Refused(String),

@@ -1,7 +1,6 @@
 //! The key of a mission, by which its processes know each other's word: where a process finds it.
 
-use crate::{Failure, loopback};
-use anyhow::Context as _;
+use crate::{TaskError, loopback};
 use protocol::key::Name;
 use protocol::seal::MissionKey;
 use std::fs::{self, DirBuilder, OpenOptions};
@@ -26,15 +25,16 @@ pub fn find(
     mission: &Name,
     file: Option<&Path>,
     endpoints: &[String],
-) -> Result<MissionKey, Failure> {
+) -> Result<MissionKey, TaskError> {
     if let Some(file) = file {
         return read(file);
     }
     if let Ok(text) = std::env::var(VARIABLE) {
-        return MissionKey::parse(&text).map_err(|e| Failure::usage(format!("{VARIABLE}: {e}")));
+        return MissionKey::parse(&text)
+            .map_err(|e| TaskError::Argument(format!("{VARIABLE}: {e}")));
     }
     if let Some(afar) = endpoints.iter().find(|e| !loopback::is_endpoint(e)) {
-        return Err(Failure::usage(format!(
+        return Err(TaskError::Argument(format!(
             "{afar} is not on this host, and everybody who can reach it could command the team: expected --keys with \
              a folder that `plumage keys new` has written, --mission-key with a file or {VARIABLE}, the same for all \
              processes of the mission"
@@ -47,29 +47,42 @@ pub fn find(
     std::os::unix::fs::DirBuilderExt::mode(&mut private, 0o700);
     private
         .create(&folder)
-        .with_context(|| format!("cannot make the folder {} of keys", folder.display()))?;
+        .map_err(|source| TaskError::MakeKey {
+            path: folder.clone(),
+            source,
+        })?;
     read_or_make(&folder.join(format!("{mission}.key")))
 }
 
 /// The folder of this user's keys: that of what runs, which is gone after a restart of the host, where there is one.
-fn folder() -> Result<PathBuf, Failure> {
+fn folder() -> Result<PathBuf, TaskError> {
     let of_user = dirs::runtime_dir()
         .or_else(dirs::state_dir)
         .or_else(dirs::data_local_dir);
     of_user.map(|folder| folder.join("plumage")).ok_or_else(|| {
-        Failure::usage(format!(
+        TaskError::Argument(format!(
             "no folder for the mission's key: expected XDG_RUNTIME_DIR or HOME to be set, --mission-key with a file, or \
              {VARIABLE}"
         ))
     })
 }
 
+/// Random bytes from the system, fit for keys.
+///
+/// # Errors
+/// The system has no random numbers.
+pub fn random<const N: usize>() -> Result<[u8; N], TaskError> {
+    let mut bytes = [0; N];
+    getrandom::fill(&mut bytes).map_err(|e| TaskError::Random(e.to_string()))?;
+    Ok(bytes)
+}
+
 /// A key that nobody has had, as the text of a file.
 ///
 /// # Errors
 /// The system has no random numbers.
-pub fn new_text() -> Result<String, Failure> {
-    let key = MissionKey::new(net::random()?);
+pub fn new_text() -> Result<String, TaskError> {
+    let key = MissionKey::new(random()?);
     Ok(format!("{}\n", key.to_hex()))
 }
 
@@ -85,7 +98,7 @@ pub fn write_private(file: &Path, text: &str) -> std::io::Result<()> {
     options.open(file)?.write_all(text.as_bytes())
 }
 
-fn read_or_make(file: &Path) -> Result<MissionKey, Failure> {
+fn read_or_make(file: &Path) -> Result<MissionKey, TaskError> {
     match write_private(file, &new_text()?) {
         Ok(()) => {}
         Err(e) if e.kind() == ErrorKind::AlreadyExists => {
@@ -97,33 +110,38 @@ fn read_or_make(file: &Path) -> Result<MissionKey, Failure> {
                 std::thread::sleep(LOOK);
             }
         }
-        Err(e) => {
-            let why = anyhow::Error::new(e);
-            return Err(why
-                .context(format!("cannot write the mission's key {}", file.display()))
-                .into());
+        Err(source) => {
+            return Err(TaskError::MakeKey {
+                path: file.to_owned(),
+                source,
+            });
         }
     }
     read(file)
 }
 
-fn read(file: &Path) -> Result<MissionKey, Failure> {
+fn read(file: &Path) -> Result<MissionKey, TaskError> {
     let shown = file.display();
-    let text = fs::read_to_string(file)
-        .with_context(|| format!("{shown}: cannot read the mission's key"))
-        .map_err(Failure::Input)?;
+    let unread = |source| TaskError::Read {
+        file: shown.to_string(),
+        what: "mission's key",
+        source,
+    };
+    let text = fs::read_to_string(file).map_err(unread)?;
     #[cfg(unix)]
     {
-        let mode = std::os::unix::fs::PermissionsExt::mode(&fs::metadata(file)?.permissions());
+        let mode = std::os::unix::fs::PermissionsExt::mode(
+            &fs::metadata(file).map_err(unread)?.permissions(),
+        );
         if mode & 0o077 != 0 {
-            return Err(Failure::usage(format!(
+            return Err(TaskError::Argument(format!(
                 "{shown}: others may read or write the mission's key (mode {:o}): expected 600, by chmod 600 {shown}; \
                  if they are not to command the team, make a new one",
                 mode & 0o777
             )));
         }
     }
-    MissionKey::parse(&text).map_err(|e| Failure::usage(format!("{shown}: {e}")))
+    MissionKey::parse(&text).map_err(|e| TaskError::Argument(format!("{shown}: {e}")))
 }
 
 #[cfg(test)]
@@ -160,17 +178,22 @@ mod tests {
         let mode = fs::metadata(&file).unwrap().permissions().mode();
         assert_eq!(mode & 0o777, 0o600);
         fs::set_permissions(&file, fs::Permissions::from_mode(0o640)).unwrap();
-        assert!(read(&file).unwrap_err().words().contains("chmod 600"));
+        assert!(read(&file).unwrap_err().to_string().contains("chmod 600"));
         fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).unwrap();
         fs::write(&file, "secret").unwrap();
-        assert!(read(&file).unwrap_err().words().contains("64 hexadecimal"));
+        assert!(
+            read(&file)
+                .unwrap_err()
+                .to_string()
+                .contains("64 hexadecimal")
+        );
     }
 
     #[test]
     fn several_hosts_need_a_key_that_is_given() {
         let name = Name::new("m").unwrap();
         let afar = ["tcp/127.0.0.1:1".to_owned(), "tcp/0.0.0.0:7447".to_owned()];
-        let words = find(&name, None, &afar).unwrap_err().words();
+        let words = find(&name, None, &afar).unwrap_err().to_string();
         assert!(
             words.contains("plumage keys new") && words.contains("tcp/0.0.0.0:7447"),
             "{words}"

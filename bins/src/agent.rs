@@ -366,7 +366,7 @@ pub fn run(
     run_hosted(arguments, keeps_time, &setup, hosted)
 }
 
-// Apart from `run`, so that the compiler makes it once and not anew in each program.
+/// Apart from [`run`], so that the compiler makes it once and not anew in each program.
 fn run_hosted(
     arguments: &BusArguments,
     keeps_time: bool,

@@ -61,6 +61,13 @@ def by_link(port):
         ack = come(system, "COMMAND_ACK")
         return None if ack is None else ack.result
 
+    def send_to(system, lat, lon, alt_amsl_m):
+        """The result of sending a vehicle to a place."""
+        place = (lat, lon, alt_amsl_m)
+        link.mav.command_int_send(system, 1, m.MAV_FRAME_GLOBAL, m.MAV_CMD_DO_REPOSITION, 0, 0, -1, 0, 0, 0, *place)
+        ack = come(system, "COMMAND_ACK", lambda ack: ack.command == m.MAV_CMD_DO_REPOSITION)
+        return None if ack is None else ack.result
+
     flies = lambda h: h.system_status in (m.MAV_STATE_ACTIVE, m.MAV_STATE_CRITICAL)
     expect("the second flies", come(2, "HEARTBEAT", flies, 60) is not None)
     expect("the fifth flies", come(5, "HEARTBEAT", flies, 60) is not None)
@@ -75,13 +82,6 @@ def by_link(port):
         come(2, "ATTITUDE", within_s=1)
     expect("it banks by the stick", come(2, "ATTITUDE", lambda a: a.roll > 0.15, 3) is not None)
     expect("others fly on", come(1, "HEARTBEAT", lambda h: h.custom_mode == GUIDED) is not None)
-    def send_to(system, lat, lon, alt_amsl_m):
-        """The result of sending a vehicle to a place."""
-        place = (lat, lon, alt_amsl_m)
-        link.mav.command_int_send(system, 1, m.MAV_FRAME_GLOBAL, m.MAV_CMD_DO_REPOSITION, 0, 0, -1, 0, 0, 0, *place)
-        ack = come(system, "COMMAND_ACK", lambda ack: ack.command == m.MAV_CMD_DO_REPOSITION)
-        return None if ack is None else ack.result
-
     # Not sent out of its fence, which ends at 43.480 degrees north; sent a kilometre away, the fifth comes there.
     start = come(5, "GLOBAL_POSITION_INT")
     expect("not out of its fence", send_to(5, 435_610_000, start.lon, 600) == m.MAV_RESULT_DENIED)

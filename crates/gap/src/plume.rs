@@ -10,7 +10,6 @@ mod answer;
 mod apply;
 mod catalogue;
 pub(crate) mod data;
-
 mod fixes;
 mod gain;
 mod gate;

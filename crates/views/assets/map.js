@@ -69,7 +69,7 @@ function ask() {
 // ---- ground, tiles, plume ------------------------------------------------------------------
 
 const tiles = new Map();
-/** Most tiles drawn at once: where the file's finest are far finer than the screen's pixels nothing is drawn. */
+/** Most tiles drawn at once: of a file that has none coarse enough for what the screen shows nothing is drawn. */
 const MOST_TILES = 400;
 
 function drawTiles(ctx) {

@@ -455,41 +455,39 @@ fn cause_row(cause: &Cause) -> Vec<String> {
 }
 
 fn scores(h: &HeldOut) -> Vec<Vec<String>> {
-    let row = |name: &str, before: f64, after: f64, perfect: &str| {
-        let blank = String::new();
-        vec![
-            name.to_owned(),
-            figure(before),
-            figure(after),
-            blank.clone(),
-            blank,
-            perfect.to_owned(),
-        ]
-    };
-    let mut rows = vec![
-        row("RMSE", h.rmse_before, h.rmse_after, "0"),
-        row("FAC2", h.fac2_before, h.fac2_after, "1"),
-        row("FB", h.fb_before, h.fb_after, "0"),
-        row("NMSE", h.nmse_before, h.nmse_after, "0"),
-        row("MG", h.mg_before, h.mg_after, "1"),
-        row("VG", h.vg_before, h.vg_after, "1"),
-        row(
-            "log score, nats",
-            h.log_score_before,
-            h.log_score_after,
-            "greater is better",
-        ),
-    ];
     let range = |[low, high]: [f64; 2]| format!("{} to {}", figure(low), figure(high));
-    for (i, row) in rows.iter_mut().skip(1).take(5).enumerate() {
-        row[3] = range(h.intervals_before[i]);
-        row[4] = range(h.intervals_after[i]);
+    let row = |name: &str, values: [f64; 2], intervals: [String; 2], perfect: &str| {
+        let mut row = vec![name.to_owned()];
+        row.extend(values.map(figure));
+        row.extend(intervals);
+        row.push(perfect.to_owned());
+        row
+    };
+    let change = |what: &str, of: [f64; 2]| [String::new(), format!("{what} {}", range(of))];
+    let mut rows = vec![row(
+        "RMSE",
+        [h.rmse_before, h.rmse_after],
+        change("change", [h.rmse_change_low, h.rmse_change_high]),
+        "0",
+    )];
+    // In the order of the intervals.
+    let statistics = [
+        ("FAC2", h.fac2_before, h.fac2_after, "1"),
+        ("FB", h.fb_before, h.fb_after, "0"),
+        ("NMSE", h.nmse_before, h.nmse_after, "0"),
+        ("MG", h.mg_before, h.mg_after, "1"),
+        ("VG", h.vg_before, h.vg_after, "1"),
+    ];
+    let intervals = h.intervals_before.into_iter().zip(h.intervals_after);
+    for ((name, before, after, perfect), (i, j)) in statistics.into_iter().zip(intervals) {
+        rows.push(row(name, [before, after], [range(i), range(j)], perfect));
     }
-    rows[6][4] = format!(
-        "gain {}",
-        range([h.log_score_gain_low, h.log_score_gain_high])
-    );
-    rows[0][4] = format!("change {}", range([h.rmse_change_low, h.rmse_change_high]));
+    rows.push(row(
+        "log score, nats",
+        [h.log_score_before, h.log_score_after],
+        change("gain", [h.log_score_gain_low, h.log_score_gain_high]),
+        "greater is better",
+    ));
     rows
 }
 

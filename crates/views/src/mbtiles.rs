@@ -2,7 +2,7 @@
 //! write it.
 
 use rusqlite::{Connection, OpenFlags, OptionalExtension as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
 /// Pictures that a browser shows, by the format's name in the file and by their first bytes.
@@ -16,7 +16,6 @@ const PICTURES: [(&str, &str, &[u8]); 4] = [
 /// A file of tiles, open to be read.
 #[derive(Debug)]
 pub struct Archive {
-    path: PathBuf,
     connection: Mutex<Connection>,
     /// Media type of the pictures.
     pub(crate) media_type: &'static str,
@@ -68,16 +67,10 @@ impl Archive {
             return Err(format!("its tiles are {found}: {expected}"));
         };
         Ok(Self {
-            path: path.to_owned(),
             connection: Mutex::new(connection),
             media_type,
             zooms: (coarsest, finest),
         })
-    }
-
-    /// Where it is.
-    pub fn path(&self) -> &Path {
-        &self.path
     }
 
     /// The picture of a tile, counted from the north-west corner as web maps do; None where the file has none.

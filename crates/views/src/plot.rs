@@ -55,7 +55,7 @@ pub(crate) fn pauses(time_s: &[f64]) -> Vec<usize> {
     (1..time_s.len()).filter(after_a_pause).collect()
 }
 
-/// From here on an axis of time has hours, s.
+/// From here on an axis of time has hours, s: numbers of seconds with five digits and more say nothing to a reader.
 const HOURS_FROM_S: f64 = 3.0 * 3600.0;
 
 /// The unit of an axis that spans so many seconds, and how many seconds it has.

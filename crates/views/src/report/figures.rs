@@ -125,7 +125,7 @@ fn plumes(site: &SiteMap, model: &Model, area: Area) -> Vec<Value> {
     traces
 }
 
-/// Most vehicles of which each has its own name in the map and in the legend.
+/// Most vehicles of which each has its own name in the map and in the legend: more names than these cover the plume.
 const NAMED_VEHICLES: usize = 12;
 
 fn track_traces(site: &SiteMap, tracks: &Tracks) -> Vec<Value> {

@@ -95,3 +95,14 @@ def test_another_host_needs_a_key_that_is_given(monkeypatch):
     monkeypatch.delenv("PLUMAGE_MISSION_KEY", raising=False)
     with pytest.raises(plumage.InputError, match="is not on this host"):
         plumage._plumage.Speaker("as-pontes", ["tcp/192.0.2.1:7447"], None)
+
+
+def test_what_is_no_message_of_a_mission_is_refused():
+    key = plumage._plumage.key("as-pontes", "va/3/control")
+    assert key == "plumage/as-pontes/va/3/control"
+    with pytest.raises(plumage.InputError):
+        plumage._plumage.key("as pontes", "va/3/control")
+    said = b'{"wire_version":0,"sender":"op/main","sequence":1,"time_ns":0,"message":{"wish":"home","sticks":null}}'
+    for payload, as_json in ((said, True), (said[:-1], True), (said, False)):
+        with pytest.raises(plumage.InputError):
+            plumage._plumage.decode("as-pontes", key, payload, as_json)

@@ -1,15 +1,12 @@
-"""Strategies in Python, and the encoding of the bus."""
+"""Strategies in Python."""
 
 from __future__ import annotations
-
-import json
 
 import numpy as np
 import pytest
 from conftest import AS_PONTES, said
 
 import plumage
-from plumage import _plumage
 
 
 class Fly:
@@ -74,26 +71,3 @@ def test_a_strategy_that_says_something_else_is_told_what_is_expected():
 
     with pytest.raises(LookupError, match="no idea"):
         plumage.run(AS_PONTES, strategy=gives_up)
-
-
-@pytest.mark.parametrize("as_json", [False, True])
-def test_what_is_encoded_is_decoded(as_json):
-    place = {"lat_deg": 43.5, "lon_deg": -7.8, "alt_amsl_m": 700.25}
-    payload = _plumage.encode("va/3/destination", json.dumps(place), 7, 5_000_000_000, as_json)
-    key = _plumage.key("as-pontes", "va/3/destination")
-    assert key == "plumage/as-pontes/va/3/destination"
-    topic, envelope = _plumage.decode("as-pontes", key, payload, as_json)
-    assert topic == "va/3/destination"
-    assert envelope["message"] == place
-    assert (envelope["sender"], envelope["sequence"], envelope["time_ns"]) == ("op/main", 7, 5_000_000_000)
-    with pytest.raises(plumage.InputError):
-        _plumage.decode("as-pontes", key, payload[:-1], as_json)
-
-
-def test_an_operator_says_what_is_his_only():
-    with pytest.raises(plumage.InputError):
-        _plumage.encode("va/3/state", json.dumps({}), 1, 0, True)
-    with pytest.raises(plumage.InputError):
-        _plumage.encode("va/3/destination", json.dumps({"lat_deg": 1.0}), 1, 0, True)
-    with pytest.raises(plumage.InputError):
-        _plumage.key("as pontes", "va/3/destination")

@@ -153,7 +153,7 @@ async fn a_host_says_only_what_is_its_own() {
     };
     let mut ground = open("ground", Some(&endpoint)).await;
     ground.subscribe(&[Interest::Everything]).await.unwrap();
-    MissionClock::keep(&ground).await.unwrap();
+    MissionClock::keep(&ground, None).await.unwrap();
     let _there = ground.announce(&AgentId::sc()).await.unwrap();
     let mut air = open("air", None).await;
     air.wait_for(&[AgentId::sc()]).await;

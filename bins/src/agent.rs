@@ -1,9 +1,11 @@
 //! One agent in a process of its own, on the bus over Zenoh.
 
 use crate::flightgear::{self, Viewer};
+use crate::interrupts::Interrupts;
 use crate::links::{self, Links};
+use crate::resume::resume;
 use crate::weather_file::WeatherFile;
-use crate::{Failure, host_keys, mission_files, preflight, presence, tls};
+use crate::{Failure, host_keys, metrics, mission_files, preflight, presence, tls};
 use anyhow::Context as _;
 use mav_bridge::link::LinkAddress;
 use mav_bridge::signing::SigningConfig;
@@ -73,6 +75,9 @@ pub struct BusArguments {
     /// File of user:password lines that a listening process accepts
     #[arg(long, value_name = "FILE")]
     pub password_file: Option<String>,
+    /// Serve figures of this process for Prometheus at this address, such as 127.0.0.1:9100
+    #[arg(long, value_name = "ADDR")]
+    pub metrics: Option<String>,
 }
 
 impl BusArguments {
@@ -148,6 +153,7 @@ impl BusArguments {
             access_control,
             user_password,
             password_file: self.password_file.clone(),
+            real_time: !self.lockstep,
         })
     }
 
@@ -205,6 +211,9 @@ impl BusArguments {
             agents: agents.to_vec(),
             mission: identity(setup),
         });
+        if let Some(address) = &self.metrics {
+            metrics::serve_of_bus(address, &net, setup).await?;
+        }
         Ok(net)
     }
 }
@@ -248,10 +257,11 @@ fn block_on_until(
         .build()
         .context("cannot start the runtime")?
         .block_on(async {
+            let mut interrupts = Interrupts::watch();
             tokio::pin!(work);
             tokio::select! {
                 done = &mut work => return done,
-                _ = tokio::signal::ctrl_c() => eprintln!("interrupted"),
+                how = interrupts.next() => eprintln!("{how}"),
             }
             let Some(flag) = interrupted else {
                 return Ok(());
@@ -259,8 +269,8 @@ fn block_on_until(
             flag.store(true, Ordering::Relaxed);
             tokio::select! {
                 done = &mut work => done,
-                _ = tokio::signal::ctrl_c() => {
-                    eprintln!("interrupted again: the vehicle is left to its own failsafe");
+                how = interrupts.next() => {
+                    eprintln!("{how} again: the vehicle is left to its own failsafe");
                     Ok(())
                 }
             }
@@ -398,7 +408,7 @@ fn run_hosted(
             }
             watch.abort();
             eprintln!("{who} has finished");
-            net.close().await?;
+            net.close().await;
             Ok(())
         },
         stays,
@@ -432,10 +442,14 @@ async fn fly_in_real_time(
         viewers.push(a.flightgear.as_deref().map(Viewer::open).transpose()?);
     }
     let clock = if keeps_time {
-        MissionClock::keep(net).await?
+        let running = MissionClock::running(net).await?;
+        MissionClock::keep(net, running).await?
     } else {
         MissionClock::ask(net).await?
     };
+    for member in &mut members {
+        resume(net, setup, member, clock.now()).await?;
+    }
     for (member, key) in members.iter_mut().zip(keys) {
         if let (Member::Real(vehicle), Some(key)) = (member, key) {
             vehicle.sign(signing_from(&key, clock.now()));

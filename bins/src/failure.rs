@@ -1,5 +1,6 @@
 //! How a command ends when it does not end well.
 
+use net::NetError;
 use std::process::ExitCode;
 use tasks::words::{in_words, with_causes};
 
@@ -8,12 +9,15 @@ const NOBODY_READS: i32 = 141;
 /// Exit code of wrong usage or input.
 const WRONG_INPUT: u8 = 2;
 
+/// Exit code of a mission in lockstep that ended since somebody was missing.
+const SOMEBODY_MISSING: u8 = 3;
+
 /// Why a command failed, by whose fault.
 #[derive(Debug)]
 pub enum Failure {
     /// Wrong usage or input: exit code 2.
     Input(anyhow::Error),
-    /// Anything else: exit code 1.
+    /// Anything else: exit code 3 where somebody was missing in lockstep, else 1.
     Run(anyhow::Error),
 }
 
@@ -74,7 +78,12 @@ pub fn exit(result: Result<(), Failure>) -> ExitCode {
         }
         Err(Failure::Run(error)) => {
             eprintln!("error: {}", with_causes(error.as_ref()));
-            ExitCode::FAILURE
+            match error.downcast_ref::<NetError>() {
+                Some(NetError::Gone { .. } | NetError::Lost { .. }) => {
+                    ExitCode::from(SOMEBODY_MISSING)
+                }
+                _ => ExitCode::FAILURE,
+            }
         }
     }
 }

@@ -100,7 +100,8 @@ struct StandInArguments {
 
 fn main() -> ExitCode {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,mav_bridge=info"));
+        // Zenoh warns of each dial that fails, one a second while somebody is missing, which is said in other words.
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,mav_bridge=info,zenoh=error"));
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)

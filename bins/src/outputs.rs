@@ -3,9 +3,10 @@
 use crate::{Failure, plume_lines, site};
 use anyhow::{Context as _, Result};
 use mission::{Setup, campaign};
-use protocol::Message;
 use protocol::bus::Publication;
-use protocol::message::Model;
+use protocol::message::{Model, Severity};
+use protocol::{AgentId, Envelope, Message, SimTime, Topic};
+use record::files::Reserve;
 use record::summary::{MissionSummary, Summariser};
 use record::tracks::Tracks;
 use record::{ThreadedRecorder, files, kml};
@@ -20,10 +21,22 @@ pub const TRACK_POINTS: usize = 4000;
 /// Shortest time between points of a track in KML, s.
 pub const TRACK_INTERVAL_S: f64 = 0.5;
 
+/// Space kept for report, tracks and summary, bytes: a report with the maps' code in it takes 5 MB, tracks of a team
+/// of a hundred another 5.
+const RESERVE_BYTES: usize = 12 << 20;
+
 /// Collects a run's outputs as its messages come.
 pub struct Outputs {
     folder: PathBuf,
-    recorder: ThreadedRecorder,
+    /// None once the recording cannot be written any more.
+    recorder: Option<ThreadedRecorder>,
+    /// Why it cannot.
+    failed: Option<String>,
+    /// Time of the last message.
+    now: SimTime,
+    /// Notes so far.
+    notes: u64,
+    reserve: Option<Reserve>,
     summariser: Summariser,
     report: Report,
     tracks: Tracks,
@@ -83,9 +96,22 @@ impl Outputs {
             &mission_record::run_info(setup)?,
         )
         .map_err(Failure::input)?;
+        let reserve = Reserve::create(folder, RESERVE_BYTES);
         Ok(Self {
             folder: folder.to_owned(),
-            recorder,
+            recorder: Some(recorder),
+            failed: None,
+            now: SimTime::ZERO,
+            notes: 0,
+            reserve: match reserve {
+                Ok(reserve) => Some(reserve),
+                Err(why) => {
+                    eprintln!(
+                        "warning: report, tracks and summary may not find space at the end: {why}"
+                    );
+                    None
+                }
+            },
             summariser: Summariser::new(campaign::summary_context(setup)?),
             report: Report::new(Arc::clone(&site)),
             tracks: Tracks::new(TRACK_POINTS, TRACK_INTERVAL_S),
@@ -95,13 +121,16 @@ impl Outputs {
         })
     }
 
-    /// Takes in what was said in a tick.
-    ///
-    /// # Errors
-    /// The recording cannot be written.
-    pub fn take(&mut self, said: &[Publication]) -> Result<()> {
+    /// Takes in what was said in a tick. Where the recording cannot be written, as on a full disk, that is said, and
+    /// everything else goes on.
+    pub fn take(&mut self, said: &[Publication]) {
         for (topic, envelope) in said {
-            self.recorder.record(topic, envelope)?;
+            self.now = self.now.max(envelope.time);
+            if let Some(recorder) = &mut self.recorder
+                && recorder.record(topic, envelope).is_err()
+            {
+                self.end_recording();
+            }
             self.summariser.take(topic, envelope);
             self.report.take(topic, envelope);
             self.tracks.take(topic, envelope);
@@ -109,15 +138,41 @@ impl Outputs {
                 self.model = Some(model.clone());
             }
         }
-        Ok(())
+    }
+
+    /// Takes in what the recorder itself has to say of the run at `time`: it stands in the record as its event.
+    pub fn note(&mut self, time: SimTime, severity: Severity, code: &str, text: &str) {
+        self.notes += 1;
+        let envelope = Envelope {
+            sender: AgentId::recorder(),
+            sequence: self.notes,
+            time,
+            message: Message::event(severity, code, text),
+        };
+        self.take(&[(Topic::Event(AgentId::recorder()), envelope)]);
     }
 
     /// Hands to the file what waits, so that a paused run loses nothing.
-    ///
-    /// # Errors
-    /// The recording cannot be written.
-    pub fn flush(&mut self) -> Result<()> {
-        Ok(self.recorder.flush()?)
+    pub fn flush(&mut self) {
+        if let Some(recorder) = &mut self.recorder
+            && recorder.flush().is_err()
+        {
+            self.end_recording();
+        }
+    }
+
+    /// The recording cannot be written any more.
+    fn end_recording(&mut self) {
+        // Its thread knows why.
+        let why = self.recorder.take().map(|recorder| recorder.finish(None));
+        if let Some(Err(why)) = why {
+            let why = Failure::from(why).words();
+            eprintln!(
+                "warning: the recording ends at {:.0} s of mission time: {why}; all else goes on",
+                self.now.s()
+            );
+            self.failed = Some(why);
+        }
     }
 
     /// The run is in real time: what is said of its repeating is another thing.
@@ -130,23 +185,44 @@ impl Outputs {
         self.summariser.summary(digest, wall_s)
     }
 
-    /// Ends the recording and writes the other files.
-    ///
-    /// # Errors
-    /// A file cannot be written; those written before stay.
-    pub fn finish(self, digest: &str, wall_s: f64) -> Result<MissionSummary> {
+    /// Ends the recording and writes the other files: as many of them as can be written, and what went wrong.
+    pub fn finish(mut self, digest: &str, wall_s: f64) -> (MissionSummary, Result<(), Failure>) {
         let summary = self.summariser.summary(digest, wall_s);
-        let finished = self.recorder.finish(Some(digest))?;
-        for (key, count) in finished.not_finite {
-            eprintln!(
-                "warning: {count} messages on {key} held no finite number and were not recorded"
-            );
+        let mut failed: Vec<String> = Vec::new();
+        match self.recorder.take().map(|r| r.finish(Some(digest))) {
+            Some(Ok(finished)) => {
+                for (key, count) in finished.not_finite {
+                    eprintln!(
+                        "warning: {count} messages on {key} held no finite number and were not recorded"
+                    );
+                }
+            }
+            Some(Err(why)) => failed.push(Failure::from(why).words()),
+            None => failed.extend(self.failed.take()),
         }
-        let write = |name: &str, text: &str| {
-            files::write_whole(&self.folder.join(name), text.as_bytes())
-                .context("cannot write the outputs")
-        };
-        write("summary.json", &summary.to_json())?;
+        drop(self.reserve.take());
+        let written = [
+            self.write("summary.json", || Ok(summary.to_json())),
+            self.write("tracks.kml", || self.tracks_kml(&summary)),
+            self.write("report.html", || Ok(self.report.html(&summary))),
+        ];
+        let why = written.into_iter().filter_map(Result::err);
+        failed.extend(why.map(|why| format!("{why:#}")));
+        if failed.is_empty() {
+            return (summary, Ok(()));
+        }
+        let why = anyhow::anyhow!("not all outputs are whole: {}", failed.join("; "));
+        (summary, Err(Failure::Run(why)))
+    }
+
+    fn write(&self, name: &str, text: impl FnOnce() -> Result<String>) -> Result<()> {
+        Ok(files::write_whole(
+            &self.folder.join(name),
+            text()?.as_bytes(),
+        )?)
+    }
+
+    fn tracks_kml(&self, summary: &MissionSummary) -> Result<String> {
         let around = kml::MapFeatures {
             peak: summary.peak.estimate,
             ..site::surroundings(&self.setup)?
@@ -161,8 +237,6 @@ impl Outputs {
             around: &around,
             plume: &plume.unwrap_or_default().lines,
         };
-        write("tracks.kml", &kml::document(&map)?)?;
-        write("report.html", &self.report.html(&summary))?;
-        Ok(summary)
+        Ok(kml::document(&map)?)
     }
 }

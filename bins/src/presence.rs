@@ -4,7 +4,9 @@
 use crate::Failure;
 use mission::{Setup, team};
 use net::Net;
-use std::collections::BTreeSet;
+use protocol::SimTime;
+use protocol::message::Severity;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 use tasks::loopback;
 use tokio::task::JoinHandle;
@@ -69,6 +71,85 @@ fn words(present: &BTreeSet<String>, missing: &[&str], connects_to: &str) -> Str
     )
 }
 
+/// Somebody of the team who has gone or is there again.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Change {
+    /// How much it matters.
+    pub severity: Severity,
+    /// What it is, as the code of an event.
+    pub code: &'static str,
+    /// In words.
+    pub text: String,
+}
+
+/// Who of a team is there and since when somebody is not, for those who keep or show it.
+#[derive(Debug)]
+pub struct RollCall {
+    team: BTreeSet<String>,
+    begun: Option<SimTime>,
+    /// Since when somebody who was expected has not been there.
+    missing: BTreeMap<String, SimTime>,
+    came: BTreeSet<String>,
+    until: SimTime,
+}
+
+impl RollCall {
+    /// That of a mission's team.
+    ///
+    /// # Errors
+    /// A vehicle's id that cannot be part of a key.
+    pub fn of(setup: &Setup) -> Result<Self, Failure> {
+        let team = team::agent_ids(setup).map_err(Failure::input)?;
+        Ok(Self {
+            team: team.iter().map(ToString::to_string).collect(),
+            begun: None,
+            missing: BTreeMap::new(),
+            came: BTreeSet::new(),
+            until: SimTime::from_s(setup.scenario.mission.duration_s),
+        })
+    }
+
+    /// Takes in who is present at mission time `now`, and says what has changed. At the mission's end all go.
+    pub fn call(&mut self, present: &BTreeSet<String>, now: SimTime) -> Vec<Change> {
+        if now >= self.until {
+            return Vec::new();
+        }
+        let begun = *self.begun.get_or_insert(now);
+        let patience_over = now.since_s(begun) >= PATIENCE.as_secs_f64();
+        let mut changes = Vec::new();
+        for id in &self.team {
+            if present.contains(id) {
+                self.came.insert(id.clone());
+                if let Some(since) = self.missing.remove(id) {
+                    changes.push(Change {
+                        severity: Severity::Info,
+                        code: "heard-again",
+                        text: format!("{id} is there again, after {:.0} s", now.since_s(since)),
+                    });
+                }
+                continue;
+            }
+            let came = self.came.contains(id);
+            if self.missing.contains_key(id) || !(came || patience_over) {
+                continue;
+            }
+            let since = if came { now } else { begun };
+            self.missing.insert(id.clone(), since);
+            changes.push(Change {
+                severity: Severity::Warning,
+                code: "missing",
+                text: format!("{id} is missing since {:.0} s of mission time", since.s()),
+            });
+        }
+        changes
+    }
+
+    /// Who is missing, and since when.
+    pub fn missing(&self) -> impl Iterator<Item = (&str, SimTime)> {
+        self.missing.iter().map(|(id, since)| (id.as_str(), *since))
+    }
+}
+
 /// Why peers on other hosts cannot reach this process, if that can be told from its endpoints.
 pub fn unreachable(listen: &[String], connect: &[String]) -> Option<String> {
     let afar = connect
@@ -89,6 +170,42 @@ pub fn unreachable(listen: &[String], connect: &[String]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn who_goes_and_comes_back_is_told_once_each_with_the_time() {
+        let all = |list: &[&str]| list.iter().map(ToString::to_string).collect();
+        let mut roll = RollCall {
+            team: all(&["sc/main", "va/1", "va/2"]),
+            begun: None,
+            missing: BTreeMap::new(),
+            came: BTreeSet::new(),
+            until: SimTime::from_s(100.0),
+        };
+        let mut told = |present: &[&str], s: f64| {
+            let changes = roll.call(&all(present), SimTime::from_s(s));
+            changes.into_iter().map(|c| c.text).collect::<Vec<_>>()
+        };
+        let none: [&str; 0] = [];
+        assert_eq!(told(&["sc/main", "va/1"], 10.0), none);
+        // Who never came is given some time.
+        assert_eq!(
+            told(&["sc/main", "va/1"], 15.0),
+            ["va/2 is missing since 10 s of mission time"]
+        );
+        assert_eq!(
+            told(&["sc/main"], 40.0),
+            ["va/1 is missing since 40 s of mission time"]
+        );
+        assert_eq!(told(&["sc/main"], 41.0), none);
+        assert_eq!(
+            told(&["sc/main", "va/1", "va/2"], 60.0),
+            [
+                "va/1 is there again, after 20 s",
+                "va/2 is there again, after 50 s"
+            ]
+        );
+        assert_eq!(told(&[], 100.0), none, "the mission is over");
+    }
 
     #[test]
     fn endpoints_that_others_cannot_reach_are_told() {

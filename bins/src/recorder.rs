@@ -4,9 +4,12 @@ use clap::Parser;
 use net::lockstep;
 use net::realtime::{self, MissionClock};
 use programs::outputs::Outputs;
+use programs::presence::RollCall;
 use programs::{Failure, agent, failure, presence, site};
 use protocol::SimTime;
 use protocol::bus::Publication;
+use protocol::message::Severity;
+use record::gaps::Gaps;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -39,30 +42,69 @@ fn record(arguments: &Arguments) -> Result<(), Failure> {
     }
     let mut digest = protocol::digest::Digest::new();
     let started = Instant::now();
-    let mut take = |said: &[Publication]| -> anyhow::Result<()> {
+    let mut now = SimTime::ZERO;
+    let mut gaps = Gaps::default();
+    let mut roll = RollCall::of(&setup)?;
+    let mut take = |outputs: &mut Outputs, said: &[Publication]| {
         for (topic, envelope) in said {
             digest.add(topic, envelope);
+            now = now.max(envelope.time);
         }
-        outputs.take(said)
+        outputs.take(said);
     };
-    agent::block_on(async {
+    let observed = agent::block_on(async {
         let mut net = arguments.bus.open(&setup, false).await?;
         let connects_to = arguments.bus.connected_to(false);
         let watch = presence::watch(&net, &setup, &[], connects_to)?;
         if arguments.bus.lockstep {
             let team = mission::team::agent_ids(&setup).map_err(Failure::input)?;
-            lockstep::observe(&mut net, &team, setup.tick_ns(), &mut take).await?;
+            lockstep::observe(
+                &mut net,
+                &team,
+                setup.tick_ns(),
+                |said: &[Publication]| {
+                    take(&mut outputs, said);
+                    Ok::<(), Failure>(())
+                },
+            )
+            .await?;
         } else {
             let clock = MissionClock::ask(&net).await?;
             let until = SimTime::from_s(setup.scenario.mission.duration_s);
-            realtime::observe(&mut net, clock, until, &mut take).await?;
+            let present = net.presence();
+            realtime::observe(&mut net, clock, until, |said: &[Publication]| {
+                take(&mut outputs, said);
+                for (_, envelope) in said {
+                    if let Some(found) = gaps.take(envelope) {
+                        let words = found.words(&envelope.sender);
+                        eprintln!("warning: {words}");
+                        outputs.note(envelope.time, Severity::Warning, "lost", &words);
+                    }
+                }
+                for change in roll.call(&present.now(), clock.now()) {
+                    outputs.note(clock.now(), change.severity, change.code, &change.text);
+                }
+                Ok::<(), Failure>(())
+            })
+            .await?;
         }
         watch.abort();
-        net.close().await?;
+        net.close().await;
         Ok(())
-    })?;
-    let summary = outputs.finish(&digest.hex(), started.elapsed().as_secs_f64())?;
+    });
+    if let Err(why) = &observed {
+        outputs.note(now, Severity::Error, "ended", &why.words());
+    }
+    let (summary, written) = outputs.finish(&digest.hex(), started.elapsed().as_secs_f64());
     print!("{}", record::text::summary(&summary));
+    if gaps.missing() > 0 {
+        println!(
+            "{} messages that were said did not come; the record says when.",
+            gaps.missing()
+        );
+    }
+    observed?;
+    written?;
     if summary.vehicles.is_empty() {
         return Err(Failure::Run(anyhow::anyhow!(
             "no vehicle was heard: are the va processes running, and can they reach this one?"

@@ -2,11 +2,12 @@
 
 use crate::outputs::Outputs;
 use crate::progress::Bar;
-use crate::{Failure, agent, site};
+use crate::{Failure, agent, presence, site};
 use mission::team;
 use net::lockstep::Conductor;
-use protocol::AgentId;
 use protocol::digest::Digest;
+use protocol::message::Severity;
+use protocol::{AgentId, SimTime};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -51,10 +52,12 @@ pub fn conduct(arguments: &ConductArguments) -> Result<(), Failure> {
     );
     let mut digest = Digest::new();
     let mut started = Instant::now();
+    let mut now = SimTime::ZERO;
     let conducted = agent::block_on(async {
         let own = [AgentId::clock().to_string()];
         let mut net = arguments.bus.open_as(&setup, false, &own).await?;
         bar.set_message("waiting for the team");
+        let watch = presence::watch(&net, &setup, &own, arguments.bus.connected_to(false))?;
         let mut conductor = Conductor::gather(&mut net, &team, setup.tick_ns()).await?;
         started = Instant::now();
         for tick in 0..=setup.ticks() {
@@ -63,23 +66,31 @@ pub fn conduct(arguments: &ConductArguments) -> Result<(), Failure> {
                 digest.add(topic, envelope);
             }
             if let Some(outputs) = &mut outputs {
-                outputs.take(&said)?;
+                outputs.take(&said);
             }
+            now = conductor.now();
             for refused in conductor.refused() {
                 bar.println(&format!("warning: {refused}"));
             }
             bar.set_position(tick);
         }
+        watch.abort();
         conductor.close(&mut net).await?;
-        net.close().await?;
+        net.close().await;
         Ok(())
     });
     bar.finish_and_clear();
     let wall_s = started.elapsed().as_secs_f64();
-    if let Some(outputs) = outputs {
-        let summary = outputs.finish(&digest.hex(), wall_s)?;
+    let mut written = Ok(());
+    if let Some(mut outputs) = outputs {
+        if let Err(why) = &conducted {
+            outputs.note(now, Severity::Error, "ended", &why.words());
+        }
+        let (summary, all) = outputs.finish(&digest.hex(), wall_s);
         print!("{}", record::text::summary(&summary));
+        written = all;
     }
     println!("digest {}", digest.hex());
-    conducted
+    conducted?;
+    written
 }

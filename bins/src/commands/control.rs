@@ -181,7 +181,7 @@ pub(super) fn tell(
                 Ok(())
             }
         };
-        net.close().await?;
+        net.close().await;
         answered
     })
 }

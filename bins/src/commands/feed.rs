@@ -77,7 +77,7 @@ pub fn feed(arguments: &FeedArguments) -> Result<(), Failure> {
         let fed = source.feed(&setup, &options, &mut net, clock).await?;
         watch.abort();
         tokio::time::sleep(Duration::from_millis(LEAVE_MS)).await;
-        net.close().await?;
+        net.close().await;
         println!("{fed}");
         Ok(())
     })

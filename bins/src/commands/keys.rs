@@ -229,8 +229,16 @@ fn access(mission: &Name, hosts: &[Host]) -> Value {
             "key_exprs": &everything,
         }),
     ];
+    // What processes ask each other to find each other again; answers hold by the mission's key alone.
+    let asked = [whole(&"peer/**".to_owned())];
+    rules.push(json!({
+        "id": "answers", "permission": "allow", "flows": ["ingress"],
+        "messages": ["reply", "declare_queryable", "liveliness_token"],
+        "key_exprs": &asked,
+    }));
     let mut subjects = vec![json!({"id": "hosts", "cert_common_names": names})];
-    let mut policies = vec![json!({"rules": ["listens", "is told"], "subjects": ["hosts"]})];
+    let mut policies =
+        vec![json!({"rules": ["listens", "is told", "answers"], "subjects": ["hosts"]})];
     for host in hosts {
         let name = host.name.as_str();
         let writes: Vec<String> = host.roles.iter().flat_map(Role::writes).collect();

@@ -3,6 +3,8 @@
 use super::control;
 use crate::feeding::{FeedOptions, Start};
 use crate::ground_station::GroundStation;
+use crate::interrupts::{Interrupts, TERMINATED};
+use crate::metrics::OfRun;
 use crate::outputs::{Outputs, fresh_folder};
 use crate::outside::Outside;
 use crate::pace::{Pace, Reached, Speed};
@@ -90,6 +92,9 @@ pub struct RunArguments {
     /// Let the real aircraft on that link be the vehicle; may be repeated
     #[arg(long, value_name = "ID=LINK")]
     pub real: Vec<String>,
+    /// Serve figures of this process for Prometheus at this address, such as 127.0.0.1:9100
+    #[arg(long, value_name = "ADDR")]
+    pub metrics: Option<String>,
 }
 
 impl RunArguments {
@@ -236,6 +241,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         duration_s: setup.scenario.mission.duration_s,
         told_that_it_goes_on: false,
         outside,
+        figures: arguments.metrics.as_deref().map(OfRun::serve).transpose()?,
         ground_station,
         team: setup
             .scenario
@@ -252,7 +258,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let wall_s = flight.started.elapsed().as_secs_f64();
     flight.show();
     flight.bar.finish_and_clear();
-    let summary = flight.outputs.finish(&digest, wall_s)?;
+    let (summary, written) = flight.outputs.finish(&digest, wall_s);
     print!("{}", record::text::summary(&summary));
     println!(
         "Outputs in {}: report.html, tracks.kml, mission.mcap, summary.json, scenario.toml",
@@ -265,7 +271,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     }
     match failed {
         Some(failure) => Err(failure),
-        None => Ok(()),
+        None => written,
     }
 }
 
@@ -289,6 +295,8 @@ struct Flight {
     duration_s: f64,
     told_that_it_goes_on: bool,
     outside: Outside,
+    /// For whoever watches over the process.
+    figures: Option<Arc<OfRun>>,
     ground_station: Option<GroundStation>,
     /// Ids of all vehicles.
     team: Vec<String>,
@@ -303,26 +311,30 @@ impl Flight {
             self.tell_that_it_goes_on();
             self.obey();
             if self.paused {
-                self.outputs.flush()?;
+                self.outputs.flush();
                 self.show();
                 std::thread::sleep(Duration::from_millis(20));
                 continue;
             }
-            self.keep_pace()?;
+            self.keep_pace();
             self.outside.serve(&mut self.run)?;
             self.serve_ground_station()?;
             let said = self.run.step();
             if let Some(station) = &mut self.ground_station {
                 station.take(said);
             }
-            self.outputs.take(said)?;
+            self.outputs.take(said);
             if let Some(page) = &mut self.page {
                 page.take(said);
             }
+            let messages = said.len();
             for (_, envelope) in said {
                 if let Message::Plan(plan) = &envelope.message {
                     self.phase = Some(plan.phase);
                 }
+            }
+            if let Some(figures) = &self.figures {
+                figures.take(self.run.now(), messages);
             }
             // Showing costs a look at the wall clock: once in ten ticks is often enough.
             if self.run.now().ns() % 200_000_000 == 0 || self.pace.speed().0 < 10.0 {
@@ -380,15 +392,14 @@ impl Flight {
         }
     }
 
-    fn keep_pace(&mut self) -> Result<(), Failure> {
+    fn keep_pace(&mut self) {
         let wait = self.pace.wait(self.run.now().s());
         if wait > Duration::from_millis(500) {
-            self.outputs.flush()?;
+            self.outputs.flush();
         }
         if !wait.is_zero() {
             std::thread::sleep(wait);
         }
-        Ok(())
     }
 
     /// What a ground station wants is what the page may want, too.
@@ -467,7 +478,7 @@ fn progress_bar(setup: &Setup) -> Bar {
     bar
 }
 
-/// A flag that an interrupt (Ctrl-C) raises: the run then ends as if its time were over.
+/// A flag that an interrupt (Ctrl-C) or a request to terminate raises: the run then ends as if its time were over.
 ///
 /// # Errors
 /// The system takes no handler.
@@ -486,14 +497,19 @@ fn interrupt_flags<const N: usize>() -> Result<[Arc<AtomicBool>; N], Failure> {
     std::thread::Builder::new()
         .name("interrupt".to_owned())
         .spawn(move || {
-            for flag in raised {
-                if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
+            runtime.block_on(async {
+                let mut interrupts = Interrupts::watch();
+                for flag in raised {
+                    // What a person did at the keyboard he knows.
+                    let how = interrupts.next().await;
+                    if how == TERMINATED {
+                        eprintln!("{how}");
+                    }
                     flag.store(true, Ordering::Relaxed);
                 }
-            }
-            if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
+                interrupts.next().await;
                 std::process::exit(130);
-            }
+            });
         })
         .context("cannot watch for interrupts")?;
     Ok(flags)

@@ -4,6 +4,7 @@ use super::control;
 use crate::listener::Listener;
 use crate::pace::Reached;
 use crate::page::{LivePage, PageArguments, Serve};
+use crate::presence::RollCall;
 use crate::{Failure, agent, site};
 use net::Net;
 use net::realtime::MissionClock;
@@ -45,6 +46,7 @@ pub fn watch(arguments: &WatchArguments) -> Result<(), Failure> {
         .map(|v| v.id.clone())
         .collect();
     let duration_s = setup.scenario.mission.duration_s;
+    let roll = RollCall::of(&setup)?;
     let options = PageOptions {
         offered: Offered {
             // In lockstep the conductor alone speaks for the operator.
@@ -63,7 +65,7 @@ pub fn watch(arguments: &WatchArguments) -> Result<(), Failure> {
     let watched = agent::block_on(async {
         let mut net = arguments.bus.open(&setup, false).await?;
         net.subscribe(&[Interest::Everything]).await?;
-        follow(&mut net, &mut page, &team, duration_s).await
+        follow(&mut net, &mut page, &team, duration_s, roll).await
     });
     page.close();
     watched
@@ -74,6 +76,7 @@ async fn follow(
     page: &mut LivePage,
     team: &[String],
     duration_s: f64,
+    mut roll: RollCall,
 ) -> Result<(), Failure> {
     let mut sequence = 0;
     let mut joined = false;
@@ -83,10 +86,15 @@ async fn follow(
         ..RunStatus::default()
     };
     let mut listener = Listener::default();
+    let present = net.presence();
     loop {
         tokio::time::sleep(CLICKS_EVERY).await;
         page.take(&listener.heard(net));
         let now = page.with(|live| live.time());
+        for change in roll.call(&present.now(), now) {
+            eprintln!("{}", change.text);
+            page.with(|live| live.tell("page", change.severity, change.text));
+        }
         run.real_time_factor = reached.factor(now.s());
         run.ended = now.s() >= duration_s;
         page.show(run);

@@ -65,7 +65,7 @@ pub mod preflight;
 pub mod real_vehicle;
 pub mod run;
 pub mod setup;
-mod swap;
+pub mod swap;
 pub mod team;
 pub mod truth;
 

@@ -159,6 +159,11 @@ impl RealVehicle {
         self.bridge.system_id()
     }
 
+    /// Whether a stand-in of this process is at the far end, and no link.
+    pub fn is_stand_in(&self) -> bool {
+        matches!(self.far_end, FarEnd::StandIn(_))
+    }
+
     /// Whether its autopilot was ever heard.
     pub fn is_heard(&self) -> bool {
         self.bridge.is_heard()

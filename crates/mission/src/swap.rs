@@ -1,12 +1,97 @@
 //! Another aircraft in a vehicle's place while the mission runs: a real one for a simulated one, or the other way
-//! round.
+//! round; and what a vehicle goes on from whose process is started again.
 
 use crate::real_vehicle::LinkOptions;
 use crate::{Member, MissionError, Setup};
-use protocol::message::{ControlLevel, EventMessage, Severity, Swap};
+use protocol::message::{ControlLevel, EventMessage, Phase, Severity, State, Swap};
+use protocol::{Agent as _, SimTime};
 use va::{SafetyMonitor, SimulatedConfig, SimulatedVehicle, VehicleBackend, VirtualAircraft};
 
+/// The simulated vehicle at `index` of the team, which goes on from `state`.
+fn simulated_from(
+    setup: &Setup,
+    index: usize,
+    state: &State,
+) -> Result<VirtualAircraft, MissionError> {
+    let config = SimulatedConfig {
+        scenario: &setup.scenario,
+        index,
+        aircraft: setup.aircraft_of(index)?,
+        ground_amsl_m: setup.ground_at_home_m(index)?,
+        layer_amsl_m: setup.scenario.layers_amsl_m()[index],
+    };
+    let body = SimulatedVehicle::taking_over(config, state)?;
+    let body = VehicleBackend::Simulated(Box::new(body));
+    let watch = SafetyMonitor::new(&setup.scenario, index)?;
+    Ok(VirtualAircraft::new(setup.name_of(index)?, body, watch)?)
+}
+
+/// What was last heard of a vehicle or of the team by others, when its process starts again in the middle of a mission.
+#[derive(Debug, Clone, Default)]
+pub struct LastHeard {
+    /// The vehicle's last state, and when that was said.
+    pub state: Option<(SimTime, State)>,
+    /// Who flew it.
+    pub level: Option<ControlLevel>,
+    /// The phase of the mission.
+    pub phase: Option<Phase>,
+}
+
 impl Member {
+    /// Goes on at `now` with what others last heard, instead of beginning anew; says in words what it goes on with, or
+    /// nothing where it begins.
+    ///
+    /// # Errors
+    /// A stand-in in the air: its aircraft and its air were in the memory of its process alone, and so it is lost.
+    pub fn resume(
+        &mut self,
+        setup: &Setup,
+        heard: &LastHeard,
+        now: SimTime,
+    ) -> Result<Option<String>, MissionError> {
+        match self {
+            Self::Controller(controller) => {
+                let Some(phase) = heard.phase else {
+                    return Ok(None);
+                };
+                controller.resume(phase, now);
+                Ok(Some(format!(
+                    "goes on at {:.0} s in phase {phase:?}, with what it hears from now on",
+                    now.s()
+                )))
+            }
+            Self::Simulated(vehicle) => {
+                let Some((said, state)) = &heard.state else {
+                    return Ok(None);
+                };
+                let index = setup.index_of(vehicle.id().name().as_str())?;
+                let mut next = simulated_from(setup, index, state)?;
+                let level = heard.level.unwrap_or(ControlLevel::Automatic);
+                next.resume(level, state, now);
+                let text = format!(
+                    "goes on where it was heard last, {:.0} s ago, {level:?}",
+                    now.since_s(*said)
+                );
+                next.tell(EventMessage {
+                    severity: Severity::Warning,
+                    code: "resumed".to_owned(),
+                    text: text.clone(),
+                });
+                **vehicle = next;
+                Ok(Some(text))
+            }
+            Self::Real(vehicle) if vehicle.is_stand_in() => match &heard.state {
+                Some((_, state)) if state.airborne => Err(MissionError::Request(format!(
+                    "{} was in the air when its process ended, and a stand-in cannot be taken up again: it is lost",
+                    vehicle.aircraft().id()
+                ))),
+                _ => Ok(None),
+            },
+            // A real vehicle knows itself where it is; the world and who is fed in begin anew.
+            Self::Real(_) | Self::World(_) | Self::Fed(_) => Ok(None),
+        }
+    }
+
     fn aircraft_mut(&mut self) -> Option<&mut VirtualAircraft> {
         match self {
             Self::World(_) | Self::Controller(_) | Self::Fed(_) => None,
@@ -66,18 +151,8 @@ impl Member {
                         "the real vehicle {name} is in the air and nobody flies it: its pilot takes it over first, or it lands"
                     ));
                 }
-                let config = SimulatedConfig {
-                    scenario: &setup.scenario,
-                    index,
-                    aircraft: setup.aircraft_of(index)?,
-                    ground_amsl_m: setup.ground_at_home_m(index)?,
-                    layer_amsl_m: setup.scenario.layers_amsl_m()[index],
-                };
-                let body = SimulatedVehicle::taking_over(config, state)?;
-                let body = VehicleBackend::Simulated(Box::new(body));
-                let watch = SafetyMonitor::new(&setup.scenario, index)?;
-                Ok(Self::Simulated(Box::new(VirtualAircraft::new(
-                    name, body, watch,
+                Ok(Self::Simulated(Box::new(simulated_from(
+                    setup, index, state,
                 )?)))
             }
             (Self::Simulated(_), None) => refuse(format!("vehicle {name} is simulated already")),

@@ -88,12 +88,14 @@ impl Door {
     }
 }
 
-/// Opens a run, the time of which is `now_ns`, and lets others in for as long as `net` is open.
+/// Opens a run, the time of which is `now_ns`, or goes on with that numbered `run`, and lets others in for as long as
+/// `net` is open.
 ///
 /// # Errors
 /// [`NetError::Refused`] where somebody keeps the mission's time already.
 pub(crate) async fn open(
     net: &Net,
+    run: Option<u64>,
     now_ns: impl Fn() -> i64 + Send + Sync + 'static,
 ) -> Result<(), NetError> {
     let own = net.introduction.as_ref().map_or(&[][..], |i| &i.agents[..]);
@@ -113,7 +115,10 @@ pub(crate) async fn open(
             )));
         }
     }
-    let run = u64::from_be_bytes(random()?);
+    let run = match run {
+        Some(run) => run,
+        None => u64::from_be_bytes(random()?),
+    };
     net.set_run(run, None);
     let door = Arc::new(Door {
         key: net.key.clone(),

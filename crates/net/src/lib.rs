@@ -25,22 +25,28 @@
 //! let key = MissionKey::new(net::random()?);
 //! let bus = Net::open(Name::new("as-pontes")?, key, &options).await?;
 //! assert!(bus.peers().is_empty());
-//! bus.close().await?;
+//! bus.close().await;
 //! # Ok(())
 //! # }
 //! ```
 //!
 //! Not pure, and for programs only: sockets, threads and the wall clock are what it is about.
 
+mod asking;
+mod attendance;
+mod figures;
 mod hosted;
 mod joining;
 pub mod lockstep;
 mod options;
 pub mod presence;
+mod reach;
 pub mod realtime;
 mod refusals;
+mod remembered;
 mod session;
 
+pub use figures::Figures;
 pub use joining::random;
 pub use options::{DEFAULT_ENDPOINT, NetOptions, TlsFiles};
 pub use presence::Presence;
@@ -74,12 +80,28 @@ pub enum NetError {
     /// The session ended while something was still awaited.
     #[error("network: the session has closed")]
     Closed,
-    /// An agent of a lockstep run left before its end.
-    #[error("network: {agent} has gone before it finished tick {tick}")]
+    /// Agents of a lockstep run, or its conductor, left before its end or answer no more.
+    #[error("missing in lockstep: {}; ended before tick {tick} was finished", in_words(.agents))]
     Gone {
         /// Who has gone.
-        agent: protocol::AgentId,
-        /// The tick that it did not finish.
+        agents: Vec<protocol::AgentId>,
+        /// The tick that was not finished.
+        tick: u64,
+    },
+    /// A mission flies already, and nobody says what time it is.
+    #[error(
+        "{0} of a mission in real time are there already, and do not say what time it is, or not the same run; expected them to be \
+         ended, so that a mission can begin"
+    )]
+    NoTime(String),
+    /// What was said in a lockstep run did not arrive.
+    #[error("lost in lockstep: {path} number {sequence}; ended before tick {tick} was finished")]
+    Lost {
+        /// The topic.
+        path: String,
+        /// The number of the message that was to come.
+        sequence: u64,
+        /// The tick that was not finished.
         tick: u64,
     },
 }
@@ -89,4 +111,15 @@ impl NetError {
     fn zenoh(error: impl std::fmt::Display) -> Self {
         Self::Zenoh(error.to_string())
     }
+}
+
+fn names(agents: &[protocol::AgentId]) -> String {
+    let names: Vec<String> = agents.iter().map(ToString::to_string).collect();
+    names.join(", ")
+}
+
+/// The same for people.
+fn in_words(agents: &[protocol::AgentId]) -> String {
+    let conductor = protocol::AgentId::clock().to_string();
+    names(agents).replace(&conductor, "the conductor")
 }

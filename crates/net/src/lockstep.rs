@@ -2,13 +2,26 @@
 //! the order of time, sender and sequence. An agent's `done` names the last sequence it wrote on
 //! each key, the next tick carries the union, and an agent starts a tick only when it holds all
 //! of these, since Zenoh keeps no order across publishers.
+//!
+//! Nobody goes on without the others: where somebody is missing, or what was said does not arrive, the run ends for
+//! all within 10 s. The conductor finds out who it is, tells the others, and goes; they end when it has gone.
 
+use crate::attendance::{Attendance, CALL_EVERY};
 use crate::hosted::Hosted;
 use crate::refusals::Refusals;
 use crate::{Net, NetError, joining};
-use protocol::message::{Done, LastSequences, Message, Tick};
+use protocol::message::{Done, LastSequences, Message, Severity, Tick};
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, ProtocolError, SimTime, Topic};
 use std::collections::{BTreeMap, BTreeSet};
+use std::time::{Duration, Instant};
+
+/// Checks, [`CALL_EVERY`] apart, through which what was said may be on its way to who waits for it. Nobody sends it
+/// again once a connection is lost.
+const ON_ITS_WAY: u32 = 7;
+/// Code of the event by which the conductor says who is missing.
+const MISSING: &str = "missing";
+/// Time for that event to arrive before the conductor's connections close.
+const LEAVE: Duration = Duration::from_millis(200);
 
 /// `done` of an agent that stands ready before the first tick.
 pub const READY: i64 = -1;
@@ -18,6 +31,8 @@ pub const READY: i64 = -1;
 struct Inbox {
     waiting: Vec<(Topic, Envelope)>,
     held: BTreeMap<String, u64>,
+    /// Number of the tick that comes next, for messages.
+    next_tick: u64,
 }
 
 impl Inbox {
@@ -28,10 +43,16 @@ impl Inbox {
     }
 
     fn holds(&self, expect: &LastSequences, interests: &[Interest]) -> bool {
-        expect.iter().all(|(path, sequence)| {
-            self.held.get(path).is_some_and(|held| held >= sequence)
-                || !Topic::parse_path(path).is_ok_and(|t| interests.iter().any(|i| i.covers(&t)))
-        })
+        self.lacks(expect, interests).is_none()
+    }
+
+    /// The first of what is expected that has not come.
+    fn lacks(&self, expect: &LastSequences, interests: &[Interest]) -> Option<(String, u64)> {
+        let lacking = expect.iter().find(|(path, sequence)| {
+            self.held.get(*path).is_none_or(|held| held < *sequence)
+                && Topic::parse_path(path).is_ok_and(|t| interests.iter().any(|i| i.covers(&t)))
+        });
+        lacking.map(|(path, sequence)| (path.clone(), *sequence))
     }
 
     /// What was said before `now`, in order.
@@ -61,7 +82,8 @@ pub async fn run<A: Agent>(
     let hosted = Hosted::of(agents);
     net.tells_for(&hosted.ids);
     net.subscribe(&hosted.all).await?;
-    net.subscribe(&[Interest::One(Topic::Tick)]).await?;
+    net.subscribe(&[Interest::One(Topic::Tick), of_conductor()])
+        .await?;
     let mut presence = Vec::new();
     for id in &hosted.ids {
         presence.push(net.announce(id).await?);
@@ -102,6 +124,11 @@ pub async fn run<A: Agent>(
     }
 }
 
+/// What the conductor says beside its ticks.
+fn of_conductor() -> Interest {
+    Interest::One(Topic::Event(AgentId::clock()))
+}
+
 /// Waits for the next tick and for all that it expects.
 async fn next_tick(
     net: &mut Net,
@@ -109,12 +136,28 @@ async fn next_tick(
     interests: &[Interest],
     refusals: &mut Refusals,
 ) -> Result<Tick, NetError> {
+    let conductor = AgentId::clock();
+    let mut wait = Wait::begin();
     let mut tick: Option<Tick> = None;
     loop {
         if let Some(tick) = tick.take_if(|t| inbox.holds(&t.expect, interests)) {
             return Ok(tick);
         }
-        match net.receive().await {
+        let Some(received) = wait.receive(net).await else {
+            let gone = wait.attendance.check(net, [&conductor].into_iter());
+            let number = tick.as_ref().map_or(inbox.next_tick, |t| t.tick);
+            if !gone.is_empty() {
+                return Err(NetError::Gone {
+                    agents: gone,
+                    tick: number,
+                });
+            }
+            if let Some(tick) = &tick {
+                wait.check_lost(inbox, &tick.expect, interests, number)?;
+            }
+            continue;
+        };
+        match received {
             None => return Err(NetError::Closed),
             Some(Ok((
                 Topic::Tick,
@@ -122,10 +165,88 @@ async fn next_tick(
                     message: Message::Tick(t),
                     ..
                 },
-            ))) => tick = Some(t),
+            ))) => {
+                inbox.next_tick = t.tick + 1;
+                tick = Some(t);
+            }
+            Some(Ok((
+                Topic::Event(sender),
+                Envelope {
+                    message: Message::Event(event),
+                    ..
+                },
+            ))) if sender == conductor => {
+                if event.code == MISSING {
+                    return Err(missing_by(&event.text, inbox.next_tick));
+                }
+            }
             Some(Ok((topic, envelope))) => inbox.take_in(topic, envelope),
             Some(Err(e)) => refusals.add(e),
         }
+    }
+}
+
+/// What the conductor said of who is missing.
+fn missing_by(text: &str, tick: u64) -> NetError {
+    let agents = text
+        .split(", ")
+        .filter_map(|name| AgentId::parse(name).ok());
+    NetError::Gone {
+        agents: agents.collect(),
+        tick: tick.saturating_sub(1),
+    }
+}
+
+/// A wait for somebody who may have gone.
+struct Wait {
+    attendance: Attendance,
+    check_at: Instant,
+    /// Checks at which something that was said had not arrived.
+    lacking: u32,
+}
+
+impl Wait {
+    fn begin() -> Self {
+        Self {
+            attendance: Attendance::default(),
+            check_at: Instant::now() + CALL_EVERY,
+            lacking: 0,
+        }
+    }
+
+    /// What comes next; none when it is time to check who is there.
+    async fn receive(&mut self, net: &mut Net) -> Option<Option<crate::Received>> {
+        let now = Instant::now();
+        // Also while somebody speaks without end.
+        if now < self.check_at
+            && let Ok(received) = tokio::time::timeout_at(self.check_at.into(), net.receive()).await
+        {
+            return Some(received);
+        }
+        self.check_at = Instant::now() + CALL_EVERY;
+        None
+    }
+
+    /// Whether what is expected has not come for so long that it will not come any more.
+    fn check_lost(
+        &mut self,
+        inbox: &Inbox,
+        expect: &LastSequences,
+        interests: &[Interest],
+        tick: u64,
+    ) -> Result<(), NetError> {
+        let Some((path, sequence)) = inbox.lacks(expect, interests) else {
+            return Ok(());
+        };
+        self.lacking += 1;
+        if self.lacking < ON_ITS_WAY {
+            return Ok(());
+        }
+        Err(NetError::Lost {
+            path,
+            sequence,
+            tick,
+        })
     }
 }
 
@@ -201,7 +322,7 @@ impl Conductor {
     /// # Errors
     /// [`NetError`].
     pub async fn gather(net: &mut Net, team: &[AgentId], tick_ns: i64) -> Result<Self, NetError> {
-        joining::open(net, || 0).await?;
+        joining::open(net, None, || 0).await?;
         net.subscribe(&[Interest::Everything]).await?;
         let presence = net.announce(&AgentId::clock()).await?;
         let mut conductor = Self {
@@ -282,46 +403,62 @@ impl Conductor {
 
     async fn all_done(&mut self, net: &mut Net, tick: i64) -> Result<(), NetError> {
         let mut missing: BTreeSet<AgentId> = self.team.iter().cloned().collect();
+        let mut wait = Wait::begin();
         loop {
             if missing.is_empty() && self.inbox.holds(&self.expect, &[Interest::Everything]) {
                 return Ok(());
             }
-            let patience = std::time::Duration::from_secs(1);
-            match tokio::time::timeout(patience, net.receive()).await {
-                Err(_) if tick != READY => self.check_presence(net, &missing)?,
-                Err(_) => {}
-                Ok(None) => {
-                    return Err(NetError::Closed);
+            let Some(received) = wait.receive(net).await else {
+                // Before the first tick agents may come in any order, and late.
+                if tick != READY {
+                    self.check(net, &mut wait, &missing).await?;
                 }
-                Ok(Some(Ok((
+                continue;
+            };
+            match received {
+                None => return Err(NetError::Closed),
+                Some(Ok((
                     Topic::Done(agent),
                     Envelope {
                         message: Message::Done(done),
                         ..
                     },
-                )))) => {
+                ))) => {
                     if done.tick == tick && missing.remove(&agent) {
                         self.expect.extend(done.wrote);
                     }
                 }
-                Ok(Some(Ok((Topic::Tick, _)))) => {}
-                Ok(Some(Ok((topic, envelope)))) => self.inbox.take_in(topic, envelope),
-                Ok(Some(Err(e))) => self.refused.push(e),
+                Some(Ok((Topic::Tick, _))) => {}
+                Some(Ok((topic, envelope))) => self.inbox.take_in(topic, envelope),
+                Some(Err(e)) => self.refused.push(e),
             }
         }
     }
 
-    fn check_presence(&self, net: &Net, missing: &BTreeSet<AgentId>) -> Result<(), NetError> {
-        let peers = net.peers();
-        match missing
-            .iter()
-            .find(|agent| !peers.contains(&agent.to_string()))
-        {
-            Some(gone) => Err(NetError::Gone {
-                agent: gone.clone(),
-                tick: self.tick,
-            }),
-            None => Ok(()),
+    /// Whether those who are waited for are still there, and what they said arrives; if not, the others are told.
+    async fn check(
+        &self,
+        net: &mut Net,
+        wait: &mut Wait,
+        missing: &BTreeSet<AgentId>,
+    ) -> Result<(), NetError> {
+        let agents = wait.attendance.check(net, missing.iter());
+        if agents.is_empty() {
+            let everything = [Interest::Everything];
+            return wait.check_lost(&self.inbox, &self.expect, &everything, self.tick);
         }
+        let envelope = Envelope {
+            sender: AgentId::clock(),
+            sequence: self.tick + 2,
+            time: self.now(),
+            message: Message::event(Severity::Error, MISSING, crate::names(&agents)),
+        };
+        net.publish(&Topic::Event(AgentId::clock()), &envelope)
+            .await?;
+        tokio::time::sleep(LEAVE).await;
+        Err(NetError::Gone {
+            agents,
+            tick: self.tick,
+        })
     }
 }

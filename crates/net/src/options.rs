@@ -22,7 +22,22 @@ pub struct NetOptions {
     pub user_password: Option<(String, String)>,
     /// File of `user:password` lines that a listening process accepts.
     pub password_file: Option<String>,
+    /// By the wall clock, and not tick by tick: nobody waits for long for one who takes in nothing any more.
+    pub real_time: bool,
 }
+
+/// Time within which a connection is made or given up, ms: a first packet that is lost is sent again after 1 and 3 s,
+/// and a dial that began while the way was cut must not outlast it by more.
+const OPEN_MS: u64 = 4000;
+/// Time between two dials of an endpoint at first, and at most, ms.
+const DIAL_MS: (u64, u64) = (500, 1000);
+/// In real time: how long a message waits for a peer that takes in nothing, before the connection to him is closed and
+/// dialled again, µs. His share of the system's memory and [`QUEUED`] batches are full by then, seconds of a mission,
+/// and whoever waits is silent towards all others: for the seven processes of another host 2 s, which is below the
+/// 5 s after which a vehicle comes home.
+const BLOCKED_US: u64 = 250_000;
+/// Batches that may wait for a peer, the most that Zenoh takes.
+const QUEUED: u64 = 16;
 
 /// PEM files for TLS. The process needs one thread of Zenoh for all that is read and written, by the
 /// environment variable `ZENOH_RUNTIME`: Zenoh 1.10 otherwise loses connections (eclipse-zenoh/zenoh#2557).
@@ -74,6 +89,18 @@ impl NetOptions {
         // Agents may be started in any order: keep trying until the other side is there.
         set("connect/timeout_ms", (-1).into())?;
         set("connect/exit_on_failure", false.into())?;
+        set(
+            "connect/retry",
+            serde_json::json!({"period_init_ms": DIAL_MS.0, "period_max_ms": DIAL_MS.1, "period_increase_factor": 2}),
+        )?;
+        set("transport/unicast/open_timeout", OPEN_MS.into())?;
+        if self.real_time {
+            set("transport/link/tx/queue/size/data", QUEUED.into())?;
+            set(
+                "transport/link/tx/queue/congestion_control/block/wait_before_close",
+                BLOCKED_US.into(),
+            )?;
+        }
         if let Some(tls) = &self.tls {
             set(
                 "transport/link/tls/root_ca_certificate",
@@ -101,14 +128,14 @@ impl NetOptions {
             let rules = serde_json::from_str(access).map_err(NetError::zenoh)?;
             set("access_control", rules)?;
         }
+        // Of two that meet by gossip one opens the connection: two that do so at once may end with one over which only
+        // one hears the other, and with passwords with none (eclipse-zenoh/zenoh#2577). Where he cannot reach the other,
+        // that one tries later.
+        set(
+            "scouting/gossip/autoconnect_strategy",
+            serde_json::json!({"peer": {"to_router": "always", "to_peer": "greater-zid"}}),
+        )?;
         if let Some((user, password)) = &self.user_password {
-            // Two peers that show each other a password refuse the second of two connections that they
-            // open at once, and may be left with none (eclipse-zenoh/zenoh#2577): one side opens it.
-            // Without passwords both may, as only one of them may be able to reach the other.
-            set(
-                "scouting/gossip/autoconnect_strategy",
-                serde_json::json!({"peer": {"to_router": "always", "to_peer": "greater-zid"}}),
-            )?;
             set("transport/auth/usrpwd/user", user.clone().into())?;
             set("transport/auth/usrpwd/password", password.clone().into())?;
         }

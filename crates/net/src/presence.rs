@@ -3,18 +3,33 @@
 use crate::NetError;
 use protocol::AgentId;
 use protocol::key::Name;
-use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 use zenoh::sample::SampleKind;
 
-/// Who is present on the bus.
+/// Who is present on the bus, and who was.
 #[derive(Debug, Clone)]
-pub struct Presence(Arc<Mutex<BTreeSet<String>>>);
+pub struct Presence {
+    agents: Arc<Mutex<BTreeMap<String, Seen>>>,
+    arrivals: Arc<AtomicU64>,
+}
+
+/// An agent that was seen.
+#[derive(Debug, Clone, Copy)]
+enum Seen {
+    Here,
+    GoneSince(Instant),
+}
 
 impl Presence {
     /// Watches the bus of `mission` for as long as `session` is open.
     pub(crate) async fn watch(session: &zenoh::Session, mission: &Name) -> Result<Self, NetError> {
-        let presence = Self(Arc::default());
+        let presence = Self {
+            agents: Arc::default(),
+            arrivals: Arc::default(),
+        };
         let seen = presence.clone();
         let prefix = format!("plumage/{mission}/");
         session
@@ -27,11 +42,14 @@ impl Presence {
                     .strip_prefix(&prefix)
                     .and_then(|k| k.strip_suffix("/alive"));
                 let Some(agent) = agent else { return };
-                let mut seen = seen.0.lock().unwrap_or_else(PoisonError::into_inner);
-                match sample.kind() {
-                    SampleKind::Put => seen.insert(agent.to_owned()),
-                    SampleKind::Delete => seen.remove(agent),
+                let is = match sample.kind() {
+                    SampleKind::Put => {
+                        seen.arrivals.fetch_add(1, Ordering::Relaxed);
+                        Seen::Here
+                    }
+                    SampleKind::Delete => Seen::GoneSince(Instant::now()),
                 };
+                seen.seen().insert(agent.to_owned(), is);
             })
             .background()
             .await
@@ -39,12 +57,30 @@ impl Presence {
         Ok(presence)
     }
 
+    fn seen(&self) -> MutexGuard<'_, BTreeMap<String, Seen>> {
+        self.agents.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// How often somebody came, or came back.
+    pub(crate) fn arrivals(&self) -> u64 {
+        self.arrivals.load(Ordering::Relaxed)
+    }
+
     /// Those who are present now, as `kind/name`.
     pub fn now(&self) -> BTreeSet<String> {
-        self.0
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
+        let seen = self.seen();
+        let here = seen.iter().filter(|(_, is)| matches!(is, Seen::Here));
+        here.map(|(id, _)| id.clone()).collect()
+    }
+
+    /// Those who were present and are heard no more, and since when.
+    pub fn gone(&self) -> Vec<(String, Instant)> {
+        let seen = self.seen();
+        let gone = seen.iter().filter_map(|(id, is)| match is {
+            Seen::GoneSince(since) => Some((id.clone(), *since)),
+            Seen::Here => None,
+        });
+        gone.collect()
     }
 }
 

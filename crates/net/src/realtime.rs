@@ -18,16 +18,64 @@ pub struct MissionClock {
 /// How often the time is asked for at the start.
 const QUESTIONS: usize = 8;
 
+/// How long a keeper of the time that starts looks whether a mission flies already: the others dial it every second.
+const LOOK_FOR: Duration = Duration::from_secs(2);
+/// Time between two looks.
+const LOOK_AGAIN: Duration = Duration::from_millis(200);
+
+/// A run that flies already, as its other processes know it.
+pub struct RunningMission {
+    start: Instant,
+    run: u64,
+    said: Vec<(u64, u64)>,
+}
+
 impl MissionClock {
-    /// Starts the mission's time now, and lets the others in and tells them the time for as long as `net` is open.
+    /// The run that flies already, for a keeper of its time that is started again; none where nobody is there.
+    ///
+    /// # Errors
+    /// [`NetError`], also where somebody of a mission is there and tells no time, or of several runs: it would go on
+    /// beside another.
+    pub async fn running(net: &Net) -> Result<Option<RunningMission>, NetError> {
+        let until = Instant::now() + LOOK_FOR;
+        let told = loop {
+            let told = net.running().await?;
+            if !told.is_empty() || Instant::now() >= until {
+                break told;
+            }
+            tokio::time::sleep(LOOK_AGAIN).await;
+        };
+        let there: Vec<String> = net.peers().into_iter().collect();
+        // The answer that was shortest on its way says it best.
+        let Some((running, start, _)) = told.iter().min_by_key(|(_, _, way)| *way) else {
+            return match there.is_empty() {
+                true => Ok(None),
+                false => Err(NetError::NoTime(there.join(", "))),
+            };
+        };
+        let run = running.run;
+        if told.iter().any(|(other, ..)| other.run != run) {
+            return Err(NetError::NoTime(there.join(", ")));
+        }
+        let said = told.iter().map(|(running, ..)| running.said).collect();
+        let start = *start;
+        Ok(Some(RunningMission { start, run, said }))
+    }
+
+    /// Starts the mission's time now, or goes on with that of one that flies already, and lets the others in and tells
+    /// them the time for as long as `net` is open.
     ///
     /// # Errors
     /// [`NetError`], also where somebody keeps the mission's time already.
-    pub async fn keep(net: &Net) -> Result<Self, NetError> {
+    pub async fn keep(net: &Net, running: Option<RunningMission>) -> Result<Self, NetError> {
+        let run = running.as_ref().map(|running| running.run);
         let clock = Self {
-            start: Instant::now(),
+            start: running.as_ref().map_or_else(Instant::now, |r| r.start),
         };
-        joining::open(net, move || clock.now().ns()).await?;
+        for said in running.into_iter().flat_map(|running| running.said) {
+            net.only_after(said);
+        }
+        joining::open(net, run, move || clock.now().ns()).await?;
         Ok(clock)
     }
 
@@ -96,6 +144,9 @@ where
 /// tick of 20 ms, so that a frame on its way to the bus waits for 2.5 ms and not for 10 in the mean.
 const LOOK_NS: i64 = 5_000_000;
 
+/// Least time after which what holds is said again for those who came meanwhile, s: a team starts one by one.
+const SAY_AGAIN_S: f64 = 1.0;
+
 /// Runs the agents of this process by the wall clock, ticking every `tick_ns`, until `around` ends it.
 ///
 /// # Errors
@@ -110,6 +161,7 @@ pub async fn run<A: Agent>(
     let hosted = Hosted::of(agents);
     net.tells_for(&hosted.ids);
     net.subscribe(&hosted.all).await?;
+    net.remember(clock.start).await?;
     let mut refusals = Refusals::default();
     let mut presence = Vec::new();
     for id in &hosted.ids {
@@ -120,6 +172,7 @@ pub async fn run<A: Agent>(
     let look_ns = tick_ns / looks;
     let mut look = clock.now().ns() / look_ns + 1;
     let mut ticks = look / looks - 1;
+    let (mut arrivals, mut said_again) = (net.presence().arrivals(), clock.now());
     loop {
         let due = SimTime::from_ns(look * look_ns);
         tokio::time::sleep_until(clock.instant(due).into()).await;
@@ -137,6 +190,12 @@ pub async fn run<A: Agent>(
             .await?
             {
                 return Ok(());
+            }
+            if due.since_s(said_again) >= SAY_AGAIN_S && arrivals != net.presence().arrivals() {
+                (arrivals, said_again) = (net.presence().arrivals(), due);
+                for own in &hosted.ids {
+                    net.say_again(own, due).await?;
+                }
             }
         } else {
             for (k, agent) in agents.iter_mut().enumerate() {
@@ -164,6 +223,7 @@ async fn tick<A: Agent>(
     let last = around.ends(due, agents);
     let event = if last { Event::Stop } else { Event::Tick };
     let said = take_in(net, due, refusals);
+    net.remembered.take(&said);
     for (k, agent) in agents.iter_mut().enumerate() {
         let own = &hosted.ids[k];
         if k == 0 {
@@ -194,12 +254,14 @@ pub async fn observe<E: From<NetError>>(
     mut take: impl FnMut(&[(Topic, Envelope)]) -> Result<(), E>,
 ) -> Result<(), E> {
     net.subscribe(&[Interest::Everything]).await?;
+    net.remember(clock.start).await?;
     let _presence = net.announce(&AgentId::recorder()).await?;
     let end = clock.instant(until) + LAST_WORDS;
     loop {
         tokio::time::sleep(OBSERVED_EVERY).await;
         let mut heard: Vec<_> = std::iter::from_fn(|| net.try_receive()).flatten().collect();
         heard.sort_by(|(_, a), (_, b)| a.order().cmp(&b.order()));
+        net.remembered.take(&heard);
         take(&heard)?;
         if Instant::now() >= end {
             return Ok(());

@@ -1,19 +1,27 @@
 //! One process's session on the bus of one mission: what it says, and what it hears.
 
+use crate::asking::Asking;
+use crate::figures::Figures;
 use crate::presence::{self, Presence};
+use crate::reach::Reach;
+use crate::remembered::Remembered;
 use crate::{NetError, NetOptions, random};
 use protocol::joining::Introduction;
 use protocol::key::Name;
 use protocol::message::LastSequences;
 use protocol::seal::{MissionKey, SealCheck, Sealer};
-use protocol::{AgentId, Envelope, Interest, Outbox, ProtocolError, SimTime, Topic};
+use protocol::{AgentId, Envelope, Interest, Message, Outbox, ProtocolError, SimTime, Topic};
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::Duration;
 use tokio::sync::mpsc;
 use zenoh::bytes::Encoding;
 use zenoh::qos::CongestionControl;
 use zenoh::sample::Sample;
+
+/// How long somebody who is called has to answer: a lost packet is sent again within a second.
+const ANSWER_WITHIN: Duration = Duration::from_secs(3);
 
 /// Something that came in: an envelope on its topic, or why it was refused.
 pub type Received = Result<(Topic, Envelope), ProtocolError>;
@@ -21,6 +29,8 @@ pub type Received = Result<(Topic, Envelope), ProtocolError>;
 /// An open session on the bus of one mission.
 pub struct Net {
     pub(crate) session: zenoh::Session,
+    runtime: zenoh::internal::runtime::Runtime,
+    reach: Reach,
     pub(crate) mission: Name,
     pub(crate) key: MissionKey,
     /// Who this process is, for whoever lets it in.
@@ -31,9 +41,7 @@ pub struct Net {
     check: Arc<Mutex<SealCheck>>,
     /// The run that was joined.
     run: Mutex<Option<u64>>,
-    subscribed: AtomicBool,
     announced: AtomicBool,
-    refused: Arc<AtomicU64>,
     /// Those for whom this process tells of what is refused; of everything where nobody said.
     tells_for: Arc<OnceLock<Vec<AgentId>>>,
     json: bool,
@@ -41,6 +49,11 @@ pub struct Net {
     presence: Presence,
     sender: mpsc::UnboundedSender<Received>,
     receiver: mpsc::UnboundedReceiver<Received>,
+    subscribed: Vec<Interest>,
+    pub(crate) remembered: Remembered,
+    figures: Figures,
+    /// What each agent said that holds until it says otherwise, by path.
+    standing: BTreeMap<(AgentId, String), (Topic, Message)>,
     /// Last sequence number of each agent that speaks through this session.
     sequences: BTreeMap<AgentId, u64>,
 }
@@ -56,13 +69,16 @@ impl Net {
         options: &NetOptions,
     ) -> Result<Self, NetError> {
         let stream = u64::from_be_bytes(random()?);
-        let session = zenoh::open(options.configuration()?)
-            .await
-            .map_err(NetError::zenoh)?;
+        let dials = !options.connect.is_empty();
+        let figures = Figures::default();
+        let (session, runtime, reach) =
+            Self::connect(options.configuration()?, &mission, &key, dials, &figures).await?;
         let presence = Presence::watch(&session, &mission).await?;
         let (sender, receiver) = mpsc::unbounded_channel();
         Ok(Self {
             session,
+            runtime,
+            reach,
             mission,
             sealer: Arc::new(Mutex::new(Sealer::new(key.clone(), stream))),
             check: Arc::new(Mutex::new(SealCheck::new(key.clone()))),
@@ -70,15 +86,17 @@ impl Net {
             introduction: None,
             connects: !options.connect.is_empty(),
             run: Mutex::default(),
-            subscribed: AtomicBool::new(false),
             announced: AtomicBool::new(false),
-            refused: Arc::default(),
             tells_for: Arc::default(),
             json: options.json,
             publishers: BTreeMap::new(),
             presence,
             sender,
             receiver,
+            subscribed: Vec::new(),
+            remembered: Remembered::default(),
+            figures,
+            standing: BTreeMap::new(),
             sequences: BTreeMap::new(),
         })
     }
@@ -90,7 +108,7 @@ impl Net {
 
     /// How much was refused of what came in: unreadable, unsealed, or not its sender's to say.
     pub fn refused(&self) -> u64 {
-        self.refused.load(Ordering::Relaxed)
+        self.figures.refused()
     }
 
     /// Of what is refused only that is told which `agents` are to tell of.
@@ -102,9 +120,27 @@ impl Net {
         self.announced.load(Ordering::Relaxed)
     }
 
+    /// Asks and answers beside the mission's messages.
+    pub(crate) fn asking(&self) -> Asking {
+        Asking::new(&self.session, &self.mission, &self.key)
+    }
+
+    /// The run that was joined.
+    ///
+    /// # Errors
+    /// [`NetError::NotJoined`].
+    pub(crate) fn run(&self) -> Result<u64, NetError> {
+        (*lock(&self.run)).ok_or(NetError::NotJoined)
+    }
+
     /// How this process numbers what it seals.
     pub(crate) fn sealer(&self) -> Arc<Mutex<Sealer>> {
         Arc::clone(&self.sealer)
+    }
+
+    /// What a process that goes on has `said` so far does not count here.
+    pub(crate) fn only_after(&self, said: (u64, u64)) {
+        lock(&self.check).only_after(said.0, said.1);
     }
 
     /// From now on it speaks and hears in `run`, kept by a process that has `said` so much.
@@ -113,7 +149,7 @@ impl Net {
         let mut check = lock(&self.check);
         check.only_run(run);
         // What was on its way when this process began to listen counts.
-        if let Some((stream, number)) = said.filter(|_| !self.subscribed.load(Ordering::Relaxed)) {
+        if let Some((stream, number)) = said.filter(|_| self.subscribed.is_empty()) {
             check.only_after(stream, number);
         }
     }
@@ -122,20 +158,24 @@ impl Net {
     ///
     /// # Errors
     /// [`NetError::Zenoh`].
-    pub async fn subscribe(&self, interests: &[Interest]) -> Result<(), NetError> {
-        self.subscribed.store(true, Ordering::Relaxed);
+    pub async fn subscribe(&mut self, interests: &[Interest]) -> Result<(), NetError> {
         for interest in interests {
+            // Heard already: it would be heard twice.
+            if self.subscribed.contains(interest) {
+                continue;
+            }
+            self.subscribed.push(interest.clone());
             let sender = self.sender.clone();
             let mission = self.mission.clone();
             let check = Arc::clone(&self.check);
-            let refused = Arc::clone(&self.refused);
+            let figures = self.figures.clone();
             let tells_for = Arc::clone(&self.tells_for);
             self.session
                 .declare_subscriber(interest.key_expression(&self.mission))
                 .callback(move |sample| {
                     let received = read(&sample, &mission, &check);
+                    figures.received(received.is_ok());
                     if received.is_err() {
-                        refused.fetch_add(1, Ordering::Relaxed);
                         let topic = Topic::parse_key(sample.key_expr().as_str(), &mission);
                         let teller = topic.ok().and_then(|topic| topic.refusals_told_by());
                         let others = |own: &Vec<AgentId>| {
@@ -155,7 +195,7 @@ impl Net {
         Ok(())
     }
 
-    /// Shows the others that `agent` is there, until the returned token is dropped.
+    /// Shows the others that `agent` is there, until the returned token is dropped, and answers those who call it.
     ///
     /// # Errors
     /// [`NetError::Zenoh`].
@@ -164,11 +204,23 @@ impl Net {
         agent: &AgentId,
     ) -> Result<zenoh::liveliness::LivelinessToken, NetError> {
         self.announced.store(true, Ordering::Relaxed);
+        let own = format!("call/{agent}");
+        self.asking().answer(&own, |_| Some(Vec::new())).await?;
         self.session
             .liveliness()
             .declare_token(presence::key(&self.mission, agent))
             .await
             .map_err(NetError::zenoh)
+    }
+
+    /// Calls `agent`: whether its process answers within a few seconds, however busy the agent itself is.
+    pub(crate) fn call(&self, agent: &AgentId) -> impl Future<Output = bool> + Send + use<> {
+        let asking = self.asking();
+        let path = format!("call/{agent}");
+        async move {
+            let answers = asking.ask(&path, ANSWER_WITHIN).await;
+            answers.is_ok_and(|answers| !answers.is_empty())
+        }
     }
 
     /// Those whose presence is seen now, as `kind/name`.
@@ -181,6 +233,11 @@ impl Net {
         self.presence.clone()
     }
 
+    /// What this session counts.
+    pub fn figures(&self) -> Figures {
+        self.figures.clone()
+    }
+
     /// Waits until all of `agents` are present.
     pub async fn wait_for(&self, agents: &[AgentId]) {
         loop {
@@ -188,7 +245,7 @@ impl Net {
             if agents.iter().all(|a| peers.contains(&a.to_string())) {
                 return;
             }
-            tokio::time::sleep(std::time::Duration::from_millis(20)).await;
+            tokio::time::sleep(Duration::from_millis(20)).await;
         }
     }
 
@@ -207,7 +264,7 @@ impl Net {
     /// # Errors
     /// [`NetError::Zenoh`]; [`NetError::NotJoined`] before a run was joined.
     pub async fn publish(&mut self, topic: &Topic, envelope: &Envelope) -> Result<(), NetError> {
-        let run = (*lock(&self.run)).ok_or(NetError::NotJoined)?;
+        let run = self.run()?;
         let (payload, encoding) = if self.json {
             (envelope.to_json().into_bytes(), Encoding::APPLICATION_JSON)
         } else {
@@ -226,6 +283,7 @@ impl Net {
         let Some(publisher) = self.publishers.get(topic) else {
             return Ok(());
         };
+        self.figures.one_said();
         let key = publisher.key_expr().as_str();
         let seal = lock(&self.sealer).seal(run, key, &payload);
         publisher
@@ -258,18 +316,47 @@ impl Net {
             };
             self.publish(&topic, &envelope).await?;
             wrote.insert(topic.path(), sequence);
+            if holds_until_changed(&topic) {
+                let last = (topic, envelope.message);
+                self.standing.insert((agent.clone(), last.0.path()), last);
+            }
         }
         self.sequences.insert(agent.clone(), sequence);
         Ok(wrote)
     }
 
-    /// Leaves the bus.
+    /// Says again what `agent` said and still holds: for those who came since, or have not heard it while they were cut
+    /// off.
     ///
     /// # Errors
     /// [`NetError::Zenoh`].
-    pub async fn close(self) -> Result<(), NetError> {
-        self.session.close().await.map_err(NetError::zenoh)
+    pub(crate) async fn say_again(
+        &mut self,
+        agent: &AgentId,
+        now: SimTime,
+    ) -> Result<(), NetError> {
+        let own = self.standing.iter().filter(|((who, _), _)| who == agent);
+        let said: Vec<_> = own.map(|(_, said)| said.clone()).collect();
+        let mut outbox = Outbox::default();
+        for (topic, message) in said {
+            outbox.say(topic, message);
+        }
+        self.publish_all(agent, now, &mut outbox).await?;
+        Ok(())
     }
+
+    /// Leaves the bus. Whoever does not answer while connections close, as over a bad link, notices by himself: all
+    /// that was to be said has been said, and so nothing fails here.
+    pub async fn close(self) {
+        drop(self.reach);
+        let _ = self.session.close().await;
+        let _ = self.runtime.close().await;
+    }
+}
+
+/// Whether what is said on `topic` holds until something else is said, and is not said again by itself.
+fn holds_until_changed(topic: &Topic) -> bool {
+    matches!(topic, Topic::Mode(_) | Topic::Weather | Topic::Extension)
 }
 
 /// Whether a payload is JSON whatever its encoding says: a script that puts a string need not know of encodings. No

@@ -203,7 +203,7 @@ pub enum Topic {
     Mode(Name),
     /// `va/<id>/health`
     Health(Name),
-    /// `va/<id>/event`, `ws/main/event`, `sc/main/event`
+    /// `va/<id>/event`, `ws/main/event`, `sc/main/event`, `clock/main/event`, `clock/recorder/event`
     Event(AgentId),
     /// `va/<id>/setpoint`, written by the squadron controller
     Setpoint(Name),
@@ -330,7 +330,7 @@ impl Topic {
             ["sc", "main", "observation"] => Self::Observation,
             ["sc", "main", "plan"] => Self::Plan,
             ["sc", "main", "extension"] => Self::Extension,
-            [kind @ ("va" | "ws" | "sc"), id, "event"] => {
+            [kind @ ("va" | "ws" | "sc" | "clock"), id, "event"] => {
                 Self::Event(AgentId::parse(&format!("{kind}/{id}"))?)
             }
             ["clock", "main", "tick"] => Self::Tick,
@@ -393,10 +393,11 @@ impl Topic {
 
     /// Whether messages on it count in a run's digest: all but the clock's and raw MAVLink.
     pub fn is_in_digest(&self) -> bool {
-        !matches!(
-            self,
-            Self::Tick | Self::Done(_) | Self::MavlinkRx(_) | Self::MavlinkTx(_)
-        )
+        match self {
+            Self::Tick | Self::Done(_) | Self::MavlinkRx(_) | Self::MavlinkTx(_) => false,
+            Self::Event(agent) => agent.kind() != AgentKind::Clock,
+            _ => true,
+        }
     }
 }
 
@@ -457,6 +458,7 @@ mod tests {
             Topic::Health(va.clone()),
             Topic::Event(agent.clone()),
             Topic::Event(AgentId::sc()),
+            Topic::Event(AgentId::recorder()),
             Topic::Setpoint(va.clone()),
             Topic::Control(va.clone()),
             Topic::Swap(va.clone()),

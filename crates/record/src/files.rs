@@ -6,7 +6,7 @@ use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
 /// Names of all outputs that a command may write into its folder.
-const OUTPUTS: [&str; 8] = [
+const OUTPUTS: [&str; 9] = [
     "mission.mcap",
     "tracks.kml",
     "summary.json",
@@ -15,6 +15,7 @@ const OUTPUTS: [&str; 8] = [
     "gap.json",
     "extended.toml",
     "campaign.csv",
+    RESERVE,
 ];
 
 pub(crate) fn failed(
@@ -153,6 +154,39 @@ impl Drop for WholeFile {
             // What is left of it is of no use; its removal may fail as well.
             let _ = fs::remove_file(beside(&self.path));
         }
+    }
+}
+
+/// Name of the file that holds space.
+const RESERVE: &str = ".plumage-reserve";
+
+/// Space set aside in a folder until it is dropped, so that what is written last finds some on a disk that has
+/// filled up meanwhile.
+#[derive(Debug)]
+pub struct Reserve {
+    path: PathBuf,
+}
+
+impl Reserve {
+    /// Sets `bytes` aside in `dir`.
+    ///
+    /// # Errors
+    /// [`RecordError::File`]: there is no such space.
+    pub fn create(dir: &Path, bytes: usize) -> Result<Self, RecordError> {
+        let reserve = Self {
+            path: dir.join(RESERVE),
+        };
+        // Written and not only made longer: a file system gives no space to what was never written.
+        fs::write(&reserve.path, vec![0; bytes])
+            .map_err(failed(&reserve.path, "set space aside"))?;
+        Ok(reserve)
+    }
+}
+
+impl Drop for Reserve {
+    fn drop(&mut self) {
+        // Where it cannot be removed, what is written next says that there is no space.
+        let _ = fs::remove_file(&self.path);
     }
 }
 

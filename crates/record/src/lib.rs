@@ -11,6 +11,7 @@
 //! - [`summary`]: `summary.json`, and the same in words;
 //! - [`campaign`]: many missions, kept as they are flown, and what they show beside each other;
 //! - [`export`]: what was flown, in formats of other people's tools;
+//! - [`gaps`]: which messages did not come;
 //! - [`files`]: output folders, and files renamed into place.
 //!
 //! # Example
@@ -58,6 +59,7 @@ pub mod colour;
 pub mod contour;
 pub mod export;
 pub mod files;
+pub mod gaps;
 pub mod kml;
 pub mod kmz;
 pub mod observations;

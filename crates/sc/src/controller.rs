@@ -39,6 +39,9 @@ use scenario::airspace::Airspace;
 
 /// Time between two decisions, s.
 const DECISION_S: f64 = 1.0;
+/// Time to hear where all vehicles are before the first decision of a controller that was started again, ns:
+/// they say it ten times a second, and come home if nobody commands them for 5 s.
+const LISTEN_NS: i64 = 500_000_000;
 /// Vehicles are planned farther apart than they must stay, by how far they may be off their
 /// track, m.
 const OFF_TRACK_M: f64 = 25.0;
@@ -164,6 +167,19 @@ impl SquadronController {
             self.strategy = Some(self.new_strategy()?);
         }
         Ok(self)
+    }
+
+    /// Goes on at `now` with a mission that was in `phase`, after its process was started again: vehicles that are
+    /// heard in the air have no orders yet. What was read before is in nobody's memory but the world simulator's, in
+    /// its model.
+    pub fn resume(&mut self, phase: Phase, now: SimTime) {
+        if phase == Phase::Home {
+            // The way home begins when those in the air are known.
+            self.tasks.called.fill(true);
+        } else {
+            self.phase = phase;
+        }
+        self.next_decision = now.later(LISTEN_NS);
     }
 
     /// The phase of the mission.

@@ -8,7 +8,8 @@ use air::geo::Geodetic;
 use protocol::control_level::ControlEvent;
 use protocol::key::Name;
 use protocol::message::{
-    Control, ControlLevel, ControlWish, EventMessage, Mode, Setpoint, Severity, Swap,
+    Control, ControlLevel, ControlWish, Destination, EventMessage, Mode, Setpoint, Severity, State,
+    Swap,
 };
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
 
@@ -63,6 +64,26 @@ impl VirtualAircraft {
             last_mode: None,
             last_refusal: None,
         })
+    }
+
+    /// Goes on at `now` as whoever had it before its process was started again: a pilot keeps it, circling where it
+    /// is until he sends it on, and what came home comes home.
+    pub fn resume(&mut self, level: ControlLevel, state: &State, now: SimTime) {
+        let VehicleBackend::Simulated(backend) = &mut self.backend else {
+            return;
+        };
+        if level == ControlLevel::Automatic {
+            return;
+        }
+        backend.take_over(None, now);
+        backend.send_to(&Destination {
+            lat_deg: state.lat_deg,
+            lon_deg: state.lon_deg,
+            alt_amsl_m: state.alt_amsl_m,
+        });
+        if level == ControlLevel::Guardian {
+            backend.handle_control(ControlEvent::RemoteLost);
+        }
     }
 
     /// What flies.

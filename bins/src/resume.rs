@@ -1,0 +1,51 @@
+//! What an agent goes on with whose process is started again while its mission flies in real time.
+
+use crate::Failure;
+use mission::swap::LastHeard;
+use mission::{Member, Setup};
+use net::Net;
+use protocol::key::AgentKind;
+use protocol::{Agent as _, Message, SimTime, Topic};
+
+/// Lets `member` go on at `now` with what others remember of it, and says so; nothing where nobody does.
+///
+/// # Errors
+/// A vehicle that is lost, or a bus that fails.
+pub async fn resume(
+    net: &Net,
+    setup: &Setup,
+    member: &mut Member,
+    now: SimTime,
+) -> Result<(), Failure> {
+    let id = member.id().clone();
+    let mut heard = LastHeard::default();
+    match id.kind() {
+        AgentKind::Va => {
+            let name = id.name().clone();
+            // What was said later than now was said in another mission.
+            let of_now = |e: &protocol::Envelope| e.time <= now;
+            if let Some(last) = net.last(&Topic::State(name.clone())).await?.filter(of_now)
+                && let Message::State(state) = last.message
+            {
+                heard.state = Some((last.time, state));
+            }
+            if let Some(last) = net.last(&Topic::Mode(name)).await?.filter(of_now)
+                && let Message::Mode(mode) = last.message
+            {
+                heard.level = Some(mode.level);
+            }
+        }
+        AgentKind::Sc => {
+            if let Some(last) = net.last(&Topic::Plan).await?
+                && let Message::Plan(plan) = last.message
+            {
+                heard.phase = Some(plan.phase);
+            }
+        }
+        _ => return Ok(()),
+    }
+    if let Some(words) = member.resume(setup, &heard, now)? {
+        eprintln!("{id} {words}");
+    }
+    Ok(())
+}

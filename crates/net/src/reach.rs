@@ -6,9 +6,11 @@
 //! for as long as it lives, as a liveliness token, remembers where others are reached, and dials whom it does not
 //! hear any more. What it never heard itself, as after a first dial that failed, it asks the others for.
 //!
-//! Two that dial each other at once may end with a connection over which one does not hear the other (Zenoh 1.10). So
-//! one of two dials: not he to whom the others were told to connect, and else he with the greater id; the other, who
-//! alone may be able to reach him, only now and then.
+//! A process that still holds the old connection takes the new one for a second link of it if it opened the old one
+//! itself, and does not say again what it hears and where it is: the other stays deaf to it for good (Zenoh 1.10). It
+//! refuses the new one, and so notices the loss first, if the other opened the old one too. So between two it is always
+//! the same who dials: not he to whom the others were told to connect, and else he with the greater id. The other, who
+//! alone may be able to reach him, dials now and then where it was never he who was reached.
 
 use crate::asking::{Asking, prefix as peer_prefix};
 use crate::{Figures, Net, NetError};
@@ -46,6 +48,34 @@ struct Known {
     /// Since when it has not been heard; none while it is.
     lost: Option<Instant>,
     dialling: bool,
+    opener: Opener,
+}
+
+/// Who opened the connection with another process, as far as that is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Opener {
+    Nobody,
+    This,
+    Other,
+}
+
+impl Known {
+    fn new(lost: Option<Instant>) -> Self {
+        Self {
+            locators: Vec::new(),
+            lost,
+            dialling: false,
+            opener: Opener::Nobody,
+        }
+    }
+}
+
+/// Somebody to dial.
+#[derive(Debug, Clone)]
+struct Due {
+    zid: String,
+    locators: Vec<Locator>,
+    opener: Opener,
 }
 
 /// The processes of a mission that this one knows, by their Zenoh id as text.
@@ -57,12 +87,12 @@ struct Peers {
 
 impl Peers {
     fn heard(&mut self, zid: &str, locator: Locator) {
-        let known = self.known.entry(zid.to_owned()).or_insert(Known {
-            locators: Vec::new(),
-            lost: None,
-            dialling: false,
-        });
+        let known = self.known.entry(zid.to_owned());
+        let known = known.or_insert_with(|| Known::new(None));
         known.lost = None;
+        if known.opener == Opener::Nobody {
+            known.opener = Opener::Other;
+        }
         if !known.locators.contains(&locator) {
             known.locators.push(locator);
         }
@@ -81,11 +111,8 @@ impl Peers {
 
     /// Learns from another process of one that is not known.
     fn learn(&mut self, zid: &str, locator: Locator) {
-        let known = self.known.entry(zid.to_owned()).or_insert(Known {
-            locators: Vec::new(),
-            lost: Some(Instant::now()),
-            dialling: false,
-        });
+        let known = self.known.entry(zid.to_owned());
+        let known = known.or_insert_with(|| Known::new(Some(Instant::now())));
         if known.lost.is_some() && !known.locators.contains(&locator) {
             known.locators.push(locator);
         }
@@ -103,18 +130,39 @@ impl Peers {
     }
 
     /// Whom to dial at the `round`-th attempt.
-    fn due(&mut self, round: u64) -> Vec<(String, Vec<Locator>)> {
+    fn due(&mut self, round: u64) -> Vec<Due> {
         let age = |known: &Known| known.lost.map_or(Duration::ZERO, |since| since.elapsed());
         self.known.retain(|_, known| age(known) < FORGET_AFTER);
         let mut due = Vec::new();
         for (zid, known) in &mut self.known {
-            let seldom = age(known) > SELDOM_AFTER && round % SELDOM_EVERY != 0;
+            let seldom = age(known) > SELDOM_AFTER && !round.is_multiple_of(SELDOM_EVERY);
             if known.lost.is_some() && !known.dialling && !seldom {
                 known.dialling = true;
-                due.push((zid.clone(), known.locators.clone()));
+                due.push(Due {
+                    zid: zid.clone(),
+                    locators: known.locators.clone(),
+                    opener: known.opener,
+                });
             }
         }
         due
+    }
+
+    /// This process is about to open a connection to another.
+    fn opening(&mut self, zid: &str) {
+        if let Some(known) = self.known.get_mut(zid) {
+            known.opener = Opener::This;
+        }
+    }
+
+    /// A dial has ended; before it the `opener` was that. Whom it did not reach it opened nothing to.
+    fn dialled(&mut self, zid: &str, reached: bool, opener: Opener) {
+        if let Some(known) = self.known.get_mut(zid) {
+            known.dialling = false;
+            if !reached && known.lost.is_some() {
+                known.opener = opener;
+            }
+        }
     }
 
     /// Whom to ask next for those that he knows.
@@ -254,10 +302,11 @@ impl Dialler {
         let own = self.session.zid().to_string();
         for round in 0_u64.. {
             tokio::time::sleep(DIAL_EVERY).await;
-            for (zid, locators) in lock(&self.peers).due(round) {
-                self.dial(zid, locators, round);
+            let due = lock(&self.peers).due(round);
+            for due in due {
+                self.dial(due, round);
             }
-            if round % ASK_EVERY == 0 {
+            if round.is_multiple_of(ASK_EVERY) {
                 let asked = lock(&self.peers).to_ask(round);
                 if let Some(zid) = asked {
                     for (zid, locator) in self.ask(&zid).await {
@@ -270,21 +319,22 @@ impl Dialler {
         }
     }
 
-    fn dial(&self, zid: String, locators: Vec<Locator>, round: u64) {
-        let theirs: Option<ZenohId> = zid.parse().ok();
-        let is_turn = round % OTHER_EVERY == 0;
+    fn dial(&self, due: Due, round: u64) {
+        let theirs: Option<ZenohId> = due.zid.parse().ok();
+        // Not at the start, when he with the greater id is about to dial.
+        let is_turn = round % OTHER_EVERY == OTHER_EVERY - 1 && due.opener != Opener::Other;
         let theirs =
             theirs.filter(|theirs| self.dials && (is_turn || self.session.zid() > *theirs));
         let (runtime, peers) = (self.runtime.clone(), Arc::clone(&self.peers));
         tokio::spawn(async move {
+            let mut reached = false;
             if let Some(theirs) = theirs {
+                lock(&peers).opening(&due.zid);
                 // Never cut short: Zenoh would believe for ever that it is dialling. It gives up by itself. Once
                 // reached, the other's own token says that it is heard.
-                runtime.connect_peer(&theirs.into(), &locators).await;
+                reached = runtime.connect_peer(&theirs.into(), &due.locators).await;
             }
-            if let Some(known) = lock(&peers).known.get_mut(&zid) {
-                known.dialling = false;
-            }
+            lock(&peers).dialled(&due.zid, reached, due.opener);
         });
     }
 
@@ -366,6 +416,25 @@ mod tests {
         one.lost("b");
         assert_eq!(one.list(), "a tcp/127.0.0.1:1\n");
         other.learn("a", locator("tcp/127.0.0.1:1"));
-        assert_eq!(other.due(0)[0].0, "a");
+        assert_eq!(other.due(0)[0].zid, "a");
+    }
+    #[test]
+    fn who_opened_the_connection_is_kept_when_it_breaks() {
+        let mut peers = Peers::default();
+        peers.heard("a", locator("tcp/127.0.0.1:1"));
+        peers.lost("a");
+        assert_eq!(peers.due(0)[0].opener, Opener::Other);
+        peers.learn("b", locator("tcp/127.0.0.1:2"));
+        for reached in [false, true] {
+            let due = peers.due(1).pop().unwrap();
+            assert_eq!((&*due.zid, due.opener), ("b", Opener::Nobody));
+            peers.opening("b");
+            if reached {
+                peers.heard("b", locator("tcp/127.0.0.1:2"));
+            }
+            peers.dialled("b", reached, due.opener);
+        }
+        peers.lost("b");
+        assert_eq!(peers.due(2)[0].opener, Opener::This);
     }
 }

@@ -54,6 +54,7 @@
 //! ```
 
 pub mod antimeridian;
+mod appended;
 pub mod campaign;
 pub mod colour;
 pub mod contour;

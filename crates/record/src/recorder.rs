@@ -6,6 +6,7 @@
 //! front as an attachment, seed and versions as metadata: a file cut short still has them.
 
 use crate::RecordError;
+use crate::appended::Appended;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, WriteOptions};
 use plume::Gas;
@@ -15,7 +16,7 @@ use scenario::calendar::rfc_3339;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufWriter, ErrorKind};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
@@ -70,7 +71,7 @@ pub struct Recorder {
     path: PathBuf,
     mission: Name,
     start_unix_ns: i64,
-    writer: mcap::Writer<BufWriter<File>>,
+    writer: mcap::Writer<Appended>,
     channels: BTreeMap<Topic, Channel>,
     /// Channels of messages that stand beside the mission's.
     beside: BTreeMap<String, Channel>,
@@ -114,7 +115,7 @@ impl Recorder {
             // A chunk is built in memory and appended whole: no half-written header after a kill.
             .disable_seeking(true)
             .library(format!("plumage {}", env!("CARGO_PKG_VERSION")))
-            .create(BufWriter::new(file))
+            .create(Appended::new(file))
             .map_err(fail)?;
         write_front(&mut writer, info).map_err(fail)?;
         Ok(Self {
@@ -226,12 +227,9 @@ impl Recorder {
             totals,
             ..
         } = self;
-        let sync = |mut buffer: BufWriter<File>| {
-            std::io::Write::flush(&mut buffer)?;
-            buffer.get_ref().sync_all()
-        };
         // Finished means on the disk, not in the system's cache.
-        sync(writer.into_inner()).map_err(|source| RecordError::File {
+        let synced = writer.into_inner().sync();
+        synced.map_err(|source| RecordError::File {
             path,
             what: "write",
             source,
@@ -284,7 +282,7 @@ impl Recorder {
     }
 }
 
-fn write_front(writer: &mut mcap::Writer<BufWriter<File>>, info: &RunInfo) -> mcap::McapResult<()> {
+fn write_front(writer: &mut mcap::Writer<Appended>, info: &RunInfo) -> mcap::McapResult<()> {
     let mut entries = info.versions.clone();
     entries.insert("mission".to_owned(), info.mission.to_string());
     entries.insert("gas".to_owned(), info.gas.as_str().to_owned());

@@ -3,7 +3,7 @@
 //! the number of the run, with which all that is said is sealed.
 
 use crate::session::lock;
-use crate::{Net, NetError};
+use crate::{BoxFuture, Net, NetError};
 use protocol::digest::hex;
 use protocol::joining::{Answer, Introduction, Question, Refused, time_key};
 use protocol::seal::MissionKey;
@@ -173,20 +173,22 @@ pub(crate) struct Told {
 ///
 /// # Errors
 /// [`NetError::Refused`] with its words.
-pub(crate) async fn ask(net: &Net) -> Result<Told, NetError> {
-    let begun = Instant::now();
-    loop {
-        let (told, answer) = ask_once(net).await?;
-        match answer.refused {
-            None => {
-                net.set_run(answer.run, Some((answer.stream, answer.number)));
-                return Ok(told);
+pub(crate) fn ask(net: &Net) -> BoxFuture<'_, Result<Told, NetError>> {
+    Box::pin(async move {
+        let begun = Instant::now();
+        loop {
+            let (told, answer) = ask_once(net).await?;
+            match answer.refused {
+                None => {
+                    net.set_run(answer.run, Some((answer.stream, answer.number)));
+                    return Ok(told);
+                }
+                Some(refused) if refused.passes && begun.elapsed() < LEASE => {}
+                Some(refused) => return Err(NetError::Refused(refused.why)),
             }
-            Some(refused) if refused.passes && begun.elapsed() < LEASE => {}
-            Some(refused) => return Err(NetError::Refused(refused.why)),
+            tokio::time::sleep(AGAIN).await;
         }
-        tokio::time::sleep(AGAIN).await;
-    }
+    })
 }
 
 async fn ask_once(net: &Net) -> Result<(Told, Answer), NetError> {

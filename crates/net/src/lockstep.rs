@@ -9,7 +9,7 @@
 use crate::attendance::{Attendance, CALL_EVERY};
 use crate::hosted::Hosted;
 use crate::refusals::Refusals;
-use crate::{Net, NetError, joining};
+use crate::{BoxFuture, Net, NetError, joining};
 use protocol::message::{Done, LastSequences, Message, Severity, Tick};
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, ProtocolError, SimTime, Topic};
 use std::collections::{BTreeMap, BTreeSet};
@@ -321,21 +321,27 @@ impl Conductor {
     ///
     /// # Errors
     /// [`NetError`].
-    pub async fn gather(net: &mut Net, team: &[AgentId], tick_ns: i64) -> Result<Self, NetError> {
-        joining::open(net, None, || 0).await?;
-        net.subscribe(&[Interest::Everything]).await?;
-        let presence = net.announce(&AgentId::clock()).await?;
-        let mut conductor = Self {
-            team: team.to_vec(),
-            tick: 0,
-            tick_ns,
-            expect: LastSequences::new(),
-            inbox: Inbox::default(),
-            refused: Vec::new(),
-            _presence: presence,
-        };
-        conductor.all_done(net, READY).await?;
-        Ok(conductor)
+    pub fn gather<'a>(
+        net: &'a mut Net,
+        team: &'a [AgentId],
+        tick_ns: i64,
+    ) -> BoxFuture<'a, Result<Self, NetError>> {
+        Box::pin(async move {
+            joining::open(net, None, || 0).await?;
+            net.subscribe(&[Interest::Everything]).await?;
+            let presence = net.announce(&AgentId::clock()).await?;
+            let mut conductor = Self {
+                team: team.to_vec(),
+                tick: 0,
+                tick_ns,
+                expect: LastSequences::new(),
+                inbox: Inbox::default(),
+                refused: Vec::new(),
+                _presence: presence,
+            };
+            conductor.all_done(net, READY).await?;
+            Ok(conductor)
+        })
     }
 
     /// Number of the tick to come.

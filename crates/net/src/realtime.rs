@@ -4,7 +4,7 @@
 
 use crate::hosted::Hosted;
 use crate::refusals::Refusals;
-use crate::{Net, NetError, joining};
+use crate::{BoxFuture, Net, NetError, joining};
 use protocol::seal::SealFault;
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, ProtocolError, SimTime, Topic};
 use std::time::{Duration, Instant};
@@ -36,30 +36,32 @@ impl MissionClock {
     /// # Errors
     /// [`NetError`], also where somebody of a mission is there and tells no time, or of several runs: it would go on
     /// beside another.
-    pub async fn running(net: &Net) -> Result<Option<RunningMission>, NetError> {
-        let until = Instant::now() + LOOK_FOR;
-        let told = loop {
-            let told = net.running().await?;
-            if !told.is_empty() || Instant::now() >= until {
-                break told;
-            }
-            tokio::time::sleep(LOOK_AGAIN).await;
-        };
-        let there: Vec<String> = net.peers().into_iter().collect();
-        // The answer that was shortest on its way says it best.
-        let Some((running, start, _)) = told.iter().min_by_key(|(_, _, way)| *way) else {
-            return match there.is_empty() {
-                true => Ok(None),
-                false => Err(NetError::NoTime(there.join(", "))),
+    pub fn running(net: &Net) -> BoxFuture<'_, Result<Option<RunningMission>, NetError>> {
+        Box::pin(async move {
+            let until = Instant::now() + LOOK_FOR;
+            let told = loop {
+                let told = net.running().await?;
+                if !told.is_empty() || Instant::now() >= until {
+                    break told;
+                }
+                tokio::time::sleep(LOOK_AGAIN).await;
             };
-        };
-        let run = running.run;
-        if told.iter().any(|(other, ..)| other.run != run) {
-            return Err(NetError::NoTime(there.join(", ")));
-        }
-        let said = told.iter().map(|(running, ..)| running.said).collect();
-        let start = *start;
-        Ok(Some(RunningMission { start, run, said }))
+            let there: Vec<String> = net.peers().into_iter().collect();
+            // The answer that was shortest on its way says it best.
+            let Some((running, start, _)) = told.iter().min_by_key(|(_, _, way)| *way) else {
+                return match there.is_empty() {
+                    true => Ok(None),
+                    false => Err(NetError::NoTime(there.join(", "))),
+                };
+            };
+            let run = running.run;
+            if told.iter().any(|(other, ..)| other.run != run) {
+                return Err(NetError::NoTime(there.join(", ")));
+            }
+            let said = told.iter().map(|(running, ..)| running.said).collect();
+            let start = *start;
+            Ok(Some(RunningMission { start, run, said }))
+        })
     }
 
     /// Starts the mission's time now, or goes on with that of one that flies already, and lets the others in and tells
@@ -67,34 +69,41 @@ impl MissionClock {
     ///
     /// # Errors
     /// [`NetError`], also where somebody keeps the mission's time already.
-    pub async fn keep(net: &Net, running: Option<RunningMission>) -> Result<Self, NetError> {
-        let run = running.as_ref().map(|running| running.run);
-        let clock = Self {
-            start: running.as_ref().map_or_else(Instant::now, |r| r.start),
-        };
-        for said in running.into_iter().flat_map(|running| running.said) {
-            net.only_after(said);
-        }
-        joining::open(net, run, move || clock.now().ns()).await?;
-        Ok(clock)
+    pub fn keep(
+        net: &Net,
+        running: Option<RunningMission>,
+    ) -> BoxFuture<'_, Result<Self, NetError>> {
+        Box::pin(async move {
+            let run = running.as_ref().map(|running| running.run);
+            let clock = Self {
+                start: running.as_ref().map_or_else(Instant::now, |r| r.start),
+            };
+            for said in running.into_iter().flat_map(|running| running.said) {
+                net.only_after(said);
+            }
+            joining::open(net, run, move || clock.now().ns()).await?;
+            Ok(clock)
+        })
     }
 
     /// Asks the keeper of the mission's time, until it answers. With this the process is let in, and can speak.
     ///
     /// # Errors
     /// [`NetError::Zenoh`]; [`NetError::Refused`] where it is not let in.
-    pub async fn ask(net: &Net) -> Result<Self, NetError> {
-        let mut best = joining::ask(net).await?;
-        for _ in 1..QUESTIONS {
-            let told = joining::ask(net).await?;
-            if told.way < best.way {
-                best = told;
+    pub fn ask(net: &Net) -> BoxFuture<'_, Result<Self, NetError>> {
+        Box::pin(async move {
+            let mut best = joining::ask(net).await?;
+            for _ in 1..QUESTIONS {
+                let told = joining::ask(net).await?;
+                if told.way < best.way {
+                    best = told;
+                }
             }
-        }
-        let half = best.asked + best.way / 2;
-        let now = Duration::from_nanos(best.now_ns.max(0) as u64);
-        let start = half.checked_sub(now).unwrap_or(half);
-        Ok(Self { start })
+            let half = best.asked + best.way / 2;
+            let now = Duration::from_nanos(best.now_ns.max(0) as u64);
+            let start = half.checked_sub(now).unwrap_or(half);
+            Ok(Self { start })
+        })
     }
 
     /// The mission's time now.

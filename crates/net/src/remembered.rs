@@ -1,7 +1,7 @@
 //! What was last said of where a mission stands, and what time it is, kept by those who hear it for those who start
 //! again: whoever lost his memory with his process asks the others.
 
-use crate::{Net, NetError};
+use crate::{BoxFuture, Net, NetError};
 use protocol::{Envelope, Topic};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -50,34 +50,41 @@ impl Net {
     ///
     /// # Errors
     /// [`NetError::Zenoh`].
-    pub(crate) async fn remember(&self, start: Instant) -> Result<(), NetError> {
-        let remembered = self.remembered.clone();
-        let last = move |path: &str| {
-            let last = remembered.of(path.strip_prefix("last/")?)?;
-            Some(last.to_bytes())
-        };
-        self.asking().answer("last/**", last).await?;
-        let (run, sealer) = (self.run()?, self.sealer());
-        let running = move |_: &str| {
-            let said = sealer
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .so_far();
-            let now_ns = i64::try_from(start.elapsed().as_nanos()).ok()?;
-            serde_json::to_vec(&Running { now_ns, run, said }).ok()
-        };
-        self.asking().answer("running", running).await
+    pub(crate) fn remember(&self, start: Instant) -> BoxFuture<'_, Result<(), NetError>> {
+        Box::pin(async move {
+            let remembered = self.remembered.clone();
+            let last = move |path: &str| {
+                let last = remembered.of(path.strip_prefix("last/")?)?;
+                Some(last.to_bytes())
+            };
+            self.asking().answer("last/**", last).await?;
+            let (run, sealer) = (self.run()?, self.sealer());
+            let running = move |_: &str| {
+                let said = sealer
+                    .lock()
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .so_far();
+                let now_ns = i64::try_from(start.elapsed().as_nanos()).ok()?;
+                serde_json::to_vec(&Running { now_ns, run, said }).ok()
+            };
+            self.asking().answer("running", running).await
+        })
     }
 
     /// The last word on `topic` that anybody present remembers: a state, a mode or the plan.
     ///
     /// # Errors
     /// [`NetError::Zenoh`].
-    pub async fn last(&self, topic: &Topic) -> Result<Option<Envelope>, NetError> {
-        let path = format!("last/{}", topic.path());
-        let answers = self.asking().ask(&path, ANSWER_WITHIN).await?;
-        let read = |(bytes, _): (Vec<u8>, _)| Envelope::from_bytes(topic, &bytes).ok();
-        Ok(answers.into_iter().filter_map(read).max_by_key(|e| e.time))
+    pub fn last<'a>(
+        &'a self,
+        topic: &'a Topic,
+    ) -> BoxFuture<'a, Result<Option<Envelope>, NetError>> {
+        Box::pin(async move {
+            let path = format!("last/{}", topic.path());
+            let answers = self.asking().ask(&path, ANSWER_WITHIN).await?;
+            let read = |(bytes, _): (Vec<u8>, _)| Envelope::from_bytes(topic, &bytes).ok();
+            Ok(answers.into_iter().filter_map(read).max_by_key(|e| e.time))
+        })
     }
 
     /// What others know of the run that they are in, when it began by that, and how long the answer took to come.

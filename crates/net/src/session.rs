@@ -5,7 +5,7 @@ use crate::figures::Figures;
 use crate::presence::{self, Presence};
 use crate::reach::Reach;
 use crate::remembered::Remembered;
-use crate::{NetError, NetOptions, random};
+use crate::{BoxFuture, NetError, NetOptions, random};
 use protocol::joining::Introduction;
 use protocol::key::Name;
 use protocol::message::LastSequences;
@@ -63,41 +63,43 @@ impl Net {
     ///
     /// # Errors
     /// An option that Zenoh does not take, or a port that is taken.
-    pub async fn open(
+    pub fn open<'a>(
         mission: Name,
         key: MissionKey,
-        options: &NetOptions,
-    ) -> Result<Self, NetError> {
-        let stream = u64::from_be_bytes(random()?);
-        let dials = !options.connect.is_empty();
-        let figures = Figures::default();
-        let (session, runtime, reach) =
-            Self::connect(options.configuration()?, &mission, &key, dials, &figures).await?;
-        let presence = Presence::watch(&session, &mission).await?;
-        let (sender, receiver) = mpsc::unbounded_channel();
-        Ok(Self {
-            session,
-            runtime,
-            reach,
-            mission,
-            sealer: Arc::new(Mutex::new(Sealer::new(key.clone(), stream))),
-            check: Arc::new(Mutex::new(SealCheck::new(key.clone()))),
-            key,
-            introduction: None,
-            connects: !options.connect.is_empty(),
-            run: Mutex::default(),
-            announced: AtomicBool::new(false),
-            tells_for: Arc::default(),
-            json: options.json,
-            publishers: BTreeMap::new(),
-            presence,
-            sender,
-            receiver,
-            subscribed: Vec::new(),
-            remembered: Remembered::default(),
-            figures,
-            standing: BTreeMap::new(),
-            sequences: BTreeMap::new(),
+        options: &'a NetOptions,
+    ) -> BoxFuture<'a, Result<Self, NetError>> {
+        Box::pin(async move {
+            let stream = u64::from_be_bytes(random()?);
+            let dials = !options.connect.is_empty();
+            let figures = Figures::default();
+            let (session, runtime, reach) =
+                Self::connect(options.configuration()?, &mission, &key, dials, &figures).await?;
+            let presence = Presence::watch(&session, &mission).await?;
+            let (sender, receiver) = mpsc::unbounded_channel();
+            Ok(Self {
+                session,
+                runtime,
+                reach,
+                mission,
+                sealer: Arc::new(Mutex::new(Sealer::new(key.clone(), stream))),
+                check: Arc::new(Mutex::new(SealCheck::new(key.clone()))),
+                key,
+                introduction: None,
+                connects: !options.connect.is_empty(),
+                run: Mutex::default(),
+                announced: AtomicBool::new(false),
+                tells_for: Arc::default(),
+                json: options.json,
+                publishers: BTreeMap::new(),
+                presence,
+                sender,
+                receiver,
+                subscribed: Vec::new(),
+                remembered: Remembered::default(),
+                figures,
+                standing: BTreeMap::new(),
+                sequences: BTreeMap::new(),
+            })
         })
     }
 
@@ -158,59 +160,66 @@ impl Net {
     ///
     /// # Errors
     /// [`NetError::Zenoh`].
-    pub async fn subscribe(&mut self, interests: &[Interest]) -> Result<(), NetError> {
-        for interest in interests {
-            // Heard already: it would be heard twice.
-            if self.subscribed.contains(interest) {
-                continue;
-            }
-            self.subscribed.push(interest.clone());
-            let sender = self.sender.clone();
-            let mission = self.mission.clone();
-            let check = Arc::clone(&self.check);
-            let figures = self.figures.clone();
-            let tells_for = Arc::clone(&self.tells_for);
-            self.session
-                .declare_subscriber(interest.key_expression(&self.mission))
-                .callback(move |sample| {
-                    let received = read(&sample, &mission, &check);
-                    figures.received(received.is_ok());
-                    if received.is_err() {
-                        let topic = Topic::parse_key(sample.key_expr().as_str(), &mission);
-                        let teller = topic.ok().and_then(|topic| topic.refusals_told_by());
-                        let others = |own: &Vec<AgentId>| {
-                            teller.is_some_and(|teller| !own.contains(&teller))
-                        };
-                        if tells_for.get().is_some_and(others) {
-                            return;
+    pub fn subscribe<'a>(
+        &'a mut self,
+        interests: &'a [Interest],
+    ) -> BoxFuture<'a, Result<(), NetError>> {
+        Box::pin(async move {
+            for interest in interests {
+                // Heard already: it would be heard twice.
+                if self.subscribed.contains(interest) {
+                    continue;
+                }
+                self.subscribed.push(interest.clone());
+                let sender = self.sender.clone();
+                let mission = self.mission.clone();
+                let check = Arc::clone(&self.check);
+                let figures = self.figures.clone();
+                let tells_for = Arc::clone(&self.tells_for);
+                self.session
+                    .declare_subscriber(interest.key_expression(&self.mission))
+                    .callback(move |sample| {
+                        let received = read(&sample, &mission, &check);
+                        figures.received(received.is_ok());
+                        if received.is_err() {
+                            let topic = Topic::parse_key(sample.key_expr().as_str(), &mission);
+                            let teller = topic.ok().and_then(|topic| topic.refusals_told_by());
+                            let others = |own: &Vec<AgentId>| {
+                                teller.is_some_and(|teller| !own.contains(&teller))
+                            };
+                            if tells_for.get().is_some_and(others) {
+                                return;
+                            }
                         }
-                    }
-                    // Foreign keys and garbage come out as errors for the owner to tell of.
-                    let _ = sender.send(received);
-                })
-                .background()
-                .await
-                .map_err(NetError::zenoh)?;
-        }
-        Ok(())
+                        // Foreign keys and garbage come out as errors for the owner to tell of.
+                        let _ = sender.send(received);
+                    })
+                    .background()
+                    .await
+                    .map_err(NetError::zenoh)?;
+            }
+            Ok(())
+        })
     }
 
     /// Shows the others that `agent` is there, until the returned token is dropped, and answers those who call it.
     ///
     /// # Errors
     /// [`NetError::Zenoh`].
-    pub async fn announce(
-        &self,
-        agent: &AgentId,
-    ) -> Result<zenoh::liveliness::LivelinessToken, NetError> {
-        self.announced.store(true, Ordering::Relaxed);
-        let own = format!("call/{agent}");
-        self.asking().answer(&own, |_| Some(Vec::new())).await?;
-        self.session
-            .liveliness()
-            .declare_token(presence::key(&self.mission, agent))
-            .await
-            .map_err(NetError::zenoh)
+    pub fn announce<'a>(
+        &'a self,
+        agent: &'a AgentId,
+    ) -> BoxFuture<'a, Result<zenoh::liveliness::LivelinessToken, NetError>> {
+        Box::pin(async move {
+            self.announced.store(true, Ordering::Relaxed);
+            let own = format!("call/{agent}");
+            self.asking().answer(&own, |_| Some(Vec::new())).await?;
+            self.session
+                .liveliness()
+                .declare_token(presence::key(&self.mission, agent))
+                .await
+                .map_err(NetError::zenoh)
+        })
     }
 
     /// Calls `agent`: whether its process answers within a few seconds, however busy the agent itself is.
@@ -263,35 +272,41 @@ impl Net {
     ///
     /// # Errors
     /// [`NetError::Zenoh`]; [`NetError::NotJoined`] before a run was joined.
-    pub async fn publish(&mut self, topic: &Topic, envelope: &Envelope) -> Result<(), NetError> {
-        let run = self.run()?;
-        let (payload, encoding) = if self.json {
-            (envelope.to_json().into_bytes(), Encoding::APPLICATION_JSON)
-        } else {
-            (envelope.to_bytes(), Encoding::APPLICATION_OCTET_STREAM)
-        };
-        if !self.publishers.contains_key(topic) {
-            let publisher = self
-                .session
-                .declare_publisher(topic.key(&self.mission))
-                .congestion_control(CongestionControl::Block)
-                .express(true)
+    pub fn publish<'a>(
+        &'a mut self,
+        topic: &'a Topic,
+        envelope: &'a Envelope,
+    ) -> BoxFuture<'a, Result<(), NetError>> {
+        Box::pin(async move {
+            let run = self.run()?;
+            let (payload, encoding) = if self.json {
+                (envelope.to_json().into_bytes(), Encoding::APPLICATION_JSON)
+            } else {
+                (envelope.to_bytes(), Encoding::APPLICATION_OCTET_STREAM)
+            };
+            if !self.publishers.contains_key(topic) {
+                let publisher = self
+                    .session
+                    .declare_publisher(topic.key(&self.mission))
+                    .congestion_control(CongestionControl::Block)
+                    .express(true)
+                    .await
+                    .map_err(NetError::zenoh)?;
+                self.publishers.insert(topic.clone(), publisher);
+            }
+            let Some(publisher) = self.publishers.get(topic) else {
+                return Ok(());
+            };
+            self.figures.one_said();
+            let key = publisher.key_expr().as_str();
+            let seal = lock(&self.sealer).seal(run, key, &payload);
+            publisher
+                .put(payload)
+                .encoding(encoding)
+                .attachment(seal)
                 .await
-                .map_err(NetError::zenoh)?;
-            self.publishers.insert(topic.clone(), publisher);
-        }
-        let Some(publisher) = self.publishers.get(topic) else {
-            return Ok(());
-        };
-        self.figures.one_said();
-        let key = publisher.key_expr().as_str();
-        let seal = lock(&self.sealer).seal(run, key, &payload);
-        publisher
-            .put(payload)
-            .encoding(encoding)
-            .attachment(seal)
-            .await
-            .map_err(NetError::zenoh)
+                .map_err(NetError::zenoh)
+        })
     }
 
     /// Publishes all that `agent` said in `outbox` at `now`, and tells the last sequence per key.
@@ -347,10 +362,12 @@ impl Net {
 
     /// Leaves the bus. Whoever does not answer while connections close, as over a bad link, notices by himself: all
     /// that was to be said has been said, and so nothing fails here.
-    pub async fn close(self) {
-        drop(self.reach);
-        let _ = self.session.close().await;
-        let _ = self.runtime.close().await;
+    pub fn close(self) -> BoxFuture<'static, ()> {
+        Box::pin(async move {
+            drop(self.reach);
+            let _ = self.session.close().await;
+            let _ = self.runtime.close().await;
+        })
     }
 }
 

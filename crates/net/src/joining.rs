@@ -3,7 +3,8 @@
 //! the number of the run, with which all that is said is sealed.
 
 use crate::session::lock;
-use crate::{BoxFuture, Net, NetError};
+use crate::{Net, NetError};
+use futures_core::future::BoxFuture;
 use protocol::digest::hex;
 use protocol::joining::{Answer, Introduction, Question, Refused, time_key};
 use protocol::seal::MissionKey;

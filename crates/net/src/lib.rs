@@ -30,6 +30,9 @@
 //! # }
 //! ```
 //!
+//! What calls Zenoh is boxed: an `async fn` is compiled anew, with all of Zenoh that it awaits, by each program and test
+//! that awaits it; what is boxed is compiled here.
+//!
 //! Not pure, and for programs only: sockets, threads and the wall clock are what it is about.
 
 mod asking;
@@ -46,17 +49,11 @@ mod refusals;
 mod remembered;
 mod session;
 
-use std::pin::Pin;
-
 pub use figures::Figures;
 pub use joining::random;
 pub use options::{DEFAULT_ENDPOINT, NetOptions, TlsFiles};
 pub use presence::Presence;
 pub use session::{Net, Received};
-
-/// What is done when it is awaited, compiled here: an `async fn` is compiled again, with all of Zenoh that it calls, by each
-/// program and test that awaits it.
-pub type BoxFuture<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 
 /// Why the bus did not carry what it was given.
 #[derive(Debug, Clone, thiserror::Error, PartialEq)]

@@ -9,7 +9,8 @@
 use crate::attendance::{Attendance, CALL_EVERY};
 use crate::hosted::Hosted;
 use crate::refusals::Refusals;
-use crate::{BoxFuture, Net, NetError, joining};
+use crate::{Net, NetError, joining};
+use futures_core::future::BoxFuture;
 use protocol::message::{Done, LastSequences, Message, Severity, Tick};
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, ProtocolError, SimTime, Topic};
 use std::collections::{BTreeMap, BTreeSet};

@@ -4,7 +4,8 @@
 
 use crate::hosted::Hosted;
 use crate::refusals::Refusals;
-use crate::{BoxFuture, Net, NetError, joining};
+use crate::{Net, NetError, joining};
+use futures_core::future::BoxFuture;
 use protocol::seal::SealFault;
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, ProtocolError, SimTime, Topic};
 use std::time::{Duration, Instant};

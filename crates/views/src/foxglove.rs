@@ -10,6 +10,7 @@ use axum::extract::State;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::response::Response;
 use axum::routing::any;
+use futures_core::future::BoxFuture;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -68,27 +69,30 @@ impl Server {
     ///
     /// # Errors
     /// The address is in use or not to be had.
-    pub async fn open(address: &str, name: &str) -> Result<Self, ViewError> {
-        let listener = listen(address).await?;
-        let address = listener.local_addr().map_err(ViewError::Server)?;
-        let channels = Channels::default();
-        let (said, _) = broadcast::channel(WAITING);
-        let shared = Shared {
-            name: name.into(),
-            channels: Arc::clone(&channels),
-            said: said.clone(),
-        };
-        let app = Router::new().route("/", any(socket)).with_state(shared);
-        let serving = tokio::spawn(async move {
-            // It serves until it is aborted; a listener that breaks is told by viewers.
-            let _ = axum::serve(listener, app).await;
-        });
-        Ok(Self {
-            channels,
-            by_topic: BTreeMap::new(),
-            said,
-            address,
-            serving,
+    pub fn open<'a>(address: &'a str, name: &'a str) -> BoxFuture<'a, Result<Self, ViewError>> {
+        // Compiled here, and not in each program that serves.
+        Box::pin(async move {
+            let listener = listen(address).await?;
+            let address = listener.local_addr().map_err(ViewError::Server)?;
+            let channels = Channels::default();
+            let (said, _) = broadcast::channel(WAITING);
+            let shared = Shared {
+                name: name.into(),
+                channels: Arc::clone(&channels),
+                said: said.clone(),
+            };
+            let app = Router::new().route("/", any(socket)).with_state(shared);
+            let serving = tokio::spawn(async move {
+                // It serves until it is aborted; a listener that breaks is told by viewers.
+                let _ = axum::serve(listener, app).await;
+            });
+            Ok(Self {
+                channels,
+                by_topic: BTreeMap::new(),
+                said,
+                address,
+                serving,
+            })
         })
     }
 

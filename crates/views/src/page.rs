@@ -18,6 +18,7 @@ use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Json, Router};
+use futures_core::future::BoxFuture;
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
@@ -247,13 +248,13 @@ pub async fn listen(address: &str) -> Result<TcpListener, ViewError> {
 
 /// Serves the page on `listener` until the sender of `open` is gone and the last news are sent; what people ask for
 /// goes to `commands`.
-pub async fn serve(
+pub fn serve(
     listener: TcpListener,
     live: Live,
     options: PageOptions,
     commands: mpsc::Sender<PageCommand>,
     open: watch::Receiver<()>,
-) {
+) -> BoxFuture<'static, ()> {
     let (frames, _) = broadcast::channel(FRAMES_BEHIND);
     let site = live.with(|live| Arc::clone(live.site()));
     let shared = Shared {
@@ -285,8 +286,8 @@ pub async fn serve(
         ))
         .layer(middleware::from_fn(only_by_address))
         .with_state(shared.clone());
-    // A panic in the drawing ends the page as well.
-    accept(listener, app, tokio::spawn(draw(shared))).await;
+    // Boxed: compiled here, and not in each program that serves it. A panic in the drawing ends the page as well.
+    Box::pin(async move { accept(listener, app, tokio::spawn(draw(shared))).await })
 }
 
 /// Serves connections until `drawing` ends, and then those that are still answered.

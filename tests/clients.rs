@@ -24,6 +24,7 @@ const SCRIPT: &str = "../tests/oracle/mavlink_clients.py";
 const TEAM: &str = "../tests/oracle/mavlink_team.py";
 const LADDER: &str = "../tests/oracle/mavlink_ladder.py";
 const RECORDS: &str = "../tests/oracle/records.py";
+const ROS2: &str = "../tests/oracle/ros2_node.py";
 const STRANGER: &str = "../tests/oracle/stranger.py";
 const STRATEGY: &str = "../examples/outside_strategy.py";
 /// How many times faster than the clock a mission is flown.
@@ -231,16 +232,16 @@ fn flies_by(client: &str, module: &str) -> Result<Completion, Failed> {
 }
 
 /// A short mission with a start, exported in every format, and each read by the program of others that it is for.
-fn read_what_a_mission_leaves() -> Result<Completion, Failed> {
-    if let Some(ignored) = not_installed(
-        "fastkml lxml pyogrio mcap rosbags xarray netCDF4 pyarrow foxglove-sdk protobuf",
-        "fastkml, lxml, pyogrio, mcap, rosbags, xarray, netCDF4, pyarrow, foxglove, google.protobuf",
-    ) {
-        return Ok(ignored);
-    }
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("records");
+/// An empty folder.
+fn fresh(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = std::fs::remove_dir_all(&folder);
     std::fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// The reference mission in `folder`, with a date.
+fn dated(folder: &Path) -> PathBuf {
     let dated = std::fs::read_to_string(SCENARIO).unwrap();
     let dated = dated.replacen(
         "[mission]",
@@ -251,6 +252,33 @@ fn read_what_a_mission_leaves() -> Result<Completion, Failed> {
     std::fs::write(&scenario, dated).unwrap();
     std::fs::create_dir(folder.join("aircraft")).unwrap();
     std::fs::copy("../aircraft/x8.toml", folder.join("aircraft/x8.toml")).unwrap();
+    scenario
+}
+
+fn ros2_hears_a_mission() -> Result<Completion, Failed> {
+    if let Some(ignored) = not_installed("eclipse-zenoh rosbags", "zenoh, rosbags") {
+        return Ok(ignored);
+    }
+    let folder = fresh("ros2");
+    let (scenario, out) = (dated(&folder), folder.join("out"));
+    succeeds(&[
+        ROS2,
+        env!("CARGO_BIN_EXE_plumage"),
+        scenario.to_str().unwrap(),
+        out.to_str().unwrap(),
+        &free_port(),
+    ])
+}
+
+fn read_what_a_mission_leaves() -> Result<Completion, Failed> {
+    if let Some(ignored) = not_installed(
+        "fastkml lxml pyogrio mcap rosbags xarray netCDF4 pyarrow foxglove-sdk protobuf",
+        "fastkml, lxml, pyogrio, mcap, rosbags, xarray, netCDF4, pyarrow, foxglove, google.protobuf",
+    ) {
+        return Ok(ignored);
+    }
+    let folder = fresh("records");
+    let scenario = dated(&folder);
     let out = folder.join("out");
     let plumage = |arguments: &[&str]| {
         let said = Command::new(env!("CARGO_BIN_EXE_plumage"))
@@ -484,6 +512,7 @@ fn main() -> ExitCode {
         }),
         Trial::ignorable_test("the_ladder_of_questions", climbs_the_ladder),
         Trial::ignorable_test("what_a_mission_leaves", read_what_a_mission_leaves),
+        Trial::ignorable_test("ros2_hears_a_mission", ros2_hears_a_mission),
         Trial::ignorable_test("a_stranger_on_loopback", a_stranger_moves_nothing),
         Trial::ignorable_test(
             "a_strategy_outside_the_program",

@@ -25,6 +25,7 @@ pub mod preflight;
 pub mod presence;
 pub mod progress;
 pub mod resume;
+pub mod ros2;
 pub mod site;
 pub mod tls;
 pub mod weather_file;

@@ -1,8 +1,10 @@
 //! What is said on the bus of a mission, for programs that only listen.
 
 use net::Net;
+use protocol::Envelope;
 use protocol::bus::Publication;
 use std::collections::BTreeSet;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Different refusals that are told: somebody may say wrong things without end.
 const MOST_TOLD: usize = 100;
@@ -32,4 +34,12 @@ impl Listener {
             self.refused.insert(error);
         }
     }
+}
+
+/// When the mission began by this clock, if somebody says now what `envelope` says, ns since 1970.
+pub fn begun(envelope: &Envelope) -> i64 {
+    let now = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default();
+    i64::try_from(now.as_nanos()).unwrap_or(0) - envelope.time.ns()
 }

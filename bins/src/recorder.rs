@@ -5,6 +5,7 @@ use net::lockstep;
 use net::realtime::{self, MissionClock};
 use programs::outputs::Outputs;
 use programs::presence::RollCall;
+use programs::ros2::{Ros2, Ros2Arguments};
 use programs::{Failure, agent, failure, presence, site};
 use protocol::SimTime;
 use protocol::bus::Publication;
@@ -27,6 +28,8 @@ struct Arguments {
     /// Write into a folder that holds something, replacing earlier outputs
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    ros2: Ros2Arguments,
 }
 
 fn main() -> ExitCode {
@@ -45,10 +48,14 @@ fn record(arguments: &Arguments) -> Result<(), Failure> {
     let mut now = SimTime::ZERO;
     let mut gaps = Gaps::default();
     let mut roll = RollCall::of(&setup)?;
+    let mut ros2 = Ros2::open(&arguments.ros2, &setup)?;
     let mut take = |outputs: &mut Outputs, said: &[Publication]| {
         for (topic, envelope) in said {
             digest.add(topic, envelope);
             now = now.max(envelope.time);
+        }
+        if let Some(ros2) = &mut ros2 {
+            ros2.take(said);
         }
         outputs.take(said);
     };
@@ -92,6 +99,9 @@ fn record(arguments: &Arguments) -> Result<(), Failure> {
         net.close().await;
         Ok(())
     });
+    if let Some(ros2) = ros2 {
+        ros2.close();
+    }
     if let Err(why) = &observed {
         outputs.note(now, Severity::Error, "ended", &why.words());
     }

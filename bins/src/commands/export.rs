@@ -2,6 +2,7 @@
 
 use crate::outputs::{TRACK_INTERVAL_S, TRACK_POINTS};
 use crate::progress::Waiting;
+use crate::ros2::Undulation;
 use crate::{Failure, importing, measured, mission_files, plume_lines, site};
 use air::geo::LocalFrame;
 use clap::ValueEnum;
@@ -24,8 +25,6 @@ const NO_START: &str = "when it began is not known (mission.start of the scenari
     count from 1970, in KML and NetCDF from 2000";
 const NO_ALTITUDE: &str = "altitudes of NavSatFix are above the ellipsoid, and left out without --undulation-m; those \
     of odometry count from the site's ground, those of gas readings from mean sea level";
-/// Largest and smallest height of the geoid above the ellipsoid on Earth, m (EGM2008: -107 to 86).
-const UNDULATIONS_M: std::ops::RangeInclusive<f64> = -110.0..=90.0;
 
 /// A format of other people's tools.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -84,9 +83,9 @@ pub struct ExportArguments {
     /// Of observations: their gas; the first one that they have a column of if not given
     #[arg(long, value_name = "GAS")]
     pub gas: Option<Gas>,
-    /// For ros2: the geoid's height above the ellipsoid, m; altitudes of NavSatFix are left out without
-    #[arg(long, value_name = "M", allow_hyphen_values = true)]
-    pub undulation_m: Option<f64>,
+    /// The geoid
+    #[command(flatten)]
+    pub undulation: Undulation,
 }
 
 /// Writes the file in the format that is asked for.
@@ -104,16 +103,10 @@ pub fn export(arguments: &ExportArguments) -> Result<(), Failure> {
             out.display()
         )));
     }
-    if let Some(undulation) = arguments.undulation_m
-        && !UNDULATIONS_M.contains(&undulation)
-    {
-        return Err(Failure::usage(format!(
-            "--undulation-m {undulation}: expected -110 to 90 m, such as 55 for north-west Spain"
-        )));
-    }
+    let undulation_m = arguments.undulation.m()?;
     let waiting = Waiting::new("reading and writing");
     let source = Source::open(arguments)?;
-    let wrote = write(&source, arguments, &out)?;
+    let wrote = write(&source, arguments, undulation_m, &out)?;
     drop(waiting);
     for note in wrote.notes {
         eprintln!("note: {note}");
@@ -129,7 +122,12 @@ struct Wrote {
     notes: Vec<String>,
 }
 
-fn write(source: &Source, arguments: &ExportArguments, out: &Path) -> Result<Wrote, Failure> {
+fn write(
+    source: &Source,
+    arguments: &ExportArguments,
+    undulation_m: Option<f64>,
+    out: &Path,
+) -> Result<Wrote, Failure> {
     if arguments.to == Format::Foxglove {
         return source.foxglove(out, arguments.force);
     }
@@ -139,13 +137,8 @@ fn write(source: &Source, arguments: &ExportArguments, out: &Path) -> Result<Wro
         notes.push(NO_START.to_owned());
     }
     if arguments.to == Format::Ros2 {
-        bag(source, &flown, out, arguments.undulation_m)?;
-        notes.extend(
-            arguments
-                .undulation_m
-                .is_none()
-                .then(|| NO_ALTITUDE.to_owned()),
-        );
+        bag(source, &flown, out, undulation_m)?;
+        notes.extend(undulation_m.is_none().then(|| NO_ALTITUDE.to_owned()));
     } else {
         let bytes = source.bytes(&flown, arguments.to)?;
         write_whole(out, &bytes).map_err(Failure::input)?;
@@ -352,11 +345,7 @@ fn bag(
         .unwrap_or_default()
         .to_string_lossy()
         .into_owned();
-    let site = ros2::Site {
-        frame,
-        undulation_m,
-    };
-    let bag = ros2::bag(flown, &site, &name)?;
+    let bag = ros2::bag(flown, frame, undulation_m, &name)?;
     std::fs::create_dir_all(out)?;
     write_whole(&out.join(format!("{name}_0.mcap")), &bag.mcap).map_err(Failure::input)?;
     write_whole(&out.join("metadata.yaml"), bag.metadata.as_bytes()).map_err(Failure::input)?;

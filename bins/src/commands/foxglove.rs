@@ -1,12 +1,12 @@
 //! `plumage foxglove`: a mission that runs in processes, live in Foxglove.
 
-use crate::listener::Listener;
+use crate::listener::{self, Listener};
 use crate::{Failure, agent, plume_lines, site};
 use protocol::key::Name;
 use protocol::message::Model;
 use protocol::{Envelope, Interest, Topic};
 use record::export::foxglove::{Converter, Said};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 use views::foxglove::{DEFAULT_ADDRESS, Server};
 
 /// How often what was heard is passed on.
@@ -47,7 +47,7 @@ pub fn foxglove(arguments: &FoxgloveArguments) -> Result<(), Failure> {
                 let (start, converter) = converter.get_or_insert_with(|| {
                     let plume = |model: &Model| plume_lines::of(&site, model);
                     let start = setup.scenario.mission.start_unix_ns();
-                    let start = start.unwrap_or_else(|| begun(&envelope));
+                    let start = start.unwrap_or_else(|| listener::begun(&envelope));
                     let converter = Converter::new(Some(start), frame, around.clone(), plume);
                     converter
                         .begin()
@@ -71,14 +71,6 @@ pub fn foxglove(arguments: &FoxgloveArguments) -> Result<(), Failure> {
             }
         }
     })
-}
-
-/// When the mission began by this clock, if somebody says now what `envelope` says, ns since 1970.
-fn begun(envelope: &Envelope) -> i64 {
-    let now = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .unwrap_or_default();
-    i64::try_from(now.as_nanos()).unwrap_or(0) - envelope.time.ns()
 }
 
 fn unix_ns(start: i64, since_ns: i64) -> u64 {

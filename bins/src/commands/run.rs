@@ -10,6 +10,7 @@ use crate::outside::Outside;
 use crate::pace::{Pace, Reached, Speed};
 use crate::page::{self, LivePage, PageArguments, Serve};
 use crate::progress::Bar;
+use crate::ros2::{Ros2, Ros2Arguments};
 use crate::{Failure, mission_files, preflight, site};
 use anyhow::Context as _;
 use mav_bridge::link::LinkAddress;
@@ -95,6 +96,9 @@ pub struct RunArguments {
     /// Serve figures of this process for Prometheus at this address, such as 127.0.0.1:9100
     #[arg(long, value_name = "ADDR")]
     pub metrics: Option<String>,
+    /// Whether ROS 2 hears the mission
+    #[command(flatten)]
+    pub ros2: Ros2Arguments,
 }
 
 impl RunArguments {
@@ -213,6 +217,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         arguments.tlog.as_deref(),
         arguments.force,
     )?;
+    let ros2 = Ros2::open(&arguments.ros2, &setup)?;
     let options = page::options_of_run(
         outside.has_links(),
         folder.join("report.html"),
@@ -243,6 +248,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         outside,
         figures: arguments.metrics.as_deref().map(OfRun::serve).transpose()?,
         ground_station,
+        ros2,
         team: setup
             .scenario
             .vehicles
@@ -254,6 +260,9 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         page,
     };
     let failed = flight.fly().err();
+    if let Some(ros2) = flight.ros2.take() {
+        ros2.close();
+    }
     let digest = flight.run.digest();
     let wall_s = flight.started.elapsed().as_secs_f64();
     flight.show();
@@ -298,6 +307,7 @@ struct Flight {
     /// For whoever watches over the process.
     figures: Option<Arc<OfRun>>,
     ground_station: Option<GroundStation>,
+    ros2: Option<Ros2>,
     /// Ids of all vehicles.
     team: Vec<String>,
 }
@@ -322,6 +332,9 @@ impl Flight {
             let said = self.run.step();
             if let Some(station) = &mut self.ground_station {
                 station.take(said);
+            }
+            if let Some(ros2) = &mut self.ros2 {
+                ros2.take(said);
             }
             self.outputs.take(said);
             if let Some(page) = &mut self.page {

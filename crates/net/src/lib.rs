@@ -8,7 +8,7 @@
 //! joins and who may. [`lockstep`] runs an agent tick by tick under a conductor; [`realtime`] runs
 //! it by the wall clock, with the squadron controller's process keeping the mission's time. Both begin with
 //! [joining](protocol::joining), and all that is said carries a [seal](protocol::seal) of the mission's key.
-//! [`presence`] says who is there and who is missing.
+//! [`presence`] says who is there and who is missing. [`ros2`] is no part of the bus: it tells ROS 2 of a mission.
 //!
 //! ```
 //! use net::{Net, NetOptions};
@@ -47,6 +47,7 @@ mod reach;
 pub mod realtime;
 mod refusals;
 mod remembered;
+pub mod ros2;
 mod session;
 
 pub use figures::Figures;

@@ -4,7 +4,7 @@
 //! - [`columns`]: one row a reading, for CSV and Parquet;
 //! - [`netcdf`]: trajectories by the CF conventions;
 //! - [`geojson`]: readings, tracks and plume for maps;
-//! - [`ros2`]: a bag of ROS 2;
+//! - [`ros2`]: messages of ROS 2, and a bag of them;
 //! - [`foxglove`]: a recording with Foxglove's messages beside its own.
 
 pub mod columns;

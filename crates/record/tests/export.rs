@@ -91,11 +91,7 @@ fn csv_is_observations_and_says_what_was_said() {
 #[test]
 fn a_bag_reads_back_by_its_own_definitions() {
     let flown = flown("ros2");
-    let site = ros2::Site {
-        frame: Some(synthetic::frame()),
-        undulation_m: Some(55.0),
-    };
-    let bag = ros2::bag(&flown, &site, "out").unwrap();
+    let bag = ros2::bag(&flown, Some(synthetic::frame()), Some(55.0), "out").unwrap();
     let mut records = Records::new(&bag.mcap[..]).unwrap();
     let (mut schemas, mut channels) = (BTreeMap::new(), BTreeMap::new());
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();

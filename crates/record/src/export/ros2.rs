@@ -1,17 +1,18 @@
-//! A bag of ROS 2: an MCAP file with messages in CDR, and the text that describes it.
+//! What is said of vehicles, as messages of ROS 2 in CDR, and a bag of them.
 //!
-//! rosbag2, *metadata.yaml* (version 5); mcap.dev, *Well-known encodings*; ROS 2 common interfaces. Of each vehicle
-//! `/vehicle_<name>/` `fix` (sensor_msgs/NavSatFix), `odom` (nav_msgs/Odometry), `velocity` (geometry_msgs/TwistStamped)
-//! and `gas` (plumage_msgs/GasReading, described in the file).
+//! ROS 2 common interfaces. Of each vehicle `/vehicle_<name>/` `fix` (sensor_msgs/NavSatFix), `odom` (nav_msgs/Odometry),
+//! `velocity` (geometry_msgs/TwistStamped) and `gas` (plumage_msgs/GasReading, described in the bag).
 
-use super::{Flown, Moved, Read, pose};
-use crate::RecordError;
+mod bag;
+
+pub use bag::{Bag, bag};
+
+use super::{Read, pose};
 use air::geo::{Geodetic, LocalFrame};
 use formats::cdr::CdrWriter;
-use mcap::records::MessageHeader;
-use mcap::{Compression, WriteOptions};
-use std::collections::BTreeMap;
-use std::io::Cursor;
+use plume::Gas;
+use protocol::message::{Message, State};
+use protocol::{Envelope, Topic};
 
 /// The frame of the site: east, north and up from its origin on the ground.
 const SITE: &str = "map";
@@ -43,16 +44,21 @@ float64 y
 float64 z
 ";
 
-/// What is said of a vehicle: the last part of the topic, the type and its definition.
+/// What is said of a vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Kind {
+pub enum Kind {
+    /// Where it is.
     Fix,
+    /// Where it is in the site's frame, how it lies and how it moves.
     Odometry,
+    /// How fast it goes towards east, north and up.
     Velocity,
+    /// What its gas sensor read.
     Gas,
 }
 
 impl Kind {
+    /// The last part of its topic.
     fn topic(self) -> &'static str {
         match self {
             Self::Fix => "fix",
@@ -62,7 +68,8 @@ impl Kind {
         }
     }
 
-    fn name(self) -> &'static str {
+    /// Name of its type.
+    pub fn name(self) -> &'static str {
         match self {
             Self::Fix => "sensor_msgs/msg/NavSatFix",
             Self::Odometry => "nav_msgs/msg/Odometry",
@@ -71,7 +78,23 @@ impl Kind {
         }
     }
 
-    fn definition(self) -> String {
+    /// The hash of its type (REP 2016), by which subscribers know that they mean the same: by rosbags 0.10 and later,
+    /// `get_typestore(Stores.ROS2_JAZZY)` and `hash_rihs01` of the name, after `register` of [`Self::definition`] for gas.
+    pub fn hash(self) -> &'static str {
+        match self {
+            Self::Fix => "RIHS01_62223ab3fe210a15976021da7afddc9e200dc9ec75231c1b6a557fc598a65404",
+            Self::Odometry => {
+                "RIHS01_3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0"
+            }
+            Self::Velocity => {
+                "RIHS01_5f0fcd4f81d5d06ad9b4c4c63e3ea51b82d6ae4d0558f1d475229b1121db6f64"
+            }
+            Self::Gas => "RIHS01_cede12582d9d4697b02df7ec44e97c53cf359c1fce73a0a77e7a90109cd10b71",
+        }
+    }
+
+    /// Definition of its type, and of those in it.
+    pub fn definition(self) -> String {
         match self {
             Self::Fix => format!(
                 "std_msgs/Header header\nsensor_msgs/NavSatStatus status\nfloat64 latitude\nfloat64 longitude\n\
@@ -111,110 +134,50 @@ impl Kind {
     }
 }
 
-/// A bag's two files.
-#[derive(Debug)]
-pub struct Bag {
-    /// `<name>_0.mcap`.
-    pub mcap: Vec<u8>,
-    /// `metadata.yaml`.
-    pub metadata: String,
+/// A message.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Said {
+    /// Its topic, such as `/vehicle_3/fix`.
+    pub topic: String,
+    /// What it is.
+    pub kind: Kind,
+    /// When what it says was so, ns since 1970.
+    pub at_unix_ns: i64,
+    /// Its bytes.
+    pub cdr: Vec<u8>,
 }
 
-/// How the bag is made.
-#[derive(Debug, Clone, Copy)]
-pub struct Site {
-    /// The frame of positions; around the first reading where there is none.
-    pub frame: Option<LocalFrame>,
+/// Puts what is said of vehicles into messages.
+#[derive(Debug, Clone)]
+pub struct Converter {
+    /// The gas that is read.
+    pub gas: Gas,
+    /// The frame of positions.
+    pub frame: LocalFrame,
     /// Height of the geoid above the ellipsoid, m: NavSatFix counts from the latter, and has no altitude without.
     pub undulation_m: Option<f64>,
 }
 
-struct Writing<'a> {
-    flown: &'a Flown,
-    frame: LocalFrame,
-    undulation_m: Option<f64>,
-    writer: mcap::Writer<Cursor<Vec<u8>>>,
-    /// Channel and number of messages by topic, with its kind.
-    channels: BTreeMap<(usize, Kind), (u16, u32)>,
-}
-
-/// The bag called `name`.
-///
-/// # Errors
-/// [`RecordError::Export`] where the writer fails or the place is none.
-pub fn bag(flown: &Flown, site: &Site, name: &str) -> Result<Bag, RecordError> {
-    let failed = |e: mcap::McapError| RecordError::Export(e.to_string());
-    let around = || {
-        let (lat_deg, lon_deg, alt_amsl_m) = flown
-            .readings
-            .first()
-            .map_or((0.0, 0.0, 0.0), |r| (r.lat_deg, r.lon_deg, r.alt_amsl_m));
-        LocalFrame::new(lat_deg, lon_deg, alt_amsl_m)
-    };
-    let frame = site
-        .frame
-        .map_or_else(around, Ok)
-        .map_err(|e| RecordError::Export(e.to_string()))?;
-    let writer = WriteOptions::new()
-        .profile("ros2")
-        .library(concat!("plumage ", env!("CARGO_PKG_VERSION")))
-        .compression(Some(Compression::Zstd))
-        .create(Cursor::new(Vec::new()))
-        .map_err(failed)?;
-    let mut writing = Writing {
-        flown,
-        frame,
-        undulation_m: site.undulation_m,
-        writer,
-        channels: BTreeMap::new(),
-    };
-    let span = writing.write().map_err(failed)?;
-    writing.writer.finish().map_err(failed)?;
-    let metadata = writing.metadata(name, span);
-    Ok(Bag {
-        mcap: writing.writer.into_inner().into_inner(),
-        metadata,
-    })
-}
-
-impl Writing<'_> {
-    /// Writes all in order of time; the first and the last time, ns since 1970.
-    fn write(&mut self) -> mcap::McapResult<(i64, i64)> {
-        let flown = self.flown;
-        let (mut motions, mut readings) = (
-            flown.motions.iter().peekable(),
-            flown.readings.iter().peekable(),
-        );
-        let mut span: Option<(i64, i64)> = None;
-        loop {
-            let moved = motions.peek().map(|m| m.time_s);
-            let read = readings.peek().map(|r| r.time_s);
-            let time_s = match (moved, read) {
-                (None, None) => break,
-                (Some(moved), read) if read.is_none_or(|read| moved <= read) => {
-                    if let Some(m) = motions.next() {
-                        self.motion(m)?;
-                    }
-                    moved
-                }
-                (_, read) => {
-                    if let Some(r) = readings.next() {
-                        self.reading(r)?;
-                    }
-                    read.unwrap_or_default()
-                }
-            };
-            let at = flown.unix_ns(time_s);
-            span = Some(span.map_or((at, at), |(first, _)| (first, at)));
+impl Converter {
+    /// What an envelope of the bus says, if time zero was `start_unix_ns`; nothing where it is no state and no reading.
+    pub fn take(&self, topic: &Topic, envelope: &Envelope, start_unix_ns: i64) -> Vec<Said> {
+        match (topic, &envelope.message) {
+            (Topic::State(id), Message::State(state)) => {
+                let at = start_unix_ns.saturating_add(envelope.time.ns());
+                self.state(id.as_str(), at, state).into()
+            }
+            (Topic::Reading(id), Message::Reading(reading)) => {
+                let time = reading.read_at(envelope.time);
+                let at = start_unix_ns.saturating_add(time.ns());
+                vec![self.reading(id.as_str(), at, &Read::of(time, 0, reading, None))]
+            }
+            _ => Vec::new(),
         }
-        Ok(span.unwrap_or_default())
     }
 
-    fn motion(&mut self, moved: &Moved) -> mcap::McapResult<()> {
-        let state = &moved.state;
-        let at = self.flown.unix_ns(moved.time_s);
+    /// Where the vehicle was and how it moved.
+    fn state(&self, vehicle: &str, at: i64, state: &State) -> [Said; 3] {
         let place = [state.lat_deg, state.lon_deg, state.alt_amsl_m];
-        self.fix(moved.vehicle, at, place)?;
         let foot = self.frame.to_enu(Geodetic {
             lat_deg: state.lat_deg,
             lon_deg: state.lon_deg,
@@ -222,7 +185,7 @@ impl Writing<'_> {
         let up_m = state.alt_amsl_m - self.frame.ground_amsl_m;
         let attitude = pose::quaternion(state);
         let velocity = pose::velocity_enu(state);
-        let child = format!("{}/base_link", self.namespace(moved.vehicle));
+        let child = format!("{}/base_link", namespace(vehicle));
         let odometry = CdrWriter::default()
             .header(at, SITE)
             .string(&child)
@@ -232,108 +195,58 @@ impl Writing<'_> {
             .f64s(&pose::into_body(attitude, velocity))
             .f64s(&[0.0; 3])
             .f64s(&NO_COVARIANCE);
-        self.say(moved.vehicle, Kind::Odometry, at, odometry)?;
         let twist = CdrWriter::default()
             .header(at, SITE)
             .f64s(&velocity)
             .f64s(&[0.0; 3]);
-        self.say(moved.vehicle, Kind::Velocity, at, twist)
+        [
+            self.fix(vehicle, at, place),
+            said(vehicle, Kind::Odometry, at, odometry),
+            said(vehicle, Kind::Velocity, at, twist),
+        ]
     }
 
-    fn reading(&mut self, read: &Read) -> mcap::McapResult<()> {
-        let at = self.flown.unix_ns(read.time_s);
-        if self.flown.motions.is_empty() {
-            self.fix(
-                read.vehicle,
-                at,
-                [read.lat_deg, read.lon_deg, read.alt_amsl_m],
-            )?;
-        }
+    /// What a sensor read.
+    fn reading(&self, vehicle: &str, at: i64, read: &Read) -> Said {
         let known = |value: Option<f64>| value.unwrap_or(f64::NAN);
-        let frame = format!("{}/base_link", self.namespace(read.vehicle));
+        let frame = format!("{}/base_link", namespace(vehicle));
         let gas = CdrWriter::default()
             .header(at, &frame)
-            .string(self.flown.gas.as_str())
+            .string(self.gas.as_str())
             .f64s(&[known(read.ppm), read.lat_deg, read.lon_deg, read.alt_amsl_m])
             .f64s(&[known(read.wind_speed_m_s), known(read.wind_from_deg)])
             .f64s(&[known(read.temperature_c), known(read.pressure_hpa)]);
-        self.say(read.vehicle, Kind::Gas, at, gas)
+        said(vehicle, Kind::Gas, at, gas)
     }
 
-    fn fix(&mut self, vehicle: usize, at: i64, [lat, lon, alt]: [f64; 3]) -> mcap::McapResult<()> {
+    /// Where a vehicle was: latitude and longitude, degrees, and altitude, m above mean sea level.
+    fn fix(&self, vehicle: &str, at: i64, [lat_deg, lon_deg, alt_amsl_m]: [f64; 3]) -> Said {
         let altitude = self
             .undulation_m
-            .map_or(f64::NAN, |undulation| alt + undulation);
-        let frame = format!("{}/base_link", self.namespace(vehicle));
+            .map_or(f64::NAN, |undulation| alt_amsl_m + undulation);
+        let frame = format!("{}/base_link", namespace(vehicle));
         let fix = CdrWriter::default()
             .header(at, &frame)
             .byte(FIX)
             .u16(GPS)
-            .f64s(&[lat, lon, altitude])
+            .f64s(&[lat_deg, lon_deg, altitude])
             .f64s(&[0.0; 9])
             .byte(0);
-        self.say(vehicle, Kind::Fix, at, fix)
+        said(vehicle, Kind::Fix, at, fix)
     }
+}
 
-    /// Names of ROS have letters, digits and underscores.
-    fn namespace(&self, vehicle: usize) -> String {
-        let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
-        let name = &self.flown.vehicles[vehicle].name;
-        format!("vehicle_{}", name.chars().map(plain).collect::<String>())
+fn said(vehicle: &str, kind: Kind, at_unix_ns: i64, cdr: CdrWriter) -> Said {
+    Said {
+        topic: format!("/{}/{}", namespace(vehicle), kind.topic()),
+        kind,
+        at_unix_ns,
+        cdr: cdr.finish(),
     }
+}
 
-    fn topic(&self, vehicle: usize, kind: Kind) -> String {
-        format!("/{}/{}", self.namespace(vehicle), kind.topic())
-    }
-
-    fn say(&mut self, vehicle: usize, kind: Kind, at: i64, cdr: CdrWriter) -> mcap::McapResult<()> {
-        let (channel_id, sequence) = match self.channels.get_mut(&(vehicle, kind)) {
-            Some(channel) => {
-                channel.1 += 1;
-                *channel
-            }
-            None => {
-                let definition = kind.definition();
-                let schema =
-                    self.writer
-                        .add_schema(kind.name(), "ros2msg", definition.as_bytes())?;
-                let quality = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
-                let topic = self.topic(vehicle, kind);
-                let id = self.writer.add_channel(schema, &topic, "cdr", &quality)?;
-                self.channels.insert((vehicle, kind), (id, 1));
-                (id, 1)
-            }
-        };
-        let time = u64::try_from(at).unwrap_or(0);
-        let header = MessageHeader {
-            channel_id,
-            sequence,
-            log_time: time,
-            publish_time: time,
-        };
-        self.writer.write_to_known_channel(&header, &cdr.finish())
-    }
-
-    /// What `metadata.yaml` says of the file `<name>_0.mcap`.
-    fn metadata(&self, name: &str, (first, last): (i64, i64)) -> String {
-        let count: u32 = self.channels.values().map(|(_, count)| count).sum();
-        let duration = last - first;
-        let topics = self.channels.iter().map(|((vehicle, kind), (_, count))| {
-            format!(
-                "    - topic_metadata:\n        name: {}\n        type: {}\n        serialization_format: cdr\n        \
-                 offered_qos_profiles: \"\"\n      message_count: {count}\n",
-                self.topic(*vehicle, *kind),
-                kind.name()
-            )
-        });
-        let topics: String = topics.collect();
-        format!(
-            "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: mcap\n  duration:\n    \
-             nanoseconds: {duration}\n  starting_time:\n    nanoseconds_since_epoch: {first}\n  \
-             message_count: {count}\n  topics_with_message_count:\n{topics}  compression_format: \"\"\n  \
-             compression_mode: \"\"\n  relative_file_paths:\n    - {name}_0.mcap\n  files:\n    - path: {name}_0.mcap\n      \
-             starting_time:\n        nanoseconds_since_epoch: {first}\n      duration:\n        \
-             nanoseconds: {duration}\n      message_count: {count}\n"
-        )
-    }
+/// Names of ROS have letters, digits and underscores.
+fn namespace(vehicle: &str) -> String {
+    let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+    format!("vehicle_{}", vehicle.chars().map(plain).collect::<String>())
 }

@@ -520,5 +520,8 @@ fn main() -> ExitCode {
         ),
         Trial::ignorable_test("the_team_on_a_link_and_in_its_log", sees_the_team),
     ];
-    libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
+    let mut arguments = Arguments::from_args();
+    // Most of the time they wait for what flies in real time.
+    arguments.test_threads.get_or_insert(4);
+    libtest_mimic::run(&arguments, trials).exit_code()
 }

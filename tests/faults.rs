@@ -435,5 +435,8 @@ fn main() -> ExitCode {
             ends_beside_one_that_is_stopped,
         ),
     ];
-    libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
+    let mut arguments = Arguments::from_args();
+    // Most of the time they wait for what flies in real time.
+    arguments.test_threads.get_or_insert(4);
+    libtest_mimic::run(&arguments, trials).exit_code()
 }

@@ -1,16 +1,15 @@
 //! Bytes of a MAVLink link into the bridge: no panic, the same frames wherever the stream is cut, and
 //! nothing goes out that is not a frame.
 //!
-//! Of random bytes hardly any has a right checksum. So an input whose first byte is odd is read as
-//! payloads, each behind its message's number and length, and made into frames here.
+//! An input whose first byte is odd is read as payloads and made into frames here.
 
 #![no_main]
 
+mod frames;
+
+use frames::{decoded, frames};
 use libfuzzer_sys::fuzz_target;
-use mav_bridge::dialect::MavMessage;
-use mav_bridge::wire::FrameDecoder;
 use mav_bridge::{Bridge, BridgeConfig, BridgeOutput};
-use mavlink::{Message as _, calculate_crc};
 use protocol::SimTime;
 
 /// What ArduPlane sends, and ground stations.
@@ -19,44 +18,13 @@ const NUMBERS: [u32; 26] = [
     12920, 147, 32, 242,
 ];
 
-fn frames(mut data: &[u8]) -> Vec<u8> {
-    let mut stream = Vec::new();
-    let mut sequence = 0_u8;
-    while let [number, length, rest @ ..] = data {
-        let id = NUMBERS[usize::from(*number) % NUMBERS.len()];
-        let (payload, rest) = rest.split_at(usize::from(*length).min(rest.len()));
-        data = rest;
-        let [low, middle, high, _] = id.to_le_bytes();
-        // System 1, component 1: an autopilot.
-        let head = [payload.len() as u8, 0, 0, sequence, 1, 1, low, middle, high];
-        let body = [&head[..], payload].concat();
-        let checksum = calculate_crc(&body, MavMessage::extra_crc(id));
-        stream.push(0xFD);
-        stream.extend_from_slice(&body);
-        stream.extend_from_slice(&checksum.to_le_bytes());
-        sequence = sequence.wrapping_add(1);
-    }
-    stream
-}
-
-fn decoded(pieces: impl Iterator<Item = Vec<u8>>) -> Vec<Vec<u8>> {
-    let mut decoder = FrameDecoder::new();
-    let mut found = Vec::new();
-    for piece in pieces {
-        decoder.push(&piece);
-        while let Some(frame) = decoder.next_frame(SimTime::ZERO) {
-            found.push(frame.into_bytes());
-        }
-    }
-    found
-}
-
 fuzz_target!(|data: &[u8]| {
     let Some((kind, data)) = data.split_first() else {
         return;
     };
     let stream = if kind % 2 == 1 {
-        frames(data)
+        // System 1: an autopilot.
+        frames(&NUMBERS, 1, data)
     } else {
         data.to_vec()
     };

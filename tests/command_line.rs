@@ -68,6 +68,11 @@ fn options_are_refused_in_words_and_a_broken_pipe_is_no_panic() {
         2,
         &["--seed", "expected a whole number"],
     );
+    refused(
+        &plumage(&["run", SCENARIO, "--no-serve", "--ros2=nonsense"]),
+        2,
+        &["endpoint nonsense: expected PROTOCOL/ADDRESS"],
+    );
     let wrong = folder("wrong-toml").join("wrong.toml");
     std::fs::write(
         &wrong,

@@ -69,6 +69,11 @@ pub enum NetError {
         /// What Zenoh says to it.
         why: String,
     },
+    /// What is no place to listen or to connect to.
+    #[error(
+        "endpoint {0}: expected PROTOCOL/ADDRESS:PORT, such as tcp/127.0.0.1:7447 or tls/[2001:db8::1]:7447"
+    )]
+    Endpoint(String),
     /// Zenoh refused or failed: an endpoint that is taken, a session that is closed.
     #[error("network: {0}")]
     Zenoh(String),
@@ -108,6 +113,19 @@ pub enum NetError {
         /// The tick that was not finished.
         tick: u64,
     },
+}
+
+/// Whether all of `endpoints` may be places.
+///
+/// # Errors
+/// [`NetError::Endpoint`] with the first that is none.
+fn check_endpoints(endpoints: impl IntoIterator<Item: AsRef<str>>) -> Result<(), NetError> {
+    for endpoint in endpoints {
+        let endpoint = endpoint.as_ref();
+        let parsed: Result<zenoh::config::EndPoint, _> = endpoint.parse();
+        parsed.map_err(|_| NetError::Endpoint(endpoint.to_owned()))?;
+    }
+    Ok(())
 }
 
 impl NetError {

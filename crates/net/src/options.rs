@@ -53,20 +53,31 @@ pub struct TlsFiles {
     pub mutual: bool,
 }
 
+/// Sets an option of Zenoh.
+///
+/// # Errors
+/// [`NetError::Option`].
+pub(crate) fn set(
+    config: &mut zenoh::Config,
+    key: &str,
+    value: serde_json::Value,
+) -> Result<(), NetError> {
+    let value = value.to_string();
+    config
+        .insert_json5(key, &value)
+        .map_err(|e| NetError::Option {
+            key: key.to_owned(),
+            value,
+            why: e.to_string(),
+        })
+}
+
 impl NetOptions {
     /// What Zenoh calls all this.
     pub(crate) fn configuration(&self) -> Result<zenoh::Config, NetError> {
+        crate::check_endpoints(self.listen.iter().chain(&self.connect))?;
         let mut config = zenoh::Config::default();
-        let mut set = |key: &str, value: serde_json::Value| {
-            let value = value.to_string();
-            config
-                .insert_json5(key, &value)
-                .map_err(|e| NetError::Option {
-                    key: key.to_owned(),
-                    value,
-                    why: e.to_string(),
-                })
-        };
+        let mut set = |key: &str, value: serde_json::Value| set(&mut config, key, value);
         set("mode", "peer".into())?;
         set("scouting/multicast/enabled", false.into())?;
         set("scouting/gossip/enabled", true.into())?;

@@ -5,7 +5,8 @@
 //! `@ros2_lv`; a message carries its number, its time and its publisher's id. The session is one of its own: nothing of
 //! the mission's bus is seen from there, and nothing said there reaches the bus.
 
-use crate::NetError;
+use crate::options::set;
+use crate::{NetError, check_endpoints};
 use futures_core::future::BoxFuture;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -116,6 +117,7 @@ impl Node {
 
 /// A session as ROS 2's own: a peer that is told of the others by whom it connects to.
 fn configuration(endpoint: &str) -> Result<zenoh::Config, NetError> {
+    check_endpoints([endpoint])?;
     let mut config = zenoh::Config::default();
     for (key, value) in [
         ("mode", serde_json::json!("peer")),
@@ -126,14 +128,7 @@ fn configuration(endpoint: &str) -> Result<zenoh::Config, NetError> {
         ("connect/timeout_ms", (-1).into()),
         ("connect/exit_on_failure", false.into()),
     ] {
-        let value = value.to_string();
-        config
-            .insert_json5(key, &value)
-            .map_err(|e| NetError::Option {
-                key: key.to_owned(),
-                value,
-                why: e.to_string(),
-            })?;
+        set(&mut config, key, value)?;
     }
     Ok(config)
 }

@@ -5,7 +5,8 @@ const BASE = {
   paper_bgcolor: "#fff", plot_bgcolor: "#fff", hovermode: "closest",
   font: { family: "system-ui, 'Segoe UI', Roboto, sans-serif", size: 12.5, color: "#3a3f48" },
   margin: { l: 58, r: 14, t: 14, b: 46 },
-  legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0, font: { size: 12 } },
+  // Readings are small points in a map, and large enough to be told apart beside their names.
+  legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0, font: { size: 12 }, itemsizing: "constant" },
 };
 const AXIS = { gridcolor: "#eceef1", zeroline: false, linecolor: "#9aa0ab", showline: true, ticks: "outside", tickcolor: "#9aa0ab", automargin: true };
 

@@ -46,7 +46,7 @@ pub(super) fn map(
     data.extend(truth.map(|p| peak(p, "true peak", "cross-thin-open", "#16181d")));
     data.extend(after.map(|model| axis(site, model, area)));
     json!({"data": data, "layout": {
-        "annotations": after.map(wind).into_iter().collect::<Vec<_>>(),
+        "annotations": after.map(wind).into_iter().flatten().collect::<Vec<_>>(),
         "xaxis": {"title": {"text": "east, km"}, "range": [km(area.low.east_m), km(area.high.east_m)],
                   "constrain": "domain"},
         "yaxis": {"title": {"text": "north, km"}, "range": [km(area.low.north_m), km(area.high.north_m)],
@@ -64,15 +64,18 @@ fn axis(site: &SiteMap, model: &Model, area: Area) -> Value {
         "line": {"color": "rgba(47,111,159,.8)", "width": 1.2, "dash": "dashdot"}})
 }
 
-/// The wind in words with an arrow that goes with it, in the map's upper right.
-fn wind(model: &Model) -> Value {
+/// The wind in words, and below them an arrow that goes with it, in the map's upper right.
+fn wind(model: &Model) -> [Value; 2] {
     let (sin, cos) = model.axis_deg.value.to_radians().sin_cos();
     let from_deg = wrap_deg(model.axis_deg.value + 180.0);
-    // The arrow's tail is half its length behind the middle of its text, in pixels with y downwards.
-    json!({"xref": "paper", "yref": "paper", "x": 0.97, "y": 0.95, "ax": -44.0 * sin, "ay": 44.0 * cos,
-        "showarrow": true, "arrowhead": 2, "arrowwidth": 2.5, "arrowcolor": "#2f6f9f",
-        "text": format!("wind {:.1} m/s from {from_deg:.0}°", model.wind_speed_m_s),
-        "font": {"color": "#2f6f9f"}, "bgcolor": "rgba(255,255,255,.8)"})
+    let words = json!({"xref": "paper", "yref": "paper", "x": 0.98, "y": 0.98, "xanchor": "right", "yanchor": "top",
+        "showarrow": false, "text": format!("wind {:.1} m/s from {from_deg:.0}°", model.wind_speed_m_s),
+        "font": {"color": "#2f6f9f"}, "bgcolor": "rgba(255,255,255,.8)"});
+    // In pixels with y downwards: its middle stands below the middle of the words, its tail a whole length behind its head.
+    let arrow = json!({"xref": "paper", "yref": "paper", "x": 0.98, "y": 0.98, "text": "",
+        "xshift": -70.0 + 22.0 * sin, "yshift": -52.0 + 22.0 * cos, "ax": -44.0 * sin, "ay": 44.0 * cos,
+        "showarrow": true, "arrowhead": 2, "arrowwidth": 2.5, "arrowcolor": "#2f6f9f"});
+    [words, arrow]
 }
 
 fn plumes(site: &SiteMap, model: &Model, area: Area) -> Vec<Value> {
@@ -130,6 +133,15 @@ const NAMED_VEHICLES: usize = 12;
 
 fn track_traces(site: &SiteMap, tracks: &Tracks) -> Vec<Value> {
     let scale: Vec<Value> = stops().into_iter().map(|(at, c)| json!([at, c])).collect();
+    // Readings below its foot and above its head have the colours of these.
+    let (low, high) = (site.shown.grey_ppm, site.shown.red_ppm);
+    let ticks = [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0].map(|along| low + along * (high - low));
+    let signs = ["≤ ", "", "", "≥ "];
+    let labels: Vec<String> = signs
+        .iter()
+        .zip(ticks)
+        .map(|(sign, ppm)| format!("{sign}{}", site.shown.number(ppm)))
+        .collect();
     let simulated = |t: &VehicleTrack| t.kind == VehicleKind::Simulated;
     let mut by_vehicle = tracks.by_vehicle().iter();
     let first_simulated = by_vehicle.find(|(_, t)| simulated(t)).map(|(id, _)| id);
@@ -155,9 +167,10 @@ fn track_traces(site: &SiteMap, tracks: &Tracks) -> Vec<Value> {
             "marker": {"size": points.iter().map(|p| size(real, site.shown.along(p.co2_ppm))).collect::<Vec<_>>(),
                 "line": {"width": 0}, "symbol": if real { "diamond" } else { "circle" },
                 "color": points.iter().map(|p| rounded(p.co2_ppm, 10.0 * site.shown.steps_per_ppm())).collect::<Vec<_>>(),
-                "colorscale": scale, "cmin": site.shown.grey_ppm, "cmax": site.shown.red_ppm,
+                "colorscale": scale, "cmin": low, "cmax": high,
                 "showscale": i == 0,
-                "colorbar": {"title": {"text": site.shown.axis()}, "thickness": 12, "len": 0.6}}})
+                "colorbar": {"title": {"text": site.shown.axis()}, "thickness": 12, "len": 0.6, "tickvals": ticks,
+                    "ticktext": labels}}})
     };
     let mut traces: Vec<Value> = tracks.by_vehicle().iter().enumerate().map(trace).collect();
     if each {

@@ -7,6 +7,7 @@ stated for ours; that of the others is what they have by default.
 import argparse
 import os
 import time
+from importlib.metadata import version
 
 import numpy as np
 
@@ -49,7 +50,7 @@ def pyflyt():
     import gymnasium
     import PyFlyt.gym_envs  # noqa: F401
 
-    return gymnasium.make("PyFlyt/Fixedwing-Waypoints-v4", render_mode=None)
+    return gymnasium.make("PyFlyt/Fixedwing-Waypoints-v3", render_mode=None)
 
 
 def gym_pybullet_drones():
@@ -65,11 +66,12 @@ def main() -> None:
     print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}")
     for step_s, air in ((0.04, "steady"), (0.1, "steady"), (1.0, "steady"), (1.0, "unsteady")):
         print(f"1,024 searches, {step_s} s a step, {air:8} {ours(step_s, air, seconds):12,.0f} agent-steps/s")
-    for name, make in (("PyFlyt fixed wing", pyflyt), ("gym-pybullet-drones", gym_pybullet_drones)):
+    for package, make in (("PyFlyt", pyflyt), ("gym-pybullet-drones", gym_pybullet_drones)):
         try:
-            print(f"{name}, one aircraft {other(make(), seconds):12,.0f} agent-steps/s")
+            per_s = other(make(), seconds)
+            print(f"{package} {version(package)}, one aircraft on one processor {per_s:12,.0f} agent-steps/s")
         except Exception as why:
-            print(f"{name}: left out ({type(why).__name__}: {why})")
+            print(f"{package}: left out ({type(why).__name__}: {why})")
 
 
 if __name__ == "__main__":

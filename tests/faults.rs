@@ -13,7 +13,7 @@ use protocol::Topic;
 use protocol::message::{ControlLevel, Message};
 use std::io::Read as _;
 use std::net::TcpListener;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
 use team::{Team, folder, outputs_are_whole};
@@ -47,6 +47,14 @@ fn start_agents(team: &mut Team) {
     team.start("va/3", vehicle, &["--vehicles", "3,4,5,6"]);
 }
 
+/// Starts its recorder: the folder of the outputs.
+fn start_recorder(team: &mut Team) -> PathBuf {
+    let out = team.folder.join("out");
+    let recorder = env!("CARGO_BIN_EXE_recorder");
+    team.start("clock/recorder", recorder, &["--out", text(&out)]);
+    out
+}
+
 /// A mission in lockstep in which something happens to `victim` (by `signal`) while it flies: all others end in time,
 /// with words that name it, and the outputs hold what was flown.
 fn lockstep_ends(name: &str, victim: &'static str, signal: &str) -> Result<(), Failed> {
@@ -55,13 +63,8 @@ fn lockstep_ends(name: &str, victim: &'static str, signal: &str) -> Result<(), F
         &["--scenario", SCENARIO, "--duration", "2000", "--lockstep"],
     );
     start_agents(&mut team);
-    let out = team.folder.join("out");
+    let out = start_recorder(&mut team);
     let conducted = team.folder.join("conducted");
-    team.start(
-        "clock/recorder",
-        env!("CARGO_BIN_EXE_recorder"),
-        &["--out", out.to_str().unwrap()],
-    );
     team.start(
         "clock/main",
         env!("CARGO_BIN_EXE_plumage"),
@@ -125,12 +128,7 @@ fn lockstep_ends(name: &str, victim: &'static str, signal: &str) -> Result<(), F
 fn recorder_terminates() -> Result<(), Failed> {
     let mut team = here("terminate", &["--scenario", SCENARIO, "--duration", "600"]);
     start_agents(&mut team);
-    let out = team.folder.join("out");
-    team.start(
-        "clock/recorder",
-        env!("CARGO_BIN_EXE_recorder"),
-        &["--out", out.to_str().unwrap()],
-    );
+    let out = start_recorder(&mut team);
     let flies = |team: &Team| {
         let recorder = team
             .processes
@@ -235,12 +233,7 @@ fn disk_fills_up() -> Result<Completion, Failed> {
 fn stopped_and_back() -> Result<(), Failed> {
     let mut team = here("stopped", &["--scenario", SCENARIO, "--duration", "600"]);
     start_agents(&mut team);
-    let out = team.folder.join("out");
-    team.start(
-        "clock/recorder",
-        env!("CARGO_BIN_EXE_recorder"),
-        &["--out", out.to_str().unwrap()],
-    );
+    let out = start_recorder(&mut team);
     team.wait("all meet", Duration::from_secs(30), Team::all_meet)?;
     for victims in [
         &["va/2", "clock/recorder"][..],
@@ -297,9 +290,7 @@ fn stopped_and_back() -> Result<(), Failed> {
 fn started_again() -> Result<(), Failed> {
     let mut team = here("again", &["--scenario", SCENARIO, "--duration", "2100"]);
     start_agents(&mut team);
-    let out = team.folder.join("out");
-    let recorder = env!("CARGO_BIN_EXE_recorder");
-    team.start("clock/recorder", recorder, &["--out", text(&out)]);
+    let out = start_recorder(&mut team);
     team.wait("all meet", Duration::from_secs(30), Team::all_meet)?;
     // The second to take off, vehicle 1 is in the air 18 s after the mission's start.
     std::thread::sleep(Duration::from_secs(22));
@@ -377,9 +368,7 @@ fn started_again() -> Result<(), Failed> {
 fn ends_beside_one_that_is_stopped() -> Result<(), Failed> {
     let mut team = here("beside", &["--scenario", SCENARIO, "--duration", "20"]);
     start_agents(&mut team);
-    let out = team.folder.join("out");
-    let recorder = env!("CARGO_BIN_EXE_recorder");
-    team.start("clock/recorder", recorder, &["--out", text(&out)]);
+    start_recorder(&mut team);
     team.wait("all meet", Duration::from_secs(18), Team::all_meet)?;
     team.of("clock/recorder").signal("-STOP");
     let until = Instant::now() + Duration::from_secs(50);

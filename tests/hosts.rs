@@ -26,9 +26,11 @@ const SCENARIO: &str = "../scenarios/as-pontes-steady.toml";
 const OUT_OF_ORDER: Duration = Duration::from_secs(12);
 /// By then all meet again.
 const HEALS_WITHIN: Duration = Duration::from_secs(10);
-/// By then a vehicle that has to come home by itself does, s.
+/// By then a vehicle that has to come home by itself does, s: 5 s after the last word (docs/operations.md), and a second in
+/// which it acts and is heard.
 const GUARDIAN_WITHIN_S: f64 = 6.0;
-/// A silence that calls for nothing, s: vehicles come home after 5 s, which they count from what they heard.
+/// A silence that calls for nothing, s: vehicles come home after 5 s, which they count from what they heard. A choice: the recorder
+/// looks ten times a second, and may hear the last word a look later than they and the next one a look sooner.
 const SILENCE_S: f64 = 4.8;
 /// Missions that run at once.
 const AT_ONCE: usize = 6;

@@ -3,9 +3,10 @@
 //! however long the agent itself computes.
 
 use crate::Net;
+use crate::session::lock;
 use protocol::AgentId;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 /// Time between two calls while nothing comes.
@@ -31,7 +32,7 @@ impl Attendance {
         let mut gone = Vec::new();
         for agent in waited_for {
             let unanswered = {
-                let mut calls = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut calls = lock(&self.0);
                 let calls = calls.entry(agent.clone()).or_default();
                 *calls += 1;
                 *calls
@@ -44,8 +45,7 @@ impl Attendance {
             let answer = net.call(agent);
             tokio::spawn(async move {
                 if answer.await {
-                    let mut calls = calls.lock().unwrap_or_else(PoisonError::into_inner);
-                    calls.remove(&called);
+                    lock(&calls).remove(&called);
                 }
             });
         }

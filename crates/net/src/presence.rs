@@ -1,11 +1,12 @@
 //! Who is there: each agent shows itself by a liveliness token for as long as its process lives.
 
 use crate::NetError;
+use crate::session::lock;
 use protocol::AgentId;
 use protocol::key::Name;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Instant;
 use zenoh::sample::SampleKind;
 
@@ -58,7 +59,7 @@ impl Presence {
     }
 
     fn seen(&self) -> MutexGuard<'_, BTreeMap<String, Seen>> {
-        self.agents.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.agents)
     }
 
     /// How often somebody came, or came back.

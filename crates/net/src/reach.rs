@@ -13,11 +13,12 @@
 //! alone may be able to reach him, dials now and then where it was never he who was reached.
 
 use crate::asking::{Asking, prefix as peer_prefix};
+use crate::session::lock;
 use crate::{Figures, Net, NetError};
 use protocol::key::Name;
 use protocol::seal::MissionKey;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use tokio::task::JoinHandle;
 use zenoh::config::{Locator, ZenohId};
@@ -283,10 +284,6 @@ async fn watch(
 /// The question whom a process hears.
 fn whom(zid: &str) -> String {
     format!("hears/{zid}")
-}
-
-fn lock(peers: &Mutex<Peers>) -> std::sync::MutexGuard<'_, Peers> {
-    peers.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 struct Dialler {

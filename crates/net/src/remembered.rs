@@ -1,12 +1,13 @@
 //! What was last said of where a mission stands, and what time it is, kept by those who hear it for those who start
 //! again: whoever lost his memory with his process asks the others.
 
+use crate::session::lock;
 use crate::{Net, NetError};
 use futures_core::future::BoxFuture;
 use protocol::{Envelope, Topic};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// How long others have to answer, all of them: who is stopped does not.
@@ -20,7 +21,7 @@ pub(crate) struct Remembered(Arc<Mutex<BTreeMap<String, Envelope>>>);
 
 impl Remembered {
     pub(crate) fn take(&self, said: &[(Topic, Envelope)]) {
-        let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut last = lock(&self.0);
         for (topic, envelope) in said {
             // What says by itself where the mission stands.
             if matches!(topic, Topic::State(_) | Topic::Mode(_) | Topic::Plan) {
@@ -30,7 +31,7 @@ impl Remembered {
     }
 
     fn of(&self, path: &str) -> Option<Envelope> {
-        let last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let last = lock(&self.0);
         last.get(path).cloned()
     }
 }
@@ -61,10 +62,7 @@ impl Net {
             self.asking().answer("last/**", last).await?;
             let (run, sealer) = (self.run()?, self.sealer());
             let running = move |_: &str| {
-                let said = sealer
-                    .lock()
-                    .unwrap_or_else(PoisonError::into_inner)
-                    .so_far();
+                let said = lock(&sealer).so_far();
                 let now_ns = i64::try_from(start.elapsed().as_nanos()).ok()?;
                 serde_json::to_vec(&Running { now_ns, run, said }).ok()
             };

@@ -13,7 +13,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
-use zenoh::bytes::Encoding;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
@@ -232,7 +231,6 @@ impl Speaker {
         let publisher = self
             .session
             .declare_publisher(self.place.topic(said))
-            .encoding(Encoding::default())
             .congestion_control(CongestionControl::Block)
             .await
             .map_err(NetError::zenoh)?;

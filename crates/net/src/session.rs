@@ -86,7 +86,7 @@ impl Net {
                 check: Arc::new(Mutex::new(SealCheck::new(key.clone()))),
                 key,
                 introduction: None,
-                connects: !options.connect.is_empty(),
+                connects: dials,
                 run: Mutex::default(),
                 announced: AtomicBool::new(false),
                 tells_for: Arc::default(),

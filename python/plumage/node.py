@@ -1,7 +1,7 @@
 """A node that joins a live mission over Zenoh: it hears what is said in every encoding, and says what an operator or a
 strategy outside the program may say.
 
-Needs ``pip install 'plumage[node]'`` and a mission in real time or lockstep (README, "Several processes").
+Needs ``pip install 'plumage[node]'`` and a mission in real time or lockstep (docs/processes.md).
 
 >>> with Node("as-pontes", connect="tcp/127.0.0.1:7447") as node:          # doctest: +SKIP
 ...     for topic, envelope in node.messages("va/*/reading", timeout_s=10.0):
@@ -45,7 +45,7 @@ class Node:
     mission: its name, as in the scenario.
     connect: where a process of the mission listens.
     listen: where others of the mission reach this node: on this machine alone, unless stated.
-    config: of Zenoh, in place of the two, such as for TLS and passwords (README, "Several processes").
+    config: of Zenoh, in place of the two, such as for TLS and passwords (docs/processes.md).
     mission_key: file of the mission's key, which is needed to say something. Without one the key is found as the commands find
         it: in PLUMAGE_MISSION_KEY, or on the mission's own host in this user's file of it.
     """

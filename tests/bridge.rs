@@ -117,7 +117,11 @@ fn a_hand_back_is_answered_and_the_bridge_stays_until_its_vehicle_is_down() {
     assert!(runs(&mut bridge), "{}", said());
     interrupt();
     assert!(!runs(&mut bridge), "{}", said());
-    assert!(said().contains("left to its own failsafe"), "{}", said());
+    assert!(
+        said().contains("real vehicles rely on their own failsafe"),
+        "{}",
+        said()
+    );
 }
 
 fn swap(vehicle: &str, options: &[&str], bus: &[&str]) -> Output {
@@ -176,7 +180,11 @@ fn a_real_aircraft_takes_the_place_of_a_simulated_one_and_is_not_let_go_in_the_a
     let _aircraft = spawn(env!("CARGO_BIN_EXE_mav-bridge"), &stand_in, Stdio::null());
     let link = format!("udpin:{udp}");
     let made = swap("3", &["--real", &link, "--may-arm"], &bus);
-    told(&made, 0, &format!("a real aircraft on {link} from now on"));
+    told(
+        &made,
+        0,
+        &format!("a real aircraft on {link} now flies as this vehicle"),
+    );
     told(
         &swap("3", &["--real", &link], &bus),
         1,
@@ -186,7 +194,7 @@ fn a_real_aircraft_takes_the_place_of_a_simulated_one_and_is_not_let_go_in_the_a
     // Nobody is on this link: after 30 s the simulated vehicle 2 goes on.
     let nobody = UdpSocket::bind(free).unwrap().local_addr().unwrap();
     let nobody = format!("udpin:{nobody}");
-    let real = format!("a real aircraft on {nobody} from now on");
+    let real = format!("a real aircraft on {nobody} now flies as this vehicle");
     told(&swap("2", &["--real", &nobody], &bus), 0, &real);
     told(
         &swap("2", &["--real", &nobody], &bus),
@@ -199,7 +207,7 @@ fn a_real_aircraft_takes_the_place_of_a_simulated_one_and_is_not_let_go_in_the_a
     told(
         &swap("3", &["--simulated"], &bus),
         1,
-        "in the air and nobody flies it",
+        "is in the air; its pilot must take over or land it first",
     );
     wait_s(6);
     told(

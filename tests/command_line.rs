@@ -252,7 +252,7 @@ fn a_mission_that_cannot_be_flown_is_refused_before_anything_is_written() {
         &plumage(&run),
         2,
         &[
-            "refused before take-off: wind",
+            "rejected before take-off: wind",
             "16.2 m/s at 120 m",
             "expected",
         ],
@@ -297,11 +297,21 @@ fn wrong_scenarios_exit_with_2_and_say_where() {
         2,
         &["real, max or a positive factor"],
     );
-    refused(
-        &plumage(&["run", SCENARIO, "--duration=-3", "--no-serve"]),
-        2,
-        &["duration"],
-    );
+    for (option, value, range) in [
+        ("--duration", "-5", "1 to 1000000 s"),
+        ("--duration", "0", "1 to 1000000 s"),
+        ("--seed", "-1", "0 to 9223372036854775807"),
+        ("--speed", "-3", "a positive factor"),
+        ("--speed", "0", "a positive factor"),
+        ("--undulation-m", "900", "-110 to 90 m"),
+    ] {
+        let run = plumage(&["run", SCENARIO, option, value, "--no-serve"]);
+        refused(&run, 2, &[option, range]);
+    }
+    let aircraft = "../aircraft/x8.toml";
+    let tune = ["tune", "--aircraft", aircraft, "--out", "none"];
+    let tune = [&tune[..], &["--candidates", "0"]].concat();
+    refused(&plumage(&tune), 2, &["--candidates", "1 to 100000"]);
     refused(
         &plumage(&["run", SCENARIO, "--tlog", SCENARIO, "--no-serve"]),
         2,
@@ -485,7 +495,7 @@ fn an_extension_is_scored_on_trials_with_maxima_alone_and_one_of_another_kind_re
     assert!(output.status.success(), "{said}");
     for words in [
         "sigma-z-scale in unstable air",
-        "Fitted to these data: nothing",
+        "Fitted to these data: none",
     ] {
         assert!(told.contains(words), "{words}: {told}");
     }

@@ -124,7 +124,7 @@ fn lockstep_ends(name: &str, victim: &'static str, signal: &str) -> Result<(), F
     Ok(())
 }
 
-/// The recorder of a mission in real time that is told to terminate, as systemd and docker do.
+/// The recorder of a mission in real time that is asked to terminate, as systemd and docker do.
 fn recorder_terminates() -> Result<(), Failed> {
     let mut team = here("terminate", &["--scenario", SCENARIO, "--duration", "600"]);
     start_agents(&mut team);
@@ -146,13 +146,13 @@ fn recorder_terminates() -> Result<(), Failed> {
     let status = recorder.ends_before(Instant::now() + Duration::from_secs(5))?;
     let said = recorder.said();
     assert!(
-        status.success() && said.contains("told to terminate"),
+        status.success() && said.contains("asked to terminate"),
         "{status}: {said}"
     );
     outputs_are_whole(&out)
 }
 
-/// `plumage run` that is told to terminate.
+/// `plumage run` that is asked to terminate.
 fn run_terminates() -> Result<(), Failed> {
     let out = folder("run-terminates").join("out");
     let mut run = Command::new(env!("CARGO_BIN_EXE_plumage"))
@@ -183,7 +183,7 @@ fn run_terminates() -> Result<(), Failed> {
         .unwrap();
     let status = run.wait().unwrap();
     assert!(
-        status.success() && said.contains("told to terminate"),
+        status.success() && said.contains("asked to terminate"),
         "{status}: {said}"
     );
     outputs_are_whole(&out)
@@ -217,7 +217,7 @@ fn disk_fills_up() -> Result<Completion, Failed> {
     let (out, told) = (text(&ran.stdout), text(&ran.stderr));
     assert_eq!(ran.status.code(), Some(1), "{out}{told}");
     assert!(told.contains("No space left on device"), "{told}");
-    assert!(told.contains("the recording ends at"), "{told}");
+    assert!(told.contains("the recording stopped at"), "{told}");
     // The whole mission was flown, and what was found is said.
     assert!(out.contains("Flown: 15 min"), "{out}");
     for name in ["summary.json", "report.html", "tracks.kml", "mission.mcap"] {
@@ -279,7 +279,7 @@ fn stopped_and_back() -> Result<(), Failed> {
     assert!(
         events
             .iter()
-            .any(|text| text.starts_with("ws/main is missing since")),
+            .any(|text| text.starts_with("ws/main is missing: no heartbeat since")),
         "{events:#?}"
     );
     Ok(())

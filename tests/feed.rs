@@ -174,7 +174,7 @@ fn what_cannot_be_fed_in_is_refused() {
     );
     refused(
         &["--feed", "obs.csv", "--feed-start", "soon"],
-        "expected seconds since the mission's start",
+        "expected 0 to 1000000 s since the mission's start",
     );
     std::fs::write(folder.join("obs.csv"), "time_s,platform\n0,drone\n").unwrap();
     refused(&["--feed", "obs.csv"], "column lat_deg: missing");

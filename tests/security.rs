@@ -57,11 +57,7 @@ fn one_command_and_one_option_fly_a_mission_with_keys() {
     let out = folder.join("keys");
     let made = new_keys(&out, &["ground=127.0.0.1=sc,ws,watch", "air=127.0.0.1=va"]);
     assert!(made.status.success(), "{made:?}");
-    refused(
-        &new_keys(&out, &["air=127.0.0.1"]),
-        2,
-        &["is there already"],
-    );
+    refused(&new_keys(&out, &["air=127.0.0.1"]), 2, &["exists already"]);
     let endpoint = free_endpoint();
     let mission = ["--scenario", SCENARIO, "--duration", "5"];
     let start = |program: &str, host: &str, arguments: &[&str]| {

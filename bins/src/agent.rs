@@ -5,7 +5,7 @@ use crate::interrupts::Interrupts;
 use crate::links::{self, Links};
 use crate::resume::resume;
 use crate::weather_file::WeatherFile;
-use crate::{Failure, host_keys, metrics, mission_files, preflight, presence, tls};
+use crate::{Failure, host_keys, metrics, mission_files, preflight, presence, ranges, tls};
 use anyhow::Context as _;
 use mav_bridge::link::LinkAddress;
 use mav_bridge::signing::SigningConfig;
@@ -28,55 +28,68 @@ use tasks::mission_key;
 
 /// How a process joins the bus of a mission.
 #[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Bus")]
 pub struct BusArguments {
-    /// Scenario of the mission (TOML), the same for all its processes
-    #[arg(long, value_name = "FILE")]
+    /// Scenario of the mission (TOML); all processes of a mission need the same one
+    #[arg(long, value_name = "FILE", help_heading = "Mission")]
     pub scenario: PathBuf,
-    /// Seed of every random number, instead of the scenario's
-    #[arg(long)]
+    /// Seed of all random numbers, 0 to 2^63 - 1; all processes need the same one [default: the scenario's]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = ranges::seed,
+        allow_negative_numbers = true,
+        help_heading = "Mission"
+    )]
     pub seed: Option<u64>,
-    /// Length of the mission in simulated seconds, instead of the scenario's
-    #[arg(long, value_name = "S")]
+    /// Length of the mission, 1 to 1000000 simulated s [default: the scenario's]
+    #[arg(
+        long,
+        value_name = "S",
+        value_parser = ranges::duration_s,
+        allow_negative_numbers = true,
+        help_heading = "Mission"
+    )]
     pub duration: Option<f64>,
-    /// Gas that is read: that of the first source if not given
-    #[arg(long, value_name = "GAS")]
+    /// Gas that the sensors measure: co2, ch4, so2, co, no2, nh3, h2s or sf6 [default: that of the first source]
+    #[arg(long, value_name = "GAS", help_heading = "Mission")]
     pub gas: Option<Gas>,
-    /// Tick by tick under a conductor (plumage conduct) instead of by the wall clock
+    /// Run in lockstep under `plumage conduct`, not in real time
     #[arg(long)]
     pub lockstep: bool,
-    /// Endpoint to listen on, such as tcp/127.0.0.1:7447; may be repeated
+    /// Listen on this endpoint, such as tcp/192.0.2.1:7447; repeatable [default for sc: tcp/127.0.0.1:7447]
     #[arg(long, value_name = "ENDPOINT")]
     pub listen: Vec<String>,
-    /// Endpoint to connect to; may be repeated
+    /// Connect to this endpoint, such as tcp/192.0.2.1:7447; repeatable [default for all but sc: tcp/127.0.0.1:7447]
     #[arg(long, value_name = "ENDPOINT")]
     pub connect: Vec<String>,
-    /// Publish JSON instead of bincode
+    /// Publish messages as JSON, not bincode
     #[arg(long)]
     pub json: bool,
-    /// Certificate of the authority behind TLS endpoints (PEM)
-    #[arg(long, value_name = "FILE")]
-    pub tls_ca: Option<String>,
-    /// Own certificate for TLS endpoints that listen (PEM)
-    #[arg(long, value_name = "FILE", requires = "tls_ca")]
-    pub tls_certificate: Option<String>,
-    /// Own private key for TLS endpoints that listen (PEM)
-    #[arg(long, value_name = "FILE", requires = "tls_ca")]
-    pub tls_key: Option<String>,
-    /// Folder of this host that `plumage keys new` has written: encryption, who may say what, and the mission's key
+    /// Folder of this host from `plumage keys new`: TLS certificates, access rules and the mission key
     #[arg(long, value_name = "DIR", conflicts_with_all = ["tls_ca", "mission_key"])]
     pub keys: Option<PathBuf>,
-    /// File with the mission's key, 64 hexadecimal digits, that only its owner may read: who holds it may command the
-    /// team. Else it is read from PLUMAGE_MISSION_KEY; where all processes are on this host they make one themselves
+    /// File with the mission key: 64 hexadecimal digits, readable only by its owner. Whoever has the key can command
+    /// the team [default: PLUMAGE_MISSION_KEY; on a single host, a key file that the first process creates]
     #[arg(long, value_name = "FILE")]
     pub mission_key: Option<PathBuf>,
-    /// User name that this process shows; its password is read from PLUMAGE_PASSWORD
-    #[arg(long)]
+    /// Certificate of the authority that signed the certificates of TLS endpoints (PEM)
+    #[arg(long, value_name = "FILE")]
+    pub tls_ca: Option<String>,
+    /// Certificate of this process, for the TLS endpoints that it listens on (PEM)
+    #[arg(long, value_name = "FILE", requires = "tls_ca")]
+    pub tls_certificate: Option<String>,
+    /// Private key of this process, for the TLS endpoints that it listens on (PEM)
+    #[arg(long, value_name = "FILE", requires = "tls_ca")]
+    pub tls_key: Option<String>,
+    /// User name for listening processes that require a password; the password is read from PLUMAGE_PASSWORD
+    #[arg(long, value_name = "NAME")]
     pub user: Option<String>,
-    /// File of user:password lines that a listening process accepts
+    /// Accept only the users in this file, one user:password a line
     #[arg(long, value_name = "FILE")]
     pub password_file: Option<String>,
-    /// Serve figures of this process for Prometheus at this address, such as 127.0.0.1:9100
-    #[arg(long, value_name = "ADDR")]
+    /// Serve metrics for Prometheus at this address, such as 127.0.0.1:9100
+    #[arg(long, value_name = "ADDR", help_heading = "Integrations")]
     pub metrics: Option<String>,
 }
 
@@ -125,14 +138,16 @@ impl BusArguments {
         let endpoints = || self.listen.iter().chain(&self.connect);
         if let Some(open) = endpoints().find(|e| self.keys.is_some() && !e.starts_with("tls/")) {
             return Err(Failure::usage(format!(
-                "{open}: with --keys everything is encrypted: expected an endpoint as tls/192.0.2.1:7447"
+                "{open}: --keys encrypts all connections; expected a TLS endpoint, such as tls/192.0.2.1:7447"
             )));
         }
         let user_password = match &self.user {
             None => None,
             Some(user) => {
                 let password = std::env::var("PLUMAGE_PASSWORD").map_err(|_| {
-                    Failure::usage("--user: expected its password in PLUMAGE_PASSWORD")
+                    Failure::usage(format!(
+                        "--user {user}: expected its password in the environment variable PLUMAGE_PASSWORD"
+                    ))
                 })?;
                 Some((user.clone(), password))
             }
@@ -270,7 +285,7 @@ fn block_on_until(
             tokio::select! {
                 done = &mut work => done,
                 how = interrupts.next() => {
-                    eprintln!("{how} again: the vehicle is left to its own failsafe");
+                    eprintln!("{how} again: stopped at once; real vehicles rely on their own failsafe");
                     Ok(())
                 }
             }
@@ -386,7 +401,7 @@ fn run_hosted(
     let linked = hosted.iter().find(|a| !a.links.is_empty());
     if let Some(linked) = linked.filter(|_| arguments.lockstep) {
         return Err(Failure::usage(format!(
-            "{}: a real vehicle cannot fly in lockstep; expected no --lockstep",
+            "{}: a real vehicle cannot fly in lockstep; start without --lockstep",
             linked.member.id()
         )));
     }
@@ -517,7 +532,7 @@ impl Around<'_> {
     /// Puts another aircraft in the place of the `k`-th member, as the operator wants.
     fn swap(&mut self, k: usize, member: &mut Member, swap: &Swap) {
         if swap.link.is_none() && self.replaced[k].is_some() {
-            return self.give_back(k, member, "as asked for");
+            return self.give_back(k, member, "the operator asked for it");
         }
         let now = self.clock.now();
         let made = swapped(member, swap, self.setup, now, &mut self.links);
@@ -526,8 +541,8 @@ impl Around<'_> {
             Err(why) => return member.answer_swap(Err(&why)),
         };
         let words = match &swap.link {
-            Some(link) => format!("a real aircraft on {link} from now on"),
-            None => "a simulated aircraft from now on".to_owned(),
+            Some(link) => format!("a real aircraft on {link} now flies as this vehicle"),
+            None => "a simulated aircraft now flies as this vehicle".to_owned(),
         };
         next.answer_swap(Ok(&words));
         self.served[k] = user;
@@ -548,7 +563,7 @@ impl Around<'_> {
         let late = |replaced: &Replaced| self.clock.now() >= replaced.until;
         if self.replaced[k].as_ref().is_some_and(late) {
             let words = format!(
-                "nothing was heard for {} s",
+                "no MAVLink frame came within {} s",
                 HEARD_WITHIN_NS / 1_000_000_000
             );
             self.give_back(k, member, &words);
@@ -561,7 +576,7 @@ impl Around<'_> {
             return;
         };
         let words = format!(
-            "{}: {why}; a simulated aircraft again, from where it was",
+            "{}: {why}; the simulated aircraft flies on from where it was",
             replaced.link
         );
         eprintln!("vehicle {}: {words}", member.id().name());
@@ -664,7 +679,7 @@ fn obey(word: &str, vehicle: &mut RealVehicle) {
     match word.trim() {
         "hand-back" => vehicle.hand_back(),
         "" => {}
-        other => eprintln!("'{other}': expected 'hand-back'"),
+        other => eprintln!("'{other}': unknown command; expected 'hand-back'"),
     }
 }
 

@@ -38,7 +38,7 @@ impl FromStr for Start {
         match (text, seconds()) {
             ("file", _) => Ok(Self::File),
             (_, Some(s)) => Ok(Self::At(s)),
-            _ => Err("expected seconds since the mission's start, or file".to_owned()),
+            _ => Err("expected 0 to 1000000 s since the mission's start, or file".to_owned()),
         }
     }
 }
@@ -108,7 +108,7 @@ impl FeedFiles {
         let observations = checked.observations;
         if observations.readings() == 0 {
             return Err(Failure::usage(format!(
-                "{}: none of {} readings is left after the checks",
+                "{}: the checks rejected all {} readings",
                 names(options.files),
                 raw.readings()
             )));
@@ -157,13 +157,13 @@ impl FeedFiles {
         }
         let (start, end) = (times.start.s(), setup.scenario.mission.duration_s);
         eprintln!(
-            "feeding {} readings of {}: the first at {start:.0} s, the last at {:.0} s of the mission",
+            "feeding {} readings of {}: the first at {start:.0} s, the last at {:.0} s of mission time",
             self.observations.readings(),
             self.ids.join(", "),
             last.s()
         );
         if last.s() > end {
-            eprintln!("warning: the mission ends at {end:.0} s, before the last of them");
+            eprintln!("warning: the mission ends at {end:.0} s, before the last reading");
         }
         Ok((vehicles, last))
     }
@@ -200,7 +200,7 @@ impl LineFeed {
     pub fn new(setup: &Setup, options: &FeedOptions<'_>) -> Result<Self, Failure> {
         if options.files.len() > 1 {
             return Err(Failure::usage(
-                "standard input and files together: expected one or the other",
+                "expected files or standard input (-), not both",
             ));
         }
         let feed = Self {
@@ -257,7 +257,7 @@ impl LineFeed {
 
     /// How many rows were passed on and how many left out, in words.
     pub fn tally(&self) -> String {
-        format!("{} rows fed, {} left out", self.passed, self.left_out)
+        format!("{} rows fed, {} skipped", self.passed, self.left_out)
     }
 
     fn line(&mut self, vehicle: &mut FedVehicle, now: SimTime, line: &str) -> Result<(), Failure> {
@@ -278,7 +278,7 @@ impl LineFeed {
             Ok(None) => {}
             Err(why) => {
                 self.left_out += 1;
-                eprintln!("left out: {why:#}");
+                eprintln!("warning: line skipped: {why:#}");
             }
         }
         Ok(())
@@ -292,7 +292,7 @@ impl LineFeed {
         if *own != streamed.platform {
             if self.left_out == 0 {
                 eprintln!(
-                    "left out: rows of {}: the stream is one of {own}",
+                    "warning: rows of {} skipped: this stream carries only {own}",
                     streamed.platform
                 );
             }
@@ -363,7 +363,7 @@ fn columns_of_json(first: &str, gas: Gas) -> Option<Vec<String>> {
 
 fn object(line: &str) -> anyhow::Result<serde_json::Map<String, serde_json::Value>> {
     serde_json::from_str(line).map_err(|e| {
-        anyhow::anyhow!("standard input: {line}: {e}; expected an object of columns and values")
+        anyhow::anyhow!("standard input: {line}: {e}; expected a JSON object of columns and values")
     })
 }
 

@@ -76,13 +76,13 @@ pub fn addresses(
             (None, [only]) => (*only, argument.as_str()),
             (None, _) => {
                 return Err(Failure::usage(format!(
-                    "--flightgear {argument}: expected ID=HOST:PORT, for there are several vehicles"
+                    "--flightgear {argument}: expected ID=HOST:PORT, since this process has several vehicles"
                 )));
             }
         };
         let place = ids.iter().position(|known| *known == id).ok_or_else(|| {
             Failure::usage(format!(
-                "--flightgear {argument}: no vehicle '{id}' here; expected one of {}",
+                "--flightgear {argument}: no vehicle '{id}' in this process; expected one of {}",
                 ids.join(", ")
             ))
         })?;

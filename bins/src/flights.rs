@@ -37,7 +37,7 @@ pub fn fly_all<T: Send>(
         for worker in workers {
             let flown: Result<Vec<(u64, T)>, Failure> = worker
                 .join()
-                .map_err(|_| Failure::usage("a mission ended unexpectedly"))?;
+                .map_err(|_| Failure::usage("a mission ended unexpectedly (internal error)"))?;
             flights.extend(flown?);
         }
         Ok(flights)

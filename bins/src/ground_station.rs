@@ -38,7 +38,7 @@ impl TelemetryLog {
         let file = file
             .with_context(|| {
                 format!(
-                    "--tlog {}: cannot make the file (--force replaces one)",
+                    "--tlog {}: cannot create the file (--force replaces one)",
                     path.display()
                 )
             })

@@ -23,7 +23,7 @@ pub fn read(folder: &Path) -> Result<([String; 3], String), Failure> {
         let file = folder.join(name);
         if !file.is_file() {
             return Err(Failure::usage(format!(
-                "--keys {}: no {name} there; expected the folder of this host by `plumage keys new`",
+                "--keys {}: the folder has no {name}; expected the folder of this host from `plumage keys new`",
                 folder.display()
             )));
         }

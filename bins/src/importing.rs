@@ -64,6 +64,6 @@ pub fn read<W: Write>(
 pub fn text(files: &[PathBuf], mapping: &Path) -> Result<(String, Vec<String>), Failure> {
     let map = map(Some(mapping))?;
     let (report, bytes) = read(files, &map, &LogMap::default(), None, || Ok(Vec::new()))?;
-    let text = String::from_utf8(bytes).context("the imported rows are no text")?;
+    let text = String::from_utf8(bytes).context("the imported rows are not valid UTF-8")?;
     Ok((text, report.said))
 }

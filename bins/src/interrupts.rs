@@ -2,7 +2,7 @@
 //! and docker send it. Both mean the same: end in good order, with all outputs.
 
 /// The word for the system's request.
-pub const TERMINATED: &str = "told to terminate";
+pub const TERMINATED: &str = "asked to terminate";
 
 /// Waits for requests to end.
 pub struct Interrupts {

@@ -24,6 +24,7 @@ pub mod plume_lines;
 pub mod preflight;
 pub mod presence;
 pub mod progress;
+pub mod ranges;
 pub mod resume;
 pub mod ros2;
 pub mod site;

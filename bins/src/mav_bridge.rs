@@ -9,7 +9,7 @@ use mission::Setup;
 use mission::real_vehicle::LinkOptions;
 use mission::setup::SigningKey;
 use programs::agent::{self, VehicleOptions, signing_from};
-use programs::{Failure, failure, mission_files};
+use programs::{Failure, failure, mission_files, ranges};
 use protocol::SimTime;
 use scenario::random::stream;
 use stand_in::StandIn;
@@ -18,89 +18,122 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-/// Joins the bus as a real vehicle whose autopilot (ArduPlane) is on a MAVLink link.
+/// Connect real ArduPlane vehicles to the bus by MAVLink
 ///
-/// `mav-bridge stand-in` flies a stand-in for one on a link of its own; see its --help.
+/// `mav-bridge stand-in` simulates such a vehicle on a link of its own; see `mav-bridge stand-in --help`.
 #[derive(Debug, Parser)]
-#[command(name = "mav-bridge", version, about)]
+#[command(
+    name = "mav-bridge",
+    version,
+    about,
+    after_help = "Example: mav-bridge --scenario scenarios/as-pontes.toml --vehicle 6 --link udpin:0.0.0.0:14550"
+)]
 struct BridgeArguments {
     #[command(flatten)]
     bus: agent::BusArguments,
-    /// Ids of the vehicles in the scenario, apart by commas; several share the links, and are told apart by
-    /// their system_id
-    #[arg(long, value_name = "ID", value_delimiter = ',', required = true)]
+    /// Ids of the vehicles in the scenario, separated by commas; several share the links and need different
+    /// system_id in the scenario
+    #[arg(
+        long,
+        value_name = "ID",
+        value_delimiter = ',',
+        required = true,
+        help_heading = "Vehicle"
+    )]
     vehicle: Vec<String>,
-    /// Where the vehicle is: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or
-    /// serial:PATH:BAUD; repeated for one that is heard over several links [default: the vehicle's link in the scenario]
-    #[arg(long)]
+    /// MAVLink link to the vehicle: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or
+    /// serial:PATH:BAUD; repeatable for redundant links [default: the vehicle's link in the scenario]
+    #[arg(long, value_name = "LINK", help_heading = "Vehicle")]
     link: Vec<LinkAddress>,
-    /// MAVLink system of the vehicle [default: its system_id in the scenario, else the one that is heard]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..))]
+    /// MAVLink system id of the vehicle, 1 to 255 [default: its system_id in the scenario, else the first one received]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = clap::value_parser!(u8).range(1..),
+        allow_negative_numbers = true,
+        help_heading = "Vehicle"
+    )]
     system_id: Option<u8>,
-    /// MAVLink component of its autopilot [default: its component_id in the scenario, else 1]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..))]
+    /// MAVLink component id of its autopilot, 1 to 255 [default: its component_id in the scenario, else 1]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = clap::value_parser!(u8).range(1..),
+        allow_negative_numbers = true,
+        help_heading = "Vehicle"
+    )]
     component_id: Option<u8>,
-    /// MAVLink system of this bridge as a ground station; the vehicle's MAV_GCS_SYSID (SYSID_MYGCS before 4.7)
-    /// must be the same [default: the vehicle's gcs_system_id in the scenario, else 255]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..))]
+    /// MAVLink system id of this bridge, 1 to 255; the vehicle's MAV_GCS_SYSID (SYSID_MYGCS before 4.7) must equal it
+    /// [default: the vehicle's gcs_system_id in the scenario, else 255]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = clap::value_parser!(u8).range(1..),
+        allow_negative_numbers = true,
+        help_heading = "Vehicle"
+    )]
     gcs_id: Option<u8>,
-    /// Send nothing at all, no heartbeat and no request either: what the vehicle sends by itself is taken in
-    #[arg(long)]
+    /// Send nothing, not even heartbeats or requests; only receive what the vehicle sends by itself
+    #[arg(long, help_heading = "Safety")]
     listen_only: bool,
-    /// Send nothing but questions for parameters and the fence, and say every other frame that would be sent: no
-    /// heartbeat, no rate, no mode, no setpoint
-    #[arg(long, conflicts_with = "listen_only")]
+    /// Send only requests for parameters and the fence; log every other frame (heartbeat, rate, mode, setpoint) instead
+    /// of sending it
+    #[arg(long, conflicts_with = "listen_only", help_heading = "Safety")]
     dry_run: bool,
-    /// Set the parameters that the checklist finds wrong, on the ground: FS_GCS_ENABL and FS_LONG_ACTN to 1,
-    /// MAV_GCS_SYSID (SYSID_MYGCS before 4.7) to --gcs-id; without it none is ever written
-    #[arg(long, conflicts_with = "listen_only")]
+    /// Correct wrong parameters on the ground: FS_GCS_ENABL and FS_LONG_ACTN to 1, MAV_GCS_SYSID (SYSID_MYGCS before
+    /// 4.7) to --gcs-id [default: never write a parameter]
+    #[arg(long, conflicts_with = "listen_only", help_heading = "Safety")]
     set_parameters: bool,
-    /// Put the corners of the mission's fence on board where others or none are there, on the ground; without it the
-    /// fence on board is read alone
-    #[arg(long, conflicts_with = "listen_only")]
+    /// Upload the mission's fence on the ground if the fence on board differs or is missing [default: only compare it]
+    #[arg(long, conflicts_with = "listen_only", help_heading = "Safety")]
     set_fence: bool,
-    /// Let the bridge arm the motor at take-off; else a person does
-    #[arg(long)]
+    /// Arm the motor at take-off [default: wait until a person arms it]
+    #[arg(long, help_heading = "Safety")]
     may_arm: bool,
-    /// File with the 64 hexadecimal digits of the key shared with the vehicle: frames are signed,
-    /// unsigned ones refused [default: the vehicle's signing_key in the scenario]
-    #[arg(long, value_name = "FILE")]
+    /// File with the MAVLink signing key shared with the vehicle, 64 hexadecimal digits: sign all frames and reject
+    /// unsigned ones [default: the vehicle's signing_key in the scenario]
+    #[arg(long, value_name = "FILE", help_heading = "Safety")]
     signing_key: Option<PathBuf>,
-    /// FlightGear that shows the vehicle, 50 packets a second
-    #[arg(long, value_name = "HOST:PORT")]
+    /// Show the vehicle in the FlightGear at HOST:PORT, with 50 packets a second
+    #[arg(long, value_name = "HOST:PORT", help_heading = "Integrations")]
     flightgear: Option<String>,
 }
 
-/// Flies a stand-in in the scenario's reality on a link, in real time.
+/// Simulate a real ArduPlane on a MAVLink link, in the scenario's reality and in real time
 #[derive(Debug, Parser)]
-#[command(name = "mav-bridge stand-in", version, about)]
+#[command(
+    name = "mav-bridge stand-in",
+    version,
+    about,
+    after_help = "Example: mav-bridge stand-in --scenario scenarios/as-pontes.toml --vehicle 6"
+)]
 struct StandInArguments {
-    /// Scenario file
-    #[arg(long)]
+    /// Scenario (TOML)
+    #[arg(long, value_name = "FILE")]
     scenario: PathBuf,
     /// Id of the vehicle in the scenario
-    #[arg(long)]
+    #[arg(long, value_name = "ID")]
     vehicle: String,
-    /// Where its ground station is
-    #[arg(long, default_value = "udpout:127.0.0.1:14550")]
+    /// MAVLink link to its ground station, in the forms of `mav-bridge --link`
+    #[arg(long, value_name = "LINK", default_value = "udpout:127.0.0.1:14550")]
     link: LinkAddress,
-    /// Seed of its gusts and sensor noise [default: the scenario's]
-    #[arg(long)]
+    /// Seed of its gusts and sensor noise, 0 to 2^63 - 1 [default: the scenario's]
+    #[arg(long, value_name = "N", value_parser = ranges::seed, allow_negative_numbers = true)]
     seed: Option<u64>,
-    /// End after this many seconds; else it flies until interrupted
-    #[arg(long, value_name = "S")]
+    /// Stop after this time, 1 to 1000000 s [default: fly until interrupted]
+    #[arg(long, value_name = "S", value_parser = ranges::duration_s, allow_negative_numbers = true)]
     duration: Option<f64>,
-    /// File with the 64 hexadecimal digits of the key shared with its ground station
+    /// File with the MAVLink signing key shared with its ground station, 64 hexadecimal digits
     #[arg(long, value_name = "FILE")]
     signing_key: Option<PathBuf>,
-    /// Leave arming to the ground station; else its pilot arms it when it is in TAKEOFF
+    /// Leave arming to the ground station [default: a simulated pilot arms it in mode TAKEOFF]
     #[arg(long)]
     hands_off: bool,
 }
 
 fn main() -> ExitCode {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        // Zenoh warns of each dial that fails, one a second while somebody is missing, which is said in other words.
+        // Zenoh warns of each failed dial, one a second while a process is missing; `presence` reports that.
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,mav_bridge=info,zenoh=error"));
     tracing_subscriber::fmt()
         .with_env_filter(filter)
@@ -136,7 +169,7 @@ fn serve(arguments: &BridgeArguments) -> Result<(), Failure> {
     let ids: Vec<&str> = arguments.vehicle.iter().map(String::as_str).collect();
     if ids.len() > 1 && arguments.system_id.is_some() {
         return Err(Failure::usage(
-            "--system-id: expected one vehicle, or the system_id of each in the scenario",
+            "--system-id: applies to one vehicle only; for several, set system_id of each vehicle in the scenario",
         ));
     }
     let options = VehicleOptions {
@@ -157,7 +190,7 @@ fn serve(arguments: &BridgeArguments) -> Result<(), Failure> {
     agent::run(&arguments.bus, false, |setup| {
         check_vehicles(setup, &ids, !options.links.is_empty())?;
         eprintln!(
-            "'hand-back' and Enter gives vehicle {} back to automatic flight",
+            "type 'hand-back' and Enter to return vehicle {} to automatic flight",
             ids.join(" and ")
         );
         agent::vehicles(setup, &ids, &options)
@@ -172,13 +205,13 @@ fn check_vehicles(setup: &Setup, ids: &[&str], share: bool) -> Result<(), Failur
         let vehicle = &setup.scenario.vehicles[index];
         if !share && vehicle.link.is_empty() {
             return Err(Failure::usage(format!(
-                "vehicle {id} has no link in the scenario: expected --link"
+                "vehicle {id}: the scenario names no link; expected --link, such as udpin:0.0.0.0:14550"
             )));
         }
         let known = vehicle.system_id.filter(|system| !systems.contains(system));
         if share && ids.len() > 1 && known.is_none() {
             return Err(Failure::usage(format!(
-                "vehicles {} share --link: expected a system_id of vehicle {id} in the scenario that no other has",
+                "vehicles {} share --link: expected a system_id for vehicle {id} in the scenario that no other vehicle has",
                 ids.join(" and ")
             )));
         }

@@ -86,7 +86,7 @@ pub fn tell_flaws(flaws: &[DataQuality]) {
             eprintln!("raw data: {platform}, {from_s:.0} to {to_s:.0} s: {message}");
         } else if before == TOLD_FLAWS {
             let more = flaws[k..].iter().filter(|f| alike(f, flaw)).count();
-            eprintln!("raw data: {platform}: {more} more of this kind");
+            eprintln!("raw data: {platform}: {more} more such stretches");
         }
     }
 }

@@ -114,7 +114,7 @@ impl OfRun {
                 (
                     "plumage_messages_said_total",
                     "counter",
-                    "Messages that agents said.",
+                    "Messages that agents published.",
                 ),
                 shown.messages.load(Ordering::Relaxed),
             );
@@ -186,7 +186,7 @@ pub async fn serve_of_bus(address: &str, net: &Net, setup: &Setup) -> Result<(),
             (
                 "plumage_present",
                 "gauge",
-                "1 for an agent that this process hears, 0 for one of the team that it does not.",
+                "1 for an agent that is present on the bus, 0 for a missing one of the team.",
             ),
             here.chain(absent.map(|id| (id.as_str(), 0))).map(label),
         );
@@ -194,7 +194,7 @@ pub async fn serve_of_bus(address: &str, net: &Net, setup: &Setup) -> Result<(),
             (
                 "plumage_missing_seconds",
                 "gauge",
-                "Since when an agent that was there is heard no more.",
+                "Time since the last heartbeat of a known agent that is missing.",
             ),
             presence.gone().into_iter().map(|(id, since)| {
                 (
@@ -207,7 +207,7 @@ pub async fn serve_of_bus(address: &str, net: &Net, setup: &Setup) -> Result<(),
             (
                 "plumage_messages_heard_total",
                 "counter",
-                "Messages that came in.",
+                "Messages received.",
             ),
             figures.heard(),
         );
@@ -215,7 +215,7 @@ pub async fn serve_of_bus(address: &str, net: &Net, setup: &Setup) -> Result<(),
             (
                 "plumage_messages_refused_total",
                 "counter",
-                "Messages that came in and were refused.",
+                "Messages received and rejected.",
             ),
             figures.refused(),
         );
@@ -223,7 +223,7 @@ pub async fn serve_of_bus(address: &str, net: &Net, setup: &Setup) -> Result<(),
             (
                 "plumage_messages_said_total",
                 "counter",
-                "Messages that went out.",
+                "Messages published.",
             ),
             figures.said(),
         );
@@ -231,7 +231,7 @@ pub async fn serve_of_bus(address: &str, net: &Net, setup: &Setup) -> Result<(),
             (
                 "plumage_connections_lost_total",
                 "counter",
-                "Connections to other processes that broke.",
+                "Connections to other processes that were lost.",
             ),
             figures.lost(),
         );

@@ -64,7 +64,7 @@ fn keep(folder: &Path, name: &str, bytes: &[u8]) -> Result<(), Failure> {
     let path = folder.join(name);
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder)
-            .with_context(|| format!("{}: cannot make the folder", folder.display()))
+            .with_context(|| format!("{}: cannot create the folder", folder.display()))
             .map_err(Failure::Input)?;
     }
     files::write_whole(&path, bytes).map_err(Failure::input)
@@ -107,7 +107,7 @@ impl Outputs {
                 Ok(reserve) => Some(reserve),
                 Err(why) => {
                     eprintln!(
-                        "warning: report, tracks and summary may not find space at the end: {why}"
+                        "warning: cannot reserve disk space for report, tracks and summary: {why}"
                     );
                     None
                 }
@@ -168,7 +168,7 @@ impl Outputs {
         if let Some(Err(why)) = why {
             let why = Failure::from(why).words();
             eprintln!(
-                "warning: the recording ends at {:.0} s of mission time: {why}; all else goes on",
+                "warning: the recording stopped at {:.0} s of mission time: {why}; the mission continues",
                 self.now.s()
             );
             self.failed = Some(why);
@@ -193,7 +193,7 @@ impl Outputs {
             Some(Ok(finished)) => {
                 for (key, count) in finished.not_finite {
                     eprintln!(
-                        "warning: {count} messages on {key} held no finite number and were not recorded"
+                        "warning: {count} messages on {key} were not recorded: a number in them was not finite"
                     );
                 }
             }
@@ -211,7 +211,7 @@ impl Outputs {
         if failed.is_empty() {
             return (summary, Ok(()));
         }
-        let why = anyhow::anyhow!("not all outputs are whole: {}", failed.join("; "));
+        let why = anyhow::anyhow!("some outputs are incomplete: {}", failed.join("; "));
         (summary, Err(Failure::Run(why)))
     }
 

@@ -68,7 +68,7 @@ impl Outside {
         };
         if speed != Speed(1.0) {
             return Err(Failure::usage(format!(
-                "vehicle {} is a real one behind a MAVLink link: expected --speed real",
+                "vehicle {} is a real aircraft on a MAVLink link; expected --speed real",
                 first.id
             )));
         }
@@ -108,7 +108,7 @@ impl Outside {
         if options.is_stream() {
             if speed != Speed(1.0) {
                 return Err(Failure::usage(
-                    "--feed -: standard input comes in its own time: expected --speed real",
+                    "--feed -: standard input needs real time; expected --speed real",
                 ));
             }
             self.lines = Some(LineFeed::new(setup, options)?);

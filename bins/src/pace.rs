@@ -16,7 +16,7 @@ impl FromStr for Speed {
             "real" => Ok(Self(1.0)),
             factor => match factor.parse::<f64>() {
                 Ok(f) if f.is_finite() && f > 0.0 => Ok(Self(f)),
-                _ => Err("expected real, max or a positive factor".to_owned()),
+                _ => Err("expected real, max or a positive factor, such as 10".to_owned()),
             },
         }
     }

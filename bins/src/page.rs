@@ -40,13 +40,14 @@ impl Serve {
 
 /// Options of a page on the command line.
 #[derive(Debug, Clone, Default, clap::Args)]
+#[command(next_help_heading = "Page")]
 pub struct PageArguments {
-    /// Raster tiles under the page's map: an address with {z}, {x} and {y}, and ${NAME} for a key that is in the
-    /// environment, or an MBTiles file; none are loaded if not given
+    /// Raster tiles for the map: a URL with {z}, {x} and {y}, or an MBTiles file; ${NAME} in a URL stands for that
+    /// environment variable, such as an API key [default: no tiles]
     #[arg(long, value_name = "URL|FILE")]
     tiles: Option<String>,
-    /// What a browser has to show to open the page, as http://ADDR/?token=TOKEN; else it is read from
-    /// PLUMAGE_PAGE_TOKEN. Needed where others than those on this host can reach the page
+    /// Token that a browser must send to open the page, as http://ADDR/?token=TOKEN; required if other hosts can reach
+    /// the page [default: PLUMAGE_PAGE_TOKEN]
     #[arg(long, value_name = "TOKEN")]
     page_token: Option<String>,
 }
@@ -67,7 +68,7 @@ impl PageArguments {
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
         match token {
             Some(token) if token.is_empty() || !token.chars().all(is_plain) => Err(Failure::usage(
-                format!("--page-token or {TOKEN}: expected letters, digits, '-' and '_'"),
+                format!("--page-token or {TOKEN}: expected only letters, digits, '-' and '_'"),
             )),
             token => Ok(token),
         }
@@ -87,9 +88,9 @@ impl PageArguments {
         while let Some((before, after)) = rest.split_once("${") {
             let (name, after) = after
                 .split_once('}')
-                .ok_or_else(|| refused("${ without }".to_owned()))?;
+                .ok_or_else(|| refused("'${' has no closing '}'".to_owned()))?;
             let value = std::env::var(name)
-                .map_err(|_| refused(format!("{name} is not in the environment")))?;
+                .map_err(|_| refused(format!("the environment variable {name} is not set")))?;
             address.push_str(before);
             address.push_str(&value);
             rest = after;
@@ -130,9 +131,8 @@ impl LivePage {
         };
         if !loopback::is_address(address) && options.token.is_none() {
             return Err(Failure::usage(format!(
-                "--serve {address}: others than those on this host can reach it, and could command the team: expected \
-                 --page-token or {TOKEN} with a secret word, with which the page is opened, or an address such as \
-                 {DEFAULT_ADDRESS}"
+                "--serve {address}: other hosts can reach this address and could command the team; expected a secret in \
+                 --page-token or {TOKEN}, or an address of this host alone, such as {DEFAULT_ADDRESS}"
             )));
         }
         let runtime = tokio::runtime::Builder::new_multi_thread()
@@ -211,8 +211,8 @@ impl LivePage {
         if !inside {
             let (low, high) = self.airspace.heights_at_amsl_m(at);
             let text = format!(
-                "{vehicle} is not sent to {}: expected a place within the fence, {:.0} m or more from each stack, {low:.0} \
-                 to {high:.0} m AMSL",
+                "{vehicle} was not sent to {}: expected a place inside the fence, at least {:.0} m from each stack, at \
+                 {low:.0} to {high:.0} m AMSL",
                 record::text::place(place.lat_deg, place.lon_deg, place.alt_amsl_m),
                 self.airspace.keep_out_m()
             );

@@ -8,59 +8,69 @@ use programs::commands::{
 use programs::failure;
 use std::process::ExitCode;
 
-/// Mixed-reality simulation of UAV teams that find and map the plume of an air-pollution source.
+/// Simulate teams of virtual and real UAVs that map the plume of an air-pollution source
 #[derive(Debug, Parser)]
-#[command(name = "plumage", version, about, after_help = EXIT_CODES)]
+#[command(name = "plumage", version, about, after_help = AFTER_HELP)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
 }
 
-const EXIT_CODES: &str = "Exit codes: 0 done; 1 it failed, or a comparison differs; 2 wrong usage or input; 141 nobody read what it said";
+const AFTER_HELP: &str = "\
+Example: plumage run scenarios/as-pontes.toml
+
+Each command has an example: plumage COMMAND --help
+
+Exit codes:
+  0    success
+  1    failure, or a comparison that found a difference
+  2    wrong usage or input; the error states what was expected
+  3    a process of a lockstep run stopped responding; the error names it
+  141  the reader of the output closed it";
 
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Fly a mission in one process
     Run(run::RunArguments),
-    /// Correct a scenario by measured observations
+    /// Calibrate a scenario with measured observations
     Calibrate(calibrate::CalibrateArguments),
-    /// Show what a model gets wrong, name the cause, extend it and measure the gain
+    /// Find what the simulation gets wrong about measured data, and extend it
     #[command(subcommand)]
     Gap(gap::GapCommand),
-    /// Make observations or a flight of logs as people have them
+    /// Convert logs (CSV, ULog, DataFlash, tlog, DJI …) to observations or flights
     Import(import::ImportArguments),
-    /// Write a recording or observations in formats of other people's tools
+    /// Export a recording or observations to CSV, GeoJSON, NetCDF, KML, ROS 2 …
     Export(export::ExportArguments),
-    /// Conduct a lockstep run whose agents are processes of their own
+    /// Conduct a lockstep run of agents in separate processes
     Conduct(conduct::ConductArguments),
-    /// Hand vehicles back or take them over in a mission that runs in processes
+    /// Take over, hand back or call home vehicles of a running mission
     Control(control::ControlArguments),
-    /// Put another aircraft in a vehicle's place in a mission that runs in processes
+    /// Replace a vehicle of a running mission by a real or simulated aircraft
     Swap(swap::SwapArguments),
-    /// Pass observations into a mission that runs in processes, as a real vehicle's
+    /// Feed measured observations into a running mission
     Feed(feed::FeedArguments),
-    /// Make what lets the hosts of a mission, and nobody else, onto its bus
+    /// Create keys and certificates for the hosts of a mission
     #[command(subcommand)]
     Keys(keys::KeysCommand),
-    /// Show the page of a mission that runs in processes
+    /// Serve the live page of a running mission
     Watch(watch::WatchArguments),
-    /// Show a mission that runs in processes live in Foxglove
+    /// Stream a running mission to Foxglove
     Foxglove(foxglove::FoxgloveArguments),
-    /// Read a recording and, with --verify, fly it again and compare, or, with --serve, show it on a page
+    /// Check a recording, re-simulate it or show it on a page
     Replay(replay::ReplayArguments),
-    /// Fly one scenario with many seeds and tabulate what was found
+    /// Fly a scenario with many seeds, strategies and team sizes, and compare
     Campaign(campaign::CampaignArguments),
-    /// Tell before a flight what the team could detect, and with what ±
+    /// Predict what a mission would detect, and with what uncertainty
     Plan(plan::PlanArguments),
-    /// Find an aircraft's gains in simulation and judge them
+    /// Tune the autopilot gains of an aircraft in simulation
     Tune(tune::TuneArguments),
-    /// Fly an aircraft for an autopilot that runs elsewhere
+    /// Serve the flight model to an external ArduPilot SITL
     FdmServer(fdm_server::FdmServerArguments),
-    /// Look at what this machine has of what missions need
+    /// Check that this machine has what missions need
     Doctor(doctor::DoctorArguments),
-    /// Print the completions of a shell
+    /// Print shell completions
     Completions(shell::CompletionsArguments),
-    /// Write the manual pages
+    /// Write manual pages
     Man(shell::ManArguments),
 }
 

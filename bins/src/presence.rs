@@ -63,11 +63,11 @@ pub fn watch(
 
 fn words(present: &BTreeSet<String>, missing: &[&str], connects_to: &str) -> String {
     if !present.is_empty() || connects_to.is_empty() {
-        return format!("missing in the team: {}", missing.join(", "));
+        return format!("missing processes of the team: {}", missing.join(", "));
     }
     format!(
-        "no connection to anybody of the mission at {connects_to} yet, waiting: is sc running there, \
-         and do --user, PLUMAGE_PASSWORD and the TLS files match its own?"
+        "waiting: no process of the mission answers at {connects_to}; check that sc runs there, and that --user, \
+         PLUMAGE_PASSWORD and the TLS files match its own"
     )
 }
 
@@ -124,7 +124,7 @@ impl RollCall {
                     changes.push(Change {
                         severity: Severity::Info,
                         code: "heard-again",
-                        text: format!("{id} is there again, after {:.0} s", now.since_s(since)),
+                        text: format!("{id} is back after {:.0} s", now.since_s(since)),
                     });
                 }
                 continue;
@@ -138,7 +138,10 @@ impl RollCall {
             changes.push(Change {
                 severity: Severity::Warning,
                 code: "missing",
-                text: format!("{id} is missing since {:.0} s of mission time", since.s()),
+                text: format!(
+                    "{id} is missing: no heartbeat since {:.0} s of mission time",
+                    since.s()
+                ),
             });
         }
         changes
@@ -160,9 +163,8 @@ pub fn unreachable(listen: &[String], connect: &[String]) -> Option<String> {
         .all(|endpoint| loopback::is_endpoint(endpoint));
     hidden.then(|| {
         format!(
-            "this process connects to {afar} but listens on loopback only, and peers do not relay: \
-             those that are neither on this host nor at that endpoint will not hear it; expected \
-             --listen with an address of this host, such as tcp/192.0.2.2:0"
+            "this process connects to {afar} but listens on loopback only; processes on other hosts cannot connect to it, \
+             since peers do not relay messages; expected --listen with an address of this host, such as tcp/192.0.2.2:0"
         )
     })
 }
@@ -190,19 +192,16 @@ mod tests {
         // Who never came is given some time.
         assert_eq!(
             told(&["sc/main", "va/1"], 15.0),
-            ["va/2 is missing since 10 s of mission time"]
+            ["va/2 is missing: no heartbeat since 10 s of mission time"]
         );
         assert_eq!(
             told(&["sc/main"], 40.0),
-            ["va/1 is missing since 40 s of mission time"]
+            ["va/1 is missing: no heartbeat since 40 s of mission time"]
         );
         assert_eq!(told(&["sc/main"], 41.0), none);
         assert_eq!(
             told(&["sc/main", "va/1", "va/2"], 60.0),
-            [
-                "va/1 is there again, after 20 s",
-                "va/2 is there again, after 50 s"
-            ]
+            ["va/1 is back after 20 s", "va/2 is back after 50 s"]
         );
         assert_eq!(told(&[], 100.0), none, "the mission is over");
     }

@@ -16,17 +16,22 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Records all traffic of a mission: MCAP, tracks, summary and report.
+/// Record a running mission: MCAP, tracks, summary and report
 #[derive(Debug, Parser)]
-#[command(name = "recorder", version, about)]
+#[command(
+    name = "recorder",
+    version,
+    about,
+    after_help = "Example: recorder --scenario scenarios/as-pontes.toml --out out/recorded"
+)]
 struct Arguments {
     #[command(flatten)]
     bus: agent::BusArguments,
     /// Folder for the outputs
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = "Outputs")]
     out: PathBuf,
-    /// Write into a folder that holds something, replacing earlier outputs
-    #[arg(long)]
+    /// Write into a folder that is not empty, and replace earlier outputs
+    #[arg(long, help_heading = "Outputs")]
     force: bool,
     #[command(flatten)]
     ros2: Ros2Arguments,
@@ -109,7 +114,7 @@ fn record(arguments: &Arguments) -> Result<(), Failure> {
     print!("{}", record::text::summary(&summary));
     if gaps.missing() > 0 {
         println!(
-            "{} messages that were said did not come; the record says when.",
+            "{} messages were lost on the way; events in the recording give the times.",
             gaps.missing()
         );
     }
@@ -117,7 +122,7 @@ fn record(arguments: &Arguments) -> Result<(), Failure> {
     written?;
     if summary.vehicles.is_empty() {
         return Err(Failure::Run(anyhow::anyhow!(
-            "no vehicle was heard: are the va processes running, and can they reach this one?"
+            "no vehicle published anything; check that the va processes run and can reach this one"
         )));
     }
     Ok(())

@@ -1,47 +1,54 @@
 //! What vehicles do and read, for ROS 2 (`--ros2`).
 
-use crate::{Failure, listener};
+use crate::{Failure, listener, ranges};
 use mission::Setup;
 use net::ros2::{DEFAULT_ENDPOINT, Node};
 use protocol::bus::Publication;
 use record::export::ros2::Converter;
 use tokio::runtime::Runtime;
 
-/// Largest and smallest height of the geoid above the ellipsoid on Earth, m (EGM2008: -107 to 86).
-const UNDULATIONS_M: std::ops::RangeInclusive<f64> = -110.0..=90.0;
-
 /// How altitudes of NavSatFix are found.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct Undulation {
-    /// For ROS 2: the geoid's height above the ellipsoid, m; altitudes of NavSatFix are left out without
-    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    /// Height of the geoid above the WGS84 ellipsoid for ROS 2, -110 to 90 m; without it, NavSatFix messages have no
+    /// altitude
+    #[arg(
+        long,
+        value_name = "M",
+        value_parser = ranges::real(ranges::UNDULATIONS_M, " m"),
+        allow_hyphen_values = true
+    )]
     undulation_m: Option<f64>,
 }
 
 impl Undulation {
     /// The height, m, if it was given.
-    ///
-    /// # Errors
-    /// One that is not found on Earth.
-    pub fn m(self) -> Result<Option<f64>, Failure> {
-        match self.undulation_m {
-            Some(m) if !UNDULATIONS_M.contains(&m) => Err(Failure::usage(format!(
-                "--undulation-m {m}: expected -110 to 90 m, such as 55 for north-west Spain"
-            ))),
-            given => Ok(given),
-        }
+    pub fn m(self) -> Option<f64> {
+        self.undulation_m
     }
 }
 
 /// Arguments of programs that publish to ROS 2.
 #[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Integrations")]
 pub struct Ros2Arguments {
-    /// Publish what vehicles do and read to ROS 2 on rmw_zenoh, whose router is there (tcp/127.0.0.1:7447 without
-    /// an endpoint)
-    #[arg(long, value_name = "ENDPOINT", num_args = 0..=1, require_equals = true, default_missing_value = DEFAULT_ENDPOINT)]
+    /// Publish vehicle states and readings to ROS 2 by the rmw_zenoh router at ENDPOINT (tcp/127.0.0.1:7447 if only
+    /// --ros2 is given)
+    #[arg(
+        long,
+        value_name = "ENDPOINT",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = DEFAULT_ENDPOINT
+    )]
     ros2: Option<String>,
-    /// Domain of ROS 2; that in ROS_DOMAIN_ID, or 0, if not given
-    #[arg(long, value_name = "N", requires = "ros2")]
+    /// ROS 2 domain, a whole number from 0 [default: ROS_DOMAIN_ID, else 0]
+    #[arg(
+        long,
+        value_name = "N",
+        requires = "ros2",
+        allow_negative_numbers = true
+    )]
     ros2_domain: Option<u32>,
     #[command(flatten)]
     undulation: Undulation,
@@ -55,7 +62,7 @@ impl Ros2Arguments {
         match std::env::var("ROS_DOMAIN_ID") {
             Ok(text) if !text.is_empty() => text.parse().map_err(|_| {
                 Failure::usage(format!(
-                    "ROS_DOMAIN_ID is '{text}': expected a number, or --ros2-domain"
+                    "ROS_DOMAIN_ID={text}: expected a whole number; --ros2-domain overrides it"
                 ))
             }),
             _ => Ok(0),
@@ -78,7 +85,7 @@ impl Ros2 {
     /// # Errors
     /// An endpoint that is none.
     pub fn open(arguments: &Ros2Arguments, setup: &Setup) -> Result<Option<Self>, Failure> {
-        let undulation_m = arguments.undulation.m()?;
+        let undulation_m = arguments.undulation.m();
         let Some(endpoint) = &arguments.ros2 else {
             return Ok(None);
         };
@@ -91,7 +98,7 @@ impl Ros2 {
         let node = runtime
             .block_on(Node::open("plumage", domain, endpoint))
             .map_err(Failure::input)?;
-        eprintln!("ROS 2: node /plumage on domain {domain}, by {endpoint}");
+        eprintln!("ROS 2: node /plumage on domain {domain} by {endpoint}");
         Ok(Some(Self {
             runtime,
             node,
@@ -127,7 +134,7 @@ impl Ros2 {
         let lost = self.node.lost();
         if lost > 0 {
             eprintln!(
-                "warning: {lost} messages were not published to ROS 2, which takes them in more slowly"
+                "warning: {lost} messages were not published to ROS 2: the router accepts them too slowly"
             );
         }
         self.runtime.block_on(self.node.close());

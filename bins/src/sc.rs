@@ -6,9 +6,14 @@ use mission::Member;
 use programs::{Failure, agent, failure};
 use std::process::ExitCode;
 
-/// Sends the team through its mission and says where the peak is.
+/// Run the squadron controller: it plans the mission, searches for the peak and keeps the mission's time
 #[derive(Debug, Parser)]
-#[command(name = "sc", version, about)]
+#[command(
+    name = "sc",
+    version,
+    about,
+    after_help = "Example: sc --scenario scenarios/as-pontes.toml"
+)]
 struct Arguments {
     #[command(flatten)]
     bus: agent::BusArguments,

@@ -57,7 +57,7 @@ fn conditions(scenario: &Scenario) -> Vec<(String, String)> {
             ),
         ),
         (
-            "wind, as known beforehand",
+            "wind, as in the scenario",
             format!(
                 "{} m/s from {}° at {} m AGL",
                 weather.wind_speed_m_s, weather.wind_from_deg, weather.wind_height_agl_m

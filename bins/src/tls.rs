@@ -22,13 +22,14 @@ pub fn in_one_thread() -> Result<(), Failure> {
     if std::env::var_os(VARIABLE).is_some() {
         return Ok(());
     }
-    let program = std::env::current_exe().context("cannot find this program to start it again")?;
+    let program =
+        std::env::current_exe().context("cannot find the path of this program to restart it")?;
     let mut again = Command::new(program);
     again
         .args(std::env::args_os().skip(1))
         .env(VARIABLE, ONE_THREAD);
     let why = anyhow::Error::new(replace_by(again));
-    Err(why.context("cannot start this program again").into())
+    Err(why.context("cannot restart this program for TLS").into())
 }
 
 #[cfg(unix)]
@@ -40,6 +41,6 @@ fn replace_by(mut program: Command) -> std::io::Error {
 #[cfg(not(unix))]
 fn replace_by(_: Command) -> std::io::Error {
     std::io::Error::other(format!(
-        "with TLS, set the environment variable {VARIABLE} to {ONE_THREAD}"
+        "for TLS, set the environment variable {VARIABLE} to {ONE_THREAD}"
     ))
 }

@@ -5,18 +5,28 @@ use programs::agent::{self, VehicleOptions};
 use programs::failure;
 use std::process::ExitCode;
 
-/// Vehicles of the team: simulated, stand-ins, or the bridges to real ones, as the scenario says.
+/// Run vehicles of the team: simulated aircraft, stand-ins or bridges to real aircraft
 #[derive(Debug, Parser)]
-#[command(name = "va", version, about)]
+#[command(
+    name = "va",
+    version,
+    about,
+    after_help = "Example: va --scenario scenarios/as-pontes.toml --vehicles 1,2,3"
+)]
 struct Arguments {
     #[command(flatten)]
     bus: agent::BusArguments,
-    /// Ids of the vehicles in the scenario's team, apart by commas; may be repeated
-    #[arg(long, visible_aliases = ["id", "vehicle"], value_name = "ID", value_delimiter = ',', required = true)]
+    /// Ids of the vehicles in the scenario, separated by commas; repeatable
+    #[arg(
+        long,
+        visible_aliases = ["id", "vehicle"],
+        value_name = "ID",
+        value_delimiter = ',',
+        required = true
+    )]
     vehicles: Vec<String>,
-    /// FlightGear that shows a vehicle, 50 packets a second (ID= if there are several vehicles);
-    /// may be repeated
-    #[arg(long, value_name = "[ID=]HOST:PORT")]
+    /// Show a vehicle in the FlightGear at HOST:PORT, with 50 packets a second; several vehicles need ID=; repeatable
+    #[arg(long, value_name = "[ID=]HOST:PORT", help_heading = "Integrations")]
     flightgear: Vec<String>,
 }
 

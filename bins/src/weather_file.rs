@@ -80,7 +80,7 @@ impl WeatherFile {
             }
             Err(why) => {
                 let words = format!(
-                    "{}: {why}; what was known before stands",
+                    "{}: {why}; the weather read before stays in use",
                     self.path.display()
                 );
                 if self.wrong.as_ref() != Some(&words) {
@@ -123,7 +123,7 @@ impl WeatherFile {
             .as_ref()
             .is_some_and(|(_, as_of_s)| reports.as_of_s < *as_of_s)
         {
-            return Err("older than what was read before".to_owned());
+            return Err("older than the weather read before".to_owned());
         }
         let newer = reports
             .series(&self.profile, Some(start_unix_s))

@@ -7,9 +7,14 @@ use programs::weather_file::WeatherFile;
 use programs::{Failure, agent, failure};
 use std::process::ExitCode;
 
-/// Wind, air and plume around the simulated vehicles, corrected by what real ones measure.
+/// Run the world simulator: wind, air and plume for simulated vehicles, corrected by real readings
 #[derive(Debug, Parser)]
-#[command(name = "ws", version, about)]
+#[command(
+    name = "ws",
+    version,
+    about,
+    after_help = "Example: ws --scenario scenarios/as-pontes.toml"
+)]
 struct Arguments {
     #[command(flatten)]
     bus: agent::BusArguments,

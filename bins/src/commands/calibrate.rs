@@ -10,27 +10,30 @@ use std::path::PathBuf;
 
 /// Arguments of `plumage calibrate`.
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example: plumage calibrate obs.csv --scenario scenarios/as-pontes.toml --out out/calibrated"
+)]
 pub struct CalibrateArguments {
-    /// Observations (CSV, or MCAP recordings)
+    /// Observations (CSV or MCAP recordings)
     #[arg(required = true)]
     pub observations: Vec<PathBuf>,
-    /// Mapping file by which logs of other kinds are read (plumage import)
-    #[arg(long, value_name = "FILE")]
+    /// Mapping file (TOML) to read logs of other formats, as from `plumage import`
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub map: Option<PathBuf>,
-    /// Scenario to correct (TOML)
-    #[arg(long, value_name = "FILE")]
+    /// Scenario to calibrate (TOML)
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub scenario: PathBuf,
-    /// Gas that is read: that of the first source if not given
-    #[arg(long, value_name = "GAS")]
+    /// Gas to use from the observations: co2, ch4, so2, co, no2, nh3, h2s or sf6 [default: that of the first source]
+    #[arg(long, value_name = "GAS", help_heading = "Input")]
     pub gas: Option<Gas>,
-    /// Platform whose sensor the others are held against
-    #[arg(long, value_name = "PLATFORM")]
+    /// Platform whose sensor is the reference for the others
+    #[arg(long, value_name = "PLATFORM", help_heading = "Input")]
     pub reference: Option<String>,
     /// Folder for scenario.toml and calibration.json
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = "Outputs")]
     pub out: PathBuf,
-    /// Write into a folder that holds something, replacing earlier outputs
-    #[arg(long)]
+    /// Write into a folder that is not empty, and replace earlier outputs
+    #[arg(long, help_heading = "Outputs")]
     pub force: bool,
 }
 
@@ -48,7 +51,7 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     )?;
     measured::tell(&observations.notices);
     let reference = arguments.reference.as_deref();
-    let waiting = Waiting::new("correcting the scenario");
+    let waiting = Waiting::new("calibrating the scenario");
     let calibration =
         tasks::calibration::of(&setup, &observations, reference).map_err(mission_files::option)?;
     drop(waiting);
@@ -75,7 +78,7 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), Failure> {
     if let Some(peak) = peak {
         let digits = gas.digits() + if peak.sd_ppm < 10.0 { 2 } else { 0 };
         println!(
-            "{:32} {:.digits$} ± {:.digits$} ppm {} at {:.5}, {:.5}, {:.0} m AMSL, where vehicles may fly",
+            "{:32} {:.digits$} ± {:.digits$} ppm {} at {:.5}, {:.5}, {:.0} m AMSL (highest within the fence)",
             "peak",
             peak.co2_ppm,
             peak.sd_ppm,

@@ -1,7 +1,7 @@
 //! `plumage campaign`: many missions of one scenario, and what they show beside each other.
 
 use crate::flights::fly_all;
-use crate::{Failure, mission_files};
+use crate::{Failure, mission_files, ranges};
 use plume::Gas;
 use record::campaign::folder::{self, CampaignFolder};
 use record::campaign::{MissionKey, MissionRow, Question, Shard, table};
@@ -15,57 +15,97 @@ use views::campaign_report;
 
 /// Arguments of `plumage campaign`.
 #[derive(Debug, clap::Args)]
-#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = "Example: plumage campaign scenarios/as-pontes.toml --seeds 20 --strategies posterior,cs-ea --out out/campaign"
+)]
 pub struct CampaignArguments {
-    /// What else it does.
+    /// Further subcommands.
     #[command(subcommand)]
     pub then: Option<CampaignCommand>,
     /// Scenario to fly (TOML)
     #[arg(required = true)]
     pub scenario: Option<PathBuf>,
-    /// Gas that is read: that of the first source if not given
-    #[arg(long, value_name = "GAS")]
+    /// Gas that the sensors measure: co2, ch4, so2, co, no2, nh3, h2s or sf6 [default: that of the first source]
+    #[arg(long, value_name = "GAS", help_heading = "Missions")]
     pub gas: Option<Gas>,
-    /// Seeds: how many, from 1, or which, as 5..12 or 1,4,9
-    #[arg(long, default_value = "20", value_name = "SEEDS")]
+    /// Seeds to fly: a number (1 to 100000), a range such as 5..12, or a list such as 1,4,9
+    #[arg(
+        long,
+        default_value = "20",
+        value_name = "SEEDS",
+        allow_hyphen_values = true,
+        help_heading = "Missions"
+    )]
     pub seeds: Seeds,
-    /// Search strategies, with commas between them, instead of the scenario's one
-    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    /// Search strategies to compare, separated by commas [default: the scenario's]
+    #[arg(
+        long,
+        value_name = "NAMES",
+        value_delimiter = ',',
+        help_heading = "Missions"
+    )]
     pub strategies: Vec<String>,
-    /// Realities, with commas between them, instead of the scenario's own: names of docs/campaign.md, joined by +, or
-    /// files (TOML) with the tables of a `[reality]`
-    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    /// Realities to compare, separated by commas: names from docs/campaign.md (joined by +), or TOML files with the
+    /// tables of a [reality] [default: the scenario's]
+    #[arg(
+        long,
+        value_name = "NAMES",
+        value_delimiter = ',',
+        help_heading = "Missions"
+    )]
     pub realities: Vec<String>,
-    /// Sizes of the team, with commas between them, instead of the scenario's own
-    #[arg(long, value_name = "COUNTS", value_delimiter = ',')]
+    /// Team sizes to compare, separated by commas, 1 or more each [default: the scenario's]
+    #[arg(
+        long,
+        value_name = "COUNTS",
+        value_delimiter = ',',
+        value_parser = ranges::whole(1..=ranges::TEAM),
+        allow_negative_numbers = true,
+        help_heading = "Missions"
+    )]
     pub vehicles: Vec<usize>,
-    /// Make the last N vehicles of the team stand-ins for real ones, the others simulated
-    #[arg(long, value_name = "N")]
+    /// Replace the last N vehicles of the team by stand-ins for real ones and simulate the others, 0 to the team's size
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = ranges::whole(0..=ranges::TEAM),
+        allow_negative_numbers = true,
+        help_heading = "Missions"
+    )]
     pub real_stand_ins: Option<usize>,
-    /// Length of the missions instead of the scenario's, simulated s
-    #[arg(long, value_name = "S")]
+    /// Length of each mission, 1 to 1000000 simulated s [default: the scenario's]
+    #[arg(
+        long,
+        value_name = "S",
+        value_parser = ranges::duration_s,
+        allow_negative_numbers = true,
+        help_heading = "Missions"
+    )]
     pub duration: Option<f64>,
-    /// Fly only a part of the missions, k of n parts; `campaign merge` puts them together
-    #[arg(long, value_name = "K/N")]
+    /// Fly only shard K of N shards, such as 1/4; `plumage campaign merge` combines them
+    #[arg(long, value_name = "K/N", help_heading = "Missions")]
     pub shard: Option<Shard>,
-    /// Folder for missions, tables and report; one that holds a part of this campaign goes on. Or a file (.md) for the
-    /// table alone, which is printed if nothing is given
-    #[arg(long, value_name = "DIR")]
+    /// Folder for missions, tables and report; an unfinished campaign in it is resumed. A file (.md) gets only the
+    /// table [default: print the table]
+    #[arg(long, value_name = "DIR", help_heading = "Outputs")]
     pub out: Option<PathBuf>,
-    /// Write into a folder that holds something else
-    #[arg(long)]
+    /// Write into a folder that holds other files
+    #[arg(long, help_heading = "Outputs")]
     pub force: bool,
 }
 
 /// What else `plumage campaign` does.
 #[derive(Debug, clap::Subcommand)]
 pub enum CampaignCommand {
-    /// Put the shards of a campaign together
+    /// Merge the shards of a campaign
     Merge(MergeArguments),
 }
 
 /// Arguments of `plumage campaign merge`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example: plumage campaign merge out/part-* --out out/campaign")]
 pub struct MergeArguments {
     /// Folders of all shards
     #[arg(required = true)]
@@ -73,7 +113,7 @@ pub struct MergeArguments {
     /// Folder for missions, tables and report
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Write into a folder that holds something else
+    /// Write into a folder that holds other files
     #[arg(long)]
     pub force: bool,
 }
@@ -106,7 +146,7 @@ impl FromStr for Seeds {
             )
         })?;
         twice(&seeds).map_or(Ok(Self(seeds.clone())), |seed| {
-            Err(format!("seed {seed} stands twice"))
+            Err(format!("seed {seed} is listed twice"))
         })
     }
 }
@@ -120,7 +160,7 @@ pub fn campaign(arguments: &CampaignArguments) -> Result<(), Failure> {
         return merge(arguments);
     }
     let Some(file) = &arguments.scenario else {
-        return Err(Failure::usage("expected a scenario"));
+        return Err(Failure::usage("expected a scenario (TOML)"));
     };
     let setup = mission_files::load_changed(file, None, arguments.duration)?;
     let setup = mission_files::for_gas(setup, arguments.gas)?;
@@ -141,7 +181,7 @@ pub fn campaign(arguments: &CampaignArguments) -> Result<(), Failure> {
     let Some(folder) = folder else {
         if arguments.shard.is_some() {
             return Err(Failure::usage(
-                "--shard: expected a folder for its missions too, --out DIR, from which campaign merge reads them",
+                "--shard: expected --out DIR as well; `plumage campaign merge` reads the missions from there",
             ));
         }
         let rows = fleet.fly(&fleet.0.question.missions(), &|_| Ok(()))?;
@@ -189,13 +229,16 @@ impl Fleet {
         let of = missing.len();
         missing.retain(|key| !flown.contains(key));
         if missing.len() < of {
-            eprintln!("{} of {of} missions are there already.", of - missing.len());
+            eprintln!(
+                "resuming: {} of {of} missions are done already",
+                of - missing.len()
+            );
         }
         let folder = Mutex::new(folder);
         let keep = |row: &MissionRow| -> Result<(), Failure> {
             let mut folder = folder
                 .lock()
-                .map_err(|_| Failure::usage("a mission ended unexpectedly"))?;
+                .map_err(|_| Failure::usage("a mission ended unexpectedly (internal error)"))?;
             Ok(folder.add(row)?)
         };
         rows.extend(self.fly(&missing, &keep)?);
@@ -203,7 +246,7 @@ impl Fleet {
         results(path, &self.0.question, &rows)?;
         if rows.len() < of {
             return Err(Failure::Run(anyhow::anyhow!(
-                "stopped with {} of {of} missions; the same command goes on with the others",
+                "stopped after {} of {of} missions; run the same command again to fly the others",
                 rows.len()
             )));
         }
@@ -230,7 +273,7 @@ fn results(folder: &Path, question: &Question, rows: &[MissionRow]) -> Result<()
 fn merge(arguments: &MergeArguments) -> Result<(), Failure> {
     if is_table(&arguments.out) {
         return Err(Failure::usage(format!(
-            "--out {}: expected a folder; the table is in its campaign.md",
+            "--out {}: expected a folder; the table is written to its campaign.md",
             arguments.out.display()
         )));
     }

@@ -14,17 +14,20 @@ use std::time::Instant;
 
 /// Arguments of `plumage conduct`.
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example: plumage conduct --scenario scenarios/as-pontes.toml --duration 60 --out out/lockstep"
+)]
 pub struct ConductArguments {
     #[command(flatten)]
     bus: agent::BusArguments,
-    /// Folder for the outputs; none are written if not given
-    #[arg(long, value_name = "DIR")]
+    /// Folder for the outputs [default: write none]
+    #[arg(long, value_name = "DIR", help_heading = "Outputs")]
     out: Option<PathBuf>,
-    /// Write into a folder that holds something, replacing earlier outputs
-    #[arg(long)]
+    /// Write into a folder that is not empty, and replace earlier outputs
+    #[arg(long, help_heading = "Outputs")]
     force: bool,
-    /// Wait for a recorder process too
-    #[arg(long)]
+    /// Wait for a recorder process before the first tick
+    #[arg(long, help_heading = "Outputs")]
     with_recorder: bool,
 }
 

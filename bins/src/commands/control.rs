@@ -24,20 +24,23 @@ pub(crate) const LEAVE_MS: u64 = 300;
 /// What to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Wish {
-    /// Give vehicles back to automatic flight
+    /// Return vehicles to automatic flight
     HandBack,
-    /// Take simulated vehicles over: they are held level until handed back
+    /// Take over simulated vehicles: they fly level until handed back
     TakeOver,
-    /// Bring vehicles home: they land in turn, and those on the ground stay there
+    /// Call vehicles home: they land in turn, and those on the ground stay there
     Home,
 }
 
 /// Arguments of `plumage control`.
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example: plumage control home --vehicles 3,4 --scenario scenarios/as-pontes.toml"
+)]
 pub struct ControlArguments {
-    /// What to do
+    /// Command for the vehicles
     pub wish: Wish,
-    /// Ids of the vehicles, apart by commas; all of the team if not given
+    /// Ids of the vehicles, separated by commas [default: all of the team]
     #[arg(long, value_name = "ID", value_delimiter = ',')]
     pub vehicles: Vec<String>,
     #[command(flatten)]
@@ -85,7 +88,7 @@ pub fn control(arguments: &ControlArguments) -> Result<(), Failure> {
     if !answered {
         let wish = arguments.wish.to_possible_value();
         let wish = wish.map_or(String::new(), |v| v.get_name().to_owned());
-        println!("Told {}: {wish}", ids.join(", "));
+        println!("Commanded {}: {wish}", ids.join(", "));
     }
     Ok(())
 }
@@ -149,15 +152,15 @@ pub(super) fn tell(
         if found.is_err() {
             let names: Vec<String> = names.iter().map(ToString::to_string).collect();
             return Err(Failure::Run(anyhow::anyhow!(
-                "not all of {} are on the bus within {PATIENCE_S} s",
+                "not all of {} joined the bus within {PATIENCE_S} s",
                 names.join(", ")
             )));
         }
         let asked = tokio::time::timeout(patience, MissionClock::ask(&net)).await;
         let clock = asked.map_err(|_| {
             anyhow::anyhow!(
-                "sc does not tell the mission's time: is it a mission in lockstep? Commands are \
-                 for missions in real time"
+                "sc does not answer requests for the mission's time; commands need a mission in real time, \
+                 not in lockstep"
             )
         })??;
         let answers: Vec<Interest> = names
@@ -213,7 +216,7 @@ async fn print_answers(net: &mut Net, names: &[AgentId], answer: Answer) -> Resu
         match answers.get(name) {
             Some((true, text)) => println!("{name}: {text}"),
             Some((false, text)) => refused.push(format!("{name}: {text}")),
-            None => refused.push(format!("{name}: no answer within {ANSWER_S} s")),
+            None => refused.push(format!("{name} did not answer within {ANSWER_S} s")),
         }
     }
     if refused.is_empty() {

@@ -21,8 +21,9 @@ const BUS_PATIENCE: Duration = Duration::from_secs(10);
 
 /// Arguments of `plumage doctor`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example: plumage doctor scenarios/as-pontes.toml")]
 pub struct DoctorArguments {
-    /// Scenario whose files are looked for as well: aircraft, terrain, weather
+    /// Scenario to check with all files that it names: aircraft, terrain, weather
     pub scenario: Option<PathBuf>,
 }
 
@@ -91,7 +92,7 @@ pub fn doctor(arguments: &DoctorArguments) -> Result<(), Failure> {
     let bad = all.iter().filter(|f| f.found == Found::Bad).count();
     if bad > 0 {
         return Err(Failure::Run(anyhow::anyhow!(
-            "{bad} of {} are not as missions need them",
+            "{bad} of {} checks failed",
             all.len()
         )));
     }
@@ -112,7 +113,7 @@ fn disk() -> Finding {
     let probe = Path::new(".plumage-probe");
     if let Err(error) = std::fs::write(probe, b"").and_then(|()| std::fs::remove_file(probe)) {
         let words =
-            format!("the working folder cannot be written ({error}): give --out another folder");
+            format!("cannot write to the working folder ({error}); use --out with another folder");
         return finding(Found::Bad, "disk", words);
     }
     let told = std::process::Command::new("df").args(["-Pk", "."]).output();
@@ -129,7 +130,7 @@ fn disk() -> Finding {
         return finding(
             Found::Missing,
             "disk",
-            "can be written; how much is free is not known here",
+            "writable; the free space is unknown on this system",
         );
     };
     let words = format!("{:.1} GB free in the working folder", free as f64 / 1e9);
@@ -137,7 +138,7 @@ fn disk() -> Finding {
         return finding(
             Found::Bad,
             "disk",
-            format!("{words}: an hour of a large team takes up to 5 GB"),
+            format!("{words}; a mission of an hour with a large team writes up to 5 GB"),
         );
     }
     finding(Found::Good, "disk", words)
@@ -149,8 +150,9 @@ fn clock() -> Finding {
         .unwrap_or_default();
     let said = rfc_3339(i64::try_from(since.as_nanos()).unwrap_or(0));
     if since.as_secs() < NO_EARLIER_S {
-        let words =
-            format!("{said} cannot be: real aircraft and weather of the day need the right time");
+        let words = format!(
+            "{said} is in the past; real aircraft and reported weather need the right time"
+        );
         return finding(Found::Bad, "clock", words);
     }
     finding(Found::Good, "clock", said)
@@ -160,8 +162,9 @@ fn port(what: &'static str, at: &str, bind: impl Fn(&str) -> std::io::Result<()>
     match bind(at) {
         Ok(()) => finding(Found::Good, what, format!("{at} is free")),
         Err(error) => {
-            let words =
-                format!("{at} is taken ({error}): another mission runs, or give another address");
+            let words = format!(
+                "{at} is in use ({error}); another mission runs, or choose another address"
+            );
             finding(Found::Missing, what, words)
         }
     }
@@ -184,7 +187,7 @@ fn bus() -> Finding {
         };
         tokio::time::timeout(BUS_PATIENCE, open)
             .await
-            .unwrap_or_else(|_| Err(Failure::usage("nothing came in ten seconds")))
+            .unwrap_or_else(|_| Err(Failure::usage("no answer within 10 s")))
     });
     match opened {
         Ok(()) => {
@@ -198,10 +201,7 @@ fn bus() -> Finding {
         Err(error) => finding(
             Found::Bad,
             "zenoh",
-            format!(
-                "{}: missions in one process work, those in several do not",
-                error.words()
-            ),
+            format!("{}; only missions in a single process work", error.words()),
         ),
     }
 }
@@ -216,8 +216,7 @@ fn serial() -> Finding {
         .collect();
     found.sort();
     if found.is_empty() {
-        let words =
-            "no radio or autopilot on a cable: needed for real aircraft on serial links only";
+        let words = "none; needed only for real aircraft on serial links";
         return finding(Found::Missing, "serial ports", words);
     }
     finding(Found::Good, "serial ports", found.join(", "))
@@ -225,7 +224,7 @@ fn serial() -> Finding {
 
 fn measured_data() -> Finding {
     let Some(folder) = std::env::var_os("PLUMAGE_DATA").map(PathBuf::from) else {
-        let words = "PLUMAGE_DATA is not set: needed for the tests on measured data only";
+        let words = "PLUMAGE_DATA is not set; needed only for tests on measured data";
         return finding(Found::Missing, "measured data", words);
     };
     let words = folder.display().to_string();
@@ -235,7 +234,7 @@ fn measured_data() -> Finding {
     finding(
         Found::Bad,
         "measured data",
-        format!("PLUMAGE_DATA names {words}, which is no folder"),
+        format!("PLUMAGE_DATA={words} is not a folder"),
     )
 }
 

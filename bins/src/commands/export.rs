@@ -21,29 +21,29 @@ use std::path::{Path, PathBuf};
 use views::site::SiteMap;
 
 /// What is said where the beginning is not known, and where heights of the ellipsoid are not.
-const NO_START: &str = "when it began is not known (mission.start of the scenario, or --zero of observations): dates \
-    count from 1970, in KML and NetCDF from 2000";
-const NO_ALTITUDE: &str = "altitudes of NavSatFix are above the ellipsoid, and left out without --undulation-m; those \
-    of odometry count from the site's ground, those of gas readings from mean sea level";
+const NO_START: &str = "the start is unknown (mission.start of the scenario, or --zero for observations); dates count \
+    from 1970, in KML and NetCDF from 2000";
+const NO_ALTITUDE: &str = "NavSatFix needs heights above the ellipsoid; without --undulation-m its altitude is omitted. \
+    Odometry heights count from the site's ground, those of gas readings from mean sea level";
 
 /// A format of other people's tools.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Format {
-    /// One row a reading, as text
+    /// One row per reading, as text
     Csv,
     /// Readings, tracks, plume and fence for maps (RFC 7946)
     Geojson,
     /// Trajectories by the CF conventions, classic NetCDF
     Netcdf,
-    /// One row a reading, in columns
+    /// One row per reading, in columns
     Parquet,
-    /// For Google Earth and other viewers of maps
+    /// Tracks and plume for Google Earth
     Kml,
-    /// The same, packed
+    /// KML, compressed
     Kmz,
-    /// A bag of ROS 2: a folder with MCAP and metadata.yaml
+    /// ROS 2 bag: a folder with MCAP and metadata.yaml
     Ros2,
-    /// The recording with Foxglove's messages beside its own (MCAP)
+    /// Recording with Foxglove messages added (MCAP)
     Foxglove,
 }
 
@@ -65,22 +65,23 @@ impl Format {
 
 /// Arguments of `plumage export`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example: plumage export out/seed-7/mission.mcap --to geojson")]
 pub struct ExportArguments {
-    /// Recording of a mission (MCAP), or observations (CSV) as plumage import makes them
+    /// Recording of a mission (MCAP), or observations (CSV) from `plumage import`
     pub file: PathBuf,
-    /// Format
+    /// Output format
     #[arg(long, value_name = "FORMAT")]
     pub to: Format,
-    /// Output; beside the file if not given
+    /// Output file or folder [default: next to the input]
     #[arg(long, value_name = "PATH")]
     pub out: Option<PathBuf>,
     /// Replace an earlier output
     #[arg(long)]
     pub force: bool,
-    /// Of observations: what time_s counts from; as their mapping file says if not given
+    /// For observations: the time that time_s counts from [default: as in FILE.import.toml]
     #[arg(long, value_name = "RFC3339")]
     pub zero: Option<String>,
-    /// Of observations: their gas; the first one that they have a column of if not given
+    /// For observations: the gas to export [default: the first one with a column]
     #[arg(long, value_name = "GAS")]
     pub gas: Option<Gas>,
     /// The geoid
@@ -99,11 +100,11 @@ pub fn export(arguments: &ExportArguments) -> Result<(), Failure> {
         .unwrap_or_else(|| beside(&arguments.file, arguments.to));
     if out.exists() && !arguments.force {
         return Err(Failure::usage(format!(
-            "{}: it exists; give another --out, or --force to replace it",
+            "{}: the output exists; choose another --out, or replace it with --force",
             out.display()
         )));
     }
-    let undulation_m = arguments.undulation.m()?;
+    let undulation_m = arguments.undulation.m();
     let waiting = Waiting::new("reading and writing");
     let source = Source::open(arguments)?;
     let wrote = write(&source, arguments, undulation_m, &out)?;
@@ -298,7 +299,7 @@ impl Source {
         let totals = recorder.finish(Some(&digest.hex()))?;
         Ok(Wrote {
             what: format!(
-                "{} messages of the mission, with Foxglove's beside them",
+                "{} messages of the mission, with Foxglove messages added",
                 totals.messages
             ),
             notes: messages.ending().loss().into_iter().collect(),

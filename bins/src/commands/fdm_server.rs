@@ -15,7 +15,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::measured::AircraftFile;
-use crate::{Failure, mission_files};
+use crate::{Failure, mission_files, ranges};
 
 /// Where nothing is said of the world: still air at sea level, and no gas but the background.
 const STILL_AIR: &str = r#"
@@ -40,34 +40,41 @@ const SILENCE: Duration = Duration::from_secs(12);
 /// Longest packet: that of 32 outputs has 72 bytes.
 const PACKET_BYTES: usize = 512;
 
-/// Fly an aircraft for an autopilot that runs elsewhere, in the reality of a scenario.
+/// Serve the flight model to an external ArduPilot SITL
 ///
-/// Serves ArduPilot's JSON interface for simulators: start ArduPlane's SITL with --model JSON:HOST, where HOST is this
-/// machine. Each packet of servo outputs is answered by the motion that comes of it, step by step. With a scenario the
-/// aircraft flies in its `[reality]`, with wind, gusts and gas; without one in still air.
+/// Speaks ArduPilot's JSON interface for simulators: start ArduPlane's SITL with --model JSON:HOST, where HOST is this
+/// machine. Each packet of servo outputs is answered with the resulting motion. With a scenario the aircraft flies in
+/// its [reality], with wind, gusts and gas; without one, in still air.
 #[derive(Debug, Parser)]
+#[command(after_help = "Example: plumage fdm-server scenarios/as-pontes.toml --ardupilot-json")]
 pub struct FdmServerArguments {
-    /// Scenario file
+    /// Scenario (TOML) [default: still air at sea level]
     scenario: Option<PathBuf>,
-    /// Serve ArduPilot's JSON interface at this address
+    /// Serve ArduPilot's JSON interface at this address (127.0.0.1:9002 if none is given)
     #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:9002")]
     ardupilot_json: Option<SocketAddr>,
     /// Id of the vehicle in the scenario [default: the last one]
-    #[arg(long)]
+    #[arg(long, value_name = "ID")]
     vehicle: Option<String>,
-    /// Aircraft file [default: the vehicle's]
-    #[arg(long)]
+    /// Aircraft (TOML) [default: the vehicle's]
+    #[arg(long, value_name = "FILE")]
     aircraft: Option<PathBuf>,
-    /// Send the readings of the gas sensor there, as NAMED_VALUE_FLOAT over UDP
+    /// Send gas readings to this address, as NAMED_VALUE_FLOAT over UDP
     #[arg(long, value_name = "HOST:PORT")]
     gas: Option<SocketAddr>,
-    /// MAVLink system id of the autopilot, under which the gas sensor speaks
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=254))]
+    /// MAVLink system id of the gas sensor, that of the autopilot, 1 to 254
+    #[arg(
+        long,
+        value_name = "N",
+        allow_negative_numbers = true,
+        default_value_t = 1,
+        value_parser = clap::value_parser!(u8).range(1..=254)
+    )]
     system_id: u8,
-    /// Seed of gusts and sensor noise [default: the scenario's]
-    #[arg(long)]
+    /// Seed of gusts and sensor noise, 0 to 2^63 - 1 [default: the scenario's]
+    #[arg(long, value_name = "N", value_parser = ranges::seed, allow_negative_numbers = true)]
     seed: Option<u64>,
-    /// Print the ArduPlane parameters by which its outputs fit the aircraft, and end
+    /// Print the ArduPlane servo parameters that match the aircraft, and exit
     #[arg(long)]
     print_parameters: bool,
 }
@@ -84,7 +91,7 @@ pub fn fdm_server(arguments: &FdmServerArguments) -> Result<(), Failure> {
     }
     let Some(at) = arguments.ardupilot_json else {
         return Err(Failure::usage(
-            "fdm-server: nothing to serve; expected --ardupilot-json [HOST:PORT]",
+            "fdm-server: expected --ardupilot-json [HOST:PORT]",
         ));
     };
     let socket = UdpSocket::bind(at)
@@ -95,7 +102,7 @@ pub fn fdm_server(arguments: &FdmServerArguments) -> Result<(), Failure> {
         .gas
         .map(|to| GasSender::open(to, arguments.system_id));
     println!(
-        "{} for ArduPilot's JSON interface on {at}",
+        "serving {} over ArduPilot's JSON interface on {at}",
         config.aircraft.name
     );
     println!(
@@ -106,7 +113,7 @@ pub fn fdm_server(arguments: &FdmServerArguments) -> Result<(), Failure> {
         config.home_amsl_m,
         config.launch_heading_deg
     );
-    println!("  Its servo parameters: plumage fdm-server … --print-parameters");
+    println!("  Print its servo parameters with: plumage fdm-server … --print-parameters");
     let backend = JsonBackend::new(config, seed).map_err(Failure::input)?;
     let mut server = Server {
         socket,
@@ -125,7 +132,7 @@ fn config(arguments: &FdmServerArguments) -> Result<(StandInConfig, u64), Failur
     let setup = match &arguments.scenario {
         Some(file) => mission_files::load(file)?,
         None => {
-            let none = |file: &str| Err(format!("{file}: not asked for"));
+            let none = |file: &str| Err(format!("{file}: the built-in scenario has no files"));
             Setup::load("still air", STILL_AIR, &none).map_err(Failure::input)?
         }
     };
@@ -170,7 +177,7 @@ impl Server {
             Err(e) if is_silence(&e) => {
                 if let Some(silent) = self.autopilot.take() {
                     println!(
-                        "{:8.1} s  the autopilot at {silent} is silent",
+                        "{:8.1} s  the autopilot at {silent} stopped sending",
                         self.backend.time_s()
                     );
                 }
@@ -207,29 +214,29 @@ impl Server {
     fn tell(&mut self, stepped: Stepped, from: SocketAddr) {
         let time_s = self.backend.time_s();
         if self.autopilot.replace(from).is_none() {
-            println!("{time_s:8.1} s  an autopilot flies it, at {from}");
+            println!("{time_s:8.1} s  the autopilot at {from} connected");
         }
         if stepped == Stepped::Anew {
-            println!("{time_s:8.1} s  the autopilot has started anew: the aircraft stands at home");
+            println!("{time_s:8.1} s  the autopilot restarted; the aircraft is back at home");
         }
         let state = self.backend.state();
         let words = match (self.phase, state.phase) {
             (before, now) if before == now => None,
             (FlightPhase::OnGround, _) => Some("launched".to_owned()),
-            (_, FlightPhase::Flying) => Some("flies".to_owned()),
+            (_, FlightPhase::Flying) => Some("airborne".to_owned()),
             (FlightPhase::Flying, FlightPhase::Sliding) => {
                 let hard = if state.flags.hard_landing {
-                    ", hard"
+                    " hard"
                 } else {
                     ""
                 };
                 let [north, east, _] = state.vel_ned_m_s;
                 Some(format!(
-                    "touched down{hard}, at {:.1} m/s",
+                    "touched down{hard} at {:.1} m/s",
                     north.hypot(east)
                 ))
             }
-            (_, FlightPhase::OnGround) => Some("stands".to_owned()),
+            (_, FlightPhase::OnGround) => Some("stopped".to_owned()),
             _ => None,
         };
         self.phase = state.phase;

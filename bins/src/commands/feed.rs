@@ -16,21 +16,22 @@ use tokio::sync::Notify;
 
 /// Arguments of `plumage feed`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example: plumage feed obs.csv --scenario scenarios/as-pontes.toml")]
 pub struct FeedArguments {
-    /// Observations (CSV, or MCAP recordings), or - for lines of CSV or JSON objects on standard input
+    /// Observations (CSV or MCAP recordings), or - for CSV lines or JSON objects on standard input
     #[arg(required = true, value_name = "OBS")]
     pub observations: Vec<PathBuf>,
-    /// Mapping file by which logs of other kinds are read (plumage import)
+    /// Mapping file (TOML) to read logs of other formats, as from `plumage import`
     #[arg(long, value_name = "FILE")]
     pub map: Option<PathBuf>,
-    /// Id of the vehicle in the mission; the platform's own if not given, and "feed" of standard input
-    #[arg(long)]
+    /// Id of the vehicle in the mission [default: the platform's name; "feed" for standard input]
+    #[arg(long, value_name = "ID")]
     pub id: Option<String>,
-    /// How fast rows are said: real, a factor of real time, or max
-    #[arg(long, default_value = "real")]
+    /// Speed of the rows: real, max, or a factor of real time above 0
+    #[arg(long, default_value = "real", allow_negative_numbers = true)]
     pub speed: Speed,
-    /// Mission time of the first row, s, or file: the rows' own times; as soon as it can be said if not given
-    #[arg(long, value_name = "S|file")]
+    /// Mission time of the first row, 0 to 1000000 s, or `file` for the times in the file [default: at once]
+    #[arg(long, value_name = "S|file", allow_negative_numbers = true)]
     pub start: Option<Start>,
     #[command(flatten)]
     bus: agent::BusArguments,
@@ -44,7 +45,7 @@ pub fn feed(arguments: &FeedArguments) -> Result<(), Failure> {
     let setup = arguments.bus.setup()?;
     if arguments.bus.lockstep {
         return Err(Failure::usage(
-            "feed joins a mission in real time: expected no --lockstep (plumage run --feed is for virtual time)",
+            "feed needs a mission in real time; start without --lockstep (for virtual time, use plumage run --feed)",
         ));
     }
     let options = FeedOptions {
@@ -56,7 +57,7 @@ pub fn feed(arguments: &FeedArguments) -> Result<(), Failure> {
     };
     if options.is_stream() && options.map.is_some() {
         return Err(Failure::usage(
-            "--map is for files: expected lines of standard input to be Plumage's own columns",
+            "--map applies to files only; expected lines with Plumage's columns on standard input",
         ));
     }
     // Wrong input is told before anybody is waited for.
@@ -71,7 +72,7 @@ pub fn feed(arguments: &FeedArguments) -> Result<(), Failure> {
         let clock = MissionClock::ask(&net).await?;
         if let Some(id) = ids.iter().find(|id| net.peers().contains(*id)) {
             return Err(Failure::usage(format!(
-                "{id} is on the bus already: expected another --id"
+                "{id} is on the bus already; expected another --id"
             )));
         }
         let fed = source.feed(&setup, &options, &mut net, clock).await?;
@@ -149,7 +150,7 @@ impl Source {
             None => Ok(match lines {
                 Some(lines) => format!("{ids}: {}", lines.tally()),
                 None => format!(
-                    "{ids}: all rows until {:.0} s of the mission fed",
+                    "{ids}: fed all rows up to {:.0} s of mission time",
                     clock.now().s()
                 ),
             }),

@@ -14,10 +14,11 @@ const EVERY: Duration = Duration::from_millis(50);
 
 /// Arguments of `plumage foxglove`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example: plumage foxglove --scenario scenarios/as-pontes.toml")]
 pub struct FoxgloveArguments {
     #[command(flatten)]
     bus: agent::BusArguments,
-    /// Address that Foxglove connects to: ws://ADDR
+    /// Serve Foxglove at this address; open ws://ADDR there
     #[arg(long, value_name = "ADDR", default_value = DEFAULT_ADDRESS)]
     serve: String,
 }
@@ -37,7 +38,7 @@ pub fn foxglove(arguments: &FoxgloveArguments) -> Result<(), Failure> {
             .map_err(Failure::input)?;
         let mut net = arguments.bus.open(&setup, false).await?;
         net.subscribe(&[Interest::Everything]).await?;
-        eprintln!("Foxglove: open a connection to ws://{}", arguments.serve);
+        eprintln!("in Foxglove, open a connection to ws://{}", arguments.serve);
         let mission = Name::new(&setup.scenario.mission.name).map_err(Failure::input)?;
         let mut converter: Option<(i64, Converter<'_>)> = None;
         let mut listener = Listener::default();

@@ -4,7 +4,7 @@ mod applied;
 pub(super) mod flight;
 
 use crate::progress::Bar;
-use crate::{Failure, measured, mission_files};
+use crate::{Failure, measured, mission_files, ranges};
 use gap::tracer::table::Tables;
 use gap::{plume, tracer};
 use record::files;
@@ -12,32 +12,38 @@ use std::path::{Path, PathBuf};
 
 /// The kinds of gap.
 #[derive(Debug, clap::Subcommand)]
+#[command(
+    after_help = "Example: plumage gap plume obs.csv --scenario scenarios/as-pontes.toml --out out/gap"
+)]
 pub enum GapCommand {
-    /// Concentrations along tracks against the plume model
+    /// Compare measured concentrations along tracks with the plume model
     Plume(PlumeArguments),
-    /// A tracer experiment: fixed samplers over many trials
+    /// Compare tracer trials at fixed samplers with the plume model
     Tracer(TracerArguments),
-    /// Measured flights against the aircraft of a file
+    /// Compare measured flights with an aircraft model
     Flight(flight::FlightArguments),
 }
 
 /// Arguments of `plumage gap plume`.
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example: plumage gap plume obs.csv --scenario scenarios/as-pontes.toml --out out/gap"
+)]
 pub struct PlumeArguments {
-    /// Observations (CSV, or MCAP recordings)
+    /// Observations (CSV or MCAP recordings)
     #[arg(required = true)]
     pub observations: Vec<PathBuf>,
-    /// Mapping file by which logs of other kinds are read (plumage import)
-    #[arg(long, value_name = "FILE")]
+    /// Mapping file (TOML) to read logs of other formats, as from `plumage import`
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub map: Option<PathBuf>,
-    /// Scenario that describes the site and the base model (TOML)
-    #[arg(long, value_name = "FILE")]
+    /// Scenario with the site and the base model (TOML)
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub scenario: PathBuf,
-    /// Gas that is read: that of the first source if not given
-    #[arg(long, value_name = "GAS")]
+    /// Gas to use from the observations: co2, ch4, so2, co, no2, nh3, h2s or sf6 [default: that of the first source]
+    #[arg(long, value_name = "GAS", help_heading = "Input")]
     pub gas: Option<::plume::Gas>,
-    /// gap.json of other readings: the causes that it names are scored on these, and not fitted
-    #[arg(long, value_name = "GAP_JSON")]
+    /// Score the causes in this gap.json, found with other readings, without fitting them again
+    #[arg(long, value_name = "GAP_JSON", help_heading = "Input")]
     pub apply: Option<PathBuf>,
     /// Where the answers go
     #[command(flatten)]
@@ -46,18 +52,21 @@ pub struct PlumeArguments {
 
 /// Arguments of `plumage gap tracer`.
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example: plumage gap tracer --receptors receptors.csv --trials trials.csv --out out/tracer"
+)]
 pub struct TracerArguments {
-    /// Samplers: receptors.csv
-    #[arg(long, value_name = "FILE")]
+    /// Samplers at the ground, as in receptors.csv of docs/gap-tracer.md
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub receptors: PathBuf,
-    /// Trials: trials.csv
-    #[arg(long, value_name = "FILE")]
+    /// Trials with weather and emission, as in trials.csv of docs/gap-tracer.md
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub trials: PathBuf,
-    /// Samplers on towers: towers.csv
-    #[arg(long, value_name = "FILE")]
+    /// Samplers on towers, as in towers.csv of docs/gap-tracer.md
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub towers: Option<PathBuf>,
-    /// gap.json of other trials: its extension is scored on these, and nothing is fitted
-    #[arg(long, value_name = "GAP_JSON")]
+    /// Score the extension in this gap.json, found with other trials, without fitting anything
+    #[arg(long, value_name = "GAP_JSON", help_heading = "Input")]
     pub apply: Option<PathBuf>,
     /// Where the answers go
     #[command(flatten)]
@@ -66,15 +75,22 @@ pub struct TracerArguments {
 
 /// Where the answers go.
 #[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Outputs")]
 pub struct OutputArguments {
     /// Folder for gap.json, report.html and extended.toml
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Write into a folder that holds something, replacing earlier outputs
+    /// Write into a folder that is not empty, and replace earlier outputs
     #[arg(long)]
     pub force: bool,
-    /// Seed of the bootstrap
-    #[arg(long, default_value_t = 1)]
+    /// Seed of the bootstrap, 0 to 2^63 - 1
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = ranges::seed,
+        allow_negative_numbers = true,
+        default_value_t = 1
+    )]
     pub seed: u64,
 }
 
@@ -177,7 +193,7 @@ fn of_tracer(arguments: &TracerArguments) -> Result<(), Failure> {
 
 fn progress_bar() -> Bar {
     Bar::new(
-        "looking for the gap, %",
+        "analysing the reality gap, %",
         100,
         "{wide_bar} {pos}/{len} {msg}",
     )

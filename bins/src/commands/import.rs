@@ -1,7 +1,7 @@
 //! `plumage import`: logs as people have them, made observations or a flight.
 
 use crate::progress::Waiting;
-use crate::{Failure, importing, measured};
+use crate::{Failure, importing, measured, ranges};
 use import::map::{ColumnMap, LogMap};
 use import::quantity::Quantity;
 use import::run::Report;
@@ -15,48 +15,75 @@ const BUFFER: usize = 1 << 20;
 
 /// Arguments of `plumage import`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example: plumage import track.gpx gas.csv --out obs.csv")]
 pub struct ImportArguments {
-    /// Logs; of several, tracks and gas logs are joined by time
+    /// Logs to convert; tracks and gas logs are joined by time
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
-    /// The observations or the flight (CSV); FILE.import.toml beside it says how it was made
-    #[arg(long, value_name = "FILE")]
+    /// Observations or flight to write (CSV); FILE.import.toml, next to it, is the mapping file that was used
+    #[arg(long, value_name = "FILE", help_heading = "Outputs")]
     pub out: PathBuf,
-    /// Mapping file: which column is what (TOML)
-    #[arg(long, value_name = "FILE")]
+    /// Mapping file (TOML): names, units and datums of the columns
+    #[arg(long, value_name = "FILE", help_heading = "Columns")]
     pub map: Option<PathBuf>,
-    /// Read text as that of an instrument: airdata, dji, sniffer4d, picarro, licor-7810, licor-850, aeris, ndbc, toa5
-    #[arg(long = "as", value_name = "PRESET")]
+    /// Format of a text log: airdata, dji, sniffer4d, picarro, licor-7810, licor-850, aeris, ndbc or toa5 [default:
+    /// recognised from its header]
+    #[arg(long = "as", value_name = "PRESET", help_heading = "Columns")]
     pub preset: Option<String>,
     /// Replace an earlier output
-    #[arg(long)]
+    #[arg(long, help_heading = "Outputs")]
     pub force: bool,
-    /// Name of the platform; the file's own if not given
-    #[arg(long, value_name = "NAME")]
+    /// Name of the platform [default: from the log or its file name]
+    #[arg(long, value_name = "NAME", help_heading = "Columns")]
     pub platform: Option<String>,
-    /// Zone of clocks that do not say theirs: UTC or an offset such as +02:00
-    #[arg(long, allow_hyphen_values = true)]
+    /// Time zone of times without one: UTC or an offset such as +02:00
+    #[arg(long, allow_hyphen_values = true, help_heading = "Time")]
     pub zone: Option<String>,
-    /// Dates whose year is not first: dmy or mdy
-    #[arg(long, value_name = "ORDER")]
+    /// Order of dates that do not begin with the year: dmy or mdy
+    #[arg(long, value_name = "ORDER", help_heading = "Time")]
     pub date_order: Option<String>,
-    /// Of readings that are joined with a track: what is added to their times, s; told from both if not given
-    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    /// Offset to add to the times of readings before they are joined with a track, s; at most 10^10 either way
+    /// [default: estimated from both]
+    #[arg(
+        long,
+        value_name = "S",
+        value_parser = ranges::real(-1e10..=1e10, " s"),
+        allow_hyphen_values = true,
+        help_heading = "Time"
+    )]
     pub offset_s: Option<f64>,
-    /// What time_s counts from, such as a mission's start; 1970 if not given
-    #[arg(long, value_name = "RFC3339")]
+    /// Time that time_s counts from, such as the start of a mission [default: 1970-01-01T00:00:00Z]
+    #[arg(long, value_name = "RFC3339", help_heading = "Time")]
     pub zero: Option<String>,
-    /// Of heights above the ellipsoid: the geoid's height above it, m
-    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    /// For heights above the ellipsoid: height of the geoid above the ellipsoid, -110 to 90 m
+    #[arg(
+        long,
+        value_name = "M",
+        value_parser = ranges::real(ranges::UNDULATIONS_M, " m"),
+        allow_hyphen_values = true,
+        help_heading = "Altitude"
+    )]
     pub undulation_m: Option<f64>,
-    /// Of pressure altitudes: the altimeter setting, hPa
-    #[arg(long, value_name = "HPA")]
+    /// For pressure altitudes: altimeter setting (QNH), 850 to 1100 hPa
+    #[arg(
+        long,
+        value_name = "HPA",
+        value_parser = ranges::real(850.0..=1100.0, " hPa"),
+        allow_negative_numbers = true,
+        help_heading = "Altitude"
+    )]
     pub qnh_hpa: Option<f64>,
-    /// Of heights above take-off or ground: the altitude of that place, m above mean sea level
-    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    /// For heights above take-off or ground: altitude of that place, -500 to 9000 m above mean sea level
+    #[arg(
+        long,
+        value_name = "M",
+        value_parser = ranges::real(-500.0..=9000.0, " m"),
+        allow_hyphen_values = true,
+        help_heading = "Altitude"
+    )]
     pub base_amsl_m: Option<f64>,
-    /// One value for a whole column, such as lat_deg=43.4 of an instrument that stands still
-    #[arg(long, value_name = "COLUMN=VALUE")]
+    /// Set a whole column to one value, such as lat_deg=43.4 for a fixed instrument; repeatable
+    #[arg(long, value_name = "COLUMN=VALUE", help_heading = "Columns")]
     pub set: Vec<String>,
 }
 
@@ -68,7 +95,7 @@ pub fn import(arguments: &ImportArguments) -> Result<(), Failure> {
     let out = &arguments.out;
     if out.exists() && !arguments.force {
         return Err(Failure::usage(format!(
-            "{}: the file exists; give another --out, or --force to replace it",
+            "{}: the output exists; choose another --out, or replace it with --force",
             out.display()
         )));
     }
@@ -143,11 +170,12 @@ fn remarks(arguments: &ImportArguments, report: &Report) -> Vec<String> {
         .collect();
     let mut remarks = vec![
         format!(
-            "How {} was made of {}.",
+            "Mapping file of {}, converted from {}.",
             arguments.out.display(),
             files.join(", ")
         ),
-        "plumage import FILE --map THIS does the same with other logs of this kind.".to_owned(),
+        "Convert other logs of this format with: plumage import FILE --map THIS --out OBS.csv"
+            .to_owned(),
         String::new(),
     ];
     remarks.extend(report.said.iter().cloned());
@@ -185,6 +213,6 @@ fn stated(arguments: &ImportArguments) -> Result<LogMap, Failure> {
     }
     stated
         .check()
-        .map_err(|what| Failure::usage(format!("what is stated of the logs: {what}")))?;
+        .map_err(|what| Failure::usage(format!("options for the logs: {what}")))?;
     Ok(stated)
 }

@@ -19,22 +19,30 @@ const LOOPBACK: [&str; 2] = ["localhost", "127.0.0.1"];
 
 /// Keys of missions.
 #[derive(Debug, clap::Subcommand)]
+#[command(after_help = EXAMPLE)]
 pub enum KeysCommand {
-    /// Make certificates and a key for a mission, one folder for each host
+    /// Create certificates and a key for a mission, one folder for each host
     New(NewArguments),
 }
 
+/// Example in the help.
+const EXAMPLE: &str = "\
+Example: a ground station, and one aircraft that flies vehicle 6
+
+  plumage keys new --mission as-pontes --host ground=192.0.2.1=sc,ws,op,watch --host air=192.0.2.2=va/6 --out keys";
+
 /// Arguments of `plumage keys new`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLE)]
 pub struct NewArguments {
-    /// Name of the mission: mission.name of its scenario
+    /// Name of the mission, as mission.name in its scenario
     #[arg(long, value_name = "NAME")]
     mission: String,
-    /// A host: a name, its addresses apart by commas, and what may run there: sc, ws, va/ID, va for any vehicle, op for
-    /// commands, watch for page and recorder [all of it if not given]; may be repeated
+    /// Host with its name, addresses and roles, the latter two separated by commas; repeatable. Roles: sc, ws, va/ID, va
+    /// (any vehicle), op (operator's commands), watch (page and recorder) [default: all roles]
     #[arg(long, value_name = "NAME=ADDRESS[=ROLES]", required = true)]
     host: Vec<Host>,
-    /// Folder for the folders of the hosts
+    /// Folder in which each host gets its own folder
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
@@ -147,14 +155,14 @@ fn make(arguments: &NewArguments) -> Result<(), Failure> {
         if hosts[..k].iter().any(|other| other.name == host.name) {
             let name = &host.name;
             return Err(Failure::usage(format!(
-                "--host {name}: there are two of it"
+                "--host {name}: given twice; expected each host once"
             )));
         }
         let folder = arguments.out.join(host.name.as_str());
         if folder.exists() {
             let folder = folder.display();
             return Err(Failure::usage(format!(
-                "{folder} is there already: expected another --out, as all hosts get new keys"
+                "{folder} exists already; expected another --out, since all hosts get new keys"
             )));
         }
     }
@@ -175,7 +183,7 @@ fn make(arguments: &NewArguments) -> Result<(), Failure> {
         println!("{}: for {}", folder.display(), host.addresses.join(", "));
     }
     println!(
-        "Copy each folder to its host, by a way that nobody else reads, and start every program there with --keys."
+        "Copy each folder to its host over a secure channel, and start every program there with --keys."
     );
     Ok(())
 }
@@ -224,7 +232,7 @@ fn access(mission: &Name, hosts: &[Host]) -> Value {
             "key_exprs": &everything,
         }),
         json!({
-            "id": "is told", "permission": "allow", "flows": ["egress"],
+            "id": "receives", "permission": "allow", "flows": ["egress"],
             "messages": ["put", "delete", "reply", "declare_queryable", "liveliness_token"],
             "key_exprs": &everything,
         }),
@@ -238,11 +246,11 @@ fn access(mission: &Name, hosts: &[Host]) -> Value {
     }));
     let mut subjects = vec![json!({"id": "hosts", "cert_common_names": names})];
     let mut policies =
-        vec![json!({"rules": ["listens", "is told", "answers"], "subjects": ["hosts"]})];
+        vec![json!({"rules": ["listens", "receives", "answers"], "subjects": ["hosts"]})];
     for host in hosts {
         let name = host.name.as_str();
         let writes: Vec<String> = host.roles.iter().flat_map(Role::writes).collect();
-        let rule = format!("{name} says");
+        let rule = format!("{name} publishes");
         rules.push(json!({
             "id": rule, "permission": "allow", "flows": ["ingress"],
             "messages": ["put", "reply", "declare_queryable", "liveliness_token"],

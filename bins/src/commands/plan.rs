@@ -12,33 +12,40 @@ use std::path::PathBuf;
 /// Air in the realities that are flown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Air {
-    /// The plume is the mean one
+    /// Mean plume
     Steady,
-    /// It meanders and fluctuates
+    /// Meandering plume with puffs
     Unsteady,
 }
 
 /// Arguments of `plumage plan`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example: plumage plan scenarios/as-pontes-steady.toml --out out/plan")]
 pub struct PlanArguments {
-    /// Scenario to plan (TOML); its table reality is not looked at
+    /// Scenario to plan (TOML); its [reality] is ignored
     pub scenario: PathBuf,
-    /// Realities to fly, drawn from the table uncertain
-    #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    /// Number of realities to draw from [uncertain] and fly, 1 to 1000
+    #[arg(
+        long,
+        value_name = "N",
+        allow_negative_numbers = true,
+        default_value_t = 6,
+        value_parser = clap::value_parser!(u64).range(1..=1000)
+    )]
     pub flights: u64,
-    /// Air to fly them in; that of the scenario if not given
+    /// Air in these realities [default: the scenario's]
     #[arg(long, value_enum)]
     pub air: Option<Air>,
-    /// Gas that is read: that of the first source if not given
+    /// Gas that the sensors measure: co2, ch4, so2, co, no2, nh3, h2s or sf6 [default: that of the first source]
     #[arg(long, value_name = "GAS")]
     pub gas: Option<Gas>,
-    /// Print plan.json instead of words
+    /// Print plan.json, not text
     #[arg(long)]
     pub json: bool,
-    /// Folder for plan.json
+    /// Folder for plan.json [default: write none]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Write into a folder that is not empty
+    /// Write into a folder that is not empty, and replace earlier outputs
     #[arg(long)]
     pub force: bool,
 }
@@ -64,7 +71,9 @@ pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
         plan::fly(&setup, number).map_err(Failure::input)
     })?;
     if flights.is_empty() {
-        return Err(Failure::usage("no mission was flown to its end"));
+        return Err(Failure::usage(
+            "no mission was flown to its end (interrupted)",
+        ));
     }
     let forecast = plan::forecast(&flights);
     let json = serde_json::to_string_pretty(&forecast)? + "\n";
@@ -83,16 +92,16 @@ pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
 fn tell(forecast: &Forecast) {
     let f = forecast;
     let kg_s = |least: Option<f64>| {
-        least.map_or("nothing".to_owned(), |least| {
-            format!("{} kg/s and more", significant(least))
+        least.map_or("none".to_owned(), |least| {
+            format!("{} kg/s or more", significant(least))
         })
     };
     println!(
-        "From {} missions in realities that may be, drawn from [uncertain]:",
+        "Predicted from {} missions in realities drawn from [uncertain]:",
         f.missions
     );
     println!(
-        "Detected with a chance of {:.0} %: {}.",
+        "Emission detected with a probability of {:.0} %: {}.",
         100.0 * f.chance,
         kg_s(f.least_kg_s)
     );
@@ -115,14 +124,14 @@ fn tell(forecast: &Forecast) {
         .collect();
     let off = f
         .peak_off_m
-        .map_or(String::new(), |m| format!("; {m:.0} m off in the median"));
+        .map_or(String::new(), |m| format!("; median error {m:.0} m"));
     println!("Peak: {}{off}.", status.join(", "));
     println!(
-        "Expected ±, one standard deviation, as stated in the median and as missions were off:"
+        "Expected uncertainty: median of the stated standard deviation, and the error that missions had:"
     );
     for e in &f.expected {
         println!(
-            "  {:18} ± {:>6} {:4} off {:>6} {}",
+            "  {:18} ± {:>6} {:4} error {:>6} {}",
             e.name,
             significant(e.sd),
             e.unit,
@@ -134,8 +143,8 @@ fn tell(forecast: &Forecast) {
         .known_s
         .map_or("never".to_owned(), |s| format!("after {s:.0} s"));
     println!(
-        "Time: the peak is first confirmed or supported {known} in the median; the last vehicle is down after \
-         {:.0} s; all landed in {} of {}.",
+        "Time: the median mission first confirms or supports the peak {known}; its last vehicle lands after {:.0} s. \
+         All vehicles landed in {} of {} missions.",
         f.down_s, f.all_landed, f.missions
     );
 }

@@ -14,10 +14,11 @@ use std::path::PathBuf;
 
 /// Arguments of `plumage replay`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example: plumage replay out/seed-7/mission.mcap --verify")]
 pub struct ReplayArguments {
     /// Recording of a mission (MCAP)
     pub recording: PathBuf,
-    /// Simulate the mission again and compare digests
+    /// Re-simulate the mission and compare the digests
     #[arg(long, conflicts_with = "serve")]
     pub verify: bool,
     #[command(flatten)]
@@ -48,7 +49,7 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     if !arguments.verify {
         return Ok(());
     }
-    let flying = Waiting::new("flying the mission again");
+    let flying = Waiting::new("re-simulating the mission");
     let setup = mission_files::load_recorded(&recording)?;
     // Where somebody outside has said where to look, the recording has it.
     let mut run = Run::led(&setup).map_err(Failure::input)?;
@@ -103,11 +104,11 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     println!("digest of the re-simulation {simulated}");
     if simulated != recorded {
         return Err(Failure::Run(anyhow::anyhow!(
-            "the re-simulation differs from {}",
+            "the re-simulation has another digest than {}",
             path.display()
         )));
     }
-    println!("the same, bit for bit");
+    println!("the re-simulation is identical, bit for bit");
     Ok(())
 }
 

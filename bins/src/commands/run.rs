@@ -11,7 +11,7 @@ use crate::pace::{Pace, Reached, Speed};
 use crate::page::{self, LivePage, PageArguments, Serve};
 use crate::progress::Bar;
 use crate::ros2::{Ros2, Ros2Arguments};
-use crate::{Failure, mission_files, preflight, site};
+use crate::{Failure, mission_files, preflight, ranges, site};
 use anyhow::Context as _;
 use mav_bridge::link::LinkAddress;
 use mission::{Run, Setup};
@@ -30,75 +30,111 @@ const WATCHED: f64 = 30.0;
 
 /// Arguments of `plumage run`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example: plumage run scenarios/as-pontes.toml --seed 7 --out out/seed-7")]
 pub struct RunArguments {
     /// Scenario to fly (TOML)
     pub scenario: PathBuf,
-    /// Seed of every random number, instead of the scenario's
-    #[arg(long)]
+    /// Seed of all random numbers, 0 to 2^63 - 1 [default: the scenario's]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = ranges::seed,
+        allow_negative_numbers = true,
+        help_heading = "Mission"
+    )]
     pub seed: Option<u64>,
-    /// real, a factor of real time, or max; max if not given, and 30 where a page is watched from a terminal and
-    /// no --out is given
-    #[arg(long)]
-    pub speed: Option<Speed>,
-    /// Length of the mission in simulated seconds, instead of the scenario's
-    #[arg(long, value_name = "S")]
+    /// Length of the mission, 1 to 1000000 simulated s [default: the scenario's]
+    #[arg(
+        long,
+        value_name = "S",
+        value_parser = ranges::duration_s,
+        allow_negative_numbers = true,
+        help_heading = "Mission"
+    )]
     pub duration: Option<f64>,
-    /// Gas that is read: that of the first source if not given
-    #[arg(long, value_name = "GAS")]
+    /// Simulated over wall time: real, max, or a factor above 0 [default: max, or 30 when started from a terminal with a
+    /// live page and without --out]
+    #[arg(long, allow_negative_numbers = true, help_heading = "Mission")]
+    pub speed: Option<Speed>,
+    /// Gas that the sensors measure: co2, ch4, so2, co, no2, nh3, h2s or sf6 [default: that of the first source]
+    #[arg(long, value_name = "GAS", help_heading = "Mission")]
     pub gas: Option<Gas>,
-    /// Folder for the outputs; a new one under out/ if not given
-    #[arg(long, value_name = "DIR")]
+    /// Apply named causes to the simulated world while the mission flies
+    #[arg(long, help_heading = "Mission")]
+    pub adopt: bool,
+    /// Folder for the outputs [default: a new folder in out/]
+    #[arg(long, value_name = "DIR", help_heading = "Outputs")]
     pub out: Option<PathBuf>,
-    /// Write into a folder that holds something, replacing earlier outputs
-    #[arg(long)]
+    /// Write into a folder that is not empty, and replace earlier outputs
+    #[arg(long, help_heading = "Outputs")]
     pub force: bool,
-    /// Address of the live page (default 127.0.0.1:8787, if free)
-    #[arg(long, value_name = "ADDR", conflicts_with = "no_serve")]
+    /// Write the MAVLink traffic with ground stations to this telemetry log, which they can replay
+    #[arg(long, value_name = "FILE", help_heading = "Outputs")]
+    pub tlog: Option<PathBuf>,
+    /// Serve the live page at this address [default: 127.0.0.1:8787, if it is free]
+    #[arg(
+        long,
+        value_name = "ADDR",
+        conflicts_with = "no_serve",
+        help_heading = "Page"
+    )]
     pub serve: Option<String>,
-    /// No live page
-    #[arg(long)]
+    /// Do not serve the live page
+    #[arg(long, help_heading = "Page")]
     pub no_serve: bool,
+    /// Keep serving the page after the mission until interrupted
+    #[arg(long, help_heading = "Page")]
+    pub hold: bool,
     /// What lies under the map
     #[command(flatten)]
     pub page: PageArguments,
-    /// Keep the page up after the mission until interrupted
-    #[arg(long)]
-    pub hold: bool,
-    /// Let the simulated world take up what the reality gap finds in flight
-    #[arg(long)]
-    pub adopt: bool,
-    /// FlightGear that shows a vehicle, 50 packets a second; may be repeated
-    #[arg(long, value_name = "ID=HOST:PORT")]
-    pub flightgear: Vec<String>,
-    /// Observations (CSV, MCAP, or - for lines on standard input, with --speed real) that count as those of a
-    /// real vehicle which is not of the team; may be repeated
-    #[arg(long, value_name = "OBS")]
-    pub feed: Vec<PathBuf>,
-    /// Id of that vehicle; the platform's own if not given, and "feed" of standard input
-    #[arg(long, value_name = "ID", requires = "feed")]
-    pub feed_id: Option<String>,
-    /// Mission time of the first row, s, or file: the rows' own times; at once if not given
-    #[arg(long, value_name = "S|file", requires = "feed")]
-    pub feed_start: Option<Start>,
-    /// Ground stations (QGroundControl, MAVProxy, MAVSDK) that see every vehicle of the team as an ArduPlane
-    /// of its own, its number in the scenario as system id: udpout:HOST:PORT, udpin:, tcp: or tcpin:
-    #[arg(long, value_name = "LINK")]
-    pub gcs: Option<LinkAddress>,
-    /// Telemetry log of what is said to ground stations and by them, which they can play
-    #[arg(long, value_name = "FILE")]
-    pub tlog: Option<PathBuf>,
-    /// Make the last N vehicles of the team stand-ins for real ones, the others simulated
-    #[arg(long, value_name = "N")]
-    pub real_stand_ins: Option<usize>,
-    /// Let the real aircraft on that link be the vehicle; may be repeated
-    #[arg(long, value_name = "ID=LINK")]
+    /// Fly vehicle ID with the real aircraft on LINK, such as 3=udpin:0.0.0.0:14550; needs --speed real; repeatable
+    #[arg(long, value_name = "ID=LINK", help_heading = "Real vehicles")]
     pub real: Vec<String>,
-    /// Serve figures of this process for Prometheus at this address, such as 127.0.0.1:9100
-    #[arg(long, value_name = "ADDR")]
-    pub metrics: Option<String>,
-    /// Whether ROS 2 hears the mission
+    /// Replace the last N vehicles of the team by stand-ins for real ones and simulate the others, 0 to the team's size
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = ranges::whole(0..=ranges::TEAM),
+        allow_negative_numbers = true,
+        help_heading = "Real vehicles"
+    )]
+    pub real_stand_ins: Option<usize>,
+    /// Feed observations into the mission as those of a real vehicle outside the team: CSV, MCAP, or - for standard
+    /// input (needs --speed real); repeatable
+    #[arg(long, value_name = "OBS", help_heading = "Measured data")]
+    pub feed: Vec<PathBuf>,
+    /// Id of the fed vehicle [default: the platform's name; "feed" for standard input]
+    #[arg(
+        long,
+        value_name = "ID",
+        requires = "feed",
+        help_heading = "Measured data"
+    )]
+    pub feed_id: Option<String>,
+    /// Mission time of the first fed row, 0 to 1000000 s, or `file` for the times in the file [default: the mission's
+    /// start]
+    #[arg(
+        long,
+        value_name = "S|file",
+        requires = "feed",
+        allow_negative_numbers = true,
+        help_heading = "Measured data"
+    )]
+    pub feed_start: Option<Start>,
+    /// Show each vehicle to ground stations (QGroundControl, MAVProxy …) as an ArduPlane; its system id is its number in
+    /// the scenario. LINK: udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or tcpin:HOST:PORT
+    #[arg(long, value_name = "LINK", help_heading = "Integrations")]
+    pub gcs: Option<LinkAddress>,
+    /// Show vehicle ID in the FlightGear at HOST:PORT, with 50 packets a second; repeatable
+    #[arg(long, value_name = "ID=HOST:PORT", help_heading = "Integrations")]
+    pub flightgear: Vec<String>,
+    /// Whether the mission is published to ROS 2
     #[command(flatten)]
     pub ros2: Ros2Arguments,
+    /// Serve metrics for Prometheus at this address, such as 127.0.0.1:9100
+    #[arg(long, value_name = "ADDR", help_heading = "Integrations")]
+    pub metrics: Option<String>,
 }
 
 impl RunArguments {
@@ -173,10 +209,7 @@ impl RunArguments {
                 .context("cannot watch for a key")?;
             "until a key is pressed"
         };
-        eprintln!(
-            "live page and report stay at http://{}/ {until}",
-            page.address
-        );
+        eprintln!("live page and report: http://{}/ {until}", page.address);
         page.hold(stop);
         Ok(())
     }
@@ -368,8 +401,8 @@ impl Flight {
         let over = self.run.now().s() > self.duration_s;
         if over && !std::mem::replace(&mut self.told_that_it_goes_on, true) {
             eprintln!(
-                "the mission's time is over; it goes on until the real vehicles are on the ground and disarmed, and an \
-                 interrupt calls all home"
+                "the mission's time is over; the run continues until all real vehicles are on the ground and \
+                 disarmed. An interrupt calls all vehicles home"
             );
         }
     }
@@ -381,15 +414,17 @@ impl Flight {
             return false;
         }
         if self.at_once.load(Ordering::Relaxed) {
-            eprintln!("interrupted again: real vehicles are left to their own failsafe");
+            eprintln!(
+                "interrupted again: stopped at once; real vehicles rely on their own failsafe"
+            );
             return false;
         }
         if std::mem::replace(&mut self.comes_down, true) {
             return true;
         }
         eprintln!(
-            "interrupted: real vehicles are in the air or armed, and come home first; interrupted again it ends at \
-             once, and leaves them to their own failsafe"
+            "interrupted: a real vehicle is airborne or armed; all vehicles are called home first. A second interrupt \
+             stops the run at once and leaves real vehicles to their own failsafe"
         );
         self.call_home();
         self.run.end();

@@ -9,15 +9,19 @@ use std::path::PathBuf;
 
 /// Arguments of `plumage completions`.
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example: plumage completions bash > ~/.local/share/bash-completion/completions/plumage"
+)]
 pub struct CompletionsArguments {
-    /// Shell
+    /// Shell to print completions for
     pub shell: Shell,
 }
 
 /// Arguments of `plumage man`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example: plumage man ~/.local/share/man/man1")]
 pub struct ManArguments {
-    /// Folder for the pages
+    /// Folder for the manual pages
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
 }
@@ -45,7 +49,7 @@ pub fn man(arguments: &ManArguments, command: Command) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).with_context(failed)?;
     clap_mangen::generate_to(command, folder).with_context(failed)?;
     println!(
-        "Outputs in {}: man -l {}",
+        "Outputs in {}; read them with: man -l {}",
         folder.display(),
         folder.join("plumage.1").display()
     );

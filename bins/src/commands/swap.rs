@@ -9,12 +9,15 @@ use protocol::{AgentId, Message, Topic};
 
 /// Arguments of `plumage swap`.
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example: plumage swap 3 --real udpin:0.0.0.0:14550 --scenario scenarios/as-pontes.toml"
+)]
 pub struct SwapArguments {
-    /// Id of the vehicle
+    /// Id of the vehicle to replace
     pub vehicle: String,
     #[command(flatten)]
     aircraft: Aircraft,
-    /// Let the bridge arm the motor at take-off; else a person does
+    /// Arm the motor of the real aircraft at take-off [default: wait until a person arms it]
     #[arg(long, requires = "real")]
     may_arm: bool,
     #[command(flatten)]
@@ -25,11 +28,11 @@ pub struct SwapArguments {
 #[derive(Debug, clap::Args)]
 #[group(required = true, multiple = false)]
 struct Aircraft {
-    /// Let the real aircraft on this link take its place, such as udpin:0.0.0.0:14550; one that is not heard for
-    /// 30 s gives it back. Or --simulated
+    /// Fly the vehicle with the real aircraft on this link, such as udpin:0.0.0.0:14550; if no frame comes within 30 s,
+    /// the simulated aircraft flies on
     #[arg(long, value_name = "LINK")]
     real: Option<LinkAddress>,
-    /// Let a simulated aircraft take its place, from where it is. Or --real
+    /// Fly the vehicle with a simulated aircraft, from its current position
     #[arg(long)]
     simulated: bool,
 }

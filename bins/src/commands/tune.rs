@@ -1,33 +1,49 @@
 //! `plumage tune`: gains for an aircraft, found in simulation.
 
-use crate::Failure;
 use crate::measured::{self, AircraftFile};
 use crate::progress::Bar;
+use crate::{Failure, ranges};
 use fdm::Aircraft;
 use fdm::tune::{TuneOrder, TuneReport, tune as search, with_gains};
 use record::files;
 use std::path::{Path, PathBuf};
 
+/// Most gain sets that are tried: some days of work.
+const CANDIDATES: usize = 100_000;
+
 /// Arguments of `plumage tune`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example: plumage tune --aircraft aircraft/x8.toml --out out/tune-x8")]
 pub struct TuneArguments {
     /// Aircraft to tune (TOML)
     #[arg(long, value_name = "FILE")]
     pub aircraft: PathBuf,
-    /// Re-tune for what a measured flight shows: its log (CSV, as for `plumage gap flight`), or the
-    /// extended.toml that `plumage gap flight` wrote
+    /// Tune for the aircraft as measured: a flight log (CSV, as for `plumage gap flight`), or the extended.toml from
+    /// `plumage gap flight`
     #[arg(long, value_name = "FILE")]
     pub from: Option<PathBuf>,
-    /// Seed of the search and its gusts
-    #[arg(long, default_value_t = 1)]
+    /// Seed of the search and its gusts, 0 to 2^63 - 1
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = ranges::seed,
+        allow_negative_numbers = true,
+        default_value_t = 1
+    )]
     pub seed: u64,
-    /// Sets of gains to try
-    #[arg(long, value_name = "N", default_value_t = 300)]
+    /// Number of gain sets to try, 1 to 100000
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = ranges::whole(1..=CANDIDATES),
+        allow_negative_numbers = true,
+        default_value_t = 300
+    )]
     pub candidates: usize,
-    /// Folder for report.html, tune.json and the aircraft file
+    /// Folder for report.html, tune.json and the tuned aircraft
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Write into a folder that holds something, replacing earlier outputs
+    /// Write into a folder that is not empty, and replace earlier outputs
     #[arg(long)]
     pub force: bool,
 }
@@ -82,7 +98,7 @@ fn source(arguments: &TuneArguments) -> Result<AircraftFile, Failure> {
     let mut extended = AircraftFile::read(from).map_err(Failure::input)?;
     if extended.aircraft.name != base.aircraft.name {
         return Err(Failure::usage(format!(
-            "--from {}: it is of \"{}\", and --aircraft of \"{}\"; expected the same aircraft",
+            "--from {}: describes aircraft \"{}\", but --aircraft describes \"{}\"; expected the same aircraft",
             from.display(),
             extended.aircraft.name,
             base.aircraft.name
@@ -90,7 +106,7 @@ fn source(arguments: &TuneArguments) -> Result<AircraftFile, Failure> {
     }
     if extended.aircraft.mechanism.is_empty() {
         eprintln!(
-            "note: {} has no [[mechanism]]: the flight showed nothing that the aircraft file lacks",
+            "note: {} has no [[mechanism]]; the flight agreed with the aircraft file",
             from.display()
         );
     }
@@ -118,14 +134,14 @@ fn as_flown(base: AircraftFile, flight: &Path) -> Result<AircraftFile, Failure> 
 fn tell(report: &TuneReport, folder: &Path, file: &str) {
     let (before, after) = (&report.before, &report.after);
     println!(
-        "{}: cost in weather not seen {:.2} -> {:.2}{}",
+        "{}: hold-out cost {:.2} -> {:.2}{}",
         report.aircraft,
         before.held_out_cost,
         after.held_out_cost,
         if report.changed {
             ""
         } else {
-            "; nothing better was found, the gains of the file stay"
+            "; no better gains were found, those of the file are kept"
         }
     );
     for (b, a) in before.margins.iter().zip(&after.margins) {

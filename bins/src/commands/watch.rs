@@ -22,11 +22,14 @@ const TOLD_WITHIN: Duration = Duration::from_secs(2);
 
 /// Arguments of `plumage watch`.
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example: plumage watch --scenario scenarios/as-pontes.toml --connect tcp/192.0.2.1:7447"
+)]
 pub struct WatchArguments {
     #[command(flatten)]
     bus: agent::BusArguments,
-    /// Address of the page
-    #[arg(long, value_name = "ADDR", default_value = DEFAULT_ADDRESS)]
+    /// Serve the page at this address
+    #[arg(long, help_heading = "Page", value_name = "ADDR", default_value = DEFAULT_ADDRESS)]
     serve: String,
     #[command(flatten)]
     page: PageArguments,
@@ -106,7 +109,7 @@ async fn follow(
             match asked {
                 Ok(asked) => drop(asked?),
                 Err(_) => eprintln!(
-                    "warning: nobody tells the mission's time: what was clicked is not said"
+                    "warning: no process answers requests for the mission's time; the command from the page was not sent"
                 ),
             }
         }

@@ -13,50 +13,88 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Instant;
 
-/// Effects hidden in synthetic data: how often they are found, named and mended
+/// Benchmark how often the reality gap detects, names and corrects effects hidden in synthetic data
 #[derive(Debug, clap::Parser)]
-#[command(name = "gap-bench", version, about)]
+#[command(
+    name = "gap-bench",
+    version,
+    about,
+    after_help = "Example: cargo run --release -p gap-bench -- --quick 60 --outcomes outcomes.jsonl"
+)]
 struct Arguments {
-    /// Effects in flights instead of plumes
-    #[arg(long)]
+    /// Benchmark flights, not plumes
+    #[arg(long, help_heading = "Cases")]
     flight: bool,
-    /// Seeds a case
-    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
+    /// Seeds per case, 1 or more
+    #[arg(
+        long,
+        value_name = "COUNT",
+        allow_negative_numbers = true,
+        default_value_t = 20,
+        value_parser = clap::value_parser!(u64).range(1..),
+        help_heading = "Cases"
+    )]
     seeds: u64,
-    /// Only so many plume cases, spread over all kinds: a look of some minutes
-    #[arg(long, value_name = "COUNT", conflicts_with = "flight")]
+    /// Run only this many plume cases, 1 or more, spread over all kinds; takes some minutes
+    #[arg(
+        long,
+        value_name = "COUNT",
+        conflicts_with = "flight",
+        allow_negative_numbers = true,
+        value_parser = count,
+        help_heading = "Cases"
+    )]
     quick: Option<usize>,
-    /// What moves when each number of the finder's policy is halved and doubled, on the cases of --quick
+    /// Report how the results change when each policy number is halved and doubled, on the cases of --quick
     #[arg(long, requires = "quick")]
     sensitivity: bool,
-    /// Threads, each with a case of its own; as many as there are where none is given
-    #[arg(long, value_name = "COUNT")]
+    /// Threads, 1 or more, each with its own case [default: the number of processors]
+    #[arg(long, value_name = "COUNT", allow_negative_numbers = true, value_parser = count)]
     threads: Option<usize>,
-    /// Only the plume case of this seed: its files, the truth and the answer are written to --into
+    /// Run only the plume case of this seed, 0 or more; write its files, truth and answer to --into
     #[arg(
         long,
         value_name = "SEED",
+        allow_negative_numbers = true,
+        help_heading = "Cases",
         requires = "into",
         conflicts_with = "flight"
     )]
     case: Option<u64>,
-    /// Folder for --case
-    #[arg(long, value_name = "FOLDER", requires = "case")]
+    /// Folder for the files of --case
+    #[arg(long, value_name = "DIR", requires = "case", help_heading = "Outputs")]
     into: Option<PathBuf>,
-    /// Added to every seed of the plume cases, for figures on cases that nobody has seen
-    #[arg(long, default_value_t = 0, conflicts_with = "flight")]
+    /// Offset added to every seed of the plume cases, 0 or more, to benchmark on new cases
+    #[arg(
+        long,
+        value_name = "SEED",
+        allow_negative_numbers = true,
+        default_value_t = 0,
+        conflicts_with = "flight",
+        help_heading = "Cases"
+    )]
     first_seed: u64,
-    /// File that keeps each case's outcome (JSON lines: seed, truth, D, what was said, seconds): a
-    /// benchmark that was interrupted goes on from there
-    #[arg(long, value_name = "FILE", conflicts_with = "flight")]
+    /// File with the outcome of each case (JSON lines: seed, truth, D, answer, seconds), from which an interrupted
+    /// benchmark resumes
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with = "flight",
+        help_heading = "Outputs"
+    )]
     outcomes: Option<PathBuf>,
-    /// Only cases whose name contains this; the page is then printed, and written only to --out
-    #[arg(long, default_value = "")]
+    /// Run only cases whose name contains this text; prints the page, and writes it only to --out
+    #[arg(long, value_name = "TEXT", default_value = "", help_heading = "Cases")]
     only: String,
-    /// File for the tables (Markdown); docs/gap-benchmark.md or docs/gap-flight-benchmark.md where
-    /// none is given
-    #[arg(long, value_name = "FILE")]
+    /// File for the tables (Markdown) [default: docs/gap-benchmark.md, or docs/gap-flight-benchmark.md with --flight]
+    #[arg(long, value_name = "FILE", help_heading = "Outputs")]
     out: Option<PathBuf>,
+}
+
+/// Reads a count of 1 or more.
+fn count(text: &str) -> Result<usize, String> {
+    let count = text.parse().ok().filter(|count| *count >= 1);
+    count.ok_or_else(|| "expected a whole number, 1 or more".to_owned())
 }
 
 fn main() -> anyhow::Result<()> {
@@ -93,7 +131,7 @@ fn of_plume(arguments: &Arguments) -> anyhow::Result<String> {
     if tasks.is_empty() {
         let rows = rows.into_iter().collect::<Vec<_>>().join(", ");
         anyhow::bail!(
-            "--only {}: no case is called so; expected a part of one of: {rows}",
+            "--only {}: no case has this in its name; expected a part of one of: {rows}",
             arguments.only
         );
     }
@@ -131,7 +169,8 @@ fn of_flight(arguments: &Arguments) -> anyhow::Result<String> {
     let share = FlightShare::published(&arguments.only);
     anyhow::ensure!(
         share.holds_any(),
-        "--only {}: no kind of flight is called so; expected a part of a name in docs/gap-flight-benchmark.md",
+        "--only {}: no kind of flight has this in its name; expected a part of a name in \
+         docs/gap-flight-benchmark.md",
         arguments.only
     );
     let fleet: Result<Vec<BenchAircraft<'_>>, _> = AIRCRAFT

@@ -22,7 +22,7 @@ pub(super) fn earlier(file: &Path, out: &Path) -> Result<Earlier, Failure> {
         .map(Path::to_owned);
     if beside.is_some() && beside == whole(out) {
         return Err(Failure::usage(format!(
-            "--out {}: holds the finding {} that is applied; expected another folder",
+            "--out {}: holds {}, which --apply reads; expected another folder",
             out.display(),
             file.display()
         )));
@@ -71,16 +71,16 @@ pub(super) fn tell(json: &GapJson, platforms: &str, folder: &Path) {
     measured::tell(&json.notices);
     let Some(applied) = &json.applied else { return };
     println!("{}", applied.says);
-    println!("  Applied, as {} has it:", applied.from);
+    println!("  Applied causes from {}:", applied.from);
     if json.causes.is_empty() {
-        println!("  no cause");
+        println!("  none");
     }
     tell_causes(&json.causes, platforms);
     if applied.fitted.is_empty() {
-        println!("  Fitted to these data: nothing");
+        println!("  Fitted to these data: none");
     } else {
         println!(
-            "  Fitted to these data, of the base: {}",
+            "  Base parameters fitted to these data: {}",
             applied.fitted.join(", ")
         );
     }

@@ -11,19 +11,22 @@ use std::path::PathBuf;
 
 /// Arguments of `plumage gap flight`.
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example: plumage gap flight flight.csv --aircraft aircraft/ultrastick-25e.toml --out out/gap-flight"
+)]
 pub struct FlightArguments {
-    /// Flight files (CSV), one a flight
+    /// Measured flights (CSV), one file per flight
     #[arg(required = true)]
     pub flights: Vec<PathBuf>,
-    /// Mapping file by which logs of other kinds are read (plumage import)
-    #[arg(long, value_name = "FILE")]
+    /// Mapping file (TOML) to read logs of other formats, as from `plumage import`
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub map: Option<PathBuf>,
-    /// The aircraft that flew, as the simulator has it (TOML)
-    #[arg(long, value_name = "FILE")]
+    /// Simulator's model of the aircraft that flew (TOML)
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub aircraft: PathBuf,
-    /// Estimate the coefficients of an aircraft of which none are published: mass, inertia and lengths are those of
-    /// the file, its coefficients a start (those of an aircraft that flies alike)
-    #[arg(long)]
+    /// Estimate the aerodynamic coefficients of the aircraft. Mass, inertia and dimensions are kept from the file; its
+    /// coefficients are starting values, such as those of a similar aircraft
+    #[arg(long, help_heading = "Input")]
     pub estimate: bool,
     /// Where the answers go
     #[command(flatten)]
@@ -83,11 +86,11 @@ fn estimated(
     measured::tell(&found.notices);
     println!("{}", found.summary);
     println!(
-        "  {:<28} {:>9} {:>9}   of the file",
+        "  {:<28} {:>9} {:>9}   in the file",
         "coefficient", "estimate", "±"
     );
     for c in &found.coefficients {
-        let told = if c.told { "" } else { "   not told" };
+        let told = if c.told { "" } else { "   not identifiable" };
         println!(
             "  {:<28} {:9.4} {:9.4} {:9.4}{told}",
             c.name, c.value, c.sd, c.start

@@ -25,14 +25,26 @@ const KEEP_WITH: usize = 20;
 /// Where and how a recording is shown.
 #[derive(Debug, clap::Args)]
 pub struct ShowArguments {
-    /// Show the recording on a page
-    #[arg(long)]
+    /// Serve the recording on a page with a timeline
+    #[arg(long, help_heading = "Page")]
     pub serve: bool,
-    /// Address of that page
-    #[arg(long, value_name = "ADDR", default_value = DEFAULT_ADDRESS, requires = "serve")]
+    /// Serve the page at this address
+    #[arg(
+        long,
+        help_heading = "Page",
+        value_name = "ADDR",
+        default_value = DEFAULT_ADDRESS,
+        requires = "serve"
+    )]
     address: String,
-    /// Speed at which it is shown first: real, a factor of real time, or max
-    #[arg(long, default_value = "10", requires = "serve")]
+    /// Initial speed: real, max, or a factor of real time above 0
+    #[arg(
+        long,
+        default_value = "10",
+        requires = "serve",
+        allow_negative_numbers = true,
+        help_heading = "Page"
+    )]
     speed: Speed,
     #[command(flatten)]
     page: PageArguments,
@@ -175,7 +187,7 @@ pub fn show(recording: &Recording, arguments: &ShowArguments) -> Result<(), Fail
         return Ok(());
     };
     let stop = interrupt_flag()?;
-    eprintln!("page: http://{}/ until interrupted", page.address);
+    eprintln!("page: http://{}/ (interrupt to stop)", page.address);
     let run = RunStatus {
         speed: arguments.speed.0,
         reported: report.is_file(),

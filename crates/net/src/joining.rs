@@ -50,7 +50,7 @@ impl Door {
         let refused = |passes, why| Some(Refused { why, passes });
         if let Some(theirs) = question.wire_version.filter(|v| *v != WIRE_VERSION) {
             let why = format!(
-                "it speaks wire version {theirs}, this mission {WIRE_VERSION}: update the older program"
+                "it uses wire version {theirs}, this mission uses {WIRE_VERSION}; update the older program"
             );
             return refused(false, why);
         }
@@ -60,7 +60,7 @@ impl Door {
             && !asks.agents.is_empty()
         {
             let why = format!(
-                "it has {difference}: expected the scenario and options of the other processes"
+                "it was started with {difference}; expected the scenario, seed and options of the other processes"
             );
             return refused(false, why);
         }
@@ -149,7 +149,7 @@ pub(crate) async fn open(
                 refused: door.refuses(&question),
             };
             if let (Some(words), None) = (door.differs(&question), &answer.refused) {
-                eprintln!("warning: somebody looks on with {words}");
+                eprintln!("warning: a watching process was started with {words}");
             }
             let (answer, code) = answer.coded(&door.key, &question.question);
             // Who asked has gone if the answer does not arrive; it will ask again.
@@ -237,8 +237,9 @@ async fn ask_once(net: &Net) -> Result<(Told, Answer), NetError> {
         if let Some(keeper) = there.filter(|_| !told && begun.elapsed() > PATIENCE) {
             told = true;
             eprintln!(
-                "warning: {keeper} is there and does not let this process in: is the mission's key (--keys, \
-                 --mission-key, PLUMAGE_MISSION_KEY) the same, and is the mission in lockstep if this is?"
+                "warning: {keeper} is present but does not answer this process; check that both have the same \
+                 mission key (--keys, --mission-key, PLUMAGE_MISSION_KEY), and that both or neither use \
+                 --lockstep"
             );
         }
         tokio::time::sleep(AGAIN).await;

@@ -78,19 +78,19 @@ pub enum NetError {
     #[error("network: {0}")]
     Zenoh(String),
     /// The mission did not let this process in.
-    #[error("the mission does not let this process in: {0}")]
+    #[error("the mission rejected this process: {0}")]
     Refused(String),
     /// Something was to be said before a run was joined.
-    #[error("network: nothing can be said before the mission's time is known")]
+    #[error("network: cannot publish before the mission's time is known")]
     NotJoined,
     /// The system has no random numbers.
-    #[error("no random numbers from the system: {0}")]
+    #[error("the system provides no random numbers: {0}")]
     Random(String),
     /// The session ended while something was still awaited.
     #[error("network: the session has closed")]
     Closed,
     /// Agents of a lockstep run, or its conductor, left before its end or answer no more.
-    #[error("missing in lockstep: {}; ended before tick {tick} was finished", in_words(.agents))]
+    #[error("a process of the lockstep run stopped responding: {}; the run ended before tick {tick} was finished", in_words(.agents))]
     Gone {
         /// Who has gone.
         agents: Vec<protocol::AgentId>,
@@ -99,12 +99,15 @@ pub enum NetError {
     },
     /// A mission flies already, and nobody says what time it is.
     #[error(
-        "{0} of a mission in real time are there already, and do not say what time it is, or not the same run; expected them to be \
-         ended, so that a mission can begin"
+        "{0} of an earlier mission in real time are still on the bus and do not agree on one mission's time; \
+         stop them before this mission starts"
     )]
     NoTime(String),
     /// What was said in a lockstep run did not arrive.
-    #[error("lost in lockstep: {path} number {sequence}; ended before tick {tick} was finished")]
+    #[error(
+        "a message of the lockstep run was lost: {path} number {sequence}; the run ended before tick {tick} \
+             was finished"
+    )]
     Lost {
         /// The topic.
         path: String,

@@ -35,7 +35,7 @@ impl Refusals {
             first.to_string()
         } else {
             format!(
-                "{} messages refused, {} in all; the first: {first}",
+                "{} messages rejected, {} in all; the first: {first}",
                 self.untold, self.all
             )
         };

@@ -42,7 +42,7 @@ pub(crate) fn decode(topic: &Topic, bytes: &[u8]) -> Result<Envelope, ProtocolEr
     let (envelope, used) =
         bincode::serde::decode_from_slice(body, layout()).map_err(|e| garbage(e.to_string()))?;
     if used != body.len() {
-        return Err(garbage(format!("{} bytes too many", body.len() - used)));
+        return Err(garbage(format!("{} trailing bytes", body.len() - used)));
     }
     Ok(envelope)
 }

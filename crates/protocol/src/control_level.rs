@@ -50,13 +50,13 @@ impl Danger {
     pub fn description(self) -> &'static str {
         match self {
             Self::Link => "no link to the vehicle",
-            Self::SquadronController => "no word from the squadron controller",
-            Self::World => "no word from the world simulator",
-            Self::Bridge => "the vehicle does not hear its bridge",
+            Self::SquadronController => "no message from the squadron controller",
+            Self::World => "no message from the world simulator",
+            Self::Bridge => "the vehicle receives nothing from its bridge",
             Self::Battery => "battery low",
             Self::Fence => "outside the fence",
-            Self::Remote => "the vehicle does not hear its remote control",
-            Self::Failsafe => "the vehicle's own failsafe, for a reason that it does not tell",
+            Self::Remote => "the vehicle receives nothing from its remote control",
+            Self::Failsafe => "the vehicle's own failsafe, for a reason that it does not report",
         }
     }
 

@@ -23,12 +23,12 @@ impl MissionIdentity {
     pub fn difference(&self, other: &Self) -> Option<String> {
         let mut words = Vec::new();
         if self.seed != other.seed {
-            words.push(format!("seed {} for {}", other.seed, self.seed));
+            words.push(format!("seed {} instead of {}", other.seed, self.seed));
         }
         if self.tick_ns != other.tick_ns {
             let ms = |ns: i64| ns as f64 * 1e-6;
             words.push(format!(
-                "tick of {} ms for {}",
+                "a tick of {} ms instead of {} ms",
                 ms(other.tick_ns),
                 ms(self.tick_ns)
             ));
@@ -36,7 +36,7 @@ impl MissionIdentity {
         if self.site_deg != other.site_deg {
             let at = |[lat, lon]: [f64; 2]| format!("{lat}, {lon}");
             words.push(format!(
-                "site {} for {}",
+                "site {} instead of {}",
                 at(other.site_deg),
                 at(self.site_deg)
             ));

@@ -78,7 +78,7 @@ pub use time::{Pauses, SimTime};
 pub enum ProtocolError {
     /// A peer speaks another version of the wire format.
     #[error(
-        "wire version {theirs} from the peer, but this program speaks {ours}: update the older one"
+        "the peer uses wire version {theirs}, this program uses {ours}; update the older program"
     )]
     WireVersion {
         /// Version byte received.
@@ -87,7 +87,7 @@ pub enum ProtocolError {
         ours: u8,
     },
     /// Bytes that are no envelope.
-    #[error("not an envelope on {key}: {why}")]
+    #[error("{key}: not a valid envelope: {why}")]
     Garbage {
         /// Key expression it came in on.
         key: String,
@@ -105,7 +105,7 @@ pub enum ProtocolError {
         expected: &'static str,
     },
     /// A sender wrote on a key that belongs to somebody else.
-    #[error("{sender} may not write on {key}")]
+    #[error("{sender} is not allowed to publish on {key}")]
     ForeignSender {
         /// Who claims to have sent it.
         sender: String,
@@ -113,10 +113,10 @@ pub enum ProtocolError {
         key: String,
     },
     /// A key that is none of Plumage's.
-    #[error("key '{0}' is not one of plumage/<mission>/<kind>/<id>/<topic>")]
+    #[error("key '{0}': expected plumage/<mission>/<kind>/<id>/<topic>")]
     UnknownKey(String),
     /// Something without a seal of the mission's key, or with one that does not hold.
-    #[error("{key} refused: {fault}")]
+    #[error("message on {key} rejected: {fault}")]
     Seal {
         /// Key expression it came in on.
         key: String,
@@ -138,7 +138,7 @@ pub enum ProtocolError {
         high: f64,
     },
     /// A text that is no key of a mission.
-    #[error("not the key of a mission: expected 64 hexadecimal digits")]
+    #[error("not a mission key: expected 64 hexadecimal digits")]
     BadKey,
     /// A name that cannot be part of a key.
     #[error("name '{0}': expected 1 to 32 of letters, digits, '-' and '_'")]

@@ -589,6 +589,31 @@ pub struct GapCause {
     pub probability: f64,
 }
 
+/// The text of a `verdict` on the reality gap, one of those of [`Extension`], with the texts of its `causes`.
+pub fn verdict_text(verdict: &str, causes: &[String]) -> String {
+    let causes = causes.join(", ");
+    match verdict {
+        "none" => "none: the readings agree with the model within its uncertainty".to_owned(),
+        "insufficient" => {
+            "insufficient: the readings are too few or too weak to test the model".to_owned()
+        }
+        "named" => format!("named: the readings deviate from the model because of {causes}"),
+        "ambiguous" => {
+            format!("ambiguous: the readings deviate from the model, possibly because of {causes}")
+        }
+        "unexplained" if causes.is_empty() => {
+            "unexplained: the readings deviate from the model, and no listed \
+             mechanism accounts for it"
+                .to_owned()
+        }
+        "unexplained" => format!(
+            "unexplained: the readings deviate from the model; {causes} accounts for a part of it, no listed mechanism \
+             for the rest"
+        ),
+        other => other.to_owned(),
+    }
+}
+
 /// What the reality gap says of the model, and whether it shall be adopted (`sc/main/extension`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Extension {

@@ -155,11 +155,11 @@ pub enum SealFault {
 impl std::fmt::Display for SealFault {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
-            Self::Missing => "it carries no seal of the mission's key",
-            Self::Wrong => "its seal was not made with the mission's key",
-            Self::OtherRun => "its seal is of another run of the mission",
-            Self::Replayed => "it was said before",
-            Self::Late => "it is an operator's wish of more than 10 s ago",
+            Self::Missing => "it has no seal",
+            Self::Wrong => "its seal does not match the mission key",
+            Self::OtherRun => "its seal belongs to another run of the mission",
+            Self::Replayed => "it repeats an earlier message",
+            Self::Late => "it is an operator's command older than 10 s",
         })
     }
 }

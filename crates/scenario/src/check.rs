@@ -182,7 +182,7 @@ fn mission(mission: &MissionTable) -> Checked {
     }
     mission.flux_within.map_or(Ok(()), |part| {
         let key = "mission.flux_within";
-        within(key, part, 0.01, 1.0, "a part of the flux, 0.01 to 1")
+        within(key, part, 0.01, 1.0, "a fraction of the flux, 0.01 to 1")
     })
 }
 
@@ -312,7 +312,7 @@ fn sensors(sensors: &SensorTables) -> Checked {
                 return Err(Refusal::new(
                     format!("sensor.{k}"),
                     found,
-                    "a gas that no other [[sensor]] reads",
+                    "a gas that no other [[sensor]] measures",
                 ));
             }
             check_sensor(&format!("sensor.{k}"), sensor)?;
@@ -445,7 +445,7 @@ fn check_schedule(k: usize, source: &SourceTable) -> Checked {
         Refusal::new(
             format!("source.{k}.emission_table"),
             e.to_string(),
-            "rows of time, s, which grow, and emission, kg/s, 0 or more",
+            "rows of increasing time, s, and emission, kg/s, 0 or more",
         )
     })
 }
@@ -473,7 +473,7 @@ fn check_area(k: usize, source: &SourceTable) -> Checked {
         };
     }
     for (side, name) in sides {
-        let expected = "m, .1 to 20000, and no side a hundred times the other";
+        let expected = "m, 0.1 to 20000, with sides that differ by less than a factor of 100";
         let other_m = sides.iter().filter_map(|s| s.0).fold(0.0, f64::max);
         let low_m = (other_m / 100.0).max(0.1);
         let key = format!("source.{k}.{name}");
@@ -545,7 +545,7 @@ fn sharing(k: usize, vehicle: &VehicleTable, before: &[VehicleTable]) -> Checked
                     .system_id
                     .map_or_else(|| "none".to_owned(), |id| id.to_string()),
                 format!(
-                    "a system_id of each of the vehicles {} and {}, which share a link, and not the same",
+                    "a different system_id for each of the vehicles {} and {}, which share a link",
                     other.id, vehicle.id
                 ),
             ));
@@ -570,7 +570,7 @@ fn mavlink_ids(k: usize, vehicle: &VehicleTable) -> Checked {
         return Err(Refusal::new(
             format!("vehicle.{k}.system_id"),
             own.to_string(),
-            "another one than the ground station's (gcs_system_id, 255 where left out)",
+            "a value other than the ground station's (gcs_system_id, by default 255)",
         ));
     }
     Ok(())
@@ -606,7 +606,7 @@ fn equipment(k: usize, vehicle: &VehicleTable) -> Checked {
         return Err(Refusal::new(
             format!("vehicle.{k}"),
             "outer_loop of a simulated vehicle",
-            "kind = \"mavlink\" or \"stand-in\"; a simulated one is flown by that loop as it is",
+            "kind = \"mavlink\" or \"stand-in\"; a simulated vehicle always uses that loop",
         ));
     }
     mavlink_ids(k, vehicle)?;
@@ -616,7 +616,7 @@ fn equipment(k: usize, vehicle: &VehicleTable) -> Checked {
             return Err(Refusal::new(
                 format!("vehicle.{k}.gas.name"),
                 &gas.name,
-                "1 to 10 letters, as a NAMED_VALUE_FLOAT has",
+                "1 to 10 letters, as in a NAMED_VALUE_FLOAT",
             ));
         }
         let numbers = gas.scale.is_finite() && gas.scale != 0.0 && gas.offset.is_finite();
@@ -624,7 +624,7 @@ fn equipment(k: usize, vehicle: &VehicleTable) -> Checked {
             return Err(Refusal::new(
                 format!("vehicle.{k}.gas.scale"),
                 format!("{}, offset {}", gas.scale, gas.offset),
-                "ppm for 1 of its unit, not 0, and an offset in ppm",
+                "a scale in ppm per unit, not 0, and an offset in ppm",
             ));
         }
     }

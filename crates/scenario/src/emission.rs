@@ -211,6 +211,10 @@ mod tests {
         let both = parse("c_max_ppm=9.0\nc_max_distance_m=500.0\nemission_series=\"q.csv\"\n");
         assert!(both.unwrap_err().to_string().contains("emission_series"));
         let none = parse("emission_table=[[0.0, 0.0], [1.0, 0.0]]\n");
-        assert!(none.unwrap_err().to_string().contains("no emission"));
+        assert!(
+            none.unwrap_err()
+                .to_string()
+                .contains("mean emission over its time is zero")
+        );
     }
 }

@@ -110,9 +110,7 @@ pub enum ScenarioError {
         expected: String,
     },
     /// Realities that cannot hold together.
-    #[error(
-        "reality '{names}': {one} and {other} cannot hold together; expected one of the two, once"
-    )]
+    #[error("reality '{names}': {one} and {other} exclude each other; expected one of them, once")]
     Realities {
         /// As they were asked for.
         names: String,
@@ -122,7 +120,7 @@ pub enum ScenarioError {
         other: &'static str,
     },
     /// A reality that nobody knows.
-    #[error("no reality '{name}': expected one of {known}, or several of them with + between")]
+    #[error("reality '{name}': unknown; expected one of {known}, or several joined by +")]
     Reality {
         /// The name.
         name: String,

@@ -32,7 +32,7 @@ pub use quality::{DataQuality, Flaw};
 pub use stream::{ObservationStream, Streamed};
 
 /// What is right in a cell of numbers, and in one of times.
-const A_NUMBER: &str = "a finite number with a decimal point, or nothing";
+const A_NUMBER: &str = "a finite number with a decimal point, or an empty cell";
 const A_TIME: &str = "a time in seconds as a finite number with a decimal point";
 
 /// The columns that every file has beside its readings.
@@ -324,12 +324,12 @@ impl FileJoin {
             extra.push((cell, index));
             self.notices.push(match Gas::of_column(name) {
                 Some((other, _)) => format!(
-                    "{file}: column \"{name}\" is kept aside: {} is asked for (--gas {} reads it)",
+                    "{file}: column \"{name}\" is not used: the gas is {} (--gas {} selects this column)",
                     self.gas.formula(),
                     other.as_str()
                 ),
                 None => format!(
-                    "{file}: column \"{name}\" is not one of the contract's and is kept aside unused"
+                    "{file}: column \"{name}\" is not used: no column of observations has this name"
                 ),
             });
         }
@@ -487,8 +487,7 @@ impl FileJoin {
         let dropped = read - self.rows.len();
         if dropped > 0 {
             self.notices.push(format!(
-                "{dropped} rows repeat the row before them exactly (same platform, time and \
-                 values) and were dropped"
+                "{dropped} rows that repeat the row before them (same platform, time and values) were dropped"
             ));
         }
         Ok(())
@@ -514,8 +513,7 @@ impl Tally {
         if let Some(line) = self.first_without_place {
             let count = self.without_place;
             notices.push(format!(
-                "{file}: {count} rows without lat_deg, lon_deg or alt_amsl_m were left out \
-                 (first: line {line})"
+                "{file}: {count} rows without lat_deg, lon_deg or alt_amsl_m were skipped (first: line {line})"
             ));
         }
         notices

@@ -50,32 +50,32 @@ pub const REALITIES: [NamedReality; 13] = [
     ),
     reality(
         "growth",
-        "a plume that grows faster upwards with distance than the class has it, by its power of 0.3",
+        "a plume whose height grows with distance by an extra power of 0.3",
         "id = \"sigma-z-growth\"\nexponent = 0.3",
     ),
     reality(
         "unstable",
-        "air of one stability class less",
+        "air of one stability class less stable",
         "id = \"stability-class\"\nshift = -1.0",
     ),
     reality(
         "downwash",
-        "a building of 20000 m² that the plume is drawn down behind",
+        "a building of 20000 m² with downwash in its wake",
         "id = \"building-downwash\"\narea_m2 = 20000.0",
     ),
     reality(
         "trend",
-        "an emission that grows by the factor e in 40 minutes",
+        "an emission that grows by a factor of e in 40 minutes",
         "id = \"emission-trend\"\nrate_per_h = 1.5",
     ),
     reality(
         "decay",
-        "a gas that is lost on its way, 0.3 % a second",
+        "a gas that decays by 0.3 % a second",
         "id = \"first-order-decay\"\nrate_per_s = 0.003",
     ),
     reality(
         "gain",
-        "a sensor that reads a fifth more than there is",
+        "a sensor that reads 20 % too high",
         "id = \"sensor-gain\"\nfactor = 1.2",
     ),
     reality(NOTHING, "no plume at all", ""),
@@ -222,7 +222,7 @@ mod tests {
         let scenario = as_pontes();
         for wrong in ["steady+unsteady", "growth+growth"] {
             let told = scenario.in_other_reality(wrong).unwrap_err().to_string();
-            assert!(told.contains("cannot hold together"), "{told}");
+            assert!(told.contains("exclude each other"), "{told}");
         }
         let both = scenario.in_other_reality("steady+growth+decay").unwrap();
         let world = both.in_reality();

@@ -409,11 +409,15 @@ fn an_area_is_refused_with_what_would_be_right() {
             "emission_kg_s of the whole area",
         ),
         ("shape = \"area\"\n", "", "shape = \"area\" with this key"),
-        ("width_m = 250.0\n", "", "no side a hundred times the other"),
+        (
+            "width_m = 250.0\n",
+            "",
+            "differ by less than a factor of 100",
+        ),
         (
             "width_m = 250.0",
             "width_m = 2.0",
-            "no side a hundred times the other",
+            "differ by less than a factor of 100",
         ),
         ("outline = \"ellipse\"", "outline = \"disc\"", "ellipse"),
     ] {

@@ -35,7 +35,7 @@ impl Observations {
         let mut own = self.clone();
         own.rows.iter_mut().for_each(|r| r.time_s -= first_s);
         own.notices.push(format!(
-            "time_s begins at {first_s:.0} s: trends and drifts are counted from there"
+            "time_s begins at {first_s:.0} s; trends and drifts count from there"
         ));
         Ok((Cow::Owned(own), first_s))
     }

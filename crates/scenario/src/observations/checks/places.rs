@@ -60,13 +60,13 @@ impl OfPlatform<'_> {
         self.drop_rows(&no_fix);
         self.drop_rows(&far);
         let message = format!(
-            "{} rows without a position fix (lat_deg or lon_deg 0) are left out",
+            "{} rows without a position fix (lat_deg or lon_deg 0) are ignored",
             no_fix.len()
         );
         self.say(Flaw::Outlier, &no_fix, message);
         let message = format!(
-            "{} rows lie over {:.0} km from the source (or far from its height) and are left out: are \
-             lat_deg and lon_deg swapped, or is this another site?",
+            "{} rows lie over {:.0} km from the source (or far from its height) and are ignored; check whether \
+             lat_deg and lon_deg are swapped, or whether this is another site",
             far.len(),
             FARTHEST_M / 1000.0
         );
@@ -87,8 +87,8 @@ impl OfPlatform<'_> {
         let height_m = middle(&mut heights).unwrap_or(0.0);
         if height_m < -UNDERGROUND_M {
             self.drop_all(format!(
-                "half of the rows lie {:.0} m and more below the site's ground ({} m above sea \
-                 level): is alt_amsl_m in another unit (km?), or a height above ground?",
+                "half of the rows lie {:.0} m or more below the site's ground ({} m above sea level); check \
+                 whether alt_amsl_m is in another unit (km?) or a height above ground",
                 -height_m, base.ground_amsl_m
             ));
         }
@@ -113,7 +113,7 @@ impl OfPlatform<'_> {
             _ => return,
         };
         self.drop_all(format!(
-            "the track goes at {:.3} m/s in the middle: is time_s in another unit {wrong}",
+            "the track moves at a median of {:.3} m/s; check whether time_s is in another unit {wrong}",
             speed_m_s.unwrap_or_default()
         ));
     }
@@ -134,8 +134,8 @@ impl OfPlatform<'_> {
             return;
         }
         let message = format!(
-            "{} rows are left out: their position jumps there and back at more than {limit_m_s:.0} m/s, \
-             which this log's vehicle does not make",
+            "{} rows are ignored: their position jumps there and back at more than {limit_m_s:.0} m/s, faster \
+             than this log's vehicle flies",
             own.len()
         );
         self.say(Flaw::Outlier, &own, message);

@@ -28,48 +28,58 @@ const fn range(low: f64, high: f64, expected: &'static str) -> Range {
 pub(super) const A_READING: Range = range(
     f64::MIN,
     f64::MAX,
-    "a reading that lies below zero by no more than noise does, or nothing",
+    "a reading no further below zero than noise, or an empty cell",
 );
-pub(super) const A_LATITUDE: Range =
-    range(-90.0, 90.0, "a latitude from -90 to 90 degrees, or nothing");
+pub(super) const A_LATITUDE: Range = range(
+    -90.0,
+    90.0,
+    "a latitude from -90 to 90 degrees, or an empty cell",
+);
 pub(super) const A_LONGITUDE: Range = range(
     -180.0,
     180.0,
-    "a longitude from -180 to 180 degrees, or nothing",
+    "a longitude from -180 to 180 degrees, or an empty cell",
 );
 /// From below the Dead Sea (-430 m) to above any aircraft: a value in feet or in mm stands out.
 pub(super) const AN_ALTITUDE: Range = range(
     -500.0,
     30_000.0,
-    "an altitude above mean sea level from -500 to 30000 m, or nothing",
+    "an altitude above mean sea level from -500 to 30000 m, or an empty cell",
 );
-pub(super) const A_SPEED: Range = range(0.0, 120.0, "a wind speed from 0 to 120 m/s, or nothing");
+pub(super) const A_SPEED: Range = range(
+    0.0,
+    120.0,
+    "a wind speed from 0 to 120 m/s, or an empty cell",
+);
 /// A turn more on either side: a vane may count on past north.
 pub(super) const A_DIRECTION: Range = range(
     -360.0,
     720.0,
-    "a direction from -360 to 720 degrees, or nothing",
+    "a direction from -360 to 720 degrees, or an empty cell",
 );
 pub(super) const A_TEMPERATURE: Range = range(
     -120.0,
     100.0,
-    "a temperature from -120 to 100 degrees Celsius, or nothing",
+    "a temperature from -120 to 100 degrees Celsius, or an empty cell",
 );
 pub(super) const A_HUMIDITY: Range = range(
     0.0,
     105.0,
-    "a relative humidity from 0 to 105 % (a sensor may be off in fog), or nothing",
+    "a relative humidity from 0 to 105 % (a sensor may be off in fog), or an empty cell",
 );
-pub(super) const A_PRESSURE: Range =
-    range(1.0, 1200.0, "a pressure from 1 to 1200 hPa, or nothing");
+pub(super) const A_PRESSURE: Range = range(
+    1.0,
+    1200.0,
+    "a pressure from 1 to 1200 hPa, or an empty cell",
+);
 /// A day: what is the mean of longer says nothing of a plume.
 pub(super) const AN_AVERAGING: Range = range(
     0.0,
     86_400.0,
-    "an averaging time from 0 to 86400 s, or nothing",
+    "an averaging time from 0 to 86400 s, or an empty cell",
 );
 pub(super) const A_SPREAD: Range = range(
     f64::MIN_POSITIVE,
     f64::MAX,
-    "a standard deviation above 0, or nothing",
+    "a standard deviation above 0, or an empty cell",
 );

@@ -58,8 +58,8 @@ impl OfPlatform<'_> {
             return;
         }
         let message = format!(
-            "readings of about {:.4} against a background of {}, {ratio:.3} times as much: is {} in \
-             another unit ({}%, fraction)?",
+            "readings of about {:.4} against a background of {}, {ratio:.3} times as much; check the unit of {} \
+             ({}%, fraction?)",
             raw.unit.of_ppm(low),
             raw.said(background_ppm),
             raw.gas.column(raw.unit),

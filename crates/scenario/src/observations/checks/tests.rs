@@ -170,7 +170,7 @@ fn codes_are_said_by_column_and_left_out() {
                     }
                 });
                 let flaw = only(&found);
-                let said = format!("{count} values of {code} in column {name}, a code for none");
+                let said = format!("{count} values of {code} in column {name} are ignored: a code");
                 assert!(flaw.message.starts_with(&said), "{}", flaw.message);
                 assert_eq!((flaw.kind, flaw.platform.as_str()), (Flaw::Outlier, "A"));
                 let mut rows = found.observations.rows.clone();
@@ -317,7 +317,7 @@ fn what_cannot_be_is_said_and_left_out() {
         let found = damaged(change);
         let message = &found.flaws[0].message;
         assert!(
-            message.contains(&format!("in column {name} are left out: expected")),
+            message.contains(&format!("in column {name} are ignored: expected")),
             "{message}"
         );
         assert!(message.starts_with("50 values of "), "{message}");
@@ -613,7 +613,7 @@ fn a_direction_of_where_the_wind_blows_to_is_told() {
     assert!(
         only(&found)
             .message
-            .contains("plume where the wind blows the other way: wind_from_deg")
+            .contains("plume of the opposite wind; wind_from_deg")
     );
     assert_eq!(found.observations, logged);
     let mut unlogged = log();
@@ -681,7 +681,7 @@ fn what_is_said_is_in_the_unit_of_the_file() {
     (air.background_ppm, air.sensor.noise_sd_ppm) = (0.42, 1e-3);
     let said = &check(&ppb, &air, &frame()).flaws[0].message;
     assert!(
-        said.contains("values of -9999 in column ch4_ppb, a code"),
+        said.contains("values of -9999 in column ch4_ppb are ignored: a code"),
         "{said}"
     );
 }

@@ -281,14 +281,14 @@ impl OfPlatform<'_> {
         let (kind, asked) = if most {
             (
                 Flaw::Unit,
-                format!("; is it in another unit: {}", column.other),
+                format!("; check whether it is in another unit: {}", column.other),
             )
         } else {
             (Flaw::Outlier, String::new())
         };
-        let expected = range.expected.trim_end_matches(", or nothing");
+        let expected = range.expected.trim_end_matches(", or an empty cell");
         let message = format!(
-            "{} values of {seen} in column {} are left out: expected {expected}{asked}",
+            "{} values of {seen} in column {} are ignored: expected {expected}{asked}",
             own.len(),
             said.name
         );
@@ -298,7 +298,7 @@ impl OfPlatform<'_> {
 
     fn leave_out_code(&mut self, column: &Column, code: f64, rows: Vec<usize>, said: &Said) {
         let message = format!(
-            "{} values of {} in column {}, a code for none, are left out",
+            "{} values of {} in column {} are ignored: a code for missing values",
             rows.len(),
             said.value(code),
             said.name

@@ -67,8 +67,8 @@ pub(super) fn blows_the_other_way(
         from_s: times().fold(f64::INFINITY, f64::min),
         to_s: times().fold(f64::NEG_INFINITY, f64::max),
         message: format!(
-            "the readings follow the plume where the wind blows the other way: {key} must be where it \
-             blows from; is it where it blows to?"
+            "the readings follow the plume of the opposite wind; {key} must be the direction that the wind blows \
+             from, not to"
         ),
     })
 }

@@ -99,8 +99,10 @@ impl<'a> Delimited<'a> {
         } else if std::str::from_utf8(&head[..head.len().saturating_sub(4)])
             .is_err_and(|e| e.error_len().is_some())
         {
-            plan.said
-                .insert(0, "assumed: text that is not UTF-8 is Latin-1".to_owned());
+            plan.said.insert(
+                0,
+                "assumed: the text, which is not UTF-8, is Latin-1".to_owned(),
+            );
         }
         if layout.decimal_comma {
             plan.said.push("numbers have decimal commas".to_owned());
@@ -298,7 +300,7 @@ impl Tally {
         let share = |count: usize, of: usize| count as f64 / of.max(1) as f64;
         if let Some((line, cell)) = &self.first_without_time {
             let what = format!(
-                "{} of {} rows have no time that can be read; the first begins with \"{cell}\"",
+                "{} of {} rows have no readable time; the first begins with \"{cell}\"",
                 self.without_time,
                 self.rows + self.without_time
             );
@@ -309,7 +311,7 @@ impl Tally {
                     "state time, header_line or delimiter in a mapping file (--map)",
                 ));
             }
-            said.push(format!("line {line}: {what}; they are left out"));
+            said.push(format!("line {line}: {what}; they are skipped"));
         }
         if self.rows == 0 {
             return Err(ImportError::log(
@@ -320,18 +322,19 @@ impl Tally {
         }
         if self.repeated_headers > 0 {
             said.push(format!(
-                "{} repetitions of the header are passed over",
+                "{} repetitions of the header are skipped",
                 self.repeated_headers
             ));
         }
         for ((count, first), column) in self.unreadable.iter().zip(columns) {
             let Some((line, cell)) = first else { continue };
-            let what = format!("{count} cells for {column} are no numbers, as \"{cell}\"");
+            let what = format!("{count} cells for {column} are not numbers, such as \"{cell}\"");
             if share(*count, self.rows) > UNREADABLE_SHARE {
                 return Err(ImportError::log(
                     format!("{name}: line {line}"),
                     what,
-                    "state what they mean as missing = [...], or decimal, or another column, in a mapping file (--map)",
+                    "state their meaning as missing = [...], or decimal, or another column, in a mapping file \
+                     (--map)",
                 ));
             }
             said.push(format!("line {line}: {what}; they are taken as missing"));

@@ -57,7 +57,7 @@ impl Datum {
     ) -> Result<Reduction, (&'static str, &'static str)> {
         let base = (
             "base_amsl_m",
-            "the altitude of what they count from, m above mean sea level",
+            "the altitude that they count from, m above mean sea level",
         );
         let qnh = ("qnh_hpa", "the altimeter setting of that time, hPa");
         match self {
@@ -77,7 +77,7 @@ impl Datum {
         match self {
             Self::Amsl => "above mean sea level",
             Self::Ellipsoid => "above the WGS84 ellipsoid",
-            Self::Home => "above the place of take-off",
+            Self::Home => "above the take-off point",
             Self::Ground => "above ground",
             Self::PressureAltitude => "of the standard atmosphere (pressure altitude)",
             Self::Pressure => "as pressure",

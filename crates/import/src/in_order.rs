@@ -69,8 +69,8 @@ impl Done {
     pub fn said(self, stamps: Stamps) -> Option<String> {
         (self.spread > 0 && stamps.step_s > 0.0).then(|| {
             format!(
-                "{} of {} rows share a time with rows before them and are spread evenly inside of {} s, which is \
-                 what a stamp stands for",
+                "{} of {} rows share a time with rows before them and are spread evenly over {} s, the \
+                 resolution of the times",
                 self.spread, self.rows, stamps.step_s
             )
         })

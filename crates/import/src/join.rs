@@ -107,7 +107,7 @@ pub fn offset(
         let (offset_s, correlation) = best(&one, &other)?;
         let what = if a == b { a.to_owned() } else { format!("{a} and {b}") };
         let said = format!(
-            "clock offset of {offset_s} s, by which {what} of both logs agree best (correlation {correlation:.3})"
+            "clock offset of {offset_s} s, at which {what} of both logs agree best (correlation {correlation:.3})"
         );
         Some(ClockOffset { offset_s, said })
     })

@@ -73,10 +73,10 @@ impl Format {
             [b'C', b'D', b'F', 1 | 2 | 5, ..] => Ok(Self::NetCdf),
             [0x89, b'M', b'C', b'A', b'P', ..] => Ok(Self::Ros),
             [b'P', b'K', 3, 4, ..] => refused(
-                "a packed file (zip, or a spreadsheet such as xlsx, or kmz)",
+                "a compressed file (zip, or a spreadsheet such as xlsx, or kmz)",
                 "unpack it, or save the spreadsheet as CSV",
             ),
-            [0x1F, 0x8B, ..] => refused("a file packed by gzip", "unpack it (gunzip)"),
+            [0x1F, 0x8B, ..] => refused("a gzip file", "unpack it (gunzip)"),
             _ if text.contains("<gpx") => Ok(Self::Gpx),
             _ if text.contains("<kml") => Ok(Self::Kml),
             _ if text.trim_start().starts_with("<?xml") => refused(

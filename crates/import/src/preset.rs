@@ -30,7 +30,7 @@ pub static PRESETS: [Preset; 9] = [
     },
     Preset {
         name: "dji",
-        what: "a DJI flight record made CSV",
+        what: "a DJI flight record as CSV",
         has: &["OSD.latitude", "OSD.longitude"],
         begins: "",
         // Programs for these records write dates as in the United States.

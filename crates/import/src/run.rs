@@ -77,7 +77,7 @@ impl Log<'_> {
         let others: Vec<&str> = others.map(|c| c.quantity.name).collect();
         if !others.is_empty() {
             said.push(format!(
-                "known and no part of this output: {}",
+                "recognised but not part of this output: {}",
                 others.join(", ")
             ));
         }
@@ -202,7 +202,7 @@ fn output(request: &Request<'_>, logs: &[Log<'_>]) -> Result<Output, ImportError
     Err(ImportError::log(
         request.names.join(", "),
         format!(
-            "no gas (and no roll and pitch of a flight) among the columns that are known: {}",
+            "no gas (and no roll and pitch of a flight) among the recognised columns: {}",
             columns
                 .iter()
                 .map(|c| c.name)
@@ -247,8 +247,8 @@ fn check(name: &str, output: Output, columns: &[&Quantity]) -> Result<(), Import
         name,
         format!("no column for {}", missing.join(", ")),
         format!(
-            "name the columns in a mapping file (--map), give the track as a further file, or, of what stands still, \
-             state {}{by_pressure}",
+            "name the columns in a mapping file (--map), give the track as a further file, or, for a fixed \
+             instrument, state {}{by_pressure}",
             sets.join(" ")
         ),
     ))
@@ -420,7 +420,7 @@ fn completed(
         }
         if !has_place && other.has("wind_speed_m_s") {
             said.push(format!(
-                "assumed: the wind of {} is that at the platform's place and height",
+                "assumed: the wind of {} was measured at the platform's place and height",
                 other.name
             ));
         }
@@ -438,7 +438,7 @@ fn platform(rows: &Rows<'_>, other: &Rows<'_>) -> Result<usize, ImportError> {
         _ => Err(ImportError::log(
             other.name,
             format!(
-                "the platforms {}, and none is that of {}",
+                "the track has the platforms {}, and none of them is the platform of {}",
                 names.join(", "),
                 rows.name
             ),
@@ -467,14 +467,15 @@ fn clock_offset(
     match join::offset(&own, track) {
         Some(told) => {
             say(&format!(
-                "assumed: {} with {}; it is added (else state --offset-s)",
+                "assumed: {} with {}; it is added (otherwise state --offset-s)",
                 told.said, other.name
             ));
             told.offset_s
         }
         None => {
             say(&format!(
-                "assumed: its clock is that of {}; nothing that both measure tells otherwise (else state --offset-s)",
+                "assumed: its clock agrees with that of {}; no quantity that both measure shows an offset \
+                 (otherwise state --offset-s)",
                 other.name
             ));
             0.0
@@ -488,8 +489,7 @@ fn apart(rows: &Rows<'_>, (from_s, to_s): (f64, f64), other: &Rows<'_>) -> Impor
     ImportError::log(
         format!("{}, {}", rows.name, other.name),
         format!(
-            "the logs share no time: {from_s} to {to_s} s and {first_s} to {last_s} s; what they are apart is \
-             {:.2} h",
+            "the logs share no time: {from_s} to {to_s} s and {first_s} to {last_s} s; they are {:.2} h apart",
             (first_s - from_s) / 3600.0
         ),
         "state --zone of the one that has local times (in a mapping file where they differ), or --offset-s",

@@ -107,7 +107,7 @@ fn local_times_are_read_with_the_stated_zone_and_times_count_from_the_stated_zer
         report
             .said
             .join("\n")
-            .contains("local time of no stated zone")
+            .contains("local time without a time zone")
     );
 }
 
@@ -172,7 +172,7 @@ fn masses_in_a_volume_are_said_with_their_air() {
         report
             .said
             .join("\n")
-            .contains("assumed: \"SO2 (ug/m3)\" is mass in a volume of air at 20 °C")
+            .contains("assumed: \"SO2 (ug/m3)\" is a mass concentration in air at 20 °C")
     );
 }
 
@@ -223,7 +223,7 @@ fn what_cannot_be_read_is_refused_with_where_and_what_to_do() {
         (
             "time,lat,lon,alt_amsl_m,co2_ppm\n45413.41666,43,-7,340,421\n45413.41667,43,-7,340,421\n",
             "",
-            "a spreadsheet's days",
+            "day numbers of a spreadsheet",
         ),
         (
             "time_s,lat,lon,alt_amsl_m,co2_ppm\n0,43,-7,340,421\n1,43,-7,340,over\n",

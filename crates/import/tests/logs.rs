@@ -411,7 +411,7 @@ fn an_ardupilot_log_gives_observations_in_utc() {
     );
     // The autopilot's altitude is above the sea by its documents, and angles are no part of observations.
     assert!(
-        !said.contains("does not say") && !said.contains("roll_deg from"),
+        !said.contains("states no datum") && !said.contains("roll_deg from"),
         "{said}"
     );
     assert!(
@@ -452,7 +452,7 @@ fn a_telemetry_log_gives_observations_of_its_vehicle() {
     assert_eq!(cell(&csv, 10, "pressure_hpa"), 930.25);
     let said = report.said.join("\n");
     assert!(
-        said.contains("system 3") && said.contains("systems [255] are left out"),
+        said.contains("system 3") && said.contains("systems [255] are ignored"),
         "{said}"
     );
     assert!(said.contains("2 bytes are no frames"), "{said}");

@@ -203,7 +203,7 @@ impl Finder<'_> {
             _ if dotted => Ok(Some(DateOrder::DayFirst)),
             _ => Err(self.error(
                 format!(
-                    "column \"{}\": \"{}\" may be day or month first",
+                    "column \"{}\": \"{}\" may begin with the day or the month",
                     self.header(column),
                     cells
                         .first()
@@ -221,7 +221,7 @@ impl Finder<'_> {
             .collect::<Result<Vec<usize>, _>>()?;
         let nothing = |cell: usize| {
             self.error(
-                format!("column \"{}\" holds no times", self.header(cell)),
+                format!("column \"{}\" contains no times", self.header(cell)),
                 "state another column as time",
             )
         };
@@ -327,10 +327,10 @@ impl Finder<'_> {
                 .collect();
             self.error(
                 format!(
-                    "no column is known as the time; there are {}",
+                    "no column was recognised as the time; the columns are {}",
                     headers.join(", ")
                 ),
-                "state time = \"COLUMN\" in a mapping file (--map); fractions of days are not read",
+                "state time = \"COLUMN\" in a mapping file (--map); fractions of days are not supported",
             )
         })
     }
@@ -351,8 +351,8 @@ impl Finder<'_> {
         let is_count = matches!(cells, TimeCells::Count(..));
         if kind == Kind::Count && self.is_in_spreadsheet_days(columns[0]) {
             return Err(self.error(
-                format!("column \"{}\" looks like a spreadsheet's days", names[0]),
-                "give it the format of a date and time in the spreadsheet and save it again (or state time_unit)",
+                format!("column \"{}\" looks like day numbers of a spreadsheet", names[0]),
+                "format it as date and time in the spreadsheet and save it again (or state time_unit)",
             ));
         }
         let order = match cells {
@@ -450,17 +450,21 @@ impl Finder<'_> {
                 (minutes / 60.0).floor(),
                 minutes % 60.0
             );
-            said.push(format!("\"{}\" is of the zone {zone}", self.header(last)));
+            said.push(format!(
+                "\"{}\" is in the time zone {zone}",
+                self.header(last)
+            ));
             return (ahead_s, Some(zone));
         }
         if clocks.contains(&Clock::Local) {
             said.push(format!(
-                "assumed: \"{}\" is local time of no stated zone and is read as UTC (state --zone +HH:MM)",
+                "assumed: \"{}\" is local time without a time zone and is read as UTC (otherwise state --zone \
+                 +HH:MM)",
                 self.header(last)
             ));
         } else if !clocks.contains(&Clock::Utc) {
             said.push(format!(
-                "assumed: \"{}\" states no zone and is read as UTC (or state --zone +HH:MM)",
+                "assumed: \"{}\" states no time zone and is read as UTC (otherwise state --zone +HH:MM)",
                 self.header(last)
             ));
         }
@@ -494,7 +498,7 @@ impl Finder<'_> {
                 }
             }
             (Kind::OfDay { .. }, TimeCells::OfDay(_)) => {
-                from += ", seconds of the first row's day: no date is logged"
+                from += ", in seconds of the first row's day, since the log has no date"
             }
             _ => {}
         }

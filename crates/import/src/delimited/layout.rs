@@ -335,7 +335,7 @@ fn below(lines: &[Line<'_>], header: Candidate) -> Layout {
     };
     if number > 1 {
         layout.notices.push(format!(
-            "lines 1 to {} before the header are passed over",
+            "lines 1 to {} before the header are skipped",
             number - 1
         ));
     }
@@ -354,10 +354,9 @@ fn below(lines: &[Line<'_>], header: Candidate) -> Layout {
         if layout.units.is_empty() && units > 0 && texts.len() <= layout.headers.len() + 1 {
             layout.units = texts;
         } else if cells.iter().any(|c| !c.is_empty()) {
-            layout.notices.push(format!(
-                "line {} below the header is passed over",
-                line.number
-            ));
+            layout
+                .notices
+                .push(format!("line {} below the header is skipped", line.number));
         }
     }
     if rows_are_numbered(lines, &layout) {
@@ -366,7 +365,7 @@ fn below(lines: &[Line<'_>], header: Candidate) -> Layout {
             layout.units.insert(0, String::new());
         }
         layout.notices.push(
-            "rows have a cell more than the header names, the first: it is taken for their number"
+            "rows have one cell more than the header; their first cell is taken as the row number"
                 .to_owned(),
         );
     }

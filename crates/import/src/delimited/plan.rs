@@ -327,7 +327,8 @@ impl Planner<'_> {
             .collect();
         if !others.is_empty() {
             self.said.push(format!(
-                "assumed: of several columns \"{}\" is taken, not {} (else state from of {} in a mapping file)",
+                "assumed: of several columns \"{}\" is used, not {} (otherwise state `from` of {} in a mapping \
+                 file)",
                 self.header(cell),
                 others.join(", "),
                 quantity.name
@@ -519,7 +520,7 @@ impl Planner<'_> {
         let gas = quantity.gas().map_or("", Gas::as_str);
         let unit = unit.ok_or_else(|| {
             self.error(
-                format!("column \"{header}\": {gas} without a unit that is known"),
+                format!("column \"{header}\": the unit of {gas} is unknown"),
                 format!(
                     "state it in a mapping file (--map): [[log]] and below it [log.column.{gas}_ppb] with \
                      from = \"{header}\" and unit = \"ppb\" (or ppm, %, ug/m3, mg/m3), or skip = true"
@@ -527,8 +528,8 @@ impl Planner<'_> {
             )
         })?;
         self.said.push(format!(
-            "assumed: \"{header}\" states no unit and is read in {}, by the size of {:.6} (air has 400 ppm of \
-             CO2 and 1.9 ppm of CH4)",
+            "assumed: \"{header}\" states no unit and is read in {}, judged by the value {:.6} (air has 400 ppm \
+             of CO2 and 1.9 ppm of CH4)",
             unit.name,
             middle
         ));
@@ -600,7 +601,7 @@ impl Planner<'_> {
                 let option = key.replace('_', "-");
                 self.error(
                     format!(
-                        "column \"{header}\": heights {}, and none above mean sea level",
+                        "column \"{header}\": contains heights {}; no column has heights above mean sea level",
                         datum.words()
                     ),
                     format!("state --{option}: {what}"),
@@ -623,8 +624,8 @@ impl Planner<'_> {
         };
         if !clear {
             self.said.push(format!(
-                "assumed: \"{header}\" is above mean sea level; it does not say (else state the datum of \
-                 alt_amsl_m in a mapping file)"
+                "assumed: \"{header}\" states no datum and is read as above mean sea level (otherwise state the \
+                 datum of alt_amsl_m in a mapping file)"
             ));
         }
         let stated = ColumnMap {
@@ -691,7 +692,7 @@ impl Planner<'_> {
                 )
             }
             (Source::Cell(cell), Some(datum)) => format!(
-                "{} from \"{}\" in {}, {}, with what is stated",
+                "{} from \"{}\" in {}, {}, converted as stated",
                 quantity.name,
                 self.header(cell),
                 unit.name,
@@ -739,7 +740,7 @@ impl Planner<'_> {
         else {
             return Err(self.error(
                 format!(
-                    "{} as mass in a volume, of which gas nobody says",
+                    "{} as a mass concentration, without the name of the gas",
                     quantity.name
                 ),
                 "state it in ppm, ppb or %, or skip = true",
@@ -758,7 +759,7 @@ impl Planner<'_> {
         let is_stated =
             self.map.mass_temperature_c.is_some() && self.map.mass_pressure_hpa.is_some();
         let said = format!(
-            "{}\"{header}\" is mass in a volume of air at {temperature_c} °C and {pressure_hpa} hPa",
+            "{}\"{header}\" is a mass concentration in air at {temperature_c} °C and {pressure_hpa} hPa",
             if is_stated { "" } else { "assumed: " }
         );
         self.said.push(said);
@@ -812,7 +813,7 @@ fn left_out(
         .filter(|(cell, header)| !used.contains(cell) && !header.text.is_empty())
         .map(|(_, header)| header.text.as_str())
         .collect();
-    (!left.is_empty()).then(|| format!("left out: {}", left.join(", ")))
+    (!left.is_empty()).then(|| format!("not used: {}", left.join(", ")))
 }
 
 /// A cell's text, for messages.

@@ -273,14 +273,16 @@ pub fn read(
     let mut said = vec![format!("ArduPilot's log, {} records", gathered.records)];
     if gathered.strange_bytes > 0 {
         said.push(format!(
-            "{} bytes are no records and are passed over",
+            "{} bytes outside of records are skipped",
             gathered.strange_bytes
         ));
     }
     said.push(match ahead_s {
         Some(_) => "times are UTC by the GPS, with 18 leap seconds".to_owned(),
-        None => "assumed: no GPS fix gives the time, times count from the start of the autopilot"
-            .to_owned(),
+        None => {
+            "assumed: times count from the start of the autopilot, since no GPS fix gives the time"
+                .to_owned()
+        }
     });
     Ok(SeriesLog {
         kind: "an ArduPilot log",

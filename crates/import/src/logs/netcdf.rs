@@ -308,7 +308,7 @@ pub fn read(name: &str, mut bytes: Box<dyn Read + '_>) -> Result<SeriesLog, Impo
     let damaged = || {
         ImportError::log(
             name,
-            "a NetCDF file whose head is damaged",
+            "a NetCDF file with a damaged header",
             "give the file as it was written",
         )
     };

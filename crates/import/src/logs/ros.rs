@@ -182,27 +182,25 @@ fn finish(name: &str, gathered: Gathered, ending: Vec<String>) -> Result<SeriesL
     } = gathered;
     if read == 0 {
         let what = if ending.is_empty() {
-            format!(
-                "an MCAP recording without messages of ROS 2 that can be read ({passed} others)"
-            )
+            format!("an MCAP recording without readable ROS 2 messages ({passed} others)")
         } else {
             ending.join("; ")
         };
         return Err(ImportError::log(
             name,
             what,
-            "give a recording of ROS 2 with its definitions (ros2msg, cdr); Plumage's own are read where observations are",
+            "give a recording of ROS 2 with its definitions (ros2msg, cdr); Plumage's own recordings are \
+             accepted wherever observations are",
         ));
     }
     let mut said = vec![format!("a recording of ROS 2, {read} messages")];
     if passed > 0 {
-        said.push(format!(
-            "{passed} messages in other encodings are passed over"
-        ));
+        said.push(format!("{passed} messages in other encodings are skipped"));
     }
     said.extend(ending);
     said.push(
-        "times are those of the messages' headers, or of their recording without one".to_owned(),
+        "times are from the message headers, or from the recording for messages without one"
+            .to_owned(),
     );
     Ok(SeriesLog {
         kind: "a recording of ROS 2",

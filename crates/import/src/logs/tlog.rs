@@ -143,14 +143,14 @@ pub fn read(
     };
     let mut said = vec![
         format!("telemetry of system {system}, {} frames", gathered.frames),
-        "times are UTC by the clock of the ground station when it received".to_owned(),
+        "times are UTC by the ground station's clock at reception".to_owned(),
     ];
     if !gathered.others.is_empty() {
-        said.push(format!("systems {:?} are left out", gathered.others));
+        said.push(format!("systems {:?} are ignored", gathered.others));
     }
     if gathered.strange_bytes > 0 {
         said.push(format!(
-            "{} bytes are no frames and are passed over",
+            "{} bytes outside of frames are skipped",
             gathered.strange_bytes
         ));
     }

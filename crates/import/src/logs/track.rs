@@ -27,7 +27,7 @@ struct Point {
 fn broken(name: &str, position: u64, what: impl std::fmt::Display) -> ImportError {
     ImportError::log(
         format!("{name}: byte {position}"),
-        format!("no XML: {what}"),
+        format!("not valid XML: {what}"),
         "give the file as it was exported",
     )
 }
@@ -134,12 +134,12 @@ fn finish(
         return Err(ImportError::log(
             name,
             format!("{kind} without times ({points} points)"),
-            "export it with times: without them it is a line, along which nobody knows when what was read",
+            "export it with times; without them readings cannot be placed along the track",
         ));
     }
     if timeless > 0 {
         said.push(format!(
-            "{timeless} of {points} points have no time and are left out"
+            "{timeless} of {points} points have no time and are skipped"
         ));
     }
     Ok(SeriesLog {
@@ -196,7 +196,7 @@ pub fn kml(name: &str, bytes: Box<dyn Read + '_>) -> Result<SeriesLog, ImportErr
         return Err(ImportError::log(
             name,
             format!("{lines} lines (LineString) and no track with times (gx:Track)"),
-            "export the track with times, as gx:Track or GPX: along a line nobody knows when what was read",
+            "export the track with times, as gx:Track or GPX; without them readings cannot be placed along it",
         ));
     }
     let said = vec![format!("{} points of a KML track", points - timeless)];

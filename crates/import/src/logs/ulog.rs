@@ -366,7 +366,7 @@ pub fn read(
         goes_on = reader.read_exact(&mut message).is_ok();
         if goes_on && !gathered.take(head[2], &message, wanted) {
             broken = Some(format!(
-                "damaged at byte {at}: no message of ULog; what follows is left out"
+                "damaged at byte {at}: not a ULog message; the rest of the file is ignored"
             ));
             break;
         }
@@ -385,8 +385,10 @@ pub fn read(
     said.extend(broken);
     said.push(match ahead_s {
         Some(_) => "times are UTC by the GPS".to_owned(),
-        None => "assumed: no GPS fix gives the time, times count from the start of the autopilot"
-            .to_owned(),
+        None => {
+            "assumed: times count from the start of the autopilot, since no GPS fix gives the time"
+                .to_owned()
+        }
     });
     Ok(SeriesLog {
         kind: "a PX4 log",

@@ -29,11 +29,11 @@ impl Found {
                 since,
                 until,
             } => format!(
-                "{messages} messages of {sender}, said from {:.1} to {:.1} s, did not come and are missing here",
+                "{messages} messages of {sender}, published from {:.1} to {:.1} s, were lost on the way",
                 since.s(),
                 until.s()
             ),
-            Self::Restarted => format!("{sender} numbers its messages anew: it was started again"),
+            Self::Restarted => format!("{sender} restarted: its message numbers begin again"),
         }
     }
 }

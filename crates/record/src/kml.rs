@@ -139,10 +139,11 @@ impl Map<'_> {
         }
         said += "</table>";
         if !self.plume.is_empty() {
-            said += "<p>Lines of the plume: the model as it was at the end, above background</p>";
+            said +=
+                "<p>Lines of the plume: concentration above background by the model at the end</p>";
         }
         if self.start_unix_ns.is_none() {
-            said += "<p>The scenario says no start: dates count from 2000-01-01</p>";
+            said += "<p>The scenario has no start; dates count from 2000-01-01</p>";
         }
         said
     }

@@ -24,7 +24,8 @@ pub fn archive(document: &str) -> Result<Vec<u8>, RecordError> {
     let mut encoder = DeflateEncoder::new(Vec::new(), Compression::default());
     encoder.write_all(document.as_bytes()).map_err(failed)?;
     let packed = encoder.finish().map_err(failed)?;
-    let too_large = |_| RecordError::Kml("a document beyond 4 GB fits into no KMZ".to_owned());
+    let too_large =
+        |_| RecordError::Kml("the document is larger than the 4 GB that a KMZ can hold".to_owned());
     let packed_bytes = u32::try_from(packed.len()).map_err(too_large)?;
     let bytes = u32::try_from(document.len()).map_err(too_large)?;
     let mut crc = Crc::new();

@@ -127,7 +127,7 @@ pub enum RecordError {
         why: String,
     },
     /// A message comes later in the file than the reordering window spans.
-    #[error("{path}: {sender} number {sequence} comes {late_s} s after its turn in the file")]
+    #[error("{path}: message {sequence} of {sender} is {late_s} s too late in the file")]
     OutOfOrder {
         /// The file.
         path: PathBuf,
@@ -147,7 +147,7 @@ pub enum RecordError {
         source: mcap::McapError,
     },
     /// The recorder's thread is gone.
-    #[error("{path}: the recorder stopped before its time")]
+    #[error("{path}: the recorder stopped early")]
     Stopped {
         /// The file.
         path: PathBuf,

@@ -357,7 +357,7 @@ impl ThreadedRecorder {
             .spawn(move || write_all(recorder, &receiver))
             .map_err(|source| RecordError::File {
                 path: path.to_owned(),
-                what: "start the thread that records",
+                what: "start the recording thread",
                 source,
             })?;
         Ok(Self {

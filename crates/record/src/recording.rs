@@ -77,8 +77,8 @@ impl RecordingEnd {
                     .as_ref()
                     .map(|what| format!("; before that it is {what}"));
                 Some(format!(
-                    "the recording was cut short after {bytes} bytes: everything up to {:.2} s of \
-                     simulated time is read, what followed is lost{}",
+                    "the recording was cut short after {bytes} bytes: all messages up to {:.2} s of simulated \
+                     time are read, later ones are lost{}",
                     last.s(),
                     before.unwrap_or_default()
                 ))
@@ -121,7 +121,7 @@ pub fn read_mcap(path: &Path) -> Result<Recording, RecordError> {
                     .words()
                     .map(|what| format!("; it is {what}"));
                 let damage = damage.unwrap_or_default();
-                return Err(refuse(format!("it holds no run and no scenario{damage}")));
+                return Err(refuse(format!("it contains no scenario{damage}")));
             }
             None => return Err(refuse("it ends before its scenario".to_owned())),
         }

@@ -6,7 +6,7 @@ use crate::summary::{
 };
 use plume::Gas;
 use protocol::message::{
-    Estimate, Flux, FluxMethod, MechanismSetting, Peak, PeakStatus, VehicleKind,
+    Estimate, Flux, FluxMethod, MechanismSetting, Peak, PeakStatus, VehicleKind, verdict_text,
 };
 use std::fmt::Write as _;
 
@@ -86,18 +86,19 @@ pub fn peak(summary: &MissionSummary) -> String {
     let estimate = |p: &Peak| estimate(gas, p);
     let mut text = match (peak.status, &peak.estimate) {
         (PeakStatus::NotFound, _) | (_, None) => {
-            "Not found: the real readings follow no plume that the model could have, and so there is no peak.".to_owned()
+            "Not found: the real readings do not follow any plume that the model allows, so there is no peak to \
+             report.".to_owned()
         }
         (PeakStatus::Confirmed, Some(p)) => format!(
-            "Found and confirmed: a peak of {}. Real crossings there read what is predicted for them.",
+            "Found and confirmed: a peak of {}. Readings of real crossings near it agree with the prediction.",
             estimate(p)
         ),
         (PeakStatus::Supported, Some(p)) => format!(
-            "Found: a peak of {}. Real readings support it; too few crossings were there to confirm it.",
+            "Found: a peak of {}. Real readings support it, but too few crossings are near it to confirm it.",
             estimate(p)
         ),
         (PeakStatus::Doubtful, Some(p)) => format!(
-            "Doubtful: a peak of {}. Real readings contradict it, or leave it hardly known.",
+            "Doubtful: a peak of {}. Real readings contradict it or constrain it too little.",
             estimate(p)
         ),
     };
@@ -113,10 +114,10 @@ pub fn peak(summary: &MissionSummary) -> String {
     if let Some(truth) = &peak.truth {
         let away = peak
             .error_m
-            .map_or(String::new(), |m| format!(", {m:.0} m from there"));
+            .map_or(String::new(), |m| format!(", {m:.0} m from the estimate"));
         let _ = write!(
             text,
-            " The stand-in's reality, which is no real aircraft's, has {} {} at its highest such place{away}.",
+            " In the stand-in's simulated reality, the highest value within the fence is {} {}{away}.",
             number(gas, truth.co2_ppm),
             ppm_of(gas)
         );
@@ -136,7 +137,7 @@ pub fn status(status: PeakStatus) -> &'static str {
 
 fn estimate(gas: Gas, peak: &Peak) -> String {
     format!(
-        "{} ± {} {} at {}, the highest where set-points may go",
+        "{} ± {} {} at {}, the highest value within the fence",
         number(gas, peak.co2_ppm),
         number(gas, peak.sd_ppm),
         ppm_of(gas),
@@ -158,13 +159,11 @@ pub fn fluxes(summary: &MissionSummary) -> Vec<String> {
     let mut said: Vec<String> = added.chain(summary.flux.iter().map(flux)).collect();
     let is = |method: FluxMethod| summary.flux.iter().any(|f| f.found.method == method);
     if summary.peak.status == PeakStatus::Doubtful && is(FluxMethod::Inference) {
-        said.push(
-            "What the corrected model says of the flux is as doubtful as its peak.".to_owned(),
-        );
+        said.push("The flux by the corrected model is as doubtful as its peak.".to_owned());
     }
     if is(FluxMethod::Inference) && !is(FluxMethod::MassBalance) {
         said.push(
-            "No mass balance: the passes cross the plume from side to side at too few heights."
+            "No mass balance: passes that cross the whole plume exist at too few heights."
                 .to_owned(),
         );
     }
@@ -179,7 +178,7 @@ fn added_source(mechanism: &MechanismSetting) -> Option<String> {
         format!("{:.0} m {}", m.abs(), if m < 0.0 { minus } else { plus })
     };
     Some(format!(
-        "A further source: {} and {} of the first, with {ratio:.2} of its strength.",
+        "A second source: {} and {} of the first, with {ratio:.2} times its strength.",
         side(east_m, "east", "west"),
         side(north_m, "north", "south")
     ))
@@ -211,25 +210,11 @@ pub fn significant(value: f64) -> String {
 
 /// What real readings show of the model.
 pub fn gap(gap: &GapSummary) -> String {
-    let says = match gap.verdict.as_str() {
-        "none" => "nothing beyond its own uncertainty",
-        "insufficient" => "too little to tell",
-        "unexplained" => "something that is not explained",
-        "named" => "a cause",
-        _ => "several possible causes",
-    };
-    let causes: Vec<String> = gap
-        .causes
-        .iter()
-        .map(|c| c.mechanisms.join(" or "))
-        .collect();
-    let causes = match &causes[..] {
-        [] => String::new(),
-        causes => format!(": {}", causes.join(", ")),
-    };
+    let causes = gap.causes.iter().map(|c| c.mechanisms.join(" or "));
+    let causes: Vec<String> = causes.collect();
     format!(
-        "Gap between model and real readings, in flight: {} ({says}{causes}).",
-        gap.verdict
+        "Reality gap in flight: {}.",
+        verdict_text(&gap.verdict, &causes)
     )
 }
 
@@ -269,7 +254,7 @@ fn figure(number: &ModelNumber, gas: Gas, value: f64) -> String {
 fn without_reality(summary: &MissionSummary, real: usize) -> String {
     let (model, gas) = (&summary.model, summary.gas);
     if real == 0 {
-        return "Model: no real vehicle flew, so nothing corrected it.".to_owned();
+        return "Model: not corrected, since no real vehicle flew.".to_owned();
     }
     let mut text = "Model after the mission:".to_owned();
     for number in &CORRECTED {

@@ -78,7 +78,7 @@ impl Campaign {
     ) -> Result<Self, TaskError> {
         if question.version != env!("CARGO_PKG_VERSION") {
             return Err(TaskError::Argument(format!(
-                "campaign of Plumage {}: expected one of {}, by which its missions are flown here",
+                "the campaign is of Plumage {}; expected version {}, which flies its missions here",
                 question.version,
                 env!("CARGO_PKG_VERSION")
             )));
@@ -134,7 +134,10 @@ impl Campaign {
     pub fn fly(&self, key: &MissionKey) -> Result<MissionRow, TaskError> {
         let mut realities = self.question.realities.iter();
         let reality = realities.find(|r| r.name == key.reality).ok_or_else(|| {
-            TaskError::Argument(format!("reality {}: it was not asked for", key.reality))
+            TaskError::Argument(format!(
+                "reality {}: not part of this campaign",
+                key.reality
+            ))
         })?;
         let setup = self.in_case(reality, &key.strategy, key.vehicles)?;
         Ok(campaign::fly_row(&setup, key.clone())?)
@@ -158,7 +161,7 @@ fn question(setup: &Setup, varied: &Varied) -> Result<Question, TaskError> {
         [] => vec![scenario.vehicles.len()],
         given => given.to_vec(),
     };
-    let stands_twice = |what: String| TaskError::Argument(format!("{what} stands twice"));
+    let stands_twice = |what: String| TaskError::Argument(format!("{what} is listed twice"));
     if let Some(name) = twice(&strategies) {
         return Err(stands_twice(format!("strategies: {name}")));
     }

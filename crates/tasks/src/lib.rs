@@ -57,7 +57,7 @@ pub enum TaskError {
     #[error("cannot write the table: {0}")]
     Table(String),
     /// A file or folder of keys that cannot be made.
-    #[error("cannot make {} for the mission's key", path.display())]
+    #[error("cannot create {} for the mission key", path.display())]
     MakeKey {
         /// Which.
         path: std::path::PathBuf,
@@ -65,10 +65,10 @@ pub enum TaskError {
         source: std::io::Error,
     },
     /// A system without random numbers.
-    #[error("the system has no random numbers: {0}")]
+    #[error("the system provides no random numbers: {0}")]
     Random(String),
     /// What speaks against taking off.
-    #[error("refused before take-off: {0}")]
+    #[error("rejected before take-off: {0}")]
     Refused(String),
     /// A mission that cannot be flown.
     #[error(transparent)]

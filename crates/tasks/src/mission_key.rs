@@ -35,8 +35,8 @@ pub fn find(
     }
     if let Some(afar) = endpoints.iter().find(|e| !loopback::is_endpoint(e)) {
         return Err(TaskError::Argument(format!(
-            "{afar} is not on this host, and everybody who can reach it could command the team: expected --keys with \
-             a folder that `plumage keys new` has written, --mission-key with a file or {VARIABLE}, the same for all \
+            "{afar} is not on this host, and anyone who can reach it could command the team; expected --keys \
+             with a folder from `plumage keys new`, --mission-key with a file, or {VARIABLE}, the same for all \
              processes of the mission"
         )));
     }
@@ -61,8 +61,8 @@ fn folder() -> Result<PathBuf, TaskError> {
         .or_else(dirs::data_local_dir);
     of_user.map(|folder| folder.join("plumage")).ok_or_else(|| {
         TaskError::Argument(format!(
-            "no folder for the mission's key: expected XDG_RUNTIME_DIR or HOME to be set, --mission-key with a file, or \
-             {VARIABLE}"
+            "no folder for the mission key; expected XDG_RUNTIME_DIR or HOME to be set, --mission-key with a \
+             file, or {VARIABLE}"
         ))
     })
 }
@@ -124,7 +124,7 @@ fn read(file: &Path) -> Result<MissionKey, TaskError> {
     let shown = file.display();
     let unread = |source| TaskError::Read {
         file: shown.to_string(),
-        what: "mission's key",
+        what: "mission key",
         source,
     };
     let text = fs::read_to_string(file).map_err(unread)?;
@@ -135,8 +135,8 @@ fn read(file: &Path) -> Result<MissionKey, TaskError> {
         );
         if mode & 0o077 != 0 {
             return Err(TaskError::Argument(format!(
-                "{shown}: others may read or write the mission's key (mode {:o}): expected 600, by chmod 600 {shown}; \
-                 if they are not to command the team, make a new one",
+                "{shown}: other users can read or write the mission key (mode {:o}); expected mode 600: run \
+                 chmod 600 {shown}, and create a new key if they must not command the team",
                 mode & 0o777
             )));
         }

@@ -135,7 +135,7 @@ pub fn read(path: &Path) -> Result<Flown, RecordError> {
 /// Parts of different campaigns, or missions that no part holds.
 pub fn merged(parts: &[(PathBuf, Flown)]) -> Result<(Question, Vec<MissionRow>), String> {
     let Some((first, flown)) = parts.first() else {
-        return Err("no folder of a campaign: expected those of its shards".to_owned());
+        return Err("no campaign folder; expected the folders of its shards".to_owned());
     };
     for (path, other) in parts {
         if let Some(what) = flown.question.differs_from(&other.question) {
@@ -155,8 +155,8 @@ pub fn merged(parts: &[(PathBuf, Flown)]) -> Result<(Question, Vec<MissionRow>),
             seed,
         } = first;
         return Err(format!(
-            "{} of {} missions are in none of the folders, the first of them {strategy} in {reality} with {vehicles} \
-             vehicles and seed {seed}: give all shards, and let those that were stopped go on by the same command",
+            "{} of {} missions are missing, the first of them {strategy} in {reality} with {vehicles} vehicles \
+             and seed {seed}; give all shards, and resume those that were stopped with the same command",
             missing.len(),
             flown.question.missions().len()
         ));

@@ -202,8 +202,8 @@ impl Group<'_> {
         let vehicles: usize = self.rows.iter().map(|r| r.key.vehicles).sum();
         let stated = || self.rows.iter().flat_map(|r| &r.stated);
         format!(
-            "{}. {landed} of {vehicles} vehicles landed. {} of {} numbers that were stated have the truth within two \
-             standard deviations.",
+            "{}. {landed} of {vehicles} vehicles landed. {} of {} stated values are within two standard \
+             deviations of the truth.",
             by_status.join(", "),
             stated().filter(|s| s.holds()).count(),
             stated().count()
@@ -253,9 +253,9 @@ pub fn head() -> Vec<String> {
         "km",
         "known at the end",
         &found,
-        "peak off, m",
-        "map off, %",
-        "flux off by inference, %",
+        "peak error, m",
+        "map error, %",
+        "flux error by inference, %",
         "by mass balance, %",
     ]
     .map(str::to_owned)
@@ -267,7 +267,7 @@ pub const STATED_HEAD: [&str; 4] = [
     "number",
     "truth within 2 sd",
     "median error",
-    "median of the error before that is left",
+    "median remaining share of the error",
 ];
 
 fn markdown(head: &[impl AsRef<str>], rows: &[Vec<String>]) -> String {
@@ -302,16 +302,17 @@ pub fn to_markdown(question: &Question, rows: &[MissionRow]) -> String {
 }
 
 /// What the numbers of the table are.
-pub const LEGEND: &str = "Medians, with the interval that holds them with 95 % (of fewer than six missions: their range), ∞ for \
-    what does not happen; shares with Wilson's interval. Until a vehicle was near the true peak, and until the peak was confirmed or \
-    supported: mission time and what the team had flown. The map is off by the root mean square over the fence's volume, over that of \
-    the plume itself.";
+pub const LEGEND: &str = "Medians with their 95 % interval (for fewer than six missions: the range); ∞: it did \
+                          not happen. Shares with Wilson's 95 % interval. Mission time and distance flown by the \
+                          team are given until a vehicle was near the true peak, and until the peak was \
+                          confirmed or supported. The map error is the root-mean-square error over the fence's \
+                          volume, divided by the root mean square of the plume.";
 
 /// One line a mission.
 fn by_seed(group: &Group<'_>) -> String {
     let first = group.rows[0].stated.iter().filter(|s| s.before.is_some());
     let corrected: Vec<&Stated> = first.collect();
-    let mut head = vec!["seed".to_owned(), "peak off, m".to_owned()];
+    let mut head = vec!["seed".to_owned(), "peak error, m".to_owned()];
     head.extend(
         corrected
             .iter()

@@ -211,14 +211,14 @@ fn with_team_of(scenario: &Scenario, count: usize) -> Result<Scenario, MissionEr
     let more = count.saturating_sub(real.len());
     if !(1..=MOST_VEHICLES).contains(&count) || (simulated.is_empty() && more > 0) {
         return Err(MissionError::Request(format!(
-            "a team of {count}: expected 1 to {} vehicles{}",
+            "a team of {count} vehicles; expected 1 to {}{}",
             if simulated.is_empty() {
                 real.len()
             } else {
                 MOST_VEHICLES
             },
             if simulated.is_empty() {
-                ", as none of them is simulated and may be repeated"
+                ", since the team has no simulated vehicle to repeat"
             } else {
                 ""
             },

@@ -74,7 +74,7 @@ impl FedVehicle {
             .collect();
         if team.contains(&name) {
             return Err(MissionError::Request(format!(
-                "vehicle {name} is of the team ({}): expected another id for one that is fed in",
+                "vehicle {name} belongs to the team ({}); expected another id for the fed vehicle",
                 team.join(", ")
             )));
         }
@@ -93,7 +93,7 @@ impl FedVehicle {
         if self.last.is_none() {
             let mode = Mode {
                 level: ControlLevel::Pilot,
-                reason: "not of the team: its observations are fed in".to_owned(),
+                reason: "fed vehicle outside the team".to_owned(),
                 setpoints_obeyed: false,
             };
             self.waiting.push_back((said, Message::Mode(mode)));
@@ -199,8 +199,7 @@ impl Agent for FedVehicle {
 
     fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
         if let Event::Message(..) = event {
-            let words =
-                "it is not of the team: nobody here can take it over, hand it back or call it home";
+            let words = "it is a fed vehicle outside the team and accepts no commands";
             return out.event(&self.id, Severity::Warning, "control-refused", words);
         }
         while let Some((_, message)) = self.waiting.pop_front_if(|(said, _)| *said <= now) {

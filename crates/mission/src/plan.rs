@@ -132,8 +132,8 @@ pub fn fly(setup: &Setup, number: u64) -> Result<Flight, MissionError> {
     let emission_kg_s = model.emissions_kg_s()[0].1;
     if emission_kg_s <= 0.0 {
         return Err(MissionError::Request(
-            "a source that emits nothing tells nothing of what would be detected: expected emission_kg_s or \
-             c_max_ppm above 0, of which the least that is detected is a part"
+            "the source emits nothing; expected emission_kg_s or c_max_ppm above 0, since the detection limit is \
+             a fraction of it"
                 .to_owned(),
         ));
     }
@@ -162,8 +162,8 @@ fn in_a_reality(setup: &Setup, number: u64) -> Result<Setup, MissionError> {
     });
     if count.count() == 0 {
         return Err(MissionError::Request(
-            "a team without a real vehicle reads nothing of what is there: expected kind = \"stand-in\" or \
-             \"mavlink\" of one at least"
+            "the team has no real vehicle to measure the reality; expected kind = \"stand-in\" or \"mavlink\" \
+             for at least one vehicle"
                 .to_owned(),
         ));
     }

@@ -108,14 +108,14 @@ fn time(scenario: &Scenario) -> Result<Option<Finding>, MissionError> {
         0 => Some(warned(
             "time",
             words(
-                "too short for a vehicle to take off, work and land, so that it ends with vehicles in the air",
+                "too short for a vehicle to take off, work and land; the mission would end with vehicles in the \
+                 air",
             ),
         )),
         fits if fits < team => Some(warned(
             "time",
             words(&format!(
-                "time for about {fits} vehicles to take off, work and land by the end; others may have to \
-                 stay on the ground"
+                "leaves time for about {fits} vehicles to take off, work and land; others may stay on the ground"
             )),
         )),
         _ => None,
@@ -135,8 +135,8 @@ fn endurance(
         return Ok(Some(refused(
             "airspeed",
             format!(
-                "search.airspeed_m_s = {airspeed_m_s} is none that {name} flies: expected \
-                 {slowest_m_s} to {fastest_m_s} m/s"
+                "search.airspeed_m_s = {airspeed_m_s} is outside the range of {name}; expected {slowest_m_s} to \
+                 {fastest_m_s} m/s"
             ),
         )));
     }
@@ -169,11 +169,13 @@ fn endurance(
     };
     let duration_s = scenario.mission.duration_s;
     Ok(if lasts_s < LEAST_FLIGHT_S {
-        let then = format!("up and down again takes {LEAST_FLIGHT_S:.0} s: expected a larger one");
+        let then = format!(
+            "climb and descent alone take {LEAST_FLIGHT_S:.0} s; expected a larger battery"
+        );
         Some(refused("battery", words(&then)))
     } else if lasts_s < duration_s {
         let then = format!(
-            "expected a larger one, or mission.duration_s = {duration_s} to be {lasts_s:.0} at most"
+            "expected a larger battery, or mission.duration_s of at most {lasts_s:.0}, not {duration_s}"
         );
         Some(warned("battery", words(&then)))
     } else {
@@ -217,19 +219,19 @@ fn wind(setup: &Setup) -> Result<Option<Finding>, MissionError> {
     let airspeed_m_s = scenario.search.airspeed_m_s;
     let words = |speed_m_s: f64, agl_m: f64, then: String| {
         format!(
-            "up to {speed_m_s:.1} m/s at {agl_m:.0} m above ground, where the team flies at \
-             {airspeed_m_s} m/s through the air: {then}"
+            "up to {speed_m_s:.1} m/s at {agl_m:.0} m above ground, where the team flies at an airspeed of \
+             {airspeed_m_s} m/s: {then}"
         )
     };
     let most_m_s = airspeed_m_s - LEAST_OVER_GROUND_M_S;
     Ok(if low_m_s > most_m_s {
-        let then = format!("nobody comes home against it; expected {most_m_s:.1} m/s at most");
+        let then =
+            format!("no vehicle could return against it; expected at most {most_m_s:.1} m/s");
         Some(refused("wind", words(low_m_s, low_m, then)))
     } else if high_m_s > DOUBTFUL_WIND * airspeed_m_s {
         let left_m_s = airspeed_m_s - high_m_s;
         let then = format!(
-            "{left_m_s:.1} m/s is left over ground against it, and gusts take from that; expected \
-             {:.1} m/s at most",
+            "only {left_m_s:.1} m/s of ground speed remain against it, less in gusts; expected at most {:.1} m/s",
             DOUBTFUL_WIND * airspeed_m_s
         );
         Some(warned("wind", words(high_m_s, high_m, then)))
@@ -251,8 +253,8 @@ fn homes(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionErro
             found.push(refused(
                 "home",
                 format!(
-                    "the home of vehicle {id} is {:.0} m outside the fence, which it would break on \
-                     its way: expected a home inside, or {HOME_M:.0} m outside at most",
+                    "the home of vehicle {id} is {:.0} m outside the fence, so that it would breach the fence on \
+                     its way; expected a home inside, or at most {HOME_M:.0} m outside",
                     -inside_m
                 ),
             ));
@@ -260,8 +262,7 @@ fn homes(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionErro
             found.push(warned(
                 "home",
                 format!(
-                    "the home of vehicle {id} is {:.0} m outside the fence: it takes off and lands \
-                     there",
+                    "the home of vehicle {id} is {:.0} m outside the fence; it takes off and lands there",
                     -inside_m
                 ),
             ));
@@ -275,8 +276,8 @@ fn homes(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionErro
             found.push(refused(
                 "home",
                 format!(
-                    "the home of vehicle {id} is {nearest_m:.0} m from a stack, inside the keep-out: \
-                     expected {:.0} m or more, or a smaller fence.keep_out_radius_m",
+                    "the home of vehicle {id} is {nearest_m:.0} m from a stack, inside the keep-out; expected at \
+                     least {:.0} m, or a smaller fence.keep_out_radius_m",
                     airspace.keep_out_m()
                 ),
             ));
@@ -285,8 +286,8 @@ fn homes(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionErro
             let apart_m = there.distance_m(home);
             let span_m = setup.aircraft_of(index)?.wing.span_m;
             let words = format!(
-                "the homes of vehicles {} and {id} are {apart_m:.0} m apart: expected \
-                 {HOMES_APART_M:.0} m, so that neither touches down on the other",
+                "the homes of vehicles {} and {id} are {apart_m:.0} m apart; expected at least \
+                 {HOMES_APART_M:.0} m, so that no vehicle lands on another",
                 other.id
             );
             if apart_m < span_m {
@@ -312,13 +313,13 @@ fn ground(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionErr
     match setup.terrain.known_amsl_m(site) {
         None => found.push(warned(
             "terrain",
-            format!("{tile} has no height at the site: {stated_m} m of site.ground_amsl_m stand in"),
+            format!("{tile} has no height at the site; site.ground_amsl_m = {stated_m} m is used"),
         )),
         Some(ground_m) if (ground_m - stated_m).abs() > TERRAIN_M => found.push(warned(
             "terrain",
             format!(
-                "site.ground_amsl_m = {stated_m}, and {tile} has {ground_m:.0} m there: expected them \
-                 within {TERRAIN_M:.0} m; fence, layers and plume count from site.ground_amsl_m"
+                "site.ground_amsl_m = {stated_m}, but {tile} has {ground_m:.0} m there; expected a difference of \
+                 at most {TERRAIN_M:.0} m, since fence, layers and plume count from site.ground_amsl_m"
             ),
         )),
         Some(_) => {}
@@ -332,8 +333,8 @@ fn ground(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionErr
         found.push(warned(
             "terrain",
             format!(
-                "{tile} has no height for {share:.0} % of the fence: {stated_m} m of \
-                 site.ground_amsl_m stand in there; expected a fence inside the tile"
+                "{tile} has no height for {share:.0} % of the fence, where site.ground_amsl_m = {stated_m} m is \
+                 used; expected a fence inside the tile"
             ),
         ));
     }
@@ -350,9 +351,9 @@ fn ground(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionErr
         found.push(warned(
             "terrain",
             format!(
-                "the ground rises to {height_m:.0} m at {lat_deg:.4}, {lon_deg:.4} inside the fence, \
-                 above the lowest setpoints at {floor_amsl_m:.0} m: expected fence.floor_agl_m = {:.0} \
-                 or a fence that leaves that place out",
+                "the ground rises to {height_m:.0} m at {lat_deg:.4}, {lon_deg:.4} inside the fence, above the \
+                 lowest setpoints at {floor_amsl_m:.0} m; expected fence.floor_agl_m = {:.0}, or a fence without \
+                 that place",
                 (height_m - stated_m + OVER_GROUND_M).ceil()
             ),
         ));
@@ -374,16 +375,16 @@ fn layers(setup: &Setup, airspace: &Airspace) -> Result<Vec<Finding>, MissionErr
                 "home",
                 format!(
                     "the ground within {NEAR_HOME_M:.0} m of the home of vehicle {} rises to {highest_m:.0} m, \
-                     {:.0} m above it: expected {SLOPE_M:.0} m at most, or a landing may find no approach",
+                     {:.0} m above it; expected at most {SLOPE_M:.0} m, since a landing may find no approach",
                     scenario.vehicles[index].id,
                     highest_m - home_m
                 ),
             ));
         }
         let words = format!(
-            "vehicle {} waits at {layer_amsl_m:.0} m above home, {above_m:.0} m over the highest ground \
-             within {NEAR_HOME_M:.0} m ({highest_m:.0} m): expected {OVER_GROUND_M:.0} m over it, by \
-             another home or fence.floor_agl_m = {:.0}",
+            "vehicle {} waits at {layer_amsl_m:.0} m above home, {above_m:.0} m over the highest ground within \
+             {NEAR_HOME_M:.0} m ({highest_m:.0} m); expected {OVER_GROUND_M:.0} m over it: choose another home, \
+             or fence.floor_agl_m = {:.0}",
             scenario.vehicles[index].id,
             (scenario.fence.floor_agl_m + OVER_GROUND_M - above_m).ceil()
         );
@@ -406,8 +407,8 @@ fn room(scenario: &Scenario, airspace: &Airspace) -> Option<Finding> {
     let area_m2 = free.count() as f64 * step_m * step_m;
     let places = (area_m2 / (side_m * side_m)).max(1.0) as usize * levels;
     let words = format!(
-        "fence and keep-out leave {:.2} km2 to fly in, and the height band {levels} heights: room for \
-         {places} circles of {side_m:.0} m, for {team} vehicles",
+        "fence and keep-out leave {:.2} km2, and the height band {levels} levels: room for {places} circles of \
+         {side_m:.0} m for {team} vehicles",
         area_m2 / 1e6
     );
     if places < team {
@@ -416,7 +417,7 @@ fn room(scenario: &Scenario, airspace: &Airspace) -> Option<Finding> {
     } else if places < 2 * team {
         Some(warned(
             "room",
-            format!("{words}: they will wait for each other"),
+            format!("{words}; they will wait for each other"),
         ))
     } else {
         None

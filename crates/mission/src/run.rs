@@ -36,8 +36,8 @@ impl Run {
         let mut vehicles = setup.scenario.vehicles.iter();
         if let Some(linked) = vehicles.find(|v| v.kind == VehicleKind::Mavlink) {
             return Err(MissionError::Request(format!(
-                "vehicle {} is a real one behind a MAVLink link, which only real time can serve: \
-                 fly it by plumage run --speed real, or in a process of its own by va or mav-bridge",
+                "vehicle {} is a real aircraft on a MAVLink link, which needs real time; use plumage run --speed \
+                 real, or a process of its own with va or mav-bridge",
                 linked.id
             )));
         }
@@ -68,7 +68,10 @@ impl Run {
     /// A mission under way, or a vehicle that is there already.
     pub fn join(&mut self, vehicle: FedVehicle) -> Result<(), MissionError> {
         if self.conductor.next_tick() > 0 {
-            let why = format!("{}: the mission is under way already", vehicle.id());
+            let why = format!(
+                "{}: cannot join, the mission has started already",
+                vehicle.id()
+            );
             return Err(MissionError::Request(why));
         }
         if self.members().any(|m| m.id() == vehicle.id()) {
@@ -166,8 +169,8 @@ fn refuse_outside(setup: &Setup) -> Result<(), MissionError> {
         return Ok(());
     }
     Err(MissionError::Request(
-        "search.strategy = \"outside\": nobody can tell a mission in one process where to look; expected sc, ws and va \
-         as processes of their own, in real time, or a strategy in Python"
+        "search.strategy = \"outside\": an outside strategy cannot reach a mission in one process; expected sc, \
+         ws and va as separate processes in real time, or a strategy in Python"
             .to_owned(),
     ))
 }

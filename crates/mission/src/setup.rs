@@ -71,7 +71,7 @@ impl SigningKey {
         bytes
             .and_then(|b| b.try_into().ok())
             .map(Self)
-            .ok_or_else(|| "expected 64 hexadecimal digits, the 32 bytes of a key".to_owned())
+            .ok_or_else(|| "expected a key of 32 bytes as 64 hexadecimal digits".to_owned())
     }
 }
 
@@ -184,7 +184,7 @@ impl Setup {
         let team = self.scenario.vehicles.len();
         if count > team {
             return Err(MissionError::Request(format!(
-                "{count} stand-ins of a team of {team}: expected 0 to {team}"
+                "{count} stand-ins in a team of {team}; expected 0 to {team}"
             )));
         }
         for (k, vehicle) in self.scenario.vehicles.iter_mut().enumerate() {
@@ -220,7 +220,9 @@ impl Setup {
             .vehicles
             .get(index)
             .and_then(|v| self.aircraft.get(&v.aircraft))
-            .ok_or_else(|| MissionError::Request(format!("no vehicle number {index}")))
+            .ok_or_else(|| {
+                MissionError::Request(format!("the scenario has no vehicle number {index}"))
+            })
     }
 
     /// What the stand-in for the vehicle at `index` of the team flies as, and in.
@@ -264,7 +266,7 @@ impl Setup {
         let home_amsl_m = self.ground_at_home_m(index)?;
         TeamVehicle::new(&self.scenario, index, aircraft, home_amsl_m).ok_or_else(|| {
             MissionError::Request(format!(
-                "vehicle number {}: MAVLink has system ids for 254 vehicles",
+                "vehicle number {}: MAVLink has system ids for at most 254 vehicles",
                 index + 1
             ))
         })
@@ -276,9 +278,9 @@ impl Setup {
     /// No such vehicle.
     pub(crate) fn name_of(&self, index: usize) -> Result<&str, MissionError> {
         let vehicle = self.scenario.vehicles.get(index);
-        vehicle
-            .map(|v| v.id.as_str())
-            .ok_or_else(|| MissionError::Request(format!("no vehicle number {index}")))
+        vehicle.map(|v| v.id.as_str()).ok_or_else(|| {
+            MissionError::Request(format!("the scenario has no vehicle number {index}"))
+        })
     }
 
     /// Index in the team of the vehicle called `id`.
@@ -294,7 +296,7 @@ impl Setup {
             .collect();
         ids.iter().position(|known| *known == id).ok_or_else(|| {
             MissionError::Request(format!(
-                "no vehicle '{id}': expected one of {}",
+                "vehicle '{id}' is not in the scenario; expected one of {}",
                 ids.join(", ")
             ))
         })

@@ -56,7 +56,7 @@ impl Member {
                 };
                 controller.resume(phase, now);
                 Ok(Some(format!(
-                    "goes on at {:.0} s in phase {phase:?}, with what it hears from now on",
+                    "resumes at {:.0} s in phase {phase:?}, with the messages from now on",
                     now.s()
                 )))
             }
@@ -69,7 +69,7 @@ impl Member {
                 let level = heard.level.unwrap_or(ControlLevel::Automatic);
                 next.resume(level, state, now);
                 let text = format!(
-                    "goes on where it was heard last, {:.0} s ago, {level:?}",
+                    "resumes from its last state, {:.0} s old, in {level:?}",
                     now.since_s(*said)
                 );
                 next.tell(EventMessage {
@@ -82,7 +82,7 @@ impl Member {
             }
             Self::Real(vehicle) if vehicle.is_stand_in() => match &heard.state {
                 Some((_, state)) if state.airborne => Err(MissionError::Request(format!(
-                    "{} was in the air when its process ended, and a stand-in cannot be taken up again: it is lost",
+                    "{} was in the air when its process ended; a stand-in cannot be resumed, so it is lost",
                     vehicle.aircraft().id()
                 ))),
                 _ => Ok(None),
@@ -143,12 +143,12 @@ impl Member {
                 let pilot = real.aircraft().level() == Some(ControlLevel::Pilot);
                 let Some(state) = body.last_state() else {
                     return refuse(format!(
-                        "vehicle {name} was not heard: where it is is not known"
+                        "vehicle {name} has sent no state; its position is unknown"
                     ));
                 };
                 if state.airborne && !pilot {
                     return refuse(format!(
-                        "the real vehicle {name} is in the air and nobody flies it: its pilot takes it over first, or it lands"
+                        "the real vehicle {name} is in the air; its pilot must take over or land it first"
                     ));
                 }
                 Ok(Self::Simulated(Box::new(simulated_from(
@@ -158,7 +158,7 @@ impl Member {
             (Self::Simulated(_), None) => refuse(format!("vehicle {name} is simulated already")),
             (Self::Real(_), Some(_)) => refuse(format!("vehicle {name} is real already")),
             (Self::World(_) | Self::Controller(_) | Self::Fed(_), _) => {
-                refuse(format!("{name} is no vehicle of the team"))
+                refuse(format!("{name} is not a vehicle of the team"))
             }
         }
     }

@@ -159,7 +159,8 @@ fn without_its_controller_the_team_comes_home_until_handed_back() {
     assert_eq!(flight.levels(), [ControlLevel::Guardian; 6]);
     for mode in flight.modes.values() {
         assert!(
-            mode.reason.contains("no word from the squadron controller"),
+            mode.reason
+                .contains("no message from the squadron controller"),
             "{mode:?}"
         );
         assert!(!mode.setpoints_obeyed);
@@ -196,7 +197,7 @@ fn without_its_world_the_team_comes_home() {
         assert!(
             flight.modes[id]
                 .reason
-                .contains("no word from the world simulator")
+                .contains("no message from the world simulator")
         );
     }
     // A real vehicle flies in the real world and can wait a little longer.

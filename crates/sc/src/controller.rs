@@ -326,7 +326,7 @@ impl SquadronController {
             }
         } else if state.kind == Kind::Real && self.fleet.observe_other(name, state, time) {
             let words = format!(
-                "vehicle {name}, not of the team, is heard: its readings count, and the team keeps clear of it"
+                "vehicle {name} outside the team joined: its readings are used, and the team keeps clear of it"
             );
             out.event(&self.id, Severity::Info, "other-heard", words);
         }
@@ -344,7 +344,7 @@ impl SquadronController {
         };
         let what = if real { "a real" } else { "a simulated" };
         let name = &self.fleet.vehicles[index].name;
-        let words = format!("vehicle {name} is {what} aircraft from now on");
+        let words = format!("vehicle {name} is now flown by {what} aircraft");
         out.event(&self.id, Severity::Info, "swapped", words);
     }
 
@@ -428,15 +428,15 @@ impl SquadronController {
                 (
                     Severity::Warning,
                     "vehicle-silent",
-                    "is silent and is left out",
+                    "stopped sending and is not planned for",
                 )
             } else {
-                (Severity::Info, "vehicle-heard", "is heard again")
+                (Severity::Info, "vehicle-heard", "sends again")
             };
             out.event(&self.id, severity, code, format!("vehicle {name} {words}"));
         }
         for name in self.fleet.others_gone(now) {
-            let words = format!("vehicle {name}, not of the team, is heard no more");
+            let words = format!("vehicle {name} outside the team stopped sending");
             out.event(&self.id, Severity::Info, "other-silent", words);
         }
         self.recall(now);
@@ -459,8 +459,8 @@ impl SquadronController {
         self.phase = phase;
         let words = match phase {
             Phase::TakeOff => "take-off",
-            Phase::Preliminary => "preliminary flight: real vehicles look for the plume",
-            Phase::Search => "search: the team looks for the peak",
+            Phase::Preliminary => "preliminary flight: real vehicles search for the plume",
+            Phase::Search => "search: the team searches for the peak",
             Phase::Characterise => "characterise: real vehicles pass through the peak",
             Phase::Flux => "flux: real vehicles fly a curtain of passes downwind",
             Phase::Home => "home",
@@ -526,7 +526,8 @@ impl SquadronController {
     fn publish_findings(&self, out: &mut Outbox) {
         let Some(model) = &self.model else { return };
         let Some(peak) = self.peak() else {
-            let words = "the real readings follow no plume".to_owned();
+            let words = "no peak: the real readings do not follow any plume that the model allows"
+                .to_owned();
             return out.event(&self.id, Severity::Warning, "peak-not-found", words);
         };
         let digits = self.base.sources[0].gas.digits();

@@ -17,8 +17,8 @@ pub enum ScError {
     Search(#[from] csea::CseaError),
     /// The fence leaves nowhere to fly.
     #[error(
-        "fence: no place keeps {margin_m:.0} m from the fence and from the keep-out of \
-         {keep_out_m:.0} m around each stack; expected a larger fence or a smaller keep-out"
+        "fence: no place inside is {margin_m:.0} m from the fence and outside the keep-out of {keep_out_m:.0} m \
+         around each stack; expected a larger fence or a smaller keep-out"
     )]
     NoAirspace {
         /// Margin for turns, m.

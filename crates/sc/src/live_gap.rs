@@ -8,7 +8,7 @@
 use gap::plume::{Analysis, Begun, Options, Setup, analyse_from};
 use gap::verdict::Verdict;
 use protocol::SimTime;
-use protocol::message::{Extension, GapCause, MechanismSetting, Reading};
+use protocol::message::{Extension, GapCause, MechanismSetting, Reading, verdict_text};
 use scenario::Scenario;
 use scenario::observations::{ObservationRow, Observations};
 
@@ -150,7 +150,10 @@ impl LiveGap {
                     mechanisms: Vec::new(),
                     adopt: false,
                 };
-                return (nothing, format!("the readings so far tell nothing: {e}"));
+                return (
+                    nothing,
+                    format!("reality gap: the readings so far cannot be analysed: {e}"),
+                );
             }
         };
         self.begun.clone_from(&analysis.begun);
@@ -200,19 +203,6 @@ fn summary(analysis: &Analysis, rows: usize) -> String {
             )
         })
         .collect();
-    let verdict = match analysis.json.verdict {
-        Verdict::None => "nothing beyond the model's own uncertainty".to_owned(),
-        Verdict::Named => format!("named: {}", causes.join(", ")),
-        Verdict::Ambiguous => format!("ambiguous: {}", causes.join(", ")),
-        Verdict::Insufficient => "too little to tell".to_owned(),
-        Verdict::Unexplained => {
-            let besides = if causes.is_empty() {
-                String::new()
-            } else {
-                format!(" besides {}", causes.join(", "))
-            };
-            format!("something unexplained{besides}")
-        }
-    };
+    let verdict = verdict_text(name(analysis.json.verdict), &causes);
     format!("reality gap after {rows} real readings: {verdict}")
 }

@@ -135,7 +135,7 @@ impl VirtualAircraft {
             self.told.push(EventMessage {
                 severity: Severity::Warning,
                 code: "setpoint-refused".to_owned(),
-                text: format!("not flown to {lat_deg:.5}, {lon_deg:.5}: {why}"),
+                text: format!("setpoint {lat_deg:.5}, {lon_deg:.5} rejected: {why}"),
             });
         }
         false
@@ -165,7 +165,7 @@ impl VirtualAircraft {
                 backend.push_event(EventMessage {
                     severity: Severity::Warning,
                     code: "takeover-refused".to_owned(),
-                    text: "a real vehicle is taken over by its pilot's own remote control"
+                    text: "take-over rejected: the pilot takes over a real vehicle with the remote control"
                         .to_owned(),
                 })
             }

@@ -18,7 +18,7 @@ pub fn mode(control: &ControlState, doing: &str) -> Mode {
     }
     let level = control.level();
     if level == ControlLevel::Guardian && control.dangers().next().is_none() {
-        add("no danger any more, waits for a hand-back");
+        add("the danger is over; waits for a hand-back");
     }
     match control.ignored_setpoints() {
         0 => {}
@@ -38,7 +38,7 @@ pub(crate) fn hand_back_event(before: ControlLevel, now: ControlLevel) -> EventM
         (ControlLevel::Automatic, ControlLevel::Automatic) => (
             Severity::Info,
             "hand-back",
-            "hand-back without effect: it flies automatically already",
+            "hand-back ignored: the vehicle is in automatic flight already",
         ),
         (_, ControlLevel::Automatic) => (
             Severity::Info,
@@ -48,7 +48,7 @@ pub(crate) fn hand_back_event(before: ControlLevel, now: ControlLevel) -> EventM
         _ => (
             Severity::Warning,
             "hand-back-refused",
-            "handed back to the Guardian, not to automatic flight: a danger lasts",
+            "handed back to the Guardian, not to automatic flight, since a danger persists",
         ),
     };
     EventMessage {
@@ -72,7 +72,7 @@ pub(crate) fn outcome_event(outcome: ControlOutcome) -> Option<EventMessage> {
         ),
         ControlOutcome::Refused(danger) => (
             "hand-back-refused",
-            format!("hand-back refused: {}", danger.description()),
+            format!("hand-back rejected: {}", danger.description()),
         ),
     };
     Some(EventMessage {

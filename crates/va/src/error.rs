@@ -13,6 +13,6 @@ pub enum VaError {
     #[error(transparent)]
     Name(#[from] protocol::ProtocolError),
     /// There is no such vehicle in the scenario.
-    #[error("vehicle {0}: not in the scenario's team")]
+    #[error("vehicle {0} is not in the scenario's team")]
     NoSuchVehicle(String),
 }

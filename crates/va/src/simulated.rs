@@ -307,7 +307,7 @@ impl SimulatedVehicle {
     fn mode(&self) -> Mode {
         let doing = match self.control.level() {
             ControlLevel::Automatic => "follows setpoints",
-            ControlLevel::Pilot => "the pilot has it until an explicit hand-back",
+            ControlLevel::Pilot => "the pilot flies it until an explicit hand-back",
             ControlLevel::Guardian => "flies home and circles there",
         };
         control::mode(&self.control, doing)

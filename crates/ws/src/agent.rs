@@ -352,7 +352,7 @@ impl WorldSimulator {
                 let (code, words) = match ids[..] {
                     [] => (
                         "extension-withdrawn",
-                        "the world is the base again".to_owned(),
+                        "the world uses the base model again, without mechanisms".to_owned(),
                     ),
                     _ => ("extension-adopted", ids.join(", ")),
                 };

@@ -86,8 +86,8 @@ pub enum WsError {
     Observations(#[from] scenario::observations::ObservationError),
     /// No reading passed the checks of raw observations.
     #[error(
-        "none of {readings} readings can be used: {flaws}; expected readings of the scenario's site and \
-         gas, in the units of their columns"
+        "none of {readings} readings is usable: {flaws}; expected readings of the scenario's site and gas, in \
+         the units of their columns"
     )]
     NothingLeft {
         /// How many readings there were.

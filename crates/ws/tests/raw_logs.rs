@@ -156,7 +156,7 @@ fn a_direction_of_where_the_wind_blows_to_is_said(cases: &Path) {
     };
     assert_eq!(flaw.kind, Flaw::Unit);
     assert!(
-        flaw.message.contains("is it where it blows to?"),
+        flaw.message.contains("the plume of the opposite wind"),
         "{}",
         flaw.message
     );

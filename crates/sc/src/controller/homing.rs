@@ -68,7 +68,7 @@ const HOME_FROM: f64 = 0.55;
 /// Purpose of an order that brings a vehicle above its home.
 const HOME: &str = "home";
 /// Purpose of an order that brings it to another height first.
-const BY_STAGES: &str = "home by stages";
+const BY_STAGES: &str = "home in stages";
 
 impl SquadronController {
     /// When the last vehicle at work must turn home, s.

@@ -125,14 +125,14 @@ pub const ARDUPLANE: Profile = Profile {
                 meanings: &[
                     (
                         0,
-                        Doubtful("on loss of this link the vehicle flies on; expected 1"),
+                        Doubtful("on loss of this link the vehicle continues; expected 1"),
                     ),
                     (
                         3,
-                        Doubtful("a lost link counts in AUTO alone, not in GUIDED; expected 1"),
+                        Doubtful("the link failsafe works only in AUTO, not in GUIDED; expected 1"),
                     ),
                 ],
-                otherwise: Right("a lost link counts"),
+                otherwise: Right("a lost link triggers the failsafe"),
                 set_to: Some(1.0),
                 link_failsafe: true,
             },
@@ -142,9 +142,9 @@ pub const ARDUPLANE: Profile = Profile {
                 meanings: &[
                     (
                         0,
-                        Doubtful("on loss of this link it flies on in GUIDED; expected 1"),
+                        Doubtful("on loss of this link it continues in GUIDED; expected 1"),
                     ),
-                    (1, Right("it comes home")),
+                    (1, Right("it returns home")),
                     (
                         2,
                         Doubtful("on loss of this link it glides down; expected 1"),
@@ -155,7 +155,7 @@ pub const ARDUPLANE: Profile = Profile {
                     ),
                 ],
                 otherwise: Doubtful(
-                    "on loss of this link it does not simply come home; expected 1",
+                    "on loss of this link it does not simply return home; expected 1",
                 ),
                 set_to: Some(1.0),
                 link_failsafe: true,
@@ -166,18 +166,21 @@ pub const ARDUPLANE: Profile = Profile {
                 meanings: &[(
                     0,
                     Doubtful(
-                        "the mission's fence is kept by the bridge alone, and not without a link",
+                        "only the bridge enforces the mission's fence, and only while the link works",
                     ),
                 )],
-                otherwise: Right("it has to hold the mission's own"),
+                otherwise: Right("the fence on board must equal the mission's fence"),
                 set_to: None,
                 link_failsafe: false,
             },
             Rule {
                 about: "outside its fence",
                 name: FENCE_ACTION,
-                meanings: &[(0, Doubtful("it tells of its fence alone; expected 1"))],
-                otherwise: Right("it does not fly on"),
+                meanings: &[(
+                    0,
+                    Doubtful("it only reports a breach of its fence; expected 1"),
+                )],
+                otherwise: Right("it reacts to a breach"),
                 set_to: None,
                 link_failsafe: false,
             },
@@ -187,11 +190,11 @@ pub const ARDUPLANE: Profile = Profile {
                 meanings: &[(
                     0,
                     Doubtful(
-                        "it does not land by itself, and refuses to arm with a DO_LAND_START on board; expected 1 or 2 and \
-                         a landing sequence, or a pilot who lands it",
+                        "it does not land by itself, and rejects arming with a DO_LAND_START on board; expected \
+                         1 or 2 and a landing sequence, or a pilot for the landing",
                     ),
                 )],
-                otherwise: Right("by a landing sequence, if one is on board"),
+                otherwise: Right("it lands by a landing sequence, if one is on board"),
                 set_to: None,
                 link_failsafe: false,
             },

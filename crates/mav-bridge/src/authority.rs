@@ -163,25 +163,27 @@ impl Authority {
             .shown
             .map_or_else(|| "mode unknown".into(), |s| self.modes.name(s.custom_mode));
         if let Some(why) = self.watched {
-            return format!("{why}: watched, not commanded");
+            return format!("{why}: monitored, not commanded");
         }
         if !self.link_up {
             return "no heartbeat from the vehicle: it relies on its own failsafe".into();
         }
         match self.phase() {
-            BridgePhase::Ground => "on the ground, waits for take-off".into(),
+            BridgePhase::Ground => "on the ground, waiting for take-off".into(),
             BridgePhase::TakeOff => "taking off".into(),
             BridgePhase::Guided => "flies to setpoints".into(),
             BridgePhase::Landing => "coming home to land".into(),
             BridgePhase::Pilot if self.by_station => {
-                "another ground station has it until an explicit hand-back".into()
+                "another ground station controls it until an explicit hand-back".into()
             }
-            BridgePhase::Pilot => format!("the pilot has it in {mode} until an explicit hand-back"),
+            BridgePhase::Pilot => {
+                format!("the pilot flies it in {mode} until an explicit hand-back")
+            }
             BridgePhase::HandingBack => {
                 let guided = self.modes.short_name(self.guided);
-                format!("handed back, {guided} asked for, still {mode}")
+                format!("handed back: {guided} requested, still in {mode}")
             }
-            BridgePhase::Guardian => format!("goes home in {mode}"),
+            BridgePhase::Guardian => format!("returns home in {mode}"),
             BridgePhase::Watched => String::new(),
         }
     }
@@ -343,13 +345,13 @@ impl Authority {
             BridgePhase::Pilot => (
                 Severity::Warning,
                 "pilot-takeover",
-                format!("the pilot has taken over in {mode}; setpoints are withheld"),
+                format!("the pilot took over in {mode}; the bridge withholds setpoints"),
             ),
             BridgePhase::Guardian => (
                 Severity::Warning,
                 "guardian",
                 format!(
-                    "the vehicle's own failsafe has taken over in {mode}: {}",
+                    "the vehicle's own failsafe took over in {mode}: {}",
                     self.cause(shown).description()
                 ),
             ),
@@ -357,7 +359,7 @@ impl Authority {
                 Severity::Info,
                 "guided",
                 format!(
-                    "in {}: setpoints go through",
+                    "in {}: the bridge sends setpoints",
                     self.modes.short_name(self.guided)
                 ),
             ),

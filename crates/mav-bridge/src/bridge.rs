@@ -269,7 +269,7 @@ impl Bridge {
         };
         let mut authority = Authority::new(modes, guided);
         if config.listen_only {
-            authority.watch("listened to only");
+            authority.watch("listen-only mode");
         }
         Ok(Self {
             paths: Paths::default(),
@@ -436,7 +436,7 @@ impl Bridge {
         self.on_phase(phase);
         if phase == BridgePhase::Guardian {
             let dangers: Vec<&str> = self.control().dangers().map(|d| d.description()).collect();
-            let text = format!("brought home: {}", dangers.join(", "));
+            let text = format!("the Guardian brings it home: {}", dangers.join(", "));
             out.events.push(event(Severity::Warning, "guardian", text));
         }
     }
@@ -451,11 +451,11 @@ impl Bridge {
             return self.ignore(setpoint, "setpoint-ignored", "no link to the vehicle", out);
         }
         if !self.identity.is_certain() && self.authority.phase() != BridgePhase::Watched {
-            let why = "it is still listened for a second vehicle on this link";
+            let why = "the bridge still checks for a second vehicle on this link";
             return self.ignore(setpoint, "setpoint-ignored", why, out);
         }
         if !self.checklist.is_done() && self.authority.phase() != BridgePhase::Watched {
-            let why = "the checklist comes first";
+            let why = "the checklist before take-off is not complete";
             return self.ignore(setpoint, "setpoint-ignored", why, out);
         }
         match (self.authority.phase(), setpoint.path) {
@@ -465,7 +465,7 @@ impl Bridge {
                 self.take_off(setpoint, now, out);
             }
             (BridgePhase::Ground, _) => {
-                let why = "the vehicle is on the ground; a hand-back lets it take off";
+                let why = "the vehicle is on the ground; hand it back to let it take off";
                 self.ignore(setpoint, "setpoint-ignored", why, out);
             }
             (BridgePhase::TakeOff, PathKind::Land) | (BridgePhase::Guided, PathKind::Land) => {
@@ -478,15 +478,15 @@ impl Bridge {
                 self.ignore(
                     setpoint,
                     "setpoint-ignored",
-                    "the vehicle comes home to land",
+                    "the vehicle is returning home to land",
                     out,
                 );
             }
             (phase, _) => {
                 let why = match phase {
-                    BridgePhase::HandingBack => "the vehicle has not taken the hand-back yet",
+                    BridgePhase::HandingBack => "the vehicle has not confirmed the hand-back yet",
                     BridgePhase::Guardian => "the Guardian flies",
-                    BridgePhase::Watched => "the vehicle is watched only",
+                    BridgePhase::Watched => "the vehicle is only monitored",
                     _ => "a pilot flies",
                 };
                 self.ignore(setpoint, "setpoint-ignored", why, out);
@@ -500,12 +500,12 @@ impl Bridge {
     pub fn hand_back(&mut self, out: &mut BridgeOutput) {
         let mut say = |severity, code, text: &str| out.events.push(event(severity, code, text));
         let Some(seen) = self.authority.shown().filter(|_| self.authority.link_up()) else {
-            let text = "hand-back refused: no link to the vehicle";
+            let text = "hand-back rejected: no link to the vehicle";
             return say(Severity::Warning, "hand-back-refused", text);
         };
         match self.authority.phase() {
             BridgePhase::Watched => {
-                let text = format!("hand-back refused: {}", self.authority.doing());
+                let text = format!("hand-back rejected: {}", self.authority.doing());
                 say(Severity::Warning, "hand-back-refused", &text);
             }
             phase @ (BridgePhase::Ground
@@ -513,7 +513,7 @@ impl Bridge {
             | BridgePhase::Guided
             | BridgePhase::Landing) => {
                 self.rejoins |= phase == BridgePhase::Ground;
-                let text = "hand-back without effect: it flies automatically already";
+                let text = "hand-back ignored: the vehicle is in automatic flight already";
                 say(Severity::Info, "hand-back", text);
             }
             _ if !seen.airborne && !seen.armed => {
@@ -537,13 +537,12 @@ impl Bridge {
                         self.mode_waits = true;
                         let mode = self.authority.guided_mode();
                         let name = self.authority.modes().short_name(mode);
-                        let text = format!("handed back: {name} asked for");
+                        let text = format!("handed back: {name} requested");
                         out.events
                             .push(event(Severity::Info, "hand-back-pending", text));
                     }
                     BridgePhase::Guardian if outcome == ControlOutcome::Taken => {
-                        let text =
-                            "handed back to the Guardian, not to automatic flight: a danger lasts";
+                        let text = "handed back to the Guardian, not to automatic flight, since a danger persists";
                         out.events
                             .push(event(Severity::Warning, "hand-back-refused", text));
                     }
@@ -569,14 +568,18 @@ impl Bridge {
         let then = match self.authority.phase() {
             BridgePhase::TakeOff | BridgePhase::Guided => {
                 self.come_down();
-                "it comes home to land"
+                "it returns home to land"
             }
-            BridgePhase::Landing => "it comes home to land",
-            BridgePhase::Guardian => "the Guardian brings it home; a pilot or a hand-back lands it",
-            BridgePhase::Watched => "it is watched only",
+            BridgePhase::Landing => "it returns home to land",
+            BridgePhase::Guardian => {
+                "the Guardian brings it home; to land it, a pilot takes over or an operator \
+                                      hands it back"
+            }
+            BridgePhase::Watched => "it is only monitored",
             _ => "its pilot lands it",
         };
-        let text = format!("the mission is over and the vehicle is not down yet: {then}");
+        let text =
+            format!("the mission is over, but the vehicle is still armed or airborne: {then}");
         out.events
             .push(event(Severity::Warning, "mission-over", text));
     }
@@ -586,7 +589,7 @@ impl Bridge {
             ControlOutcome::Refused(danger) => event(
                 Severity::Warning,
                 "hand-back-refused",
-                format!("hand-back refused: {}", danger.description()),
+                format!("hand-back rejected: {}", danger.description()),
             ),
             _ => event(Severity::Info, "hand-back", done),
         });

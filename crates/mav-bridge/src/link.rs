@@ -174,7 +174,7 @@ impl Ends {
         match self.incoming.try_send(bytes.to_vec()) {
             Ok(()) => true,
             Err(TrySendError::Full(_)) => {
-                tracing::warn!("{} bytes dropped: nobody takes them", bytes.len());
+                tracing::warn!("{} bytes dropped: the receiving queue is full", bytes.len());
                 true
             }
             Err(TrySendError::Closed(_)) => false,
@@ -209,7 +209,7 @@ async fn udp(socket: UdpSocket, fixed: Option<SocketAddr>, mut ends: Ends) {
                     Some((known, _)) if known == from => {}
                     Some(_) if fixed.is_some() => continue,
                     Some((_, heard)) if heard.elapsed() < PEER_TIMEOUT => continue,
-                    _ => tracing::info!("vehicle link: heard {from}"),
+                    _ => tracing::info!("vehicle link: receiving from {from}"),
                 }
                 peer = Some((from, Instant::now()));
                 if !ends.deliver(&buffer[..length]) {
@@ -238,7 +238,7 @@ async fn tcp_client(to: String, mut ends: Ends) {
                 if !tcp(stream, &mut ends).await {
                     return;
                 }
-                tracing::warn!("vehicle link: lost {to}, connecting again");
+                tracing::warn!("vehicle link: lost {to}, reconnecting");
             }
             failed => {
                 if !std::mem::replace(&mut refused, true) {
@@ -246,7 +246,7 @@ async fn tcp_client(to: String, mut ends: Ends) {
                         Ok(Err(error)) => error.to_string(),
                         _ => "no answer".to_owned(),
                     };
-                    tracing::warn!("vehicle link: {to}: {why}; trying again");
+                    tracing::warn!("vehicle link: {to}: {why}; retrying");
                 }
             }
         }
@@ -271,11 +271,11 @@ async fn serial(path: String, baud: u32, mut ends: Ends) {
                 if !stream(reader, writer, &mut ends).await {
                     return;
                 }
-                tracing::warn!("vehicle link: lost {path}, opening it again");
+                tracing::warn!("vehicle link: lost {path}, reopening");
             }
             Err(error) => {
                 if !std::mem::replace(&mut refused, true) {
-                    tracing::warn!("vehicle link: {path}: {error}; trying again");
+                    tracing::warn!("vehicle link: {path}: {error}; retrying");
                 }
             }
         }
@@ -291,7 +291,7 @@ async fn tcp_server(listener: TcpListener, mut ends: Ends) {
             if !tcp(stream, &mut ends).await {
                 return;
             }
-            tracing::info!("vehicle link: {from} has gone");
+            tracing::info!("vehicle link: {from} disconnected");
         } else {
             sleep(RECONNECT).await;
         }

@@ -90,19 +90,19 @@ pub const PX4: Profile = Profile {
                 meanings: &[
                     (
                         0,
-                        Doubtful("on loss of this link the vehicle flies on; expected 2"),
+                        Doubtful("on loss of this link the vehicle continues; expected 2"),
                     ),
                     (
                         1,
                         Doubtful("on loss of this link it circles where it is; expected 2"),
                     ),
-                    (2, Right("it comes home")),
+                    (2, Right("it returns home")),
                     (
                         3,
                         Doubtful("on loss of this link it lands where it is; expected 2"),
                     ),
                 ],
-                otherwise: Doubtful("on loss of this link it gives the flight up; expected 2"),
+                otherwise: Doubtful("on loss of this link it terminates the flight; expected 2"),
                 set_to: Some(2.0),
                 link_failsafe: true,
             },
@@ -110,11 +110,12 @@ pub const PX4: Profile = Profile {
                 about: "failsafe of set-points",
                 name: "COM_OBL_RC_ACT",
                 meanings: &[
-                    (3, Right("without attitude targets it comes home")),
+                    (3, Right("without attitude targets it returns home")),
                     (5, Right("without attitude targets it circles where it is")),
                 ],
                 otherwise: Doubtful(
-                    "without attitude targets it waits for sticks, lands where it is or gives the flight up; expected 3",
+                    "without attitude targets it waits for sticks, lands where it is or terminates the flight; \
+                     expected 3",
                 ),
                 set_to: Some(3.0),
                 link_failsafe: true,
@@ -126,24 +127,32 @@ pub const PX4: Profile = Profile {
                     (
                         0,
                         Doubtful(
-                            "the mission's fence is kept by the bridge alone, and not without a link",
+                            "only the bridge enforces the mission's fence, and only while the link works",
                         ),
                     ),
-                    (1, Doubtful("it tells of its fence alone; expected 3")),
+                    (
+                        1,
+                        Doubtful("it only reports a breach of its fence; expected 3"),
+                    ),
                     (
                         2,
-                        Right("outside its fence it circles; it has to hold the mission's own"),
+                        Right(
+                            "outside its fence it circles; the fence on board must equal the mission's fence",
+                        ),
                     ),
                     (
                         3,
-                        Right("outside its fence it comes home; it has to hold the mission's own"),
+                        Right(
+                            "outside its fence it returns home; the fence on board must equal the mission's \
+                               fence",
+                        ),
                     ),
                     (
                         5,
                         Doubtful("outside its fence it lands where it is; expected 3"),
                     ),
                 ],
-                otherwise: Doubtful("outside its fence it gives the flight up; expected 3"),
+                otherwise: Doubtful("outside its fence it terminates the flight; expected 3"),
                 set_to: None,
                 link_failsafe: false,
             },
@@ -151,12 +160,18 @@ pub const PX4: Profile = Profile {
                 about: "landing",
                 name: "RTL_TYPE",
                 meanings: &[
-                    (1, Right("by the mission landing on board, if one is there")),
-                    (3, Right("at the nearest landing on board or home")),
+                    (
+                        1,
+                        Right("it lands by the mission landing on board, if one is there"),
+                    ),
+                    (
+                        3,
+                        Right("it lands at the nearest landing on board or at home"),
+                    ),
                 ],
                 otherwise: Doubtful(
-                    "it returns home and circles there or lands as RTL_LAND_DELAY says; expected 1 and a mission with a \
-                     landing, or a pilot who lands it",
+                    "it returns home and circles there or lands as RTL_LAND_DELAY says; expected 1 and a mission \
+                     with a landing, or a pilot for the landing",
                 ),
                 set_to: None,
                 link_failsafe: false,
@@ -191,5 +206,5 @@ pub const PX4: Profile = Profile {
         },
     ],
     messages: &[(WIND_COV_DATA::ID, 2.0), (ESTIMATOR_STATUS_DATA::ID, 1.0)],
-    caution: "a pilot takes it over by any mode but Hold, in which the bridge flies it too",
+    caution: "a pilot takes over with any mode but Hold, which the bridge uses too",
 };

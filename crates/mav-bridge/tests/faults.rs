@@ -552,7 +552,7 @@ fn a_hand_back_during_take_off_changes_nothing() {
         )
     });
     assert_eq!(bench.commands(), []);
-    assert!(bench.said("hand-back")[0].contains("without effect"));
+    assert!(bench.said("hand-back")[0].contains("hand-back ignored"));
 }
 
 #[test]

@@ -370,7 +370,10 @@ fn it_takes_off_flies_to_places_and_comes_home() {
         bench.out.events
     );
     assert!(bench.said("connected")[0].contains("any mode but Hold"));
-    assert_eq!(bench.said("guided"), ["in Hold: setpoints go through"]);
+    assert_eq!(
+        bench.said("guided"),
+        ["in Hold: the bridge sends setpoints"]
+    );
     bench.setpoint = setpoint(PathKind::GoTo);
     bench.run(2.0);
     let (lat, lon, airspeed_m_s) = bench.px4.place.unwrap();
@@ -427,7 +430,10 @@ fn a_pilot_has_it_until_it_is_handed_back_and_what_is_found_in_hold_is_his() {
 #[test]
 fn its_failsafe_is_told_by_its_own_words() {
     for (words, code) in [
-        ("Connection to ground control station lost", "does not hear"),
+        (
+            "Connection to ground control station lost",
+            "receives nothing from its bridge",
+        ),
         ("Manual control lost", "remote control"),
         ("Geofence violation", "fence"),
     ] {
@@ -485,7 +491,10 @@ fn attitudes_are_there_before_offboard_and_end_with_it() {
     };
     bench.run(20.0);
     assert_eq!(bench.px4.mode, OFFBOARD, "{:#?}", bench.out.events);
-    assert_eq!(bench.said("guided"), ["in Offboard: setpoints go through"]);
+    assert_eq!(
+        bench.said("guided"),
+        ["in Offboard: the bridge sends setpoints"]
+    );
     bench.setpoint = setpoint(PathKind::GoTo);
     let from = bench.sent.len();
     bench.run(10.0);

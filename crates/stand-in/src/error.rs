@@ -13,6 +13,6 @@ pub enum StandInError {
     #[error("the stand-in's aircraft: {0}")]
     Aircraft(#[from] fdm::FdmError),
     /// A datagram that is no packet of servo outputs.
-    #[error("no packet of servo outputs as ArduPilot's JSON interface sends them: {0}")]
+    #[error("not a packet of servo outputs of ArduPilot's JSON interface: {0}")]
     ServoPacket(String),
 }

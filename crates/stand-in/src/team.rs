@@ -300,7 +300,7 @@ impl TeamVehicle {
             | MavCmd::MAV_CMD_COMPONENT_ARM_DISARM
             | MavCmd::MAV_CMD_MISSION_START
             | MavCmd::MAV_CMD_DO_LAND_START => {
-                self.warn("Flown by the squadron controller: take over by FBWA", now);
+                self.warn("Squadron controller flies: take over by FBWA", now);
                 FAILED
             }
             _ => self.speaker.obey(m, now).unwrap_or(UNSUPPORTED),
@@ -317,7 +317,7 @@ impl TeamVehicle {
     fn is_out_of_reach(&mut self, now: SimTime) -> bool {
         let is_real = self.state.as_ref().map(|s| s.kind) == Some(VehicleKind::Real);
         if is_real {
-            self.warn("A real one: its own remote control takes over", now);
+            self.warn("Real vehicle: take over by its own remote control", now);
         }
         is_real
     }
@@ -341,7 +341,7 @@ impl TeamVehicle {
             lon_deg: f64::from(m.y) / 1e7,
         };
         if let Some(why) = self.bounds.refuses(to, alt_amsl_m) {
-            self.warn(&format!("Not sent there: {why}"), now);
+            self.warn(&format!("Rejected: {why}"), now);
             return DENIED;
         }
         if self.level != ControlLevel::Pilot {

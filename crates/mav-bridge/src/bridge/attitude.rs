@@ -126,8 +126,8 @@ impl Bridge {
             return;
         };
         if now.since_s(last) > PAUSE_S && !std::mem::replace(&mut self.stream.told, true) {
-            let text = "no state of the vehicle comes by which the outer loop could steer it: without attitude targets \
-                        it goes on by itself";
+            let text = "the outer loop receives no state of the vehicle and sends no attitude targets; the \
+                        vehicle continues by itself";
             out.events
                 .push(event(Severity::Warning, "attitude-paused", text));
         }

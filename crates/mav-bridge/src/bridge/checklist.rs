@@ -258,7 +258,7 @@ impl Checklist {
                 "attitude, velocity and position are estimated".into(),
             );
         }
-        let words = "the filter does not know attitude, velocity and position yet; expected to wait until it does";
+        let words = "the estimator has no attitude, velocity or position yet; wait until it has";
         point("ekf", Verdict::Refused, words.into())
     }
 
@@ -267,13 +267,17 @@ impl Checklist {
         match left {
             None => untold("battery", "SYS_STATUS"),
             Some(left) if left < 0 => {
-                let words = "the vehicle does not know its charge; expected a battery monitor (BATT_MONITOR)";
+                let words = "the vehicle does not report its charge; expected a battery monitor (BATT_MONITOR)";
                 point("battery", Verdict::Doubtful, words.into())
             }
             Some(left) => {
                 let (verdict, then) = match left {
-                    left if left <= BATTERY_PCT.0 => (Verdict::Refused, "; expected more"),
-                    left if left < BATTERY_PCT.1 => (Verdict::Doubtful, "; expected a full one"),
+                    left if left <= BATTERY_PCT.0 => {
+                        (Verdict::Refused, "; expected a higher charge")
+                    }
+                    left if left < BATTERY_PCT.1 => {
+                        (Verdict::Doubtful, "; expected a full battery")
+                    }
                     _ => (Verdict::Right, ""),
                 };
                 point("battery", verdict, format!("{left} %{then}"))
@@ -303,7 +307,7 @@ impl Checklist {
             ),
             Some(false) => {
                 let words = format!(
-                    "its own checks do not pass, and it will not be armed; it says why (PreArm). {who} arms"
+                    "its own checks fail, so it cannot be armed; its PreArm messages give the reason. {who} arms"
                 );
                 point("arming", Verdict::Doubtful, words)
             }
@@ -323,17 +327,17 @@ impl Checklist {
             off if off <= HOME_M.0 => (Verdict::Right, ""),
             off if off <= HOME_M.1 => (
                 Verdict::Doubtful,
-                "; it takes off, returns and lands at its own",
+                "; it will take off, return and land at its own home",
             ),
             _ => (
                 Verdict::Refused,
-                "; expected the home of this vehicle in the scenario",
+                "; expected the scenario's home for this vehicle",
             ),
         };
         point(
             "home",
             verdict,
-            format!("{off_m:.0} m from the scenario's{then}"),
+            format!("{off_m:.0} m from the scenario's home{then}"),
         )
     }
 
@@ -348,11 +352,11 @@ impl Checklist {
         } else {
             (
                 Verdict::Doubtful,
-                "; every height would be off by as much: expected the same datum and place",
+                "; all heights would be wrong by the difference; expected the same datum and place",
             )
         };
         let words = format!(
-            "home at {amsl_m:.0} m above mean sea level, the scenario's ground there {ground_m:.0} m{then}"
+            "home at {amsl_m:.0} m above mean sea level, the scenario's ground there at {ground_m:.0} m{then}"
         );
         point("ground", verdict, words)
     }
@@ -361,7 +365,7 @@ impl Checklist {
         let own = self.own_id;
         let names = self.profile.parameters.station;
         if names.is_empty() {
-            let words = "the heartbeat of any counts for its link failsafe";
+            let words = "its link failsafe accepts the heartbeat of any ground station";
             return point("ground station", Verdict::Right, words.into());
         }
         let Some((name, id)) = told else {
@@ -371,7 +375,8 @@ impl Checklist {
             (Verdict::Right, String::new())
         } else {
             let then = format!(
-                "; the vehicle does not miss this bridge, which is {own}: expected {own}, or --gcs-id {id}"
+                "; the vehicle would not notice the loss of this bridge, which is {own}; expected {own}, or \
+                 --gcs-id {id}"
             );
             (Verdict::Doubtful, then)
         };
@@ -397,11 +402,12 @@ impl Checklist {
         let (verdict, then) = match above_home_m {
             below if below < 0.0 => (
                 Verdict::Doubtful,
-                "; it returns at the height where it is".to_owned(),
+                "; it returns at its current height".to_owned(),
             ),
             low if low < needed_m => {
                 let then = format!(
-                    "; the highest stack ends {:.0} m above home: expected {needed_m:.0} m or more, or a way home clear of it",
+                    "; the highest stack ends {:.0} m above home; expected {needed_m:.0} m or more, or a way \
+                     home clear of it",
                     needed_m - OVER_STACK_M
                 );
                 (Verdict::Doubtful, then)
@@ -428,7 +434,7 @@ fn untold(about: &'static str, what: &str) -> Point {
     point(
         about,
         Verdict::Doubtful,
-        format!("the vehicle does not tell {what}"),
+        format!("the vehicle does not report {what}"),
     )
 }
 
@@ -446,43 +452,45 @@ fn airspeed(expected: &Expectation, eas_over_tas: f64, low: Named, high: Named) 
     } else {
         (
             Verdict::Doubtful,
-            "; it refuses such a speed and flies its own: expected another search.airspeed_m_s",
+            "; it rejects such a speed and flies its own; expected search.airspeed_m_s within its range",
         )
     };
     let words = format!(
-        "the mission flies at {eas_m_s:.1} m/s equivalent, the vehicle at {low:.1} to {high:.1} ({low_name}, {high_name}){then}"
+        "the mission flies at {eas_m_s:.1} m/s equivalent airspeed, the vehicle at {low:.1} to {high:.1} \
+         ({low_name}, {high_name}){then}"
     );
     point("airspeed", verdict, words)
 }
 
 fn wind(expected: &Expectation) -> Point {
     let (wind_m_s, airspeed_m_s) = (expected.wind_m_s, expected.airspeed_m_s);
-    let words = format!("up to {wind_m_s:.1} m/s expected, {airspeed_m_s:.1} m/s through the air");
+    let words =
+        format!("up to {wind_m_s:.1} m/s expected, at an airspeed of {airspeed_m_s:.1} m/s");
     let least_m_s = expected.least_over_ground_m_s;
     if airspeed_m_s - wind_m_s >= least_m_s {
         return point("wind", Verdict::Right, words);
     }
-    let words = format!("{words}: expected {least_m_s} m/s or more to be left against it");
+    let words = format!("{words}; expected at least {least_m_s} m/s of ground speed against it");
     point("wind", Verdict::Doubtful, words)
 }
 
 /// The fence on board beside the mission's.
 fn corners(wanted: usize, found: Option<&FenceOnBoard>) -> Point {
     let about = "corners of the fence";
-    let then = "expected the mission's, with --set-fence or by a ground station";
+    let then = "expected the mission's fence: use --set-fence or a ground station";
     match found {
         None => untold(about, "its fence"),
         Some(FenceOnBoard::None) => {
-            let words = format!("none on board, the mission's has {wanted}; {then}");
+            let words = format!("no fence on board, but the mission's has {wanted}; {then}");
             point(about, Verdict::Doubtful, words)
         }
         Some(FenceOnBoard::Other(words)) => point(
             about,
             Verdict::Doubtful,
-            format!("another one: {words}; {then}"),
+            format!("another fence is on board: {words}; {then}"),
         ),
         Some(FenceOnBoard::Same) => {
-            let words = format!("the mission's {wanted} are on board");
+            let words = format!("the mission's {wanted} corners are on board");
             point(about, Verdict::Right, words)
         }
     }
@@ -509,9 +517,9 @@ pub(super) fn events(points: &[Point]) -> Vec<EventMessage> {
         .iter()
         .map(|p| {
             let (severity, mark) = match p.verdict {
-                Verdict::Right => (Severity::Info, "right"),
+                Verdict::Right => (Severity::Info, "ok"),
                 Verdict::Doubtful => (Severity::Warning, "doubtful"),
-                Verdict::Refused => (Severity::Error, "refused"),
+                Verdict::Refused => (Severity::Error, "failed"),
             };
             let text = format!("before take-off: {} ({mark}): {}", p.about, p.words);
             event(severity, "checklist", text)
@@ -523,12 +531,12 @@ pub(super) fn events(points: &[Point]) -> Vec<EventMessage> {
         _ => Severity::Error,
     };
     let then = if refused > 0 {
-        "no take-off while it is so"
+        "the bridge does not start a take-off"
     } else {
         "it may take off"
     };
     let text = format!(
-        "before take-off: {} points looked at, {doubtful} doubtful, {refused} refused: {then}",
+        "before take-off: {} points checked, {doubtful} doubtful, {refused} failed: {then}",
         points.len()
     );
     events.push(event(severity, "checklist", text));

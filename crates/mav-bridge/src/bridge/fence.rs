@@ -198,10 +198,10 @@ impl Bridge {
             self.fence.read();
             (
                 Severity::Info,
-                "the mission's fence was put on board".to_owned(),
+                "the mission's fence was uploaded".to_owned(),
             )
         } else {
-            let text = format!("the vehicle refuses the mission's fence: {result:?}");
+            let text = format!("the vehicle rejects the mission's fence: {result:?}");
             (Severity::Error, text)
         };
         out.events.push(event(severity, "fence-upload", text));
@@ -319,7 +319,7 @@ fn compare(items: &[MISSION_ITEM_INT_DATA], wanted: &[Geodetic]) -> FenceOnBoard
     let others = items.iter().filter(|item| item.command != vertex).count();
     if others > 0 {
         let words = format!(
-            "{others} of its {} items are no corners of a polygon to stay in",
+            "{others} of its {} items are not corners of an inclusion polygon",
             items.len()
         );
         return FenceOnBoard::Other(words);
@@ -346,7 +346,7 @@ fn compare(items: &[MISSION_ITEM_INT_DATA], wanted: &[Geodetic]) -> FenceOnBoard
     if off_m <= SAME_M {
         return FenceOnBoard::Same;
     }
-    FenceOnBoard::Other(format!("a corner lies {off_m:.0} m from the mission's"))
+    FenceOnBoard::Other(format!("a corner is {off_m:.0} m from the mission's"))
 }
 
 /// How far the farthest corner is from its own, with the polygons laid on each other as well as can be: whichever corner

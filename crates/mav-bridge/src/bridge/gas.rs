@@ -142,12 +142,12 @@ impl GasHeard {
         let wanted: Vec<&str> = self.inputs.iter().map(|i| i.name.as_str()).collect();
         let others: Vec<&str> = self.others.iter().map(String::as_str).collect();
         let heard = if others.is_empty() {
-            "no NAMED_VALUE_FLOAT at all is heard".to_owned()
+            "no NAMED_VALUE_FLOAT was received".to_owned()
         } else {
-            format!("NAMED_VALUE_FLOATs heard: {}", others.join(", "))
+            format!("NAMED_VALUE_FLOAT names received: {}", others.join(", "))
         };
         Some(format!(
-            "no reading of the gas for {SILENT_S:.0} s: expected NAMED_VALUE_FLOAT {}; {heard}",
+            "no gas reading for {SILENT_S:.0} s; expected NAMED_VALUE_FLOAT {}; {heard}",
             wanted.join(" or ")
         ))
     }

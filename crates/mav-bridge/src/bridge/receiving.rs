@@ -62,8 +62,8 @@ impl Bridge {
         {
             self.lost.refused_frames += 1;
             if !std::mem::replace(&mut self.warned.signature, true) {
-                let text = "frames without a valid signature are refused: \
-                            does the vehicle share the key?";
+                let text = "frames without a valid signature are rejected; check that the vehicle has the same \
+                            signing key";
                 out.events
                     .push(event(Severity::Error, "signature-refused", text));
             }
@@ -118,11 +118,13 @@ impl Bridge {
             Found::Another(system) => (
                 Severity::Info,
                 "another-vehicle",
-                format!("system {system} is heard too; it is another vehicle and left alone"),
+                format!(
+                    "system {system} also sends on this link; the bridge ignores this other vehicle"
+                ),
             ),
             Found::Ambiguous(first, second) => {
                 self.authority
-                    .watch("two vehicles are heard and none was asked for");
+                    .watch("two vehicles send on this link, and no system id was given");
                 self.commands.clear();
                 self.rates = super::Rates::default();
                 // Neither is listened to any more, which is no lost link.
@@ -131,8 +133,8 @@ impl Bridge {
                     Severity::Error,
                     "two-vehicles",
                     format!(
-                        "systems {first} and {second} are both heard, and none was asked for: neither is commanded; \
-                         expected system_id = {first} or {second} of the vehicle in the scenario, or --system-id"
+                        "systems {first} and {second} both send on this link, so neither is commanded; expected \
+                         system_id = {first} or {second} for the vehicle in the scenario, or --system-id"
                     ),
                 )
             }
@@ -142,9 +144,10 @@ impl Bridge {
                     Severity::Warning,
                     "same-ground-station-id",
                     format!(
-                        "another ground station with system id {own} is heard (component {component}): while it lives, \
-                         the vehicle's failsafe does not miss this bridge; expected a gcs_system_id (--gcs-id) of its \
-                         own, the same as MAV_GCS_SYSID on board (SYSID_MYGCS before 4.7)"
+                        "another ground station uses system id {own} (component {component}); while it sends, \
+                         the vehicle's failsafe does not notice the loss of this bridge; expected a \
+                         gcs_system_id (--gcs-id) of the bridge's own, equal to MAV_GCS_SYSID on board \
+                         (SYSID_MYGCS before 4.7)"
                     ),
                 )
             }
@@ -154,8 +157,8 @@ impl Bridge {
 
     fn warn_of_signatures(&mut self, out: &mut BridgeOutput) {
         if !std::mem::replace(&mut self.warned.unsigned, true) {
-            let text = "the vehicle signs its frames and may hear none that are not signed: expected its key \
-                        (signing_key of the vehicle in the scenario, or --signing-key)";
+            let text = "the vehicle signs its frames and may reject unsigned ones; expected its key (signing_key \
+                        of the vehicle in the scenario, or --signing-key)";
             out.events.push(event(Severity::Error, "key-missing", text));
         }
     }
@@ -184,7 +187,7 @@ impl Bridge {
         self.telemetry.heartbeat = Some((now, heartbeat));
         if restored {
             let mode = self.config.profile.modes.name(custom_mode);
-            let text = format!("heartbeat heard again, in {mode}");
+            let text = format!("heartbeat received again, in {mode}");
             out.events
                 .push(event(Severity::Info, "link-restored", text));
         }
@@ -239,7 +242,7 @@ impl Bridge {
         self.checklist = Checklist::new(&self.config);
         self.connected_at = now;
         self.request_telemetry(now);
-        let text = "the vehicle has started anew; what it was told before is forgotten on board";
+        let text = "the vehicle restarted and has lost the commands sent before";
         out.events.push(event(Severity::Warning, "restarted", text));
     }
 
@@ -276,11 +279,12 @@ impl Bridge {
                 words => format!("; {words}"),
             };
             let text = format!(
-                "{name} heard as system {system}, component {component}; this ground station is system {own}{caution}"
+                "{name} found as system {system}, component {component}; this ground station is system \
+                 {own}{caution}"
             );
             return out.events.push(event(Severity::Info, "connected", text));
         }
-        self.authority.watch("another autopilot than asked for");
+        self.authority.watch("not the configured autopilot");
         let (what, asking) = match heartbeat.autopilot {
             MavAutopilot::MAV_AUTOPILOT_PX4 => ("PX4".to_owned(), Some("px4")),
             MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA => {
@@ -290,12 +294,12 @@ impl Bridge {
         };
         let asking = asking.map_or(String::new(), |asking| {
             format!(
-                "; a fixed wing of it is commanded with autopilot = \"{asking}\" of the vehicle"
+                "; to command a fixed wing with it, set autopilot = \"{asking}\" for the vehicle"
             )
         });
         let text = format!(
-            "system {system} is no {name} ({what}, {:?}): its telemetry is passed on, but it is not \
-             commanded, for its flight modes have other numbers{asking}",
+            "system {system} is not {name} ({what}, {:?}): the bridge forwards its telemetry but does not \
+             command it, since its flight modes have other numbers{asking}",
             heartbeat.mavtype
         );
         out.events
@@ -375,7 +379,7 @@ impl Bridge {
             self.send_command(&command, 0, to, now, out);
         }
         if let Some(words) = due.given_up {
-            let text = format!("the vehicle does not send as asked: {words}");
+            let text = format!("the vehicle does not send at the requested rates: {words}");
             out.events.push(event(Severity::Info, "rate-failed", text));
         }
     }
@@ -470,7 +474,7 @@ impl Bridge {
             // Another link may bring it again.
             Some(old) if old == value => return,
             Some(old) => {
-                let text = format!("parameter {name} was {old} and is {value}");
+                let text = format!("parameter {name} changed from {old} to {value}");
                 out.events
                     .push(event(Severity::Info, "parameter-changed", text));
             }
@@ -515,8 +519,7 @@ impl Bridge {
             && statistics.bytes > NO_FRAMES_AFTER_BYTES
             && !std::mem::replace(&mut self.warned.no_frames, true)
         {
-            let text = "bytes come in, but no MAVLink 2 frame: check baud rate and \
-                        SERIALn_PROTOCOL = 2";
+            let text = "bytes arrive, but no MAVLink 2 frame; check the baud rate and SERIALn_PROTOCOL = 2";
             out.events.push(event(Severity::Error, "no-mavlink2", text));
         }
         if self.heartbeat_at.is_none() || !self.authority.link_up() {
@@ -529,8 +532,8 @@ impl Bridge {
             self.authority.link_lost();
             self.on_phase(self.authority.phase());
             let text = format!(
-                "no heartbeat for {silent_s:.1} s: setpoints are withheld, the vehicle relies on \
-                 its own failsafe"
+                "no heartbeat for {silent_s:.1} s: the bridge withholds setpoints, and the vehicle relies on its \
+                 own failsafe"
             );
             out.events.push(event(Severity::Warning, "link-lost", text));
             return;
@@ -542,8 +545,8 @@ impl Bridge {
             && self.telemetry.state(now).is_none()
             && !std::mem::replace(&mut self.warned.silent_telemetry, true)
         {
-            let text = "the vehicle sends no usable GLOBAL_POSITION_INT, ATTITUDE and VFR_HUD: \
-                        has it a position fix, and does it grant SET_MESSAGE_INTERVAL?";
+            let text = "the vehicle sends no usable GLOBAL_POSITION_INT, ATTITUDE and VFR_HUD; check that it has \
+                        a position fix and accepts SET_MESSAGE_INTERVAL";
             out.events
                 .push(event(Severity::Warning, "telemetry-missing", text));
         }

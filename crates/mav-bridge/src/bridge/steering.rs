@@ -38,7 +38,7 @@ impl Bridge {
         self.warned.take_off_refused = false;
         self.authority.take_off(self.config.profile.modes.take_off);
         self.send_mode();
-        let text = "take-off asked for";
+        let text = "take-off requested";
         out.events.push(event(Severity::Info, "take-off", text));
     }
 
@@ -195,7 +195,7 @@ impl Bridge {
         } else if !std::mem::replace(&mut self.warned.waits_for_arming, true) {
             let modes = &self.config.profile.modes;
             let mode = modes.short_name(modes.take_off);
-            let text = format!("in {mode}: waits for a person to arm the motor");
+            let text = format!("in {mode}: waiting for a person to arm the motor");
             out.events
                 .push(event(Severity::Info, "waits-for-arming", text));
         }
@@ -229,11 +229,11 @@ impl Bridge {
             }
             CommandOutcome::Accepted(_) => return,
             CommandOutcome::Refused(command, result) => {
-                (command, format!("the vehicle refuses: {result:?}"))
+                (command, format!("the vehicle rejects it: {result:?}"))
             }
             CommandOutcome::Unanswered(command) => {
                 let why = if self.warned.unsigned {
-                    "the vehicle, which signs its frames, does not answer one that is not signed"
+                    "the vehicle signs its frames and does not answer unsigned ones"
                 } else {
                     "the vehicle does not answer"
                 };
@@ -260,15 +260,23 @@ impl Bridge {
                 self.authority.refused();
                 match phase {
                     BridgePhase::TakeOff if asked == Some(self.authority.guided_mode()) => {
-                        (Severity::Error, "guided-failed", "; tried again")
+                        (Severity::Error, "guided-failed", "; the bridge tries again")
                     }
-                    BridgePhase::TakeOff => (Severity::Error, "take-off-failed", "; tried again"),
+                    BridgePhase::TakeOff => (
+                        Severity::Error,
+                        "take-off-failed",
+                        "; the bridge tries again",
+                    ),
                     BridgePhase::HandingBack => {
-                        let then = "; whoever had it keeps it";
+                        let then = "; control is unchanged";
                         (Severity::Error, "hand-back-failed", then)
                     }
-                    BridgePhase::Landing => (Severity::Error, "land-failed", "; tried again"),
-                    BridgePhase::Guardian => (Severity::Error, "home-failed", "; tried again"),
+                    BridgePhase::Landing => {
+                        (Severity::Error, "land-failed", "; the bridge tries again")
+                    }
+                    BridgePhase::Guardian => {
+                        (Severity::Error, "home-failed", "; the bridge tries again")
+                    }
                     _ => (Severity::Warning, "command-failed", ""),
                 }
             }
@@ -278,10 +286,12 @@ impl Bridge {
                 let then = "; it returns home and circles until a pilot lands it";
                 (Severity::Warning, "no-landing-sequence", then)
             }
-            VehicleCommand::Arm => (Severity::Error, "arming-failed", "; tried again"),
-            VehicleCommand::Reposition { .. } => {
-                (Severity::Warning, "setpoint-failed", "; tried again")
-            }
+            VehicleCommand::Arm => (Severity::Error, "arming-failed", "; the bridge tries again"),
+            VehicleCommand::Reposition { .. } => (
+                Severity::Warning,
+                "setpoint-failed",
+                "; the bridge tries again",
+            ),
             VehicleCommand::Speed { .. } => {
                 // The next setpoint asks again; within this one it would be refused again.
                 (self.retry_at, self.speed_sent) = (None, None);
@@ -292,7 +302,7 @@ impl Bridge {
             VehicleCommand::Parameter(name) => {
                 let rules = self.config.profile.parameters.rules;
                 let then = if rules.iter().any(|r| r.link_failsafe && r.name == *name) {
-                    "; whether a lost link brings it home is not known"
+                    "; it is unknown whether the vehicle returns home when the link is lost"
                 } else {
                     ""
                 };
@@ -362,8 +372,8 @@ impl Bridge {
         self.authority.taken_by_station();
         self.on_phase(BridgePhase::Pilot);
         let text = format!(
-            "another ground station has sent the vehicle to {:.5}, {:.5} and has it from now on; setpoints are withheld \
-             until a hand-back",
+            "another ground station sent the vehicle to {:.5}, {:.5} and now controls it; the bridge withholds \
+             setpoints until a hand-back",
             at.lat_deg, at.lon_deg
         );
         out.events
@@ -383,8 +393,8 @@ impl Bridge {
             lon_deg: f64::from(position.lon) / 1e7,
         };
         if self.placement.look(here, now) == Some(Astray::Away) {
-            let text = "the vehicle flies away from its setpoint, which is sent again: has another ground station sent it \
-                        elsewhere, or is the wind as fast as it flies?";
+            let text = "the vehicle flies away from its setpoint; the bridge sends it again. Another ground \
+                        station may have sent the vehicle elsewhere, or the wind may be as fast as its airspeed";
             out.events
                 .push(event(Severity::Warning, "off-course", text));
             self.retry_at = Some(now);

@@ -37,14 +37,14 @@ impl LinkStatistics {
         let frames = self.frames - before.frames;
         let counts = [
             (self.lost_frames - before.lost_frames, "lost"),
-            (self.bad_frames - before.bad_frames, "spoilt"),
+            (self.bad_frames - before.bad_frames, "corrupt"),
             (
                 self.unreadable_frames - before.unreadable_frames,
                 "unreadable",
             ),
             (
                 self.refused_frames - before.refused_frames,
-                "refused for their signature",
+                "rejected for their signature",
             ),
         ];
         let words: Vec<String> = counts

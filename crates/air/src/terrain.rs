@@ -49,8 +49,8 @@ impl Terrain {
         if grid.post_of(site).is_none() {
             let [(south, west), (north, east)] = grid.corners_deg();
             return Err(refuse(format!(
-                "a grid from {south:.4}, {west:.4} to {north:.4}, {east:.4}, which does not hold the site \
-                 at {:.4}, {:.4}; expected one around it",
+                "a grid from {south:.4}, {west:.4} to {north:.4}, {east:.4}, which does not contain the site at \
+                 {:.4}, {:.4}; expected a grid around it",
                 site.lat_deg, site.lon_deg
             )));
         }
@@ -90,8 +90,8 @@ impl Terrain {
         let tile = Tile::new(lat, lon, resolution, data);
         if post_of(&tile, site).is_none() {
             return Err(refuse(format!(
-                "a tile from {} to the next degree north and east, which does not hold the site at \
-                 {:.4}, {:.4}; expected {}.hgt",
+                "a tile from {} to the next degree north and east, which does not contain the site at {:.4}, \
+                 {:.4}; expected {}.hgt",
                 corner_name(f64::from(lat), f64::from(lon)),
                 site.lat_deg,
                 site.lon_deg,

@@ -65,7 +65,7 @@ impl Domain {
         while !(domain.allowed)(domain.fallback) {
             if tries == TRIES {
                 return Err(CseaError::Domain(format!(
-                    "no place allowed among {TRIES} drawn from the box {low:?} to {high:?}"
+                    "none of {TRIES} points drawn from the box {low:?} to {high:?} is allowed"
                 )));
             }
             tries += 1;

@@ -25,7 +25,7 @@ pub enum CseaError {
     #[error("search domain: {0}")]
     Domain(String),
     /// The plume that is supposed to be is none.
-    #[error("the plume that the search supposes: {0}")]
+    #[error("the plume model of the search: {0}")]
     Plume(String),
     /// A sample that is not finite.
     #[error("sample is not finite; expected finite metres and a finite value")]

@@ -289,7 +289,7 @@ impl Aircraft {
             return Err(refuse(
                 "propulsion.exit_speed_m_s",
                 self.propulsion.exit_speed_m_s,
-                "more than limits.airspeed_cruise_m_s, else there is no thrust to fly with",
+                "more than limits.airspeed_cruise_m_s, else the motor gives no thrust in flight",
             ));
         }
         Ok(())

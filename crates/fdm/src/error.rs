@@ -38,7 +38,7 @@ pub enum FdmError {
         why: String,
     },
     /// A mechanism or parameter that the catalogue does not have.
-    #[error("unknown mechanism {id}; known are {known}")]
+    #[error("mechanism id \"{id}\" is not in the catalogue; expected one of: {known}")]
     UnknownMechanism {
         /// The id, with the parameter where that is unknown.
         id: String,
@@ -47,7 +47,8 @@ pub enum FdmError {
     },
     /// No gains with the margins asked for.
     #[error(
-        "none of {candidates} sets of gains keeps {gain_db} dB and {phase_deg}° in every loop; with those of the file: {before}"
+        "none of {candidates} gain sets keeps margins of {gain_db} dB and {phase_deg}° in every loop; with the \
+         gains of the file: {before}"
     )]
     NoMargins {
         /// Gain margin asked for, dB.

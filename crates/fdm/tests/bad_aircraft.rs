@@ -118,7 +118,7 @@ const IMPOSSIBLE: &[(&str, &str, &str)] = &[
     (
         "exit_speed_m_s = 40.0",
         "exit_speed_m_s = 15.0",
-        "no thrust to fly with",
+        "gives no thrust in flight",
     ),
     (
         "airspeed_max_m_s = 28.0",

@@ -23,7 +23,7 @@ const BLOCK: usize = 1 << 16;
 #[derive(Debug, thiserror::Error)]
 pub enum RecordsError {
     /// The bytes do not begin as an MCAP file.
-    #[error("it does not begin as an MCAP file")]
+    #[error("it is not an MCAP file")]
     NoMcap,
     /// The system could not read on.
     #[error(transparent)]
@@ -48,7 +48,7 @@ impl Damage {
             more => format!("in {more} places"),
         };
         Some(format!(
-            "damaged {what}, first at byte {}: what stood there is left out",
+            "damaged {what}, first at byte {}; the damaged records are skipped",
             self.first_byte
         ))
     }

@@ -112,6 +112,6 @@ pub enum InferError {
     #[error("model: {0}")]
     Model(String),
     /// No normal approximation of the posterior exists: the readings and priors say too little.
-    #[error("no posterior: the readings leave unknowns open that have no prior")]
+    #[error("no posterior: the readings do not determine parameters that have no prior")]
     NoPosterior,
 }

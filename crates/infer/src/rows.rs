@@ -47,7 +47,7 @@ impl Rows {
                 .find(|&k| times[k].partial_cmp(&times[k - 1]) != Some(Ordering::Greater))
             {
                 return Err(InferError::Rows(format!(
-                    "row {} at {} s does not come after the row before",
+                    "row {} at {} s must come after the row before",
                     range.start + k,
                     times[k]
                 )));

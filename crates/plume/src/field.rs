@@ -772,15 +772,15 @@ fn notices(spec: &DispersionSpec) -> Vec<String> {
     let speed = spec.wind.speed_at_m_s(height);
     if speed < LEAST_TRANSPORT_M_S {
         out.push(format!(
-            "calm: {speed:.2} m/s at {height:.0} m; the plume is carried at {LEAST_TRANSPORT_M_S} m/s \
-             from {:.0} degrees, and its concentrations are an order of magnitude at best",
+            "calm: {speed:.2} m/s at {height:.0} m; the plume is carried at {LEAST_TRANSPORT_M_S} m/s from {:.0} \
+             degrees, so its concentrations are right to an order of magnitude at best",
             spec.wind.from_deg()
         ));
     }
     for source in &spec.sources[1..] {
         if source.gas != spec.sources[0].gas {
             out.push(format!(
-                "source \"{}\" emits {}, which the sensor for {} does not read",
+                "source \"{}\" emits {}, which the sensor for {} does not measure",
                 source.name,
                 source.gas.as_str(),
                 spec.sources[0].gas.as_str()

@@ -46,7 +46,7 @@ impl Schedule {
         }
         if let Some(k) = rows.windows(2).position(|w| w[1].0 <= w[0].0) {
             return Err(wrong(format!(
-                "row {} at {} s does not come after {} s",
+                "row {} at {} s must come after {} s",
                 k + 2,
                 rows[k + 1].0,
                 rows[k].0
@@ -54,7 +54,7 @@ impl Schedule {
         }
         let mean = mean_kg_s(rows, between);
         if mean.is_nan() || mean <= 0.0 {
-            return Err(wrong("no emission in the mean of its own time".to_owned()));
+            return Err(wrong("the mean emission over its time is zero".to_owned()));
         }
         Ok(Self {
             time_s: rows.iter().map(|r| r.0).collect(),
@@ -141,8 +141,8 @@ mod tests {
     fn what_is_no_schedule_is_refused() {
         let refused =
             |rows: &[(f64, f64)]| Schedule::new(rows, Between::Steps).unwrap_err().to_string();
-        assert!(refused(&[]).contains("no emission"));
-        assert!(refused(&[(0.0, 0.0), (1.0, 0.0)]).contains("no emission"));
+        assert!(refused(&[]).contains("mean emission over its time is zero"));
+        assert!(refused(&[(0.0, 0.0), (1.0, 0.0)]).contains("mean emission over its time is zero"));
         assert!(refused(&[(0.0, 1.0), (0.0, 2.0)]).contains("row 2 at 0 s"));
         assert!(refused(&[(0.0, -1.0)]).contains("row 1 has -1 kg/s"));
     }

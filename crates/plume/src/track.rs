@@ -556,7 +556,7 @@ fn ranges(platforms: usize, rows: &[Row]) -> Result<Vec<Range<usize>>, PlumeErro
             range.end = i + 1;
         } else {
             return Err(wrong(format!(
-                "row {i} breaks the order: platform by platform, each with increasing times"
+                "row {i} is out of order; expected rows platform by platform, each with increasing times"
             )));
         }
     }

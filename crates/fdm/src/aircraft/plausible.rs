@@ -31,8 +31,7 @@ pub(super) fn within(
     }
     let (low, high) = (range.start() * reference, range.end() * reference);
     let expected = format!(
-        "{low:.3e} to {high:.3e}, which is plausible beside the other numbers of mass and wing: is it in the unit of \
-         its name?"
+        "{low:.3e} to {high:.3e}, plausible for the other numbers of mass and wing; check its unit"
     );
     Err(refuse(key, value, expected))
 }

@@ -122,7 +122,7 @@ pub const CATALOGUE: &[MechanismSpec] = &[
                 0.0,
                 2.0,
                 (-15.0, 15.0),
-                "stands = commanded + offset",
+                "actual = commanded + offset",
             ),
             parameter(
                 "aileron_deg",
@@ -130,7 +130,7 @@ pub const CATALOGUE: &[MechanismSpec] = &[
                 0.0,
                 2.0,
                 (-15.0, 15.0),
-                "stands = commanded + offset",
+                "actual = commanded + offset",
             ),
             parameter(
                 "rudder_deg",
@@ -138,7 +138,7 @@ pub const CATALOGUE: &[MechanismSpec] = &[
                 0.0,
                 2.0,
                 (-15.0, 15.0),
-                "stands = commanded + offset",
+                "actual = commanded + offset",
             ),
         ],
     ),
@@ -152,7 +152,7 @@ pub const CATALOGUE: &[MechanismSpec] = &[
                 1.0,
                 0.25,
                 (0.05, 4.0),
-                "factor of the pitching moment by elevator",
+                "factor on the pitching moment of the elevator",
             ),
             parameter(
                 "aileron_factor",
@@ -160,7 +160,7 @@ pub const CATALOGUE: &[MechanismSpec] = &[
                 1.0,
                 0.25,
                 (0.05, 4.0),
-                "factor of the rolling and yawing moment by aileron",
+                "factor on the rolling and yawing moment of the ailerons",
             ),
             parameter(
                 "rudder_factor",
@@ -168,7 +168,7 @@ pub const CATALOGUE: &[MechanismSpec] = &[
                 1.0,
                 0.25,
                 (0.05, 4.0),
-                "factor of the yawing and rolling moment by rudder",
+                "factor on the yawing and rolling moment of the rudder",
             ),
         ],
     ),
@@ -217,7 +217,7 @@ pub const CATALOGUE: &[MechanismSpec] = &[
             1.0,
             0.15,
             (0.2, 3.0),
-            "factor of lift by angle of attack",
+            "factor on the lift slope",
         )],
     ),
     mechanism(
@@ -229,7 +229,7 @@ pub const CATALOGUE: &[MechanismSpec] = &[
             0.0,
             0.15,
             (-1.0, 0.95),
-            "share of the thrust that is lost",
+            "fraction of the thrust that is lost",
         )],
     ),
     mechanism(
@@ -241,7 +241,7 @@ pub const CATALOGUE: &[MechanismSpec] = &[
             1.0,
             0.25,
             (0.05, 5.0),
-            "factor of rolling moment by roll rate",
+            "factor on the roll damping",
         )],
     ),
     mechanism(
@@ -253,7 +253,7 @@ pub const CATALOGUE: &[MechanismSpec] = &[
             1.0,
             0.25,
             (0.05, 5.0),
-            "factor of pitching moment by pitch rate",
+            "factor on the pitch damping",
         )],
     ),
     mechanism(

@@ -47,7 +47,7 @@ const CHANGES: [(&str, &str, &[f64]); 11] = [
         "cg-shift",
         &[0.03],
     ),
-    ("servos 40 ms late", "actuator-delay", &[0.04]),
+    ("servos delayed by 40 ms", "actuator-delay", &[0.04]),
     ("servos 50 ms slower", "actuator-lag", &[0.05]),
     ("a quarter of the thrust lost", "thrust-loss", &[0.25]),
     ("half the roll damping", "roll-damping", &[0.5]),

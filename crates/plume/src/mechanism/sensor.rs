@@ -14,7 +14,7 @@ pub(super) const LAG: MechanismSpec = MechanismSpec {
         }
     }),
     steps: Steps::Line(&[0.6, 3.0, 10.0]),
-    check: Some("a step of gas given to the sensor on the ground, and its response timed"),
+    check: Some("response time of the sensor to a step of gas on the ground"),
 };
 
 pub(super) const GAIN: MechanismSpec = MechanismSpec {
@@ -30,7 +30,7 @@ pub(super) const GAIN: MechanismSpec = MechanismSpec {
         e.offset_ppm = v[1] + v[0] * (e.offset_ppm - v[1]);
     }),
     steps: Steps::AboutBackground(1.05),
-    check: Some("the sensors read in span gas on the ground"),
+    check: Some("readings of the sensors in span gas on the ground"),
 };
 
 pub(super) const OFFSET: MechanismSpec = MechanismSpec {
@@ -40,7 +40,7 @@ pub(super) const OFFSET: MechanismSpec = MechanismSpec {
     sign: "added to the reading",
     action: Action::OnSensor(|e, v| e.offset_ppm += v[0]),
     steps: Steps::Line(&[1.0]),
-    check: Some("the sensors read in zero gas on the ground"),
+    check: Some("readings of the sensors in zero gas on the ground"),
 };
 
 pub(super) const DRIFT: MechanismSpec = MechanismSpec {
@@ -50,7 +50,7 @@ pub(super) const DRIFT: MechanismSpec = MechanismSpec {
     sign: "added to the reading: rate times hours since time 0",
     action: Action::OnSensor(|e, v| e.drift_ppm_s += v[0] / HOUR_S),
     steps: Steps::Line(&[10.0]),
-    check: Some("the sensors read in zero gas before and after the flight"),
+    check: Some("readings of the sensors in zero gas before and after the flight"),
 };
 
 pub(super) const SATURATION: MechanismSpec = MechanismSpec {
@@ -60,7 +60,7 @@ pub(super) const SATURATION: MechanismSpec = MechanismSpec {
     sign: "no reading above this limit",
     action: Action::OnSensor(|e, v| e.limit_ppm = e.limit_ppm.min(v[0])),
     steps: Steps::PartsOfRange,
-    check: Some("the sensors read in span gas on the ground"),
+    check: Some("readings of the sensors in span gas on the ground"),
 };
 
 pub(super) const CROSS_SENSITIVITY_HUMIDITY: MechanismSpec = MechanismSpec {
@@ -73,7 +73,7 @@ pub(super) const CROSS_SENSITIVITY_HUMIDITY: MechanismSpec = MechanismSpec {
     sign: "added to the reading: coefficient times (relative humidity - reference)",
     action: Action::OnSensor(|e, v| join(&mut e.humidity, v)),
     steps: Steps::Line(&[0.2]),
-    check: Some("the sensors read in zero gas that is warmed, cooled and moistened"),
+    check: Some("readings of the sensors in zero gas of different temperature and humidity"),
 };
 
 pub(super) const CROSS_SENSITIVITY_TEMPERATURE: MechanismSpec = MechanismSpec {
@@ -86,7 +86,7 @@ pub(super) const CROSS_SENSITIVITY_TEMPERATURE: MechanismSpec = MechanismSpec {
     sign: "added to the reading: coefficient times (air temperature - reference)",
     action: Action::OnSensor(|e, v| join(&mut e.temperature, v)),
     steps: Steps::Line(&[0.5]),
-    check: Some("the sensors read in zero gas that is warmed, cooled and moistened"),
+    check: Some("readings of the sensors in zero gas of different temperature and humidity"),
 };
 
 pub(super) const CROSS_SENSITIVITY_PRESSURE: MechanismSpec = MechanismSpec {
@@ -99,7 +99,7 @@ pub(super) const CROSS_SENSITIVITY_PRESSURE: MechanismSpec = MechanismSpec {
     sign: "added to the reading: coefficient times (pressure - reference)",
     action: Action::OnSensor(|e, v| join(&mut e.pressure, v)),
     steps: Steps::AboutPressureMet(0.2),
-    check: Some("the sensors read in zero gas at the pressures flown"),
+    check: Some("readings of the sensors in zero gas at the pressures of the flight"),
 };
 
 pub(super) const CLOCK_OFFSET: MechanismSpec = MechanismSpec {
@@ -109,7 +109,7 @@ pub(super) const CLOCK_OFFSET: MechanismSpec = MechanismSpec {
     sign: "logged time of a reading = true time + offset, against the clock of the positions",
     action: Action::OnSensor(|e, v| e.clock_s += v[0]),
     steps: Steps::Line(&[0.3, -3.0, 3.0]),
-    check: Some("the aircraft's clock held against that of its position fixes"),
+    check: Some("comparison of the aircraft's clock with that of its position fixes"),
 };
 
 pub(super) const POSITION_OFFSET: MechanismSpec = MechanismSpec {
@@ -125,7 +125,7 @@ pub(super) const POSITION_OFFSET: MechanismSpec = MechanismSpec {
         e.position_m[1] += v[1];
     }),
     steps: Steps::Plane(5.0),
-    check: Some("the aircraft's position logged on a surveyed point"),
+    check: Some("a position log of the aircraft on a surveyed point"),
 };
 
 pub(super) const ALTITUDE_OFFSET: MechanismSpec = MechanismSpec {
@@ -135,7 +135,7 @@ pub(super) const ALTITUDE_OFFSET: MechanismSpec = MechanismSpec {
     sign: "logged altitude = true altitude + offset",
     action: Action::OnSensor(|e, v| e.position_m[2] += v[0]),
     steps: Steps::Line(&[2.0, -20.0, 20.0]),
-    check: Some("the aircraft's altitude logged on a surveyed point"),
+    check: Some("an altitude log of the aircraft on a surveyed point"),
 };
 
 /// Two linear terms k1 (x - r1) + k2 (x - r2) as one.

@@ -10,7 +10,7 @@ pub(super) const EMISSION_SCALE: MechanismSpec = MechanismSpec {
     sign: "emission (or c_max) of every source times factor",
     action: Action::OnDispersion(|e, v| e.emission_factor *= v[0]),
     steps: Steps::Line(&[1.1, 0.5]),
-    check: Some("the emission by the plant's own monitor"),
+    check: Some("the emission from the plant's own monitor"),
 };
 
 pub(super) const EMISSION_TREND: MechanismSpec = MechanismSpec {
@@ -20,7 +20,7 @@ pub(super) const EMISSION_TREND: MechanismSpec = MechanismSpec {
     sign: "emission times exp(rate times hours since time 0), of the time when the air passed the source",
     action: Action::OnDispersion(|e, v| e.emission_trend_h += v[0]),
     steps: Steps::Line(&[0.5, -3.0, 3.0]),
-    check: Some("the emission by the plant's own monitor"),
+    check: Some("the emission from the plant's own monitor"),
 };
 
 pub(super) const SECOND_SOURCE: MechanismSpec = MechanismSpec {
@@ -58,7 +58,7 @@ pub(super) const SOURCE_POSITION_OFFSET: MechanismSpec = MechanismSpec {
         e.source_north_m += v[1];
     }),
     steps: Steps::Plane(15.0),
-    check: Some("the source's position surveyed"),
+    check: Some("a survey of the source's position"),
 };
 
 pub(super) const FIRST_ORDER_DECAY: MechanismSpec = MechanismSpec {
@@ -68,7 +68,7 @@ pub(super) const FIRST_ORDER_DECAY: MechanismSpec = MechanismSpec {
     sign: "excess times exp(-rate times travel time)",
     action: Action::OnDispersion(|e, v| e.decay_s += v[0]),
     steps: Steps::Line(&[2e-4, 1.5e-3]),
-    check: Some("the gas's lifetime in a bag of the plume's air"),
+    check: Some("the lifetime of the gas in a bag of plume air"),
 };
 
 pub(super) const DRY_DEPOSITION: MechanismSpec = MechanismSpec {
@@ -78,7 +78,7 @@ pub(super) const DRY_DEPOSITION: MechanismSpec = MechanismSpec {
     sign: "deposition velocity at the ground, positive for a loss (source depletion)",
     action: Action::OnDispersion(|e, v| e.deposition_m_s += v[0]),
     steps: Steps::Line(&[0.02, 0.3]),
-    check: Some("the flux into the ground by a chamber or by eddy covariance"),
+    check: Some("the flux into the ground from a chamber or eddy covariance"),
 };
 
 pub(super) const BUILDING_DOWNWASH: MechanismSpec = MechanismSpec {

@@ -49,14 +49,14 @@ pub(super) const EFFECTIVE_HEIGHT_OFFSET: MechanismSpec = MechanismSpec {
     sign: "added to the effective height H of every source",
     action: Action::OnDispersion(|e, v| e.height_offset_m += v[0]),
     steps: Steps::Line(&[3.0, -25.0, 25.0]),
-    check: Some("the plume's height seen by a lidar or cameras"),
+    check: Some("the plume's height from a lidar or cameras"),
 };
 
 pub(super) const GROUND_REFLECTION: MechanismSpec = MechanismSpec {
     name: "ground-reflection",
     family: Family::Spread,
     parameters: &[offset("coefficient", "1", 1.0, 0.0, 1.0)],
-    sign: "part of the plume that the ground sends back: 0 none, 1 all",
+    sign: "fraction of the plume that the ground reflects: 0 none, 1 all",
     action: Action::OnDispersion(|e, v| e.ground_coefficient += v[0]),
     steps: Steps::Line(&[0.5]),
     check: None,
@@ -66,7 +66,8 @@ pub(super) const MIXING_LID: MechanismSpec = MechanismSpec {
     name: "mixing-lid",
     family: Family::Spread,
     parameters: &[limit("height_m", "m AGL", 700.0, 10.0, 10_000.0)],
-    sign: "height above ground of a lid that sends the plume back; none above it, and no effect on a plume above the lid",
+    sign: "height above ground of a lid that reflects the plume; no gas passes it, and a plume above it is \
+           unaffected",
     action: Action::OnDispersion(|e, v| e.lid_m = e.lid_m.min(v[0])),
     steps: Steps::HeightsAboveAxis,
     check: None,

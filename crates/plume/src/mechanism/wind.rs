@@ -49,5 +49,5 @@ pub(super) const MEANDER: MechanismSpec = MechanismSpec {
     sign: "standard deviation of the axis direction about the one used: sigma_y^2 grows by (x sigma)^2",
     action: Action::OnDispersion(|e, v| e.meander_var_rad2 += v[0].to_radians().powi(2)),
     steps: Steps::Line(&[1.5, 4.0]),
-    check: Some("the direction's standard deviation by a wind vane at the plume's height"),
+    check: Some("the standard deviation of the direction from a wind vane at the plume's height"),
 };

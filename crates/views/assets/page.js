@@ -48,7 +48,7 @@ function take(message) {
 
 function fillPeak() {
   const { live, site } = known, p = live.peak, big = $("peak-number"), rest = $("peak-rest");
-  if (!p) { big.textContent = "nothing found yet"; rest.textContent = ""; return; }
+  if (!p) { big.textContent = "no peak found yet"; rest.textContent = ""; return; }
   big.textContent = `${p.ppm.toFixed(site.digits)} ± ${p.sd.toFixed(site.digits)} ppm`;
   const from = site.stacks[0];
   const away = from ? `${distance(Math.hypot(p.e - from.e, p.n - from.n))} from ${from.name}, ` : "";
@@ -64,10 +64,10 @@ function fillModel() {
     for (const text of [name, number(before[0], shown), number(now[0], shown), number(now[1], shown + 1)]) row.insertCell().textContent = text;
     return row;
   }));
-  $("taken").textContent = `${live.model.observations} real readings taken in`;
+  $("taken").textContent = `${live.model.observations} real readings used`;
   $("mechanisms").textContent = live.model.mechanisms.length ? "Extended by " + live.model.mechanisms.join(", ") : "";
   $("flux").textContent = live.model.flux.map(([source, method, value, sd]) =>
-    `${source}: ${Number(value.toPrecision(3))} ± ${Number(sd.toPrecision(2))} kg/s by ${method}`).join("; ") || "not weighed yet";
+    `${source}: ${Number(value.toPrecision(3))} ± ${Number(sd.toPrecision(2))} kg/s by ${method}`).join("; ") || "not measured yet";
 }
 
 function fillGap() {
@@ -99,7 +99,7 @@ function fillHeader() {
     if (i === now) item.setAttribute("aria-current", "step"); else item.removeAttribute("aria-current");
   });
   $("time").textContent = `${clock(live.time_s)} / ${clock(site.duration_s)}`;
-  $("pace").textContent = live.ended ? "over" : live.paused ? "paused" : live.factor ? `× ${live.factor < 10 ? live.factor.toFixed(1) : live.factor.toFixed(0)}` : "";
+  $("pace").textContent = live.ended ? "ended" : live.paused ? "paused" : live.factor ? `× ${live.factor < 10 ? live.factor.toFixed(1) : live.factor.toFixed(0)}` : "";
   $("progress").firstElementChild.style.width = Math.min(100, 100 * live.time_s / site.duration_s) + "%";
   $("pause").textContent = live.paused ? "Resume" : "Pause";
   $("pause").hidden = !site.offered.pause || (live.ended && !site.offered.timeline_s);
@@ -110,7 +110,7 @@ function fillHeader() {
     b.setAttribute("aria-pressed", (b.dataset.factor ? Number(b.dataset.factor) : null) === live.speed);
   }
   if (site.offered.timeline_s && !$("timeline").matches(":active")) $("timeline").value = live.time_s;
-  if (live.ended && !site.offered.timeline_s) say(live.reported ? "The mission is over: read its report." : "The mission is over.");
+  if (live.ended && !site.offered.timeline_s) say(live.reported ? "The mission is over; its report is ready." : "The mission is over.");
   else say("");
 }
 
@@ -124,18 +124,18 @@ function nameScale() {
   const { site } = known;
   $("scale-low").textContent = "≤ " + number(site.grey_ppm, site.digits);
   $("scale-high").textContent = "≥ " + number(site.red_ppm, site.digits);
-  $("scale-most").textContent = highest > site.red_ppm ? `, most ${number(highest, site.digits)}` : "";
+  $("scale-most").textContent = highest > site.red_ppm ? `, highest ${number(highest, site.digits)}` : "";
 }
 
 // What the map shows in words, for who does not see it.
 function describe() {
   const { live, site } = known, m = live.model;
-  const wind = m ? `wind ${m.wind_speed_m_s.toFixed(1)} m/s from ${((m.axis_deg[0] + 180) % 360).toFixed(0)}°` : "wind not known yet";
+  const wind = m ? `wind ${m.wind_speed_m_s.toFixed(1)} m/s from ${((m.axis_deg[0] + 180) % 360).toFixed(0)}°` : "wind unknown";
   $("wind-label").textContent = m ? wind.slice(5) : "–";
   $("wind-needle").style.transform = `rotate(${m ? m.axis_deg[0] : 0}deg)`;
   $("wind-needle").style.visibility = m ? "visible" : "hidden";
   const peak = live.peak ? `peak ${$("peak-number").textContent}, ${$("peak-rest").textContent}` : "no peak yet";
-  $("map").setAttribute("aria-label", `Map of ${site.mission}: ${live.vehicles.length} vehicles, ${wind}, ${peak}. Arrow keys move it, + and - zoom, f shows all.`);
+  $("map").setAttribute("aria-label", `Map of ${site.mission}: ${live.vehicles.length} vehicles, ${wind}, ${peak}. Arrow keys move the map, + and - zoom, f shows everything.`);
 }
 
 // ---- talk ----------------------------------------------------------------------------------
@@ -169,7 +169,7 @@ function connect() {
   socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
   socket.onmessage = message => { take(JSON.parse(message.data)); soon(); };
   socket.onclose = () => {
-    if (!(known.live && known.live.ended)) say("No connection to the mission; trying again …");
+    if (!(known.live && known.live.ended)) say("No connection to the mission; reconnecting …");
     setTimeout(connect, 1500);
   };
 }
@@ -200,7 +200,7 @@ async function start() {
   $("mission").textContent = site.mission;
   $("phases").replaceChildren(...PHASES.map(([, name]) => { const item = document.createElement("li"); item.textContent = name; return item; }));
   nameScale(); nameChart();
-  $("scale-gas").textContent = `ppm ${formula(site.gas)} as read`;
+  $("scale-gas").textContent = `ppm ${formula(site.gas)}, readings`;
   $("scale-bar").style.background = `linear-gradient(90deg, ${site.colours.map(([at]) => `${colourAt(at)} ${100 * at}%`).join(",")})`;
   listen(); drawMap(); connect();
 }

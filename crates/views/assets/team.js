@@ -93,7 +93,7 @@ function fillVehicle() {
   const automatic = v.level === "automatic", can = site.offered.control && !live.ended;
   set($("vehicle-name"), `${v.id}, ${v.real ? "real" : "simulated"}`);
   set($("vehicle-doing"), doing(v) + (v.reason ? `: ${v.reason}` : ""));
-  set($("vehicle-where"), `${degrees(latLon(v.e, v.n))}; ${v.alt} m AMSL, ${v.agl} m AGL; ${number(v.airspeed, 1)} m/s, heading ${v.heading}°; last heard ${v.silent_s > 0 ? `${clock(v.silent_s)} ago` : "now"}`);
+  set($("vehicle-where"), `${degrees(latLon(v.e, v.n))}; ${v.alt} m AMSL, ${v.agl} m AGL; ${number(v.airspeed, 1)} m/s, heading ${v.heading}°; last message ${v.silent_s > 0 ? `${clock(v.silent_s)} ago` : "now"}`);
   fillHealth(healthOf(v));
   $("follow").setAttribute("aria-pressed", known.follow);
   // A real vehicle's pilot takes over by a remote control of his own.
@@ -110,14 +110,14 @@ function fillHealth(h) {
   $("vehicle-health").hidden = !h;
   $("vehicle-findings").hidden = !(h && h.findings.length);
   if (!h) return;
-  const heard = h.system_id == null ? "not heard yet" : `system ${h.system_id}, component ${h.component_id}`;
+  const heard = h.system_id == null ? "no heartbeat yet" : `system ${h.system_id}, component ${h.component_id}`;
   const part = (value, text) => value == null ? [] : [text];
   const lost = h.lost_frames + h.unreadable_frames + h.refused_frames;
   const words = [`${h.autopilot}, ${heard}`, ...part(h.flight_mode, h.flight_mode), ...part(h.armed, h.armed ? "armed" : "disarmed"),
     ...part(h.battery_percent, `battery ${h.battery_percent} %`), ...part(h.battery_v, `${number(h.battery_v ?? NaN, 1)} V`),
     ...part(h.satellites, `${h.satellites} satellites`),
-    `${h.frames} frames` + (lost ? ` (${h.lost_frames} lost, ${h.unreadable_frames} unreadable, ${h.refused_frames} refused)` : ""),
-    ...part(h.checked, !h.checked ? "checklist waits" : h.findings.length ? `${h.findings.length} of the checklist not right` : "checklist right")];
+    `${h.frames} frames` + (lost ? ` (${h.lost_frames} lost, ${h.unreadable_frames} unreadable, ${h.refused_frames} rejected)` : ""),
+    ...part(h.checked, !h.checked ? "checklist pending" : h.findings.length ? `${h.findings.length} of the checklist to correct` : "checklist passed")];
   set($("vehicle-health"), words.join(", "));
   const says = h.findings.map(f => `${f.about}: ${f.says}`);
   const list = $("vehicle-findings");
@@ -144,7 +144,7 @@ export async function goTo(e, n, send) {
   const v = known.live.vehicles.find(v => v.id === known.selected), alt = Number($("go-to-alt").value);
   going(false);
   if (!v || !Number.isFinite(alt)) return;
-  const question = `Send ${v.id} to ${degrees(latLon(e, n), 4)}, ${alt} m AMSL? It circles there until it is handed back.`;
+  const question = `Send ${v.id} to ${degrees(latLon(e, n), 4)}, ${alt} m AMSL? It circles there until you hand it back.`;
   if (v.level !== "automatic" || await sure(question)) send({ command: "go-to", vehicle: v.id, e, n, alt_amsl_m: alt });
 }
 
@@ -158,7 +158,7 @@ export function listenTeam(send, arm, changed) {
   $("vehicle-close").onclick = () => select(null);
   $("take-over").onclick = async () => {
     const v = chosen();
-    const question = `Take ${v.id} over? It circles where it is, and follows the search no more until it is handed back.`;
+    const question = `Take over ${v.id}? It circles where it is and leaves the search until you hand it back.`;
     if (v.level !== "automatic" || await sure(question)) send({ command: "take-over", vehicle: v.id });
   };
   $("go-to").onclick = () => {

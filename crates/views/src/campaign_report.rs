@@ -11,7 +11,7 @@ pub fn page(question: &Question, rows: &[MissionRow]) -> String {
     let groups = table::groups(rows);
     let mut page = Document::new("Plumage campaign", &question.mission);
     page.lead(&lead(question, rows));
-    page.section("Beside each other");
+    page.section("Comparison");
     let cells: Vec<Vec<String>> = groups.iter().map(Group::cells).collect();
     let head = table::head();
     let head: Vec<&str> = head.iter().map(String::as_str).collect();
@@ -28,8 +28,8 @@ pub fn page(question: &Question, rows: &[MissionRow]) -> String {
     page.plot(
         height_px,
         known,
-        "When the peak was first confirmed or supported, a dot a mission, the median of all missions a line; those that never knew it \
-         are left out.",
+        "When the peak was first confirmed or supported: a dot for each mission, a line for the median. Missions \
+         that never reached it are not shown.",
     );
     let near = dots(
         &groups,
@@ -41,15 +41,15 @@ pub fn page(question: &Question, rows: &[MissionRow]) -> String {
     page.plot(
         height_px,
         near,
-        &format!("When a vehicle was first within {NEAR_M:.0} m of the true peak, likewise."),
+        &format!("When a vehicle was first within {NEAR_M:.0} m of the true peak: dots and median as above."),
     );
     let off = dots(&groups, &names, "distance, m", |r| r.peak_off_m, false);
     page.plot(
         height_px,
         off,
-        &format!("Distance of the peak at the end from the true one; {FOUND_WITHIN_M:.0} m count as found."),
+        &format!("Distance of the final peak from the true one; within {FOUND_WITHIN_M:.0} m it counts as found."),
     );
-    page.section("What was stated against the truth");
+    page.section("Stated values against the truth");
     for (group, name) in groups.iter().zip(&names) {
         page.paragraph(&format!("{name}: {}", group.endings()));
         page.table(name, &table::STATED_HEAD, &group.stated_cells());

@@ -30,7 +30,7 @@ pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
     let mut page = opening("Plumage gap report: plume and sensors", title, json);
     measured(&mut page, json, report);
     pairs(&mut page, json);
-    page.section("Where the simulation departs from the data");
+    page.section("Where the simulation deviates from the data");
     departs_most(&mut page, json, report);
     maps(&mut page, report);
     autocorrelation(&mut page, report);
@@ -52,8 +52,7 @@ pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
         page.plot(
             260,
             figures::blocks(&report.blocks),
-            "Gain of the log score on each block left out. A gain that stands in one block alone \
-             is no finding.",
+            "Gain of the log score on each hold-out block. A gain in a single block is not a finding.",
         );
     }
     remains(&mut page, json);
@@ -71,9 +70,9 @@ fn departs_most(page: &mut Document, json: &GapJson, report: &GapReport) {
             430,
             figures::series(series, gas(json)),
             &format!(
-                "Above: platform {}, which departs most from the base, as it read, and as the base \
-                 and the extended model predict it. Below: the misfit in standard deviations of the \
-                 fitted noise; what is explained stays within about two.",
+                "Above: readings of platform {}, which deviates most from the base, with the predictions of the \
+                 base and of the extended model. Below: the misfit in standard deviations of the fitted noise; \
+                 an explained reading stays within about two.",
                 series.platform
             ),
         );
@@ -88,8 +87,8 @@ fn maps(page: &mut Document, report: &GapReport) {
     page.plot(
         470,
         figures::maps(report),
-        "Standardised misfit on the map, base on the left and extended model on the right: \
-         red where more was read than predicted, blue where less. Square: the first source.",
+        "Standardised misfit on the map, base on the left and extended model on the right: red where readings \
+         exceed the prediction, blue where they fall below it. Square: the first source.",
     );
 }
 
@@ -101,8 +100,7 @@ fn autocorrelation(page: &mut Document, report: &GapReport) {
     page.plot(
         300,
         figures::autocorrelation(report),
-        "Memory of the misfit: correlation of a residual with the one so many readings later. \
-         A model with nothing missing leaves none.",
+        "Autocorrelation of the misfit by lag in readings. A complete model leaves none.",
     );
 }
 
@@ -125,10 +123,10 @@ fn measured(page: &mut Document, json: &GapJson, report: &GapReport) {
     if rows.is_empty() {
         return;
     }
-    page.section("What was measured");
+    page.section("Measured data");
     page.table(
-        "Readings of each platform. Those used are not missing, not masked by their quality, and of \
-         air that is known.",
+        "Readings of each platform. A reading is used if it is not missing, not masked for its quality, and its \
+         wind is known.",
         &[
             "platform",
             "readings",
@@ -161,9 +159,9 @@ fn pairs(page: &mut Document, json: &GapJson) {
         return;
     }
     page.table(
-        "Platforms that are one, each reading against that of the other, without any plume: the first reads zero + \
-         gain × what the second read, late by a first-order lag and a delay. Correlation as read and with lag \
-         and delay; evidence for these two over a sensor that differs by gain, zero and noise alone.",
+        "Platforms at the same place, compared without a plume model: the first reads zero + gain × the reading \
+         of the second, after a first-order lag and a delay. Correlation as measured, and with lag and delay; \
+         evidence for lag and delay over a sensor that differs only by gain, zero and noise.",
         &[
             "follows",
             "whom",
@@ -210,7 +208,7 @@ fn misfit(series: &Series) -> f64 {
 pub fn verdict(kind: &str, title: &str, json: &GapJson) -> String {
     let mut page = opening(kind, title, json);
     if !json.residual.is_empty() {
-        page.section("Where the simulation departs from the data");
+        page.section("Where the simulation deviates from the data");
         bins(&mut page, json);
     }
     name_extend_gain(&mut page, json);
@@ -223,22 +221,26 @@ fn sentence(json: &GapJson) -> String {
     let causes: Vec<String> = json.causes.iter().map(set).collect();
     let causes = causes.join("; ");
     match json.verdict {
-        Verdict::None => "Nothing is missing: the model and its noise explain the data.".to_owned(),
+        Verdict::None => "The model and its noise explain the data.".to_owned(),
         Verdict::Named => format!("The model lacks: {causes}."),
         Verdict::Ambiguous => {
-            format!("The model lacks something that these data cannot tell apart: {causes}.")
+            format!(
+                "The model lacks one of several causes that these data cannot tell apart: {causes}."
+            )
         }
         Verdict::Unexplained => {
             let term = json.unexplained.as_ref().map_or("a misfit", |u| &u.term);
             if causes.is_empty() {
-                format!("Something is there that has no name: {term}.")
+                format!(
+                    "The data deviate from the model, and no listed mechanism accounts for it: {term}."
+                )
             } else {
                 format!(
-                    "The model lacks: {causes}. Something else is there that has no name: {term}."
+                    "The model lacks: {causes}. No listed mechanism accounts for the remaining deviation: {term}."
                 )
             }
         }
-        Verdict::Insufficient => "These data could not have shown anything.".to_owned(),
+        Verdict::Insufficient => "These data are too few or too weak to test the model.".to_owned(),
     }
 }
 
@@ -251,7 +253,7 @@ fn opening(kicker: &str, title: &str, json: &GapJson) -> Document {
     let change = known.map(|held_out| {
         let (before, after) = (held_out.rmse_before, held_out.rmse_after);
         let unit = if json.gas.is_some() { "ppm" } else { "" };
-        let what = "error (RMSE) on data left out, before and after".to_owned();
+        let what = "error (RMSE) on hold-out data, before and after".to_owned();
         (
             format!("{} → {}", figure(before), figure(after)),
             unit,
@@ -277,7 +279,7 @@ fn opening_with(kicker: &str, title: &str, json: &GapJson, change: &[Card]) -> D
     if let Some(gain) = &json.gain {
         let held_out = &gain.held_out;
         let nats = held_out.log_score_after - held_out.log_score_before;
-        let what = "gain of the log score on data left out".to_owned();
+        let what = "gain of the log score on hold-out data".to_owned();
         cards.push((number(nats, 1), "nats", what));
     }
     page.figures(&cards);
@@ -299,21 +301,21 @@ fn bins(page: &mut Document, json: &GapJson) {
     page.plot(
         380,
         figures::bins(&json.residual),
-        "Mean misfit of the base in standard deviations of the noise, along each coordinate and \
-         for each platform: where and when the misfit lives.",
+        "Mean misfit of the base in standard deviations of the noise, along each coordinate and for each \
+         platform: where and when the model deviates.",
     );
 }
 
 fn name_extend_gain(page: &mut Document, json: &GapJson) {
     causes(page, json);
     extended(page, json);
-    page.section("What it gains");
+    page.section("Gain");
     match &json.gain {
-        None => page.paragraph("Nothing was added, so there is nothing to gain."),
+        None => page.paragraph("The model was not extended, so there is no gain."),
         Some(gain) => {
             page.paragraph(&format!(
-                "Scores on data that the fit had not seen: {} blocks left out in turn, each longer \
-                 than the memory of the noise.",
+                "Hold-out scores: each of {} blocks is predicted from the others; blocks are longer than the \
+                 correlation of the noise.",
                 gain.blocks
             ));
             gain_table(page, &gain.held_out);
@@ -331,28 +333,28 @@ fn gain_table(page: &mut Document, held_out: &HeldOut) {
         "perfect",
     ];
     page.table(
-        "Base and extended model on data left out (Chang and Hanna 2004).",
+        "Base and extended model on hold-out data (Chang and Hanna 2004).",
         &head,
         &scores(held_out),
     );
 }
 
 fn causes(page: &mut Document, json: &GapJson) {
-    page.section("What causes it");
+    page.section("Causes");
     if json.causes.is_empty() {
         page.paragraph(if json.unexplained.is_some() {
-            "Something is there, but no mechanism of the catalogue describes it well enough to be \
-             named; the section on what remains says where it lives."
+            "The data deviate from the model, but no mechanism of the catalogue describes the deviation well \
+             enough to be named. The last section shows where it occurs."
         } else {
-            "No mechanism of the catalogue is called for by these data."
+            "These data need no mechanism of the catalogue."
         });
     } else {
         page.table(
-            "Causes, the strongest first. Several mechanisms in one row cannot be told apart by \
-             these data; a name alone needs a probability of .95.",
+            "Causes, the strongest first. These data cannot tell apart several mechanisms in one row; a single \
+             mechanism needs a probability of .95.",
             &[
                 "cause",
-                "of what size",
+                "size",
                 "probability",
                 "gain, nats",
                 "evidence, nats",
@@ -362,8 +364,8 @@ fn causes(page: &mut Document, json: &GapJson) {
         );
     }
     if !json.ranking.is_empty() {
-        let caption = "Every model tried, by the evidence it gains after paying for its \
-                       parameters. Negative: the data are better off without it.";
+        let caption = "Every model tried, by its gain of evidence, which penalises parameters. Negative: the \
+                       data favour the base.";
         page.plot(
             figures::ranking_height(&json.ranking, RANKED),
             figures::ranking(&json.ranking, RANKED),
@@ -389,11 +391,10 @@ fn extended(page: &mut Document, json: &GapJson) {
         .collect();
     if parameters.is_empty() {
         page.paragraph(
-            "Nothing was added: the extended scenario is the base with its fitted parameters.",
+            "The extended scenario is the base with its fitted parameters; no mechanism was added.",
         );
     } else {
-        let caption =
-            "What was added, as it stands in extended.toml, which plumage run flies with.";
+        let caption = "Added mechanisms, as in extended.toml, which plumage run can fly.";
         page.table(
             caption,
             &["parameter", "value", "± 1 sd", "unit"],
@@ -401,7 +402,7 @@ fn extended(page: &mut Document, json: &GapJson) {
         );
     }
     if !json.base.is_empty() {
-        base_table(page, json, "The base, fitted with it.");
+        base_table(page, json, "The base, fitted together with them.");
     }
 }
 
@@ -486,18 +487,17 @@ fn scores(h: &HeldOut) -> Vec<Vec<String>> {
         "log score, nats",
         [h.log_score_before, h.log_score_after],
         change("gain", [h.log_score_gain_low, h.log_score_gain_high]),
-        "greater is better",
+        "higher is better",
     ));
     rows
 }
 
 fn remains(page: &mut Document, json: &GapJson) {
-    page.section("What remains");
+    page.section("Remaining deviation");
     let mut items = Vec::new();
     if let Some(u) = &json.unexplained {
         items.push(format!(
-            "A misfit that no mechanism explains lives along {}: {}, strongest from {} to {} s{} \
-             ({} nats).",
+            "A misfit that no mechanism explains occurs along {}: {}, strongest from {} to {} s{} ({} nats).",
             u.coordinate.replace('_', " "),
             u.term,
             number(u.from_s, 0),
@@ -549,8 +549,8 @@ fn left_out(page: &mut Document, flaws: &[DataQuality]) {
         ]
     };
     page.table(
-        "Raw data with a flaw, which had no part in the answer; gap.json has every stretch. Where several stretches \
-         differ in their numbers alone, the first one's stand here.",
+        "Flawed raw data, which were not used; gap.json lists every stretch. Of similar stretches, this table \
+         shows the first.",
         &["platform", "what", "stretches", "within, s", "together, s"],
         &alike.iter().map(row).collect::<Vec<_>>(),
     );
@@ -578,18 +578,17 @@ fn detectable(page: &mut Document, json: &GapJson) {
                 ]
             })
             .collect();
-        let caption = "The smallest effect of each mechanism that these data could have shown. A \
-                       verdict of none says nothing about smaller ones.";
+        let caption = "The smallest effect of each mechanism that these data would have shown. A verdict of none \
+                       does not exclude smaller ones.";
         page.table(caption, &["effect", "size", "unit"], &rows);
     }
 }
 
 fn next_flight(page: &mut Document, flight: &NextFlight) {
-    page.section("The flight that would tell");
+    page.section("A flight that would decide");
     let who = flight.platform.as_ref();
     page.paragraph(&format!(
-        "To tell {} apart{}: {}. Expected separation: {} nats; probability that it settles the \
-         matter: {}.",
+        "To tell {} apart{}: {}. Expected separation: {} nats; probability that it decides: {}.",
         flight.separates.join(" and "),
         who.map_or_else(String::new, |p| format!(", flown by {p}")),
         flight.description,
@@ -609,7 +608,7 @@ fn next_flight(page: &mut Document, flight: &NextFlight) {
         })
         .collect();
     page.table(
-        "Its points.",
+        "Waypoints of that flight.",
         &["time, s", "latitude, °", "longitude, °", "m AMSL"],
         &rows,
     );

@@ -66,6 +66,6 @@ pub enum ViewError {
         source: std::io::Error,
     },
     /// The web server stopped.
-    #[error("the page's server stopped: {0}")]
+    #[error("the server of the page stopped: {0}")]
     Server(std::io::Error),
 }

@@ -408,7 +408,7 @@ async fn tile(
     UrlPath((z, x, y)): UrlPath<(u8, u32, u32)>,
 ) -> Response {
     let Some(Tiles::File(archive)) = shared.options.tiles.clone() else {
-        return (StatusCode::NOT_FOUND, "no file of tiles is served\n").into_response();
+        return (StatusCode::NOT_FOUND, "this page has no tiles\n").into_response();
     };
     let media_type = archive.media_type;
     let read = tokio::task::spawn_blocking(move || archive.tile(z, x, y));
@@ -437,7 +437,7 @@ async fn grid(
     };
     match made {
         Some(grid) => Json(grid).into_response(),
-        None => (StatusCode::NOT_FOUND, "nothing to draw there\n").into_response(),
+        None => (StatusCode::NOT_FOUND, "this area has no data\n").into_response(),
     }
 }
 

@@ -138,7 +138,7 @@ impl Report {
             .map(|(what, how)| vec![what.clone(), how.clone()])
             .collect();
         page.table(
-            "Under what conditions.",
+            "Conditions of the mission.",
             &["what", "as planned"],
             &conditions,
         );
@@ -178,7 +178,7 @@ impl Report {
             "kind",
             "way, km",
             &highest,
-            "read at",
+            "measured at",
             "height AGL, m",
         ];
         let caption = "The vehicles and their highest single readings, sensor noise included.";
@@ -189,7 +189,7 @@ impl Report {
         page.section("Where they flew");
         let plot = figures::map(&self.site, &self.tracks, self.after.as_deref(), summary);
         let reality = if self.site.reality.is_some() {
-            " Dashed lines: the stand-in's reality at the same height, which the team could not see."
+            " Dashed lines: the stand-in's reality at the same height, unknown to the team."
         } else {
             ""
         };
@@ -197,9 +197,8 @@ impl Report {
             620,
             plot,
             &format!(
-                "Tracks coloured by the {} read on them, in km from the site's origin. Blue: the \
-                 plume of the model as the mission left it, at the height of its axis, with lines \
-                 at {} ppm above background.{reality}",
+                "Tracks coloured by the {} readings, in km from the site's origin. Blue: the plume of the final \
+                 model at the height of its axis, with lines at {} ppm above background.{reality}",
                 self.site.shown.gas.formula(),
                 self.levels()
             ),
@@ -213,12 +212,11 @@ impl Report {
     }
 
     fn learned(&self, page: &mut Document, summary: &MissionSummary) {
-        page.section("What the model learned");
+        page.section("Correction of the model");
         let taken = self.after.as_ref().map_or(0, |m| m.observations);
         page.paragraph(&format!(
-            "The world simulator took in {taken} readings of real vehicles and corrected its model \
-             of the plume as they came. The simulated vehicles flew in the corrected plume from \
-             then on."
+            "The world simulator corrected its plume model with {taken} readings of real vehicles as they \
+             arrived. The simulated vehicles flew in the corrected plume."
         ));
         let model = &summary.model;
         let rows: Vec<Vec<String>> = CORRECTED
@@ -252,8 +250,8 @@ impl Report {
         if model.reality.is_some() {
             head.extend(["reality", "error before", "error after"]);
         }
-        let caption = "The model's numbers with one standard deviation. Before: as the scenario \
-                       has them, ahead of the preliminary flight.";
+        let caption =
+            "Parameters of the model with one standard deviation. Before: as in the scenario.";
         page.table(caption, &head, &rows);
         if self.history.items().len() > 1 {
             let plot = figures::history(
@@ -261,8 +259,8 @@ impl Report {
                 model.reality.as_ref(),
                 &self.site.shown,
             );
-            let caption = "The model's numbers along the mission with a band of two standard \
-                           deviations. Dashed: the stand-in's reality, where it is known.";
+            let caption = "Parameters of the model during the mission, with a band of two standard deviations. \
+                           Dashed: the stand-in's reality, where it is known.";
             page.plot(430, plot, caption);
         }
     }
@@ -271,15 +269,14 @@ impl Report {
         if expected.is_empty() {
             return;
         }
-        page.section("What was read and what was expected");
+        page.section("What wmeasured and what was expected");
         page.plot(
             430,
             figures::readings(expected, &self.site.shown),
             &format!(
-                "Above: {} as the real vehicles read it, and as the model expects it along their \
-                 tracks before and after the mission. Below: reading minus expectation. The \
-                 expectation is a mean field; gusts move the real plume about it, and the sensor's \
-                 lag is not taken out here.",
+                "Above: {} readings of the real vehicles, and the predictions of the model along their tracks \
+                 before and after the mission. Below: reading minus prediction. The model predicts a mean field, \
+                 about which gusts move the real plume; the sensor's lag is not removed here.",
                 self.site.shown.gas.formula()
             ),
         );
@@ -302,9 +299,9 @@ impl Report {
             "rms before, ppm",
             "rms after, ppm",
         ];
-        let caption = "Root mean square of reading minus expectation along the tracks of real \
-                       vehicles. The model after the mission has seen these readings; this is a \
-                       measure of fit, not of skill elsewhere.";
+        let caption = "Root mean square of reading minus prediction along the tracks of real vehicles. The model \
+                       after the mission was fitted to these readings, so this measures the fit, not the skill \
+                       elsewhere.";
         page.table(caption, &head, &rows);
     }
 
@@ -321,8 +318,9 @@ impl Report {
                 let keep_out_m = self.site.keep_out_radius_m;
                 let near = if keep_out_m > 0.0 {
                     format!(
-                        " Set-points keep {SETPOINT_MARGIN_M:.0} m from the keep-out cylinder of {keep_out_m:.0} m: \
-                         nearer the source the axis is more concentrated still, and no vehicle may fly there."
+                        " Set-points keep {SETPOINT_MARGIN_M:.0} m from the keep-out cylinder of {keep_out_m:.0} \
+                         m. Nearer the source the concentration on the axis is higher, but no vehicle may fly \
+                         there."
                     )
                 } else {
                     String::new()
@@ -333,7 +331,7 @@ impl Report {
     }
 
     fn remains(&self, page: &mut Document, summary: &MissionSummary, expected: &[Expected<'_>]) {
-        page.section("What remains");
+        page.section("Limits of this result");
         let mut items = Vec::new();
         if let Some(reality) = &summary.model.reality {
             items.extend(outside(summary, reality));
@@ -341,26 +339,26 @@ impl Report {
         for e in expected {
             let rms = number(e.rms(&e.after_ppm), summary.gas.digits() + 1);
             items.push(format!(
-                "Vehicle {}: {rms} ppm (rms) of its readings are not explained by the model's \
-                 mean field: turbulence, the sensor's noise and lag, and what the model lacks. \
-                 The command plumage gap plume on this mission's recording tells these apart.",
+                "Vehicle {}: the model's mean field leaves {rms} ppm (rms) of its readings unexplained: \
+                 turbulence, noise and lag of the sensor, and errors of the model. Run plumage gap plume on this \
+                 mission's recording to separate these.",
                 e.id
             ));
         }
         if expected.is_empty() {
-            let text = "No real vehicle flew: nothing here has been compared with a measurement.";
+            let text = "No real vehicle flew, so nothing here was compared with a measurement.";
             items.push(text.to_owned());
         }
         if self.pilot_times > 0 {
             items.push(
-                "A pilot or the Guardian flew for a part of the mission; setpoints did not count then."
+                "A pilot or the Guardian flew for a part of the mission and ignored setpoints then."
                     .to_owned(),
             );
         }
         if !self.events.is_empty() {
             let more = match self.more_events {
                 0 => String::new(),
-                n => format!(" and {n} more, all in the recording"),
+                n => format!(" and {n} more, listed in the recording"),
             };
             items.push(format!("Warnings: {}{more}.", self.events.join("; ")));
         }
@@ -396,28 +394,29 @@ impl Report {
     }
 
     fn repeat(&self, page: &mut Document, summary: &MissionSummary) {
-        page.section("To repeat this");
+        page.section("How to repeat this");
         if self.real_time {
             page.paragraph(&format!(
-                "This mission was flown in real time, by processes that do not wait for each other: another run of \
-                 it ends a little differently. What can be seen again is the recording: plumage replay \
-                 mission.mcap --serve. Its digest is {}.",
+                "This mission was flown in real time by processes that do not wait for each other, so another \
+                 run ends a little differently. Watch the recording with plumage replay mission.mcap --serve. \
+                 Its digest is {}.",
                 summary.digest
             ));
             return;
         }
         let (seed, digest) = (summary.seed, &summary.digest);
-        let verify = "plumage replay mission.mcap --verify does so and compares";
+        let verify = "plumage replay mission.mcap --verify does this and compares the digests";
         page.paragraph(&if self.steered {
             format!(
-                "Vehicles were steered from outside the scenario, which a new run does not know of. The recording has \
-                 these orders: plumage replay mission.mcap --verify flies it again with them and compares with the \
-                 digest {digest}."
+                "Vehicles received commands from outside the scenario, which a new run lacks. The recording has \
+                 these commands: plumage replay mission.mcap --verify re-simulates the mission with them and \
+                 compares with the digest {digest}."
             )
         } else {
             format!(
-                "Run the scenario.toml beside this report with seed {seed}: plumage run scenario.toml --seed {seed} \
-                 --out again. The same program gives the same messages, with the digest {digest}. {verify}{}.",
+                "Run the scenario.toml next to this report with seed {seed}: plumage run scenario.toml --seed \
+                 {seed} --out again. The same program gives the same messages, with the digest {digest}. \
+                 {verify}{}.",
                 fed_in(summary)
             )
         });
@@ -442,8 +441,8 @@ fn phase_name(phase: Phase) -> &'static str {
         Phase::Preliminary => "preliminary flight",
         Phase::Search => "search",
         Phase::Characterise => "characterisation",
-        Phase::Flux => "weighing of the flux",
-        Phase::Home => "way home",
+        Phase::Flux => "flux measurement",
+        Phase::Home => "return",
     }
 }
 
@@ -472,7 +471,7 @@ fn lead(summary: &MissionSummary) -> String {
             )
         });
         text += &format!(
-            " With what the real ones measured the model's error against their reality went: {}.",
+            " With the readings of the real ones, the model's error against their reality changed: {}.",
             errors.collect::<Vec<_>>().join(", ")
         );
     }
@@ -482,20 +481,28 @@ fn lead(summary: &MissionSummary) -> String {
 /// What somebody who has this answer does next.
 fn next(summary: &MissionSummary) -> String {
     let real = summary.vehicles.iter().any(|v| v.kind == VehicleKind::Real);
-    let asks = "plumage gap plume mission.mcap --scenario scenario.toml --out gap, in this folder, asks all readings what the \
-                model lacks";
+    let asks = "plumage gap plume mission.mcap --scenario scenario.toml --out gap, in this folder, tests the \
+                model with all readings";
     let explained = summary.gap.as_ref().is_none_or(|gap| gap.verdict == "none");
     let text = match summary.peak.status {
-        _ if !real => "no real vehicle flew, so that nothing here was measured; let one fly".to_owned(),
-        PeakStatus::NotFound => "raise the ± of the wind in [uncertain], or the mission's length, so that more of the site is \
-                                 searched"
-            .to_owned(),
-        PeakStatus::Doubtful => format!("do not rely on the number yet; {asks}"),
+        _ if !real => {
+            "fly a real vehicle or a stand-in, since nothing here was measured".to_owned()
+        }
+        PeakStatus::NotFound => {
+            "increase the uncertainty of the wind in [uncertain], or the mission's length, \
+                                 to search more of the site"
+                .to_owned()
+        }
+        PeakStatus::Doubtful => format!("do not rely on the peak yet; {asks}"),
         _ if !explained => asks.to_owned(),
-        PeakStatus::Supported => "let real vehicles cross the peak more often, by a longer mission or more of them, until it is \
-                                  confirmed"
-            .to_owned(),
-        PeakStatus::Confirmed => "more crossings, by a longer mission or more real vehicles, make the ± smaller".to_owned(),
+        PeakStatus::Supported => {
+            "fly a longer mission or more real vehicles, so that more crossings confirm the \
+                                  peak"
+                .to_owned()
+        }
+        PeakStatus::Confirmed => {
+            "fly a longer mission or more real vehicles to reduce the uncertainty".to_owned()
+        }
     };
     format!("What to do next: {text}.")
 }
@@ -541,8 +548,8 @@ fn outside(summary: &MissionSummary, reality: &ModelNumbers) -> Vec<String> {
             let error = n.error(found.value, truth.value);
             (error.abs() > 2.0 * found.sd).then(|| {
                 format!(
-                    "The {} is off by {}, more than twice the model's own standard deviation of {}: the \
-                     model is too sure of it.",
+                    "The {} is off by {}, more than twice the model's own standard deviation of {}: the model \
+                     underestimates its uncertainty.",
                     n.name,
                     format!("{} {}", number(error, digits), n.unit_of(summary.gas)).trim_end(),
                     number(found.sd, digits + 1)
@@ -563,7 +570,7 @@ fn fed_in(summary: &MissionSummary) -> String {
         String::new()
     } else {
         format!(
-            ", with the rows that were fed in as {}; a new run needs them by --feed",
+            ", with observations fed in as {}; a new run needs them with --feed",
             fed.join(", ")
         )
     }

@@ -26,24 +26,24 @@ fn lead(report: &TuneReport, file: &str) -> Vec<String> {
     let (before, after) = (&report.before, &report.after);
     let first = if report.changed {
         format!(
-            "The cost of {} flights in weather that the search did not see and of five steps went \
-             from {} with the gains of the file to {} with those found.",
+            "The cost of {} flights in hold-out weather and of five steps changed from {} with the gains of the \
+             file to {} with the tuned gains.",
             after.held_out.len(),
             number(before.held_out_cost, 2),
             number(after.held_out_cost, 2)
         )
     } else {
-        "Nothing was found that keeps its margins and is also better in weather that the search \
-         did not see: the gains of the file stay."
+        "No gains were found that keep the margins and are also better in hold-out weather: the gains of the \
+         file are kept."
             .to_owned()
     };
     let mut lead = vec![format!(
-        "{first} {file} holds the aircraft with these gains, ready to fly."
+        "{first} {file} has the aircraft with these gains, ready to fly."
     )];
     if !before.has_margins {
         lead.push(format!(
-            "The gains of the file do not keep {} dB and {}° in every loop on the aircraft that \
-             flew here, so they were no choice, whatever their cost.",
+            "On this aircraft, the gains of the file do not keep {} dB and {}° in every loop, so they were not \
+             eligible.",
             number(report.required.gain_db, 0),
             number(report.required.phase_deg, 0)
         ));
@@ -51,8 +51,8 @@ fn lead(report: &TuneReport, file: &str) -> Vec<String> {
     if !report.mechanism.is_empty() {
         let names: Vec<String> = report.mechanism.iter().map(mechanism).collect();
         lead.push(format!(
-            "The aircraft that flew differs from its description by what a flight showed: {}. The \
-             autopilot counts with the description.",
+            "The simulated aircraft includes the mechanisms found in a measured flight: {}. The autopilot uses \
+             the description without them.",
             names.join("; ")
         ));
     }
@@ -86,7 +86,7 @@ fn cards(report: &TuneReport) -> Vec<(String, &'static str, String)> {
         (
             number(change, 0),
             "%",
-            "change of the cost in weather not seen".to_owned(),
+            "change of the cost in hold-out weather".to_owned(),
         ),
         (
             number(least(after, |m| m.gain_margin_db), 1),
@@ -116,17 +116,16 @@ fn gains(page: &mut Document, report: &TuneReport) {
         .map(|(name, value)| vec![name.clone(), figure(before.get(name)), figure(Some(value))])
         .collect();
     if rows.is_empty() {
-        page.paragraph("No gain has changed.");
+        page.paragraph("No gain changed.");
     } else {
-        let caption = "What changed in the table [control]; the unit is in the name. Limits, \
-                       radius and approach stay as the file has them.";
+        let caption = "Changed keys of the table [control]; the unit is in the name. Limits, radius and approach \
+                       are as in the file.";
         page.table(caption, &["gain", "before", "after"], &rows);
     }
     page.plot(
         260,
         figures::history(&report.history, report.before.cost),
-        "The search: cost, in its own weather, of the best gains so far. Grey: the gains of \
-         the file.",
+        "The search: cost of the best gains so far, in the weather of the search. Grey: the gains of the file.",
     );
 }
 
@@ -135,9 +134,8 @@ fn steps(page: &mut Document, report: &TuneReport) {
     page.plot(
         560,
         figures::steps(&report.before.steps, &report.after.steps),
-        "One demand is changed at time 0. Grey: gains of the file. Blue: gains found. Dashed: the \
-         demand. Roll, airspeed and height in calm air; course over ground and the radius of an \
-         orbit in a wind of 5 m/s.",
+        "One demand is changed at time 0. Grey: gains of the file. Blue: tuned gains. Dashed: the demand. Roll, \
+         airspeed and height in calm air; course over ground and the radius of an orbit in a wind of 5 m/s.",
     );
     let mut rows = Vec::new();
     for (b, a) in report.before.steps.iter().zip(&report.after.steps) {
@@ -152,10 +150,9 @@ fn steps(page: &mut Document, report: &TuneReport) {
         ]);
     }
     page.table(
-        "The same in figures, before → after: from a tenth to nine tenths of the step, beyond it, \
-         and until it stays within a twentieth. A dash: not within the time shown. They cost the \
-         squares of settling over 2 s (roll), 5 s (course), 10 s (height, airspeed) and 8 s \
-         (orbit), and of overshoot over 10 %.",
+        "Step responses, before → after: rise time (10 to 90 %), overshoot and settling time (5 %). A dash: not \
+         within the time shown. Their cost is the square of the settling time over 2 s (roll), 5 s (course), 10 \
+         s (height, airspeed) and 8 s (orbit), and of the overshoot over 10 %.",
         &["step", "rise, s", "overshoot, %", "settling, s"],
         &rows,
     );
@@ -164,10 +161,9 @@ fn steps(page: &mut Document, report: &TuneReport) {
 fn margins(page: &mut Document, report: &TuneReport) {
     page.section("Stability margins");
     page.paragraph(&format!(
-        "Every loop must keep {} dB and {}°. Roll and pitch: on the linearised aircraft with servo, \
-         delays and the hold of the controller, broken at the servo's command. Heading, height and \
-         airspeed: measured on the simulated aircraft with all its loops, by small sines on the \
-         demand.",
+        "Every loop must keep {} dB and {}°. Roll and pitch: on the linearised aircraft with servo, delays and \
+         the hold of the controller, broken at the servo's command. Heading, height and airspeed: measured on \
+         the simulated aircraft with all its loops, by small sinusoidal demands.",
         number(report.required.gain_db, 0),
         number(report.required.phase_deg, 0)
     ));
@@ -203,24 +199,23 @@ fn margins(page: &mut Document, report: &TuneReport) {
     page.plot(
         430,
         figures::bode(&report.before.margins, &report.after.margins),
-        "Open-loop responses near cruise speed with the gains found; dotted: gains of the file.",
+        "Open-loop responses near cruise speed with the tuned gains; dotted: gains of the file.",
     );
 }
 
 fn weather(page: &mut Document, report: &TuneReport) {
     page.section("Weather");
     page.paragraph(
-        "In each case the aircraft flies courses, a climb, a descent, a faster and a slower leg, \
-         and an orbit, in gusts of its own. The cost adds the squares of the errors, each over \
-         what is tolerable: 2 m of height, 1 m/s of airspeed, 0.1 rad of course, 5 m off the \
-         orbit, 0.1 rad between commanded and flown bank, and 0.6 rad/s of surface motion (root \
-         mean squares). The cost of the steps is added to their mean.",
+        "In each case the aircraft flies courses, a climb, a descent, a faster and a slower leg, and an orbit, \
+         in different gusts. The cost is the sum of squared errors, each divided by its tolerance: 2 m of \
+         height, 1 m/s of airspeed, 0.1 rad of course, 5 m off the orbit, 0.1 rad between commanded and flown \
+         bank, and 0.6 rad/s of surface motion (root mean squares). The cost of the steps is added to their mean.",
     );
     page.plot(
         380,
         figures::weather(&report.before, &report.after),
-        "Cost of each flight. The cases above the line are those of the search; the others were \
-         drawn at random and kept from it.",
+        "Cost of each flight. The cases above the line are those of the search; the others are random hold-out \
+         cases.",
     );
     let rows: Vec<Vec<String>> = report
         .after
@@ -241,8 +236,8 @@ fn weather(page: &mut Document, report: &TuneReport) {
         })
         .collect();
     page.table(
-        "Flights with the gains found: root mean squares of the errors, and time beyond the stall \
-         angle or the speed limit.",
+        "Flights with the tuned gains: root mean squares of the errors, and time beyond the stall angle or the \
+         speed limit.",
         &[
             "weather",
             "height, m",
@@ -258,7 +253,7 @@ fn weather(page: &mut Document, report: &TuneReport) {
 }
 
 fn robustness(page: &mut Document, report: &TuneReport) {
-    page.section("When the aircraft is not as described");
+    page.section("Robustness to a different aircraft");
     let mut rows = Vec::new();
     for (b, a) in report
         .before
@@ -280,10 +275,10 @@ fn robustness(page: &mut Document, report: &TuneReport) {
     }
     page.table(
         &format!(
-            "The gains on aircraft that differ, before → after: mean cost of the flights in the \
-             weather of the search (as described: {} → {}), and the least margins of roll and pitch at cruise. \
-             Gains are taken only when they fly wherever those of the file do and keep half the \
-             margins required, or those of the file where these are less.",
+            "The gains on modified aircraft, before → after: mean cost of the flights in the weather of the \
+             search (as described: {} → {}), and the least margins of roll and pitch at cruise. Gains are \
+             accepted only if they fly in every case in which those of the file do, and keep half the required \
+             margins (or those of the file, if lower).",
             number(report.before.cost - report.before.step_cost, 2),
             number(report.after.cost - report.after.step_cost, 2)
         ),
@@ -293,17 +288,17 @@ fn robustness(page: &mut Document, report: &TuneReport) {
 }
 
 fn remains(page: &mut Document, report: &TuneReport) {
-    page.section("What remains");
+    page.section("Limits of this result");
     let mut items = Vec::new();
     for case in &report.after.robustness {
         if !case.flown {
             let change = &case.change;
             items.push(format!(
-                "With {change} the aircraft does not fly all the weather."
+                "With {change}, the aircraft does not complete all weather cases."
             ));
         } else if case.phase_margin_deg < 0.5 * report.required.phase_deg {
             items.push(format!(
-                "With {} only {}° of phase are left.",
+                "With {}, only {}° of phase margin remain.",
                 case.change,
                 number(case.phase_margin_deg, 0)
             ));
@@ -311,30 +306,30 @@ fn remains(page: &mut Document, report: &TuneReport) {
     }
     for flight in report.after.held_out.iter().filter(|f| !f.flown) {
         items.push(format!(
-            "It does not stay inside the model in {}.",
+            "In {}, it leaves the range in which the model is valid.",
             flight.weather.name
         ));
     }
     items.push(
-        "All of this is simulation. Noise and delay of the real sensors, a flexing airframe and \
-         anything that the aircraft file does not say are not in it: begin the first flight high, \
-         with a pilot ready, and tune again from what it measured."
+        "All of this is simulation, without noise and delay of the real sensors, without a flexing airframe, and \
+         without anything that is not in the aircraft file. Begin the first flight high, with a pilot ready, and \
+         tune again from its log."
             .to_owned(),
     );
     items.push(
-        "Take-off and landing are flown with the same loops but are not part of the search; the \
-         yaw damper and the limits of bank, pitch and climb are as the file has them."
+        "Take-off and landing use the same loops but are not part of the search; the yaw damper and the limits \
+         of bank, pitch and climb are as in the file."
             .to_owned(),
     );
     page.list(&items);
 }
 
 fn repeat(page: &mut Document, report: &TuneReport, file: &str) {
-    page.section("To repeat this");
+    page.section("How to repeat this");
     page.paragraph(&format!(
-        "plumage tune with the same aircraft and --seed {} tries the same {} candidates in the same \
-         gusts and finds the same gains. Use them by naming {file} as the aircraft of a vehicle in \
-         a scenario. tune.json holds every figure of this page.",
+        "plumage tune with the same aircraft and --seed {} tries the same {} candidates in the same gusts and \
+         finds the same gains. To use them, name {file} as the aircraft of a vehicle in a scenario. tune.json \
+         has every figure of this page.",
         report.seed, report.candidates
     ));
 }

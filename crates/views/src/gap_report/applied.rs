@@ -25,8 +25,8 @@ pub fn applied_tracer(title: &str, report: &TracerReport) -> String {
          air. One is right.",
     );
     page.paragraph(
-        "The extension is the mean over the models of the earlier finding by their probability, with the \
-         parameters found there. Nothing was fitted to these trials.",
+        "The extension is the mean of the earlier models, weighted by their probability, with the parameters \
+         found there. Nothing was fitted to these trials.",
     );
     closing(&mut page, &report.gap);
     page.finish()
@@ -93,7 +93,7 @@ fn closing(page: &mut Document, json: &GapJson) {
     scores(page, &applied.scores);
     what(page, json, applied);
     if !json.notices.is_empty() {
-        page.section("What to know besides");
+        page.section("Notes");
         page.list(&json.notices);
     }
 }
@@ -123,7 +123,7 @@ fn scores(page: &mut Document, scores: &[AppliedScore]) {
 
 /// What was applied, and what of the base was fitted.
 fn what(page: &mut Document, json: &GapJson, applied: &Applied) {
-    page.section("What was applied");
+    page.section("Applied causes");
     let rows: Vec<Vec<String>> = json
         .causes
         .iter()
@@ -142,22 +142,22 @@ fn what(page: &mut Document, json: &GapJson, applied: &Applied) {
         page.paragraph(&format!("{} names no cause.", applied.from));
     } else {
         page.table(
-            &format!("Causes as {} has them.", applied.from),
+            &format!("Causes in {}.", applied.from),
             &["cause", "parameter", "value", "± 1 sd", "unit"],
             &rows,
         );
     }
     page.paragraph(&if applied.fitted.is_empty() {
-        "Of the base nothing was fitted to these data.".to_owned()
+        "No base parameter was fitted to these data.".to_owned()
     } else {
         format!(
-            "Fitted to these data, of base and extension alike: {}.",
+            "Fitted to these data, in base and extension: {}.",
             applied.fitted.join(", ")
         )
     });
     if !json.base.is_empty() {
         let gas = gas(json).formula();
-        let caption = format!("The base as it was fitted with the extension (gas: {gas}).");
+        let caption = format!("The base, fitted together with the extension (gas: {gas}).");
         base_table(page, json, &caption);
     }
 }

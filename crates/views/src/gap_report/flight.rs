@@ -36,18 +36,18 @@ pub fn flight(title: &str, report: &FlightReport) -> String {
     page.section("Measured against simulated");
     if !report.histories.is_empty() {
         let caption = format!(
-            "Red: as read. Grey: the aircraft of the file, predicted by the measured commands in \
-             windows of {WINDOW_S} s, each from its own start (dots). Blue: the extended aircraft, \
-             likewise. Thirty seconds from the middle of the longest flight; gusts are not \
-             predicted, so some departure is theirs."
+            "Red: measured. Grey: predicted with the aircraft of the file from the measured commands, in windows \
+             of {WINDOW_S} s with a start each (dots). Blue: predicted with the extended aircraft. Thirty \
+             seconds from the middle of the longest flight; gusts are not predicted and explain a part of the \
+             deviation."
         );
         page.plot(860, histories(&report.histories), &caption);
         errors(&mut page, motion);
         page.plot(
             860,
             residuals(&report.histories),
-            "Innovations of the filter over the whole flight, in standard deviations of its noise \
-             (means of short stretches): what is explained stays within about one.",
+            "Innovations of the filter over the whole flight, in standard deviations of its noise (means of \
+             short stretches); an explained motion stays within about one.",
         );
     }
     bins(&mut page, json);
@@ -77,14 +77,14 @@ fn errors(page: &mut Document, motion: &[MotionError]) {
         ]
     };
     page.table(
-        "Root mean square error of the predicted motion in the middle window. A window in which a \
-         simulation ran away counts as one, not for all.",
+        "Root mean square error of the predicted motion in the middle window. A window in which the simulation \
+         diverged counts once.",
         &[
             "channel",
             "file",
             "extended",
             "unit",
-            "extended is nearer in",
+            "extended is better in",
         ],
         &motion.iter().map(row).collect::<Vec<_>>(),
     );
@@ -94,7 +94,7 @@ fn equation_error(page: &mut Document, equations: &EquationError) {
     if equations.delays.is_empty() && equations.moments.is_empty() {
         return;
     }
-    page.section("What the accelerations say at once");
+    page.section("Quick look at the accelerations");
     page.paragraph(&format!("Angular accelerations: {}.", equations.filter));
     let delays: Vec<Vec<String>> = equations
         .delays
@@ -109,8 +109,8 @@ fn equation_error(page: &mut Document, equations: &EquationError) {
         })
         .collect();
     page.table(
-        "Delays. The lag of the rate holds the airframe's own; the delay in the moment equation \
-         is that of the command alone.",
+        "Delays. The lag of the rate includes that of the airframe; the delay in the moment equation is that of \
+         the command only.",
         &[
             "response",
             "lag of the rate, ms",
@@ -121,16 +121,15 @@ fn equation_error(page: &mut Document, equations: &EquationError) {
     );
     let rows: Vec<Vec<String>> = equations.moments.iter().map(moment_row).collect();
     page.table(
-        "Angular acceleration, (rad/s²)²: its variance, the mean square that the published model \
-         leaves, and that which refitted derivatives leave on blocks of 10 s that they have not \
-         seen.",
+        "Angular acceleration, (rad/s²)²: its variance, the mean square residual of the published model, and \
+         that of refitted derivatives on hold-out blocks of 10 s.",
         &[
             "axis",
             "variance",
-            "published leaves",
+            "residual of the published model",
             "of it constant",
-            "refit leaves, held out",
-            "explained of what was left",
+            "hold-out residual of the refit",
+            "share of it explained",
             "of the variance",
         ],
         &rows,
@@ -271,7 +270,7 @@ fn histories(all: &[History]) -> Value {
             dots["marker"] = json!({"size": 4, "color": "#2f6f9f"});
             vec![
                 line(
-                    "as read",
+                    "measured",
                     pick(&h.time_s),
                     pick(&h.measured),
                     suffix,

@@ -9,7 +9,7 @@ use gap::verdict::{Cause, GapJson, Parameter};
 pub fn tracer(title: &str, report: &TracerReport) -> String {
     let json = &report.gap;
     let mut page = opening("Plumage gap report: tracer trials", title, json);
-    page.section("Where the simulation departs from the data");
+    page.section("Where the simulation deviates from the data");
     page.plot(
         430,
         figures::arcs(&report.tracer.arcs),
@@ -32,11 +32,11 @@ pub fn tracer(title: &str, report: &TracerReport) -> String {
     }
     causes(&mut page, json);
     added(&mut page, report);
-    page.section("What it gains");
+    page.section("Gain");
     if let Some(gain) = &json.gain {
         page.paragraph(&format!(
-            "Scores of arc maxima: each of {} trials predicted from the others, by the mean over all \
-             models that were tried, weighted by their probability given the others.",
+            "Scores of arc maxima: each of {} trials is predicted from the others by the mean over all models, \
+             weighted by their probability given the others.",
             gain.blocks
         ));
         gain_table(&mut page, &gain.held_out);
@@ -111,7 +111,7 @@ fn tried_models(page: &mut Document, air: &str, what: &str, trials: usize, tried
             "gain, nats",
             "evidence, nats",
             "probability",
-            "gain on trials left out, nats",
+            "gain on hold-out trials, nats",
         ],
         &rows,
     );
@@ -134,9 +134,9 @@ fn added(page: &mut Document, report: &TracerReport) {
         page.paragraph("No parameter was added.");
     } else {
         page.table(
-            "What was added, with standard deviations over trials. Each number stands relative to \
-             the inputs named with it. A scenario has Briggs' class curve and one wind only: \
-             extended.toml has the numbers fitted over those, which differ.",
+            "Added parameters, with standard deviations over trials. Each number is relative to the inputs named \
+             with it. A scenario has only Briggs' class curve and one wind; extended.toml has the numbers fitted \
+             relative to those, which differ.",
             &["parameter", "air", "value", "± 1 sd", "unit", "relative to"],
             &rows,
         );
@@ -160,18 +160,18 @@ fn parameter_row(cause: &Cause, p: &Parameter, inputs: &[String]) -> Vec<String>
 }
 
 fn remains(page: &mut Document, json: &GapJson) {
-    page.section("What remains");
+    page.section("Remaining deviation");
     let mut items = Vec::new();
     if let Some(u) = &json.unexplained {
         let air = u.platforms.join(" and ");
-        items.push(format!("Without a name, in {air} air: {}.", u.term));
+        items.push(format!("Not explained, in {air} air: {}.", u.term));
     }
     items.extend(json.notices.iter().cloned());
     if !items.is_empty() {
         page.list(&items);
     }
     if let Some(next) = &json.next_flight {
-        page.section("What would tell");
+        page.section("Data that would decide");
         let of_a_set = |c: &&Cause| c.mechanisms == next.separates;
         let name = json.causes.iter().find(of_a_set).map(set);
         page.paragraph(&format!(

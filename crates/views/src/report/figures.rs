@@ -342,10 +342,16 @@ pub(super) fn readings(expected: &[Expected<'_>], shown: &Shown) -> Value {
             );
         };
         line("read", ppm(&e.read_ppm), "y", "#d3131f", 1.4);
-        line("expected before", ppm(&e.before_ppm), "y", "#a7b0bd", 1.4);
-        line("expected after", ppm(&e.after_ppm), "y", "#2f6f9f", 1.6);
-        line("expected before", rest(&e.before_ppm), "y2", "#a7b0bd", 1.2);
-        line("expected after", rest(&e.after_ppm), "y2", "#2f6f9f", 1.4);
+        line("predicted before", ppm(&e.before_ppm), "y", "#a7b0bd", 1.4);
+        line("predicted after", ppm(&e.after_ppm), "y", "#2f6f9f", 1.6);
+        line(
+            "predicted before",
+            rest(&e.before_ppm),
+            "y2",
+            "#a7b0bd",
+            1.2,
+        );
+        line("predicted after", rest(&e.after_ppm), "y2", "#2f6f9f", 1.4);
     }
     json!({"data": data, "layout": {
         "xaxis": {"title": {"text": "min"}, "anchor": "y2"},

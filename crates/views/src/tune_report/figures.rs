@@ -47,7 +47,7 @@ pub(super) fn steps(before: &[StepResponse], after: &[StepResponse]) -> Value {
         let end = a.series.last().map_or(1.0, |p| p.0);
         let lines = [
             ("gains of the file", BEFORE, "solid", b.series.clone()),
-            ("gains found", AFTER, "solid", a.series.clone()),
+            ("tuned gains", AFTER, "solid", a.series.clone()),
             (
                 "demand",
                 "#16181d",
@@ -111,7 +111,7 @@ pub(super) fn weather(before: &Judged, after: &Judged) -> Value {
             "x": flights().map(|f| rounded(f.cost, 1000.0)).collect::<Vec<_>>()})
     };
     let line = after.flights.len() as f64 - 0.5;
-    json!({"data": [bars(before, "gains of the file", BEFORE), bars(after, "gains found", AFTER)],
+    json!({"data": [bars(before, "gains of the file", BEFORE), bars(after, "tuned gains", AFTER)],
       "layout": {"barmode": "group", "xaxis": {"title": {"text": "cost"}, "rangemode": "tozero"},
         "yaxis": {"autorange": "reversed", "automargin": true},
         "shapes": [{"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": line, "y1": line,

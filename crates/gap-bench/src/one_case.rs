@@ -12,7 +12,7 @@ const SEEDS: u64 = 100;
 pub(super) fn write(seed: u64, first_seed: u64, folder: &Path) -> anyhow::Result<()> {
     let tasks = plan(SEEDS, first_seed);
     let task = tasks.iter().find(|t| t.seed == seed).with_context(|| {
-        format!("no case has the seed {seed}: give the --first-seed that the benchmark was given")
+        format!("no case has the seed {seed}; expected the --first-seed of the benchmark as well")
     })?;
     let made = make(task).with_context(|| format!("no scene shows {} so strongly", task.row()))?;
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;

@@ -18,7 +18,7 @@ pub(super) struct Outcomes {
 /// What tells this build of the program from others: their outcomes are not its own.
 pub(super) fn this_build() -> anyhow::Result<String> {
     // By its bytes: a version number does not change with every change that may change a verdict.
-    let program = std::env::current_exe().context("cannot find this program's own file")?;
+    let program = std::env::current_exe().context("cannot find the path of this program")?;
     let bytes = std::fs::read(&program).with_context(|| program.display().to_string())?;
     let digest = Sha256::digest(&bytes);
     Ok(digest.iter().map(|b| format!("{b:02x}")).collect())
@@ -39,8 +39,7 @@ impl Outcomes {
         let head = serde_json::json!({ "build": build }).to_string();
         if lines.next().is_some_and(|first| first != head) {
             bail!(
-                "{name}: line 1: not outcomes of this build of the program; expected {head}: give \
-                 another file"
+                "{name}: line 1: outcomes of another build of this program; expected {head}, or another file"
             );
         }
         let read = |(k, line): (usize, &str)| {
@@ -126,7 +125,7 @@ mod tests {
         assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
 
         let other = Outcomes::open(&path, "two").err().unwrap();
-        assert!(other.to_string().contains("not outcomes of this build"));
+        assert!(other.to_string().contains("outcomes of another build"));
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }

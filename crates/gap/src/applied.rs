@@ -41,8 +41,8 @@ impl Outcome {
         match self {
             Self::Helps => "The extension helps here",
             Self::Hurts => "The extension makes it worse here",
-            Self::Mixed => "The extension helps in one respect here and hurts in another",
-            Self::Undecided => "Whether the extension helps here cannot be told",
+            Self::Mixed => "The extension improves one score here and worsens another",
+            Self::Undecided => "These data cannot show whether the extension helps",
         }
     }
 }
@@ -125,18 +125,18 @@ impl Earlier {
             problem,
             expected: expected.to_owned(),
         };
-        let expected = format!("gap.json as plumage gap writes it, schema {SCHEMA}");
+        let expected = format!("gap.json of plumage gap, schema {SCHEMA}");
         let mut earlier: Self = serde_json::from_str(text)
-            .map_err(|e| wrong(format!("no gap.json that can be read: {e}"), &expected))?;
+            .map_err(|e| wrong(format!("not a readable gap.json: {e}"), &expected))?;
         if earlier.schema != SCHEMA {
             let problem = format!("its schema is {:?}", earlier.schema);
             return Err(wrong(problem, &expected));
         }
         if earlier.applied.is_some() {
-            let problem = "it tells of an extension that was applied, not found".to_owned();
+            let problem = "it describes an applied extension, not one that was found".to_owned();
             return Err(wrong(
                 problem,
-                "the gap.json that the extension was found in",
+                "the gap.json in which the extension was found",
             ));
         }
         earlier.name = name.to_owned();
@@ -148,7 +148,7 @@ impl Earlier {
         let same = self.readings.is_some_and(|r| r.are(readings));
         same.then(|| {
             format!(
-                "these are the readings that {} was found in: that it helps them says nothing of other readings",
+                "these are the readings in which {} was found, so their scores are not a hold-out test",
                 self.name
             )
         })
@@ -167,10 +167,10 @@ impl Earlier {
         Err(GapError::Data {
             what: self.name.clone(),
             problem: format!(
-                "it tells of {said}, and the readings are of {}",
+                "it is about {said}, but the readings are of {}",
                 gas.formula()
             ),
-            expected: format!("a finding from readings of {}", gas.formula()),
+            expected: format!("a gap.json from readings of {}", gas.formula()),
         })
     }
 
@@ -186,7 +186,9 @@ impl Earlier {
         GapError::Data {
             what: self.name.clone(),
             problem: format!("it was written by plumage gap {}", self.kind()),
-            expected: format!("one of plumage gap {asked}: extensions hold for data of their kind"),
+            expected: format!(
+                "a gap.json of plumage gap {asked}, since extensions apply to data of their kind"
+            ),
         }
     }
 
@@ -212,7 +214,7 @@ impl Earlier {
             return Err(GapError::Data {
                 what: self.name.clone(),
                 problem: "it names no cause, so there is no extension".to_owned(),
-                expected: "one whose causes are not empty".to_owned(),
+                expected: "a gap.json with causes".to_owned(),
             });
         }
         Ok(&self.causes)

@@ -288,13 +288,13 @@ fn summary(answer: &Answer, equation_error: &EquationError) -> String {
         .map(|c| c.mechanisms.join(" or ") + &c.onset_after())
         .collect();
     let mut text = match answer.verdict {
-        Verdict::Insufficient => "These flights could not have shown anything.".to_owned(),
-        Verdict::None => {
-            "Nothing in these flights asks for another aircraft than that of the file.".to_owned()
+        Verdict::Insufficient => {
+            "These flights are too short or too quiet to test the aircraft model.".to_owned()
         }
-        Verdict::Named => format!("The data ask for {}.", sets.join(" and ")),
+        Verdict::None => "These flights agree with the aircraft of the file.".to_owned(),
+        Verdict::Named => format!("The data show {}.", sets.join(" and ")),
         Verdict::Ambiguous => format!(
-            "The data ask for {}; what stands together by \"or\" they cannot tell apart.",
+            "The data show {}; they cannot tell apart what \"or\" joins.",
             sets.join(", and ")
         ),
         Verdict::Unexplained => {
@@ -303,10 +303,12 @@ fn summary(answer: &Answer, equation_error: &EquationError) -> String {
                 .as_ref()
                 .map_or_else(String::new, |u| u.term.clone());
             if sets.is_empty() {
-                format!("Something is there that no mechanism explains: {rest}.")
+                format!(
+                    "The data deviate from the model, and no listed mechanism accounts for it: {rest}."
+                )
             } else {
                 format!(
-                    "The data ask for {}, and for something that no mechanism explains: {rest}.",
+                    "The data show {}; no listed mechanism accounts for the remaining deviation: {rest}.",
                     sets.join(", and ")
                 )
             }

@@ -220,7 +220,7 @@ fn counted_from_near_zero(
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Analysis, GapError> {
     let mut tell = |part: f64, doing: &'static str| progress(Progress { part, doing });
-    tell(0.0, "looking at the raw data");
+    tell(0.0, "checking the raw data");
     let (passed, quality) = gate::passed(setup, observations)?;
     let mut data = match passed {
         Some(data) if data.used_count() >= FEWEST_READINGS => data,
@@ -232,7 +232,7 @@ fn counted_from_near_zero(
     let rows_before = data.len();
     if let Some(mut part) = data.thinned(setup, MOST_ROWS)? {
         part.notices.push(format!(
-            "{} of {rows_before} rows are fitted, evenly taken from each platform's",
+            "{} of {rows_before} rows are fitted, taken evenly from each platform",
             part.len()
         ));
         data = part;
@@ -282,7 +282,7 @@ fn counted_from_near_zero(
     let first_model = first_model.following(swing);
     let model = PlumeModel::of(setup, &track, scale).following(swing);
     let base = question.set_from(&model, Vec::new(), &first_base)?;
-    tell(0.25, "asking whether the readings follow the plume");
+    tell(0.25, "testing whether the readings follow the plume");
     let contact = first_question.contact(&first_model, base.at())?;
     let mut named = match aimed(&first_question, &first_model, &model, contact.as_ref())? {
         Some((found, aimed)) => {
@@ -305,7 +305,7 @@ fn counted_from_near_zero(
         .find(|f| f.names.is_empty())
         .unwrap_or(&base)
         .clone();
-    tell(0.8, "judging what stands");
+    tell(0.8, "testing the causes");
     let judged = question.judge(&found, &tried, options.seed)?;
     let study = Study {
         setup,
@@ -318,7 +318,7 @@ fn counted_from_near_zero(
         judged,
         carried,
     };
-    tell(0.95, "writing it down");
+    tell(0.95, "writing the results");
     let analysis = answer::stated(&study, quality, options)?;
     tell(1.0, "done");
     Ok(analysis)

@@ -263,9 +263,9 @@ fn gap_json(
     let mut summary = detail::summary(answers, &gain);
     if let Some(u) = &unexplained {
         let what = if suspicions.amounts {
-            "Nothing can be named"
+            "No cause can be named"
         } else {
-            "Something is there that none of the changes explains"
+            "The data deviate from the model, and none of the changes accounts for it"
         };
         summary = format!("{what}: {}. {summary}", u.term);
     }

@@ -482,7 +482,7 @@ fn codes_and_a_direction_of_where_the_wind_blows_to_are_said(data: &Path) {
     let said =
         |json: &GapJson, what: &str| json.data_quality.iter().any(|f| f.message.contains(what));
     assert!(
-        said(&towards, "is it where it blows to?"),
+        said(&towards, "the plume of the opposite wind"),
         "{:?}",
         towards.data_quality
     );

@@ -130,7 +130,7 @@ fn bad_tables_are_refused_with_line_and_column() {
         refused(&format!("{header}1,0,0,1.5,3\n"), trials).contains("r.csv: line 2, column east_m")
     );
     let twice = "trial,east_m,east_m,north_m,height_agl_m,concentration_mg_m3\n1,0,0,50,1.5,3\n";
-    assert!(refused(twice, trials).contains("r.csv: line 1, column east_m: there twice"));
+    assert!(refused(twice, trials).contains("r.csv: line 1, column east_m: occurs twice"));
     // Readable, but no trial has the Obukhov length.
     let tables = Tables::parse(("r", &row), ("t", trials), None).unwrap();
     let error = analyse(&tables, 1, &mut |_| {})
@@ -446,7 +446,7 @@ fn what_is_odd_about_samplers_is_said() {
         "7 rows of the receptors are of trials",
         "stranger",
         "1 rows of the receptors are at the place of another",
-        "30 samplers at others are left out",
+        "30 samplers at others are ignored",
         "16 trials have no roughness_length_m",
         "16 trials have no wind_height_m",
     ] {

@@ -21,7 +21,7 @@ pub fn found(parts: &[(usize, usize)], channels: &[Vec<f64>]) -> Vec<(usize, Str
         let copied = |of: &usize| copies(&rows, &channels[*of], &channels[c]);
         if let Some(of) = (0..c).find(copied) {
             let words = format!(
-                "{} is {} in another form: computed, not measured",
+                "{} is {} in another form, computed and not measured",
                 ALL[c].label, ALL[of].label
             );
             out.push((c, words));
@@ -43,7 +43,7 @@ fn ground_speed(rows: &[usize], channels: &[Vec<f64>]) -> Option<String> {
         };
         let agrees = agreement(pairs(), |ground| ground)?;
         agrees.then(|| {
-            "airspeed is the speed over ground: computed, not measured; the wind is not in it"
+            "airspeed equals the speed over ground, so it is computed, not measured, and contains no wind"
                 .to_owned()
         })
     })

@@ -379,9 +379,9 @@ fn words_of(m: &Moment, delay: f64) -> String {
         m.refitted.len() - 1
     };
     let mut text = format!(
-        "{}: the published model leaves {:.1} times the variance of the measured acceleration \
-         ({:.0} % of it a constant); refitted derivatives and a delay of {:.0} ms explain {:.0} % \
-         of what it leaves on blocks left out, and {:.0} % of the acceleration's variance.",
+        "{}: the published model leaves {:.1} times the variance of the measured acceleration ({:.0} % of it a \
+         constant); refitted derivatives and a delay of {:.0} ms explain {:.0} % of what it leaves on hold-out \
+         blocks, and {:.0} % of the acceleration's variance.",
         m.axis,
         m.published_leaves / m.variance,
         100.0 * m.published_constant_part,

@@ -118,7 +118,7 @@ pub fn estimate(
     if !gated.tells_delays {
         return Err(GapError::Data {
             what: "flight".into(),
-            problem: "its rows are too far apart to show how moments act".into(),
+            problem: "its rows are too far apart to show the effect of moments".into(),
             expected: "rows at most 0.055 s apart".into(),
         });
     }
@@ -140,8 +140,8 @@ pub fn estimate(
         .aircraft;
     found.check().map_err(|e| GapError::Data {
         what: "flight".into(),
-        problem: format!("what it asks for is no aircraft: {e}"),
-        expected: "a start that is nearer, or flights with more manoeuvres".into(),
+        problem: format!("the estimate is not a valid aircraft: {e}"),
+        expected: "closer starting values, or flights with more manoeuvres".into(),
     })?;
     progress(1.0);
     Ok(Estimate {
@@ -188,7 +188,7 @@ impl<'a> Fitted<'a> {
                 what: "flight".into(),
                 problem: "the flight model cannot follow the measured motion from that start"
                     .into(),
-                expected: "the file of an aircraft that flies alike".into(),
+                expected: "the file of a similar aircraft".into(),
             });
         }
         Ok(Self { study, view, sds })
@@ -324,7 +324,7 @@ fn unseen(fitted: &[Fitted<'_>]) -> Vec<MotionError> {
 fn summary(coefficients: &[Coefficient], motion: &[MotionError]) -> String {
     let told = coefficients.iter().filter(|c| c.told).count();
     let mut words = format!(
-        "The flights tell {told} of {} coefficients to better than half of what was known before.",
+        "The flights determine {told} of {} coefficients to less than half of their prior uncertainty.",
         coefficients.len()
     );
     if let Some(errors) = windows::in_words(motion, true) {

@@ -127,7 +127,7 @@ pub fn pass(logs: &[FlightLog], aircraft: &Aircraft) -> Result<Gated, GapError> 
         if !gated.present[k] {
             gated
                 .notices
-                .push(format!("{} is not there to use", channel.label));
+                .push(format!("{} is not available", channel.label));
         }
     }
     Ok(gated)
@@ -140,8 +140,8 @@ fn dense_enough(log: &FlightLog, gated: &mut Gated) -> Result<(), GapError> {
         return Err(GapError::Data {
             what: format!("{}: column time_s", log.name),
             problem: format!(
-                "rows are {interval:.2} s apart ({:.1} a second): what the surfaces did between them \
-                 is not known, and the aircraft answers them faster",
+                "rows are {interval:.2} s apart ({:.1} a second): the motion of the surfaces between them is \
+                 unknown, and the aircraft responds faster",
                 1.0 / interval
             ),
             expected: format!(
@@ -153,8 +153,8 @@ fn dense_enough(log: &FlightLog, gated: &mut Gated) -> Result<(), GapError> {
     if interval > DELAYS_S {
         gated.tells_delays = false;
         gated.notices.push(format!(
-            "{}: rows are {interval:.2} s apart: delays, lags and angular accelerations are not \
-             judged, which takes 20 rows a second",
+            "{}: rows are {interval:.2} s apart: delays, lags and angular accelerations are not analysed, which \
+             needs 20 rows per second",
             log.name
         ));
     }
@@ -169,7 +169,7 @@ fn enough_rows(logs: &[FlightLog], gated: &Gated) -> Result<(), GapError> {
     let names: Vec<&str> = logs.iter().map(|l| l.name.as_str()).collect();
     Err(GapError::Data {
         what: names.join(", "),
-        problem: format!("{rows} rows fly"),
+        problem: format!("only {rows} rows are in flight"),
         expected: format!("at least {FEWEST_ROWS} rows in flight"),
     })
 }
@@ -394,7 +394,7 @@ impl Check<'_> {
                 Flaw::Clipped,
                 first,
                 last,
-                format!("goes no further than {limit}, {share:.1} % of the time"),
+                format!("is limited at {limit} for {share:.1} % of the time"),
             );
             for v in values.iter_mut().filter(|v| **v == limit) {
                 *v = f64::NAN;
@@ -429,7 +429,7 @@ impl Check<'_> {
         if far.is_empty() || scale.is_nan() {
             return;
         }
-        let message = format!("{} single values far off their neighbours", far.len());
+        let message = format!("{} single values far from their neighbours", far.len());
         self.flaw(Flaw::Outlier, far[0], far[far.len() - 1], message);
         for i in far {
             values[i] = f64::NAN;
@@ -469,13 +469,13 @@ fn commands(log: &FlightLog, aircraft: &Aircraft, gated: &mut Gated) -> Vec<Surf
     let throttle = held("throttle");
     if rudder.is_none() && aircraft.has_rudder() {
         gated.has_rudder = false;
-        let notice = format!("{}: no rudder_deg; the rudder is taken as still", log.name);
+        let notice = format!("{}: no rudder_deg; the rudder is assumed neutral", log.name);
         gated.notices.push(notice);
     }
     if throttle.is_none() {
         gated.has_throttle = false;
         gated.notices.push(format!(
-            "{}: no throttle; that of level flight is taken, and thrust and drag are not judged",
+            "{}: no throttle; that of level flight is assumed, and thrust and drag are not analysed",
             log.name
         ));
     }

@@ -173,7 +173,7 @@ fn places(name: &str, header: &csv::StringRecord) -> Result<(Vec<Place>, Vec<Str
         match COLUMNS.iter().find(|c| c.name == cell) {
             Some(column) if found.iter().any(|(_, c)| c.name == column.name) => {
                 let what = format!("{name}: line 1, column {cell}");
-                return Err(refusal(what, "the column stands twice", "each column once"));
+                return Err(refusal(what, "the column occurs twice", "each column once"));
             }
             Some(column) if !ASIDE.contains(&column.name) => found.push((at, column)),
             _ if ASIDE.contains(&cell) => {}
@@ -204,9 +204,7 @@ fn places(name: &str, header: &csv::StringRecord) -> Result<(Vec<Place>, Vec<Str
     let mut notices = Vec::new();
     if !strange.is_empty() {
         let list = strange.join(", ");
-        notices.push(format!(
-            "{name}: columns that are not known are kept aside: {list}"
-        ));
+        notices.push(format!("{name}: unknown columns are not used: {list}"));
     }
     Ok((found, notices))
 }
@@ -216,9 +214,13 @@ fn cell(name: &str, line: u64, column: &Column, text: &str) -> Result<f64, GapEr
         return Ok(f64::NAN);
     }
     let what = || format!("{name}: line {line}, column {}", column.name);
-    let value: f64 = text
-        .parse()
-        .map_err(|_| refusal(what(), format!("found \"{text}\""), "a number or nothing"))?;
+    let value: f64 = text.parse().map_err(|_| {
+        refusal(
+            what(),
+            format!("found \"{text}\""),
+            "a number or an empty cell",
+        )
+    })?;
     if !value.is_finite() || value.abs() > column.largest {
         return Err(refusal(
             what(),
@@ -251,7 +253,7 @@ fn in_order(name: &str, line: u64, times: &[f64]) -> Result<(), GapError> {
     Err(refusal(
         format!("{name}: line {line}, column time_s"),
         problem,
-        "times that grow from row to row",
+        "increasing times",
     ))
 }
 

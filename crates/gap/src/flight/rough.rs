@@ -53,7 +53,7 @@ fn disturbed(study: &Study<'_>, last: &Linear, axis: usize, sds: f64) -> Unexpla
     Unexplained {
         coordinate: "time".to_owned(),
         term: format!(
-            "{}, a disturbance larger than air and workmanship make",
+            "{}, a disturbance larger than turbulence and workmanship explain",
             target.words()
         ),
         from_s: last.blocks.first().map_or(f64::NAN, |b| b.from_s),

@@ -602,7 +602,7 @@ impl<'a> Study<'a> {
             return Err(GapError::Data {
                 what: "flight".into(),
                 problem: "the flight model cannot follow the measured motion".into(),
-                expected: "the aircraft of the file in its usual flight".into(),
+                expected: "the aircraft of the file in normal flight".into(),
             });
         }
         progress(0.4);

@@ -69,9 +69,9 @@ fn rates(
         }
         let label = ALL[at::ROLL_RATE + k].label;
         let problem = if other.abs() > 0.8 && other.abs() > correlation.abs() + 0.3 {
-            Some("goes with the other angle: roll and pitch rate look swapped".to_owned())
+            Some("follows the other angle: roll and pitch rate look swapped".to_owned())
         } else if correlation < -0.7 {
-            Some("runs against its angle: sign".to_owned())
+            Some("runs against its angle: check its sign".to_owned())
         } else if correlation > 0.7 {
             factor(
                 gain,

@@ -107,7 +107,7 @@ pub fn in_words(errors: &[MotionError], extended: bool) -> Option<String> {
         "the aircraft of the file"
     };
     Some(format!(
-        "Predicted for {:.0} s from its own start, {} times, the motion is off by (middle window; \
+        "Predicted for {:.0} s from its own start, {} times, the motion has an error of (middle window; \
          {whose}): {}.",
         first.window_s,
         first.windows,

@@ -286,11 +286,11 @@ fn unexplained(study: &Study<'_>, named: bool) -> Result<Option<Unexplained>, In
     Ok(Some(Unexplained {
         coordinate: coordinate[largest.unwrap_or(SWING)].to_string(),
         term: if astray || (elsewhere && !named) {
-            "the readings do not follow this plume".to_string()
+            "the readings do not follow the modelled plume".to_string()
         } else if sizes[SWING] > 0.0 {
-            "a swing of the plume's axis".to_string()
+            "motion of the plume's axis".to_string()
         } else {
-            "an error of the model's form".to_string()
+            "a discrepancy of the model".to_string()
         },
         from_s,
         to_s,
@@ -375,7 +375,7 @@ pub(super) fn contact(study: &Study<'_>) -> Option<Contact> {
             share: f64::NAN,
             passes: 0,
             best_wind_from_deg: None,
-            says: "No pass shows a plume, in whatever direction.".to_string(),
+            says: "No pass shows a plume in any direction.".to_string(),
         });
     };
     let from_deg = wrap_deg(carried_from_deg(study, &study.base) + found.turn_deg.value);
@@ -383,12 +383,13 @@ pub(super) fn contact(study: &Study<'_>) -> Option<Contact> {
         "The readings follow the plume.".to_string()
     } else if found.turn_deg.sd < ONE_DIRECTION_DEG {
         format!(
-            "The readings do not follow this plume: {} passes show one that a wind from {from_deg:.0} ± {:.0}° would have carried there.",
+            "The readings do not follow the modelled plume: {} passes show a plume that a wind from \
+             {from_deg:.0} ± {:.0}° would have carried there.",
             found.passes, found.turn_deg.sd
         )
     } else {
         format!(
-            "The readings do not follow this plume: {} passes show one, each in another direction.",
+            "The readings do not follow the modelled plume: {} passes show one, each in another direction.",
             found.passes
         )
     };
@@ -425,7 +426,8 @@ fn insufficient(study: &Study<'_>) -> Result<Option<Insufficient>, InferError> {
         return Ok(None);
     }
     Ok(Some(Insufficient {
-        reason: "no reading meets the plume: its strength would stay unknown to more than a factor of 2.7"
+        reason: "no reading is inside the plume, so its strength would remain uncertain by more than a factor of \
+                 2.7"
             .to_string(),
         would_do: would_do(study),
     }))
@@ -434,7 +436,8 @@ fn insufficient(study: &Study<'_>) -> Result<Option<Insufficient>, InferError> {
 fn would_do(study: &Study<'_>) -> String {
     let height_m = study.setup.base.sources[0].effective_height_agl_m;
     format!(
-        "crossings of the axis downwind of the source, at {height_m:.0} m above ground and at one or two distances more"
+        "crossings of the axis downwind of the source, at {height_m:.0} m above ground and at one or two further \
+         distances"
     )
 }
 
@@ -614,7 +617,7 @@ pub(crate) fn nothing_to_tell(
         .map_or(&observations.notices, |data| &data.notices)
         .clone();
     let reason = format!(
-        "{} usable readings of {} rows: fewer than {FEWEST_READINGS}, from which nothing can be told",
+        "{} usable readings of {} rows, fewer than the {FEWEST_READINGS} that an analysis needs",
         left.map_or(0, Data::used_count),
         observations.rows.len()
     );
@@ -678,7 +681,8 @@ fn summary(
     let gained = gain.map_or_else(String::new, |g| {
         let h = &g.gain.held_out;
         format!(
-            " On passes left out the log score gains {:.1} nats and the RMSE goes from {:.digits$} to {:.digits$} ppm{}.",
+            " On hold-out passes the log score gains {:.1} nats and the RMSE changes from {:.digits$} to \
+             {:.digits$} ppm{}.",
             h.log_score_after - h.log_score_before,
             h.rmse_before,
             h.rmse_after,
@@ -690,10 +694,10 @@ fn summary(
         )
     });
     let said = match verdict {
-        Verdict::None => "The base and its noise explain the data.".to_string(),
+        Verdict::None => "The base model and its noise explain the data.".to_string(),
         Verdict::Insufficient => insufficient.map_or_else(String::new, |i| {
             format!(
-                "These data could not have shown anything: {}. What would do: {}.",
+                "These data are too few or too weak to test the model: {}. Sufficient data: {}.",
                 i.reason, i.would_do
             )
         }),
@@ -710,18 +714,23 @@ fn summary(
             let may = if may.is_empty() {
                 String::new()
             } else {
-                format!(" It may be {}.", may.join(", or "))
+                format!(" Possible causes: {}.", may.join(", or "))
             };
             if named.is_empty() {
-                format!("Something is there that is not named: {term}.{may}")
+                format!(
+                    "The data deviate from the model, and no listed mechanism accounts for it: {term}.{may}"
+                )
             } else {
-                format!("The data ask for {named}, and besides show {term}.{may}{gained}")
+                format!(
+                    "The data show {named}. No listed mechanism accounts for the remaining deviation: \
+                         {term}.{may}{gained}"
+                )
             }
         }
         Verdict::Ambiguous => {
-            format!("The data ask for {named}, and cannot tell some of these apart.{gained}")
+            format!("The data show {named}, but cannot tell some of these apart.{gained}")
         }
-        Verdict::Named => format!("The data ask for {named}.{gained}"),
+        Verdict::Named => format!("The data show {named}.{gained}"),
     };
     format!("{contact} {said}").trim().to_string()
 }

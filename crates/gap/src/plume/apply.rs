@@ -39,7 +39,7 @@ pub fn apply(
     let (extension, mut notices) = extension(earlier, &observations)?;
     notices.extend(earlier.was_found_in(&readings));
     earlier.check_gas(setup.gas())?;
-    tell(0.0, "looking at the raw data");
+    tell(0.0, "checking the raw data");
     let (passed, quality) = gate::passed(setup, &observations)?;
     let data = passed
         .filter(|d| d.used_count() >= FEWEST_READINGS)
@@ -55,11 +55,11 @@ pub fn apply(
     let carried = records.carried(setup)?;
     let tracks = records.tracks(setup, carried);
     let base = records.fitted(setup, &tracks, carried)?;
-    tell(0.4, "fitting it beside the extension");
+    tell(0.4, "fitting the base with the extension");
     let own_carried = records.carried(&extended)?;
     let own_tracks = records.tracks(&extended, own_carried);
     let set = records.fitted(&extended, &own_tracks, own_carried)?;
-    tell(0.7, "scoring passes that the fit had not seen");
+    tell(0.7, "scoring hold-out passes");
     let question = records.question();
     let first_model =
         PlumeModel::of(setup, &tracks[0], records.scale).following(base.model.swing());
@@ -137,7 +137,7 @@ fn extension(
     for cause in earlier.plume()? {
         if cause.mechanisms.len() > 1 {
             notices.push(format!(
-                "{} could not be told apart: {} is applied",
+                "{} could not be told apart; {} is applied",
                 cause.mechanisms.join(" and "),
                 cause.mechanisms[0]
             ));
@@ -167,7 +167,7 @@ fn mechanism(
     if let Some(platform) = cause.platforms.iter().find(unknown) {
         return Err(wrong(
             format!("{id} is a cause of platform {platform:?}, which these readings do not have"),
-            "readings of that platform, under the same name: a sensor's fault goes with the sensor",
+            "readings of that platform under the same name, since a sensor's error stays with the sensor",
         ));
     }
     Ok(Mechanism::new(id, &values)?.for_platforms(&cause.platforms))
@@ -272,8 +272,8 @@ fn applied(extended: &Setup, gain: &crate::verdict::Gain, from: &str) -> Applied
     let outcome = Outcome::of(&[log_score, [h.rmse_change_low, h.rmse_change_high]]);
     let gas = extended.gas();
     let says = format!(
-        "{}: in {} passes, each predicted with a base that the others have fitted, the log score gains {:.1} nats \
-         (95 % interval {:.1} to {:.1}), {}.",
+        "{}: in {} passes, each predicted with a base fitted to the others, the log score gains {:.1} nats (95 % \
+         interval {:.1} to {:.1}), {}.",
         outcome.says(),
         gain.blocks,
         h.log_score_after - h.log_score_before,
@@ -285,7 +285,7 @@ fn applied(extended: &Setup, gain: &crate::verdict::Gain, from: &str) -> Applied
     if !extended.own.is_empty() {
         fitted.push("each sensor's own zero and gain".into());
     }
-    fitted.push("noise, error of form and swing".into());
+    fitted.push("noise, discrepancy and axis motion".into());
     Applied {
         from: from.to_owned(),
         outcome,

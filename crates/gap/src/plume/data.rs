@@ -249,7 +249,7 @@ impl Data {
         order.dedup_by(|b, a| a.platform == b.platform && a.time_s == b.time_s);
         if order.len() < before {
             notices.push(format!(
-                "{} rows repeat a time of their platform and were left out",
+                "{} rows that repeat a time of their platform were skipped",
                 before - order.len()
             ));
         }
@@ -284,8 +284,8 @@ impl Data {
             used.iter_mut().zip(&astray).for_each(|(u, a)| *u &= !*a);
             if lost > 0 {
                 notices.push(format!(
-                    "{lost} readings are left out: the wind that is logged while their air was under way from the \
-                     source blows from anywhere, so that no straight way leads there"
+                    "{lost} readings are ignored: the logged wind varied so much while their air travelled from \
+                     the source that no straight path leads there"
                 ));
             }
         }
@@ -460,7 +460,7 @@ fn absent_platforms<'a>(
     let absent = absent.filter(|(_, name)| !platforms.contains(name));
     absent.map(|(id, name)| {
         format!(
-            "the scenario's {} of platform {name} is not met: the observations have {}",
+            "the scenario has {} for platform {name}, which is not in the observations: they have {}",
             id.as_str(),
             platforms.join(", ")
         )
@@ -476,8 +476,8 @@ fn few_enough(platforms: usize) -> Result<(), GapError> {
         what: "observations".to_string(),
         problem: format!("{platforms} platforms"),
         expected: format!(
-            "at most {MOST_PLATFORMS}: the column platform names the aircraft or the instrument, \
-             not the row"
+            "at most {MOST_PLATFORMS}: the column platform names the aircraft or the instrument, not the single \
+             row"
         ),
     })
 }
@@ -518,7 +518,7 @@ fn means_said(spans: &[Span]) -> Vec<String> {
             format!("{least_s} to {most_s} s")
         };
         said.push(format!(
-            "{count} rows are means over the {time} before them, their winds too"
+            "{count} rows are means over the {time} before them, as are their winds"
         ));
     }
     let lines = spans.iter().filter(|s| s.to.is_some()).count();

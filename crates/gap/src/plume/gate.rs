@@ -61,9 +61,8 @@ fn forget_unknown_air(data: &mut Data, time_constant_s: f64) {
     let left_out = before - data.used_count();
     if left_out as f64 > MANY_PART * before as f64 {
         data.notices.push(format!(
-            "{left_out} of {before} readings are left out: for {wait_s:.0} s after the start of a \
-             track or a gap a sensor with a time constant of {time_constant_s} s shows air that \
-             nobody knows"
+            "{left_out} of {before} readings are ignored: for {wait_s:.0} s after the start of a track or a gap, \
+             a sensor with a time constant of {time_constant_s} s still responds to unknown air"
         ));
     }
 }

@@ -44,7 +44,7 @@ fn a_record_may_count_from_elsewhere() {
         b.json
             .notices
             .iter()
-            .any(|n| n.contains("counted from there"))
+            .any(|n| n.contains("count from there"))
     );
     let from = |a: &Analysis| {
         let bin = a.json.residual.iter().find(|b| b.coordinate == "time");

@@ -37,18 +37,18 @@ pub(crate) fn wind_log(rows: &mut [Row], notices: &mut Vec<String>) -> WindLog {
     if count as f64 > KNOWN_PART * rows.len() as f64 {
         if count < rows.len() {
             notices.push(format!(
-                "{} readings are left out: no wind is logged within {WIND_KNOWN_S:.0} s of them",
+                "{} readings are ignored: no wind is logged within {WIND_KNOWN_S:.0} s of them",
                 rows.len() - count
             ));
         }
         return WindLog::Followed(known);
     }
     notices.push(if times_s.is_empty() {
-        "no wind columns: the scenario's wind stands for the whole time".to_string()
+        "no wind columns: the scenario's wind is used for the whole time".to_string()
     } else {
         format!(
-            "the wind is logged in {} rows only, too few to follow it: the scenario's wind stands \
-             for the whole time",
+            "the wind is logged in {} rows only, too few to follow it: the scenario's wind is used for the whole \
+             time",
             times_s.len()
         )
     });

@@ -183,7 +183,7 @@ fn one_reading_tells_nothing_and_says_so() {
     o.rows.truncate(1);
     let a = run(&o);
     assert_eq!(a.json.verdict, Verdict::Insufficient);
-    assert!(a.json.summary.contains("nothing can be told"));
+    assert!(a.json.summary.contains("fewer than the"));
 }
 
 /// The verdict and the flaws seen after a change to the rows.

@@ -55,7 +55,7 @@ pub fn apply(tables: &Tables, earlier: &Earlier, seed: u64) -> Result<TracerRepo
             }
             None if chosen.is_empty() => {}
             None => notices.push(format!(
-                "{} trials are in {name} air, of which {} has no models: left out",
+                "{} trials are in {name} air, for which {} has no models; they are ignored",
                 chosen.len(),
                 earlier.name
             )),
@@ -136,8 +136,8 @@ fn said(trials: &[TrialArcs], groups: &[GroupDetail]) -> Vec<String> {
     let single = arcs().filter(|a| a.samplers == 1).count();
     if single > 0 {
         out.push(format!(
-            "{single} of {} arcs have one sampler: its reading is taken for the arc's maximum; of integral and width \
-             such an arc says nothing",
+            "{single} of {} arcs have one sampler: its reading is used as the arc's maximum; such an arc gives \
+             no integral or width",
             arcs().count()
         ));
     }
@@ -172,11 +172,10 @@ fn weighted<C: Copy>(
             _ => Err(GapError::Data {
                 what: name.to_owned(),
                 problem: format!(
-                    "a model of tracer.groups has changes or parameters that are not known: {}",
+                    "a model of tracer.groups has unknown changes or parameters: {}",
                     model.mechanisms.join(", ")
                 ),
-                expected: "models and parameters as plumage gap tracer of this version writes them"
-                    .into(),
+                expected: "models and parameters of plumage gap tracer of this version".into(),
             }),
         }
     };
@@ -240,7 +239,7 @@ fn applied(arcs: &[ArcDetail], gain: &Gain, from: &str, seed: u64) -> Result<App
         arcs.len(),
         scores_in_words(h, "mg/m³", 1),
         if gain.blocks < LEAST_FOR_INTERVALS {
-            format!(" So few trials tell nothing of chance: at least {LEAST_FOR_INTERVALS} do.")
+            format!(" An interval needs at least {LEAST_FOR_INTERVALS} trials.")
         } else {
             String::new()
         }

@@ -132,15 +132,15 @@ pub fn trials(tables: &Tables) -> (Vec<TrialArcs>, Vec<String>) {
     }
     if !without.is_empty() {
         notices.push(format!(
-            "{} trials without wind speed or Obukhov length are left out: {}",
+            "{} trials without wind speed or Obukhov length are ignored: {}",
             without.len(),
             listed(&without)
         ));
     }
     if odd.mixed_heights > 0 {
         notices.push(format!(
-            "on {} arcs samplers stand at several heights: that at which most read something is used, and \
-             {} samplers at others are left out",
+            "on {} arcs samplers stand at several heights: the height with the most detections is used, and {} \
+             samplers at others are ignored",
             odd.mixed_heights, odd.other_height
         ));
     }
@@ -170,8 +170,7 @@ fn table_notices(tables: &Tables) -> Vec<String> {
             .collect();
         if !names.is_empty() {
             notices.push(format!(
-                "{} rows of the {what} are of trials that the table of trials does not have, and are \
-                 left out: {}",
+                "{} rows of the {what} are ignored, since the table of trials lacks their trials: {}",
                 rows.iter().filter(strange).count(),
                 listed(&names.into_iter().collect::<Vec<_>>())
             ));
@@ -183,7 +182,7 @@ fn table_notices(tables: &Tables) -> Vec<String> {
         let places: BTreeSet<_> = rows.iter().map(place).collect();
         if places.len() < rows.len() {
             notices.push(format!(
-                "{} rows of the {what} are at the place of another row of their trial: each counts",
+                "{} rows of the {what} are at the place of another row of their trial: all are used",
                 rows.len() - places.len()
             ));
         }
@@ -192,22 +191,22 @@ fn table_notices(tables: &Tables) -> Vec<String> {
     let roughness = lacking(&|t| t.roughness_length_m.is_some());
     if roughness > 0 {
         notices.push(format!(
-            "{roughness} trials have no roughness_length_m: {DEFAULT_ROUGHNESS_M} m is taken, and the \
-             limits of the classes hang on it"
+            "{roughness} trials have no roughness_length_m: {DEFAULT_ROUGHNESS_M} m is assumed, on which the \
+             limits of the classes depend"
         ));
     }
     let roughness_m = tables.trials.iter().filter_map(|t| t.roughness_length_m);
     let (low, high) = roughness_m.fold((f64::MAX, 0.0_f64), |r, z| (r.0.min(z), r.1.max(z)));
     if high > 1.5 * low {
         notices.push(format!(
-            "roughness lengths go from {low} to {high} m: each trial has its own limits of the \
-             classes, and those of the first are shown"
+            "roughness lengths go from {low} to {high} m: each trial has its own class limits, of which the \
+             first are shown"
         ));
     }
     let height = lacking(&|t| t.wind_height_m.is_some() || t.wind_speed_m_s.is_none());
     if height > 0 {
         notices.push(format!(
-            "{height} trials have no wind_height_m: {DEFAULT_WIND_HEIGHT_M} m is taken"
+            "{height} trials have no wind_height_m: {DEFAULT_WIND_HEIGHT_M} m is assumed"
         ));
     }
     notices

@@ -79,10 +79,10 @@ fn amounts(trials: &[TrialArcs]) -> Option<String> {
         _ => "less than a millionth".to_owned(),
     };
     Some(format!(
-        "measured crosswind integrals are {factor} times what Briggs' plume gives, in the middle \
-         of all arcs, and a part of {fac2:.2} of the arc maxima is within a factor of two: too far \
-         for any spread. Check the units of source_rate_g_s, concentration_mg_m3, wind_speed_m_s, \
-         east_m, north_m, height_agl_m and source_height_agl_m, and the release itself"
+        "measured crosswind integrals are {factor} times what Briggs' plume givesin the median of all arcs, and \
+         a fraction of {fac2:.2} of the arc maxima is within a factor of two: no spread explains this. Check the \
+         units of source_rate_g_s, concentration_mg_m3, wind_speed_m_s, east_m, north_m, height_agl_m and \
+         source_height_agl_m, and the release itself"
     ))
 }
 
@@ -113,8 +113,8 @@ fn direction(trials: &[TrialArcs]) -> Option<String> {
         "check wind_from_deg, east_m and north_m"
     };
     Some(format!(
-        "in most trials the plume lies more than {ASIDE_DEG} degrees from where the wind blows: \
-         {guess}. The direction takes no part in the fits"
+        "in most trials the plume lies more than {ASIDE_DEG} degrees from the downwind direction: {guess}. The \
+         fits do not use the direction"
     ))
 }
 
@@ -132,11 +132,11 @@ fn small_numbers(trials: &[TrialArcs]) -> Option<String> {
     let azimuth = median(weather().filter_map(|w| w.sigma_azimuth_rad).collect());
     if azimuth.is_some_and(|a| a.to_degrees() < LEAST_AZIMUTH_DEG) {
         return Some(
-            "sigma_azimuth_deg is below 1 degree in most trials: it looks like radians".into(),
+            "sigma_azimuth_deg is below 1 degree in most trials; it looks like radians".into(),
         );
     }
     let length = median(weather().map(|w| w.obukhov_length_m.abs()).collect());
     length
         .is_some_and(|l| l < LEAST_OBUKHOV_M)
-        .then(|| "obukhov_length_m is below 1 m in most trials: it looks like its inverse".into())
+        .then(|| "obukhov_length_m is below 1 m in most trials; it looks like its inverse".into())
 }

@@ -197,7 +197,7 @@ pub(super) fn summary(answers: &[Answer<'_>], gain: &Gain) -> String {
     }
     let h = &gain.held_out;
     text.push_str(&format!(
-        "Arc maxima of trials left out: FAC2 {:.2} to {:.2}, NMSE {:.2} to {:.2}.",
+        "Arc maxima of hold-out trials: FAC2 {:.2} to {:.2}, NMSE {:.2} to {:.2}.",
         h.fac2_before, h.fac2_after, h.nmse_before, h.nmse_after
     ));
     text
@@ -214,7 +214,7 @@ fn vertical_words(answer: &Answer<'_>) -> String {
             )
         } else {
             format!(
-                "no change of Briggs' vertical spread is called for{inputs}{}",
+                "no change of Briggs' vertical spread is needed{inputs}{}",
                 hint(finding)
             )
         };
@@ -233,7 +233,7 @@ fn vertical_words(answer: &Answer<'_>) -> String {
         ));
     } else {
         words.push_str(&format!(
-            "the vertical misfit is put down to {}",
+            "the vertical misfit is attributed to {}",
             cause.mechanisms[0]
         ));
     }
@@ -251,7 +251,7 @@ fn vertical_words(answer: &Answer<'_>) -> String {
     }
     words.push_str(&inputs);
     words.push_str(&format!(
-        ", {:.1} nats of evidence, {gain:.1} ± {error:.1} nats on trials left out",
+        ", {:.1} nats of evidence, {gain:.1} ± {error:.1} nats on hold-out trials",
         cause.evidence.delta_log_evidence
     ));
     words
@@ -274,7 +274,7 @@ fn hint(finding: &Finding) -> String {
     let likely = finding.causes.is_empty() && finding.some_cause > 0.5;
     if likely && finding.tried[0].delta_log_evidence > 0.0 {
         format!(
-            " (a change of it has a probability of {:.2}, too little for a name)",
+            " (a change of it has a probability of {:.2}, too low to be named)",
             finding.some_cause
         )
     } else {
@@ -306,7 +306,7 @@ fn lateral_words(answer: &Answer<'_>) -> String {
             words.push_str(" relative to the width by it");
         }
         format!(
-            "{words} ({gain:.1} ± {error:.1} nats on trials left out)"
+            "{words} ({gain:.1} ± {error:.1} nats on hold-out trials)"
         )
     });
     each.collect::<Vec<_>>().join("; ")

@@ -32,9 +32,8 @@ pub(super) fn scenario(answers: &[Answer<'_>]) -> String {
     for (k, answer) in order.into_iter().enumerate() {
         if k == 0 {
             toml.push_str(
-                "# tracer trials; the place on Earth is not known to the tables\n\
-                 [site]\nlat_deg = 0.0\nlon_deg = 0.0\nground_amsl_m = 0.0\n\n\
-                 [plume]\nground_reflection = true\n\n",
+                "# tracer trials; the tables do not give the place on Earth\n[site]\nlat_deg = 0.0\nlon_deg = \
+                 0.0\nground_amsl_m = 0.0\n\n[plume]\nground_reflection = true\n\n",
             );
             toml.push_str(&air(answer));
         } else {
@@ -86,7 +85,7 @@ fn mechanisms(question: &Question) -> String {
     let found: Vec<String> = sets.map(|c| c.mechanisms.join(" or ")).collect();
     let Some(best) = best.filter(|b| !b.ids.is_empty()) else {
         return format!(
-            "\n# {}: nothing that a scenario runs, over Briggs' curves, is worth its parameters\n",
+            "\n# {}: no mechanism of a scenario improves on Briggs' curves enough for its parameters\n",
             found.join("; ")
         );
     };

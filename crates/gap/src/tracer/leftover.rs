@@ -47,8 +47,8 @@ pub(super) fn unexplained(
     });
     let (term, nats) = if let Some((x, factor, nats)) = at_one {
         let term = format!(
-            "crosswind integrals at {x:.0} m are {factor:.2} times what the best model gives, and no \
-             others: look at the samplers of that arc"
+            "crosswind integrals at {x:.0} m are {factor:.2} times what the best model gives, and no others are; \
+             check the samplers of that arc"
         );
         (term, nats)
     } else if fit.noise.arc > LARGEST_SCATTER {

@@ -161,17 +161,17 @@ fn in_words(at_fault: &str, true_vane: f64, true_lift: f64) -> String {
     match at_fault {
         "neither" => "The two agree.".to_owned(),
         "vane" => format!(
-            "The motion that the elevator makes refutes a true vane ({true_vane:.1} standard \
-             errors): the vane is at fault."
+            "The motion that the elevator makes refutes a true vane ({true_vane:.1} standard errors): the vane \
+             is wrong."
         ),
         "lift-slope" => format!(
-            "The motion that the elevator makes refutes so wrong a vane ({true_lift:.1} standard \
-             errors): the slope is at fault."
+            "The motion that the elevator makes refutes so wrong a vane ({true_lift:.1} standard errors): the \
+             slope is wrong."
         ),
         _ => format!(
-            "Which of them cannot be told from this flight: the motion that the elevator makes \
-             speaks against a true vane with {true_vane:.1} and against a true slope with \
-             {true_lift:.1} standard errors. Pull-ups and push-overs at constant power would tell."
+            "This flight cannot decide between them: the motion that the elevator makes speaks against a true \
+             vane with {true_vane:.1} and against a true slope with {true_lift:.1} standard errors. Pull-ups and \
+             push-overs at constant power would decide."
         ),
     }
 }

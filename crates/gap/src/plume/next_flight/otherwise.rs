@@ -14,8 +14,8 @@ pub(super) fn instead(set: impl Iterator<Item = MechanismId>, best: &str) -> Str
         checks.join("; ")
     };
     format!(
-        "no flight of those tried is likely to tell them apart; the one that comes nearest: {best}. \
-         What would tell: {advice}"
+        "none of the tried flights is likely to tell them apart; the best of them: {best}. Data that would \
+         decide: {advice}"
     )
 }
 

@@ -143,7 +143,7 @@ impl About<'_> {
         let [up, down, side] = WIDE_M;
         let corners = [[-up, -side], [-up, side], [down, side], [down, -side]];
         Plan {
-            words: "a wide round outside and through the plume".to_string(),
+            words: "a wide circuit outside and through the plume".to_string(),
             round: corners.map(|[x, y]| [x, y, self.axis_m]).to_vec(),
         }
     }

@@ -1,4 +1,4 @@
-"""Teams of simulated and real aircraft that find and map the plume of a source of air pollution.
+"""Simulate teams of virtual and real aircraft that map the plume of an air-pollution source.
 
 Quantities carry their unit, frame and datum in their names, as in the files of Plumage: ``alt_amsl_m`` is metres
 above mean sea level, ``height_agl_m`` metres above the site's ground, ``wind_from_deg`` the direction from which

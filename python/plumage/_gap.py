@@ -1,4 +1,4 @@
-"""The reality gap, and calibration."""
+"""Reality gap and calibration."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Progress = Callable[[float, str], object]
 
 
 class Finding(dict[str, Any]):
-    """What ``gap.json`` says, and what follows from it."""
+    """Result of a reality-gap analysis: ``gap.json`` and the extended model."""
 
     #: The scenario (of ``gap_plume``), its tables as TOML (of ``gap_tracer``) or the aircraft (of ``gap_flight``)
     #: with what was found.
@@ -30,7 +30,7 @@ class Finding(dict[str, Any]):
 
 
 class Calibration(dict[str, Any]):
-    """What ``calibration.json`` says, and the scenario with it."""
+    """Result of a calibration: ``calibration.json`` and the calibrated scenario."""
 
     #: The corrected scenario, its new uncertainties included.
     scenario: Scenario
@@ -47,13 +47,13 @@ def gap_plume(
     seed: int = 1,
     progress: Progress | None = None,
 ) -> Finding:
-    """What the plume model of a scenario gets wrong about readings along tracks, and why: as ``plumage gap plume``.
+    """Compare readings along tracks with a scenario's plume model and find causes, like ``plumage gap plume``.
 
     observations: tables with the columns of docs/gap.md (``time_s``, ``platform``, ``lat_deg``, …), or files
         (CSV, MCAP), one or several.
-    apply: the finding of other readings (``gap.json``, or what this function gave): it is scored on these, and nothing
-        is fitted.
-    seed: of the bootstrap.
+    apply: result from other readings (``gap.json``, or the result of this function); its causes are scored on these
+        readings and not fitted again.
+    seed: seed of the bootstrap.
     """
     known = scenario_of(scenario).changed(gas=gas)
     sources = [_source(one, "observations") for one in _listed(observations)]
@@ -70,7 +70,7 @@ def gap_tracer(
     seed: int = 1,
     progress: Progress | None = None,
 ) -> Finding:
-    """What the plume model gets wrong about a tracer experiment: as ``plumage gap tracer``; tables or files (CSV)."""
+    """Compare tracer trials with the plume model, like ``plumage gap tracer``; takes tables or files (CSV)."""
     told, extended = _plumage.gap_tracer(
         _source(receptors, "receptors"),
         _source(trials, "trials"),
@@ -88,10 +88,10 @@ def gap_flight(
     *,
     progress: Progress | None = None,
 ) -> Finding:
-    """What an aircraft's description gets wrong about measured flights: as ``plumage gap flight``.
+    """Compare measured flights with an aircraft model, like ``plumage gap flight``.
 
-    flights: tables or files (CSV), one a flight.
-    aircraft: the aircraft that flew, or its file; the X8 if not given.
+    flights: tables or files (CSV), one per flight.
+    aircraft: model of the aircraft that flew, or its file; the X8 by default.
     """
     if not isinstance(aircraft, Aircraft):
         aircraft = Aircraft() if aircraft is None else Aircraft(os.fspath(aircraft))
@@ -107,9 +107,9 @@ def calibrate(
     gas: str | None = None,
     reference: str | None = None,
 ) -> Calibration:
-    """A scenario corrected by readings: as ``plumage calibrate``.
+    """Calibrate a scenario with readings, like ``plumage calibrate``.
 
-    reference: the platform whose sensor the others are held against.
+    reference: platform whose sensor is the reference for the others.
     """
     known = scenario_of(scenario).changed(gas=gas)
     sources = [_source(one, "observations") for one in _listed(observations)]
@@ -137,7 +137,7 @@ def _applied(earlier: Mapping[str, Any] | str | os.PathLike[str] | None) -> str 
 
 
 def _source(measured: Measured, name: str) -> str | tuple[str, str]:
-    """A file as it is; a table as its name and the text of its file, in which every number reads back as it was."""
+    """Return a file as it is, and a table as its name and CSV text, in which every number keeps its value."""
     if isinstance(measured, (str, os.PathLike)):
         return os.fspath(measured)
     if isinstance(measured, Table):

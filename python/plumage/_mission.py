@@ -17,7 +17,7 @@ Strategy = Callable[[dict[str, Any]], Union[Mapping[str, tuple[float, float, flo
 
 
 class Mission:
-    """A mission that was flown, or read from its recording."""
+    """Result of a mission that was flown or read from a recording."""
 
     def __init__(self, flown: _plumage.Flown, folder: str = "") -> None:
         self._flown = flown
@@ -25,37 +25,37 @@ class Mission:
 
     @property
     def digest(self) -> str:
-        """SHA-256 over all that the agents said: the same as that of ``plumage run`` whenever the run is the same."""
+        """SHA-256 over all messages of the agents; equals that of ``plumage run`` for the same run."""
         return self._flown.digest
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """What the mission found, as ``summary.json`` has it."""
+        """Results of the mission, as in ``summary.json``."""
         return self._flown.summary()
 
     @cached_property
     def readings(self) -> Table:
-        """What was read: one row a reading, with time (s), vehicle (``platform``), place, ``<gas>_ppm``, wind and motion."""
+        """Readings, one per row, with time (s), vehicle (``platform``), position, ``<gas>_ppm``, wind and motion."""
         return Table(self._flown.readings())
 
     @cached_property
     def tracks(self) -> Table:
-        """How the vehicles moved: one row a state, with place, velocity over ground (m/s) and attitude (degrees)."""
+        """States of the vehicles, one per row, with position, velocity over ground (m/s) and attitude (degrees)."""
         return Table(self._flown.tracks())
 
     @cached_property
     def model(self) -> Table:
-        """What was known of the plume: one row each time the world simulator said it, with standard deviations (``_sd``)."""
+        """Plume model, one row each time the world simulator published it, with standard deviations (``_sd``)."""
         return Table(self._flown.model())
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario as it was flown, with all defaults."""
+        """Scenario as flown, with all defaults."""
         return Scenario.from_text(self._flown.scenario_toml, folder=self._folder)
 
     @property
     def notices(self) -> list[str]:
-        """What is missing of a recording, in words."""
+        """Notices about what a recording lacks."""
         return self._flown.notices
 
     def __repr__(self) -> str:
@@ -72,24 +72,24 @@ def run(
     record: str | os.PathLike[str] | None = None,
     strategy: Strategy | None = None,
 ) -> Mission:
-    """Flies a mission in this process, as fast as it goes, and gives what came of it.
+    """Fly a mission in this process as fast as possible and return its result.
 
-    Other threads run on meanwhile, and an interrupt (Ctrl-C) ends it with KeyboardInterrupt.
+    Other threads keep running; an interrupt (Ctrl-C) ends the mission with KeyboardInterrupt.
 
     scenario: a Scenario, its file, or its tables as a dict.
-    seed: of every random number, instead of the scenario's.
-    duration_s: length of the mission in simulated seconds, instead of the scenario's.
-    gas: the gas that is read; that of the first source if not given.
-    progress: called some times a second with the simulated time and its end, s; what it raises ends the mission.
-    record: file (MCAP) into which every message is recorded, for ``plumage replay``, ``export`` and others.
-    strategy: called every ``search.step_s`` simulated seconds of the search with the situation, a dict, and says where
-        vehicles shall look: ``{vehicle: (lat_deg, lon_deg, alt_amsl_m)}``, or None for what was said before. The squadron
-        controller keeps them inside the fence and apart. The situation has ``time_s``, ``phase``, ``vehicles`` (the last
+    seed: seed of all random numbers; the scenario's by default.
+    duration_s: length of the mission in simulated seconds; the scenario's by default.
+    gas: gas that the sensors measure; that of the first source by default.
+    progress: called several times a second with the simulated time and its end, s; an exception ends the mission.
+    record: file (MCAP) that records every message, for ``plumage replay``, ``export`` and others.
+    strategy: called every ``search.step_s`` simulated seconds of the search with the situation, a dict; returns the
+        next waypoints ``{vehicle: (lat_deg, lon_deg, alt_amsl_m)}``, or None to keep the previous ones. The squadron
+        controller keeps vehicles inside the fence and separated. The situation has ``time_s``, ``phase``, ``vehicles`` (the last
         state of each by its id), ``readings`` (since the last call, with ``vehicle`` and ``time_s``) and ``model`` (None before
-        the first), each as the bus has it (docs/records.md). What is said is recorded, so that ``plumage replay --verify``
+        the first), each as on the bus (docs/records.md). The waypoints are recorded, so that ``plumage replay --verify``
         flies the same mission without the strategy.
 
-    Raises InputError where the scenario is wrong or must not take off; what is doubtful is warned of.
+    Raises InputError if the scenario is wrong or fails the check before take-off; doubtful points are warnings.
     """
     changed = scenario_of(scenario).changed(seed=seed, duration_s=duration_s, gas=gas)
     path = None if record is None else os.fspath(record)
@@ -98,6 +98,6 @@ def run(
 
 
 def read_recording(path: str | os.PathLike[str]) -> Mission:
-    """The mission of a recording (MCAP), also of one that was cut short: ``notices`` says what is missing."""
+    """Read a mission from a recording (MCAP); if that was cut short, ``notices`` says what is missing."""
     path = os.fspath(path)
     return Mission(_plumage.read_recording(path), os.path.dirname(path))

@@ -1,4 +1,4 @@
-"""The mean plume on arrays."""
+"""Mean plume on arrays."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from ._scenario import ScenarioLike, scenario_of
 
 
 class Plume:
-    """The mean concentration of a scenario's gas: the plumes of all its sources on the background.
+    """Mean concentration of a scenario's gas: the plumes of all sources plus the background.
 
     scenario: a Scenario, its file, or its tables as a dict.
-    reality: take the stand-ins' own world (``[reality]``) instead of what the team believes.
+    reality: use the stand-ins' world (``[reality]``), not the scenario's model.
     """
 
     def __init__(self, scenario: ScenarioLike, *, reality: bool = False) -> None:
@@ -30,12 +30,12 @@ class Plume:
         time_s: float = 0.0,
         out: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
-        """Mole fraction at places, ppm, background included; arrays are broadcast against each other.
+        """Return the mole fraction at places, ppm, including the background; arrays are broadcast.
 
         east_m, north_m: metres from the site's origin.
         height_agl_m: metres above the site's ground.
         time_s: mission time, s.
-        out: array into which the answer goes, float64 of the answer's shape and in one piece.
+        out: array for the result, float64, contiguous, of the result's shape.
         """
         columns = np.broadcast_arrays(
             *(np.asarray(a, dtype=np.float64) for a in (east_m, north_m, height_agl_m))
@@ -45,7 +45,7 @@ class Plume:
             out = np.empty(shape)
         elif out.shape != shape or out.dtype != np.float64 or not out.flags.c_contiguous:
             raise InputError(
-                f"out: {out.dtype} of shape {out.shape}; expected float64 of shape {shape} in one piece"
+                f"out: {out.dtype} of shape {out.shape}; expected a contiguous float64 array of shape {shape}"
             )
         flat = (np.ascontiguousarray(c).reshape(-1) for c in columns)
         self._plume.fill_ppm(*flat, time_s, out.reshape(-1))
@@ -59,7 +59,7 @@ class Plume:
         *,
         time_s: float = 0.0,
     ) -> NDArray[np.float64]:
-        """The same at latitudes and longitudes (degrees, WGS84) and altitudes (m above mean sea level)."""
+        """Return the mole fraction at latitudes and longitudes (degrees, WGS84) and altitudes (m above mean sea level)."""
         lat, lon, alt = np.broadcast_arrays(
             *(np.asarray(a, dtype=np.float64) for a in (lat_deg, lon_deg, alt_amsl_m))
         )
@@ -69,5 +69,5 @@ class Plume:
 
     @property
     def notices(self) -> list[str]:
-        """What a user should know of the model, such as a calm."""
+        """Notices about the model, such as a calm."""
         return self._plume.notices

@@ -14,7 +14,7 @@ ScenarioLike = Union[Scenario, str, "os.PathLike[str]", Mapping[str, Any]]
 
 
 def scenario_of(like: ScenarioLike) -> Scenario:
-    """The scenario, from a file or tables where it is none yet."""
+    """Return a scenario, read from a file or tables if needed."""
     if isinstance(like, Scenario):
         return like
     if isinstance(like, Mapping):
@@ -23,7 +23,7 @@ def scenario_of(like: ScenarioLike) -> Scenario:
 
 
 def as_json(tables: Mapping[str, Any]) -> str:
-    """Tables as JSON, without what is None."""
+    """Return tables as JSON without entries that are None."""
     return json.dumps(_without_none(tables))
 
 

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 
 class Table(Mapping[str, np.ndarray]):
-    """A table of columns of one length, as NumPy arrays by name.
+    """Table of columns of equal length, as NumPy arrays by name.
 
-    Numbers are float64 with NaN where nothing is known, counts int64, times datetime64[ns] in UTC, texts objects.
-    Takes part in the Arrow PyCapsule interface, so that Arrow, Polars, DuckDB and others read it as it is.
+    Numbers are float64 with NaN for missing values, counts int64, times datetime64[ns] in UTC, texts objects.
+    Implements the Arrow PyCapsule interface, so that Arrow, Polars, DuckDB and others read it directly.
     """
 
     def __init__(self, columns: list[tuple[str, str, Any]]) -> None:
@@ -40,7 +40,7 @@ class Table(Mapping[str, np.ndarray]):
         return iter(self._columns)
 
     def __len__(self) -> int:
-        """Number of columns, as of any mapping; of rows: ``num_rows``."""
+        """Number of columns, as for any mapping; ``num_rows`` is the number of rows."""
         return len(self._columns)
 
     @property
@@ -49,13 +49,13 @@ class Table(Mapping[str, np.ndarray]):
         return len(next(iter(self._columns.values()), ()))
 
     def to_pandas(self) -> pandas.DataFrame:
-        """The table as a DataFrame of pandas, which has to be installed."""
+        """Return the table as a pandas DataFrame; needs pandas."""
         import pandas
 
         return pandas.DataFrame(self._columns)
 
     def to_arrow(self) -> pyarrow.Table:
-        """The table as one of pyarrow, which has to be installed; what is not known is null."""
+        """Return the table as a pyarrow Table with nulls for missing values; needs pyarrow."""
         import pyarrow
 
         arrays = {
@@ -67,7 +67,7 @@ class Table(Mapping[str, np.ndarray]):
         return pyarrow.table(arrays)
 
     def to_csv(self) -> str:
-        """The table as CSV; every number reads back as it was, and what is not known is empty."""
+        """Return the table as CSV; every number keeps its value, and missing values are empty."""
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(self._columns)
@@ -82,7 +82,7 @@ class Table(Mapping[str, np.ndarray]):
 
 
 def _texts(array: np.ndarray) -> list[str]:
-    """Cells in text."""
+    """Return cells as text."""
     if array.dtype.kind == "M":
         return [f"{time}Z" for time in array]
     return ["" if cell != cell else str(cell) for cell in array.tolist()]

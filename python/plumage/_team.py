@@ -1,4 +1,4 @@
-"""The team's environment, apart from the others since it needs PettingZoo."""
+"""Environment of a team, in its own module since it needs PettingZoo."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .gym import _SEEDS, _action_space, _observation_space
 
 
 class TeamEnv(ParallelEnv):
-    """A team that searches one plume."""
+    """Team that searches for one plume."""
 
     metadata = {"name": "plumage_search_v0", "render_modes": [], "is_parallelizable": True}
 
@@ -29,18 +29,18 @@ class TeamEnv(ParallelEnv):
 
     @functools.cache
     def observation_space(self, agent: str) -> gymnasium.spaces.Box:
-        """Sixteen numbers of −1 to 1."""
+        """Sixteen numbers from −1 to 1."""
         return _observation_space()
 
     @functools.cache
     def action_space(self, agent: str) -> gymnasium.spaces.Box:
-        """Turn, height and airspeed, of −1 to 1."""
+        """Turn, height and airspeed, each −1 to 1."""
         return _action_space()
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, NDArray[np.float32]], dict[str, dict[str, Any]]]:
-        """Begins in the scene of ``seed``, or in one that follows from the seeds before."""
+        """Start the scene of ``seed``, or the next one of the current sequence."""
         if seed is not None:
             self._seeds = np.random.default_rng(seed)
         drawn = int(self._seeds.integers(_SEEDS)) if seed is None else seed
@@ -55,7 +55,7 @@ class TeamEnv(ParallelEnv):
         dict[str, bool],
         dict[str, dict[str, Any]],
     ]:
-        """Everybody who flies flies on for ``step_s``."""
+        """Fly all active aircraft for ``step_s``."""
         acted = np.zeros((len(self.possible_agents), Searches.ACTED), np.float32)
         for name, action in actions.items():
             acted[self._numbers[name]] = action
@@ -73,7 +73,7 @@ class TeamEnv(ParallelEnv):
         return answer
 
     def truth(self) -> dict[str, Any]:
-        """Wind and peak of the scene, which the team does not know."""
+        """Wind and peak of the scene, hidden from the team."""
         return self._searches.truth(0)
 
     def _rows(self, flat: NDArray[np.float32]) -> NDArray[np.float32]:

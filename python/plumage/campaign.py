@@ -1,7 +1,7 @@
-"""Many missions of one scenario, flown by threads here or by the workers of a Dask cluster.
+"""Fly many missions of one scenario, with local threads or the workers of a Dask cluster.
 
-Missions, sharding, the folder that is gone on with and the tables are those of ``plumage campaign``: a folder begun by
-the one is finished by the other, and shards are put together by ``plumage campaign merge`` or :func:`merge`.
+Missions, shards, resumed folders and tables are those of ``plumage campaign``: each can resume a folder of the other,
+and ``plumage campaign merge`` or :func:`merge` combines shards.
 
 >>> from dask.distributed import Client                                    # doctest: +SKIP
 >>> result = campaign("scenarios/as-pontes.toml", seeds=range(1, 101), strategies=["cs-ea", "posterior"],
@@ -31,7 +31,7 @@ __all__ = ["CampaignResult", "campaign", "merge"]
 
 @dataclass(frozen=True)
 class CampaignResult:
-    """What the missions of a campaign show together."""
+    """Results of the missions of a campaign."""
 
     #: The table, as Markdown: that of ``campaign.md``.
     table: str
@@ -41,7 +41,7 @@ class CampaignResult:
     csv: bytes
 
     def to_pandas(self) -> pandas.DataFrame:
-        """One row a mission, as a DataFrame; pandas and pyarrow have to be installed."""
+        """Return the missions as a DataFrame, one per row; needs pandas and pyarrow."""
         import io
 
         import pandas
@@ -65,16 +65,16 @@ def campaign(
     client: Client | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> CampaignResult:
-    """Flies every combination of strategies, realities, teams and seeds.
+    """Fly every combination of strategies, realities, team sizes and seeds.
 
-    seeds: how many, from 1, or which.
-    strategies, realities, vehicles: instead of the scenario's own; docs/campaign.md has the names of realities.
-    stand_ins: the last so many of the scenario's team are stand-ins for real vehicles.
-    shard: "k/n" flies only each n-th mission, from the k-th on.
-    out: folder for missions and tables; one that holds a part of this campaign goes on.
-    force: write into a folder that holds something else.
-    client: of Dask; its workers need this package in the same version. Without one, threads fly on all processors.
-    progress: called with the number of missions that are there, and of all.
+    seeds: a number of seeds, counted from 1, or the seeds themselves.
+    strategies, realities, vehicles: the scenario's by default; docs/campaign.md lists the realities.
+    stand_ins: number of vehicles, the last of the team, that are stand-ins for real ones.
+    shard: "k/n" flies only every n-th mission, starting with the k-th.
+    out: folder for missions and tables; an unfinished campaign in it is resumed.
+    force: write into a folder that holds other files.
+    client: Dask client; its workers need the same version of this package. By default local threads use all processors.
+    progress: called with the number of finished missions and of all missions.
     """
     known = scenario_of(scenario).changed(duration_s=duration_s, gas=gas)
     ready = _plumage.Campaign(
@@ -105,7 +105,7 @@ def campaign(
 
 
 def merge(folders: Iterable[str | os.PathLike[str]]) -> CampaignResult:
-    """Puts the shards of a campaign together; ``plumage campaign merge`` writes the whole into a folder too."""
+    """Merge the shards of a campaign; ``plumage campaign merge`` also writes the result to a folder."""
     return _result(_plumage.merged_tables([os.fspath(folder) for folder in folders]))
 
 
@@ -146,11 +146,11 @@ def _by_workers(
 
 
 def _fly(asked: tuple[str, tuple[tuple[str, bytes], ...]], mission: str) -> tuple[str, str]:
-    """On a worker: flies one mission."""
+    """Fly one mission on a worker."""
     return mission, _ready(*asked).fly(mission)
 
 
 @functools.lru_cache(maxsize=4)
 def _ready(question: str, files: tuple[tuple[str, bytes], ...]) -> _plumage.Campaign:
-    """The missions of a question, which a worker reads once."""
+    """Return the missions of a campaign, which a worker reads once."""
     return _plumage.Campaign.of_question(question, dict(files))

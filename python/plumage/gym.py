@@ -1,20 +1,20 @@
-"""Searches for plumes as environments to learn in.
+"""Plume searches as environments for reinforcement learning.
 
 - :class:`SearchEnv`: one aircraft, for Gymnasium (``gymnasium.make("plumage/Search-v0")`` once this is imported);
 - :func:`parallel_env`: a team, for PettingZoo;
-- :class:`SearchVectorEnv`: many searches side by side, flown in Rust on all processors.
+- :class:`SearchVectorEnv`: many parallel searches, flown in Rust on all processors.
 
-**Scene.** Every seed draws one: a stack at the origin, a wind of 3 to 9 m/s from anywhere, air of class C, D or E, and
+**Scene.** Each seed gives one: a stack at the origin, a wind of 3 to 9 m/s from any direction, air of class C, D or E, and
 a plume whose axis is turned from the wind by 15° (one standard deviation), lies 200 to 550 m above ground and has 50
-to 500 ppm at 2 km. Aircraft begin upwind of the stack, and fly by the six-degree-of-freedom model and the autopilot
-that missions have. They may not come nearer to the stack than 800 m, nor go farther than 3 km, below 40 m or above
-760 m. With ``air="unsteady"`` eddies swing the plume, carry it as puffs and move the aircraft.
+to 500 ppm at 2 km. Aircraft start upwind of the stack and fly with the six-degree-of-freedom model and the autopilot
+of missions. They must stay 800 m to 3 km from the stack and 40 to 760 m above ground.
+With ``air="unsteady"`` the plume meanders and breaks into puffs, and gusts move the aircraft.
 
-**Action.** Three numbers of −1 to 1: how far to turn from the course over ground (±90°), height (100 to 700 m above
+**Action.** Three numbers from −1 to 1: how far to turn from the course over ground (±90°), height (100 to 700 m above
 ground), airspeed (from the slowest of the aircraft to 0.9 of its fastest).
 
-**Observation.** Sixteen numbers of −1 to 1; "along" is downwind of the stack and "across" to the left of that, by the
-wind as the team knows it:
+**Observation.** Sixteen numbers from −1 to 1; "along" is downwind of the stack and "across" to the left of it, for
+the wind that the team assumes:
 
 ====== ========================================================================================
 0, 1   place along and across, in 3 km
@@ -25,16 +25,15 @@ wind as the team knows it:
 7      wind speed at this height, in 15 m/s
 8      reading s = ln(1 + excess / noise), in 7; noise is 3 ppm
 9      highest reading s of the team so far
-10–12  where that was: along, across, height
-13     part of the time that is left
-14, 15 the nearest other aircraft, along and across from this one, in 3 km; zeros where there is none
+10–12  its position: along, across, height
+13     fraction of the time that remains
+14, 15 the nearest other aircraft, along and across from this one, in 3 km; zeros if there is none
 ====== ========================================================================================
 
 **Reward.** ``reward="peak"``: by how much the team's highest reading s grows, and 10 when the place of the highest
 mean concentration outside the keep-out is found (within 60 m on the map and 40 m in height), which ends the episode.
-``reward="information"``: what a reading tells, in nats, of the plume's direction, height and strength beyond the
-readings before: half the growth of the logarithm of the determinant of their information matrix, a reading a second.
-Both: −10 for leaving the allowed space, which ends an aircraft's episode; −1 a second within 50 m of another aircraft.
+``reward="information"``: information gain, in nats, about the plume's direction, height and strength: half the growth of the logarithm of the determinant of their information matrix, a reading a second.
+Both: −10 for leaving the allowed space, which ends an aircraft's episode; −1 per second within 50 m of another aircraft.
 """
 
 from __future__ import annotations
@@ -93,10 +92,10 @@ def _flat(actions: Any) -> NDArray[np.float32]:
 
 
 class SearchEnv(gymnasium.Env):
-    """One aircraft that searches one plume; the module says what it observes, does and is rewarded for.
+    """One aircraft that searches for one plume; the module describes observation, action and reward.
 
     step_s: simulated time between two actions, s.
-    duration_s: length of an episode, s, after which it is truncated.
+    duration_s: length of an episode, s; longer episodes are truncated.
     """
 
     metadata = {"render_modes": []}
@@ -119,7 +118,7 @@ class SearchEnv(gymnasium.Env):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begins in the scene of ``seed``, or in one that follows from the seeds before."""
+        """Start the scene of ``seed``, or the next one of the current sequence."""
         super().reset(seed=seed)
         drawn = int(self.np_random.integers(_SEEDS)) if seed is None else seed
         self._searches.reset([0], [drawn])
@@ -128,21 +127,21 @@ class SearchEnv(gymnasium.Env):
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Flies on for ``step_s``."""
+        """Fly for ``step_s``."""
         seen, rewards, terminated, truncated, _ = self._searches.step(_flat(action))
         info = {"found": self._searches.truth(0)["found"]}
         return seen, float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
 
     def truth(self) -> dict[str, Any]:
-        """Wind and peak of the scene, which the aircraft does not know."""
+        """Wind and peak of the scene, hidden from the aircraft."""
         return self._searches.truth(0)
 
 
 class SearchVectorEnv(gymnasium.vector.VectorEnv):
-    """Many searches side by side, one aircraft each, flown in Rust on all processors.
+    """Many parallel searches with one aircraft each, flown in Rust on all processors.
 
-    A search that is over begins anew, in the next scene of its seed, in the same step: ``final_obs`` of the info has
-    its last observation.
+    A finished search restarts in the same step with the next scene of its seed; ``final_obs`` of the info has its
+    last observation.
     """
 
     metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
@@ -168,7 +167,7 @@ class SearchVectorEnv(gymnasium.vector.VectorEnv):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begins all: in the scenes of ``seed``, ``seed`` + 1 and so on, of a list of seeds, or of drawn ones."""
+        """Start all searches in the scenes of ``seed``, ``seed`` + 1 and so on, of a list of seeds, or of drawn seeds."""
         if isinstance(seed, (list, tuple)):
             given = list(seed)
         elif seed is None:
@@ -183,7 +182,7 @@ class SearchVectorEnv(gymnasium.vector.VectorEnv):
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """All fly on for ``step_s``."""
+        """Fly all searches for ``step_s``."""
         seen, rewards, terminated, truncated, last = self._searches.step(_flat(actions))
         info: dict[str, Any] = {}
         over = terminated | truncated
@@ -208,9 +207,9 @@ def parallel_env(
     air: Air = "steady",
     aircraft: Aircraft | None = None,
 ) -> Any:
-    """A team of ``agents`` (1 to 16) that searches one plume, as an environment of PettingZoo's parallel API.
+    """Create a team of ``agents`` (1 to 16) that searches for one plume, as an environment of PettingZoo's parallel API.
 
-    All share the highest reading, and each is rewarded for what it adds.
+    All share the highest reading, and each is rewarded for its own contribution.
     """
     from ._team import TeamEnv
 

@@ -1,5 +1,5 @@
-"""A node that joins a live mission over Zenoh: it hears what is said in every encoding, and says what an operator or a
-strategy outside the program may say.
+"""Join a live mission over Zenoh: receive its messages in any encoding, and publish commands of an operator or of an
+outside strategy.
 
 Needs ``pip install 'plumage[node]'`` and a mission in real time or lockstep (docs/processes.md).
 
@@ -30,7 +30,7 @@ _AGAIN_S = 0.1
 
 
 def _endpoints(config: zenoh.Config) -> list[str]:
-    """Where a node connects and listens: a list, one for each mode, or none."""
+    """Return the endpoints at which a node connects and listens."""
     found: list[str] = []
     for what in ("connect/endpoints", "listen/endpoints"):
         given = json.loads(config.get_json(what))
@@ -40,14 +40,14 @@ def _endpoints(config: zenoh.Config) -> list[str]:
 
 
 class Node:
-    """One more participant of a mission.
+    """Participant of a mission.
 
-    mission: its name, as in the scenario.
-    connect: where a process of the mission listens.
-    listen: where others of the mission reach this node: on this machine alone, unless stated.
-    config: of Zenoh, in place of the two, such as for TLS and passwords (docs/processes.md).
-    mission_key: file of the mission's key, which is needed to say something. Without one the key is found as the commands find
-        it: in PLUMAGE_MISSION_KEY, or on the mission's own host in this user's file of it.
+    mission: name of the mission, as in the scenario.
+    connect: endpoint of a process of the mission.
+    listen: endpoint at which others reach this node; on this machine only by default.
+    config: Zenoh configuration instead of these two, such as for TLS and passwords (docs/processes.md).
+    mission_key: file with the mission key, which publishing needs. By default the key is found as by the commands: in
+        PLUMAGE_MISSION_KEY, or on the mission's host in this user's key file.
     """
 
     def __init__(
@@ -84,19 +84,19 @@ class Node:
         self.close()
 
     def close(self) -> None:
-        """Leaves the mission."""
+        """Leave the mission."""
         self._session.close()
 
     def messages(
         self, *topics: str, timeout_s: float | None = None
     ) -> Iterator[tuple[str, dict[str, Any]]]:
-        """What is said from now on: topic, and envelope with ``sender``, ``sequence``, ``time_ns`` and ``message``.
+        """Iterate over messages from now on: topic, and envelope with ``sender``, ``sequence``, ``time_ns`` and ``message``.
 
-        topics: such as ``va/1/state``; ``*`` stands for one part (``va/*/reading``). All of the vehicles, the world and the
-            controller if none is given.
-        timeout_s: ends when nothing came for so long; never if not given.
+        topics: such as ``va/1/state``; ``*`` matches one part (``va/*/reading``). By default all topics of vehicles, world
+            and controller.
+        timeout_s: end after this time without a message; never by default.
 
-        Raises InputError for what is no message of this version.
+        Raises InputError for a message of another version.
         """
         said: queue.SimpleQueue[Any] = queue.SimpleQueue()
         wanted = topics or ("va/*/*", "ws/main/*", "sc/main/*")
@@ -121,22 +121,22 @@ class Node:
                 subscriber.undeclare()
 
     def latest(self, topic: str, *, timeout_s: float = 10.0) -> dict[str, Any]:
-        """The next envelope on a topic; raises TimeoutError where none comes in time."""
+        """Return the next envelope on a topic; raises TimeoutError if none comes in time."""
         for _, envelope in self.messages(topic, timeout_s=timeout_s):
             return envelope
-        raise TimeoutError(f"{topic}: nothing was said in {timeout_s} s")
+        raise TimeoutError(f"{topic}: no message within {timeout_s} s")
 
     def say(self, topic: str, message: Mapping[str, Any], *, timeout_s: float = 10.0) -> None:
-        """Says something in the operator's name, sealed by the mission's key.
+        """Publish a message as the operator, sealed with the mission key.
 
-        topic: of a vehicle: ``va/1/control``, ``va/1/destination`` or ``va/1/swap``.
-        message: as the bus has it, such as ``{"wish": "home"}``.
-        timeout_s: how long the mission may take to let this node in, and the vehicle to be there.
+        topic: topic of a vehicle: ``va/1/control``, ``va/1/destination`` or ``va/1/swap``.
+        message: message as on the bus, such as ``{"wish": "home"}``.
+        timeout_s: longest wait until the mission admits this node and the vehicle is present.
 
-        What the vehicle makes of it is in its events (``va/1/event``). A mission that was begun anew needs a new node.
+        The vehicle answers by an event (``va/1/event``). A restarted mission needs a new node.
 
-        Raises InputError for what the operator cannot say there, and where no key is found; TimeoutError where the mission has
-        another key or the vehicle is not there.
+        Raises InputError if the operator cannot publish there or no key is found; TimeoutError if the mission has another
+        key or the vehicle is not present.
         """
         end = time.monotonic() + timeout_s
         if self._speaker is None:
@@ -146,7 +146,7 @@ class Node:
         vehicle = topic.rsplit("/", 1)[0]
         while not self._is_there(vehicle):
             if time.monotonic() > end:
-                raise TimeoutError(f"{vehicle} is not on the bus within {timeout_s} s")
+                raise TimeoutError(f"{vehicle} did not join the bus within {timeout_s} s")
             time.sleep(_AGAIN_S)
         self._session.put(
             key, payload, attachment=seal, congestion_control=zenoh.CongestionControl.BLOCK, express=True
@@ -160,12 +160,12 @@ class Node:
         sticks: Mapping[str, float] | None = None,
         timeout_s: float = 10.0,
     ) -> None:
-        """Who shall fly a vehicle: ``plumage control``.
+        """Take over a vehicle, hand it back or call it home, like ``plumage control``.
 
-        vehicle: its id, such as ``"1"``.
-        wish: take a simulated one over, give one back to automatic flight, or bring one home.
-        sticks: of a takeover: ``roll`` and ``pitch`` (−1 to 1) and ``throttle`` (0 to 1), to be repeated, for their silence is
-            a lost remote control. Without: held level.
+        vehicle: id of the vehicle, such as ``"1"``.
+        wish: take over a simulated vehicle, hand a vehicle back to automatic flight, or call it home.
+        sticks: for a takeover: ``roll`` and ``pitch`` (−1 to 1) and ``throttle`` (0 to 1); repeat them, since their absence
+            counts as a lost remote control. Without sticks the vehicle flies level.
         """
         message = {"wish": wish, "sticks": None if sticks is None else dict(sticks)}
         self.say(f"va/{vehicle}/control", message, timeout_s=timeout_s)
@@ -173,15 +173,15 @@ class Node:
     def send_to(
         self, vehicle: str, lat_deg: float, lon_deg: float, alt_amsl_m: float, *, timeout_s: float = 10.0
     ) -> None:
-        """Where a vehicle shall look next while ``search.strategy`` is ``outside``, or fly when it was taken over.
+        """Send a vehicle to a place: its next search point if ``search.strategy`` is ``outside``, or after a takeover.
 
-        lat_deg, lon_deg: of WGS84, degrees; alt_amsl_m: m above mean sea level.
+        lat_deg, lon_deg: WGS84, degrees; alt_amsl_m: m above mean sea level.
         """
         place = {"lat_deg": lat_deg, "lon_deg": lon_deg, "alt_amsl_m": alt_amsl_m}
         self.say(f"va/{vehicle}/destination", place, timeout_s=timeout_s)
 
     def _joined(self, end: float, timeout_s: float) -> _plumage.Speaker:
-        """Who speaks for this node, when who keeps the mission's time has told the number of the run."""
+        """Return the speaker of this node once the mission's time keeper has given the number of the run."""
         speaker = _plumage.Speaker(self.mission, self._endpoints, self._mission_key)
         while time.monotonic() < end:
             asked_ns = time.monotonic_ns()
@@ -204,8 +204,8 @@ class Node:
                     return speaker
             time.sleep(_AGAIN_S)
         raise TimeoutError(
-            f"mission '{self.mission}' does not let this node in within {timeout_s} s: is its key another one (mission_key=, "
-            "PLUMAGE_MISSION_KEY), or is it in lockstep? What moves a vehicle is for missions in real time"
+            f"mission '{self.mission}' did not admit this node within {timeout_s} s; check that it has the same key (mission_key=, "
+            "PLUMAGE_MISSION_KEY) and runs in real time, since commands need real time, not lockstep"
         )
 
     def _is_there(self, agent: str) -> bool:

@@ -59,7 +59,7 @@ impl Campaign {
     fn of_question(question: &str, files: BTreeMap<String, Vec<u8>>) -> PyResult<Self> {
         let read = |name: &str| {
             let bytes = files.get(name).cloned();
-            bytes.ok_or_else(|| "no such file among those of the campaign".to_owned())
+            bytes.ok_or_else(|| "the campaign has no such file".to_owned())
         };
         let campaign = campaign::Campaign::of_question(parsed(question)?, &read);
         Ok(Self(campaign.map_err(error::of_task)?))

@@ -10,13 +10,13 @@ create_exception!(
     plumage,
     InputError,
     PyValueError,
-    "Wrong input: says what came in, where, and what would be right."
+    "Wrong input; the message says what came in, where, and what was expected."
 );
 create_exception!(
     plumage,
     RunError,
     PyRuntimeError,
-    "What went wrong although the input was right."
+    "Failure although the input was right."
 );
 
 /// Wrong input.

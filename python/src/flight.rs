@@ -12,7 +12,7 @@ use tasks::measured::AircraftFile;
 /// The aircraft that every installation has.
 const BUILT_IN: (&str, &str) = ("x8.toml", include_str!("../../aircraft/x8.toml"));
 
-/// An aircraft, as its file describes it; Aircraft() is the Skywalker X8 that every installation has.
+/// An aircraft model from its file; Aircraft() is the Skywalker X8, which is built in.
 #[pyclass(frozen, module = "plumage")]
 pub(crate) struct Aircraft {
     pub(crate) aircraft: fdm::Aircraft,
@@ -60,7 +60,7 @@ impl Aircraft {
     }
 }
 
-/// One aircraft in flight, stepped by its owner: six degrees of freedom with servos and motor, by autopilot or by hand.
+/// One aircraft in flight, stepped by the caller: six degrees of freedom with servos and motor, with or without autopilot.
 ///
 /// It begins in trimmed level flight in still air, `north_m` and `east_m` from the site's origin, at `alt_amsl_m`
 /// (m above mean sea level), with its nose to `heading_deg` (degrees from true north) and at `airspeed_m_s`
@@ -139,8 +139,8 @@ impl Flight {
         })
     }
 
-    /// What the autopilot shall do from now on; what is not given stays. One of a course over ground (degrees), a
-    /// heading of the nose (degrees) and a point `to_m` = (north, east), m, around which it circles once there.
+    /// Commands the autopilot; what is not given stays. Takes one of a course over ground (degrees), a heading of the nose
+    /// (degrees) and a point `to_m` = (north, east), m, which it circles after arrival.
     #[pyo3(signature = (*, course_deg = None, heading_deg = None, to_m = None, alt_amsl_m = None, airspeed_m_s = None))]
     fn steer(
         &mut self,
@@ -179,7 +179,7 @@ impl Flight {
         Ok(())
     }
 
-    /// Flies on by autopilot for `duration_s` in air of the standard atmosphere that moves as the vector
+    /// Flies with the autopilot for `duration_s` in air of the standard atmosphere that moves as the vector
     /// `wind_ned_m_s` (north, east, down, m/s, towards).
     #[pyo3(signature = (duration_s, *, wind_ned_m_s = [0.0; 3]))]
     fn step(&mut self, py: Python<'_>, duration_s: f64, wind_ned_m_s: [f64; 3]) -> PyResult<()> {
@@ -255,7 +255,7 @@ impl Flight {
         self.time_s
     }
 
-    /// Everything known of the aircraft now, with units in the names.
+    /// State of the aircraft now, with units in the names.
     #[getter]
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let s = self.sim.state();

@@ -84,7 +84,7 @@ impl From<Stopped> for PyErr {
     }
 }
 
-/// Flies a mission in one process, as fast as it goes; a `strategy` says where to look.
+/// Flies a mission in one process as fast as possible; a `strategy` chooses the search points.
 #[pyfunction]
 #[pyo3(signature = (scenario, *, progress = None, record = None, strategy = None))]
 pub(crate) fn run(

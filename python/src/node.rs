@@ -118,7 +118,7 @@ impl Speaker {
     ) -> PyResult<(String, Sealed<'py>)> {
         let Some(run) = self.run else {
             return Err(RunError::new_err(
-                "nobody has told the number of the run yet",
+                "the number of the run is not known yet",
             ));
         };
         let topic = Topic::parse_path(topic).map_err(|e| error::input(&e))?;

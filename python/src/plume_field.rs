@@ -18,7 +18,7 @@ type Numbers<'py> = PyReadonlyArray1<'py, f64>;
 
 /// The numbers of an array that lies in one piece.
 fn slice<'a>(array: &'a Numbers<'_>, name: &str) -> PyResult<&'a [f64]> {
-    let why = || InputError::new_err(format!("{name}: expected an array in one piece"));
+    let why = || InputError::new_err(format!("{name}: expected a contiguous array"));
     array.as_slice().map_err(|_| why())
 }
 
@@ -54,7 +54,7 @@ impl Plume {
             height_agl_m: slice(&height_agl_m, "height_agl_m")?,
         };
         let out = out.as_slice_mut();
-        let out = out.map_err(|_| InputError::new_err("out: expected an array in one piece"))?;
+        let out = out.map_err(|_| InputError::new_err("out: expected a contiguous array"))?;
         py.detach(|| self.model.write_mean_ppm(places, time_s, out))
             .map_err(|e| error::input(&e))
     }

@@ -10,10 +10,10 @@ use pyo3::prelude::*;
 use std::path::{Path, PathBuf};
 use tasks::scenario_files;
 
-/// What a mission is, checked, with the files that it names: docs/scenario.md has its tables.
+/// A checked scenario with the files that it names: docs/scenario.md describes its tables.
 ///
-/// Scenario(path) reads a file (TOML); files that it names are looked for beside it, in the folder above and in the
-/// working folder. Raises InputError with file, line and what would be right.
+/// Scenario(path) reads a file (TOML). Files that it names are searched next to it, in the folder above and in the
+/// working folder. Raises InputError with file, line and what was expected.
 #[pyclass(frozen, module = "plumage")]
 pub(crate) struct Scenario {
     pub(crate) setup: Setup,
@@ -62,7 +62,7 @@ impl Scenario {
         Self::read(name, text, &folder)
     }
 
-    /// Makes a scenario of the tables of its file as dicts and lists; what is None is left out.
+    /// Creates a scenario from its tables as dicts and lists; entries that are None are ignored.
     #[staticmethod]
     #[pyo3(signature = (tables, *, folder = PathBuf::new()))]
     #[expect(clippy::needless_pass_by_value, reason = "as PyO3 hands over paths")]
@@ -80,7 +80,7 @@ impl Scenario {
         &self.setup.scenario.mission.name
     }
 
-    /// Seed of every random number of a run.
+    /// Seed of all random numbers of a run.
     #[getter]
     fn seed(&self) -> u64 {
         self.setup.scenario.mission.seed
@@ -92,7 +92,7 @@ impl Scenario {
         self.setup.scenario.mission.duration_s
     }
 
-    /// The gas that is read, such as "co2".
+    /// Gas that the sensors measure, such as "co2".
     #[getter]
     fn gas(&self) -> &str {
         self.setup.scenario.gas().as_str()
@@ -122,8 +122,8 @@ impl Scenario {
         convert::said(py, serde_json::to_string(&value))
     }
 
-    /// The same with another seed, another length (simulated s), read for another gas, or with the last `stand_ins`
-    /// vehicles of the team as stand-ins for real ones and the others simulated.
+    /// Returns a copy with another seed, length (simulated s) or gas, or with the last `stand_ins` vehicles of the team as
+    /// stand-ins for real ones and the others simulated.
     #[pyo3(signature = (*, seed = None, duration_s = None, gas = None, stand_ins = None))]
     fn changed(
         &self,
@@ -142,7 +142,7 @@ impl Scenario {
         Ok(self.of(setup))
     }
 
-    /// What the stand-ins' own world is, as a scenario.
+    /// The stand-ins' world, as a scenario.
     fn reality(&self) -> Self {
         let scenario = self.setup.scenario.in_reality();
         let setup = self.setup.clone();

@@ -153,7 +153,7 @@ impl Searches {
                 slot.begin_anew(rules)
             }
             None => Err(InputError::new_err(format!(
-                "search {number}: there is none"
+                "search {number} does not exist"
             ))),
         }
     }
@@ -228,7 +228,7 @@ impl Searches {
         let truth = PyDict::new(py);
         let Some(slot) = self.searches.get(number) else {
             return Err(InputError::new_err(format!(
-                "search {number}: there is none"
+                "search {number} does not exist"
             )));
         };
         let (scene, peak) = (&slot.search.scene, &slot.search.scene.peak);

@@ -1,29 +1,14 @@
 //! A real vehicle in a mission of processes: its hand-back is answered, its bridge stays until it is down, and it takes
 //! the place of a simulated one.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
+use crate::program::Ends;
 use std::io::Read as _;
 use std::net::{TcpListener, UdpSocket};
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
 const SCENARIO: &str = "../scenarios/as-pontes-steady.toml";
-
-/// A process that ends with the test.
-struct Ends(Child);
-
-impl Drop for Ends {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
 
 fn spawn(path: &str, arguments: &[&str], errors: Stdio) -> Ends {
     let mut command = Command::new(path);
@@ -48,7 +33,6 @@ fn wait_s(seconds: u64) {
     std::thread::sleep(Duration::from_secs(seconds));
 }
 
-#[test]
 fn a_hand_back_is_answered_and_the_bridge_stays_until_its_vehicle_is_down() {
     let free = |port: u16| format!("127.0.0.1:{port}");
     let tcp = TcpListener::bind(free(0)).unwrap().local_addr().unwrap();
@@ -141,7 +125,6 @@ fn told(output: &Output, code: i32, words: &str) {
     assert!(text.contains(words), "'{words}' is not in: {text}");
 }
 
-#[test]
 fn a_real_aircraft_takes_the_place_of_a_simulated_one_and_is_not_let_go_in_the_air() {
     let free = "127.0.0.1:0";
     let tcp = TcpListener::bind(free).unwrap().local_addr().unwrap();
@@ -215,4 +198,11 @@ fn a_real_aircraft_takes_the_place_of_a_simulated_one_and_is_not_let_go_in_the_a
         1,
         "vehicle 2 is simulated already",
     );
+}
+
+crate::runner::tests! {
+    RealTime {
+        a_hand_back_is_answered_and_the_bridge_stays_until_its_vehicle_is_down,
+        a_real_aircraft_takes_the_place_of_a_simulated_one_and_is_not_let_go_in_the_air,
+    }
 }

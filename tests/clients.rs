@@ -1,13 +1,8 @@
 //! Clients that are not ours ask and fly the stand-in over UDP, and read what missions leave: ignored, with the reason, where they
 //! are not installed.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
-use libtest_mimic::{Arguments, Completion, Failed, Trial};
+use crate::program::Ends;
+use libtest_mimic::{Completion, Failed};
 use mav_bridge::arduplane::AUTO;
 use protocol::message::{Control, ControlLevel, ControlWish, Message, PathKind, Setpoint};
 use protocol::{AgentId, SimTime, Topic};
@@ -15,7 +10,7 @@ use scenario::random::stream;
 use stand_in::StandIn;
 use std::net::{TcpListener, UdpSocket};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitCode, Stdio};
+use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -29,16 +24,6 @@ const STRANGER: &str = "../tests/oracle/stranger.py";
 const STRATEGY: &str = "../examples/outside_strategy.py";
 /// How many times faster than the clock a mission is flown.
 const SPEED: f64 = 15.0;
-
-/// A process that ends with its owner.
-struct Ends(Child);
-
-impl Drop for Ends {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
 
 /// The stand-in in this process, at the clock's pace on the ground and in every mode but AUTO, where
 /// nobody asks and it flies its mission at [`SPEED`].
@@ -95,7 +80,7 @@ fn not_installed(client: &str, module: &str) -> Option<Completion> {
 }
 
 /// Every question that a ground station asks, and a mission uploaded, read back and flown.
-fn climbs_the_ladder() -> Result<Completion, Failed> {
+fn the_ladder_of_questions() -> Result<Completion, Failed> {
     if let Some(ignored) = not_installed("pymavlink", "pymavlink.mavutil") {
         return Ok(ignored);
     }
@@ -158,7 +143,7 @@ fn are_recorded(heard: &[Heard], recording: &record::Recording, late_ms: i64) {
 }
 
 /// A mission whose team a ground station watches, takes over and calls home, and the log of it.
-fn sees_the_team() -> Result<Completion, Failed> {
+fn the_team_on_a_link_and_in_its_log() -> Result<Completion, Failed> {
     if let Some(ignored) = not_installed("pymavlink", "pymavlink.mavutil") {
         return Ok(ignored);
     }
@@ -270,7 +255,7 @@ fn ros2_hears_a_mission() -> Result<Completion, Failed> {
     ])
 }
 
-fn read_what_a_mission_leaves() -> Result<Completion, Failed> {
+fn what_a_mission_leaves() -> Result<Completion, Failed> {
     if let Some(ignored) = not_installed(
         "fastkml lxml pyogrio mcap rosbags xarray netCDF4 pyarrow foxglove-sdk protobuf",
         "fastkml, lxml, pyogrio, mcap, rosbags, xarray, netCDF4, pyarrow, foxglove, google.protobuf",
@@ -410,7 +395,7 @@ impl Processes {
 
 /// Somebody on the same host who does not hold the mission's key says 100 times what moves a vehicle: nothing of it is
 /// obeyed, or recorded as said, and it is told of at most once a second.
-fn a_stranger_moves_nothing() -> Result<Completion, Failed> {
+fn a_stranger_on_loopback() -> Result<Completion, Failed> {
     if let Some(ignored) = not_installed("eclipse-zenoh", "zenoh") {
         return Ok(ignored);
     }
@@ -476,7 +461,7 @@ fn a_stranger_moves_nothing() -> Result<Completion, Failed> {
 }
 
 /// The search strategy in Python that the documentation shows sends the vehicles somewhere: it finds the key by itself.
-fn a_strategy_outside_is_heard() -> Result<Completion, Failed> {
+fn a_strategy_outside_the_program() -> Result<Completion, Failed> {
     if let Some(ignored) = not_installed("eclipse-zenoh", "zenoh") {
         return Ok(ignored);
     }
@@ -498,30 +483,31 @@ fn a_strategy_outside_is_heard() -> Result<Completion, Failed> {
     Ok(Completion::Completed)
 }
 
-fn main() -> ExitCode {
-    let trials = vec![
-        Trial::ignorable_test("pymavlink_flies_the_stand_in", || {
-            flies_by("pymavlink", "pymavlink.mavutil")
-        }),
-        // The module of version 4; earlier ones had another interface.
-        Trial::ignorable_test("mavsdk_flies_the_stand_in", || {
-            flies_by("mavsdk", "mavsdk.asyncio")
-        }),
-        Trial::ignorable_test("mavproxy_flies_the_stand_in", || {
-            flies_by("mavproxy", "MAVProxy.mavproxy")
-        }),
-        Trial::ignorable_test("the_ladder_of_questions", climbs_the_ladder),
-        Trial::ignorable_test("what_a_mission_leaves", read_what_a_mission_leaves),
-        Trial::ignorable_test("ros2_hears_a_mission", ros2_hears_a_mission),
-        Trial::ignorable_test("a_stranger_on_loopback", a_stranger_moves_nothing),
-        Trial::ignorable_test(
-            "a_strategy_outside_the_program",
-            a_strategy_outside_is_heard,
-        ),
-        Trial::ignorable_test("the_team_on_a_link_and_in_its_log", sees_the_team),
-    ];
-    let mut arguments = Arguments::from_args();
-    // Most of the time they wait for what flies in real time.
-    arguments.test_threads.get_or_insert(4);
-    libtest_mimic::run(&arguments, trials).exit_code()
+fn pymavlink_flies_the_stand_in() -> Result<Completion, Failed> {
+    flies_by("pymavlink", "pymavlink.mavutil")
+}
+
+fn mavsdk_flies_the_stand_in() -> Result<Completion, Failed> {
+    // The module of version 4; earlier ones had another interface.
+    flies_by("mavsdk", "mavsdk.asyncio")
+}
+
+fn mavproxy_flies_the_stand_in() -> Result<Completion, Failed> {
+    flies_by("mavproxy", "MAVProxy.mavproxy")
+}
+
+crate::runner::tests! {
+    RealTime {
+        pymavlink_flies_the_stand_in,
+        mavsdk_flies_the_stand_in,
+        mavproxy_flies_the_stand_in,
+        the_ladder_of_questions,
+        ros2_hears_a_mission,
+        a_stranger_on_loopback,
+        a_strategy_outside_the_program,
+        the_team_on_a_link_and_in_its_log,
+    }
+    Cores {
+        what_a_mission_leaves,
+    }
 }

@@ -1,14 +1,6 @@
 //! `plumage` as its users meet it: outputs, exit codes, and what it says to bad input.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
-mod program;
-
-use program::{SCENARIO, folder, plumage, refused, text};
+use crate::program::{SCENARIO, folder, plumage, refused, text};
 use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -23,7 +15,6 @@ fn fly(out: &Path, seconds: &str, more: &[&str]) -> Output {
     plumage(&arguments)
 }
 
-#[test]
 fn a_run_leaves_its_outputs_and_verifies() {
     let out = folder("outputs");
     let output = fly(&out, "30", &[]);
@@ -55,7 +46,6 @@ fn a_run_leaves_its_outputs_and_verifies() {
     );
 }
 
-#[test]
 fn options_are_refused_in_words_and_a_broken_pipe_is_no_panic() {
     let run = |option: &str, value: &str| plumage(&["run", SCENARIO, option, value]);
     refused(
@@ -106,7 +96,6 @@ fn options_are_refused_in_words_and_a_broken_pipe_is_no_panic() {
 }
 
 /// Methane comes over MAVLink by its own name and unit, and is said by them in all outputs.
-#[test]
 fn a_mission_of_methane_says_methane() {
     let out = folder("methane");
     let scenario = "../scenarios/landfill.toml";
@@ -160,7 +149,6 @@ fn a_mission_of_methane_says_methane() {
     );
 }
 
-#[test]
 fn the_resolved_scenario_flies_the_same_mission() {
     let (first, second) = (folder("resolved-1"), folder("resolved-2"));
     assert!(fly(&first, "10", &[]).status.success());
@@ -178,7 +166,6 @@ fn the_resolved_scenario_flies_the_same_mission() {
     assert_eq!(digest(&first), digest(&second));
 }
 
-#[test]
 fn outputs_hold_the_files_that_the_scenario_names() {
     let (theirs, out) = (folder("theirs"), folder("kept"));
     for file in ["swinging-wind.toml", "swinging-wind.csv"] {
@@ -220,7 +207,6 @@ fn outputs_hold_the_files_that_the_scenario_names() {
     refused(&plumage(&["replay", text(&moved), "--verify"]), 0, &[]);
 }
 
-#[test]
 fn a_recording_cut_short_still_reads_and_one_that_differs_is_told() {
     let out = folder("cut");
     assert!(fly(&out, "30", &[]).status.success());
@@ -240,7 +226,6 @@ fn a_recording_cut_short_still_reads_and_one_that_differs_is_told() {
     );
 }
 
-#[test]
 fn a_mission_that_cannot_be_flown_is_refused_before_anything_is_written() {
     let dir = folder("gale");
     let (file, out) = (dir.join("gale.toml"), dir.join("out"));
@@ -260,7 +245,6 @@ fn a_mission_that_cannot_be_flown_is_refused_before_anything_is_written() {
     assert!(!out.exists());
 }
 
-#[test]
 fn wrong_scenarios_exit_with_2_and_say_where() {
     let dir = folder("wrong");
     let good = std::fs::read_to_string(SCENARIO).unwrap();
@@ -329,7 +313,6 @@ fn wrong_scenarios_exit_with_2_and_say_where() {
     );
 }
 
-#[test]
 fn outputs_are_never_overwritten_unasked() {
     let out = folder("exists");
     std::fs::write(out.join("thesis.txt"), "three years of work").unwrap();
@@ -346,7 +329,6 @@ fn outputs_are_never_overwritten_unasked() {
     );
 }
 
-#[test]
 fn a_busy_port_that_was_asked_for_is_refused() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
@@ -354,7 +336,6 @@ fn a_busy_port_that_was_asked_for_is_refused() {
     refused(&fly(&out, "5", &["--serve", &address]), 2, &[&address]);
 }
 
-#[test]
 fn calibration_writes_a_scenario_that_flies() {
     let dir = folder("calibrate");
     let flown = dir.join("flown");
@@ -418,7 +399,6 @@ fn calibration_writes_a_scenario_that_flies() {
 
 /// Trials that give one maximum an arc, and an earlier finding by hand: Briggs' vertical spread is half of what
 /// it should be, sure enough. At twice the spread concentrations near the ground are half.
-#[test]
 fn an_extension_is_scored_on_trials_with_maxima_alone_and_one_of_another_kind_refused() {
     let dir = folder("apply");
     std::fs::create_dir_all(&dir).unwrap();
@@ -533,7 +513,6 @@ fn campaign(more: &[&str]) -> Output {
     plumage(&[&asked[..], &short, more].concat())
 }
 
-#[test]
 fn a_campaign_in_parts_merges_into_the_same_as_at_once() {
     let out = folder("campaign");
     let part = |name: &str| text(&out.join(name)).to_owned();
@@ -599,4 +578,22 @@ fn a_campaign_in_parts_merges_into_the_same_as_at_once() {
         2,
         &["k from 1 to n"],
     );
+}
+
+crate::runner::tests! {
+    Cores {
+        a_run_leaves_its_outputs_and_verifies,
+        options_are_refused_in_words_and_a_broken_pipe_is_no_panic,
+        a_mission_of_methane_says_methane,
+        the_resolved_scenario_flies_the_same_mission,
+        outputs_hold_the_files_that_the_scenario_names,
+        a_recording_cut_short_still_reads_and_one_that_differs_is_told,
+        a_mission_that_cannot_be_flown_is_refused_before_anything_is_written,
+        wrong_scenarios_exit_with_2_and_say_where,
+        outputs_are_never_overwritten_unasked,
+        a_busy_port_that_was_asked_for_is_refused,
+        calibration_writes_a_scenario_that_flies,
+        an_extension_is_scored_on_trials_with_maxima_alone_and_one_of_another_kind_refused,
+        a_campaign_in_parts_merges_into_the_same_as_at_once,
+    }
 }

@@ -1,11 +1,5 @@
 //! The same scenario and seed give the same digest in one process, in eight, and from a file.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
 use mission::{Run, Setup};
 use std::net::TcpListener;
 use std::process::{Child, Command, Stdio};
@@ -96,20 +90,16 @@ fn in_processes(seed: u64, vehicles: &[&str]) -> String {
 
 const EIGHT: [&str; 6] = ["1", "2", "3", "4", "5", "6"];
 
-#[test]
 fn one_process_twice_and_eight_say_the_same() {
     let alone = in_one_process(7);
     assert_eq!(in_one_process(7), alone);
     assert_eq!(in_processes(7, &EIGHT), alone);
 }
 
-#[test]
 fn one_process_may_host_many_vehicles() {
     assert_eq!(in_processes(7, &["6,2", "1,3,4,5"]), in_one_process(7));
 }
 
-#[test]
-#[ignore = "second tier: more of the same"]
 fn processes_say_the_same_again_and_however_they_share_the_vehicles() {
     let alone = in_one_process(7);
     for _ in 0..2 {
@@ -118,7 +108,16 @@ fn processes_say_the_same_again_and_however_they_share_the_vehicles() {
     assert_eq!(in_processes(7, &["1,2,3,4,5,6"]), alone);
 }
 
-#[test]
 fn another_seed_says_something_else() {
     assert_ne!(in_one_process(7), in_one_process(8));
+}
+
+crate::runner::tests! {
+    Cores {
+        one_process_twice_and_eight_say_the_same,
+        one_process_may_host_many_vehicles,
+        #[ignore = "more of the same"]
+        processes_say_the_same_again_and_however_they_share_the_vehicles,
+        another_seed_says_something_else,
+    }
 }

@@ -2,23 +2,15 @@
 //! that are cut off or started again. What needs a network or a file system of its own is ignored, with the reason,
 //! where those may not be made.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
-use libtest_mimic::{Arguments, Completion, Failed, Trial};
+use crate::team::{Team, folder, outputs_are_whole};
+use libtest_mimic::{Completion, Failed};
 use protocol::Topic;
 use protocol::message::{ControlLevel, Message};
 use std::io::Read as _;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-use team::{Team, folder, outputs_are_whole};
-
-mod team;
 
 const SCENARIO: &str = "../scenarios/as-pontes-steady.toml";
 /// By then all others have ended once somebody of a lockstep mission has gone.
@@ -125,7 +117,7 @@ fn lockstep_ends(name: &str, victim: &'static str, signal: &str) -> Result<(), F
 }
 
 /// The recorder of a mission in real time that is asked to terminate, as systemd and docker do.
-fn recorder_terminates() -> Result<(), Failed> {
+fn a_recorder_that_is_told_to_terminate_leaves_all_outputs() -> Result<(), Failed> {
     let mut team = here("terminate", &["--scenario", SCENARIO, "--duration", "600"]);
     start_agents(&mut team);
     let out = start_recorder(&mut team);
@@ -153,7 +145,7 @@ fn recorder_terminates() -> Result<(), Failed> {
 }
 
 /// `plumage run` that is asked to terminate.
-fn run_terminates() -> Result<(), Failed> {
+fn a_run_that_is_told_to_terminate_leaves_all_outputs() -> Result<(), Failed> {
     let out = folder("run-terminates").join("out");
     let mut run = Command::new(env!("CARGO_BIN_EXE_plumage"))
         .args(["run", SCENARIO, "--no-serve", "--speed", "2", "--out"])
@@ -191,7 +183,7 @@ fn run_terminates() -> Result<(), Failed> {
 
 /// A disk that fills up under the recording of a run: it flies on, report, tracks and summary are written, and it says
 /// why it failed.
-fn disk_fills_up() -> Result<Completion, Failed> {
+fn a_run_on_a_disk_that_fills_up_leaves_all_that_fits() -> Result<Completion, Failed> {
     let out = folder("disk");
     let mount = "mount -t tmpfs -o size=14m none \"$1\"";
     let script = |then: &str| {
@@ -230,7 +222,7 @@ fn disk_fills_up() -> Result<Completion, Failed> {
 
 /// A process that was stopped for longer than Zenoh's lease, and others meanwhile: everybody meets again, and what was
 /// said in between is marked in the record.
-fn stopped_and_back() -> Result<(), Failed> {
+fn whoever_was_stopped_meets_all_again() -> Result<(), Failed> {
     let mut team = here("stopped", &["--scenario", SCENARIO, "--duration", "600"]);
     start_agents(&mut team);
     let out = start_recorder(&mut team);
@@ -287,7 +279,7 @@ fn stopped_and_back() -> Result<(), Failed> {
 
 /// A vehicle and the squadron controller that are started again in flight go on from where the others heard them last:
 /// the vehicle stays in the air and with its pilot, and time goes on.
-fn started_again() -> Result<(), Failed> {
+fn whoever_is_started_again_goes_on() -> Result<(), Failed> {
     let mut team = here("again", &["--scenario", SCENARIO, "--duration", "2100"]);
     start_agents(&mut team);
     let out = start_recorder(&mut team);
@@ -365,7 +357,7 @@ fn started_again() -> Result<(), Failed> {
 }
 
 /// Processes whose mission is over end well, whatever those do that they are connected to.
-fn ends_beside_one_that_is_stopped() -> Result<(), Failed> {
+fn a_mission_that_is_over_ends_well_beside_one_that_is_stopped() -> Result<(), Failed> {
     let mut team = here("beside", &["--scenario", SCENARIO, "--duration", "20"]);
     start_agents(&mut team);
     start_recorder(&mut team);
@@ -392,40 +384,45 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-fn main() -> ExitCode {
-    let lockstep = |name: &'static str, victim: &'static str, signal: &'static str| {
-        Trial::test(format!("lockstep_ends_when_{name}"), move || {
-            lockstep_ends(name, victim, signal)
-        })
-    };
-    let trials = vec![
-        lockstep("a_vehicle_dies", "va/2", "-KILL"),
-        lockstep("vehicles_stop", "va/3", "-STOP"),
-        lockstep("the_world_stops", "ws/main", "-STOP"),
-        lockstep("the_recorder_dies", "clock/recorder", "-KILL"),
-        lockstep("the_conductor_dies", "clock/main", "-KILL"),
-        lockstep("the_conductor_stops", "clock/main", "-STOP"),
-        Trial::test(
-            "a_recorder_that_is_told_to_terminate_leaves_all_outputs",
-            recorder_terminates,
-        ),
-        Trial::test(
-            "a_run_that_is_told_to_terminate_leaves_all_outputs",
-            run_terminates,
-        ),
-        Trial::ignorable_test(
-            "a_run_on_a_disk_that_fills_up_leaves_all_that_fits",
-            disk_fills_up,
-        ),
-        Trial::test("whoever_was_stopped_meets_all_again", stopped_and_back),
-        Trial::test("whoever_is_started_again_goes_on", started_again),
-        Trial::test(
-            "a_mission_that_is_over_ends_well_beside_one_that_is_stopped",
-            ends_beside_one_that_is_stopped,
-        ),
-    ];
-    let mut arguments = Arguments::from_args();
-    // Most of the time they wait for what flies in real time.
-    arguments.test_threads.get_or_insert(4);
-    libtest_mimic::run(&arguments, trials).exit_code()
+fn lockstep_ends_when_a_vehicle_dies() -> Result<(), Failed> {
+    lockstep_ends("a_vehicle_dies", "va/2", "-KILL")
+}
+
+fn lockstep_ends_when_vehicles_stop() -> Result<(), Failed> {
+    lockstep_ends("vehicles_stop", "va/3", "-STOP")
+}
+
+fn lockstep_ends_when_the_world_stops() -> Result<(), Failed> {
+    lockstep_ends("the_world_stops", "ws/main", "-STOP")
+}
+
+fn lockstep_ends_when_the_recorder_dies() -> Result<(), Failed> {
+    lockstep_ends("the_recorder_dies", "clock/recorder", "-KILL")
+}
+
+fn lockstep_ends_when_the_conductor_dies() -> Result<(), Failed> {
+    lockstep_ends("the_conductor_dies", "clock/main", "-KILL")
+}
+
+fn lockstep_ends_when_the_conductor_stops() -> Result<(), Failed> {
+    lockstep_ends("the_conductor_stops", "clock/main", "-STOP")
+}
+
+crate::runner::tests! {
+    RealTime {
+        whoever_was_stopped_meets_all_again,
+        a_mission_that_is_over_ends_well_beside_one_that_is_stopped,
+        whoever_is_started_again_goes_on,
+        lockstep_ends_when_a_vehicle_dies,
+        lockstep_ends_when_vehicles_stop,
+        lockstep_ends_when_the_world_stops,
+        lockstep_ends_when_the_recorder_dies,
+        lockstep_ends_when_the_conductor_dies,
+        lockstep_ends_when_the_conductor_stops,
+        a_recorder_that_is_told_to_terminate_leaves_all_outputs,
+        a_run_that_is_told_to_terminate_leaves_all_outputs,
+    }
+    Cores {
+        a_run_on_a_disk_that_fills_up_leaves_all_that_fits,
+    }
 }

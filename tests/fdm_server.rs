@@ -1,11 +1,5 @@
 //! An autopilot elsewhere flies the aircraft: this test plays the side of ArduPilot's JSON interface.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
 use fdm::autopilot::{Autopilot, Demand, Path, Sensed};
 use fdm::dynamics::{euler, rotation};
 use fdm::{Aircraft, SurfaceCommand};
@@ -131,7 +125,6 @@ fn pulses(command: &SurfaceCommand) -> [u16; 3] {
     ]
 }
 
-#[test]
 fn an_autopilot_elsewhere_takes_off_circles_and_reads_gas() {
     let gas = UdpSocket::bind("127.0.0.1:0").unwrap();
     gas.set_nonblocking(true).unwrap();
@@ -210,7 +203,6 @@ fn an_autopilot_elsewhere_takes_off_circles_and_reads_gas() {
     assert!(anew.north_m.hypot(anew.east_m) < 0.1 && anew.alt_amsl_m.abs() < 1.0);
 }
 
-#[test]
 fn what_is_no_packet_is_not_answered_and_ends_nothing() {
     let mut served = Served::start(&[]);
     for garbage in [&b"hello"[..], &[0; 40], &[0x1a, 0x48, 50, 0]] {
@@ -221,7 +213,6 @@ fn what_is_no_packet_is_not_answered_and_ends_nothing() {
     served.packet([1500, 1500, 1000]);
 }
 
-#[test]
 fn the_servo_parameters_are_those_of_the_layout_and_nothing_to_serve_is_refused() {
     let served = |options: &[&str]| {
         let mut plumage = Command::new(env!("CARGO_BIN_EXE_plumage"));
@@ -239,4 +230,12 @@ fn the_servo_parameters_are_those_of_the_layout_and_nothing_to_serve_is_refused(
     let nothing = served(&[]);
     assert_eq!(nothing.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&nothing.stderr).contains("--ardupilot-json"));
+}
+
+crate::runner::tests! {
+    Cores {
+        an_autopilot_elsewhere_takes_off_circles_and_reads_gas,
+        what_is_no_packet_is_not_answered_and_ends_nothing,
+        the_servo_parameters_are_those_of_the_layout_and_nothing_to_serve_is_refused,
+    }
 }

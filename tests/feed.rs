@@ -1,12 +1,7 @@
 //! Observations that are fed into a mission while it flies correct its model, are recorded, and are said
 //! again by a replay; on a bus they come as from any real vehicle.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
+use crate::program::Ends;
 use mission::Setup;
 use net::{Net, NetOptions};
 use protocol::key::Name;
@@ -16,7 +11,7 @@ use serde_json::Value;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 use tasks::mission_key;
 
@@ -100,7 +95,6 @@ fn plumage(arguments: &[&str], folder: &Path) -> Output {
         .unwrap()
 }
 
-#[test]
 fn a_mission_is_corrected_by_what_is_fed_in_and_flies_again_the_same() {
     let folder = folder("fed_run", 700.0);
     let run = [
@@ -150,7 +144,6 @@ fn a_mission_is_corrected_by_what_is_fed_in_and_flies_again_the_same() {
     assert!(again.status.success(), "{again:?}");
 }
 
-#[test]
 fn what_cannot_be_fed_in_is_refused() {
     let folder = folder("fed_refused", 60.0);
     let refused = |arguments: &[&str], words: &str| {
@@ -180,17 +173,6 @@ fn what_cannot_be_fed_in_is_refused() {
     refused(&["--feed", "obs.csv"], "column lat_deg: missing");
 }
 
-/// A process that ends with the test.
-struct Ends(Child);
-
-impl Drop for Ends {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-#[test]
 fn over_the_bus_a_file_and_a_stream_reach_the_model() {
     const S: f64 = 60.0;
     let folder = folder("fed_bus", S);
@@ -275,7 +257,6 @@ fn over_the_bus_a_file_and_a_stream_reach_the_model() {
     });
 }
 
-#[test]
 fn weather_that_changes_in_flight_is_flown_in_and_replayed() {
     let folder = folder("weather_run", 9.0);
     let with = |wind: &str| scenario(9.0).replace("[weather]", &format!("[weather]\n{wind}"));
@@ -330,4 +311,15 @@ fn weather_that_changes_in_flight_is_flown_in_and_replayed() {
     assert!(resolved.contains("temperature_c = 18.0"), "{resolved}");
     let again = plumage(&["replay", "out/mission.mcap", "--verify"], &folder);
     assert!(again.status.success(), "{again:?}");
+}
+
+crate::runner::tests! {
+    RealTime {
+        over_the_bus_a_file_and_a_stream_reach_the_model,
+        weather_that_changes_in_flight_is_flown_in_and_replayed,
+    }
+    Cores {
+        a_mission_is_corrected_by_what_is_fed_in_and_flies_again_the_same,
+        what_cannot_be_fed_in_is_refused,
+    }
 }

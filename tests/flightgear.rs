@@ -1,11 +1,5 @@
 //! A running mission shows its vehicles to FlightGear, fifty packets a second.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
 use std::net::UdpSocket;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -35,7 +29,6 @@ fn double(packet: &[u8], at: usize) -> f64 {
 /// Field places as in FlightGear's `net_fdm.hxx` version 24: version at 0, longitude, latitude
 /// and altitude as doubles from 8 on. `tests/oracle/flightgear_live.py` reads the same stream
 /// with pymavlink's fgFDM.
-#[test]
 fn simulated_and_real_vehicles_are_shown() {
     let simulated = UdpSocket::bind("127.0.0.1:0").unwrap();
     let real = UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -80,7 +73,6 @@ fn simulated_and_real_vehicles_are_shown() {
     }
 }
 
-#[test]
 fn a_vehicle_that_is_not_there_is_refused() {
     let refused = Command::new(env!("CARGO_BIN_EXE_plumage"))
         .args([
@@ -98,4 +90,13 @@ fn a_vehicle_that_is_not_there_is_refused() {
         told.contains("no vehicle '9' here; expected one of 1, 2"),
         "{told}"
     );
+}
+
+crate::runner::tests! {
+    RealTime {
+        simulated_and_real_vehicles_are_shown,
+    }
+    Cores {
+        a_vehicle_that_is_not_there_is_refused,
+    }
 }

@@ -2,24 +2,17 @@
 //! again, by chance, at take-off, in the search and on the way home; and what has to hold then holds. Ignored, with the
 //! reason, where namespaces may not be made.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
-use libtest_mimic::{Arguments, Completion, Failed, Trial};
+use crate::runner::{Spends, Test};
+use crate::team::{self, Team, outputs_are_whole};
+use libtest_mimic::{Completion, Failed};
 use protocol::message::{ControlLevel, Message};
 use protocol::{AgentId, Envelope, SimTime, Topic};
 use rand::RngExt as _;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode, Stdio};
+use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
-use team::{Team, outputs_are_whole};
-
-mod team;
 
 const SCENARIO: &str = "../scenarios/as-pontes-steady.toml";
 /// How long something is out of order: longer than Zenoh's lease of 10 s.
@@ -32,8 +25,6 @@ const GUARDIAN_WITHIN_S: f64 = 6.0;
 /// A silence that calls for nothing, s: vehicles come home after 5 s, which they count from what they heard. A choice: the recorder
 /// looks ten times a second, and may hear the last word a look later than they and the next one a look sooner.
 const SILENCE_S: f64 = 4.8;
-/// Missions that run at once.
-const AT_ONCE: usize = 6;
 /// Time after which a process that died is started again.
 const STARTED_AGAIN_AFTER: Duration = Duration::from_secs(1);
 
@@ -300,7 +291,7 @@ fn airborne_before(said: &[(Topic, Envelope)], s: f64) -> BTreeMap<String, bool>
 }
 
 /// A host with two processes of vehicles is cut off, in a mission over TLS with access control: theirs come home by themselves, and nobody else's; all meet again.
-fn only_who_is_cut_off_comes_home() -> Result<Completion, Failed> {
+fn only_who_is_cut_off_comes_home_by_itself() -> Result<Completion, Failed> {
     let mut mission = match Mission::begin("cut", 1500, true) {
         Ok(mission) => mission,
         Err(why) => return Ok(Completion::ignored_with(format!("no namespaces: {why}"))),
@@ -520,47 +511,33 @@ fn broken_invariants(scenario: &Path, said: &[(Topic, Envelope)], fault: Fault) 
     broken
 }
 
-/// Several missions at once: they wait for most of their time.
-fn break_all(seeds: &[u64]) -> Result<Completion, Failed> {
+/// What has to hold holds whatever breaks in the mission of that seed.
+fn what_has_to_hold_holds(seed: u64) -> Result<Completion, Failed> {
     if let Err(why) = Hosts::make() {
         return Ok(Completion::ignored_with(format!("no namespaces: {why}")));
     }
-    let mut broken = Vec::new();
-    for seeds in seeds.chunks(AT_ONCE) {
-        let runs = seeds
-            .iter()
-            .map(|&seed| std::thread::spawn(move || break_something(seed)));
-        let runs: Vec<_> = runs.collect();
-        for run in runs {
-            match run.join() {
-                Ok(Ok(())) => {}
-                Ok(Err(why)) => broken.push(why),
-                Err(_) => broken.push("a run panicked".to_owned()),
-            }
-        }
-    }
-    if broken.is_empty() {
-        return Ok(Completion::Completed);
-    }
-    Err(broken.join("\n").into())
+    break_something(seed)?;
+    Ok(Completion::Completed)
 }
 
-fn main() -> ExitCode {
-    let few: Vec<u64> = (1..=6).collect();
-    let many: Vec<u64> = (7..=66).collect();
-    let trials = vec![
-        Trial::ignorable_test(
-            "only_who_is_cut_off_comes_home_by_itself",
-            only_who_is_cut_off_comes_home,
-        ),
-        Trial::ignorable_test("what_has_to_hold_holds_whatever_breaks", move || {
-            break_all(&few)
-        }),
-        Trial::ignorable_test(
-            "what_has_to_hold_holds_whatever_breaks_sixty_times",
-            move || break_all(&many),
-        )
-        .with_ignored_flag(true),
-    ];
-    libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
+/// The first tier breaks six missions, the second sixty others.
+pub fn tests() -> Vec<Test> {
+    let broken = (1..=66).map(|seed| {
+        let name = format!("what_has_to_hold_holds_whatever_breaks_by_seed_{seed}");
+        let test = Test::new(module_path!(), &name, Spends::RealTime, move || {
+            what_has_to_hold_holds(seed)
+        });
+        if seed <= 6 {
+            test
+        } else {
+            test.of_second_tier("second tier: sixty missions")
+        }
+    });
+    let cut_off = Test::new(
+        module_path!(),
+        "only_who_is_cut_off_comes_home_by_itself",
+        Spends::RealTime,
+        only_who_is_cut_off_comes_home_by_itself,
+    );
+    std::iter::once(cut_off).chain(broken).collect()
 }

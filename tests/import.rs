@@ -1,16 +1,7 @@
 //! `plumage import` as its users meet it: outputs, exit codes, and what it says.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
+use crate::program::{SCENARIO, folder, plumage, refused, text};
 
-mod program;
-
-use program::{SCENARIO, folder, plumage, refused, text};
-
-#[test]
 fn a_log_is_imported_and_its_mapping_does_it_again() {
     let dir = folder("import");
     let (log, out, again) = (
@@ -70,4 +61,10 @@ fn a_log_is_imported_and_its_mapping_does_it_again() {
     let wrong = plumage(&["import", text(&log), "--out", text(&dir.join("no.csv"))]);
     refused(&wrong, 2, &["log.csv: no header found", "--map"]);
     assert!(!dir.join("no.csv").exists() && !dir.join("no.csv.import.toml").exists());
+}
+
+crate::runner::tests! {
+    Cores {
+        a_log_is_imported_and_its_mapping_does_it_again,
+    }
 }

@@ -1,12 +1,6 @@
 //! The reference mission finds the plume: a fixed share of what `plumage campaign` measures. One mission
 //! in the first tier, more in the second.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
 use air::geo::Geodetic;
 use mission::campaign;
 use mission::{Run, Setup};
@@ -196,7 +190,6 @@ fn good(missions: Vec<Flown>) {
     }
 }
 
-#[test]
 fn the_reference_mission_finds_the_peak_corrects_the_model_and_raises_no_alarm() {
     let setup = as_pontes(1, 1);
     let flown = fly(&setup);
@@ -219,7 +212,6 @@ fn z(summary: &MissionSummary) -> f64 {
     (found.co2_ppm - truth.co2_ppm) / found.sd_ppm
 }
 
-#[test]
 fn in_unsteady_air_the_peak_is_found_within_what_is_said_of_it() {
     let unsteady = include_str!("../scenarios/as-pontes.toml");
     let setup = Setup::load("as-pontes.toml", unsteady, &no_files).unwrap();
@@ -239,7 +231,6 @@ fn with_reality(line: &str, by: &str) -> Setup {
     Setup::load("other.toml", &AS_PONTES.replace(line, by), &no_files).unwrap()
 }
 
-#[test]
 fn without_a_plume_in_reality_nothing_is_found() {
     let summary = fly(&with_reality("c_max_ppm = 500.0", "c_max_ppm = 0.0")).summary;
     assert_eq!(summary.peak.status, PeakStatus::NotFound);
@@ -248,7 +239,6 @@ fn without_a_plume_in_reality_nothing_is_found() {
 
 /// Realities of another form than the model's: what is said of the peak holds within two standard
 /// deviations, or is said to be doubtful, in nine of ten.
-#[test]
 fn a_second_source_is_found_and_weighed_beside_the_first() {
     let second = "\n[[reality.mechanism]]\nid = \"second-source\"\neast_m = 300.0\nnorth_m = -250.0\nratio = 0.5\n";
     let text = format!("{AS_PONTES}{second}");
@@ -281,8 +271,6 @@ fn a_second_source_is_found_and_weighed_beside_the_first() {
     assert!((axis.value - 72.0).abs() < 0.2, "{axis:?}");
 }
 
-#[test]
-#[ignore = "second tier: nine missions"]
 fn in_realities_of_another_form_the_peak_holds_or_is_doubtful() {
     let mechanism = |id: &str, parameter: &str| {
         let text = format!("{AS_PONTES}\n[[reality.mechanism]]\nid = \"{id}\"\n{parameter}\n");
@@ -333,14 +321,10 @@ fn agree(setup: &Setup, readings: &[Observation]) {
     }
 }
 
-#[test]
-#[ignore = "second tier: three missions"]
 fn so_do_other_seeds() {
     good((1..=3).map(|seed| fly(&as_pontes(seed, 1))).collect());
 }
 
-#[test]
-#[ignore = "second tier: three missions"]
 fn a_reality_whose_wind_turns_is_no_finding() {
     const TURNING: &str = "time_s,wind_speed_m_s,wind_from_deg\n0,8,249\n1800,8,255\n3600,8,261\n";
     let constant = "wind_speed_m_s = 8.0\nwind_from_deg = 252.0\n";
@@ -359,8 +343,6 @@ fn a_reality_whose_wind_turns_is_no_finding() {
     }
 }
 
-#[test]
-#[ignore = "second tier: a whole mission"]
 fn three_real_vehicles_do_as_well() {
     let summary = campaign::fly(&as_pontes(1, 3)).unwrap();
     assert!(
@@ -371,8 +353,6 @@ fn three_real_vehicles_do_as_well() {
     assert_eq!(summary.vehicles.len(), 6);
 }
 
-#[test]
-#[ignore = "second tier: a whole mission"]
 fn with_no_real_vehicle_the_model_stays_as_it_was() {
     let summary = campaign::fly(&as_pontes(1, 0)).unwrap();
     assert_eq!(summary.model.before, summary.model.after);
@@ -381,7 +361,6 @@ fn with_no_real_vehicle_the_model_stays_as_it_was() {
     assert_eq!(summary.peak.estimate, None);
 }
 
-#[test]
 fn one_vehicle_alone_flies_a_mission() {
     let mut setup = as_pontes(1, 1);
     setup.scenario.vehicles.drain(..5);
@@ -395,7 +374,6 @@ fn one_vehicle_alone_flies_a_mission() {
     );
 }
 
-#[test]
 fn calm_wind_is_flown_in() {
     let text = AS_PONTES
         .replace("wind_speed_m_s = 7.0", "wind_speed_m_s = 0.0")
@@ -408,4 +386,25 @@ fn calm_wind_is_flown_in() {
         "{:?}",
         summary.vehicles
     );
+}
+
+crate::runner::tests! {
+    Cores {
+        the_reference_mission_finds_the_peak_corrects_the_model_and_raises_no_alarm,
+        in_unsteady_air_the_peak_is_found_within_what_is_said_of_it,
+        without_a_plume_in_reality_nothing_is_found,
+        a_second_source_is_found_and_weighed_beside_the_first,
+        #[ignore = "nine missions"]
+        in_realities_of_another_form_the_peak_holds_or_is_doubtful,
+        #[ignore = "three missions"]
+        so_do_other_seeds,
+        #[ignore = "three missions"]
+        a_reality_whose_wind_turns_is_no_finding,
+        #[ignore = "a whole mission"]
+        three_real_vehicles_do_as_well,
+        #[ignore = "a whole mission"]
+        with_no_real_vehicle_the_model_stays_as_it_was,
+        one_vehicle_alone_flies_a_mission,
+        calm_wind_is_flown_in,
+    }
 }

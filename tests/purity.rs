@@ -1,11 +1,5 @@
 //! The pure crates stay pure: their dependency trees hold no async runtime and no bus.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
 use std::process::Command;
 
 /// The crates that promise it.
@@ -59,7 +53,6 @@ fn holds(tree: &str, name: &str) -> bool {
         .any(|crate_name| crate_name == name || crate_name.starts_with(&format!("{name}-")))
 }
 
-#[test]
 fn pure_crates_pull_in_no_runtime() {
     for package in PURE {
         let tree = tree(package);
@@ -69,14 +62,12 @@ fn pure_crates_pull_in_no_runtime() {
     }
 }
 
-#[test]
 fn the_check_sees_what_it_looks_for() {
     let net = tree("net");
     assert!(holds(&net, "zenoh") && holds(&net, "tokio") && holds(&net, "mio"));
     assert!(holds(&tree("views"), "axum"));
 }
 
-#[test]
 fn pure_crates_use_no_clock_file_socket_or_thread_random() {
     let forbidden = [
         "std::time::Instant",
@@ -121,4 +112,51 @@ fn sources(folder: &str) -> Vec<String> {
         }
     }
     found
+}
+
+/// Tests of a folder are one executable, so that each is a module of its `main.rs`: a file that nobody names
+/// there, or an attribute that the programs' own runner does not read, would be a test that never runs.
+fn every_file_of_tests_is_run() {
+    let named = |folder: &str, exceptions: &[&str]| {
+        let main = std::fs::read_to_string(format!("{folder}/main.rs")).unwrap();
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let file = entry.unwrap().file_name().into_string().unwrap();
+            let Some(module) = file.strip_suffix(".rs") else {
+                continue;
+            };
+            let run = main.contains(&format!("mod {module};"));
+            assert!(
+                run || module == "main" || exceptions.contains(&module),
+                "{folder}/{file} is no module of main.rs"
+            );
+        }
+    };
+    // Targets of their own.
+    named("../tests", &["bus"]);
+    for entry in std::fs::read_dir("../crates").unwrap() {
+        let folder = entry.unwrap().path().join("tests");
+        if folder.join("main.rs").exists() {
+            named(folder.to_str().unwrap(), &["measured"]);
+        }
+    }
+    // The words in two parts: this file is one of those that are read.
+    let attributes = [concat!("#[te", "st]"), concat!("#[tokio::te", "st")];
+    for file in sources("../tests") {
+        let text = std::fs::read_to_string(&file).unwrap();
+        for attribute in attributes {
+            assert!(
+                file.ends_with("bus.rs") || !text.contains(attribute),
+                "{file} has {attribute}: list the test in its tests! instead"
+            );
+        }
+    }
+}
+
+crate::runner::tests! {
+    Cores {
+        pure_crates_pull_in_no_runtime,
+        the_check_sees_what_it_looks_for,
+        pure_crates_use_no_clock_file_socket_or_thread_random,
+        every_file_of_tests_is_run,
+    }
 }

@@ -1,36 +1,18 @@
 //! Several hosts by one command and one option: the keys that it writes carry a mission, and let nobody say what is not
 //! his to say; without keys, and without a token for the page, programs refuse to open themselves to others.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
-mod program;
-
+use crate::program::{Ends, SCENARIO, folder, plumage, refused, text};
 use net::realtime::MissionClock;
 use net::{Net, NetOptions, TlsFiles};
-use program::{SCENARIO, folder, plumage, refused, text};
 use programs::host_keys;
 use protocol::key::Name;
 use protocol::message::{Message, PathKind, Setpoint, Severity};
 use protocol::{AgentId, Envelope, Interest, SimTime, Topic};
 use std::net::TcpListener;
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 use tasks::mission_key;
-
-/// A process that ends with its owner.
-struct Ends(Child);
-
-impl Drop for Ends {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
 
 fn free_endpoint() -> String {
     let port = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -51,7 +33,6 @@ fn new_keys(out: &Path, hosts: &[&str]) -> Output {
 }
 
 /// The team in lockstep over TLS, each of two hosts with its own folder of keys: the digest is that of one process.
-#[test]
 fn one_command_and_one_option_fly_a_mission_with_keys() {
     let folder = folder("keys-mission");
     let out = folder.join("keys");
@@ -111,8 +92,15 @@ fn one_command_and_one_option_fly_a_mission_with_keys() {
 }
 
 /// A host that holds the mission's key and may fly vehicle 6 is not heard as anybody else.
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_host_says_only_what_is_its_own() {
+fn a_host_says_only_what_is_its_own() {
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build();
+    runtime.unwrap().block_on(a_host_is_heard_as_itself_alone());
+}
+
+async fn a_host_is_heard_as_itself_alone() {
     let out = folder("keys-roles");
     let made = new_keys(
         &out.join("k"),
@@ -187,7 +175,6 @@ async fn a_host_says_only_what_is_its_own() {
     assert_eq!(ground.refused(), 0);
 }
 
-#[test]
 fn nothing_is_opened_to_others_without_a_key_or_a_token() {
     let folder = folder("keys-refused");
     let sc = |arguments: &[&str]| {
@@ -227,4 +214,14 @@ fn nothing_is_opened_to_others_without_a_key_or_a_token() {
     assert!(!out.exists());
     let token = plumage(&[&run[..], &["127.0.0.1:0", "--page-token", "a b"]].concat());
     refused(&token, 2, &["letters, digits"]);
+}
+
+crate::runner::tests! {
+    RealTime {
+        a_host_says_only_what_is_its_own,
+    }
+    Cores {
+        one_command_and_one_option_fly_a_mission_with_keys,
+        nothing_is_opened_to_others_without_a_key_or_a_token,
+    }
 }

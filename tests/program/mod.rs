@@ -1,7 +1,7 @@
-//! `plumage` run as a program, and folders for what it makes.
+//! `plumage` run as a program, processes that end with their test, and folders for what they make.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output};
 
 /// The scenario that most of these tests fly.
 pub const SCENARIO: &str = "../scenarios/as-pontes-steady.toml";
@@ -12,6 +12,16 @@ pub fn plumage(arguments: &[&str]) -> Output {
         .args(arguments)
         .output()
         .unwrap()
+}
+
+/// A process that ends with its owner.
+pub struct Ends(pub Child);
+
+impl Drop for Ends {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
 }
 
 /// An empty folder of this test's own.

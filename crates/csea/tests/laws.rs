@@ -1,9 +1,6 @@
 //! Laws that hold for any samples, domain and seed.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are not test functions themselves
-
-mod common;
-
+use crate::common;
 use air::geo::wrap_signed_deg;
 use csea::{
     Archive, ArchiveOptions, CsEaOptions, CseaError, DifferentialEvolution, Domain, Position,

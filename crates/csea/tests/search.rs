@@ -1,9 +1,6 @@
 //! A team that senses only where it flies: who finds the peak of a known field?
 
-#![allow(clippy::unwrap_used)] // helpers of tests are not test functions themselves
-
-mod common;
-
+use crate::common;
 use air::geo::wrap_signed_deg;
 use csea::{
     Archive, ArchiveOptions, CsEaOptions, Domain, Position, Sample, Sampler, SearchStrategy,

@@ -1,7 +1,5 @@
 //! Aircraft files that no aircraft can have are refused, with file, line and reason.
 
-#![allow(clippy::unwrap_used)]
-
 use fdm::{Aircraft, FdmError};
 
 const X8: &str = include_str!("../../../aircraft/x8.toml");

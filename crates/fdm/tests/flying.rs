@@ -1,7 +1,5 @@
 //! The whole aircraft with its loops: holds what it is told, in calm air and in gusts.
 
-#![allow(clippy::unwrap_used)]
-
 use air::dryden::{Dryden, Turbulence};
 use fdm::autopilot::{Autopilot, Demand, Path, Sensed};
 use fdm::{AirAround, Aircraft, FlightPhase, FlightSim, FlightState};

@@ -3,8 +3,6 @@
 //! The expected numbers are written by `tests/oracle/jsbsim_flight.py` (PyPI `jsbsim` 1.3.3, an
 //! aircraft of our own, planet at rest, the same gravity, density and hold of the controls).
 
-#![allow(clippy::unwrap_used)]
-
 use std::collections::BTreeMap;
 
 use fdm::dynamics::Dynamics;

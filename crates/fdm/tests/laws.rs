@@ -1,8 +1,6 @@
 //! Laws that hold whatever the coefficients: energy, momentum, the quaternion's norm, and the
 //! order of the integration.
 
-#![allow(clippy::unwrap_used)]
-
 use fdm::dynamics::{AirState, Body, Controls, Dynamics, rotation};
 use fdm::quaternion;
 use fdm::{AirAround, Aircraft, FlightSim, SurfaceCommand};

@@ -1,8 +1,6 @@
 //! Trim and modes against the published figures of the Skywalker X8 (Gryte et al. 2018 and the
 //! inertia of its parts).
 
-#![allow(clippy::unwrap_used)]
-
 use fdm::dynamics::Dynamics;
 use fdm::{Aircraft, trim};
 

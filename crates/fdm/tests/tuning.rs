@@ -1,7 +1,5 @@
 //! Tuning: what is found must be better where it was not searched, and safe.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are not test functions themselves
-
 use fdm::tune::{TuneOrder, TuneReport, tune, with_gains};
 use fdm::{Aircraft, FdmError};
 

@@ -23,9 +23,9 @@ pub use judge::{
 };
 pub use made::{Made, make};
 pub use plan::{Kind, Task, plan, share_of};
-pub use rates::{Rate, clopper_pearson};
+pub use rates::{Rate, clopper_pearson, reaches};
 pub use sensitivity::sensitivity;
-pub use summary::Summary;
+pub use summary::{Line, Summary};
 
 /// How the benchmark is run.
 #[derive(Debug, Clone)]

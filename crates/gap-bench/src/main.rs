@@ -1,11 +1,16 @@
 //! The pages `docs/gap-benchmark.md` and `docs/gap-flight-benchmark.md`: how often what was hidden in
 //! synthetic data is found, named and mended. Run it from the repository's root.
 
+#[path = "../../../tests/bar/mod.rs"]
+mod bar;
 mod one_case;
 mod outcomes;
+#[path = "../../speed-guard/src/provenance.rs"]
+mod provenance;
 
 use anyhow::Context as _;
 use clap::Parser as _;
+use gap_bench::Line;
 use gap_bench::flight::{self, BenchAircraft, FIRST_SEED, FlightShare};
 use indicatif::{ProgressBar, ProgressStyle};
 use outcomes::Outcomes;
@@ -83,6 +88,9 @@ struct Arguments {
         help_heading = "Outputs"
     )]
     outcomes: Option<PathBuf>,
+    /// Part K of N of the plume cases, every N-th from the K-th on
+    #[arg(long, value_name = "K/N", value_parser = shard, conflicts_with = "flight", help_heading = "Cases")]
+    shard: Option<(usize, usize)>,
     /// Run only cases whose name contains this text; prints the page, and writes it only to --out
     #[arg(long, value_name = "TEXT", default_value = "", help_heading = "Cases")]
     only: String,
@@ -97,6 +105,15 @@ fn count(text: &str) -> Result<usize, String> {
     count.ok_or_else(|| "expected a whole number, 1 or more".to_owned())
 }
 
+/// Reads `K/N` with K from 1 to N.
+fn shard(text: &str) -> Result<(usize, usize), String> {
+    let parts = text.split_once('/');
+    let parts = parts.and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)));
+    parts
+        .filter(|(k, n)| (1..=*n).contains(k))
+        .ok_or_else(|| "expected K/N with K from 1 to N, such as 3/20".to_owned())
+}
+
 fn main() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
     if let (Some(seed), Some(folder)) = (arguments.case, &arguments.into) {
@@ -106,13 +123,29 @@ fn main() -> anyhow::Result<()> {
         gap_bench::sensitivity(count, arguments.first_seed, &mut |line| println!("{line}"));
         return Ok(());
     }
-    let (page, usual) = if arguments.flight {
-        (of_flight(&arguments)?, "docs/gap-flight-benchmark.md")
+    let ((page, lines), subject, usual) = if arguments.flight {
+        (
+            of_flight(&arguments)?,
+            "flight",
+            "docs/gap-flight-benchmark.md",
+        )
     } else {
-        (of_plume(&arguments)?, "docs/gap-benchmark.md")
+        (of_plume(&arguments)?, "plume", "docs/gap-benchmark.md")
     };
+    let page = with_provenance(&page)?;
     print!("{page}");
-    if arguments.out.is_none() && (arguments.quick.is_some() || !arguments.only.is_empty()) {
+    for (what, goal, figure) in &lines {
+        if let Some(reached) = gap_bench::reaches(goal, figure) {
+            bar::report(
+                &format!("benchmark of {subject}, {what}"),
+                goal,
+                figure,
+                reached,
+            );
+        }
+    }
+    let part = arguments.quick.is_some() || arguments.shard.is_some() || !arguments.only.is_empty();
+    if arguments.out.is_none() && part {
         // A part is no page to publish.
         return Ok(());
     }
@@ -120,7 +153,19 @@ fn main() -> anyhow::Result<()> {
     std::fs::write(file, page).with_context(|| file.display().to_string())
 }
 
-fn of_plume(arguments: &Arguments) -> anyhow::Result<String> {
+/// The page with the date, the commit and the command that made it below its title.
+fn with_provenance(page: &str) -> anyhow::Result<String> {
+    let options: Vec<String> = std::env::args().skip(1).collect();
+    let measured = provenance::date_and_commit(Path::new("."))?;
+    let (title, rest) = page.split_once("\n\n").unwrap_or((page, ""));
+    Ok(format!(
+        "{title}\n\nMeasured: {measured}, by `cargo run --release -p gap-bench -- {}`.\n\n{rest}",
+        options.join(" ")
+    ))
+}
+
+/// The page of plumes, and its rates.
+fn of_plume(arguments: &Arguments) -> anyhow::Result<(String, Vec<Line>)> {
     let bar = progress_bar(0);
     let mut tasks = match arguments.quick {
         Some(count) => gap_bench::share_of(count, arguments.first_seed),
@@ -134,6 +179,9 @@ fn of_plume(arguments: &Arguments) -> anyhow::Result<String> {
             "--only {}: no case has this in its name; expected a part of one of: {rows}",
             arguments.only
         );
+    }
+    if let Some((k, n)) = arguments.shard {
+        tasks = tasks.into_iter().skip(k - 1).step_by(n).collect();
     }
     let mut options = gap_bench::Options::new(tasks);
     options.threads = threads(arguments);
@@ -156,7 +204,7 @@ fn of_plume(arguments: &Arguments) -> anyhow::Result<String> {
     });
     bar.finish_and_clear();
     kept.map_or(Ok(()), Outcomes::close)?;
-    Ok(summary.to_markdown())
+    Ok((summary.to_markdown(), summary.lines()))
 }
 
 /// Aircraft that are flown.
@@ -165,7 +213,8 @@ const AIRCRAFT: [&str; 2] = [
     include_str!("../../../aircraft/ultrastick-25e.toml"),
 ];
 
-fn of_flight(arguments: &Arguments) -> anyhow::Result<String> {
+/// The page of flights, and its rates.
+fn of_flight(arguments: &Arguments) -> anyhow::Result<(String, Vec<Line>)> {
     let share = FlightShare::published(&arguments.only);
     anyhow::ensure!(
         share.holds_any(),
@@ -187,7 +236,7 @@ fn of_flight(arguments: &Arguments) -> anyhow::Result<String> {
         &|done, _| bar.set_position(done),
     );
     bar.finish_and_clear();
-    Ok(summary.to_markdown())
+    Ok((summary.to_markdown(), summary.lines()))
 }
 
 fn threads(arguments: &Arguments) -> usize {

@@ -60,6 +60,21 @@ pub fn mean_or_dash(mean: f64, decimals: usize, unit: &str) -> String {
     format!("{mean:.decimals$}{unit}")
 }
 
+/// Whether a figure reaches its goal, both as the tables have them: goals such as `≥ 80 %`, `≤ 2.5` and `92–98 %`,
+/// figures that begin with their number. None where there is no goal or no figure.
+pub fn reaches(goal: &str, figure: &str) -> Option<bool> {
+    let number = |text: &str| text.split(' ').next()?.parse::<f64>().ok();
+    let figure = number(figure)?;
+    if let Some(least) = goal.strip_prefix("≥ ") {
+        return Some(figure >= number(least)?);
+    }
+    if let Some(most) = goal.strip_prefix("≤ ") {
+        return Some(figure <= number(most)?);
+    }
+    let (low, high) = goal.split_once('–')?;
+    Some((number(low)?..=number(high)?).contains(&figure))
+}
+
 /// The 95 % interval of Clopper & Pearson (1934).
 pub fn clopper_pearson(rate: Rate) -> (f64, f64) {
     let (k, n) = (rate.hits as f64, rate.of as f64);
@@ -86,6 +101,22 @@ mod tests {
         assert_eq!(mean_or_dash(90.46, 1, " %"), "90.5 %");
         assert_eq!(mean_or_dash(f64::NAN, 1, " %"), "–");
         assert_eq!(Rate::default().to_string(), "–");
+    }
+
+    #[test]
+    fn a_figure_is_held_against_its_goal() {
+        let cases = [
+            ("≥ 80 %", "80.0 % (4/5; 28.4–99.5)", Some(true)),
+            ("≥ 80 %", "42.9 % (6/14; 17.7–71.1)", Some(false)),
+            ("≤ 2.5", "2.83", Some(false)),
+            ("92–98 %", "92.6 % (25/27; 75.7–99.1)", Some(true)),
+            ("92–98 %", "98.1 % (1/2; 0–1)", Some(false)),
+            ("≥ 80 %", "–", None),
+            ("", "3.0 %", None),
+        ];
+        for (goal, figure, reached) in cases {
+            assert_eq!(reaches(goal, figure), reached, "{goal} {figure}");
+        }
     }
 
     // R: binom.test(x, n)$conf.int: 2 of 200 0.0012, 0.0357; 5 of 500 .0033, .0232; 0 of 20 0, .1684.

@@ -10,7 +10,7 @@ use crate::plan::{CLASSES, Kind, class};
 use crate::rates::{Rate, mean_or_dash};
 
 /// What was asked, the bar, and what was reached.
-type Line = (String, String, String);
+pub type Line = (String, String, String);
 
 fn line(what: &str, bar: &str, reached: impl ToString) -> Line {
     (what.to_owned(), bar.to_owned(), reached.to_string())
@@ -135,8 +135,8 @@ impl Summary {
         page
     }
 
-    fn headline(&self, page: &mut String) {
-        page.push_str("| what | bar | reached |\n|---|---|---|\n");
+    /// The rates, each with the bar that it has.
+    pub fn lines(&self) -> Vec<Line> {
         let mut lines = self.lines_of_nothing();
         let bars = ["≥ 80 %", "≥ 97 %", ""];
         for (low, bar) in CLASSES.into_iter().zip(bars) {
@@ -145,7 +145,12 @@ impl Summary {
         lines.extend(self.lines_of_all());
         lines.extend(self.lines_of_families());
         lines.extend(self.lines_beyond_one());
-        for (what, bar, reached) in lines {
+        lines
+    }
+
+    fn headline(&self, page: &mut String) {
+        page.push_str("| what | bar | reached |\n|---|---|---|\n");
+        for (what, bar, reached) in self.lines() {
             // Writing into a String cannot fail.
             let _ = writeln!(page, "| {what} | {bar} | {reached} |");
         }

@@ -2,8 +2,6 @@
 //! parameters. How often the finder is right is measured by the benchmark; `share.rs` and
 //! `flight_share.rs` have a share of it.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are not test functions themselves
-
 use fdm::Aircraft;
 use gap::flight::log::FlightLog;
 use gap::flight::{Finding, gate};

@@ -1,8 +1,6 @@
 //! Coefficients of an aircraft without published ones, from flights by a flight model that shares nothing with the
 //! finder: what is stated of them holds, and the aircraft flies as the one that flew.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail by a panic")]
-
 use fdm::Aircraft;
 use gap::flight::estimate::{Estimate, estimate};
 use gap::flight::log::FlightLog;

@@ -1,8 +1,6 @@
 //! Faults that set in during a flight, made by a flight model that shares nothing with the finder: what they
 //! are, how large, and when they began.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail by a panic")]
-
 use fdm::Aircraft;
 use gap::flight::log::FlightLog;
 use gap::flight::{Finding, gate};

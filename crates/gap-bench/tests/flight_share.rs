@@ -1,11 +1,5 @@
 //! A small fixed share of the benchmark of flight: of the second tier. The first has `families.rs`.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
 use gap_bench::flight::{BenchAircraft, FlightShare, FlightSummary, run};
 use gap_truth::flight::FlightNoise;
 

@@ -1,7 +1,6 @@
 //! A small fixed share of the benchmark, with the same bars: of the second tier. The first has `families.rs`.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are not test functions themselves
-
+use crate::bar;
 use gap_bench::{Options, Outcome, Rate, Summary, Task, plan, run_with};
 use gap_truth::NoiseForm;
 
@@ -34,23 +33,18 @@ fn made(summary: &Summary) -> Vec<&Outcome> {
     summary.outcomes.iter().filter(made).collect()
 }
 
-/// That at most `most` of the cases miss what is asked of them.
-fn at_most_missed(summary: &Summary, rate: Rate, most: usize) {
-    assert!(rate.of > 0, "{}", summary.to_markdown());
-    assert!(
-        rate.of - rate.hits <= most,
-        "{rate}: {}",
-        summary.to_markdown()
-    );
+/// Reports a rate of which at most so many may miss.
+fn at_most_missed(what: &str, rate: Rate, most: usize) {
+    assert!(rate.of > 0, "{what}: no case");
+    let goal = format!("at least {} of {}", rate.of - most, rate.of);
+    bar::report(what, &goal, rate, rate.of - rate.hits <= most);
 }
 
-fn quiet(summary: &Summary, cases: &[&Outcome], most: usize) {
-    let alarms = Summary::detected(cases);
-    assert!(
-        alarms.of > 0 && alarms.hits <= most,
-        "{}",
-        summary.to_markdown()
-    );
+/// Reports a rate of which at most so many may be hit.
+fn at_most(what: &str, rate: Rate, most: usize) {
+    assert!(rate.of > 0, "{what}: no case");
+    let goal = format!("at most {most} of {}", rate.of);
+    bar::report(what, &goal, rate, rate.hits <= most);
 }
 
 // At most 2 % false alarms: of 8 each more than one has a chance of 1 %.
@@ -58,17 +52,23 @@ fn quiet(summary: &Summary, cases: &[&Outcome], most: usize) {
 #[ignore = "second tier: a rate over many cases"]
 fn nothing_is_found_where_nothing_is_hidden() {
     let summary = share(|t| t.row().starts_with("none"), 8, 100);
-    for noise in [
-        NoiseForm::Usual,
-        NoiseForm::Unusual,
-        NoiseForm::SlowSensors,
-        NoiseForm::GustyWind,
-        NoiseForm::UnloggedWind,
-        NoiseForm::Realistic,
-    ] {
-        quiet(&summary, &summary.nothing(noise, false), 1);
+    let kinds = [
+        (NoiseForm::Usual, false, "usual noise"),
+        (NoiseForm::Unusual, false, "other noise"),
+        (NoiseForm::SlowSensors, false, "slow sensors"),
+        (NoiseForm::GustyWind, false, "gusty wind"),
+        (NoiseForm::UnloggedWind, false, "swinging wind not logged"),
+        (NoiseForm::Realistic, false, "strong noise with memory"),
+        (NoiseForm::SlowSensors, true, "slow sensors, sparse rows"),
+    ];
+    for (noise, sparse, name) in kinds {
+        let alarms = Summary::detected(&summary.nothing(noise, sparse));
+        at_most(
+            &format!("share, nothing hidden, {name}: false alarms"),
+            alarms,
+            1,
+        );
     }
-    quiet(&summary, &summary.nothing(NoiseForm::SlowSensors, true), 1);
 }
 
 // Detected 80 % and 97 %, of these said in 97 %, a wrong name in 1 %: of 16 more than six, two, two
@@ -80,13 +80,12 @@ fn what_is_hidden_is_found() {
         let one = |t: &Task| t.effects().len() == 1 && t.row().ends_with(class);
         let summary = share(one, 1, 16);
         let cases = made(&summary);
-        at_most_missed(&summary, Summary::detected(&cases), missed);
-        at_most_missed(&summary, Summary::said_at_all(&cases), 2);
-        assert!(
-            Summary::wrong_single(&cases).hits <= 1,
-            "{}",
-            summary.to_markdown()
-        );
+        let what = |part: &str| format!("share, {class}: {part}");
+        at_most_missed(&what("detected"), Summary::detected(&cases), missed);
+        let said = Summary::said_at_all(&cases);
+        at_most_missed(&what("of detected, truth in sets or candidates"), said, 2);
+        let wrong = Summary::wrong_single(&cases);
+        at_most(&what("a wrong single name"), wrong, 1);
     }
 }
 
@@ -99,11 +98,16 @@ fn what_no_mechanism_explains_is_not_named() {
         .into_iter()
         .filter(|o| o.nats() >= 60.0)
         .collect();
-    at_most_missed(&summary, Summary::detected(&cases), 2);
-    assert!(
-        Summary::wrong_single(&cases).hits <= 2,
-        "{}",
-        summary.to_markdown()
+    at_most_missed(
+        "share, outside the catalogue: detected",
+        Summary::detected(&cases),
+        2,
+    );
+    let wrong = Summary::wrong_single(&cases);
+    at_most(
+        "share, outside the catalogue: a wrong single name",
+        wrong,
+        2,
     );
 }
 
@@ -114,9 +118,9 @@ fn of_two_effects_none_is_dropped_silently() {
     let summary = share(|t| t.row().starts_with("two effects"), 10, 10);
     let cases = made(&summary);
     let both = Rate::of(&cases, |o| Some(o.said_at_all() == 2));
-    at_most_missed(&summary, both, 5);
+    at_most_missed("share, two effects: both in sets or candidates", both, 5);
     let dropped = Rate::of(&cases, |o| Some(o.silently_dropped()));
-    assert!(dropped.hits <= 2, "{}", summary.to_markdown());
+    at_most("share, two effects: `named` with one missing", dropped, 2);
 }
 
 // Frozen, clipped and silent sensors are said, and so are places that jump.

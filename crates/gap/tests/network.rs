@@ -1,12 +1,6 @@
 //! Networks of fixed sensors, made here by a plume of this file's own: Gauss with Briggs' rural class D (1973) over
 //! ground that sends everything back, in air of 15 °C and 1013.25 hPa.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
 use gap::plume::{Options, Setup, analyse};
 use gap::verdict::{GapJson, Verdict};
 use plume::Gas;

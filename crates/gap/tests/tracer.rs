@@ -1,10 +1,6 @@
 //! Tracer trials: hidden effects in trials made here.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may fail loudly")]
-
-#[path = "tracer/made.rs"]
 mod made;
-#[path = "tracer/told.rs"]
 mod told;
 
 use gap::tracer::table::Tables;

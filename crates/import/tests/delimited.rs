@@ -3,11 +3,7 @@
 //! The logs are written by hand from how the instruments' manuals show them; expected numbers by hand from the
 //! definitions of the units: 1 ft = 0.3048 m, 1 mph = 0.44704 m/s, `date -u -d 2024-05-01T10:00:00Z +%s` = 1714557600.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail by a panic")]
-
-mod common;
-
-use common::{import, refused, text};
+use crate::common::{import, refused, text};
 use proptest::prelude::*;
 
 #[test]

@@ -1,10 +1,6 @@
 //! Logs as instruments and programs write them: their headers as in manuals and public logs, rows by hand.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail by a panic")]
-
-mod common;
-
-use common::import;
+use crate::common::import;
 
 /// A place for instruments that have none.
 const PLACE: &str = "[log.column.lat_deg]\nvalue = 43.5\n[log.column.lon_deg]\nvalue = -7.5\n\

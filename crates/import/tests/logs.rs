@@ -4,11 +4,7 @@
 //! documents (docs.px4.io, *ULog File Format*; ArduPilot's `LogStructure.h`) and read the same by `pyulog` 1.3.0 and
 //! `pymavlink` 2.4.50 (`DFReader`); the telemetry log is pymavlink's (`tests/oracle/telemetry_log.py`).
 
-#![allow(clippy::unwrap_used, reason = "a test may fail by a panic")]
-
-mod common;
-
-use common::import;
+use crate::common::import;
 use std::fmt::Write as _;
 
 /// `date -u -d 2024-05-01T10:00:00Z +%s`

@@ -1,10 +1,7 @@
 //! What is looked at before anything is commanded.
-#![allow(clippy::unwrap_used)]
 
-mod frames;
-
+use crate::frames::messages;
 use air::geo::Geodetic;
-use frames::messages;
 use mav_bridge::dialect::{
     EKF_STATUS_REPORT_DATA, EkfStatusFlags, GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA,
     HOME_POSITION_DATA, MavAutopilot, MavMessage, MavModeFlag, MavState, MavSysStatusSensor,

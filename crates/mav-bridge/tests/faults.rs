@@ -1,9 +1,6 @@
 //! What goes wrong between a bridge and real vehicles, and what the bridge makes of it.
-#![allow(clippy::unwrap_used)]
 
-mod frames;
-
-use frames::messages;
+use crate::frames::messages;
 use mav_bridge::arduplane::{FBWA, GUIDED, MANUAL, RTL, TAKEOFF};
 use mav_bridge::dialect::{
     ATTITUDE_DATA, FENCE_STATUS_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA, MavAutopilot,

@@ -1,5 +1,4 @@
 //! Frames against those of pymavlink 2.4.50: `python tests/oracle/mavlink_frames.py`.
-#![allow(clippy::unwrap_used)]
 
 use mav_bridge::signing::SigningConfig;
 use mav_bridge::{Bridge, BridgeConfig, BridgeOutput};

@@ -1,5 +1,4 @@
 //! Laws that hold for any bytes on the link and any order of events.
-#![allow(clippy::unwrap_used)]
 
 use mav_bridge::arduplane::{AUTO, FBWA, GUIDED, LOITER, MANUAL, RTL, TAKEOFF};
 use mav_bridge::dialect::{

@@ -1,11 +1,8 @@
 //! A vehicle that answers as PX4's source says: modes in two parts, Hold by itself after the take-off, places with
 //! their airspeed, parameters as bytes.
-#![allow(clippy::unwrap_used)]
 
-mod frames;
-
+use crate::frames::messages;
 use air::geo::Geodetic;
-use frames::messages;
 use mav_bridge::dialect::*;
 use mav_bridge::px4::{HOLD, MANUAL, OFFBOARD, POSITION, PX4, RETURN, TAKEOFF};
 use mav_bridge::wire::{FrameEncoder, MessageData};

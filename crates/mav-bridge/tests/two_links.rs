@@ -1,5 +1,4 @@
 //! One vehicle over two links: what is heard over either counts once, and losing one loses nothing.
-#![allow(clippy::unwrap_used)]
 
 use mav_bridge::arduplane::{FBWA, GUIDED};
 use mav_bridge::dialect::{

@@ -1,6 +1,5 @@
 //! Members of the team fall silent, batteries run low, fences are broken, pilots take over: every
 //! vehicle comes home and circles, and flies on only when it is handed back.
-#![allow(clippy::unwrap_used)]
 
 use air::geo::{Enu, Geodetic};
 use mission::{Member, Setup};

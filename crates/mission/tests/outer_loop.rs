@@ -1,6 +1,5 @@
 //! The outer loop of a real vehicle is its autopilot's, or the one that simulated vehicles have: both fly the reference
 //! mission's set-points, by the same measure.
-#![allow(clippy::unwrap_used)]
 
 use air::geo::{Enu, Geodetic};
 use mission::{Run, Setup};

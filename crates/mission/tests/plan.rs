@@ -1,5 +1,4 @@
 //! What a plan foretells is what missions then show.
-#![allow(clippy::unwrap_used)]
 
 use mission::plan::{fly, forecast};
 use mission::{Setup, campaign};

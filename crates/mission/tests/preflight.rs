@@ -1,5 +1,4 @@
 //! The check before take-off says what cannot be flown, with numbers.
-#![allow(clippy::unwrap_used)]
 
 use mission::Setup;
 use mission::preflight::{Finding, Verdict, check};

@@ -1,5 +1,4 @@
 //! Teams of many sizes are down at the mission's end, and keep their distances on the way.
-#![allow(clippy::unwrap_used)]
 
 use air::geo::{Enu, Geodetic};
 use mission::{Run, Setup};

@@ -1,5 +1,4 @@
 //! Over mountains nobody is nearer to the ground than the floor, and all come down.
-#![allow(clippy::unwrap_used)]
 
 use air::geo::{Enu, Geodetic};
 use mission::{Run, Setup};

@@ -1,11 +1,5 @@
 //! The rule of time on the bus: what is said in tick n is heard in tick n + 1, in order.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
 use protocol::bus::Conductor;
 use protocol::digest::Digest;
 use protocol::message::{EventMessage, Severity};

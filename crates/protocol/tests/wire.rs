@@ -1,11 +1,5 @@
 //! What goes over the wire: golden bytes, JSON, and what is refused.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
 use proptest::prelude::*;
 use protocol::key::Name;
 use protocol::message::{

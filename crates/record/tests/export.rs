@@ -1,8 +1,6 @@
 //! What was flown, exported and read back.
-#![allow(clippy::unwrap_used)]
 
-mod synthetic;
-
+use crate::synthetic;
 use formats::cdr::{Cdr, Definitions, short};
 use formats::mcap_records::Records;
 use mcap::records::Record;

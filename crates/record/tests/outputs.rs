@@ -1,8 +1,6 @@
 //! Summary and KML of a mission, from its messages.
-#![allow(clippy::unwrap_used)]
 
-mod synthetic;
-
+use crate::synthetic;
 use protocol::key::Name;
 use protocol::message::{Message, Peak, PeakStatus, VehicleKind};
 use protocol::{Envelope, SimTime, Topic};

@@ -1,9 +1,6 @@
 //! Recordings: written, cut short, damaged, foreign, out of order, and read back.
 
-#![allow(clippy::unwrap_used)]
-
-mod synthetic;
-
+use crate::synthetic;
 use protocol::digest::Digest;
 use protocol::key::Name;
 use protocol::{Message, SimTime};

@@ -1,9 +1,6 @@
 //! Whole missions of the squadron controller around vehicles that are points.
-#![allow(clippy::unwrap_used)] // helpers of tests are not test functions themselves
 
-mod common;
-
-use common::{Miniature, as_pontes, assert_apart, assert_safe};
+use crate::common::{self, Miniature, as_pontes, assert_apart, assert_safe};
 use protocol::message::{PathKind, PeakStatus, Phase};
 
 fn phases(mini: &Miniature) -> Vec<Phase> {

@@ -1,10 +1,7 @@
 //! Setpoints are safe for any fence, keep-out, team and wind.
-#![allow(clippy::unwrap_used)] // helpers of tests are not test functions themselves
 
-mod common;
-
+use crate::common::{self, Miniature, as_pontes, assert_apart, assert_safe};
 use air::geo::Enu;
-use common::{Miniature, as_pontes, assert_apart, assert_safe};
 use csea::Position;
 use proptest::prelude::*;
 use sc::Separation;

@@ -1,5 +1,4 @@
 //! The highest place that may be flown to, against places known without a search.
-#![allow(clippy::unwrap_used)] // helpers of tests are not test functions themselves
 
 use air::geo::{Enu, Position};
 use plume::Place;

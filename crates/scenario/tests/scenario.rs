@@ -1,11 +1,5 @@
 //! Scenarios that users write: what is read, what is refused and where it points.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test may fail by a panic"
-)]
-
 use plume::Gas;
 use scenario::Scenario;
 use scenario::tables::VehicleKind;

@@ -1,5 +1,4 @@
 //! An airspace that follows the terrain, and ways through it.
-#![allow(clippy::unwrap_used)]
 
 use air::geo::{Enu, Geodetic, Position};
 use air::terrain::Terrain;

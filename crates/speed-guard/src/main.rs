@@ -8,9 +8,10 @@
 
 mod baseline;
 mod measure;
+mod provenance;
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 
 use anyhow::{Context, ensure};
 use baseline::{Baseline, Row};
@@ -49,7 +50,7 @@ fn main() -> anyhow::Result<ExitCode> {
         let tries = if arguments.set_baseline { 1 } else { TRIES };
         rows.extend(best_of(root, &baseline, suite, tries)?);
     }
-    let head = format!("{}, commit {}, {}", today()?, commit(root)?, machine());
+    let head = format!("{}, {}", provenance::date_and_commit(root)?, machine());
     if arguments.set_baseline {
         baseline.set(&rows, &head);
         std::fs::write(&file, toml::to_string(&baseline)?)?;
@@ -88,16 +89,6 @@ fn best_of(root: &Path, known: &Baseline, suite: &str, tries: usize) -> anyhow::
     Ok(best)
 }
 
-fn today() -> anyhow::Result<String> {
-    said(Command::new("date").args(["-u", "+%F"]))
-}
-
-/// The commit's short name, with `-dirty` behind it if something is changed.
-fn commit(root: &Path) -> anyhow::Result<String> {
-    let describe = ["describe", "--always", "--dirty", "--exclude", "*"];
-    said(Command::new("git").arg("-C").arg(root).args(describe))
-}
-
 /// How many cores, and the processor's name as far as the system tells.
 fn machine() -> String {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
@@ -109,11 +100,4 @@ fn machine() -> String {
         "{cores} cores of {}",
         name.map_or("an unknown processor", |n| n.1)
     )
-}
-
-fn said(command: &mut Command) -> anyhow::Result<String> {
-    let output = command.output().with_context(|| format!("{command:?}"))?;
-    let told = String::from_utf8_lossy(&output.stderr);
-    ensure!(output.status.success(), "{command:?}: {told}");
-    Ok(String::from_utf8(output.stdout)?.trim().to_owned())
 }

@@ -1,5 +1,4 @@
 //! Foxglove's WebSocket protocol as a viewer speaks it (RFC 6455 below it).
-#![allow(clippy::unwrap_used)]
 
 use serde_json::{Value, json};
 use std::time::Duration;

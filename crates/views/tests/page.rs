@@ -1,9 +1,6 @@
 //! The page's server over real sockets: what it serves, whom it refuses, what it passes on.
-#![allow(clippy::unwrap_used)]
 
-mod made_up;
-
-use made_up::synthetic;
+use crate::made_up::synthetic;
 use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
@@ -22,7 +19,7 @@ struct Served {
 async fn served_with(options: PageOptions) -> Served {
     let listener = page::listen("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    let live = Live::new(LiveState::new(made_up::site()));
+    let live = Live::new(LiveState::new(crate::made_up::site()));
     let (open, is_open) = watch::channel(());
     let (sender, commands) = mpsc::channel(16);
     let server = tokio::spawn(page::serve(
@@ -526,7 +523,7 @@ async fn a_busy_port_is_named() {
 
 #[test]
 fn messages_stay_small_however_long_the_mission() {
-    let mut live = LiveState::new(made_up::site());
+    let mut live = LiveState::new(crate::made_up::site());
     let (mut news, mut whole) = (0, 0);
     for n in 0..40_000 {
         for (topic, envelope) in synthetic::tick(n) {

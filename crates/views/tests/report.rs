@@ -1,11 +1,8 @@
 //! The mission report as a reader gets it.
-#![allow(clippy::unwrap_used)]
-
-mod made_up;
 
 #[test]
 fn it_is_one_page_that_needs_no_network() {
-    let (page, summary) = made_up::report(6000);
+    let (page, summary) = crate::made_up::report(6000);
     assert!(page.starts_with("<!doctype html>"));
     let own = page.split("plotly.js v3").next().unwrap();
     assert!(!own.contains("src=") && !own.contains("href=") && !own.contains("@import"));
@@ -31,13 +28,17 @@ fn it_is_one_page_that_needs_no_network() {
 
 #[test]
 fn a_mission_that_did_nothing_still_has_a_report() {
-    let (page, _) = made_up::report(0);
+    let (page, _) = crate::made_up::report(0);
     assert!(page.contains("there is no peak") && page.contains("No real vehicle flew"));
 }
 
 #[test]
 fn a_gap_report_shows_names_extends_gains_and_says_what_remains() {
-    let page = views::gap_report::plume("made up", &made_up::gap::json(), &made_up::gap::report());
+    let page = views::gap_report::plume(
+        "made up",
+        &crate::made_up::gap::json(),
+        &crate::made_up::gap::report(),
+    );
     let own = page.split("plotly.js v3").next().unwrap();
     for words in [
         "Where the simulation deviates from the data",
@@ -64,6 +65,6 @@ fn a_gap_report_shows_names_extends_gains_and_says_what_remains() {
 
 #[test]
 fn a_verdict_alone_has_a_report_too() {
-    let page = views::gap_report::verdict("flight", "made up", &made_up::gap::json());
+    let page = views::gap_report::verdict("flight", "made up", &crate::made_up::gap::json());
     assert!(page.contains("Causes") && page.contains("made up"));
 }

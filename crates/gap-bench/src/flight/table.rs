@@ -7,6 +7,7 @@ use gap_truth::flight::FlightNoise;
 
 use super::{FIRST_SEED, FlightKind, FlightOutcome};
 use crate::rates::{Rate, mean_or_dash};
+use crate::summary::Line;
 
 /// All outcomes.
 #[derive(Debug, Clone, PartialEq)]
@@ -102,7 +103,7 @@ impl FlightSummary {
             last.unwrap_or(0),
             self.outcomes.len()
         );
-        for (what, bar, reached) in self.rows() {
+        for (what, bar, reached) in self.lines() {
             // Writing into a String cannot fail.
             let _ = writeln!(text, "| {what} | {bar} | {reached} |");
         }
@@ -116,7 +117,8 @@ impl FlightSummary {
         text
     }
 
-    fn rows(&self) -> Vec<Row> {
+    /// The rates, each with the bar that it has.
+    pub fn lines(&self) -> Vec<Line> {
         let mut rows = vec![
             row(
                 "nothing hidden: false alarms",
@@ -137,21 +139,25 @@ impl FlightSummary {
             rows.push(row(&name("detected"), detected, self.detected(nats)));
             rows.push(row(&name("truth in the set"), held, self.in_sets(nats)));
             let size = mean_or_dash(self.set_size(nats), 2, "");
-            rows.push((name("mean size of the set"), "≤ 1.25", size));
+            rows.push((name("mean size of the set"), "≤ 1.25".into(), size));
             let wrong = self.wrong(|k| is_one(k, nats));
             rows.push(row(&name("wrong with confidence"), "≤ 1 %", wrong));
             let share = mean_or_dash(100.0 * self.gain(nats), 1, " %");
-            rows.push((name("held-out gain / the truth's own"), gain, share));
+            rows.push((name("held-out gain / the truth's own"), gain.into(), share));
         }
         rows.extend(self.other_rows());
         rows.push(row("95 % intervals cover", "92–98 %", self.coverage()));
         let lost = self.outcomes.iter().filter(|o| o.error.is_some()).count();
-        rows.push(("not flown or refused".into(), "", lost.to_string()));
+        rows.push((
+            "not flown or refused".into(),
+            String::new(),
+            lost.to_string(),
+        ));
         rows
     }
 
     /// Rows of what is not one effect by the catalogue's law.
-    fn other_rows(&self) -> [Row; 6] {
+    fn other_rows(&self) -> [Line; 6] {
         let outside = |k: &FlightKind| matches!(k, FlightKind::Outside(..));
         let other_law = |k: &FlightKind| matches!(k, FlightKind::OtherLaw(..));
         let two = |k: &FlightKind| matches!(k, FlightKind::Two(..));
@@ -195,11 +201,8 @@ impl FlightSummary {
     }
 }
 
-/// What was asked, its bar, and what was reached.
-type Row = (String, &'static str, String);
-
-fn row(what: &str, bar: &'static str, rate: Rate) -> Row {
-    (what.to_owned(), bar, rate.to_string())
+fn row(what: &str, bar: &str, rate: Rate) -> Line {
+    (what.to_owned(), bar.to_owned(), rate.to_string())
 }
 
 fn is_one(kind: &FlightKind, nats: f64) -> bool {

@@ -40,7 +40,13 @@ noise_sd_ppm = 1.0
 "#;
 
 pub fn setup() -> Setup {
-    Setup::new(&Scenario::parse("test.toml", SCENARIO).unwrap()).unwrap()
+    setup_with("")
+}
+
+/// The same with more text at the scenario's end, which is in `[uncertain]`.
+pub fn setup_with(uncertain: &str) -> Setup {
+    let text = format!("{SCENARIO}{uncertain}");
+    Setup::new(&Scenario::parse("test.toml", &text).unwrap()).unwrap()
 }
 
 pub fn normal(rng: &mut ChaCha8Rng) -> f64 {

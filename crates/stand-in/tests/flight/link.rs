@@ -4,7 +4,7 @@ use mav_bridge::BridgeOutput;
 use protocol::SimTime;
 use protocol::message::{ControlLevel, PathKind};
 
-use crate::pair::{Pair, setpoint, stand_in_config};
+use crate::flight::pair::{Pair, setpoint, stand_in_config};
 
 #[test]
 fn signed_on_both_sides() {

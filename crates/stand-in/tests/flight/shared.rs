@@ -9,7 +9,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use stand_in::StandIn;
 
-use crate::pair::{Pair, TICK_NS, scenario, setpoint, stand_in_config, steering_commands};
+use crate::flight::pair::{Pair, TICK_NS, scenario, setpoint, stand_in_config, steering_commands};
 
 /// Two bridges and two vehicles behind a router that sends every frame to everybody, for `seconds`; what each of
 /// the bridges sent and said.

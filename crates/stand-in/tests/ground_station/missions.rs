@@ -1,6 +1,8 @@
 //! Missions, fences and rally points: carried over, refused, flown.
 
-use crate::station::{FENCE, Item, MISSION, RALLY, SYSTEM, Station, deed, item, numbered, place};
+use crate::ground_station::station::{
+    FENCE, Item, MISSION, RALLY, SYSTEM, Station, deed, item, numbered, place,
+};
 use air::geo::{Enu, Geodetic};
 use mav_bridge::arduplane::{AUTO, GUIDED, LOITER, RTL, TAKEOFF};
 use mav_bridge::dialect::{
@@ -288,7 +290,7 @@ fn a_part_of_a_mission_is_written_over() {
 /// Where it really is, from its home.
 fn from_home(station: &Station) -> Enu {
     let truth = station.vehicle.truth();
-    let scenario = crate::station::scenario();
+    let scenario = crate::ground_station::station::scenario();
     let frame = scenario.frame().unwrap();
     let home = frame.to_enu(scenario.home(5).unwrap());
     Enu {
@@ -299,7 +301,7 @@ fn from_home(station: &Station) -> Enu {
 
 /// Distance from an item of a mission, m.
 fn distance_m(station: &Station, item: &Item) -> f64 {
-    let scenario = crate::station::scenario();
+    let scenario = crate::ground_station::station::scenario();
     let frame = scenario.frame().unwrap();
     let truth = station.vehicle.truth();
     let at = Enu {
@@ -326,7 +328,7 @@ fn fly(
     assert_eq!(station.vehicle.custom_mode(), AUTO);
     let arm = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
     let (mut reached, mut farthest_m) = (Vec::new(), 0.0_f64);
-    station.send(&crate::station::long(arm, &[1.0]));
+    station.send(&crate::ground_station::station::long(arm, &[1.0]));
     for _ in 0..(seconds * 50.0) as u64 {
         station.heard.clear();
         station.step();

@@ -1,6 +1,6 @@
 //! Questions and commands: nothing is met with silence that ArduPlane answers.
 
-use crate::station::{SYSTEM, Station, long, place};
+use crate::ground_station::station::{SYSTEM, Station, long, place};
 use mav_bridge::arduplane::{AUTO, CIRCLE, GUIDED, LOITER, MANUAL, RTL, TAKEOFF};
 use mav_bridge::dialect::{
     AVAILABLE_MODES_DATA, COMMAND_INT_DATA, CURRENT_MODE_DATA, EKF_STATUS_REPORT_DATA,

@@ -1,6 +1,6 @@
 //! A vehicle of the team as a ground station sees it.
 
-use crate::station::{X8, long, scenario};
+use crate::ground_station::station::{X8, long, scenario};
 use mav_bridge::arduplane::{FBWA, GUIDED, LOITER, MANUAL, RTL};
 use mav_bridge::dialect::{
     AVAILABLE_MODES_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, MANUAL_CONTROL_DATA,

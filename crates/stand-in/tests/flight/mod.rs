@@ -1,5 +1,4 @@
 //! Bridge and stand-in in one closed loop, in virtual time.
-#![allow(clippy::unwrap_used)]
 
 mod link;
 mod pair;
@@ -12,7 +11,9 @@ use protocol::control_level::{ControlEvent, Danger};
 use protocol::message::{ControlLevel, PathKind, Reading, Setpoint};
 use stand_in::Sticks;
 
-use crate::pair::{Pair, guided_commands, scenario, setpoint, stand_in_config, steering_commands};
+use crate::flight::pair::{
+    Pair, guided_commands, scenario, setpoint, stand_in_config, steering_commands,
+};
 
 /// Sticks that hold a gentle right turn.
 const TURN: Sticks = Sticks {

@@ -1,0 +1,11 @@
+//! Every test of `csea` outside its source, in one executable.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test may fail by a panic"
+)]
+
+mod common;
+mod laws;
+mod search;

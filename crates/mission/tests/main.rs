@@ -1,0 +1,14 @@
+//! Every test of `mission` outside its source, in one executable.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test may fail by a panic"
+)]
+
+mod guardian;
+mod outer_loop;
+mod plan;
+mod preflight;
+mod team;
+mod terrain;

@@ -131,16 +131,23 @@ fn every_file_of_tests_is_run() {
             );
         }
     };
+    // The words in two parts: this file is one of those that are read.
+    let attributes = [concat!("#[te", "st]"), concat!("#[tokio::te", "st")];
     // Targets of their own.
     named("../tests", &["bus"]);
     for entry in std::fs::read_dir("../crates").unwrap() {
-        let folder = entry.unwrap().path().join("tests");
-        if folder.join("main.rs").exists() {
-            named(folder.to_str().unwrap(), &["measured"]);
+        let folder = entry.unwrap().path();
+        if folder.join("tests/main.rs").exists() {
+            named(folder.join("tests").to_str().unwrap(), &["measured"]);
+        }
+        let manifest = std::fs::read_to_string(folder.join("Cargo.toml")).unwrap();
+        if manifest.contains("\n[lib]\ntest = false\n") {
+            for file in sources(folder.join("src").to_str().unwrap()) {
+                let text = std::fs::read_to_string(&file).unwrap();
+                assert!(!text.contains(attributes[0]), "{file} has a unit test");
+            }
         }
     }
-    // The words in two parts: this file is one of those that are read.
-    let attributes = [concat!("#[te", "st]"), concat!("#[tokio::te", "st")];
     for file in sources("../tests") {
         let text = std::fs::read_to_string(&file).unwrap();
         for attribute in attributes {

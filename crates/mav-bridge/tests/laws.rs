@@ -174,8 +174,6 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(10_000))]
-
     #[test]
     fn nothing_overrides_the_pilot(
         attitude_targets in any::<bool>(),

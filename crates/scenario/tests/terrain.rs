@@ -53,7 +53,6 @@ fn lowest_over_ground_m(
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
     #[test]
     fn a_way_keeps_above_the_floor(
         from in (-3000.0..3500.0f64, -2500.0..3500.0f64, 0.0..1.0f64),

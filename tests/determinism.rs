@@ -116,7 +116,7 @@ crate::runner::tests! {
     Cores {
         one_process_twice_and_eight_say_the_same,
         one_process_may_host_many_vehicles,
-        #[ignore = "more of the same"]
+        #[ignore = "second tier: more of the same"]
         processes_say_the_same_again_and_however_they_share_the_vehicles,
         another_seed_says_something_else,
     }

@@ -394,15 +394,15 @@ crate::runner::tests! {
         in_unsteady_air_the_peak_is_found_within_what_is_said_of_it,
         without_a_plume_in_reality_nothing_is_found,
         a_second_source_is_found_and_weighed_beside_the_first,
-        #[ignore = "nine missions"]
+        #[ignore = "second tier: nine missions"]
         in_realities_of_another_form_the_peak_holds_or_is_doubtful,
-        #[ignore = "three missions"]
+        #[ignore = "second tier: three missions"]
         so_do_other_seeds,
-        #[ignore = "three missions"]
+        #[ignore = "second tier: three missions"]
         a_reality_whose_wind_turns_is_no_finding,
-        #[ignore = "a whole mission"]
+        #[ignore = "second tier: a whole mission"]
         three_real_vehicles_do_as_well,
-        #[ignore = "a whole mission"]
+        #[ignore = "second tier: a whole mission"]
         with_no_real_vehicle_the_model_stays_as_it_was,
         one_vehicle_alone_flies_a_mission,
         calm_wind_is_flown_in,

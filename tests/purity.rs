@@ -159,11 +159,25 @@ fn every_file_of_tests_is_run() {
     }
 }
 
+/// A test is ignored for its length alone; what lacks a tool finds that out when it runs.
+fn tests_are_ignored_for_their_length_alone() {
+    let ignored = concat!("#[ign", "ore");
+    for folder in ["../tests", "../crates", "../bins/src"] {
+        for file in sources(folder) {
+            let text = std::fs::read_to_string(&file).unwrap();
+            for line in text.lines().filter(|line| line.trim().starts_with(ignored)) {
+                assert!(line.contains("= \"second tier: "), "{file}: {line}");
+            }
+        }
+    }
+}
+
 crate::runner::tests! {
     Cores {
         pure_crates_pull_in_no_runtime,
         the_check_sees_what_it_looks_for,
         pure_crates_use_no_clock_file_socket_or_thread_random,
         every_file_of_tests_is_run,
+        tests_are_ignored_for_their_length_alone,
     }
 }

@@ -84,7 +84,7 @@ macro_rules! tests {
                     crate::runner::Spends::$spends,
                     $name,
                 );
-                $(let test = test.of_second_tier(concat!("second tier: ", $reason));)?
+                $(let test = test.of_second_tier($reason);)?
                 test
             }),*),*]
         }

@@ -17,8 +17,8 @@
 //! - *Three generations a step*: a fitness that comes from the archive costs no flight.
 //!
 //! What these are worth, on forty class D plumes in 25 km² with six samplers at 18 m/s for ten
-//! minutes, as the mean share of the peak that was flown through (`cargo test -p csea --test
-//! search table -- --ignored --nocapture` repeats the table): as chosen 0.80; without samples
+//! minutes, as the mean share of the peak that was flown through (`cargo test --release -p csea
+//! stated_shares -- --ignored` checks four of them): as chosen 0.80; without samples
 //! entering 0.53; one generation a step 0.71; random points 0.50. After twenty minutes 0.96
 //! against 0.61.
 

@@ -128,7 +128,7 @@ fn scores(name: &str, seeds: std::ops::Range<u64>, duration_s: f64) -> Vec<f64> 
 #[test]
 fn cs_ea_finds_the_peak_better_than_its_rivals() {
     // Twenty fields, ten minutes, six samplers: the share of the peak that was flown through.
-    // Forty fields gave 0.79 for CS-EA and 0.50 for random points in the mean (see `table`).
+    // Forty fields gave 0.79 for CS-EA and 0.50 for random points in the mean (see `the_stated_shares_hold`).
     let mean = |name| scores(name, 0..20, 600.0).iter().sum::<f64>() / 20.0;
     let cs_ea = mean("cs-ea");
     assert!(cs_ea > 0.65, "CS-EA flew through {cs_ea} of the peak");
@@ -153,17 +153,21 @@ fn the_same_seed_repeats_the_search_bit_for_bit() {
     }
 }
 
+// The shares that `cs_ea.rs` states; forty fields give the mean to about 0.03.
 #[test]
-#[ignore = "prints a table of all strategies; takes half a minute"]
-fn table() {
-    for duration_s in [300.0, 600.0, 1200.0] {
-        for name in csea::STRATEGIES {
-            let s = scores(name, 0..40, duration_s);
-            let mean = s.iter().sum::<f64>() / s.len() as f64;
-            println!(
-                "{duration_s:6} s {name:8} mean {mean:.3} quartiles {:.3} {:.3} {:.3}",
-                s[10], s[20], s[30]
-            );
-        }
+#[ignore = "second tier: 160 searches"]
+fn the_stated_shares_hold() {
+    for (duration_s, name, stated) in [
+        (600.0, "cs-ea", 0.80),
+        (600.0, "random", 0.50),
+        (1200.0, "cs-ea", 0.96),
+        (1200.0, "random", 0.61),
+    ] {
+        let mean = scores(name, 0..40, duration_s).iter().sum::<f64>() / 40.0;
+        println!("{duration_s} s {name}: {mean:.3}, stated {stated}");
+        assert!(
+            (mean - stated).abs() < 0.05,
+            "{duration_s} s {name}: {mean}"
+        );
     }
 }

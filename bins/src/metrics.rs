@@ -8,19 +8,18 @@ use std::fmt::{Display, Write as _};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
-use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
-use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Semaphore;
+use tokio::net::TcpListener;
+use views::server::{self, Limits};
 
-/// Readers at a time: one Prometheus asks every few seconds, and nobody may take the handles that outputs need.
-const READERS: usize = 8;
-/// A reader has this long to ask and to take the answer.
-const READER_HAS: Duration = Duration::from_secs(5);
-/// Time before another reader is let in where that failed.
-const ACCEPT_AGAIN: Duration = Duration::from_millis(100);
-/// Longest request that is read, bytes.
-const REQUEST_BYTES: usize = 8192;
+/// One Prometheus asks every few seconds, and nobody may take the handles that outputs need.
+const LIMITS: Limits = Limits {
+    connections: 8,
+    request_within: Duration::from_secs(5),
+    closed_within: Some(Duration::from_secs(5)),
+};
 
+/// Where Prometheus looks.
+const PATH: &str = "/metrics";
 /// What Prometheus calls its text format.
 const TEXT_FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
 
@@ -62,23 +61,18 @@ pub async fn serve(
         ))
     };
     let listener = TcpListener::bind(address).await.map_err(refuse)?;
-    eprintln!("metrics: http://{}/metrics", listener.local_addr()?);
-    let (readers, collect) = (Arc::new(Semaphore::new(READERS)), Arc::new(collect));
-    tokio::spawn(async move {
-        while let Ok(reader) = Arc::clone(&readers).acquire_owned().await {
-            let Ok((stream, _)) = listener.accept().await else {
-                // No handle is free, for example: there may be one soon.
-                tokio::time::sleep(ACCEPT_AGAIN).await;
-                continue;
-            };
-            let collect = Arc::clone(&collect);
-            tokio::spawn(async move {
-                // Whoever does not take the answer in time goes without.
-                let _ = tokio::time::timeout(READER_HAS, answer(stream, &*collect)).await;
-                drop(reader);
-            });
-        }
-    });
+    eprintln!("metrics: http://{}{PATH}", listener.local_addr()?);
+    let text = move || {
+        let mut text = Text::default();
+        collect(&mut text);
+        text.0
+    };
+    tokio::spawn(server::serve_text(
+        listener,
+        (PATH, TEXT_FORMAT),
+        LIMITS,
+        text,
+    ));
     Ok(())
 }
 
@@ -130,34 +124,6 @@ impl OfRun {
         self.time_ns.store(now.ns(), Ordering::Relaxed);
         self.messages.fetch_add(messages as u64, Ordering::Relaxed);
     }
-}
-
-/// Answers one request, and closes the connection.
-async fn answer(mut stream: TcpStream, collect: &impl Fn(&mut Text)) -> std::io::Result<()> {
-    let mut request = Vec::new();
-    let ended = |request: &[u8]| request.windows(4).any(|w| w == b"\r\n\r\n");
-    while !ended(&request) && request.len() < REQUEST_BYTES {
-        let mut piece = [0; 1024];
-        match stream.read(&mut piece).await? {
-            0 => return Ok(()),
-            length => request.extend_from_slice(&piece[..length]),
-        }
-    }
-    let asks = request.starts_with(b"GET /metrics ");
-    let (status, body) = if asks {
-        let mut text = Text::default();
-        collect(&mut text);
-        ("200 OK", text.0)
-    } else {
-        ("404 Not Found", "expected GET /metrics\n".to_owned())
-    };
-    let head = format!(
-        "HTTP/1.1 {status}\r\nContent-Type: {TEXT_FORMAT}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n",
-        body.len()
-    );
-    stream.write_all(head.as_bytes()).await?;
-    stream.write_all(body.as_bytes()).await?;
-    stream.shutdown().await
 }
 
 /// Serves what a process on the bus of a mission knows of it.
@@ -242,6 +208,8 @@ pub async fn serve_of_bus(address: &str, net: &Net, setup: &Setup) -> Result<(),
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+    use tokio::net::TcpStream;
 
     #[tokio::test]
     async fn figures_are_read_over_http_and_nothing_else_is() {
@@ -258,7 +226,7 @@ mod tests {
         serve(&address.to_string(), collect).await.unwrap();
         // As many as may read say nothing: they are dropped in time.
         let mut silent = Vec::new();
-        for _ in 0..READERS {
+        for _ in 0..LIMITS.connections {
             silent.push(TcpStream::connect(address).await.unwrap());
         }
         let ask = async |request: &str| {

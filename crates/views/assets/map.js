@@ -2,8 +2,10 @@
 // the tracks, to which pieces are added, the highest what moves.
 
 import { $, known, BINS, AXIS, CHOSEN, INK, asker, binOf, colourAt, colourOfKind, cross, degrees, distance, eastNorth,
-  fitCanvas, label, latLon, niceStep } from "./shown.js";
-import { drawContours, plumeShade, shadeGrid } from "./plume.js";
+  fitCanvas, label, latLon } from "./shown.js";
+import { plumeShade } from "./grid.js";
+import { drawContours, shadeGrid } from "./plume.js";
+import { niceStep } from "./scale.js";
 
 const view = { e: 0, n: 0, scale: 0.1, held: false };
 const box = { width: 0, height: 0 };
@@ -118,7 +120,7 @@ const onMap = grid => (c, r) => place(grid.e + c * grid.step, grid.n + r * grid.
 
 function drawTerrain(ctx) {
   const { grid, values } = grids.ground, at = onMap(grid);
-  shadeGrid(ctx, grid, values, at(0, 0), at(grid.columns - 1, grid.rows - 1), (v, r, c) => hillShade(v, r, c, grid));
+  shadeGrid(ctx, grid, values, at(0, 0), at(grid.columns - 1, grid.rows - 1), (_, r, c) => hillShade(values, r, c, grid));
   let [low, high] = [Infinity, -Infinity];
   for (const m of values) if (m != null) { low = Math.min(low, m); high = Math.max(high, m); }
   const step = niceStep(Math.max(10, (high - low) / 12)), levels = [];
@@ -152,8 +154,8 @@ function windowOf(ctx, grid) {
 }
 
 function plumeGrid(ctx, { grid, values }, words) {
-  const { site } = known, at = onMap(grid), shade = plumeShade((site.red_ppm - site.grey_ppm) / 390);
-  shadeGrid(ctx, grid, values, at(0, 0), at(grid.columns - 1, grid.rows - 1), (v, r, c) => shade(v, r, c, grid.columns));
+  const { site } = known, at = onMap(grid), shade = plumeShade(site.darkest_ppm);
+  shadeGrid(ctx, grid, values, at(0, 0), at(grid.columns - 1, grid.rows - 1), shade);
   const stack = site.stacks[0] || { e: 0, n: 0 };
   drawContours(ctx, grid, values, at, site.levels_ppm, {
     line: "rgba(36,88,130,.6)", source: place(stack.e, stack.n), inside: isInside, text: AXIS,

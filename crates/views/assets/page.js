@@ -3,7 +3,7 @@
 import { $, known, clock, colourAt, degrees, distance, formula, number } from "./shown.js";
 import { addPieces, arm, drawMap, listenMap, redrawTracks, showAll, zoom } from "./map.js";
 import { drawSection } from "./section.js";
-import { drawChart, nameChart } from "./chart.js";
+import { drawReadings } from "./readings.js";
 import { fillTeam, goTo, listenTeam, select } from "./team.js";
 
 const PHASES = [["take-off", "Take-off"], ["preliminary", "Preliminary"], ["search", "Search"],
@@ -140,7 +140,7 @@ function describe() {
 
 // ---- talk ----------------------------------------------------------------------------------
 
-const SLOW = [drawSection, () => { fillModel(); nameScale(); }, drawChart, () => { fillEvents(); describe(); }];
+const SLOW = [drawSection, () => { fillModel(); nameScale(); }, drawReadings, () => { fillEvents(); describe(); }];
 let drawing = false, hurry = true, turn = 0;
 
 function show() {
@@ -199,7 +199,7 @@ async function start() {
   document.title = "Plumage: " + site.mission;
   $("mission").textContent = site.mission;
   $("phases").replaceChildren(...PHASES.map(([, name]) => { const item = document.createElement("li"); item.textContent = name; return item; }));
-  nameScale(); nameChart();
+  nameScale();
   $("scale-gas").textContent = `ppm ${formula(site.gas)}, readings`;
   $("scale-bar").style.background = `linear-gradient(90deg, ${site.colours.map(([at]) => `${colourAt(at)} ${100 * at}%`).join(",")})`;
   listen(); drawMap(); connect();

@@ -1,7 +1,9 @@
 // The height view: plume, ground, height band and vehicles in the upright plane along the plume's axis.
 
-import { $, known, SOFT, AXIS, CHOSEN, asker, colourOfKind, cross, distance, fitCanvas, label, niceStep } from "./shown.js";
-import { shadeGrid, plumeShade, drawContours } from "./plume.js";
+import { $, known, SOFT, AXIS, CHOSEN, asker, colourOfKind, cross, distance, fitCanvas, label } from "./shown.js";
+import { plumeShade } from "./grid.js";
+import { shadeGrid, drawContours } from "./plume.js";
+import { niceStep, ticks } from "./scale.js";
 
 const MARGIN = { left: 46, right: 10, top: 8, bottom: 24 };
 // A vehicle that far beside the plane is drawn pale, m.
@@ -44,8 +46,7 @@ export function drawSection() {
 function drawAir(ctx, place) {
   const { site } = known, grid = data, at = (c, r) => place(data.from + c * data.across, data.low + r * data.up);
   if (data.values) {
-    const shade = plumeShade((site.red_ppm - site.grey_ppm) / 390);
-    shadeGrid(ctx, grid, data.values, at(0, 0), at(grid.columns - 1, grid.rows - 1), (v, r, c) => shade(v, r, c, grid.columns));
+    shadeGrid(ctx, grid, data.values, at(0, 0), at(grid.columns - 1, grid.rows - 1), plumeShade(site.darkest_ppm));
     drawContours(ctx, grid, data.values, at, site.levels_ppm, { line: "rgba(36,88,130,.55)" });
   }
   // In stretches over which the ground is known.
@@ -101,11 +102,9 @@ function drawAxes(ctx, place, x, inner) {
   ctx.strokeStyle = "#c9cdd4"; ctx.lineWidth = 1; ctx.strokeRect(MARGIN.left, MARGIN.top, inner.w, inner.h);
   ctx.fillStyle = SOFT; ctx.font = "11px system-ui, sans-serif";
   ctx.textAlign = "right";
-  const up = niceStep((x.high - x.low) / Math.max(2, inner.h / 34));
-  for (let alt = Math.ceil(x.low / up) * up; alt <= x.high; alt += up) ctx.fillText(alt.toFixed(0), MARGIN.left - 5, place(0, alt)[1] + 4);
+  for (const [alt, text] of ticks(x.low, x.high, Math.max(2, inner.h / 34))) ctx.fillText(text, MARGIN.left - 5, place(0, alt)[1] + 4);
   ctx.textAlign = "center";
-  const across = niceStep((x.to - x.from) / Math.max(2, inner.w / 80));
-  for (let m = 0; m <= x.to; m += across) {
+  for (const [m] of ticks(0, x.to, Math.max(2, inner.w / 80))) {
     const at = Math.min(place(m, x.low)[0], MARGIN.left + inner.w - 14);
     ctx.fillText(m === 0 ? "source" : distance(Math.abs(m)), at, MARGIN.top + inner.h + 15);
   }

@@ -28,11 +28,6 @@ export function binOf(ppm) {
   return Number.isFinite(along) ? Math.round(Math.min(1, Math.max(0, along)) * (BINS - 1)) : 0;
 }
 
-export function niceStep(atLeast) {
-  const ten = 10 ** Math.floor(Math.log10(Math.max(atLeast, 1e-9)));
-  return [1, 2, 5, 10].map(k => k * ten).find(s => s >= atLeast * (1 - 1e-9)) || 10 * ten;
-}
-
 export const clock = s => `${Math.floor(s / 60)}:${String(Math.floor(s % 60)).padStart(2, "0")}`;
 export const number = (v, digits) => Number.isFinite(v) ? v.toFixed(digits) : "–";
 export const distance = m => m >= 10000 ? `${(m / 1000).toFixed(0)} km` : m >= 1000 ? `${(m / 1000).toFixed(1)} km` : `${m.toFixed(0)} m`;

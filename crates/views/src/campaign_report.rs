@@ -1,10 +1,11 @@
 //! `campaign.html`: realities, strategies and teams beside each other.
 
+use crate::figure::{
+    Axis, Column, Detail, Figure, INK, Interval, Layer, MODEL, Panel, Points, Symbol,
+};
 use crate::html::Document;
-use crate::plot::rounded;
-use record::campaign::table::{self, Group};
+use record::campaign::table::{self, Group, MedianOf};
 use record::campaign::{FOUND_WITHIN_M, MissionRow, NEAR_M, Question};
-use serde_json::{Value, json};
 
 /// The report of the missions `rows`, in the order of `question`.
 pub fn page(question: &Question, rows: &[MissionRow]) -> String {
@@ -16,43 +17,35 @@ pub fn page(question: &Question, rows: &[MissionRow]) -> String {
     let head = table::head();
     let head: Vec<&str> = head.iter().map(String::as_str).collect();
     page.table(table::LEGEND, &head, &cells);
-    let names: Vec<String> = groups.iter().map(|g| g.name(question)).collect();
-    let height_px = 140 + 34 * groups.len() as u32;
-    let known = dots(
-        &groups,
-        &names,
-        "mission time, s",
-        |r| r.known.map(|m| m.time_s),
-        true,
+    let time = || Axis::new("mission time", "s");
+    page.figure(
+        dots(&groups, question, time(), |r| r.known.map(|m| m.time_s), true),
+        "When the peak was first confirmed or supported: a dot for each mission, an upright line for the median of all missions \
+         and a level line for its 95 % interval. Missions that never reached it have no dot; the number in brackets counts \
+         those that did.",
     );
-    page.plot(
-        height_px,
-        known,
-        "When the peak was first confirmed or supported: a dot for each mission, a line for the median. Missions \
-         that never reached it are not shown.",
+    page.figure(
+        dots(
+            &groups,
+            question,
+            time(),
+            |r| r.near.map(|m| m.time_s),
+            true,
+        ),
+        &format!("When a vehicle was first within {NEAR_M:.0} m of the true peak, in the same form."),
     );
-    let near = dots(
-        &groups,
-        &names,
-        "mission time, s",
-        |r| r.near.map(|m| m.time_s),
-        true,
-    );
-    page.plot(
-        height_px,
-        near,
-        &format!("When a vehicle was first within {NEAR_M:.0} m of the true peak: dots and median as above."),
-    );
-    let off = dots(&groups, &names, "distance, m", |r| r.peak_off_m, false);
-    page.plot(
-        height_px,
-        off,
-        &format!("Distance of the final peak from the true one; within {FOUND_WITHIN_M:.0} m it counts as found."),
+    let distance = Axis::new("distance", "m");
+    page.figure(
+        dots(&groups, question, distance, |r| r.peak_off_m, false),
+        &format!(
+            "Distance of the final peak from the true one; within {FOUND_WITHIN_M:.0} m it counts as found."
+        ),
     );
     page.section("Stated values against the truth");
-    for (group, name) in groups.iter().zip(&names) {
+    for group in &groups {
+        let name = group.name(question);
         page.paragraph(&format!("{name}: {}", group.endings()));
-        page.table(name, &table::STATED_HEAD, &group.stated_cells());
+        page.table(&name, &table::STATED_HEAD, &group.stated_cells());
     }
     page.finish()
 }
@@ -76,43 +69,82 @@ fn lead(question: &Question, rows: &[MissionRow]) -> Vec<String> {
     lead
 }
 
-const DOT: &str = "#2f6f9f";
-const LINE: &str = "#16181d";
-
-/// A row of dots a group, with its median: of all missions, those to which it never happened as later than any, where
-/// `counts_all`, else of those that tell it.
+/// A row of dots a group, with its median and the interval of that: of all missions, those to which it never happened
+/// as later than any, where `counts_all`, else of those that tell it.
 fn dots(
     groups: &[Group<'_>],
-    names: &[String],
-    title: &str,
+    question: &Question,
+    across: Axis,
     of: fn(&MissionRow) -> Option<f64>,
     counts_all: bool,
-) -> Value {
-    let mut data = Vec::new();
-    let mut medians = Vec::new();
-    for (k, group) in groups.iter().enumerate() {
-        let known = group.rows.iter().filter_map(|r| Some((of(r)?, r.key.seed)));
-        let (x, seeds): (Vec<f64>, Vec<u64>) = known.unzip();
-        let x: Vec<Value> = x.into_iter().map(|v| rounded(v, 10.0)).collect();
-        let seeds: Vec<String> = seeds.iter().map(|s| format!("seed {s}")).collect();
-        data.push(json!({"type": "scatter", "mode": "markers", "showlegend": false,
-            "x": x, "y": vec![k; x.len()], "text": seeds, "hovertemplate": "%{x}, %{text}<extra></extra>",
-            "marker": {"color": DOT, "size": 8, "opacity": 0.55}}));
-        let all = if counts_all {
-            group.median_until(of)
-        } else {
-            group.median_of(of)
+) -> Figure {
+    let known = |g: &Group<'_>| g.rows.iter().filter(|r| of(r).is_some()).count();
+    let row_name =
+        |g: &Group<'_>| format!("{} ({} of {})", g.name(question), known(g), g.rows.len());
+    let mut layers: Vec<Layer> = groups
+        .iter()
+        .enumerate()
+        .map(|(k, g)| missions(g, k, of))
+        .collect();
+    let median = |(k, group): (usize, &Group<'_>)| {
+        let all = match counts_all {
+            true => group.median_until(of),
+            false => group.median_of(of),
         };
-        if let Some(all) = all.filter(|all| all.median.is_finite()) {
-            let m = rounded(all.median, 10.0);
-            medians.push(
-                json!({"type": "line", "x0": m, "x1": m, "y0": k as f64 - 0.32,
-                "y1": k as f64 + 0.32, "line": {"color": LINE, "width": 2}}),
-            );
-        }
+        all.filter(|m| m.median.is_finite()).map(|m| (k as f64, m))
+    };
+    let medians: Vec<(f64, MedianOf)> = groups.iter().enumerate().filter_map(median).collect();
+    let column = |of: fn(&MedianOf) -> f64| Column::new(medians.iter().map(|(_, m)| of(m)), 10.0);
+    layers.push(Layer::Points(Points {
+        name: "median".to_owned(),
+        colour: Some(INK),
+        symbol: Symbol::Bar,
+        size: 20.0,
+        x: column(|m| m.median),
+        y: Column::new(medians.iter().map(|(k, _)| *k), 1.0),
+        interval: Some(Interval {
+            along: "x",
+            low: column(|m| m.from_to.0),
+            high: column(|m| m.from_to.1),
+        }),
+        ..Points::default()
+    }));
+    let panel = Panel {
+        x: Axis {
+            include: vec![0.0],
+            floor: Some(0.0),
+            ..across
+        },
+        y: Axis {
+            names: Some(groups.iter().map(row_name).collect()),
+            ..Axis::default()
+        },
+        layers,
+        ..Panel::default()
+    };
+    Figure {
+        columns: 1,
+        panels: vec![panel],
+        scale: None,
     }
-    let ticks: Vec<usize> = (0..names.len()).collect();
-    json!({"data": data, "layout": {"shapes": medians, "margin": {"l": 190, "t": 10},
-        "xaxis": {"title": {"text": title}, "rangemode": "tozero"},
-        "yaxis": {"tickvals": ticks, "ticktext": names, "range": [names.len() as f64 - 0.5, -0.5], "zeroline": false}}})
+}
+
+/// The missions of the `k`-th group as dots.
+fn missions(group: &Group<'_>, k: usize, of: fn(&MissionRow) -> Option<f64>) -> Layer {
+    let known = group.rows.iter().filter_map(|r| Some((of(r)?, r.key.seed)));
+    let (values, seeds): (Vec<f64>, Vec<u64>) = known.unzip();
+    Layer::Points(Points {
+        name: "one mission".to_owned(),
+        colour: Some(MODEL),
+        size: 8.0,
+        opacity: Some(0.55),
+        y: Column::new(vec![k as f64; values.len()], 1.0),
+        x: Column::new(values, 10.0),
+        details: vec![Detail {
+            name: "seed".to_owned(),
+            texts: Some(seeds.iter().map(u64::to_string).collect()),
+            ..Detail::default()
+        }],
+        ..Points::default()
+    })
 }

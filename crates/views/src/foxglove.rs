@@ -5,18 +5,22 @@
 
 use crate::ViewError;
 use crate::page::listen;
+use crate::server::{self, Limits};
 use axum::Router;
 use axum::extract::State;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
-use axum::response::Response;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::middleware;
+use axum::response::{IntoResponse as _, Response};
 use axum::routing::any;
 use futures_core::future::BoxFuture;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
-use tokio::sync::broadcast;
+use std::time::Duration;
 use tokio::sync::broadcast::error::RecvError;
+use tokio::sync::{Semaphore, broadcast};
 use tokio::task::JoinHandle;
 
 /// Where Foxglove looks if nobody says otherwise.
@@ -25,6 +29,13 @@ pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8765";
 const PROTOCOL: &str = "foxglove.sdk.v1";
 /// Messages that may wait for a slow viewer; more of them it misses, and holds up nobody.
 const WAITING: usize = 4096;
+/// Viewers at a time.
+const VIEWERS: usize = 64;
+const LIMITS: Limits = Limits {
+    connections: VIEWERS,
+    request_within: Duration::from_secs(10),
+    closed_within: None,
+};
 /// First byte of a message with data.
 const DATA: u8 = 1;
 
@@ -62,6 +73,8 @@ struct Shared {
     name: Arc<str>,
     channels: Channels,
     said: broadcast::Sender<Arc<Data>>,
+    /// Viewers that may still come.
+    viewers: Arc<Semaphore>,
 }
 
 impl Server {
@@ -80,12 +93,15 @@ impl Server {
                 name: name.into(),
                 channels: Arc::clone(&channels),
                 said: said.clone(),
+                viewers: Arc::new(Semaphore::new(VIEWERS)),
             };
-            let app = Router::new().route("/", any(socket)).with_state(shared);
-            let serving = tokio::spawn(async move {
-                // It serves until it is aborted; a listener that breaks is told by viewers.
-                let _ = axum::serve(listener, app).await;
-            });
+            let app = Router::new()
+                .route("/", any(socket))
+                .layer(middleware::from_fn(server::only_by_address))
+                .with_state(shared);
+            // It serves until it is aborted.
+            let serving = server::serve(listener, app, LIMITS, std::future::pending());
+            let serving = tokio::spawn(serving);
             Ok(Self {
                 channels,
                 by_topic: BTreeMap::new(),
@@ -142,12 +158,43 @@ impl Drop for Server {
     }
 }
 
-async fn socket(State(shared): State<Shared>, upgrade: WebSocketUpgrade) -> Response {
+/// Whether a viewer may connect from where it says it is. Browsers let any site open a WebSocket to any host: only
+/// Foxglove's own site, a viewer that is served by address or from this host, and programs that are no site may see the
+/// mission. Sandboxed pages of any site give the origin `null`.
+fn is_viewer(headers: &HeaderMap) -> bool {
+    let Some(origin) = headers.get(header::ORIGIN) else {
+        return true;
+    };
+    let Some((scheme, host)) = origin.to_str().ok().and_then(|o| o.split_once("://")) else {
+        return false;
+    };
+    let is_site = matches!(scheme, "http" | "https");
+    let is_foxglove = host == "foxglove.dev" || host.ends_with(".foxglove.dev");
+    !is_site || is_foxglove && scheme == "https" || server::is_address(host)
+}
+
+async fn socket(
+    State(shared): State<Shared>,
+    headers: HeaderMap,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    if !is_viewer(&headers) {
+        let why = "expected Foxglove, or a viewer that is served by an address or from this host\n";
+        return (StatusCode::FORBIDDEN, why).into_response();
+    }
+    let Ok(place) = Arc::clone(&shared.viewers).try_acquire_owned() else {
+        return (
+            StatusCode::SERVICE_UNAVAILABLE,
+            "too many viewers are connected\n",
+        )
+            .into_response();
+    };
     upgrade
         .protocols([PROTOCOL])
         .on_upgrade(move |socket| async move {
             // A viewer that leaves is no fault.
             let _ = Viewer::new(socket, shared).talk().await;
+            drop(place);
         })
 }
 
@@ -288,4 +335,36 @@ fn framed(subscription: u32, data: &Data) -> Message {
     bytes.extend(data.unix_ns.to_le_bytes());
     bytes.extend(data.json.as_bytes());
     Message::Binary(bytes.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_viewers_may_look() {
+        let comes_from = |origin: &str| {
+            let mut headers = HeaderMap::new();
+            headers.insert(header::ORIGIN, origin.parse().unwrap());
+            is_viewer(&headers)
+        };
+        assert!(is_viewer(&HeaderMap::new()));
+        for origin in [
+            "https://app.foxglove.dev",
+            "http://localhost:8080",
+            "http://192.168.1.4:8080",
+            "file://",
+        ] {
+            assert!(comes_from(origin), "{origin}");
+        }
+        for origin in [
+            "https://evil.example",
+            "http://app.foxglove.dev",
+            "https://evilfoxglove.dev",
+            "https://app.foxglove.dev.evil.example",
+            "null",
+        ] {
+            assert!(!comes_from(origin), "{origin}");
+        }
+    }
 }

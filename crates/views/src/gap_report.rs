@@ -49,8 +49,7 @@ pub fn plume(title: &str, json: &GapJson, report: &GapReport) -> String {
     }
     name_extend_gain(&mut page, json);
     if !report.blocks.is_empty() {
-        page.plot(
-            260,
+        page.figure(
             figures::blocks(&report.blocks),
             "Gain of the log score on each hold-out block. A gain in a single block is not a finding.",
         );
@@ -66,8 +65,7 @@ fn departs_most(page: &mut Document, json: &GapJson, report: &GapReport) {
         .iter()
         .max_by(|a, b| misfit(a).total_cmp(&misfit(b)))
     {
-        page.plot(
-            430,
+        page.figure(
             figures::series(series, gas(json)),
             &format!(
                 "Above: readings of platform {}, which deviates most from the base, with the predictions of the \
@@ -84,8 +82,7 @@ fn maps(page: &mut Document, report: &GapReport) {
     if report.series.is_empty() {
         return;
     }
-    page.plot(
-        470,
+    page.figure(
         figures::maps(report),
         "Standardised misfit on the map, base on the left and extended model on the right: red where readings \
          exceed the prediction, blue where they fall below it. Square: the first source.",
@@ -97,8 +94,7 @@ fn autocorrelation(page: &mut Document, report: &GapReport) {
     if report.series.is_empty() {
         return;
     }
-    page.plot(
-        300,
+    page.figure(
         figures::autocorrelation(report),
         "Autocorrelation of the misfit by lag in readings. A complete model leaves none.",
     );
@@ -282,7 +278,7 @@ fn opening_with(kicker: &str, title: &str, json: &GapJson, change: &[Card]) -> D
         let what = "gain of the log score on hold-out data".to_owned();
         cards.push((number(nats, 1), "nats", what));
     }
-    page.figures(&cards);
+    page.cards(&cards);
     page
 }
 
@@ -298,8 +294,7 @@ fn bins(page: &mut Document, json: &GapJson) {
     if json.residual.is_empty() {
         return;
     }
-    page.plot(
-        380,
+    page.figure(
         figures::bins(&json.residual),
         "Mean misfit of the base in standard deviations of the noise, along each coordinate and for each \
          platform: where and when the model deviates.",
@@ -366,11 +361,7 @@ fn causes(page: &mut Document, json: &GapJson) {
     if !json.ranking.is_empty() {
         let caption = "Every model tried, by its gain of evidence, which penalises parameters. Negative: the \
                        data favour the base.";
-        page.plot(
-            figures::ranking_height(&json.ranking, RANKED),
-            figures::ranking(&json.ranking, RANKED),
-            caption,
-        );
+        page.figure(figures::ranking(&json.ranking, RANKED), caption);
     }
 }
 

@@ -1,6 +1,6 @@
 //! Pieces of HTML that the reports share.
 
-use serde_json::Value;
+use crate::figure::Figure;
 use std::fmt::Write as _;
 
 /// `text` with the characters that HTML gives a meaning replaced.
@@ -20,21 +20,34 @@ pub(crate) fn escape(text: &str) -> String {
 }
 
 /// JSON that may stand inside a script element: no text in it can close the element.
-pub(crate) fn script_json(value: &Value) -> String {
-    value
-        .to_string()
-        // `</script>` and `<!--` end or change a script element wherever they stand, in strings too; the
-        // line separators were no part of JavaScript strings before ES2019.
-        .replace('<', "\\u003c")
-        .replace('\u{2028}', "\\u2028")
-        .replace('\u{2029}', "\\u2029")
+fn script_json(figures: &[Figure]) -> String {
+    // A structure of texts and numbers has no part that JSON cannot hold.
+    let text = serde_json::to_string(figures).unwrap_or_default();
+    // `</script>` and `<!--` end or change a script element wherever they stand, in strings too.
+    text.replace('<', "\\u003c")
+}
+
+/// The modules behind the figures of a report, each after those that it uses.
+const MODULES: [&str; 5] = [
+    include_str!("../assets/scale.js"),
+    include_str!("../assets/grid.js"),
+    include_str!("../assets/chart.js"),
+    include_str!("../assets/chart_pointer.js"),
+    include_str!("../assets/report.js"),
+];
+
+/// The modules as one: a page that is opened from a file cannot import any, so that the lines with imports go.
+fn script() -> String {
+    let lines = MODULES.iter().flat_map(|module| module.lines());
+    let kept = lines.filter(|line| !line.starts_with("import "));
+    kept.flat_map(|line| [line, "\n"]).collect()
 }
 
 /// A report under way: sections with figures and tables, numbered as they come.
 pub(crate) struct Document {
     title: String,
     body: String,
-    plots: Vec<Value>,
+    drawn: Vec<Figure>,
     sections: usize,
     tables: usize,
 }
@@ -46,7 +59,7 @@ impl Document {
         Self {
             title: title.to_owned(),
             body: format!("<header><p class=\"kicker\">{kicker}</p><h1>{heading}</h1></header>\n"),
-            plots: Vec::new(),
+            drawn: Vec::new(),
             sections: 0,
             tables: 0,
         }
@@ -68,9 +81,9 @@ impl Document {
     }
 
     /// Large figures in a row: value, unit, label.
-    pub(crate) fn figures<U: AsRef<str>>(&mut self, figures: &[(String, U, String)]) {
+    pub(crate) fn cards<U: AsRef<str>>(&mut self, cards: &[(String, U, String)]) {
         self.body.push_str("<div class=\"cards\">");
-        for (value, unit, label) in figures {
+        for (value, unit, label) in cards {
             let (value, unit, label) = (escape(value), escape(unit.as_ref()), escape(label));
             self.push(format_args!(
                 "<div class=\"card\"><b>{value}<small> {unit}</small></b><span>{label}</span></div>"
@@ -102,12 +115,12 @@ impl Document {
         self.body.push_str("</ul>\n");
     }
 
-    /// A figure: traces and layout for the plotting library, with a caption.
-    pub(crate) fn plot(&mut self, height_px: u32, plot: Value, caption: &str) {
-        self.plots.push(plot);
-        let (number, caption) = (self.plots.len(), escape(caption));
+    /// A figure with a caption.
+    pub(crate) fn figure(&mut self, figure: Figure, caption: &str) {
+        self.drawn.push(figure);
+        let (number, caption) = (self.drawn.len(), escape(caption));
         self.push(format_args!(
-            "<figure><div class=\"plot\" id=\"plot-{number}\" style=\"height:{height_px}px\"></div>\
+            "<figure><div class=\"plot\" id=\"figure-{number}\"></div>\
              <figcaption><b>Figure {number}.</b> {caption}</figcaption></figure>\n"
         ));
     }
@@ -136,20 +149,22 @@ impl Document {
         self.body.push_str("</tbody></table></div></figure>\n");
     }
 
-    /// The whole page, with style, script and plotting library inside.
+    /// The whole page, with style, figures and the script that draws these.
     pub(crate) fn finish(self) -> String {
-        let plots = script_json(&Value::Array(self.plots));
         format!(
             "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
              <title>{title}</title><style>{style}</style></head><body><main>\n{body}</main>\n\
-             <script>{plotly}</script>\n<script>const PLOTS = {plots};\n{script}</script>\n\
-             </body></html>\n",
+             <script type=\"application/json\" id=\"figures\">{figures}</script>\n\
+             <script type=\"module\">\n{script}</script>\n</body></html>\n",
             title = escape(&self.title),
-            style = include_str!("../assets/report.css"),
+            style = concat!(
+                include_str!("../assets/report.css"),
+                include_str!("../assets/chart.css")
+            ),
             body = self.body,
-            plotly = crate::plotly_js::text(),
-            script = include_str!("../assets/report.js"),
+            figures = script_json(&self.drawn),
+            script = script(),
         )
     }
 
@@ -184,7 +199,15 @@ mod tests {
         document.section(nasty);
         document.paragraph(nasty);
         document.table(nasty, &[nasty], &[vec![nasty.to_owned()]]);
-        document.plot(100, serde_json::json!({"layout": {"title": nasty}}), nasty);
+        let panel = crate::figure::Panel {
+            title: nasty.to_owned(),
+            ..Default::default()
+        };
+        let figure = Figure {
+            panels: vec![panel],
+            ..Figure::default()
+        };
+        document.figure(figure, nasty);
         let page = document.finish();
         assert!(!page.contains("alert(1)</script>"));
         assert_eq!(page.matches("</script>").count(), 2);

@@ -1,6 +1,6 @@
 //! What people see of a mission: the page while it flies and the reports afterwards.
 //!
-//! All of it is self-contained: HTML, script and plotting library come from this program, and
+//! All of it is self-contained: HTML and scripts come from this program, and
 //! nothing is fetched from a network.
 //!
 //! ```
@@ -32,6 +32,8 @@
 //!
 //! - [`live`]: what the page shows, kept small from the messages on the bus;
 //! - [`page`]: the web server of the page;
+//! - [`foxglove`]: the same mission for Foxglove;
+//! - [`server`]: the one way in which these and metrics are served;
 //! - [`report`]: `report.html` of a mission;
 //! - [`gap_report`]: `report.html` of a gap analysis;
 //! - [`campaign_report`]: `campaign.html` of many missions;
@@ -40,16 +42,17 @@
 //! - [`site`]: the map they share.
 
 pub mod campaign_report;
+mod figure;
 pub mod foxglove;
 pub mod gap_report;
 mod html;
 pub mod live;
 mod map_data;
+#[cfg_attr(not(feature = "mbtiles"), path = "without_mbtiles.rs")]
 pub mod mbtiles;
 pub mod page;
-mod plot;
-mod plotly_js;
 pub mod report;
+pub mod server;
 pub mod site;
 pub mod tiles;
 pub mod tune_report;

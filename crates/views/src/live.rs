@@ -5,7 +5,7 @@
 
 mod news;
 
-use crate::plot::rounded;
+use crate::figure::Rounded;
 use crate::site::SiteMap;
 use news::{Piece, SentTracks};
 use protocol::message::{
@@ -334,7 +334,7 @@ impl LiveState {
             "alt": integer(state.alt_amsl_m),
             "agl": integer(state.alt_amsl_m - self.site.ground_amsl_m(at)),
             "heading": integer(state.heading_deg),
-            "airspeed": rounded(state.airspeed_m_s, 10.0),
+            "airspeed": Rounded::new(state.airspeed_m_s, 10.0),
             "airborne": state.airborne,
             "silent_s": integer(self.time.since_s(*heard)),
             "ppm": vehicle.reading.as_ref().map(|r| self.shown(r.co2_ppm)),
@@ -367,7 +367,7 @@ impl LiveState {
     fn shown(&self, ppm: f64) -> Value {
         match self.site.shown.gas.digits() {
             0 => integer(ppm),
-            _ => rounded(ppm, self.site.shown.steps_per_ppm()),
+            _ => json!(Rounded::new(ppm, self.site.shown.steps_per_ppm())),
         }
     }
 }

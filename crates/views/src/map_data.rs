@@ -1,6 +1,6 @@
 //! What a page asks for to draw its map and its section: the plume and the ground on grids.
 
-use crate::plot::rounded;
+use crate::figure::Rounded;
 use crate::site::{Area, Grid, MapPoint, SiteMap};
 use air::geo::Enu;
 use protocol::message::Model;
@@ -60,7 +60,7 @@ pub(crate) fn ground(site: &SiteMap, view: MapView) -> Option<Value> {
     let grid = Grid::fill(area, columns, 0.0, height);
     Some(json!({
         "grid": grid_json(&grid),
-        "values": grid.ppm.iter().map(|&m| rounded(m, 1.0)).collect::<Vec<_>>(),
+        "values": grid.ppm.iter().map(|&m| Rounded::new(m, 1.0)).collect::<Vec<_>>(),
     }))
 }
 
@@ -103,7 +103,7 @@ pub(crate) fn section(site: &SiteMap, model: Option<&Model>, view: SectionView) 
     let places: Vec<Enu> = (0..columns)
         .map(|i| origin.displaced(axis_deg, view.from + across * i as f64))
         .collect();
-    let ground = places.iter().map(|&at| rounded(known(site, at), 1.0));
+    let ground = places.iter().map(|&at| Rounded::new(known(site, at), 1.0));
     let values = model.map(|model| {
         let rows = (0..SECTION_ROWS).map(|row| view.low + up * row as f64);
         let points: Vec<MapPoint> = rows
@@ -126,16 +126,11 @@ fn known(site: &SiteMap, at: Enu) -> f64 {
     (site.known_ground_amsl_m)(at).unwrap_or(f64::NAN)
 }
 
-/// ppm above the model's background: where there is no plume a nought, which keeps a grid short.
-fn excess(site: &SiteMap, model: &Model, ppm: &[f64]) -> Vec<Value> {
+/// ppm above the model's background.
+fn excess(site: &SiteMap, model: &Model, ppm: &[f64]) -> Vec<Rounded> {
     let per_ppm = 10.0 * site.shown.steps_per_ppm();
     let excess = ppm.iter().map(|p| p - model.background_ppm.value);
-    // A whole number is written without a point.
-    let short = |ppm: f64| match rounded(ppm, per_ppm) {
-        Value::Number(n) if n.as_f64() == Some(0.0) => json!(0),
-        other => other,
-    };
-    excess.map(short).collect()
+    excess.map(|ppm| Rounded::new(ppm, per_ppm)).collect()
 }
 
 fn grid_json(grid: &Grid) -> Value {

@@ -17,10 +17,8 @@ const PICTURES: [(&str, &str, &[u8]); 4] = [
 #[derive(Debug)]
 pub struct Archive {
     connection: Mutex<Connection>,
-    /// Media type of the pictures.
-    pub(crate) media_type: &'static str,
-    /// Coarsest and finest zoom that it has tiles of.
-    pub(crate) zooms: (u8, u8),
+    media_type: &'static str,
+    zooms: (u8, u8),
 }
 
 impl Archive {
@@ -71,6 +69,16 @@ impl Archive {
             media_type,
             zooms: (coarsest, finest),
         })
+    }
+
+    /// Media type of the pictures.
+    pub(crate) fn media_type(&self) -> &'static str {
+        self.media_type
+    }
+
+    /// Coarsest and finest zoom that it has tiles of.
+    pub(crate) fn zooms(&self) -> (u8, u8) {
+        self.zooms
     }
 
     /// The picture of a tile, counted from the north-west corner as web maps do; None where the file has none.

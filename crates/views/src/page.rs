@@ -8,6 +8,7 @@
 use crate::ViewError;
 use crate::live::LiveState;
 use crate::map_data::{self, MapView, SectionView};
+use crate::server::{self, Limits};
 use crate::site::SiteMap;
 use crate::tiles::Tiles;
 use air::geo::Enu;
@@ -19,20 +20,15 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Json, Router};
 use futures_core::future::BoxFuture;
-use hyper::server::conn::http1;
-use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::service::TowerToHyperService;
 use protocol::key::Name;
 use protocol::message::Destination;
 use serde_json::json;
-use std::net::IpAddr;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, mpsc, watch};
-use tokio::task::JoinSet;
+use tokio::net::TcpListener;
+use tokio::sync::{Semaphore, broadcast, mpsc, watch};
 
 /// Where the page is if nobody says otherwise.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8787";
@@ -45,24 +41,38 @@ const LONGEST_COMMAND: usize = 256;
 /// Requests that are served at once, and live pages that are open: of the 256 files that some systems let a process
 /// open they leave half to the mission's outputs. A browser uses up to six connections for a page.
 const CONNECTIONS: usize = 64;
-/// How long a request may take to come, and a connection may stay without one.
-const REQUEST_WITHIN: Duration = Duration::from_secs(10);
-/// Time before the next connection is taken where the system has no file left for one.
-const NO_FILE: Duration = Duration::from_millis(200);
+const LIMITS: Limits = Limits {
+    connections: CONNECTIONS,
+    request_within: Duration::from_secs(10),
+    closed_within: None,
+};
 /// Cookie with the token of a page.
 const COOKIE: &str = "plumage-token";
 /// Speeds that may be asked for.
 const FACTORS: RangeInclusive<f64> = 0.01..=1e4;
 /// What the page is made of beside itself.
-const ASSETS: [(&str, &str, &str); 8] = [
+const ASSETS: [(&str, &str, &str); 13] = [
     ("/page.css", CSS, include_str!("../assets/page.css")),
+    ("/chart.css", CSS, include_str!("../assets/chart.css")),
     ("/page.js", SCRIPT, include_str!("../assets/page.js")),
     ("/map.js", SCRIPT, include_str!("../assets/map.js")),
     ("/plume.js", SCRIPT, include_str!("../assets/plume.js")),
     ("/section.js", SCRIPT, include_str!("../assets/section.js")),
+    (
+        "/readings.js",
+        SCRIPT,
+        include_str!("../assets/readings.js"),
+    ),
     ("/team.js", SCRIPT, include_str!("../assets/team.js")),
-    ("/chart.js", SCRIPT, include_str!("../assets/chart.js")),
     ("/shown.js", SCRIPT, include_str!("../assets/shown.js")),
+    ("/scale.js", SCRIPT, include_str!("../assets/scale.js")),
+    ("/grid.js", SCRIPT, include_str!("../assets/grid.js")),
+    ("/chart.js", SCRIPT, include_str!("../assets/chart.js")),
+    (
+        "/chart_pointer.js",
+        SCRIPT,
+        include_str!("../assets/chart_pointer.js"),
+    ),
 ];
 const CSS: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
@@ -284,61 +294,13 @@ pub fn serve(
             shared.clone(),
             only_with_token,
         ))
-        .layer(middleware::from_fn(only_by_address))
+        .layer(middleware::from_fn(server::only_by_address))
         .with_state(shared.clone());
     // Boxed: compiled here, and not in each program that serves it. A panic in the drawing ends the page as well.
-    Box::pin(async move { accept(listener, app, tokio::spawn(draw(shared))).await })
-}
-
-/// Serves connections until `drawing` ends, and then those that are still answered.
-async fn accept(listener: TcpListener, app: Router, mut drawing: tokio::task::JoinHandle<()>) {
-    let places = Arc::new(Semaphore::new(CONNECTIONS));
-    let (closing, closes) = watch::channel(());
-    let mut connections = JoinSet::new();
-    loop {
-        let next = async {
-            let place = Arc::clone(&places).acquire_owned().await.ok()?;
-            match listener.accept().await {
-                Ok((stream, _)) => Some((stream, place)),
-                Err(_) => {
-                    tokio::time::sleep(NO_FILE).await;
-                    None
-                }
-            }
-        };
-        tokio::select! {
-            _ = &mut drawing => break,
-            next = next => if let Some((stream, place)) = next {
-                connections.spawn(connection(stream, place, app.clone(), closes.clone()));
-            },
-            Some(_) = connections.join_next() => {}
-        }
-    }
-    drop(closing);
-    while connections.join_next().await.is_some() {}
-}
-
-/// Serves one connection until it ends, has not asked for anything for a while, or the server closes.
-async fn connection(
-    stream: TcpStream,
-    _place: OwnedSemaphorePermit,
-    app: Router,
-    mut closes: watch::Receiver<()>,
-) {
-    let served = http1::Builder::new()
-        .timer(TokioTimer::new())
-        .header_read_timeout(REQUEST_WITHIN)
-        .serve_connection(TokioIo::new(stream), TowerToHyperService::new(app))
-        .with_upgrades();
-    tokio::pin!(served);
-    // What is wrong with a connection is the other side's business.
-    tokio::select! {
-        _ = &mut served => {}
-        _ = closes.changed() => {
-            served.as_mut().graceful_shutdown();
-            let _ = served.await;
-        }
-    }
+    Box::pin(async move {
+        let drawing = tokio::spawn(draw(shared));
+        server::serve(listener, app, LIMITS, async { _ = drawing.await }).await;
+    })
 }
 
 /// Sends what is new, no more often than anybody can see.
@@ -410,7 +372,7 @@ async fn tile(
     let Some(Tiles::File(archive)) = shared.options.tiles.clone() else {
         return (StatusCode::NOT_FOUND, "this page has no tiles\n").into_response();
     };
-    let media_type = archive.media_type;
+    let media_type = archive.media_type();
     let read = tokio::task::spawn_blocking(move || archive.tile(z, x, y));
     match read.await.ok().flatten() {
         Some(picture) => {
@@ -468,21 +430,6 @@ async fn section(State(shared): State<Shared>, Query(view): Query<SectionView>) 
     .await
 }
 
-/// Refuses requests that name this server by anything but an address or `localhost`: against DNS
-/// rebinding, by which a page from elsewhere makes a name of its own resolve to this machine and is
-/// then of the same origin as this server.
-async fn only_by_address(request: Request, next: Next) -> Response {
-    let host = request.headers().get(header::HOST);
-    match host.and_then(|h| h.to_str().ok()).filter(|h| is_address(h)) {
-        Some(_) => next.run(request).await,
-        None => (
-            StatusCode::FORBIDDEN,
-            "open this page by its address, such as http://127.0.0.1:8787\n",
-        )
-            .into_response(),
-    }
-}
-
 /// Refuses requests without the page's token, where it has one: neither as `?token=…`, which sets the cookie, nor as that.
 async fn only_with_token(State(shared): State<Shared>, request: Request, next: Next) -> Response {
     let Some(token) = &shared.options.token else {
@@ -524,22 +471,11 @@ fn is_same(a: &str, b: &str) -> bool {
     a.len() == b.len() && differs == 0
 }
 
-/// Whether `host` (with or without port) is an address or `localhost`, not a name that somebody
-/// else may point here.
-fn is_address(host: &str) -> bool {
-    let name = match host.rsplit_once(':') {
-        Some((name, port)) if port.bytes().all(|b| b.is_ascii_digit()) => name,
-        _ => host,
-    };
-    let bare = name.trim_start_matches('[').trim_end_matches(']');
-    name.eq_ignore_ascii_case("localhost") || bare.parse::<IpAddr>().is_ok()
-}
-
 /// Whether the request comes from a page of this server. Browsers let any page
 /// open a WebSocket to any host and only say where the page is from (RFC 6455, section 10.2): without
 /// this any site that the user visits could pause a mission. Who says nothing of it is no page.
 fn is_own_page(headers: &HeaderMap) -> bool {
-    let host = headers.get(header::HOST).and_then(|h| h.to_str().ok());
+    let host = server::host(headers);
     let origin = headers.get(header::ORIGIN).and_then(|o| o.to_str().ok());
     let origin = origin.and_then(|o| o.strip_prefix("http://"));
     host.is_some() && origin == host
@@ -623,32 +559,6 @@ async fn follow(
                 }
                 return false;
             }
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn addresses_and_names() {
-        for host in [
-            "127.0.0.1:8787",
-            "localhost",
-            "LOCALHOST:1",
-            "[::1]:80",
-            "192.168.1.4:80",
-        ] {
-            assert!(is_address(host), "{host}");
-        }
-        for host in [
-            "evil.example",
-            "evil.example:8787",
-            "localhost.evil.example:8787",
-            "",
-        ] {
-            assert!(!is_address(host), "{host}");
         }
     }
 }

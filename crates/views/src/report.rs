@@ -120,7 +120,7 @@ impl Report {
         first.push(next(summary));
         first.push(lead(summary));
         page.lead(&first);
-        page.figures(&cards(summary));
+        page.cards(&cards(summary));
         self.mission(&mut page, summary);
         self.map(&mut page, summary);
         self.learned(&mut page, summary);
@@ -187,15 +187,14 @@ impl Report {
 
     fn map(&self, page: &mut Document, summary: &MissionSummary) {
         page.section("Where they flew");
-        let plot = figures::map(&self.site, &self.tracks, self.after.as_deref(), summary);
+        let figure = figures::map(&self.site, &self.tracks, self.after.as_deref(), summary);
         let reality = if self.site.reality.is_some() {
             " Dashed lines: the stand-in's reality at the same height, unknown to the team."
         } else {
             ""
         };
-        page.plot(
-            620,
-            plot,
+        page.figure(
+            figure,
             &format!(
                 "Tracks coloured by the {} readings, in km from the site's origin. Blue: the plume of the final \
                  model at the height of its axis, with lines at {} ppm above background.{reality}",
@@ -254,14 +253,14 @@ impl Report {
             "Parameters of the model with one standard deviation. Before: as in the scenario.";
         page.table(caption, &head, &rows);
         if self.history.items().len() > 1 {
-            let plot = figures::history(
+            let figure = figures::history(
                 self.history.items(),
                 model.reality.as_ref(),
                 &self.site.shown,
             );
             let caption = "Parameters of the model during the mission, with a band of two standard deviations. \
                            Dashed: the stand-in's reality, where it is known.";
-            page.plot(430, plot, caption);
+            page.figure(figure, caption);
         }
     }
 
@@ -269,9 +268,8 @@ impl Report {
         if expected.is_empty() {
             return;
         }
-        page.section("What wmeasured and what was expected");
-        page.plot(
-            430,
+        page.section("Readings and predictions");
+        page.figure(
             figures::readings(expected, &self.site.shown),
             &format!(
                 "Above: {} readings of the real vehicles, and the predictions of the model along their tracks \

@@ -149,11 +149,6 @@ impl Grid {
             ppm,
         }
     }
-
-    /// Rows of the grid, from south.
-    pub(crate) fn rows(&self) -> impl Iterator<Item = &[f64]> {
-        self.ppm.chunks(self.east_m.len().max(1))
-    }
 }
 
 impl SiteMap {
@@ -232,6 +227,7 @@ impl SiteMap {
             "grey_ppm": self.shown.grey_ppm,
             "red_ppm": self.shown.red_ppm,
             "levels_ppm": self.levels_ppm(),
+            "darkest_ppm": self.shown.darkest_ppm(),
         })
     }
 }
@@ -260,7 +256,6 @@ mod tests {
         });
         assert_eq!(grid.east_m, [-100.0, 0.0, 100.0, 200.0, 300.0]);
         assert_eq!(grid.north_m, [0.0, 100.0, 200.0]);
-        let rows: Vec<&[f64]> = grid.rows().collect();
-        assert_eq!(rows[1][2], 100.0 + 1000.0 * 100.0);
+        assert_eq!(grid.ppm[5 + 2], 100.0 + 1000.0 * 100.0);
     }
 }

@@ -41,7 +41,7 @@ impl Tiles {
     pub(crate) fn zooms(&self) -> (u8, u8) {
         match self {
             Self::Server(_) => (1, FINEST_ZOOM),
-            Self::File(archive) => archive.zooms,
+            Self::File(archive) => archive.zooms(),
         }
     }
 
@@ -94,7 +94,15 @@ impl FromStr for Tiles {
 mod tests {
     use super::*;
 
+    #[cfg(not(feature = "mbtiles"))]
+    #[test]
+    fn without_the_feature_a_file_is_rejected_with_how_to_build_it() {
+        let rejected = "area.mbtiles".parse::<Tiles>().unwrap_err();
+        assert!(rejected.contains("--features mbtiles"), "{rejected}");
+    }
+
     /// The format's own example of a row: of the four tiles of zoom 1 that in the north-west is row 1 of the file.
+    #[cfg(feature = "mbtiles")]
     #[test]
     fn a_file_is_read_from_the_north_and_one_that_is_none_is_refused() {
         let path = std::env::temp_dir().join(format!("plumage-{}.mbtiles", std::process::id()));
@@ -115,8 +123,8 @@ mod tests {
         let Tiles::File(archive) = path.to_str().unwrap().parse().unwrap() else {
             panic!("a file")
         };
-        assert_eq!(archive.media_type, "image/png");
-        assert_eq!(archive.zooms, (1, 1));
+        assert_eq!(archive.media_type(), "image/png");
+        assert_eq!(archive.zooms(), (1, 1));
         assert_eq!(archive.tile(1, 0, 0).unwrap(), b"\x89PNG north-west");
         for (z, x, y) in [(1, 0, 1), (1, 1, 0), (0, 0, 0), (1, 0, 2), (255, 0, 0)] {
             assert_eq!(archive.tile(z, x, y), None, "{z}/{x}/{y}");
@@ -138,6 +146,11 @@ mod tests {
             "{text}"
         );
         std::fs::remove_file(&path).unwrap();
+        let missing = "nowhere.mbtiles".parse::<Tiles>().unwrap_err();
+        assert!(
+            missing.starts_with("unable to open database file"),
+            "{missing}"
+        );
     }
 
     #[test]
@@ -152,7 +165,6 @@ mod tests {
             ("https://tiles.example/{z}/{x}.png", "{y} is missing"),
             ("https:///{z}/{x}/{y}", "no host"),
             ("https://a; script-src */{z}/{x}/{y}", "no host"),
-            ("nowhere.mbtiles", "unable to open database file"),
             ("Cargo.mbtiles/{z}", "no address"),
         ] {
             let refused = text.parse::<Tiles>().unwrap_err();

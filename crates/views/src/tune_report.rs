@@ -11,7 +11,7 @@ use serde_json::Value;
 pub fn page(report: &TuneReport, file: &str) -> String {
     let mut page = Document::new("Plumage tuning report", &report.aircraft);
     page.lead(&lead(report, file));
-    page.figures(&cards(report));
+    page.cards(&cards(report));
     gains(&mut page, report);
     steps(&mut page, report);
     margins(&mut page, report);
@@ -122,8 +122,7 @@ fn gains(page: &mut Document, report: &TuneReport) {
                        are as in the file.";
         page.table(caption, &["gain", "before", "after"], &rows);
     }
-    page.plot(
-        260,
+    page.figure(
         figures::history(&report.history, report.before.cost),
         "The search: cost of the best gains so far, in the weather of the search. Grey: the gains of the file.",
     );
@@ -131,8 +130,7 @@ fn gains(page: &mut Document, report: &TuneReport) {
 
 fn steps(page: &mut Document, report: &TuneReport) {
     page.section("Step responses");
-    page.plot(
-        560,
+    page.figure(
         figures::steps(&report.before.steps, &report.after.steps),
         "One demand is changed at time 0. Grey: gains of the file. Blue: tuned gains. Dashed: the demand. Roll, \
          airspeed and height in calm air; course over ground and the radius of an orbit in a wind of 5 m/s.",
@@ -196,8 +194,7 @@ fn margins(page: &mut Document, report: &TuneReport) {
         ],
         &rows,
     );
-    page.plot(
-        430,
+    page.figure(
         figures::bode(&report.before.margins, &report.after.margins),
         "Open-loop responses near cruise speed with the tuned gains; dotted: gains of the file.",
     );
@@ -211,8 +208,7 @@ fn weather(page: &mut Document, report: &TuneReport) {
          height, 1 m/s of airspeed, 0.1 rad of course, 5 m off the orbit, 0.1 rad between commanded and flown \
          bank, and 0.6 rad/s of surface motion (root mean squares). The cost of the steps is added to their mean.",
     );
-    page.plot(
-        380,
+    page.figure(
         figures::weather(&report.before, &report.after),
         "Cost of each flight. The cases above the line are those of the search; the others are random hold-out \
          cases.",

@@ -16,8 +16,7 @@ pub fn applied_tracer(title: &str, report: &TracerReport) -> String {
         title,
         &report.gap,
     );
-    page.plot(
-        430,
+    page.figure(
         figures::arcs(&report.tracer.arcs),
         "Predicted over measured on every whole arc, by distance: crosswind-integrated \
          concentration (vertical spread, transport, loss) and width (lateral spread). Grey: the \
@@ -71,7 +70,7 @@ fn opening(kicker: &str, title: &str, json: &GapJson) -> Document {
         );
         cards.push((fac2, "", "within a factor of two".to_owned()));
     }
-    page.figures(&cards);
+    page.cards(&cards);
     page.section("Base and extension on these data");
     page
 }

@@ -1,13 +1,14 @@
 //! The report of an analysis of measured flights.
 
 use super::{Card, bins, figure, name_extend_gain, opening_with, remains};
+use crate::figure::{
+    Axis, BASE, Column, Figure, Layer, Line, MEASURED, MODEL, Panel, Points, stride,
+};
 use crate::html::{Document, number};
-use crate::plot::{panel_title, rounded, stride};
 use gap::flight::FlightReport;
 use gap::flight::equation_error::{EquationError, Moment};
 use gap::flight::histories::{History, WINDOW_S};
 use gap::flight::windows::MotionError;
-use serde_json::{Value, json};
 
 /// Points of a line in a figure.
 const POINTS: usize = 1800;
@@ -41,10 +42,9 @@ pub fn flight(title: &str, report: &FlightReport) -> String {
              seconds from the middle of the longest flight; gusts are not predicted and explain a part of the \
              deviation."
         );
-        page.plot(860, histories(&report.histories), &caption);
+        page.figure(histories(&report.histories), &caption);
         errors(&mut page, motion);
-        page.plot(
-            860,
+        page.figure(
             residuals(&report.histories),
             "Innovations of the filter over the whole flight, in standard deviations of its noise (means of \
              short stretches); an explained motion stays within about one.",
@@ -186,144 +186,92 @@ fn shown(histories: &[History]) -> Vec<&History> {
         .collect()
 }
 
-/// Two columns of panels, one a channel, with these lines each.
-fn panels(chosen: &[&History], lines: &dyn Fn(&History, &str) -> Vec<Value>, unit: bool) -> Value {
-    let rows = chosen.len().div_ceil(2).max(1) as f64;
-    let mut data = Vec::new();
-    let mut layout = json!({"margin": {"t": 40}, "legend": {"orientation": "h", "y": 1.09}});
-    let mut titles = Vec::new();
-    for (i, history) in chosen.iter().enumerate() {
-        let suffix = if i == 0 {
-            String::new()
-        } else {
-            (i + 1).to_string()
-        };
-        let left = 0.54 * (i % 2) as f64;
-        let top = 1.0 - (i / 2) as f64 / rows;
-        let bottom = top - 0.72 / rows;
-        layout[format!("xaxis{suffix}")] = json!({"domain": [left, left + 0.46],
-            "anchor": format!("y{suffix}"), "matches": "x"});
-        layout[format!("yaxis{suffix}")] = json!({"domain": [bottom, top],
-            "anchor": format!("x{suffix}")});
-        let of = if unit { history.unit } else { "sd" };
-        titles.push(panel_title(history.label, of, left, top));
-        for mut line in lines(history, &suffix) {
-            line["showlegend"] = json!(i == 0);
-            data.push(line);
+/// Two columns of panels, one a channel.
+fn panels(all: &[History], panel: impl Fn(&History) -> (Axis, Vec<Layer>)) -> Figure {
+    let one = |h: &&History| {
+        let (y, layers) = panel(h);
+        Panel {
+            title: h.label.to_owned(),
+            height: Some(130),
+            linked: Some("time"),
+            x: Axis::new("time", "s"),
+            y,
+            layers,
+            ..Panel::default()
         }
+    };
+    Figure {
+        columns: 2,
+        panels: shown(all).iter().map(one).collect(),
+        scale: None,
     }
-    layout["annotations"] = json!(titles);
-    json!({"data": data, "layout": layout})
 }
 
-fn line(name: &str, x: Vec<Value>, y: Vec<Value>, suffix: &str, colour: &str) -> Value {
-    json!({"type": "scatter", "mode": "lines", "name": name, "legendgroup": name, "x": x, "y": y,
-           "xaxis": format!("x{suffix}"), "yaxis": format!("y{suffix}"), "connectgaps": true,
-           "line": {"color": colour, "width": 1.4}})
+fn line(name: &str, colour: &'static str, x: Column, y: Column) -> Layer {
+    Layer::Line(Line {
+        name: name.to_owned(),
+        colour,
+        width: 1.4,
+        x,
+        y,
+        ..Line::default()
+    })
 }
 
-fn histories(all: &[History]) -> Value {
-    panels(
-        &shown(all),
-        &|h, suffix| {
-            let middle = h.time_s[h.time_s.len() / 2];
-            let inside: Vec<usize> = (0..h.time_s.len())
-                .filter(|&i| (h.time_s[i] - middle).abs() < 0.5 * CLOSE_S)
-                .collect();
-            let step = stride(inside.len(), POINTS);
-            let pick = |values: &[f64]| -> Vec<Value> {
-                let chosen = inside.iter().step_by(step);
-                chosen.map(|&i| rounded(values[i], 1000.0)).collect()
-            };
-            // Each window is a line of its own.
-            let apart = |values: &[f64]| -> (Vec<Value>, Vec<Value>) {
-                let (mut x, mut y) = (Vec::new(), Vec::new());
-                for &i in &inside {
-                    let start = h.starts.binary_search(&i).is_ok();
-                    if start {
-                        x.push(Value::Null);
-                        y.push(Value::Null);
-                    }
-                    if start || i % step == 0 {
-                        x.push(rounded(h.time_s[i], 1000.0));
-                        y.push(rounded(values[i], 1000.0));
-                    }
-                }
-                (x, y)
-            };
-            let window = |name: &str, values: &[f64], colour: &str| {
-                let (x, y) = apart(values);
-                let mut drawn = line(name, x, y, suffix, colour);
-                drawn["connectgaps"] = json!(false);
-                drawn
-            };
-            let first: Vec<usize> = inside
-                .iter()
-                .copied()
-                .filter(|i| h.starts.binary_search(i).is_ok())
-                .collect();
-            let at = |values: &[f64]| -> Vec<Value> {
-                first.iter().map(|&i| rounded(values[i], 1000.0)).collect()
-            };
-            let mut dots = line("start", at(&h.time_s), at(&h.extended), suffix, "#2f6f9f");
-            dots["mode"] = json!("markers");
-            dots["marker"] = json!({"size": 4, "color": "#2f6f9f"});
-            vec![
-                line(
-                    "measured",
-                    pick(&h.time_s),
-                    pick(&h.measured),
-                    suffix,
-                    "#d3131f",
-                ),
-                window("file", &h.base, "#98a2b0"),
-                window("extended", &h.extended, "#2f6f9f"),
-                dots,
-            ]
-        },
-        true,
-    )
+fn histories(all: &[History]) -> Figure {
+    panels(all, |h| (Axis::new("", h.unit), history(h)))
+}
+
+/// Thirty seconds of a channel: as read, and as predicted in windows, each a line of its own.
+fn history(h: &History) -> Vec<Layer> {
+    let middle = h.time_s[h.time_s.len() / 2];
+    let is_near = |i: &usize| (h.time_s[*i] - middle).abs() < 0.5 * CLOSE_S;
+    let inside: Vec<usize> = (0..h.time_s.len()).filter(is_near).collect();
+    let is_start = |i: usize| h.starts.binary_search(&i).is_ok();
+    let step = stride(inside.len(), POINTS);
+    let is_drawn = |i: &usize| is_start(*i) || i.is_multiple_of(step);
+    let drawn: Vec<usize> = inside.into_iter().filter(is_drawn).collect();
+    let starts: Vec<usize> = (0..drawn.len()).filter(|&k| is_start(drawn[k])).collect();
+    let column = |values: &[f64]| Column::new(drawn.iter().map(|&i| values[i]), 1000.0);
+    let at_starts = |values: &[f64]| Column::new(starts.iter().map(|&k| values[drawn[k]]), 1000.0);
+    let time = || column(&h.time_s);
+    let window = |name: &str, colour, values: &[f64]| {
+        line(
+            name,
+            colour,
+            time().broken(&starts),
+            column(values).broken(&starts),
+        )
+    };
+    vec![
+        line("measured", MEASURED, time(), column(&h.measured)),
+        window("file", BASE, &h.base),
+        window("extended", MODEL, &h.extended),
+        Layer::Points(Points {
+            name: "start".to_owned(),
+            colour: Some(MODEL),
+            size: 4.0,
+            x: at_starts(&h.time_s),
+            y: at_starts(&h.extended),
+            ..Points::default()
+        }),
+    ]
 }
 
 /// Means of stretches of the innovations.
-fn residuals(all: &[History]) -> Value {
-    panels(
-        &shown(all),
-        &|h, suffix| {
-            let width = stride(h.time_s.len(), 200);
-            let mean = |values: &[f64]| -> Vec<Value> {
-                values
-                    .chunks(width)
-                    .map(|chunk| {
-                        let known: Vec<f64> =
-                            chunk.iter().copied().filter(|v| v.is_finite()).collect();
-                        let n = known.len() as f64;
-                        rounded(known.iter().sum::<f64>() / n.sqrt(), 100.0)
-                    })
-                    .collect()
-            };
-            let time: Vec<Value> = h
-                .time_s
-                .chunks(width)
-                .map(|c| rounded(c[c.len() / 2], 10.0))
-                .collect();
-            vec![
-                line(
-                    "file",
-                    time.clone(),
-                    mean(&h.base_standardised),
-                    suffix,
-                    "#98a2b0",
-                ),
-                line(
-                    "extended",
-                    time,
-                    mean(&h.extended_standardised),
-                    suffix,
-                    "#2f6f9f",
-                ),
-            ]
-        },
-        false,
-    )
+fn residuals(all: &[History]) -> Figure {
+    panels(all, |h| {
+        let width = stride(h.time_s.len(), 200);
+        let mean = |chunk: &[f64]| {
+            let known: Vec<f64> = chunk.iter().copied().filter(|v| v.is_finite()).collect();
+            known.iter().sum::<f64>() / (known.len() as f64).sqrt()
+        };
+        let means = |values: &[f64]| Column::new(values.chunks(width).map(mean), 100.0);
+        let time = || Column::new(h.time_s.chunks(width).map(|c| c[c.len() / 2]), 10.0);
+        let layers = vec![
+            line("file", BASE, time(), means(&h.base_standardised)),
+            line("extended", MODEL, time(), means(&h.extended_standardised)),
+        ];
+        (Axis::new("", "sd"), layers)
+    })
 }

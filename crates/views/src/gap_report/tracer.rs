@@ -10,8 +10,7 @@ pub fn tracer(title: &str, report: &TracerReport) -> String {
     let json = &report.gap;
     let mut page = opening("Plumage gap report: tracer trials", title, json);
     page.section("Where the simulation deviates from the data");
-    page.plot(
-        430,
+    page.figure(
         figures::arcs(&report.tracer.arcs),
         "Predicted over measured on every whole arc, by distance: crosswind-integrated \
          concentration (vertical spread, transport, loss) and width (lateral spread). Grey: the \
@@ -19,8 +18,7 @@ pub fn tracer(title: &str, report: &TracerReport) -> String {
          air; diamonds: stable air. One is right.",
     );
     if !json.residual.is_empty() {
-        page.plot(
-            380,
+        page.figure(
             figures::bins(&json.residual),
             "Mean of ln (measured / predicted by the base) of arc maxima at each distance, in its \
              own standard errors over trials, for each kind of air.",

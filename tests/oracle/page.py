@@ -1,4 +1,4 @@
-"""The page in a browser: is it drawn, does anything cover another, does each button do what it says?
+"""The page and a report in a browser: is it drawn, does anything cover another, does each button do what it says?
 
     python3 tests/oracle/page.py target/release/plumage
 
@@ -81,6 +81,42 @@ BOXES = """selectors => selectors.flatMap(s => [...document.querySelectorAll(s)]
   .filter(([, b]) => b.width > 0 && b.height > 0).map(([s, b]) => [s, b.left, b.top, b.right, b.bottom])"""
 
 
+# Texts of the figures that leave their figure or cover another.
+TEXTS = """() => [...document.querySelectorAll(".plot svg")].flatMap(svg => {
+  const edge = svg.getBoundingClientRect(), texts = [...svg.querySelectorAll("text")].filter(t => t.textContent.trim())
+    .map(t => [t.textContent, t.getBoundingClientRect()]);
+  const clipped = texts.filter(([, b]) => b.left < edge.left - 1 || b.right > edge.right + 1 || b.top < edge.top - 1 || b.bottom > edge.bottom + 1)
+    .map(([t]) => `"${t}" is clipped`);
+  const covered = texts.flatMap(([t, a], i) => texts.slice(i + 1).filter(([, b]) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
+    && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 4).map(([u]) => `"${t}" covers "${u}"`));
+  return [...clipped, ...covered];
+})"""
+
+
+def texts_apart(page, name):
+    """Every text of every figure can be read."""
+    faults = page.evaluate(TEXTS)
+    check(not faults, f"{name}: " + "; ".join(faults[:5]))
+
+
+def look_at_report(browser, report):
+    """The mission's report as a file, on a desk and on a phone."""
+    for width, height in SIZES:
+        page = browser.new_page(viewport={"width": width, "height": height})
+        faults = []
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.goto(report.as_uri())
+        page.wait_for_timeout(500)
+        name = f"report at {width} px"
+        check(not faults, f"{name}: {faults[:1]}")
+        figures = page.locator(".plot").count()
+        check(figures >= 2 and page.locator(".plot svg").count() == figures, f"{name}: not every figure is drawn")
+        texts_apart(page, name)
+        wide = page.evaluate("document.documentElement.scrollWidth - window.innerWidth")
+        check(wide <= 0, f"{name}: {wide} px wider than the window")
+        page.close()
+
+
 def boxes_apart(page, name):
     """Nothing that lies on the map covers another, and nothing is wider than the page."""
     boxes = page.evaluate(BOXES, [".legend", ".wind", ".scale", ".tools", ".rulers"])
@@ -93,9 +129,12 @@ def boxes_apart(page, name):
 
 
 def look(page, name, messages):
-    for canvas, least in [("map-ground", 20), ("map", 8), ("section", 20), ("chart", 5)]:
+    for canvas, least in [("map-ground", 20), ("map", 8), ("section", 20)]:
         colours = page.evaluate(COLOURS, canvas)
         check(colours >= least, f"{name}: {canvas} has {colours} colours, expected {least} or more")
+    lines = page.locator("#readings svg [clip-path] path").count()
+    check(lines >= 1, f"{name}: no line of readings is drawn")
+    texts_apart(page, name)
     boxes_apart(page, name)
     check(max(messages) <= LARGEST, f"{name}: a message of {max(messages)} bytes")
     times = []
@@ -186,6 +225,9 @@ def main(program):
                     elif team == 6:
                         press(page)
                     context.close()
+        out = folder / "report"
+        subprocess.run([program, "run", SCENARIO, "--duration", "300", "--no-serve", "--out", out], check=True, capture_output=True)
+        look_at_report(browser, out / "report.html")
         browser.close()
     shutil.rmtree(folder)
     sys.exit(1 if wrong else 0)

@@ -1,7 +1,7 @@
 // What a reader does with a figure: point at a value, magnify a part, hide a series, save it.
 
 import { numberText } from "./scale.js";
-import { drawFigure, newState, titleOf } from "./chart.js";
+import { drawFigure, newState } from "./chart.js";
 
 /** Furthest from the pointer that a value is shown, px. Over a map both ways count alike; over other panels a reader
  * follows the axis across, so that the way up counts little. */

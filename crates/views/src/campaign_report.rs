@@ -32,7 +32,9 @@ pub fn page(question: &Question, rows: &[MissionRow]) -> String {
             |r| r.near.map(|m| m.time_s),
             true,
         ),
-        &format!("When a vehicle was first within {NEAR_M:.0} m of the true peak, in the same form."),
+        &format!(
+            "When a vehicle was first within {NEAR_M:.0} m of the true peak, in the same form."
+        ),
     );
     let distance = Axis::new("distance", "m");
     page.figure(

@@ -28,9 +28,12 @@ fn script_json(figures: &[Figure]) -> String {
 }
 
 /// The modules behind the figures of a report, each after those that it uses.
-const MODULES: [&str; 5] = [
+const MODULES: [&str; 8] = [
     include_str!("../assets/scale.js"),
     include_str!("../assets/grid.js"),
+    include_str!("../assets/svg.js"),
+    include_str!("../assets/chart_axes.js"),
+    include_str!("../assets/chart_layers.js"),
     include_str!("../assets/chart.js"),
     include_str!("../assets/chart_pointer.js"),
     include_str!("../assets/report.js"),

@@ -50,29 +50,34 @@ const LIMITS: Limits = Limits {
 const COOKIE: &str = "plumage-token";
 /// Speeds that may be asked for.
 const FACTORS: RangeInclusive<f64> = 0.01..=1e4;
+/// An asset with its path.
+macro_rules! asset {
+    ($kind:ident, $file:literal) => {
+        (
+            concat!("/", $file),
+            $kind,
+            include_str!(concat!("../assets/", $file)),
+        )
+    };
+}
 /// What the page is made of beside itself.
-const ASSETS: [(&str, &str, &str); 13] = [
-    ("/page.css", CSS, include_str!("../assets/page.css")),
-    ("/chart.css", CSS, include_str!("../assets/chart.css")),
-    ("/page.js", SCRIPT, include_str!("../assets/page.js")),
-    ("/map.js", SCRIPT, include_str!("../assets/map.js")),
-    ("/plume.js", SCRIPT, include_str!("../assets/plume.js")),
-    ("/section.js", SCRIPT, include_str!("../assets/section.js")),
-    (
-        "/readings.js",
-        SCRIPT,
-        include_str!("../assets/readings.js"),
-    ),
-    ("/team.js", SCRIPT, include_str!("../assets/team.js")),
-    ("/shown.js", SCRIPT, include_str!("../assets/shown.js")),
-    ("/scale.js", SCRIPT, include_str!("../assets/scale.js")),
-    ("/grid.js", SCRIPT, include_str!("../assets/grid.js")),
-    ("/chart.js", SCRIPT, include_str!("../assets/chart.js")),
-    (
-        "/chart_pointer.js",
-        SCRIPT,
-        include_str!("../assets/chart_pointer.js"),
-    ),
+const ASSETS: [(&str, &str, &str); 16] = [
+    asset!(CSS, "page.css"),
+    asset!(CSS, "chart.css"),
+    asset!(SCRIPT, "page.js"),
+    asset!(SCRIPT, "map.js"),
+    asset!(SCRIPT, "plume.js"),
+    asset!(SCRIPT, "section.js"),
+    asset!(SCRIPT, "readings.js"),
+    asset!(SCRIPT, "team.js"),
+    asset!(SCRIPT, "shown.js"),
+    asset!(SCRIPT, "scale.js"),
+    asset!(SCRIPT, "grid.js"),
+    asset!(SCRIPT, "svg.js"),
+    asset!(SCRIPT, "chart_axes.js"),
+    asset!(SCRIPT, "chart_layers.js"),
+    asset!(SCRIPT, "chart.js"),
+    asset!(SCRIPT, "chart_pointer.js"),
 ];
 const CSS: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";

@@ -77,6 +77,9 @@ async fn it_serves_everything_itself_and_loads_nothing_from_elsewhere() {
         "plume.js",
         "scale.js",
         "grid.js",
+        "svg.js",
+        "chart_axes.js",
+        "chart_layers.js",
         "chart.js",
         "chart_pointer.js",
     ];

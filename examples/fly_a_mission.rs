@@ -5,7 +5,7 @@
 //! ```
 //!
 //! A [`Setup`] is a scenario with all files that it names; a [`Run`] is its whole team in this
-//! process, in virtual time. Every [`Run::step`] runs one tick and returns what was said in it.
+//! process, in virtual time. Every [`Run::step`] runs one tick and returns its messages.
 
 use anyhow::{Context, Result};
 use mission::{Run, Setup};
@@ -17,7 +17,7 @@ use std::fs;
 const SCENARIO: &str = "scenarios/as-pontes.toml";
 
 fn main() -> Result<()> {
-    // The library opens no file: the caller reads what the scenario names, from wherever it is.
+    // The library opens no file: the caller reads the files that the scenario names.
     let text = fs::read_to_string(SCENARIO).context(SCENARIO)?;
     let read = |file: &str| fs::read(file).map_err(|e| e.to_string());
     let mut setup = Setup::load(SCENARIO, &text, &read)?;
@@ -38,7 +38,7 @@ fn main() -> Result<()> {
                         *best = reading.clone();
                     }
                 }
-                // What the real vehicles read has corrected the model of the simulated world.
+                // Readings of the real vehicles have corrected the model of the simulated world.
                 (Topic::Model, Message::Model(corrected)) => model = Some((**corrected).clone()),
                 (Topic::Event(agent), Message::Event(event)) => {
                     println!("{:7.1} s  {agent}: {}", envelope.time.s(), event.text);

@@ -1,7 +1,7 @@
-"""The key of a mission, for scripts that say something on its bus.
+"""Find the key of a mission and publish on its bus.
 
-Needs `pip install eclipse-zenoh`. Everything said carries a seal in Zenoh's attachment, which shows that whoever said it
-holds the mission's key: docs/security.md has its layout. Who only listens needs none of this.
+Needs `pip install eclipse-zenoh`. Every message carries a seal in Zenoh's attachment, which proves that its publisher holds
+the mission's key: docs/security.md describes the layout. Subscribers need none of this.
 """
 
 import hashlib
@@ -16,7 +16,7 @@ import zenoh
 
 
 def find_key(mission, file=None):
-    """The mission's key: of a file, of PLUMAGE_MISSION_KEY, or of the file that its first process on this host has made."""
+    """Return the mission's key: from a file, from PLUMAGE_MISSION_KEY, or from the file of the first process on this host."""
     if file is None and "PLUMAGE_MISSION_KEY" in os.environ:
         return bytes.fromhex(os.environ["PLUMAGE_MISSION_KEY"])
     if file is None:
@@ -34,7 +34,7 @@ def answer_code(key, question, answer):
 
 
 class Speaker:
-    """Says things on the bus of a mission that runs in real time."""
+    """Publish on the bus of a mission that runs in real time."""
 
     def __init__(self, session, mission, key):
         self.session, self.key = session, key
@@ -43,7 +43,7 @@ class Speaker:
         self.run = self._join(f"plumage/{mission}/clock/main/now")
 
     def _join(self, time_key):
-        """Asks who keeps the mission's time for the number of the run, until it answers."""
+        """Ask the keeper of the mission's time for the number of the run, until it answers."""
         while True:
             question = os.urandom(16).hex()
             asked = json.dumps({"question": question, "stream": self.stream}).encode()
@@ -64,7 +64,7 @@ class Speaker:
             time.sleep(0.1)
 
     def put(self, key_expression, envelope):
-        """Says an envelope, a dictionary."""
+        """Publish an envelope, a dictionary."""
         said, key_bytes = json.dumps(envelope).encode(), key_expression.encode()
         self.number += 1
         numbers = struct.pack(">QQQ", self.run, self.stream, self.number)

@@ -1,10 +1,10 @@
-"""A search strategy outside the program: climb from the best reading so far.
+"""Run a search strategy outside the program: climb from the best reading so far.
 
 Needs `pip install eclipse-zenoh` and a mission in real time whose scenario has `search.strategy = "outside"` and whose
-processes run with `--json`. Each vehicle that has come near its destination, or has had it for a minute, gets another: around the
-best reading so far, ever nearer to it, or around the place where the search begins as long as nothing stands out. That place, and how
-far a reading must stand out, are those of as-pontes unless stated. On the host of the mission it finds the mission's key by itself;
-elsewhere it is told by --mission-key or PLUMAGE_MISSION_KEY.
+processes run with `--json`. A vehicle close to its destination, or a minute after the last one, receives another: around the
+best reading so far, ever closer to it. While no reading stands out, destinations are around the start of the search. Start and
+threshold default to those of as-pontes. On the host of the mission the script finds the mission's key by itself; elsewhere
+set --mission-key or PLUMAGE_MISSION_KEY.
 
     python3 outside_strategy.py --mission as-pontes --connect tcp/127.0.0.1:7447
 """
@@ -57,7 +57,7 @@ class Climb:
                 self.best = (ppm, place)
 
     def destination(self, vehicle, here):
-        """The vehicle's next place, if it is time for one."""
+        """Return the vehicle's next place, if it is time for one."""
         with self.lock:
             place, since = self.destinations.get(vehicle, (None, 0.0))
             if place and distance_m(here, place) > NEAR_M and time.monotonic() - since < PATIENCE_S:
@@ -78,11 +78,11 @@ def main():
     parser.add_argument("--connect", default="tcp/127.0.0.1:7447")
     parser.add_argument("--mission-key", help="file with the mission's key")
     parser.add_argument("--seconds", type=float, default=math.inf)
-    parser.add_argument("--lat", type=float, default=43.4467, help="where to begin")
+    parser.add_argument("--lat", type=float, default=43.4467, help="start of the search")
     parser.add_argument("--lon", type=float, default=-7.8480)
     parser.add_argument("--alt", type=float, default=850.0, help="m above mean sea level")
-    parser.add_argument("--radius", type=float, default=1000.0, help="how far about it, m")
-    parser.add_argument("--stands-out", type=float, default=20.0, help="so far above the lowest a reading is of a plume, ppm")
+    parser.add_argument("--radius", type=float, default=1000.0, help="radius around it, m")
+    parser.add_argument("--stands-out", type=float, default=20.0, help="excess over the lowest reading that counts as plume, ppm")
     arguments = parser.parse_args()
 
     config = zenoh.Config()

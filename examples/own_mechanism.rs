@@ -1,4 +1,4 @@
-//! A mechanism of one's own beside those of the catalogue.
+//! Adds a mechanism of your own to those of the catalogue.
 //!
 //! ```sh
 //! cargo run --release --example own_mechanism
@@ -6,11 +6,11 @@
 //!
 //! A *mechanism* is a named extension of the model: an id, parameters with units, an equation.
 //! Those of the catalogue (docs/mechanisms.md) are data: a `[[mechanism]]` table of a scenario adds
-//! one. The catalogue is closed to other crates, so an effect that it lacks is first tried from
-//! outside, as here: a furnace that works in batches, so that the stack emits for part of the time
-//! only. If it is worth keeping it gets an entry in the file of its family,
-//! `crates/plume/src/mechanism/source.rs`, and then scenario files, the simulator and the analysis of
-//! the gap all know it; ARCHITECTURE.md says what belongs to an entry.
+//! one. The catalogue is closed to other crates, so try a missing effect from outside first, as
+//! here: a furnace works in batches, and the stack emits for part of the time only. If the effect is
+//! worth keeping, give it an entry in the file of its family,
+//! `crates/plume/src/mechanism/source.rs`; scenario files, the simulator and the gap analysis then
+//! use it. ARCHITECTURE.md lists the parts of an entry.
 
 use air::wind::towards_deg;
 use anyhow::{Context, Result};
@@ -21,8 +21,8 @@ use scenario::Scenario;
 
 const SCENARIO: &str = "scenarios/as-pontes.toml";
 
-/// The source emits during the first part of every period only, and then more, so that its mean stays
-/// what it was.
+/// The source emits during the first part of every period only, and more then, so that its mean is
+/// unchanged.
 #[derive(Clone, Copy)]
 struct BatchEmission {
     period_s: f64,
@@ -40,7 +40,7 @@ impl BatchEmission {
         }
     }
 
-    /// The field of `model` with this effect, ppm: air met at x was emitted x/u ago.
+    /// The field of `model` with this effect, ppm: air at x was emitted x/u ago.
     fn mean_ppm(self, model: &DispersionModel, place: &Place, time_s: f64) -> f64 {
         let wind = &model.spec().wind;
         let (east, north) = towards_deg(wind.from_deg()).to_radians().sin_cos();
@@ -91,7 +91,7 @@ fn main() -> Result<()> {
         .map(|t| sensor.read(truth.mean_ppm(&model, &place, f64::from(t)), 1.0, &mut rng))
         .collect();
 
-    // The base, the nearest of the catalogue fitted by trial, and the own one likewise.
+    // The base, the closest mechanism of the catalogue fitted by trial, and the new one likewise.
     let base_ppm = misfit_ppm(&measured, |t| model.mean_ppm(&place, t));
     let mut by_trend_ppm = f64::INFINITY;
     for step in -20..=20 {

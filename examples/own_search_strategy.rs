@@ -1,13 +1,13 @@
-//! A search strategy of one's own against those of `csea`.
+//! Compares a search strategy of your own with those of `csea`.
 //!
 //! ```sh
 //! cargo run --release --example own_search_strategy
 //! ```
 //!
-//! Six samplers look for the highest concentration of a plume that the strategies do not know. They fly
-//! straight at 18 m/s and choose anew every ten seconds; no aircraft, wind or rules of the air are
-//! simulated, so that a strategy is tried in milliseconds. For `search.strategy` of a scenario to take a
-//! strategy by its name, it goes into `crates/csea` (ARCHITECTURE.md says where).
+//! Six samplers search for the highest concentration of an unknown plume. They fly straight at 18 m/s
+//! and select a new target every ten seconds. No aircraft, wind or rules of the air are simulated, so
+//! a trial takes milliseconds. To make a strategy available to `search.strategy` of a scenario, add it
+//! to `crates/csea` (ARCHITECTURE.md shows where).
 
 use air::geo::Enu;
 use anyhow::{Context, Result};
@@ -51,7 +51,7 @@ impl SearchStrategy for NearTheBest {
                     // Every point has to lie inside the domain, whatever its shape.
                     (self.domain.repair(wanted, best.position, rng), best.value)
                 }
-                // What is hoped of a place of which nothing is known.
+                // Expected value of an unsampled place.
                 _ => (self.domain.draw(rng), archive.mean()),
             };
             self.points.push(PromisingPoint { position, fitness });
@@ -84,7 +84,7 @@ fn sampler(id: usize, position: Position) -> Sampler {
     }
 }
 
-/// The highest concentration that the samplers have met in the domain, ppm.
+/// The highest concentration that the samplers have measured in the domain, ppm.
 fn search(
     strategy: &mut dyn SearchStrategy,
     domain: &Domain,
@@ -98,7 +98,7 @@ fn search(
     let mut highest_ppm = 0.0_f64;
     for step in 0..STEPS {
         strategy.step(&archive, &mut rng);
-        // 45°: a fast sampler takes what lies ahead of it.
+        // 45°: a fast sampler selects points ahead of it.
         let orders: Vec<Position> = team
             .iter()
             .map(|member| strategy.direct(member, 45.0, &mut rng))
@@ -131,7 +131,7 @@ fn search(
 fn main() -> Result<()> {
     let text = std::fs::read_to_string(SCENARIO).context(SCENARIO)?;
     let model = Scenario::parse("as-pontes.toml", &text)?.dispersion_model()?;
-    // A box, and in it whatever a closure allows: here, what is not too near the stack.
+    // A box, restricted by a closure: here, to places not too close to the stack.
     let (low, high) = (
         Position::new(-500.0, -1500.0, 120.0),
         Position::new(3500.0, 2500.0, 900.0),

@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Without a path it records two minutes of a mission first and reads those. A recording holds every
-//! message on the bus, the scenario and the seed, so that nothing but the file is needed; one that
-//! was cut short is read up to where it ends.
+//! message on the bus, the scenario and the seed, so that the file alone suffices. A truncated file
+//! is read up to its end.
 
 use anyhow::{Context, Result};
 use mission::{Run, Setup};
@@ -52,7 +52,7 @@ fn read(path: &Path) -> Result<()> {
         lost => println!("{}", lost.loss().unwrap_or_default()),
     }
 
-    // What the real vehicles read, as the rows that calibration and the analysis of the gap take.
+    // Readings of the real vehicles, as rows for calibration and gap analysis.
     let measured = record::observations::of_recording(&recording, 1.0)?;
     println!(
         "{} readings of real vehicles, one a second; the first as CSV:",

@@ -225,14 +225,15 @@ fn fresh(name: &str) -> PathBuf {
     folder
 }
 
-/// The reference mission in `folder`, with a date.
+/// The reference mission in `folder`, at the date that the readers expect.
 fn dated(folder: &Path) -> PathBuf {
-    let dated = std::fs::read_to_string(SCENARIO).unwrap();
-    let dated = dated.replacen(
-        "[mission]",
-        "[mission]\nstart = \"2026-11-27T12:30:00Z\"",
+    let shipped = std::fs::read_to_string(SCENARIO).unwrap();
+    let dated = shipped.replacen(
+        "start = \"2026-09-16T11:00:00Z\"",
+        "start = \"2026-11-27T12:30:00Z\"",
         1,
     );
+    assert_ne!(dated, shipped, "{SCENARIO} has another start");
     let scenario = folder.join("dated.toml");
     std::fs::write(&scenario, dated).unwrap();
     std::fs::create_dir(folder.join("aircraft")).unwrap();

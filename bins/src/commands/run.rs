@@ -52,8 +52,8 @@ pub struct RunArguments {
         help_heading = "Mission"
     )]
     pub duration: Option<f64>,
-    /// Simulated over wall time: real, max, or a factor above 0 [default: max, or 30 when started from a terminal with a
-    /// live page and without --out]
+    /// Speed of the mission: real, max, or a factor of real time above 0 [default: max; 30 when started from a terminal
+    /// with a live page and without --out]
     #[arg(long, allow_negative_numbers = true, help_heading = "Mission")]
     pub speed: Option<Speed>,
     /// Gas that the sensors measure: co2, ch4, so2, co, no2, nh3, h2s or sf6 [default: that of the first source]

@@ -2,12 +2,12 @@
 
 use crate::synthetic;
 use protocol::key::Name;
-use protocol::message::{Message, Peak, PeakStatus, VehicleKind};
+use protocol::message::{GapCause, Message, Peak, PeakStatus, VehicleKind};
 use protocol::{Envelope, SimTime, Topic};
 use record::contour::PlumeLine;
 use record::kml::{Map, MapFeatures, StackMarker, document};
 use record::summary::{
-    CORRECTED, ModelNumbers, Outcome, PlaceOfPeak, Summariser, SummaryContext, TruePeak,
+    CORRECTED, GapSummary, ModelNumbers, Outcome, PlaceOfPeak, Summariser, SummaryContext, TruePeak,
 };
 use record::text;
 use record::tracks::Tracks;
@@ -199,6 +199,44 @@ fn a_mission_without_real_vehicle_or_peak_has_words_and_nulls() {
 }
 
 /// The map of 300 s with a name that XML would trip over, moved east by `east_deg`.
+#[test]
+fn each_verdict_of_the_reality_gap_is_a_sentence() {
+    let cause = |mechanisms: &[&str]| GapCause {
+        mechanisms: mechanisms.iter().map(ToString::to_string).collect(),
+        probability: 0.9,
+    };
+    let said = |verdict: &str, causes: &[GapCause]| {
+        text::gap(&GapSummary {
+            verdict: verdict.to_owned(),
+            causes: causes.to_vec(),
+        })
+    };
+    assert_eq!(
+        said("unexplained", &[]),
+        "Reality gap in flight: unexplained: the readings deviate from the model, and no listed mechanism accounts for it."
+    );
+    let (lag, set) = (
+        cause(&["sensor-lag"]),
+        cause(&["sensor-gain", "emission-scale"]),
+    );
+    for (verdict, causes) in [
+        ("none", vec![]),
+        ("insufficient", vec![]),
+        ("named", vec![lag.clone()]),
+        ("ambiguous", vec![set]),
+        ("unexplained", vec![lag]),
+    ] {
+        let text = said(verdict, &causes);
+        assert!(
+            text.starts_with(&format!("Reality gap in flight: {verdict}: ")),
+            "{text}"
+        );
+        for cause in causes {
+            assert!(text.contains(&cause.mechanisms.join(" or ")), "{text}");
+        }
+    }
+}
+
 fn kml_text(east_deg: f64) -> String {
     let moved = |lon_deg: f64| air::geo::wrap_signed_deg(lon_deg + east_deg);
     let mut tracks = Tracks::new(500, 0.5);

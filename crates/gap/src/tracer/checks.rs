@@ -79,7 +79,7 @@ fn amounts(trials: &[TrialArcs]) -> Option<String> {
         _ => "less than a millionth".to_owned(),
     };
     Some(format!(
-        "measured crosswind integrals are {factor} times what Briggs' plume givesin the median of all arcs, and \
+        "measured crosswind integrals are {factor} times what Briggs' plume gives in the median of all arcs, and \
          a fraction of {fac2:.2} of the arc maxima is within a factor of two: no spread explains this. Check the \
          units of source_rate_g_s, concentration_mg_m3, wind_speed_m_s, east_m, north_m, height_agl_m and \
          source_height_agl_m, and the release itself"

@@ -4,7 +4,7 @@ use crate::{Failure, agent, mission_files};
 use net::{DEFAULT_ENDPOINT, Net, NetOptions};
 use protocol::key::Name;
 use protocol::seal::MissionKey;
-use scenario::calendar::rfc_3339;
+use formats::calendar::rfc_3339;
 use std::net::{TcpListener, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};

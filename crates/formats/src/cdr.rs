@@ -3,6 +3,7 @@
 //! Formats: design.ros2.org, *ROS 2 Message definition*; OMG, *DDS X-Types 1.3*, 7.4.3 (XCDR1: values are aligned to
 //! their own size, behind four bytes that say which end comes first).
 
+use crate::binary::Kind;
 use std::collections::BTreeMap;
 
 /// Longer arrays are images and clouds.
@@ -103,34 +104,35 @@ impl<'a> Cdr<'a> {
         })
     }
 
-    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
-        self.at = self.at.next_multiple_of(N);
-        let mut bytes: [u8; N] = self.bytes.get(self.at..self.at + N)?.try_into().ok()?;
-        self.at += N;
-        if !self.little {
-            bytes.reverse();
-        }
-        Some(bytes)
-    }
-
     fn number(&mut self, kind: &str) -> Option<f64> {
-        Some(match kind {
-            "bool" | "uint8" | "byte" | "char" => f64::from(u8::from_le_bytes(self.take()?)),
-            "int8" => f64::from(i8::from_le_bytes(self.take()?)),
-            "int16" => f64::from(i16::from_le_bytes(self.take()?)),
-            "uint16" => f64::from(u16::from_le_bytes(self.take()?)),
-            "int32" => f64::from(i32::from_le_bytes(self.take()?)),
-            "uint32" => f64::from(u32::from_le_bytes(self.take()?)),
-            "int64" => i64::from_le_bytes(self.take()?) as f64,
-            "uint64" => u64::from_le_bytes(self.take()?) as f64,
-            "float32" => f64::from(f32::from_le_bytes(self.take()?)),
-            "float64" => f64::from_le_bytes(self.take()?),
+        self.read(match kind {
+            "bool" | "uint8" | "byte" | "char" => Kind::U8,
+            "int8" => Kind::I8,
+            "int16" => Kind::I16,
+            "uint16" => Kind::U16,
+            "int32" => Kind::I32,
+            "uint32" => Kind::U32,
+            "int64" => Kind::I64,
+            "uint64" => Kind::U64,
+            "float32" => Kind::F32,
+            "float64" => Kind::F64,
             _ => return None,
         })
     }
 
+    /// The next number, aligned to its own size.
+    fn read(&mut self, kind: Kind) -> Option<f64> {
+        self.at = self.at.next_multiple_of(kind.width());
+        let bytes = self.bytes.get(self.at..self.at + kind.width())?;
+        self.at += kind.width();
+        Some(match self.little {
+            true => kind.little_endian(bytes),
+            false => kind.big_endian(bytes),
+        })
+    }
+
     fn count(&mut self) -> Option<usize> {
-        let count = u32::from_le_bytes(self.take()?) as usize;
+        let count = self.read(Kind::U32)? as usize;
         (count <= self.bytes.len()).then_some(count)
     }
 

@@ -3,22 +3,31 @@
 //! Layout: Unidata, *NetCDF Classic Format Specification*. Numbers are big endian; names, attributes and values are
 //! padded to four bytes. Written is version 2, whose places in the file have eight bytes.
 
+use crate::binary::Kind;
+
 /// Tags of the lists in a file's head.
 const DIMENSIONS: u32 = 0x0A;
 const VARIABLES: u32 = 0x0B;
 const ATTRIBUTES: u32 = 0x0C;
 /// Types of values.
-const CHAR: u32 = 2;
+/// Letters.
+pub const CHAR: u32 = 2;
 const INT: u32 = 4;
 const DOUBLE: u32 = 6;
 
-/// Bytes of a value of this type; none of a type that there is not.
-pub fn width(kind: u32) -> Option<usize> {
-    Some(match kind {
-        1 | CHAR | 7 => 1,
-        3 | 8 => 2,
-        INT | 5 | 9 => 4,
-        DOUBLE | 10 | 11 => 8,
+/// The numbers that values of a type are, letters too; none of a type that does not exist.
+pub fn kind(of: u32) -> Option<Kind> {
+    Some(match of {
+        1 => Kind::I8,
+        CHAR | 7 => Kind::U8,
+        3 => Kind::I16,
+        8 => Kind::U16,
+        INT => Kind::I32,
+        9 => Kind::U32,
+        5 => Kind::F32,
+        DOUBLE => Kind::F64,
+        10 => Kind::I64,
+        11 => Kind::U64,
         _ => return None,
     })
 }

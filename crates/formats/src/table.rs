@@ -55,7 +55,7 @@ impl Cells {
             Self::Text(cells) => cells[row].clone(),
             Self::Whole(cells) => cells[row].to_string(),
             Self::Number(cells) => cells[row].map_or(String::new(), |v| v.to_string()),
-            Self::Time(cells) => scenario::calendar::rfc_3339(cells[row]),
+            Self::Time(cells) => crate::calendar::rfc_3339(cells[row]),
         }
     }
 }

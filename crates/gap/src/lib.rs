@@ -119,3 +119,13 @@ pub enum GapError {
     #[error(transparent)]
     Air(#[from] air::AirError),
 }
+
+impl From<formats::delimited::TableError> for GapError {
+    fn from(error: formats::delimited::TableError) -> Self {
+        Self::Data {
+            what: error.place(),
+            problem: error.problem,
+            expected: error.expected,
+        }
+    }
+}

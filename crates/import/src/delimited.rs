@@ -6,7 +6,6 @@
 pub mod clock;
 pub mod layout;
 pub mod plan;
-mod rows;
 
 use crate::ImportError;
 use crate::decode;
@@ -15,9 +14,9 @@ use crate::map::LogMap;
 use crate::preset::Preset;
 use crate::quantity::Quantity;
 use crate::sink::Sink;
+use formats::delimited::{Cells, Records};
 use layout::Layout;
 use plan::{Plan, Source};
-use rows::{Cells, Records};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
 
@@ -80,12 +79,13 @@ impl<'a> Delimited<'a> {
         if let Some(decimal) = &map.decimal {
             layout.decimal_comma = decimal == ",";
         }
-        let first: Vec<Vec<Vec<u8>>> = lines
+        let rows = lines
             .iter()
-            .filter(|l| l.number >= layout.rows_line && l.bytes.first() != Some(&b'#'))
+            .filter(|l| l.number >= layout.rows_line && l.bytes.first() != Some(&b'#'));
+        let first: Vec<Cells> = rows
             .take(HEAD_ROWS)
-            .map(|l| layout::split(l.bytes, layout.delimiter))
-            .filter(|row| *row != layout.header_cells)
+            .map(|l| Cells::of(l.bytes, layout.delimiter))
+            .filter(|row| !layout.repeats_header(row))
             .collect();
         let mut plan = plan::plan(name, &layout, &first, map, zero_s)?;
         if let Some(preset) = preset {
@@ -146,7 +146,8 @@ impl<'a> Delimited<'a> {
         may_run_back: bool,
         sink: &mut dyn Sink,
     ) -> Result<Outcome, ImportError> {
-        let mut records = Records::new(self.rest, self.layout.delimiter, self.layout.rows_line);
+        let (delimiter, first_line) = (self.layout.delimiter, self.layout.rows_line);
+        let mut records = Records::new(self.rest, delimiter, first_line, true);
         let mut clock = self.plan.clock;
         let columns: Vec<_> = taken.iter().map(|t| &self.plan.columns[*t]).collect();
         // Who sorts spreads afterwards.
@@ -159,9 +160,12 @@ impl<'a> Delimited<'a> {
         let fixed = order.platform(&self.platform);
         let mut tally = Tally::new(columns.len());
         let mut values = vec![f64::NAN; columns.len()];
-        while let Some(line) = records.next(&self.name)? {
+        while let Some(line) = records
+            .next_line()
+            .map_err(ImportError::bytes(&self.name))?
+        {
             let cells = &records.cells;
-            if cells.is_blank() {
+            if cells.is_empty() {
                 continue;
             }
             let Some(time_s) = clock.read(|at| cells.get(at)) else {
@@ -226,16 +230,15 @@ fn by_preset(
 }
 
 /// How the first rows are stamped.
-fn stamps(plan: &Plan, first: &[Vec<Vec<u8>>]) -> Stamps {
+fn stamps(plan: &Plan, first: &[Cells]) -> Stamps {
     let mut clock = plan.clock.unshifted();
     let mut names: BTreeMap<&[u8], usize> = BTreeMap::new();
     let mut times = Vec::new();
     for row in first {
-        let cell = |at: usize| row.get(at).map_or(&[][..], Vec::as_slice);
-        let Some(time_s) = clock.read(cell) else {
+        let Some(time_s) = clock.read(|at| row.get(at)) else {
             continue;
         };
-        let name = plan.platform.map_or(&[][..], cell);
+        let name = plan.platform.map_or(&[][..], |at| row.get(at));
         let next = names.len();
         times.push((time_s, *names.entry(name).or_insert(next)));
     }
@@ -272,8 +275,7 @@ impl Tally {
 
     #[cold]
     fn no_time(&mut self, line: u64, cells: &Cells, layout: &Layout) {
-        let mut header = layout.header_cells.iter().enumerate();
-        if header.all(|(at, name)| cells.get(at) == name.as_slice()) {
+        if layout.repeats_header(cells) {
             self.repeated_headers += 1;
             return;
         }

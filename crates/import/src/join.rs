@@ -128,7 +128,7 @@ fn best(one: &Series, other: &Series) -> Option<(f64, f64)> {
         name: "",
         dimension: Dimension::Length,
         decimals: 0,
-        aliases: &[],
+        aliases: "",
     };
     let span = one.time_s.last()? - one.time_s.first()?;
     let step_s = one

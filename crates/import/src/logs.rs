@@ -13,6 +13,7 @@ use crate::map::{ColumnMap, LogMap, Names};
 use crate::quantity::Quantity;
 use crate::recognise::Header;
 use crate::series::Series;
+use plume::units::{Gas, Unit};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 
@@ -121,6 +122,14 @@ impl Format {
             Self::Text => &[],
         };
         let mut map = LogMap::default();
+        if self == Self::NetCdf {
+            let named = |gas: Gas| ColumnMap {
+                from: Some(Names::One(gas.standard_name())),
+                ..ColumnMap::default()
+            };
+            let columns = Gas::ALL.map(|gas| (gas.column(Unit::Ppm).to_owned(), named(gas)));
+            map.column.extend(columns);
+        }
         // Autopilots say in their documents that these altitudes are above the sea.
         let is_autopilot = matches!(self, Self::Ulog | Self::DataFlash | Self::Tlog);
         for (column, from, unit) in columns {
@@ -190,6 +199,33 @@ impl Collected {
         }
     }
 
+    /// The log of an autopilot of this `kind`: its times in UTC, as `clock` words it, where fixes say what UTC is ahead of
+    /// them, s, and since its start where there was no fix.
+    pub fn of_autopilot(
+        self,
+        kind: &'static str,
+        mut ahead_s: Vec<f64>,
+        mut notices: Vec<String>,
+        clock: &str,
+    ) -> SeriesLog {
+        // The median: a few wrong fixes do not move it.
+        ahead_s.sort_by(f64::total_cmp);
+        let ahead_s = ahead_s.get(ahead_s.len() / 2).copied();
+        notices.push(match ahead_s {
+            Some(_) => clock.to_owned(),
+            None => {
+                "assumed: times count from the start of the autopilot, since no GPS fix gives the time"
+                    .to_owned()
+            }
+        });
+        SeriesLog {
+            kind,
+            series: self.finish(ahead_s.unwrap_or(0.0)),
+            is_absolute: ahead_s.is_some(),
+            said: notices,
+        }
+    }
+
     /// All series, their times moved by `shift_s` and in order.
     pub fn finish(self, shift_s: f64) -> Vec<Series> {
         let mut all: Vec<Series> = self.0.into_values().collect();
@@ -202,12 +238,6 @@ impl Collected {
         all.retain(|s| !s.time_s.is_empty());
         all
     }
-}
-
-/// The middle one of differences between clocks: a few wrong fixes do not move it.
-pub fn middle(mut differences: Vec<f64>) -> Option<f64> {
-    differences.sort_by(f64::total_cmp);
-    differences.get(differences.len() / 2).copied()
 }
 
 /// Adds the speed and direction of a wind that blows *towards* `north` and `east`, m/s.

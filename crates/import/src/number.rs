@@ -1,4 +1,6 @@
-//! Numbers and angles as cells hold them.
+//! Angles in cells, codes for missing values, and rounding.
+
+use formats::delimited::number;
 
 /// What stands for no value in a cell of numbers.
 const NONE: [&str; 14] = [
@@ -8,26 +10,6 @@ const NONE: [&str; 14] = [
 /// Whether a cell says that there is no value.
 pub fn is_none(cell: &[u8]) -> bool {
     cell.len() <= 7 && NONE.iter().any(|n| cell.eq_ignore_ascii_case(n.as_bytes()))
-}
-
-/// The number in a cell; none where it is no finite one. A leading sign plus is read.
-pub fn parse(cell: &[u8], decimal_comma: bool) -> Option<f64> {
-    if decimal_comma && cell.contains(&b',') {
-        let text: Vec<u8> = cell
-            .iter()
-            .map(|b| if *b == b',' { b'.' } else { *b })
-            .collect();
-        return parse(&text, false);
-    }
-    // "inf" and "infinity" parse as numbers but are none that was measured.
-    let text = std::str::from_utf8(cell).ok()?;
-    text.parse().ok().filter(|v: &f64| v.is_finite())
-}
-
-/// Whether a cell is a number with a decimal comma, as `43,441`.
-pub fn has_decimal_comma(cell: &[u8]) -> bool {
-    let commas = cell.iter().filter(|b| **b == b',').count();
-    commas == 1 && !cell.contains(&b'.') && parse(cell, true).is_some()
 }
 
 /// Degrees, minutes and seconds with a letter for the side, as `43°26'30.1"N`, `43 26 30.1 N`,
@@ -69,12 +51,12 @@ pub fn degrees_minutes_seconds(cell: &[u8], decimal_comma: bool) -> Option<f64> 
 pub fn nmea(cell: &[u8], decimal_comma: bool) -> Option<f64> {
     let side = |b: &u8| b"NSEWnsew".contains(b);
     let negative = cell.iter().any(|b| b"SWsw".contains(b));
-    let number: Vec<u8> = cell
+    let digits: Vec<u8> = cell
         .iter()
         .copied()
         .filter(|b| !side(b) && *b != b' ')
         .collect();
-    let value = parse(&number, decimal_comma)?;
+    let value = number(&digits, decimal_comma)?;
     let degrees = (value.abs() / 100.0).trunc();
     let minutes = value.abs() - 100.0 * degrees;
     let angle = degrees + minutes / 60.0;
@@ -138,15 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_with_commas_and_codes_for_none() {
-        assert_eq!(parse(b"43,5", true), Some(43.5));
-        assert_eq!(parse(b"43,5", false), None);
-        assert_eq!(parse(b"inf", false), None);
-        assert!(
-            has_decimal_comma(b"-7,86")
-                && !has_decimal_comma(b"7.86")
-                && !has_decimal_comma(b"1,2,3")
-        );
+    fn codes_for_none_and_rounding() {
         assert!(is_none(b"NaN") && is_none(b"") && is_none(b"N/A") && !is_none(b"0"));
         assert_eq!(rounded(30.480_000_000_000_004, 4), 30.48);
     }

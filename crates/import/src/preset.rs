@@ -142,7 +142,7 @@ impl Preset {
 
     /// The preset that a log with these columns and this beginning has, if there is one.
     pub fn of(headers: &[Header], head: &[u8]) -> Option<&'static Self> {
-        let has = |name: &&&str| headers.iter().any(|h| h.is_called(name));
+        let has = |name: &&&str| headers.iter().any(|h| h.is(name));
         PRESETS.iter().find(|p| {
             let by_columns = !p.has.is_empty() && p.has.iter().all(|n| has(&n));
             by_columns || (!p.begins.is_empty() && head.starts_with(p.begins.as_bytes()))

@@ -4,89 +4,41 @@ use crate::height::Datum;
 use crate::quantity::{Dimension, Quantity};
 use crate::unit::{self, Unit};
 
+/// The place of `name` among `names` that blanks separate.
+pub(crate) fn rank_in(names: &str, name: &str) -> Option<usize> {
+    names.split(' ').position(|n| n == name)
+}
+
 /// Words in headers that say nothing about the quantity.
-const NOISE: [&str; 14] = [
-    "gps", "gnss", "avg", "mean", "sync", "smp", "value", "val", "reading", "sensor", "measured",
-    "current", "osd", "filtered",
-];
+const NOISE: &str =
+    "gps gnss avg mean sync smp value val reading sensor measured current osd filtered";
 
 /// Names of heights by what they are counted from; small letters and digits.
-const HEIGHTS: [(Datum, &[&str]); 4] = [
+const HEIGHTS: [(Datum, &str); 4] = [
     (
         Datum::Home,
-        &[
-            "height",
-            "heightabovetakeoff",
-            "relativealtitude",
-            "relalt",
-            "altrel",
-            "relativeheight",
-            "heightabovehome",
-            "altitudeabovetakeoff",
-            "heightrelative",
-            "altituderelative",
-            "relheight",
-            "相对高度",
-        ],
+        "height heightabovetakeoff relativealtitude relalt altrel relativeheight heightabovehome \
+        altitudeabovetakeoff heightrelative altituderelative relheight 相对高度",
     ),
     (
         Datum::Ground,
-        &[
-            "agl",
-            "heightagl",
-            "altagl",
-            "altitudeagl",
-            "heightaboveground",
-            "heightabovegroundatdronelocation",
-            "altitudeaboveground",
-            "measurementheight",
-            "inletheight",
-        ],
+        "agl heightagl altagl altitudeagl heightaboveground heightabovegroundatdronelocation \
+        altitudeaboveground measurementheight inletheight",
     ),
     (
         Datum::Ellipsoid,
-        &[
-            "hae",
-            "heightaboveellipsoid",
-            "ellipsoidalheight",
-            "ellipsoidheight",
-            "altellipsoid",
-            "altitudehae",
-            "althae",
-            "altwgs84",
-            "altitudewgs84",
-            "heightabovereferenceellipsoid",
-            "heightellipsoid",
-            "ellipsoidalaltitude",
-            "altitudeellipsoidal",
-        ],
+        "hae heightaboveellipsoid ellipsoidalheight ellipsoidheight altellipsoid altitudehae althae \
+        altwgs84 altitudewgs84 heightabovereferenceellipsoid heightellipsoid ellipsoidalaltitude \
+        altitudeellipsoidal",
     ),
     (
         Datum::PressureAltitude,
-        &[
-            "pressurealtitude",
-            "pressalt",
-            "palt",
-            "barometricaltitude",
-            "baroaltitude",
-            "altbaro",
-            "pressurealt",
-        ],
+        "pressurealtitude pressalt palt barometricaltitude baroaltitude altbaro pressurealt",
     ),
 ];
 
 /// Names of heights that do not say from what they are counted.
-const UNCLEAR_HEIGHTS: [&str; 9] = [
-    "höhe",
-    "hoehe",
-    "altitud",
-    "alt",
-    "altitude",
-    "elevation",
-    "elev",
-    "ele",
-    "z",
-];
+const UNCLEAR_HEIGHTS: &str = "höhe hoehe altitud alt altitude elevation elev ele z";
 
 /// Words beside a height's name that say from what it is counted.
 const DATUM_WORDS: [(&str, Datum); 8] = [
@@ -101,89 +53,16 @@ const DATUM_WORDS: [(&str, Datum); 8] = [
 ];
 
 /// Names of columns with times or dates; small letters and digits.
-const TIMES: [&str; 68] = [
-    "gpstime",
-    "gpsdatetime",
-    "gpsdate",
-    "utctime",
-    "utcdatetime",
-    "utcdate",
-    "datetimeutc",
-    "timeutc",
-    "millis",
-    "datum",
-    "uhrzeit",
-    "zeit",
-    "zeitstempel",
-    "datumuhrzeit",
-    "fecha",
-    "hora",
-    "fechahora",
-    "heure",
-    "horodatage",
-    "time",
-    "datetime",
-    "timestamp",
-    "timedate",
-    "dateandtime",
-    "epoch",
-    "epochtime",
-    "epochtimestamp",
-    "unixtime",
-    "unixtimestamp",
-    "unix",
-    "posixtime",
-    "timeepoch",
-    "systemtime",
-    "recordtime",
-    "samplingtime",
-    "sampletime",
-    "logtime",
-    "secs",
-    "seconds",
-    "sec",
-    "elapsedtime",
-    "elapsed",
-    "timesincestart",
-    "timeelapsed",
-    "tmstamp",
-    "measurementtime",
-    "updatetime",
-    "customupdatetime",
-    "customdate",
-    "date",
-    "day",
-    "systemdate",
-    "hhmmss",
-    "timeofday",
-    "ts",
-    "t",
-    "clock",
-    "pctime",
-    "pcdatetime",
-    "recordedat",
-    "createdat",
-    "isotime",
-    "datetimestamp",
-    "flytime",
-    "采样点时间",
-    "时间",
-    "采样时间",
-    "日期",
-];
+const TIMES: &str = "gpstime gpsdatetime gpsdate utctime utcdatetime utcdate datetimeutc timeutc millis datum uhrzeit \
+    zeit zeitstempel datumuhrzeit fecha hora fechahora heure horodatage time datetime timestamp \
+    timedate dateandtime epoch epochtime epochtimestamp unixtime unixtimestamp unix posixtime \
+    timeepoch systemtime recordtime samplingtime sampletime logtime secs seconds sec elapsedtime \
+    elapsed timesincestart timeelapsed tmstamp measurementtime updatetime customupdatetime \
+    customdate date day systemdate hhmmss timeofday ts t clock pctime pcdatetime recordedat \
+    createdat isotime datetimestamp flytime 采样点时间 时间 采样时间 日期";
 
 /// Names of columns with platforms.
-const PLATFORMS: [&str; 9] = [
-    "platform",
-    "drone",
-    "vehicle",
-    "uav",
-    "station",
-    "site",
-    "stationid",
-    "sensorid",
-    "instrument",
-];
+const PLATFORMS: &str = "platform drone vehicle uav station site stationid sensorid instrument";
 
 /// What a header says of its clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -242,14 +121,18 @@ impl Header {
     }
 
     /// The quantity's unit if this header names it: the inner none where it names no unit.
-    fn names(&self, aliases: &[&str], dimension: Dimension) -> Option<(usize, Option<Unit>)> {
+    fn names(&self, aliases: &str, dimension: Dimension) -> Option<(usize, Option<Unit>)> {
         let all: Vec<&str> = self.words.iter().map(String::as_str).collect();
-        let plain: Vec<&str> = all.iter().copied().filter(|w| !NOISE.contains(w)).collect();
+        let plain: Vec<&str> = all
+            .iter()
+            .copied()
+            .filter(|w| rank_in(NOISE, w).is_none())
+            .collect();
         for words in [all, plain] {
             for tail in 0..=words.len().saturating_sub(1).min(3) {
                 let (name, unit) = words.split_at(words.len() - tail);
                 let name = name.concat();
-                let Some(rank) = aliases.iter().position(|a| *a == name) else {
+                let Some(rank) = rank_in(aliases, &name) else {
                     continue;
                 };
                 if tail == 0 {
@@ -274,7 +157,7 @@ impl Header {
     /// Which height it names, whether it says from what that is counted, and in which unit if it says one.
     pub fn height(&self) -> Option<(Datum, bool, Option<Unit>)> {
         if let Some((datum, rest)) = self.without_datum() {
-            let named = [&UNCLEAR_HEIGHTS[..], HEIGHTS[0].1].concat();
+            let named = [UNCLEAR_HEIGHTS, HEIGHTS[0].1].join(" ");
             return rest
                 .names(&named, Dimension::Length)
                 .map(|(_, unit)| (datum, true, unit));
@@ -285,7 +168,7 @@ impl Header {
             }
         }
         let amsl = Quantity::named("alt_amsl_m")?;
-        if let Some((_, unit)) = self.names(&UNCLEAR_HEIGHTS, Dimension::Length) {
+        if let Some((_, unit)) = self.names(UNCLEAR_HEIGHTS, Dimension::Length) {
             return Some((Datum::Amsl, false, unit));
         }
         let (_, unit) = self.quantity(amsl)?;
@@ -345,21 +228,19 @@ impl Header {
             !["utc", "gmt", "local", "lst", "lt", "iso", "iso8601"].contains(&w.as_str())
         });
         if rest.words.is_empty() && clock.is_some() {
-            return Some((TIMES.len(), None, clock));
+            return Some((usize::MAX, None, clock));
         }
-        let (rank, unit) = rest.names(&TIMES, Dimension::Duration)?;
-        let millis = || Unit::parse(Dimension::Duration, "ms");
-        let unit = if TIMES[rank] == "millis" {
-            millis()
-        } else {
-            unit
+        let (rank, unit) = rest.names(TIMES, Dimension::Duration)?;
+        let unit = match rank_in(TIMES, "millis") {
+            Some(millis) if millis == rank => Unit::parse(Dimension::Duration, "ms"),
+            _ => unit,
         };
         Some((rank, unit, clock))
     }
 
     /// Whether it names platforms.
     pub fn is_platform(&self) -> bool {
-        PLATFORMS.contains(&self.words.concat().as_str())
+        rank_in(PLATFORMS, &self.words.concat()).is_some()
     }
 
     /// Whether it says days as the unit of a time.
@@ -367,11 +248,6 @@ impl Header {
         let bracket = self.bracket.iter().map(String::as_str);
         let mut words = self.words.iter().map(String::as_str).chain(bracket);
         words.any(|w| ["days", "doy", "d"].contains(&w.to_lowercase().as_str()))
-    }
-
-    /// Whether its text is `name`, in these letters.
-    pub fn is_called(&self, name: &str) -> bool {
-        self.text == name
     }
 
     /// Whether this is the column that somebody calls `name`.

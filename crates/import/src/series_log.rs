@@ -1,7 +1,7 @@
 //! A log of series, planned: which of them is what, and their rows at one time each.
 
 use crate::ImportError;
-use crate::delimited::layout::{Delimiter, Layout};
+use crate::delimited::layout::Layout;
 use crate::delimited::plan::{self, Column, Source};
 use crate::logs::{Format, Wanted};
 use crate::map::{LogMap, Output};
@@ -9,6 +9,7 @@ use crate::quantity::Quantity;
 use crate::recognise::Header;
 use crate::series::Series;
 use crate::sink::Table;
+use formats::delimited::{Cells, Delimiter};
 use std::io::Read;
 
 /// Values by which a series is judged.
@@ -148,7 +149,7 @@ fn layout(series: &[Series]) -> Layout {
     Layout {
         delimiter: Delimiter::Space,
         headers: series.iter().map(|s| Header::of_series(&s.name)).collect(),
-        header_cells: Vec::new(),
+        header_cells: Cells::default(),
         header_line: 0,
         units: series.iter().map(|s| s.unit.clone()).collect(),
         rows_at: 0,
@@ -159,7 +160,7 @@ fn layout(series: &[Series]) -> Layout {
 }
 
 /// The first values of all series as a table's rows.
-fn rows(series: &[Series]) -> Vec<Vec<Vec<u8>>> {
+fn rows(series: &[Series]) -> Vec<Cells> {
     let most = series
         .iter()
         .map(|s| s.values.len())
@@ -169,9 +170,7 @@ fn rows(series: &[Series]) -> Vec<Vec<Vec<u8>>> {
     // Evenly through each series: its first values may be from before take-off.
     let cell = |s: &Series, k: usize| {
         let at = k * s.values.len() / most.max(1);
-        s.values
-            .get(at)
-            .map_or_else(Vec::new, |v| v.to_string().into_bytes())
+        s.values.get(at).map_or_else(String::new, f64::to_string)
     };
     (0..most)
         .map(|k| series.iter().map(|s| cell(s, k)).collect())

@@ -1,6 +1,6 @@
 //! Times as logs have them.
 
-use scenario::calendar::{DAY_S, days};
+use formats::calendar::{DAY_S, days};
 
 /// In which order a date of three numbers has day and month, where the year is not first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,6 +1,7 @@
 //! Units as people write them.
 
 use crate::quantity::Dimension;
+use crate::recognise::rank_in;
 
 /// How numbers of one unit become those of a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,247 +46,168 @@ const FOOT_M: f64 = 0.3048;
 const RADIAN_DEG: f64 = 180.0 / std::f64::consts::PI;
 const STANDARD_GRAVITY_M_S2: f64 = air::STANDARD_GRAVITY_M_S2;
 
-/// A unit and how it is written: small letters, digits, `%` and `/`.
-type Known = (Unit, &'static [&'static str]);
+/// A unit and how it is written: small letters, digits, `%` and `/`, separated by blanks.
+type Known = (Unit, &'static str);
 
 const PLACE: [Known; 5] = [
     (
         linear("deg", 1.0, 0.0),
-        &[
-            "deg",
-            "degrees",
-            "degree",
-            "dd",
-            "decimaldegrees",
-            "degn",
-            "degreesnorth",
-            "degreeseast",
-            "dege",
-            "degreesnorth",
-            "degreeseast",
-            "ddeg",
-        ],
+        "deg degrees degree dd decimaldegrees degn degreesnorth degreeseast dege degreesnorth \
+        degreeseast ddeg",
     ),
-    (linear("rad", RADIAN_DEG, 0.0), &["rad", "radians"]),
+    (linear("rad", RADIAN_DEG, 0.0), "rad radians"),
     (
         linear("1e-7 deg", 1e-7, 0.0),
-        &["1e-7deg", "dege7", "deg1e7", "degx1e7", "1e7deg"],
+        "1e-7deg dege7 deg1e7 degx1e7 1e7deg",
     ),
     (
         Unit {
             name: "dms",
             conversion: Conversion::DegreesMinutesSeconds,
         },
-        &["dms", "degminsec"],
+        "dms degminsec",
     ),
     (
         Unit {
             name: "ddmm.mmmm",
             conversion: Conversion::Nmea,
         },
-        &["ddmm.mmmm", "nmea", "ddmm", "dddmm.mmmm"],
+        "ddmm.mmmm nmea ddmm dddmm.mmmm",
     ),
 ];
 const LENGTH: [Known; 5] = [
     (
         linear("m", 1.0, 0.0),
-        &[
-            "m", "meter", "meters", "metre", "metres", "mamsl", "masl", "magl",
-        ],
+        "m meter meters metre metres mamsl masl magl",
     ),
-    (linear("ft", FOOT_M, 0.0), &["ft", "feet", "foot"]),
-    (linear("km", 1000.0, 0.0), &["km"]),
-    (linear("cm", 0.01, 0.0), &["cm"]),
-    (linear("mm", 0.001, 0.0), &["mm"]),
+    (linear("ft", FOOT_M, 0.0), "ft feet foot"),
+    (linear("km", 1000.0, 0.0), "km"),
+    (linear("cm", 0.01, 0.0), "cm"),
+    (linear("mm", 0.001, 0.0), "mm"),
 ];
 const SPEED: [Known; 6] = [
     (
         linear("m/s", 1.0, 0.0),
-        &[
-            "m/s",
-            "ms",
-            "ms-1",
-            "mps",
-            "meters/second",
-            "meter/sec",
-            "m/sec",
-            "ms1",
-        ],
+        "m/s ms ms-1 mps meters/second meter/sec m/sec ms1",
     ),
-    (
-        linear("knots", KNOT_M_S, 0.0),
-        &["kn", "kt", "kts", "knots", "knot"],
-    ),
-    (
-        linear("mph", MILE_M / 3600.0, 0.0),
-        &["mph", "mi/h", "miles/hour"],
-    ),
-    (
-        linear("km/h", 1.0 / 3.6, 0.0),
-        &["km/h", "kmh", "kph", "kmph", "kmh-1"],
-    ),
-    (linear("ft/s", FOOT_M, 0.0), &["ft/s", "fps"]),
-    (linear("cm/s", 0.01, 0.0), &["cm/s", "cms"]),
+    (linear("knots", KNOT_M_S, 0.0), "kn kt kts knots knot"),
+    (linear("mph", MILE_M / 3600.0, 0.0), "mph mi/h miles/hour"),
+    (linear("km/h", 1.0 / 3.6, 0.0), "km/h kmh kph kmph kmh-1"),
+    (linear("ft/s", FOOT_M, 0.0), "ft/s fps"),
+    (linear("cm/s", 0.01, 0.0), "cm/s cms"),
 ];
 const ANGLE: [Known; 3] = [
     (
         linear("deg", 1.0, 0.0),
-        &["deg", "degrees", "degree", "degt", "degtrue", "degn"],
+        "deg degrees degree degt degtrue degn",
     ),
-    (
-        linear("rad", RADIAN_DEG, 0.0),
-        &["rad", "radians", "radian"],
-    ),
-    (linear("cdeg", 0.01, 0.0), &["cdeg", "centidegrees"]),
+    (linear("rad", RADIAN_DEG, 0.0), "rad radians radian"),
+    (linear("cdeg", 0.01, 0.0), "cdeg centidegrees"),
 ];
 const TEMPERATURE: [Known; 3] = [
     (
         linear("C", 1.0, 0.0),
-        &[
-            "c",
-            "degc",
-            "celsius",
-            "degreescelsius",
-            "degcelsius",
-            "degreesc",
-            "cel",
-            "degreec",
-        ],
+        "c degc celsius degreescelsius degcelsius degreesc cel degreec",
     ),
-    (
-        linear("K", 1.0, -air::isa::ZERO_CELSIUS_K),
-        &["k", "kelvin", "degk"],
-    ),
+    (linear("K", 1.0, -air::isa::ZERO_CELSIUS_K), "k kelvin degk"),
     (
         linear("F", 5.0 / 9.0, -160.0 / 9.0),
-        &["f", "degf", "fahrenheit", "degreesfahrenheit", "degreesf"],
+        "f degf fahrenheit degreesfahrenheit degreesf",
     ),
 ];
 const PERCENT: [Known; 2] = [
-    (
-        linear("%", 1.0, 0.0),
-        &["%", "pct", "percent", "%rh", "rh%", "pctrh"],
-    ),
-    (
-        linear("share", 100.0, 0.0),
-        &["share", "fraction", "0-1", "1"],
-    ),
+    (linear("%", 1.0, 0.0), "% pct percent %rh rh% pctrh"),
+    (linear("share", 100.0, 0.0), "share fraction 0-1 1"),
 ];
 const PRESSURE: [Known; 7] = [
     (
         linear("hPa", 1.0, 0.0),
-        &["hpa", "mbar", "mbars", "mb", "millibar", "millibars"],
+        "hpa mbar mbars mb millibar millibars",
     ),
-    (linear("Pa", 0.01, 0.0), &["pa", "pascal", "pascals"]),
-    (linear("kPa", 10.0, 0.0), &["kpa"]),
-    (linear("bar", 1000.0, 0.0), &["bar"]),
-    (linear("mmHg", 1013.25 / 760.0, 0.0), &["mmhg", "torr"]),
-    (linear("inHg", 33.863_89, 0.0), &["inhg", "inchhg"]),
-    (linear("atm", 1013.25, 0.0), &["atm"]),
+    (linear("Pa", 0.01, 0.0), "pa pascal pascals"),
+    (linear("kPa", 10.0, 0.0), "kpa"),
+    (linear("bar", 1000.0, 0.0), "bar"),
+    (linear("mmHg", 1013.25 / 760.0, 0.0), "mmhg torr"),
+    (linear("inHg", 33.863_89, 0.0), "inhg inchhg"),
+    (linear("atm", 1013.25, 0.0), "atm"),
 ];
 const RATE: [Known; 2] = [
     (
         linear("deg/s", 1.0, 0.0),
-        &["deg/s", "degs", "dps", "deg/sec", "degrees/second"],
+        "deg/s degs dps deg/sec degrees/second",
     ),
     (
         linear("rad/s", RADIAN_DEG, 0.0),
-        &["rad/s", "rads", "radians/second", "rad/sec"],
+        "rad/s rads radians/second rad/sec",
     ),
 ];
 const ACCELERATION: [Known; 3] = [
-    (
-        linear("m/s2", 1.0, 0.0),
-        &["m/s2", "m/s/s", "ms2", "m/s^2", "ms-2"],
-    ),
-    (linear("g", STANDARD_GRAVITY_M_S2, 0.0), &["g"]),
+    (linear("m/s2", 1.0, 0.0), "m/s2 m/s/s ms2 m/s^2 ms-2"),
+    (linear("g", STANDARD_GRAVITY_M_S2, 0.0), "g"),
     (
         linear("mg", STANDARD_GRAVITY_M_S2 / 1000.0, 0.0),
-        &["mg", "millig"],
+        "mg millig",
     ),
 ];
 const SHARE: [Known; 2] = [
-    (
-        linear("share", 1.0, 0.0),
-        &["share", "fraction", "0-1", "1"],
-    ),
-    (linear("%", 0.01, 0.0), &["%", "pct", "percent"]),
+    (linear("share", 1.0, 0.0), "share fraction 0-1 1"),
+    (linear("%", 0.01, 0.0), "% pct percent"),
 ];
 const DURATION: [Known; 6] = [
-    (
-        linear("s", 1.0, 0.0),
-        &["s", "sec", "secs", "second", "seconds"],
-    ),
-    (
-        linear("ms", 1e-3, 0.0),
-        &["ms", "msec", "millisecond", "milliseconds"],
-    ),
-    (
-        linear("us", 1e-6, 0.0),
-        &["us", "usec", "microsecond", "microseconds"],
-    ),
-    (
-        linear("ns", 1e-9, 0.0),
-        &["ns", "nsec", "nanosecond", "nanoseconds"],
-    ),
-    (linear("min", 60.0, 0.0), &["min", "minute", "minutes"]),
-    (
-        linear("h", 3600.0, 0.0),
-        &["h", "hr", "hrs", "hour", "hours"],
-    ),
+    (linear("s", 1.0, 0.0), "s sec secs second seconds"),
+    (linear("ms", 1e-3, 0.0), "ms msec millisecond milliseconds"),
+    (linear("us", 1e-6, 0.0), "us usec microsecond microseconds"),
+    (linear("ns", 1e-9, 0.0), "ns nsec nanosecond nanoseconds"),
+    (linear("min", 60.0, 0.0), "min minute minutes"),
+    (linear("h", 3600.0, 0.0), "h hr hrs hour hours"),
 ];
 /// Of gases the factors give ppm.
 const GAS: [Known; 8] = [
     (
         linear("ppm", 1.0, 0.0),
-        &[
-            "ppm",
-            "ppmv",
-            "1e-6",
-            "10-6",
-            "umol/mol",
-            "umolmol-1",
-            "umolmol",
-            "umol/mol-1",
-            "ppmdry",
-            "umolmol1",
-        ],
+        "ppm ppmv 1e-6 10-6 umol/mol umolmol-1 umolmol umol/mol-1 ppmdry umolmol1",
     ),
     (
         linear("ppb", 1e-3, 0.0),
-        &[
-            "ppb",
-            "1e-9",
-            "10-9",
-            "ppbv",
-            "nmol/mol",
-            "nmolmol-1",
-            "nmolmol",
-            "ppbdry",
-            "nmolmol1",
-        ],
+        "ppb 1e-9 10-9 ppbv nmol/mol nmolmol-1 nmolmol ppbdry nmolmol1",
     ),
-    (linear("ppt", 1e-6, 0.0), &["ppt", "pptv", "pmol/mol"]),
-    (
-        linear("%", 1e4, 0.0),
-        &["%", "pct", "percent", "vol%", "%vol", "volpct"],
-    ),
-    (linear("mol/mol", 1e6, 0.0), &["mol/mol", "molmol-1", "1"]),
-    (linear("mmol/mol", 1e3, 0.0), &["mmol/mol", "mmolmol-1"]),
+    (linear("ppt", 1e-6, 0.0), "ppt pptv pmol/mol"),
+    (linear("%", 1e4, 0.0), "% pct percent vol% %vol volpct"),
+    (linear("mol/mol", 1e6, 0.0), "mol/mol molmol-1 1"),
+    (linear("mmol/mol", 1e3, 0.0), "mmol/mol mmolmol-1"),
     (
         Unit {
             name: "ug/m3",
             conversion: Conversion::Mass { kg_m3: 1e-9 },
         },
-        &["ug/m3", "ugm3", "ugm-3", "ug/m^3"],
+        "ug/m3 ugm3 ugm-3 ug/m^3",
     ),
     (
         Unit {
             name: "mg/m3",
             conversion: Conversion::Mass { kg_m3: 1e-6 },
         },
-        &["mg/m3", "mgm3", "mgm-3", "mg/m^3"],
+        "mg/m3 mgm3 mgm-3 mg/m^3",
     ),
+];
+
+/// A dimension of each kind.
+const DIMENSIONS: [Dimension; 12] = [
+    Dimension::Place,
+    Dimension::Length,
+    Dimension::Speed,
+    Dimension::Angle,
+    Dimension::Temperature,
+    Dimension::Percent,
+    Dimension::Pressure,
+    Dimension::Rate,
+    Dimension::Acceleration,
+    Dimension::Share,
+    Dimension::Duration,
+    Dimension::Gas {
+        gas: None,
+        unit: plume::units::Unit::Ppm,
+    },
 ];
 
 const fn known(dimension: Dimension) -> &'static [Known] {
@@ -311,7 +233,7 @@ impl Unit {
         let text = plain(text);
         known(dimension)
             .iter()
-            .find(|(_, written)| written.contains(&text.as_str()))
+            .find(|(_, written)| rank_in(written, &text).is_some())
             .map(|(unit, _)| unit.in_column(dimension))
     }
 
@@ -336,22 +258,8 @@ impl Unit {
     /// Whether some quantity has a unit that is written like this.
     pub fn is_any(text: &str) -> bool {
         let text = plain(text);
-        let all: [&[Known]; 12] = [
-            &PLACE,
-            &LENGTH,
-            &SPEED,
-            &ANGLE,
-            &TEMPERATURE,
-            &PERCENT,
-            &PRESSURE,
-            &RATE,
-            &ACCELERATION,
-            &SHARE,
-            &DURATION,
-            &GAS,
-        ];
-        let mut written = all.into_iter().flatten().flat_map(|(_, w)| w.iter());
-        written.any(|w| *w == text)
+        let mut written = DIMENSIONS.into_iter().flat_map(known);
+        written.any(|(_, written)| rank_in(written, &text).is_some())
     }
 
     fn in_column(self, dimension: Dimension) -> Self {

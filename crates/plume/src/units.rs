@@ -37,6 +37,16 @@ pub enum Gas {
     Sf6,
 }
 
+/// What is known of a gas.
+struct Facts {
+    name: &'static str,
+    formula: &'static str,
+    columns: [&'static str; 2],
+    species: &'static str,
+    digits: usize,
+    molar_mass_kg_mol: f64,
+}
+
 impl Gas {
     /// All gases known.
     pub const ALL: [Gas; 8] = [
@@ -50,18 +60,86 @@ impl Gas {
         Gas::Sf6,
     ];
 
-    /// Name in scenario files: "co2", "so2" and so on.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Gas::Co2 => "co2",
-            Gas::So2 => "so2",
-            Gas::Ch4 => "ch4",
-            Gas::Co => "co",
-            Gas::No2 => "no2",
-            Gas::Nh3 => "nh3",
-            Gas::H2s => "h2s",
-            Gas::Sf6 => "sf6",
+    const fn facts(self) -> Facts {
+        let (name, formula, columns, species, digits, molar_mass_kg_mol) = match self {
+            Gas::Co2 => (
+                "co2",
+                "CO2",
+                ["co2_ppm", "co2_ppb"],
+                "carbon_dioxide",
+                0,
+                0.044_009,
+            ),
+            Gas::So2 => (
+                "so2",
+                "SO2",
+                ["so2_ppm", "so2_ppb"],
+                "sulfur_dioxide",
+                3,
+                0.064_058,
+            ),
+            Gas::Ch4 => (
+                "ch4",
+                "CH4",
+                ["ch4_ppm", "ch4_ppb"],
+                "methane",
+                3,
+                0.016_043,
+            ),
+            Gas::Co => (
+                "co",
+                "CO",
+                ["co_ppm", "co_ppb"],
+                "carbon_monoxide",
+                3,
+                0.028_010,
+            ),
+            Gas::No2 => (
+                "no2",
+                "NO2",
+                ["no2_ppm", "no2_ppb"],
+                "nitrogen_dioxide",
+                3,
+                0.046_005,
+            ),
+            Gas::Nh3 => (
+                "nh3",
+                "NH3",
+                ["nh3_ppm", "nh3_ppb"],
+                "ammonia",
+                3,
+                0.017_031,
+            ),
+            Gas::H2s => (
+                "h2s",
+                "H2S",
+                ["h2s_ppm", "h2s_ppb"],
+                "hydrogen_sulfide",
+                4,
+                0.034_076,
+            ),
+            Gas::Sf6 => (
+                "sf6",
+                "SF6",
+                ["sf6_ppm", "sf6_ppb"],
+                "sulfur_hexafluoride",
+                6,
+                0.146_050,
+            ),
+        };
+        Facts {
+            name,
+            formula,
+            columns,
+            species,
+            digits,
+            molar_mass_kg_mol,
         }
+    }
+
+    /// Name in scenario files: "co2", "so2" and so on.
+    pub const fn as_str(self) -> &'static str {
+        self.facts().name
     }
 
     /// The gas of a name, either case.
@@ -71,32 +149,19 @@ impl Gas {
             .find(|gas| gas.as_str().eq_ignore_ascii_case(name.trim()))
     }
 
-    /// Formula as people write it: "CO2", "CH4" and so on. As a name in MAVLink too.
-    pub fn formula(self) -> &'static str {
-        match self {
-            Gas::Co2 => "CO2",
-            Gas::So2 => "SO2",
-            Gas::Ch4 => "CH4",
-            Gas::Co => "CO",
-            Gas::No2 => "NO2",
-            Gas::Nh3 => "NH3",
-            Gas::H2s => "H2S",
-            Gas::Sf6 => "SF6",
-        }
+    /// Formula: "CO2", "CH4" and so on. Its name in MAVLink too.
+    pub const fn formula(self) -> &'static str {
+        self.facts().formula
+    }
+
+    /// Standard name of its mole fraction (CF conventions): "mole_fraction_of_methane_in_air".
+    pub fn standard_name(self) -> String {
+        format!("mole_fraction_of_{}_in_air", self.facts().species)
     }
 
     /// Name of the column, or of the key, of its mole fraction in a unit: "ch4_ppb".
     pub const fn column(self, unit: Unit) -> &'static str {
-        let [ppm, ppb] = match self {
-            Gas::Co2 => ["co2_ppm", "co2_ppb"],
-            Gas::So2 => ["so2_ppm", "so2_ppb"],
-            Gas::Ch4 => ["ch4_ppm", "ch4_ppb"],
-            Gas::Co => ["co_ppm", "co_ppb"],
-            Gas::No2 => ["no2_ppm", "no2_ppb"],
-            Gas::Nh3 => ["nh3_ppm", "nh3_ppb"],
-            Gas::H2s => ["h2s_ppm", "h2s_ppb"],
-            Gas::Sf6 => ["sf6_ppm", "sf6_ppb"],
-        };
+        let [ppm, ppb] = self.facts().columns;
         match unit {
             Unit::Ppm => ppm,
             Unit::Ppb => ppb,
@@ -112,27 +177,13 @@ impl Gas {
 
     /// Digits after the point with which a mole fraction of it in ppm is shown: as many as its usual
     /// sensors tell apart, and its air holds, so that 2.034 ppm of methane are not "2".
-    pub fn digits(self) -> usize {
-        match self {
-            Gas::Co2 => 0,
-            Gas::Ch4 | Gas::Co | Gas::So2 | Gas::No2 | Gas::Nh3 => 3,
-            Gas::H2s => 4,
-            Gas::Sf6 => 6,
-        }
+    pub const fn digits(self) -> usize {
+        self.facts().digits
     }
 
     /// Molar mass, kg/mol (IUPAC 2021 abridged atomic weights).
-    pub fn molar_mass_kg_mol(self) -> f64 {
-        match self {
-            Gas::Co2 => 0.044_009,
-            Gas::So2 => 0.064_058,
-            Gas::Ch4 => 0.016_043,
-            Gas::Co => 0.028_010,
-            Gas::No2 => 0.046_005,
-            Gas::Nh3 => 0.017_031,
-            Gas::H2s => 0.034_076,
-            Gas::Sf6 => 0.146_050,
-        }
+    pub const fn molar_mass_kg_mol(self) -> f64 {
+        self.facts().molar_mass_kg_mol
     }
 
     /// Mole fraction in ppm of `mass_kg_m3` of this gas in `air`.

@@ -14,8 +14,8 @@ use crate::colour::Shown;
 use crate::contour::PlumeLine;
 use crate::text;
 use crate::tracks::{TrackPoint, Tracks, VehicleTrack};
+use formats::calendar::rfc_3339;
 use protocol::message::Peak;
-use scenario::calendar::rfc_3339;
 use std::fmt::Write as _;
 use xml::{Written, Xml};
 

@@ -7,12 +7,12 @@
 
 use crate::RecordError;
 use crate::appended::Appended;
+use formats::calendar::rfc_3339;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, WriteOptions};
 use plume::Gas;
 use protocol::key::Name;
 use protocol::{Envelope, SimTime, Topic, WIRE_VERSION};
-use scenario::calendar::rfc_3339;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -2,13 +2,13 @@
 
 use crate::RecordError;
 use crate::recorder::{END_METADATA, FILE_ATTACHMENT, RUN_METADATA, RunInfo, SCENARIO_ATTACHMENT};
+use formats::calendar::iso_8601;
 use formats::mcap_records::{End, Records, RecordsError, flat};
 use mcap::records::Record;
 use plume::Gas;
 use protocol::digest::Digest;
 use protocol::key::Name;
 use protocol::{AgentId, Envelope, OLDEST_JSON_VERSION, SimTime, Topic, WIRE_VERSION};
-use scenario::calendar::iso_8601;
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};

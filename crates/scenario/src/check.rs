@@ -32,6 +32,16 @@ impl Refusal {
 
 type Checked = Result<(), Refusal>;
 
+/// Checks fields of a table, each against the range from its least to its greatest value in a unit.
+macro_rules! ranges {
+    ($table:ident in $key:expr; $($field:ident $low:literal to $high:literal $unit:literal,)+) => {
+        $(
+            let key = format!("{}.{}", $key, stringify!($field));
+            in_range(key, $table.$field, ($low, $high), $unit)?;
+        )+
+    };
+}
+
 impl Scenario {
     /// Reads and checks the scenario in `text`, which came from `file`.
     ///
@@ -56,27 +66,12 @@ impl Scenario {
 
     pub(crate) fn check(&self) -> Checked {
         mission(&self.mission)?;
-        within(
-            "site.lat_deg",
-            self.site.lat_deg,
-            -89.0,
-            89.0,
-            "degrees, -89 to 89",
-        )?;
-        within(
-            "site.lon_deg",
-            self.site.lon_deg,
-            -180.0,
-            180.0,
-            "degrees, -180 to 180",
-        )?;
-        within(
-            "site.ground_amsl_m",
-            self.site.ground_amsl_m,
-            -500.0,
-            9000.0,
-            "m, -500 to 9000",
-        )?;
+        let site = &self.site;
+        ranges!(site in "site";
+            lat_deg -89.0 to 89.0 "degrees",
+            lon_deg -180.0 to 180.0 "degrees",
+            ground_amsl_m -500.0 to 9000.0 "m",
+        );
         weather(&self.weather)?;
         if self.sources.is_empty() {
             return Err(Refusal::new("source", "none", "at least one [[source]]"));
@@ -112,65 +107,24 @@ impl Scenario {
                 "4 to 10000",
             ));
         }
-        within(
-            "search.differential_weight",
-            search.differential_weight,
-            0.0,
-            2.0,
-            "0 to 2",
-        )?;
-        within("search.crossover", search.crossover, 0.0, 1.0, "0 to 1")?;
-        within(
-            "search.cone_deg",
-            search.cone_deg,
-            1.0,
-            180.0,
-            "degrees, 1 to 180",
-        )?;
-        within(
-            "search.step_s",
-            search.step_s,
-            0.1,
-            3600.0,
-            "s, 0.1 to 3600",
-        )?;
-        within(
-            "search.airspeed_m_s",
-            search.airspeed_m_s,
-            5.0,
-            60.0,
-            "m/s, 5 to 60",
-        )
+        ranges!(search in "search";
+            differential_weight 0.0 to 2.0 "",
+            crossover 0.0 to 1.0 "",
+            cone_deg 1.0 to 180.0 "degrees",
+            step_s 0.1 to 3600.0 "s",
+            airspeed_m_s 5.0 to 60.0 "m/s",
+        );
+        Ok(())
     }
 }
 
 fn mission(mission: &MissionTable) -> Checked {
-    let name = &mission.name;
-    let fits = (1..=32).contains(&name.len())
-        && name
-            .bytes()
-            .all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_');
-    if !fits {
-        return Err(Refusal::new(
-            "mission.name",
-            name,
-            "1 to 32 of letters, digits, '-' and '_'",
-        ));
-    }
-    within(
-        "mission.duration_s",
-        mission.duration_s,
-        1.0,
-        1e6,
-        "s, 1 to 1000000",
-    )?;
-    within(
-        "mission.tick_s",
-        mission.tick_s,
-        0.001,
-        0.1,
-        "s, 0.001 to 0.1",
-    )?;
+    identifier("mission.name", &mission.name)?;
+    ranges!(mission in "mission";
+        duration_s 1.0 to 1e6 "s",
+        tick_s 0.001 to 0.1 "s",
+        flux_within 0.01 to 1.0 "a fraction of the flux",
+    );
     if let Some(start) = &mission.start
         && mission.start_unix_ns().is_none()
     {
@@ -180,95 +134,24 @@ fn mission(mission: &MissionTable) -> Checked {
             "a time in UTC, such as \"2026-11-27T12:30:00Z\", from 1970 on",
         ));
     }
-    mission.flux_within.map_or(Ok(()), |part| {
-        let key = "mission.flux_within";
-        within(key, part, 0.01, 1.0, "a fraction of the flux, 0.01 to 1")
-    })
+    Ok(())
 }
 
 fn weather(weather: &WeatherTable) -> Checked {
-    within(
-        "weather.wind_speed_m_s",
-        weather.wind_speed_m_s,
-        0.0,
-        60.0,
-        "m/s, 0 to 60",
-    )?;
-    within(
-        "weather.wind_height_agl_m",
-        weather.wind_height_agl_m,
-        0.1,
-        5000.0,
-        "m, 0.1 to 5000",
-    )?;
-    within(
-        "weather.wind_from_deg",
-        weather.wind_from_deg,
-        -360.0,
-        720.0,
-        "degrees, 0 to 360",
-    )?;
-    within(
-        "weather.wind_exponent",
-        weather.wind_exponent,
-        0.0,
-        1.0,
-        "0 to 1",
-    )?;
-    within(
-        "weather.temperature_c",
-        weather.temperature_c,
-        -60.0,
-        60.0,
-        "degrees Celsius, -60 to 60",
-    )?;
-    if let Some(p) = weather.pressure_hpa {
-        within("weather.pressure_hpa", p, 300.0, 1100.0, "hPa, 300 to 1100")?;
-    }
-    if let Some(h) = weather.mixing_height_m {
-        within(
-            "weather.mixing_height_m",
-            h,
-            10.0,
-            10_000.0,
-            "m above ground, 10 to 10000",
-        )?;
-    }
-    within(
-        "weather.turbulence_intensity",
-        weather.turbulence_intensity,
-        0.0,
-        1.0,
-        "0 to 1",
-    )?;
-    within(
-        "weather.meander_share",
-        weather.meander_share,
-        0.0,
-        0.95,
-        "0 to 0.95",
-    )?;
-    within(
-        "weather.lagrangian_time_s",
-        weather.lagrangian_time_s,
-        1.0,
-        3600.0,
-        "s, 1 to 3600",
-    )?;
-    within(
-        "weather.fluctuation_intensity",
-        weather.fluctuation_intensity,
-        0.0,
-        3.0,
-        "0 to 3",
-    )?;
-    within(
-        "weather.fluctuation_time_s",
-        weather.fluctuation_time_s,
-        0.1,
-        600.0,
-        "s, 0.1 to 600",
-    )
+    ranges!(weather in "weather";
+        wind_speed_m_s 0.0 to 60.0 "m/s",
+        wind_height_agl_m 0.1 to 5000.0 "m",
+        wind_exponent 0.0 to 1.0 "",
+        temperature_c -60.0 to 60.0 "degrees Celsius",
+        pressure_hpa 300.0 to 1100.0 "hPa",
+        mixing_height_m 10.0 to 10_000.0 "m above ground",
+        turbulence_intensity 0.0 to 1.0 "",
+        meander_share 0.0 to 0.95 "",
+        lagrangian_time_s 1.0 to 3600.0 "s",
+        fluctuation_intensity 0.0 to 3.0 "",
+        fluctuation_time_s 0.1 to 600.0 "s",
+    );
+    direction("weather.wind_from_deg", weather.wind_from_deg)
 }
 
 /// Every key names a gas and a unit, and every gas once.
@@ -332,51 +215,27 @@ fn check_sensor(table: &str, sensor: &SensorTable) -> Checked {
     )?;
     not_negative(&key("resolution_ppm"), sensor.resolution_ppm)?;
     positive(&key("gain"), sensor.gain)?;
-    within(
-        key("offset_ppm"),
-        sensor.offset_ppm,
-        -1e4,
-        1e4,
-        "ppm, -10000 to 10000",
-    )?;
-    within(
-        key("drift_ppm_per_h"),
-        sensor.drift_ppm_per_h,
-        -1e4,
-        1e4,
-        "ppm/h, -10000 to 10000",
-    )
+    ranges!(sensor in table;
+        offset_ppm -1e4 to 1e4 "ppm",
+        drift_ppm_per_h -1e4 to 1e4 "ppm/h",
+    );
+    Ok(())
 }
 
 fn check_source(k: usize, source: &SourceTable) -> Checked {
     let key = |name: &str| format!("source.{k}.{name}");
-    within(
-        key("lat_deg"),
-        source.lat_deg,
-        -89.0,
-        89.0,
-        "degrees, -89 to 89",
-    )?;
-    within(
-        key("lon_deg"),
-        source.lon_deg,
-        -180.0,
-        180.0,
-        "degrees, -180 to 180",
-    )?;
-    within(
-        key("stack_height_m"),
-        source.stack_height_m,
-        0.0,
-        1000.0,
-        "m above ground, 0 to 1000",
-    )?;
-    within(
+    let table = format!("source.{k}");
+    ranges!(source in table;
+        lat_deg -89.0 to 89.0 "degrees",
+        lon_deg -180.0 to 180.0 "degrees",
+        stack_height_m 0.0 to 1000.0 "m above ground",
+    );
+    let height_m = source.axis_height_agl_m();
+    in_range(
         key("effective_height_m"),
-        source.axis_height_agl_m(),
-        0.0,
-        5000.0,
-        "m above ground, 0 to 5000",
+        height_m,
+        (0.0, 5000.0),
+        "m above ground",
     )?;
     check_area(k, source)?;
     check_schedule(k, source)?;
@@ -385,17 +244,11 @@ fn check_source(k: usize, source: &SourceTable) -> Checked {
         source.c_max_ppm,
         source.c_max_distance_m,
     ) {
-        (Some(q), None, None) => within(key("emission_kg_s"), q, 0.0, 1e6, "kg/s, 0 to 1000000"),
+        (Some(q), None, None) => in_range(key("emission_kg_s"), q, (0.0, 1e6), "kg/s"),
         (None, None, None) if changes(source) => Ok(()),
         (None, Some(c), Some(d)) if !changes(source) => {
-            within(
-                key("c_max_ppm"),
-                c,
-                0.0,
-                1e6,
-                "ppm above background, 0 to 1000000",
-            )?;
-            within(key("c_max_distance_m"), d, 1.0, 1e5, "m, 1 to 100000")
+            in_range(key("c_max_ppm"), c, (0.0, 1e6), "ppm above background")?;
+            in_range(key("c_max_distance_m"), d, (1.0, 1e5), "m")
         }
         (q, c, d) => {
             let named = [
@@ -483,13 +336,7 @@ fn check_area(k: usize, source: &SourceTable) -> Checked {
         within(key, side, low_m, 20_000.0, expected)?;
     }
     let axis_deg = source.axis_deg.unwrap_or_default();
-    within(
-        format!("source.{k}.axis_deg"),
-        axis_deg,
-        -360.0,
-        720.0,
-        "degrees, 0 to 360",
-    )?;
+    direction(&format!("source.{k}.axis_deg"), axis_deg)?;
     if source.emission_kg_s.is_none() && !changes(source) {
         return Err(Refusal::new(
             format!("source.{k}"),
@@ -507,17 +354,7 @@ fn vehicles(vehicles: &[VehicleTable]) -> Checked {
     }
     for (k, vehicle) in vehicles.iter().enumerate() {
         let id = &vehicle.id;
-        let fits = (1..=32).contains(&id.len())
-            && id
-                .bytes()
-                .all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_');
-        if !fits {
-            return Err(Refusal::new(
-                format!("vehicle.{k}.id"),
-                id,
-                "1 to 32 of letters, digits, '-' and '_'",
-            ));
-        }
+        identifier(&format!("vehicle.{k}.id"), id)?;
         if !seen.insert(id) {
             return Err(Refusal::new(
                 format!("vehicle.{k}.id"),
@@ -632,20 +469,11 @@ fn equipment(k: usize, vehicle: &VehicleTable) -> Checked {
         host_and_port(&format!("vehicle.{k}.flightgear"), address)?;
     }
     if let Some(home) = vehicle.home {
-        within(
-            format!("vehicle.{k}.home.lat_deg"),
-            home.lat_deg,
-            -89.0,
-            89.0,
-            "degrees, -89 to 89",
-        )?;
-        within(
-            format!("vehicle.{k}.home.lon_deg"),
-            home.lon_deg,
-            -180.0,
-            180.0,
-            "degrees, -180 to 180",
-        )?;
+        let table = format!("vehicle.{k}.home");
+        ranges!(home in table;
+            lat_deg -89.0 to 89.0 "degrees",
+            lon_deg -180.0 to 180.0 "degrees",
+        );
     }
     Ok(())
 }
@@ -674,28 +502,15 @@ fn fence(fence: &FenceTable) -> Checked {
         ));
     }
     for (k, [lat, lon]) in fence.polygon.iter().enumerate() {
-        within(
-            format!("fence.polygon.{k}"),
-            *lat,
-            -89.0,
-            89.0,
-            "[lat_deg, lon_deg]",
-        )?;
-        within(
-            format!("fence.polygon.{k}"),
-            *lon,
-            -180.0,
-            180.0,
-            "[lat_deg, lon_deg]",
-        )?;
+        let key = format!("fence.polygon.{k}");
+        within(&key, *lat, -89.0, 89.0, "[lat_deg, lon_deg]")?;
+        within(&key, *lon, -180.0, 180.0, "[lat_deg, lon_deg]")?;
     }
-    within(
-        "fence.floor_agl_m",
-        fence.floor_agl_m,
-        0.0,
-        5000.0,
-        "m above ground, 0 to 5000",
-    )?;
+    ranges!(fence in "fence";
+        floor_agl_m 0.0 to 5000.0 "m above ground",
+        home_ground_amsl_m -500.0 to 20_000.0 "m above mean sea level",
+        top_amsl_m -500.0 to 20_000.0 "m above mean sea level",
+    );
     within(
         "fence.ceiling_agl_m",
         fence.ceiling_agl_m,
@@ -703,21 +518,6 @@ fn fence(fence: &FenceTable) -> Checked {
         10_000.0,
         "m above ground, at least 50 m above the floor, to 10000",
     )?;
-    let amsl = [
-        ("fence.home_ground_amsl_m", fence.home_ground_amsl_m),
-        ("fence.top_amsl_m", fence.top_amsl_m),
-    ];
-    for (key, value) in amsl {
-        if let Some(height_m) = value {
-            within(
-                key,
-                height_m,
-                -500.0,
-                20_000.0,
-                "m above mean sea level, -500 to 20000",
-            )?;
-        }
-    }
     not_negative("fence.keep_out_radius_m", fence.keep_out_radius_m)?;
     not_negative("fence.separation_m", fence.separation_m)?;
     not_negative("fence.separation_height_m", fence.separation_height_m)
@@ -735,6 +535,32 @@ pub(crate) fn within(
     } else {
         Err(Refusal::new(key, value, expected))
     }
+}
+
+/// Checks a value, where there is one, against a range in a unit.
+fn in_range(
+    key: impl Into<String>,
+    value: impl Into<Option<f64>>,
+    (low, high): (f64, f64),
+    unit: &str,
+) -> Checked {
+    let comma = if unit.is_empty() { "" } else { ", " };
+    let expected = format!("{unit}{comma}{low} to {high}");
+    let check = |value| within(key, value, low, high, &expected);
+    value.into().map_or(Ok(()), check)
+}
+
+fn identifier(key: &str, name: &str) -> Checked {
+    let is_plain = |b: u8| b.is_ascii_alphanumeric() || b == b'-' || b == b'_';
+    if (1..=32).contains(&name.len()) && name.bytes().all(is_plain) {
+        return Ok(());
+    }
+    let expected = "1 to 32 of letters, digits, '-' and '_'";
+    Err(Refusal::new(key, name, expected))
+}
+
+fn direction(key: &str, value: f64) -> Checked {
+    within(key, value, -360.0, 720.0, "degrees, 0 to 360")
 }
 
 fn positive(key: &str, value: f64) -> Checked {

@@ -1,5 +1,6 @@
 //! Emissions over time: the files that `emission_series` of a source names, read into its `emission_table`.
 
+use formats::delimited::{Column, Table, TableError};
 use plume::schedule::mean_kg_s;
 use plume::{PlumeError, Schedule};
 use toml::Value;
@@ -7,7 +8,10 @@ use toml::Value;
 use crate::Scenario;
 use crate::tables::SourceTable;
 
-const COLUMNS: [&str; 2] = ["time_s", "emission_kg_s"];
+const COLUMNS: [Column; 2] = [
+    Column::required("time_s"),
+    Column::required("emission_kg_s"),
+];
 
 /// What is wrong with a file that a source names.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -101,32 +105,16 @@ fn rows_of(
     source: &str,
     read: &dyn Fn(&str) -> Result<String, String>,
 ) -> Result<Vec<[f64; 2]>, SeriesRefused> {
-    let rows = read(file).and_then(|text| parsed(&text));
+    let rows = read(file).and_then(|text| parsed(&text).map_err(|e| e.to_string()));
     rows.map_err(|why| refused(file, source, why))
 }
 
-/// Rows of `time_s,emission_kg_s`; other columns are passed over.
-fn parsed(text: &str) -> Result<Vec<[f64; 2]>, String> {
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .from_reader(text.trim_start_matches('\u{feff}').as_bytes());
-    let header = reader.headers().map_err(|e| e.to_string())?.clone();
-    let place = |name: &str| {
-        let at = header.iter().position(|h| h == name);
-        at.ok_or_else(|| format!("line 1: no column {name}; expected {}", COLUMNS.join(", ")))
-    };
-    let [time, rate] = [place(COLUMNS[0])?, place(COLUMNS[1])?];
+/// Rows of `time_s,emission_kg_s`; other columns are ignored.
+fn parsed(text: &str) -> Result<Vec<[f64; 2]>, TableError> {
+    let mut table = Table::open("", text, &COLUMNS, false)?;
     let mut rows = Vec::new();
-    for record in reader.records() {
-        let record = record.map_err(|e| e.to_string())?;
-        let line = record.position().map_or(0, csv::Position::line);
-        let number = |k: usize, name: &str| {
-            let cell = record.get(k).unwrap_or_default();
-            cell.parse::<f64>().map_err(|_| {
-                format!("line {line}, column {name}: found \"{cell}\"; expected a number")
-            })
-        };
-        rows.push([number(time, COLUMNS[0])?, number(rate, COLUMNS[1])?]);
+    while let Some(row) = table.next_row()? {
+        rows.push([row.needed(0)?, row.needed(1)?]);
     }
     Ok(rows)
 }

@@ -61,7 +61,6 @@
 
 pub mod airspace;
 pub mod bounds;
-pub mod calendar;
 pub mod check;
 pub mod emission;
 mod gases;

@@ -93,7 +93,7 @@ impl Default for MissionTable {
 impl MissionTable {
     /// When it begins, ns since 1970, where that is said.
     pub fn start_unix_ns(&self) -> Option<i64> {
-        let unix_s = crate::calendar::iso_8601(self.start.as_deref()?)?;
+        let unix_s = formats::calendar::iso_8601(self.start.as_deref()?)?;
         (unix_s >= 0.0).then_some(unix_s as i64 * 1_000_000_000)
     }
 }

@@ -48,29 +48,21 @@ impl Uncertain {
     ];
 
     /// The dotted key in `[uncertain]` of a scenario of `gas`.
-    pub fn key(self, gas: Gas) -> &'static str {
-        match self {
+    pub fn key(self, gas: Gas) -> String {
+        let key = match self {
             Self::WindSpeed => "weather.wind_speed_m_s",
             Self::WindFrom => "weather.wind_from_deg",
             Self::EffectiveHeight => "source.effective_height_m",
             Self::Emission => "source.emission_kg_s",
             Self::CMax => "source.c_max_ppm",
-            Self::Background => match gas {
-                Gas::Co2 => "background.co2_ppm",
-                Gas::So2 => "background.so2_ppm",
-                Gas::Ch4 => "background.ch4_ppm",
-                Gas::Co => "background.co_ppm",
-                Gas::No2 => "background.no2_ppm",
-                Gas::Nh3 => "background.nh3_ppm",
-                Gas::H2s => "background.h2s_ppm",
-                Gas::Sf6 => "background.sf6_ppm",
-            },
+            Self::Background => return format!("{BACKGROUND}{}", gas.column(Unit::Ppm)),
             Self::SigmaYScale => "plume.sigma_y_scale",
             Self::SigmaZScale => "plume.sigma_z_scale",
             Self::SensorTimeConstant => "sensor.time_constant_s",
             Self::SensorOffset => "sensor.offset_ppm",
             Self::SensorGain => "sensor.gain",
-        }
+        };
+        key.to_owned()
     }
 }
 
@@ -90,9 +82,9 @@ impl crate::Scenario {
     /// The prior standard deviation of `parameter`, if the scenario marks it uncertain.
     pub fn prior_sd(&self, parameter: Uncertain) -> Option<f64> {
         let key = parameter.key(self.gas());
-        let stated = self.uncertain.get(key).copied();
+        let stated = self.uncertain.get(&key).copied();
         stated.or_else(|| {
-            let ppb = self.uncertain.get(&in_ppb(key)?)?;
+            let ppb = self.uncertain.get(&in_ppb(&key)?)?;
             Some(Unit::Ppb.to_ppm(*ppb))
         })
     }
@@ -115,7 +107,7 @@ fn is_known(key: &str) -> bool {
 pub(crate) fn check(uncertain: &BTreeMap<String, f64>) -> Result<(), Refusal> {
     for (key, &sd) in uncertain {
         if !is_known(key) {
-            let known: Vec<&str> = Uncertain::ALL.iter().map(|u| u.key(Gas::Co2)).collect();
+            let known: Vec<String> = Uncertain::ALL.iter().map(|u| u.key(Gas::Co2)).collect();
             return Err(Refusal::new(
                 format!("uncertain.{key}"),
                 sd,
@@ -166,10 +158,10 @@ impl crate::Scenario {
         self.set(parameter, value);
         if sd.is_finite() && sd > 0.0 {
             let key = parameter.key(self.gas());
-            if let Some(ppb) = in_ppb(key) {
+            if let Some(ppb) = in_ppb(&key) {
                 self.uncertain.remove(&ppb);
             }
-            self.uncertain.insert(key.to_owned(), sd);
+            self.uncertain.insert(key, sd);
         }
     }
 

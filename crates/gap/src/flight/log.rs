@@ -1,54 +1,49 @@
 //! The flight file: columns by name, each with its unit in it; missing cells are NaN.
 
+use formats::delimited::{Column, Header, Table};
+
 use crate::GapError;
 
-/// What stands in a column: name in files, and what a plausible value of it is.
-struct Column {
-    name: &'static str,
-    largest: f64,
+/// A column of numbers up to the largest magnitude that a small aircraft can reach at all.
+const fn number(name: &'static str, largest: f64) -> Column {
+    Column::optional(name).of((-largest, largest, ""))
 }
 
-const fn column(name: &'static str, largest: f64) -> Column {
-    Column { name, largest }
-}
-
-/// Every column that is read; others are kept aside with a notice. The largest magnitude is what
-/// a small aircraft can reach at all.
-const COLUMNS: [Column; 30] = [
-    column("time_s", 1e9),
-    column("airspeed_m_s", 120.0),
-    column("angle_of_attack_deg", 180.0),
-    column("sideslip_deg", 180.0),
-    column("roll_deg", 360.0),
-    column("pitch_deg", 180.0),
-    column("yaw_deg", 1e5),
-    column("roll_rate_deg_s", 2000.0),
-    column("pitch_rate_deg_s", 2000.0),
-    column("yaw_rate_deg_s", 2000.0),
-    column("accel_x_m_s2", 500.0),
-    column("accel_y_m_s2", 500.0),
-    column("accel_z_m_s2", 500.0),
-    column("elevator_deg", 90.0),
-    column("aileron_left_deg", 90.0),
-    column("aileron_right_deg", 90.0),
-    column("rudder_deg", 90.0),
-    column("elevon_left_deg", 90.0),
-    column("elevon_right_deg", 90.0),
-    column("throttle", 1.05),
-    column("lat_deg", 90.0),
-    column("lon_deg", 360.0),
-    column("alt_amsl_m", 9000.0),
-    column("vel_north_m_s", 200.0),
-    column("vel_east_m_s", 200.0),
-    column("vel_down_m_s", 200.0),
-    column("baro_height_m", 9000.0),
-    column("wind_speed_m_s", 100.0),
-    column("wind_from_deg", 720.0),
-    column("platform", f64::INFINITY),
+/// Every column that is read, time first.
+const COLUMNS: [Column; 29] = [
+    Column::optional("time_s").of((-1e9, 1e9, "a time in seconds in every row")),
+    number("airspeed_m_s", 120.0),
+    number("angle_of_attack_deg", 180.0),
+    number("sideslip_deg", 180.0),
+    number("roll_deg", 360.0),
+    number("pitch_deg", 180.0),
+    number("yaw_deg", 1e5),
+    number("roll_rate_deg_s", 2000.0),
+    number("pitch_rate_deg_s", 2000.0),
+    number("yaw_rate_deg_s", 2000.0),
+    number("accel_x_m_s2", 500.0),
+    number("accel_y_m_s2", 500.0),
+    number("accel_z_m_s2", 500.0),
+    number("elevator_deg", 90.0),
+    number("aileron_left_deg", 90.0),
+    number("aileron_right_deg", 90.0),
+    number("rudder_deg", 90.0),
+    number("elevon_left_deg", 90.0),
+    number("elevon_right_deg", 90.0),
+    number("throttle", 1.05),
+    number("lat_deg", 90.0),
+    number("lon_deg", 360.0),
+    number("alt_amsl_m", 9000.0),
+    number("vel_north_m_s", 200.0),
+    number("vel_east_m_s", 200.0),
+    number("vel_down_m_s", 200.0),
+    number("baro_height_m", 9000.0),
+    number("wind_speed_m_s", 100.0),
+    number("wind_from_deg", 720.0),
 ];
 
 /// Columns of a flight file that are known and not needed.
-const ASIDE: [&str; 5] = [
+const UNUSED: [&str; 5] = [
     "roll_cmd_deg",
     "pitch_cmd_deg",
     "airspeed_cmd_m_s",
@@ -56,7 +51,7 @@ const ASIDE: [&str; 5] = [
     "platform",
 ];
 
-/// Columns without which nothing can be told.
+/// Columns without which no flight can be analysed.
 const NEEDED: [&str; 7] = [
     "time_s",
     "airspeed_m_s",
@@ -65,6 +60,11 @@ const NEEDED: [&str; 7] = [
     "roll_rate_deg_s",
     "pitch_rate_deg_s",
     "yaw_rate_deg_s",
+];
+/// The control surfaces of a conventional aircraft and of a flying wing, one of which is needed too.
+const SURFACES: [&[&str]; 2] = [
+    &["elevator_deg", "aileron_left_deg", "aileron_right_deg"],
+    &["elevon_left_deg", "elevon_right_deg"],
 ];
 
 /// One flight as its file has it.
@@ -80,14 +80,6 @@ pub struct FlightLog {
     pub notices: Vec<String>,
 }
 
-fn refusal(what: String, problem: impl Into<String>, expected: impl Into<String>) -> GapError {
-    GapError::Data {
-        what,
-        problem: problem.into(),
-        expected: expected.into(),
-    }
-}
-
 impl FlightLog {
     /// Reads the text of a flight file; `name` is for messages.
     ///
@@ -95,36 +87,35 @@ impl FlightLog {
     /// [`GapError::Data`] with file, line and column: an empty file, a missing or doubled column,
     /// a cell that is no number or beyond what an aircraft can do, times that stand or run back.
     pub fn parse(name: &str, text: &str) -> Result<Self, GapError> {
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .comment(Some(b'#'))
-            .from_reader(text.as_bytes());
-        let broken = |error: csv::Error| {
-            refusal(
-                name.to_owned(),
-                error.to_string(),
-                "lines with as many cells as the header",
-            )
-        };
-        let header = reader.headers().map_err(broken)?.clone();
-        let (places, mut notices) = places(name, &header)?;
-        let mut values = vec![Vec::new(); places.len()];
-        let mut row = csv::StringRecord::new();
-        while reader.read_record(&mut row).map_err(broken)? {
-            let line = row.position().map_or(0, csv::Position::line);
-            for ((at, column), values) in places.iter().zip(&mut values) {
-                values.push(cell(name, line, column, row.get(*at).unwrap_or(""))?);
+        let mut table = Table::unchecked(name, text, &COLUMNS, true);
+        let mut notices = check(&table.header)?;
+        let found: Vec<usize> = (0..COLUMNS.len())
+            .filter(|k| table.header.has(*k))
+            .collect();
+        let mut values: Vec<Vec<f64>> = vec![Vec::new(); found.len()];
+        while let Some(row) = table.next_row()? {
+            let time_s = row.needed(0)?;
+            if let Some(before_s) = values[0].last().filter(|b| time_s <= **b) {
+                let problem = if time_s == *before_s {
+                    format!("the time {time_s} s is repeated")
+                } else {
+                    format!("{time_s} s after {before_s} s")
+                };
+                let expected = "increasing times";
+                return Err(row.error("time_s", problem, expected).into());
             }
-            in_order(name, line, &values[0])?;
+            for (k, values) in found.iter().zip(&mut values) {
+                values.push(row.number(*k)?.unwrap_or(f64::NAN));
+            }
         }
         if values[0].len() < 2 {
-            return Err(refusal(
-                name.to_owned(),
-                format!("{} rows below the header", values[0].len()),
-                "a flight of at least 20 s",
-            ));
+            return Err(GapError::Data {
+                what: name.to_owned(),
+                problem: format!("{} rows below the header", values[0].len()),
+                expected: "a flight of at least 20 s".to_owned(),
+            });
         }
-        let names: Vec<&'static str> = places.iter().map(|(_, c)| c.name).collect();
+        let names: Vec<&'static str> = found.iter().map(|k| COLUMNS[*k].name).collect();
         for (name, values) in names.iter().zip(&values) {
             if values.iter().all(|v| v.is_nan()) {
                 notices.push(format!("column {name} is empty"));
@@ -161,100 +152,29 @@ impl FlightLog {
     }
 }
 
-/// Where a known column stands in a row.
-type Place = (usize, &'static Column);
-
-/// Where the known columns stand, time first, and notices about the others.
-fn places(name: &str, header: &csv::StringRecord) -> Result<(Vec<Place>, Vec<String>), GapError> {
-    let mut found: Vec<Place> = Vec::new();
-    let mut strange = Vec::new();
-    for (at, cell) in header.iter().enumerate() {
-        let cell = cell.trim_start_matches('\u{feff}');
-        match COLUMNS.iter().find(|c| c.name == cell) {
-            Some(column) if found.iter().any(|(_, c)| c.name == column.name) => {
-                let what = format!("{name}: line 1, column {cell}");
-                return Err(refusal(what, "the column occurs twice", "each column once"));
-            }
-            Some(column) if !ASIDE.contains(&column.name) => found.push((at, column)),
-            _ if ASIDE.contains(&cell) => {}
-            _ => strange.push(cell.to_owned()),
-        }
-    }
-    let has = |name: &str| found.iter().any(|(_, c)| c.name == name);
+/// Rejects a header without the columns that a flight needs; returns notices about columns that are not known.
+fn check(header: &Header) -> Result<Vec<String>, GapError> {
+    header.check()?;
+    let has = |name: &&str| header.names().iter().any(|n| n == name);
     let missing: Vec<&str> = NEEDED.into_iter().filter(|n| !has(n)).collect();
-    let surfaces = has("elevon_left_deg") && has("elevon_right_deg")
-        || has("elevator_deg") && has("aileron_left_deg") && has("aileron_right_deg");
-    if !missing.is_empty() || !surfaces {
+    if !missing.is_empty() || !SURFACES.iter().any(|set| set.iter().all(has)) {
         let problem = if missing.is_empty() {
             "no control surfaces".to_owned()
         } else {
             format!("columns missing: {}", missing.join(", "))
         };
-        return Err(refusal(
-            format!("{name}: line 1"),
-            problem,
-            format!(
-                "a header with {}, and elevator_deg, aileron_left_deg, aileron_right_deg or \
-                 elevon_left_deg, elevon_right_deg",
-                NEEDED.join(", ")
-            ),
-        ));
+        let sets = SURFACES.map(|set| set.join(", ")).join(" or ");
+        let expected = format!("a header with {}, and {sets}", NEEDED.join(", "));
+        return Err(header.error("", problem, expected).into());
     }
-    found.sort_by_key(|(_, c)| c.name != "time_s");
-    let mut notices = Vec::new();
-    if !strange.is_empty() {
-        let list = strange.join(", ");
-        notices.push(format!("{name}: unknown columns are not used: {list}"));
-    }
-    Ok((found, notices))
-}
-
-fn cell(name: &str, line: u64, column: &Column, text: &str) -> Result<f64, GapError> {
-    if text.is_empty() || text.eq_ignore_ascii_case("nan") {
-        return Ok(f64::NAN);
-    }
-    let what = || format!("{name}: line {line}, column {}", column.name);
-    let value: f64 = text.parse().map_err(|_| {
-        refusal(
-            what(),
-            format!("found \"{text}\""),
-            "a number or an empty cell",
-        )
-    })?;
-    if !value.is_finite() || value.abs() > column.largest {
-        return Err(refusal(
-            what(),
-            format!("found {value}"),
-            format!("a magnitude of at most {} (units?)", column.largest),
-        ));
-    }
-    Ok(value)
-}
-
-fn in_order(name: &str, line: u64, times: &[f64]) -> Result<(), GapError> {
-    let [.., before, now] = times else {
-        return match times {
-            [first] if first.is_nan() => Err(refusal(
-                format!("{name}: line {line}, column time_s"),
-                "no time",
-                "a time in every row",
-            )),
-            _ => Ok(()),
-        };
-    };
-    if now > before {
-        return Ok(());
-    }
-    let problem = if now == before {
-        format!("the time {now} s is repeated")
-    } else {
-        format!("{now} s after {before} s")
-    };
-    Err(refusal(
-        format!("{name}: line {line}, column time_s"),
-        problem,
-        "increasing times",
-    ))
+    let others = header.others().map(|(_, name)| name);
+    let unknown: Vec<&str> = others.filter(|name| !UNUSED.contains(name)).collect();
+    let list = unknown.join(", ");
+    let notice = format!("{}: unknown columns are not used: {list}", header.file());
+    Ok((!unknown.is_empty())
+        .then_some(notice)
+        .into_iter()
+        .collect())
 }
 
 #[cfg(test)]
@@ -289,7 +209,7 @@ mod tests {
             (&format!("{good}1,18,zero,1,0,0,0,1,2,.5,x\n"), "\"zero\""),
             (&format!("{good}1,18,0,1,inf,0,0,1,2,.5,x\n"), "roll_rate"),
             (&format!("{good}1,18,0,1,0,0,0,1,2,50,x\n"), "throttle"),
-            (&format!("{good}1,18\n"), "line: 3"),
+            (&format!("{good}1,18\n"), "line 3"),
         ] {
             let error = read(rows).unwrap_err().to_string();
             assert!(error.contains(says), "{says}: {error}");

@@ -1,7 +1,7 @@
 //! The three tables of a tracer experiment, from CSV text: header names fixed, order free,
 //! empty cells missing, further columns ignored with a notice.
 
-use csv::{ReaderBuilder, StringRecord, Trim};
+use formats::delimited::{Column, Row, Table};
 
 use crate::GapError;
 
@@ -82,79 +82,70 @@ impl Tables {
     }
 }
 
-const SAMPLER_COLUMNS: [&str; 5] = [
-    "trial",
-    "east_m",
-    "north_m",
-    "height_agl_m",
-    "concentration_mg_m3",
+const SAMPLER_COLUMNS: [Column; 7] = [
+    Column::required("trial"),
+    Column::required("east_m").of(A_PLACE),
+    Column::required("north_m").of(A_PLACE),
+    Column::required("height_agl_m").of(A_HEIGHT),
+    Column::required("concentration_mg_m3").of(NOT_NEGATIVE),
+    Column::optional("evaporation_factor").of(A_SHARE),
+    Column::optional("averaging_time_s"),
 ];
 
 fn samplers(file: (&str, &str), notices: &mut Vec<String>) -> Result<Vec<Receptor>, GapError> {
-    let known = ["averaging_time_s", "evaporation_factor"];
-    let table = Table::read(file, &SAMPLER_COLUMNS, &known, notices)?;
-    table
-        .rows()
-        .map(|row| {
-            let (east_m, north_m) = (
-                row.number("east_m", A_PLACE)?,
-                row.number("north_m", A_PLACE)?,
-            );
-            if east_m.hypot(north_m) < LEAST_DISTANCE_M {
-                let found = format!("{east_m}, {north_m}");
-                return Err(row.wrong("east_m", &found, "a sampler away from the source at 0, 0"));
-            }
-            Ok(Receptor {
-                trial: row.text("trial")?,
-                east_m,
-                north_m,
-                height_agl_m: row.number("height_agl_m", A_HEIGHT)?,
-                concentration_mg_m3: row.maybe("concentration_mg_m3", NOT_NEGATIVE)?,
-                evaporation_factor: row.maybe("evaporation_factor", A_SHARE)?,
-            })
+    rows(file, &SAMPLER_COLUMNS, notices, |_, row| {
+        let (east_m, north_m) = (row.needed(1)?, row.needed(2)?);
+        if east_m.hypot(north_m) < LEAST_DISTANCE_M {
+            let problem = format!("found \"{east_m}, {north_m}\"");
+            let expected = "a sampler away from the source at 0, 0";
+            return Err(row.error("east_m", problem, expected).into());
+        }
+        Ok(Receptor {
+            trial: row.name(0)?.to_owned(),
+            east_m,
+            north_m,
+            height_agl_m: row.needed(3)?,
+            concentration_mg_m3: row.number(4)?,
+            evaporation_factor: row.number(5)?,
         })
-        .collect()
+    })
 }
 
+const TRIAL_COLUMNS: [Column; 13] = [
+    Column::required("trial"),
+    Column::required("source_rate_g_s").of(POSITIVE),
+    Column::required("source_height_agl_m").of(A_HEIGHT),
+    Column::required("wind_speed_m_s").of(A_SPEED),
+    Column::optional("wind_height_m").of(POSITIVE),
+    Column::optional("wind_from_deg").of(AN_ANGLE),
+    Column::optional("obukhov_length_m").of(A_LENGTH),
+    Column::optional("mixing_height_m").of(POSITIVE),
+    Column::optional("sigma_azimuth_deg").of(A_SPREAD),
+    Column::optional("roughness_length_m").of(POSITIVE),
+    Column::optional("friction_velocity_m_s"),
+    Column::optional("date"),
+    Column::optional("local_time"),
+];
+
 fn trial_rows(file: (&str, &str), notices: &mut Vec<String>) -> Result<Vec<Trial>, GapError> {
-    let required = [
-        "trial",
-        "source_rate_g_s",
-        "source_height_agl_m",
-        "wind_speed_m_s",
-    ];
-    let known = [
-        "wind_height_m",
-        "wind_from_deg",
-        "obukhov_length_m",
-        "mixing_height_m",
-        "sigma_azimuth_deg",
-        "roughness_length_m",
-        "friction_velocity_m_s",
-        "date",
-        "local_time",
-    ];
-    let table = Table::read(file, &required, &known, notices)?;
-    let mut trials: Vec<Trial> = Vec::new();
-    for row in table.rows() {
-        let trial = row.text("trial")?;
+    rows(file, &TRIAL_COLUMNS, notices, |trials: &[Trial], row| {
+        let trial = row.name(0)?.to_owned();
         if trials.iter().any(|t| t.trial == trial) {
-            return Err(row.wrong("trial", &trial, "every trial once"));
+            return Err(row.wrong(0, "every trial once").into());
         }
-        trials.push(Trial {
+        Ok(Trial {
             trial,
-            source_rate_g_s: row.number("source_rate_g_s", POSITIVE)?,
-            source_height_agl_m: row.number("source_height_agl_m", A_HEIGHT)?,
-            wind_speed_m_s: row.maybe("wind_speed_m_s", A_SPEED)?,
-            wind_height_m: row.maybe("wind_height_m", POSITIVE)?,
-            wind_from_deg: row.maybe("wind_from_deg", AN_ANGLE)?,
-            obukhov_length_m: row.maybe("obukhov_length_m", A_LENGTH)?,
-            mixing_height_m: row.maybe("mixing_height_m", POSITIVE)?,
-            sigma_azimuth_deg: row.maybe("sigma_azimuth_deg", A_SPREAD)?,
-            roughness_length_m: row.maybe("roughness_length_m", POSITIVE)?,
-        });
-    }
-    Ok(trials)
+            source_rate_g_s: row.needed(1)?,
+            source_height_agl_m: row.needed(2)?,
+            wind_speed_m_s: row.number(3)?,
+            wind_height_m: row.number(4)?,
+            wind_from_deg: row.number(5)?,
+            obukhov_length_m: row.number(6)?,
+            mixing_height_m: row.number(7)?,
+            sigma_azimuth_deg: row.number(8)?,
+            roughness_length_m: row.number(9)?,
+        })
+    })
 }
 
 /// A sampler nearer than this is at the source, m.
@@ -175,128 +166,23 @@ const AN_ANGLE: Range = (-360.0, 720.0, "degrees, or an empty cell");
 const A_LENGTH: Range = (-1e6, 1e6, "metres, not 0, or an empty cell");
 const A_SPREAD: Range = (0.01, 120.0, "degrees from 0.01 to 120, or an empty cell");
 
-/// A name that a header has twice.
-fn twice(header: &StringRecord) -> Option<&str> {
-    let before = |k: usize, name: &str| header.iter().take(k).any(|h| h == name);
-    let mut names = header.iter().enumerate();
-    names.find(|(k, name)| before(*k, name)).map(|n| n.1)
-}
-
-struct Table<'a> {
-    file: &'a str,
-    header: StringRecord,
-    records: Vec<StringRecord>,
-}
-
-impl<'a> Table<'a> {
-    fn read(
-        (file, text): (&'a str, &str),
-        required: &[&str],
-        known: &[&str],
-        notices: &mut Vec<String>,
-    ) -> Result<Self, GapError> {
-        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-        let mut reader = ReaderBuilder::new()
-            .trim(Trim::All)
-            .from_reader(text.as_bytes());
-        let broken = |e: csv::Error| GapError::Data {
-            what: format!(
-                "{file}: line {}",
-                e.position().map_or(1, csv::Position::line)
-            ),
-            problem: e.to_string(),
-            expected: "comma-separated values with as many cells as the header".into(),
-        };
-        let header = reader.headers().map_err(broken)?.clone();
-        for name in required {
-            if !header.iter().any(|h| h == *name) {
-                return Err(GapError::Data {
-                    what: format!("{file}: line 1, column {name}"),
-                    problem: "missing".into(),
-                    expected: format!("a header with {}", required.join(", ")),
-                });
-            }
-        }
-        if let Some(name) = twice(&header) {
-            return Err(GapError::Data {
-                what: format!("{file}: line 1, column {name}"),
-                problem: "occurs twice".into(),
-                expected: "every column once".into(),
-            });
-        }
-        for name in header
-            .iter()
-            .filter(|h| !required.contains(h) && !known.contains(h))
-        {
-            notices.push(format!("{file}: column \"{name}\" is not used"));
-        }
-        let records = reader
-            .records()
-            .collect::<Result<Vec<_>, _>>()
-            .map_err(broken)?;
-        if records.is_empty() {
-            return Err(GapError::Data {
-                what: format!("{file}: line 2"),
-                problem: "no rows below the header".into(),
-                expected: "at least one".into(),
-            });
-        }
-        Ok(Self {
-            file,
-            header,
-            records,
-        })
+/// The rows of a file, each made by `read` with those before it; at least one.
+fn rows<T>(
+    (file, text): (&str, &str),
+    columns: &[Column],
+    notices: &mut Vec<String>,
+    read: impl Fn(&[T], &Row<'_>) -> Result<T, GapError>,
+) -> Result<Vec<T>, GapError> {
+    let mut table = Table::open(file, text, columns, false)?;
+    table.header.distinct(|_| true)?;
+    let others = table.header.others();
+    notices.extend(others.map(|(_, name)| format!("{file}: column \"{name}\" is not used")));
+    let mut rows = Vec::new();
+    while let Some(row) = table.next_row()? {
+        rows.push(read(&rows, &row)?);
     }
-
-    fn rows(&self) -> impl Iterator<Item = Row<'_>> {
-        self.records.iter().map(|record| Row {
-            table: self,
-            record,
-        })
+    if rows.is_empty() {
+        return Err(table.no_rows().into());
     }
-}
-
-struct Row<'a> {
-    table: &'a Table<'a>,
-    record: &'a StringRecord,
-}
-
-impl Row<'_> {
-    fn cell(&self, column: &str) -> &str {
-        let at = self.table.header.iter().position(|h| h == column);
-        at.and_then(|i| self.record.get(i)).unwrap_or("")
-    }
-
-    fn wrong(&self, column: &str, found: &str, expected: &str) -> GapError {
-        let line = self.record.position().map_or(0, csv::Position::line);
-        GapError::Data {
-            what: format!("{}: line {line}, column {column}", self.table.file),
-            problem: format!("found \"{found}\""),
-            expected: expected.into(),
-        }
-    }
-
-    fn text(&self, column: &str) -> Result<String, GapError> {
-        let cell = self.cell(column);
-        if cell.is_empty() {
-            return Err(self.wrong(column, cell, "a name"));
-        }
-        Ok(cell.to_owned())
-    }
-
-    fn maybe(&self, column: &str, (low, high, expected): Range) -> Result<Option<f64>, GapError> {
-        let cell = self.cell(column);
-        if cell.is_empty() || cell.eq_ignore_ascii_case("nan") {
-            return Ok(None);
-        }
-        match cell.parse::<f64>() {
-            Ok(v) if v >= low && v <= high => Ok(Some(v)),
-            _ => Err(self.wrong(column, cell, expected)),
-        }
-    }
-
-    fn number(&self, column: &str, range: Range) -> Result<f64, GapError> {
-        self.maybe(column, range)?
-            .ok_or_else(|| self.wrong(column, "", range.2))
-    }
+    Ok(rows)
 }

@@ -8,7 +8,8 @@ use crate::quantity::Dimension;
 use crate::recognise::Clock;
 use crate::time::{self, DateOrder};
 use crate::unit::{Conversion, Unit};
-use scenario::calendar::{DAY_S, days};
+use formats::calendar::{DAY_S, days};
+use formats::delimited::{Cells, number as parse_number};
 
 /// Rows by which a column of times is judged.
 const JUDGED: usize = 200;
@@ -77,7 +78,7 @@ pub struct Found {
     pub map: LogMap,
 }
 
-type Rows = [Vec<Vec<u8>>];
+type Rows = [Cells];
 
 /// The clock of a log by its headers and first rows, `zero_s` being the time from which is counted.
 ///
@@ -124,15 +125,12 @@ impl Finder<'_> {
 
     /// The cells of a column that hold something.
     fn cells(&self, column: usize) -> Vec<&[u8]> {
-        let cells = self.rows.iter().filter_map(|r| r.get(column));
-        cells
-            .map(Vec::as_slice)
-            .filter(|c| !number::is_none(c))
-            .collect()
+        let cells = self.rows.iter().map(|r| r.get(column));
+        cells.filter(|c| !number::is_none(c)).collect()
     }
 
     fn number(&self, cell: &[u8]) -> Option<f64> {
-        number::parse(cell, self.layout.decimal_comma)
+        parse_number(cell, self.layout.decimal_comma)
     }
 
     /// What a column of times holds; none where most of its cells are no times.
@@ -560,15 +558,15 @@ impl LogClock {
                 self.midnight.0 + of_day_s
             }
             TimeCells::Count(at, per_second, nanos) => {
-                let count = number::parse(cell(*at), self.decimal_comma)? / per_second;
+                let count = parse_number(cell(*at), self.decimal_comma)? / per_second;
                 match nanos {
-                    Some(nanos) => count + number::parse(cell(*nanos), self.decimal_comma)? * 1e-9,
+                    Some(nanos) => count + parse_number(cell(*nanos), self.decimal_comma)? * 1e-9,
                     None => count,
                 }
             }
             TimeCells::Parts(cells) => {
                 let part = |k: usize| match cells.get(k) {
-                    Some(at) => number::parse(cell(*at), self.decimal_comma),
+                    Some(at) => parse_number(cell(*at), self.decimal_comma),
                     None => Some(0.0),
                 };
                 let year = part(0)?;

@@ -2,45 +2,14 @@
 
 use crate::decode::letters;
 use crate::map::LogMap;
-use crate::number;
 use crate::recognise::Header;
 use crate::{ImportError, unit};
+use formats::delimited::{Cells, Delimiter, has_decimal_comma, number};
 
 /// A header is looked for in so many lines: preambles of instruments are shorter.
 const HEADER_WITHIN: usize = 200;
 /// Lines between a header and its first row of numbers: units, kinds of mean, a repetition, a rule.
 const BELOW_HEADER: usize = 6;
-
-/// What stands between cells.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Delimiter {
-    /// One byte.
-    Byte(u8),
-    /// Any number of blanks and tabs.
-    Space,
-}
-
-impl Delimiter {
-    /// As mapping files name it.
-    pub fn name(self) -> String {
-        match self {
-            Self::Byte(b'\t') => "tab".to_owned(),
-            Self::Byte(byte) => char::from(byte).to_string(),
-            Self::Space => "space".to_owned(),
-        }
-    }
-
-    fn named(name: &str) -> Option<Self> {
-        match name {
-            "tab" | "\t" => Some(Self::Byte(b'\t')),
-            "space" | " " => Some(Self::Space),
-            _ => match name.as_bytes() {
-                [byte] if byte.is_ascii_punctuation() => Some(Self::Byte(*byte)),
-                _ => None,
-            },
-        }
-    }
-}
 
 /// A line of the head of a log.
 #[derive(Debug, Clone, Copy)]
@@ -61,7 +30,7 @@ pub struct Layout {
     /// The columns.
     pub headers: Vec<Header>,
     /// Cells of the header as bytes, to know it where it is repeated.
-    pub header_cells: Vec<Vec<u8>>,
+    pub header_cells: Cells,
     /// Line of the header, from 1; 0 where it is stated.
     pub header_line: u64,
     /// Units of the columns as a row below the header has them; empty without one.
@@ -74,6 +43,14 @@ pub struct Layout {
     pub decimal_comma: bool,
     /// What was passed over.
     pub notices: Vec<String>,
+}
+
+impl Layout {
+    /// Whether `cells` are the header again.
+    pub fn repeats_header(&self, cells: &Cells) -> bool {
+        let mut header = self.header_cells.iter().enumerate();
+        header.all(|(at, name)| cells.get(at) == name)
+    }
 }
 
 /// Lines of `head`, without one that is cut off at its end unless the log `ended` there.
@@ -95,37 +72,16 @@ pub fn lines(head: &[u8], ended: bool) -> Vec<Line<'_>> {
     lines
 }
 
-/// The cells of a line, without blanks and quotes around them.
-pub fn split(line: &[u8], delimiter: Delimiter) -> Vec<Vec<u8>> {
-    match delimiter {
-        Delimiter::Space => line
-            .split(u8::is_ascii_whitespace)
-            .filter(|cell| !cell.is_empty())
-            .map(<[u8]>::to_vec)
-            .collect(),
-        Delimiter::Byte(byte) => {
-            let mut reader = csv::ReaderBuilder::new()
-                .delimiter(byte)
-                .has_headers(false)
-                .flexible(true)
-                .trim(csv::Trim::All)
-                .from_reader(line);
-            let record = reader.byte_records().next().and_then(Result::ok);
-            record.map_or_else(Vec::new, |r| r.iter().map(<[u8]>::to_vec).collect())
-        }
-    }
-}
-
 /// Whether a cell could stand in a row of measurements: a number.
 fn is_number(cell: &[u8]) -> bool {
-    number::parse(cell, false).is_some() || number::has_decimal_comma(cell)
+    number(cell, false).is_some() || has_decimal_comma(cell)
 }
 
 /// A candidate for the header.
 struct Candidate {
     delimiter: Delimiter,
     line: usize,
-    cells: Vec<Vec<u8>>,
+    cells: Cells,
     known: usize,
 }
 
@@ -181,7 +137,7 @@ fn no_header(name: &str, lines: &[Line<'_>]) -> ImportError {
 }
 
 /// How many cells of a possible header are known.
-fn known(cells: &[Vec<u8>], map: &LogMap) -> usize {
+fn known(cells: &Cells, map: &LogMap) -> usize {
     let stated: Vec<&String> = map
         .column
         .values()
@@ -189,15 +145,15 @@ fn known(cells: &[Vec<u8>], map: &LogMap) -> usize {
         .chain(map.time.as_ref())
         .flat_map(|n| n.all())
         .collect();
-    let is_known = |cell: &Vec<u8>| {
+    let is_known = |cell: &&[u8]| {
         let header = Header::new(&letters(cell));
         !is_number(cell) && (stated.iter().any(|s| header.is_nearly(s)) || header.is_known())
     };
-    cells.iter().filter(|cell| is_known(cell)).count()
+    cells.iter().filter(is_known).count()
 }
 
 /// Whether a cell names a time: a log without place and gas has one.
-fn names_a_time(cells: &[Vec<u8>]) -> bool {
+fn names_a_time(cells: &Cells) -> bool {
     cells
         .iter()
         .any(|cell| Header::new(&letters(cell)).time().is_some())
@@ -206,10 +162,8 @@ fn names_a_time(cells: &[Vec<u8>]) -> bool {
 fn candidates(lines: &[Line<'_>], delimiter: Delimiter, map: &LogMap) -> Vec<Candidate> {
     let mut found = Vec::new();
     for (line, text) in lines.iter().take(HEADER_WITHIN).enumerate() {
-        let cells = split(
-            text.bytes.strip_prefix(b"#").unwrap_or(text.bytes),
-            delimiter,
-        );
+        let bytes = text.bytes.strip_prefix(b"#").unwrap_or(text.bytes);
+        let cells = Cells::of(bytes, delimiter);
         if cells.len() < 2 || cells.iter().filter(|c| is_number(c)).count() * 2 > cells.len() {
             continue;
         }
@@ -230,9 +184,9 @@ fn candidates(lines: &[Line<'_>], delimiter: Delimiter, map: &LogMap) -> Vec<Can
 /// Whether one of the next lines is a row of about so many cells, with numbers.
 fn has_row(below: &[Line<'_>], delimiter: Delimiter, cells: usize) -> bool {
     below.iter().take(BELOW_HEADER).any(|line| {
-        let row = split(line.bytes, delimiter);
+        let row = Cells::of(line.bytes, delimiter);
         // Lines of numbers often end in a delimiter, and times may hold a blank.
-        row.len() + 1 >= cells && row.len() <= cells + 2 && row.iter().any(|c| is_number(c))
+        row.len() + 1 >= cells && row.len() <= cells + 2 && row.iter().any(is_number)
     })
 }
 
@@ -254,7 +208,7 @@ fn header_at(
     })?;
     let of = |delimiter: &Delimiter| {
         let bytes = lines[at].bytes;
-        let cells = split(bytes.strip_prefix(b"#").unwrap_or(bytes), *delimiter);
+        let cells = Cells::of(bytes.strip_prefix(b"#").unwrap_or(bytes), *delimiter);
         let known = known(&cells, map);
         Candidate {
             delimiter: *delimiter,
@@ -286,8 +240,8 @@ fn without_header(
     let count = map.header.len();
     let row = delimiters.iter().find_map(|d| {
         let fits = |line: &&Line<'_>| {
-            let cells = split(line.bytes, *d);
-            cells.len() == count && cells.iter().any(|c| is_number(c))
+            let cells = Cells::of(line.bytes, *d);
+            cells.len() == count && cells.iter().any(is_number)
         };
         lines.iter().find(fits).map(|line| (*d, *line))
     });
@@ -301,7 +255,7 @@ fn without_header(
     let headers: Vec<Header> = map.header.iter().map(|h| Header::new(h)).collect();
     let mut layout = Layout {
         delimiter,
-        header_cells: map.header.iter().map(|h| h.clone().into_bytes()).collect(),
+        header_cells: map.header.iter().collect(),
         headers,
         header_line: 0,
         units: Vec::new(),
@@ -342,11 +296,11 @@ fn below(lines: &[Line<'_>], header: Candidate) -> Layout {
     for line in lines[header.line + 1..].iter().take(BELOW_HEADER) {
         (layout.rows_at, layout.rows_line) = (line.at, line.number);
         let bytes = line.bytes.strip_prefix(b"#").unwrap_or(line.bytes);
-        let cells = split(bytes, layout.delimiter);
-        if line.bytes.first() != Some(&b'#') && cells.iter().any(|c| is_number(c)) {
+        let cells = Cells::of(bytes, layout.delimiter);
+        if line.bytes.first() != Some(&b'#') && cells.iter().any(is_number) {
             break;
         }
-        let texts: Vec<String> = cells.iter().map(|c| letters(c)).collect();
+        let texts: Vec<String> = cells.iter().map(letters).collect();
         let units = texts
             .iter()
             .filter(|t| !t.is_empty() && unit::Unit::is_any(t))
@@ -383,14 +337,13 @@ fn rows_are_numbered(lines: &[Line<'_>], layout: &Layout) -> bool {
         return false;
     }
     let rows = lines.iter().filter(|l| l.number >= layout.rows_line);
-    let rows: Vec<Vec<Vec<u8>>> = rows
+    let rows: Vec<Cells> = rows
         .take(NUMBERED_ROWS.0)
-        .map(|l| split(l.bytes, layout.delimiter))
+        .map(|l| Cells::of(l.bytes, layout.delimiter))
         .collect();
     // A row that merely ends in a delimiter has an empty last cell.
-    let is_numbered = |row: &Vec<Vec<u8>>| {
-        row.len() == layout.headers.len() + 1 && row.last().is_some_and(|c| !c.is_empty())
-    };
+    let count = layout.headers.len();
+    let is_numbered = |row: &Cells| row.len() == count + 1 && !row.get(count).is_empty();
     rows.len() >= NUMBERED_ROWS.1 && rows.iter().all(is_numbered)
 }
 
@@ -402,9 +355,9 @@ fn has_commas(lines: &[Line<'_>], layout: &Layout) -> bool {
         .filter(|l| l.number >= layout.rows_line)
         .take(HEADER_WITHIN)
     {
-        for cell in split(line.bytes, layout.delimiter) {
-            commas += usize::from(number::has_decimal_comma(&cell));
-            points += usize::from(cell.contains(&b'.') && number::parse(&cell, false).is_some());
+        for cell in Cells::of(line.bytes, layout.delimiter).iter() {
+            commas += usize::from(has_decimal_comma(cell));
+            points += usize::from(cell.contains(&b'.') && number(cell, false).is_some());
         }
     }
     commas > points

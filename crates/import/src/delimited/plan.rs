@@ -9,6 +9,7 @@ use crate::map::{ColumnMap, LogMap, Names};
 use crate::number;
 use crate::quantity::{Dimension, FLIGHT, OBSERVATION, Quantity};
 use crate::unit::{Conversion, Unit};
+use formats::delimited::{Cells, number as parse_number};
 use plume::units::{self, Gas};
 use std::collections::BTreeMap;
 
@@ -78,7 +79,7 @@ impl Column {
     /// The value of a cell in the column's unit; none where the cell holds no number.
     pub fn value(&self, cell: &[u8], decimal_comma: bool) -> Option<f64> {
         let raw = match self.reads {
-            Reads::Number => number::parse(cell, decimal_comma)?,
+            Reads::Number => parse_number(cell, decimal_comma)?,
             Reads::DegreesMinutesSeconds => number::degrees_minutes_seconds(cell, decimal_comma)?,
             Reads::Nmea => number::nmea(cell, decimal_comma)?,
         };
@@ -135,7 +136,7 @@ fn optional(layout: &Layout, wanted: &str) -> Option<usize> {
     exact.or_else(|| layout.headers.iter().position(|h| h.is_nearly(wanted)))
 }
 
-type Rows = [Vec<Vec<u8>>];
+type Rows = [Cells];
 
 /// What becomes of a log's columns, without its clock.
 #[derive(Debug, Clone, PartialEq)]
@@ -347,10 +348,10 @@ impl Planner<'_> {
 
     fn numbers(&self, cell: usize, reads: Reads) -> Vec<f64> {
         let comma = self.layout.decimal_comma;
-        let cells = self.rows.iter().filter_map(|r| r.get(cell));
+        let cells = self.rows.iter().map(|r| r.get(cell));
         let cells = cells.filter(|c| !self.is_missing(c));
-        let read = |c: &Vec<u8>| match reads {
-            Reads::Number => number::parse(c, comma),
+        let read = |c: &[u8]| match reads {
+            Reads::Number => parse_number(c, comma),
             Reads::DegreesMinutesSeconds => number::degrees_minutes_seconds(c, comma),
             Reads::Nmea => number::nmea(c, comma),
         };
@@ -719,10 +720,10 @@ impl Planner<'_> {
         let (Dimension::Place, Source::Cell(cell)) = (quantity.dimension, source) else {
             return None;
         };
-        let cells = self.rows.iter().filter_map(|r| r.get(cell + 1));
+        let cells = self.rows.iter().map(|r| r.get(cell + 1));
         let mut letters = cells.filter(|c| !c.is_empty()).peekable();
         letters.peek()?;
-        let is_side = |c: &Vec<u8>| matches!(c[..], [b'N' | b'S' | b'E' | b'W']);
+        let is_side = |c: &[u8]| matches!(c, [b'N' | b'S' | b'E' | b'W']);
         letters.all(is_side).then_some(cell + 1)
     }
 

@@ -2,10 +2,14 @@
 //!
 //! Layout (ardupilot.org, *Logging*, and `libraries/AP_Logger/LogStructure.h`): `A3 95`, the number of the record's
 //! type, and its fields in little endian. A record of type 128 (`FMT`) gives type, length, name (4 letters), the
-//! fields' types (16 letters) and names (64 letters, parted by commas).
+//! fields' types (16 letters) and names (64 letters, separated by commas).
+//!
+//! A reader of our own: `ardupilot-binlog` 0.2.0 gives up after 256 damaged records in a row without a word, neither counts
+//! the bytes that it skips nor reports a failed read, and does not know the type `g`.
 
-use super::{Collected, Known, SeriesLog, Wanted, middle};
+use super::{Collected, Known, SeriesLog, Wanted};
 use crate::ImportError;
+use formats::binary::Kind;
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read};
 
@@ -66,46 +70,45 @@ struct Field {
     kept: Option<String>,
 }
 
-/// Bytes of a field of this kind; none of a kind that there is not.
-fn size(kind: u8) -> Option<usize> {
-    Some(match kind {
-        b'b' | b'B' | b'M' => 1,
-        b'h' | b'H' | b'c' | b'C' | b'g' => 2,
-        b'i' | b'I' | b'e' | b'E' | b'L' | b'f' | b'n' => 4,
-        b'q' | b'Q' | b'd' => 8,
-        b'N' => 16,
-        b'Z' | b'a' => 64,
+/// The numbers of a field of this type, and what each is divided by; none of text, arrays and unknown types.
+fn kind(of: u8) -> Option<(Kind, f64)> {
+    Some(match of {
+        b'b' => (Kind::I8, 1.0),
+        b'B' | b'M' => (Kind::U8, 1.0),
+        b'h' => (Kind::I16, 1.0),
+        b'H' => (Kind::U16, 1.0),
+        b'c' => (Kind::I16, 100.0),
+        b'C' => (Kind::U16, 100.0),
+        b'i' => (Kind::I32, 1.0),
+        b'I' => (Kind::U32, 1.0),
+        b'e' => (Kind::I32, 100.0),
+        b'E' => (Kind::U32, 100.0),
+        b'L' => (Kind::I32, 1e7),
+        b'f' => (Kind::F32, 1.0),
+        b'd' => (Kind::F64, 1.0),
+        b'q' => (Kind::I64, 1.0),
+        b'Q' => (Kind::U64, 1.0),
         _ => return None,
     })
 }
 
-/// The number in a field; NaN of one that is none.
-fn number(kind: u8, bytes: &[u8]) -> f64 {
-    let two = || [bytes[0], bytes[1]];
-    let four = || [bytes[0], bytes[1], bytes[2], bytes[3]];
-    let eight = || {
-        let mut all = [0; 8];
-        all.copy_from_slice(&bytes[..8]);
-        all
+/// Bytes of a field of this type; none of an unknown one.
+fn size(of: u8) -> Option<usize> {
+    let other = match of {
+        b'g' => Some(2),
+        b'n' => Some(4),
+        b'N' => Some(16),
+        b'Z' | b'a' => Some(64),
+        _ => None,
     };
-    match kind {
-        b'b' => f64::from(i8::from_le_bytes([bytes[0]])),
-        b'B' | b'M' => f64::from(bytes[0]),
-        b'h' => f64::from(i16::from_le_bytes(two())),
-        b'H' => f64::from(u16::from_le_bytes(two())),
-        b'c' => f64::from(i16::from_le_bytes(two())) / 100.0,
-        b'C' => f64::from(u16::from_le_bytes(two())) / 100.0,
-        b'i' => f64::from(i32::from_le_bytes(four())),
-        b'I' => f64::from(u32::from_le_bytes(four())),
-        b'e' => f64::from(i32::from_le_bytes(four())) / 100.0,
-        b'E' => f64::from(u32::from_le_bytes(four())) / 100.0,
-        b'L' => f64::from(i32::from_le_bytes(four())) / 1e7,
-        b'f' => f64::from(f32::from_le_bytes(four())),
-        b'd' => f64::from_le_bytes(eight()),
-        b'q' => i64::from_le_bytes(eight()) as f64,
-        b'Q' => u64::from_le_bytes(eight()) as f64,
-        _ => f64::NAN,
-    }
+    kind(of).map(|(kind, _)| kind.width()).or(other)
+}
+
+/// The number in a field; NaN of one that is none.
+fn number(of: u8, bytes: &[u8]) -> f64 {
+    kind(of).map_or(f64::NAN, |(kind, per_unit)| {
+        kind.little_endian(bytes) / per_unit
+    })
 }
 
 fn letters(bytes: &[u8]) -> String {
@@ -269,27 +272,18 @@ pub fn read(
             "give the .bin as the autopilot wrote it",
         ));
     }
-    let ahead_s = middle(gathered.ahead_s);
-    let mut said = vec![format!("ArduPilot's log, {} records", gathered.records)];
+    let mut notices = vec![format!("ArduPilot's log, {} records", gathered.records)];
     if gathered.strange_bytes > 0 {
-        said.push(format!(
+        notices.push(format!(
             "{} bytes outside of records are skipped",
             gathered.strange_bytes
         ));
     }
-    said.push(match ahead_s {
-        Some(_) => "times are UTC by the GPS, with 18 leap seconds".to_owned(),
-        None => {
-            "assumed: times count from the start of the autopilot, since no GPS fix gives the time"
-                .to_owned()
-        }
-    });
-    Ok(SeriesLog {
-        kind: "an ArduPilot log",
-        series: gathered.series.finish(ahead_s.unwrap_or(0.0)),
-        is_absolute: ahead_s.is_some(),
-        said,
-    })
+    let Gathered {
+        series, ahead_s, ..
+    } = gathered;
+    let clock = "times are UTC by the GPS, with 18 leap seconds";
+    Ok(series.of_autopilot("an ArduPilot log", ahead_s, notices, clock))
 }
 
 /// Goes to the next head of a record: its type, or none at the end. Bytes before it are counted as `strange`.

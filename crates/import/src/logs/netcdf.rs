@@ -8,8 +8,9 @@ use crate::ImportError;
 use crate::quantity::Dimension;
 use crate::time;
 use crate::unit::{Conversion, Unit};
-use formats::netcdf::width;
-use scenario::calendar::DAY_S;
+use formats::binary::Kind;
+use formats::calendar::DAY_S;
+use formats::netcdf::{CHAR, kind};
 use std::collections::BTreeMap;
 use std::io::Read;
 
@@ -22,14 +23,6 @@ pub const KNOWN: &[Known] = &[
     ("temperature_c", "air_temperature", ""),
     ("relative_humidity_pct", "relative_humidity", ""),
     ("pressure_hpa", "air_pressure", ""),
-    ("co2_ppm", "mole_fraction_of_carbon_dioxide_in_air", ""),
-    ("ch4_ppm", "mole_fraction_of_methane_in_air", ""),
-    ("so2_ppm", "mole_fraction_of_sulfur_dioxide_in_air", ""),
-    ("co_ppm", "mole_fraction_of_carbon_monoxide_in_air", ""),
-    ("no2_ppm", "mole_fraction_of_nitrogen_dioxide_in_air", ""),
-    ("nh3_ppm", "mole_fraction_of_ammonia_in_air", ""),
-    ("h2s_ppm", "mole_fraction_of_hydrogen_sulfide_in_air", ""),
-    ("sf6_ppm", "mole_fraction_of_sulfur_hexafluoride_in_air", ""),
 ];
 
 /// The most dimensions, attributes or variables that a file may say it has: more is damage.
@@ -153,24 +146,13 @@ impl Variable {
 }
 
 /// The first number of `bytes`; NaN of text and of nothing.
-fn number(kind: u32, bytes: &[u8]) -> f64 {
-    let two = || bytes.get(..2).and_then(|b| b.try_into().ok());
-    let four = || bytes.get(..4).and_then(|b| b.try_into().ok());
-    let eight = || bytes.get(..8).and_then(|b| b.try_into().ok());
-    let value = match kind {
-        1 => bytes.first().map(|b| f64::from(i8::from_be_bytes([*b]))),
-        7 => bytes.first().map(|b| f64::from(*b)),
-        3 => two().map(|b| f64::from(i16::from_be_bytes(b))),
-        8 => two().map(|b| f64::from(u16::from_be_bytes(b))),
-        4 => four().map(|b| f64::from(i32::from_be_bytes(b))),
-        9 => four().map(|b| f64::from(u32::from_be_bytes(b))),
-        5 => four().map(|b| f64::from(f32::from_be_bytes(b))),
-        6 => eight().map(f64::from_be_bytes),
-        10 => eight().map(|b| i64::from_be_bytes(b) as f64),
-        11 => eight().map(|b| u64::from_be_bytes(b) as f64),
-        _ => None,
-    };
-    value.unwrap_or(f64::NAN)
+fn number(of: u32, bytes: &[u8]) -> f64 {
+    let kind = kind(of).filter(|_| of != CHAR);
+    kind.map_or(f64::NAN, |kind| kind.big_endian(bytes))
+}
+
+fn width(of: u32) -> Option<usize> {
+    kind(of).map(Kind::width)
 }
 
 /// A file whose head is read.
@@ -279,7 +261,7 @@ impl<'a> File<'a> {
     }
 
     fn is_plain(&self, variable: &Variable) -> bool {
-        variable.dimensions.len() <= 1 && variable.kind != 2
+        variable.dimensions.len() <= 1 && variable.kind != CHAR
     }
 }
 

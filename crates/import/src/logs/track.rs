@@ -24,12 +24,49 @@ struct Point {
     more: Vec<(String, f64)>,
 }
 
-fn broken(name: &str, position: u64, what: impl std::fmt::Display) -> ImportError {
-    ImportError::log(
-        format!("{name}: byte {position}"),
-        format!("not valid XML: {what}"),
-        "give the file as it was exported",
-    )
+/// A tag of XML.
+enum Tag<'t> {
+    /// An opening one.
+    Begin(&'t BytesStart<'t>),
+    /// The local name of a closing one, and the text before it.
+    End(&'t str, &'t str),
+}
+
+/// Hands all tags of an XML file to `take`.
+fn each_tag(
+    name: &str,
+    bytes: Box<dyn Read + '_>,
+    mut take: impl FnMut(Tag<'_>),
+) -> Result<(), ImportError> {
+    let mut reader = Reader::from_reader(BufReader::new(bytes));
+    let (mut buffer, mut text) = (Vec::new(), String::new());
+    loop {
+        buffer.clear();
+        let event = reader.read_event_into(&mut buffer).map_err(|e| {
+            ImportError::log(
+                format!("{name}: byte {}", reader.error_position()),
+                format!("not valid XML: {e}"),
+                "give the file as it was exported",
+            )
+        })?;
+        match event {
+            Event::Eof => return Ok(()),
+            Event::Start(tag) => {
+                text.clear();
+                take(Tag::Begin(&tag));
+            }
+            Event::Text(t) => text += &t.decode().unwrap_or_default(),
+            Event::End(tag) => {
+                let local = tag.local_name();
+                take(Tag::End(
+                    &String::from_utf8_lossy(local.as_ref()),
+                    text.trim(),
+                ));
+                text.clear();
+            }
+            _ => {}
+        }
+    }
 }
 
 /// An attribute's number.
@@ -52,46 +89,26 @@ fn utc_s(text: &str) -> Option<f64> {
 /// # Errors
 /// No XML, or no points with times.
 pub fn gpx(name: &str, bytes: Box<dyn Read + '_>) -> Result<SeriesLog, ImportError> {
-    let mut reader = Reader::from_reader(BufReader::new(bytes));
     let mut series = Collected::default();
-    let (mut buffer, mut text) = (Vec::new(), String::new());
     let mut point: Option<Point> = None;
     let (mut points, mut timeless) = (0_usize, 0_usize);
-    loop {
-        buffer.clear();
-        let event = reader.read_event_into(&mut buffer);
-        let event = event.map_err(|e| broken(name, reader.error_position(), e))?;
-        match event {
-            Event::Eof => break,
-            Event::Start(tag) => {
-                text.clear();
-                if tag.local_name().as_ref() == b"trkpt" {
-                    point = Some(begun(&tag));
-                }
-            }
-            Event::Text(t) => text += &t.decode().unwrap_or_default(),
-            Event::End(tag) => {
-                let local = tag.local_name();
-                let local = String::from_utf8_lossy(local.as_ref()).into_owned();
-                match (local.as_str(), &mut point) {
-                    ("trkpt", done) => {
-                        points += 1;
-                        timeless +=
-                            usize::from(!done.take().is_some_and(|p| take(&mut series, &p)));
-                    }
-                    ("time", Some(point)) => point.time_s = utc_s(text.trim()),
-                    (_, Some(point)) => {
-                        if let Ok(value) = text.trim().parse() {
-                            point.more.push((local, value));
-                        }
-                    }
-                    (_, None) => {}
-                }
-                text.clear();
-            }
-            _ => {}
+    each_tag(name, bytes, |tag| match tag {
+        Tag::Begin(tag) if tag.local_name().as_ref() == b"trkpt" => point = Some(begun(tag)),
+        Tag::Begin(_) => {}
+        Tag::End("trkpt", _) => {
+            points += 1;
+            let is_timed = point.take().is_some_and(|p| take(&mut series, &p));
+            timeless += usize::from(!is_timed);
         }
-    }
+        Tag::End(local, text) => match (local, &mut point) {
+            ("time", Some(point)) => point.time_s = utc_s(text),
+            (_, Some(point)) => {
+                let value = text.parse().ok();
+                point.more.extend(value.map(|v| (local.to_owned(), v)));
+            }
+            (_, None) => {}
+        },
+    })?;
     let said = vec![
         format!("{} points of a GPX track", points - timeless),
         "assumed: <ele> is above mean sea level, as GPX 1.1 has it; some receivers write heights above the ellipsoid \
@@ -155,43 +172,27 @@ fn finish(
 /// # Errors
 /// No XML, or nothing with times: a `LineString` has none.
 pub fn kml(name: &str, bytes: Box<dyn Read + '_>) -> Result<SeriesLog, ImportError> {
-    let mut reader = Reader::from_reader(BufReader::new(bytes));
     let mut series = Collected::default();
-    let (mut buffer, mut text) = (Vec::new(), String::new());
     let (mut times, mut places): (Vec<Option<f64>>, Vec<[f64; 3]>) = (Vec::new(), Vec::new());
     let (mut mode, mut lines, mut points, mut timeless) =
         (String::new(), 0_usize, 0_usize, 0_usize);
-    loop {
-        buffer.clear();
-        let event = reader.read_event_into(&mut buffer);
-        let event = event.map_err(|e| broken(name, reader.error_position(), e))?;
-        match event {
-            Event::Eof => break,
-            Event::Start(_) => text.clear(),
-            Event::Text(t) => text += &t.decode().unwrap_or_default(),
-            Event::End(tag) => {
-                match tag.local_name().as_ref() {
-                    b"when" => times.push(utc_s(text.trim())),
-                    b"coord" => places.push(coord(&text)),
-                    b"altitudeMode" => text.trim().clone_into(&mut mode),
-                    b"LineString" => lines += 1,
-                    b"Track" => {
-                        points += places.len();
-                        timeless += places.len() - times.iter().flatten().count().min(places.len());
-                        for (time_s, [lon, lat, alt]) in times.drain(..).zip(places.drain(..)) {
-                            let Some(time_s) = time_s else { continue };
-                            series.push("lat", time_s, lat);
-                            series.push("lon", time_s, lon);
-                            series.push(alt_name(&mode), time_s, alt);
-                        }
-                    }
-                    _ => {}
-                }
-                text.clear();
+    each_tag(name, bytes, |tag| match tag {
+        Tag::End("when", text) => times.push(utc_s(text)),
+        Tag::End("coord", text) => places.push(coord(text)),
+        Tag::End("altitudeMode", text) => text.clone_into(&mut mode),
+        Tag::End("LineString", _) => lines += 1,
+        Tag::End("Track", _) => {
+            points += places.len();
+            timeless += places.len() - times.iter().flatten().count().min(places.len());
+            for (time_s, [lon, lat, alt]) in times.drain(..).zip(places.drain(..)) {
+                let Some(time_s) = time_s else { continue };
+                series.push("lat", time_s, lat);
+                series.push("lon", time_s, lon);
+                series.push(alt_name(&mode), time_s, alt);
             }
-            _ => {}
         }
-    }
+        _ => {}
+    })?;
     if points == 0 && lines > 0 {
         return Err(ImportError::log(
             name,

@@ -2,9 +2,13 @@
 //!
 //! Layout (docs.px4.io, *ULog File Format*): a head of 16 bytes, then messages of a size (2 bytes), a type (1 byte) and
 //! as many bytes, little endian. `F` gives a format (`name:type field;...`), `A` binds a number to one, `D` is data.
+//!
+//! A reader of our own: `px4-ulog` 0.6.1 panics on a subscription or parameter that is too short, and ends at the first
+//! datum of an unknown subscription, behind which most of a damaged log may still be read.
 
-use super::{Collected, Known, SeriesLog, Wanted, middle};
+use super::{Collected, Known, SeriesLog, Wanted};
 use crate::ImportError;
+use formats::binary::Kind;
 use std::collections::BTreeMap;
 use std::io::{BufReader, Read};
 
@@ -99,7 +103,7 @@ const FIRST_FIX_S: f64 = 1e9;
 #[derive(Debug, Clone)]
 struct Field {
     name: String,
-    kind: String,
+    kind: Kind,
     at: usize,
 }
 
@@ -122,44 +126,32 @@ struct Gathered {
     messages: usize,
 }
 
-/// Bytes of a number of this kind; none of a kind that is no number.
-fn width(kind: &str) -> Option<usize> {
-    Some(match kind {
-        "int8_t" | "uint8_t" | "bool" | "char" => 1,
-        "int16_t" | "uint16_t" => 2,
-        "int32_t" | "uint32_t" | "float" => 4,
-        "int64_t" | "uint64_t" | "double" => 8,
+/// The numbers of a type; none of a type that is no number.
+fn kind(of: &str) -> Option<Kind> {
+    Some(match of {
+        "int8_t" => Kind::I8,
+        "uint8_t" | "bool" | "char" => Kind::U8,
+        "int16_t" => Kind::I16,
+        "uint16_t" => Kind::U16,
+        "int32_t" => Kind::I32,
+        "uint32_t" => Kind::U32,
+        "int64_t" => Kind::I64,
+        "uint64_t" => Kind::U64,
+        "float" => Kind::F32,
+        "double" => Kind::F64,
         _ => return None,
     })
 }
 
 /// The number in a field; NaN where the message is too short.
 fn number(field: &Field, data: &[u8]) -> f64 {
-    macro_rules! little_endian {
-        ($kind:ty) => {
-            data.get(field.at..field.at + size_of::<$kind>())
-                .and_then(|b| b.try_into().ok())
-                .map_or(f64::NAN, |b| <$kind>::from_le_bytes(b) as f64)
-        };
-    }
-    match field.kind.as_str() {
-        "int8_t" => little_endian!(i8),
-        "uint8_t" | "bool" | "char" => little_endian!(u8),
-        "int16_t" => little_endian!(i16),
-        "uint16_t" => little_endian!(u16),
-        "int32_t" => little_endian!(i32),
-        "uint32_t" => little_endian!(u32),
-        "int64_t" => little_endian!(i64),
-        "uint64_t" => little_endian!(u64),
-        "float" => little_endian!(f32),
-        "double" => little_endian!(f64),
-        _ => f64::NAN,
-    }
+    let bytes = data.get(field.at..).unwrap_or_default();
+    field.kind.little_endian(bytes)
 }
 
 /// What a field's number is multiplied by: receivers' integers are 1e-7 degrees and millimetres.
 fn factor(topic: &str, field: &Field) -> f64 {
-    let is_integer = field.kind == "int32_t";
+    let is_integer = field.kind == Kind::I32;
     match field.name.as_str() {
         "lat" | "lon" if is_integer && RECEIVERS.contains(&topic) => 1e-7,
         "alt" if is_integer && RECEIVERS.contains(&topic) => 1e-3,
@@ -185,29 +177,28 @@ fn flatten(
         .split(';')
         .filter(|f| !f.trim().is_empty())
     {
-        let (kind, field) = field.trim().split_once(' ')?;
-        let (kind, count) = match kind.split_once('[') {
+        let (own_kind, field) = field.trim().split_once(' ')?;
+        let (own_kind, count) = match own_kind.split_once('[') {
             Some((kind, count)) => (
                 kind,
                 Some(count.trim_end_matches(']').parse::<usize>().ok()?),
             ),
-            None => (kind, None),
+            None => (own_kind, None),
         };
         for k in 0..count.unwrap_or(1) {
             let own = match count {
                 Some(_) => format!("{path}{field}[{k}]"),
                 None => format!("{path}{field}"),
             };
-            if let Some(width) = width(kind) {
-                let kind = kind.to_owned();
+            if let Some(kind) = kind(own_kind) {
                 fields.push(Field {
                     name: own,
                     kind,
                     at,
                 });
-                at += width;
+                at += kind.width();
             } else {
-                at = flatten(formats, kind, &format!("{own}."), at, depth + 1, fields)?;
+                at = flatten(formats, own_kind, &format!("{own}."), at, depth + 1, fields)?;
             }
             if fields.len() > MOST_FIELDS || k > MOST_FIELDS {
                 return None;
@@ -380,20 +371,10 @@ pub fn read(
             "give the .ulg as the autopilot wrote it",
         ));
     }
-    let ahead_s = middle(gathered.ahead_s);
-    let mut said = vec![format!("PX4's ULog, {} messages", gathered.messages)];
-    said.extend(broken);
-    said.push(match ahead_s {
-        Some(_) => "times are UTC by the GPS".to_owned(),
-        None => {
-            "assumed: times count from the start of the autopilot, since no GPS fix gives the time"
-                .to_owned()
-        }
-    });
-    Ok(SeriesLog {
-        kind: "a PX4 log",
-        series: gathered.series.finish(ahead_s.unwrap_or(0.0)),
-        is_absolute: ahead_s.is_some(),
-        said,
-    })
+    let mut notices = vec![format!("PX4's ULog, {} messages", gathered.messages)];
+    notices.extend(broken);
+    let Gathered {
+        series, ahead_s, ..
+    } = gathered;
+    Ok(series.of_autopilot("a PX4 log", ahead_s, notices, "times are UTC by the GPS"))
 }

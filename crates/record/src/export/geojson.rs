@@ -6,7 +6,7 @@ use crate::antimeridian::{Corner, areas, pieces};
 use crate::contour::PlumeLine;
 use crate::kml::MapFeatures;
 use crate::text;
-use scenario::calendar::rfc_3339;
+use formats::calendar::rfc_3339;
 use serde_json::{Map, Value, json};
 
 /// The collection of all features; each has a property `what`.

@@ -1,9 +1,9 @@
 //! Trajectories in NetCDF by the CF conventions (CF-1.11, H.4.3: contiguous ragged arrays; one trajectory a vehicle).
 
 use super::{Flown, Read};
+use formats::calendar::rfc_3339;
 use formats::netcdf::{Attribute, Values, Variable, file};
 use plume::Gas;
-use scenario::calendar::rfc_3339;
 
 const TRAJECTORY: usize = 0;
 const LETTERS: usize = 1;
@@ -93,7 +93,7 @@ fn fields(gas: Gas) -> Vec<Field> {
         field("lat", "latitude", "degrees_north", |r| Some(r.lat_deg)),
         field("lon", "longitude", "degrees_east", |r| Some(r.lon_deg)),
         field("alt", "altitude", "m", |r| Some(r.alt_amsl_m)),
-        field(gas.as_str(), &standard_name(gas), "1e-6", |r| r.ppm),
+        field(gas.as_str(), &gas.standard_name(), "1e-6", |r| r.ppm),
         field("wind_speed", "wind_speed", "m s-1", |r| r.wind_speed_m_s),
         field("wind_from", "wind_from_direction", "degree", |r| {
             r.wind_from_deg
@@ -118,21 +118,6 @@ fn fields(gas: Gas) -> Vec<Field> {
             r.state.as_ref().map(|s| s.airspeed_m_s)
         }),
     ]
-}
-
-/// CF's name of a gas' mole fraction.
-fn standard_name(gas: Gas) -> String {
-    let species = match gas {
-        Gas::Co2 => "carbon_dioxide",
-        Gas::So2 => "sulfur_dioxide",
-        Gas::Ch4 => "methane",
-        Gas::Co => "carbon_monoxide",
-        Gas::No2 => "nitrogen_dioxide",
-        Gas::Nh3 => "ammonia",
-        Gas::H2s => "hydrogen_sulfide",
-        Gas::Sf6 => "sulfur_hexafluoride",
-    };
-    format!("mole_fraction_of_{species}_in_air")
 }
 
 impl Field {

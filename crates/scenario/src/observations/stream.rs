@@ -1,15 +1,13 @@
 //! Observations that come line by line while they are made.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 
 use air::geo::LocalFrame;
-use csv::{ReaderBuilder, StringRecord, Trim};
+use formats::delimited::{Cells, Delimiter};
 use plume::{DispersionSpec, Gas};
 
-use super::{
-    Columns, DataQuality, FileJoin, ObservationError, ObservationRow, Observations, RecordCells,
-    Tally, checks, line_error,
-};
+use super::read::{FileJoin, Layout, Progress};
+use super::{DataQuality, ObservationError, ObservationRow, Observations, checks};
 
 /// Rows that the checks of raw data look at together: ten minutes at one a second. What comes later
 /// cannot be looked at, so that less is found than in a file.
@@ -30,11 +28,9 @@ pub struct Streamed {
 /// checks of files.
 #[derive(Debug)]
 pub struct ObservationStream {
-    name: String,
-    header: usize,
-    columns: Columns,
+    layout: Layout,
     join: FileJoin,
-    last: BTreeMap<usize, f64>,
+    progress: Progress,
     line: u64,
     recent: VecDeque<ObservationRow>,
     /// What was wrong with these rows.
@@ -55,16 +51,12 @@ impl ObservationStream {
         base: DispersionSpec,
         frame: LocalFrame,
     ) -> Result<Self, ObservationError> {
-        let header = header.strip_prefix('\u{feff}').unwrap_or(header);
         let mut join = FileJoin::of(base.sources.first().map_or_else(Gas::default, |s| s.gas));
-        let cells = cells_of(name, 1, header)?;
-        let columns = join.columns(name, 1, &cells)?;
+        let header = join.header(name, &cells_of(header));
         Ok(Self {
-            name: name.to_owned(),
-            header: cells.len(),
-            columns,
+            layout: join.layout(header)?,
             join,
-            last: BTreeMap::new(),
+            progress: Progress::default(),
             line: 1,
             recent: VecDeque::new(),
             flaws: Vec::new(),
@@ -87,30 +79,17 @@ impl ObservationStream {
         if line.trim().is_empty() {
             return Ok(None);
         }
-        let record = cells_of(&self.name, self.line, line)?;
-        if record.len() != self.header {
-            return Err(ObservationError::Line {
-                file: self.name.clone(),
-                line: self.line,
-                what: format!("{} cells", record.len()),
-                expected: format!("{} cells, as in the header", self.header),
-            });
+        let cells = cells_of(line);
+        let row = self.layout.header.row(self.line, &cells)?;
+        let before = self.progress.clone();
+        let read = self.join.row(&row, &self.layout, &mut self.progress);
+        // A row that is rejected, or comes again, has not been.
+        if read.is_err() {
+            self.progress = before;
+            return Ok(read.map(|_| None)?);
         }
-        let cells = RecordCells {
-            file: &self.name,
-            line: self.line,
-            record: &record,
-        };
-        let (join, last) = (&mut self.join, &mut self.last);
-        let before = last.clone();
-        let row = join.row(&cells, &self.columns, &mut Tally::default(), last);
-        // A row that is no row, or comes again, has not been.
-        if row.is_err() {
-            *last = before;
-            return row.map(|_| None);
-        }
-        let again = |row: &ObservationRow| before.get(&row.platform) == Some(&row.time_s);
-        Ok(row?.filter(|row| !again(row)).map(|row| self.checked(row)))
+        let again = |row: &ObservationRow| before.last_s.get(&row.platform) == Some(&row.time_s);
+        Ok(read?.filter(|row| !again(row)).map(|row| self.checked(row)))
     }
 
     /// What the checks leave of a row, looked at with those before.
@@ -121,7 +100,7 @@ impl ObservationStream {
         }
         let recent = Observations {
             gas: self.join.gas,
-            unit: self.columns.reading.1,
+            unit: self.layout.unit,
             rows: self.recent.iter().copied().collect(),
             platforms: self.join.platforms.clone(),
             ..Observations::default()
@@ -146,27 +125,8 @@ fn is_alike(a: &DataQuality, b: &DataQuality) -> bool {
     a.kind == b.kind && a.platform == b.platform && words(a) == words(b)
 }
 
-fn cells_of(name: &str, line: u64, text: &str) -> Result<StringRecord, ObservationError> {
-    let mut reader = ReaderBuilder::new()
-        .trim(Trim::All)
-        .has_headers(false)
-        .from_reader(text.as_bytes());
-    let record = reader.records().next().transpose();
-    let record = record.map_err(|e| match line_error(name, &e) {
-        ObservationError::Line {
-            file,
-            what,
-            expected,
-            ..
-        } => ObservationError::Line {
-            file,
-            line,
-            what,
-            expected,
-        },
-        other => other,
-    })?;
-    record.ok_or_else(|| ObservationError::Empty { file: name.into() })
+fn cells_of(line: &str) -> Cells {
+    Cells::of(line.as_bytes(), Delimiter::Byte(b','))
 }
 
 #[cfg(test)]

@@ -1,155 +1,100 @@
 //! Weather as CSV: `time_s` (since the mission's start) or `time_utc`, `wind_speed_m_s`, `wind_from_deg`, and
 //! optionally `wind_height_agl_m`, `temperature_c`, `pressure_hpa` (at the ground), and of the stability one of `stability`
 //! (A to F), `obukhov_length_m`, `sigma_theta_deg`, in that order of preference. The header's order is free,
-//! other columns are passed over, and what is optional may be empty.
+//! other columns are ignored, and cells of optional columns may be empty.
 
 use super::{
     ReportedPressure, ReportedWind, TimeScale, WeatherError, WeatherReport, WeatherReports,
 };
-use crate::calendar::iso_8601;
-use csv::StringRecord;
+use formats::calendar::iso_8601;
+use formats::delimited::{Column, Row, Table, TableError};
 use plume::stability::Stability;
-
-const EXPECTED: &str = "time_s (or time_utc), wind_speed_m_s, wind_from_deg";
 
 /// Roughness of the ground by which an Obukhov length tells a class, m: open country with hedges.
 const ROUGHNESS_M: f64 = 0.1;
 
-pub(super) fn parse(text: &str) -> Result<WeatherReports, WeatherError> {
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .from_reader(text.as_bytes());
-    let refuse = |e: &csv::Error| {
-        let line = e.position().map_or(1, csv::Position::line);
-        WeatherError::new(
-            format!("line {line}"),
-            e.to_string(),
-            "as many cells as the header has",
-        )
-    };
-    let header = reader.headers().map_err(|e| refuse(&e))?.clone();
-    let table = Table { header: &header };
-    let scale = if table.has("time_utc") {
-        TimeScale::Unix
-    } else {
-        TimeScale::Mission
-    };
-    if scale == TimeScale::Mission {
-        table.need("time_s")?;
+const COLUMNS: [Column; 10] = [
+    Column::optional("time_s"),
+    Column::optional("time_utc"),
+    Column::required("wind_speed_m_s"),
+    Column::required("wind_from_deg"),
+    Column::optional("wind_height_agl_m"),
+    Column::optional("temperature_c"),
+    Column::optional("pressure_hpa"),
+    Column::optional("stability"),
+    Column::optional("obukhov_length_m"),
+    Column::optional("sigma_theta_deg"),
+];
+/// Places of these columns.
+const TIME_S: usize = 0;
+const TIME_UTC: usize = 1;
+const SPEED: usize = 2;
+const FROM: usize = 3;
+const HEIGHT: usize = 4;
+const TEMPERATURE: usize = 5;
+const PRESSURE: usize = 6;
+const STABILITY: usize = 7;
+const OBUKHOV: usize = 8;
+const SIGMA: usize = 9;
+
+impl From<TableError> for WeatherError {
+    fn from(error: TableError) -> Self {
+        Self::new(error.place(), error.problem, error.expected)
     }
-    table.need("wind_speed_m_s")?;
-    table.need("wind_from_deg")?;
+}
+
+pub(super) fn parse(text: &str) -> Result<WeatherReports, WeatherError> {
+    let mut table = Table::open("", text, &COLUMNS, false)?;
+    let scale = match (table.header.has(TIME_UTC), table.header.has(TIME_S)) {
+        (true, _) => TimeScale::Unix,
+        (false, true) => TimeScale::Mission,
+        (false, false) => return Err(table.header.missing(TIME_S).into()),
+    };
     let mut reports = Vec::new();
-    for record in reader.records() {
-        let record = record.map_err(|e| refuse(&e))?;
-        reports.push(table.report(&record, scale)?);
+    while let Some(row) = table.next_row()? {
+        reports.push(report(&row, scale)?);
     }
     let times = reports.iter().map(|r| r.time_s);
-    let as_of_s = times
-        .reduce(f64::max)
-        .ok_or_else(|| WeatherError::new("line 2", "no rows below the header", "at least one"))?;
     Ok(WeatherReports {
         place: None,
         scale,
-        as_of_s,
+        as_of_s: times.reduce(f64::max).ok_or_else(|| table.no_rows())?,
         reports,
     })
 }
 
-struct Table<'a> {
-    header: &'a StringRecord,
+fn report(row: &Row<'_>, scale: TimeScale) -> Result<WeatherReport, TableError> {
+    let utc = || iso_8601(row.text(TIME_UTC));
+    let time_s = match scale {
+        TimeScale::Mission => row.needed(TIME_S)?,
+        TimeScale::Unix => {
+            utc().ok_or_else(|| row.wrong(TIME_UTC, "a time such as 2026-11-27T12:30:00Z"))?
+        }
+    };
+    Ok(WeatherReport {
+        time_s,
+        wind: ReportedWind {
+            speed_m_s: row.needed(SPEED)?,
+            from_deg: Some(row.needed(FROM)?),
+            height_agl_m: row.number(HEIGHT)?,
+        },
+        temperature_c: row.number(TEMPERATURE)?,
+        pressure: row.number(PRESSURE)?.map(ReportedPressure::Ground),
+        stability: stability(row)?,
+    })
 }
 
-impl Table<'_> {
-    fn has(&self, name: &str) -> bool {
-        self.header.iter().any(|h| h == name)
+fn stability(row: &Row<'_>) -> Result<Option<Stability>, TableError> {
+    let letter = row.text(STABILITY);
+    if !letter.is_empty() {
+        let class = Stability::from_letter(letter);
+        let wrong = || row.wrong(STABILITY, "a letter from A to F");
+        return class.map(Some).ok_or_else(wrong);
     }
-
-    fn need(&self, name: &str) -> Result<(), WeatherError> {
-        if self.has(name) {
-            return Ok(());
-        }
-        Err(WeatherError::new(
-            "header",
-            format!("no column {name}"),
-            EXPECTED,
-        ))
+    if let Some(length_m) = row.number(OBUKHOV)? {
+        return Ok(Some(Stability::from_obukhov(length_m, ROUGHNESS_M)));
     }
-
-    fn cell<'r>(&self, record: &'r StringRecord, name: &str) -> &'r str {
-        let at = self.header.iter().position(|h| h == name);
-        at.and_then(|k| record.get(k)).unwrap_or_default()
-    }
-
-    fn wrong(record: &StringRecord, name: &str, found: &str, expected: &str) -> WeatherError {
-        let line = record.position().map_or(0, csv::Position::line);
-        WeatherError::new(
-            format!("line {line}, column {name}"),
-            format!("'{found}'"),
-            expected,
-        )
-    }
-
-    fn number(&self, record: &StringRecord, name: &str) -> Result<f64, WeatherError> {
-        let cell = self.cell(record, name);
-        let number = cell.parse::<f64>().ok().filter(|n| n.is_finite());
-        number.ok_or_else(|| Self::wrong(record, name, cell, "a number"))
-    }
-
-    fn optional(&self, record: &StringRecord, name: &str) -> Result<Option<f64>, WeatherError> {
-        if self.cell(record, name).is_empty() {
-            return Ok(None);
-        }
-        self.number(record, name).map(Some)
-    }
-
-    fn report(
-        &self,
-        record: &StringRecord,
-        scale: TimeScale,
-    ) -> Result<WeatherReport, WeatherError> {
-        let time_s = match scale {
-            TimeScale::Mission => self.number(record, "time_s")?,
-            TimeScale::Unix => {
-                let cell = self.cell(record, "time_utc");
-                iso_8601(cell).ok_or_else(|| {
-                    Self::wrong(
-                        record,
-                        "time_utc",
-                        cell,
-                        "a time such as 2026-11-27T12:30:00Z",
-                    )
-                })?
-            }
-        };
-        Ok(WeatherReport {
-            time_s,
-            wind: ReportedWind {
-                speed_m_s: self.number(record, "wind_speed_m_s")?,
-                from_deg: Some(self.number(record, "wind_from_deg")?),
-                height_agl_m: self.optional(record, "wind_height_agl_m")?,
-            },
-            temperature_c: self.optional(record, "temperature_c")?,
-            pressure: self
-                .optional(record, "pressure_hpa")?
-                .map(ReportedPressure::Ground),
-            stability: self.stability(record)?,
-        })
-    }
-
-    fn stability(&self, record: &StringRecord) -> Result<Option<Stability>, WeatherError> {
-        let letter = self.cell(record, "stability");
-        if !letter.is_empty() {
-            let class = Stability::from_letter(letter);
-            let refused = || Self::wrong(record, "stability", letter, "a letter from A to F");
-            return class.map(Some).ok_or_else(refused);
-        }
-        if let Some(length_m) = self.optional(record, "obukhov_length_m")? {
-            return Ok(Some(Stability::from_obukhov(length_m, ROUGHNESS_M)));
-        }
-        let sigma_deg = self.optional(record, "sigma_theta_deg")?;
-        Ok(sigma_deg.map(Stability::from_sigma_theta))
-    }
+    Ok(row.number(SIGMA)?.map(Stability::from_sigma_theta))
 }
 
 #[cfg(test)]
@@ -189,7 +134,7 @@ mod tests {
         assert!(
             refused
                 .to_string()
-                .contains("line 2, column stability: 'G'")
+                .contains("line 2, column stability: found \"G\"")
         );
     }
 
@@ -198,16 +143,16 @@ mod tests {
         for (text, words) in [
             (
                 "time_s,wind_speed_m_s\n0,5\n",
-                "header: no column wind_from_deg; expected time_s",
+                "line 1, column wind_from_deg: missing; the header has time_s",
             ),
             (
                 "time_s,wind_speed_m_s,wind_from_deg\n0,5,270\n1,fast,270\n",
-                "line 3, column wind_speed_m_s: 'fast'",
+                "line 3, column wind_speed_m_s: found \"fast\"",
             ),
             ("time_s,wind_speed_m_s,wind_from_deg\n", "no rows"),
             (
                 "time_utc,wind_speed_m_s,wind_from_deg\nnoon,5,270\n",
-                "line 2, column time_utc: 'noon'",
+                "line 2, column time_utc: found \"noon\"",
             ),
             ("time_s,wind_speed_m_s,wind_from_deg\n0,5\n", "line 2"),
         ] {

@@ -7,7 +7,7 @@
 use super::{
     ReportedPressure, ReportedWind, TimeScale, WeatherError, WeatherReport, WeatherReports,
 };
-use crate::calendar::{DAY_S, date, days};
+use formats::calendar::{DAY_S, date, days};
 
 /// Height of the wind above ground, m (ICAO Annex 3, 4.1.1.1).
 const WIND_HEIGHT_AGL_M: f64 = 10.0;
@@ -200,7 +200,7 @@ fn all_digits(text: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calendar::iso_8601;
+    use formats::calendar::iso_8601;
 
     /// 12:00 on 22 November 2026.
     fn near() -> Option<f64> {

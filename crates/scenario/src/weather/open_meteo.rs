@@ -4,8 +4,8 @@
 use super::{
     ReportedPressure, ReportedWind, TimeScale, WeatherError, WeatherReport, WeatherReports,
 };
-use crate::calendar::iso_8601;
 use air::geo::Geodetic;
+use formats::calendar::iso_8601;
 use serde_json::{Map, Value};
 
 type Object = Map<String, Value>;

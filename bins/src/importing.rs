@@ -65,5 +65,5 @@ pub fn text(files: &[PathBuf], mapping: &Path) -> Result<(String, Vec<String>), 
     let map = map(Some(mapping))?;
     let (report, bytes) = read(files, &map, &LogMap::default(), None, || Ok(Vec::new()))?;
     let text = String::from_utf8(bytes).context("the imported rows are not valid UTF-8")?;
-    Ok((text, report.said))
+    Ok((text, report.notices))
 }

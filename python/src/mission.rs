@@ -7,7 +7,7 @@ use crate::scenario::Scenario;
 use mission::{Run, Setup, campaign};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
-use record::export::{Flown as Told, Heard, columns};
+use record::export::{Flown as Told, FlownBuilder, columns};
 use record::summary::Summariser;
 use record::{Recording, ThreadedRecorder};
 use std::ffi::CString;
@@ -175,10 +175,10 @@ fn fly(
     })
 }
 
-fn heard(setup: &Setup) -> Heard {
+fn heard(setup: &Setup) -> FlownBuilder {
     let mission = &setup.scenario.mission;
     let start_unix_ns = mission.start_unix_ns();
-    Heard::new(&mission.name, setup.scenario.gas(), start_unix_ns)
+    FlownBuilder::new(&mission.name, setup.scenario.gas(), start_unix_ns)
 }
 
 /// Reads a recording (MCAP).

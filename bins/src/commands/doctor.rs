@@ -1,10 +1,10 @@
 //! `plumage doctor`: what this machine has of what missions need.
 
 use crate::{Failure, agent, mission_files};
+use formats::calendar::rfc_3339;
 use net::{DEFAULT_ENDPOINT, Net, NetOptions};
 use protocol::key::Name;
 use protocol::seal::MissionKey;
-use formats::calendar::rfc_3339;
 use std::net::{TcpListener, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};

@@ -280,11 +280,17 @@ impl Source {
         let info = &mission.recording.info;
         let mut converter = mission.converter()?;
         let mut recorder = Recorder::create(out, info).map_err(Failure::input)?;
-        let write = |recorder: &mut Recorder, said: Vec<record::export::foxglove::Said>| {
-            said.into_iter().try_for_each(|said| {
-                let schema = said.kind.json_schema();
-                let schema = (said.kind.name(), &schema);
-                recorder.beside(&said.topic, schema, said.time, &said.json.to_string())
+        let write = |recorder: &mut Recorder,
+                     messages: Vec<record::export::foxglove::FoxgloveMessage>| {
+            messages.into_iter().try_for_each(|message| {
+                let schema = message.kind.json_schema();
+                let schema = (message.kind.name(), &schema);
+                recorder.beside(
+                    &message.topic,
+                    schema,
+                    message.time,
+                    &message.json.to_string(),
+                )
             })
         };
         write(&mut recorder, converter.begin())?;

@@ -5,7 +5,7 @@ use crate::{Failure, agent, plume_lines, site};
 use protocol::key::Name;
 use protocol::message::Model;
 use protocol::{Envelope, Interest, Topic};
-use record::export::foxglove::{Converter, Said};
+use record::export::foxglove::{Converter, FoxgloveMessage};
 use std::time::Duration;
 use views::foxglove::{DEFAULT_ADDRESS, Server};
 
@@ -78,13 +78,13 @@ fn unix_ns(start: i64, since_ns: i64) -> u64 {
     u64::try_from(start.saturating_add(since_ns)).unwrap_or(0)
 }
 
-fn tell(server: &mut Server, start: i64, said: Said) {
+fn tell(server: &mut Server, start: i64, message: FoxgloveMessage) {
     let schema = || {
         (
-            said.kind.name().to_owned(),
-            said.kind.json_schema().to_string(),
+            message.kind.name().to_owned(),
+            message.kind.json_schema().to_string(),
         )
     };
-    let at = unix_ns(start, said.time.ns());
-    server.say(&said.topic, schema, at, said.json.to_string());
+    let at = unix_ns(start, message.time.ns());
+    server.say(&message.topic, schema, at, message.json.to_string());
 }

@@ -121,7 +121,7 @@ pub fn import(arguments: &ImportArguments) -> Result<(), Failure> {
         report.map.to_toml(&remarks(arguments, &report)).as_bytes(),
     )?;
     file.place()?;
-    measured::tell(&report.said);
+    measured::tell(&report.notices);
     println!(
         "{} rows of {}: {}",
         report.rows,
@@ -178,7 +178,7 @@ fn remarks(arguments: &ImportArguments, report: &Report) -> Vec<String> {
             .to_owned(),
         String::new(),
     ];
-    remarks.extend(report.said.iter().cloned());
+    remarks.extend(report.notices.iter().cloned());
     remarks
 }
 

@@ -1,4 +1,6 @@
 //! Days of the Gregorian calendar and times of day, in UTC.
+//!
+//! Four functions of our own: `jiff` without zones would cost a first build 12 s of CPU for them.
 
 /// Seconds of a day.
 pub const DAY_S: f64 = 86_400.0;

@@ -1,6 +1,6 @@
-//! File formats of other people's tools, described once for those who read and those who write them.
+//! File formats of third-party tools, each described once for its readers and writers.
 //!
-//! Bytes come in and go out; this crate knows no files and nothing of missions.
+//! Input and output are bytes; this crate opens no files and knows nothing of missions.
 //!
 //! - [`binary`]: numbers in bytes;
 //! - [`calendar`]: days of the Gregorian calendar and times of day, in UTC;

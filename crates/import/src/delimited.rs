@@ -47,7 +47,7 @@ pub struct Outcome {
     /// Names of the platforms.
     pub platforms: Vec<String>,
     /// What happened on the way, in words.
-    pub said: Vec<String>,
+    pub notices: Vec<String>,
 }
 
 impl<'a> Delimited<'a> {
@@ -89,25 +89,25 @@ impl<'a> Delimited<'a> {
             .collect();
         let mut plan = plan::plan(name, &layout, &first, map, zero_s)?;
         if let Some(preset) = preset {
-            plan.said.insert(
+            plan.notices.insert(
                 0,
                 format!("read as {} (preset {})", preset.what, preset.name),
             );
         }
         if let Some(encoding) = encoding {
-            plan.said.insert(0, format!("text in {encoding}"));
+            plan.notices.insert(0, format!("text in {encoding}"));
         } else if std::str::from_utf8(&head[..head.len().saturating_sub(4)])
             .is_err_and(|e| e.error_len().is_some())
         {
-            plan.said.insert(
+            plan.notices.insert(
                 0,
                 "assumed: the text, which is not UTF-8, is Latin-1".to_owned(),
             );
         }
         if layout.decimal_comma {
-            plan.said.push("numbers have decimal commas".to_owned());
+            plan.notices.push("numbers have decimal commas".to_owned());
         }
-        plan.said.append(&mut layout.notices);
+        plan.notices.append(&mut layout.notices);
         let stamps = stamps(&plan, &first);
         let rows_at = layout.rows_at;
         Ok(Self {
@@ -201,7 +201,7 @@ impl<'a> Delimited<'a> {
         let (done, platforms) = order.finish()?;
         let headers: Vec<&str> = columns.iter().map(|c| c.quantity.name).collect();
         let mut outcome = tally.outcome(&self.name, &headers)?;
-        outcome.said.extend(done.said(stamps));
+        outcome.notices.extend(done.notice(stamps));
         outcome.platforms = platforms;
         Ok(outcome)
     }
@@ -298,7 +298,7 @@ impl Tally {
     }
 
     fn outcome(&self, name: &str, columns: &[&str]) -> Result<Outcome, ImportError> {
-        let mut said = Vec::new();
+        let mut notices = Vec::new();
         let share = |count: usize, of: usize| count as f64 / of.max(1) as f64;
         if let Some((line, cell)) = &self.first_without_time {
             let what = format!(
@@ -313,7 +313,7 @@ impl Tally {
                     "state time, header_line or delimiter in a mapping file (--map)",
                 ));
             }
-            said.push(format!("line {line}: {what}; they are skipped"));
+            notices.push(format!("line {line}: {what}; they are skipped"));
         }
         if self.rows == 0 {
             return Err(ImportError::log(
@@ -323,7 +323,7 @@ impl Tally {
             ));
         }
         if self.repeated_headers > 0 {
-            said.push(format!(
+            notices.push(format!(
                 "{} repetitions of the header are skipped",
                 self.repeated_headers
             ));
@@ -339,12 +339,12 @@ impl Tally {
                      (--map)",
                 ));
             }
-            said.push(format!("line {line}: {what}; they are taken as missing"));
+            notices.push(format!("line {line}: {what}; they are taken as missing"));
         }
         Ok(Outcome {
             rows: self.rows,
             platforms: Vec::new(),
-            said,
+            notices,
         })
     }
 }

@@ -65,8 +65,8 @@ pub struct Done {
 }
 
 impl Done {
-    /// The same in words, where rows were moved.
-    pub fn said(self, stamps: Stamps) -> Option<String> {
+    /// A notice, if rows were moved.
+    pub fn notice(self, stamps: Stamps) -> Option<String> {
         (self.spread > 0 && stamps.step_s > 0.0).then(|| {
             format!(
                 "{} of {} rows share a time with rows before them and are spread evenly over {} s, the \

@@ -24,7 +24,7 @@ pub struct ClockOffset {
     /// What is added to the readings' times, s.
     pub offset_s: f64,
     /// How it was told, in words.
-    pub said: String,
+    pub basis: String,
 }
 
 /// A table's columns of one platform as series.
@@ -106,10 +106,10 @@ pub fn offset(
         }
         let (offset_s, correlation) = best(&one, &other)?;
         let what = if a == b { a.to_owned() } else { format!("{a} and {b}") };
-        let said = format!(
+        let basis = format!(
             "clock offset of {offset_s} s, at which {what} of both logs agree best (correlation {correlation:.3})"
         );
-        Some(ClockOffset { offset_s, said })
+        Some(ClockOffset { offset_s, basis })
     })
 }
 
@@ -261,7 +261,7 @@ mod tests {
         let readings = sampled("pressure_hpa", 0.5, pressure);
         let told = offset(&readings, &track).unwrap();
         assert!((told.offset_s - 23.4).abs() < 0.2, "{told:?}");
-        assert!(told.said.contains("pressure_hpa and alt_amsl_m"));
+        assert!(told.basis.contains("pressure_hpa and alt_amsl_m"));
     }
 
     #[test]

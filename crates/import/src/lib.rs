@@ -1,7 +1,7 @@
-//! Field data as people have it, read into Plumage's observations and flights.
+//! Converts logs of instruments, spreadsheets and autopilots to Plumage's observations and flights.
 //!
-//! Bytes come in; rows, what was assumed on the way, and a mapping file that does the same again come out. This
-//! crate knows no files.
+//! Input is bytes; output is rows, notices of every assumption, and a mapping file that repeats the conversion. This
+//! crate opens no files.
 
 pub mod decode;
 pub mod delimited;

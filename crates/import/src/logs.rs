@@ -27,7 +27,7 @@ pub struct SeriesLog {
     /// Whether times count from 1970; else from the start of what logged.
     pub is_absolute: bool,
     /// What was found, in words.
-    pub said: Vec<String>,
+    pub notices: Vec<String>,
 }
 
 /// A kind of log.
@@ -222,7 +222,7 @@ impl Collected {
             kind,
             series: self.finish(ahead_s.unwrap_or(0.0)),
             is_absolute: ahead_s.is_some(),
-            said: notices,
+            notices,
         }
     }
 

@@ -6,7 +6,7 @@ use crate::unit::{self, Unit};
 
 /// The place of `name` among `names` that blanks separate.
 pub(crate) fn rank_in(names: &str, name: &str) -> Option<usize> {
-    names.split(' ').position(|n| n == name)
+    names.split_ascii_whitespace().position(|n| n == name)
 }
 
 /// Words in headers that say nothing about the quantity.

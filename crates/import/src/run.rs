@@ -32,7 +32,7 @@ pub struct Request<'a> {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Report {
     /// What was found and assumed, in words, log by log.
-    pub said: Vec<String>,
+    pub notices: Vec<String>,
     /// The mapping file that does the same again.
     pub map: Map,
     /// Which file came out.
@@ -60,28 +60,28 @@ impl Log<'_> {
     }
 
     /// What was found and assumed of it, but for columns that the output does not have.
-    fn said(&self, output: Output) -> Vec<String> {
-        let (mut said, columns): (Vec<String>, Vec<&Column>) = match self {
-            Self::Text(log) => (log.plan.said.clone(), log.plan.columns.iter().collect()),
-            Self::Series(log) => (log.said.clone(), log.plan().collect()),
+    fn notices(&self, output: Output) -> Vec<String> {
+        let (mut notices, columns): (Vec<String>, Vec<&Column>) = match self {
+            Self::Text(log) => (log.plan.notices.clone(), log.plan.columns.iter().collect()),
+            Self::Series(log) => (log.notices.clone(), log.plan().collect()),
         };
         let wanted = of_output(output);
         let is_wanted = |c: &&&Column| wanted.iter().any(|w| w.name == c.quantity.name);
-        said.extend(
+        notices.extend(
             columns
                 .iter()
                 .filter(is_wanted)
-                .flat_map(|c| c.said.iter().cloned()),
+                .flat_map(|c| c.notices.iter().cloned()),
         );
         let others = columns.iter().filter(|c| !is_wanted(c));
         let others: Vec<&str> = others.map(|c| c.quantity.name).collect();
         if !others.is_empty() {
-            said.push(format!(
+            notices.push(format!(
                 "recognised but not part of this output: {}",
                 others.join(", ")
             ));
         }
-        said
+        notices
     }
 
     /// The mapping that does the same, but for columns that the output does not have.
@@ -113,9 +113,9 @@ pub fn run<W: Write>(request: &Request<'_>, out: W) -> Result<Report, ImportErro
         logs.push(open(request, index, name, zero_s)?);
     }
     let output = output(request, &logs)?;
-    let mut said = Vec::new();
+    let mut notices = Vec::new();
     for (log, name) in logs.iter().zip(request.names) {
-        said.extend(log.said(output).iter().map(|s| format!("{name}: {s}")));
+        notices.extend(log.notices(output).iter().map(|s| format!("{name}: {s}")));
     }
     let map = Map {
         output: Some(output),
@@ -123,7 +123,7 @@ pub fn run<W: Write>(request: &Request<'_>, out: W) -> Result<Report, ImportErro
         log: logs.iter().map(|log| log.map_of(output)).collect(),
     };
     let mut report = Report {
-        said,
+        notices,
         map,
         output,
         columns: Vec::new(),
@@ -276,19 +276,19 @@ fn single<W: Write>(
         let stamps = log.stamps();
         let mut outcome = log.rows(&taken, true, &mut table)?;
         outcome
-            .said
+            .notices
             .push("rows ran back in time and were sorted".to_owned());
         outcome
-            .said
-            .extend(table.write(stamps, &mut sink)?.said(stamps));
+            .notices
+            .extend(table.write(stamps, &mut sink)?.notice(stamps));
         outcome
     } else {
         log.rows(&taken, false, &mut sink)?
     };
     sink.finish()?;
     report
-        .said
-        .extend(outcome.said.iter().map(|s| format!("{name}: {s}")));
+        .notices
+        .extend(outcome.notices.iter().map(|s| format!("{name}: {s}")));
     report.rows = outcome.rows;
     report.platforms = outcome.platforms;
     Ok(())
@@ -347,7 +347,7 @@ fn several<W: Write>(
     let (mut readings, others): (Vec<Rows<'_>>, Vec<Rows<'_>>) =
         all.into_iter().partition(|r| r.is_about(output));
     for rows in &mut readings {
-        let offset_s = completed(request, rows, &others, &mut report.said)?;
+        let offset_s = completed(request, rows, &others, &mut report.notices)?;
         if let (Some(offset_s), Some(at)) = (offset_s, names.iter().position(|n| *n == rows.name)) {
             let before_s = report.map.log[at].offset_s.unwrap_or(0.0);
             report.map.log[at].offset_s = Some(before_s + offset_s);
@@ -376,15 +376,17 @@ fn in_memory(log: Log<'_>, report: &mut Report) -> Result<Table, ImportError> {
             let outcome = log.rows(&taken, true, &mut table)?;
             let mut sorted = Table::new(columns);
             let done = table.write(stamps, &mut sorted)?;
-            let said = outcome.said.into_iter().chain(done.said(stamps));
-            report.said.extend(said.map(|s| format!("{name}: {s}")));
+            let notices = outcome.notices.into_iter().chain(done.notice(stamps));
+            report
+                .notices
+                .extend(notices.map(|s| format!("{name}: {s}")));
             Ok(sorted)
         }
         Log::Series(log) => {
-            let (table, said) = log.table(report.output);
+            let (table, notices) = log.table(report.output);
             report
-                .said
-                .extend(said.iter().map(|s| format!("{}: {s}", log.name)));
+                .notices
+                .extend(notices.iter().map(|s| format!("{}: {s}", log.name)));
             Ok(table)
         }
     }
@@ -395,7 +397,7 @@ fn completed(
     request: &Request<'_>,
     rows: &mut Rows<'_>,
     others: &[Rows<'_>],
-    said: &mut Vec<String>,
+    notices: &mut Vec<String>,
 ) -> Result<Option<f64>, ImportError> {
     let mut set_s = None;
     for other in others {
@@ -404,12 +406,12 @@ fn completed(
         let has_place = other.has("lat_deg") && other.has("lon_deg");
         let mut offset_s = 0.0;
         if has_place && set_s.is_none() {
-            offset_s = clock_offset(request, rows, other, &track, said);
+            offset_s = clock_offset(request, rows, other, &track, notices);
             set_s = Some(offset_s);
         }
         let times = rows.times_s();
         let whole = join::fill(&mut rows.table, &track, offset_s);
-        said.push(format!(
+        notices.push(format!(
             "{}: {whole} of {} rows lie within the times of {}",
             rows.name,
             rows.table.len(),
@@ -419,7 +421,7 @@ fn completed(
             return Err(apart(rows, times, other));
         }
         if !has_place && other.has("wind_speed_m_s") {
-            said.push(format!(
+            notices.push(format!(
                 "assumed: the wind of {} was measured at the platform's place and height",
                 other.name
             ));
@@ -453,11 +455,11 @@ fn clock_offset(
     rows: &Rows<'_>,
     other: &Rows<'_>,
     track: &[(&'static Quantity, crate::series::Series)],
-    said: &mut Vec<String>,
+    notices: &mut Vec<String>,
 ) -> f64 {
-    let mut say = |what: &str| said.push(format!("{}: {what}", rows.name));
+    let mut note = |what: &str| notices.push(format!("{}: {what}", rows.name));
     if let Some(offset_s) = request.offset_s {
-        say(&format!("{offset_s} s are added to its times, as stated"));
+        note(&format!("{offset_s} s are added to its times, as stated"));
         return offset_s;
     }
     if rows.is_set || other.is_set {
@@ -465,15 +467,15 @@ fn clock_offset(
     }
     let own = join::series(&rows.table, 0);
     match join::offset(&own, track) {
-        Some(told) => {
-            say(&format!(
+        Some(offset) => {
+            note(&format!(
                 "assumed: {} with {}; it is added (otherwise state --offset-s)",
-                told.said, other.name
+                offset.basis, other.name
             ));
-            told.offset_s
+            offset.offset_s
         }
         None => {
-            say(&format!(
+            note(&format!(
                 "assumed: its clock agrees with that of {}; no quantity that both measure shows an offset \
                  (otherwise state --offset-s)",
                 other.name

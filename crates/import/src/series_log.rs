@@ -23,7 +23,7 @@ pub struct PlannedSeries {
     /// Its name.
     pub name: String,
     /// What was found and assumed, in words.
-    pub said: Vec<String>,
+    pub notices: Vec<String>,
     /// What of a mapping file says the same.
     pub map: LogMap,
     columns: Vec<(Column, Option<Series>)>,
@@ -68,11 +68,11 @@ impl PlannedSeries {
             (column, series)
         };
         let columns = planned.columns.into_iter().map(column).collect();
-        let mut said = log.said;
-        said.extend(planned.said);
+        let mut notices = log.notices;
+        notices.extend(planned.notices);
         Ok(Self {
             name: name.to_owned(),
-            said,
+            notices,
             map: planned.map,
             columns,
             platform: platform.to_owned(),
@@ -134,13 +134,13 @@ impl PlannedSeries {
                 .collect();
             table.push(*time_s, &self.platform, &values);
         }
-        let said = format!(
+        let notices = format!(
             "rows are at the times of {} ({} of {}); the others are interpolated",
             base.name,
             table.len(),
             base.time_s.len()
         );
-        (table, vec![said])
+        (table, vec![notices])
     }
 }
 

@@ -1,8 +1,8 @@
-//! Times as logs have them.
+//! Dates and times of day in the notations of logs.
 
 use formats::calendar::{DAY_S, days};
 
-/// In which order a date of three numbers has day and month, where the year is not first.
+/// Order of day and month in a date of three numbers that does not begin with the year.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DateOrder {
     /// Day, month, year.
@@ -11,12 +11,12 @@ pub enum DateOrder {
     MonthFirst,
 }
 
-/// A time of the calendar as it was written.
+/// A date and time of day as written.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stamp {
-    /// Seconds since 1970 of what the clock showed.
+    /// Seconds since 1970 that the clock showed.
     pub clock_s: f64,
-    /// What that clock is ahead of UTC, s; none where it is not written.
+    /// Offset of that clock from UTC, s; none if it is not written.
     pub ahead_s: Option<f64>,
 }
 
@@ -117,7 +117,7 @@ pub fn date_alone(text: &[u8], order: Option<DateOrder>) -> Option<i64> {
     bytes.0.is_empty().then_some(day)
 }
 
-/// A time of day alone, s, with what its clock is ahead of UTC where that is written.
+/// A time of day alone, s, with its offset from UTC where that is written.
 pub fn time_alone(text: &[u8]) -> Option<(f64, Option<f64>)> {
     let mut bytes = Bytes(text);
     bytes.skip(|b| b == b' ' || b == b'"');
@@ -195,7 +195,7 @@ fn time_of_day(bytes: &mut Bytes<'_>) -> Option<(f64, Option<f64>)> {
     (in_day && bytes.0.is_empty()).then_some((whole + part, ahead_s))
 }
 
-/// What stands behind a time: nothing, `Z`, or an offset. The outer none is text that is no zone.
+/// The offset behind a time: nothing, `Z` or an offset. The outer none is text that is no zone.
 fn ahead(bytes: &mut Bytes<'_>) -> Option<Option<f64>> {
     for name in [&b"UTC"[..], b"GMT", b"Z", b"z"] {
         if bytes.0.starts_with(name) {
@@ -223,15 +223,15 @@ fn ahead(bytes: &mut Bytes<'_>) -> Option<Option<f64>> {
     (hours <= 14 && minutes < 60).then_some(Some(sign * (hours * 3600 + minutes * 60) as f64))
 }
 
-/// A zone as users state it: `UTC`, `Z`, `+02:00`, `-0330`. What its clock is ahead of UTC, s.
+/// Offset from UTC, s, of a zone: `UTC`, `Z`, `+02:00`, `-0330`.
 pub fn zone(text: &str) -> Option<f64> {
     let mut bytes = Bytes(text.trim().as_bytes());
     let ahead_s = ahead(&mut bytes)?;
     ahead_s.filter(|_| bytes.0.is_empty())
 }
 
-/// By its size, how many seconds one of a number that counts from 1970 is, and what that is called: the numbers
-/// of 1973 to 2286 in s, ms, µs and ns do not overlap. None where it cannot be such a count.
+/// Unit of a count since 1970, told by its size: seconds in one, and its name. The counts of 1973 to 2286 in s, ms, µs and
+/// ns do not overlap. None of a value outside of these.
 pub fn epoch_unit(value: f64) -> Option<(f64, &'static str)> {
     match value {
         v if !(1e8..1e20).contains(&v) => None,

@@ -1,4 +1,4 @@
-//! Units as people write them.
+//! Units, their spellings and their conversions.
 
 use crate::quantity::Dimension;
 use crate::recognise::rank_in;

@@ -21,7 +21,7 @@ fn a_european_spreadsheet_with_a_preamble_units_and_a_second_header() {
          1714557601,a,43.4418,-7.8631,340.5,,12.2\n\
          1714557602,a,43.4419,-7.8631,341,423.5,12.2\n"
     );
-    let said = report.said.join("\n");
+    let notices = report.notices.join("\n");
     for expected in [
         "day first",
         "decimal commas",
@@ -30,7 +30,7 @@ fn a_european_spreadsheet_with_a_preamble_units_and_a_second_header() {
         "header",
         "above mean sea level",
     ] {
-        assert!(said.contains(expected), "{expected} in {said}");
+        assert!(notices.contains(expected), "{expected} in {notices}");
     }
 }
 
@@ -46,7 +46,7 @@ fn american_units_latin_1_and_quotes() {
         "time_s,platform,lat_deg,lon_deg,alt_amsl_m,ch4_ppb,wind_speed_m_s,temperature_c\n\
          1715594400,b,43.5,-7.5,304.8,1901,4.4704,10\n"
     );
-    assert!(report.said.join("\n").contains("Latin-1"));
+    assert!(report.notices.join("\n").contains("Latin-1"));
 }
 
 #[test]
@@ -66,7 +66,7 @@ fn whole_seconds_of_a_fast_log_are_spread_and_said() {
     }
     assert!(
         report
-            .said
+            .notices
             .join("\n")
             .contains("15 of 20 rows share a time")
     );
@@ -84,7 +84,7 @@ fn counts_since_1970_are_told_by_their_size() {
         assert!(csv.contains("\n1714557600.5,"), "{csv}");
         assert!(
             report
-                .said
+                .notices
                 .join("\n")
                 .contains(&format!("{unit} since 1970"))
         );
@@ -101,7 +101,7 @@ fn local_times_are_read_with_the_stated_zone_and_times_count_from_the_stated_zer
     assert!(csv.contains("\n1714564805,a,"), "{csv}");
     assert!(
         report
-            .said
+            .notices
             .join("\n")
             .contains("local time without a time zone")
     );
@@ -166,7 +166,7 @@ fn masses_in_a_volume_are_said_with_their_air() {
     assert!((ppb - 100.0 / 2.66).abs() < 0.1, "{ppb}");
     assert!(
         report
-            .said
+            .notices
             .join("\n")
             .contains("assumed: \"SO2 (ug/m3)\" is a mass concentration in air at 20 °C")
     );
@@ -182,7 +182,7 @@ fn rows_that_run_back_are_sorted_and_platforms_told_apart() {
         ["1,a,43,-7,340,3", "2,a,43,-7,340,1", "2,b,43,-7,340,2"]
     );
     assert_eq!(report.platforms, ["a", "b"]);
-    assert!(report.said.join("\n").contains("sorted"));
+    assert!(report.notices.join("\n").contains("sorted"));
 }
 
 #[test]
@@ -248,7 +248,7 @@ fn the_mapping_file_that_is_written_does_the_same_again() {
         first.contains("1714550400,a,43.4417,-7.5,316.8,2090"),
         "{first}"
     );
-    let again = report.map.to_toml(&report.said);
+    let again = report.map.to_toml(&report.notices);
     let (second, _) = import(&[("a.csv", log.as_bytes())], &again).unwrap();
     assert_eq!(first, second, "{again}");
 }

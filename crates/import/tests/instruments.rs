@@ -9,8 +9,8 @@ const PLACE: &str = "[log.column.lat_deg]\nvalue = 43.5\n[log.column.lon_deg]\nv
 /// What a log gives with `map`, and that its preset is `preset`.
 fn read(log: &str, map: &str, preset: &str) -> String {
     let (csv, report) = import(&[("a.csv", log.as_bytes())], &format!("[[log]]\n{map}")).unwrap();
-    let said = report.said.join("\n");
-    assert!(said.contains(&format!("(preset {preset})")), "{said}");
+    let notices = report.notices.join("\n");
+    assert!(notices.contains(&format!("(preset {preset})")), "{notices}");
     let again = import(&[("a.csv", log.as_bytes())], &report.map.to_toml(&[])).unwrap();
     assert_eq!(csv, again.0);
     csv
@@ -132,7 +132,7 @@ fn a_buoys_wind_joined_with_a_gas_log() {
     );
     assert_eq!(row(&csv, 1), "1714557900,gas,43,-7,5,1950,6,280,12,1013");
     assert_eq!(row(&csv, 2), "1714558800,gas,43,-7,5,1951,,,12,1013");
-    assert!(report.said.join("\n").contains("(preset ndbc)"));
+    assert!(report.notices.join("\n").contains("(preset ndbc)"));
 }
 
 #[test]
@@ -225,10 +225,10 @@ fn netcdf_by_the_cf_conventions() {
             row(&csv, 4),
             "1714557720,t,43.4404,-7.86,704,1.904,10.4,930.25"
         );
-        let said = report.said.join("\n");
+        let notices = report.notices.join("\n");
         assert!(
-            said.contains("20 times in minutes since 2024-05-01"),
-            "{said}"
+            notices.contains("20 times in minutes since 2024-05-01"),
+            "{notices}"
         );
     }
 }
@@ -255,7 +255,7 @@ fn a_recording_of_ros_2() {
     assert_eq!(csv.lines().count(), 11);
     assert!(
         report
-            .said
+            .notices
             .join("\n")
             .contains("a recording of ROS 2, 30 messages")
     );

@@ -73,10 +73,11 @@ fn a_gas_log_gets_its_places_from_a_track() {
     assert!((cell(&csv, 1, "alt_amsl_m") - height(62.0)).abs() < 0.006);
     assert_eq!(cell(&csv, 1, "ch4_ppb"), 1902.0);
     assert!(cell(&csv, 2, "lat_deg").is_nan());
-    let said = report.said.join("\n");
+    let notices = report.notices.join("\n");
     assert!(
-        said.contains("2 of 3 rows lie within") && said.contains("its clock is that of track.gpx"),
-        "{said}"
+        notices.contains("2 of 3 rows lie within")
+            && notices.contains("its clock is that of track.gpx"),
+        "{notices}"
     );
 }
 
@@ -92,10 +93,10 @@ fn a_clock_that_is_off_is_set_by_what_both_measure_and_the_mapping_says_so() {
     let logs = [("track.gpx", gpx()), ("gas.csv", gas)];
     let logs: Vec<(&str, &[u8])> = logs.iter().map(|(n, t)| (*n, t.as_bytes())).collect();
     let (csv, report) = import(&logs, "").unwrap();
-    let said = report.said.join("\n");
+    let notices = report.notices.join("\n");
     assert!(
-        said.contains("clock offset of 17.5 s, by which pressure_hpa and alt_amsl_m"),
-        "{said}"
+        notices.contains("clock offset of 17.5 s, by which pressure_hpa and alt_amsl_m"),
+        "{notices}"
     );
     assert_eq!(cell(&csv, 0, "time_s"), MAY + 100.0);
     assert!((cell(&csv, 50, "alt_amsl_m") - height(150.0)).abs() < 0.006);
@@ -189,7 +190,7 @@ fn the_wind_of_a_mast_is_joined_and_said_to_be_the_platforms() {
     );
     assert!(
         report
-            .said
+            .notices
             .join("\n")
             .contains("the wind of mast.csv is that at the platform's place")
     );
@@ -400,19 +401,19 @@ fn an_ardupilot_log_gives_observations_in_utc() {
         ),
         (5.0, 270.0)
     );
-    let said = report.said.join("\n");
+    let notices = report.notices.join("\n");
     assert!(
-        said.contains("UTC by the GPS") && said.contains("5 bytes are no records"),
-        "{said}"
+        notices.contains("UTC by the GPS") && notices.contains("5 bytes are no records"),
+        "{notices}"
     );
     // The autopilot's altitude is above the sea by its documents, and angles are no part of observations.
     assert!(
-        !said.contains("states no datum") && !said.contains("roll_deg from"),
-        "{said}"
+        !notices.contains("states no datum") && !notices.contains("roll_deg from"),
+        "{notices}"
     );
     assert!(
-        said.contains("known and no part of this output: roll_deg, pitch_deg"),
-        "{said}"
+        notices.contains("known and no part of this output: roll_deg, pitch_deg"),
+        "{notices}"
     );
     let (csv, _) = import(&[("1.bin", &dataflash())], "output = \"flight\"\n").unwrap();
     assert_eq!(
@@ -446,12 +447,12 @@ fn a_telemetry_log_gives_observations_of_its_vehicle() {
         (6.5, 270.0)
     );
     assert_eq!(cell(&csv, 10, "pressure_hpa"), 930.25);
-    let said = report.said.join("\n");
+    let notices = report.notices.join("\n");
     assert!(
-        said.contains("system 3") && said.contains("systems [255] are ignored"),
-        "{said}"
+        notices.contains("system 3") && notices.contains("systems [255] are ignored"),
+        "{notices}"
     );
-    assert!(said.contains("2 bytes are no frames"), "{said}");
+    assert!(notices.contains("2 bytes are no frames"), "{notices}");
 }
 
 #[test]

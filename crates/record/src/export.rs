@@ -96,12 +96,12 @@ pub struct Moved {
 
 /// Makes a [`Flown`] of messages as they come.
 #[derive(Debug, Clone)]
-pub struct Heard {
+pub struct FlownBuilder {
     flown: Flown,
     last: BTreeMap<usize, (SimTime, State)>,
 }
 
-impl Heard {
+impl FlownBuilder {
     /// Nothing heard yet of a mission called `name` in which `gas` is read, and which began at `start_unix_ns`.
     pub fn new(name: &str, gas: Gas, start_unix_ns: Option<i64>) -> Self {
         Self {
@@ -162,7 +162,7 @@ impl Flown {
     /// A message that cannot be read, or a recording in which nobody has read anything.
     pub fn of_recording(recording: &Recording) -> Result<Self, RecordError> {
         let info = &recording.info;
-        let mut heard = Heard::new(info.mission.as_str(), info.gas, info.start_unix_ns);
+        let mut heard = FlownBuilder::new(info.mission.as_str(), info.gas, info.start_unix_ns);
         let mut messages = recording.in_order()?;
         for message in messages.by_ref() {
             let (topic, envelope) = message?;

@@ -1,5 +1,4 @@
-//! Reported weather, from text in the forms in which people have it: CSV, METAR, and the JSON of Open-Meteo.
-//! What form a text has is told by its content.
+//! Reported weather from CSV, METAR, or the JSON of Open-Meteo. The content of a text tells its format.
 
 mod csv_table;
 mod metar;

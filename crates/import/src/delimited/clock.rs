@@ -69,11 +69,11 @@ enum Kind {
     Count,
 }
 
-/// What was found out of a clock, besides it.
+/// What is known of how a clock was found.
 #[derive(Debug, Default)]
-pub struct Found {
+pub struct ClockNotes {
     /// Assumptions and notices, in words.
-    pub said: Vec<String>,
+    pub notices: Vec<String>,
     /// What of a mapping file says the same.
     pub map: LogMap,
 }
@@ -90,7 +90,7 @@ pub fn find(
     rows: &Rows,
     map: &LogMap,
     zero_s: f64,
-) -> Result<(LogClock, Found), ImportError> {
+) -> Result<(LogClock, ClockNotes), ImportError> {
     let finder = Finder {
         name,
         layout,
@@ -262,7 +262,7 @@ impl Finder<'_> {
         }
     }
 
-    /// How many of a column's numbers make a second, and whether that is said anywhere.
+    /// How many of a column's numbers make a second, and whether that is stated anywhere.
     fn per_second(&self, cell: usize) -> (f64, bool) {
         let parse = |text: &str| Unit::parse(Dimension::Duration, text);
         let header = self.layout.headers.get(cell);
@@ -338,8 +338,8 @@ impl Finder<'_> {
         cells: TimeCells,
         kind: Kind,
         zero_s: f64,
-    ) -> Result<(LogClock, Found), ImportError> {
-        let mut found = Found::default();
+    ) -> Result<(LogClock, ClockNotes), ImportError> {
+        let mut found = ClockNotes::default();
         let columns: Vec<usize> = match &cells {
             TimeCells::Stamp(c) | TimeCells::OfDay(c) | TimeCells::Count(c, _, None) => vec![*c],
             TimeCells::DateAndTime(a, b) | TimeCells::Count(a, _, Some(b)) => vec![*a, *b],
@@ -362,9 +362,9 @@ impl Finder<'_> {
         let (ahead_s, zone) = match (is_count || !is_absolute, stated) {
             (true, _) => (0.0, None),
             (false, Some(ahead_s)) => (ahead_s, self.map.zone.clone()),
-            (false, None) => self.assumed_zone(&columns, &mut found.said),
+            (false, None) => self.assumed_zone(&columns, &mut found.notices),
         };
-        self.say(&cells, kind, order, &names, &mut found.said);
+        self.describe(&cells, kind, order, &names, &mut found.notices);
         found.map = LogMap {
             time: Some(match &names[..] {
                 [one] => crate::map::Names::One(one.clone()),
@@ -421,7 +421,7 @@ impl Finder<'_> {
     }
 
     /// The zone of times that are stated nowhere, and its name unless the times say theirs.
-    fn assumed_zone(&self, columns: &[usize], said: &mut Vec<String>) -> (f64, Option<String>) {
+    fn assumed_zone(&self, columns: &[usize], notices: &mut Vec<String>) -> (f64, Option<String>) {
         let last = columns.last().copied().unwrap_or(0);
         let written = self.cells(last).into_iter().any(|c| {
             let alone = time::time_alone(c).and_then(|(_, ahead)| ahead);
@@ -448,20 +448,20 @@ impl Finder<'_> {
                 (minutes / 60.0).floor(),
                 minutes % 60.0
             );
-            said.push(format!(
+            notices.push(format!(
                 "\"{}\" is in the time zone {zone}",
                 self.header(last)
             ));
             return (ahead_s, Some(zone));
         }
         if clocks.contains(&Clock::Local) {
-            said.push(format!(
+            notices.push(format!(
                 "assumed: \"{}\" is local time without a time zone and is read as UTC (otherwise state --zone \
                  +HH:MM)",
                 self.header(last)
             ));
         } else if !clocks.contains(&Clock::Utc) {
-            said.push(format!(
+            notices.push(format!(
                 "assumed: \"{}\" states no time zone and is read as UTC (otherwise state --zone +HH:MM)",
                 self.header(last)
             ));
@@ -469,13 +469,13 @@ impl Finder<'_> {
         (0.0, Some("UTC".to_owned()))
     }
 
-    fn say(
+    fn describe(
         &self,
         cells: &TimeCells,
         kind: Kind,
         order: Option<DateOrder>,
         names: &[String],
-        said: &mut Vec<String>,
+        notices: &mut Vec<String>,
     ) {
         let mut from = format!("time_s from \"{}\"", names.join("\", \""));
         match order {
@@ -486,10 +486,10 @@ impl Finder<'_> {
         match (kind, cells) {
             (Kind::Epoch { name, .. }, _) => from += &format!(", {name} since 1970"),
             (Kind::Count, TimeCells::Count(cell, ..)) => {
-                let (per_second, is_said) = self.per_second(*cell);
+                let (per_second, is_stated) = self.per_second(*cell);
                 from += &format!(", in {} of no stated zero", unit_name(per_second));
-                if !is_said {
-                    said.push(format!(
+                if !is_stated {
+                    notices.push(format!(
                         "assumed: \"{}\" is in seconds",
                         names.join("\", \"")
                     ));
@@ -500,10 +500,10 @@ impl Finder<'_> {
             }
             _ => {}
         }
-        said.push(from);
+        notices.push(from);
         let offset_s = self.map.offset_s.unwrap_or(0.0);
         if offset_s != 0.0 {
-            said.push(format!("{offset_s} s are added to all times, as stated"));
+            notices.push(format!("{offset_s} s are added to all times, as stated"));
         }
     }
 }

@@ -48,7 +48,7 @@ pub struct Column {
     /// The cell beside it that says N, S, E or W, if there is one.
     pub side: Option<usize>,
     /// How it is read, and what was assumed of it, in words.
-    pub said: Vec<String>,
+    pub notices: Vec<String>,
     missing: Vec<String>,
     reads: Reads,
     factor: f64,
@@ -62,7 +62,7 @@ impl Column {
             quantity,
             source,
             side: None,
-            said: Vec::new(),
+            notices: Vec::new(),
             missing: Vec::new(),
             reads: Reads::Number,
             factor: 1.0,
@@ -111,7 +111,7 @@ pub struct Plan {
     /// The cell that names the platform, if there is one.
     pub platform: Option<usize>,
     /// What was found and assumed, in words.
-    pub said: Vec<String>,
+    pub notices: Vec<String>,
     /// What of a mapping file says the same.
     pub map: LogMap,
 }
@@ -146,7 +146,7 @@ pub struct Planned {
     /// The cell that names the platform, if there is one.
     pub platform: Option<usize>,
     /// What was found and assumed, in words.
-    pub said: Vec<String>,
+    pub notices: Vec<String>,
     /// What of a mapping file says the same.
     pub map: LogMap,
 }
@@ -167,7 +167,7 @@ pub fn columns(
         rows,
         map,
         columns: Vec::new(),
-        said: Vec::new(),
+        notices: Vec::new(),
         made: BTreeMap::new(),
     };
     planner.all()?;
@@ -190,7 +190,7 @@ pub fn columns(
     Ok(Planned {
         columns: planner.columns,
         platform,
-        said: planner.said,
+        notices: planner.notices,
         map,
     })
 }
@@ -209,9 +209,14 @@ pub fn plan(
 ) -> Result<Plan, ImportError> {
     let (clock, found) = clock::find(name, layout, rows, map, zero_s)?;
     let planned = columns(name, layout, rows, map)?;
-    let mut said = found.said;
-    said.extend(planned.said);
-    said.extend(left_out(layout, &planned.columns, &clock, planned.platform));
+    let mut notices = found.notices;
+    notices.extend(planned.notices);
+    notices.extend(unused_columns(
+        layout,
+        &planned.columns,
+        &clock,
+        planned.platform,
+    ));
     let map = LogMap {
         delimiter: Some(layout.delimiter.name()),
         decimal: Some(if layout.decimal_comma { "," } else { "." }.to_owned()),
@@ -222,7 +227,7 @@ pub fn plan(
         clock,
         columns: planned.columns,
         platform: planned.platform,
-        said,
+        notices,
         map,
     })
 }
@@ -233,7 +238,7 @@ struct Planner<'a> {
     rows: &'a Rows,
     map: &'a LogMap,
     columns: Vec<Column>,
-    said: Vec<String>,
+    notices: Vec<String>,
     made: BTreeMap<String, ColumnMap>,
 }
 
@@ -327,7 +332,7 @@ impl Planner<'_> {
             .map(|(_, c, _)| format!("\"{}\"", self.header(*c)))
             .collect();
         if !others.is_empty() {
-            self.said.push(format!(
+            self.notices.push(format!(
                 "assumed: of several columns \"{}\" is used, not {} (otherwise state `from` of {} in a mapping \
                  file)",
                 self.header(cell),
@@ -437,7 +442,7 @@ impl Planner<'_> {
         };
         let unit = by_size.unwrap_or_else(|| Unit::own(dimension));
         if dimension != Dimension::Place || by_size.is_some() {
-            self.said.push(format!(
+            self.notices.push(format!(
                 "assumed: \"{}\" states no unit and is read in {}",
                 self.header(cell),
                 unit.name
@@ -528,7 +533,7 @@ impl Planner<'_> {
                 ),
             )
         })?;
-        self.said.push(format!(
+        self.notices.push(format!(
             "assumed: \"{header}\" states no unit and is read in {}, judged by the value {:.6} (air has 400 ppm \
              of CO2 and 1.9 ppm of CH4)",
             unit.name,
@@ -616,7 +621,7 @@ impl Planner<'_> {
             Some(unit) => unit,
             None => {
                 let unit = Unit::own(dimension);
-                self.said.push(format!(
+                self.notices.push(format!(
                     "assumed: \"{header}\" states no unit and is read in {}",
                     unit.name
                 ));
@@ -624,7 +629,7 @@ impl Planner<'_> {
             }
         };
         if !clear {
-            self.said.push(format!(
+            self.notices.push(format!(
                 "assumed: \"{header}\" states no datum and is read as above mean sea level (otherwise state the \
                  datum of alt_amsl_m in a mapping file)"
             ));
@@ -678,9 +683,9 @@ impl Planner<'_> {
             },
         );
         let counted = datum.filter(|d| *d != Datum::Amsl);
-        // What has been said since the last column was of this one.
-        column.said = std::mem::take(&mut self.said);
-        column.said.push(match (source, counted) {
+        // Notices since the last column are of this one.
+        column.notices = std::mem::take(&mut self.notices);
+        column.notices.push(match (source, counted) {
             (Source::Value(value), _) => {
                 format!("{} is {value} in all rows, as stated", quantity.name)
             }
@@ -759,11 +764,11 @@ impl Planner<'_> {
         };
         let is_stated =
             self.map.mass_temperature_c.is_some() && self.map.mass_pressure_hpa.is_some();
-        let said = format!(
+        let notices = format!(
             "{}\"{header}\" is a mass concentration in air at {temperature_c} °C and {pressure_hpa} hPa",
             if is_stated { "" } else { "assumed: " }
         );
-        self.said.push(said);
+        self.notices.push(notices);
         Ok(gas.ppm(kg_m3, air) * unit.per_ppm())
     }
 
@@ -780,15 +785,15 @@ impl Planner<'_> {
             .iter()
             .position(crate::recognise::Header::is_platform);
         if let Some(cell) = known {
-            self.said
+            self.notices
                 .push(format!("platform from \"{}\"", self.header(cell)));
         }
         Ok(known)
     }
 }
 
-/// Which columns nobody takes, in words.
-fn left_out(
+/// A notice that lists the columns that are not used.
+fn unused_columns(
     layout: &Layout,
     columns: &[Column],
     clock: &LogClock,

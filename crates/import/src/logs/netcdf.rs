@@ -345,7 +345,7 @@ pub fn read(name: &str, mut bytes: Box<dyn Read + '_>) -> Result<SeriesLog, Impo
         }
         series.unit(title, variable.text("units"));
     }
-    let said = vec![format!(
+    let notices = vec![format!(
         "NetCDF, {} times in {}",
         times.len(),
         clock.text("units")
@@ -354,6 +354,6 @@ pub fn read(name: &str, mut bytes: Box<dyn Read + '_>) -> Result<SeriesLog, Impo
         kind: "a NetCDF file",
         series: series.finish(0.0),
         is_absolute: true,
-        said,
+        notices,
     })
 }

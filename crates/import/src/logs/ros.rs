@@ -193,12 +193,12 @@ fn finish(name: &str, gathered: Gathered, ending: Vec<String>) -> Result<SeriesL
              accepted wherever observations are",
         ));
     }
-    let mut said = vec![format!("a recording of ROS 2, {read} messages")];
+    let mut notices = vec![format!("a recording of ROS 2, {read} messages")];
     if passed > 0 {
-        said.push(format!("{passed} messages in other encodings are skipped"));
+        notices.push(format!("{passed} messages in other encodings are skipped"));
     }
-    said.extend(ending);
-    said.push(
+    notices.extend(ending);
+    notices.push(
         "times are from the message headers, or from the recording for messages without one"
             .to_owned(),
     );
@@ -206,7 +206,7 @@ fn finish(name: &str, gathered: Gathered, ending: Vec<String>) -> Result<SeriesL
         kind: "a recording of ROS 2",
         series: series.finish(0.0),
         is_absolute: true,
-        said,
+        notices,
     })
 }
 

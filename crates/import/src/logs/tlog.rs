@@ -141,15 +141,15 @@ pub fn read(
             "give the .tlog as the ground station wrote it",
         ));
     };
-    let mut said = vec![
+    let mut notices = vec![
         format!("telemetry of system {system}, {} frames", gathered.frames),
         "times are UTC by the ground station's clock at reception".to_owned(),
     ];
     if !gathered.others.is_empty() {
-        said.push(format!("systems {:?} are ignored", gathered.others));
+        notices.push(format!("systems {:?} are ignored", gathered.others));
     }
     if gathered.strange_bytes > 0 {
-        said.push(format!(
+        notices.push(format!(
             "{} bytes outside of frames are skipped",
             gathered.strange_bytes
         ));
@@ -158,7 +158,7 @@ pub fn read(
         kind: "a telemetry log",
         series: gathered.series.finish(0.0),
         is_absolute: true,
-        said,
+        notices,
     })
 }
 

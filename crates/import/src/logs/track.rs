@@ -109,13 +109,13 @@ pub fn gpx(name: &str, bytes: Box<dyn Read + '_>) -> Result<SeriesLog, ImportErr
             (_, None) => {}
         },
     })?;
-    let said = vec![
+    let notices = vec![
         format!("{} points of a GPX track", points - timeless),
         "assumed: <ele> is above mean sea level, as GPX 1.1 has it; some receivers write heights above the ellipsoid \
          (then state datum = \"ellipsoid\")"
             .to_owned(),
     ];
-    finish(name, "a GPX track", series, points, timeless, said)
+    finish(name, "a GPX track", series, points, timeless, notices)
 }
 
 fn begun(tag: &BytesStart<'_>) -> Point {
@@ -145,7 +145,7 @@ fn finish(
     series: Collected,
     points: usize,
     timeless: usize,
-    mut said: Vec<String>,
+    mut notices: Vec<String>,
 ) -> Result<SeriesLog, ImportError> {
     if points == timeless {
         return Err(ImportError::log(
@@ -155,7 +155,7 @@ fn finish(
         ));
     }
     if timeless > 0 {
-        said.push(format!(
+        notices.push(format!(
             "{timeless} of {points} points have no time and are skipped"
         ));
     }
@@ -163,7 +163,7 @@ fn finish(
         kind,
         series: series.finish(0.0),
         is_absolute: true,
-        said,
+        notices,
     })
 }
 
@@ -200,8 +200,8 @@ pub fn kml(name: &str, bytes: Box<dyn Read + '_>) -> Result<SeriesLog, ImportErr
             "export the track with times, as gx:Track or GPX; without them readings cannot be placed along it",
         ));
     }
-    let said = vec![format!("{} points of a KML track", points - timeless)];
-    finish(name, "a KML track", series, points, timeless, said)
+    let notices = vec![format!("{} points of a KML track", points - timeless)];
+    finish(name, "a KML track", series, points, timeless, notices)
 }
 
 /// The series of heights of this altitude mode.

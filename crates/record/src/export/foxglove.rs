@@ -31,7 +31,7 @@ const LINE_STRIP: u8 = 0;
 
 /// A message of Foxglove's.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Said {
+pub struct FoxgloveMessage {
     /// Its topic.
     pub topic: String,
     /// What it is.
@@ -91,7 +91,7 @@ impl<'a> Converter<'a> {
     }
 
     /// What stands there from the beginning: stacks and fence.
-    pub fn begin(&self) -> Vec<Said> {
+    pub fn begin(&self) -> Vec<FoxgloveMessage> {
         let time = SimTime::ZERO;
         let stacks = self.around.stacks.iter().map(|stack| {
             let foot = self.point(stack.lat_deg, stack.lon_deg, self.frame.ground_amsl_m);
@@ -131,7 +131,7 @@ impl<'a> Converter<'a> {
     }
 
     /// What a message of the mission comes to.
-    pub fn take(&mut self, topic: &Topic, envelope: &Envelope) -> Vec<Said> {
+    pub fn take(&mut self, topic: &Topic, envelope: &Envelope) -> Vec<FoxgloveMessage> {
         let time = envelope.time;
         match (topic, &envelope.message) {
             (Topic::State(id), Message::State(state)) => self.state(id.as_str(), time, state),
@@ -152,7 +152,7 @@ impl<'a> Converter<'a> {
         }
     }
 
-    fn state(&self, id: &str, time: SimTime, state: &State) -> Vec<Said> {
+    fn state(&self, id: &str, time: SimTime, state: &State) -> Vec<FoxgloveMessage> {
         let turn = pose::quaternion(state);
         let transform = json!({
             "timestamp": self.stamp(time),
@@ -171,13 +171,13 @@ impl<'a> Converter<'a> {
             "position_covariance_type": 0,
         });
         vec![
-            self.said("/tf", Kind::FrameTransform, time, transform),
-            self.said(&format!("/vehicle/{id}/fix"), Kind::LocationFix, time, fix),
+            self.message("/tf", Kind::FrameTransform, time, transform),
+            self.message(&format!("/vehicle/{id}/fix"), Kind::LocationFix, time, fix),
         ]
     }
 
     /// A sphere at the vehicle in the colour of what it reads.
-    fn reading(&self, id: &str, time: SimTime, reading: &Reading) -> Said {
+    fn reading(&self, id: &str, time: SimTime, reading: &Reading) -> FoxgloveMessage {
         let shown = &self.around.shown;
         let at = self.point(reading.lat_deg, reading.lon_deg, reading.alt_amsl_m);
         let ball = sphere(at, READING_M, colour(shown.colour(reading.co2_ppm), 1.0));
@@ -197,7 +197,7 @@ impl<'a> Converter<'a> {
         self.scene("/scene/readings", time, vec![entity])
     }
 
-    fn population(&self, time: SimTime, population: &Population) -> Said {
+    fn population(&self, time: SimTime, population: &Population) -> FoxgloveMessage {
         let shown = &self.around.shown;
         let points = population.points.iter().map(|p| {
             let at = self.point(p.lat_deg, p.lon_deg, p.alt_amsl_m);
@@ -208,14 +208,14 @@ impl<'a> Converter<'a> {
         self.scene("/scene/promising", time, vec![entity])
     }
 
-    fn model(&self, time: SimTime, model: &Model) -> Vec<Said> {
+    fn model(&self, time: SimTime, model: &Model) -> Vec<FoxgloveMessage> {
         let shape = (self.plume)(model);
         let lines: Vec<Value> = shape.lines.iter().map(|l| self.plume_line(l)).collect();
         let mut entities = vec![self.entity(time, "plume", json!({"lines": lines}))];
         entities.extend(model.peak.as_ref().map(|peak| self.peak(time, peak)));
-        let mut said = vec![self.scene("/scene/plume", time, entities)];
-        said.extend(shape.slice.map(|slice| self.slice(time, &slice)));
-        said
+        let mut messages = vec![self.scene("/scene/plume", time, entities)];
+        messages.extend(shape.slice.map(|slice| self.slice(time, &slice)));
+        messages
     }
 
     fn plume_line(&self, plume: &PlumeLine) -> Value {
@@ -238,7 +238,7 @@ impl<'a> Converter<'a> {
         self.entity(time, "peak", json!({"spheres": [ball]}))
     }
 
-    fn slice(&self, time: SimTime, slice: &Slice) -> Said {
+    fn slice(&self, time: SimTime, slice: &Slice) -> FoxgloveMessage {
         let bytes = slice
             .excess_ppm
             .values
@@ -260,10 +260,10 @@ impl<'a> Converter<'a> {
             "fields": [{"name": "excess_ppm", "offset": 0, "type": FLOAT32}],
             "data": base64(&bytes),
         });
-        self.said("/plume/grid", Kind::Grid, time, grid)
+        self.message("/plume/grid", Kind::Grid, time, grid)
     }
 
-    fn log(&self, agent: &str, time: SimTime, event: &EventMessage) -> Said {
+    fn log(&self, agent: &str, time: SimTime, event: &EventMessage) -> FoxgloveMessage {
         // INFO, WARNING and ERROR.
         let level = match event.severity {
             Severity::Info => 2,
@@ -278,11 +278,11 @@ impl<'a> Converter<'a> {
             "file": event.code,
             "line": 0,
         });
-        self.said("/log", Kind::Log, time, log)
+        self.message("/log", Kind::Log, time, log)
     }
 
-    fn said(&self, topic: &str, kind: Kind, time: SimTime, json: Value) -> Said {
-        Said {
+    fn message(&self, topic: &str, kind: Kind, time: SimTime, json: Value) -> FoxgloveMessage {
+        FoxgloveMessage {
             topic: topic.to_owned(),
             kind,
             time,
@@ -290,12 +290,12 @@ impl<'a> Converter<'a> {
         }
     }
 
-    fn scene(&self, topic: &str, time: SimTime, entities: Vec<Value>) -> Said {
+    fn scene(&self, topic: &str, time: SimTime, entities: Vec<Value>) -> FoxgloveMessage {
         let update = json!({"deletions": [], "entities": entities});
-        self.said(topic, Kind::SceneUpdate, time, update)
+        self.message(topic, Kind::SceneUpdate, time, update)
     }
 
-    /// An entity that stays until it is said anew; `shapes` are the lists of shapes that it has.
+    /// An entity that stays until it is published anew; `shapes` are the lists of shapes that it has.
     fn entity(&self, time: SimTime, id: &str, shapes: Value) -> Value {
         let mut entity = json!({
             "timestamp": self.stamp(time),

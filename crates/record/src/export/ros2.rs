@@ -1,4 +1,4 @@
-//! What is said of vehicles, as messages of ROS 2 in CDR, and a bag of them.
+//! States and readings of vehicles as messages of ROS 2 in CDR, and a bag of them.
 //!
 //! ROS 2 common interfaces. Of each vehicle `/vehicle_<name>/` `fix` (sensor_msgs/NavSatFix), `odom` (nav_msgs/Odometry),
 //! `velocity` (geometry_msgs/TwistStamped) and `gas` (plumage_msgs/GasReading, described in the bag).
@@ -44,7 +44,7 @@ float64 y
 float64 z
 ";
 
-/// What is said of a vehicle.
+/// Type of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
     /// Where it is.
@@ -136,7 +136,7 @@ impl Kind {
 
 /// A message.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Said {
+pub struct RosMessage {
     /// Its topic, such as `/vehicle_3/fix`.
     pub topic: String,
     /// What it is.
@@ -147,7 +147,7 @@ pub struct Said {
     pub cdr: Vec<u8>,
 }
 
-/// Puts what is said of vehicles into messages.
+/// Converts messages of the bus to messages of ROS 2.
 #[derive(Debug, Clone)]
 pub struct Converter {
     /// The gas that is read.
@@ -160,7 +160,7 @@ pub struct Converter {
 
 impl Converter {
     /// What an envelope of the bus says, if time zero was `start_unix_ns`; nothing where it is no state and no reading.
-    pub fn take(&self, topic: &Topic, envelope: &Envelope, start_unix_ns: i64) -> Vec<Said> {
+    pub fn take(&self, topic: &Topic, envelope: &Envelope, start_unix_ns: i64) -> Vec<RosMessage> {
         match (topic, &envelope.message) {
             (Topic::State(id), Message::State(state)) => {
                 let at = start_unix_ns.saturating_add(envelope.time.ns());
@@ -176,7 +176,7 @@ impl Converter {
     }
 
     /// Where the vehicle was and how it moved.
-    fn state(&self, vehicle: &str, at: i64, state: &State) -> [Said; 3] {
+    fn state(&self, vehicle: &str, at: i64, state: &State) -> [RosMessage; 3] {
         let place = [state.lat_deg, state.lon_deg, state.alt_amsl_m];
         let foot = self.frame.to_enu(Geodetic {
             lat_deg: state.lat_deg,
@@ -201,13 +201,13 @@ impl Converter {
             .f64s(&[0.0; 3]);
         [
             self.fix(vehicle, at, place),
-            said(vehicle, Kind::Odometry, at, odometry),
-            said(vehicle, Kind::Velocity, at, twist),
+            message(vehicle, Kind::Odometry, at, odometry),
+            message(vehicle, Kind::Velocity, at, twist),
         ]
     }
 
     /// What a sensor read.
-    fn reading(&self, vehicle: &str, at: i64, read: &Read) -> Said {
+    fn reading(&self, vehicle: &str, at: i64, read: &Read) -> RosMessage {
         let known = |value: Option<f64>| value.unwrap_or(f64::NAN);
         let frame = format!("{}/base_link", namespace(vehicle));
         let gas = CdrWriter::default()
@@ -216,11 +216,11 @@ impl Converter {
             .f64s(&[known(read.ppm), read.lat_deg, read.lon_deg, read.alt_amsl_m])
             .f64s(&[known(read.wind_speed_m_s), known(read.wind_from_deg)])
             .f64s(&[known(read.temperature_c), known(read.pressure_hpa)]);
-        said(vehicle, Kind::Gas, at, gas)
+        message(vehicle, Kind::Gas, at, gas)
     }
 
     /// Where a vehicle was: latitude and longitude, degrees, and altitude, m above mean sea level.
-    fn fix(&self, vehicle: &str, at: i64, [lat_deg, lon_deg, alt_amsl_m]: [f64; 3]) -> Said {
+    fn fix(&self, vehicle: &str, at: i64, [lat_deg, lon_deg, alt_amsl_m]: [f64; 3]) -> RosMessage {
         let altitude = self
             .undulation_m
             .map_or(f64::NAN, |undulation| alt_amsl_m + undulation);
@@ -232,12 +232,12 @@ impl Converter {
             .f64s(&[lat_deg, lon_deg, altitude])
             .f64s(&[0.0; 9])
             .byte(0);
-        said(vehicle, Kind::Fix, at, fix)
+        message(vehicle, Kind::Fix, at, fix)
     }
 }
 
-fn said(vehicle: &str, kind: Kind, at_unix_ns: i64, cdr: CdrWriter) -> Said {
-    Said {
+fn message(vehicle: &str, kind: Kind, at_unix_ns: i64, cdr: CdrWriter) -> RosMessage {
+    RosMessage {
         topic: format!("/{}/{}", namespace(vehicle), kind.topic()),
         kind,
         at_unix_ns,

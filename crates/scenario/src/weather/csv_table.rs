@@ -48,7 +48,10 @@ pub(super) fn parse(text: &str) -> Result<WeatherReports, WeatherError> {
     let scale = match (table.header.has(TIME_UTC), table.header.has(TIME_S)) {
         (true, _) => TimeScale::Unix,
         (false, true) => TimeScale::Mission,
-        (false, false) => return Err(table.header.missing(TIME_S).into()),
+        (false, false) => {
+            let expected = "time_s (or time_utc), wind_speed_m_s, wind_from_deg";
+            return Err(table.header.error("time_s", "missing", expected).into());
+        }
     };
     let mut reports = Vec::new();
     while let Some(row) = table.next_row()? {

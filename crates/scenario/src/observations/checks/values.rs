@@ -180,12 +180,12 @@ const COLUMNS: [Column; 14] = [
 ];
 
 /// How messages name a column and its values: as the file has them.
-struct Said {
+struct Labels {
     name: &'static str,
     unit: Unit,
 }
 
-impl Said {
+impl Labels {
     fn of(column: &Column, raw: &Observations) -> Self {
         if column.name.is_empty() {
             return Self {
@@ -213,9 +213,9 @@ impl OfPlatform<'_> {
                 Codes::OfReading => column.range.from(least_ppm),
                 _ => column.range,
             };
-            let said = Said::of(column, raw);
-            self.impossible(column, range, &said);
-            self.codes(column, &said);
+            let labels = Labels::of(column, raw);
+            self.impossible(column, range, &labels);
+            self.codes(column, &labels);
         }
         self.half_winds(raw);
     }
@@ -249,7 +249,7 @@ impl OfPlatform<'_> {
     }
 
     /// What lies outside a column's `range`: usual codes one by one, and the rest together.
-    fn impossible(&mut self, column: &Column, range: Range, said: &Said) {
+    fn impossible(&mut self, column: &Column, range: Range, labels: &Labels) {
         let (rows, values) = self.cells(column);
         let outside = |v: f64| !(range.low..=range.high).contains(&v);
         let mut bad: Vec<(usize, f64)> = rows.into_iter().zip(values.iter().copied()).collect();
@@ -266,16 +266,16 @@ impl OfPlatform<'_> {
         codes.dedup();
         for code in codes {
             let own = bad.iter().filter(|b| b.1 == code).map(|b| b.0).collect();
-            self.leave_out_code(column, code, own, said);
+            self.leave_out_code(column, code, own, labels);
         }
         bad.retain(|b| nines(b.1) < NINES);
         let own: Vec<usize> = bad.iter().map(|b| b.0).collect();
         let low = bad.iter().map(|b| b.1).fold(f64::INFINITY, f64::min);
         let high = bad.iter().map(|b| b.1).fold(f64::NEG_INFINITY, f64::max);
         let seen = if low == high {
-            said.value(low)
+            labels.value(low)
         } else {
-            format!("{} to {}", said.value(low), said.value(high))
+            format!("{} to {}", labels.value(low), labels.value(high))
         };
         let most = own.len() as f64 > MOST * values.len() as f64 && !column.other.is_empty();
         let (kind, asked) = if most {
@@ -290,25 +290,25 @@ impl OfPlatform<'_> {
         let message = format!(
             "{} values of {seen} in column {} are ignored: expected {expected}{asked}",
             own.len(),
-            said.name
+            labels.name
         );
         self.say(kind, &own, message);
         self.clear(column, &own);
     }
 
-    fn leave_out_code(&mut self, column: &Column, code: f64, rows: Vec<usize>, said: &Said) {
+    fn leave_out_code(&mut self, column: &Column, code: f64, rows: Vec<usize>, labels: &Labels) {
         let message = format!(
             "{} values of {} in column {} are ignored: a code for missing values",
             rows.len(),
-            said.value(code),
-            said.name
+            labels.value(code),
+            labels.name
         );
         self.say(Flaw::Outlier, &rows, message);
         self.clear(column, &rows);
     }
 
     /// Codes that the column's range leaves open: its lowest or highest value, if it stands apart.
-    fn codes(&mut self, column: &Column, said: &Said) {
+    fn codes(&mut self, column: &Column, labels: &Labels) {
         if column.codes == Codes::None {
             return;
         }
@@ -317,7 +317,7 @@ impl OfPlatform<'_> {
             let (rows, values) = self.cells(column);
             let own = rows.into_iter().zip(values).filter(|c| c.1 == code);
             let own: Vec<usize> = own.map(|c| c.0).collect();
-            self.leave_out_code(column, code, own, said);
+            self.leave_out_code(column, code, own, labels);
         }
     }
 

@@ -18,7 +18,7 @@ pub fn extended(scenario: &Scenario, analysis: &Analysis, by_series: bool) -> Sc
     for (key, value, sd) in &analysis.base {
         let Some(parameter) = Uncertain::ALL
             .into_iter()
-            .find(|u| u.key(scenario.gas()) == key)
+            .find(|u| u.key(scenario.gas()) == *key)
         else {
             continue;
         };

@@ -4,7 +4,7 @@ export const INK = "#16181d", TEXT = "#3a3f48", FRAME = "#9aa0ab", GRID = "#ecee
 export const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif";
 /** Size of letters and distance of lines, px. */
 export const LETTER = 12, LINE = 16;
-export const DASHES = { solid: "", dotted: "1.5 3", dashed: "6 4", dashdotted: "7 3 1.5 3" };
+export const DASHES = { solid: "", dotted: "1.5 3", dashed: "6 4", mixed: "7 3 1.5 3" };
 
 const measure = document.createElement("canvas").getContext("2d");
 

@@ -155,7 +155,7 @@ pub(crate) enum Dash {
     Solid,
     Dotted,
     Dashed,
-    DashDotted,
+    Mixed,
 }
 
 /// A line. Layers of one name share an entry of the legend; those without a name have none.

@@ -172,7 +172,7 @@ fn misfits(s: &Series, misfit: &[f64], step: usize) -> Layer {
 fn transport(source: Enu, wind_from_deg: f64, length_m: f64) -> [Layer; 2] {
     let far = source.displaced(wind_from_deg + 180.0, length_m);
     let axis = Line {
-        dash: Dash::DashDotted,
+        dash: Dash::Mixed,
         width: 1.2,
         arrow: true,
         silent: true,

@@ -133,7 +133,7 @@ fn axis(site: &SiteMap, model: &Model, area: Area) -> Layer {
         name: "the model's axis".to_owned(),
         colour: MODEL,
         width: 1.2,
-        dash: Dash::DashDotted,
+        dash: Dash::Mixed,
         silent: true,
         x,
         y,

@@ -2,7 +2,7 @@
 //!
 //! rosbag2, *metadata.yaml* (version 5); mcap.dev, *Well-known encodings*.
 
-use super::{Converter, Kind, Said};
+use super::{Converter, Kind, RosMessage};
 use crate::RecordError;
 use crate::export::Flown;
 use air::AirError;
@@ -108,7 +108,7 @@ impl Writing {
         Ok(())
     }
 
-    fn say(&mut self, all: impl IntoIterator<Item = Said>) -> mcap::McapResult<()> {
+    fn say(&mut self, all: impl IntoIterator<Item = RosMessage>) -> mcap::McapResult<()> {
         for said in all {
             let (first, _) = self.span.unwrap_or((said.at_unix_ns, 0));
             self.span = Some((first, said.at_unix_ns));
@@ -126,7 +126,7 @@ impl Writing {
     }
 
     /// The channel of a message and its number there.
-    fn counted(&mut self, said: &Said) -> mcap::McapResult<(u16, u32)> {
+    fn counted(&mut self, said: &RosMessage) -> mcap::McapResult<(u16, u32)> {
         if let Some(channel) = self.channels.get_mut(&said.topic) {
             channel.messages += 1;
             return Ok((channel.id, channel.messages));

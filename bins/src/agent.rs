@@ -3,9 +3,12 @@
 use crate::flightgear::{self, Viewer};
 use crate::interrupts::Interrupts;
 use crate::links::{self, Links};
+use crate::released::{self, Released};
 use crate::resume::resume;
 use crate::weather_file::WeatherFile;
-use crate::{Failure, host_keys, metrics, mission_files, preflight, presence, ranges, tls};
+use crate::{
+    Failure, host_keys, listening, metrics, mission_files, preflight, presence, ranges, tls,
+};
 use anyhow::Context as _;
 use mav_bridge::link::LinkAddress;
 use mav_bridge::signing::SigningConfig;
@@ -303,6 +306,8 @@ pub struct HostedMember {
     flightgear: Option<String>,
     /// The file of reported weather that the world goes by.
     weather: Option<WeatherFile>,
+    /// The same vehicle, listened to while no mission is there yet.
+    alone: Option<Member>,
 }
 
 impl HostedMember {
@@ -321,6 +326,7 @@ impl From<Member> for HostedMember {
             signing_key: None,
             flightgear: None,
             weather: None,
+            alone: None,
         }
     }
 }
@@ -358,11 +364,14 @@ pub fn vehicles(
             VehicleKind::Mavlink => links::addresses(&vehicle.link)?,
             _ => Vec::new(),
         };
+        let linked = || Member::linked(setup, index, &options.link_options);
         let member = if links.is_empty() {
             Member::vehicle_among(setup, index, &layers_amsl_m)
         } else {
-            Member::linked(setup, index, &options.link_options)
+            linked()
         };
+        let onlooker = options.link_options.listen_only || options.link_options.dry_run;
+        let alone = (onlooker && !links.is_empty()).then(linked).transpose();
         let of_scenario = || setup.signing_keys.get(*id).cloned();
         hosted.push(HostedMember {
             member: member.map_err(Failure::input)?,
@@ -370,6 +379,7 @@ pub fn vehicles(
             signing_key: options.signing_key.clone().or_else(of_scenario),
             flightgear,
             weather: None,
+            alone: alone.map_err(Failure::input)?,
         });
     }
     Ok(hosted)
@@ -413,7 +423,16 @@ fn run_hosted(
         async {
             let mut net = arguments.open_as(setup, keeps_time, &ids).await?;
             eprintln!("{who} joins mission {}", setup.scenario.mission.name);
-            let watch = presence::watch(&net, setup, &ids, arguments.connected_to(keeps_time))?;
+            // Who only listens waits for nobody.
+            let watch = match hosted.iter().any(|a| a.alone.is_some()) {
+                true => None,
+                false => Some(presence::watch(
+                    &net,
+                    setup,
+                    &ids,
+                    arguments.connected_to(keeps_time),
+                )?),
+            };
             if arguments.lockstep {
                 let team = team::agent_ids(setup).map_err(Failure::input)?;
                 let mut members: Vec<Member> = hosted.into_iter().map(|a| a.member).collect();
@@ -421,7 +440,9 @@ fn run_hosted(
             } else {
                 fly_in_real_time(&mut net, hosted, setup, keeps_time, &interrupted).await?;
             }
-            watch.abort();
+            if let Some(watch) = watch {
+                watch.abort();
+            }
             eprintln!("{who} has finished");
             net.close().await;
             Ok(())
@@ -443,6 +464,7 @@ async fn fly_in_real_time(
     let mut viewers = Vec::new();
     let mut keys = Vec::new();
     let mut weather = Vec::new();
+    let mut alone = Vec::new();
     for a in hosted {
         served.push(match a.member.aircraft().map(|va| va.id().to_string()) {
             Some(id) if !a.links.is_empty() => {
@@ -451,6 +473,7 @@ async fn fly_in_real_time(
             }
             _ => None,
         });
+        alone.extend(a.alone.zip(served.last().copied().flatten()));
         members.push(a.member);
         keys.push(a.signing_key);
         weather.push(a.weather);
@@ -460,7 +483,10 @@ async fn fly_in_real_time(
         let running = MissionClock::running(net).await?;
         MissionClock::keep(net, running).await?
     } else {
-        MissionClock::ask(net).await?
+        match listening::until_joined(net, &mut links, alone, interrupted).await? {
+            Some(clock) => clock,
+            None => return Ok(()),
+        }
     };
     for member in &mut members {
         resume(net, setup, member, clock.now()).await?;
@@ -480,6 +506,7 @@ async fn fly_in_real_time(
         first_served: served.iter().position(Option::is_some),
         words: Vec::new(),
         replaced: members.iter().map(|_| None).collect(),
+        released: members.iter().map(|_| None).collect(),
         served,
         weather,
         viewers,
@@ -514,6 +541,8 @@ struct Around<'a> {
     first_served: Option<usize>,
     /// Simulated members that real ones have replaced and that are not heard yet.
     replaced: Vec<Option<Replaced>>,
+    /// Real aircraft in whose places simulated members fly, as long as they get the heartbeat.
+    released: Vec<Option<Released>>,
     weather: Vec<Option<WeatherFile>>,
     viewers: Vec<Option<Viewer>>,
 }
@@ -522,9 +551,9 @@ impl Around<'_> {
     /// Moves what is on the links of the `k`-th member; true if something has come.
     fn serve(&mut self, k: usize, member: &mut Member) -> bool {
         match (self.served[k], member) {
-            (Some(user), Member::Real(vehicle)) => {
-                self.links.serve(user, vehicle, self.clock.now())
-            }
+            (Some(user), Member::Real(vehicle)) => vehicle
+                .link()
+                .is_some_and(|link| self.links.serve(user, link, self.clock.now())),
             _ => false,
         }
     }
@@ -534,24 +563,73 @@ impl Around<'_> {
         if swap.link.is_none() && self.replaced[k].is_some() {
             return self.give_back(k, member, "the operator asked for it");
         }
+        if swap.link.is_none() && self.released[k].is_some() {
+            return member.answer_swap(Ok(&released::kept(
+                "a simulated aircraft flies as this vehicle already",
+            )));
+        }
         let now = self.clock.now();
         let made = swapped(member, swap, self.setup, now, &mut self.links);
         let (mut next, user) = match made {
             Ok(made) => made,
             Err(why) => return member.answer_swap(Err(&why)),
         };
+        let served = std::mem::replace(&mut self.served[k], user);
+        std::mem::swap(member, &mut next);
+        let before = next;
+        self.end_heartbeat(k);
         let words = match &swap.link {
-            Some(link) => format!("a real aircraft on {link} now flies as this vehicle"),
-            None => "a simulated aircraft now flies as this vehicle".to_owned(),
+            Some(link) => {
+                self.replaced[k] = Some(Replaced {
+                    member: before,
+                    link: link.clone(),
+                    until: now.later(HEARD_WITHIN_NS),
+                });
+                format!("a real aircraft on {link} now flies as this vehicle")
+            }
+            None => {
+                self.released[k] = Released::of(before, served, &mut self.links);
+                let words = "a simulated aircraft now flies as this vehicle".to_owned();
+                match &self.released[k] {
+                    Some(_) => released::kept(&words),
+                    None => words,
+                }
+            }
         };
-        next.answer_swap(Ok(&words));
-        self.served[k] = user;
-        let before = std::mem::replace(member, next);
-        self.replaced[k] = swap.link.clone().map(|link| Replaced {
-            member: before,
-            link,
-            until: now.later(HEARD_WITHIN_NS),
-        });
+        member.answer_swap(Ok(&words));
+        eprintln!("vehicle {}: {words}", member.id().name());
+    }
+
+    /// Ends the heartbeat to the real aircraft in whose place the `k`-th member flies; false if there is none.
+    fn end_heartbeat(&mut self, k: usize) -> bool {
+        let released = self.released[k].take();
+        let ended = released.is_some();
+        if let Some(released) = released {
+            released.end(&mut self.links);
+        }
+        ended
+    }
+
+    /// Keeps up the heartbeat to a real aircraft that was released, until its pilot's station is heard or the operator
+    /// ends it.
+    fn check_released(&mut self, k: usize, member: &mut Member) {
+        let asked = member.take_release();
+        let now = self.clock.now();
+        let station = self.released[k]
+            .as_mut()
+            .and_then(|released| released.serve(&mut self.links, now));
+        let Some(words) = station
+            .map(released::taken_by)
+            .or_else(|| asked.then(|| released::ENDED.to_owned()))
+        else {
+            return;
+        };
+        if self.end_heartbeat(k) {
+            eprintln!("vehicle {}: {words}", member.id().name());
+            member.answer_release(true, &words);
+        } else {
+            member.answer_release(false, released::NONE);
+        }
     }
 
     /// Looks whether a real aircraft that was put in a simulated one's place is heard in time.
@@ -580,8 +658,9 @@ impl Around<'_> {
             replaced.link
         );
         eprintln!("vehicle {}: {words}", member.id().name());
-        self.links.forget(member.id().name().as_str());
-        self.served[k] = None;
+        if let Some(user) = self.served[k].take() {
+            self.links.forget(user);
+        }
         *member = replaced.member;
         member.answer_swap(Ok(&words));
     }
@@ -590,7 +669,8 @@ impl Around<'_> {
 impl Surroundings<Member> for Around<'_> {
     fn ends(&mut self, due: SimTime, members: &mut [Member]) -> bool {
         let over = due >= self.until || self.interrupted.load(Ordering::Relaxed);
-        over && all_down(members)
+        let missed = self.released.iter().flatten().any(Released::is_missed);
+        over && all_down(members) && !missed
     }
 
     fn before_tick(&mut self, k: usize, member: &mut Member) {
@@ -598,6 +678,7 @@ impl Surroundings<Member> for Around<'_> {
             self.swap(k, member, &swap);
         }
         self.check_replaced(k, member);
+        self.check_released(k, member);
         if self.served[k].is_some()
             && let Member::Real(vehicle) = &mut *member
         {
@@ -637,7 +718,6 @@ fn swapped(
     let index = setup.index_of(&name)?;
     let mut next = member.swapped(setup, index, swap)?;
     let Some(link) = &swap.link else {
-        links.forget(&name);
         return Ok((next, None));
     };
     let refuse = |why: String| MissionError::Request(format!("link {link}: {why}"));

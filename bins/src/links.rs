@@ -4,7 +4,7 @@ use crate::Failure;
 use mav_bridge::goes_over_all_links;
 use mav_bridge::link::{Link, LinkAddress};
 use mav_bridge::wire::{FrameDecoder, LinkStatistics};
-use mission::real_vehicle::RealVehicle;
+use mission::real_vehicle::LinkBuffers;
 use protocol::SimTime;
 use protocol::message::Severity;
 use std::collections::VecDeque;
@@ -34,6 +34,8 @@ struct User {
     links: Vec<usize>,
     /// What has come for it and was not handed to it yet.
     waiting: VecDeque<(usize, Vec<u8>)>,
+    /// What its bridge should know of its links and was not handed to it yet.
+    notices: Vec<String>,
 }
 
 /// The addresses of a vehicle's links, as the scenario writes them.
@@ -79,30 +81,29 @@ impl Links {
             system,
             links,
             waiting: VecDeque::new(),
+            notices: Vec::new(),
         });
         Ok(self.users.len() - 1)
     }
 
-    /// Takes the vehicle `id` off its links.
-    pub fn forget(&mut self, id: &str) {
-        for user in self.users.iter_mut().filter(|user| user.id == id) {
+    /// Takes the vehicle with the number `user` off its links.
+    pub fn forget(&mut self, user: usize) {
+        if let Some(user) = self.users.get_mut(user) {
             user.links.clear();
             user.waiting.clear();
         }
     }
 
-    /// Moves bytes between the links of the vehicle with the number `user` and its bridge, and says on the
-    /// console what a person at the vehicle should know; true if something has come for it.
-    pub fn serve(&mut self, user: usize, vehicle: &mut RealVehicle, now: SimTime) -> bool {
-        let Some(buffers) = vehicle.link() else {
-            return false;
-        };
+    /// Moves bytes between the links of the vehicle with the number `user` and the `buffers` of its bridge, and says
+    /// on the console what a person at the vehicle should know; true if something has come for it.
+    pub fn serve(&mut self, user: usize, buffers: &mut LinkBuffers, now: SimTime) -> bool {
         for k in 0..self.users[user].links.len() {
             self.take_in(self.users[user].links[k], now);
         }
         buffers.no_frames = self.lost_before_sharing(user);
         let user = &mut self.users[user];
         buffers.from_vehicle.extend(user.waiting.drain(..));
+        buffers.notices.append(&mut user.notices);
         for frame in buffers.to_vehicle.drain(..) {
             let all = goes_over_all_links(&frame);
             for (k, &link) in user.links.iter().enumerate() {
@@ -146,6 +147,11 @@ impl Links {
         for user in &mut self.users {
             let own = user.links.iter().position(|&l| l == link);
             on_it.extend(own.map(|k| (user, k)));
+        }
+        while let Some(notice) = open.link.try_notice() {
+            on_it
+                .iter_mut()
+                .for_each(|(user, _)| user.notices.push(notice.clone()));
         }
         if let [(user, k)] = &mut on_it[..] {
             let bytes = std::iter::from_fn(|| open.link.try_receive());

@@ -9,6 +9,7 @@ use net::realtime::MissionClock;
 use protocol::key::Name;
 use protocol::message::EventMessage;
 use protocol::message::{Control, ControlWish};
+use protocol::text::printable;
 use protocol::{AgentId, Envelope, Interest, Message, Topic};
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -207,7 +208,7 @@ async fn print_answers(net: &mut Net, names: &[AgentId], answer: Answer) -> Resu
             continue;
         };
         if let Some(taken) = answer(event) {
-            let last = (taken, event.text.clone());
+            let last = (taken, printable(&event.text).into_owned());
             answers.entry(envelope.sender.clone()).or_insert(last);
         }
     }

@@ -4,7 +4,7 @@ use super::control::{self, Told};
 use crate::{Failure, agent};
 use mav_bridge::link::LinkAddress;
 use protocol::key::Name;
-use protocol::message::{EventMessage, Swap};
+use protocol::message::{Control, ControlWish, EventMessage, Swap};
 use protocol::{AgentId, Message, Topic};
 
 /// Arguments of `plumage swap`.
@@ -20,6 +20,9 @@ pub struct SwapArguments {
     /// Arm the motor of the real aircraft at take-off [default: wait until a person arms it]
     #[arg(long, requires = "real")]
     may_arm: bool,
+    /// End the heartbeat to the real aircraft now; without another ground station its failsafe for a lost one acts
+    #[arg(long, requires = "simulated")]
+    release: bool,
     #[command(flatten)]
     bus: agent::BusArguments,
 }
@@ -32,7 +35,8 @@ struct Aircraft {
     /// the simulated aircraft flies on
     #[arg(long, value_name = "LINK")]
     real: Option<LinkAddress>,
-    /// Fly the vehicle with a simulated aircraft, from its current position
+    /// Fly the vehicle with a simulated aircraft, from its current position; the real one gets the heartbeat of its
+    /// bridge until another ground station is heard that its failsafe listens for
     #[arg(long)]
     simulated: bool,
 }
@@ -45,22 +49,46 @@ pub fn swap(arguments: &SwapArguments) -> Result<(), Failure> {
     let setup = arguments.bus.setup()?;
     let id = &arguments.vehicle;
     setup.index_of(id).map_err(Failure::input)?;
-    let told = Told {
-        topic: Topic::Swap(Name::new(id).map_err(Failure::input)?),
-        message: Message::Swap(Swap {
-            link: arguments.aircraft.real.as_ref().map(ToString::to_string),
-            may_arm: arguments.may_arm,
-        }),
-        to: AgentId::va(id).map_err(Failure::input)?,
+    if arguments.aircraft.simulated {
+        eprintln!("warning: {}", warning(arguments.release));
+    }
+    let name = Name::new(id).map_err(Failure::input)?;
+    let tell = |topic, message| {
+        let to = AgentId::va(id).map_err(Failure::input)?;
+        let told = vec![Told { to, topic, message }];
+        control::tell(&arguments.bus, &setup, told, Some(answer))
     };
-    control::tell(&arguments.bus, &setup, vec![told], Some(answer))
+    let swap = Swap {
+        link: arguments.aircraft.real.as_ref().map(ToString::to_string),
+        may_arm: arguments.may_arm,
+    };
+    tell(Topic::Swap(name.clone()), Message::Swap(swap))?;
+    if arguments.release {
+        let control = Control {
+            wish: ControlWish::Release,
+            sticks: None,
+        };
+        tell(Topic::Control(name), Message::Control(control))?;
+    }
+    Ok(())
+}
+
+/// What an operator should know before a real aircraft is let go.
+fn warning(release: bool) -> &'static str {
+    if release {
+        "a real aircraft in this place gets no heartbeat from now on: where its pilot's own ground station is not \
+         connected, its failsafe for a lost ground station acts some seconds later"
+    } else {
+        "a real aircraft in this place flies by its pilot alone from now on; it gets the heartbeat of its bridge until \
+         the pilot's own ground station is heard, or until --release"
+    }
 }
 
 /// Whether an event answers a swap, and whether it was made.
 fn answer(event: &EventMessage) -> Option<bool> {
     match event.code.as_str() {
-        "swapped" => Some(true),
-        "swap-refused" => Some(false),
+        "swapped" | "released" => Some(true),
+        "swap-refused" | "release-refused" => Some(false),
         _ => None,
     }
 }

@@ -1,6 +1,7 @@
 //! The bridge itself: what comes in, what goes out, when.
 
 pub(crate) mod attitude;
+mod batteries;
 mod causes;
 pub(crate) mod checklist;
 mod fence;
@@ -12,6 +13,7 @@ mod placement;
 mod rates;
 mod receiving;
 mod steering;
+mod texts;
 
 use self::attitude::Stream;
 use self::causes::Causes;
@@ -22,6 +24,7 @@ use self::identity::Identity;
 use self::paths::Paths;
 use self::placement::Placement;
 use self::rates::Rates;
+use self::texts::Texts;
 use crate::arduplane::ARDUPLANE;
 use crate::authority::{Authority, BridgePhase};
 use crate::command_queue::CommandQueue;
@@ -196,6 +199,8 @@ struct Warned {
     no_frames: bool,
     silent_telemetry: bool,
     battery: bool,
+    /// By their ids.
+    other_batteries: BTreeSet<u8>,
     signature: bool,
     unsigned: bool,
     waits_for_arming: bool,
@@ -249,6 +254,7 @@ pub struct Bridge {
     /// Parameters as the vehicle has told them.
     parameters: BTreeMap<String, f64>,
     last_text: Option<(String, SimTime)>,
+    texts: Texts,
     /// Frames that a dry run has told of.
     shown: BTreeSet<Vec<u8>>,
     warned: Warned,
@@ -304,6 +310,7 @@ impl Bridge {
             takeoff_altitude_m: None,
             parameters: BTreeMap::new(),
             last_text: None,
+            texts: Texts::default(),
             shown: BTreeSet::new(),
             warned: Warned::default(),
             config,
@@ -401,6 +408,7 @@ impl Bridge {
         let pause_ns = self.pauses.tick(now);
         self.silent_since = self.silent_since.later(pause_ns).min(now);
         self.gas.pause(pause_ns, now);
+        out.events.extend(self.texts.counted(now));
         self.check_timeouts(now, out);
         self.check_placement(now, out);
         self.check_attitudes(now, out);
@@ -408,17 +416,45 @@ impl Bridge {
         self.exchange_fence(now, out);
         self.go_through_checklist(now, out);
         self.continue_phase(now, out);
-        if now >= self.next_heartbeat {
-            self.next_heartbeat = SimTime::from_ns(now.ns().saturating_add(HEARTBEAT_NS));
-            let heartbeat = ground_station_heartbeat();
-            if self.config.dry_run {
-                self.show("HEARTBEAT, every second", &heartbeat, now, out);
-            } else {
-                self.send(&heartbeat, now, out);
-            }
-        }
+        self.send_heartbeat(now, out);
         self.check_rates(now, out);
         self.send_commands(now, out);
+    }
+
+    fn send_heartbeat(&mut self, now: SimTime, out: &mut BridgeOutput) {
+        if now < self.next_heartbeat {
+            return;
+        }
+        self.next_heartbeat = SimTime::from_ns(now.ns().saturating_add(HEARTBEAT_NS));
+        let heartbeat = ground_station_heartbeat();
+        if self.config.dry_run {
+            self.show("HEARTBEAT, every second", &heartbeat, now, out);
+        } else {
+            self.send(&heartbeat, now, out);
+        }
+    }
+
+    /// Lets time pass for a vehicle that the team has let go: it gets the heartbeat and nothing else, so that its
+    /// failsafe for a lost ground station does not take it from its pilot.
+    pub fn keep_alive(&mut self, now: SimTime, out: &mut BridgeOutput) {
+        self.process_frames(now, out);
+        self.send_heartbeat(now, out);
+    }
+
+    /// Another ground station whose heartbeat the vehicle's failsafe listens for, if one was heard in the last
+    /// seconds: without this bridge the vehicle misses nobody.
+    pub fn other_station(&self, now: SimTime) -> Option<u8> {
+        let names = self.config.profile.parameters.station;
+        let told = names.iter().find_map(|name| self.parameters.get(*name));
+        let own = f64::from(self.config.system_id);
+        let wanted = told.copied().unwrap_or(own);
+        let mut heard = self.identity.stations(now);
+        heard.find(|id| names.is_empty() || f64::from(*id) == wanted)
+    }
+
+    /// Whether nothing is sent to the vehicle that it would miss.
+    pub fn is_onlooker(&self) -> bool {
+        self.config.listen_only || self.config.dry_run
     }
 
     /// Something happens to the control level that the vehicle's own messages do not show: a

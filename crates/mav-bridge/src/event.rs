@@ -1,12 +1,13 @@
 //! Events for the team, in short.
 
 use protocol::message::{EventMessage, Severity};
+use protocol::text::printable;
 
-/// An event of that `code` with a `text` for people.
-pub(crate) fn event(severity: Severity, code: &str, text: impl Into<String>) -> EventMessage {
+/// An event of that `code` with a `text` for people, whatever the vehicle has put into it.
+pub(crate) fn event(severity: Severity, code: &str, text: impl AsRef<str>) -> EventMessage {
     EventMessage {
         severity,
         code: code.to_owned(),
-        text: text.into(),
+        text: printable(text.as_ref()).into_owned(),
     }
 }

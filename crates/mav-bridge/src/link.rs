@@ -5,6 +5,7 @@
 
 use crate::BridgeError;
 use serial2_tokio::SerialPort;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::net::SocketAddr;
 use std::str::FromStr;
@@ -17,6 +18,8 @@ use tokio::time::{Instant, sleep, timeout};
 
 /// Datagrams or pieces of a stream that may wait on either side.
 const QUEUE: usize = 1024;
+/// Notices that may wait for the owner.
+const NOTICES: usize = 16;
 /// Pause before the next attempt to connect.
 const RECONNECT: Duration = Duration::from_secs(1);
 /// Time to wait for a connection or for a peer that does not take what is sent to it.
@@ -27,8 +30,8 @@ const READ_BYTES: usize = 65_536;
 /// Where a link goes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum LinkAddress {
-    /// `udpin:HOST:PORT`: listens, and answers to whoever sends first. Another sender is heard
-    /// only after the first one has been silent for 5 s.
+    /// `udpin:HOST:PORT`: listens, and sends to every address from which it receives. A MAVLink system belongs
+    /// to the address that sends it first; from another one it is ignored until that is silent for 5 s.
     UdpListen(String),
     /// `udpout:HOST:PORT`: sends to that address and listens to its answers.
     UdpConnect(String),
@@ -85,6 +88,7 @@ impl fmt::Display for LinkAddress {
 pub struct Link {
     incoming: mpsc::Receiver<Vec<u8>>,
     outgoing: mpsc::Sender<Vec<u8>>,
+    notices: mpsc::Receiver<String>,
     local: Option<SocketAddr>,
     task: JoinHandle<()>,
 }
@@ -93,6 +97,7 @@ pub struct Link {
 struct Ends {
     incoming: mpsc::Sender<Vec<u8>>,
     outgoing: mpsc::Receiver<Vec<u8>>,
+    notices: mpsc::Sender<String>,
 }
 
 impl Link {
@@ -104,9 +109,11 @@ impl Link {
     pub async fn open(address: &LinkAddress) -> Result<Self, BridgeError> {
         let (to_owner, incoming) = mpsc::channel(QUEUE);
         let (outgoing, from_owner) = mpsc::channel(QUEUE);
+        let (to_tell, notices) = mpsc::channel(NOTICES);
         let ends = Ends {
             incoming: to_owner,
             outgoing: from_owner,
+            notices: to_tell,
         };
         let refuse = |source| BridgeError::Socket {
             link: address.to_string(),
@@ -116,12 +123,12 @@ impl Link {
             LinkAddress::UdpListen(at) => {
                 let socket = UdpSocket::bind(at).await.map_err(refuse)?;
                 let local = socket.local_addr().ok();
-                (local, tokio::spawn(udp(socket, None, ends)))
+                (local, tokio::spawn(udp_server(socket, ends)))
             }
             LinkAddress::UdpConnect(to) => {
                 let (socket, peer) = udp_towards(to).await.map_err(refuse)?;
                 let local = socket.local_addr().ok();
-                (local, tokio::spawn(udp(socket, Some(peer), ends)))
+                (local, tokio::spawn(udp_client(socket, peer, ends)))
             }
             LinkAddress::TcpConnect(to) => (None, tokio::spawn(tcp_client(to.clone(), ends))),
             LinkAddress::TcpListen(at) => {
@@ -136,6 +143,7 @@ impl Link {
         Ok(Self {
             incoming,
             outgoing,
+            notices,
             local,
             task,
         })
@@ -154,6 +162,11 @@ impl Link {
     /// The next bytes, if some have come.
     pub fn try_receive(&mut self) -> Option<Vec<u8>> {
         self.incoming.try_recv().ok()
+    }
+
+    /// What a person should know of the link, such as a sender that is ignored, once.
+    pub fn try_notice(&mut self) -> Option<String> {
+        self.notices.try_recv().ok()
     }
 
     /// Sends a frame; false if it was dropped because the link does not keep up.
@@ -193,36 +206,127 @@ async fn udp_towards(to: &str) -> std::io::Result<(UdpSocket, SocketAddr)> {
     Ok((UdpSocket::bind(any).await?, peer))
 }
 
-/// Serves a UDP socket: to and from `fixed`, or whoever sends first.
-async fn udp(socket: UdpSocket, fixed: Option<SocketAddr>, mut ends: Ends) {
-    let mut peer = fixed.map(|p| (p, Instant::now()));
+/// The MAVLink system that a datagram comes from, by the header of its first frame.
+fn system_of(datagram: &[u8]) -> Option<u8> {
+    match datagram.first()? {
+        0xFD => datagram.get(5).copied(),
+        0xFE => datagram.get(3).copied(),
+        _ => None,
+    }
+}
+
+/// Who sends to a UDP port. Each MAVLink system belongs to one address, so that nobody speaks in the name of a
+/// vehicle that is heard; bytes that are no frames count as a system of their own.
+#[derive(Debug, Default)]
+struct Peers {
+    by_system: BTreeMap<Option<u8>, (SocketAddr, Instant)>,
+    /// Senders that are ignored and were told of.
+    ignored: BTreeSet<(Option<u8>, SocketAddr)>,
+}
+
+/// Senders ignored that are told of at most: addresses can be forged at will.
+const MOST_IGNORED: usize = 16;
+
+impl Peers {
+    /// Whether a datagram from an address is heard; what a person should know of it otherwise, once for each sender.
+    fn hears(
+        &mut self,
+        datagram: &[u8],
+        from: SocketAddr,
+        now: Instant,
+    ) -> Result<(), Option<String>> {
+        let system = system_of(datagram);
+        let owner = self.by_system.get(&system).copied();
+        if let Some((owner, heard)) = owner.filter(|(owner, _)| *owner != from)
+            && now.duration_since(heard) < PEER_TIMEOUT
+        {
+            let new = self.ignored.len() < MOST_IGNORED && self.ignored.insert((system, from));
+            let what = system.map_or_else(
+                || "bytes that are no MAVLink".to_owned(),
+                |system| format!("system {system}"),
+            );
+            return Err(new.then(|| {
+                format!(
+                    "{from} is ignored: it sends {what}, which {owner} sends too; expected another system id of one of them"
+                )
+            }));
+        }
+        if owner.is_none_or(|(owner, _)| owner != from) {
+            tracing::info!("vehicle link: receiving from {from}");
+        }
+        self.by_system.insert(system, (from, now));
+        Ok(())
+    }
+
+    /// Every address that was heard.
+    fn addresses(&self) -> BTreeSet<SocketAddr> {
+        self.by_system
+            .values()
+            .map(|(address, _)| *address)
+            .collect()
+    }
+}
+
+/// Pause after an error of a UDP socket: a datagram refused by its receiver shows as one on the next call.
+const AFTER_REFUSAL: Duration = Duration::from_millis(10);
+
+async fn send_to(socket: &UdpSocket, frame: &[u8], to: SocketAddr) {
+    if let Err(error) = socket.send_to(frame, to).await {
+        tracing::debug!("vehicle link: {to}: {error}");
+    }
+}
+
+/// Serves a UDP socket: to and from all who send to it.
+async fn udp_server(socket: UdpSocket, mut ends: Ends) {
+    let mut peers = Peers::default();
     let mut buffer = vec![0; READ_BYTES];
     loop {
         tokio::select! {
             received = socket.recv_from(&mut buffer) => {
-                // A refused datagram shows as an error on the next call; it is no end.
                 let Ok((length, from)) = received else {
-                    sleep(Duration::from_millis(10)).await;
+                    sleep(AFTER_REFUSAL).await;
                     continue;
                 };
-                match peer {
-                    Some((known, _)) if known == from => {}
-                    Some(_) if fixed.is_some() => continue,
-                    Some((_, heard)) if heard.elapsed() < PEER_TIMEOUT => continue,
-                    _ => tracing::info!("vehicle link: receiving from {from}"),
-                }
-                peer = Some((from, Instant::now()));
-                if !ends.deliver(&buffer[..length]) {
-                    return;
+                match peers.hears(&buffer[..length], from, Instant::now()) {
+                    Ok(()) => {
+                        if !ends.deliver(&buffer[..length]) {
+                            return;
+                        }
+                    }
+                    Err(notice) => {
+                        if let Some(notice) = notice {
+                            let _ = ends.notices.try_send(notice);
+                        }
+                    }
                 }
             }
             frame = ends.outgoing.recv() => {
                 let Some(frame) = frame else { return };
-                if let Some((to, _)) = peer
-                    && let Err(error) = socket.send_to(&frame, to).await
-                {
-                    tracing::debug!("vehicle link: {to}: {error}");
+                for to in peers.addresses() {
+                    send_to(&socket, &frame, to).await;
                 }
+            }
+        }
+    }
+}
+
+/// Serves a UDP socket: to and from `peer` alone.
+async fn udp_client(socket: UdpSocket, peer: SocketAddr, mut ends: Ends) {
+    let mut buffer = vec![0; READ_BYTES];
+    loop {
+        tokio::select! {
+            received = socket.recv_from(&mut buffer) => match received {
+                Ok((length, from)) if from == peer => {
+                    if !ends.deliver(&buffer[..length]) {
+                        return;
+                    }
+                }
+                Ok(_) => {}
+                Err(_) => sleep(AFTER_REFUSAL).await,
+            },
+            frame = ends.outgoing.recv() => {
+                let Some(frame) = frame else { return };
+                send_to(&socket, &frame, peer).await;
             }
         }
     }
@@ -395,6 +499,43 @@ mod tests {
         sleep(Duration::from_millis(50)).await;
         vehicle.send(vec![5]);
         assert_eq!(soon(&mut here).await, [5]);
+    }
+
+    /// A frame of a system, as far as a link looks at it: MAVLink 2, and the system in its sixth byte.
+    fn of_system(system: u8) -> Vec<u8> {
+        vec![0xFD, 0, 0, 0, 0, system, 1, 0, 0, 0]
+    }
+
+    #[tokio::test]
+    async fn two_aircraft_at_one_port_are_both_heard_and_both_answered() {
+        let mut here = Link::open(&"udpin:127.0.0.1:0".parse().unwrap())
+            .await
+            .unwrap();
+        let port = here.local_address().unwrap().port();
+        let to: LinkAddress = format!("udpout:127.0.0.1:{port}").parse().unwrap();
+        let mut first = Link::open(&to).await.unwrap();
+        let mut second = Link::open(&to).await.unwrap();
+        for _ in 0..2 {
+            for (vehicle, system) in [(&first, 5), (&second, 6)] {
+                vehicle.send(of_system(system));
+                assert_eq!(soon(&mut here).await, of_system(system));
+            }
+        }
+        here.send(of_system(255));
+        assert_eq!(soon(&mut first).await, of_system(255));
+        assert_eq!(soon(&mut second).await, of_system(255));
+        assert_eq!(here.try_notice(), None);
+        // A third that calls itself 5 is ignored, which is told once.
+        let third = Link::open(&to).await.unwrap();
+        third.send(of_system(5));
+        third.send(of_system(5));
+        sleep(Duration::from_millis(50)).await;
+        first.send(of_system(5));
+        assert_eq!(soon(&mut here).await, of_system(5));
+        assert!(here.try_receive().is_none());
+        let notice = here.try_notice().unwrap();
+        assert!(notice.contains("sends system 5"), "{notice}");
+        assert_eq!(here.try_notice(), None);
     }
 
     /// A pseudo-terminal stands in for a radio at its port.

@@ -8,6 +8,7 @@
 //! - [`preflight`]: what speaks against taking off;
 //! - [`team`]: the agents;
 //! - [`real_vehicle`]: a real vehicle's agent with bridge and stand-in in one;
+//! - [`released`]: a real aircraft that was given to its pilot;
 //! - [`fed_vehicle`]: one that is not of the team, and of which there are only observations;
 //! - [`run`]: a mission in virtual time;
 //! - [`truth`]: the reality's numbers and its highest reachable concentration;
@@ -63,6 +64,7 @@ pub mod fed_vehicle;
 pub mod plan;
 pub mod preflight;
 pub mod real_vehicle;
+pub mod released;
 pub mod run;
 pub mod setup;
 pub mod swap;

@@ -2,6 +2,7 @@
 //! hardware is, the stand-in behind that link, all in one process and in step with the mission.
 //! The team sees of it what any real aircraft would show.
 
+use crate::released::ReleasedAircraft;
 use crate::{MissionError, Setup, preflight};
 use mav_bridge::arduplane::ARDUPLANE;
 use mav_bridge::px4::PX4;
@@ -12,7 +13,7 @@ use mav_bridge::{
 };
 use protocol::control_level::{ControlEvent, Danger};
 use protocol::key::Name;
-use protocol::message::{EventMessage, Health, MavlinkFrame, Mode};
+use protocol::message::{EventMessage, Health, MavlinkFrame, Mode, Severity};
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
 use scenario::random::stream;
 use scenario::tables::{AutopilotKind, GasTime, OuterLoopKind};
@@ -39,6 +40,8 @@ pub struct LinkBuffers {
     /// What came over a link that several vehicles share and was no frame of anybody's, so that it is not among
     /// the bytes: so far, and for one of the vehicles alone.
     pub no_frames: LinkStatistics,
+    /// What the team should know of the links, such as a sender that is ignored.
+    pub notices: Vec<String>,
     /// What happened and a person at the vehicle should know at once.
     pub news: Vec<EventMessage>,
 }
@@ -201,9 +204,21 @@ impl RealVehicle {
         self.over = true;
     }
 
-    /// Whether there is a vehicle behind a link that is in the air or armed: its bridge must stay until it is not.
+    /// Whether there is a vehicle behind a link that is in the air or armed: its bridge must stay until it is not,
+    /// but for one that sends it nothing.
     pub fn is_up(&self) -> bool {
-        matches!(self.far_end, FarEnd::Link(_)) && self.bridge.is_up()
+        let is_missed = matches!(self.far_end, FarEnd::Link(_)) && !self.bridge.is_onlooker();
+        is_missed && self.bridge.is_up()
+    }
+
+    /// The aircraft alone, without its place in the team; none where it was never heard, or gets no heartbeat.
+    pub fn release(self) -> Option<ReleasedAircraft> {
+        match self.far_end {
+            FarEnd::Link(link) if self.bridge.is_heard() && !self.bridge.is_onlooker() => {
+                Some(ReleasedAircraft::new(self.bridge, link))
+            }
+            _ => None,
+        }
     }
 
     /// Who flies, as it is said on the bus.
@@ -270,6 +285,13 @@ impl RealVehicle {
             }
             FarEnd::Link(buffers) => {
                 self.bridge.no_frames(buffers.no_frames);
+                for text in buffers.notices.drain(..) {
+                    self.output.events.push(EventMessage {
+                        severity: Severity::Warning,
+                        code: "sender-ignored".to_owned(),
+                        text,
+                    });
+                }
                 // What has arrived is heard before a silence is judged.
                 for (link, bytes) in buffers.from_vehicle.drain(..) {
                     self.bridge

@@ -105,11 +105,32 @@ impl Member {
         self.aircraft_mut()?.take_swap()
     }
 
+    /// Whether the operator has ended the heartbeat to the real aircraft in whose place this vehicle flies, once.
+    pub fn take_release(&mut self) -> bool {
+        self.aircraft_mut()
+            .is_some_and(VirtualAircraft::take_release)
+    }
+
     /// Answers the operator on the bus whether a swap was made.
     pub fn answer_swap(&mut self, made: Result<&str, &MissionError>) {
-        let (severity, code, text) = match made {
-            Ok(what) => (Severity::Info, "swapped", what.to_owned()),
-            Err(why) => (Severity::Warning, "swap-refused", why.to_string()),
+        let (code, text) = match made {
+            Ok(what) => ("swapped", what.to_owned()),
+            Err(why) => ("swap-refused", why.to_string()),
+        };
+        self.answer(made.is_ok(), code, text);
+    }
+
+    /// Answers the operator on the bus whether the heartbeat to a released aircraft has ended.
+    pub fn answer_release(&mut self, ended: bool, text: &str) {
+        let code = if ended { "released" } else { "release-refused" };
+        self.answer(ended, code, text.to_owned());
+    }
+
+    fn answer(&mut self, done: bool, code: &str, text: String) {
+        let severity = if done {
+            Severity::Info
+        } else {
+            Severity::Warning
         };
         if let Some(aircraft) = self.aircraft_mut() {
             aircraft.tell(EventMessage {

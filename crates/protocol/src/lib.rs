@@ -65,6 +65,7 @@ pub mod key;
 pub mod message;
 mod plausible;
 pub mod seal;
+pub mod text;
 pub mod time;
 
 pub use agent::{Agent, Event, Outbox};

@@ -157,6 +157,8 @@ pub enum ControlWish {
     HandBack,
     /// The vehicle is to come home and land; one on the ground stays there.
     Home,
+    /// The heartbeat to the real aircraft in whose place a simulated one flies ends now.
+    Release,
 }
 
 /// Positions of a remote control's sticks, fly by wire.
@@ -173,7 +175,7 @@ pub struct Sticks {
 /// Who shall fly a vehicle (`va/<id>/control`).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Control {
-    /// Takeover, hand-back or the way home.
+    /// Takeover, hand-back, the way home, or the release of a real aircraft.
     pub wish: ControlWish,
     /// The sticks of a takeover. None: held level at a little more than half power for as long
     /// as nobody sends any; once sent they have to be repeated, for their silence is a lost

@@ -4,6 +4,7 @@
 mod dispatch;
 mod homing;
 mod phases;
+mod take_off;
 
 pub use homing::LEAST_OVER_GROUND_M_S;
 
@@ -130,6 +131,7 @@ impl SquadronController {
                 vehicles,
                 passes: Vec::new(),
                 ways_down: Vec::new(),
+                climbs: Vec::new(),
                 others: BTreeMap::new(),
             },
             levels_amsl_m: scenario.levels_amsl_m(),
@@ -288,7 +290,9 @@ impl SquadronController {
             (Topic::Reading(name), Message::Reading(reading)) => {
                 self.handle_reading(name, reading, envelope.time, out);
             }
-            (Topic::Mode(name), Message::Mode(mode)) => self.handle_mode(name, mode, out),
+            (Topic::Mode(name), Message::Mode(mode)) => {
+                self.handle_mode(name, mode, envelope.time, out);
+            }
             (Topic::Control(name), Message::Control(control)) => {
                 if let Some(index) = self.fleet.index_of(name) {
                     self.tasks.called[index] |= control.wish == ControlWish::Home;
@@ -402,7 +406,7 @@ impl SquadronController {
         }
     }
 
-    fn handle_mode(&mut self, name: &Name, mode: &Mode, out: &mut Outbox) {
+    fn handle_mode(&mut self, name: &Name, mode: &Mode, time: SimTime, out: &mut Outbox) {
         let Some(index) = self.fleet.index_of(name) else {
             return;
         };
@@ -410,8 +414,10 @@ impl SquadronController {
             &mut self.fleet.vehicles[index].follows_setpoints,
             mode.setpoints_obeyed,
         );
-        if !followed_before && mode.setpoints_obeyed {
-            self.fleet.repeat(index, out);
+        match (followed_before, mode.setpoints_obeyed) {
+            (true, false) => self.fleet.vehicles[index].not_ready_since = time,
+            (false, true) => self.fleet.repeat(index, out),
+            _ => {}
         }
     }
 

@@ -68,6 +68,10 @@ pub struct TeamVehicle {
     pub track: Option<VehicleTrack>,
     /// Whether it follows setpoints: not while a pilot or the Guardian flies it.
     pub follows_setpoints: bool,
+    /// Since when it does not, or from the mission's start where it never did.
+    pub(crate) not_ready_since: SimTime,
+    /// Whether it keeps out of the climbs of real vehicles.
+    pub(crate) gives_way: bool,
     /// Its last order.
     pub order: Option<Order>,
     /// Centre of the circle beside its approach, while it lands.
@@ -90,6 +94,8 @@ impl TeamVehicle {
             layer_amsl_m,
             track: None,
             follows_setpoints: true,
+            not_ready_since: SimTime::ZERO,
+            gives_way: false,
             order: None,
             approach: None,
             route: VecDeque::new(),
@@ -229,6 +235,8 @@ pub struct Fleet {
     /// Ways down of those who wait for their landing, with whose they are: who does not wait keeps
     /// clear.
     pub(crate) ways_down: Vec<(usize, Corridor)>,
+    /// Climbs of real vehicles that are ready on the ground: simulated ones keep clear.
+    pub(crate) climbs: Vec<Corridor>,
     /// Real aircraft that are not of the team, as last heard: nobody sends them anywhere, and all keep
     /// clear of them.
     pub(crate) others: BTreeMap<Name, VehicleTrack>,
@@ -432,13 +440,14 @@ impl Fleet {
         let ways_down = self.ways_down.iter().filter(|_| !waits).map(|(_, way)| way);
         let v = &self.vehicles[index];
         let passes = self.passes.iter().filter(|_| !v.real);
+        let climbs = self.climbs.iter().filter(|_| v.gives_way);
         // Who is in the way already may leave.
         let here = v
             .track
             .map(|s| Corridor::straight(s.position, s.position, 0.0));
         let outside =
             |kept: &&Corridor| here.is_some_and(|here| self.separation.apart(&here, kept));
-        let mut kept_free = ways_down.chain(passes).filter(outside);
+        let mut kept_free = ways_down.chain(passes).chain(climbs).filter(outside);
         kept_free.all(|kept| self.separation.apart(own, kept)) && self.is_free(index, own, |_| true)
     }
 
@@ -451,17 +460,37 @@ impl Fleet {
             .filter_map(|(_, v)| Some((v.route.back()?, v.circle_m)))
             .map(|(&end, circle_m)| Corridor::straight(end, end, circle_m));
         ends.all(|other| self.separation.apart(&circle, &other))
+            && self.climb_entered(index, end).is_none()
             && self.is_free(index, &circle, |_| true)
+    }
+
+    /// The first climb of a real vehicle that one which has to keep clear would be in while it circles at `end`.
+    pub(crate) fn climb_entered(&self, index: usize, end: Position) -> Option<Corridor> {
+        let v = &self.vehicles[index];
+        let circle = Corridor::straight(end, end, v.circle_m);
+        let mut climbs = self.climbs.iter().filter(|_| v.gives_way);
+        climbs
+            .find(|climb| !self.separation.apart(&circle, climb))
+            .copied()
+    }
+
+    /// Where a vehicle climbs after its take-off: above its home, or as near to it as the airspace allows.
+    pub(crate) fn climb_of(&self, index: usize) -> Option<Corridor> {
+        let v = &self.vehicles[index];
+        let at = self.airspace.nearest_allowed(v.home.at, MARGIN_M)?;
+        let height_m = v.layer_amsl_m;
+        Some(Corridor::straight(
+            v.home,
+            Position { at, height_m },
+            v.circle_m,
+        ))
     }
 
     /// Whether nobody is in the way of a vehicle that climbs from its home to its layer, but those
     /// who climb themselves (`climbs`): each of them to a layer above, in turn.
     pub(crate) fn is_climb_free(&self, index: usize, climbs: impl Fn(usize) -> bool) -> bool {
-        let v = &self.vehicles[index];
-        let at = self.airspace.nearest_allowed(v.home.at, MARGIN_M);
-        at.is_some_and(|at| {
-            let height_m = v.layer_amsl_m;
-            let climb = Corridor::straight(v.home, Position { at, height_m }, v.circle_m);
+        let height_m = self.vehicles[index].layer_amsl_m;
+        self.climb_of(index).is_some_and(|climb| {
             self.is_free(index, &climb, |other| {
                 !climbs(other) || self.vehicles[other].layer_amsl_m <= height_m
             })

@@ -35,6 +35,8 @@ pub struct VirtualAircraft {
     monitor: SafetyMonitor,
     /// What the operator wants in its place.
     swap: Option<Swap>,
+    /// The operator ends the heartbeat to the real aircraft in whose place it flies.
+    release: bool,
     /// Events of its host that are not said yet.
     told: Vec<EventMessage>,
     next_report_s: f64,
@@ -59,6 +61,7 @@ impl VirtualAircraft {
             backend,
             monitor: monitor.of_kind(real),
             swap: None,
+            release: false,
             told: Vec::new(),
             next_report_s: 0.0,
             last_mode: None,
@@ -111,6 +114,11 @@ impl VirtualAircraft {
         self.swap.take()
     }
 
+    /// Whether the operator has ended the heartbeat to the real aircraft in whose place it flies, once.
+    pub fn take_release(&mut self) -> bool {
+        std::mem::take(&mut self.release)
+    }
+
     pub(crate) fn monitor(&self) -> &SafetyMonitor {
         &self.monitor
     }
@@ -150,6 +158,8 @@ impl VirtualAircraft {
             (VehicleBackend::Simulated(backend), ControlWish::TakeOver) => {
                 backend.take_over(control.sticks, now)
             }
+            // Its host keeps that heartbeat.
+            (_, ControlWish::Release) => self.release = true,
             // The squadron controller brings it home: whoever else has it here gives it back.
             (VehicleBackend::Simulated(backend), ControlWish::Home) => {
                 if !backend.follows_setpoints() {

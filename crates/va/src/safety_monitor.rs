@@ -13,8 +13,8 @@ use scenario::tables::VehicleKind;
 const CONTROLLER_S: f64 = 5.0;
 /// Silence of the world simulator towards a simulated vehicle (ten ambients a second), s.
 const AMBIENT_S: f64 = 5.0;
-/// Silence of the world simulator towards a real vehicle (a model every 10 s), s.
-const MODEL_S: f64 = 25.0;
+/// Silence of the world simulator towards a real vehicle, which does not fly by it (an ambient a second), s.
+const HEARTBEAT_S: f64 = 25.0;
 /// Hysteresis: a broken fence counts as kept again this far inside, m.
 const BACK_INSIDE_M: f64 = 30.0;
 
@@ -128,7 +128,7 @@ impl SafetyMonitor {
     /// The same for a vehicle that is real or simulated, whatever the scenario has in its place.
     #[must_use]
     pub(crate) fn of_kind(self, real: bool) -> Self {
-        let world_s = if real { MODEL_S } else { AMBIENT_S };
+        let world_s = if real { HEARTBEAT_S } else { AMBIENT_S };
         Self {
             real,
             world: Watchdog::new(Danger::World, world_s),
@@ -136,12 +136,12 @@ impl SafetyMonitor {
         }
     }
 
-    /// Resets the watchdog of whoever has sent `message`. A real vehicle knows the world alive by its model, a
-    /// simulated one by its own air.
+    /// Resets the watchdog of whoever has sent `message`. A simulated vehicle misses its own air, a real one
+    /// anything that the world sends.
     pub(crate) fn observe(&mut self, message: &Message, now: SimTime) {
         match message {
             Message::Plan(_) | Message::Setpoint(_) => self.controller.last_received = Some(now),
-            Message::Ambient(_) if !self.real => self.world.last_received = Some(now),
+            Message::Ambient(_) => self.world.last_received = Some(now),
             Message::Model(_) if self.real => self.world.last_received = Some(now),
             _ => {}
         }

@@ -3,10 +3,10 @@
 use crate::figure::Figure;
 use std::fmt::Write as _;
 
-/// `text` with the characters that HTML gives a meaning replaced.
+/// `text` with the characters that HTML gives a meaning, and those that would change how the rest is shown, replaced.
 pub(crate) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
-    for c in text.chars() {
+    for c in protocol::text::printable_lines(text).chars() {
         match c {
             '&' => escaped.push_str("&amp;"),
             '<' => escaped.push_str("&lt;"),

@@ -12,6 +12,7 @@ use protocol::message::{
     ControlLevel, Estimate, Extension, Health, Message, Mode, Model, Peak, Phase, PromisingPoint,
     Reading, Severity, State, VehicleKind,
 };
+use protocol::text::printable;
 use protocol::{Envelope, SimTime, Topic};
 use record::tracks::Tracks;
 use serde_json::{Value, json};
@@ -185,7 +186,7 @@ impl LiveState {
                     time: envelope.time,
                     agent: agent.to_string(),
                     severity: e.severity,
-                    text: e.text.clone(),
+                    text: printable(&e.text).into_owned(),
                 };
                 self.take_event(event);
             }

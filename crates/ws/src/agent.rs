@@ -12,9 +12,9 @@ use plume::{DispersionModel, Place, Puffs, UnsteadyAir};
 use protocol::key::Name;
 use protocol::message::{
     Ambient, Estimate, Extension, Flux, FluxMethod, GapCause, MechanismSetting, Model, Observation,
-    Peak, PeakStatus, Severity, State, Weather, WindRow,
+    Peak, PeakStatus, Severity, State, VehicleKind as FlownKind, Weather, WindRow,
 };
-use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
+use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, Pauses, SimTime, Topic};
 use rand::rngs::ChaCha8Rng;
 use scenario::Scenario;
 use scenario::airspace::{Airspace, SETPOINT_MARGIN_M};
@@ -23,8 +23,10 @@ use scenario::tables::{VehicleKind, WindFollows};
 use scenario::uncertain::Uncertain;
 use std::collections::BTreeMap;
 
-/// Time between two ambients of a vehicle, s.
+/// Time between two ambients of a simulated vehicle, which flies in them, s.
 const AMBIENT_S: f64 = 0.1;
+/// Time between two ambients of a real vehicle, s: the heartbeat by which it knows that the world lives.
+const HEARTBEAT_S: f64 = 1.0;
 /// Time between two corrections of the model, s.
 const CORRECTION_S: f64 = 10.0;
 /// One standard deviation of a scenario's wind speed where it states none, as a part of it: that of a forecast.
@@ -45,9 +47,10 @@ pub struct WorldSimulatorConfig {
     pub terrain: Terrain,
 }
 
-/// A vehicle that flies in this world.
+/// A vehicle of the team.
 struct TeamVehicle {
     name: Name,
+    /// Where it was last, and whether it is simulated.
     state: Option<State>,
     gust: Dryden,
     rng: ChaCha8Rng,
@@ -73,7 +76,7 @@ pub struct WorldSimulator {
     wind_sd_m_s: f64,
     /// Index of each real vehicle in the calibrator.
     real: BTreeMap<String, usize>,
-    /// The team; whoever is simulated now gets its air from here.
+    /// The team; each gets its air from here.
     vehicles: Vec<TeamVehicle>,
     /// Their places by name.
     places: BTreeMap<Name, usize>,
@@ -85,6 +88,7 @@ pub struct WorldSimulator {
     readings_used: u64,
     /// Weather that is not said yet.
     news: Option<Weather>,
+    pauses: Pauses,
 }
 
 impl WorldSimulator {
@@ -144,6 +148,7 @@ impl WorldSimulator {
             next_correction_s: 0.0,
             readings_used: 0,
             news: None,
+            pauses: Pauses::default(),
         })
     }
 
@@ -230,6 +235,10 @@ impl WorldSimulator {
                 ),
             }
         }
+        self.publish_model(now_s, out);
+    }
+
+    fn publish_model(&self, now_s: f64, out: &mut Outbox) {
         out.say(Topic::Model, Message::Model(Box::new(self.model(now_s))));
     }
 
@@ -400,7 +409,11 @@ impl WorldSimulator {
             let Some(state) = vehicle.state.clone() else {
                 continue;
             };
-            vehicle.next_s = now_s + AMBIENT_S;
+            let period_s = match state.kind {
+                FlownKind::Simulated => AMBIENT_S,
+                FlownKind::Real => HEARTBEAT_S,
+            };
+            vehicle.next_s = now_s + period_s;
             let at = Geodetic {
                 lat_deg: state.lat_deg,
                 lon_deg: state.lon_deg,
@@ -419,6 +432,7 @@ impl WorldSimulator {
             };
             let gust_ned_m_s = gust(
                 vehicle,
+                period_s,
                 state.airspeed_m_s,
                 &wind,
                 above_ground_m,
@@ -455,6 +469,7 @@ fn of_a_sensor(id: &str) -> bool {
 /// wind, and the filter runs at the airspeed: the vehicle flies through a frozen field (Taylor 1938).
 fn gust(
     vehicle: &mut TeamVehicle,
+    period_s: f64,
     airspeed_m_s: f64,
     wind: &WindProfile,
     above_ground_m: f64,
@@ -465,7 +480,7 @@ fn gust(
     let [along, across, down] =
         vehicle
             .gust
-            .step(AMBIENT_S, airspeed_m_s, &turbulence, &mut vehicle.rng);
+            .step(period_s, airspeed_m_s, &turbulence, &mut vehicle.rng);
     let toward = WindVector::from_speed_and_direction(1.0, wind.from_deg());
     [
         along * toward.north_m_s - across * toward.east_m_s,
@@ -493,8 +508,7 @@ impl Agent for WorldSimulator {
                 let place = self.places.get(name).copied();
                 let vehicle = place.and_then(|k| self.vehicles.get_mut(k));
                 if let (Some(vehicle), Message::State(state)) = (vehicle, &envelope.message) {
-                    let simulated = state.kind == protocol::message::VehicleKind::Simulated;
-                    vehicle.state = simulated.then(|| state.clone());
+                    vehicle.state = Some(state.clone());
                 }
             }
             Event::Message(_, envelope) => match &envelope.message {
@@ -505,6 +519,10 @@ impl Agent for WorldSimulator {
             Event::Tick => {
                 if let Some(weather) = self.news.take() {
                     self.say_weather(weather, now.s(), out);
+                }
+                // Whoever waited for the model gets it before the next correction, which may take long.
+                if self.pauses.tick(now) > 0 {
+                    self.publish_model(now.s(), out);
                 }
                 if now.s() + 1e-9 >= self.next_correction_s {
                     self.next_correction_s = now.s() + CORRECTION_S;

@@ -30,6 +30,8 @@ pub(super) struct Causes {
     /// Of each of [`BITS`], whether it is enabled and unhealthy; none before the first SYS_STATUS.
     unhealthy: Option<[bool; 3]>,
     fence_broken: bool,
+    /// Whether the fence on board is switched on by its SYS_STATUS; none while that has shown no fence.
+    fence_is_on: Option<bool>,
 }
 
 impl Causes {
@@ -61,16 +63,21 @@ impl Causes {
                 self.latest = Some((now, danger));
             }
         }
-        if status
-            .onboard_control_sensors_enabled
-            .contains(MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE)
+        let fence = MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE;
+        let is_on = status.onboard_control_sensors_enabled.contains(fence);
+        if is_on
+            || status.onboard_control_sensors_present.contains(fence)
+            || self.fence_is_on.is_some()
         {
+            // A fence that is switched off is not broken, wherever the vehicle is.
+            self.fence_is_on = Some(is_on);
             self.fence_broken = bad[0];
         }
     }
 
     /// Takes in FENCE_STATUS.
     pub(super) fn fence(&mut self, broken: bool, now: SimTime) {
+        let broken = broken && self.fence_is_on != Some(false);
         if broken && !self.fence_broken {
             self.latest = Some((now, Danger::Fence));
         }

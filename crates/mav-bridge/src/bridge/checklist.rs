@@ -1,6 +1,7 @@
 //! What is looked at before anything is commanded, with what was found and what would be right.
 
 use super::BridgeConfig;
+use super::batteries::Batteries;
 use super::fence::FenceOnBoard;
 use crate::dialect::{
     EkfStatusFlags, GPS_RAW_INT_DATA, GpsFixType, HOME_POSITION_DATA, MavSysStatusSensor,
@@ -20,7 +21,7 @@ const WAIT_S: f64 = 4.0;
 /// Fewest satellites that a fix should have.
 const SATELLITES: u8 = 6;
 /// Charge with which a flight may begin, per cent, and with which it should.
-const BATTERY_PCT: (i8, i8) = (20, 50);
+const BATTERY_PCT: (u8, u8) = (20, 50);
 /// Distance of the vehicle's home from the scenario's that is none, and that breaks its fence (`va`), m.
 const HOME_M: (f64, f64) = (50.0, 500.0);
 /// Heights of SRTM are right to this in nine of ten cases, m (Farr et al. 2007, the mission's goal).
@@ -72,6 +73,7 @@ pub(super) struct Told {
     pub gps: Option<GPS_RAW_INT_DATA>,
     pub ekf: Option<EkfStatusFlags>,
     pub status: Option<SYS_STATUS_DATA>,
+    pub batteries: Batteries,
     pub home: Option<HOME_POSITION_DATA>,
     pub fence: Option<FenceOnBoard>,
     pub custom_mode: u32,
@@ -263,26 +265,21 @@ impl Checklist {
     }
 
     fn battery(&self) -> Point {
-        let left = self.told.status.as_ref().map(|s| s.battery_remaining);
-        match left {
-            None => untold("battery", "SYS_STATUS"),
-            Some(left) if left < 0 => {
-                let words = "the vehicle does not report its charge; expected a battery monitor (BATT_MONITOR)";
-                point("battery", Verdict::Doubtful, words.into())
+        let Some(battery) = self.told.batteries.lowest_for_flight() else {
+            if self.told.status.is_none() {
+                return untold("battery", "SYS_STATUS");
             }
-            Some(left) => {
-                let (verdict, then) = match left {
-                    left if left <= BATTERY_PCT.0 => {
-                        (Verdict::Refused, "; expected a higher charge")
-                    }
-                    left if left < BATTERY_PCT.1 => {
-                        (Verdict::Doubtful, "; expected a full battery")
-                    }
-                    _ => (Verdict::Right, ""),
-                };
-                point("battery", verdict, format!("{left} %{then}"))
-            }
-        }
+            let words =
+                "the vehicle does not report its charge; expected a battery monitor (BATT_MONITOR)";
+            return point("battery", Verdict::Doubtful, words.into());
+        };
+        let (verdict, then) = match battery.left_pct {
+            left if left <= BATTERY_PCT.0 => (Verdict::Refused, "; expected a higher charge"),
+            left if left < BATTERY_PCT.1 => (Verdict::Doubtful, "; expected a full battery"),
+            _ => (Verdict::Right, ""),
+        };
+        let words = format!("{battery} at {} %{then}", battery.left_pct);
+        point("battery", verdict, words)
     }
 
     /// The vehicle's own checks before arming.

@@ -23,7 +23,7 @@ impl Bridge {
             autopilot: self.config.profile.name.to_owned(),
             flight_mode: heartbeat.map(|h| self.config.profile.modes.name(h.custom_mode)),
             armed: heartbeat.map(|_| self.telemetry.armed()),
-            battery_percent: status.and_then(|s| u8::try_from(s.battery_remaining).ok()),
+            battery_percent: told.batteries.lowest_for_flight().map(|b| b.left_pct),
             battery_v: status
                 .map(|s| s.voltage_battery)
                 .filter(|mv| *mv != UNKNOWN_MV)

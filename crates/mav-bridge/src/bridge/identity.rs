@@ -5,10 +5,13 @@ use super::BridgeConfig;
 use crate::dialect::{HEARTBEAT_DATA, MavAutopilot, MavType};
 use crate::wire::RawFrame;
 use protocol::SimTime;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// How long is listened for a second autopilot before the first is commanded, s: two heartbeats of each.
 const LISTEN_S: f64 = 2.5;
+
+/// A ground station whose last heartbeat is older has gone, s: two of three heartbeats may be lost.
+const STATION_LASTS_S: f64 = 3.5;
 
 /// What a heartbeat brings to light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,6 +36,8 @@ pub(super) struct Identity {
     since: Option<SimTime>,
     /// Autopilots heard, by their systems.
     heard: BTreeSet<u8>,
+    /// Other ground stations and when each was heard last.
+    stations: BTreeMap<u8, SimTime>,
     same_station: bool,
     ambiguous: bool,
     certain: bool,
@@ -47,6 +52,7 @@ impl Identity {
             system: config.vehicle_system_id,
             since: None,
             heard: BTreeSet::new(),
+            stations: BTreeMap::new(),
             same_station: false,
             ambiguous: false,
             certain: config.vehicle_system_id.is_some(),
@@ -61,6 +67,13 @@ impl Identity {
     /// Whether it is known well enough to command it.
     pub(super) fn is_certain(&self) -> bool {
         self.certain
+    }
+
+    /// Other ground stations that were heard in the last seconds, by their systems.
+    pub(super) fn stations(&self, now: SimTime) -> impl Iterator<Item = u8> {
+        let heard = move |at: &SimTime| now.since_s(*at) <= STATION_LASTS_S;
+        let stations = self.stations.iter();
+        stations.filter(move |(_, at)| heard(at)).map(|(id, _)| *id)
     }
 
     /// Time has passed.
@@ -91,6 +104,7 @@ impl Identity {
     ) -> Found {
         let system = frame.system_id();
         if heartbeat.mavtype == MavType::MAV_TYPE_GCS {
+            self.stations.insert(system, now);
             let told = system != self.own || std::mem::replace(&mut self.same_station, true);
             return if told {
                 Found::Nothing

@@ -1,13 +1,14 @@
 //! What comes from the vehicle.
 
 use super::attitude::STEERING_HZ;
+use super::batteries::Battery;
 use super::checklist;
 use super::identity::Found;
 use super::{Bridge, BridgeOutput, Checklist};
 use crate::authority::{BridgePhase, HeartbeatState};
 use crate::command_queue::VehicleCommand;
 use crate::dialect::{
-    AIRSPEED_DATA, ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, EkfStatusFlags,
+    AIRSPEED_DATA, ATTITUDE_DATA, BATTERY_STATUS_DATA, EXTENDED_SYS_STATE_DATA, EkfStatusFlags,
     GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, HEARTBEAT_DATA, HOME_POSITION_DATA,
     HYGROMETER_SENSOR_DATA, MavAutopilot, MavMessage, MavParamType, MavSeverity, MavState, MavType,
     PARAM_VALUE_DATA, POSITION_TARGET_GLOBAL_INT_DATA, SCALED_PRESSURE_DATA, SYS_STATUS_DATA,
@@ -25,8 +26,6 @@ use protocol::message::Severity;
 const NO_FRAMES_AFTER_BYTES: u64 = 2000;
 /// Telemetry asked for must have come after this long, s.
 const TELEMETRY_WITHIN_S: f64 = 10.0;
-/// Battery level at which the team is warned, per cent.
-const BATTERY_LOW_PCT: i8 = 20;
 /// Rate of the home position, which changes once, 1/s.
 const HOME_HZ: f64 = 0.5;
 /// Rate of what changes slowly, 1/s.
@@ -323,6 +322,7 @@ impl Bridge {
             (HYGROMETER_SENSOR_DATA::ID, SLOW_HZ),
             (EXTENDED_SYS_STATE_DATA::ID, SLOW_HZ),
             (SYS_STATUS_DATA::ID, 1.0),
+            (BATTERY_STATUS_DATA::ID, 1.0),
             (AIRSPEED_DATA::ID, SLOW_HZ),
             (POSITION_TARGET_GLOBAL_INT_DATA::ID, SLOW_HZ),
             (GPS_RAW_INT_DATA::ID, 1.0),
@@ -430,15 +430,19 @@ impl Bridge {
                 let said = text(&m.text[..]);
                 self.causes.text(&said, self.config.profile.causes, now);
                 if !self.is_repeated(&said, now) {
-                    out.events.push(event(severity, "vehicle-says", said));
+                    out.events.extend(self.texts.take(severity, &said, now));
                 }
             }
             MavMessage::SYS_STATUS(m) => {
                 self.causes.status(&m, now);
-                self.on_battery(m.battery_remaining, out);
+                self.checklist
+                    .told
+                    .batteries
+                    .take_unnamed(m.battery_remaining);
                 self.checklist.told.status = Some(m);
+                self.check_batteries(out);
             }
-            MavMessage::BATTERY_STATUS(m) => self.on_battery(m.battery_remaining, out),
+            MavMessage::BATTERY_STATUS(m) => self.on_battery(&m, out),
             other => self.on_fence(&other, now, out),
         }
     }
@@ -450,13 +454,29 @@ impl Bridge {
             && last.is_some_and(|(text, at)| text == said && now.since_s(at) < MODE_SETTLES_S)
     }
 
-    /// Takes in what is left in a battery, per cent; −1 if the vehicle does not know.
-    fn on_battery(&mut self, left_pct: i8, out: &mut BridgeOutput) {
-        if !(0..=BATTERY_LOW_PCT).contains(&left_pct) {
-            return;
+    fn on_battery(&mut self, status: &BATTERY_STATUS_DATA, out: &mut BridgeOutput) {
+        let battery = self.checklist.told.batteries.take(status);
+        if let Some(battery) = battery.filter(|b| b.is_low() && !b.is_for_flight())
+            && self.warned.other_batteries.insert(status.id)
+        {
+            let text = format!(
+                "{battery} at {} %: the vehicle does not fly by it, and flies on",
+                battery.left_pct
+            );
+            out.events
+                .push(event(Severity::Warning, "other-battery-low", text));
         }
+        self.check_batteries(out);
+    }
+
+    /// Warns of a low battery that the vehicle flies by, and brings it home.
+    fn check_batteries(&mut self, out: &mut BridgeOutput) {
+        let lowest = self.checklist.told.batteries.lowest_for_flight();
+        let Some(battery) = lowest.filter(Battery::is_low) else {
+            return;
+        };
         if !std::mem::replace(&mut self.warned.battery, true) {
-            let text = format!("battery at {left_pct} %");
+            let text = format!("{battery} at {} %", battery.left_pct);
             out.events
                 .push(event(Severity::Warning, "battery-low", text));
         }

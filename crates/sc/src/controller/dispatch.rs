@@ -12,15 +12,9 @@ use crate::separation::Corridor;
 use crate::tasks::VehicleTask;
 
 /// A vehicle is at its height when it is this near to it, m.
-const AT_HEIGHT_M: f64 = 12.0;
+pub(super) const AT_HEIGHT_M: f64 = 12.0;
 /// Longest wait for the height at the beginning of a pass, s.
 const WAIT_FOR_HEIGHT_S: f64 = 75.0;
-/// Least time between two take-offs, s: the next climbs below the one before.
-pub(super) const BETWEEN_TAKE_OFFS_S: f64 = 8.0;
-/// A neighbour takes off when the one before is this far above the separation in height, m.
-const CLEAR_OF_NEXT_M: f64 = 15.0;
-/// A vehicle that has not left the ground this long after its order does not hold up the next, s.
-const STUCK_S: f64 = 60.0;
 /// Seconds that a pass may be refused because others are in the way before the next pass is tried.
 const REFUSALS: usize = 60;
 /// Coming passes that are kept free.
@@ -36,6 +30,7 @@ const HEIGHT_STEPS: [f64; 7] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0];
 impl SquadronController {
     /// Gives every vehicle that has nothing to do, or has done it, its next order.
     pub(super) fn direct(&mut self, now: SimTime, out: &mut Outbox) {
+        self.reserve_climbs(now);
         self.launch(now, out);
         self.reserve_passes();
         self.reserve_ways_down();
@@ -44,81 +39,22 @@ impl SquadronController {
             if !self.fleet.vehicles[index].is_commandable() {
                 continue;
             }
-            match self.phase {
-                _ if self.tasks.each[index] == VehicleTask::Returning => {
-                    self.bring_home(index, out);
-                }
-                Phase::TakeOff | Phase::Home => {}
-                _ if self.fleet.vehicles[index].real && !self.passes().is_empty() => {
-                    self.fly_passes(index, now, out);
-                }
-                _ => self.search_on(index),
+            if self.tasks.each[index] == VehicleTask::Returning {
+                self.bring_home(index, out);
+                continue;
+            }
+            let busy =
+                self.makes_room(index, out) || matches!(self.phase, Phase::TakeOff | Phase::Home);
+            if busy {
+                continue;
+            }
+            if self.fleet.vehicles[index].real && !self.passes().is_empty() {
+                self.fly_passes(index, now, out);
+            } else {
+                self.search_on(index);
             }
         }
         self.land_in_turn(now, out);
-    }
-
-    /// Lets the vehicles rise, neighbours one after the other, real ones and higher layers first.
-    fn launch(&mut self, now: SimTime, out: &mut Outbox) {
-        if self.phase == Phase::Home {
-            return;
-        }
-        let vehicles = &self.fleet.vehicles;
-        let parked: Vec<usize> = (0..vehicles.len())
-            .filter(|&index| {
-                let v = &vehicles[index];
-                let parked = self.tasks.each[index] == VehicleTask::Parked;
-                let may = v.follows_setpoints && !self.tasks.called[index];
-                parked && may && v.track.is_some()
-            })
-            .collect();
-        for next in self.launch_order(parked) {
-            if self.fleet.vehicles[next].track.is_some_and(|s| s.airborne) {
-                self.tasks.each[next] = VehicleTask::Idle;
-            } else if self.may_take_off(next, now) {
-                self.tasks.each[next] = VehicleTask::TakingOff(now);
-                self.fleet.take_off(next, out);
-            }
-        }
-    }
-
-    /// Real vehicles first, then the highest layers.
-    pub(super) fn launch_order(&self, mut team: Vec<usize>) -> Vec<usize> {
-        let vehicles = &self.fleet.vehicles;
-        team.sort_by(|&a, &b| {
-            let layer = |k: usize| vehicles[k].layer_amsl_m;
-            let real_first = vehicles[b].real.cmp(&vehicles[a].real);
-            real_first.then(layer(b).total_cmp(&layer(a)))
-        });
-        team
-    }
-
-    /// Whether no neighbour is still near the ground, the climb is free, and there is time to come
-    /// down again.
-    fn may_take_off(&self, next: usize, now: SimTime) -> bool {
-        let climbs = |other: usize| matches!(self.tasks.each[other], VehicleTask::TakingOff(_));
-        let in_the_way = (0..self.fleet.vehicles.len()).any(|other| {
-            // Those who come down have their turn for good.
-            let comes_home = matches!(
-                self.tasks.each[other],
-                VehicleTask::Returning | VehicleTask::Landing(..)
-            );
-            self.are_neighbours(next, other) && (comes_home || self.has_just_left(other, now))
-        });
-        !in_the_way && self.fleet.is_climb_free(next, climbs) && self.has_time_for(next, now)
-    }
-
-    /// Whether a vehicle that takes off is not yet well above the ground.
-    fn has_just_left(&self, index: usize, now: SimTime) -> bool {
-        let VehicleTask::TakingOff(since) = self.tasks.each[index] else {
-            return false;
-        };
-        let v = &self.fleet.vehicles[index];
-        let airborne = v.track.is_some_and(|s| s.airborne);
-        let climbed_m = v.above_home_m().filter(|_| airborne).unwrap_or(0.0);
-        let waited_s = now.since_s(since);
-        let low = climbed_m < self.fleet.separation.height_m + CLEAR_OF_NEXT_M;
-        waited_s < BETWEEN_TAKE_OFFS_S || (low && waited_s < STUCK_S)
     }
 
     /// Lets a vehicle search that has no pass to fly.
@@ -127,16 +63,6 @@ impl SquadronController {
         let task = &mut self.tasks.each[index];
         if matches!(task, Idle | Approaching(..) | OnPass(_)) {
             *task = VehicleTask::Searching;
-        }
-    }
-
-    fn update_climb(&mut self, index: usize) {
-        let v = &self.fleet.vehicles[index];
-        let high = v
-            .track
-            .is_some_and(|s| s.airborne && s.position.height_m > v.layer_amsl_m - AT_HEIGHT_M);
-        if matches!(self.tasks.each[index], VehicleTask::TakingOff(_)) && high {
-            self.tasks.each[index] = VehicleTask::Idle;
         }
     }
 

@@ -9,7 +9,7 @@ use air::geo::{Enu, wrap_signed_deg};
 use protocol::{Outbox, SimTime};
 
 use super::SquadronController;
-use super::dispatch::BETWEEN_TAKE_OFFS_S;
+use super::take_off::BETWEEN_TAKE_OFFS_S;
 use crate::fleet::{CIRCLE_M, MARGIN_M, TeamVehicle};
 use crate::tasks::VehicleTask;
 use scenario::airspace::distance_between_segments_m;

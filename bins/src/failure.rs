@@ -1,6 +1,7 @@
 //! How a command ends when it does not end well.
 
 use net::NetError;
+use protocol::text::printable_lines;
 use std::process::ExitCode;
 use tasks::words::{in_words, with_causes};
 
@@ -35,8 +36,13 @@ impl Failure {
     /// What went wrong, with its causes.
     pub fn words(&self) -> String {
         let (Self::Input(error) | Self::Run(error)) = self;
-        with_causes(error.as_ref())
+        for_people(&with_causes(error.as_ref()))
     }
+}
+
+/// An error in words, whatever a file or another host has put into it.
+fn for_people(error: &str) -> String {
+    printable_lines(error).into_owned()
 }
 
 impl<E: Into<anyhow::Error>> From<E> for Failure {
@@ -63,7 +69,7 @@ pub fn arguments<T: clap::Parser>() -> T {
         if !error.use_stderr() {
             error.exit();
         }
-        eprint!("{}", in_words(&error.to_string()));
+        eprint!("{}", for_people(&in_words(&error.to_string())));
         std::process::exit(i32::from(WRONG_INPUT));
     })
 }
@@ -73,11 +79,14 @@ pub fn exit(result: Result<(), Failure>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Input(error)) => {
-            eprintln!("error: {}", in_words(&with_causes(error.as_ref())));
+            eprintln!(
+                "error: {}",
+                for_people(&in_words(&with_causes(error.as_ref())))
+            );
             ExitCode::from(WRONG_INPUT)
         }
         Err(Failure::Run(error)) => {
-            eprintln!("error: {}", with_causes(error.as_ref()));
+            eprintln!("error: {}", for_people(&with_causes(error.as_ref())));
             match error.downcast_ref::<NetError>() {
                 Some(NetError::Gone { .. } | NetError::Lost { .. }) => {
                     ExitCode::from(SOMEBODY_MISSING)

@@ -7,6 +7,7 @@ use mission::Setup;
 use mission::fed_vehicle::{FedVehicle, FeedTimes};
 use plume::{Gas, Unit};
 use protocol::SimTime;
+use protocol::text::printable;
 use scenario::Scenario;
 use scenario::observations::{
     OPTIONAL, ObservationStream, Observations, REQUIRED, SD_PPB, Streamed, checks,
@@ -278,7 +279,7 @@ impl LineFeed {
             Ok(None) => {}
             Err(why) => {
                 self.left_out += 1;
-                eprintln!("warning: line skipped: {why:#}");
+                eprintln!("warning: line skipped: {}", printable(&format!("{why:#}")));
             }
         }
         Ok(())

@@ -3,6 +3,7 @@
 use net::Net;
 use protocol::Envelope;
 use protocol::bus::Publication;
+use protocol::text::printable;
 use std::collections::BTreeSet;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -30,7 +31,7 @@ impl Listener {
 
     fn tell(&mut self, error: String) {
         if self.refused.len() < MOST_TOLD && !self.refused.contains(&error) {
-            eprintln!("warning: {error}");
+            eprintln!("warning: {}", printable(&error));
             self.refused.insert(error);
         }
     }

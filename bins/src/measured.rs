@@ -3,6 +3,7 @@
 use crate::{Failure, importing};
 use gap::flight::log::FlightLog;
 use plume::Gas;
+use protocol::text::printable;
 use scenario::observations::{self, DataQuality, Observations};
 use std::path::{Path, PathBuf};
 use tasks::measured;
@@ -63,7 +64,7 @@ pub fn flight_by(file: &Path, map: Option<&Path>) -> Result<FlightLog, Failure> 
 /// Tells what was noticed in the data, on standard error.
 pub fn tell(notices: &[String]) {
     for notice in notices {
-        eprintln!("note: {notice}");
+        eprintln!("note: {}", printable(notice));
     }
 }
 
@@ -82,7 +83,9 @@ pub fn tell_flaws(flaws: &[DataQuality]) {
             message,
             ..
         } = flaw;
+        let platform = printable(platform);
         if before < TOLD_FLAWS {
+            let message = printable(message);
             eprintln!("raw data: {platform}, {from_s:.0} to {to_s:.0} s: {message}");
         } else if before == TOLD_FLAWS {
             let more = flaws[k..].iter().filter(|f| alike(f, flaw)).count();

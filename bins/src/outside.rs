@@ -181,7 +181,9 @@ impl Outside {
                 {
                     vehicle.sign(signing_from(key, now));
                 }
-                self.links.serve(served.user, vehicle, now);
+                if let Some(link) = vehicle.link() {
+                    self.links.serve(served.user, link, now);
+                }
             }
         }
         Ok(())

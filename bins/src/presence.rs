@@ -6,6 +6,7 @@ use mission::{Setup, team};
 use net::Net;
 use protocol::SimTime;
 use protocol::message::Severity;
+use protocol::text::printable;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 use tasks::loopback;
@@ -54,7 +55,10 @@ pub fn watch(
                 eprintln!("the team is complete");
             } else if waited >= wait && !missing.is_empty() {
                 (wait, waited, told) = (AGAIN, Duration::ZERO, true);
-                eprintln!("warning: {}", words(&present, &missing, &connects_to));
+                eprintln!(
+                    "warning: {}",
+                    printable(&words(&present, &missing, &connects_to))
+                );
             }
             known = present;
         }

@@ -7,6 +7,7 @@ use air::wind::{WindProfile, WindSeries};
 use mission::Setup;
 use protocol::SimTime;
 use protocol::message::{Weather, WindRow};
+use protocol::text::printable;
 use scenario::weather::WeatherReports;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -84,7 +85,7 @@ impl WeatherFile {
                     self.path.display()
                 );
                 if self.wrong.as_ref() != Some(&words) {
-                    eprintln!("warning: {words}");
+                    eprintln!("warning: {}", printable(&words));
                     self.wrong = Some(words);
                 }
                 None

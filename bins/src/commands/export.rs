@@ -9,6 +9,7 @@ use clap::ValueEnum;
 use mission::{Setup, campaign};
 use plume::{Gas, Unit};
 use protocol::message::{Message, Model, Peak};
+use protocol::text::printable;
 use record::colour::Shown;
 use record::contour::PlumeLine;
 use record::export::foxglove::Converter;
@@ -110,7 +111,7 @@ pub fn export(arguments: &ExportArguments) -> Result<(), Failure> {
     let wrote = write(&source, arguments, undulation_m, &out)?;
     drop(waiting);
     for note in wrote.notes {
-        eprintln!("note: {note}");
+        eprintln!("note: {}", printable(&note));
     }
     println!("{}", wrote.what);
     println!("Output: {}", out.display());

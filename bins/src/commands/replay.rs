@@ -8,6 +8,7 @@ use mission::fed_vehicle::FedVehicle;
 use mission::{Member, Run};
 use protocol::key::Name;
 use protocol::message::Weather;
+use protocol::text::printable;
 use protocol::{Message, Topic};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
@@ -39,7 +40,7 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     let (recorded, ending) = recording.digest().map_err(Failure::input)?;
     drop(reading);
     if let Some(loss) = ending.loss() {
-        eprintln!("warning: {}: {loss}", path.display());
+        eprintln!("warning: {}: {}", path.display(), printable(&loss));
     }
     println!(
         "mission {}, seed {}",

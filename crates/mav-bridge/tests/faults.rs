@@ -3,10 +3,10 @@
 use crate::frames::messages;
 use mav_bridge::arduplane::{FBWA, GUIDED, MANUAL, RTL, TAKEOFF};
 use mav_bridge::dialect::{
-    ATTITUDE_DATA, FENCE_STATUS_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA, MavAutopilot,
-    MavMessage, MavModeFlag, MavResult, MavSeverity, MavState, MavSysStatusSensor, MavType,
-    NAMED_VALUE_FLOAT_DATA, POSITION_TARGET_GLOBAL_INT_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
-    VFR_HUD_DATA,
+    ATTITUDE_DATA, BATTERY_STATUS_DATA, FENCE_STATUS_DATA, GLOBAL_POSITION_INT_DATA,
+    HEARTBEAT_DATA, MavAutopilot, MavBatteryFunction, MavMessage, MavModeFlag, MavResult,
+    MavSeverity, MavState, MavSysStatusSensor, MavType, NAMED_VALUE_FLOAT_DATA,
+    POSITION_TARGET_GLOBAL_INT_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, VFR_HUD_DATA,
 };
 use mav_bridge::signing::{Signing, SigningConfig};
 use mav_bridge::wire::{CommandAck, FrameDecoder, FrameEncoder, MessageData, RawFrame};
@@ -397,6 +397,146 @@ fn a_fence_on_board_is_told_by_its_health_or_its_status_alone() {
         bench.bridge.hand_back(&mut bench.out);
         assert!(bench.bridge.hand_back_pending());
     }
+}
+
+/// ArduPlane keeps the bit of a fence on board present while the fence is off; a vehicle may also leave it out.
+#[test]
+fn a_fence_switched_off_while_broken_does_not_hold_the_vehicle() {
+    let fence = MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE;
+    for (present, by_text) in [(true, false), (false, false), (true, true)] {
+        let mut vehicle = FrameEncoder::new(1, 1);
+        let mut bench = Bench::in_guided(&mut vehicle);
+        bench.hear(&mut vehicle, &status(MavSysStatusSensor::empty()));
+        let breach = FENCE_STATUS_DATA {
+            breach_status: 1,
+            ..FENCE_STATUS_DATA::default()
+        };
+        if by_text {
+            bench.hear(&mut vehicle, &says("Polygon fence breached"));
+        } else {
+            bench.hear(&mut vehicle, &status(fence));
+        }
+        flying(&mut bench, &mut vehicle, RTL, MavState::MAV_STATE_ACTIVE);
+        assert!(bench.bridge.control().has(Danger::Fence));
+        bench.bridge.hand_back(&mut bench.out);
+        assert_eq!(bench.said("hand-back-refused").len(), 1);
+        let on = status(MavSysStatusSensor::empty());
+        let off = SYS_STATUS_DATA {
+            onboard_control_sensors_present: if present {
+                fence
+            } else {
+                MavSysStatusSensor::empty()
+            },
+            onboard_control_sensors_enabled: on.onboard_control_sensors_enabled - fence,
+            ..on
+        };
+        bench.hear(&mut vehicle, &off);
+        // What is still said of it comes from a fence that acts no more.
+        bench.hear(&mut vehicle, &breach);
+        flying(&mut bench, &mut vehicle, RTL, MavState::MAV_STATE_ACTIVE);
+        assert!(!bench.bridge.control().has(Danger::Fence));
+        bench.bridge.hand_back(&mut bench.out);
+        assert!(bench.bridge.hand_back_pending());
+    }
+}
+
+/// MAVLink's BATTERY_STATUS, one for each battery (mavlink/mavlink issue 1182).
+#[test]
+fn only_a_low_battery_that_it_flies_by_brings_it_home() {
+    use MavBatteryFunction as Function;
+    let battery = |id, battery_function, battery_remaining| BATTERY_STATUS_DATA {
+        id,
+        battery_function,
+        battery_remaining,
+        ..BATTERY_STATUS_DATA::default()
+    };
+    for (id, function, name, home) in [
+        (1, Function::MAV_BATTERY_FUNCTION_PAYLOAD, "PAYLOAD", false),
+        (
+            1,
+            Function::MAV_BATTERY_FUNCTION_AVIONICS,
+            "AVIONICS",
+            false,
+        ),
+        (0, Function::MAV_BATTERY_FUNCTION_UNKNOWN, "UNKNOWN", true),
+        (0, Function::MAV_BATTERY_FUNCTION_ALL, "ALL", true),
+        (
+            2,
+            Function::MAV_BATTERY_FUNCTION_PROPULSION,
+            "PROPULSION",
+            true,
+        ),
+    ] {
+        let mut vehicle = FrameEncoder::new(1, 1);
+        let mut bench = Bench::in_guided(&mut vehicle);
+        bench.hear(&mut vehicle, &status(MavSysStatusSensor::empty()));
+        bench.hear(&mut vehicle, &battery(id, function, 12));
+        bench.hear(&mut vehicle, &battery(id, function, 11));
+        let words = format!("battery {id} (function {name}) at 12 %");
+        let code = if home {
+            "battery-low"
+        } else {
+            "other-battery-low"
+        };
+        let told = bench.said(code);
+        assert!(told.len() == 1 && told[0].contains(&words), "{told:?}");
+        let level = if home {
+            ControlLevel::Guardian
+        } else {
+            ControlLevel::Automatic
+        };
+        assert_eq!(bench.bridge.level(), level, "{name}");
+    }
+}
+
+#[test]
+fn a_text_of_the_vehicle_is_shown_and_not_obeyed_and_a_flood_of_it_is_counted() {
+    let mut vehicle = FrameEncoder::new(1, 1);
+    let mut bench = Bench::in_guided(&mut vehicle);
+    let raw = "\u{1b}]0;owned\u{7}\u{1b}[2J\u{202e}ok";
+    for _ in 0..500 {
+        bench.hear(&mut vehicle, &says(raw));
+    }
+    bench.run(11.0, |_| {});
+    let shown = r"\u{1b}]0;owned\u{7}\u{1b}[2J\u{202e}ok";
+    assert_eq!(
+        bench.said("vehicle-says"),
+        [shown, &format!("{shown} (499 more times in 10 s)")]
+    );
+}
+
+/// The vehicle's failsafe listens for one ground station, by MAV_GCS_SYSID; another one does not calm it.
+#[test]
+fn a_vehicle_that_is_let_go_gets_the_heartbeat_alone_until_the_station_that_it_misses_is_there() {
+    let mut vehicle = FrameEncoder::new(1, 1);
+    let mut bench = Bench::in_guided(&mut vehicle);
+    bench.setpoint(&go_to(500.0));
+    bench.out.clear();
+    for k in 0..50 {
+        bench.time_s += 0.1;
+        if k % 10 == 0 {
+            flying(&mut bench, &mut vehicle, FBWA, MavState::MAV_STATE_ACTIVE);
+        }
+        let now = bench.now();
+        bench.bridge.keep_alive(now, &mut bench.out);
+    }
+    let sent = messages(&bench.out.frames_to_vehicle);
+    let heartbeats = sent
+        .iter()
+        .filter(|m| matches!(m, MavMessage::HEARTBEAT(_)));
+    assert_eq!((heartbeats.count(), sent.len()), (5, 5));
+    let station = HEARTBEAT_DATA {
+        mavtype: MavType::MAV_TYPE_GCS,
+        autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
+        ..heartbeat(0, MavState::MAV_STATE_ACTIVE)
+    };
+    for (id, calms) in [(254, false), (255, true)] {
+        bench.hear(&mut FrameEncoder::new(id, 190), &station);
+        let now = bench.now();
+        assert_eq!(bench.bridge.other_station(now), calms.then_some(id));
+    }
+    bench.time_s += 5.0;
+    assert_eq!(bench.bridge.other_station(bench.now()), None);
 }
 
 #[test]

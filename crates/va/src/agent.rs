@@ -297,6 +297,98 @@ mod tests {
         }
     }
 
+    /// A real vehicle in the air, once a second, and what the world sends it meanwhile; when the world's silence
+    /// counts, s.
+    fn world_missed_at_s(until_s: f64, sends: impl Fn(f64) -> Option<Message>) -> Option<f64> {
+        let text = include_str!("../../../scenarios/as-pontes.toml");
+        let scenario = Scenario::parse("as-pontes.toml", text).unwrap();
+        let aircraft =
+            fdm::Aircraft::from_toml("x8.toml", include_str!("../../../aircraft/x8.toml")).unwrap();
+        let monitor = SafetyMonitor::new(&scenario, 5).unwrap();
+        let body = BridgedVehicle::new(aircraft.surfaces);
+        let mut va =
+            VirtualAircraft::new("6", VehicleBackend::Bridged(Box::new(body)), monitor).unwrap();
+        let name = Name::new("6").unwrap();
+        let mut out = Outbox::default();
+        for tick in 0..(until_s * 10.0) as u64 {
+            let now = SimTime::of_tick(tick, 100_000_000);
+            let mut said = vec![(Topic::Plan, Message::Plan(plan()))];
+            if tick % 10 == 0 {
+                said.extend(sends(now.s()).map(|m| (Topic::Ambient(name.clone()), m)));
+            }
+            for (topic, message) in said {
+                let envelope = Envelope {
+                    sender: topic.writer(),
+                    sequence: tick + 1,
+                    time: now,
+                    message,
+                };
+                va.handle(Event::Message(&topic, &envelope), now, &mut out);
+            }
+            let VehicleBackend::Bridged(body) = va.backend_mut() else {
+                panic!("a bridge")
+            };
+            body.receive(crate::BridgeReport {
+                state: Some(in_the_air()),
+                ..crate::BridgeReport::default()
+            });
+            va.handle(Event::Tick, now, &mut out);
+            let VehicleBackend::Bridged(body) = va.backend_mut() else {
+                panic!("a bridge")
+            };
+            let missed = ControlEvent::Begins(protocol::control_level::Danger::World);
+            if body.take_control_events().contains(&missed) {
+                return Some(now.s());
+            }
+        }
+        None
+    }
+
+    fn plan() -> protocol::message::Plan {
+        protocol::message::Plan {
+            phase: protocol::message::Phase::Search,
+            assignments: Vec::new(),
+            peak: None,
+        }
+    }
+
+    fn in_the_air() -> State {
+        State {
+            kind: protocol::message::VehicleKind::Real,
+            lat_deg: 43.45,
+            lon_deg: -7.8631,
+            alt_amsl_m: 700.0,
+            vel_ned_m_s: [18.0, 0.0, 0.0],
+            roll_deg: 0.0,
+            pitch_deg: 0.0,
+            heading_deg: 0.0,
+            airspeed_m_s: 18.0,
+            throttle: 0.5,
+            airborne: true,
+        }
+    }
+
+    fn ambient() -> Message {
+        Message::Ambient(protocol::message::Ambient {
+            wind_ned_m_s: [0.0; 3],
+            gust_ned_m_s: [0.0; 3],
+            temperature_k: 288.0,
+            pressure_pa: 95_000.0,
+            co2_ppm: 420.0,
+            ground_amsl_m: 340.0,
+        })
+    }
+
+    #[test]
+    fn a_real_vehicle_misses_the_world_25_s_after_its_last_heartbeat_and_not_when_it_is_back() {
+        let alive = |s: f64| s < 40.0;
+        let gone = world_missed_at_s(120.0, |s| alive(s).then(ambient));
+        // The last one came at 39 s.
+        assert!(gone.is_some_and(|s| (64.0..64.3).contains(&s)), "{gone:?}");
+        let back = |s: f64| (alive(s) || s >= 62.0).then(ambient);
+        assert_eq!(world_missed_at_s(120.0, back), None);
+    }
+
     /// The reference mission: the fence ends at 43.480° north, and reaches from 460 to 1,240 m AMSL.
     #[test]
     fn it_does_not_leave_its_fence_and_height_band_whoever_sends_it() {

@@ -542,6 +542,59 @@ mod tests {
     use protocol::message::{Reading, VehicleKind as Kind};
 
     #[test]
+    fn a_real_vehicle_hears_the_world_every_second_and_the_model_as_soon_as_it_is_back() {
+        let text = include_str!("../../../scenarios/as-pontes.toml");
+        let mut ws = WorldSimulator::new(WorldSimulatorConfig {
+            terrain: Terrain::Flat(340.0),
+            wind_series: None,
+            scenario: Scenario::parse("as-pontes.toml", text).unwrap(),
+        })
+        .unwrap();
+        let state = State {
+            kind: Kind::Real,
+            lat_deg: 43.45,
+            lon_deg: -7.86,
+            alt_amsl_m: 700.0,
+            vel_ned_m_s: [18.0, 0.0, 0.0],
+            roll_deg: 0.0,
+            pitch_deg: 0.0,
+            heading_deg: 0.0,
+            airspeed_m_s: 18.0,
+            throttle: 0.5,
+            airborne: true,
+        };
+        let topic = Topic::State(Name::new("6").unwrap());
+        let mut at = |ticks: std::ops::Range<u64>| {
+            let (mut ambients, mut models) = (0, Vec::new());
+            for tick in ticks {
+                let now = SimTime::of_tick(tick, 20_000_000);
+                let mut out = Outbox::default();
+                let envelope = Envelope {
+                    sender: AgentId::va("6").unwrap(),
+                    sequence: tick + 1,
+                    time: now,
+                    message: Message::State(state.clone()),
+                };
+                ws.handle(Event::Message(&topic, &envelope), now, &mut out);
+                ws.handle(Event::Tick, now, &mut out);
+                for (_, message) in out.drain() {
+                    ambients += usize::from(matches!(message, Message::Ambient(_)));
+                    if matches!(message, Message::Model(_)) {
+                        models.push(now.s());
+                    }
+                }
+            }
+            (ambients, models)
+        };
+        // 50 ticks a second.
+        assert_eq!(at(0..500), (10, vec![0.0]));
+        assert_eq!(at(500..600), (2, vec![10.0]));
+        // Stopped for 6 s: both at once, although the next correction is due at 20 s.
+        assert_eq!(at(900..901), (1, vec![18.0]));
+        assert_eq!(at(901..1001), (2, vec![20.0]));
+    }
+
+    #[test]
     fn further_sources_come_and_go_as_readings_show_them() {
         let text = "[site]\nlat_deg=43.4\nlon_deg=-7.8\nground_amsl_m=340\n\
             [[source]]\nname=\"stack\"\nlat_deg=43.4\nlon_deg=-7.8\nemission_kg_s=300\n";

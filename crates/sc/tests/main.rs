@@ -9,3 +9,4 @@
 mod common;
 mod mission;
 mod safety;
+mod take_off;

@@ -1,9 +1,6 @@
 //! Who rises first: real vehicles as soon as they are ready, simulated ones after them and out of their way.
-#![allow(clippy::unwrap_used)] // helpers of tests are not test functions themselves
 
-mod common;
-
-use common::{Miniature, as_pontes, assert_apart, assert_safe};
+use crate::common::{Miniature, as_pontes, assert_apart, assert_safe};
 use protocol::message::{PathKind, Phase};
 
 const REAL: usize = 5;

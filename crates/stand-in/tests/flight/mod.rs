@@ -8,7 +8,7 @@ use air::geo::{Enu, Geodetic};
 use mav_bridge::arduplane::{FBWA, GUIDED, RTL};
 use mav_bridge::{Bridge, BridgeConfig, BridgeOutput, Expectation};
 use protocol::control_level::{ControlEvent, Danger};
-use protocol::message::{ControlLevel, PathKind, Reading, Setpoint};
+use protocol::message::{ControlLevel, EventMessage, PathKind, Reading, Setpoint};
 use stand_in::Sticks;
 
 use crate::flight::pair::{
@@ -386,6 +386,35 @@ fn the_fence_on_board_is_read_and_put_there_where_that_is_asked_for() {
         );
     }
     assert!(!pair.vehicle.is_armed());
+}
+
+/// A radio with store and forward, or a satellite: half a second each way, more than the time to wait for an answer.
+#[test]
+fn a_vehicle_half_a_second_away_is_identified_checked_and_takes_off() {
+    let mut pair = Pair::new(3);
+    pair.delay = 25;
+    pair.bridge = Bridge::new(BridgeConfig {
+        vehicle_system_id: Some(pair.vehicle.system_id()),
+        expectation: Some(expectation()),
+        may_arm: true,
+        ..BridgeConfig::default()
+    })
+    .unwrap();
+    let mut ready_s = 0.0;
+    while !pair.bridge.follows_setpoints() && ready_s < 60.0 {
+        pair.run(0.1);
+        ready_s += 0.1;
+    }
+    // The parameters, one round trip, and the fence, which is not on board, another.
+    assert!(ready_s < 15.0, "{ready_s} s: {:#?}", pair.events);
+    assert_eq!(pair.said("connected"), 1);
+    let untold = |e: &&EventMessage| e.code == "checklist" && e.text.contains("does not report");
+    let untold: Vec<_> = pair.events.iter().filter(untold).collect();
+    assert!(untold.is_empty(), "{untold:#?}");
+    pair.take_off();
+    pair.run(20.0);
+    assert_eq!(pair.bridge.level(), ControlLevel::Automatic);
+    assert_eq!(pair.said("link-lost"), 0);
 }
 
 #[test]

@@ -8,6 +8,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use scenario::Scenario;
 use stand_in::{StandIn, StandInConfig};
+use std::collections::VecDeque;
 
 pub const TICK_NS: i64 = 20_000_000;
 pub const X8: &str = include_str!("../../../../aircraft/x8.toml");
@@ -31,6 +32,9 @@ pub struct Pair {
     pub to_vehicle: Vec<Vec<u8>>,
     pub up: Link,
     pub down: Link,
+    /// Ticks that frames are on their way, each way.
+    pub delay: usize,
+    on_the_way: [VecDeque<Vec<Vec<u8>>>; 2],
     pub state: Option<State>,
     pub readings: Vec<Reading>,
     pub events: Vec<EventMessage>,
@@ -58,6 +62,8 @@ impl Pair {
             to_vehicle: Vec::new(),
             up: |_, frames| frames,
             down: |_, frames| frames,
+            delay: 0,
+            on_the_way: [VecDeque::new(), VecDeque::new()],
             state: None,
             readings: Vec::new(),
             events: Vec::new(),
@@ -74,8 +80,10 @@ impl Pair {
     pub fn step(&mut self) {
         let now = self.now();
         let up = (self.up)(self.tick, std::mem::take(&mut self.to_vehicle));
+        let up = self.delayed(0, up);
         let from = self.vehicle.step(now, &up);
         let from = (self.down)(self.tick, from);
+        let from = self.delayed(1, from);
         let mut out = BridgeOutput::default();
         for bytes in &from {
             self.bridge.receive(bytes, now, &mut out);
@@ -91,6 +99,16 @@ impl Pair {
         self.received.extend(out.frames_from_vehicle);
         self.to_vehicle = out.frames_to_vehicle;
         self.tick += 1;
+    }
+
+    /// What arrives now of what was sent in that direction.
+    fn delayed(&mut self, way: usize, frames: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
+        let on_the_way = &mut self.on_the_way[way];
+        on_the_way.push_back(frames);
+        if on_the_way.len() <= self.delay {
+            return Vec::new();
+        }
+        on_the_way.pop_front().unwrap()
     }
 
     pub fn run(&mut self, seconds: f64) {

@@ -389,7 +389,7 @@ fn who_only_listens_needs_no_mission_and_hears_both_aircraft_at_its_port() {
     drop(aircraft);
     for id in [5, 6] {
         assert!(
-            said.contains(&format!("vehicle {id}: ArduPlane heard as system {id}")),
+            said.contains(&format!("vehicle {id}: ArduPlane found as system {id}")),
             "{said}"
         );
         let line = format!("vehicle {id}: system {id}, component 1, ");

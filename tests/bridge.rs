@@ -308,7 +308,7 @@ fn a_real_aircraft_that_is_let_go_gets_the_heartbeat_until_its_pilots_station_is
         told(
             &let_go,
             0,
-            "gets the heartbeat until its pilot's own ground station is heard",
+            "gets the heartbeat until its pilot's own ground station is received",
         );
         autopilot.stand_s(1);
         let after = autopilot.stand_s(4);

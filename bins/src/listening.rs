@@ -37,7 +37,7 @@ pub async fn until_joined(
         tokio::select! {
             clock = &mut ask => {
                 if !listeners.is_empty() {
-                    eprintln!("a mission is there: joined");
+                    eprintln!("the mission has begun: joined");
                 }
                 return Ok(Some(clock?));
             }
@@ -74,7 +74,7 @@ struct Heard {
 impl Listener {
     fn new((member, user): (Member, usize)) -> Self {
         eprintln!(
-            "vehicle {}: no mission is there yet; it is listened to meanwhile",
+            "vehicle {}: no mission yet; the bridge only listens to the vehicle",
             member.id().name()
         );
         Self {
@@ -153,7 +153,7 @@ impl Heard {
                 .map(|r| format!("gas {:.2} ppm", r.co2_ppm)),
         );
         if parts.is_empty() {
-            return "nothing is heard".to_owned();
+            return "nothing received".to_owned();
         }
         parts.join(", ")
     }

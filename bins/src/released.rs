@@ -13,7 +13,7 @@ pub const NONE: &str = "no real aircraft of this vehicle gets a heartbeat";
 /// What an operator hears of a swap after which the heartbeat goes on.
 pub fn kept(swapped: &str) -> String {
     format!(
-        "{swapped}; the real aircraft gets the heartbeat until its pilot's own ground station is heard, or until \
+        "{swapped}; the real aircraft gets the heartbeat until its pilot's own ground station is received, or until \
          plumage swap --simulated --release"
     )
 }
@@ -21,7 +21,7 @@ pub fn kept(swapped: &str) -> String {
 /// What is said when the pilot's station has taken over.
 pub fn taken_by(station: u8) -> String {
     format!(
-        "the pilot's ground station, system {station}, is heard: the heartbeat to the real aircraft has ended"
+        "the pilot's ground station, system {station}, is received: the heartbeat to the real aircraft has ended"
     )
 }
 

@@ -36,7 +36,7 @@ struct Aircraft {
     #[arg(long, value_name = "LINK")]
     real: Option<LinkAddress>,
     /// Fly the vehicle with a simulated aircraft, from its current position; the real one gets the heartbeat of its
-    /// bridge until another ground station is heard that its failsafe listens for
+    /// bridge until it receives another ground station that its failsafe listens for
     #[arg(long)]
     simulated: bool,
 }
@@ -80,7 +80,7 @@ fn warning(release: bool) -> &'static str {
          connected, its failsafe for a lost ground station acts some seconds later"
     } else {
         "a real aircraft in this place flies by its pilot alone from now on; it gets the heartbeat of its bridge until \
-         the pilot's own ground station is heard, or until --release"
+         the pilot's own ground station is received, or until --release"
     }
 }
 

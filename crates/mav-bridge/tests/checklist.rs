@@ -370,7 +370,7 @@ fn a_dry_run_shows_every_frame_and_sends_questions_alone() {
     let mode = |m: &MavMessage| matches!(m, MavMessage::COMMAND_LONG(c) if c.command as u16 == 176);
     assert_eq!(count(mode), 1, "TAKEOFF");
     let rate = |m: &MavMessage| matches!(m, MavMessage::COMMAND_LONG(c) if c.command as u16 == 511);
-    assert_eq!(count(rate), 14);
+    assert_eq!(count(rate), 15);
 }
 
 #[test]

@@ -827,5 +827,5 @@ fn no_rate_waits_for_the_answer_to_another() {
     let rates = asked
         .iter()
         .filter(|m| matches!(m, MavMessage::COMMAND_LONG(c) if c.command as u16 == 511));
-    assert_eq!(rates.count(), 13);
+    assert_eq!(rates.count(), 14);
 }

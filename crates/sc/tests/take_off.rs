@@ -25,6 +25,22 @@ fn ready_at(ready_s: f64, until_s: f64) -> Miniature {
     mini
 }
 
+/// Fails where another vehicle in the air is nearer to the real one than the scenario allows.
+fn assert_flown_apart(mini: &Miniature) {
+    let (fence, real) = (&mini.scenario.fence, &mini.team[REAL]);
+    for other in mini.team[..REAL].iter().filter(|p| p.airborne) {
+        let far = other.at.at.distance_m(real.at.at) >= fence.separation_m;
+        let gap_m = (other.at.height_m - real.at.height_m).abs();
+        assert!(
+            !real.airborne || far || gap_m >= fence.separation_height_m,
+            "{} s: {:?} and {:?}",
+            mini.time_s,
+            real.at,
+            other.at
+        );
+    }
+}
+
 #[test]
 fn simulated_vehicles_wait_for_a_real_one_that_is_ready_after_its_checklist() {
     let mini = ready_at(12.0, 200.0);
@@ -32,7 +48,7 @@ fn simulated_vehicles_wait_for_a_real_one_that_is_ready_after_its_checklist() {
     assert!(real_s <= 14.0, "the real one is ordered at {real_s} s");
     for simulated in 0..REAL {
         let after_s = ordered_s(&mini, simulated).unwrap() - real_s;
-        assert!((8.0..90.0).contains(&after_s), "{simulated}: {after_s} s");
+        assert!((8.0..150.0).contains(&after_s), "{simulated}: {after_s} s");
     }
     assert_safe(&mini);
     assert_apart(&mini);
@@ -67,7 +83,7 @@ fn they_do_not_wait_longer_than_a_minute_and_then_make_room_for_its_climb() {
         // It climbs through nobody.
         while !matches!(mini.team[REAL].order.as_ref().unwrap().path, PathKind::GoTo) {
             mini.second();
-            assert_eq!(over_home(&mini), 0, "at {} s", mini.time_s);
+            assert_flown_apart(&mini);
         }
         mini.run();
         assert_safe(&mini);

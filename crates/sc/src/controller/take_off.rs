@@ -2,7 +2,7 @@
 //! their way. A simulated vehicle can wait in the air or on the ground at no risk; a real one has a battery, and people
 //! who stand beside it.
 
-use csea::Position;
+use air::geo::Enu;
 use protocol::message::Phase;
 use protocol::{Outbox, SimTime};
 
@@ -105,7 +105,7 @@ impl SquadronController {
         let airborne = v.track.is_some_and(|s| s.airborne);
         let climbed_m = v.above_home_m().filter(|_| airborne).unwrap_or(0.0);
         let waited_s = now.since_s(since);
-        let low = climbed_m < self.fleet.separation.height_m + CLEAR_OF_NEXT_M;
+        let low = climbed_m < self.clear_of_next_m();
         waited_s < BETWEEN_TAKE_OFFS_S || (low && waited_s < STUCK_S)
     }
 
@@ -144,7 +144,8 @@ impl SquadronController {
     pub(super) fn makes_room(&mut self, index: usize, out: &mut Outbox) -> bool {
         let v = &self.fleet.vehicles[index];
         let climbing = matches!(self.tasks.each[index], VehicleTask::TakingOff(_));
-        let (Some(track), false) = (v.track, climbing) else {
+        let is_low = v.above_home_m().is_none_or(|m| m < self.clear_of_next_m());
+        let (Some(track), false) = (v.track, climbing && is_low) else {
             return false;
         };
         let end = v.order.map_or(track.position, |order| order.to);
@@ -153,22 +154,29 @@ impl SquadronController {
         };
         let beside_m = self.fleet.separation.distance_m + climb.orbit_m + v.circle_m + BESIDE_M;
         let (centre, here) = (climb.to.at, track.position);
-        let mut places: Vec<Position> = (0..DIRECTIONS)
+        let mut places: Vec<Enu> = (0..DIRECTIONS)
             .map(|k| f64::from(k) * 360.0 / f64::from(DIRECTIONS))
-            .map(|deg| Position {
-                at: centre.displaced(deg, beside_m),
-                height_m: end.height_m,
-            })
+            .map(|deg| centre.displaced(deg, beside_m))
             .collect();
         places.sort_by(|a, b| {
-            let off_m = |p: &Position| p.at.distance_m(here.at);
+            let off_m = |at: &Enu| at.distance_m(here.at);
             off_m(a).total_cmp(&off_m(b))
         });
-        for place in places {
-            if self.fleet.send(index, place, MAKE_ROOM, out) {
-                break;
-            }
+        // At its own height it crosses nobody who climbs above or below it.
+        let heights = [here.height_m, end.height_m];
+        let is_sent = places.into_iter().any(|at| {
+            let heights = heights.map(|m| self.fleet.airspace.clamp_at_m(at, m));
+            self.fleet
+                .send_at_free_height(index, at, &heights, MAKE_ROOM, out)
+        });
+        if is_sent && climbing {
+            self.tasks.each[index] = VehicleTask::Idle;
         }
         true
+    }
+
+    /// Height above home at which a vehicle that takes off is out of the way of the next, m.
+    fn clear_of_next_m(&self) -> f64 {
+        self.fleet.separation.height_m + CLEAR_OF_NEXT_M
     }
 }

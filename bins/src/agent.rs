@@ -73,10 +73,10 @@ pub struct BusArguments {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["tls_ca", "mission_key"])]
     pub keys: Option<PathBuf>,
     /// File with the mission key: 64 hexadecimal digits, readable only by its owner. Whoever has the key can command
-    /// the team [default: PLUMAGE_MISSION_KEY; on a single host, a key file that the first process creates]
+    /// the team [default: PLUMAGE_MISSION_KEY, else on a single host a file that the first process creates]
     #[arg(long, value_name = "FILE")]
     pub mission_key: Option<PathBuf>,
-    /// Certificate of the authority that signed the certificates of TLS endpoints (PEM)
+    /// Certificate of the authority that signs the certificates of all TLS endpoints (PEM)
     #[arg(long, value_name = "FILE")]
     pub tls_ca: Option<String>,
     /// Certificate of this process, for the TLS endpoints that it listens on (PEM)
@@ -85,10 +85,10 @@ pub struct BusArguments {
     /// Private key of this process, for the TLS endpoints that it listens on (PEM)
     #[arg(long, value_name = "FILE", requires = "tls_ca")]
     pub tls_key: Option<String>,
-    /// User name for listening processes that require a password; the password is read from PLUMAGE_PASSWORD
+    /// User name to connect with; its password is read from the environment variable PLUMAGE_PASSWORD
     #[arg(long, value_name = "NAME")]
     pub user: Option<String>,
-    /// Accept only the users in this file, one user:password a line
+    /// Accept connections only from the users in this file, with one user:password per line
     #[arg(long, value_name = "FILE")]
     pub password_file: Option<String>,
     /// Serve metrics for Prometheus at this address, such as 127.0.0.1:9100

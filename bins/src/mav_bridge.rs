@@ -18,9 +18,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-/// Connect real ArduPlane vehicles to the bus by MAVLink
+/// Connect real vehicles (ArduPilot or PX4) to the bus by MAVLink
 ///
-/// `mav-bridge stand-in` simulates such a vehicle on a link of its own; see `mav-bridge stand-in --help`.
+/// `mav-bridge stand-in` simulates an ArduPlane on a link of its own; see `mav-bridge stand-in --help`.
 #[derive(Debug, Parser)]
 #[command(
     name = "mav-bridge",
@@ -31,8 +31,8 @@ use std::time::{Duration, Instant};
 struct BridgeArguments {
     #[command(flatten)]
     bus: agent::BusArguments,
-    /// Ids of the vehicles in the scenario, separated by commas; several share the links and need different
-    /// system_id in the scenario
+    /// Ids of the vehicles in the scenario, separated by commas; several vehicles share the links and need different
+    /// values of system_id in the scenario
     #[arg(
         long,
         value_name = "ID",

@@ -38,8 +38,8 @@ pub struct NewArguments {
     /// Name of the mission, as mission.name in its scenario
     #[arg(long, value_name = "NAME")]
     mission: String,
-    /// Host with its name, addresses and roles, the latter two separated by commas; repeatable. Roles: sc, ws, va/ID, va
-    /// (any vehicle), op (operator's commands), watch (page and recorder) [default: all roles]
+    /// Host, its addresses and its roles, several of them separated by commas; repeatable. Roles: sc, ws, va/ID, va (any
+    /// vehicle), op (commands of the operator), watch (page and recorder) [default: all roles]
     #[arg(long, value_name = "NAME=ADDRESS[=ROLES]", required = true)]
     host: Vec<Host>,
     /// Folder in which each host gets its own folder

@@ -28,14 +28,14 @@ function layOut(figure, width, state, top, height) {
     return p;
   });
   const each = (width - GAP * (columns - 1)) / columns;
-  for (const p of panels) sizePanel(p, each, height);
+  for (const p of panels) { surround(p, each); sizePanel(p, each, height); }
   // Axes of one column stand above each other.
   for (const p of panels) p.margin = Math.max(...panels.filter(q => q.column === p.column).map(q => q.ownMargin));
   let y = top;
   for (let row = 0; row <= Math.max(...panels.map(p => p.row)); row++) {
     const ofRow = panels.filter(p => p.row === row);
-    for (const p of ofRow) finishPanel(p, each, columns === 1);
-    const head = Math.max(...ofRow.map(p => p.heading.length * LINE + 10));
+    for (const p of ofRow) finishPanel(p, each);
+    const head = Math.max(...ofRow.map(p => p.head));
     for (const p of ofRow) { p.top = y + head; placePanel(p); }
     y = Math.max(...ofRow.map(p => p.top + p.h + p.foot));
   }
@@ -49,10 +49,18 @@ function sharedRange(figure, panel, layers, state) {
   return rangeOf(panel.x, "x", linked.flatMap(other => other.layers.filter(l => !l.name || !state.hidden.has(l.name))));
 }
 
+/** What stands above and below a panel, and its height. */
+function surround(p, each) {
+  const { panel } = p, title = [panel.title, titleOf(panel.y)].filter(Boolean).join(", ");
+  p.heading = title ? wrapped(title, each - 4, true) : [];
+  p.head = p.heading.length * LINE + 10;
+  p.foot = panel.x.hidden ? 12 : 28 + (titleOf(panel.x) ? LINE : 0);
+}
+
 /** Height of a panel and the width of the texts left of it. */
 function sizePanel(p, each, height) {
   const { panel } = p, names = panel.y.names;
-  p.h = height ?? panel.height ?? 240;
+  p.h = height ? Math.max(40, height - p.head - p.foot) : panel.height ?? 240;
   if (names) {
     const widest = Math.max(...names.map(name => widthOf(name))), isAbove = widest > NAMES_PART * each;
     p.names = names.map(name => isAbove ? wrapped(name, each - 24) : [name]);
@@ -66,7 +74,7 @@ function sizePanel(p, each, height) {
     p.yTicks = ticksOf(panel.y);
     return;
   }
-  p.yTicks = ticksOf(panel.y, p.yRange, Math.max(2, Math.floor(p.h / BETWEEN_TICKS)));
+  p.yTicks = ticksOf(panel.y, p.yRange, Math.max(3, Math.floor(p.h / BETWEEN_TICKS)));
   p.ownMargin = Math.max(...p.yTicks.map(([, text]) => widthOf(text)), 8) + 10;
 }
 
@@ -78,13 +86,10 @@ function finishPanel(p, each) {
     const [dx, dy] = [p.xRange[1] - p.xRange[0], p.yRange[1] - p.yRange[0]], highest = panel.height ?? 560;
     p.h = Math.min(highest, p.w * dy / dx);
     p.w = Math.min(p.w, p.h * dx / dy);
-    p.yTicks = ticksOf(panel.y, p.yRange, Math.max(2, Math.floor(p.h / BETWEEN_TICKS)));
+    p.yTicks = ticksOf(panel.y, p.yRange, Math.max(3, Math.floor(p.h / BETWEEN_TICKS)));
   }
   p.left = p.column * (each + GAP) + p.margin;
   p.xTicks = ticksAcross(panel.x, p.xRange, p.w);
-  const title = [panel.title, titleOf(panel.y)].filter(Boolean).join(", ");
-  p.heading = title ? wrapped(title, each - 4, true) : [];
-  p.foot = panel.x.hidden ? 12 : 20 + (titleOf(panel.x) ? LINE : 0) + 8;
 }
 
 function placePanel(p) {
@@ -204,7 +209,7 @@ export function newState() {
 export function drawFigure(host, figure, state, height) {
   const width = Math.max(240, Math.floor(host.clientWidth));
   const names = legend(figure, width, state), bar = colourBar(figure.scale, state.id, names.height, width), top = names.height + bar.height;
-  const first = layOut(figure, width, state, top, height && Math.max(40, height - top - 62));
+  const first = layOut(figure, width, state, top, height && height - top);
   const drawn = first.panels.map(p => drawPanel(p, state.id)).join("");
   const size = { width, height: Math.ceil(first.height) };
   host.innerHTML = tag("svg", { xmlns: "http://www.w3.org/2000/svg", viewBox: `0 0 ${size.width} ${size.height}`, ...size, "font-family": FONT, "font-size": LETTER,

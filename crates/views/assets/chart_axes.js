@@ -51,4 +51,5 @@ export function ticksAcross(axis, range, width) {
   }
 }
 
-export const titleOf = axis => [axis.name, axis.unit].filter(Boolean).join(", ");
+/** The name of an axis with its unit; none where its place on the page says both. */
+export const titleOf = axis => axis.untitled ? "" : [axis.name, axis.unit].filter(Boolean).join(", ");

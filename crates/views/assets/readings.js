@@ -24,12 +24,13 @@ function figure() {
   const names = ["simulated", `real (${real})`, ranks[2][0]?.id];
   const layers = ranks.map((vehicles, rank) => ({ kind: "line", name: names[rank], colour: STYLES[rank][0], width: STYLES[rank][1],
     ...readingsOf(vehicles) })).filter(layer => layer.x.length);
-  return { columns: 1, panels: [{ layers, x: { name: "mission time", unit: "min", range: [0, Math.max(1, live.time_s / 60)] },
-    y: { name: formula(site.gas), unit: "ppm", include: [site.grey_ppm, site.red_ppm] } }] };
+  return { columns: 1, panels: [{ layers, x: { name: "mission time", unit: "min", untitled: true, range: [0, Math.max(1, live.time_s / 60)] },
+    y: { name: formula(site.gas), unit: "ppm", untitled: true, include: [site.grey_ppm, site.red_ppm] } }] };
 }
 
 export function drawReadings() {
   const host = $("readings");
   if (!known.live || !known.site || host.clientWidth < 120) return;
+  $("readings-title").textContent = `Readings, ppm ${formula(known.site.gas)}, by minutes of mission time`;
   if (draw) draw(figure()); else draw = showFigure(host, figure(), () => host.clientHeight);
 }

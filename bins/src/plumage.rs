@@ -2,8 +2,8 @@
 
 use clap::{CommandFactory as _, Parser, Subcommand};
 use programs::commands::{
-    calibrate, campaign, conduct, control, doctor, export, fdm_server, feed, foxglove, gap, import,
-    keys, plan, replay, run, shell, swap, tune, watch,
+    calibrate, campaign, conduct, control, doctor, export, fdm_server, feed, flux, foxglove, gap,
+    import, keys, plan, replay, run, shell, swap, tune, watch,
 };
 use programs::failure;
 use std::process::ExitCode;
@@ -34,6 +34,8 @@ enum Command {
     Run(run::RunArguments),
     /// Calibrate a scenario with measured observations
     Calibrate(calibrate::CalibrateArguments),
+    /// Estimate an emission rate from measured observations
+    Flux(flux::FluxArguments),
     /// Find what the simulation gets wrong about measured data, and extend it
     #[command(subcommand)]
     Gap(gap::GapCommand),
@@ -78,6 +80,7 @@ fn main() -> ExitCode {
     failure::exit(match &failure::arguments::<Arguments>().command {
         Command::Run(arguments) => run::run(arguments),
         Command::Calibrate(arguments) => calibrate::calibrate(arguments),
+        Command::Flux(arguments) => flux::flux(arguments),
         Command::Gap(command) => gap::gap(command),
         Command::Import(arguments) => import::import(arguments),
         Command::Export(arguments) => export::export(arguments),

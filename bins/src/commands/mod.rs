@@ -8,6 +8,7 @@ pub mod doctor;
 pub mod export;
 pub mod fdm_server;
 pub mod feed;
+pub mod flux;
 pub mod foxglove;
 pub mod gap;
 pub mod import;

@@ -6,13 +6,14 @@ use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
 /// Names of all outputs that a command may write into its folder.
-const OUTPUTS: [&str; 9] = [
+const OUTPUTS: [&str; 10] = [
     "mission.mcap",
     "tracks.kml",
     "summary.json",
     "report.html",
     "scenario.toml",
     "gap.json",
+    "flux.json",
     "extended.toml",
     "campaign.csv",
     RESERVE,

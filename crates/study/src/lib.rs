@@ -1,11 +1,14 @@
 //! Emission rates from measured concentrations.
 //!
+//! [`flux::estimate`] tries every method whose conditions the observations meet; the estimate of [`plume::curtain`] needs
+//! no model of the plume's spread.
 //! [`point`] estimates the rate of one source from one sensor at rest with a wind logged beside it: a car parked
 //! downwind, a mast, a hovering drone. Each estimate carries a 95 % interval, the terms that make it wide, and the part of
 //! the record that it used; where a method's conditions are not met it is refused with the reason.
 //!
 //! Pure: no clock, file, socket, environment or random number.
 
+pub mod flux;
 pub mod point;
 
 /// A positive quantity with its 95 % interval.
@@ -19,6 +22,21 @@ pub struct Interval {
     pub low95: f64,
     /// 97.5 % quantile.
     pub high95: f64,
+}
+
+impl Interval {
+    /// That of a quantity whose logarithm is normal about ln `value`.
+    pub fn of_ln_normal(value: f64, ln_sd: f64) -> Self {
+        // Two-sided 95 % of a normal quantity.
+        const SD_95: f64 = 1.959_964;
+        let at = |sds: f64| value * (sds * ln_sd).exp();
+        Self {
+            value,
+            sd: 0.5 * (at(1.0) - at(-1.0)),
+            low95: at(-SD_95),
+            high95: at(SD_95),
+        }
+    }
 }
 
 /// What makes an interval wide.

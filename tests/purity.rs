@@ -3,7 +3,7 @@
 use std::process::Command;
 
 /// The crates that promise it.
-const PURE: [&str; 17] = [
+const PURE: [&str; 18] = [
     "air",
     "formats",
     "import",
@@ -13,6 +13,7 @@ const PURE: [&str; 17] = [
     "csea",
     "gap",
     "gap-truth",
+    "study",
     "scenario",
     "protocol",
     "ws",

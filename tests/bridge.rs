@@ -63,7 +63,7 @@ fn a_hand_back_is_answered_and_the_bridge_stays_until_its_vehicle_is_down() {
     let refused = control(&bus);
     let told = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert_eq!(refused.status.code(), Some(1), "{told}");
-    assert!(told.contains("va/6: hand-back refused: no link"), "{told}");
+    assert!(told.contains("va/6: hand-back rejected: no link"), "{told}");
     let _vehicle = spawn(
         env!("CARGO_BIN_EXE_mav-bridge"),
         &[
@@ -81,7 +81,7 @@ fn a_hand_back_is_answered_and_the_bridge_stays_until_its_vehicle_is_down() {
     let taken = control(&bus);
     let told = String::from_utf8_lossy(&taken.stdout).into_owned();
     assert_eq!(taken.status.code(), Some(0), "{told}");
-    assert!(told.contains("va/6: hand-back without effect"), "{told}");
+    assert!(told.contains("va/6: hand-back ignored"), "{told}");
     // The mission ends with the vehicle in its climb.
     wait_s(32);
     let said = || {

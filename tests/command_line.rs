@@ -562,7 +562,7 @@ fn a_campaign_in_parts_merges_into_the_same_as_at_once() {
     std::fs::write(&missions, &kept[..kept.len() - 30]).unwrap();
     let again = campaign(&["--out", &part("whole")]);
     let told = String::from_utf8_lossy(&again.stderr);
-    assert!(told.contains("7 of 8 missions are there already"), "{told}");
+    assert!(told.contains("7 of 8 missions are done already"), "{told}");
     assert_eq!(
         std::fs::read_to_string(out.join("whole/missions.csv")).unwrap(),
         table

@@ -262,7 +262,7 @@ fn whoever_was_stopped_meets_all_again() -> Result<(), Failed> {
     let marked = |of: &str| {
         events
             .iter()
-            .any(|text| text.contains(&format!("messages of {of}, said from")))
+            .any(|text| text.contains(&format!("messages of {of}, published from")))
     };
     assert!(
         marked("va/1") && marked("va/3") && marked("sc/main"),
@@ -306,11 +306,11 @@ fn whoever_is_started_again_goes_on() -> Result<(), Failed> {
     std::thread::sleep(Duration::from_secs(5));
     let said = [team.of("va/1").said(), team.of("sc/main").said()];
     assert!(
-        said[0].contains("va/1 goes on where it was heard last"),
+        said[0].contains("va/1 resumes from its last state"),
         "{}",
         said[0]
     );
-    assert!(said[1].contains("sc/main goes on at"), "{}", said[1]);
+    assert!(said[1].contains("sc/main resumes at"), "{}", said[1]);
     let recorder = team.of("clock/recorder");
     recorder.signal("-INT");
     recorder.ends_before(Instant::now() + Duration::from_secs(10))?;

@@ -158,7 +158,7 @@ fn what_cannot_be_fed_in_is_refused() {
     };
     refused(
         &["--feed", "obs.csv", "--feed-id", "1"],
-        "vehicle 1 is of the team (1)",
+        "vehicle 1 belongs to the team (1)",
     );
     refused(&["--feed", "-"], "expected --speed real");
     refused(

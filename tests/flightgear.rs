@@ -87,7 +87,7 @@ fn a_vehicle_that_is_not_there_is_refused() {
     assert_eq!(refused.status.code(), Some(2));
     let told = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(
-        told.contains("no vehicle '9' here; expected one of 1, 2"),
+        told.contains("no vehicle '9' in this process; expected one of 1, 2"),
         "{told}"
     );
 }

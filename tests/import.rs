@@ -16,7 +16,7 @@ fn a_log_is_imported_and_its_mapping_does_it_again() {
     let told = String::from_utf8_lossy(&imported.stderr);
     assert!(imported.status.success(), "{told}");
     assert!(
-        told.contains("assumed: \"Altitude\" is above mean sea level"),
+        told.contains("assumed: \"Altitude\" states no datum and is read as above mean sea level"),
         "{told}"
     );
     let first = std::fs::read_to_string(&out).unwrap();

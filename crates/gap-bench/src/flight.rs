@@ -8,6 +8,7 @@
 
 mod table;
 
+use crate::on_threads::on_threads;
 use fdm::Aircraft;
 use gap::flight::filter::huber;
 use gap::flight::log::FlightLog;
@@ -19,8 +20,6 @@ use gap_truth::flight::{
     FLIGHT_CATALOGUE, FLIGHT_OUTSIDE, FlightCase, FlightEffect, FlightLaw, FlightNoise, FlightSpec,
     TrueValue, make,
 };
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 pub use table::FlightSummary;
 
@@ -133,8 +132,8 @@ impl FlightOutcome {
         hidden == said && self.verdict == Some(Verdict::Named)
     }
 
-    /// What was found, in words: causes with the nats that each gains, and where a rest lives.
-    pub fn said(&self) -> String {
+    /// Describes what was found: causes with the nats that each gains, and where a rest lives.
+    pub fn description(&self) -> String {
         if let Some(error) = &self.error {
             return error.clone();
         }
@@ -473,30 +472,14 @@ pub fn run(
     threads: usize,
     progress: &(dyn Fn(u64, &[FlightOutcome]) + Sync),
 ) -> FlightSummary {
-    let next = AtomicU64::new(0);
-    let all: Mutex<Vec<FlightOutcome>> = Mutex::new(Vec::new());
-    std::thread::scope(|scope| {
-        for _ in 0..threads.max(1) {
-            scope.spawn(|| {
-                loop {
-                    let k = next.fetch_add(1, Ordering::Relaxed);
-                    if k >= seeds {
-                        break;
-                    }
-                    let seed = first + k;
-                    let bench = &fleet[seed as usize % fleet.len()];
-                    let outcomes = of_seed(bench, seed, share);
-                    progress(k + 1, &outcomes);
-                    if let Ok(mut all) = all.lock() {
-                        all.extend(outcomes);
-                    }
-                }
-            });
-        }
+    let all: Vec<u64> = (first..first + seeds).collect();
+    let outcomes = on_threads(threads, &all, &|seed, done| {
+        let bench = &fleet[*seed as usize % fleet.len()];
+        let outcomes = of_seed(bench, *seed, share);
+        progress(done() as u64, &outcomes);
+        outcomes
     });
-    let mut outcomes = all.into_inner().unwrap_or_default();
-    outcomes.sort_by_key(|o| o.seed);
-    FlightSummary::new(seeds, outcomes)
+    FlightSummary::new(seeds, outcomes.concat())
 }
 
 fn of_seed(bench: &BenchAircraft<'_>, seed: u64, share: &FlightShare) -> Vec<FlightOutcome> {

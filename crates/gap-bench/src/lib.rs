@@ -10,16 +10,17 @@
 pub mod flight;
 mod judge;
 mod made;
+mod on_threads;
 mod plan;
 mod rates;
 mod sensitivity;
 mod summary;
 
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use on_threads::on_threads;
 
 pub use judge::{
-    FlownOn, Hidden, Judging, Outcome, Said, SaidCause, SaidParameter, find, judge, read,
+    FinderReport, FlownOn, Hidden, Judging, Outcome, ReportedCause, ReportedParameter, find, judge,
+    read,
 };
 pub use made::{Made, make};
 pub use plan::{Kind, Task, plan, share_of};
@@ -68,35 +69,13 @@ pub fn run_with(options: &Options, progress: &Progress<'_>) -> Summary {
         .filter(|t| known(t).is_none())
         .cloned()
         .collect();
-    let done = tasks.len() - open.len();
-    let tell = |outcome: &Outcome, k: usize, _: usize| progress(outcome, done + k, tasks.len());
-    let mut judged = run_tasks(&open, options, &tell).into_iter();
+    let known_count = tasks.len() - open.len();
+    let judged = on_threads(options.threads, &open, &|task, done| {
+        let outcome = judge(task, &options.judging);
+        progress(&outcome, known_count + done(), tasks.len());
+        outcome
+    });
+    let mut judged = judged.into_iter();
     let of = |t: &Task| known(t).cloned().or_else(|| judged.next());
     Summary::new(tasks.iter().filter_map(of).collect())
-}
-
-/// Judges `tasks`; the outcomes are in the order of the tasks.
-fn run_tasks(tasks: &[Task], options: &Options, progress: &Progress<'_>) -> Vec<Outcome> {
-    let outcomes: Vec<Mutex<Option<Outcome>>> = tasks.iter().map(|_| Mutex::new(None)).collect();
-    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    std::thread::scope(|scope| {
-        for _ in 0..options.threads.max(1) {
-            scope.spawn(|| {
-                loop {
-                    let i = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(task) = tasks.get(i) else { break };
-                    let outcome = judge(task, &options.judging);
-                    let k = done.fetch_add(1, Ordering::Relaxed) + 1;
-                    progress(&outcome, k, tasks.len());
-                    if let Ok(mut slot) = outcomes[i].lock() {
-                        *slot = Some(outcome);
-                    }
-                }
-            });
-        }
-    });
-    outcomes
-        .into_iter()
-        .filter_map(|o| o.into_inner().ok().flatten())
-        .collect()
 }

@@ -2,8 +2,8 @@
 //! held against the direction in which the model has it.
 
 use crate::InferError;
-use crate::at_once::at_once;
 use crate::fit::Problem;
+use crate::parallel_map::parallel_map;
 use crate::passes::passes;
 use crate::posterior::Estimate;
 use crate::rows::{ForwardModel, Prediction};
@@ -63,7 +63,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         };
         let mut best = vec![(0.0, 0.0); passes.len()];
         let mut own = vec![0.0; passes.len()];
-        for (turn_deg, gains) in turns_deg.iter().zip(at_once(&turns_deg, gains)) {
+        for (turn_deg, gains) in turns_deg.iter().zip(parallel_map(&turns_deg, gains)) {
             let is_own = turn_deg.min(360.0 - turn_deg) <= self.policy.noise_tolerated.wander_deg;
             for (p, gain) in gains?.into_iter().enumerate() {
                 if gain > best[p].0 {

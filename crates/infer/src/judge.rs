@@ -2,9 +2,9 @@
 //! to be chosen again when passes are drawn anew, and to leave no error of form that says more.
 
 use crate::InferError;
-use crate::at_once::at_once;
 use crate::left_out::{ByPass, Expected};
 use crate::names::{Catalogue, Found, Question};
+use crate::parallel_map::parallel_map;
 use crate::posterior::Posterior;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -235,7 +235,7 @@ impl Question<'_> {
         type Rivals<'f, M> = Vec<(&'f <M as Catalogue>::Tried, &'f Found<M>)>;
         let (near, far): (Rivals<'_, M>, Rivals<'_, M>) =
             rivals.into_iter().partition(|r| ln(r.1) > -RIVAL_NATS);
-        let by_pass: Vec<ByPass> = at_once(&near, |r| self.by_pass(r.1, passes))
+        let by_pass: Vec<ByPass> = parallel_map(&near, |r| self.by_pass(r.1, passes))
             .into_iter()
             .collect::<Result<_, _>>()?;
         let share = shares(&by_pass, draws);
@@ -315,7 +315,7 @@ impl Question<'_> {
         if plain.is_empty() {
             return Ok(Vec::new());
         }
-        let by_pass: Vec<ByPass> = at_once(plain, |f| self.by_pass(f, passes))
+        let by_pass: Vec<ByPass> = parallel_map(plain, |f| self.by_pass(f, passes))
             .into_iter()
             .collect::<Result<_, _>>()?;
         let share = shares(&by_pass, draws);
@@ -356,7 +356,7 @@ impl Question<'_> {
         let fitted = |(name, amplitudes): &(&M::Tried, &[f64])| {
             self.extended_plainly(&plain, name, amplitudes)
         };
-        at_once(&chosen, fitted).into_iter().collect()
+        parallel_map(&chosen, fitted).into_iter().collect()
     }
 }
 

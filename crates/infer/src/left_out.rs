@@ -1,10 +1,10 @@
 //! What the other passes say of one that was left out: what is expected there, and how well.
 
 use crate::InferError;
-use crate::at_once::at_once;
 use crate::evidence::{Evidence, Known, Products};
 use crate::form::{SWING, Sizes};
 use crate::names::{Catalogue, Found, Question};
+use crate::parallel_map::parallel_map;
 use crate::rows::Prediction;
 use std::ops::Range;
 
@@ -152,7 +152,7 @@ impl Question<'_> {
             let turned = turns.iter().map(|t| of.model.predict(&at, &vec![t.0; n]));
             turned.collect()
         };
-        for (pass, predicted) in passes.iter().zip(at_once(&steps, predicted)) {
+        for (pass, predicted) in passes.iter().zip(parallel_map(&steps, predicted)) {
             for ((_, weight), there) in turns.iter().zip(predicted?) {
                 for i in pass.iter().cloned().flatten() {
                     out.reading[i] += weight / total * there.reading[i];

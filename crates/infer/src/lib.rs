@@ -70,7 +70,6 @@
 //! Pure: no clock, file, socket, environment or random number.
 
 mod ahead;
-mod at_once;
 mod contact;
 mod evidence;
 mod fit;
@@ -81,6 +80,7 @@ mod maximise;
 mod names;
 mod nearest;
 mod noise;
+mod parallel_map;
 mod passes;
 mod policy;
 mod posterior;
@@ -89,7 +89,6 @@ mod slopes;
 mod start;
 
 pub use ahead::{Ahead, Believed};
-pub use at_once::at_once;
 pub use contact::Contact;
 pub use fit::{Fit, Point, Problem};
 pub use form::{Basis, COORDINATES, SWING, Sizes};
@@ -98,6 +97,7 @@ pub use left_out::Expected;
 pub use names::{Catalogue, Found, Question, Screened, Start};
 pub use nearest::Nearest;
 pub use noise::Noise;
+pub use parallel_map::parallel_map;
 pub use policy::Policy;
 pub use posterior::{Estimate, Posterior};
 pub use rows::{ForwardModel, PlumePlace, Prediction, Prior, Rows};

@@ -6,12 +6,12 @@
 //! looked for (a beam search).
 
 use crate::InferError;
-use crate::at_once::at_once;
 use crate::contact::Contact;
 use crate::evidence::{Evidence, Reduced};
 use crate::fit::{Fit, Point, Problem};
 use crate::form::Sizes;
 use crate::nearest::Nearest;
+use crate::parallel_map::parallel_map;
 use crate::policy::Policy;
 use crate::posterior::{Posterior, REFITS, Weighed};
 use crate::rows::{ForwardModel, PlumePlace, Prediction, Rows};
@@ -337,7 +337,7 @@ impl<'a> Question<'a> {
             };
             Ok((0..self.rows.len()).map(change).collect())
         };
-        let columns = at_once(&directions, column);
+        let columns = parallel_map(&directions, column);
         let columns = columns.into_iter().collect::<Result<Vec<_>, _>>()?;
         let all = [self.rows.whole()];
         let (known, products) = problem.products(fit, &columns, &all)?;
@@ -700,7 +700,7 @@ impl Question<'_> {
             let (parent, name) = parts(n);
             self.extended(parent, name, &n.screened.amplitudes)
         };
-        at_once(&chosen, fitted).into_iter().collect()
+        parallel_map(&chosen, fitted).into_iter().collect()
     }
 }
 

@@ -2,11 +2,11 @@
 //! noises, each with the weight that its evidence gives it.
 
 use crate::InferError;
-use crate::at_once::at_once;
 use crate::evidence::{Evidence, Known, Layout, Products};
 use crate::fit::{Fit, Point, Problem, Turning};
 use crate::form::{Basis, COORDINATES, Growth, Sizes};
 use crate::noise::Noise;
+use crate::parallel_map::parallel_map;
 use crate::rows::{ForwardModel, PlumePlace};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::sync::Arc;
@@ -170,7 +170,7 @@ impl<M: ForwardModel> Problem<'_, M> {
             at: point.at.clone(),
             weights: vec![0.0; self.turning.swing.len()],
         };
-        let mut both = at_once(&[true, false], |is_carried| {
+        let mut both = parallel_map(&[true, false], |is_carried| {
             if *is_carried {
                 self.settled(&point, &basis, (before.noise, before.sizes), REFITS)
             } else {
@@ -218,7 +218,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         for scaled in [scale_fluctuation, scale_wander] {
             let step = POLISH_FACTOR.ln();
             let tried = [1.0, POLISH_FACTOR, 1.0 / POLISH_FACTOR].map(|by| scaled(noise, by));
-            let found: Result<Vec<f64>, _> = at_once(&tried, evidence).into_iter().collect();
+            let found: Result<Vec<f64>, _> = parallel_map(&tried, evidence).into_iter().collect();
             let found = found?;
             let (more, less) = (found[1] - found[0], found[2] - found[0]);
             let bend = more + less;
@@ -257,7 +257,7 @@ impl<M: ForwardModel> Problem<'_, M> {
         let mut found = self.first_fits()?;
         sort(&mut found);
         found.truncate(FOLLOWED);
-        let followed = at_once(&found, |first| {
+        let followed = parallel_map(&found, |first| {
             let fit = self.refit_noise(&self.refit_noise(&first.fit)?)?;
             self.climb(self.settle_sizes(fit)?)
         });
@@ -293,13 +293,13 @@ impl<M: ForwardModel> Problem<'_, M> {
                 }
             }
         }
-        let found = at_once(&firsts, |(point, basis, noise, sizes)| {
+        let found = parallel_map(&firsts, |(point, basis, noise, sizes)| {
             self.around(self.fit(point, basis, *noise, *sizes)?)
         });
         let mut found = found.into_iter().collect::<Result<Vec<_>, _>>()?;
         found.sort_by(|a, b| b.promising.0.total_cmp(&a.promising.0));
         found.truncate(REFINED);
-        let refined = at_once(&found, |f| {
+        let refined = parallel_map(&found, |f| {
             let fit = self.refit_noise(&f.fit)?;
             self.settle_sizes(fit)
         });
@@ -314,7 +314,7 @@ impl<M: ForwardModel> Problem<'_, M> {
             let before = best.ln_evidence;
             for scaled in [scale_fluctuation, scale_wander] {
                 let fit = &best.fit;
-                let tried = at_once(&[SIZE_FACTOR, 1.0 / SIZE_FACTOR], |by| {
+                let tried = parallel_map(&[SIZE_FACTOR, 1.0 / SIZE_FACTOR], |by| {
                     let noise = scaled(fit.noise, *by);
                     self.settle_sizes(self.fit(&fit.point, &fit.basis, noise, fit.sizes)?)
                 });

@@ -10,9 +10,8 @@ use crate::envelope::Envelope;
 use crate::key::{AgentId, Interest, Topic};
 use crate::message::Message;
 use crate::time::SimTime;
+use rayon::prelude::*;
 use std::collections::BTreeMap;
-use std::sync::{Mutex, PoisonError};
-use std::thread::{available_parallelism, scope};
 
 /// One message that went over the bus.
 pub type Publication = (Topic, Envelope);
@@ -80,12 +79,7 @@ impl<A: Agent> Member<A> {
         self.agent.handle(event, now, &mut self.outbox);
         for (topic, message) in self.outbox.drain() {
             self.sequence += 1;
-            let envelope = Envelope {
-                sender: self.agent.id().clone(),
-                sequence: self.sequence,
-                time: now,
-                message,
-            };
+            let envelope = Envelope::new(self.agent.id().clone(), self.sequence, now, message);
             self.says.push((topic, envelope));
         }
     }
@@ -94,38 +88,25 @@ impl<A: Agent> Member<A> {
 /// Members that a thread takes at a time: a tick of so many vehicles takes longer than to wake a thread, some 50 µs.
 const MEMBERS_AT_A_TIME: usize = 32;
 
-/// All members act, on as many threads as there are processors where they are many. Nobody hears in a tick what is
-/// said in it: what they say does not depend on who acts first.
+/// Lets all members act, on as many threads as there are processors where they are many. Nobody receives in a tick what
+/// is published in it, so the result does not depend on who acts first.
 fn all_act<A: Agent + Send>(
     members: &mut [Member<A>],
     said: &[Publication],
     event: Event<'_>,
     now: SimTime,
 ) {
-    let threads = available_parallelism().map_or(1, usize::from);
-    let threads = threads.min(members.len() / MEMBERS_AT_A_TIME);
-    if threads < 2 {
+    let act = |members: &mut [Member<A>]| {
         for member in members {
             member.act(said, event, now);
         }
-        return;
+    };
+    if members.len() < 2 * MEMBERS_AT_A_TIME {
+        return act(members);
     }
     // The last is `ws/main`, which has most to do.
-    let parts = Mutex::new(members.chunks_mut(MEMBERS_AT_A_TIME).rev());
-    let next = || parts.lock().unwrap_or_else(PoisonError::into_inner).next();
-    let work = || {
-        while let Some(part) = next() {
-            for member in part {
-                member.act(said, event, now);
-            }
-        }
-    };
-    scope(|scope| {
-        for _ in 1..threads {
-            scope.spawn(work);
-        }
-        work();
-    });
+    let parts = members.par_chunks_mut(MEMBERS_AT_A_TIME).rev();
+    parts.with_max_len(1).for_each(act);
 }
 
 /// Agents under a conductor.
@@ -219,12 +200,7 @@ impl<A: Agent + Send> Conductor<A> {
         // The operator's id comes before those of all agents.
         for (topic, message) in self.operator.drain(..) {
             self.operator_sequence += 1;
-            let envelope = Envelope {
-                sender: AgentId::operator(),
-                sequence: self.operator_sequence,
-                time: now,
-                message,
-            };
+            let envelope = Envelope::new(AgentId::operator(), self.operator_sequence, now, message);
             said.push((topic, envelope));
         }
         let routes = self.routes.get_or_insert_with(|| Routes::of(&self.members));

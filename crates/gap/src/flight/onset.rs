@@ -81,7 +81,7 @@ fn promises(study: &Study<'_>, first: &Linear) -> Vec<Promise> {
     let (a, b) = sum(&blocks, None);
     let whole = Word::new(&a, &b, &study.tolerances(), first.word.dispersion);
     let plain = super::evidence::search(&whole, &study.candidates);
-    let mut out: Vec<Promise> = infer::at_once(&edges(&blocks), |edge| {
+    let mut out: Vec<Promise> = infer::parallel_map(&edges(&blocks), |edge| {
         promise(study, &blocks, *edge, first.word.dispersion, &plain)
     })
     .into_iter()
@@ -202,7 +202,7 @@ fn is_sudden(with: &Study<'_>, now: &Linear, late: usize) -> bool {
         .map(|(i, j)| (end(i), end(j)))
         .filter(|(a, b)| b - a >= GRADUAL_S)
         .collect();
-    let gradual = infer::at_once(&ramps, |(a, b)| {
+    let gradual = infer::parallel_map(&ramps, |(a, b)| {
         value(&|t| ((t - a) / (b - a)).clamp(0.0, 1.0))
     });
     gradual.into_iter().all(|g| sudden - g >= SUDDEN_NATS)
@@ -362,7 +362,7 @@ fn moved(with: &Study<'_>, theta: &[f64], noise: &Noise, dispersion: f64) -> Mov
         if times.is_empty() {
             times.push(onset.at_s.clamp(range[0], range[1]));
         }
-        let scores = infer::at_once(&times, |at_s| {
+        let scores = infer::parallel_map(&times, |at_s| {
             let there = Onset {
                 at_s: *at_s,
                 ..onset

@@ -422,7 +422,7 @@ impl<'a> Study<'a> {
             }
         };
         let parameters: Vec<(usize, &Parameter)> = self.parameters.iter().enumerate().collect();
-        let worlds = infer::at_once(&parameters, aside);
+        let worlds = infer::parallel_map(&parameters, aside);
         Columns {
             worlds,
             terms: &self.terms,
@@ -607,7 +607,7 @@ impl<'a> Study<'a> {
         }
         progress(0.4);
         let mut last = first.clone();
-        let descents = infer::at_once(&rivals(&first), |set| self.descend(&first, set));
+        let descents = infer::parallel_map(&rivals(&first), |set| self.descend(&first, set));
         for (k, next) in descents.into_iter().enumerate() {
             if let Some(next) = next
                 && (k == 0 || next.log_posterior > last.log_posterior)

@@ -139,7 +139,7 @@ pub(crate) fn chosen(
     } else {
         &TRIED
     };
-    let evidences = infer::at_once(tried, |carried| {
+    let evidences = infer::parallel_map(tried, |carried| {
         let track = carrying(setup, data, Some(*carried));
         let model = PlumeModel::of(setup, &track, scale);
         let model = aim_deg.map_or_else(
@@ -178,7 +178,7 @@ pub(crate) fn swinging<'a>(
         Some(Carried::OnItsWay(_)) => &[Swing::Carried][..],
         _ => &[Swing::AtOnce, Swing::Carried],
     };
-    let found = infer::at_once(possible, |swing| Ok((base(*swing)?, *swing)));
+    let found = infer::parallel_map(possible, |swing| Ok((base(*swing)?, *swing)));
     let found = found.into_iter().collect::<Result<Vec<_>, InferError>>()?;
     let best = found
         .into_iter()

@@ -7,9 +7,9 @@ use crate::released::{self, Released};
 use crate::resume::resume;
 use crate::weather_file::WeatherFile;
 use crate::{
-    Failure, host_keys, listening, metrics, mission_files, preflight, presence, ranges, tls,
+    Failure, host_keys, listening, metrics, mission_files, preflight, presence, ranges, runtime,
+    tls,
 };
-use anyhow::Context as _;
 use mav_bridge::link::LinkAddress;
 use mav_bridge::signing::SigningConfig;
 use mission::real_vehicle::{LinkOptions, RealVehicle};
@@ -269,30 +269,25 @@ fn block_on_until(
     work: impl Future<Output = Result<(), Failure>>,
     interrupted: Option<&AtomicBool>,
 ) -> Result<(), Failure> {
-    tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(2)
-        .enable_all()
-        .build()
-        .context("cannot start the runtime")?
-        .block_on(async {
-            let mut interrupts = Interrupts::watch();
-            tokio::pin!(work);
-            tokio::select! {
-                done = &mut work => return done,
-                how = interrupts.next() => eprintln!("{how}"),
+    runtime::start("bus", 2)?.block_on(async {
+        let mut interrupts = Interrupts::watch();
+        tokio::pin!(work);
+        tokio::select! {
+            done = &mut work => return done,
+            how = interrupts.next() => eprintln!("{how}"),
+        }
+        let Some(flag) = interrupted else {
+            return Ok(());
+        };
+        flag.store(true, Ordering::Relaxed);
+        tokio::select! {
+            done = &mut work => done,
+            how = interrupts.next() => {
+                eprintln!("{how} again: stopped at once; real vehicles rely on their own failsafe");
+                Ok(())
             }
-            let Some(flag) = interrupted else {
-                return Ok(());
-            };
-            flag.store(true, Ordering::Relaxed);
-            tokio::select! {
-                done = &mut work => done,
-                how = interrupts.next() => {
-                    eprintln!("{how} again: stopped at once; real vehicles rely on their own failsafe");
-                    Ok(())
-                }
-            }
-        })
+        }
+    })
 }
 
 /// A member of the team in this process, with what is not a bus around it.

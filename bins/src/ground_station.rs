@@ -1,7 +1,7 @@
 //! The team for any ground station: every vehicle as a MAVLink vehicle of its own, on a link and in a
 //! telemetry log.
 
-use crate::Failure;
+use crate::{Failure, runtime};
 use anyhow::Context as _;
 use mav_bridge::link::{Link, LinkAddress};
 use mav_bridge::wire::FrameDecoder;
@@ -105,11 +105,7 @@ impl GroundStation {
             _runtime: None,
         };
         if let Some(address) = link {
-            let runtime = tokio::runtime::Builder::new_multi_thread()
-                .worker_threads(1)
-                .thread_name("gcs")
-                .enable_all()
-                .build()?;
+            let runtime = runtime::start("gcs", 1)?;
             let open = runtime.block_on(Link::open(address));
             station.link = Some(open.map_err(Failure::input)?);
             station._runtime = Some(runtime);

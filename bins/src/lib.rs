@@ -29,6 +29,7 @@ pub mod ranges;
 pub mod released;
 pub mod resume;
 pub mod ros2;
+pub mod runtime;
 pub mod site;
 pub mod tls;
 pub mod weather_file;

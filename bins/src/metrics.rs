@@ -1,6 +1,6 @@
 //! Figures of a long-running process for Prometheus, as text over HTTP (`--metrics ADDR`).
 
-use crate::Failure;
+use crate::{Failure, runtime};
 use mission::Setup;
 use net::Net;
 use protocol::SimTime;
@@ -91,9 +91,7 @@ impl OfRun {
     pub fn serve(address: &str) -> Result<Arc<Self>, Failure> {
         let figures = Arc::new(Self::default());
         let shown = Arc::clone(&figures);
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()?;
+        let runtime = runtime::start("metrics", 1)?;
         runtime.block_on(serve(address, move |text| {
             let time_ns = shown.time_ns.load(Ordering::Relaxed);
             text.plain(
@@ -113,9 +111,7 @@ impl OfRun {
                 shown.messages.load(Ordering::Relaxed),
             );
         }))?;
-        std::thread::Builder::new()
-            .name("metrics".to_owned())
-            .spawn(move || runtime.block_on(std::future::pending::<()>()))?;
+        runtime::keep(runtime);
         Ok(figures)
     }
 

@@ -1,13 +1,13 @@
 //! What a run in one process has to do with beside its page: the links to real vehicles, and the
 //! FlightGears that show some.
 
-use crate::Failure;
 use crate::agent::signing_from;
 use crate::feeding::{FeedFiles, FeedOptions, LineFeed};
 use crate::flightgear::{self, Viewer};
 use crate::links::{self, Links};
 use crate::pace::Speed;
 use crate::weather_file::WeatherFile;
+use crate::{Failure, runtime};
 use mission::setup::SigningKey;
 use mission::{Member, Run, Setup};
 use protocol::{Agent as _, AgentId, SimTime};
@@ -22,6 +22,7 @@ struct Served {
 }
 
 /// Links and viewers of a run.
+#[derive(Default)]
 pub struct Outside {
     links: Links,
     /// The real vehicles.
@@ -44,14 +45,7 @@ impl Outside {
         let scenario = &setup.scenario;
         let ids: Vec<&str> = scenario.vehicles.iter().map(|v| v.id.as_str()).collect();
         let addresses = flightgear::addresses(shown, &ids, scenario)?;
-        let mut outside = Self {
-            links: Links::default(),
-            served: BTreeMap::new(),
-            viewers: BTreeMap::new(),
-            lines: None,
-            weather: None,
-            _runtime: None,
-        };
+        let mut outside = Self::default();
         for (id, address) in ids.iter().zip(addresses) {
             if let Some(address) = address {
                 let id = AgentId::va(id).map_err(Failure::input)?;
@@ -72,11 +66,7 @@ impl Outside {
                 first.id
             )));
         }
-        let runtime = tokio::runtime::Builder::new_multi_thread()
-            .worker_threads(1)
-            .thread_name("links")
-            .enable_all()
-            .build()?;
+        let runtime = runtime::start("links", 1)?;
         for vehicle in linked {
             let addresses = links::addresses(&vehicle.link)?;
             let user = outside

@@ -1,6 +1,6 @@
 //! The page beside a run or a recording: a runtime of its own, so that the run itself waits for nobody.
 
-use crate::Failure;
+use crate::{Failure, runtime};
 use air::geo::{Geodetic, Position};
 use mission::Setup;
 use protocol::bus::Publication;
@@ -135,12 +135,7 @@ impl LivePage {
                  --page-token or {TOKEN}, or an address of this host alone, such as {DEFAULT_ADDRESS}"
             )));
         }
-        let runtime = tokio::runtime::Builder::new_multi_thread()
-            // One thread is enough to send some frames a second, and leaves the others to the run.
-            .worker_threads(1)
-            .thread_name("page")
-            .enable_all()
-            .build()?;
+        let runtime = runtime::start("page", 1)?;
         let listener = match runtime.block_on(page::listen(address)) {
             Ok(listener) => listener,
             Err(e) if *serve == Serve::Default => {
@@ -199,10 +194,10 @@ impl LivePage {
     }
 
     fn may_be_sent(&self, vehicle: &str, place: &Destination) -> bool {
-        let at = self.airspace.frame().to_enu(Geodetic {
-            lat_deg: place.lat_deg,
-            lon_deg: place.lon_deg,
-        });
+        let at = self
+            .airspace
+            .frame()
+            .to_enu(Geodetic::new(place.lat_deg, place.lon_deg));
         let to = Position {
             at,
             height_m: place.alt_amsl_m,

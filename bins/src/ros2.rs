@@ -1,6 +1,6 @@
 //! What vehicles do and read, for ROS 2 (`--ros2`).
 
-use crate::{Failure, listener, ranges};
+use crate::{Failure, listener, ranges, runtime};
 use mission::Setup;
 use net::ros2::{DEFAULT_ENDPOINT, Node};
 use protocol::bus::Publication;
@@ -90,11 +90,7 @@ impl Ros2 {
             return Ok(None);
         };
         let domain = arguments.domain()?;
-        // Zenoh needs several threads; both wait for the network only.
-        let runtime = tokio::runtime::Builder::new_multi_thread()
-            .worker_threads(2)
-            .enable_all()
-            .build()?;
+        let runtime = runtime::start("ros2", 2)?;
         let node = runtime
             .block_on(Node::open("plumage", domain, endpoint))
             .map_err(Failure::input)?;
@@ -118,7 +114,7 @@ impl Ros2 {
                 .start_unix_ns
                 .get_or_insert_with(|| listener::begun(envelope));
             for said in self.converter.take(topic, envelope, start) {
-                self.node.say(net::ros2::Said {
+                self.node.say(net::ros2::RosMessage {
                     topic: said.topic,
                     type_name: said.kind.name().to_owned(),
                     type_hash: said.kind.hash().to_owned(),

@@ -11,7 +11,7 @@ use crate::pace::{Pace, Reached, Speed};
 use crate::page::{self, LivePage, PageArguments, Serve};
 use crate::progress::Bar;
 use crate::ros2::{Ros2, Ros2Arguments};
-use crate::{Failure, mission_files, preflight, ranges, site};
+use crate::{Failure, mission_files, preflight, ranges, runtime, site};
 use anyhow::Context as _;
 use mav_bridge::link::LinkAddress;
 use mission::{Run, Setup};
@@ -539,26 +539,20 @@ pub fn interrupt_flag() -> Result<Arc<AtomicBool>, Failure> {
 fn interrupt_flags<const N: usize>() -> Result<[Arc<AtomicBool>; N], Failure> {
     let flags: [Arc<AtomicBool>; N] = std::array::from_fn(|_| Arc::default());
     let raised = flags.clone();
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()?;
-    std::thread::Builder::new()
-        .name("interrupt".to_owned())
-        .spawn(move || {
-            runtime.block_on(async {
-                let mut interrupts = Interrupts::watch();
-                for flag in raised {
-                    // What a person did at the keyboard he knows.
-                    let how = interrupts.next().await;
-                    if how == TERMINATED {
-                        eprintln!("{how}");
-                    }
-                    flag.store(true, Ordering::Relaxed);
-                }
-                interrupts.next().await;
-                std::process::exit(130);
-            });
-        })
-        .context("cannot watch for interrupts")?;
+    let runtime = runtime::start("interrupt", 1)?;
+    runtime.spawn(async {
+        let mut interrupts = Interrupts::watch();
+        for flag in raised {
+            // What a person did at the keyboard he knows.
+            let how = interrupts.next().await;
+            if how == TERMINATED {
+                eprintln!("{how}");
+            }
+            flag.store(true, Ordering::Relaxed);
+        }
+        interrupts.next().await;
+        std::process::exit(130);
+    });
+    runtime::keep(runtime);
     Ok(flags)
 }

@@ -1,184 +1,86 @@
 //! What can be hidden in a case: the mechanisms of the contract's catalogue, and kinds that it
 //! does not contain.
 
+use crate::effect_list::effects;
 use crate::scene::Need;
 use serde::{Deserialize, Serialize};
 
-/// An effect with its name in files or, outside the catalogue, in tables.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the names are the contract's mechanism ids")]
-pub enum PlumeEffect {
-    WindDirectionOffset,
-    WindDirectionDrift,
-    WindSpeedScale,
-    WindVeerWithHeight,
-    Meander,
-    StabilityClass,
-    SigmaYScale,
-    SigmaZScale,
-    SigmaZGrowth,
-    EffectiveHeightOffset,
-    GroundReflection,
-    MixingLid,
-    EmissionScale,
-    EmissionTrend,
-    SecondSource,
-    SourcePositionOffset,
-    FirstOrderDecay,
-    DryDeposition,
-    BuildingDownwash,
-    BackgroundOffset,
-    BackgroundDrift,
-    BackgroundGradient,
-    SensorLag,
-    SensorGain,
-    SensorOffset,
-    SensorDrift,
-    SensorSaturation,
-    CrossSensitivityHumidity,
-    CrossSensitivityTemperature,
-    CrossSensitivityPressure,
-    ClockOffset,
-    PositionOffset,
-    AltitudeOffset,
-    /// Outside: excess made and lost again on the way (a chemistry with a hump in travel time).
-    UnlistedChemistry,
-    /// Outside: a tall obstacle thins the plume in its lee.
-    ObstacleWake,
-    /// Outside: one platform switches between two sensors, the second with a dead time.
-    SecondSensorDeadTime,
-    /// Outside: a slow swing of the transport that no log shows.
-    SlowSwing,
-    /// Outside: a wavy background in time.
-    BackgroundWaves,
-    /// Outside: a layer of other air in a band of heights.
-    BackgroundLayer,
-    /// Outside: the source pulses.
-    PulsingSource,
-    /// Outside: one sensor's zero waves.
-    SensorWaves,
-    /// Outside: the source is on and off by turns.
-    OnOffEmission,
-    /// Outside, a reality of another form: both spreads grow otherwise with distance.
-    SpreadGrowth,
-    /// Outside, a reality of another form: the plume is not normal across.
-    SkewedProfile,
-    /// Outside, a reality of another form: the axis wanders by 4 degrees with a memory of a minute, and
-    /// the plume is intermittent.
-    AxisWander,
-    /// Outside, a reality of another form: the transport swings by 30 degrees within the record.
-    WideSwing,
+effects! {
+    /// An effect with its name in files or, outside the catalogue, in tables.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+    #[expect(missing_docs, reason = "the names are the contract's mechanism ids")]
+    enum PlumeEffect;
+    /// The effects of the catalogue.
+    CATALOGUE: [
+        WindDirectionOffset = "wind-direction-offset",
+        WindDirectionDrift = "wind-direction-drift",
+        WindSpeedScale = "wind-speed-scale",
+        WindVeerWithHeight = "wind-veer-with-height",
+        Meander = "meander",
+        StabilityClass = "stability-class",
+        SigmaYScale = "sigma-y-scale",
+        SigmaZScale = "sigma-z-scale",
+        SigmaZGrowth = "sigma-z-growth",
+        EffectiveHeightOffset = "effective-height-offset",
+        GroundReflection = "ground-reflection",
+        MixingLid = "mixing-lid",
+        EmissionScale = "emission-scale",
+        EmissionTrend = "emission-trend",
+        SecondSource = "second-source",
+        SourcePositionOffset = "source-position-offset",
+        FirstOrderDecay = "first-order-decay",
+        DryDeposition = "dry-deposition",
+        BuildingDownwash = "building-downwash",
+        BackgroundOffset = "background-offset",
+        BackgroundDrift = "background-drift",
+        BackgroundGradient = "background-gradient",
+        SensorLag = "sensor-lag",
+        SensorGain = "sensor-gain",
+        SensorOffset = "sensor-offset",
+        SensorDrift = "sensor-drift",
+        SensorSaturation = "sensor-saturation",
+        CrossSensitivityHumidity = "cross-sensitivity-humidity",
+        CrossSensitivityTemperature = "cross-sensitivity-temperature",
+        CrossSensitivityPressure = "cross-sensitivity-pressure",
+        ClockOffset = "clock-offset",
+        PositionOffset = "position-offset",
+        AltitudeOffset = "altitude-offset",
+    ]
+    /// The effects outside the catalogue.
+    OUTSIDE: [
+        /// Outside: excess made and lost again on the way (a chemistry with a hump in travel time).
+        UnlistedChemistry = "unlisted-chemistry",
+        /// Outside: a tall obstacle thins the plume in its lee.
+        ObstacleWake = "obstacle-wake",
+        /// Outside: one platform switches between two sensors, the second with a dead time.
+        SecondSensorDeadTime = "second-sensor-dead-time",
+        /// Outside: a slow swing of the transport that no log shows.
+        SlowSwing = "slow-swing",
+        /// Outside: a wavy background in time.
+        BackgroundWaves = "background-waves",
+        /// Outside: a layer of other air in a band of heights.
+        BackgroundLayer = "background-layer",
+        /// Outside: the source pulses.
+        PulsingSource = "pulsing-source",
+        /// Outside: one sensor's zero waves.
+        SensorWaves = "sensor-waves",
+        /// Outside: the source is on and off by turns.
+        OnOffEmission = "on-off-emission",
+        /// Outside, a reality of another form: both spreads grow otherwise with distance.
+        SpreadGrowth = "spread-growth",
+        /// Outside, a reality of another form: the plume is not normal across.
+        SkewedProfile = "skewed-profile",
+        /// Outside, a reality of another form: the axis wanders by 4 degrees with a memory of a minute, and
+        /// the plume is intermittent.
+        AxisWander = "axis-wander",
+        /// Outside, a reality of another form: the transport swings by 30 degrees within the record.
+        WideSwing = "wide-swing",
+    ]
 }
 
 use PlumeEffect as E;
 
-/// The effects of the catalogue.
-pub const CATALOGUE: [PlumeEffect; 33] = [
-    E::WindDirectionOffset,
-    E::WindDirectionDrift,
-    E::WindSpeedScale,
-    E::WindVeerWithHeight,
-    E::Meander,
-    E::StabilityClass,
-    E::SigmaYScale,
-    E::SigmaZScale,
-    E::SigmaZGrowth,
-    E::EffectiveHeightOffset,
-    E::GroundReflection,
-    E::MixingLid,
-    E::EmissionScale,
-    E::EmissionTrend,
-    E::SecondSource,
-    E::SourcePositionOffset,
-    E::FirstOrderDecay,
-    E::DryDeposition,
-    E::BuildingDownwash,
-    E::BackgroundOffset,
-    E::BackgroundDrift,
-    E::BackgroundGradient,
-    E::SensorLag,
-    E::SensorGain,
-    E::SensorOffset,
-    E::SensorDrift,
-    E::SensorSaturation,
-    E::CrossSensitivityHumidity,
-    E::CrossSensitivityTemperature,
-    E::CrossSensitivityPressure,
-    E::ClockOffset,
-    E::PositionOffset,
-    E::AltitudeOffset,
-];
-
-/// The effects outside the catalogue.
-pub const OUTSIDE: [PlumeEffect; 13] = [
-    E::UnlistedChemistry,
-    E::ObstacleWake,
-    E::SecondSensorDeadTime,
-    E::SlowSwing,
-    E::BackgroundWaves,
-    E::BackgroundLayer,
-    E::PulsingSource,
-    E::SensorWaves,
-    E::OnOffEmission,
-    E::SpreadGrowth,
-    E::SkewedProfile,
-    E::AxisWander,
-    E::WideSwing,
-];
-
 impl PlumeEffect {
-    /// The contract's id, or a name for tables.
-    pub fn id(self) -> &'static str {
-        match self {
-            E::WindDirectionOffset => "wind-direction-offset",
-            E::WindDirectionDrift => "wind-direction-drift",
-            E::WindSpeedScale => "wind-speed-scale",
-            E::WindVeerWithHeight => "wind-veer-with-height",
-            E::Meander => "meander",
-            E::StabilityClass => "stability-class",
-            E::SigmaYScale => "sigma-y-scale",
-            E::SigmaZScale => "sigma-z-scale",
-            E::SigmaZGrowth => "sigma-z-growth",
-            E::EffectiveHeightOffset => "effective-height-offset",
-            E::GroundReflection => "ground-reflection",
-            E::MixingLid => "mixing-lid",
-            E::EmissionScale => "emission-scale",
-            E::EmissionTrend => "emission-trend",
-            E::SecondSource => "second-source",
-            E::SourcePositionOffset => "source-position-offset",
-            E::FirstOrderDecay => "first-order-decay",
-            E::DryDeposition => "dry-deposition",
-            E::BuildingDownwash => "building-downwash",
-            E::BackgroundOffset => "background-offset",
-            E::BackgroundDrift => "background-drift",
-            E::BackgroundGradient => "background-gradient",
-            E::SensorLag => "sensor-lag",
-            E::SensorGain => "sensor-gain",
-            E::SensorOffset => "sensor-offset",
-            E::SensorDrift => "sensor-drift",
-            E::SensorSaturation => "sensor-saturation",
-            E::CrossSensitivityHumidity => "cross-sensitivity-humidity",
-            E::CrossSensitivityTemperature => "cross-sensitivity-temperature",
-            E::CrossSensitivityPressure => "cross-sensitivity-pressure",
-            E::ClockOffset => "clock-offset",
-            E::PositionOffset => "position-offset",
-            E::AltitudeOffset => "altitude-offset",
-            E::UnlistedChemistry => "unlisted-chemistry",
-            E::ObstacleWake => "obstacle-wake",
-            E::SecondSensorDeadTime => "second-sensor-dead-time",
-            E::SlowSwing => "slow-swing",
-            E::BackgroundWaves => "background-waves",
-            E::BackgroundLayer => "background-layer",
-            E::PulsingSource => "pulsing-source",
-            E::SensorWaves => "sensor-waves",
-            E::OnOffEmission => "on-off-emission",
-            E::SpreadGrowth => "spread-growth",
-            E::SkewedProfile => "skewed-profile",
-            E::AxisWander => "axis-wander",
-            E::WideSwing => "wide-swing",
-        }
-    }
-
     /// Whether the contract's catalogue has it.
     pub fn in_catalogue(self) -> bool {
         self <= E::AltitudeOffset

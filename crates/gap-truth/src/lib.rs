@@ -20,6 +20,7 @@
 
 pub mod case;
 mod effect;
+mod effect_list;
 pub mod flight;
 pub mod further;
 mod instrument;

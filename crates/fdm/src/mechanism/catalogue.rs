@@ -41,22 +41,35 @@ pub struct MechanismSpec {
     pub parameters: &'static [ParameterSpec],
 }
 
-const fn parameter(
+/// A parameter that is added, with its meaning still to be stated.
+const fn offset(
     name: &'static str,
     unit: &'static str,
-    neutral: f64,
     prior_sd: f64,
-    range: (f64, f64),
-    meaning: &'static str,
+    (low, high): (f64, f64),
 ) -> ParameterSpec {
     ParameterSpec {
         name,
         unit,
-        neutral,
+        neutral: 0.0,
         prior_sd,
-        low: range.0,
-        high: range.1,
-        meaning,
+        low,
+        high,
+        meaning: "",
+    }
+}
+
+/// A factor, with its meaning still to be stated.
+const fn factor(name: &'static str, prior_sd: f64, range: (f64, f64)) -> ParameterSpec {
+    ParameterSpec {
+        neutral: 1.0,
+        ..offset(name, "1", prior_sd, range)
+    }
+}
+
+impl ParameterSpec {
+    const fn meaning(self, meaning: &'static str) -> Self {
+        Self { meaning, ..self }
     }
 }
 
@@ -79,285 +92,115 @@ pub const CATALOGUE: &[MechanismSpec] = &[
     mechanism(
         "airspeed-scale",
         Sensors,
-        &[parameter(
-            "factor",
-            "1",
-            1.0,
-            0.1,
-            (0.3, 3.0),
-            "logged airspeed = factor × true",
-        )],
+        &[factor("factor", 0.1, (0.3, 3.0)).meaning("logged airspeed = factor × true")],
     ),
     mechanism(
         "actuator-delay",
         Airframe,
-        &[parameter(
-            "delay_s",
-            "s",
-            0.0,
-            0.05,
-            (0.0, 0.5),
-            "added time from command to first motion",
-        )],
+        &[offset("delay_s", "s", 0.05, (0.0, 0.5))
+            .meaning("added time from command to first motion")],
     ),
     mechanism(
         "actuator-lag",
         Airframe,
-        &[parameter(
-            "time_constant_s",
-            "s",
-            0.0,
-            0.05,
-            (0.0, 1.0),
-            "added first-order lag of the servos",
-        )],
+        &[offset("time_constant_s", "s", 0.05, (0.0, 1.0))
+            .meaning("added first-order lag of the servos")],
     ),
     mechanism(
         "surface-trim-offset",
         Airframe,
         &[
-            parameter(
-                "elevator_deg",
-                "deg",
-                0.0,
-                2.0,
-                (-15.0, 15.0),
-                "actual = commanded + offset",
-            ),
-            parameter(
-                "aileron_deg",
-                "deg",
-                0.0,
-                2.0,
-                (-15.0, 15.0),
-                "actual = commanded + offset",
-            ),
-            parameter(
-                "rudder_deg",
-                "deg",
-                0.0,
-                2.0,
-                (-15.0, 15.0),
-                "actual = commanded + offset",
-            ),
+            offset("elevator_deg", "deg", 2.0, (-15.0, 15.0))
+                .meaning("actual = commanded + offset"),
+            offset("aileron_deg", "deg", 2.0, (-15.0, 15.0)).meaning("actual = commanded + offset"),
+            offset("rudder_deg", "deg", 2.0, (-15.0, 15.0)).meaning("actual = commanded + offset"),
         ],
     ),
     mechanism(
         "control-effectiveness",
         Airframe,
         &[
-            parameter(
-                "elevator_factor",
-                "1",
-                1.0,
-                0.25,
-                (0.05, 4.0),
-                "factor on the pitching moment of the elevator",
-            ),
-            parameter(
-                "aileron_factor",
-                "1",
-                1.0,
-                0.25,
-                (0.05, 4.0),
-                "factor on the rolling and yawing moment of the ailerons",
-            ),
-            parameter(
-                "rudder_factor",
-                "1",
-                1.0,
-                0.25,
-                (0.05, 4.0),
-                "factor on the yawing and rolling moment of the rudder",
-            ),
+            factor("elevator_factor", 0.25, (0.05, 4.0))
+                .meaning("factor on the pitching moment of the elevator"),
+            factor("aileron_factor", 0.25, (0.05, 4.0))
+                .meaning("factor on the rolling and yawing moment of the ailerons"),
+            factor("rudder_factor", 0.25, (0.05, 4.0))
+                .meaning("factor on the yawing and rolling moment of the rudder"),
         ],
     ),
     mechanism(
         "mass-change",
         Airframe,
-        &[parameter(
-            "added_kg",
-            "kg",
-            0.0,
-            0.3,
-            (-5.0, 50.0),
-            "mass added at the centre of gravity",
-        )],
+        &[offset("added_kg", "kg", 0.3, (-5.0, 50.0))
+            .meaning("mass added at the centre of gravity")],
     ),
     mechanism(
         "cg-shift",
         Airframe,
-        &[parameter(
-            "ahead_m",
-            "m",
-            0.0,
-            0.02,
-            (-0.5, 0.5),
-            "centre of gravity moved forward",
-        )],
+        &[offset("ahead_m", "m", 0.02, (-0.5, 0.5)).meaning("centre of gravity moved forward")],
     ),
     mechanism(
         "drag-increase",
         Airframe,
-        &[parameter(
-            "cd_zero",
-            "1",
-            0.0,
-            0.01,
-            (-0.05, 0.5),
-            "added to the parasite drag coefficient",
-        )],
+        &[offset("cd_zero", "1", 0.01, (-0.05, 0.5))
+            .meaning("added to the parasite drag coefficient")],
     ),
     mechanism(
         "lift-slope",
         Airframe,
-        &[parameter(
-            "factor",
-            "1",
-            1.0,
-            0.15,
-            (0.2, 3.0),
-            "factor on the lift slope",
-        )],
+        &[factor("factor", 0.15, (0.2, 3.0)).meaning("factor on the lift slope")],
     ),
     mechanism(
         "thrust-loss",
         Airframe,
-        &[parameter(
-            "lost_share",
-            "1",
-            0.0,
-            0.15,
-            (-1.0, 0.95),
-            "fraction of the thrust that is lost",
-        )],
+        &[offset("lost_share", "1", 0.15, (-1.0, 0.95))
+            .meaning("fraction of the thrust that is lost")],
     ),
     mechanism(
         "roll-damping",
         Airframe,
-        &[parameter(
-            "factor",
-            "1",
-            1.0,
-            0.25,
-            (0.05, 5.0),
-            "factor on the roll damping",
-        )],
+        &[factor("factor", 0.25, (0.05, 5.0)).meaning("factor on the roll damping")],
     ),
     mechanism(
         "pitch-damping",
         Airframe,
-        &[parameter(
-            "factor",
-            "1",
-            1.0,
-            0.25,
-            (0.05, 5.0),
-            "factor on the pitch damping",
-        )],
+        &[factor("factor", 0.25, (0.05, 5.0)).meaning("factor on the pitch damping")],
     ),
     mechanism(
         "wind-bias",
         Air,
         &[
-            parameter(
-                "north_m_s",
-                "m/s",
-                0.0,
-                2.0,
-                (-30.0, 30.0),
-                "added to the wind vector (towards north)",
-            ),
-            parameter(
-                "east_m_s",
-                "m/s",
-                0.0,
-                2.0,
-                (-30.0, 30.0),
-                "added to the wind vector (towards east)",
-            ),
+            offset("north_m_s", "m/s", 2.0, (-30.0, 30.0))
+                .meaning("added to the wind vector (towards north)"),
+            offset("east_m_s", "m/s", 2.0, (-30.0, 30.0))
+                .meaning("added to the wind vector (towards east)"),
         ],
     ),
     mechanism(
         "gyro-bias",
         Sensors,
         &[
-            parameter(
-                "roll_deg_s",
-                "deg/s",
-                0.0,
-                1.0,
-                (-20.0, 20.0),
-                "logged = true + bias",
-            ),
-            parameter(
-                "pitch_deg_s",
-                "deg/s",
-                0.0,
-                1.0,
-                (-20.0, 20.0),
-                "logged = true + bias",
-            ),
-            parameter(
-                "yaw_deg_s",
-                "deg/s",
-                0.0,
-                1.0,
-                (-20.0, 20.0),
-                "logged = true + bias",
-            ),
+            offset("roll_deg_s", "deg/s", 1.0, (-20.0, 20.0)).meaning("logged = true + bias"),
+            offset("pitch_deg_s", "deg/s", 1.0, (-20.0, 20.0)).meaning("logged = true + bias"),
+            offset("yaw_deg_s", "deg/s", 1.0, (-20.0, 20.0)).meaning("logged = true + bias"),
         ],
     ),
     mechanism(
         "accelerometer-bias",
         Sensors,
         &[
-            parameter(
-                "x_m_s2",
-                "m/s²",
-                0.0,
-                0.3,
-                (-5.0, 5.0),
-                "logged = true + bias, forward",
-            ),
-            parameter(
-                "y_m_s2",
-                "m/s²",
-                0.0,
-                0.3,
-                (-5.0, 5.0),
-                "logged = true + bias, right",
-            ),
-            parameter(
-                "z_m_s2",
-                "m/s²",
-                0.0,
-                0.3,
-                (-5.0, 5.0),
-                "logged = true + bias, down",
-            ),
+            offset("x_m_s2", "m/s²", 0.3, (-5.0, 5.0)).meaning("logged = true + bias, forward"),
+            offset("y_m_s2", "m/s²", 0.3, (-5.0, 5.0)).meaning("logged = true + bias, right"),
+            offset("z_m_s2", "m/s²", 0.3, (-5.0, 5.0)).meaning("logged = true + bias, down"),
         ],
     ),
     mechanism(
         "alpha-vane-scale",
         Sensors,
         &[
-            parameter(
-                "factor",
-                "1",
-                1.0,
-                0.2,
-                (0.2, 4.0),
-                "logged = factor × true + offset",
-            ),
-            parameter(
-                "offset_deg",
-                "deg",
-                0.0,
-                2.0,
-                (-15.0, 15.0),
-                "logged = factor × true + offset",
-            ),
+            factor("factor", 0.2, (0.2, 4.0)).meaning("logged = factor × true + offset"),
+            offset("offset_deg", "deg", 2.0, (-15.0, 15.0))
+                .meaning("logged = factor × true + offset"),
         ],
     ),
 ];

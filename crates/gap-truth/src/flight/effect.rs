@@ -3,71 +3,50 @@
 
 use super::airframe::Airframe;
 use super::{FlightSpec, TrueValue};
+use crate::effect_list::effects;
 use crate::random::{normal, sign, stream};
 
-/// An effect. Names follow the catalogue's ids; those after `AlphaVaneScale` are outside it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-#[allow(missing_docs, reason = "named as the ids in docs/mechanisms.md")]
-pub enum FlightEffect {
-    AirspeedScale,
-    ActuatorDelay,
-    ActuatorLag,
-    SurfaceTrimOffset,
-    ControlEffectiveness,
-    MassChange,
-    CgShift,
-    DragIncrease,
-    LiftSlope,
-    ThrustLoss,
-    RollDamping,
-    PitchDamping,
-    GyroBias,
-    AccelerometerBias,
-    AlphaVaneScale,
-    /// The ailerons fade after some time.
-    FadingAileron,
-    /// Ice grows: drag and lost lift with time.
-    Icing,
-    /// The gyro for pitch wanders with time.
-    GyroWander,
-    /// The tail bends: the elevator loses effect with dynamic pressure.
-    ElasticTail,
-    /// The nose pitches up at high angle of attack.
-    PitchUp,
-    /// The lift curve bends.
-    LiftBreak,
+effects! {
+    /// An effect.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+    #[allow(missing_docs, reason = "named as the ids in docs/mechanisms.md")]
+    enum FlightEffect;
+    /// Effects of the catalogue that a flight without a logged wind can show.
+    FLIGHT_CATALOGUE: [
+        AirspeedScale = "airspeed-scale",
+        ActuatorDelay = "actuator-delay",
+        ActuatorLag = "actuator-lag",
+        SurfaceTrimOffset = "surface-trim-offset",
+        ControlEffectiveness = "control-effectiveness",
+        MassChange = "mass-change",
+        CgShift = "cg-shift",
+        DragIncrease = "drag-increase",
+        LiftSlope = "lift.alpha",
+        ThrustLoss = "thrust-loss",
+        RollDamping = "roll.p",
+        PitchDamping = "pitch-damping",
+        GyroBias = "gyro-bias",
+        AccelerometerBias = "accelerometer-bias",
+        AlphaVaneScale = "alpha-vane-scale",
+    ]
+    /// Effects outside the catalogue.
+    FLIGHT_OUTSIDE: [
+        /// The ailerons fade after some time.
+        FadingAileron = "fading-aileron",
+        /// Ice grows: drag and lost lift with time.
+        Icing = "icing",
+        /// The gyro for pitch wanders with time.
+        GyroWander = "gyro-wander",
+        /// The tail bends: the elevator loses effect with dynamic pressure.
+        ElasticTail = "elastic-tail",
+        /// The nose pitches up at high angle of attack.
+        PitchUp = "pitch-up",
+        /// The lift curve bends.
+        LiftBreak = "lift-break",
+    ]
 }
 
 use FlightEffect as E;
-
-/// Effects of the catalogue that a flight without a logged wind can show.
-pub const FLIGHT_CATALOGUE: [FlightEffect; 15] = [
-    E::AirspeedScale,
-    E::ActuatorDelay,
-    E::ActuatorLag,
-    E::SurfaceTrimOffset,
-    E::ControlEffectiveness,
-    E::MassChange,
-    E::CgShift,
-    E::DragIncrease,
-    E::LiftSlope,
-    E::ThrustLoss,
-    E::RollDamping,
-    E::PitchDamping,
-    E::GyroBias,
-    E::AccelerometerBias,
-    E::AlphaVaneScale,
-];
-
-/// Effects outside the catalogue.
-pub const FLIGHT_OUTSIDE: [FlightEffect; 6] = [
-    E::FadingAileron,
-    E::Icing,
-    E::GyroWander,
-    E::ElasticTail,
-    E::PitchUp,
-    E::LiftBreak,
-];
 
 /// Which law an effect follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,33 +58,6 @@ pub enum FlightLaw {
 }
 
 impl FlightEffect {
-    /// The id in the catalogue, or a name.
-    pub fn id(self) -> &'static str {
-        match self {
-            E::AirspeedScale => "airspeed-scale",
-            E::ActuatorDelay => "actuator-delay",
-            E::ActuatorLag => "actuator-lag",
-            E::SurfaceTrimOffset => "surface-trim-offset",
-            E::ControlEffectiveness => "control-effectiveness",
-            E::MassChange => "mass-change",
-            E::CgShift => "cg-shift",
-            E::DragIncrease => "drag-increase",
-            E::LiftSlope => "lift-slope",
-            E::ThrustLoss => "thrust-loss",
-            E::RollDamping => "roll-damping",
-            E::PitchDamping => "pitch-damping",
-            E::GyroBias => "gyro-bias",
-            E::AccelerometerBias => "accelerometer-bias",
-            E::AlphaVaneScale => "alpha-vane-scale",
-            E::FadingAileron => "fading-aileron",
-            E::Icing => "icing",
-            E::GyroWander => "gyro-wander",
-            E::ElasticTail => "elastic-tail",
-            E::PitchUp => "pitch-up",
-            E::LiftBreak => "lift-break",
-        }
-    }
-
     /// Whether the catalogue has it.
     pub fn in_catalogue(self) -> bool {
         FLIGHT_CATALOGUE.contains(&self)

@@ -34,10 +34,6 @@ struct NearTheBest {
 }
 
 impl SearchStrategy for NearTheBest {
-    fn name(&self) -> &'static str {
-        "near-the-best"
-    }
-
     fn step(&mut self, archive: &Archive, rng: &mut ChaCha8Rng) -> &[PromisingPoint] {
         self.points.clear();
         for k in 0..40 {

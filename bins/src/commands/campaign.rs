@@ -39,7 +39,7 @@ pub struct CampaignArguments {
         help_heading = "Missions"
     )]
     pub seeds: Seeds,
-    /// Search strategies to compare, separated by commas [default: the scenario's]
+    /// Search strategies to compare, separated by commas; particle-swarm, ascent and random are baselines [default: the scenario's]
     #[arg(
         long,
         value_name = "NAMES",

@@ -10,7 +10,7 @@ use crate::error::{CseaError, setting};
 use crate::strategy::{PromisingPoint, SearchStrategy};
 use air::geo::Position;
 
-/// Places drawn evenly from the domain, whatever has been sensed.
+/// Random search, a baseline: places drawn evenly from the domain, whatever has been sensed.
 #[derive(Debug)]
 pub struct RandomPoints {
     domain: Domain,
@@ -34,10 +34,6 @@ impl RandomPoints {
 }
 
 impl SearchStrategy for RandomPoints {
-    fn name(&self) -> &'static str {
-        "random"
-    }
-
     fn step(&mut self, _archive: &Archive, rng: &mut ChaCha8Rng) -> &[PromisingPoint] {
         let Self {
             domain,
@@ -57,7 +53,7 @@ impl SearchStrategy for RandomPoints {
     }
 }
 
-/// Steepest ascent: places up the gradient that the samples around the best one show.
+/// Steepest ascent, a baseline: places up the gradient that the samples around the best one show.
 #[derive(Debug)]
 pub struct Ascent {
     domain: Domain,
@@ -104,10 +100,6 @@ impl Ascent {
 }
 
 impl SearchStrategy for Ascent {
-    fn name(&self) -> &'static str {
-        "ascent"
-    }
-
     fn step(&mut self, archive: &Archive, rng: &mut ChaCha8Rng) -> &[PromisingPoint] {
         let best = archive.best();
         let gradient = best.map(|b| self.gradient(archive, b.position));

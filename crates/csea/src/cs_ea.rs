@@ -181,10 +181,6 @@ impl CsEa {
 }
 
 impl SearchStrategy for CsEa {
-    fn name(&self) -> &'static str {
-        "cs-ea"
-    }
-
     fn step(&mut self, archive: &Archive, rng: &mut ChaCha8Rng) -> &[PromisingPoint] {
         while self.points.len() < self.options.population {
             let position = self.domain.draw(rng);

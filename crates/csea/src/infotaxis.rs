@@ -65,10 +65,6 @@ impl Infotaxis {
 }
 
 impl SearchStrategy for Infotaxis {
-    fn name(&self) -> &'static str {
-        "infotaxis"
-    }
-
     fn sense(&mut self, time_s: f64, sampler: usize, sample: &Sample, rng: &mut ChaCha8Rng) {
         self.inner.sense(time_s, sampler, sample, rng);
     }
@@ -88,8 +84,10 @@ impl SearchStrategy for Infotaxis {
         let way_m = MOVE_S * sampler.speed_m_s;
         let mut best: Option<(f64, Position)> = None;
         for to in self.moves(sampler) {
-            let told = self.inner.told(&drawn, &flight(sampler.position, to));
-            let left_bits = ((DRAWN as f64).ln() - entropy(&told)) / std::f64::consts::LN_2;
+            let predicted = self
+                .inner
+                .predicted_classes(&drawn, &flight(sampler.position, to));
+            let left_bits = ((DRAWN as f64).ln() - entropy(&predicted)) / std::f64::consts::LN_2;
             let far_m =
                 peaks.iter().map(|p| p.distance_m(to)).sum::<f64>() / peaks.len().max(1) as f64;
             let cost = (far_m / way_m + (left_bits - 1.0).exp2() - 0.5)

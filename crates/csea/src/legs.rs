@@ -31,7 +31,6 @@ const LEAST_PLACES: usize = 2;
 /// Lines shared out in a team.
 #[derive(Debug)]
 pub struct PatternFlight {
-    name: &'static str,
     lines: Vec<Vec<Position>>,
     next: usize,
     /// What each sampler still has before it, the next place last.
@@ -43,23 +42,22 @@ impl PatternFlight {
     /// A lawnmower: legs over `domain` across the axis that `prior` supposes, at the heights between floor and ceiling
     /// that the spread at the middle of the box asks for.
     pub fn lawnmower(domain: &Domain, prior: &PlumePrior) -> Self {
-        Self::new("lawnmower", legs(domain, prior), domain)
+        Self::new(legs(domain, prior), domain)
     }
 
     /// Arcs over `domain` about the source of `prior`, as far to both sides of its axis as that may be off, near ones
     /// first, and of one distance the height that is likeliest.
     pub fn arcs(domain: &Domain, prior: &PlumePrior) -> Self {
-        Self::new("arcs", arcs(domain, prior), domain)
+        Self::new(arcs(domain, prior), domain)
     }
 
-    fn new(name: &'static str, mut lines: Vec<Vec<Position>>, domain: &Domain) -> Self {
+    fn new(mut lines: Vec<Vec<Position>>, domain: &Domain) -> Self {
         lines.retain(|line| line.len() >= LEAST_PLACES);
         lines.truncate(MOST_LINES);
         if lines.is_empty() {
             lines.push(vec![domain.inside()]);
         }
         Self {
-            name,
             lines,
             next: 0,
             before: Vec::new(),
@@ -81,10 +79,6 @@ impl PatternFlight {
 }
 
 impl SearchStrategy for PatternFlight {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
     /// The beginnings of the next lines.
     fn step(&mut self, _archive: &Archive, _rng: &mut ChaCha8Rng) -> &[PromisingPoint] {
         let next = self.lines.iter().cycle().skip(self.next % self.lines.len());
@@ -120,10 +114,10 @@ impl SearchStrategy for PatternFlight {
 /// Legs across the supposed wind over the whole box.
 fn legs(domain: &Domain, prior: &PlumePrior) -> Vec<Vec<Position>> {
     let (low, high) = (domain.low(), domain.high());
-    let centre = Enu {
-        east_m: 0.5 * (low.at.east_m + high.at.east_m),
-        north_m: 0.5 * (low.at.north_m + high.at.north_m),
-    };
+    let centre = Enu::new(
+        0.5 * (low.at.east_m + high.at.east_m),
+        0.5 * (low.at.north_m + high.at.north_m),
+    );
     let reach_m = domain.reach_m(centre);
     let axis_deg = prior.axis_deg.value;
     let count = (2.0 * reach_m / APART_M).ceil() as usize;

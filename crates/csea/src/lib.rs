@@ -5,9 +5,9 @@
 //! [`Domain`]; each sampler flies to one of those that lie ahead of it ([`choose_within_cone`])
 //! until the next step. Plumage's own strategy is the constrained-sampling evolutionary
 //! algorithm [`CsEa`] (Varela et al. 2014, doi 10.1016/j.neucom.2013.03.060). [`ByPosterior`] flies by a
-//! [`Belief`] of the plume; [`Infotaxis`], [`ParticleSwarm`], [`PatternFlight`], [`Ascent`] and
-//! [`RandomPoints`] are rivals behind the same trait, chosen by name with [`strategy_by_name`]; [`Outside`] follows
-//! a program of somebody's own.
+//! [`Belief`] of the plume; [`Infotaxis`] and [`PatternFlight`] are rivals behind the same trait, [`ParticleSwarm`],
+//! [`Ascent`] and [`RandomPoints`] baselines to compare with; all are chosen by name with [`strategy_by_name`].
+//! [`Outside`] follows a program of somebody's own.
 //!
 //! ```
 //! use csea::{Archive, ArchiveOptions, CsEa, CsEaOptions, Domain, Position, Sample, SearchStrategy};
@@ -48,7 +48,7 @@ pub use air::geo::Position;
 pub use archive::{Archive, ArchiveOptions, FieldEstimate, Neighbour, Sample, SmoothingKernel};
 pub use baselines::{Ascent, RandomPoints};
 pub use belief::{Belief, PlumeGuess, PlumePrior};
-pub use by_name::{STRATEGIES, strategy_by_name};
+pub use by_name::{BASELINES, STRATEGIES, strategy_by_name};
 pub use cone::choose_within_cone;
 pub use cs_ea::{CsEa, CsEaOptions};
 pub use differential_evolution::DifferentialEvolution;

@@ -36,10 +36,6 @@ impl Outside {
 }
 
 impl SearchStrategy for Outside {
-    fn name(&self) -> &'static str {
-        OUTSIDE
-    }
-
     fn wish(&mut self, sampler: usize, place: Position) {
         if self.wished.len() <= sampler {
             self.wished.resize(sampler + 1, None);
@@ -80,10 +76,7 @@ mod tests {
     #[test]
     fn each_looks_where_it_was_last_wished_to() {
         let at = |east_m: f64, height_m: f64| Position {
-            at: Enu {
-                east_m,
-                north_m: 0.0,
-            },
+            at: Enu::new(east_m, 0.0),
             height_m,
         };
         let mut rng = ChaCha8Rng::seed_from_u64(1);

@@ -1,4 +1,4 @@
-//! Particle swarm: each sampler is a particle that is drawn to the best place of its own and to that of all.
+//! Particle swarm, a baseline: each sampler is a particle that is drawn to the best place of its own and to that of all.
 //!
 //! Kennedy and Eberhart (1995), doi 10.1109/ICNN.1995.488968, with the constriction of Clerc and Kennedy (2002),
 //! doi 10.1109/4235.985692. A sampler flies on along its particle's velocity until the next step.
@@ -72,10 +72,6 @@ impl ParticleSwarm {
 }
 
 impl SearchStrategy for ParticleSwarm {
-    fn name(&self) -> &'static str {
-        "particle-swarm"
-    }
-
     fn sense(&mut self, _time_s: f64, sampler: usize, sample: &Sample, _rng: &mut ChaCha8Rng) {
         if self.best.len() <= sampler {
             self.best.resize(sampler + 1, None);

@@ -49,7 +49,7 @@ pub struct ByPosterior {
     drawn: Vec<PlumeGuess>,
     peaks: Vec<Option<Position>>,
     /// What the flights ordered since the last step will tell of them, by sampler.
-    told_by: BTreeMap<usize, Vec<u64>>,
+    flown_classes: BTreeMap<usize, Vec<u64>>,
     /// Of each sampler what it read in the present second.
     reading: Vec<Reading>,
 }
@@ -81,7 +81,7 @@ impl ByPosterior {
             points: Vec::new(),
             drawn: Vec::new(),
             peaks: Vec::new(),
-            told_by: BTreeMap::new(),
+            flown_classes: BTreeMap::new(),
             reading: Vec::new(),
         })
     }
@@ -121,7 +121,11 @@ pub(crate) fn entropy(classes: &[u64]) -> f64 {
 impl ByPosterior {
     /// How a flight through `places` would tell each plume: where it is strongest there, and how strong; 0 where it is
     /// not met.
-    pub(crate) fn told(&mut self, drawn: &[PlumeGuess], places: &[Position]) -> Vec<u64> {
+    pub(crate) fn predicted_classes(
+        &mut self,
+        drawn: &[PlumeGuess],
+        places: &[Position],
+    ) -> Vec<u64> {
         let least_ppm = MET_SD * self.belief.noise_ppm();
         let excess = self.belief.excess_ppm(drawn, places);
         let of = |row: &[f64]| {
@@ -144,47 +148,47 @@ impl ByPosterior {
         let drawn = std::mem::take(&mut self.drawn);
         let known: Vec<Position> = self.peaks.iter().flatten().copied().collect();
         let mut classes = vec![0; drawn.len()];
-        for (_, told) in self.told_by.iter().filter(|(id, _)| **id != sampler.id) {
-            join(&mut classes, told);
+        for (_, predicted) in self
+            .flown_classes
+            .iter()
+            .filter(|(id, _)| **id != sampler.id)
+        {
+            join(&mut classes, predicted);
         }
         let before = entropy(&classes);
         let mut best: Option<(f64, Position, Vec<u64>)> = None;
         for _ in 0..CANDIDATES.min(known.len()) {
             let target = known[rng.random_range(0..known.len())];
             let places = flight(sampler.position, target);
-            let told = self.told(&drawn, &places);
+            let predicted = self.predicted_classes(&drawn, &places);
             let mut both = classes.clone();
-            join(&mut both, &told);
+            join(&mut both, &predicted);
             let end = places.last().copied().unwrap_or(target);
             let near = |p: &&Option<Position>| p.is_some_and(|p| p.distance_m(end) < FOUND_M);
             let found = self.peaks.iter().filter(near).count() as f64 / self.peaks.len() as f64;
             let nats = entropy(&both) - before + FOUND_NATS * found;
             let score = nats / (ORDER_S + sampler.time_to_s(end));
             if best.as_ref().is_none_or(|b| score > b.0) {
-                best = Some((score, target, told));
+                best = Some((score, target, predicted));
             }
         }
         self.drawn = drawn;
-        best.map(|(_, target, told)| (target, told))
+        best.map(|(_, target, predicted)| (target, predicted))
     }
 }
 
 /// Makes of a partition that by another one as well, by the mixing of splitmix64 (Steele, Lea and Flood 2014).
 fn join(classes: &mut [u64], other: &[u64]) {
-    for (class, told) in classes.iter_mut().zip(other) {
+    for (class, part) in classes.iter_mut().zip(other) {
         let mut z = class
             .wrapping_mul(0x9E37_79B9_7F4A_7C15)
-            .wrapping_add(*told);
+            .wrapping_add(*part);
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         *class = z ^ (z >> 27);
     }
 }
 
 impl SearchStrategy for ByPosterior {
-    fn name(&self) -> &'static str {
-        "posterior"
-    }
-
     fn sense(&mut self, time_s: f64, sampler: usize, sample: &Sample, rng: &mut ChaCha8Rng) {
         if self.reading.len() <= sampler {
             self.reading.resize(sampler + 1, Reading::default());
@@ -215,7 +219,7 @@ impl SearchStrategy for ByPosterior {
         self.drawn = self.belief.draw(DRAWN, rng);
         let peak = |g| self.belief.peak(g, &self.domain);
         self.peaks = self.drawn.iter().map(peak).collect();
-        self.told_by.clear();
+        self.flown_classes.clear();
         let drawn = self.belief.draw(self.count, rng);
         self.points.clear();
         for guess in drawn {
@@ -235,8 +239,8 @@ impl SearchStrategy for ByPosterior {
 
     fn direct(&mut self, sampler: &Sampler, _cone_deg: f64, rng: &mut ChaCha8Rng) -> Position {
         match self.best_flight(sampler, rng) {
-            Some((target, told)) => {
-                self.told_by.insert(sampler.id, told);
+            Some((target, predicted)) => {
+                self.flown_classes.insert(sampler.id, predicted);
                 target
             }
             None => self.domain.draw(rng),

@@ -35,9 +35,6 @@ pub struct Sampler {
 
 /// A way to turn what has been sensed into places worth a flight.
 pub trait SearchStrategy: Send {
-    /// The name by which a scenario chooses the strategy.
-    fn name(&self) -> &'static str;
-
     /// Takes in what the `sampler`-th of the team has read at a time: for strategies that learn more of it than the
     /// archive keeps.
     fn sense(&mut self, _time_s: f64, _sampler: usize, _sample: &Sample, _rng: &mut ChaCha8Rng) {}

@@ -205,7 +205,8 @@ fn wrong_settings_say_what_would_be_right() {
     };
     assert_eq!(
         unknown.to_string(),
-        "search.strategy is \"genetic\"; expected one of posterior, lawnmower, arcs, infotaxis, particle-swarm, cs-ea, ascent, random, outside"
+        "search.strategy is \"genetic\"; expected one of posterior, lawnmower, arcs, infotaxis, particle-swarm, cs-ea, ascent, random, outside \
+         (baselines: particle-swarm, ascent, random)"
     );
     let options = CsEaOptions {
         population: 3,

@@ -143,12 +143,12 @@ impl Outputs {
     /// Takes in what the recorder itself has to say of the run at `time`: it stands in the record as its event.
     pub fn note(&mut self, time: SimTime, severity: Severity, code: &str, text: &str) {
         self.notes += 1;
-        let envelope = Envelope {
-            sender: AgentId::recorder(),
-            sequence: self.notes,
+        let envelope = Envelope::new(
+            AgentId::recorder(),
+            self.notes,
             time,
-            message: Message::event(severity, code, text),
-        };
+            Message::event(severity, code, text),
+        );
         self.take(&[(Topic::Event(AgentId::recorder()), envelope)]);
     }
 
@@ -178,11 +178,6 @@ impl Outputs {
     /// The run is in real time: what is said of its repeating is another thing.
     pub fn is_in_real_time(&mut self) {
         self.report.is_in_real_time();
-    }
-
-    /// The summary so far.
-    pub fn summary(&self, digest: &str, wall_s: f64) -> MissionSummary {
-        self.summariser.summary(digest, wall_s)
     }
 
     /// Ends the recording and writes the other files: as many of them as can be written, and what went wrong.

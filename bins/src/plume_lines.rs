@@ -29,10 +29,9 @@ pub fn of(site: &SiteMap, model: &Model) -> PlumeShape {
     let Some(stack) = site.stacks.first() else {
         return PlumeShape::default();
     };
-    let source = site.frame.to_enu(Geodetic {
-        lat_deg: stack.lat_deg,
-        lon_deg: stack.lon_deg,
-    });
+    let source = site
+        .frame
+        .to_enu(Geodetic::new(stack.lat_deg, stack.lon_deg));
     let levels = site.shown.levels_ppm();
     let square = square(site, source, model);
     let heights = heights(site, source, model, levels[0]);
@@ -40,10 +39,10 @@ pub fn of(site: &SiteMap, model: &Model) -> PlumeShape {
     for (k, alt_amsl_m) in heights.into_iter().enumerate() {
         let grid = grid(site, model, &square, alt_amsl_m);
         let corner = |[column, row]: [f64; 2]| -> Corner {
-            let at = site.frame.to_geodetic(Enu {
-                east_m: square.low.east_m + column * square.step_m,
-                north_m: square.low.north_m + row * square.step_m,
-            });
+            let at = site.frame.to_geodetic(Enu::new(
+                square.low.east_m + column * square.step_m,
+                square.low.north_m + row * square.step_m,
+            ));
             [at.lon_deg, at.lat_deg, alt_amsl_m]
         };
         for excess_ppm in levels {
@@ -71,7 +70,7 @@ fn square(site: &SiteMap, source: Enu, model: &Model) -> Square {
     let corners = site
         .fence
         .iter()
-        .map(|&(lat_deg, lon_deg)| site.frame.to_enu(Geodetic { lat_deg, lon_deg }));
+        .map(|&(lat_deg, lon_deg)| site.frame.to_enu(Geodetic::new(lat_deg, lon_deg)));
     let corners: Vec<Enu> = corners.chain([source]).collect();
     let ends = |of: fn(&Enu) -> f64| {
         let (low, high) = corners
@@ -90,10 +89,7 @@ fn square(site: &SiteMap, source: Enu, model: &Model) -> Square {
     let side_m = (east.1 - east.0).max(north.1 - north.0);
     let middle = |(low, high): (f64, f64)| (low + high) / 2.0;
     Square {
-        low: Enu {
-            east_m: middle(east) - side_m / 2.0,
-            north_m: middle(north) - side_m / 2.0,
-        },
+        low: Enu::new(middle(east) - side_m / 2.0, middle(north) - side_m / 2.0),
         step_m: side_m / (SIDE - 1) as f64,
     }
 }
@@ -125,10 +121,10 @@ fn heights(site: &SiteMap, source: Enu, model: &Model, excess_ppm: f64) -> Vec<f
 fn grid(site: &SiteMap, model: &Model, square: &Square, alt_amsl_m: f64) -> Grid {
     let points: Vec<MapPoint> = (0..SIDE * SIDE)
         .map(|k| MapPoint {
-            at: Enu {
-                east_m: square.low.east_m + square.step_m * (k % SIDE) as f64,
-                north_m: square.low.north_m + square.step_m * (k / SIDE) as f64,
-            },
+            at: Enu::new(
+                square.low.east_m + square.step_m * (k % SIDE) as f64,
+                square.low.north_m + square.step_m * (k / SIDE) as f64,
+            ),
             alt_amsl_m,
         })
         .collect();

@@ -69,7 +69,7 @@ impl Plume {
         let lat_deg = slice(&lat_deg, "lat_deg")?;
         let lon_deg = slice(&lon_deg, "lon_deg")?;
         let at = lat_deg.iter().zip(lon_deg).map(|(&lat_deg, &lon_deg)| {
-            let at = self.frame.to_enu(Geodetic { lat_deg, lon_deg });
+            let at = self.frame.to_enu(Geodetic::new(lat_deg, lon_deg));
             (at.east_m, at.north_m)
         });
         let (east_m, north_m): (Vec<f64>, Vec<f64>) = at.unzip();

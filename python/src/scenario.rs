@@ -152,14 +152,14 @@ impl Scenario {
     /// East and north of the site's origin, m.
     fn to_local(&self, lat_deg: f64, lon_deg: f64) -> PyResult<(f64, f64)> {
         let frame = self.setup.frame().map_err(|e| error::input(&e))?;
-        let Enu { east_m, north_m } = frame.to_enu(Geodetic { lat_deg, lon_deg });
+        let Enu { east_m, north_m } = frame.to_enu(Geodetic::new(lat_deg, lon_deg));
         Ok((east_m, north_m))
     }
 
     /// Latitude and longitude, degrees.
     fn to_geodetic(&self, east_m: f64, north_m: f64) -> PyResult<(f64, f64)> {
         let frame = self.setup.frame().map_err(|e| error::input(&e))?;
-        let at = frame.to_geodetic(Enu { east_m, north_m });
+        let at = frame.to_geodetic(Enu::new(east_m, north_m));
         Ok((at.lat_deg, at.lon_deg))
     }
 

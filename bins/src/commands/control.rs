@@ -71,19 +71,19 @@ pub fn control(arguments: &ControlArguments) -> Result<(), Failure> {
         },
         sticks: None,
     };
-    let told = |id: &String| {
-        Ok(Told {
+    let command = |id: &String| {
+        Ok(OperatorCommand {
             to: AgentId::va(id).map_err(Failure::input)?,
             topic: Topic::Control(Name::new(id).map_err(Failure::input)?),
             message: Message::Control(control),
         })
     };
-    let told: Result<Vec<Told>, Failure> = ids.iter().map(told).collect();
+    let commands: Result<Vec<OperatorCommand>, Failure> = ids.iter().map(command).collect();
     let answered = arguments.wish == Wish::HandBack;
     tell(
         &arguments.bus,
         &setup,
-        told?,
+        commands?,
         answered.then_some(hand_back_taken),
     )?;
     if !answered {
@@ -121,13 +121,13 @@ pub(super) fn told_by_page(wish: PageCommand, team: &[String]) -> Vec<(Topic, Me
     }
 }
 
-/// What the operator tells a vehicle.
-pub(super) struct Told {
-    /// Whom.
+/// A command of the operator to a vehicle.
+pub(super) struct OperatorCommand {
+    /// The vehicle.
     pub to: AgentId,
-    /// Where it is said.
+    /// The topic on which it is published.
     pub topic: Topic,
-    /// What.
+    /// The command.
     pub message: Message,
 }
 
@@ -142,10 +142,10 @@ pub(super) type Answer = fn(&EventMessage) -> Option<bool>;
 pub(super) fn tell(
     bus: &agent::BusArguments,
     setup: &Setup,
-    told: Vec<Told>,
+    commands: Vec<OperatorCommand>,
     answer: Option<Answer>,
 ) -> Result<(), Failure> {
-    let names: Vec<AgentId> = told.iter().map(|told| told.to.clone()).collect();
+    let names: Vec<AgentId> = commands.iter().map(|command| command.to.clone()).collect();
     agent::block_on(async {
         let mut net = bus.open(setup, false).await?;
         let patience = Duration::from_secs(PATIENCE_S);
@@ -169,14 +169,14 @@ pub(super) fn tell(
             .map(|name| Interest::One(Topic::Event(name.clone())))
             .collect();
         net.subscribe(&answers).await?;
-        for (k, told) in told.into_iter().enumerate() {
-            let envelope = Envelope {
-                sender: AgentId::operator(),
-                sequence: k as u64 + 1,
-                time: clock.now(),
-                message: told.message,
-            };
-            net.publish(&told.topic, &envelope).await?;
+        for (k, command) in commands.into_iter().enumerate() {
+            let envelope = Envelope::new(
+                AgentId::operator(),
+                k as u64 + 1,
+                clock.now(),
+                command.message,
+            );
+            net.publish(&command.topic, &envelope).await?;
         }
         let answered = match answer {
             Some(answer) => print_answers(&mut net, &names, answer).await,

@@ -1,6 +1,6 @@
 //! `plumage swap`: another aircraft in a vehicle's place, while a mission runs in processes.
 
-use super::control::{self, Told};
+use super::control::{self, OperatorCommand};
 use crate::{Failure, agent};
 use mav_bridge::link::LinkAddress;
 use protocol::key::Name;
@@ -55,8 +55,8 @@ pub fn swap(arguments: &SwapArguments) -> Result<(), Failure> {
     let name = Name::new(id).map_err(Failure::input)?;
     let tell = |topic, message| {
         let to = AgentId::va(id).map_err(Failure::input)?;
-        let told = vec![Told { to, topic, message }];
-        control::tell(&arguments.bus, &setup, told, Some(answer))
+        let command = OperatorCommand { to, topic, message };
+        control::tell(&arguments.bus, &setup, vec![command], Some(answer))
     };
     let swap = Swap {
         link: arguments.aircraft.real.as_ref().map(ToString::to_string),

@@ -116,12 +116,7 @@ async fn follow(
         for wish in wishes.into_iter().filter(|_| joined) {
             for (topic, message) in control::told_by_page(wish, team) {
                 sequence += 1;
-                let envelope = Envelope {
-                    sender: AgentId::operator(),
-                    sequence,
-                    time: now,
-                    message,
-                };
+                let envelope = Envelope::new(AgentId::operator(), sequence, now, message);
                 net.publish(&topic, &envelope).await?;
             }
         }

@@ -38,10 +38,7 @@ pub fn distance_to_segment_m(at: Enu, a: Enu, b: Enu) -> f64 {
     }
     let along = (at.east_m - a.east_m) * de + (at.north_m - a.north_m) * dn;
     let part = (along / length_sq).clamp(0.0, 1.0);
-    at.distance_m(Enu {
-        east_m: a.east_m + part * de,
-        north_m: a.north_m + part * dn,
-    })
+    at.distance_m(Enu::new(a.east_m + part * de, a.north_m + part * dn))
 }
 
 #[cfg(test)]
@@ -49,7 +46,7 @@ mod tests {
     use super::*;
 
     const fn at(east_m: f64, north_m: f64) -> Enu {
-        Enu { east_m, north_m }
+        Enu::new(east_m, north_m)
     }
 
     /// An L: the square of 0 to 4 without its north-east quarter.

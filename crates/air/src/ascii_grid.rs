@@ -120,7 +120,7 @@ mod tests {
     fn posts_stand_in_the_middle_of_their_cells() {
         let grid = AsciiGrid::parse(TEXT).unwrap();
         assert_eq!(grid.corners_deg(), [(46.0, 8.0), (47.0, 10.0)]);
-        let at = |lat_deg, lon_deg| grid.post_of(Geodetic { lat_deg, lon_deg });
+        let at = |lat_deg, lon_deg| grid.post_of(Geodetic::new(lat_deg, lon_deg));
         assert_eq!(at(47.0, 8.0), Some((0.0, 0.0)));
         assert_eq!(at(46.0, 10.0), Some((1.0, 2.0)));
         assert_eq!(at(45.9, 9.0), None);

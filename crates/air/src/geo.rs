@@ -21,6 +21,13 @@ pub struct Geodetic {
     pub lon_deg: f64,
 }
 
+impl Geodetic {
+    /// The place at a latitude and a longitude, degrees.
+    pub const fn new(lat_deg: f64, lon_deg: f64) -> Self {
+        Self { lat_deg, lon_deg }
+    }
+}
+
 /// A place in the horizontal plane of a [`LocalFrame`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Enu {
@@ -31,6 +38,11 @@ pub struct Enu {
 }
 
 impl Enu {
+    /// The place so far east and north of the origin, m.
+    pub const fn new(east_m: f64, north_m: f64) -> Self {
+        Self { east_m, north_m }
+    }
+
     /// Horizontal distance to `other`, m.
     pub fn distance_m(self, other: Enu) -> f64 {
         (self.east_m - other.east_m).hypot(self.north_m - other.north_m)

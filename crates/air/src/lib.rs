@@ -22,7 +22,7 @@
 //!
 //! # fn main() -> Result<(), air::AirError> {
 //! let frame = LocalFrame::new(43.4417, -7.8631, 340.0)?;
-//! let at = frame.to_enu(Geodetic { lat_deg: 43.4517, lon_deg: -7.8631 });
+//! let at = frame.to_enu(Geodetic::new(43.4517, -7.8631));
 //! assert!((at.north_m - 1111.0).abs() < 1.0 && at.east_m.abs() < 0.01);
 //!
 //! // 7 m/s from the west-south-west at 486 m above ground, less below.

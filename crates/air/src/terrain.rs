@@ -194,10 +194,7 @@ fn bilinear((row, column): (f64, f64), post: impl Fn(usize, usize) -> Option<f64
 mod tests {
     use super::*;
 
-    const SITE: Geodetic = Geodetic {
-        lat_deg: 43.44,
-        lon_deg: -7.86,
-    };
+    const SITE: Geodetic = Geodetic::new(43.44, -7.86);
 
     /// A 3-arc-second tile that rises one metre a row southwards and two a column eastwards.
     fn ramp() -> Vec<u8> {
@@ -210,15 +207,9 @@ mod tests {
     fn bilinear_on_a_ramp_is_exact() {
         let terrain = Terrain::from_hgt("N43W008.hgt", &ramp(), SITE, 12.0).unwrap();
         // 0.25 of the tile south of its north edge is row 300, 0.1 east is column 120.
-        let at = Geodetic {
-            lat_deg: 43.75 - 0.5 / 1200.0,
-            lon_deg: -7.9 + 0.25 / 1200.0,
-        };
+        let at = Geodetic::new(43.75 - 0.5 / 1200.0, -7.9 + 0.25 / 1200.0);
         assert!((terrain.ground_amsl_m(at) - (300.5 + 2.0 * 120.25)).abs() < 1e-6);
-        let outside = Geodetic {
-            lat_deg: 50.0,
-            lon_deg: -7.9,
-        };
+        let outside = Geodetic::new(50.0, -7.9);
         assert_eq!(terrain.ground_amsl_m(outside), 12.0);
     }
 
@@ -248,13 +239,7 @@ mod tests {
         let mut bytes = ramp();
         bytes[..2].copy_from_slice(&i16::MIN.to_be_bytes());
         let terrain = Terrain::from_hgt("N43W008.hgt", &bytes, SITE, 12.0).unwrap();
-        assert_eq!(
-            terrain.ground_amsl_m(Geodetic {
-                lat_deg: 44.0,
-                lon_deg: -8.0
-            }),
-            12.0
-        );
+        assert_eq!(terrain.ground_amsl_m(Geodetic::new(44.0, -8.0)), 12.0);
     }
 
     #[test]

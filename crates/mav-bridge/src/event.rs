@@ -5,9 +5,5 @@ use protocol::text::printable;
 
 /// An event of that `code` with a `text` for people, whatever the vehicle has put into it.
 pub(crate) fn event(severity: Severity, code: &str, text: impl AsRef<str>) -> EventMessage {
-    EventMessage {
-        severity,
-        code: code.to_owned(),
-        text: printable(text.as_ref()).into_owned(),
-    }
+    EventMessage::new(severity, code, printable(text.as_ref()))
 }

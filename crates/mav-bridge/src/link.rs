@@ -89,7 +89,6 @@ pub struct Link {
     incoming: mpsc::Receiver<Vec<u8>>,
     outgoing: mpsc::Sender<Vec<u8>>,
     notices: mpsc::Receiver<String>,
-    local: Option<SocketAddr>,
     task: JoinHandle<()>,
 }
 
@@ -119,39 +118,28 @@ impl Link {
             link: address.to_string(),
             source,
         };
-        let (local, task) = match address {
+        let task = match address {
             LinkAddress::UdpListen(at) => {
                 let socket = UdpSocket::bind(at).await.map_err(refuse)?;
-                let local = socket.local_addr().ok();
-                (local, tokio::spawn(udp_server(socket, ends)))
+                tokio::spawn(udp_server(socket, ends))
             }
             LinkAddress::UdpConnect(to) => {
                 let (socket, peer) = udp_towards(to).await.map_err(refuse)?;
-                let local = socket.local_addr().ok();
-                (local, tokio::spawn(udp_client(socket, peer, ends)))
+                tokio::spawn(udp_client(socket, peer, ends))
             }
-            LinkAddress::TcpConnect(to) => (None, tokio::spawn(tcp_client(to.clone(), ends))),
+            LinkAddress::TcpConnect(to) => tokio::spawn(tcp_client(to.clone(), ends)),
             LinkAddress::TcpListen(at) => {
                 let listener = TcpListener::bind(at).await.map_err(refuse)?;
-                let local = listener.local_addr().ok();
-                (local, tokio::spawn(tcp_server(listener, ends)))
+                tokio::spawn(tcp_server(listener, ends))
             }
-            LinkAddress::Serial(path, baud) => {
-                (None, tokio::spawn(serial(path.clone(), *baud, ends)))
-            }
+            LinkAddress::Serial(path, baud) => tokio::spawn(serial(path.clone(), *baud, ends)),
         };
         Ok(Self {
             incoming,
             outgoing,
             notices,
-            local,
             task,
         })
-    }
-
-    /// The address it listens at, if it is bound to one.
-    pub fn local_address(&self) -> Option<SocketAddr> {
-        self.local
     }
 
     /// The next bytes, when they come; none when the link has ended for good.
@@ -482,12 +470,18 @@ mod tests {
             .unwrap()
     }
 
+    /// A link that listens for datagrams at a port that was free.
+    async fn listening() -> (Link, u16) {
+        let probe = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+        let port = probe.local_addr().unwrap().port();
+        drop(probe);
+        let at = format!("udpin:127.0.0.1:{port}").parse().unwrap();
+        (Link::open(&at).await.unwrap(), port)
+    }
+
     #[tokio::test]
     async fn udp_both_ways_and_no_stranger() {
-        let mut here = Link::open(&"udpin:127.0.0.1:0".parse().unwrap())
-            .await
-            .unwrap();
-        let port = here.local_address().unwrap().port();
+        let (mut here, port) = listening().await;
         let to: LinkAddress = format!("udpout:127.0.0.1:{port}").parse().unwrap();
         let mut vehicle = Link::open(&to).await.unwrap();
         assert!(vehicle.send(vec![1, 2, 3]));
@@ -508,10 +502,7 @@ mod tests {
 
     #[tokio::test]
     async fn two_aircraft_at_one_port_are_both_heard_and_both_answered() {
-        let mut here = Link::open(&"udpin:127.0.0.1:0".parse().unwrap())
-            .await
-            .unwrap();
-        let port = here.local_address().unwrap().port();
+        let (mut here, port) = listening().await;
         let to: LinkAddress = format!("udpout:127.0.0.1:{port}").parse().unwrap();
         let mut first = Link::open(&to).await.unwrap();
         let mut second = Link::open(&to).await.unwrap();
@@ -599,10 +590,8 @@ mod tests {
 
     #[tokio::test]
     async fn a_taken_port_is_refused_with_its_name() {
-        let first = Link::open(&"tcpin:127.0.0.1:0".parse().unwrap())
-            .await
-            .unwrap();
-        let port = first.local_address().unwrap().port();
+        let first = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let port = first.local_addr().unwrap().port();
         let again = format!("tcpin:127.0.0.1:{port}").parse().unwrap();
         let error = Link::open(&again).await.unwrap_err().to_string();
         assert!(error.contains(&port.to_string()), "{error}");

@@ -146,10 +146,9 @@ impl Watch {
         let Some((at, alt_amsl_m)) = self.peak_at(time_s) else {
             return false;
         };
-        let here = self.frame.to_enu(Geodetic {
-            lat_deg: state.lat_deg,
-            lon_deg: state.lon_deg,
-        });
+        let here = self
+            .frame
+            .to_enu(Geodetic::new(state.lat_deg, state.lon_deg));
         here.distance_m(at).hypot(state.alt_amsl_m - alt_amsl_m) <= NEAR_M
     }
 
@@ -157,10 +156,7 @@ impl Watch {
         let is_old = |from_s: f64| !self.is_steady && time_s - from_s >= PEAK_MOVES_S;
         if self.peak_at.is_none_or(|(from_s, _)| is_old(from_s)) {
             let found = self.peak.as_ref().and_then(|p| p.0(time_s)).map(|p| {
-                let at = Geodetic {
-                    lat_deg: p.lat_deg,
-                    lon_deg: p.lon_deg,
-                };
+                let at = Geodetic::new(p.lat_deg, p.lon_deg);
                 (self.frame.to_enu(at), p.alt_amsl_m)
             });
             self.peak_at = Some((time_s, found));
@@ -233,10 +229,7 @@ fn with_team_of(scenario: &Scenario, count: usize) -> Result<Scenario, MissionEr
         .collect();
     let frame = scenario.frame()?;
     let source = &scenario.sources[0];
-    let source = frame.to_enu(Geodetic {
-        lat_deg: source.lat_deg,
-        lon_deg: source.lon_deg,
-    });
+    let source = frame.to_enu(Geodetic::new(source.lat_deg, source.lon_deg));
     let homes: Result<Vec<Enu>, _> = (0..scenario.vehicles.len())
         .map(|k| scenario.home(k).map(|at| frame.to_enu(at)))
         .collect();

@@ -159,17 +159,14 @@ impl FedVehicle {
         let heading_deg = if north_m.hypot(east_m) < COURSE_FROM_M_S {
             was.heading_deg
         } else {
-            Enu::default().bearing_deg(Enu { east_m, north_m })
+            Enu::default().bearing_deg(Enu::new(east_m, north_m))
         };
         (velocity, heading_deg)
     }
 }
 
 fn geodetic(row: &ObservationRow) -> Geodetic {
-    Geodetic {
-        lat_deg: row.lat_deg,
-        lon_deg: row.lon_deg,
-    }
+    Geodetic::new(row.lat_deg, row.lon_deg)
 }
 
 /// What was read by a row, if anything was.

@@ -45,12 +45,12 @@ pub struct Flight {
     emission_kg_s: f64,
     /// When the last vehicle was in the air, s.
     last_up_s: f64,
-    met: Vec<Met>,
+    plume_readings: Vec<PlumeReading>,
 }
 
 /// What one reading of a real vehicle held of the plume.
 #[derive(Debug, Clone, Copy)]
-struct Met {
+struct PlumeReading {
     distance_m: f64,
     height_agl_m: f64,
     /// The plume's part, over the sensor's noise.
@@ -140,7 +140,7 @@ pub fn fly(setup: &Setup, number: u64) -> Result<Flight, MissionError> {
     Ok(Flight {
         background_ppm: model.spec().background_ppm,
         emission_kg_s,
-        met: met(&setup, &model, &watch.readings)?,
+        plume_readings: plume_readings(&setup, &model, &watch.readings)?,
         summary: summariser.summary(&run.digest(), 0.0),
         last_up_s: watch.last_up_s,
     })
@@ -192,20 +192,17 @@ impl Watch {
 }
 
 /// What the readings held of the plumes in a reality, by its mean field and through the sensor.
-fn met(
+fn plume_readings(
     setup: &Setup,
     model: &DispersionModel,
     readings: &BTreeMap<String, Vec<(f64, Reading)>>,
-) -> Result<Vec<Met>, MissionError> {
+) -> Result<Vec<PlumeReading>, MissionError> {
     let frame = setup.frame()?;
     let names: Vec<String> = readings.keys().cloned().collect();
     let mut rows: Vec<Row> = Vec::new();
     for (platform, of) in readings.values().enumerate() {
         for (time_s, r) in of {
-            let at = Geodetic {
-                lat_deg: r.lat_deg,
-                lon_deg: r.lon_deg,
-            };
+            let at = Geodetic::new(r.lat_deg, r.lon_deg);
             let row = Row {
                 platform,
                 time_s: *time_s,
@@ -228,7 +225,7 @@ fn met(
         .noise_sd_ppm
         .hypot(sensor.resolution_ppm / 12f64.sqrt());
     let source = model.spec().sources[0].place;
-    let each = rows.iter().zip(part).map(|(row, part_ppm)| Met {
+    let each = rows.iter().zip(part).map(|(row, part_ppm)| PlumeReading {
         distance_m: (row.place.east_m - source.east_m).hypot(row.place.north_m - source.north_m),
         height_agl_m: row.place.height_agl_m,
         snr: part_ppm / noise_ppm.max(f64::MIN_POSITIVE),
@@ -238,10 +235,13 @@ fn met(
 
 /// Least emission that these readings detect, beside a background that they have to tell too: the strength at which
 /// the plume's matched filter stands [`READ_SD`] and [`CHANCE_SD`] above nothing.
-fn least_kg_s<'a>(emission_kg_s: f64, met: impl Iterator<Item = &'a Met> + Clone) -> Option<f64> {
-    let count = met.clone().count() as f64;
-    let mean = met.clone().map(|m| m.snr).sum::<f64>() / count;
-    let squares: f64 = met.map(|m| (m.snr - mean).powi(2)).sum();
+fn least_kg_s<'a>(
+    emission_kg_s: f64,
+    readings: impl Iterator<Item = &'a PlumeReading> + Clone,
+) -> Option<f64> {
+    let count = readings.clone().count() as f64;
+    let mean = readings.clone().map(|m| m.snr).sum::<f64>() / count;
+    let squares: f64 = readings.map(|m| (m.snr - mean).powi(2)).sum();
     let least = emission_kg_s * (READ_SD + CHANCE_SD) / squares.sqrt();
     least.is_finite().then_some(least)
 }
@@ -268,7 +268,7 @@ pub fn forecast(flights: &[Flight]) -> Forecast {
         schema: SCHEMA,
         missions: flights.len(),
         chance: CHANCE,
-        least_kg_s: of(&|f| least_kg_s(f.emission_kg_s, f.met.iter())),
+        least_kg_s: of(&|f| least_kg_s(f.emission_kg_s, f.plume_readings.iter())),
         detectable: BANDS_M
             .windows(2)
             .filter_map(|b| band(flights, b[0], b[1]))
@@ -283,22 +283,24 @@ pub fn forecast(flights: &[Flight]) -> Forecast {
 }
 
 fn band(flights: &[Flight], from_m: f64, to_m: f64) -> Option<Detectable> {
-    let inside = |m: &&Met| (from_m..to_m).contains(&m.distance_m);
+    let inside = |m: &&PlumeReading| (from_m..to_m).contains(&m.distance_m);
     let readings = median(
         flights
             .iter()
-            .map(|f| f.met.iter().filter(inside).count() as f64)
+            .map(|f| f.plume_readings.iter().filter(inside).count() as f64)
             .collect(),
     )?;
     if readings < LEAST_READINGS as f64 {
         return None;
     }
-    let read = flights.iter().flat_map(|f| f.met.iter().filter(inside));
+    let read = flights
+        .iter()
+        .flat_map(|f| f.plume_readings.iter().filter(inside));
     let mut heights: Vec<f64> = read.map(|m| m.height_agl_m).collect();
     heights.sort_by(f64::total_cmp);
     // On the ground a barometer may be a little below it.
     let at = |share: f64| heights[(share * (heights.len() - 1) as f64) as usize].max(0.0);
-    let least = |f: &Flight| least_kg_s(f.emission_kg_s, f.met.iter().filter(inside));
+    let least = |f: &Flight| least_kg_s(f.emission_kg_s, f.plume_readings.iter().filter(inside));
     Some(Detectable {
         from_m,
         to_m: to_m.is_finite().then_some(to_m),
@@ -357,15 +359,15 @@ mod tests {
         // 100 readings of noise, half of them in a plume of 2 standard deviations: the matched filter of ±1 about
         // the mean has a standard deviation of 10, so 6.645 of it are .6645 of the emission
         // (python3: (5+1.645)/(100*1**2)**.5).
-        let met: Vec<Met> = (0..100)
-            .map(|k| Met {
+        let plume_readings: Vec<PlumeReading> = (0..100)
+            .map(|k| PlumeReading {
                 distance_m: 100.0,
                 height_agl_m: 50.0,
                 snr: if k < 50 { 2.0 } else { 0.0 },
             })
             .collect();
-        let least = least_kg_s(10.0, met.iter()).unwrap();
+        let least = least_kg_s(10.0, plume_readings.iter()).unwrap();
         assert!((least - 6.645).abs() < 1e-9, "{least}");
-        assert_eq!(least_kg_s(10.0, met[..50].iter()), None);
+        assert_eq!(least_kg_s(10.0, plume_readings[..50].iter()), None);
     }
 }

@@ -440,9 +440,11 @@ fn grid(airspace: &Airspace) -> impl Iterator<Item = Enu> + Clone {
         count(low.at.east_m, high.at.east_m),
         count(low.at.north_m, high.at.north_m),
     );
-    let place = move |row: usize, column: usize| Enu {
-        east_m: low.at.east_m + step_m * (0.5 + column as f64),
-        north_m: low.at.north_m + step_m * (0.5 + row as f64),
+    let place = move |row: usize, column: usize| {
+        Enu::new(
+            low.at.east_m + step_m * (0.5 + column as f64),
+            low.at.north_m + step_m * (0.5 + row as f64),
+        )
     };
     (0..=rows).flat_map(move |row| (0..=columns).map(move |column| place(row, column)))
 }

@@ -18,7 +18,9 @@ use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic}
 use scenario::random::stream;
 use scenario::tables::{AutopilotKind, GasTime, OuterLoopKind};
 use stand_in::StandIn;
-use va::{BridgeReport, BridgedVehicle, OuterLoop, SafetyMonitor, VehicleBackend, VirtualAircraft};
+use va::{
+    BridgedVehicle, OuterLoop, SafetyMonitor, VehicleBackend, VehicleReport, VirtualAircraft,
+};
 
 /// What is at the far end of the MAVLink link.
 enum FarEnd {
@@ -426,7 +428,7 @@ impl Agent for RealVehicle {
     fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
         if matches!(event, Event::Tick) {
             self.exchange(now, out);
-            let news = BridgeReport {
+            let news = VehicleReport {
                 state: self.output.state.take(),
                 readings: std::mem::take(&mut self.output.readings),
                 mode: Some(self.mode()),

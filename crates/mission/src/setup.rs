@@ -138,10 +138,7 @@ impl Setup {
         };
         // Beyond the tile, and in its voids, the ground is that of the site's origin.
         let ground = scenario.site.ground_amsl_m;
-        let site = Geodetic {
-            lat_deg: scenario.site.lat_deg,
-            lon_deg: scenario.site.lon_deg,
-        };
+        let site = Geodetic::new(scenario.site.lat_deg, scenario.site.lon_deg);
         let terrain = match &scenario.site.terrain {
             None => Terrain::Flat(ground),
             Some(name) => read(name)

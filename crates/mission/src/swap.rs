@@ -72,11 +72,11 @@ impl Member {
                     "resumes from its last state, {:.0} s old, in {level:?}",
                     now.since_s(*said)
                 );
-                next.tell(EventMessage {
-                    severity: Severity::Warning,
-                    code: "resumed".to_owned(),
-                    text: text.clone(),
-                });
+                next.tell(EventMessage::new(
+                    Severity::Warning,
+                    "resumed",
+                    text.clone(),
+                ));
                 **vehicle = next;
                 Ok(Some(text))
             }
@@ -133,11 +133,7 @@ impl Member {
             Severity::Warning
         };
         if let Some(aircraft) = self.aircraft_mut() {
-            aircraft.tell(EventMessage {
-                severity,
-                code: code.to_owned(),
-                text,
-            });
+            aircraft.tell(EventMessage::new(severity, code, text));
         }
     }
 

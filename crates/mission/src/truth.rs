@@ -170,10 +170,10 @@ fn map_points(airspace: &Airspace) -> impl Iterator<Item = Position> {
         let (level, k) = (k / (MAP_POINTS * MAP_POINTS), k % (MAP_POINTS * MAP_POINTS));
         let (row, column) = (k / MAP_POINTS, k % MAP_POINTS);
         Position {
-            at: Enu {
-                east_m: along(low.at.east_m, high.at.east_m, column, MAP_POINTS),
-                north_m: along(low.at.north_m, high.at.north_m, row, MAP_POINTS),
-            },
+            at: Enu::new(
+                along(low.at.east_m, high.at.east_m, column, MAP_POINTS),
+                along(low.at.north_m, high.at.north_m, row, MAP_POINTS),
+            ),
             height_m: along(low.height_m, high.height_m, level, MAP_LEVELS),
         }
     });
@@ -198,10 +198,7 @@ mod tests {
         let setup = Setup::load("s.toml", text, &nothing).unwrap();
         let peak = true_peak(&setup).unwrap().0(time_s).unwrap();
         let frame = setup.frame().unwrap();
-        let at = Geodetic {
-            lat_deg: peak.lat_deg,
-            lon_deg: peak.lon_deg,
-        };
+        let at = Geodetic::new(peak.lat_deg, peak.lon_deg);
         (frame.to_enu(at), peak)
     }
 

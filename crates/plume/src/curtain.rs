@@ -224,10 +224,7 @@ impl Pass {
             let (east, north) = step_m(a, b);
             let across_m2_s = (east * there.north_m_s - north * there.east_m_s).abs();
             let kg_m3 = site.gas.kg_m3(0.5 * (excess[k] + excess[k + 1]), air);
-            let at = Enu {
-                east_m: a.place.east_m + 0.5 * east,
-                north_m: a.place.north_m + 0.5 * north,
-            };
+            let at = Enu::new(a.place.east_m + 0.5 * east, a.place.north_m + 0.5 * north);
             (at, kg_m3 * across_m2_s)
         };
         let flows: Vec<(Enu, f64)> = (0..samples.len() - 1).map(part).collect();

@@ -38,11 +38,7 @@ impl Outbox {
     ) {
         self.say(
             Topic::Event(agent.clone()),
-            Message::Event(EventMessage {
-                severity,
-                code: code.to_owned(),
-                text: text.into(),
-            }),
+            Message::Event(EventMessage::new(severity, code, text)),
         );
     }
 

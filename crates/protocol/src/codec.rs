@@ -91,12 +91,12 @@ pub(crate) fn decode_json(topic: &Topic, text: &str) -> Result<Envelope, Protoco
             ours: WIRE_VERSION,
         });
     }
-    Ok(Envelope {
-        sender: json.sender,
-        sequence: json.sequence,
-        time: json.time_ns,
-        message: Message::from_json(topic, json.message.get()).map_err(garbage)?,
-    })
+    Ok(Envelope::new(
+        json.sender,
+        json.sequence,
+        json.time_ns,
+        Message::from_json(topic, json.message.get()).map_err(garbage)?,
+    ))
 }
 
 pub(crate) fn json_schema(topic: &Topic) -> serde_json::Value {

@@ -27,6 +27,16 @@ pub struct Envelope {
 }
 
 impl Envelope {
+    /// The `sequence`-th message of `sender`, sent at `time`.
+    pub fn new(sender: AgentId, sequence: u64, time: SimTime, message: Message) -> Self {
+        Self {
+            sender,
+            sequence,
+            time,
+            message,
+        }
+    }
+
     /// Order in which messages are handled: by time, sender, sequence.
     pub fn order(&self) -> (SimTime, &AgentId, u64) {
         (self.time, &self.sender, self.sequence)

@@ -233,6 +233,17 @@ pub struct EventMessage {
     pub text: String,
 }
 
+impl EventMessage {
+    /// An event with its stable code and what happened in words.
+    pub fn new(severity: Severity, code: &str, text: impl Into<String>) -> Self {
+        Self {
+            severity,
+            code: code.to_owned(),
+            text: text.into(),
+        }
+    }
+}
+
 /// The path a vehicle is asked to fly.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -753,11 +764,7 @@ for_each_kind! {
 impl Message {
     /// An event.
     pub fn event(severity: Severity, code: &str, text: impl Into<String>) -> Self {
-        Self::Event(EventMessage {
-            severity,
-            code: code.to_owned(),
-            text: text.into(),
-        })
+        Self::Event(EventMessage::new(severity, code, text))
     }
 
     /// Whether this kind of message belongs on `topic` and `sender` may write there.

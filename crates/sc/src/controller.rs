@@ -306,10 +306,11 @@ impl SquadronController {
 
     /// Lets the strategy know where somebody outside the program wants a vehicle to look.
     fn wish(&mut self, name: &Name, wished: &Destination) {
-        let at = self.fleet.airspace.frame().to_enu(Geodetic {
-            lat_deg: wished.lat_deg,
-            lon_deg: wished.lon_deg,
-        });
+        let at = self
+            .fleet
+            .airspace
+            .frame()
+            .to_enu(Geodetic::new(wished.lat_deg, wished.lon_deg));
         let height_m = wished.alt_amsl_m;
         let is_place = [at.east_m, at.north_m, height_m]
             .iter()
@@ -360,10 +361,11 @@ impl SquadronController {
             return;
         }
         let time = reading.read_at(said);
-        let at = self.fleet.airspace.frame().to_enu(Geodetic {
-            lat_deg: reading.lat_deg,
-            lon_deg: reading.lon_deg,
-        });
+        let at = self
+            .fleet
+            .airspace
+            .frame()
+            .to_enu(Geodetic::new(reading.lat_deg, reading.lon_deg));
         let sample = Sample {
             position: Position {
                 at,

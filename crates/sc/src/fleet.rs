@@ -285,10 +285,10 @@ impl Fleet {
     /// Where a vehicle is by its state; none by one that is not finite.
     fn track(&self, state: &State, time: SimTime) -> Option<VehicleTrack> {
         let [north, east, _] = state.vel_ned_m_s;
-        let at = self.airspace.frame().to_enu(Geodetic {
-            lat_deg: state.lat_deg,
-            lon_deg: state.lon_deg,
-        });
+        let at = self
+            .airspace
+            .frame()
+            .to_enu(Geodetic::new(state.lat_deg, state.lon_deg));
         let position = Position {
             at,
             height_m: state.alt_amsl_m,
@@ -306,10 +306,7 @@ impl Fleet {
         }
         // Hardly moving, the course over ground is noise; the nose is not.
         let course_deg = if north.hypot(east) > 3.0 {
-            Enu::default().bearing_deg(Enu {
-                east_m: east,
-                north_m: north,
-            })
+            Enu::default().bearing_deg(Enu::new(east, north))
         } else {
             state.heading_deg
         };

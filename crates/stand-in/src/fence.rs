@@ -88,8 +88,8 @@ fn circle(item: &Item) -> Option<Border> {
 
 /// A place given in 1e-7 degrees, in the site's plane.
 pub(crate) fn local((lat_1e7, lon_1e7): Place, frame: &LocalFrame) -> Enu {
-    frame.to_enu(Geodetic {
-        lat_deg: f64::from(lat_1e7) / 1e7,
-        lon_deg: f64::from(lon_1e7) / 1e7,
-    })
+    frame.to_enu(Geodetic::new(
+        f64::from(lat_1e7) / 1e7,
+        f64::from(lon_1e7) / 1e7,
+    ))
 }

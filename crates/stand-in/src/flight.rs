@@ -187,10 +187,7 @@ impl FlightController {
     /// Where it is, as it estimates.
     pub(crate) fn here(&self) -> Place {
         Place {
-            at: Enu {
-                east_m: self.sensed.east_m,
-                north_m: self.sensed.north_m,
-            },
+            at: Enu::new(self.sensed.east_m, self.sensed.north_m),
             alt_amsl_m: self.sensed.alt_amsl_m,
         }
     }
@@ -218,7 +215,7 @@ impl FlightController {
                     north_m, east_m, ..
                 },
             ) if !is_manual(self.mode) => Some(Place {
-                at: Enu { east_m, north_m },
+                at: Enu::new(east_m, north_m),
                 alt_amsl_m: self.target.alt_amsl_m,
             }),
             _ => None,
@@ -281,10 +278,7 @@ impl FlightController {
     fn loiter_here(&mut self, parameters: &AutopilotParameters) {
         let here = self.sensed;
         self.set_orbit(
-            Enu {
-                east_m: here.east_m,
-                north_m: here.north_m,
-            },
+            Enu::new(here.east_m, here.north_m),
             parameters.get(WP_LOITER_RAD).abs(),
             parameters.get(WP_LOITER_RAD) >= 0.0,
         );

@@ -62,10 +62,7 @@ pub(crate) struct Surroundings<'a> {
 impl Surroundings<'_> {
     pub(crate) fn here(&self) -> Place {
         Place {
-            at: Enu {
-                east_m: self.sensed.east_m,
-                north_m: self.sensed.north_m,
-            },
+            at: Enu::new(self.sensed.east_m, self.sensed.north_m),
             alt_amsl_m: self.sensed.alt_amsl_m,
         }
     }

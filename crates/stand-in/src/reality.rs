@@ -81,10 +81,7 @@ impl Reality {
 
     /// Height of the ground below, m above mean sea level.
     pub(crate) fn ground_amsl_m(&self, state: &FlightState) -> f64 {
-        self.ground_at_amsl_m(Enu {
-            east_m: state.east_m,
-            north_m: state.north_m,
-        })
+        self.ground_at_amsl_m(Enu::new(state.east_m, state.north_m))
     }
 
     /// Height of the ground at a place, m above mean sea level.

@@ -14,9 +14,7 @@ use mav_bridge::dialect::{
     PROTOCOL_VERSION_DATA, STATUSTEXT_DATA, TIMESYNC_DATA,
 };
 use mav_bridge::signing::Signing;
-use mav_bridge::wire::{
-    CommandAck, FrameDecoder, FrameEncoder, LinkStatistics, MessageData, RawFrame,
-};
+use mav_bridge::wire::{CommandAck, FrameDecoder, FrameEncoder, MessageData, RawFrame};
 use protocol::SimTime;
 
 use MavResult::{
@@ -79,10 +77,6 @@ impl Speaker {
             }
         }
         heard
-    }
-
-    pub(crate) fn statistics(&self) -> LinkStatistics {
-        self.decoder.statistics()
     }
 
     pub(crate) fn is_addressed(&self, target: u8) -> bool {

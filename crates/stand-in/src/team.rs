@@ -193,10 +193,9 @@ impl TeamVehicle {
 
     fn report(&self, state: &State, now: SimTime) -> Report {
         let air = self.atmosphere.at(state.alt_amsl_m);
-        let at = self.frame.to_enu(Geodetic {
-            lat_deg: state.lat_deg,
-            lon_deg: state.lon_deg,
-        });
+        let at = self
+            .frame
+            .to_enu(Geodetic::new(state.lat_deg, state.lon_deg));
         let flight = flight_state(state, at);
         let wind_m_s = self.reading.as_ref().and_then(|reading| {
             let speed_m_s = reading.wind_speed_m_s?;
@@ -336,10 +335,7 @@ impl TeamVehicle {
         if self.is_out_of_reach(now) {
             return FAILED;
         }
-        let to = Geodetic {
-            lat_deg: f64::from(m.x) / 1e7,
-            lon_deg: f64::from(m.y) / 1e7,
-        };
+        let to = Geodetic::new(f64::from(m.x) / 1e7, f64::from(m.y) / 1e7);
         if let Some(why) = self.bounds.refuses(to, alt_amsl_m) {
             self.warn(&format!("Rejected: {why}"), now);
             return DENIED;

@@ -19,7 +19,6 @@ use fdm::autopilot::Sticks;
 use fencing::Breach;
 use mav_bridge::dialect::MavMissionType;
 use mav_bridge::signing::Signing;
-use mav_bridge::wire::LinkStatistics;
 use protocol::SimTime;
 use rand::rngs::ChaCha8Rng;
 
@@ -143,10 +142,5 @@ impl StandIn {
     /// What it really does. For those who judge a mission afterwards, not for the team.
     pub fn truth(&self) -> FlightState {
         self.flight.state()
-    }
-
-    /// What came over its link.
-    pub fn link_statistics(&self) -> LinkStatistics {
-        self.speaker.statistics()
     }
 }

@@ -38,7 +38,7 @@ pub struct VirtualAircraft {
     /// The operator ends the heartbeat to the real aircraft in whose place it flies.
     release: bool,
     /// Events of its host that are not said yet.
-    told: Vec<EventMessage>,
+    pending_events: Vec<EventMessage>,
     next_report_s: f64,
     last_mode: Option<Mode>,
     last_refusal: Option<SimTime>,
@@ -62,7 +62,7 @@ impl VirtualAircraft {
             monitor: monitor.of_kind(real),
             swap: None,
             release: false,
-            told: Vec::new(),
+            pending_events: Vec::new(),
             next_report_s: 0.0,
             last_mode: None,
             last_refusal: None,
@@ -106,7 +106,7 @@ impl VirtualAircraft {
 
     /// Lets it say an event of its host's at its next tick.
     pub fn tell(&mut self, event: EventMessage) {
-        self.told.push(event);
+        self.pending_events.push(event);
     }
 
     /// What the operator wants in its place, once.
@@ -133,18 +133,18 @@ impl VirtualAircraft {
     /// Whether it goes to a place, which it looks at itself, whoever sends it there: the last line of defence. That it
     /// does not is said.
     fn goes_to(&mut self, lat_deg: f64, lon_deg: f64, alt_amsl_m: f64, now: SimTime) -> bool {
-        let to = Geodetic { lat_deg, lon_deg };
+        let to = Geodetic::new(lat_deg, lon_deg);
         let Some(why) = self.monitor.refuses(to, alt_amsl_m) else {
             return true;
         };
         let told = |last| now.since_s(last) < REFUSAL_S;
         if !self.last_refusal.is_some_and(told) {
             self.last_refusal = Some(now);
-            self.told.push(EventMessage {
-                severity: Severity::Warning,
-                code: "setpoint-refused".to_owned(),
-                text: format!("setpoint {lat_deg:.5}, {lon_deg:.5} rejected: {why}"),
-            });
+            self.pending_events.push(EventMessage::new(
+                Severity::Warning,
+                "setpoint-refused",
+                format!("setpoint {lat_deg:.5}, {lon_deg:.5} rejected: {why}"),
+            ));
         }
         false
     }
@@ -172,12 +172,12 @@ impl VirtualAircraft {
                 backend.handle_control(ControlEvent::HandBack)
             }
             (VehicleBackend::Bridged(backend), ControlWish::TakeOver) => {
-                backend.push_event(EventMessage {
-                    severity: Severity::Warning,
-                    code: "takeover-refused".to_owned(),
-                    text: "take-over rejected: the pilot takes over a real vehicle with the remote control"
-                        .to_owned(),
-                })
+                let text = "take-over rejected: the pilot takes over a real vehicle with the remote control";
+                backend.push_event(EventMessage::new(
+                    Severity::Warning,
+                    "takeover-refused",
+                    text,
+                ))
             }
         }
     }
@@ -221,7 +221,7 @@ impl VirtualAircraft {
         if let Some(health) = report.health {
             out.say(Topic::Health(self.name.clone()), Message::Health(health));
         }
-        for event in self.told.drain(..).chain(report.events) {
+        for event in self.pending_events.drain(..).chain(report.events) {
             out.say(Topic::Event(self.id.clone()), Message::Event(event));
         }
     }
@@ -405,12 +405,7 @@ mod tests {
         let mut out = Outbox::default();
         let mut flown = |va: &mut VirtualAircraft, tick: u64, to: Setpoint| {
             let now = SimTime::of_tick(tick, 20_000_000);
-            let envelope = Envelope {
-                sender: AgentId::sc(),
-                sequence: tick + 1,
-                time: now,
-                message: Message::Setpoint(to),
-            };
+            let envelope = Envelope::new(AgentId::sc(), tick + 1, now, Message::Setpoint(to));
             va.handle(Event::Message(&topic, &envelope), now, &mut out);
             va.handle(Event::Tick, now, &mut out);
             let VehicleBackend::Bridged(body) = va.backend_mut() else {

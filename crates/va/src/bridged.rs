@@ -1,31 +1,16 @@
 //! A real aircraft: what it reports comes from a bridge, its setpoints go there.
 
-use crate::report::TickReport;
+use crate::report::VehicleReport;
 use fdm::aircraft::Surfaces;
 use protocol::control_level::ControlEvent;
-use protocol::message::{EventMessage, Health, Mode, Reading, Setpoint, State};
-
-/// What a bridge reports of a real aircraft.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct BridgeReport {
-    /// Latest state, if there is a new one.
-    pub state: Option<State>,
-    /// New readings, in the order in which they came.
-    pub readings: Vec<Reading>,
-    /// Who flies.
-    pub mode: Option<Mode>,
-    /// How it and its link are, when that is to be told again.
-    pub health: Option<Box<Health>>,
-    /// What happened.
-    pub events: Vec<EventMessage>,
-}
+use protocol::message::{EventMessage, Setpoint, State};
 
 /// A real aircraft behind a bridge.
 #[derive(Debug)]
 pub struct BridgedVehicle {
     surfaces: Surfaces,
     /// What has not been published yet.
-    pending: BridgeReport,
+    pending: VehicleReport,
     last: Option<State>,
     setpoints: Vec<Setpoint>,
     control_events: Vec<ControlEvent>,
@@ -36,7 +21,7 @@ impl BridgedVehicle {
     pub fn new(surfaces: Surfaces) -> Self {
         Self {
             surfaces,
-            pending: BridgeReport::default(),
+            pending: VehicleReport::default(),
             last: None,
             setpoints: Vec::new(),
             control_events: Vec::new(),
@@ -48,8 +33,8 @@ impl BridgedVehicle {
     }
 
     /// Takes in a report; a newer state and mode replace those not published yet.
-    pub fn receive(&mut self, report: BridgeReport) {
-        let BridgeReport {
+    pub fn receive(&mut self, report: VehicleReport) {
+        let VehicleReport {
             state,
             readings,
             mode,
@@ -95,20 +80,7 @@ impl BridgedVehicle {
         self.setpoints.push(setpoint.clone());
     }
 
-    pub(crate) fn tick(&mut self) -> TickReport {
-        let BridgeReport {
-            state,
-            readings,
-            mode,
-            health,
-            events,
-        } = std::mem::take(&mut self.pending);
-        TickReport {
-            state,
-            readings,
-            mode,
-            health,
-            events,
-        }
+    pub(crate) fn tick(&mut self) -> VehicleReport {
+        std::mem::take(&mut self.pending)
     }
 }

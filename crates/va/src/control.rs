@@ -51,11 +51,7 @@ pub(crate) fn hand_back_event(before: ControlLevel, now: ControlLevel) -> EventM
             "handed back to the Guardian, not to automatic flight, since a danger persists",
         ),
     };
-    EventMessage {
-        severity,
-        code: code.to_owned(),
-        text: text.to_owned(),
-    }
+    EventMessage::new(severity, code, text)
 }
 
 /// The event for the outcome of a setpoint or a hand-back; none where nobody needs to know.
@@ -75,9 +71,5 @@ pub(crate) fn outcome_event(outcome: ControlOutcome) -> Option<EventMessage> {
             format!("hand-back rejected: {}", danger.description()),
         ),
     };
-    Some(EventMessage {
-        severity: Severity::Warning,
-        code: code.to_owned(),
-        text,
-    })
+    Some(EventMessage::new(Severity::Warning, code, text))
 }

@@ -39,12 +39,7 @@ impl Guardian {
             stacks: scenario
                 .sources
                 .iter()
-                .map(|s| {
-                    frame.to_enu(Geodetic {
-                        lat_deg: s.lat_deg,
-                        lon_deg: s.lon_deg,
-                    })
-                })
+                .map(|s| frame.to_enu(Geodetic::new(s.lat_deg, s.lon_deg)))
                 .filter(|s| s.distance_m(home) > avoid_m + CIRCLE_M)
                 .collect(),
             avoid_m,

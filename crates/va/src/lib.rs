@@ -45,8 +45,9 @@ pub mod safety_monitor;
 pub mod simulated;
 
 pub use agent::{VehicleBackend, VirtualAircraft};
-pub use bridged::{BridgeReport, BridgedVehicle};
+pub use bridged::BridgedVehicle;
 pub use error::VaError;
 pub use outer_loop::OuterLoop;
+pub use report::VehicleReport;
 pub use safety_monitor::SafetyMonitor;
 pub use simulated::{SimulatedConfig, SimulatedVehicle};

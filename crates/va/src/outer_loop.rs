@@ -89,10 +89,9 @@ impl OuterLoop {
     }
 
     fn sensed(&self, state: &State) -> Sensed {
-        let Enu { east_m, north_m } = self.frame.to_enu(Geodetic {
-            lat_deg: state.lat_deg,
-            lon_deg: state.lon_deg,
-        });
+        let Enu { east_m, north_m } = self
+            .frame
+            .to_enu(Geodetic::new(state.lat_deg, state.lon_deg));
         Sensed {
             north_m,
             east_m,

@@ -111,10 +111,10 @@ impl SafetyMonitor {
     /// Where `state` is.
     pub(crate) fn locate(&self, state: &protocol::message::State) -> ObservedPosition {
         ObservedPosition {
-            at: self.bounds.frame().to_enu(Geodetic {
-                lat_deg: state.lat_deg,
-                lon_deg: state.lon_deg,
-            }),
+            at: self
+                .bounds
+                .frame()
+                .to_enu(Geodetic::new(state.lat_deg, state.lon_deg)),
             alt_amsl_m: state.alt_amsl_m,
             airborne: state.airborne,
         }

@@ -3,7 +3,7 @@
 use crate::control;
 use crate::error::VaError;
 use crate::guardian::Guardian;
-use crate::report::TickReport;
+use crate::report::VehicleReport;
 use crate::safety_monitor::ObservedPosition;
 use air::geo::{Enu, Geodetic, LocalFrame, wrap_deg};
 use air::isa::Air;
@@ -262,15 +262,13 @@ impl SimulatedVehicle {
             self.sticks_at = None;
             self.sent_to = None;
         }
-        self.events.push(EventMessage {
-            severity: if level == ControlLevel::Automatic {
-                Severity::Info
-            } else {
-                Severity::Warning
-            },
-            code: "control-level".to_owned(),
-            text: format!("{level:?}: {}", self.mode().reason),
-        });
+        let severity = match level {
+            ControlLevel::Automatic => Severity::Info,
+            _ => Severity::Warning,
+        };
+        let text = format!("{level:?}: {}", self.mode().reason);
+        self.events
+            .push(EventMessage::new(severity, "control-level", text));
     }
 
     pub(crate) fn ambient(&mut self, ambient: &Ambient) {
@@ -281,7 +279,7 @@ impl SimulatedVehicle {
         self.ambient = Some(ambient.clone());
     }
 
-    pub(crate) fn tick(&mut self, now: SimTime, due: bool) -> TickReport {
+    pub(crate) fn tick(&mut self, now: SimTime, due: bool) -> VehicleReport {
         if self.sticks_at.is_some_and(|at| now.since_s(at) > STICKS_S) {
             self.sticks_at = None;
             self.handle_control(ControlEvent::RemoteLost);
@@ -292,10 +290,10 @@ impl SimulatedVehicle {
         if flew && self.sim.state().phase == FlightPhase::OnGround {
             self.handle_control(ControlEvent::Landed);
         }
-        let mut report = TickReport {
+        let mut report = VehicleReport {
             mode: (self.published != Some(self.control)).then(|| self.mode()),
             events: std::mem::take(&mut self.events),
-            ..TickReport::default()
+            ..VehicleReport::default()
         };
         self.published = Some(self.control);
         if due {
@@ -378,10 +376,9 @@ impl SimulatedVehicle {
     /// What the autopilot shall do for a pilot; nothing where his sticks fly.
     fn pilots_demand(&self) -> Option<Demand> {
         let place = self.sent_to?;
-        let Enu { east_m, north_m } = self.frame.to_enu(Geodetic {
-            lat_deg: place.lat_deg,
-            lon_deg: place.lon_deg,
-        });
+        let Enu { east_m, north_m } = self
+            .frame
+            .to_enu(Geodetic::new(place.lat_deg, place.lon_deg));
         Some(Demand {
             path: Path::GoTo { north_m, east_m },
             alt_amsl_m: place.alt_amsl_m,
@@ -454,12 +451,11 @@ impl SimulatedVehicle {
             .map_or(self.frame.ground_amsl_m, |a| a.ground_amsl_m)
     }
 
-    fn report(&mut self, now: SimTime, report: &mut TickReport) {
+    fn report(&mut self, now: SimTime, report: &mut VehicleReport) {
         let flight = self.sim.state();
-        let at = self.frame.to_geodetic(Enu {
-            east_m: flight.east_m,
-            north_m: flight.north_m,
-        });
+        let at = self
+            .frame
+            .to_geodetic(Enu::new(flight.east_m, flight.north_m));
         report.state = Some(State {
             kind: VehicleKind::Simulated,
             lat_deg: at.lat_deg,
@@ -503,10 +499,7 @@ impl SimulatedVehicle {
 
 /// The aircraft in the place of another that is in `state`.
 fn flown_as(state: &State, aircraft: &Aircraft, frame: &LocalFrame) -> Result<FlightSim, VaError> {
-    let at = frame.to_enu(Geodetic {
-        lat_deg: state.lat_deg,
-        lon_deg: state.lon_deg,
-    });
+    let at = frame.to_enu(Geodetic::new(state.lat_deg, state.lon_deg));
     let (north_m, east_m, heading_deg) = (at.north_m, at.east_m, state.heading_deg);
     if !state.airborne {
         let ground_amsl_m = state.alt_amsl_m - aircraft.ground.rest_height_m;
@@ -548,10 +541,7 @@ fn density_kg_m3(ambient: &Ambient) -> f64 {
 }
 
 fn position_of(state: &FlightState) -> Enu {
-    Enu {
-        east_m: state.east_m,
-        north_m: state.north_m,
-    }
+    Enu::new(state.east_m, state.north_m)
 }
 
 /// A circle around where a vehicle is.
@@ -568,10 +558,7 @@ fn hold_at(frame: &LocalFrame, state: &FlightState, airspeed_m_s: f64) -> Setpoi
 }
 
 fn place_of(setpoint: &Setpoint, frame: &LocalFrame) -> Enu {
-    frame.to_enu(Geodetic {
-        lat_deg: setpoint.lat_deg,
-        lon_deg: setpoint.lon_deg,
-    })
+    frame.to_enu(Geodetic::new(setpoint.lat_deg, setpoint.lon_deg))
 }
 
 /// The path in flight that a setpoint means.

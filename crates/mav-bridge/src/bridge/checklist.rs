@@ -315,10 +315,10 @@ impl Checklist {
         let Some(home) = &self.told.home else {
             return untold("home", "HOME_POSITION");
         };
-        let at = Geodetic {
-            lat_deg: f64::from(home.latitude) / 1e7,
-            lon_deg: f64::from(home.longitude) / 1e7,
-        };
+        let at = Geodetic::new(
+            f64::from(home.latitude) / 1e7,
+            f64::from(home.longitude) / 1e7,
+        );
         let off_m = distance_m(at, expected.home);
         let (verdict, then) = match off_m {
             off if off <= HOME_M.0 => (Verdict::Right, ""),

@@ -337,10 +337,7 @@ fn compare(items: &[MISSION_ITEM_INT_DATA], wanted: &[Geodetic]) -> FenceOnBoard
     }
     let found: Vec<Geodetic> = items
         .iter()
-        .map(|item| Geodetic {
-            lat_deg: f64::from(item.x) / 1e7,
-            lon_deg: f64::from(item.y) / 1e7,
-        })
+        .map(|item| Geodetic::new(f64::from(item.x) / 1e7, f64::from(item.y) / 1e7))
         .collect();
     let off_m = farthest_m(&found, wanted);
     if off_m <= SAME_M {

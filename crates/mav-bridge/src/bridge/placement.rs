@@ -103,8 +103,5 @@ impl Placement {
 }
 
 fn degrees(lat_1e7: i32, lon_1e7: i32) -> Geodetic {
-    Geodetic {
-        lat_deg: f64::from(lat_1e7) / 1e7,
-        lon_deg: f64::from(lon_1e7) / 1e7,
-    }
+    Geodetic::new(f64::from(lat_1e7) / 1e7, f64::from(lon_1e7) / 1e7)
 }

@@ -388,10 +388,7 @@ impl Bridge {
         let Some((_, position)) = &self.telemetry.position else {
             return;
         };
-        let here = Geodetic {
-            lat_deg: f64::from(position.lat) / 1e7,
-            lon_deg: f64::from(position.lon) / 1e7,
-        };
+        let here = Geodetic::new(f64::from(position.lat) / 1e7, f64::from(position.lon) / 1e7);
         if self.placement.look(here, now) == Some(Astray::Away) {
             let text = "the vehicle flies away from its setpoint; the bridge sends it again. Another ground \
                         station may have sent the vehicle elsewhere, or the wind may be as fast as its airspeed";

@@ -87,10 +87,7 @@ impl StandIn {
             height_agl_m: sensed.alt_amsl_m - ground_amsl_m,
         };
         let (logged, _) = self.reality.logged(&reported_position, now.s());
-        let at = Enu {
-            east_m: logged.east_m,
-            north_m: logged.north_m,
-        };
+        let at = Enu::new(logged.east_m, logged.north_m);
         (at, ground_amsl_m + logged.height_agl_m)
     }
 

@@ -3,7 +3,7 @@
 //! however long the agent itself computes.
 
 use crate::Net;
-use crate::session::lock;
+use crate::locks::lock;
 use protocol::AgentId;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};

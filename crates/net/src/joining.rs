@@ -2,7 +2,7 @@
 //! is and what he flies; the answer is made for his question alone, so that nobody else can tell the time, and holds
 //! the number of the run, with which all that is said is sealed.
 
-use crate::session::lock;
+use crate::locks::lock;
 use crate::{Net, NetError};
 use futures_core::future::BoxFuture;
 use protocol::digest::hex;
@@ -162,7 +162,7 @@ pub(crate) async fn open(
 }
 
 /// What the keeper of the mission's time answered.
-pub(crate) struct Told {
+pub(crate) struct Admission {
     /// The mission's time when it answered, ns.
     pub(crate) now_ns: i64,
     /// When it was asked, and how long its answer took to come.
@@ -174,15 +174,15 @@ pub(crate) struct Told {
 ///
 /// # Errors
 /// [`NetError::Refused`] with its words.
-pub(crate) fn ask(net: &Net) -> BoxFuture<'_, Result<Told, NetError>> {
+pub(crate) fn ask(net: &Net) -> BoxFuture<'_, Result<Admission, NetError>> {
     Box::pin(async move {
         let begun = Instant::now();
         loop {
-            let (told, answer) = ask_once(net).await?;
+            let (admission, answer) = ask_once(net).await?;
             match answer.refused {
                 None => {
                     net.set_run(answer.run, Some((answer.stream, answer.number)));
-                    return Ok(told);
+                    return Ok(admission);
                 }
                 Some(refused) if refused.passes && begun.elapsed() < LEASE => {}
                 Some(refused) => return Err(NetError::Refused(refused.why)),
@@ -192,7 +192,7 @@ pub(crate) fn ask(net: &Net) -> BoxFuture<'_, Result<Told, NetError>> {
     })
 }
 
-async fn ask_once(net: &Net) -> Result<(Told, Answer), NetError> {
+async fn ask_once(net: &Net) -> Result<(Admission, Answer), NetError> {
     let (begun, mut told) = (Instant::now(), false);
     let keepers = [AgentId::sc(), AgentId::clock()].map(|id| id.to_string());
     let (stream, _) = lock(&net.sealer()).so_far();
@@ -224,12 +224,12 @@ async fn ask_once(net: &Net) -> Result<(Told, Answer), NetError> {
             let code = sample.attachment().map(|a| a.to_bytes().to_vec());
             let code = code.unwrap_or_default();
             if let Some(answer) = Answer::read(&net.key, &question.question, &bytes, &code) {
-                let told = Told {
+                let admission = Admission {
                     now_ns: answer.now_ns,
                     asked,
                     way,
                 };
-                return Ok((told, answer));
+                return Ok((admission, answer));
             }
         }
         let present = net.peers();

@@ -40,6 +40,7 @@ mod attendance;
 mod figures;
 mod hosted;
 mod joining;
+mod locks;
 pub mod lockstep;
 mod options;
 pub mod presence;

@@ -261,12 +261,7 @@ async fn say_done(
     let topic = Topic::Done(own.clone());
     let message = Message::Done(Done { tick, wrote });
     // The clock's own traffic has numbers of its own: agents' sequences must not depend on it.
-    let envelope = Envelope {
-        sender: own.clone(),
-        sequence: (tick + 2) as u64,
-        time: now,
-        message,
-    };
+    let envelope = Envelope::new(own.clone(), (tick + 2) as u64, now, message);
     net.publish(&topic, &envelope).await
 }
 
@@ -370,12 +365,7 @@ impl Conductor {
             expect: std::mem::take(&mut self.expect),
             last,
         };
-        let envelope = Envelope {
-            sender: AgentId::clock(),
-            sequence: self.tick + 1,
-            time: now,
-            message: Message::Tick(tick),
-        };
+        let envelope = Envelope::new(AgentId::clock(), self.tick + 1, now, Message::Tick(tick));
         net.publish(&Topic::Tick, &envelope).await?;
         self.all_done(net, self.tick as i64).await?;
         self.tick += 1;
@@ -394,12 +384,7 @@ impl Conductor {
             last: true,
         };
         let message = Message::Tick(tick);
-        let envelope = Envelope {
-            sender: AgentId::clock(),
-            sequence: self.tick + 1,
-            time: now,
-            message,
-        };
+        let envelope = Envelope::new(AgentId::clock(), self.tick + 1, now, message);
         net.publish(&Topic::Tick, &envelope).await
     }
 
@@ -454,12 +439,12 @@ impl Conductor {
             let everything = [Interest::Everything];
             return wait.check_lost(&self.inbox, &self.expect, &everything, self.tick);
         }
-        let envelope = Envelope {
-            sender: AgentId::clock(),
-            sequence: self.tick + 2,
-            time: self.now(),
-            message: Message::event(Severity::Error, MISSING, crate::names(&agents)),
-        };
+        let envelope = Envelope::new(
+            AgentId::clock(),
+            self.tick + 2,
+            self.now(),
+            Message::event(Severity::Error, MISSING, crate::names(&agents)),
+        );
         net.publish(&Topic::Event(AgentId::clock()), &envelope)
             .await?;
         tokio::time::sleep(LEAVE).await;

@@ -1,7 +1,7 @@
 //! Who is there: each agent shows itself by a liveliness token for as long as its process lives.
 
 use crate::NetError;
-use crate::session::lock;
+use crate::locks::lock;
 use protocol::AgentId;
 use protocol::key::Name;
 use std::collections::{BTreeMap, BTreeSet};

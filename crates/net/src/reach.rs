@@ -13,8 +13,8 @@
 //! alone may be able to reach him, dials now and then where it was never he who was reached.
 
 use crate::asking::{Asking, prefix as peer_prefix};
-use crate::session::lock;
-use crate::{Figures, Net, NetError};
+use crate::locks::lock;
+use crate::{Figures, NetError};
 use protocol::key::Name;
 use protocol::seal::MissionKey;
 use std::collections::BTreeMap;
@@ -351,25 +351,23 @@ impl Dialler {
     }
 }
 
-impl Net {
-    /// Opens a session that dials again whom it loses.
-    pub(crate) async fn connect(
-        config: zenoh::Config,
-        mission: &Name,
-        key: &MissionKey,
-        dials: bool,
-        figures: &Figures,
-    ) -> Result<(zenoh::Session, Runtime, Reach), NetError> {
-        let runtime = zenoh::internal::runtime::RuntimeBuilder::new(config);
-        let mut runtime = runtime.build().await.map_err(NetError::zenoh)?;
-        let session = zenoh::session::init(runtime.clone().into())
-            .await
-            .map_err(NetError::zenoh)?;
-        runtime.start().await.map_err(NetError::zenoh)?;
-        let asking = Asking::new(&session, mission, key);
-        let reach = Reach::begin(&session, &runtime, mission, asking, dials, figures).await?;
-        Ok((session, runtime, reach))
-    }
+/// Opens a session that dials again whom it loses.
+pub(crate) async fn connect(
+    config: zenoh::Config,
+    mission: &Name,
+    key: &MissionKey,
+    dials: bool,
+    figures: &Figures,
+) -> Result<(zenoh::Session, Runtime, Reach), NetError> {
+    let runtime = zenoh::internal::runtime::RuntimeBuilder::new(config);
+    let mut runtime = runtime.build().await.map_err(NetError::zenoh)?;
+    let session = zenoh::session::init(runtime.clone().into())
+        .await
+        .map_err(NetError::zenoh)?;
+    runtime.start().await.map_err(NetError::zenoh)?;
+    let asking = Asking::new(&session, mission, key);
+    let reach = Reach::begin(&session, &runtime, mission, asking, dials, figures).await?;
+    Ok((session, runtime, reach))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! What was last said of where a mission stands, and what time it is, kept by those who hear it for those who start
 //! again: whoever lost his memory with his process asks the others.
 
-use crate::session::lock;
+use crate::locks::lock;
 use crate::{Net, NetError};
 use futures_core::future::BoxFuture;
 use protocol::{Envelope, Topic};

@@ -31,7 +31,7 @@ const NODE: u64 = 0;
 
 /// A message for a topic.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Said {
+pub struct RosMessage {
     /// Topic, such as `/vehicle_3/fix`.
     pub topic: String,
     /// Name of the type, such as `sensor_msgs/msg/NavSatFix`.
@@ -46,7 +46,7 @@ pub struct Said {
 
 /// A node on a domain of ROS 2.
 pub struct Node {
-    sender: mpsc::Sender<Said>,
+    sender: mpsc::Sender<RosMessage>,
     task: JoinHandle<()>,
     lost: Arc<AtomicU64>,
 }
@@ -81,8 +81,8 @@ impl Node {
             let lost = Arc::new(AtomicU64::new(0));
             let failed = Arc::clone(&lost);
             let task = tokio::spawn(async move {
-                while let Some(said) = receiver.recv().await {
-                    if speaker.say(said).await.is_err() {
+                while let Some(message) = receiver.recv().await {
+                    if speaker.say(message).await.is_err() {
                         failed.fetch_add(1, Ordering::Relaxed);
                     }
                 }
@@ -94,8 +94,8 @@ impl Node {
     }
 
     /// Publishes a message, without waiting for anybody.
-    pub fn say(&self, said: Said) {
-        if self.sender.try_send(said).is_err() {
+    pub fn say(&self, message: RosMessage) {
+        if self.sender.try_send(message).is_err() {
             self.lost.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -150,23 +150,23 @@ impl Place {
         self.entity(NODE, "NN")
     }
 
-    fn publisher(&self, number: u64, said: &Said) -> String {
+    fn publisher(&self, number: u64, message: &RosMessage) -> String {
         format!(
             "{}/{}/{}/{}/{QUALITY}",
             self.entity(number, "MP"),
-            said.topic.replace('/', "%"),
-            dds_name(&said.type_name),
-            said.type_hash
+            message.topic.replace('/', "%"),
+            dds_name(&message.type_name),
+            message.type_hash
         )
     }
 
-    fn topic(&self, said: &Said) -> String {
+    fn topic(&self, message: &RosMessage) -> String {
         format!(
             "{}/{}/{}/{}",
             self.domain,
-            said.topic.trim_matches('/'),
-            dds_name(&said.type_name),
-            said.type_hash
+            message.topic.trim_matches('/'),
+            dds_name(&message.type_name),
+            message.type_hash
         )
     }
 }
@@ -195,7 +195,7 @@ fn attachment(number: i64, at_unix_ns: i64, id: &[u8; 16]) -> Vec<u8> {
 struct TopicOfNode {
     publisher: Publisher<'static>,
     id: [u8; 16],
-    said: i64,
+    sequence: i64,
     _token: LivelinessToken,
 }
 
@@ -207,37 +207,37 @@ struct Speaker {
 }
 
 impl Speaker {
-    async fn say(&mut self, said: Said) -> Result<(), NetError> {
-        if !self.topics.contains_key(&said.topic) {
-            let topic = self.declare(&said).await?;
-            self.topics.insert(said.topic.clone(), topic);
+    async fn say(&mut self, message: RosMessage) -> Result<(), NetError> {
+        if !self.topics.contains_key(&message.topic) {
+            let topic = self.declare(&message).await?;
+            self.topics.insert(message.topic.clone(), topic);
         }
-        let Some(topic) = self.topics.get_mut(&said.topic) else {
+        let Some(topic) = self.topics.get_mut(&message.topic) else {
             return Ok(());
         };
-        topic.said += 1;
+        topic.sequence += 1;
         topic
             .publisher
-            .put(said.cdr)
-            .attachment(attachment(topic.said, said.at_unix_ns, &topic.id))
+            .put(message.cdr)
+            .attachment(attachment(topic.sequence, message.at_unix_ns, &topic.id))
             .await
             .map_err(NetError::zenoh)
     }
 
-    async fn declare(&self, said: &Said) -> Result<TopicOfNode, NetError> {
+    async fn declare(&self, message: &RosMessage) -> Result<TopicOfNode, NetError> {
         // The node has its own number.
         let number = self.topics.len() as u64 + NODE + 1;
-        let token = self.place.publisher(number, said);
+        let token = self.place.publisher(number, message);
         let publisher = self
             .session
-            .declare_publisher(self.place.topic(said))
+            .declare_publisher(self.place.topic(message))
             .congestion_control(CongestionControl::Block)
             .await
             .map_err(NetError::zenoh)?;
         Ok(TopicOfNode {
             publisher,
             id: id(&token),
-            said: 0,
+            sequence: 0,
             _token: self
                 .session
                 .liveliness()
@@ -252,8 +252,8 @@ impl Speaker {
 mod tests {
     use super::*;
 
-    fn said() -> Said {
-        Said {
+    fn fix() -> RosMessage {
+        RosMessage {
             topic: "/chatter".to_owned(),
             type_name: "std_msgs/msg/String".to_owned(),
             type_hash: "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
@@ -271,9 +271,9 @@ mod tests {
             zid: "aac3178e146ba6f1fc6e6a4085e77f21".to_owned(),
             name: "talker".to_owned(),
         };
-        let hash = said().type_hash;
+        let hash = fix().type_hash;
         assert_eq!(
-            place.topic(&said()),
+            place.topic(&fix()),
             format!("0/chatter/std_msgs::msg::dds_::String_/{hash}")
         );
         assert_eq!(
@@ -281,7 +281,7 @@ mod tests {
             "@ros2_lv/0/aac3178e146ba6f1fc6e6a4085e77f21/0/0/NN/%/%/talker"
         );
         assert_eq!(
-            place.publisher(10, &said()),
+            place.publisher(10, &fix()),
             format!(
                 "@ros2_lv/0/aac3178e146ba6f1fc6e6a4085e77f21/0/10/MP/%/%/talker/%chatter/\
                  std_msgs::msg::dds_::String_/{hash}/::,10:,:,:,,"

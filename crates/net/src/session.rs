@@ -2,8 +2,9 @@
 
 use crate::asking::Asking;
 use crate::figures::Figures;
+use crate::locks::lock;
 use crate::presence::{self, Presence};
-use crate::reach::Reach;
+use crate::reach::{self, Reach};
 use crate::remembered::Remembered;
 use crate::{NetError, NetOptions, random};
 use futures_core::future::BoxFuture;
@@ -14,7 +15,7 @@ use protocol::seal::{MissionKey, SealCheck, Sealer};
 use protocol::{AgentId, Envelope, Interest, Message, Outbox, ProtocolError, SimTime, Topic};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Duration;
 use tokio::sync::mpsc;
 use zenoh::bytes::Encoding;
@@ -74,7 +75,7 @@ impl Net {
             let dials = !options.connect.is_empty();
             let figures = Figures::default();
             let (session, runtime, reach) =
-                Self::connect(options.configuration()?, &mission, &key, dials, &figures).await?;
+                reach::connect(options.configuration()?, &mission, &key, dials, &figures).await?;
             let presence = Presence::watch(&session, &mission).await?;
             let (sender, receiver) = mpsc::unbounded_channel();
             Ok(Self {
@@ -324,12 +325,7 @@ impl Net {
         let mut sequence = self.sequences.get(agent).copied().unwrap_or_default();
         for (topic, message) in outbox.drain() {
             sequence += 1;
-            let envelope = Envelope {
-                sender: agent.clone(),
-                sequence,
-                time: now,
-                message,
-            };
+            let envelope = Envelope::new(agent.clone(), sequence, now, message);
             self.publish(&topic, &envelope).await?;
             wrote.insert(topic.path(), sequence);
             if holds_until_changed(&topic) {
@@ -381,11 +377,6 @@ fn holds_until_changed(topic: &Topic) -> bool {
 /// binary envelope begins so: its first byte is the wire version, far below.
 fn looks_like_json(bytes: &[u8]) -> bool {
     bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{')
-}
-
-/// What is behind a lock; a panic elsewhere leaves what can still be used.
-pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn read(sample: &Sample, mission: &Name, check: &Mutex<SealCheck>) -> Received {

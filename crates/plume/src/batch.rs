@@ -38,13 +38,8 @@ pub struct PlaceColumns<'a> {
 
 impl PlaceColumns<'_> {
     /// Number of places.
-    pub fn len(&self) -> usize {
+    fn len(&self) -> usize {
         self.east_m.len()
-    }
-
-    /// Whether there are no places.
-    pub fn is_empty(&self) -> bool {
-        self.east_m.is_empty()
     }
 
     fn chunk(&self, from: usize, to: usize) -> PlaceColumns<'_> {
@@ -117,15 +112,14 @@ impl DispersionModel {
         time_s: f64,
         out: &mut [f64],
     ) {
+        let PlaceColumns {
+            east_m,
+            north_m,
+            height_agl_m,
+        } = places;
         out.fill(0.0);
         for kernel in &kernels.molar {
-            add(
-                kernel,
-                places.east_m,
-                places.north_m,
-                places.height_agl_m,
-                out,
-            );
+            add(kernel, east_m, north_m, height_agl_m, out);
         }
         if !kernels.molar.is_empty() {
             // Maps are level: the atmosphere is asked once for each run of equal heights.
@@ -138,13 +132,7 @@ impl DispersionModel {
             }
         }
         for kernel in &kernels.direct {
-            add(
-                kernel,
-                places.east_m,
-                places.north_m,
-                places.height_agl_m,
-                out,
-            );
+            add(kernel, east_m, north_m, height_agl_m, out);
         }
         let e = &self.effects;
         let here = Place::default();

@@ -387,12 +387,6 @@ impl DispersionModel {
         &self.notices
     }
 
-    /// Number of plumes: of the scenario's sources of the first one's gas, in its order, and then
-    /// of second sources among the mechanisms.
-    pub fn plume_count(&self) -> usize {
-        self.plumes.len()
-    }
-
     /// Mean mole fraction at a place and time in the scenario's wind, ppm.
     pub fn mean_ppm(&self, place: &Place, time_s: f64) -> f64 {
         self.ppm(place, time_s, self.scenario_wind)
@@ -475,12 +469,6 @@ impl DispersionModel {
             std::f64::consts::TAU * mol_s * gas.molar_mass_kg_mol()
         };
         names.zip(self.plumes.iter().map(of)).collect()
-    }
-
-    /// The same mole fraction in another wind of the moment.
-    pub fn mean_ppm_in(&self, place: &Place, time_s: f64, wind: &WindProfile) -> f64 {
-        let height = self.spec.sources[0].effective_height_agl_m;
-        self.ppm(place, time_s, transport(wind, height))
     }
 
     fn ppm(&self, place: &Place, time_s: f64, wind: Transport) -> f64 {

@@ -86,6 +86,7 @@ mod lag;
 mod means;
 pub mod mechanism;
 pub mod rise;
+mod row;
 mod sample_points;
 pub mod schedule;
 pub mod score;

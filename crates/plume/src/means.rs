@@ -10,8 +10,9 @@ use air::geo::Enu;
 
 use crate::PlumeError;
 use crate::field::{DispersionModel, InPlume, Place, Transport};
+use crate::row::Row;
 use crate::stability::Stability;
-use crate::track::{Row, Track};
+use crate::track::Track;
 
 /// What a reading is the mean over.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -185,7 +185,7 @@ struct Puff {
 /// What a place has of the puffs of one source: the sum, and sums weighted by it of age and of place in the puff
 /// in relative spreads.
 #[derive(Debug, Default)]
-struct Met {
+struct PuffSums {
     total: f64,
     age_s: f64,
     across: f64,
@@ -354,22 +354,22 @@ impl DispersionModel {
     }
 
     fn sum(&self, plume: &Plume, of_plume: &[Puff], puffs: &Puffs, place: &Place) -> f64 {
-        let mut met = Met::default();
+        let mut sums = PuffSums::default();
         for cell in &self.cells[plume.cells.clone()] {
-            self.add_met(cell, of_plume, place, &mut met);
+            self.add_row(cell, of_plume, place, &mut sums);
         }
         match &puffs.fluctuation {
-            Some(fluctuation) if met.total > 0.0 => {
-                let emitted_s = puffs.time_s - met.age_s / met.total;
-                let (across, above) = (met.across / met.total, met.above / met.total);
-                met.total * fluctuation.factor(emitted_s, across, above)
+            Some(fluctuation) if sums.total > 0.0 => {
+                let emitted_s = puffs.time_s - sums.age_s / sums.total;
+                let (across, above) = (sums.across / sums.total, sums.above / sums.total);
+                sums.total * fluctuation.factor(emitted_s, across, above)
             }
-            _ => met.total,
+            _ => sums.total,
         }
     }
 
     /// Adds what a cell's share of its source's row of puffs makes at a place.
-    fn add_met(&self, cell: &Plume, row: &[Puff], place: &Place, met: &mut Met) {
+    fn add_row(&self, cell: &Plume, row: &[Puff], place: &Place, sums: &mut PuffSums) {
         let (mut east_m, mut north_m) = (place.east_m - cell.east_m, place.north_m - cell.north_m);
         if self.effects.veer_deg_100m != 0.0 {
             // The wind at this height turns the plume; here the place is turned back instead.
@@ -390,11 +390,11 @@ impl DispersionModel {
                 horizontal,
             );
             let part = cell.share * puff.strength * shape;
-            met.total += part;
-            met.age_s += part * puff.age_s;
-            met.across +=
+            sums.total += part;
+            sums.age_s += part * puff.age_s;
+            sums.across +=
                 part * (de * puff.north_m - dn * puff.east_m) / (puff.sigma_y_m * puff.far_m);
-            met.above += part * (place.height_agl_m - puff.height_m) / puff.sigma_z_m;
+            sums.above += part * (place.height_agl_m - puff.height_m) / puff.sigma_z_m;
         }
     }
 }

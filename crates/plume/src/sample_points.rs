@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use crate::field::{DispersionModel, Transport};
 use crate::lag::MAX_CURVED_STEP_S;
-use crate::track::Row;
+use crate::row::Row;
 
 /// Path across the plume between two points over its standard deviation, at most. What a lag makes
 /// of a cubic through such points is right within .5 % of the plume's peak.

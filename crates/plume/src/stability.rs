@@ -1,7 +1,4 @@
-//! Atmospheric stability: Pasquill's classes, from what an observer sees or from the
-//! Obukhov length.
-
-use crate::{PlumeError, in_range};
+//! Atmospheric stability: Pasquill's classes, from the scatter of the wind's direction or from the Obukhov length.
 
 /// Pasquill stability class, from very unstable (A) to moderately stable (F).
 #[derive(
@@ -89,53 +86,6 @@ impl Stability {
     }
 }
 
-/// What Pasquill's (1961) table takes besides the wind.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sky {
-    /// Day, strong sun (above about 60° in a clear sky).
-    StrongSun,
-    /// Day, moderate sun.
-    ModerateSun,
-    /// Day, slight sun.
-    SlightSun,
-    /// Overcast, day or night.
-    Overcast,
-    /// Night with thin overcast or at least half of low cloud.
-    CloudyNight,
-    /// Night with less than half covered.
-    ClearNight,
-}
-
-/// The one or two classes that Pasquill (1961) gives for a wind at 10 m and the sky; two where
-/// the table says "A-B" and the like. Night below 2 m/s is E or F here (the table leaves it
-/// open).
-///
-/// # Errors
-/// A wind outside 0 to 80 m/s.
-pub fn pasquill(wind_10m_m_s: f64, sky: Sky) -> Result<(Stability, Stability), PlumeError> {
-    use Stability::{A, B, C, D, E, F};
-    in_range("wind at 10 m, m/s", wind_10m_m_s, 0.0, 80.0)?;
-    if sky == Sky::Overcast {
-        return Ok((D, D));
-    }
-    let row = [2.0, 3.0, 5.0, 6.0].partition_point(|&limit| limit <= wind_10m_m_s);
-    let column = match sky {
-        Sky::StrongSun => 0,
-        Sky::ModerateSun => 1,
-        Sky::SlightSun => 2,
-        Sky::CloudyNight | Sky::Overcast => 3,
-        Sky::ClearNight => 4,
-    };
-    const TABLE: [[(Stability, Stability); 5]; 5] = [
-        [(A, A), (A, B), (B, B), (E, E), (F, F)],
-        [(A, B), (B, B), (C, C), (E, E), (F, F)],
-        [(B, B), (B, C), (C, C), (D, D), (E, E)],
-        [(C, C), (C, D), (D, D), (D, D), (D, D)],
-        [(C, C), (D, D), (D, D), (D, D), (D, D)],
-    ];
-    Ok(TABLE[row][column])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -148,26 +98,6 @@ mod tests {
         }
         assert_eq!(Stability::from_sigma_theta(22.5), Stability::A);
         assert_eq!(Stability::from_sigma_theta(7.4), Stability::E);
-    }
-
-    #[test]
-    fn pasquill_table() {
-        use Stability::{A, B, C, D, E, F};
-        for (u, sky, expected) in [
-            (1.0, Sky::StrongSun, (A, A)),
-            (2.5, Sky::StrongSun, (A, B)),
-            (4.0, Sky::ModerateSun, (B, C)),
-            (5.5, Sky::SlightSun, (D, D)),
-            (7.0, Sky::StrongSun, (C, C)),
-            (2.5, Sky::ClearNight, (F, F)),
-            (4.0, Sky::CloudyNight, (D, D)),
-            (4.0, Sky::ClearNight, (E, E)),
-            (1.0, Sky::Overcast, (D, D)),
-        ] {
-            assert_eq!(pasquill(u, sky), Ok(expected), "{u} {sky:?}");
-        }
-        assert!(pasquill(-1.0, Sky::Overcast).is_err());
-        assert!(pasquill(f64::NAN, Sky::Overcast).is_err());
     }
 
     // Golder (1972), figure 5, read at z0 = 0.1 m: A for L of about -8 m, D beyond 100 m, F for

@@ -16,24 +16,9 @@ use crate::field::batch::PlaceColumns;
 use crate::field::{DispersionModel, DispersionSpec, InPlume, Place, Transport, cos_sin, rotate};
 use crate::lag;
 use crate::means::{Means, Span, middles};
+pub use crate::row::Row;
 use crate::sample_points::{SamplePoint, SamplePoints};
 use crate::stability::Stability;
-
-/// One row of an observation track.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Row {
-    /// Index into the track's platforms.
-    pub platform: usize,
-    /// Time since mission start, s.
-    pub time_s: f64,
-    /// Logged place.
-    pub place: Place,
-    /// Wind at the place and its height: speed in m/s, from-direction in degrees; `None` takes
-    /// the scenario's.
-    pub wind: Option<(f64, f64)>,
-    /// Logged air.
-    pub air: SensorAir,
-}
 
 /// Rows of all platforms as columns.
 #[derive(Debug, Clone)]
@@ -204,19 +189,19 @@ impl Track {
     fn fill(
         &self,
         (model, models): (&DispersionModel, &[(Stability, DispersionModel)]),
-        met: &Met,
+        conditions: &Conditions,
         of_rows: &[usize],
         offset_m: [f64; 3],
         out: &mut [f64],
     ) {
         let Some(classes) = &self.classes else {
-            model.fill_excess(&met.columns(), offset_m, out);
+            model.fill_excess(&conditions.columns(), offset_m, out);
             return;
         };
         for (class, model) in models {
             let own = (0..of_rows.len()).filter(|k| classes[of_rows[*k]] == *class);
             let own: Vec<usize> = own.collect();
-            let part = met.some(&own);
+            let part = conditions.some(&own);
             let mut values = vec![0.0; own.len()];
             model.fill_excess(&part.columns(), offset_m, &mut values);
             own.iter()
@@ -303,16 +288,6 @@ impl Track {
         }
     }
 
-    /// Time constants of every platform's sensor, its own and those added in series together, s.
-    pub fn lags_s(&self, model: &DispersionModel) -> Vec<f64> {
-        let spec = model.spec();
-        let of = |platform: &String| {
-            let effects = spec.sensor.effects(&spec.mechanisms, platform);
-            effects.lags_s.iter().sum()
-        };
-        self.platforms.iter().map(of).collect()
-    }
-
     /// The plumes' part of the air at the rows of a platform, ppm.
     fn excess(
         &self,
@@ -324,8 +299,14 @@ impl Track {
         if effects.clock_s != 0.0 || self.classes.is_some() {
             let times_s = self.time_s[range.clone()].iter().copied();
             let of_rows: Vec<usize> = range.clone().collect();
-            let met = self.met(effects, range, times_s);
-            self.fill((model, models), &met, &of_rows, effects.position_m, out);
+            let conditions = self.conditions(effects, range, times_s);
+            self.fill(
+                (model, models),
+                &conditions,
+                &of_rows,
+                effects.position_m,
+                out,
+            );
             return;
         }
         let rows = RowColumns {
@@ -349,37 +330,37 @@ impl Track {
         which: usize,
     ) -> Vec<f64> {
         let times_s = self.samples.between(which).map(|s| s.time_s);
-        let met = self.met(effects, self.ranges[which].clone(), times_s);
-        let mut out = vec![0.0; met.time_s.len()];
+        let conditions = self.conditions(effects, self.ranges[which].clone(), times_s);
+        let mut out = vec![0.0; conditions.time_s.len()];
         let of_rows: Vec<usize> = self.samples.between(which).map(|s| s.row).collect();
-        self.fill(models, &met, &of_rows, effects.position_m, &mut out);
+        self.fill(models, &conditions, &of_rows, effects.position_m, &mut out);
         out
     }
 
-    /// What the sensor of the rows `range` met when its clock said each of `clock_times_s`, which grow, on
-    /// the path between two rows.
-    fn met(
+    /// Returns the conditions at the sensor of the rows `range` when its clock showed each of `clock_times_s`, which grow,
+    /// on the path between two rows.
+    fn conditions(
         &self,
         effects: &SensorEffects,
         range: Range<usize>,
         clock_times_s: impl Iterator<Item = f64>,
-    ) -> Met {
-        let mut met = Met::default();
+    ) -> Conditions {
+        let mut conditions = Conditions::default();
         let mut row = range.start;
         for clock_time_s in clock_times_s {
             let time_s = clock_time_s - effects.clock_s;
             row = self.seek(range.clone(), row, time_s);
             let share = self.share(range.clone(), row, time_s);
             let place = self.place_on(row, share);
-            met.east_m.push(place.east_m);
-            met.north_m.push(place.north_m);
-            met.height_m.push(place.height_agl_m);
-            met.time_s.push(time_s);
-            met.wind.push(self.transport_on(row, share));
+            conditions.east_m.push(place.east_m);
+            conditions.north_m.push(place.north_m);
+            conditions.height_m.push(place.height_agl_m);
+            conditions.time_s.push(time_s);
+            conditions.wind.push(self.transport_on(row, share));
             let ppm = interpolated(&self.ppm_per_mol_m3, row, share);
-            met.ppm_per_mol_m3.push(ppm);
+            conditions.ppm_per_mol_m3.push(ppm);
         }
-        met
+        conditions
     }
 
     /// The row at or before `time_s` in `range`, searched from `cursor`.
@@ -434,11 +415,11 @@ impl Track {
             0.0 => values.get(point.row - range.start),
             _ => between.next(),
         };
-        let met = self
+        let conditions = self
             .samples
             .of(which)
             .map(|s| next(s).copied().unwrap_or_default());
-        let mut shown: Vec<f64> = met.collect();
+        let mut shown: Vec<f64> = conditions.collect();
         for &time_constant_s in &effects.lags_s {
             lag::apply(self.samples.times_s(which), time_constant_s, &mut shown);
         }
@@ -463,9 +444,9 @@ impl Track {
     }
 }
 
-/// What a sensor met at some times, in columns.
+/// The conditions at a sensor at some times, in columns.
 #[derive(Default)]
-struct Met {
+struct Conditions {
     east_m: Vec<f64>,
     north_m: Vec<f64>,
     height_m: Vec<f64>,
@@ -474,7 +455,7 @@ struct Met {
     ppm_per_mol_m3: Vec<f64>,
 }
 
-impl Met {
+impl Conditions {
     /// Some of them.
     fn some(&self, which: &[usize]) -> Self {
         let of = |column: &[f64]| which.iter().map(|k| column[*k]).collect();

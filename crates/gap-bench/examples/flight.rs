@@ -31,7 +31,7 @@ fn main() {
                     "{done}: {}, seed {}: {}; held out {:.1?}; errors {:.1?}",
                     o.kind,
                     o.seed,
-                    o.said(),
+                    o.description(),
                     o.gain,
                     o.errors_sd
                 );

@@ -26,7 +26,7 @@ pub struct Outcome {
     /// What is hidden.
     pub truth: Vec<Hidden>,
     /// What the finder said; none where it refused.
-    pub said: Option<Said>,
+    pub said: Option<FinderReport>,
     /// Where the answer is ambiguous: the next flight.
     pub next_flight: Option<FlownOn>,
     /// Time that the finder took, s; 0 where nobody measured it.
@@ -64,11 +64,11 @@ impl Hidden {
         self.effect.id() == id || like.iter().any(|e| e.id() == id)
     }
 
-    fn is_in(&self, cause: &SaidCause) -> bool {
+    fn is_in(&self, cause: &ReportedCause) -> bool {
         cause.mechanisms.iter().any(|id| self.is_named_by(id))
     }
 
-    fn is_on(&self, cause: &SaidCause) -> bool {
+    fn is_on(&self, cause: &ReportedCause) -> bool {
         self.platforms.is_empty() || cause.platforms == self.platforms
     }
 }
@@ -76,13 +76,13 @@ impl Hidden {
 /// What the finder said, of what is judged.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Said {
+pub struct FinderReport {
     /// The verdict.
     pub verdict: String,
     /// The causes.
-    pub causes: Vec<SaidCause>,
+    pub causes: Vec<ReportedCause>,
     /// What an unexplained rest might be.
-    pub candidates: Vec<SaidCause>,
+    pub candidates: Vec<ReportedCause>,
     /// Coordinate of an unexplained rest.
     pub coordinate: Option<String>,
     /// Kinds of flaws of the raw data, with their platforms.
@@ -92,7 +92,7 @@ pub struct Said {
 /// A cause or a candidate.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
-pub struct SaidCause {
+pub struct ReportedCause {
     /// Its mechanisms.
     pub mechanisms: Vec<String>,
     /// Platforms that it acts on; empty for all.
@@ -100,13 +100,13 @@ pub struct SaidCause {
     /// Its probability.
     pub probability: Option<f64>,
     /// Its parameters.
-    pub parameters: Vec<SaidParameter>,
+    pub parameters: Vec<ReportedParameter>,
 }
 
 /// A fitted parameter.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
-pub struct SaidParameter {
+pub struct ReportedParameter {
     /// Name, as in the contract.
     pub name: String,
     /// Estimate.
@@ -115,7 +115,7 @@ pub struct SaidParameter {
     pub sd: Option<f64>,
 }
 
-impl Said {
+impl FinderReport {
     /// What is judged of `gap.json`. By its text and not its types: fields that come and go with a
     /// finder are no matter of the benchmark.
     ///
@@ -182,11 +182,11 @@ impl Outcome {
         least.unwrap_or(0.0)
     }
 
-    fn causes(&self) -> &[SaidCause] {
+    fn causes(&self) -> &[ReportedCause] {
         self.said.as_ref().map_or(&[], |s| &s.causes)
     }
 
-    fn candidates(&self) -> &[SaidCause] {
+    fn candidates(&self) -> &[ReportedCause] {
         self.said.as_ref().map_or(&[], |s| &s.candidates)
     }
 
@@ -206,7 +206,7 @@ impl Outcome {
     /// Hidden effects that are named alone, or with what no such data tell from them, on the right
     /// platforms where one has it.
     pub fn named(&self) -> usize {
-        let alone = |h: &Hidden, c: &SaidCause| {
+        let alone = |h: &Hidden, c: &ReportedCause| {
             h.is_in(c) && c.mechanisms.iter().all(|id| h.is_named_by(id)) && h.is_on(c)
         };
         let said = |h: &&Hidden| self.causes().iter().any(|c| alone(h, c));
@@ -247,11 +247,11 @@ impl Outcome {
     pub fn wrong_single(&self) -> bool {
         // A ceiling is what saturation is, wherever it comes from.
         let clipped = self.task.kind == Kind::Damaged(DamageKind::Clipped);
-        let right = |c: &SaidCause| {
+        let right = |c: &ReportedCause| {
             self.truth.iter().any(|h| h.is_in(c))
                 || (clipped && c.mechanisms[0] == PlumeEffect::SensorSaturation.id())
         };
-        let wrong = |c: &SaidCause| c.mechanisms.len() == 1 && !right(c);
+        let wrong = |c: &ReportedCause| c.mechanisms.len() == 1 && !right(c);
         matches!(self.verdict(), "named" | "ambiguous") && self.causes().iter().any(wrong)
     }
 
@@ -276,7 +276,7 @@ impl Outcome {
         for hidden in &self.truth {
             let id = hidden.effect.id();
             // What is said of another platform says nothing of the truth's parameters.
-            let right = |c: &&SaidCause| c.mechanisms == [id] && hidden.is_on(c);
+            let right = |c: &&ReportedCause| c.mechanisms == [id] && hidden.is_on(c);
             for cause in self.causes().iter().filter(right) {
                 for (name, value) in &hidden.parameters {
                     let fitted = cause.parameters.iter().find(|p| p.name == *name);
@@ -338,7 +338,7 @@ pub(crate) fn judge_made(
     outcome.seconds = (judging.clock_s)() - start_s;
     let judged = found.and_then(|json| {
         let as_text = serde_json::to_value(&json).map_err(|e| e.to_string())?;
-        Ok((Said::of(&as_text)?, as_text))
+        Ok((FinderReport::of(&as_text)?, as_text))
     });
     match judged {
         Ok((said, json)) => {
@@ -407,7 +407,7 @@ fn fly_on(task: &Task, made: &Made, truth: &[Hidden], json: &Value) -> Option<Fl
     let spec: &CaseSpec = &made.spec;
     let files = Case::flown_on(spec, &flight);
     let after = find(task.seed, &made.case.scenario_toml, &files).ok()?;
-    let after = Said::of(&serde_json::to_value(&after).ok()?).ok()?;
+    let after = FinderReport::of(&serde_json::to_value(&after).ok()?).ok()?;
     let separates: Vec<&str> = next["separates"]
         .as_array()?
         .iter()
@@ -452,7 +452,7 @@ mod tests {
     fn outcome(truth: Vec<Hidden>, json: Value) -> Outcome {
         Outcome {
             truth,
-            said: Some(Said::of(&json).unwrap()),
+            said: Some(FinderReport::of(&json).unwrap()),
             ..Outcome::new(&share_of(1, 0)[0])
         }
     }

@@ -131,7 +131,7 @@ impl Summary {
         self.reliability(&mut page);
         self.table_of_rows(&mut page);
         self.confusions(&mut page);
-        self.left_out(&mut page);
+        self.unreachable_cases(&mut page);
         page
     }
 
@@ -390,7 +390,7 @@ impl Summary {
         page.push('\n');
     }
 
-    fn left_out(&self, page: &mut String) {
+    fn unreachable_cases(&self, page: &mut String) {
         let mut lines = Vec::new();
         for (name, all) in self.rows() {
             let count = all.iter().filter(|o| o.unreachable).count();

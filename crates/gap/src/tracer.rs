@@ -25,6 +25,7 @@ mod scores;
 pub mod surface_layer;
 pub mod table;
 mod trial_scores;
+pub(crate) mod tried;
 
 use serde::Serialize;
 
@@ -36,12 +37,12 @@ use crate::verdict::{
 pub use apply::apply;
 use arcs::TrialArcs;
 use checks::Suspicions;
-pub use detail::{ArcDetail, ClassLimit, GroupDetail};
-pub use findings::TriedModel;
+pub use detail::{ArcDetail, ClassLimit};
 use findings::{Finding, judge};
 use ladder::{Group, LateralModel, Tried, VerticalModel, Widths};
 use table::Tables;
 use trial_scores::{Scored, score};
+pub use tried::{GroupDetail, TriedModel};
 
 /// What `gap tracer` found: `gap.json` with a further field `tracer`.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -5,7 +5,6 @@ use crate::made::{normal, observe, setup};
 use ::plume::field::{DispersionModel, Place};
 use ::plume::{Mechanism, Sensor};
 use air::geo::Geodetic;
-use air::wind::WindProfile;
 use gap::plume::{Options, analyse};
 use gap::verdict::{GapJson, NextFlight, Verdict};
 use rand::SeedableRng;
@@ -21,7 +20,6 @@ fn flown(next: &NextFlight, (id, p): (&str, &[(&str, f64)]), seed: u64) -> Vec<O
     let mut sensor = Sensor::new(&spec.sensor, &spec.mechanisms, "a");
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut gust = normal(&mut rng);
-    let wind = WindProfile::new(7.0, 300.0, 250.0, 0.0).unwrap();
     let mut rows = Vec::new();
     for leg in next.waypoints.windows(2) {
         let (from, to) = (&leg[0], &leg[1]);
@@ -40,7 +38,7 @@ fn flown(next: &NextFlight, (id, p): (&str, &[(&str, f64)]), seed: u64) -> Vec<O
             };
             let time_s = from.time_s + k as f64;
             gust = 0.85 * gust + 0.53 * normal(&mut rng);
-            let mean = world.mean_ppm_in(&place, time_s, &wind);
+            let mean = world.mean_ppm(&place, time_s);
             let turbulent = mean + 0.12 * gust * (mean - 449.0);
             rows.push(ObservationRow {
                 time_s,

@@ -111,7 +111,7 @@ impl FlightSummary {
         for o in self.outcomes.iter().filter(|o| !o.exactly()) {
             let nothing = matches!(o.kind, FlightKind::Nothing(_)) && !o.detected();
             if !nothing {
-                let _ = writeln!(text, "- {}, seed {}: {}", o.kind, o.seed, o.said());
+                let _ = writeln!(text, "- {}, seed {}: {}", o.kind, o.seed, o.description());
             }
         }
         text

@@ -4,7 +4,7 @@
 use air::isa::Atmosphere;
 use fdm::{Aircraft, SurfaceCommand};
 
-use super::channel::{ALL, CHANNELS, at};
+use super::channel::{ALL, CHANNELS};
 use super::log::FlightLog;
 use super::{derived, units};
 use crate::GapError;
@@ -526,9 +526,4 @@ pub fn median(mut values: Vec<f64>) -> f64 {
     values.retain(|v| !v.is_nan());
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-}
-
-/// Whether a channel tells of the air: airspeed, angle of attack, sideslip.
-pub fn is_air_data(channel: usize) -> bool {
-    channel < at::ROLL
 }

@@ -8,7 +8,7 @@
 mod airspace;
 mod axis;
 mod flown;
-mod otherwise;
+mod ground_check;
 mod plans;
 
 use ::plume::mechanism::MechanismId;
@@ -300,7 +300,7 @@ impl<'s, 'a> Matter<'s, 'a> {
             description: if best.flies() {
                 words
             } else {
-                otherwise::instead(all, &words)
+                ground_check::recommend_ground_check(all, &words)
             },
             waypoints: self.flight(&best.plan, best.length_s).waypoints(),
             expected_nats: least(|p| p.nats),

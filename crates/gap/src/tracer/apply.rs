@@ -4,10 +4,10 @@
 use std::collections::BTreeSet;
 
 use super::arcs::{self, Arc, TrialArcs, Weather};
-use super::detail::{self, ArcDetail, GroupDetail};
-use super::findings::TriedModel;
+use super::detail::{self, ArcDetail};
 use super::model::{self, Lateral, Vertical};
 use super::table::Tables;
+use super::tried::{GroupDetail, TriedModel};
 use super::{GROUPS, TracerDetail, TracerReport, checks, odd_data, parameters, residual, scores};
 use crate::GapError;
 use crate::applied::{Applied, AppliedScore, Earlier, Outcome, scores_in_words};

@@ -1,15 +1,16 @@
 //! The tables behind a tracer verdict, and the verdict in words.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use plume::stability::Stability;
 
 use super::Answer;
 use super::arcs::{Arc, Weather, class_limits_per_m};
-use super::findings::{Finding, TriedModel};
+use super::findings::Finding;
 use super::ladder::{LateralModel, VerticalModel, Widths};
 use super::model;
 use super::trial_scores::Scored;
+use super::tried::GroupDetail;
 use crate::verdict::Gain;
 
 /// Where one stability class ends and the next begins.
@@ -21,21 +22,6 @@ pub struct ClassLimit {
     pub from_per_m: f64,
     /// It ends at this 1/L, 1/m; null for F.
     pub to_per_m: f64,
-}
-
-/// One kind of air.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct GroupDetail {
-    /// "unstable" or "stable".
-    pub group: String,
-    /// Its trials.
-    pub trials: Vec<String>,
-    /// Models of the crosswind-integrated concentration, the most probable first.
-    pub vertical: Vec<TriedModel>,
-    /// Models of the width, the most probable first: of the trials with a deviation of azimuth.
-    pub lateral: Vec<TriedModel>,
-    /// The same of the trials without, or of all where too few measured it.
-    pub lateral_without_azimuth: Vec<TriedModel>,
 }
 
 /// One arc, measured and predicted.

@@ -3,8 +3,8 @@
 
 use super::parameters::parameters;
 use super::trial_scores::{Scored, difference};
-use crate::verdict::{Cause, Evidence, Parameter, number_or_null};
-use serde::{Deserialize, Serialize};
+use super::tried::TriedModel;
+use crate::verdict::{Cause, Evidence, Parameter};
 
 /// Changes that stand for a choice of input and not for a cause.
 const INPUTS: [&str; 2] = ["wind-at-plume-height", "spread-by-obukhov-length"];
@@ -22,29 +22,6 @@ const LEAST_SHOWN: f64 = 1.0;
 const LAW_ERROR: f64 = 0.1;
 /// Standard errors of a one-sided test at the 5 % level.
 const ONE_SIDED: f64 = 1.645;
-
-/// A model that was tried on a group of trials.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct TriedModel {
-    /// Its changes; empty for Briggs with the wind as measured.
-    pub mechanisms: Vec<String>,
-    /// Gain of the log score over the base, nats.
-    #[serde(deserialize_with = "number_or_null")]
-    pub delta_log_score: f64,
-    /// Gain of the log evidence over the base, nats.
-    #[serde(deserialize_with = "number_or_null")]
-    pub delta_log_evidence: f64,
-    /// Probability among the models tried.
-    pub probability: f64,
-    /// Gain over the base on trials left out, nats.
-    #[serde(deserialize_with = "number_or_null")]
-    pub held_out_gain: f64,
-    /// Its standard error over trials, nats.
-    #[serde(deserialize_with = "number_or_null")]
-    pub held_out_gain_se: f64,
-    /// Fitted parameters.
-    pub parameters: Vec<Parameter>,
-}
 
 /// What a question (vertical or lateral, in one kind of air) came to.
 pub struct Finding {

@@ -70,7 +70,11 @@ pub fn observe_in(mechanisms: &[Hidden<'_>], seed: u64, turns_deg: f64) -> Obser
         spec.mechanisms
             .push(Mechanism::new(id, p).unwrap().for_platforms(&names));
     }
-    let world = DispersionModel::new(spec.clone()).unwrap();
+    let in_wind = |wind| {
+        let mut spec = spec.clone();
+        spec.wind = wind;
+        DispersionModel::new(spec).unwrap()
+    };
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut wind = vec![0.0f64; 600];
     for t in 1..600 {
@@ -98,7 +102,7 @@ pub fn observe_in(mechanisms: &[Hidden<'_>], seed: u64, turns_deg: f64) -> Obser
             let now = WindProfile::new(7.0, 300.0, 250.0 + swing, 0.0).unwrap();
             slow = 0.97 * slow + 0.24 * normal(&mut rng);
             gust = 0.85 * gust + 0.53 * normal(&mut rng);
-            let mean = world.mean_ppm_in(&place, time_s, &now);
+            let mean = in_wind(now).mean_ppm(&place, time_s);
             let turbulent = mean + 0.12 * gust * (mean - 449.0);
             let dt = if t == 0 { 0.0 } else { 1.0 };
             let read = sensor.read(turbulent, dt, &mut rng) + 0.4 * slow;

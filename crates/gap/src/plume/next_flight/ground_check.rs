@@ -1,10 +1,10 @@
-//! What tells causes apart that no flight does: another instrument, or a check on the ground.
+//! Recommends a check on the ground, or another instrument, for causes that no flight separates.
 
 use ::plume::mechanism::MechanismId;
 
-/// Advice for the members of a set that no flight tried is likely to take apart; `best` is the one
-/// that comes nearest.
-pub(super) fn instead(set: impl Iterator<Item = MechanismId>, best: &str) -> String {
+/// Returns a recommendation for the members of a set that no candidate flight is likely to separate; `best` is the
+/// flight that comes closest.
+pub(super) fn recommend_ground_check(set: impl Iterator<Item = MechanismId>, best: &str) -> String {
     let mut checks: Vec<&str> = set.filter_map(|id| id.spec().check).collect();
     checks.sort_unstable();
     checks.dedup();
@@ -26,9 +26,9 @@ mod tests {
     #[test]
     fn each_check_is_said_once() {
         let set = [MechanismId::SensorGain, MechanismId::SensorSaturation];
-        let words = instead(set.into_iter(), "legs");
+        let words = recommend_ground_check(set.into_iter(), "legs");
         assert_eq!(words.matches("span gas").count(), 1, "{words}");
-        let none = instead([MechanismId::SigmaYScale].into_iter(), "legs");
+        let none = recommend_ground_check([MechanismId::SigmaYScale].into_iter(), "legs");
         assert!(none.contains("another instrument"), "{none}");
     }
 }

@@ -1,6 +1,6 @@
 //! Logs as people have them, read from files by a mapping.
 
-use crate::{Failure, measured};
+use crate::Failure;
 use anyhow::Context as _;
 use import::map::{LogMap, Map};
 use import::run::{Report, Request};
@@ -17,7 +17,7 @@ pub fn map(file: Option<&Path>) -> Result<Map, Failure> {
     let Some(file) = file else {
         return Ok(Map::default());
     };
-    let text = measured::read(file, "mapping file")?;
+    let text = tasks::measured::read(file, "mapping file").map_err(Failure::input)?;
     Map::parse(&file.display().to_string(), &text).map_err(Failure::input)
 }
 

@@ -150,11 +150,6 @@ impl RollCall {
         }
         changes
     }
-
-    /// Who is missing, and since when.
-    pub fn missing(&self) -> impl Iterator<Item = (&str, SimTime)> {
-        self.missing.iter().map(|(id, since)| (id.as_str(), *since))
-    }
 }
 
 /// Why peers on other hosts cannot reach this process, if that can be told from its endpoints.

@@ -27,9 +27,9 @@ pub struct DoctorArguments {
     pub scenario: Option<PathBuf>,
 }
 
-/// How something is found.
+/// The result of one check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Found {
+enum CheckResult {
     /// As missions need it.
     Good,
     /// Not there, and needed by some only.
@@ -39,14 +39,14 @@ enum Found {
 }
 
 struct Finding {
-    found: Found,
+    result: CheckResult,
     what: &'static str,
     words: String,
 }
 
-fn finding(found: Found, what: &'static str, words: impl Into<String>) -> Finding {
+fn finding(result: CheckResult, what: &'static str, words: impl Into<String>) -> Finding {
     Finding {
-        found,
+        result,
         what,
         words: words.into(),
     }
@@ -81,15 +81,20 @@ pub fn doctor(arguments: &DoctorArguments) -> Result<(), Failure> {
         std::env::consts::OS,
         std::env::consts::ARCH
     );
-    for Finding { found, what, words } in &all {
-        let mark = match found {
-            Found::Good => "ok  ",
-            Found::Missing => "none",
-            Found::Bad => "BAD ",
+    for Finding {
+        result,
+        what,
+        words,
+    } in &all
+    {
+        let mark = match result {
+            CheckResult::Good => "ok  ",
+            CheckResult::Missing => "none",
+            CheckResult::Bad => "BAD ",
         };
         println!("{mark}  {what:<14} {words}");
     }
-    let bad = all.iter().filter(|f| f.found == Found::Bad).count();
+    let bad = all.iter().filter(|f| f.result == CheckResult::Bad).count();
     if bad > 0 {
         return Err(Failure::Run(anyhow::anyhow!(
             "{bad} of {} checks failed",
@@ -102,7 +107,7 @@ pub fn doctor(arguments: &DoctorArguments) -> Result<(), Failure> {
 fn processors() -> Finding {
     let count = std::thread::available_parallelism().map_or(1, usize::from);
     finding(
-        Found::Good,
+        CheckResult::Good,
         "processors",
         format!("{count}; campaigns and plans use all of them"),
     )
@@ -114,7 +119,7 @@ fn disk() -> Finding {
     if let Err(error) = std::fs::write(probe, b"").and_then(|()| std::fs::remove_file(probe)) {
         let words =
             format!("cannot write to the working folder ({error}); use --out with another folder");
-        return finding(Found::Bad, "disk", words);
+        return finding(CheckResult::Bad, "disk", words);
     }
     let told = std::process::Command::new("df").args(["-Pk", "."]).output();
     let free = told.ok().and_then(|told| {
@@ -128,7 +133,7 @@ fn disk() -> Finding {
     });
     let Some(free) = free.map(|k| k * 1024) else {
         return finding(
-            Found::Missing,
+            CheckResult::Missing,
             "disk",
             "writable; the free space is unknown on this system",
         );
@@ -136,12 +141,12 @@ fn disk() -> Finding {
     let words = format!("{:.1} GB free in the working folder", free as f64 / 1e9);
     if free < ROOM_BYTES {
         return finding(
-            Found::Bad,
+            CheckResult::Bad,
             "disk",
             format!("{words}; a mission of an hour with a large team writes up to 5 GB"),
         );
     }
-    finding(Found::Good, "disk", words)
+    finding(CheckResult::Good, "disk", words)
 }
 
 fn clock() -> Finding {
@@ -153,19 +158,19 @@ fn clock() -> Finding {
         let words = format!(
             "{said} is in the past; real aircraft and reported weather need the right time"
         );
-        return finding(Found::Bad, "clock", words);
+        return finding(CheckResult::Bad, "clock", words);
     }
-    finding(Found::Good, "clock", said)
+    finding(CheckResult::Good, "clock", said)
 }
 
 fn port(what: &'static str, at: &str, bind: impl Fn(&str) -> std::io::Result<()>) -> Finding {
     match bind(at) {
-        Ok(()) => finding(Found::Good, what, format!("{at} is free")),
+        Ok(()) => finding(CheckResult::Good, what, format!("{at} is free")),
         Err(error) => {
             let words = format!(
                 "{at} is in use ({error}); another mission runs, or choose another address"
             );
-            finding(Found::Missing, what, words)
+            finding(CheckResult::Missing, what, words)
         }
     }
 }
@@ -193,13 +198,13 @@ fn bus() -> Finding {
         Ok(()) => {
             let ms = begun.elapsed().as_millis();
             finding(
-                Found::Good,
+                CheckResult::Good,
                 "zenoh",
                 format!("opens and closes on this machine ({ms} ms)"),
             )
         }
         Err(error) => finding(
-            Found::Bad,
+            CheckResult::Bad,
             "zenoh",
             format!("{}; only missions in a single process work", error.words()),
         ),
@@ -217,22 +222,22 @@ fn serial() -> Finding {
     found.sort();
     if found.is_empty() {
         let words = "none; needed only for real aircraft on serial links";
-        return finding(Found::Missing, "serial ports", words);
+        return finding(CheckResult::Missing, "serial ports", words);
     }
-    finding(Found::Good, "serial ports", found.join(", "))
+    finding(CheckResult::Good, "serial ports", found.join(", "))
 }
 
 fn measured_data() -> Finding {
     let Some(folder) = std::env::var_os("PLUMAGE_DATA").map(PathBuf::from) else {
         let words = "PLUMAGE_DATA is not set; needed only for tests on measured data";
-        return finding(Found::Missing, "measured data", words);
+        return finding(CheckResult::Missing, "measured data", words);
     };
     let words = folder.display().to_string();
     if folder.is_dir() {
-        return finding(Found::Good, "measured data", words);
+        return finding(CheckResult::Good, "measured data", words);
     }
     finding(
-        Found::Bad,
+        CheckResult::Bad,
         "measured data",
         format!("PLUMAGE_DATA={words} is not a folder"),
     )
@@ -245,8 +250,8 @@ fn scenario_files(path: &Path) -> Finding {
             let files: Vec<&str> = setup.files.keys().map(String::as_str).collect();
             let terrain = setup.scenario.site.terrain.as_deref().unwrap_or("flat");
             let words = format!("with {}; terrain: {terrain}", files.join(", "));
-            finding(Found::Good, "scenario", words)
+            finding(CheckResult::Good, "scenario", words)
         }
-        Err(error) => finding(Found::Bad, "scenario", error.words()),
+        Err(error) => finding(CheckResult::Bad, "scenario", error.words()),
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::aircraft::Aircraft;
 use crate::error::FdmError;
-use crate::state::{AirAround, FlightState};
+use crate::state::FlightState;
 
 /// What the sensors of a vehicle add to the truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,15 +76,6 @@ impl ExtendedAircraft {
         }
         extended.aircraft.check()?;
         Ok(extended)
-    }
-
-    /// The air as it is, from the air as reported.
-    pub fn air(&self, reported: &AirAround) -> AirAround {
-        let mut air = *reported;
-        for (wind, bias) in air.wind_ned_m_s.iter_mut().zip(self.wind_bias_ned_m_s) {
-            *wind += bias;
-        }
-        air
     }
 
     /// Adds one mechanism with its values in the catalogue's order; they are taken as they come.

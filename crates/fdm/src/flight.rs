@@ -208,16 +208,6 @@ impl FlightSim {
         }
     }
 
-    /// Advances one step of `dt_s` exactly (no cutting) with the surfaces and the motor held at
-    /// the given values, without servos, launcher or ground: for system identification and for
-    /// comparison with other programs.
-    pub fn step_with_surfaces(&mut self, dt_s: f64, air: &AirAround, surfaces: &SurfaceCommand) {
-        let air = self.usable(air);
-        self.set_surfaces(surfaces);
-        let held = self.controls();
-        self.advance(dt_s, &air, &[held; 3]);
-    }
-
     /// The state now.
     pub fn state(&self) -> FlightState {
         let m = rotation(&self.body.attitude);

@@ -1,6 +1,6 @@
-//! Steady flight and what happens around it: trim, linearisation, and the modes of motion.
+//! Steady flight, and small motions about it.
 
-use nalgebra::{Complex, DMatrix, Matrix3, Vector3};
+use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use crate::dynamics::{AirState, Body, Controls, Dynamics, quaternion};
 use crate::error::FdmError;
@@ -158,21 +158,6 @@ pub struct LinearModel {
     pub b_lateral: DMatrix<f64>,
 }
 
-/// The natural modes of an aircraft about a trim.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Modes {
-    /// Short period: natural frequency (rad/s) and damping ratio.
-    pub short_period: (f64, f64),
-    /// Phugoid: natural frequency (rad/s) and damping ratio.
-    pub phugoid: (f64, f64),
-    /// Dutch roll: natural frequency (rad/s) and damping ratio.
-    pub dutch_roll: (f64, f64),
-    /// Roll subsidence: time constant, s.
-    pub roll_s: f64,
-    /// Spiral: time constant, s; negative when it diverges.
-    pub spiral_s: f64,
-}
-
 /// Derivative of (u, v, w, p, q, r, φ, θ) in body axes for the controls (elevator, aileron,
 /// rudder, throttle).
 fn body_axes_slope(dynamics: &Dynamics, density: f64, x: &[f64; 8], c: &[f64; 4]) -> [f64; 8] {
@@ -248,41 +233,4 @@ pub fn linearise(dynamics: &Dynamics, trim: &Trim) -> LinearModel {
         a_lateral: DMatrix::from_fn(4, 4, |i, j| states[lat[j]][lat[i]]),
         b_lateral: DMatrix::from_fn(4, 2, |i, j| inputs[[1, 2][j]][lat[i]]),
     }
-}
-
-impl LinearModel {
-    /// The natural modes, by the eigenvalues of the state matrices.
-    pub fn modes(&self) -> Modes {
-        let mut lon = pairs(&self.a_longitudinal);
-        lon.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let lateral = self.a_lateral.complex_eigenvalues();
-        let mut real: Vec<f64> = lateral
-            .iter()
-            .filter(|e| e.im.abs() <= 1e-9)
-            .map(|e| e.re)
-            .collect();
-        real.sort_by(f64::total_cmp);
-        let dutch = lateral.iter().find(|e| e.im > 1e-9);
-        Modes {
-            short_period: lon.first().copied().unwrap_or((0.0, 1.0)),
-            phugoid: lon.last().copied().unwrap_or((0.0, 1.0)),
-            dutch_roll: dutch.map_or((0.0, 1.0), |e| frequency_and_damping(*e)),
-            roll_s: -1.0 / real.first().copied().unwrap_or(f64::NEG_INFINITY),
-            spiral_s: -1.0 / real.last().copied().unwrap_or(f64::NEG_INFINITY),
-        }
-    }
-}
-
-fn frequency_and_damping(eigenvalue: Complex<f64>) -> (f64, f64) {
-    let frequency = eigenvalue.norm();
-    (frequency, -eigenvalue.re / frequency)
-}
-
-/// (Frequency, damping) of every eigenvalue with non-negative imaginary part.
-fn pairs(a: &DMatrix<f64>) -> Vec<(f64, f64)> {
-    a.complex_eigenvalues()
-        .iter()
-        .filter(|e| e.im >= 0.0)
-        .map(|e| frequency_and_damping(*e))
-        .collect()
 }

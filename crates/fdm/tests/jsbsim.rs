@@ -93,7 +93,9 @@ fn compare(key: &[String], inputs: &[Vec<f64>], expected: &[Vec<f64>]) -> (f64, 
                 };
                 air.wind_ned_m_s = [change[5], change[6], change[7]];
             }
-            sim.step_with_surfaces(TICK_S, &air, &command);
+            // JSBSim's surfaces have no servos.
+            sim.set_surfaces(&command);
+            sim.step(TICK_S, &air, &command);
             tick += 1;
         }
         let s = sim.state();

@@ -23,17 +23,10 @@ pub(crate) fn inner_gains(
 ) -> [InnerGains; 2] {
     let plant = Plant::new(aircraft);
     let at = plant.at(&Sensed {
-        north_m: 0.0,
-        east_m: 0.0,
-        alt_amsl_m: 0.0,
         vel_ned_m_s: [airspeed_m_s, 0.0, 0.0],
-        roll_rad: 0.0,
-        pitch_rad: 0.0,
-        yaw_rad: 0.0,
-        rate_rad_s: [0.0; 3],
         airspeed_m_s,
         density_kg_m3,
-        on_ground: false,
+        ..Sensed::default()
     });
     let roll_damping = gains.roll_damping_rad_s / at.roll_power;
     let pitch_damping = gains.pitch_damping_rad_s / at.pitch_power;

@@ -3,7 +3,7 @@
 use crate::state::{FlightPhase, FlightState};
 
 /// The measured state that the autopilot works from.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sensed {
     /// Metres north of the site's origin.
     pub north_m: f64,

@@ -72,8 +72,8 @@ pub struct BusArguments {
     /// Folder of this host from `plumage keys new`: TLS certificates, access rules and the mission key
     #[arg(long, value_name = "DIR", conflicts_with_all = ["tls_ca", "mission_key"])]
     pub keys: Option<PathBuf>,
-    /// File with the mission key: 64 hexadecimal digits, readable only by its owner. Whoever has the key can command
-    /// the team [default: PLUMAGE_MISSION_KEY, else on a single host a file that the first process creates]
+    /// File with the mission key: 64 hexadecimal digits, readable only by its owner. Every holder of the key can
+    /// command the team [default: PLUMAGE_MISSION_KEY, else on a single host a file that the first process creates]
     #[arg(long, value_name = "FILE")]
     pub mission_key: Option<PathBuf>,
     /// Certificate of the authority that signs the certificates of all TLS endpoints (PEM)

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-/// Connect real vehicles (ArduPilot or PX4) to the bus by MAVLink
+/// Connect real vehicles (ArduPlane or PX4) to the bus over MAVLink
 ///
 /// `mav-bridge stand-in` simulates an ArduPlane on a link of its own; see `mav-bridge stand-in --help`.
 #[derive(Debug, Parser)]

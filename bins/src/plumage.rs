@@ -8,7 +8,7 @@ use programs::commands::{
 use programs::failure;
 use std::process::ExitCode;
 
-/// Simulate teams of virtual and real UAVs that map the plume of an air-pollution source
+/// Fly teams of simulated and real aircraft that find and map the plume of an air-pollution source
 #[derive(Debug, Parser)]
 #[command(name = "plumage", version, about, after_help = AFTER_HELP)]
 struct Arguments {
@@ -26,6 +26,7 @@ Exit codes:
   1    failure, or a comparison that found a difference
   2    wrong usage or input; the error states what was expected
   3    a process of a lockstep run stopped responding; the error names it
+  130  interrupted (Ctrl-C) before the program could finish
   141  the reader of the output closed it";
 
 #[derive(Debug, Subcommand)]

@@ -66,7 +66,8 @@ pub struct CampaignArguments {
         help_heading = "Missions"
     )]
     pub vehicles: Vec<usize>,
-    /// Replace the last N vehicles of the team by stand-ins for real ones and simulate the others, 0 to the team's size
+    /// Fly the last N vehicles of the team as stand-ins, simulated ArduPlanes in place of real aircraft, and simulate
+    /// the others, 0 to the team's size
     #[arg(
         long,
         value_name = "N",

@@ -56,13 +56,13 @@ pub struct PlumeArguments {
     after_help = "Example: plumage gap tracer --receptors receptors.csv --trials trials.csv --out out/tracer"
 )]
 pub struct TracerArguments {
-    /// Samplers at the ground, as in receptors.csv of docs/gap-tracer.md
+    /// Samplers at the ground (CSV); docs/gap-tracer.md lists the columns of receptors.csv
     #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub receptors: PathBuf,
-    /// Trials with weather and emission, as in trials.csv of docs/gap-tracer.md
+    /// Trials with weather and emission (CSV); docs/gap-tracer.md lists the columns of trials.csv
     #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub trials: PathBuf,
-    /// Samplers on towers, as in towers.csv of docs/gap-tracer.md
+    /// Samplers on towers (CSV); docs/gap-tracer.md lists the columns of towers.csv
     #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub towers: Option<PathBuf>,
     /// Score the extension in this gap.json, found with other trials, without fitting anything

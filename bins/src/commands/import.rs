@@ -20,7 +20,7 @@ pub struct ImportArguments {
     /// Logs to convert; tracks and gas logs are joined by time
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
-    /// Observations or flight to write (CSV); FILE.import.toml, next to it, is the mapping file that was used
+    /// Observations or flight to write (CSV); FILE.import.toml, next to it, is a mapping file that repeats the import
     #[arg(long, value_name = "FILE", help_heading = "Outputs")]
     pub out: PathBuf,
     /// Mapping file (TOML): names, units and datums of the columns

@@ -91,7 +91,8 @@ pub struct RunArguments {
     /// Fly vehicle ID with the real aircraft on LINK, such as 3=udpin:0.0.0.0:14550; needs --speed real; repeatable
     #[arg(long, value_name = "ID=LINK", help_heading = "Real vehicles")]
     pub real: Vec<String>,
-    /// Replace the last N vehicles of the team by stand-ins for real ones and simulate the others, 0 to the team's size
+    /// Fly the last N vehicles of the team as stand-ins, simulated ArduPlanes in place of real aircraft, and simulate
+    /// the others, 0 to the team's size
     #[arg(
         long,
         value_name = "N",

@@ -31,8 +31,8 @@ pub struct SwapArguments {
 #[derive(Debug, clap::Args)]
 #[group(required = true, multiple = false)]
 struct Aircraft {
-    /// Fly the vehicle with the real aircraft on this link, such as udpin:0.0.0.0:14550; if no frame comes within 30 s,
-    /// the simulated aircraft flies on
+    /// Fly the vehicle with the real aircraft on this link, such as udpin:0.0.0.0:14550; without a frame within 30 s,
+    /// the simulated aircraft continues
     #[arg(long, value_name = "LINK")]
     real: Option<LinkAddress>,
     /// Fly the vehicle with a simulated aircraft, from its current position; the real one gets the heartbeat of its

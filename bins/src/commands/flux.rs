@@ -23,8 +23,8 @@ pub struct FluxArguments {
     /// Gas to use from the observations: co2, ch4, so2, co, no2, nh3, h2s or sf6 [default: that of the first source]
     #[arg(long, value_name = "GAS", help_heading = "Input")]
     pub gas: Option<Gas>,
-    /// How to estimate: point (one sensor at rest with a wind log), curtain (passes at several heights), or auto (every
-    /// method whose conditions are met)
+    /// Method: point (one sensor at rest with a wind log), curtain (passes at several heights), or auto (every method
+    /// whose conditions are met)
     #[arg(
         long,
         value_name = "METHOD",

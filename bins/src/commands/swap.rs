@@ -20,7 +20,7 @@ pub struct SwapArguments {
     /// Arm the motor of the real aircraft at take-off [default: wait until a person arms it]
     #[arg(long, requires = "real")]
     may_arm: bool,
-    /// End the heartbeat to the real aircraft now; without another ground station its failsafe for a lost one acts
+    /// End the heartbeat to the real aircraft now; its failsafe then acts unless another ground station sends one
     #[arg(long, requires = "simulated")]
     release: bool,
     #[command(flatten)]
@@ -35,8 +35,8 @@ struct Aircraft {
     /// the simulated aircraft continues
     #[arg(long, value_name = "LINK")]
     real: Option<LinkAddress>,
-    /// Fly the vehicle with a simulated aircraft, from its current position; the real one gets the heartbeat of its
-    /// bridge until it receives another ground station that its failsafe listens for
+    /// Fly the vehicle with a simulated aircraft, from its current position; the bridge continues its heartbeat to the
+    /// real one until it receives another ground station that the failsafe monitors
     #[arg(long)]
     simulated: bool,
 }

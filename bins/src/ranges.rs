@@ -30,7 +30,7 @@ pub fn seed(text: &str) -> Result<u64, String> {
 /// # Errors
 /// Text that is no number, or one outside the range.
 pub fn duration_s(text: &str) -> Result<f64, String> {
-    within(text, &DURATIONS_S, "a number of seconds", " s")
+    within(text, &DURATIONS_S, "a number", " s")
 }
 
 /// Reader of whole numbers in `range`.

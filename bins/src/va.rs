@@ -22,7 +22,8 @@ struct Arguments {
         visible_aliases = ["id", "vehicle"],
         value_name = "ID",
         value_delimiter = ',',
-        required = true
+        required = true,
+        help_heading = "Vehicles"
     )]
     vehicles: Vec<String>,
     /// Show a vehicle in the FlightGear at HOST:PORT, with 50 packets a second; several vehicles need ID=; repeatable

@@ -19,7 +19,7 @@ pub struct FoxgloveArguments {
     #[command(flatten)]
     bus: agent::BusArguments,
     /// Serve Foxglove at this address; open ws://ADDR there
-    #[arg(long, value_name = "ADDR", default_value = DEFAULT_ADDRESS)]
+    #[arg(long, value_name = "ADDR", default_value = DEFAULT_ADDRESS, help_heading = "Integrations")]
     serve: String,
 }
 

@@ -393,11 +393,7 @@ fn who_only_listens_needs_no_mission_and_hears_both_aircraft_at_its_port() {
             "{said}"
         );
         let line = format!("vehicle {id}: system {id}, component 1, ");
-        let line = said
-            .lines()
-            .filter(|l| l.starts_with(&line))
-            .next_back()
-            .unwrap();
+        let line = said.lines().rfind(|l| l.starts_with(&line)).unwrap();
         assert!(line.contains("at 43.4") && line.contains("ppm"), "{line}");
     }
     assert!(interrupted.unwrap().success());

@@ -16,19 +16,24 @@ use study::point::{PointFlux, estimate};
 fn main() -> ExitCode {
     let trials = vec![
         Trial::test("a_swinging_plume_gives_its_rate", || {
-            Ok(a_swinging_plume_gives_its_rate())
+            a_swinging_plume_gives_its_rate();
+            Ok(())
         }),
         Trial::test("the_rate_scales_with_the_excess", || {
-            Ok(the_rate_scales_with_the_excess())
+            the_rate_scales_with_the_excess();
+            Ok(())
         }),
         Trial::test("a_stated_emission_plays_no_part", || {
-            Ok(a_stated_emission_plays_no_part())
+            a_stated_emission_plays_no_part();
+            Ok(())
         }),
         Trial::test("clean_air_gives_an_upper_limit", || {
-            Ok(clean_air_gives_an_upper_limit())
+            clean_air_gives_an_upper_limit();
+            Ok(())
         }),
         Trial::test("conditions_that_are_not_met_are_named", || {
-            Ok(conditions_that_are_not_met_are_named())
+            conditions_that_are_not_met_are_named();
+            Ok(())
         }),
         Trial::ignorable_test("otm33a_releases", || {
             let Some(folder) = std::env::var_os("PLUMAGE_DATA") else {

@@ -328,9 +328,9 @@ mod tests {
             let VehicleBackend::Bridged(body) = va.backend_mut() else {
                 panic!("a bridge")
             };
-            body.receive(crate::BridgeReport {
+            body.receive(crate::VehicleReport {
                 state: Some(in_the_air()),
-                ..crate::BridgeReport::default()
+                ..crate::VehicleReport::default()
             });
             va.handle(Event::Tick, now, &mut out);
             let VehicleBackend::Bridged(body) = va.backend_mut() else {

@@ -41,7 +41,7 @@ def test_what_was_begun_goes_on_and_the_command_finds_it_done(whole, command, tm
     done = campaign(AS_PONTES, **ASKED, out=out, progress=lambda there, of: again.append((there, of)))
     assert told == [(1, 4), (2, 4)] and again == [(3, 4), (4, 4)]
     assert done == whole
-    assert "4 of 4 missions are there already" in said(command, "campaign", AS_PONTES, *OPTIONS, "--out", out).stderr
+    assert "4 of 4 missions are done already" in said(command, "campaign", AS_PONTES, *OPTIONS, "--out", out).stderr
     with pytest.raises(plumage.InputError, match="differs in the seeds"):
         campaign(AS_PONTES, **ASKED | {"seeds": 3}, out=out)
 

@@ -261,8 +261,8 @@ mod tests {
         let says = |e: Result<&[Cause], GapError>| e.unwrap_err().to_string();
         assert_eq!(
             says(tracer.plume()),
-            "g.json: it was written by plumage gap tracer; expected one of plumage gap plume: extensions hold \
-             for data of their kind"
+            "g.json: it was written by plumage gap tracer; expected a gap.json of plumage gap plume, since \
+             extensions apply to data of their kind"
         );
         assert!(flight.tracer().is_err() && flight.plume().is_err());
         assert!(says(of("").unwrap().plume()).contains("names no cause"));

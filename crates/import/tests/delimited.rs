@@ -199,7 +199,7 @@ fn what_cannot_be_read_is_refused_with_where_and_what_to_do() {
         (
             "time_s,lat,lon,alt_amsl_m,SO2\n0,43,-7,340,5\n",
             "",
-            "so2 without a unit that is known",
+            "the unit of so2 is unknown",
         ),
         (
             "time_s,lat,lon,alt_amsl_m,speed\n0,43,-7,340,5\n",
@@ -224,7 +224,7 @@ fn what_cannot_be_read_is_refused_with_where_and_what_to_do() {
         (
             "time_s,lat,lon,alt_amsl_m,co2_ppm\n0,43,-7,340,421\n1,43,-7,340,over\n",
             "",
-            "line 3: 1 cells for co2_ppm are no numbers, as \"over\"",
+            "line 3: 1 cells for co2_ppm are not numbers, such as \"over\"",
         ),
     ] {
         let error = refused(log, map);

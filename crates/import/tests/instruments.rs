@@ -302,7 +302,7 @@ fn a_gas_in_volts_is_refused() {
         .unwrap_err()
         .to_string();
     assert!(
-        error.contains("\"CO2 (mV)\": co2 without a unit that is known"),
+        error.contains("\"CO2 (mV)\": the unit of co2 is unknown"),
         "{error}"
     );
 }

@@ -95,7 +95,7 @@ fn a_clock_that_is_off_is_set_by_what_both_measure_and_the_mapping_says_so() {
     let (csv, report) = import(&logs, "").unwrap();
     let notices = report.notices.join("\n");
     assert!(
-        notices.contains("clock offset of 17.5 s, by which pressure_hpa and alt_amsl_m"),
+        notices.contains("clock offset of 17.5 s, at which pressure_hpa and alt_amsl_m"),
         "{notices}"
     );
     assert_eq!(cell(&csv, 0, "time_s"), MAY + 100.0);
@@ -412,7 +412,7 @@ fn an_ardupilot_log_gives_observations_in_utc() {
         "{notices}"
     );
     assert!(
-        notices.contains("known and no part of this output: roll_deg, pitch_deg"),
+        notices.contains("recognised but not part of this output: roll_deg, pitch_deg"),
         "{notices}"
     );
     let (csv, _) = import(&[("1.bin", &dataflash())], "output = \"flight\"\n").unwrap();

@@ -301,7 +301,7 @@ mod tests {
     fn a_vehicle_of_the_team_cannot_be_fed_in() {
         let refused = vehicle("6").unwrap_err().to_string();
         assert!(
-            refused.contains("vehicle 6 is of the team (1, 2, 3, 4, 5, 6)"),
+            refused.contains("vehicle 6 belongs to the team (1, 2, 3, 4, 5, 6)"),
             "{refused}"
         );
         assert!(vehicle("a b").is_err());

@@ -68,7 +68,7 @@ mod tests {
         // At 9 s: 50 ticks of 160 since 8 s, and 451 ticks in all.
         assert!(
             last.text
-                .starts_with("8000 messages refused, 72160 in all;"),
+                .starts_with("8000 messages rejected, 72160 in all;"),
             "{}",
             last.text
         );

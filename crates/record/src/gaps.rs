@@ -100,7 +100,7 @@ mod tests {
         let found = gaps.take(&said(AgentId::sc(), 46, 9.0)).unwrap();
         assert_eq!(
             found.words(&AgentId::sc()),
-            "3 messages of sc/main, said from 4.0 to 9.0 s, did not come and are missing here"
+            "3 messages of sc/main, published from 4.0 to 9.0 s, were lost on the way"
         );
         assert_eq!(gaps.take(&said(AgentId::ws(), 2, 9.0)), None);
         assert_eq!(gaps.missing(), 3);

@@ -351,19 +351,19 @@ fn the_fence_on_board_is_read_and_put_there_where_that_is_asked_for() {
     let bridges = [
         (
             config(false, wanted.clone()),
-            "(doubtful): none on board, the mission's has 4",
+            "(doubtful): no fence on board, but the mission's has 4",
         ),
         (
             config(true, wanted.clone()),
-            "(right): the mission's 4 are on board",
+            "(ok): the mission's 4 corners are on board",
         ),
         (
             config(false, wanted[..3].to_vec()),
-            "(doubtful): another one: 4 corners, the mission's has 3",
+            "(doubtful): another fence is on board: 4 corners, the mission's has 3",
         ),
         (
             config(false, other),
-            "(doubtful): another one: a corner lies 111 m from",
+            "(doubtful): another fence is on board: a corner is 111 m from",
         ),
     ];
     // One bridge after the other, as on four days; a link that loses every fifth datagram each way.

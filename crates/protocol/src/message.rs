@@ -338,7 +338,8 @@ mod frame_serde {
     }
 }
 
-/// The air around a simulated vehicle (`ws/main/ambient/<va>`).
+/// The air around a vehicle (`ws/main/ambient/<va>`): ten times a second for a simulated vehicle, which flies in it, and
+/// once a second for a real one, as the heartbeat of the world simulator.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Ambient {
     /// Mean wind as a vector towards, north, east, down, m/s.

@@ -24,7 +24,7 @@ use std::time::Instant;
     name = "gap-bench",
     version,
     about,
-    after_help = "Example: cargo run --release --bin gap-bench -- --quick 60 --outcomes outcomes.jsonl"
+    after_help = "Example: cargo run --release -p gap-bench -- --quick 60 --outcomes outcomes.jsonl"
 )]
 struct Arguments {
     /// Benchmark flights, not plumes
@@ -159,7 +159,7 @@ fn with_provenance(page: &str) -> anyhow::Result<String> {
     let measured = provenance::date_and_commit(Path::new("."))?;
     let (title, rest) = page.split_once("\n\n").unwrap_or((page, ""));
     Ok(format!(
-        "{title}\n\nMeasured: {measured}, by `cargo run --release --bin gap-bench -- {}`.\n\n{rest}",
+        "{title}\n\nMeasured: {measured}, by `cargo run --release -p gap-bench -- {}`.\n\n{rest}",
         options.join(" ")
     ))
 }

@@ -19,7 +19,7 @@ fn it_is_one_page_that_needs_no_network() {
         "Correction of the model",
         "Readings and predictions",
         "The peak",
-        "Remaining deviation",
+        "Limits of this result",
         "How to repeat this",
     ] {
         assert!(own.contains(heading), "{heading}");

@@ -303,7 +303,7 @@ fn a_real_aircraft_that_is_let_go_gets_the_heartbeat_until_its_pilots_station_is
         told(
             &let_go,
             0,
-            "warning: a real aircraft in this place flies by its pilot alone",
+            "warning: only its pilot flies the real aircraft now",
         );
         told(
             &let_go,

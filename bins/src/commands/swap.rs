@@ -76,11 +76,11 @@ pub fn swap(arguments: &SwapArguments) -> Result<(), Failure> {
 /// What an operator should know before a real aircraft is let go.
 fn warning(release: bool) -> &'static str {
     if release {
-        "a real aircraft in this place gets no heartbeat from now on: where its pilot's own ground station is not \
-         connected, its failsafe for a lost ground station acts some seconds later"
+        "the bridge ends its heartbeat to the real aircraft; unless the pilot's own ground station is connected, the \
+         failsafe for a lost ground station acts some seconds later"
     } else {
-        "a real aircraft in this place flies by its pilot alone from now on; it gets the heartbeat of its bridge until \
-         the pilot's own ground station is received, or until --release"
+        "only its pilot flies the real aircraft now; the bridge continues its heartbeat until it receives the pilot's \
+         own ground station, or until --release"
     }
 }
 

@@ -257,7 +257,7 @@ impl Column {
             or: None,
             required: true,
             range: (f64::MIN, f64::MAX),
-            holds: "a finite number with a decimal point, or an empty cell",
+            holds: "a finite number with a decimal point",
         }
     }
 
@@ -295,7 +295,7 @@ impl Column {
     fn expected(&self) -> String {
         if self.holds.is_empty() {
             let (low, high) = self.range;
-            return format!("a number from {low} to {high}, or an empty cell (units?)");
+            return format!("a number from {low} to {high} (units?)");
         }
         self.holds.to_owned()
     }
@@ -543,16 +543,7 @@ impl<'r> Row<'r> {
     /// # Errors
     /// A cell that is no number, or one outside of the column's range.
     pub fn number(&self, k: usize) -> Result<Option<f64>, TableError> {
-        let cell = self.text(k);
-        if cell.is_empty() || is_nan(cell) {
-            return Ok(None);
-        }
-        let column = &self.header.columns[k];
-        let (low, high) = column.range;
-        match cell.parse::<f64>() {
-            Ok(value) if value >= low && value <= high => Ok(Some(value)),
-            _ => Err(self.wrong(k, column.expected())),
-        }
+        self.parsed(k, ", or an empty cell")
     }
 
     /// The number of a column in which none may be missing.
@@ -560,13 +551,21 @@ impl<'r> Row<'r> {
     /// # Errors
     /// As [`Row::number`], and a missing one.
     pub fn needed(&self, k: usize) -> Result<f64, TableError> {
-        self.number(k)?
-            .ok_or_else(|| self.wrong(k, self.header.columns[k].expected()))
+        let missing = || self.wrong(k, self.header.columns[k].expected());
+        self.parsed(k, "")?.ok_or_else(missing)
     }
 
-    /// Whether a cell says that its number is missing, instead of being empty.
-    pub fn says_nan(&self, k: usize) -> bool {
-        is_nan(self.text(k))
+    fn parsed(&self, k: usize, or_missing: &str) -> Result<Option<f64>, TableError> {
+        let cell = self.text(k);
+        if cell.is_empty() || cell.eq_ignore_ascii_case("nan") {
+            return Ok(None);
+        }
+        let column = &self.header.columns[k];
+        let (low, high) = column.range;
+        match cell.parse::<f64>() {
+            Ok(value) if value >= low && value <= high => Ok(Some(value)),
+            _ => Err(self.wrong(k, column.expected() + or_missing)),
+        }
     }
 
     /// The error of a column's cell.
@@ -587,10 +586,6 @@ impl<'r> Row<'r> {
             ..self.header.error(column, problem, expected)
         }
     }
-}
-
-fn is_nan(cell: &str) -> bool {
-    cell.eq_ignore_ascii_case("nan")
 }
 
 /// A cell of a text in UTF-8.
@@ -631,10 +626,7 @@ mod tests {
             (row.needed(0), row.name(1), row.line),
             (Ok(1.0), Ok("a, b"), 3)
         );
-        assert_eq!(
-            (row.number(2), row.says_nan(2), row.cell(3)),
-            (Ok(None), true, "x")
-        );
+        assert_eq!((row.number(2), row.cell(3)), (Ok(None), "x"));
         let row = table.next_row().unwrap().unwrap();
         assert_eq!(
             (row.needed(0), row.number(2), row.line),

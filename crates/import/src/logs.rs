@@ -124,7 +124,7 @@ impl Format {
         let mut map = LogMap::default();
         if self == Self::NetCdf {
             let named = |gas: Gas| ColumnMap {
-                from: Some(Names::One(gas.standard_name())),
+                from: Some(Names::Many(vec![gas.standard_name()])),
                 ..ColumnMap::default()
             };
             let columns = Gas::ALL.map(|gas| (gas.column(Unit::Ppm).to_owned(), named(gas)));

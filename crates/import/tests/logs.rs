@@ -76,7 +76,7 @@ fn a_gas_log_gets_its_places_from_a_track() {
     let notices = report.notices.join("\n");
     assert!(
         notices.contains("2 of 3 rows lie within")
-            && notices.contains("its clock is that of track.gpx"),
+            && notices.contains("its clock agrees with that of track.gpx"),
         "{notices}"
     );
 }
@@ -192,7 +192,7 @@ fn the_wind_of_a_mast_is_joined_and_said_to_be_the_platforms() {
         report
             .notices
             .join("\n")
-            .contains("the wind of mast.csv is that at the platform's place")
+            .contains("the wind of mast.csv was measured at the platform's place")
     );
 }
 
@@ -403,7 +403,7 @@ fn an_ardupilot_log_gives_observations_in_utc() {
     );
     let notices = report.notices.join("\n");
     assert!(
-        notices.contains("UTC by the GPS") && notices.contains("5 bytes are no records"),
+        notices.contains("UTC by the GPS") && notices.contains("5 bytes outside of records"),
         "{notices}"
     );
     // The autopilot's altitude is above the sea by its documents, and angles are no part of observations.
@@ -452,7 +452,7 @@ fn a_telemetry_log_gives_observations_of_its_vehicle() {
         notices.contains("system 3") && notices.contains("systems [255] are ignored"),
         "{notices}"
     );
-    assert!(notices.contains("2 bytes are no frames"), "{notices}");
+    assert!(notices.contains("2 bytes outside of frames"), "{notices}");
 }
 
 #[test]

@@ -154,17 +154,13 @@ const LEAST_DISTANCE_M: f64 = 0.01;
 type Range = (f64, f64, &'static str);
 const A_PLACE: Range = (-1e5, 1e5, "metres from the source, at most 100 km");
 const A_HEIGHT: Range = (0.0, 2000.0, "metres above ground, 0 to 2000");
-const NOT_NEGATIVE: Range = (0.0, 1e9, "a number of 0 or more, or an empty cell");
+const NOT_NEGATIVE: Range = (0.0, 1e9, "a number of 0 or more");
 const POSITIVE: Range = (f64::MIN_POSITIVE, 1e9, "a number above 0");
-const A_SHARE: Range = (0.0, 10.0, "a factor from 0 to 10, or an empty cell");
-const A_SPEED: Range = (
-    0.05,
-    80.0,
-    "a wind speed from 0.05 to 80 m/s, or an empty cell",
-);
-const AN_ANGLE: Range = (-360.0, 720.0, "degrees, or an empty cell");
-const A_LENGTH: Range = (-1e6, 1e6, "metres, not 0, or an empty cell");
-const A_SPREAD: Range = (0.01, 120.0, "degrees from 0.01 to 120, or an empty cell");
+const A_SHARE: Range = (0.0, 10.0, "a factor from 0 to 10");
+const A_SPEED: Range = (0.05, 80.0, "a wind speed from 0.05 to 80 m/s");
+const AN_ANGLE: Range = (-360.0, 720.0, "degrees");
+const A_LENGTH: Range = (-1e6, 1e6, "metres, not 0");
+const A_SPREAD: Range = (0.01, 120.0, "degrees from 0.01 to 120");
 
 /// The rows of a file, each made by `read` with those before it; at least one.
 fn rows<T>(

@@ -92,59 +92,59 @@ impl Writing {
         for read in &flown.readings {
             while let Some(moved) = motions.next_if(|moved| moved.time_s <= read.time_s) {
                 let at = flown.unix_ns(moved.time_s);
-                self.say(converter.state(name(moved.vehicle), at, &moved.state))?;
+                self.publish(converter.state(name(moved.vehicle), at, &moved.state))?;
             }
             let at = flown.unix_ns(read.time_s);
             if flown.motions.is_empty() {
                 let place = [read.lat_deg, read.lon_deg, read.alt_amsl_m];
-                self.say([converter.fix(name(read.vehicle), at, place)])?;
+                self.publish([converter.fix(name(read.vehicle), at, place)])?;
             }
-            self.say([converter.reading(name(read.vehicle), at, read)])?;
+            self.publish([converter.reading(name(read.vehicle), at, read)])?;
         }
         for moved in motions {
             let at = flown.unix_ns(moved.time_s);
-            self.say(converter.state(name(moved.vehicle), at, &moved.state))?;
+            self.publish(converter.state(name(moved.vehicle), at, &moved.state))?;
         }
         Ok(())
     }
 
-    fn say(&mut self, all: impl IntoIterator<Item = RosMessage>) -> mcap::McapResult<()> {
-        for said in all {
-            let (first, _) = self.span.unwrap_or((said.at_unix_ns, 0));
-            self.span = Some((first, said.at_unix_ns));
-            let (channel_id, sequence) = self.counted(&said)?;
-            let time = u64::try_from(said.at_unix_ns).unwrap_or(0);
+    fn publish(&mut self, all: impl IntoIterator<Item = RosMessage>) -> mcap::McapResult<()> {
+        for message in all {
+            let (first, _) = self.span.unwrap_or((message.at_unix_ns, 0));
+            self.span = Some((first, message.at_unix_ns));
+            let (channel_id, sequence) = self.counted(&message)?;
+            let time = u64::try_from(message.at_unix_ns).unwrap_or(0);
             let header = MessageHeader {
                 channel_id,
                 sequence,
                 log_time: time,
                 publish_time: time,
             };
-            self.writer.write_to_known_channel(&header, &said.cdr)?;
+            self.writer.write_to_known_channel(&header, &message.cdr)?;
         }
         Ok(())
     }
 
     /// The channel of a message and its number there.
-    fn counted(&mut self, said: &RosMessage) -> mcap::McapResult<(u16, u32)> {
-        if let Some(channel) = self.channels.get_mut(&said.topic) {
+    fn counted(&mut self, message: &RosMessage) -> mcap::McapResult<(u16, u32)> {
+        if let Some(channel) = self.channels.get_mut(&message.topic) {
             channel.messages += 1;
             return Ok((channel.id, channel.messages));
         }
-        let definition = said.kind.definition();
-        let schema = self
-            .writer
-            .add_schema(said.kind.name(), "ros2msg", definition.as_bytes())?;
+        let definition = message.kind.definition();
+        let schema =
+            self.writer
+                .add_schema(message.kind.name(), "ros2msg", definition.as_bytes())?;
         let quality = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
         let id = self
             .writer
-            .add_channel(schema, &said.topic, "cdr", &quality)?;
+            .add_channel(schema, &message.topic, "cdr", &quality)?;
         let channel = Channel {
             id,
-            kind: said.kind,
+            kind: message.kind,
             messages: 1,
         };
-        self.channels.insert(said.topic.clone(), channel);
+        self.channels.insert(message.topic.clone(), channel);
         Ok((id, 1))
     }
 

@@ -150,7 +150,7 @@ fn rows_without_place_are_left_out_and_nan_is_missing_both_aloud() {
 fn an_exact_repetition_is_dropped_aloud() {
     let got = with_rows("1,a,43,-7,500,450\n1,a,43,-7,500,450\n2,a,43,-7,500,451\n").unwrap();
     assert_eq!(got.rows.len(), 2);
-    assert!(got.notices[0].contains("1 rows repeat"));
+    assert!(got.notices[0].contains("1 rows that repeat"));
 }
 
 #[test]

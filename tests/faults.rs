@@ -91,9 +91,7 @@ fn lockstep_ends(name: &str, victim: &'static str, signal: &str) -> Result<(), F
         let status = process.ends_before(until)?;
         let said = process.said();
         if status.code() != Some(SOMEBODY_MISSING)
-            || !said.contains(&format!(
-                "a process of the lockstep run stopped responding: {names}"
-            ))
+            || !said.contains(&format!("stopped responding: {names}"))
         {
             return Err(format!("{} ended with {status}, and said: {said}", process.name).into());
         }

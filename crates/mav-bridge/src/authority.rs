@@ -195,6 +195,12 @@ impl Authority {
         outcome
     }
 
+    /// Whether it goes home for silences alone that are over, and is in the air still.
+    pub(crate) fn resumes(&self) -> bool {
+        let airborne = self.shown.is_some_and(|s| s.airborne);
+        airborne && self.link_up && self.task != BridgeTask::HandingBack && self.control.resumes()
+    }
+
     /// A danger while a hand-back waits for its mode: it is the Guardian's now.
     fn give_up_hand_back(&mut self) {
         if self.task == BridgeTask::HandingBack && self.control.dangers().next().is_some() {

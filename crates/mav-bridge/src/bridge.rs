@@ -465,6 +465,11 @@ impl Bridge {
         }
         let before = self.authority.phase();
         self.authority.handle(change);
+        if matches!(change, ControlEvent::Ends(_)) && self.authority.resumes() {
+            let text = "the silent agents publish again: automatic flight resumes";
+            out.events.push(event(Severity::Info, "resumed", text));
+            return self.hand_back(out);
+        }
         let phase = self.authority.phase();
         if phase == before {
             return;

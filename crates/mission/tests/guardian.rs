@@ -7,7 +7,7 @@ use protocol::bus::Conductor;
 use protocol::key::Name;
 use protocol::message::{Control, ControlLevel, ControlWish, Mode, State, Sticks};
 use protocol::{Agent, AgentId, Event, Interest, Message, Outbox, SimTime, Topic};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 const AS_PONTES: &str = include_str!("../../../scenarios/as-pontes.toml");
 const X8: &str = include_str!("../../../aircraft/x8.toml");
@@ -46,6 +46,8 @@ struct Flight {
     states: BTreeMap<String, State>,
     modes: BTreeMap<String, Mode>,
     setpoints: BTreeMap<String, usize>,
+    /// Codes of events, with the vehicles of which they are.
+    events: BTreeSet<(String, String)>,
 }
 
 impl Flight {
@@ -71,6 +73,7 @@ impl Flight {
             states: BTreeMap::new(),
             modes: BTreeMap::new(),
             setpoints: BTreeMap::new(),
+            events: BTreeSet::new(),
         }
     }
 
@@ -87,10 +90,20 @@ impl Flight {
                     (Topic::Setpoint(id), _) => {
                         *self.setpoints.entry(id.to_string()).or_default() += 1
                     }
+                    (Topic::Event(id), Message::Event(event)) => {
+                        let name = id.name().to_string();
+                        self.events.insert((event.code.clone(), name));
+                    }
                     _ => {}
                 }
             }
         }
+    }
+
+    /// Of whom there was an event of this code.
+    fn told(&self, code: &str) -> Vec<&str> {
+        let of_code = self.events.iter().filter(|(of, _)| of == code);
+        of_code.map(|(_, name)| name.as_str()).collect()
     }
 
     fn say(&mut self, vehicle: &str, wish: ControlWish, sticks: Option<Sticks>) {
@@ -149,7 +162,7 @@ fn as_it_is(text: &str) -> String {
 }
 
 #[test]
-fn without_its_controller_the_team_comes_home_until_handed_back() {
+fn without_its_controller_the_team_comes_home_until_it_is_heard_again() {
     let mut flight = Flight::new(as_it_is, Some((AgentId::sc(), FLYING_S + 450.0)));
     flight.run_until(FLYING_S);
     assert_eq!(flight.levels(), [ControlLevel::Automatic; 6]);
@@ -168,23 +181,42 @@ fn without_its_controller_the_team_comes_home_until_handed_back() {
     flight.all_circle_at_home();
     // While it is gone nobody is handed back.
     flight.say("1", ControlWish::HandBack, None);
+    // A pilot takes one over, and hands it back to the Guardian.
+    flight.say("2", ControlWish::TakeOver, None);
+    flight.run_until(FLYING_S + 449.5);
+    flight.say("2", ControlWish::HandBack, None);
     flight.run_until(FLYING_S + 450.0);
-    assert_eq!(flight.level("1"), ControlLevel::Guardian);
-    // It is back, and the vehicles still wait for somebody who says so.
-    flight.run_until(FLYING_S + 470.0);
     assert_eq!(flight.levels(), [ControlLevel::Guardian; 6]);
-    for id in ["1", "6"] {
-        flight.say(id, ControlWish::HandBack, None);
-    }
+    // It is back: those that nobody took over fly on by themselves, a real one once it shows GUIDED.
+    flight.run_until(FLYING_S + 470.0);
+    let flies_on = |id| match id {
+        "2" => ControlLevel::Guardian,
+        _ => ControlLevel::Automatic,
+    };
+    let ids = ["1", "2", "3", "4", "5", "6"];
+    assert_eq!(flight.levels(), ids.map(flies_on));
+    assert_eq!(flight.told("resumed"), ["1", "3", "4", "5", "6"]);
     flight.run_until(FLYING_S + 550.0);
     for id in ["1", "6"] {
-        assert_eq!(flight.level(id), ControlLevel::Automatic, "{id}");
         assert!(
             flight.distance_home_m(id) > 250.0,
             "{id} still waits at home"
         );
     }
     assert_eq!(flight.level("2"), ControlLevel::Guardian);
+}
+
+/// As a computation or a busy host makes it: longer than a silence may last, and then all goes on.
+#[test]
+fn the_team_flies_on_after_a_pause_of_its_controller_or_world() {
+    for (silent, s) in [(AgentId::sc(), 9.0), (AgentId::ws(), 9.0)] {
+        let mut flight = Flight::new(as_it_is, Some((silent.clone(), FLYING_S + s)));
+        flight.run_until(FLYING_S + 8.0);
+        assert_eq!(flight.level("1"), ControlLevel::Guardian);
+        flight.run_until(FLYING_S + 20.0);
+        assert_eq!(flight.levels(), [ControlLevel::Automatic; 6], "{silent}");
+        assert!(!flight.told("resumed").is_empty());
+    }
 }
 
 #[test]

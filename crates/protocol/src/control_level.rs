@@ -5,7 +5,9 @@
 //! remote control; *Guardian* brings the vehicle home by itself. There is always exactly one of
 //! them. The pilot can take over at any time and keeps control until he hands it back; a
 //! setpoint never moves a vehicle that the pilot or Guardian flies; Guardian ends only when every
-//! one of its reasons is gone and somebody hands control back. `docs/control-levels.md` draws it.
+//! one of its reasons is gone and somebody hands control back. That somebody is the vehicle itself where Guardian took
+//! over in automatic flight for the silence of an agent alone ([`ControlState::resumes`]): it ends with a pause that
+//! nobody near the vehicle has seen. `docs/control-levels.md` draws it.
 //!
 //! Pure: a state and an event give the next state and what became of the event.
 
@@ -60,6 +62,11 @@ impl Danger {
         }
     }
 
+    /// Whether it is the silence of an agent of the team, which ends when the agent is heard again.
+    fn is_silence(self) -> bool {
+        matches!(self, Self::SquadronController | Self::World)
+    }
+
     fn bit(self) -> u8 {
         1 << self as u8
     }
@@ -103,6 +110,10 @@ pub struct ControlState {
     level: ControlLevel,
     dangers: u8,
     ignored: u64,
+    /// Guardian took over in automatic flight, for silences alone, and nothing else happened since.
+    by_silence: bool,
+    /// It flies on after such a silence.
+    resumed: bool,
 }
 
 impl Default for ControlState {
@@ -118,6 +129,8 @@ impl ControlState {
             level: ControlLevel::Automatic,
             dangers: 0,
             ignored: 0,
+            by_silence: false,
+            resumed: false,
         }
     }
 
@@ -141,12 +154,27 @@ impl ControlState {
         self.ignored
     }
 
+    /// Whether Guardian has it for no other reason than silences that are over: in the air the vehicle then hands itself
+    /// back.
+    pub fn resumes(&self) -> bool {
+        self.level == ControlLevel::Guardian && self.by_silence && self.dangers == 0
+    }
+
+    /// Whether it flies automatically again after silences for which Guardian had it: who did not hear it meanwhile is to
+    /// know.
+    pub fn has_resumed(&self) -> bool {
+        self.resumed
+    }
+
     /// Takes an event; every event is allowed at every level.
     pub fn handle(&mut self, event: ControlEvent) -> ControlOutcome {
         match event {
             ControlEvent::Setpoint => return self.setpoint(),
             ControlEvent::HandBack => return self.hand_back(),
-            ControlEvent::Takeover => self.level = ControlLevel::Pilot,
+            ControlEvent::Takeover => {
+                self.level = ControlLevel::Pilot;
+                (self.by_silence, self.resumed) = (false, false);
+            }
             ControlEvent::RemoteLost => {
                 // Nobody may be left at the sticks of a silent remote control.
                 if self.level == ControlLevel::Pilot {
@@ -155,13 +183,18 @@ impl ControlState {
             }
             ControlEvent::Begins(danger) => {
                 self.dangers |= danger.bit();
+                self.by_silence &= danger.is_silence();
                 if self.level == ControlLevel::Automatic {
                     self.level = ControlLevel::Guardian;
+                    (self.by_silence, self.resumed) = (danger.is_silence(), false);
                 }
             }
             ControlEvent::Ends(Danger::Battery) => {}
             ControlEvent::Ends(danger) => self.dangers &= !danger.bit(),
-            ControlEvent::Landed => self.dangers &= !Danger::Battery.bit(),
+            ControlEvent::Landed => {
+                self.dangers &= !Danger::Battery.bit();
+                self.by_silence = false;
+            }
         }
         ControlOutcome::Taken
     }
@@ -187,6 +220,7 @@ impl ControlState {
                 ControlOutcome::Taken
             }
             _ => {
+                self.resumed |= self.resumes();
                 self.level = ControlLevel::Automatic;
                 ControlOutcome::Taken
             }
@@ -216,6 +250,8 @@ mod tests {
         #[test]
         fn laws_hold_after_any_events(events in prop::collection::vec(any_event(), 0..200)) {
             let mut control = ControlState::new();
+            // Since the last automatic flight nobody but silent agents has called for Guardian.
+            let mut by_silence = true;
             for event in events {
                 let before = control;
                 let outcome = control.handle(event);
@@ -240,6 +276,22 @@ mod tests {
                 if was == ControlLevel::Pilot && is != ControlLevel::Pilot {
                     prop_assert!(matches!(event, ControlEvent::HandBack | ControlEvent::RemoteLost));
                 }
+                // Only Guardian by silences alone is left without somebody's hand-back.
+                if is == ControlLevel::Guardian && was == ControlLevel::Pilot {
+                    prop_assert!(!control.resumes());
+                }
+                if let ControlEvent::Begins(danger) = event
+                    && !matches!(danger, Danger::SquadronController | Danger::World)
+                {
+                    by_silence = false;
+                }
+                if matches!(event, ControlEvent::Takeover | ControlEvent::Landed) {
+                    by_silence = false;
+                }
+                if is == ControlLevel::Automatic {
+                    by_silence = true;
+                }
+                prop_assert!(!control.resumes() || (by_silence && control.dangers().count() == 0));
                 // Automatic flight and danger exclude each other.
                 if is == ControlLevel::Automatic {
                     prop_assert_eq!(control.dangers().count(), 0);
@@ -267,6 +319,35 @@ mod tests {
             control.handle(ControlEvent::HandBack);
             prop_assert_eq!(control.level(), ControlLevel::Automatic);
             prop_assert_eq!(control.handle(ControlEvent::Setpoint), ControlOutcome::Followed);
+        }
+    }
+
+    #[test]
+    fn a_silence_alone_is_over_when_it_ends() {
+        let silent = [Danger::SquadronController, Danger::World];
+        let mut control = ControlState::new();
+        silent.map(|danger| control.handle(ControlEvent::Begins(danger)));
+        control.handle(ControlEvent::Ends(silent[0]));
+        assert!(!control.resumes(), "the world is silent still");
+        control.handle(ControlEvent::Ends(silent[1]));
+        assert!(control.resumes());
+        control.handle(ControlEvent::HandBack);
+        assert_eq!(control.level(), ControlLevel::Automatic);
+        assert!(control.has_resumed());
+        control.handle(ControlEvent::Takeover);
+        control.handle(ControlEvent::HandBack);
+        assert!(!control.has_resumed());
+        for other in [
+            ControlEvent::Begins(Danger::Fence),
+            ControlEvent::Takeover,
+            ControlEvent::Landed,
+        ] {
+            let mut control = ControlState::new();
+            control.handle(ControlEvent::Begins(silent[0]));
+            control.handle(other);
+            control.handle(ControlEvent::Ends(Danger::Fence));
+            control.handle(ControlEvent::Ends(silent[0]));
+            assert!(!control.resumes(), "{other:?}");
         }
     }
 

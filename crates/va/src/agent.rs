@@ -196,6 +196,9 @@ impl VirtualAircraft {
                 VehicleBackend::Bridged(backend) => backend.handle_control(event),
             }
         }
+        if let VehicleBackend::Simulated(backend) = &mut self.backend {
+            backend.resume();
+        }
     }
 
     fn tick(&mut self, now: SimTime, out: &mut Outbox) {

@@ -3,6 +3,9 @@
 use protocol::control_level::{ControlOutcome, ControlState};
 use protocol::message::{ControlLevel, EventMessage, Mode, Severity};
 
+/// Of a vehicle that has flown home for a silence alone and flies on.
+pub const RESUMED: &str = "resumed after a silence";
+
 /// Who flies and why, with the dangers that last and the setpoints that were ignored; `doing` is
 /// what the vehicle itself does about it.
 pub fn mode(control: &ControlState, doing: &str) -> Mode {
@@ -19,6 +22,9 @@ pub fn mode(control: &ControlState, doing: &str) -> Mode {
     let level = control.level();
     if level == ControlLevel::Guardian && control.dangers().next().is_none() {
         add("the danger is over; waits for a hand-back");
+    }
+    if control.has_resumed() {
+        add(RESUMED);
     }
     match control.ignored_setpoints() {
         0 => {}
@@ -52,6 +58,15 @@ pub(crate) fn hand_back_event(before: ControlLevel, now: ControlLevel) -> EventM
         ),
     };
     EventMessage::new(severity, code, text)
+}
+
+/// A vehicle that went home for a silence alone flies on.
+pub(crate) fn resumed_event() -> EventMessage {
+    EventMessage {
+        severity: Severity::Info,
+        code: "resumed".to_owned(),
+        text: "the silent agents publish again: automatic flight resumes".to_owned(),
+    }
 }
 
 /// The event for the outcome of a setpoint or a hand-back; none where nobody needs to know.

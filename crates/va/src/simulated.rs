@@ -271,6 +271,14 @@ impl SimulatedVehicle {
             .push(EventMessage::new(severity, "control-level", text));
     }
 
+    /// Who was silent is heard again: what nobody has taken over meanwhile flies on by itself, as long as it is in the air.
+    pub(crate) fn resume(&mut self) {
+        if self.control.resumes() && self.sim.state().phase == FlightPhase::Flying {
+            self.events.push(control::resumed_event());
+            self.handle_control(ControlEvent::HandBack);
+        }
+    }
+
     pub(crate) fn ambient(&mut self, ambient: &Ambient) {
         if self.ambient.is_none() {
             self.wind_ned_m_s = total_wind(ambient);

@@ -8,7 +8,7 @@
 )]
 
 use net::realtime::MissionClock;
-use net::{Net, NetError, NetOptions};
+use net::{Net, NetError, NetOptions, OneRun};
 use protocol::joining::{Introduction, MissionIdentity};
 use protocol::key::Name;
 use protocol::message::{
@@ -17,7 +17,7 @@ use protocol::message::{
 use protocol::seal::{MissionKey, SealFault, Sealer};
 use protocol::{AgentId, Envelope, Interest, Message, ProtocolError, SimTime, Topic, WIRE_VERSION};
 use std::net::TcpListener;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
 
 fn free_endpoint() -> String {
@@ -40,6 +40,18 @@ async fn stranger(endpoint: &str) -> zenoh::Session {
         config.insert_json5(key, &value).unwrap();
     }
     zenoh::open(config).await.unwrap()
+}
+
+/// By then what is to happen between processes has, on a busy machine.
+const WITHIN: Duration = Duration::from_secs(40);
+
+/// Waits until something is so.
+async fn until(what: &str, is: impl Fn() -> bool) {
+    let begun = Instant::now();
+    while !is() {
+        assert!(begun.elapsed() < WITHIN, "not within {WITHIN:?}: {what}");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
 }
 
 fn key() -> MissionKey {
@@ -260,6 +272,12 @@ async fn opened(options: &NetOptions, agents: &[&str], seed: u64) -> Net {
     net
 }
 
+/// A run begins when the first agent of the team joins it.
+async fn begun(keeper: &Net, first: &Net) -> (MissionClock, MissionClock) {
+    let both = async { tokio::try_join!(MissionClock::keep(keeper), MissionClock::ask(first)) };
+    tokio::time::timeout(WITHIN, both).await.unwrap().unwrap()
+}
+
 /// Another mission's `va`, a second of the same and a second keeper of the time are told why they are not let in;
 /// a clock that somebody spoofs tells nobody the time.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -291,8 +309,7 @@ async fn who_does_not_belong_is_refused_in_words_and_only_the_keeper_tells_time(
     // The spoofer alone has not told it the time; that it waits is shown by a little of its patience.
     let asked = tokio::time::timeout(Duration::from_secs(2), MissionClock::ask(&first)).await;
     assert!(asked.is_err(), "a spoofed clock was believed");
-    MissionClock::keep(&sc, None).await.unwrap();
-    let clock = MissionClock::ask(&first).await.unwrap();
+    let (_, clock) = begun(&sc, &first).await;
     assert!(clock.now() < SimTime::from_s(60.0), "{:?}", clock.now());
     let _first_is_there = first.announce(&AgentId::va("2").unwrap()).await.unwrap();
 
@@ -303,17 +320,178 @@ async fn who_does_not_belong_is_refused_in_words_and_only_the_keeper_tells_time(
     };
     let otherwise = opened(&connects, &["va/3"], 2).await;
     let said = words(MissionClock::ask(&otherwise).await.map(drop));
-    assert!(said.contains("seed 2 for 1"), "{said}");
+    assert!(said.contains("seed 2 instead of 1"), "{said}");
     let again = opened(&connects, &["va/2"], 1).await;
     again.wait_for(&[AgentId::va("2").unwrap()]).await;
     let said = words(MissionClock::ask(&again).await.map(drop));
     assert!(said.contains("va/2 is on the bus already"), "{said}");
     let second = opened(&connects, &["sc/main"], 1).await;
-    let said = words(MissionClock::keep(&second, None).await.map(drop));
+    let said = words(MissionClock::keep(&second).await.map(drop));
     assert!(said.contains("sc/main is on the bus already"), "{said}");
     // Who belongs is let in beside all this, and its own place is not taken.
     let third = opened(&connects, &["va/3"], 1).await;
     MissionClock::ask(&third).await.unwrap();
+}
+
+fn connecting(endpoints: &[&str]) -> NetOptions {
+    NetOptions {
+        connect: endpoints.iter().map(ToString::to_string).collect(),
+        ..NetOptions::default()
+    }
+}
+
+/// Another user of this host, without the key, shows himself as vehicles and answers the roll with what he heard: he is
+/// taken for none, a dead vehicle is missed since it was heard last, and is let in when it is started again.
+#[tokio::test(flavor = "multi_thread", worker_threads = 4)]
+async fn presence_cannot_be_forged() {
+    let endpoint = free_endpoint();
+    let sc = opened(&listening(&endpoint), &["sc/main"], 1).await;
+    let va = opened(&connecting(&[&endpoint]), &["va/1"], 1).await;
+    begun(&sc, &va).await;
+    let _sc_is_there = sc.announce(&AgentId::sc()).await.unwrap();
+    let va_is_there = va.announce(&AgentId::va("1").unwrap()).await.unwrap();
+    until("va/1 is there", || sc.peers().contains("va/1")).await;
+    let stranger = stranger(&endpoint).await;
+    let mut tokens = Vec::new();
+    for vehicle in ["1", "2"] {
+        let alive = format!("plumage/m/va/{vehicle}/alive");
+        tokens.push(stranger.liveliness().declare_token(alive).await.unwrap());
+        let answers = format!("plumage/m/va/{vehicle}/call");
+        let (session, on) = (stranger.clone(), answers.clone());
+        stranger
+            .declare_queryable(answers)
+            .callback(move |query| {
+                // What is true of another, answered to the same question.
+                let (session, on) = (session.clone(), on.clone());
+                std::thread::spawn(move || {
+                    let question = query.payload().unwrap().to_bytes().to_vec();
+                    let asked = session.get("plumage/m/sc/main/call").payload(question);
+                    let Ok(replies) = zenoh::Wait::wait(asked) else {
+                        return;
+                    };
+                    while let Ok(reply) = replies.recv() {
+                        let Ok(sample) = reply.result() else { continue };
+                        let code = sample.attachment().unwrap().to_bytes().to_vec();
+                        let reply = query.reply(&on, sample.payload().to_bytes().to_vec());
+                        let _ = zenoh::Wait::wait(reply.attachment(code));
+                    }
+                });
+            })
+            .background()
+            .await
+            .unwrap();
+    }
+    tokio::time::sleep(Duration::from_secs(3)).await;
+    assert!(
+        sc.peers().contains("va/1") && !sc.peers().contains("va/2"),
+        "{:?}",
+        sc.peers()
+    );
+    let died = Instant::now();
+    drop(va_is_there);
+    va.close().await;
+    until("va/1 is missed", || !sc.peers().contains("va/1")).await;
+    let presence = sc.presence();
+    let gone = presence.gone();
+    let [(id, since)] = &gone[..] else {
+        panic!("{gone:?}")
+    };
+    let off = died.max(*since) - died.min(*since);
+    assert!(
+        id == "va/1" && off < Duration::from_secs(2),
+        "{id}: off by {off:?}"
+    );
+    let again = opened(&connecting(&[&endpoint]), &["va/1"], 1).await;
+    let asked = tokio::time::timeout(WITHIN, MissionClock::ask(&again)).await;
+    asked.unwrap().unwrap();
+    let _again_is_there = again.announce(&AgentId::va("1").unwrap()).await.unwrap();
+    until("va/1 is there again", || sc.peers().contains("va/1")).await;
+}
+
+/// The network of a host comes up: what connects to `from` reaches `to` from now on.
+async fn comes_up(from: &str, to: &str) {
+    let address = |endpoint: &str| endpoint.trim_start_matches("tcp/").to_owned();
+    let (from, to) = (address(from), address(to));
+    let listener = tokio::net::TcpListener::bind(from).await.unwrap();
+    tokio::spawn(async move {
+        while let Ok((mut near, _)) = listener.accept().await {
+            let to = to.clone();
+            tokio::spawn(async move {
+                let mut far = tokio::net::TcpStream::connect(to).await.unwrap();
+                let _ = tokio::io::copy_bidirectional(&mut near, &mut far).await;
+            });
+        }
+    });
+}
+
+/// A squadron controller that is started again, and hears nobody for longer than it looks, takes up the run that it meets.
+#[tokio::test(flavor = "multi_thread", worker_threads = 4)]
+async fn a_keeper_with_a_late_network_takes_up_the_run_of_its_team() {
+    let (endpoint, late) = (free_endpoint(), free_endpoint());
+    let first = opened(&listening(&endpoint), &["sc/main"], 1).await;
+    let va = opened(&connecting(&[&endpoint, &late]), &["va/1"], 1).await;
+    let (_, clock) = begun(&first, &va).await;
+    let _va_is_there = va.announce(&AgentId::va("1").unwrap()).await.unwrap();
+    first.close().await;
+    let hidden = free_endpoint();
+    let again = opened(&listening(&hidden), &["sc/main"], 1).await;
+    let mut keeps = MissionClock::keep(&again);
+    let kept = tokio::time::timeout(Duration::from_secs(5), &mut keeps).await;
+    assert!(kept.is_err(), "it began a run that nobody is in");
+    // It has offered a run by now.
+    comes_up(&late, &hidden).await;
+    let kept = tokio::time::timeout(WITHIN, keeps).await;
+    let off_s = kept.unwrap().unwrap().now().since_s(clock.now());
+    assert!(off_s.abs() < 0.5, "off by {off_s} s");
+    let _again_is_there = again.announce(&AgentId::sc()).await.unwrap();
+    until("sc is there", || va.peers().contains("sc/main")).await;
+    assert!(va.presence().is_one_run(&["sc/main".to_owned()]));
+}
+
+/// Two runs of a mission that have members each, and meet: all of the younger have to end, and none of the older.
+#[tokio::test(flavor = "multi_thread", worker_threads = 4)]
+async fn of_two_runs_with_members_the_younger_ends() {
+    let (older, younger, way) = (free_endpoint(), free_endpoint(), free_endpoint());
+    let mut teams = Vec::new();
+    for (endpoint, also, vehicle) in [(&older, &older, "1"), (&younger, &way, "2")] {
+        let sc = opened(&listening(endpoint), &["sc/main"], 1).await;
+        let id = AgentId::va(vehicle).unwrap();
+        let va = opened(&connecting(&[endpoint, also]), &[&id.to_string()], 1).await;
+        begun(&sc, &va).await;
+        let there = [
+            sc.announce(&AgentId::sc()).await.unwrap(),
+            va.announce(&id).await.unwrap(),
+        ];
+        teams.push((
+            OneRun::new(sc.presence()),
+            OneRun::new(va.presence()),
+            sc,
+            va,
+            there,
+        ));
+    }
+    comes_up(&way, &older).await;
+    let begun = Instant::now();
+    let (mut sc, mut va) = (Ok(()), Ok(()));
+    while sc.is_ok() || va.is_ok() {
+        assert!(begun.elapsed() < WITHIN, "{sc:?}, {va:?}");
+        tokio::time::sleep(Duration::from_millis(200)).await;
+        let (of_sc, of_va, ..) = &mut teams[0];
+        assert_eq!((of_sc.check(), of_va.check()), (Ok(()), Ok(())));
+        let (of_sc, of_va, ..) = &mut teams[1];
+        sc = sc.and(of_sc.check());
+        va = va.and(of_va.check());
+    }
+    let names = |ended: Result<(), NetError>| match ended {
+        Err(NetError::OtherRun { members, .. }) => members,
+        other => panic!("{other:?}"),
+    };
+    for members in [names(sc), names(va)] {
+        assert!(
+            members.contains("va/1") && !members.contains("va/2"),
+            "{members}"
+        );
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -116,6 +116,58 @@ fn lockstep_ends(name: &str, victim: &'static str, signal: &str) -> Result<(), F
     Ok(())
 }
 
+/// A mission in lockstep whose conductor dies before the team is complete: nobody waits for ever.
+fn lockstep_ends_when_the_conductor_dies_before_the_team_is_complete() -> Result<(), Failed> {
+    let mut team = here(
+        "incomplete",
+        &["--scenario", SCENARIO, "--duration", "60", "--lockstep"],
+    );
+    team.start("sc/main", env!("CARGO_BIN_EXE_sc"), &[]);
+    team.start("ws/main", env!("CARGO_BIN_EXE_ws"), &[]);
+    team.start("va/1", env!("CARGO_BIN_EXE_va"), &["--vehicles", "1"]);
+    start_recorder(&mut team);
+    team.start("clock/main", env!("CARGO_BIN_EXE_plumage"), &["conduct"]);
+    team.wait("all meet", Duration::from_secs(40), Team::all_meet)?;
+    team.of("clock/main").signal("-KILL");
+    let until = Instant::now() + ENDS_WITHIN;
+    for process in team.processes.iter_mut().filter(|p| p.name != "clock/main") {
+        let status = process.ends_before(until)?;
+        let said = process.said();
+        if status.code() != Some(SOMEBODY_MISSING)
+            || !said.contains("missing in lockstep: the conductor")
+        {
+            return Err(format!("{} ended with {status}, and said: {said}", process.name).into());
+        }
+    }
+    Ok(())
+}
+
+/// The others of a mission in real time are told to terminate: its squadron controller ends as well.
+fn a_squadron_controller_ends_with_all_others() -> Result<(), Failed> {
+    let mut team = here("others", &["--scenario", SCENARIO, "--duration", "600"]);
+    start_agents(&mut team);
+    team.wait("all meet", Duration::from_secs(40), Team::all_meet)?;
+    for process in team.processes.iter().filter(|p| p.name != "sc/main") {
+        process.signal("-TERM");
+    }
+    let until = Instant::now() + ENDS_WITHIN;
+    for process in &mut team.processes {
+        let status = process.ends_before(until)?;
+        assert!(
+            status.success(),
+            "{}: {status}: {}",
+            process.name,
+            process.said()
+        );
+    }
+    let said = team.of("sc/main").said();
+    assert!(
+        said.contains("all other members of the team have ended"),
+        "{said}"
+    );
+    Ok(())
+}
+
 /// The recorder of a mission in real time that is asked to terminate, as systemd and docker do.
 fn a_recorder_that_is_told_to_terminate_leaves_all_outputs() -> Result<(), Failed> {
     let mut team = here("terminate", &["--scenario", SCENARIO, "--duration", "600"]);
@@ -419,6 +471,8 @@ crate::runner::tests! {
         lockstep_ends_when_the_recorder_dies,
         lockstep_ends_when_the_conductor_dies,
         lockstep_ends_when_the_conductor_stops,
+        lockstep_ends_when_the_conductor_dies_before_the_team_is_complete,
+        a_squadron_controller_ends_with_all_others,
         a_recorder_that_is_told_to_terminate_leaves_all_outputs,
         a_run_that_is_told_to_terminate_leaves_all_outputs,
     }

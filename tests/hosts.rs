@@ -253,12 +253,12 @@ impl Mission {
     }
 }
 
-/// When each vehicle turned Guardian first, s.
+/// When each vehicle turned Guardian first, s, or was heard again after it had and has flown on.
 fn guardians(said: &[(Topic, Envelope)]) -> BTreeMap<String, f64> {
     let mut turned = BTreeMap::new();
     for (topic, envelope) in said {
         if let (Topic::Mode(vehicle), Message::Mode(mode)) = (topic, &envelope.message)
-            && mode.level == ControlLevel::Guardian
+            && (mode.level == ControlLevel::Guardian || mode.reason.contains(va::control::RESUMED))
         {
             turned
                 .entry(vehicle.to_string())
@@ -266,6 +266,17 @@ fn guardians(said: &[(Topic, Envelope)]) -> BTreeMap<String, f64> {
         }
     }
     turned
+}
+
+/// Who flies each vehicle in the end.
+fn levels(said: &[(Topic, Envelope)]) -> BTreeMap<String, ControlLevel> {
+    let modes = said
+        .iter()
+        .filter_map(|(topic, envelope)| match (topic, &envelope.message) {
+            (Topic::Mode(vehicle), Message::Mode(mode)) => Some((vehicle.to_string(), mode.level)),
+            _ => None,
+        });
+    modes.collect()
 }
 
 /// The longest silence of an agent: when it was heard last before, and how long it lasted, s.
@@ -326,6 +337,8 @@ enum Fault {
     Stops(&'static str),
     /// The host is cut off for a while.
     CutOff(u32),
+    /// The squadron controller dies, and when it is started again its network comes up so much later.
+    LateNetwork(Duration),
 }
 
 /// When it is broken.
@@ -336,7 +349,7 @@ enum When {
     WayHome,
 }
 
-const FAULTS: [Fault; 12] = [
+const FAULTS: [Fault; 13] = [
     Fault::Dies("sc/main"),
     Fault::Dies("ws/main"),
     Fault::Dies("va/1"),
@@ -349,6 +362,14 @@ const FAULTS: [Fault; 12] = [
     Fault::CutOff(1),
     Fault::CutOff(2),
     Fault::CutOff(3),
+    Fault::LateNetwork(Duration::from_secs(4)),
+];
+/// How late a network of the squadron controller's host is: longer than it looks for a run, than a silence lasts, and than
+/// Zenoh's lease.
+const LATE: [Duration; 3] = [
+    Duration::from_secs(3),
+    Duration::from_secs(7),
+    Duration::from_secs(13),
 ];
 const WHENS: [When; 3] = [When::TakeOff, When::Search, When::WayHome];
 /// The vehicle that a person flies.
@@ -364,14 +385,20 @@ fn who_comes_home(fault: Fault) -> (&'static [&'static str], &'static [&'static 
         Fault::CutOff(3) => (&["3", "4", "5"], &["3", "4", "5"]),
         // The squadron controller or the world is on it, or whoever hears them.
         Fault::CutOff(_) => (ALL, ALL),
+        // Started again and heard in time it is not missed.
+        Fault::LateNetwork(_) => (&[], ALL),
         Fault::Dies(process) | Fault::Stops(process) => (&[], vehicles_of(process)),
     }
 }
 
-/// One mission in which something is broken; the invariants that do not hold.
-fn break_something(seed: u64) -> Result<(), String> {
+/// One mission in which something is broken, by chance or the network of the squadron controller; the invariants that do
+/// not hold.
+fn break_something(seed: u64, late_network: bool) -> Result<(), String> {
     let mut rng = scenario::random::stream(seed, "faults");
-    let fault = FAULTS[rng.random_range(0..FAULTS.len())];
+    let fault = match late_network {
+        true => Fault::LateNetwork(LATE[rng.random_range(0..LATE.len())]),
+        false => FAULTS[rng.random_range(0..FAULTS.len())],
+    };
     let when = WHENS[rng.random_range(0..WHENS.len())];
     let later = Duration::from_secs_f64(rng.random_range(0.0..4.0));
     eprintln!("seed {seed}: {fault:?} at {when:?}");
@@ -417,13 +444,21 @@ fn break_something(seed: u64) -> Result<(), String> {
             std::thread::sleep(OUT_OF_ORDER);
             mission.hosts.cable(host, "up");
         }
+        Fault::LateNetwork(late) => {
+            mission.team.of("sc/main").signal("-KILL");
+            mission.hosts.cable(1, "down");
+            std::thread::sleep(STARTED_AGAIN_AFTER);
+            mission.start("sc/main");
+            std::thread::sleep(late);
+            mission.hosts.cable(1, "up");
+        }
     }
     let heal = mission
         .team
         .wait("all meet again", HEALS_WITHIN, Team::all_meet);
     heal.map_err(told)?;
-    // What holds is said again to those who have missed it.
-    std::thread::sleep(Duration::from_secs(3));
+    // What holds is said again to those who have missed it, and who went home for a silence flies on.
+    std::thread::sleep(Duration::from_secs(5));
     let said = mission.recorded().map_err(told)?;
     let broken = broken_invariants(&mission.scenario, &said, fault);
     match broken.is_empty() {
@@ -493,6 +528,12 @@ fn broken_invariants(scenario: &Path, said: &[(Topic, Envelope)], fault: Fault) 
             ));
         }
     }
+    // A silence that is over leaves nobody to the Guardian.
+    for (vehicle, level) in levels(said) {
+        if level == ControlLevel::Guardian {
+            broken.push(format!("{vehicle} has not resumed"));
+        }
+    }
     let flew = airborne_before(said, silence.map_or(f64::INFINITY, |(since, _)| since.s()));
     for vehicle in must {
         if flew.get(*vehicle) != Some(&true) || (piloted && *vehicle == PILOTED) {
@@ -512,13 +553,17 @@ fn broken_invariants(scenario: &Path, said: &[(Topic, Envelope)], fault: Fault) 
     broken
 }
 
-/// What has to hold holds whatever breaks in the missions of these seeds, flown one after the other.
-fn what_has_to_hold_holds(seeds: RangeInclusive<u64>) -> Result<Completion, Failed> {
+/// What has to hold holds whatever breaks in the missions of these seeds, flown one after the other: by chance, or the
+/// network of the squadron controller.
+fn what_has_to_hold_holds(
+    seeds: RangeInclusive<u64>,
+    late_network: bool,
+) -> Result<Completion, Failed> {
     if let Err(why) = Hosts::make() {
         return Ok(Completion::ignored_with(format!("no namespaces: {why}")));
     }
     let broken: Vec<String> = seeds
-        .filter_map(|seed| break_something(seed).err())
+        .filter_map(|seed| break_something(seed, late_network).err())
         .collect();
     if broken.is_empty() {
         return Ok(Completion::Completed);
@@ -528,11 +573,15 @@ fn what_has_to_hold_holds(seeds: RangeInclusive<u64>) -> Result<Completion, Fail
 
 /// The first tier breaks six missions, the second sixty others, in six parts.
 pub fn tests() -> Vec<Test> {
-    let breaks = |seeds: RangeInclusive<u64>| {
+    let breaks = |seeds: RangeInclusive<u64>, late_network: bool| {
         let (first, last) = (seeds.start(), seeds.end());
-        let name = format!("what_has_to_hold_holds_whatever_breaks_{first}_to_{last}");
+        let what = match late_network {
+            true => "what_has_to_hold_holds_with_a_late_network",
+            false => "what_has_to_hold_holds_whatever_breaks",
+        };
+        let name = format!("{what}_{first}_to_{last}");
         Test::new(module_path!(), &name, Spends::RealTime, move || {
-            what_has_to_hold_holds(seeds)
+            what_has_to_hold_holds(seeds, late_network)
         })
     };
     let cut_off = Test::new(
@@ -541,10 +590,18 @@ pub fn tests() -> Vec<Test> {
         Spends::RealTime,
         only_who_is_cut_off_comes_home_by_itself,
     );
-    let few = (1..=6).map(|seed| breaks(seed..=seed));
+    let few = (1..=6).map(|seed| breaks(seed..=seed, false));
     let many = (0..6).map(|part| {
         let first = 7 + 10 * part;
-        breaks(first..=first + 9).of_second_tier("second tier: ten missions")
+        breaks(first..=first + 9, false).of_second_tier("second tier: ten missions")
     });
-    std::iter::once(cut_off).chain(few).chain(many).collect()
+    let late = [
+        breaks(1..=1, true),
+        breaks(2..=12, true).of_second_tier("second tier: eleven missions"),
+    ];
+    std::iter::once(cut_off)
+        .chain(few)
+        .chain(many)
+        .chain(late)
+        .collect()
 }

@@ -5,6 +5,7 @@ use crate::program::{Ends, SCENARIO, folder, plumage, refused, text};
 use net::realtime::MissionClock;
 use net::{Net, NetOptions, TlsFiles};
 use programs::host_keys;
+use protocol::joining::{Introduction, MissionIdentity};
 use protocol::key::Name;
 use protocol::message::{Message, PathKind, Setpoint, Severity};
 use protocol::{AgentId, Envelope, Interest, SimTime, Topic};
@@ -91,6 +92,18 @@ fn one_command_and_one_option_fly_a_mission_with_keys() {
     assert!(summary.contains(digest), "another digest than {digest}");
 }
 
+fn introduction(agent: &str) -> Introduction {
+    Introduction {
+        agents: vec![agent.to_owned()],
+        mission: MissionIdentity {
+            scenario_sha256: "0".repeat(64),
+            seed: 1,
+            tick_ns: 20_000_000,
+            site_deg: [43.4417, -7.8631],
+        },
+    }
+}
+
 /// A host that holds the mission's key and may fly vehicle 6 is not heard as anybody else.
 fn a_host_says_only_what_is_its_own() {
     let runtime = tokio::runtime::Builder::new_multi_thread()
@@ -137,11 +150,22 @@ async fn a_host_is_heard_as_itself_alone() {
     };
     let mut ground = open("ground", Some(&endpoint)).await;
     ground.subscribe(&[Interest::Everything]).await.unwrap();
-    MissionClock::keep(&ground, None).await.unwrap();
-    let _there = ground.announce(&AgentId::sc()).await.unwrap();
     let mut air = open("air", None).await;
+    for (net, agent) in [(&mut ground, "sc/main"), (&mut air, "va/6")] {
+        net.introduce(introduction(agent));
+    }
+    tokio::try_join!(MissionClock::keep(&ground), MissionClock::ask(&air)).unwrap();
+    let _there = ground.announce(&AgentId::sc()).await.unwrap();
     air.wait_for(&[AgentId::sc()]).await;
-    MissionClock::ask(&air).await.unwrap();
+    // It shows itself as its own vehicle and as another, which is not taken for there.
+    let mut shown = Vec::new();
+    for vehicle in ["1", "6"] {
+        let id = AgentId::va(vehicle).unwrap();
+        shown.push(air.announce(&id).await.unwrap());
+    }
+    ground.wait_for(&[AgentId::va("6").unwrap()]).await;
+    tokio::time::sleep(Duration::from_secs(2)).await;
+    assert!(!ground.peers().contains("va/1"), "{:?}", ground.peers());
     let event = |sender: AgentId| {
         let message = Message::event(Severity::Info, "test", "said");
         (Topic::Event(sender.clone()), sender, message)

@@ -16,7 +16,7 @@ use mission::real_vehicle::{LinkOptions, RealVehicle};
 use mission::setup::SigningKey;
 use mission::{Member, MissionError, Setup, team};
 use net::realtime::{MissionClock, Surroundings};
-use net::{DEFAULT_ENDPOINT, Net, NetOptions, TlsFiles, lockstep, realtime};
+use net::{DEFAULT_ENDPOINT, Net, NetError, NetOptions, OneRun, TlsFiles, lockstep, realtime};
 use plume::Gas;
 use protocol::joining::{Introduction, MissionIdentity};
 use protocol::key::Name;
@@ -26,7 +26,7 @@ use scenario::tables::VehicleKind;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tasks::mission_key;
 
 /// How a process joins the bus of a mission.
@@ -413,19 +413,22 @@ fn run_hosted(
     let ids: Vec<String> = hosted.iter().map(|a| a.member.id().to_string()).collect();
     let who = ids.join(", ");
     let interrupted = AtomicBool::new(false);
-    let stays = linked.is_some().then_some(&interrupted);
+    let has_links = linked.is_some();
+    let stays = (!arguments.lockstep).then_some(&interrupted);
     block_on_until(
         async {
             let mut net = arguments.open_as(setup, keeps_time, &ids).await?;
             eprintln!("{who} joins mission {}", setup.scenario.mission.name);
-            // Who only listens waits for nobody.
+            // A bridge that only listens waits for nobody.
+            let connects_to = arguments.connected_to(keeps_time);
             let watch = match hosted.iter().any(|a| a.alone.is_some()) {
                 true => None,
                 false => Some(presence::watch(
                     &net,
                     setup,
                     &ids,
-                    arguments.connected_to(keeps_time),
+                    connects_to,
+                    arguments.lockstep,
                 )?),
             };
             if arguments.lockstep {
@@ -433,17 +436,42 @@ fn run_hosted(
                 let mut members: Vec<Member> = hosted.into_iter().map(|a| a.member).collect();
                 lockstep::run(&mut net, &mut members, &team, setup.tick_ns()).await?;
             } else {
-                fly_in_real_time(&mut net, hosted, setup, keeps_time, &interrupted).await?;
+                let flown = fly_in_real_time(&mut net, hosted, setup, keeps_time, &interrupted);
+                tokio::select! {
+                    flown = flown => flown?,
+                    () = raised(&interrupted), if !has_links => {}
+                }
             }
             if let Some(watch) = watch {
                 watch.abort();
             }
             eprintln!("{who} has finished");
-            net.close().await;
+            net.leave().await;
             Ok(())
         },
         stays,
     )
+}
+
+/// Joins a mission in real time, or keeps its time; vehicles `alone` are listened to meanwhile.
+async fn join(
+    net: &Net,
+    keeps_time: bool,
+    links: &mut Links,
+    alone: Vec<(Member, usize)>,
+    interrupted: &AtomicBool,
+) -> Result<Option<MissionClock>, Failure> {
+    if keeps_time {
+        return Ok(Some(MissionClock::keep(net).await?));
+    }
+    listening::until_joined(net, links, alone, interrupted).await
+}
+
+/// Waits until somebody interrupts the program.
+async fn raised(interrupted: &AtomicBool) {
+    while !interrupted.load(Ordering::Relaxed) {
+        tokio::time::sleep(INTERRUPTED_AFTER).await;
+    }
 }
 
 async fn fly_in_real_time(
@@ -474,15 +502,11 @@ async fn fly_in_real_time(
         weather.push(a.weather);
         viewers.push(a.flightgear.as_deref().map(Viewer::open).transpose()?);
     }
-    let clock = if keeps_time {
-        let running = MissionClock::running(net).await?;
-        MissionClock::keep(net, running).await?
-    } else {
-        match listening::until_joined(net, &mut links, alone, interrupted).await? {
-            Some(clock) => clock,
-            None => return Ok(()),
-        }
+    let clock = tokio::select! {
+        clock = join(net, keeps_time, &mut links, alone, interrupted) => clock?,
+        () = raised(interrupted) => None,
     };
+    let Some(clock) = clock else { return Ok(()) };
     for member in &mut members {
         resume(net, setup, member, clock.now()).await?;
     }
@@ -496,6 +520,8 @@ async fn fly_in_real_time(
         clock,
         interrupted,
         until: SimTime::from_s(setup.scenario.mission.duration_s),
+        team: OneRun::new(net.presence()),
+        rival: None,
         links,
         typed: served.iter().any(Option::is_some).then(typed_commands),
         first_served: served.iter().position(Option::is_some),
@@ -507,8 +533,11 @@ async fn fly_in_real_time(
         viewers,
     };
     realtime::run(net, &mut members, clock, setup.tick_ns(), &mut around).await?;
-    Ok(())
+    around.rival.map_or(Ok(()), |rival| Err(rival.into()))
 }
+
+/// Time between two looks whether somebody interrupts the program.
+const INTERRUPTED_AFTER: Duration = Duration::from_millis(50);
 
 /// How long a real aircraft that was put in a simulated one's place may stay unheard, ns: a radio's search and an
 /// autopilot's start take some 10 s.
@@ -527,6 +556,10 @@ struct Around<'a> {
     clock: MissionClock,
     interrupted: &'a AtomicBool,
     until: SimTime,
+    /// The run that it is in, beside others of the mission.
+    team: OneRun,
+    /// The run that makes its end.
+    rival: Option<NetError>,
     links: Links,
     /// The number of each member among the links.
     served: Vec<Option<usize>>,
@@ -551,6 +584,22 @@ impl Around<'_> {
                 .is_some_and(|link| self.links.serve(user, link, self.clock.now())),
             _ => false,
         }
+    }
+
+    /// Whether another run makes its end, or all others have ended whose time it keeps.
+    fn is_left(&mut self, members: &[Member]) -> bool {
+        if self.rival.is_none()
+            && let Err(rival) = self.team.check()
+        {
+            eprintln!("warning: {rival}");
+            self.rival = Some(rival);
+        }
+        let keeps_time = members.iter().any(|m| matches!(m, Member::Controller(_)));
+        let is_left = keeps_time && self.team.others_ended();
+        if is_left {
+            eprintln!("all other members of the team have ended");
+        }
+        self.rival.is_some() || is_left
     }
 
     /// Puts another aircraft in the place of the `k`-th member, as the operator wants.
@@ -665,7 +714,7 @@ impl Surroundings<Member> for Around<'_> {
     fn ends(&mut self, due: SimTime, members: &mut [Member]) -> bool {
         let over = due >= self.until || self.interrupted.load(Ordering::Relaxed);
         let missed = self.released.iter().flatten().any(Released::is_missed);
-        over && all_down(members) && !missed
+        (over || self.is_left(members)) && all_down(members) && !missed
     }
 
     fn before_tick(&mut self, k: usize, member: &mut Member) {

@@ -4,9 +4,9 @@
 use crate::Failure;
 use mission::{Setup, team};
 use net::Net;
-use protocol::SimTime;
 use protocol::message::Severity;
 use protocol::text::printable;
+use protocol::{AgentId, SimTime};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 use tasks::loopback;
@@ -19,7 +19,7 @@ const AGAIN: Duration = Duration::from_secs(15);
 /// How often is looked.
 const LOOK: Duration = Duration::from_millis(500);
 
-/// Watches who is present besides `own` until it is aborted, and says who is missing.
+/// Watches who is present besides `own` until it is aborted, and says who is missing, in lockstep the conductor too.
 ///
 /// # Errors
 /// A vehicle's id that cannot be part of a key.
@@ -28,8 +28,12 @@ pub fn watch(
     setup: &Setup,
     own: &[String],
     connects_to: String,
+    lockstep: bool,
 ) -> Result<JoinHandle<()>, Failure> {
-    let team = team::agent_ids(setup).map_err(Failure::input)?;
+    let mut team = team::agent_ids(setup).map_err(Failure::input)?;
+    if lockstep {
+        team.push(AgentId::clock());
+    }
     let others: BTreeSet<String> = team
         .iter()
         .map(ToString::to_string)
@@ -50,7 +54,8 @@ pub fn watch(
                 (wait, waited) = (PATIENCE, Duration::ZERO);
             }
             let missing: Vec<&str> = others.difference(&present).map(String::as_str).collect();
-            if missing.is_empty() && told {
+            // A team is those who take in what the others say.
+            if missing.is_empty() && told && presence.is_one_run(&others) {
                 told = false;
                 eprintln!("the team is complete");
             } else if waited >= wait && !missing.is_empty() {
@@ -113,8 +118,14 @@ impl RollCall {
         })
     }
 
-    /// Takes in who is present at mission time `now`, and says what has changed. At the mission's end all go.
-    pub fn call(&mut self, present: &BTreeSet<String>, now: SimTime) -> Vec<Change> {
+    /// Takes in who is present at mission time `now`, and says what has changed; `last_heard` tells when somebody answered
+    /// last, for a loss is noticed seconds later. At the mission's end all go.
+    pub fn call(
+        &mut self,
+        present: &BTreeSet<String>,
+        last_heard: impl Fn(&str) -> Option<SimTime>,
+        now: SimTime,
+    ) -> Vec<Change> {
         if now >= self.until {
             return Vec::new();
         }
@@ -137,7 +148,10 @@ impl RollCall {
             if self.missing.contains_key(id) || !(came || patience_over) {
                 continue;
             }
-            let since = if came { now } else { begun };
+            let since = match came {
+                true => last_heard(id).unwrap_or(now),
+                false => begun,
+            };
             self.missing.insert(id.clone(), since);
             changes.push(Change {
                 severity: Severity::Warning,
@@ -182,8 +196,10 @@ mod tests {
             came: BTreeSet::new(),
             until: SimTime::from_s(100.0),
         };
+        // Noticed 8 s after they were heard last.
         let mut told = |present: &[&str], s: f64| {
-            let changes = roll.call(&all(present), SimTime::from_s(s));
+            let last_heard = |_: &str| Some(SimTime::from_s(s - 8.0));
+            let changes = roll.call(&all(present), last_heard, SimTime::from_s(s));
             changes.into_iter().map(|c| c.text).collect::<Vec<_>>()
         };
         let none: [&str; 0] = [];
@@ -195,12 +211,12 @@ mod tests {
         );
         assert_eq!(
             told(&["sc/main"], 40.0),
-            ["va/1 is missing: no heartbeat since 40 s of mission time"]
+            ["va/1 is missing: no heartbeat since 32 s of mission time"]
         );
         assert_eq!(told(&["sc/main"], 41.0), none);
         assert_eq!(
             told(&["sc/main", "va/1", "va/2"], 60.0),
-            ["va/1 is back after 20 s", "va/2 is back after 50 s"]
+            ["va/1 is back after 28 s", "va/2 is back after 50 s"]
         );
         assert_eq!(told(&[], 100.0), none, "the mission is over");
     }

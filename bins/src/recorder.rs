@@ -66,8 +66,8 @@ fn record(arguments: &Arguments) -> Result<(), Failure> {
     };
     let observed = agent::block_on(async {
         let mut net = arguments.bus.open(&setup, false).await?;
-        let connects_to = arguments.bus.connected_to(false);
-        let watch = presence::watch(&net, &setup, &[], connects_to)?;
+        let (connects_to, lockstep) = (arguments.bus.connected_to(false), arguments.bus.lockstep);
+        let watch = presence::watch(&net, &setup, &[], connects_to, lockstep)?;
         if arguments.bus.lockstep {
             let team = mission::team::agent_ids(&setup).map_err(Failure::input)?;
             lockstep::observe(
@@ -93,7 +93,8 @@ fn record(arguments: &Arguments) -> Result<(), Failure> {
                         outputs.note(envelope.time, Severity::Warning, "lost", &words);
                     }
                 }
-                for change in roll.call(&present.now(), clock.now()) {
+                let last_heard = |id: &str| present.last_heard(id).map(|at| clock.at(at));
+                for change in roll.call(&present.now(), last_heard, clock.now()) {
                     outputs.note(clock.now(), change.severity, change.code, &change.text);
                 }
                 Ok::<(), Failure>(())

@@ -22,21 +22,19 @@ pub async fn resume(
     match id.kind() {
         AgentKind::Va => {
             let name = id.name().clone();
-            // What was said later than now was said in another mission.
-            let of_now = |e: &protocol::Envelope| e.time <= now;
-            if let Some(last) = net.last(&Topic::State(name.clone())).await?.filter(of_now)
+            if let Some(last) = net.last(&Topic::State(name.clone()), now).await?
                 && let Message::State(state) = last.message
             {
                 heard.state = Some((last.time, state));
             }
-            if let Some(last) = net.last(&Topic::Mode(name)).await?.filter(of_now)
+            if let Some(last) = net.last(&Topic::Mode(name), now).await?
                 && let Message::Mode(mode) = last.message
             {
                 heard.level = Some(mode.level);
             }
         }
         AgentKind::Sc => {
-            if let Some(last) = net.last(&Topic::Plan).await?
+            if let Some(last) = net.last(&Topic::Plan, now).await?
                 && let Message::Plan(plan) = last.message
             {
                 heard.phase = Some(plan.phase);

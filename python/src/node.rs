@@ -90,6 +90,7 @@ impl Speaker {
             wire_version: Some(WIRE_VERSION),
             stream: self.sealer.so_far().0,
             announced: false,
+            hears: Vec::new(),
             introduction: None,
         };
         let (payload, code) = question.coded(&self.key);

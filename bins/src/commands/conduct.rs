@@ -60,7 +60,7 @@ pub fn conduct(arguments: &ConductArguments) -> Result<(), Failure> {
         let own = [AgentId::clock().to_string()];
         let mut net = arguments.bus.open_as(&setup, false, &own).await?;
         bar.set_message("waiting for the team");
-        let watch = presence::watch(&net, &setup, &own, arguments.bus.connected_to(false))?;
+        let watch = presence::watch(&net, &setup, &own, arguments.bus.connected_to(false), true)?;
         let mut conductor = Conductor::gather(&mut net, &team, setup.tick_ns()).await?;
         started = Instant::now();
         for tick in 0..=setup.ticks() {

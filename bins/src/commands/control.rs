@@ -20,7 +20,7 @@ const PATIENCE_S: u64 = 10;
 /// How long a vehicle may take to answer a hand-back, s: a real one shows GUIDED a heartbeat or two later.
 const ANSWER_S: u64 = 8;
 /// Time for messages to leave before the connection is closed, ms.
-pub(crate) const LEAVE_MS: u64 = 300;
+const LEAVE_MS: u64 = 300;
 
 /// What to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]

@@ -1,6 +1,5 @@
 //! `plumage feed`: observations into a mission that runs in processes in real time.
 
-use crate::commands::control::LEAVE_MS;
 use crate::feeding::{FeedFiles, FeedOptions, LineFeed, Start};
 use crate::pace::Speed;
 use crate::{Failure, agent, presence};
@@ -11,7 +10,6 @@ use net::realtime::{self, MissionClock};
 use protocol::{AgentId, SimTime};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
 use tokio::sync::Notify;
 
 /// Arguments of `plumage feed`.
@@ -66,7 +64,7 @@ pub fn feed(arguments: &FeedArguments) -> Result<(), Failure> {
         let mut net = arguments.bus.open(&setup, false).await?;
         let ids: Vec<String> = source.ids().iter().map(|id| format!("va/{id}")).collect();
         let connects_to = arguments.bus.connected_to(false);
-        let watch = presence::watch(&net, &setup, &ids, connects_to)?;
+        let watch = presence::watch(&net, &setup, &ids, connects_to, false)?;
         // What is said before those are there to whom it matters is lost.
         net.wait_for(&[AgentId::sc(), AgentId::ws()]).await;
         let clock = MissionClock::ask(&net).await?;
@@ -77,8 +75,7 @@ pub fn feed(arguments: &FeedArguments) -> Result<(), Failure> {
         }
         let fed = source.feed(&setup, &options, &mut net, clock).await?;
         watch.abort();
-        tokio::time::sleep(Duration::from_millis(LEAVE_MS)).await;
-        net.close().await;
+        net.leave().await;
         println!("{fed}");
         Ok(())
     })

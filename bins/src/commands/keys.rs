@@ -96,6 +96,7 @@ impl Role {
                     "mavlink/*",
                     "alive",
                     "call",
+                    "last/**",
                 ];
                 let of = topics.map(|topic| format!("va/{id}/{topic}"));
                 let done = format!("clock/main/done/va/{id}");
@@ -237,7 +238,8 @@ fn access(mission: &Name, hosts: &[Host]) -> Value {
             "key_exprs": &everything,
         }),
     ];
-    // What processes ask each other to find each other again; answers hold by the mission's key alone.
+    // What processes ask each other to find each other again; answers hold by the mission's key alone. Who is there and
+    // what was last said stands under the agents who say so, and is theirs alone.
     let asked = [whole(&"peer/**".to_owned())];
     rules.push(json!({
         "id": "answers", "permission": "allow", "flows": ["ingress"],
@@ -312,6 +314,19 @@ mod tests {
             };
             role.writes().into_iter().any(matches)
         };
+        // Nobody answers for another when the roll is called, or where a mission stands in another's name.
+        for (role, agent) in &roles {
+            for (_, other) in &roles {
+                for path in [
+                    format!("{other}/call"),
+                    format!("{other}/alive"),
+                    format!("{other}/last/sc/main/plan"),
+                ] {
+                    let own = agent == other && *agent != AgentId::operator();
+                    assert_eq!(covers(role, &path), own, "{role:?} on {path}");
+                }
+            }
+        }
         for topic in [
             Topic::State(id.clone()),
             Topic::Reading(id.clone()),

@@ -8,7 +8,7 @@ use crate::presence::RollCall;
 use crate::{Failure, agent, site};
 use net::Net;
 use net::realtime::MissionClock;
-use protocol::{AgentId, Envelope, Interest};
+use protocol::{AgentId, Envelope, Interest, SimTime};
 use std::sync::Arc;
 use std::time::Duration;
 use views::live::RunStatus;
@@ -94,7 +94,11 @@ async fn follow(
         tokio::time::sleep(CLICKS_EVERY).await;
         page.take(&listener.heard(net));
         let now = page.with(|live| live.time());
-        for change in roll.call(&present.now(), now) {
+        let last_heard = |id: &str| {
+            let ago = present.last_heard(id)?.elapsed();
+            Some(SimTime::from_s((now.s() - ago.as_secs_f64()).max(0.0)))
+        };
+        for change in roll.call(&present.now(), last_heard, now) {
             eprintln!("{}", change.text);
             page.with(|live| live.tell("page", change.severity, change.text));
         }

@@ -1,6 +1,6 @@
 //! Questions between the processes of a mission beside its messages: who is there, where he is reached, what was last
-//! said. An answer holds for its question alone and only by the mission's key, so that none can be made up or kept for
-//! later.
+//! said. An answer holds for its question and its key alone and only by the mission's key, so that none can be made up,
+//! kept for later or passed off as another's.
 
 use crate::{NetError, random};
 use protocol::key::Name;
@@ -11,8 +11,7 @@ use zenoh::query::{ConsolidationMode, QueryTarget};
 /// Length of a question, bytes: nobody meets one twice.
 const QUESTION_BYTES: usize = 16;
 
-/// Asks and answers on the session of one process. What is asked stands in the key,
-/// `plumage/<mission>/peer/<path>`.
+/// Asks and answers on the session of one process. What is asked stands in the key, `plumage/<mission>/<path>`.
 #[derive(Clone)]
 pub(crate) struct Asking {
     session: zenoh::Session,
@@ -20,45 +19,56 @@ pub(crate) struct Asking {
     key: MissionKey,
 }
 
+/// What somebody answered.
+pub(crate) struct Reply {
+    /// The path on which he did.
+    pub(crate) path: String,
+    pub(crate) answer: Vec<u8>,
+    /// When he was asked, and how long the answer took to come.
+    pub(crate) asked: Instant,
+    pub(crate) way: Duration,
+}
+
 impl Asking {
     pub(crate) fn new(session: &zenoh::Session, mission: &Name, key: &MissionKey) -> Self {
         Self {
             session: session.clone(),
-            prefix: prefix(mission),
+            prefix: format!("plumage/{mission}/"),
             key: key.clone(),
         }
     }
 
     /// Answers whoever asks on `path` for as long as the session is open. `answer` is given the path on which was
-    /// asked, and answers nothing where it has nothing to say.
+    /// asked, which may stand for several, and answers on one path, or nothing where it has nothing to say.
     ///
     /// # Errors
     /// [`NetError::Zenoh`].
     pub(crate) async fn answer(
         &self,
         path: &str,
-        answer: impl Fn(&str) -> Option<Vec<u8>> + Send + Sync + 'static,
+        answer: impl Fn(&str) -> Option<(String, Vec<u8>)> + Send + Sync + 'static,
     ) -> Result<(), NetError> {
         let (prefix, key) = (self.prefix.clone(), self.key.clone());
         self.session
             .declare_queryable(format!("{prefix}{path}"))
             .callback(move |query| {
-                let asked = query.key_expr().clone();
-                let path = asked.as_str().strip_prefix(&prefix);
-                let Some(answer) = path.and_then(&answer) else {
+                let asked = query.key_expr().as_str().strip_prefix(&prefix);
+                let Some((path, answer)) = asked.and_then(&answer) else {
                     return;
                 };
                 let question = query.payload().map(|p| p.to_bytes().to_vec());
-                let code = key.answer_code(&question.unwrap_or_default(), &answer);
+                let question = bound(&question.unwrap_or_default(), &path);
+                let code = key.answer_code(&question, &answer);
                 // Who asked has gone if the answer does not arrive; it will ask again.
-                let _ = zenoh::Wait::wait(query.reply(asked, answer).attachment(code));
+                let reply = query.reply(format!("{prefix}{path}"), answer);
+                let _ = zenoh::Wait::wait(reply.attachment(code));
             })
             .background()
             .await
             .map_err(NetError::zenoh)
     }
 
-    /// What everybody answers `within` this time who answers on `path`, and how long each answer took to come.
+    /// Hands `take` what everybody answers `within` this time who answers on `path`, as it comes.
     ///
     /// # Errors
     /// [`NetError::Zenoh`] or [`NetError::Random`].
@@ -66,7 +76,8 @@ impl Asking {
         &self,
         path: &str,
         within: Duration,
-    ) -> Result<Vec<(Vec<u8>, Duration)>, NetError> {
+        mut take: impl FnMut(Reply),
+    ) -> Result<(), NetError> {
         let question: [u8; QUESTION_BYTES] = random()?;
         let asked = Instant::now();
         let replies = self
@@ -78,24 +89,32 @@ impl Asking {
             .timeout(within)
             .await
             .map_err(NetError::zenoh)?;
-        let mut answers = Vec::new();
         while let Ok(reply) = replies.recv_async().await {
             let way = asked.elapsed();
             let Ok(sample) = reply.result() else { continue };
+            let Some(path) = sample.key_expr().as_str().strip_prefix(&self.prefix) else {
+                continue;
+            };
             let answer = sample.payload().to_bytes().to_vec();
             let code = sample.attachment().map(|a| a.to_bytes().to_vec());
+            let question = bound(&question, path);
             if self
                 .key
                 .is_answer(&question, &answer, &code.unwrap_or_default())
             {
-                answers.push((answer, way));
+                take(Reply {
+                    path: path.to_owned(),
+                    answer,
+                    asked,
+                    way,
+                });
             }
         }
-        Ok(answers)
+        Ok(())
     }
 }
 
-/// What the keys of all questions begin with.
-pub(crate) fn prefix(mission: &Name) -> String {
-    format!("plumage/{mission}/peer/")
+/// A question with the path on which it is answered.
+fn bound(question: &[u8], path: &str) -> Vec<u8> {
+    [question, path.as_bytes()].concat()
 }

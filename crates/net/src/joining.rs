@@ -1,9 +1,10 @@
-//! Joining a run: one process keeps its time and lets the others in. Who asks shows the mission's key and says who he
+//! Joining a [run](crate::runs): one process keeps its time and lets the others in. Who asks shows the mission's key and says who he
 //! is and what he flies; the answer is made for his question alone, so that nobody else can tell the time, and holds
 //! the number of the run, with which all that is said is sealed.
 
 use crate::locks::lock;
-use crate::{Net, NetError};
+use crate::session::{Run, RunJoined};
+use crate::{Net, NetError, runs};
 use futures_core::future::BoxFuture;
 use protocol::digest::hex;
 use protocol::joining::{Answer, Introduction, Question, Refused, time_key};
@@ -16,7 +17,7 @@ use zenoh::query::{ConsolidationMode, QueryTarget};
 
 /// How long who was let in may take to show itself, and how long who is cut off is shown: Zenoh's lease of 10 s and
 /// some.
-const LEASE: Duration = Duration::from_secs(12);
+pub(crate) const LEASE: Duration = Duration::from_secs(12);
 /// Time between two questions.
 const AGAIN: Duration = Duration::from_millis(100);
 /// How long who wants to keep the time looks whether somebody does: a connection on a busy host.
@@ -36,12 +37,25 @@ pub fn random<const N: usize>() -> Result<[u8; N], NetError> {
     Ok(bytes)
 }
 
-/// Who was let in.
-struct Door {
+/// How far the door is open.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Opening {
+    /// Nobody is answered: the keeper looks whether a run flies already.
+    Closed,
+    /// The first agent of the team begins a run.
+    Offered,
+    /// The run has begun: whoever belongs to it is let in.
+    Begun,
+}
+
+/// Where the keeper of a run's time lets others in, for as long as its session is open.
+pub(crate) struct Door {
     key: MissionKey,
     introduction: Option<Introduction>,
     admitted: Mutex<BTreeMap<String, (u64, Instant)>>,
     presence: crate::Presence,
+    joined: RunJoined,
+    opening: Mutex<Opening>,
 }
 
 impl Door {
@@ -54,6 +68,10 @@ impl Door {
             );
             return refused(false, why);
         }
+        let own_run = self.joined.run().map(|run| run.number);
+        if question.hears.iter().any(|run| Some(*run) != own_run) {
+            return refused(true, "another run of this mission is active".to_owned());
+        }
         let asks = question.introduction.as_ref()?;
         let own = self.introduction.as_ref()?;
         if let Some(difference) = own.mission.difference(&asks.mission)
@@ -64,7 +82,7 @@ impl Door {
             );
             return refused(false, why);
         }
-        let present = self.presence.now();
+        let present = self.presence.everybody();
         let mut admitted = lock(&self.admitted);
         for agent in &asks.agents {
             let other = admitted.get(agent).filter(|(stream, since)| {
@@ -87,25 +105,62 @@ impl Door {
         let (own, asks) = (self.introduction.as_ref()?, question.introduction.as_ref()?);
         own.mission.difference(&asks.mission)
     }
+
+    /// Whether who asks is let in, and in which run; none where nobody is answered yet.
+    fn answers(&self, question: &Question) -> Option<(Run, Option<Refused>)> {
+        let mut opening = lock(&self.opening);
+        let mut agents = question.introduction.iter().flat_map(|i| &i.agents);
+        let of_team = agents.any(|agent| runs::is_of_team(agent));
+        if *opening == Opening::Closed || (*opening == Opening::Offered && !of_team) {
+            return None;
+        }
+        let refused = self.refuses(question);
+        if *opening == Opening::Offered {
+            if refused.is_some() {
+                return Some((Run::begin().ok()?, refused));
+            }
+            self.joined.join(Run::begin().ok()?);
+            *opening = Opening::Begun;
+        }
+        Some((self.joined.run()?, refused))
+    }
+
+    /// From now on the first agent of the team begins a run.
+    pub(crate) fn offer(&self) {
+        let mut opening = lock(&self.opening);
+        if *opening == Opening::Closed {
+            *opening = Opening::Offered;
+        }
+    }
+
+    /// Lets others into `run`, unless another has begun.
+    pub(crate) fn begin(&self, run: Run) {
+        let mut opening = lock(&self.opening);
+        if *opening != Opening::Begun {
+            self.joined.join(run);
+            *opening = Opening::Begun;
+        }
+    }
+
+    /// The run that has begun.
+    pub(crate) fn begun(&self) -> Option<Run> {
+        let opening = lock(&self.opening);
+        (*opening == Opening::Begun).then(|| self.joined.run())?
+    }
 }
 
-/// Opens a run, the time of which is `now_ns`, or goes on with that numbered `run`, and lets others in for as long as
-/// `net` is open.
+/// Makes a door, closed still, through which others come in for as long as `net` is open.
 ///
 /// # Errors
 /// [`NetError::Refused`] where somebody keeps the mission's time already.
-pub(crate) async fn open(
-    net: &Net,
-    run: Option<u64>,
-    now_ns: impl Fn() -> i64 + Send + Sync + 'static,
-) -> Result<(), NetError> {
-    let own = net.introduction.as_ref().map_or(&[][..], |i| &i.agents[..]);
+pub(crate) async fn door(net: &Net) -> Result<Arc<Door>, NetError> {
+    let own = net.own_agents();
     if net.connects {
         // Whom it is connected to shows itself at once, and for a while after it was cut off.
         let begun = Instant::now();
         let mut seen = false;
         while begun.elapsed() < if seen { LEASE } else { LOOK } {
-            let present = net.presence().now();
+            let present = net.presence().everybody();
             seen = own.iter().any(|agent| present.contains(agent));
             tokio::time::sleep(AGAIN).await;
         }
@@ -116,23 +171,21 @@ pub(crate) async fn open(
             )));
         }
     }
-    let run = match run {
-        Some(run) => run,
-        None => u64::from_be_bytes(random()?),
-    };
-    net.set_run(run, None);
     let door = Arc::new(Door {
         key: net.key.clone(),
         introduction: net.introduction.clone(),
         admitted: Mutex::default(),
         presence: net.presence(),
+        joined: net.joined(),
+        opening: Mutex::new(Opening::Closed),
     });
     let sealer = net.sealer();
     let key = time_key(&net.mission);
-    let answer_key = key.clone();
+    let (answer_key, of_door) = (key.clone(), Arc::clone(&door));
     net.session
         .declare_queryable(key)
         .callback(move |query| {
+            let door = &of_door;
             let payload = query
                 .payload()
                 .map(|p| p.to_bytes().to_vec())
@@ -140,13 +193,16 @@ pub(crate) async fn open(
             let code = query.attachment().map(|a| a.to_bytes().to_vec());
             let question = Question::read(&door.key, &payload, &code.unwrap_or_default());
             let Some(question) = question else { return };
+            let Some((run, refused)) = door.answers(&question) else {
+                return;
+            };
             let (stream, number) = lock(&sealer).so_far();
             let answer = Answer {
-                now_ns: now_ns(),
-                run,
+                now_ns: run.age_ns(),
+                run: run.number,
                 stream,
                 number,
-                refused: door.refuses(&question),
+                refused,
             };
             if let (Some(words), None) = (door.differs(&question), &answer.refused) {
                 eprintln!("warning: a watching process was started with {words}");
@@ -158,7 +214,7 @@ pub(crate) async fn open(
         .background()
         .await
         .map_err(NetError::zenoh)?;
-    Ok(())
+    Ok(door)
 }
 
 /// What the keeper of the mission's time answered.
@@ -168,6 +224,18 @@ pub(crate) struct Admission {
     /// When it was asked, and how long its answer took to come.
     pub(crate) asked: Instant,
     pub(crate) way: Duration,
+}
+
+impl Admission {
+    /// The run numbered so, of which this was told.
+    pub(crate) fn run(&self, number: u64) -> Run {
+        let half = self.asked + self.way / 2;
+        let age = Duration::from_nanos(self.now_ns.max(0).unsigned_abs());
+        Run {
+            number,
+            start: half.checked_sub(age).unwrap_or(half),
+        }
+    }
 }
 
 /// Asks the keeper of the mission's time to be let in, until it answers.
@@ -181,7 +249,7 @@ pub(crate) fn ask(net: &Net) -> BoxFuture<'_, Result<Admission, NetError>> {
             let (admission, answer) = ask_once(net).await?;
             match answer.refused {
                 None => {
-                    net.set_run(answer.run, Some((answer.stream, answer.number)));
+                    net.set_run(admission.run(answer.run), (answer.stream, answer.number));
                     return Ok(admission);
                 }
                 Some(refused) if refused.passes && begun.elapsed() < LEASE => {}
@@ -203,6 +271,7 @@ async fn ask_once(net: &Net) -> Result<(Admission, Answer), NetError> {
             wire_version: Some(WIRE_VERSION),
             stream,
             announced: net.has_announced(),
+            hears: net.presence().runs().iter().map(|r| r.run.number).collect(),
             introduction: net.introduction.clone(),
         };
         let (payload, code) = question.coded(&net.key);

@@ -8,7 +8,7 @@
 //! joins and who may. [`lockstep`] runs an agent tick by tick under a conductor; [`realtime`] runs
 //! it by the wall clock, with the squadron controller's process keeping the mission's time. Both begin with
 //! [joining](protocol::joining), and all that is said carries a [seal](protocol::seal) of the mission's key.
-//! [`presence`] says who is there and who is missing. [`ros2`] is no part of the bus: it tells ROS 2 of a mission.
+//! [`presence`] says who is there and who is missing, and [`OneRun`] keeps a mission to one run. [`ros2`] is no part of the bus: it tells ROS 2 of a mission.
 //!
 //! ```
 //! use net::{Net, NetOptions};
@@ -36,7 +36,6 @@
 //! Not pure, and for programs only: sockets, threads and the wall clock are what it is about.
 
 mod asking;
-mod attendance;
 mod figures;
 mod hosted;
 mod joining;
@@ -49,12 +48,14 @@ pub mod realtime;
 mod refusals;
 mod remembered;
 pub mod ros2;
+mod runs;
 mod session;
 
 pub use figures::Figures;
 pub use joining::random;
 pub use options::{DEFAULT_ENDPOINT, NetOptions, TlsFiles};
 pub use presence::Presence;
+pub use runs::OneRun;
 pub use session::{Net, Received};
 
 /// Why the bus did not carry what it was given.
@@ -98,12 +99,22 @@ pub enum NetError {
         /// The tick that was not finished.
         tick: u64,
     },
-    /// A mission flies already, and nobody says what time it is.
+    /// Agents of the team are there, and in no run: those of a mission in lockstep.
     #[error(
-        "{0} of an earlier mission in real time are still on the bus and do not agree on one mission's time; \
-         stop them before this mission starts"
+        "{0} are on the bus already and in no run; stop them, or start them for real time, before this mission starts"
     )]
-    NoTime(String),
+    NoRun(String),
+    /// Another run of the mission flies that counts.
+    #[error(
+        "another run of this mission is active, {older_s} s older than this one, with {members}; \
+         a mission has one run: restart this process to join that one"
+    )]
+    OtherRun {
+        /// Agents of the team in it.
+        members: String,
+        /// How much earlier it began, s.
+        older_s: u64,
+    },
     /// What was said in a lockstep run did not arrive.
     #[error(
         "a message of the lockstep run was lost: {path} number {sequence}; the run ended before tick {tick} \

@@ -6,9 +6,10 @@
 //! Nobody goes on without the others: where somebody is missing, or what was said does not arrive, the run ends for
 //! all within 10 s. The conductor finds out who it is, tells the others, and goes; they end when it has gone.
 
-use crate::attendance::{Attendance, CALL_EVERY};
 use crate::hosted::Hosted;
+use crate::presence::CALL_EVERY;
 use crate::refusals::Refusals;
+use crate::session::Run;
 use crate::{Net, NetError, joining};
 use futures_core::future::BoxFuture;
 use protocol::message::{Done, LastSequences, Message, Severity, Tick};
@@ -95,8 +96,7 @@ pub async fn run<A: Agent>(
         .filter(|a| !hosted.ids.contains(a))
         .cloned()
         .collect();
-    net.wait_for(&others).await;
-    joining::ask(net).await?;
+    join(net, &others).await?;
     for id in &hosted.ids {
         say_done(net, id, SimTime::ZERO, READY, LastSequences::new()).await?;
     }
@@ -109,19 +109,40 @@ pub async fn run<A: Agent>(
         let said = inbox.before(now);
         let event = if tick.last { Event::Stop } else { Event::Tick };
         for (k, agent) in agents.iter_mut().enumerate() {
-            let own = &hosted.ids[k];
             if k == 0 {
                 // Garbage is told of, once a process, and otherwise does not exist.
-                refusals.say(own, now, &mut outbox);
+                refusals.say(agent.id(), now, &mut outbox);
             }
             hosted.hand_out(k, agent, &said, now, &mut outbox);
             agent.handle(event, now, &mut outbox);
+            let own = &hosted.ids[k];
             let wrote = net.publish_all(own, now, &mut outbox).await?;
             say_done(net, own, now, tick.tick as i64, wrote).await?;
         }
         if tick.last {
             return Ok(());
         }
+    }
+}
+
+/// Waits until all of `others` are present, and asks the conductor to be let in.
+///
+/// # Errors
+/// [`NetError::Gone`] where the conductor goes meanwhile: nobody begins without it.
+async fn join(net: &Net, others: &[AgentId]) -> Result<(), NetError> {
+    let (presence, conductor) = (net.presence(), AgentId::clock());
+    let gone = async {
+        while !presence.has_gone(&conductor) {
+            tokio::time::sleep(CALL_EVERY).await;
+        }
+    };
+    let joined = async {
+        net.wait_for(others).await;
+        joining::ask(net).await
+    };
+    tokio::select! {
+        told = joined => told.map(drop),
+        () = gone => Err(NetError::Gone { agents: vec![conductor.clone()], tick: 0 }),
     }
 }
 
@@ -145,11 +166,10 @@ async fn next_tick(
             return Ok(tick);
         }
         let Some(received) = wait.receive(net).await else {
-            let gone = wait.attendance.check(net, [&conductor].into_iter());
             let number = tick.as_ref().map_or(inbox.next_tick, |t| t.tick);
-            if !gone.is_empty() {
+            if is_missing(net, &conductor) {
                 return Err(NetError::Gone {
-                    agents: gone,
+                    agents: vec![conductor],
                     tick: number,
                 });
             }
@@ -198,9 +218,13 @@ fn missing_by(text: &str, tick: u64) -> NetError {
     }
 }
 
+/// Whether somebody is not there any more, or does not answer.
+fn is_missing(net: &Net, agent: &AgentId) -> bool {
+    !net.presence().everybody().contains(&agent.to_string())
+}
+
 /// A wait for somebody who may have gone.
 struct Wait {
-    attendance: Attendance,
     check_at: Instant,
     /// Checks at which something that was said had not arrived.
     lacking: u32,
@@ -209,7 +233,6 @@ struct Wait {
 impl Wait {
     fn begin() -> Self {
         Self {
-            attendance: Attendance::default(),
             check_at: Instant::now() + CALL_EVERY,
             lacking: 0,
         }
@@ -282,8 +305,7 @@ pub async fn observe<E: From<NetError>>(
     let _presence = net.announce(&own).await?;
     // Who is seen has heard of the subscription above, so that nothing is missed.
     let others: Vec<AgentId> = team.iter().chain([&AgentId::clock()]).cloned().collect();
-    net.wait_for(&others).await;
-    joining::ask(net).await?;
+    join(net, &others).await?;
     say_done(net, &own, SimTime::ZERO, READY, LastSequences::new()).await?;
     let mut inbox = Inbox::default();
     let mut ending = false;
@@ -323,7 +345,7 @@ impl Conductor {
         tick_ns: i64,
     ) -> BoxFuture<'a, Result<Self, NetError>> {
         Box::pin(async move {
-            joining::open(net, None, || 0).await?;
+            joining::door(net).await?.begin(Run::begin()?);
             net.subscribe(&[Interest::Everything]).await?;
             let presence = net.announce(&AgentId::clock()).await?;
             let mut conductor = Self {
@@ -434,7 +456,8 @@ impl Conductor {
         wait: &mut Wait,
         missing: &BTreeSet<AgentId>,
     ) -> Result<(), NetError> {
-        let agents = wait.attendance.check(net, missing.iter());
+        let missing = missing.iter().filter(|agent| is_missing(net, agent));
+        let agents: Vec<AgentId> = missing.cloned().collect();
         if agents.is_empty() {
             let everything = [Interest::Everything];
             return wait.check_lost(&self.inbox, &self.expect, &everything, self.tick);

@@ -12,7 +12,7 @@
 //! the same who dials: not he to whom the others were told to connect, and else he with the greater id. The other, who
 //! alone may be able to reach him, dials now and then where it was never he who was reached.
 
-use crate::asking::{Asking, prefix as peer_prefix};
+use crate::asking::{Asking, Reply};
 use crate::locks::lock;
 use crate::{Figures, NetError};
 use protocol::key::Name;
@@ -25,14 +25,10 @@ use zenoh::config::{Locator, ZenohId};
 use zenoh::internal::runtime::Runtime;
 use zenoh::sample::SampleKind;
 
-/// Time between two attempts to reach somebody.
+/// Time between two attempts to reach somebody, however long he is gone: once his network is back he is to be heard.
 const DIAL_EVERY: Duration = Duration::from_secs(1);
-/// Somebody who has not been reached for this long is dialled less often …
-const SELDOM_AFTER: Duration = Duration::from_secs(60);
-/// … this often: his host may come back late, or he has ended.
-const SELDOM_EVERY: u64 = 5;
 /// Somebody who was not reached for this long is forgotten.
-const FORGET_AFTER: Duration = Duration::from_secs(600);
+pub(crate) const FORGET_AFTER: Duration = Duration::from_secs(600);
 /// Attempts of the one with the greater id to one of the other's.
 const OTHER_EVERY: u64 = 7;
 /// After its start, and after a loss, a process asks for this long whom the others know.
@@ -130,14 +126,13 @@ impl Peers {
         list
     }
 
-    /// Whom to dial at the `round`-th attempt.
-    fn due(&mut self, round: u64) -> Vec<Due> {
+    /// Whom to dial.
+    fn due(&mut self) -> Vec<Due> {
         let age = |known: &Known| known.lost.map_or(Duration::ZERO, |since| since.elapsed());
         self.known.retain(|_, known| age(known) < FORGET_AFTER);
         let mut due = Vec::new();
         for (zid, known) in &mut self.known {
-            let seldom = age(known) > SELDOM_AFTER && !round.is_multiple_of(SELDOM_EVERY);
-            if known.lost.is_some() && !known.dialling && !seldom {
+            if known.lost.is_some() && !known.dialling {
                 known.dialling = true;
                 due.push(Due {
                     zid: zid.clone(),
@@ -194,7 +189,7 @@ impl Drop for Reach {
 }
 
 fn prefix(mission: &Name) -> String {
-    format!("{}at/", peer_prefix(mission))
+    format!("plumage/{mission}/peer/at/")
 }
 
 /// Where a process is reached, as a key. What Zenoh adds to a locator, such as priorities, cannot stand in one.
@@ -232,8 +227,10 @@ impl Reach {
         }
         watch(session, mission, &peers, figures.clone()).await?;
         let heard = Arc::clone(&peers);
-        let list = move |_: &str| Some(lock(&heard).list().into_bytes());
-        asking.answer(&whom(&own.to_string()), list).await?;
+        let path = whom(&own.to_string());
+        let own_path = path.clone();
+        let list = move |_: &str| Some((path.clone(), lock(&heard).list().into_bytes()));
+        asking.answer(&own_path, list).await?;
         let dialler = Dialler {
             session: session.clone(),
             runtime: runtime.clone(),
@@ -283,7 +280,7 @@ async fn watch(
 
 /// The question whom a process hears.
 fn whom(zid: &str) -> String {
-    format!("hears/{zid}")
+    format!("peer/hears/{zid}")
 }
 
 struct Dialler {
@@ -299,7 +296,7 @@ impl Dialler {
         let own = self.session.zid().to_string();
         for round in 0_u64.. {
             tokio::time::sleep(DIAL_EVERY).await;
-            let due = lock(&self.peers).due(round);
+            let due = lock(&self.peers).due();
             for due in due {
                 self.dial(due, round);
             }
@@ -336,17 +333,17 @@ impl Dialler {
     }
 
     async fn ask(&self, zid: &str) -> Vec<(String, Locator)> {
-        // Whoever cannot be asked now is asked again.
-        let answers = self.asking.ask(&whom(zid), ANSWER_WITHIN).await;
         let line = |line: &str| {
             let (zid, locator) = line.split_once(' ')?;
             Some((zid.to_owned(), locator.parse().ok()?))
         };
         let mut told = Vec::new();
-        for (answer, _) in answers.unwrap_or_default() {
-            let text = String::from_utf8_lossy(&answer).into_owned();
+        let take = |reply: Reply| {
+            let text = String::from_utf8_lossy(&reply.answer).into_owned();
             told.extend(text.lines().filter_map(line));
-        }
+        };
+        // Whoever cannot be asked now is asked again.
+        let _ = self.asking.ask(&whom(zid), ANSWER_WITHIN, take).await;
         told
     }
 }
@@ -393,14 +390,14 @@ mod tests {
     fn whoever_is_lost_is_dialled_once_at_a_time_until_he_is_heard() {
         let mut peers = Peers::default();
         peers.heard("a", locator("tcp/127.0.0.1:1"));
-        assert!(peers.due(0).is_empty());
+        assert!(peers.due().is_empty());
         peers.lost("a");
-        assert_eq!(peers.due(1).len(), 1);
-        assert!(peers.due(2).is_empty(), "already dialling");
+        assert_eq!(peers.due().len(), 1);
+        assert!(peers.due().is_empty(), "already dialling");
         peers.known.get_mut("a").unwrap().dialling = false;
-        assert_eq!(peers.due(3).len(), 1);
+        assert_eq!(peers.due().len(), 1);
         peers.heard("a", locator("tcp/127.0.0.1:1"));
-        assert!(peers.due(4).is_empty());
+        assert!(peers.due().is_empty());
     }
 
     #[test]
@@ -411,17 +408,17 @@ mod tests {
         one.lost("b");
         assert_eq!(one.list(), "a tcp/127.0.0.1:1\n");
         other.learn("a", locator("tcp/127.0.0.1:1"));
-        assert_eq!(other.due(0)[0].zid, "a");
+        assert_eq!(other.due()[0].zid, "a");
     }
     #[test]
     fn who_opened_the_connection_is_kept_when_it_breaks() {
         let mut peers = Peers::default();
         peers.heard("a", locator("tcp/127.0.0.1:1"));
         peers.lost("a");
-        assert_eq!(peers.due(0)[0].opener, Opener::Other);
+        assert_eq!(peers.due()[0].opener, Opener::Other);
         peers.learn("b", locator("tcp/127.0.0.1:2"));
         for reached in [false, true] {
-            let due = peers.due(1).pop().unwrap();
+            let due = peers.due().pop().unwrap();
             assert_eq!((&*due.zid, due.opener), ("b", Opener::Nobody));
             peers.opening("b");
             if reached {
@@ -430,6 +427,6 @@ mod tests {
             peers.dialled("b", reached, due.opener);
         }
         peers.lost("b");
-        assert_eq!(peers.due(2)[0].opener, Opener::This);
+        assert_eq!(peers.due()[0].opener, Opener::This);
     }
 }

@@ -4,7 +4,7 @@
 
 use crate::hosted::Hosted;
 use crate::refusals::Refusals;
-use crate::{Net, NetError, joining};
+use crate::{Net, NetError, OneRun, joining};
 use futures_core::future::BoxFuture;
 use protocol::seal::SealFault;
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, ProtocolError, SimTime, Topic};
@@ -19,71 +19,54 @@ pub struct MissionClock {
 /// How often the time is asked for at the start.
 const QUESTIONS: usize = 8;
 
-/// How long a keeper of the time that starts looks whether a mission flies already: the others dial it every second.
+/// How long a keeper of the time that starts looks for a run before it offers one: the others dial it every second.
 const LOOK_FOR: Duration = Duration::from_secs(2);
+/// How long a run was found before it is taken up: those who remember where it stands connect one by one.
+const FOUND_FOR: Duration = Duration::from_millis(300);
+const NS_PER_S: i64 = 1_000_000_000;
 /// Time between two looks.
-const LOOK_AGAIN: Duration = Duration::from_millis(200);
-
-/// A run that flies already, as its other processes know it.
-pub struct RunningMission {
-    start: Instant,
-    run: u64,
-    said: Vec<(u64, u64)>,
-}
+const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
 impl MissionClock {
-    /// The run that flies already, for a keeper of its time that is started again; none where nobody is there.
+    /// Keeps the mission's time from now on, lets the others in and tells them the time for as long as `net` is open: of
+    /// the run that flies already, or of a new one once the first agent of the team joins it ([rules](crate::runs)).
     ///
     /// # Errors
-    /// [`NetError`], also where somebody of a mission is there and tells no time, or of several runs: it would go on
-    /// beside another.
-    pub fn running(net: &Net) -> BoxFuture<'_, Result<Option<RunningMission>, NetError>> {
+    /// [`NetError`], also where somebody keeps the mission's time already, or where agents are there that are in no run.
+    pub fn keep(net: &Net) -> BoxFuture<'_, Result<Self, NetError>> {
         Box::pin(async move {
-            let until = Instant::now() + LOOK_FOR;
-            let told = loop {
-                let told = net.running().await?;
-                if !told.is_empty() || Instant::now() >= until {
-                    break told;
+            let door = joining::door(net).await?;
+            let presence = net.presence();
+            let begun = Instant::now();
+            let mut found_at: Option<Instant> = None;
+            loop {
+                if let Some(taken) = presence.taken(&net.own_agents()) {
+                    if begun.elapsed() > joining::LEASE {
+                        return Err(NetError::Refused(format!("{taken} is on the bus already")));
+                    }
+                } else if let Some(found) = presence.runs().into_iter().next()
+                    && found_at.get_or_insert_with(Instant::now).elapsed() >= FOUND_FOR
+                {
+                    let (members, age_s) =
+                        (found.members.join(", "), found.run.age_ns() / NS_PER_S);
+                    eprintln!("adopts the run of {members}, active for {age_s} s");
+                    for said in found.said {
+                        net.only_after(said);
+                    }
+                    door.begin(found.run);
+                }
+                if let Some(run) = door.begun() {
+                    return Ok(Self { start: run.start });
+                }
+                if begun.elapsed() >= LOOK_FOR {
+                    let without = presence.without_run();
+                    if !without.is_empty() {
+                        return Err(NetError::NoRun(without.join(", ")));
+                    }
+                    door.offer();
                 }
                 tokio::time::sleep(LOOK_AGAIN).await;
-            };
-            let there: Vec<String> = net.peers().into_iter().collect();
-            // The answer that was shortest on its way says it best.
-            let Some((running, start, _)) = told.iter().min_by_key(|(_, _, way)| *way) else {
-                return match there.is_empty() {
-                    true => Ok(None),
-                    false => Err(NetError::NoTime(there.join(", "))),
-                };
-            };
-            let run = running.run;
-            if told.iter().any(|(other, ..)| other.run != run) {
-                return Err(NetError::NoTime(there.join(", ")));
             }
-            let said = told.iter().map(|(running, ..)| running.said).collect();
-            let start = *start;
-            Ok(Some(RunningMission { start, run, said }))
-        })
-    }
-
-    /// Starts the mission's time now, or goes on with that of one that flies already, and lets the others in and tells
-    /// them the time for as long as `net` is open.
-    ///
-    /// # Errors
-    /// [`NetError`], also where somebody keeps the mission's time already.
-    pub fn keep(
-        net: &Net,
-        running: Option<RunningMission>,
-    ) -> BoxFuture<'_, Result<Self, NetError>> {
-        Box::pin(async move {
-            let run = running.as_ref().map(|running| running.run);
-            let clock = Self {
-                start: running.as_ref().map_or_else(Instant::now, |r| r.start),
-            };
-            for said in running.into_iter().flat_map(|running| running.said) {
-                net.only_after(said);
-            }
-            joining::open(net, run, move || clock.now().ns()).await?;
-            Ok(clock)
         })
     }
 
@@ -100,16 +83,20 @@ impl MissionClock {
                     best = told;
                 }
             }
-            let half = best.asked + best.way / 2;
-            let now = Duration::from_nanos(best.now_ns.max(0) as u64);
-            let start = half.checked_sub(now).unwrap_or(half);
-            Ok(Self { start })
+            Ok(Self {
+                start: best.run(0).start,
+            })
         })
     }
 
     /// The mission's time now.
     pub fn now(&self) -> SimTime {
-        SimTime::from_ns(self.start.elapsed().as_nanos() as i64)
+        self.at(Instant::now())
+    }
+
+    /// The mission's time at an instant.
+    pub fn at(&self, instant: Instant) -> SimTime {
+        SimTime::from_ns(instant.saturating_duration_since(self.start).as_nanos() as i64)
     }
 
     /// The instant of a mission time.
@@ -171,7 +158,9 @@ pub async fn run<A: Agent>(
     let hosted = Hosted::of(agents);
     net.tells_for(&hosted.ids);
     net.subscribe(&hosted.all).await?;
-    net.remember(clock.start).await?;
+    if let Some(speaker) = hosted.ids.first() {
+        net.remember(speaker).await?;
+    }
     let mut refusals = Refusals::default();
     let mut presence = Vec::new();
     for id in &hosted.ids {
@@ -235,14 +224,13 @@ async fn tick<A: Agent>(
     let said = take_in(net, due, refusals);
     net.remembered.take(&said);
     for (k, agent) in agents.iter_mut().enumerate() {
-        let own = &hosted.ids[k];
         if k == 0 {
-            refusals.say(own, due, outbox);
+            refusals.say(agent.id(), due, outbox);
         }
         hosted.hand_out(k, agent, &said, due, outbox);
         around.before_tick(k, agent);
         agent.handle(event, due, outbox);
-        net.publish_all(own, due, outbox).await?;
+        net.publish_all(&hosted.ids[k], due, outbox).await?;
     }
     Ok(last)
 }
@@ -264,15 +252,15 @@ pub async fn observe<E: From<NetError>>(
     mut take: impl FnMut(&[(Topic, Envelope)]) -> Result<(), E>,
 ) -> Result<(), E> {
     net.subscribe(&[Interest::Everything]).await?;
-    net.remember(clock.start).await?;
     let _presence = net.announce(&AgentId::recorder()).await?;
+    let mut one_run = OneRun::new(net.presence());
     let end = clock.instant(until) + LAST_WORDS;
     loop {
         tokio::time::sleep(OBSERVED_EVERY).await;
         let mut heard: Vec<_> = std::iter::from_fn(|| net.try_receive()).flatten().collect();
         heard.sort_by(|(_, a), (_, b)| a.order().cmp(&b.order()));
-        net.remembered.take(&heard);
         take(&heard)?;
+        one_run.check()?;
         if Instant::now() >= end {
             return Ok(());
         }

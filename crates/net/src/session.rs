@@ -3,30 +3,74 @@
 use crate::asking::Asking;
 use crate::figures::Figures;
 use crate::locks::lock;
-use crate::presence::{self, Presence};
+use crate::presence::{self, CALL_AGAIN, Presence, Roll};
 use crate::reach::{self, Reach};
 use crate::remembered::Remembered;
 use crate::{NetError, NetOptions, random};
 use futures_core::future::BoxFuture;
-use protocol::joining::Introduction;
+use protocol::joining::{Introduction, RollEntry, RunAge};
 use protocol::key::Name;
 use protocol::message::LastSequences;
 use protocol::seal::{MissionKey, SealCheck, Sealer};
 use protocol::{AgentId, Envelope, Interest, Message, Outbox, ProtocolError, SimTime, Topic};
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
 use zenoh::bytes::Encoding;
 use zenoh::qos::CongestionControl;
 use zenoh::sample::Sample;
 
-/// How long somebody who is called has to answer: a lost packet is sent again within a second.
-const ANSWER_WITHIN: Duration = Duration::from_secs(3);
+/// How long a process that ends in good order waits until the others know: they ask once a second.
+const FAREWELL: Duration = Duration::from_secs(3);
 
 /// Something that came in: an envelope on its topic, or why it was refused.
 pub type Received = Result<(Topic, Envelope), ProtocolError>;
+
+/// A run of a mission, by this process's clock.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Run {
+    /// Its number, with which all that is said in it is sealed.
+    pub(crate) number: u64,
+    pub(crate) start: Instant,
+}
+
+impl Run {
+    /// A new one that begins now.
+    ///
+    /// # Errors
+    /// [`NetError::Random`].
+    pub(crate) fn begin() -> Result<Self, NetError> {
+        Ok(Self {
+            number: u64::from_be_bytes(random()?),
+            start: Instant::now(),
+        })
+    }
+
+    pub(crate) fn age_ns(self) -> i64 {
+        i64::try_from(self.start.elapsed().as_nanos()).unwrap_or(i64::MAX)
+    }
+}
+
+/// The run that a process has joined, with what it takes in.
+#[derive(Debug, Clone)]
+pub(crate) struct RunJoined {
+    run: Arc<Mutex<Option<Run>>>,
+    check: Arc<Mutex<SealCheck>>,
+}
+
+impl RunJoined {
+    pub(crate) fn run(&self) -> Option<Run> {
+        *lock(&self.run)
+    }
+
+    /// From now on the process speaks and hears in `run`.
+    pub(crate) fn join(&self, run: Run) {
+        *lock(&self.run) = Some(run);
+        lock(&self.check).only_run(run.number);
+    }
+}
 
 /// An open session on the bus of one mission.
 pub struct Net {
@@ -40,15 +84,18 @@ pub struct Net {
     /// It connects to somebody by itself.
     pub(crate) connects: bool,
     sealer: Arc<Mutex<Sealer>>,
-    check: Arc<Mutex<SealCheck>>,
-    /// The run that was joined.
-    run: Mutex<Option<u64>>,
-    announced: AtomicBool,
+    joined: RunJoined,
+    /// Those who show themselves.
+    announced: Mutex<Vec<AgentId>>,
+    /// This process ends in good order, and how often it has told so.
+    ends: Arc<AtomicBool>,
+    farewells: Arc<AtomicUsize>,
     /// Those for whom this process tells of what is refused; of everything where nobody said.
     tells_for: Arc<OnceLock<Vec<AgentId>>>,
     json: bool,
     publishers: BTreeMap<Topic, zenoh::pubsub::Publisher<'static>>,
     presence: Presence,
+    roll: Roll,
     sender: mpsc::UnboundedSender<Received>,
     receiver: mpsc::UnboundedReceiver<Received>,
     subscribed: Vec<Interest>,
@@ -76,7 +123,13 @@ impl Net {
             let figures = Figures::default();
             let (session, runtime, reach) =
                 reach::connect(options.configuration()?, &mission, &key, dials, &figures).await?;
-            let presence = Presence::watch(&session, &mission).await?;
+            let joined = RunJoined {
+                run: Arc::default(),
+                check: Arc::new(Mutex::new(SealCheck::new(key.clone()))),
+            };
+            let asking = Asking::new(&session, &mission, &key);
+            let (presence, roll) =
+                Presence::watch(&session, &mission, asking, (joined.clone(), stream)).await?;
             let (sender, receiver) = mpsc::unbounded_channel();
             Ok(Self {
                 session,
@@ -84,16 +137,18 @@ impl Net {
                 reach,
                 mission,
                 sealer: Arc::new(Mutex::new(Sealer::new(key.clone(), stream))),
-                check: Arc::new(Mutex::new(SealCheck::new(key.clone()))),
                 key,
                 introduction: None,
                 connects: dials,
-                run: Mutex::default(),
-                announced: AtomicBool::new(false),
+                joined,
+                announced: Mutex::default(),
+                ends: Arc::default(),
+                farewells: Arc::default(),
                 tells_for: Arc::default(),
                 json: options.json,
                 publishers: BTreeMap::new(),
                 presence,
+                roll,
                 sender,
                 receiver,
                 subscribed: Vec::new(),
@@ -115,13 +170,19 @@ impl Net {
         self.figures.refused()
     }
 
+    /// The agents that it hosts.
+    pub(crate) fn own_agents(&self) -> Vec<String> {
+        let introduced = self.introduction.as_ref();
+        introduced.map_or_else(Vec::new, |i| i.agents.clone())
+    }
+
     /// Of what is refused only that is told which `agents` are to tell of.
     pub(crate) fn tells_for(&self, agents: &[AgentId]) {
         let _ = self.tells_for.set(agents.to_vec());
     }
 
     pub(crate) fn has_announced(&self) -> bool {
-        self.announced.load(Ordering::Relaxed)
+        !lock(&self.announced).is_empty()
     }
 
     /// Asks and answers beside the mission's messages.
@@ -130,11 +191,8 @@ impl Net {
     }
 
     /// The run that was joined.
-    ///
-    /// # Errors
-    /// [`NetError::NotJoined`].
-    pub(crate) fn run(&self) -> Result<u64, NetError> {
-        (*lock(&self.run)).ok_or(NetError::NotJoined)
+    pub(crate) fn joined(&self) -> RunJoined {
+        self.joined.clone()
     }
 
     /// How this process numbers what it seals.
@@ -144,17 +202,15 @@ impl Net {
 
     /// What a process that goes on has `said` so far does not count here.
     pub(crate) fn only_after(&self, said: (u64, u64)) {
-        lock(&self.check).only_after(said.0, said.1);
+        lock(&self.joined.check).only_after(said.0, said.1);
     }
 
     /// From now on it speaks and hears in `run`, kept by a process that has `said` so much.
-    pub(crate) fn set_run(&self, run: u64, said: Option<(u64, u64)>) {
-        *lock(&self.run) = Some(run);
-        let mut check = lock(&self.check);
-        check.only_run(run);
+    pub(crate) fn set_run(&self, run: Run, said: (u64, u64)) {
+        self.joined.join(run);
         // What was on its way when this process began to listen counts.
-        if let Some((stream, number)) = said.filter(|_| self.subscribed.is_empty()) {
-            check.only_after(stream, number);
+        if self.subscribed.is_empty() {
+            self.only_after(said);
         }
     }
 
@@ -175,7 +231,7 @@ impl Net {
                 self.subscribed.push(interest.clone());
                 let sender = self.sender.clone();
                 let mission = self.mission.clone();
-                let check = Arc::clone(&self.check);
+                let check = Arc::clone(&self.joined.check);
                 let figures = self.figures.clone();
                 let tells_for = Arc::clone(&self.tells_for);
                 self.session
@@ -204,7 +260,7 @@ impl Net {
         })
     }
 
-    /// Shows the others that `agent` is there, until the returned token is dropped, and answers those who call it.
+    /// Shows the others that `agent` is there, until the returned token is dropped, and answers when the roll is called.
     ///
     /// # Errors
     /// [`NetError::Zenoh`].
@@ -213,25 +269,41 @@ impl Net {
         agent: &'a AgentId,
     ) -> BoxFuture<'a, Result<zenoh::liveliness::LivelinessToken, NetError>> {
         Box::pin(async move {
-            self.announced.store(true, Ordering::Relaxed);
-            let own = format!("call/{agent}");
-            self.asking().answer(&own, |_| Some(Vec::new())).await?;
-            self.session
-                .liveliness()
-                .declare_token(presence::key(&self.mission, agent))
-                .await
-                .map_err(NetError::zenoh)
+            let counts = !self.has_announced();
+            lock(&self.announced).push(agent.clone());
+            let (joined, sealer) = (self.joined(), Arc::clone(&self.sealer));
+            let (ends, farewells) = (Arc::clone(&self.ends), Arc::clone(&self.farewells));
+            let (path, name) = (format!("{agent}/call"), agent.to_string());
+            let own_path = path.clone();
+            let answer = move |_: &str| {
+                let (stream, number) = lock(&sealer).so_far();
+                let ended = ends.load(Ordering::Relaxed);
+                if ended && counts {
+                    farewells.fetch_add(1, Ordering::Relaxed);
+                }
+                let entry = RollEntry {
+                    agent: name.clone(),
+                    stream,
+                    number,
+                    run: joined.run().map(|run| RunAge {
+                        number: run.number,
+                        age_ns: run.age_ns(),
+                    }),
+                    ended,
+                };
+                Some((path.clone(), serde_json::to_vec(&entry).ok()?))
+            };
+            self.asking().answer(&own_path, answer).await?;
+            self.show(agent).await
         })
     }
 
-    /// Calls `agent`: whether its process answers within a few seconds, however busy the agent itself is.
-    pub(crate) fn call(&self, agent: &AgentId) -> impl Future<Output = bool> + Send + use<> {
-        let asking = self.asking();
-        let path = format!("call/{agent}");
-        async move {
-            let answers = asking.ask(&path, ANSWER_WITHIN).await;
-            answers.is_ok_and(|answers| !answers.is_empty())
-        }
+    async fn show(&self, agent: &AgentId) -> Result<zenoh::liveliness::LivelinessToken, NetError> {
+        self.session
+            .liveliness()
+            .declare_token(presence::key(&self.mission, agent))
+            .await
+            .map_err(NetError::zenoh)
     }
 
     /// Those whose presence is seen now, as `kind/name`.
@@ -280,7 +352,7 @@ impl Net {
         envelope: &'a Envelope,
     ) -> BoxFuture<'a, Result<(), NetError>> {
         Box::pin(async move {
-            let run = self.run()?;
+            let run = self.joined.run().ok_or(NetError::NotJoined)?.number;
             let (payload, encoding) = if self.json {
                 (envelope.to_json().into_bytes(), Encoding::APPLICATION_JSON)
             } else {
@@ -357,11 +429,30 @@ impl Net {
         Ok(())
     }
 
+    /// Leaves the bus in good order: the others know that its agents have ended, and are not just unheard.
+    pub fn leave(self) -> BoxFuture<'static, ()> {
+        Box::pin(async move {
+            self.ends.store(true, Ordering::Relaxed);
+            let announced = lock(&self.announced).first().cloned();
+            if let Some(agent) = announced {
+                // A token that comes has the roll called, by this process too.
+                let token = self.show(&agent).await;
+                let (begun, calls) = (Instant::now(), self.presence.processes());
+                let told = || self.farewells.load(Ordering::Relaxed) >= calls;
+                while !told() && begun.elapsed() < FAREWELL {
+                    tokio::time::sleep(CALL_AGAIN).await;
+                }
+                drop(token);
+            }
+            self.close().await;
+        })
+    }
+
     /// Leaves the bus. Whoever does not answer while connections close, as over a bad link, notices by himself: all
     /// that was to be said has been said, and so nothing fails here.
     pub fn close(self) -> BoxFuture<'static, ()> {
         Box::pin(async move {
-            drop(self.reach);
+            drop((self.reach, self.roll));
             let _ = self.session.close().await;
             let _ = self.runtime.close().await;
         })

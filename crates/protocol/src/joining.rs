@@ -71,6 +71,9 @@ pub struct Question {
     /// It shows itself on the bus already, as after its keeper was started again.
     #[serde(default)]
     pub announced: bool,
+    /// The numbers of the runs in which it has found agents of the team.
+    #[serde(default)]
+    pub hears: Vec<u64>,
     /// Who asks, unless it hosts nobody.
     #[serde(default)]
     pub introduction: Option<Introduction>,
@@ -127,6 +130,30 @@ pub struct Refused {
     pub passes: bool,
 }
 
+/// What an agent answers when the roll is called.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RollEntry {
+    /// Who it is, as `kind/name`: an answer of one is not to be taken for another's.
+    pub agent: String,
+    /// The number of its process among those that speak.
+    pub stream: u64,
+    /// How often that process has spoken.
+    pub number: u64,
+    /// The run that it is in; none before it has joined one.
+    pub run: Option<RunAge>,
+    /// Its process ends in good order.
+    pub ended: bool,
+}
+
+/// A run, and for how long it has been flying when that is said.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunAge {
+    /// Its number.
+    pub number: u64,
+    /// Its age, ns.
+    pub age_ns: i64,
+}
+
 /// The key expression on which the keeper of the time of `mission` is asked.
 pub fn time_key(mission: &Name) -> String {
     format!("plumage/{mission}/clock/main/now")
@@ -181,6 +208,7 @@ mod tests {
             wire_version: None,
             stream: 4,
             announced: false,
+            hears: Vec::new(),
             introduction: None,
         };
         assert_eq!(question, Some(expected));

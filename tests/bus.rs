@@ -7,7 +7,7 @@
     reason = "a test may fail by a panic"
 )]
 
-use net::realtime::MissionClock;
+use net::realtime::{self, MissionClock};
 use net::{Net, NetError, NetOptions, OneRun};
 use protocol::joining::{Introduction, MissionIdentity};
 use protocol::key::Name;
@@ -15,7 +15,10 @@ use protocol::message::{
     Ambient, Control, ControlWish, EventMessage, PathKind, Setpoint, Severity,
 };
 use protocol::seal::{MissionKey, SealFault, Sealer};
-use protocol::{AgentId, Envelope, Interest, Message, ProtocolError, SimTime, Topic, WIRE_VERSION};
+use protocol::{
+    Agent, AgentId, Envelope, Event, Interest, Message, Outbox, ProtocolError, SimTime, Topic,
+    WIRE_VERSION,
+};
 use std::net::TcpListener;
 use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
@@ -492,6 +495,71 @@ async fn of_two_runs_with_members_the_younger_ends() {
             "{members}"
         );
     }
+}
+
+/// An agent that has something computed for six seconds, and says each second that it is there.
+struct Thinker {
+    id: AgentId,
+    computed: bool,
+    next: SimTime,
+}
+
+impl Agent for Thinker {
+    fn id(&self) -> &AgentId {
+        &self.id
+    }
+
+    fn interests(&self) -> Vec<Interest> {
+        Vec::new()
+    }
+
+    fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
+        if let Event::Computed(result) = event {
+            self.computed = result.take::<&str>() == Some("done");
+            return out.event(&self.id, Severity::Info, "computed", "");
+        }
+        if self.next == SimTime::ZERO {
+            out.compute(|| {
+                std::thread::sleep(Duration::from_secs(6));
+                "done"
+            });
+        }
+        if now >= self.next {
+            self.next = now.later(1_000_000_000);
+            out.event(&self.id, Severity::Info, "here", "");
+        }
+    }
+}
+
+/// What an agent computes does not keep it from the bus: vehicles would count that as its silence.
+#[tokio::test(flavor = "multi_thread", worker_threads = 4)]
+async fn whoever_computes_is_heard_meanwhile() {
+    let endpoint = free_endpoint();
+    let mut sc = opened(&listening(&endpoint), &["sc/main"], 1).await;
+    let mut va = opened(&connecting(&[&endpoint]), &["va/1"], 1).await;
+    let (clock, _) = begun(&sc, &va).await;
+    va.subscribe(&[Interest::Everything]).await.unwrap();
+    let _va_is_there = va.announce(&AgentId::va("1").unwrap()).await.unwrap();
+    until("va/1 is there", || sc.peers().contains("va/1")).await;
+    let mut thinkers = [Thinker {
+        id: AgentId::sc(),
+        computed: false,
+        next: SimTime::ZERO,
+    }];
+    let until = clock.now().later(9_000_000_000);
+    let mut around = (
+        |due, _: &mut [Thinker]| due >= until,
+        |_, _: &mut Thinker| {},
+    );
+    realtime::run(&mut sc, &mut thinkers, clock, 20_000_000, &mut around)
+        .await
+        .unwrap();
+    assert!(thinkers[0].computed);
+    let said = std::iter::from_fn(|| va.try_receive()).map(Result::unwrap);
+    let times: Vec<SimTime> = said.map(|(_, envelope)| envelope.time).collect();
+    let silences = times.windows(2).map(|w| w[1].since_s(w[0]));
+    let longest_s = silences.fold(0.0, f64::max);
+    assert!(times.len() >= 9 && longest_s < 3.0, "{times:?}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

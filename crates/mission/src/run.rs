@@ -51,7 +51,11 @@ impl Run {
     /// A member that cannot be made, or a strategy of somebody outside.
     pub fn with_links(setup: &Setup) -> Result<Self, MissionError> {
         refuse_outside(setup)?;
-        Self::begin(setup)
+        let run = Self::begin(setup)?;
+        Ok(Self {
+            conductor: run.conductor.in_real_time(),
+            ..run
+        })
     }
 
     fn begin(setup: &Setup) -> Result<Self, MissionError> {

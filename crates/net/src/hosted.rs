@@ -1,5 +1,6 @@
 //! The agents of one process, and who of them hears what.
 
+use protocol::jobs::{Arrival, Jobs};
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, SimTime, Topic};
 
 /// A process with more vehicles than this hears what is said to any: every expression that it subscribes to costs
@@ -10,12 +11,15 @@ const MANY: usize = 8;
 pub(crate) struct Hosted {
     pub(crate) ids: Vec<AgentId>,
     interests: Vec<Vec<Interest>>,
+    jobs: Vec<Jobs>,
+    arrival: Arrival,
     /// What any of them wants to hear, each once.
     pub(crate) all: Vec<Interest>,
 }
 
 impl Hosted {
-    pub(crate) fn of<A: Agent>(agents: &[A]) -> Self {
+    /// Of `agents`, to whom results of jobs arrive so.
+    pub(crate) fn of<A: Agent>(agents: &[A], arrival: Arrival) -> Self {
         let interests: Vec<Vec<Interest>> = agents.iter().map(Agent::interests).collect();
         let mut all: Vec<Interest> = Vec::new();
         for interest in interests.iter().flatten() {
@@ -32,8 +36,22 @@ impl Hosted {
         Self {
             ids: agents.iter().map(|a| a.id().clone()).collect(),
             interests,
+            jobs: agents.iter().map(|_| Jobs::default()).collect(),
+            arrival,
             all,
         }
+    }
+
+    /// Lets the `k`-th agent handle a tick or the stop, with its jobs.
+    pub(crate) fn act<A: Agent>(
+        &mut self,
+        k: usize,
+        agent: &mut A,
+        event: Event<'_>,
+        now: SimTime,
+        outbox: &mut Outbox,
+    ) {
+        self.jobs[k].run(agent, self.arrival, event, now, outbox);
     }
 
     /// Hands the `k`-th agent what it wants to hear of what others said.

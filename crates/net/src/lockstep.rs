@@ -12,6 +12,7 @@ use crate::refusals::Refusals;
 use crate::session::Run;
 use crate::{Net, NetError, joining};
 use futures_core::future::BoxFuture;
+use protocol::jobs::Arrival;
 use protocol::message::{Done, LastSequences, Message, Severity, Tick};
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, ProtocolError, SimTime, Topic};
 use std::collections::{BTreeMap, BTreeSet};
@@ -81,7 +82,7 @@ pub async fn run<A: Agent>(
     team: &[AgentId],
     tick_ns: i64,
 ) -> Result<(), NetError> {
-    let hosted = Hosted::of(agents);
+    let mut hosted = Hosted::of(agents, Arrival::Fixed);
     net.tells_for(&hosted.ids);
     net.subscribe(&hosted.all).await?;
     net.subscribe(&[Interest::One(Topic::Tick), of_conductor()])
@@ -114,7 +115,7 @@ pub async fn run<A: Agent>(
                 refusals.say(agent.id(), now, &mut outbox);
             }
             hosted.hand_out(k, agent, &said, now, &mut outbox);
-            agent.handle(event, now, &mut outbox);
+            hosted.act(k, agent, event, now, &mut outbox);
             let own = &hosted.ids[k];
             let wrote = net.publish_all(own, now, &mut outbox).await?;
             say_done(net, own, now, tick.tick as i64, wrote).await?;

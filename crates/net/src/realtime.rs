@@ -6,6 +6,7 @@ use crate::hosted::Hosted;
 use crate::refusals::Refusals;
 use crate::{Net, NetError, OneRun, joining};
 use futures_core::future::BoxFuture;
+use protocol::jobs::Arrival;
 use protocol::seal::SealFault;
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Outbox, ProtocolError, SimTime, Topic};
 use std::time::{Duration, Instant};
@@ -155,7 +156,7 @@ pub async fn run<A: Agent>(
     tick_ns: i64,
     around: &mut impl Surroundings<A>,
 ) -> Result<(), NetError> {
-    let hosted = Hosted::of(agents);
+    let mut hosted = Hosted::of(agents, Arrival::WhenComputed);
     net.tells_for(&hosted.ids);
     net.subscribe(&hosted.all).await?;
     if let Some(speaker) = hosted.ids.first() {
@@ -181,7 +182,7 @@ pub async fn run<A: Agent>(
                 net,
                 agents,
                 due,
-                &hosted,
+                &mut hosted,
                 &mut refusals,
                 &mut outbox,
                 around,
@@ -199,7 +200,7 @@ pub async fn run<A: Agent>(
         } else {
             for (k, agent) in agents.iter_mut().enumerate() {
                 if around.has_news(k, agent) {
-                    agent.handle(Event::Tick, due, &mut outbox);
+                    hosted.act(k, agent, Event::Tick, due, &mut outbox);
                     net.publish_all(&hosted.ids[k], due, &mut outbox).await?;
                 }
             }
@@ -214,7 +215,7 @@ async fn tick<A: Agent>(
     net: &mut Net,
     agents: &mut [A],
     due: SimTime,
-    hosted: &Hosted,
+    hosted: &mut Hosted,
     refusals: &mut Refusals,
     outbox: &mut Outbox,
     around: &mut impl Surroundings<A>,
@@ -229,7 +230,7 @@ async fn tick<A: Agent>(
         }
         hosted.hand_out(k, agent, &said, due, outbox);
         around.before_tick(k, agent);
-        agent.handle(event, due, outbox);
+        hosted.act(k, agent, event, due, outbox);
         net.publish_all(&hosted.ids[k], due, outbox).await?;
     }
     Ok(last)

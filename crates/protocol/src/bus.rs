@@ -7,6 +7,7 @@
 use crate::ProtocolError;
 use crate::agent::{Agent, Event, Outbox};
 use crate::envelope::Envelope;
+use crate::jobs::{Arrival, Jobs};
 use crate::key::{AgentId, Interest, Topic};
 use crate::message::Message;
 use crate::time::SimTime;
@@ -61,13 +62,14 @@ struct Member<A> {
     /// Places in what was said of what it hears, in order.
     hears: Vec<usize>,
     outbox: Outbox,
+    jobs: Jobs,
     /// What it says in this tick.
     says: Vec<Publication>,
 }
 
 impl<A: Agent> Member<A> {
     /// Hears what it wants of all that was said, and acts.
-    fn act(&mut self, said: &[Publication], event: Event<'_>, now: SimTime) {
+    fn act(&mut self, said: &[Publication], event: Event<'_>, arrival: Arrival, now: SimTime) {
         for &k in &self.hears {
             let (topic, envelope) = &said[k];
             if envelope.sender != *self.agent.id() {
@@ -76,7 +78,8 @@ impl<A: Agent> Member<A> {
             }
         }
         self.hears.clear();
-        self.agent.handle(event, now, &mut self.outbox);
+        self.jobs
+            .run(&mut self.agent, arrival, event, now, &mut self.outbox);
         for (topic, message) in self.outbox.drain() {
             self.sequence += 1;
             let envelope = Envelope::new(self.agent.id().clone(), self.sequence, now, message);
@@ -94,11 +97,12 @@ fn all_act<A: Agent + Send>(
     members: &mut [Member<A>],
     said: &[Publication],
     event: Event<'_>,
+    arrival: Arrival,
     now: SimTime,
 ) {
     let act = |members: &mut [Member<A>]| {
         for member in members {
-            member.act(said, event, now);
+            member.act(said, event, arrival, now);
         }
     };
     if members.len() < 2 * MEMBERS_AT_A_TIME {
@@ -121,6 +125,7 @@ pub struct Conductor<A> {
     /// Said by the operator for the tick to come.
     operator: Vec<(Topic, Message)>,
     operator_sequence: u64,
+    arrival: Arrival,
 }
 
 impl<A: Agent + Send> Conductor<A> {
@@ -134,9 +139,19 @@ impl<A: Agent + Send> Conductor<A> {
             said: Vec::new(),
             operator: Vec::new(),
             operator_sequence: 0,
+            arrival: Arrival::Fixed,
         };
         agents.into_iter().for_each(|agent| conductor.join(agent));
         conductor
+    }
+
+    /// The same that waits for no job: for a run by the wall clock with real vehicles, which cannot be repeated anyway.
+    #[must_use]
+    pub fn in_real_time(self) -> Self {
+        Self {
+            arrival: Arrival::WhenComputed,
+            ..self
+        }
     }
 
     /// Takes in one more agent; before the first tick, for whoever joins later has missed something.
@@ -147,6 +162,7 @@ impl<A: Agent + Send> Conductor<A> {
             sequence: 0,
             hears: Vec::new(),
             outbox: Outbox::default(),
+            jobs: Jobs::default(),
             says: Vec::new(),
         };
         self.routes = None;
@@ -212,7 +228,7 @@ impl<A: Agent + Send> Conductor<A> {
                 }
             }
         }
-        all_act(&mut self.members, &heard, event, now);
+        all_act(&mut self.members, &heard, event, self.arrival, now);
         for member in &mut self.members {
             said.append(&mut member.says);
         }

@@ -60,6 +60,7 @@ mod codec;
 pub mod control_level;
 pub mod digest;
 pub mod envelope;
+pub mod jobs;
 pub mod joining;
 pub mod key;
 pub mod message;

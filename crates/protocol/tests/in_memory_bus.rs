@@ -30,6 +30,7 @@ impl Agent for Echo {
                     self.heard.push(text.clone());
                 }
             }
+            Event::Computed(_) => {}
             Event::Tick | Event::Stop => {
                 for _ in 0..2 {
                     self.count += 1;
@@ -110,7 +111,7 @@ impl Agent for Picky {
         match event {
             Event::Message(topic, _) => self.heard.push(topic.clone()),
             Event::Tick => out.event(&self.id, Severity::Info, "here", ""),
-            Event::Stop => {}
+            Event::Computed(_) | Event::Stop => {}
         }
     }
 }
@@ -152,5 +153,83 @@ fn everybody_hears_what_its_interests_cover_once_and_in_order() {
                 .collect();
             assert_eq!(agent.heard, expected, "{} by {interests:?}", agent.id);
         }
+    }
+}
+
+/// Hands out a job in its first tick, and says each tick whether the result is there.
+struct Worker {
+    id: AgentId,
+    started: bool,
+    result: Option<u32>,
+}
+
+impl Agent for Worker {
+    fn id(&self) -> &AgentId {
+        &self.id
+    }
+    fn interests(&self) -> Vec<Interest> {
+        Vec::new()
+    }
+    fn handle(&mut self, event: Event<'_>, _: SimTime, out: &mut Outbox) {
+        if let Event::Computed(result) = event {
+            assert_eq!(result.take::<String>(), None, "of another type");
+            self.result = result.take::<u32>();
+            return assert_eq!(result.take::<u32>(), None, "only once");
+        }
+        if !std::mem::replace(&mut self.started, true) {
+            out.compute(|| {
+                std::thread::sleep(std::time::Duration::from_millis(200));
+                6_u32 * 7
+            });
+        }
+        out.event(
+            &self.id,
+            Severity::Info,
+            "knows",
+            format!("{:?}", self.result),
+        );
+    }
+}
+
+fn worker() -> Conductor<Worker> {
+    let worker = Worker {
+        id: AgentId::sc(),
+        started: false,
+        result: None,
+    };
+    Conductor::new(vec![worker], 20_000_000)
+}
+
+/// How often the worker has spoken before it said `text`.
+fn ticks_before(conductor: &mut Conductor<Worker>, text: &str) -> u64 {
+    loop {
+        let tick = conductor.next_tick();
+        let Message::Event(event) = &conductor.step()[0].1.message else {
+            panic!("an event")
+        };
+        if event.text == text {
+            return tick;
+        }
+    }
+}
+
+#[test]
+fn a_job_is_computed_beside_the_ticks_and_its_result_comes_at_a_fixed_one() {
+    for _ in 0..2 {
+        // 5 s of ticks of 20 ms, which take no time: the run waits for what is computed.
+        assert_eq!(ticks_before(&mut worker(), "Some(42)"), 250);
+    }
+    // By the wall clock it comes when it is there, and the ticks go on meanwhile.
+    assert!(ticks_before(&mut worker().in_real_time(), "Some(42)") > 1000);
+}
+
+#[test]
+fn a_stop_waits_for_what_is_computed() {
+    for mut conductor in [worker(), worker().in_real_time()] {
+        conductor.step();
+        let Message::Event(last) = &conductor.stop()[0].1.message else {
+            panic!("an event")
+        };
+        assert_eq!(last.text, "Some(42)");
     }
 }

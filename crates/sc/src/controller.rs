@@ -17,8 +17,8 @@ use csea::{
 use plume::DispersionSpec;
 use protocol::key::Name;
 use protocol::message::{
-    ControlWish, Destination, Mode, Model, Observation, Peak, PeakStatus, Phase, Plan, Population,
-    Reading, Severity, State, VehicleKind as Kind,
+    ControlWish, Destination, Extension, Mode, Model, Observation, Peak, PeakStatus, Phase, Plan,
+    Population, Reading, Severity, State, VehicleKind as Kind,
 };
 use protocol::{Agent, AgentId, Envelope, Event, Interest, Message, Outbox, SimTime, Topic};
 use rand::rngs::ChaCha8Rng;
@@ -30,7 +30,7 @@ use std::collections::BTreeMap;
 
 use crate::error::ScError;
 use crate::fleet::{Fleet, LINKED_CIRCLE_M, MARGIN_M, TeamVehicle};
-use crate::live_gap::LiveGap;
+use crate::live_gap::{Judgement, LiveGap, LookResult};
 use crate::passes::PassRange;
 use crate::plume_estimate::PlumeEstimate;
 use crate::route_graph::RouteGraph;
@@ -564,11 +564,28 @@ impl SquadronController {
         out.event(&self.id, severity, code, text);
     }
 
-    /// Publishes what the readings so far show of the model, and hands over what is to be adopted.
+    /// Publishes what the readings so far show of the model, and hands over what is to be adopted; at once where it is
+    /// known, else when it is computed.
     fn publish_gap(&mut self, out: &mut Outbox) {
-        if let Some((extension, words)) = self.gap.as_mut().and_then(LiveGap::judge) {
-            out.event(&self.id, Severity::Info, "reality-gap", words);
-            out.say(Topic::Extension, Message::Extension(extension));
+        match self.gap.as_mut().map(LiveGap::judge) {
+            Some(Judgement::Known(said)) => self.publish_extension(said, out),
+            Some(Judgement::ToCompute(look)) => out.compute(|| look.compute()),
+            Some(Judgement::Nothing) | None => {}
+        }
+    }
+
+    fn publish_extension(&self, (extension, words): (Extension, String), out: &mut Outbox) {
+        out.event(&self.id, Severity::Info, "reality-gap", words);
+        out.say(Topic::Extension, Message::Extension(extension));
+    }
+
+    /// A look at the reality gap has been computed.
+    fn learn_gap(&mut self, found: LookResult, out: &mut Outbox) {
+        let Some(gap) = &mut self.gap else { return };
+        let (said, again) = gap.learn(found);
+        self.publish_extension(said, out);
+        if let Some(look) = again {
+            out.compute(|| look.compute());
         }
     }
 }
@@ -623,6 +640,11 @@ impl Agent for SquadronController {
     fn handle(&mut self, event: Event<'_>, now: SimTime, out: &mut Outbox) {
         match event {
             Event::Message(topic, envelope) => self.handle_message(topic, envelope, out),
+            Event::Computed(result) => {
+                if let Some(found) = result.take() {
+                    self.learn_gap(found, out);
+                }
+            }
             Event::Tick if now >= self.next_decision => {
                 self.next_decision = SimTime::from_s(now.s() + DECISION_S);
                 self.decide(now, out);

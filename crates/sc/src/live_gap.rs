@@ -2,8 +2,8 @@
 //!
 //! At the start of the search and of the way home, and of each phase between them where what is found is to be
 //! adopted, the readings are analysed as `plumage gap plume` would analyse them from a file, only lighter. Where
-//! nothing was found, the next look goes on from there. The verdict is published, and, where the mission is to adopt
-//! what is found, handed to the world simulator.
+//! nothing was found, the next look goes on from there. A look takes seconds, so the controller has it computed beside
+//! its ticks. The verdict is published, and, where the mission is to adopt what is found, handed to the world simulator.
 
 use gap::plume::{Analysis, Begun, Options, Setup, analyse_from};
 use gap::verdict::Verdict;
@@ -34,6 +34,10 @@ pub struct LiveGap {
     /// Readings taken in, and how many there were at the last look, with what it said.
     taken: usize,
     said: Option<(usize, (Extension, String))>,
+    /// Whether a look is under way.
+    looks: bool,
+    /// Whether one was asked for meanwhile.
+    asked_again: bool,
 }
 
 impl LiveGap {
@@ -57,6 +61,8 @@ impl LiveGap {
             begun: None,
             taken: 0,
             said: None,
+            looks: false,
+            asked_again: false,
         }))
     }
 
@@ -119,30 +125,85 @@ impl LiveGap {
         });
     }
 
-    /// What the readings so far show: the extension as it goes over the bus, and a text for people;
-    /// none before there are readings. The same as the last time where there are few more of them.
-    pub fn judge(&mut self) -> Option<(Extension, String)> {
+    /// What the readings so far show. The same as the last time where there are few more of them.
+    pub fn judge(&mut self) -> Judgement {
         if self.observations.rows.is_empty() {
-            return None;
+            return Judgement::Nothing;
         }
-        match &self.said {
-            Some((taken, said)) if (self.taken as f64) < GROWN * *taken as f64 => {
-                Some(said.clone())
-            }
-            _ => {
-                let said = self.look();
-                self.said = Some((self.taken, said.clone()));
-                Some(said)
-            }
+        if let Some((taken, said)) = &self.said
+            && (self.taken as f64) < GROWN * *taken as f64
+        {
+            return Judgement::Known(said.clone());
         }
+        if self.looks {
+            self.asked_again = true;
+            return Judgement::Nothing;
+        }
+        self.looks = true;
+        Judgement::ToCompute(Box::new(Look {
+            setup: self.setup.clone(),
+            adopt: self.adopt,
+            observations: self.observations.clone(),
+            begun: self.begun.clone(),
+            taken: self.taken,
+        }))
     }
 
-    fn look(&mut self) -> (Extension, String) {
-        let (setup, observations) = (&self.setup, &self.observations);
+    /// Takes in what a look has found: the extension as it goes over the bus, a text for people, and another look where
+    /// one was asked for meanwhile and there are enough new readings.
+    pub fn learn(&mut self, found: LookResult) -> ((Extension, String), Option<Box<Look>>) {
+        self.looks = false;
+        self.begun = found.begun;
+        self.said = Some((found.taken, found.said.clone()));
+        let again = std::mem::take(&mut self.asked_again).then(|| self.judge());
+        let look = match again {
+            Some(Judgement::ToCompute(look)) => Some(look),
+            _ => None,
+        };
+        (found.said, look)
+    }
+}
+
+/// What is known of the gap at a moment.
+pub enum Judgement {
+    /// Nothing: there are no readings, or a look at them is under way.
+    Nothing,
+    /// The extension as it goes over the bus, and a text for people.
+    Known((Extension, String)),
+    /// A look at the readings is due.
+    ToCompute(Box<Look>),
+}
+
+/// A look at the readings so far, which takes seconds.
+pub struct Look {
+    setup: Setup,
+    adopt: bool,
+    observations: Observations,
+    begun: Option<Begun>,
+    taken: usize,
+}
+
+/// What it has found.
+pub struct LookResult {
+    begun: Option<Begun>,
+    taken: usize,
+    said: (Extension, String),
+}
+
+impl Look {
+    /// Analyses the readings.
+    pub fn compute(self) -> LookResult {
         let options = Options::live();
         let before = self.begun.as_ref();
-        let analysis = match analyse_from(before, setup, observations, &options, &mut |_| {}) {
-            Ok(analysis) => analysis,
+        let analysed = analyse_from(
+            before,
+            &self.setup,
+            &self.observations,
+            &options,
+            &mut |_| {},
+        );
+        let (begun, said) = match analysed {
+            Ok(analysis) => (analysis.begun.clone(), self.said(&analysis)),
             Err(e) => {
                 let nothing = Extension {
                     verdict: name(Verdict::Insufficient).to_owned(),
@@ -150,32 +211,35 @@ impl LiveGap {
                     mechanisms: Vec::new(),
                     adopt: false,
                 };
-                return (
-                    nothing,
-                    format!("reality gap: the readings so far cannot be analysed: {e}"),
-                );
+                let words = format!("reality gap: the readings so far cannot be analysed: {e}");
+                (self.begun, (nothing, words))
             }
         };
-        self.begun.clone_from(&analysis.begun);
+        LookResult {
+            begun,
+            taken: self.taken,
+            said,
+        }
+    }
+
+    fn said(&self, analysis: &Analysis) -> (Extension, String) {
         let mechanisms: Vec<MechanismSetting> = analysis
             .extension
             .iter()
             .map(|m| MechanismSetting::new(m.id().as_str(), m.platforms(), m.parameters()))
             .collect();
-        let summary = summary(&analysis, self.observations.rows.len());
-        let verdict = name(analysis.json.verdict).to_owned();
         let causes = analysis.json.causes.iter().map(|c| GapCause {
             mechanisms: c.mechanisms.clone(),
             probability: c.probability,
         });
         let extension = Extension {
-            verdict,
+            verdict: name(analysis.json.verdict).to_owned(),
             causes: causes.collect(),
             mechanisms,
             // Nothing found is adopted too: what was adopted before may have been wrong.
             adopt: self.adopt,
         };
-        (extension, summary)
+        (extension, summary(analysis, self.observations.rows.len()))
     }
 }
 

@@ -277,7 +277,7 @@ impl Agent for VirtualAircraft {
                 }
             }
             Event::Tick => self.tick(now, out),
-            Event::Stop => {}
+            Event::Computed(_) | Event::Stop => {}
         }
     }
 }

@@ -86,6 +86,10 @@ pub struct WorldSimulator {
     sensor_is_named: bool,
     next_correction_s: f64,
     readings_used: u64,
+    /// Whether a correction is being computed.
+    corrects: bool,
+    /// How often the base model has become another.
+    base: u64,
     /// Weather that is not said yet.
     news: Option<Weather>,
     pauses: Pauses,
@@ -147,6 +151,8 @@ impl WorldSimulator {
             sensor_is_named: false,
             next_correction_s: 0.0,
             readings_used: 0,
+            corrects: false,
+            base: 0,
             news: None,
             pauses: Pauses::default(),
         })
@@ -208,34 +214,57 @@ impl WorldSimulator {
         out.event(&self.id, Severity::Info, "weather", words);
     }
 
-    /// Corrects the model where that is due, or where it is the last time and there are new readings.
-    fn correct(&mut self, is_last: bool, now_s: f64, out: &mut Outbox) {
-        let is_due = is_last || self.calibrator.is_due();
-        if is_due && self.calibrator.taken() > self.readings_used {
-            self.readings_used = self.calibrator.taken();
-            let calibrated = if is_last {
-                self.calibrator
-                    .conclude(self.airspace.keep_out_m() + SETPOINT_MARGIN_M)
-            } else {
-                self.calibrator.update()
-            };
-            let corrected = calibrated
-                .and_then(|()| Ok(DispersionModel::new(self.calibrator.corrected_spec())?));
-            match corrected {
-                Ok(world) => {
-                    self.world = world;
-                    self.peak = self.calibrator.peak(&self.airspace);
-                    self.flux = self.weighed();
-                }
-                Err(e) => out.event(
-                    &self.id,
-                    Severity::Error,
-                    "correction-failed",
-                    e.to_string(),
-                ),
-            }
+    /// Begins a correction of the model where one is due, and publishes the model as it is.
+    fn correct(&mut self, now_s: f64, out: &mut Outbox) {
+        let is_due = self.calibrator.is_due() && self.calibrator.taken() > self.readings_used;
+        if is_due && !self.corrects {
+            self.corrects = true;
+            let correction = self.correction();
+            out.compute(|| correction.compute(None));
         }
         self.publish_model(now_s, out);
+    }
+
+    /// Corrects the model for the last time, where there are new readings.
+    fn conclude(&mut self, now_s: f64, out: &mut Outbox) {
+        if self.calibrator.taken() > self.readings_used {
+            let nearest_m = self.airspace.keep_out_m() + SETPOINT_MARGIN_M;
+            let found = self.correction().compute(Some(nearest_m));
+            self.learn(found, out);
+        }
+        self.publish_model(now_s, out);
+    }
+
+    fn correction(&mut self) -> Correction {
+        self.readings_used = self.calibrator.taken();
+        Correction {
+            base: self.base,
+            calibrator: self.calibrator.clone(),
+            airspace: self.airspace.clone(),
+            wind_m_s: self.wind.reported_speed(self.wind_sd_m_s),
+        }
+    }
+
+    /// Takes in a correction, unless the base model has become another since it began.
+    fn learn(&mut self, found: CorrectionResult, out: &mut Outbox) {
+        self.corrects = false;
+        if found.base != self.base {
+            return;
+        }
+        match found.corrected {
+            Ok(corrected) => {
+                self.calibrator.adopt(*corrected.calibrator);
+                self.world = corrected.world;
+                self.peak = corrected.peak;
+                self.flux = corrected.flux;
+            }
+            Err(e) => out.event(
+                &self.id,
+                Severity::Error,
+                "correction-failed",
+                e.to_string(),
+            ),
+        }
     }
 
     fn publish_model(&self, now_s: f64, out: &mut Outbox) {
@@ -290,27 +319,6 @@ impl WorldSimulator {
         })
     }
 
-    /// What the sources emit, as far as readings tell; nothing before them.
-    fn weighed(&self) -> Vec<Flux> {
-        if self.peak.is_none_or(|p| p.status == PeakStatus::NotFound) {
-            return Vec::new();
-        }
-        let wind = self.wind.reported_speed(self.wind_sd_m_s);
-        let said = |method| {
-            move |(source, kg_s)| Flux {
-                source,
-                method,
-                kg_s,
-            }
-        };
-        let inferred = self.calibrator.flux(wind).into_iter();
-        let weighed = self.calibrator.curtain_flux(wind).into_iter();
-        inferred
-            .map(said(FluxMethod::Inference))
-            .chain(weighed.map(said(FluxMethod::MassBalance)))
-            .collect()
-    }
-
     /// Where the axis runs, and the wind: by the correction alone, or by what is known of the wind of the
     /// moment with the correction on top.
     fn axis_and_wind(&self, now_s: f64) -> (Estimate, WindProfile) {
@@ -357,6 +365,7 @@ impl WorldSimulator {
         match done {
             Ok(()) => {
                 self.readings_used = 0;
+                self.base += 1;
                 let ids: Vec<&str> = taken.iter().map(|m| m.id.as_str()).collect();
                 let (code, words) = match ids[..] {
                     [] => (
@@ -454,6 +463,73 @@ impl WorldSimulator {
     }
 }
 
+/// A correction of the model, which takes seconds.
+struct Correction {
+    /// The base model that it corrects.
+    base: u64,
+    calibrator: Calibrator,
+    airspace: Airspace,
+    wind_m_s: Estimate,
+}
+
+/// What it has found.
+struct CorrectionResult {
+    base: u64,
+    corrected: Result<Corrected, WsError>,
+}
+
+struct Corrected {
+    calibrator: Box<Calibrator>,
+    world: DispersionModel,
+    peak: Option<Peak>,
+    flux: Vec<Flux>,
+}
+
+impl Correction {
+    /// Corrects the model; where it is the last time, with the distance from the source nearest to which something will
+    /// be asked of the plume.
+    fn compute(self, concludes_at_m: Option<f64>) -> CorrectionResult {
+        CorrectionResult {
+            base: self.base,
+            corrected: self.corrected(concludes_at_m),
+        }
+    }
+
+    fn corrected(mut self, concludes_at_m: Option<f64>) -> Result<Corrected, WsError> {
+        match concludes_at_m {
+            Some(nearest_m) => self.calibrator.conclude(nearest_m)?,
+            None => self.calibrator.update()?,
+        }
+        let peak = self.calibrator.peak(&self.airspace);
+        Ok(Corrected {
+            world: DispersionModel::new(self.calibrator.corrected_spec())?,
+            flux: self.flux(peak),
+            peak,
+            calibrator: Box::new(self.calibrator),
+        })
+    }
+
+    /// What the sources emit, as far as readings tell; nothing before them.
+    fn flux(&self, peak: Option<Peak>) -> Vec<Flux> {
+        if peak.is_none_or(|p| p.status == PeakStatus::NotFound) {
+            return Vec::new();
+        }
+        let said = |method| {
+            move |(source, kg_s)| Flux {
+                source,
+                method,
+                kg_s,
+            }
+        };
+        let inferred = self.calibrator.flux(self.wind_m_s).into_iter();
+        let weighed = self.calibrator.curtain_flux(self.wind_m_s).into_iter();
+        inferred
+            .map(said(FluxMethod::Inference))
+            .chain(weighed.map(said(FluxMethod::MassBalance)))
+            .collect()
+    }
+}
+
 /// Whether an extension is a further source.
 fn is_a_source(setting: &MechanismSetting) -> bool {
     setting.id == plume::MechanismId::SecondSource.as_str()
@@ -526,11 +602,17 @@ impl Agent for WorldSimulator {
                 }
                 if now.s() + 1e-9 >= self.next_correction_s {
                     self.next_correction_s = now.s() + CORRECTION_S;
-                    self.correct(false, now.s(), out);
+                    self.correct(now.s(), out);
                 }
                 self.publish_ambients(now.s(), out);
             }
-            Event::Stop => self.correct(true, now.s(), out),
+            Event::Computed(result) => {
+                if let Some(found) = result.take() {
+                    self.learn(found, out);
+                    self.publish_model(now.s(), out);
+                }
+            }
+            Event::Stop => self.conclude(now.s(), out),
         }
     }
 }

@@ -399,6 +399,17 @@ impl Calibrator {
         Ok(())
     }
 
+    /// Takes over what a copy of this has found since it was made; readings and platforms that came meanwhile stay.
+    pub fn adopt(&mut self, mut fitted: Self) {
+        for name in self.platforms.iter().skip(fitted.platforms.len()) {
+            fitted.add_platform(name);
+        }
+        std::mem::swap(&mut fitted.bins, &mut self.bins);
+        std::mem::swap(&mut fitted.readings, &mut self.readings);
+        fitted.taken = self.taken;
+        *self = fitted;
+    }
+
     /// Corrects the model roughly: enough to see whether the readings locate the plume, and which of several
     /// winds carries it.
     fn glance(&mut self) -> Result<(), WsError> {

@@ -343,7 +343,7 @@ async fn main() {
     .await
     .unwrap();
     net.subscribe(&[Interest::Everything]).await.unwrap();
-    let _clock = MissionClock::keep(&net, None).await.unwrap();
+    let _clock = MissionClock::keep(&net).await.unwrap();
     let ids: Vec<String> = (1..=options.vehicles).map(|id| id.to_string()).collect();
     let errors = std::fs::File::create(directory.join("bridge_load.log")).unwrap();
     let bridge = Ends(

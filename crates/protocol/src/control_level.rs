@@ -326,7 +326,9 @@ mod tests {
     fn a_silence_alone_is_over_when_it_ends() {
         let silent = [Danger::SquadronController, Danger::World];
         let mut control = ControlState::new();
-        silent.map(|danger| control.handle(ControlEvent::Begins(danger)));
+        for danger in silent {
+            control.handle(ControlEvent::Begins(danger));
+        }
         control.handle(ControlEvent::Ends(silent[0]));
         assert!(!control.resumes(), "the world is silent still");
         control.handle(ControlEvent::Ends(silent[1]));

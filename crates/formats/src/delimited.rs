@@ -455,6 +455,10 @@ pub struct Table<'t> {
     /// Its header.
     pub header: Header,
     records: Records<&'t [u8]>,
+    text: &'t [u8],
+    comments: bool,
+    /// Bytes of the text whose lines are counted, and their number.
+    counted: (usize, u64),
 }
 
 impl<'t> Table<'t> {
@@ -478,9 +482,18 @@ impl<'t> Table<'t> {
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let text = if text.trim().is_empty() { "" } else { text };
         let mut records = Records::new(text.as_bytes(), Delimiter::Byte(b','), 1, comments);
-        let line = records.next_line().ok().flatten().unwrap_or(1);
-        let header = Header::find(file, line, &records.cells, columns);
-        Self { header, records }
+        // Reading from memory cannot fail.
+        let _ = records.next_line();
+        let header = Header::find(file, 1, &records.cells, columns);
+        let mut table = Self {
+            header,
+            records,
+            text: text.as_bytes(),
+            comments,
+            counted: (0, 1),
+        };
+        table.header.line = table.line();
+        table
     }
 
     /// The next row, or none at the end.
@@ -490,9 +503,35 @@ impl<'t> Table<'t> {
     pub fn next_row(&mut self) -> Result<Option<Row<'_>>, TableError> {
         // Reading from memory cannot fail.
         match self.records.next_line().ok().flatten() {
-            Some(line) => self.header.row(line, &self.records.cells).map(Some),
+            Some(_) => {
+                let line = self.line();
+                self.header.row(line, &self.records.cells).map(Some)
+            }
             None => Ok(None),
         }
+    }
+
+    /// Line of the row that was read last. The position that `csv` gives is that before comments and empty lines.
+    fn line(&mut self) -> u64 {
+        let position = self.records.cells.0.position();
+        let begun = position.map_or(0, |p| p.byte() as usize);
+        let ends = |bytes: &[u8]| bytes.iter().filter(|b| **b == b'\n').count() as u64;
+        let (counted, mut line) = self.counted;
+        line += ends(self.text.get(counted..begun).unwrap_or_default());
+        self.counted = (begun, line);
+        let mut rest = self.text.get(begun..).unwrap_or_default();
+        while let [first, after @ ..] = rest {
+            rest = match first {
+                b'\r' | b'\n' => after,
+                &COMMENT if self.comments => {
+                    let end = after.iter().position(|b| *b == b'\n');
+                    end.map_or(&[][..], |end| &after[end + 1..])
+                }
+                _ => break,
+            };
+            line += u64::from(*first != b'\r');
+        }
+        line
     }
 
     /// The error of a table without rows.
@@ -692,9 +731,10 @@ mod tests {
             text(cell).to_owned()
         }
         let two = |a: &str, b: &str| vec![a.to_owned(), b.to_owned()];
-        let expected = [(7, two("1", "a")), (9, two("2", "b"))];
-        assert_eq!(read("1; a \n#\n2;\"b\"\n", Delimiter::Byte(b';')), expected);
-        assert_eq!(read("  1 \t a\n# x\n2 b", Delimiter::Space), expected);
+        let expected = |second| [(7, two("1", "a")), (second, two("2", "b"))];
+        let semicolons = Delimiter::Byte(b';');
+        assert_eq!(read("1; a \n2;\"b\"\n", semicolons), expected(8));
+        assert_eq!(read("  1 \t a\n# x\n2 b", Delimiter::Space), expected(9));
         assert_eq!(Cells::of(b"1,\" x\"", Delimiter::Byte(b',')).get(1), b"x");
     }
 

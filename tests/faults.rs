@@ -134,7 +134,7 @@ fn lockstep_ends_when_the_conductor_dies_before_the_team_is_complete() -> Result
         let status = process.ends_before(until)?;
         let said = process.said();
         if status.code() != Some(SOMEBODY_MISSING)
-            || !said.contains("missing in lockstep: the conductor")
+            || !said.contains("stopped responding: the conductor")
         {
             return Err(format!("{} ended with {status}, and said: {said}", process.name).into());
         }

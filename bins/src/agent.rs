@@ -419,15 +419,14 @@ fn run_hosted(
         async {
             let mut net = arguments.open_as(setup, keeps_time, &ids).await?;
             eprintln!("{who} joins mission {}", setup.scenario.mission.name);
-            // A bridge that only listens waits for nobody.
-            let connects_to = arguments.connected_to(keeps_time);
+            // Who only listens waits for nobody.
             let watch = match hosted.iter().any(|a| a.alone.is_some()) {
                 true => None,
                 false => Some(presence::watch(
                     &net,
                     setup,
                     &ids,
-                    connects_to,
+                    arguments.connected_to(keeps_time),
                     arguments.lockstep,
                 )?),
             };
@@ -451,20 +450,6 @@ fn run_hosted(
         },
         stays,
     )
-}
-
-/// Joins a mission in real time, or keeps its time; vehicles `alone` are listened to meanwhile.
-async fn join(
-    net: &Net,
-    keeps_time: bool,
-    links: &mut Links,
-    alone: Vec<(Member, usize)>,
-    interrupted: &AtomicBool,
-) -> Result<Option<MissionClock>, Failure> {
-    if keeps_time {
-        return Ok(Some(MissionClock::keep(net).await?));
-    }
-    listening::until_joined(net, links, alone, interrupted).await
 }
 
 /// Waits until somebody interrupts the program.
@@ -502,11 +487,17 @@ async fn fly_in_real_time(
         weather.push(a.weather);
         viewers.push(a.flightgear.as_deref().map(Viewer::open).transpose()?);
     }
-    let clock = tokio::select! {
-        clock = join(net, keeps_time, &mut links, alone, interrupted) => clock?,
-        () = raised(interrupted) => None,
+    let clock = if keeps_time {
+        tokio::select! {
+            clock = MissionClock::keep(net) => clock?,
+            () = raised(interrupted) => return Ok(()),
+        }
+    } else {
+        match listening::until_joined(net, &mut links, alone, interrupted).await? {
+            Some(clock) => clock,
+            None => return Ok(()),
+        }
     };
-    let Some(clock) = clock else { return Ok(()) };
     for member in &mut members {
         resume(net, setup, member, clock.now()).await?;
     }

@@ -3,8 +3,8 @@
 //! the number of the run, with which all that is said is sealed.
 
 use crate::locks::lock;
-use crate::session::{Run, RunJoined};
-use crate::{Net, NetError, runs};
+use crate::run::{Run, RunJoined, is_of_team};
+use crate::{Net, NetError};
 use futures_core::future::BoxFuture;
 use protocol::digest::hex;
 use protocol::joining::{Answer, Introduction, Question, Refused, time_key};
@@ -110,7 +110,7 @@ impl Door {
     fn answers(&self, question: &Question) -> Option<(Run, Option<Refused>)> {
         let mut opening = lock(&self.opening);
         let mut agents = question.introduction.iter().flat_map(|i| &i.agents);
-        let of_team = agents.any(|agent| runs::is_of_team(agent));
+        let of_team = agents.any(|agent| is_of_team(agent));
         if *opening == Opening::Closed || (*opening == Opening::Offered && !of_team) {
             return None;
         }
@@ -227,7 +227,7 @@ pub(crate) struct Admission {
 }
 
 impl Admission {
-    /// The run numbered so, of which this was told.
+    /// The run numbered so.
     pub(crate) fn run(&self, number: u64) -> Run {
         let half = self.asked + self.way / 2;
         let age = Duration::from_nanos(self.now_ns.max(0).unsigned_abs());

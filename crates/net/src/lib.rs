@@ -48,6 +48,7 @@ pub mod realtime;
 mod refusals;
 mod remembered;
 pub mod ros2;
+mod run;
 mod runs;
 mod session;
 

@@ -9,7 +9,7 @@
 use crate::hosted::Hosted;
 use crate::presence::CALL_EVERY;
 use crate::refusals::Refusals;
-use crate::session::Run;
+use crate::run::Run;
 use crate::{Net, NetError, joining};
 use futures_core::future::BoxFuture;
 use protocol::jobs::Arrival;

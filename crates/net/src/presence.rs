@@ -7,10 +7,10 @@
 //!
 //! An agent is present while its token is there and it answers. It is missing since its last answer.
 
+use crate::NetError;
 use crate::asking::{Asking, Reply};
 use crate::locks::lock;
-use crate::session::{Run, RunJoined};
-use crate::{NetError, runs};
+use crate::run::{Run, RunJoined, is_of_team};
 use protocol::AgentId;
 use protocol::joining::RollEntry;
 use protocol::key::Name;
@@ -286,7 +286,7 @@ impl Presence {
         let seen = self.seen();
         let members = seen.iter().filter_map(|(id, agent)| {
             let last = agent.answered.as_ref()?;
-            let others = runs::is_of_team(id) && !self.is_own(last);
+            let others = is_of_team(id) && !self.is_own(last);
             (others && last.run?.number == run.number).then_some((agent, last))
         });
         let mut ended = members.map(|(agent, last)| {

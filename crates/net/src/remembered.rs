@@ -3,7 +3,8 @@
 
 use crate::asking::Reply;
 use crate::locks::lock;
-use crate::{Net, NetError, runs};
+use crate::run::is_of_team;
+use crate::{Net, NetError};
 use futures_core::future::BoxFuture;
 use protocol::{AgentId, Envelope, SimTime, Topic};
 use std::collections::BTreeMap;
@@ -70,7 +71,7 @@ impl Net {
             let mut last: Option<Envelope> = None;
             let take = |reply: Reply| {
                 let known = Envelope::from_bytes(topic, &reply.answer).ok();
-                let known = known.filter(|e| e.time <= now && runs::is_of_team(&reply.path));
+                let known = known.filter(|e| e.time <= now && is_of_team(&reply.path));
                 last = last.take().into_iter().chain(known).max_by_key(|e| e.time);
             };
             self.asking().ask(&path, ANSWER_WITHIN, take).await?;

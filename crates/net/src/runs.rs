@@ -16,7 +16,7 @@
 
 use crate::NetError;
 use crate::presence::Presence;
-use crate::session::Run;
+use crate::run::{Run, is_of_team};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -36,13 +36,6 @@ pub(crate) struct FoundRun {
     pub(crate) members: Vec<String>,
     /// How often their processes have spoken, by their numbers.
     pub(crate) said: Vec<(u64, u64)>,
-}
-
-/// Whether an agent is of the team: it flies, or what it says moves what flies. The others only look on.
-pub(crate) fn is_of_team(agent: &str) -> bool {
-    ["sc/", "ws/", "va/"]
-        .iter()
-        .any(|kind| agent.starts_with(kind))
 }
 
 /// Whether `run` is older than `other`, as both their processes will find.

@@ -6,6 +6,7 @@ use crate::locks::lock;
 use crate::presence::{self, CALL_AGAIN, Presence, Roll};
 use crate::reach::{self, Reach};
 use crate::remembered::Remembered;
+use crate::run::{Run, RunJoined};
 use crate::{NetError, NetOptions, random};
 use futures_core::future::BoxFuture;
 use protocol::joining::{Introduction, RollEntry, RunAge};
@@ -27,50 +28,6 @@ const FAREWELL: Duration = Duration::from_secs(3);
 
 /// Something that came in: an envelope on its topic, or why it was refused.
 pub type Received = Result<(Topic, Envelope), ProtocolError>;
-
-/// A run of a mission, by this process's clock.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Run {
-    /// Its number, with which all that is said in it is sealed.
-    pub(crate) number: u64,
-    pub(crate) start: Instant,
-}
-
-impl Run {
-    /// A new one that begins now.
-    ///
-    /// # Errors
-    /// [`NetError::Random`].
-    pub(crate) fn begin() -> Result<Self, NetError> {
-        Ok(Self {
-            number: u64::from_be_bytes(random()?),
-            start: Instant::now(),
-        })
-    }
-
-    pub(crate) fn age_ns(self) -> i64 {
-        i64::try_from(self.start.elapsed().as_nanos()).unwrap_or(i64::MAX)
-    }
-}
-
-/// The run that a process has joined, with what it takes in.
-#[derive(Debug, Clone)]
-pub(crate) struct RunJoined {
-    run: Arc<Mutex<Option<Run>>>,
-    check: Arc<Mutex<SealCheck>>,
-}
-
-impl RunJoined {
-    pub(crate) fn run(&self) -> Option<Run> {
-        *lock(&self.run)
-    }
-
-    /// From now on the process speaks and hears in `run`.
-    pub(crate) fn join(&self, run: Run) {
-        *lock(&self.run) = Some(run);
-        lock(&self.check).only_run(run.number);
-    }
-}
 
 /// An open session on the bus of one mission.
 pub struct Net {
@@ -123,10 +80,7 @@ impl Net {
             let figures = Figures::default();
             let (session, runtime, reach) =
                 reach::connect(options.configuration()?, &mission, &key, dials, &figures).await?;
-            let joined = RunJoined {
-                run: Arc::default(),
-                check: Arc::new(Mutex::new(SealCheck::new(key.clone()))),
-            };
+            let joined = RunJoined::new(&key);
             let asking = Asking::new(&session, &mission, &key);
             let (presence, roll) =
                 Presence::watch(&session, &mission, asking, (joined.clone(), stream)).await?;

@@ -408,7 +408,8 @@ fn break_something(seed: u64, late_network: bool) -> Result<(), String> {
             why.message().unwrap_or("")
         )
     };
-    let mut mission = Mission::begin(&format!("seed-{seed}"), 1500, false)?;
+    let folder = if late_network { "late" } else { "seed" };
+    let mut mission = Mission::begin(&format!("{folder}-{seed}"), 1500, false)?;
     let meet = Duration::from_secs(60);
     mission
         .team

@@ -6,6 +6,7 @@
     reason = "a test may fail by a panic"
 )]
 
+mod bar;
 mod bridge;
 mod clients;
 mod command_line;

@@ -1,6 +1,7 @@
 //! The reference mission finds the plume: a fixed share of what `plumage campaign` measures. One mission
 //! in the first tier, more in the second.
 
+use crate::bar;
 use air::geo::Geodetic;
 use mission::campaign;
 use mission::{Run, Setup};
@@ -307,18 +308,39 @@ fn in_realities_of_another_form_the_peak_holds_or_is_doubtful() {
     );
 }
 
-/// The correction in flight, `calibrate` and the gap say the same of the same readings: values within half a
-/// standard deviation, standard deviations within a fifth.
+/// The correction in flight, `calibrate` and the gap give the same values for the same readings, within half a standard
+/// deviation.
 fn agree(setup: &Setup, readings: &[Observation]) {
-    for (key, said) in thrice(setup, readings) {
-        for (k, a) in said.iter().enumerate() {
-            for b in &said[..k] {
+    for (key, estimates) in thrice(setup, readings) {
+        for (k, a) in estimates.iter().enumerate() {
+            for b in &estimates[..k] {
                 let apart = (a.0 - b.0).abs() / a.1.min(b.1);
-                let ratio = a.1.max(b.1) / a.1.min(b.1);
-                assert!(apart < 0.5 && ratio < 1.2, "{key}: {said:?}");
+                assert!(apart < 0.5, "{key}: {estimates:?}");
             }
         }
     }
+}
+
+fn correction_and_gap_agree_in_their_standard_deviations() {
+    let setup = as_pontes(1, 1);
+    let readings = fly(&setup).readings;
+    let mut worst = (1.0, "");
+    for (key, estimates) in thrice(&setup, &readings) {
+        for (k, a) in estimates.iter().enumerate() {
+            for b in &estimates[..k] {
+                let ratio = a.1.max(b.1) / a.1.min(b.1);
+                if ratio > worst.0 {
+                    worst = (ratio, key);
+                }
+            }
+        }
+    }
+    bar::report(
+        "standard deviations of correction in flight, calibrate and gap plume, largest ratio",
+        "< 1.2",
+        format!("{:.2} ({})", worst.0, worst.1),
+        worst.0 < 1.2,
+    );
 }
 
 fn so_do_other_seeds() {
@@ -394,6 +416,8 @@ crate::runner::tests! {
         in_unsteady_air_the_peak_is_found_within_what_is_said_of_it,
         without_a_plume_in_reality_nothing_is_found,
         a_second_source_is_found_and_weighed_beside_the_first,
+        #[ignore = "second tier: a whole mission"]
+        correction_and_gap_agree_in_their_standard_deviations,
         #[ignore = "second tier: nine missions"]
         in_realities_of_another_form_the_peak_holds_or_is_doubtful,
         #[ignore = "second tier: three missions"]

@@ -121,6 +121,19 @@ fn a_stated_prior_that_the_data_contradict_is_given_up() {
     );
 }
 
+#[test]
+#[ignore = "second tier: an analysis"]
+fn a_stated_prior_that_holds_is_kept() {
+    let a = answer(
+        "\"weather.wind_from_deg\" = 10.0\n",
+        &turned(&observe(&[], 7), |_| 15.0),
+    );
+    all(
+        "wind direction off by 1.5 sd of its prior: verdict none",
+        &[a.json.verdict == Verdict::None],
+    );
+}
+
 // 180: a log of where the wind blows to.
 #[test]
 #[ignore = "second tier: five analyses"]

@@ -114,7 +114,7 @@ fn bad_tables_are_refused_with_line_and_column() {
         Err(error) => error.to_string(),
     };
     let row = format!("{header}1,0,50,1.5,3\n");
-    assert!(refused("", trials).contains("r.csv: line 1, column trial"));
+    assert!(refused("", trials).contains("r.csv: line 1: the file is empty"));
     assert!(refused(header, trials).contains("r.csv: line 2"));
     let negative = format!("{header}1,0,50,1.5,-3\n");
     assert!(refused(&negative, trials).contains("r.csv: line 2, column concentration_mg_m3"));
@@ -439,7 +439,7 @@ fn what_is_odd_about_samplers_is_said() {
     let odd = report(&tables);
     let notices = odd.gap.notices.join("; ");
     for said in [
-        "7 rows of the receptors are of trials",
+        "7 rows of the receptors are ignored",
         "stranger",
         "1 rows of the receptors are at the place of another",
         "30 samplers at others are ignored",

@@ -333,8 +333,8 @@ fn parameters_are_set_only_where_that_is_asked_for() {
     assert_eq!(
         changed,
         [
-            "parameter FS_GCS_ENABL was 0 and is 1",
-            "parameter MAV_GCS_SYSID was 1 and is 250"
+            "parameter FS_GCS_ENABL changed from 0 to 1",
+            "parameter MAV_GCS_SYSID changed from 1 to 250"
         ]
     );
 }

@@ -619,7 +619,7 @@ fn a_missing_gas_sensor_is_told_of_with_what_is_there() {
     });
     let told = bench.said("no-gas");
     assert_eq!(told.len(), 1);
-    assert!(told[0].contains("CO2 or CO2_PPB") && told[0].ends_with("heard: CO2raw, Temp"));
+    assert!(told[0].contains("CO2 or CO2_PPB") && told[0].ends_with("received: CO2raw, Temp"));
     // It comes, and falls silent again.
     bench.hear(&mut vehicle, &gas("CO2", 2, 420.0));
     bench.run(12.0, |b| {

@@ -471,7 +471,7 @@ fn parameters_are_whole_numbers_in_bytes_both_ways() {
     assert_eq!(bench.px4.parameters[0].2.to_bits(), 2);
     assert_eq!(
         bench.said("parameter-changed"),
-        ["parameter NAV_DLL_ACT was 0 and is 2"]
+        ["parameter NAV_DLL_ACT changed from 0 to 2"]
     );
 }
 

@@ -443,7 +443,10 @@ mod tests {
         assert_eq!((key.0[1], key.0[31]), (255, 10));
         assert_eq!(format!("{key:?}"), "SigningKey(..)");
         let message = load("secret").unwrap_err().to_string();
-        assert!(message.starts_with("key: expected 64"), "{message}");
+        assert!(
+            message.starts_with("key: expected a key of 32 bytes as 64"),
+            "{message}"
+        );
         assert!(!message.contains("secret"));
     }
 
@@ -485,7 +488,7 @@ mod tests {
         let bad = load(b"time_s,wind_speed_m_s,wind_from_deg\n0,5,270\n1,fast,270\n");
         let message = bad.unwrap_err().to_string();
         assert!(
-            message.contains("line 3, column wind_speed_m_s: 'fast'"),
+            message.contains("line 3, column wind_speed_m_s: found \"fast\""),
             "{message}"
         );
         let short = load(b"time_s,wind_speed_m_s\n0,5\n");

@@ -50,11 +50,20 @@ impl Errors {
     }
 }
 
-/// A leg that is flown: the set-point, since when, and from where.
+/// A leg that is flown: the setpoint, since when, and from where.
 struct Leg {
     to: Setpoint,
     since_s: f64,
-    from: Option<Enu>,
+    from: Option<From>,
+}
+
+/// Where a leg begins.
+#[derive(Clone, Copy)]
+struct From {
+    at: Enu,
+    /// Whether the vehicle flies away from its target, and turns back first. It then flies straight from the end of its
+    /// turn, beside the leg; `sc` reserves the room of the turn too.
+    turns_back: bool,
 }
 
 fn fly(setup: &Setup) -> Errors {
@@ -64,8 +73,18 @@ fn fly(setup: &Setup) -> Errors {
     let mut leg: Option<Leg> = None;
     let mut measure = |state: &State, time_s: f64, leg: &mut Leg| {
         let here = at(state.lat_deg, state.lon_deg);
-        let from = *leg.from.get_or_insert(here);
         let to = at(leg.to.lat_deg, leg.to.lon_deg);
+        let [north_m_s, east_m_s, _] = state.vel_ned_m_s;
+        let towards =
+            (to.east_m - here.east_m) * east_m_s + (to.north_m - here.north_m) * north_m_s;
+        let from = *leg.from.get_or_insert(From {
+            at: here,
+            turns_back: towards < 0.0,
+        });
+        if from.turns_back {
+            return;
+        }
+        let from = from.at;
         let (east, north) = (to.east_m - from.east_m, to.north_m - from.north_m);
         let straight = leg.to.path == PathKind::GoTo;
         let settled = time_s - leg.since_s > SETTLES_S && here.distance_m(to) > NEAR_M;

@@ -418,8 +418,10 @@ impl SquadronController {
         );
         match (followed_before, mode.setpoints_obeyed) {
             (true, false) => self.fleet.vehicles[index].not_ready_since = time,
-            (false, true) => self.fleet.repeat(index, out),
-            _ => {}
+            // Also where it follows as before: this controller may have missed the time between, in which the vehicle flew
+            // elsewhere.
+            (_, true) => self.fleet.repeat(index, out),
+            (false, false) => {}
         }
     }
 

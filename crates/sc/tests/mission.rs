@@ -146,7 +146,7 @@ fn an_aircraft_that_takes_a_place_in_flight_is_given_orders_and_one_on_the_groun
     assert!(
         mini.events
             .iter()
-            .any(|e| e.starts_with("swapped: vehicle 3 is a real"))
+            .any(|e| e.starts_with("swapped: vehicle 3 is now flown by a real"))
     );
     assert!(
         mini.sent

@@ -8,6 +8,8 @@
     reason = "a test may fail by a panic"
 )]
 
+#[path = "../../../tests/bar/mod.rs"]
+mod bar;
 #[path = "tracer/told.rs"]
 mod told;
 
@@ -67,8 +69,8 @@ fn main() -> ExitCode {
             methane_in_ppm_and_in_ppb_has_one_answer,
         ),
         on_data(
-            "each_sensor_round_a_metered_leak_has_its_own_zero",
-            each_sensor_round_a_metered_leak_has_its_own_zero,
+            "a_leak_in_a_wind_that_turns_all_day_is_unexplained",
+            a_leak_in_a_wind_that_turns_all_day_is_unexplained,
         ),
         on_data(
             "flaws_of_raw_logs_change_no_answer",
@@ -337,7 +339,7 @@ fn methane_in_ppm_and_in_ppb_has_one_answer(data: &Path) {
 /// Eight methane sensors round a leak of METEC. What each reads in clean air: the tenth percentile of its readings in
 /// minutes when the wind blew more than 60° past it, by Python with numpy (rows with a reading, `off` = wind_from_deg +
 /// 180 - bearing of the sensor from the leak, `numpy.quantile(readings[abs(off) > 60], .1)`).
-fn each_sensor_round_a_metered_leak_has_its_own_zero(data: &Path) {
+fn a_leak_in_a_wind_that_turns_all_day_is_unexplained(data: &Path) {
     let read =
         |end: &str| text(data, &format!("field/metec/event.{end}")).replace("co2_ppm", "ch4_ppm");
     let scenario = Scenario::parse("world", &read("toml")).unwrap();
@@ -357,16 +359,21 @@ fn each_sensor_round_a_metered_leak_has_its_own_zero(data: &Path) {
         ("SW", 2.110),
         ("W", 1.959),
     ];
+    let mut worst_ppm: f64 = 0.0;
     for (platform, zero_ppm) in known {
         let is_its = |b: &&gap::verdict::BaseParameter| {
             b.name == "zero_ppm" && b.platform.as_deref() == Some(platform)
         };
         let found = json.base.iter().find(is_its).unwrap();
-        assert!(
-            (found.value - zero_ppm).abs() < 0.05 && found.sd < 0.05,
-            "{platform}: {found:?}"
-        );
+        worst_ppm = worst_ppm.max((found.value - zero_ppm).abs());
+        assert!(found.sd < 0.05, "{platform}: {found:?}");
     }
+    bar::report(
+        "zeros of eight sensors round a metered leak, gap plume: largest error",
+        "< 0.05 ppm",
+        format!("{worst_ppm:.3} ppm"),
+        worst_ppm < 0.05,
+    );
     // A leak of 949 g/h in a wind that turns all day: nothing is named.
     assert_eq!(json.verdict, Verdict::Unexplained, "{}", json.summary);
 }

@@ -442,7 +442,7 @@ mod tests {
     fn numbers_are_short_and_what_is_not_known_is_null() {
         let column = Column::new([1.0, 1.234_56, -0.000_1, f64::NAN, 1e300], 100.0);
         let json = serde_json::to_string(&column).unwrap();
-        assert_eq!(json, "[1,1.23,0,null,1e300]");
+        assert_eq!(json, "[1,1.23,0,null,1e+300]");
         let broken = Column::new([1.0, 2.0, 3.0], 1.0).broken(&[1]);
         assert_eq!(serde_json::to_string(&broken).unwrap(), "[1,null,2,3]");
     }

@@ -126,7 +126,9 @@ fn bad_tables_are_refused_with_line_and_column() {
         refused(&format!("{header}1,0,0,1.5,3\n"), trials).contains("r.csv: line 2, column east_m")
     );
     let twice = "trial,east_m,east_m,north_m,height_agl_m,concentration_mg_m3\n1,0,0,50,1.5,3\n";
-    assert!(refused(twice, trials).contains("r.csv: line 1, column east_m: occurs twice"));
+    assert!(
+        refused(twice, trials).contains("r.csv: line 1, column east_m: named twice in the header")
+    );
     // Readable, but no trial has the Obukhov length.
     let tables = Tables::parse(("r", &row), ("t", trials), None).unwrap();
     let error = analyse(&tables, 1, &mut |_| {})

@@ -126,18 +126,6 @@ pub enum RecordError {
         /// What was met.
         why: String,
     },
-    /// A message comes later in the file than the reordering window spans.
-    #[error("{path}: message {sequence} of {sender} is {late_s} s too late in the file")]
-    OutOfOrder {
-        /// The file.
-        path: PathBuf,
-        /// Who sent it.
-        sender: String,
-        /// Its sequence number.
-        sequence: u64,
-        /// How late it comes, simulated s.
-        late_s: f64,
-    },
     /// The MCAP writer failed.
     #[error("{path}: cannot record: {source}")]
     Mcap {

@@ -21,13 +21,6 @@ const SUMMARY_LIMIT: usize = 1 << 28;
 
 type FileRecords = Records<File>;
 
-/// How far messages of several senders may be apart in a file recorded from a network and still
-/// be brought into order, simulated ns. Zenoh keeps the order of one publisher, not across several;
-/// in lockstep they are a tick apart, in real time as far as a link delays them: what was said while a host
-/// was cut off waits in its system, and comes late by up to the 10 s after which Zenoh closes the connection, and the
-/// quarter of that between two looks.
-const REORDER_WINDOW_NS: i64 = 12_500_000_000;
-
 /// A recording of a mission.
 #[derive(Debug, Clone)]
 pub struct Recording {
@@ -209,14 +202,30 @@ impl Recording {
             envelopes: self.envelopes()?,
             waiting: BTreeMap::new(),
             ready: VecDeque::new(),
-            given: SimTime::ZERO,
+            window_ns: self.lateness_ns()?,
         })
+    }
+
+    /// How far behind the newest message before it a message of the file comes at most, ns. Zenoh keeps the order of one
+    /// publisher, not across several. In lockstep they are a tick apart. In real time a message waits for as long as a link
+    /// is down or the recorder is stopped.
+    fn lateness_ns(&self) -> Result<i64, RecordError> {
+        let mut records = open(&self.path)?;
+        let (mut newest_ns, mut late_ns) = (0, 0);
+        // Where the file is damaged the reader of its messages reports it.
+        while let Ok(Some(record)) = records.record() {
+            if let Record::Message { header, .. } = record {
+                newest_ns = header.log_time.max(newest_ns);
+                late_ns = late_ns.max(newest_ns - header.log_time);
+            }
+        }
+        Ok(i64::try_from(late_ns).unwrap_or(i64::MAX))
     }
 
     /// The digest of the run as recorded, and how the recording ends.
     ///
     /// # Errors
-    /// A message that cannot be read or comes too late in the file.
+    /// A message that cannot be read.
     pub fn digest(&self) -> Result<(String, RecordingEnd), RecordError> {
         let mut digest = Digest::new();
         let mut messages = self.in_order()?;
@@ -345,14 +354,14 @@ impl Iterator for Envelopes {
     }
 }
 
-/// The messages of a recording in the order of time, sender and sequence. It holds two
-/// simulated seconds of them at a time.
+/// The messages of a recording in the order of time, sender and sequence. It holds as many of them at a time as the latest
+/// one came late.
 pub struct OrderedEnvelopes {
     envelopes: Envelopes,
     /// The clock's messages are numbered apart from the others of their sender.
     waiting: BTreeMap<(SimTime, AgentId, u64, bool), (Topic, Envelope)>,
     ready: VecDeque<(Topic, Envelope)>,
-    given: SimTime,
+    window_ns: i64,
 }
 
 impl OrderedEnvelopes {
@@ -361,15 +370,7 @@ impl OrderedEnvelopes {
         self.envelopes.ending()
     }
 
-    fn take(&mut self, topic: Topic, envelope: Envelope) -> Result<(), RecordError> {
-        if envelope.time < self.given {
-            return Err(RecordError::OutOfOrder {
-                path: self.envelopes.path.clone(),
-                sender: envelope.sender.to_string(),
-                sequence: envelope.sequence,
-                late_s: self.envelopes.last.since_s(envelope.time),
-            });
-        }
+    fn take(&mut self, topic: Topic, envelope: Envelope) {
         // Ordered as agents handle them; one sender and sequence may stand for a message of the clock
         // and another, since these are numbered apart.
         let of_clock = matches!(topic, Topic::Tick | Topic::Done(_));
@@ -380,7 +381,6 @@ impl OrderedEnvelopes {
             of_clock,
         );
         self.waiting.insert(key, (topic, envelope));
-        Ok(())
     }
 
     fn release(&mut self, until: SimTime) {
@@ -388,7 +388,6 @@ impl OrderedEnvelopes {
             if first.key().0 > until {
                 return;
             }
-            self.given = first.key().0;
             self.ready.push_back(first.remove());
         }
     }
@@ -401,12 +400,10 @@ impl Iterator for OrderedEnvelopes {
         while self.ready.is_empty() {
             match self.envelopes.next() {
                 Some(Ok((topic, envelope))) => {
-                    if let Err(e) = self.take(topic, envelope) {
-                        return Some(Err(e));
-                    }
+                    self.take(topic, envelope);
                     // Nothing older than the window may still come, so that what is older is in order.
                     let newest = self.envelopes.last.ns();
-                    self.release(SimTime::from_ns(newest.saturating_sub(REORDER_WINDOW_NS)));
+                    self.release(SimTime::from_ns(newest.saturating_sub(self.window_ns)));
                 }
                 Some(Err(e)) => return Some(Err(e)),
                 None if self.waiting.is_empty() => return None,

@@ -192,17 +192,17 @@ fn a_calibrated_network_has_no_absurd_name(cases: &Path) {
     let found = calibrate(&scenario, &log, None).unwrap();
     let known = [1.833, 1.921, 1.752, 1.798, 1.670, 1.983, 2.110, 1.959];
     assert_eq!(log.platforms, ["E", "N", "NE", "NW", "S", "SE", "SW", "W"]);
-    let mut worst_ppm: f64 = 0.0;
+    let (mut worst_ppm, mut worst_sd_ppm): (f64, f64) = (0.0, 0.0);
     for (k, zero_ppm) in known.into_iter().enumerate() {
         let zero = found.calibrator.zero_ppm(k).unwrap();
         worst_ppm = worst_ppm.max((zero.value - zero_ppm).abs());
-        assert!(zero.sd < 0.05, "{}: {zero:?}", log.platforms[k]);
+        worst_sd_ppm = worst_sd_ppm.max(zero.sd);
     }
     bar::report(
-        "zeros of eight sensors round a metered leak, calibrate: largest error",
-        "< 0.05 ppm",
-        format!("{worst_ppm:.3} ppm"),
-        worst_ppm < 0.05,
+        "zeros of eight sensors round a metered leak, calibrate: largest error and standard deviation",
+        "< 0.05 ppm each",
+        format!("{worst_ppm:.3} and {worst_sd_ppm:.3} ppm"),
+        worst_ppm.max(worst_sd_ppm) < 0.05,
     );
     // The air's background is in the zeros: nothing more is known of it.
     assert!((found.calibrated.background_ppm.sd - 0.2).abs() < 1e-3);

@@ -5,8 +5,9 @@ use libtest_mimic::{Arguments, Completion, Failed, Trial};
 use std::process::ExitCode;
 use std::sync::{Arc, Condvar, Mutex};
 
-/// Missions in real time that this many tests fly side by side: each takes a tenth to a fifth of a core.
-const WAITING: usize = 8;
+/// Missions in real time that this many tests fly side by side. Each takes a tenth to a fifth of a core, and much more while
+/// its processes start; a process that gets none for five seconds counts as missing.
+const WAITING: usize = 3;
 
 /// What a test returns.
 pub trait Ending {
@@ -35,7 +36,7 @@ impl Ending for Result<Completion, Failed> {
 /// What a test spends its time with.
 #[derive(Clone, Copy)]
 pub enum Spends {
-    /// Computing: one test at a time for each core.
+    /// Computing: one test at a time for each core but one.
     Cores,
     /// Waiting for processes that fly in real time: [`WAITING`] tests at a time.
     RealTime,
@@ -126,7 +127,9 @@ impl Permits {
 pub fn run(tests: Vec<Test>) -> ExitCode {
     let mut arguments = Arguments::from_args();
     arguments.test_threads.get_or_insert(tests.len());
-    let cores = Permits::new(std::thread::available_parallelism().map_or(1, usize::from));
+    // One core is left to those that fly in real time.
+    let count = std::thread::available_parallelism().map_or(1, usize::from);
+    let cores = Permits::new((count - 1).max(1));
     let waiting = Permits::new(WAITING);
     let trials = tests.into_iter().map(|test| {
         let permits = match test.spends {

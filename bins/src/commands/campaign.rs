@@ -48,7 +48,7 @@ pub struct CampaignArguments {
     )]
     pub strategies: Vec<String>,
     /// Realities to compare, separated by commas: names from docs/campaign.md (joined by +), or TOML files with the
-    /// tables of a [reality] [default: the scenario's]
+    /// tables of a `[reality]` [default: the scenario's]
     #[arg(
         long,
         value_name = "NAMES",

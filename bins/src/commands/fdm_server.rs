@@ -44,7 +44,7 @@ const PACKET_BYTES: usize = 512;
 ///
 /// Speaks ArduPilot's JSON interface for simulators: start ArduPlane's SITL with --model JSON:HOST, where HOST is this
 /// machine. Each packet of servo outputs is answered with the resulting motion. With a scenario the aircraft flies in
-/// its [reality], with wind, gusts and gas; without one, in still air.
+/// its `[reality]`, with wind, gusts and gas; without one, in still air.
 #[derive(Debug, Parser)]
 #[command(after_help = "Example: plumage fdm-server scenarios/as-pontes.toml --ardupilot-json")]
 pub struct FdmServerArguments {

@@ -22,9 +22,9 @@ pub enum Air {
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: plumage plan scenarios/as-pontes-steady.toml --out out/plan")]
 pub struct PlanArguments {
-    /// Scenario to plan (TOML); its [reality] is ignored
+    /// Scenario to plan (TOML); its `[reality]` is ignored
     pub scenario: PathBuf,
-    /// Number of realities to draw from [uncertain] and fly, 1 to 1000
+    /// Number of realities to draw from `[uncertain]` and fly, 1 to 1000
     #[arg(
         long,
         value_name = "N",

@@ -30,7 +30,7 @@ const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
 impl MissionClock {
     /// Keeps the mission's time from now on, lets the others in and tells them the time for as long as `net` is open: of
-    /// the run that flies already, or of a new one once the first agent of the team joins it ([rules](crate::runs)).
+    /// the run that flies already, or of a new one once the first agent of the team joins it.
     ///
     /// # Errors
     /// [`NetError`], also where somebody keeps the mission's time already, or where agents are there that are in no run.

@@ -383,9 +383,10 @@ impl OrderedEnvelopes {
         self.waiting.insert(key, (topic, envelope));
     }
 
+    /// Hands out what is older than `until`: of the same time another sender's message may still come.
     fn release(&mut self, until: SimTime) {
         while let Some(first) = self.waiting.first_entry() {
-            if first.key().0 > until {
+            if first.key().0 >= until {
                 return;
             }
             self.ready.push_back(first.remove());
@@ -401,7 +402,7 @@ impl Iterator for OrderedEnvelopes {
             match self.envelopes.next() {
                 Some(Ok((topic, envelope))) => {
                     self.take(topic, envelope);
-                    // Nothing older than the window may still come, so that what is older is in order.
+                    // Nothing older than the window comes any more, so that what is older is in order.
                     let newest = self.envelopes.last.ns();
                     self.release(SimTime::from_ns(newest.saturating_sub(self.window_ns)));
                 }

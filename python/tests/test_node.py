@@ -87,7 +87,7 @@ def test_only_what_an_operator_says_is_said(mission):
             node.say("va/1/state", {"wish": "home"})
         with pytest.raises(plumage.InputError, match="landing"):
             node.control("1", "landing")
-        with pytest.raises(TimeoutError, match="va/17 is not on the bus"):
+        with pytest.raises(TimeoutError, match="va/17 did not join the bus"):
             node.control("17", "home", timeout_s=1.0)
 
 

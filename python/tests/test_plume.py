@@ -40,7 +40,7 @@ def test_arrays_are_broadcast_and_filled():
     np.testing.assert_array_equal(plume.ppm(east_m.T, north_m.T, 300.0), ppm.T)
     assert plume.ppm(1000, 0, 300) == pytest.approx(540.0)
     for wrong in (np.empty((30, 20)), np.empty((20, 30), np.float32), np.empty((40, 30))[::2]):
-        with pytest.raises(plumage.InputError, match="out: .*expected float64"):
+        with pytest.raises(plumage.InputError, match="out: .*expected a contiguous float64"):
             plume.ppm(east_m, north_m, 300.0, out=wrong)
 
 

@@ -49,7 +49,7 @@ def test_what_was_begun_goes_on_and_the_command_finds_it_done(whole, command, tm
 def test_parts_make_the_whole(whole, tmp_path):
     folders = [tmp_path / part for part in ("a", "b")]
     campaign(AS_PONTES, **ASKED, shard="1/2", out=folders[0])
-    with pytest.raises(plumage.InputError, match="2 of 4 missions are in none"):
+    with pytest.raises(plumage.InputError, match="2 of 4 missions are missing"):
         merge(folders[:1])
     campaign(AS_PONTES, **ASKED, shard="2/2", out=folders[1])
     assert merge(folders) == whole

@@ -118,9 +118,7 @@ impl Speaker {
         time_ns: i64,
     ) -> PyResult<(String, Sealed<'py>)> {
         let Some(run) = self.run else {
-            return Err(RunError::new_err(
-                "the number of the run is not known yet",
-            ));
+            return Err(RunError::new_err("the number of the run is not known yet"));
         };
         let topic = Topic::parse_path(topic).map_err(|e| error::input(&e))?;
         let operator = AgentId::operator();

@@ -28,7 +28,7 @@ PLACE = (43.4600, -7.8350, 900.0)
 def led(tmp_path_factory):
     strategy = Fly(PLACE)
     path = tmp_path_factory.mktemp("led") / "mission.mcap"
-    mission = plumage.run(AS_PONTES, seed=2, duration_s=1500, record=path, strategy=strategy)
+    mission = plumage.run(AS_PONTES, seed=2, duration_s=1800, record=path, strategy=strategy)
     return mission, strategy, path
 
 
